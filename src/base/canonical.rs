@@ -1,0 +1,130 @@
+//! Canonical values: what an action key is made of.
+//!
+//! Two descriptions that mean the same have one canonical value: maps are sorted, −0 is 0, NaN cannot be written,
+//! and quantities are exact decimals in the base unit of their dimension, so "5.25 kV" and "5250 V" are equal.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+use super::quantity::{Decimal, Quantity};
+
+/// A value with one encoding per meaning.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub enum Canonical {
+    /// Nothing: an optional value that is absent.
+    Null,
+    /// A truth value.
+    Bool(bool),
+    /// An exact decimal number with the symbol of its base unit ("" for a pure number).
+    Number(Decimal, String),
+    /// A text.
+    Text(String),
+    /// An ordered list.
+    List(Vec<Canonical>),
+    /// A map sorted by key.
+    Map(BTreeMap<String, Canonical>),
+}
+
+impl Canonical {
+    /// A map from its entries.
+    #[must_use]
+    pub fn map<K: Into<String>>(entries: impl IntoIterator<Item = (K, Canonical)>) -> Self {
+        Self::Map(entries.into_iter().map(|(k, v)| (k.into(), v)).collect())
+    }
+
+    /// Every leaf with its dotted path, in order; lists use the index.
+    #[must_use]
+    pub fn leaves(&self) -> Vec<(String, &Canonical)> {
+        let mut out = Vec::new();
+        self.collect_leaves(String::new(), &mut out);
+        out
+    }
+
+    fn collect_leaves<'a>(&'a self, path: String, out: &mut Vec<(String, &'a Canonical)>) {
+        let join = |key: &str| {
+            if path.is_empty() {
+                key.to_owned()
+            } else {
+                format!("{path}.{key}")
+            }
+        };
+        match self {
+            Self::Map(map) if !map.is_empty() => {
+                for (key, value) in map {
+                    value.collect_leaves(join(key), out);
+                }
+            }
+            leaf => out.push((path, leaf)),
+        }
+    }
+}
+
+impl fmt::Display for Canonical {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Null => f.write_str("none"),
+            Self::Bool(value) => write!(f, "{value}"),
+            Self::Number(number, unit) if unit.is_empty() => write!(f, "{number}"),
+            Self::Number(number, unit) => write!(f, "{number} {unit}"),
+            Self::Text(text) => f.write_str(text),
+            Self::List(items) => {
+                f.write_str("[")?;
+                for (i, item) in items.iter().enumerate() {
+                    write!(f, "{}{item}", if i == 0 { "" } else { ", " })?;
+                }
+                f.write_str("]")
+            }
+            Self::Map(map) => {
+                f.write_str("{")?;
+                for (i, (key, value)) in map.iter().enumerate() {
+                    write!(f, "{}{key}: {value}", if i == 0 { "" } else { ", " })?;
+                }
+                f.write_str("}")
+            }
+        }
+    }
+}
+
+impl From<bool> for Canonical {
+    fn from(value: bool) -> Self {
+        Self::Bool(value)
+    }
+}
+
+impl From<&str> for Canonical {
+    fn from(value: &str) -> Self {
+        Self::Text(value.to_owned())
+    }
+}
+
+impl From<u64> for Canonical {
+    fn from(value: u64) -> Self {
+        Self::Number(Decimal::from(value), String::new())
+    }
+}
+
+impl From<usize> for Canonical {
+    fn from(value: usize) -> Self {
+        Self::from(value as u64)
+    }
+}
+
+impl From<Decimal> for Canonical {
+    fn from(value: Decimal) -> Self {
+        Self::Number(value, String::new())
+    }
+}
+
+impl From<&Quantity> for Canonical {
+    fn from(value: &Quantity) -> Self {
+        Self::Number(value.base(), value.dimension().base_unit().to_owned())
+    }
+}
+
+impl<T: Into<Canonical>> FromIterator<T> for Canonical {
+    fn from_iter<I: IntoIterator<Item = T>>(items: I) -> Self {
+        Self::List(items.into_iter().map(Into::into).collect())
+    }
+}

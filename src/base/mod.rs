@@ -1,0 +1,15 @@
+//! What every room stands on: digests, canonical values, quantities, random streams, documents.
+
+mod canonical;
+mod digest;
+mod document;
+mod encoding;
+mod quantity;
+mod stream;
+
+pub use canonical::Canonical;
+pub use digest::{Digest, DigestWriter, ParseDigestError};
+pub use document::{Document, InputError, Map, Node, NodeValue, Override, Source, nearest};
+pub use encoding::{EncodingError, decode, encode};
+pub use quantity::{Decimal, Dimension, Quantity, QuantityError};
+pub use stream::Stream;

@@ -1,0 +1,353 @@
+//! Quantities as people write them ("5.25 kV", "50 mm", "0 deg"), kept as exact decimals.
+//!
+//! Exactness matters for identity: a quantity's key must not depend on the unit it was written in, which binary
+//! floating point cannot promise. Conversion to `f64` happens once, correctly rounded, where numerics begin.
+
+use std::fmt;
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+
+/// An exact decimal number `mantissa · 10^exponent`, normalised so that equal numbers are equal values.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub struct Decimal {
+    mantissa: i64,
+    exponent: i32,
+}
+
+/// Why a text is not a quantity of the wanted kind.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum QuantityError {
+    /// Not a decimal number.
+    #[error("{0:?} is not a decimal number of at most 18 digits")]
+    NotANumber(String),
+    /// A unit of another dimension, or none that is known.
+    #[error("unknown unit {found:?} for a {dimension}; allowed: {allowed}")]
+    UnknownUnit {
+        /// The unit as written.
+        found: String,
+        /// The wanted dimension.
+        dimension: Dimension,
+        /// The units that are allowed.
+        allowed: String,
+    },
+}
+
+impl Decimal {
+    /// Zero.
+    pub const ZERO: Self = Self {
+        mantissa: 0,
+        exponent: 0,
+    };
+
+    /// The exact decimal that prints shortest for this double (the text a person would have written).
+    /// `None` for infinities, NaN and magnitudes beyond 1e±99.
+    #[must_use]
+    pub fn from_f64(value: f64) -> Option<Self> {
+        value.is_finite().then(|| format!("{value:e}").parse().ok())?
+    }
+
+    /// The nearest double.
+    #[must_use]
+    pub fn to_f64(self) -> f64 {
+        // The standard library's parser is correctly rounded, which a product of two doubles would not be.
+        format!("{}e{}", self.mantissa, self.exponent)
+            .parse()
+            .expect("a whole number with an exponent is a valid float literal")
+    }
+
+    /// The number as a whole number, if it is one and fits.
+    #[must_use]
+    pub fn to_u64(self) -> Option<u64> {
+        let mantissa = u64::try_from(self.mantissa).ok()?;
+        let power = 10u64.checked_pow(u32::try_from(self.exponent).ok()?)?;
+        mantissa.checked_mul(power)
+    }
+
+    /// This number times a power of ten.
+    #[must_use]
+    pub fn scaled(self, power: i32) -> Self {
+        if self.mantissa == 0 {
+            return self;
+        }
+        Self {
+            exponent: self.exponent + power,
+            ..self
+        }
+    }
+
+    fn normalised(mut mantissa: i64, mut exponent: i32) -> Self {
+        if mantissa == 0 {
+            return Self::ZERO;
+        }
+        while mantissa % 10 == 0 {
+            mantissa /= 10;
+            exponent += 1;
+        }
+        Self { mantissa, exponent }
+    }
+}
+
+impl From<u64> for Decimal {
+    fn from(value: u64) -> Self {
+        // Whole numbers beyond 2^63 do not occur as parameters: seeds and counts are refused above i64::MAX on reading.
+        Self::normalised(i64::try_from(value).unwrap_or(i64::MAX), 0)
+    }
+}
+
+impl FromStr for Decimal {
+    type Err = QuantityError;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        parse_decimal(text).ok_or_else(|| QuantityError::NotANumber(text.to_owned()))
+    }
+}
+
+fn parse_decimal(text: &str) -> Option<Decimal> {
+    let (number, exponent) = match text.find(['e', 'E']) {
+        Some(at) => (&text[..at], text[at + 1..].parse::<i32>().ok()?),
+        None => (text, 0),
+    };
+    if exponent.abs() > 99 {
+        return None;
+    }
+    let (negative, digits) = match number.strip_prefix('-') {
+        Some(rest) => (true, rest),
+        None => (false, number.strip_prefix('+').unwrap_or(number)),
+    };
+    let (whole, fraction) = digits.split_once('.').unwrap_or((digits, ""));
+    let all: String = format!("{whole}{fraction}");
+    if all.is_empty() || !all.bytes().all(|b| b.is_ascii_digit()) {
+        return None;
+    }
+    let trimmed = all.trim_start_matches('0');
+    let kept = trimmed.trim_end_matches('0');
+    let dropped = (trimmed.len() - kept.len()) as i32;
+    if kept.len() > 18 || fraction.len() > 99 {
+        return None;
+    }
+    let mantissa: i64 = if kept.is_empty() { 0 } else { kept.parse().ok()? };
+    let exponent = exponent - fraction.len() as i32 + dropped;
+    Some(Decimal::normalised(
+        if negative { -mantissa } else { mantissa },
+        exponent,
+    ))
+}
+
+impl fmt::Display for Decimal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if (-12..=15).contains(&self.exponent) {
+            let digits = self.mantissa.unsigned_abs().to_string();
+            let sign = if self.mantissa < 0 { "-" } else { "" };
+            if self.exponent >= 0 {
+                let zeros = "0".repeat(self.exponent as usize);
+                return write!(f, "{sign}{digits}{zeros}");
+            }
+            let places = self.exponent.unsigned_abs() as usize;
+            let padded = format!("{digits:0>width$}", width = places + 1);
+            let (whole, fraction) = padded.split_at(padded.len() - places);
+            return write!(f, "{sign}{whole}.{fraction}");
+        }
+        write!(f, "{}e{}", self.mantissa, self.exponent)
+    }
+}
+
+/// What a quantity measures. Its base unit is the one in which keys and files are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub enum Dimension {
+    /// A pure number.
+    Number,
+    /// A length, base unit mm.
+    Length,
+    /// A voltage, base unit V.
+    Voltage,
+    /// A stress or modulus, base unit Pa.
+    Stress,
+    /// A plane angle, base unit deg.
+    Angle,
+}
+
+impl Dimension {
+    /// The symbol of the base unit: that of a bare number, and of files.
+    #[must_use]
+    pub fn base_unit(self) -> &'static str {
+        self.units().first().map_or("", |unit| unit.0)
+    }
+
+    /// The units and their powers of ten over the base unit, base unit first.
+    fn units(self) -> &'static [(&'static str, i32)] {
+        match self {
+            Self::Number => &[],
+            Self::Length => &[
+                ("mm", 0),
+                ("m", 3),
+                ("cm", 1),
+                ("um", -3),
+                ("µm", -3),
+                ("μm", -3),
+                ("nm", -6),
+            ],
+            Self::Voltage => &[("V", 0), ("kV", 3), ("MV", 6), ("mV", -3)],
+            Self::Stress => &[("Pa", 0), ("kPa", 3), ("MPa", 6), ("GPa", 9)],
+            Self::Angle => &[("deg", 0), ("°", 0)],
+        }
+    }
+}
+
+impl fmt::Display for Dimension {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Number => "number",
+            Self::Length => "length",
+            Self::Voltage => "voltage",
+            Self::Stress => "stress",
+            Self::Angle => "angle",
+        })
+    }
+}
+
+/// An exact number with a dimension, stored in the dimension's base unit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub struct Quantity {
+    base: Decimal,
+    dimension: Dimension,
+}
+
+impl Quantity {
+    /// Reads "5.25 kV", "5250V" or a bare "5250" (taken in the base unit) as a quantity of `dimension`.
+    ///
+    /// # Errors
+    /// When the number is malformed or the unit is not one of the dimension's.
+    pub fn parse(text: &str, dimension: Dimension) -> Result<Self, QuantityError> {
+        let text = text.trim();
+        let end = number_end(text);
+        let (number, unit) = (&text[..end], text[end..].trim());
+        let value: Decimal = number.parse().map_err(|_| QuantityError::NotANumber(text.to_owned()))?;
+        if unit.is_empty() {
+            return Ok(Self { base: value, dimension });
+        }
+        let (_, power) = dimension
+            .units()
+            .iter()
+            .find(|(symbol, _)| *symbol == unit)
+            .ok_or_else(|| QuantityError::UnknownUnit {
+                found: unit.to_owned(),
+                dimension,
+                allowed: dimension.units().iter().map(|u| u.0).collect::<Vec<_>>().join(", "),
+            })?;
+        Ok(Self {
+            base: value.scaled(*power),
+            dimension,
+        })
+    }
+
+    /// A quantity from a number in the base unit; `None` unless finite.
+    #[must_use]
+    pub fn from_f64(value: f64, dimension: Dimension) -> Option<Self> {
+        Some(Self {
+            base: Decimal::from_f64(value)?,
+            dimension,
+        })
+    }
+
+    /// The exact number in the base unit.
+    #[must_use]
+    pub fn base(&self) -> Decimal {
+        self.base
+    }
+
+    /// The number in the base unit (mm, V, Pa, deg), correctly rounded.
+    #[must_use]
+    pub fn value(&self) -> f64 {
+        self.base.to_f64()
+    }
+
+    /// What the quantity measures.
+    #[must_use]
+    pub fn dimension(&self) -> Dimension {
+        self.dimension
+    }
+}
+
+/// Where the number ends and the unit begins: "1e3 V" has an exponent, "1 eV" would not.
+fn number_end(text: &str) -> usize {
+    let bytes = text.as_bytes();
+    let mut i = 0;
+    while i < bytes.len() {
+        let numeric = match bytes[i] {
+            b'0'..=b'9' | b'.' => true,
+            b'+' | b'-' => i == 0 || matches!(bytes[i - 1], b'e' | b'E'),
+            b'e' | b'E' => {
+                let rest = &bytes[i + 1..];
+                let signed = rest.first().is_some_and(|c| matches!(c, b'+' | b'-'));
+                i > 0 && rest.get(usize::from(signed)).is_some_and(u8::is_ascii_digit)
+            }
+            _ => false,
+        };
+        if !numeric {
+            break;
+        }
+        i += 1;
+    }
+    i
+}
+
+impl fmt::Display for Quantity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.dimension.base_unit() {
+            "" => write!(f, "{}", self.base),
+            unit => write!(f, "{} {unit}", self.base),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equal_quantities_are_equal_whatever_their_unit() {
+        let volts = |text| Quantity::parse(text, Dimension::Voltage).unwrap();
+        for text in ["5250 V", "5.25kV", "5250", "5.250e3 V", "0.00525 MV", "5250.0"] {
+            assert_eq!(volts(text), volts("5.25 kV"), "{text}");
+        }
+        assert_eq!(volts("-0"), volts("0"));
+        assert_eq!(volts("5.25 kV").value(), 5250.0);
+        assert_eq!(volts("5.25 kV").to_string(), "5250 V");
+    }
+
+    #[test]
+    fn conversion_to_f64_is_correctly_rounded() {
+        let length = |text| Quantity::parse(text, Dimension::Length).unwrap().value();
+        assert_eq!(length("0.1 um"), 0.0001);
+        assert_eq!(length("0.3"), 0.3);
+        assert_eq!(length("2.5 cm"), 25.0);
+    }
+
+    #[test]
+    fn refusals_name_what_was_found() {
+        let error = Quantity::parse("5 mm", Dimension::Voltage).unwrap_err().to_string();
+        assert_eq!(error, "unknown unit \"mm\" for a voltage; allowed: V, kV, MV, mV");
+        for text in [
+            "",
+            "kV",
+            "1.2.3 V",
+            "--5",
+            "1e999",
+            "NaN",
+            "inf",
+            "12345678901234567890123",
+        ] {
+            assert!(Quantity::parse(text, Dimension::Voltage).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn decimals_print_what_a_person_would_write() {
+        for text in ["0", "5250", "0.5", "-12.75", "0.000001"] {
+            assert_eq!(text.parse::<Decimal>().unwrap().to_string(), text);
+        }
+        assert_eq!(Decimal::from_f64(0.1).unwrap().to_string(), "0.1");
+        assert_eq!(Decimal::from_f64(f64::NAN), None);
+    }
+}

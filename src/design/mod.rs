@@ -1,0 +1,1 @@
+//! Finds the pattern that moves a point where it should go.

@@ -1,0 +1,1 @@
+//! How a membrane is simulated: finite elements on the prestretched configuration.

@@ -1,0 +1,98 @@
+//! What other rooms program against: something that simulates (the finite elements) and something that predicts (a
+//! surrogate). Neither the genetic algorithm nor the audit knows which solver or network stands behind.
+
+use std::fmt;
+
+use super::displacement::Field;
+use crate::pattern::Pattern;
+
+/// How a simulation ended. There is no NaN: what is not converged has no field.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Outcome {
+    /// A stable equilibrium was found.
+    Converged,
+    /// The membrane snaps through: no stable equilibrium at the full voltage. The loss of stability lies between the two
+    /// voltages, in V.
+    PullIn {
+        /// The highest voltage at which a stable equilibrium was found.
+        last_stable: f64,
+        /// The lowest voltage at which none was found.
+        first_unstable: f64,
+    },
+    /// Rank-one convexity is lost somewhere: the equations have no meaningful solution.
+    NotElliptic,
+    /// The membrane has lost all tension somewhere.
+    Slack,
+    /// The iteration did not end within its limits; nothing is known about stability.
+    IterationLimit,
+}
+
+impl Outcome {
+    /// The word that stands in files: `converged`, `pull-in`, `not-elliptic`, `slack`, `iteration-limit`.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Converged => "converged",
+            Self::PullIn { .. } => "pull-in",
+            Self::NotElliptic => "not-elliptic",
+            Self::Slack => "slack",
+            Self::IterationLimit => "iteration-limit",
+        }
+    }
+
+    /// Whether a stable equilibrium was found.
+    #[must_use]
+    pub fn is_converged(&self) -> bool {
+        matches!(self, Self::Converged)
+    }
+}
+
+impl fmt::Display for Outcome {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::PullIn {
+                last_stable,
+                first_unstable,
+            } => {
+                write!(f, "pull-in between {last_stable:.1} V and {first_unstable:.1} V")
+            }
+            other => f.write_str(other.name()),
+        }
+    }
+}
+
+/// The result of simulating one pattern.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Simulation {
+    /// How it ended.
+    pub outcome: Outcome,
+    /// The displacement; present exactly when the outcome is [`Outcome::Converged`].
+    pub field: Option<Field>,
+    /// Newton steps over all load steps.
+    pub newton_iterations: u32,
+    /// Relative residual at the end.
+    pub residual: f64,
+}
+
+/// Something that simulates patterns under a fixed scene and mesh.
+pub trait Simulator: Sync {
+    /// One result per pattern, in order. A result does not depend on the other patterns or on the number of threads.
+    fn simulate(&self, patterns: &[Pattern]) -> Vec<Simulation>;
+}
+
+/// A prediction that could not be made.
+#[derive(Debug, thiserror::Error)]
+#[error("the surrogate failed: {0}")]
+pub struct PredictError(
+    /// What the numerical library reported.
+    pub String,
+);
+
+/// Something that predicts fields fast.
+pub trait Predictor: Sync {
+    /// One field per pattern, in order. A result does not depend on the other patterns or on the number of threads.
+    ///
+    /// # Errors
+    /// When the model cannot be evaluated.
+    fn predict(&self, patterns: &[Pattern]) -> Result<Vec<Field>, PredictError>;
+}

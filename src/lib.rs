@@ -1,0 +1,47 @@
+//! deaflow: reproducible design of dielectric-elastomer actuators.
+//!
+//! A pipeline in YAML is run stage by stage, sample → solve → balance → train → design → verify, into a
+//! content-addressed store of HDF5 artifacts; a rerun builds only what changed.
+//!
+//! # Layers
+//!
+//! Each room imports only from the rooms named to its right; `tests/layering.rs` parses the sources and fails on any
+//! other arrow. `base` may be imported by every room.
+//!
+//! ```text
+//! cli          → stage, orchestrator, store, report
+//! report       → orchestrator, store
+//! stage        → every domain room, orchestrator, store
+//! orchestrator → store
+//! store        →
+//!
+//! design       → pattern, field, scene
+//! surrogate    → dataset, pattern, field, fem
+//! dataset      → pattern, field
+//! fem          → scene, pattern, field
+//! sample       → pattern
+//! field        → pattern
+//! scene        → pattern
+//! pattern      →
+//! base         →
+//! ```
+//!
+//! The domain never knows the orchestrator; the orchestrator knows no physics.
+
+#![forbid(unsafe_code)]
+#![warn(missing_docs)]
+
+pub mod base;
+pub mod cli;
+pub mod dataset;
+pub mod design;
+pub mod fem;
+pub mod field;
+pub mod orchestrator;
+pub mod pattern;
+pub mod report;
+pub mod sample;
+pub mod scene;
+pub mod stage;
+pub mod store;
+pub mod surrogate;

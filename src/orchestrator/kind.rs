@@ -1,0 +1,135 @@
+//! The contract between the orchestrator and the kinds of stages.
+//!
+//! A [`Kind`] reads a stage's mapping into a [`Stage`]; a stage states its canonical parameters (the only thing, with
+//! its input digests, that its key is made of), how its work divides into chunks, and how one piece of work is done.
+
+use crate::base::{Canonical, Digest, InputError, Node};
+use crate::store::{Artifact, Object, ObjectError, StoreError};
+
+/// A kind of stage: `sample`, `solve`, …
+pub trait Kind: Sync {
+    /// The word after `kind:`.
+    fn name(&self) -> &'static str;
+
+    /// Raised whenever the output for given parameters and inputs changes.
+    fn recipe(&self) -> u32;
+
+    /// What `needs` must name.
+    fn needs(&self) -> Needs;
+
+    /// Reads a stage from its mapping, which includes `kind` and `needs`, and from the pipeline's scene, already one
+    /// mapping even where the pipeline names a file.
+    ///
+    /// # Errors
+    /// When a key is unknown or missing, or a value out of range.
+    fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError>;
+}
+
+/// How many inputs a kind takes, and of which kinds.
+#[derive(Clone, Copy, Debug)]
+pub struct Needs {
+    /// Kinds that an input may have.
+    pub kinds: &'static [&'static str],
+    /// The least number of inputs.
+    pub least: usize,
+    /// The largest number of inputs.
+    pub most: usize,
+}
+
+/// A stage that has been read and is valid.
+pub trait Stage: Send + Sync {
+    /// Everything that the output depends on apart from the inputs, defaults filled in, with the parts of the scene that
+    /// this kind declares and no others.
+    fn parameters(&self) -> Canonical;
+
+    /// How the work divides, given what is known of the inputs.
+    fn plan(&self, inputs: &[Input]) -> Plan;
+
+    /// Does one piece of work: a chunk, or the whole where the plan is [`Plan::Whole`]. The result must be a function of
+    /// the stage, the chunk and the inputs alone, with any number of threads.
+    ///
+    /// # Errors
+    /// When an input lacks what is needed, or the work fails.
+    fn build(&self, job: &Job<'_>) -> Result<Object, StageError>;
+
+    /// Content attributes of the manifest of a chunked stage.
+    fn attributes(&self) -> Vec<(String, String)> {
+        Vec::new()
+    }
+
+    /// How many samples of a finished artifact have no stable solution; the run then ends with exit code 3.
+    ///
+    /// # Errors
+    /// When the artifact cannot be read.
+    fn unstable(&self, artifact: &Artifact) -> Result<u64, StageError> {
+        let _ = artifact;
+        Ok(0)
+    }
+}
+
+/// What is known of an input before the work: a digest is `None` while it has yet to be built.
+#[derive(Clone, Debug)]
+pub struct Input {
+    /// Digest of the artifact.
+    pub digest: Option<Digest>,
+    /// Digests of its chunks, with the number of samples in each; one chunk where the stage is not chunked.
+    pub parts: Vec<(Option<Digest>, u64)>,
+}
+
+/// How the work of a stage divides.
+#[derive(Clone, Debug)]
+pub enum Plan {
+    /// One piece of work over the stage's inputs. `steps` is the length of its progress bar.
+    Whole {
+        /// Length of the progress bar (epochs, generations, samples).
+        steps: u64,
+    },
+    /// Chunks, each an action of its own; the artifact is a manifest of them.
+    Chunks(Vec<Chunk>),
+}
+
+/// One chunk of a stage.
+#[derive(Clone, Debug)]
+pub struct Chunk {
+    /// Canonical parameters of the chunk's own action.
+    pub parameters: Canonical,
+    /// Digests of the artifacts that it reads; `None` where one has yet to be built.
+    pub inputs: Vec<Option<Digest>>,
+    /// Samples in it: its share of the progress bar.
+    pub samples: u64,
+}
+
+/// One piece of work.
+pub struct Job<'a> {
+    /// Which chunk, or `None` for the whole.
+    pub chunk: Option<&'a Chunk>,
+    /// The artifacts to read: the chunk's inputs, or the stage's in the order of `needs`.
+    pub inputs: &'a [Artifact],
+    /// Where to report progress.
+    pub progress: &'a dyn Progress,
+}
+
+/// Receives the progress of a piece of work.
+pub trait Progress: Sync {
+    /// `steps` more are done.
+    fn advance(&self, steps: u64);
+    /// A short text beside the bar ("loss 0.0123").
+    fn note(&self, text: &str);
+}
+
+/// Why a stage could not be built.
+#[derive(Debug, thiserror::Error)]
+pub enum StageError {
+    /// An input artifact lacks what the stage needs, or holds what it cannot use.
+    #[error("{0}")]
+    Input(String),
+    /// The work itself failed.
+    #[error("{0}")]
+    Failed(String),
+    /// The store refused.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The result cannot be an artifact.
+    #[error("the result is not a valid artifact: {0}")]
+    Object(#[from] ObjectError),
+}

@@ -1,0 +1,1 @@
+//! Draws electrode patterns: small grid, large grid, Bézier.

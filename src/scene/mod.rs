@@ -1,0 +1,7 @@
+//! What is simulated: geometry, material, drive and effects of one membrane, validated and without numerics.
+
+mod model;
+mod read;
+
+pub use model::{Drive, Geometry, Law, Material, Scene, VACUUM_PERMITTIVITY};
+pub use read::SECTIONS;

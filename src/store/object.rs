@@ -1,0 +1,282 @@
+//! What an artifact says, apart from any file: named arrays with units and descriptions, attributes, and parts.
+
+use std::collections::BTreeMap;
+
+use crate::base::{Digest, DigestWriter};
+
+/// Bytes of one text element. Texts have a fixed width in files, so that virtual datasets can show chunks as one array.
+pub const TEXT_WIDTH: usize = 64;
+
+/// The elements of an array, row-major.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Data {
+    /// Bytes; also patterns and flags.
+    U8(Vec<u8>),
+    /// 32-bit whole numbers.
+    U32(Vec<u32>),
+    /// 64-bit whole numbers.
+    U64(Vec<u64>),
+    /// Single precision.
+    F32(Vec<f32>),
+    /// Double precision.
+    F64(Vec<f64>),
+    /// UTF-8 texts of at most 64 bytes.
+    Text(Vec<String>),
+}
+
+/// A named array as it stands in an artifact.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Dataset {
+    /// Unit of the elements ("mm", "V", "1" for pure numbers, "" where a unit makes no sense).
+    pub units: String,
+    /// One sentence for whoever opens the file.
+    pub description: String,
+    /// Extents, slowest first.
+    pub shape: Vec<usize>,
+    /// The elements.
+    pub data: Data,
+}
+
+/// The logical content of an artifact. Either it has datasets, or it is a manifest of parts whose datasets, laid end to
+/// end along the first axis, are its own.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Object {
+    /// Content attributes: texts that belong to the content (a scene, the names of columns), never times or hosts.
+    pub attributes: BTreeMap<String, String>,
+    /// Arrays by path ("patterns", "unstable/patterns").
+    pub datasets: BTreeMap<String, Dataset>,
+    /// Digests of the chunks of a manifest, in order.
+    pub parts: Vec<Digest>,
+}
+
+/// Content that cannot be an artifact.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ObjectError {
+    /// The shape does not match the number of elements.
+    #[error("dataset `{path}`: shape {shape:?} does not hold {found} elements")]
+    Shape {
+        /// Path of the dataset.
+        path: String,
+        /// Its shape.
+        shape: Vec<usize>,
+        /// How many elements there are.
+        found: usize,
+    },
+    /// A text that does not fit.
+    #[error("dataset `{path}`: the text {text:?} is longer than {TEXT_WIDTH} bytes or contains NUL")]
+    Text {
+        /// Path of the dataset.
+        path: String,
+        /// The text.
+        text: String,
+    },
+    /// A NaN or infinity: artifacts hold numbers only.
+    #[error("dataset `{path}`: element {at} is not a finite number")]
+    NotFinite {
+        /// Path of the dataset.
+        path: String,
+        /// Position of the element.
+        at: usize,
+    },
+    /// An object with both datasets and parts.
+    #[error("an object is either arrays or a manifest of parts, not both")]
+    Mixed,
+}
+
+impl Data {
+    /// How many elements.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        match self {
+            Self::U8(v) => v.len(),
+            Self::U32(v) => v.len(),
+            Self::U64(v) => v.len(),
+            Self::F32(v) => v.len(),
+            Self::F64(v) => v.len(),
+            Self::Text(v) => v.len(),
+        }
+    }
+
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The name of the element type in digests and listings.
+    #[must_use]
+    pub fn type_name(&self) -> &'static str {
+        match self {
+            Self::U8(_) => "u8",
+            Self::U32(_) => "u32",
+            Self::U64(_) => "u64",
+            Self::F32(_) => "f32",
+            Self::F64(_) => "f64",
+            Self::Text(_) => "text",
+        }
+    }
+
+    /// The little-endian bytes of all elements.
+    fn bytes(&self) -> Vec<u8> {
+        match self {
+            Self::U8(v) => v.clone(),
+            Self::U32(v) => v.iter().flat_map(|x| x.to_le_bytes()).collect(),
+            Self::U64(v) => v.iter().flat_map(|x| x.to_le_bytes()).collect(),
+            // Adding zero makes −0 into 0: they are equal, so they must not tell two artifacts apart.
+            Self::F32(v) => v.iter().flat_map(|x| (x + 0.0).to_le_bytes()).collect(),
+            Self::F64(v) => v.iter().flat_map(|x| (x + 0.0).to_le_bytes()).collect(),
+            Self::Text(v) => v
+                .iter()
+                .flat_map(|t| {
+                    let mut cell = [0; TEXT_WIDTH];
+                    cell[..t.len()].copy_from_slice(t.as_bytes());
+                    cell
+                })
+                .collect(),
+        }
+    }
+}
+
+impl Dataset {
+    /// A dataset from its parts.
+    #[must_use]
+    pub fn new(units: &str, description: &str, shape: &[usize], data: Data) -> Self {
+        Self {
+            units: units.to_owned(),
+            description: description.to_owned(),
+            shape: shape.to_vec(),
+            data,
+        }
+    }
+
+    fn validate(&self, path: &str) -> Result<(), ObjectError> {
+        let found = self.data.len();
+        if self.shape.iter().product::<usize>() != found {
+            return Err(ObjectError::Shape {
+                path: path.to_owned(),
+                shape: self.shape.clone(),
+                found,
+            });
+        }
+        let not_finite = match &self.data {
+            Data::F32(v) => v.iter().position(|x| !x.is_finite()),
+            Data::F64(v) => v.iter().position(|x| !x.is_finite()),
+            _ => None,
+        };
+        if let Some(at) = not_finite {
+            return Err(ObjectError::NotFinite {
+                path: path.to_owned(),
+                at,
+            });
+        }
+        if let Data::Text(texts) = &self.data
+            && let Some(text) = texts.iter().find(|t| t.len() > TEXT_WIDTH || t.contains('\0'))
+        {
+            return Err(ObjectError::Text {
+                path: path.to_owned(),
+                text: text.clone(),
+            });
+        }
+        Ok(())
+    }
+}
+
+impl Object {
+    /// A manifest of parts.
+    #[must_use]
+    pub fn manifest(attributes: BTreeMap<String, String>, parts: Vec<Digest>) -> Self {
+        Self {
+            attributes,
+            datasets: BTreeMap::new(),
+            parts,
+        }
+    }
+
+    /// Adds a dataset.
+    #[must_use]
+    pub fn with(mut self, path: &str, dataset: Dataset) -> Self {
+        self.datasets.insert(path.to_owned(), dataset);
+        self
+    }
+
+    /// Adds an attribute.
+    #[must_use]
+    pub fn attribute(mut self, name: &str, value: impl Into<String>) -> Self {
+        self.attributes.insert(name.to_owned(), value.into());
+        self
+    }
+
+    /// Checks shapes, texts and numbers.
+    ///
+    /// # Errors
+    /// When the content cannot be an artifact.
+    pub fn validate(&self) -> Result<(), ObjectError> {
+        if !self.parts.is_empty() && !self.datasets.is_empty() {
+            return Err(ObjectError::Mixed);
+        }
+        self.datasets
+            .iter()
+            .try_for_each(|(path, dataset)| dataset.validate(path))
+    }
+
+    /// The identity: a digest of attributes, paths, types, shapes, units, descriptions and little-endian bytes.
+    ///
+    /// # Errors
+    /// When the content cannot be an artifact.
+    pub fn digest(&self) -> Result<Digest, ObjectError> {
+        self.validate()?;
+        let mut writer = DigestWriter::new();
+        writer.text("deaflow object 1").number(self.attributes.len() as u64);
+        for (name, value) in &self.attributes {
+            writer.text(name).text(value);
+        }
+        writer.number(self.datasets.len() as u64);
+        for (path, dataset) in &self.datasets {
+            writer
+                .text(path)
+                .text(&dataset.units)
+                .text(&dataset.description)
+                .text(dataset.data.type_name());
+            writer.number(dataset.shape.len() as u64);
+            dataset.shape.iter().for_each(|&n| {
+                writer.number(n as u64);
+            });
+            writer.bytes(&dataset.data.bytes());
+        }
+        writer.number(self.parts.len() as u64);
+        for part in &self.parts {
+            writer.bytes(part.as_bytes());
+        }
+        Ok(writer.finish())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sample(units: &str, value: f64) -> Object {
+        Object::default().with("a/b", Dataset::new(units, "d", &[1, 2], Data::F64(vec![value, 1.0])))
+    }
+
+    #[test]
+    fn the_digest_sees_all_content_and_nothing_else() {
+        let base = sample("mm", 0.0).digest().unwrap();
+        assert_eq!(base, sample("mm", -0.0).digest().unwrap());
+        assert_ne!(base, sample("m", 0.0).digest().unwrap());
+        assert_ne!(base, sample("mm", 1e-300).digest().unwrap());
+        assert_ne!(base, sample("mm", 0.0).attribute("x", "y").digest().unwrap());
+    }
+
+    #[test]
+    fn what_cannot_be_stored_has_no_digest() {
+        assert!(matches!(
+            sample("mm", f64::NAN).digest(),
+            Err(ObjectError::NotFinite { at: 0, .. })
+        ));
+        let bad = Object::default().with("x", Dataset::new("", "", &[3], Data::U8(vec![1])));
+        assert!(matches!(bad.digest(), Err(ObjectError::Shape { .. })));
+        let long = Object::default().with("x", Dataset::new("", "", &[1], Data::Text(vec!["é".repeat(33)])));
+        assert!(matches!(long.digest(), Err(ObjectError::Text { .. })));
+    }
+}
