@@ -101,12 +101,8 @@ impl Field {
     #[must_use]
     pub fn transformed(&self, g: Symmetry) -> Self {
         let mut values = vec![0.0; self.values.len()];
-        for y in 0..CORNERS {
-            for x in 0..CORNERS {
-                let (gx, gy) = g.apply_index(x, y, CORNERS);
-                let u = g.apply_vector(self.at_corner(x, y));
-                values[2 * (gy * CORNERS + gx)..][..2].copy_from_slice(&u);
-            }
+        for (u, to) in self.values.chunks_exact(2).zip(g.permutation(CORNERS)) {
+            values[2 * to..][..2].copy_from_slice(&g.apply_vector([u[0], u[1]]));
         }
         Self { values }
     }

@@ -1,7 +1,14 @@
-//! Electrode patterns: which cells of the membrane carry an electrode, and the symmetries of the square on them.
+//! Electrode patterns: which cells of the membrane carry an electrode, the symmetries of the square on them, and the files
+//! that they are read from.
 
+mod csv;
+mod h5;
+mod npy;
+mod png;
 mod raster;
+mod read;
 mod symmetry;
 
 pub use raster::{CELLS, Pattern, PatternError};
+pub use read::read_patterns;
 pub use symmetry::Symmetry;

@@ -96,11 +96,8 @@ impl Pattern {
     #[must_use]
     pub fn transformed(&self, g: Symmetry) -> Self {
         let mut cells = vec![0; CELLS * CELLS].into_boxed_slice();
-        for y in 0..CELLS {
-            for x in 0..CELLS {
-                let (gx, gy) = g.apply_index(x, y, CELLS);
-                cells[gy * CELLS + gx] = self.cells[y * CELLS + x];
-            }
+        for (&cell, to) in self.cells.iter().zip(g.permutation(CELLS)) {
+            cells[to] = cell;
         }
         Self { cells }
     }

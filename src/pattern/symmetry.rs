@@ -55,6 +55,19 @@ impl Symmetry {
         (((ga + last) / 2) as usize, ((gb + last) / 2) as usize)
     }
 
+    /// Where each place of an n × n grid goes, both counted row by row: what moves whole arrays.
+    ///
+    /// # Panics
+    /// When the grid has fewer than 2 × 2 places.
+    pub fn permutation(self, n: usize) -> impl Iterator<Item = usize> {
+        let flat = |(x, y): (usize, usize)| (y * n + x) as isize;
+        // The map is affine, so three places give it.
+        let origin = flat(self.apply_index(0, 0, n));
+        let right = flat(self.apply_index(1, 0, n)) - origin;
+        let up = flat(self.apply_index(0, 1, n)) - origin;
+        (0..n * n).map(move |i| (origin + (i % n) as isize * right + (i / n) as isize * up) as usize)
+    }
+
     /// First `other`, then `self`.
     #[must_use]
     pub fn compose(self, other: Self) -> Self {
@@ -79,6 +92,17 @@ impl Symmetry {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn permutations_agree_with_single_places() {
+        for g in Symmetry::ALL {
+            for n in [2, 7, 50] {
+                let single = |i: usize| g.apply_index(i % n, i / n, n);
+                let places = (0..n * n).map(|i| single(i).1 * n + single(i).0);
+                assert!(g.permutation(n).eq(places));
+            }
+        }
+    }
 
     #[test]
     fn it_is_the_group_of_eight() {

@@ -1,0 +1,74 @@
+//! The refusal of bad input: where it stands, what was found, what is allowed.
+
+use miette::{Diagnostic, NamedSource, SourceSpan};
+
+use super::node::Source;
+
+/// Bad input: where it stands, what was found, what is allowed.
+#[derive(Debug, Diagnostic, thiserror::Error)]
+#[error("{message}")]
+pub struct InputError {
+    pub(super) message: String,
+    #[source_code]
+    pub(super) source_code: Option<NamedSource<String>>,
+    #[label("{label}")]
+    pub(super) span: Option<SourceSpan>,
+    label: String,
+    #[help]
+    pub(super) help: Option<String>,
+}
+
+impl InputError {
+    /// A refusal that has no place in a document (a missing file, an empty argument).
+    #[must_use]
+    pub fn new(message: impl Into<String>) -> Self {
+        Self {
+            message: message.into(),
+            source_code: None,
+            span: None,
+            label: String::new(),
+            help: None,
+        }
+    }
+
+    /// Adds advice: what is allowed.
+    #[must_use]
+    pub fn help(mut self, help: impl Into<String>) -> Self {
+        self.help = Some(help.into());
+        self
+    }
+
+    pub(super) fn at(source: &Source, span: (usize, usize), message: String, label: String) -> Self {
+        Self {
+            message,
+            source_code: Some(NamedSource::new(&source.name, source.text.clone())),
+            span: Some(SourceSpan::new(span.0.into(), span.1)),
+            label,
+            help: None,
+        }
+    }
+}
+
+/// The nearest of some allowed words, if any is near.
+#[must_use]
+pub fn nearest<'w>(word: &str, allowed: &[&'w str]) -> Option<&'w str> {
+    allowed
+        .iter()
+        .map(|candidate| (strsim::damerau_levenshtein(word, candidate), *candidate))
+        .min_by_key(|(distance, _)| *distance)
+        .filter(|(distance, candidate)| *distance <= 1 + candidate.chars().count().max(word.chars().count()) / 3)
+        .map(|(_, candidate)| candidate)
+}
+
+/// Advice on a word that is not allowed.
+pub(super) fn suggestion(word: &str, allowed: &[&str]) -> String {
+    let list = if allowed.is_empty() {
+        "nothing".to_owned()
+    } else {
+        allowed.join(", ")
+    };
+    match nearest(word, allowed) {
+        Some(near) => format!("did you mean `{near}`? allowed: {list}"),
+        None => format!("allowed: {list}"),
+    }
+}

@@ -1,0 +1,129 @@
+//! The tree: values with their places.
+
+use std::sync::Arc;
+
+use super::error::InputError;
+
+/// A named text: a file, or one `--set` argument.
+#[derive(Debug)]
+pub struct Source {
+    pub(super) name: String,
+    pub(super) text: String,
+}
+
+/// What a node holds.
+#[derive(Clone, Debug)]
+pub enum NodeValue {
+    /// Nothing.
+    Null,
+    /// A truth value.
+    Bool(bool),
+    /// A plain scalar that reads as a number, as it was written.
+    Number(String),
+    /// Any other scalar.
+    Text(String),
+    /// A sequence.
+    List(Vec<Node>),
+    /// A mapping in the order of the file.
+    Map(Vec<(Node, Node)>),
+}
+
+/// A value with its place.
+#[derive(Clone, Debug)]
+pub struct Node {
+    pub(super) value: NodeValue,
+    pub(super) span: (usize, usize),
+    pub(super) source: Arc<Source>,
+}
+
+impl Node {
+    /// What the node holds.
+    #[must_use]
+    pub fn value(&self) -> &NodeValue {
+        &self.value
+    }
+
+    /// A refusal of this node.
+    #[must_use]
+    pub fn error(&self, message: impl Into<String>) -> InputError {
+        self.error_labelled(message, "here")
+    }
+
+    /// A refusal of this node with a word of one's own at the caret.
+    #[must_use]
+    pub fn error_labelled(&self, message: impl Into<String>, label: impl Into<String>) -> InputError {
+        InputError::at(&self.source, self.span, message.into(), label.into())
+    }
+
+    /// `file:line` of this node.
+    #[must_use]
+    pub fn place(&self) -> String {
+        let line = self.source.text[..self.span.0.min(self.source.text.len())]
+            .matches('\n')
+            .count()
+            + 1;
+        format!("{}:{line}", self.source.name)
+    }
+
+    pub(super) fn with_value(&self, value: NodeValue) -> Self {
+        Self {
+            value,
+            span: self.span,
+            source: self.source.clone(),
+        }
+    }
+
+    pub(super) fn keys(&self) -> Vec<String> {
+        match &self.value {
+            NodeValue::Map(entries) => entries.iter().map(|(k, _)| k.describe_plain()).collect(),
+            _ => Vec::new(),
+        }
+    }
+
+    pub(super) fn child_mut(&mut self, key: &str) -> Option<&mut Node> {
+        match &mut self.value {
+            NodeValue::Map(entries) => entries.iter_mut().find(|(k, _)| k.is_text(key)).map(|(_, v)| v),
+            _ => None,
+        }
+    }
+
+    /// Replaces the value under `key`, for a reference that has been resolved (a scene given by its file).
+    pub fn replace(&mut self, key: &str, node: Node) {
+        if let Some(child) = self.child_mut(key) {
+            *child = node;
+        }
+    }
+
+    /// The value under `key` without checking the other keys.
+    #[must_use]
+    pub fn peek(&self, key: &str) -> Option<&Node> {
+        match &self.value {
+            NodeValue::Map(entries) => entries.iter().find(|(k, _)| k.is_text(key)).map(|(_, v)| v),
+            _ => None,
+        }
+    }
+
+    pub(super) fn is_text(&self, text: &str) -> bool {
+        matches!(&self.value, NodeValue::Text(t) | NodeValue::Number(t) if t == text)
+    }
+
+    pub(super) fn describe_plain(&self) -> String {
+        match &self.value {
+            NodeValue::Null => "null".into(),
+            NodeValue::Bool(b) => b.to_string(),
+            NodeValue::Number(t) | NodeValue::Text(t) => t.clone(),
+            NodeValue::List(_) => "a list".into(),
+            NodeValue::Map(_) => "a mapping".into(),
+        }
+    }
+
+    /// What was found, for a message.
+    #[must_use]
+    pub fn found(&self) -> String {
+        match &self.value {
+            NodeValue::Null => "nothing".into(),
+            NodeValue::Text(t) => format!("{t:?}"),
+            _ => self.describe_plain(),
+        }
+    }
+}

@@ -1,0 +1,75 @@
+//! `--set`: values from the command line, checked like those of the file.
+
+use super::error::{InputError, suggestion};
+use super::node::{Node, NodeValue};
+
+/// One `--set path.to.field=VALUE`.
+#[derive(Clone, Debug)]
+pub struct Override {
+    path: Vec<String>,
+    value: Node,
+}
+
+impl Override {
+    /// Reads `path.to.field=VALUE`, the value in YAML.
+    ///
+    /// # Errors
+    /// When there is no `=`, an empty step in the path, or the value is not YAML.
+    pub fn parse(text: &str) -> Result<Self, InputError> {
+        let form = "write it as --set stages.NAME.param=VALUE or --set scene.drive.voltage=\"5 kV\"";
+        let Some((path, value)) = text.split_once('=') else {
+            return Err(InputError::new(format!("--set {text}: no '=' in it")).help(form));
+        };
+        let path: Vec<String> = path.split('.').map(|step| step.trim().to_owned()).collect();
+        if path.iter().any(String::is_empty) || path.len() < 2 {
+            return Err(InputError::new(format!("--set {text}: the path is incomplete")).help(form));
+        }
+        Ok(Self {
+            value: Node::parse(&format!("--set {}", path.join(".")), value.to_owned())?,
+            path,
+        })
+    }
+
+    /// The path of the field.
+    #[must_use]
+    pub fn path(&self) -> &[String] {
+        &self.path
+    }
+
+    /// Puts the value into the tree. Every step but the last must exist.
+    ///
+    /// # Errors
+    /// When a step does not exist or is not a mapping.
+    pub fn apply(&self, root: &mut Node) -> Result<(), InputError> {
+        let mut at = root;
+        let (last, steps) = self.path.split_last().expect("a path has at least two steps");
+        for (depth, step) in steps.iter().enumerate() {
+            let known = at.keys();
+            let Some(child) = at.child_mut(step) else {
+                let place = self.path[..depth].join(".");
+                let place = if place.is_empty() {
+                    "the pipeline".to_owned()
+                } else {
+                    format!("`{place}`")
+                };
+                return Err(self
+                    .value
+                    .error(format!("--set {}: no `{step}` in {place}", self.path.join(".")))
+                    .help(suggestion(step, &known.iter().map(String::as_str).collect::<Vec<_>>())));
+            };
+            at = child;
+        }
+        let NodeValue::Map(entries) = &mut at.value else {
+            return Err(self.value.error(format!(
+                "--set {}: `{}` is not a mapping",
+                self.path.join("."),
+                steps.join(".")
+            )));
+        };
+        match entries.iter_mut().find(|(key, _)| key.is_text(last)) {
+            Some((_, value)) => *value = self.value.clone(),
+            None => entries.push((self.value.with_value(NodeValue::Text(last.clone())), self.value.clone())),
+        }
+        Ok(())
+    }
+}

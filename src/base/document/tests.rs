@@ -1,0 +1,82 @@
+use std::path::Path;
+
+use super::*;
+use crate::base::quantity::Dimension;
+
+fn parse(text: &str) -> Node {
+    Document::from_text(Path::new("t.yaml"), text).unwrap().root
+}
+
+fn underlined(error: &InputError) -> String {
+    let span = error.span.unwrap();
+    let text = error.source_code.as_ref().unwrap().inner();
+    text[span.offset()..span.offset() + span.len()].to_owned()
+}
+
+#[test]
+fn an_unknown_key_is_underlined_and_the_nearest_is_named() {
+    let node = parse("a: { colour: red, size: 3 }\n");
+    let error = node.peek("a").unwrap().fields("`a`", &["color", "size"]).err().unwrap();
+    assert_eq!(underlined(&error), "colour");
+    assert!(error.help.as_ref().unwrap().contains("did you mean `color`?"));
+}
+
+#[test]
+fn numbers_keep_their_decimal_text_and_values_their_place() {
+    let node = parse("v: 5.250\nw: '7'\nx: [1, 2.5 mm]\n");
+    let map = node.fields("it", &["v", "w", "x"]).unwrap();
+    let v = map.required("it", "v").unwrap();
+    assert_eq!(v.quantity("v", Dimension::Voltage).unwrap().base().to_string(), "5.25");
+    assert_eq!(v.place(), "t.yaml:1");
+    assert!(
+        map.required("it", "w").unwrap().whole("w", 0, 9).is_err(),
+        "a quoted 7 is a text"
+    );
+    let error = map.required("it", "x").unwrap().list("x").unwrap()[1]
+        .quantity("x", Dimension::Voltage)
+        .unwrap_err();
+    assert_eq!(underlined(&error), "2.5 mm");
+}
+
+#[test]
+fn overrides_replace_and_add_and_point_at_themselves() {
+    let mut node = parse("stages:\n  small: { count: 300 }\n");
+    Override::parse("stages.small.count=400")
+        .unwrap()
+        .apply(&mut node)
+        .unwrap();
+    Override::parse("stages.small.seed=-1")
+        .unwrap()
+        .apply(&mut node)
+        .unwrap();
+    let small = node.peek("stages").unwrap().peek("small").unwrap();
+    assert_eq!(small.peek("count").unwrap().whole("count", 1, 1000).unwrap(), 400);
+    let error = small.peek("seed").unwrap().whole("seed", 0, u64::MAX).unwrap_err();
+    assert_eq!(underlined(&error), "-1");
+    assert_eq!(error.source_code.unwrap().name(), "--set stages.small.seed");
+    let missing = Override::parse("stages.smal.count=4")
+        .unwrap()
+        .apply(&mut node)
+        .unwrap_err();
+    assert!(missing.help.unwrap().contains("small"));
+}
+
+#[test]
+fn broken_and_hostile_documents_are_refused_with_their_place() {
+    for text in ["a: [1, 2", "a: 1\na: 2\n", "a: &x [*x]\n", "\u{7}", "- a\nb: c", ""] {
+        let outcome = Document::from_text(Path::new("t.yaml"), text);
+        if let Ok(document) = outcome {
+            assert!(document.root.fields("it", &["a"]).is_err(), "{text:?}");
+        }
+    }
+    let error = Document::from_text(Path::new("t.yaml"), "a: 1\nb: é ]\nc: [\n")
+        .err()
+        .unwrap();
+    let span = error.span.unwrap();
+    assert!(
+        error.source_code.unwrap().inner()[..span.offset()].contains('\n'),
+        "the place is not the first line"
+    );
+    let bomb = "a: &a [x,x,x,x,x,x,x,x,x]\nb: &b [*a,*a,*a,*a,*a,*a,*a,*a,*a]\nc: &c [*b,*b,*b,*b,*b,*b,*b,*b,*b]\nd: &d [*c,*c,*c,*c,*c,*c,*c,*c,*c]\ne: &e [*d,*d,*d,*d,*d,*d,*d,*d,*d]\nf: &f [*e,*e,*e,*e,*e,*e,*e,*e,*e]\ng: [*f,*f,*f,*f,*f,*f,*f,*f,*f]\n";
+    assert!(Document::from_text(Path::new("t.yaml"), bomb).is_err());
+}

@@ -1,0 +1,142 @@
+//! A dataset of any HDF5 file, also of this program's own artifacts: `FILE.h5:/dataset`.
+
+use std::path::Path;
+
+use hdf5::File;
+use hdf5::types::TypeDescriptor;
+
+use super::raster::Pattern;
+use super::read::{Refusal, count, patterns};
+
+/// `FILE.h5` and `/dataset`; both may hold colons, so the split is after the file's extension.
+pub(super) fn split(spec: &str) -> Option<(&str, &str)> {
+    let lower = spec.to_ascii_lowercase();
+    let after = |extension: &str| lower.rfind(&format!("{extension}:/")).map(|at| at + extension.len());
+    let colon = after(".h5").into_iter().chain(after(".hdf5")).max()?;
+    Some((&spec[..colon], &spec[colon + 1..]))
+}
+
+pub(super) fn read(path: &Path, dataset: &str) -> Result<Vec<Pattern>, Refusal> {
+    let file = File::open(path).map_err(|e| Refusal::new(format!("not a readable HDF5 file ({e})")))?;
+    let found = file
+        .dataset(dataset)
+        .map_err(|_| Refusal::new(format!("no dataset {dataset:?} in the file")).help(advice(path)))?;
+    let broken = |e: hdf5::Error| Refusal::new(format!("the dataset cannot be read ({e})"));
+    let shape: Vec<u64> = found.shape().iter().map(|&n| n as u64).collect();
+    count(&shape)?;
+    let element = found.dtype().map_err(broken)?;
+    // The size is checked first: the library describes enumerations of wider integers wrongly.
+    let described = if element.size() <= 8 {
+        element.to_descriptor().ok()
+    } else {
+        None
+    };
+    match described {
+        Some(
+            TypeDescriptor::Integer(_)
+            | TypeDescriptor::Unsigned(_)
+            | TypeDescriptor::Float(_)
+            | TypeDescriptor::Boolean,
+        ) => patterns(&found.read_raw::<f64>().map_err(broken)?),
+        Some(other) => Err(Refusal::new(format!("elements of type {other}")).help(TYPES)),
+        None => Err(Refusal::new(format!("elements of an unknown type of {} bytes", element.size())).help(TYPES)),
+    }
+}
+
+const TYPES: &str = "allowed: booleans, integers (1 to 8 bytes), floats (4 or 8 bytes)";
+
+/// How to name a dataset, with those at the top of the file.
+pub(super) fn advice(path: &Path) -> String {
+    let names = File::open(path).and_then(|f| f.member_names()).unwrap_or_default();
+    let mut text = "name a dataset, such as FILE.h5:/patterns".to_owned();
+    if !names.is_empty() {
+        let shown: Vec<String> = names.iter().take(12).map(|n| format!("/{n}")).collect();
+        text += &format!("; the file holds {}", shown.join(", "));
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::super::read::tests::{Folder, cells, wanted};
+    use super::*;
+
+    fn h5(path: &Path, write: impl Fn(&hdf5::File)) {
+        write(&hdf5::File::create(path).unwrap());
+    }
+
+    #[test]
+    fn datasets_of_hdf5_files() {
+        let folder = Folder::new();
+        h5(&folder.path("a:b.h5"), |file| {
+            file.create_group("some").unwrap();
+            let both = [wanted().cells(), wanted().cells()].concat();
+            let flags: Vec<bool> = wanted().cells().iter().map(|&c| c == 1).collect();
+            let write = |name: &str, shape: &[usize]| file.new_dataset::<u8>().shape(shape).create(name).unwrap();
+            write("patterns", &[2, 50, 50]).write_raw(&both).unwrap();
+            write("some/p:q", &[50, 50]).write_raw(wanted().cells()).unwrap();
+            write("none", &[0, 50, 50]);
+            write("flat", &[2500]);
+            file.new_dataset::<f64>()
+                .shape([50, 50])
+                .create("f")
+                .unwrap()
+                .write_raw(&cells())
+                .unwrap();
+            file.new_dataset::<bool>()
+                .shape([50, 50])
+                .create("bool")
+                .unwrap()
+                .write_raw(&flags)
+                .unwrap();
+            let halves: Vec<f32> = wanted().cells().iter().map(|&c| f32::from(c) / 2.0).collect();
+            file.new_dataset::<f32>()
+                .shape([50, 50])
+                .create("half")
+                .unwrap()
+                .write_raw(&halves)
+                .unwrap();
+            let texts = [hdf5::types::FixedAscii::<4>::from_ascii("1").unwrap(); 2500];
+            file.new_dataset::<hdf5::types::FixedAscii<4>>()
+                .shape([50, 50])
+                .create("text")
+                .unwrap()
+                .write_raw(&texts)
+                .unwrap();
+            let vast = file.new_dataset::<u8>().chunk([1, 50, 50]).shape([1 << 40, 50, 50]);
+            vast.create("vast").unwrap();
+        });
+        assert_eq!(folder.read("a:b.h5:/patterns").unwrap(), [wanted(), wanted()]);
+        for one in ["some/p:q", "f", "bool"] {
+            assert_eq!(folder.read(&format!("a:b.h5:/{one}")).unwrap(), [wanted()], "{one}");
+        }
+        for (dataset, said) in [
+            (":/none", "no pattern"),
+            (":/flat", "shape (2500,)"),
+            (":/half", "is 0.5"),
+            (":/text", "elements of type"),
+            (":/vast", "at most 20000"),
+            (":/absent", "/patterns"),
+            (":/some", "no dataset"),
+            ("", "name a dataset"),
+        ] {
+            let message = folder.read(&format!("a:b.h5{dataset}")).unwrap_err();
+            assert!(message.contains(said), "{dataset}: {message}");
+        }
+    }
+
+    #[test]
+    fn files_that_are_not_hdf5() {
+        let folder = Folder::new();
+        fs::write(folder.path("x.h5"), b"\x89HDF\r\n\x1a\n and then nothing").unwrap();
+        assert!(
+            folder
+                .read("x.h5:/patterns")
+                .unwrap_err()
+                .contains("not a readable HDF5 file")
+        );
+        assert!(folder.read("gone.h5:/patterns").unwrap_err().contains("No such file"));
+    }
+}

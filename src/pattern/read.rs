@@ -1,0 +1,155 @@
+//! Reads the patterns that a person names on the command line, whatever program wrote them.
+//!
+//! A file that is not exactly zeros and ones on 50 × 50 cells is refused with what was found and where: a solver fed a
+//! resampled, clipped or transposed pattern would answer a question that nobody asked. Files are not trusted: sizes are
+//! checked against what the file really holds before anything is allocated.
+
+use std::fs::{self, File};
+use std::io::Read;
+use std::path::Path;
+
+use super::raster::{CELLS, Pattern};
+use super::{csv, h5, npy, png};
+use crate::base::InputError;
+
+/// The most patterns that one argument may hold; their fields alone would be 830 MB.
+pub(super) const MOST: u64 = 20_000;
+
+const FORMS: &str = "a pattern is one of FILE.npy, FILE.csv, FILE.png, FILE.h5:/dataset";
+
+/// Reads the patterns of one `PATTERN` argument.
+///
+/// - `FILE.npy`: (50, 50) or (n, 50, 50), booleans, integers or floats, C or Fortran order.
+/// - `FILE.csv`: 50 lines of 50 values; the first line is row y = 0, the lower edge, as `numpy.savetxt(…, delimiter=",")`
+///   writes the array.
+/// - `FILE.png`: 50 × 50 pixels or a whole multiple, dark = electrode; the top of the image is the upper edge (largest y).
+/// - `FILE.h5:/dataset` (or `.hdf5`): as `.npy`.
+///
+/// # Errors
+/// When the file cannot be read, has another shape, holds no pattern, or holds a value other than 0 and 1.
+pub fn read_patterns(spec: &str) -> Result<Vec<Pattern>, InputError> {
+    let found = match h5::split(spec) {
+        Some((path, dataset)) => check_file(path).and_then(|_| h5::read(Path::new(path), dataset)),
+        None => read_plain(spec),
+    };
+    found.map_err(|refusal| InputError::new(format!("{spec}: {}", refusal.what)).help(refusal.help))
+}
+
+fn read_plain(spec: &str) -> Result<Vec<Pattern>, Refusal> {
+    let path = Path::new(spec);
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("");
+    let read = match extension.to_ascii_lowercase().as_str() {
+        "npy" => npy::read,
+        "csv" => csv::read,
+        "png" => png::read,
+        "h5" | "hdf5" => {
+            check_file(spec)?;
+            return Err(Refusal::new("an HDF5 file holds many datasets; none is named").help(h5::advice(path)));
+        }
+        "" => return Err(Refusal::new("no extension tells the format").help(FORMS)),
+        other => return Err(Refusal::new(format!("`.{other}` is not a pattern format")).help(FORMS)),
+    };
+    check_file(spec)?;
+    read(path)
+}
+
+/// A pipe or a device would block or never end, and has no size to check headers against.
+fn check_file(path: &str) -> Result<(), Refusal> {
+    let metadata = fs::metadata(path).map_err(|e| Refusal::new(e.to_string()).help(FORMS))?;
+    if !metadata.is_file() {
+        return Err(Refusal::new("not a file").help(FORMS));
+    }
+    if metadata.len() == 0 {
+        return Err(Refusal::new("the file is empty").help(FORMS));
+    }
+    Ok(())
+}
+
+/// Why a file is not patterns, and what would be.
+#[derive(Debug)]
+pub(super) struct Refusal {
+    what: String,
+    help: String,
+}
+
+impl Refusal {
+    pub(super) fn new(what: impl Into<String>) -> Self {
+        Self {
+            what: what.into(),
+            help: "a pattern has 50 × 50 cells, each 0 (bare) or 1 (electrode)".into(),
+        }
+    }
+
+    pub(super) fn help(mut self, help: impl Into<String>) -> Self {
+        self.help = help.into();
+        self
+    }
+}
+
+/// The file's bytes, of which there may be at most `limit`.
+pub(super) fn bytes(path: &Path, limit: u64) -> Result<Vec<u8>, Refusal> {
+    let mut bytes = Vec::new();
+    File::open(path)
+        .and_then(|file| file.take(limit + 1).read_to_end(&mut bytes))
+        .map_err(|e| Refusal::new(e.to_string()))?;
+    if bytes.len() as u64 > limit {
+        return Err(Refusal::new(format!("the file has more than {limit} bytes")));
+    }
+    Ok(bytes)
+}
+
+/// How many patterns an array of this shape holds.
+pub(super) fn count(shape: &[u64]) -> Result<usize, Refusal> {
+    let side = CELLS as u64;
+    let n = match *shape {
+        [y, x] if y == side && x == side => 1,
+        [n, y, x] if y == side && x == side => n,
+        _ => {
+            return Err(Refusal::new(format!("the array has shape {}", shape_text(shape)))
+                .help("allowed: (50, 50) or (n, 50, 50)"));
+        }
+    };
+    match n {
+        0 => Err(Refusal::new("the array has shape (0, 50, 50): no pattern in it").help("allowed: n from 1")),
+        1..=MOST => Ok(n as usize),
+        _ => Err(Refusal::new(format!("{n} patterns in one argument")).help(format!("allowed: at most {MOST}"))),
+    }
+}
+
+fn shape_text(shape: &[u64]) -> String {
+    match shape {
+        [one] => format!("({one},)"),
+        _ => format!("({})", shape.iter().map(u64::to_string).collect::<Vec<_>>().join(", ")),
+    }
+}
+
+/// The patterns that `values`, row by row from below, pattern after pattern, stand for.
+pub(super) fn patterns(values: &[f64]) -> Result<Vec<Pattern>, Refusal> {
+    let several = values.len() > CELLS * CELLS;
+    let one = |(index, values): (usize, &[f64])| {
+        if let Some(at) = values.iter().position(|v| *v != 0.0 && *v != 1.0) {
+            let place = if several { format!("[{index}]") } else { String::new() };
+            return Err(Refusal::new(format!(
+                "cell {place}[y={}][x={}] is {}",
+                at / CELLS,
+                at % CELLS,
+                number(values[at])
+            )));
+        }
+        let cells: Vec<u8> = values.iter().map(|v| u8::from(*v == 1.0)).collect();
+        Pattern::from_cells(&cells).map_err(|e| Refusal::new(e.to_string()))
+    };
+    values.chunks(CELLS * CELLS).enumerate().map(one).collect()
+}
+
+/// A value as a person would write it; a double may have 300 digits.
+fn number(value: f64) -> String {
+    if value == 0.0 || (1e-5..1e15).contains(&value.abs()) || !value.is_finite() {
+        value.to_string()
+    } else {
+        format!("{value:e}")
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests;

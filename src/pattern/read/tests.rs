@@ -1,0 +1,327 @@
+use std::fs;
+use std::path::PathBuf;
+
+use super::*;
+
+pub fn wanted() -> Pattern {
+    // Asymmetric under every transposition and mirror.
+    Pattern::from_fn(|x, y| x < 10 && y < 20 || (x, y) == (30, 49) || (x + 3 * y) % 11 == 0)
+}
+
+pub struct Folder(tempfile::TempDir);
+
+impl Folder {
+    pub fn new() -> Self {
+        Self(tempfile::tempdir().unwrap())
+    }
+
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    pub fn read(&self, name: &str) -> Result<Vec<Pattern>, String> {
+        read_patterns(self.path(name).to_str().unwrap()).map_err(|e| format!("{e:?}"))
+    }
+
+    fn read_bytes(&self, name: &str, bytes: &[u8]) -> Result<Vec<Pattern>, String> {
+        fs::write(self.path(name), bytes).unwrap();
+        self.read(name)
+    }
+
+    fn refusal(&self, name: &str, bytes: &[u8]) -> String {
+        let message = self.read_bytes(name, bytes).expect_err("it should be refused");
+        assert!(message.contains(name), "the file is named: {message}");
+        message
+    }
+}
+
+pub fn cells() -> Vec<f64> {
+    wanted().cells().iter().map(|&c| f64::from(c)).collect()
+}
+
+/// As `numpy.save` of NumPy 2.4 writes it: the header padded with blanks to 128 bytes in all.
+fn npy(descr: &str, fortran: &str, shape: &str, data: &[u8]) -> Vec<u8> {
+    let text = format!("{{'descr': '{descr}', 'fortran_order': {fortran}, 'shape': {shape}, }}");
+    let mut bytes = b"\x93NUMPY\x01\x00v\x00".to_vec();
+    bytes.extend(format!("{text:<117}\n").bytes());
+    assert_eq!(bytes.len(), 128);
+    bytes.extend(data);
+    bytes
+}
+
+#[test]
+fn numpy_files_of_every_type_and_order() {
+    let folder = Folder::new();
+    let encoded: Vec<(&str, Vec<u8>)> = vec![
+        ("|b1", wanted().cells().to_vec()),
+        ("|u1", wanted().cells().to_vec()),
+        ("<i8", cells().iter().flat_map(|c| (*c as i64).to_le_bytes()).collect()),
+        (">i2", cells().iter().flat_map(|c| (*c as i16).to_be_bytes()).collect()),
+        (
+            "<f2",
+            cells()
+                .iter()
+                .flat_map(|c| [0, if *c == 1.0 { 0x3c } else { 0 }])
+                .collect(),
+        ),
+        (">f4", cells().iter().flat_map(|c| (*c as f32).to_be_bytes()).collect()),
+        ("<f8", cells().iter().flat_map(|c| (-0.0 + c).to_le_bytes()).collect()),
+    ];
+    for (descr, data) in encoded {
+        assert_eq!(
+            folder
+                .read_bytes("a.npy", &npy(descr, "False", "(50, 50)", &data))
+                .unwrap(),
+            [wanted()],
+            "{descr}"
+        );
+        let twice = [data.clone(), data].concat();
+        let both = folder
+            .read_bytes("a.NPY", &npy(descr, "False", "(2, 50, 50)", &twice))
+            .unwrap();
+        assert_eq!(both, [wanted(), wanted()]);
+    }
+}
+
+#[test]
+fn fortran_order_puts_the_first_index_fastest() {
+    let folder = Folder::new();
+    let other = Pattern::from_fn(|x, _| x == 7);
+    let mut data = Vec::new();
+    for x in 0..CELLS {
+        for y in 0..CELLS {
+            data.extend([&wanted(), &other].map(|p| u8::from(p.is_active(x, y))));
+        }
+    }
+    let read = folder
+        .read_bytes("f.npy", &npy("|u1", "True", "(2, 50, 50)", &data))
+        .unwrap();
+    assert_eq!(read, [wanted(), other]);
+}
+
+#[test]
+fn numpy_files_that_are_not_patterns() {
+    let folder = Folder::new();
+    let ok = vec![0; 2500];
+    let mut two = ok.clone();
+    two[3 * 50 + 4] = 2;
+    assert!(
+        folder
+            .refusal("v.npy", &npy("|u1", "False", "(50, 50)", &two))
+            .contains("[y=3][x=4] is 2")
+    );
+    let stack = [ok.clone(), two].concat();
+    assert!(
+        folder
+            .refusal("v.npy", &npy("|u1", "False", "(2, 50, 50)", &stack))
+            .contains("[1][y=3][x=4] is 2")
+    );
+    let nan: Vec<u8> = [f64::NAN].repeat(2500).iter().flat_map(|v| v.to_le_bytes()).collect();
+    assert!(
+        folder
+            .refusal("v.npy", &npy("<f8", "False", "(50, 50)", &nan))
+            .contains("is NaN")
+    );
+    for (shape, said) in [
+        ("(0, 50, 50)", "no pattern"),
+        ("(2500,)", "shape (2500,)"),
+        ("(51, 51)", "shape (51, 51)"),
+        ("()", "shape ()"),
+        ("(1, 1, 50, 50)", "shape (1, 1, 50, 50)"),
+        ("(18446744073709551615, 50, 50)", "at most 20000"),
+        ("(18446744073709551616, 50, 50)", "`shape`"),
+        ("(2, 50, 50)", "5000 bytes"),
+    ] {
+        let message = folder.refusal("s.npy", &npy("|u1", "False", shape, &ok));
+        assert!(message.contains(said), "{shape}: {message}");
+    }
+    assert!(
+        folder
+            .refusal("t.npy", &npy("<U1", "False", "(50, 50)", &ok))
+            .contains("<U1")
+    );
+    assert!(
+        folder
+            .refusal("t.npy", &npy("|u1", "False", "(50, 50)", &ok)[..2000])
+            .contains("cut off")
+    );
+}
+
+#[test]
+fn hostile_numpy_headers() {
+    let folder = Folder::new();
+    for bytes in [
+        b"\x93NUM".to_vec(),
+        b"\x93NUMPY".to_vec(),
+        b"\x93NUMPY\x01\x00\xff".to_vec(),
+        b"\x93NUMPY\x01\x00\xff\xff{".to_vec(),
+        b"\x93NUMPY\x02\x00\xff\xff\xff\xff{'descr'".to_vec(),
+        b"\x93NUMPY\x09\x07\x00\x00".to_vec(),
+        [b"\x93NUMPY\x02\x00\x00\x01\x00\x00".to_vec(), vec![b'('; 256]].concat(),
+        [b"\x93NUMPY\x01\x00\x10\x00".to_vec(), vec![0xff; 16]].concat(),
+        npy("|u1", "Maybe", "(50, 50)", &[0; 2500]),
+        npy("|u1", "False", "(-50, 50)", &[0; 2500]),
+    ] {
+        folder.refusal("h.npy", &bytes);
+    }
+}
+
+fn csv_text(cell: impl Fn(bool) -> &'static str) -> String {
+    let row = |y| {
+        (0..CELLS)
+            .map(|x| cell(wanted().is_active(x, y)))
+            .collect::<Vec<_>>()
+            .join(",")
+    };
+    (0..CELLS).map(|y| row(y) + "\n").collect()
+}
+
+#[test]
+fn the_first_csv_line_is_the_lower_edge() {
+    let folder = Folder::new();
+    let plain = csv_text(|on| if on { "1" } else { "0" });
+    // `numpy.savetxt` writes "%.18e" unless told otherwise.
+    let savetxt = csv_text(|on| {
+        if on {
+            "1.000000000000000000e+00"
+        } else {
+            "0.000000000000000000e+00"
+        }
+    });
+    for text in [
+        plain.clone(),
+        savetxt,
+        plain.replace('\n', "\r\n"),
+        format!("# made by hand\n{plain}\n\n"),
+        format!("\u{feff}{plain}"),
+        plain.replace(',', ", "),
+        plain.trim_end().to_owned(),
+    ] {
+        assert_eq!(folder.read_bytes("p.csv", text.as_bytes()).unwrap(), [wanted()]);
+    }
+    assert!(wanted().is_active(30, 49) && plain.lines().last().unwrap().split(',').nth(30) == Some("1"));
+}
+
+#[test]
+fn semicolons_tabs_and_spaces_separate_too() {
+    let folder = Folder::new();
+    let plain = csv_text(|on| if on { "1" } else { "0" });
+    for separator in [";", "\t", " ", "; "] {
+        let text = format!("# a comment, with commas\n{}", plain.replace(',', separator));
+        assert_eq!(
+            folder.read_bytes("q.csv", text.as_bytes()).unwrap(),
+            [wanted()],
+            "{separator:?}"
+        );
+    }
+}
+
+#[test]
+fn csv_files_that_are_not_patterns() {
+    let folder = Folder::new();
+    let plain = csv_text(|on| if on { "1" } else { "0" });
+    let refusal = |text: String| folder.refusal("q.csv", text.as_bytes());
+    assert!(refusal(plain.replace(',', "|")).contains("line 1 has 1 values"));
+    assert!(refusal(plain.replacen(',', ";", 1)).contains("line 1 has 49 values"));
+    assert!(refusal(plain.lines().take(49).map(|l| format!("{l}\n")).collect()).contains("49 lines"));
+    assert!(refusal(format!("{plain}{plain}")).contains("100 lines"));
+    assert!(refusal(plain.replacen("0,", "0.5,", 1)).contains("is 0.5"));
+    assert!(refusal(plain.replacen("0,", "nan,", 1)).contains("is NaN"));
+    assert!(refusal(plain.replacen("0,", "x,", 1)).contains("line 1, value 11"));
+    assert!(refusal(plain.replacen("0,", "1e300,", 1)).contains("is 1e300"));
+    assert!(refusal("# nothing\n".into()).contains("0 lines"));
+    folder.refusal("q.csv", &[0xff; 5000]);
+    assert!(folder.refusal("q.csv", &vec![b'1'; 2 << 20]).contains("more than"));
+}
+
+fn png(width: u32, height: u32, colour: ::png::ColorType, pixels: &[u8]) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut encoder = ::png::Encoder::new(&mut bytes, width, height);
+    encoder.set_color(colour);
+    encoder.set_depth(::png::BitDepth::Eight);
+    encoder.write_header().unwrap().write_image_data(pixels).unwrap();
+    bytes
+}
+
+/// Pixels from the top, `block` to a cell.
+fn pixels(block: usize, dark: &[u8], light: &[u8]) -> Vec<u8> {
+    let side = CELLS * block;
+    let colour = |at: usize| {
+        let (column, row) = (at % side / block, at / side / block);
+        if wanted().is_active(column, CELLS - 1 - row) {
+            dark
+        } else {
+            light
+        }
+    };
+    (0..side * side).flat_map(|at| colour(at).to_vec()).collect()
+}
+
+#[test]
+fn images_with_the_top_row_at_the_upper_edge() {
+    use ::png::ColorType::{Grayscale, GrayscaleAlpha, Rgb, Rgba};
+    let folder = Folder::new();
+    for (colour, dark, light) in [
+        (Grayscale, &[0][..], &[255][..]),
+        (Grayscale, &[60], &[200]),
+        (Rgb, &[10, 20, 120], &[255, 255, 200]),
+        (Rgba, &[0, 0, 0, 255], &[0, 0, 0, 0]),
+        (GrayscaleAlpha, &[0, 255], &[0, 20]),
+    ] {
+        for block in [1, 3] {
+            let side = 50 * block as u32;
+            let image = png(side, side, colour, &pixels(block, dark, light));
+            assert_eq!(
+                folder.read_bytes("i.png", &image).unwrap(),
+                [wanted()],
+                "{colour:?} {block}"
+            );
+        }
+    }
+}
+
+#[test]
+fn images_that_are_not_patterns() {
+    use ::png::ColorType::{Grayscale, Rgb};
+    let folder = Folder::new();
+    let plain = pixels(1, &[0], &[255]);
+    let mut grey = plain.clone();
+    grey[2 * 50 + 7] = 128;
+    let said = folder.refusal("g.png", &png(50, 50, Grayscale, &grey));
+    assert!(said.contains("column 7, row 2 from the top) is 50 % grey"), "{said}");
+    let mut uneven = pixels(2, &[0], &[255]);
+    uneven[101] = 255 - uneven[101];
+    let said = folder.refusal("u.png", &png(100, 100, Grayscale, &uneven));
+    assert!(said.contains("column 1, row 1 from the top) differs"), "{said}");
+    for (width, height) in [(51, 51), (50, 100), (1, 1), (75, 75)] {
+        let image = png(width, height, Rgb, &vec![0; 3 * (width * height) as usize]);
+        assert!(
+            folder
+                .refusal("s.png", &image)
+                .contains(&format!("{width} × {height} pixels"))
+        );
+    }
+    let whole = png(50, 50, Grayscale, &plain);
+    for cut in [4, 20, 40, 60, whole.len() - 14] {
+        folder.refusal("c.png", &whole[..cut]);
+    }
+    // The header claims 4 billion pixels a side.
+    let mut huge = whole.clone();
+    huge[16..24].fill(0xff);
+    folder.refusal("h.png", &huge);
+    let mut flipped = whole;
+    flipped[50] ^= 0x55;
+    folder.refusal("f.png", &flipped);
+}
+
+#[test]
+fn other_names_are_refused_with_those_allowed() {
+    let folder = Folder::new();
+    for name in ["p.txt", "p.tar.gz", "p", ".npy", "p.npy", "p.h5"] {
+        let message = folder.read(name).unwrap_err();
+        assert!(message.contains("FILE.csv"), "{name}: {message}");
+    }
+    assert!(folder.refusal("e.npy", b"").contains("empty"));
+    fs::create_dir(folder.path("d.npy")).unwrap();
+    assert!(folder.read("d.npy").unwrap_err().contains("not a file"));
+}
