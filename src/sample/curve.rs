@@ -1,0 +1,236 @@
+//! A cubic Bézier curve inside the square: whether it crosses itself, what lies on its left, how far a point is.
+//!
+//! A curve from frame to frame that stays inside and does not cross itself divides the square into exactly two regions,
+//! which is what makes "one side filled" well defined.
+
+use crate::pattern::CELLS;
+
+/// A point in cells from the lower left corner.
+pub(super) type Point = [f64; 2];
+
+/// Segments by which a curve is drawn: their distance from the curve stays far below a cell.
+const SEGMENTS: usize = 128;
+
+const SIDE: f64 = CELLS as f64;
+
+/// A cubic Bézier curve by its four control points.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Cubic(pub(super) [Point; 4]);
+
+fn cross(a: Point, b: Point) -> f64 {
+    a[0] * b[1] - a[1] * b[0]
+}
+
+fn dot(a: Point, b: Point) -> f64 {
+    a[0] * b[0] + a[1] * b[1]
+}
+
+fn minus(a: Point, b: Point) -> Point {
+    [a[0] - b[0], a[1] - b[1]]
+}
+
+/// The point of the frame at a position from 0 to 4 sides, counterclockwise from the lower left corner.
+pub(super) fn on_frame(position: f64) -> Point {
+    let along = SIDE * position.fract();
+    match position as u32 {
+        0 => [along, 0.0],
+        1 => [SIDE, along],
+        2 => [SIDE - along, SIDE],
+        _ => [0.0, SIDE - along],
+    }
+}
+
+impl Cubic {
+    /// The point at parameter `t`.
+    pub(super) fn at(&self, t: f64) -> Point {
+        let s = 1.0 - t;
+        let weights = [s * s * s, 3.0 * s * s * t, 3.0 * s * t * t, t * t * t];
+        std::array::from_fn(|k| self.0.iter().zip(weights).map(|(p, w)| w * p[k]).sum())
+    }
+
+    /// Whether the curve meets itself at two parameters within [0, 1].
+    ///
+    /// With B(t) = a t³ + b t² + c t + P0, B(t₁) = B(t₂) for t₁ ≠ t₂ reads a (σ² − π) + b σ + c = 0, where σ = t₁ + t₂ and
+    /// π = t₁ t₂. The cross product with a gives σ, the scalar product then π; t₁ and t₂ solve t² − σ t + π = 0.
+    pub(super) fn crosses_itself(&self) -> bool {
+        let [p0, p1, p2, p3] = self.0;
+        let a: Point = std::array::from_fn(|k| p3[k] - 3.0 * p2[k] + 3.0 * p1[k] - p0[k]);
+        let b: Point = std::array::from_fn(|k| 3.0 * (p2[k] - 2.0 * p1[k] + p0[k]));
+        let c: Point = std::array::from_fn(|k| 3.0 * (p1[k] - p0[k]));
+        let denominator = cross(b, a);
+        if denominator == 0.0 {
+            // A parabola, which is simple, or points on one line, where the curve may run back over itself.
+            return cross(c, a) == 0.0 && cross(b, c) == 0.0 && self.folds();
+        }
+        let sum = -cross(c, a) / denominator;
+        let product = sum * sum + (dot(b, a) * sum + dot(c, a)) / dot(a, a);
+        let discriminant = sum * sum - 4.0 * product;
+        if discriminant <= 0.0 {
+            return false;
+        }
+        let root = discriminant.sqrt();
+        (sum - root) / 2.0 >= 0.0 && (sum + root) / 2.0 <= 1.0
+    }
+
+    /// For a curve along a line: whether it ever moves against its chord.
+    fn folds(&self) -> bool {
+        let chord = minus(self.0[3], self.0[0]);
+        self.drawn().windows(2).any(|s| dot(minus(s[1], s[0]), chord) <= 0.0)
+    }
+
+    /// The curve as a chain of points, both ends included.
+    fn drawn(&self) -> Vec<Point> {
+        (0..=SEGMENTS).map(|i| self.at(i as f64 / SEGMENTS as f64)).collect()
+    }
+
+    /// Whether everything between the two ends lies strictly inside the square.
+    pub(super) fn stays_inside(&self) -> bool {
+        self.drawn()[1..SEGMENTS].iter().flatten().all(|&c| c > 0.0 && c < SIDE)
+    }
+
+    /// For each cell, whether its centre lies on the left of a curve that runs from frame to frame, `[y][x]`.
+    pub(super) fn left_side(&self) -> Vec<bool> {
+        let outline = self.closed_along_frame();
+        let mut inside = vec![false; CELLS * CELLS];
+        for (row, cells) in inside.chunks_exact_mut(CELLS).enumerate() {
+            let y = row as f64 + 0.5;
+            for (start, end) in outline.iter().zip(outline.iter().cycle().skip(1)) {
+                // Half-open in y, so that a corner on the line counts once.
+                if (start[1] <= y) != (end[1] <= y) {
+                    let x = start[0] + (y - start[1]) / (end[1] - start[1]) * (end[0] - start[0]);
+                    for (column, cell) in cells.iter_mut().enumerate() {
+                        *cell ^= column as f64 + 0.5 > x;
+                    }
+                }
+            }
+        }
+        inside
+    }
+
+    /// The outline of the region on the left: the curve, then the frame counterclockwise back to its start.
+    fn closed_along_frame(&self) -> Vec<Point> {
+        let mut outline = self.drawn();
+        let (start, end) = (frame_position(self.0[0]), frame_position(self.0[3]));
+        let way = (start - end).rem_euclid(4.0);
+        let mut corner = end.floor() + 1.0;
+        while corner - end < way {
+            outline.push(on_frame(corner.rem_euclid(4.0)));
+            corner += 1.0;
+        }
+        outline
+    }
+
+    /// The distance of each cell's centre from the curve, in cells, `[y][x]`.
+    pub(super) fn distances(&self) -> Vec<f64> {
+        let drawn = self.drawn();
+        let segments: Vec<(Point, Point, f64)> = drawn
+            .windows(2)
+            .map(|s| {
+                let along = minus(s[1], s[0]);
+                (s[0], along, 1.0 / dot(along, along).max(f64::MIN_POSITIVE))
+            })
+            .collect();
+        let distance = |centre: Point| {
+            let nearest = segments.iter().map(|&(start, along, inverse)| {
+                let from = minus(centre, start);
+                let t = (dot(from, along) * inverse).clamp(0.0, 1.0);
+                let off = [from[0] - t * along[0], from[1] - t * along[1]];
+                dot(off, off)
+            });
+            nearest.fold(f64::INFINITY, f64::min).sqrt()
+        };
+        (0..CELLS * CELLS)
+            .map(|i| distance([(i % CELLS) as f64 + 0.5, (i / CELLS) as f64 + 0.5]))
+            .collect()
+    }
+}
+
+/// The inverse of [`on_frame`].
+fn frame_position(point: Point) -> f64 {
+    let [x, y] = point;
+    if y == 0.0 && x < SIDE {
+        x / SIDE
+    } else if x == SIDE && y < SIDE {
+        1.0 + y / SIDE
+    } else if y == SIDE && x > 0.0 {
+        3.0 - x / SIDE
+    } else {
+        4.0 - y / SIDE
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::Stream;
+
+    /// Whether two of the chain's segments that are not neighbours cross, by the signs of four triangles.
+    fn chain_crosses(curve: &Cubic) -> bool {
+        let points: Vec<Point> = (0..=400).map(|i| curve.at(f64::from(i) / 400.0)).collect();
+        let turn = |p: Point, q: Point, r: Point| cross(minus(q, p), minus(r, p));
+        (0..400).any(|i| {
+            (i + 2..400).any(|j| {
+                let [p, q, r, s] = [points[i], points[i + 1], points[j], points[j + 1]];
+                turn(p, q, r) * turn(p, q, s) < 0.0 && turn(r, s, p) * turn(r, s, q) < 0.0
+            })
+        })
+    }
+
+    #[test]
+    fn the_algebraic_test_finds_the_crossings_that_a_fine_chain_has() {
+        let mut stream = Stream::new(1, "test", 0);
+        let mut crossing = 0;
+        for _ in 0..300 {
+            let curve = Cubic(std::array::from_fn(|_| {
+                [stream.range(0.0, 50.0), stream.range(0.0, 50.0)]
+            }));
+            assert_eq!(curve.crosses_itself(), chain_crosses(&curve), "{curve:?}");
+            crossing += u32::from(curve.crosses_itself());
+        }
+        assert!(crossing > 10, "only {crossing} of 300 random curves cross themselves");
+    }
+
+    #[test]
+    fn a_curve_that_bulges_over_the_frame_does_not_stay_inside() {
+        let bulging = |height: f64| Cubic([[0.0, 25.0], [10.0, height], [40.0, height], [50.0, 25.0]]);
+        // The top of the curve is at (25 + 3 height) / 4.
+        assert!(bulging(58.0).stays_inside() && bulging(-8.0).stays_inside());
+        assert!(!bulging(59.0).stays_inside() && !bulging(-9.0).stays_inside());
+    }
+
+    #[test]
+    fn frame_positions_go_around_once() {
+        for i in 0..400 {
+            let position = f64::from(i) / 100.0;
+            assert!(
+                (frame_position(on_frame(position)) - position).abs() < 1e-12,
+                "{position}"
+            );
+        }
+    }
+
+    #[test]
+    fn the_left_of_an_upward_line_is_the_left_half() {
+        let line = |x: f64| Cubic([[x, 0.0], [x, 20.0], [x, 30.0], [x, 50.0]]);
+        let left = line(20.0).left_side();
+        assert!((0..CELLS * CELLS).all(|i| left[i] == (i % CELLS < 20)));
+        let distances = line(20.0).distances();
+        assert!((distances[7] - 12.5).abs() < 1e-12 && (distances[2499] - 29.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn both_sides_of_a_curve_make_up_the_membrane() {
+        let mut stream = Stream::new(2, "test", 0);
+        for _ in 0..50 {
+            let (start, end) = (on_frame(stream.range(0.0, 4.0)), on_frame(stream.range(0.0, 4.0)));
+            let inner = [[stream.range(5.0, 45.0), 20.0], [30.0, stream.range(5.0, 45.0)]];
+            let forth = Cubic([start, inner[0], inner[1], end]);
+            let back = Cubic([end, inner[1], inner[0], start]);
+            if forth.crosses_itself() || !forth.stays_inside() {
+                continue;
+            }
+            let (left, right) = (forth.left_side(), back.left_side());
+            assert!(left.iter().zip(&right).all(|(l, r)| l != r));
+        }
+    }
+}

@@ -1,0 +1,57 @@
+//! What a family of patterns refuses, and the exact number of cells behind an area fraction.
+
+use crate::pattern::CELLS;
+
+/// A family that cannot be drawn from, or a sample that it does not have.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SampleError {
+    /// An area fraction that leaves nothing to draw.
+    #[error(
+        "an area fraction lies above 0 and below 1, with at least one of {} cells active and one bare; found {found}",
+        CELLS * CELLS
+    )]
+    Area {
+        /// The fraction as given.
+        found: f64,
+    },
+    /// More units than cells, or none.
+    #[error("a large grid has 1 to {CELLS} units across the membrane, found {found}")]
+    Units {
+        /// The number as given.
+        found: usize,
+    },
+    /// An index beyond the last pattern.
+    #[error("there is no sample {index}: the family has {available} patterns")]
+    Exhausted {
+        /// The index as given.
+        index: u64,
+        /// How many patterns there are.
+        available: u64,
+    },
+}
+
+/// The number of active cells at an area fraction: the nearest to `area` · 2500.
+pub(super) fn cells_at(area: f64) -> Result<usize, SampleError> {
+    let all = CELLS * CELLS;
+    let cells = (area * all as f64).round();
+    if (1.0..=(all - 1) as f64).contains(&cells) {
+        Ok(cells as usize)
+    } else {
+        Err(SampleError::Area { found: area })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn areas_are_rounded_to_the_nearest_cell() {
+        assert_eq!(cells_at(0.5), Ok(1250));
+        assert_eq!(cells_at(0.05), Ok(125));
+        assert_eq!(cells_at(0.4999), Ok(1250));
+        for area in [0.0, 0.0001, 0.9999, 1.0, -0.5, f64::NAN, f64::INFINITY] {
+            assert!(matches!(cells_at(area), Err(SampleError::Area { .. })), "{area}");
+        }
+    }
+}

@@ -1,0 +1,76 @@
+//! The small grid: every cell for itself.
+//!
+//! The first of the source paper's families (Qin et al., doi 10.1089/soro.2024.0063, "Dataset construction"): half of
+//! the 2500 cells, chosen at random. The area fraction is a parameter here.
+
+use super::error::{SampleError, cells_at};
+use crate::base::Stream;
+use crate::pattern::{CELLS, Pattern};
+
+/// Patterns with a fixed number of active cells, each such pattern equally likely.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SmallGrid {
+    active: usize,
+}
+
+impl SmallGrid {
+    /// The family at an area fraction (0.5 in the paper); exactly the nearest number of cells to `area` · 2500 is active.
+    ///
+    /// # Errors
+    /// When not even one cell would be active, or all of them.
+    pub fn new(area: f64) -> Result<Self, SampleError> {
+        Ok(Self {
+            active: cells_at(area)?,
+        })
+    }
+
+    /// Sample `index` under a seed.
+    #[must_use]
+    pub fn sample(&self, seed: u64, index: u64) -> Pattern {
+        let mut active = vec![false; CELLS * CELLS];
+        for cell in Stream::new(seed, "small-grid", index).choose(CELLS * CELLS, self.active) {
+            active[cell] = true;
+        }
+        Pattern::from_fn(|x, y| active[y * CELLS + x])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_area_is_exact() {
+        for (area, cells) in [(0.5, 1250), (0.05, 125), (0.9996, 2499)] {
+            let family = SmallGrid::new(area).unwrap();
+            for index in 0..20 {
+                assert_eq!(family.sample(1, index).active_cells(), cells);
+            }
+        }
+    }
+
+    #[test]
+    fn every_cell_is_equally_likely() {
+        let family = SmallGrid::new(0.5).unwrap();
+        let draws = 400;
+        let mut counts = vec![0.0; CELLS * CELLS];
+        for index in 0..draws {
+            for (count, &cell) in counts.iter_mut().zip(family.sample(5, index).cells()) {
+                *count += f64::from(cell);
+            }
+        }
+        // Choices without replacement: each count has variance draws/4, and the 2500 counts sum to a constant, so the
+        // statistic has a chi-square distribution with 2499 degrees of freedom: mean 2499, standard deviation 70.7.
+        let mean = draws as f64 / 2.0;
+        let chi2: f64 = counts.iter().map(|c| (c - mean).powi(2) / (draws as f64 / 4.0)).sum();
+        assert!((chi2 - 2499.0).abs() < 4.0 * 70.7, "chi-square {chi2}");
+    }
+
+    #[test]
+    fn a_sample_is_named_by_seed_and_index() {
+        let family = SmallGrid::new(0.5).unwrap();
+        assert_eq!(family.sample(1, 7), family.sample(1, 7));
+        assert_ne!(family.sample(1, 7), family.sample(1, 8));
+        assert_ne!(family.sample(1, 7), family.sample(2, 7));
+    }
+}
