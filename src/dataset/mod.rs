@@ -1,5 +1,11 @@
 //! From solved samples to a training set: the deformation histogram, balancing, augmentation and the split.
 
+mod balance;
+mod histogram;
+mod level;
+mod orbits;
 mod split;
 
+pub use balance::{BalanceError, BalanceOptions, Balanced, Candidate, Row, SymmetryGroup, balance};
+pub use histogram::{Bins, BinsError, Histogram, Place};
 pub use split::Split;

@@ -1,0 +1,131 @@
+//! Which samples are images of one another, and which images of a pattern differ.
+//!
+//! Patterns drawn by different families can coincide, or be mirror images, and a symmetric pattern has fewer than eight
+//! images. Both would put rows that look different but are the same into a training set.
+
+use std::collections::BTreeMap;
+
+use rayon::prelude::*;
+
+use crate::base::Digest;
+use crate::pattern::{Pattern, Symmetry};
+
+/// One image of an orbit's pattern, and the sample that shows it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Image {
+    /// Index of the sample.
+    pub(super) source: usize,
+    /// What carries the sample to the image; the identity where the image was itself sampled.
+    pub(super) symmetry: Symmetry,
+}
+
+/// A pattern with all its images.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Orbit {
+    /// What the images share.
+    pub(super) digest: Digest,
+    /// The different images, at most eight. The first is a sample as it was drawn.
+    pub(super) images: Vec<Image>,
+    /// Samples that repeat the pattern of an earlier one.
+    pub(super) repeats: Vec<usize>,
+}
+
+/// Sorts samples, given by index and pattern in increasing order of the index, into orbits, ordered by their first sample.
+pub(super) fn orbits(samples: &[(usize, &Pattern)]) -> Vec<Orbit> {
+    let keys: Vec<(Digest, Vec<Symmetry>)> = samples.par_iter().map(|(_, pattern)| key(pattern)).collect();
+    let mut members: BTreeMap<Digest, Vec<usize>> = BTreeMap::new();
+    for (at, (digest, _)) in keys.iter().enumerate() {
+        members.entry(*digest).or_default().push(at);
+    }
+    let mut orbits: Vec<Orbit> = members
+        .into_iter()
+        .map(|(digest, members)| orbit(digest, &keys[members[0]].1, &members, samples))
+        .collect();
+    orbits.sort_by_key(|orbit| orbit.images[0].source);
+    orbits
+}
+
+/// The digest of a pattern's orbit, and one symmetry for each of its different images.
+fn key(pattern: &Pattern) -> (Digest, Vec<Symmetry>) {
+    let images = Symmetry::ALL.map(|g| pattern.transformed(g));
+    let differing = Symmetry::ALL
+        .into_iter()
+        .filter(|g| !images[..g.index()].contains(&images[g.index()]))
+        .collect();
+    (pattern.orbit(), differing)
+}
+
+fn orbit(digest: Digest, symmetries: &[Symmetry], members: &[usize], samples: &[(usize, &Pattern)]) -> Orbit {
+    let (first, pattern) = samples[members[0]];
+    let mut images: Vec<Image> = symmetries
+        .iter()
+        .map(|&symmetry| Image {
+            source: first,
+            symmetry,
+        })
+        .collect();
+    let mut repeats = Vec::new();
+    for &member in &members[1..] {
+        let (source, twin) = samples[member];
+        let at = symmetries.iter().position(|&g| pattern.transformed(g) == *twin);
+        // Equal digests without equal images would be a collision of BLAKE3; the sample then only counts as a repeat.
+        match at {
+            Some(at) if images[at].symmetry != Symmetry::IDENTITY => {
+                images[at] = Image {
+                    source,
+                    symmetry: Symmetry::IDENTITY,
+                };
+            }
+            _ => repeats.push(source),
+        }
+    }
+    Orbit {
+        digest,
+        images,
+        repeats,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn skew() -> Pattern {
+        Pattern::from_fn(|x, y| (3 * x + y * y) % 7 < 3 && x > y / 2)
+    }
+
+    fn found(patterns: &[Pattern]) -> Vec<Orbit> {
+        orbits(&patterns.iter().enumerate().collect::<Vec<_>>())
+    }
+
+    #[test]
+    fn symmetric_patterns_have_fewer_images() {
+        let half = Pattern::from_fn(|x, _| x < 25);
+        let cross = Pattern::from_fn(|x, y| (20..30).contains(&x) || (20..30).contains(&y));
+        let diagonal = Pattern::from_fn(|x, y| x > y);
+        let images: Vec<usize> = found(&[skew(), half, cross, diagonal])
+            .iter()
+            .map(|o| o.images.len())
+            .collect();
+        assert_eq!(images, [8, 4, 1, 4]);
+    }
+
+    #[test]
+    fn samples_that_are_images_of_each_other_share_an_orbit() {
+        let pattern = skew();
+        let mirrored = pattern.transformed(Symmetry::ALL[5]);
+        let orbits = found(&[
+            pattern.clone(),
+            Pattern::from_fn(|x, _| x < 9),
+            mirrored,
+            pattern.clone(),
+        ]);
+        assert_eq!(orbits.len(), 2);
+        assert_eq!(orbits[0].digest, pattern.orbit());
+        assert_eq!(orbits[0].repeats, [3]);
+        let drawn = orbits[0].images.iter().filter(|i| i.symmetry == Symmetry::IDENTITY);
+        let sampled: Vec<usize> = drawn.map(|i| i.source).collect();
+        assert_eq!(sampled, [0, 2]);
+        assert_eq!(orbits[0].images.len(), 8);
+    }
+}
