@@ -1,1 +1,35 @@
 //! How a membrane is simulated: finite elements on the prestretched configuration.
+//!
+//! Everything is dimensionless: stress is divided by μλp², lengths by the side of an element, so two numbers describe a
+//! scene, a = λp⁻⁶ and b = κλp² with κ = ε(V/H)²/μ. The modules are the method, from the point to the answer:
+//! kinematics and energy; element, mesh and lanes; operator; gemm, modes and precondition; krylov, newton and direct;
+//! stability and continuation; solver, and on it accuracy, adjoint, response and observable.
+
+mod accuracy;
+mod adjoint;
+mod continuation;
+mod direct;
+mod element;
+pub mod energy;
+mod gemm;
+pub mod kinematics;
+mod krylov;
+pub mod lanes;
+mod mesh;
+mod modes;
+mod newton;
+mod observable;
+pub mod operator;
+pub mod precondition;
+mod response;
+mod solver;
+mod stability;
+
+pub use accuracy::{AccurateSimulation, AccurateSolver};
+pub use mesh::{Mesh, Order};
+pub use observable::{CellState, cell_states};
+pub use response::LinearResponse;
+pub use solver::{MembraneSolver, MeshSolution, SetupError, SolveOptions};
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,152 @@
+//! The assembled tangent, factorised: the robust path beside conjugate gradients, and the judge of stability.
+
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::cholesky::ldlt::factor::LdltRegularization;
+use faer::sparse::linalg::cholesky::supernodal::SupernodalLdltRef;
+use faer::sparse::linalg::cholesky::{
+    CholeskySymbolicParams, LdltRef, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
+    factorize_symbolic_cholesky,
+};
+use faer::sparse::{SparseColMat, Triplet};
+use faer::{Conj, MatMut, Par, Side};
+
+use super::element::{Bilinear, Biquadratic, Element};
+use super::energy::Law;
+use super::mesh::{Mesh, Order};
+use super::operator::Operator;
+
+/// LDLᵀ of the tangent at the interior nodes, in a fill-reducing order.
+pub struct Factorisation {
+    mesh: Mesh,
+    symbolic: SymbolicCholesky<usize>,
+    values: Vec<f64>,
+}
+
+impl Factorisation {
+    /// The tangent at `u`; `None` when a pivot is exactly zero or memory is short.
+    pub fn new<L: Law>(operator: &Operator<'_, L>, u: &[f64]) -> Option<Self> {
+        let mesh = operator.mesh;
+        let matrix = match mesh.order() {
+            Order::Bilinear => assemble::<Bilinear, L, 4>(operator, u)?,
+            Order::Biquadratic => assemble::<Biquadratic, L, 9>(operator, u)?,
+        };
+        let symbolic = factorize_symbolic_cholesky(
+            matrix.symbolic(),
+            Side::Lower,
+            SymmetricOrdering::Amd,
+            CholeskySymbolicParams::default(),
+        )
+        .ok()?;
+        let mut values = vec![0.0; symbolic.len_val()];
+        let need = symbolic.factorize_numeric_ldlt_scratch::<f64>(Par::Seq, Default::default());
+        let mut memory = MemBuffer::try_new(need).ok()?;
+        symbolic
+            .factorize_numeric_ldlt(
+                &mut values,
+                matrix.as_ref(),
+                Side::Lower,
+                LdltRegularization::default(),
+                Par::Seq,
+                MemStack::new(&mut memory),
+                Default::default(),
+            )
+            .ok()?;
+        Some(Self { mesh, symbolic, values })
+    }
+
+    /// How many eigenvalues of the tangent are negative.
+    #[must_use]
+    pub fn negative_pivots(&self) -> usize {
+        match self.symbolic.raw() {
+            SymbolicCholeskyRaw::Simplicial(symbolic) => {
+                let starts = &symbolic.col_ptr()[..symbolic.ncols()];
+                starts.iter().filter(|&&start| self.values[start] < 0.0).count()
+            }
+            SymbolicCholeskyRaw::Supernodal(symbolic) => {
+                let factors = SupernodalLdltRef::new(symbolic, &self.values);
+                let negative = |s: usize| {
+                    let block = factors.supernode(s).val();
+                    (0..block.ncols()).filter(|&i| block[(i, i)] < 0.0).count()
+                };
+                (0..symbolic.n_supernodes()).map(negative).sum()
+            }
+        }
+    }
+
+    /// Solves with the factors: `r` is a residual, the result a displacement, both zero on the frame.
+    #[must_use]
+    pub fn solve(&self, r: &[f64]) -> Vec<f64> {
+        let places = unknowns(self.mesh);
+        let mut packed: Vec<f64> = places.iter().map(|&at| r[at]).collect();
+        let count = packed.len();
+        let mut memory = MemBuffer::new(self.symbolic.solve_in_place_scratch::<f64>(1, Par::Seq));
+        LdltRef::new(&self.symbolic, &self.values).solve_in_place_with_conj(
+            Conj::No,
+            MatMut::from_column_major_slice_mut(&mut packed, count, 1),
+            Par::Seq,
+            MemStack::new(&mut memory),
+        );
+        let mut solution = vec![0.0; self.mesh.vector_len()];
+        places.iter().zip(packed).for_each(|(&at, value)| solution[at] = value);
+        solution
+    }
+}
+
+/// Where the unknowns lie in a vector: interior nodes row by row, both components together.
+fn unknowns(mesh: Mesh) -> Vec<usize> {
+    let inside = 1..mesh.nodes() - 1;
+    let nodes = inside
+        .clone()
+        .flat_map(|row| inside.clone().map(move |column| (column, row)));
+    nodes
+        .flat_map(|(column, row)| [0, 1].map(|c| mesh.index(c, column, row)))
+        .collect()
+}
+
+/// The number of an unknown; `None` on the frame.
+fn number(mesh: Mesh, c: usize, column: usize, row: usize) -> Option<usize> {
+    let inside = 1..mesh.nodes() - 1;
+    let width = mesh.nodes() - 2;
+    (inside.contains(&column) && inside.contains(&row)).then(|| 2 * ((row - 1) * width + column - 1) + c)
+}
+
+fn assemble<E: Element<N>, L: Law, const N: usize>(
+    operator: &Operator<'_, L>,
+    u: &[f64],
+) -> Option<SparseColMat<usize, f64>> {
+    let mesh = operator.mesh;
+    let (n, side) = (mesh.elements(), E::DEGREE + 1);
+    let mut triplets = Vec::new();
+    for (row, column) in (0..n * n).map(|i| (i / n, i % n)) {
+        let place = |node: usize| (column * E::DEGREE + node % side, row * E::DEGREE + node / side);
+        let nodal = std::array::from_fn(|c| std::array::from_fn(|node| u[mesh.index(c, place(node).0, place(node).1)]));
+        let active = operator.activity.elements()[row * mesh.part() + column];
+        let numbers: [[Option<usize>; N]; 2] =
+            std::array::from_fn(|c| std::array::from_fn(|node| number(mesh, c, place(node).0, place(node).1)));
+        for (c, node) in (0..2 * N).map(|i| (i / N, i % N)) {
+            let Some(k) = numbers[c][node] else { continue };
+            let forces = element_column::<E, L, N>(operator.law, &nodal, active, c, node);
+            for (numbers, forces) in numbers.iter().zip(forces) {
+                for (&i, force) in numbers.iter().zip(forces) {
+                    triplets.extend(i.filter(|&i| i >= k).map(|i| Triplet::new(i, k, force)));
+                }
+            }
+        }
+    }
+    let count = 2 * (mesh.nodes() - 2).pow(2);
+    SparseColMat::try_new_from_triplets(count, count, &triplets).ok()
+}
+
+/// The forces that a unit displacement of one node causes in an element at `nodal`.
+fn element_column<E: Element<N>, L: Law, const N: usize>(
+    law: &L,
+    nodal: &[[f64; N]; 2],
+    active: f64,
+    c: usize,
+    node: usize,
+) -> [[f64; N]; 2] {
+    let mut unit = [[0.0; N]; 2];
+    unit[c][node] = 1.0;
+    let (gradients, changes) = (E::gradients(nodal), E::gradients(&unit));
+    E::forces(&std::array::from_fn(|q| law.tangent(gradients[q], active, changes[q])))
+}

@@ -1,0 +1,273 @@
+//! The square elements: nodal values to gradients at the quadrature points, and stresses there back to nodal forces.
+//!
+//! Nodes and points are numbered row by row. Order p uses p + 1 Gauss points in each direction, which integrates det ∇u
+//! exactly, so the null Lagrangian that the stability test relies on vanishes in the discrete problem too.
+
+use super::kinematics::Tensor;
+use super::lanes::Value;
+
+/// A square element of side 1 with N nodes and as many quadrature points.
+pub trait Element<const N: usize> {
+    /// Polynomial degree.
+    const DEGREE: usize;
+    /// Weights of the quadrature points, which add up to 1: the forces contain them, only tests ask for them.
+    #[cfg(test)]
+    const WEIGHTS: [f64; N];
+    /// ∇u at each point from the nodal values of both components.
+    fn gradients<V: Value>(nodal: &[[V; N]; 2]) -> [Tensor<V>; N];
+    /// Σ over the points of weight · stress : ∇N, for each component and node.
+    fn forces<V: Value>(stresses: &[Tensor<V>; N]) -> [[V; N]; 2];
+}
+
+/// Four nodes, four points.
+///
+/// With the edge slopes d and the twist t of a component, ∂x u = d₀ + ηt and ∂y u = d₁ + ξt: a gradient costs one
+/// multiplication.
+pub struct Bilinear;
+
+impl Element<4> for Bilinear {
+    const DEGREE: usize = 1;
+    #[cfg(test)]
+    const WEIGHTS: [f64; 4] = [0.25; 4];
+
+    #[inline(always)]
+    fn gradients<V: Value>(nodal: &[[V; 4]; 2]) -> [Tensor<V>; 4] {
+        let zero = nodal[0][0].constant(0.0);
+        let mut gradients = [[[zero; 2]; 2]; 4];
+        for (c, [lower_left, lower_right, upper_left, upper_right]) in nodal.iter().copied().enumerate() {
+            let (along, across) = (lower_right - lower_left, upper_left - lower_left);
+            let twist = upper_right - upper_left - along;
+            for (low, high, place) in [(0, 1, Line::LINEAR.points[0]), (2, 3, Line::LINEAR.points[1])] {
+                let slope = twist.madd(zero.constant(place), along);
+                gradients[low][c][0] = slope;
+                gradients[high][c][0] = slope;
+            }
+            for (left, right, place) in [(0, 2, Line::LINEAR.points[0]), (1, 3, Line::LINEAR.points[1])] {
+                let slope = twist.madd(zero.constant(place), across);
+                gradients[left][c][1] = slope;
+                gradients[right][c][1] = slope;
+            }
+        }
+        gradients
+    }
+
+    #[inline(always)]
+    fn forces<V: Value>(stresses: &[Tensor<V>; 4]) -> [[V; 4]; 2] {
+        let weight = stresses[0][0][0].constant(0.25);
+        let near = weight.constant(0.25 * Line::LINEAR.points[0]);
+        let far = weight.constant(0.25 * Line::LINEAR.points[1]);
+        let mut forces = [[weight; 4]; 2];
+        for (c, force) in forces.iter_mut().enumerate() {
+            let low = stresses[0][c][0] + stresses[1][c][0];
+            let high = stresses[2][c][0] + stresses[3][c][0];
+            let left = stresses[0][c][1] + stresses[2][c][1];
+            let right = stresses[1][c][1] + stresses[3][c][1];
+            let (along, across) = ((low + high) * weight, (left + right) * weight);
+            let twist = near.madd(low + left, far * (high + right));
+            *force = [twist - along - across, along - twist, across - twist, twist];
+        }
+        forces
+    }
+}
+
+/// Nine nodes, nine points; sums are factorised by direction.
+pub struct Biquadratic;
+
+impl Element<9> for Biquadratic {
+    const DEGREE: usize = 2;
+    #[cfg(test)]
+    const WEIGHTS: [f64; 9] = {
+        let w = Line::QUADRATIC.weights;
+        let [a, b, c] = w;
+        [a * a, b * a, c * a, a * b, b * b, c * b, a * c, b * c, c * c]
+    };
+
+    #[inline(always)]
+    fn gradients<V: Value>(nodal: &[[V; 9]; 2]) -> [Tensor<V>; 9] {
+        let line = &Line::QUADRATIC;
+        let zero = nodal[0][0].constant(0.0);
+        let mut gradients = [[[zero; 2]; 2]; 9];
+        for (c, u) in nodal.iter().enumerate() {
+            for row in 0..3 {
+                let (mut values, mut rises) = ([zero; 3], [zero; 3]);
+                for a in 0..3 {
+                    let column = [u[a], u[a + 3], u[a + 6]];
+                    values[a] = weighted(column, line.values[row]);
+                    rises[a] = weighted(column, line.slopes[row]);
+                }
+                for q in 0..3 {
+                    gradients[3 * row + q][c] = [weighted(values, line.slopes[q]), weighted(rises, line.values[q])];
+                }
+            }
+        }
+        gradients
+    }
+
+    #[inline(always)]
+    fn forces<V: Value>(stresses: &[Tensor<V>; 9]) -> [[V; 9]; 2] {
+        let line = &Line::QUADRATIC;
+        let zero = stresses[0][0][0].constant(0.0);
+        let mut forces = [[zero; 9]; 2];
+        for (c, force) in forces.iter_mut().enumerate() {
+            for row in 0..3 {
+                let [left, middle, right] = [stresses[3 * row][c], stresses[3 * row + 1][c], stresses[3 * row + 2][c]];
+                for a in 0..3 {
+                    let across = line.weights[row];
+                    let along = weighted(
+                        [left[0], middle[0], right[0]],
+                        transposed(&line.slopes, line.weights, a, across),
+                    );
+                    let rise = weighted(
+                        [left[1], middle[1], right[1]],
+                        transposed(&line.values, line.weights, a, across),
+                    );
+                    for up in 0..3 {
+                        let sum = along.madd(zero.constant(line.values[row][up]), force[3 * up + a]);
+                        force[3 * up + a] = rise.madd(zero.constant(line.slopes[row][up]), sum);
+                    }
+                }
+            }
+        }
+        forces
+    }
+}
+
+/// A column of a table, times the weights of the points and another factor.
+#[inline(always)]
+fn transposed(table: &[[f64; 3]; 3], weights: [f64; 3], a: usize, factor: f64) -> [f64; 3] {
+    [
+        factor * weights[0] * table[0][a],
+        factor * weights[1] * table[1][a],
+        factor * weights[2] * table[2][a],
+    ]
+}
+
+#[inline(always)]
+fn weighted<V: Value>(terms: [V; 3], factors: [f64; 3]) -> V {
+    let [a, b, c] = terms;
+    let [f, g, h] = factors;
+    a.constant(f).madd(a, b.constant(g).madd(b, c.constant(h) * c))
+}
+
+/// A Lagrange basis on [0, 1] and its values at the Gauss points.
+#[derive(Clone, Copy, Debug)]
+pub struct Line<const A: usize> {
+    /// Places of the points.
+    pub points: [f64; A],
+    /// Weights of the points; they add up to 1.
+    pub weights: [f64; A],
+    /// `values[q][a]`: basis function a at point q.
+    pub values: [[f64; A]; A],
+    /// `slopes[q][a]`: its derivative.
+    pub slopes: [[f64; A]; A],
+}
+
+impl Line<2> {
+    /// Linear functions; the points are ½ ∓ 1/√12.
+    pub const LINEAR: Self = {
+        let (x, y) = (0.211_324_865_405_187_1, 0.788_675_134_594_812_9);
+        Self {
+            points: [x, y],
+            weights: [0.5; 2],
+            values: [[1.0 - x, x], [1.0 - y, y]],
+            slopes: [[-1.0, 1.0]; 2],
+        }
+    };
+}
+
+impl Line<3> {
+    /// Quadratic functions on the nodes 0, ½, 1; the points are ½ and ½ ∓ ½√0.6.
+    pub const QUADRATIC: Self = {
+        let (x, y) = (0.112_701_665_379_258_3, 0.887_298_334_620_741_7);
+        Self {
+            points: [x, 0.5, y],
+            weights: [5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0],
+            values: [quadratic_values(x), quadratic_values(0.5), quadratic_values(y)],
+            slopes: [quadratic_slopes(x), quadratic_slopes(0.5), quadratic_slopes(y)],
+        }
+    };
+}
+
+const fn quadratic_values(x: f64) -> [f64; 3] {
+    [(1.0 - x) * (1.0 - 2.0 * x), 4.0 * x * (1.0 - x), x * (2.0 * x - 1.0)]
+}
+
+const fn quadratic_slopes(x: f64) -> [f64; 3] {
+    [4.0 * x - 3.0, 4.0 - 8.0 * x, 4.0 * x - 1.0]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fem::kinematics::contract;
+
+    fn check_line<const A: usize>(line: &Line<A>) {
+        let nodes: [f64; A] = std::array::from_fn(|a| a as f64 / (A - 1) as f64);
+        for q in 0..A {
+            let x = line.points[q];
+            for power in 0..A as i32 {
+                let value: f64 = (0..A).map(|a| line.values[q][a] * nodes[a].powi(power)).sum();
+                let slope: f64 = (0..A).map(|a| line.slopes[q][a] * nodes[a].powi(power)).sum();
+                let exact = if power == 0 {
+                    0.0
+                } else {
+                    f64::from(power) * x.powi(power - 1)
+                };
+                assert!((value - x.powi(power)).abs() < 1e-15 && (slope - exact).abs() < 1e-14);
+            }
+        }
+        for power in 0..2 * A as i32 {
+            let integral: f64 = (0..A).map(|q| line.weights[q] * line.points[q].powi(power)).sum();
+            assert!((integral - 1.0 / f64::from(power + 1)).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn bases_reproduce_polynomials_and_rules_integrate_them() {
+        check_line(&Line::LINEAR);
+        check_line(&Line::QUADRATIC);
+    }
+
+    /// Gradients of xʸ-monomials up to the degree, and forces as the transpose of gradients.
+    fn check_element<E: Element<N>, const N: usize>() {
+        let side = E::DEGREE + 1;
+        let place = |node: usize| [node % side, node / side].map(|i| i as f64 / E::DEGREE as f64);
+        let points: Vec<f64> = if side == 2 {
+            Line::LINEAR.points.into()
+        } else {
+            Line::QUADRATIC.points.into()
+        };
+        for (i, k) in (0..side as i32).flat_map(|i| (0..side as i32).map(move |k| (i, k))) {
+            let values: [f64; N] = std::array::from_fn(|node| place(node)[0].powi(i) * place(node)[1].powi(k));
+            for (q, gradient) in E::gradients(&[values, values.map(|v| 2.0 * v)]).iter().enumerate() {
+                let (x, y) = (points[q % side], points[q / side]);
+                let exact = [
+                    f64::from(i) * x.powi((i - 1).max(0)) * y.powi(k),
+                    f64::from(k) * y.powi((k - 1).max(0)) * x.powi(i),
+                ];
+                assert!((0..2).all(|d| (gradient[0][d] - exact[d]).abs() < 1e-14));
+                assert!((0..2).all(|d| (gradient[1][d] - 2.0 * exact[d]).abs() < 1e-14));
+            }
+        }
+        let wave = |i: usize| (i as f64 * 1.7).sin();
+        let nodal: [[f64; N]; 2] = std::array::from_fn(|c| std::array::from_fn(|a| wave(a + 5 * c)));
+        let stresses: [Tensor<f64>; N] = std::array::from_fn(|q| [[wave(q), wave(q + 3)], [wave(q + 6), wave(2 * q)]]);
+        let forces = E::forces(&stresses);
+        let work: f64 = (0..2)
+            .flat_map(|c| (0..N).map(move |a| (c, a)))
+            .map(|(c, a)| forces[c][a] * nodal[c][a])
+            .sum();
+        let gradients = E::gradients(&nodal);
+        let exact: f64 = (0..N)
+            .map(|q| E::WEIGHTS[q] * contract(stresses[q], gradients[q]))
+            .sum();
+        assert!((work - exact).abs() < 1e-14);
+        assert!((E::WEIGHTS.iter().sum::<f64>() - 1.0).abs() < 1e-15);
+    }
+
+    #[test]
+    fn gradients_are_exact_and_forces_are_their_transpose() {
+        check_element::<Bilinear, 4>();
+        check_element::<Biquadratic, 9>();
+    }
+}

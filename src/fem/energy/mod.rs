@@ -1,0 +1,35 @@
+//! Elastic and electric energy of a point of the membrane, one law per file.
+
+mod neo_hookean;
+
+pub use neo_hookean::NeoHookean;
+
+use super::kinematics::Tensor;
+use super::lanes::Value;
+
+/// An energy density per area of the prestretched membrane, in units of μH, as a function of f = I + ∇u.
+///
+/// `active` is 1 where the membrane carries an electrode and 0 where it is bare.
+pub trait Law: Sync {
+    /// w(f).
+    fn energy<V: Value>(&self, f: Tensor<V>, active: V) -> V;
+    /// The part of p = ∂w/∂f that is no null Lagrangian, from ∇u = f − I: p = `stress` + `self_stress`. It vanishes with
+    /// the load and the displacement, so small loads do not drown in the rounding of the prestress.
+    fn stress<V: Value>(&self, gradient: Tensor<V>, active: V) -> Tensor<V>;
+    /// The derivative of `stress` along `df`.
+    fn tangent<V: Value>(&self, gradient: Tensor<V>, active: V, df: Tensor<V>) -> Tensor<V>;
+    /// A stress of the form αI + β cof f with uniform α and β: free of divergence whatever f, because the cofactor of a
+    /// gradient is.
+    fn self_stress(&self, f: Tensor<f64>) -> Tensor<f64>;
+    /// A load, in the unit of [`Law::load`], beyond which it is not worth looking for an equilibrium from rest: twice that
+    /// at which a membrane that is active everywhere loses stability.
+    fn largest_load(&self) -> f64;
+    /// The size of the load, the stress that the voltage causes in an undisplaced active cell.
+    fn load(&self) -> f64;
+    /// The smallest acoustic eigenvalue, min over unit m and N of (m⊗N) : ∂²w/∂f² : (m⊗N); positive where the law is
+    /// strongly elliptic.
+    fn ellipticity<V: Value>(&self, f: Tensor<V>, active: V) -> V;
+    /// A number that is positive where the tangent, shifted by a null Lagrangian, is positive definite at the point. If it
+    /// is positive everywhere the equilibrium of a clamped membrane is certainly stable; the converse does not hold.
+    fn convexity<V: Value>(&self, f: Tensor<V>, active: V) -> V;
+}

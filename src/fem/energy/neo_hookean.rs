@@ -1,0 +1,222 @@
+//! The base model: incompressible neo-Hookean membrane in plane stress with an ideal dielectric between electrodes.
+//!
+//! Per undeformed volume W = ½μ(tr FᵀF + J⁻² − 3) − S ½ε(V/H)²J² (Zhao and Suo, Appl. Phys. Lett. 91 (2007) 061921, for
+//! the ideal dielectric elastomer). With F = λp f, J = λp² j, per prestretched area and in units of μH:
+//!
+//! ```text
+//! w(f)  = ½ f:f + g(j) − 3/(2λp²),  g(j) = ½ a j⁻² − ½ S b j²,   a = λp⁻⁶, b = κλp², j = det f
+//! p     = f + g′ cof f
+//! dp    = df + g″ (cof f : df) cof f + g′ cof df
+//! ```
+//!
+//! Taking I − a cof f out of p leaves ∇u + (g′ + a) cof f, which is zero at rest and without voltage.
+
+use super::Law;
+use crate::fem::kinematics::{
+    Tensor, add_scaled, cofactor, conformal_split, contract, deformation, determinant, squared_stretches,
+};
+use crate::fem::lanes::Value;
+
+/// The two numbers of the base model.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NeoHookean {
+    /// a = λp⁻⁶: resistance of the thickness.
+    pub thickness: f64,
+    /// b = κλp²: electric pull.
+    pub pull: f64,
+}
+
+impl NeoHookean {
+    /// The law at prestretch λp and κ = ε(V/H)²/μ.
+    #[must_use]
+    pub fn new(prestretch: f64, kappa: f64) -> Self {
+        Self {
+            thickness: prestretch.powi(-6),
+            pull: kappa * prestretch * prestretch,
+        }
+    }
+
+    /// j − 1 without cancellation.
+    #[inline(always)]
+    fn dilation<V: Value>(gradient: Tensor<V>) -> V {
+        gradient[0][0] + gradient[1][1] + determinant(gradient)
+    }
+
+    /// g′ + a and g″ from j − 1.
+    #[inline(always)]
+    fn slopes<V: Value>(&self, dilation: V, active: V) -> (V, V) {
+        let one = active.constant(1.0);
+        let j = one + dilation;
+        let inverse = j.recip();
+        let pull = active.constant(-self.pull) * active;
+        let cubic = active.constant(self.thickness) * inverse * (inverse * inverse);
+        let relief = cubic * dilation * j.madd(j + one, one);
+        (pull.madd(j, relief), (active.constant(3.0) * inverse).madd(cubic, pull))
+    }
+
+    /// The weight of the null Lagrangian det ∇w in [`Law::convexity`]: found by hand to be near the best for patterns of
+    /// active and bare cells, for which it must serve both.
+    fn null_weight(&self) -> f64 {
+        -(2.0 * self.pull).min(0.9)
+    }
+}
+
+impl Law for NeoHookean {
+    #[inline(always)]
+    fn energy<V: Value>(&self, f: Tensor<V>, active: V) -> V {
+        let j = determinant(f);
+        let inverse = j.recip();
+        let thickness = active.constant(self.thickness) * inverse * inverse;
+        let electric = active.constant(self.pull) * active * j * j;
+        let rest = active.constant(3.0 * self.thickness.cbrt());
+        active.constant(0.5) * (contract(f, f) + thickness - electric - rest)
+    }
+
+    #[inline(always)]
+    fn stress<V: Value>(&self, gradient: Tensor<V>, active: V) -> Tensor<V> {
+        let (slope, _) = self.slopes(Self::dilation(gradient), active);
+        let c = cofactor(deformation(gradient));
+        add_scaled(gradient, slope, c)
+    }
+
+    #[inline(always)]
+    fn tangent<V: Value>(&self, gradient: Tensor<V>, active: V, df: Tensor<V>) -> Tensor<V> {
+        let (slope, curvature) = self.slopes(Self::dilation(gradient), active);
+        let (c, dc) = (cofactor(deformation(gradient)), cofactor(df));
+        let volumetric = curvature * contract(c, df);
+        add_scaled(add_scaled(df, volumetric, c), slope, dc)
+    }
+
+    fn self_stress(&self, f: Tensor<f64>) -> Tensor<f64> {
+        let c = cofactor(f);
+        let entry = |i: usize, k: usize| f64::from(u8::from(i == k)) - self.thickness * c[i][k];
+        [[entry(0, 0), entry(0, 1)], [entry(1, 0), entry(1, 1)]]
+    }
+
+    fn load(&self) -> f64 {
+        self.pull
+    }
+
+    fn largest_load(&self) -> f64 {
+        2.0 * (1.0 + 3.0 * self.thickness)
+    }
+
+    #[inline(always)]
+    fn ellipticity<V: Value>(&self, f: Tensor<V>, active: V) -> V {
+        let (_, curvature) = self.slopes(determinant(f) - active.constant(1.0), active);
+        let [largest, _] = squared_stretches(f);
+        // cof(m⊗N) is orthogonal to m⊗N, so only the volumetric part can be negative, at most along the largest stretch.
+        curvature.min(active.constant(0.0)).madd(largest, active.constant(1.0))
+    }
+
+    #[inline(always)]
+    fn convexity<V: Value>(&self, f: Tensor<V>, active: V) -> V {
+        let (slope, curvature) = self.slopes(determinant(f) - active.constant(1.0), active);
+        // df : cof df is +|df|² on the conformal part and −|df|² on the other, so the tangent is diag(1 + δ, 1 − δ) plus
+        // the rank-one volumetric term; Sherman and Morrison's determinant decides.
+        let one = active.constant(1.0);
+        let shift = slope - active.constant(self.null_weight());
+        let (conformal, anticonformal) = conformal_split(f);
+        let room = (one + shift).min(one - shift);
+        let guarded = room.max(active.constant(1e-6));
+        let (plus, minus) = ((one + shift).max(guarded), (one - shift).max(guarded));
+        let flexibility = conformal * plus.recip() + anticonformal * minus.recip();
+        room.min(curvature.min(active.constant(0.0)).madd(flexibility, one))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const F: Tensor<f64> = [[1.12, 0.07], [-0.11, 0.93]];
+    const GRADIENT: Tensor<f64> = [[0.12, 0.07], [-0.11, -0.07]];
+    const STEP: f64 = 1e-6;
+    const ENTRIES: [(usize, usize); 4] = [(0, 0), (0, 1), (1, 0), (1, 1)];
+
+    fn nudged(i: usize, k: usize, by: f64) -> Tensor<f64> {
+        let mut gradient = GRADIENT;
+        gradient[i][k] += by;
+        gradient
+    }
+
+    #[test]
+    fn stress_and_tangent_are_derivatives_of_the_energy() {
+        for (prestretch, kappa) in [(1.0, 0.1), (3.0, 0.0255), (3.0, 0.1), (6.0, 0.0)] {
+            let law = NeoHookean::new(prestretch, kappa);
+            for (active, (i, k)) in [0.0, 1.0].into_iter().flat_map(|s| ENTRIES.map(|at| (s, at))) {
+                let (up, down) = (nudged(i, k, STEP), nudged(i, k, -STEP));
+                let energy = |gradient| law.energy(deformation(gradient), active);
+                let slope = (energy(up) - energy(down)) / (2.0 * STEP);
+                let piola = law.stress(GRADIENT, active)[i][k] + law.self_stress(F)[i][k];
+                assert!((slope - piola).abs() < 1e-8);
+                let mut direction = [[0.0; 2]; 2];
+                direction[i][k] = 1.0;
+                let tangent = law.tangent(GRADIENT, active, direction);
+                let (p, m) = (law.stress(up, active), law.stress(down, active));
+                for (r, c) in ENTRIES {
+                    assert!(((p[r][c] - m[r][c]) / (2.0 * STEP) - tangent[r][c]).abs() < 1e-8);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn energy_is_the_dimensional_one_divided_by_its_scale() {
+        // PHYSICS: W = ½μ(tr FᵀF + J⁻² − 3) − ½ε(V/H)²J², over λp² for the prestretched area.
+        let (prestretch, kappa) = (3.0_f64, 0.02);
+        let scaled = F.map(|row| row.map(|v| prestretch * v));
+        let j = determinant(scaled);
+        let w = 0.5 * (contract(scaled, scaled) + j.powi(-2) - 3.0) - 0.5 * kappa * j * j;
+        let law = NeoHookean::new(prestretch, kappa);
+        assert!((law.energy(F, 1.0) - w / (prestretch * prestretch)).abs() < 1e-14);
+    }
+
+    #[test]
+    fn ellipticity_is_the_smallest_acoustic_eigenvalue() {
+        for kappa in [0.0255, 0.1, 0.15] {
+            let law = NeoHookean::new(3.0, kappa);
+            let mut smallest = f64::INFINITY;
+            for m in 0..360 {
+                for n in 0..360 {
+                    let (sm, cm) = f64::from(m).to_radians().sin_cos();
+                    let (sn, cn) = f64::from(n).to_radians().sin_cos();
+                    let d = [[cm * cn, cm * sn], [sm * cn, sm * sn]];
+                    smallest = smallest.min(contract(d, law.tangent(GRADIENT, 1.0, d)));
+                }
+            }
+            assert!((law.ellipticity(F, 1.0) - smallest).abs() < 1e-3);
+        }
+    }
+
+    #[test]
+    fn uniform_active_membrane_loses_ellipticity_at_the_closed_form_field() {
+        // H12: Ē = √(λ⁻² + 3λ⁻⁸) = 0.334018500209 at λp = 3.
+        let critical = 0.334_018_500_209_f64.powi(2);
+        let identity = [[1.0, 0.0], [0.0, 1.0]];
+        let margin = |kappa: f64| NeoHookean::new(3.0, kappa).ellipticity(identity, 1.0);
+        assert!(margin(critical * (1.0 - 1e-9)) > 0.0 && margin(critical * (1.0 + 1e-9)) < 0.0);
+    }
+
+    #[test]
+    fn convexity_implies_a_positive_shifted_tangent() {
+        for kappa in [0.01, 0.0255, 0.04, 0.06, 0.09] {
+            let law = NeoHookean::new(3.0, kappa);
+            for active in [0.0, 1.0] {
+                let mut smallest = f64::INFINITY;
+                for trial in 0..20_000_i32 {
+                    let angle = |k: f64| (f64::from(trial) * k).sin();
+                    let d = [[angle(1.0), angle(2.3)], [angle(3.7), angle(5.9)]];
+                    let shifted =
+                        contract(d, law.tangent(GRADIENT, active, d)) - 2.0 * law.null_weight() * determinant(d);
+                    smallest = smallest.min(shifted / contract(d, d));
+                }
+                assert_eq!(
+                    law.convexity(F, active) > 0.0,
+                    smallest > 0.0,
+                    "κ = {kappa}, S = {active}"
+                );
+            }
+        }
+    }
+}

@@ -1,0 +1,78 @@
+//! The eigenvectors of a line of elements, which diagonalise the Laplacian of the square mesh along one direction.
+
+use faer::{Mat, Side};
+
+use super::element::Line;
+
+/// Stiffness and mass of a line of elements of unit length, at the interior nodes.
+pub fn line_matrices<const A: usize>(elements: usize, line: &Line<A>) -> (Mat<f64>, Mat<f64>) {
+    let degree = A - 1;
+    let nodes = elements * degree + 1;
+    let (mut stiffness, mut mass) = (Mat::zeros(nodes, nodes), Mat::zeros(nodes, nodes));
+    for element in 0..elements {
+        for (a, b) in (0..A * A).map(|i| (i / A, i % A)) {
+            let at = (element * degree + a, element * degree + b);
+            for q in 0..A {
+                stiffness[at] += line.weights[q] * line.slopes[q][a] * line.slopes[q][b];
+                mass[at] += line.weights[q] * line.values[q][a] * line.values[q][b];
+            }
+        }
+    }
+    let interior = |m: Mat<f64>| m.submatrix(1, 1, nodes - 2, nodes - 2).to_owned();
+    (interior(stiffness), interior(mass))
+}
+
+/// The even or odd eigenvectors of KQ = MQΛ with QᵀMQ = I at the nodes up to the middle one, and their eigenvalues.
+pub fn half_modes(stiffness: &Mat<f64>, mass: &Mat<f64>, odd: bool) -> Option<(Mat<f64>, Vec<f64>)> {
+    let n = stiffness.nrows();
+    let count = if odd { n / 2 } else { n / 2 + 1 };
+    let sign = if odd { -1.0 } else { 1.0 };
+    // The basis (eᵢ ± e₋ᵢ)/√2, and the middle node by itself.
+    let norm = |i: usize| if i == n / 2 { 0.5 } else { 0.5_f64.sqrt() };
+    let reduce = |m: &Mat<f64>| {
+        let folded = |i: usize, k: usize| {
+            m[(i, k)] + sign * m[(i, n - 1 - k)] + sign * m[(n - 1 - i, k)] + m[(n - 1 - i, n - 1 - k)]
+        };
+        Mat::from_fn(count, count, |i, k| norm(i) * norm(k) * folded(i, k))
+    };
+    let (vectors, values) = generalised_eigen(&reduce(stiffness), &reduce(mass))?;
+    let scale = |i: usize| if i == n / 2 { 1.0 } else { 0.5_f64.sqrt() };
+    Some((Mat::from_fn(count, count, |i, k| scale(i) * vectors[(i, k)]), values))
+}
+
+/// Eigenvectors Q and eigenvalues of KQ = MQΛ with QᵀMQ = I, by way of M^(−½).
+fn generalised_eigen(stiffness: &Mat<f64>, mass: &Mat<f64>) -> Option<(Mat<f64>, Vec<f64>)> {
+    let n = mass.nrows();
+    let eigen = mass.self_adjoint_eigen(Side::Lower).ok()?;
+    let (v, d) = (eigen.U(), eigen.S().column_vector());
+    let scaled = Mat::from_fn(n, n, |i, k| v[(i, k)] / d[k].sqrt());
+    let root = &scaled * v.transpose();
+    let reduced = &root * stiffness * &root;
+    let eigen = reduced.self_adjoint_eigen(Side::Lower).ok()?;
+    let values = eigen.S().column_vector().iter().copied().collect();
+    Some((&root * eigen.U(), values))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn modes_of_linear_elements_are_sines() {
+        // KQ = MQΛ on a uniform line: q ∝ sin(kπi/n), λ = 6(1 − cos θ)/(2 + cos θ) with θ = kπ/n and unit elements.
+        let n = 10;
+        let (stiffness, mass) = line_matrices(n, &Line::LINEAR);
+        for (odd, first) in [(false, 1), (true, 2)] {
+            let (vectors, values) = half_modes(&stiffness, &mass, odd).unwrap();
+            for (mode, value) in values.iter().enumerate() {
+                let theta = (first + 2 * mode) as f64 * std::f64::consts::PI / n as f64;
+                let exact = 6.0 * (1.0 - theta.cos()) / (2.0 + theta.cos());
+                assert!((value / exact - 1.0).abs() < 1e-12);
+                let ratio = vectors[(0, mode)] / theta.sin();
+                for i in 0..vectors.nrows() {
+                    assert!((vectors[(i, mode)] - ratio * ((i + 1) as f64 * theta).sin()).abs() < 1e-12);
+                }
+            }
+        }
+    }
+}

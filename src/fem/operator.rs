@@ -1,0 +1,337 @@
+//! The residual and the tangent–vector product of the whole membrane, without a matrix.
+//!
+//! Neighbouring elements of a row are treated side by side, one per lane of a register. The forces that they exert on
+//! their nodes are first written apart, one line per node of the element, and added up once the row is finished: no
+//! element waits for its neighbour.
+
+use std::marker::PhantomData;
+
+use pulp::{Arch, Simd, WithSimd};
+
+use crate::pattern::Pattern;
+
+use super::element::{Bilinear, Biquadratic, Element};
+use super::energy::Law;
+use super::kinematics::{Tensor, deformation, determinant};
+use super::lanes::{Real, Value, WIDEST, Wide};
+use super::mesh::{Mesh, Order};
+
+/// Where a pattern is active on a mesh, in both precisions.
+#[derive(Clone, Debug)]
+pub struct Activity {
+    double: Vec<f64>,
+    single: Vec<f32>,
+}
+
+impl Activity {
+    /// The activity of a pattern.
+    #[must_use]
+    pub fn new(mesh: Mesh, pattern: &Pattern) -> Self {
+        Self::from_shares(mesh, |x, y| f64::from(u8::from(pattern.is_active(x, y))))
+    }
+
+    /// Cells (column, row) that are active to a share: what derivatives with respect to the pattern are derivatives of.
+    #[must_use]
+    pub fn from_shares(mesh: Mesh, share: impl Fn(usize, usize) -> f64) -> Self {
+        let len = mesh.elements() * mesh.part();
+        let mut activity = Self {
+            double: vec![0.0; len],
+            single: vec![0.0; len],
+        };
+        mesh.write_activity(&share, &mut activity.double);
+        mesh.write_activity(&share, &mut activity.single);
+        activity
+    }
+
+    /// The activity of each element, in rows of [`Mesh::part`] numbers.
+    #[must_use]
+    pub fn elements(&self) -> &[f64] {
+        &self.double
+    }
+}
+
+/// A precision that operators work in.
+pub trait Precision: Real {
+    /// The activity in this precision.
+    fn of(activity: &Activity) -> &[Self];
+}
+
+impl Precision for f64 {
+    fn of(activity: &Activity) -> &[Self] {
+        &activity.double
+    }
+}
+
+impl Precision for f32 {
+    fn of(activity: &Activity) -> &[Self] {
+        &activity.single
+    }
+}
+
+/// The discrete equilibrium of one pattern under one law.
+#[derive(Clone, Copy)]
+pub struct Operator<'a, L> {
+    /// Where.
+    pub mesh: Mesh,
+    /// What the membrane is made of, at its load.
+    pub law: &'a L,
+    /// Where it is active.
+    pub activity: &'a Activity,
+}
+
+/// The least favourable values over all quadrature points.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Margins {
+    /// Of [`Law::ellipticity`].
+    pub ellipticity: f64,
+    /// Of [`Law::convexity`].
+    pub convexity: f64,
+}
+
+impl<L: Law> Operator<'_, L> {
+    /// The residual at interior nodes, zero on the frame, into `out`. Returns the smallest det f; the residual means
+    /// something only where that is positive.
+    pub fn residual<T: Precision>(&self, u: &[T], out: &mut [T]) -> f64 {
+        self.sweep([u], out, StressAt(self.law))
+    }
+
+    /// The tangent at `u` times `du`, at interior nodes, into `out`.
+    pub fn tangent<T: Precision>(&self, u: &[T], du: &[T], out: &mut [T]) {
+        self.sweep([u, du], out, TangentAt(self.law));
+    }
+
+    /// The smallest margins over the quadrature points.
+    pub fn margins<T: Precision>(&self, u: &[T]) -> Margins {
+        match self.mesh.order() {
+            Order::Bilinear => Arch::new().dispatch(self.survey::<Bilinear, T, 4>(u)),
+            Order::Biquadratic => Arch::new().dispatch(self.survey::<Biquadratic, T, 9>(u)),
+        }
+    }
+
+    fn survey<'a, E: Element<N>, T: Precision, const N: usize>(&'a self, u: &'a [T]) -> Survey<'a, E, L, T, N> {
+        Survey {
+            mesh: self.mesh,
+            law: self.law,
+            activity: T::of(self.activity),
+            u,
+            element: PhantomData,
+        }
+    }
+
+    fn sweep<T: Precision, P: Point<M>, const M: usize>(&self, inputs: [&[T]; M], out: &mut [T], point: P) -> f64 {
+        match self.mesh.order() {
+            Order::Bilinear => self.sweep_elements::<Bilinear, T, P, 4, M>(inputs, out, point),
+            Order::Biquadratic => self.sweep_elements::<Biquadratic, T, P, 9, M>(inputs, out, point),
+        }
+    }
+
+    fn sweep_elements<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize>(
+        &self,
+        inputs: [&[T]; M],
+        out: &mut [T],
+        point: P,
+    ) -> f64 {
+        let sweep = Sweep::<E, T, P, N, M> {
+            mesh: self.mesh,
+            activity: T::of(self.activity),
+            inputs,
+            lines: vec![T::default(); 2 * N * (WIDEST + self.mesh.part())],
+            out,
+            point,
+            element: PhantomData,
+        };
+        let smallest = Arch::new().dispatch(sweep);
+        self.mesh.clear_frame(out);
+        smallest
+    }
+}
+
+/// What happens at a quadrature point: from the gradients of M fields to a stress.
+trait Point<const M: usize>: Copy {
+    /// Whether the smallest det f of the first field is wanted.
+    const WATCHED: bool;
+    fn stress<V: Value>(self, gradients: [Tensor<V>; M], active: V) -> Tensor<V>;
+}
+
+struct StressAt<'a, L>(&'a L);
+
+struct TangentAt<'a, L>(&'a L);
+
+impl<L> Clone for StressAt<'_, L> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<L> Copy for StressAt<'_, L> {}
+
+impl<L> Clone for TangentAt<'_, L> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<L> Copy for TangentAt<'_, L> {}
+
+impl<L: Law> Point<1> for StressAt<'_, L> {
+    const WATCHED: bool = true;
+    #[inline(always)]
+    fn stress<V: Value>(self, [gradient]: [Tensor<V>; 1], active: V) -> Tensor<V> {
+        self.0.stress(gradient, active)
+    }
+}
+
+impl<L: Law> Point<2> for TangentAt<'_, L> {
+    const WATCHED: bool = false;
+    #[inline(always)]
+    fn stress<V: Value>(self, [gradient, change]: [Tensor<V>; 2], active: V) -> Tensor<V> {
+        self.0.tangent(gradient, active, change)
+    }
+}
+
+/// One pass over the elements that turns nodal fields into nodal forces.
+struct Sweep<'a, E, T, P, const N: usize, const M: usize> {
+    mesh: Mesh,
+    activity: &'a [T],
+    inputs: [&'a [T]; M],
+    /// One line for each component and node of the element: a margin of zeros, then a number per element of the row.
+    lines: Vec<T>,
+    out: &'a mut [T],
+    point: P,
+    element: PhantomData<E>,
+}
+
+impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize> WithSimd for Sweep<'_, E, T, P, N, M> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(mut self, simd: S) -> f64 {
+        let mut smallest = Wide::<S, T>::splat(simd, f64::INFINITY);
+        for row in 0..self.mesh.elements() {
+            for first in (0..self.mesh.elements()).step_by(T::lanes::<S>()) {
+                let active = Wide::load(simd, &self.activity[row * self.mesh.part() + first..]);
+                let zero = active.constant(0.0);
+                let mut gradients = [[[[zero; 2]; 2]; N]; M];
+                for (gradients, input) in gradients.iter_mut().zip(self.inputs) {
+                    *gradients = E::gradients(&gather::<E, S, T, N>(simd, self.mesh, input, first, row));
+                }
+                let mut stresses = [[[zero; 2]; 2]; N];
+                for (q, stress) in stresses.iter_mut().enumerate() {
+                    let mut here = [[[zero; 2]; 2]; M];
+                    for (here, gradients) in here.iter_mut().zip(&gradients) {
+                        *here = gradients[q];
+                    }
+                    if P::WATCHED {
+                        smallest = smallest.min(determinant(deformation(here[0])));
+                    }
+                    *stress = self.point.stress(here, active);
+                }
+                self.write(&E::forces(&stresses), first);
+            }
+            self.collect(simd, row);
+        }
+        smallest.smallest()
+    }
+}
+
+impl<E: Element<N>, T: Precision, P, const N: usize, const M: usize> Sweep<'_, E, T, P, N, M> {
+    /// Where the line of a node of the element begins.
+    #[inline(always)]
+    fn line(&self, c: usize, node: usize) -> usize {
+        (c * N + node) * (WIDEST + self.mesh.part()) + WIDEST
+    }
+
+    #[inline(always)]
+    fn write<S: Simd>(&mut self, forces: &[[Wide<S, T>; N]; 2], first: usize) {
+        for (c, component) in forces.iter().enumerate() {
+            for (node, force) in component.iter().enumerate() {
+                let at = self.line(c, node) + first;
+                force.store(&mut self.lines[at..]);
+            }
+        }
+    }
+
+    /// Adds the lines of a finished row of elements to the rows of nodes that it touches.
+    #[inline(always)]
+    fn collect<S: Simd>(&mut self, simd: S, row: usize) {
+        let (degree, part) = (E::DEGREE, self.mesh.part());
+        for (c, rise) in (0..2).flat_map(|c| (0..=degree).map(move |rise| (c, rise))) {
+            for inner in 0..degree {
+                let own = self.line(c, rise * (degree + 1) + inner);
+                let left = self.line(c, rise * (degree + 1) + degree) - 1;
+                let start = self.mesh.index(c, inner, row * degree + rise);
+                let target = &mut self.out[start..start + part];
+                for at in (0..part).step_by(T::lanes::<S>()) {
+                    let mut sum = Wide::load(simd, &self.lines[own + at..]);
+                    if inner == 0 {
+                        sum = sum + Wide::load(simd, &self.lines[left + at..]);
+                    }
+                    if rise == 0 && row > 0 {
+                        sum = sum + Wide::load(simd, &target[at..]);
+                    }
+                    sum.store(&mut target[at..]);
+                }
+            }
+        }
+    }
+}
+
+/// The nodal values of as many elements as a register holds, from element `first` of a row; beyond the last element zero.
+#[inline(always)]
+fn gather<E: Element<N>, S: Simd, T: Real, const N: usize>(
+    simd: S,
+    mesh: Mesh,
+    vector: &[T],
+    first: usize,
+    row: usize,
+) -> [[Wide<S, T>; N]; 2] {
+    let (degree, lanes) = (E::DEGREE, T::lanes::<S>());
+    let real = mesh.elements() - first;
+    let mut nodal = [[Wide::splat(simd, 0.0); N]; 2];
+    for (c, component) in nodal.iter_mut().enumerate() {
+        for (node, value) in component.iter_mut().enumerate() {
+            let (column, rise) = (node % (degree + 1), node / (degree + 1));
+            let start = mesh.index(c, first * degree + column, row * degree + rise);
+            *value = if real >= lanes {
+                Wide::load(simd, &vector[start..])
+            } else {
+                Wide::load_part(simd, &vector[start..start + real])
+            };
+        }
+    }
+    nodal
+}
+
+/// One pass over the quadrature points that finds the smallest margins.
+struct Survey<'a, E, L, T, const N: usize> {
+    mesh: Mesh,
+    law: &'a L,
+    activity: &'a [T],
+    u: &'a [T],
+    element: PhantomData<E>,
+}
+
+impl<E: Element<N>, L: Law, T: Precision, const N: usize> WithSimd for Survey<'_, E, L, T, N> {
+    type Output = Margins;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> Margins {
+        let mut ellipticity = Wide::<S, T>::splat(simd, f64::INFINITY);
+        let mut convexity = ellipticity;
+        for row in 0..self.mesh.elements() {
+            for first in (0..self.mesh.elements()).step_by(T::lanes::<S>()) {
+                let nodal = gather::<E, S, T, N>(simd, self.mesh, self.u, first, row);
+                let active = Wide::load(simd, &self.activity[row * self.mesh.part() + first..]);
+                for gradient in E::gradients(&nodal) {
+                    let f = deformation(gradient);
+                    ellipticity = ellipticity.min(self.law.ellipticity(f, active));
+                    convexity = convexity.min(self.law.convexity(f, active));
+                }
+            }
+        }
+        Margins {
+            ellipticity: ellipticity.smallest(),
+            convexity: convexity.smallest(),
+        }
+    }
+}

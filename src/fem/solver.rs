@@ -1,0 +1,225 @@
+//! The simulator that the rest of the program uses: a scene and a mesh, ready for any number of patterns.
+
+use rayon::prelude::*;
+
+use crate::field::{Field, Outcome, Simulation, Simulator};
+use crate::pattern::Pattern;
+use crate::scene::Scene;
+
+use super::adjoint;
+use super::continuation::{Ending, Loading, Problem};
+use super::energy::NeoHookean;
+use super::mesh::{Mesh, Order};
+use super::newton::Workspace;
+use super::operator::{Activity, Operator};
+use super::precondition::Laplacian;
+
+/// Mesh and tolerance of a solve.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SolveOptions {
+    /// Elements along the side of a cell, 1 to 8.
+    pub elements_per_cell: usize,
+    /// Polynomial order.
+    pub order: Order,
+    /// Relative residual at which the iteration ends, 1e-12 to 1e-2.
+    pub tolerance: f64,
+}
+
+impl Default for SolveOptions {
+    fn default() -> Self {
+        Self {
+            elements_per_cell: 2,
+            order: Order::Bilinear,
+            tolerance: 1e-8,
+        }
+    }
+}
+
+/// Options that no solver can be made of.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SetupError {
+    /// Elements per cell out of range.
+    #[error("elements_per_cell is {found}; it lies between 1 and 8")]
+    ElementsPerCell {
+        /// What was asked for.
+        found: usize,
+    },
+    /// Tolerance out of range.
+    #[error("the tolerance is {found:e}; it lies between 1e-12 and 1e-2")]
+    Tolerance {
+        /// What was asked for.
+        found: f64,
+    },
+    /// Accuracy that no mesh can have.
+    #[error("the accuracy is {found} mm; it is a positive length")]
+    Accuracy {
+        /// What was asked for.
+        found: f64,
+    },
+    /// The half-active membrane at rest, about which a response is linearised, is not stable.
+    #[error("a half-active membrane is not stable at this voltage: there is no linear response")]
+    Unstable,
+    /// The eigenvectors of the preconditioner did not converge.
+    #[error("the eigenvectors of the preconditioner could not be computed")]
+    Eigenvectors,
+}
+
+/// The mesh of options that are in range.
+pub(super) fn validated(options: SolveOptions) -> Result<Mesh, SetupError> {
+    if !(1..=8).contains(&options.elements_per_cell) {
+        return Err(SetupError::ElementsPerCell {
+            found: options.elements_per_cell,
+        });
+    }
+    if !(1e-12..=1e-2).contains(&options.tolerance) {
+        return Err(SetupError::Tolerance {
+            found: options.tolerance,
+        });
+    }
+    Ok(Mesh::new(options.elements_per_cell, options.order))
+}
+
+/// A solution with the resolution of the mesh.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MeshSolution {
+    /// How it ended.
+    pub outcome: Outcome,
+    /// Nodal displacements in units of an element's side, laid out as [`Mesh`] says; those of the last stable state
+    /// where the outcome is not converged.
+    pub displacement: Vec<f64>,
+    /// Newton steps over all load steps.
+    pub newton_iterations: u32,
+    /// Conjugate-gradient iterations within them.
+    pub krylov_iterations: u32,
+    /// Relative residual at the end.
+    pub residual: f64,
+}
+
+/// Simulates patterns under one scene on one mesh.
+pub struct MembraneSolver {
+    scene: Scene,
+    mesh: Mesh,
+    tolerance: f64,
+    laplacian: Laplacian,
+}
+
+impl MembraneSolver {
+    /// A solver for a scene.
+    ///
+    /// # Errors
+    /// When an option is out of range.
+    pub fn new(scene: &Scene, options: SolveOptions) -> Result<Self, SetupError> {
+        let mesh = validated(options)?;
+        Ok(Self {
+            scene: scene.clone(),
+            mesh,
+            tolerance: options.tolerance,
+            laplacian: Laplacian::new(mesh)?,
+        })
+    }
+
+    /// The mesh.
+    #[must_use]
+    pub fn mesh(&self) -> Mesh {
+        self.mesh
+    }
+
+    /// The side of an element in mm.
+    #[must_use]
+    pub fn element_side_mm(&self) -> f64 {
+        self.scene.side_mm() / self.mesh.elements() as f64
+    }
+
+    /// Simulates one pattern and keeps the whole nodal solution.
+    #[must_use]
+    pub fn solve(&self, pattern: &Pattern) -> MeshSolution {
+        let mut room = self.room();
+        let loading = self.load(pattern, &mut room);
+        MeshSolution {
+            outcome: self.outcome(loading.ending),
+            displacement: room.displacement,
+            newton_iterations: loading.steps,
+            krylov_iterations: room.workspace.krylov_iterations(),
+            residual: loading.residual,
+        }
+    }
+
+    /// The gradient of J = Σ weights · u, with u in mm at the cell corners, with respect to the activity of each of the
+    /// 2500 cells, `[y][x]`, at a solution of [`MembraneSolver::solve`]. It is that of letting the activity of a cell vary
+    /// between 0 and 1. `None` when the solution is not a converged one of this pattern.
+    #[must_use]
+    pub fn gradient(&self, pattern: &Pattern, solution: &MeshSolution, weights: &Field) -> Option<Vec<f64>> {
+        if !solution.outcome.is_converged() {
+            return None;
+        }
+        let law = NeoHookean::new(self.scene.prestretch(), self.scene.kappa());
+        let activity = Activity::new(self.mesh, pattern);
+        let operator = Operator {
+            mesh: self.mesh,
+            law: &law,
+            activity: &activity,
+        };
+        let (u, mut workspace) = (&solution.displacement, self.room().workspace);
+        let gradient = adjoint::gradient(&operator, &self.laplacian, 1e-9, u, weights, &mut workspace).ok()?;
+        Some(gradient.iter().map(|g| g * self.element_side_mm()).collect())
+    }
+
+    fn room(&self) -> Room {
+        Room {
+            displacement: vec![0.0; self.mesh.vector_len()],
+            workspace: Workspace::new(self.mesh.vector_len(), &self.laplacian),
+        }
+    }
+
+    /// Loads a pattern; the displacement is then in the room.
+    fn load(&self, pattern: &Pattern, room: &mut Room) -> Loading {
+        let (prestretch, kappa) = (self.scene.prestretch(), self.scene.kappa());
+        let problem = Problem {
+            mesh: self.mesh,
+            activity: &Activity::new(self.mesh, pattern),
+            laplacian: &self.laplacian,
+            law: |share: f64| NeoHookean::new(prestretch, share * kappa),
+            tolerance: self.tolerance,
+        };
+        problem.load(&mut room.displacement, &mut room.workspace)
+    }
+
+    fn outcome(&self, ending: Ending) -> Outcome {
+        match ending {
+            Ending::Stable => Outcome::Converged,
+            Ending::Lost { ellipticity: true, .. } => Outcome::NotElliptic,
+            Ending::Lost { stable, unstable, .. } => Outcome::PullIn {
+                last_stable: stable.sqrt() * self.scene.voltage_v(),
+                first_unstable: unstable.sqrt() * self.scene.voltage_v(),
+            },
+            Ending::Unknown => Outcome::IterationLimit,
+        }
+    }
+
+    fn simulation(&self, pattern: &Pattern, room: &mut Room) -> Simulation {
+        let loading = self.load(pattern, room);
+        let outcome = self.outcome(loading.ending);
+        let sample = || self.mesh.sample(&room.displacement, self.element_side_mm());
+        Simulation {
+            outcome,
+            field: outcome.is_converged().then(sample),
+            newton_iterations: loading.steps,
+            residual: loading.residual,
+        }
+    }
+}
+
+/// What one thread needs to solve one pattern after another.
+struct Room {
+    displacement: Vec<f64>,
+    workspace: Workspace,
+}
+
+impl Simulator for MembraneSolver {
+    fn simulate(&self, patterns: &[Pattern]) -> Vec<Simulation> {
+        patterns
+            .par_iter()
+            .map_init(|| self.room(), |room, pattern| self.simulation(pattern, room))
+            .collect()
+    }
+}

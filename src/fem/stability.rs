@@ -1,0 +1,97 @@
+//! Whether an equilibrium is one that a membrane can be found in.
+//!
+//! Two things are asked. Strong ellipticity at every quadrature point: without it the solution depends on the mesh. And a
+//! positive definite tangent: without it the equilibrium is a saddle. The second is first tried pointwise, with a null
+//! Lagrangian added, which is sufficient and costs a sweep. Where that does not decide, conjugate gradients probe the
+//! tangent; and where these take too long, the matrix is factorised and its negative pivots are counted (Sylvester's law
+//! of inertia).
+
+use super::direct::Factorisation;
+use super::energy::Law;
+use super::krylov::Ending;
+use super::newton::{Workspace, probe};
+use super::operator::Operator;
+use super::precondition::Laplacian;
+
+/// What an equilibrium is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stability {
+    /// A minimum of the energy, elliptic everywhere.
+    Stable,
+    /// The tangent is not positive definite.
+    Unstable,
+    /// Rank-one convexity is lost somewhere.
+    NotElliptic,
+}
+
+/// A margin that rounding to single precision cannot have caused.
+const CLEAR: f64 = 1e-3;
+
+/// Judges the equilibrium `u`.
+pub fn judge<L: Law>(
+    operator: &Operator<'_, L>,
+    laplacian: &Laplacian,
+    u: &[f64],
+    workspace: &mut Workspace,
+) -> Stability {
+    // Nearly always single precision is enough to see that all is well.
+    let quick = operator.margins(workspace.single(u));
+    if quick.ellipticity > CLEAR && quick.convexity > CLEAR {
+        return Stability::Stable;
+    }
+    let margins = operator.margins(u);
+    if margins.ellipticity <= 0.0 {
+        return Stability::NotElliptic;
+    }
+    if margins.convexity > 0.0 {
+        return Stability::Stable;
+    }
+    match probe(operator, laplacian, u, workspace) {
+        Ending::Converged => Stability::Stable,
+        Ending::NegativeCurvature => Stability::Unstable,
+        Ending::Limit => match Factorisation::new(operator, u) {
+            Some(factors) if factors.negative_pivots() == 0 => Stability::Stable,
+            _ => Stability::Unstable,
+        },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fem::energy::NeoHookean;
+    use crate::fem::mesh::{Mesh, Order};
+    use crate::fem::operator::Activity;
+
+    #[test]
+    fn the_probe_agrees_with_the_inertia() {
+        // A half-active membrane held at rest is no equilibrium, but its tangent has an inertia: the null Lagrangian makes
+        // the membrane stable beyond the loss of pointwise convexity, up to some load.
+        let mesh = Mesh::new(1, Order::Bilinear);
+        let laplacian = Laplacian::new(mesh).unwrap();
+        let mut workspace = Workspace::new(mesh.vector_len(), &laplacian);
+        let u = vec![0.0; mesh.vector_len()];
+        let activity = Activity::from_shares(mesh, |x, y| if (x / 10 + y / 10) % 2 == 0 { 1.0 } else { 0.2 });
+        let mut seen = [false, false];
+        for step in 0..16 {
+            let law = NeoHookean {
+                thickness: 1.0 / 729.0,
+                pull: 0.6 + 0.05 * f64::from(step),
+            };
+            let operator = Operator {
+                mesh,
+                law: &law,
+                activity: &activity,
+            };
+            let positive = Factorisation::new(&operator, &u).unwrap().negative_pivots() == 0;
+            let expected = if positive {
+                Ending::Converged
+            } else {
+                Ending::NegativeCurvature
+            };
+            assert_eq!(probe(&operator, &laplacian, &u, &mut workspace), expected, "{step}");
+            seen[usize::from(positive)] = true;
+        }
+        assert_eq!(seen, [true, true]);
+    }
+}

@@ -1,0 +1,71 @@
+//! Cases with known answers. H-numbers are those of the theory page; closed forms are restated where they are used.
+
+mod convergence;
+mod discrete;
+mod invariance;
+mod known;
+mod material;
+mod outcome;
+
+use super::direct::Factorisation;
+use super::energy::{Law, NeoHookean};
+use super::newton::norm;
+use super::operator::{Activity, Operator};
+use super::*;
+use crate::base::Stream;
+use crate::field::{Field, Outcome, Simulator};
+use crate::pattern::{CELLS, Pattern, Symmetry};
+use crate::scene::Scene;
+
+fn half() -> Pattern {
+    Pattern::from_fn(|x, _| x < CELLS / 2)
+}
+
+fn random(index: u64) -> Pattern {
+    let mut stream = Stream::new(7, "fem test", index);
+    let bits: Vec<bool> = (0..CELLS * CELLS).map(|_| stream.chance(0.5)).collect();
+    Pattern::from_fn(|x, y| bits[y * CELLS + x])
+}
+
+fn options(elements_per_cell: usize, order: Order) -> SolveOptions {
+    SolveOptions {
+        elements_per_cell,
+        order,
+        tolerance: 1e-10,
+    }
+}
+
+fn solver(scene: &Scene, elements_per_cell: usize) -> MembraneSolver {
+    MembraneSolver::new(scene, options(elements_per_cell, Order::Bilinear)).unwrap()
+}
+
+fn field(scene: &Scene, elements_per_cell: usize, pattern: &Pattern) -> Field {
+    let result = solver(scene, elements_per_cell)
+        .simulate(std::slice::from_ref(pattern))
+        .remove(0);
+    assert_eq!(result.outcome, Outcome::Converged);
+    result.field.unwrap()
+}
+
+fn soft(voltage: f64) -> Scene {
+    Scene::with_values(50.0, 1.0, 3.0, 25e3, 4.7, voltage)
+}
+
+fn places(mesh: Mesh) -> impl Iterator<Item = (usize, usize)> {
+    (0..mesh.nodes().pow(2)).map(move |i| (i / mesh.nodes(), i % mesh.nodes()))
+}
+
+/// Full Newton steps with the factorised tangent, whatever its inertia, until the residual is the given load.
+fn newton_by_factors<L: Law>(operator: &Operator<'_, L>, load: &[f64], u: &mut [f64]) {
+    let mut r = vec![0.0; u.len()];
+    for _ in 0..12 {
+        operator.residual(u, &mut r);
+        r.iter_mut().zip(load).for_each(|(r, l)| *r -= l);
+        if norm(&r) < 1e-12 {
+            return;
+        }
+        let step = Factorisation::new(operator, u).unwrap().solve(&r);
+        u.iter_mut().zip(step).for_each(|(u, s)| *u -= s);
+    }
+    panic!("residual {:e}", norm(&r));
+}
