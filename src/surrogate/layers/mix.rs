@@ -1,0 +1,160 @@
+//! Mixing over the whole image: every output position sees every input position.
+//!
+//! The elastic response of a membrane is global (the Green's function of the Laplacian decays like a logarithm), which
+//! no small window reaches.
+
+use candle_core::{CpuStorage, CustomOp2, Layout, Result, Shape, Tensor, bail};
+use faer::Accum;
+
+use super::gemm::{Matrix, multiply, multiply_into};
+use super::storage::values;
+
+/// `x` (n, h, h, c) with `weights` (g, h², h²), g dividing c: in each of the g groups of neighbouring channels the h²
+/// positions of an image are multiplied by one matrix.
+pub(crate) fn mix(x: &Tensor, weights: &Tensor) -> Result<Tensor> {
+    let (n, h, w, c) = x.dims4()?;
+    let positions = x.reshape((n, h * w, c))?;
+    let mixed = if x.device().is_cpu() {
+        positions.apply_op2(weights, Mix { transposed: false })?
+    } else {
+        composed(&positions, weights)?
+    };
+    mixed.reshape((n, h, w, c))
+}
+
+/// [`mix`] from candle's operations, for devices other than the CPU: `x` is (n, h², c).
+fn composed(x: &Tensor, weights: &Tensor) -> Result<Tensor> {
+    let (n, positions, c) = x.dims3()?;
+    let groups = weights.dim(0)?;
+    let x = x
+        .reshape((n, positions, groups, c / groups))?
+        .transpose(1, 2)?
+        .contiguous()?;
+    weights
+        .unsqueeze(0)?
+        .broadcast_matmul(&x)?
+        .transpose(1, 2)?
+        .reshape((n, positions, c))
+}
+
+/// `y[n][:, g] = W[g] · x[n][:, g]`, or `W[g]ᵀ · x[n][:, g]`.
+struct Mix {
+    transposed: bool,
+}
+
+/// `W[g] = Σ_n y[n][:, g] · x[n][:, g]ᵀ`, in order; `groups` of them.
+struct MixGradient {
+    groups: usize,
+}
+
+/// (positions, channels).
+fn dims(layout: &Layout) -> Result<(usize, usize)> {
+    match layout.dims() {
+        &[_, p, c] => Ok((p, c)),
+        dims => bail!("expected positions and channels, found {dims:?}"),
+    }
+}
+
+impl CustomOp2 for Mix {
+    fn name(&self) -> &'static str {
+        "mix"
+    }
+
+    fn cpu_fwd(&self, x: &CpuStorage, lx: &Layout, w: &CpuStorage, lw: &Layout) -> Result<(CpuStorage, Shape)> {
+        let ((p, c), groups) = (dims(lx)?, lw.dims()[0]);
+        let (x, w, width) = (values(x, lx)?, values(w, lw)?, c / groups);
+        let mut y = vec![0.0; x.len()];
+        for (x, y) in x.chunks_exact(p * c).zip(y.chunks_exact_mut(p * c)) {
+            for (group, w) in w.chunks_exact(p * p).enumerate() {
+                let (w, first) = (Matrix::new(w, p), group * width);
+                let w = if self.transposed { w.transposed() } else { w };
+                multiply_into(y, c, first, Accum::Replace, w, Matrix::new(x, c).columns(first, width));
+            }
+        }
+        Ok((CpuStorage::F32(y), lx.shape().clone()))
+    }
+
+    fn bwd(&self, x: &Tensor, w: &Tensor, _: &Tensor, grad: &Tensor) -> Result<(Option<Tensor>, Option<Tensor>)> {
+        let (grad, groups) = (grad.contiguous()?, w.dim(0)?);
+        let dx = grad.apply_op2_no_bwd(w, &Mix { transposed: true })?;
+        Ok((Some(dx), Some(x.apply_op2_no_bwd(&grad, &MixGradient { groups })?)))
+    }
+}
+
+impl CustomOp2 for MixGradient {
+    fn name(&self) -> &'static str {
+        "mix-gradient"
+    }
+
+    fn cpu_fwd(&self, x: &CpuStorage, lx: &Layout, y: &CpuStorage, ly: &Layout) -> Result<(CpuStorage, Shape)> {
+        let (p, c) = dims(lx)?;
+        let (x, y, width) = (values(x, lx)?, values(y, ly)?, c / self.groups);
+        let mut w = vec![0.0; self.groups * p * p];
+        for (x, y) in x.chunks_exact(p * c).zip(y.chunks_exact(p * c)) {
+            for (group, w) in w.chunks_exact_mut(p * p).enumerate() {
+                let columns = |values| Matrix::new(values, c).columns(group * width, width);
+                multiply(w, Accum::Add, columns(y), columns(x).transposed());
+            }
+        }
+        Ok((CpuStorage::F32(w), (self.groups, p, p).into()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use candle_core::{Device, Var};
+
+    use super::*;
+
+    fn numbers(dims: &[usize], salt: usize) -> Tensor {
+        let count = dims.iter().product();
+        let values: Vec<f32> = (0..count).map(|i| ((i * 31 + salt) * 17 % 11) as f32 - 5.0).collect();
+        Tensor::from_vec(values, dims, &Device::Cpu).unwrap()
+    }
+
+    fn dot(a: &Tensor, b: &Tensor) -> f32 {
+        (a * b).unwrap().sum_all().unwrap().to_scalar().unwrap()
+    }
+
+    #[test]
+    fn other_devices_would_compute_the_same() {
+        let (x, w) = (numbers(&[3, 4, 4, 6], 1), numbers(&[2, 16, 16], 2));
+        let expected = composed(&x.reshape((3, 16, 6)).unwrap(), &w).unwrap();
+        let found = mix(&x, &w).unwrap();
+        assert_eq!(found.dims(), &[3, 4, 4, 6]);
+        let flat = |x: &Tensor| x.flatten_all().unwrap().to_vec1::<f32>().unwrap();
+        assert_eq!(flat(&found), flat(&expected));
+    }
+
+    #[test]
+    fn every_group_of_channels_has_its_matrix() {
+        // Identity for the first group, zero for the second.
+        let mut w = vec![0.0f32; 2 * 16];
+        (0..4).for_each(|i| w[i * 5] = 1.0);
+        let w = Tensor::from_vec(w, (2, 4, 4), &Device::Cpu).unwrap();
+        let x = numbers(&[1, 2, 2, 6], 1);
+        let y = mix(&x, &w).unwrap();
+        let part = |t: &Tensor, first| {
+            t.narrow(3, first, 3)
+                .unwrap()
+                .flatten_all()
+                .unwrap()
+                .to_vec1::<f32>()
+                .unwrap()
+        };
+        assert_eq!(part(&y, 0), part(&x, 0));
+        assert_eq!(part(&y, 3), [0.0; 12]);
+    }
+
+    #[test]
+    fn gradients_are_those_of_a_bilinear_form() {
+        let x = Var::from_tensor(&numbers(&[2, 3, 3, 4], 1)).unwrap();
+        let w = Var::from_tensor(&numbers(&[2, 9, 9], 2)).unwrap();
+        let y = mix(&x, &w).unwrap();
+        let c = numbers(y.dims(), 3);
+        let grads = (&y * &c).unwrap().sum_all().unwrap().backward().unwrap();
+        let (dx, dw) = (numbers(x.dims(), 4), numbers(w.dims(), 5));
+        assert_eq!(dot(grads.get(&x).unwrap(), &dx), dot(&c, &mix(&dx, &w).unwrap()));
+        assert_eq!(dot(grads.get(&w).unwrap(), &dw), dot(&c, &mix(&x, &dw).unwrap()));
+    }
+}

@@ -1,0 +1,143 @@
+//! The geometry of a convolution: which pixels each output sees, as the two data movements "unfold" and "fold".
+//!
+//! A convolution is then one matrix product per image (Chellapilla, Puri & Simard, "High performance convolutional neural
+//! networks for document processing", 2006), and everything else (its two gradients, the transposed convolution and its
+//! gradients) is the same product with something transposed. Images keep their channels last, so that what a row of the
+//! window sees is one run of memory.
+
+use std::ops::Range;
+
+/// A square window moved over a square image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Window {
+    /// Side of the window.
+    pub(super) kernel: usize,
+    /// Step between neighbouring outputs.
+    pub(super) stride: usize,
+    /// Zeros around the image.
+    pub(super) padding: usize,
+}
+
+/// What one row of the window sees from one output, the part inside the image: where it starts in the unfolded matrix,
+/// where in the image, and its length, in pixels.
+struct Run {
+    unfolded: usize,
+    image: usize,
+    length: usize,
+}
+
+impl Window {
+    /// Side of the output for an image of side `n`, which with its padding must hold at least one window.
+    pub(super) fn output(&self, n: usize) -> usize {
+        (n + 2 * self.padding - self.kernel) / self.stride + 1
+    }
+
+    /// Lays out what every output sees: from `(n, n, channels)` to `(output², kernel² · channels)`.
+    pub(super) fn unfold(&self, image: &[f32], channels: usize, n: usize, unfolded: &mut [f32]) {
+        unfolded.fill(0.0);
+        self.for_each_run(n, |run| {
+            let to = &mut unfolded[run.unfolded * channels..][..run.length * channels];
+            to.copy_from_slice(&image[run.image * channels..][..run.length * channels]);
+        });
+    }
+
+    /// The transpose of [`Window::unfold`]: adds every value to the pixel it came from.
+    pub(super) fn fold(&self, unfolded: &[f32], channels: usize, n: usize, image: &mut [f32]) {
+        image.fill(0.0);
+        self.for_each_run(n, |run| {
+            let from = &unfolded[run.unfolded * channels..][..run.length * channels];
+            let to = &mut image[run.image * channels..][..run.length * channels];
+            to.iter_mut().zip(from).for_each(|(to, from)| *to += from);
+        });
+    }
+
+    /// The taps of the window that lie inside an image of side `n` for output `o`, and the pixel under the first.
+    fn inside(&self, o: usize, n: usize) -> (Range<usize>, usize) {
+        let start = o * self.stride;
+        let first = self.padding.saturating_sub(start);
+        let end = (n + self.padding).saturating_sub(start).min(self.kernel);
+        (first..end.max(first), (start + first).saturating_sub(self.padding))
+    }
+
+    fn for_each_run(&self, n: usize, mut visit: impl FnMut(Run)) {
+        let out = self.output(n);
+        let inside: Vec<_> = (0..out).map(|o| self.inside(o, n)).collect();
+        let mut output = 0;
+        for (rows, y) in &inside {
+            for (columns, x) in &inside {
+                for (line, row) in rows.clone().enumerate() {
+                    visit(Run {
+                        unfolded: (output * self.kernel + row) * self.kernel + columns.start,
+                        image: (y + line) * n + x,
+                        length: columns.len(),
+                    });
+                }
+                output += 1;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WINDOWS: [(usize, usize, usize, usize, usize); 4] = [
+        (10, 2, 4, 50, 25),
+        (7, 2, 3, 25, 13),
+        (5, 1, 2, 13, 13),
+        (3, 1, 0, 4, 2),
+    ];
+
+    /// Numbers without a pattern, exact in f32.
+    fn numbers(count: usize) -> Vec<f32> {
+        (0..count).map(|i| ((i * 7919 + 13) % 257) as f32 - 128.0).collect()
+    }
+
+    #[test]
+    fn unfolding_shows_each_output_its_window() {
+        for (kernel, stride, padding, n, out) in WINDOWS {
+            let window = Window {
+                kernel,
+                stride,
+                padding,
+            };
+            assert_eq!(window.output(n), out);
+            let image = numbers(2 * n * n);
+            let mut unfolded = vec![f32::NAN; 2 * kernel * kernel * out * out];
+            window.unfold(&image, 2, n, &mut unfolded);
+            let pixel = |y: isize, x: isize, channel: usize| {
+                let inside = (0..n as isize).contains(&y) && (0..n as isize).contains(&x);
+                if inside {
+                    image[(y as usize * n + x as usize) * 2 + channel]
+                } else {
+                    0.0
+                }
+            };
+            for (at, value) in unfolded.iter().enumerate() {
+                let (channel, tap, output) = (at % 2, at / 2 % (kernel * kernel), at / 2 / (kernel * kernel));
+                let place = |o: usize, tap: usize| (o * stride + tap) as isize - padding as isize;
+                let (y, x) = (place(output / out, tap / kernel), place(output % out, tap % kernel));
+                assert_eq!(*value, pixel(y, x, channel));
+            }
+        }
+    }
+
+    #[test]
+    fn folding_is_the_transpose_of_unfolding() {
+        for (kernel, stride, padding, n, out) in WINDOWS {
+            let window = Window {
+                kernel,
+                stride,
+                padding,
+            };
+            let (image, columns) = (numbers(3 * n * n), numbers(3 * kernel * kernel * out * out));
+            let (mut unfolded, mut folded) = (vec![0.0; columns.len()], vec![f32::NAN; image.len()]);
+            window.unfold(&image, 3, n, &mut unfolded);
+            window.fold(&columns, 3, n, &mut folded);
+            let dot =
+                |a: &[f32], b: &[f32]| -> f64 { a.iter().zip(b).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum() };
+            assert_eq!(dot(&unfolded, &columns), dot(&image, &folded));
+        }
+    }
+}

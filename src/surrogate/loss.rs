@@ -1,0 +1,86 @@
+//! The loss of Qin et al. (Soft Robotics 2024, doi 10.1089/soro.2024.0063): smooth L1 plus λ times the largest error,
+//! plus the same smooth L1 for the auxiliary answer at half resolution.
+
+use candle_core::{Result, Tensor};
+
+use super::encode::half_resolution;
+use super::networks::Output;
+
+/// Weights of the terms beside the smooth L1 of the displacement.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LossWeights {
+    /// λ, for the largest absolute error of each field.
+    pub(crate) maximum: f64,
+    /// For the auxiliary answer at half resolution.
+    pub(crate) auxiliary: f64,
+}
+
+/// Smooth L1 (Huber with threshold 1; Girshick, Fast R-CNN, ICCV 2015) of errors (n, …): a value per image, (n).
+fn smooth_l1(error: &Tensor) -> Result<Tensor> {
+    let error = error.abs()?.flatten_from(1)?;
+    let clipped = error.minimum(1.0)?;
+    // c(e − c/2) is e²/2 below the threshold, where c = e, and e − ½ above it, where c = 1.
+    (&clipped * (&error - (&clipped * 0.5)?)?)?.mean(1)
+}
+
+/// The loss summed over the images of a batch: a scalar.
+pub(crate) fn total_loss(output: &Output, target: &Tensor, weights: LossWeights) -> Result<Tensor> {
+    let error = (&output.displacement - target)?;
+    let largest = error.abs()?.flatten_from(1)?.max(1)?;
+    let mut loss = (smooth_l1(&error)? + (largest * weights.maximum)?)?;
+    if let Some(half) = &output.half_resolution {
+        let auxiliary = smooth_l1(&(half - half_resolution(target)?)?)?;
+        loss = (loss + (auxiliary * weights.auxiliary)?)?;
+    }
+    loss.sum_all()
+}
+
+#[cfg(test)]
+mod tests {
+    use candle_core::Device;
+
+    use super::*;
+    use crate::surrogate::encode::INNER;
+
+    /// The loss of one image whose errors are 0 but for the given ones of the displacement and of the auxiliary answer.
+    fn loss(errors: &[f32], auxiliary: &[f32], weights: LossWeights) -> f64 {
+        let image = |errors: &[f32], channels: usize, side: usize| {
+            let mut values = vec![0.0; channels * side * side];
+            values[..errors.len()].copy_from_slice(errors);
+            Tensor::from_vec(values, (1, side, side, channels), &Device::Cpu).unwrap()
+        };
+        let output = Output {
+            displacement: image(errors, 2, INNER),
+            half_resolution: Some(image(auxiliary, 1, 25)),
+        };
+        let target = image(&[], 2, INNER);
+        f64::from(
+            total_loss(&output, &target, weights)
+                .unwrap()
+                .to_scalar::<f32>()
+                .unwrap(),
+        )
+    }
+
+    #[test]
+    fn each_term_by_hand() {
+        let count = (2 * INNER * INNER) as f64;
+        let close = |found: f64, expected: f64| assert!((found / expected - 1.0).abs() < 1e-6, "{found} {expected}");
+        let only = LossWeights {
+            maximum: 0.0,
+            auxiliary: 0.0,
+        };
+        // Below the threshold e²/2, above it |e| − ½.
+        close(loss(&[0.5, -0.5, 3.0], &[9.0], only), (0.125 + 0.125 + 2.5) / count);
+        let maximum = LossWeights {
+            maximum: 0.1,
+            auxiliary: 0.0,
+        };
+        close(loss(&[0.5, -3.0], &[9.0], maximum), (0.125 + 2.5) / count + 0.3);
+        let auxiliary = LossWeights {
+            maximum: 0.0,
+            auxiliary: 2.0,
+        };
+        close(loss(&[0.5], &[2.0], auxiliary), 0.125 / count + 2.0 * 1.5 / 625.0);
+    }
+}
