@@ -1,1 +1,15 @@
 //! Finds the pattern that moves a point where it should go.
+//!
+//! Programs against [`crate::field::Predictor`] alone: whether a network, a linear response or the finite elements
+//! stand behind it is not known here.
+
+mod evolve;
+mod genome;
+mod intuitive;
+mod objective;
+mod operators;
+
+pub use evolve::{Evolution, EvolveError, EvolveOptions, GenerationReport, OptionsError, Stop, evolve};
+pub use genome::{Genome, UNITS};
+pub use intuitive::Intuitive;
+pub use objective::{AREA_PENALTY, Aim, Goal, GoalError, Measure};

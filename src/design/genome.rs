@@ -1,0 +1,136 @@
+//! What the genetic algorithm varies: the membrane in 20 × 20 units, each with or without electrode.
+//!
+//! The source paper searches on 20 × 20 units (Qin et al., doi 10.1089/soro.2024.0063, "GA-based inverse design") while
+//! patterns have 50 × 50 cells: cell i lies in unit floor(i · 20 / 50), so units are 3 and 2 cells wide in turn.
+
+use std::fmt;
+
+use crate::base::Stream;
+use crate::pattern::{CELLS, Pattern};
+
+/// Units along one side of the membrane.
+pub const UNITS: usize = 20;
+
+/// One truth value for each unit, row by row from below.
+#[derive(Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Genome {
+    genes: Box<[bool]>,
+}
+
+impl Genome {
+    /// The genome whose unit (x, y) is on where `on(x, y)`.
+    #[must_use]
+    pub fn from_fn(on: impl Fn(usize, usize) -> bool) -> Self {
+        Self {
+            genes: (0..UNITS * UNITS).map(|i| on(i % UNITS, i / UNITS)).collect(),
+        }
+    }
+
+    /// A random genome with the nearest number of units to `area` · 400 on. White noise is averaged over 3 × 3 units
+    /// `grain` times and the units with the highest values are on: at grain 0 each choice of units is equally likely, with
+    /// rising grain the regions become coarser.
+    #[must_use]
+    pub fn random(area: f64, grain: usize, stream: &mut Stream) -> Self {
+        let mut noise: Vec<f64> = (0..UNITS * UNITS).map(|_| stream.uniform()).collect();
+        for _ in 0..grain {
+            noise = averaged(&noise);
+        }
+        let on = (area.clamp(0.0, 1.0) * noise.len() as f64).round() as usize;
+        let mut ranked: Vec<usize> = (0..noise.len()).collect();
+        ranked.sort_by(|&a, &b| noise[b].total_cmp(&noise[a]).then(a.cmp(&b)));
+        let mut genes = vec![false; noise.len()].into_boxed_slice();
+        for &unit in &ranked[..on] {
+            genes[unit] = true;
+        }
+        Self { genes }
+    }
+
+    /// All genes, `[y][x]` with the origin at the lower left.
+    #[must_use]
+    pub fn genes(&self) -> &[bool] {
+        &self.genes
+    }
+
+    pub(super) fn genes_mut(&mut self) -> &mut [bool] {
+        &mut self.genes
+    }
+
+    /// Whether the unit at column `x`, row `y` is on.
+    ///
+    /// # Panics
+    /// When `x` or `y` is not below 20.
+    #[must_use]
+    pub fn is_on(&self, x: usize, y: usize) -> bool {
+        assert!(x < UNITS && y < UNITS, "unit ({x}, {y}) is outside the membrane");
+        self.genes[y * UNITS + x]
+    }
+
+    /// The pattern of cells.
+    #[must_use]
+    pub fn pattern(&self) -> Pattern {
+        let unit = |cell: usize| cell * UNITS / CELLS;
+        Pattern::from_fn(|x, y| self.genes[unit(y) * UNITS + unit(x)])
+    }
+}
+
+/// The units of the 3 × 3 around a unit that lie on the membrane, the unit itself included.
+pub(super) fn around(x: usize, y: usize) -> impl Iterator<Item = (usize, usize)> {
+    let near = |c: usize| c.saturating_sub(1)..(c + 2).min(UNITS);
+    near(y).flat_map(move |j| near(x).map(move |i| (i, j)))
+}
+
+/// Each value replaced by the mean of those around it.
+fn averaged(values: &[f64]) -> Vec<f64> {
+    let mean = |at: usize| {
+        let (sum, count) = around(at % UNITS, at / UNITS)
+            .map(|(x, y)| values[y * UNITS + x])
+            .fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
+        sum / count
+    };
+    (0..values.len()).map(mean).collect()
+}
+
+impl fmt::Debug for Genome {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let on = self.genes.iter().filter(|&&gene| gene).count();
+        write!(f, "Genome({on} of {} units on)", UNITS * UNITS)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn units_are_three_and_two_cells_wide_in_turn() {
+        let columns = Genome::from_fn(|x, _| x % 2 == 0).pattern();
+        let row: Vec<u8> = columns.cells()[..10].to_vec();
+        assert_eq!(row, [1, 1, 1, 0, 0, 1, 1, 1, 0, 0]);
+        let single = Genome::from_fn(|x, y| (x, y) == (19, 0)).pattern();
+        assert!(single.is_active(49, 2) && single.is_active(48, 0) && single.active_cells() == 6);
+    }
+
+    #[test]
+    fn random_genomes_have_the_wanted_number_of_units_on() {
+        for (area, on) in [(0.5, 200), (0.05, 20), (0.0, 0), (1.0, 400)] {
+            for grain in 0..4 {
+                let genome = Genome::random(area, grain, &mut Stream::new(1, "test", 0));
+                assert_eq!(genome.genes().iter().filter(|&&g| g).count(), on);
+            }
+        }
+    }
+
+    #[test]
+    fn grain_makes_regions_coarser() {
+        let borders = |grain| {
+            let pairs = (0..20).flat_map(|y| (0..19).map(move |x| (x, y)));
+            let genome = Genome::random(0.5, grain, &mut Stream::new(1, "test", 0));
+            pairs
+                .filter(|&(x, y)| genome.is_on(x, y) != genome.is_on(x + 1, y))
+                .count()
+        };
+        // Independent units differ from their neighbour half of the time: 190 of 380, with a standard deviation of 10.
+        assert!((150..230).contains(&borders(0)));
+        assert!(borders(1) < borders(0) && borders(4) < borders(1));
+    }
+}

@@ -1,0 +1,105 @@
+//! How genomes are recombined, mutated and smoothed.
+//!
+//! The operators of the source paper (Qin et al., doi 10.1089/soro.2024.0063, "GA-based inverse design", steps 5 and 6):
+//! two-point crossover, inversion mutation, and a filter against the checkerboard, of which the paper gives the purpose
+//! only. It is a 3 × 3 majority here: units beyond the frame do not vote, and a tie leaves the unit as it is.
+
+use super::genome::{Genome, UNITS, around};
+use crate::base::Stream;
+
+/// Exchanges the genes between two cuts, each pair of cuts equally likely.
+pub(super) fn cross(a: &mut Genome, b: &mut Genome, stream: &mut Stream) {
+    let (from, to) = segment(stream);
+    a.genes_mut()[from..to].swap_with_slice(&mut b.genes_mut()[from..to]);
+}
+
+/// Reverses the order of the genes between two cuts, each pair of cuts equally likely.
+pub(super) fn invert(genome: &mut Genome, stream: &mut Stream) {
+    let (from, to) = segment(stream);
+    genome.genes_mut()[from..to].reverse();
+}
+
+/// Two different cuts among the 401 places before, between and behind the genes.
+fn segment(stream: &mut Stream) -> (usize, usize) {
+    let cuts = stream.choose(UNITS * UNITS + 1, 2);
+    (cuts[0].min(cuts[1]), cuts[0].max(cuts[1]))
+}
+
+/// Gives each unit the value that most of the 3 × 3 units around it have, itself included.
+pub(super) fn smooth(genome: &Genome) -> Genome {
+    Genome::from_fn(|x, y| {
+        let balance: i32 = around(x, y).map(|(i, j)| if genome.is_on(i, j) { 1 } else { -1 }).sum();
+        match balance {
+            0 => genome.is_on(x, y),
+            balance => balance > 0,
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn on(genome: &Genome) -> usize {
+        genome.genes().iter().filter(|&&gene| gene).count()
+    }
+
+    #[test]
+    fn crossover_exchanges_one_stretch_and_loses_nothing() {
+        for index in 0..50 {
+            let (mut a, mut b) = (Genome::from_fn(|_, _| true), Genome::from_fn(|_, _| false));
+            cross(&mut a, &mut b, &mut Stream::new(1, "test", index));
+            assert!(a.genes().iter().zip(b.genes()).all(|(x, y)| x != y));
+            let changes = a.genes().windows(2).filter(|pair| pair[0] != pair[1]).count();
+            assert!(changes <= 2 && on(&b) > 0);
+        }
+    }
+
+    #[test]
+    fn inversion_reverses_one_stretch() {
+        for index in 0..50 {
+            let start = Genome::random(0.5, 0, &mut Stream::new(2, "test", index));
+            let mut inverted = start.clone();
+            invert(&mut inverted, &mut Stream::new(1, "test", index));
+            let differs: Vec<usize> = (0..400).filter(|&i| start.genes()[i] != inverted.genes()[i]).collect();
+            assert_eq!(on(&start), on(&inverted));
+            // What differs lies symmetrically about the middle of the stretch.
+            if let (Some(first), Some(last)) = (differs.first(), differs.last()) {
+                for i in *first..=*last {
+                    assert_eq!(inverted.genes()[i], start.genes()[first + last - i]);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_filter_removes_specks_and_keeps_half_planes() {
+        let checkerboard = Genome::from_fn(|x, y| (x + y) % 2 == 0);
+        let interior_changes = |g: &Genome| {
+            let pairs = (1..19).flat_map(|y| (1..18).map(move |x| (x, y)));
+            pairs.filter(|&(x, y)| g.is_on(x, y) != g.is_on(x + 1, y)).count()
+        };
+        let speck = Genome::from_fn(|x, y| (x, y) == (7, 7));
+        assert_eq!(on(&smooth(&speck)), 0);
+        for half in [
+            Genome::from_fn(|x, _| x < 9),
+            Genome::from_fn(|_, y| y > 12),
+            Genome::from_fn(|_, _| true),
+        ] {
+            assert_eq!(smooth(&half), half);
+        }
+        // A perfect checkerboard is its own majority: 5 of 9 agree with the centre. Noise is not.
+        assert_eq!(smooth(&checkerboard), checkerboard);
+        let noise = Genome::random(0.5, 0, &mut Stream::new(3, "test", 0));
+        assert!(interior_changes(&smooth(&noise)) < interior_changes(&noise) * 2 / 3);
+    }
+
+    #[test]
+    fn the_frame_does_not_vote() {
+        // The corner sees 2 × 2 units: two on, two off is a tie, so it stays.
+        let edge = Genome::from_fn(|x, y| x == 0 && y < 2);
+        assert!(smooth(&edge).is_on(0, 0));
+        let corner = Genome::from_fn(|x, y| x < 2 && y < 2 && (x, y) != (0, 0));
+        assert!(smooth(&corner).is_on(0, 0));
+    }
+}
