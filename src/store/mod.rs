@@ -1,6 +1,37 @@
 //! The content-addressed store: immutable HDF5 artifacts named by the digest of what they say, records of the actions
 //! that made them, locks, and the check of the whole.
 
+mod artifact;
+mod atomic;
+mod error;
+mod fsck;
+mod history;
+mod inspect;
+mod layout;
+mod listing;
+mod lock;
 mod object;
+mod open;
+mod plain;
+mod provenance;
+mod read;
+mod record;
+mod seal;
+mod verified;
+mod write;
 
+pub use artifact::Artifact;
+pub use error::StoreError;
+pub use fsck::{Absence, Damage, Report};
+pub use history::{Run, RunStage};
+pub use inspect::{Condition, Effort};
+pub use listing::{Content, ElementType};
+pub use lock::Guard;
 pub use object::{Data, Dataset, Object, ObjectError, TEXT_WIDTH};
+pub use open::{Store, Stored};
+pub use plain::write_file;
+pub use provenance::Provenance;
+pub use record::{Lookup, Record};
+
+#[cfg(test)]
+mod tests;

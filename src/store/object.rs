@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use super::listing::ElementType;
 use crate::base::{Digest, DigestWriter};
 
 /// Bytes of one text element. Texts have a fixed width in files, so that virtual datasets can show chunks as one array.
@@ -78,6 +79,16 @@ pub enum ObjectError {
         /// Position of the element.
         at: usize,
     },
+    /// A name that cannot stand in a file.
+    #[error("{name:?} cannot name {what}: {reason}")]
+    Name {
+        /// The name.
+        name: String,
+        /// A dataset or an attribute.
+        what: &'static str,
+        /// Why not.
+        reason: &'static str,
+    },
     /// An object with both datasets and parts.
     #[error("an object is either arrays or a manifest of parts, not both")]
     Mixed,
@@ -103,17 +114,31 @@ impl Data {
         self.len() == 0
     }
 
-    /// The name of the element type in digests and listings.
+    /// The type of the elements.
     #[must_use]
-    pub fn type_name(&self) -> &'static str {
+    pub fn element_type(&self) -> ElementType {
         match self {
-            Self::U8(_) => "u8",
-            Self::U32(_) => "u32",
-            Self::U64(_) => "u64",
-            Self::F32(_) => "f32",
-            Self::F64(_) => "f64",
-            Self::Text(_) => "text",
+            Self::U8(_) => ElementType::U8,
+            Self::U32(_) => ElementType::U32,
+            Self::U64(_) => ElementType::U64,
+            Self::F32(_) => ElementType::F32,
+            Self::F64(_) => ElementType::F64,
+            Self::Text(_) => ElementType::Text,
         }
+    }
+
+    /// Appends elements of the same type; `false`, and nothing appended, where the types differ.
+    pub(super) fn append(&mut self, other: Self) -> bool {
+        match (self, other) {
+            (Self::U8(a), Self::U8(mut b)) => a.append(&mut b),
+            (Self::U32(a), Self::U32(mut b)) => a.append(&mut b),
+            (Self::U64(a), Self::U64(mut b)) => a.append(&mut b),
+            (Self::F32(a), Self::F32(mut b)) => a.append(&mut b),
+            (Self::F64(a), Self::F64(mut b)) => a.append(&mut b),
+            (Self::Text(a), Self::Text(mut b)) => a.append(&mut b),
+            _ => return false,
+        }
+        true
     }
 
     /// The little-endian bytes of all elements.
@@ -214,9 +239,36 @@ impl Object {
         if !self.parts.is_empty() && !self.datasets.is_empty() {
             return Err(ObjectError::Mixed);
         }
-        self.datasets
-            .iter()
-            .try_for_each(|(path, dataset)| dataset.validate(path))
+        for (name, value) in &self.attributes {
+            validate_attribute(name, value)?;
+        }
+        for (path, dataset) in &self.datasets {
+            self.validate_path(path)?;
+            dataset.validate(path)?;
+        }
+        Ok(())
+    }
+
+    fn validate_path(&self, path: &str) -> Result<(), ObjectError> {
+        let refuse = |reason| {
+            Err(ObjectError::Name {
+                name: path.to_owned(),
+                what: "a dataset",
+                reason,
+            })
+        };
+        let mut steps = path.split('/');
+        if steps.clone().any(|step| step.is_empty() || step == "." || step == "..") || path.contains('\0') {
+            return refuse("it is not a path of names joined by '/'");
+        }
+        if matches!(steps.next(), Some("parts" | "provenance")) {
+            return refuse("the store itself uses it");
+        }
+        let inside = format!("{path}/");
+        if self.datasets.keys().any(|other| other.starts_with(&inside)) {
+            return refuse("other datasets lie inside it");
+        }
+        Ok(())
     }
 
     /// The identity: a digest of attributes, paths, types, shapes, units, descriptions and little-endian bytes.
@@ -236,7 +288,7 @@ impl Object {
                 .text(path)
                 .text(&dataset.units)
                 .text(&dataset.description)
-                .text(dataset.data.type_name());
+                .text(dataset.data.element_type().name());
             writer.number(dataset.shape.len() as u64);
             dataset.shape.iter().for_each(|&n| {
                 writer.number(n as u64);
@@ -249,6 +301,17 @@ impl Object {
         }
         Ok(writer.finish())
     }
+}
+
+fn validate_attribute(name: &str, value: &str) -> Result<(), ObjectError> {
+    if name.is_empty() || name.contains('\0') || value.contains('\0') {
+        return Err(ObjectError::Name {
+            name: name.to_owned(),
+            what: "an attribute",
+            reason: "it is empty, or it or its value contains NUL",
+        });
+    }
+    Ok(())
 }
 
 #[cfg(test)]

@@ -1,0 +1,238 @@
+//! An artifact that can be read: arrays, or a manifest whose chunks read as one.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
+
+use super::error::StoreError;
+use super::listing::{self, Content};
+use super::object::{Data, Dataset, Object};
+use super::read;
+use super::seal::Seal;
+use super::verified::Verified;
+use crate::base::Digest;
+
+/// A verified artifact. Cheap to clone; elements are read when asked for.
+#[derive(Clone)]
+pub struct Artifact(Arc<Inner>);
+
+struct Inner {
+    digest: Digest,
+    path: PathBuf,
+    header: read::Header,
+    verified: Arc<Verified>,
+    chunks: OnceLock<Vec<Artifact>>,
+    contents: OnceLock<Vec<Content>>,
+}
+
+impl Artifact {
+    /// Opens the file of an artifact wherever it stands; the chunks of a manifest are looked for as in a store.
+    ///
+    /// # Errors
+    /// When it is not an artifact, or damaged.
+    pub fn open(path: &Path) -> Result<Self, StoreError> {
+        let seal = Seal::read(path)?;
+        Self::load(path.to_owned(), seal.content, Arc::default())
+    }
+
+    pub(super) fn load(path: PathBuf, digest: Digest, verified: Arc<Verified>) -> Result<Self, StoreError> {
+        verified.verify(&path, &digest)?;
+        Ok(Self(Arc::new(Inner {
+            digest,
+            header: read::header(&path)?,
+            path,
+            verified,
+            chunks: OnceLock::new(),
+            contents: OnceLock::new(),
+        })))
+    }
+
+    /// Its digest.
+    #[must_use]
+    pub fn digest(&self) -> Digest {
+        self.0.digest
+    }
+
+    /// Its file.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.0.path
+    }
+
+    /// BLAKE3 of its file as written (after the user block).
+    ///
+    /// # Errors
+    /// When the file is missing or damaged.
+    pub fn file_digest(&self) -> Result<Digest, StoreError> {
+        Ok(self.0.verified.verify(&self.0.path, &self.0.digest)?.file)
+    }
+
+    /// A content attribute.
+    #[must_use]
+    pub fn attribute(&self, name: &str) -> Option<&str> {
+        self.0.header.attributes.get(name).map(String::as_str)
+    }
+
+    /// All content attributes by name.
+    #[must_use]
+    pub fn attributes(&self) -> &BTreeMap<String, String> {
+        &self.0.header.attributes
+    }
+
+    /// Digests of the chunks, in order; none unless it is a manifest.
+    #[must_use]
+    pub fn parts(&self) -> &[Digest] {
+        &self.0.header.parts
+    }
+
+    /// Whether its datasets are those of chunks laid end to end.
+    #[must_use]
+    pub fn is_manifest(&self) -> bool {
+        !self.parts().is_empty()
+    }
+
+    /// The chunks as artifacts of their own, in order; none unless it is a manifest.
+    ///
+    /// # Errors
+    /// When one is missing or damaged.
+    pub fn chunks(&self) -> Result<&[Artifact], StoreError> {
+        if let Some(chunks) = self.0.chunks.get() {
+            return Ok(chunks);
+        }
+        let folder = self.0.path.parent().and_then(Path::parent).unwrap_or(Path::new(".."));
+        let chunks: Result<Vec<Self>, StoreError> = self
+            .parts()
+            .iter()
+            .map(|digest| {
+                let name = digest.to_string();
+                let path = folder.join(&name[..2]).join(format!("{name}.h5"));
+                Self::load(path, *digest, self.0.verified.clone())
+            })
+            .collect();
+        let chunks = chunks?;
+        // Another thread may have been faster, with the same chunks.
+        Ok(self.0.chunks.get_or_init(|| chunks))
+    }
+
+    /// The datasets in the order of their paths, without their elements.
+    ///
+    /// # Errors
+    /// When a chunk is missing or damaged.
+    pub fn contents(&self) -> Result<&[Content], StoreError> {
+        if !self.is_manifest() {
+            return Ok(&self.0.header.contents);
+        }
+        if let Some(contents) = self.0.contents.get() {
+            return Ok(contents);
+        }
+        let chunks = self.chunks()?;
+        let whole = listing::concatenate(chunks.iter().map(|c| (c.digest(), c.0.header.contents.as_slice())))?;
+        Ok(self.0.contents.get_or_init(|| whole))
+    }
+
+    /// One dataset without its elements.
+    ///
+    /// # Errors
+    /// When there is none of that path, or a chunk is missing or damaged.
+    pub fn content(&self, path: &str) -> Result<&Content, StoreError> {
+        let contents = self.contents()?;
+        contents.iter().find(|content| content.path == path).ok_or_else(|| {
+            let known: Vec<&str> = contents.iter().map(|content| content.path.as_str()).collect();
+            StoreError::NoDataset {
+                digest: self.0.digest,
+                dataset: path.to_owned(),
+                known: known.join(", "),
+            }
+        })
+    }
+
+    /// Reads one dataset; of a manifest, that of all chunks, laid end to end along the first axis.
+    ///
+    /// # Errors
+    /// When there is none of that path, or a file is missing or damaged.
+    pub fn read(&self, path: &str) -> Result<Dataset, StoreError> {
+        let content = self.content(path)?;
+        let Some((first, rest)) = self.chunks()?.split_first() else {
+            return self.read_own(content);
+        };
+        let mut whole = first.read(path)?;
+        for chunk in rest {
+            let part = chunk.read(path)?;
+            if !whole.data.append(part.data) {
+                return Err(StoreError::damaged(&chunk.0.path, format!("`{path}` changed its type")));
+            }
+        }
+        whole.shape.clone_from(&content.shape);
+        Ok(whole)
+    }
+
+    /// Verified anew, since the file may have changed after it was opened; a glance unless it did.
+    fn read_own(&self, content: &Content) -> Result<Dataset, StoreError> {
+        self.0.verified.verify(&self.0.path, &self.0.digest)?;
+        read::dataset(&self.0.path, content)
+    }
+
+    /// Everything: what was put, as it was put.
+    ///
+    /// # Errors
+    /// When the file is missing or damaged.
+    pub fn object(&self) -> Result<Object, StoreError> {
+        let mut object = Object {
+            attributes: self.0.header.attributes.clone(),
+            datasets: BTreeMap::new(),
+            parts: self.0.header.parts.clone(),
+        };
+        for content in &self.0.header.contents {
+            object.datasets.insert(content.path.clone(), self.read_own(content)?);
+        }
+        Ok(object)
+    }
+
+    /// The attributes of `/provenance`: when, where, how long, by which action.
+    ///
+    /// # Errors
+    /// When the file is missing or damaged.
+    pub fn provenance(&self) -> Result<BTreeMap<String, String>, StoreError> {
+        self.0.verified.verify(&self.0.path, &self.0.digest)?;
+        read::provenance(&self.0.path)
+    }
+
+    pub(super) fn header_contents(&self) -> &[Content] {
+        &self.0.header.contents
+    }
+
+    fn wrong(&self, path: &str, wanted: &'static str, found: &Data) -> StoreError {
+        StoreError::WrongType {
+            digest: self.0.digest,
+            dataset: path.to_owned(),
+            wanted,
+            found: found.element_type().name(),
+        }
+    }
+}
+
+/// One getter per element type: the type is checked, so that the caller has a vector and no `match`.
+macro_rules! typed {
+    ($name:ident, $variant:ident, $element:ty, $wanted:literal) => {
+        impl Artifact {
+            #[doc = concat!("Shape and elements of a dataset of type ", $wanted, ".")]
+            ///
+            /// # Errors
+            /// When there is none of that path, it has another type, or a file is missing or damaged.
+            pub fn $name(&self, path: &str) -> Result<(Vec<usize>, Vec<$element>), StoreError> {
+                let dataset = self.read(path)?;
+                match dataset.data {
+                    Data::$variant(elements) => Ok((dataset.shape, elements)),
+                    other => Err(self.wrong(path, $wanted, &other)),
+                }
+            }
+        }
+    };
+}
+
+typed!(u8s, U8, u8, "u8");
+typed!(u32s, U32, u32, "u32");
+typed!(u64s, U64, u64, "u64");
+typed!(f32s, F32, f32, "f32");
+typed!(f64s, F64, f64, "f64");
+typed!(texts, Text, String, "text");

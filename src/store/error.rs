@@ -1,0 +1,151 @@
+//! What can go wrong in a store, each with the place and what to do about it.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use super::object::ObjectError;
+use crate::base::{Digest, EncodingError};
+
+/// A refusal by the store.
+#[derive(Debug, thiserror::Error)]
+pub enum StoreError {
+    /// The operating system refused.
+    #[error("cannot {action} {path}: {source}", path = path.display())]
+    Io {
+        /// What was tried ("write", "open").
+        action: &'static str,
+        /// On which file or folder.
+        path: PathBuf,
+        /// The system's own message.
+        source: io::Error,
+    },
+    /// The HDF5 library refused.
+    #[error("cannot {action} {path}: HDF5: {message}", path = path.display())]
+    Hdf5 {
+        /// What was tried.
+        action: &'static str,
+        /// On which file.
+        path: PathBuf,
+        /// The library's own message.
+        message: String,
+    },
+    /// The store was written by another version of the layout.
+    #[error("{path} says {found:?}; this program knows `{known}`: use the program that made the store, or another --store",
+        path = path.display(), known = super::layout::FORMAT)]
+    Format {
+        /// The marker file.
+        path: PathBuf,
+        /// What it says.
+        found: String,
+    },
+    /// A folder that holds something else.
+    #[error("{path} is not empty and is not an artifact store: name an empty or a new folder with --store", path = path.display())]
+    NotAStore {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A folder that is no store, where one is to be read.
+    #[error("there is no artifact store at {path}: name one with --store", path = path.display())]
+    NoStore {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// The artifact is not in the store.
+    #[error("artifact {digest} is missing: no {path}", digest = digest.short(), path = path.display())]
+    Missing {
+        /// Which artifact.
+        digest: Digest,
+        /// Where it should be.
+        path: PathBuf,
+    },
+    /// A file that is not what it was when it was written.
+    #[error("{path} is damaged: {reason}", path = path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// How that shows.
+        reason: String,
+    },
+    /// The artifact has no such dataset.
+    #[error("artifact {digest} has no dataset `{dataset}`; it has: {known}", digest = digest.short())]
+    NoDataset {
+        /// Which artifact.
+        digest: Digest,
+        /// The wanted dataset.
+        dataset: String,
+        /// The datasets that it has.
+        known: String,
+    },
+    /// The dataset has elements of another type.
+    #[error("dataset `{dataset}` of artifact {digest} holds {found}, not {wanted}", digest = digest.short())]
+    WrongType {
+        /// Which artifact.
+        digest: Digest,
+        /// Which dataset.
+        dataset: String,
+        /// The type that was asked for.
+        wanted: &'static str,
+        /// The type that it has.
+        found: &'static str,
+    },
+    /// Chunks that do not fit together.
+    #[error("chunk {digest} does not fit the first chunk: {reason}", digest = digest.short())]
+    Parts {
+        /// The chunk that differs.
+        digest: Digest,
+        /// How.
+        reason: String,
+    },
+    /// Content that cannot be an artifact.
+    #[error(transparent)]
+    Object(#[from] ObjectError),
+    /// The file of a run that cannot be written as JSON.
+    #[error("cannot describe the run: {0}")]
+    Json(String),
+    /// A record or key that cannot be encoded.
+    #[error(transparent)]
+    Encoding(#[from] EncodingError),
+}
+
+/// What HDF5 says, without the addresses and counters that it adds where the system has refused.
+fn reason(message: &str) -> String {
+    let number = message
+        .split("errno = ")
+        .nth(1)
+        .and_then(|rest| rest.split(',').next()?.trim().parse().ok());
+    number.map_or_else(
+        || message.to_owned(),
+        |errno| io::Error::from_raw_os_error(errno).to_string(),
+    )
+}
+
+impl StoreError {
+    /// Whether a file in the store is gone or no longer what it was, so that `fsck` and a rebuild are called for.
+    #[must_use]
+    pub fn is_damage(&self) -> bool {
+        matches!(self, Self::Missing { .. } | Self::Damaged { .. })
+    }
+
+    /// For `map_err` on calls of the standard library.
+    pub(super) fn io(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Self {
+        let path = path.to_owned();
+        move |source| Self::Io { action, path, source }
+    }
+
+    /// For `map_err` on calls of the HDF5 library.
+    pub(super) fn hdf5(action: &'static str, path: &Path) -> impl Fn(hdf5::Error) -> Self {
+        let path = path.to_owned();
+        move |error| Self::Hdf5 {
+            action,
+            path: path.clone(),
+            message: reason(&error.to_string()),
+        }
+    }
+
+    pub(super) fn damaged(path: &Path, reason: impl Into<String>) -> Self {
+        Self::Damaged {
+            path: path.to_owned(),
+            reason: reason.into(),
+        }
+    }
+}

@@ -1,0 +1,199 @@
+//! Checks everything: every byte of every artifact against its seal, its content against its name, every record and run
+//! against itself, every manifest and record against what it names. Damaged files are quarantined, so that the next run
+//! rebuilds them.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::artifact::Artifact;
+use super::error::StoreError;
+use super::history;
+use super::layout::{files, files_in};
+use super::open::Store;
+use super::record::{self, Lookup};
+use crate::base::Digest;
+
+/// A file that was found damaged.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Damage {
+    /// Where it stood.
+    pub path: PathBuf,
+    /// Where it is now.
+    pub quarantined: Option<PathBuf>,
+    /// How it showed.
+    pub reason: String,
+}
+
+/// An artifact that something names and that is not there.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Absence {
+    /// The artifact.
+    pub digest: Digest,
+    /// The manifest or record that names it.
+    pub wanted_by: String,
+}
+
+/// What was found.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Report {
+    /// How many artifacts were checked.
+    pub objects: u64,
+    /// How many bytes they have.
+    pub bytes: u64,
+    /// How many records were checked.
+    pub records: u64,
+    /// Damaged artifacts, records and runs, now in quarantine.
+    pub damaged: Vec<Damage>,
+    /// Artifacts that a manifest or a record names and that are not there (those quarantined just now among them).
+    pub missing: Vec<Absence>,
+    /// Artifacts whose file is not the one that a record saw, though the content is right: rebuilt since.
+    pub rewritten: Vec<Digest>,
+    /// Files that do not belong where they are.
+    pub strays: Vec<PathBuf>,
+    /// Files being written by processes at work, or left by dead ones while others work.
+    pub unfinished: u64,
+}
+
+impl Report {
+    /// Whether nothing is damaged or missing.
+    #[must_use]
+    pub fn is_sound(&self) -> bool {
+        self.damaged.is_empty() && self.missing.is_empty()
+    }
+}
+
+/// A sound artifact, as later checks need it.
+struct Sound {
+    file: Digest,
+    parts: Vec<Digest>,
+}
+
+impl Store {
+    /// Checks the whole store. `progress` is told how many files of how many are done.
+    ///
+    /// # Errors
+    /// When the system refuses; damage is in the report.
+    pub fn fsck(&self, progress: &dyn Fn(u64, u64)) -> Result<Report, StoreError> {
+        let mut report = Report::default();
+        let objects = files(&self.layout.objects())?;
+        let records = files(&self.layout.records())?;
+        let total = (objects.len() + records.len()) as u64;
+        let mut sound = BTreeMap::new();
+        for (done, path) in objects.iter().enumerate() {
+            progress(done as u64, total);
+            self.check_object(path, &mut sound, &mut report)?;
+        }
+        let mut wanted = BTreeSet::new();
+        for (digest, object) in &sound {
+            wanted.extend(
+                object
+                    .parts
+                    .iter()
+                    .map(|part| (*part, format!("manifest {}", digest.short()))),
+            );
+        }
+        for (done, path) in records.iter().enumerate() {
+            progress((objects.len() + done) as u64, total);
+            if let Some(record) = self.check_record(path, &mut report)? {
+                let known = sound.get(&record.artifact);
+                if known.is_some_and(|object| object.file != record.file_digest) {
+                    report.rewritten.push(record.artifact);
+                }
+                let wanted_by = format!("record {} ({})", record.key.short(), record.kind);
+                wanted.insert((record.artifact, wanted_by));
+            }
+        }
+        let absent = wanted.into_iter().filter(|(digest, _)| !sound.contains_key(digest));
+        report.missing = absent
+            .map(|(digest, wanted_by)| Absence { digest, wanted_by })
+            .collect();
+        self.check_runs(&mut report)?;
+        report.unfinished = files_in(&self.layout.temporary())?.len() as u64;
+        progress(total, total);
+        Ok(report)
+    }
+
+    fn check_object(
+        &self,
+        path: &Path,
+        sound: &mut BTreeMap<Digest, Sound>,
+        report: &mut Report,
+    ) -> Result<(), StoreError> {
+        let name = path
+            .file_stem()
+            .and_then(|stem| stem.to_str())
+            .and_then(|stem| stem.parse().ok());
+        let Some(digest) = name.filter(|digest| self.layout.object(digest) == path) else {
+            report.strays.push(path.to_owned());
+            return Ok(());
+        };
+        report.objects += 1;
+        report.bytes += fs::metadata(path).map_err(StoreError::io("read", path))?.len();
+        match redigest(path, &digest) {
+            Ok(object) => {
+                sound.insert(digest, object);
+            }
+            Err(StoreError::Io { action, path, source }) => return Err(StoreError::Io { action, path, source }),
+            Err(StoreError::Damaged { reason, .. }) => self.condemn(path, reason, report)?,
+            Err(error) => self.condemn(path, error.to_string(), report)?,
+        }
+        Ok(())
+    }
+
+    fn check_record(&self, path: &Path, report: &mut Report) -> Result<Option<record::Record>, StoreError> {
+        let name = path
+            .file_name()
+            .and_then(|name| name.to_str())
+            .and_then(|name| name.parse().ok());
+        let Some(key) = name.filter(|key| self.layout.record(key) == path) else {
+            report.strays.push(path.to_owned());
+            return Ok(None);
+        };
+        report.records += 1;
+        match record::read(path, &key)? {
+            Lookup::Found(record, _) => return Ok(Some(*record)),
+            Lookup::Damaged => self.condemn(
+                path,
+                "the record's bytes are not those that were written".into(),
+                report,
+            )?,
+            Lookup::Absent => {}
+        }
+        Ok(None)
+    }
+
+    fn check_runs(&self, report: &mut Report) -> Result<(), StoreError> {
+        for path in self.run_files()? {
+            if history::read(&path)?.is_none() && path.exists() {
+                self.condemn(&path, "it is not the file of a run".into(), report)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn condemn(&self, path: &Path, reason: String, report: &mut Report) -> Result<(), StoreError> {
+        report.damaged.push(Damage {
+            path: path.to_owned(),
+            quarantined: self.quarantine(path)?,
+            reason,
+        });
+        Ok(())
+    }
+}
+
+/// Reads an artifact whole and digests its content anew, trusting nothing that this process has seen before.
+fn redigest(path: &Path, digest: &Digest) -> Result<Sound, StoreError> {
+    let artifact = Artifact::load(path.to_owned(), *digest, Arc::default())?;
+    let object = artifact.object()?;
+    let found = object.digest()?;
+    if found != *digest {
+        let reason = format!("its content has the digest {}", found.short());
+        return Err(StoreError::damaged(path, reason));
+    }
+    Ok(Sound {
+        file: artifact.file_digest()?,
+        parts: object.parts,
+    })
+}

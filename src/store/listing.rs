@@ -1,0 +1,107 @@
+//! What stands in an artifact, without its elements.
+
+use super::error::StoreError;
+use crate::base::Digest;
+
+/// The element types of datasets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ElementType {
+    /// Bytes.
+    U8,
+    /// 32-bit whole numbers.
+    U32,
+    /// 64-bit whole numbers.
+    U64,
+    /// Single precision.
+    F32,
+    /// Double precision.
+    F64,
+    /// Texts of at most 64 bytes.
+    Text,
+}
+
+impl ElementType {
+    /// The name in digests and listings.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::U8 => "u8",
+            Self::U32 => "u32",
+            Self::U64 => "u64",
+            Self::F32 => "f32",
+            Self::F64 => "f64",
+            Self::Text => "text",
+        }
+    }
+}
+
+/// One dataset of an artifact.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Content {
+    /// Its path ("patterns", "unstable/patterns").
+    pub path: String,
+    /// Type of its elements.
+    pub kind: ElementType,
+    /// Its extents, slowest first; of a manifest, those of all chunks together.
+    pub shape: Vec<usize>,
+    /// Unit of the elements.
+    pub units: String,
+    /// What it is.
+    pub description: String,
+}
+
+impl Content {
+    /// Whether chunks with these two datasets can be laid end to end, and if not, why.
+    fn mismatch(&self, other: &Self) -> Option<String> {
+        let path = &self.path;
+        if self.kind != other.kind {
+            return Some(format!(
+                "`{path}` holds {}, not {}",
+                other.kind.name(),
+                self.kind.name()
+            ));
+        }
+        if self.shape.is_empty() {
+            return Some(format!("`{path}` has no axis to lay chunks along"));
+        }
+        if Some(&self.shape[1..]) != other.shape.get(1..) {
+            return Some(format!(
+                "`{path}` has the shape {:?} beside {:?}",
+                other.shape, self.shape
+            ));
+        }
+        (self.units != other.units || self.description != other.description)
+            .then(|| format!("`{path}` differs in units or description"))
+    }
+}
+
+/// The datasets of chunks laid end to end along the first axis.
+///
+/// # Errors
+/// When the chunks differ in anything but their first extents.
+pub fn concatenate<'a>(parts: impl IntoIterator<Item = (Digest, &'a [Content])>) -> Result<Vec<Content>, StoreError> {
+    let mut whole: Option<Vec<Content>> = None;
+    for (digest, contents) in parts {
+        let refuse = |reason: String| StoreError::Parts { digest, reason };
+        let Some(whole) = &mut whole else {
+            if let Some(reason) = contents.iter().find_map(|c| c.mismatch(c)) {
+                return Err(refuse(reason));
+            }
+            whole = Some(contents.to_vec());
+            continue;
+        };
+        if let Some((ours, _)) = whole.iter().zip(contents).find(|(a, b)| a.path != b.path) {
+            return Err(refuse(format!("`{}` is not in both", ours.path)));
+        }
+        if whole.len() != contents.len() {
+            return Err(refuse(format!("{} datasets beside {}", contents.len(), whole.len())));
+        }
+        for (ours, theirs) in whole.iter_mut().zip(contents) {
+            if let Some(reason) = ours.mismatch(theirs) {
+                return Err(refuse(reason));
+            }
+            ours.shape[0] += theirs.shape[0];
+        }
+    }
+    Ok(whole.unwrap_or_default())
+}

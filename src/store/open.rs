@@ -1,0 +1,201 @@
+//! The store as its users hold it: opening, putting and finding artifacts.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use tempfile::TempDir;
+
+use super::artifact::Artifact;
+use super::atomic;
+use super::error::StoreError;
+use super::layout::{Layout, files, files_in};
+use super::listing;
+use super::lock::{self, Guard};
+use super::object::Object;
+use super::provenance::Provenance;
+use super::seal::Seal;
+use super::verified::Verified;
+use super::write::{self, Part};
+use crate::base::Digest;
+
+/// An open store. Cheap to clone; while one is open, no collection runs.
+#[derive(Clone)]
+pub struct Store {
+    pub(super) layout: Layout,
+    pub(super) verified: Arc<Verified>,
+    _run: Arc<Guard>,
+}
+
+/// What has been put.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stored {
+    /// The artifact.
+    pub digest: Digest,
+    /// BLAKE3 of its file as written (after the user block).
+    pub file_digest: Digest,
+    /// Length of its file in bytes.
+    pub size: u64,
+}
+
+impl From<Seal> for Stored {
+    fn from(seal: Seal) -> Self {
+        Self {
+            digest: seal.content,
+            file_digest: seal.file,
+            size: seal.size,
+        }
+    }
+}
+
+impl Store {
+    /// Opens a folder as a store, creating it where there is none, and clears what dead processes left.
+    ///
+    /// # Errors
+    /// When the folder is something else or of an unknown version, or the system refuses.
+    pub fn open(root: &Path) -> Result<Self, StoreError> {
+        let layout = Layout::open(root)?;
+        if let Some(_alone) = lock::try_exclusive(&layout.run_lock())? {
+            clear(&layout.temporary())?;
+            clear(&layout.action_locks())?;
+        }
+        Ok(Self {
+            _run: Arc::new(lock::shared(&layout.run_lock())?),
+            layout,
+            verified: Arc::default(),
+        })
+    }
+
+    /// Opens a store that must be there already: to look into a mistyped folder must not make a store of it.
+    ///
+    /// # Errors
+    /// When there is none, or as [`Store::open`].
+    pub fn open_existing(root: &Path) -> Result<Self, StoreError> {
+        if Layout::is_store(root) {
+            Self::open(root)
+        } else {
+            Err(StoreError::NoStore { path: root.to_owned() })
+        }
+    }
+
+    /// Its folder.
+    #[must_use]
+    pub fn root(&self) -> &Path {
+        self.layout.root()
+    }
+
+    /// Writes an object, or finds that it is there already. A damaged file in its place is quarantined.
+    ///
+    /// # Errors
+    /// When the content cannot be an artifact, a chunk of a manifest is missing, or the system refuses (disk full).
+    pub fn put(&self, object: &Object, provenance: &Provenance) -> Result<Stored, StoreError> {
+        let digest = object.digest()?;
+        if let Some(stored) = self.existing(&digest)? {
+            return Ok(stored);
+        }
+        let parts = self.chunks_of(object)?;
+        let folder = self.temporary()?;
+        let temporary = folder.path().join("artifact.h5");
+        write::write(&temporary, object, &parts, provenance).map_err(StoreError::hdf5("write", &temporary))?;
+        let seal = Seal::write(&temporary, digest)?;
+        self.publish(&temporary, seal)
+    }
+
+    /// Opens an artifact, verifying every byte of its file.
+    ///
+    /// # Errors
+    /// When it is missing or damaged.
+    pub fn artifact(&self, digest: &Digest) -> Result<Artifact, StoreError> {
+        Artifact::load(self.layout.object(digest), *digest, self.verified.clone())
+    }
+
+    /// The artifacts whose digests begin with these hexadecimal digits, in order.
+    ///
+    /// # Errors
+    /// When the system refuses.
+    pub fn find(&self, prefix: &str) -> Result<Vec<Digest>, StoreError> {
+        let mut found = Vec::new();
+        for path in files(&self.layout.objects())? {
+            let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+            if stem.starts_with(prefix) {
+                found.extend(stem.parse::<Digest>());
+            }
+        }
+        found.sort_unstable();
+        Ok(found)
+    }
+
+    fn existing(&self, digest: &Digest) -> Result<Option<Stored>, StoreError> {
+        match self.verified.verify(&self.layout.object(digest), digest) {
+            Ok(seal) => Ok(Some(seal.into())),
+            Err(StoreError::Missing { .. }) => Ok(None),
+            Err(error) if error.is_damage() => Ok(None),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// The file's rename is what makes it visible.
+    fn publish(&self, temporary: &Path, seal: Seal) -> Result<Stored, StoreError> {
+        let _publishing = lock::exclusive(&self.layout.publish_lock())?;
+        if let Some(stored) = self.existing(&seal.content)? {
+            return Ok(stored);
+        }
+        let target = self.layout.object(&seal.content);
+        self.quarantine(&target)?;
+        atomic::rename(temporary, &target)?;
+        self.verified.remember(&target, seal);
+        Ok(seal.into())
+    }
+
+    /// Moves a file aside, keeping it for whoever wants to know what happened. Nothing happens where there is none.
+    pub(super) fn quarantine(&self, path: &Path) -> Result<Option<PathBuf>, StoreError> {
+        if fs::symlink_metadata(path).is_err() {
+            return Ok(None);
+        }
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let aside = (0..u32::MAX)
+            .map(|n| self.layout.quarantine().join(format!("{name}.{n}")))
+            .find(|aside| !aside.exists())
+            .unwrap_or_else(|| self.layout.quarantine().join(&*name));
+        fs::rename(path, &aside).map_err(StoreError::io("quarantine", path))?;
+        Ok(Some(aside))
+    }
+
+    fn chunks_of(&self, object: &Object) -> Result<Vec<Part>, StoreError> {
+        let mut parts = Vec::with_capacity(object.parts.len());
+        for digest in &object.parts {
+            let artifact = self.artifact(digest)?;
+            if artifact.is_manifest() {
+                return Err(StoreError::Parts {
+                    digest: *digest,
+                    reason: "it is a manifest itself".into(),
+                });
+            }
+            parts.push(Part {
+                digest: *digest,
+                contents: artifact.header_contents().to_vec(),
+            });
+        }
+        listing::concatenate(parts.iter().map(|part| (part.digest, part.contents.as_slice())))?;
+        Ok(parts)
+    }
+
+    /// A folder for a file being written, removed when dropped. Its name is random: processes in different containers
+    /// may have the same number.
+    pub(super) fn temporary(&self) -> Result<TempDir, StoreError> {
+        let folder = self.layout.temporary();
+        tempfile::tempdir_in(&folder).map_err(StoreError::io("write in", &folder))
+    }
+}
+
+fn clear(folder: &Path) -> Result<(), StoreError> {
+    for path in files_in(folder)? {
+        let removed = if path.is_dir() {
+            fs::remove_dir_all(&path)
+        } else {
+            fs::remove_file(&path)
+        };
+        removed.map_err(StoreError::io("remove", &path))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,58 @@
+//! Files that are no artifacts: results that somebody asked for by name. They look like artifacts to HDF5 tools, but have
+//! no seal, may hold NaN, and are wherever the user wants them.
+
+use std::path::Path;
+
+use super::atomic;
+use super::error::StoreError;
+use super::object::Object;
+use super::provenance::Provenance;
+use super::write;
+
+/// Writes arrays as an HDF5 file at `path`, which appears complete or not at all and replaces what was there.
+///
+/// # Errors
+/// When the folder does not exist or cannot be written in, or the library refuses (disk full).
+pub fn write_file(path: &Path, object: &Object, provenance: &Provenance) -> Result<(), StoreError> {
+    let folder = path
+        .parent()
+        .filter(|p| !p.as_os_str().is_empty())
+        .unwrap_or(Path::new("."));
+    // A bare name has an empty parent, which the system does not open.
+    let target = folder.join(path.file_name().unwrap_or_default());
+    // In the same folder, so that the rename crosses no file system.
+    let temporary = tempfile::tempdir_in(folder).map_err(StoreError::io("write in", folder))?;
+    let file = temporary.path().join("result.h5");
+    write::write(&file, object, &[], provenance).map_err(StoreError::hdf5("write", path))?;
+    atomic::rename(&file, &target)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::{Data, Dataset};
+
+    #[test]
+    fn a_plain_file_may_hold_nan_and_replaces_what_was_there() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("out.h5");
+        for value in [1.0, f64::NAN] {
+            let object = Object::default().with("v", Dataset::new("mm", "d", &[2], Data::F64(vec![value, 2.0])));
+            write_file(&path, &object, &Provenance::default()).unwrap();
+        }
+        let values = hdf5::File::open(&path)
+            .unwrap()
+            .dataset("v")
+            .unwrap()
+            .read_raw::<f64>()
+            .unwrap();
+        assert!(values[0].is_nan() && values[1] == 2.0);
+        assert_eq!(
+            std::fs::read_dir(folder.path()).unwrap().count(),
+            1,
+            "no temporary file stays"
+        );
+        let nowhere = folder.path().join("none/out.h5");
+        assert!(write_file(&nowhere, &Object::default(), &Provenance::default()).is_err());
+    }
+}

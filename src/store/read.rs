@@ -1,0 +1,147 @@
+//! Reads artifact files whose seal has been verified.
+//!
+//! Virtual datasets are for others: a manifest is read by the digests of its chunks, each of them verified.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use hdf5::types::{FloatSize, IntSize, TypeDescriptor, VarLenUnicode};
+use hdf5::{File, Group};
+
+use super::error::StoreError;
+use super::listing::{Content, ElementType};
+use super::object::{Data, Dataset, TEXT_WIDTH};
+use super::write::TextCell;
+use crate::base::Digest;
+
+/// What a file says about itself, without the elements of its datasets.
+pub struct Header {
+    /// Content attributes.
+    pub attributes: BTreeMap<String, String>,
+    /// Digests of the chunks of a manifest.
+    pub parts: Vec<Digest>,
+    /// Datasets in the order of their paths; of a manifest none, since its chunks have them.
+    pub contents: Vec<Content>,
+}
+
+/// Reads all but the elements.
+///
+/// # Errors
+/// When the file is not as this program writes it.
+pub fn header(path: &Path) -> Result<Header, StoreError> {
+    let file = open(path)?;
+    let failed = StoreError::hdf5("read", path);
+    let attributes = attributes(&file).map_err(&failed)?;
+    let names = file.member_names().map_err(&failed)?;
+    if names.iter().any(|name| name == "parts") {
+        let parts = texts(&file.dataset("parts").map_err(&failed)?).map_err(&failed)?;
+        let parts: Result<Vec<Digest>, _> = parts.iter().map(|text| text.parse()).collect();
+        return Ok(Header {
+            attributes,
+            parts: parts.map_err(|error| StoreError::damaged(path, error.to_string()))?,
+            contents: Vec::new(),
+        });
+    }
+    let mut contents = Vec::new();
+    list(&file, "", &mut contents).map_err(&failed)?;
+    contents.sort_by(|a, b| a.path.cmp(&b.path));
+    Ok(Header {
+        attributes,
+        parts: Vec::new(),
+        contents,
+    })
+}
+
+/// Reads one dataset.
+///
+/// # Errors
+/// When the file is not as this program writes it.
+pub fn dataset(path: &Path, content: &Content) -> Result<Dataset, StoreError> {
+    let file = open(path)?;
+    let read = || -> hdf5::Result<Dataset> {
+        let found = file.dataset(&content.path)?;
+        let data = match content.kind {
+            ElementType::U8 => Data::U8(found.read_raw()?),
+            ElementType::U32 => Data::U32(found.read_raw()?),
+            ElementType::U64 => Data::U64(found.read_raw()?),
+            ElementType::F32 => Data::F32(found.read_raw()?),
+            ElementType::F64 => Data::F64(found.read_raw()?),
+            ElementType::Text => Data::Text(texts(&found)?),
+        };
+        Ok(Dataset::new(&content.units, &content.description, &content.shape, data))
+    };
+    read().map_err(StoreError::hdf5("read", path))
+}
+
+/// Reads the attributes of `/provenance`.
+///
+/// # Errors
+/// When the file is not as this program writes it.
+pub fn provenance(path: &Path) -> Result<BTreeMap<String, String>, StoreError> {
+    let file = open(path)?;
+    file.group("provenance")
+        .and_then(|group| attributes(&group))
+        .map_err(StoreError::hdf5("read", path))
+}
+
+fn open(path: &Path) -> Result<File, StoreError> {
+    File::open(path).map_err(StoreError::hdf5("open", path))
+}
+
+fn list(group: &Group, prefix: &str, contents: &mut Vec<Content>) -> hdf5::Result<()> {
+    for name in group.member_names()? {
+        let path = format!("{prefix}{name}");
+        if path == "provenance" {
+            continue;
+        }
+        match group.dataset(&name) {
+            Ok(dataset) => contents.push(describe(&dataset, path)?),
+            Err(_) => list(&group.group(&name)?, &format!("{path}/"), contents)?,
+        }
+    }
+    Ok(())
+}
+
+fn describe(dataset: &hdf5::Dataset, path: String) -> hdf5::Result<Content> {
+    let attributes = attributes(dataset)?;
+    let text = |name: &str| attributes.get(name).cloned().unwrap_or_default();
+    Ok(Content {
+        kind: element_type(&dataset.dtype()?.to_descriptor()?)
+            .ok_or_else(|| format!("dataset `{path}` has a type that artifacts do not use"))?,
+        shape: dataset.get_shape()?,
+        units: text("units"),
+        description: text("description"),
+        path,
+    })
+}
+
+fn element_type(descriptor: &TypeDescriptor) -> Option<ElementType> {
+    match descriptor {
+        TypeDescriptor::Unsigned(IntSize::U1) => Some(ElementType::U8),
+        TypeDescriptor::Unsigned(IntSize::U4) => Some(ElementType::U32),
+        TypeDescriptor::Unsigned(IntSize::U8) => Some(ElementType::U64),
+        TypeDescriptor::Float(FloatSize::U4) => Some(ElementType::F32),
+        TypeDescriptor::Float(FloatSize::U8) => Some(ElementType::F64),
+        TypeDescriptor::FixedUnicode(TEXT_WIDTH) => Some(ElementType::Text),
+        _ => None,
+    }
+}
+
+fn attributes(location: &hdf5::Location) -> hdf5::Result<BTreeMap<String, String>> {
+    let mut out = BTreeMap::new();
+    for name in location.attr_names()? {
+        let value: VarLenUnicode = location.attr(&name)?.read_scalar()?;
+        out.insert(name.clone(), utf8(value.as_bytes(), &name)?);
+    }
+    Ok(out)
+}
+
+fn texts(dataset: &hdf5::Dataset) -> hdf5::Result<Vec<String>> {
+    let cells: Vec<TextCell> = dataset.read_raw()?;
+    cells.iter().map(|cell| utf8(cell.as_bytes(), "text")).collect()
+}
+
+/// The library's own conversion takes the bytes on trust.
+fn utf8(bytes: &[u8], name: &str) -> hdf5::Result<String> {
+    String::from_utf8(bytes.to_vec()).map_err(|_| format!("`{name}` is not UTF-8").into())
+}

@@ -1,0 +1,135 @@
+//! Action records: what an action made, and at what cost.
+//!
+//! A record is written after its artifact, so that it never promises what is not there; it ends with a digest of itself,
+//! so that a damaged record is no record. It keeps the parameters in full: the next run explains itself by them.
+
+use std::fs;
+use std::path::Path;
+use std::time::SystemTime;
+
+use serde::{Deserialize, Serialize};
+
+use super::atomic;
+use super::error::StoreError;
+use super::lock::{self, Guard};
+use super::open::Store;
+use crate::base::{Canonical, Digest, decode, encode};
+
+/// What an action made.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Record {
+    /// The action key.
+    pub key: Digest,
+    /// Kind of the stage.
+    pub kind: String,
+    /// RECIPE number of the kind.
+    pub recipe: u32,
+    /// Canonical parameters.
+    pub parameters: Canonical,
+    /// Digests of the artifacts that were read.
+    pub inputs: Vec<Digest>,
+    /// The artifact that was made.
+    pub artifact: Digest,
+    /// BLAKE3 of the artifact's file as it was written.
+    pub file_digest: Digest,
+    /// Length of that file in bytes.
+    pub size: u64,
+    /// What the work took, s.
+    pub seconds: f64,
+    /// How many samples have no stable solution.
+    pub unstable: u64,
+    /// When, in UTC, RFC 3339.
+    pub created: String,
+    /// Version of this crate.
+    pub version: String,
+    /// Architecture, operating system and processor.
+    pub target: String,
+}
+
+/// What stands under a key.
+#[derive(Clone, Debug)]
+pub enum Lookup {
+    /// No record: the action has not been done here.
+    Absent,
+    /// A file that is no record of this key, and counts as none.
+    Damaged,
+    /// The record, and when it was written.
+    Found(Box<Record>, SystemTime),
+}
+
+impl Lookup {
+    /// The record, if there is a sound one.
+    #[must_use]
+    pub fn record(self) -> Option<Record> {
+        match self {
+            Self::Found(record, _) => Some(*record),
+            Self::Absent | Self::Damaged => None,
+        }
+    }
+}
+
+const TRAILER: usize = 32;
+
+impl Store {
+    /// Looks up what an action has made.
+    ///
+    /// # Errors
+    /// When the system refuses; a damaged record is [`Lookup::Damaged`].
+    pub fn record(&self, key: &Digest) -> Result<Lookup, StoreError> {
+        read(&self.layout.record(key), key)
+    }
+
+    /// Writes a record. Its artifact must have been put.
+    ///
+    /// # Errors
+    /// When the system refuses.
+    pub fn put_record(&self, record: &Record) -> Result<(), StoreError> {
+        let mut bytes = encode(record)?;
+        bytes.extend_from_slice(Digest::of(&bytes).as_bytes());
+        let target = self.layout.record(&record.key);
+        if matches!(self.record(&record.key)?, Lookup::Damaged) {
+            self.quarantine(&target)?;
+        }
+        let folder = self.temporary()?;
+        atomic::write(&folder.path().join("record"), &target, &bytes)
+    }
+
+    /// Waits until nobody else does this action.
+    ///
+    /// # Errors
+    /// When the lock cannot be had.
+    pub fn lock_action(&self, key: &Digest) -> Result<Guard, StoreError> {
+        lock::exclusive(&self.layout.action_locks().join(key.to_string()))
+    }
+
+    /// Takes the lock of an action unless another process or thread is doing it.
+    ///
+    /// # Errors
+    /// When the lock file cannot be opened.
+    pub fn try_lock_action(&self, key: &Digest) -> Result<Option<Guard>, StoreError> {
+        lock::try_exclusive(&self.layout.action_locks().join(key.to_string()))
+    }
+}
+
+pub(super) fn read(path: &Path, key: &Digest) -> Result<Lookup, StoreError> {
+    let bytes = match fs::read(path) {
+        Ok(bytes) => bytes,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Lookup::Absent),
+        Err(error) if error.kind() == std::io::ErrorKind::IsADirectory => return Ok(Lookup::Damaged),
+        Err(error) => return Err(StoreError::io("read", path)(error)),
+    };
+    let written = fs::metadata(path)
+        .and_then(|metadata| metadata.modified())
+        .map_err(StoreError::io("read", path))?;
+    Ok(match parse(&bytes, key) {
+        Some(record) => Lookup::Found(Box::new(record), written),
+        None => Lookup::Damaged,
+    })
+}
+
+fn parse(bytes: &[u8], key: &Digest) -> Option<Record> {
+    let (body, trailer) = bytes.split_at_checked(bytes.len().checked_sub(TRAILER)?)?;
+    (Digest::of(body).as_bytes() == trailer).then_some(())?;
+    let record: Record = decode(body).ok()?;
+    (record.key == *key).then_some(record)
+}

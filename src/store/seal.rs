@@ -1,0 +1,129 @@
+//! The seal at the head of every artifact file: which artifact it is, its length, and a digest of every byte.
+//!
+//! It stands in the HDF5 *user block* (HDF5 File Format Specification 3.0, §II.A: bytes before the superblock belong to
+//! the user), so every HDF5 tool still reads the file. A file is handed to the HDF5 library only after its seal has been
+//! verified: the library is not made to survive damaged files.
+
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom, Write};
+use std::path::Path;
+
+use super::error::StoreError;
+use crate::base::Digest;
+
+/// Length of the user block in bytes: the least that HDF5 allows.
+pub const BLOCK: usize = 512;
+
+const TITLE: &str = "deaflow-artifact 1";
+
+/// What a seal says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Seal {
+    /// The artifact: the digest of the logical content.
+    pub content: Digest,
+    /// BLAKE3 of all bytes after the user block.
+    pub file: Digest,
+    /// Length of the file in bytes, user block included.
+    pub size: u64,
+}
+
+impl Seal {
+    fn block(&self) -> [u8; BLOCK] {
+        let text = format!("{TITLE}\n{}\n{}\n{}\n", self.content, self.file, self.size);
+        let mut block = [0; BLOCK];
+        block[..text.len()].copy_from_slice(text.as_bytes());
+        block
+    }
+
+    fn parse(block: &[u8; BLOCK]) -> Option<Self> {
+        let text = std::str::from_utf8(block).ok()?;
+        let mut lines = text.lines();
+        (lines.next()? == TITLE).then_some(())?;
+        let seal = Self {
+            content: lines.next()?.parse().ok()?,
+            file: lines.next()?.parse().ok()?,
+            size: lines.next()?.parse().ok()?,
+        };
+        // Byte for byte: padding and spelling are covered too.
+        (seal.block() == *block).then_some(seal)
+    }
+
+    /// Seals a finished HDF5 file with an empty user block, and syncs it to disk.
+    pub fn write(path: &Path, content: Digest) -> Result<Self, StoreError> {
+        let refused = |error| StoreError::io("seal", path)(error);
+        let mut file = File::options().read(true).write(true).open(path).map_err(refused)?;
+        let (digest, rest) = digest_rest(&mut file).map_err(refused)?;
+        let seal = Self {
+            content,
+            file: digest,
+            size: BLOCK as u64 + rest,
+        };
+        file.seek(SeekFrom::Start(0)).map_err(refused)?;
+        file.write_all(&seal.block()).map_err(refused)?;
+        file.sync_all().map_err(refused)?;
+        Ok(seal)
+    }
+
+    /// Reads the seal and compares the length of the file, but not its bytes.
+    pub fn read(path: &Path) -> Result<Self, StoreError> {
+        Self::read_open(path, &mut open(path)?)
+    }
+
+    /// Reads the seal and digests the whole file.
+    pub fn verify(path: &Path) -> Result<Self, StoreError> {
+        let mut file = open(path)?;
+        let seal = Self::read_open(path, &mut file)?;
+        let (digest, _) = digest_rest(&mut file).map_err(StoreError::io("read", path))?;
+        if digest == seal.file {
+            Ok(seal)
+        } else {
+            Err(StoreError::damaged(path, "its bytes are not those that were written"))
+        }
+    }
+
+    fn read_open(path: &Path, file: &mut File) -> Result<Self, StoreError> {
+        let size = file.metadata().map_err(StoreError::io("read", path))?.len();
+        if size < BLOCK as u64 {
+            return Err(StoreError::damaged(path, format!("{size} bytes are no artifact")));
+        }
+        let mut block = [0; BLOCK];
+        file.read_exact(&mut block).map_err(StoreError::io("read", path))?;
+        let seal = Self::parse(&block).ok_or_else(|| StoreError::damaged(path, "its seal cannot be read"))?;
+        if seal.size == size {
+            Ok(seal)
+        } else {
+            Err(StoreError::damaged(
+                path,
+                format!("{size} bytes, {} were written", seal.size),
+            ))
+        }
+    }
+}
+
+fn open(path: &Path) -> Result<File, StoreError> {
+    let file = File::open(path).map_err(StoreError::io("open", path))?;
+    // A folder opens for reading on Unix; only the first read would fail, with a message that says nothing.
+    if file.metadata().map_err(StoreError::io("open", path))?.is_file() {
+        Ok(file)
+    } else {
+        Err(StoreError::damaged(path, "it is not a file"))
+    }
+}
+
+/// Digest and number of the bytes after the user block.
+fn digest_rest(file: &mut File) -> std::io::Result<(Digest, u64)> {
+    file.seek(SeekFrom::Start(BLOCK as u64))?;
+    let mut hasher = blake3::Hasher::new();
+    let mut buffer = vec![0; 256 << 10];
+    let mut length = 0;
+    loop {
+        match file.read(&mut buffer)? {
+            0 => break,
+            n => {
+                hasher.update(&buffer[..n]);
+                length += n as u64;
+            }
+        }
+    }
+    Ok((Digest::from_bytes(*hasher.finalize().as_bytes()), length))
+}

@@ -1,0 +1,400 @@
+//! What a store promises, tried on small objects in temporary folders.
+
+use std::fs;
+use std::path::Path;
+
+use tempfile::TempDir;
+
+use super::*;
+use crate::base::{Canonical, Digest};
+
+fn store() -> (TempDir, Store) {
+    let folder = tempfile::tempdir().unwrap();
+    let store = Store::open(&folder.path().join("store")).unwrap();
+    (folder, store)
+}
+
+/// A chunk of `n` samples counting from `first`.
+fn chunk(first: u8, n: usize) -> Object {
+    let numbers: Vec<u8> = (0..2 * n).map(|i| first + i as u8).collect();
+    let texts: Vec<String> = (0..n).map(|i| format!("{}{}", "x".repeat(63), i % 10)).collect();
+    let reals = numbers.iter().map(|&x| f64::from(x) / 3.0).collect();
+    Object::default()
+        .with("patterns", Dataset::new("1", "Patterns", &[n, 2], Data::U8(numbers)))
+        .with(
+            "deep/outcome",
+            Dataset::new("", "Outcome of each", &[n], Data::Text(texts)),
+        )
+        .with(
+            "deep/er/field",
+            Dataset::new("mm", "A field", &[n, 1, 2], Data::F64(reals)),
+        )
+}
+
+fn put(store: &Store, object: &Object) -> Digest {
+    store.put(object, &Provenance::default()).unwrap().digest
+}
+
+fn object_path(store: &Store, digest: &Digest) -> std::path::PathBuf {
+    let name = digest.to_string();
+    store.root().join("objects").join(&name[..2]).join(format!("{name}.h5"))
+}
+
+/// Overwrites one byte in place.
+fn flip(path: &Path, at: usize) {
+    let mut bytes = fs::read(path).unwrap();
+    bytes[at] ^= 1;
+    fs::write(path, bytes).unwrap();
+}
+
+#[test]
+fn an_object_comes_back_as_it_was_put() {
+    let (_folder, store) = store();
+    let object = chunk(1, 3)
+        .attribute("scene", "side: 50 mm — é")
+        .with("u32", Dataset::new("", "d", &[1], Data::U32(vec![u32::MAX])))
+        .with("u64", Dataset::new("", "d", &[], Data::U64(vec![u64::MAX])))
+        .with("f32", Dataset::new("", "d", &[0, 5], Data::F32(Vec::new())));
+    let stored = store.put(&object, &Provenance::default()).unwrap();
+    assert_eq!(stored.digest, object.digest().unwrap());
+    let artifact = store.artifact(&stored.digest).unwrap();
+    assert_eq!(artifact.object().unwrap(), object);
+    assert_eq!(artifact.attribute("scene"), Some("side: 50 mm — é"));
+    assert_eq!(artifact.u64s("u64").unwrap(), (vec![], vec![u64::MAX]));
+    assert!(matches!(
+        artifact.u8s("u64"),
+        Err(StoreError::WrongType { found: "u64", .. })
+    ));
+    assert!(artifact.u8s("pattern").unwrap_err().to_string().contains("patterns"));
+}
+
+#[test]
+fn a_manifest_reads_as_its_chunks_laid_end_to_end() {
+    let (_folder, store) = store();
+    let parts: Vec<Digest> = [chunk(0, 2), chunk(50, 0), chunk(4, 1)]
+        .iter()
+        .map(|c| put(&store, c))
+        .collect();
+    let manifest = store
+        .artifact(&put(&store, &Object::manifest(Default::default(), parts.clone())))
+        .unwrap();
+    assert_eq!(manifest.parts(), parts);
+    assert_eq!(manifest.u8s("patterns").unwrap(), (vec![3, 2], vec![0, 1, 2, 3, 4, 5]));
+    let (shape, fields) = manifest.f64s("deep/er/field").unwrap();
+    assert_eq!((shape, fields[5]), (vec![3, 1, 2], 5.0 / 3.0));
+    let shapes: Vec<Vec<usize>> = manifest.contents().unwrap().iter().map(|c| c.shape.clone()).collect();
+    assert_eq!(shapes, [vec![3, 1, 2], vec![3], vec![3, 2]]);
+}
+
+#[test]
+fn virtual_datasets_show_the_chunks_to_any_reader_even_after_a_move() {
+    let (folder, store) = store();
+    let parts = [chunk(0, 2), chunk(50, 0), chunk(4, 1)]
+        .iter()
+        .map(|c| put(&store, c))
+        .collect();
+    let manifest = put(&store, &Object::manifest(Default::default(), parts));
+    drop(store);
+    fs::rename(folder.path().join("store"), folder.path().join("moved")).unwrap();
+    let store = Store::open(&folder.path().join("moved")).unwrap();
+    let file = hdf5::File::open(object_path(&store, &manifest)).unwrap();
+    assert_eq!(
+        file.dataset("patterns").unwrap().read_raw::<u8>().unwrap(),
+        [0, 1, 2, 3, 4, 5]
+    );
+    assert_eq!(
+        file.dataset("deep/er/field").unwrap().read_raw::<f64>().unwrap()[5],
+        5.0 / 3.0
+    );
+}
+
+#[test]
+fn chunks_that_differ_in_their_datasets_are_refused() {
+    let (_folder, store) = store();
+    let other = chunk(0, 1).with("extra", Dataset::new("", "", &[1], Data::U8(vec![1])));
+    let wide = Object::default().with("patterns", Dataset::new("1", "Patterns", &[1, 3], Data::U8(vec![1; 3])));
+    let narrow = Object::default().with("patterns", Dataset::new("1", "Patterns", &[1, 2], Data::U8(vec![1; 2])));
+    for (a, b) in [(chunk(0, 1), other), (narrow, wide)] {
+        let manifest = Object::manifest(Default::default(), vec![put(&store, &a), put(&store, &b)]);
+        let refused = store.put(&manifest, &Provenance::default());
+        assert!(matches!(refused, Err(StoreError::Parts { .. })), "{refused:?}");
+    }
+}
+
+#[test]
+fn damage_of_every_sort_is_an_error_and_a_new_put_heals_it() {
+    let (_folder, store) = store();
+    let object = chunk(1, 40);
+    let digest = put(&store, &object);
+    let path = object_path(&store, &digest);
+    let whole = fs::read(&path).unwrap();
+    let damages: [&dyn Fn(); 7] = [
+        &|| flip(&path, 3),
+        &|| flip(&path, 511),
+        &|| flip(&path, 530),
+        &|| flip(&path, whole.len() - 1),
+        &|| fs::write(&path, &whole[..whole.len() / 2]).unwrap(),
+        &|| fs::write(&path, []).unwrap(),
+        &|| {
+            fs::remove_file(&path).unwrap();
+            fs::create_dir(&path).unwrap();
+        },
+    ];
+    for (i, damage) in damages.iter().enumerate() {
+        damage();
+        let store = Store::open(store.root()).unwrap();
+        let error = store.artifact(&digest).err().unwrap();
+        assert!(matches!(error, StoreError::Damaged { .. }), "{i}: {error}");
+        assert_eq!(put(&store, &object), digest);
+        assert_eq!(store.artifact(&digest).unwrap().object().unwrap(), object, "{i}");
+    }
+    assert_eq!(
+        fs::read_dir(store.root().join("quarantine")).unwrap().count(),
+        damages.len()
+    );
+    fs::remove_file(&path).unwrap();
+    assert!(matches!(store.artifact(&digest), Err(StoreError::Missing { .. })));
+}
+
+#[test]
+fn a_file_under_the_name_of_another_artifact_is_damage() {
+    let (_folder, store) = store();
+    let (one, two) = (put(&store, &chunk(1, 1)), put(&store, &chunk(2, 1)));
+    fs::copy(object_path(&store, &one), object_path(&store, &two)).unwrap();
+    assert!(store.artifact(&two).err().unwrap().is_damage());
+}
+
+#[test]
+fn only_a_store_of_this_version_or_an_empty_folder_is_opened() {
+    let (folder, store) = store();
+    fs::write(store.root().join("format"), "deaflow-store 2\n").unwrap();
+    let error = Store::open(store.root()).err().unwrap();
+    assert!(error.to_string().contains("deaflow-store 2"), "{error}");
+    fs::write(folder.path().join("thesis.tex"), "").unwrap();
+    assert!(matches!(Store::open(folder.path()), Err(StoreError::NotAStore { .. })));
+    let error = Store::open(&folder.path().join("thesis.tex/store")).err().unwrap();
+    assert!(error.to_string().starts_with("cannot "), "{error}");
+}
+
+#[test]
+fn leftovers_are_cleared_once_nobody_is_at_work() {
+    let (_folder, store) = store();
+    let leftover = store.root().join("tmp/dead");
+    fs::create_dir(&leftover).unwrap();
+    fs::write(leftover.join("artifact.h5"), "half").unwrap();
+    let second = Store::open(store.root()).unwrap();
+    assert!(leftover.exists(), "the first may still be writing it");
+    let root = store.root().to_owned();
+    drop((store, second));
+    Store::open(&root).unwrap();
+    assert!(!leftover.exists());
+}
+
+#[test]
+fn looking_for_a_store_makes_none() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("typo");
+    assert!(matches!(Store::open_existing(&path), Err(StoreError::NoStore { .. })));
+    assert!(!path.exists());
+    drop(Store::open(&path).unwrap());
+    assert!(Store::open_existing(&path).is_ok());
+}
+
+/// A record of an action that made `stored`.
+fn record(name: &str, stored: Stored) -> Record {
+    Record {
+        key: Digest::of(name.as_bytes()),
+        kind: "count".into(),
+        recipe: 3,
+        parameters: Canonical::map([("seed", Canonical::from(7u64))]),
+        inputs: vec![Digest::of(b"input")],
+        artifact: stored.digest,
+        file_digest: stored.file_digest,
+        size: stored.size,
+        seconds: 0.25,
+        unstable: 2,
+        created: "2026-01-01T00:00:00.000Z".into(),
+        version: "0".into(),
+        target: "none".into(),
+    }
+}
+
+fn record_path(store: &Store, key: &Digest) -> std::path::PathBuf {
+    let name = key.to_string();
+    store.root().join("records").join(&name[..2]).join(name)
+}
+
+#[test]
+fn records_come_back_whole_or_not_at_all() {
+    let (_folder, store) = store();
+    let stored = store.put(&chunk(1, 1), &Provenance::default()).unwrap();
+    let (one, two) = (record("one", stored), record("two", stored));
+    assert!(matches!(store.record(&one.key).unwrap(), Lookup::Absent));
+    store.put_record(&one).unwrap();
+    assert_eq!(store.record(&one.key).unwrap().record(), Some(one.clone()));
+    let path = record_path(&store, &one.key);
+    let whole = fs::read(&path).unwrap();
+    for at in 0..whole.len() {
+        flip(&path, at);
+        assert!(matches!(store.record(&one.key).unwrap(), Lookup::Damaged), "byte {at}");
+        fs::write(&path, &whole).unwrap();
+    }
+    for length in 0..whole.len() {
+        fs::write(&path, &whole[..length]).unwrap();
+        assert!(
+            matches!(store.record(&one.key).unwrap(), Lookup::Damaged),
+            "{length} bytes"
+        );
+    }
+    store.put_record(&one).unwrap();
+    store.put_record(&two).unwrap();
+    fs::copy(record_path(&store, &two.key), &path).unwrap();
+    assert!(
+        matches!(store.record(&one.key).unwrap(), Lookup::Damaged),
+        "another's record"
+    );
+}
+
+#[test]
+fn fsck_finds_every_fault_and_names_it() {
+    let (_folder, store) = store();
+    let sound = store.put(&chunk(1, 1), &Provenance::default()).unwrap();
+    let stored = store.put(&chunk(2, 1), &Provenance::default()).unwrap();
+    let manifest = put(
+        &store,
+        &Object::manifest(Default::default(), vec![sound.digest, stored.digest]),
+    );
+    store.put_record(&record("sound", sound)).unwrap();
+    store.put_record(&record("stored", stored)).unwrap();
+    let report = store.fsck(&|done, total| assert!(done <= total)).unwrap();
+    assert!(report.is_sound());
+    assert_eq!((report.objects, report.records), (3, 2));
+
+    flip(&object_path(&store, &stored.digest), 600);
+    fs::write(store.root().join("runs/x.json"), "{}").unwrap();
+    fs::write(store.root().join("objects/notes.txt"), "").unwrap();
+    let report = store.fsck(&|_, _| ()).unwrap();
+    assert_eq!(report.damaged.len(), 2);
+    assert_eq!(report.damaged[0].path, object_path(&store, &stored.digest));
+    assert!(report.damaged[0].quarantined.as_ref().unwrap().exists());
+    let wanted: Vec<&str> = report
+        .missing
+        .iter()
+        .map(|absence| absence.wanted_by.as_str())
+        .collect();
+    assert_eq!(report.missing[0].digest, stored.digest);
+    assert!(
+        wanted.contains(&format!("manifest {}", manifest.short()).as_str()),
+        "{wanted:?}"
+    );
+    assert_eq!(wanted.len(), 2, "{wanted:?}");
+    assert_eq!(report.strays, [store.root().join("objects/notes.txt")]);
+
+    let provenance = Provenance {
+        host: "elsewhere".into(),
+        ..Provenance::default()
+    };
+    store.put(&chunk(2, 1), &provenance).unwrap();
+    let report = store.fsck(&|_, _| ()).unwrap();
+    assert!(report.is_sound());
+    assert_eq!(report.rewritten, [stored.digest], "the record saw another file");
+}
+
+#[test]
+fn a_seal_that_was_forged_does_not_deceive_fsck() {
+    let (_folder, store) = store();
+    let (one, two) = (put(&store, &chunk(1, 1)), put(&store, &chunk(2, 1)));
+    let path = object_path(&store, &one);
+    fs::copy(object_path(&store, &two), &path).unwrap();
+    super::seal::Seal::write(&path, one).unwrap();
+    assert!(
+        Store::open(store.root()).unwrap().artifact(&one).is_ok(),
+        "the seal fits the file"
+    );
+    let report = store.fsck(&|_, _| ()).unwrap();
+    assert!(report.damaged[0].reason.contains(&two.short()), "{:?}", report.damaged);
+}
+
+fn run_at(second: u32, pipeline: &str, stage: &str, artifact: &str) -> Run {
+    Run {
+        pipeline: pipeline.into(),
+        path: format!("{pipeline}.yaml"),
+        created: format!("2026-01-01T00:00:{second:02}.000Z"),
+        stages: vec![RunStage {
+            name: stage.into(),
+            kind: "count".into(),
+            key: Digest::of(b"key"),
+            artifact: Digest::of(artifact.as_bytes()),
+        }],
+    }
+}
+
+#[test]
+fn the_last_fifty_runs_are_remembered_and_none_twice() {
+    let (_folder, store) = store();
+    for second in 0..55 {
+        store.put_run(&run_at(second, "p", "s", &second.to_string())).unwrap();
+    }
+    let runs = store.runs().unwrap();
+    assert_eq!(runs.len(), 50);
+    assert_eq!(runs[0].created, "2026-01-01T00:00:54.000Z");
+    assert_eq!(runs[49].created, "2026-01-01T00:00:05.000Z");
+    let again = Run {
+        created: "2026-01-01T00:00:59.000Z".into(),
+        ..runs[20].clone()
+    };
+    store.put_run(&again).unwrap();
+    let runs = store.runs().unwrap();
+    assert_eq!((runs.len(), &runs[0]), (50, &again));
+    assert_eq!(runs.iter().filter(|run| run.stages == again.stages).count(), 1);
+    assert_eq!(
+        runs[49].created, "2026-01-01T00:00:05.000Z",
+        "none was forgotten for it"
+    );
+}
+
+#[test]
+fn a_stage_is_found_by_its_name_in_the_last_run_that_had_it() {
+    let (_folder, store) = store();
+    for run in [
+        run_at(1, "p", "s", "old"),
+        run_at(2, "q", "s", "new"),
+        run_at(3, "q", "t", "other"),
+    ] {
+        store.put_run(&run).unwrap();
+    }
+    let made = |pipeline| store.last_made("s", pipeline).unwrap().map(|stage| stage.artifact);
+    assert_eq!(made(None), Some(Digest::of(b"new")));
+    assert_eq!(made(Some("p")), Some(Digest::of(b"old")));
+    assert_eq!(made(Some("p.yaml")), Some(Digest::of(b"old")));
+    assert_eq!(made(Some("r")), None);
+}
+
+#[test]
+fn artifacts_are_found_by_the_beginning_of_their_digest() {
+    let (_folder, store) = store();
+    let digest = put(&store, &chunk(1, 1));
+    put(&store, &chunk(2, 1));
+    assert_eq!(store.find(&digest.short()).unwrap(), [digest]);
+    assert_eq!(store.find("").unwrap().len(), 2);
+    assert_eq!(store.find("xyz").unwrap(), []);
+}
+
+#[test]
+fn equal_content_put_at_once_is_one_file() {
+    let (_folder, store) = store();
+    let stored: Vec<Stored> = std::thread::scope(|scope| {
+        let threads: Vec<_> = (0..8)
+            .map(|i| {
+                let store = store.clone();
+                let provenance = Provenance {
+                    host: format!("host {i}"),
+                    ..Provenance::default()
+                };
+                scope.spawn(move || store.put(&chunk(1, 20), &provenance).unwrap())
+            })
+            .collect();
+        threads.into_iter().map(|thread| thread.join().unwrap()).collect()
+    });
+    assert!(stored.iter().all(|one| *one == stored[0]), "{stored:?}");
+}

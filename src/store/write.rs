@@ -1,0 +1,151 @@
+//! Writes an artifact as an HDF5 file that any HDF5 tool can read without this program.
+//!
+//! A manifest's file shows its chunks as whole arrays by virtual datasets (HDF5 ≥ 1.10), whose sources are named relative
+//! to the file's own folder, so that a store can be moved.
+
+use std::path::Path;
+
+use hdf5::types::{FixedUnicode, VarLenUnicode};
+use hdf5::{Extents, Group, H5Type, Hyperslab, SliceOrIndex};
+
+use super::listing::{Content, ElementType};
+use super::object::{Data, Dataset, Object, TEXT_WIDTH};
+use super::provenance::Provenance;
+use super::seal::BLOCK;
+use crate::base::Digest;
+
+/// One element of a text dataset.
+pub type TextCell = FixedUnicode<TEXT_WIDTH>;
+
+/// A chunk as a manifest sees it: its digest and what it holds.
+pub struct Part {
+    /// The chunk.
+    pub digest: Digest,
+    /// Its datasets.
+    pub contents: Vec<Content>,
+}
+
+/// Writes an object with an empty user block. `parts` are the chunks of a manifest.
+///
+/// # Errors
+/// When the library refuses, for instance because the disk is full.
+pub fn write(path: &Path, object: &Object, parts: &[Part], provenance: &Provenance) -> hdf5::Result<()> {
+    let file = hdf5::FileBuilder::new()
+        .with_fcpl(|plist| plist.userblock(BLOCK as u64))
+        .create_excl(path)?;
+    for (name, value) in &object.attributes {
+        attribute(&file, name, value)?;
+    }
+    for (name, dataset) in &object.datasets {
+        write_dataset(&file, name, dataset)?;
+    }
+    if !object.parts.is_empty() {
+        write_dataset(&file, "parts", &digests(&object.parts))?;
+        for content in parts.first().map_or(&[][..], |part| &part.contents) {
+            write_virtual(&file, content, parts)?;
+        }
+    }
+    let group = file.create_group("provenance")?;
+    for (name, value) in provenance.entries() {
+        attribute(&group, name, &value)?;
+    }
+    drop(group);
+    // Closing alone would hide a full disk: the library reports it on flushing.
+    file.flush()?;
+    file.close()
+}
+
+fn digests(parts: &[Digest]) -> Dataset {
+    let texts: Vec<String> = parts.iter().map(Digest::to_string).collect();
+    let description = "Digests of the chunks, in order";
+    Dataset::new("", description, &[texts.len()], Data::Text(texts))
+}
+
+fn attribute(location: &hdf5::Location, name: &str, value: &str) -> hdf5::Result<()> {
+    let value: VarLenUnicode = value
+        .parse()
+        .map_err(|_| hdf5::Error::from(format!("attribute `{name}` contains NUL")))?;
+    location.new_attr::<VarLenUnicode>().create(name)?.write_scalar(&value)
+}
+
+fn describe(dataset: &hdf5::Dataset, units: &str, description: &str) -> hdf5::Result<()> {
+    attribute(dataset, "units", units)?;
+    attribute(dataset, "description", description)
+}
+
+fn write_dataset(group: &Group, name: &str, dataset: &Dataset) -> hdf5::Result<()> {
+    match &dataset.data {
+        Data::U8(v) => write_elements(group, name, dataset, v),
+        Data::U32(v) => write_elements(group, name, dataset, v),
+        Data::U64(v) => write_elements(group, name, dataset, v),
+        // The digest takes −0 for 0, so the file must hold one of them whichever was put first.
+        Data::F32(v) => write_elements(group, name, dataset, &v.iter().map(|x| x + 0.0).collect::<Vec<_>>()),
+        Data::F64(v) => write_elements(group, name, dataset, &v.iter().map(|x| x + 0.0).collect::<Vec<_>>()),
+        Data::Text(v) => {
+            let cells: Result<Vec<TextCell>, _> = v.iter().map(|text| text.parse()).collect();
+            let cells = cells.map_err(|_| hdf5::Error::from(format!("dataset `{name}`: a text is too long")))?;
+            write_elements(group, name, dataset, &cells)
+        }
+    }
+}
+
+fn write_elements<T: H5Type>(group: &Group, name: &str, dataset: &Dataset, elements: &[T]) -> hdf5::Result<()> {
+    let written = group.new_dataset::<T>().shape(dataset.shape.clone()).create(name)?;
+    if !elements.is_empty() {
+        written.write_raw(elements)?;
+    }
+    describe(&written, &dataset.units, &dataset.description)
+}
+
+fn write_virtual(group: &Group, content: &Content, parts: &[Part]) -> hdf5::Result<()> {
+    match content.kind {
+        ElementType::U8 => write_virtual_of::<u8>(group, content, parts),
+        ElementType::U32 => write_virtual_of::<u32>(group, content, parts),
+        ElementType::U64 => write_virtual_of::<u64>(group, content, parts),
+        ElementType::F32 => write_virtual_of::<f32>(group, content, parts),
+        ElementType::F64 => write_virtual_of::<f64>(group, content, parts),
+        ElementType::Text => write_virtual_of::<TextCell>(group, content, parts),
+    }
+}
+
+fn write_virtual_of<T: H5Type>(group: &Group, first: &Content, parts: &[Part]) -> hdf5::Result<()> {
+    let slabs: Vec<(&Digest, &[usize])> = parts
+        .iter()
+        .flat_map(|part| {
+            let same = part.contents.iter().find(|content| content.path == first.path);
+            same.map(|content| (&part.digest, content.shape.as_slice()))
+        })
+        .collect();
+    let mut whole = first.shape.clone();
+    whole[0] = slabs.iter().map(|(_, shape)| shape[0]).sum();
+    let mut builder = group.new_dataset::<T>().shape(whole.clone());
+    let mut start = 0;
+    for (digest, shape) in slabs {
+        // An empty selection is refused by the library, and shows nothing anyway.
+        if shape.iter().product::<usize>() > 0 {
+            builder = builder.virtual_map(
+                source(digest),
+                &first.path,
+                Extents::from(shape.to_vec()),
+                slab(0, shape),
+                Extents::from(whole.clone()),
+                slab(start, shape),
+            );
+        }
+        start += shape[0];
+    }
+    let written = builder.create(first.path.as_str())?;
+    describe(&written, &first.units, &first.description)
+}
+
+/// The chunk's file, seen from the folder of any other artifact.
+fn source(digest: &Digest) -> String {
+    let name = digest.to_string();
+    format!("../{}/{name}.h5", &name[..2])
+}
+
+fn slab(start: usize, shape: &[usize]) -> Hyperslab {
+    let mut ranges: Vec<SliceOrIndex> = shape.iter().map(|&n| SliceOrIndex::from(0..n)).collect();
+    ranges[0] = SliceOrIndex::from(start..start + shape[0]);
+    Hyperslab::from(ranges)
+}
