@@ -72,7 +72,8 @@ pub trait Stage: Send + Sync {
 pub struct Input {
     /// Digest of the artifact.
     pub digest: Option<Digest>,
-    /// Digests of its chunks, with the number of samples in each; one chunk where the stage is not chunked.
+    /// Digests of its chunks, with the number of samples in each; the artifact itself, counted as one sample, where the
+    /// stage is not chunked.
     pub parts: Vec<(Option<Digest>, u64)>,
 }
 

@@ -1,1 +1,25 @@
 //! Knows stages, keys and chunks, and no physics: reads a pipeline, decides what is stale, builds that and no more.
+
+mod action;
+mod assess;
+mod build;
+mod event;
+mod execute;
+mod graph;
+mod kind;
+mod plan;
+mod provenance;
+mod spec;
+mod staleness;
+
+pub use action::Action;
+pub use event::{Event, Listener, Outcome, StageReport};
+pub use execute::{RunError, RunOutcome, run};
+pub use kind::{Chunk, Input, Job, Kind, Needs, Plan, Progress, Stage, StageError};
+pub use plan::plan;
+pub use provenance::Environment;
+pub use spec::{Pipeline, Registry, StageSpec};
+pub use staleness::Staleness;
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,284 @@
+//! Finds out what each stage and each chunk would take: which are there, which are not, and why.
+//!
+//! A plan and a run both stand on this, so that a plan cannot promise what a run would not do. Digests of what has yet to
+//! be built are unknown; but where a record says what an action made, building it again makes the same, so that a lost
+//! artifact does not make everything after it stale.
+
+use std::collections::BTreeMap;
+use std::time::SystemTime;
+
+use super::action::Action;
+use super::kind::{Chunk, Input, Plan};
+use super::spec::{Pipeline, StageSpec};
+use super::staleness::{Current, Staleness};
+use crate::base::{Canonical, Digest};
+use crate::store::{Condition, Effort, Lookup, Object, Record, Run, Store, StoreError};
+
+/// What a stage would take.
+pub struct Assessment {
+    /// Its action and key; unknown while an input has yet to be built.
+    pub action: Option<(Action, Digest)>,
+    /// How its work divides.
+    pub work: Plan,
+    /// Whether its artifact is there.
+    pub state: State,
+}
+
+/// Whether a stage's artifact is there.
+pub enum State {
+    /// It is.
+    Fresh {
+        /// The record that says so.
+        record: Box<Record>,
+        /// Its chunks, if it is a manifest.
+        parts: Vec<Digest>,
+        /// Length of all its files, bytes.
+        size: u64,
+    },
+    /// It has to be built.
+    Stale {
+        /// Why.
+        why: Staleness,
+        /// The chunks, if the stage is chunked.
+        chunks: Vec<ChunkState>,
+        /// What building will make, where that is known.
+        expected: Option<Digest>,
+    },
+}
+
+/// Whether a chunk is there.
+pub struct ChunkState {
+    /// Its action and key; unknown while an input has yet to be built.
+    pub action: Option<(Action, Digest)>,
+    /// Its record, if it has been built before.
+    pub record: Option<Record>,
+    /// Whether what the record names is there and whole.
+    pub intact: bool,
+}
+
+/// Looks at the stages of one pipeline in one store.
+pub struct Surveyor<'a> {
+    pipeline: &'a Pipeline,
+    store: &'a Store,
+    runs: Vec<Run>,
+}
+
+impl Assessment {
+    /// What later stages can know of this one.
+    #[must_use]
+    pub fn as_input(&self) -> Input {
+        match &self.state {
+            State::Fresh { record, parts, .. } => {
+                let parts: Vec<Option<Digest>> = parts.iter().copied().map(Some).collect();
+                known(&self.work, Some(record.artifact), &parts)
+            }
+            State::Stale { chunks, expected, .. } => {
+                let parts: Vec<Option<Digest>> = chunks.iter().map(ChunkState::artifact).collect();
+                known(&self.work, *expected, &parts)
+            }
+        }
+    }
+
+    /// Whether the stage has to be built.
+    #[must_use]
+    pub fn is_stale(&self) -> bool {
+        matches!(self.state, State::Stale { .. })
+    }
+}
+
+impl ChunkState {
+    /// What the chunk is, or will be once it has been built again.
+    fn artifact(&self) -> Option<Digest> {
+        self.record.as_ref().map(|record| record.artifact)
+    }
+}
+
+/// What is known of a stage whose work divides so.
+pub fn known(work: &Plan, digest: Option<Digest>, parts: &[Option<Digest>]) -> Input {
+    let parts = match work {
+        Plan::Whole { .. } => vec![(digest, 1)],
+        Plan::Chunks(chunks) => parts
+            .iter()
+            .copied()
+            .zip(chunks.iter().map(|chunk| chunk.samples))
+            .collect(),
+    };
+    Input { digest, parts }
+}
+
+impl<'a> Surveyor<'a> {
+    /// A surveyor who remembers the last runs.
+    ///
+    /// # Errors
+    /// When the store cannot be read.
+    pub fn new(pipeline: &'a Pipeline, store: &'a Store) -> Result<Self, StoreError> {
+        let mut runs = store.runs()?;
+        runs.retain(|run| run.pipeline == pipeline.name);
+        Ok(Self { pipeline, store, runs })
+    }
+
+    /// Assesses stages, given by their places in topological order.
+    ///
+    /// # Errors
+    /// When the store cannot be read.
+    pub fn survey(&self, selection: &[usize]) -> Result<Vec<Assessment>, StoreError> {
+        let mut inputs: BTreeMap<usize, Input> = BTreeMap::new();
+        let mut out = Vec::with_capacity(selection.len());
+        let mut effort = Effort::quick();
+        for &index in selection {
+            let needs = &self.pipeline.stages[index].needs;
+            let given: Vec<Input> = needs.iter().filter_map(|need| inputs.get(need).cloned()).collect();
+            let assessment = self.assess(index, &given, &mut effort)?;
+            inputs.insert(index, assessment.as_input());
+            out.push(assessment);
+        }
+        Ok(out)
+    }
+
+    /// Assesses one stage, given what is known of the stages that it needs.
+    ///
+    /// # Errors
+    /// When the store cannot be read.
+    pub fn assess(&self, index: usize, inputs: &[Input], effort: &mut Effort) -> Result<Assessment, StoreError> {
+        let spec = &self.pipeline.stages[index];
+        let digests: Vec<Option<Digest>> = inputs.iter().map(|input| input.digest).collect();
+        let parameters = spec.stage.parameters();
+        let action = keyed(Action::of_stage(
+            spec.kind.name(),
+            spec.kind.recipe(),
+            &parameters,
+            &digests,
+        ))?;
+        let work = spec.stage.plan(inputs);
+        let found = match &action {
+            Some((_, key)) => self.store.record(key)?,
+            None => Lookup::Absent,
+        };
+        let (why, expected) = match found {
+            Lookup::Found(record, written) => match self.examine(&record, written, &work, effort)? {
+                Ok((parts, size)) => {
+                    let state = State::Fresh { record, parts, size };
+                    return Ok(Assessment { action, work, state });
+                }
+                Err(why) => (why, Some(record.artifact)),
+            },
+            Lookup::Absent | Lookup::Damaged => (self.explain(spec, &parameters, &digests)?, None),
+        };
+        let chunks = self.chunks(spec, &work)?;
+        let expected = match expected {
+            None => foreseen(spec, &chunks)?,
+            some => some,
+        };
+        let state = State::Stale { why, chunks, expected };
+        Ok(Assessment { action, work, state })
+    }
+
+    /// The chunks and the total size of an intact artifact, or why it is not.
+    fn examine(
+        &self,
+        record: &Record,
+        written: SystemTime,
+        work: &Plan,
+        effort: &mut Effort,
+    ) -> Result<Result<(Vec<Digest>, u64), Staleness>, StoreError> {
+        let mut total = 0;
+        let mut stale = |digest: &Digest| -> Result<Option<Staleness>, StoreError> {
+            let condition = self.store.inspect(digest, written, effort)?;
+            if let Condition::Intact { size } = condition {
+                total += size;
+            }
+            Ok(Staleness::of_artifact(&condition))
+        };
+        if let Some(why) = stale(&record.artifact)? {
+            return Ok(Err(why));
+        }
+        let Plan::Chunks(chunks) = work else {
+            return Ok(Ok((Vec::new(), total)));
+        };
+        let parts = self.store.parts(&record.artifact)?;
+        if parts.len() != chunks.len() {
+            // Made by a program that divided the work otherwise under the same RECIPE: of no use to this one.
+            return Ok(Err(Staleness::ArtifactDamaged));
+        }
+        for part in &parts {
+            if let Some(why) = stale(part)? {
+                return Ok(Err(why));
+            }
+        }
+        Ok(Ok((parts, total)))
+    }
+
+    fn explain(
+        &self,
+        spec: &StageSpec,
+        parameters: &Canonical,
+        digests: &[Option<Digest>],
+    ) -> Result<Staleness, StoreError> {
+        let names = spec.needs.iter().map(|&need| self.pipeline.stages[need].name.as_str());
+        let inputs: Vec<(&str, Option<Digest>)> = names.zip(digests.iter().copied()).collect();
+        let current = Current {
+            recipe: spec.kind.recipe(),
+            parameters,
+            inputs: &inputs,
+        };
+        let remembered = self.runs.iter().find_map(|run| Some((run, run.stage(&spec.name)?)));
+        let Some((run, stage)) = remembered else {
+            return Ok(Staleness::since(&current, None, None));
+        };
+        let previous = self.store.record(&stage.key)?.record();
+        Ok(Staleness::since(&current, previous.as_ref(), Some(run)))
+    }
+
+    /// Looks at each chunk of a stale stage. Those that are there will be read, so they are verified in full.
+    fn chunks(&self, spec: &StageSpec, work: &Plan) -> Result<Vec<ChunkState>, StoreError> {
+        let Plan::Chunks(chunks) = work else {
+            return Ok(Vec::new());
+        };
+        chunks.iter().map(|chunk| self.chunk(spec, chunk)).collect()
+    }
+
+    fn chunk(&self, spec: &StageSpec, chunk: &Chunk) -> Result<ChunkState, StoreError> {
+        let (kind, recipe) = (spec.kind.name(), spec.kind.recipe());
+        let action = keyed(Action::of_chunk(kind, recipe, &chunk.parameters, &chunk.inputs))?;
+        let found = match &action {
+            Some((_, key)) => self.store.record(key)?,
+            None => Lookup::Absent,
+        };
+        let Lookup::Found(record, written) = found else {
+            return Ok(ChunkState {
+                action,
+                record: None,
+                intact: false,
+            });
+        };
+        let condition = self.store.inspect(&record.artifact, written, &mut Effort::thorough())?;
+        Ok(ChunkState {
+            action,
+            record: Some(*record),
+            intact: matches!(condition, Condition::Intact { .. }),
+        })
+    }
+}
+
+fn keyed(action: Option<Action>) -> Result<Option<(Action, Digest)>, StoreError> {
+    action
+        .map(|action| {
+            let key = action.key()?;
+            Ok((action, key))
+        })
+        .transpose()
+}
+
+/// The manifest of chunks that have all been built before, though not under this key.
+fn foreseen(spec: &StageSpec, chunks: &[ChunkState]) -> Result<Option<Digest>, StoreError> {
+    let parts: Option<Vec<Digest>> = chunks.iter().map(ChunkState::artifact).collect();
+    match parts {
+        Some(parts) if !parts.is_empty() => Ok(Some(manifest(spec, parts).digest()?)),
+        _ => Ok(None),
+    }
+}
+
+/// The artifact of a chunked stage.
+pub fn manifest(spec: &StageSpec, parts: Vec<Digest>) -> Object {
+    Object::manifest(spec.stage.attributes().into_iter().collect(), parts)
+}

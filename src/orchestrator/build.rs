@@ -1,0 +1,274 @@
+//! Does the work of one stage: a whole under its lock, or its missing chunks in parallel, each recorded as it finishes, so
+//! that a killed run loses no more than the chunks in flight.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use rayon::prelude::*;
+
+use super::action::Action;
+use super::assess::{ChunkState, manifest};
+use super::event::{Event, Listener};
+use super::kind::{Chunk, Job, Progress, StageError};
+use super::provenance::Environment;
+use super::spec::StageSpec;
+use crate::base::Digest;
+use crate::store::{Artifact, Condition, Effort, Guard, Lookup, Object, Record, Store, StoreError, Stored};
+
+/// What building needs beside the stage.
+pub struct Builder<'a> {
+    /// Where artifacts go.
+    pub store: &'a Store,
+    /// Clock and host.
+    pub environment: &'a Environment,
+    /// Who is told.
+    pub listener: Listener<'a>,
+}
+
+/// One finished piece of work.
+pub struct Done {
+    /// Its record.
+    pub record: Record,
+    /// Whether it was built here and now.
+    pub built: bool,
+}
+
+/// What became of a chunk in the parallel pass.
+enum Attempt {
+    Done(Box<Done>),
+    /// Another process is building it.
+    Elsewhere,
+    /// Not begun, because another chunk had failed.
+    Skipped,
+}
+
+/// One piece of work with its identity.
+#[derive(Clone, Copy)]
+struct Piece<'a> {
+    spec: &'a StageSpec,
+    action: &'a Action,
+    key: Digest,
+    chunk: Option<(usize, &'a Chunk)>,
+}
+
+impl Builder<'_> {
+    /// Builds a stage that is one piece of work.
+    ///
+    /// # Errors
+    /// When the work fails or the store refuses.
+    pub fn whole(&self, spec: &StageSpec, action: &Action, key: Digest) -> Result<Done, StageError> {
+        let piece = Piece {
+            spec,
+            action,
+            key,
+            chunk: None,
+        };
+        match self.store.try_lock_action(&key)? {
+            Some(guard) => self.perform(piece, &guard),
+            None => self.wait_and_perform(piece),
+        }
+    }
+
+    /// Builds the chunks that are not there; gives all chunks in order.
+    ///
+    /// # Errors
+    /// When there are none, the work of one fails (the first of those that failed), or the store refuses.
+    pub fn chunks(&self, spec: &StageSpec, chunks: &[Chunk], states: &[ChunkState]) -> Result<Vec<Done>, StageError> {
+        if chunks.is_empty() {
+            return Err(StageError::Failed(
+                "its inputs hold no samples: there is nothing to do".into(),
+            ));
+        }
+        let stop = AtomicBool::new(false);
+        // A chunk that another process is building is put off rather than waited for: a thread of the pool that waited
+        // could hold up, by work stealing, the very chunk that the other process waits for.
+        let attempts: Vec<Result<Attempt, StageError>> = states
+            .par_iter()
+            .zip(chunks)
+            .enumerate()
+            .with_max_len(1)
+            .map(|(index, (state, chunk))| {
+                let attempt = self.attempt(spec, (index, chunk), state, &stop);
+                if attempt.is_err() {
+                    stop.store(true, Ordering::Relaxed);
+                }
+                attempt
+            })
+            .collect();
+        let attempts: Vec<Attempt> = attempts.into_iter().collect::<Result<_, _>>()?;
+        let mut done = Vec::with_capacity(chunks.len());
+        for (index, attempt) in attempts.into_iter().enumerate() {
+            done.push(match attempt {
+                Attempt::Done(finished) => *finished,
+                Attempt::Elsewhere | Attempt::Skipped => {
+                    self.wait_and_perform(piece(spec, (index, &chunks[index]), &states[index])?)?
+                }
+            });
+        }
+        Ok(done)
+    }
+
+    /// Puts the manifest of a chunked stage and records it.
+    ///
+    /// # Errors
+    /// When the chunks do not fit together, or the store refuses.
+    pub fn manifest(
+        &self,
+        spec: &StageSpec,
+        action: &Action,
+        key: Digest,
+        parts: Vec<Digest>,
+        seconds: f64,
+    ) -> Result<Record, StageError> {
+        self.keep(spec, action, key, &manifest(spec, parts), seconds, true)
+    }
+
+    fn attempt(
+        &self,
+        spec: &StageSpec,
+        chunk: (usize, &Chunk),
+        state: &ChunkState,
+        stop: &AtomicBool,
+    ) -> Result<Attempt, StageError> {
+        if let (Some(record), true) = (&state.record, state.intact) {
+            return Ok(Attempt::Done(Box::new(Done {
+                record: record.clone(),
+                built: false,
+            })));
+        }
+        if stop.load(Ordering::Relaxed) {
+            return Ok(Attempt::Skipped);
+        }
+        let piece = piece(spec, chunk, state)?;
+        match self.store.try_lock_action(&piece.key)? {
+            Some(guard) => Ok(Attempt::Done(Box::new(self.perform(piece, &guard)?))),
+            None => Ok(Attempt::Elsewhere),
+        }
+    }
+
+    fn wait_and_perform(&self, piece: Piece<'_>) -> Result<Done, StageError> {
+        (self.listener)(&Event::Note {
+            name: piece.spec.name.clone(),
+            text: "another process is building this; waiting for it".into(),
+        });
+        let guard = self.store.lock_action(&piece.key)?;
+        self.perform(piece, &guard)
+    }
+
+    /// Builds a piece of work, unless it has been built since it was looked at. The guard shows that its lock is held.
+    fn perform(&self, piece: Piece<'_>, _held: &Guard) -> Result<Done, StageError> {
+        if let Some(record) = self.built_meanwhile(&piece.key)? {
+            return Ok(Done { record, built: false });
+        }
+        let inputs: Result<Vec<Artifact>, StoreError> = piece
+            .action
+            .inputs
+            .iter()
+            .map(|digest| self.store.artifact(digest))
+            .collect();
+        let reporter = Reporter {
+            name: &piece.spec.name,
+            listener: self.listener,
+        };
+        let start = (self.environment.clock)();
+        let object = piece.spec.stage.build(&Job {
+            chunk: piece.chunk.map(|(_, chunk)| chunk),
+            inputs: &inputs?,
+            progress: &reporter,
+        })?;
+        let seconds = self.environment.seconds_since(start);
+        let whole = piece.chunk.is_none();
+        let record = self.keep(piece.spec, piece.action, piece.key, &object, seconds, whole)?;
+        if let Some((chunk, _)) = piece.chunk {
+            let name = piece.spec.name.clone();
+            (self.listener)(&Event::ChunkBuilt { name, chunk });
+        }
+        Ok(Done { record, built: true })
+    }
+
+    /// A damaged artifact is moved aside here, in case the rebuilt one has another digest and does not take its place.
+    fn built_meanwhile(&self, key: &Digest) -> Result<Option<Record>, StageError> {
+        let Lookup::Found(record, written) = self.store.record(key)? else {
+            return Ok(None);
+        };
+        match self.store.inspect(&record.artifact, written, &mut Effort::thorough())? {
+            Condition::Intact { .. } => Ok(Some(*record)),
+            Condition::Missing => Ok(None),
+            Condition::Damaged(_) => {
+                self.store.quarantine_artifact(&record.artifact)?;
+                Ok(None)
+            }
+        }
+    }
+
+    /// Puts an object and, after it, its record. Unstable samples are counted once for the whole stage.
+    fn keep(
+        &self,
+        spec: &StageSpec,
+        action: &Action,
+        key: Digest,
+        object: &Object,
+        seconds: f64,
+        whole: bool,
+    ) -> Result<Record, StageError> {
+        let stored = self
+            .store
+            .put(object, &self.environment.provenance(action, key, seconds))?;
+        let unstable = match whole {
+            true => spec.stage.unstable(&self.store.artifact(&stored.digest)?)?,
+            false => 0,
+        };
+        let record = self.record(action, key, &stored, seconds, unstable);
+        self.store.put_record(&record)?;
+        Ok(record)
+    }
+
+    fn record(&self, action: &Action, key: Digest, stored: &Stored, seconds: f64, unstable: u64) -> Record {
+        Record {
+            key,
+            kind: action.kind.clone(),
+            recipe: action.recipe,
+            parameters: action.parameters.clone(),
+            inputs: action.inputs.clone(),
+            artifact: stored.digest,
+            file_digest: stored.file_digest,
+            size: stored.size,
+            seconds,
+            unstable,
+            created: self.environment.now(),
+            version: self.environment.version.clone(),
+            target: self.environment.target.clone(),
+        }
+    }
+}
+
+fn piece<'a>(spec: &'a StageSpec, chunk: (usize, &'a Chunk), state: &'a ChunkState) -> Result<Piece<'a>, StageError> {
+    let Some((action, key)) = &state.action else {
+        return Err(StageError::Failed(format!(
+            "an input of chunk {} was not built",
+            chunk.0
+        )));
+    };
+    Ok(Piece {
+        spec,
+        action,
+        key: *key,
+        chunk: Some(chunk),
+    })
+}
+
+struct Reporter<'a> {
+    name: &'a str,
+    listener: Listener<'a>,
+}
+
+impl Progress for Reporter<'_> {
+    fn advance(&self, steps: u64) {
+        let name = self.name.to_owned();
+        (self.listener)(&Event::Progress { name, steps });
+    }
+
+    fn note(&self, text: &str) {
+        let (name, text) = (self.name.to_owned(), text.to_owned());
+        (self.listener)(&Event::Note { name, text });
+    }
+}

@@ -1,0 +1,107 @@
+//! What a run tells while it goes on, and what it and a plan say of each stage.
+
+use serde::{Serialize, Serializer};
+
+use super::staleness::Staleness;
+use crate::base::Digest;
+
+/// What became of a stage, or would.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Outcome {
+    /// It was built.
+    Built,
+    /// Its artifact was there.
+    Reused,
+    /// It could not be built.
+    Failed,
+    /// In a plan: it would be built.
+    Stale,
+}
+
+/// One stage of a run or a plan.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct StageReport {
+    /// Its name in the pipeline.
+    pub name: String,
+    /// Its kind.
+    pub kind: String,
+    /// What became of it.
+    pub outcome: Outcome,
+    /// How many chunks were built, or would be; 1 or 0 where the stage is not chunked.
+    pub chunks_built: u64,
+    /// How many chunks were there; 1 or 0 where the stage is not chunked.
+    pub chunks_reused: u64,
+    /// Its artifact, where it is known.
+    #[serde(serialize_with = "hexadecimal")]
+    pub digest: Option<Digest>,
+    /// What this run spent on it, s.
+    pub seconds: f64,
+    /// Length of its files together, bytes; 0 where they have yet to be built.
+    pub size: u64,
+    /// Why it was stale, or failed, in words.
+    pub why: Option<String>,
+    /// Why it was stale.
+    #[serde(skip)]
+    pub staleness: Option<Staleness>,
+}
+
+fn hexadecimal<S: Serializer>(digest: &Option<Digest>, serializer: S) -> Result<S::Ok, S::Error> {
+    match digest {
+        Some(digest) => serializer.collect_str(digest),
+        None => serializer.serialize_none(),
+    }
+}
+
+/// One thing that happened. Events of one stage's chunks may come from several threads.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Event {
+    /// A run begins.
+    RunStarted {
+        /// Name of the pipeline.
+        pipeline: String,
+        /// How many stages it looks at.
+        stages: usize,
+    },
+    /// A stage's artifact is there.
+    StageReused(StageReport),
+    /// A stage is being built.
+    StageStarted {
+        /// Its name.
+        name: String,
+        /// Its kind.
+        kind: String,
+        /// Length of its progress bar: samples in the chunks to build, or the stage's own measure.
+        steps: u64,
+        /// Why it is stale.
+        why: Staleness,
+    },
+    /// Part of a stage's steps are done.
+    Progress {
+        /// Name of the stage.
+        name: String,
+        /// How many more steps are done.
+        steps: u64,
+    },
+    /// A short text to show beside the progress.
+    Note {
+        /// Name of the stage.
+        name: String,
+        /// The text.
+        text: String,
+    },
+    /// A chunk is built and recorded: it will not be lost.
+    ChunkBuilt {
+        /// Name of the stage.
+        name: String,
+        /// Its place among the stage's chunks, from 0.
+        chunk: usize,
+    },
+    /// A stage has been built.
+    StageFinished(StageReport),
+    /// A stage could not be built; the run ends.
+    StageFailed(StageReport),
+}
+
+/// Who is told. Called from several threads.
+pub type Listener<'a> = &'a (dyn Fn(&Event) + Sync);

@@ -1,0 +1,69 @@
+//! The order in which stages run: what is needed comes first, and among those that are ready the order of the file, so
+//! that a pipeline runs the same way every time.
+
+/// Orders the nodes `0..needs.len()`, where node `i` needs the nodes `needs[i]`.
+///
+/// # Errors
+/// The nodes of a cycle, each needing the next and the last the first, where there is one.
+pub fn order(needs: &[Vec<usize>]) -> Result<Vec<usize>, Vec<usize>> {
+    let mut placed = vec![false; needs.len()];
+    let mut out = Vec::with_capacity(needs.len());
+    while out.len() < needs.len() {
+        let ready = (0..needs.len()).find(|&i| !placed[i] && needs[i].iter().all(|&n| placed[n]));
+        let Some(next) = ready else {
+            return Err(cycle(needs, &placed));
+        };
+        placed[next] = true;
+        out.push(next);
+    }
+    Ok(out)
+}
+
+/// Every node that is not placed needs another such node: following them must come back somewhere.
+fn cycle(needs: &[Vec<usize>], placed: &[bool]) -> Vec<usize> {
+    let mut path: Vec<usize> = Vec::new();
+    let mut at = placed.iter().position(|done| !done);
+    while let Some(node) = at {
+        if let Some(start) = path.iter().position(|&seen| seen == node) {
+            return path.split_off(start);
+        }
+        path.push(node);
+        at = needs[node].iter().copied().find(|&n| !placed[n]);
+    }
+    path
+}
+
+/// A node and everything that it needs, directly or not, in the order of `needs`, which must be topological.
+pub fn closure(needs: &[&[usize]], target: usize) -> Vec<usize> {
+    let mut wanted = vec![false; needs.len()];
+    wanted[target] = true;
+    for node in (0..=target).rev() {
+        if wanted[node] {
+            needs[node].iter().for_each(|&n| wanted[n] = true);
+        }
+    }
+    (0..needs.len()).filter(|&node| wanted[node]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn needs_come_first_and_the_file_decides_the_rest() {
+        assert_eq!(order(&[vec![], vec![3], vec![], vec![0, 2]]), Ok(vec![0, 2, 3, 1]));
+        assert_eq!(order(&[]), Ok(vec![]));
+    }
+
+    #[test]
+    fn a_cycle_is_named_without_what_leads_into_it() {
+        // 0 → 1 → 2 → 3 → 1, and 4 stands apart.
+        assert_eq!(order(&[vec![1], vec![2], vec![3], vec![1], vec![]]), Err(vec![1, 2, 3]));
+        assert_eq!(order(&[vec![0]]), Err(vec![0]));
+    }
+
+    #[test]
+    fn the_closure_leaves_out_what_is_not_needed() {
+        assert_eq!(closure(&[&[], &[], &[0], &[1], &[2]], 2), [0, 2]);
+    }
+}

@@ -1,0 +1,111 @@
+//! The circumstances of a run: they enter here, as values, and reach artifacts only as their provenance.
+
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use super::action::Action;
+use crate::base::Digest;
+use crate::store::Provenance;
+
+/// Where and when a run takes place.
+#[derive(Clone, Debug)]
+pub struct Environment {
+    /// Name of the machine.
+    pub host: String,
+    /// Version of this crate.
+    pub version: String,
+    /// Architecture, operating system and processor.
+    pub target: String,
+    /// The time of day.
+    pub clock: fn() -> SystemTime,
+}
+
+impl Environment {
+    /// This machine, now.
+    #[must_use]
+    pub fn system() -> Self {
+        let read = |path| std::fs::read_to_string(path).unwrap_or_default();
+        let host = read("/proc/sys/kernel/hostname");
+        let processor = read("/proc/cpuinfo")
+            .lines()
+            .find_map(|line| line.strip_prefix("model name")?.split_once(':'))
+            .map_or_else(|| "unknown processor".to_owned(), |(_, name)| name.trim().to_owned());
+        let (architecture, system) = (std::env::consts::ARCH, std::env::consts::OS);
+        Self {
+            host: match host.trim() {
+                "" => "unknown".to_owned(),
+                name => name.to_owned(),
+            },
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            target: format!("{architecture}-{system}, {processor}"),
+            clock: SystemTime::now,
+        }
+    }
+
+    /// The time in UTC, RFC 3339 with milliseconds.
+    #[must_use]
+    pub fn now(&self) -> String {
+        rfc3339((self.clock)())
+    }
+
+    /// Seconds since an earlier reading of the clock; none where the clock was set back.
+    #[must_use]
+    pub fn seconds_since(&self, start: SystemTime) -> f64 {
+        (self.clock)()
+            .duration_since(start)
+            .unwrap_or(Duration::ZERO)
+            .as_secs_f64()
+    }
+
+    /// The provenance of what an action made.
+    #[must_use]
+    pub fn provenance(&self, action: &Action, key: Digest, seconds: f64) -> Provenance {
+        Provenance {
+            created: self.now(),
+            host: self.host.clone(),
+            version: self.version.clone(),
+            target: self.target.clone(),
+            seconds,
+            action: Some(key),
+            kind: action.kind.clone(),
+            recipe: action.recipe,
+            parameters: action.parameters.to_string(),
+            inputs: action.inputs.clone(),
+        }
+    }
+}
+
+/// Civil date from days: H. Hinnant, "chrono-Compatible Low-Level Date Algorithms", `civil_from_days`.
+fn rfc3339(time: SystemTime) -> String {
+    let since = time.duration_since(UNIX_EPOCH).unwrap_or(Duration::ZERO);
+    let (days, seconds) = (since.as_secs() / 86_400, since.as_secs() % 86_400);
+    let shifted = days + 719_468;
+    let (era, of_era) = (shifted / 146_097, shifted % 146_097);
+    let year_of_era = (of_era - of_era / 1460 + of_era / 36_524 - of_era / 146_096) / 365;
+    let of_year = of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    let march = (5 * of_year + 2) / 153;
+    let day = of_year - (153 * march + 2) / 5 + 1;
+    let month = if march < 10 { march + 3 } else { march - 9 };
+    let year = 400 * era + year_of_era + u64::from(month <= 2);
+    let (hour, minute, second) = (seconds / 3600, seconds / 60 % 60, seconds % 60);
+    let milli = since.subsec_millis();
+    format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}.{milli:03}Z")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_are_written_as_the_calendar_has_them() {
+        // From `date -u -d @N +%FT%T`.
+        let text = |seconds| rfc3339(UNIX_EPOCH + Duration::from_secs(seconds));
+        assert_eq!(text(0), "1970-01-01T00:00:00.000Z");
+        assert_eq!(text(951_782_400), "2000-02-29T00:00:00.000Z");
+        assert_eq!(text(1_709_251_199), "2024-02-29T23:59:59.000Z");
+        assert_eq!(text(4_102_444_800), "2100-01-01T00:00:00.000Z");
+        assert_eq!(
+            rfc3339(UNIX_EPOCH + Duration::from_millis(1500)),
+            "1970-01-01T00:00:01.500Z"
+        );
+    }
+}

@@ -1,0 +1,266 @@
+//! Reads a pipeline from YAML, refusing what cannot run before any work is done.
+
+use std::path::{Path, PathBuf};
+
+use super::graph;
+use super::kind::{Kind, Stage};
+use crate::base::{Document, InputError, Node, NodeValue, Override, nearest};
+
+const WHAT: &str = "the pipeline";
+
+/// What a pipeline may be made of.
+pub struct Registry {
+    /// The kinds of stages.
+    pub kinds: Vec<&'static dyn Kind>,
+    /// Checks a scene, so that a wrong one is refused even where no stage uses it.
+    pub check_scene: fn(&Node) -> Result<(), InputError>,
+}
+
+/// A valid pipeline.
+pub struct Pipeline {
+    /// Its name.
+    pub name: String,
+    /// Its file.
+    pub path: PathBuf,
+    /// Its stages in topological order.
+    pub stages: Vec<StageSpec>,
+}
+
+/// One stage of a pipeline.
+pub struct StageSpec {
+    /// Its name.
+    pub name: String,
+    /// Its kind.
+    pub kind: &'static dyn Kind,
+    /// The stages that it needs, by their places in [`Pipeline::stages`], in the order of the file.
+    pub needs: Vec<usize>,
+    /// What it does.
+    pub stage: Box<dyn Stage>,
+}
+
+/// A stage whose name, kind and needs have been read.
+struct Entry<'a> {
+    name: &'a str,
+    key: &'a Node,
+    node: &'a Node,
+    kind: &'static dyn Kind,
+    needs: Vec<(usize, &'a Node)>,
+}
+
+impl Pipeline {
+    /// Reads a pipeline from its file, with `--set` overrides applied after the scene's file has been read.
+    ///
+    /// # Errors
+    /// When the file or anything in it cannot be accepted, with the place.
+    pub fn load(path: &Path, overrides: &[Override], registry: &Registry) -> Result<Self, InputError> {
+        Self::read(Document::load(path)?, overrides, registry)
+    }
+
+    /// Reads a pipeline from a document.
+    ///
+    /// # Errors
+    /// As [`Pipeline::load`].
+    pub fn read(document: Document, overrides: &[Override], registry: &Registry) -> Result<Self, InputError> {
+        let path = document.path().to_owned();
+        let mut root = document.root;
+        splice_scene(&mut root, &path)?;
+        for set in overrides {
+            set.apply(&mut root)?;
+        }
+        let map = root.fields(WHAT, &["version", "name", "scene", "stages"])?;
+        let version = map.required(WHAT, "version")?;
+        if version.whole("version", 0, u64::MAX)? != 1 {
+            return Err(version.error(format!(
+                "`version` is {}: this deaflow reads version 1",
+                version.found()
+            )));
+        }
+        let name = map.required(WHAT, "name")?.text("name")?.to_owned();
+        let scene = map.optional("scene");
+        if let Some(scene) = scene {
+            (registry.check_scene)(scene)?;
+        }
+        let entries = read_entries(map.required(WHAT, "stages")?, registry)?;
+        let stages = read_stages(&entries, scene)?;
+        Ok(Self { name, path, stages })
+    }
+
+    /// The stage of that name.
+    #[must_use]
+    pub fn stage(&self, name: &str) -> Option<&StageSpec> {
+        self.stages.iter().find(|stage| stage.name == name)
+    }
+
+    /// Places of the stages to look at, in topological order: all, or `until` and what it needs.
+    ///
+    /// # Errors
+    /// When there is no stage of that name.
+    pub fn selection(&self, until: Option<&str>) -> Result<Vec<usize>, InputError> {
+        let Some(until) = until else {
+            return Ok((0..self.stages.len()).collect());
+        };
+        let Some(target) = self.stages.iter().position(|stage| stage.name == until) else {
+            let names: Vec<&str> = self.stages.iter().map(|stage| stage.name.as_str()).collect();
+            let message = format!("no stage `{until}` in {}", self.path.display());
+            return Err(InputError::new(message).help(suggestion(until, &names)));
+        };
+        let needs: Vec<&[usize]> = self.stages.iter().map(|stage| stage.needs.as_slice()).collect();
+        Ok(graph::closure(&needs, target))
+    }
+}
+
+/// A scene given by its file takes the place of the file's name.
+fn splice_scene(root: &mut Node, path: &Path) -> Result<(), InputError> {
+    let Some(node) = root.peek("scene") else {
+        return Ok(());
+    };
+    if !matches!(node.value(), NodeValue::Text(_)) {
+        return Ok(());
+    }
+    let file = path.parent().unwrap_or(Path::new("")).join(node.text("scene")?);
+    if !file.is_file() {
+        let message = format!("the scene's file {} does not exist", file.display());
+        return Err(node.error(message).help("it is named relative to the pipeline's file"));
+    }
+    let scene = Document::load(&file)?;
+    root.replace("scene", scene.root);
+    Ok(())
+}
+
+fn read_entries<'a>(stages: &'a Node, registry: &Registry) -> Result<Vec<Entry<'a>>, InputError> {
+    let entries = stages.entries("stages")?;
+    if entries.is_empty() {
+        return Err(stages.error("a pipeline has at least one stage"));
+    }
+    let mut names = Vec::new();
+    for (key, _) in entries {
+        let name = key.text("a stage's name")?;
+        let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+        if name.is_empty() || !name.chars().all(plain) {
+            let message = format!("a stage cannot be named {name:?}");
+            return Err(key.error(message).help("allowed: letters, digits, '_' and '-'"));
+        }
+        names.push(name);
+    }
+    let kinds: Vec<&'static str> = registry.kinds.iter().map(|kind| kind.name()).collect();
+    let mut out = Vec::new();
+    for ((key, node), name) in entries.iter().zip(&names) {
+        node.entries(&format!("stages.{name}"))?;
+        let Some(kind) = node.peek("kind") else {
+            let message = format!("`kind` is missing in stage `{name}`");
+            let allowed = format!("allowed: {}", kinds.join(", "));
+            return Err(key.error_labelled(message, "no `kind` in it").help(allowed));
+        };
+        let word = kind.word("kind", &kinds)?;
+        let Some(kind) = registry.kinds.iter().find(|kind| kind.name() == word) else {
+            return Err(kind.error(format!("no kind `{word}`")));
+        };
+        let needs = read_needs(node, &names)?;
+        out.push(Entry {
+            name,
+            key,
+            node,
+            kind: *kind,
+            needs,
+        });
+    }
+    Ok(out)
+}
+
+fn read_needs<'a>(node: &'a Node, names: &[&str]) -> Result<Vec<(usize, &'a Node)>, InputError> {
+    let mut out: Vec<(usize, &Node)> = Vec::new();
+    let Some(needs) = node.peek("needs") else {
+        return Ok(out);
+    };
+    for item in needs.list("needs")? {
+        let name = item.text("needs")?;
+        let Some(index) = names.iter().position(|other| *other == name) else {
+            let message = format!("no stage is named `{name}`");
+            return Err(item.error(message).help(suggestion(name, names)));
+        };
+        if out.iter().any(|(other, _)| *other == index) {
+            return Err(item.error(format!("`{name}` is needed twice")));
+        }
+        out.push((index, item));
+    }
+    Ok(out)
+}
+
+fn read_stages(entries: &[Entry<'_>], scene: Option<&Node>) -> Result<Vec<StageSpec>, InputError> {
+    let needs: Vec<Vec<usize>> = entries
+        .iter()
+        .map(|entry| entry.needs.iter().map(|(index, _)| *index).collect())
+        .collect();
+    let order = graph::order(&needs).map_err(|cycle| refuse_cycle(entries, &cycle))?;
+    let mut place = vec![0; order.len()];
+    for (at, &index) in order.iter().enumerate() {
+        place[index] = at;
+    }
+    let mut stages = Vec::with_capacity(order.len());
+    // In the order of the file, so that of several mistakes the first is named.
+    for entry in entries {
+        check_needs(entry, entries)?;
+        stages.push(Some(StageSpec {
+            name: entry.name.to_owned(),
+            kind: entry.kind,
+            needs: entry.needs.iter().map(|(index, _)| place[*index]).collect(),
+            stage: entry.kind.read(entry.node, scene)?,
+        }));
+    }
+    Ok(order.iter().filter_map(|&index| stages[index].take()).collect())
+}
+
+fn refuse_cycle(entries: &[Entry<'_>], cycle: &[usize]) -> InputError {
+    let (first, second) = (cycle[0], cycle[1 % cycle.len()]);
+    let mut message = format!("the stages need each other in a circle: `{}`", entries[first].name);
+    for &index in cycle[1..].iter().chain(&cycle[..1]) {
+        message += &format!(" needs `{}`", entries[index].name);
+    }
+    let item = entries[first].needs.iter().find(|(index, _)| *index == second);
+    item.map_or(entries[first].key, |(_, node)| node).error(message)
+}
+
+fn check_needs(entry: &Entry<'_>, entries: &[Entry<'_>]) -> Result<(), InputError> {
+    let (name, kind, needs) = (entry.name, entry.kind.name(), entry.kind.needs());
+    let fitting = || {
+        let names = entries.iter().filter(|other| needs.kinds.contains(&other.kind.name()));
+        names.map(|other| other.name).collect::<Vec<_>>().join(", ")
+    };
+    for (index, node) in &entry.needs {
+        let found = entries[*index].kind.name();
+        if !needs.kinds.contains(&found) {
+            let message = match needs.kinds {
+                [] => format!("a `{kind}` stage needs nothing"),
+                kinds => format!(
+                    "a `{kind}` stage needs {}, and `{}` is {found}",
+                    kinds.join(" or "),
+                    entries[*index].name
+                ),
+            };
+            return Err(node.error(message).help(format!("stages that fit: {}", fitting())));
+        }
+    }
+    let count = entry.needs.len();
+    if (needs.least..=needs.most).contains(&count) {
+        return Ok(());
+    }
+    let wanted = match (needs.least, needs.most) {
+        (least, most) if least == most => format!("{least}"),
+        (least, usize::MAX) => format!("at least {least}"),
+        (least, most) => format!("{least} to {most}"),
+    };
+    let message = format!(
+        "stage `{name}` needs {wanted} of kind {}, found {count}",
+        needs.kinds.join(" or ")
+    );
+    let node = entry.node.peek("needs").unwrap_or(entry.key);
+    Err(node.error(message).help(format!("stages that fit: {}", fitting())))
+}
+
+fn suggestion(word: &str, allowed: &[&str]) -> String {
+    let list = allowed.join(", ");
+    match nearest(word, allowed) {
+        Some(near) => format!("did you mean `{near}`? there are: {list}"),
+        None => format!("there are: {list}"),
+    }
+}

@@ -1,0 +1,128 @@
+//! Why a stage has to be built: a closed list, each reason decided by a predicate of its own.
+
+use std::fmt;
+
+use crate::base::{Canonical, Digest};
+use crate::store::{Condition, Record, Run};
+
+/// Why a stage is stale.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Staleness {
+    /// It has never been built here, as far as is remembered.
+    NoRecord,
+    /// A parameter differs from that of the last run.
+    ParameterChanged {
+        /// Dotted path of the first parameter that differs.
+        which: String,
+        /// Its value then.
+        from: String,
+        /// Its value now.
+        to: String,
+    },
+    /// An input differs from that of the last run, or has yet to be built.
+    InputChanged {
+        /// Name of the first stage whose artifact differs.
+        which: String,
+    },
+    /// The kind's RECIPE differs from that of the last run.
+    RecipeChanged {
+        /// Then.
+        from: u32,
+        /// Now.
+        to: u32,
+    },
+    /// Its artifact, or a chunk of it, is gone.
+    ArtifactMissing,
+    /// Its artifact, or a chunk of it, is not what was written.
+    ArtifactDamaged,
+}
+
+impl fmt::Display for Staleness {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NoRecord => f.write_str("no record"),
+            Self::ParameterChanged { which, from, to } => {
+                write!(f, "parameter changed: {which} from {from} to {to}")
+            }
+            Self::InputChanged { which } => write!(f, "input changed: {which}"),
+            Self::RecipeChanged { from, to } => write!(f, "recipe changed: from {from} to {to}"),
+            Self::ArtifactMissing => f.write_str("artifact missing"),
+            Self::ArtifactDamaged => f.write_str("artifact damaged"),
+        }
+    }
+}
+
+/// A stage as it is now, to be compared with what it was.
+pub struct Current<'a> {
+    /// RECIPE number of its kind.
+    pub recipe: u32,
+    /// Canonical parameters.
+    pub parameters: &'a Canonical,
+    /// Names of the stages that it needs, with their digests as far as they are known.
+    pub inputs: &'a [(&'a str, Option<Digest>)],
+}
+
+impl Staleness {
+    /// Why a stage without a record of its own key is stale, given the record that it had in the last run.
+    #[must_use]
+    pub fn since(current: &Current<'_>, previous: Option<&Record>, run: Option<&Run>) -> Self {
+        let Some(previous) = previous else {
+            return Self::NoRecord;
+        };
+        parameter_changed(current.parameters, &previous.parameters)
+            .or_else(|| recipe_changed(current.recipe, previous.recipe))
+            .or_else(|| input_changed(current.inputs, &previous.inputs, run))
+            .unwrap_or(Self::NoRecord)
+    }
+
+    /// Why a stage with a record is stale, if the condition of its artifact, or of one of its chunks, makes it so.
+    #[must_use]
+    pub fn of_artifact(condition: &Condition) -> Option<Self> {
+        artifact_missing(condition).or_else(|| artifact_damaged(condition))
+    }
+}
+
+fn parameter_changed(now: &Canonical, then: &Canonical) -> Option<Staleness> {
+    let (now, then) = (now.leaves(), then.leaves());
+    let absent = || "none".to_owned();
+    let value = |leaves: &[(String, &Canonical)], path: &str| {
+        let found = leaves.iter().find(|(other, _)| other == path);
+        found.map_or_else(absent, |(_, value)| value.to_string())
+    };
+    let differs = now.iter().find(|leaf| !then.contains(leaf));
+    let (which, _) = differs.or_else(|| then.iter().find(|leaf| !now.contains(leaf)))?;
+    Some(Staleness::ParameterChanged {
+        which: which.clone(),
+        from: value(&then, which),
+        to: value(&now, which),
+    })
+}
+
+fn recipe_changed(now: u32, then: u32) -> Option<Staleness> {
+    (now != then).then_some(Staleness::RecipeChanged { from: then, to: now })
+}
+
+fn input_changed(now: &[(&str, Option<Digest>)], then: &[Digest], run: Option<&Run>) -> Option<Staleness> {
+    let differs = now
+        .iter()
+        .enumerate()
+        .find(|(i, (_, digest))| *digest != then.get(*i).copied() || digest.is_none());
+    let which = match differs {
+        Some((_, (name, _))) => (*name).to_owned(),
+        // An input has been taken away: its name is remembered only by the run.
+        None => {
+            let gone = then.get(now.len())?;
+            let named = run.and_then(|run| run.stages.iter().find(|stage| stage.artifact == *gone));
+            named.map_or_else(|| gone.short(), |stage| stage.name.clone())
+        }
+    };
+    Some(Staleness::InputChanged { which })
+}
+
+fn artifact_missing(condition: &Condition) -> Option<Staleness> {
+    matches!(condition, Condition::Missing).then_some(Staleness::ArtifactMissing)
+}
+
+fn artifact_damaged(condition: &Condition) -> Option<Staleness> {
+    matches!(condition, Condition::Damaged(_)).then_some(Staleness::ArtifactDamaged)
+}
