@@ -1,1 +1,66 @@
 //! One file per stage kind: binds a domain function to the orchestrator, no more.
+
+mod arrays;
+mod balance;
+mod design;
+pub mod direct;
+mod objective;
+mod sample;
+mod solution;
+mod solve;
+mod solver;
+mod train;
+mod verify;
+
+use crate::base::{InputError, Node};
+use crate::orchestrator::{Registry, StageError};
+use crate::scene::Scene;
+use crate::store::Artifact;
+
+/// All kinds of stages, and how a scene is checked.
+#[must_use]
+pub fn registry() -> Registry {
+    Registry {
+        kinds: vec![
+            &sample::SampleKind,
+            &solve::SolveKind,
+            &balance::BalanceKind,
+            &train::TrainKind,
+            &design::DesignKind,
+            &verify::VerifyKind,
+        ],
+        check_scene: |node| Scene::read(node).map(|_| ()),
+    }
+}
+
+/// The scene of the pipeline, for a stage that cannot do without.
+fn scene_of(stage: &Node, scene: Option<&Node>) -> Result<Scene, InputError> {
+    let missing = || {
+        stage
+            .error("this stage needs a scene, and the pipeline has none")
+            .help("add `scene: FILE` or an inline mapping")
+    };
+    Scene::read(scene.ok_or_else(missing)?)
+}
+
+/// The scene that all inputs were made with, as text; inputs of different scenes do not belong in one model.
+fn scene_attribute(inputs: &[Artifact]) -> Result<String, StageError> {
+    let mut found: Option<&str> = None;
+    for input in inputs {
+        let scene = input.attribute("scene").ok_or_else(|| {
+            StageError::Input(format!(
+                "artifact {} does not say which scene it was made with",
+                input.digest().short()
+            ))
+        })?;
+        if found.is_some_and(|other| other != scene) {
+            return Err(StageError::Input(
+                "the inputs were made with different scenes".to_owned(),
+            ));
+        }
+        found = Some(scene);
+    }
+    found
+        .map(str::to_owned)
+        .ok_or_else(|| StageError::Input("the stage has no inputs".to_owned()))
+}

@@ -1,0 +1,233 @@
+//! `solve` and `predict` without a pipeline: patterns that somebody drew, straight into one file.
+
+use std::path::Path;
+use std::time::Instant;
+
+pub use super::solver::MeshRequest;
+use super::solver::Solver;
+use super::{arrays, solution};
+use crate::base::InputError;
+use crate::fem::{AccurateSimulation, SetupError};
+use crate::field::{CORNERS, Field, PredictError, Predictor};
+use crate::orchestrator::Progress;
+use crate::pattern::{Pattern, read_patterns};
+use crate::scene::Scene;
+use crate::store::{Data, Dataset, Object};
+use crate::surrogate::Surrogate;
+
+/// Patterns that one thread solves between two reports of progress.
+const BATCH: usize = 8;
+
+const PROCESSOR_TIME: &str = "processor time of the sample, the mean over its batch";
+
+/// Mesh and tolerance of a direct simulation.
+#[derive(Clone, Copy, Debug)]
+pub struct SolveRequest {
+    /// One mesh, or an accuracy.
+    pub mesh: MeshRequest,
+    /// Relative residual.
+    pub tolerance: f64,
+}
+
+/// What goes into the file, and how many samples have no stable solution.
+#[derive(Debug)]
+pub struct Answer {
+    /// The arrays. Unlike an artifact it may hold NaN: in the rows of unstable samples.
+    pub content: Object,
+    /// Number of patterns.
+    pub samples: usize,
+    /// The outcome of each pattern without a stable solution: position and words.
+    pub unstable: Vec<(usize, String)>,
+    /// Patterns whose estimated error in mm is larger than the accuracy that was asked for, although the finest mesh was
+    /// used: position and estimate.
+    pub missed: Vec<(usize, f64)>,
+}
+
+/// Why there is no answer.
+#[derive(Debug, thiserror::Error, miette::Diagnostic)]
+pub enum DirectError {
+    /// A scene or pattern that cannot be used.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Input(#[from] InputError),
+    /// A model that cannot be used.
+    #[error("cannot use the model: {0}")]
+    Model(String),
+    /// The numerical work failed.
+    #[error("{0}")]
+    Failed(String),
+}
+
+impl From<PredictError> for DirectError {
+    fn from(error: PredictError) -> Self {
+        Self::Failed(error.to_string())
+    }
+}
+
+/// All patterns that the arguments name, in order.
+///
+/// # Errors
+/// When one cannot be read.
+pub fn patterns(arguments: &[String]) -> Result<Vec<Pattern>, InputError> {
+    let mut all = Vec::new();
+    for argument in arguments {
+        all.extend(read_patterns(argument)?);
+    }
+    Ok(all)
+}
+
+/// Simulates patterns in a scene read from `scene`: a scene, or a pipeline whose scene is used.
+///
+/// # Errors
+/// When the scene cannot be read or the solver cannot be set up.
+pub fn solve(
+    scene: &Path,
+    patterns: &[Pattern],
+    request: &SolveRequest,
+    progress: &dyn Progress,
+) -> Result<Answer, DirectError> {
+    let scene = read_scene(scene)?;
+    let failed = |e: SetupError| DirectError::Failed(e.to_string());
+    let solver = Solver::new(&scene, request.mesh, request.tolerance).map_err(failed)?;
+    let threads = rayon::current_num_threads();
+    let mut results = Vec::with_capacity(patterns.len());
+    let mut seconds = Vec::with_capacity(patterns.len());
+    for batch in patterns.chunks(BATCH * threads) {
+        let start = Instant::now();
+        results.extend(solver.simulate(batch).map_err(failed)?);
+        seconds.extend(seconds_each(start, batch.len(), threads));
+        progress.advance(batch.len() as u64);
+    }
+    let mut content = describe(patterns, &results, seconds).attribute("scene", scene.to_text());
+    if solver.estimates() {
+        content = with_estimates(content, &results);
+    }
+    let unstable = results.iter().enumerate().filter(|(_, r)| r.simulation.field.is_none());
+    let unstable = unstable.map(|(i, r)| (i, r.simulation.outcome.to_string())).collect();
+    let wanted = match request.mesh {
+        MeshRequest::Accuracy(mm) => mm,
+        MeshRequest::Fixed { .. } => f64::INFINITY,
+    };
+    let estimates = results
+        .iter()
+        .enumerate()
+        .filter_map(|(i, r)| Some((i, r.discretisation_error?)));
+    let missed = estimates.filter(|(_, error)| *error > wanted).collect();
+    Ok(Answer {
+        content,
+        samples: patterns.len(),
+        unstable,
+        missed,
+    })
+}
+
+/// The time since `start`, shared out evenly; threads beyond the number of samples stood idle.
+fn seconds_each(start: Instant, samples: usize, threads: usize) -> impl Iterator<Item = f64> {
+    let each = start.elapsed().as_secs_f64() * threads.min(samples) as f64 / samples as f64;
+    std::iter::repeat_n(each, samples)
+}
+
+fn read_scene(path: &Path) -> Result<Scene, InputError> {
+    let document = crate::base::Document::load(path)?;
+    match document.root.peek("scene") {
+        None => Scene::read(&document.root),
+        Some(node) => match node.value() {
+            crate::base::NodeValue::Text(file) => {
+                Scene::load(&path.parent().unwrap_or_else(|| Path::new("")).join(file))
+            }
+            _ => Scene::read(node),
+        },
+    }
+}
+
+/// Rows without a stable solution are NaN here and nowhere else; their outcome says why.
+fn describe(patterns: &[Pattern], results: &[AccurateSimulation], seconds: Vec<f64>) -> Object {
+    let n = patterns.len();
+    let row = CORNERS * CORNERS * 2;
+    let mut displacement = Vec::with_capacity(n * row);
+    for result in results {
+        match &result.simulation.field {
+            Some(field) => displacement.extend_from_slice(field.values()),
+            None => displacement.extend(std::iter::repeat_n(f64::NAN, row)),
+        }
+    }
+    let largest = |r: &AccurateSimulation| r.simulation.field.as_ref().map_or(f64::NAN, Field::max_magnitude);
+    let note = "displacement at the cell corners [sample][y][x][component]; NaN where the outcome is not `converged`";
+    let displacement = Dataset::new("mm", note, &[n, CORNERS, CORNERS, 2], Data::F64(displacement));
+    let outcome = results.iter().map(|r| r.simulation.outcome.name());
+    let reals = |units, description, value: &dyn Fn(&AccurateSimulation) -> f64| {
+        arrays::reals(units, description, results.iter().map(value).collect())
+    };
+    let patterns = arrays::patterns(
+        "electrode patterns [sample][y][x], origin lower left, 1 = electrode",
+        patterns,
+    );
+    Object::default()
+        .with("patterns", patterns)
+        .with("displacement", displacement)
+        .with("outcome", arrays::texts("how the simulation ended", outcome))
+        .with(
+            "max_displacement",
+            reals(
+                "mm",
+                "largest displacement magnitude; NaN where there is none",
+                &largest,
+            ),
+        )
+        .with(
+            "residual",
+            reals("1", "relative residual of the equilibrium", &|r| r.simulation.residual),
+        )
+        .with("solve_seconds", arrays::reals("s", PROCESSOR_TIME, seconds))
+}
+
+fn with_estimates(content: Object, results: &[AccurateSimulation]) -> Object {
+    let error = |r: &AccurateSimulation| r.discretisation_error.unwrap_or(f64::NAN);
+    let note = "estimated largest error of the displacement over the corners; NaN where there is none";
+    let mut content = content.with(
+        "discretisation_error",
+        arrays::reals("mm", note, results.iter().map(error).collect()),
+    );
+    for (path, dataset) in solution::meshes(results.iter()) {
+        content = content.with(path, dataset);
+    }
+    content
+}
+
+/// Predicts patterns with a model given as the bytes of a safetensors file.
+///
+/// # Errors
+/// When the bytes are no model, or it cannot be evaluated.
+pub fn predict(weights: &[u8], patterns: &[Pattern], progress: &dyn Progress) -> Result<Answer, DirectError> {
+    let surrogate = Surrogate::load(weights).map_err(|e| DirectError::Model(e.to_string()))?;
+    let threads = rayon::current_num_threads();
+    let (mut fields, mut seconds) = (Vec::with_capacity(patterns.len()), Vec::with_capacity(patterns.len()));
+    for batch in patterns.chunks(256) {
+        let start = Instant::now();
+        fields.extend(surrogate.predict(batch)?);
+        seconds.extend(seconds_each(start, batch.len(), threads));
+        progress.advance(batch.len() as u64);
+    }
+    let largest = fields.iter().map(Field::max_magnitude).collect();
+    let shown = arrays::patterns(
+        "electrode patterns [sample][y][x], origin lower left, 1 = electrode",
+        patterns,
+    );
+    let displacement = "predicted displacement at the cell corners [sample][y][x][component]";
+    let outcome = "`predicted`: nothing was simulated, so nothing is known of stability";
+    let content = Object::default()
+        .with("patterns", shown)
+        .with("displacement", arrays::fields(displacement, fields.iter()))
+        .with("outcome", arrays::texts(outcome, patterns.iter().map(|_| "predicted")))
+        .with(
+            "max_displacement",
+            arrays::reals("mm", "largest displacement magnitude over the corners", largest),
+        )
+        .with("solve_seconds", arrays::reals("s", PROCESSOR_TIME, seconds));
+    Ok(Answer {
+        content,
+        samples: patterns.len(),
+        unstable: Vec::new(),
+        missed: Vec::new(),
+    })
+}

@@ -1,0 +1,286 @@
+//! `kind: sample` draws electrode patterns of one family.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::arrays;
+use crate::base::{Canonical, Decimal, Dimension, InputError, Node};
+use crate::orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
+use crate::pattern::Pattern;
+use crate::sample::{Bezier, Ends, Family, LargeGrid, SampleError, SmallGrid};
+use crate::store::Object;
+
+/// Samples in a chunk: small enough that a killed run loses seconds, large enough that a file is worth opening.
+const CHUNK: u64 = 50;
+
+/// More samples than this in one stage are a slip of the pen.
+const MAX_COUNT: u64 = 10_000_000;
+
+/// The keys of all families.
+const KEYS: [&str; 8] = [
+    "kind",
+    "family",
+    "count",
+    "area",
+    "ends",
+    "units",
+    "count_per_units",
+    "seed",
+];
+
+/// The kind `sample`.
+pub struct SampleKind;
+
+impl Kind for SampleKind {
+    fn name(&self) -> &'static str {
+        "sample"
+    }
+
+    fn recipe(&self) -> u32 {
+        1
+    }
+
+    fn needs(&self) -> Needs {
+        Needs {
+            kinds: &[],
+            least: 0,
+            most: 0,
+        }
+    }
+
+    fn read(&self, stage: &Node, _scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
+        let what = "a sample stage";
+        // First the keys of all families, so that a misspelt `family` is told from a missing one; then those of the family.
+        let map = stage.fields(what, &KEYS)?;
+        let family = map
+            .required(what, "family")?
+            .word("family", &["small-grid", "large-grid", "bezier"])?;
+        let groups = match family {
+            "large-grid" => read_large_grid(stage)?,
+            "bezier" => read_bezier(stage)?,
+            _ => read_small_grid(stage)?,
+        };
+        let seed = map.required(what, "seed")?.whole("seed", 0, i64::MAX as u64)?;
+        Ok(Box::new(SampleStage { groups, seed }))
+    }
+}
+
+/// A family with one set of parameters, and how many samples of it.
+struct Group {
+    family: Family,
+    /// What distinguishes the group within its family, for the key.
+    parameters: Vec<(&'static str, Canonical)>,
+    count: u64,
+}
+
+struct SampleStage {
+    groups: Vec<Group>,
+    seed: u64,
+}
+
+fn read_area(node: &Node) -> Result<Decimal, InputError> {
+    Ok(node.quantity_in("area", Dimension::Number, 0.0, 1.0)?.base())
+}
+
+fn refused(node: &Node) -> impl Fn(SampleError) -> InputError + '_ {
+    move |error| node.error(error.to_string())
+}
+
+fn read_small_grid(stage: &Node) -> Result<Vec<Group>, InputError> {
+    let what = "a small-grid sample";
+    let map = stage.fields(what, &["kind", "family", "count", "area", "seed"])?;
+    map.required(what, "family")?;
+    let area = map
+        .optional("area")
+        .map_or(Ok(Decimal::from_f64(0.5).unwrap_or(Decimal::ZERO)), read_area)?;
+    let family = SmallGrid::new(area.to_f64()).map_err(refused(map.optional("area").unwrap_or(stage)))?;
+    let count = map.required(what, "count")?.whole("count", 1, MAX_COUNT)?;
+    Ok(vec![Group {
+        family: Family::SmallGrid(family),
+        parameters: vec![("area", area.into())],
+        count,
+    }])
+}
+
+fn read_bezier(stage: &Node) -> Result<Vec<Group>, InputError> {
+    let what = "a bezier sample";
+    let map = stage.fields(what, &["kind", "family", "count", "area", "ends", "seed"])?;
+    let word = map
+        .optional("ends")
+        .map_or(Ok("opposite"), |n| n.word("ends", &["opposite", "any"]))?;
+    let ends = if word == "any" { Ends::Any } else { Ends::Opposite };
+    let area = map.optional("area").map(read_area).transpose()?;
+    let family =
+        Bezier::new(area.map(Decimal::to_f64), ends).map_err(refused(map.optional("area").unwrap_or(stage)))?;
+    let count = map.required(what, "count")?.whole("count", 1, MAX_COUNT)?;
+    let parameters = vec![
+        ("area", area.map_or(Canonical::Null, Canonical::from)),
+        ("ends", word.into()),
+    ];
+    Ok(vec![Group {
+        family: Family::Bezier(family),
+        parameters,
+        count,
+    }])
+}
+
+fn read_large_grid(stage: &Node) -> Result<Vec<Group>, InputError> {
+    let what = "a large-grid sample";
+    let map = stage.fields(what, &["kind", "family", "units", "count_per_units", "seed"])?;
+    let count = map
+        .required(what, "count_per_units")?
+        .whole("count_per_units", 1, MAX_COUNT)?;
+    let units = map.required(what, "units")?;
+    let mut seen = Vec::new();
+    let mut groups = Vec::new();
+    for node in units.list("units")? {
+        let n = node.whole("units", 2, crate::pattern::CELLS as u64)?;
+        if seen.contains(&n) {
+            return Err(node.error(format!("`units` names {n} twice")));
+        }
+        seen.push(n);
+        let family = Family::LargeGrid(LargeGrid::new(n as usize).map_err(refused(node))?);
+        // Families with few patterns give all of them.
+        let count = family.available().map_or(count, |available| available.min(count));
+        groups.push(Group {
+            family,
+            parameters: vec![("units", n.into())],
+            count,
+        });
+    }
+    if groups.is_empty() {
+        return Err(units.error("`units` is empty").help("for example [2, 3, 4]"));
+    }
+    // The order of the list means nothing, so it must not change the artifact.
+    groups.sort_by_key(Group::units);
+    Ok(groups)
+}
+
+impl Group {
+    fn chunks(&self) -> impl Iterator<Item = Range<u64>> {
+        let count = self.count;
+        (0..count.div_ceil(CHUNK)).map(move |i| i * CHUNK..((i + 1) * CHUNK).min(count))
+    }
+
+    fn chunk_parameters(&self, seed: u64, range: &Range<u64>) -> Canonical {
+        let common = [
+            ("family", Canonical::from(self.family.name())),
+            ("seed", seed.into()),
+            ("start", range.start.into()),
+            ("count", (range.end - range.start).into()),
+        ];
+        Canonical::map(common.into_iter().chain(self.parameters.iter().cloned()))
+    }
+
+    fn units(&self) -> u64 {
+        match &self.family {
+            Family::LargeGrid(grid) => grid.units() as u64,
+            Family::SmallGrid(_) | Family::Bezier(_) => 0,
+        }
+    }
+}
+
+impl Stage for SampleStage {
+    fn parameters(&self) -> Canonical {
+        let groups = self.groups.iter().map(|group| {
+            let own = group.parameters.iter().cloned();
+            let family = ("family", Canonical::from(group.family.name()));
+            Canonical::map(own.chain([family, ("count", group.count.into())]))
+        });
+        match groups.collect::<Vec<_>>() {
+            // One group is the usual case, and its parameters read better without an index.
+            mut single if single.len() == 1 => match single.remove(0) {
+                Canonical::Map(mut map) => {
+                    map.insert("seed".to_owned(), self.seed.into());
+                    Canonical::Map(map)
+                }
+                other => other,
+            },
+            many => {
+                let by_units = many
+                    .into_iter()
+                    .zip(&self.groups)
+                    .map(|(g, group)| (group.units().to_string(), g));
+                Canonical::map([("units", Canonical::map(by_units)), ("seed", self.seed.into())])
+            }
+        }
+    }
+
+    fn plan(&self, _inputs: &[Input]) -> Plan {
+        let chunk = |group: &Group, range: Range<u64>| Chunk {
+            parameters: group.chunk_parameters(self.seed, &range),
+            inputs: Vec::new(),
+            samples: range.end - range.start,
+        };
+        Plan::Chunks(
+            self.groups
+                .iter()
+                .flat_map(|g| g.chunks().map(move |r| chunk(g, r)))
+                .collect(),
+        )
+    }
+
+    fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
+        let wanted = job.chunk.map(|chunk| &chunk.parameters);
+        let (group, range) = self
+            .groups
+            .iter()
+            .flat_map(|group| group.chunks().map(move |range| (group, range)))
+            .find(|(group, range)| Some(&group.chunk_parameters(self.seed, range)) == wanted)
+            .ok_or_else(|| StageError::Failed("the chunk is not one of this stage's".to_owned()))?;
+        let draw = |i| {
+            group
+                .family
+                .sample(self.seed, i)
+                .map_err(|e| StageError::Failed(e.to_string()))
+        };
+        let patterns = range
+            .clone()
+            .into_par_iter()
+            .map(draw)
+            .collect::<Result<Vec<Pattern>, _>>()?;
+        job.progress.advance(patterns.len() as u64);
+        Ok(describe(group, &range, &patterns))
+    }
+}
+
+fn describe(group: &Group, range: &Range<u64>, patterns: &[Pattern]) -> Object {
+    let n = patterns.len();
+    Object::default()
+        .with(
+            "patterns",
+            arrays::patterns(
+                "electrode patterns [sample][y][x], origin lower left, 1 = electrode",
+                patterns,
+            ),
+        )
+        .with(
+            "family",
+            arrays::texts("family that the pattern was drawn from", vec![group.family.name(); n]),
+        )
+        .with(
+            "index",
+            arrays::wholes(
+                "1",
+                "number of the sample within its family, parameters and seed",
+                range.clone().collect(),
+            ),
+        )
+        .with(
+            "units",
+            arrays::wholes(
+                "1",
+                "units across the membrane (large-grid), 0 elsewhere",
+                vec![group.units(); n],
+            ),
+        )
+        .with(
+            "area",
+            arrays::reals(
+                "1",
+                "area fraction of the electrode",
+                patterns.iter().map(Pattern::area_fraction).collect(),
+            ),
+        )
+}

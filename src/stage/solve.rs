@@ -1,0 +1,88 @@
+//! `kind: solve` simulates every sample with finite elements.
+
+use super::solver::SolverParameters;
+use super::{arrays, solution};
+use crate::base::{Canonical, InputError, Node};
+use crate::fem::SetupError;
+use crate::orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
+use crate::scene::Scene;
+use crate::store::{Artifact, Object};
+
+/// Patterns between two reports of progress.
+const BATCH: usize = 16;
+
+/// The kind `solve`.
+pub struct SolveKind;
+
+impl Kind for SolveKind {
+    fn name(&self) -> &'static str {
+        "solve"
+    }
+
+    fn recipe(&self) -> u32 {
+        1
+    }
+
+    fn needs(&self) -> Needs {
+        Needs {
+            kinds: &["sample"],
+            least: 1,
+            most: 1000,
+        }
+    }
+
+    fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
+        let what = "a solve stage";
+        let map = stage.fields(what, &[&["kind", "needs"], &SolverParameters::KEYS[..]].concat())?;
+        let scene = super::scene_of(stage, scene)?;
+        Ok(Box::new(SolveStage {
+            solver: SolverParameters::read(&map, 2)?,
+            scene,
+        }))
+    }
+}
+
+struct SolveStage {
+    solver: SolverParameters,
+    scene: Scene,
+}
+
+impl Stage for SolveStage {
+    fn parameters(&self) -> Canonical {
+        self.solver.canonical([("scene", self.scene.canonical())])
+    }
+
+    fn plan(&self, inputs: &[Input]) -> Plan {
+        let chunk = |&(digest, samples): &(Option<_>, u64)| Chunk {
+            parameters: self.parameters(),
+            inputs: vec![digest],
+            samples,
+        };
+        Plan::Chunks(inputs.iter().flat_map(|input| input.parts.iter().map(chunk)).collect())
+    }
+
+    fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
+        let [samples] = job.inputs else {
+            return Err(StageError::Failed(
+                "a chunk of a solve stage reads one chunk of samples".to_owned(),
+            ));
+        };
+        let patterns = arrays::read_patterns(samples, "patterns")?;
+        let failed = |e: SetupError| StageError::Failed(e.to_string());
+        let solver = self.solver.build(&self.scene).map_err(failed)?;
+        let mut simulations = Vec::with_capacity(patterns.len());
+        for batch in patterns.chunks(BATCH) {
+            simulations.extend(solver.simulate(batch).map_err(failed)?);
+            job.progress.advance(batch.len() as u64);
+        }
+        solution::describe(samples, &patterns, &simulations, solver.estimates(), &self.scene)
+    }
+
+    fn attributes(&self) -> Vec<(String, String)> {
+        vec![("scene".to_owned(), self.scene.to_text())]
+    }
+
+    fn unstable(&self, artifact: &Artifact) -> Result<u64, StageError> {
+        Ok(artifact.texts("unstable/outcome")?.1.len() as u64)
+    }
+}
