@@ -1,0 +1,19 @@
+//! Figures of finished runs, as PNG files. They take plain numbers and know no artifacts.
+
+mod agreement;
+mod axes;
+mod canvas;
+mod curves;
+mod evolution;
+mod histogram;
+mod membrane;
+
+pub use agreement::{Case, draw_agreement};
+pub use canvas::FigureError;
+pub use curves::{Training, draw_training};
+pub use evolution::{Evolution, draw_evolution};
+pub use histogram::{Histogram, draw_histogram};
+pub use membrane::{Membrane, draw_membrane};
+
+#[cfg(test)]
+mod tests;

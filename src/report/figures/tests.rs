@@ -1,0 +1,183 @@
+use std::fs;
+use std::path::Path;
+
+use super::*;
+
+fn membrane(direction: f64) -> Membrane {
+    let bump = |t: f64| (std::f64::consts::PI * t).sin();
+    let corner = |at: usize| {
+        let (x, y) = ((at % 51) as f64 / 50.0, (at / 51) as f64 / 50.0);
+        [2.1 * direction * bump(x) * bump(y), 0.6 * bump(2.0 * x) * bump(y)]
+    };
+    let cell = |at: usize| u8::from(at % 50 < 25 || (at / 50) > 40 && at % 50 < 34);
+    Membrane {
+        pattern: (0..2500).map(cell).collect(),
+        displacement: (0..51 * 51).flat_map(corner).collect(),
+        side: 50.0,
+        points: vec![[25.0, 25.0]],
+    }
+}
+
+fn histogram() -> Histogram {
+    let before: Vec<u64> = (0..100)
+        .map(|k| (800.0 * (-((k as f64 - 20.0) / 6.0).powi(2)).exp()) as u64 + 2 * (k % 3))
+        .collect();
+    Histogram {
+        edges: (0..=100).map(|k| 0.025 * k as f64).collect(),
+        augmented: before.iter().map(|n| 8 * n).collect(),
+        after: before.iter().map(|n| (8 * n).min(10)).collect(),
+        before,
+    }
+}
+
+fn training(epochs: usize) -> Training {
+    let curve = |a: f64, b: f64| (0..epochs).map(|k| a * (-0.4 * k as f64).exp() + b).collect();
+    Training {
+        train_loss: curve(0.3, 0.004),
+        validation_loss: curve(0.2, 0.007),
+        validation_rmse: curve(0.6, 0.031),
+    }
+}
+
+fn evolution(n: usize) -> Evolution {
+    let rise = |a: f64, r: f64| (0..n).map(|k| a * (1.0 - (-r * k as f64).exp()) + 0.4).collect();
+    Evolution {
+        best: rise(-1.6, 0.1),
+        value: rise(1.6, 0.1),
+        mean: rise(-1.3, 0.06),
+        area: (0..n).map(|k| 0.5 + 0.02 * (k as f64 / 3.0).sin()).collect(),
+    }
+}
+
+fn cases() -> Vec<Case> {
+    [("Design", 1.0), ("Intuitive", 0.9), ("Intuitive, equal area", 0.85)]
+        .map(|(name, factor)| Case {
+            name: name.into(),
+            membrane: membrane(factor),
+            predicted: 2.08 * factor,
+            simulated: 2.1 * factor,
+        })
+        .into()
+}
+
+const NAMES: [&str; 5] = [
+    "histogram.png",
+    "training.png",
+    "evolution.png",
+    "membrane.png",
+    "agreement.png",
+];
+
+fn draw_all(folder: &Path) {
+    draw_histogram(&folder.join(NAMES[0]), &histogram()).unwrap();
+    draw_training(&folder.join(NAMES[1]), &training(8)).unwrap();
+    draw_evolution(&folder.join(NAMES[2]), &evolution(61)).unwrap();
+    draw_membrane(&folder.join(NAMES[3]), "Best design, simulated", &membrane(1.0)).unwrap();
+    draw_agreement(&folder.join(NAMES[4]), &cases()).unwrap();
+}
+
+/// Width, height, RGB.
+fn pixels(path: &Path) -> (usize, usize, Vec<[u8; 3]>) {
+    let mut reader = png::Decoder::new(fs::File::open(path).unwrap()).read_info().unwrap();
+    let mut bytes = vec![0; reader.output_buffer_size()];
+    let frame = reader.next_frame(&mut bytes).unwrap();
+    let pixels = bytes.chunks_exact(3).map(|p| [p[0], p[1], p[2]]).collect();
+    (frame.width as usize, frame.height as usize, pixels)
+}
+
+const SKY: [u8; 3] = [86, 180, 233];
+
+#[test]
+fn figures_have_the_same_bytes_every_time_and_nothing_touches_their_border() {
+    let (one, two) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    draw_all(one.path());
+    draw_all(two.path());
+    for name in NAMES {
+        assert_eq!(
+            fs::read(one.path().join(name)).unwrap(),
+            fs::read(two.path().join(name)).unwrap(),
+            "{name}"
+        );
+        let (width, height, pixels) = pixels(&one.path().join(name));
+        assert!(width >= 1200, "{name}");
+        let border = |at: usize| {
+            let (x, y) = (at % width, at / width);
+            x.min(width - 1 - x).min(y).min(height - 1 - y) < 3
+        };
+        let stained = pixels
+            .iter()
+            .enumerate()
+            .filter(|(at, p)| border(*at) && **p != [255; 3])
+            .count();
+        assert_eq!(stained, 0, "{name}");
+    }
+    assert_eq!(
+        fs::read_dir(one.path()).unwrap().count(),
+        NAMES.len(),
+        "no temporary file stays"
+    );
+}
+
+#[test]
+fn the_electrode_is_drawn_where_it_has_moved_to() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("m.png");
+    let share = |direction: f64| {
+        let mut data = membrane(direction);
+        data.points.clear();
+        // A half plane, so that the exact area between its moved edge and the frame is known.
+        data.pattern = (0..2500).map(|at| u8::from(at % 50 < 25)).collect();
+        draw_membrane(&path, "t", &data).unwrap();
+        let (_, _, pixels) = pixels(&path);
+        pixels.iter().filter(|p| **p == SKY).count() as f64 / (594.0 * 594.0)
+    };
+    // Mean over the edge of 2.1 mm · sin(πy), drawn twice as large, in shares of 50 mm.
+    let moved = 2.0 * 2.1 * 2.0 / std::f64::consts::PI / 50.0;
+    let (rest, right, left) = (share(0.0), share(1.0), share(-1.0));
+    // The outline takes two pixels of each edge.
+    assert!((rest - 0.5).abs() < 0.015, "{rest}");
+    // Moved to the right, the electrode lies under the outline of the state at rest: two pixels of 594 more.
+    assert!((right - left - 2.0 * moved).abs() < 0.005, "{right} {left}");
+    assert!(left < rest && rest < right, "{left} {rest} {right}");
+}
+
+#[test]
+fn numbers_that_make_no_figure_are_refused_and_odd_ones_drawn() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("x.png");
+    let mut bad = histogram();
+    bad.after.pop();
+    assert!(matches!(draw_histogram(&path, &bad), Err(FigureError::Data(_))));
+    assert!(matches!(draw_training(&path, &training(0)), Err(FigureError::Data(_))));
+    assert!(matches!(
+        draw_evolution(&path, &evolution(0)),
+        Err(FigureError::Data(_))
+    ));
+    assert!(matches!(draw_agreement(&path, &[]), Err(FigureError::Data(_))));
+    let mut bad = membrane(1.0);
+    bad.displacement[7] = f64::NAN;
+    assert!(matches!(draw_membrane(&path, "t", &bad), Err(FigureError::Data(_))));
+    assert!(!path.exists());
+
+    draw_evolution(&path, &evolution(1)).unwrap();
+    draw_training(&path, &training(1)).unwrap();
+    let still = Membrane {
+        displacement: vec![0.0; 51 * 51 * 2],
+        ..membrane(1.0)
+    };
+    draw_membrane(&path, "t", &still).unwrap();
+    let empty = Histogram {
+        before: vec![0; 100],
+        augmented: vec![0; 100],
+        after: vec![0; 100],
+        ..histogram()
+    };
+    draw_histogram(&path, &empty).unwrap();
+    let mut negative = cases();
+    negative[0].simulated = -1.5;
+    draw_agreement(&path, &negative).unwrap();
+    assert!(matches!(
+        draw_training(Path::new("/nonexistent/x.png"), &training(1)),
+        Err(FigureError::Write { .. })
+    ));
+}

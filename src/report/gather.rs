@@ -1,0 +1,259 @@
+//! Draws the figures that the artifacts of a run give rise to.
+//!
+//! A figure's file carries the digest of its artifact in its name: one that is there need not be drawn again, and a rerun
+//! that builds nothing opens no artifact for figures either.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use super::figures::{
+    Case, Evolution, FigureError, Histogram, Membrane, Training, draw_agreement, draw_evolution, draw_histogram,
+    draw_membrane, draw_training,
+};
+use crate::base::{Digest, Dimension, Document, InputError, Node};
+use crate::store::{Artifact, Store, StoreError};
+
+/// What one stage of a run made.
+#[derive(Clone, Debug)]
+pub struct Made {
+    /// Name of the stage.
+    pub stage: String,
+    /// Its kind.
+    pub kind: String,
+    /// Its artifact.
+    pub digest: Digest,
+}
+
+/// A figure or summary that could not be made.
+#[derive(Debug, thiserror::Error)]
+pub enum ReportError {
+    /// The artifact cannot be read.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The artifact does not hold what its kind promises.
+    #[error("artifact {digest} of stage `{stage}`: {reason}", digest = digest.short())]
+    Content {
+        /// Name of the stage.
+        stage: String,
+        /// Its artifact.
+        digest: Digest,
+        /// What is wrong.
+        reason: String,
+    },
+    /// The drawing failed.
+    #[error("stage `{stage}`: {source}")]
+    Figure {
+        /// Name of the stage.
+        stage: String,
+        /// Why.
+        source: FigureError,
+    },
+    /// The folder of the figures cannot be made.
+    #[error("cannot make the folder {path}: {source}", path = path.display())]
+    Folder {
+        /// Which.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+}
+
+type Drawing = fn(&Path, &Source<'_>) -> Result<(), ReportError>;
+
+/// Draws every figure of the stages that is not there yet, and returns the paths of all, in the order of the stages:
+/// `<store>/figures/<pipeline>/<stage>-<digest>-<figure>.png`.
+///
+/// # Errors
+/// When an artifact cannot be read or a figure not be written.
+pub fn draw_figures(store: &Store, pipeline: &str, made: &[Made]) -> Result<Vec<PathBuf>, ReportError> {
+    let folder = store.root().join("figures").join(file_name(pipeline));
+    let mut paths = Vec::new();
+    for stage in made {
+        let drawings = drawings(&stage.kind);
+        let path = |figure: &str| {
+            let digest = stage.digest.to_string();
+            folder.join(format!("{}-{}-{figure}.png", file_name(&stage.stage), &digest[..8]))
+        };
+        let wanted: Vec<(PathBuf, Drawing)> = drawings.iter().map(|(name, draw)| (path(name), *draw)).collect();
+        if wanted.iter().any(|(path, _)| !path.exists()) {
+            fs::create_dir_all(&folder).map_err(|source| ReportError::Folder {
+                path: folder.clone(),
+                source,
+            })?;
+            let source = Source {
+                stage,
+                artifact: &store.artifact(&stage.digest)?,
+            };
+            for (path, draw) in wanted.iter().filter(|(path, _)| !path.exists()) {
+                draw(path, &source)?;
+            }
+        }
+        paths.extend(wanted.into_iter().map(|(path, _)| path).filter(|path| path.exists()));
+    }
+    Ok(paths)
+}
+
+fn drawings(kind: &str) -> &'static [(&'static str, Drawing)] {
+    match kind {
+        "balance" => &[("histogram", histogram)],
+        "train" => &[("training", training)],
+        "design" => &[("evolution", evolution), ("best", best)],
+        "verify" => &[("verification", verification)],
+        _ => &[],
+    }
+}
+
+/// Names are free in a pipeline; in the name of a file they must not lead elsewhere.
+fn file_name(name: &str) -> String {
+    let safe = |c: char| {
+        if c.is_alphanumeric() || c == '-' || c == '_' {
+            c
+        } else {
+            '-'
+        }
+    };
+    let safe: String = name.chars().take(60).map(safe).collect();
+    if safe.is_empty() { "unnamed".into() } else { safe }
+}
+
+/// An artifact with the stage that made it, for messages.
+pub(super) struct Source<'a> {
+    pub(super) stage: &'a Made,
+    pub(super) artifact: &'a Artifact,
+}
+
+impl Source<'_> {
+    pub(super) fn wrong(&self, reason: impl Into<String>) -> ReportError {
+        ReportError::Content {
+            stage: self.stage.stage.clone(),
+            digest: self.stage.digest,
+            reason: reason.into(),
+        }
+    }
+
+    fn drawn(&self, outcome: Result<(), FigureError>) -> Result<(), ReportError> {
+        outcome.map_err(|source| ReportError::Figure {
+            stage: self.stage.stage.clone(),
+            source,
+        })
+    }
+
+    pub(super) fn reals(&self, path: &str) -> Result<Vec<f64>, ReportError> {
+        Ok(self.artifact.f64s(path)?.1)
+    }
+
+    fn counts(&self, path: &str) -> Result<Vec<u64>, ReportError> {
+        Ok(self.artifact.u64s(path)?.1)
+    }
+
+    /// A content attribute in YAML.
+    fn attribute(&self, name: &str) -> Result<Document, ReportError> {
+        let text = self
+            .artifact
+            .attribute(name)
+            .ok_or_else(|| self.wrong(format!("no attribute `{name}`")))?;
+        Document::from_text(Path::new(name), text).map_err(|e| self.wrong(e.to_string()))
+    }
+
+    /// Side of the membrane in mm.
+    fn side(&self) -> Result<f64, ReportError> {
+        let scene = self.attribute("scene")?;
+        let side = scene.root.peek("geometry").and_then(|geometry| geometry.peek("side"));
+        let side = side.ok_or_else(|| self.wrong("its scene has no `geometry.side`"))?;
+        self.length(side)
+    }
+
+    /// The points of the objective in mm: one `point`, or `points` with a `point` each.
+    fn points(&self) -> Result<Vec<[f64; 2]>, ReportError> {
+        let objective = self.attribute("objective")?;
+        let refused = |e: InputError| self.wrong(e.to_string());
+        let aims = match objective.root.peek("points") {
+            Some(aims) => aims.list("points").map_err(refused)?,
+            None => std::slice::from_ref(&objective.root),
+        };
+        let point = |aim: &Node| {
+            let point = aim
+                .peek("point")
+                .ok_or_else(|| self.wrong("its objective has no point"))?;
+            match point.list("point").map_err(refused)? {
+                [x, y] => Ok([self.length(x)?, self.length(y)?]),
+                _ => Err(self.wrong("the point of its objective has not two coordinates")),
+            }
+        };
+        aims.iter().map(point).collect()
+    }
+
+    fn length(&self, node: &Node) -> Result<f64, ReportError> {
+        let quantity = node.quantity("length", Dimension::Length);
+        quantity.map(|q| q.value()).map_err(|e| self.wrong(e.to_string()))
+    }
+}
+
+fn histogram(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
+    let data = Histogram {
+        edges: source.reals("histogram/edges")?,
+        before: source.counts("histogram/before")?,
+        augmented: source.counts("histogram/augmented")?,
+        after: source.counts("histogram/after")?,
+    };
+    source.drawn(draw_histogram(path, &data))
+}
+
+fn training(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
+    let data = Training {
+        train_loss: source.reals("curves/train_loss")?,
+        validation_loss: source.reals("curves/validation_loss")?,
+        validation_rmse: source.reals("curves/validation_rmse")?,
+    };
+    source.drawn(draw_training(path, &data))
+}
+
+fn evolution(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
+    let data = Evolution {
+        best: source.reals("history/best")?,
+        mean: source.reals("history/mean")?,
+        value: source.reals("history/value")?,
+        area: source.reals("history/area")?,
+    };
+    source.drawn(draw_evolution(path, &data))
+}
+
+fn best(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
+    let data = Membrane {
+        pattern: source.artifact.u8s("best/pattern")?.1,
+        displacement: source.reals("best/predicted")?,
+        side: source.side()?,
+        points: source.points()?,
+    };
+    source.drawn(draw_membrane(path, "Best design, as predicted", &data))
+}
+
+/// Cases without a stable solution have no field to draw, and without any case there is no figure; the summary names them.
+fn verification(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
+    let summary = super::summary::read(source)?;
+    let (patterns, fields) = (source.artifact.u8s("patterns")?.1, source.reals("displacement")?);
+    let n = summary.cases.len();
+    // Simulated arrays have a row for each converged case only.
+    let converged = summary.cases.iter().filter(|case| case.simulated_mm.is_some()).count();
+    let (cells, values) = (patterns.len() / n, fields.len() / converged.max(1));
+    let (side, points) = (source.side()?, source.points()?);
+    let mut cases = Vec::new();
+    for (k, case) in summary.cases.iter().enumerate() {
+        let Some(simulated) = case.simulated_mm else { continue };
+        cases.push(Case {
+            name: case.title(),
+            membrane: Membrane {
+                pattern: patterns[k * cells..][..cells].to_vec(),
+                displacement: fields[cases.len() * values..][..values].to_vec(),
+                side,
+                points: points.clone(),
+            },
+            predicted: case.predicted_mm,
+            simulated,
+        });
+    }
+    if cases.is_empty() {
+        return Ok(());
+    }
+    source.drawn(draw_agreement(path, &cases))
+}

@@ -1,0 +1,202 @@
+use std::collections::BTreeMap;
+
+use super::*;
+use crate::store::{Data, Dataset, Object, Provenance, Store};
+
+const SCENE: &str = "{ geometry: { side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 50 } }";
+
+struct Bench {
+    _folder: tempfile::TempDir,
+    store: Store,
+}
+
+impl Bench {
+    fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::open(&folder.path().join("store")).unwrap();
+        Self { _folder: folder, store }
+    }
+
+    fn made(&self, stage: &str, kind: &str, object: &Object) -> Made {
+        let stored = self.store.put(object, &Provenance::default()).unwrap();
+        Made {
+            stage: stage.into(),
+            kind: kind.into(),
+            digest: stored.digest,
+        }
+    }
+}
+
+fn reals(units: &str, values: &[f64]) -> Dataset {
+    Dataset::new(units, "d", &[values.len()], Data::F64(values.to_vec()))
+}
+
+fn object(datasets: Vec<(&str, Dataset)>) -> Object {
+    Object {
+        attributes: BTreeMap::from([
+            ("scene".to_owned(), SCENE.to_owned()),
+            (
+                "objective".to_owned(),
+                "{ point: [25 mm, 2.5 cm], direction: 0 deg }".to_owned(),
+            ),
+        ]),
+        datasets: datasets.into_iter().map(|(path, d)| (path.to_owned(), d)).collect(),
+        parts: Vec::new(),
+    }
+}
+
+fn balanced() -> Object {
+    let counts = |n: u64| Dataset::new("1", "d", &[2], Data::U64(vec![n, 2 * n]));
+    object(vec![
+        ("histogram/edges", reals("mm", &[0.0, 1.0, 2.0])),
+        ("histogram/before", counts(5)),
+        ("histogram/augmented", counts(8)),
+        ("histogram/after", counts(3)),
+    ])
+}
+
+fn trained() -> Object {
+    let curve = || reals("1", &[0.3, 0.1]);
+    object(vec![
+        ("curves/train_loss", curve()),
+        ("curves/validation_loss", curve()),
+        ("curves/validation_rmse", curve()),
+    ])
+}
+
+fn designed() -> Object {
+    let curve = || reals("1", &[1.5, 1.7, 1.8]);
+    object(vec![
+        ("history/best", curve()),
+        ("history/mean", curve()),
+        ("history/value", reals("mm", &[1.1, 1.3, 1.4])),
+        ("history/area", reals("1", &[0.5, 0.51, 0.5])),
+        (
+            "best/pattern",
+            Dataset::new("1", "d", &[50, 50], Data::U8(vec![1; 2500])),
+        ),
+        (
+            "best/predicted",
+            Dataset::new("mm", "d", &[51, 51, 2], Data::F64(vec![0.1; 5202])),
+        ),
+    ])
+}
+
+fn verified(outcomes: [&str; 3]) -> Object {
+    let texts = |t: [&str; 3]| Dataset::new("", "d", &[3], Data::Text(t.map(str::to_owned).to_vec()));
+    let simulated: Vec<f64> = outcomes
+        .iter()
+        .zip([2.0, 1.6, 1.95])
+        .filter(|(outcome, _)| **outcome == "converged")
+        .map(|(_, s)| s)
+        .collect();
+    let n = simulated.len();
+    object(vec![
+        ("case", texts(["design", "intuitive", "intuitive-equal-area"])),
+        ("outcome", texts(outcomes)),
+        (
+            "patterns",
+            Dataset::new("1", "d", &[3, 50, 50], Data::U8(vec![1; 7500])),
+        ),
+        (
+            "displacement",
+            Dataset::new("mm", "d", &[n, 51, 51, 2], Data::F64(vec![0.1; n * 5202])),
+        ),
+        ("component/predicted", reals("mm", &[2.1, 1.9, 2.0])),
+        ("component/simulated", reals("mm", &simulated)),
+        ("area", reals("1", &[0.5, 0.4, 0.5])),
+        ("gain/own_area", reals("1", &[0.25])),
+        ("gain/equal_area", reals("1", &[0.0256])),
+    ])
+}
+
+#[test]
+fn figures_are_drawn_once_and_named_by_their_artifact() {
+    let bench = Bench::new();
+    let made = [
+        bench.made("small", "sample", &Object::default().with("x", reals("1", &[1.0]))),
+        bench.made("balanced", "balance", &balanced()),
+        bench.made("a/../b", "train", &trained()),
+        bench.made("design", "design", &designed()),
+        bench.made("verified", "verify", &verified(["converged"; 3])),
+    ];
+    let paths = draw_figures(&bench.store, "../quick start", &made).unwrap();
+    let folder = bench.store.root().join("figures/---quick-start");
+    let names: Vec<String> = paths
+        .iter()
+        .map(|p| p.strip_prefix(&folder).unwrap().display().to_string())
+        .collect();
+    let digest = |k: usize| made[k].digest.to_string()[..8].to_owned();
+    let expected = [
+        format!("balanced-{}-histogram.png", digest(1)),
+        format!("a----b-{}-training.png", digest(2)),
+        format!("design-{}-evolution.png", digest(3)),
+        format!("design-{}-best.png", digest(3)),
+        format!("verified-{}-verification.png", digest(4)),
+    ];
+    assert_eq!(names, expected);
+
+    // What is there is neither drawn nor even opened again.
+    let written = std::fs::metadata(&paths[0]).unwrap().modified().unwrap();
+    std::fs::remove_file(bench.store.artifact(&made[1].digest).unwrap().path()).unwrap();
+    assert_eq!(draw_figures(&bench.store, "../quick start", &made).unwrap(), paths);
+    assert_eq!(std::fs::metadata(&paths[0]).unwrap().modified().unwrap(), written);
+    std::fs::remove_file(&paths[0]).unwrap();
+    assert!(matches!(
+        draw_figures(&bench.store, "../quick start", &made),
+        Err(ReportError::Store(_))
+    ));
+}
+
+#[test]
+fn the_summary_says_what_was_predicted_simulated_and_gained() {
+    let bench = Bench::new();
+    let made = [bench.made("verified", "verify", &verified(["converged"; 3]))];
+    let summaries = summarise(&bench.store, &made).unwrap();
+    let text = summaries[0].to_string();
+    for part in [
+        "predicted   2.100 mm",
+        "simulated   2.000 mm",
+        "difference  +0.100 mm",
+        "+25.00 % at its own area",
+        "+2.56 % at equal area",
+    ] {
+        assert!(text.contains(part), "{part}: {text}");
+    }
+    let json = serde_json::to_value(&summaries).unwrap();
+    assert_eq!(json[0]["cases"][2]["case"], "intuitive-equal-area");
+    assert_eq!(json[0]["cases"][0]["simulated_mm"], 2.0);
+    assert_eq!(json[0]["gain_equal_area"], 0.0256);
+}
+
+#[test]
+fn a_case_without_a_stable_solution_shows_no_numbers() {
+    let bench = Bench::new();
+    let made = [bench.made("verified", "verify", &verified(["converged", "converged", "pull-in"]))];
+    let summary = &summarise(&bench.store, &made).unwrap()[0];
+    assert_eq!((summary.gain_own_area, summary.gain_equal_area), (Some(0.25), None));
+    assert_eq!(summary.cases[2].simulated_mm, None);
+    assert!(summary.to_string().contains("no stable solution: pull-in"));
+    assert_eq!(draw_figures(&bench.store, "p", &made).unwrap().len(), 1);
+    let none = [bench.made("verified", "verify", &verified(["pull-in"; 3]))];
+    assert_eq!(draw_figures(&bench.store, "p", &none).unwrap().len(), 0);
+}
+
+#[test]
+fn artifacts_that_lack_something_are_named() {
+    let bench = Bench::new();
+    let mut short = verified(["converged"; 3]);
+    short.datasets.insert("area".into(), reals("1", &[0.5]));
+    let made = [bench.made("verified", "verify", &short)];
+    let error = summarise(&bench.store, &made).unwrap_err().to_string();
+    assert!(
+        error.contains("verified") && error.contains("differ in length"),
+        "{error}"
+    );
+    let mut lost = designed();
+    lost.attributes.clear();
+    let error = draw_figures(&bench.store, "p", &[bench.made("d", "design", &lost)])
+        .unwrap_err()
+        .to_string();
+    assert!(error.contains("no attribute `scene`"), "{error}");
+}
