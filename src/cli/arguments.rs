@@ -1,0 +1,232 @@
+//! What may stand on the command line.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+use super::error::CliError;
+use crate::base::{Dimension, Override, Quantity};
+
+/// Designs dielectric-elastomer actuators, reproducibly: sample, solve, balance, train, design, verify.
+#[derive(Debug, Parser)]
+#[command(version, about, propagate_version = true)]
+pub struct Cli {
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Build what is stale in a pipeline, then print what was found and where the figures are
+    Run(PipelineArguments),
+    /// Say what `run` would build and why; build nothing
+    Plan(PipelineArguments),
+    /// Draw the stages of a pipeline and what they need
+    Dag(DagArguments),
+    /// Show what is in an artifact: datasets, statistics, provenance
+    Show(ShowArguments),
+    /// Check every byte of a store
+    Fsck(FsckArguments),
+    /// Simulate patterns with finite elements
+    Solve(SolveArguments),
+    /// Predict the fields of patterns with a trained model
+    Predict(PredictArguments),
+}
+
+#[derive(Debug, Args)]
+pub struct StoreArguments {
+    /// The artifact store [default: $DEAFLOW_STORE, or else ./store]
+    #[arg(long, value_name = "DIR")]
+    store: Option<PathBuf>,
+}
+
+impl StoreArguments {
+    /// The folder of the store.
+    pub fn folder(&self) -> PathBuf {
+        let set = || std::env::var_os("DEAFLOW_STORE").filter(|value| !value.is_empty());
+        self.store
+            .clone()
+            .or_else(|| set().map(PathBuf::from))
+            .unwrap_or_else(|| PathBuf::from("store"))
+    }
+}
+
+#[derive(Debug, Args)]
+pub struct PipelineArguments {
+    /// The pipeline, a YAML file
+    pub pipeline: PathBuf,
+    #[command(flatten)]
+    pub store: StoreArguments,
+    /// Stop after this stage
+    #[arg(long, value_name = "STAGE")]
+    pub until: Option<String>,
+    /// Change a value for this run, such as stages.small.count=400 or scene.drive.voltage="5 kV"
+    #[arg(long = "set", value_name = "PATH=VALUE")]
+    pub sets: Vec<String>,
+    /// Threads to use [default: one per core]; results do not depend on it
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub jobs: Option<u16>,
+    /// Print one JSON document on stdout; progress goes to stderr either way
+    #[arg(long)]
+    pub json: bool,
+}
+
+impl PipelineArguments {
+    /// The `--set` arguments, in order.
+    ///
+    /// # Errors
+    /// When one cannot be read.
+    pub fn overrides(&self) -> Result<Vec<Override>, CliError> {
+        self.sets.iter().map(|set| Ok(Override::parse(set)?)).collect()
+    }
+}
+
+#[derive(Debug, Args)]
+pub struct DagArguments {
+    /// The pipeline, a YAML file
+    pub pipeline: PathBuf,
+    /// How to draw
+    #[arg(long, value_enum, default_value_t = DagFormat::Text)]
+    pub format: DagFormat,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum DagFormat {
+    /// One line per stage
+    Text,
+    /// A Mermaid flow chart
+    Mermaid,
+    /// A Graphviz digraph
+    Dot,
+}
+
+#[derive(Debug, Args)]
+pub struct ShowArguments {
+    /// A stage of the last run, PIPELINE.yaml:STAGE, or a digest or at least its first 4 digits
+    #[arg(value_name = "STAGE-OR-DIGEST")]
+    pub artifact: String,
+    #[command(flatten)]
+    pub store: StoreArguments,
+    /// Print one JSON document on stdout
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct FsckArguments {
+    #[command(flatten)]
+    pub store: StoreArguments,
+    /// Print one JSON document on stdout
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct SolveArguments {
+    /// A scene, or a pipeline whose scene is meant; a YAML file
+    pub scene: PathBuf,
+    #[command(flatten)]
+    pub patterns: PatternArguments,
+    /// Elements along one side of a cell
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u64).range(1..=8))]
+    pub elements_per_cell: u64,
+    /// Polynomial order of the elements
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=2))]
+    pub order: u64,
+    /// Pick mesh and order for each pattern so that the displacement is this accurate, as in "0.005 mm"; the estimated
+    /// error of each pattern is written too
+    #[arg(long, value_name = "LENGTH", value_parser = accuracy, conflicts_with_all = ["elements_per_cell", "order"])]
+    pub accuracy: Option<Quantity>,
+    /// Relative residual at which an equilibrium is accepted
+    #[arg(long, value_name = "R", default_value_t = 1e-8, value_parser = tolerance)]
+    pub tolerance: f64,
+}
+
+#[derive(Debug, Args)]
+pub struct PredictArguments {
+    /// A digest or its beginning, a stage of the last run, PIPELINE.yaml:STAGE, or a file
+    pub model: String,
+    #[command(flatten)]
+    pub patterns: PatternArguments,
+    #[command(flatten)]
+    pub store: StoreArguments,
+}
+
+#[derive(Debug, Args)]
+pub struct PatternArguments {
+    /// FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset
+    #[arg(value_name = "PATTERN", required = true)]
+    pub patterns: Vec<String>,
+    /// Where the result goes; an existing file is replaced
+    #[arg(short, long, value_name = "OUT.h5")]
+    pub output: PathBuf,
+    /// Threads to use [default: one per core]; results do not depend on it
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub jobs: Option<u16>,
+    /// Print one JSON document on stdout; progress goes to stderr either way
+    #[arg(long)]
+    pub json: bool,
+}
+
+fn accuracy(text: &str) -> Result<Quantity, String> {
+    let length = Quantity::parse(text, Dimension::Length).map_err(|e| e.to_string())?;
+    if (1e-9..=1e3).contains(&length.value()) {
+        Ok(length)
+    } else {
+        Err("allowed: 1e-9 mm to 1000 mm".to_owned())
+    }
+}
+
+fn tolerance(text: &str) -> Result<f64, String> {
+    let value = text.parse::<f64>().map_err(|e| e.to_string())?;
+    let allowed = 1e-12..=1e-3;
+    if allowed.contains(&value) {
+        Ok(value)
+    } else {
+        Err("allowed: 1e-12 to 1e-3".to_owned())
+    }
+}
+
+impl Command {
+    /// Whether one JSON document is wanted.
+    pub fn json(&self) -> bool {
+        match self {
+            Self::Run(a) | Self::Plan(a) => a.json,
+            Self::Dag(_) => false,
+            Self::Show(a) => a.json,
+            Self::Fsck(a) => a.json,
+            Self::Solve(a) => a.patterns.json,
+            Self::Predict(a) => a.patterns.json,
+        }
+    }
+
+    /// The number of threads, where it is given.
+    pub fn jobs(&self) -> Option<u16> {
+        match self {
+            Self::Run(a) | Self::Plan(a) => a.jobs,
+            Self::Solve(a) => a.patterns.jobs,
+            Self::Predict(a) => a.patterns.jobs,
+            Self::Dag(_) | Self::Show(_) | Self::Fsck(_) => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn the_declaration_holds_together() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn tolerances_have_bounds() {
+        assert_eq!(tolerance("1e-8"), Ok(1e-8));
+        for refused in ["0", "NaN", "1", "-1e-8", "x"] {
+            assert!(tolerance(refused).is_err(), "{refused}");
+        }
+    }
+}

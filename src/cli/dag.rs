@@ -1,0 +1,128 @@
+//! `deaflow dag`: the stages of a pipeline and what they need, for people, Mermaid or Graphviz.
+
+use std::fmt::Write;
+
+use super::arguments::{DagArguments, DagFormat};
+use super::error::CliError;
+use super::output::{Exit, Output};
+use crate::orchestrator::Pipeline;
+use crate::stage;
+
+pub fn execute(arguments: &DagArguments, output: &Output) -> Result<Exit, CliError> {
+    let pipeline = Pipeline::load(&arguments.pipeline, &[], &stage::registry())?;
+    let stages: Vec<Node<'_>> = pipeline
+        .stages
+        .iter()
+        .map(|spec| Node {
+            name: &spec.name,
+            kind: spec.kind.name(),
+            needs: &spec.needs,
+        })
+        .collect();
+    output.text(&match arguments.format {
+        DagFormat::Text => text(&stages),
+        DagFormat::Mermaid => mermaid(&stages),
+        DagFormat::Dot => dot(&pipeline.name, &stages),
+    })?;
+    Ok(Exit::Done)
+}
+
+/// A stage; its needs are places among the stages.
+struct Node<'a> {
+    name: &'a str,
+    kind: &'a str,
+    needs: &'a [usize],
+}
+
+fn text(stages: &[Node<'_>]) -> String {
+    let width = |of: fn(&Node<'_>) -> usize| stages.iter().map(of).max().unwrap_or(0);
+    let (names, kinds) = (width(|s| s.name.chars().count()), width(|s| s.kind.chars().count()));
+    let line = |stage: &Node<'_>| {
+        let needs: Vec<&str> = stage.needs.iter().map(|&n| stages[n].name).collect();
+        let needs = if needs.is_empty() {
+            String::new()
+        } else {
+            format!("  <- {}", needs.join(", "))
+        };
+        format!("{:<names$}  {:<kinds$}{needs}", stage.name, stage.kind)
+            .trim_end()
+            .to_owned()
+    };
+    stages.iter().map(line).collect::<Vec<_>>().join("\n")
+}
+
+/// Stages are numbered: a stage may be named like a word of the language (`end`).
+fn mermaid(stages: &[Node<'_>]) -> String {
+    let mut out = String::from("flowchart LR\n");
+    for (i, stage) in stages.iter().enumerate() {
+        let _ = writeln!(out, "    s{i}[\"{}<br/><i>{}</i>\"]", stage.name, stage.kind);
+    }
+    for (i, stage) in stages.iter().enumerate() {
+        stage.needs.iter().for_each(|need| {
+            let _ = writeln!(out, "    s{need} --> s{i}");
+        });
+    }
+    out
+}
+
+fn dot(pipeline: &str, stages: &[Node<'_>]) -> String {
+    let quoted = |text: &str| format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""));
+    let mut out = format!(
+        "digraph {} {{\n    rankdir=LR;\n    node [shape=box];\n",
+        quoted(pipeline)
+    );
+    for stage in stages {
+        let label = format!("\"{}\\n{}\"", stage.name, stage.kind);
+        let _ = writeln!(out, "    {} [label={label}];", quoted(stage.name));
+        for &need in stage.needs {
+            let _ = writeln!(out, "    {} -> {};", quoted(stages[need].name), quoted(stage.name));
+        }
+    }
+    out + "}"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const STAGES: [Node<'static>; 3] = [
+        Node {
+            name: "small",
+            kind: "sample",
+            needs: &[],
+        },
+        Node {
+            name: "end",
+            kind: "sample",
+            needs: &[],
+        },
+        Node {
+            name: "solved",
+            kind: "solve",
+            needs: &[0, 1],
+        },
+    ];
+
+    #[test]
+    fn every_form_has_every_stage_and_every_need() {
+        assert_eq!(
+            text(&STAGES),
+            "small   sample\nend     sample\nsolved  solve   <- small, end"
+        );
+        let chart = mermaid(&STAGES);
+        assert!(
+            chart.starts_with("flowchart LR\n    s0[\"small<br/><i>sample</i>\"]"),
+            "{chart}"
+        );
+        assert!(chart.contains("s0 --> s2\n    s1 --> s2"), "{chart}");
+        let graph = dot("a \"b\"", &STAGES);
+        assert!(
+            graph.starts_with("digraph \"a \\\"b\\\"\" {") && graph.ends_with('}'),
+            "{graph}"
+        );
+        assert!(
+            graph.contains("\"small\" -> \"solved\";\n    \"end\" -> \"solved\";"),
+            "{graph}"
+        );
+    }
+}

@@ -1,0 +1,252 @@
+//! One error type for all commands: what went wrong, where, what helps, and the exit code.
+//!
+//! Domain errors carry their own context; only here are they given exit codes and a form to be printed in.
+
+use std::io::{self, ErrorKind};
+
+use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme, ThemeCharacters, ThemeStyles};
+use serde_json::{Value, json};
+
+use super::output::Exit;
+use crate::base::InputError;
+use crate::orchestrator::{RunError, StageError};
+use crate::report::ReportError;
+use crate::stage::direct::DirectError;
+use crate::store::StoreError;
+
+/// Why a command did not do what was asked.
+#[derive(Debug)]
+pub struct CliError {
+    exit: Exit,
+    message: String,
+    help: Option<String>,
+    input: Option<Box<InputError>>,
+    closed_pipe: bool,
+}
+
+/// Where in a file the mistake is.
+struct Place {
+    file: String,
+    line: usize,
+    column: usize,
+    label: String,
+}
+
+impl CliError {
+    fn new(exit: Exit, message: impl Into<String>) -> Self {
+        Self {
+            exit,
+            message: message.into(),
+            help: None,
+            input: None,
+            closed_pipe: false,
+        }
+    }
+
+    /// Something failed.
+    pub fn failure(message: impl Into<String>) -> Self {
+        Self::new(Exit::Failure, message)
+    }
+
+    /// What was given cannot be used.
+    pub fn bad_input(message: impl Into<String>) -> Self {
+        Self::new(Exit::BadInput, message)
+    }
+
+    /// Adds advice.
+    pub fn help(mut self, help: impl Into<String>) -> Self {
+        self.help = Some(help.into());
+        self
+    }
+
+    /// Puts a word before the message: the stage that failed.
+    pub fn of_stage(mut self, stage: &str) -> Self {
+        self.message = format!("stage `{stage}` failed: {}", self.message);
+        self
+    }
+
+    /// The exit code that it calls for.
+    pub fn exit(&self) -> Exit {
+        self.exit
+    }
+
+    /// Whether it is only that nobody reads stdout any more.
+    pub fn is_closed_pipe(&self) -> bool {
+        self.closed_pipe
+    }
+
+    /// For people: with the words of the file and a caret under them where there is a place.
+    pub fn render(&self, coloured: bool) -> String {
+        if let Some(input) = &self.input {
+            let coloured = coloured && std::env::var_os("NO_COLOR").is_none();
+            let styles = if coloured {
+                ThemeStyles::ansi()
+            } else {
+                ThemeStyles::none()
+            };
+            let characters = ThemeCharacters {
+                error: "error:".into(),
+                underbar: '^',
+                ..ThemeCharacters::ascii()
+            };
+            let theme = GraphicalTheme { characters, styles };
+            let mut text = String::new();
+            let handler = GraphicalReportHandler::new_themed(theme).with_width(120);
+            if handler.render_report(&mut text, input.as_ref()).is_ok() {
+                return text.trim_start().to_owned();
+            }
+        }
+        let help = self
+            .help
+            .as_ref()
+            .map_or(String::new(), |help| format!("\n  help: {help}"));
+        format!("error: {}{help}", self.message)
+    }
+
+    /// For programs.
+    pub fn to_json(&self) -> Value {
+        let place = self.place();
+        json!({
+            "exit_code": self.exit.code(),
+            "message": self.message,
+            "help": self.help,
+            "file": place.as_ref().map(|p| &p.file),
+            "line": place.as_ref().map(|p| p.line),
+            "column": place.as_ref().map(|p| p.column),
+            "label": place.as_ref().map(|p| &p.label),
+        })
+    }
+
+    fn place(&self) -> Option<Place> {
+        let input = self.input.as_ref()?;
+        let label = input.labels()?.next()?;
+        let contents = input.source_code()?.read_span(label.inner(), 0, 0).ok()?;
+        Some(Place {
+            file: contents.name()?.to_owned(),
+            line: contents.line() + 1,
+            column: contents.column() + 1,
+            label: label.label().unwrap_or_default().to_owned(),
+        })
+    }
+}
+
+impl From<InputError> for CliError {
+    fn from(error: InputError) -> Self {
+        Self {
+            help: Diagnostic::help(&error).map(|help| help.to_string()),
+            input: Some(Box::new(error)),
+            ..Self::bad_input(String::new())
+        }
+        .with_message_of_input()
+    }
+}
+
+impl CliError {
+    fn with_message_of_input(mut self) -> Self {
+        self.message = self.input.as_ref().map_or(String::new(), ToString::to_string);
+        self
+    }
+}
+
+impl From<StoreError> for CliError {
+    fn from(error: StoreError) -> Self {
+        let message = error.to_string();
+        match &error {
+            e if e.is_damage() => Self::new(Exit::Damaged, message)
+                .help("`deaflow fsck` tells what else is damaged; `deaflow run` builds it again"),
+            StoreError::Format { .. } | StoreError::NotAStore { .. } | StoreError::NoStore { .. } => {
+                Self::bad_input(message)
+            }
+            _ => Self::failure(message),
+        }
+    }
+}
+
+impl From<StageError> for CliError {
+    fn from(error: StageError) -> Self {
+        match error {
+            StageError::Store(error) => error.into(),
+            other => Self::failure(other.to_string()),
+        }
+    }
+}
+
+impl From<RunError> for CliError {
+    fn from(error: RunError) -> Self {
+        match error {
+            RunError::Input(error) => error.into(),
+            RunError::Store(error) => error.into(),
+        }
+    }
+}
+
+impl From<ReportError> for CliError {
+    fn from(error: ReportError) -> Self {
+        match error {
+            ReportError::Store(error) => error.into(),
+            other => Self::failure(other.to_string()),
+        }
+    }
+}
+
+impl From<DirectError> for CliError {
+    fn from(error: DirectError) -> Self {
+        match error {
+            DirectError::Input(error) => error.into(),
+            DirectError::Model(_) => Self::bad_input(error.to_string()),
+            DirectError::Failed(_) => Self::failure(error.to_string()),
+        }
+    }
+}
+
+impl From<io::Error> for CliError {
+    fn from(error: io::Error) -> Self {
+        Self {
+            closed_pipe: error.kind() == ErrorKind::BrokenPipe,
+            ..Self::failure(format!("cannot write to stdout: {error}"))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::base::Document;
+
+    #[test]
+    fn bad_input_is_shown_with_a_caret_under_the_word() {
+        let document = Document::from_text(Path::new("p.yaml"), "a: 1\nstages: { colour: red }\n").unwrap();
+        let stages = document.root.peek("stages").unwrap();
+        let error = CliError::from(stages.fields("`stages`", &["color"]).err().unwrap());
+        assert_eq!(error.exit(), Exit::BadInput);
+        let text = error.render(false);
+        let lines: Vec<&str> = text.lines().collect();
+        let at = lines.iter().position(|l| l.contains("colour: red")).unwrap();
+        let column = lines[at].find("colour").unwrap();
+        assert_eq!(lines[at + 1][column..column + 6].matches('^').count(), 6, "{text}");
+        assert!(
+            text.contains("p.yaml:2:11") && text.contains("did you mean `color`?"),
+            "{text}"
+        );
+        let json = error.to_json();
+        assert_eq!(
+            (&json["file"], &json["line"], &json["column"]),
+            (&json!("p.yaml"), &json!(2), &json!(11))
+        );
+        assert!(json["help"].as_str().unwrap().contains("color"));
+    }
+
+    #[test]
+    fn damage_is_told_from_failure_and_failure_from_misuse() {
+        let path = Path::new("x").to_owned();
+        let damaged = StoreError::Damaged {
+            path: path.clone(),
+            reason: "r".into(),
+        };
+        assert_eq!(CliError::from(StageError::Store(damaged)).exit(), Exit::Damaged);
+        assert_eq!(CliError::from(StoreError::NotAStore { path }).exit(), Exit::BadInput);
+        assert_eq!(CliError::from(StageError::Failed("f".into())).exit(), Exit::Failure);
+    }
+}

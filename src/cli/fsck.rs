@@ -1,0 +1,87 @@
+//! `deaflow fsck`: checks every byte of a store.
+
+use serde_json::json;
+
+use super::arguments::FsckArguments;
+use super::error::CliError;
+use super::output::{Exit, Output};
+use super::progress::Bar;
+use super::{locate, table};
+use crate::store::Report;
+
+pub fn execute(arguments: &FsckArguments, output: &Output) -> Result<Exit, CliError> {
+    let store = locate::existing_store(&arguments.store.folder())?;
+    let bar = Bar::new("fsck", "files", 0);
+    let report = store.fsck(&|done, total| bar.set(done, total))?;
+    bar.finish("checked");
+    if output.is_json() {
+        output.document(&document(&report))?;
+    } else {
+        output.text(&text(&report))?;
+    }
+    Ok(if report.is_sound() { Exit::Done } else { Exit::Damaged })
+}
+
+fn document(report: &Report) -> serde_json::Value {
+    let damaged = report
+        .damaged
+        .iter()
+        .map(|d| json!({ "path": d.path, "reason": d.reason, "quarantined": d.quarantined }));
+    let missing = report
+        .missing
+        .iter()
+        .map(|m| json!({ "digest": m.digest.to_string(), "wanted_by": m.wanted_by }));
+    json!({
+        "sound": report.is_sound(),
+        "objects": report.objects,
+        "bytes": report.bytes,
+        "records": report.records,
+        "damaged": damaged.collect::<Vec<_>>(),
+        "missing": missing.collect::<Vec<_>>(),
+        "rewritten": report.rewritten.iter().map(ToString::to_string).collect::<Vec<_>>(),
+        "strays": report.strays,
+        "unfinished": report.unfinished,
+    })
+}
+
+fn text(report: &Report) -> String {
+    let mut lines = vec![format!(
+        "{} artifacts ({}), {} records",
+        report.objects,
+        table::bytes(report.bytes),
+        report.records
+    )];
+    for damage in &report.damaged {
+        let aside = damage.quarantined.as_ref();
+        let aside = aside.map_or(String::new(), |path| format!("; moved to {}", path.display()));
+        lines.push(format!("damaged: {}: {}{aside}", damage.path.display(), damage.reason));
+    }
+    for absence in &report.missing {
+        lines.push(format!(
+            "missing: artifact {}, wanted by {}",
+            absence.digest.short(),
+            absence.wanted_by
+        ));
+    }
+    for digest in &report.rewritten {
+        lines.push(format!(
+            "written again since its record: artifact {} (its content is right)",
+            digest.short()
+        ));
+    }
+    for stray in &report.strays {
+        lines.push(format!("stray: {} does not belong here", stray.display()));
+    }
+    if report.unfinished > 0 {
+        lines.push(format!(
+            "{} files are being written, or were left by a process that died",
+            report.unfinished
+        ));
+    }
+    lines.push(if report.is_sound() {
+        "the store is sound".to_owned()
+    } else {
+        "the store is damaged; the next `deaflow run` builds again what is missing".to_owned()
+    });
+    lines.join("\n")
+}

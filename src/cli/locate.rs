@@ -1,0 +1,115 @@
+//! Finds the artifact that somebody means: by a stage of the last run, by `PIPELINE.yaml:STAGE`, or by its digest.
+
+use std::path::Path;
+
+use super::error::CliError;
+use crate::base::{Digest, nearest};
+use crate::orchestrator::{Pipeline, plan};
+use crate::stage;
+use crate::store::{Artifact, Store, StoreError};
+
+/// The fewest digits that name a digest.
+const LEAST: usize = 4;
+
+/// Opens a store that must be there already: looking into one must not make one.
+pub fn existing_store(path: &Path) -> Result<Store, CliError> {
+    Store::open_existing(path).map_err(|error| match error {
+        StoreError::NoStore { .. } => {
+            CliError::from(error).help("name it with --store or DEAFLOW_STORE; `deaflow run` makes one")
+        }
+        other => other.into(),
+    })
+}
+
+/// The artifact that `reference` names.
+///
+/// # Errors
+/// When there is none, or several, or it is damaged.
+pub fn artifact(store: &Store, reference: &str) -> Result<Artifact, CliError> {
+    let digest = match split(reference) {
+        Some((pipeline, stage)) => of_pipeline(store, Path::new(pipeline), stage)?,
+        None => match of_last_run(store, reference)? {
+            Some(digest) => digest,
+            None => of_digits(store, reference)?,
+        },
+    };
+    Ok(store.artifact(&digest)?)
+}
+
+/// `PIPELINE.yaml:STAGE`; the path may hold colons too.
+fn split(reference: &str) -> Option<(&str, &str)> {
+    let (pipeline, stage) = reference.rsplit_once(':')?;
+    let extension = Path::new(pipeline).extension()?;
+    (extension == "yaml" || extension == "yml").then_some((pipeline, stage))
+}
+
+fn of_pipeline(store: &Store, path: &Path, name: &str) -> Result<Digest, CliError> {
+    let pipeline = Pipeline::load(path, &[], &stage::registry())?;
+    let stages = plan(&pipeline, store, Some(name))?;
+    let built = stages
+        .iter()
+        .find(|stage| stage.name == name)
+        .filter(|stage| stage.why.is_none());
+    built.and_then(|stage| stage.digest).ok_or_else(|| {
+        CliError::bad_input(format!("stage `{name}` of {} is not built", path.display()))
+            .help(format!("build it: deaflow run {} --until {name}", path.display()))
+    })
+}
+
+/// The newest run that has a stage of that name.
+fn of_last_run(store: &Store, name: &str) -> Result<Option<Digest>, CliError> {
+    let runs = store.runs()?;
+    Ok(runs.iter().find_map(|run| run.stage(name)).map(|stage| stage.artifact))
+}
+
+fn of_digits(store: &Store, digits: &str) -> Result<Digest, CliError> {
+    let hexadecimal = !digits.is_empty() && digits.chars().all(|c| c.is_ascii_hexdigit());
+    if !hexadecimal {
+        return Err(unknown(store, digits)?);
+    }
+    if digits.len() < LEAST {
+        return Err(CliError::bad_input(format!("{digits:?} is too short for a digest"))
+            .help(format!("give at least its first {LEAST} digits")));
+    }
+    match store.find(&digits.to_ascii_lowercase())?.as_slice() {
+        [one] => Ok(*one),
+        [] => Err(unknown(store, digits)?),
+        several => {
+            let list: Vec<String> = several.iter().map(Digest::to_string).collect();
+            Err(CliError::bad_input(format!("{} artifacts begin with {digits}", several.len())).help(list.join(", ")))
+        }
+    }
+}
+
+fn unknown(store: &Store, reference: &str) -> Result<CliError, CliError> {
+    let runs = store.runs()?;
+    let names: Vec<&str> = runs
+        .first()
+        .map_or(Vec::new(), |run| run.stages.iter().map(|s| s.name.as_str()).collect());
+    let root = store.root().display();
+    let error = CliError::bad_input(format!(
+        "no stage of a run in {root} is named {reference:?}, and no digest begins so"
+    ));
+    Ok(match nearest(reference, &names) {
+        Some(near) => error.help(format!(
+            "did you mean `{near}`? stages of the last run: {}",
+            names.join(", ")
+        )),
+        None if names.is_empty() => error.help("no pipeline has been run in this store"),
+        None => error.help(format!("stages of the last run: {}", names.join(", "))),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pipeline_and_a_stage_are_told_from_a_name() {
+        assert_eq!(split("a:b/p.yaml:solved"), Some(("a:b/p.yaml", "solved")));
+        assert_eq!(split("p.yml:x"), Some(("p.yml", "x")));
+        for other in ["solved", "abcd1234", "out.h5:/patterns", "p.yaml"] {
+            assert_eq!(split(other), None, "{other}");
+        }
+    }
+}

@@ -1,0 +1,119 @@
+//! Where results and errors go: results on stdout, errors and progress on stderr, and with `--json` exactly one document
+//! on stdout whatever happens.
+
+use std::io::{self, ErrorKind, IsTerminal, Write};
+use std::process::ExitCode;
+
+use serde::Serialize;
+use serde_json::json;
+
+use super::error::CliError;
+
+/// How a command ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Exit {
+    /// Done.
+    Done,
+    /// It failed.
+    Failure,
+    /// The input cannot be used.
+    BadInput,
+    /// Done, but some samples have no stable solution.
+    Unstable,
+    /// The store is damaged.
+    Damaged,
+}
+
+impl Exit {
+    /// The number that the shell sees.
+    pub fn code(self) -> u8 {
+        match self {
+            Self::Done => 0,
+            Self::Failure => 1,
+            Self::BadInput => 2,
+            Self::Unstable => 3,
+            Self::Damaged => 4,
+        }
+    }
+}
+
+impl From<Exit> for ExitCode {
+    fn from(exit: Exit) -> Self {
+        Self::from(exit.code())
+    }
+}
+
+/// The way out of a command.
+pub struct Output {
+    json: bool,
+}
+
+impl Output {
+    /// For people, or with one JSON document.
+    pub fn new(json: bool) -> Self {
+        Self { json }
+    }
+
+    /// Whether one JSON document is wanted.
+    pub fn is_json(&self) -> bool {
+        self.json
+    }
+
+    /// Prints a text, ended by a line break, for people; nothing where there is none.
+    ///
+    /// # Errors
+    /// When stdout refuses.
+    pub fn text(&self, text: &str) -> Result<(), CliError> {
+        if text.is_empty() {
+            return Ok(());
+        }
+        let mut out = io::stdout().lock();
+        Ok(writeln!(out, "{}", text.trim_end_matches('\n')).and_then(|()| out.flush())?)
+    }
+
+    /// Prints the document.
+    ///
+    /// # Errors
+    /// When stdout refuses.
+    pub fn document(&self, document: &impl Serialize) -> Result<(), CliError> {
+        let text = serde_json::to_string_pretty(document).map_err(io::Error::from)?;
+        self.text(&text)
+    }
+
+    /// Reports how a command ended.
+    pub fn end(&self, done: Result<Exit, CliError>) -> Exit {
+        let error = match done {
+            Ok(exit) => return exit,
+            // Whoever reads us has had enough (`deaflow show … | head`).
+            Err(error) if error.is_closed_pipe() => return Exit::Done,
+            Err(error) => error,
+        };
+        if self.json && self.document(&json!({ "error": error.to_json() })).is_err() {
+            self.complain(&error.render(false));
+            return Exit::Failure;
+        }
+        self.complain(&error.render(io::stderr().is_terminal()));
+        error.exit()
+    }
+
+    /// Reports an error beside a document that has been printed already.
+    pub fn complain(&self, text: &str) {
+        // There is nowhere left to say that stderr is closed.
+        let _ = writeln!(io::stderr().lock(), "{}", text.trim_end_matches('\n'));
+    }
+
+    /// Reports what clap has to say: an error of usage, or the help that was asked for.
+    pub fn usage(&self, error: &clap::Error) -> Exit {
+        let asked_for = !error.use_stderr();
+        if self.json && !asked_for {
+            let text = error.render().to_string();
+            let text = text.trim().trim_start_matches("error: ");
+            return self.end(Err(CliError::bad_input(text)));
+        }
+        match error.print() {
+            Err(e) if e.kind() != ErrorKind::BrokenPipe => Exit::Failure,
+            _ if asked_for => Exit::Done,
+            _ => Exit::BadInput,
+        }
+    }
+}

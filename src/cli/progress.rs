@@ -1,0 +1,237 @@
+//! Progress on stderr: on a terminal one line per stage with rate and time left; elsewhere a plain line when a stage begins,
+//! every ten seconds, and when it ends.
+
+use std::fmt;
+use std::io::{self, IsTerminal, Write};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressState, ProgressStyle};
+
+use super::table;
+use crate::orchestrator::{Event, Outcome, Progress, StageReport};
+
+/// Time between two plain lines.
+const INTERVAL: Duration = Duration::from_secs(10);
+
+/// One piece of work under way.
+pub struct Bar {
+    shown: Shown,
+    name: String,
+    unit: &'static str,
+}
+
+enum Shown {
+    Terminal(ProgressBar),
+    Plain(Mutex<Plain>),
+}
+
+struct Plain {
+    begun: Instant,
+    said: Instant,
+    done: u64,
+    length: u64,
+    note: String,
+}
+
+impl Bar {
+    /// Begins to show `length` steps of work.
+    pub fn new(name: &str, unit: &'static str, length: u64) -> Self {
+        let shown = if io::stderr().is_terminal() {
+            let bar = ProgressBar::new(length)
+                .with_style(style())
+                .with_prefix(name.to_owned());
+            bar.enable_steady_tick(Duration::from_millis(200));
+            Shown::Terminal(bar)
+        } else {
+            let now = Instant::now();
+            Shown::Plain(Mutex::new(Plain {
+                begun: now,
+                said: now,
+                done: 0,
+                length,
+                note: String::new(),
+            }))
+        };
+        Self {
+            shown,
+            name: name.to_owned(),
+            unit,
+        }
+    }
+
+    /// Sets how much of how much is done.
+    pub fn set(&self, done: u64, length: u64) {
+        match &self.shown {
+            Shown::Terminal(bar) => {
+                bar.set_length(length);
+                bar.set_position(done);
+            }
+            Shown::Plain(plain) => {
+                let mut plain = locked(plain);
+                (plain.done, plain.length) = (done, length);
+                self.say_now_and_then(&mut plain);
+            }
+        }
+    }
+
+    /// Ends with a line that says how.
+    pub fn finish(&self, outcome: &str) {
+        if let Shown::Terminal(bar) = &self.shown {
+            bar.finish_and_clear();
+        }
+        line(&format!("{}: {outcome}", self.name));
+    }
+
+    fn say_now_and_then(&self, plain: &mut Plain) {
+        if plain.said.elapsed() < INTERVAL {
+            return;
+        }
+        plain.said = Instant::now();
+        let seconds = plain.begun.elapsed().as_secs_f64();
+        let mut text = format!("{}: {}/{} {}", self.name, plain.done, plain.length, self.unit);
+        if plain.done > 0 {
+            let rate = plain.done as f64 / seconds;
+            let left = plain.length.saturating_sub(plain.done) as f64 / rate;
+            text += &format!(", {rate:.1}/s, {} left", table::seconds(left));
+        }
+        if !plain.note.is_empty() {
+            text += &format!(", {}", plain.note);
+        }
+        line(&text);
+    }
+}
+
+impl Progress for Bar {
+    fn advance(&self, steps: u64) {
+        match &self.shown {
+            Shown::Terminal(bar) => bar.inc(steps),
+            Shown::Plain(plain) => {
+                let mut plain = locked(plain);
+                plain.done += steps;
+                self.say_now_and_then(&mut plain);
+            }
+        }
+    }
+
+    fn note(&self, text: &str) {
+        match &self.shown {
+            Shown::Terminal(bar) => bar.set_message(text.to_owned()),
+            Shown::Plain(plain) => text.clone_into(&mut locked(plain).note),
+        }
+    }
+}
+
+/// The progress of a run: stages follow each other, so there is one bar at a time.
+pub struct RunProgress {
+    current: Mutex<Option<Bar>>,
+}
+
+impl RunProgress {
+    /// Nothing under way yet.
+    pub fn new() -> Self {
+        Self {
+            current: Mutex::new(None),
+        }
+    }
+
+    /// Shows an event.
+    pub fn tell(&self, event: &Event) {
+        let mut current = locked(&self.current);
+        match event {
+            Event::RunStarted { pipeline, stages } => {
+                line(&format!("{pipeline}: {}", counted(*stages as u64, "stages")))
+            }
+            Event::StageStarted { name, kind, steps, why } => {
+                let bar = Bar::new(name, unit(kind), *steps);
+                if matches!(bar.shown, Shown::Plain(_)) {
+                    line(&format!("{name}: {} to do ({why})", counted(*steps, unit(kind))));
+                }
+                *current = Some(bar);
+            }
+            Event::Progress { steps, .. } => current.iter().for_each(|bar| bar.advance(*steps)),
+            Event::Note { text, .. } => current.iter().for_each(|bar| bar.note(text)),
+            Event::ChunkBuilt { .. } => {}
+            Event::StageReused(report) | Event::StageFinished(report) | Event::StageFailed(report) => {
+                match current.take() {
+                    Some(bar) => bar.finish(&ended(report)),
+                    None => line(&format!("{}: {}", report.name, ended(report))),
+                }
+            }
+        }
+    }
+}
+
+fn ended(report: &StageReport) -> String {
+    let word = table::outcome(report.outcome);
+    let digest = report
+        .digest
+        .map_or_else(String::new, |digest| format!(" {}", digest.short()));
+    match report.outcome {
+        Outcome::Built => format!("{word}{digest} in {}", table::seconds(report.seconds)),
+        Outcome::Failed => format!("{word} after {}", table::seconds(report.seconds)),
+        Outcome::Reused | Outcome::Stale => format!("{word}{digest}"),
+    }
+}
+
+/// What the steps of a kind are.
+fn unit(kind: &str) -> &'static str {
+    match kind {
+        "sample" | "solve" => "samples",
+        "train" => "epochs",
+        "design" => "generations",
+        _ => "steps",
+    }
+}
+
+fn counted(n: u64, units: &str) -> String {
+    format!("{n} {}", if n == 1 { units.trim_end_matches('s') } else { units })
+}
+
+fn style() -> ProgressStyle {
+    let template = "{prefix:<12} [{bar:20}] {pos}/{len}  {rate}, {eta} left  {wide_msg}";
+    let rate = |state: &ProgressState, out: &mut dyn fmt::Write| {
+        // A bar has nowhere to report that it cannot be written.
+        let _ = write!(out, "{:.1}/s", state.per_sec());
+    };
+    let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
+    style.with_key("rate", rate).progress_chars("=> ")
+}
+
+/// A panic in another thread must not silence the rest of the run.
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn line(text: &str) {
+    // Progress that cannot be shown is no reason to stop the work.
+    let _ = writeln!(io::stderr().lock(), "{text}");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_end_of_a_stage_is_told_in_one_line() {
+        let report = |outcome| StageReport {
+            name: "solved".into(),
+            kind: "solve".into(),
+            outcome,
+            chunks_built: 1,
+            chunks_reused: 0,
+            digest: Some(crate::base::Digest::of(b"")),
+            seconds: 61.2,
+            size: 0,
+            why: None,
+            staleness: None,
+        };
+        assert_eq!(ended(&report(Outcome::Built)), "built af1349b9f5f9 in 1 min 01 s");
+        assert_eq!(ended(&report(Outcome::Reused)), "reused af1349b9f5f9");
+        assert_eq!(ended(&report(Outcome::Failed)), "failed after 1 min 01 s");
+        assert_eq!(
+            (counted(1, unit("balance")), counted(2, unit("train"))),
+            ("1 step".into(), "2 epochs".into())
+        );
+    }
+}

@@ -1,0 +1,168 @@
+//! `deaflow show`: what is in an artifact.
+
+use std::collections::BTreeMap;
+
+use super::arguments::ShowArguments;
+use super::error::CliError;
+use super::output::{Exit, Output};
+use super::statistics::{self, Statistics};
+use super::{locate, table};
+use crate::store::{Artifact, Content};
+use serde::Serialize;
+
+/// Texts that are counted one by one; of more kinds only the number is told to people.
+const SHOWN_TEXTS: usize = 6;
+
+pub fn execute(arguments: &ShowArguments, output: &Output) -> Result<Exit, CliError> {
+    let store = locate::existing_store(&arguments.store.folder())?;
+    let artifact = locate::artifact(&store, &arguments.artifact)?;
+    let shown = Shown::of(&artifact)?;
+    if output.is_json() {
+        output.document(&shown)?;
+    } else {
+        output.text(&shown.text())?;
+    }
+    Ok(Exit::Done)
+}
+
+#[derive(Serialize)]
+struct Shown {
+    digest: String,
+    path: String,
+    attributes: BTreeMap<String, String>,
+    parts: Vec<String>,
+    datasets: Vec<ShownDataset>,
+    provenance: BTreeMap<String, String>,
+}
+
+#[derive(Serialize)]
+struct ShownDataset {
+    path: String,
+    #[serde(rename = "type")]
+    kind: &'static str,
+    shape: Vec<usize>,
+    units: String,
+    description: String,
+    statistics: Statistics,
+}
+
+impl Shown {
+    fn of(artifact: &Artifact) -> Result<Self, CliError> {
+        let dataset = |content: &Content| -> Result<ShownDataset, CliError> {
+            Ok(ShownDataset {
+                path: content.path.clone(),
+                kind: content.kind.name(),
+                shape: content.shape.clone(),
+                units: content.units.clone(),
+                description: content.description.clone(),
+                statistics: statistics::of_dataset(artifact, &content.path)?,
+            })
+        };
+        Ok(Self {
+            digest: artifact.digest().to_string(),
+            path: artifact.path().display().to_string(),
+            attributes: artifact.attributes().clone(),
+            parts: artifact.parts().iter().map(ToString::to_string).collect(),
+            datasets: artifact.contents()?.iter().map(dataset).collect::<Result<_, _>>()?,
+            provenance: artifact.provenance()?,
+        })
+    }
+
+    fn text(&self) -> String {
+        let mut parts = vec![format!("artifact {}\n  {}", self.digest, self.path)];
+        if !self.parts.is_empty() {
+            parts[0] += &format!("\n  a manifest of {} chunks, shown as one", self.parts.len());
+        }
+        let list = |title: &str, entries: &BTreeMap<String, String>| {
+            let width = entries.keys().map(|k| k.chars().count()).max().unwrap_or(0);
+            let lines = entries.iter().filter(|(_, value)| !value.is_empty());
+            let lines: Vec<String> = lines
+                .map(|(name, value)| {
+                    format!(
+                        "  {name:<width$}  {}",
+                        value.replace('\n', &format!("\n  {:width$}  ", ""))
+                    )
+                })
+                .collect();
+            format!("{title}\n{}", lines.join("\n"))
+        };
+        if !self.attributes.is_empty() {
+            parts.push(list("attributes", &self.attributes));
+        }
+        parts.push(self.table());
+        parts.push(list("provenance", &self.provenance));
+        parts.join("\n\n")
+    }
+
+    fn table(&self) -> String {
+        let mut table = table::table(
+            &["dataset", "type", "shape", "unit", "min", "mean", "max"],
+            &["min", "mean", "max"],
+        );
+        let mut counted = Vec::new();
+        for dataset in &self.datasets {
+            let shape: Vec<String> = dataset.shape.iter().map(ToString::to_string).collect();
+            let statistics = match &dataset.statistics {
+                Statistics::Numbers { min, mean, max } => [number(*min), number(*mean), number(*max)],
+                Statistics::Texts { counts } => {
+                    counted.push(counts_line(&dataset.path, counts));
+                    ["-", "-", "-"].map(str::to_owned)
+                }
+                Statistics::None {} => ["-", "-", "-"].map(str::to_owned),
+            };
+            let cells = [
+                dataset.path.clone(),
+                dataset.kind.to_owned(),
+                shape.join(" × "),
+                dataset.units.clone(),
+            ];
+            table.add_row(cells.into_iter().chain(statistics));
+        }
+        let mut text = table.trim_fmt();
+        for line in counted {
+            text += &format!("\n{line}");
+        }
+        text
+    }
+}
+
+fn counts_line(path: &str, counts: &BTreeMap<String, u64>) -> String {
+    if counts.len() > SHOWN_TEXTS {
+        return format!("  {path}: {} different texts", counts.len());
+    }
+    let counts: Vec<String> = counts.iter().map(|(text, n)| format!("{text} {n}")).collect();
+    format!("  {path}: {}", counts.join(", "))
+}
+
+/// Five digits are enough to recognise a number by.
+fn number(value: f64) -> String {
+    let magnitude = value.abs();
+    if value == 0.0 || (magnitude < 1e9 && value.fract() == 0.0) {
+        return format!("{}", value + 0.0);
+    }
+    if !(1e-3..1e6).contains(&magnitude) {
+        return format!("{value:.3e}");
+    }
+    let decimals = (4 - magnitude.log10().floor() as i32).clamp(0, 7) as usize;
+    format!("{value:.decimals$}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_short() {
+        for (value, text) in [
+            (0.0, "0"),
+            (-0.0, "0"),
+            (3.0, "3"),
+            (2.123_456_7, "2.1235"),
+            (1_234.567_8, "1234.6"),
+            (1e-9, "1.000e-9"),
+            (0.012_345_67, "0.012346"),
+        ] {
+            assert_eq!(number(value), text);
+        }
+    }
+}

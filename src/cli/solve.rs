@@ -1,0 +1,150 @@
+//! `deaflow solve`: simulates patterns that somebody drew.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use serde_json::json;
+
+use super::arguments::{PatternArguments, SolveArguments};
+use super::error::CliError;
+use super::output::{Exit, Output};
+use super::progress::Bar;
+use super::table;
+use crate::orchestrator::Environment;
+use crate::stage::direct::{self, Answer, MeshRequest, SolveRequest};
+use crate::store::{Provenance, write_file};
+
+pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliError> {
+    let scene = arguments.scene.display().to_string();
+    check_output(&arguments.patterns, &scene)?;
+    let patterns = direct::patterns(&arguments.patterns.patterns)?;
+    let (elements_per_cell, order) = (arguments.elements_per_cell, arguments.order);
+    let mesh = match &arguments.accuracy {
+        Some(accuracy) => MeshRequest::Accuracy(accuracy.value()),
+        None => MeshRequest::Fixed {
+            elements_per_cell,
+            order,
+        },
+    };
+    let request = SolveRequest {
+        mesh,
+        tolerance: arguments.tolerance,
+    };
+    let (bar, start) = (Bar::new("solve", "patterns", patterns.len() as u64), Instant::now());
+    let answer = direct::solve(&arguments.scene, &patterns, &request, &bar)?;
+    bar.finish("done");
+    let mesh = match &arguments.accuracy {
+        Some(accuracy) => format!("accuracy {accuracy}"),
+        None => format!("elements_per_cell {elements_per_cell}, order {order}"),
+    };
+    let parameters = format!(
+        "scene {}, {mesh}, tolerance {:e}",
+        arguments.scene.display(),
+        request.tolerance
+    );
+    conclude(&arguments.patterns, &answer, ("solve", parameters), start, output)
+}
+
+/// What cannot be written, or must not be, has to be known before hours of work, not after. `other` is the scene or the
+/// model.
+pub fn check_output(arguments: &PatternArguments, other: &str) -> Result<(), CliError> {
+    let path = &arguments.output;
+    let shown = path.display();
+    let folder = path
+        .parent()
+        .filter(|p| !p.as_os_str().is_empty())
+        .unwrap_or(Path::new("."));
+    if path.is_dir() || path.file_name().is_none() {
+        return Err(CliError::bad_input(format!("{shown} is a folder")).help("-o names the file to write"));
+    }
+    if !folder.is_dir() {
+        return Err(CliError::bad_input(format!(
+            "no folder {} to write in",
+            folder.display()
+        )));
+    }
+    let inputs = arguments.patterns.iter().map(String::as_str).chain([other]);
+    if inputs.flat_map(files_named).any(|input| same_file(&input, path)) {
+        return Err(
+            CliError::bad_input(format!("{shown} is read here: writing it would lose it"))
+                .help("-o must name another file"),
+        );
+    }
+    // Created and removed again: permissions alone do not tell whether a folder can be written in.
+    tempfile::tempfile_in(folder)
+        .map(drop)
+        .map_err(|e| CliError::failure(format!("cannot write in {}: {e}", folder.display())))
+}
+
+/// The files that an argument may mean: itself, and what stands before each colon (`FILE.h5:/dataset`, `PIPELINE:STAGE`).
+fn files_named(argument: &str) -> impl Iterator<Item = PathBuf> {
+    let ends = argument.match_indices(':').map(|(at, _)| at).chain([argument.len()]);
+    ends.map(|end| PathBuf::from(&argument[..end]))
+}
+
+fn same_file(a: &Path, b: &Path) -> bool {
+    matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
+}
+
+/// Writes the file and says what is in it.
+pub fn conclude(
+    arguments: &PatternArguments,
+    answer: &Answer,
+    (kind, parameters): (&str, String),
+    start: Instant,
+    output: &Output,
+) -> Result<Exit, CliError> {
+    let seconds = start.elapsed().as_secs_f64();
+    let provenance = provenance(kind, parameters, seconds);
+    write_file(&arguments.output, &answer.content, &provenance)?;
+    let (n, unstable) = (answer.samples, answer.unstable.len());
+    if output.is_json() {
+        let outcomes = answer
+            .unstable
+            .iter()
+            .map(|(index, outcome)| json!({ "index": index, "outcome": outcome }));
+        let missed = answer
+            .missed
+            .iter()
+            .map(|(index, error)| json!({ "index": index, "discretisation_error": error }));
+        output.document(&json!({
+            "file": arguments.output,
+            "samples": n,
+            "unstable": unstable,
+            "unstable_samples": outcomes.collect::<Vec<_>>(),
+            "accuracy_missed": missed.collect::<Vec<_>>(),
+            "seconds": seconds,
+        }))?;
+    } else {
+        let mut lines = vec![format!(
+            "{}: {n} {} in {}",
+            arguments.output.display(),
+            if n == 1 { "pattern" } else { "patterns" },
+            table::seconds(seconds)
+        )];
+        let outcomes = answer.unstable.iter();
+        lines.extend(outcomes.map(|(index, outcome)| format!("pattern {index} has no stable solution: {outcome}")));
+        let missed = answer.missed.iter();
+        lines.extend(missed.map(|(index, error)| {
+            format!(
+                "pattern {index}: the finest mesh leaves an estimated error of {error:.2e} mm, more than was asked for"
+            )
+        }));
+        output.text(&lines.join("\n"))?;
+    }
+    Ok(if unstable > 0 { Exit::Unstable } else { Exit::Done })
+}
+
+fn provenance(kind: &str, parameters: String, seconds: f64) -> Provenance {
+    let environment = Environment::system();
+    Provenance {
+        created: environment.now(),
+        host: environment.host,
+        version: environment.version,
+        target: environment.target,
+        seconds,
+        kind: kind.to_owned(),
+        parameters,
+        ..Provenance::default()
+    }
+}

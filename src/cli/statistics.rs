@@ -1,0 +1,137 @@
+//! Statistics of a dataset, gathered chunk by chunk so that no more than a chunk is in memory.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use crate::store::{Artifact, Data, StoreError};
+
+/// What the elements of a dataset are like.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Statistics {
+    /// Of numbers.
+    Numbers {
+        /// The least.
+        min: f64,
+        /// The arithmetic mean.
+        mean: f64,
+        /// The largest.
+        max: f64,
+    },
+    /// Of texts: how often each occurs.
+    Texts {
+        /// Count by text.
+        counts: BTreeMap<String, u64>,
+    },
+    /// Of no elements.
+    None {},
+}
+
+#[derive(Default)]
+struct Gathered {
+    count: u64,
+    sum: f64,
+    range: Option<(f64, f64)>,
+    texts: BTreeMap<String, u64>,
+}
+
+/// Statistics of one dataset of an artifact.
+///
+/// # Errors
+/// When a file is missing or damaged.
+pub fn of_dataset(artifact: &Artifact, path: &str) -> Result<Statistics, StoreError> {
+    let mut gathered = Gathered::default();
+    if artifact.is_manifest() {
+        for chunk in artifact.chunks()? {
+            gathered.add(&chunk.read(path)?.data);
+        }
+    } else {
+        gathered.add(&artifact.read(path)?.data);
+    }
+    Ok(gathered.finish())
+}
+
+impl Gathered {
+    fn add(&mut self, data: &Data) {
+        match data {
+            Data::U8(values) => self.numbers(values.iter().map(|&v| f64::from(v))),
+            Data::U32(values) => self.numbers(values.iter().map(|&v| f64::from(v))),
+            Data::U64(values) => self.numbers(values.iter().map(|&v| v as f64)),
+            Data::F32(values) => self.numbers(values.iter().map(|&v| f64::from(v))),
+            Data::F64(values) => self.numbers(values.iter().copied()),
+            Data::Text(values) => {
+                for text in values {
+                    *self.texts.entry(text.clone()).or_default() += 1;
+                }
+            }
+        }
+    }
+
+    fn numbers(&mut self, values: impl Iterator<Item = f64>) {
+        for value in values {
+            self.count += 1;
+            self.sum += value;
+            self.range = Some(
+                self.range
+                    .map_or((value, value), |(low, high)| (low.min(value), high.max(value))),
+            );
+        }
+    }
+
+    fn finish(self) -> Statistics {
+        match self.range {
+            Some((min, max)) => Statistics::Numbers {
+                min,
+                mean: self.sum / self.count as f64,
+                max,
+            },
+            None if !self.texts.is_empty() => Statistics::Texts { counts: self.texts },
+            None => Statistics::None {},
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::{Dataset, Object, Provenance, Store};
+
+    #[test]
+    fn chunks_count_as_one_dataset() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::open(&folder.path().join("store")).unwrap();
+        let chunk = |values: &[f64], names: &[&str]| {
+            let texts = names.iter().map(|&n| n.to_owned()).collect();
+            let object = Object::default()
+                .with(
+                    "v",
+                    Dataset::new("mm", "d", &[values.len()], Data::F64(values.to_vec())),
+                )
+                .with("name", Dataset::new("", "d", &[names.len()], Data::Text(texts)))
+                .with("none", Dataset::new("1", "d", &[0], Data::U8(vec![])));
+            store.put(&object, &Provenance::default()).unwrap().digest
+        };
+        let parts = vec![chunk(&[1.0, -2.0], &["a", "b"]), chunk(&[7.0], &["a"])];
+        let manifest = store
+            .put(&Object::manifest(BTreeMap::new(), parts), &Provenance::default())
+            .unwrap();
+        let artifact = store.artifact(&manifest.digest).unwrap();
+        let numbers = of_dataset(&artifact, "v").unwrap();
+        assert_eq!(
+            numbers,
+            Statistics::Numbers {
+                min: -2.0,
+                mean: 2.0,
+                max: 7.0
+            }
+        );
+        let counts = BTreeMap::from([("a".to_owned(), 2), ("b".to_owned(), 1)]);
+        assert_eq!(of_dataset(&artifact, "name").unwrap(), Statistics::Texts { counts });
+        assert_eq!(of_dataset(&artifact, "none").unwrap(), Statistics::None {});
+        assert_eq!(
+            serde_json::to_string(&numbers).unwrap(),
+            r#"{"min":-2.0,"mean":2.0,"max":7.0}"#
+        );
+    }
+}
