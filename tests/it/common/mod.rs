@@ -1,0 +1,168 @@
+//! A hermetic place to run the real binary in: its own folder, its own store, no inherited settings.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use serde_json::Value;
+
+/// Every kind of stage at a size that takes a second.
+pub const TINY: &str = "\
+version: 1
+name: tiny
+scene:
+  geometry: { side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50 }
+  material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
+  drive: { voltage: 5.25 kV }
+  effects: {}
+stages:
+  small:     { kind: sample, family: small-grid, count: 60, seed: 1 }
+  large:     { kind: sample, family: large-grid, units: [2, 3], count_per_units: 8, seed: 2 }
+  bezier:    { kind: sample, family: bezier, count: 8, seed: 3 }
+  solved:    { kind: solve, needs: [small, large, bezier], elements_per_cell: 1 }
+  balanced:  { kind: balance, needs: [solved], bins: 20, range: [0 mm, 2.5 mm], target: 60, symmetry: d4, seed: 4 }
+  surrogate: { kind: train, needs: [balanced], network: qin2024, epochs: 1, seed: 5 }
+  design:    { kind: design, needs: [surrogate], objective: { point: [25 mm, 25 mm], direction: 0 deg }, area: 0.5, population: 20, generations: 2, seed: 6 }
+  verified:  { kind: verify, needs: [design], elements_per_cell: 1 }
+";
+
+/// A folder that is removed at the end.
+pub struct Workspace {
+    folder: tempfile::TempDir,
+}
+
+/// How a command ended.
+pub struct Ended {
+    pub code: Option<i32>,
+    pub stdout: String,
+    pub stderr: String,
+}
+
+impl Workspace {
+    pub fn new() -> Self {
+        Self {
+            folder: tempfile::tempdir().unwrap(),
+        }
+    }
+
+    /// With `tiny.yaml` in it.
+    pub fn tiny() -> Self {
+        let workspace = Self::new();
+        workspace.write("tiny.yaml", TINY);
+        workspace
+    }
+
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    pub fn write(&self, name: &str, text: &str) {
+        std::fs::write(self.path(name), text).unwrap();
+    }
+
+    /// The command, ready to be started.
+    pub fn command(&self, arguments: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_deaflow"));
+        command.args(arguments).current_dir(self.folder.path());
+        for setting in ["DEAFLOW_STORE", "RAYON_NUM_THREADS", "RUST_BACKTRACE", "NO_COLOR"] {
+            command.env_remove(setting);
+        }
+        command
+    }
+
+    pub fn run(&self, arguments: &[&str]) -> Ended {
+        Ended::from(self.command(arguments).output().unwrap())
+    }
+
+    /// Runs a pipeline and returns its stages; the exit code must be 0.
+    pub fn stages(&self, arguments: &[&str]) -> Stages {
+        let ended = self.run(&[arguments, &["--json"]].concat());
+        assert_eq!(ended.code, Some(0), "{}\n{}", ended.stdout, ended.stderr);
+        Stages::read(&ended.json())
+    }
+}
+
+impl From<Output> for Ended {
+    fn from(output: Output) -> Self {
+        Self {
+            code: output.status.code(),
+            stdout: String::from_utf8(output.stdout).unwrap(),
+            stderr: String::from_utf8(output.stderr).unwrap(),
+        }
+    }
+}
+
+impl Ended {
+    pub fn json(&self) -> Value {
+        serde_json::from_str(&self.stdout).unwrap_or_else(|e| panic!("{e}: {}\n{}", self.stdout, self.stderr))
+    }
+}
+
+/// The `stages` of a run or plan.
+pub struct Stages(Vec<Value>);
+
+impl Stages {
+    pub fn read(document: &Value) -> Self {
+        Self(
+            document["stages"]
+                .as_array()
+                .unwrap_or_else(|| panic!("no stages in {document}"))
+                .clone(),
+        )
+    }
+
+    pub fn names(&self) -> Vec<&str> {
+        self.0.iter().map(|s| s["name"].as_str().unwrap()).collect()
+    }
+
+    /// Names of the stages with an outcome.
+    pub fn with(&self, outcome: &str) -> Vec<&str> {
+        let of = |s: &&Value| s["outcome"] == outcome;
+        self.0.iter().filter(of).map(|s| s["name"].as_str().unwrap()).collect()
+    }
+
+    pub fn stage(&self, name: &str) -> &Value {
+        self.0
+            .iter()
+            .find(|s| s["name"] == name)
+            .unwrap_or_else(|| panic!("no stage {name}"))
+    }
+
+    /// (chunks built, chunks reused)
+    pub fn chunks(&self, name: &str) -> (u64, u64) {
+        let stage = self.stage(name);
+        (
+            stage["chunks_built"].as_u64().unwrap(),
+            stage["chunks_reused"].as_u64().unwrap(),
+        )
+    }
+
+    /// Digest of every stage.
+    pub fn digests(&self) -> BTreeMap<String, String> {
+        let pair = |s: &Value| {
+            (
+                s["name"].as_str().unwrap().to_owned(),
+                s["digest"].as_str().unwrap().to_owned(),
+            )
+        };
+        self.0.iter().map(pair).collect()
+    }
+}
+
+/// All files below a folder.
+pub fn files(folder: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    let Ok(entries) = std::fs::read_dir(folder) else {
+        return found;
+    };
+    for entry in entries.flatten() {
+        let path = entry.path();
+        if path.is_dir() {
+            found.extend(files(&path))
+        } else {
+            found.push(path)
+        }
+    }
+    found.sort();
+    found
+}

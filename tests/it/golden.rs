@@ -1,0 +1,139 @@
+//! A kind whose output changes must raise its recipe number, or old artifacts would pass for new ones.
+//!
+//! The fingerprint of a tiny artifact of every kind is pinned beside the recipe it was made with. Whole numbers and texts
+//! are pinned exactly; real numbers by their mean and root mean square within 1e-6 (1e-3 after training), because their
+//! last bits may differ between kinds of CPU. When an output changes on purpose: raise the recipe, run with
+//! `DEAFLOW_GOLDEN=write`, and commit `golden.json`.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use hdf5::types::{FixedUnicode, TypeDescriptor};
+use serde_json::{Value, json};
+
+use super::common::{Workspace, files};
+
+const GOLDEN: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/it/golden.json");
+
+/// Every dataset of an artifact: exact for whole numbers and texts, (mean, rms) for reals.
+fn fingerprint(path: &Path) -> BTreeMap<String, Value> {
+    let file = hdf5::File::open(path).unwrap();
+    let mut found = BTreeMap::new();
+    let mut groups = vec![(String::new(), file.as_group().unwrap())];
+    while let Some((prefix, group)) = groups.pop() {
+        for dataset in group.datasets().unwrap() {
+            let name = dataset.name().trim_start_matches('/').to_owned();
+            found.insert(name, describe(&dataset));
+        }
+        for child in group
+            .groups()
+            .unwrap()
+            .into_iter()
+            .filter(|g| g.name() != "/provenance")
+        {
+            groups.push((format!("{prefix}{}", child.name()), child));
+        }
+    }
+    // The model's bytes are pinned through its metrics and predictions.
+    found.remove("weights");
+    found
+}
+
+fn describe(dataset: &hdf5::Dataset) -> Value {
+    let shape = dataset.shape();
+    match dataset.dtype().unwrap().to_descriptor().unwrap() {
+        TypeDescriptor::Float(_) => {
+            let values = dataset.read_raw::<f64>().unwrap();
+            let n = values.len().max(1) as f64;
+            let mean = values.iter().sum::<f64>() / n;
+            let rms = (values.iter().map(|v| v * v).sum::<f64>() / n).sqrt();
+            json!({ "shape": shape, "mean": mean, "rms": rms })
+        }
+        TypeDescriptor::FixedUnicode(_) => {
+            let texts = dataset.read_raw::<FixedUnicode<64>>().unwrap();
+            let all: Vec<&str> = texts.iter().map(|t| t.as_str()).collect();
+            json!({ "shape": shape, "digest": blake3::hash(all.join("\n").as_bytes()).to_string()[..16] })
+        }
+        _ => {
+            let values = dataset.read_raw::<u64>().unwrap();
+            let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+            json!({ "shape": shape, "digest": blake3::hash(&bytes).to_string()[..16] })
+        }
+    }
+}
+
+fn agree(golden: &Value, found: &Value, tolerance: f64) -> bool {
+    let number = |v: &Value, key: &str| v[key].as_f64();
+    match (number(golden, "rms"), number(found, "rms")) {
+        (Some(a), Some(b)) => {
+            let scale = tolerance * a.abs().max(1e-3);
+            let means = number(golden, "mean").zip(number(found, "mean"));
+            (a - b).abs() <= scale
+                && means.is_some_and(|(x, y)| (x - y).abs() <= scale)
+                && golden["shape"] == found["shape"]
+        }
+        _ => golden == found,
+    }
+}
+
+#[test]
+fn an_output_changes_only_with_its_recipe() {
+    let workspace = Workspace::tiny();
+    let digests = workspace.stages(&["run", "tiny.yaml"]).digests();
+    let artifacts = files(&workspace.path("store/objects"));
+    let mut found = serde_json::Map::new();
+    for stage in [
+        "small",
+        "large",
+        "bezier",
+        "solved",
+        "balanced",
+        "surrogate",
+        "design",
+        "verified",
+    ] {
+        let path = artifacts
+            .iter()
+            .find(|f| f.to_string_lossy().contains(&digests[stage]))
+            .unwrap();
+        let shown = workspace.run(&["show", stage, "--json"]).json();
+        let recipe = shown["provenance"]["recipe"].clone();
+        assert!(!recipe.is_null(), "{shown}");
+        found.insert(
+            stage.to_owned(),
+            json!({ "recipe": recipe, "datasets": fingerprint(path) }),
+        );
+    }
+    if std::env::var_os("DEAFLOW_GOLDEN").is_some_and(|v| v == "write") {
+        std::fs::write(GOLDEN, serde_json::to_string_pretty(&found).unwrap() + "\n").unwrap();
+    }
+    let golden: Value = serde_json::from_str(&std::fs::read_to_string(GOLDEN).unwrap()).unwrap();
+    for (stage, now) in &found {
+        let pinned = &golden[stage];
+        let learned = ["surrogate", "design", "verified"].contains(&stage.as_str());
+        let tolerance = if learned { 1e-3 } else { 1e-6 };
+        let same_recipe = pinned["recipe"] == now["recipe"];
+        assert!(
+            same_recipe,
+            "{stage}: recipe {} is not the pinned {}: pin the new output",
+            now["recipe"], pinned["recipe"]
+        );
+        let (was, is) = (
+            pinned["datasets"].as_object().unwrap(),
+            now["datasets"].as_object().unwrap(),
+        );
+        assert_eq!(
+            was.keys().collect::<Vec<_>>(),
+            is.keys().collect::<Vec<_>>(),
+            "{stage}: datasets"
+        );
+        for (name, value) in was {
+            let same = agree(value, &is[name], tolerance);
+            assert!(
+                same,
+                "{stage}: `{name}` changed without a new recipe: {value} became {}",
+                is[name]
+            );
+        }
+    }
+}

@@ -1,0 +1,83 @@
+//! Artifacts are read by h5py, the reader that most users have.
+
+use std::process::Command;
+
+use super::common::{Workspace, files};
+
+const CHECK: &str = r#"
+import sys, h5py, numpy as np
+arrays = virtual = 0
+def look(name, item):
+    global arrays, virtual
+    if not isinstance(item, h5py.Dataset) or name.startswith("provenance"):
+        return
+    arrays += 1
+    virtual += item.is_virtual
+    assert isinstance(item.attrs["units"], str), name
+    assert len(item.attrs["description"]) > 10, name
+    values = item[...]
+    assert values.shape == item.shape, name
+    if values.dtype.kind == "f":
+        assert np.isfinite(values).all(), name
+for path in sys.argv[1:]:
+    with h5py.File(path) as f:
+        p = f["provenance"].attrs
+        for key in ("kind", "created", "version", "parameters"):
+            assert len(str(p[key])) > 0, (path, key)
+        f.visititems(look)
+print(arrays, virtual)
+"#;
+
+pub fn python() -> String {
+    let with_h5py = |python: &&str| {
+        Command::new(python)
+            .args(["-c", "import h5py"])
+            .output()
+            .is_ok_and(|output| output.status.success())
+    };
+    ["/usr/bin/python3", "python3"]
+        .into_iter()
+        .find(with_h5py)
+        .expect("no python3 with h5py: `make test` installs it")
+        .to_string()
+}
+
+#[test]
+fn every_artifact_explains_itself_to_h5py() {
+    let workspace = Workspace::tiny();
+    let stages = workspace.stages(&["run", "tiny.yaml"]);
+    let artifacts = files(&workspace.path("store/objects"));
+    // 5 chunks of samples, 5 of solutions, 4 manifests, 4 whole artifacts.
+    assert_eq!(artifacts.len(), 18);
+    let read = Command::new(python())
+        .args(["-c", CHECK])
+        .args(&artifacts)
+        .output()
+        .unwrap();
+    assert!(read.status.success(), "{}", String::from_utf8_lossy(&read.stderr));
+    let counts = String::from_utf8(read.stdout).unwrap();
+    let counts: Vec<u32> = counts.split_whitespace().map(|n| n.parse().unwrap()).collect();
+    assert!(
+        counts[0] > 100 && counts[1] > 20,
+        "arrays and virtual arrays: {counts:?}"
+    );
+
+    // A manifest shows its chunks as one array.
+    let digest = stages.digests()["solved"].clone();
+    let manifest = artifacts
+        .iter()
+        .find(|f| f.to_string_lossy().contains(&digest))
+        .unwrap();
+    let script = "import sys, h5py; f = h5py.File(sys.argv[1]); d = f['displacement']; assert abs(d[...]).max() > 1; print(d.shape, f['family'][0].decode(), f.attrs['scene'][:10])";
+    let read = Command::new(python())
+        .args(["-c", script])
+        .arg(manifest)
+        .output()
+        .unwrap();
+    let shown = String::from_utf8(read.stdout).unwrap();
+    assert!(
+        shown.starts_with("(82, 51, 51, 2) small-grid { geometry"),
+        "{shown}{}",
+        String::from_utf8_lossy(&read.stderr)
+    );
+}

@@ -1,0 +1,10 @@
+//! One binary for all tests of behaviour: linking is the dear part.
+
+mod cli;
+mod common;
+mod golden;
+mod h5py;
+mod layering;
+mod rebuild;
+mod reproducible;
+mod solve;

@@ -1,0 +1,234 @@
+//! `solve` simulates patterns drawn by anybody, and says so when there is no answer.
+
+use std::process::Command;
+
+use super::common::Workspace;
+
+const SCENE: &str = "geometry: { side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50 }
+material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
+drive: { voltage: VOLTAGE }
+effects: {}
+";
+
+fn csv(active: impl Fn(usize, usize) -> bool) -> String {
+    let row = |y| {
+        (0..50)
+            .map(|x| if active(x, y) { "1" } else { "0" })
+            .collect::<Vec<_>>()
+            .join(",")
+    };
+    (0..50).map(|y| row(y) + "\n").collect()
+}
+
+fn workspace(voltage: &str) -> Workspace {
+    let workspace = Workspace::new();
+    workspace.write("scene.yaml", &SCENE.replace("VOLTAGE", voltage));
+    workspace
+}
+
+fn column(workspace: &Workspace, file: &str, path: &str) -> Vec<f64> {
+    let file = hdf5::File::open(workspace.path(file)).unwrap();
+    file.dataset(path).unwrap().read_raw::<f64>().unwrap()
+}
+
+fn relative_rms(a: &[f64], b: &[f64]) -> f64 {
+    let difference: f64 = a.iter().zip(b).map(|(x, y)| (x - y).powi(2)).sum();
+    (difference / b.iter().map(|y| y * y).sum::<f64>()).sqrt()
+}
+
+#[test]
+fn two_elements_per_cell_are_within_one_percent_of_a_converged_solution() {
+    let workspace = workspace("5.25 kV");
+    workspace.write("stripes.csv", &csv(|x, _| x / 5 % 2 == 0));
+    workspace.write("disc.csv", &csv(|x, y| (x as f64 - 20.0).hypot(y as f64 - 26.0) < 13.0));
+    workspace.write("blocks.csv", &csv(|x, y| (x / 5 * 7 + y / 5 * 11) % 13 < 6));
+    let patterns = ["stripes.csv", "disc.csv", "blocks.csv"];
+    for (elements, file) in [("2", "coarse.h5"), ("8", "fine.h5")] {
+        let options = ["-o", file, "--elements-per-cell", elements];
+        let ended = workspace.run(&[&["solve", "scene.yaml"], &patterns[..], &options].concat());
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    }
+    let (coarse, fine) = (
+        column(&workspace, "coarse.h5", "displacement"),
+        column(&workspace, "fine.h5", "displacement"),
+    );
+    for (i, (a, b)) in coarse.chunks(51 * 51 * 2).zip(fine.chunks(51 * 51 * 2)).enumerate() {
+        let error = relative_rms(a, b);
+        assert!(error < 0.01 && error > 1e-7, "{}: {error}", patterns[i]);
+    }
+    assert!(
+        column(&workspace, "coarse.h5", "solve_seconds")
+            .iter()
+            .all(|&s| s > 0.0)
+    );
+}
+
+#[test]
+fn an_unstable_pattern_gets_its_outcome_and_no_numbers() {
+    let workspace = workspace("14 kV");
+    workspace.write("half.csv", &csv(|x, _| x < 25));
+    workspace.write("bare.csv", &csv(|_, _| false));
+    let ended = workspace.run(&["solve", "scene.yaml", "half.csv", "bare.csv", "-o", "out.h5", "--json"]);
+    assert_eq!(ended.code, Some(3), "{}", ended.stderr);
+    let report = ended.json();
+    assert_eq!(report["unstable"], 1, "{report}");
+    let displacement = column(&workspace, "out.h5", "displacement");
+    let (unstable, bare) = displacement.split_at(51 * 51 * 2);
+    assert!(unstable.iter().all(|u| u.is_nan()));
+    assert!(bare.iter().all(|&u| u == 0.0), "a bare membrane does not move");
+    let largest = column(&workspace, "out.h5", "max_displacement");
+    assert!(largest[0].is_nan() && largest[1] == 0.0);
+}
+
+#[test]
+fn patterns_of_every_format_are_the_same_pattern() {
+    let workspace = workspace("5.25 kV");
+    workspace.write("corner.csv", &csv(|x, y| x < 20 && y < 10));
+    let script = "import numpy as np, h5py
+p = np.loadtxt('corner.csv', delimiter=',').astype(np.uint8)
+np.save('corner.npy', p)
+np.savetxt('spaces.csv', p)
+with h5py.File('corner.h5', 'w') as f: f['a/b'] = p[None]
+";
+    let python = super::h5py::python();
+    let written = Command::new(python)
+        .args(["-c", script])
+        .current_dir(workspace.path(""))
+        .output()
+        .unwrap();
+    assert!(written.status.success(), "{}", String::from_utf8_lossy(&written.stderr));
+    let arguments = [
+        "solve",
+        "scene.yaml",
+        "corner.csv",
+        "corner.npy",
+        "corner.h5:/a/b",
+        "spaces.csv",
+        "-o",
+        "out.h5",
+        "--elements-per-cell",
+        "1",
+    ];
+    assert_eq!(workspace.run(&arguments).code, Some(0));
+    let all = column(&workspace, "out.h5", "displacement");
+    let fields: Vec<&[f64]> = all.chunks(51 * 51 * 2).collect();
+    assert_eq!(fields.len(), 4);
+    assert!(fields.iter().all(|field| *field == fields[0]));
+    // The electrode in the lower left corner expands: the membrane at its inner corner moves up and to the right.
+    let at = 2 * (10 * 51 + 20);
+    assert!(fields[0][at] > 0.01 && fields[0][at + 1] > 0.01);
+}
+
+#[test]
+fn an_accuracy_picks_the_mesh_and_its_estimate_covers_the_error() {
+    let workspace = workspace("5.25 kV");
+    workspace.write("half.csv", &csv(|x, _| x < 25));
+    workspace.write(
+        "ring.csv",
+        &csv(|x, y| (8.0..15.0).contains(&(x as f64 - 24.0).hypot(y as f64 - 20.0))),
+    );
+    workspace.write("dots.csv", &csv(|x, y| (x * 7 + y * 11) % 13 < 6));
+    let patterns = ["half.csv", "ring.csv", "dots.csv"];
+    let solve = |options: &[&str]| workspace.run(&[&["solve", "scene.yaml"], &patterns[..], options].concat());
+    let ended = solve(&["-o", "picked.h5", "--accuracy", "0.005 mm"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    assert_eq!(
+        solve(&["-o", "fine.h5", "--elements-per-cell", "4", "--order", "2"]).code,
+        Some(0)
+    );
+    let (picked, fine) = (
+        column(&workspace, "picked.h5", "displacement"),
+        column(&workspace, "fine.h5", "displacement"),
+    );
+    let estimates = column(&workspace, "picked.h5", "discretisation_error");
+    let meshes = column(&workspace, "picked.h5", "elements_per_cell");
+    for (i, (a, b)) in picked.chunks(51 * 51 * 2).zip(fine.chunks(51 * 51 * 2)).enumerate() {
+        let pairs = a.chunks(2).zip(b.chunks(2));
+        let error = pairs.map(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1])).fold(0.0, f64::max);
+        assert!(
+            error <= estimates[i] && estimates[i] <= 5.0 * error,
+            "{}: {error} {}",
+            patterns[i],
+            estimates[i]
+        );
+        assert!(estimates[i] <= 0.005 && (1.0..=8.0).contains(&meshes[i]));
+    }
+    let ended = solve(&["-o", "x.h5", "--accuracy", "0.005 mm", "--order", "2"]);
+    assert_eq!(ended.code, Some(2), "an accuracy and a mesh exclude each other");
+    assert_eq!(solve(&["-o", "x.h5", "--accuracy", "5 V"]).code, Some(2));
+}
+
+#[test]
+fn a_model_is_found_by_digest_by_stage_and_predicts_like_the_pipeline() {
+    let workspace = Workspace::tiny();
+    let digest = workspace.stages(&["run", "tiny.yaml", "--until", "design"]).digests()["surrogate"].clone();
+    let design = workspace.run(&["show", "design", "--json"]).json()["path"]
+        .as_str()
+        .unwrap()
+        .to_owned();
+    let pattern = format!("{design}:/best/pattern");
+    for (model, file) in [(digest.as_str(), "a.h5"), ("tiny.yaml:surrogate", "b.h5")] {
+        let ended = workspace.run(&["predict", model, &pattern, "-o", file]);
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    }
+    let predicted = column(&workspace, "a.h5", "displacement");
+    assert_eq!(predicted, column(&workspace, "b.h5", "displacement"));
+    assert_eq!(predicted, column(&workspace, &design, "best/predicted"));
+    assert!(predicted.iter().any(|u| u.abs() > 0.01));
+    assert_eq!(
+        workspace
+            .run(&["predict", "tiny.yaml:small", &pattern, "-o", "c.h5"])
+            .code,
+        Some(2),
+        "samples are no model"
+    );
+}
+
+#[test]
+fn an_output_never_replaces_what_is_read() {
+    let workspace = workspace("5.25 kV");
+    workspace.write("half.csv", &csv(|x, _| x < 25));
+    let before = std::fs::read(workspace.path("half.csv")).unwrap();
+    for output in ["half.csv", "./half.csv", "scene.yaml"] {
+        let ended = workspace.run(&["solve", "scene.yaml", "half.csv", "-o", output]);
+        assert_eq!(ended.code, Some(2), "{}", ended.stderr);
+        assert!(ended.stderr.contains("is read here"), "{}", ended.stderr);
+    }
+    assert_eq!(std::fs::read(workspace.path("half.csv")).unwrap(), before);
+    assert_eq!(
+        workspace
+            .run(&[
+                "solve",
+                "scene.yaml",
+                "half.csv",
+                "-o",
+                "out.h5",
+                "--elements-per-cell",
+                "1"
+            ])
+            .code,
+        Some(0)
+    );
+    let again = workspace.run(&["solve", "scene.yaml", "out.h5:/patterns", "-o", "out.h5"]);
+    assert_eq!(again.code, Some(2), "{}", again.stderr);
+}
+
+#[test]
+fn an_accuracy_that_no_mesh_reaches_is_said_to_be_missed() {
+    let workspace = workspace("5.25 kV");
+    workspace.write("dot.csv", &csv(|x, y| (x, y) == (20, 30)));
+    let ended = workspace.run(&[
+        "solve",
+        "scene.yaml",
+        "dot.csv",
+        "-o",
+        "out.h5",
+        "--accuracy",
+        "1e-7 mm",
+        "--json",
+    ]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let missed = ended.json()["accuracy_missed"].clone();
+    assert_eq!(missed[0]["index"], 0, "{missed}");
+    assert!(missed[0]["discretisation_error"].as_f64().unwrap() > 1e-7);
+}
