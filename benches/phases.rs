@@ -1,0 +1,184 @@
+//! Where the time of a solve goes: each phase on its own, and the share of the machine's bound that it reaches.
+//!
+//! `cargo bench --bench phases`. The arithmetic bound is measured: independent fused multiply–adds in the registers that
+//! the kernels use. Operations are counted from the sources of the kernels, padding not included; a division counts as one.
+//! Vectors are streamed by conjugate gradients, so their bound is the speed of a sum of two vectors as long.
+
+use std::hint::black_box;
+use std::time::Instant;
+
+use deaflow::fem::energy::NeoHookean;
+use deaflow::fem::operator::{Activity, Operator};
+use deaflow::fem::precondition::Laplacian;
+use deaflow::fem::{MembraneSolver, Mesh, Order, SolveOptions};
+use deaflow::field::Simulator;
+use deaflow::pattern::Pattern;
+use deaflow::scene::Scene;
+use pulp::{Arch, Simd, WithSimd};
+
+fn main() {
+    let (double, single) = (1e-9 * Arch::new().dispatch(Peak64), 1e-9 * Arch::new().dispatch(Peak32));
+    println!("arithmetic bound of one core: {double:.0} Gflop/s in f64, {single:.0} Gflop/s in f32\n");
+    println!("order       elements  phase           µs    Gflop/s  of bound  calls  share of solve");
+    for (order, per_cell) in [
+        (Order::Bilinear, 1),
+        (Order::Bilinear, 2),
+        (Order::Bilinear, 4),
+        (Order::Biquadratic, 1),
+        (Order::Biquadratic, 2),
+    ] {
+        report(order, per_cell, double, single);
+    }
+}
+
+fn report(order: Order, per_cell: usize, double: f64, single: f64) {
+    let mesh = Mesh::new(per_cell, order);
+    let scene = Scene::vhb4910();
+    let pattern = Pattern::from_fn(|x, y| (x * x * 7 + y * y * 13 + x * y * (x + 3)) % 17 < 8);
+    let law = NeoHookean::new(scene.prestretch(), scene.kappa());
+    let activity = Activity::new(mesh, &pattern);
+    let operator = Operator {
+        mesh,
+        law: &law,
+        activity: &activity,
+    };
+    let laplacian = Laplacian::new(mesh).expect("the eigenvectors converge");
+    let len = mesh.vector_len();
+    let (u, mut r) = (vec![0.0_f64; len], vec![0.0_f64; len]);
+    let (small, mut image) = (vec![0.0_f32; len], vec![0.0_f32; len]);
+    let mut scratch = laplacian.scratch();
+
+    let residual = seconds(|| operator.residual(black_box(&u), &mut r));
+    let tangent = seconds(|| operator.tangent(black_box(&small), &small, &mut image));
+    let inverse = seconds(|| laplacian.solve(black_box(&small), &mut image, &mut scratch));
+    let options = SolveOptions {
+        elements_per_cell: per_cell,
+        order,
+        tolerance: 1e-8,
+    };
+    let solver = MembraneSolver::new(&scene, options).expect("the options are valid");
+    let batch = vec![pattern.clone(); 16];
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(1)
+        .build()
+        .expect("a thread can be started");
+    let solve = pool.install(|| seconds(|| solver.simulate(black_box(&batch)))) / batch.len() as f64;
+
+    let counts = solver.solve(&pattern);
+    let (residuals, iterations) = (
+        f64::from(counts.newton_iterations) + 1.0,
+        f64::from(counts.krylov_iterations),
+    );
+
+    let elements = (mesh.elements() * mesh.elements()) as f64;
+    let (stress_flops, tangent_flops) = element_flops(order);
+    let half = (mesh.nodes() - 1) as f64 / 2.0;
+    let columns = 2.0 * order.degree() as f64 + 1.0;
+    let rows = 2.0 * mesh.nodes() as f64;
+    let inverse_flops = rows * (2.0 * 2.0 * 2.0 * half * half + 2.0 * half * 2.0 * columns);
+    let rows = [
+        ("residual", residual, stress_flops * elements, double, residuals),
+        ("tangent", tangent, tangent_flops * elements, single, iterations),
+        ("preconditioner", inverse, inverse_flops, single, iterations),
+    ];
+    let known: f64 = rows.iter().map(|row| row.1 * row.4).sum();
+    for (name, time, flops, bound, calls) in rows {
+        println!(
+            "{:<11} {:>4}²     {name:<14}{:>8.1} {:>8.1}   {:>5.0} %  {calls:>5}  {:>5.0} %",
+            format!("{order:?}"),
+            mesh.elements(),
+            1e6 * time,
+            1e-9 * flops / time,
+            1e-7 * flops / time / bound,
+            100.0 * calls * time / solve
+        );
+    }
+    println!(
+        "{:<11} {:>4}²     everything else{:>7.1}                              {:>5.0} %   (solve {:.2} ms)",
+        format!("{order:?}"),
+        mesh.elements(),
+        1e6 * (solve - known),
+        100.0 * (1.0 - known / solve),
+        1e3 * solve
+    );
+}
+
+/// Operations per element of a residual and of a tangent product, from the formulas: gradients and forces of the element,
+/// and the law at each point (residual 36, det f included; tangent 58).
+fn element_flops(order: Order) -> (f64, f64) {
+    match order {
+        // Per component: gradients 4 + 4·2, forces 13.
+        Order::Bilinear => (2.0 * (12.0 + 13.0) + 4.0 * 36.0, 2.0 * (2.0 * 12.0 + 13.0) + 4.0 * 58.0),
+        // Per component: gradients 3·(3·2·5 + 3·2·5), forces 3·3·(2·5 + 3·4).
+        Order::Biquadratic => (
+            2.0 * (180.0 + 198.0) + 9.0 * 36.0,
+            2.0 * (2.0 * 180.0 + 198.0) + 9.0 * 58.0,
+        ),
+    }
+}
+
+/// The shortest of many calls, in s.
+fn seconds<R>(mut call: impl FnMut() -> R) -> f64 {
+    let start = Instant::now();
+    let mut best = f64::INFINITY;
+    let mut calls = 0;
+    while calls < 20 || start.elapsed().as_secs_f64() < 0.5 {
+        let start = Instant::now();
+        black_box(call());
+        best = best.min(start.elapsed().as_secs_f64());
+        calls += 1;
+    }
+    best
+}
+
+const ROUNDS: usize = 1 << 18;
+/// Independent chains: enough to hide the latency of an operation.
+const CHAINS: usize = 12;
+
+struct Peak64;
+
+impl WithSimd for Peak64 {
+    type Output = f64;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> f64 {
+        let (factor, term) = (simd.splat_f64s(black_box(0.5)), simd.splat_f64s(black_box(1.0)));
+        let mut sums = [simd.splat_f64s(black_box(0.0)); CHAINS];
+        let mut best = f64::INFINITY;
+        for _ in 0..20 {
+            let start = Instant::now();
+            for _ in 0..ROUNDS {
+                for sum in &mut sums {
+                    *sum = simd.mul_add_e_f64s(*sum, factor, term);
+                }
+            }
+            best = best.min(start.elapsed().as_secs_f64());
+        }
+        black_box(sums);
+        (2 * S::F64_LANES * CHAINS * ROUNDS) as f64 / best
+    }
+}
+
+struct Peak32;
+
+impl WithSimd for Peak32 {
+    type Output = f64;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> f64 {
+        let (factor, term) = (simd.splat_f32s(black_box(0.5)), simd.splat_f32s(black_box(1.0)));
+        let mut sums = [simd.splat_f32s(black_box(0.0)); CHAINS];
+        let mut best = f64::INFINITY;
+        for _ in 0..20 {
+            let start = Instant::now();
+            for _ in 0..ROUNDS {
+                for sum in &mut sums {
+                    *sum = simd.mul_add_e_f32s(*sum, factor, term);
+                }
+            }
+            best = best.min(start.elapsed().as_secs_f64());
+        }
+        black_box(sums);
+        (2 * S::F32_LANES * CHAINS * ROUNDS) as f64 / best
+    }
+}

@@ -1,0 +1,76 @@
+//! Solver throughput: milliseconds of one core per pattern, by mesh and order.
+//!
+//! `cargo bench --bench solver`. The patterns are random small-grid ones (1250 of 2500 cells active), κ = 0.0255, relative
+//! residual 1e-8. Times are those that the thread was on a core (`/proc/thread-self/schedstat`), so other work on the
+//! machine disturbs them little; the best of three rounds counts.
+
+use std::time::Instant;
+
+use deaflow::base::Stream;
+use deaflow::fem::{MembraneSolver, Order, SolveOptions};
+use deaflow::field::Simulator;
+use deaflow::pattern::{CELLS, Pattern};
+use deaflow::scene::Scene;
+
+fn main() {
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(1)
+        .build()
+        .expect("a thread can be started");
+    println!("order       elements  ms per solve  Newton steps");
+    for (order, per_cell, count) in [
+        (Order::Bilinear, 1, 256),
+        (Order::Bilinear, 2, 64),
+        (Order::Bilinear, 4, 16),
+        (Order::Biquadratic, 1, 64),
+        (Order::Biquadratic, 2, 16),
+    ] {
+        let options = SolveOptions {
+            elements_per_cell: per_cell,
+            order,
+            tolerance: 1e-8,
+        };
+        let solver = MembraneSolver::new(&Scene::vhb4910(), options).expect("the options are valid");
+        let patterns: Vec<Pattern> = (0..count).map(small_grid).collect();
+        let mut best = f64::INFINITY;
+        let mut steps = 0;
+        for _ in 0..3 {
+            let results = pool.install(|| {
+                let start = thread_seconds();
+                let results = solver.simulate(&patterns);
+                best = best.min(thread_seconds() - start);
+                results
+            });
+            assert!(results.iter().all(|result| result.outcome.is_converged()));
+            steps = results.iter().map(|result| result.newton_iterations).sum();
+        }
+        println!(
+            "{:<11} {:>4}²     {:>9.3}     {:>9.2}",
+            format!("{order:?}"),
+            solver.mesh().elements(),
+            1e3 * best / count as f64,
+            f64::from(steps) / count as f64
+        );
+    }
+}
+
+/// Half of the cells, drawn without replacement.
+fn small_grid(index: u64) -> Pattern {
+    let mut stream = Stream::new(1, "solver benchmark", index);
+    let mut order: Vec<usize> = (0..CELLS * CELLS).collect();
+    for last in (1..order.len()).rev() {
+        order.swap(last, stream.index(last + 1));
+    }
+    let half = CELLS * CELLS / 2;
+    let mut active = vec![0; CELLS * CELLS];
+    order[..half].iter().for_each(|&cell| active[cell] = 1);
+    Pattern::from_cells(&active).expect("cells are 0 or 1")
+}
+
+/// Seconds that this thread has been on a core; where the system does not tell, seconds that have passed.
+fn thread_seconds() -> f64 {
+    thread_local!(static START: Instant = Instant::now());
+    let told = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
+    let nanoseconds = told.and_then(|text| text.split_whitespace().next()?.parse::<f64>().ok());
+    nanoseconds.map_or_else(|| START.with(|start| start.elapsed().as_secs_f64()), |ns| 1e-9 * ns)
+}
