@@ -2,7 +2,7 @@
 
 use super::arrays;
 use super::objective::Objective;
-use crate::base::{Canonical, Decimal, Dimension, InputError, Map, Node, Quantity};
+use crate::base::{Canonical, Decimal, InputError, Node, Quantity};
 use crate::design::{AREA_PENALTY, Evolution, EvolveOptions, GenerationReport, Goal, Intuitive, UNITS, evolve};
 use crate::field::{Field, Predictor};
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
@@ -52,10 +52,9 @@ impl Kind for DesignKind {
         let objective = Objective::read(node)?;
         let side = super::scene_of(stage, scene)?.geometry.side;
         let defaults = EvolveOptions::default();
-        let number = |key, default: f64, low, high| number(&map, key, default, low, high);
         let (area, penalty) = (
-            number("area", 0.5, 0.0, 1.0)?,
-            number("area_penalty", AREA_PENALTY, 0.0, 1e6)?,
+            map.number("area", 0.5, 0.0, 1.0)?,
+            map.number("area_penalty", AREA_PENALTY, 0.0, 1e6)?,
         );
         let goal = objective
             .goal(side.value(), area.to_f64(), penalty.to_f64())
@@ -65,9 +64,9 @@ impl Kind for DesignKind {
                 .map_or(Ok(default), |n| n.whole(key, low, high).map(|n| n as usize))
         };
         let shares = [
-            number("elite", defaults.elite, 0.0, 1.0)?,
-            number("crossover", defaults.crossover, 0.0, 1.0)?,
-            number("mutation", defaults.mutation, 0.0, 1.0)?,
+            map.number("elite", defaults.elite, 0.0, 1.0)?,
+            map.number("crossover", defaults.crossover, 0.0, 1.0)?,
+            map.number("mutation", defaults.mutation, 0.0, 1.0)?,
         ];
         let stagnation = map
             .optional("stagnation")
@@ -92,12 +91,6 @@ impl Kind for DesignKind {
             options,
         }))
     }
-}
-
-fn number(map: &Map<'_>, key: &str, default: f64, low: f64, high: f64) -> Result<Decimal, InputError> {
-    let read = |node: &Node| node.quantity_in(key, Dimension::Number, low, high).map(|q| q.base());
-    map.optional(key)
-        .map_or_else(|| Ok(Decimal::from_f64(default).unwrap_or(Decimal::ZERO)), read)
 }
 
 struct DesignStage {

@@ -1,7 +1,7 @@
 //! `kind: train` trains a surrogate on a balanced dataset.
 
 use super::arrays;
-use crate::base::{Canonical, Decimal, Dimension, InputError, Map, Node};
+use crate::base::{Canonical, Decimal, InputError, Node};
 use crate::dataset::Split;
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::store::{Artifact, Data, Dataset, Object};
@@ -45,25 +45,18 @@ impl Kind for TrainKind {
         let word = network.word("network", &NetworkKind::ALL.map(NetworkKind::name))?;
         let network = NetworkKind::from_name(word).ok_or_else(|| network.error(format!("unknown network {word:?}")))?;
         let defaults = TrainOptions::default();
-        let number = |key, default: f64, low, high| number(&map, key, default, low, high);
         Ok(Box::new(TrainStage {
             network,
             epochs: map.required(what, "epochs")?.whole("epochs", 1, 100_000)? as u32,
             batch: map
                 .optional("batch")
                 .map_or(Ok(u64::from(defaults.batch)), |n| n.whole("batch", 1, 4096))? as u32,
-            learning_rate: number("learning_rate", defaults.learning_rate, 1e-7, 1.0)?,
-            max_weight: number("max_weight", defaults.max_weight, 0.0, 100.0)?,
-            auxiliary_weight: number("auxiliary_weight", defaults.auxiliary_weight, 0.0, 100.0)?,
+            learning_rate: map.number("learning_rate", defaults.learning_rate, 1e-7, 1.0)?,
+            max_weight: map.number("max_weight", defaults.max_weight, 0.0, 100.0)?,
+            auxiliary_weight: map.number("auxiliary_weight", defaults.auxiliary_weight, 0.0, 100.0)?,
             seed: map.required(what, "seed")?.whole("seed", 0, i64::MAX as u64)?,
         }))
     }
-}
-
-fn number(map: &Map<'_>, key: &str, default: f64, low: f64, high: f64) -> Result<Decimal, InputError> {
-    let read = |node: &Node| node.quantity_in(key, Dimension::Number, low, high).map(|q| q.base());
-    map.optional(key)
-        .map_or_else(|| Ok(Decimal::from_f64(default).unwrap_or(Decimal::ZERO)), read)
 }
 
 struct TrainStage {

@@ -78,7 +78,7 @@ impl Node {
             InputError::at(
                 &source,
                 (at, length),
-                format!("{name} is not valid YAML: {plain}"),
+                format!("{name} is not valid YAML: {}", said(&plain.to_string())),
                 "here".into(),
             )
         })?;
@@ -93,6 +93,11 @@ enum Raw {
     Text(String),
     List(Vec<Spanned<Raw>>),
     Map(Vec<(Spanned<Raw>, Spanned<Raw>)>),
+}
+
+/// What the parser says, without its advice to programmers.
+fn said(message: &str) -> String {
+    message.replace(", set DuplicateKeyPolicy in Options if acceptable", "")
 }
 
 /// Byte offset of a location. Errors of syntax come with line and column only, both counted from 1 in characters.

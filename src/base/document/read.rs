@@ -159,4 +159,16 @@ impl<'a> Map<'a> {
     pub fn optional(&self, key: &str) -> Option<&'a Node> {
         self.entries.iter().find(|(k, _)| k.is_text(key)).map(|(_, v)| v)
     }
+
+    /// The value of a key as a pure number within bounds, both included, or the default where it is not there.
+    ///
+    /// # Errors
+    /// When it is none, or outside.
+    pub fn number(&self, key: &str, default: f64, low: f64, high: f64) -> Result<Decimal, InputError> {
+        match self.optional(key) {
+            Some(node) => Ok(node.quantity_in(key, Dimension::Number, low, high)?.base()),
+            None => Decimal::from_f64(default)
+                .ok_or_else(|| InputError::new(format!("the default of `{key}` is {default}, which is no number"))),
+        }
+    }
 }

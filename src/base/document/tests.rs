@@ -80,3 +80,20 @@ fn broken_and_hostile_documents_are_refused_with_their_place() {
     let bomb = "a: &a [x,x,x,x,x,x,x,x,x]\nb: &b [*a,*a,*a,*a,*a,*a,*a,*a,*a]\nc: &c [*b,*b,*b,*b,*b,*b,*b,*b,*b]\nd: &d [*c,*c,*c,*c,*c,*c,*c,*c,*c]\ne: &e [*d,*d,*d,*d,*d,*d,*d,*d,*d]\nf: &f [*e,*e,*e,*e,*e,*e,*e,*e,*e]\ng: [*f,*f,*f,*f,*f,*f,*f,*f,*f]\n";
     assert!(Document::from_text(Path::new("t.yaml"), bomb).is_err());
 }
+
+#[test]
+fn a_repeated_key_is_refused_in_words_for_users() {
+    let error = Document::from_text(Path::new("t.yaml"), "a: 1\na: 2\n").unwrap_err();
+    assert!(error.message.contains("duplicate mapping key: a"), "{}", error.message);
+    assert!(!error.message.contains("Policy"), "{}", error.message);
+    assert_eq!(underlined(&error), "a");
+}
+
+#[test]
+fn numbers_have_defaults_and_bounds() {
+    let node = parse("a: 0.25\nb: 7\n");
+    let map = node.fields("it", &["a", "b"]).unwrap();
+    assert_eq!(map.number("a", 0.5, 0.0, 1.0).unwrap().to_string(), "0.25");
+    assert_eq!(map.number("c", 0.5, 0.0, 1.0).unwrap().to_string(), "0.5");
+    assert!(map.number("b", 0.5, 0.0, 1.0).is_err());
+}
