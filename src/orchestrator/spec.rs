@@ -224,7 +224,10 @@ fn check_needs(entry: &Entry<'_>, entries: &[Entry<'_>]) -> Result<(), InputErro
     let (name, kind, needs) = (entry.name, entry.kind.name(), entry.kind.needs());
     let fitting = || {
         let names = entries.iter().filter(|other| needs.kinds.contains(&other.kind.name()));
-        names.map(|other| other.name).collect::<Vec<_>>().join(", ")
+        match names.map(|other| other.name).collect::<Vec<_>>() {
+            none if none.is_empty() => "no stage of this pipeline fits".to_owned(),
+            names => format!("stages that fit: {}", names.join(", ")),
+        }
     };
     for (index, node) in &entry.needs {
         let found = entries[*index].kind.name();
@@ -237,7 +240,7 @@ fn check_needs(entry: &Entry<'_>, entries: &[Entry<'_>]) -> Result<(), InputErro
                     entries[*index].name
                 ),
             };
-            return Err(node.error(message).help(format!("stages that fit: {}", fitting())));
+            return Err(node.error(message).help(fitting()));
         }
     }
     let count = entry.needs.len();
@@ -254,7 +257,7 @@ fn check_needs(entry: &Entry<'_>, entries: &[Entry<'_>]) -> Result<(), InputErro
         needs.kinds.join(" or ")
     );
     let node = entry.node.peek("needs").unwrap_or(entry.key);
-    Err(node.error(message).help(format!("stages that fit: {}", fitting())))
+    Err(node.error(message).help(fitting()))
 }
 
 fn suggestion(word: &str, allowed: &[&str]) -> String {
