@@ -164,6 +164,22 @@ impl MembraneSolver {
         Some(gradient.iter().map(|g| g * self.element_side_mm()).collect())
     }
 
+    /// Simulates one pattern, and says whether the stability of the result is beyond doubt: a pointwise condition that is
+    /// sufficient holds everywhere. It stops to hold well before stability is lost.
+    pub(super) fn simulate_surely(&self, pattern: &Pattern) -> (Simulation, bool) {
+        let mut room = self.room();
+        let simulation = self.simulation(pattern, &mut room);
+        let law = NeoHookean::new(self.scene.prestretch(), self.scene.kappa());
+        let activity = Activity::new(self.mesh, pattern);
+        let operator = Operator {
+            mesh: self.mesh,
+            law: &law,
+            activity: &activity,
+        };
+        let sure = simulation.outcome.is_converged() && operator.margins(&room.displacement).convexity > 0.0;
+        (simulation, sure)
+    }
+
     fn room(&self) -> Room {
         Room {
             displacement: vec![0.0; self.mesh.vector_len()],
