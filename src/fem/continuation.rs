@@ -38,6 +38,8 @@ pub struct Loading {
     pub steps: u32,
     /// Relative residual of the last attempt.
     pub residual: f64,
+    /// Whether the last stable state is stable beyond doubt: see [`Stability::Stable`].
+    pub pointwise: bool,
 }
 
 /// Why a load step is not accepted.
@@ -75,6 +77,7 @@ impl<L: Law, F: Fn(f64) -> L> Problem<'_, F> {
             ending: Ending::Unknown,
             steps: 0,
             residual: 0.0,
+            pointwise: false,
         };
         let (mut stable, mut step) = (0.0, 1.0);
         let mut reached: Option<Vec<f64>> = None;
@@ -135,7 +138,10 @@ impl<L: Law, F: Fn(f64) -> L> Problem<'_, F> {
         total.residual = progress.residual;
         match result {
             Ok(_) => match judge(&operator, self.laplacian, u, workspace) {
-                Stability::Stable => Ok(()),
+                Stability::Stable { pointwise } => {
+                    total.pointwise = pointwise;
+                    Ok(())
+                }
                 Stability::Unstable => Err(Refusal::Unstable),
                 Stability::NotElliptic => Err(Refusal::NotElliptic),
             },

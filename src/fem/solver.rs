@@ -168,16 +168,8 @@ impl MembraneSolver {
     /// sufficient holds everywhere. It stops to hold well before stability is lost.
     pub(super) fn simulate_surely(&self, pattern: &Pattern) -> (Simulation, bool) {
         let mut room = self.room();
-        let simulation = self.simulation(pattern, &mut room);
-        let law = NeoHookean::new(self.scene.prestretch(), self.scene.kappa());
-        let activity = Activity::new(self.mesh, pattern);
-        let operator = Operator {
-            mesh: self.mesh,
-            law: &law,
-            activity: &activity,
-        };
-        let sure = simulation.outcome.is_converged() && operator.margins(&room.displacement).convexity > 0.0;
-        (simulation, sure)
+        let loading = self.load(pattern, &mut room);
+        (self.simulation(&loading, &room), loading.pointwise)
     }
 
     fn room(&self) -> Room {
@@ -212,8 +204,7 @@ impl MembraneSolver {
         }
     }
 
-    fn simulation(&self, pattern: &Pattern, room: &mut Room) -> Simulation {
-        let loading = self.load(pattern, room);
+    fn simulation(&self, loading: &Loading, room: &Room) -> Simulation {
         let outcome = self.outcome(loading.ending);
         let sample = || self.mesh.sample(&room.displacement, self.element_side_mm());
         Simulation {
@@ -235,7 +226,13 @@ impl Simulator for MembraneSolver {
     fn simulate(&self, patterns: &[Pattern]) -> Vec<Simulation> {
         patterns
             .par_iter()
-            .map_init(|| self.room(), |room, pattern| self.simulation(pattern, room))
+            .map_init(
+                || self.room(),
+                |room, pattern| {
+                    let loading = self.load(pattern, room);
+                    self.simulation(&loading, room)
+                },
+            )
             .collect()
     }
 }

@@ -17,7 +17,10 @@ use super::precondition::Laplacian;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stability {
     /// A minimum of the energy, elliptic everywhere.
-    Stable,
+    Stable {
+        /// The pointwise condition shows it. That stops to hold well before stability is lost.
+        pointwise: bool,
+    },
     /// The tangent is not positive definite.
     Unstable,
     /// Rank-one convexity is lost somewhere.
@@ -37,20 +40,20 @@ pub fn judge<L: Law>(
     // Nearly always single precision is enough to see that all is well.
     let quick = operator.margins(workspace.single(u));
     if quick.ellipticity > CLEAR && quick.convexity > CLEAR {
-        return Stability::Stable;
+        return Stability::Stable { pointwise: true };
     }
     let margins = operator.margins(u);
     if margins.ellipticity <= 0.0 {
         return Stability::NotElliptic;
     }
     if margins.convexity > 0.0 {
-        return Stability::Stable;
+        return Stability::Stable { pointwise: true };
     }
     match probe(operator, laplacian, u, workspace) {
-        Ending::Converged => Stability::Stable,
+        Ending::Converged => Stability::Stable { pointwise: false },
         Ending::NegativeCurvature => Stability::Unstable,
         Ending::Limit => match Factorisation::new(operator, u) {
-            Some(factors) if factors.negative_pivots() == 0 => Stability::Stable,
+            Some(factors) if factors.negative_pivots() == 0 => Stability::Stable { pointwise: false },
             _ => Stability::Unstable,
         },
     }
