@@ -18,7 +18,7 @@ pub use execute::{RunError, RunOutcome, run};
 pub use kind::{Chunk, Input, Job, Kind, Needs, Plan, Progress, Stage, StageError};
 pub use plan::plan;
 pub use provenance::Environment;
-pub use spec::{Pipeline, Registry, StageSpec};
+pub use spec::{Pipeline, Registry, StageSpec, splice_scene};
 pub use staleness::Staleness;
 
 #[cfg(test)]

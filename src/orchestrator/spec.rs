@@ -109,8 +109,11 @@ impl Pipeline {
     }
 }
 
-/// A scene given by its file takes the place of the file's name.
-fn splice_scene(root: &mut Node, path: &Path) -> Result<(), InputError> {
+/// Puts a scene that the document at `path` gives by its file into the place of the file's name.
+///
+/// # Errors
+/// When the file does not exist or is not a document.
+pub fn splice_scene(root: &mut Node, path: &Path) -> Result<(), InputError> {
     let Some(node) = root.peek("scene") else {
         return Ok(());
     };

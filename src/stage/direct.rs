@@ -6,10 +6,10 @@ use std::time::Instant;
 pub use super::solver::MeshRequest;
 use super::solver::Solver;
 use super::{arrays, solution};
-use crate::base::InputError;
+use crate::base::{Document, InputError};
 use crate::fem::{AccurateSimulation, SetupError};
 use crate::field::{CORNERS, Field, PredictError, Predictor};
-use crate::orchestrator::Progress;
+use crate::orchestrator::{Progress, splice_scene};
 use crate::pattern::{Pattern, read_patterns};
 use crate::scene::Scene;
 use crate::store::{Data, Dataset, Object};
@@ -128,16 +128,9 @@ fn seconds_each(start: Instant, samples: usize, threads: usize) -> impl Iterator
 }
 
 fn read_scene(path: &Path) -> Result<Scene, InputError> {
-    let document = crate::base::Document::load(path)?;
-    match document.root.peek("scene") {
-        None => Scene::read(&document.root),
-        Some(node) => match node.value() {
-            crate::base::NodeValue::Text(file) => {
-                Scene::load(&path.parent().unwrap_or_else(|| Path::new("")).join(file))
-            }
-            _ => Scene::read(node),
-        },
-    }
+    let mut root = Document::load(path)?.root;
+    splice_scene(&mut root, path)?;
+    Scene::read(root.peek("scene").unwrap_or(&root))
 }
 
 /// Rows without a stable solution are NaN here and nowhere else; their outcome says why.
