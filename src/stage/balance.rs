@@ -112,6 +112,13 @@ impl Stage for BalanceStage {
                 "the arrays of the solved samples differ in length".to_owned(),
             ));
         }
+        if solved.patterns.is_empty() {
+            return Err(StageError::Input(format!(
+                "none of {} samples has a stable solution: there is nothing to learn from. A lower voltage, a thicker or a \
+                 stiffer membrane stays stable",
+                solved.unstable
+            )));
+        }
         let candidates: Vec<Candidate<'_>> = solved
             .patterns
             .iter()
@@ -122,13 +129,6 @@ impl Stage for BalanceStage {
             })
             .collect();
         let balanced = balance(&candidates, &self.options).map_err(|e| StageError::Failed(e.to_string()))?;
-        if solved.patterns.is_empty() {
-            return Err(StageError::Input(format!(
-                "none of {} samples has a stable solution: there is nothing to learn from. A lower voltage, a thicker or a \
-                 stiffer membrane stays stable",
-                solved.unstable
-            )));
-        }
         if balanced.rows.is_empty() {
             return Err(StageError::Input(format!(
                 "none of {} solved samples lies within the range of the histogram",
