@@ -1,6 +1,8 @@
 //! `kind: solve` simulates every sample with finite elements.
 
-use super::solver::SolverParameters;
+use std::sync::OnceLock;
+
+use super::solver::{Solver, SolverParameters};
 use super::{arrays, solution};
 use crate::base::{Canonical, InputError, Node};
 use crate::fem::SetupError;
@@ -38,6 +40,7 @@ impl Kind for SolveKind {
         Ok(Box::new(SolveStage {
             solver: SolverParameters::read(&map, 2)?,
             scene,
+            ready: OnceLock::new(),
         }))
     }
 }
@@ -45,6 +48,18 @@ impl Kind for SolveKind {
 struct SolveStage {
     solver: SolverParameters,
     scene: Scene,
+    /// Set up by the first chunk for all of them.
+    ready: OnceLock<Solver>,
+}
+
+impl SolveStage {
+    fn ready(&self) -> Result<&Solver, SetupError> {
+        if let Some(solver) = self.ready.get() {
+            return Ok(solver);
+        }
+        let solver = self.solver.build(&self.scene)?;
+        Ok(self.ready.get_or_init(|| solver))
+    }
 }
 
 impl Stage for SolveStage {
@@ -69,7 +84,7 @@ impl Stage for SolveStage {
         };
         let patterns = arrays::read_patterns(samples, "patterns")?;
         let failed = |e: SetupError| StageError::Failed(e.to_string());
-        let solver = self.solver.build(&self.scene).map_err(failed)?;
+        let solver = self.ready().map_err(failed)?;
         let mut simulations = Vec::with_capacity(patterns.len());
         for batch in patterns.chunks(BATCH) {
             simulations.extend(solver.simulate(batch).map_err(failed)?);
