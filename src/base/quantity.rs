@@ -165,6 +165,14 @@ pub enum Dimension {
     Stress,
     /// A plane angle, base unit deg.
     Angle,
+    /// An electric field, base unit V/m.
+    Field,
+    /// A frequency, base unit Hz.
+    Frequency,
+    /// A time, base unit s.
+    Time,
+    /// A density of mass, base unit kg/m3.
+    Density,
 }
 
 impl Dimension {
@@ -190,6 +198,10 @@ impl Dimension {
             Self::Voltage => &[("V", 0), ("kV", 3), ("MV", 6), ("mV", -3)],
             Self::Stress => &[("Pa", 0), ("kPa", 3), ("MPa", 6), ("GPa", 9)],
             Self::Angle => &[("deg", 0), ("°", 0)],
+            Self::Field => &[("V/m", 0), ("kV/m", 3), ("MV/m", 6), ("V/um", 6), ("kV/mm", 6)],
+            Self::Frequency => &[("Hz", 0), ("kHz", 3), ("MHz", 6), ("mHz", -3)],
+            Self::Time => &[("s", 0), ("ms", -3), ("us", -6), ("ks", 3)],
+            Self::Density => &[("kg/m3", 0), ("g/cm3", 3)],
         }
     }
 }
@@ -202,6 +214,10 @@ impl fmt::Display for Dimension {
             Self::Voltage => "voltage",
             Self::Stress => "stress",
             Self::Angle => "angle",
+            Self::Field => "electric field",
+            Self::Frequency => "frequency",
+            Self::Time => "time",
+            Self::Density => "density",
         })
     }
 }

@@ -2,13 +2,14 @@
 //!
 //! Everything is dimensionless: stress is divided by μλp², lengths by the side of an element, so two numbers describe a
 //! scene, a = λp⁻⁶ and b = κλp² with κ = ε(V/H)²/μ. The modules are the method, from the point to the answer:
-//! kinematics and energy; element, mesh and lanes; operator; gemm, modes and precondition; krylov, newton and direct;
+//! kinematics, energy and effects; element, mesh and lanes; operator; gemm, modes and precondition; krylov, newton and direct;
 //! stability and continuation; solver, and on it accuracy, adjoint, response and observable.
 
 mod accuracy;
 mod adjoint;
 mod continuation;
 mod direct;
+pub mod effects;
 mod element;
 pub mod energy;
 mod gemm;

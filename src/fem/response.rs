@@ -10,7 +10,8 @@ use crate::field::Field;
 use crate::pattern::Pattern;
 use crate::scene::Scene;
 
-use super::energy::NeoHookean;
+use super::effects::{Model, WithLaw};
+use super::energy::Law;
 use super::mesh::Mesh;
 use super::newton::{Workspace, solve_tangent};
 use super::operator::{Activity, Operator};
@@ -21,7 +22,7 @@ use super::solver::{SetupError, SolveOptions, validated};
 pub struct LinearResponse {
     mesh: Mesh,
     side_mm: f64,
-    law: NeoHookean,
+    model: Model,
     tolerance: f64,
     half_active: Activity,
     laplacian: Laplacian,
@@ -37,14 +38,12 @@ impl LinearResponse {
         let response = Self {
             mesh,
             side_mm: scene.side_mm() / mesh.elements() as f64,
-            law: NeoHookean::new(scene.prestretch(), scene.kappa()),
+            model: Model::new(scene)?,
             tolerance: options.tolerance,
             half_active: Activity::from_shares(mesh, |_, _| 0.5),
             laplacian: Laplacian::new(mesh)?,
         };
-        let rest = vec![0.0; mesh.vector_len()];
-        let operator = response.operator(&response.half_active);
-        if operator.margins(&rest).ellipticity > 0.0 {
+        if response.model.with(Ellipticity(&response)) > 0.0 {
             Ok(response)
         } else {
             Err(SetupError::Unstable)
@@ -65,28 +64,74 @@ impl LinearResponse {
     }
 
     fn displacement(&self, pattern: &Pattern, chord_steps: usize, workspace: &mut Workspace) -> Option<Field> {
-        let activity = Activity::new(self.mesh, pattern);
-        let (actual, linear) = (self.operator(&activity), self.operator(&self.half_active));
-        let rest = vec![0.0; self.mesh.vector_len()];
-        let (mut u, mut residual) = (rest.clone(), rest.clone());
-        for _ in 0..=chord_steps {
-            if actual.residual(&u, &mut residual) <= 0.0 {
-                return None;
-            }
-            let step = solve_tangent(&linear, &self.laplacian, self.tolerance, &rest, &residual, workspace).ok()?;
-            u.iter_mut().zip(step).for_each(|(u, step)| *u -= step);
-        }
+        let activity = self.model.activity(self.mesh, pattern);
+        let steps = Steps {
+            response: self,
+            activity: &activity,
+            chord_steps,
+            workspace,
+        };
+        let u = self.model.with(steps)?;
         u.iter()
             .all(|u| u.is_finite())
             .then(|| self.mesh.sample(&u, self.side_mm))
     }
 
-    fn operator<'a>(&'a self, activity: &'a Activity) -> Operator<'a, NeoHookean> {
+    fn operator<'a, L>(&self, law: &'a L, activity: &'a Activity) -> Operator<'a, L> {
         Operator {
             mesh: self.mesh,
-            law: &self.law,
+            law,
             activity,
         }
+    }
+}
+
+/// The smallest ellipticity margin of the half-active membrane at rest.
+struct Ellipticity<'a>(&'a LinearResponse);
+
+impl WithLaw for Ellipticity<'_> {
+    type Output = f64;
+
+    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, law: F) -> f64 {
+        let rest = vec![0.0; self.0.mesh.vector_len()];
+        self.0
+            .operator(&law(1.0), &self.0.half_active)
+            .margins(&rest)
+            .ellipticity
+    }
+}
+
+/// The linear response of a pattern and chord steps from there.
+struct Steps<'a> {
+    response: &'a LinearResponse,
+    activity: &'a Activity,
+    chord_steps: usize,
+    workspace: &'a mut Workspace,
+}
+
+impl WithLaw for Steps<'_> {
+    type Output = Option<Vec<f64>>;
+
+    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, law: F) -> Option<Vec<f64>> {
+        let Self {
+            response, workspace, ..
+        } = self;
+        let law = law(1.0);
+        let (actual, linear) = (
+            response.operator(&law, self.activity),
+            response.operator(&law, &response.half_active),
+        );
+        let rest = vec![0.0; response.mesh.vector_len()];
+        let (mut u, mut residual) = (rest.clone(), rest.clone());
+        for _ in 0..=self.chord_steps {
+            if actual.residual(&u, &mut residual) <= 0.0 {
+                return None;
+            }
+            let (laplacian, tolerance) = (&response.laplacian, response.tolerance);
+            let step = solve_tangent(&linear, laplacian, tolerance, &rest, &residual, workspace).ok()?;
+            u.iter_mut().zip(step).for_each(|(u, step)| *u -= step);
+        }
+        Some(u)
     }
 }
 

@@ -8,7 +8,8 @@ use crate::scene::Scene;
 
 use super::adjoint;
 use super::continuation::{Ending, Loading, Problem};
-use super::energy::NeoHookean;
+use super::effects::{Model, WithLaw};
+use super::energy::Law;
 use super::mesh::{Mesh, Order};
 use super::newton::Workspace;
 use super::operator::{Activity, Operator};
@@ -98,6 +99,7 @@ pub struct MeshSolution {
 /// Simulates patterns under one scene on one mesh.
 pub struct MembraneSolver {
     scene: Scene,
+    model: Model,
     mesh: Mesh,
     tolerance: f64,
     laplacian: Laplacian,
@@ -112,6 +114,7 @@ impl MembraneSolver {
         let mesh = validated(options)?;
         Ok(Self {
             scene: scene.clone(),
+            model: Model::new(scene)?,
             mesh,
             tolerance: options.tolerance,
             laplacian: Laplacian::new(mesh)?,
@@ -152,15 +155,12 @@ impl MembraneSolver {
         if !solution.outcome.is_converged() {
             return None;
         }
-        let law = NeoHookean::new(self.scene.prestretch(), self.scene.kappa());
-        let activity = Activity::new(self.mesh, pattern);
-        let operator = Operator {
-            mesh: self.mesh,
-            law: &law,
-            activity: &activity,
-        };
-        let (u, mut workspace) = (&solution.displacement, self.room().workspace);
-        let gradient = adjoint::gradient(&operator, &self.laplacian, 1e-9, u, weights, &mut workspace).ok()?;
+        let gradient = self.model.with(Gradient {
+            solver: self,
+            activity: &self.model.activity(self.mesh, pattern),
+            u: &solution.displacement,
+            weights,
+        })?;
         Some(gradient.iter().map(|g| g * self.element_side_mm()).collect())
     }
 
@@ -181,25 +181,34 @@ impl MembraneSolver {
 
     /// Loads a pattern; the displacement is then in the room.
     fn load(&self, pattern: &Pattern, room: &mut Room) -> Loading {
-        let (prestretch, kappa) = (self.scene.prestretch(), self.scene.kappa());
-        let problem = Problem {
-            mesh: self.mesh,
-            activity: &Activity::new(self.mesh, pattern),
-            laplacian: &self.laplacian,
-            law: |share: f64| NeoHookean::new(prestretch, share * kappa),
-            tolerance: self.tolerance,
-        };
-        problem.load(&mut room.displacement, &mut room.workspace)
+        self.model.with(Load {
+            solver: self,
+            activity: &self.model.activity(self.mesh, pattern),
+            room,
+        })
     }
 
     fn outcome(&self, ending: Ending) -> Outcome {
         match ending {
             Ending::Stable => Outcome::Converged,
-            Ending::Lost { ellipticity: true, .. } => Outcome::NotElliptic,
-            Ending::Lost { stable, unstable, .. } => Outcome::PullIn {
-                last_stable: stable.sqrt() * self.scene.voltage_v(),
-                first_unstable: unstable.sqrt() * self.scene.voltage_v(),
-            },
+            Ending::Lost {
+                stable,
+                unstable,
+                ellipticity,
+            } => {
+                let [last_stable, first_unstable] = [stable, unstable].map(|s| s.sqrt() * self.scene.voltage_v());
+                if ellipticity {
+                    Outcome::NotElliptic {
+                        last_stable,
+                        first_unstable,
+                    }
+                } else {
+                    Outcome::PullIn {
+                        last_stable,
+                        first_unstable,
+                    }
+                }
+            }
             Ending::Unknown => Outcome::IterationLimit,
         }
     }
@@ -213,6 +222,51 @@ impl MembraneSolver {
             newton_iterations: loading.steps,
             residual: loading.residual,
         }
+    }
+}
+
+/// Loading a pattern.
+struct Load<'a> {
+    solver: &'a MembraneSolver,
+    activity: &'a Activity,
+    room: &'a mut Room,
+}
+
+impl WithLaw for Load<'_> {
+    type Output = Loading;
+
+    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, law: F) -> Loading {
+        let problem = Problem {
+            mesh: self.solver.mesh,
+            activity: self.activity,
+            laplacian: &self.solver.laplacian,
+            law,
+            tolerance: self.solver.tolerance,
+        };
+        problem.load(&mut self.room.displacement, &mut self.room.workspace)
+    }
+}
+
+/// The gradient at a solution.
+struct Gradient<'a> {
+    solver: &'a MembraneSolver,
+    activity: &'a Activity,
+    u: &'a [f64],
+    weights: &'a Field,
+}
+
+impl WithLaw for Gradient<'_> {
+    type Output = Option<Vec<f64>>;
+
+    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, law: F) -> Option<Vec<f64>> {
+        let operator = Operator {
+            mesh: self.solver.mesh,
+            law: &law(1.0),
+            activity: self.activity,
+        };
+        let mut workspace = self.solver.room().workspace;
+        let laplacian = &self.solver.laplacian;
+        adjoint::gradient(&operator, laplacian, 1e-9, self.u, self.weights, &mut workspace).ok()
     }
 }
 

@@ -19,10 +19,22 @@ pub enum Outcome {
         /// The lowest voltage at which none was found.
         first_unstable: f64,
     },
-    /// Rank-one convexity is lost somewhere: the equations have no meaningful solution.
-    NotElliptic,
-    /// The membrane has lost all tension somewhere.
-    Slack,
+    /// Rank-one convexity is lost somewhere: the equations have no meaningful solution. It is lost between two voltages,
+    /// in V.
+    NotElliptic {
+        /// The highest voltage at which a stable equilibrium was found.
+        last_stable: f64,
+        /// The lowest voltage at which none was found.
+        first_unstable: f64,
+    },
+    /// The membrane has lost all tension somewhere, so its displacement there is not determined. That happens between two
+    /// voltages, in V.
+    Slack {
+        /// The highest voltage at which an equilibrium in tension was found.
+        last_stable: f64,
+        /// The lowest voltage at which none was found.
+        first_unstable: f64,
+    },
     /// The iteration did not end within its limits; nothing is known about stability.
     IterationLimit,
 }
@@ -34,9 +46,29 @@ impl Outcome {
         match self {
             Self::Converged => "converged",
             Self::PullIn { .. } => "pull-in",
-            Self::NotElliptic => "not-elliptic",
-            Self::Slack => "slack",
+            Self::NotElliptic { .. } => "not-elliptic",
+            Self::Slack { .. } => "slack",
             Self::IterationLimit => "iteration-limit",
+        }
+    }
+
+    /// The voltages between which the stable branch ends, in V; `None` where it does not, or is not known to.
+    #[must_use]
+    pub fn bracket(&self) -> Option<[f64; 2]> {
+        match *self {
+            Self::PullIn {
+                last_stable,
+                first_unstable,
+            }
+            | Self::NotElliptic {
+                last_stable,
+                first_unstable,
+            }
+            | Self::Slack {
+                last_stable,
+                first_unstable,
+            } => Some([last_stable, first_unstable]),
+            Self::Converged | Self::IterationLimit => None,
         }
     }
 
@@ -49,14 +81,9 @@ impl Outcome {
 
 impl fmt::Display for Outcome {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::PullIn {
-                last_stable,
-                first_unstable,
-            } => {
-                write!(f, "pull-in between {last_stable:.1} V and {first_unstable:.1} V")
-            }
-            other => f.write_str(other.name()),
+        match self.bracket() {
+            Some([stable, unstable]) => write!(f, "{} between {stable:.1} V and {unstable:.1} V", self.name()),
+            None => f.write_str(self.name()),
         }
     }
 }

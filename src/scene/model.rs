@@ -1,5 +1,6 @@
 //! The valid scene. Construction is the only validation: a `Scene` at hand can be simulated.
 
+use super::effects::Effects;
 use crate::base::{Canonical, Decimal, Dimension, Quantity};
 use crate::pattern::CELLS;
 
@@ -52,7 +53,7 @@ pub struct Drive {
     pub voltage: Quantity,
 }
 
-/// One membrane with its drive; no optional effect is part of it.
+/// One membrane with its drive, and the effects that are simulated.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Scene {
     /// Shape and prestretch.
@@ -61,6 +62,8 @@ pub struct Scene {
     pub material: Material,
     /// Drive.
     pub drive: Drive,
+    /// What is simulated beyond the base model.
+    pub effects: Effects,
 }
 
 impl Scene {
@@ -98,6 +101,7 @@ impl Scene {
             drive: Drive {
                 voltage: q(voltage, Dimension::Voltage),
             },
+            effects: Effects::default(),
         }
     }
 

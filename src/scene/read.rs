@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::effects::Effects;
 use super::model::{Drive, Geometry, Law, Material, Scene};
 use crate::base::{Dimension, Document, InputError, Node};
 use crate::pattern::CELLS;
@@ -37,6 +38,7 @@ impl Scene {
             geometry: read_geometry(scene.required("the scene", "geometry")?)?,
             material: read_material(scene.required("the scene", "material")?)?,
             drive: read_drive(scene.required("the scene", "drive")?)?,
+            effects: Effects::default(),
         })
     }
 }

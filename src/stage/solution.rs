@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use super::arrays;
 use crate::fem::{AccurateSimulation, Order};
-use crate::field::{Field, Outcome};
+use crate::field::Field;
 use crate::orchestrator::StageError;
 use crate::pattern::Pattern;
 use crate::scene::Scene;
@@ -114,14 +114,9 @@ fn identity(samples: &Samples<'_>, results: &[AccurateSimulation], rows: &[usize
 }
 
 fn brackets(results: &[AccurateSimulation], unstable: &[usize]) -> Dataset {
-    let bracket = |&i: &usize| match results[i].simulation.outcome {
-        Outcome::PullIn {
-            last_stable,
-            first_unstable,
-        } => [last_stable, first_unstable],
-        _ => [0.0, 0.0],
-    };
-    let note = "highest voltage with a stable equilibrium and lowest without, for pull-in; 0, 0 for other outcomes";
+    let bracket = |&i: &usize| results[i].simulation.outcome.bracket().unwrap_or_default();
+    let note =
+        "highest voltage with a stable equilibrium and lowest without; 0, 0 where the outcome is `iteration-limit`";
     Dataset::new(
         "V",
         note,

@@ -11,6 +11,10 @@ use super::lanes::Value;
 ///
 /// `active` is 1 where the membrane carries an electrode and 0 where it is bare.
 pub trait Law: Sync {
+    /// Whether a pattern can have several stable equilibria at one load, as where the elastomer stiffens after a snap. The
+    /// loading then takes care to stay on the branch that begins at rest.
+    const SEVERAL_BRANCHES: bool = false;
+
     /// w(f).
     fn energy<V: Value>(&self, f: Tensor<V>, active: V) -> V;
     /// The part of p = ∂w/∂f that is no null Lagrangian, from ∇u = f − I: p = `stress` + `self_stress`. It vanishes with
