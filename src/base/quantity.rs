@@ -173,6 +173,8 @@ pub enum Dimension {
     Time,
     /// A density of mass, base unit kg/m3.
     Density,
+    /// An electric resistance, base unit Ohm.
+    Resistance,
 }
 
 impl Dimension {
@@ -202,6 +204,7 @@ impl Dimension {
             Self::Frequency => &[("Hz", 0), ("kHz", 3), ("MHz", 6), ("mHz", -3)],
             Self::Time => &[("s", 0), ("ms", -3), ("us", -6), ("ks", 3)],
             Self::Density => &[("kg/m3", 0), ("g/cm3", 3)],
+            Self::Resistance => &[("Ohm", 0), ("kOhm", 3), ("MOhm", 6)],
         }
     }
 }
@@ -218,6 +221,7 @@ impl fmt::Display for Dimension {
             Self::Frequency => "frequency",
             Self::Time => "time",
             Self::Density => "density",
+            Self::Resistance => "resistance",
         })
     }
 }

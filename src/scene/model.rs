@@ -1,6 +1,7 @@
 //! The valid scene. Construction is the only validation: a `Scene` at hand can be simulated.
 
 use super::effects::Effects;
+use super::properties::Properties;
 use crate::base::{Canonical, Decimal, Dimension, Quantity};
 use crate::pattern::CELLS;
 
@@ -51,6 +52,10 @@ pub struct Material {
 pub struct Drive {
     /// Voltage between the electrodes.
     pub voltage: Quantity,
+    /// Frequency, where the voltage alternates. Only screening looks at it.
+    pub frequency: Option<Quantity>,
+    /// How long the voltage is held, where that is known. Only screening looks at it.
+    pub duration: Option<Quantity>,
 }
 
 /// One membrane with its drive, and the effects that are simulated.
@@ -64,6 +69,10 @@ pub struct Scene {
     pub drive: Drive,
     /// What is simulated beyond the base model.
     pub effects: Effects,
+    /// Whether screening is to turn effects on; until then `effects` is empty.
+    pub auto: bool,
+    /// What is known beyond the base model.
+    pub properties: Properties,
 }
 
 impl Scene {
@@ -100,8 +109,12 @@ impl Scene {
             },
             drive: Drive {
                 voltage: q(voltage, Dimension::Voltage),
+                frequency: None,
+                duration: None,
             },
             effects: Effects::default(),
+            auto: false,
+            properties: Properties::default(),
         }
     }
 
@@ -113,7 +126,20 @@ impl Scene {
     pub fn at_voltage(&self, voltage: f64) -> Self {
         let voltage = Quantity::from_f64(voltage, Dimension::Voltage).expect("a finite number");
         Self {
-            drive: Drive { voltage },
+            drive: Drive {
+                voltage,
+                ..self.drive.clone()
+            },
+            ..self.clone()
+        }
+    }
+
+    /// The same scene with exactly these effects.
+    #[must_use]
+    pub fn with_effects(&self, effects: Effects) -> Self {
+        Self {
+            effects,
+            auto: false,
             ..self.clone()
         }
     }
@@ -165,7 +191,7 @@ impl Scene {
     #[must_use]
     pub fn canonical(&self) -> Canonical {
         let (g, m) = (&self.geometry, &self.material);
-        Canonical::map([
+        let mut sections = vec![
             (
                 "geometry",
                 Canonical::map([
@@ -183,29 +209,56 @@ impl Scene {
                     ("relative_permittivity", (&m.relative_permittivity).into()),
                 ]),
             ),
-            (
-                "drive",
-                Canonical::map([("voltage", Canonical::from(&self.drive.voltage))]),
-            ),
-            ("effects", Canonical::map::<String>([])),
-        ])
+            ("drive", self.drive.canonical()),
+            ("effects", self.effects_canonical()),
+        ];
+        if !self.properties.is_empty() {
+            sections.push(("properties", self.properties.canonical()));
+        }
+        Canonical::map(sections)
+    }
+
+    fn effects_canonical(&self) -> Canonical {
+        if self.auto {
+            "auto".into()
+        } else {
+            self.effects.canonical()
+        }
     }
 
     /// The scene in its own YAML syntax on one line: what artifacts carry, and [`Scene::from_text`] reads.
     #[must_use]
     pub fn to_text(&self) -> String {
         let (g, m) = (&self.geometry, &self.material);
+        let properties = if self.properties.is_empty() {
+            String::new()
+        } else {
+            format!(", properties: {}", self.properties.canonical())
+        };
         format!(
             "{{ geometry: {{ side: {}, thickness: {}, prestretch: {}, cells: {CELLS} }}, material: {{ model: {}, \
-             shear_modulus: {}, relative_permittivity: {} }}, drive: {{ voltage: {} }}, effects: {{}} }}",
+             shear_modulus: {}, relative_permittivity: {} }}, drive: {}, effects: {}{properties} }}",
             g.side,
             g.thickness,
             g.prestretch,
             m.law.name(),
             m.shear_modulus,
             m.relative_permittivity,
-            self.drive.voltage
+            self.drive.canonical(),
+            self.effects_canonical(),
         )
+    }
+}
+
+impl Drive {
+    fn canonical(&self) -> Canonical {
+        let entries = [
+            ("voltage", Some(&self.voltage)),
+            ("frequency", self.frequency.as_ref()),
+            ("duration", self.duration.as_ref()),
+        ];
+        let known = entries.into_iter().filter_map(|(key, value)| Some((key, value?)));
+        Canonical::map(known.map(|(key, value)| (key, Canonical::from(value))))
     }
 }
 
@@ -223,5 +276,17 @@ mod tests {
     fn a_scene_survives_its_own_text() {
         let scene = Scene::vhb4910().at_voltage(4999.5);
         assert_eq!(Scene::from_text(&scene.to_text()).unwrap(), scene);
+        let rich = "{ geometry: { side: 50, thickness: 1, prestretch: 3, cells: 50 }, material: { model: neo-hookean, \
+                    shear_modulus: 45 kPa, relative_permittivity: 4.7 }, drive: { voltage: 5 kV, frequency: 2 Hz }, \
+                    effects: { strain_stiffening: { model: ogden, terms: [ { mu: 45 kPa, alpha: 2 } ] }, wrinkling: {}, \
+                    dielectric_breakdown: { law: constant, field: 90 MV/m } }, properties: { density: 960, \
+                    electrode_stiffness: { shear_modulus: 1 MPa, thickness: 2 um }, \
+                    viscoelasticity: [ { modulus: 20 kPa, time: 30 s } ] } }";
+        let scene = Scene::from_text(rich).unwrap();
+        assert_eq!(Scene::from_text(&scene.to_text()).unwrap(), scene);
+        assert_eq!(
+            Scene::from_text(&scene.to_text()).unwrap().canonical(),
+            scene.canonical()
+        );
     }
 }

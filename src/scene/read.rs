@@ -4,11 +4,12 @@ use std::path::Path;
 
 use super::effects::Effects;
 use super::model::{Drive, Geometry, Law, Material, Scene};
+use super::read_effects::{Request, read_effects, read_properties};
 use crate::base::{Dimension, Document, InputError, Node};
 use crate::pattern::CELLS;
 
 /// The sections of a scene.
-pub const SECTIONS: [&str; 4] = ["geometry", "material", "drive", "effects"];
+pub const SECTIONS: [&str; 5] = ["geometry", "material", "drive", "effects", "properties"];
 
 impl Scene {
     /// Reads a scene from a YAML file.
@@ -33,12 +34,20 @@ impl Scene {
     /// When a key is unknown or missing, or a value is out of range.
     pub fn read(node: &Node) -> Result<Self, InputError> {
         let scene = node.fields("the scene", &SECTIONS)?;
-        read_effects(scene.optional("effects"))?;
+        let material = read_material(scene.required("the scene", "material")?)?;
+        let modulus = material.shear_modulus.value();
+        let properties = read_properties(scene.optional("properties"), modulus)?;
+        let (effects, auto) = match read_effects(scene.optional("effects"), &properties, modulus)? {
+            Request::Auto => (Effects::default(), true),
+            Request::Named(effects) => (effects, false),
+        };
         Ok(Self {
             geometry: read_geometry(scene.required("the scene", "geometry")?)?,
-            material: read_material(scene.required("the scene", "material")?)?,
+            material,
             drive: read_drive(scene.required("the scene", "drive")?)?,
-            effects: Effects::default(),
+            effects,
+            auto,
+            properties,
         })
     }
 }
@@ -90,15 +99,23 @@ fn read_material(node: &Node) -> Result<Material, InputError> {
 }
 
 fn read_drive(node: &Node) -> Result<Drive, InputError> {
-    let map = node.fields("`drive`", &["voltage"])?;
+    let what = "`drive`";
+    if let Some((key, _)) = node.entries(what)?.iter().find(|(key, _)| key.is_text("charge")) {
+        return Err(key
+            .error("a drive by charge is not available yet")
+            .help("allowed: voltage, frequency, duration"));
+    }
+    let map = node.fields(what, &["voltage", "frequency", "duration"])?;
+    let optional = |key, dimension| {
+        let node = map.optional(key);
+        node.map(|node: &Node| node.quantity_in(key, dimension, 1e-9, 1e9))
+            .transpose()
+    };
     Ok(Drive {
         voltage: map
-            .required("`drive`", "voltage")?
+            .required(what, "voltage")?
             .quantity_in("voltage", Dimension::Voltage, 0.0, 1e6)?,
+        frequency: optional("frequency", Dimension::Frequency)?,
+        duration: optional("duration", Dimension::Time)?,
     })
-}
-
-/// An effect that is not simulated must not be silently left out.
-fn read_effects(node: Option<&Node>) -> Result<(), InputError> {
-    node.map_or(Ok(()), |node| node.fields("`effects`", &[]).map(|_| ()))
 }

@@ -103,7 +103,9 @@ impl Node {
         }
     }
 
-    pub(super) fn is_text(&self, text: &str) -> bool {
+    /// Whether it is this text, or a number written so.
+    #[must_use]
+    pub fn is_text(&self, text: &str) -> bool {
         matches!(&self.value, NodeValue::Text(t) | NodeValue::Number(t) if t == text)
     }
 

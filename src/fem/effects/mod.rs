@@ -5,5 +5,6 @@
 //! the quadrature points.
 
 mod model;
+pub mod screening;
 
 pub use model::{Model, WithLaw};

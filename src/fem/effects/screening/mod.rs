@@ -1,0 +1,249 @@
+//! Which effects a scene calls for.
+//!
+//! Each effect has a number without unit that says how much it matters, and a threshold above which it is called for. Most
+//! follow from the scene alone. Wrinkling, breakdown and the distance to pull-in depend on the solution, which is computed
+//! on a coarse mesh for a few patterns between them as extreme as patterns are.
+
+mod scene;
+mod solution;
+#[cfg(test)]
+mod tests;
+
+use crate::fem::SetupError;
+use crate::pattern::{CELLS, Pattern};
+use crate::scene::effects::names;
+use crate::scene::{Effects, Scene};
+
+/// What is known about an effect in a scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Row {
+    /// Its name in a scene, from [`names`].
+    pub effect: &'static str,
+    /// What the number is, as a formula.
+    pub quantity: String,
+    /// The number; `None` where it cannot be computed or does not arise.
+    pub number: Option<f64>,
+    /// Above it the effect is called for.
+    pub threshold: f64,
+    /// Whether it is called for.
+    pub verdict: Verdict,
+    /// Whether it is simulated.
+    pub status: Status,
+    /// What it would change, in words.
+    pub change: String,
+    /// What it would cost, in words.
+    pub cost: &'static str,
+}
+
+/// Whether an effect is called for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// The number is above the threshold.
+    CalledFor,
+    /// It is not, or the question does not arise.
+    NotCalledFor,
+    /// A property that is not given decides.
+    Unknown,
+}
+
+/// Whether an effect is simulated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Status {
+    /// The scene names it, or screening turned it on.
+    On,
+    /// It could be simulated and is not.
+    Off,
+    /// It cannot be simulated yet.
+    NotAvailable,
+}
+
+impl Verdict {
+    /// `yes`, `no` or `unknown`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::CalledFor => "yes",
+            Self::NotCalledFor => "no",
+            Self::Unknown => "unknown",
+        }
+    }
+}
+
+impl Status {
+    /// `on`, `off` or `not available`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::On => "on",
+            Self::Off => "off",
+            Self::NotAvailable => "not available",
+        }
+    }
+}
+
+impl Row {
+    /// The warning that belongs to an effect that is called for and not simulated.
+    #[must_use]
+    pub fn warning(&self) -> Option<String> {
+        let number = self.number?;
+        let state = match self.status {
+            Status::On => return None,
+            Status::Off => "off",
+            Status::NotAvailable => "not available",
+        };
+        (self.verdict == Verdict::CalledFor).then(|| {
+            format!(
+                "{} is called for but {state}: {} = {number:.3} > {}",
+                self.effect, self.quantity, self.threshold
+            )
+        })
+    }
+}
+
+/// All effects that are known, screened for a scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Screening {
+    /// The scene with the effects that are simulated: those that it names, or those that were found to be called for
+    /// where it says `effects: auto`.
+    pub scene: Scene,
+    /// One row for each effect.
+    pub rows: Vec<Row>,
+}
+
+impl Screening {
+    /// The warnings, in the order of the rows.
+    #[must_use]
+    pub fn warnings(&self) -> Vec<String> {
+        self.rows.iter().filter_map(Row::warning).collect()
+    }
+}
+
+/// The patterns that a scene is screened with: all of the membrane, half of it, a disc of radius 0.3 L, blocks of 10 cells
+/// like a chessboard, a single cell, and all but a single cell.
+#[must_use]
+pub fn reference_patterns() -> Vec<(&'static str, Pattern)> {
+    let middle = CELLS / 2;
+    let from_centre = |x: usize, y: usize| (x as f64 + 0.5 - 25.0).hypot(y as f64 + 0.5 - 25.0);
+    vec![
+        ("all active", Pattern::from_fn(|_, _| true)),
+        ("half plane", Pattern::from_fn(|x, _| x < middle)),
+        ("disc", Pattern::from_fn(|x, y| from_centre(x, y) < 15.0)),
+        ("blocks", Pattern::from_fn(|x, y| (x / 10 + y / 10) % 2 == 0)),
+        ("one cell", Pattern::from_fn(|x, y| (x, y) == (middle, middle))),
+        ("one hole", Pattern::from_fn(|x, y| (x, y) != (middle, middle))),
+    ]
+}
+
+/// Screens a scene with named patterns.
+///
+/// # Errors
+/// When the scene's effects cannot be simulated.
+pub fn screen(scene: &Scene, patterns: &[(String, Pattern)]) -> Result<Screening, SetupError> {
+    let fixed = scene::rows(scene);
+    // What is called for by the scene alone takes part in the solution that the rest is judged by.
+    let mut chosen = scene.effects.clone();
+    if scene.auto {
+        chosen = scene::called_for(scene, &fixed);
+    }
+    let trial = scene.with_effects(Effects {
+        wrinkling: false,
+        ..chosen.clone()
+    });
+    let found = solution::rows(&trial, patterns)?;
+    if scene.auto {
+        solution::turn_on(&mut chosen, &trial, &found);
+    }
+    let simulated = scene.with_effects(chosen);
+    let mut rows: Vec<Row> = fixed.into_iter().chain(found).collect();
+    for row in &mut rows {
+        row.status = status(&simulated.effects, row.effect);
+    }
+    Ok(Screening { scene: simulated, rows })
+}
+
+/// Screens a scene with [`reference_patterns`].
+///
+/// # Errors
+/// As [`screen`].
+pub fn screen_by_references(scene: &Scene) -> Result<Screening, SetupError> {
+    let patterns: Vec<(String, Pattern)> = reference_patterns()
+        .into_iter()
+        .map(|(name, pattern)| (name.to_owned(), pattern))
+        .collect();
+    screen(scene, &patterns)
+}
+
+/// The scene with its effects decided: unchanged unless it says `effects: auto`.
+///
+/// # Errors
+/// As [`screen`].
+pub fn resolve(scene: &Scene) -> Result<Scene, SetupError> {
+    if scene.auto {
+        Ok(screen_by_references(scene)?.scene)
+    } else {
+        Ok(scene.clone())
+    }
+}
+
+fn status(effects: &Effects, name: &str) -> Status {
+    let on = match name {
+        names::STIFFENING => effects.strain_stiffening.is_some(),
+        names::ELECTRODE => effects.electrode_stiffness.is_some(),
+        names::PERMITTIVITY => effects.stretch_dependent_permittivity.is_some(),
+        names::FRINGE => effects.fringe_field,
+        names::WRINKLING => effects.wrinkling,
+        names::BREAKDOWN => effects.dielectric_breakdown.is_some(),
+        names::STABILITY => effects.electromechanical_stability,
+        _ => return Status::NotAvailable,
+    };
+    if on { Status::On } else { Status::Off }
+}
+
+/// A row whose number is known.
+fn known(effect: &'static str, quantity: String, number: f64, threshold: f64, change: String) -> Row {
+    // Rounding alone is no reason.
+    let called_for = number > threshold + 1e-9;
+    Row {
+        effect,
+        quantity,
+        number: Some(number),
+        threshold,
+        verdict: if called_for {
+            Verdict::CalledFor
+        } else {
+            Verdict::NotCalledFor
+        },
+        status: Status::Off,
+        change,
+        cost: cost(effect),
+    }
+}
+
+/// A row without a number.
+fn open(effect: &'static str, quantity: &str, verdict: Verdict, threshold: f64, change: String) -> Row {
+    Row {
+        effect,
+        quantity: quantity.to_owned(),
+        number: None,
+        threshold,
+        verdict,
+        status: Status::Off,
+        change,
+        cost: cost(effect),
+    }
+}
+
+/// What an effect costs over the base model; `benches/effects.rs` measures it.
+fn cost(effect: &str) -> &'static str {
+    match effect {
+        names::STIFFENING => "1.1 to 2× a solve",
+        names::ELECTRODE => "1.1× a solve",
+        names::PERMITTIVITY => "1.5× a solve",
+        names::FRINGE => "none",
+        names::WRINKLING => "1.5 to 3× a solve",
+        names::BREAKDOWN => "a pass over the cells",
+        names::STABILITY => "about 20 solves",
+        names::INERTIA | names::VISCOELASTICITY | names::RESISTANCE => "a solve for each time step",
+        _ => "one more solve",
+    }
+}

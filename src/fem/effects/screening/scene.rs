@@ -1,0 +1,266 @@
+//! Numbers that follow from the scene alone.
+
+use std::f64::consts::{PI, SQRT_2};
+
+use super::{Row, Verdict, known, open};
+use crate::pattern::CELLS;
+use crate::scene::effects::names;
+use crate::scene::{Effects, PermittivityDecay, PermittivityReference, Scene, Stiffening};
+
+/// Relative change of stiffness or force that is worth an effect.
+const SMALL: f64 = 0.02;
+/// The density of elastomers in kg/m³, near enough for a frequency where none is given.
+const USUAL_DENSITY: f64 = 1000.0;
+
+/// The rows of all effects that do not need a solution.
+pub fn rows(scene: &Scene) -> Vec<Row> {
+    vec![
+        stiffening(scene),
+        electrode(scene),
+        permittivity(scene),
+        fringe(scene),
+        viscoelasticity(scene),
+        inertia(scene),
+        resistance(scene),
+        does_not_arise(names::CHARGE, "the drive is a voltage"),
+        does_not_arise(names::INCLUSION, "the scene has no rigid part"),
+    ]
+}
+
+/// The effects among the rows that are called for, with the parameters that the scene knows.
+pub fn called_for(scene: &Scene, rows: &[Row]) -> Effects {
+    let wanted = |name: &str| {
+        rows.iter()
+            .any(|row| row.effect == name && row.verdict == Verdict::CalledFor)
+    };
+    let known = &scene.properties;
+    Effects {
+        strain_stiffening: known.strain_stiffening.clone().filter(|_| wanted(names::STIFFENING)),
+        electrode_stiffness: known.electrode_stiffness.clone().filter(|_| wanted(names::ELECTRODE)),
+        stretch_dependent_permittivity: known
+            .stretch_dependent_permittivity
+            .clone()
+            .filter(|_| wanted(names::PERMITTIVITY)),
+        fringe_field: wanted(names::FRINGE),
+        ..Effects::default()
+    }
+}
+
+fn does_not_arise(effect: &'static str, why: &str) -> Row {
+    open(effect, "–", Verdict::NotCalledFor, 0.0, why.to_owned())
+}
+
+/// I₁ − 3 of the prestretched membrane at rest.
+fn invariant(scene: &Scene) -> f64 {
+    let stretch = scene.prestretch();
+    2.0 * stretch.powi(2) + stretch.powi(-4) - 3.0
+}
+
+fn stiffening(scene: &Scene) -> Row {
+    const THRESHOLD: f64 = 0.05;
+    let (effect, i) = (names::STIFFENING, invariant(scene));
+    let law = scene.effects.strain_stiffening.as_ref();
+    let Some(law) = law.or(scene.properties.strain_stiffening.as_ref()) else {
+        let change = format!("no data: matters if Jm < {:.0}", i / THRESHOLD);
+        return open(effect, "(I1 − 3)/Jm", Verdict::Unknown, THRESHOLD, change);
+    };
+    let (quantity, number) = match law {
+        Stiffening::Gent { jm } => ("(I1 − 3)/Jm", i / jm.to_f64()),
+        // A network of such chains locks at I₁ = 3λL².
+        Stiffening::ArrudaBoyce { locking_stretch } => (
+            "(I1 − 3)/(3λL² − 3)",
+            i / (3.0 * (locking_stretch.to_f64().powi(2) - 1.0)),
+        ),
+        Stiffening::Yeoh { c2, c3 } => {
+            let rise = 2.0 * (2.0 * c2.value() * i + 3.0 * c3.value() * i * i) / scene.shear_modulus_pa();
+            ("|2ψ′/μ − 1|", rise.abs())
+        }
+        Stiffening::Ogden { terms } => {
+            let terms: Vec<[f64; 2]> = terms.iter().map(|(mu, alpha)| [mu.value(), alpha.value()]).collect();
+            ("|σ/σ(neo-Hookean) − 1|", ogden_deviation(&terms, scene))
+        }
+    };
+    let change = format!(
+        "stress of the prestretched membrane {:+.0} %",
+        100.0 * stress_change(law, number, scene)
+    );
+    known(effect, quantity.to_owned(), number, THRESHOLD, change)
+}
+
+/// How far the stress under the prestretch is from that of the neo-Hookean law.
+fn stress_change(law: &Stiffening, number: f64, scene: &Scene) -> f64 {
+    match law {
+        Stiffening::Gent { .. } => number / (1.0 - number).max(1e-3),
+        Stiffening::ArrudaBoyce { locking_stretch } => {
+            let y = (invariant(scene) + 3.0) / (3.0 * locking_stretch.to_f64().powi(2));
+            (1.0 - (6.0 * y + y * y - 2.0 * y.powi(3)) / 15.0) / (1.0 - y).max(1e-3) - 1.0
+        }
+        Stiffening::Yeoh { c2, c3 } => {
+            let i = invariant(scene);
+            2.0 * (2.0 * c2.value() * i + 3.0 * c3.value() * i * i) / scene.shear_modulus_pa()
+        }
+        Stiffening::Ogden { terms } => {
+            let terms: Vec<[f64; 2]> = terms.iter().map(|(mu, alpha)| [mu.value(), alpha.value()]).collect();
+            ogden_ratio(&terms, scene) - 1.0
+        }
+    }
+}
+
+fn ogden_deviation(terms: &[[f64; 2]], scene: &Scene) -> f64 {
+    (ogden_ratio(terms, scene) - 1.0).abs()
+}
+
+/// Equibiaxial stress over that of the neo-Hookean law; 1 without prestretch, where both vanish.
+fn ogden_ratio(terms: &[[f64; 2]], scene: &Scene) -> f64 {
+    let stretch = scene.prestretch();
+    let stress = |mu: f64, alpha: f64| mu * (stretch.powf(alpha) - stretch.powf(-2.0 * alpha));
+    let base = stress(scene.shear_modulus_pa(), 2.0);
+    if base <= 0.0 {
+        return 1.0;
+    }
+    terms.iter().map(|&[mu, alpha]| stress(mu, alpha)).sum::<f64>() / base
+}
+
+fn electrode(scene: &Scene) -> Row {
+    let (effect, quantity) = (names::ELECTRODE, "μe He/(μ H)");
+    let layer = scene.effects.electrode_stiffness.as_ref();
+    let membrane = scene.shear_modulus_pa() * scene.thickness_mm();
+    match layer.or(scene.properties.electrode_stiffness.as_ref()) {
+        None => {
+            // Pa·mm are mN/m.
+            let change = format!("no data: matters if μe He > {:.3} N/m", 1e-3 * SMALL * membrane);
+            open(effect, quantity, Verdict::Unknown, SMALL, change)
+        }
+        Some(layer) => {
+            let ratio = layer.shear_modulus.value() * layer.thickness.value() / membrane;
+            let change = format!("active membrane {:+.1} % stiffer", 100.0 * ratio);
+            known(effect, quantity.to_owned(), ratio, SMALL, change)
+        }
+    }
+}
+
+fn permittivity(scene: &Scene) -> Row {
+    let effect = names::PERMITTIVITY;
+    let decay = scene.effects.stretch_dependent_permittivity.as_ref();
+    match decay.or(scene.properties.stretch_dependent_permittivity.as_ref()) {
+        None => {
+            let change = format!("no data: matters if s > {}", 2.0 * SMALL);
+            open(effect, "s/2", Verdict::Unknown, SMALL, change)
+        }
+        Some(decay) => {
+            let factor = force_factor(decay, scene.prestretch());
+            let quantity = match decay.reference {
+                PermittivityReference::Prestretched => "s/2",
+                PermittivityReference::Undeformed => "|1 − (1 − s/2) λp^(−2s)|",
+            };
+            let change = format!("electric stress {:+.1} %", 100.0 * (factor - 1.0));
+            known(effect, quantity.to_owned(), (factor - 1.0).abs(), SMALL, change)
+        }
+    }
+}
+
+/// The electric stress at rest, over that at a constant permittivity.
+fn force_factor(decay: &PermittivityDecay, prestretch: f64) -> f64 {
+    let s = decay.exponent.to_f64();
+    let measured = match decay.reference {
+        PermittivityReference::Prestretched => 1.0,
+        PermittivityReference::Undeformed => prestretch.powf(-2.0 * s),
+    };
+    (1.0 - 0.5 * s) * measured
+}
+
+/// Thickness of the prestretched membrane, mm.
+fn thickness(scene: &Scene) -> f64 {
+    scene.thickness_mm() / scene.prestretch().powi(2)
+}
+
+fn fringe(scene: &Scene) -> Row {
+    let cell = scene.side_mm() / CELLS as f64;
+    let number = thickness(scene) / cell;
+    let shift = std::f64::consts::LN_2 / PI * thickness(scene);
+    let change = format!("electrodes act {:.3} mm beyond their edges", shift);
+    known(names::FRINGE, "h/cell".to_owned(), number, 0.05, change)
+}
+
+/// The time over which the drive changes, s.
+fn time(scene: &Scene) -> Option<f64> {
+    let period = |f: f64| 1.0 / (2.0 * PI * f);
+    let drive = &scene.drive;
+    let duration = drive.duration.as_ref().map(|t| t.value());
+    duration.or_else(|| drive.frequency.as_ref().map(|f| period(f.value())))
+}
+
+fn viscoelasticity(scene: &Scene) -> Row {
+    let (effect, quantity) = (names::VISCOELASTICITY, "4G/(μ λp²), t/τ in 0.01 … 100");
+    let Some(time) = time(scene) else {
+        return open(
+            effect,
+            quantity,
+            Verdict::NotCalledFor,
+            SMALL,
+            "the drive has no time".to_owned(),
+        );
+    };
+    let branches = &scene.properties.viscoelasticity;
+    if branches.is_empty() {
+        return open(effect, quantity, Verdict::Unknown, SMALL, "no data".to_owned());
+    }
+    let stiffness = scene.shear_modulus_pa() * scene.prestretch().powi(2);
+    let active = branches
+        .iter()
+        .filter(|branch| (0.01..=100.0).contains(&(time / branch.time.value())));
+    let number = active.map(|branch| 4.0 * branch.modulus.value() / stiffness).sum();
+    let change = "displacement creeps over the time of the drive".to_owned();
+    known(effect, quantity.to_owned(), number, SMALL, change)
+}
+
+fn inertia(scene: &Scene) -> Row {
+    const THRESHOLD: f64 = 0.1;
+    let effect = names::INERTIA;
+    let Some(frequency) = &scene.drive.frequency else {
+        return open(
+            effect,
+            "f/f1",
+            Verdict::NotCalledFor,
+            THRESHOLD,
+            "the drive is static".to_owned(),
+        );
+    };
+    let density = scene.properties.density.as_ref().map_or(USUAL_DENSITY, |d| d.value());
+    // f₁₁ = (λp/2L) √(μ/ρ) √2, in the limit of large prestretch.
+    let speed = (scene.shear_modulus_pa() / density).sqrt();
+    let first = scene.prestretch() / (2e-3 * scene.side_mm()) * speed * SQRT_2;
+    let change = format!("the first mode is at {first:.0} Hz");
+    known(effect, "f/f1".to_owned(), frequency.value() / first, THRESHOLD, change)
+}
+
+fn resistance(scene: &Scene) -> Row {
+    let effect = names::RESISTANCE;
+    let Some(frequency) = &scene.drive.frequency else {
+        return open(
+            effect,
+            "2πf R c L²",
+            Verdict::NotCalledFor,
+            0.1,
+            "the drive is static".to_owned(),
+        );
+    };
+    match &scene.properties.sheet_resistance {
+        None => {
+            let change = "no sheet resistance given: judged by 1 kHz".to_owned();
+            known(effect, "f/(1 kHz)".to_owned(), frequency.value() / 1e3, 1.0, change)
+        }
+        Some(resistance) => {
+            let capacitance = scene.permittivity() / (1e-3 * thickness(scene));
+            let time = resistance.value() * capacitance * (1e-3 * scene.side_mm()).powi(2);
+            let change = format!("the voltage reaches the far end after {time:.1e} s");
+            known(
+                effect,
+                "2πf R c L²".to_owned(),
+                2.0 * PI * frequency.value() * time,
+                0.1,
+                change,
+            )
+        }
+    }
+}
