@@ -27,6 +27,8 @@ pub enum Command {
     Show(ShowArguments),
     /// Check every byte of a store
     Fsck(FsckArguments),
+    /// Say which effects a scene calls for, by number, threshold and cost
+    Screen(ScreenArguments),
     /// Simulate patterns with finite elements
     Solve(SolveArguments),
     /// Predict the fields of patterns with a trained model
@@ -122,6 +124,18 @@ pub struct FsckArguments {
 }
 
 #[derive(Debug, Args)]
+pub struct ScreenArguments {
+    /// A scene, or a pipeline whose scene is meant; a YAML file
+    pub scene: PathBuf,
+    /// Patterns to judge by, FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset [default: extreme patterns]
+    #[arg(value_name = "PATTERN")]
+    pub patterns: Vec<String>,
+    /// Print one JSON document on stdout
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Debug, Args)]
 pub struct SolveArguments {
     /// A scene, or a pipeline whose scene is meant; a YAML file
     pub scene: PathBuf,
@@ -195,6 +209,7 @@ impl Command {
             Self::Dag(_) => false,
             Self::Show(a) => a.json,
             Self::Fsck(a) => a.json,
+            Self::Screen(a) => a.json,
             Self::Solve(a) => a.patterns.json,
             Self::Predict(a) => a.patterns.json,
         }
@@ -206,7 +221,7 @@ impl Command {
             Self::Run(a) | Self::Plan(a) => a.jobs,
             Self::Solve(a) => a.patterns.jobs,
             Self::Predict(a) => a.patterns.jobs,
-            Self::Dag(_) | Self::Show(_) | Self::Fsck(_) => None,
+            Self::Dag(_) | Self::Show(_) | Self::Fsck(_) | Self::Screen(_) => None,
         }
     }
 }

@@ -11,6 +11,7 @@ mod plan;
 mod predict;
 mod progress;
 mod run;
+mod screen;
 mod show;
 mod solve;
 mod statistics;
@@ -52,6 +53,7 @@ fn dispatch(command: &Command, output: &Output) -> Result<Exit, CliError> {
         Command::Dag(arguments) => dag::execute(arguments, output),
         Command::Show(arguments) => show::execute(arguments, output),
         Command::Fsck(arguments) => fsck::execute(arguments, output),
+        Command::Screen(arguments) => screen::execute(arguments, output),
         Command::Solve(arguments) => solve::execute(arguments, output),
         Command::Predict(arguments) => predict::execute(arguments, output),
     }

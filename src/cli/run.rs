@@ -8,7 +8,7 @@ use super::output::{Exit, Output};
 use super::progress::RunProgress;
 use super::table;
 use crate::orchestrator::{Environment, Pipeline, RunOutcome, run};
-use crate::report::{Made, Summary, draw_figures, summarise};
+use crate::report::{Made, Summary, draw_figures, summarise, warnings};
 use crate::stage;
 use crate::store::Store;
 
@@ -32,6 +32,7 @@ pub fn execute(arguments: &PipelineArguments, output: &Output) -> Result<Exit, C
     }
     let made = made(&outcome);
     let summaries = summarise(&store, &made)?;
+    let warnings = warnings(&store, &made)?;
     let figures = draw_figures(&store, &pipeline.name, &made)?;
     let figures: Vec<String> = figures.iter().map(|path| path.display().to_string()).collect();
     if output.is_json() {
@@ -39,10 +40,11 @@ pub fn execute(arguments: &PipelineArguments, output: &Output) -> Result<Exit, C
         document["pipeline"] = json!(pipeline.name);
         document["store"] = json!(store.root());
         document["results"] = json!(summaries);
+        document["warnings"] = json!(warnings);
         document["figures"] = json!(figures);
         output.document(&document)?;
     } else {
-        output.text(&found(&outcome, &summaries, &figures))?;
+        output.text(&found(&outcome, &summaries, &warnings, &figures))?;
     }
     Ok(if outcome.unstable > 0 {
         Exit::Unstable
@@ -89,7 +91,7 @@ fn failed(outcome: &RunOutcome, error: CliError, output: &Output) -> Result<Exit
 }
 
 /// What was found, each part after an empty line.
-fn found(outcome: &RunOutcome, summaries: &[Summary], figures: &[String]) -> String {
+fn found(outcome: &RunOutcome, summaries: &[Summary], warnings: &[String], figures: &[String]) -> String {
     let mut parts = Vec::new();
     if outcome.unstable > 0 {
         let n = outcome.unstable;
@@ -98,6 +100,12 @@ fn found(outcome: &RunOutcome, summaries: &[Summary], figures: &[String]) -> Str
         ));
     }
     parts.extend(summaries.iter().map(ToString::to_string));
+    if !warnings.is_empty() {
+        parts.push(format!(
+            "not simulated although it matters:\n  {}",
+            warnings.join("\n  ")
+        ));
+    }
     if !figures.is_empty() {
         parts.push(format!("figures:\n  {}", figures.join("\n  ")));
     }

@@ -127,7 +127,8 @@ fn seconds_each(start: Instant, samples: usize, threads: usize) -> impl Iterator
     std::iter::repeat_n(each, samples)
 }
 
-fn read_scene(path: &Path) -> Result<Scene, InputError> {
+/// The scene of a file, or of a pipeline.
+pub(super) fn read_scene(path: &Path) -> Result<Scene, InputError> {
     let mut root = Document::load(path)?.root;
     splice_scene(&mut root, path)?;
     Scene::read(root.peek("scene").unwrap_or(&root))

@@ -6,6 +6,7 @@ mod design;
 pub mod direct;
 mod objective;
 mod sample;
+pub mod screening;
 mod solution;
 mod solve;
 mod solver;

@@ -2,6 +2,7 @@
 
 use std::sync::OnceLock;
 
+use super::screening::Screened;
 use super::solver::{Solver, SolverParameters};
 use super::{arrays, solution};
 use crate::base::{Canonical, InputError, Node};
@@ -49,16 +50,22 @@ struct SolveStage {
     solver: SolverParameters,
     scene: Scene,
     /// Set up by the first chunk for all of them.
-    ready: OnceLock<Solver>,
+    ready: OnceLock<Ready>,
+}
+
+struct Ready {
+    screened: Screened,
+    solver: Solver,
 }
 
 impl SolveStage {
-    fn ready(&self) -> Result<&Solver, SetupError> {
-        if let Some(solver) = self.ready.get() {
-            return Ok(solver);
+    fn ready(&self) -> Result<&Ready, SetupError> {
+        if let Some(ready) = self.ready.get() {
+            return Ok(ready);
         }
-        let solver = self.solver.build(&self.scene)?;
-        Ok(self.ready.get_or_init(|| solver))
+        let screened = Screened::new(&self.scene)?;
+        let solver = self.solver.build(&screened.scene)?;
+        Ok(self.ready.get_or_init(|| Ready { screened, solver }))
     }
 }
 
@@ -84,13 +91,14 @@ impl Stage for SolveStage {
         };
         let patterns = arrays::read_patterns(samples, "patterns")?;
         let failed = |e: SetupError| StageError::Failed(e.to_string());
-        let solver = self.ready().map_err(failed)?;
+        let Ready { screened, solver } = self.ready().map_err(failed)?;
         let mut simulations = Vec::with_capacity(patterns.len());
         for batch in patterns.chunks(BATCH) {
             simulations.extend(solver.simulate(batch).map_err(failed)?);
             job.progress.advance(batch.len() as u64);
         }
-        solution::describe(samples, &patterns, &simulations, solver.estimates(), &self.scene)
+        let object = solution::describe(samples, &patterns, &simulations, solver.estimates(), &self.scene)?;
+        Ok(screened.describe(object))
     }
 
     fn attributes(&self) -> Vec<(String, String)> {

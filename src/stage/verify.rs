@@ -2,6 +2,7 @@
 
 use super::arrays;
 use super::objective::Objective;
+use super::screening::Screened;
 use super::solver::SolverParameters;
 use crate::base::{Canonical, Document, InputError, Node};
 use crate::fem::SetupError;
@@ -80,7 +81,8 @@ impl Stage for VerifyStage {
             return Err(StageError::Failed("a verify stage reads one design".to_owned()));
         };
         let failed = |e: SetupError| StageError::Failed(e.to_string());
-        let solver = self.solver.build(&self.scene).map_err(failed)?;
+        let screened = Screened::new(&self.scene).map_err(failed)?;
+        let solver = self.solver.build(&screened.scene).map_err(failed)?;
         let mut cases = Vec::new();
         for (name, group) in CASES {
             let pattern = single(arrays::read_patterns(design, &format!("{group}/pattern"))?, design)?;
@@ -97,9 +99,10 @@ impl Stage for VerifyStage {
         }
         let value = objective_value(design, &self.scene)?;
         let text = design.attribute("objective").unwrap_or_default().to_owned();
-        Ok(describe(&cases, &value)
+        let object = describe(&cases, &value)
             .attribute("scene", self.scene.to_text())
-            .attribute("objective", text))
+            .attribute("objective", text);
+        Ok(screened.describe(object))
     }
 
     fn unstable(&self, artifact: &Artifact) -> Result<u64, StageError> {

@@ -7,4 +7,5 @@ mod h5py;
 mod layering;
 mod rebuild;
 mod reproducible;
+mod screen;
 mod solve;

@@ -121,16 +121,26 @@ impl Screening {
 /// The patterns that a scene is screened with: all of the membrane, half of it, a disc of radius 0.3 L, blocks of 10 cells
 /// like a chessboard, a single cell, and all but a single cell.
 #[must_use]
-pub fn reference_patterns() -> Vec<(&'static str, Pattern)> {
-    let middle = CELLS / 2;
+pub fn reference_patterns() -> Vec<(String, Pattern)> {
     let from_centre = |x: usize, y: usize| (x as f64 + 0.5 - 25.0).hypot(y as f64 + 0.5 - 25.0);
-    vec![
+    let more = [
         ("all active", Pattern::from_fn(|_, _| true)),
-        ("half plane", Pattern::from_fn(|x, _| x < middle)),
         ("disc", Pattern::from_fn(|x, y| from_centre(x, y) < 15.0)),
         ("blocks", Pattern::from_fn(|x, y| (x / 10 + y / 10) % 2 == 0)),
-        ("one cell", Pattern::from_fn(|x, y| (x, y) == (middle, middle))),
-        ("one hole", Pattern::from_fn(|x, y| (x, y) != (middle, middle))),
+        ("one hole", Pattern::from_fn(|x, y| (x, y) != (CELLS / 2, CELLS / 2))),
+    ];
+    let more = more.into_iter().map(|(name, pattern)| (name.to_owned(), pattern));
+    watch_patterns().into_iter().chain(more).collect()
+}
+
+/// The two of the reference patterns that go furthest: half of the membrane, which moves most, and a single cell, whose
+/// stability is lost first. They are what a run is watched with.
+#[must_use]
+pub fn watch_patterns() -> Vec<(String, Pattern)> {
+    let cell = CELLS / 2;
+    vec![
+        ("half plane".to_owned(), Pattern::from_fn(|x, _| x < CELLS / 2)),
+        ("one cell".to_owned(), Pattern::from_fn(|x, y| (x, y) == (cell, cell))),
     ]
 }
 
@@ -166,11 +176,7 @@ pub fn screen(scene: &Scene, patterns: &[(String, Pattern)]) -> Result<Screening
 /// # Errors
 /// As [`screen`].
 pub fn screen_by_references(scene: &Scene) -> Result<Screening, SetupError> {
-    let patterns: Vec<(String, Pattern)> = reference_patterns()
-        .into_iter()
-        .map(|(name, pattern)| (name.to_owned(), pattern))
-        .collect();
-    screen(scene, &patterns)
+    screen(scene, &reference_patterns())
 }
 
 /// The scene with its effects decided: unchanged unless it says `effects: auto`.
@@ -197,6 +203,24 @@ fn status(effects: &Effects, name: &str) -> Status {
         _ => return Status::NotAvailable,
     };
     if on { Status::On } else { Status::Off }
+}
+
+/// A length as people say it.
+fn length(mm: f64) -> String {
+    if mm < 0.1 {
+        format!("{:.3} µm", 1e3 * mm)
+    } else {
+        format!("{mm:.3} mm")
+    }
+}
+
+/// A voltage as people say it.
+fn voltage(volts: f64) -> String {
+    if volts < 1e3 {
+        format!("{volts:.1} V")
+    } else {
+        format!("{:.2} kV", 1e-3 * volts)
+    }
 }
 
 /// A row whose number is known.

@@ -2,7 +2,7 @@
 
 use std::f64::consts::{PI, SQRT_2};
 
-use super::{Row, Verdict, known, open};
+use super::{Row, Verdict, known, length, open};
 use crate::pattern::CELLS;
 use crate::scene::effects::names;
 use crate::scene::{Effects, PermittivityDecay, PermittivityReference, Scene, Stiffening};
@@ -178,7 +178,7 @@ fn fringe(scene: &Scene) -> Row {
     let cell = scene.side_mm() / CELLS as f64;
     let number = thickness(scene) / cell;
     let shift = std::f64::consts::LN_2 / PI * thickness(scene);
-    let change = format!("electrodes act {:.3} mm beyond their edges", shift);
+    let change = format!("electrodes act {} beyond their edges", length(shift));
     known(names::FRINGE, "h/cell".to_owned(), number, 0.05, change)
 }
 

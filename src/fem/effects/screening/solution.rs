@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::{Row, Verdict, known, open};
+use super::{Row, Verdict, known, open, voltage};
 use crate::fem::{MembraneSolver, Order, SetupError, SolveOptions, cell_states};
 use crate::pattern::Pattern;
 use crate::scene::effects::names;
@@ -113,7 +113,7 @@ fn wrinkling(patterns: &[&str], found: &[Found]) -> Row {
     match worst(patterns, found.iter().map(|f| f.compression)) {
         None => open(effect, quantity, Verdict::Unknown, 0.0, "no patterns".to_owned()),
         Some((pattern, number)) => {
-            let change = format!("largest for `{pattern}`; compressed cells would wrinkle");
+            let change = format!("largest for `{pattern}`; cells under pressure wrinkle");
             known(effect, quantity.to_owned(), number, 0.0, change)
         }
     }
@@ -129,7 +129,7 @@ fn stability(patterns: &[&str], found: &[Found], scene: &Scene) -> Row {
         Some((pattern, ratio)) if found.iter().any(|f| f.limit.is_some()) => {
             let limit = scene.voltage_v() / ratio.sqrt();
             let limit = if limit.is_finite() { limit } else { lowest(found) };
-            let change = format!("`{pattern}` is lost at {:.2} kV", 1e-3 * limit);
+            let change = format!("`{pattern}` is lost at {}", voltage(limit));
             known(effect, quantity.to_owned(), ratio, THRESHOLD, change)
         }
         _ => {
@@ -158,7 +158,7 @@ fn breaking(patterns: &[&str], found: &[Found], scene: &Scene) -> Row {
     match worst(patterns, found.iter().map(|f| f.field)) {
         None => open(effect, quantity, Verdict::Unknown, THRESHOLD, "no patterns".to_owned()),
         Some((pattern, number)) => {
-            let change = format!("largest for `{pattern}`; changes no displacement");
+            let change = format!("largest for `{pattern}`; no displacement");
             known(effect, quantity.to_owned(), number, THRESHOLD, change)
         }
     }

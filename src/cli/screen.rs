@@ -1,0 +1,85 @@
+//! `deaflow screen`: which effects a scene calls for.
+
+use serde_json::{Value, json};
+
+use super::arguments::ScreenArguments;
+use super::error::CliError;
+use super::output::{Exit, Output};
+use super::table;
+use crate::stage::screening::{self, Row, Screening, Status};
+
+pub fn execute(arguments: &ScreenArguments, output: &Output) -> Result<Exit, CliError> {
+    let screening = screening::screen(&arguments.scene, &arguments.patterns)?;
+    if output.is_json() {
+        output.document(&document(&screening))?;
+    } else {
+        output.text(&text(&screening))?;
+    }
+    Ok(Exit::Done)
+}
+
+fn document(screening: &Screening) -> Value {
+    let row = |row: &Row| {
+        json!({
+            "effect": row.effect,
+            "quantity": row.quantity,
+            "number": row.number,
+            "threshold": row.threshold,
+            "called_for": row.verdict.name(),
+            "status": row.status.name(),
+            "change": row.change,
+            "cost": row.cost,
+        })
+    };
+    let on = screening.rows.iter().filter(|row| row.status == Status::On);
+    json!({
+        "effects": screening.rows.iter().map(row).collect::<Vec<_>>(),
+        "simulated": on.map(|row| row.effect).collect::<Vec<_>>(),
+        "warnings": screening.warnings(),
+    })
+}
+
+/// Two lines for each effect, so that the table stays narrow.
+fn text(screening: &Screening) -> String {
+    let header = [
+        "effect and its number",
+        "value",
+        "above",
+        "called for",
+        "now",
+        "what it would change; cost",
+    ];
+    let mut table = table::table(&header, &["value", "above"]);
+    for row in &screening.rows {
+        let arises = row.quantity != "–";
+        let formula = if arises {
+            format!("\n  {}", row.quantity)
+        } else {
+            String::new()
+        };
+        table.add_row([
+            format!("{}{formula}", row.effect),
+            row.number
+                .map_or_else(|| "–".to_owned(), |number| format!("{number:.3}")),
+            if arises {
+                row.threshold.to_string()
+            } else {
+                "–".to_owned()
+            },
+            row.verdict.name().to_owned(),
+            match row.status {
+                Status::NotAvailable => "–".to_owned(),
+                known => known.name().to_owned(),
+            },
+            format!("{}\n{}", row.change, row.cost),
+        ]);
+    }
+    let simulated = format!("simulated: effects: {}", screening.scene.effects.canonical());
+    let legend = "now: on or off as the scene has it; – cannot be simulated yet".to_owned();
+    let warnings = screening
+        .warnings()
+        .into_iter()
+        .map(|warning| format!("warning: {warning}"));
+    let lines: Vec<String> = [legend, simulated].into_iter().chain(warnings).collect();
+    format!("{}\n\n{}", table.trim_fmt(), lines.join("\n"))
+}

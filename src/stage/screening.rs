@@ -1,0 +1,74 @@
+//! Screening as stages and commands use it.
+
+use std::path::Path;
+
+use super::direct::{DirectError, read_scene};
+use crate::base::InputError;
+use crate::fem::SetupError;
+use crate::fem::effects::screening;
+use crate::pattern::{Pattern, read_patterns};
+use crate::scene::Scene;
+use crate::store::Object;
+
+pub use crate::fem::effects::screening::{Row, Screening, Status, Verdict};
+
+/// A scene as it is simulated, with what it lacks.
+pub struct Screened {
+    /// The scene with its effects decided.
+    pub scene: Scene,
+    /// One line for each effect that is called for and not simulated.
+    pub warnings: Vec<String>,
+}
+
+impl Screened {
+    /// Screens a scene with [`screening::watch_patterns`].
+    ///
+    /// # Errors
+    /// When its effects cannot be simulated.
+    pub fn new(scene: &Scene) -> Result<Self, SetupError> {
+        let scene = screening::resolve(scene)?;
+        let warnings = screening::screen(&scene, &screening::watch_patterns())?.warnings();
+        Ok(Self { scene, warnings })
+    }
+
+    /// Says in an artifact which effects were simulated, and which were called for and not.
+    #[must_use]
+    pub fn describe(&self, object: Object) -> Object {
+        object
+            .attribute("effects", self.scene.effects.canonical().to_string())
+            .attribute("warnings", self.warnings.join("\n"))
+    }
+}
+
+/// Screens the scene of a file, or of a pipeline, with the patterns that the arguments name or, where there are none, with
+/// reference patterns.
+///
+/// # Errors
+/// When the scene or a pattern cannot be read, or the effects cannot be simulated.
+pub fn screen(scene: &Path, patterns: &[String]) -> Result<Screening, DirectError> {
+    let scene = read_scene(scene)?;
+    let patterns = if patterns.is_empty() {
+        screening::reference_patterns()
+    } else {
+        named(patterns)?
+    };
+    screening::screen(&scene, &patterns).map_err(|e| DirectError::Failed(e.to_string()))
+}
+
+/// The patterns of each argument, named after it.
+fn named(arguments: &[String]) -> Result<Vec<(String, Pattern)>, InputError> {
+    let mut all = Vec::new();
+    for argument in arguments {
+        let patterns = read_patterns(argument)?;
+        let several = patterns.len() > 1;
+        all.extend(patterns.into_iter().enumerate().map(|(i, pattern)| {
+            let name = if several {
+                format!("{argument}[{i}]")
+            } else {
+                argument.clone()
+            };
+            (name, pattern)
+        }));
+    }
+    Ok(all)
+}

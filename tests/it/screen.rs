@@ -1,0 +1,82 @@
+//! Screening as a user meets it: the table, `effects: auto`, and the warnings of a run.
+
+use super::common::{TINY, Workspace};
+
+const SCENE: &str = "\
+geometry: { side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50 }
+material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
+drive: { voltage: 5.25 kV }
+effects: EFFECTS
+properties: { strain_stiffening: { model: gent, jm: 125 } }
+";
+
+fn screened(effects: &str) -> serde_json::Value {
+    let workspace = Workspace::new();
+    workspace.write("scene.yaml", &SCENE.replace("EFFECTS", effects));
+    let ended = workspace.run(&["screen", "scene.yaml", "--json"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    ended.json()
+}
+
+#[test]
+fn a_scene_is_screened_with_number_threshold_and_verdict() {
+    let document = screened("{}");
+    let rows = document["effects"].as_array().unwrap();
+    let row = |name: &str| rows.iter().find(|row| row["effect"] == name).unwrap();
+    let stiffening = row("strain_stiffening");
+    // (2·9 + 1/81 − 3)/125
+    assert!((stiffening["number"].as_f64().unwrap() - 0.120_098_765_4).abs() < 1e-9);
+    assert_eq!(
+        (&stiffening["called_for"], &stiffening["status"]),
+        (&"yes".into(), &"off".into())
+    );
+    assert_eq!(row("inertia")["status"], "not available");
+    assert_eq!(document["simulated"].as_array().unwrap().len(), 0);
+    assert_eq!(
+        document["warnings"][0],
+        "strain_stiffening is called for but off: (I1 − 3)/Jm = 0.120 > 0.05"
+    );
+}
+
+#[test]
+fn auto_simulates_what_is_called_for() {
+    let document = screened("auto");
+    let simulated: Vec<&str> = document["simulated"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .filter_map(|s| s.as_str())
+        .collect();
+    assert_eq!(
+        simulated,
+        ["strain_stiffening", "fringe_field", "electromechanical_stability"]
+    );
+    assert_eq!(document["warnings"].as_array().unwrap().len(), 0);
+}
+
+#[test]
+fn a_run_warns_of_what_it_left_out() {
+    let workspace = Workspace::new();
+    workspace.write("tiny.yaml", TINY);
+    let first = workspace.run(&["run", "tiny.yaml", "--until", "solved", "--json"]);
+    let warnings = first.json()["warnings"].clone();
+    let warning = "solved: fringe_field is called for but off: h/cell = 0.111 > 0.05";
+    assert_eq!(warnings[0], warning);
+    // What is reused still lacks it.
+    let again = workspace.run(&["run", "tiny.yaml", "--until", "solved"]);
+    assert!(again.stdout.contains(warning), "{}", again.stdout);
+}
+
+#[test]
+fn effects_that_come_later_are_refused_by_name() {
+    let workspace = Workspace::new();
+    workspace.write("scene.yaml", &SCENE.replace("EFFECTS", "{ inertia: {} }"));
+    let ended = workspace.run(&["screen", "scene.yaml"]);
+    assert_eq!(ended.code, Some(2));
+    assert!(
+        ended.stderr.contains("`inertia` is not available yet"),
+        "{}",
+        ended.stderr
+    );
+    assert!(ended.stderr.contains("scene.yaml:4"), "{}", ended.stderr);
+}
