@@ -2,16 +2,17 @@
 
 use rayon::prelude::*;
 
-use crate::field::{Field, Outcome, Simulation, Simulator};
+use crate::field::{Field, Observation, Outcome, Simulation, Simulator};
 use crate::pattern::Pattern;
 use crate::scene::Scene;
 
 use super::adjoint;
 use super::continuation::{Ending, Loading, Problem};
-use super::effects::{Model, WithLaw};
+use super::effects::{Model, WithLaw, breakdown_ratio};
 use super::energy::Law;
 use super::mesh::{Mesh, Order};
 use super::newton::Workspace;
+use super::observable::cell_states;
 use super::operator::{Activity, Operator};
 use super::precondition::Laplacian;
 
@@ -169,7 +170,7 @@ impl MembraneSolver {
     pub(super) fn simulate_surely(&self, pattern: &Pattern) -> (Simulation, bool) {
         let mut room = self.room();
         let loading = self.load(pattern, &mut room);
-        (self.simulation(&loading, &room), loading.pointwise)
+        (self.simulation(pattern, &loading, &room), loading.pointwise)
     }
 
     fn room(&self) -> Room {
@@ -213,7 +214,7 @@ impl MembraneSolver {
         }
     }
 
-    fn simulation(&self, loading: &Loading, room: &Room) -> Simulation {
+    fn simulation(&self, pattern: &Pattern, loading: &Loading, room: &Room) -> Simulation {
         let outcome = self.outcome(loading.ending);
         let sample = || self.mesh.sample(&room.displacement, self.element_side_mm());
         Simulation {
@@ -221,6 +222,23 @@ impl MembraneSolver {
             field: outcome.is_converged().then(sample),
             newton_iterations: loading.steps,
             residual: loading.residual,
+            observation: if outcome.is_converged() {
+                self.observe(pattern, &room.displacement)
+            } else {
+                Observation::default()
+            },
+        }
+    }
+
+    /// What the effects of the scene say beside the displacement.
+    fn observe(&self, pattern: &Pattern, u: &[f64]) -> Observation {
+        let scene = &self.scene;
+        let breakdown = scene.effects.dielectric_breakdown.as_ref();
+        Observation {
+            breakdown_ratio: breakdown.map(|law| {
+                let states = cell_states(scene, self.mesh, pattern, u);
+                breakdown_ratio(law, scene.thickness_mm(), &states)
+            }),
         }
     }
 }
@@ -284,7 +302,7 @@ impl Simulator for MembraneSolver {
                 || self.room(),
                 |room, pattern| {
                     let loading = self.load(pattern, room);
-                    self.simulation(&loading, room)
+                    self.simulation(pattern, &loading, room)
                 },
             )
             .collect()

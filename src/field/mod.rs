@@ -1,7 +1,9 @@
 //! Displacement fields on the corners of the cells, and the two ways to obtain one: simulate and predict.
 
 mod displacement;
+mod observation;
 mod simulate;
 
 pub use displacement::{CORNERS, Field, FieldError};
+pub use observation::Observation;
 pub use simulate::{Outcome, PredictError, Predictor, Simulation, Simulator};

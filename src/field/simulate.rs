@@ -4,6 +4,7 @@
 use std::fmt;
 
 use super::displacement::Field;
+use super::observation::Observation;
 use crate::pattern::Pattern;
 
 /// How a simulation ended. There is no NaN: what is not converged has no field.
@@ -99,6 +100,8 @@ pub struct Simulation {
     pub newton_iterations: u32,
     /// Relative residual at the end.
     pub residual: f64,
+    /// What the effects of the scene say beside the displacement; empty where there is no field.
+    pub observation: Observation,
 }
 
 /// Something that simulates patterns under a fixed scene and mesh.

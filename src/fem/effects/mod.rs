@@ -4,7 +4,9 @@
 //! the effects that the scene names. What is not named is not in the type, so it costs no branch and no arithmetic at
 //! the quadrature points.
 
+mod breakdown;
 mod model;
 pub mod screening;
 
+pub use breakdown::breakdown_ratio;
 pub use model::{Model, WithLaw};

@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::{Row, Verdict, known, open, voltage};
+use crate::fem::effects::breakdown::breakdown_ratio;
 use crate::fem::{MembraneSolver, Order, SetupError, SolveOptions, cell_states};
 use crate::pattern::Pattern;
 use crate::scene::effects::names;
@@ -88,16 +89,12 @@ fn examine(
     let scene = reached.as_ref().unwrap_or(scene);
     let states = cell_states(scene, solver.mesh(), pattern, &solution.displacement);
     let compression = |lowest: f64| -lowest / scene.shear_modulus_pa();
-    let strength = |area: f64| breakdown.field(scene.thickness_mm(), area);
     Found {
         compression: states
             .iter()
             .map(|state| compression(state.stresses[1]))
             .fold(f64::NEG_INFINITY, f64::max),
-        field: states
-            .iter()
-            .map(|state| state.electric_field / strength(state.stretches[0] * state.stretches[1]))
-            .fold(0.0, f64::max),
+        field: breakdown_ratio(breakdown, scene.thickness_mm(), &states),
         limit: search.solve(pattern).outcome.bracket().map(|[stable, _]| stable),
     }
 }

@@ -1,0 +1,65 @@
+//! Dielectric breakdown: the true field in each cell against the field that the elastomer stands.
+//!
+//! It changes no displacement: it is read off a solution.
+
+use crate::fem::CellState;
+use crate::scene::BreakdownLaw;
+
+/// The largest E/E_B over the cells; `thickness` is the undeformed one in mm.
+#[must_use]
+pub fn breakdown_ratio(law: &BreakdownLaw, thickness: f64, states: &[CellState]) -> f64 {
+    let strength = |state: &CellState| law.field(thickness, state.stretches[0] * state.stretches[1]);
+    states
+        .iter()
+        .map(|state| state.electric_field / strength(state))
+        .fold(0.0, f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::{Dimension, Quantity};
+    use crate::fem::{MembraneSolver, SolveOptions, cell_states};
+    use crate::field::Simulator;
+    use crate::pattern::Pattern;
+    use crate::scene::{Effects, Scene};
+
+    fn constant(megavolts_per_metre: f64) -> BreakdownLaw {
+        BreakdownLaw::Constant(Quantity::from_f64(1e6 * megavolts_per_metre, Dimension::Field).unwrap())
+    }
+
+    #[test]
+    fn a_uniform_membrane_has_the_field_of_a_plate_capacitor() {
+        // All active: u = 0, so E = V λp²/H = 5.25 kV · 9 / 1 mm.
+        let scene = Scene::vhb4910();
+        let all = Pattern::from_fn(|_, _| true);
+        let solver = MembraneSolver::new(&scene, SolveOptions::default()).unwrap();
+        let states = cell_states(&scene, solver.mesh(), &all, &solver.solve(&all).displacement);
+        assert!((breakdown_ratio(&constant(47.25), 1.0, &states) - 1.0).abs() < 1e-12);
+        // 51 · 3^0.63 MV/m
+        let ratio = breakdown_ratio(&BreakdownLaw::Huang, 1.0, &states);
+        assert!((ratio * 51.0 * 3.0_f64.powf(0.63) / 47.25 - 1.0).abs() < 1e-12);
+        let bare = Pattern::from_fn(|_, _| false);
+        let states = cell_states(&scene, solver.mesh(), &bare, &solver.solve(&bare).displacement);
+        assert_eq!(breakdown_ratio(&constant(47.25), 1.0, &states), 0.0);
+    }
+
+    #[test]
+    fn it_is_observed_where_the_scene_names_it_and_moves_nothing() {
+        let base = Scene::vhb4910();
+        let watched = base.with_effects(Effects {
+            dielectric_breakdown: Some(constant(60.0)),
+            ..Effects::default()
+        });
+        let half = [Pattern::from_fn(|x, _| x < 25)];
+        let simulate = |scene: &Scene| {
+            let solver = MembraneSolver::new(scene, SolveOptions::default()).unwrap();
+            solver.simulate(&half).remove(0)
+        };
+        let (plain, observed) = (simulate(&base), simulate(&watched));
+        assert_eq!(plain.field, observed.field);
+        assert!(plain.observation.is_empty());
+        // The active half expands: the field is above that of the uniform membrane, 47.25 MV/m.
+        assert!((47.25 / 60.0..1.0).contains(&observed.observation.breakdown_ratio.unwrap()));
+    }
+}
