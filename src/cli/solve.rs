@@ -113,6 +113,7 @@ pub fn conclude(
             "unstable": unstable,
             "unstable_samples": outcomes.collect::<Vec<_>>(),
             "accuracy_missed": missed.collect::<Vec<_>>(),
+            "warnings": answer.warnings,
             "seconds": seconds,
         }))?;
     } else {
@@ -130,6 +131,7 @@ pub fn conclude(
                 "pattern {index}: the finest mesh leaves an estimated error of {error:.2e} mm, more than was asked for"
             )
         }));
+        lines.extend(answer.warnings.iter().map(|warning| format!("warning: {warning}")));
         output.text(&lines.join("\n"))?;
     }
     Ok(if unstable > 0 { Exit::Unstable } else { Exit::Done })

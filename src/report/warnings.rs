@@ -1,7 +1,10 @@
-//! What the simulations of a run left out although it matters, as their artifacts say.
+//! What the artifacts of a run warn of: effects left out although they matter, and samples that fail.
 
-use super::gather::{Made, ReportError};
+use super::gather::{Made, ReportError, Source};
 use crate::store::Store;
+
+/// The effect under which samples carry a `breakdown_ratio`.
+const BREAKDOWN: &str = "dielectric_breakdown";
 
 /// The warnings of all stages that simulate, each once, after the names of the stages that it belongs to.
 ///
@@ -9,16 +12,32 @@ use crate::store::Store;
 /// When an artifact cannot be read.
 pub fn warnings(store: &Store, made: &[Made]) -> Result<Vec<String>, ReportError> {
     let mut found: Vec<(String, Vec<&str>)> = Vec::new();
+    let mut broken = Vec::new();
     for stage in made
         .iter()
         .filter(|stage| ["solve", "verify"].contains(&stage.kind.as_str()))
     {
         let artifact = store.artifact(&stage.digest)?;
+        let part = artifact.parts().first().map(|part| store.artifact(part)).transpose()?;
         // All chunks of a stage are simulated alike.
-        let first = match artifact.parts().first() {
-            Some(part) => store.artifact(part)?,
-            None => artifact,
-        };
+        let first = part.as_ref().unwrap_or(&artifact);
+        if first
+            .attribute("effects")
+            .is_some_and(|effects| effects.contains(BREAKDOWN))
+        {
+            let source = Source {
+                stage,
+                artifact: &artifact,
+            };
+            let ratios = source.reals("breakdown_ratio")?;
+            let (n, beyond) = (ratios.len(), ratios.iter().filter(|ratio| **ratio >= 1.0).count());
+            if beyond > 0 {
+                broken.push(format!(
+                    "{}: {beyond} of {n} samples exceed the breakdown field",
+                    stage.stage
+                ));
+            }
+        }
         for line in first.attribute("warnings").unwrap_or_default().lines() {
             match found.iter_mut().find(|(warning, _)| warning == line) {
                 Some((_, stages)) => stages.push(&stage.stage),
@@ -27,5 +46,5 @@ pub fn warnings(store: &Store, made: &[Made]) -> Result<Vec<String>, ReportError
         }
     }
     let told = |(warning, stages): (String, Vec<&str>)| format!("{}: {warning}", stages.join(", "));
-    Ok(found.into_iter().map(told).collect())
+    Ok(found.into_iter().map(told).chain(broken).collect())
 }

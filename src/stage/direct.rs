@@ -3,9 +3,10 @@
 use std::path::Path;
 use std::time::Instant;
 
+use super::screening::Screened;
 pub use super::solver::MeshRequest;
 use super::solver::Solver;
-use super::{arrays, solution};
+use super::{arrays, observations, solution};
 use crate::base::{Document, InputError};
 use crate::fem::{AccurateSimulation, SetupError};
 use crate::field::{CORNERS, Field, PredictError, Predictor};
@@ -41,6 +42,8 @@ pub struct Answer {
     /// Patterns whose estimated error in mm is larger than the accuracy that was asked for, although the finest mesh was
     /// used: position and estimate.
     pub missed: Vec<(usize, f64)>,
+    /// Effects that are called for and were not simulated, a line for each.
+    pub warnings: Vec<String>,
 }
 
 /// Why there is no answer.
@@ -86,9 +89,11 @@ pub fn solve(
     request: &SolveRequest,
     progress: &dyn Progress,
 ) -> Result<Answer, DirectError> {
-    let scene = read_scene(scene)?;
     let failed = |e: SetupError| DirectError::Failed(e.to_string());
-    let solver = Solver::new(&scene, request.mesh, request.tolerance).map_err(failed)?;
+    let scene = read_scene(scene)?;
+    let screened = Screened::new(&scene).map_err(failed)?;
+    let scene = &screened.scene;
+    let solver = Solver::new(scene, request.mesh, request.tolerance).map_err(failed)?;
     let threads = rayon::current_num_threads();
     let mut results = Vec::with_capacity(patterns.len());
     let mut seconds = Vec::with_capacity(patterns.len());
@@ -98,7 +103,10 @@ pub fn solve(
         seconds.extend(seconds_each(start, batch.len(), threads));
         progress.advance(batch.len() as u64);
     }
-    let mut content = describe(patterns, &results, seconds).attribute("scene", scene.to_text());
+    let mut content = screened.describe(describe(patterns, &results, seconds).attribute("scene", scene.to_text()));
+    let solved = |r: &'_ AccurateSimulation| r.simulation.field.is_some();
+    let observed = results.iter().map(|r| solved(r).then_some(&r.simulation.observation));
+    content = observations::add(content, &scene.effects, &observed.collect::<Vec<_>>());
     if solver.estimates() {
         content = with_estimates(content, &results);
     }
@@ -118,6 +126,7 @@ pub fn solve(
         samples: patterns.len(),
         unstable,
         missed,
+        warnings: screened.warnings,
     })
 }
 
@@ -223,5 +232,6 @@ pub fn predict(weights: &[u8], patterns: &[Pattern], progress: &dyn Progress) ->
         samples: patterns.len(),
         unstable: Vec::new(),
         missed: Vec::new(),
+        warnings: Vec::new(),
     })
 }

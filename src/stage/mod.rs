@@ -5,6 +5,7 @@ mod balance;
 mod design;
 pub mod direct;
 mod objective;
+mod observations;
 mod sample;
 pub mod screening;
 mod solution;

@@ -14,7 +14,10 @@ pub fn datasets(effects: &Effects, observations: &[Option<&Observation>]) -> Vec
     let mut found = Vec::new();
     if effects.dielectric_breakdown.is_some() {
         let note = "largest true field over the breakdown field, E/E_B; the membrane fails at 1";
-        found.push(("breakdown_ratio", arrays::reals("1", note, reals(&|o| o.breakdown_ratio))));
+        found.push((
+            "breakdown_ratio",
+            arrays::reals("1", note, reals(&|o| o.breakdown_ratio)),
+        ));
     }
     found
 }

@@ -5,12 +5,12 @@
 
 use std::collections::BTreeMap;
 
-use super::arrays;
+use super::{arrays, observations};
 use crate::fem::{AccurateSimulation, Order};
 use crate::field::Field;
 use crate::orchestrator::StageError;
 use crate::pattern::Pattern;
-use crate::scene::Scene;
+use crate::scene::{Effects, Scene};
 use crate::store::{Artifact, Data, Dataset, Object};
 
 /// The rows of a chunk of samples.
@@ -34,6 +34,7 @@ pub fn describe(
     results: &[AccurateSimulation],
     estimated: bool,
     scene: &Scene,
+    effects: &Effects,
 ) -> Result<Object, StageError> {
     let (family, index, units) = (
         samples.texts("family")?.1,
@@ -64,6 +65,15 @@ pub fn describe(
         .filter_map(|r| Some((r, r.simulation.field.as_ref()?)))
         .collect();
     datasets.extend(solution(&solved).map(|(path, dataset)| (path.to_owned(), dataset)));
+    let observations: Vec<_> = solved
+        .iter()
+        .map(|(result, _)| Some(&result.simulation.observation))
+        .collect();
+    datasets.extend(
+        observations::datasets(effects, &observations)
+            .into_iter()
+            .map(|(path, dataset)| (path.to_owned(), dataset)),
+    );
     if estimated {
         datasets.extend(
             estimates(&solved)

@@ -97,7 +97,14 @@ impl Stage for SolveStage {
             simulations.extend(solver.simulate(batch).map_err(failed)?);
             job.progress.advance(batch.len() as u64);
         }
-        let object = solution::describe(samples, &patterns, &simulations, solver.estimates(), &self.scene)?;
+        let object = solution::describe(
+            samples,
+            &patterns,
+            &simulations,
+            solver.estimates(),
+            &self.scene,
+            &screened.scene.effects,
+        )?;
         Ok(screened.describe(object))
     }
 

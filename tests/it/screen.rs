@@ -80,3 +80,23 @@ fn effects_that_come_later_are_refused_by_name() {
     );
     assert!(ended.stderr.contains("scene.yaml:4"), "{}", ended.stderr);
 }
+
+#[test]
+fn an_effect_that_is_on_is_observed_in_every_sample() {
+    let workspace = Workspace::new();
+    workspace.write("tiny.yaml", TINY);
+    let set = "scene.effects={ dielectric_breakdown: { law: constant, field: 50 MV/m } }";
+    let ended = workspace.run(&["run", "tiny.yaml", "--until", "solved", "--set", set, "--json"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let warnings = ended.json()["warnings"].to_string();
+    // An active cell that expands by 6 % is beyond 50 MV/m.
+    assert!(warnings.contains("of 82 samples exceed the breakdown field"), "{warnings}");
+    let shown = workspace.run(&["show", "tiny.yaml:solved", "--json"]).json();
+    let datasets = shown["datasets"].as_array().unwrap();
+    let ratio = datasets.iter().find(|d| d["path"] == "breakdown_ratio").unwrap();
+    assert_eq!(ratio["shape"][0], 82);
+    let plain = workspace.run(&["run", "tiny.yaml", "--until", "solved", "--json"]);
+    assert_eq!(plain.code, Some(0));
+    let shown = workspace.run(&["show", "tiny.yaml:solved", "--json"]).json();
+    assert!(!shown.to_string().contains("breakdown_ratio"));
+}
