@@ -173,7 +173,7 @@ fn read_ogden(node: &Node, modulus: f64) -> Result<Stiffening, InputError> {
     let term = |node: &Node| -> Result<(Quantity, Quantity), InputError> {
         let map = node.fields("a term", &["mu", "alpha"])?;
         let alpha = map.required("a term", "alpha")?;
-        let exponent = alpha.quantity_in("alpha", Dimension::Number, -20.0, 20.0)?;
+        let exponent = alpha.quantity_in("alpha", Dimension::Number, -15.0, 15.0)?;
         if exponent.value().abs() < 1e-3 {
             return Err(alpha.error("`alpha` is zero or nearly so: the term would be singular"));
         }

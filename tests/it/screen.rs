@@ -90,7 +90,10 @@ fn an_effect_that_is_on_is_observed_in_every_sample() {
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     let warnings = ended.json()["warnings"].to_string();
     // An active cell that expands by 6 % is beyond 50 MV/m.
-    assert!(warnings.contains("of 82 samples exceed the breakdown field"), "{warnings}");
+    assert!(
+        warnings.contains("of 82 samples exceed the breakdown field"),
+        "{warnings}"
+    );
     let shown = workspace.run(&["show", "tiny.yaml:solved", "--json"]).json();
     let datasets = shown["datasets"].as_array().unwrap();
     let ratio = datasets.iter().find(|d| d["path"] == "breakdown_ratio").unwrap();

@@ -41,7 +41,7 @@ pub fn called_for(scene: &Scene, rows: &[Row]) -> Effects {
             .stretch_dependent_permittivity
             .clone()
             .filter(|_| wanted(names::PERMITTIVITY)),
-        fringe_field: wanted(names::FRINGE),
+        fringe_field: wanted(names::FRINGE) && fringe_shift(scene) <= 0.5 * cell(scene),
         ..Effects::default()
     }
 }
@@ -174,12 +174,30 @@ fn thickness(scene: &Scene) -> f64 {
     scene.thickness_mm() / scene.prestretch().powi(2)
 }
 
+/// Side of a cell, mm.
+fn cell(scene: &Scene) -> f64 {
+    scene.side_mm() / CELLS as f64
+}
+
+/// How far the field bulges out at an edge, mm.
+fn fringe_shift(scene: &Scene) -> f64 {
+    std::f64::consts::LN_2 / PI * thickness(scene)
+}
+
 fn fringe(scene: &Scene) -> Row {
-    let cell = scene.side_mm() / CELLS as f64;
-    let number = thickness(scene) / cell;
-    let shift = std::f64::consts::LN_2 / PI * thickness(scene);
-    let change = format!("electrodes act {} beyond their edges", length(shift));
-    known(names::FRINGE, "h/cell".to_owned(), number, 0.05, change)
+    let (shift, cell) = (fringe_shift(scene), cell(scene));
+    let change = if shift > 0.5 * cell {
+        "thicker than cells are wide: no membrane theory".to_owned()
+    } else {
+        format!("electrodes act {} beyond their edges", length(shift))
+    };
+    known(
+        names::FRINGE,
+        "h/cell".to_owned(),
+        thickness(scene) / cell,
+        0.05,
+        change,
+    )
 }
 
 /// The time over which the drive changes, s.

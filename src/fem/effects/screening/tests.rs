@@ -143,6 +143,15 @@ fn auto_turns_on_what_is_called_for_and_known() {
 }
 
 #[test]
+fn auto_leaves_a_fringe_alone_that_is_wider_than_theory_bears() {
+    let mut scene = Scene::with_values(50.0, 10.0, 1.5, 45e3, 4.7, 100.0);
+    scene.auto = true;
+    let screening = screen_by_references(&scene).unwrap();
+    assert!(!screening.scene.effects.fringe_field);
+    assert!(screening.warnings()[0].starts_with("fringe_field is called for but off"));
+}
+
+#[test]
 fn an_effect_that_is_called_for_and_off_is_a_warning_with_its_number() {
     let warnings = screen_by_references(&Scene::vhb4910()).unwrap().warnings();
     assert_eq!(warnings[0], "fringe_field is called for but off: h/cell = 0.111 > 0.05");
