@@ -27,6 +27,12 @@ pub enum Command {
     Show(ShowArguments),
     /// Check every byte of a store
     Fsck(FsckArguments),
+    /// Remove artifacts that neither the last runs nor a pin need
+    Gc(GcArguments),
+    /// Keep an artifact, and all that it was made from, through every gc; without an artifact, list the pins
+    Pin(PinArguments),
+    /// Let gc take an artifact again
+    Unpin(UnpinArguments),
     /// Say which effects a scene calls for, by number, threshold and cost
     Screen(ScreenArguments),
     /// Simulate patterns with finite elements
@@ -124,6 +130,51 @@ pub struct FsckArguments {
 }
 
 #[derive(Debug, Args)]
+pub struct GcArguments {
+    #[command(flatten)]
+    pub store: StoreArguments,
+    /// Say what would go, how large it is and what holds the rest; remove nothing
+    #[arg(long)]
+    pub dry_run: bool,
+    /// Keep what the last N runs made and needed
+    #[arg(long, value_name = "N", default_value_t = 10)]
+    pub keep_runs: usize,
+    /// Keep what was written less than so many hours ago
+    #[arg(long, value_name = "HOURS", default_value_t = 24.0, value_parser = hours)]
+    pub grace: f64,
+    /// Print one JSON document on stdout
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct PinArguments {
+    /// A stage of the last run, PIPELINE.yaml:STAGE, or a digest or at least its first 4 digits
+    #[arg(value_name = "STAGE-OR-DIGEST")]
+    pub artifact: Option<String>,
+    /// Why it is kept
+    #[arg(long, value_name = "TEXT", requires = "artifact")]
+    pub label: Option<String>,
+    #[command(flatten)]
+    pub store: StoreArguments,
+    /// Print one JSON document on stdout
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct UnpinArguments {
+    /// A stage of the last run, PIPELINE.yaml:STAGE, or a digest or at least its first 4 digits
+    #[arg(value_name = "STAGE-OR-DIGEST")]
+    pub artifact: String,
+    #[command(flatten)]
+    pub store: StoreArguments,
+    /// Print one JSON document on stdout
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Debug, Args)]
 pub struct ScreenArguments {
     /// A scene, or a pipeline whose scene is meant; a YAML file
     pub scene: PathBuf,
@@ -191,6 +242,15 @@ fn accuracy(text: &str) -> Result<Quantity, String> {
     }
 }
 
+fn hours(text: &str) -> Result<f64, String> {
+    let value = text.parse::<f64>().map_err(|e| e.to_string())?;
+    if (0.0..=1e6).contains(&value) {
+        Ok(value)
+    } else {
+        Err("allowed: 0 to 1e6 hours".to_owned())
+    }
+}
+
 fn tolerance(text: &str) -> Result<f64, String> {
     let value = text.parse::<f64>().map_err(|e| e.to_string())?;
     let allowed = 1e-12..=1e-3;
@@ -209,6 +269,9 @@ impl Command {
             Self::Dag(_) => false,
             Self::Show(a) => a.json,
             Self::Fsck(a) => a.json,
+            Self::Gc(a) => a.json,
+            Self::Pin(a) => a.json,
+            Self::Unpin(a) => a.json,
             Self::Screen(a) => a.json,
             Self::Solve(a) => a.patterns.json,
             Self::Predict(a) => a.patterns.json,
@@ -221,7 +284,13 @@ impl Command {
             Self::Run(a) | Self::Plan(a) => a.jobs,
             Self::Solve(a) => a.patterns.jobs,
             Self::Predict(a) => a.patterns.jobs,
-            Self::Dag(_) | Self::Show(_) | Self::Fsck(_) | Self::Screen(_) => None,
+            Self::Dag(_)
+            | Self::Show(_)
+            | Self::Fsck(_)
+            | Self::Gc(_)
+            | Self::Pin(_)
+            | Self::Unpin(_)
+            | Self::Screen(_) => None,
         }
     }
 }

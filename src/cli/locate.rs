@@ -13,7 +13,12 @@ const LEAST: usize = 4;
 
 /// Opens a store that must be there already: looking into one must not make one.
 pub fn existing_store(path: &Path) -> Result<Store, CliError> {
-    Store::open_existing(path).map_err(|error| match error {
+    of_folder(Store::open_existing(path))
+}
+
+/// A store that was looked for in a folder, or what to do where there is none.
+pub fn of_folder(opened: Result<Store, StoreError>) -> Result<Store, CliError> {
+    opened.map_err(|error| match error {
         StoreError::NoStore { .. } => {
             CliError::from(error).help("name it with --store or DEAFLOW_STORE; `deaflow run` makes one")
         }

@@ -5,8 +5,10 @@ mod arguments;
 mod dag;
 mod error;
 mod fsck;
+mod gc;
 mod locate;
 mod output;
+mod pin;
 mod plan;
 mod predict;
 mod progress;
@@ -54,6 +56,9 @@ fn dispatch(command: &Command, output: &Output) -> Result<Exit, CliError> {
         Command::Show(arguments) => show::execute(arguments, output),
         Command::Fsck(arguments) => fsck::execute(arguments, output),
         Command::Screen(arguments) => screen::execute(arguments, output),
+        Command::Gc(arguments) => gc::execute(arguments, output),
+        Command::Pin(arguments) => pin::execute(arguments, output),
+        Command::Unpin(arguments) => pin::remove(arguments, output),
         Command::Solve(arguments) => solve::execute(arguments, output),
         Command::Predict(arguments) => predict::execute(arguments, output),
     }

@@ -50,6 +50,12 @@ pub enum StoreError {
         /// The folder.
         path: PathBuf,
     },
+    /// Another process works in a store that has to be held alone.
+    #[error("another process works in {path}: wait until it has ended", path = path.display())]
+    Busy {
+        /// The folder.
+        path: PathBuf,
+    },
     /// The artifact is not in the store.
     #[error("artifact {digest} is missing: no {path}", digest = digest.short(), path = path.display())]
     Missing {

@@ -5,6 +5,7 @@
 //! DIR/objects/ab/<digest>.h5   artifacts by the digest of their content
 //! DIR/records/ab/<key>  what an action made
 //! DIR/runs/             the last runs: roots, and the memory behind "parameter changed"
+//! DIR/pins/              artifacts that a collection keeps
 //! DIR/locks/            run lock, publishing lock, one lock per action in flight
 //! DIR/tmp/              files being written
 //! DIR/quarantine/       damaged files, moved aside
@@ -103,6 +104,10 @@ impl Layout {
 
     pub fn runs(&self) -> PathBuf {
         self.root.join("runs")
+    }
+
+    pub fn pins(&self) -> PathBuf {
+        self.root.join("pins")
     }
 
     pub fn run_lock(&self) -> PathBuf {

@@ -1,10 +1,11 @@
 //! The content-addressed store: immutable HDF5 artifacts named by the digest of what they say, records of the actions
-//! that made them, locks, and the check of the whole.
+//! that made them, locks, the check of the whole, and the collection of what nothing needs.
 
 mod artifact;
 mod atomic;
 mod error;
 mod fsck;
+mod gc;
 mod history;
 mod inspect;
 mod layout;
@@ -12,6 +13,7 @@ mod listing;
 mod lock;
 mod object;
 mod open;
+mod pins;
 mod plain;
 mod provenance;
 mod read;
@@ -23,12 +25,14 @@ mod write;
 pub use artifact::Artifact;
 pub use error::StoreError;
 pub use fsck::{Absence, Damage, Report};
+pub use gc::{Collection, Judged, Retention};
 pub use history::{Run, RunStage};
 pub use inspect::{Condition, Effort};
 pub use listing::{Content, ElementType};
 pub use lock::Guard;
 pub use object::{Data, Dataset, Object, ObjectError, TEXT_WIDTH};
 pub use open::{Store, Stored};
+pub use pins::Pin;
 pub use plain::write_file;
 pub use provenance::Provenance;
 pub use record::{Lookup, Record};

@@ -78,6 +78,26 @@ impl Store {
         }
     }
 
+    /// Opens a store that must be there already for one process alone, to collect in it.
+    ///
+    /// # Errors
+    /// When there is none, another process has it open, or as [`Store::open`].
+    pub fn open_alone(root: &Path) -> Result<Self, StoreError> {
+        if !Layout::is_store(root) {
+            return Err(StoreError::NoStore { path: root.to_owned() });
+        }
+        let layout = Layout::open(root)?;
+        let alone = lock::try_exclusive(&layout.run_lock())?;
+        let alone = alone.ok_or_else(|| StoreError::Busy { path: root.to_owned() })?;
+        clear(&layout.temporary())?;
+        clear(&layout.action_locks())?;
+        Ok(Self {
+            _run: Arc::new(alone),
+            layout,
+            verified: Arc::default(),
+        })
+    }
+
     /// Its folder.
     #[must_use]
     pub fn root(&self) -> &Path {

@@ -398,3 +398,14 @@ fn equal_content_put_at_once_is_one_file() {
     });
     assert!(stored.iter().all(|one| *one == stored[0]), "{stored:?}");
 }
+
+#[test]
+fn a_store_is_collected_alone() {
+    let (_folder, store) = store();
+    let root = store.root().to_owned();
+    assert!(matches!(Store::open_alone(&root), Err(StoreError::Busy { .. })));
+    drop(store);
+    let alone = Store::open_alone(&root).unwrap();
+    drop(alone);
+    assert!(Store::open_existing(&root).is_ok());
+}

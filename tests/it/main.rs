@@ -1,6 +1,7 @@
 //! One binary for all tests of behaviour: linking is the dear part.
 
 mod cli;
+mod collect;
 mod common;
 mod golden;
 mod h5py;

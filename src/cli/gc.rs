@@ -1,0 +1,88 @@
+//! `deaflow gc`: removes artifacts that no run and no pin needs.
+
+use std::time::{Duration, SystemTime};
+
+use serde_json::{Value, json};
+
+use super::arguments::GcArguments;
+use super::error::CliError;
+use super::output::{Exit, Output};
+use super::progress::Bar;
+use super::{locate, table};
+use crate::store::{Collection, Judged, Retention, Store};
+
+pub fn execute(arguments: &GcArguments, output: &Output) -> Result<Exit, CliError> {
+    let store = locate::of_folder(Store::open_alone(&arguments.store.folder()))?;
+    let retention = Retention {
+        runs: arguments.keep_runs,
+        grace: Duration::from_secs_f64(3600.0 * arguments.grace),
+    };
+    let collection = store.judge(&retention, SystemTime::now())?;
+    if !arguments.dry_run {
+        let bar = Bar::new("gc", "artifacts", 0);
+        store.remove(&collection, &|done, total| bar.set(done, total))?;
+        bar.finish("removed");
+    }
+    if output.is_json() {
+        output.document(&document(&collection, arguments.dry_run))?;
+    } else {
+        output.text(&text(&collection, arguments.dry_run))?;
+    }
+    Ok(Exit::Done)
+}
+
+fn document(collection: &Collection, dry_run: bool) -> Value {
+    let judged = |judged: &Judged| {
+        json!({
+            "digest": judged.digest.to_string(),
+            "size": judged.size,
+            "kind": judged.kind,
+            "held_by": judged.held_by,
+        })
+    };
+    json!({
+        "dry_run": dry_run,
+        "kept": collection.kept.iter().map(judged).collect::<Vec<_>>(),
+        "removed": collection.removed.iter().map(judged).collect::<Vec<_>>(),
+        "records_removed": collection.records,
+        "bytes_kept": collection.bytes_kept(),
+        "bytes_removed": collection.bytes_removed(),
+    })
+}
+
+fn text(collection: &Collection, dry_run: bool) -> String {
+    let mut lines = Vec::new();
+    if dry_run {
+        let header = ["artifact", "kind", "size", "held by"];
+        let mut table = table::table(&header, &["size"]);
+        for judged in collection.removed.iter().chain(&collection.kept) {
+            table.add_row([
+                judged.digest.short(),
+                judged.kind.clone(),
+                table::bytes(judged.size),
+                holders(&judged.held_by),
+            ]);
+        }
+        lines.push(table.trim_fmt());
+        lines.push(String::new());
+    }
+    let verb = if dry_run { "would remove" } else { "removed" };
+    lines.push(format!(
+        "{verb} {} artifacts ({}) and {} records; {} artifacts ({}) stay",
+        collection.removed.len(),
+        table::bytes(collection.bytes_removed()),
+        collection.records,
+        collection.kept.len(),
+        table::bytes(collection.bytes_kept()),
+    ));
+    lines.join("\n")
+}
+
+/// The first holder, and how many more there are.
+fn holders(held_by: &[String]) -> String {
+    match held_by {
+        [] => "nothing: goes".to_owned(),
+        [one] => one.clone(),
+        [first, more @ ..] => format!("{first}, and {} more", more.len()),
+    }
+}

@@ -1,0 +1,230 @@
+//! Collection: removes artifacts that nothing needs any more.
+//!
+//! What a root reaches is kept: the artifact, its chunks, and everything that it was made from, back to the seeds. Roots are
+//! the last runs and the pins. What is younger than the grace age is kept too, whatever reaches it: somebody may be about
+//! to need it. Nobody else may have the store open meanwhile.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::Path;
+use std::time::{Duration, SystemTime};
+
+use super::error::StoreError;
+use super::layout::files;
+use super::open::Store;
+use super::record::{self, Lookup};
+use crate::base::Digest;
+
+/// What to keep.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Retention {
+    /// How many of the last runs are roots.
+    pub runs: usize,
+    /// What was written less than this ago stays.
+    pub grace: Duration,
+}
+
+/// One artifact, as a collection sees it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Judged {
+    /// The artifact.
+    pub digest: Digest,
+    /// Length of its file in bytes.
+    pub size: u64,
+    /// Kind of the stage that made it, where a record says so.
+    pub kind: String,
+    /// What holds it: roots, or its age; empty where it goes.
+    pub held_by: Vec<String>,
+}
+
+/// What a collection found.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Collection {
+    /// Artifacts that stay.
+    pub kept: Vec<Judged>,
+    /// Artifacts that go.
+    pub removed: Vec<Judged>,
+    /// How many records go with them.
+    pub records: u64,
+}
+
+impl Collection {
+    /// Bytes of the artifacts that stay.
+    #[must_use]
+    pub fn bytes_kept(&self) -> u64 {
+        self.kept.iter().map(|judged| judged.size).sum()
+    }
+
+    /// Bytes of the artifacts that go.
+    #[must_use]
+    pub fn bytes_removed(&self) -> u64 {
+        self.removed.iter().map(|judged| judged.size).sum()
+    }
+}
+
+/// A record, as far as it matters here.
+struct Known {
+    key: Digest,
+    kind: String,
+    inputs: Vec<Digest>,
+}
+
+/// Records by what they made.
+type Records = BTreeMap<Digest, Vec<Known>>;
+
+impl Store {
+    /// Says what stays and what goes. The store must have been opened by [`Store::open_alone`] for the answer to hold.
+    ///
+    /// # Errors
+    /// When the system refuses, or something that a root reaches is damaged: what it needs is then not known.
+    pub fn judge(&self, retention: &Retention, now: SystemTime) -> Result<Collection, StoreError> {
+        let records = self.known_records()?;
+        let mut holders: BTreeMap<Digest, BTreeSet<String>> = BTreeMap::new();
+        for (root, artifacts) in self.roots(retention)? {
+            for digest in self.reach(artifacts, &records)? {
+                holders.entry(digest).or_default().insert(root.clone());
+            }
+        }
+        let mut collection = Collection::default();
+        for path in files(&self.layout.objects())? {
+            let name = path.file_stem().and_then(|stem| stem.to_str());
+            let Some(digest) = name.and_then(|name| name.parse::<Digest>().ok()) else {
+                continue;
+            };
+            let metadata = fs::metadata(&path).map_err(StoreError::io("read", &path))?;
+            let mut held_by: Vec<String> = holders.remove(&digest).unwrap_or_default().into_iter().collect();
+            if held_by.is_empty() && is_young(&metadata, retention.grace, now) {
+                held_by.push("its age".to_owned());
+            }
+            let kind = records.get(&digest).and_then(|made| made.first());
+            let judged = Judged {
+                digest,
+                size: metadata.len(),
+                kind: kind.map_or_else(String::new, |record| record.kind.clone()),
+                held_by,
+            };
+            if judged.held_by.is_empty() {
+                collection.removed.push(judged);
+            } else {
+                collection.kept.push(judged);
+            }
+        }
+        // What stays by its age alone may be a manifest: its chunks stay with it.
+        self.keep_reached_by_young(&mut collection, &records)?;
+        let gone: BTreeSet<Digest> = collection.removed.iter().map(|judged| judged.digest).collect();
+        collection.records = gone
+            .iter()
+            .filter_map(|digest| records.get(digest))
+            .map(|made| made.len() as u64)
+            .sum();
+        Ok(collection)
+    }
+
+    /// Removes what a collection says, records first: a record never promises what is not there. `progress` is told how
+    /// many artifacts of how many are gone.
+    ///
+    /// # Errors
+    /// When the system refuses; what is gone by then stays gone, and a further collection goes on.
+    pub fn remove(&self, collection: &Collection, progress: &dyn Fn(u64, u64)) -> Result<(), StoreError> {
+        let gone: BTreeSet<Digest> = collection.removed.iter().map(|judged| judged.digest).collect();
+        let records = self.known_records()?;
+        for record in gone.iter().filter_map(|digest| records.get(digest)).flatten() {
+            delete(&self.layout.record(&record.key))?;
+        }
+        let total = gone.len() as u64;
+        for (done, digest) in gone.iter().enumerate() {
+            progress(done as u64, total);
+            delete(&self.layout.object(digest))?;
+        }
+        progress(total, total);
+        Ok(())
+    }
+
+    /// The roots by name, with the artifacts that they hold.
+    fn roots(&self, retention: &Retention) -> Result<Vec<(String, Vec<Digest>)>, StoreError> {
+        let runs = self.runs()?;
+        let runs = runs.iter().take(retention.runs).map(|run| {
+            let artifacts = run.stages.iter().map(|stage| stage.artifact).collect();
+            (format!("run of {} at {}", run.pipeline, run.created), artifacts)
+        });
+        let pins = self.pins()?;
+        let pins = pins.iter().map(|pin| {
+            let label = if pin.label.is_empty() {
+                String::new()
+            } else {
+                format!(" ({})", pin.label)
+            };
+            (format!("pin{label}"), vec![pin.digest])
+        });
+        Ok(runs.chain(pins).collect())
+    }
+
+    /// Everything that some artifacts need, themselves included. What is missing needs nothing.
+    fn reach(&self, artifacts: Vec<Digest>, records: &Records) -> Result<BTreeSet<Digest>, StoreError> {
+        let mut reached = BTreeSet::new();
+        let mut open = artifacts;
+        while let Some(digest) = open.pop() {
+            if !reached.insert(digest) {
+                continue;
+            }
+            let made = records.get(&digest).into_iter().flatten();
+            open.extend(made.flat_map(|record| record.inputs.iter().copied()));
+            match self.parts(&digest) {
+                Ok(parts) => open.extend(parts),
+                Err(StoreError::Missing { .. }) => {}
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(reached)
+    }
+
+    fn keep_reached_by_young(&self, collection: &mut Collection, records: &Records) -> Result<(), StoreError> {
+        let young = collection.kept.iter().filter(|judged| judged.held_by == ["its age"]);
+        let reached = self.reach(young.map(|judged| judged.digest).collect(), records)?;
+        let (mut saved, gone): (Vec<Judged>, Vec<Judged>) = std::mem::take(&mut collection.removed)
+            .into_iter()
+            .partition(|judged| reached.contains(&judged.digest));
+        for judged in &mut saved {
+            judged.held_by.push("the age of what needs it".to_owned());
+        }
+        collection.kept.append(&mut saved);
+        collection.removed = gone;
+        Ok(())
+    }
+
+    /// The records that can be read; damaged ones hold nothing.
+    fn known_records(&self) -> Result<Records, StoreError> {
+        let mut known = Records::new();
+        for path in files(&self.layout.records())? {
+            let key = path
+                .file_name()
+                .and_then(|name| name.to_str())
+                .and_then(|name| name.parse().ok());
+            let Some(key) = key else { continue };
+            if let Lookup::Found(record, _) = record::read(&path, &key)? {
+                known.entry(record.artifact).or_default().push(Known {
+                    key,
+                    kind: record.kind,
+                    inputs: record.inputs,
+                });
+            }
+        }
+        Ok(known)
+    }
+}
+
+/// Whether a file was written less than `grace` ago. One from the future is young: the clock has been set back.
+fn is_young(metadata: &fs::Metadata, grace: Duration, now: SystemTime) -> bool {
+    let age = metadata
+        .modified()
+        .ok()
+        .and_then(|modified| now.duration_since(modified).ok());
+    age.is_none_or(|age| age < grace)
+}
+
+fn delete(path: &Path) -> Result<(), StoreError> {
+    match fs::remove_file(path) {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(StoreError::io("remove", path)(error)),
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,92 @@
+//! Pins: artifacts that a collection must keep whatever the runs say. A pin is a file named by the artifact's digest.
+
+use std::fs;
+use std::io::ErrorKind;
+
+use serde::{Deserialize, Serialize};
+
+use super::atomic;
+use super::error::StoreError;
+use super::layout::files_in;
+use super::open::Store;
+use crate::base::Digest;
+
+/// A pinned artifact.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Pin {
+    /// The artifact.
+    pub digest: Digest,
+    /// Why it is kept, in the words of whoever pinned it.
+    pub label: String,
+    /// When it was pinned, in UTC, RFC 3339.
+    pub created: String,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Content {
+    label: String,
+    created: String,
+}
+
+impl Store {
+    /// Pins an artifact; a pin that is there already is replaced.
+    ///
+    /// # Errors
+    /// When the artifact is missing or damaged, or the system refuses.
+    pub fn pin(&self, pin: &Pin) -> Result<(), StoreError> {
+        self.artifact(&pin.digest)?;
+        let content = Content {
+            label: pin.label.clone(),
+            created: pin.created.clone(),
+        };
+        let text = serde_json::to_vec_pretty(&content).map_err(|error| StoreError::Json(error.to_string()))?;
+        let folder = self.temporary()?;
+        let target = self.layout.pins().join(pin.digest.to_string());
+        atomic::write(&folder.path().join("pin"), &target, &text)
+    }
+
+    /// Removes the pin of an artifact; `false` where there was none.
+    ///
+    /// # Errors
+    /// When the system refuses.
+    pub fn unpin(&self, digest: &Digest) -> Result<bool, StoreError> {
+        let path = self.layout.pins().join(digest.to_string());
+        match fs::remove_file(&path) {
+            Ok(()) => Ok(true),
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok(false),
+            Err(error) => Err(StoreError::io("remove", &path)(error)),
+        }
+    }
+
+    /// All pins, in the order of their digests. What a file says may be lost to damage, but not that it is a pin.
+    ///
+    /// # Errors
+    /// When the system refuses, or a file among the pins is named by no digest.
+    pub fn pins(&self) -> Result<Vec<Pin>, StoreError> {
+        let folder = self.layout.pins();
+        if !folder.is_dir() {
+            return Ok(Vec::new());
+        }
+        let mut pins = Vec::new();
+        for path in files_in(&folder)? {
+            let name = path.file_name().and_then(|name| name.to_str());
+            let Some(digest) = name.and_then(|name| name.parse().ok()) else {
+                return Err(StoreError::damaged(
+                    &path,
+                    "a pin is named by the digest of an artifact",
+                ));
+            };
+            let bytes = fs::read(&path).map_err(StoreError::io("read", &path))?;
+            let content = serde_json::from_slice(&bytes).unwrap_or(Content {
+                label: "(its file is damaged)".into(),
+                created: String::new(),
+            });
+            pins.push(Pin {
+                digest,
+                label: content.label,
+                created: content.created,
+            });
+        }
+        Ok(pins)
+    }
+}
