@@ -21,6 +21,8 @@ pub enum Command {
     Run(PipelineArguments),
     /// Say what `run` would build and why; build nothing
     Plan(PipelineArguments),
+    /// Say why a stage would be built: every parameter and input that has changed
+    Explain(ExplainArguments),
     /// Draw the stages of a pipeline and what they need
     Dag(DagArguments),
     /// Show what is in an artifact: datasets, statistics, provenance
@@ -85,8 +87,38 @@ impl PipelineArguments {
     /// # Errors
     /// When one cannot be read.
     pub fn overrides(&self) -> Result<Vec<Override>, CliError> {
-        self.sets.iter().map(|set| Ok(Override::parse(set)?)).collect()
+        overrides(&self.sets)
     }
+}
+
+#[derive(Debug, Args)]
+pub struct ExplainArguments {
+    /// The pipeline, a YAML file
+    pub pipeline: PathBuf,
+    /// The stage
+    pub stage: String,
+    #[command(flatten)]
+    pub store: StoreArguments,
+    /// Change a value, as for `run`
+    #[arg(long = "set", value_name = "PATH=VALUE")]
+    pub sets: Vec<String>,
+    /// Print one JSON document on stdout
+    #[arg(long)]
+    pub json: bool,
+}
+
+impl ExplainArguments {
+    /// The `--set` arguments, in order.
+    ///
+    /// # Errors
+    /// When one cannot be read.
+    pub fn overrides(&self) -> Result<Vec<Override>, CliError> {
+        overrides(&self.sets)
+    }
+}
+
+fn overrides(sets: &[String]) -> Result<Vec<Override>, CliError> {
+    sets.iter().map(|set| Ok(Override::parse(set)?)).collect()
 }
 
 #[derive(Debug, Args)]
@@ -266,6 +298,7 @@ impl Command {
     pub fn json(&self) -> bool {
         match self {
             Self::Run(a) | Self::Plan(a) => a.json,
+            Self::Explain(a) => a.json,
             Self::Dag(_) => false,
             Self::Show(a) => a.json,
             Self::Fsck(a) => a.json,
@@ -284,7 +317,8 @@ impl Command {
             Self::Run(a) | Self::Plan(a) => a.jobs,
             Self::Solve(a) => a.patterns.jobs,
             Self::Predict(a) => a.patterns.jobs,
-            Self::Dag(_)
+            Self::Explain(_)
+            | Self::Dag(_)
             | Self::Show(_)
             | Self::Fsck(_)
             | Self::Gc(_)

@@ -4,6 +4,7 @@
 mod arguments;
 mod dag;
 mod error;
+mod explain;
 mod fsck;
 mod gc;
 mod locate;
@@ -52,6 +53,7 @@ fn dispatch(command: &Command, output: &Output) -> Result<Exit, CliError> {
     match command {
         Command::Run(arguments) => run::execute(arguments, output),
         Command::Plan(arguments) => plan::execute(arguments, output),
+        Command::Explain(arguments) => explain::execute(arguments, output),
         Command::Dag(arguments) => dag::execute(arguments, output),
         Command::Show(arguments) => show::execute(arguments, output),
         Command::Fsck(arguments) => fsck::execute(arguments, output),

@@ -7,18 +7,13 @@ use super::error::CliError;
 use super::output::{Exit, Output};
 use super::{run, table};
 use crate::orchestrator::{Outcome, plan};
-use crate::store::Store;
 
 pub fn execute(arguments: &PipelineArguments, output: &Output) -> Result<Exit, CliError> {
     let pipeline = run::load(arguments)?;
-    // A plan writes nothing: where there is no store yet, an empty one elsewhere stands in for it.
-    let folder = arguments.store.folder();
-    let scratch = (!folder.exists()).then(tempfile::tempdir).transpose();
-    let scratch = scratch.map_err(|e| CliError::failure(format!("cannot make a temporary folder: {e}")))?;
-    let store = Store::open(scratch.as_ref().map_or(&folder, |s| s.path()))?;
+    let (_scratch, store) = run::store_to_look_into(&arguments.store)?;
     let stages = plan(&pipeline, &store, arguments.until.as_deref())?;
     if output.is_json() {
-        output.document(&json!({ "pipeline": pipeline.name, "store": folder, "stages": stages }))?;
+        output.document(&json!({ "pipeline": pipeline.name, "store": arguments.store.folder(), "stages": stages }))?;
         return Ok(Exit::Done);
     }
     let stale = stages.iter().filter(|stage| stage.outcome == Outcome::Stale).count();

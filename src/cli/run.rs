@@ -1,12 +1,16 @@
 //! `deaflow run`: builds what is stale, then says what was built, what was found and where the figures are.
 
-use serde_json::{Value, json};
+use std::path::Path;
 
-use super::arguments::PipelineArguments;
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use super::arguments::{PipelineArguments, StoreArguments};
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::progress::RunProgress;
 use super::table;
+use crate::base::Override;
 use crate::orchestrator::{Environment, Pipeline, RunOutcome, run};
 use crate::report::{Made, Summary, draw_figures, summarise, warnings};
 use crate::stage;
@@ -55,9 +59,24 @@ pub fn execute(arguments: &PipelineArguments, output: &Output) -> Result<Exit, C
 
 /// Everything that can be wrong with the arguments is found before a store is opened.
 pub fn load(arguments: &PipelineArguments) -> Result<Pipeline, CliError> {
-    let pipeline = Pipeline::load(&arguments.pipeline, &arguments.overrides()?, &stage::registry())?;
+    let pipeline = load_file(&arguments.pipeline, &arguments.overrides()?)?;
     pipeline.selection(arguments.until.as_deref())?;
     Ok(pipeline)
+}
+
+/// A pipeline with what stands on the command line for it.
+pub fn load_file(path: &Path, overrides: &[Override]) -> Result<Pipeline, CliError> {
+    Ok(Pipeline::load(path, overrides, &stage::registry())?)
+}
+
+/// The store, for a command that writes nothing: where there is none yet, an empty one elsewhere stands in for it, as long
+/// as its folder is held.
+pub fn store_to_look_into(arguments: &StoreArguments) -> Result<(Option<TempDir>, Store), CliError> {
+    let folder = arguments.folder();
+    let scratch = (!folder.exists()).then(tempfile::tempdir).transpose();
+    let scratch = scratch.map_err(|e| CliError::failure(format!("cannot make a temporary folder: {e}")))?;
+    let store = Store::open(scratch.as_ref().map_or(&folder, |s| s.path()))?;
+    Ok((scratch, store))
 }
 
 fn made(outcome: &RunOutcome) -> Vec<Made> {

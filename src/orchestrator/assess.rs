@@ -12,7 +12,7 @@ use super::kind::{Chunk, Input, Plan};
 use super::spec::{Pipeline, StageSpec};
 use super::staleness::{Current, Staleness};
 use crate::base::{Canonical, Digest};
-use crate::store::{Condition, Effort, Lookup, Object, Record, Run, Store, StoreError};
+use crate::store::{Condition, Effort, Lookup, Object, Record, Run, RunStage, Store, StoreError};
 
 /// What a stage would take.
 pub struct Assessment {
@@ -214,6 +214,19 @@ impl<'a> Surveyor<'a> {
         parameters: &Canonical,
         digests: &[Option<Digest>],
     ) -> Result<Staleness, StoreError> {
+        Ok(self.reasons(spec, parameters, digests)?.remove(0))
+    }
+
+    /// All that makes a stage without a record stale, in comparison with the last run; never empty.
+    ///
+    /// # Errors
+    /// When the store cannot be read.
+    pub fn reasons(
+        &self,
+        spec: &StageSpec,
+        parameters: &Canonical,
+        digests: &[Option<Digest>],
+    ) -> Result<Vec<Staleness>, StoreError> {
         let names = spec.needs.iter().map(|&need| self.pipeline.stages[need].name.as_str());
         let inputs: Vec<(&str, Option<Digest>)> = names.zip(digests.iter().copied()).collect();
         let current = Current {
@@ -221,12 +234,17 @@ impl<'a> Surveyor<'a> {
             parameters,
             inputs: &inputs,
         };
-        let remembered = self.runs.iter().find_map(|run| Some((run, run.stage(&spec.name)?)));
-        let Some((run, stage)) = remembered else {
-            return Ok(Staleness::since(&current, None, None));
+        let Some((run, stage)) = self.remembered(spec) else {
+            return Ok(Staleness::all_since(&current, None, None));
         };
         let previous = self.store.record(&stage.key)?.record();
-        Ok(Staleness::since(&current, previous.as_ref(), Some(run)))
+        Ok(Staleness::all_since(&current, previous.as_ref(), Some(run)))
+    }
+
+    /// The last run that had the stage.
+    #[must_use]
+    pub fn remembered(&self, spec: &StageSpec) -> Option<(&Run, &RunStage)> {
+        self.runs.iter().find_map(|run| Some((run, run.stage(&spec.name)?)))
     }
 
     /// Looks at each chunk of a stale stage. Those that are there will be read, so they are verified in full.

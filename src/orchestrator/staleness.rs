@@ -66,13 +66,22 @@ impl Staleness {
     /// Why a stage without a record of its own key is stale, given the record that it had in the last run.
     #[must_use]
     pub fn since(current: &Current<'_>, previous: Option<&Record>, run: Option<&Run>) -> Self {
+        Self::all_since(current, previous, run).remove(0)
+    }
+
+    /// All that makes a stage without a record of its own key stale, the parameters first; never empty.
+    #[must_use]
+    pub fn all_since(current: &Current<'_>, previous: Option<&Record>, run: Option<&Run>) -> Vec<Self> {
         let Some(previous) = previous else {
-            return Self::NoRecord;
+            return vec![Self::NoRecord];
         };
-        parameter_changed(current.parameters, &previous.parameters)
-            .or_else(|| recipe_changed(current.recipe, previous.recipe))
-            .or_else(|| input_changed(current.inputs, &previous.inputs, run))
-            .unwrap_or(Self::NoRecord)
+        let mut all = parameters_changed(current.parameters, &previous.parameters);
+        all.extend(recipe_changed(current.recipe, previous.recipe));
+        all.extend(inputs_changed(current.inputs, &previous.inputs, run));
+        if all.is_empty() {
+            all.push(Self::NoRecord);
+        }
+        all
     }
 
     /// Why a stage with a record is stale, if the condition of its artifact, or of one of its chunks, makes it so.
@@ -82,41 +91,44 @@ impl Staleness {
     }
 }
 
-fn parameter_changed(now: &Canonical, then: &Canonical) -> Option<Staleness> {
+fn parameters_changed(now: &Canonical, then: &Canonical) -> Vec<Staleness> {
     let (now, then) = (now.leaves(), then.leaves());
     let absent = || "none".to_owned();
     let value = |leaves: &[(String, &Canonical)], path: &str| {
         let found = leaves.iter().find(|(other, _)| other == path);
         found.map_or_else(absent, |(_, value)| value.to_string())
     };
-    let differs = now.iter().find(|leaf| !then.contains(leaf));
-    let (which, _) = differs.or_else(|| then.iter().find(|leaf| !now.contains(leaf)))?;
-    Some(Staleness::ParameterChanged {
-        which: which.clone(),
-        from: value(&then, which),
-        to: value(&now, which),
-    })
+    let changed = now.iter().filter(|leaf| !then.contains(leaf));
+    let dropped = then
+        .iter()
+        .filter(|(path, _)| !now.iter().any(|(other, _)| other == path));
+    changed
+        .chain(dropped)
+        .map(|(which, _)| Staleness::ParameterChanged {
+            which: which.clone(),
+            from: value(&then, which),
+            to: value(&now, which),
+        })
+        .collect()
 }
 
 fn recipe_changed(now: u32, then: u32) -> Option<Staleness> {
     (now != then).then_some(Staleness::RecipeChanged { from: then, to: now })
 }
 
-fn input_changed(now: &[(&str, Option<Digest>)], then: &[Digest], run: Option<&Run>) -> Option<Staleness> {
-    let differs = now
-        .iter()
-        .enumerate()
-        .find(|(i, (_, digest))| *digest != then.get(*i).copied() || digest.is_none());
-    let which = match differs {
-        Some((_, (name, _))) => (*name).to_owned(),
-        // An input has been taken away: its name is remembered only by the run.
-        None => {
-            let gone = then.get(now.len())?;
-            let named = run.and_then(|run| run.stages.iter().find(|stage| stage.artifact == *gone));
-            named.map_or_else(|| gone.short(), |stage| stage.name.clone())
-        }
-    };
-    Some(Staleness::InputChanged { which })
+fn inputs_changed(now: &[(&str, Option<Digest>)], then: &[Digest], run: Option<&Run>) -> Vec<Staleness> {
+    let differing = now.iter().enumerate();
+    let differing = differing.filter(|(i, (_, digest))| *digest != then.get(*i).copied() || digest.is_none());
+    let differing = differing.map(|(_, (name, _))| (*name).to_owned());
+    // An input that has been taken away: its name is remembered only by the run.
+    let gone = then.iter().skip(now.len()).map(|gone| {
+        let named = run.and_then(|run| run.stages.iter().find(|stage| stage.artifact == *gone));
+        named.map_or_else(|| gone.short(), |stage| stage.name.clone())
+    });
+    differing
+        .chain(gone)
+        .map(|which| Staleness::InputChanged { which })
+        .collect()
 }
 
 fn artifact_missing(condition: &Condition) -> Option<Staleness> {

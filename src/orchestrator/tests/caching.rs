@@ -236,3 +236,23 @@ fn provenance_leads_back_to_the_seeds() {
     assert_eq!(run.stage("total").unwrap().artifact, digests[3].unwrap());
     assert_eq!(total["action"], run.stage("total").unwrap().key.to_string());
 }
+
+#[test]
+fn an_explanation_names_everything_that_changed() {
+    let lab = Laboratory::new();
+    lab.run(&[]);
+    let explained = |text: &str, stage: &str| {
+        let pipeline = lab.pipeline(text, &[]);
+        explain(&pipeline, &lab.store(), stage).unwrap()
+    };
+    let fresh = explained(PIPELINE, "halved");
+    assert_eq!((fresh.reasons.len(), fresh.report.outcome), (0, Outcome::Reused));
+    assert_eq!(fresh.last.unwrap().artifact, fresh.report.digest.unwrap());
+    let tweaked = PIPELINE.replace("by: 2", "by: 3").replace("count: 35", "count: 36");
+    assert_ne!(tweaked, PIPELINE);
+    let stale = explained(&tweaked, "halved");
+    let reasons: Vec<String> = stale.reasons.iter().map(ToString::to_string).collect();
+    assert_eq!(reasons, ["parameter changed: by from 2 to 3", "input changed: small"]);
+    assert_eq!(stale.inputs[0], ("small".to_owned(), None));
+    assert!(stale.inputs[1].1.is_some());
+}

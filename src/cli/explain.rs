@@ -1,0 +1,75 @@
+//! `deaflow explain`: why a stage would be built, with everything that has changed.
+
+use serde_json::json;
+
+use super::arguments::ExplainArguments;
+use super::error::CliError;
+use super::output::{Exit, Output};
+use super::run;
+use crate::base::Digest;
+use crate::orchestrator::{Explanation, explain};
+
+pub fn execute(arguments: &ExplainArguments, output: &Output) -> Result<Exit, CliError> {
+    let pipeline = run::load_file(&arguments.pipeline, &arguments.overrides()?)?;
+    let (_scratch, store) = run::store_to_look_into(&arguments.store)?;
+    let found = explain(&pipeline, &store, &arguments.stage)?;
+    if output.is_json() {
+        output.document(&document(&found))?;
+    } else {
+        output.text(&text(&found))?;
+    }
+    Ok(Exit::Done)
+}
+
+fn document(found: &Explanation) -> serde_json::Value {
+    let text = |digest: &Option<Digest>| digest.map(|digest| digest.to_string());
+    json!({
+        "stage": found.report,
+        "key": text(&found.key),
+        "reasons": found.reasons.iter().map(ToString::to_string).collect::<Vec<_>>(),
+        "inputs": found.inputs.iter().map(|(name, digest)| json!({ "stage": name, "digest": text(digest) })).collect::<Vec<_>>(),
+        "last": found.last.as_ref().map(|last| json!({
+            "created": last.created,
+            "key": last.key.to_string(),
+            "artifact": last.artifact.to_string(),
+        })),
+    })
+}
+
+fn text(found: &Explanation) -> String {
+    let report = &found.report;
+    let mut lines = Vec::new();
+    let made = report
+        .digest
+        .map_or_else(String::new, |digest| format!(": artifact {}", digest.short()));
+    if found.reasons.is_empty() {
+        lines.push(format!("{} ({}) is up to date{made}", report.name, report.kind));
+    } else {
+        lines.push(format!("{} ({}) would be built:", report.name, report.kind));
+        lines.extend(found.reasons.iter().map(|reason| format!("  {reason}")));
+        lines.push(format!(
+            "chunks: {} to build, {} there",
+            report.chunks_built, report.chunks_reused
+        ));
+    }
+    if !found.inputs.is_empty() {
+        lines.push("inputs:".to_owned());
+        let known =
+            |digest: &Option<Digest>| digest.map_or_else(|| "yet to be built".to_owned(), |digest| digest.short());
+        lines.extend(
+            found
+                .inputs
+                .iter()
+                .map(|(name, digest)| format!("  {name}: {}", known(digest))),
+        );
+    }
+    lines.push(match &found.last {
+        Some(last) => format!(
+            "last run that had it: {}, artifact {}",
+            last.created,
+            last.artifact.short()
+        ),
+        None => "no run has had it".to_owned(),
+    });
+    lines.join("\n")
+}

@@ -1,0 +1,73 @@
+//! Why a stage would be built: everything that has changed since it was last built or reused, not only the first thing.
+
+use super::assess::{State, Surveyor};
+use super::event::StageReport;
+use super::execute::RunError;
+use super::plan::report;
+use super::spec::Pipeline;
+use super::staleness::Staleness;
+use crate::base::Digest;
+use crate::store::Store;
+
+/// All that is known of one stage.
+#[derive(Clone, Debug)]
+pub struct Explanation {
+    /// The stage as in a plan.
+    pub report: StageReport,
+    /// Its action key; unknown while an input has yet to be built.
+    pub key: Option<Digest>,
+    /// Why it is stale; empty where it is not.
+    pub reasons: Vec<Staleness>,
+    /// The stages that it needs, with what they made, as far as that is known.
+    pub inputs: Vec<(String, Option<Digest>)>,
+    /// The run that it was last part of, and what it made then.
+    pub last: Option<Last>,
+}
+
+/// The last run that had a stage.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Last {
+    /// When it ended.
+    pub created: String,
+    /// The action key then.
+    pub key: Digest,
+    /// The artifact then.
+    pub artifact: Digest,
+}
+
+/// Explains a stage.
+///
+/// # Errors
+/// When there is no such stage, or the store cannot be read.
+pub fn explain(pipeline: &Pipeline, store: &Store, stage: &str) -> Result<Explanation, RunError> {
+    let selection = pipeline.selection(Some(stage))?;
+    let surveyor = Surveyor::new(pipeline, store)?;
+    let assessments = surveyor.survey(&selection)?;
+    let digest = |need: &usize| {
+        let at = selection.iter().position(|index| index == need);
+        at.and_then(|at| assessments[at].as_input().digest)
+    };
+    let at = selection.iter().position(|&index| pipeline.stages[index].name == stage);
+    let at = at.unwrap_or(selection.len() - 1);
+    let (spec, assessment) = (&pipeline.stages[selection[at]], &assessments[at]);
+    let digests: Vec<Option<Digest>> = spec.needs.iter().map(digest).collect();
+    let reasons = match &assessment.state {
+        State::Fresh { .. } => Vec::new(),
+        State::Stale { why, .. } => match why {
+            Staleness::ArtifactMissing | Staleness::ArtifactDamaged => vec![why.clone()],
+            _ => surveyor.reasons(spec, &spec.stage.parameters(), &digests)?,
+        },
+    };
+    let names = spec.needs.iter().map(|&need| pipeline.stages[need].name.clone());
+    Ok(Explanation {
+        report: report(spec, assessment),
+        key: assessment.action.as_ref().map(|(_, key)| *key),
+        reasons,
+        inputs: names.zip(digests).collect(),
+        last: surveyor.remembered(spec).map(|(run, stage)| Last {
+            created: run.created.clone(),
+            key: stage.key,
+            artifact: stage.artifact,
+        }),
+    })
+}
