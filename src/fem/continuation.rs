@@ -22,11 +22,22 @@ pub enum Ending {
         stable: f64,
         /// The lowest share at which none was found.
         unstable: f64,
-        /// Ellipticity went first.
-        ellipticity: bool,
+        /// What went first.
+        loss: Loss,
     },
     /// The iteration did not end; nothing is known.
     Unknown,
+}
+
+/// What an equilibrium can lose on the way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Loss {
+    /// Stability.
+    Stability,
+    /// Ellipticity.
+    Ellipticity,
+    /// Tension, in a membrane that wrinkles.
+    Tension,
 }
 
 /// The end of the loading and the work that it took.
@@ -45,8 +56,7 @@ pub struct Loading {
 /// Why a load step is not accepted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Refusal {
-    Unstable,
-    NotElliptic,
+    Lost(Loss),
     Limit,
 }
 
@@ -142,10 +152,11 @@ impl<L: Law, F: Fn(f64) -> L> Problem<'_, F> {
                     total.pointwise = pointwise;
                     Ok(())
                 }
-                Stability::Unstable => Err(Refusal::Unstable),
-                Stability::NotElliptic => Err(Refusal::NotElliptic),
+                Stability::Unstable => Err(Refusal::Lost(Loss::Stability)),
+                Stability::NotElliptic => Err(Refusal::Lost(Loss::Ellipticity)),
+                Stability::Slack => Err(Refusal::Lost(Loss::Tension)),
             },
-            Err((Trouble::NegativeCurvature | Trouble::LineSearch, _)) => Err(Refusal::Unstable),
+            Err((Trouble::NegativeCurvature | Trouble::LineSearch, _)) => Err(Refusal::Lost(Loss::Stability)),
             Err((Trouble::Limit, _)) => Err(Refusal::Limit),
         }
     }
@@ -154,10 +165,6 @@ impl<L: Law, F: Fn(f64) -> L> Problem<'_, F> {
 fn ending(refusal: Refusal, stable: f64, unstable: f64) -> Ending {
     match refusal {
         Refusal::Limit => Ending::Unknown,
-        Refusal::Unstable | Refusal::NotElliptic => Ending::Lost {
-            stable,
-            unstable,
-            ellipticity: refusal == Refusal::NotElliptic,
-        },
+        Refusal::Lost(loss) => Ending::Lost { stable, unstable, loss },
     }
 }

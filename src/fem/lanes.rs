@@ -4,11 +4,12 @@
 //! found at run time by `pulp`; with `f64` the same formulas serve tests, observables and assembly.
 //!
 //! Code over `Wide` is compiled for the registers only where it is inlined into the function that `pulp` dispatches to.
-//! So every function is `inline(always)`, and there are loops where closures would be handed to the standard library.
+//! So every function is `inline(always)`, and there are loops where closures would be handed to the standard library. Where
+//! that would copy much code into many kernels, [`Value::apart`] compiles it once.
 
 use std::ops::{Add, Mul, Neg, Sub};
 
-use pulp::Simd;
+use pulp::{Scalar, Simd, WithSimd};
 
 /// Rows of vectors are padded to a multiple of this, the most numbers that any register holds.
 pub const WIDEST: usize = 16;
@@ -27,6 +28,12 @@ pub trait Value: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = S
     fn max(self, other: Self) -> Self;
     /// The smaller of the two, in each lane.
     fn min(self, other: Self) -> Self;
+    /// `yes` in the lanes where `self` is positive, `no` in the others.
+    fn choose(self, yes: Self, no: Self) -> Self;
+    /// Whether any lane is positive.
+    fn any_positive(self) -> bool;
+    /// Does work compiled for the registers of `self`, whatever the function around it was compiled for.
+    fn apart<W: WithSimd>(self, work: W) -> W::Output;
 }
 
 impl Value for f64 {
@@ -53,6 +60,18 @@ impl Value for f64 {
     #[inline(always)]
     fn min(self, other: Self) -> Self {
         if self < other { self } else { other }
+    }
+    #[inline(always)]
+    fn choose(self, yes: Self, no: Self) -> Self {
+        if self > 0.0 { yes } else { no }
+    }
+    #[inline(always)]
+    fn any_positive(self) -> bool {
+        self > 0.0
+    }
+    #[inline(always)]
+    fn apart<W: WithSimd>(self, work: W) -> W::Output {
+        work.with_simd(Scalar::new())
     }
 }
 
@@ -94,11 +113,20 @@ pub trait Real: Copy + Default + Send + Sync + 'static {
     fn max<S: Simd>(simd: S, a: Self::Register<S>, b: Self::Register<S>) -> Self::Register<S>;
     /// The smaller, lane by lane.
     fn min<S: Simd>(simd: S, a: Self::Register<S>, b: Self::Register<S>) -> Self::Register<S>;
+    /// `yes` where `sign` is positive, `no` elsewhere.
+    fn choose<S: Simd>(
+        simd: S,
+        sign: Self::Register<S>,
+        yes: Self::Register<S>,
+        no: Self::Register<S>,
+    ) -> Self::Register<S>;
+    /// Whether any lane is positive.
+    fn any_positive<S: Simd>(simd: S, sign: Self::Register<S>) -> bool;
 }
 
 macro_rules! real {
     ($t:ident, $register:ident, $lanes:ident, $slice:ident, $slice_mut:ident, $splat:ident, $partial:ident, $reduce:ident,
-     $madd:ident, $neg:ident, $sqrt:ident, $($method:ident $with:ident),*) => {
+     $largest:ident, $greater:ident, $select:ident, $madd:ident, $neg:ident, $sqrt:ident, $($method:ident $with:ident),*) => {
         impl Real for $t {
             type Register<S: Simd> = S::$register;
             #[inline(always)]
@@ -145,6 +173,14 @@ macro_rules! real {
             fn sqrt<S: Simd>(simd: S, a: S::$register) -> S::$register {
                 simd.$sqrt(a)
             }
+            #[inline(always)]
+            fn choose<S: Simd>(simd: S, sign: S::$register, yes: S::$register, no: S::$register) -> S::$register {
+                simd.$select(simd.$greater(sign, simd.$splat(0.0)), yes, no)
+            }
+            #[inline(always)]
+            fn any_positive<S: Simd>(simd: S, sign: S::$register) -> bool {
+                simd.$largest(sign) > 0.0
+            }
             $(#[inline(always)]
             fn $method<S: Simd>(simd: S, a: S::$register, b: S::$register) -> S::$register {
                 simd.$with(a, b)
@@ -153,12 +189,12 @@ macro_rules! real {
     };
 }
 real!(
-    f64, f64s, F64_LANES, as_simd_f64s, as_mut_simd_f64s, splat_f64s, partial_load_f64s, reduce_min_f64s, mul_add_e_f64s,
-    neg_f64s, sqrt_f64s, add add_f64s, sub sub_f64s, mul mul_f64s, div div_f64s, max max_f64s, min min_f64s
+    f64, f64s, F64_LANES, as_simd_f64s, as_mut_simd_f64s, splat_f64s, partial_load_f64s, reduce_min_f64s,
+    reduce_max_f64s, greater_than_f64s, select_f64s, mul_add_e_f64s, neg_f64s, sqrt_f64s, add add_f64s, sub sub_f64s, mul mul_f64s, div div_f64s, max max_f64s, min min_f64s
 );
 real!(
-    f32, f32s, F32_LANES, as_simd_f32s, as_mut_simd_f32s, splat_f32s, partial_load_f32s, reduce_min_f32s, mul_add_e_f32s,
-    neg_f32s, sqrt_f32s, add add_f32s, sub sub_f32s, mul mul_f32s, div div_f32s, max max_f32s, min min_f32s
+    f32, f32s, F32_LANES, as_simd_f32s, as_mut_simd_f32s, splat_f32s, partial_load_f32s, reduce_min_f32s,
+    reduce_max_f32s, greater_than_f32s, select_f32s, mul_add_e_f32s, neg_f32s, sqrt_f32s, add add_f32s, sub sub_f32s, mul mul_f32s, div div_f32s, max max_f32s, min min_f32s
 );
 
 /// A register with the proof that the machine has it.
@@ -252,5 +288,18 @@ impl<S: Simd, T: Real> Value for Wide<S, T> {
     #[inline(always)]
     fn min(self, other: Self) -> Self {
         Self::of(self.simd, T::min(self.simd, self.register, other.register))
+    }
+    #[inline(always)]
+    fn choose(self, yes: Self, no: Self) -> Self {
+        let register = T::choose(self.simd, self.register, yes.register, no.register);
+        Self::of(self.simd, register)
+    }
+    #[inline(always)]
+    fn any_positive(self) -> bool {
+        T::any_positive(self.simd, self.register)
+    }
+    #[inline(always)]
+    fn apart<W: WithSimd>(self, work: W) -> W::Output {
+        self.simd.vectorize(work)
     }
 }

@@ -21,6 +21,7 @@ mod modes;
 mod newton;
 mod observable;
 pub mod operator;
+mod powers;
 pub mod precondition;
 mod response;
 mod solver;
@@ -28,7 +29,7 @@ mod stability;
 
 pub use accuracy::{AccurateSimulation, AccurateSolver};
 pub use mesh::{Mesh, Order};
-pub use observable::{CellState, cell_states};
+pub use observable::{CellState, Survey, Tension, cell_states};
 pub use response::LinearResponse;
 pub use solver::{MembraneSolver, MeshSolution, SetupError, SolveOptions};
 

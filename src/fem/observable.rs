@@ -6,10 +6,27 @@
 use crate::pattern::{CELLS, Pattern};
 use crate::scene::Scene;
 
-use super::kinematics::{Tensor, cofactor, determinant, squared_stretches};
+use super::effects::{Model, WithLaw};
+use super::energy::Law;
+use super::kinematics::{Tensor, determinant, squared_stretches};
 use super::mesh::Mesh;
+use super::operator::Activity;
+use super::solver::SetupError;
 
-/// The state of one cell.
+/// How a cell bears its load.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Tension {
+    /// No principal stress is negative.
+    Taut,
+    /// One is: a real membrane wrinkles there. With wrinkling simulated, the stress across wrinkles is the small rest that
+    /// the law leaves.
+    Wrinkled,
+    /// Both are: a real membrane hangs loose.
+    Slack,
+}
+
+/// The state of one cell. Stresses are those of elastomer and electrodes together, divided by the thickness of the
+/// elastomer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CellState {
     /// In-plane stretches from the undeformed state, larger first.
@@ -20,37 +37,136 @@ pub struct CellState {
     pub piola: Tensor<f64>,
     /// Principal Cauchy stresses in the plane in Pa, larger first; a negative one means that a real membrane wrinkles.
     pub stresses: [f64; 2],
+    /// What they mean.
+    pub tension: Tension,
+}
+
+/// The least favourable states of the cells of a membrane: what effects are called for by.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Survey {
+    /// The smallest principal Cauchy stress, in units of μ.
+    pub smallest_stress: f64,
+    /// Share of the prestretched area that is wrinkled.
+    pub wrinkled: f64,
+    /// Share that is slack.
+    pub slack: f64,
+    /// The largest I₁ − 3.
+    pub largest_strain: f64,
+    /// The largest true electric field in V/m.
+    pub largest_field: f64,
+    /// The smallest and the largest J, area over undeformed area.
+    pub areas: [f64; 2],
+}
+
+impl Survey {
+    /// Of the states of all cells under a shear modulus in Pa.
+    #[must_use]
+    pub fn of(cells: &[CellState], shear_modulus_pa: f64) -> Self {
+        let share = |tension: Tension| {
+            let count = cells.iter().filter(|cell| cell.tension == tension).count();
+            count as f64 / cells.len() as f64
+        };
+        let largest = |value: fn(&CellState) -> f64| cells.iter().map(value).fold(f64::NEG_INFINITY, f64::max);
+        Self {
+            smallest_stress: -largest(|cell| -cell.stresses[1]) / shear_modulus_pa,
+            wrinkled: share(Tension::Wrinkled),
+            slack: share(Tension::Slack),
+            largest_strain: largest(|cell| {
+                let [first, second] = cell.stretches.map(|s| s * s);
+                first + second + (first * second).recip() - 3.0
+            }),
+            largest_field: largest(|cell| cell.electric_field),
+            areas: [
+                -largest(|cell| -cell.stretches[0] * cell.stretches[1]),
+                largest(|cell| cell.stretches[0] * cell.stretches[1]),
+            ],
+        }
+    }
 }
 
 /// The state of each cell, `[y][x]`, from nodal displacements in units of an element's side.
-#[must_use]
-pub fn cell_states(scene: &Scene, mesh: Mesh, pattern: &Pattern, u: &[f64]) -> Vec<CellState> {
-    (0..CELLS * CELLS)
-        .map(|i| {
-            let (x, y) = (i % CELLS, i / CELLS);
-            state(scene, mean_deformation(mesh, u, x, y), pattern.is_active(x, y))
-        })
-        .collect()
+///
+/// # Errors
+/// When the effects of the scene cannot be simulated.
+pub fn cell_states(scene: &Scene, mesh: Mesh, pattern: &Pattern, u: &[f64]) -> Result<Vec<CellState>, SetupError> {
+    Ok(states(scene, &Model::new(scene)?, mesh, pattern, u))
 }
 
-fn state(scene: &Scene, f: Tensor<f64>, active: bool) -> CellState {
-    let (prestretch, modulus) = (scene.prestretch(), scene.shear_modulus_pa());
-    let f = f.map(|row| row.map(|v| prestretch * v));
-    let j = determinant(f);
-    let nominal = if active {
-        scene.voltage_v() / (1e-3 * scene.thickness_mm())
-    } else {
-        0.0
-    };
-    let pressure = modulus / (j * j) + scene.permittivity() * (nominal * j).powi(2);
-    let c = cofactor(f);
-    let squared = squared_stretches(f);
-    CellState {
-        stretches: squared.map(f64::sqrt),
-        electric_field: nominal * j,
-        piola: std::array::from_fn(|i| std::array::from_fn(|k| modulus * f[i][k] - pressure * c[i][k] / j)),
-        stresses: squared.map(|s| modulus * s - pressure),
+/// The same for a model at hand.
+pub(super) fn states(scene: &Scene, model: &Model, mesh: Mesh, pattern: &Pattern, u: &[f64]) -> Vec<CellState> {
+    let activity = model.activity(mesh, pattern);
+    model.with(States {
+        scene,
+        mesh,
+        pattern,
+        activity: &activity,
+        u,
+    })
+}
+
+struct States<'a> {
+    scene: &'a Scene,
+    mesh: Mesh,
+    pattern: &'a Pattern,
+    activity: &'a Activity,
+    u: &'a [f64],
+}
+
+impl WithLaw for States<'_> {
+    type Output = Vec<CellState>;
+
+    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, law: F) -> Vec<CellState> {
+        let law = law(1.0);
+        let cells = (0..CELLS * CELLS).map(|i| (i % CELLS, i / CELLS));
+        cells.map(|(x, y)| self.state(&law, x, y)).collect()
     }
+}
+
+/// A compression that rounding can cause, in units of the shear modulus.
+const ROUNDING: f64 = 1e-9;
+
+impl States<'_> {
+    fn state<L: Law>(&self, law: &L, x: usize, y: usize) -> CellState {
+        let (prestretch, modulus) = (self.scene.prestretch(), self.scene.shear_modulus_pa());
+        let f = mean_deformation(self.mesh, self.u, x, y);
+        let stress = law.stress([[f[0][0] - 1.0, f[0][1]], [f[1][0], f[1][1] - 1.0]], self.share(x, y));
+        let rest = law.self_stress(f);
+        let scale = modulus * prestretch;
+        let piola = std::array::from_fn(|i| std::array::from_fn(|k| scale * (stress[i][k] + rest[i][k])));
+        let stresses = principal_stresses(piola, f.map(|row| row.map(|v| prestretch * v)));
+        let nominal = if self.pattern.is_active(x, y) {
+            self.scene.voltage_v() / (1e-3 * self.scene.thickness_mm())
+        } else {
+            0.0
+        };
+        CellState {
+            stretches: squared_stretches(f).map(|s| prestretch * s.sqrt()),
+            electric_field: nominal * prestretch * prestretch * determinant(f),
+            piola,
+            stresses,
+            tension: match stresses.map(|s| s < -ROUNDING * modulus) {
+                [true, _] => Tension::Slack,
+                [false, true] => Tension::Wrinkled,
+                [false, false] => Tension::Taut,
+            },
+        }
+    }
+
+    /// The mean activity of a cell.
+    fn share(&self, x: usize, y: usize) -> f64 {
+        let n = self.mesh.elements_per_cell();
+        let row = |at: usize| &self.activity.elements()[(y * n + at) * self.mesh.part() + x * n..][..n];
+        let sum: f64 = (0..n).map(|at| row(at).iter().sum::<f64>()).sum();
+        sum / (n * n) as f64
+    }
+}
+
+/// Principal values of σ = P Fᵀ, larger first, for an incompressible membrane.
+fn principal_stresses(piola: Tensor<f64>, f: Tensor<f64>) -> [f64; 2] {
+    let entry = |i: usize, k: usize| piola[i][0] * f[k][0] + piola[i][1] * f[k][1];
+    let (mean, half_gap) = (0.5 * (entry(0, 0) + entry(1, 1)), 0.5 * (entry(0, 0) - entry(1, 1)));
+    let radius = half_gap.hypot(0.5 * (entry(0, 1) + entry(1, 0)));
+    [mean + radius, mean - radius]
 }
 
 /// I + the mean of ∇u over a cell: by the divergence theorem an integral of u along its sides.

@@ -12,7 +12,7 @@ use crate::pattern::Pattern;
 
 use super::element::{Bilinear, Biquadratic, Element};
 use super::energy::Law;
-use super::kinematics::{Tensor, deformation, determinant};
+use super::kinematics::{Tensor, deformation};
 use super::lanes::{Real, Value, WIDEST, Wide};
 use super::mesh::{Mesh, Order};
 
@@ -41,6 +41,18 @@ impl Activity {
         mesh.write_activity(&share, &mut activity.double);
         mesh.write_activity(&share, &mut activity.single);
         activity
+    }
+
+    /// Elements (column, row) that are active to a share.
+    #[must_use]
+    pub fn from_elements(mesh: Mesh, share: impl Fn(usize, usize) -> f64) -> Self {
+        let mut double = vec![0.0; mesh.elements() * mesh.part()];
+        for (row, shares) in double.chunks_exact_mut(mesh.part()).enumerate() {
+            let elements = shares[..mesh.elements()].iter_mut().enumerate();
+            elements.for_each(|(column, value)| *value = share(column, row));
+        }
+        let single = double.iter().map(|&share| share as f32).collect();
+        Self { double, single }
     }
 
     /// The activity of each element, in rows of [`Mesh::part`] numbers.
@@ -86,11 +98,13 @@ pub struct Margins {
     pub ellipticity: f64,
     /// Of [`Law::convexity`].
     pub convexity: f64,
+    /// Of [`Law::tension`]; infinite where the law does not wrinkle.
+    pub tension: f64,
 }
 
 impl<L: Law> Operator<'_, L> {
-    /// The residual at interior nodes, zero on the frame, into `out`. Returns the smallest det f; the residual means
-    /// something only where that is positive.
+    /// The residual at interior nodes, zero on the frame, into `out`. Returns the smallest [`Law::admissible`]; the
+    /// residual means something only where that is positive.
     pub fn residual<T: Precision>(&self, u: &[T], out: &mut [T]) -> f64 {
         self.sweep([u], out, StressAt(self.law))
     }
@@ -148,8 +162,10 @@ impl<L: Law> Operator<'_, L> {
 
 /// What happens at a quadrature point: from the gradients of M fields to a stress.
 trait Point<const M: usize>: Copy {
-    /// Whether the smallest det f of the first field is wanted.
+    /// Whether [`Point::watched`] is wanted.
     const WATCHED: bool;
+    /// What has to stay positive at the gradient of the first field.
+    fn watched<V: Value>(self, gradient: Tensor<V>) -> V;
     fn stress<V: Value>(self, gradients: [Tensor<V>; M], active: V) -> Tensor<V>;
 }
 
@@ -176,6 +192,10 @@ impl<L> Copy for TangentAt<'_, L> {}
 impl<L: Law> Point<1> for StressAt<'_, L> {
     const WATCHED: bool = true;
     #[inline(always)]
+    fn watched<V: Value>(self, gradient: Tensor<V>) -> V {
+        self.0.admissible(gradient)
+    }
+    #[inline(always)]
     fn stress<V: Value>(self, [gradient]: [Tensor<V>; 1], active: V) -> Tensor<V> {
         self.0.stress(gradient, active)
     }
@@ -183,6 +203,10 @@ impl<L: Law> Point<1> for StressAt<'_, L> {
 
 impl<L: Law> Point<2> for TangentAt<'_, L> {
     const WATCHED: bool = false;
+    #[inline(always)]
+    fn watched<V: Value>(self, gradient: Tensor<V>) -> V {
+        gradient[0][0]
+    }
     #[inline(always)]
     fn stress<V: Value>(self, [gradient, change]: [Tensor<V>; 2], active: V) -> Tensor<V> {
         self.0.tangent(gradient, active, change)
@@ -222,7 +246,7 @@ impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize> W
                         *here = gradients[q];
                     }
                     if P::WATCHED {
-                        smallest = smallest.min(determinant(deformation(here[0])));
+                        smallest = smallest.min(self.point.watched(here[0]));
                     }
                     *stress = self.point.stress(here, active);
                 }
@@ -317,7 +341,7 @@ impl<E: Element<N>, L: Law, T: Precision, const N: usize> WithSimd for Survey<'_
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> Margins {
         let mut ellipticity = Wide::<S, T>::splat(simd, f64::INFINITY);
-        let mut convexity = ellipticity;
+        let (mut convexity, mut tension) = (ellipticity, ellipticity);
         for row in 0..self.mesh.elements() {
             for first in (0..self.mesh.elements()).step_by(T::lanes::<S>()) {
                 let nodal = gather::<E, S, T, N>(simd, self.mesh, self.u, first, row);
@@ -326,12 +350,16 @@ impl<E: Element<N>, L: Law, T: Precision, const N: usize> WithSimd for Survey<'_
                     let f = deformation(gradient);
                     ellipticity = ellipticity.min(self.law.ellipticity(f, active));
                     convexity = convexity.min(self.law.convexity(f, active));
+                    if L::WRINKLES {
+                        tension = tension.min(self.law.tension(f, active));
+                    }
                 }
             }
         }
         Margins {
             ellipticity: ellipticity.smallest(),
             convexity: convexity.smallest(),
+            tension: tension.smallest(),
         }
     }
 }

@@ -7,12 +7,12 @@ use crate::pattern::Pattern;
 use crate::scene::Scene;
 
 use super::adjoint;
-use super::continuation::{Ending, Loading, Problem};
+use super::continuation::{Ending, Loading, Loss, Problem};
 use super::effects::{Model, WithLaw, breakdown_ratio};
 use super::energy::Law;
 use super::mesh::{Mesh, Order};
 use super::newton::Workspace;
-use super::observable::cell_states;
+use super::observable::{CellState, Survey, states};
 use super::operator::{Activity, Operator};
 use super::precondition::Laplacian;
 
@@ -61,6 +61,29 @@ pub enum SetupError {
     /// The half-active membrane at rest, about which a response is linearised, is not stable.
     #[error("a half-active membrane is not stable at this voltage: there is no linear response")]
     Unstable,
+    /// The prestretch is beyond what the elastomer can be stretched.
+    #[error("at a prestretch of {prestretch} the elastomer is beyond its limiting stretch: its energy is infinite")]
+    LimitingStretch {
+        /// The prestretch.
+        prestretch: f64,
+    },
+    /// A term of Ogden's law that is none, or too many of them.
+    #[error(
+        "Ogden's law takes one to {} terms with exponents other than 0",
+        super::energy::MOST_TERMS
+    )]
+    OgdenTerms,
+    /// The fringe field reaches too far to be a matter of the edges of cells.
+    #[error(
+        "the fringe field reaches {reach_mm:.3} mm beyond the edge of an electrode, more than half a cell \
+         ({cell_mm:.3} mm): the membrane is too thick for its cells"
+    )]
+    FringeField {
+        /// How far the effective edge moves, in mm.
+        reach_mm: f64,
+        /// Side of a cell in mm.
+        cell_mm: f64,
+    },
     /// The eigenvectors of the preconditioner did not converge.
     #[error("the eigenvectors of the preconditioner could not be computed")]
     Eigenvectors,
@@ -150,10 +173,11 @@ impl MembraneSolver {
 
     /// The gradient of J = Σ weights · u, with u in mm at the cell corners, with respect to the activity of each of the
     /// 2500 cells, `[y][x]`, at a solution of [`MembraneSolver::solve`]. It is that of letting the activity of a cell vary
-    /// between 0 and 1. `None` when the solution is not a converged one of this pattern.
+    /// between 0 and 1. `None` when the solution is not a converged one, and
+    /// with wrinkling or a fringe field, where the energy is not linear in the activity of a cell.
     #[must_use]
     pub fn gradient(&self, pattern: &Pattern, solution: &MeshSolution, weights: &Field) -> Option<Vec<f64>> {
-        if !solution.outcome.is_converged() {
+        if !solution.outcome.is_converged() || !self.model.is_linear_in_cells() {
             return None;
         }
         let gradient = self.model.with(Gradient {
@@ -163,6 +187,38 @@ impl MembraneSolver {
             weights,
         })?;
         Some(gradient.iter().map(|g| g * self.element_side_mm()).collect())
+    }
+
+    /// The state of each cell, `[y][x]`, in a solution of this pattern.
+    #[must_use]
+    pub fn cell_states(&self, pattern: &Pattern, solution: &MeshSolution) -> Vec<CellState> {
+        states(&self.scene, &self.model, self.mesh, pattern, &solution.displacement)
+    }
+
+    /// The least favourable states of the cells in a solution of this pattern.
+    #[must_use]
+    pub fn survey(&self, pattern: &Pattern, solution: &MeshSolution) -> Survey {
+        self.survey_of(pattern, &solution.displacement)
+    }
+
+    /// Simulates patterns as [`Simulator::simulate`] does, and surveys the cells of those that converge.
+    #[must_use]
+    pub fn simulate_surveyed(&self, patterns: &[Pattern]) -> Vec<(Simulation, Option<Survey>)> {
+        let one = |room: &mut Room, pattern: &Pattern| {
+            let loading = self.load(pattern, room);
+            let simulation = self.simulation(pattern, &loading, room);
+            let converged = simulation.outcome.is_converged();
+            (
+                simulation,
+                converged.then(|| self.survey_of(pattern, &room.displacement)),
+            )
+        };
+        patterns.par_iter().map_init(|| self.room(), one).collect()
+    }
+
+    fn survey_of(&self, pattern: &Pattern, u: &[f64]) -> Survey {
+        let cells = states(&self.scene, &self.model, self.mesh, pattern, u);
+        Survey::of(&cells, self.scene.shear_modulus_pa())
     }
 
     /// Simulates one pattern, and says whether the stability of the result is beyond doubt: a pointwise condition that is
@@ -192,22 +248,21 @@ impl MembraneSolver {
     fn outcome(&self, ending: Ending) -> Outcome {
         match ending {
             Ending::Stable => Outcome::Converged,
-            Ending::Lost {
-                stable,
-                unstable,
-                ellipticity,
-            } => {
+            Ending::Lost { stable, unstable, loss } => {
                 let [last_stable, first_unstable] = [stable, unstable].map(|s| s.sqrt() * self.scene.voltage_v());
-                if ellipticity {
-                    Outcome::NotElliptic {
+                match loss {
+                    Loss::Stability => Outcome::PullIn {
                         last_stable,
                         first_unstable,
-                    }
-                } else {
-                    Outcome::PullIn {
+                    },
+                    Loss::Ellipticity => Outcome::NotElliptic {
                         last_stable,
                         first_unstable,
-                    }
+                    },
+                    Loss::Tension => Outcome::Slack {
+                        last_stable,
+                        first_unstable,
+                    },
                 }
             }
             Ending::Unknown => Outcome::IterationLimit,
@@ -236,7 +291,7 @@ impl MembraneSolver {
         let breakdown = scene.effects.dielectric_breakdown.as_ref();
         Observation {
             breakdown_ratio: breakdown.map(|law| {
-                let states = cell_states(scene, self.mesh, pattern, u);
+                let states = states(scene, &self.model, self.mesh, pattern, u);
                 breakdown_ratio(law, scene.thickness_mm(), &states)
             }),
         }

@@ -25,10 +25,14 @@ pub enum Stability {
     Unstable,
     /// Rank-one convexity is lost somewhere.
     NotElliptic,
+    /// A membrane that wrinkles has no tension left somewhere.
+    Slack,
 }
 
 /// A margin that rounding to single precision cannot have caused.
 const CLEAR: f64 = 1e-3;
+/// A compression that rounding can cause in a membrane that has no tension to begin with.
+const ROUNDING: f64 = 1e-9;
 
 /// Judges the equilibrium `u`.
 pub fn judge<L: Law>(
@@ -39,12 +43,15 @@ pub fn judge<L: Law>(
 ) -> Stability {
     // Nearly always single precision is enough to see that all is well.
     let quick = operator.margins(workspace.single(u));
-    if quick.ellipticity > CLEAR && quick.convexity > CLEAR {
+    if quick.ellipticity > CLEAR && quick.convexity > CLEAR && quick.tension > CLEAR {
         return Stability::Stable { pointwise: true };
     }
     let margins = operator.margins(u);
     if margins.ellipticity <= 0.0 {
         return Stability::NotElliptic;
+    }
+    if margins.tension < -ROUNDING {
+        return Stability::Slack;
     }
     if margins.convexity > 0.0 {
         return Stability::Stable { pointwise: true };

@@ -19,7 +19,7 @@ pub fn breakdown_ratio(law: &BreakdownLaw, thickness: f64, states: &[CellState])
 mod tests {
     use super::*;
     use crate::base::{Dimension, Quantity};
-    use crate::fem::{MembraneSolver, SolveOptions, cell_states};
+    use crate::fem::{MembraneSolver, SolveOptions};
     use crate::field::Simulator;
     use crate::pattern::Pattern;
     use crate::scene::{Effects, Scene};
@@ -34,13 +34,13 @@ mod tests {
         let scene = Scene::vhb4910();
         let all = Pattern::from_fn(|_, _| true);
         let solver = MembraneSolver::new(&scene, SolveOptions::default()).unwrap();
-        let states = cell_states(&scene, solver.mesh(), &all, &solver.solve(&all).displacement);
+        let states = solver.cell_states(&all, &solver.solve(&all));
         assert!((breakdown_ratio(&constant(47.25), 1.0, &states) - 1.0).abs() < 1e-12);
         // 51 · 3^0.63 MV/m
         let ratio = breakdown_ratio(&BreakdownLaw::Huang, 1.0, &states);
         assert!((ratio * 51.0 * 3.0_f64.powf(0.63) / 47.25 - 1.0).abs() < 1e-12);
         let bare = Pattern::from_fn(|_, _| false);
-        let states = cell_states(&scene, solver.mesh(), &bare, &solver.solve(&bare).displacement);
+        let states = solver.cell_states(&bare, &solver.solve(&bare));
         assert_eq!(breakdown_ratio(&constant(47.25), 1.0, &states), 0.0);
     }
 

@@ -1,17 +1,23 @@
 //! From a scene to the law of a point of its membrane.
 
-use crate::fem::energy::{Law, NeoHookean};
+use super::{Decaying, Fringe, Stiff, TensionField, stiffened};
+use crate::fem::energy::{Compound, Elasticity, Isotropic, Law, Neo, NeoHookean, Stiffening};
 use crate::fem::mesh::Mesh;
 use crate::fem::operator::Activity;
 use crate::fem::solver::SetupError;
 use crate::pattern::Pattern;
-use crate::scene::Scene;
+use crate::scene::{PermittivityDecay, Scene};
 
 /// The physics of a scene, ready for any pattern.
 #[derive(Clone, Debug)]
 pub struct Model {
     prestretch: f64,
     kappa: f64,
+    stiffening: Option<Stiffening>,
+    electrode: Option<Stiff>,
+    decay: Option<PermittivityDecay>,
+    fringe: Option<Fringe>,
+    wrinkles: bool,
 }
 
 /// Work that is the same under every law.
@@ -28,21 +34,66 @@ impl Model {
     /// # Errors
     /// When its effects cannot be simulated together, or not at its measures.
     pub fn new(scene: &Scene) -> Result<Self, SetupError> {
+        let effects = &scene.effects;
         Ok(Self {
             prestretch: scene.prestretch(),
             kappa: scene.kappa(),
+            stiffening: effects
+                .strain_stiffening
+                .as_ref()
+                .map(|s| stiffened(scene, s))
+                .transpose()?,
+            electrode: effects.electrode_stiffness.as_ref().map(|e| Stiff::new(scene, e)),
+            decay: effects.stretch_dependent_permittivity.clone(),
+            fringe: effects.fringe_field.then(|| Fringe::new(scene)).transpose()?,
+            wrinkles: effects.wrinkling,
         })
     }
 
-    /// Does work under the law of the scene.
+    /// Does work under the law of the scene. Here, and only here, the type of the law is put together.
     pub fn with<W: WithLaw>(&self, work: W) -> W::Output {
         let (prestretch, kappa) = (self.prestretch, self.kappa);
-        work.run(|share: f64| NeoHookean::new(prestretch, share * kappa))
+        match self.stiffening {
+            None if self.is_base_law() => work.run(|share: f64| NeoHookean::new(prestretch, share * kappa)),
+            None => self.with_elasticity(Neo::new(prestretch), work),
+            Some(elasticity) => self.with_elasticity(elasticity, work),
+        }
+    }
+
+    /// Whether effects leave the law at a point as it is.
+    fn is_base_law(&self) -> bool {
+        self.electrode.is_none() && self.decay.is_none() && !self.wrinkles
+    }
+
+    fn with_elasticity<M: Elasticity, W: WithLaw>(&self, elasticity: M, work: W) -> W::Output {
+        let (prestretch, kappa) = (self.prestretch, self.kappa);
+        let electrode = self.electrode.unwrap_or(Stiff { ratio: 0.0 });
+        let potential = |share: f64| {
+            let dielectric = match &self.decay {
+                None => Decaying::ideal(prestretch, share * kappa),
+                Some(decay) => Decaying::new(decay, prestretch, share * kappa),
+            };
+            Compound::new(prestretch, elasticity, dielectric, electrode)
+        };
+        if self.wrinkles {
+            work.run(|share: f64| Isotropic::new(TensionField::new(potential(share))))
+        } else {
+            work.run(|share: f64| Isotropic::new(potential(share)))
+        }
     }
 
     /// Where a pattern is active on a mesh.
     #[must_use]
     pub fn activity(&self, mesh: Mesh, pattern: &Pattern) -> Activity {
-        Activity::new(mesh, pattern)
+        match &self.fringe {
+            None => Activity::new(mesh, pattern),
+            Some(fringe) => fringe.activity(mesh, pattern),
+        }
+    }
+
+    /// Whether the energy is linear in the activity of each cell.
+    #[must_use]
+    pub fn is_linear_in_cells(&self) -> bool {
+        self.fringe.is_none() && !self.wrinkles
     }
 }

@@ -1,10 +1,33 @@
 //! Elastic and electric energy of a point of the membrane, one law per file.
+//!
+//! [`NeoHookean`] is the base model, and nothing else is compiled into its kernels. With effects the law is that of an
+//! [`Isotropic`] potential, put together of an elastomer, a dielectric and electrodes. A type of its own for every combination
+//! would make the program take five times as long to build, so a [`Compound`] carries what is off as a number that makes it
+//! vanish, and picks its elastic law by a branch that is the same at all points.
 
+mod arruda_boyce;
+mod compound;
+mod elasticity;
+mod first_invariant;
+mod gent;
+mod isotropic;
 mod neo_hookean;
+mod ogden;
+mod potential;
+mod yeoh;
 
+pub use arruda_boyce::arruda_boyce;
+pub use compound::Compound;
+pub use elasticity::{Elasticity, Neo, Stiffening, relief};
+pub use first_invariant::{FirstInvariant, Response};
+pub use gent::gent;
+pub use isotropic::Isotropic;
 pub use neo_hookean::NeoHookean;
+pub use ogden::{MOST_TERMS, Ogden};
+pub use potential::{Invariants, Potential, Rest, Slopes, slopes_apart};
+pub use yeoh::yeoh;
 
-use super::kinematics::Tensor;
+use super::kinematics::{Tensor, deformation, determinant};
 use super::lanes::Value;
 
 /// An energy density per area of the prestretched membrane, in units of μH, as a function of f = I + ∇u.
@@ -14,6 +37,8 @@ pub trait Law: Sync {
     /// Whether a pattern can have several stable equilibria at one load, as where the elastomer stiffens after a snap. The
     /// loading then takes care to stay on the branch that begins at rest.
     const SEVERAL_BRANCHES: bool = false;
+    /// Whether the membrane bears no compression, so that it can lose its tension.
+    const WRINKLES: bool = false;
 
     /// w(f).
     fn energy<V: Value>(&self, f: Tensor<V>, active: V) -> V;
@@ -22,6 +47,11 @@ pub trait Law: Sync {
     fn stress<V: Value>(&self, gradient: Tensor<V>, active: V) -> Tensor<V>;
     /// The derivative of `stress` along `df`.
     fn tangent<V: Value>(&self, gradient: Tensor<V>, active: V, df: Tensor<V>) -> Tensor<V>;
+    /// Positive where the energy is finite: an equilibrium is sought only there.
+    #[inline(always)]
+    fn admissible<V: Value>(&self, gradient: Tensor<V>) -> V {
+        determinant(deformation(gradient))
+    }
     /// A stress of the form αI + β cof f with uniform α and β: free of divergence whatever f, because the cofactor of a
     /// gradient is.
     fn self_stress(&self, f: Tensor<f64>) -> Tensor<f64>;
@@ -36,4 +66,10 @@ pub trait Law: Sync {
     /// A number that is positive where the tangent, shifted by a null Lagrangian, is positive definite at the point. If it
     /// is positive everywhere the equilibrium of a clamped membrane is certainly stable; the converse does not hold.
     fn convexity<V: Value>(&self, f: Tensor<V>, active: V) -> V;
+    /// The largest principal stress, as far as its sign matters: not negative while there is tension. Asked for only where
+    /// the membrane wrinkles.
+    #[inline(always)]
+    fn tension<V: Value>(&self, _f: Tensor<V>, active: V) -> V {
+        active.constant(1.0)
+    }
 }

@@ -2,8 +2,10 @@
 
 mod convergence;
 mod discrete;
+mod effects;
 mod invariance;
 mod known;
+mod laws;
 mod material;
 mod outcome;
 
@@ -13,7 +15,7 @@ use super::newton::norm;
 use super::operator::{Activity, Operator};
 use super::*;
 use crate::base::Stream;
-use crate::field::{Field, Outcome, Simulator};
+use crate::field::{CORNERS, Field, Outcome, Simulator};
 use crate::pattern::{CELLS, Pattern, Symmetry};
 use crate::scene::Scene;
 

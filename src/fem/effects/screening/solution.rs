@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::{Row, Verdict, known, open, voltage};
 use crate::fem::effects::breakdown::breakdown_ratio;
-use crate::fem::{MembraneSolver, Order, SetupError, SolveOptions, cell_states};
+use crate::fem::{MembraneSolver, Order, SetupError, SolveOptions, Survey, cell_states};
 use crate::pattern::Pattern;
 use crate::scene::effects::names;
 use crate::scene::{BreakdownLaw, Effects, Scene};
@@ -37,10 +37,11 @@ pub fn rows(scene: &Scene, patterns: &[(String, Pattern)]) -> Result<Vec<Row>, S
     let solver = MembraneSolver::new(scene, MESH)?;
     let top = (REACH * uniform_limit(scene)).max(scene.voltage_v());
     let search = MembraneSolver::new(&scene.at_voltage(top), MESH)?;
-    let found: Vec<Found> = patterns
+    let found: Result<Vec<Found>, SetupError> = patterns
         .par_iter()
         .map(|(_, pattern)| examine(scene, &solver, &search, pattern, &breakdown))
         .collect();
+    let found = found?;
     let names: Vec<&str> = patterns.iter().map(|(name, _)| name.as_str()).collect();
     Ok(vec![
         wrinkling(&names, &found),
@@ -82,21 +83,17 @@ fn examine(
     search: &MembraneSolver,
     pattern: &Pattern,
     breakdown: &BreakdownLaw,
-) -> Found {
+) -> Result<Found, SetupError> {
     let solution = solver.solve(pattern);
     // Where there is no stable state at the scene's voltage, the last one before speaks.
     let reached = solution.outcome.bracket().map(|[stable, _]| scene.at_voltage(stable));
     let scene = reached.as_ref().unwrap_or(scene);
-    let states = cell_states(scene, solver.mesh(), pattern, &solution.displacement);
-    let compression = |lowest: f64| -lowest / scene.shear_modulus_pa();
-    Found {
-        compression: states
-            .iter()
-            .map(|state| compression(state.stresses[1]))
-            .fold(f64::NEG_INFINITY, f64::max),
+    let states = cell_states(scene, solver.mesh(), pattern, &solution.displacement)?;
+    Ok(Found {
+        compression: -Survey::of(&states, scene.shear_modulus_pa()).smallest_stress,
         field: breakdown_ratio(breakdown, scene.thickness_mm(), &states),
         limit: search.solve(pattern).outcome.bracket().map(|[stable, _]| stable),
-    }
+    })
 }
 
 /// The pattern with the largest of some numbers, and that number.

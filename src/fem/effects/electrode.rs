@@ -1,0 +1,47 @@
+//! Electrode stiffness: a layer of neo-Hookean electrode on the prestretched membrane, free of stress there.
+//!
+//! A layer of shear modulus μₑ and thickness Hₑ adds μₑHₑ ½(i + j⁻² − 3) per prestretched area where the membrane is
+//! active; in units of μH that is χ = μₑHₑ/μH times ½(i + j⁻² − 3). (It is the composite membrane of, for instance,
+//! Bozlar et al., Appl. Phys. Lett. 101 (2012) 091907, with thin electrodes.) Without effect as χ → 0.
+
+use crate::fem::energy::{Invariants, Slopes, relief};
+use crate::fem::lanes::Value;
+use crate::scene::{Electrode, Scene};
+
+/// Electrodes that resist stretching, if χ is not zero.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stiff {
+    /// χ = μₑHₑ/μH.
+    pub ratio: f64,
+}
+
+impl Stiff {
+    /// The electrodes of a scene.
+    #[must_use]
+    pub fn new(scene: &Scene, electrode: &Electrode) -> Self {
+        let layer = electrode.shear_modulus.value() * electrode.thickness.value();
+        Self {
+            ratio: layer / (scene.shear_modulus_pa() * scene.thickness_mm()),
+        }
+    }
+
+    /// φ of an active point.
+    #[inline(always)]
+    pub fn energy<V: Value>(&self, at: &Invariants<V>) -> V {
+        let thinning = at.dilation * (at.area + at.area.constant(1.0)) * (at.inverse * at.inverse);
+        at.area.constant(0.5 * self.ratio) * (at.growth() - thinning)
+    }
+
+    /// The derivatives of φ of an active point.
+    #[inline(always)]
+    pub fn slopes<V: Value>(&self, at: &Invariants<V>) -> Slopes<V> {
+        let stiffness = at.area.constant(self.ratio);
+        let cubic = stiffness * at.inverse * (at.inverse * at.inverse);
+        Slopes {
+            // χ(1 − j⁻³): the layer is free of stress at rest.
+            pressure: cubic * relief(at),
+            i: stiffness,
+            ..Slopes::of_area(-cubic, at.area.constant(3.0) * at.inverse * cubic)
+        }
+    }
+}

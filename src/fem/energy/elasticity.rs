@@ -1,0 +1,120 @@
+//! The elastic part of an energy: neo-Hookean, or one of those that stiffen.
+
+use super::first_invariant::FirstInvariant;
+use super::ogden::Ogden;
+use super::potential::{Invariants, Rest, Slopes};
+use crate::fem::lanes::Value;
+
+/// An elastic energy per prestretched area, in units of μH.
+pub trait Elasticity: Sync + Copy {
+    /// Whether it stiffens, so that a membrane can be stable again after a snap.
+    const STIFFENS: bool;
+
+    /// φ.
+    fn energy<V: Value>(&self, at: &Invariants<V>) -> V;
+    /// The derivatives of φ.
+    fn slopes<V: Value>(&self, at: &Invariants<V>) -> Slopes<V>;
+    /// At rest.
+    fn rest(&self) -> Rest;
+    /// Positive where φ is finite.
+    #[inline(always)]
+    fn admissible<V: Value>(&self, at: &Invariants<V>) -> V {
+        at.area
+    }
+}
+
+/// ½(i + a j⁻² − 3/λp²): the elastic part of [`super::NeoHookean`], to be put together with effects.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Neo {
+    /// a = λp⁻⁶.
+    thickness: f64,
+}
+
+impl Neo {
+    /// At prestretch λp.
+    #[must_use]
+    pub fn new(prestretch: f64) -> Self {
+        Self {
+            thickness: prestretch.powi(-6),
+        }
+    }
+}
+
+impl Elasticity for Neo {
+    const STIFFENS: bool = false;
+
+    #[inline(always)]
+    fn energy<V: Value>(&self, at: &Invariants<V>) -> V {
+        let a = at.area.constant(self.thickness);
+        let rest = at.area.constant(2.0 - 3.0 * self.thickness.cbrt());
+        at.area.constant(0.5) * (at.growth() + rest + a * at.inverse * at.inverse)
+    }
+
+    #[inline(always)]
+    fn slopes<V: Value>(&self, at: &Invariants<V>) -> Slopes<V> {
+        let cubic = at.area.constant(self.thickness) * at.inverse * (at.inverse * at.inverse);
+        let first = cubic * relief(at);
+        Slopes {
+            i: at.area.constant(1.0),
+            ..Slopes::of_area(first, at.area.constant(3.0) * at.inverse * cubic)
+        }
+    }
+
+    fn rest(&self) -> Rest {
+        Rest {
+            i: 1.0,
+            j: -self.thickness,
+        }
+    }
+}
+
+/// j³ − 1 without cancellation.
+#[inline(always)]
+pub fn relief<V: Value>(at: &Invariants<V>) -> V {
+    let one = at.area.constant(1.0);
+    at.dilation * at.area.madd(at.area + one, one)
+}
+
+/// An elastic law that stiffens.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Stiffening {
+    /// Gent, Yeoh, Arruda–Boyce.
+    FirstInvariant(FirstInvariant),
+    /// Ogden.
+    Ogden(Ogden),
+}
+
+impl Elasticity for Stiffening {
+    const STIFFENS: bool = true;
+
+    #[inline(always)]
+    fn energy<V: Value>(&self, at: &Invariants<V>) -> V {
+        match self {
+            Self::FirstInvariant(law) => law.energy(at),
+            Self::Ogden(law) => law.energy(at),
+        }
+    }
+
+    #[inline(always)]
+    fn slopes<V: Value>(&self, at: &Invariants<V>) -> Slopes<V> {
+        match self {
+            Self::FirstInvariant(law) => law.slopes(at),
+            Self::Ogden(law) => law.slopes(at),
+        }
+    }
+
+    fn rest(&self) -> Rest {
+        match self {
+            Self::FirstInvariant(law) => law.rest(),
+            Self::Ogden(law) => law.rest(),
+        }
+    }
+
+    #[inline(always)]
+    fn admissible<V: Value>(&self, at: &Invariants<V>) -> V {
+        match self {
+            Self::FirstInvariant(law) => law.admissible(at),
+            Self::Ogden(_) => at.area,
+        }
+    }
+}

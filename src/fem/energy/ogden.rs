@@ -1,0 +1,236 @@
+//! Ogden's law in principal stretches (Proc. R. Soc. A 326 (1972) 565): W = Σ (μₚ/αₚ)(λ₁^αₚ + λ₂^αₚ + λ₃^αₚ − 3).
+//!
+//! The in-plane part of a term is a function of i and j that is smooth where the stretches are equal. With β = α/2,
+//! l₁ = √j e^ρ, l₂ = √j e^(−ρ) and c = cosh 2ρ = i/2j,
+//!
+//! ```text
+//! l₁^α + l₂^α = 2 j^β T(c),   T(c) = cosh(β arcosh c) = 1 + β²(c − 1) + β²(β² − 1)/6 (c − 1)² + …
+//! ```
+//!
+//! T is Chebyshev's polynomial with any degree β; its n-th derivative at 1 is Π (β² − k²)/(2k + 1), k < n (Abramowitz and
+//! Stegun, 22.14 and 15.4). The series is summed at an eighth of ρ, and T(c) = 2T(√((1 + c)/2))² − 1 doubles it three times;
+//! c − 1 = (l₁ − l₂)²/2j is known without cancellation, and neither root nor power of a stretch is taken. In that form
+//!
+//! ```text
+//! φᵢ = A j^(β−1) T′,  φⱼ = 2A j^(β−1)(βT − cT′),  φᵢᵢ = ½A j^(β−2) T″,
+//! φᵢⱼ = A j^(β−2)((β − 1)T′ − cT″),  φⱼⱼ = 2A j^(β−2)(β(β − 1)T − 2(β − 1)cT′ + c²T″)
+//! ```
+//!
+//! with A = (μₚ/μαₚ) λp^(α−2). The thickness adds B j^(−α), B = (μₚ/μαₚ) λp^(−2α−2). One power per term is all it takes.
+
+use super::potential::{Invariants, Rest, Slopes};
+use crate::fem::lanes::Value;
+use crate::fem::powers::power_minus_one;
+
+/// Terms of a law at most.
+pub const MOST_TERMS: usize = 3;
+/// Terms of the series of T. They suffice to rounding for stretch ratios up to 5 at |α| ≤ 5, and up to 2 at |α| ≤ 15.
+const SERIES: usize = 10;
+const DOUBLINGS: u32 = 3;
+
+/// The energy of one to three terms at a prestretch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ogden {
+    terms: [Term; MOST_TERMS],
+    count: usize,
+    undeformed: f64,
+}
+
+/// One term.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Term {
+    /// β = α/2.
+    beta: f64,
+    /// A.
+    plane: f64,
+    /// B.
+    thickness: f64,
+    /// The coefficients of T, from the first power of c − 1.
+    series: [f64; SERIES],
+}
+
+/// T − 1, T′, T′ − β² and T″, and c and c − 1.
+struct Chebyshev<V> {
+    rise: V,
+    first: V,
+    first_rise: V,
+    second: V,
+    argument: V,
+    excess: V,
+}
+
+impl Ogden {
+    /// The energy of terms (μₚ/μ, αₚ) at prestretch λp. Terms beyond [`MOST_TERMS`] are left out.
+    #[must_use]
+    pub fn new(terms: &[(f64, f64)], prestretch: f64) -> Self {
+        let mut law = Self {
+            terms: [Term::default(); MOST_TERMS],
+            count: terms.len().min(MOST_TERMS),
+            undeformed: terms
+                .iter()
+                .map(|(modulus, alpha)| 3.0 * modulus / alpha / (prestretch * prestretch))
+                .sum(),
+        };
+        for (term, &(modulus, alpha)) in law.terms.iter_mut().zip(terms) {
+            *term = Term::new(modulus, alpha, prestretch);
+        }
+        law
+    }
+}
+
+impl Term {
+    fn new(modulus: f64, alpha: f64, prestretch: f64) -> Self {
+        let beta = 0.5 * alpha;
+        let mut series = [0.0; SERIES];
+        let mut last = 1.0;
+        for (k, entry) in series.iter_mut().enumerate() {
+            let k = k as f64;
+            last *= (beta * beta - k * k) / ((2.0 * k + 1.0) * (k + 1.0));
+            *entry = last;
+        }
+        Self {
+            beta,
+            plane: modulus / alpha * prestretch.powf(alpha - 2.0),
+            thickness: modulus / alpha * prestretch.powf(-2.0 * alpha - 2.0),
+            series,
+        }
+    }
+
+    /// T at c, from c − 1.
+    #[inline(always)]
+    fn chebyshev<V: Value>(&self, excess: V) -> Chebyshev<V> {
+        let number = |value: f64| excess.constant(value);
+        let square = number(self.beta * self.beta);
+        // c of ρ/2, ρ/4 and ρ/8, and what they exceed 1 by.
+        let mut levels = [(excess, excess + number(1.0)); DOUBLINGS as usize + 1];
+        for level in 0..DOUBLINGS as usize {
+            let (above, argument) = levels[level];
+            let next = (number(0.5) * (argument + number(1.0))).sqrt();
+            levels[level + 1] = (number(0.5) * above * (next + number(1.0)).recip(), next);
+        }
+        let z = levels[DOUBLINGS as usize].0;
+        let (mut value, mut slope, mut curvature) = (number(0.0), number(0.0), number(0.0));
+        for at in (0..SERIES).rev() {
+            let n = (at + 1) as f64;
+            value = value.madd(z, number(self.series[at]));
+            if at > 0 {
+                slope = slope.madd(z, number(n * self.series[at]));
+                curvature = curvature.madd(z, number(n * (n - 1.0) * self.series[at]));
+            }
+        }
+        let mut t = Chebyshev {
+            rise: value * z,
+            first: slope.madd(z, square),
+            first_rise: slope * z,
+            second: curvature,
+            argument: levels[DOUBLINGS as usize].1,
+            excess: z,
+        };
+        for level in (0..DOUBLINGS as usize).rev() {
+            let (above, argument) = levels[level];
+            let inverse = t.argument.recip();
+            let whole = t.rise + number(1.0);
+            let first = whole * t.first * inverse;
+            let bend = (t.first.madd(t.first, whole * t.second) - first) * inverse;
+            t = Chebyshev {
+                rise: number(2.0) * t.rise * (t.rise + number(2.0)),
+                first_rise: (t.rise.madd(t.first, t.first_rise) - square * t.excess) * inverse,
+                first,
+                second: number(0.25) * bend * inverse,
+                argument,
+                excess: above,
+            };
+        }
+        t
+    }
+
+    #[inline(always)]
+    fn energy<V: Value>(&self, at: &Invariants<V>) -> V {
+        let number = |value: f64| at.area.constant(value);
+        let t = self.chebyshev(number(0.5) * at.shear * at.inverse);
+        let power = power_minus_one(at.dilation, self.beta) + number(1.0);
+        let plane = number(2.0 * self.plane) * power * (t.rise + number(1.0));
+        plane + number(self.thickness) * (power * power).recip()
+    }
+
+    #[inline(always)]
+    fn slopes<V: Value>(&self, at: &Invariants<V>) -> Slopes<V> {
+        let number = |value: f64| at.area.constant(value);
+        let t = self.chebyshev(number(0.5) * at.shear * at.inverse);
+        let (one, beta) = (number(1.0), number(self.beta));
+        let rise = power_minus_one(at.dilation, self.beta);
+        let power = rise + one;
+        // j^(β−1) − 1, j^(β−1) and j^(β−2).
+        let lower_rise = (rise - at.dilation) * at.inverse;
+        let lower = power * at.inverse;
+        let lowest = lower * at.inverse;
+        let (whole, c) = (t.rise + one, t.argument);
+        let plane = number(self.plane);
+        let i = number(2.0) * plane * lower * t.first;
+        let i_rise = number(2.0) * plane * lower_rise.madd(t.first, t.first_rise);
+        let bracket = beta * whole - c * t.first;
+        let bracket_rise = beta * t.rise - t.excess * t.first - t.first_rise;
+        let area = number(2.0) * plane * lower_rise.madd(bracket, bracket_rise);
+        // −αB(j^(−α−1) − 1) and its derivative.
+        let inverse_square = (power * power).recip();
+        let thin = number(2.0 * self.beta * self.thickness) * inverse_square * at.inverse;
+        let relief = (rise * (rise + number(2.0))).madd(at.area, at.dilation);
+        let first = thin.madd(relief, area);
+        let less = beta - one;
+        let double = c * t.first * less;
+        let stretch = c * c * t.second - (double + double);
+        let bend = (less * beta).madd(whole, stretch);
+        let scale = number(2.0) * plane * lowest;
+        Slopes {
+            pressure: i_rise + first,
+            i,
+            j: first,
+            ii: scale * t.second,
+            ij: scale * (less * t.first - c * t.second),
+            jj: scale.madd(bend, number(2.0 * self.beta + 1.0) * thin * at.inverse),
+        }
+    }
+
+    fn rest(&self) -> Rest {
+        Rest {
+            i: 2.0 * self.plane * self.beta * self.beta,
+            j: 2.0 * self.beta * (self.plane * (1.0 - self.beta) - self.thickness),
+        }
+    }
+}
+
+impl Ogden {
+    /// φ.
+    #[inline(always)]
+    pub fn energy<V: Value>(&self, at: &Invariants<V>) -> V {
+        let mut sum = at.area.constant(-self.undeformed);
+        for term in &self.terms[..self.count] {
+            sum = sum + term.energy(at);
+        }
+        sum
+    }
+
+    /// The derivatives of φ.
+    #[inline(always)]
+    pub fn slopes<V: Value>(&self, at: &Invariants<V>) -> Slopes<V> {
+        let mut sum = self.terms[0].slopes(at);
+        for term in &self.terms[1..self.count.max(1)] {
+            sum = sum + term.slopes(at);
+        }
+        sum
+    }
+
+    /// At rest.
+    #[must_use]
+    pub fn rest(&self) -> Rest {
+        let mut sum = Rest { i: 0.0, j: 0.0 };
+        for term in &self.terms {
+            let rest = term.rest();
+            sum = Rest {
+                i: sum.i + rest.i,
+                j: sum.j + rest.j,
+            };
+        }
+        sum
+    }
+}

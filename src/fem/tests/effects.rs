@@ -1,0 +1,312 @@
+//! Membranes with effects: closed forms, symmetry, the direction in which displacements change, and reasons to refuse.
+
+use super::laws::{PointWork, arruda_boyce, combinations, decay, electrode, gent, ogden, scene, with_law, yeoh};
+use super::*;
+use crate::scene::{Effects, PermittivityReference, Stiffening};
+
+fn stiffening(law: Stiffening) -> Effects {
+    Effects {
+        strain_stiffening: Some(law),
+        ..Effects::default()
+    }
+}
+
+fn wrinkling() -> Effects {
+    Effects {
+        wrinkling: true,
+        ..Effects::default()
+    }
+}
+
+/// One of each.
+fn single_effects() -> Vec<(&'static str, Effects)> {
+    vec![
+        ("gent", stiffening(gent(60.0))),
+        ("yeoh", stiffening(yeoh(0.0, 5.0))),
+        ("arruda-boyce", stiffening(arruda_boyce(4.0))),
+        ("ogden", stiffening(ogden(&[(40e3, 1.9), (50.0, 6.0), (-3e3, -2.0)]))),
+        (
+            "electrode",
+            Effects {
+                electrode_stiffness: Some(electrode(0.3)),
+                ..Effects::default()
+            },
+        ),
+        (
+            "permittivity",
+            Effects {
+                stretch_dependent_permittivity: Some(decay(0.2, PermittivityReference::Prestretched)),
+                ..Effects::default()
+            },
+        ),
+        (
+            "fringe",
+            Effects {
+                fringe_field: true,
+                ..Effects::default()
+            },
+        ),
+        ("wrinkling", wrinkling()),
+    ]
+}
+
+fn solve(scene: &Scene, pattern: &Pattern) -> MeshSolution {
+    solver(scene, 1).solve(pattern)
+}
+
+fn size(solution: &MeshSolution) -> f64 {
+    norm(&solution.displacement)
+}
+
+fn largest(solution: &MeshSolution) -> f64 {
+    solution.displacement.iter().map(|u| u.abs()).fold(0.0, f64::max)
+}
+
+#[test]
+fn each_effect_moves_the_membrane_the_way_it_should() {
+    let disc = Pattern::from_fn(|x, y| (x as f64 - 24.5).hypot(y as f64 - 24.5) < 8.0);
+    let base = solve(&scene(3.0, 5.25e3, Effects::default()), &disc);
+    for (name, effects) in single_effects() {
+        let solution = solve(&scene(3.0, 5.25e3, effects), &disc);
+        assert_eq!(solution.outcome, Outcome::Converged, "{name}");
+        assert!(solution.newton_iterations <= base.newton_iterations + 2, "{name}");
+        let ratio = size(&solution) / size(&base);
+        match name {
+            "fringe" => assert!(ratio > 1.001 && ratio < 1.05, "{name}: {ratio}"),
+            // Nothing wrinkles here.
+            "wrinkling" => assert!((ratio - 1.0).abs() < 1e-12, "{name}: {ratio}"),
+            _ => assert!(ratio > 0.3 && ratio < 0.97, "{name}: {ratio}"),
+        }
+    }
+}
+
+#[test]
+fn results_with_effects_follow_the_symmetries_of_the_square() {
+    let pattern = random(0);
+    for effects in combinations() {
+        let effects = Effects {
+            fringe_field: true,
+            ..effects
+        };
+        let solver = solver(&scene(3.0, 5.25e3, effects), 1);
+        let images: Vec<Pattern> = Symmetry::ALL.iter().map(|&g| pattern.transformed(g)).collect();
+        let results = solver.simulate(&images);
+        let field = results[0].field.clone().unwrap();
+        let upright = Symmetry::ALL
+            .iter()
+            .position(|&g| pattern.transformed(g) == pattern)
+            .unwrap();
+        assert_eq!(upright, 0);
+        for (g, image) in Symmetry::ALL.iter().zip(&results) {
+            let gap = image.field.as_ref().unwrap().rms_difference(&field.transformed(*g));
+            assert!(gap < 1e-9, "{gap:e}");
+        }
+    }
+}
+
+/// Nodal displacements of the half-active strip, affine in each half.
+fn strip(mesh: Mesh, e: f64) -> Vec<f64> {
+    let (last, degree) = (mesh.nodes() - 1, mesh.order().degree() as f64);
+    let mut u = vec![0.0; mesh.vector_len()];
+    for (row, column) in places(mesh) {
+        u[mesh.index(0, column, row)] = e * column.min(last - column) as f64 / degree;
+    }
+    u
+}
+
+fn bisect(rising: impl Fn(f64) -> f64) -> f64 {
+    let (mut low, mut high) = (0.0, 0.6);
+    for _ in 0..200 {
+        let middle = 0.5 * (low + high);
+        if rising(middle) < 0.0 {
+            low = middle
+        } else {
+            high = middle
+        }
+    }
+    low
+}
+
+/// ‖R‖ of the strip at e under the law of a scene.
+struct StripResidual(f64);
+
+impl PointWork for StripResidual {
+    type Output = f64;
+    fn run<L: Law>(self, law: &L) -> f64 {
+        let mesh = Mesh::new(1, Order::Biquadratic);
+        let activity = Activity::new(mesh, &half());
+        let operator = Operator {
+            mesh,
+            law,
+            activity: &activity,
+        };
+        let mut residual = vec![0.0; mesh.vector_len()];
+        operator.residual(&strip(mesh, self.0), &mut residual);
+        norm(&residual)
+    }
+}
+
+#[test]
+fn a_stiffening_strip_is_in_equilibrium_where_the_closed_form_says() {
+    // As H5, with 2ψ′/μ = m(I₁): m(I)(a − a⁻³/9) − 9κa = m(I′)(b − b⁻³/9), I = a² + 9 + 1/(9a²).
+    let scene = scene(3.0, 5e3, stiffening(gent(40.0)));
+    let kappa = scene.kappa();
+    let elastic = |a: f64| {
+        let m = 1.0 / (1.0 - (a * a + 6.0 + 1.0 / (9.0 * a * a)) / 40.0);
+        m * (a - a.powi(-3) / 9.0)
+    };
+    let gap = |e: f64| {
+        let (a, b) = (3.0 * (1.0 + e), 3.0 * (1.0 - e));
+        elastic(a) - 9.0 * kappa * a - elastic(b)
+    };
+    let e = bisect(gap);
+    assert!(e > 0.03 && e < 0.1156, "{e}");
+    assert!(with_law(&scene, StripResidual(e)) < 1e-11);
+    assert!(with_law(&scene, StripResidual(e * (1.0 + 1e-8))) > 1e-9);
+}
+
+#[test]
+fn a_wrinkled_strip_is_in_equilibrium_where_the_closed_form_says() {
+    // As H5 at λp = 1.2 with the tension field in the active half: P₁ = a − a⁻²s − κ/s, s = √(1 − κa²), but for the share that
+    // is left to the flat membrane; P₁₁ = b − b⁻³/λp² in the other half.
+    let share = crate::fem::effects::RESIDUAL;
+    let scene = scene(1.2, 20_797.0, wrinkling());
+    let kappa = scene.kappa();
+    let bare = |b: f64| b - b.powi(-3) / 1.44;
+    let flat = |a: f64| bare(a) - 1.44 * kappa * a;
+    let wrinkled = |a: f64| {
+        let s = (1.0 - kappa * a * a).max(1e-9).sqrt();
+        a - s / (a * a) - kappa / s
+    };
+    let halves = |e: f64| (1.2 * (1.0 + e), 1.2 * (1.0 - e));
+    let (mut low, mut high) = (0.15, 0.18);
+    for _ in 0..100 {
+        let middle = 0.5 * (low + high);
+        let (a, b) = halves(middle);
+        let gap = (1.0 - share) * wrinkled(a) + share * flat(a) - bare(b);
+        if gap < 0.0 { low = middle } else { high = middle }
+    }
+    let (a, b) = halves(low);
+    assert!(low > 0.16 && low < 0.17 && wrinkled(a) > 0.0 && flat(a) - bare(b) > 0.03);
+    assert!(with_law(&scene, StripResidual(low)) < 1e-11);
+    assert!(with_law(&scene, StripResidual(low * (1.0 + 1e-8))) > 1e-9);
+}
+
+#[test]
+fn a_uniform_active_membrane_goes_slack_at_its_critical_voltage() {
+    // H12: √κ = √(λ⁻² − λ⁻⁸) = 0.333104631191 at λ = 3, which is 10.9538 kV; at λ = 1.5 it is 0.636705, 20.937 kV.
+    let all = [Pattern::from_fn(|_, _| true)];
+    let outcome = |prestretch, voltage| solver(&scene(prestretch, voltage, wrinkling()), 1).simulate(&all)[0].outcome;
+    assert_eq!(outcome(3.0, 10_953.0), Outcome::Converged);
+    assert_eq!(outcome(3.0, 10_955.0).name(), "slack");
+    let critical = (1.5_f64.powi(-2) - 1.5_f64.powi(-8)).sqrt()
+        * 1e-3
+        * (45e3 / scene(1.5, 0.0, wrinkling()).permittivity()).sqrt();
+    assert_eq!(outcome(1.5, 0.9999 * critical), Outcome::Converged);
+    for voltage in [1.0001 * critical, 1.1 * critical, 1e6] {
+        let Outcome::Slack {
+            last_stable,
+            first_unstable,
+        } = outcome(1.5, voltage)
+        else {
+            panic!("{} at {voltage} V", outcome(1.5, voltage));
+        };
+        assert!(last_stable < critical && first_unstable > critical && first_unstable < 1.0011 * last_stable);
+    }
+}
+
+#[test]
+fn a_membrane_without_prestretch_and_voltage_is_not_slack() {
+    for effects in combinations() {
+        for pattern in [half(), random(2)] {
+            let result = solve(&scene(1.0, 0.0, effects.clone()), &pattern);
+            assert_eq!(result.outcome, Outcome::Converged);
+            assert_eq!(largest(&result), 0.0);
+        }
+    }
+}
+
+#[test]
+fn a_wrinkled_membrane_has_no_compression_and_is_softer() {
+    let disc = Pattern::from_fn(|x, y| (x as f64 - 24.5).hypot(y as f64 - 24.5) < 12.0);
+    for pattern in [half(), disc] {
+        for lp in [1.15, 1.2, 1.5] {
+            for voltage in [14e3, 16e3, 17e3, 18e3, 19e3, 20e3, 20.5e3, 21e3] {
+                for effects in [
+                    Effects::default(),
+                    wrinkling(),
+                    stiffening(gent(30.0)),
+                    Effects {
+                        wrinkling: true,
+                        ..stiffening(gent(30.0))
+                    },
+                ] {
+                    let solver = solver(&scene(lp, voltage, effects.clone()), 1);
+                    let start = std::time::Instant::now();
+                    let solution = solver.solve(&pattern);
+                    let time = start.elapsed().as_secs_f64();
+                    let survey = solver.survey(&pattern, &solution);
+                    println!(
+                        "{lp} {voltage} {} {} {} {} {} {time:.3} {} {} {}",
+                        effects.wrinkling,
+                        effects.strain_stiffening.is_some(),
+                        solution.outcome,
+                        solution.newton_iterations,
+                        solution.krylov_iterations,
+                        survey.smallest_stress,
+                        survey.wrinkled,
+                        survey.slack
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn surveys_tell_the_homogeneous_state() {
+    let scene = scene(3.0, 5e3, stiffening(gent(60.0)));
+    let solver = solver(&scene, 2);
+    let patterns = [Pattern::from_fn(|_, _| true), half()];
+    let together = solver.simulate_surveyed(&patterns);
+    let simulations: Vec<_> = together.iter().map(|(simulation, _)| simulation.clone()).collect();
+    assert_eq!(simulations, solver.simulate(&patterns));
+    let survey = together[0].1.unwrap();
+    let first = 18.0 + 1.0 / 81.0 - 3.0;
+    let modulus = 1.0 / (1.0 - first / 60.0);
+    let stress = modulus * (9.0 - 1.0 / 81.0) - 81.0 * scene.kappa();
+    assert!((survey.smallest_stress - stress).abs() < 1e-12);
+    assert!((survey.largest_strain - first).abs() < 1e-12);
+    assert!((survey.largest_field - 5e3 / 1e-3 * 9.0).abs() < 1e-6);
+    assert!(survey.areas.iter().all(|area| (area - 9.0).abs() < 1e-12));
+    assert_eq!((survey.wrinkled, survey.slack), (0.0, 0.0));
+    let other = solver.survey(&half(), &solver.solve(&half()));
+    assert_eq!(Some(other), together[1].1);
+    assert!(other.areas[0] < 9.0 && other.areas[1] > 9.0 && other.largest_strain > first);
+}
+
+#[test]
+fn gradients_are_given_where_the_energy_is_linear_in_the_activity() {
+    struct Linear;
+    impl PointWork for Linear {
+        type Output = bool;
+        fn run<L: Law>(self, law: &L) -> bool {
+            let gradient = [[0.12, 0.07], [-0.11, -0.17]];
+            let [bare, half, full] = [0.0, 0.5, 1.0].map(|active| law.stress(gradient, active));
+            let gap = |i: usize, k: usize| (0.5 * (bare[i][k] + full[i][k]) - half[i][k]).abs();
+            gap(0, 0).max(gap(0, 1)).max(gap(1, 0)).max(gap(1, 1)) < 1e-14
+        }
+    }
+    let weights = Field::from_values(
+        (0..CORNERS * CORNERS * 2)
+            .map(|i| f64::from(u8::from(i % 97 == 5)))
+            .collect(),
+    );
+    for (name, effects) in single_effects() {
+        let scene = scene(3.0, 5e3, effects);
+        assert!(with_law(&scene, Linear), "{name}");
+        let solver = solver(&scene, 1);
+        let gradient = solver.gradient(&half(), &solver.solve(&half()), weights.as_ref().unwrap());
+        assert_eq!(gradient.is_none(), ["fringe", "wrinkling"].contains(&name), "{name}");
+    }
+}

@@ -1,0 +1,448 @@
+//! Every law and combination of effects, at a point.
+
+use super::*;
+use crate::base::{Decimal, Dimension, Quantity};
+use crate::fem::effects::{Model, WithLaw};
+use crate::fem::kinematics::{Tensor, contract, deformation, determinant};
+use crate::scene::{Effects, Electrode, PermittivityDecay, PermittivityReference, Stiffening};
+
+const ENTRIES: [(usize, usize); 4] = [(0, 0), (0, 1), (1, 0), (1, 1)];
+
+pub fn decimal(value: f64) -> Decimal {
+    Decimal::from_f64(value).unwrap()
+}
+
+pub fn stress(value: f64) -> Quantity {
+    Quantity::from_f64(value, Dimension::Stress).unwrap()
+}
+
+pub fn gent(jm: f64) -> Stiffening {
+    Stiffening::Gent { jm: decimal(jm) }
+}
+
+pub fn yeoh(c2: f64, c3: f64) -> Stiffening {
+    Stiffening::Yeoh {
+        c2: stress(c2),
+        c3: stress(c3),
+    }
+}
+
+pub fn arruda_boyce(locking: f64) -> Stiffening {
+    Stiffening::ArrudaBoyce {
+        locking_stretch: decimal(locking),
+    }
+}
+
+pub fn ogden(terms: &[(f64, f64)]) -> Stiffening {
+    let number = |value| Quantity::from_f64(value, Dimension::Number).unwrap();
+    Stiffening::Ogden {
+        terms: terms.iter().map(|&(m, a)| (stress(m), number(a))).collect(),
+    }
+}
+
+pub fn electrode(ratio: f64) -> Electrode {
+    Electrode {
+        shear_modulus: stress(45e4 * ratio),
+        thickness: Quantity::from_f64(0.1, Dimension::Length).unwrap(),
+    }
+}
+
+pub fn decay(exponent: f64, reference: PermittivityReference) -> PermittivityDecay {
+    PermittivityDecay {
+        exponent: decimal(exponent),
+        reference,
+    }
+}
+
+/// 45 kPa, 1 mm, at a prestretch and a voltage in V.
+pub fn scene(prestretch: f64, voltage: f64, effects: Effects) -> Scene {
+    Scene {
+        effects,
+        ..Scene::with_values(50.0, 1.0, prestretch, 45e3, 4.7, voltage)
+    }
+}
+
+/// Elastic laws, without and with electrodes and decaying permittivity, without and with wrinkling.
+pub fn combinations() -> Vec<Effects> {
+    // Ogden's own three terms for rubber, scaled to 45 kPa.
+    let rubber = [(0.63e6, 1.3), (0.0012e6, 5.0), (-0.01e6, -2.0)].map(|(m, a)| (m * 45e3 / 0.4225e6, a));
+    let elastic = [
+        None,
+        Some(gent(60.0)),
+        Some(yeoh(-150.0, 4.0)),
+        Some(arruda_boyce(4.0)),
+        Some(ogden(&rubber)),
+    ];
+    let dressed = [false, true];
+    let all = elastic
+        .iter()
+        .flat_map(|e| dressed.map(|d| (e, d)))
+        .flat_map(|(e, d)| [false, true].map(|w| (e, d, w)));
+    all.map(|(elastic, dressed, wrinkling)| Effects {
+        strain_stiffening: elastic.clone(),
+        electrode_stiffness: dressed.then(|| electrode(0.3)),
+        stretch_dependent_permittivity: dressed.then(|| decay(0.4, PermittivityReference::Prestretched)),
+        wrinkling,
+        ..Effects::default()
+    })
+    .collect()
+}
+
+/// Does something with the law of a scene at full load.
+pub fn with_law<T>(scene: &Scene, work: impl PointWork<Output = T>) -> T {
+    struct AtFullLoad<W>(W);
+    impl<W: PointWork> WithLaw for AtFullLoad<W> {
+        type Output = W::Output;
+        fn run<L: Law, F: Fn(f64) -> L + Sync>(self, law: F) -> W::Output {
+            self.0.run(&law(1.0))
+        }
+    }
+    Model::new(scene).unwrap().with(AtFullLoad(work))
+}
+
+pub trait PointWork {
+    type Output;
+    fn run<L: Law>(self, law: &L) -> Self::Output;
+}
+
+/// p at a gradient.
+pub struct Piola(pub Tensor<f64>, pub f64);
+
+impl PointWork for Piola {
+    type Output = Tensor<f64>;
+    fn run<L: Law>(self, law: &L) -> Tensor<f64> {
+        let (stress, rest) = (law.stress(self.0, self.1), law.self_stress(deformation(self.0)));
+        std::array::from_fn(|i| std::array::from_fn(|k| stress[i][k] + rest[i][k]))
+    }
+}
+
+/// Energy, stress and tangent against each other at random gradients; returns how many points wrinkle.
+struct Derivatives {
+    active: f64,
+    size: f64,
+}
+
+impl PointWork for Derivatives {
+    type Output = usize;
+    fn run<L: Law>(self, law: &L) -> usize {
+        let mut stream = Stream::new(11, "law test", 0);
+        let mut wrinkled = 0;
+        for _ in 0..40 {
+            let mut entry = || stream.range(-self.size, self.size);
+            let gradient = [[entry(), entry()], [entry(), entry()]];
+            if determinant(deformation(gradient)) < 0.2 || law.admissible(gradient) < 0.05 {
+                continue;
+            }
+            let f = deformation(gradient);
+            let wrinkles = L::WRINKLES && law.tension(f, self.active) != 1.0;
+            // Without natural width there is no energy.
+            if wrinkles && law.ellipticity(f, self.active) <= 0.0 {
+                continue;
+            }
+            wrinkled += usize::from(wrinkles);
+            check_derivatives(law, gradient, self.active);
+        }
+        wrinkled
+    }
+}
+
+fn check_derivatives<L: Law>(law: &L, gradient: Tensor<f64>, active: f64) {
+    let step = 1e-5;
+    let nudged = |i: usize, k: usize, by: f64| {
+        let mut moved = gradient;
+        moved[i][k] += by;
+        moved
+    };
+    let rest = law.self_stress(deformation(gradient));
+    let stress = law.stress(gradient, active);
+    for (i, k) in ENTRIES {
+        let (up, down) = (nudged(i, k, step), nudged(i, k, -step));
+        let slope = (law.energy(deformation(up), active) - law.energy(deformation(down), active)) / (2.0 * step);
+        let piola = stress[i][k] + rest[i][k];
+        assert!(
+            (slope - piola).abs() < 1e-7 * (1.0 + piola.abs()),
+            "{gradient:?}: {slope} {piola}"
+        );
+        let mut direction = [[0.0; 2]; 2];
+        direction[i][k] = 1.0;
+        let tangent = law.tangent(gradient, active, direction);
+        let (p, m) = (law.stress(up, active), law.stress(down, active));
+        let size = contract(tangent, tangent).sqrt();
+        for (r, c) in ENTRIES {
+            let slope = (p[r][c] - m[r][c]) / (2.0 * step);
+            assert!(
+                (slope - tangent[r][c]).abs() < 3e-6 * (1.0 + size),
+                "{gradient:?}: {slope} {}",
+                tangent[r][c]
+            );
+        }
+    }
+}
+
+#[test]
+fn stress_and_tangent_are_derivatives_of_the_energy_in_every_combination() {
+    for effects in combinations() {
+        let mut wrinkled = 0;
+        for (prestretch, voltage) in [(1.3, 9e3), (3.0, 5.25e3), (3.0, 10e3)] {
+            for active in [0.0, 0.4, 1.0] {
+                let scene = scene(prestretch, voltage, effects.clone());
+                wrinkled += with_law(&scene, Derivatives { active, size: 0.35 });
+            }
+        }
+        assert_eq!(wrinkled > 0, effects.wrinkling);
+    }
+}
+
+#[test]
+fn only_the_voltage_stresses_an_undisplaced_membrane() {
+    for effects in combinations() {
+        let scene = scene(2.0, 5e3, effects);
+        struct AtRest;
+        impl PointWork for AtRest {
+            type Output = ();
+            fn run<L: Law>(self, law: &L) {
+                let (bare, active) = (law.stress([[0.0; 2]; 2], 0.0), law.stress([[0.0; 2]; 2], 1.0));
+                assert!(contract(bare, bare) < 1e-30);
+                for (i, k) in ENTRIES {
+                    let expected = if i == k { -law.load() } else { 0.0 };
+                    assert!((active[i][k] - expected).abs() < 1e-15);
+                }
+            }
+        }
+        with_law(&scene, AtRest);
+    }
+}
+
+/// The largest difference between the laws of two scenes, in stress and tangent, at some gradients and both activities.
+fn law_gap(one: &Scene, other: &Scene) -> f64 {
+    struct Samples;
+    impl PointWork for Samples {
+        type Output = Vec<f64>;
+        fn run<L: Law>(self, law: &L) -> Vec<f64> {
+            let mut values = Vec::new();
+            for (gradient, active) in [[[0.12, 0.07], [-0.11, -0.07]], [[0.0; 2]; 2], [[0.2, 0.0], [0.1, 0.2]]]
+                .into_iter()
+                .flat_map(|g| [0.0, 1.0].map(|s| (g, s)))
+            {
+                let stress = law.stress(gradient, active);
+                let tangent = law.tangent(gradient, active, [[0.3, -0.2], [0.5, 0.7]]);
+                values.extend(stress.iter().chain(&tangent).flatten());
+                values.push(law.ellipticity(deformation(gradient), active));
+            }
+            values
+        }
+    }
+    let (a, b) = (with_law(one, Samples), with_law(other, Samples));
+    a.iter().zip(&b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+}
+
+#[test]
+fn every_effect_reduces_to_the_base_model() {
+    let base = scene(3.0, 5.25e3, Effects::default());
+    let stiffened = |stiffening| {
+        let effects = Effects {
+            strain_stiffening: Some(stiffening),
+            ..Effects::default()
+        };
+        law_gap(&base, &scene(3.0, 5.25e3, effects))
+    };
+    // Exactly the base law, and laws that approach it as a parameter grows.
+    assert!(stiffened(yeoh(0.0, 0.0)) < 1e-14);
+    assert!(stiffened(ogden(&[(45e3, 2.0)])) < 1e-13);
+    for limit in [1e4, 1e6] {
+        let gap = stiffened(gent(limit));
+        assert!(gap > 1.0 / limit && gap < 100.0 / limit, "{gap:e}");
+        let gap = stiffened(arruda_boyce(limit.sqrt()));
+        assert!(gap > 0.1 / limit && gap < 100.0 / limit, "{gap:e}");
+    }
+    let with = |effects| law_gap(&base, &scene(3.0, 5.25e3, effects));
+    for reference in [PermittivityReference::Prestretched, PermittivityReference::Undeformed] {
+        let gap = |exponent: f64| {
+            with(Effects {
+                stretch_dependent_permittivity: Some(decay(exponent, reference)),
+                ..Effects::default()
+            })
+        };
+        assert!(gap(0.0) < 1e-14 && gap(1e-6) > 1e-8 && gap(1e-6) < 1e-5);
+    }
+    let coated = |ratio: f64| {
+        with(Effects {
+            electrode_stiffness: Some(electrode(ratio)),
+            ..Effects::default()
+        })
+    };
+    assert!(coated(0.0) < 1e-14 && coated(1e-6) > 1e-7 && coated(1e-6) < 1e-5);
+    // Nothing wrinkles at these gradients.
+    assert!(
+        with(Effects {
+            wrinkling: true,
+            ..Effects::default()
+        }) < 1e-14
+    );
+}
+
+#[test]
+fn a_permittivity_counted_from_the_undeformed_state_is_smaller_by_the_prestretch() {
+    let at = |voltage, reference| {
+        let effects = Effects {
+            stretch_dependent_permittivity: Some(decay(0.3, reference)),
+            ..Effects::default()
+        };
+        scene(3.0, voltage, effects)
+    };
+    let equal = at(5e3 * 3f64.powf(0.3), PermittivityReference::Undeformed);
+    assert!(law_gap(&at(5e3, PermittivityReference::Prestretched), &equal) < 1e-13);
+}
+
+#[test]
+fn what_cannot_be_stretched_so_far_is_refused() {
+    // I₁ − 3 = 15.0123 and I₁/3 = 6.004 at λp = 3.
+    let refusal = |stiffening| {
+        let effects = Effects {
+            strain_stiffening: Some(stiffening),
+            ..Effects::default()
+        };
+        Model::new(&scene(3.0, 1e3, effects)).err()
+    };
+    let limit = SetupError::LimitingStretch { prestretch: 3.0 };
+    assert_eq!(refusal(gent(15.01)), Some(limit.clone()));
+    assert_eq!(refusal(gent(15.02)), None);
+    assert_eq!(refusal(arruda_boyce(2.45)), Some(limit));
+    assert_eq!(refusal(arruda_boyce(2.46)), None);
+    assert_eq!(refusal(ogden(&[])), Some(SetupError::OgdenTerms));
+    assert_eq!(refusal(ogden(&[(1e3, 0.0)])), Some(SetupError::OgdenTerms));
+}
+
+#[test]
+fn a_state_beyond_the_limiting_stretch_is_not_admissible() {
+    struct Admissible(Tensor<f64>);
+    impl PointWork for Admissible {
+        type Output = bool;
+        fn run<L: Law>(self, law: &L) -> bool {
+            law.admissible(self.0) > 0.0
+        }
+    }
+    let effects = Effects {
+        strain_stiffening: Some(gent(20.0)),
+        ..Effects::default()
+    };
+    let scene = scene(3.0, 1e3, effects);
+    // I₁ − 3 = 20 at equal stretches of 3.3911.
+    for (stretch, inside) in [(3.38, true), (3.40, false)] {
+        let strain = stretch / 3.0 - 1.0;
+        assert_eq!(with_law(&scene, Admissible([[strain, 0.0], [0.0, strain]])), inside);
+    }
+}
+
+/// The nominal field √κ of a free membrane at an equal stretch, from the law's own stress, which is linear in κ.
+fn free_field(stiffening: &Stiffening, stretch: f64) -> f64 {
+    let at = |voltage: f64| {
+        let effects = Effects {
+            strain_stiffening: Some(stiffening.clone()),
+            ..Effects::default()
+        };
+        let scene = scene(1.0, voltage, effects);
+        let strain = stretch - 1.0;
+        (
+            with_law(&scene, Piola([[strain, 0.0], [0.0, strain]], 1.0))[0][0],
+            scene.kappa(),
+        )
+    };
+    let ((without, _), (with, kappa)) = (at(0.0), at(1e4));
+    (without * kappa / (without - with)).sqrt()
+}
+
+#[test]
+fn a_free_gent_membrane_snaps_and_rests_where_the_closed_form_says() {
+    // H4: √κ = √((λ⁻² − λ⁻⁸)/(1 − (2λ² + λ⁻⁴ − 3)/Jm)): peak λ and √κ, then valley λ and √κ.
+    for (jm, peak, peak_field, valley, valley_field) in [
+        (70.0, 1.265556012, 0.6902412159, 4.271562147, 0.3241554142),
+        (100.0, 1.263804444, 0.689363222, 5.074259959, 0.2746005535),
+        (125.0, 1.263005632, 0.6889580179, 5.656746332, 0.2470510571),
+    ] {
+        let field = |stretch: f64| free_field(&gent(jm), stretch);
+        for (stretch, expected, sign) in [(peak, peak_field, 1.0), (valley, valley_field, -1.0)] {
+            assert!(
+                (field(stretch) / expected - 1.0).abs() < 1e-8,
+                "{jm}: {}",
+                field(stretch)
+            );
+            let slope = |at: f64| sign * (field(at + 1e-5) - field(at - 1e-5));
+            let (mut low, mut high) = (stretch - 0.1, stretch + 0.1);
+            for _ in 0..40 {
+                let middle = 0.5 * (low + high);
+                if slope(middle) > 0.0 {
+                    low = middle
+                } else {
+                    high = middle
+                }
+            }
+            assert!((low / stretch - 1.0).abs() < 1e-8, "{jm}: {low} {stretch}");
+        }
+    }
+}
+
+#[test]
+fn arruda_and_boyces_response_is_the_inverse_langevin_function() {
+    // 2ψ′/μ = 𝓛⁻¹(y)/3y with y² = I₁/3λL²: in uniaxial tension σ/μ = m (λ² − 1/λ), here at λp = 1 without voltage.
+    let locking = 3.0;
+    for stretch in [1.2_f64, 2.0, 3.0, 4.5] {
+        let effects = Effects {
+            strain_stiffening: Some(arruda_boyce(locking)),
+            ..Effects::default()
+        };
+        let width = stretch.powf(-0.5);
+        let gradient = [[stretch - 1.0, 0.0], [0.0, width - 1.0]];
+        let p = with_law(&scene(1.0, 0.0, effects), Piola(gradient, 0.0));
+        assert!(p[1][1].abs() < 1e-14);
+        let found = p[0][0] * stretch / (stretch * stretch - 1.0 / stretch);
+        let y = ((stretch * stretch + 2.0 / stretch) / (3.0 * locking * locking)).sqrt();
+        let (mut low, mut high) = (1e-9, 1e6);
+        for _ in 0..200 {
+            let x: f64 = 0.5 * (low + high);
+            if 1.0 / x.tanh() - 1.0 / x < y {
+                low = x
+            } else {
+                high = x
+            }
+        }
+        assert!((found / (low / (3.0 * y)) - 1.0).abs() < 3e-3, "{stretch}: {found}");
+    }
+}
+
+#[test]
+fn ogdens_energy_is_the_sum_of_powers_at_equal_and_unequal_stretches() {
+    let terms = [(40e3, 1.3), (300.0, 5.0), (-2e3, -2.0)];
+    let effects = Effects {
+        strain_stiffening: Some(ogden(&terms)),
+        ..Effects::default()
+    };
+    struct Energy(Tensor<f64>);
+    impl PointWork for Energy {
+        type Output = f64;
+        fn run<L: Law>(self, law: &L) -> f64 {
+            law.energy(self.0, 0.0)
+        }
+    }
+    for prestretch in [1.0, 3.0] {
+        for (a, b) in [(1.1, 1.1), (1.1, 1.1 + 1e-7), (0.8, 1.2), (1.5, 0.5), (2.0, 0.4)] {
+            let third = 1.0 / (prestretch * prestretch * a * b);
+            let sum = |alpha: f64| {
+                let power = |s: f64| s.powf(alpha);
+                power(prestretch * a) + power(prestretch * b) + power(third) - 3.0
+            };
+            let exact: f64 = terms.iter().map(|(m, alpha)| m / 45e3 / alpha * sum(*alpha)).sum();
+            // Principal stretches a and b under some rotation and on some axes.
+            let turn = |angle: f64| [[angle.cos(), -angle.sin()], [angle.sin(), angle.cos()]];
+            let product = |p: Tensor<f64>, q: Tensor<f64>| -> Tensor<f64> {
+                std::array::from_fn(|i| std::array::from_fn(|k| p[i][0] * q[0][k] + p[i][1] * q[1][k]))
+            };
+            let f = product(turn(0.4), product([[a, 0.0], [0.0, b]], turn(-1.1)));
+            let found = with_law(&scene(prestretch, 0.0, effects.clone()), Energy(f)) * prestretch * prestretch;
+            assert!(
+                (found - exact).abs() < 1e-13 * (1.0 + exact.abs()),
+                "{a} {b}: {found} {exact}"
+            );
+        }
+    }
+}
