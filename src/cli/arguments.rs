@@ -237,6 +237,13 @@ pub struct SolveArguments {
     /// Relative residual at which an equilibrium is accepted
     #[arg(long, value_name = "R", default_value_t = 1e-8, value_parser = tolerance)]
     pub tolerance: f64,
+    /// Write stretches, field, stresses and tension of every cell too
+    #[arg(long, conflicts_with_all = ["accuracy", "path"])]
+    pub cells: bool,
+    /// Follow each pattern from rest past the voltage at which it loses stability, whatever the voltage of the scene;
+    /// OUT.csv and OUT.png are written beside OUT.h5
+    #[arg(long, conflicts_with = "accuracy")]
+    pub path: bool,
 }
 
 #[derive(Debug, Args)]

@@ -9,6 +9,7 @@ mod fsck;
 mod gc;
 mod locate;
 mod output;
+mod path;
 mod pin;
 mod plan;
 mod predict;

@@ -9,7 +9,7 @@ use super::arguments::{PatternArguments, SolveArguments};
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::progress::Bar;
-use super::table;
+use super::{path, table};
 use crate::orchestrator::Environment;
 use crate::stage::direct::{self, Answer, MeshRequest, SolveRequest};
 use crate::store::{Provenance, write_file};
@@ -17,6 +17,9 @@ use crate::store::{Provenance, write_file};
 pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliError> {
     let scene = arguments.scene.display().to_string();
     check_output(&arguments.patterns, &scene)?;
+    if arguments.path {
+        return path::execute(arguments, &scene, output);
+    }
     let patterns = direct::patterns(&arguments.patterns.patterns)?;
     let (elements_per_cell, order) = (arguments.elements_per_cell, arguments.order);
     let mesh = match &arguments.accuracy {
@@ -29,6 +32,7 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
     let request = SolveRequest {
         mesh,
         tolerance: arguments.tolerance,
+        cells: arguments.cells,
     };
     let (bar, start) = (Bar::new("solve", "patterns", patterns.len() as u64), Instant::now());
     let answer = direct::solve(&arguments.scene, &patterns, &request, &bar)?;
@@ -48,7 +52,11 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
 /// What cannot be written, or must not be, has to be known before hours of work, not after. `other` is the scene or the
 /// model.
 pub fn check_output(arguments: &PatternArguments, other: &str) -> Result<(), CliError> {
-    let path = &arguments.output;
+    check_file(&arguments.output, arguments, other)
+}
+
+/// The same for a file that is written beside the one that `-o` names.
+pub fn check_file(path: &Path, arguments: &PatternArguments, other: &str) -> Result<(), CliError> {
     let shown = path.display();
     let folder = path
         .parent()
@@ -107,6 +115,10 @@ pub fn conclude(
             .missed
             .iter()
             .map(|(index, error)| json!({ "index": index, "discretisation_error": error }));
+        let wrinkled = answer
+            .wrinkled
+            .iter()
+            .map(|(index, fraction)| json!({ "index": index, "wrinkled_fraction": fraction }));
         output.document(&json!({
             "file": arguments.output,
             "samples": n,
@@ -114,6 +126,7 @@ pub fn conclude(
             "unstable_samples": outcomes.collect::<Vec<_>>(),
             "accuracy_missed": missed.collect::<Vec<_>>(),
             "warnings": answer.warnings,
+            "wrinkled": wrinkled.collect::<Vec<_>>(),
             "seconds": seconds,
         }))?;
     } else {
@@ -132,12 +145,20 @@ pub fn conclude(
             )
         }));
         lines.extend(answer.warnings.iter().map(|warning| format!("warning: {warning}")));
+        let wrinkled = answer.wrinkled.iter();
+        lines.extend(wrinkled.map(|(index, fraction)| {
+            format!(
+                "pattern {index}: {:.1} % of the membrane would wrinkle",
+                100.0 * fraction
+            )
+        }));
         output.text(&lines.join("\n"))?;
     }
     Ok(if unstable > 0 { Exit::Unstable } else { Exit::Done })
 }
 
-fn provenance(kind: &str, parameters: String, seconds: f64) -> Provenance {
+/// Who made a file, when and how.
+pub fn provenance(kind: &str, parameters: String, seconds: f64) -> Provenance {
     let environment = Environment::system();
     Provenance {
         created: environment.now(),

@@ -9,7 +9,7 @@ use super::mesh::Mesh;
 use super::newton::{self, Trouble, Workspace};
 use super::operator::{Activity, Operator};
 use super::precondition::Laplacian;
-use super::stability::{Stability, judge};
+use super::stability::{Stability, judge, same_basin};
 
 /// How the loading ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,8 +62,29 @@ enum Refusal {
 
 /// Relative width of the bracket in load: one part in a thousand of voltage.
 const BRACKET: f64 = 2e-3;
+/// Prestress, in units of μλp², that is none.
+const LOOSE: f64 = 1e-9;
 /// Load steps before the loading is given up.
 const MAX_LOAD_STEPS: u32 = 200;
+
+/// Where loading begins and ends, as shares of the full load.
+#[derive(Clone, Copy, Debug)]
+pub struct Climb {
+    /// The share of the state that it begins with.
+    pub from: f64,
+    /// The share that is wanted.
+    pub to: f64,
+    /// The first step.
+    pub step: f64,
+}
+
+impl Climb {
+    const FROM_REST: Self = Self {
+        from: 0.0,
+        to: 1.0,
+        step: 1.0,
+    };
+}
 
 /// One membrane under a load that can be scaled.
 pub struct Problem<'a, F> {
@@ -83,30 +104,40 @@ impl<L: Law, F: Fn(f64) -> L> Problem<'_, F> {
     /// Moves `u`, whatever it was, from rest to the full load, or to the last stable state on the way there.
     pub fn load(&self, u: &mut [f64], workspace: &mut Workspace) -> Loading {
         u.fill(0.0);
+        self.climb(Climb::FROM_REST, u, workspace)
+    }
+
+    /// Moves `u` on from a stable state, to a higher load or to the last stable state on the way there.
+    pub fn climb(&self, climb: Climb, u: &mut [f64], workspace: &mut Workspace) -> Loading {
         let mut total = Loading {
             ending: Ending::Unknown,
             steps: 0,
             residual: 0.0,
             pointwise: false,
         };
-        let (mut stable, mut step) = (0.0, 1.0);
-        let mut reached: Option<Vec<f64>> = None;
+        let (mut stable, mut step) = (climb.from, climb.step.min(climb.to - climb.from));
+        let mut reached: Option<Vec<f64>> = (climb.from > 0.0).then(|| u.to_vec());
         for _ in 0..MAX_LOAD_STEPS {
             let share: f64 = stable + step;
-            match self.attempt(share, u, workspace, &mut total) {
-                Ok(()) if share >= 1.0 => {
+            match self.attempt(share, reached.as_deref(), u, workspace, &mut total) {
+                Ok(()) if share >= climb.to => {
                     total.ending = Ending::Stable;
                     return total;
                 }
                 Ok(()) => {
                     reached.get_or_insert_with(|| vec![0.0; u.len()]).copy_from_slice(u);
                     stable = share;
-                    step = (1.5 * step).min(1.0 - stable);
+                    step = (1.5 * step).min(climb.to - stable);
                 }
                 Err(refusal) => {
                     match &reached {
                         Some(reached) => u.copy_from_slice(reached),
                         None => u.fill(0.0),
+                    }
+                    if stable == 0.0 && refusal != Refusal::Limit && self.is_loose_at_rest() {
+                        let loss = Loss::Tension;
+                        total.ending = ending(Refusal::Lost(loss), stable, share);
+                        return total;
                     }
                     if step <= BRACKET * share {
                         total.ending = ending(refusal, stable, share);
@@ -117,6 +148,13 @@ impl<L: Law, F: Fn(f64) -> L> Problem<'_, F> {
             }
         }
         total
+    }
+
+    /// Whether the membrane bears no compression and has no prestress to lose: then any load that moves it takes all tension
+    /// from somewhere, and there is no first stable state to look for.
+    fn is_loose_at_rest(&self) -> bool {
+        let identity = [[1.0, 0.0], [0.0, 1.0]];
+        L::WRINKLES && (self.law)(0.0).self_stress(identity)[0][0].abs() < LOOSE
     }
 
     /// The largest step worth a try from rest; huge voltages come down to it at once.
@@ -132,6 +170,7 @@ impl<L: Law, F: Fn(f64) -> L> Problem<'_, F> {
     fn attempt(
         &self,
         share: f64,
+        before: Option<&[f64]>,
         u: &mut [f64],
         workspace: &mut Workspace,
         total: &mut Loading,
@@ -149,6 +188,9 @@ impl<L: Law, F: Fn(f64) -> L> Problem<'_, F> {
         match result {
             Ok(_) => match judge(&operator, self.laplacian, u, workspace) {
                 Stability::Stable { pointwise } => {
+                    if L::SEVERAL_BRANCHES && !same_basin(&operator, self.laplacian, before, u, workspace) {
+                        return Err(Refusal::Lost(Loss::Stability));
+                    }
                     total.pointwise = pointwise;
                     Ok(())
                 }

@@ -1,5 +1,7 @@
 //! The assembled tangent, factorised: the robust path beside conjugate gradients, and the judge of stability.
 
+use std::sync::Arc;
+
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::ldlt::factor::LdltRegularization;
 use faer::sparse::linalg::cholesky::supernodal::SupernodalLdltRef;
@@ -7,7 +9,7 @@ use faer::sparse::linalg::cholesky::{
     CholeskySymbolicParams, LdltRef, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
     factorize_symbolic_cholesky,
 };
-use faer::sparse::{SparseColMat, Triplet};
+use faer::sparse::{Argsort, Pair, SparseColMat, SymbolicSparseColMat};
 use faer::{Conj, MatMut, Par, Side};
 
 use super::element::{Bilinear, Biquadratic, Element};
@@ -15,32 +17,55 @@ use super::energy::Law;
 use super::mesh::{Mesh, Order};
 use super::operator::Operator;
 
-/// LDLᵀ of the tangent at the interior nodes, in a fill-reducing order.
-pub struct Factorisation {
+/// Where the entries of the tangent stand, and an order of the unknowns in which its factors stay sparse: the same for all
+/// tangents of a mesh.
+pub struct Structure {
     mesh: Mesh,
+    matrix: SymbolicSparseColMat<usize>,
+    /// From the order of assembly to that of the matrix.
+    sorting: Argsort<usize>,
     symbolic: SymbolicCholesky<usize>,
-    values: Vec<f64>,
 }
 
-impl Factorisation {
-    /// The tangent at `u`; `None` when a pivot is exactly zero or memory is short.
-    pub fn new<L: Law>(operator: &Operator<'_, L>, u: &[f64]) -> Option<Self> {
-        let mesh = operator.mesh;
-        let matrix = match mesh.order() {
-            Order::Bilinear => assemble::<Bilinear, L, 4>(operator, u)?,
-            Order::Biquadratic => assemble::<Biquadratic, L, 9>(operator, u)?,
-        };
+impl Structure {
+    /// The structure of a mesh; `None` when memory is short.
+    pub fn new(mesh: Mesh) -> Option<Arc<Self>> {
+        let mut pairs = Vec::new();
+        let mut collect = |i: usize, k: usize| pairs.push(Pair::new(i, k));
+        match mesh.order() {
+            Order::Bilinear => for_each_entry::<4>(mesh, |_, rows, k| rows.for_each(|(_, i)| collect(i, k))),
+            Order::Biquadratic => for_each_entry::<9>(mesh, |_, rows, k| rows.for_each(|(_, i)| collect(i, k))),
+        }
+        let count = 2 * (mesh.nodes() - 2).pow(2);
+        let (matrix, sorting) = SymbolicSparseColMat::try_new_from_indices(count, count, &pairs).ok()?;
         let symbolic = factorize_symbolic_cholesky(
-            matrix.symbolic(),
+            matrix.as_ref(),
             Side::Lower,
             SymmetricOrdering::Amd,
             CholeskySymbolicParams::default(),
         )
         .ok()?;
-        let mut values = vec![0.0; symbolic.len_val()];
-        let need = symbolic.factorize_numeric_ldlt_scratch::<f64>(Par::Seq, Default::default());
+        Some(Arc::new(Self {
+            mesh,
+            matrix,
+            sorting,
+            symbolic,
+        }))
+    }
+
+    /// The factors of the tangent at `u`; `None` when a pivot is exactly zero or memory is short.
+    pub fn factorise<L: Law>(self: &Arc<Self>, operator: &Operator<'_, L>, u: &[f64]) -> Option<Factorisation> {
+        let entries = match self.mesh.order() {
+            Order::Bilinear => assemble::<Bilinear, L, 4>(operator, u),
+            Order::Biquadratic => assemble::<Biquadratic, L, 9>(operator, u),
+        };
+        let matrix = SparseColMat::new_from_argsort(self.matrix.clone(), &self.sorting, &entries).ok()?;
+        let mut values = vec![0.0; self.symbolic.len_val()];
+        let need = self
+            .symbolic
+            .factorize_numeric_ldlt_scratch::<f64>(Par::Seq, Default::default());
         let mut memory = MemBuffer::try_new(need).ok()?;
-        symbolic
+        self.symbolic
             .factorize_numeric_ldlt(
                 &mut values,
                 matrix.as_ref(),
@@ -51,13 +76,30 @@ impl Factorisation {
                 Default::default(),
             )
             .ok()?;
-        Some(Self { mesh, symbolic, values })
+        Some(Factorisation {
+            structure: Arc::clone(self),
+            values,
+        })
+    }
+}
+
+/// LDLᵀ of the tangent at the interior nodes, in a fill-reducing order.
+pub struct Factorisation {
+    structure: Arc<Structure>,
+    values: Vec<f64>,
+}
+
+impl Factorisation {
+    /// The tangent at `u`; `None` when a pivot is exactly zero or memory is short. Where many tangents of a mesh are
+    /// factorised, [`Structure::factorise`] saves most of the time.
+    pub fn new<L: Law>(operator: &Operator<'_, L>, u: &[f64]) -> Option<Self> {
+        Structure::new(operator.mesh)?.factorise(operator, u)
     }
 
     /// How many eigenvalues of the tangent are negative.
     #[must_use]
     pub fn negative_pivots(&self) -> usize {
-        match self.symbolic.raw() {
+        match self.structure.symbolic.raw() {
             SymbolicCholeskyRaw::Simplicial(symbolic) => {
                 let starts = &symbolic.col_ptr()[..symbolic.ncols()];
                 starts.iter().filter(|&&start| self.values[start] < 0.0).count()
@@ -76,17 +118,18 @@ impl Factorisation {
     /// Solves with the factors: `r` is a residual, the result a displacement, both zero on the frame.
     #[must_use]
     pub fn solve(&self, r: &[f64]) -> Vec<f64> {
-        let places = unknowns(self.mesh);
+        let Structure { mesh, symbolic, .. } = &*self.structure;
+        let places = unknowns(*mesh);
         let mut packed: Vec<f64> = places.iter().map(|&at| r[at]).collect();
         let count = packed.len();
-        let mut memory = MemBuffer::new(self.symbolic.solve_in_place_scratch::<f64>(1, Par::Seq));
-        LdltRef::new(&self.symbolic, &self.values).solve_in_place_with_conj(
+        let mut memory = MemBuffer::new(symbolic.solve_in_place_scratch::<f64>(1, Par::Seq));
+        LdltRef::new(symbolic, &self.values).solve_in_place_with_conj(
             Conj::No,
             MatMut::from_column_major_slice_mut(&mut packed, count, 1),
             Par::Seq,
             MemStack::new(&mut memory),
         );
-        let mut solution = vec![0.0; self.mesh.vector_len()];
+        let mut solution = vec![0.0; mesh.vector_len()];
         places.iter().zip(packed).for_each(|(&at, value)| solution[at] = value);
         solution
     }
@@ -110,31 +153,41 @@ fn number(mesh: Mesh, c: usize, column: usize, row: usize) -> Option<usize> {
     (inside.contains(&column) && inside.contains(&row)).then(|| 2 * ((row - 1) * width + column - 1) + c)
 }
 
-fn assemble<E: Element<N>, L: Law, const N: usize>(
-    operator: &Operator<'_, L>,
-    u: &[f64],
-) -> Option<SparseColMat<usize, f64>> {
-    let mesh = operator.mesh;
-    let (n, side) = (mesh.elements(), E::DEGREE + 1);
-    let mut triplets = Vec::new();
+/// Visits the columns of the element matrices in the order of assembly: `visit` takes the element (column, row) with the
+/// component and node of the column, the entries on and below the diagonal as (position among the forces of the element,
+/// row of the matrix), and the column of the matrix.
+fn for_each_entry<const N: usize>(
+    mesh: Mesh,
+    mut visit: impl FnMut(([usize; 2], usize, usize), &mut dyn Iterator<Item = (usize, usize)>, usize),
+) {
+    let (n, degree) = (mesh.elements(), mesh.order().degree());
+    let side = degree + 1;
     for (row, column) in (0..n * n).map(|i| (i / n, i % n)) {
-        let place = |node: usize| (column * E::DEGREE + node % side, row * E::DEGREE + node / side);
-        let nodal = std::array::from_fn(|c| std::array::from_fn(|node| u[mesh.index(c, place(node).0, place(node).1)]));
-        let active = operator.activity.elements()[row * mesh.part() + column];
+        let place = |node: usize| (column * degree + node % side, row * degree + node / side);
         let numbers: [[Option<usize>; N]; 2] =
             std::array::from_fn(|c| std::array::from_fn(|node| number(mesh, c, place(node).0, place(node).1)));
         for (c, node) in (0..2 * N).map(|i| (i / N, i % N)) {
             let Some(k) = numbers[c][node] else { continue };
-            let forces = element_column::<E, L, N>(operator.law, &nodal, active, c, node);
-            for (numbers, forces) in numbers.iter().zip(forces) {
-                for (&i, force) in numbers.iter().zip(forces) {
-                    triplets.extend(i.filter(|&i| i >= k).map(|i| Triplet::new(i, k, force)));
-                }
-            }
+            let all = numbers.as_flattened().iter().enumerate();
+            let mut below = all.filter_map(|(at, i)| i.filter(|&i| i >= k).map(|i| (at, i)));
+            visit(([column, row], c, node), &mut below, k);
         }
     }
-    let count = 2 * (mesh.nodes() - 2).pow(2);
-    SparseColMat::try_new_from_triplets(count, count, &triplets).ok()
+}
+
+/// The entries of the tangent in the order of [`for_each_entry`].
+fn assemble<E: Element<N>, L: Law, const N: usize>(operator: &Operator<'_, L>, u: &[f64]) -> Vec<f64> {
+    let mesh = operator.mesh;
+    let side = E::DEGREE + 1;
+    let mut entries = Vec::new();
+    for_each_entry::<N>(mesh, |([column, row], c, node), rows, _| {
+        let place = |node: usize| (column * E::DEGREE + node % side, row * E::DEGREE + node / side);
+        let nodal = std::array::from_fn(|c| std::array::from_fn(|node| u[mesh.index(c, place(node).0, place(node).1)]));
+        let active = operator.activity.elements()[row * mesh.part() + column];
+        let forces = element_column::<E, L, N>(operator.law, &nodal, active, c, node);
+        entries.extend(rows.map(|(at, _)| forces[at / N][at % N]));
+    });
+    entries
 }
 
 /// The forces that a unit displacement of one node causes in an element at `nodal`.

@@ -3,24 +3,27 @@
 //! Everything is dimensionless: stress is divided by μλp², lengths by the side of an element, so two numbers describe a
 //! scene, a = λp⁻⁶ and b = κλp² with κ = ε(V/H)²/μ. The modules are the method, from the point to the answer:
 //! kinematics, energy and effects; element, mesh and lanes; operator; gemm, modes and precondition; krylov, newton and direct;
-//! stability and continuation; solver, and on it accuracy, adjoint, response and observable.
+//! eigenvalue, stability and continuation; solver, and on it accuracy, adjoint, response, margin, path and observable.
 
 mod accuracy;
 mod adjoint;
 mod continuation;
 mod direct;
 pub mod effects;
+mod eigenvalue;
 mod element;
 pub mod energy;
 mod gemm;
 pub mod kinematics;
 mod krylov;
 pub mod lanes;
+mod margin;
 mod mesh;
 mod modes;
 mod newton;
 mod observable;
 pub mod operator;
+mod path;
 mod powers;
 pub mod precondition;
 mod response;
@@ -28,8 +31,10 @@ mod solver;
 mod stability;
 
 pub use accuracy::{AccurateSimulation, AccurateSolver};
+pub use margin::StabilityReport;
 pub use mesh::{Mesh, Order};
 pub use observable::{CellState, Survey, Tension, cell_states};
+pub use path::{EventKind, LoadPath, PathEnd, PathEvent, PathPoint};
 pub use response::LinearResponse;
 pub use solver::{MembraneSolver, MeshSolution, SetupError, SolveOptions};
 

@@ -25,6 +25,18 @@ pub enum Tension {
     Slack,
 }
 
+impl Tension {
+    /// The number that stands in files: 0 taut, 1 wrinkled, 2 slack.
+    #[must_use]
+    pub fn code(self) -> u8 {
+        match self {
+            Self::Taut => 0,
+            Self::Wrinkled => 1,
+            Self::Slack => 2,
+        }
+    }
+}
+
 /// The state of one cell. Stresses are those of elastomer and electrodes together, divided by the thickness of the
 /// elastomer.
 #[derive(Clone, Copy, Debug, PartialEq)]

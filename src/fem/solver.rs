@@ -122,11 +122,11 @@ pub struct MeshSolution {
 
 /// Simulates patterns under one scene on one mesh.
 pub struct MembraneSolver {
-    scene: Scene,
-    model: Model,
-    mesh: Mesh,
-    tolerance: f64,
-    laplacian: Laplacian,
+    pub(super) scene: Scene,
+    pub(super) model: Model,
+    pub(super) mesh: Mesh,
+    pub(super) tolerance: f64,
+    pub(super) laplacian: Laplacian,
 }
 
 impl MembraneSolver {
@@ -160,14 +160,24 @@ impl MembraneSolver {
     /// Simulates one pattern and keeps the whole nodal solution.
     #[must_use]
     pub fn solve(&self, pattern: &Pattern) -> MeshSolution {
-        let mut room = self.room();
-        let loading = self.load(pattern, &mut room);
-        MeshSolution {
-            outcome: self.outcome(loading.ending),
-            displacement: room.displacement,
-            newton_iterations: loading.steps,
-            krylov_iterations: room.workspace.krylov_iterations(),
-            residual: loading.residual,
+        self.solve_in(pattern, &mut self.room()).0
+    }
+
+    /// What [`Simulator::simulate`] keeps of a solution of this pattern.
+    #[must_use]
+    pub fn simulation(&self, pattern: &Pattern, solution: &MeshSolution) -> Simulation {
+        let converged = solution.outcome.is_converged();
+        let sample = || self.mesh.sample(&solution.displacement, self.element_side_mm());
+        Simulation {
+            outcome: solution.outcome,
+            field: converged.then(sample),
+            newton_iterations: solution.newton_iterations,
+            residual: solution.residual,
+            observation: if converged {
+                self.observe(pattern, solution)
+            } else {
+                Observation::default()
+            },
         }
     }
 
@@ -198,35 +208,14 @@ impl MembraneSolver {
     /// The least favourable states of the cells in a solution of this pattern.
     #[must_use]
     pub fn survey(&self, pattern: &Pattern, solution: &MeshSolution) -> Survey {
-        self.survey_of(pattern, &solution.displacement)
-    }
-
-    /// Simulates patterns as [`Simulator::simulate`] does, and surveys the cells of those that converge.
-    #[must_use]
-    pub fn simulate_surveyed(&self, patterns: &[Pattern]) -> Vec<(Simulation, Option<Survey>)> {
-        let one = |room: &mut Room, pattern: &Pattern| {
-            let loading = self.load(pattern, room);
-            let simulation = self.simulation(pattern, &loading, room);
-            let converged = simulation.outcome.is_converged();
-            (
-                simulation,
-                converged.then(|| self.survey_of(pattern, &room.displacement)),
-            )
-        };
-        patterns.par_iter().map_init(|| self.room(), one).collect()
-    }
-
-    fn survey_of(&self, pattern: &Pattern, u: &[f64]) -> Survey {
-        let cells = states(&self.scene, &self.model, self.mesh, pattern, u);
-        Survey::of(&cells, self.scene.shear_modulus_pa())
+        Survey::of(&self.cell_states(pattern, solution), self.scene.shear_modulus_pa())
     }
 
     /// Simulates one pattern, and says whether the stability of the result is beyond doubt: a pointwise condition that is
     /// sufficient holds everywhere. It stops to hold well before stability is lost.
     pub(super) fn simulate_surely(&self, pattern: &Pattern) -> (Simulation, bool) {
-        let mut room = self.room();
-        let loading = self.load(pattern, &mut room);
-        (self.simulation(pattern, &loading, &room), loading.pointwise)
+        let (solution, sure) = self.solve_in(pattern, &mut self.room());
+        (self.simulation(pattern, &solution), sure)
     }
 
     fn room(&self) -> Room {
@@ -236,13 +225,22 @@ impl MembraneSolver {
         }
     }
 
-    /// Loads a pattern; the displacement is then in the room.
-    fn load(&self, pattern: &Pattern, room: &mut Room) -> Loading {
-        self.model.with(Load {
+    /// Loads a pattern, and says whether the stability of the result is beyond doubt. The displacement is taken out of the room.
+    fn solve_in(&self, pattern: &Pattern, room: &mut Room) -> (MeshSolution, bool) {
+        let before = room.workspace.krylov_iterations();
+        let loading = self.model.with(Load {
             solver: self,
             activity: &self.model.activity(self.mesh, pattern),
             room,
-        })
+        });
+        let solution = MeshSolution {
+            outcome: self.outcome(loading.ending),
+            displacement: std::mem::take(&mut room.displacement),
+            newton_iterations: loading.steps,
+            krylov_iterations: room.workspace.krylov_iterations() - before,
+            residual: loading.residual,
+        };
+        (solution, loading.pointwise)
     }
 
     fn outcome(&self, ending: Ending) -> Outcome {
@@ -269,32 +267,24 @@ impl MembraneSolver {
         }
     }
 
-    fn simulation(&self, pattern: &Pattern, loading: &Loading, room: &Room) -> Simulation {
-        let outcome = self.outcome(loading.ending);
-        let sample = || self.mesh.sample(&room.displacement, self.element_side_mm());
-        Simulation {
-            outcome,
-            field: outcome.is_converged().then(sample),
-            newton_iterations: loading.steps,
-            residual: loading.residual,
-            observation: if outcome.is_converged() {
-                self.observe(pattern, &room.displacement)
-            } else {
-                Observation::default()
-            },
-        }
-    }
-
     /// What the effects of the scene say beside the displacement.
-    fn observe(&self, pattern: &Pattern, u: &[f64]) -> Observation {
-        let scene = &self.scene;
-        let breakdown = scene.effects.dielectric_breakdown.as_ref();
-        Observation {
-            breakdown_ratio: breakdown.map(|law| {
-                let states = states(scene, &self.model, self.mesh, pattern, u);
-                breakdown_ratio(law, scene.thickness_mm(), &states)
-            }),
+    fn observe(&self, pattern: &Pattern, solution: &MeshSolution) -> Observation {
+        let effects = &self.scene.effects;
+        let mut observation = Observation::default();
+        if effects.dielectric_breakdown.is_some() || effects.wrinkling {
+            let cells = self.cell_states(pattern, solution);
+            let breakdown = effects.dielectric_breakdown.as_ref();
+            observation.breakdown_ratio = breakdown.map(|law| breakdown_ratio(law, self.scene.thickness_mm(), &cells));
+            observation.tension = effects
+                .wrinkling
+                .then(|| cells.iter().map(|cell| cell.tension.code()).collect());
         }
+        if effects.electromechanical_stability {
+            let report = self.stability(pattern, solution);
+            observation.smallest_eigenvalue = report.smallest_eigenvalue;
+            observation.critical_voltage = report.critical;
+        }
+        observation
     }
 }
 
@@ -356,8 +346,10 @@ impl Simulator for MembraneSolver {
             .map_init(
                 || self.room(),
                 |room, pattern| {
-                    let loading = self.load(pattern, room);
-                    self.simulation(pattern, &loading, room)
+                    let (solution, _) = self.solve_in(pattern, room);
+                    let simulation = self.simulation(pattern, &solution);
+                    room.displacement = solution.displacement;
+                    simulation
                 },
             )
             .collect()

@@ -66,6 +66,28 @@ pub fn judge<L: Law>(
     }
 }
 
+/// Whether the energy is convex along the segment from the last stable state, the one at rest where there is none, to an
+/// equilibrium: then both lie in one basin, and the membrane goes from one to the other without a snap. It is looked at
+/// in three places between them.
+pub fn same_basin<L: Law>(
+    operator: &Operator<'_, L>,
+    laplacian: &Laplacian,
+    before: Option<&[f64]>,
+    u: &[f64],
+    workspace: &mut Workspace,
+) -> bool {
+    [0.25, 0.5, 0.75].into_iter().all(|t| {
+        let between: Vec<f64> = match before {
+            Some(before) => before.iter().zip(u).map(|(a, b)| a + t * (b - a)).collect(),
+            None => u.iter().map(|u| t * u).collect(),
+        };
+        matches!(
+            judge(operator, laplacian, &between, workspace),
+            Stability::Stable { .. }
+        )
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -5,6 +5,13 @@
 pub struct Observation {
     /// Dielectric breakdown: the largest E/E_B over the cells; the membrane fails at 1.
     pub breakdown_ratio: Option<f64>,
+    /// Wrinkling: how each cell bears its load, `[y][x]`: 0 taut, 1 wrinkled, 2 slack.
+    pub tension: Option<Vec<u8>>,
+    /// Electromechanical stability: the smallest eigenvalue of the tangent relative to the Laplacian; zero where stability
+    /// is lost.
+    pub smallest_eigenvalue: Option<f64>,
+    /// Electromechanical stability: the voltages in V between which stability is lost, where it is lost within reach.
+    pub critical_voltage: Option<[f64; 2]>,
 }
 
 impl Observation {

@@ -3,13 +3,14 @@
 use std::path::Path;
 use std::time::Instant;
 
+use super::cells::{self, States};
 use super::screening::Screened;
 pub use super::solver::MeshRequest;
 use super::solver::Solver;
 use super::{arrays, observations, solution};
 use crate::base::{Document, InputError};
-use crate::fem::{AccurateSimulation, SetupError};
-use crate::field::{CORNERS, Field, PredictError, Predictor};
+use crate::fem::{AccurateSimulation, SetupError, SolveOptions};
+use crate::field::{CORNERS, Field, PredictError, Predictor, Simulation};
 use crate::orchestrator::{Progress, splice_scene};
 use crate::pattern::{Pattern, read_patterns};
 use crate::scene::Scene;
@@ -28,6 +29,8 @@ pub struct SolveRequest {
     pub mesh: MeshRequest,
     /// Relative residual.
     pub tolerance: f64,
+    /// Whether the state of every cell is wanted; not with an accuracy.
+    pub cells: bool,
 }
 
 /// What goes into the file, and how many samples have no stable solution.
@@ -44,6 +47,8 @@ pub struct Answer {
     pub missed: Vec<(usize, f64)>,
     /// Effects that are called for and were not simulated, a line for each.
     pub warnings: Vec<String>,
+    /// Patterns of which cells would wrinkle, where that was asked for: position and part of the membrane.
+    pub wrinkled: Vec<(usize, f64)>,
 }
 
 /// Why there is no answer.
@@ -97,9 +102,21 @@ pub fn solve(
     let threads = rayon::current_num_threads();
     let mut results = Vec::with_capacity(patterns.len());
     let mut seconds = Vec::with_capacity(patterns.len());
+    let mut states: Vec<States> = Vec::new();
     for batch in patterns.chunks(BATCH * threads) {
         let start = Instant::now();
-        results.extend(solver.simulate(batch).map_err(failed)?);
+        match &solver {
+            Solver::Fixed(fixed, options) if request.cells => {
+                for (simulation, cells) in cells::simulate(fixed, batch) {
+                    results.push(on_mesh(simulation, *options));
+                    states.push(cells);
+                }
+            }
+            Solver::Accurate(_) if request.cells => {
+                return Err(DirectError::Failed("cells need one mesh, not an accuracy".to_owned()));
+            }
+            _ => results.extend(solver.simulate(batch).map_err(failed)?),
+        }
         seconds.extend(seconds_each(start, batch.len(), threads));
         progress.advance(batch.len() as u64);
     }
@@ -110,6 +127,11 @@ pub fn solve(
     if solver.estimates() {
         content = with_estimates(content, &results);
     }
+    if request.cells {
+        content = cells::describe(content, &states);
+    }
+    let wrinkled = states.iter().enumerate();
+    let wrinkled = wrinkled.filter_map(|(i, states)| Some((i, cells::wrinkled_fraction(states)?)));
     let unstable = results.iter().enumerate().filter(|(_, r)| r.simulation.field.is_none());
     let unstable = unstable.map(|(i, r)| (i, r.simulation.outcome.to_string())).collect();
     let wanted = match request.mesh {
@@ -127,7 +149,17 @@ pub fn solve(
         unstable,
         missed,
         warnings: screened.warnings,
+        wrinkled: wrinkled.filter(|(_, fraction)| *fraction > 0.0).collect(),
     })
+}
+
+fn on_mesh(simulation: Simulation, options: SolveOptions) -> AccurateSimulation {
+    AccurateSimulation {
+        simulation,
+        elements_per_cell: options.elements_per_cell,
+        order: options.order,
+        discretisation_error: None,
+    }
 }
 
 /// The time since `start`, shared out evenly; threads beyond the number of samples stood idle.
@@ -136,7 +168,10 @@ fn seconds_each(start: Instant, samples: usize, threads: usize) -> impl Iterator
     std::iter::repeat_n(each, samples)
 }
 
-/// The scene of a file, or of a pipeline.
+/// The scene of a file: a scene, or a pipeline that has one.
+///
+/// # Errors
+/// When it cannot be read.
 pub(super) fn read_scene(path: &Path) -> Result<Scene, InputError> {
     let mut root = Document::load(path)?.root;
     splice_scene(&mut root, path)?;
@@ -233,5 +268,6 @@ pub fn predict(weights: &[u8], patterns: &[Pattern], progress: &dyn Progress) ->
         unstable: Vec::new(),
         missed: Vec::new(),
         warnings: Vec::new(),
+        wrinkled: Vec::new(),
     })
 }

@@ -2,10 +2,12 @@
 
 mod arrays;
 mod balance;
+mod cells;
 mod design;
 pub mod direct;
 mod objective;
 mod observations;
+pub mod path;
 mod sample;
 pub mod screening;
 mod solution;

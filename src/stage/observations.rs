@@ -2,8 +2,9 @@
 
 use super::arrays;
 use crate::field::Observation;
+use crate::pattern::CELLS;
 use crate::scene::Effects;
-use crate::store::{Dataset, Object};
+use crate::store::{Data, Dataset, Object};
 
 /// The datasets for some samples; `None` where a sample has no solution, which becomes NaN.
 pub fn datasets(effects: &Effects, observations: &[Option<&Observation>]) -> Vec<(&'static str, Dataset)> {
@@ -19,7 +20,47 @@ pub fn datasets(effects: &Effects, observations: &[Option<&Observation>]) -> Vec
             arrays::reals("1", note, reals(&|o| o.breakdown_ratio)),
         ));
     }
+    if effects.wrinkling {
+        found.push(("wrinkling", cells(observations)));
+        let note = "part of the membrane whose cells are wrinkled or slack";
+        found.push(("wrinkled_fraction", arrays::reals("1", note, reals(&wrinkled))));
+    }
+    if effects.electromechanical_stability {
+        let note = "smallest eigenvalue of the tangent relative to the Laplacian; zero where stability is lost";
+        found.push((
+            "smallest_eigenvalue",
+            arrays::reals("1", note, reals(&|o| o.smallest_eigenvalue)),
+        ));
+        found.push(("critical_voltage", critical(observations)));
+    }
     found
+}
+
+fn wrinkled(observation: &Observation) -> Option<f64> {
+    let tension = observation.tension.as_ref()?;
+    let wrinkled = tension.iter().filter(|&&code| code > 0).count();
+    Some(wrinkled as f64 / tension.len() as f64)
+}
+
+/// No state of a cell has this number.
+const UNKNOWN: u8 = 255;
+
+fn cells(observations: &[Option<&Observation>]) -> Dataset {
+    let note = "how each cell bears its load [sample][y][x]: 0 taut, 1 wrinkled, 2 slack, 255 no stable solution";
+    let unknown = vec![UNKNOWN; CELLS * CELLS];
+    let codes = observations.iter().flat_map(|observation| {
+        let tension = observation.and_then(|o| o.tension.as_ref());
+        tension.unwrap_or(&unknown).iter().copied()
+    });
+    let codes = codes.collect();
+    Dataset::new("1", note, &[observations.len(), CELLS, CELLS], Data::U8(codes))
+}
+
+fn critical(observations: &[Option<&Observation>]) -> Dataset {
+    let note = "voltages between which stability is lost; 0, 0 where it is not lost up to 50 times the limit of a fully active membrane";
+    let bracket = |o: &Option<&Observation>| o.and_then(|o| o.critical_voltage).unwrap_or_default();
+    let values = observations.iter().flat_map(bracket).collect();
+    Dataset::new("V", note, &[observations.len(), 2], Data::F64(values))
 }
 
 /// An object with the datasets of some samples.

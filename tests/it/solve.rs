@@ -232,3 +232,107 @@ fn an_accuracy_that_no_mesh_reaches_is_said_to_be_missed() {
     assert_eq!(missed[0]["index"], 0, "{missed}");
     assert!(missed[0]["discretisation_error"].as_f64().unwrap() > 1e-7);
 }
+
+#[test]
+fn a_path_finds_the_voltage_at_which_stability_is_lost() {
+    let workspace = workspace("0 V");
+    workspace.write(
+        "scene.yaml",
+        &SCENE.replace("VOLTAGE", "0 V").replace("45 kPa", "25 kPa"),
+    );
+    workspace.write("half.csv", &csv(|x, _| x < 25));
+    workspace.write("bare.csv", &csv(|_, _| false));
+    let path = ["--path", "--elements-per-cell", "1"];
+    let solve = |options: &[&str]| workspace.run(&[&["solve", "scene.yaml", "half.csv", "bare.csv"], options].concat());
+    let ended = solve(&[&path[..], &["-o", "out.h5", "--json"]].concat());
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let report = ended.json();
+    let half = &report["paths"][0];
+    // 5.50 kV by an independent analysis.
+    let limit = half["limit"]["voltage"].as_f64().unwrap();
+    assert!((limit / 5.5e3 - 1.0).abs() < 0.01, "{limit}");
+    assert!(report["paths"][1]["limit"].is_null(), "a bare membrane has no limit");
+    let voltages = column(&workspace, "out.h5", "voltage");
+    let points = half["points"].as_array().unwrap();
+    assert_eq!(
+        voltages.len(),
+        points.len() + report["paths"][1]["points"].as_array().unwrap().len()
+    );
+    assert_eq!(voltages[1], points[1]["voltage"].as_f64().unwrap());
+    let found = column(&workspace, "out.h5", "limit_voltage");
+    assert!(found[0] == limit && found[1].is_nan());
+    let rows = std::fs::read_to_string(workspace.path("out.csv")).unwrap();
+    assert_eq!(rows.lines().count(), 1 + voltages.len());
+    assert!(
+        std::fs::read(workspace.path("out.png"))
+            .unwrap()
+            .starts_with(b"\x89PNG")
+    );
+    // What is written beside the file must not be lost either.
+    for output in ["half.h5", "x.csv", "x.png"] {
+        let ended = solve(&[&path[..], &["-o", output]].concat());
+        assert_eq!(ended.code, Some(2), "{output}: {}", ended.stderr);
+    }
+    assert_eq!(
+        solve(&[&path[..], &["-o", "x.h5", "--accuracy", "1 mm"]].concat()).code,
+        Some(2)
+    );
+}
+
+#[test]
+fn cells_tell_stresses_and_where_the_membrane_would_wrinkle() {
+    let workspace = Workspace::new();
+    workspace.write(
+        "scene.yaml",
+        &SCENE
+            .replace("VOLTAGE", "20 kV")
+            .replace("prestretch: 3.0", "prestretch: 1.3"),
+    );
+    workspace.write("disc.csv", &csv(|x, y| (x as f64 - 24.5).hypot(y as f64 - 24.5) < 12.0));
+    workspace.write("half.csv", &csv(|x, _| x < 25));
+    workspace.write("bare.csv", &csv(|_, _| false));
+    workspace.write("full.csv", &csv(|_, _| true));
+    let patterns = ["half.csv", "bare.csv", "full.csv", "disc.csv"];
+    let options = ["-o", "out.h5", "--cells", "--elements-per-cell", "1", "--json"];
+    let ended = workspace.run(&[&["solve", "scene.yaml"], &patterns[..], &options].concat());
+    assert_eq!(ended.code, Some(3), "{}", ended.stderr);
+    let fraction = column(&workspace, "out.h5", "wrinkled_fraction");
+    let stresses = column(&workspace, "out.h5", "cells/principal_stresses");
+    let negative = |pattern: usize| {
+        let own = &stresses[pattern * 5000..(pattern + 1) * 5000];
+        own.chunks(2).filter(|s| s[1] <= 0.0).count() as f64 / 2500.0
+    };
+    assert!(
+        (0..3).all(|pattern| fraction[pattern] == negative(pattern)),
+        "{fraction:?}"
+    );
+    assert!(
+        fraction[0] > 0.1 && fraction[0] < 0.3 && fraction[1] == 0.0,
+        "{fraction:?}"
+    );
+    let file = hdf5::File::open(workspace.path("out.h5")).unwrap();
+    let state = file.dataset("cells/state").unwrap().read_raw::<u8>().unwrap();
+    let count = |range: std::ops::Range<usize>, code| state[range].iter().filter(|s| **s == code).count();
+    assert_eq!(
+        count(0..2500, 1) + count(0..2500, 2),
+        (2500.0 * fraction[0]).round() as usize
+    );
+    assert_eq!(count(2500..7500, 0), 5000);
+    // Beyond its limit the disc has no state.
+    assert_eq!(count(7500..10_000, 255), 2500);
+    assert!(fraction[3].is_nan() && stresses[15_000..].iter().all(|s| s.is_nan()));
+    // Bare and at rest: σ = μ (λ² − λ⁻⁴) and P = σ/λ.
+    let (stretch, modulus) = (1.3_f64, 45e3);
+    let sigma = modulus * (stretch.powi(2) - stretch.powi(-4));
+    assert!((stresses[5000] / sigma - 1.0).abs() < 1e-12);
+    let piola = column(&workspace, "out.h5", "cells/first_piola_stress");
+    assert!((piola[10_000] * stretch / sigma - 1.0).abs() < 1e-12 && piola[10_001] == 0.0);
+    // Active everywhere: the field is V λ²/H.
+    let electric = column(&workspace, "out.h5", "cells/electric_field");
+    assert!((electric[5000] / (20e3 * stretch.powi(2) / 1e-3) - 1.0).abs() < 1e-12);
+    let told = ended.json()["wrinkled"].clone();
+    assert_eq!(
+        (told[0]["index"].as_u64(), told[0]["wrinkled_fraction"].as_f64()),
+        (Some(0), Some(fraction[0]))
+    );
+}

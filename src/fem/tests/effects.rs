@@ -268,10 +268,8 @@ fn surveys_tell_the_homogeneous_state() {
     let scene = scene(3.0, 5e3, stiffening(gent(60.0)));
     let solver = solver(&scene, 2);
     let patterns = [Pattern::from_fn(|_, _| true), half()];
-    let together = solver.simulate_surveyed(&patterns);
-    let simulations: Vec<_> = together.iter().map(|(simulation, _)| simulation.clone()).collect();
-    assert_eq!(simulations, solver.simulate(&patterns));
-    let survey = together[0].1.unwrap();
+    let surveys = patterns.map(|pattern| solver.survey(&pattern, &solver.solve(&pattern)));
+    let [survey, other] = surveys;
     let first = 18.0 + 1.0 / 81.0 - 3.0;
     let modulus = 1.0 / (1.0 - first / 60.0);
     let stress = modulus * (9.0 - 1.0 / 81.0) - 81.0 * scene.kappa();
@@ -280,8 +278,6 @@ fn surveys_tell_the_homogeneous_state() {
     assert!((survey.largest_field - 5e3 / 1e-3 * 9.0).abs() < 1e-6);
     assert!(survey.areas.iter().all(|area| (area - 9.0).abs() < 1e-12));
     assert_eq!((survey.wrinkled, survey.slack), (0.0, 0.0));
-    let other = solver.survey(&half(), &solver.solve(&half()));
-    assert_eq!(Some(other), together[1].1);
     assert!(other.areas[0] < 9.0 && other.areas[1] > 9.0 && other.largest_strain > first);
 }
 

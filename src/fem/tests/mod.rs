@@ -3,11 +3,13 @@
 mod convergence;
 mod discrete;
 mod effects;
+mod hard;
 mod invariance;
 mod known;
 mod laws;
 mod material;
 mod outcome;
+mod paths;
 
 use super::direct::Factorisation;
 use super::energy::{Law, NeoHookean};

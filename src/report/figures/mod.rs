@@ -7,6 +7,7 @@ mod curves;
 mod evolution;
 mod histogram;
 mod membrane;
+mod path;
 
 pub use agreement::{Case, draw_agreement};
 pub use canvas::FigureError;
@@ -14,6 +15,7 @@ pub use curves::{Training, draw_training};
 pub use evolution::{Evolution, draw_evolution};
 pub use histogram::{Histogram, draw_histogram};
 pub use membrane::{Membrane, draw_membrane};
+pub use path::{Branch, Limit, draw_paths};
 
 #[cfg(test)]
 mod tests;

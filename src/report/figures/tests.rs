@@ -60,12 +60,31 @@ fn cases() -> Vec<Case> {
         .into()
 }
 
-const NAMES: [&str; 5] = [
+fn branches(n: usize) -> Vec<Branch> {
+    let at = |k: usize| k as f64 / 30.0;
+    let one = |name: &str, top: f64| Branch {
+        name: name.into(),
+        voltage: (0..40).map(|k| top * (2.0 * at(k) - at(k).powi(2))).collect(),
+        displacement: (0..40).map(|k| at(k).powi(2)).collect(),
+        stable: (0..40).map(|k| k <= 30).collect(),
+        limit: Some(Limit {
+            name: "fold".into(),
+            voltage: top,
+            displacement: 1.0,
+        }),
+    };
+    (0..n)
+        .map(|k| one(&format!("pattern {k}"), 4e3 + 500.0 * k as f64))
+        .collect()
+}
+
+const NAMES: [&str; 6] = [
     "histogram.png",
     "training.png",
     "evolution.png",
     "membrane.png",
     "agreement.png",
+    "paths.png",
 ];
 
 fn draw_all(folder: &Path) {
@@ -74,6 +93,7 @@ fn draw_all(folder: &Path) {
     draw_evolution(&folder.join(NAMES[2]), &evolution(61)).unwrap();
     draw_membrane(&folder.join(NAMES[3]), "Best design, simulated", &membrane(1.0)).unwrap();
     draw_agreement(&folder.join(NAMES[4]), &cases()).unwrap();
+    draw_paths(&folder.join(NAMES[5]), &branches(3)).unwrap();
 }
 
 /// Width, height, RGB.
@@ -157,8 +177,17 @@ fn numbers_that_make_no_figure_are_refused_and_odd_ones_drawn() {
     let mut bad = membrane(1.0);
     bad.displacement[7] = f64::NAN;
     assert!(matches!(draw_membrane(&path, "t", &bad), Err(FigureError::Data(_))));
+    let mut bad = branches(2);
+    bad[1].stable.pop();
+    assert!(matches!(draw_paths(&path, &bad), Err(FigureError::Data(_))));
+    assert!(matches!(draw_paths(&path, &[]), Err(FigureError::Data(_))));
     assert!(!path.exists());
 
+    draw_paths(&path, &branches(12)).unwrap();
+    let mut still = branches(1);
+    still[0].displacement.fill(0.0);
+    still[0].limit = None;
+    draw_paths(&path, &still).unwrap();
     draw_evolution(&path, &evolution(1)).unwrap();
     draw_training(&path, &training(1)).unwrap();
     let still = Membrane {
@@ -180,4 +209,22 @@ fn numbers_that_make_no_figure_are_refused_and_odd_ones_drawn() {
         draw_training(Path::new("/nonexistent/x.png"), &training(1)),
         Err(FigureError::Write { .. })
     ));
+}
+
+#[test]
+fn the_unstable_part_of_a_path_is_dashed() {
+    let folder = tempfile::tempdir().unwrap();
+    let blue = |stable: bool| {
+        let mut branch = branches(1);
+        branch[0].limit = None;
+        branch[0].stable.fill(stable);
+        let path = folder.path().join("x.png");
+        draw_paths(&path, &branch).unwrap();
+        pixels(&path).2.iter().filter(|p| **p == [0, 114, 178]).count()
+    };
+    let (solid, dashed) = (blue(true), blue(false));
+    assert!(
+        solid > 300 && dashed * 10 < solid * 8 && dashed * 10 > solid * 3,
+        "{solid} {dashed}"
+    );
 }

@@ -1,0 +1,226 @@
+//! Patterns and scenes that simulators get wrong, with known answers where there are any.
+//!
+//! `cargo bench --bench hard_cases > docs/hard-cases.md` writes the whole page.
+
+use std::time::Instant;
+
+use deaflow::base::Stream;
+use deaflow::fem::{LoadPath, MembraneSolver, Order, SolveOptions};
+use deaflow::field::{Outcome, Simulator};
+use deaflow::pattern::Pattern;
+use deaflow::scene::Scene;
+
+const INTRODUCTION: &str = "# Hard cases
+
+Patterns and scenes that simulators get wrong: features of one cell, patterns that are nearly empty or nearly full, loads
+close to and beyond the loss of stability, low and high prestretch. This page is the output of
+
+    cargo bench --bench hard_cases > docs/hard-cases.md
+
+Each outcome is either an equilibrium that is stable and elliptic, or a reason with the two voltages between which
+stability is lost. The tests `fem::tests::hard` and `fem::tests::paths` recompute residuals and the inertia of the tangent
+for cases like these and hold on to the answers that are known.
+
+Features of one cell need more than one bilinear element: a single element under voltage is too stiff by a tenth in the
+critical voltage, and one per cell of a checkerboard does not move at all, because the forces of its neighbours cancel.";
+
+const ABOUT_PATHS: &str = "\
+Load paths at 25 kPa and λp = 3 (`deaflow solve --path`), one element per cell of each order, and what the solver says of
+1 % less and 1 % more than the critical voltage. Known values: for `full` the closed form √κ = √(λ⁻² + 3λ⁻⁸), for the others
+an independent analysis with one element of order 2 per cell, given to about a tenth of a percent.";
+
+fn scattered(share: f64, seed: u64) -> Pattern {
+    let mut stream = Stream::new(seed, "hard cases", 0);
+    let on: Vec<bool> = (0..2500).map(|_| stream.chance(share)).collect();
+    Pattern::from_fn(|x, y| on[y * 50 + x])
+}
+
+fn radius(x: usize, y: usize) -> f64 {
+    (x as f64 - 24.5).hypot(y as f64 - 24.5)
+}
+
+/// Name, pattern, and the voltage in V at which stability is lost at 25 kPa and λp = 3, where it is known.
+fn patterns() -> Vec<(&'static str, Pattern, Option<f64>)> {
+    vec![
+        ("half", Pattern::from_fn(|x, _| x < 25), Some(5500.0)),
+        ("one cell", Pattern::from_fn(|x, y| (x, y) == (25, 25)), Some(4550.0)),
+        (
+            "disc of radius 15 mm",
+            Pattern::from_fn(|x, y| radius(x, y) < 15.0),
+            Some(5140.0),
+        ),
+        (
+            "full",
+            Pattern::from_fn(|_, _| true),
+            Some(1e3 * (closed_form(3.0) / at(3.0, 25e3, 1e3).kappa()).sqrt()),
+        ),
+        ("empty", Pattern::from_fn(|_, _| false), None),
+        ("one hole", Pattern::from_fn(|x, y| (x, y) != (25, 25)), None),
+        ("checkerboard", Pattern::from_fn(|x, y| (x + y) % 2 == 0), None),
+        ("stripes of one cell", Pattern::from_fn(|x, _| x % 2 == 0), None),
+        ("staircase", Pattern::from_fn(|x, y| x > y), None),
+        (
+            "ring one cell wide",
+            Pattern::from_fn(|x, y| (14.0..15.0).contains(&radius(x, y))),
+            None,
+        ),
+        (
+            "along the frame",
+            Pattern::from_fn(|x, y| x.min(y) < 2 || x.max(y) > 47),
+            None,
+        ),
+        ("1 % at random", scattered(0.01, 1), None),
+        ("50 % at random", scattered(0.5, 2), None),
+        ("99 % at random", scattered(0.99, 3), None),
+    ]
+}
+
+fn closed_form(prestretch: f64) -> f64 {
+    prestretch.powi(-2) + 3.0 * prestretch.powi(-8)
+}
+
+fn at(prestretch: f64, modulus: f64, voltage: f64) -> Scene {
+    Scene::with_values(50.0, 1.0, prestretch, modulus, 4.7, voltage)
+}
+
+fn solver(scene: &Scene, elements_per_cell: usize, order: Order) -> MembraneSolver {
+    let options = SolveOptions {
+        elements_per_cell,
+        order,
+        ..SolveOptions::default()
+    };
+    MembraneSolver::new(scene, options).expect("a valid mesh")
+}
+
+/// Kind, critical voltage, the known one, their difference, and the displacement there.
+fn limit_columns(path: &LoadPath, known: Option<f64>) -> String {
+    let Some(limit) = path.limit() else {
+        return "none | – | – | – | –".to_owned();
+    };
+    let (shown, difference) = known.map_or(("–".to_owned(), "–".to_owned()), |known| {
+        (
+            format!("{known:.1}"),
+            format!("{:+.2} %", 100.0 * (limit.voltage / known - 1.0)),
+        )
+    });
+    let displacement = path.points[limit.point].max_displacement;
+    format!(
+        "{} | {:.1} | {shown} | {difference} | {displacement:.4}",
+        limit.kind.name(),
+        limit.voltage
+    )
+}
+
+fn paths() {
+    println!("\n## Where stability is lost\n");
+    println!("{ABOUT_PATHS}\n");
+    println!(
+        "| pattern | order | limit | critical V | known V | difference | displacement mm | path s | 1 % below | 1 % above |"
+    );
+    println!("|---|---|---|---|---|---|---|---|---|---|");
+    for (name, pattern, known) in patterns() {
+        for order in [Order::Bilinear, Order::Biquadratic] {
+            let start = Instant::now();
+            let path = solver(&at(3.0, 25e3, 1e3), 1, order)
+                .path(&pattern)
+                .expect("enough memory");
+            let seconds = start.elapsed().as_secs_f64();
+            let said = [0.99, 1.01].map(|share| {
+                path.limit().map_or("–", |limit| {
+                    let solver = solver(&at(3.0, 25e3, share * limit.voltage), 1, order);
+                    solver.simulate(std::slice::from_ref(&pattern))[0].outcome.name()
+                })
+            });
+            println!(
+                "| {name} | {} | {} | {seconds:.1} | {} | {} |",
+                order.degree(),
+                limit_columns(&path, known),
+                said[0],
+                said[1]
+            );
+        }
+    }
+}
+
+fn uniform() {
+    println!("\n## A membrane that is active everywhere\n");
+    println!("It never moves, and stability is lost at √κ = √(λ⁻² + 3λ⁻⁸), here at 45 kPa on bilinear elements.\n");
+    println!("| λp | limit | critical V | known V | difference | displacement mm |");
+    println!("|---|---|---|---|---|---|");
+    for prestretch in [1.2, 1.5, 2.0, 3.0, 4.0, 6.0] {
+        let scene = at(prestretch, 45e3, 1e3);
+        let known = 1e3 * (closed_form(prestretch) / scene.kappa()).sqrt();
+        let path = solver(&scene, 1, Order::Bilinear).path(&Pattern::from_fn(|_, _| true));
+        println!(
+            "| {prestretch} | {} |",
+            limit_columns(&path.expect("enough memory"), Some(known))
+        );
+    }
+}
+
+/// How often each outcome occurs, and the slowest solve.
+#[derive(Default)]
+struct Tally {
+    converged: u32,
+    pull_in: u32,
+    not_elliptic: u32,
+    other: u32,
+    slowest: f64,
+    case: String,
+}
+
+impl Tally {
+    fn add(&mut self, outcome: Outcome, seconds: f64, case: impl FnOnce() -> String) {
+        match outcome {
+            Outcome::Converged => self.converged += 1,
+            Outcome::PullIn { .. } => self.pull_in += 1,
+            Outcome::NotElliptic { .. } => self.not_elliptic += 1,
+            Outcome::Slack { .. } | Outcome::IterationLimit => self.other += 1,
+        }
+        if seconds > self.slowest {
+            (self.slowest, self.case) = (seconds, case());
+        }
+    }
+}
+
+fn sweep() {
+    println!("\n## Every scene ends\n");
+    println!("All patterns above at 45 kPa and ten voltages from 1 kV to 50 kV; seconds are those of one core.\n");
+    println!("| elements per cell | λp | converged | pull-in | not elliptic | other | slowest s | which |");
+    println!("|---|---|---|---|---|---|---|---|");
+    for elements_per_cell in [1, 2] {
+        for prestretch in [1.0, 1.2, 1.5, 2.0, 3.0, 4.0, 6.0] {
+            let mut tally = Tally::default();
+            for kilovolts in [1.0, 3.0, 5.0, 6.0, 7.0, 8.0, 9.0, 12.0, 20.0, 50.0] {
+                let solver = solver(
+                    &at(prestretch, 45e3, 1e3 * kilovolts),
+                    elements_per_cell,
+                    Order::Bilinear,
+                );
+                for (name, pattern, _) in patterns() {
+                    let start = Instant::now();
+                    let result = solver.simulate(std::slice::from_ref(&pattern)).remove(0);
+                    let seconds = start.elapsed().as_secs_f64();
+                    tally.add(result.outcome, seconds, || format!("{name}, {kilovolts} kV"));
+                }
+            }
+            println!(
+                "| {elements_per_cell} | {prestretch} | {} | {} | {} | {} | {:.2} | {} |",
+                tally.converged, tally.pull_in, tally.not_elliptic, tally.other, tally.slowest, tally.case
+            );
+        }
+    }
+}
+
+fn main() {
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(1)
+        .build()
+        .expect("one thread");
+    pool.install(|| {
+        println!("{INTRODUCTION}");
+        paths();
+        uniform();
+        sweep();
+    });
+}

@@ -1,0 +1,278 @@
+//! The smallest eigenvalue of the tangent against the Laplacian: K v = μ L v.
+//!
+//! It is dimensionless, does not depend on the mesh, is near 1 for a bare membrane at rest and zero where stability is
+//! lost. The iteration is LOBPCG with one vector (Knyazev, SIAM J. Sci. Comput. 23 (2001) 517), preconditioned by the
+//! Laplacian itself: Rayleigh and Ritz in the span of the last vector, its preconditioned residual, and the last step.
+
+use faer::{Mat, Side};
+
+use crate::base::Stream;
+use crate::field::{CORNERS, Field};
+
+use super::energy::{Law, NeoHookean};
+use super::operator::Operator;
+use super::precondition::{Laplacian, LaplacianScratch};
+
+/// An eigenvalue and its vector, which has the length v · L v = 1.
+#[derive(Clone, Debug)]
+pub struct Eigenpair {
+    /// μ.
+    pub value: f64,
+    /// v.
+    pub vector: Vec<f64>,
+}
+
+/// Energy and stiffness of a membrane without thickness and voltage: its tangent is the Laplacian.
+const WITHOUT_THICKNESS: NeoHookean = NeoHookean {
+    thickness: 0.0,
+    pull: 0.0,
+};
+/// Steps after which the value is taken as it is.
+const LIMIT: usize = 300;
+/// Steps over which the value must have stopped to fall.
+const WINDOW: usize = 8;
+/// How little that is, relative to the value but at least to [`FLOOR`].
+const SETTLED: f64 = 1e-5;
+const FLOOR: f64 = 1e-3;
+
+/// A vector with its images.
+#[derive(Clone)]
+struct Direction {
+    vector: Vec<f64>,
+    /// K times it.
+    stiff: Vec<f64>,
+    /// L times it.
+    harmonic: Vec<f64>,
+}
+
+impl Direction {
+    fn new<L: Law>(operator: &Operator<'_, L>, u: &[f64], vector: Vec<f64>) -> Self {
+        let mut stiff = vec![0.0; vector.len()];
+        operator.tangent(u, &vector, &mut stiff);
+        let mut harmonic = vec![0.0; vector.len()];
+        let flat = Operator {
+            mesh: operator.mesh,
+            law: &WITHOUT_THICKNESS,
+            activity: operator.activity,
+        };
+        flat.tangent(u, &vector, &mut harmonic);
+        Self {
+            vector,
+            stiff,
+            harmonic,
+        }
+    }
+
+    /// Adds a multiple of another direction.
+    fn add(&mut self, factor: f64, other: &Self) {
+        let parts = [
+            (&mut self.vector, &other.vector),
+            (&mut self.stiff, &other.stiff),
+            (&mut self.harmonic, &other.harmonic),
+        ];
+        for (own, other) in parts {
+            own.iter_mut().zip(other).for_each(|(a, b)| *a += factor * b);
+        }
+    }
+
+    fn scale(&mut self, factor: f64) {
+        for part in [&mut self.vector, &mut self.stiff, &mut self.harmonic] {
+            part.iter_mut().for_each(|a| *a *= factor);
+        }
+    }
+
+    /// Makes it orthogonal to unit directions and of unit length; `false` when nothing is left of it.
+    fn orthonormalise(&mut self, others: &[&Self]) -> bool {
+        let before = dot(&self.vector, &self.harmonic);
+        // Once more: the first pass leaves rounding of the size of what it took away.
+        for _ in 0..2 {
+            for other in others {
+                self.add(-dot(&self.vector, &other.harmonic), other);
+            }
+        }
+        let size = dot(&self.vector, &self.harmonic);
+        if size.is_nan() || size <= 1e-20 * before.max(f64::MIN_POSITIVE) {
+            return false;
+        }
+        self.scale(1.0 / size.sqrt());
+        true
+    }
+}
+
+/// The smallest eigenvalue at `u`, from the vector of a neighbouring state where there is one.
+///
+/// Its relative error is about 1e-5, absolutely 1e-8 where it is near zero.
+#[must_use]
+pub fn smallest<L: Law>(
+    operator: &Operator<'_, L>,
+    laplacian: &Laplacian,
+    u: &[f64],
+    near: Option<&Eigenpair>,
+) -> Option<Eigenpair> {
+    let mut scratch = laplacian.scratch();
+    let mut x = Direction::new(operator, u, start(operator, laplacian, &mut scratch));
+    if !x.orthonormalise(&[]) {
+        return None;
+    }
+    if let Some(near) = near {
+        // A little noise remains, or the vector of another symmetry would never be seen.
+        x.scale(0.1);
+        x.add(1.0, &Direction::new(operator, u, near.vector.clone()));
+        x.orthonormalise(&[]);
+    }
+    let mut last: Option<Direction> = None;
+    let mut values = vec![dot(&x.vector, &x.stiff)];
+    for step in 0..LIMIT {
+        let value = values[step];
+        let residual: Vec<f64> = x.stiff.iter().zip(&x.harmonic).map(|(k, l)| k - value * l).collect();
+        let Some(correction) = precondition(laplacian, &residual, &mut scratch) else {
+            break;
+        };
+        let mut w = Direction::new(operator, u, correction);
+        let known: Vec<&Direction> = std::iter::once(&x).chain(&last).collect();
+        if !w.orthonormalise(&known) {
+            break;
+        }
+        let (next, moved) = ritz(&x, w, last.take())?;
+        last = moved;
+        x = next;
+        values.push(dot(&x.vector, &x.stiff));
+        let now = values[step + 1];
+        if step >= WINDOW && values[step + 1 - WINDOW] - now < SETTLED * now.abs().max(FLOOR) {
+            break;
+        }
+    }
+    Some(Eigenpair {
+        value: dot(&x.vector, &x.stiff),
+        vector: x.vector,
+    })
+}
+
+/// The best vector of the span, and the step to it made orthogonal to it. The directions are orthonormal.
+fn ritz(x: &Direction, w: Direction, p: Option<Direction>) -> Option<(Direction, Option<Direction>)> {
+    let span: Vec<&Direction> = [x, &w].into_iter().chain(&p).collect();
+    let n = span.len();
+    let matrix = Mat::from_fn(n, n, |i, k| {
+        0.5 * (dot(&span[i].vector, &span[k].stiff) + dot(&span[k].vector, &span[i].stiff))
+    });
+    let eigen = matrix.self_adjoint_eigen(Side::Lower).ok()?;
+    let weights: Vec<f64> = (0..n).map(|i| eigen.U()[(i, 0)]).collect();
+    let mut step = w.clone();
+    step.scale(weights[1]);
+    if let Some(p) = &p {
+        step.add(weights[2], p);
+    }
+    let mut next = x.clone();
+    next.scale(weights[0]);
+    next.add(1.0, &step);
+    if !next.orthonormalise(&[]) {
+        return None;
+    }
+    let kept = step.orthonormalise(&[&next]);
+    Some((next, kept.then_some(step)))
+}
+
+/// A smooth vector that has a part along every mode.
+fn start<L: Law>(operator: &Operator<'_, L>, laplacian: &Laplacian, scratch: &mut LaplacianScratch) -> Vec<f64> {
+    let mut stream = Stream::new(0, "smallest eigenvalue", 0);
+    let forces = (0..CORNERS * CORNERS * 2).map(|_| stream.normal()).collect();
+    let load = operator
+        .mesh
+        .spread(&Field::from_values(forces).expect("normal deviates are finite"));
+    precondition(laplacian, &load, scratch).unwrap_or(load)
+}
+
+/// The inverse Laplacian of a load, of any length; `None` where there is no load.
+fn precondition(laplacian: &Laplacian, load: &[f64], scratch: &mut LaplacianScratch) -> Option<Vec<f64>> {
+    let size = dot(load, load).sqrt();
+    if size.is_nan() || size <= f64::MIN_POSITIVE {
+        return None;
+    }
+    let narrow: Vec<f32> = load.iter().map(|r| (r / size) as f32).collect();
+    let mut solution = vec![0.0; load.len()];
+    laplacian.solve(&narrow, &mut solution, scratch);
+    Some(solution.into_iter().map(f64::from).collect())
+}
+
+/// a · b, in an order that depends on the length alone.
+pub fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let mut sums = [0.0; 8];
+    let (a, b) = (a.chunks_exact(8), b.chunks_exact(8));
+    let rest: f64 = a.remainder().iter().zip(b.remainder()).map(|(a, b)| a * b).sum();
+    for (a, b) in a.zip(b) {
+        sums.iter_mut()
+            .zip(a.iter().zip(b))
+            .for_each(|(sum, (a, b))| *sum += a * b);
+    }
+    sums.iter().sum::<f64>() + rest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fem::direct::Factorisation;
+    use crate::fem::mesh::{Mesh, Order};
+    use crate::fem::operator::Activity;
+
+    fn at<R>(mesh: Mesh, pull: f64, work: impl FnOnce(&Operator<'_, NeoHookean>, &Laplacian, &[f64]) -> R) -> R {
+        let law = NeoHookean {
+            thickness: 1.0 / 729.0,
+            pull,
+        };
+        let activity = Activity::from_shares(mesh, |x, y| if (x / 10 + y / 10) % 2 == 0 { 1.0 } else { 0.2 });
+        let operator = Operator {
+            mesh,
+            law: &law,
+            activity: &activity,
+        };
+        work(&operator, &Laplacian::new(mesh).unwrap(), &vec![0.0; mesh.vector_len()])
+    }
+
+    #[test]
+    fn a_membrane_at_rest_is_as_stiff_as_the_laplacian() {
+        // K = L + 4a (div)² at rest without voltage, and fields without divergence are among the modes.
+        for (per_cell, order) in [(1, Order::Bilinear), (1, Order::Biquadratic)] {
+            let value = at(Mesh::new(per_cell, order), 0.0, |operator, laplacian, u| {
+                smallest(operator, laplacian, u, None).unwrap().value
+            });
+            assert!((1.0..1.0001).contains(&value), "{value}");
+        }
+    }
+
+    #[test]
+    fn it_is_the_one_of_inverse_iteration() {
+        for (per_cell, order) in [(1, Order::Bilinear), (1, Order::Biquadratic)] {
+            at(Mesh::new(per_cell, order), 0.7, |operator, laplacian, u| {
+                let found = smallest(operator, laplacian, u, None).unwrap().value;
+                let factors = Factorisation::new(operator, u).unwrap();
+                assert_eq!(factors.negative_pivots(), 0);
+                let mut x = Direction::new(operator, u, start(operator, laplacian, &mut laplacian.scratch()));
+                for _ in 0..60 {
+                    x = Direction::new(operator, u, factors.solve(&x.harmonic));
+                    assert!(x.orthonormalise(&[]));
+                }
+                let inverse = dot(&x.vector, &x.stiff);
+                assert!((found / inverse - 1.0).abs() < 1e-4, "{found} {inverse}");
+            });
+        }
+    }
+
+    #[test]
+    fn its_sign_is_that_of_the_inertia() {
+        let mesh = Mesh::new(1, Order::Bilinear);
+        let mut near = None;
+        let mut seen = [false, false];
+        for pull in [0.6, 0.8, 1.0, 1.2, 1.4] {
+            at(mesh, pull, |operator, laplacian, u| {
+                let found = smallest(operator, laplacian, u, near.as_ref()).unwrap();
+                let positive = Factorisation::new(operator, u).unwrap().negative_pivots() == 0;
+                assert_eq!(found.value > 0.0, positive, "{pull}: {}", found.value);
+                let fresh = smallest(operator, laplacian, u, None).unwrap();
+                assert!((fresh.value - found.value).abs() < 1e-4 * found.value.abs());
+                seen[usize::from(positive)] = true;
+                near = Some(found);
+            });
+        }
+        assert_eq!(seen, [true, true]);
+    }
+}

@@ -1,0 +1,256 @@
+//! The curve of equilibria in the space of displacement and load, and steps of a given arc length along it.
+//!
+//! Load control fails at a fold, where the load has an extremum along the curve; the arc length of (u, load) does not
+//! (Riks, J. Appl. Mech. 39 (1972) 1060; Keller's pseudo-arc length, in Applications of Bifurcation Theory, 1977, 359). The
+//! bordered system is solved by block elimination with the factors of the tangent, which are kept for as long as they
+//! reduce the residual well: a factorisation costs as much as tens of back-substitutions.
+
+use std::sync::Arc;
+
+use crate::fem::continuation::Problem;
+use crate::fem::direct::{Factorisation, Structure};
+use crate::fem::eigenvalue::{Eigenpair, dot, smallest};
+use crate::fem::energy::Law;
+use crate::fem::newton::norm;
+use crate::fem::operator::Operator;
+
+/// A factor by which an iteration must reduce the residual for the factors to be kept.
+const GOOD: f64 = 0.25;
+/// Iterations of a corrector, and factorisations within them.
+const MAX_ITERATIONS: u32 = 30;
+const MAX_REFRESHED: u32 = 4;
+/// Residual per unknown, in units of the load, that is rounding.
+const ROUNDING: f64 = 1e-14;
+/// Change of the load with which its derivative is taken, in units of the curve.
+const NUDGE: f64 = 1e-3;
+
+/// A direction along the curve, of length 1 in the units of the curve.
+struct Tangent {
+    u: Vec<f64>,
+    share: f64,
+}
+
+/// An equilibrium on the curve, and what is known of it.
+pub struct Station {
+    /// Displacements.
+    pub u: Vec<f64>,
+    /// Share of the full load.
+    pub share: f64,
+    /// Negative eigenvalues of the tangent matrix.
+    pub negative: usize,
+    /// The least margin of ellipticity.
+    pub ellipticity: f64,
+    /// The smallest det f.
+    pub smallest_det: f64,
+    factors: Factorisation,
+    /// du/dshare.
+    slope: Vec<f64>,
+    tangent: Tangent,
+}
+
+impl Station {
+    /// Whether the load rises along the curve.
+    pub fn rises(&self) -> bool {
+        self.tangent.share > 0.0
+    }
+
+    /// Whether the equilibrium is one that a membrane can be found in.
+    pub fn is_stable(&self) -> bool {
+        self.negative == 0 && self.ellipticity > 0.0
+    }
+}
+
+/// A step along the curve.
+pub struct Step {
+    /// Where it leads.
+    pub to: Station,
+    /// Cosine of the angle between the directions at both ends.
+    pub cosine: f64,
+    /// Whether the first factors did until the end.
+    pub easy: bool,
+}
+
+/// The equilibria of a problem.
+pub struct Curve<'a, F> {
+    problem: &'a Problem<'a, F>,
+    structure: Arc<Structure>,
+    /// The unit of loads: the share at which a membrane that is active everywhere loses stability.
+    unit: f64,
+    /// The unit of displacements: the norm of the linear response to that load; zero where nothing moves.
+    movement: f64,
+    /// The norm of the residual at rest under that load.
+    reference: f64,
+}
+
+impl<'a, L: Law, F: Fn(f64) -> L> Curve<'a, F> {
+    /// The curve through the state at rest; `None` when memory is short.
+    pub fn new(problem: &'a Problem<'a, F>) -> Option<Self> {
+        let law = (problem.law)(1.0);
+        let unit = 0.5 * law.largest_load() / law.load();
+        let structure = Structure::new(problem.mesh)?;
+        let mut curve = Self {
+            problem,
+            structure,
+            unit,
+            movement: 0.0,
+            reference: 0.0,
+        };
+        let rest = vec![0.0; problem.mesh.vector_len()];
+        let (force, _) = curve.residual(&rest, unit);
+        let reference = norm(&force);
+        if reference > ROUNDING * (force.len() as f64).sqrt() * law.load() * unit {
+            let slope = curve.slope(&curve.factors(&rest, 0.0)?, &rest, 0.0);
+            curve.movement = unit * norm(&slope);
+            curve.reference = reference;
+        }
+        Some(curve)
+    }
+
+    /// The unit of loads.
+    pub fn unit(&self) -> f64 {
+        self.unit
+    }
+
+    /// Whether there is no electrode, so that no load does anything.
+    pub fn is_bare(&self) -> bool {
+        self.problem.activity.elements().iter().all(|&active| active == 0.0)
+    }
+
+    /// How far a state is from rest.
+    pub fn distance(&self, at: &Station) -> f64 {
+        self.product(&at.u, at.share, &at.u, at.share).sqrt()
+    }
+
+    /// The state at rest, from where the load can only rise.
+    pub fn rest(&self) -> Option<Station> {
+        self.station(vec![0.0; self.problem.mesh.vector_len()], 0.0, None)
+    }
+
+    /// The smallest eigenvalue of a state, from that of a neighbour.
+    pub fn eigenpair(&self, at: &Station, near: Option<&Eigenpair>) -> Option<Eigenpair> {
+        self.with_operator(at.share, |operator| {
+            smallest(operator, self.problem.laplacian, &at.u, near)
+        })
+    }
+
+    /// Steps along the curve by an arc length; `None` when the curve is not found again.
+    pub fn step(&self, from: &Station, arc: f64) -> Option<Step> {
+        let (u, share, easy) = self.correct(from, arc)?;
+        let to = self.station(u, share, Some(&from.tangent))?;
+        let (a, b) = (&from.tangent, &to.tangent);
+        Some(Step {
+            cosine: self.product(&a.u, a.share, &b.u, b.share),
+            to,
+            easy,
+        })
+    }
+
+    /// The equilibrium in the plane at an arc length from a state, across its tangent; and whether it was found without
+    /// another factorisation.
+    fn correct(&self, from: &Station, arc: f64) -> Option<(Vec<f64>, f64, bool)> {
+        let Tangent { u: along, share: rise } = &from.tangent;
+        let mut u: Vec<f64> = from.u.iter().zip(along).map(|(u, t)| u + arc * t).collect();
+        let mut share = from.share + arc * rise;
+        let mut refreshed: Option<(Factorisation, Vec<f64>)> = None;
+        let (mut last, mut renewals) = (f64::INFINITY, 0);
+        for _ in 0..MAX_ITERATIONS {
+            let (force, smallest_det) = self.residual(&u, share);
+            let size = norm(&force);
+            if smallest_det.is_nan() || smallest_det <= 0.0 || !size.is_finite() {
+                return None;
+            }
+            if size <= self.goal(share) {
+                return Some((u, share, renewals == 0));
+            }
+            if size > GOOD * last {
+                renewals += 1;
+                if renewals > MAX_REFRESHED {
+                    return None;
+                }
+                let factors = self.factors(&u, share)?;
+                let slope = self.slope(&factors, &u, share);
+                refreshed = Some((factors, slope));
+            }
+            last = size;
+            let (factors, slope) = refreshed
+                .as_ref()
+                .map_or((&from.factors, &from.slope), |(factors, slope)| (factors, slope));
+            let back = factors.solve(&force);
+            // Both unknowns move, and stay in the plane.
+            let shift = self.product(&back, 0.0, along, 0.0) / self.product(slope, 1.0, along, *rise);
+            let changes = back.iter().zip(slope).map(|(b, s)| shift * s - b);
+            u.iter_mut().zip(changes).for_each(|(u, change)| *u += change);
+            share += shift;
+        }
+        None
+    }
+
+    /// The residual that counts as rounding or as small enough.
+    fn goal(&self, share: f64) -> f64 {
+        let relative = (share / self.unit).abs();
+        let load = (self.problem.law)(1.0).load() * self.unit;
+        let rounding = ROUNDING * (self.problem.mesh.vector_len() as f64).sqrt() * load;
+        (self.problem.tolerance * self.reference + rounding) * relative.max(1e-6)
+    }
+
+    fn station(&self, u: Vec<f64>, share: f64, before: Option<&Tangent>) -> Option<Station> {
+        let factors = self.factors(&u, share)?;
+        let slope = self.slope(&factors, &u, share);
+        let along = before.map_or(1.0, |t| self.product(&slope, 1.0, &t.u, t.share));
+        let length = self.product(&slope, 1.0, &slope, 1.0).sqrt().copysign(along);
+        let (_, smallest_det) = self.residual(&u, share);
+        let ellipticity = self.with_operator(share, |operator| operator.margins(&u).ellipticity);
+        Some(Station {
+            negative: factors.negative_pivots(),
+            ellipticity,
+            smallest_det,
+            tangent: Tangent {
+                u: slope.iter().map(|s| s / length).collect(),
+                share: 1.0 / length,
+            },
+            u,
+            share,
+            factors,
+            slope,
+        })
+    }
+
+    /// The inner product in which arcs are measured.
+    fn product(&self, u: &[f64], share: f64, v: &[f64], other: f64) -> f64 {
+        let movement = if self.movement > 0.0 {
+            dot(u, v) / (self.movement * self.movement)
+        } else {
+            0.0
+        };
+        movement + share * other / (self.unit * self.unit)
+    }
+
+    fn with_operator<R>(&self, share: f64, work: impl FnOnce(&Operator<'_, L>) -> R) -> R {
+        let law = (self.problem.law)(share);
+        work(&Operator {
+            mesh: self.problem.mesh,
+            law: &law,
+            activity: self.problem.activity,
+        })
+    }
+
+    /// The residual and the smallest det f.
+    fn residual(&self, u: &[f64], share: f64) -> (Vec<f64>, f64) {
+        let mut force = vec![0.0; u.len()];
+        let smallest_det = self.with_operator(share, |operator| operator.residual(u, &mut force));
+        (force, smallest_det)
+    }
+
+    fn factors(&self, u: &[f64], share: f64) -> Option<Factorisation> {
+        self.with_operator(share, |operator| self.structure.factorise(operator, u))
+    }
+
+    /// du/dshare along the curve.
+    fn slope(&self, factors: &Factorisation, u: &[f64], share: f64) -> Vec<f64> {
+        let nudge = NUDGE * self.unit;
+        let (low, high) = ((share - nudge).max(0.0), share + nudge);
+        let (below, above) = (self.residual(u, low).0, self.residual(u, high).0);
+        let force: Vec<f64> = below.iter().zip(above).map(|(b, a)| (b - a) / (high - low)).collect();
+        factors.solve(&force)
+    }
+}

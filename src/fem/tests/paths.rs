@@ -1,0 +1,280 @@
+//! Load paths: where they end, what lies on them, and what lies beyond a fold.
+
+use super::*;
+use crate::fem::continuation::{Ending, Problem};
+use crate::fem::kinematics::{Tensor, add_scaled, cofactor, contract, deformation, determinant, squared_stretches};
+use crate::fem::lanes::Value;
+use crate::fem::newton::Workspace;
+use crate::fem::path::{curve::Curve, trace::follow};
+use crate::fem::precondition::Laplacian;
+
+fn disc(radius: f64) -> Pattern {
+    Pattern::from_fn(|x, y| (x as f64 - 24.5).hypot(y as f64 - 24.5) < radius)
+}
+
+fn one_cell() -> Pattern {
+    Pattern::from_fn(|x, y| (x, y) == (25, 25))
+}
+
+fn path(scene: &Scene, order: Order, pattern: &Pattern) -> LoadPath {
+    MembraneSolver::new(scene, options(1, order))
+        .unwrap()
+        .path(pattern)
+        .unwrap()
+}
+
+#[test]
+fn limits_are_those_of_an_independent_analysis() {
+    // At 25 kPa, in V, by an independent analysis with one biquadratic element per cell. A straight electrode needs no fine mesh, a single cell a better one.
+    for (pattern, order, known, within) in [
+        (half(), Order::Bilinear, 5500.0, 0.01),
+        (one_cell(), Order::Biquadratic, 4550.0, 1e-3),
+    ] {
+        let limit = path(&soft(1e3), order, &pattern).limit().unwrap();
+        assert!((limit.voltage / known - 1.0).abs() < within, "{limit:?} {known}");
+    }
+}
+
+#[test]
+fn a_membrane_active_everywhere_never_moves_and_is_lost_at_the_closed_form_voltage() {
+    // H12: √κ = √(λ⁻² + 3λ⁻⁸), whatever the voltage of the scene.
+    let all = Pattern::from_fn(|_, _| true);
+    for (prestretch, voltage) in [(1.5_f64, 1e5), (3.0, 0.0), (6.0, 1.0)] {
+        let scene = Scene::with_values(50.0, 1.0, prestretch, 25e3, 4.7, voltage);
+        let unit = scene.at_voltage(1e3);
+        let exact = 1e3 * ((prestretch.powi(-2) + 3.0 * prestretch.powi(-8)) / unit.kappa()).sqrt();
+        let path = path(&scene, Order::Bilinear, &all);
+        let limit = path.limit().unwrap();
+        assert_eq!((limit.kind, path.end), (EventKind::NotElliptic, PathEnd::NotElliptic));
+        assert!((limit.voltage / exact - 1.0).abs() < 2e-5, "{} {exact}", limit.voltage);
+        assert!(path.points.iter().all(|p| p.max_displacement < 1e-9));
+    }
+}
+
+#[test]
+fn limits_grow_with_the_root_of_the_modulus_and_a_bare_membrane_has_none() {
+    let limit = |modulus| {
+        let scene = Scene::with_values(50.0, 1.0, 3.0, modulus, 4.7, 3e3);
+        path(&scene, Order::Bilinear, &one_cell()).limit().unwrap().voltage
+    };
+    assert!((limit(45e3) / limit(25e3) / 1.8f64.sqrt() - 1.0).abs() < 1e-6);
+    let bare = path(&soft(1e3), Order::Bilinear, &Pattern::from_fn(|_, _| false));
+    assert_eq!((bare.limit(), bare.end), (None, PathEnd::NoLimit));
+}
+
+#[test]
+fn the_solver_agrees_with_the_path_on_both_sides_of_a_fold() {
+    let path = path(&soft(1e3), Order::Bilinear, &one_cell());
+    let limit = path.limit().unwrap();
+    assert_eq!((limit.kind, path.watched), (EventKind::Fold, [25, 25]));
+    let at = |voltage: f64| solver(&soft(voltage), 1).simulate(&[one_cell()]).remove(0);
+    assert!(at(0.999 * limit.voltage).outcome.is_converged());
+    let bracket = at(1.05 * limit.voltage).outcome.bracket().unwrap();
+    assert!(
+        bracket[0] < 1.0001 * limit.voltage && limit.voltage < 1.0001 * bracket[1],
+        "{bracket:?}"
+    );
+    let stable = &path.points[..=limit.point];
+    for point in [&stable[limit.point / 3], &stable[2 * limit.point / 3]] {
+        let solved = at(point.voltage).field.unwrap().max_magnitude();
+        assert!((solved / point.max_displacement - 1.0).abs() < 1e-7, "{point:?}");
+    }
+    assert!(stable.iter().all(|p| p.stable && p.negative_eigenvalues == 0));
+    let beyond = &path.points[limit.point + 1..];
+    assert!(beyond.len() > 3 && beyond.iter().all(|p| !p.stable && p.negative_eigenvalues == 1));
+    let displacements: Vec<f64> = path.points.iter().map(|p| p.displacement).collect();
+    assert!(displacements.is_sorted(), "it goes on moving past the fold");
+    assert!(
+        beyond
+            .iter()
+            .all(|p| p.voltage <= limit.voltage && p.smallest_eigenvalue < 0.0)
+    );
+}
+
+#[test]
+fn the_smallest_eigenvalue_falls_like_the_root_of_the_distance_to_a_fold() {
+    let limit = path(&soft(1e3), Order::Bilinear, &one_cell()).limit().unwrap().voltage;
+    let report = |share: f64| {
+        let solver = solver(&soft(share * limit), 1);
+        solver.stability(&one_cell(), &solver.solve(&one_cell()))
+    };
+    let [near, far] = [2e-4, 8e-4].map(|gap| report(1.0 - gap).smallest_eigenvalue.unwrap());
+    assert!((far / near - 2.0).abs() < 0.05, "{far} {near}");
+    for share in [0.01, 0.6, 0.98] {
+        let margin = report(share).margin.unwrap();
+        assert!((margin * share - 1.0).abs() < 1e-3, "{share}: {margin}");
+    }
+    let lost = report(1.1);
+    assert!(lost.smallest_eigenvalue.is_none() && (lost.margin.unwrap() * 1.1 - 1.0).abs() < 1e-3);
+}
+
+#[test]
+fn margins_of_uniform_membranes_have_closed_forms() {
+    // u = 0, and the tangent is L + (3a − b) (div)² + multiples of a null Lagrangian with a = λ⁻⁶, b = κλ²: for fields
+    // without rotation the smallest eigenvalue is 1 + 3a − b, which a mesh approaches from above.
+    let all = Pattern::from_fn(|_, _| true);
+    let scene = soft(6e3);
+    let solver = solver(&scene, 1);
+    let results = [all, Pattern::from_fn(|_, _| false)].map(|pattern| {
+        let solution = solver.solve(&pattern);
+        (solution.outcome, solver.stability(&pattern, &solution))
+    });
+    let exact = 1.0 + 3.0 * 3f64.powi(-6) - 9.0 * scene.kappa();
+    let [(full, report), (_, bare)] = &results;
+    assert!(full.is_converged());
+    let value = report.smallest_eigenvalue.unwrap();
+    assert!((-1e-6..2e-3).contains(&(value - exact)), "{value} {exact}");
+    assert!((report.margin.unwrap() * 6e3 / 8186.86 - 1.0).abs() < 1e-3);
+    assert_eq!((bare.critical, bare.margin), (None, None));
+    let resting = MembraneSolver::new(&soft(0.0), options(1, Order::Bilinear)).unwrap();
+    let report = resting.stability(&one_cell(), &resting.solve(&one_cell()));
+    assert!(report.critical.is_some() && report.margin.is_none());
+}
+
+/// A membrane that stiffens once it has snapped: g′ = −a j⁻³ − S b j + c (j − 1)³.
+struct Stiffening {
+    thickness: f64,
+    pull: f64,
+    stiffness: f64,
+}
+
+impl Stiffening {
+    fn new(share: f64) -> Self {
+        Self {
+            thickness: 3f64.powi(-6),
+            pull: share,
+            stiffness: 0.006,
+        }
+    }
+
+    #[inline(always)]
+    fn slopes<V: Value>(&self, j: V, active: V) -> (V, V) {
+        let number = |value: f64| active.constant(value);
+        let (inverse, rise) = (j.recip(), j - number(1.0));
+        let cubic = number(-self.thickness) * inverse * inverse * inverse;
+        let pull = number(-self.pull) * active;
+        let slope = cubic + pull * j + number(self.stiffness) * rise * rise * rise;
+        let curvature = number(-3.0) * cubic * inverse + pull + number(3.0 * self.stiffness) * rise * rise;
+        (slope, curvature)
+    }
+}
+
+impl Law for Stiffening {
+    const SEVERAL_BRANCHES: bool = true;
+
+    fn energy<V: Value>(&self, f: Tensor<V>, active: V) -> V {
+        let (j, half) = (determinant(f), active.constant(0.5));
+        let (inverse, rise) = (j.recip(), j - active.constant(1.0));
+        let squares = rise * rise * active.constant(0.25 * self.stiffness) * rise * rise;
+        let thickness = active.constant(self.thickness) * inverse * inverse;
+        half * (contract(f, f) + thickness - active.constant(self.pull) * active * j * j) + squares
+    }
+
+    #[inline(always)]
+    fn stress<V: Value>(&self, gradient: Tensor<V>, active: V) -> Tensor<V> {
+        let f = deformation(gradient);
+        let (slope, _) = self.slopes(determinant(f), active);
+        add_scaled(gradient, slope + active.constant(self.thickness), cofactor(f))
+    }
+
+    #[inline(always)]
+    fn tangent<V: Value>(&self, gradient: Tensor<V>, active: V, df: Tensor<V>) -> Tensor<V> {
+        let f = deformation(gradient);
+        let (slope, curvature) = self.slopes(determinant(f), active);
+        let c = cofactor(f);
+        add_scaled(add_scaled(df, curvature * contract(c, df), c), slope, cofactor(df))
+    }
+
+    fn self_stress(&self, f: Tensor<f64>) -> Tensor<f64> {
+        NeoHookean {
+            thickness: self.thickness,
+            pull: self.pull,
+        }
+        .self_stress(f)
+    }
+
+    fn largest_load(&self) -> f64 {
+        2.0
+    }
+
+    fn load(&self) -> f64 {
+        self.pull
+    }
+
+    #[inline(always)]
+    fn ellipticity<V: Value>(&self, f: Tensor<V>, active: V) -> V {
+        let (_, curvature) = self.slopes(determinant(f), active);
+        let [largest, _] = squared_stretches(f);
+        curvature.min(active.constant(0.0)).madd(largest, active.constant(1.0))
+    }
+
+    #[inline(always)]
+    fn convexity<V: Value>(&self, _: Tensor<V>, active: V) -> V {
+        active.constant(-1.0)
+    }
+}
+
+fn with_stiffening<R>(work: impl FnOnce(&Problem<'_, fn(f64) -> Stiffening>) -> R) -> R {
+    let mesh = Mesh::new(1, Order::Bilinear);
+    let activity = Activity::new(mesh, &disc(1.0));
+    let problem = Problem {
+        mesh,
+        activity: &activity,
+        laplacian: &Laplacian::new(mesh).unwrap(),
+        law: Stiffening::new as fn(f64) -> Stiffening,
+        tolerance: 1e-10,
+    };
+    work(&problem)
+}
+
+#[test]
+fn a_stiffening_membrane_snaps_to_another_stable_branch() {
+    with_stiffening(|problem| {
+        let trace = follow(&Curve::new(problem).unwrap(), |mark| mark);
+        let folds: Vec<(EventKind, f64)> = trace.happenings.iter().map(|h| (h.kind, h.share)).collect();
+        assert_eq!(trace.end, PathEnd::Recovered);
+        assert_eq!(trace.happenings.len(), 2);
+        assert!(folds.iter().all(|(kind, _)| *kind == EventKind::Fold) && folds[1].1 < folds[0].1);
+        assert!(trace.marks.last().unwrap().stable);
+        // Every state on the way is an equilibrium.
+        for mark in &trace.marks {
+            let law = Stiffening::new(mark.share);
+            let operator = Operator {
+                mesh: problem.mesh,
+                law: &law,
+                activity: problem.activity,
+            };
+            let mut force = vec![0.0; mark.u.len()];
+            assert!(operator.residual(&mark.u, &mut force) > 0.0);
+            assert!(norm(&force) < 1e-8);
+        }
+    });
+}
+
+#[test]
+fn loading_does_not_jump_to_the_branch_beyond_a_snap() {
+    with_stiffening(|problem| {
+        let first = follow(&Curve::new(problem).unwrap(), |_| ()).happenings[0].share;
+        for share in [0.98, 1.02, 1.3, 2.0] {
+            let problem = Problem {
+                law: |part: f64| Stiffening::new(part * share * first),
+                mesh: problem.mesh,
+                activity: problem.activity,
+                laplacian: problem.laplacian,
+                tolerance: problem.tolerance,
+            };
+            let mut u = vec![0.0; problem.mesh.vector_len()];
+            let mut workspace = Workspace::new(u.len(), problem.laplacian);
+            match problem.load(&mut u, &mut workspace).ending {
+                Ending::Stable => assert!(share < 1.0, "{share}"),
+                Ending::Lost { stable, unstable, .. } => {
+                    assert!(
+                        stable * share < 1.0001 && unstable * share > 0.9999,
+                        "{share}: {stable} {unstable}"
+                    );
+                }
+                Ending::Unknown => panic!("{share}"),
+            }
+        }
+    });
+}
