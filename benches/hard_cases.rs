@@ -175,7 +175,7 @@ impl Tally {
             Outcome::Converged => self.converged += 1,
             Outcome::PullIn { .. } => self.pull_in += 1,
             Outcome::NotElliptic { .. } => self.not_elliptic += 1,
-            Outcome::Slack { .. } | Outcome::IterationLimit => self.other += 1,
+            _ => self.other += 1,
         }
         if seconds > self.slowest {
             (self.slowest, self.case) = (seconds, case());

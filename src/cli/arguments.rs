@@ -1,11 +1,13 @@
 //! What may stand on the command line.
 
 use std::path::PathBuf;
+use std::str::FromStr;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use super::error::CliError;
 use crate::base::{Dimension, Override, Quantity};
+use crate::stage::direct::Method;
 
 /// Designs dielectric-elastomer actuators, reproducibly: sample, solve, balance, train, design, verify.
 #[derive(Debug, Parser)]
@@ -41,6 +43,8 @@ pub enum Command {
     Solve(SolveArguments),
     /// Predict the fields of patterns with a trained model
     Predict(PredictArguments),
+    /// Measure what accuracy costs in a scene: error and time of methods and meshes
+    Accuracy(AccuracyArguments),
 }
 
 #[derive(Debug, Args)]
@@ -224,6 +228,9 @@ pub struct SolveArguments {
     pub scene: PathBuf,
     #[command(flatten)]
     pub patterns: PatternArguments,
+    /// How fields are found: newton, or as estimates that are no equilibria linear or chord:N (N chord steps)
+    #[arg(long, value_name = "METHOD", default_value = "newton", value_parser = Method::from_str)]
+    pub method: Method,
     /// Elements along one side of a cell
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u64).range(1..=8))]
     pub elements_per_cell: u64,
@@ -234,15 +241,15 @@ pub struct SolveArguments {
     /// error of each pattern is written too
     #[arg(long, value_name = "LENGTH", value_parser = accuracy, conflicts_with_all = ["elements_per_cell", "order"])]
     pub accuracy: Option<Quantity>,
-    /// Relative residual at which an equilibrium is accepted
-    #[arg(long, value_name = "R", default_value_t = 1e-8, value_parser = tolerance)]
-    pub tolerance: f64,
+    /// Relative residual at which an equilibrium is accepted [default: 1e-8]
+    #[arg(long, value_name = "R", value_parser = tolerance)]
+    pub tolerance: Option<f64>,
     /// Write stretches, field, stresses and tension of every cell too
-    #[arg(long, conflicts_with_all = ["accuracy", "path"])]
+    #[arg(long, conflicts_with_all = ["accuracy", "path", "method"])]
     pub cells: bool,
     /// Follow each pattern from rest past the voltage at which it loses stability, whatever the voltage of the scene;
     /// OUT.csv and OUT.png are written beside OUT.h5
-    #[arg(long, conflicts_with = "accuracy")]
+    #[arg(long, conflicts_with_all = ["accuracy", "method"])]
     pub path: bool,
 }
 
@@ -254,6 +261,42 @@ pub struct PredictArguments {
     pub patterns: PatternArguments,
     #[command(flatten)]
     pub store: StoreArguments,
+}
+
+#[derive(Debug, Args)]
+pub struct AccuracyArguments {
+    /// A scene, or a pipeline whose scene is meant; a YAML file
+    pub scene: PathBuf,
+    /// Measure on these patterns: FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset
+    #[arg(long, value_name = "PATTERN", num_args = 1.., conflicts_with_all = ["families", "count", "seed"])]
+    pub patterns: Vec<String>,
+    /// Measure on patterns drawn from small grids, large grids, Bézier curves, stripes and single cells [default]
+    #[arg(long)]
+    pub families: bool,
+    /// Patterns of each family
+    #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u64).range(1..=10_000))]
+    pub count: u64,
+    /// Seed of the families
+    #[arg(long, value_name = "S", default_value_t = 1, value_parser = clap::value_parser!(u64).range(0..=i64::MAX as u64))]
+    pub seed: u64,
+    /// Folder for accuracy.h5, accuracy.csv and accuracy.png
+    #[arg(short, long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// Name the cheapest setting whose largest displacement error stays below this, as in "0.01 mm"
+    #[arg(long, value_name = "LENGTH", value_parser = accuracy)]
+    pub target: Option<Quantity>,
+    /// What to measure, as in "[linear, chord:1, { elements_per_cell: 4, order: 2 }, { accuracy: 0.01 mm }]"
+    #[arg(long, value_name = "YAML")]
+    pub methods: Option<String>,
+    /// What to compare with
+    #[arg(long, value_name = "YAML", default_value = "{ elements_per_cell: 8, order: 2 }")]
+    pub reference: String,
+    /// Threads for the reference [default: one per core]; methods are measured on one
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub jobs: Option<u16>,
+    /// Print one JSON document on stdout; progress goes to stderr either way
+    #[arg(long)]
+    pub json: bool,
 }
 
 #[derive(Debug, Args)]
@@ -280,6 +323,9 @@ fn accuracy(text: &str) -> Result<Quantity, String> {
         Err("allowed: 1e-9 mm to 1000 mm".to_owned())
     }
 }
+
+/// Relative residual at which an equilibrium is accepted unless said otherwise.
+pub const TOLERANCE: f64 = 1e-8;
 
 fn hours(text: &str) -> Result<f64, String> {
     let value = text.parse::<f64>().map_err(|e| e.to_string())?;
@@ -315,6 +361,7 @@ impl Command {
             Self::Screen(a) => a.json,
             Self::Solve(a) => a.patterns.json,
             Self::Predict(a) => a.patterns.json,
+            Self::Accuracy(a) => a.json,
         }
     }
 
@@ -324,6 +371,7 @@ impl Command {
             Self::Run(a) | Self::Plan(a) => a.jobs,
             Self::Solve(a) => a.patterns.jobs,
             Self::Predict(a) => a.patterns.jobs,
+            Self::Accuracy(a) => a.jobs,
             Self::Explain(_)
             | Self::Dag(_)
             | Self::Show(_)

@@ -1,6 +1,7 @@
 //! The command line: one file per command. Commands speak through one `Output` and fail with one error type, so
 //! that exit codes and `--json` are the same everywhere.
 
+mod accuracy;
 mod arguments;
 mod dag;
 mod error;
@@ -64,5 +65,6 @@ fn dispatch(command: &Command, output: &Output) -> Result<Exit, CliError> {
         Command::Unpin(arguments) => pin::remove(arguments, output),
         Command::Solve(arguments) => solve::execute(arguments, output),
         Command::Predict(arguments) => predict::execute(arguments, output),
+        Command::Accuracy(arguments) => accuracy::execute(arguments, output),
     }
 }

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 
-use super::arguments::SolveArguments;
+use super::arguments::{SolveArguments, TOLERANCE};
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::progress::Bar;
@@ -39,7 +39,8 @@ pub fn execute(arguments: &SolveArguments, scene: &str, output: &Output) -> Resu
         order: arguments.order,
     };
     let (bar, start) = (Bar::new("path", "patterns", patterns.len() as u64), Instant::now());
-    let answer = path::paths(&arguments.scene, &patterns, mesh, arguments.tolerance, &bar)?;
+    let tolerance = arguments.tolerance.unwrap_or(TOLERANCE);
+    let answer = path::paths(&arguments.scene, &patterns, mesh, tolerance, &bar)?;
     bar.finish("done");
     let seconds = start.elapsed().as_secs_f64();
     let parameters = format!(
@@ -47,7 +48,7 @@ pub fn execute(arguments: &SolveArguments, scene: &str, output: &Output) -> Resu
         arguments.scene.display(),
         arguments.elements_per_cell,
         arguments.order,
-        arguments.tolerance
+        tolerance
     );
     write_file(file, &answer.content, &provenance("solve", parameters, seconds))?;
     write_text(&values, &path::table(&answer.paths))?;

@@ -5,18 +5,19 @@ use std::time::Instant;
 
 use serde_json::json;
 
-use super::arguments::{PatternArguments, SolveArguments};
+use super::arguments::{PatternArguments, SolveArguments, TOLERANCE};
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::progress::Bar;
 use super::{path, table};
 use crate::orchestrator::Environment;
-use crate::stage::direct::{self, Answer, MeshRequest, SolveRequest};
+use crate::stage::direct::{self, Answer, MeshRequest, Method, SolveRequest};
 use crate::store::{Provenance, write_file};
 
 pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliError> {
     let scene = arguments.scene.display().to_string();
     check_output(&arguments.patterns, &scene)?;
+    check_method(arguments)?;
     if arguments.path {
         return path::execute(arguments, &scene, output);
     }
@@ -29,9 +30,11 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
             order,
         },
     };
+    let method = arguments.method;
     let request = SolveRequest {
+        method,
         mesh,
-        tolerance: arguments.tolerance,
+        tolerance: arguments.tolerance.unwrap_or(TOLERANCE),
         cells: arguments.cells,
     };
     let (bar, start) = (Bar::new("solve", "patterns", patterns.len() as u64), Instant::now());
@@ -42,11 +45,23 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
         None => format!("elements_per_cell {elements_per_cell}, order {order}"),
     };
     let parameters = format!(
-        "scene {}, {mesh}, tolerance {:e}",
+        "scene {}, method {method}, {mesh}, tolerance {:e}",
         arguments.scene.display(),
         request.tolerance
     );
     conclude(&arguments.patterns, &answer, ("solve", parameters), start, output)
+}
+
+/// An estimate is no equilibrium: it has neither an accuracy nor a tolerance.
+fn check_method(arguments: &SolveArguments) -> Result<(), CliError> {
+    let beside = match arguments {
+        a if a.method == Method::Newton => return Ok(()),
+        a if a.accuracy.is_some() => "--accuracy",
+        a if a.tolerance.is_some() => "--tolerance",
+        _ => return Ok(()),
+    };
+    let message = format!("{beside} cannot stand beside --method {}", arguments.method);
+    Err(CliError::bad_input(message).help("an estimate is no equilibrium; give a mesh, or take --method newton"))
 }
 
 /// What cannot be written, or must not be, has to be known before hours of work, not after. `other` is the scene or the
@@ -137,7 +152,10 @@ pub fn conclude(
             table::seconds(seconds)
         )];
         let outcomes = answer.unstable.iter();
-        lines.extend(outcomes.map(|(index, outcome)| format!("pattern {index} has no stable solution: {outcome}")));
+        lines.extend(outcomes.map(|(index, outcome)| match outcome.as_str() {
+            "no-estimate" => format!("pattern {index} has no estimate: the steps lead to no state of the membrane"),
+            outcome => format!("pattern {index} has no stable solution: {outcome}"),
+        }));
         let missed = answer.missed.iter();
         lines.extend(missed.map(|(index, error)| {
             format!(

@@ -140,6 +140,45 @@ pub fn solve<L: Law>(
     }
 }
 
+/// Makes `steps` steps −A⁻¹R from rest with one matrix A, the tangent of `linear` at rest, each solved to the relative
+/// residual `inner`; `rest` is zero everywhere. `u` is then where the last step led to.
+///
+/// # Errors
+/// With the progress made until then, when A is not positive definite, or a step turns an element over.
+pub fn chord<L: Law>(
+    [actual, linear]: [&Operator<'_, L>; 2],
+    laplacian: &Laplacian,
+    (steps, inner): (u32, f64),
+    rest: &[f64],
+    u: &mut [f64],
+    workspace: &mut Workspace,
+) -> Result<Progress, (Trouble, Progress)> {
+    u.fill(0.0);
+    actual.residual(rest, &mut workspace.residual);
+    let mut progress = Progress {
+        steps: 0,
+        residual: 0.0,
+    };
+    if largest(&workspace.residual) <= ROUNDING * actual.law.load() {
+        return Ok(progress);
+    }
+    let reference = norm(&workspace.residual);
+    let mut size = reference;
+    for _ in 0..steps {
+        progress.residual = size / reference;
+        find_step(linear, laplacian, inner, size, rest, workspace).map_err(|trouble| (trouble, progress))?;
+        advance(u, -size, &workspace.krylov.solution, &mut workspace.trial);
+        u.copy_from_slice(&workspace.trial);
+        if actual.residual(u, &mut workspace.residual) <= 0.0 {
+            return Err((Trouble::LineSearch, progress));
+        }
+        progress.steps += 1;
+        size = norm(&workspace.residual);
+    }
+    progress.residual = size / reference;
+    Ok(progress)
+}
+
 /// Solves A ψ = `load` with the tangent A at `u`, until the residual is `tolerance` times the load: each round in single
 /// precision corrects what the last one left.
 ///

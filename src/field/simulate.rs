@@ -12,6 +12,11 @@ use crate::pattern::Pattern;
 pub enum Outcome {
     /// A stable equilibrium was found.
     Converged,
+    /// A field by a method that does not look for an equilibrium; nothing is known of stability.
+    Estimated,
+    /// Such a method led to no state that a membrane can have: an element turns over, ellipticity is lost, or the forces are
+    /// farther from balance than at rest. Nothing is known of stability.
+    NoEstimate,
     /// The membrane snaps through: no stable equilibrium at the full voltage. The loss of stability lies between the two
     /// voltages, in V.
     PullIn {
@@ -41,11 +46,14 @@ pub enum Outcome {
 }
 
 impl Outcome {
-    /// The word that stands in files: `converged`, `pull-in`, `not-elliptic`, `slack`, `iteration-limit`.
+    /// The word that stands in files: `converged`, `estimated`, `no-estimate`, `pull-in`, `not-elliptic`, `slack`,
+    /// `iteration-limit`.
     #[must_use]
     pub fn name(&self) -> &'static str {
         match self {
             Self::Converged => "converged",
+            Self::Estimated => "estimated",
+            Self::NoEstimate => "no-estimate",
             Self::PullIn { .. } => "pull-in",
             Self::NotElliptic { .. } => "not-elliptic",
             Self::Slack { .. } => "slack",
@@ -69,7 +77,7 @@ impl Outcome {
                 last_stable,
                 first_unstable,
             } => Some([last_stable, first_unstable]),
-            Self::Converged | Self::IterationLimit => None,
+            Self::Converged | Self::Estimated | Self::NoEstimate | Self::IterationLimit => None,
         }
     }
 
@@ -77,6 +85,20 @@ impl Outcome {
     #[must_use]
     pub fn is_converged(&self) -> bool {
         matches!(self, Self::Converged)
+    }
+
+    /// Whether there is a field, be it that of an equilibrium or an estimate.
+    #[must_use]
+    pub fn has_field(&self) -> bool {
+        matches!(self, Self::Converged | Self::Estimated)
+    }
+
+    /// Whether a word in a file stands for an outcome with a field.
+    #[must_use]
+    pub fn names_field(word: &str) -> bool {
+        [Self::Converged, Self::Estimated]
+            .iter()
+            .any(|outcome| outcome.name() == word)
     }
 }
 
@@ -94,11 +116,11 @@ impl fmt::Display for Outcome {
 pub struct Simulation {
     /// How it ended.
     pub outcome: Outcome,
-    /// The displacement; present exactly when the outcome is [`Outcome::Converged`].
+    /// The displacement; present exactly when [`Outcome::has_field`] says so.
     pub field: Option<Field>,
-    /// Newton steps over all load steps.
+    /// Newton steps over all load steps, or steps of an estimate.
     pub newton_iterations: u32,
-    /// Relative residual at the end.
+    /// Relative residual at the end: that of the non-linear equilibrium, for estimates too.
     pub residual: f64,
     /// What the effects of the scene say beside the displacement; empty where there is no field.
     pub observation: Observation,

@@ -2,6 +2,7 @@
 //! that a killed run loses no more than the chunks in flight.
 
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 
@@ -9,7 +10,7 @@ use super::action::Action;
 use super::assess::{ChunkState, manifest};
 use super::event::{Event, Listener};
 use super::kind::{Chunk, Job, Progress, StageError};
-use super::provenance::Environment;
+use super::provenance::{Environment, Took};
 use super::spec::StageSpec;
 use crate::base::Digest;
 use crate::store::{Artifact, Condition, Effort, Guard, Lookup, Object, Record, Store, StoreError, Stored};
@@ -119,7 +120,11 @@ impl Builder<'_> {
         parts: Vec<Digest>,
         seconds: f64,
     ) -> Result<Record, StageError> {
-        self.keep(spec, action, key, &manifest(spec, parts), seconds, true)
+        let took = Took {
+            seconds,
+            ..Took::default()
+        };
+        self.keep(spec, action, key, &manifest(spec, parts), took, true)
     }
 
     fn attempt(
@@ -169,15 +174,20 @@ impl Builder<'_> {
             name: &piece.spec.name,
             listener: self.listener,
         };
+        let measured = Mutex::default();
         let start = (self.environment.clock)();
         let object = piece.spec.stage.build(&Job {
             chunk: piece.chunk.map(|(_, chunk)| chunk),
             inputs: &inputs?,
             progress: &reporter,
+            measured: &measured,
         })?;
-        let seconds = self.environment.seconds_since(start);
+        let took = Took {
+            seconds: self.environment.seconds_since(start),
+            measurements: measured.into_inner().unwrap_or_else(PoisonError::into_inner),
+        };
         let whole = piece.chunk.is_none();
-        let record = self.keep(piece.spec, piece.action, piece.key, &object, seconds, whole)?;
+        let record = self.keep(piece.spec, piece.action, piece.key, &object, took, whole)?;
         if let Some((chunk, _)) = piece.chunk {
             let name = piece.spec.name.clone();
             (self.listener)(&Event::ChunkBuilt { name, chunk });
@@ -207,12 +217,13 @@ impl Builder<'_> {
         action: &Action,
         key: Digest,
         object: &Object,
-        seconds: f64,
+        took: Took,
         whole: bool,
     ) -> Result<Record, StageError> {
+        let seconds = took.seconds;
         let stored = self
             .store
-            .put(object, &self.environment.provenance(action, key, seconds))?;
+            .put(object, &self.environment.provenance(action, key, took))?;
         let unstable = match whole {
             true => spec.stage.unstable(&self.store.artifact(&stored.digest)?)?,
             false => 0,

@@ -3,6 +3,8 @@
 //! A [`Kind`] reads a stage's mapping into a [`Stage`]; a stage states its canonical parameters (the only thing, with
 //! its input digests, that its key is made of), how its work divides into chunks, and how one piece of work is done.
 
+use std::sync::{Mutex, PoisonError};
+
 use crate::base::{Canonical, Digest, InputError, Node};
 use crate::store::{Artifact, Object, ObjectError, StoreError};
 
@@ -108,6 +110,17 @@ pub struct Job<'a> {
     pub inputs: &'a [Artifact],
     /// Where to report progress.
     pub progress: &'a dyn Progress,
+    /// What was measured: see [`Job::measure`].
+    pub measured: &'a Mutex<Vec<(String, f64)>>,
+}
+
+impl Job<'_> {
+    /// Notes seconds under a name on one line. They go into the provenance of the artifact, never into its content: no
+    /// two runs measure the same.
+    pub fn measure(&self, name: impl Into<String>, seconds: f64) {
+        let mut measured = self.measured.lock().unwrap_or_else(PoisonError::into_inner);
+        measured.push((name.into(), seconds));
+    }
 }
 
 /// Receives the progress of a piece of work.

@@ -19,6 +19,15 @@ pub struct Environment {
     pub clock: fn() -> SystemTime,
 }
 
+/// What a piece of work took.
+#[derive(Clone, Debug, Default)]
+pub struct Took {
+    /// From its beginning to its end, s.
+    pub seconds: f64,
+    /// What it measured by name, s.
+    pub measurements: Vec<(String, f64)>,
+}
+
 impl Environment {
     /// This machine, now.
     #[must_use]
@@ -56,20 +65,21 @@ impl Environment {
             .as_secs_f64()
     }
 
-    /// The provenance of what an action made.
+    /// The provenance of what an action made in some seconds, with what it measured.
     #[must_use]
-    pub fn provenance(&self, action: &Action, key: Digest, seconds: f64) -> Provenance {
+    pub fn provenance(&self, action: &Action, key: Digest, took: Took) -> Provenance {
         Provenance {
             created: self.now(),
             host: self.host.clone(),
             version: self.version.clone(),
             target: self.target.clone(),
-            seconds,
+            seconds: took.seconds,
             action: Some(key),
             kind: action.kind.clone(),
             recipe: action.recipe,
             parameters: action.parameters.to_string(),
             inputs: action.inputs.clone(),
+            measurements: took.measurements,
         }
     }
 }

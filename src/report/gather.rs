@@ -3,12 +3,13 @@
 //! A figure's file carries the digest of its artifact in its name: one that is there need not be drawn again, and a rerun
 //! that builds nothing opens no artifact for figures either.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::figures::{
-    Case, Evolution, FigureError, Histogram, Membrane, Training, draw_agreement, draw_evolution, draw_histogram,
-    draw_membrane, draw_training,
+    Case, Cost, Evolution, FamilyCosts, FigureError, Histogram, Membrane, Training, draw_accuracy, draw_agreement,
+    draw_evolution, draw_histogram, draw_membrane, draw_training,
 };
 use crate::base::{Digest, Dimension, Document, InputError, Node};
 use crate::store::{Artifact, Store, StoreError};
@@ -99,6 +100,7 @@ fn drawings(kind: &str) -> &'static [(&'static str, Drawing)] {
         "train" => &[("training", training)],
         "design" => &[("evolution", evolution), ("best", best)],
         "verify" => &[("verification", verification)],
+        "accuracy" => &[("accuracy", accuracy)],
         _ => &[],
     }
 }
@@ -233,9 +235,9 @@ fn verification(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
     let summary = super::summary::read(source)?;
     let (patterns, fields) = (source.artifact.u8s("patterns")?.1, source.reals("displacement")?);
     let n = summary.cases.len();
-    // Simulated arrays have a row for each converged case only.
-    let converged = summary.cases.iter().filter(|case| case.simulated_mm.is_some()).count();
-    let (cells, values) = (patterns.len() / n, fields.len() / converged.max(1));
+    // Simulated arrays have a row for each case with a field only.
+    let solved = summary.cases.iter().filter(|case| case.simulated_mm.is_some()).count();
+    let (cells, values) = (patterns.len() / n, fields.len() / solved.max(1));
     let (side, points) = (source.side()?, source.points()?);
     let mut cases = Vec::new();
     for (k, case) in summary.cases.iter().enumerate() {
@@ -256,4 +258,42 @@ fn verification(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
         return Ok(());
     }
     source.drawn(draw_agreement(path, &cases))
+}
+
+/// Times are no content: they stand in the provenance, by method and family.
+fn accuracy(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
+    let (methods, families) = (
+        source.artifact.texts("methods")?.1,
+        source.artifact.texts("families")?.1,
+    );
+    let errors = source.reals("error/rms")?;
+    if errors.len() != methods.len() * families.len() {
+        return Err(source.wrong("its errors are not those of its methods and families"));
+    }
+    let times: BTreeMap<String, f64> = source.artifact.measurements()?.into_iter().collect();
+    let cost = |(m, settings): (usize, &String), f: usize| {
+        Some(Cost {
+            settings: settings.clone(),
+            seconds: *times.get(&format!("{settings}; {}", families[f]))?,
+            error: errors[m * families.len() + f],
+        })
+    };
+    let of_family = |(f, family): (usize, &String)| FamilyCosts {
+        family: family.clone(),
+        costs: methods
+            .iter()
+            .enumerate()
+            .filter_map(|method| cost(method, f))
+            .collect(),
+    };
+    let costs: Vec<FamilyCosts> = families.iter().enumerate().map(of_family).collect();
+    // Patterns that do not move have no error to draw.
+    if costs
+        .iter()
+        .flat_map(|family| &family.costs)
+        .all(|cost| cost.error == 0.0)
+    {
+        return Ok(());
+    }
+    source.drawn(draw_accuracy(path, &costs))
 }

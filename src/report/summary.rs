@@ -69,20 +69,25 @@ pub fn summarise(store: &Store, made: &[Made]) -> Result<Vec<Summary>, ReportErr
         .collect()
 }
 
+/// Whether a case that ended so has simulated numbers.
+fn has_field(outcome: &str) -> bool {
+    matches!(outcome, "converged" | "estimated")
+}
+
 pub(super) fn read(source: &Source<'_>) -> Result<Summary, ReportError> {
     let (names, outcomes) = (source.artifact.texts("case")?.1, source.artifact.texts("outcome")?.1);
     let predicted = source.reals("component/predicted")?;
     let simulated = source.reals("component/simulated")?;
     let area = source.reals("area")?;
     let n = names.len();
-    // Simulated arrays have a row for each converged case only.
-    let converged = outcomes.iter().filter(|o| *o == "converged").count();
-    if n == 0 || [outcomes.len(), predicted.len(), area.len()] != [n; 3] || simulated.len() != converged {
+    // Simulated arrays have a row for each case with a field only.
+    let solved = outcomes.iter().filter(|o| has_field(o)).count();
+    if n == 0 || [outcomes.len(), predicted.len(), area.len()] != [n; 3] || simulated.len() != solved {
         return Err(source.wrong("its arrays differ in length"));
     }
     let case = |k: usize| {
-        let row = outcomes[..k].iter().filter(|o| *o == "converged").count();
-        let simulated = (outcomes[k] == "converged").then(|| simulated[row]);
+        let row = outcomes[..k].iter().filter(|o| has_field(o)).count();
+        let simulated = has_field(&outcomes[k]).then(|| simulated[row]);
         CaseSummary {
             case: names[k].clone(),
             area: area[k],
@@ -123,7 +128,12 @@ impl fmt::Display for Summary {
             )?;
             match (case.simulated_mm, case.difference_mm) {
                 (Some(simulated), Some(difference)) => {
-                    writeln!(f, "  simulated {simulated:>7.3} mm  difference {difference:>+7.3} mm")?;
+                    let word = if case.outcome == "estimated" {
+                        "estimated"
+                    } else {
+                        "simulated"
+                    };
+                    writeln!(f, "  {word} {simulated:>7.3} mm  difference {difference:>+7.3} mm")?;
                 }
                 _ => writeln!(f, "  no stable solution: {}", case.outcome)?,
             }

@@ -72,7 +72,7 @@ struct BalanceStage {
     symmetry: &'static str,
 }
 
-/// The converged samples of all inputs, end to end.
+/// The samples with a field of all inputs, end to end.
 #[derive(Default)]
 struct Solved {
     patterns: Vec<Pattern>,

@@ -4,9 +4,10 @@ use std::path::Path;
 use std::time::Instant;
 
 use super::cells::{self, States};
+pub use super::method::Method;
 use super::screening::Screened;
 pub use super::solver::MeshRequest;
-use super::solver::Solver;
+use super::solver::{Solver, explained};
 use super::{arrays, observations, solution};
 use crate::base::{Document, InputError};
 use crate::fem::{AccurateSimulation, SetupError, SolveOptions};
@@ -22,9 +23,11 @@ const BATCH: usize = 8;
 
 const PROCESSOR_TIME: &str = "processor time of the sample, the mean over its batch";
 
-/// Mesh and tolerance of a direct simulation.
+/// Method, mesh and tolerance of a direct simulation.
 #[derive(Clone, Copy, Debug)]
 pub struct SolveRequest {
+    /// How fields are found.
+    pub method: Method,
     /// One mesh, or an accuracy.
     pub mesh: MeshRequest,
     /// Relative residual.
@@ -94,11 +97,11 @@ pub fn solve(
     request: &SolveRequest,
     progress: &dyn Progress,
 ) -> Result<Answer, DirectError> {
-    let failed = |e: SetupError| DirectError::Failed(e.to_string());
+    let failed = |e: SetupError| DirectError::Failed(explained(&e));
     let scene = read_scene(scene)?;
     let screened = Screened::new(&scene).map_err(failed)?;
     let scene = &screened.scene;
-    let solver = Solver::new(scene, request.mesh, request.tolerance).map_err(failed)?;
+    let solver = Solver::new(scene, request.method, request.mesh, request.tolerance).map_err(failed)?;
     let threads = rayon::current_num_threads();
     let mut results = Vec::with_capacity(patterns.len());
     let mut seconds = Vec::with_capacity(patterns.len());
@@ -123,7 +126,7 @@ pub fn solve(
     let mut content = screened.describe(describe(patterns, &results, seconds).attribute("scene", scene.to_text()));
     let solved = |r: &'_ AccurateSimulation| r.simulation.field.is_some();
     let observed = results.iter().map(|r| solved(r).then_some(&r.simulation.observation));
-    content = observations::add(content, &scene.effects, &observed.collect::<Vec<_>>());
+    content = observations::add(content, &solver.observed(&scene.effects), &observed.collect::<Vec<_>>());
     if solver.estimates() {
         content = with_estimates(content, &results);
     }
@@ -168,11 +171,11 @@ fn seconds_each(start: Instant, samples: usize, threads: usize) -> impl Iterator
     std::iter::repeat_n(each, samples)
 }
 
-/// The scene of a file: a scene, or a pipeline that has one.
+/// The scene in a file: a scene, or a pipeline whose scene is meant.
 ///
 /// # Errors
 /// When it cannot be read.
-pub(super) fn read_scene(path: &Path) -> Result<Scene, InputError> {
+pub fn read_scene(path: &Path) -> Result<Scene, InputError> {
     let mut root = Document::load(path)?.root;
     splice_scene(&mut root, path)?;
     Scene::read(root.peek("scene").unwrap_or(&root))
@@ -190,7 +193,7 @@ fn describe(patterns: &[Pattern], results: &[AccurateSimulation], seconds: Vec<f
         }
     }
     let largest = |r: &AccurateSimulation| r.simulation.field.as_ref().map_or(f64::NAN, Field::max_magnitude);
-    let note = "displacement at the cell corners [sample][y][x][component]; NaN where the outcome is not `converged`";
+    let note = "displacement at the cell corners [sample][y][x][component]; NaN where the outcome is neither `converged` nor `estimated`";
     let displacement = Dataset::new("mm", note, &[n, CORNERS, CORNERS, 2], Data::F64(displacement));
     let outcome = results.iter().map(|r| r.simulation.outcome.name());
     let reals = |units, description, value: &dyn Fn(&AccurateSimulation) -> f64| {
@@ -214,7 +217,9 @@ fn describe(patterns: &[Pattern], results: &[AccurateSimulation], seconds: Vec<f
         )
         .with(
             "residual",
-            reals("1", "relative residual of the equilibrium", &|r| r.simulation.residual),
+            reals("1", "relative residual of the non-linear equilibrium", &|r| {
+                r.simulation.residual
+            }),
         )
         .with("solve_seconds", arrays::reals("s", PROCESSOR_TIME, seconds))
 }

@@ -1,10 +1,12 @@
 //! One file per stage kind: binds a domain function to the orchestrator, no more.
 
+pub mod accuracy;
 mod arrays;
 mod balance;
 mod cells;
 mod design;
 pub mod direct;
+mod method;
 mod objective;
 mod observations;
 pub mod path;
@@ -32,6 +34,7 @@ pub fn registry() -> Registry {
             &train::TrainKind,
             &design::DesignKind,
             &verify::VerifyKind,
+            &accuracy::AccuracyKind,
         ],
         check_scene: |node| Scene::read(node).map(|_| ()),
     }

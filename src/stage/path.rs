@@ -5,10 +5,11 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use super::arrays;
-use super::direct::{DirectError, read_scene};
+use super::direct::{DirectError, Method, read_scene};
 use super::solver::{MeshRequest, Solver};
 pub use crate::fem::LoadPath;
-use crate::fem::{MembraneSolver, PathEvent, PathPoint};
+use crate::fem::effects::screening::resolve;
+use crate::fem::{MembraneSolver, PathEvent, PathPoint, SetupError};
 use crate::field::Field;
 use crate::orchestrator::Progress;
 use crate::pattern::Pattern;
@@ -35,8 +36,9 @@ pub fn paths(
     tolerance: f64,
     progress: &dyn Progress,
 ) -> Result<PathAnswer, DirectError> {
-    let scene = read_scene(scene)?;
-    let solver = Solver::new(&scene, mesh, tolerance).map_err(|e| DirectError::Failed(e.to_string()))?;
+    let failed = |e: SetupError| DirectError::Failed(e.to_string());
+    let scene = resolve(&read_scene(scene)?).map_err(failed)?;
+    let solver = Solver::new(&scene, Method::Newton, mesh, tolerance).map_err(failed)?;
     let Solver::Fixed(solver, _) = solver else {
         return Err(DirectError::Failed("a path needs one mesh, not an accuracy".to_owned()));
     };

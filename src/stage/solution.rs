@@ -1,6 +1,6 @@
 //! What the artifact of a solve stage says.
 //!
-//! Converged samples stand at the root with their fields, the others under `unstable/` with the reason: no row holds
+//! Samples with a field stand at the root, the others under `unstable/` with the reason: no row holds
 //! numbers that only look valid.
 
 use std::collections::BTreeMap;
@@ -125,8 +125,7 @@ fn identity(samples: &Samples<'_>, results: &[AccurateSimulation], rows: &[usize
 
 fn brackets(results: &[AccurateSimulation], unstable: &[usize]) -> Dataset {
     let bracket = |&i: &usize| results[i].simulation.outcome.bracket().unwrap_or_default();
-    let note =
-        "highest voltage with a stable equilibrium and lowest without; 0, 0 where the outcome is `iteration-limit`";
+    let note = "highest voltage with a stable equilibrium and lowest without; 0, 0 where the outcome is `iteration-limit` or `no-estimate`";
     Dataset::new(
         "V",
         note,
@@ -148,7 +147,7 @@ fn solution(solved: &[Solved<'_>]) -> [(&'static str, Dataset); 4] {
     );
     let iterations = Dataset::new(
         "1",
-        "Newton steps over all load steps",
+        "Newton steps over all load steps, or steps of an estimate",
         &[solved.len()],
         Data::U32(iterations),
     );

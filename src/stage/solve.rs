@@ -3,7 +3,7 @@
 use std::sync::OnceLock;
 
 use super::screening::Screened;
-use super::solver::{Solver, SolverParameters};
+use super::solver::{Solver, SolverParameters, explained};
 use super::{arrays, solution};
 use crate::base::{Canonical, InputError, Node};
 use crate::fem::SetupError;
@@ -23,7 +23,7 @@ impl Kind for SolveKind {
     }
 
     fn recipe(&self) -> u32 {
-        1
+        2
     }
 
     fn needs(&self) -> Needs {
@@ -90,7 +90,7 @@ impl Stage for SolveStage {
             ));
         };
         let patterns = arrays::read_patterns(samples, "patterns")?;
-        let failed = |e: SetupError| StageError::Failed(e.to_string());
+        let failed = |e: SetupError| StageError::Failed(explained(&e));
         let Ready { screened, solver } = self.ready().map_err(failed)?;
         let mut simulations = Vec::with_capacity(patterns.len());
         for batch in patterns.chunks(BATCH) {
@@ -103,13 +103,17 @@ impl Stage for SolveStage {
             &simulations,
             solver.estimates(),
             &self.scene,
-            &screened.scene.effects,
+            &solver.observed(&screened.scene.effects),
         )?;
+        let object = object.attribute("solver", format!("{{ {} }}", self.solver));
         Ok(screened.describe(object))
     }
 
     fn attributes(&self) -> Vec<(String, String)> {
-        vec![("scene".to_owned(), self.scene.to_text())]
+        vec![
+            ("scene".to_owned(), self.scene.to_text()),
+            ("solver".to_owned(), format!("{{ {} }}", self.solver)),
+        ]
     }
 
     fn unstable(&self, artifact: &Artifact) -> Result<u64, StageError> {

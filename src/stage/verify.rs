@@ -3,10 +3,10 @@
 use super::arrays;
 use super::objective::Objective;
 use super::screening::Screened;
-use super::solver::SolverParameters;
+use super::solver::{SolverParameters, explained};
 use crate::base::{Canonical, Document, InputError, Node};
 use crate::fem::SetupError;
-use crate::field::{Field, Simulation};
+use crate::field::{Field, Outcome, Simulation};
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::pattern::Pattern;
 use crate::scene::Scene;
@@ -28,7 +28,7 @@ impl Kind for VerifyKind {
     }
 
     fn recipe(&self) -> u32 {
-        1
+        2
     }
 
     fn needs(&self) -> Needs {
@@ -80,7 +80,7 @@ impl Stage for VerifyStage {
         let [design] = job.inputs else {
             return Err(StageError::Failed("a verify stage reads one design".to_owned()));
         };
-        let failed = |e: SetupError| StageError::Failed(e.to_string());
+        let failed = |e: SetupError| StageError::Failed(explained(&e));
         let screened = Screened::new(&self.scene).map_err(failed)?;
         let solver = self.solver.build(&screened.scene).map_err(failed)?;
         let mut cases = Vec::new();
@@ -110,7 +110,7 @@ impl Stage for VerifyStage {
             .texts("outcome")?
             .1
             .iter()
-            .filter(|o| *o != "converged")
+            .filter(|o| !Outcome::names_field(o))
             .count() as u64)
     }
 }
@@ -163,7 +163,7 @@ fn describe(cases: &[Case], value: &impl Fn(&Field) -> f64) -> Object {
     let patterns: Vec<Pattern> = cases.iter().map(|case| case.pattern.clone()).collect();
     let fields: Vec<&Field> = solved.iter().map(|(_, field)| *field).collect();
     let predicted: Vec<&Field> = cases.iter().map(|case| &case.predicted).collect();
-    let of_converged = "; one row for each converged case, in their order";
+    let of_converged = "; one row for each case with a field, in their order";
     Object::default()
         .with(
             "case",

@@ -7,6 +7,7 @@ use std::sync::{Arc, OnceLock};
 use super::error::StoreError;
 use super::listing::{self, Content};
 use super::object::{Data, Dataset, Object};
+use super::provenance;
 use super::read;
 use super::seal::Seal;
 use super::verified::Verified;
@@ -195,6 +196,14 @@ impl Artifact {
     pub fn provenance(&self) -> Result<BTreeMap<String, String>, StoreError> {
         self.0.verified.verify(&self.0.path, &self.0.digest)?;
         read::provenance(&self.0.path)
+    }
+
+    /// What the action that made it measured by name, s; none where nothing was.
+    ///
+    /// # Errors
+    /// When the file is missing or damaged.
+    pub fn measurements(&self) -> Result<Vec<(String, f64)>, StoreError> {
+        Ok(provenance::measurements(&self.provenance()?))
     }
 
     pub(super) fn header_contents(&self) -> &[Content] {

@@ -1,5 +1,7 @@
 //! Who made an artifact, when, how and from what: written beside the content, and no part of its identity.
 
+use std::collections::BTreeMap;
+
 use crate::base::Digest;
 
 /// The circumstances in which an artifact was made.
@@ -25,6 +27,8 @@ pub struct Provenance {
     pub parameters: String,
     /// Digests of the artifacts that were read.
     pub inputs: Vec<Digest>,
+    /// What was measured on the way by name, s: no two runs measure the same, so it cannot be content.
+    pub measurements: Vec<(String, f64)>,
 }
 
 impl Provenance {
@@ -32,7 +36,7 @@ impl Provenance {
     #[must_use]
     pub fn entries(&self) -> Vec<(&'static str, String)> {
         let inputs: Vec<String> = self.inputs.iter().map(Digest::to_string).collect();
-        vec![
+        let mut entries = vec![
             ("created", self.created.clone()),
             ("host", self.host.clone()),
             ("version", self.version.clone()),
@@ -43,6 +47,48 @@ impl Provenance {
             ("recipe", self.recipe.to_string()),
             ("parameters", self.parameters.clone()),
             ("inputs", inputs.join("\n")),
-        ]
+        ];
+        if !self.measurements.is_empty() {
+            let lines = self
+                .measurements
+                .iter()
+                .map(|(name, seconds)| format!("{name}: {seconds:e}"));
+            entries.push((MEASUREMENTS, lines.collect::<Vec<_>>().join("\n")));
+        }
+        entries
+    }
+}
+
+/// The attribute that holds the measurements, one `name: seconds` per line.
+const MEASUREMENTS: &str = "measurements";
+
+/// The measurements among the attributes of `/provenance`; none where nothing was measured.
+pub(super) fn measurements(entries: &BTreeMap<String, String>) -> Vec<(String, f64)> {
+    let lines = entries.get(MEASUREMENTS).map_or("", String::as_str).lines();
+    let read = |line: &str| {
+        let (name, seconds) = line.rsplit_once(": ")?;
+        Some((name.to_owned(), seconds.parse().ok()?))
+    };
+    lines.filter_map(read).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn measurements_survive_their_attribute() {
+        let measured = vec![
+            ("method: linear, small-grid".to_owned(), 3.25e-4),
+            ("b".to_owned(), 2.0),
+        ];
+        let provenance = Provenance {
+            measurements: measured.clone(),
+            ..Provenance::default()
+        };
+        let entries = |p: &Provenance| p.entries().into_iter().map(|(k, v)| (k.to_owned(), v)).collect();
+        assert_eq!(measurements(&entries(&provenance)), measured);
+        let none: BTreeMap<String, String> = entries(&Provenance::default());
+        assert!(measurements(&none).is_empty() && !none.contains_key(MEASUREMENTS));
     }
 }

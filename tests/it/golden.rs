@@ -91,6 +91,8 @@ fn an_output_changes_only_with_its_recipe() {
         "surrogate",
         "design",
         "verified",
+        "reference",
+        "accuracy",
     ] {
         let path = artifacts
             .iter()

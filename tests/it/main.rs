@@ -1,5 +1,6 @@
 //! One binary for all tests of behaviour: linking is the dear part.
 
+mod accuracy;
 mod cli;
 mod collect;
 mod common;

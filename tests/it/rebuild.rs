@@ -6,7 +6,7 @@ use super::common::{TINY, Workspace};
 fn only_what_changed_is_built() {
     let workspace = Workspace::tiny();
     let first = workspace.stages(&["run", "tiny.yaml"]);
-    assert_eq!(first.with("built").len(), 8);
+    assert_eq!(first.with("built").len(), 10);
 
     let again = workspace.stages(&["run", "tiny.yaml"]);
     assert_eq!(again.with("built"), [""; 0], "a rerun builds nothing");
@@ -71,7 +71,7 @@ fn names_order_comments_and_units_rebuild_nothing() {
 fn plan_says_what_and_why_and_builds_nothing() {
     let workspace = Workspace::tiny();
     let plan = workspace.stages(&["plan", "tiny.yaml"]);
-    assert_eq!(plan.with("stale").len(), 8);
+    assert_eq!(plan.with("stale").len(), 10);
     assert!(!workspace.path("store").exists(), "not even an empty store is made");
     assert_eq!(
         workspace.stages(&["plan", "tiny.yaml"]).with("reused"),

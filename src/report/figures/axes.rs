@@ -178,7 +178,7 @@ pub(super) fn panel<'a>(
     let (left, right) = (px(LEFT + 14), px(26));
     let middle = ((left + width.saturating_sub(right)) / 2) as i32;
     heading(area, title, middle)?;
-    legend(area, entries, middle)?;
+    legend(area, entries, middle, px(48) as i32)?;
     let chart = ChartBuilder::on(area)
         .margin_top(px(if entries.is_empty() { 50 } else { 80 }))
         .margin_bottom(px(14))
@@ -196,8 +196,8 @@ fn heading(area: &Area<'_>, title: &str, middle: i32) -> Result<(), FigureError>
     Ok(())
 }
 
-/// Swatches with names, in one line.
-fn legend(area: &Area<'_>, entries: &[Entry<'_>], middle: i32) -> Result<(), FigureError> {
+/// Swatches with names, in one line around `middle`, `top` subpixels below the edge.
+pub(super) fn legend(area: &Area<'_>, entries: &[Entry<'_>], middle: i32, top: i32) -> Result<(), FigureError> {
     let style = text(20, palette::INK);
     let (swatch, gap, between) = (px(26) as i32, px(8) as i32, px(28) as i32);
     let mut widths = Vec::new();
@@ -205,7 +205,7 @@ fn legend(area: &Area<'_>, entries: &[Entry<'_>], middle: i32) -> Result<(), Fig
         widths.push(area.estimate_text_size(name, &style)?.0 as i32);
     }
     let total: i32 = widths.iter().map(|w| swatch + gap + w).sum::<i32>() + between * (entries.len() as i32 - 1);
-    let (mut at, top) = (middle - total / 2, px(48) as i32);
+    let mut at = middle - total / 2;
     for ((name, colour), width) in entries.iter().zip(widths) {
         let half = px(4) as i32;
         let centre = top + px(6) as i32;

@@ -1,14 +1,17 @@
 //! Figures of finished runs, as PNG files. They take plain numbers and know no artifacts.
 
+mod accuracy;
 mod agreement;
 mod axes;
 mod canvas;
 mod curves;
 mod evolution;
 mod histogram;
+mod labels;
 mod membrane;
 mod path;
 
+pub use accuracy::{Cost, FamilyCosts, draw_accuracy, pareto_front};
 pub use agreement::{Case, draw_agreement};
 pub use canvas::FigureError;
 pub use curves::{Training, draw_training};

@@ -24,6 +24,8 @@ stages:
   surrogate: { kind: train, needs: [balanced], network: qin2024, epochs: 1, seed: 5 }
   design:    { kind: design, needs: [surrogate], objective: { point: [25 mm, 25 mm], direction: 0 deg }, area: 0.5, population: 20, generations: 2, seed: 6 }
   verified:  { kind: verify, needs: [design], elements_per_cell: 1 }
+  reference: { kind: solve, needs: [bezier], elements_per_cell: 2 }
+  accuracy:  { kind: accuracy, needs: [reference], methods: [{ method: linear, elements_per_cell: 1 }, { elements_per_cell: 1 }] }
 ";
 
 /// A folder that is removed at the end.

@@ -1,0 +1,139 @@
+//! `deaflow accuracy`: what accuracy costs in a scene, without a store.
+
+mod findings;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use findings::Findings;
+
+use super::arguments::AccuracyArguments;
+use super::error::CliError;
+use super::output::{Exit, Output};
+use super::progress::Bar;
+use super::solve;
+use crate::base::Document;
+use crate::pattern::Pattern;
+use crate::report::figures::{Cost, FamilyCosts, draw_accuracy};
+use crate::stage::accuracy::{
+    Contender, Measured, Reckoned, Reference, describe, drawn, measurements, read_methods, usual_methods,
+};
+use crate::stage::direct;
+use crate::store::{Provenance, write_file};
+
+pub fn execute(arguments: &AccuracyArguments, output: &Output) -> Result<Exit, CliError> {
+    let methods = methods(arguments)?;
+    let reference = Document::from_text(Path::new("--reference"), &arguments.reference)?;
+    let reference = Reference::read(&reference.root)?;
+    let scene = direct::read_scene(&arguments.scene)?;
+    let families = families(arguments)?;
+    folder(&arguments.output)?;
+    let start = Instant::now();
+    let count: usize = families.values().map(Vec::len).sum();
+    let bar = Bar::new("reference", "patterns", count as u64);
+    let reckoned = Reckoned::new(scene, reference, families, &bar).map_err(CliError::failure)?;
+    bar.finish("done");
+    let bar = Bar::new("measure", "methods", methods.len() as u64);
+    let measured = reckoned.measure(&methods, &bar).map_err(CliError::failure)?;
+    bar.finish("done");
+    let files = write(arguments, &reckoned, &measured, start)?;
+    let findings = Findings::new(arguments, &reckoned, &measured);
+    if output.is_json() {
+        output.document(&findings.document(&files))?;
+    } else {
+        output.text(&findings.text(&files))?;
+    }
+    Ok(if findings.is_missed() {
+        Exit::Failure
+    } else {
+        Exit::Done
+    })
+}
+
+fn methods(arguments: &AccuracyArguments) -> Result<Vec<Box<dyn Contender>>, CliError> {
+    let Some(text) = &arguments.methods else {
+        return Ok(usual_methods());
+    };
+    Ok(read_methods(&Document::from_text(Path::new("--methods"), text)?.root)?)
+}
+
+/// The patterns by family; those that were given are one of their own.
+fn families(arguments: &AccuracyArguments) -> Result<BTreeMap<String, Vec<Pattern>>, CliError> {
+    if arguments.patterns.is_empty() {
+        return drawn(arguments.count, arguments.seed).map_err(|e| CliError::failure(e.to_string()));
+    }
+    let given = direct::patterns(&arguments.patterns)?;
+    if given.is_empty() {
+        return Err(CliError::bad_input("the files hold no patterns"));
+    }
+    Ok(BTreeMap::from([("given".to_owned(), given)]))
+}
+
+/// What cannot be written has to be known before minutes of work, not after.
+fn folder(path: &Path) -> Result<(), CliError> {
+    let failed = |e: std::io::Error| CliError::failure(format!("cannot write in {}: {e}", path.display()));
+    std::fs::create_dir_all(path).map_err(failed)?;
+    tempfile::tempfile_in(path).map(drop).map_err(failed)
+}
+
+fn write(
+    arguments: &AccuracyArguments,
+    reckoned: &Reckoned,
+    measured: &[Measured],
+    start: Instant,
+) -> Result<Vec<PathBuf>, CliError> {
+    let at = |name: &str| arguments.output.join(name);
+    let (file, rows, figure) = (at("accuracy.h5"), at("accuracy.csv"), at("accuracy.png"));
+    let parameters = format!("scene {}, reference {}", arguments.scene.display(), arguments.reference);
+    let provenance = Provenance {
+        measurements: measurements(reckoned, measured),
+        ..solve::provenance("accuracy", parameters, start.elapsed().as_secs_f64())
+    };
+    write_file(&file, &describe(reckoned, measured), &provenance)?;
+    let failed = |e: String| CliError::failure(format!("cannot write {}: {e}", rows.display()));
+    let text = csv(reckoned, measured).map_err(failed)?;
+    std::fs::write(&rows, text).map_err(|e| failed(e.to_string()))?;
+    let mut files = vec![file, rows];
+    let moved = measured.iter().any(|method| method.rms() > 0.0);
+    // Patterns that do not move have no error to draw.
+    if moved {
+        draw_accuracy(&figure, &costs(reckoned, measured)).map_err(|e| CliError::failure(e.to_string()))?;
+        files.push(figure);
+    }
+    Ok(files)
+}
+
+fn costs(reckoned: &Reckoned, measured: &[Measured]) -> Vec<FamilyCosts> {
+    let cost = |k: usize| {
+        move |method: &Measured| Cost {
+            settings: method.settings.clone(),
+            seconds: method.seconds[k],
+            error: method.families[k].rms,
+        }
+    };
+    let families = reckoned.families.iter().enumerate();
+    let panel = |(k, family): (usize, &String)| FamilyCosts {
+        family: family.clone(),
+        costs: measured.iter().map(cost(k)).collect(),
+    };
+    families.map(panel).collect()
+}
+
+/// One row for each method and family.
+fn csv(reckoned: &Reckoned, measured: &[Measured]) -> Result<Vec<u8>, String> {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    let header = "settings,family,patterns,rms_mm,max_mm,bound_mm,seconds_per_pattern,missed,false_alarms";
+    writer.write_record(header.split(',')).map_err(|e| e.to_string())?;
+    for method in measured {
+        for (k, family) in reckoned.families.iter().enumerate() {
+            let (error, [patterns, _]) = (&method.families[k], reckoned.counts(k));
+            let numbers = [error.rms, error.max, error.bound, method.seconds[k]].map(|x| format!("{x:e}"));
+            let counts = [error.missed, error.false_alarms].map(|n| n.to_string());
+            let row = [method.settings.clone(), family.clone(), patterns.to_string()];
+            let row = row.into_iter().chain(numbers).chain(counts);
+            writer.write_record(row).map_err(|e| e.to_string())?;
+        }
+    }
+    writer.into_inner().map_err(|e| e.to_string())
+}

@@ -1,0 +1,292 @@
+//! What the measurements say, for people and for programs.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use serde_json::{Value, json};
+
+use crate::cli::arguments::AccuracyArguments;
+use crate::cli::table;
+use crate::report::figures::pareto_front;
+use crate::stage::accuracy::{FamilyError, Measured, Reckoned};
+
+/// Methods that no other beats in both time and root mean square error, over all families.
+fn front(measured: &[Measured]) -> Vec<usize> {
+    let points: Vec<(f64, f64)> = measured.iter().map(|m| (m.seconds_per_pattern(), m.rms())).collect();
+    pareto_front(&points)
+}
+
+/// An equilibrium may take this much longer than an estimate, of whose stability nothing is known.
+const WORTH_IT: f64 = 1.1;
+
+/// The fastest method whose bound is at most the target, and that agrees with the reference on what is stable. Where an
+/// estimate is the fastest, an equilibrium that takes hardly longer is preferred.
+fn cheapest(measured: &[Measured], target_mm: f64) -> Option<&Measured> {
+    let fit = || measured.iter().filter(|m| is_sound(m) && bound(m) <= target_mm);
+    let faster = |a: &&Measured, b: &&Measured| a.seconds_per_pattern().total_cmp(&b.seconds_per_pattern());
+    let fastest = fit().min_by(faster)?;
+    let limit = WORTH_IT * fastest.seconds_per_pattern();
+    let equilibria = fit().filter(|m| m.equilibria && m.seconds_per_pattern() <= limit);
+    Some(equilibria.min_by(faster).unwrap_or(fastest))
+}
+
+/// Whether anything is known of its errors, and it agrees with the reference on what is stable.
+fn is_sound(method: &Measured) -> bool {
+    method.known() > 0 && method.mismatches() == 0
+}
+
+fn bound(method: &Measured) -> f64 {
+    method.largest(|family| family.bound)
+}
+
+/// The flags of `deaflow solve` for some settings.
+fn flags(settings: &str) -> String {
+    let pairs = settings.split(", ").filter_map(|pair| pair.split_once(": "));
+    let flag = |(key, value): (&str, &str)| {
+        let quote = if value.contains(' ') { "\"" } else { "" };
+        format!("--{} {quote}{value}{quote}", key.replace('_', "-"))
+    };
+    pairs.map(flag).collect::<Vec<_>>().join(" ")
+}
+
+/// What is told.
+pub struct Findings<'a> {
+    arguments: &'a AccuracyArguments,
+    reckoned: &'a Reckoned,
+    measured: &'a [Measured],
+    front: Vec<usize>,
+    /// For a target that was given, the method that reaches it, if one does.
+    chosen: Option<Option<&'a Measured>>,
+}
+
+impl<'a> Findings<'a> {
+    /// What the methods measured mean for the target that was given, if one was.
+    pub fn new(arguments: &'a AccuracyArguments, reckoned: &'a Reckoned, measured: &'a [Measured]) -> Self {
+        Self {
+            arguments,
+            reckoned,
+            measured,
+            front: front(measured),
+            chosen: arguments.target.map(|target| cheapest(measured, target.value())),
+        }
+    }
+
+    /// Whether a target was given and nothing reaches it.
+    pub fn is_missed(&self) -> bool {
+        matches!(self.chosen, Some(None))
+    }
+
+    /// For people.
+    pub fn text(&self, files: &[PathBuf]) -> String {
+        let mut parts = vec![self.table(), self.notes()];
+        parts.extend(self.verdict());
+        parts.extend(files.iter().map(|path| path.display().to_string()));
+        parts.join("\n")
+    }
+
+    fn table(&self) -> String {
+        let header = [
+            "method",
+            "RMS mm",
+            "max mm",
+            "bound mm",
+            "ms per pattern",
+            "disagree",
+            "front",
+        ];
+        let mut table = table::table(&header, &header[1..6]);
+        for (i, method) in self.measured.iter().enumerate() {
+            table.add_row([
+                method.settings.trim_start_matches("method: ").to_owned(),
+                millimetres(method.rms()),
+                millimetres(method.largest(|family| family.max)),
+                millimetres(bound(method)),
+                format!("{:.2}", 1e3 * method.seconds_per_pattern()),
+                method.mismatches().to_string(),
+                if self.front.contains(&i) { "*" } else { "" }.to_owned(),
+            ]);
+        }
+        table.trim_fmt()
+    }
+
+    fn notes(&self) -> String {
+        let families: Vec<String> = (0..self.reckoned.families.len())
+            .map(|k| match self.reckoned.counts(k) {
+                [n, 0] => format!("{} {n}", self.reckoned.families[k]),
+                [n, unstable] => format!("{} {n} ({unstable} unstable)", self.reckoned.families[k]),
+            })
+            .collect();
+        format!(
+            "patterns: {}\nreference: {}, itself within {} mm\nmax and bound: displacement errors at the corners, the worst \
+             family; 99 % of patterns stay below the bound (95 % confidence)\n",
+            families.join(", "),
+            self.reckoned.reference.settings(),
+            millimetres(self.reference_error()),
+        )
+    }
+
+    fn reference_error(&self) -> f64 {
+        let errors = (0..self.reckoned.families.len()).map(|k| self.reckoned.reference_error(k));
+        errors.fold(0.0, f64::max)
+    }
+
+    fn verdict(&self) -> Option<String> {
+        let target = self.arguments.target?;
+        Some(match self.chosen? {
+            Some(method) => format!(
+                "{target} is reached by {{ {} }}: bound {} mm, {:.2} ms per pattern\n  deaflow solve {} PATTERN… -o OUT.h5 {}\n  \
+                 {{ kind: solve, needs: […], {} }}\n",
+                method.settings,
+                millimetres(bound(method)),
+                1e3 * method.seconds_per_pattern(),
+                self.arguments.scene.display(),
+                flags(&method.settings),
+                method.settings
+            ),
+            None => match self.best() {
+                Some(best) => format!(
+                    "nothing that was measured reaches {target}; the best is {{ {} }} with a bound of {} mm\n",
+                    best.settings,
+                    millimetres(bound(best))
+                ),
+                None => format!(
+                    "nothing that was measured reaches {target}: each disagrees with the reference on what is stable\n"
+                ),
+            },
+        })
+    }
+
+    /// The smallest bound among methods that agree with the reference on what is stable.
+    fn best(&self) -> Option<&Measured> {
+        let sound = self.measured.iter().filter(|m| is_sound(m));
+        sound.min_by(|a, b| bound(a).total_cmp(&bound(b)))
+    }
+
+    /// For programs.
+    pub fn document(&self, files: &[PathBuf]) -> Value {
+        let method = |(i, method): (usize, &Measured)| {
+            let families: BTreeMap<&str, Value> = self
+                .reckoned
+                .families
+                .iter()
+                .zip(method.families.iter().zip(&method.seconds))
+                .map(|(name, (error, seconds))| (name.as_str(), of_family(error, *seconds)))
+                .collect();
+            json!({
+                "settings": method.settings,
+                "rms_mm": method.rms(),
+                "max_mm": method.largest(|family| family.max),
+                "bound_mm": bound(method),
+                "seconds_per_pattern": method.seconds_per_pattern(),
+                "mismatches": method.mismatches(),
+                "front": self.front.contains(&i),
+                "families": families,
+            })
+        };
+        let methods: Vec<Value> = self.measured.iter().enumerate().map(method).collect();
+        let target = self.arguments.target.map(|target| {
+            let chosen = self.chosen.flatten();
+            json!({
+                "mm": target.value(),
+                "reached": chosen.is_some(),
+                "settings": chosen.map(|m| &m.settings),
+                "flags": chosen.map(|m| flags(&m.settings)),
+                "best": self.best().map(|m| &m.settings),
+            })
+        });
+        json!({
+            "reference": { "settings": self.reckoned.reference.settings().to_string(), "error_mm": self.reference_error() },
+            "methods": methods,
+            "target": target,
+            "files": files,
+        })
+    }
+}
+
+fn of_family(error: &FamilyError, seconds: f64) -> Value {
+    json!({
+        "rms_mm": error.rms,
+        "max_mm": error.max,
+        "bound_mm": error.bound,
+        "seconds_per_pattern": seconds,
+        "missed": error.missed,
+        "false_alarms": error.false_alarms,
+    })
+}
+
+/// Two digits are enough of an error.
+fn millimetres(mm: f64) -> String {
+    if mm >= 1e-3 || mm == 0.0 {
+        let decimals = if mm == 0.0 {
+            0
+        } else {
+            (1 - mm.log10().floor() as i32).max(0) as usize
+        };
+        format!("{mm:.decimals$}")
+    } else {
+        format!("{mm:.1e}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn measured(settings: &str, seconds: f64, bound: f64, missed: u64) -> Measured {
+        Measured {
+            settings: settings.into(),
+            equilibria: settings != "estimate",
+            patterns: Vec::new(),
+            families: vec![FamilyError {
+                bound,
+                known: u64::from(seconds < 10.0),
+                missed,
+                ..FamilyError::default()
+            }],
+            seconds: vec![seconds],
+        }
+    }
+
+    #[test]
+    fn the_cheapest_setting_that_reaches_a_target_is_picked() {
+        let all = [
+            measured("slow", 3.0, 0.001, 0),
+            measured("fast", 1.0, 0.02, 0),
+            measured("blind", 0.5, 0.001, 1),
+            measured("middle", 2.0, 0.01, 0),
+            measured("estimate", 1.8, 0.015, 0),
+            measured("near", 1.9, 0.015, 0),
+            measured("of unstable patterns only", 10.0, 0.0, 0),
+        ];
+        let pick = |target| cheapest(&all, target).map(|m| m.settings.as_str());
+        assert_eq!(pick(0.05), Some("fast"));
+        assert_eq!(pick(0.01), Some("middle"), "a target may just be reached");
+        assert_eq!(
+            pick(0.002),
+            Some("slow"),
+            "what is blind to instability is never picked"
+        );
+        assert_eq!(pick(1e-4), None);
+    }
+
+    #[test]
+    fn settings_become_flags_and_errors_two_digits() {
+        assert_eq!(
+            flags("method: chord:2, elements_per_cell: 1, order: 2"),
+            "--method chord:2 --elements-per-cell 1 --order 2"
+        );
+        assert_eq!(
+            flags("method: newton, accuracy: 0.01 mm"),
+            "--method newton --accuracy \"0.01 mm\""
+        );
+        for (mm, text) in [
+            (0.0, "0"),
+            (0.0314159, "0.031"),
+            (2.34, "2.3"),
+            (23.4, "23"),
+            (2.34e-4, "2.3e-4"),
+        ] {
+            assert_eq!(millimetres(mm), text);
+        }
+    }
+}

@@ -1,0 +1,131 @@
+//! `kind: accuracy` says what accuracy costs: the error of each method against a reference, and its time.
+//!
+//! The reference is an ordinary solve stage, which this one needs: it is as dear as all else together, and stays when
+//! the list of methods changes. Errors are content. Times differ from run to run, so they are measurements, which stand in
+//! the provenance.
+
+mod bound;
+mod clock;
+mod compare;
+mod contender;
+mod content;
+mod elements;
+mod families;
+mod reference;
+
+use std::collections::BTreeSet;
+
+use super::arrays;
+use crate::base::{Canonical, InputError, Node};
+use crate::field::Field;
+use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
+use crate::scene::Scene;
+use crate::store::{Artifact, Object};
+
+pub use compare::{FamilyError, Measured, Reckoned};
+pub use contender::{Contender, read as read_methods, usual as usual_methods};
+pub use content::{describe, measurement, measurements};
+pub use families::drawn;
+pub use reference::Reference;
+
+/// The kind `accuracy`.
+pub struct AccuracyKind;
+
+impl Kind for AccuracyKind {
+    fn name(&self) -> &'static str {
+        "accuracy"
+    }
+
+    fn recipe(&self) -> u32 {
+        1
+    }
+
+    fn needs(&self) -> Needs {
+        Needs {
+            kinds: &["solve"],
+            least: 1,
+            most: 1,
+        }
+    }
+
+    fn read(&self, stage: &Node, _scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
+        let map = stage.fields("an accuracy stage", &["kind", "needs", "methods"])?;
+        let contenders = map.optional("methods").map(contender::read).transpose()?;
+        Ok(Box::new(AccuracyStage {
+            contenders: contenders.unwrap_or_else(contender::usual),
+        }))
+    }
+}
+
+struct AccuracyStage {
+    contenders: Vec<Box<dyn Contender>>,
+}
+
+impl Stage for AccuracyStage {
+    fn parameters(&self) -> Canonical {
+        let methods = self.contenders.iter().map(|contender| contender.canonical());
+        Canonical::map([("methods", methods.collect::<Canonical>())])
+    }
+
+    fn plan(&self, _inputs: &[Input]) -> Plan {
+        Plan::Whole {
+            steps: self.contenders.len() as u64,
+        }
+    }
+
+    fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
+        let [reference] = job.inputs else {
+            return Err(StageError::Failed("an accuracy stage reads one reference".to_owned()));
+        };
+        let reckoned = reckoned(reference)?;
+        let measured = reckoned.measure(&self.contenders, job.progress);
+        let measured = measured.map_err(StageError::Failed)?;
+        for (name, seconds) in measurements(&reckoned, &measured) {
+            job.measure(name, seconds);
+        }
+        Ok(describe(&reckoned, &measured))
+    }
+}
+
+/// The samples of a solve stage, stable or not, with what was found.
+fn reckoned(solved: &Artifact) -> Result<Reckoned, StageError> {
+    let wrong = |why: String| StageError::Input(format!("artifact {}: {why}", solved.digest().short()));
+    let text = |name: &str| {
+        let missing = || wrong(format!("it has no attribute `{name}`"));
+        solved.attribute(name).ok_or_else(missing)
+    };
+    let scene = Scene::from_text(text("scene")?).map_err(|e| wrong(e.to_string()))?;
+    let reference = Reference::from_text(text("solver")?).map_err(wrong)?;
+    let mut patterns = arrays::read_patterns(solved, "patterns")?;
+    let stable = arrays::read_fields(solved, "displacement")?;
+    patterns.extend(arrays::read_patterns(solved, "unstable/patterns")?);
+    let mut names = solved.texts("family")?.1;
+    names.extend(solved.texts("unstable/family")?.1);
+    let mut fields: Vec<Option<Field>> = stable.into_iter().map(Some).collect();
+    if names.len() != patterns.len() || fields.len() > patterns.len() {
+        return Err(wrong("its arrays differ in length".to_owned()));
+    }
+    fields.resize(patterns.len(), None);
+    let errors = match reference.settings().accuracy() {
+        Some(_) => {
+            let mut errors = solved.f64s("discretisation_error")?.1;
+            errors.resize(patterns.len(), 0.0);
+            errors
+        }
+        None => reference
+            .errors(&scene, &patterns, &fields)
+            .map_err(StageError::Failed)?,
+    };
+    let families: BTreeSet<String> = names.iter().cloned().collect();
+    let families: Vec<String> = families.into_iter().collect();
+    let place = |name: &String| families.binary_search(name).unwrap_or_default();
+    Ok(Reckoned {
+        scene,
+        family: names.iter().map(place).collect(),
+        families,
+        patterns,
+        reference,
+        fields,
+        errors,
+    })
+}

@@ -1,0 +1,51 @@
+//! The time that a method takes on one core.
+
+use std::time::Instant;
+
+/// Work shorter than this is repeated until it is not, s: the system counts the time on a core in ticks of milliseconds.
+const ENOUGH: f64 = 0.15;
+
+/// The result of some work on this thread, and the seconds of one core that it takes. Short work is done once to warm up
+/// and then as often as can be timed.
+///
+/// # Errors
+/// When the work fails.
+pub fn timed<T, E>(mut work: impl FnMut() -> Result<T, E>) -> Result<(T, f64), E> {
+    let start = on_core();
+    let result = work()?;
+    let first = on_core() - start;
+    if first >= ENOUGH {
+        return Ok((result, first));
+    }
+    let (start, mut rounds) = (on_core(), 0);
+    loop {
+        work()?;
+        rounds += 1;
+        let spent = on_core() - start;
+        if spent >= ENOUGH {
+            return Ok((result, spent / f64::from(rounds)));
+        }
+    }
+}
+
+/// Seconds that this thread has been on a core, so that other work on the machine does not count; where the system does
+/// not tell, seconds that have passed.
+fn on_core() -> f64 {
+    thread_local!(static START: Instant = Instant::now());
+    let told = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
+    let nanoseconds = told.and_then(|text| text.split_whitespace().next()?.parse::<f64>().ok());
+    nanoseconds.map_or_else(|| START.with(|start| start.elapsed().as_secs_f64()), |ns| 1e-9 * ns)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn twice_the_work_takes_longer_and_failures_pass_through() {
+        let sum = |n: u64| move || Ok::<u64, ()>((0..n).fold(1, |a, b| std::hint::black_box(a ^ b)));
+        let [(_, once), (_, tenfold)] = [1 << 20, 10 << 20].map(|n| timed(sum(n)).unwrap());
+        assert!(once > 0.0 && tenfold > 3.0 * once, "{once} {tenfold}");
+        assert_eq!(timed(|| Err::<(), u8>(7)), Err(7));
+    }
+}

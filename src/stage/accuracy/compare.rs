@@ -1,0 +1,290 @@
+//! Measures methods one after another against a reference.
+
+use std::collections::BTreeMap;
+
+use super::bound::upper_bound;
+use super::clock::timed;
+use super::contender::Contender;
+use super::reference::Reference;
+use crate::field::Field;
+use crate::orchestrator::Progress;
+use crate::pattern::Pattern;
+use crate::scene::Scene;
+
+/// Patterns of some families with their reference solutions.
+pub struct Reckoned {
+    /// The scene of all.
+    pub scene: Scene,
+    /// Names of the families.
+    pub families: Vec<String>,
+    /// The family of each pattern, by its place among the names.
+    pub family: Vec<usize>,
+    /// The patterns.
+    pub patterns: Vec<Pattern>,
+    /// How they were solved.
+    pub reference: Reference,
+    /// Their solutions; `None` where there is no stable one.
+    pub fields: Vec<Option<Field>>,
+    /// The errors that these may still have, in mm.
+    pub errors: Vec<f64>,
+}
+
+/// What one method is like.
+#[derive(Clone, Debug)]
+pub struct Measured {
+    /// Its settings.
+    pub settings: String,
+    /// Whether its fields are equilibria that are known to be stable.
+    pub equilibria: bool,
+    /// Of each pattern.
+    pub patterns: Vec<PatternError>,
+    /// Of each family.
+    pub families: Vec<FamilyError>,
+    /// Seconds of one core per pattern, for each family.
+    pub seconds: Vec<f64>,
+}
+
+/// The error on one pattern.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PatternError {
+    /// Both have a field.
+    Known {
+        /// Root mean square over the components, mm.
+        rms: f64,
+        /// Largest displacement error over the corners, mm.
+        max: f64,
+    },
+    /// The reference has no stable solution, and the method nevertheless a field.
+    Missed,
+    /// The reference has a stable solution, and the method no field.
+    FalseAlarm,
+    /// Neither has a field.
+    BothNone,
+}
+
+/// The errors on the patterns of a family.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FamilyError {
+    /// Root mean square over patterns and components, mm.
+    pub rms: f64,
+    /// Largest displacement error over patterns and corners, mm.
+    pub max: f64,
+    /// What the largest error of a pattern stays below, also for patterns that were not measured, mm: see [`super::bound`].
+    /// What the reference may be wrong by is added.
+    pub bound: f64,
+    /// Patterns that count as [`PatternError::Known`].
+    pub known: u64,
+    /// Patterns that count as [`PatternError::Missed`].
+    pub missed: u64,
+    /// Patterns that count as [`PatternError::FalseAlarm`].
+    pub false_alarms: u64,
+}
+
+impl Reckoned {
+    /// Solves patterns by a reference. Progress counts patterns.
+    ///
+    /// # Errors
+    /// When the reference cannot be set up; why.
+    pub fn new(
+        scene: Scene,
+        reference: Reference,
+        families: BTreeMap<String, Vec<Pattern>>,
+        progress: &dyn Progress,
+    ) -> Result<Self, String> {
+        let names = families.keys().cloned().collect();
+        let each = families.into_values().enumerate();
+        let (family, patterns): (Vec<usize>, Vec<Pattern>) = each
+            .flat_map(|(k, patterns)| patterns.into_iter().map(move |pattern| (k, pattern)))
+            .unzip();
+        let (fields, errors) = reference.solve(&scene, &patterns, progress)?;
+        Ok(Self {
+            scene,
+            families: names,
+            family,
+            patterns,
+            reference,
+            fields,
+            errors,
+        })
+    }
+
+    /// Places of the patterns of a family.
+    fn members(&self, family: usize) -> Vec<usize> {
+        (0..self.patterns.len()).filter(|&i| self.family[i] == family).collect()
+    }
+
+    /// How many patterns a family has, and how many of them have no stable solution.
+    pub fn counts(&self, family: usize) -> [usize; 2] {
+        let members = self.members(family);
+        let unstable = members.iter().filter(|&&i| self.fields[i].is_none()).count();
+        [members.len(), unstable]
+    }
+
+    /// The largest error that the reference may have on the patterns of a family, mm.
+    pub fn reference_error(&self, family: usize) -> f64 {
+        let members = self.members(family);
+        members.iter().map(|&i| self.errors[i]).fold(0.0, f64::max)
+    }
+
+    /// Measures each method in turn, on one thread so that times are those of one core. Progress counts methods.
+    ///
+    /// # Errors
+    /// When a method is not coarser than the reference, or fails as a whole; which and why.
+    pub fn measure(&self, contenders: &[Box<dyn Contender>], progress: &dyn Progress) -> Result<Vec<Measured>, String> {
+        if let Some(fine) = contenders
+            .iter()
+            .find(|c| !c.is_coarser_than(self.reference.settings()))
+        {
+            return Err(format!(
+                "{{ {} }} is not coarser than the reference {{ {} }}: its error cannot be told",
+                fine.settings(),
+                self.reference.settings()
+            ));
+        }
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+        let pool = pool.map_err(|e| format!("cannot start a thread: {e}"))?;
+        contenders
+            .iter()
+            .map(|contender| {
+                let measured = pool.install(|| self.measure_one(contender.as_ref()));
+                progress.advance(1);
+                measured.map_err(|why| format!("{{ {} }}: {why}", contender.settings()))
+            })
+            .collect()
+    }
+
+    fn measure_one(&self, contender: &dyn Contender) -> Result<Measured, String> {
+        let ready = contender.prepare(&self.scene)?;
+        let mut patterns = vec![PatternError::BothNone; self.patterns.len()];
+        let (mut families, mut seconds) = (Vec::new(), Vec::new());
+        for family in 0..self.families.len() {
+            let members = self.members(family);
+            let own: Vec<Pattern> = members.iter().map(|&i| self.patterns[i].clone()).collect();
+            let (fields, taken) = timed(|| ready.fields(&own))?;
+            for (&i, field) in members.iter().zip(&fields) {
+                patterns[i] = compare(field.as_ref(), self.fields[i].as_ref());
+            }
+            let errors: Vec<PatternError> = members.iter().map(|&i| patterns[i]).collect();
+            families.push(of_family(&errors, contender.promise_mm(), self.reference_error(family)));
+            seconds.push(taken / own.len() as f64);
+        }
+        Ok(Measured {
+            settings: contender.settings(),
+            equilibria: contender.finds_equilibria(),
+            patterns,
+            families,
+            seconds,
+        })
+    }
+}
+
+impl PatternError {
+    /// Root mean square and largest error in mm, where they are known.
+    pub fn known(&self) -> Option<(f64, f64)> {
+        match *self {
+            Self::Known { rms, max } => Some((rms, max)),
+            Self::Missed | Self::FalseAlarm | Self::BothNone => None,
+        }
+    }
+}
+
+impl Measured {
+    /// Root mean square over the families, mm, each family counting as much as any other.
+    pub fn rms(&self) -> f64 {
+        let squares: f64 = self.families.iter().map(|family| family.rms.powi(2)).sum();
+        (squares / self.families.len().max(1) as f64).sqrt()
+    }
+
+    /// The largest of one number of the families.
+    pub fn largest(&self, value: fn(&FamilyError) -> f64) -> f64 {
+        self.families.iter().map(value).fold(0.0, f64::max)
+    }
+
+    /// Mean over the families of the seconds of one core per pattern.
+    pub fn seconds_per_pattern(&self) -> f64 {
+        self.seconds.iter().sum::<f64>() / self.seconds.len().max(1) as f64
+    }
+
+    /// Patterns whose error is known.
+    pub fn known(&self) -> u64 {
+        self.families.iter().map(|family| family.known).sum()
+    }
+
+    /// Patterns on which method and reference disagree whether there is a solution.
+    pub fn mismatches(&self) -> u64 {
+        self.families.iter().map(|f| f.missed + f.false_alarms).sum()
+    }
+}
+
+fn compare(found: Option<&Field>, reference: Option<&Field>) -> PatternError {
+    match (found, reference) {
+        (Some(found), Some(reference)) => PatternError::Known {
+            rms: found.rms_difference(reference),
+            max: largest_difference(found, reference),
+        },
+        (Some(_), None) => PatternError::Missed,
+        (None, Some(_)) => PatternError::FalseAlarm,
+        (None, None) => PatternError::BothNone,
+    }
+}
+
+/// What a method that estimates its own error promises is its bound as long as it keeps the promise on every pattern.
+fn of_family(errors: &[PatternError], promise_mm: Option<f64>, reference_error: f64) -> FamilyError {
+    let known: Vec<(f64, f64)> = errors.iter().filter_map(PatternError::known).collect();
+    let largest: Vec<f64> = known.iter().map(|(_, max)| *max).collect();
+    let max = largest.iter().copied().fold(0.0, f64::max);
+    let bound = match promise_mm {
+        Some(promise) if max <= promise => promise,
+        _ => upper_bound(&largest) + reference_error,
+    };
+    let squares: f64 = known.iter().map(|(rms, _)| rms.powi(2)).sum();
+    let count = |kind: PatternError| errors.iter().filter(|error| **error == kind).count() as u64;
+    FamilyError {
+        rms: (squares / known.len().max(1) as f64).sqrt(),
+        max,
+        bound,
+        known: known.len() as u64,
+        missed: count(PatternError::Missed),
+        false_alarms: count(PatternError::FalseAlarm),
+    }
+}
+
+/// The largest magnitude of the difference over the cell corners, in mm.
+pub fn largest_difference(a: &Field, b: &Field) -> f64 {
+    let pairs = a.values().chunks_exact(2).zip(b.values().chunks_exact(2));
+    pairs.map(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1])).fold(0.0, f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_are_those_of_the_difference_and_disagreements_are_counted() {
+        let field = |u: f64| {
+            let mut values = vec![0.0; 51 * 51 * 2];
+            values[..2].copy_from_slice(&[3.0 * u, 4.0 * u]);
+            Field::from_values(values).unwrap()
+        };
+        let error = compare(Some(&field(0.1)), Some(&field(0.0)));
+        let (rms, max) = error.known().unwrap();
+        assert!((max - 0.5).abs() < 1e-15 && (rms - 0.5 / (51.0 * 51.0 * 2.0_f64).sqrt()).abs() < 1e-15);
+        let some = field(0.0);
+        let all = [
+            error,
+            compare(Some(&some), None),
+            compare(None, Some(&some)),
+            compare(None, None),
+        ];
+        let family = of_family(&all, None, 0.125);
+        assert_eq!((family.known, family.missed, family.false_alarms), (1, 1, 1));
+        assert_eq!(family.max, 0.5);
+        assert_eq!(family.bound, 0.625, "one error says nothing about others");
+        assert_eq!(of_family(&all, Some(0.75), 0.125).bound, 0.75, "a promise that is kept");
+        assert_eq!(
+            of_family(&all, Some(0.25), 0.125).bound,
+            0.625,
+            "a promise that is broken"
+        );
+    }
+}

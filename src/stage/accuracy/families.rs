@@ -1,0 +1,81 @@
+//! Patterns to measure methods on: those of the pipelines, and two families that are hard on coarse meshes.
+
+use std::collections::BTreeMap;
+
+use crate::base::Stream;
+use crate::pattern::{CELLS, Pattern};
+use crate::sample::{Bezier, Ends, Family, LargeGrid, SampleError, SmallGrid};
+
+/// Units across the membrane of the large grids, as in the source paper.
+const UNITS: [usize; 9] = [2, 3, 4, 5, 6, 7, 8, 9, 10];
+
+/// So many patterns of each family under a seed: small grids, large grids of 2 to 10 units, Bézier curves, stripes of 1 to
+/// 12 cells, and single cells. Of large grids there may be fewer, since not all have so many patterns.
+///
+/// # Errors
+/// When a family refuses, which it does not for these parameters.
+pub fn drawn(count: u64, seed: u64) -> Result<BTreeMap<String, Vec<Pattern>>, SampleError> {
+    let of_family =
+        |family: Family| -> Result<Vec<Pattern>, SampleError> { (0..count).map(|i| family.sample(seed, i)).collect() };
+    let families = [
+        ("small-grid", of_family(Family::SmallGrid(SmallGrid::new(0.5)?))?),
+        ("large-grid", large_grids(count, seed)?),
+        ("bezier", of_family(Family::Bezier(Bezier::new(None, Ends::Opposite)?))?),
+        ("stripes", (0..count).map(|i| stripes(seed, i)).collect()),
+        ("single-cell", (0..count).map(|i| single_cell(seed, i)).collect()),
+    ];
+    Ok(families
+        .into_iter()
+        .map(|(name, patterns)| (name.to_owned(), patterns))
+        .collect())
+}
+
+fn large_grids(count: u64, seed: u64) -> Result<Vec<Pattern>, SampleError> {
+    let mut patterns = Vec::new();
+    for i in 0..count {
+        let (units, index) = (UNITS[i as usize % UNITS.len()], i / UNITS.len() as u64);
+        let family = LargeGrid::new(units)?;
+        if family.available().is_none_or(|available| index < available) {
+            patterns.push(family.sample(seed, index)?);
+        }
+    }
+    Ok(patterns)
+}
+
+fn stripes(seed: u64, index: u64) -> Pattern {
+    let mut stream = Stream::new(seed, "stripes", index);
+    let (width, upright) = (1 + index as usize % 12, stream.chance(0.5));
+    let shift = stream.index(2 * width);
+    Pattern::from_fn(|x, y| ((if upright { x } else { y } + shift) / width).is_multiple_of(2))
+}
+
+fn single_cell(seed: u64, index: u64) -> Pattern {
+    let mut stream = Stream::new(seed, "single cell", index);
+    let place = [stream.index(CELLS), stream.index(CELLS)];
+    Pattern::from_fn(|x, y| [x, y] == place)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn families_are_complete_and_a_function_of_the_seed() {
+        let families = drawn(20, 1).unwrap();
+        let counts: Vec<(&str, usize)> = families.iter().map(|(name, p)| (name.as_str(), p.len())).collect();
+        let expected = ["bezier", "large-grid", "single-cell", "small-grid", "stripes"].map(|name| (name, 20));
+        assert_eq!(counts, expected);
+        assert!(families["single-cell"].iter().all(|p| p.active_cells() == 1));
+        assert!(
+            families["stripes"]
+                .iter()
+                .all(|p| (1000..=1500).contains(&p.active_cells()))
+        );
+        assert_eq!(families, drawn(20, 1).unwrap());
+        assert_ne!(families, drawn(20, 2).unwrap());
+        assert!(
+            drawn(100, 1).unwrap()["large-grid"].len() < 100,
+            "there are six grids of 2 × 2 units"
+        );
+    }
+}

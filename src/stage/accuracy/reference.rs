@@ -1,0 +1,166 @@
+//! What errors are told by: solutions on a fine mesh, and how wrong these may still be.
+//!
+//! Where halving the elements at least halves the error, the error of the finer of two solutions is at most their
+//! difference. Displacements of electrodes with corners converge at a rate of about 1.5 at the least, so it holds with a margin.
+
+use std::path::Path;
+
+use super::compare::largest_difference;
+use crate::base::{Document, InputError, Node};
+use crate::fem::AccurateSimulation;
+use crate::field::Field;
+use crate::orchestrator::Progress;
+use crate::pattern::Pattern;
+use crate::scene::Scene;
+use crate::stage::method::Method;
+use crate::stage::solver::{Solver, SolverParameters, explained};
+
+/// How the reference was solved.
+pub struct Reference(SolverParameters);
+
+impl Reference {
+    /// From the text that an artifact of a solve stage carries.
+    ///
+    /// # Errors
+    /// When it is not understood, or cannot be a reference; why.
+    pub fn from_text(text: &str) -> Result<Self, String> {
+        let document = Document::from_text(Path::new("solver"), text).map_err(|e| e.to_string())?;
+        Self::read(&document.root).map_err(|e| e.to_string())
+    }
+
+    /// From the keys of a solve stage.
+    ///
+    /// # Errors
+    /// As a solve stage refuses them, or when they cannot be those of a reference.
+    pub fn read(node: &Node) -> Result<Self, InputError> {
+        let parameters = SolverParameters::read(&node.fields("the reference", &SolverParameters::KEYS)?, 2)?;
+        Self::new(parameters).map_err(|why| node.error(why))
+    }
+
+    /// From parameters.
+    ///
+    /// # Errors
+    /// When they cannot be those of a reference; why.
+    pub fn new(parameters: SolverParameters) -> Result<Self, String> {
+        if parameters.method() != Method::Newton {
+            return Err(format!(
+                "a reference is solved by Newton's method, and this one by `{}`",
+                parameters.method()
+            ));
+        }
+        if parameters.mesh() == Some((1, 1)) {
+            return Err("one bilinear element per cell is the coarsest mesh, and no reference".to_owned());
+        }
+        Ok(Self(parameters))
+    }
+
+    /// Its settings.
+    pub fn settings(&self) -> &SolverParameters {
+        &self.0
+    }
+
+    /// Solves patterns on the reference's mesh: the fields, `None` where there is no stable solution, and the errors that
+    /// they may still have in mm.
+    ///
+    /// # Errors
+    /// When a solver cannot be set up; why.
+    pub fn solve(
+        &self,
+        scene: &Scene,
+        patterns: &[Pattern],
+        progress: &dyn Progress,
+    ) -> Result<(Vec<Option<Field>>, Vec<f64>), String> {
+        let solver = self.0.build(scene).map_err(|e| explained(&e))?;
+        let mut results = Vec::with_capacity(patterns.len());
+        for batch in patterns.chunks(2 * rayon::current_num_threads()) {
+            results.extend(simulate(&solver, batch)?);
+            progress.advance(batch.len() as u64);
+        }
+        let estimates: Option<Vec<f64>> = results.iter().map(|result| result.discretisation_error).collect();
+        let fields: Vec<Option<Field>> = results.into_iter().map(|r| r.simulation.field).collect();
+        let errors = match estimates {
+            Some(estimates) => estimates,
+            None => self.errors(scene, patterns, &fields)?,
+        };
+        Ok((fields, errors))
+    }
+
+    /// The error that each field may still have in mm: its difference from the next coarser mesh, or 0 where one of the two
+    /// has no field. An accuracy that picked the meshes has its own estimates instead.
+    ///
+    /// # Errors
+    /// When the coarser solver cannot be set up; why.
+    pub fn errors(&self, scene: &Scene, patterns: &[Pattern], fields: &[Option<Field>]) -> Result<Vec<f64>, String> {
+        let Some(coarser) = self.0.mesh().map(next_coarser) else {
+            return Ok(vec![0.0; patterns.len()]);
+        };
+        let solver = SolverParameters::newton(coarser.0, coarser.1).build(scene);
+        let coarse = simulate(&solver.map_err(|e| explained(&e))?, patterns)?;
+        let error = |(coarse, fine): (&AccurateSimulation, &Option<Field>)| match (&coarse.simulation.field, fine) {
+            (Some(coarse), Some(fine)) => largest_difference(coarse, fine),
+            _ => 0.0,
+        };
+        Ok(coarse.iter().zip(fields).map(error).collect())
+    }
+}
+
+fn simulate(solver: &Solver, patterns: &[Pattern]) -> Result<Vec<AccurateSimulation>, String> {
+    solver.simulate(patterns).map_err(|e| explained(&e))
+}
+
+/// At most half as many elements along a side, or the lower order where there is one element per cell.
+fn next_coarser((elements, order): (u64, u64)) -> (u64, u64) {
+    if elements > 1 {
+        (elements / 2, order)
+    } else {
+        (1, order - 1)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Silent;
+
+    impl Progress for Silent {
+        fn advance(&self, _steps: u64) {}
+        fn note(&self, _text: &str) {}
+    }
+
+    #[test]
+    fn the_next_coarser_mesh_is_half_as_fine() {
+        for (mesh, coarser) in [((8, 2), (4, 2)), ((3, 1), (1, 1)), ((1, 2), (1, 1)), ((2, 1), (1, 1))] {
+            assert_eq!(next_coarser(mesh), coarser);
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_a_reference_is_refused() {
+        for (text, said) in [
+            ("{ method: linear }", "Newton's method"),
+            ("{ method: newton, elements_per_cell: 1, order: 1 }", "coarsest"),
+            ("{ metod: newton }", "unknown key"),
+        ] {
+            let refusal = Reference::from_text(text).err().unwrap_or_default();
+            assert!(refusal.contains(said), "{text}: {refusal}");
+        }
+        assert!(Reference::from_text("{ method: newton, elements_per_cell: 8, order: 2 }").is_ok());
+    }
+
+    #[test]
+    fn the_stated_error_covers_that_of_the_reference() {
+        let patterns: Vec<Pattern> = [3, 5, 10]
+            .map(|n| Pattern::from_fn(|x, y| (x / n * 7 + y / n * 11) % 13 < 6))
+            .into();
+        let scene = Scene::vhb4910();
+        let reference = Reference::new(SolverParameters::newton(2, 1)).unwrap();
+        let (fields, stated) = reference.solve(&scene, &patterns, &Silent).unwrap();
+        let finer = Reference::new(SolverParameters::newton(2, 2)).unwrap();
+        let (truth, _) = finer.solve(&scene, &patterns, &Silent).unwrap();
+        for (i, stated) in stated.iter().enumerate() {
+            let error = largest_difference(fields[i].as_ref().unwrap(), truth[i].as_ref().unwrap());
+            assert!(error <= *stated && *stated < 6.0 * error, "{i}: {error:e} {stated:e}");
+        }
+    }
+}

@@ -1,0 +1,91 @@
+//! How a field is found: `newton`, `linear` or `chord:N`.
+
+use std::fmt;
+use std::str::FromStr;
+
+use crate::base::{InputError, Node, nearest};
+
+/// How a field is found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// The linear response of the half-active membrane: an estimate.
+    Linear,
+    /// So many chord steps beyond the linear response: a better estimate.
+    Chord(u32),
+    /// Newton's method, until the membrane is in a stable equilibrium.
+    Newton,
+}
+
+/// More chord steps than this never pay: Newton's method is done long before.
+const MOST_STEPS: u32 = 50;
+
+const ALLOWED: &str = "allowed: newton, linear, chord:N with N from 1 to 50";
+
+impl Method {
+    /// Reads a method.
+    ///
+    /// # Errors
+    /// When it is none; the nearest spelling is named.
+    pub fn read(node: &Node) -> Result<Self, InputError> {
+        let text = node.text("method")?;
+        text.parse()
+            .map_err(|help: String| node.error(format!("`method` cannot be {text:?}")).help(help))
+    }
+
+    /// Chord steps beyond the linear response; `None` for Newton's method.
+    pub fn chord_steps(self) -> Option<u32> {
+        match self {
+            Self::Linear => Some(0),
+            Self::Chord(steps) => Some(steps),
+            Self::Newton => None,
+        }
+    }
+}
+
+impl FromStr for Method {
+    /// What is allowed instead.
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match (text, text.strip_prefix("chord:").map(str::parse)) {
+            ("newton", _) => Ok(Self::Newton),
+            ("linear", _) => Ok(Self::Linear),
+            (_, Some(Ok(steps))) if (1..=MOST_STEPS).contains(&steps) => Ok(Self::Chord(steps)),
+            _ => Err(match nearest(text, &["newton", "linear", "chord:1"]) {
+                Some(near) => format!("did you mean `{near}`? {ALLOWED}"),
+                None => ALLOWED.to_owned(),
+            }),
+        }
+    }
+}
+
+impl fmt::Display for Method {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Linear => f.write_str("linear"),
+            Self::Chord(steps) => write!(f, "chord:{steps}"),
+            Self::Newton => f.write_str("newton"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn methods_are_read_as_they_are_written() {
+        for method in [Method::Newton, Method::Linear, Method::Chord(1), Method::Chord(50)] {
+            assert_eq!(method.to_string().parse(), Ok(method));
+        }
+        for text in ["chord", "chord:0", "chord:51", "chord:-1", "chord:1.5", "Newton", ""] {
+            assert!(text.parse::<Method>().is_err(), "{text}");
+        }
+        assert!(
+            "chrod:1"
+                .parse::<Method>()
+                .unwrap_err()
+                .contains("did you mean `chord:1`?")
+        );
+    }
+}
