@@ -27,7 +27,7 @@ critical voltage, and one per cell of a checkerboard does not move at all, becau
 const ABOUT_PATHS: &str = "\
 Load paths at 25 kPa and λp = 3 (`deaflow solve --path`), one element per cell of each order, and what the solver says of
 1 % less and 1 % more than the critical voltage. Known values: for `full` the closed form √κ = √(λ⁻² + 3λ⁻⁸), for the others
-an independent analysis with one element of order 2 per cell, given to about a tenth of a percent.";
+an independent analysis with one element per cell whose order is not known, given in kV to two decimals.";
 
 fn scattered(share: f64, seed: u64) -> Pattern {
     let mut stream = Stream::new(seed, "hard cases", 0);

@@ -2,7 +2,6 @@
 
 mod findings;
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -14,10 +13,10 @@ use super::output::{Exit, Output};
 use super::progress::Bar;
 use super::solve;
 use crate::base::Document;
-use crate::pattern::Pattern;
 use crate::report::figures::{Cost, FamilyCosts, draw_accuracy};
 use crate::stage::accuracy::{
-    Contender, Measured, Reckoned, Reference, describe, drawn, measurements, read_methods, usual_methods,
+    Contender, Families, Measured, Reckoned, Reference, describe, drawn, given, measurements, read_methods,
+    usual_methods,
 };
 use crate::stage::direct;
 use crate::store::{Provenance, write_file};
@@ -59,15 +58,15 @@ fn methods(arguments: &AccuracyArguments) -> Result<Vec<Box<dyn Contender>>, Cli
 }
 
 /// The patterns by family; those that were given are one of their own.
-fn families(arguments: &AccuracyArguments) -> Result<BTreeMap<String, Vec<Pattern>>, CliError> {
+fn families(arguments: &AccuracyArguments) -> Result<Families, CliError> {
     if arguments.patterns.is_empty() {
         return drawn(arguments.count, arguments.seed).map_err(|e| CliError::failure(e.to_string()));
     }
-    let given = direct::patterns(&arguments.patterns)?;
-    if given.is_empty() {
+    let patterns = direct::patterns(&arguments.patterns)?;
+    if patterns.is_empty() {
         return Err(CliError::bad_input("the files hold no patterns"));
     }
-    Ok(BTreeMap::from([("given".to_owned(), given)]))
+    Ok(given(patterns))
 }
 
 /// What cannot be written has to be known before minutes of work, not after.

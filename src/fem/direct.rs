@@ -14,6 +14,7 @@ use faer::{Conj, MatMut, Par, Side};
 
 use super::element::{Bilinear, Biquadratic, Element};
 use super::energy::Law;
+use super::kinematics::Tensor;
 use super::mesh::{Mesh, Order};
 use super::operator::Operator;
 
@@ -179,27 +180,33 @@ fn for_each_entry<const N: usize>(
 fn assemble<E: Element<N>, L: Law, const N: usize>(operator: &Operator<'_, L>, u: &[f64]) -> Vec<f64> {
     let mesh = operator.mesh;
     let side = E::DEGREE + 1;
+    let units = unit_gradients::<E, N>();
     let mut entries = Vec::new();
+    let mut gradients = [[[0.0; 2]; 2]; N];
+    let mut current = None;
     for_each_entry::<N>(mesh, |([column, row], c, node), rows, _| {
-        let place = |node: usize| (column * E::DEGREE + node % side, row * E::DEGREE + node / side);
-        let nodal = std::array::from_fn(|c| std::array::from_fn(|node| u[mesh.index(c, place(node).0, place(node).1)]));
+        if current.replace([column, row]) != Some([column, row]) {
+            let place = |node: usize| (column * E::DEGREE + node % side, row * E::DEGREE + node / side);
+            let value = |c, node| u[mesh.index(c, place(node).0, place(node).1)];
+            gradients = E::gradients(&std::array::from_fn(|c| std::array::from_fn(|node| value(c, node))));
+        }
         let active = operator.activity.elements()[row * mesh.part() + column];
-        let forces = element_column::<E, L, N>(operator.law, &nodal, active, c, node);
+        let changes = &units[c][node];
+        let forces = E::forces(&std::array::from_fn(|q| {
+            operator.law.tangent(gradients[q], active, changes[q])
+        }));
         entries.extend(rows.map(|(at, _)| forces[at / N][at % N]));
     });
     entries
 }
 
-/// The forces that a unit displacement of one node causes in an element at `nodal`.
-fn element_column<E: Element<N>, L: Law, const N: usize>(
-    law: &L,
-    nodal: &[[f64; N]; 2],
-    active: f64,
-    c: usize,
-    node: usize,
-) -> [[f64; N]; 2] {
-    let mut unit = [[0.0; N]; 2];
-    unit[c][node] = 1.0;
-    let (gradients, changes) = (E::gradients(nodal), E::gradients(&unit));
-    E::forces(&std::array::from_fn(|q| law.tangent(gradients[q], active, changes[q])))
+/// ∇u at the points of an element for a unit displacement of each node, `[component][node][point]`.
+fn unit_gradients<E: Element<N>, const N: usize>() -> [[[Tensor<f64>; N]; N]; 2] {
+    std::array::from_fn(|c| {
+        std::array::from_fn(|node| {
+            let mut unit = [[0.0; N]; 2];
+            unit[c][node] = 1.0;
+            E::gradients(&unit)
+        })
+    })
 }

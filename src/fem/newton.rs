@@ -42,6 +42,8 @@ pub struct Workspace {
     trial_residual: Vec<f64>,
     /// The displacement in single precision, where the tangent is taken.
     single: Vec<f32>,
+    /// And what the operator keeps of it.
+    moduli: Vec<f32>,
     krylov: krylov::Scratch,
     laplacian: LaplacianScratch,
 }
@@ -55,6 +57,7 @@ impl Workspace {
             trial: vec![0.0; len],
             trial_residual: vec![0.0; len],
             single: vec![0.0; len],
+            moduli: Vec::new(),
             krylov: krylov::Scratch::new(len),
             laplacian: laplacian.scratch(),
         }
@@ -227,16 +230,18 @@ fn find_step<L: Law>(
     let Workspace {
         residual,
         single,
+        moduli,
         krylov,
         laplacian: scratch,
         ..
     } = workspace;
     narrow(u, 1.0, single);
+    operator.linearise(single, moduli);
     narrow(residual, 1.0 / size, &mut krylov.residual);
     let ending = conjugate_gradients(
         goal,
         krylov,
-        |p, image| operator.tangent(single, p, image),
+        |p, image| operator.tangent_at(single, moduli, p, image),
         |r, z| laplacian.solve(r, z, scratch),
     );
     match ending {
@@ -268,16 +273,18 @@ pub fn probe<L: Law>(
         .spread(&Field::from_values(forces).expect("normal deviates are finite"));
     let Workspace {
         single,
+        moduli,
         krylov,
         laplacian: scratch,
         ..
     } = workspace;
     narrow(u, 1.0, single);
+    operator.linearise(single, moduli);
     narrow(&load, 1.0 / norm(&load), &mut krylov.residual);
     conjugate_gradients(
         PROBED,
         krylov,
-        |p, image| operator.tangent(single, p, image),
+        |p, image| operator.tangent_at(single, moduli, p, image),
         |r, z| laplacian.solve(r, z, scratch),
     )
 }

@@ -4,6 +4,9 @@
 //! their nodes are first written apart, one line per node of the element, and added up once the row is finished: no
 //! element waits for its neighbour.
 
+mod point;
+mod survey;
+
 use std::marker::PhantomData;
 
 use pulp::{Arch, Simd, WithSimd};
@@ -11,10 +14,11 @@ use pulp::{Arch, Simd, WithSimd};
 use crate::pattern::Pattern;
 
 use super::element::{Bilinear, Biquadratic, Element};
-use super::energy::Law;
-use super::kinematics::{Tensor, deformation};
+use super::energy::{Law, MODULI};
 use super::lanes::{Real, Value, WIDEST, Wide};
 use super::mesh::{Mesh, Order};
+use point::{Point, StressAt, TangentAt, TangentFrom};
+use survey::{Store, Survey, place};
 
 /// Where a pattern is active on a mesh, in both precisions.
 #[derive(Clone, Debug)]
@@ -106,12 +110,37 @@ impl<L: Law> Operator<'_, L> {
     /// The residual at interior nodes, zero on the frame, into `out`. Returns the smallest [`Law::admissible`]; the
     /// residual means something only where that is positive.
     pub fn residual<T: Precision>(&self, u: &[T], out: &mut [T]) -> f64 {
-        self.sweep([u], out, StressAt(self.law))
+        self.sweep([u], &[], out, StressAt(self.law))
     }
 
     /// The tangent at `u` times `du`, at interior nodes, into `out`.
     pub fn tangent<T: Precision>(&self, u: &[T], du: &[T], out: &mut [T]) {
-        self.sweep([u, du], out, TangentAt(self.law));
+        self.sweep([u, du], &[], out, TangentAt(self.law));
+    }
+
+    /// What [`Operator::tangent_at`] wants to be kept of `u`: nothing, for laws that are quick to evaluate.
+    pub fn linearise<T: Precision>(&self, u: &[T], moduli: &mut Vec<T>) {
+        if L::STORES {
+            match self.mesh.order() {
+                Order::Bilinear => self.store::<Bilinear, T, 4>(u, moduli),
+                Order::Biquadratic => self.store::<Biquadratic, T, 9>(u, moduli),
+            }
+        }
+    }
+
+    /// The tangent at a `u` that was linearised, times `du`, at interior nodes, into `out`.
+    pub fn tangent_at<T: Precision>(&self, u: &[T], moduli: &[T], du: &[T], out: &mut [T]) {
+        if L::STORES {
+            self.sweep([u, du], moduli, out, TangentFrom(self.law));
+        } else {
+            self.tangent(u, du, out);
+        }
+    }
+
+    fn store<E: Element<N>, T: Precision, const N: usize>(&self, u: &[T], moduli: &mut Vec<T>) {
+        moduli.resize(self.mesh.elements() * self.mesh.part() * N * MODULI, T::default());
+        let survey = self.survey::<E, T, N>(u);
+        Arch::new().dispatch(Store { survey, moduli });
     }
 
     /// The smallest margins over the quadrature points.
@@ -132,16 +161,23 @@ impl<L: Law> Operator<'_, L> {
         }
     }
 
-    fn sweep<T: Precision, P: Point<M>, const M: usize>(&self, inputs: [&[T]; M], out: &mut [T], point: P) -> f64 {
+    fn sweep<T: Precision, P: Point<M>, const M: usize>(
+        &self,
+        inputs: [&[T]; M],
+        moduli: &[T],
+        out: &mut [T],
+        point: P,
+    ) -> f64 {
         match self.mesh.order() {
-            Order::Bilinear => self.sweep_elements::<Bilinear, T, P, 4, M>(inputs, out, point),
-            Order::Biquadratic => self.sweep_elements::<Biquadratic, T, P, 9, M>(inputs, out, point),
+            Order::Bilinear => self.sweep_elements::<Bilinear, T, P, 4, M>(inputs, moduli, out, point),
+            Order::Biquadratic => self.sweep_elements::<Biquadratic, T, P, 9, M>(inputs, moduli, out, point),
         }
     }
 
     fn sweep_elements<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize>(
         &self,
         inputs: [&[T]; M],
+        moduli: &[T],
         out: &mut [T],
         point: P,
     ) -> f64 {
@@ -149,6 +185,7 @@ impl<L: Law> Operator<'_, L> {
             mesh: self.mesh,
             activity: T::of(self.activity),
             inputs,
+            moduli,
             lines: vec![T::default(); 2 * N * (WIDEST + self.mesh.part())],
             out,
             point,
@@ -160,64 +197,13 @@ impl<L: Law> Operator<'_, L> {
     }
 }
 
-/// What happens at a quadrature point: from the gradients of M fields to a stress.
-trait Point<const M: usize>: Copy {
-    /// Whether [`Point::watched`] is wanted.
-    const WATCHED: bool;
-    /// What has to stay positive at the gradient of the first field.
-    fn watched<V: Value>(self, gradient: Tensor<V>) -> V;
-    fn stress<V: Value>(self, gradients: [Tensor<V>; M], active: V) -> Tensor<V>;
-}
-
-struct StressAt<'a, L>(&'a L);
-
-struct TangentAt<'a, L>(&'a L);
-
-impl<L> Clone for StressAt<'_, L> {
-    fn clone(&self) -> Self {
-        *self
-    }
-}
-
-impl<L> Copy for StressAt<'_, L> {}
-
-impl<L> Clone for TangentAt<'_, L> {
-    fn clone(&self) -> Self {
-        *self
-    }
-}
-
-impl<L> Copy for TangentAt<'_, L> {}
-
-impl<L: Law> Point<1> for StressAt<'_, L> {
-    const WATCHED: bool = true;
-    #[inline(always)]
-    fn watched<V: Value>(self, gradient: Tensor<V>) -> V {
-        self.0.admissible(gradient)
-    }
-    #[inline(always)]
-    fn stress<V: Value>(self, [gradient]: [Tensor<V>; 1], active: V) -> Tensor<V> {
-        self.0.stress(gradient, active)
-    }
-}
-
-impl<L: Law> Point<2> for TangentAt<'_, L> {
-    const WATCHED: bool = false;
-    #[inline(always)]
-    fn watched<V: Value>(self, gradient: Tensor<V>) -> V {
-        gradient[0][0]
-    }
-    #[inline(always)]
-    fn stress<V: Value>(self, [gradient, change]: [Tensor<V>; 2], active: V) -> Tensor<V> {
-        self.0.tangent(gradient, active, change)
-    }
-}
-
 /// One pass over the elements that turns nodal fields into nodal forces.
 struct Sweep<'a, E, T, P, const N: usize, const M: usize> {
     mesh: Mesh,
     activity: &'a [T],
     inputs: [&'a [T]; M],
+    /// Moduli of the points, if they are used, as [`Store`] writes them.
+    moduli: &'a [T],
     /// One line for each component and node of the element: a margin of zeros, then a number per element of the row.
     lines: Vec<T>,
     out: &'a mut [T],
@@ -248,7 +234,14 @@ impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize> W
                     if P::WATCHED {
                         smallest = smallest.min(self.point.watched(here[0]));
                     }
-                    *stress = self.point.stress(here, active);
+                    let mut moduli = [zero; MODULI];
+                    if P::STORED {
+                        let start = place(self.mesh, first, row, T::lanes::<S>(), N, q);
+                        for (at, value) in moduli.iter_mut().enumerate() {
+                            *value = Wide::load(simd, &self.moduli[start + at * T::lanes::<S>()..]);
+                        }
+                    }
+                    *stress = self.point.stress(here, active, moduli);
                 }
                 self.write(&E::forces(&stresses), first);
             }
@@ -324,42 +317,4 @@ fn gather<E: Element<N>, S: Simd, T: Real, const N: usize>(
         }
     }
     nodal
-}
-
-/// One pass over the quadrature points that finds the smallest margins.
-struct Survey<'a, E, L, T, const N: usize> {
-    mesh: Mesh,
-    law: &'a L,
-    activity: &'a [T],
-    u: &'a [T],
-    element: PhantomData<E>,
-}
-
-impl<E: Element<N>, L: Law, T: Precision, const N: usize> WithSimd for Survey<'_, E, L, T, N> {
-    type Output = Margins;
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> Margins {
-        let mut ellipticity = Wide::<S, T>::splat(simd, f64::INFINITY);
-        let (mut convexity, mut tension) = (ellipticity, ellipticity);
-        for row in 0..self.mesh.elements() {
-            for first in (0..self.mesh.elements()).step_by(T::lanes::<S>()) {
-                let nodal = gather::<E, S, T, N>(simd, self.mesh, self.u, first, row);
-                let active = Wide::load(simd, &self.activity[row * self.mesh.part() + first..]);
-                for gradient in E::gradients(&nodal) {
-                    let f = deformation(gradient);
-                    ellipticity = ellipticity.min(self.law.ellipticity(f, active));
-                    convexity = convexity.min(self.law.convexity(f, active));
-                    if L::WRINKLES {
-                        tension = tension.min(self.law.tension(f, active));
-                    }
-                }
-            }
-        }
-        Margins {
-            ellipticity: ellipticity.smallest(),
-            convexity: convexity.smallest(),
-            tension: tension.smallest(),
-        }
-    }
 }

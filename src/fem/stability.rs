@@ -32,7 +32,7 @@ pub enum Stability {
 /// A margin that rounding to single precision cannot have caused.
 const CLEAR: f64 = 1e-3;
 /// A compression that rounding can cause in a membrane that has no tension to begin with.
-const ROUNDING: f64 = 1e-9;
+pub(super) const LOOSE: f64 = 1e-9;
 
 /// Judges the equilibrium `u`.
 pub fn judge<L: Law>(
@@ -50,7 +50,7 @@ pub fn judge<L: Law>(
     if margins.ellipticity <= 0.0 {
         return Stability::NotElliptic;
     }
-    if margins.tension < -ROUNDING {
+    if margins.tension < -LOOSE {
         return Stability::Slack;
     }
     if margins.convexity > 0.0 {

@@ -149,6 +149,41 @@ fn figures_are_drawn_once_and_named_by_their_artifact() {
 }
 
 #[test]
+fn errors_are_drawn_over_the_times_in_the_provenance() {
+    let bench = Bench::new();
+    let texts = |t: [&str; 2]| Dataset::new("", "d", &[2], Data::Text(t.map(str::to_owned).to_vec()));
+    let measured = |errors: [f64; 4]| {
+        let errors = Dataset::new("mm", "d", &[2, 2], Data::F64(errors.to_vec()));
+        object(vec![
+            ("methods", texts(["method: linear", "method: newton"])),
+            ("families", texts(["bezier", "stripes"])),
+            ("error/rms", errors),
+        ])
+    };
+    let times = |names: [&str; 2]| Provenance {
+        measurements: names.iter().map(|name| ((*name).to_owned(), 1e-3)).collect(),
+        ..Provenance::default()
+    };
+    let figures = |stage: &str, object: &Object, provenance: &Provenance| {
+        let made = Made {
+            stage: stage.into(),
+            kind: "accuracy".into(),
+            digest: bench.store.put(object, provenance).unwrap().digest,
+        };
+        draw_figures(&bench.store, "p", &[made]).map(|paths| paths.len())
+    };
+    let known = times(["method: linear; bezier", "method: newton; stripes"]);
+    assert_eq!(figures("a", &measured([0.1, 0.2, 0.3, 0.4]), &known).unwrap(), 1);
+    assert_eq!(figures("b", &measured([0.0; 4]), &known).unwrap(), 0, "nothing moves");
+    let unknown = times(["method: other; bezier", "x"]);
+    assert_eq!(
+        figures("c", &measured([0.4, 0.2, 0.3, 0.4]), &unknown).unwrap(),
+        0,
+        "no time is known"
+    );
+}
+
+#[test]
 fn the_summary_says_what_was_predicted_simulated_and_gained() {
     let bench = Bench::new();
     let made = [bench.made("verified", "verify", &verified(["converged"; 3]))];

@@ -22,10 +22,10 @@ use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::scene::Scene;
 use crate::store::{Artifact, Object};
 
-pub use compare::{FamilyError, Measured, Reckoned};
+pub use compare::{FamilyError, Measured, PatternError, Reckoned};
 pub use contender::{Contender, read as read_methods, usual as usual_methods};
 pub use content::{describe, measurement, measurements};
-pub use families::drawn;
+pub use families::{Families, drawn, given};
 pub use reference::Reference;
 
 /// The kind `accuracy`.

@@ -39,6 +39,14 @@ fn mistakes_in_a_pipeline_are_refused_with_file_line_caret_and_spelling() {
         ("bins: 20", "bins: many", 13, "many"),
         ("epochs: 1", "epoch: 1", 14, "did you mean `epochs`?"),
         ("elements_per_cell: 1 }", "elements_per_cell: 99 }", 12, "99"),
+        ("method: linear,", "method: liner,", 18, "did you mean `linear`?"),
+        ("needs: [reference]", "needs: [small]", 18, "`small` is sample"),
+        (
+            "needs: [bezier], elements_per_cell: 2",
+            "needs: [bezier], method: chord:2, accuracy: 1 mm",
+            17,
+            "cannot stand beside",
+        ),
         ("version: 1", "version: 2", 1, "version"),
         ("name: tiny", "name: [", 4, "YAML"),
     ] {

@@ -77,6 +77,10 @@ pub fn relief<V: Value>(at: &Invariants<V>) -> V {
 
 /// An elastic law that stiffens.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "one is made per load step and read at every point: no indirection"
+)]
 pub enum Stiffening {
     /// Gent, Yeoh, Arruda–Boyce.
     FirstInvariant(FirstInvariant),

@@ -16,6 +16,7 @@
 use super::elasticity::relief;
 use super::potential::{Invariants, Rest, Slopes};
 use crate::fem::lanes::Value;
+use crate::fem::powers::logarithm_of_one_plus;
 
 /// 2ψ′/μ as a function of I₁.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -86,7 +87,7 @@ impl FirstInvariant {
         let [c0, c1, c2] = self.response.polynomial.map(|c| 0.5 * c / self.rate);
         let cubic = y.constant(c2 / 3.0).madd(y, y.constant(0.5 * c1));
         let polynomial = y * cubic.madd(y, y.constant(c0));
-        polynomial - y.constant(0.5 * self.response.pole / self.rate) * crate::fem::powers::logarithm_of_one_plus(-y)
+        polynomial - y.constant(0.5 * self.response.pole / self.rate) * logarithm_of_one_plus(-y)
     }
 }
 

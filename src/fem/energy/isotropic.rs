@@ -1,7 +1,7 @@
 //! The law of an isotropic potential: stress, tangent and the margins of stability, in closed form.
 
 use super::potential::{Invariants, Potential, Slopes, slopes_apart};
-use super::{Law, Rest};
+use super::{Law, MODULI, Rest};
 use crate::fem::kinematics::{Tensor, add_scaled, cofactor, conformal_split, contract, deformation};
 use crate::fem::lanes::Value;
 
@@ -61,6 +61,7 @@ fn smallest_on_edge<V: Value>(a: V, b: V, c: V) -> V {
 impl<P: Potential> Law for Isotropic<P> {
     const SEVERAL_BRANCHES: bool = P::SEVERAL_BRANCHES;
     const WRINKLES: bool = P::WRINKLES;
+    const STORES: bool = true;
 
     #[inline(always)]
     fn energy<V: Value>(&self, f: Tensor<V>, active: V) -> V {
@@ -86,13 +87,24 @@ impl<P: Potential> Law for Isotropic<P> {
 
     #[inline(always)]
     fn tangent<V: Value>(&self, gradient: Tensor<V>, active: V, df: Tensor<V>) -> Tensor<V> {
+        self.tangent_from(gradient, self.moduli(gradient, active), df)
+    }
+
+    #[inline(always)]
+    fn moduli<V: Value>(&self, gradient: Tensor<V>, active: V) -> [V; MODULI] {
         let s = slopes_apart(&self.potential, &Invariants::of(gradient), active);
+        [s.i, s.j, s.ii, s.ij, s.jj]
+    }
+
+    #[inline(always)]
+    fn tangent_from<V: Value>(&self, gradient: Tensor<V>, moduli: [V; MODULI], df: Tensor<V>) -> Tensor<V> {
+        let [i, j, ii, ij, jj] = moduli;
         let f = deformation(gradient);
         let (c, dc) = (cofactor(f), cofactor(df));
         let (along, across) = (contract(f, df), contract(c, df));
-        let (first, second) = (s.ii.madd(along, s.ij * across), s.ij.madd(along, s.jj * across));
+        let (first, second) = (ii.madd(along, ij * across), ij.madd(along, jj * across));
         let zero = along.constant(0.0);
-        let direct = add_scaled(add_scaled([[zero; 2]; 2], s.i, df), s.j, dc);
+        let direct = add_scaled(add_scaled([[zero; 2]; 2], i, df), j, dc);
         add_scaled(add_scaled(direct, first, f), second, c)
     }
 

@@ -30,6 +30,9 @@ pub use yeoh::yeoh;
 use super::kinematics::{Tensor, deformation, determinant};
 use super::lanes::Value;
 
+/// Numbers that determine a tangent at a given deformation: 2φᵢ, φⱼ, 4φᵢᵢ, 2φᵢⱼ and φⱼⱼ of an isotropic potential.
+pub const MODULI: usize = 5;
+
 /// An energy density per area of the prestretched membrane, in units of μH, as a function of f = I + ∇u.
 ///
 /// `active` is 1 where the membrane carries an electrode and 0 where it is bare.
@@ -39,6 +42,8 @@ pub trait Law: Sync {
     const SEVERAL_BRANCHES: bool = false;
     /// Whether the membrane bears no compression, so that it can lose its tension.
     const WRINKLES: bool = false;
+    /// Whether it is worth while to keep [`Law::moduli`] at all points.
+    const STORES: bool = false;
 
     /// w(f).
     fn energy<V: Value>(&self, f: Tensor<V>, active: V) -> V;
@@ -47,6 +52,17 @@ pub trait Law: Sync {
     fn stress<V: Value>(&self, gradient: Tensor<V>, active: V) -> Tensor<V>;
     /// The derivative of `stress` along `df`.
     fn tangent<V: Value>(&self, gradient: Tensor<V>, active: V, df: Tensor<V>) -> Tensor<V>;
+    /// The numbers that [`Law::tangent`] takes more time to find than to read again, for conjugate gradients that ask for it
+    /// in many directions at one place. Asked for only where [`Law::STORES`].
+    #[inline(always)]
+    fn moduli<V: Value>(&self, _gradient: Tensor<V>, active: V) -> [V; MODULI] {
+        [active.constant(0.0); MODULI]
+    }
+    /// `tangent` from the moduli.
+    #[inline(always)]
+    fn tangent_from<V: Value>(&self, gradient: Tensor<V>, moduli: [V; MODULI], df: Tensor<V>) -> Tensor<V> {
+        self.tangent(gradient, moduli[0], df)
+    }
     /// Positive where the energy is finite: an equilibrium is sought only there.
     #[inline(always)]
     fn admissible<V: Value>(&self, gradient: Tensor<V>) -> V {

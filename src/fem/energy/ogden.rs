@@ -9,24 +9,24 @@
 //!
 //! T is Chebyshev's polynomial with any degree β; its n-th derivative at 1 is Π (β² − k²)/(2k + 1), k < n (Abramowitz and
 //! Stegun, 22.14 and 15.4). The series is summed at an eighth of ρ, and T(c) = 2T(√((1 + c)/2))² − 1 doubles it three times;
-//! c − 1 = (l₁ − l₂)²/2j is known without cancellation, and neither root nor power of a stretch is taken. In that form
+//! c − 1 = (l₁ − l₂)²/2j is known without cancellation, and no root of a stretch is taken. In that form
 //!
 //! ```text
 //! φᵢ = A j^(β−1) T′,  φⱼ = 2A j^(β−1)(βT − cT′),  φᵢᵢ = ½A j^(β−2) T″,
 //! φᵢⱼ = A j^(β−2)((β − 1)T′ − cT″),  φⱼⱼ = 2A j^(β−2)(β(β − 1)T − 2(β − 1)cT′ + c²T″)
 //! ```
 //!
-//! with A = (μₚ/μαₚ) λp^(α−2). The thickness adds B j^(−α), B = (μₚ/μαₚ) λp^(−2α−2). One power per term is all it takes.
+//! with A = (μₚ/μαₚ) λp^(α−2). The thickness adds B j^(−α), B = (μₚ/μαₚ) λp^(−2α−2). All terms share the roots and ln j; each takes one exponential.
 
 use super::potential::{Invariants, Rest, Slopes};
 use crate::fem::lanes::Value;
-use crate::fem::powers::power_minus_one;
+use crate::fem::powers::{exponential_minus_one, logarithm_of_one_plus};
 
 /// Terms of a law at most.
 pub const MOST_TERMS: usize = 3;
 /// Terms of the series of T. They suffice to rounding for stretch ratios up to 5 at |α| ≤ 5, and up to 2 at |α| ≤ 15.
 const SERIES: usize = 10;
-const DOUBLINGS: u32 = 3;
+const DOUBLINGS: usize = 3;
 
 /// The energy of one to three terms at a prestretch.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,14 +49,38 @@ struct Term {
     series: [f64; SERIES],
 }
 
-/// T − 1, T′, T′ − β² and T″, and c and c − 1.
+/// T − 1, T′, T′ − β² and T″.
 struct Chebyshev<V> {
     rise: V,
     first: V,
     first_rise: V,
     second: V,
-    argument: V,
-    excess: V,
+}
+
+/// What all terms need of a deformation.
+struct Shared<V> {
+    /// ln j.
+    logarithm: V,
+    /// c − 1, c and 1/c at ρ, ρ/2, ρ/4 and ρ/8.
+    levels: [[V; 3]; DOUBLINGS + 1],
+}
+
+impl<V: Value> Shared<V> {
+    #[inline(always)]
+    fn of(at: &Invariants<V>) -> Self {
+        let (one, half) = (at.area.constant(1.0), at.area.constant(0.5));
+        let excess = half * at.shear * at.inverse;
+        let mut levels = [[excess, excess + one, one]; DOUBLINGS + 1];
+        for level in 0..DOUBLINGS {
+            let [above, argument, _] = levels[level];
+            let next = (half * (argument + one)).sqrt();
+            levels[level + 1] = [half * above * (next + one).recip(), next, next.recip()];
+        }
+        Self {
+            logarithm: logarithm_of_one_plus(at.dilation),
+            levels,
+        }
+    }
 }
 
 impl Ogden {
@@ -96,19 +120,11 @@ impl Term {
         }
     }
 
-    /// T at c, from c − 1.
     #[inline(always)]
-    fn chebyshev<V: Value>(&self, excess: V) -> Chebyshev<V> {
-        let number = |value: f64| excess.constant(value);
+    fn chebyshev<V: Value>(&self, levels: &[[V; 3]; DOUBLINGS + 1]) -> Chebyshev<V> {
+        let z = levels[DOUBLINGS][0];
+        let number = |value: f64| z.constant(value);
         let square = number(self.beta * self.beta);
-        // c of ρ/2, ρ/4 and ρ/8, and what they exceed 1 by.
-        let mut levels = [(excess, excess + number(1.0)); DOUBLINGS as usize + 1];
-        for level in 0..DOUBLINGS as usize {
-            let (above, argument) = levels[level];
-            let next = (number(0.5) * (argument + number(1.0))).sqrt();
-            levels[level + 1] = (number(0.5) * above * (next + number(1.0)).recip(), next);
-        }
-        let z = levels[DOUBLINGS as usize].0;
         let (mut value, mut slope, mut curvature) = (number(0.0), number(0.0), number(0.0));
         for at in (0..SERIES).rev() {
             let n = (at + 1) as f64;
@@ -123,53 +139,48 @@ impl Term {
             first: slope.madd(z, square),
             first_rise: slope * z,
             second: curvature,
-            argument: levels[DOUBLINGS as usize].1,
-            excess: z,
         };
-        for level in (0..DOUBLINGS as usize).rev() {
-            let (above, argument) = levels[level];
-            let inverse = t.argument.recip();
+        for [excess, _, inverse] in levels[1..].iter().rev().copied() {
             let whole = t.rise + number(1.0);
             let first = whole * t.first * inverse;
             let bend = (t.first.madd(t.first, whole * t.second) - first) * inverse;
             t = Chebyshev {
                 rise: number(2.0) * t.rise * (t.rise + number(2.0)),
-                first_rise: (t.rise.madd(t.first, t.first_rise) - square * t.excess) * inverse,
+                first_rise: (t.rise.madd(t.first, t.first_rise) - square * excess) * inverse,
                 first,
                 second: number(0.25) * bend * inverse,
-                argument,
-                excess: above,
             };
         }
         t
     }
 
     #[inline(always)]
-    fn energy<V: Value>(&self, at: &Invariants<V>) -> V {
-        let number = |value: f64| at.area.constant(value);
-        let t = self.chebyshev(number(0.5) * at.shear * at.inverse);
-        let power = power_minus_one(at.dilation, self.beta) + number(1.0);
+    fn energy<V: Value>(&self, shared: &Shared<V>) -> V {
+        let number = |value: f64| shared.logarithm.constant(value);
+        let t = self.chebyshev(&shared.levels);
+        let power = exponential_minus_one(number(self.beta) * shared.logarithm) + number(1.0);
         let plane = number(2.0 * self.plane) * power * (t.rise + number(1.0));
         plane + number(self.thickness) * (power * power).recip()
     }
 
     #[inline(always)]
-    fn slopes<V: Value>(&self, at: &Invariants<V>) -> Slopes<V> {
+    fn slopes<V: Value>(&self, at: &Invariants<V>, shared: &Shared<V>) -> Slopes<V> {
         let number = |value: f64| at.area.constant(value);
-        let t = self.chebyshev(number(0.5) * at.shear * at.inverse);
+        let t = self.chebyshev(&shared.levels);
         let (one, beta) = (number(1.0), number(self.beta));
-        let rise = power_minus_one(at.dilation, self.beta);
+        let rise = exponential_minus_one(beta * shared.logarithm);
         let power = rise + one;
         // j^(β−1) − 1, j^(β−1) and j^(β−2).
         let lower_rise = (rise - at.dilation) * at.inverse;
         let lower = power * at.inverse;
         let lowest = lower * at.inverse;
-        let (whole, c) = (t.rise + one, t.argument);
+        let [excess, c, _] = shared.levels[0];
+        let whole = t.rise + one;
         let plane = number(self.plane);
         let i = number(2.0) * plane * lower * t.first;
         let i_rise = number(2.0) * plane * lower_rise.madd(t.first, t.first_rise);
         let bracket = beta * whole - c * t.first;
-        let bracket_rise = beta * t.rise - t.excess * t.first - t.first_rise;
+        let bracket_rise = beta * t.rise - excess * t.first - t.first_rise;
         let area = number(2.0) * plane * lower_rise.madd(bracket, bracket_rise);
         // −αB(j^(−α−1) − 1) and its derivative.
         let inverse_square = (power * power).recip();
@@ -203,9 +214,10 @@ impl Ogden {
     /// φ.
     #[inline(always)]
     pub fn energy<V: Value>(&self, at: &Invariants<V>) -> V {
+        let shared = Shared::of(at);
         let mut sum = at.area.constant(-self.undeformed);
         for term in &self.terms[..self.count] {
-            sum = sum + term.energy(at);
+            sum = sum + term.energy(&shared);
         }
         sum
     }
@@ -213,9 +225,10 @@ impl Ogden {
     /// The derivatives of φ.
     #[inline(always)]
     pub fn slopes<V: Value>(&self, at: &Invariants<V>) -> Slopes<V> {
-        let mut sum = self.terms[0].slopes(at);
+        let shared = Shared::of(at);
+        let mut sum = self.terms[0].slopes(at, &shared);
         for term in &self.terms[1..self.count.max(1)] {
-            sum = sum + term.slopes(at);
+            sum = sum + term.slopes(at, &shared);
         }
         sum
     }

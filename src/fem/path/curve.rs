@@ -13,6 +13,7 @@ use crate::fem::eigenvalue::{Eigenpair, dot, smallest};
 use crate::fem::energy::Law;
 use crate::fem::newton::norm;
 use crate::fem::operator::Operator;
+use crate::fem::stability::LOOSE;
 
 /// A factor by which an iteration must reduce the residual for the factors to be kept.
 const GOOD: f64 = 0.25;
@@ -40,6 +41,8 @@ pub struct Station {
     pub negative: usize,
     /// The least margin of ellipticity.
     pub ellipticity: f64,
+    /// The least tension, positive unless the law wrinkles and has gone slack somewhere.
+    pub tension: f64,
     /// The smallest det f.
     pub smallest_det: f64,
     factors: Factorisation,
@@ -54,9 +57,19 @@ impl Station {
         self.tangent.share > 0.0
     }
 
+    /// Whether a membrane that wrinkles has no tension left somewhere.
+    pub fn is_slack(&self) -> bool {
+        self.tension < -LOOSE
+    }
+
+    /// Whether the equations mean something: elliptic and in tension everywhere.
+    pub fn is_sound(&self) -> bool {
+        self.ellipticity > 0.0 && !self.is_slack()
+    }
+
     /// Whether the equilibrium is one that a membrane can be found in.
     pub fn is_stable(&self) -> bool {
-        self.negative == 0 && self.ellipticity > 0.0
+        self.negative == 0 && self.is_sound()
     }
 }
 
@@ -199,10 +212,11 @@ impl<'a, L: Law, F: Fn(f64) -> L> Curve<'a, F> {
         let along = before.map_or(1.0, |t| self.product(&slope, 1.0, &t.u, t.share));
         let length = self.product(&slope, 1.0, &slope, 1.0).sqrt().copysign(along);
         let (_, smallest_det) = self.residual(&u, share);
-        let ellipticity = self.with_operator(share, |operator| operator.margins(&u).ellipticity);
+        let margins = self.with_operator(share, |operator| operator.margins(&u));
         Some(Station {
             negative: factors.negative_pivots(),
-            ellipticity,
+            ellipticity: margins.ellipticity,
+            tension: margins.tension,
             smallest_det,
             tangent: Tangent {
                 u: slope.iter().map(|s| s / length).collect(),

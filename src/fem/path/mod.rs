@@ -31,16 +31,19 @@ pub enum EventKind {
     Bifurcation,
     /// Rank-one convexity is lost somewhere in the membrane.
     NotElliptic,
+    /// A membrane that wrinkles has lost all tension somewhere.
+    Slack,
 }
 
 impl EventKind {
-    /// The word that stands in files: `fold`, `bifurcation`, `not-elliptic`.
+    /// The word that stands in files: `fold`, `bifurcation`, `not-elliptic`, `slack`.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Fold => "fold",
             Self::Bifurcation => "bifurcation",
             Self::NotElliptic => "not-elliptic",
+            Self::Slack => "slack",
         }
     }
 }
@@ -50,6 +53,8 @@ impl EventKind {
 pub enum PathEnd {
     /// Rank-one convexity is lost.
     NotElliptic,
+    /// A membrane that wrinkles has lost all tension somewhere.
+    Slack,
     /// Some element is squeezed to nearly no area.
     Squeezed,
     /// Past a fold the branch became stable again, and was followed well beyond the first limit.
@@ -63,11 +68,12 @@ pub enum PathEnd {
 }
 
 impl PathEnd {
-    /// The word that stands in files: `not-elliptic`, `squeezed`, `recovered`, `no-limit`, `points`, `lost`.
+    /// The word that stands in files: `not-elliptic`, `slack`, `squeezed`, `recovered`, `no-limit`, `points`, `lost`.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::NotElliptic => "not-elliptic",
+            Self::Slack => "slack",
             Self::Squeezed => "squeezed",
             Self::Recovered => "recovered",
             Self::NoLimit => "no-limit",

@@ -122,6 +122,8 @@ impl<L: Law, F: Fn(f64) -> L, K: Fn(Mark) -> M, M> Follower<'_, F, K, M> {
         let recovered = first.is_some_and(|first| at.is_stable() && at.share > BEYOND * first.share);
         if at.ellipticity <= 0.0 {
             Some(PathEnd::NotElliptic)
+        } else if at.is_slack() {
+            Some(PathEnd::Slack)
         } else if at.smallest_det < SQUEEZED {
             Some(PathEnd::Squeezed)
         } else if at.share > HIGHEST * self.curve.unit() || self.curve.is_bare() {
@@ -135,9 +137,7 @@ impl<L: Law, F: Fn(f64) -> L, K: Fn(Mark) -> M, M> Follower<'_, F, K, M> {
 
     /// Whether something worth telling lies between two states.
     fn eventful(&self, here: &Station, next: &Station) -> bool {
-        here.rises() != next.rises()
-            || (here.ellipticity > 0.0) != (next.ellipticity > 0.0)
-            || here.is_stable() != next.is_stable()
+        here.rises() != next.rises() || here.is_sound() != next.is_sound() || here.is_stable() != next.is_stable()
     }
 
     /// Narrows an event down between two states an arc length apart, records what lies before it, and returns the state
@@ -167,6 +167,8 @@ impl<L: Law, F: Fn(f64) -> L, K: Fn(Mark) -> M, M> Follower<'_, F, K, M> {
             )
         } else if after.ellipticity <= 0.0 {
             (EventKind::NotElliptic, 0.5 * (before.share + after.share))
+        } else if after.is_slack() {
+            (EventKind::Slack, 0.5 * (before.share + after.share))
         } else {
             (EventKind::Bifurcation, 0.5 * (before.share + after.share))
         };

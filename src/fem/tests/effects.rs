@@ -1,6 +1,6 @@
 //! Membranes with effects: closed forms, symmetry, the direction in which displacements change, and reasons to refuse.
 
-use super::laws::{PointWork, arruda_boyce, combinations, decay, electrode, gent, ogden, scene, with_law, yeoh};
+use super::scenes::{PointWork, arruda_boyce, combinations, decay, electrode, gent, ogden, scene, with_law, yeoh};
 use super::*;
 use crate::scene::{Effects, PermittivityReference, Stiffening};
 
@@ -228,38 +228,23 @@ fn a_membrane_without_prestretch_and_voltage_is_not_slack() {
 
 #[test]
 fn a_wrinkled_membrane_has_no_compression_and_is_softer() {
-    let disc = Pattern::from_fn(|x, y| (x as f64 - 24.5).hypot(y as f64 - 24.5) < 12.0);
-    for pattern in [half(), disc] {
-        for lp in [1.15, 1.2, 1.5] {
-            for voltage in [14e3, 16e3, 17e3, 18e3, 19e3, 20e3, 20.5e3, 21e3] {
-                for effects in [
-                    Effects::default(),
-                    wrinkling(),
-                    stiffening(gent(30.0)),
-                    Effects {
-                        wrinkling: true,
-                        ..stiffening(gent(30.0))
-                    },
-                ] {
-                    let solver = solver(&scene(lp, voltage, effects.clone()), 1);
-                    let start = std::time::Instant::now();
-                    let solution = solver.solve(&pattern);
-                    let time = start.elapsed().as_secs_f64();
-                    let survey = solver.survey(&pattern, &solution);
-                    println!(
-                        "{lp} {voltage} {} {} {} {} {} {time:.3} {} {} {}",
-                        effects.wrinkling,
-                        effects.strain_stiffening.is_some(),
-                        solution.outcome,
-                        solution.newton_iterations,
-                        solution.krylov_iterations,
-                        survey.smallest_stress,
-                        survey.wrinkled,
-                        survey.slack
-                    );
-                }
-            }
-        }
+    // At λp = 1.2 and 19 kV the middle of the frame's sides wrinkles; the flat membrane bears 0.18 μ of compression there.
+    for law in [None, Some(gent(30.0))] {
+        let at = |wrinkling: bool| {
+            let effects = Effects {
+                strain_stiffening: law.clone(),
+                wrinkling,
+                ..Effects::default()
+            };
+            let solver = solver(&scene(1.2, 19e3, effects), 1);
+            let solution = solver.solve(&half());
+            assert_eq!(solution.outcome, Outcome::Converged);
+            (size(&solution), solver.survey(&half(), &solution))
+        };
+        let ((flat, compressed), (relaxed, wrinkled)) = (at(false), at(true));
+        assert!(compressed.smallest_stress < -0.15 && compressed.wrinkled > 0.0);
+        assert!(wrinkled.smallest_stress > -5e-4 && wrinkled.wrinkled > 0.0);
+        assert!(relaxed > 1.0001 * flat && relaxed < 1.02 * flat, "{relaxed} {flat}");
     }
 }
 

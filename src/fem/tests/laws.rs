@@ -1,120 +1,14 @@
 //! Every law and combination of effects, at a point.
 
+use super::scenes::{
+    Piola, PointWork, arruda_boyce, combinations, decay, electrode, gent, ogden, scene, with_law, yeoh,
+};
 use super::*;
-use crate::base::{Decimal, Dimension, Quantity};
-use crate::fem::effects::{Model, WithLaw};
+use crate::fem::effects::Model;
 use crate::fem::kinematics::{Tensor, contract, deformation, determinant};
-use crate::scene::{Effects, Electrode, PermittivityDecay, PermittivityReference, Stiffening};
+use crate::scene::{Effects, PermittivityReference, Stiffening};
 
 const ENTRIES: [(usize, usize); 4] = [(0, 0), (0, 1), (1, 0), (1, 1)];
-
-pub fn decimal(value: f64) -> Decimal {
-    Decimal::from_f64(value).unwrap()
-}
-
-pub fn stress(value: f64) -> Quantity {
-    Quantity::from_f64(value, Dimension::Stress).unwrap()
-}
-
-pub fn gent(jm: f64) -> Stiffening {
-    Stiffening::Gent { jm: decimal(jm) }
-}
-
-pub fn yeoh(c2: f64, c3: f64) -> Stiffening {
-    Stiffening::Yeoh {
-        c2: stress(c2),
-        c3: stress(c3),
-    }
-}
-
-pub fn arruda_boyce(locking: f64) -> Stiffening {
-    Stiffening::ArrudaBoyce {
-        locking_stretch: decimal(locking),
-    }
-}
-
-pub fn ogden(terms: &[(f64, f64)]) -> Stiffening {
-    let number = |value| Quantity::from_f64(value, Dimension::Number).unwrap();
-    Stiffening::Ogden {
-        terms: terms.iter().map(|&(m, a)| (stress(m), number(a))).collect(),
-    }
-}
-
-pub fn electrode(ratio: f64) -> Electrode {
-    Electrode {
-        shear_modulus: stress(45e4 * ratio),
-        thickness: Quantity::from_f64(0.1, Dimension::Length).unwrap(),
-    }
-}
-
-pub fn decay(exponent: f64, reference: PermittivityReference) -> PermittivityDecay {
-    PermittivityDecay {
-        exponent: decimal(exponent),
-        reference,
-    }
-}
-
-/// 45 kPa, 1 mm, at a prestretch and a voltage in V.
-pub fn scene(prestretch: f64, voltage: f64, effects: Effects) -> Scene {
-    Scene {
-        effects,
-        ..Scene::with_values(50.0, 1.0, prestretch, 45e3, 4.7, voltage)
-    }
-}
-
-/// Elastic laws, without and with electrodes and decaying permittivity, without and with wrinkling.
-pub fn combinations() -> Vec<Effects> {
-    // Ogden's own three terms for rubber, scaled to 45 kPa.
-    let rubber = [(0.63e6, 1.3), (0.0012e6, 5.0), (-0.01e6, -2.0)].map(|(m, a)| (m * 45e3 / 0.4225e6, a));
-    let elastic = [
-        None,
-        Some(gent(60.0)),
-        Some(yeoh(-150.0, 4.0)),
-        Some(arruda_boyce(4.0)),
-        Some(ogden(&rubber)),
-    ];
-    let dressed = [false, true];
-    let all = elastic
-        .iter()
-        .flat_map(|e| dressed.map(|d| (e, d)))
-        .flat_map(|(e, d)| [false, true].map(|w| (e, d, w)));
-    all.map(|(elastic, dressed, wrinkling)| Effects {
-        strain_stiffening: elastic.clone(),
-        electrode_stiffness: dressed.then(|| electrode(0.3)),
-        stretch_dependent_permittivity: dressed.then(|| decay(0.4, PermittivityReference::Prestretched)),
-        wrinkling,
-        ..Effects::default()
-    })
-    .collect()
-}
-
-/// Does something with the law of a scene at full load.
-pub fn with_law<T>(scene: &Scene, work: impl PointWork<Output = T>) -> T {
-    struct AtFullLoad<W>(W);
-    impl<W: PointWork> WithLaw for AtFullLoad<W> {
-        type Output = W::Output;
-        fn run<L: Law, F: Fn(f64) -> L + Sync>(self, law: F) -> W::Output {
-            self.0.run(&law(1.0))
-        }
-    }
-    Model::new(scene).unwrap().with(AtFullLoad(work))
-}
-
-pub trait PointWork {
-    type Output;
-    fn run<L: Law>(self, law: &L) -> Self::Output;
-}
-
-/// p at a gradient.
-pub struct Piola(pub Tensor<f64>, pub f64);
-
-impl PointWork for Piola {
-    type Output = Tensor<f64>;
-    fn run<L: Law>(self, law: &L) -> Tensor<f64> {
-        let (stress, rest) = (law.stress(self.0, self.1), law.self_stress(deformation(self.0)));
-        std::array::from_fn(|i| std::array::from_fn(|k| stress[i][k] + rest[i][k]))
-    }
-}
 
 /// Energy, stress and tangent against each other at random gradients; returns how many points wrinkle.
 struct Derivatives {

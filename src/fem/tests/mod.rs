@@ -10,6 +10,7 @@ mod laws;
 mod material;
 mod outcome;
 mod paths;
+mod scenes;
 
 use super::direct::Factorisation;
 use super::energy::{Law, NeoHookean};

@@ -25,7 +25,7 @@ fn path(scene: &Scene, order: Order, pattern: &Pattern) -> LoadPath {
 
 #[test]
 fn limits_are_those_of_an_independent_analysis() {
-    // At 25 kPa, in V, by an independent analysis with one biquadratic element per cell. A straight electrode needs no fine mesh, a single cell a better one.
+    // At 25 kPa, in V, by an independent analysis with one element per cell. A straight electrode needs no fine mesh, a single cell a better one.
     for (pattern, order, known, within) in [
         (half(), Order::Bilinear, 5500.0, 0.01),
         (one_cell(), Order::Biquadratic, 4550.0, 1e-3),

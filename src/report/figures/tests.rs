@@ -78,13 +78,33 @@ fn branches(n: usize) -> Vec<Branch> {
         .collect()
 }
 
-const NAMES: [&str; 6] = [
+fn costs() -> Vec<FamilyCosts> {
+    let settings = [
+        "method: linear, elements_per_cell: 1, order: 1",
+        "method: chord:1, elements_per_cell: 1, order: 1",
+        "method: newton, elements_per_cell: 1, order: 2",
+        "method: newton, accuracy: 0.01 mm",
+    ];
+    let cost = |(k, settings): (usize, &&str)| Cost {
+        settings: (*settings).to_owned(),
+        seconds: 2e-4 * 5f64.powi(k as i32),
+        error: 0.04 * 0.1f64.powi(k as i32),
+    };
+    let family = |name: &str| FamilyCosts {
+        family: name.into(),
+        costs: settings.iter().enumerate().map(cost).collect(),
+    };
+    vec![family("bezier"), family("small-grid")]
+}
+
+const NAMES: [&str; 7] = [
     "histogram.png",
     "training.png",
     "evolution.png",
     "membrane.png",
     "agreement.png",
     "paths.png",
+    "accuracy.png",
 ];
 
 fn draw_all(folder: &Path) {
@@ -94,6 +114,7 @@ fn draw_all(folder: &Path) {
     draw_membrane(&folder.join(NAMES[3]), "Best design, simulated", &membrane(1.0)).unwrap();
     draw_agreement(&folder.join(NAMES[4]), &cases()).unwrap();
     draw_paths(&folder.join(NAMES[5]), &branches(3)).unwrap();
+    draw_accuracy(&folder.join(NAMES[6]), &costs()).unwrap();
 }
 
 /// Width, height, RGB.
@@ -176,6 +197,7 @@ fn numbers_that_make_no_figure_are_refused_and_odd_ones_drawn() {
     assert!(matches!(draw_agreement(&path, &[]), Err(FigureError::Data(_))));
     let mut bad = membrane(1.0);
     bad.displacement[7] = f64::NAN;
+    assert!(matches!(draw_accuracy(&path, &[]), Err(FigureError::Data(_))));
     assert!(matches!(draw_membrane(&path, "t", &bad), Err(FigureError::Data(_))));
     let mut bad = branches(2);
     bad[1].stable.pop();
@@ -205,6 +227,10 @@ fn numbers_that_make_no_figure_are_refused_and_odd_ones_drawn() {
     let mut negative = cases();
     negative[0].simulated = -1.5;
     draw_agreement(&path, &negative).unwrap();
+    let mut odd = costs();
+    odd.truncate(1);
+    (odd[0].costs[0].error, odd[0].costs[1].error) = (0.0, f64::NAN);
+    draw_accuracy(&path, &odd).unwrap();
     assert!(matches!(
         draw_training(Path::new("/nonexistent/x.png"), &training(1)),
         Err(FigureError::Write { .. })

@@ -6,6 +6,14 @@ use crate::base::Stream;
 use crate::pattern::{CELLS, Pattern};
 use crate::sample::{Bezier, Ends, Family, LargeGrid, SampleError, SmallGrid};
 
+/// Patterns by the name of their family.
+pub type Families = BTreeMap<String, Vec<Pattern>>;
+
+/// Patterns that somebody drew, as a family of their own.
+pub fn given(patterns: Vec<Pattern>) -> Families {
+    BTreeMap::from([("given".to_owned(), patterns)])
+}
+
 /// Units across the membrane of the large grids, as in the source paper.
 const UNITS: [usize; 9] = [2, 3, 4, 5, 6, 7, 8, 9, 10];
 
@@ -14,7 +22,7 @@ const UNITS: [usize; 9] = [2, 3, 4, 5, 6, 7, 8, 9, 10];
 ///
 /// # Errors
 /// When a family refuses, which it does not for these parameters.
-pub fn drawn(count: u64, seed: u64) -> Result<BTreeMap<String, Vec<Pattern>>, SampleError> {
+pub fn drawn(count: u64, seed: u64) -> Result<Families, SampleError> {
     let of_family =
         |family: Family| -> Result<Vec<Pattern>, SampleError> { (0..count).map(|i| family.sample(seed, i)).collect() };
     let families = [
