@@ -231,12 +231,12 @@ pub struct SolveArguments {
     /// How fields are found: newton, or as estimates that are no equilibria linear or chord:N (N chord steps)
     #[arg(long, value_name = "METHOD", default_value = "newton", value_parser = Method::from_str)]
     pub method: Method,
-    /// Elements along one side of a cell
-    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u64).range(1..=8))]
-    pub elements_per_cell: u64,
-    /// Polynomial order of the elements
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=2))]
-    pub order: u64,
+    /// Elements along one side of a cell [default: 2; 1 for a path]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=8))]
+    elements_per_cell: Option<u64>,
+    /// Polynomial order of the elements [default: 1; 2 for a path, because bilinear ones lose stability too late]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=2))]
+    order: Option<u64>,
     /// Pick mesh and order for each pattern so that the displacement is this accurate, as in "0.005 mm"; the estimated
     /// error of each pattern is written too
     #[arg(long, value_name = "LENGTH", value_parser = accuracy, conflicts_with_all = ["elements_per_cell", "order"])]
@@ -251,6 +251,14 @@ pub struct SolveArguments {
     /// OUT.csv and OUT.png are written beside OUT.h5
     #[arg(long, conflicts_with_all = ["accuracy", "method"])]
     pub path: bool,
+}
+
+impl SolveArguments {
+    /// Elements per cell and order of the mesh.
+    pub fn mesh(&self) -> (u64, u64) {
+        let (elements, order) = if self.path { (1, 2) } else { (2, 1) };
+        (self.elements_per_cell.unwrap_or(elements), self.order.unwrap_or(order))
+    }
 }
 
 #[derive(Debug, Args)]

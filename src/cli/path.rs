@@ -34,9 +34,10 @@ pub fn execute(arguments: &SolveArguments, scene: &str, output: &Output) -> Resu
         check_file(beside, &arguments.patterns, scene)?;
     }
     let patterns = direct::patterns(&arguments.patterns.patterns)?;
+    let (elements_per_cell, order) = arguments.mesh();
     let mesh = MeshRequest::Fixed {
-        elements_per_cell: arguments.elements_per_cell,
-        order: arguments.order,
+        elements_per_cell,
+        order,
     };
     let (bar, start) = (Bar::new("path", "patterns", patterns.len() as u64), Instant::now());
     let tolerance = arguments.tolerance.unwrap_or(TOLERANCE);
@@ -46,8 +47,8 @@ pub fn execute(arguments: &SolveArguments, scene: &str, output: &Output) -> Resu
     let parameters = format!(
         "scene {}, elements_per_cell {}, order {}, tolerance {:e}, path",
         arguments.scene.display(),
-        arguments.elements_per_cell,
-        arguments.order,
+        elements_per_cell,
+        order,
         tolerance
     );
     write_file(file, &answer.content, &provenance("solve", parameters, seconds))?;

@@ -22,7 +22,7 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
         return path::execute(arguments, &scene, output);
     }
     let patterns = direct::patterns(&arguments.patterns.patterns)?;
-    let (elements_per_cell, order) = (arguments.elements_per_cell, arguments.order);
+    let (elements_per_cell, order) = arguments.mesh();
     let mesh = match &arguments.accuracy {
         Some(accuracy) => MeshRequest::Accuracy(accuracy.value()),
         None => MeshRequest::Fixed {

@@ -260,13 +260,13 @@ fn open(effect: &'static str, quantity: &str, verdict: Verdict, threshold: f64, 
 /// What an effect costs over the base model; `benches/effects.rs` measures it.
 fn cost(effect: &str) -> &'static str {
     match effect {
-        names::STIFFENING => "1.1 to 2× a solve",
-        names::ELECTRODE => "1.1× a solve",
-        names::PERMITTIVITY => "1.5× a solve",
-        names::FRINGE => "none",
-        names::WRINKLING => "1.5 to 3× a solve",
+        names::STIFFENING => "1.8× a solve, Ogden 4 to 6×",
+        names::ELECTRODE => "1.4× a solve",
+        names::PERMITTIVITY => "3× a solve",
+        names::FRINGE => "1.3× a solve",
+        names::WRINKLING => "2.3× a solve, more where it wrinkles",
         names::BREAKDOWN => "a pass over the cells",
-        names::STABILITY => "about 20 solves",
+        names::STABILITY => "20 to 100 solves",
         names::INERTIA | names::VISCOELASTICITY | names::RESISTANCE => "a solve for each time step",
         _ => "one more solve",
     }
