@@ -6,10 +6,11 @@ use super::direct::{DirectError, read_scene};
 use crate::base::InputError;
 use crate::fem::SetupError;
 use crate::fem::effects::screening;
-use crate::pattern::{Pattern, read_patterns};
+use crate::pattern::read_patterns;
 use crate::scene::Scene;
 use crate::store::Object;
 
+use crate::fem::effects::screening::Trial;
 pub use crate::fem::effects::screening::{Row, Screening, Status, Verdict};
 
 /// A scene as it is simulated, with what it lacks.
@@ -56,7 +57,7 @@ pub fn screen(scene: &Path, patterns: &[String]) -> Result<Screening, DirectErro
 }
 
 /// The patterns of each argument, named after it.
-fn named(arguments: &[String]) -> Result<Vec<(String, Pattern)>, InputError> {
+fn named(arguments: &[String]) -> Result<Vec<Trial>, InputError> {
     let mut all = Vec::new();
     for argument in arguments {
         let patterns = read_patterns(argument)?;
@@ -67,7 +68,7 @@ fn named(arguments: &[String]) -> Result<Vec<(String, Pattern)>, InputError> {
             } else {
                 argument.clone()
             };
-            (name, pattern)
+            Trial::new(&name, pattern)
         }));
     }
     Ok(all)

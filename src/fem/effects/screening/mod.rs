@@ -118,37 +118,68 @@ impl Screening {
     }
 }
 
+/// A pattern that a scene is screened with.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trial {
+    /// Its name in the rows.
+    pub name: String,
+    /// The pattern.
+    pub pattern: Pattern,
+    /// Whether the voltage at which its stability is lost is searched for; that is the dear part.
+    pub to_the_limit: bool,
+}
+
+impl Trial {
+    /// A pattern that is screened in every respect.
+    #[must_use]
+    pub fn new(name: &str, pattern: Pattern) -> Self {
+        Self {
+            name: name.to_owned(),
+            pattern,
+            to_the_limit: true,
+        }
+    }
+}
+
+fn half_plane() -> Trial {
+    Trial::new("half plane", Pattern::from_fn(|x, _| x < CELLS / 2))
+}
+
+fn one_cell() -> Trial {
+    Trial::new("one cell", Pattern::from_fn(|x, y| (x, y) == (CELLS / 2, CELLS / 2)))
+}
+
 /// The patterns that a scene is screened with: all of the membrane, half of it, a disc of radius 0.3 L, blocks of 10 cells
 /// like a chessboard, a single cell, and all but a single cell.
 #[must_use]
-pub fn reference_patterns() -> Vec<(String, Pattern)> {
+pub fn reference_patterns() -> Vec<Trial> {
     let from_centre = |x: usize, y: usize| (x as f64 + 0.5 - 25.0).hypot(y as f64 + 0.5 - 25.0);
-    let more = [
-        ("all active", Pattern::from_fn(|_, _| true)),
-        ("disc", Pattern::from_fn(|x, y| from_centre(x, y) < 15.0)),
-        ("blocks", Pattern::from_fn(|x, y| (x / 10 + y / 10) % 2 == 0)),
-        ("one hole", Pattern::from_fn(|x, y| (x, y) != (CELLS / 2, CELLS / 2))),
-    ];
-    let more = more.into_iter().map(|(name, pattern)| (name.to_owned(), pattern));
-    watch_patterns().into_iter().chain(more).collect()
+    vec![
+        half_plane(),
+        one_cell(),
+        Trial::new("all active", Pattern::from_fn(|_, _| true)),
+        Trial::new("disc", Pattern::from_fn(|x, y| from_centre(x, y) < 15.0)),
+        Trial::new("blocks", Pattern::from_fn(|x, y| (x / 10 + y / 10) % 2 == 0)),
+        Trial::new("one hole", Pattern::from_fn(|x, y| (x, y) != (CELLS / 2, CELLS / 2))),
+    ]
 }
 
 /// The two of the reference patterns that go furthest: half of the membrane, which moves most, and a single cell, whose
-/// stability is lost first. They are what a run is watched with.
+/// stability is lost first. They are what a run is watched with: it costs some tens of milliseconds.
 #[must_use]
-pub fn watch_patterns() -> Vec<(String, Pattern)> {
-    let cell = CELLS / 2;
-    vec![
-        ("half plane".to_owned(), Pattern::from_fn(|x, _| x < CELLS / 2)),
-        ("one cell".to_owned(), Pattern::from_fn(|x, y| (x, y) == (cell, cell))),
-    ]
+pub fn watch_patterns() -> Vec<Trial> {
+    let half = Trial {
+        to_the_limit: false,
+        ..half_plane()
+    };
+    vec![half, one_cell()]
 }
 
 /// Screens a scene with named patterns.
 ///
 /// # Errors
 /// When the scene's effects cannot be simulated.
-pub fn screen(scene: &Scene, patterns: &[(String, Pattern)]) -> Result<Screening, SetupError> {
+pub fn screen(scene: &Scene, patterns: &[Trial]) -> Result<Screening, SetupError> {
     let fixed = scene::rows(scene);
     // What is called for by the scene alone takes part in the solution that the rest is judged by.
     let mut chosen = scene.effects.clone();
@@ -208,7 +239,7 @@ fn status(effects: &Effects, name: &str) -> Status {
 /// A length as people say it.
 fn length(mm: f64) -> String {
     if mm < 0.1 {
-        format!("{:.3} µm", 1e3 * mm)
+        format!("{:.1} µm", 1e3 * mm)
     } else {
         format!("{mm:.3} mm")
     }

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::{Row, Verdict, known, open, voltage};
+use super::{Row, Trial, Verdict, known, open, voltage};
 use crate::fem::effects::breakdown::breakdown_ratio;
 use crate::fem::{MembraneSolver, Order, SetupError, SolveOptions, Survey, cell_states};
 use crate::pattern::Pattern;
@@ -32,17 +32,17 @@ struct Found {
 }
 
 /// The rows of the effects that need a solution.
-pub fn rows(scene: &Scene, patterns: &[(String, Pattern)]) -> Result<Vec<Row>, SetupError> {
+pub fn rows(scene: &Scene, patterns: &[Trial]) -> Result<Vec<Row>, SetupError> {
     let breakdown = breakdown_law(scene);
     let solver = MembraneSolver::new(scene, MESH)?;
     let top = (REACH * uniform_limit(scene)).max(scene.voltage_v());
     let search = MembraneSolver::new(&scene.at_voltage(top), MESH)?;
     let found: Result<Vec<Found>, SetupError> = patterns
         .par_iter()
-        .map(|(_, pattern)| examine(scene, &solver, &search, pattern, &breakdown))
+        .map(|trial| examine(scene, &solver, &search, trial, &breakdown))
         .collect();
     let found = found?;
-    let names: Vec<&str> = patterns.iter().map(|(name, _)| name.as_str()).collect();
+    let names: Vec<&str> = patterns.iter().map(|trial| trial.name.as_str()).collect();
     Ok(vec![
         wrinkling(&names, &found),
         stability(&names, &found, scene),
@@ -81,9 +81,10 @@ fn examine(
     scene: &Scene,
     solver: &MembraneSolver,
     search: &MembraneSolver,
-    pattern: &Pattern,
+    trial: &Trial,
     breakdown: &BreakdownLaw,
 ) -> Result<Found, SetupError> {
+    let pattern = &trial.pattern;
     let solution = solver.solve(pattern);
     // Where there is no stable state at the scene's voltage, the last one before speaks.
     let reached = solution.outcome.bracket().map(|[stable, _]| scene.at_voltage(stable));
@@ -92,8 +93,18 @@ fn examine(
     Ok(Found {
         compression: -Survey::of(&states, scene.shear_modulus_pa()).smallest_stress,
         field: breakdown_ratio(breakdown, scene.thickness_mm(), &states),
-        limit: search.solve(pattern).outcome.bracket().map(|[stable, _]| stable),
+        limit: if trial.to_the_limit {
+            limit(search, pattern)
+        } else {
+            None
+        },
     })
+}
+
+/// The voltage at which stability is lost, if it is within reach.
+fn limit(search: &MembraneSolver, pattern: &Pattern) -> Option<f64> {
+    let [stable, _] = search.solve(pattern).outcome.bracket()?;
+    (stable > 0.0).then_some(stable)
 }
 
 /// The pattern with the largest of some numbers, and that number.
@@ -116,28 +127,21 @@ fn wrinkling(patterns: &[&str], found: &[Found]) -> Row {
 fn stability(patterns: &[&str], found: &[Found], scene: &Scene) -> Row {
     const THRESHOLD: f64 = 0.6;
     let (effect, quantity) = (names::STABILITY, "κ/κ(critical)");
-    let ratios = found
+    let limits = patterns
         .iter()
-        .map(|f| f.limit.map_or(0.0, |limit| (scene.voltage_v() / limit).powi(2)));
-    match worst(patterns, ratios) {
-        Some((pattern, ratio)) if found.iter().any(|f| f.limit.is_some()) => {
-            let limit = scene.voltage_v() / ratio.sqrt();
-            let limit = if limit.is_finite() { limit } else { lowest(found) };
+        .zip(found)
+        .filter_map(|(name, f)| Some((name, f.limit?)));
+    match limits.min_by(|a, b| a.1.total_cmp(&b.1)) {
+        Some((pattern, limit)) => {
             let change = format!("`{pattern}` is lost at {}", voltage(limit));
+            let ratio = (scene.voltage_v() / limit).powi(2);
             known(effect, quantity.to_owned(), ratio, THRESHOLD, change)
         }
-        _ => {
-            let change = format!(
-                "no loss of stability up to {:.0} times the limit of the base model",
-                REACH
-            );
+        None => {
+            let change = format!("no loss of stability up to {REACH:.0} times the limit of the base model");
             open(effect, quantity, Verdict::NotCalledFor, THRESHOLD, change)
         }
     }
-}
-
-fn lowest(found: &[Found]) -> f64 {
-    found.iter().filter_map(|f| f.limit).fold(f64::INFINITY, f64::min)
 }
 
 fn breaking(patterns: &[&str], found: &[Found], scene: &Scene) -> Row {
