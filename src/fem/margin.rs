@@ -2,7 +2,7 @@
 
 use crate::pattern::Pattern;
 
-use super::continuation::{Climb, Ending, Problem};
+use super::continuation::{Climb, Ending};
 use super::effects::{Model, WithLaw};
 use super::eigenvalue::smallest;
 use super::energy::Law;
@@ -106,13 +106,7 @@ impl Onward<'_> {
     fn climb<L: Law, F: Fn(f64) -> L>(self, law: F, from: f64) -> Option<[f64; 2]> {
         let full = law(1.0);
         let unit = 0.5 * full.largest_load() / full.load();
-        let problem = Problem {
-            mesh: self.solver.mesh,
-            activity: self.activity,
-            laplacian: &self.solver.laplacian,
-            law,
-            tolerance: self.solver.tolerance,
-        };
+        let problem = self.solver.problem(self.activity, law);
         // Towards a fold the eigenvalue falls like the root of the distance to it.
         let guess = self.eigenvalue.clamp(1e-2, 1.0).powi(2);
         let climb = Climb {

@@ -243,6 +243,17 @@ impl MembraneSolver {
         (solution, loading.pointwise)
     }
 
+    /// The equilibrium of an activity under a law, as continuation and paths take it.
+    pub(super) fn problem<'a, F>(&'a self, activity: &'a Activity, law: F) -> Problem<'a, F> {
+        Problem {
+            mesh: self.mesh,
+            activity,
+            laplacian: &self.laplacian,
+            law,
+            tolerance: self.tolerance,
+        }
+    }
+
     fn outcome(&self, ending: Ending) -> Outcome {
         match ending {
             Ending::Stable => Outcome::Converged,
@@ -299,13 +310,7 @@ impl WithLaw for Load<'_> {
     type Output = Loading;
 
     fn run<L: Law, F: Fn(f64) -> L + Sync>(self, law: F) -> Loading {
-        let problem = Problem {
-            mesh: self.solver.mesh,
-            activity: self.activity,
-            laplacian: &self.solver.laplacian,
-            law,
-            tolerance: self.solver.tolerance,
-        };
+        let problem = self.solver.problem(self.activity, law);
         problem.load(&mut self.room.displacement, &mut self.room.workspace)
     }
 }

@@ -12,7 +12,6 @@ use rayon::prelude::*;
 use crate::field::Field;
 use crate::pattern::Pattern;
 
-use super::continuation::Problem;
 use super::effects::{Model, WithLaw};
 use super::energy::Law;
 use super::margin::SOME_VOLTAGE;
@@ -214,13 +213,7 @@ impl WithLaw for Follow<'_> {
     type Output = Option<LoadPath>;
 
     fn run<L: Law, F: Fn(f64) -> L + Sync>(self, law: F) -> Option<LoadPath> {
-        let problem = Problem {
-            mesh: self.solver.mesh,
-            activity: self.activity,
-            laplacian: &self.solver.laplacian,
-            law,
-            tolerance: self.solver.tolerance,
-        };
+        let problem = self.solver.problem(self.activity, law);
         let curve = Curve::new(&problem)?;
         let trace = follow(&curve, |mark| self.keep(mark));
         self.finish(trace)
