@@ -7,8 +7,6 @@
 pub(super) mod curve;
 pub(super) mod trace;
 
-use rayon::prelude::*;
-
 use crate::field::Field;
 use crate::pattern::Pattern;
 
@@ -134,13 +132,7 @@ impl LoadPath {
 }
 
 impl MembraneSolver {
-    /// The paths of patterns, in order. Whatever the voltage of the scene, they begin at rest. `None` where memory is short.
-    #[must_use]
-    pub fn paths(&self, patterns: &[Pattern]) -> Vec<Option<LoadPath>> {
-        patterns.par_iter().map(|pattern| self.path(pattern)).collect()
-    }
-
-    /// The path of one pattern; see [`MembraneSolver::paths`].
+    /// The path of one pattern. Whatever the voltage of the scene, it begins at rest. `None` where memory is short.
     #[must_use]
     pub fn path(&self, pattern: &Pattern) -> Option<LoadPath> {
         let (model, voltage) = match self.scene.voltage_v() {
