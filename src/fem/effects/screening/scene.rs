@@ -202,10 +202,16 @@ fn fringe(scene: &Scene) -> Row {
 
 /// The time over which the drive changes, s.
 fn time(scene: &Scene) -> Option<f64> {
-    let period = |f: f64| 1.0 / (2.0 * PI * f);
     let drive = &scene.drive;
     let duration = drive.duration.as_ref().map(|t| t.value());
-    duration.or_else(|| drive.frequency.as_ref().map(|f| period(f.value())))
+    duration.or_else(|| drive.frequency.as_ref().map(|f| 1.0 / (2.0 * PI * f.value())))
+}
+
+/// The frequency of the drive in Hz, or that of which its duration is the time.
+fn frequency(scene: &Scene) -> Option<f64> {
+    let drive = &scene.drive;
+    let frequency = drive.frequency.as_ref().map(|f| f.value());
+    frequency.or_else(|| drive.duration.as_ref().map(|t| 1.0 / (2.0 * PI * t.value())))
 }
 
 fn viscoelasticity(scene: &Scene) -> Row {
@@ -227,15 +233,29 @@ fn viscoelasticity(scene: &Scene) -> Row {
     let active = branches
         .iter()
         .filter(|branch| (0.01..=100.0).contains(&(time / branch.time.value())));
-    let number = active.map(|branch| 4.0 * branch.modulus.value() / stiffness).sum();
-    let change = "displacement creeps over the time of the drive".to_owned();
-    known(effect, quantity.to_owned(), number, SMALL, change)
+    let sum = |modulus: f64| 4.0 * modulus / stiffness;
+    let number: f64 = active.map(|branch| sum(branch.modulus.value())).sum();
+    let frozen: f64 = branches
+        .iter()
+        .filter(|branch| time / branch.time.value() < 0.01)
+        .map(|branch| branch.modulus.value())
+        .sum();
+    let mut change = "displacement creeps over the time of the drive".to_owned();
+    if frozen > 0.0 {
+        change = format!(
+            "branches of {:.0} % of μ are too slow to relax: is `shear_modulus` that of the drive?",
+            100.0 * frozen / scene.shear_modulus_pa()
+        );
+    } else if number == 0.0 {
+        change = "all branches have relaxed".to_owned();
+    }
+    known(effect, quantity.to_owned(), number + 0.0, SMALL, change)
 }
 
 fn inertia(scene: &Scene) -> Row {
     const THRESHOLD: f64 = 0.1;
     let effect = names::INERTIA;
-    let Some(frequency) = &scene.drive.frequency else {
+    let Some(frequency) = frequency(scene) else {
         return open(
             effect,
             "f/f1",
@@ -249,12 +269,12 @@ fn inertia(scene: &Scene) -> Row {
     let speed = (scene.shear_modulus_pa() / density).sqrt();
     let first = scene.prestretch() / (2e-3 * scene.side_mm()) * speed * SQRT_2;
     let change = format!("the first mode is at {first:.0} Hz");
-    known(effect, "f/f1".to_owned(), frequency.value() / first, THRESHOLD, change)
+    known(effect, "f/f1".to_owned(), frequency / first, THRESHOLD, change)
 }
 
 fn resistance(scene: &Scene) -> Row {
     let effect = names::RESISTANCE;
-    let Some(frequency) = &scene.drive.frequency else {
+    let Some(frequency) = frequency(scene) else {
         return open(
             effect,
             "2πf R c L²",
@@ -266,7 +286,7 @@ fn resistance(scene: &Scene) -> Row {
     match &scene.properties.sheet_resistance {
         None => {
             let change = "no sheet resistance given: judged by 1 kHz".to_owned();
-            known(effect, "f/(1 kHz)".to_owned(), frequency.value() / 1e3, 1.0, change)
+            known(effect, "f/(1 kHz)".to_owned(), frequency / 1e3, 1.0, change)
         }
         Some(resistance) => {
             let capacitance = scene.permittivity() / (1e-3 * thickness(scene));
@@ -275,7 +295,7 @@ fn resistance(scene: &Scene) -> Row {
             known(
                 effect,
                 "2πf R c L²".to_owned(),
-                2.0 * PI * frequency.value() * time,
+                2.0 * PI * frequency * time,
                 0.1,
                 change,
             )

@@ -17,9 +17,11 @@ const MESH: SolveOptions = SolveOptions {
     tolerance: 1e-8,
 };
 
-/// Voltages up to so many times that at which the base model with electrodes everywhere loses stability are searched for
-/// the end of the stable branch.
-const REACH: f64 = 3.0;
+/// Above this share of the critical κ stability is called for.
+const NEAR: f64 = 0.6;
+/// The end of the stable branch is searched for up to the voltage of the scene over the root of this share of κ: what is
+/// further away does not matter, and stiffening laws make it dear to find.
+const FAR: f64 = 0.1;
 
 /// What was found with one pattern.
 struct Found {
@@ -29,14 +31,22 @@ struct Found {
     field: f64,
     /// The voltage at which stability is lost; `None` where it is not within reach.
     limit: Option<f64>,
+    /// Whether there is a stable state at the voltage of the scene. Where not, the compression is that of the last one before,
+    /// and the field that of the membrane at rest.
+    stable: bool,
 }
 
 /// The rows of the effects that need a solution.
 pub fn rows(scene: &Scene, patterns: &[Trial]) -> Result<Vec<Row>, SetupError> {
     let breakdown = breakdown_law(scene);
     let solver = MembraneSolver::new(scene, MESH)?;
-    let top = (REACH * uniform_limit(scene)).max(scene.voltage_v());
-    let search = MembraneSolver::new(&scene.at_voltage(top), MESH)?;
+    // A run need only know whether stability is near; a table may look further.
+    let reach = if patterns.iter().all(|trial| trial.to_the_limit) {
+        FAR
+    } else {
+        NEAR
+    };
+    let search = MembraneSolver::new(&scene.at_voltage(scene.voltage_v() / reach.sqrt()), MESH)?;
     let found: Result<Vec<Found>, SetupError> = patterns
         .par_iter()
         .map(|trial| examine(scene, &solver, &search, trial, &breakdown))
@@ -45,7 +55,7 @@ pub fn rows(scene: &Scene, patterns: &[Trial]) -> Result<Vec<Row>, SetupError> {
     let names: Vec<&str> = patterns.iter().map(|trial| trial.name.as_str()).collect();
     Ok(vec![
         wrinkling(&names, &found),
-        stability(&names, &found, scene),
+        stability(&names, &found, scene, reach),
         breaking(&names, &found, scene),
     ])
 }
@@ -70,13 +80,6 @@ fn breakdown_law(scene: &Scene) -> BreakdownLaw {
         .unwrap_or(BreakdownLaw::Huang)
 }
 
-/// Where the base model, active everywhere, loses stability: κ = λp⁻² + 3λp⁻⁸, in V.
-fn uniform_limit(scene: &Scene) -> f64 {
-    let stretch = scene.prestretch();
-    let kappa = stretch.powi(-2) + 3.0 * stretch.powi(-8);
-    1e-3 * scene.thickness_mm() * (kappa * scene.shear_modulus_pa() / scene.permittivity()).sqrt()
-}
-
 fn examine(
     scene: &Scene,
     solver: &MembraneSolver,
@@ -86,19 +89,36 @@ fn examine(
 ) -> Result<Found, SetupError> {
     let pattern = &trial.pattern;
     let solution = solver.solve(pattern);
-    // Where there is no stable state at the scene's voltage, the last one before speaks.
     let reached = solution.outcome.bracket().map(|[stable, _]| scene.at_voltage(stable));
-    let scene = reached.as_ref().unwrap_or(scene);
-    let states = cell_states(scene, solver.mesh(), pattern, &solution.displacement)?;
+    let states = cell_states(
+        reached.as_ref().unwrap_or(scene),
+        solver.mesh(),
+        pattern,
+        &solution.displacement,
+    )?;
+    let stable = solution.outcome.is_converged();
+    let active = pattern.cells().contains(&1);
     Ok(Found {
         compression: -Survey::of(&states, scene.shear_modulus_pa()).smallest_stress,
-        field: breakdown_ratio(breakdown, scene.thickness_mm(), &states),
+        field: match stable {
+            true => breakdown_ratio(breakdown, scene.thickness_mm(), &states),
+            false if active => ratio_at_rest(scene, breakdown),
+            false => 0.0,
+        },
         limit: if trial.to_the_limit {
             limit(search, pattern)
         } else {
             None
         },
+        stable,
     })
+}
+
+/// E/E_B of an active cell that has not moved: what a membrane that snaps has at least.
+fn ratio_at_rest(scene: &Scene, breakdown: &BreakdownLaw) -> f64 {
+    let area = scene.prestretch().powi(2);
+    let field = 1e3 * scene.voltage_v() * area / scene.thickness_mm();
+    field / breakdown.field(scene.thickness_mm(), area)
 }
 
 /// The voltage at which stability is lost, if it is within reach.
@@ -107,25 +127,36 @@ fn limit(search: &MembraneSolver, pattern: &Pattern) -> Option<f64> {
     (stable > 0.0).then_some(stable)
 }
 
-/// The pattern with the largest of some numbers, and that number.
-fn worst<'a>(patterns: &[&'a str], numbers: impl Iterator<Item = f64>) -> Option<(&'a str, f64)> {
-    let pairs = patterns.iter().copied().zip(numbers);
-    pairs.max_by(|a, b| a.1.total_cmp(&b.1))
+/// The largest of some numbers, and the pattern that has it, in words.
+fn worst(patterns: &[&str], found: &[Found], number: impl Fn(&Found) -> f64, unstable: &str) -> Option<(String, f64)> {
+    let pairs = patterns.iter().zip(found);
+    let (name, worst) = pairs.max_by(|a, b| number(a.1).total_cmp(&number(b.1)))?;
+    let state = if worst.stable { "" } else { unstable };
+    Some((format!("largest for `{name}`{state}"), number(worst)))
 }
 
 fn wrinkling(patterns: &[&str], found: &[Found]) -> Row {
     let (effect, quantity) = (names::WRINKLING, "−min σ/μ");
-    match worst(patterns, found.iter().map(|f| f.compression)) {
+    match worst(patterns, found, |f| f.compression, ", just before it is lost") {
         None => open(effect, quantity, Verdict::Unknown, 0.0, "no patterns".to_owned()),
-        Some((pattern, number)) => {
-            let change = format!("largest for `{pattern}`; cells under pressure wrinkle");
-            known(effect, quantity.to_owned(), number, 0.0, change)
+        Some((worst, number)) => {
+            let meaning = if number > 0.0 {
+                "it wrinkles there"
+            } else {
+                "all cells are in tension"
+            };
+            known(
+                effect,
+                quantity.to_owned(),
+                number + 0.0,
+                0.0,
+                format!("{worst}; {meaning}"),
+            )
         }
     }
 }
 
-fn stability(patterns: &[&str], found: &[Found], scene: &Scene) -> Row {
-    const THRESHOLD: f64 = 0.6;
+fn stability(patterns: &[&str], found: &[Found], scene: &Scene, reach: f64) -> Row {
     let (effect, quantity) = (names::STABILITY, "κ/κ(critical)");
     let limits = patterns
         .iter()
@@ -135,11 +166,11 @@ fn stability(patterns: &[&str], found: &[Found], scene: &Scene) -> Row {
         Some((pattern, limit)) => {
             let change = format!("`{pattern}` is lost at {}", voltage(limit));
             let ratio = (scene.voltage_v() / limit).powi(2);
-            known(effect, quantity.to_owned(), ratio, THRESHOLD, change)
+            known(effect, quantity.to_owned(), ratio, NEAR, change)
         }
         None => {
-            let change = format!("no loss of stability up to {REACH:.0} times the limit of the base model");
-            open(effect, quantity, Verdict::NotCalledFor, THRESHOLD, change)
+            let change = format!("below {reach}: stable at {:.1} times the voltage", reach.sqrt().recip());
+            open(effect, quantity, Verdict::NotCalledFor, NEAR, change)
         }
     }
 }
@@ -153,11 +184,8 @@ fn breaking(patterns: &[&str], found: &[Found], scene: &Scene) -> Row {
     } else {
         "max E/E_B (Huang's law assumed)"
     };
-    match worst(patterns, found.iter().map(|f| f.field)) {
+    match worst(patterns, found, |f| f.field, ", at rest: it is not stable") {
         None => open(effect, quantity, Verdict::Unknown, THRESHOLD, "no patterns".to_owned()),
-        Some((pattern, number)) => {
-            let change = format!("largest for `{pattern}`; no displacement");
-            known(effect, quantity.to_owned(), number, THRESHOLD, change)
-        }
+        Some((worst, number)) => known(effect, quantity.to_owned(), number, THRESHOLD, worst),
     }
 }

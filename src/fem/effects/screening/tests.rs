@@ -107,10 +107,13 @@ fn wrinkling_is_called_for_where_the_prestretch_cannot_hold_the_membrane_taut() 
 fn the_distance_to_pull_in_grows_with_the_voltage_squared() {
     // The single cell is lost first, at 4.55 kV at 25 kPa.
     let soft = |voltage| Scene::with_values(50.0, 1.0, 3.0, 25e3, 4.7, voltage);
-    let [low, high] = [1e3, 2e3].map(|v| row(&soft(v), names::STABILITY).number.unwrap());
+    let [low, high] = [2e3, 4e3].map(|v| row(&soft(v), names::STABILITY).number.unwrap());
     assert!((high / low - 4.0).abs() < 1e-9);
-    let limit = 1e3 / low.sqrt();
+    let limit = 2e3 / low.sqrt();
     assert!((limit / 4.55e3 - 1.0).abs() < 5e-3, "{limit}");
+    // Far from it the number is not searched for.
+    let far = row(&soft(1e3), names::STABILITY);
+    assert_eq!((far.number, far.verdict), (None, Verdict::NotCalledFor));
     assert_eq!(row(&soft(3e3), names::STABILITY).verdict, Verdict::NotCalledFor);
     assert_eq!(row(&soft(4e3), names::STABILITY).verdict, Verdict::CalledFor);
 }
