@@ -67,6 +67,9 @@ pub enum SetupError {
         /// The prestretch.
         prestretch: f64,
     },
+    /// The membrane is not stable before any voltage is applied.
+    #[error("at this prestretch the membrane is not stable even without voltage: rank-one convexity is lost at rest")]
+    UnstableAtRest,
     /// A term of Ogden's law that is none, or too many of them.
     #[error(
         "Ogden's law takes one to {} terms with exponents other than 0",
@@ -176,7 +179,13 @@ impl MembraneSolver {
             observation: if converged {
                 self.observe(pattern, solution)
             } else {
-                Observation::default()
+                Observation {
+                    critical_voltage: solution
+                        .outcome
+                        .bracket()
+                        .filter(|_| self.scene.effects.electromechanical_stability),
+                    ..Observation::default()
+                }
             },
         }
     }

@@ -124,9 +124,8 @@ pub fn solve(
         progress.advance(batch.len() as u64);
     }
     let mut content = screened.describe(describe(patterns, &results, seconds).attribute("scene", scene.to_text()));
-    let solved = |r: &'_ AccurateSimulation| r.simulation.field.is_some();
-    let observed = results.iter().map(|r| solved(r).then_some(&r.simulation.observation));
-    content = observations::add(content, &solver.observed(&scene.effects), &observed.collect::<Vec<_>>());
+    let observed: Vec<_> = results.iter().map(|r| Some(&r.simulation.observation)).collect();
+    content = observations::add(content, &solver.observed(&scene.effects), &observed);
     if solver.estimates() {
         content = with_estimates(content, &results);
     }
@@ -178,7 +177,7 @@ fn seconds_each(start: Instant, samples: usize, threads: usize) -> impl Iterator
 pub fn read_scene(path: &Path) -> Result<Scene, InputError> {
     let mut root = Document::load(path)?.root;
     splice_scene(&mut root, path)?;
-    Scene::read(root.peek("scene").unwrap_or(&root))
+    super::checked_scene(root.peek("scene").unwrap_or(&root))
 }
 
 /// Rows without a stable solution are NaN here and nowhere else; their outcome says why.

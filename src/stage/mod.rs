@@ -19,6 +19,7 @@ mod train;
 mod verify;
 
 use crate::base::{InputError, Node};
+use crate::fem::effects::Model;
 use crate::orchestrator::{Registry, StageError};
 use crate::scene::Scene;
 use crate::store::Artifact;
@@ -36,7 +37,7 @@ pub fn registry() -> Registry {
             &verify::VerifyKind,
             &accuracy::AccuracyKind,
         ],
-        check_scene: |node| Scene::read(node).map(|_| ()),
+        check_scene: |node| checked_scene(node).map(|_| ()),
     }
 }
 
@@ -47,7 +48,24 @@ fn scene_of(stage: &Node, scene: Option<&Node>) -> Result<Scene, InputError> {
             .error("this stage needs a scene, and the pipeline has none")
             .help("add `scene: FILE` or an inline mapping")
     };
-    Scene::read(scene.ok_or_else(missing)?)
+    checked_scene(scene.ok_or_else(missing)?)
+}
+
+/// A scene that can be simulated, or where it cannot. What `effects: auto` would turn on is checked as far as that is known
+/// without a solution.
+fn checked_scene(node: &Node) -> Result<Scene, InputError> {
+    let scene = Scene::read(node)?;
+    let mut effects = scene.effects.clone();
+    if scene.auto {
+        effects.strain_stiffening = scene.properties.strain_stiffening.clone();
+    }
+    match Model::new(&scene.with_effects(effects)) {
+        Ok(_) => Ok(scene),
+        Err(error) => {
+            let section = if scene.auto { "properties" } else { "effects" };
+            Err(node.peek(section).unwrap_or(node).error(error.to_string()))
+        }
+    }
 }
 
 /// The scene that all inputs were made with, as text; inputs of different scenes do not belong in one model.

@@ -28,6 +28,17 @@ pub trait WithLaw {
     fn run<L: Law, F: Fn(f64) -> L + Sync>(self, law: F) -> Self::Output;
 }
 
+/// The margin of ellipticity at rest, without voltage.
+struct AtRest;
+
+impl WithLaw for AtRest {
+    type Output = f64;
+
+    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, law: F) -> f64 {
+        law(0.0).ellipticity([[1.0, 0.0], [0.0, 1.0]], 0.0)
+    }
+}
+
 impl Model {
     /// The physics of a scene.
     ///
@@ -35,7 +46,7 @@ impl Model {
     /// When its effects cannot be simulated together, or not at its measures.
     pub fn new(scene: &Scene) -> Result<Self, SetupError> {
         let effects = &scene.effects;
-        Ok(Self {
+        let model = Self {
             prestretch: scene.prestretch(),
             kappa: scene.kappa(),
             stiffening: effects
@@ -47,7 +58,12 @@ impl Model {
             decay: effects.stretch_dependent_permittivity.clone(),
             fringe: effects.fringe_field.then(|| Fringe::new(scene)).transpose()?,
             wrinkles: effects.wrinkling,
-        })
+        };
+        if model.with(AtRest) > 0.0 {
+            Ok(model)
+        } else {
+            Err(SetupError::UnstableAtRest)
+        }
     }
 
     /// Does work under the law of the scene. Here, and only here, the type of the law is put together.
