@@ -12,6 +12,9 @@ use super::solver::{MembraneSolver, MeshSolution};
 
 /// The highest load in units of the critical one of a membrane that is active everywhere: 50 times its voltage.
 pub(super) const HIGHEST: f64 = 2500.0;
+/// The highest load at which a margin is searched for, in the same units: 3 times the voltage. Membranes without stiffening are
+/// lost far below; with it, every step beyond is dear and says little.
+const REACH: f64 = 9.0;
 /// Where the scene has no voltage, one to measure the load by.
 pub(super) const SOME_VOLTAGE: f64 = 1e3;
 
@@ -22,7 +25,7 @@ pub struct StabilityReport {
     /// 1 for a bare membrane at rest, zero where stability is lost. `None` without a stable solution.
     pub smallest_eigenvalue: Option<f64>,
     /// The voltages in V between which stability is lost, at most one part in a thousand apart; `None` where it is not lost
-    /// below 50 times the critical voltage of a membrane that is active everywhere, or nothing is known.
+    /// below 3 times the critical voltage of a membrane that is active everywhere, or nothing is known.
     pub critical: Option<[f64; 2]>,
     /// The critical voltage over that of the scene; `None` where either is missing or zero.
     pub margin: Option<f64>,
@@ -111,7 +114,7 @@ impl Onward<'_> {
         let guess = self.eigenvalue.clamp(1e-2, 1.0).powi(2);
         let climb = Climb {
             from,
-            to: (HIGHEST * unit).max(from),
+            to: (REACH * unit).max(from),
             step: guess * from.max(0.25 * unit),
         };
         let mut workspace = Workspace::new(self.u.len(), &self.solver.laplacian);

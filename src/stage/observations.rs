@@ -57,7 +57,7 @@ fn cells(observations: &[Option<&Observation>]) -> Dataset {
 }
 
 fn critical(observations: &[Option<&Observation>]) -> Dataset {
-    let note = "voltages between which stability is lost; 0, 0 where it is not lost up to 50 times the limit of a fully active membrane";
+    let note = "voltages between which stability is lost; 0, 0 where it is not lost up to 3 times the limit of a fully active membrane";
     let bracket = |o: &Option<&Observation>| o.and_then(|o| o.critical_voltage).unwrap_or_default();
     let values = observations.iter().flat_map(bracket).collect();
     Dataset::new("V", note, &[observations.len(), 2], Data::F64(values))
