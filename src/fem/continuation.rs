@@ -116,6 +116,7 @@ impl<L: Law, F: Fn(f64) -> L> Problem<'_, F> {
             pointwise: false,
         };
         let (mut stable, mut step) = (climb.from, climb.step.min(climb.to - climb.from));
+        let mut failed = false;
         let mut reached: Option<Vec<f64>> = (climb.from > 0.0).then(|| u.to_vec());
         for _ in 0..MAX_LOAD_STEPS {
             let share: f64 = stable + step;
@@ -127,9 +128,12 @@ impl<L: Law, F: Fn(f64) -> L> Problem<'_, F> {
                 Ok(()) => {
                     reached.get_or_insert_with(|| vec![0.0; u.len()]).copy_from_slice(u);
                     stable = share;
-                    step = (1.5 * step).min(climb.to - stable);
+                    // Right after a failure a longer step would fail again: the search would shrink by a quarter, not by half.
+                    step = if failed { step } else { 1.5 * step }.min(climb.to - stable);
+                    failed = false;
                 }
                 Err(refusal) => {
+                    failed = true;
                     match &reached {
                         Some(reached) => u.copy_from_slice(reached),
                         None => u.fill(0.0),
