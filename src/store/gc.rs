@@ -132,7 +132,13 @@ impl Store {
             delete(&self.layout.record(&record.key))?;
         }
         let total = gone.len() as u64;
-        for (done, digest) in gone.iter().enumerate() {
+        // Manifests before their chunks: one without the other must not look like damage if this ends half-way.
+        let manifests = gone
+            .iter()
+            .filter(|digest| self.parts(digest).is_ok_and(|parts| !parts.is_empty()));
+        let manifests: BTreeSet<Digest> = manifests.copied().collect();
+        let order = manifests.iter().chain(gone.difference(&manifests));
+        for (done, digest) in order.enumerate() {
             progress(done as u64, total);
             delete(&self.layout.object(digest))?;
         }
