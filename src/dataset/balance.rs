@@ -86,7 +86,7 @@ pub struct Balanced {
     pub augmented: Histogram,
     /// The rows.
     pub after: Histogram,
-    /// The uniform level in rows per bin; infinite when all rows together do not exceed the target.
+    /// The uniform level in rows per bin; the largest bin when all rows together do not exceed the target.
     pub level: f64,
     /// Candidates that repeat the pattern of an earlier one and are left out.
     pub repeats: Vec<usize>,

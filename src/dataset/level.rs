@@ -6,7 +6,8 @@
 /// What each bin gives.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Quotas {
-    /// The uniform level, before rounding to whole rows. Infinite when even all rows together do not reach the target.
+    /// The uniform level, before rounding to whole rows. The largest capacity when even all rows together do not reach the
+    /// target.
     pub(super) level: f64,
     /// Rows from each bin: the level rounded down or up, or the bin's capacity where that is less.
     pub(super) rows: Vec<u64>,
@@ -17,7 +18,7 @@ pub(super) struct Quotas {
 pub(super) fn quotas(capacities: &[u64], target: u64, order: &[u64]) -> Quotas {
     if capacities.iter().sum::<u64>() <= target {
         return Quotas {
-            level: f64::INFINITY,
+            level: capacities.iter().max().map_or(0.0, |&largest| largest as f64),
             rows: capacities.to_vec(),
         };
     }
@@ -60,7 +61,7 @@ mod tests {
     #[test]
     fn too_little_is_given_whole() {
         let given = quotas(&[2, 0, 5], 100, &[0; 3]);
-        assert_eq!((given.rows, given.level), (vec![2, 0, 5], f64::INFINITY));
+        assert_eq!((given.rows, given.level), (vec![2, 0, 5], 5.0));
         assert_eq!(quotas(&[], 5, &[]).rows, Vec::<u64>::new());
     }
 
