@@ -245,11 +245,11 @@ pub struct SolveArguments {
     #[arg(long, value_name = "R", value_parser = tolerance)]
     pub tolerance: Option<f64>,
     /// Write stretches, field, stresses and tension of every cell too
-    #[arg(long, conflicts_with_all = ["accuracy", "path", "method"])]
+    #[arg(long, conflicts_with_all = ["accuracy", "path"])]
     pub cells: bool,
     /// Follow each pattern from rest past the voltage at which it loses stability, whatever the voltage of the scene;
     /// OUT.csv and OUT.png are written beside OUT.h5
-    #[arg(long, conflicts_with_all = ["accuracy", "method"])]
+    #[arg(long, conflicts_with_all = ["accuracy"])]
     pub path: bool,
 }
 

@@ -52,12 +52,14 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
     conclude(&arguments.patterns, &answer, ("solve", parameters), start, output)
 }
 
-/// An estimate is no equilibrium: it has neither an accuracy nor a tolerance.
+/// An estimate is no equilibrium: it has no accuracy, no tolerance, no stresses to be trusted and no path.
 fn check_method(arguments: &SolveArguments) -> Result<(), CliError> {
     let beside = match arguments {
         a if a.method == Method::Newton => return Ok(()),
         a if a.accuracy.is_some() => "--accuracy",
         a if a.tolerance.is_some() => "--tolerance",
+        a if a.cells => "--cells",
+        a if a.path => "--path",
         _ => return Ok(()),
     };
     let message = format!("{beside} cannot stand beside --method {}", arguments.method);

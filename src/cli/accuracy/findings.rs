@@ -16,6 +16,9 @@ fn front(measured: &[Measured]) -> Vec<usize> {
     pareto_front(&points)
 }
 
+/// Patterns of a family below which errors bound nothing but themselves.
+const FEW: usize = 5;
+
 /// An equilibrium may take this much longer than an estimate, of whose stability nothing is known.
 const WORTH_IT: f64 = 1.1;
 
@@ -116,9 +119,18 @@ impl<'a> Findings<'a> {
                 [n, unstable] => format!("{} {n} ({unstable} unstable)", self.reckoned.families[k]),
             })
             .collect();
+        let few = (0..self.reckoned.families.len()).any(|k| {
+            let [members, unstable] = self.reckoned.counts(k);
+            members - unstable < FEW
+        });
+        let meaning = if few {
+            "with fewer than five stable patterns in a family the bound speaks of these patterns alone"
+        } else {
+            "99 % of patterns stay below the bound (95 % confidence)"
+        };
         format!(
             "patterns: {}\nreference: {}, itself within {} mm\nmax and bound: displacement errors at the corners, the worst \
-             family; 99 % of patterns stay below the bound (95 % confidence)\n",
+             family; {meaning}\n",
             families.join(", "),
             self.reckoned.reference.settings(),
             millimetres(self.reference_error()),
