@@ -25,6 +25,8 @@ pub fn execute(arguments: &AccuracyArguments, output: &Output) -> Result<Exit, C
     let methods = methods(arguments)?;
     let reference = Document::from_text(Path::new("--reference"), &arguments.reference)?;
     let reference = Reference::read(&reference.root)?;
+    // Before the reference is solved, which may take long.
+    reference.check(&methods).map_err(CliError::bad_input)?;
     let scene = direct::read_scene(&arguments.scene)?;
     let families = families(arguments)?;
     folder(&arguments.output)?;

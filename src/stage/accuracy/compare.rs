@@ -130,16 +130,7 @@ impl Reckoned {
     /// # Errors
     /// When a method is not coarser than the reference, or fails as a whole; which and why.
     pub fn measure(&self, contenders: &[Box<dyn Contender>], progress: &dyn Progress) -> Result<Vec<Measured>, String> {
-        if let Some(fine) = contenders
-            .iter()
-            .find(|c| !c.is_coarser_than(self.reference.settings()))
-        {
-            return Err(format!(
-                "{{ {} }} is not coarser than the reference {{ {} }}: its error cannot be told",
-                fine.settings(),
-                self.reference.settings()
-            ));
-        }
+        self.reference.check(contenders)?;
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
         let pool = pool.map_err(|e| format!("cannot start a thread: {e}"))?;
         contenders

@@ -6,6 +6,7 @@
 use std::path::Path;
 
 use super::compare::largest_difference;
+use super::contender::Contender;
 use crate::base::{Document, InputError, Node};
 use crate::fem::AccurateSimulation;
 use crate::field::Field;
@@ -52,6 +53,21 @@ impl Reference {
             return Err("one bilinear element per cell is the coarsest mesh, and no reference".to_owned());
         }
         Ok(Self(parameters))
+    }
+
+    /// Whether it can tell the errors of methods.
+    ///
+    /// # Errors
+    /// When one is not coarser; which.
+    pub fn check(&self, contenders: &[Box<dyn Contender>]) -> Result<(), String> {
+        match contenders.iter().find(|c| !c.is_coarser_than(&self.0)) {
+            None => Ok(()),
+            Some(fine) => Err(format!(
+                "{{ {} }} is not coarser than the reference {{ {} }}: its error cannot be told",
+                fine.settings(),
+                self.0
+            )),
+        }
     }
 
     /// Its settings.
