@@ -3,8 +3,9 @@
 use super::gather::{Made, ReportError, Source};
 use crate::store::Store;
 
-/// The effect under which samples carry a `breakdown_ratio`.
+/// The effect under which simulated samples carry a ratio, and its dataset.
 const BREAKDOWN: &str = "dielectric_breakdown";
+const RATIO: &str = "breakdown_ratio";
 
 /// The warnings of all stages that simulate, each once, after the names of the stages that it belongs to.
 ///
@@ -21,15 +22,14 @@ pub fn warnings(store: &Store, made: &[Made]) -> Result<Vec<String>, ReportError
         let part = artifact.parts().first().map(|part| store.artifact(part)).transpose()?;
         // All chunks of a stage are simulated alike.
         let first = part.as_ref().unwrap_or(&artifact);
-        if first
-            .attribute("effects")
-            .is_some_and(|effects| effects.contains(BREAKDOWN))
-        {
+        let effect = first.attribute("effects").unwrap_or_default().contains(BREAKDOWN);
+        // Estimates and verified designs say nothing of it.
+        if effect && artifact.contents()?.iter().any(|content| content.path == RATIO) {
             let source = Source {
                 stage,
                 artifact: &artifact,
             };
-            let ratios = source.reals("breakdown_ratio")?;
+            let ratios = source.reals(RATIO)?;
             let (n, beyond) = (ratios.len(), ratios.iter().filter(|ratio| **ratio >= 1.0).count());
             if beyond > 0 {
                 broken.push(format!(

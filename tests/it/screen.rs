@@ -100,3 +100,15 @@ fn an_effect_that_is_on_is_observed_in_every_sample() {
     let shown = workspace.run(&["show", "solved", "--json"]).json();
     assert!(!shown.to_string().contains("breakdown_ratio"));
 }
+
+#[test]
+fn a_run_whose_artifacts_carry_no_breakdown_ratio_ends_well() {
+    // An estimate is no state to read a field from, and a verified design keeps no ratio.
+    let workspace = Workspace::new();
+    workspace.write("tiny.yaml", TINY);
+    let effects = "scene.effects={ dielectric_breakdown: { law: huang } }";
+    let sets = ["--set", effects, "--set", "stages.solved.method=linear"];
+    let ended = workspace.run(&[&["run", "tiny.yaml", "--until", "verified", "--json"], &sets[..]].concat());
+    assert_eq!(ended.code, Some(0), "{}\n{}", ended.stdout, ended.stderr);
+    assert_eq!(ended.json()["results"].as_array().unwrap().len(), 1);
+}
