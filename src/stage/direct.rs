@@ -7,11 +7,11 @@ use super::cells::{self, States};
 pub use super::method::Method;
 use super::screening::Screened;
 pub use super::solver::MeshRequest;
-use super::solver::{Solver, explained};
+use super::solver::{Solver, explained, on_mesh};
 use super::{arrays, observations, solution};
 use crate::base::{Document, InputError};
-use crate::fem::{AccurateSimulation, SetupError, SolveOptions};
-use crate::field::{CORNERS, Field, PredictError, Predictor, Simulation};
+use crate::fem::{AccurateSimulation, SetupError};
+use crate::field::{CORNERS, Field, PredictError, Predictor};
 use crate::orchestrator::{Progress, splice_scene};
 use crate::pattern::{Pattern, read_patterns};
 use crate::scene::Scene;
@@ -111,7 +111,7 @@ pub fn solve(
         match &solver {
             Solver::Fixed(fixed, options) if request.cells => {
                 for (simulation, cells) in cells::simulate(fixed, batch) {
-                    results.push(on_mesh(simulation, *options));
+                    results.push(on_mesh(simulation, options));
                     states.push(cells);
                 }
             }
@@ -153,15 +153,6 @@ pub fn solve(
         warnings: screened.warnings,
         wrinkled: wrinkled.filter(|(_, fraction)| *fraction > 0.0).collect(),
     })
-}
-
-fn on_mesh(simulation: Simulation, options: SolveOptions) -> AccurateSimulation {
-    AccurateSimulation {
-        simulation,
-        elements_per_cell: options.elements_per_cell,
-        order: options.order,
-        discretisation_error: None,
-    }
 }
 
 /// The time since `start`, shared out evenly; threads beyond the number of samples stood idle.

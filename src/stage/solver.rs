@@ -99,13 +99,18 @@ impl Solver {
 }
 
 fn on_one_mesh(simulations: Vec<Simulation>, options: &SolveOptions) -> Vec<AccurateSimulation> {
-    let result = |simulation| AccurateSimulation {
+    let each = |simulation| on_mesh(simulation, options);
+    simulations.into_iter().map(each).collect()
+}
+
+/// A result with the mesh that it was asked for on, and without an estimate of its error.
+pub fn on_mesh(simulation: Simulation, options: &SolveOptions) -> AccurateSimulation {
+    AccurateSimulation {
         simulation,
         elements_per_cell: options.elements_per_cell,
         order: options.order,
         discretisation_error: None,
-    };
-    simulations.into_iter().map(result).collect()
+    }
 }
 
 /// What went wrong, with what helps where a method is to blame.
