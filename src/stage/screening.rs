@@ -22,14 +22,21 @@ pub struct Screened {
 }
 
 impl Screened {
-    /// Screens a scene with [`screening::watch_patterns`].
+    /// Screens a scene with [`screening::watch_patterns`]; where its effects are yet to be decided, the screening that
+    /// decides them tells of both.
     ///
     /// # Errors
     /// When its effects cannot be simulated.
     pub fn new(scene: &Scene) -> Result<Self, SetupError> {
-        let scene = screening::resolve(scene)?;
-        let warnings = screening::screen(&scene, &screening::watch_patterns())?.warnings();
-        Ok(Self { scene, warnings })
+        let screening = if scene.auto {
+            screening::screen_by_references(scene)?
+        } else {
+            screening::screen(scene, &screening::watch_patterns())?
+        };
+        Ok(Self {
+            warnings: screening.warnings(),
+            scene: screening.scene,
+        })
     }
 
     /// Says in an artifact which effects were simulated, and which were called for and not.
