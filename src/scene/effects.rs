@@ -32,31 +32,38 @@ impl Effects {
     #[must_use]
     pub fn canonical(&self) -> Canonical {
         let plain = |on: bool| on.then(|| Canonical::map::<String>([]));
-        let entries = [
-            (
-                names::STIFFENING,
-                self.strain_stiffening.as_ref().map(Stiffening::canonical),
-            ),
-            (
-                names::ELECTRODE,
-                self.electrode_stiffness.as_ref().map(Electrode::canonical),
-            ),
-            (
-                names::PERMITTIVITY,
-                self.stretch_dependent_permittivity
-                    .as_ref()
-                    .map(PermittivityDecay::canonical),
-            ),
+        let parametric = parametric(
+            self.strain_stiffening.as_ref(),
+            self.electrode_stiffness.as_ref(),
+            self.stretch_dependent_permittivity.as_ref(),
+            self.dielectric_breakdown.as_ref(),
+        );
+        present(parametric.into_iter().chain([
             (names::FRINGE, plain(self.fringe_field)),
             (names::WRINKLING, plain(self.wrinkling)),
-            (
-                names::BREAKDOWN,
-                self.dielectric_breakdown.as_ref().map(BreakdownLaw::canonical),
-            ),
             (names::STABILITY, plain(self.electromechanical_stability)),
-        ];
-        Canonical::map(entries.into_iter().filter_map(|(name, value)| Some((name, value?))))
+        ]))
     }
+}
+
+/// The entries of effects with parameters, which stand alike among effects and properties.
+pub(super) fn parametric(
+    stiffening: Option<&Stiffening>,
+    electrode: Option<&Electrode>,
+    permittivity: Option<&PermittivityDecay>,
+    breakdown: Option<&BreakdownLaw>,
+) -> [(&'static str, Option<Canonical>); 4] {
+    [
+        (names::STIFFENING, stiffening.map(Stiffening::canonical)),
+        (names::ELECTRODE, electrode.map(Electrode::canonical)),
+        (names::PERMITTIVITY, permittivity.map(PermittivityDecay::canonical)),
+        (names::BREAKDOWN, breakdown.map(BreakdownLaw::canonical)),
+    ]
+}
+
+/// The entries that have a value.
+pub(super) fn present(entries: impl Iterator<Item = (&'static str, Option<Canonical>)>) -> Canonical {
+    Canonical::map(entries.filter_map(|(name, value)| Some((name, value?))))
 }
 
 /// The words for effects in a scene.
@@ -140,7 +147,7 @@ impl Stiffening {
         }
     }
 
-    pub(super) fn canonical(&self) -> Canonical {
+    fn canonical(&self) -> Canonical {
         let model = ("model", Canonical::from(self.model()));
         match self {
             Self::Gent { jm } => Canonical::map([model, ("jm", (*jm).into())]),
@@ -168,7 +175,7 @@ pub struct Electrode {
 }
 
 impl Electrode {
-    pub(super) fn canonical(&self) -> Canonical {
+    fn canonical(&self) -> Canonical {
         Canonical::map([
             ("shear_modulus", Canonical::from(&self.shear_modulus)),
             ("thickness", (&self.thickness).into()),
@@ -186,7 +193,7 @@ pub struct PermittivityDecay {
 }
 
 impl PermittivityDecay {
-    pub(super) fn canonical(&self) -> Canonical {
+    fn canonical(&self) -> Canonical {
         Canonical::map([
             ("exponent", Canonical::from(self.exponent)),
             ("reference", self.reference.name().into()),
@@ -225,7 +232,7 @@ pub enum BreakdownLaw {
 }
 
 impl BreakdownLaw {
-    pub(super) fn canonical(&self) -> Canonical {
+    fn canonical(&self) -> Canonical {
         match self {
             Self::Huang => Canonical::map([("law", Canonical::from("huang"))]),
             Self::Constant(field) => Canonical::map([("law", Canonical::from("constant")), ("field", field.into())]),

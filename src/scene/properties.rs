@@ -1,7 +1,7 @@
 //! What is known of a material and its electrodes beyond the base model: what screening compares, and what effects that are
 //! named without parameters of their own use.
 
-use super::effects::{BreakdownLaw, Electrode, PermittivityDecay, Stiffening, names};
+use super::effects::{BreakdownLaw, Electrode, PermittivityDecay, Stiffening, names, parametric, present};
 use crate::base::{Canonical, Quantity};
 
 /// Known properties; what is not known is not screened.
@@ -49,32 +49,19 @@ impl Properties {
             ])
         };
         let branches = || self.viscoelasticity.iter().map(branch).collect();
-        let entries = [
-            (
-                names::STIFFENING,
-                self.strain_stiffening.as_ref().map(Stiffening::canonical),
-            ),
-            (
-                names::ELECTRODE,
-                self.electrode_stiffness.as_ref().map(Electrode::canonical),
-            ),
-            (
-                names::PERMITTIVITY,
-                self.stretch_dependent_permittivity
-                    .as_ref()
-                    .map(PermittivityDecay::canonical),
-            ),
-            (
-                names::BREAKDOWN,
-                self.dielectric_breakdown.as_ref().map(BreakdownLaw::canonical),
-            ),
+        let parametric = parametric(
+            self.strain_stiffening.as_ref(),
+            self.electrode_stiffness.as_ref(),
+            self.stretch_dependent_permittivity.as_ref(),
+            self.dielectric_breakdown.as_ref(),
+        );
+        present(parametric.into_iter().chain([
             (
                 names::VISCOELASTICITY,
                 (!self.viscoelasticity.is_empty()).then(branches),
             ),
             ("density", self.density.as_ref().map(Canonical::from)),
             ("sheet_resistance", self.sheet_resistance.as_ref().map(Canonical::from)),
-        ];
-        Canonical::map(entries.into_iter().filter_map(|(name, value)| Some((name, value?))))
+        ]))
     }
 }
