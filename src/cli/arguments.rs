@@ -20,9 +20,11 @@ pub struct Cli {
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Build what is stale in a pipeline, then print what was found and where the figures are
-    Run(PipelineArguments),
-    /// Say what `run` would build and why; build nothing
+    Run(RunArguments),
+    /// Say what `run` would build, why, and what it would take; build nothing
     Plan(PipelineArguments),
+    /// Say what is in a store, what is at work in it, and which pipelines are up to date
+    Status(StatusArguments),
     /// Say why a stage would be built: every parameter and input that has changed
     Explain(ExplainArguments),
     /// Draw the stages of a pipeline and what they need
@@ -96,6 +98,49 @@ impl PipelineArguments {
 }
 
 #[derive(Debug, Args)]
+pub struct RunArguments {
+    #[command(flatten)]
+    pub of: PipelineArguments,
+    /// When a stage fails, go on with all that does not need it
+    #[arg(short, long)]
+    pub keep_going: bool,
+    /// Write the lock file beside the pipeline: the digest of everything that was built or reused
+    #[arg(long, conflicts_with_all = ["until", "sets", "locked"])]
+    pub lock: bool,
+    /// Hold the pipeline to its lock file: any difference is an error, found before any work wherever it can be
+    #[arg(long)]
+    pub locked: bool,
+    /// Say nothing but warnings and errors
+    #[arg(short, long)]
+    pub quiet: bool,
+    /// How progress is shown on stderr [default: bars on a terminal, or else plain lines]
+    #[arg(long, value_enum, value_name = "HOW", conflicts_with = "quiet")]
+    pub progress: Option<ProgressForm>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ProgressForm {
+    /// Plain lines
+    Plain,
+    /// One JSON document per line for everything that happens
+    Json,
+    /// Warnings only
+    None,
+}
+
+#[derive(Debug, Args)]
+pub struct StatusArguments {
+    /// Pipelines to look at [default: those of the last runs]
+    #[arg(value_name = "PIPELINE")]
+    pub pipelines: Vec<PathBuf>,
+    #[command(flatten)]
+    pub store: StoreArguments,
+    /// Print one JSON document on stdout
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Debug, Args)]
 pub struct ExplainArguments {
     /// The pipeline, a YAML file
     pub pipeline: PathBuf,
@@ -160,6 +205,9 @@ pub struct ShowArguments {
 pub struct FsckArguments {
     #[command(flatten)]
     pub store: StoreArguments,
+    /// Make the store sound: also remove records of what is missing, manifests that lack chunks, and strays
+    #[arg(long)]
+    pub repair: bool,
     /// Print one JSON document on stdout
     #[arg(long)]
     pub json: bool,
@@ -358,7 +406,9 @@ impl Command {
     /// Whether one JSON document is wanted.
     pub fn json(&self) -> bool {
         match self {
-            Self::Run(a) | Self::Plan(a) => a.json,
+            Self::Run(a) => a.of.json,
+            Self::Plan(a) => a.json,
+            Self::Status(a) => a.json,
             Self::Explain(a) => a.json,
             Self::Dag(_) => false,
             Self::Show(a) => a.json,
@@ -376,11 +426,13 @@ impl Command {
     /// The number of threads, where it is given.
     pub fn jobs(&self) -> Option<u16> {
         match self {
-            Self::Run(a) | Self::Plan(a) => a.jobs,
+            Self::Run(a) => a.of.jobs,
+            Self::Plan(a) => a.jobs,
             Self::Solve(a) => a.patterns.jobs,
             Self::Predict(a) => a.patterns.jobs,
             Self::Accuracy(a) => a.jobs,
-            Self::Explain(_)
+            Self::Status(_)
+            | Self::Explain(_)
             | Self::Dag(_)
             | Self::Show(_)
             | Self::Fsck(_)

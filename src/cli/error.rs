@@ -53,6 +53,10 @@ impl CliError {
         Self::new(Exit::BadInput, message)
     }
 
+    fn locked(message: String) -> Self {
+        Self::new(Exit::Locked, message).help("`deaflow run --lock` writes the lock file anew")
+    }
+
     /// Adds advice.
     pub fn help(mut self, help: impl Into<String>) -> Self {
         self.help = Some(help.into());
@@ -63,6 +67,11 @@ impl CliError {
     pub fn of_stage(mut self, stage: &str) -> Self {
         self.message = format!("stage `{stage}` failed: {}", self.message);
         self
+    }
+
+    /// What went wrong, in one line.
+    pub fn message(&self) -> &str {
+        &self.message
     }
 
     /// The exit code that it calls for.
@@ -166,6 +175,7 @@ impl From<StageError> for CliError {
     fn from(error: StageError) -> Self {
         match error {
             StageError::Store(error) => error.into(),
+            StageError::Locked(difference) => Self::locked(difference.to_string()),
             other => Self::failure(other.to_string()),
         }
     }
@@ -176,6 +186,7 @@ impl From<RunError> for CliError {
         match error {
             RunError::Input(error) => error.into(),
             RunError::Store(error) => error.into(),
+            RunError::Locked(_) => Self::locked(error.to_string()),
         }
     }
 }

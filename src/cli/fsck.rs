@@ -7,19 +7,31 @@ use super::error::CliError;
 use super::output::{Exit, Output};
 use super::progress::Bar;
 use super::{locate, table};
-use crate::store::Report;
+use crate::store::{Report, Store};
 
 pub fn execute(arguments: &FsckArguments, output: &Output) -> Result<Exit, CliError> {
-    let store = locate::existing_store(&arguments.store.folder())?;
+    let folder = arguments.store.folder();
+    let store = match arguments.repair {
+        true => locate::of_folder(Store::open_alone(&folder))?,
+        false => locate::existing_store(&folder)?,
+    };
     let bar = Bar::new("fsck", "files", 0);
-    let report = store.fsck(&|done, total| bar.set(done, total))?;
+    let progress = |done, total| bar.set(done, total);
+    let report = match arguments.repair {
+        true => store.repair(&progress)?,
+        false => store.fsck(&progress)?,
+    };
     bar.finish("checked");
     if output.is_json() {
         output.document(&document(&report))?;
     } else {
-        output.text(&text(&report))?;
+        output.text(&text(&report, arguments.repair))?;
     }
-    Ok(if report.is_sound() { Exit::Done } else { Exit::Damaged })
+    Ok(if report.is_sound() || arguments.repair {
+        Exit::Done
+    } else {
+        Exit::Damaged
+    })
 }
 
 fn document(report: &Report) -> serde_json::Value {
@@ -41,10 +53,11 @@ fn document(report: &Report) -> serde_json::Value {
         "rewritten": report.rewritten.iter().map(ToString::to_string).collect::<Vec<_>>(),
         "strays": report.strays,
         "unfinished": report.unfinished,
+        "repaired": report.repaired,
     })
 }
 
-fn text(report: &Report) -> String {
+fn text(report: &Report, repaired: bool) -> String {
     let mut lines = vec![format!(
         "{} artifacts ({}), {} records",
         report.objects,
@@ -78,8 +91,13 @@ fn text(report: &Report) -> String {
             report.unfinished
         ));
     }
+    for path in &report.repaired {
+        lines.push(format!("moved aside: {}", path.display()));
+    }
     lines.push(if report.is_sound() {
         "the store is sound".to_owned()
+    } else if repaired {
+        "the store is sound again; the next `deaflow run` builds what is gone".to_owned()
     } else {
         "the store is damaged; the next `deaflow run` builds again what is missing".to_owned()
     });

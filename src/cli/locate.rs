@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::error::CliError;
 use crate::base::{Digest, nearest};
-use crate::orchestrator::{Pipeline, plan};
+use crate::orchestrator::{Environment, Pipeline, plan};
 use crate::stage;
 use crate::store::{Artifact, Store, StoreError};
 
@@ -50,7 +50,7 @@ fn split(reference: &str) -> Option<(&str, &str)> {
 
 fn of_pipeline(store: &Store, path: &Path, name: &str) -> Result<Digest, CliError> {
     let pipeline = Pipeline::load(path, &[], &stage::registry())?;
-    let stages = plan(&pipeline, store, Some(name))?;
+    let stages = plan(&pipeline, store, Some(name), &Environment::system())?;
     let built = stages
         .iter()
         .find(|stage| stage.name == name)

@@ -20,6 +20,7 @@ mod screen;
 mod show;
 mod solve;
 mod statistics;
+mod status;
 mod table;
 
 use std::ffi::OsString;
@@ -55,6 +56,7 @@ fn dispatch(command: &Command, output: &Output) -> Result<Exit, CliError> {
     match command {
         Command::Run(arguments) => run::execute(arguments, output),
         Command::Plan(arguments) => plan::execute(arguments, output),
+        Command::Status(arguments) => status::execute(arguments, output),
         Command::Explain(arguments) => explain::execute(arguments, output),
         Command::Dag(arguments) => dag::execute(arguments, output),
         Command::Show(arguments) => show::execute(arguments, output),

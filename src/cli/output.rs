@@ -22,6 +22,8 @@ pub enum Exit {
     Unstable,
     /// The store is damaged.
     Damaged,
+    /// The pipeline, or what it made, is not what its lock file says.
+    Locked,
 }
 
 impl Exit {
@@ -33,6 +35,7 @@ impl Exit {
             Self::BadInput => 2,
             Self::Unstable => 3,
             Self::Damaged => 4,
+            Self::Locked => 6,
         }
     }
 }

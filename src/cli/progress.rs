@@ -1,5 +1,5 @@
 //! Progress on stderr: on a terminal one line per stage with rate and time left; elsewhere a plain line when a stage begins,
-//! every ten seconds, and when it ends.
+//! every ten seconds, and when it ends; for programs every event as a line of JSON.
 
 use std::fmt;
 use std::io::{self, IsTerminal, Write};
@@ -14,14 +14,27 @@ use crate::orchestrator::{Event, Outcome, Progress, StageReport};
 /// Time between two plain lines.
 const INTERVAL: Duration = Duration::from_secs(10);
 
+/// How the progress of a run is shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shown {
+    /// Bars on a terminal, or else lines.
+    Bars,
+    /// Lines.
+    Lines,
+    /// A JSON document per line.
+    Json,
+    /// Warnings only.
+    Warnings,
+}
+
 /// One piece of work under way.
 pub struct Bar {
-    shown: Shown,
+    form: Form,
     name: String,
     unit: &'static str,
 }
 
-enum Shown {
+enum Form {
     Terminal(ProgressBar),
     Plain(Mutex<Plain>),
 }
@@ -37,15 +50,19 @@ struct Plain {
 impl Bar {
     /// Begins to show `length` steps of work.
     pub fn new(name: &str, unit: &'static str, length: u64) -> Self {
-        let shown = if io::stderr().is_terminal() {
+        Self::on(io::stderr().is_terminal(), name, unit, length)
+    }
+
+    fn on(terminal: bool, name: &str, unit: &'static str, length: u64) -> Self {
+        let form = if terminal {
             let bar = ProgressBar::new(length)
                 .with_style(style())
                 .with_prefix(name.to_owned());
             bar.enable_steady_tick(Duration::from_millis(200));
-            Shown::Terminal(bar)
+            Form::Terminal(bar)
         } else {
             let now = Instant::now();
-            Shown::Plain(Mutex::new(Plain {
+            Form::Plain(Mutex::new(Plain {
                 begun: now,
                 said: now,
                 done: 0,
@@ -54,7 +71,7 @@ impl Bar {
             }))
         };
         Self {
-            shown,
+            form,
             name: name.to_owned(),
             unit,
         }
@@ -62,12 +79,12 @@ impl Bar {
 
     /// Sets how much of how much is done.
     pub fn set(&self, done: u64, length: u64) {
-        match &self.shown {
-            Shown::Terminal(bar) => {
+        match &self.form {
+            Form::Terminal(bar) => {
                 bar.set_length(length);
                 bar.set_position(done);
             }
-            Shown::Plain(plain) => {
+            Form::Plain(plain) => {
                 let mut plain = locked(plain);
                 (plain.done, plain.length) = (done, length);
                 self.say_now_and_then(&mut plain);
@@ -77,7 +94,7 @@ impl Bar {
 
     /// Ends with a line that says how.
     pub fn finish(&self, outcome: &str) {
-        if let Shown::Terminal(bar) = &self.shown {
+        if let Form::Terminal(bar) = &self.form {
             bar.finish_and_clear();
         }
         line(&format!("{}: {outcome}", self.name));
@@ -104,9 +121,9 @@ impl Bar {
 
 impl Progress for Bar {
     fn advance(&self, steps: u64) {
-        match &self.shown {
-            Shown::Terminal(bar) => bar.inc(steps),
-            Shown::Plain(plain) => {
+        match &self.form {
+            Form::Terminal(bar) => bar.inc(steps),
+            Form::Plain(plain) => {
                 let mut plain = locked(plain);
                 plain.done += steps;
                 self.say_now_and_then(&mut plain);
@@ -115,49 +132,82 @@ impl Progress for Bar {
     }
 
     fn note(&self, text: &str) {
-        match &self.shown {
-            Shown::Terminal(bar) => bar.set_message(text.to_owned()),
-            Shown::Plain(plain) => text.clone_into(&mut locked(plain).note),
+        match &self.form {
+            Form::Terminal(bar) => bar.set_message(text.to_owned()),
+            Form::Plain(plain) => text.clone_into(&mut locked(plain).note),
         }
     }
 }
 
 /// The progress of a run: stages follow each other, so there is one bar at a time.
 pub struct RunProgress {
+    shown: Shown,
     current: Mutex<Option<Bar>>,
 }
 
 impl RunProgress {
     /// Nothing under way yet.
-    pub fn new() -> Self {
+    pub fn new(shown: Shown) -> Self {
         Self {
+            shown,
             current: Mutex::new(None),
         }
     }
 
     /// Shows an event.
     pub fn tell(&self, event: &Event) {
+        match (self.shown, event) {
+            (Shown::Json, _) => line(&serde_json::to_string(event).unwrap_or_else(|error| error.to_string())),
+            (_, Event::Warning { text }) => line(&format!("warning: {text}")),
+            (Shown::Warnings, _) => {}
+            (Shown::Bars | Shown::Lines, _) => self.show(event),
+        }
+    }
+
+    fn show(&self, event: &Event) {
         let mut current = locked(&self.current);
         match event {
-            Event::RunStarted { pipeline, stages } => {
-                line(&format!("{pipeline}: {}", counted(*stages as u64, "stages")))
-            }
-            Event::StageStarted { name, kind, steps, why } => {
-                let bar = Bar::new(name, unit(kind), *steps);
-                if matches!(bar.shown, Shown::Plain(_)) {
-                    line(&format!("{name}: {} to do ({why})", counted(*steps, unit(kind))));
+            Event::RunStarted {
+                pipeline,
+                stages,
+                stale,
+                price,
+                unpriced,
+            } => {
+                let mut text = format!("{pipeline}: {}", counted(*stages as u64, "stages"));
+                if *stale > 0 {
+                    text += &format!(", {stale} to build");
                 }
-                *current = Some(bar);
+                if price.is_some() {
+                    text += &format!(": {}", table::price(price.as_ref(), *unpriced));
+                }
+                line(&text);
+            }
+            Event::StageStarted {
+                name,
+                kind,
+                steps,
+                why,
+                price,
+            } => {
+                let terminal = self.shown == Shown::Bars && io::stderr().is_terminal();
+                if !terminal {
+                    let price =
+                        price.map_or_else(String::new, |price| format!(", about {}", table::time(&price.seconds)));
+                    line(&format!("{name}: {} to do ({why}){price}", counted(*steps, unit(kind))));
+                }
+                *current = Some(Bar::on(terminal, name, unit(kind), *steps));
             }
             Event::Progress { steps, .. } => current.iter().for_each(|bar| bar.advance(*steps)),
             Event::Note { text, .. } => current.iter().for_each(|bar| bar.note(text)),
-            Event::ChunkBuilt { .. } => {}
-            Event::StageReused(report) | Event::StageFinished(report) | Event::StageFailed(report) => {
-                match current.take() {
-                    Some(bar) => bar.finish(&ended(report)),
-                    None => line(&format!("{}: {}", report.name, ended(report))),
-                }
-            }
+            Event::ChunkBuilt { .. } | Event::Warning { .. } => {}
+            Event::StageReused(report)
+            | Event::StageFinished(report)
+            | Event::StageFailed(report)
+            | Event::StageSkipped(report) => match current.take() {
+                Some(bar) => bar.finish(&ended(report)),
+                None => line(&format!("{}: {}", report.name, ended(report))),
+            },
         }
     }
 }
@@ -170,6 +220,7 @@ fn ended(report: &StageReport) -> String {
     match report.outcome {
         Outcome::Built => format!("{word}{digest} in {}", table::seconds(report.seconds)),
         Outcome::Failed => format!("{word} after {}", table::seconds(report.seconds)),
+        Outcome::Skipped => format!("{word}: {}", report.why.as_deref().unwrap_or_default()),
         Outcome::Reused | Outcome::Stale => format!("{word}{digest}"),
     }
 }
@@ -223,7 +274,10 @@ mod tests {
             digest: Some(crate::base::Digest::of(b"")),
             seconds: 61.2,
             size: 0,
+            size_built: 0,
+            price: None,
             why: None,
+            reasons: Vec::new(),
             staleness: None,
         };
         assert_eq!(ended(&report(Outcome::Built)), "built af1349b9f5f9 in 1 min 01 s");

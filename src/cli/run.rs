@@ -5,32 +5,42 @@ use std::path::Path;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use super::arguments::{PipelineArguments, StoreArguments};
+use super::arguments::{PipelineArguments, ProgressForm, RunArguments, StoreArguments};
 use super::error::CliError;
 use super::output::{Exit, Output};
-use super::progress::RunProgress;
+use super::progress::{RunProgress, Shown};
 use super::table;
 use crate::base::Override;
-use crate::orchestrator::{Environment, Pipeline, RunOutcome, run};
+use crate::orchestrator::{Environment, Pipeline, RunOptions, RunOutcome, run};
 use crate::report::{Made, Summary, draw_figures, summarise, warnings};
 use crate::stage;
-use crate::store::Store;
+use crate::store::{LockFile, Store};
 
-pub fn execute(arguments: &PipelineArguments, output: &Output) -> Result<Exit, CliError> {
-    let pipeline = load(arguments)?;
-    let store = Store::open(&arguments.store.folder())?;
-    let progress = RunProgress::new();
+pub fn execute(arguments: &RunArguments, output: &Output) -> Result<Exit, CliError> {
+    let pipeline = load(&arguments.of)?;
+    let lock_path = LockFile::beside(&pipeline.path);
+    let lock = arguments.locked.then(|| read_lock(&lock_path)).transpose()?;
+    let store = Store::open(&arguments.of.store.folder())?;
+    let progress = RunProgress::new(shown(arguments));
     let listener = |event: &_| progress.tell(event);
-    let until = arguments.until.as_deref();
-    let mut outcome = run(&pipeline, &store, until, &Environment::system(), &listener)?;
-    if let Some(reason) = &outcome.not_logged {
-        output.complain(&format!("warning: the store does not remember this run: {reason}"));
+    let options = RunOptions {
+        until: arguments.of.until.as_deref(),
+        keep_going: arguments.keep_going,
+        lock: lock.as_ref(),
+    };
+    let mut outcome = run(&pipeline, &store, &options, &Environment::system(), &listener)?;
+    if !outcome.failures.is_empty() {
+        return failed(&mut outcome, arguments, output);
     }
-    if let Some(failure) = outcome.failure.take() {
-        let name = outcome.stages.last().map_or("", |stage| stage.name.as_str());
-        return failed(&outcome, CliError::from(failure).of_stage(name), output);
+    if arguments.lock {
+        store.put_lock_file(&lock_path, &outcome.lock)?;
     }
-    if !output.is_json() {
+    if arguments.locked
+        && let Err(error) = store.remember_lock_file(&lock_path)
+    {
+        output.complain(&format!("warning: `gc` will not know of the lock file: {error}"));
+    }
+    if !output.is_json() && !arguments.quiet {
         // Before the figures: what was built is told even where they cannot be drawn.
         output.text(&table::of_run(&outcome.stages))?;
     }
@@ -47,6 +57,10 @@ pub fn execute(arguments: &PipelineArguments, output: &Output) -> Result<Exit, C
         document["warnings"] = json!(warnings);
         document["figures"] = json!(figures);
         output.document(&document)?;
+    } else if arguments.quiet {
+        warnings
+            .iter()
+            .for_each(|warning| output.complain(&format!("warning: not simulated although it matters: {warning}")));
     } else {
         output.text(&found(&outcome, &summaries, &warnings, &figures))?;
     }
@@ -55,6 +69,24 @@ pub fn execute(arguments: &PipelineArguments, output: &Output) -> Result<Exit, C
     } else {
         Exit::Done
     })
+}
+
+fn shown(arguments: &RunArguments) -> Shown {
+    match arguments.progress {
+        _ if arguments.quiet => Shown::Warnings,
+        Some(ProgressForm::None) => Shown::Warnings,
+        Some(ProgressForm::Plain) => Shown::Lines,
+        Some(ProgressForm::Json) => Shown::Json,
+        None => Shown::Bars,
+    }
+}
+
+fn read_lock(path: &Path) -> Result<LockFile, CliError> {
+    if !path.exists() {
+        return Err(CliError::bad_input(format!("there is no lock file {}", path.display()))
+            .help("`deaflow run --lock` writes it"));
+    }
+    Ok(LockFile::read(path)?)
 }
 
 /// Everything that can be wrong with the arguments is found before a store is opened.
@@ -96,17 +128,24 @@ fn document(outcome: &RunOutcome) -> Value {
     json!({ "stages": outcome.stages, "unstable": outcome.unstable })
 }
 
-/// What was built before the failure stays, and is told of.
-fn failed(outcome: &RunOutcome, error: CliError, output: &Output) -> Result<Exit, CliError> {
-    if !output.is_json() {
+/// What was built before and beside the failures stays, and is told of.
+fn failed(outcome: &mut RunOutcome, arguments: &RunArguments, output: &Output) -> Result<Exit, CliError> {
+    let failures = std::mem::take(&mut outcome.failures);
+    let errors = failures
+        .into_iter()
+        .map(|failure| CliError::from(failure.error).of_stage(&failure.stage));
+    let errors: Vec<CliError> = errors.collect();
+    if output.is_json() {
+        let mut document = document(outcome);
+        document["error"] = errors.first().map(CliError::to_json).into();
+        document["errors"] = errors.iter().map(CliError::to_json).collect();
+        output.document(&document)?;
+    } else if !arguments.quiet {
         output.text(&table::of_run(&outcome.stages))?;
-        return Err(error);
     }
-    let mut document = document(outcome);
-    document["error"] = error.to_json();
-    output.document(&document)?;
-    output.complain(&error.render(false));
-    Ok(error.exit())
+    errors.iter().for_each(|error| output.complain(&error.render(false)));
+    // The exit code of the gravest failure would depend on taste: that of the first one it is.
+    Ok(errors.first().map_or(Exit::Failure, CliError::exit))
 }
 
 /// What was found, each part after an empty line.

@@ -23,6 +23,8 @@ pub struct Builder<'a> {
     pub environment: &'a Environment,
     /// Who is told.
     pub listener: Listener<'a>,
+    /// Whether the other chunks are built although one failed: the next run has less to do then.
+    pub keep_going: bool,
 }
 
 /// One finished piece of work.
@@ -89,7 +91,7 @@ impl Builder<'_> {
             .with_max_len(1)
             .map(|(index, (state, chunk))| {
                 let attempt = self.attempt(spec, (index, chunk), state, &stop);
-                if attempt.is_err() {
+                if attempt.is_err() && !self.keep_going {
                     stop.store(true, Ordering::Relaxed);
                 }
                 attempt

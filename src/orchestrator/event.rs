@@ -2,6 +2,7 @@
 
 use serde::{Serialize, Serializer};
 
+use super::price::Price;
 use super::staleness::Staleness;
 use crate::base::Digest;
 
@@ -15,6 +16,8 @@ pub enum Outcome {
     Reused,
     /// It could not be built.
     Failed,
+    /// It was not begun, because a stage that it needs was not built.
+    Skipped,
     /// In a plan: it would be built.
     Stale,
 }
@@ -39,8 +42,14 @@ pub struct StageReport {
     pub seconds: f64,
     /// Length of its files together, bytes; 0 where they have yet to be built.
     pub size: u64,
-    /// Why it was stale, or failed, in words.
+    /// Of these, what this run wrote, bytes.
+    pub size_built: u64,
+    /// What building was foretold to take; none where nothing like it has been built in this store, or nothing is to be built.
+    pub price: Option<Price>,
+    /// Why it was stale, or failed, in words: the first reason.
     pub why: Option<String>,
+    /// Everything that makes it stale, in words.
+    pub reasons: Vec<String>,
     /// Why it was stale.
     #[serde(skip)]
     pub staleness: Option<Staleness>,
@@ -53,8 +62,10 @@ fn hexadecimal<S: Serializer>(digest: &Option<Digest>, serializer: S) -> Result<
     }
 }
 
-/// One thing that happened. Events of one stage's chunks may come from several threads.
-#[derive(Clone, Debug, PartialEq)]
+/// One thing that happened: all that a run has to say goes through here, so that a terminal, a program that reads JSON and a
+/// test see the same. Events of one stage's chunks may come from several threads.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(tag = "event", rename_all = "kebab-case")]
 pub enum Event {
     /// A run begins.
     RunStarted {
@@ -62,6 +73,12 @@ pub enum Event {
         pipeline: String,
         /// How many stages it looks at.
         stages: usize,
+        /// How many of them are stale.
+        stale: usize,
+        /// What building these was foretold to take, as far as something can be foretold.
+        price: Option<Price>,
+        /// How many of them have no price.
+        unpriced: usize,
     },
     /// A stage's artifact is there.
     StageReused(StageReport),
@@ -74,7 +91,10 @@ pub enum Event {
         /// Length of its progress bar: samples in the chunks to build, or the stage's own measure.
         steps: u64,
         /// Why it is stale.
+        #[serde(serialize_with = "words")]
         why: Staleness,
+        /// What building it was foretold to take.
+        price: Option<Price>,
     },
     /// Part of a stage's steps are done.
     Progress {
@@ -99,8 +119,19 @@ pub enum Event {
     },
     /// A stage has been built.
     StageFinished(StageReport),
-    /// A stage could not be built; the run ends.
+    /// A stage could not be built; the run ends, unless it is to keep going.
     StageFailed(StageReport),
+    /// A stage was not begun, because one that it needs was not built.
+    StageSkipped(StageReport),
+    /// Something that whoever runs this should know, and that is no failure.
+    Warning {
+        /// What.
+        text: String,
+    },
+}
+
+fn words<S: Serializer>(why: &Staleness, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_str(why)
 }
 
 /// Who is told. Called from several threads.

@@ -6,13 +6,27 @@ use std::time::SystemTime;
 use super::assess::{self, Assessment, State, Surveyor};
 use super::build::{Builder, Done};
 use super::event::{Event, Listener, Outcome, StageReport};
+use super::foresight;
 use super::kind::{Input, Plan, StageError};
+use super::locked::{self, Difference};
 use super::plan;
+use super::price::Price;
 use super::provenance::Environment;
 use super::spec::{Pipeline, StageSpec};
 use super::staleness::Staleness;
 use crate::base::{Digest, InputError};
-use crate::store::{Effort, Record, Run, RunStage, Store, StoreError};
+use crate::store::{Effort, LockFile, LockedStage, Record, Run, RunStage, Store, StoreError};
+
+/// How to run.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct RunOptions<'a> {
+    /// The last stage, with all that it needs; or everything.
+    pub until: Option<&'a str>,
+    /// Whether to build all that can be built although something failed.
+    pub keep_going: bool,
+    /// What every stage must be and make.
+    pub lock: Option<&'a LockFile>,
+}
 
 /// Why a run or a plan could not be made.
 #[derive(Debug, thiserror::Error)]
@@ -23,6 +37,23 @@ pub enum RunError {
     /// The store refused, apart from any stage.
     #[error(transparent)]
     Store(#[from] StoreError),
+    /// The pipeline is not what its lock file says.
+    #[error("the pipeline is not what its lock file says: {}", listed(.0))]
+    Locked(Vec<Difference>),
+}
+
+fn listed(differences: &[Difference]) -> String {
+    let texts: Vec<String> = differences.iter().map(ToString::to_string).collect();
+    texts.join("; ")
+}
+
+/// A stage that could not be built.
+#[derive(Debug)]
+pub struct Failure {
+    /// The stage.
+    pub stage: String,
+    /// Why.
+    pub error: StageError,
 }
 
 /// What a run has done.
@@ -32,55 +63,87 @@ pub struct RunOutcome {
     pub stages: Vec<StageReport>,
     /// How many samples, over all stages, have no stable solution.
     pub unstable: u64,
-    /// Why the last of the stages failed, if it did.
-    pub failure: Option<StageError>,
+    /// The stages that failed: one, or with `keep_going` perhaps more.
+    pub failures: Vec<Failure>,
     /// Why the run is not remembered, if it is not (a read-only or full store): its results are none the worse.
     pub not_logged: Option<StoreError>,
+    /// What the stages made, to be held to later.
+    pub lock: LockFile,
 }
 
-/// Runs a pipeline up to the stage `until`, or all of it. A stage that fails ends the run; what was built stays.
+/// Runs a pipeline. A stage that fails ends the run, or with `keep_going` only what needs it; what was built stays.
 ///
 /// # Errors
-/// When there is no such stage, or the store cannot be read or written; a stage's own failure is in the outcome.
+/// When there is no stage of the name to stop at, the pipeline is not what its lock file says, or the store cannot be read or
+/// written; a stage's own failure is in the outcome.
 pub fn run(
     pipeline: &Pipeline,
     store: &Store,
-    until: Option<&str>,
+    options: &RunOptions<'_>,
     environment: &Environment,
     listener: Listener<'_>,
 ) -> Result<RunOutcome, RunError> {
-    let selection = pipeline.selection(until)?;
+    let selection = pipeline.selection(options.until)?;
+    if let Some(lock) = options.lock {
+        let differences = locked::differences(pipeline, &selection, store, lock)?;
+        if !differences.is_empty() {
+            return Err(RunError::Locked(differences));
+        }
+    }
     let surveyor = Surveyor::new(pipeline, store)?;
+    let assessments = surveyor.survey(&selection)?;
+    let prices = foresight::prices(pipeline, &selection, &assessments, store, environment)?;
+    listener(&started(pipeline, &assessments, &prices));
     let mut execution = Execution {
         pipeline,
-        read_closely: read_closely(pipeline, &selection, &surveyor.survey(&selection)?),
+        read_closely: read_closely(pipeline, &selection, &assessments),
         surveyor,
         builder: Builder {
             store,
             environment,
             listener,
+            keep_going: options.keep_going,
         },
+        lock: options.lock,
+        prices: selection.iter().copied().zip(prices).collect(),
         inputs: BTreeMap::new(),
+        sizes: BTreeMap::new(),
         remembered: Vec::new(),
+        not_logged: None,
         unstable: 0,
     };
-    listener(&Event::RunStarted {
-        pipeline: pipeline.name.clone(),
-        stages: selection.len(),
-    });
-    let (stages, failure) = execution.stages(&selection);
+    let (stages, failures) = execution.stages(&selection);
+    let lock = execution.lock_file();
     let logged = store.put_run(&Run {
         pipeline: pipeline.name.clone(),
         path: pipeline.path.display().to_string(),
         created: environment.now(),
         stages: execution.remembered,
     });
+    let not_logged = execution.not_logged.or(logged.err());
+    if let Some(reason) = &not_logged {
+        let text = format!("the store does not remember this run: {reason}");
+        listener(&Event::Warning { text });
+    }
     Ok(RunOutcome {
         stages,
         unstable: execution.unstable,
-        failure,
-        not_logged: logged.err(),
+        failures,
+        not_logged,
+        lock,
     })
+}
+
+fn started(pipeline: &Pipeline, assessments: &[Assessment], prices: &[Option<Price>]) -> Event {
+    let stale = assessments.iter().filter(|assessment| assessment.is_stale()).count();
+    let priced = prices.iter().flatten().count();
+    Event::RunStarted {
+        pipeline: pipeline.name.clone(),
+        stages: assessments.len(),
+        stale,
+        price: prices.iter().flatten().copied().reduce(Price::plus),
+        unpriced: stale - priced,
+    }
 }
 
 /// The stages whose artifacts are going to be read. They are verified in full beforehand, so that damage is found while
@@ -99,28 +162,43 @@ struct Execution<'a> {
     pipeline: &'a Pipeline,
     surveyor: Surveyor<'a>,
     builder: Builder<'a>,
+    lock: Option<&'a LockFile>,
     read_closely: BTreeSet<usize>,
+    prices: BTreeMap<usize, Option<Price>>,
     inputs: BTreeMap<usize, Input>,
+    sizes: BTreeMap<usize, u64>,
     remembered: Vec<RunStage>,
+    not_logged: Option<StoreError>,
     unstable: u64,
 }
 
 impl Execution<'_> {
-    /// Goes through the stages until one fails.
-    fn stages(&mut self, selection: &[usize]) -> (Vec<StageReport>, Option<StageError>) {
+    /// Goes through the stages until one fails, or through all that can be built.
+    fn stages(&mut self, selection: &[usize]) -> (Vec<StageReport>, Vec<Failure>) {
         let mut reports = Vec::with_capacity(selection.len());
+        let mut failures = Vec::new();
         let mut effort = Effort::quick();
         for &index in selection {
+            if let Some(skipped) = self.skipped(index) {
+                reports.push(skipped);
+                continue;
+            }
             let start = (self.builder.environment.clock)();
             match self.stage(index, start, &mut effort) {
                 Ok(report) => reports.push(report),
                 Err(error) => {
                     reports.push(self.failed(index, start, &error));
-                    return (reports, Some(error));
+                    failures.push(Failure {
+                        stage: self.pipeline.stages[index].name.clone(),
+                        error,
+                    });
+                    if !self.builder.keep_going {
+                        break;
+                    }
                 }
             }
         }
-        (reports, None)
+        (reports, failures)
     }
 
     fn stage(&mut self, index: usize, start: SystemTime, quick: &mut Effort) -> Result<StageReport, StageError> {
@@ -137,16 +215,24 @@ impl Execution<'_> {
         let (record, known) = match &assessment.state {
             State::Fresh { record, .. } => ((**record).clone(), assessment.as_input()),
             State::Stale { why, .. } => {
-                self.announce(spec, &assessment, why);
+                self.announce(index, &assessment, why);
                 let (record, parts) = self.build(spec, &assessment, &mut report)?;
                 let known = assess::known(&assessment.work, Some(record.artifact), &parts);
                 (record, known)
             }
         };
-        self.inputs.insert(index, known);
-        self.unstable += record.unstable;
         report.digest = Some(record.artifact);
         report.seconds = self.builder.environment.seconds_since(start);
+        report.price = self.prices.get(&index).copied().flatten();
+        if report.outcome == Outcome::Built {
+            self.remember_cost(spec, &assessment, &report);
+        }
+        if let Some(difference) = self.lock.and_then(|lock| locked::other_artifact(spec, lock, &record)) {
+            return Err(difference.into());
+        }
+        self.inputs.insert(index, known);
+        self.sizes.insert(index, report.size);
+        self.unstable += record.unstable;
         (self.builder.listener)(&match report.outcome {
             Outcome::Reused => Event::StageReused(report.clone()),
             _ => Event::StageFinished(report.clone()),
@@ -160,21 +246,41 @@ impl Execution<'_> {
         Ok(report)
     }
 
-    fn announce(&self, spec: &StageSpec, assessment: &Assessment, why: &Staleness) {
-        let steps = match (&assessment.work, &assessment.state) {
-            (Plan::Chunks(chunks), State::Stale { chunks: states, .. }) => {
-                let missing = chunks.iter().zip(states).filter(|(_, state)| !state.intact);
-                missing.map(|(chunk, _)| chunk.samples).sum()
-            }
-            (Plan::Whole { steps }, _) => *steps,
-            _ => 0,
-        };
+    fn announce(&self, index: usize, assessment: &Assessment, why: &Staleness) {
+        let spec = &self.pipeline.stages[index];
         (self.builder.listener)(&Event::StageStarted {
             name: spec.name.clone(),
             kind: spec.kind.name().to_owned(),
-            steps,
+            steps: foresight::steps(assessment),
             why: why.clone(),
+            price: self.prices.get(&index).copied().flatten(),
         });
+    }
+
+    /// A cost that cannot be written is no reason to stop: it is told at the end.
+    fn remember_cost(&mut self, spec: &StageSpec, assessment: &Assessment, report: &StageReport) {
+        let input_bytes = spec.needs.iter().filter_map(|need| self.sizes.get(need)).sum();
+        let environment = self.builder.environment;
+        let cost = foresight::cost(spec, assessment, report, input_bytes, environment);
+        if let Some(Err(error)) = cost.map(|cost| self.builder.store.put_cost(&cost)) {
+            self.not_logged.get_or_insert(error);
+        }
+    }
+
+    /// The lock file of what has been built or found.
+    fn lock_file(&self) -> LockFile {
+        let stages = self.remembered.iter().map(|stage| {
+            let locked = LockedStage {
+                key: stage.key,
+                artifact: stage.artifact,
+            };
+            (stage.name.clone(), locked)
+        });
+        LockFile {
+            pipeline: self.pipeline.name.clone(),
+            target: self.builder.environment.target.clone(),
+            stages: stages.collect(),
+        }
     }
 
     /// Builds a stale stage; gives its record and its chunks.
@@ -194,6 +300,8 @@ impl Execution<'_> {
         report.chunks_built = done.iter().filter(|done| done.built).count() as u64;
         report.chunks_reused = done.len() as u64 - report.chunks_built;
         report.size = done.iter().map(|done| done.record.size).sum();
+        let built = done.iter().filter(|done| done.built);
+        report.size_built = built.map(|done| done.record.size).sum();
         report.outcome = Outcome::Built;
         if matches!(assessment.work, Plan::Whole { .. }) {
             // Another process may have built it while this one waited.
@@ -214,25 +322,54 @@ impl Execution<'_> {
             .sum();
         let record = self.builder.manifest(spec, action, *key, parts.clone(), seconds)?;
         report.size += record.size;
+        report.size_built += record.size;
         Ok((record, parts.into_iter().map(Some).collect()))
     }
 
     fn failed(&self, index: usize, start: SystemTime, error: &StageError) -> StageReport {
-        let spec = &self.pipeline.stages[index];
         let report = StageReport {
-            name: spec.name.clone(),
-            kind: spec.kind.name().to_owned(),
             outcome: Outcome::Failed,
-            chunks_built: 0,
-            chunks_reused: 0,
-            digest: None,
             seconds: self.builder.environment.seconds_since(start),
-            size: 0,
             why: Some(error.to_string()),
-            staleness: None,
+            ..self.unbuilt(index)
         };
         (self.builder.listener)(&Event::StageFailed(report.clone()));
         report
+    }
+
+    /// The report of a stage that needs something that was not built.
+    fn skipped(&self, index: usize) -> Option<StageReport> {
+        let spec = &self.pipeline.stages[index];
+        let missing = spec.needs.iter().find(|need| !self.inputs.contains_key(need))?;
+        let report = StageReport {
+            outcome: Outcome::Skipped,
+            why: Some(format!(
+                "needs `{}`, which was not built",
+                self.pipeline.stages[*missing].name
+            )),
+            ..self.unbuilt(index)
+        };
+        (self.builder.listener)(&Event::StageSkipped(report.clone()));
+        Some(report)
+    }
+
+    fn unbuilt(&self, index: usize) -> StageReport {
+        let spec = &self.pipeline.stages[index];
+        StageReport {
+            name: spec.name.clone(),
+            kind: spec.kind.name().to_owned(),
+            outcome: Outcome::Skipped,
+            chunks_built: 0,
+            chunks_reused: 0,
+            digest: None,
+            seconds: 0.0,
+            size: 0,
+            size_built: 0,
+            price: None,
+            why: None,
+            reasons: Vec::new(),
+            staleness: None,
+        }
     }
 }
 

@@ -1,9 +1,9 @@
 //! Why a stage would be built: everything that has changed since it was last built or reused, not only the first thing.
 
-use super::assess::{State, Surveyor};
+use super::assess::Surveyor;
 use super::event::StageReport;
 use super::execute::RunError;
-use super::plan::report;
+use super::plan::{digests_of, reasons, report};
 use super::spec::Pipeline;
 use super::staleness::Staleness;
 use crate::base::Digest;
@@ -43,21 +43,11 @@ pub fn explain(pipeline: &Pipeline, store: &Store, stage: &str) -> Result<Explan
     let selection = pipeline.selection(Some(stage))?;
     let surveyor = Surveyor::new(pipeline, store)?;
     let assessments = surveyor.survey(&selection)?;
-    let digest = |need: &usize| {
-        let at = selection.iter().position(|index| index == need);
-        at.and_then(|at| assessments[at].as_input().digest)
-    };
     let at = selection.iter().position(|&index| pipeline.stages[index].name == stage);
     let at = at.unwrap_or(selection.len() - 1);
     let (spec, assessment) = (&pipeline.stages[selection[at]], &assessments[at]);
-    let digests: Vec<Option<Digest>> = spec.needs.iter().map(digest).collect();
-    let reasons = match &assessment.state {
-        State::Fresh { .. } => Vec::new(),
-        State::Stale { why, .. } => match why {
-            Staleness::ArtifactMissing | Staleness::ArtifactDamaged => vec![why.clone()],
-            _ => surveyor.reasons(spec, &spec.stage.parameters(), &digests)?,
-        },
-    };
+    let digests = digests_of(spec, &selection, &assessments);
+    let reasons = reasons(&surveyor, spec, assessment, &digests)?;
     let names = spec.needs.iter().map(|&need| pipeline.stages[need].name.clone());
     Ok(Explanation {
         report: report(spec, assessment),

@@ -5,6 +5,7 @@
 
 use std::sync::{Mutex, PoisonError};
 
+use super::locked::Difference;
 use crate::base::{Canonical, Digest, InputError, Node};
 use crate::store::{Artifact, Object, ObjectError, StoreError};
 
@@ -140,6 +141,9 @@ pub enum StageError {
     /// The work itself failed.
     #[error("{0}")]
     Failed(String),
+    /// It made something else than the lock file says.
+    #[error(transparent)]
+    Locked(#[from] Difference),
     /// The store refused.
     #[error(transparent)]
     Store(#[from] StoreError),

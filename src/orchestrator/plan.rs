@@ -3,22 +3,68 @@
 use super::assess::{Assessment, State, Surveyor};
 use super::event::{Outcome, StageReport};
 use super::execute::RunError;
+use super::foresight;
 use super::kind::Plan;
+use super::provenance::Environment;
 use super::spec::{Pipeline, StageSpec};
-use crate::store::Store;
+use super::staleness::Staleness;
+use crate::base::Digest;
+use crate::store::{Store, StoreError};
 
-/// Says of each stage, in topological order, whether it would be built, and why. `until` names the last stage.
+/// Says of each stage, in topological order, whether it would be built, why, and what that would take. `until` names the
+/// last stage.
 ///
 /// # Errors
 /// When there is no such stage, or the store cannot be read.
-pub fn plan(pipeline: &Pipeline, store: &Store, until: Option<&str>) -> Result<Vec<StageReport>, RunError> {
+pub fn plan(
+    pipeline: &Pipeline,
+    store: &Store,
+    until: Option<&str>,
+    environment: &Environment,
+) -> Result<Vec<StageReport>, RunError> {
     let selection = pipeline.selection(until)?;
-    let assessments = Surveyor::new(pipeline, store)?.survey(&selection)?;
-    let stages = selection.iter().map(|&index| &pipeline.stages[index]);
-    Ok(stages
-        .zip(&assessments)
-        .map(|(spec, assessment)| report(spec, assessment))
-        .collect())
+    let surveyor = Surveyor::new(pipeline, store)?;
+    let assessments = surveyor.survey(&selection)?;
+    let prices = foresight::prices(pipeline, &selection, &assessments, store, environment)?;
+    let mut reports = Vec::with_capacity(selection.len());
+    for ((&index, assessment), price) in selection.iter().zip(&assessments).zip(prices) {
+        let spec = &pipeline.stages[index];
+        let mut report = report(spec, assessment);
+        let inputs = digests_of(spec, &selection, &assessments);
+        let reasons = reasons(&surveyor, spec, assessment, &inputs)?;
+        report.reasons = reasons.iter().map(ToString::to_string).collect();
+        report.price = price;
+        reports.push(report);
+    }
+    Ok(reports)
+}
+
+/// What is known of the artifacts that a stage needs.
+pub fn digests_of(spec: &StageSpec, selection: &[usize], assessments: &[Assessment]) -> Vec<Option<Digest>> {
+    let digest = |need: &usize| {
+        let at = selection.iter().position(|index| index == need);
+        at.and_then(|at| assessments[at].as_input().digest)
+    };
+    spec.needs.iter().map(digest).collect()
+}
+
+/// All that makes a stage stale; nothing where it is not.
+///
+/// # Errors
+/// When the store cannot be read.
+pub fn reasons(
+    surveyor: &Surveyor<'_>,
+    spec: &StageSpec,
+    assessment: &Assessment,
+    inputs: &[Option<Digest>],
+) -> Result<Vec<Staleness>, StoreError> {
+    match &assessment.state {
+        State::Fresh { .. } => Ok(Vec::new()),
+        State::Stale { why, .. } => match why {
+            Staleness::ArtifactMissing | Staleness::ArtifactDamaged => Ok(vec![why.clone()]),
+            _ => surveyor.reasons(spec, &spec.stage.parameters(), inputs),
+        },
+    }
 }
 
 /// What is known of a stage before anything is built.
@@ -43,6 +89,9 @@ pub fn report(spec: &StageSpec, assessment: &Assessment) -> StageReport {
         digest,
         seconds: 0.0,
         size,
+        size_built: 0,
+        price: None,
+        reasons: staleness.iter().map(ToString::to_string).collect(),
         why: staleness.as_ref().map(ToString::to_string),
         staleness,
     }

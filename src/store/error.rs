@@ -94,6 +94,14 @@ pub enum StoreError {
         /// The type that it has.
         found: &'static str,
     },
+    /// A lock file that is there and cannot be used.
+    #[error("the lock file {path} cannot be used: {reason}", path = path.display())]
+    LockFile {
+        /// The lock file.
+        path: PathBuf,
+        /// Why not.
+        reason: String,
+    },
     /// Chunks that do not fit together.
     #[error("chunk {digest} does not fit the first chunk: {reason}", digest = digest.short())]
     Parts {

@@ -48,12 +48,16 @@ pub struct Report {
     pub damaged: Vec<Damage>,
     /// Artifacts that a manifest or a record names and that are not there (those quarantined just now among them).
     pub missing: Vec<Absence>,
+    /// The manifests and records that name them.
+    dangling: BTreeSet<PathBuf>,
     /// Artifacts whose file is not the one that a record saw, though the content is right: rebuilt since.
     pub rewritten: Vec<Digest>,
     /// Files that do not belong where they are.
     pub strays: Vec<PathBuf>,
     /// Files being written by processes at work, or left by dead ones while others work.
     pub unfinished: u64,
+    /// What a repair has removed or moved aside, so that nothing promises what is not there.
+    pub repaired: Vec<PathBuf>,
 }
 
 impl Report {
@@ -87,12 +91,13 @@ impl Store {
         }
         let mut wanted = BTreeSet::new();
         for (digest, object) in &sound {
-            wanted.extend(
-                object
-                    .parts
-                    .iter()
-                    .map(|part| (*part, format!("manifest {}", digest.short()))),
-            );
+            wanted.extend(object.parts.iter().map(|part| {
+                (
+                    *part,
+                    format!("manifest {}", digest.short()),
+                    self.layout.object(digest),
+                )
+            }));
         }
         for (done, path) in records.iter().enumerate() {
             progress((objects.len() + done) as u64, total);
@@ -102,17 +107,59 @@ impl Store {
                     report.rewritten.push(record.artifact);
                 }
                 let wanted_by = format!("record {} ({})", record.key.short(), record.kind);
-                wanted.insert((record.artifact, wanted_by));
+                wanted.insert((record.artifact, wanted_by, path.clone()));
             }
         }
-        let absent = wanted.into_iter().filter(|(digest, _)| !sound.contains_key(digest));
-        report.missing = absent
-            .map(|(digest, wanted_by)| Absence { digest, wanted_by })
-            .collect();
+        for (digest, wanted_by, by) in wanted {
+            if !sound.contains_key(&digest) {
+                report.missing.push(Absence { digest, wanted_by });
+                report.dangling.insert(by);
+            }
+        }
         self.check_runs(&mut report)?;
         report.unfinished = files_in(&self.layout.temporary())?.len() as u64;
         progress(total, total);
         Ok(report)
+    }
+
+    /// Checks the whole store and makes it sound: damaged files are quarantined as always, and so are strays, manifests that
+    /// lack chunks, and records of what is missing. No sound chunk is touched; the next run builds what is gone, and no more.
+    /// The store must have been opened by [`Store::open_alone`].
+    ///
+    /// # Errors
+    /// When the system refuses.
+    pub fn repair(&self, progress: &dyn Fn(u64, u64)) -> Result<Report, StoreError> {
+        let mut report = self.fsck(progress)?;
+        let mut open: Vec<PathBuf> = report.dangling.iter().chain(&report.strays).cloned().collect();
+        let mut gone = BTreeSet::new();
+        while let Some(path) = open.pop() {
+            if self.quarantine(&path)?.is_some() {
+                report.repaired.push(path.clone());
+            }
+            // A manifest that goes leaves a record behind that promises it.
+            gone.extend(path.file_stem().and_then(|stem| stem.to_str()?.parse::<Digest>().ok()));
+            if open.is_empty() {
+                open = self.records_of(&std::mem::take(&mut gone))?;
+            }
+        }
+        Ok(report)
+    }
+
+    /// Files of the records that name one of some artifacts.
+    fn records_of(&self, artifacts: &BTreeSet<Digest>) -> Result<Vec<PathBuf>, StoreError> {
+        let mut found = Vec::new();
+        for path in files(&self.layout.records())? {
+            let name = path.file_name().and_then(|name| name.to_str());
+            let Some(key) = name.and_then(|name| name.parse().ok()) else {
+                continue;
+            };
+            if let Lookup::Found(record, _) = record::read(&path, &key)?
+                && artifacts.contains(&record.artifact)
+            {
+                found.push(path);
+            }
+        }
+        Ok(found)
     }
 
     fn check_object(

@@ -1,8 +1,8 @@
 //! Collection: removes artifacts that nothing needs any more.
 //!
 //! What a root reaches is kept: the artifact, its chunks, and everything that it was made from, back to the seeds. Roots are
-//! the last runs and the pins. What is younger than the grace age is kept too, whatever reaches it: somebody may be about
-//! to need it. Nobody else may have the store open meanwhile.
+//! the last runs, the pins and the lock files of pipelines. What is younger than the grace age is kept too, whatever reaches
+//! it: somebody may be about to need it. Nobody else may have the store open meanwhile.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -162,7 +162,11 @@ impl Store {
             };
             (format!("pin{label}"), vec![pin.digest])
         });
-        Ok(runs.chain(pins).collect())
+        let lock_files = self.lock_files()?.into_iter().map(|(path, lock)| {
+            let artifacts = lock.stages.values().map(|stage| stage.artifact).collect();
+            (format!("lock file {}", path.display()), artifacts)
+        });
+        Ok(runs.chain(pins).chain(lock_files).collect())
     }
 
     /// Everything that some artifacts need, themselves included. What is missing needs nothing.

@@ -6,6 +6,8 @@
 //! DIR/records/ab/<key>  what an action made
 //! DIR/runs/             the last runs: roots, and the memory behind "parameter changed"
 //! DIR/pins/              artifacts that a collection keeps
+//! DIR/lock-files/        where lock files of pipelines are: a collection keeps what they name
+//! DIR/costs.jsonl        what stages have cost
 //! DIR/locks/            run lock, publishing lock, one lock per action in flight
 //! DIR/tmp/              files being written
 //! DIR/quarantine/       damaged files, moved aside
@@ -108,6 +110,14 @@ impl Layout {
 
     pub fn pins(&self) -> PathBuf {
         self.root.join("pins")
+    }
+
+    pub fn lock_files(&self) -> PathBuf {
+        self.root.join("lock-files")
+    }
+
+    pub fn costs(&self) -> PathBuf {
+        self.root.join("costs.jsonl")
     }
 
     pub fn run_lock(&self) -> PathBuf {

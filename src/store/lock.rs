@@ -49,6 +49,24 @@ pub fn try_exclusive(path: &Path) -> Result<Option<Guard>, StoreError> {
     }
 }
 
+/// Whether somebody holds the lock exclusively. The file is not made where there is none.
+///
+/// # Errors
+/// When the lock file cannot be opened or locked.
+pub fn is_held(path: &Path) -> Result<bool, StoreError> {
+    let file = match File::open(path) {
+        Ok(file) => file,
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(false),
+        Err(error) => return Err(StoreError::io("open", path)(error)),
+    };
+    // Shared, so that two who look do not see each other.
+    match file.try_lock_shared() {
+        Ok(()) => Ok(false),
+        Err(TryLockError::WouldBlock) => Ok(true),
+        Err(TryLockError::Error(error)) => Err(StoreError::io("lock", path)(error)),
+    }
+}
+
 fn open(path: &Path) -> Result<File, StoreError> {
     let opened = File::options()
         .read(true)

@@ -3,6 +3,7 @@
 
 mod artifact;
 mod atomic;
+mod costs;
 mod error;
 mod fsck;
 mod gc;
@@ -11,6 +12,7 @@ mod inspect;
 mod layout;
 mod listing;
 mod lock;
+mod lockfile;
 mod object;
 mod open;
 mod pins;
@@ -19,10 +21,12 @@ mod provenance;
 mod read;
 mod record;
 mod seal;
+mod survey;
 mod verified;
 mod write;
 
 pub use artifact::Artifact;
+pub use costs::Cost;
 pub use error::StoreError;
 pub use fsck::{Absence, Damage, Report};
 pub use gc::{Collection, Judged, Retention};
@@ -30,12 +34,14 @@ pub use history::{Run, RunStage};
 pub use inspect::{Condition, Effort};
 pub use listing::{Content, ElementType};
 pub use lock::Guard;
+pub use lockfile::{LockFile, LockedStage};
 pub use object::{Data, Dataset, Object, ObjectError, TEXT_WIDTH};
 pub use open::{Store, Stored};
 pub use pins::Pin;
 pub use plain::write_file;
 pub use provenance::Provenance;
 pub use record::{Lookup, Record};
+pub use survey::Survey;
 
 #[cfg(test)]
 mod tests;

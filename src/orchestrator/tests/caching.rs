@@ -190,12 +190,16 @@ fn an_input_taken_away_is_named() {
 fn until_leaves_out_what_is_not_needed() {
     let lab = Laboratory::new();
     let pipeline = lab.pipeline(PIPELINE, &[]);
-    let run = run(&pipeline, &lab.store(), Some("large"), &environment(), &|_| ()).unwrap();
+    let options = RunOptions {
+        until: Some("large"),
+        ..RunOptions::default()
+    };
+    let run = run(&pipeline, &lab.store(), &options, &environment(), &|_| ()).unwrap();
     assert_eq!(
         run.stages.iter().map(summary).collect::<Vec<_>>(),
         ["large built 2+0: no record"]
     );
-    let error = plan(&pipeline, &lab.store(), Some("larg")).unwrap_err();
+    let error = plan(&pipeline, &lab.store(), Some("larg"), &environment()).unwrap_err();
     assert_eq!(error.to_string(), "no stage `larg` in toy.yaml");
 }
 

@@ -2,6 +2,7 @@
 
 mod caching;
 mod concurrency;
+mod keeping;
 mod recovery;
 mod refusals;
 
@@ -287,31 +288,38 @@ impl Laboratory {
 
     /// Runs, and says what ran: one line an event, the chunks of a stage in order.
     fn run_text(&self, text: &str, sets: &[&str]) -> (RunOutcome, Vec<String>) {
+        let (outcome, log) = self.run_with(text, sets, &RunOptions::default());
+        (outcome.unwrap(), log)
+    }
+
+    fn run_with(
+        &self,
+        text: &str,
+        sets: &[&str],
+        options: &RunOptions<'_>,
+    ) -> (Result<RunOutcome, RunError>, Vec<String>) {
         let log = Mutex::new(Vec::new());
-        let outcome = run(
-            &self.pipeline(text, sets),
-            &self.store(),
-            None,
-            &environment(),
-            &|event| {
-                log.lock().unwrap().extend(line(event));
-            },
-        );
+        let listener = |event: &Event| log.lock().unwrap().extend(line(event));
+        let pipeline = self.pipeline(text, sets);
+        let outcome = run(&pipeline, &self.store(), options, &environment(), &listener);
         let mut log = log.into_inner().unwrap();
         sort_chunks(&mut log);
-        (outcome.unwrap(), log)
+        (outcome, log)
     }
 
     fn run(&self, sets: &[&str]) -> Vec<String> {
         let (outcome, log) = self.run_text(PIPELINE, sets);
-        assert!(outcome.failure.is_none(), "{:?}", outcome.failure);
+        assert!(outcome.failures.is_empty(), "{:?}", outcome.failures);
         log
     }
 
     /// Stage by stage "name outcome built+reused: why".
     fn plan(&self, sets: &[&str]) -> Vec<String> {
-        let reports = plan(&self.pipeline(PIPELINE, sets), &self.store(), None).unwrap();
-        reports.iter().map(summary).collect()
+        self.reports(sets).iter().map(summary).collect()
+    }
+
+    fn reports(&self, sets: &[&str]) -> Vec<StageReport> {
+        plan(&self.pipeline(PIPELINE, sets), &self.store(), None, &environment()).unwrap()
     }
 
     fn digests(&self, sets: &[&str]) -> Vec<Option<Digest>> {
@@ -346,6 +354,8 @@ fn line(event: &Event) -> Option<String> {
         Event::ChunkBuilt { name, chunk } => Some(format!("chunk {name} {chunk}")),
         Event::StageFinished(stage) => Some(format!("built {}", summary(stage))),
         Event::StageFailed(stage) => Some(format!("failed {}", stage.name)),
+        Event::StageSkipped(stage) => Some(format!("skipped {}", summary(stage))),
+        Event::Warning { text } => Some(format!("warning {text}")),
         Event::RunStarted { .. } | Event::Progress { .. } | Event::Note { .. } => None,
     }
 }

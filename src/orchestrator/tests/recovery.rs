@@ -31,7 +31,7 @@ fn a_failed_run_keeps_finished_chunks() {
     );
     assert_eq!(outcome.stages.len(), 1);
     assert_eq!(outcome.stages[0].outcome, Outcome::Failed);
-    assert_eq!(outcome.failure.unwrap().to_string(), "chunk 3 was told to fail");
+    assert_eq!(outcome.failures[0].error.to_string(), "chunk 3 was told to fail");
     lab.count.fails.store(u64::MAX, Ordering::SeqCst);
     let log = lab.run(&[]);
     assert_eq!(
@@ -166,7 +166,7 @@ stages:
     );
     let (outcome, log) = lab.run_text(pipeline, &["stages.last.power=2"]);
     assert_eq!(log[1], "start big (1): artifact damaged");
-    assert!(outcome.failure.is_none());
+    assert!(outcome.failures.is_empty());
     flip(&path);
     let (_, log) = lab.run_text(pipeline, &["stages.last.power=2"]);
     assert_eq!(
@@ -181,8 +181,15 @@ fn a_store_that_cannot_be_written_is_an_error_with_its_place() {
     let store = lab.store();
     fs::remove_dir(store.root().join("objects")).unwrap();
     fs::write(store.root().join("objects"), "").unwrap();
-    let outcome = run(&lab.pipeline(PIPELINE, &[]), &store, None, &environment(), &|_| ()).unwrap();
-    let message = outcome.failure.unwrap().to_string();
+    let outcome = run(
+        &lab.pipeline(PIPELINE, &[]),
+        &store,
+        &RunOptions::default(),
+        &environment(),
+        &|_| (),
+    )
+    .unwrap();
+    let message = outcome.failures[0].error.to_string();
     assert!(message.contains("store/objects"), "{message}");
     assert_eq!(outcome.stages[0].outcome, Outcome::Failed);
 }

@@ -1,0 +1,153 @@
+//! `deaflow status`: what is in a store, what is at work in it, and which pipelines are up to date.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::{Value, json};
+
+use super::arguments::StatusArguments;
+use super::error::CliError;
+use super::output::{Exit, Output};
+use super::{locate, run, table};
+use crate::orchestrator::{Environment, Outcome, Price, StageReport, plan};
+use crate::store::{LockFile, Run, Store, Survey};
+
+/// How a pipeline stands.
+struct Standing {
+    path: PathBuf,
+    /// The stages as in a plan, or why the pipeline cannot be read.
+    stages: Result<Vec<StageReport>, String>,
+    /// The run that it was last part of.
+    last: Option<Run>,
+    locked: bool,
+}
+
+pub fn execute(arguments: &StatusArguments, output: &Output) -> Result<Exit, CliError> {
+    let store = locate::existing_store(&arguments.store.folder())?;
+    let runs = store.runs()?;
+    let mut paths = arguments.pipelines.clone();
+    if paths.is_empty() {
+        for run in &runs {
+            let path = PathBuf::from(&run.path);
+            if !paths.contains(&path) {
+                paths.push(path);
+            }
+        }
+    }
+    let mut standings = Vec::new();
+    for path in paths {
+        standings.push(standing(&store, &runs, path, !arguments.pipelines.is_empty())?);
+    }
+    let survey = store.survey()?;
+    if output.is_json() {
+        output.document(&document(&store, &survey, runs.len(), &standings))?;
+    } else {
+        output.text(&text(&store, &survey, runs.len(), &standings))?;
+    }
+    Ok(Exit::Done)
+}
+
+/// A pipeline that somebody names must be there; one that only a run remembers may be gone.
+fn standing(store: &Store, runs: &[Run], path: PathBuf, named: bool) -> Result<Standing, CliError> {
+    let last = |name: Option<&str>| {
+        let same = |run: &&Run| Path::new(&run.path) == path || name == Some(run.pipeline.as_str());
+        runs.iter().find(same).cloned()
+    };
+    let (stages, last) = match run::load_file(&path, &[]) {
+        Ok(pipeline) => {
+            let stages = plan(&pipeline, store, None, &Environment::system())?;
+            (Ok(stages), last(Some(&pipeline.name)))
+        }
+        Err(error) if named => return Err(error),
+        Err(error) => (Err(error.message().to_owned()), last(None)),
+    };
+    Ok(Standing {
+        locked: LockFile::beside(&path).is_file(),
+        path,
+        stages,
+        last,
+    })
+}
+
+fn document(store: &Store, survey: &Survey, runs: usize, standings: &[Standing]) -> Value {
+    let pipelines = standings.iter().map(|standing| {
+        json!({
+            "path": standing.path,
+            "last_run": standing.last.as_ref().map(|run| &run.created),
+            "locked": standing.locked,
+            "stages": standing.stages.as_ref().ok(),
+            "error": standing.stages.as_ref().err(),
+        })
+    });
+    json!({
+        "store": store.root(),
+        "objects": survey.objects,
+        "bytes": survey.bytes,
+        "records": survey.records,
+        "runs": runs,
+        "pins": survey.pins,
+        "lock_files": survey.lock_files,
+        "quarantined": survey.quarantined,
+        "in_flight": survey.in_flight.iter().map(ToString::to_string).collect::<Vec<_>>(),
+        "pipelines": pipelines.collect::<Vec<_>>(),
+    })
+}
+
+fn text(store: &Store, survey: &Survey, runs: usize, standings: &[Standing]) -> String {
+    let mut lines = vec![format!(
+        "{}: {} artifacts ({}), {} records, {runs} runs, {} pins, {} lock files",
+        store.root().display(),
+        survey.objects,
+        table::bytes(survey.bytes),
+        survey.records,
+        survey.pins,
+        survey.lock_files,
+    )];
+    if survey.quarantined > 0 {
+        lines.push(format!(
+            "{} damaged files lie in {}",
+            survey.quarantined,
+            store.root().join("quarantine").display()
+        ));
+    }
+    lines.push(match survey.in_flight.len() {
+        0 => "nothing is being built".to_owned(),
+        n => format!("{n} actions are being built"),
+    });
+    if !standings.is_empty() {
+        let mut rows = table::table(&["pipeline", "last run", "lock", "state"], &[]);
+        for standing in standings {
+            let last = standing.last.as_ref().map_or("-", |run| run.created.as_str());
+            let lock = if standing.locked { "yes" } else { "-" };
+            rows.add_row([
+                standing.path.display().to_string(),
+                last.to_owned(),
+                lock.to_owned(),
+                state(&standing.stages),
+            ]);
+        }
+        lines.push(String::new());
+        lines.push(rows.trim_fmt());
+    }
+    lines.join("\n")
+}
+
+fn state(stages: &Result<Vec<StageReport>, String>) -> String {
+    let stages = match stages {
+        Ok(stages) => stages,
+        Err(reason) => return format!("cannot be read: {reason}"),
+    };
+    let stale: Vec<&StageReport> = stages.iter().filter(|s| s.outcome == Outcome::Stale).collect();
+    if stale.is_empty() {
+        return format!("up to date ({} stages)", stages.len());
+    }
+    let names: Vec<&str> = stale.iter().map(|stage| stage.name.as_str()).collect();
+    let price = stale.iter().filter_map(|stage| stage.price).reduce(Price::plus);
+    let unpriced = stale.iter().filter(|stage| stage.price.is_none()).count();
+    format!(
+        "{} of {} stages to build ({}): {}",
+        stale.len(),
+        stages.len(),
+        names.join(", "),
+        table::price(price.as_ref(), unpriced)
+    )
+}

@@ -1,0 +1,132 @@
+//! Prices for the stages of a pipeline, and the costs that later prices are made of.
+
+use super::assess::{Assessment, State};
+use super::event::StageReport;
+use super::kind::{Chunk, Plan};
+use super::price::{Leaves, Price, Work, leaves, price};
+use super::provenance::Environment;
+use super::spec::{Pipeline, StageSpec};
+use crate::store::{Cost, Store, StoreError};
+
+/// A price for every stale stage of a selection, as far as one can be named; `None` for all that is there.
+///
+/// # Errors
+/// When the store cannot be read.
+pub fn prices(
+    pipeline: &Pipeline,
+    selection: &[usize],
+    assessments: &[Assessment],
+    store: &Store,
+    environment: &Environment,
+) -> Result<Vec<Option<Price>>, StoreError> {
+    if !assessments.iter().any(Assessment::is_stale) {
+        return Ok(vec![None; selection.len()]);
+    }
+    let costs = store.costs()?;
+    let mut lengths: Vec<Option<u64>> = vec![None; pipeline.stages.len()];
+    let mut prices = Vec::with_capacity(selection.len());
+    for (&index, assessment) in selection.iter().zip(assessments) {
+        let spec = &pipeline.stages[index];
+        let input_bytes = spec.needs.iter().map(|&need| lengths[need]).sum();
+        let price = match assessment.is_stale() {
+            true => price(&costs, &work(spec, assessment, input_bytes, environment)),
+            false => None,
+        };
+        lengths[index] = length(assessment, price.as_ref());
+        prices.push(price);
+    }
+    Ok(prices)
+}
+
+/// What building a stale stage takes. `input_bytes` is the length of its inputs, where that is known.
+fn work(spec: &StageSpec, assessment: &Assessment, input_bytes: Option<u64>, environment: &Environment) -> Work {
+    Work {
+        kind: spec.kind.name().to_owned(),
+        recipe: spec.kind.recipe(),
+        parameters: parameters(spec, &assessment.work),
+        host: environment.host.clone(),
+        jobs: rayon::current_num_threads() as u64,
+        steps: steps(assessment),
+        chunks: match &assessment.work {
+            Plan::Chunks(_) => Some(missing(assessment).count() as u64),
+            Plan::Whole { .. } => None,
+        },
+        input_bytes,
+    }
+}
+
+/// How many steps building takes: samples in the chunks that are not there, or the stage's own measure.
+pub fn steps(assessment: &Assessment) -> u64 {
+    match &assessment.work {
+        Plan::Chunks(_) => missing(assessment).map(|chunk| chunk.samples).sum(),
+        Plan::Whole { steps } => *steps,
+    }
+}
+
+/// The cost of a stage that was built here and now, for the memory of the store; `None` where another process had a share.
+pub fn cost(
+    spec: &StageSpec,
+    assessment: &Assessment,
+    report: &StageReport,
+    input_bytes: u64,
+    environment: &Environment,
+) -> Option<Cost> {
+    let chunks = match &assessment.work {
+        Plan::Chunks(_) => missing(assessment).count() as u64,
+        Plan::Whole { .. } => 1,
+    };
+    if report.chunks_built != chunks {
+        return None;
+    }
+    Some(Cost {
+        kind: spec.kind.name().to_owned(),
+        recipe: spec.kind.recipe(),
+        parameters: parameters(spec, &assessment.work),
+        host: environment.host.clone(),
+        jobs: rayon::current_num_threads() as u64,
+        steps: steps(assessment),
+        chunks,
+        input_bytes,
+        seconds: report.seconds,
+        bytes: report.size_built,
+        created: environment.now(),
+    })
+}
+
+fn missing(assessment: &Assessment) -> impl Iterator<Item = &Chunk> {
+    let (chunks, states) = match (&assessment.work, &assessment.state) {
+        (Plan::Chunks(chunks), State::Stale { chunks: states, .. }) => (chunks.as_slice(), states.as_slice()),
+        _ => (&[][..], &[][..]),
+    };
+    let pairs = chunks.iter().zip(states);
+    pairs.filter(|(_, state)| !state.intact).map(|(chunk, _)| chunk)
+}
+
+/// What the work depends on. Of a chunked stage it is what all its chunks have in common, so that a stage of more samples
+/// is the same work, only more of it; and no work depends on a seed.
+fn parameters(spec: &StageSpec, work: &Plan) -> Leaves {
+    let mut common = match work {
+        Plan::Chunks(chunks) => {
+            let of = |chunk: Option<&Chunk>| chunk.map(|chunk| leaves(&chunk.parameters)).unwrap_or_default();
+            let last = of(chunks.last());
+            let mut first = of(chunks.first());
+            first.retain(|path, value| last.get(path) == Some(value));
+            first
+        }
+        Plan::Whole { .. } => leaves(&spec.stage.parameters()),
+    };
+    common.retain(|path, _| path.rsplit('.').next() != Some("seed"));
+    common
+}
+
+/// The length of a stage's files, now or once it has been built.
+fn length(assessment: &Assessment, price: Option<&Price>) -> Option<u64> {
+    match &assessment.state {
+        State::Fresh { size, .. } => Some(*size),
+        State::Stale { chunks, .. } => {
+            let there = chunks.iter().filter(|chunk| chunk.intact);
+            let there: u64 = there.filter_map(|chunk| Some(chunk.record.as_ref()?.size)).sum();
+            price.map(|price| there + price.bytes.likely as u64)
+        }
+    }
+}

@@ -1,0 +1,127 @@
+//! Holds a pipeline to its lock file: before any work every stage's key is compared, and after each stage what it made.
+//!
+//! Keys are made of recipe, parameters and the digests of inputs, and the lock file says those digests: so all keys are
+//! known before anything is built, and a difference costs no work.
+
+use super::action::Action;
+use super::spec::{Pipeline, StageSpec};
+use super::staleness::{Current, Staleness};
+use crate::base::Digest;
+use crate::store::{LockFile, LockedStage, Record, Store, StoreError};
+
+/// One way in which a pipeline, or what it made, is not what its lock file says.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Difference {
+    /// The lock file does not have the stage.
+    #[error("stage `{0}` is not in the lock file")]
+    Added(String),
+    /// The pipeline does not have the stage.
+    #[error("stage `{0}` is in the lock file only")]
+    Dropped(String),
+    /// The stage would do something else.
+    #[error("stage `{stage}` is another action than the lock file's: {why}")]
+    Key {
+        /// The stage.
+        stage: String,
+        /// What has changed, as far as it is known.
+        why: String,
+    },
+    /// The stage did the same and made something else.
+    #[error("stage `{stage}` made {found}, the lock file says {locked}{why}")]
+    Artifact {
+        /// The stage.
+        stage: String,
+        /// What it made.
+        found: String,
+        /// What the lock file says.
+        locked: String,
+        /// A likely reason.
+        why: String,
+    },
+}
+
+/// All differences that can be seen before any work. `selection` gives the stages to look at by their places.
+///
+/// # Errors
+/// When the store cannot be read.
+pub fn differences(
+    pipeline: &Pipeline,
+    selection: &[usize],
+    store: &Store,
+    lock: &LockFile,
+) -> Result<Vec<Difference>, StoreError> {
+    let dropped = lock.stages.keys().filter(|name| pipeline.stage(name).is_none());
+    let mut found: Vec<Difference> = dropped.map(|name| Difference::Dropped(name.clone())).collect();
+    for &index in selection {
+        let spec = &pipeline.stages[index];
+        match lock.stages.get(&spec.name) {
+            None => found.push(Difference::Added(spec.name.clone())),
+            Some(locked) => found.extend(other_key(pipeline, spec, store, lock, locked)?),
+        }
+    }
+    Ok(found)
+}
+
+/// The difference in a stage's key, its inputs being what the lock file says.
+fn other_key(
+    pipeline: &Pipeline,
+    spec: &StageSpec,
+    store: &Store,
+    lock: &LockFile,
+    locked: &LockedStage,
+) -> Result<Option<Difference>, StoreError> {
+    let needs = spec.needs.iter().map(|&need| pipeline.stages[need].name.as_str());
+    let inputs: Vec<(&str, Option<Digest>)> = needs
+        .map(|name| (name, lock.stages.get(name).map(|stage| stage.artifact)))
+        .collect();
+    let digests: Vec<Option<Digest>> = inputs.iter().map(|(_, digest)| *digest).collect();
+    let parameters = spec.stage.parameters();
+    let action = Action::of_stage(spec.kind.name(), spec.kind.recipe(), &parameters, &digests);
+    let Some(key) = action.map(|action| action.key()).transpose()? else {
+        // An input is not in the lock file: that is told of the input.
+        return Ok(None);
+    };
+    if key == locked.key {
+        return Ok(None);
+    }
+    let current = Current {
+        recipe: spec.kind.recipe(),
+        parameters: &parameters,
+        inputs: &inputs,
+    };
+    let why = match store.record(&locked.key)?.record() {
+        Some(then) => {
+            let reasons = Staleness::all_since(&current, Some(&then), None);
+            let reasons: Vec<String> = reasons.iter().map(ToString::to_string).collect();
+            reasons.join("; ")
+        }
+        None => format!("its key is {}, not {}", key.short(), locked.key.short()),
+    };
+    Ok(Some(Difference::Key {
+        stage: spec.name.clone(),
+        why,
+    }))
+}
+
+/// The difference in what a stage made.
+#[must_use]
+pub fn other_artifact(spec: &StageSpec, lock: &LockFile, record: &Record) -> Option<Difference> {
+    let locked = lock.stages.get(&spec.name)?;
+    if locked.artifact == record.artifact {
+        return None;
+    }
+    let why = if lock.target == record.target {
+        String::new()
+    } else {
+        format!(
+            "; it was made on {} and the lock file on {}: last bits may differ between kinds of processors",
+            record.target, lock.target
+        )
+    };
+    Some(Difference::Artifact {
+        stage: spec.name.clone(),
+        found: record.artifact.short(),
+        locked: locked.artifact.short(),
+        why,
+    })
+}

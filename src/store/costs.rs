@@ -1,0 +1,155 @@
+//! What stages have cost: a line of JSON for each stage that was built, from which plans foretell what the next one takes.
+//!
+//! It is experience, not truth: no key, no artifact and no record depends on it, and it may be deleted at any time.
+
+use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::io::{ErrorKind, Write};
+
+use serde::{Deserialize, Serialize};
+
+use super::atomic;
+use super::error::StoreError;
+use super::open::Store;
+
+/// When the file is longer than this, the older half of its lines goes, bytes.
+const LONG: usize = 1 << 20;
+
+/// What building a stage, or its missing chunks, has cost.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Cost {
+    /// Kind of the stage.
+    pub kind: String,
+    /// RECIPE number of the kind.
+    pub recipe: u32,
+    /// Canonical parameters: dotted path and value of every leaf.
+    pub parameters: BTreeMap<String, String>,
+    /// Name of the machine.
+    pub host: String,
+    /// Threads of the run.
+    pub jobs: u64,
+    /// Steps that were done: samples, epochs, generations.
+    pub steps: u64,
+    /// Chunks that were built; 1 where the stage is not chunked.
+    pub chunks: u64,
+    /// Length of all inputs, bytes.
+    pub input_bytes: u64,
+    /// From the beginning of the stage to its end, s.
+    pub seconds: f64,
+    /// Length of the files that were written, bytes.
+    pub bytes: u64,
+    /// When it ended, in UTC, RFC 3339.
+    pub created: String,
+}
+
+impl Store {
+    /// Adds what a stage has cost.
+    ///
+    /// # Errors
+    /// When the system refuses.
+    pub fn put_cost(&self, cost: &Cost) -> Result<(), StoreError> {
+        let path = self.layout.costs();
+        let mut line = serde_json::to_vec(cost).map_err(|error| StoreError::Json(error.to_string()))?;
+        line.push(b'\n');
+        // One write at the end of the file: two processes that add at once do not mix their lines. A line that was cut off
+        // by a full disk is ended first, so that it does not swallow this one.
+        let known = self.cost_lines()?;
+        if known.last().is_some_and(|last| *last != b'\n') {
+            line.insert(0, b'\n');
+        }
+        if known.len() + line.len() > LONG {
+            let half = known.len() / 2;
+            let cut = known[half..].iter().position(|byte| *byte == b'\n');
+            let mut kept = cut.map_or_else(Vec::new, |at| known[half + at + 1..].to_vec());
+            kept.extend_from_slice(&line);
+            let folder = self.temporary()?;
+            return atomic::write(&folder.path().join("costs"), &path, &kept);
+        }
+        let opened = File::options().append(true).create(true).open(&path);
+        opened
+            .and_then(|mut file| file.write_all(&line))
+            .map_err(StoreError::io("write", &path))
+    }
+
+    /// All costs that are remembered, oldest first. A line that cannot be read is passed over.
+    ///
+    /// # Errors
+    /// When the system refuses.
+    pub fn costs(&self) -> Result<Vec<Cost>, StoreError> {
+        let lines = self.cost_lines()?;
+        let lines = lines.split(|byte| *byte == b'\n');
+        let costs = lines.filter_map(|line| serde_json::from_slice::<Cost>(line).ok());
+        Ok(costs.filter(Cost::is_sensible).collect())
+    }
+
+    fn cost_lines(&self) -> Result<Vec<u8>, StoreError> {
+        let path = self.layout.costs();
+        match fs::metadata(&path) {
+            // Nothing that this program wrote.
+            Ok(metadata) if !metadata.is_file() || metadata.len() > 4 * LONG as u64 => return Ok(Vec::new()),
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
+            _ => {}
+        }
+        fs::read(&path).map_err(StoreError::io("read", &path))
+    }
+}
+
+impl Cost {
+    fn is_sensible(&self) -> bool {
+        self.steps > 0 && self.chunks > 0 && self.jobs > 0 && self.seconds.is_finite() && self.seconds >= 0.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cost(steps: u64) -> Cost {
+        Cost {
+            kind: "solve".into(),
+            recipe: 1,
+            parameters: BTreeMap::from([("order".into(), "1".into())]),
+            host: "here".into(),
+            jobs: 2,
+            steps,
+            chunks: 1,
+            input_bytes: 10,
+            seconds: 0.5,
+            bytes: 100,
+            created: "2026-01-01T00:00:00.000Z".into(),
+        }
+    }
+
+    #[test]
+    fn costs_survive_damage_and_stay_short() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::open(folder.path()).unwrap();
+        assert_eq!(store.costs().unwrap(), []);
+        store.put_cost(&cost(1)).unwrap();
+        // A line cut off in the middle, as a full disk leaves it.
+        let path = store.layout.costs();
+        let whole = fs::read(&path).unwrap();
+        fs::write(&path, [&whole[..], &whole[..20]].concat()).unwrap();
+        store.put_cost(&cost(2)).unwrap();
+        assert_eq!(store.costs().unwrap(), [cost(1), cost(2)]);
+        // What means nothing is passed over.
+        store.put_cost(&cost(0)).unwrap();
+        assert_eq!(store.costs().unwrap().len(), 2);
+
+        let many = whole.repeat(LONG / whole.len());
+        fs::write(&path, many).unwrap();
+        store.put_cost(&cost(3)).unwrap();
+        let costs = store.costs().unwrap();
+        assert!(fs::metadata(&path).unwrap().len() < LONG as u64 * 6 / 10);
+        assert_eq!((costs.first(), costs.last()), (Some(&cost(1)), Some(&cost(3))));
+    }
+
+    #[test]
+    fn something_else_in_its_place_is_no_memory() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::open(folder.path()).unwrap();
+        fs::create_dir(store.layout.costs()).unwrap();
+        assert_eq!(store.costs().unwrap(), []);
+        assert!(matches!(store.put_cost(&cost(1)), Err(StoreError::Io { .. })));
+    }
+}

@@ -1,0 +1,227 @@
+//! Lock files of pipelines: the key and the artifact of every stage, so that a later run can be held to them.
+//!
+//! A lock file stands beside its pipeline and belongs to whoever keeps the pipeline, not to the store. The store remembers
+//! where the lock files are that were written with it: what they name is a root of every collection.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::fs;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+
+use super::atomic;
+use super::error::StoreError;
+use super::layout::files_in;
+use super::open::Store;
+use crate::base::{Digest, Document, InputError, Node};
+
+const WHAT: &str = "a lock file";
+
+/// What a pipeline made.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LockFile {
+    /// Name of the pipeline.
+    pub pipeline: String,
+    /// Architecture, operating system and processor that made it.
+    pub target: String,
+    /// Every stage by its name.
+    pub stages: BTreeMap<String, LockedStage>,
+}
+
+/// What one stage made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LockedStage {
+    /// Its action key.
+    pub key: Digest,
+    /// Its artifact.
+    pub artifact: Digest,
+}
+
+impl LockFile {
+    /// The lock file of a pipeline's file: `quickstart.lock` beside `quickstart.yaml`.
+    #[must_use]
+    pub fn beside(pipeline: &Path) -> PathBuf {
+        pipeline.with_extension("lock")
+    }
+
+    /// Reads a lock file.
+    ///
+    /// # Errors
+    /// When it cannot be read or is none, with the place.
+    pub fn read(path: &Path) -> Result<Self, InputError> {
+        let document = Document::load(path)?;
+        let map = document
+            .root
+            .fields(WHAT, &["version", "pipeline", "target", "stages"])?;
+        let version = map.required(WHAT, "version")?;
+        if version.whole("version", 0, u64::MAX)? != 1 {
+            return Err(version.error(format!(
+                "`version` is {}: this deaflow reads version 1",
+                version.found()
+            )));
+        }
+        let entries = map.required(WHAT, "stages")?.entries("stages")?;
+        let stages = entries.iter().map(|(name, stage)| {
+            let name = name.text("a stage's name")?;
+            let stage = stage.fields("a locked stage", &["key", "artifact"])?;
+            let digest = |field| digest(stage.required("a locked stage", field)?, field);
+            let locked = LockedStage {
+                key: digest("key")?,
+                artifact: digest("artifact")?,
+            };
+            Ok((name.to_owned(), locked))
+        });
+        Ok(Self {
+            pipeline: map.required(WHAT, "pipeline")?.text("pipeline")?.to_owned(),
+            target: map.required(WHAT, "target")?.text("target")?.to_owned(),
+            stages: stages.collect::<Result<_, InputError>>()?,
+        })
+    }
+
+    /// The file's text.
+    #[must_use]
+    pub fn text(&self) -> String {
+        let quoted = |text: &str| serde_json::Value::from(text).to_string();
+        let mut text = String::from(
+            "# What the pipeline beside this file made: written by `deaflow run --lock`, checked by `deaflow run --locked`.\n",
+        );
+        // Writing to a text cannot fail.
+        let _ = write!(
+            text,
+            "version: 1\npipeline: {}\ntarget: {}\nstages:\n",
+            quoted(&self.pipeline),
+            quoted(&self.target)
+        );
+        for (name, stage) in &self.stages {
+            let _ = write!(
+                text,
+                "  {}:\n    key: \"{}\"\n    artifact: \"{}\"\n",
+                quoted(name),
+                stage.key,
+                stage.artifact
+            );
+        }
+        text
+    }
+}
+
+fn digest(node: &Node, field: &str) -> Result<Digest, InputError> {
+    let text = node.text(field)?;
+    text.parse().map_err(|error| {
+        node.error(format!("`{field}` is no digest: {error}"))
+            .help("64 hexadecimal digits")
+    })
+}
+
+impl Store {
+    /// Writes a lock file and remembers where it is.
+    ///
+    /// # Errors
+    /// When the system refuses.
+    pub fn put_lock_file(&self, path: &Path, lock: &LockFile) -> Result<(), StoreError> {
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+        let folder = folder.unwrap_or(Path::new("."));
+        let aside = tempfile::NamedTempFile::new_in(folder).map_err(StoreError::io("write in", folder))?;
+        atomic::write(aside.path(), path, lock.text().as_bytes())?;
+        self.remember_lock_file(path)
+    }
+
+    /// Remembers where a lock file is, so that what it names is kept.
+    ///
+    /// # Errors
+    /// When the system refuses.
+    pub fn remember_lock_file(&self, path: &Path) -> Result<(), StoreError> {
+        let whole = fs::canonicalize(path).map_err(StoreError::io("find", path))?;
+        let text = whole.to_str().ok_or_else(|| StoreError::LockFile {
+            path: whole.clone(),
+            reason: "its path is not UTF-8".into(),
+        })?;
+        let target = self.layout.lock_files().join(Digest::of(text.as_bytes()).to_string());
+        if fs::read(&target).is_ok_and(|known| known == text.as_bytes()) {
+            return Ok(());
+        }
+        let folder = self.temporary()?;
+        atomic::write(&folder.path().join("lock-file"), &target, text.as_bytes())
+    }
+
+    /// The lock files that are remembered and still there, by their paths.
+    ///
+    /// # Errors
+    /// When one is there and cannot be read: what it needs is then not known.
+    pub fn lock_files(&self) -> Result<Vec<(PathBuf, LockFile)>, StoreError> {
+        let folder = self.layout.lock_files();
+        if !folder.is_dir() {
+            return Ok(Vec::new());
+        }
+        let mut found = Vec::new();
+        for entry in files_in(&folder)? {
+            let bytes = fs::read(&entry).map_err(StoreError::io("read", &entry))?;
+            let named = entry.file_name().and_then(|name| name.to_str());
+            if named.is_none_or(|name| name != Digest::of(&bytes).to_string()) {
+                return Err(StoreError::damaged(&entry, "it does not say where a lock file is"));
+            }
+            let path = PathBuf::from(String::from_utf8_lossy(&bytes).into_owned());
+            match fs::metadata(&path) {
+                Err(error) if error.kind() == ErrorKind::NotFound => continue,
+                _ => {}
+            }
+            match LockFile::read(&path) {
+                Ok(lock) => found.push((path, lock)),
+                Err(error) => {
+                    return Err(StoreError::LockFile {
+                        path,
+                        reason: error.to_string(),
+                    });
+                }
+            }
+        }
+        Ok(found)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lock() -> LockFile {
+        let stage = |text: &str| LockedStage {
+            key: Digest::of(text.as_bytes()),
+            artifact: Digest::of(b"artifact"),
+        };
+        LockFile {
+            pipeline: "a \"name\": # odd".into(),
+            target: "x86_64-linux, Some CPU @ 2 GHz".into(),
+            stages: BTreeMap::from([("small".into(), stage("1")), ("no".into(), stage("2"))]),
+        }
+    }
+
+    #[test]
+    fn a_lock_file_says_what_was_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::open(&folder.path().join("store")).unwrap();
+        let path = folder.path().join("p.lock");
+        assert_eq!(LockFile::beside(&folder.path().join("p.yaml")), path);
+        store.put_lock_file(&path, &lock()).unwrap();
+        assert_eq!(LockFile::read(&path).unwrap(), lock());
+        assert_eq!(
+            store.lock_files().unwrap(),
+            [(fs::canonicalize(&path).unwrap(), lock())]
+        );
+        // Nothing is left beside it.
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
+    }
+
+    #[test]
+    fn a_lock_file_that_is_gone_holds_nothing_and_one_that_is_damaged_stops() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::open(&folder.path().join("store")).unwrap();
+        let path = folder.path().join("p.lock");
+        store.put_lock_file(&path, &lock()).unwrap();
+        fs::write(&path, lock().text().replace("artifact: \"", "artifact: \"x")).unwrap();
+        assert!(LockFile::read(&path).unwrap_err().to_string().contains("is no digest"));
+        let error = store.lock_files().unwrap_err();
+        assert!(error.to_string().contains("p.lock"), "{error}");
+        fs::remove_file(&path).unwrap();
+        assert_eq!(store.lock_files().unwrap(), []);
+    }
+}

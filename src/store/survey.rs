@@ -1,0 +1,100 @@
+//! What is in a store, counted and weighed without reading it.
+
+use std::fs;
+
+use super::error::StoreError;
+use super::layout::{files, files_in};
+use super::lock;
+use super::open::Store;
+use crate::base::Digest;
+
+/// What is in a store.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Survey {
+    /// Artifacts.
+    pub objects: u64,
+    /// Length of their files, bytes.
+    pub bytes: u64,
+    /// Records.
+    pub records: u64,
+    /// Pinned artifacts.
+    pub pins: u64,
+    /// Lock files that are remembered.
+    pub lock_files: u64,
+    /// Damaged files that were moved aside.
+    pub quarantined: u64,
+    /// Keys of the actions that some process is at work on.
+    pub in_flight: Vec<Digest>,
+}
+
+impl Store {
+    /// Counts and weighs.
+    ///
+    /// # Errors
+    /// When the system refuses.
+    pub fn survey(&self) -> Result<Survey, StoreError> {
+        let mut survey = Survey {
+            records: files(&self.layout.records())?.len() as u64,
+            pins: count(&self.layout.pins())?,
+            lock_files: count(&self.layout.lock_files())?,
+            quarantined: count(&self.layout.quarantine())?,
+            ..Survey::default()
+        };
+        for path in files(&self.layout.objects())? {
+            // Another process may have just replaced it.
+            if let Ok(metadata) = fs::metadata(&path) {
+                survey.objects += 1;
+                survey.bytes += metadata.len();
+            }
+        }
+        for path in files_in(&self.layout.action_locks())? {
+            let name = path.file_name().and_then(|name| name.to_str());
+            let key = name.and_then(|name| name.parse().ok());
+            if let Some(key) = key
+                && lock::is_held(&path)?
+            {
+                survey.in_flight.push(key);
+            }
+        }
+        Ok(survey)
+    }
+}
+
+fn count(folder: &std::path::Path) -> Result<u64, StoreError> {
+    match folder.is_dir() {
+        true => Ok(files_in(folder)?.len() as u64),
+        false => Ok(0),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::{Object, Pin, Provenance};
+
+    #[test]
+    fn everything_is_counted() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::open(folder.path()).unwrap();
+        assert_eq!(store.survey().unwrap(), Survey::default());
+        let object = Object::default().attribute("a", "b");
+        let stored = store.put(&object, &Provenance::default()).unwrap();
+        let (label, created) = (String::new(), String::new());
+        let digest = stored.digest;
+        store.pin(&Pin { digest, label, created }).unwrap();
+        fs::write(store.layout.quarantine().join("x"), "").unwrap();
+        let key = Digest::of(b"key");
+        let held = store.lock_action(&key).unwrap();
+        let expected = Survey {
+            objects: 1,
+            bytes: stored.size,
+            pins: 1,
+            quarantined: 1,
+            in_flight: vec![key],
+            ..Survey::default()
+        };
+        assert_eq!(store.survey().unwrap(), expected);
+        drop(held);
+        assert_eq!(store.survey().unwrap().in_flight, []);
+    }
+}
