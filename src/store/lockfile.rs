@@ -122,8 +122,10 @@ impl Store {
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
         let folder = folder.unwrap_or(Path::new("."));
         let aside = tempfile::NamedTempFile::new_in(folder).map_err(StoreError::io("write in", folder))?;
-        atomic::write(aside.path(), path, lock.text().as_bytes())?;
-        self.remember_lock_file(path)
+        // With its folder named, even where that is the one at hand.
+        let target = folder.join(path.file_name().unwrap_or_default());
+        atomic::write(aside.path(), &target, lock.text().as_bytes())?;
+        self.remember_lock_file(&target)
     }
 
     /// Remembers where a lock file is, so that what it names is kept.

@@ -301,6 +301,38 @@ fn fsck_finds_every_fault_and_names_it() {
 }
 
 #[test]
+fn a_repair_leaves_nothing_that_promises_what_is_gone() {
+    let (_folder, store) = store();
+    let sound = store.put(&chunk(1, 1), &Provenance::default()).unwrap();
+    let lost = store.put(&chunk(2, 1), &Provenance::default()).unwrap();
+    let manifest = Object::manifest(Default::default(), vec![sound.digest, lost.digest]);
+    let manifest = store.put(&manifest, &Provenance::default()).unwrap();
+    for (name, stored) in [("sound", sound), ("lost", lost), ("manifest", manifest)] {
+        store.put_record(&record(name, stored)).unwrap();
+    }
+    fs::remove_file(object_path(&store, &lost.digest)).unwrap();
+    fs::write(store.root().join("objects/notes.txt"), "").unwrap();
+    let report = store.repair(&|_, _| ()).unwrap();
+    assert!(!report.is_sound(), "it was not");
+    let record_path = |name| store.layout.record(&record(name, sound).key);
+    let mut moved = report.repaired.clone();
+    moved.sort();
+    let mut expected = vec![
+        object_path(&store, &manifest.digest),
+        record_path("lost"),
+        record_path("manifest"),
+        store.root().join("objects/notes.txt"),
+    ];
+    expected.sort();
+    assert_eq!(moved, expected);
+    // Moved, and not lost.
+    assert_eq!(fs::read_dir(store.root().join("quarantine")).unwrap().count(), 4);
+    let after = store.fsck(&|_, _| ()).unwrap();
+    assert!(after.is_sound() && after.strays.is_empty());
+    assert_eq!((after.objects, after.records), (1, 1));
+}
+
+#[test]
 fn a_seal_that_was_forged_does_not_deceive_fsck() {
     let (_folder, store) = store();
     let (one, two) = (put(&store, &chunk(1, 1)), put(&store, &chunk(2, 1)));

@@ -6,6 +6,7 @@ mod collect;
 mod common;
 mod golden;
 mod h5py;
+mod keeping;
 mod layering;
 mod rebuild;
 mod reproducible;

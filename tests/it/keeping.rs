@@ -1,0 +1,253 @@
+//! What people need every day around a run: a lock file, going on after a failure, silence, a price, a look at the store.
+
+use serde_json::Value;
+
+use super::common::Workspace;
+
+/// Two stages are enough: one chunked, one that needs it.
+const SHORT: &str = "\
+version: 1
+name: short
+scene:
+  geometry: { side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50 }
+  material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
+  drive: { voltage: 5.25 kV }
+  effects: {}
+stages:
+  small:  { kind: sample, family: small-grid, count: 60, seed: 1 }
+  other:  { kind: sample, family: small-grid, count: 5, seed: 2 }
+  solved: { kind: solve, needs: [small], elements_per_cell: 1 }
+";
+
+fn workspace() -> Workspace {
+    let workspace = Workspace::new();
+    workspace.write("short.yaml", SHORT);
+    workspace
+}
+
+#[test]
+fn a_lock_file_holds_a_pipeline_wherever_it_is_run() {
+    let workspace = workspace();
+    let missing = workspace.run(&["run", "short.yaml", "--locked"]);
+    assert_eq!(missing.code, Some(2));
+    assert!(
+        missing.stderr.contains("short.lock") && missing.stderr.contains("--lock"),
+        "{}",
+        missing.stderr
+    );
+    assert_eq!(workspace.run(&["run", "short.yaml", "--lock"]).code, Some(0));
+    let text = std::fs::read_to_string(workspace.path("short.lock")).unwrap();
+    // In another store, from nothing.
+    let elsewhere = workspace.run(&["run", "short.yaml", "--locked", "--store", "other"]);
+    assert_eq!(elsewhere.code, Some(0), "{}", elsewhere.stderr);
+    // A tweak is told before anything is built.
+    let tweaked = workspace.run(&["run", "short.yaml", "--locked", "--set", "stages.small.seed=9"]);
+    assert_eq!(tweaked.code, Some(6));
+    assert!(
+        tweaked.stderr.contains("stage `small`") && tweaked.stderr.contains("seed from 1 to 9"),
+        "{}",
+        tweaked.stderr
+    );
+    assert!(!tweaked.stderr.contains("to do"), "{}", tweaked.stderr);
+    // An artifact that is another is told by its name.
+    let small = workspace.run(&["plan", "short.yaml", "--json"]).json()["stages"][0]["digest"].clone();
+    let digest = small.as_str().unwrap();
+    let other = digest.chars().rev().collect::<String>();
+    workspace.write("short.lock", &text.replace(digest, &other));
+    let differs = workspace.run(&["run", "short.yaml", "--locked", "--json"]);
+    assert_eq!(differs.code, Some(6), "{}", differs.stderr);
+    let message = differs.json()["error"]["message"].as_str().unwrap().to_owned();
+    assert!(
+        message.contains(&digest[..12]) || message.contains("another action"),
+        "{message}"
+    );
+    // One that cannot be read is refused with its line.
+    workspace.write("short.lock", &text.replace("artifact: \"", "artifact: \"?"));
+    let broken = workspace.run(&["run", "short.yaml", "--locked", "--json"]);
+    assert_eq!(broken.code, Some(2));
+    assert_eq!(broken.json()["error"]["line"], 8, "{}", broken.stdout);
+    let both = workspace.run(&["run", "short.yaml", "--lock", "--set", "stages.small.seed=9"]);
+    assert_eq!(both.code, Some(2));
+}
+
+#[test]
+fn gc_keeps_what_a_lock_file_names_for_as_long_as_it_is_there() {
+    let workspace = workspace();
+    assert_eq!(workspace.run(&["run", "short.yaml", "--lock"]).code, Some(0));
+    workspace.stages(&["run", "short.yaml", "--set", "stages.small.seed=2"]);
+    let gc = ["gc", "--keep-runs", "0", "--grace", "0", "--json"];
+    let kept = workspace.run(&gc).json();
+    let holders = kept["kept"].as_array().unwrap();
+    assert!(!holders.is_empty());
+    let lock = std::fs::canonicalize(workspace.path("short.lock")).unwrap();
+    for artifact in holders {
+        assert_eq!(artifact["held_by"][0], format!("lock file {}", lock.display()));
+    }
+    let plan = workspace.run(&["plan", "short.yaml", "--json"]).json();
+    assert!(
+        plan["stages"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .all(|stage| stage["outcome"] == "reused")
+    );
+    std::fs::remove_file(workspace.path("short.lock")).unwrap();
+    assert_eq!(workspace.run(&gc).json()["kept"], serde_json::json!([]));
+}
+
+#[test]
+fn a_plan_has_a_price_and_a_run_says_how_it_came_out() {
+    let workspace = workspace();
+    let first = workspace.run(&["plan", "short.yaml"]);
+    assert!(
+        first.stdout.contains("no costs of such stages are recorded"),
+        "{}",
+        first.stdout
+    );
+    workspace.stages(&["run", "short.yaml"]);
+    let more = ["--set", "stages.small.count=160"];
+    let plan = workspace
+        .run(&[&["plan", "short.yaml", "--json"][..], &more].concat())
+        .json();
+    let solved = &plan["stages"][2];
+    let seconds = |which: &str| solved["price"]["seconds"][which].as_f64().unwrap();
+    assert!(0.0 < seconds("low") && seconds("low") < seconds("likely") && seconds("likely") < seconds("high"));
+    // 110 more fields of 51×51×2 numbers, and a little about each.
+    let bytes = solved["price"]["bytes"]["likely"].as_f64().unwrap();
+    assert!(
+        (0.9..1.5).contains(&(bytes / (110.0 * 51.0 * 51.0 * 2.0 * 8.0))),
+        "{bytes}"
+    );
+    assert_eq!(plan["unpriced"], 0);
+    let run = workspace
+        .run(&[&["run", "short.yaml", "--json"][..], &more].concat())
+        .json();
+    let solved = &run["stages"][2];
+    assert_eq!(
+        solved["price"]["seconds"]["likely"].as_f64().unwrap(),
+        seconds("likely")
+    );
+    let built = solved["size_built"].as_f64().unwrap();
+    assert!((built / bytes - 1.0).abs() < 0.1, "foretold {bytes}, wrote {built}");
+}
+
+#[test]
+fn quiet_is_quiet_and_json_progress_is_one_event_a_line() {
+    let workspace = workspace();
+    let quiet = workspace.run(&["run", "short.yaml", "--quiet"]);
+    assert_eq!((quiet.code, quiet.stdout.as_str()), (Some(0), ""));
+    for line in quiet.stderr.lines() {
+        assert!(line.starts_with("warning: "), "{line}");
+    }
+    let told = workspace.run(&[
+        "run",
+        "short.yaml",
+        "--progress",
+        "json",
+        "--set",
+        "stages.small.count=70",
+    ]);
+    let events: Vec<Value> = told
+        .stderr
+        .lines()
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect();
+    let names: Vec<&str> = events.iter().map(|event| event["event"].as_str().unwrap()).collect();
+    assert_eq!(names.first(), Some(&"run-started"));
+    assert_eq!(events[0]["stale"], 2);
+    for wanted in [
+        "stage-started",
+        "chunk-built",
+        "stage-finished",
+        "stage-reused",
+        "progress",
+    ] {
+        assert!(names.contains(&wanted), "no {wanted} in {names:?}");
+    }
+    let built: Vec<&Value> = events
+        .iter()
+        .filter(|e| e["event"] == "chunk-built" && e["name"] == "small")
+        .collect();
+    assert_eq!(built.len(), 1);
+    assert_eq!(
+        workspace
+            .run(&["run", "short.yaml", "--quiet", "--progress", "json"])
+            .code,
+        Some(2)
+    );
+}
+
+#[test]
+fn status_says_what_is_there_and_what_is_stale() {
+    let workspace = workspace();
+    assert_eq!(workspace.run(&["status"]).code, Some(2), "there is no store");
+    workspace.stages(&["run", "short.yaml"]);
+    let status = workspace.run(&["status", "--json"]).json();
+    // Three manifests, two chunks of 50 and one of 5 samples, and two solved.
+    assert_eq!((&status["objects"], &status["records"]), (&8.into(), &8.into()));
+    assert_eq!(
+        (&status["runs"], &status["in_flight"]),
+        (&1.into(), &serde_json::json!([]))
+    );
+    assert_eq!(status["pipelines"][0]["path"], "short.yaml");
+    workspace.write("short.yaml", &SHORT.replace("seed: 2", "seed: 3"));
+    let text = workspace.run(&["status"]).stdout;
+    assert!(text.contains("1 of 3 stages to build (other)"), "{text}");
+    // A pipeline that is gone is no failure, unless it is asked for.
+    std::fs::remove_file(workspace.path("short.yaml")).unwrap();
+    let gone = workspace.run(&["status"]);
+    assert!(
+        gone.code == Some(0) && gone.stdout.contains("cannot be read"),
+        "{}",
+        gone.stdout
+    );
+    assert_eq!(workspace.run(&["status", "short.yaml"]).code, Some(2));
+}
+
+#[test]
+fn a_repaired_store_is_sound_and_is_built_to_the_same_digests() {
+    let workspace = workspace();
+    let before = workspace.stages(&["run", "short.yaml"]).digests();
+    let object = |name: &str| {
+        let digest = &before[name];
+        workspace
+            .path("store/objects")
+            .join(&digest[..2])
+            .join(format!("{digest}.h5"))
+    };
+    std::fs::remove_file(object("solved")).unwrap();
+    let mut bytes = std::fs::read(object("small")).unwrap();
+    *bytes.last_mut().unwrap() ^= 1;
+    std::fs::write(object("small"), bytes).unwrap();
+    assert_eq!(workspace.run(&["fsck"]).code, Some(4));
+    let repaired = workspace.run(&["fsck", "--repair"]);
+    assert_eq!(repaired.code, Some(0), "{}", repaired.stdout);
+    assert!(repaired.stdout.contains("sound again"), "{}", repaired.stdout);
+    assert_eq!(workspace.run(&["fsck"]).code, Some(0));
+    let again = workspace.stages(&["run", "short.yaml"]);
+    assert_eq!(again.digests(), before);
+    assert_eq!((again.chunks("small"), again.chunks("solved")), ((0, 2), (0, 2)));
+}
+
+/// `script` (bsdutils, which every Debian has) gives the command a terminal.
+#[test]
+fn colours_are_for_terminals_that_want_them() {
+    let workspace = workspace();
+    workspace.write("bad.yaml", "version: 2\nname: bad\nstages: {}\n");
+    let coloured = |no_color: Option<&str>| {
+        let line = format!("{} run bad.yaml", env!("CARGO_BIN_EXE_deaflow"));
+        let mut command = std::process::Command::new("script");
+        command
+            .args(["-qec", &line, "/dev/null"])
+            .current_dir(workspace.path(""));
+        command.env_remove("NO_COLOR").stdin(std::process::Stdio::null());
+        no_color.map(|value| command.env("NO_COLOR", value));
+        let output = command.output().unwrap();
+        assert_eq!(output.status.code(), Some(2));
+        let text = String::from_utf8(output.stdout).unwrap();
+        assert!(text.contains("this deaflow reads version 1"), "{text}");
+        text.contains('\u{1b}')
+    };
+    assert!(coloured(None));
+    assert!(!coloured(Some("1")));
+}
