@@ -81,3 +81,35 @@ fn every_artifact_explains_itself_to_h5py() {
         String::from_utf8_lossy(&read.stderr)
     );
 }
+
+/// The reader that docs/store.md describes knows nothing of this program.
+#[test]
+fn the_documented_reader_understands_a_store_and_sees_damage() {
+    let workspace = Workspace::tiny();
+    workspace.stages(&["run", "tiny.yaml", "--until", "large"]);
+    let read = || {
+        let script = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/read_store.py");
+        let output = Command::new(python()).arg(script).arg(workspace.path("store")).output();
+        let output = output.unwrap();
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        (output.status.success(), text(&output.stdout), text(&output.stderr))
+    };
+    let (sound, listed, errors) = read();
+    assert!(sound, "{errors}");
+    // 8 patterns of 3 by 3 units, 6 of 2 by 2, and the manifest of both.
+    assert!(listed.ends_with("sound: 3 artifacts, 3 records\n"), "{listed}");
+    for folder in ["store/objects", "store/records"] {
+        let path = files(&workspace.path(folder)).remove(0);
+        let intact = std::fs::read(&path).unwrap();
+        let mut bytes = intact.clone();
+        let middle = bytes.len() / 2;
+        bytes[middle] ^= 1;
+        std::fs::write(&path, bytes).unwrap();
+        let (sound, _, errors) = read();
+        assert!(
+            !sound && errors.contains(path.file_name().unwrap().to_str().unwrap()),
+            "{errors}"
+        );
+        std::fs::write(&path, intact).unwrap();
+    }
+}
