@@ -47,6 +47,7 @@ fn work(spec: &StageSpec, assessment: &Assessment, input_bytes: Option<u64>, env
         host: environment.host.clone(),
         jobs: rayon::current_num_threads() as u64,
         steps: steps(assessment),
+        weight: spec.stage.weight(),
         chunks: match &assessment.work {
             Plan::Chunks(_) => Some(missing(assessment).count() as u64),
             Plan::Whole { .. } => None,
@@ -85,6 +86,7 @@ pub fn cost(
         host: environment.host.clone(),
         jobs: rayon::current_num_threads() as u64,
         steps: steps(assessment),
+        weight: spec.stage.weight(),
         chunks,
         input_bytes,
         seconds: report.seconds,

@@ -60,6 +60,12 @@ pub trait Stage: Send + Sync {
         Vec::new()
     }
 
+    /// How much work one step is, in comparison with the same kind at other parameters: elements of a mesh, individuals of a
+    /// generation. It serves to foretell costs and nothing else.
+    fn weight(&self) -> f64 {
+        1.0
+    }
+
     /// How many samples of a finished artifact have no stable solution; the run then ends with exit code 3.
     ///
     /// # Errors

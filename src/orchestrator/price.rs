@@ -1,8 +1,8 @@
 //! What building a stage will take, foretold from what such stages have taken in this store.
 //!
 //! Of all recorded costs of the kind, those count whose parameters, RECIPE and machine differ least. Work is measured in
-//! steps; a stage that is one piece of work reads its inputs in every step, so there a step counts by the length of the
-//! inputs. The range spans what was measured, widened the more the stages differ.
+//! steps, each by its weight (elements, individuals); a stage that is one piece of work reads its inputs in every step, so
+//! there a step counts by the length of the inputs too. The range spans what was measured, widened the more the stages differ.
 
 use std::collections::BTreeMap;
 
@@ -52,6 +52,8 @@ pub struct Work {
     pub jobs: u64,
     /// Steps to do.
     pub steps: u64,
+    /// How much work a step is, in comparison with the same kind at other parameters.
+    pub weight: f64,
     /// Chunks to build, or `None` where the stage is one piece of work.
     pub chunks: Option<u64>,
     /// Length of all inputs, bytes; `None` where it is not known.
@@ -122,16 +124,17 @@ pub fn price(costs: &[Cost], work: &Work) -> Option<Price> {
     let widening = widening(nearest, latest.len());
     let seconds = latest.iter().map(|cost| {
         let threads = (cost.jobs.min(cost.chunks.max(1))) as f64;
+        let steps = cost.steps as f64 * cost.weight;
         match (work.chunks, by_input) {
-            (Some(_), _) => cost.seconds * threads / cost.steps as f64,
-            (None, Some(_)) => cost.seconds / (cost.steps as f64 * cost.input_bytes as f64),
-            (None, None) => cost.seconds / cost.steps as f64,
+            (Some(_), _) => cost.seconds * threads / steps,
+            (None, Some(_)) => cost.seconds / (steps * cost.input_bytes as f64),
+            (None, None) => cost.seconds / steps,
         }
     });
     let seconds = Estimate::of(seconds.collect(), widening)?;
     let threads = work.chunks.map_or(1, |chunks| work.jobs.min(chunks)).max(1);
     let steps = work.steps as f64;
-    let amount = steps * by_input.map_or(1.0, |bytes| bytes as f64) / threads as f64;
+    let amount = steps * work.weight * by_input.map_or(1.0, |bytes| bytes as f64) / threads as f64;
     // Of a chunked stage files grow with the samples; what the steps of any other leave behind does not grow with them.
     let bytes = latest.iter().map(|cost| match work.chunks {
         Some(_) => cost.bytes as f64 / cost.steps as f64 * steps,
@@ -185,6 +188,7 @@ mod tests {
             host: "here".into(),
             jobs: 2,
             steps,
+            weight: 1.0,
             chunks: 10,
             input_bytes: 1000,
             seconds,
@@ -201,6 +205,7 @@ mod tests {
             host: "here".into(),
             jobs: 2,
             steps,
+            weight: 1.0,
             chunks,
             input_bytes: Some(2000),
         }
@@ -247,6 +252,13 @@ mod tests {
         assert!((found.seconds.likely - 1.0).abs() < 1e-12);
         let found = price(&[other], &work(Some(10), 100)).unwrap();
         assert!((found.seconds.likely - 50.0).abs() < 1e-12 && (found.seconds.high - 100.0).abs() < 1e-12);
+        // Four times the elements, four times the time.
+        let finer = Work {
+            weight: 4.0,
+            ..work(Some(10), 100)
+        };
+        let found = price(&[cost(100, 1.0)], &finer).unwrap();
+        assert!((found.seconds.likely - 4.0).abs() < 1e-12);
         assert_eq!(price(&[], &work(Some(1), 1)), None);
         let train = Work {
             kind: "train".into(),

@@ -122,6 +122,10 @@ impl Stage for DesignStage {
         ])
     }
 
+    fn weight(&self) -> f64 {
+        self.options.population as f64
+    }
+
     fn plan(&self, _inputs: &[Input]) -> Plan {
         Plan::Whole {
             steps: self.options.generations as u64 + 1,

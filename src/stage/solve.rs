@@ -74,6 +74,10 @@ impl Stage for SolveStage {
         self.solver.canonical([("scene", self.scene.canonical())])
     }
 
+    fn weight(&self) -> f64 {
+        self.solver.weight()
+    }
+
     fn plan(&self, inputs: &[Input]) -> Plan {
         let chunk = |&(digest, samples): &(Option<_>, u64)| Chunk {
             parameters: self.parameters(),

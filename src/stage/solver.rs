@@ -242,6 +242,14 @@ impl SolverParameters {
         self.method
     }
 
+    /// How much work a pattern is: the number of unknowns, of which biquadratic elements have four times as many and couple
+    /// each to more.
+    pub fn weight(&self) -> f64 {
+        let (elements, order) = self.mesh().unwrap_or((1, 1));
+        let factor = if order == 2 { 6.0 } else { 1.0 };
+        factor * (elements * elements) as f64
+    }
+
     /// Elements along one side of a cell and their order, where one mesh serves all patterns.
     pub fn mesh(&self) -> Option<(u64, u64)> {
         match self.mesh {

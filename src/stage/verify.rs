@@ -70,6 +70,10 @@ impl Stage for VerifyStage {
         self.solver.canonical([("scene", self.scene.canonical())])
     }
 
+    fn weight(&self) -> f64 {
+        self.solver.weight()
+    }
+
     fn plan(&self, _inputs: &[Input]) -> Plan {
         Plan::Whole {
             steps: CASES.len() as u64,

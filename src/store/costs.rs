@@ -30,6 +30,9 @@ pub struct Cost {
     pub jobs: u64,
     /// Steps that were done: samples, epochs, generations.
     pub steps: u64,
+    /// How much work a step was, in comparison with the same kind at other parameters.
+    #[serde(default = "one")]
+    pub weight: f64,
     /// Chunks that were built; 1 where the stage is not chunked.
     pub chunks: u64,
     /// Length of all inputs, bytes.
@@ -94,9 +97,14 @@ impl Store {
     }
 }
 
+fn one() -> f64 {
+    1.0
+}
+
 impl Cost {
     fn is_sensible(&self) -> bool {
-        self.steps > 0 && self.chunks > 0 && self.jobs > 0 && self.seconds.is_finite() && self.seconds >= 0.0
+        let weight = self.weight.is_finite() && self.weight > 0.0;
+        weight && self.steps > 0 && self.chunks > 0 && self.jobs > 0 && self.seconds.is_finite() && self.seconds >= 0.0
     }
 }
 
@@ -112,6 +120,7 @@ mod tests {
             host: "here".into(),
             jobs: 2,
             steps,
+            weight: 4.0,
             chunks: 1,
             input_bytes: 10,
             seconds: 0.5,
