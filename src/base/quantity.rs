@@ -22,7 +22,7 @@ pub enum QuantityError {
     #[error("{0:?} is not a decimal number of at most 18 digits")]
     NotANumber(String),
     /// A unit of another dimension, or none that is known.
-    #[error("unknown unit {found:?} for a {dimension}; allowed: {allowed}")]
+    #[error("unknown unit {found:?} for {}; allowed: {allowed}", .dimension.with_article())]
     UnknownUnit {
         /// The unit as written.
         found: String,
@@ -209,6 +209,16 @@ impl Dimension {
     }
 }
 
+impl Dimension {
+    /// "a voltage", "an angle".
+    #[must_use]
+    pub fn with_article(self) -> String {
+        let name = self.to_string();
+        let article = if name.starts_with(['a', 'e']) { "an" } else { "a" };
+        format!("{article} {name}")
+    }
+}
+
 impl fmt::Display for Dimension {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
@@ -253,7 +263,10 @@ impl Quantity {
             .ok_or_else(|| QuantityError::UnknownUnit {
                 found: unit.to_owned(),
                 dimension,
-                allowed: dimension.units().iter().map(|u| u.0).collect::<Vec<_>>().join(", "),
+                allowed: match dimension.units() {
+                    [] => "none".to_owned(),
+                    units => units.iter().map(|u| u.0).collect::<Vec<_>>().join(", "),
+                },
             })?;
         Ok(Self {
             base: value.scaled(*power),
@@ -348,6 +361,10 @@ mod tests {
     fn refusals_name_what_was_found() {
         let error = Quantity::parse("5 mm", Dimension::Voltage).unwrap_err().to_string();
         assert_eq!(error, "unknown unit \"mm\" for a voltage; allowed: V, kV, MV, mV");
+        let error = Quantity::parse("5 mm", Dimension::Number).unwrap_err().to_string();
+        assert_eq!(error, "unknown unit \"mm\" for a number; allowed: none");
+        let error = Quantity::parse("5 mm", Dimension::Field).unwrap_err().to_string();
+        assert!(error.contains("for an electric field; allowed: V/m"), "{error}");
         for text in [
             "",
             "kV",

@@ -240,13 +240,23 @@ fn counted(n: u64, units: &str) -> String {
 }
 
 fn style() -> ProgressStyle {
-    let template = "{prefix:<12} [{bar:20}] {pos}/{len}  {rate}, {eta} left  {wide_msg}";
+    let template = "{prefix:<12} [{bar:20}] {pos}/{len}  {rate}, {left} left  {wide_msg}";
     let rate = |state: &ProgressState, out: &mut dyn fmt::Write| {
         // A bar has nowhere to report that it cannot be written.
         let _ = write!(out, "{:.1}/s", state.per_sec());
     };
+    // Before the first step nothing is known of the time that is left, and indicatif says zero.
+    let left = |state: &ProgressState, out: &mut dyn fmt::Write| {
+        let _ = match state.pos() {
+            0 => out.write_str("?"),
+            _ => out.write_str(&table::seconds(state.eta().as_secs_f64())),
+        };
+    };
     let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
-    style.with_key("rate", rate).progress_chars("=> ")
+    style
+        .with_key("rate", rate)
+        .with_key("left", left)
+        .progress_chars("=> ")
 }
 
 /// A panic in another thread must not silence the rest of the run.

@@ -38,8 +38,8 @@ pub enum StoreError {
         /// What it says.
         found: String,
     },
-    /// A folder that holds something else.
-    #[error("{path} is not empty and is not an artifact store: name an empty or a new folder with --store", path = path.display())]
+    /// A folder that holds something else, or no folder.
+    #[error("{path} holds something else than an artifact store: name an empty or a new folder with --store", path = path.display())]
     NotAStore {
         /// The folder.
         path: PathBuf,

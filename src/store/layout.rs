@@ -40,6 +40,9 @@ impl Layout {
     /// When the folder holds something else, a store of an unknown version, or cannot be created.
     pub fn open(root: &Path) -> Result<Self, StoreError> {
         let layout = Self { root: root.to_owned() };
+        if root.exists() && !root.is_dir() {
+            return Err(StoreError::NotAStore { path: layout.root });
+        }
         let marker = root.join(MARKER);
         if !marker.exists() {
             layout.create(&marker)?;

@@ -116,7 +116,7 @@ impl Node {
     /// When the number or the unit is not understood.
     pub fn quantity(&self, field: &str, dimension: Dimension) -> Result<Quantity, InputError> {
         let (NodeValue::Number(text) | NodeValue::Text(text)) = &self.value else {
-            return Err(self.wanted(field, format!("a {dimension}")));
+            return Err(self.wanted(field, dimension.with_article()));
         };
         Quantity::parse(text, dimension).map_err(|error| self.error(format!("`{field}`: {error}")))
     }
