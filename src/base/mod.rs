@@ -5,6 +5,7 @@ mod digest;
 mod document;
 mod encoding;
 mod quantity;
+mod schema;
 mod stream;
 
 pub use canonical::Canonical;
@@ -12,4 +13,5 @@ pub use digest::{Digest, DigestWriter, ParseDigestError};
 pub use document::{Document, InputError, Map, Node, NodeValue, Override, Source, nearest};
 pub use encoding::{EncodingError, decode, encode};
 pub use quantity::{Decimal, Dimension, Quantity, QuantityError};
+pub use schema::{Fields, Schema};
 pub use stream::Stream;

@@ -184,6 +184,12 @@ impl Dimension {
         self.units().first().map_or("", |unit| unit.0)
     }
 
+    /// The symbols of its units, base unit first.
+    #[must_use]
+    pub fn symbols(self) -> Vec<&'static str> {
+        self.units().iter().map(|unit| unit.0).collect()
+    }
+
     /// The units and their powers of ten over the base unit, base unit first.
     fn units(self) -> &'static [(&'static str, i32)] {
         match self {
@@ -263,9 +269,9 @@ impl Quantity {
             .ok_or_else(|| QuantityError::UnknownUnit {
                 found: unit.to_owned(),
                 dimension,
-                allowed: match dimension.units() {
-                    [] => "none".to_owned(),
-                    units => units.iter().map(|u| u.0).collect::<Vec<_>>().join(", "),
+                allowed: match dimension.symbols().join(", ") {
+                    none if none.is_empty() => "none".to_owned(),
+                    symbols => symbols,
                 },
             })?;
         Ok(Self {

@@ -29,6 +29,8 @@ pub enum Command {
     Explain(ExplainArguments),
     /// Draw the stages of a pipeline and what they need
     Dag(DagArguments),
+    /// Print the JSON Schema of pipelines or scenes, with which editors complete and check files
+    Schema(SchemaArguments),
     /// Show what is in an artifact: datasets, statistics, provenance
     Show(ShowArguments),
     /// Check every byte of a store
@@ -187,6 +189,21 @@ pub enum DagFormat {
     Mermaid,
     /// A Graphviz digraph
     Dot,
+}
+
+#[derive(Debug, Args)]
+pub struct SchemaArguments {
+    /// Of what
+    #[arg(value_enum, default_value_t = SchemaOf::Pipeline)]
+    pub of: SchemaOf,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum SchemaOf {
+    /// Pipelines
+    Pipeline,
+    /// Scenes in files of their own
+    Scene,
 }
 
 #[derive(Debug, Args)]
@@ -410,7 +427,7 @@ impl Command {
             Self::Plan(a) => a.json,
             Self::Status(a) => a.json,
             Self::Explain(a) => a.json,
-            Self::Dag(_) => false,
+            Self::Dag(_) | Self::Schema(_) => false,
             Self::Show(a) => a.json,
             Self::Fsck(a) => a.json,
             Self::Gc(a) => a.json,
@@ -434,6 +451,7 @@ impl Command {
             Self::Status(_)
             | Self::Explain(_)
             | Self::Dag(_)
+            | Self::Schema(_)
             | Self::Show(_)
             | Self::Fsck(_)
             | Self::Gc(_)

@@ -16,6 +16,7 @@ mod plan;
 mod predict;
 mod progress;
 mod run;
+mod schema;
 mod screen;
 mod show;
 mod solve;
@@ -59,6 +60,7 @@ fn dispatch(command: &Command, output: &Output) -> Result<Exit, CliError> {
         Command::Status(arguments) => status::execute(arguments, output),
         Command::Explain(arguments) => explain::execute(arguments, output),
         Command::Dag(arguments) => dag::execute(arguments, output),
+        Command::Schema(arguments) => schema::execute(arguments, output),
         Command::Show(arguments) => show::execute(arguments, output),
         Command::Fsck(arguments) => fsck::execute(arguments, output),
         Command::Screen(arguments) => screen::execute(arguments, output),

@@ -6,7 +6,7 @@
 use std::sync::{Mutex, PoisonError};
 
 use super::locked::Difference;
-use crate::base::{Canonical, Digest, InputError, Node};
+use crate::base::{Canonical, Digest, Fields, InputError, Node};
 use crate::store::{Artifact, Object, ObjectError, StoreError};
 
 /// A kind of stage: `sample`, `solve`, …
@@ -19,6 +19,10 @@ pub trait Kind: Sync {
 
     /// What `needs` must name.
     fn needs(&self) -> Needs;
+
+    /// The keys that [`Kind::read`] accepts beside `kind` and `needs`: one mapping, or one for each family where families have
+    /// keys of their own.
+    fn schema(&self) -> Vec<Fields>;
 
     /// Reads a stage from its mapping, which includes `kind` and `needs`, and from the pipeline's scene, already one
     /// mapping even where the pipeline names a file.

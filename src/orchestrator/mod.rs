@@ -13,6 +13,7 @@ mod locked;
 mod plan;
 mod price;
 mod provenance;
+mod schema;
 mod spec;
 mod staleness;
 
@@ -25,6 +26,7 @@ pub use locked::Difference;
 pub use plan::plan;
 pub use price::{Estimate, Price};
 pub use provenance::Environment;
+pub use schema::{of_pipeline, of_scene};
 pub use spec::{Pipeline, Registry, StageSpec, splice_scene};
 pub use staleness::Staleness;
 

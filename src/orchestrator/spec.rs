@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::graph;
 use super::kind::{Kind, Stage};
-use crate::base::{Document, InputError, Node, NodeValue, Override, nearest};
+use crate::base::{Document, InputError, Node, NodeValue, Override, Schema, nearest};
 
 const WHAT: &str = "the pipeline";
 
@@ -14,6 +14,8 @@ pub struct Registry {
     pub kinds: Vec<&'static dyn Kind>,
     /// Checks a scene, so that a wrong one is refused even where no stage uses it.
     pub check_scene: fn(&Node) -> Result<(), InputError>,
+    /// What a scene may look like.
+    pub scene_schema: fn() -> Schema,
 }
 
 /// A valid pipeline.

@@ -5,6 +5,7 @@ mod model;
 mod properties;
 mod read;
 mod read_effects;
+mod schema;
 
 pub use effects::{BreakdownLaw, Effects, Electrode, PermittivityDecay, PermittivityReference, Stiffening};
 pub use model::{Drive, Geometry, Law, Material, Scene, VACUUM_PERMITTIVITY};

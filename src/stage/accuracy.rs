@@ -16,7 +16,7 @@ mod reference;
 use std::collections::BTreeSet;
 
 use super::arrays;
-use crate::base::{Canonical, InputError, Node};
+use crate::base::{Canonical, Fields, InputError, Node};
 use crate::field::Field;
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::scene::Scene;
@@ -46,6 +46,11 @@ impl Kind for AccuracyKind {
             least: 1,
             most: 1,
         }
+    }
+
+    fn schema(&self) -> Vec<Fields> {
+        let fields = Fields::new("Says what accuracy costs: the error of methods against a reference, and their time.");
+        vec![fields.optional("methods", contender::schema())]
     }
 
     fn read(&self, stage: &Node, _scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {

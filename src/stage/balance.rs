@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::arrays;
-use crate::base::{Canonical, Dimension, InputError, Node, Quantity};
+use crate::base::{Canonical, Dimension, Fields, InputError, Node, Quantity, Schema};
 use crate::dataset::{BalanceOptions, Balanced, Bins, Candidate, Histogram, SymmetryGroup, balance};
 use crate::field::Field;
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
@@ -28,6 +28,25 @@ impl Kind for BalanceKind {
             least: 1,
             most: 100,
         }
+    }
+
+    fn schema(&self) -> Vec<Fields> {
+        let range = Schema::list(Schema::quantity(Dimension::Length, 0.0, 1e4), 2, 2);
+        let symmetry =
+            Schema::word(&["d4", "none"]).says("Images that fill scarce bins: by the square's symmetry, or none.");
+        let fields = Fields::new("Turns solved samples into a flat, augmented and split training set.")
+            .required(
+                "bins",
+                Schema::whole(1, 100_000).says("Bins of the histogram of the largest displacement."),
+            )
+            .required(
+                "range",
+                range.says("Both ends of the histogram, such as [0 mm, 2.5 mm]."),
+            )
+            .required("target", Schema::whole(1, 100_000_000).says("Rows that are wanted."))
+            .optional("symmetry", symmetry.default("d4"))
+            .required("seed", super::seed());
+        vec![fields]
     }
 
     fn read(&self, stage: &Node, _scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {

@@ -2,7 +2,7 @@
 
 use super::arrays;
 use super::objective::Objective;
-use crate::base::{Canonical, Decimal, InputError, Node, Quantity};
+use crate::base::{Canonical, Decimal, Fields, InputError, Node, Quantity, Schema};
 use crate::design::{AREA_PENALTY, Evolution, EvolveOptions, GenerationReport, Goal, Intuitive, UNITS, evolve};
 use crate::field::{Field, Predictor};
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
@@ -43,6 +43,31 @@ impl Kind for DesignKind {
             least: 1,
             most: 1,
         }
+    }
+
+    fn schema(&self) -> Vec<Fields> {
+        let defaults = EvolveOptions::default();
+        let share = |says: &str, default: f64| Schema::number(0.0, 1.0).says(says).default(default);
+        let penalty = Schema::number(0.0, 1e6).says("Weight of the distance from the wanted area in the fitness.");
+        let population = Schema::whole(2, 1_000_000)
+            .says("Individuals.")
+            .default(defaults.population);
+        let generations = Schema::whole(0, 1_000_000)
+            .says("Generations at most.")
+            .default(defaults.generations);
+        let stagnation = Schema::whole(1, 1_000_000).says("Generations without gain after which the search ends.");
+        let fields = Fields::new("Searches the pattern that a surrogate says moves a point farthest.")
+            .required("objective", Objective::schema())
+            .optional("area", share("Wanted area fraction of the electrode.", 0.5))
+            .optional("area_penalty", penalty.default(AREA_PENALTY))
+            .optional("population", population)
+            .optional("generations", generations)
+            .optional("elite", share("Best individuals that stay.", defaults.elite))
+            .optional("crossover", share("Probability of a crossover.", defaults.crossover))
+            .optional("mutation", share("Probability of a mutation.", defaults.mutation))
+            .optional("stagnation", stagnation)
+            .required("seed", super::seed());
+        vec![fields]
     }
 
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {

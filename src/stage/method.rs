@@ -3,7 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-use crate::base::{InputError, Node, nearest};
+use crate::base::{InputError, Node, Schema, nearest};
 
 /// How a field is found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,6 +30,14 @@ impl Method {
         let text = node.text("method")?;
         text.parse()
             .map_err(|help: String| node.error(format!("`method` cannot be {text:?}")).help(help))
+    }
+
+    /// What [`Method::read`] accepts.
+    pub fn schema() -> Schema {
+        let words = Schema::word(&["newton", "linear"]);
+        let chord = Schema::matching("^chord:\\+?0*([1-9]|[1-4][0-9]|50)$");
+        Schema::any_of([words, chord])
+            .says("How fields are found: newton, or estimates by linear or chord:N, N from 1 to 50.")
     }
 
     /// Chord steps beyond the linear response; `None` for Newton's method.

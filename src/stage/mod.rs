@@ -18,7 +18,7 @@ mod solver;
 mod train;
 mod verify;
 
-use crate::base::{InputError, Node};
+use crate::base::{InputError, Node, Schema};
 use crate::fem::effects::Model;
 use crate::orchestrator::{Registry, StageError};
 use crate::scene::Scene;
@@ -38,7 +38,13 @@ pub fn registry() -> Registry {
             &accuracy::AccuracyKind,
         ],
         check_scene: |node| checked_scene(node).map(|_| ()),
+        scene_schema: Scene::schema,
     }
+}
+
+/// What a `seed` may be.
+fn seed() -> Schema {
+    Schema::whole(0, i64::MAX as u64).says("Names the random numbers.")
 }
 
 /// The scene of the pipeline, for a stage that cannot do without.

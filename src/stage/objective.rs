@@ -1,6 +1,6 @@
 //! The objective of a design as it stands in a pipeline and, word for word the same, in an artifact.
 
-use crate::base::{Canonical, Dimension, InputError, Node, Quantity};
+use crate::base::{Canonical, Dimension, Fields, InputError, Node, Quantity, Schema};
 use crate::design::{Aim, Goal, GoalError, Measure};
 
 /// A point, where it should move, and how a motion is measured.
@@ -44,6 +44,20 @@ impl Objective {
             vec![read_aim(node, keys)?]
         };
         Ok(Self { aims, measure })
+    }
+
+    /// What [`Objective::read`] accepts.
+    pub fn schema() -> Schema {
+        let measure = || {
+            let word = Schema::word(&MEASURES).default("displacement");
+            word.says("How a motion is measured: its component along the direction, or the paper's formula.")
+        };
+        let aims = Schema::list(aim_schema("A point and where it should move.").into(), 1, usize::MAX);
+        let many = Fields::new("Points whose displacements count by their mean.")
+            .required("points", aims)
+            .optional("measure", measure());
+        let one = aim_schema("A point and where it should move.").optional("measure", measure());
+        Schema::any_of([one.into(), many.into()]).says("What the design is for.")
     }
 
     /// The canonical value.
@@ -111,6 +125,14 @@ fn read_aim(node: &Node, keys: &[&str]) -> Result<(Point, Quantity), InputError>
         .required(what, "direction")?
         .quantity_in("direction", Dimension::Angle, -360.0, 360.0)?;
     Ok(([length(x)?, length(y)?], direction))
+}
+
+fn aim_schema(description: &str) -> Fields {
+    let point = Schema::list(Schema::quantity(Dimension::Length, 0.0, 1e4), 2, 2);
+    let direction = Schema::quantity(Dimension::Angle, -360.0, 360.0);
+    Fields::new(description)
+        .required("point", point.says("Its place, such as [25 mm, 25 mm]."))
+        .required("direction", direction.says("Counterclockwise from the x axis."))
 }
 
 #[cfg(test)]

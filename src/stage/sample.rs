@@ -5,9 +5,9 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::arrays;
-use crate::base::{Canonical, Decimal, Dimension, InputError, Node};
+use crate::base::{Canonical, Decimal, Dimension, Fields, InputError, Node, Schema};
 use crate::orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
-use crate::pattern::Pattern;
+use crate::pattern::{CELLS, Pattern};
 use crate::sample::{Bezier, Ends, Family, LargeGrid, SampleError, SmallGrid};
 use crate::store::Object;
 
@@ -47,6 +47,31 @@ impl Kind for SampleKind {
             least: 0,
             most: 0,
         }
+    }
+
+    fn schema(&self) -> Vec<Fields> {
+        let family = |word: &str, says: &str| Fields::new(says).required("family", Schema::word(&[word]).says(says));
+        let count = || Schema::whole(1, MAX_COUNT).says("Patterns to draw.");
+        let area = || Schema::number(0.0, 1.0).says("Area fraction of the electrode.");
+        let units = Schema::list(Schema::whole(2, CELLS as u64), 1, usize::MAX).distinct();
+        let per_units =
+            Schema::whole(1, MAX_COUNT).says("Patterns of each number of units; all where there are fewer.");
+        let ends = Schema::word(&["opposite", "any"]).says("Where on the frame a curve may end.");
+        vec![
+            family("small-grid", "Patterns of which every cell stands for itself.")
+                .required("count", count())
+                .optional("area", area().default(0.5))
+                .required("seed", super::seed()),
+            family("large-grid", "Patterns of N × N units that are on or off as a whole.")
+                .required("units", units.says("Units across the membrane, such as [2, 3, 4]."))
+                .required("count_per_units", per_units)
+                .required("seed", super::seed()),
+            family("bezier", "Patterns on one side of a smooth curve through the centre.")
+                .required("count", count())
+                .optional("area", area().says("Unless it is given, what the curve leaves."))
+                .optional("ends", ends.default("opposite"))
+                .required("seed", super::seed()),
+        ]
     }
 
     fn read(&self, stage: &Node, _scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
@@ -135,7 +160,7 @@ fn read_large_grid(stage: &Node) -> Result<Vec<Group>, InputError> {
     let mut seen = Vec::new();
     let mut groups = Vec::new();
     for node in units.list("units")? {
-        let n = node.whole("units", 2, crate::pattern::CELLS as u64)?;
+        let n = node.whole("units", 2, CELLS as u64)?;
         if seen.contains(&n) {
             return Err(node.error(format!("`units` names {n} twice")));
         }

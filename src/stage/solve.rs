@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 use super::screening::Screened;
 use super::solver::{Solver, SolverParameters, explained};
 use super::{arrays, solution};
-use crate::base::{Canonical, InputError, Node};
+use crate::base::{Canonical, Fields, InputError, Node};
 use crate::fem::SetupError;
 use crate::orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::scene::Scene;
@@ -13,6 +13,9 @@ use crate::store::{Artifact, Object};
 
 /// Patterns between two reports of progress.
 const BATCH: usize = 16;
+
+/// Elements per cell unless a stage says otherwise.
+const ELEMENTS_PER_CELL: u64 = 2;
 
 /// The kind `solve`.
 pub struct SolveKind;
@@ -34,12 +37,17 @@ impl Kind for SolveKind {
         }
     }
 
+    fn schema(&self) -> Vec<Fields> {
+        let fields = Fields::new("Simulates every sample with finite elements.");
+        vec![SolverParameters::schema(fields, ELEMENTS_PER_CELL, true)]
+    }
+
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
         let what = "a solve stage";
         let map = stage.fields(what, &[&["kind", "needs"], &SolverParameters::KEYS[..]].concat())?;
         let scene = super::scene_of(stage, scene)?;
         Ok(Box::new(SolveStage {
-            solver: SolverParameters::read(&map, 2)?,
+            solver: SolverParameters::read(&map, ELEMENTS_PER_CELL)?,
             scene,
             ready: OnceLock::new(),
         }))

@@ -1,5 +1,7 @@
 //! The parameters of the finite-element solver, shared by everything that simulates.
 
+mod schema;
+
 use std::borrow::Cow;
 use std::fmt;
 

@@ -1,7 +1,7 @@
 //! `kind: train` trains a surrogate on a balanced dataset.
 
 use super::arrays;
-use crate::base::{Canonical, Decimal, InputError, Node};
+use crate::base::{Canonical, Decimal, Fields, InputError, Node, Schema};
 use crate::dataset::Split;
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::store::{Artifact, Data, Dataset, Object};
@@ -25,6 +25,28 @@ impl Kind for TrainKind {
             least: 1,
             most: 100,
         }
+    }
+
+    fn schema(&self) -> Vec<Fields> {
+        let defaults = TrainOptions::default();
+        let network = Schema::word(&NetworkKind::ALL.map(NetworkKind::name)).says("The network.");
+        let rate = Schema::number(1e-7, 1.0).says("Largest learning rate.");
+        let max_weight = Schema::number(0.0, 100.0).says("Weight of the largest absolute error in the loss.");
+        let auxiliary =
+            Schema::number(0.0, 100.0).says("Weight of the auxiliary branch at half resolution in the loss.");
+        let batch = Schema::whole(1, 4096).says("Examples per step.");
+        let fields = Fields::new("Trains a surrogate on balanced datasets.")
+            .required("network", network)
+            .required(
+                "epochs",
+                Schema::whole(1, 100_000).says("Passes over the training examples."),
+            )
+            .optional("batch", batch.default(defaults.batch))
+            .optional("learning_rate", rate.default(defaults.learning_rate))
+            .optional("max_weight", max_weight.default(defaults.max_weight))
+            .optional("auxiliary_weight", auxiliary.default(defaults.auxiliary_weight))
+            .required("seed", super::seed());
+        vec![fields]
     }
 
     fn read(&self, stage: &Node, _scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {

@@ -4,7 +4,7 @@ use super::arrays;
 use super::objective::Objective;
 use super::screening::Screened;
 use super::solver::{SolverParameters, explained};
-use crate::base::{Canonical, Document, InputError, Node};
+use crate::base::{Canonical, Document, Fields, InputError, Node};
 use crate::fem::SetupError;
 use crate::field::{Field, Outcome, Simulation};
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
@@ -18,6 +18,9 @@ const CASES: [(&str, &str); 3] = [
     ("intuitive", "intuitive"),
     ("intuitive-equal-area", "intuitive_equal_area"),
 ];
+
+/// Elements per cell unless a stage says otherwise.
+const ELEMENTS_PER_CELL: u64 = 4;
 
 /// The kind `verify`.
 pub struct VerifyKind;
@@ -39,6 +42,11 @@ impl Kind for VerifyKind {
         }
     }
 
+    fn schema(&self) -> Vec<Fields> {
+        let fields = Fields::new("Simulates a design beside the intuitive one.");
+        vec![SolverParameters::schema(fields, ELEMENTS_PER_CELL, true)]
+    }
+
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
         let map = stage.fields(
             "a verify stage",
@@ -46,7 +54,7 @@ impl Kind for VerifyKind {
         )?;
         let scene = super::scene_of(stage, scene)?;
         Ok(Box::new(VerifyStage {
-            solver: SolverParameters::read(&map, 4)?,
+            solver: SolverParameters::read(&map, ELEMENTS_PER_CELL)?,
             scene,
         }))
     }

@@ -10,5 +10,6 @@ mod keeping;
 mod layering;
 mod rebuild;
 mod reproducible;
+mod schema;
 mod screen;
 mod solve;

@@ -14,7 +14,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use tempfile::TempDir;
 
 use super::*;
-use crate::base::{Canonical, Digest, Document, InputError, Node, Override};
+use crate::base::{Canonical, Digest, Document, Fields, InputError, Node, Override, Schema};
 use crate::store::{Artifact, Data, Dataset, Object, Store};
 
 /// Samples in a chunk of the toy kinds.
@@ -47,6 +47,14 @@ impl Kind for &'static Count {
             least: 0,
             most: 0,
         }
+    }
+
+    fn schema(&self) -> Vec<Fields> {
+        vec![
+            Fields::new("A toy.")
+                .required("count", Schema::whole(1, 1000))
+                .optional("offset", Schema::whole(0, 1000)),
+        ]
     }
 
     fn read(&self, stage: &Node, _: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
@@ -134,6 +142,10 @@ impl Kind for Divide {
         }
     }
 
+    fn schema(&self) -> Vec<Fields> {
+        vec![Fields::new("A toy.").required("by", Schema::whole(1, 100))]
+    }
+
     fn read(&self, stage: &Node, _: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
         let map = stage.fields("a `divide` stage", &["kind", "needs", "by"])?;
         Ok(Box::new(DivideStage(
@@ -190,6 +202,10 @@ impl Kind for Sum {
             least: 1,
             most: 2,
         }
+    }
+
+    fn schema(&self) -> Vec<Fields> {
+        vec![Fields::new("A toy.")]
     }
 
     fn read(&self, stage: &Node, _: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
@@ -272,7 +288,11 @@ impl Laboratory {
         Self {
             folder,
             count,
-            registry: Registry { kinds, check_scene },
+            registry: Registry {
+                kinds,
+                check_scene,
+                scene_schema: Schema::text,
+            },
         }
     }
 

@@ -1,7 +1,7 @@
 //! What can be measured: one file per kind of method. A list of methods is read here.
 
 use super::elements::Elements;
-use crate::base::{Canonical, InputError, Node};
+use crate::base::{Canonical, InputError, Node, Schema};
 use crate::field::Field;
 use crate::pattern::Pattern;
 use crate::scene::Scene;
@@ -61,6 +61,12 @@ pub fn read(node: &Node) -> Result<Vec<Box<dyn Contender>>, InputError> {
             .help("for example [linear, chord:1, newton, { accuracy: 0.01 mm }]"));
     }
     Ok(contenders)
+}
+
+/// What [`read`] accepts.
+pub fn schema() -> Schema {
+    let list = Schema::list(Elements::schema(), 1, usize::MAX).distinct();
+    list.says("What is measured: words, or mappings with the keys of a solve stage.")
 }
 
 /// Estimates, Newton's method on meshes of both orders, and meshes that the solver picks for an accuracy.

@@ -1,7 +1,7 @@
 //! Finite elements as a method to be measured: Newton's method, the linear response and chord steps, or an accuracy.
 
 use super::contender::{Contender, Ready};
-use crate::base::{Canonical, Dimension, InputError, Node, NodeValue, Quantity};
+use crate::base::{Canonical, Dimension, Fields, InputError, Node, NodeValue, Quantity, Schema};
 use crate::field::Field;
 use crate::pattern::Pattern;
 use crate::scene::Scene;
@@ -23,6 +23,12 @@ impl Elements {
             return Ok(Self(SolverParameters::on_mesh(Method::read(node)?, 2, 1)));
         }
         Ok(Self(SolverParameters::read(&node.fields("a method", &KEYS)?, 2)?))
+    }
+
+    /// What [`Elements::read`] accepts.
+    pub fn schema() -> Schema {
+        let settings = Fields::new("A method with its mesh, or an accuracy.");
+        Schema::any_of([Method::schema(), SolverParameters::schema(settings, 2, false).into()])
     }
 
     /// What is measured unless a list is given.

@@ -1,0 +1,256 @@
+//! JSON Schemas (draft 2020-12) of what the typed readers of [`Node`](super::Node) accept, for editors.
+//!
+//! Each constructor says what the reader of the same name accepts. A schema knows structure only: which keys, words, units
+//! and ranges there are. That a cycle of needs is refused, or an Ogden model of another modulus, it cannot say. Of a
+//! quantity with a unit it checks number and unit, of a bare number also the range.
+
+use serde_json::{Map, Value, json};
+
+use super::quantity::Dimension;
+
+/// The schema of one value.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Schema(Map<String, Value>);
+
+/// The schema of a mapping: its keys, and which of them it must have. No others are allowed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fields {
+    description: String,
+    properties: Vec<(String, Schema)>,
+    required: Vec<String>,
+    rules: Vec<Value>,
+}
+
+impl Schema {
+    /// A schema in its own words.
+    ///
+    /// # Panics
+    /// When the value is no mapping.
+    #[must_use]
+    pub fn new(schema: Value) -> Self {
+        match schema {
+            Value::Object(map) => Self(map),
+            other => panic!("a schema is a mapping, not {other}"),
+        }
+    }
+
+    /// A text; a number is its own text.
+    #[must_use]
+    pub fn text() -> Self {
+        Self::new(json!({ "type": ["string", "number"] }))
+    }
+
+    /// A text that matches a regular expression.
+    #[must_use]
+    pub fn matching(pattern: &str) -> Self {
+        Self::new(json!({ "type": "string", "pattern": pattern }))
+    }
+
+    /// One of some words.
+    #[must_use]
+    pub fn word(words: &[&str]) -> Self {
+        match words {
+            [only] => Self::new(json!({ "const": only })),
+            words => Self::new(json!({ "enum": words })),
+        }
+    }
+
+    /// A whole number within bounds, both included.
+    #[must_use]
+    pub fn whole(low: u64, high: u64) -> Self {
+        Self::new(json!({ "type": "integer", "minimum": low, "maximum": high }))
+    }
+
+    /// A quantity within bounds in the base unit, both included: text with a unit, or a bare number.
+    #[must_use]
+    pub fn quantity(dimension: Dimension, low: f64, high: f64) -> Self {
+        let units = dimension.symbols();
+        let number = r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?";
+        let (unit, allowed) = match units.first() {
+            None => (
+                String::new(),
+                format!("A number from {} to {}.", plain(low), plain(high)),
+            ),
+            Some(base) => (
+                format!(r"\s*({})?", units.join("|")),
+                format!(
+                    "From {} to {} {base}, in {}; a bare number is in {base}.",
+                    plain(low),
+                    plain(high),
+                    units.join(", ")
+                ),
+            ),
+        };
+        Self::new(json!({
+            "type": ["number", "string"],
+            "minimum": low,
+            "maximum": high,
+            "pattern": format!(r"^\s*{number}{unit}\s*$"),
+            "description": allowed,
+        }))
+    }
+
+    /// A pure number within bounds, both included.
+    #[must_use]
+    pub fn number(low: f64, high: f64) -> Self {
+        Self::quantity(Dimension::Number, low, high)
+    }
+
+    /// A list of at least `least` and at most `most` items.
+    #[must_use]
+    pub fn list(item: Self, least: usize, most: usize) -> Self {
+        let mut list = json!({ "type": "array", "items": item.0, "minItems": least });
+        if most < usize::MAX {
+            list["maxItems"] = json!(most);
+        }
+        Self::new(list)
+    }
+
+    /// A list without repetitions.
+    #[must_use]
+    pub fn distinct(mut self) -> Self {
+        self.0.insert("uniqueItems".to_owned(), json!(true));
+        self
+    }
+
+    /// What one of several schemas accepts; the schema itself where there is only one.
+    #[must_use]
+    pub fn any_of(alternatives: impl IntoIterator<Item = Self>) -> Self {
+        let mut alternatives: Vec<Self> = alternatives.into_iter().collect();
+        if alternatives.len() == 1 {
+            return alternatives.remove(0);
+        }
+        let alternatives: Vec<Value> = alternatives.into_iter().map(Value::from).collect();
+        Self::new(json!({ "anyOf": alternatives }))
+    }
+
+    /// Says what the value means, before what is allowed.
+    #[must_use]
+    pub fn says(mut self, meaning: &str) -> Self {
+        let whole = match self.0.get("description").and_then(Value::as_str) {
+            Some(allowed) => format!("{meaning} {allowed}"),
+            None => meaning.to_owned(),
+        };
+        self.0.insert("description".to_owned(), Value::String(whole));
+        self
+    }
+
+    /// The value that is taken where none is given.
+    #[must_use]
+    pub fn default(mut self, value: impl Into<Value>) -> Self {
+        self.0.insert("default".to_owned(), value.into());
+        self
+    }
+}
+
+/// A number as a person would write it.
+fn plain(value: f64) -> String {
+    if value == 0.0 || (1e-4..1e6).contains(&value.abs()) {
+        format!("{value}")
+    } else {
+        format!("{value:e}")
+    }
+}
+
+impl From<Schema> for Value {
+    fn from(schema: Schema) -> Self {
+        Self::Object(schema.0)
+    }
+}
+
+impl Fields {
+    /// A mapping without keys.
+    #[must_use]
+    pub fn new(description: &str) -> Self {
+        Self {
+            description: description.to_owned(),
+            properties: Vec::new(),
+            required: Vec::new(),
+            rules: Vec::new(),
+        }
+    }
+
+    /// Adds a key that must be there.
+    #[must_use]
+    pub fn required(mut self, key: &str, schema: Schema) -> Self {
+        self.required.push(key.to_owned());
+        self.optional(key, schema)
+    }
+
+    /// Adds a key that may be there.
+    #[must_use]
+    pub fn optional(mut self, key: &str, schema: Schema) -> Self {
+        self.properties.push((key.to_owned(), schema));
+        self
+    }
+
+    /// Forbids two keys to stand beside each other.
+    #[must_use]
+    pub fn apart(self, one: &str, other: &str) -> Self {
+        self.rule(json!({ "not": { "required": [one, other] } }))
+    }
+
+    /// Adds a schema that must hold too.
+    #[must_use]
+    pub fn rule(mut self, schema: Value) -> Self {
+        self.rules.push(schema);
+        self
+    }
+}
+
+impl From<Fields> for Schema {
+    fn from(fields: Fields) -> Self {
+        let properties: Map<String, Value> = fields.properties.into_iter().map(|(k, s)| (k, s.into())).collect();
+        let mut schema = json!({
+            "type": "object",
+            "description": fields.description,
+            "properties": properties,
+            "additionalProperties": false,
+        });
+        if !fields.required.is_empty() {
+            schema["required"] = json!(fields.required);
+        }
+        if !fields.rules.is_empty() {
+            schema["allOf"] = json!(fields.rules);
+        }
+        Self::new(schema)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_quantity_has_the_units_of_its_dimension() {
+        let schema = Value::from(Schema::quantity(Dimension::Voltage, 0.0, 1e6).says("How much."));
+        let pattern = r"^\s*[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?\s*(V|kV|MV|mV)?\s*$";
+        assert_eq!(schema["pattern"], pattern);
+        let said = "How much. From 0 to 1e6 V, in V, kV, MV, mV; a bare number is in V.";
+        assert_eq!(schema["description"], said);
+        assert_eq!(
+            Value::from(Schema::number(0.0, 1.0))["description"],
+            "A number from 0 to 1."
+        );
+    }
+
+    #[test]
+    fn a_mapping_allows_its_keys_and_no_others() {
+        let fields = Fields::new("Two keys.")
+            .required("a", Schema::whole(1, 2))
+            .optional("b", Schema::word(&["x"]).default("x"))
+            .apart("a", "b");
+        let expected = json!({
+            "type": "object",
+            "description": "Two keys.",
+            "properties": {
+                "a": { "type": "integer", "minimum": 1, "maximum": 2 },
+                "b": { "const": "x", "default": "x" },
+            },
+            "required": ["a"],
+            "additionalProperties": false,
+            "allOf": [{ "not": { "required": ["a", "b"] } }],
+        });
+        assert_eq!(Value::from(Schema::from(fields)), expected);
+    }
+}

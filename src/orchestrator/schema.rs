@@ -1,0 +1,76 @@
+//! What a pipeline may look like, as a JSON Schema: the frame around the kinds of stages and the scene.
+
+use serde_json::{Map, Value, json};
+
+use super::kind::Kind;
+use super::spec::Registry;
+use crate::base::{Fields, Schema};
+
+const DIALECT: &str = "https://json-schema.org/draft/2020-12/schema";
+
+/// The JSON Schema of pipelines.
+#[must_use]
+pub fn of_pipeline(registry: &Registry) -> Value {
+    let reference = |name: &str| Schema::new(json!({ "$ref": format!("#/$defs/{name}") }));
+    let scene = Schema::any_of([
+        Schema::new(json!({ "type": "string", "description": "A file, relative to the pipeline." })),
+        reference("scene"),
+    ]);
+    let stages = json!({
+        "type": "object",
+        "description": "The stages by name, in any order. Names are of letters, digits, '_' and '-'.",
+        "minProperties": 1,
+        "propertyNames": { "pattern": "^[A-Za-z0-9_-]+$" },
+        "additionalProperties": Value::from(Schema::any_of(registry.kinds.iter().map(|kind| reference(kind.name())))),
+    });
+    let pipeline = Fields::new("A pipeline of deaflow: stages that need each other, and the scene that they share.")
+        .required(
+            "version",
+            Schema::new(json!({ "const": 1 })).says("The version of this format."),
+        )
+        .required("name", Schema::text().says("The name of the pipeline."))
+        .optional(
+            "scene",
+            scene.says("The scene of all stages: a file, or the mapping itself."),
+        )
+        .required("stages", Schema::new(stages));
+    let mut definitions = Map::new();
+    definitions.insert("scene".to_owned(), (registry.scene_schema)().into());
+    for kind in &registry.kinds {
+        definitions.insert(kind.name().to_owned(), of_kind(*kind).into());
+    }
+    let mut root = titled("deaflow pipeline", pipeline.into());
+    root["$defs"] = Value::Object(definitions);
+    root
+}
+
+/// The JSON Schema of scenes in files of their own.
+#[must_use]
+pub fn of_scene(registry: &Registry) -> Value {
+    titled("deaflow scene", (registry.scene_schema)())
+}
+
+fn titled(title: &str, schema: Schema) -> Value {
+    let mut root = Value::from(schema);
+    root["$schema"] = json!(DIALECT);
+    root["title"] = json!(title);
+    root
+}
+
+fn of_kind(kind: &dyn Kind) -> Schema {
+    let needs = kind.needs();
+    let with_frame = |fields: Fields| {
+        let fields = fields.required("kind", Schema::word(&[kind.name()]).says("What the stage does."));
+        let list = || {
+            let meaning = format!("Stages of kind {}.", needs.kinds.join(" or "));
+            let list = Schema::list(Schema::text(), needs.least, needs.most);
+            list.distinct().says(&meaning)
+        };
+        Schema::from(match (needs.most, needs.least) {
+            (0, _) => fields,
+            (_, 0) => fields.optional("needs", list()),
+            _ => fields.required("needs", list()),
+        })
+    };
+    Schema::any_of(kind.schema().into_iter().map(with_frame))
+}

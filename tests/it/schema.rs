@@ -1,0 +1,151 @@
+//! The JSON Schemas say what the readers say: the files in `pipelines/schema/` are what the command prints, and an
+//! independent validator accepts and refuses what the readers accept and refuse.
+
+mod documents;
+mod faults;
+mod validator;
+mod walk;
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+
+use deaflow::orchestrator::{of_pipeline, of_scene};
+use deaflow::stage::registry;
+
+use super::common::{TINY, Workspace, files};
+use documents::{Kind, json};
+use faults::{BEYOND, Fault};
+
+fn pipelines() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines")
+}
+
+/// The YAML files that are shipped, with the kind of each.
+fn shipped() -> Vec<(PathBuf, Kind)> {
+    let yaml = files(&pipelines())
+        .into_iter()
+        .filter(|f| f.extension().is_some_and(|e| e == "yaml"));
+    let found: Vec<(PathBuf, Kind)> = yaml
+        .map(|f| {
+            let scene = f.parent().is_some_and(|folder| folder.ends_with("scenes"));
+            (f, if scene { Kind::Scene } else { Kind::Pipeline })
+        })
+        .collect();
+    assert!(found.len() >= 7, "{found:?}");
+    found
+}
+
+#[test]
+fn the_committed_schemas_are_what_the_command_prints() {
+    let workspace = Workspace::new();
+    for (arguments, file) in [
+        (&["schema"][..], "pipeline.json"),
+        (&["schema", "pipeline"], "pipeline.json"),
+        (&["schema", "scene"], "scene.json"),
+    ] {
+        let committed = std::fs::read_to_string(pipelines().join("schema").join(file)).unwrap();
+        let ended = workspace.run(arguments);
+        assert_eq!(ended.code, Some(0));
+        assert!(
+            ended.stdout == committed,
+            "write it again: deaflow {} > pipelines/schema/{file}",
+            arguments.join(" ")
+        );
+    }
+}
+
+#[test]
+fn shipped_files_name_their_schema() {
+    for (file, kind) in shipped() {
+        let text = std::fs::read_to_string(&file).unwrap();
+        let named = text
+            .lines()
+            .next()
+            .and_then(|line| line.strip_prefix("# yaml-language-server: $schema="));
+        let schema = file
+            .parent()
+            .unwrap()
+            .join(named.unwrap_or_else(|| panic!("{} names none", file.display())));
+        let expected = pipelines().join("schema").join(kind.file());
+        assert_eq!(schema.canonicalize().unwrap(), expected.canonicalize().unwrap());
+    }
+}
+
+#[test]
+fn shipped_files_are_valid() {
+    let mut cases: Vec<(Kind, Value)> = shipped()
+        .iter()
+        .map(|(file, kind)| (*kind, json(&std::fs::read_to_string(file).unwrap())))
+        .collect();
+    cases.push((Kind::Pipeline, json(TINY)));
+    assert_eq!(validator::verdicts(&cases), vec![true; cases.len()]);
+}
+
+#[test]
+fn a_pipeline_holds_the_schema_of_scenes() {
+    let mut scene = of_scene(&registry());
+    for key in ["$schema", "title"] {
+        assert!(scene.as_object_mut().unwrap().remove(key).is_some());
+    }
+    assert_eq!(of_pipeline(&registry())["$defs"]["scene"], scene);
+}
+
+/// Every mapping and every key of the schemas is visited; there the reader is provoked to say which keys it allows.
+#[test]
+fn readers_and_schemas_know_the_same_keys() {
+    for kind in [Kind::Pipeline, Kind::Scene] {
+        let schema = kind.schema();
+        let mut visited = BTreeSet::new();
+        for document in documents::of(kind) {
+            kind.read(&document).unwrap_or_else(|e| panic!("{e}: {document}"));
+            for place in walk::mappings(&schema, &document) {
+                for key in place.value(&document).as_object().unwrap().keys() {
+                    visited.insert(format!("{}/properties/{key}", place.schema));
+                }
+                faults::keys_agree(kind, &schema, &document, &place);
+            }
+        }
+        let all = walk::properties(&schema, kind);
+        let missed: Vec<_> = all.difference(&visited).collect();
+        assert!(missed.is_empty(), "no document here has {missed:#?}");
+        assert!(all.len() > 40, "{}", all.len());
+    }
+}
+
+/// What the reader accepts, the schema accepts; what it refuses by structure, the schema refuses.
+#[test]
+fn readers_and_schemas_refuse_the_same_faults() {
+    let mut faults: Vec<Fault> = Vec::new();
+    for kind in [Kind::Pipeline, Kind::Scene] {
+        let mut seen = BTreeSet::new();
+        for document in documents::of(kind) {
+            faults::collect(kind, &document, &mut seen, &mut faults);
+        }
+    }
+    let cases: Vec<(Kind, Value)> = faults.iter().map(|fault| (fault.kind, fault.local.clone())).collect();
+    let verdicts = validator::verdicts(&cases);
+    let mut wrong = Vec::new();
+    let mut met: BTreeSet<&str> = BTreeSet::new();
+    for (fault, valid) in faults.iter().zip(verdicts) {
+        match &fault.refusal {
+            None if !valid => wrong.push(format!("the schema refuses what is read: {}", fault.what)),
+            Some(why) if valid && !fault.is_beyond_structure(why) => {
+                wrong.push(format!("the schema accepts {}, and the reader says: {why}", fault.what));
+            }
+            Some(why) if valid => met.extend(BEYOND.iter().filter(|known| why.contains(**known))),
+            _ => {}
+        }
+    }
+    let unused: Vec<_> = BEYOND.iter().filter(|known| !met.contains(*known)).collect();
+    assert!(unused.is_empty(), "never said: {unused:?}");
+    assert!(
+        wrong.is_empty(),
+        "{} of {}:\n{}",
+        wrong.len(),
+        faults.len(),
+        wrong.join("\n")
+    );
+    assert!(faults.len() > 1000, "{}", faults.len());
+}

@@ -1,0 +1,125 @@
+//! Documents that together have every key of both schemas, and how documents are read.
+
+use std::path::Path;
+
+use deaflow::base::{Document, InputError, Node, NodeValue};
+use deaflow::orchestrator::{Pipeline, of_pipeline, of_scene};
+use deaflow::scene::Scene;
+use deaflow::stage::registry;
+use serde_json::{Map, Value};
+
+/// What a document is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Kind {
+    Pipeline,
+    Scene,
+}
+
+impl Kind {
+    pub fn file(self) -> &'static str {
+        match self {
+            Self::Pipeline => "pipeline.json",
+            Self::Scene => "scene.json",
+        }
+    }
+
+    pub fn schema(self) -> Value {
+        match self {
+            Self::Pipeline => of_pipeline(&registry()),
+            Self::Scene => of_scene(&registry()),
+        }
+    }
+
+    /// Reads a document as deaflow does.
+    pub fn read(self, document: &Value) -> Result<(), InputError> {
+        let document = Document::from_text(Path::new("document.yaml"), &document.to_string())?;
+        match self {
+            Self::Pipeline => Pipeline::read(document, &[], &registry()).map(|_| ()),
+            Self::Scene => Scene::read(&document.root).map(|_| ()),
+        }
+    }
+}
+
+/// A YAML text as JSON.
+pub fn json(text: &str) -> Value {
+    fn value(node: &Node) -> Value {
+        match node.value() {
+            NodeValue::Null => Value::Null,
+            NodeValue::Bool(on) => Value::Bool(*on),
+            NodeValue::Number(text) => serde_json::from_str(text).unwrap(),
+            NodeValue::Text(text) => Value::String(text.clone()),
+            NodeValue::List(items) => items.iter().map(value).collect(),
+            NodeValue::Map(entries) => {
+                let entry = |(key, item): &(Node, Node)| (key.text("a key").unwrap().to_owned(), value(item));
+                Value::Object(entries.iter().map(entry).collect::<Map<_, _>>())
+            }
+        }
+    }
+    value(&Document::from_text(Path::new("text.yaml"), text).unwrap().root)
+}
+
+const PIPELINE: &str = "
+version: 1
+name: complete
+scene:
+  geometry: { side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50 }
+  material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
+  drive: { voltage: 5.25 kV }
+stages:
+  small: { kind: sample, family: small-grid, count: 2, area: 0.5, seed: 1 }
+  large: { kind: sample, family: large-grid, units: [4, 5], count_per_units: 2, seed: 2 }
+  bezier: { kind: sample, family: bezier, count: 2, area: 0.5, ends: any, seed: 3 }
+  solved: { kind: solve, needs: [small, large, bezier], method: newton, elements_per_cell: 2, order: 1, tolerance: 1e-6 }
+  refined: { kind: solve, needs: [small], accuracy: 0.01 mm }
+  guessed: { kind: solve, needs: [small], method: chord:2, order: 2 }
+  balanced: { kind: balance, needs: [solved], bins: 20, range: [0 mm, 2.5 mm], target: 60, symmetry: d4, seed: 4 }
+  surrogate: { kind: train, needs: [balanced], network: qin2024, epochs: 1, batch: 8, learning_rate: 0.002, max_weight: 0.1,
+    auxiliary_weight: 0.2, seed: 5 }
+  design: { kind: design, needs: [surrogate], objective: { point: [25 mm, 25 mm], direction: 0 deg, measure: qin2024 },
+    area: 0.5, area_penalty: 5, population: 20, generations: 2, elite: 0.02, crossover: 0.7, mutation: 0.3,
+    stagnation: 5, seed: 6 }
+  rotation: { kind: design, needs: [surrogate], seed: 7, objective: { points: [{ point: [12, 25], direction: 90 },
+    { point: [38, 25], direction: -90 }], measure: displacement } }
+  verified: { kind: verify, needs: [design], method: newton, elements_per_cell: 1, order: 2, tolerance: 1e-6 }
+  exact: { kind: verify, needs: [rotation], accuracy: 10 um }
+  accuracy: { kind: accuracy, needs: [solved], methods: [linear, { method: chord:3, elements_per_cell: 1, order: 2 },
+    { accuracy: 0.03 mm }] }
+";
+
+const BASE: &str = "
+geometry: { side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50 }
+material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
+";
+
+/// What stands beside geometry and material: every effect, and every model of stiffening as an effect and as a property.
+const SCENES: [&str; 6] = [
+    "drive: { voltage: 5.25 kV, frequency: 2 Hz, duration: 30 s }\neffects: auto",
+    "drive: { voltage: 5 kV }
+effects: { strain_stiffening: { model: gent, jm: 125 }, electrode_stiffness: { shear_modulus: 1 MPa, thickness: 5 um },
+  stretch_dependent_permittivity: { exponent: 0.1, reference: undeformed }, fringe_field: { }, wrinkling: true,
+  dielectric_breakdown: { law: constant, field: 90 MV/m }, electromechanical_stability: }
+properties: { strain_stiffening: { model: yeoh, c2: -1 kPa, c3: 20 Pa }, density: 960, sheet_resistance: 10 kOhm,
+  viscoelasticity: [ { modulus: 20 kPa, time: 30 s } ] }",
+    "drive: { voltage: 5 kV }
+effects: { strain_stiffening: { model: yeoh, c2: -1 kPa, c3: 20 Pa }, fringe_field: true, wrinkling: { },
+  electromechanical_stability: { }, dielectric_breakdown: { law: huang } }
+properties: { strain_stiffening: { model: gent, jm: 125 }, electrode_stiffness: { shear_modulus: 1 MPa, thickness: 5 um },
+  stretch_dependent_permittivity: { exponent: 0.1, reference: prestretched }, dielectric_breakdown: { law: constant, field: 1e8 } }",
+    "drive: { voltage: 5 kV }
+effects: { strain_stiffening: { model: ogden, terms: [ { mu: 45 kPa, alpha: 2 } ] } }
+properties: { strain_stiffening: { model: arruda-boyce, locking_stretch: 6 } }",
+    "drive: { voltage: 5 kV }
+effects: { strain_stiffening: { model: arruda-boyce, locking_stretch: 6 } }
+properties: { strain_stiffening: { model: ogden, terms: [ { mu: 45 kPa, alpha: 2 } ] } }",
+    "drive: { voltage: 5 kV }
+effects: { strain_stiffening: { }, dielectric_breakdown: true, electrode_stiffness: false }
+properties: { strain_stiffening: { model: gent, jm: 125 }, dielectric_breakdown: { law: huang } }",
+];
+
+/// The documents of a kind.
+pub fn of(kind: Kind) -> Vec<Value> {
+    match kind {
+        Kind::Pipeline => vec![json(PIPELINE)],
+        Kind::Scene => SCENES.iter().map(|rest| json(&format!("{BASE}{rest}"))).collect(),
+    }
+}

@@ -1,0 +1,201 @@
+//! Faulty documents, made from good ones, and what the reader says of them.
+
+use std::collections::BTreeSet;
+
+use deaflow::base::InputError;
+use miette::Diagnostic;
+use serde_json::{Value, json};
+
+use super::documents::Kind;
+use super::walk::{self, Place};
+
+/// A changed document, which may still be good.
+pub struct Fault {
+    pub kind: Kind,
+    /// The document, in a pipeline with the changed stage alone: what the schema says of a stage does not depend on others.
+    pub local: Value,
+    pub what: String,
+    /// What the reader says, unless it accepts.
+    pub refusal: Option<String>,
+    /// Whether the value is one that the schema cannot compare with bounds: text with a unit.
+    is_text: bool,
+}
+
+/// What a reader refuses for its meaning and no schema can: what was said, in part.
+pub const BEYOND: [&str; 9] = [
+    // Names of other stages, and what those are.
+    "no stage is named",
+    "stage needs",
+    "needs a scene",
+    // Numbers that contradict each other.
+    "does not lie inside the membrane",
+    "small-strain shear modulus",
+    "the term would be singular",
+    "has no parameters",
+    "an area fraction lies above 0",
+    "the range",
+];
+
+impl Fault {
+    pub fn is_beyond_structure(&self, why: &str) -> bool {
+        (self.is_text && why.contains("out of range")) || BEYOND.iter().any(|known| why.contains(known))
+    }
+}
+
+fn help(error: &InputError) -> String {
+    error.help().map(|help| help.to_string()).unwrap_or_default()
+}
+
+/// The keys that a refusal says are allowed.
+fn allowed(error: &InputError) -> BTreeSet<String> {
+    let help = help(error);
+    let list = help
+        .split("allowed: ")
+        .nth(1)
+        .unwrap_or_else(|| panic!("{error}: {help}"));
+    list.split(", ")
+        .filter(|key| *key != "nothing")
+        .map(str::to_owned)
+        .collect()
+}
+
+fn with_key(document: &Value, place: &str, key: &str, value: Value) -> Value {
+    let mut changed = document.clone();
+    changed.pointer_mut(place).unwrap()[key] = value;
+    changed
+}
+
+/// Provokes the reader at a mapping: the keys that it then allows must be those of the schema. A reader that first looks at
+/// the keys of all families must then refuse those of the others with the keys of this one.
+pub fn keys_agree(kind: Kind, schema: &Value, document: &Value, place: &Place) {
+    let own: BTreeSet<String> = keys(schema, &place.schema);
+    let refusal = |key: &str| {
+        let changed = with_key(document, &place.document, key, Value::Null);
+        let error = kind
+            .read(&changed)
+            .expect_err(&format!("{}/{key} was accepted", place.document));
+        let said = error.to_string();
+        (
+            said.contains(&format!("unknown key `{key}`")).then(|| allowed(&error)),
+            said,
+        )
+    };
+    let (found, said) = refusal("zzz");
+    let found = found.unwrap_or_else(|| panic!("{}: {said}", place.document));
+    if found == own {
+        return;
+    }
+    assert_eq!(found, place.family, "{} {}", place.document, place.schema);
+    for foreign in place.family.difference(&own) {
+        let (found, said) = refusal(foreign);
+        assert_eq!(found.as_ref(), Some(&own), "{}/{foreign}: {said}", place.document);
+    }
+}
+
+fn keys(schema: &Value, at: &str) -> BTreeSet<String> {
+    schema.pointer(at).unwrap()["properties"]
+        .as_object()
+        .unwrap()
+        .keys()
+        .cloned()
+        .collect()
+}
+
+/// Adds all faults of a document at places of the schema that were not seen before.
+pub fn collect(kind: Kind, document: &Value, seen: &mut BTreeSet<String>, faults: &mut Vec<Fault>) {
+    let schema = kind.schema();
+    let mut add = |changed: Value, place: &str, is_text: bool| {
+        faults.push(Fault {
+            kind,
+            local: local(&changed, place),
+            what: format!("{place}: {}", changed.pointer(place).unwrap_or(&json!("(left out)"))),
+            refusal: kind.read(&changed).err().map(|e| format!("{e} {}", help(&e))),
+            is_text,
+        });
+    };
+    for place in walk::mappings(&schema, document) {
+        for key in keys(&schema, &place.schema) {
+            if seen.insert(format!("{} without {key}", place.schema)) {
+                let mut changed = document.clone();
+                let map = changed.pointer_mut(&place.document).unwrap().as_object_mut().unwrap();
+                if map.remove(&key).is_some() {
+                    add(changed, &format!("{}/{key}", place.document), false);
+                }
+            }
+        }
+        if seen.insert(format!("{} with", place.schema)) {
+            add(
+                with_key(document, &place.document, "zzz", Value::Null),
+                &format!("{}/zzz", place.document),
+                false,
+            );
+        }
+    }
+    for leaf in walk::leaves(&schema, document) {
+        if leaf.schema.starts_with("/$defs/scene") || !seen.insert(leaf.schema.clone()) {
+            continue;
+        }
+        let was = document.pointer(&leaf.document).unwrap();
+        for value in replacements(schema.pointer(&leaf.schema).unwrap(), was) {
+            let is_text = value.is_string();
+            let mut changed = document.clone();
+            *changed.pointer_mut(&leaf.document).unwrap() = value;
+            add(changed, &leaf.document, is_text);
+        }
+    }
+}
+
+/// The document with no other stage than the one at a place.
+fn local(document: &Value, place: &str) -> Value {
+    let mut document = document.clone();
+    let stage = place.strip_prefix("/stages/").and_then(|rest| rest.split('/').next());
+    if let (Some(stage), Some(Value::Object(stages))) = (stage, document.get_mut("stages")) {
+        stages.retain(|name, _| name == stage);
+    }
+    document
+}
+
+/// Values of all types, words and units, at and beyond the bounds.
+fn replacements(node: &Value, was: &Value) -> Vec<Value> {
+    let mut values = vec![
+        json!(null),
+        json!(true),
+        json!(false),
+        json!([]),
+        json!({}),
+        json!({ "zzz": 1 }),
+        json!("zzz"),
+    ];
+    values.extend([
+        json!(""),
+        json!("1 zzz"),
+        json!("1 mm"),
+        json!("5.2e3V"),
+        json!(" 0.5 "),
+        json!("1e"),
+        json!("1 mm mm"),
+    ]);
+    values.extend([json!(0), json!(1), json!(2.5), json!(-1), json!(1e99)]);
+    for (bound, outward) in [("minimum", -1.0), ("maximum", 1.0)] {
+        match &node[bound] {
+            Value::Number(n) if n.is_u64() => {
+                let n = n.as_u64().unwrap();
+                if n < i64::MAX as u64 {
+                    values.extend([json!(n), json!(n as i64 + outward as i64)]);
+                }
+            }
+            Value::Number(n) => {
+                let n = n.as_f64().unwrap();
+                values.extend([json!(n), json!(n + outward * (n.abs() * 1e-6).max(1e-12))]);
+            }
+            _ => {}
+        }
+    }
+    if let Value::Array(items) = was {
+        let one_less = items[..items.len().saturating_sub(1)].to_vec();
+        let one_more = [items.clone(), vec![json!("another")]].concat();
+        let repeated = [items.clone(), items[..1].to_vec()].concat();
+        values.extend([one_less, one_more, repeated].map(Value::Array));
+    }
+    values
+}
