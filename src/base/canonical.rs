@@ -22,9 +22,41 @@ pub enum Canonical {
     /// A text.
     Text(String),
     /// An ordered list.
-    List(Vec<Canonical>),
+    List(#[serde(deserialize_with = "depth::nested")] Vec<Canonical>),
     /// A map sorted by key.
-    Map(BTreeMap<String, Canonical>),
+    Map(#[serde(deserialize_with = "depth::nested")] BTreeMap<String, Canonical>),
+}
+
+/// Values read from a file may be nested without end, and reading them recurses.
+mod depth {
+    use std::cell::Cell;
+
+    use serde::de::{Deserialize, Deserializer, Error};
+
+    /// No stage has parameters nested as deeply.
+    const MOST: u32 = 64;
+
+    thread_local! {
+        /// How many lists and maps this thread is inside of while it reads a value.
+        static INSIDE: Cell<u32> = const { Cell::new(0) };
+    }
+
+    /// Reads what is inside a list or map.
+    ///
+    /// # Errors
+    /// When it is nested too deeply, or as the reader of `T`.
+    pub fn nested<'de, D: Deserializer<'de>, T: Deserialize<'de>>(deserializer: D) -> Result<T, D::Error> {
+        let depth = INSIDE.get();
+        if depth >= MOST {
+            return Err(D::Error::custom(format_args!(
+                "lists and maps are nested more than {MOST} deep"
+            )));
+        }
+        INSIDE.set(depth + 1);
+        let value = T::deserialize(deserializer);
+        INSIDE.set(depth);
+        value
+    }
 }
 
 impl Canonical {

@@ -1,9 +1,10 @@
-//! What every room stands on: digests, canonical values, quantities, random streams, documents.
+//! What every room stands on: digests, canonical values, quantities, random streams, documents, files.
 
 mod canonical;
 mod digest;
 mod document;
 mod encoding;
+mod file;
 mod quantity;
 mod schema;
 mod stream;
@@ -12,6 +13,7 @@ pub use canonical::Canonical;
 pub use digest::{Digest, DigestWriter, ParseDigestError};
 pub use document::{Document, InputError, Map, Node, NodeValue, Override, Source, nearest};
 pub use encoding::{EncodingError, decode, encode};
+pub use file::{open_regular, read_bounded};
 pub use quantity::{Decimal, Dimension, Quantity, QuantityError};
 pub use schema::{Fields, Schema};
 pub use stream::Stream;

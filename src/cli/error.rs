@@ -24,6 +24,18 @@ pub struct CliError {
     closed_pipe: bool,
 }
 
+/// The longest line of a file, in bytes, that is quoted in a message.
+const LONGEST_LINE: usize = 1000;
+
+fn unprintable(c: char) -> bool {
+    c.is_control() && !matches!(c, '\n' | '\r' | '\t')
+}
+
+/// A text that changes nothing about a terminal.
+fn printable(text: &str) -> String {
+    text.replace(unprintable, "\u{fffd}")
+}
+
 /// Where in a file the mistake is.
 struct Place {
     file: String,
@@ -86,7 +98,7 @@ impl CliError {
 
     /// For people: with the words of the file and a caret under them where there is a place.
     pub fn render(&self, coloured: bool) -> String {
-        if let Some(input) = &self.input {
+        if let Some(input) = self.input.as_ref().filter(|_| self.can_be_quoted()) {
             let coloured = coloured && std::env::var_os("NO_COLOR").is_none();
             let styles = if coloured {
                 ThemeStyles::ansi()
@@ -105,11 +117,28 @@ impl CliError {
                 return text.trim_start().to_owned();
             }
         }
+        let place = self.place().map_or(String::new(), |place| {
+            format!("\n  at {}:{}:{}", place.file, place.line, place.column)
+        });
         let help = self
             .help
             .as_ref()
             .map_or(String::new(), |help| format!("\n  help: {help}"));
-        format!("error: {}{help}", self.message)
+        printable(&format!("error: {}{place}{help}", self.message))
+    }
+
+    /// Whether the lines around the place are fit for a terminal. A line of megabytes would bury the message (and miette
+    /// counts columns in 16 bits); control characters could do anything.
+    fn can_be_quoted(&self) -> bool {
+        let context = self.input.as_ref().and_then(|input| {
+            let label = input.labels()?.next()?;
+            let contents = input.source_code()?.read_span(label.inner(), 1, 1).ok()?;
+            Some(String::from_utf8_lossy(contents.data()).into_owned())
+        });
+        let lines = context.as_deref().unwrap_or_default();
+        lines.lines().all(|line| line.len() <= LONGEST_LINE)
+            && !lines.contains(unprintable)
+            && !self.message.contains(unprintable)
     }
 
     /// For programs.

@@ -8,6 +8,7 @@ use super::error::CliError;
 use super::output::{Exit, Output};
 use super::progress::Bar;
 use super::{locate, solve};
+use crate::base::read_bounded;
 use crate::stage::direct;
 use crate::store::Artifact;
 
@@ -30,7 +31,8 @@ fn weights(arguments: &PredictArguments) -> Result<Vec<u8>, CliError> {
     let path = Path::new(&arguments.model);
     let artifact = match path.extension().and_then(|e| e.to_str()) {
         Some("safetensors") => return read(path),
-        Some("h5") => Artifact::open(path)?,
+        Some("h5") if path.is_file() => Artifact::open(path)?,
+        Some("h5") => return Err(CliError::bad_input(format!("no file {}", path.display()))),
         _ => locate::artifact(&locate::existing_store(&arguments.store.folder())?, &arguments.model)?,
     };
     if artifact.contents()?.iter().all(|content| content.path != "weights") {
@@ -44,13 +46,6 @@ fn weights(arguments: &PredictArguments) -> Result<Vec<u8>, CliError> {
 }
 
 fn read(path: &Path) -> Result<Vec<u8>, CliError> {
-    let refused = |e: std::io::Error| CliError::bad_input(format!("cannot read {}: {e}", path.display()));
-    let size = std::fs::metadata(path).map_err(refused)?.len();
-    if size > MAX_BYTES {
-        return Err(CliError::bad_input(format!(
-            "{} has {size} bytes: too many for a model",
-            path.display()
-        )));
-    }
-    std::fs::read(path).map_err(refused)
+    read_bounded(path, MAX_BYTES)
+        .map_err(|error| CliError::bad_input(format!("cannot read {} as a model: {error}", path.display())))
 }

@@ -52,6 +52,13 @@ pub trait Stage: Send + Sync {
     /// How the work divides, given what is known of the inputs.
     fn plan(&self, inputs: &[Input]) -> Plan;
 
+    /// How many pieces [`Stage::plan`] will give, given how many those of the inputs are together: a plan that is too large
+    /// to be made must be known without making it.
+    fn pieces(&self, inputs: u64) -> u64 {
+        let _ = inputs;
+        1
+    }
+
     /// Does one piece of work: a chunk, or the whole where the plan is [`Plan::Whole`]. The result must be a function of
     /// the stage, the chunk and the inputs alone, with any number of threads.
     ///

@@ -8,6 +8,12 @@ use crate::base::{Document, InputError, Node, NodeValue, Override, Schema, neare
 
 const WHAT: &str = "the pipeline";
 
+/// Characters in the name of a pipeline or stage.
+const LONGEST_NAME: usize = 200;
+
+/// Pieces of work in a pipeline: some 25 million samples. A plan holds all of them.
+const MOST_PIECES: u64 = 500_000;
+
 /// What a pipeline may be made of.
 pub struct Registry {
     /// The kinds of stages.
@@ -77,7 +83,9 @@ impl Pipeline {
                 version.found()
             )));
         }
-        let name = map.required(WHAT, "name")?.text("name")?.to_owned();
+        let name = map.required(WHAT, "name")?;
+        check_length(name, name.text("name")?)?;
+        let name = name.text("name")?.to_owned();
         let scene = map.optional("scene");
         if let Some(scene) = scene {
             (registry.check_scene)(scene)?;
@@ -114,7 +122,7 @@ impl Pipeline {
 /// Puts a scene that the document at `path` gives by its file into the place of the file's name.
 ///
 /// # Errors
-/// When the file does not exist or is not a document.
+/// When the file does not exist, lies outside the folder of the document (links followed), or is not a document.
 pub fn splice_scene(root: &mut Node, path: &Path) -> Result<(), InputError> {
     let Some(node) = root.peek("scene") else {
         return Ok(());
@@ -122,10 +130,23 @@ pub fn splice_scene(root: &mut Node, path: &Path) -> Result<(), InputError> {
     if !matches!(node.value(), NodeValue::Text(_)) {
         return Ok(());
     }
-    let file = path.parent().unwrap_or(Path::new("")).join(node.text("scene")?);
-    if !file.is_file() {
+    let parent = path.parent().unwrap_or(Path::new(""));
+    let named = Path::new(node.text("scene")?);
+    let file = parent.join(named);
+    // A bare name has an empty parent, which the system does not open.
+    let (Ok(within), Ok(found)) = (Path::new(".").join(parent).canonicalize(), file.canonicalize()) else {
         let message = format!("the scene's file {} does not exist", file.display());
         return Err(node.error(message).help("it is named relative to the pipeline's file"));
+    };
+    // Whoever runs a pipeline of somebody else's must not be made to read what lies elsewhere.
+    if named.is_absolute() || !found.starts_with(&within) {
+        let message = format!(
+            "the scene's file {} lies outside the folder of the pipeline",
+            named.display()
+        );
+        return Err(node
+            .error(message)
+            .help("put it beside the pipeline or in a folder below, without a link that leads out"));
     }
     let scene = Document::load(&file)?;
     root.replace("scene", scene.root);
@@ -145,6 +166,7 @@ fn read_entries<'a>(stages: &'a Node, registry: &Registry) -> Result<Vec<Entry<'
             let message = format!("a stage cannot be named {name:?}");
             return Err(key.error(message).help("allowed: letters, digits, '_' and '-'"));
         }
+        check_length(key, name)?;
         names.push(name);
     }
     let kinds: Vec<&'static str> = registry.kinds.iter().map(|kind| kind.name()).collect();
@@ -170,6 +192,15 @@ fn read_entries<'a>(stages: &'a Node, registry: &Registry) -> Result<Vec<Entry<'
         });
     }
     Ok(out)
+}
+
+fn check_length(node: &Node, name: &str) -> Result<(), InputError> {
+    match name.chars().count() {
+        length if length > LONGEST_NAME => Err(node
+            .error(format!("a name of {length} characters"))
+            .help(format!("allowed: at most {LONGEST_NAME}"))),
+        _ => Ok(()),
+    }
 }
 
 fn read_needs<'a>(node: &'a Node, names: &[&str]) -> Result<Vec<(usize, &'a Node)>, InputError> {
@@ -212,7 +243,32 @@ fn read_stages(entries: &[Entry<'_>], scene: Option<&Node>) -> Result<Vec<StageS
             stage: entry.kind.read(entry.node, scene)?,
         }));
     }
-    Ok(order.iter().filter_map(|&index| stages[index].take()).collect())
+    let stages: Vec<StageSpec> = order.iter().filter_map(|&index| stages[index].take()).collect();
+    check_pieces(&stages, &order, entries)?;
+    Ok(stages)
+}
+
+/// Refuses what is too large to be planned, before anybody tries.
+fn check_pieces(stages: &[StageSpec], order: &[usize], entries: &[Entry<'_>]) -> Result<(), InputError> {
+    let mut pieces: Vec<u64> = Vec::with_capacity(stages.len());
+    let mut total = 0u64;
+    for (stage, &index) in stages.iter().zip(order) {
+        let given = stage
+            .needs
+            .iter()
+            .fold(0, |sum: u64, &need| sum.saturating_add(pieces[need]));
+        let own = stage.stage.pieces(given);
+        pieces.push(own);
+        total = total.saturating_add(own);
+        if total > MOST_PIECES {
+            let message = format!("up to stage `{}` the pipeline has {total} chunks of work", stage.name);
+            return Err(entries[index]
+                .key
+                .error(message)
+                .help(format!("allowed: at most {MOST_PIECES}; lower a count")));
+        }
+    }
+    Ok(())
 }
 
 fn refuse_cycle(entries: &[Entry<'_>], cycle: &[usize]) -> InputError {

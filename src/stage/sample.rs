@@ -246,6 +246,10 @@ impl Stage for SampleStage {
         )
     }
 
+    fn pieces(&self, _inputs: u64) -> u64 {
+        self.groups.iter().map(|group| group.count.div_ceil(CHUNK)).sum()
+    }
+
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
         let wanted = job.chunk.map(|chunk| &chunk.parameters);
         let (group, range) = self

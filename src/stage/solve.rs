@@ -95,6 +95,10 @@ impl Stage for SolveStage {
         Plan::Chunks(inputs.iter().flat_map(|input| input.parts.iter().map(chunk)).collect())
     }
 
+    fn pieces(&self, inputs: u64) -> u64 {
+        inputs
+    }
+
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
         let [samples] = job.inputs else {
             return Err(StageError::Failed(

@@ -177,7 +177,7 @@ impl Store {
             return Ok(());
         };
         report.objects += 1;
-        report.bytes += fs::metadata(path).map_err(StoreError::io("read", path))?.len();
+        report.bytes += fs::symlink_metadata(path).map_err(StoreError::io("read", path))?.len();
         match redigest(path, &digest) {
             Ok(object) => {
                 sound.insert(digest, object);

@@ -10,6 +10,7 @@ use std::path::Path;
 use std::time::{Duration, SystemTime};
 
 use super::error::StoreError;
+use super::history;
 use super::layout::files;
 use super::open::Store;
 use super::record::{self, Lookup};
@@ -91,7 +92,7 @@ impl Store {
             let Some(digest) = name.and_then(|name| name.parse::<Digest>().ok()) else {
                 continue;
             };
-            let metadata = fs::metadata(&path).map_err(StoreError::io("read", &path))?;
+            let metadata = fs::symlink_metadata(&path).map_err(StoreError::io("read", &path))?;
             let mut held_by: Vec<String> = holders.remove(&digest).unwrap_or_default().into_iter().collect();
             if held_by.is_empty() && is_young(&metadata, retention.grace, now) {
                 held_by.push("its age".to_owned());
@@ -148,11 +149,15 @@ impl Store {
 
     /// The roots by name, with the artifacts that they hold.
     fn roots(&self, retention: &Retention) -> Result<Vec<(String, Vec<Digest>)>, StoreError> {
-        let runs = self.runs()?;
-        let runs = runs.iter().take(retention.runs).map(|run| {
+        let mut runs = Vec::new();
+        for path in self.run_files()?.iter().take(retention.runs) {
+            let Some(run) = history::read(path)? else {
+                let reason = "nobody knows what this run needs; `deaflow fsck` moves its file aside";
+                return Err(StoreError::damaged(path, reason));
+            };
             let artifacts = run.stages.iter().map(|stage| stage.artifact).collect();
-            (format!("run of {} at {}", run.pipeline, run.created), artifacts)
-        });
+            runs.push((format!("run of {} at {}", run.pipeline, run.created), artifacts));
+        }
         let pins = self.pins()?;
         let pins = pins.iter().map(|pin| {
             let label = if pin.label.is_empty() {
@@ -166,7 +171,7 @@ impl Store {
             let artifacts = lock.stages.values().map(|stage| stage.artifact).collect();
             (format!("lock file {}", path.display()), artifacts)
         });
-        Ok(runs.chain(pins).chain(lock_files).collect())
+        Ok(runs.into_iter().chain(pins).chain(lock_files).collect())
     }
 
     /// Everything that some artifacts need, themselves included. What is missing needs nothing.

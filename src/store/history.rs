@@ -4,6 +4,7 @@
 //! keep. They decide nothing: a run is found by its keys whether or not its file is there.
 
 use std::fs;
+use std::io::ErrorKind;
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
@@ -11,10 +12,13 @@ use serde::{Deserialize, Serialize};
 use super::atomic;
 use super::error::StoreError;
 use super::open::Store;
-use crate::base::Digest;
+use crate::base::{Digest, read_bounded};
 
 /// How many runs are remembered.
 const KEPT: usize = 50;
+
+/// A run of as many stages as a pipeline may have takes less.
+const MAX_BYTES: u64 = 32 << 20;
 
 /// One run of a pipeline.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -63,7 +67,7 @@ impl Store {
     /// When the system refuses.
     pub fn put_run(&self, run: &Run) -> Result<(), StoreError> {
         let text = serde_json::to_vec_pretty(run).map_err(|error| StoreError::Json(error.to_string()))?;
-        let name: String = run.created.chars().map(|c| if c == ':' { '-' } else { c }).collect();
+        let name = after_newest(run, &self.run_files()?);
         let target = self
             .layout
             .runs()
@@ -104,7 +108,7 @@ impl Store {
         Ok(runs.iter().find_map(|run| run.stage(stage)).cloned())
     }
 
-    /// Files of runs, newest first: their names begin with the time.
+    /// Files of runs, newest first, as their names say.
     pub(super) fn run_files(&self) -> Result<Vec<PathBuf>, StoreError> {
         let folder = self.layout.runs();
         let mut files = Vec::new();
@@ -116,14 +120,43 @@ impl Store {
     }
 }
 
+/// The time of a run as its file's name begins with it: `2026-01-01T00-00-01.000Z`. Where the clock has been set back, the
+/// newest file's time and a number instead, so that the last run is the newest whatever the clock says.
+fn after_newest(run: &Run, newest_first: &[PathBuf]) -> String {
+    let time: String = run.created.chars().map(|c| if c == ':' { '-' } else { c }).collect();
+    let named = |path: &PathBuf| stamp(path.file_name()?.to_str()?);
+    match newest_first.iter().find_map(named) {
+        // '.' sorts after the '-' that follows a time without a number.
+        Some((newest, number)) if newest >= time => format!("{newest}.{:06}", number + 1),
+        _ => time,
+    }
+}
+
+/// Time and number in the name of a run's file; none where it is named otherwise.
+fn stamp(name: &str) -> Option<(String, u64)> {
+    let (time, rest) = name.split_at_checked("2026-01-01T00-00-01.000Z".len())?;
+    let form = |(at, c): (usize, char)| match at {
+        4 | 7 | 13 | 16 => c == '-',
+        10 => c == 'T',
+        19 => c == '.',
+        23 => c == 'Z',
+        _ => c.is_ascii_digit(),
+    };
+    let well_formed = time.chars().enumerate().all(form) && rest.ends_with(".json");
+    let number = rest
+        .strip_prefix('.')
+        .and_then(|rest| rest.split('-').next()?.parse().ok());
+    well_formed.then(|| (time.to_owned(), number.unwrap_or(0)))
+}
+
 /// `None` where the file is no run, or another process has just removed it.
 pub(super) fn read(path: &std::path::Path) -> Result<Option<Run>, StoreError> {
-    match fs::read(path) {
+    match read_bounded(path, MAX_BYTES) {
         Ok(bytes) => Ok(serde_json::from_slice(&bytes).ok()),
         Err(error)
             if matches!(
                 error.kind(),
-                std::io::ErrorKind::NotFound | std::io::ErrorKind::IsADirectory
+                ErrorKind::NotFound | ErrorKind::InvalidInput | ErrorKind::FileTooLarge
             ) =>
         {
             Ok(None)
@@ -134,7 +167,7 @@ pub(super) fn read(path: &std::path::Path) -> Result<Option<Run>, StoreError> {
 
 fn remove(path: &std::path::Path) -> Result<(), StoreError> {
     match fs::remove_file(path) {
-        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(StoreError::io("remove", path)(error)),
+        Err(error) if error.kind() != ErrorKind::NotFound => Err(StoreError::io("remove", path)(error)),
         _ => Ok(()),
     }
 }

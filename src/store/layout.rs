@@ -14,11 +14,12 @@
 //! ```
 
 use std::fs;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use super::atomic;
 use super::error::StoreError;
-use crate::base::Digest;
+use crate::base::{Digest, read_bounded};
 
 /// The line in the marker file.
 pub const FORMAT: &str = "deaflow-store 1";
@@ -47,7 +48,11 @@ impl Layout {
         if !marker.exists() {
             layout.create(&marker)?;
         }
-        let text = fs::read_to_string(&marker).map_err(StoreError::io("read", &marker))?;
+        let bytes = read_bounded(&marker, 4096).map_err(|error| match error.kind() {
+            ErrorKind::InvalidInput | ErrorKind::FileTooLarge => StoreError::damaged(&marker, error.to_string()),
+            _ => StoreError::io("read", &marker)(error),
+        })?;
+        let text = String::from_utf8_lossy(&bytes);
         if text.trim_end() != FORMAT {
             return Err(StoreError::Format {
                 path: marker,

@@ -9,7 +9,10 @@ use super::atomic;
 use super::error::StoreError;
 use super::layout::files_in;
 use super::open::Store;
-use crate::base::Digest;
+use crate::base::{Digest, read_bounded};
+
+/// A label comes from the command line, which has at most so many bytes.
+const MAX_BYTES: u64 = 4 << 20;
 
 /// A pinned artifact.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -76,8 +79,12 @@ impl Store {
                     "a pin is named by the digest of an artifact",
                 ));
             };
-            let bytes = fs::read(&path).map_err(StoreError::io("read", &path))?;
-            let content = serde_json::from_slice(&bytes).unwrap_or(Content {
+            let content = match read_bounded(&path, MAX_BYTES) {
+                Ok(bytes) => serde_json::from_slice(&bytes).ok(),
+                Err(error) if matches!(error.kind(), ErrorKind::InvalidInput | ErrorKind::FileTooLarge) => None,
+                Err(error) => return Err(StoreError::io("read", &path)(error)),
+            };
+            let content = content.unwrap_or(Content {
                 label: "(its file is damaged)".into(),
                 created: String::new(),
             });

@@ -4,6 +4,7 @@
 //! so that a damaged record is no record. It keeps the parameters in full: the next run explains itself by them.
 
 use std::fs;
+use std::io::ErrorKind;
 use std::path::Path;
 use std::time::SystemTime;
 
@@ -13,7 +14,7 @@ use super::atomic;
 use super::error::StoreError;
 use super::lock::{self, Guard};
 use super::open::Store;
-use crate::base::{Canonical, Digest, decode, encode};
+use crate::base::{Canonical, Digest, decode, encode, read_bounded};
 
 /// What an action made.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -70,6 +71,9 @@ impl Lookup {
 
 const TRAILER: usize = 32;
 
+/// As much as can be encoded, and the trailer.
+const MAX_BYTES: u64 = (16 << 20) + TRAILER as u64;
+
 impl Store {
     /// Looks up what an action has made.
     ///
@@ -112,11 +116,15 @@ impl Store {
 }
 
 pub(super) fn read(path: &Path, key: &Digest) -> Result<Lookup, StoreError> {
-    let bytes = match fs::read(path) {
+    let bytes = match read_bounded(path, MAX_BYTES) {
         Ok(bytes) => bytes,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Lookup::Absent),
-        Err(error) if error.kind() == std::io::ErrorKind::IsADirectory => return Ok(Lookup::Damaged),
-        Err(error) => return Err(StoreError::io("read", path)(error)),
+        Err(error) => {
+            return match error.kind() {
+                ErrorKind::NotFound => Ok(Lookup::Absent),
+                ErrorKind::InvalidInput | ErrorKind::FileTooLarge => Ok(Lookup::Damaged),
+                _ => Err(StoreError::io("read", path)(error)),
+            };
+        }
     };
     let written = fs::metadata(path)
         .and_then(|metadata| metadata.modified())

@@ -5,11 +5,11 @@
 //! verified: the library is not made to survive damaged files.
 
 use std::fs::File;
-use std::io::{Read, Seek, SeekFrom, Write};
+use std::io::{ErrorKind, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
 use super::error::StoreError;
-use crate::base::Digest;
+use crate::base::{Digest, open_regular};
 
 /// Length of the user block in bytes: the least that HDF5 allows.
 pub const BLOCK: usize = 512;
@@ -101,13 +101,10 @@ impl Seal {
 }
 
 fn open(path: &Path) -> Result<File, StoreError> {
-    let file = File::open(path).map_err(StoreError::io("open", path))?;
-    // A folder opens for reading on Unix; only the first read would fail, with a message that says nothing.
-    if file.metadata().map_err(StoreError::io("open", path))?.is_file() {
-        Ok(file)
-    } else {
-        Err(StoreError::damaged(path, "it is not a file"))
-    }
+    open_regular(path).map_err(|error| match error.kind() {
+        ErrorKind::InvalidInput => StoreError::damaged(path, "it is not a file"),
+        _ => StoreError::io("open", path)(error),
+    })
 }
 
 /// Digest and number of the bytes after the user block.

@@ -4,6 +4,9 @@ use miette::{Diagnostic, NamedSource, SourceSpan};
 
 use super::node::Source;
 
+/// The most characters that a message, a label or an advice has.
+const LONGEST: usize = 2000;
+
 /// Bad input: where it stands, what was found, what is allowed.
 #[derive(Debug, Diagnostic, thiserror::Error)]
 #[error("{message}")]
@@ -23,7 +26,7 @@ impl InputError {
     #[must_use]
     pub fn new(message: impl Into<String>) -> Self {
         Self {
-            message: message.into(),
+            message: clipped(message.into()),
             source_code: None,
             span: None,
             label: String::new(),
@@ -34,26 +37,40 @@ impl InputError {
     /// Adds advice: what is allowed.
     #[must_use]
     pub fn help(mut self, help: impl Into<String>) -> Self {
-        self.help = Some(help.into());
+        self.help = Some(clipped(help.into()));
         self
     }
 
     pub(super) fn at(source: &Source, span: (usize, usize), message: String, label: String) -> Self {
         Self {
-            message,
+            message: clipped(message),
             source_code: Some(NamedSource::new(&source.name, source.text.clone())),
             span: Some(SourceSpan::new(span.0.into(), span.1)),
-            label,
+            label: clipped(label),
             help: None,
         }
     }
 }
 
+/// What is longer than a person reads loses its middle: a message may quote what was found, whatever its length.
+fn clipped(text: String) -> String {
+    let length = text.chars().count();
+    if length <= LONGEST {
+        return text;
+    }
+    let half = LONGEST / 2;
+    let end: String = text.chars().skip(length - half).collect();
+    let start: String = text.chars().take(half).collect();
+    format!("{start} … {end}")
+}
+
 /// The nearest of some allowed words, if any is near.
 #[must_use]
 pub fn nearest<'w>(word: &str, allowed: &[&'w str]) -> Option<&'w str> {
-    allowed
-        .iter()
+    // The distance takes memory in proportion to the product of the lengths, and nobody misspells a novel.
+    let short = |word: &str| word.len() <= 200;
+    let candidates = allowed.iter().filter(|candidate| short(word) && short(candidate));
+    candidates
         .map(|candidate| (strsim::damerau_levenshtein(word, candidate), *candidate))
         .min_by_key(|(distance, _)| *distance)
         .filter(|(distance, candidate)| *distance <= 1 + candidate.chars().count().max(word.chars().count()) / 3)

@@ -9,6 +9,7 @@ use serde_saphyr::{Location, Spanned, options::DuplicateKeyPolicy};
 
 use super::error::InputError;
 use super::node::{Node, NodeValue, Source};
+use crate::base::file::read_bounded;
 
 /// Pipelines and scenes are written by hand; a larger file is a mistake, and is refused before it is parsed.
 const MAX_BYTES: u64 = 4 << 20;
@@ -25,17 +26,11 @@ impl Document {
     /// Reads a YAML file.
     ///
     /// # Errors
-    /// When the file cannot be read, is larger than 4 MiB, is not UTF-8 or not one YAML document without duplicate keys.
+    /// When it cannot be read, is no regular file, is larger than 4 MiB, is not UTF-8 or not one YAML document without duplicate keys.
     pub fn load(path: &Path) -> Result<Self, InputError> {
         let shown = path.display();
         let fail = |what: String| InputError::new(format!("cannot read {shown}: {what}"));
-        let size = std::fs::metadata(path).map_err(|e| fail(e.to_string()))?.len();
-        if size > MAX_BYTES {
-            return Err(fail(format!(
-                "{size} bytes; a pipeline or scene has at most {MAX_BYTES}"
-            )));
-        }
-        let bytes = std::fs::read(path).map_err(|e| fail(e.to_string()))?;
+        let bytes = read_bounded(path, MAX_BYTES).map_err(|e| fail(e.to_string()))?;
         let text = String::from_utf8(bytes).map_err(|e| fail(format!("not UTF-8 text ({e})")))?;
         Ok(Self {
             root: Node::parse(&shown.to_string(), text)?,
