@@ -3,7 +3,7 @@
 //! It is experience, not truth: no key, no artifact and no record depends on it, and it may be deleted at any time.
 
 use std::collections::BTreeMap;
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::{ErrorKind, Write};
 
 use serde::{Deserialize, Serialize};
@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::atomic;
 use super::error::StoreError;
 use super::open::Store;
+use crate::base::read_bounded;
 
 /// When the file is longer than this, the older half of its lines goes, bytes.
 const LONG: usize = 1 << 20;
@@ -68,6 +69,9 @@ impl Store {
             let folder = self.temporary()?;
             return atomic::write(&folder.path().join("costs"), &path, &kept);
         }
+        if path.exists() && !path.is_file() {
+            return Err(StoreError::damaged(&path, "it is not a file"));
+        }
         let opened = File::options().append(true).create(true).open(&path);
         opened
             .and_then(|mut file| file.write_all(&line))
@@ -87,13 +91,18 @@ impl Store {
 
     fn cost_lines(&self) -> Result<Vec<u8>, StoreError> {
         let path = self.layout.costs();
-        match fs::metadata(&path) {
-            // Nothing that this program wrote.
-            Ok(metadata) if !metadata.is_file() || metadata.len() > 4 * LONG as u64 => return Ok(Vec::new()),
-            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
-            _ => {}
+        match read_bounded(&path, 4 * LONG as u64) {
+            // Nothing, or nothing that this program wrote.
+            Err(error)
+                if matches!(
+                    error.kind(),
+                    ErrorKind::NotFound | ErrorKind::InvalidInput | ErrorKind::FileTooLarge
+                ) =>
+            {
+                Ok(Vec::new())
+            }
+            read => read.map_err(StoreError::io("read", &path)),
         }
-        fs::read(&path).map_err(StoreError::io("read", &path))
     }
 }
 
@@ -110,6 +119,8 @@ impl Cost {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     fn cost(steps: u64) -> Cost {
@@ -159,6 +170,6 @@ mod tests {
         let store = Store::open(folder.path()).unwrap();
         fs::create_dir(store.layout.costs()).unwrap();
         assert_eq!(store.costs().unwrap(), []);
-        assert!(matches!(store.put_cost(&cost(1)), Err(StoreError::Io { .. })));
+        assert!(matches!(store.put_cost(&cost(1)), Err(StoreError::Damaged { .. })));
     }
 }

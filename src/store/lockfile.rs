@@ -13,9 +13,12 @@ use super::atomic;
 use super::error::StoreError;
 use super::layout::files_in;
 use super::open::Store;
-use crate::base::{Digest, Document, InputError, Node};
+use crate::base::{Digest, Document, InputError, Node, read_bounded};
 
 const WHAT: &str = "a lock file";
+
+/// No path is longer, bytes.
+const MAX_PATH: u64 = 64 << 10;
 
 /// What a pipeline made.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -139,7 +142,7 @@ impl Store {
             reason: "its path is not UTF-8".into(),
         })?;
         let target = self.layout.lock_files().join(Digest::of(text.as_bytes()).to_string());
-        if fs::read(&target).is_ok_and(|known| known == text.as_bytes()) {
+        if read_bounded(&target, MAX_PATH).is_ok_and(|known| known == text.as_bytes()) {
             return Ok(());
         }
         let folder = self.temporary()?;
@@ -157,7 +160,10 @@ impl Store {
         }
         let mut found = Vec::new();
         for entry in files_in(&folder)? {
-            let bytes = fs::read(&entry).map_err(StoreError::io("read", &entry))?;
+            let bytes = read_bounded(&entry, MAX_PATH).map_err(|error| match error.kind() {
+                ErrorKind::InvalidInput | ErrorKind::FileTooLarge => StoreError::damaged(&entry, error.to_string()),
+                _ => StoreError::io("read", &entry)(error),
+            })?;
             let named = entry.file_name().and_then(|name| name.to_str());
             if named.is_none_or(|name| name != Digest::of(&bytes).to_string()) {
                 return Err(StoreError::damaged(&entry, "it does not say where a lock file is"));
