@@ -49,6 +49,8 @@ pub enum Command {
     Predict(PredictArguments),
     /// Measure what accuracy costs in a scene: error and time of methods and meshes
     Accuracy(AccuracyArguments),
+    /// Check a dataset: provenance, values, symmetries, leaks, and every label against a simulation
+    Audit(AuditArguments),
 }
 
 #[derive(Debug, Args)]
@@ -373,6 +375,58 @@ pub struct AccuracyArguments {
 }
 
 #[derive(Debug, Args)]
+pub struct AuditArguments {
+    /// A stage, PIPELINE.yaml:STAGE, or a file in the layout of `deaflow solve`, which takes --scene
+    #[arg(value_name = "PIPELINE:STAGE|FILE.h5")]
+    pub dataset: String,
+    /// The scene of the file, or a pipeline whose scene is meant; a YAML file
+    #[arg(long, value_name = "SCENE")]
+    pub scene: Option<PathBuf>,
+    /// Random rows to simulate on a finer mesh too, or all
+    #[arg(long, value_name = "N|all", default_value = "32", value_parser = samples)]
+    pub samples: Samples,
+    /// Seed of the random choice
+    #[arg(long, value_name = "S", default_value_t = 0, value_parser = clap::value_parser!(u64).range(0..=i64::MAX as u64))]
+    pub seed: u64,
+    /// The error that labels may have, as in "0.01 mm" [default: what the dataset declares]
+    #[arg(long, value_name = "LENGTH", value_parser = accuracy)]
+    pub accuracy: Option<Quantity>,
+    /// Folder for a report: audit.html, with its figures in it
+    #[arg(short, long, value_name = "DIR")]
+    pub output: Option<PathBuf>,
+    #[command(flatten)]
+    pub store: StoreArguments,
+    /// Change a value of the pipeline, as for `run`
+    #[arg(long = "set", value_name = "PATH=VALUE", conflicts_with = "scene")]
+    pub sets: Vec<String>,
+    /// Threads to use [default: one per core]; results do not depend on it
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub jobs: Option<u16>,
+    /// Print one JSON document on stdout; progress goes to stderr either way
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// A number of rows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Samples {
+    /// So many at random.
+    Random(u64),
+    /// Every one.
+    All,
+}
+
+fn samples(text: &str) -> Result<Samples, String> {
+    if text == "all" {
+        return Ok(Samples::All);
+    }
+    let number = text.parse::<u64>().ok().filter(|n| *n <= 100_000_000);
+    number
+        .map(Samples::Random)
+        .ok_or_else(|| "allowed: 0 to 100000000, or all".to_owned())
+}
+
+#[derive(Debug, Args)]
 pub struct PatternArguments {
     /// FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset
     #[arg(value_name = "PATTERN", required = true)]
@@ -437,6 +491,7 @@ impl Command {
             Self::Solve(a) => a.patterns.json,
             Self::Predict(a) => a.patterns.json,
             Self::Accuracy(a) => a.json,
+            Self::Audit(a) => a.json,
         }
     }
 
@@ -448,6 +503,7 @@ impl Command {
             Self::Solve(a) => a.patterns.jobs,
             Self::Predict(a) => a.patterns.jobs,
             Self::Accuracy(a) => a.jobs,
+            Self::Audit(a) => a.jobs,
             Self::Status(_)
             | Self::Explain(_)
             | Self::Dag(_)

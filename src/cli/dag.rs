@@ -5,18 +5,20 @@ use std::fmt::Write;
 use super::arguments::{DagArguments, DagFormat};
 use super::error::CliError;
 use super::output::{Exit, Output};
-use crate::orchestrator::Pipeline;
+use crate::orchestrator::{Pipeline, StageSpec};
 use crate::stage;
 
 pub fn execute(arguments: &DagArguments, output: &Output) -> Result<Exit, CliError> {
     let pipeline = Pipeline::load(&arguments.pipeline, &[], &stage::registry())?;
+    let waits: Vec<Vec<usize>> = pipeline.stages.iter().map(StageSpec::waits_for).collect();
     let stages: Vec<Node<'_>> = pipeline
         .stages
         .iter()
-        .map(|spec| Node {
+        .zip(&waits)
+        .map(|(spec, needs)| Node {
             name: &spec.name,
             kind: spec.kind.name(),
-            needs: &spec.needs,
+            needs,
         })
         .collect();
     output.text(&match arguments.format {

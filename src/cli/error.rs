@@ -205,6 +205,8 @@ impl From<StageError> for CliError {
         match error {
             StageError::Store(error) => error.into(),
             StageError::Locked(difference) => Self::locked(difference.to_string()),
+            StageError::Blocked(why) => Self::new(Exit::Findings, why)
+                .help("`deaflow audit PIPELINE:STAGE` tells what they are; with `fail_on: never` the pipeline goes on"),
             other => Self::failure(other.to_string()),
         }
     }

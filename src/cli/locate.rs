@@ -42,7 +42,7 @@ pub fn artifact(store: &Store, reference: &str) -> Result<Artifact, CliError> {
 }
 
 /// `PIPELINE.yaml:STAGE`; the path may hold colons too.
-fn split(reference: &str) -> Option<(&str, &str)> {
+pub fn split(reference: &str) -> Option<(&str, &str)> {
     let (pipeline, stage) = reference.rsplit_once(':')?;
     let extension = Path::new(pipeline).extension()?;
     (extension == "yaml" || extension == "yml").then_some((pipeline, stage))

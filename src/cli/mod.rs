@@ -3,6 +3,7 @@
 
 mod accuracy;
 mod arguments;
+mod audit;
 mod dag;
 mod error;
 mod explain;
@@ -70,5 +71,6 @@ fn dispatch(command: &Command, output: &Output) -> Result<Exit, CliError> {
         Command::Solve(arguments) => solve::execute(arguments, output),
         Command::Predict(arguments) => predict::execute(arguments, output),
         Command::Accuracy(arguments) => accuracy::execute(arguments, output),
+        Command::Audit(arguments) => audit::execute(arguments, output),
     }
 }

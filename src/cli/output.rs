@@ -22,6 +22,8 @@ pub enum Exit {
     Unstable,
     /// The store is damaged.
     Damaged,
+    /// An audit found errors.
+    Findings,
     /// The pipeline, or what it made, is not what its lock file says.
     Locked,
 }
@@ -35,6 +37,7 @@ impl Exit {
             Self::BadInput => 2,
             Self::Unstable => 3,
             Self::Damaged => 4,
+            Self::Findings => 5,
             Self::Locked => 6,
         }
     }

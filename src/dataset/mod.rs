@@ -1,5 +1,7 @@
-//! From solved samples to a training set: the deformation histogram, balancing, augmentation and the split.
+//! From solved samples to a training set: the deformation histogram, balancing, augmentation and the split; and the audit of
+//! any such set.
 
+pub mod audit;
 mod balance;
 mod histogram;
 mod level;

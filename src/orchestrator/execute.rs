@@ -187,6 +187,8 @@ impl Execution<'_> {
             match self.stage(index, start, &mut effort) {
                 Ok(report) => reports.push(report),
                 Err(error) => {
+                    // It may be there, as an audit that stops what follows is: it counts as missing all the same.
+                    self.inputs.remove(&index);
                     reports.push(self.failed(index, start, &error));
                     failures.push(Failure {
                         stage: self.pipeline.stages[index].name.clone(),
@@ -243,6 +245,10 @@ impl Execution<'_> {
             key: record.key,
             artifact: record.artifact,
         });
+        let open = || self.builder.store.artifact(&record.artifact);
+        if let Some(why) = spec.stage.blocks(&open)? {
+            return Err(StageError::Blocked(why));
+        }
         Ok(report)
     }
 
@@ -340,11 +346,12 @@ impl Execution<'_> {
     /// The report of a stage that needs something that was not built.
     fn skipped(&self, index: usize) -> Option<StageReport> {
         let spec = &self.pipeline.stages[index];
-        let missing = spec.needs.iter().find(|need| !self.inputs.contains_key(need))?;
+        let waits_for = spec.waits_for();
+        let missing = waits_for.iter().find(|need| !self.inputs.contains_key(need))?;
         let report = StageReport {
             outcome: Outcome::Skipped,
             why: Some(format!(
-                "needs `{}`, which was not built",
+                "needs `{}`, which failed or was not built",
                 self.pipeline.stages[*missing].name
             )),
             ..self.unbuilt(index)

@@ -24,6 +24,12 @@ pub trait Kind: Sync {
     /// keys of their own.
     fn schema(&self) -> Vec<Fields>;
 
+    /// Whether stages of any kind may need this kind only to wait for it: it is then no input of theirs, and no part of their
+    /// keys.
+    fn gates(&self) -> bool {
+        false
+    }
+
     /// Reads a stage from its mapping, which includes `kind` and `needs`, and from the pipeline's scene, already one
     /// mapping even where the pipeline names a file.
     ///
@@ -84,6 +90,16 @@ pub trait Stage: Send + Sync {
     fn unstable(&self, artifact: &Artifact) -> Result<u64, StageError> {
         let _ = artifact;
         Ok(0)
+    }
+
+    /// Why stages that need this one must not run although its artifact is there, if they must not; `open` opens the
+    /// artifact.
+    ///
+    /// # Errors
+    /// When the artifact cannot be read.
+    fn blocks(&self, open: &dyn Fn() -> Result<Artifact, StoreError>) -> Result<Option<String>, StageError> {
+        let _ = open;
+        Ok(None)
     }
 }
 
@@ -161,6 +177,9 @@ pub enum StageError {
     /// It made something else than the lock file says.
     #[error(transparent)]
     Locked(#[from] Difference),
+    /// The artifact is there, and what it says stops the pipeline.
+    #[error("{0}")]
+    Blocked(String),
     /// The store refused.
     #[error(transparent)]
     Store(#[from] StoreError),

@@ -35,9 +35,10 @@ pub fn of_pipeline(registry: &Registry) -> Value {
         )
         .required("stages", Schema::new(stages));
     let mut definitions = Map::new();
+    let gated = registry.kinds.iter().any(|kind| kind.gates());
     definitions.insert("scene".to_owned(), (registry.scene_schema)().into());
     for kind in &registry.kinds {
-        definitions.insert(kind.name().to_owned(), of_kind(*kind).into());
+        definitions.insert(kind.name().to_owned(), of_kind(*kind, gated).into());
     }
     let mut root = titled("deaflow pipeline", pipeline.into());
     root["$defs"] = Value::Object(definitions);
@@ -57,13 +58,15 @@ fn titled(title: &str, schema: Schema) -> Value {
     root
 }
 
-fn of_kind(kind: &dyn Kind) -> Schema {
+/// `gated`: any stage that needs others may also wait for some that it does not read.
+fn of_kind(kind: &dyn Kind, gated: bool) -> Schema {
     let needs = kind.needs();
+    let most = if gated { usize::MAX } else { needs.most };
     let with_frame = |fields: Fields| {
         let fields = fields.required("kind", Schema::word(&[kind.name()]).says("What the stage does."));
         let list = || {
             let meaning = format!("Stages of kind {}.", needs.kinds.join(" or "));
-            let list = Schema::list(Schema::text(), needs.least, needs.most);
+            let list = Schema::list(Schema::text(), needs.least, most);
             list.distinct().says(&meaning)
         };
         Schema::from(match (needs.most, needs.least) {

@@ -42,6 +42,8 @@ pub struct StageSpec {
     pub kind: &'static dyn Kind,
     /// The stages that it needs, by their places in [`Pipeline::stages`], in the order of the file.
     pub needs: Vec<usize>,
+    /// The stages that it waits for and does not read, likewise.
+    pub gates: Vec<usize>,
     /// What it does.
     pub stage: Box<dyn Stage>,
 }
@@ -53,6 +55,21 @@ struct Entry<'a> {
     node: &'a Node,
     kind: &'static dyn Kind,
     needs: Vec<(usize, &'a Node)>,
+}
+
+impl StageSpec {
+    /// The stages that have to be done before this one, whether it reads them or not.
+    #[must_use]
+    pub fn waits_for(&self) -> Vec<usize> {
+        self.needs.iter().chain(&self.gates).copied().collect()
+    }
+}
+
+impl Entry<'_> {
+    /// Whether a stage that it needs is one that it only waits for.
+    fn is_gate(&self, other: &Entry<'_>) -> bool {
+        other.kind.gates() && !self.kind.needs().kinds.contains(&other.kind.name())
+    }
 }
 
 impl Pipeline {
@@ -114,7 +131,8 @@ impl Pipeline {
             let message = format!("no stage `{until}` in {}", self.path.display());
             return Err(InputError::new(message).help(suggestion(until, &names)));
         };
-        let needs: Vec<&[usize]> = self.stages.iter().map(|stage| stage.needs.as_slice()).collect();
+        let needs: Vec<Vec<usize>> = self.stages.iter().map(StageSpec::waits_for).collect();
+        let needs: Vec<&[usize]> = needs.iter().map(Vec::as_slice).collect();
         Ok(graph::closure(&needs, target))
     }
 }
@@ -236,10 +254,18 @@ fn read_stages(entries: &[Entry<'_>], scene: Option<&Node>) -> Result<Vec<StageS
     // In the order of the file, so that of several mistakes the first is named.
     for entry in entries {
         check_needs(entry, entries)?;
+        let places = |gates: bool| {
+            let wanted = entry
+                .needs
+                .iter()
+                .filter(|(index, _)| entry.is_gate(&entries[*index]) == gates);
+            wanted.map(|(index, _)| place[*index]).collect()
+        };
         stages.push(Some(StageSpec {
             name: entry.name.to_owned(),
             kind: entry.kind,
-            needs: entry.needs.iter().map(|(index, _)| place[*index]).collect(),
+            needs: places(false),
+            gates: places(true),
             stage: entry.kind.read(entry.node, scene)?,
         }));
     }
@@ -292,7 +318,7 @@ fn check_needs(entry: &Entry<'_>, entries: &[Entry<'_>]) -> Result<(), InputErro
     };
     for (index, node) in &entry.needs {
         let found = entries[*index].kind.name();
-        if !needs.kinds.contains(&found) {
+        if !needs.kinds.contains(&found) && !entry.is_gate(&entries[*index]) {
             let message = match needs.kinds {
                 [] => format!("a `{kind}` stage needs nothing"),
                 kinds => format!(
@@ -304,7 +330,11 @@ fn check_needs(entry: &Entry<'_>, entries: &[Entry<'_>]) -> Result<(), InputErro
             return Err(node.error(message).help(fitting()));
         }
     }
-    let count = entry.needs.len();
+    let count = entry
+        .needs
+        .iter()
+        .filter(|(index, _)| !entry.is_gate(&entries[*index]))
+        .count();
     if (needs.least..=needs.most).contains(&count) {
         return Ok(());
     }

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use super::figures::{
     Case, Cost, Evolution, FamilyCosts, FigureError, Histogram, Membrane, Training, draw_accuracy, draw_agreement,
-    draw_evolution, draw_histogram, draw_membrane, draw_training,
+    draw_audit, draw_evolution, draw_histogram, draw_membrane, draw_training,
 };
 use crate::base::{Digest, Dimension, Document, InputError, Node};
 use crate::store::{Artifact, Store, StoreError};
@@ -101,6 +101,7 @@ fn drawings(kind: &str) -> &'static [(&'static str, Drawing)] {
         "design" => &[("evolution", evolution), ("best", best)],
         "verify" => &[("verification", verification)],
         "accuracy" => &[("accuracy", accuracy)],
+        "audit" => &[("audit", audit)],
         _ => &[],
     }
 }
@@ -296,4 +297,12 @@ fn accuracy(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
         return Ok(());
     }
     source.drawn(draw_accuracy(path, &costs))
+}
+
+/// An audit that ended before it looked at rows has nothing to draw.
+fn audit(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
+    match super::audited(&source.artifact.object()?) {
+        Some(figure) => source.drawn(draw_audit(path, &figure)),
+        None => Ok(()),
+    }
 }

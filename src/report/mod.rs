@@ -1,11 +1,15 @@
 //! Figures and summaries of finished runs.
 
+mod audit;
 pub mod figures;
 mod gather;
+mod html;
 mod summary;
 mod warnings;
 
+pub use audit::audited;
 pub use gather::{Made, ReportError, draw_figures};
+pub use html::Page;
 pub use summary::{CaseSummary, Summary, summarise};
 pub use warnings::warnings;
 

@@ -125,6 +125,7 @@ pub fn solve(
     }
     let mut content = screened.describe(describe(patterns, &results, seconds).attribute("scene", scene.to_text()));
     let observed: Vec<_> = results.iter().map(|r| Some(&r.simulation.observation)).collect();
+    content = content.attribute("solver", format!("{{ {} }}", described(request)));
     content = observations::add(content, &solver.observed(&scene.effects), &observed);
     if solver.estimates() {
         content = with_estimates(content, &results);
@@ -153,6 +154,21 @@ pub fn solve(
         warnings: screened.warnings,
         wrinkled: wrinkled.filter(|(_, fraction)| *fraction > 0.0).collect(),
     })
+}
+
+/// How it is solved, in the keys of a solve stage.
+fn described(request: &SolveRequest) -> String {
+    let mesh = match request.mesh {
+        MeshRequest::Fixed {
+            elements_per_cell,
+            order,
+        } => format!("elements_per_cell: {elements_per_cell}, order: {order}"),
+        MeshRequest::Accuracy(mm) => format!("accuracy: {mm}"),
+    };
+    match request.method {
+        Method::Newton => format!("method: newton, {mesh}, tolerance: {:e}", request.tolerance),
+        method => format!("method: {method}, {mesh}"),
+    }
 }
 
 /// The time since `start`, shared out evenly; threads beyond the number of samples stood idle.

@@ -2,6 +2,7 @@
 
 pub mod accuracy;
 mod arrays;
+pub mod audit;
 mod balance;
 mod cells;
 mod design;
@@ -36,6 +37,7 @@ pub fn registry() -> Registry {
             &design::DesignKind,
             &verify::VerifyKind,
             &accuracy::AccuracyKind,
+            &audit::AuditKind,
         ],
         check_scene: |node| checked_scene(node).map(|_| ()),
         scene_schema: Scene::schema,

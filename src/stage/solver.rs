@@ -4,9 +4,10 @@ mod schema;
 
 use std::borrow::Cow;
 use std::fmt;
+use std::path::Path;
 
 use super::method::Method;
-use crate::base::{Canonical, Decimal, Dimension, InputError, Map, Quantity};
+use crate::base::{Canonical, Decimal, Dimension, Document, InputError, Map, Quantity};
 use crate::fem::effects::screening::resolve;
 use crate::fem::{AccurateSimulation, AccurateSolver, LinearResponse, MembraneSolver, Order, SetupError, SolveOptions};
 use crate::field::{Simulation, Simulator};
@@ -239,6 +240,20 @@ impl SolverParameters {
         Solver::new(scene, self.method, mesh, self.tolerance.to_f64())
     }
 
+    /// From the text that an artifact of a solve stage carries.
+    ///
+    /// # Errors
+    /// When it is not understood.
+    pub fn from_text(text: &str) -> Result<Self, InputError> {
+        let document = Document::from_text(Path::new("solver"), text)?;
+        Self::read(&document.root.fields("the solver", &Self::KEYS)?, 2)
+    }
+
+    /// Relative residual at which Newton's method ends.
+    pub fn tolerance(&self) -> f64 {
+        self.tolerance.to_f64()
+    }
+
     /// The method.
     pub fn method(&self) -> Method {
         self.method
@@ -315,10 +330,7 @@ fn refuse_beside(map: &Map<'_>, method: Method) -> Result<(), InputError> {
 
 #[cfg(test)]
 mod tests {
-    use std::path::Path;
-
     use super::*;
-    use crate::base::Document;
 
     fn read(text: &str) -> Result<SolverParameters, InputError> {
         let document = Document::from_text(Path::new("t"), text).unwrap();

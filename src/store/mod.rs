@@ -20,6 +20,7 @@ mod plain;
 mod provenance;
 mod read;
 mod record;
+mod row_file;
 mod seal;
 mod survey;
 mod verified;
@@ -41,6 +42,7 @@ pub use pins::Pin;
 pub use plain::write_file;
 pub use provenance::Provenance;
 pub use record::{Lookup, Record};
+pub use row_file::RowFile;
 pub use survey::Survey;
 
 #[cfg(test)]

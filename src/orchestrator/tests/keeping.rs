@@ -38,8 +38,8 @@ fn a_run_that_keeps_going_builds_all_that_does_not_need_the_failure() {
             "start two (10): no record",
             "chunk two 0",
             "built two built 1+0: no record",
-            "skipped sum skipped 0+0: needs `one`, which was not built",
-            "skipped squared skipped 0+0: needs `sum`, which was not built",
+            "skipped sum skipped 0+0: needs `one`, which failed or was not built",
+            "skipped squared skipped 0+0: needs `sum`, which failed or was not built",
             "start other (1): no record",
             "built other built 1+0: no record",
         ]

@@ -2,6 +2,7 @@
 
 mod accuracy;
 mod agreement;
+mod audit;
 mod axes;
 mod canvas;
 mod curves;
@@ -13,6 +14,7 @@ mod path;
 
 pub use accuracy::{Cost, FamilyCosts, draw_accuracy, pareto_front};
 pub use agreement::{Case, draw_agreement};
+pub use audit::{Audited, Counts, draw_audit};
 pub use canvas::FigureError;
 pub use curves::{Training, draw_training};
 pub use evolution::{Evolution, draw_evolution};

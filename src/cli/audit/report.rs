@@ -1,0 +1,263 @@
+//! What an audit says, as a table, as JSON and as a page.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::{Value, json};
+
+use crate::base::Digest;
+use crate::cli::error::CliError;
+use crate::cli::table;
+use crate::report::figures::{Membrane, draw_audit, draw_membrane};
+use crate::report::{Page, audited};
+use crate::stage::audit::{Audited, Finding, Lineage, Severity, SourceRows, Summary, read, rows, sort};
+use crate::store::Object;
+
+/// An audit that has been carried out.
+pub struct Answer {
+    dataset: String,
+    object: Object,
+    /// What is wrong.
+    pub findings: Vec<Finding>,
+    summary: Summary,
+    lineage: Option<(usize, Vec<String>)>,
+    /// The audit's artifact.
+    pub digest: Option<Digest>,
+    /// What it took, s.
+    pub seconds: Option<f64>,
+    /// The rows of the dataset, for figures.
+    rows: Option<SourceRows>,
+}
+
+impl Answer {
+    /// From what the artifact of an audit says.
+    pub fn of(dataset: &str, object: Object) -> Result<Self, String> {
+        let (findings, summary) = read(&object.attributes)?;
+        Ok(Self {
+            dataset: dataset.to_owned(),
+            object,
+            findings,
+            summary,
+            lineage: None,
+            digest: None,
+            seconds: None,
+            rows: None,
+        })
+    }
+
+    /// A finding because of which nothing else was looked at.
+    pub fn only(dataset: &str, finding: Finding) -> Self {
+        Self {
+            dataset: dataset.to_owned(),
+            object: Object::default(),
+            findings: vec![finding],
+            summary: Summary::default(),
+            lineage: None,
+            digest: None,
+            seconds: None,
+            rows: None,
+        }
+    }
+
+    /// Adds the rows, from which figures are drawn. Where they cannot be read, a finding says so and there is none.
+    pub fn with_rows_of(mut self, dataset: Audited<'_>) -> Self {
+        self.rows = rows(dataset, &self.object).ok();
+        self
+    }
+
+    /// Adds where the dataset comes from.
+    pub fn add(&mut self, lineage: &Lineage) {
+        let mut seeds: Vec<String> = lineage.seeds.values().cloned().collect();
+        seeds.sort_unstable();
+        seeds.dedup();
+        self.lineage = Some((lineage.artifacts, seeds));
+        self.findings.extend(lineage.findings.iter().cloned());
+        sort(&mut self.findings);
+    }
+
+    /// For programs.
+    pub fn document(&self, files: &[PathBuf]) -> Value {
+        json!({
+            "dataset": self.dataset,
+            "findings": self.findings,
+            "summary": self.summary,
+            "provenance": self.lineage.as_ref().map(|(artifacts, seeds)| json!({ "artifacts": artifacts, "seeds": seeds })),
+            "artifact": self.digest.map(|digest| digest.to_string()),
+            "seconds": self.seconds,
+            "files": files,
+        })
+    }
+
+    /// For people.
+    pub fn text(&self, files: &[PathBuf]) -> String {
+        let mut parts = Vec::new();
+        if self.findings.is_empty() {
+            parts.push("no findings".to_owned());
+        } else {
+            let mut table = table::table(&HEADER, &["count"]);
+            self.findings.iter().for_each(|finding| {
+                table.add_row(cells(finding));
+            });
+            parts.push(table.trim_fmt());
+        }
+        parts.push(self.lines().join("\n"));
+        if !files.is_empty() {
+            let files: Vec<String> = files.iter().map(|file| file.display().to_string()).collect();
+            parts.push(format!("written:\n  {}", files.join("\n  ")));
+        }
+        parts.join("\n\n")
+    }
+
+    fn lines(&self) -> Vec<String> {
+        let summary = &self.summary;
+        if summary.samples == 0 {
+            return vec!["nothing else was looked at".to_owned()];
+        }
+        let mut lines = vec![self.labels_line(), self.resimulated_line()];
+        let spread = &summary.displacement;
+        lines.push(format!(
+            "{} patterns different under the symmetries, {} repeats; largest displacement up to {:.3} mm, {} of {} bins below \
+             are empty between others",
+            summary.orbits,
+            summary.repeats,
+            spread.edges.last().copied().unwrap_or(0.0),
+            spread.gaps,
+            spread.counts.len()
+        ));
+        if !summary.splits.is_empty() {
+            let parts: Vec<String> = summary.splits.iter().map(|(name, n)| format!("{name} {n}")).collect();
+            lines.push(format!("parts: {}", parts.join(", ")));
+        }
+        if let Some((artifacts, seeds)) = &self.lineage {
+            lines.push(format!(
+                "made from {} artifacts, back to {} of samples",
+                artifacts,
+                counted(seeds.len(), "seed")
+            ));
+        }
+        lines
+    }
+
+    fn labels_line(&self) -> String {
+        let summary = &self.summary;
+        let took = self
+            .seconds
+            .map_or(String::new(), |s| format!(" in {}", table::seconds(s)));
+        let mut line = format!(
+            "{} audited{took}; mesh: {}; {} solved again on it",
+            counted(summary.samples, "sample"),
+            summary.made_by,
+            summary.solved_again
+        );
+        if summary.compared > 0 {
+            line += &format!(
+                "; {} compared with one biquadratic element per cell, of which {} stood out and were solved again",
+                summary.compared, summary.suspects
+            );
+        }
+        line
+    }
+
+    fn resimulated_line(&self) -> String {
+        let found = &self.summary.resimulated;
+        let mm = |value: Option<f64>| value.map_or("-".to_owned(), |mm| format!("{mm:.2e} mm"));
+        let allowed = match found.allowed {
+            Some(_) => format!("; allowed up to {}", mm(found.allowed)),
+            None => "; nothing is declared".to_owned(),
+        };
+        format!(
+            "{} on a finer mesh: error {} at the most, {} in the mean{allowed}; {} at fault: a rate of faults above {:.2} % is \
+             excluded at 95 %",
+            counted(found.samples, "random sample"),
+            mm(found.largest_error),
+            mm(found.mean_error),
+            found.faults,
+            100.0 * found.excluded_above
+        )
+    }
+
+    /// Writes the page and its figures; gives their paths.
+    pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>, CliError> {
+        let mut page = Page::new(&format!("Audit of {}", self.dataset));
+        let rows: Vec<Vec<String>> = self.findings.iter().map(|finding| cells(finding).to_vec()).collect();
+        if rows.is_empty() {
+            page.lines(&["No findings.".to_owned()]);
+        } else {
+            page.table(&HEADER, &rows);
+        }
+        page.lines(&self.lines());
+        let mut files = Vec::new();
+        let mut add = |path: PathBuf, caption: &str| -> Result<(), CliError> {
+            page.figure(caption, &std::fs::read(&path).map_err(|e| cannot_write(&path, &e))?);
+            files.push(path);
+            Ok(())
+        };
+        if let Some(figure) = audited(&self.object) {
+            let path = folder.join("audit.png");
+            draw_audit(&path, &figure).map_err(|e| CliError::failure(e.to_string()))?;
+            add(path, "What the dataset covers, and its errors against a finer mesh")?;
+        }
+        for finding in &self.findings {
+            let Some((row, membrane)) = self.example(finding) else {
+                continue;
+            };
+            let path = folder.join(format!("{}-{row}.png", finding.check));
+            let title = format!("{}: row {row}, as stored", finding.check);
+            draw_membrane(&path, &title, &membrane).map_err(|e| CliError::failure(e.to_string()))?;
+            add(path, &title)?;
+        }
+        let path = folder.join("audit.html");
+        std::fs::write(&path, page.finish()).map_err(|e| cannot_write(&path, &e))?;
+        files.insert(0, path);
+        Ok(files)
+    }
+
+    /// The first example that can be drawn.
+    fn example(&self, finding: &Finding) -> Option<(u64, Membrane)> {
+        let rows = self.rows.as_ref()?;
+        // Rows without a field have none to draw.
+        let examples = finding.examples.iter().filter(|_| finding.check != "not-converged");
+        examples.copied().find_map(|row| {
+            let (pattern, displacement) = rows.row(usize::try_from(row).ok()?)?;
+            let membrane = Membrane {
+                pattern,
+                displacement,
+                side: rows.side_mm,
+                points: Vec::new(),
+            };
+            Some((row, membrane))
+        })
+    }
+}
+
+const HEADER: [&str; 5] = ["severity", "check", "count", "rows", "what"];
+
+fn cells(finding: &Finding) -> [String; 5] {
+    const SHOWN: usize = 8;
+    let mut rows: Vec<String> = finding.examples.iter().take(SHOWN).map(ToString::to_string).collect();
+    if finding.count > rows.len() as u64 && !rows.is_empty() {
+        rows.push("…".to_owned());
+    }
+    [
+        Severity::name(finding.severity).to_owned(),
+        finding.check.clone(),
+        finding.count.to_string(),
+        rows.join(" "),
+        finding.message.clone(),
+    ]
+}
+
+fn counted(n: usize, unit: &str) -> String {
+    format!("{n} {unit}{}", if n == 1 { "" } else { "s" })
+}
+
+fn cannot_write(path: &Path, error: &std::io::Error) -> CliError {
+    CliError::failure(format!("cannot write {}: {error}", path.display()))
+}
+
+/// What cannot be written has to be known before minutes of work, not after.
+pub fn check_folder(path: &Path) -> Result<(), CliError> {
+    std::fs::create_dir_all(path).map_err(|e| cannot_write(path, &e))?;
+    tempfile::tempfile_in(path)
+        .map(drop)
+        .map_err(|e| cannot_write(path, &e))
+}

@@ -1,0 +1,163 @@
+//! What is wrong with a label: how the stored field comes of the true one.
+
+use crate::field::{CORNERS, Field};
+use crate::pattern::Symmetry;
+
+/// A field that is so close to a changed truth, relative to its own size, is that.
+const ALIKE: f64 = 0.02;
+
+/// How a stored field differs from the simulated one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Fault {
+    /// The truth with its sign flipped.
+    Sign,
+    /// The truth times a number.
+    Scale(f64),
+    /// The truth with its components turned and its places not, or the other way round.
+    Rotation,
+    /// The truth of another image of the pattern.
+    Frame,
+    /// Something else.
+    Other,
+}
+
+impl Fault {
+    /// The name of the check that finds it.
+    #[must_use]
+    pub fn check(self) -> &'static str {
+        match self {
+            Self::Sign => "sign",
+            Self::Scale(_) => "scale",
+            Self::Rotation => "rotation",
+            Self::Frame => "frame",
+            Self::Other => "label",
+        }
+    }
+}
+
+/// The number a by which a·`truth` comes closest to `stored`, and the part of `stored` that is still missed.
+#[must_use]
+pub fn fit(stored: &Field, truth: &Field) -> (f64, f64) {
+    let (mut product, mut square, mut own) = (0.0, 0.0, 0.0);
+    for (u, v) in stored.values().iter().zip(truth.values()) {
+        product += u * v;
+        square += v * v;
+        own += u * u;
+    }
+    if square == 0.0 || own == 0.0 {
+        return (0.0, if own == 0.0 { 0.0 } else { 1.0 });
+    }
+    let ratio = product / square;
+    (ratio, ((own - ratio * product).max(0.0) / own).sqrt())
+}
+
+/// Tells how `stored` comes of `truth`.
+#[must_use]
+pub fn diagnose(stored: &Field, truth: &Field) -> Fault {
+    let (ratio, rest) = fit(stored, truth);
+    if rest < ALIKE {
+        return if (ratio + 1.0).abs() < ALIKE {
+            Fault::Sign
+        } else {
+            Fault::Scale(ratio)
+        };
+    }
+    let is = |other: &Field| {
+        let (ratio, rest) = fit(stored, other);
+        rest < ALIKE && (ratio - 1.0).abs() < ALIKE
+    };
+    let others = &Symmetry::ALL[1..];
+    if others.iter().any(|&g| is(&truth.transformed(g))) {
+        return Fault::Frame;
+    }
+    if others
+        .iter()
+        .any(|&g| is(&components(truth, g)) || is(&components(&truth.transformed(g), g.inverse())))
+    {
+        return Fault::Rotation;
+    }
+    Fault::Other
+}
+
+/// The field with its components turned and its places left.
+fn components(field: &Field, g: Symmetry) -> Field {
+    let turned = field
+        .values()
+        .chunks_exact(2)
+        .flat_map(|u| g.apply_vector([u[0], u[1]]));
+    Field::from_values(turned.collect()).unwrap_or_else(|_| Field::zero())
+}
+
+/// The largest magnitude on the frame, where the membrane is clamped, in mm.
+#[must_use]
+pub fn on_the_frame(field: &Field) -> f64 {
+    let last = CORNERS - 1;
+    let places = (0..CORNERS).flat_map(|i| [(i, 0), (i, last), (0, i), (last, i)]);
+    places
+        .map(|(x, y)| field.at_corner(x, y))
+        .map(|u| u[0].hypot(u[1]))
+        .fold(0.0, f64::max)
+}
+
+/// The field with nothing on the frame.
+#[must_use]
+pub fn inside(field: &Field) -> Field {
+    let last = CORNERS - 1;
+    let within = |i: usize| {
+        let (x, y) = (i / 2 % CORNERS, i / 2 / CORNERS);
+        x > 0 && y > 0 && x < last && y < last
+    };
+    let values = field.values().iter().enumerate();
+    let values = values.map(|(i, &u)| if within(i) { u } else { 0.0 });
+    Field::from_values(values.collect()).unwrap_or_else(|_| Field::zero())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn field() -> Field {
+        let value = |i: usize| {
+            let (x, y) = ((i / 2 % CORNERS) as f64 / 50.0, (i / 2 / CORNERS) as f64 / 50.0);
+            let bump = x * (1.0 - x) * y * (1.0 - y);
+            bump * if i.is_multiple_of(2) { 1.0 + x * y } else { x - 0.3 }
+        };
+        Field::from_values((0..CORNERS * CORNERS * 2).map(value).collect()).unwrap()
+    }
+
+    fn scaled(by: f64) -> Field {
+        Field::from_values(field().values().iter().map(|u| u * by).collect()).unwrap()
+    }
+
+    #[test]
+    fn faults_are_told_apart() {
+        assert_eq!(diagnose(&scaled(-1.0), &field()), Fault::Sign);
+        let Fault::Scale(ratio) = diagnose(&scaled(1.03), &field()) else {
+            panic!("a scale")
+        };
+        assert!((ratio - 1.03).abs() < 1e-12);
+        for g in &Symmetry::ALL[1..] {
+            let moved = components(&field().transformed(*g), g.inverse());
+            // Half a turn of the components alone is a change of sign.
+            let (expected, turned) = match g.index() {
+                2 => (Fault::Sign, components(&field(), *g)),
+                _ => (Fault::Rotation, components(&field(), *g)),
+            };
+            assert_eq!(diagnose(&moved, &field()), Fault::Rotation, "{g:?}");
+            assert_eq!(diagnose(&turned, &field()), expected, "{g:?}");
+            assert_eq!(diagnose(&field().transformed(*g), &field()), Fault::Frame, "{g:?}");
+        }
+        let odd = Field::from_values(field().values().iter().map(|u| u * u).collect()).unwrap();
+        assert_eq!(diagnose(&odd, &field()), Fault::Other);
+        assert_eq!(diagnose(&Field::zero(), &field()), Fault::Scale(0.0));
+    }
+
+    #[test]
+    fn the_frame_is_told_from_the_inside() {
+        let mut values = field().values().to_vec();
+        values[2 * 7] = 0.25;
+        let moved = Field::from_values(values).unwrap();
+        assert_eq!((on_the_frame(&field()), on_the_frame(&moved)), (0.0, 0.25));
+        assert_eq!(inside(&moved), field());
+    }
+}

@@ -1,0 +1,138 @@
+//! What a row says about itself, without any simulation.
+
+use super::diagnosis::on_the_frame;
+use super::rows::{Batch, Columns};
+use super::symmetric::{PROJECTIONS, Standing, asymmetry, projections};
+use crate::base::Digest;
+use crate::field::{CORNERS, Field};
+use crate::pattern::{CELLS, Pattern};
+
+/// Values of a row: cells, displacements.
+const CELL_VALUES: usize = CELLS * CELLS;
+const FIELD_VALUES: usize = CORNERS * CORNERS * 2;
+
+/// A row as far as it can be used.
+pub struct Row {
+    /// Its pattern, where it is one.
+    pub pattern: Option<Pattern>,
+    /// Its field, where it claims to have one and all values are numbers.
+    pub field: Option<Field>,
+}
+
+impl Row {
+    /// Row `at` of a batch; `has_field` is what the dataset claims.
+    #[must_use]
+    pub fn of(batch: &Batch, at: usize, has_field: bool) -> Self {
+        let cells: Option<Vec<u8>> = batch.cells[at * CELL_VALUES..][..CELL_VALUES]
+            .iter()
+            .map(|&cell| [0.0, 1.0].iter().position(|&known| known == cell).map(|k| k as u8))
+            .collect();
+        let values = &batch.displacement[at * FIELD_VALUES..][..FIELD_VALUES];
+        Self {
+            pattern: cells.and_then(|cells| Pattern::from_cells(&cells).ok()),
+            field: has_field.then(|| Field::from_values(values.to_vec()).ok()).flatten(),
+        }
+    }
+
+    /// Pattern and field, where the row has both.
+    #[must_use]
+    pub fn usable(&self) -> Option<(&Pattern, &Field)> {
+        Some((self.pattern.as_ref()?, self.field.as_ref()?))
+    }
+}
+
+/// What stays of a row once it has been read.
+pub struct Facts {
+    /// Whether each cell is 0 or 1.
+    pub is_pattern: bool,
+    /// Whether the row claims to have a field.
+    pub claims_field: bool,
+    /// Whether it has one, of numbers.
+    pub has_field: bool,
+    /// Largest displacement magnitude on the frame, mm.
+    pub frame: f64,
+    /// Largest displacement magnitude, mm.
+    pub peak: f64,
+    /// Part of the membrane that is active.
+    pub area: f64,
+    /// Sides between an active and a bare cell: what a mesh has to resolve.
+    pub edges: usize,
+    /// Identity of the pattern, and the one that it shares with its images.
+    pub identity: Option<[Digest; 2]>,
+    /// How far the field is from having the symmetries of its pattern, mm.
+    pub asymmetry: f64,
+    /// Projections of the field in the frame of the smallest image, mm.
+    pub projections: [f64; PROJECTIONS],
+}
+
+impl Facts {
+    /// What is to be kept of row `index` of the dataset.
+    #[must_use]
+    pub fn of(row: &Row, index: usize, columns: &Columns) -> Self {
+        let standing = row.pattern.as_ref().map(Standing::of);
+        let field = row.field.as_ref();
+        let mut facts = Self {
+            is_pattern: row.pattern.is_some(),
+            claims_field: claims_field(columns, index),
+            has_field: field.is_some(),
+            frame: field.map_or(0.0, on_the_frame),
+            peak: field.map_or(0.0, Field::max_magnitude),
+            area: row.pattern.as_ref().map_or(0.0, Pattern::area_fraction),
+            edges: row.pattern.as_ref().map_or(0, edges),
+            identity: standing.as_ref().map(|standing| [standing.pattern, standing.orbit]),
+            asymmetry: 0.0,
+            projections: [0.0; PROJECTIONS],
+        };
+        if let (Some(standing), Some(field)) = (standing, field) {
+            facts.asymmetry = asymmetry(field, &standing.stabiliser);
+            facts.projections = projections(&field.transformed(standing.to_smallest));
+        }
+        facts
+    }
+
+    /// Whether the row has a pattern and a field.
+    #[must_use]
+    pub fn is_usable(&self) -> bool {
+        self.is_pattern && self.has_field
+    }
+}
+
+/// Whether row `index` claims to have a field: all do, unless the dataset says how each ended.
+#[must_use]
+pub fn claims_field(columns: &Columns, index: usize) -> bool {
+    columns.has_field.as_ref().is_none_or(|claims| claims[index])
+}
+
+fn edges(pattern: &Pattern) -> usize {
+    let cell = |x: usize, y: usize| pattern.is_active(x, y);
+    let inner = (0..CELLS - 1).flat_map(|i| (0..CELLS).map(move |k| (i, k)));
+    inner
+        .map(|(i, k)| usize::from(cell(i, k) != cell(i + 1, k)) + usize::from(cell(k, i) != cell(k, i + 1)))
+        .sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn edges_are_counted_between_cells() {
+        assert_eq!(edges(&Pattern::from_fn(|x, y| (x, y) == (20, 30))), 4);
+        assert_eq!(edges(&Pattern::from_fn(|x, _| x < 25)), 50);
+        assert_eq!(edges(&Pattern::from_fn(|x, y| (x + y) % 2 == 0)), 2 * 49 * 50);
+    }
+
+    #[test]
+    fn what_is_no_pattern_or_no_number_is_not_used() {
+        let mut batch = Batch {
+            cells: vec![0.0; CELL_VALUES],
+            displacement: vec![0.0; FIELD_VALUES],
+        };
+        assert!(Row::of(&batch, 0, true).usable().is_some());
+        assert!(Row::of(&batch, 0, false).usable().is_none());
+        batch.displacement[3] = f64::NAN;
+        batch.cells[7] = 0.5;
+        let row = Row::of(&batch, 0, true);
+        assert!(row.pattern.is_none() && row.field.is_none());
+    }
+}

@@ -1,0 +1,111 @@
+//! Rows that show one pattern, or images of one: repeats, leaks between the parts of a dataset, and fields that do not
+//! move with their patterns.
+
+use std::collections::BTreeMap;
+
+use super::facts::Facts;
+use super::finding::{Finding, Severity};
+use super::labels::{Label, Tolerance};
+use super::symmetric::{PROJECTIONS, distance};
+use crate::base::Digest;
+
+/// Rows by orbit, in the order of their first row; rows without a pattern are left out.
+#[must_use]
+pub fn orbits(facts: &[Facts]) -> Vec<Vec<usize>> {
+    grouped(facts, |identity| identity[1])
+}
+
+fn grouped(facts: &[Facts], by: fn(&[Digest; 2]) -> Digest) -> Vec<Vec<usize>> {
+    let mut groups: BTreeMap<Digest, Vec<usize>> = BTreeMap::new();
+    for (index, identity) in facts.iter().enumerate() {
+        if let Some(identity) = &identity.identity {
+            groups.entry(by(identity)).or_default().push(index);
+        }
+    }
+    let mut groups: Vec<Vec<usize>> = groups.into_values().collect();
+    groups.sort_unstable();
+    groups
+}
+
+/// Rows that repeat the pattern of an earlier row.
+#[must_use]
+pub fn repeats(facts: &[Facts]) -> Vec<usize> {
+    let groups = grouped(facts, |identity| identity[0]);
+    let mut repeats: Vec<usize> = groups.iter().flat_map(|group| group[1..].iter().copied()).collect();
+    repeats.sort_unstable();
+    repeats
+}
+
+/// What is wrong with repeats and images. `repeats_are_usual` where later stages leave repeats out.
+#[must_use]
+pub fn findings(facts: &[Facts], split: Option<&[String]>, repeats_are_usual: bool) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    if let Some(split) = split {
+        findings.extend(leaks(facts, split));
+    }
+    let repeats = repeats(facts);
+    if !repeats.is_empty() && !repeats_are_usual {
+        let message = "the row repeats the pattern of an earlier one";
+        findings.push(Finding::rows("duplicate", Severity::Warning, &repeats, message));
+    }
+    findings
+}
+
+/// Rows of an orbit that lies in several parts, other than the part that holds most of the orbit.
+fn leaks(facts: &[Facts], split: &[String]) -> Option<Finding> {
+    let mut leaked = Vec::new();
+    for orbit in orbits(facts) {
+        let mut parts: BTreeMap<&str, usize> = BTreeMap::new();
+        orbit
+            .iter()
+            .for_each(|&row| *parts.entry(&split[row]).or_default() += 1);
+        let most = parts.values().copied().max().unwrap_or(0);
+        // Of parts that hold as much, the first row stays where it is.
+        let home = orbit.iter().find(|&&row| parts[split[row].as_str()] == most);
+        let home = home.map(|&row| &split[row]);
+        leaked.extend(orbit.iter().filter(|&&row| Some(&split[row]) != home));
+    }
+    leaked.sort_unstable();
+    let message = "the pattern, or an image of it, stands in another part of the dataset too: what is measured on that part is \
+                   flattered";
+    (!leaked.is_empty()).then(|| Finding::rows("leak", Severity::Error, &leaked, message))
+}
+
+/// Rows whose field does not have the symmetry of its pattern, or does not move with it. Of two that contradict each other,
+/// the one is named that is wrong for itself, where that is known.
+#[must_use]
+pub fn asymmetric(facts: &[Facts], labels: &[Label], tolerance: Tolerance) -> Option<Finding> {
+    let usable = |&index: &usize| facts[index].is_usable();
+    let mut found: Vec<usize> = (0..facts.len())
+        .filter(|index| usable(index) && facts[*index].asymmetry > 2.0 * tolerance.of(facts[*index].peak))
+        .collect();
+    for orbit in orbits(facts) {
+        let members: Vec<usize> = orbit.into_iter().filter(usable).collect();
+        if members.len() < 2 {
+            continue;
+        }
+        let usual = usual(facts, &members);
+        let off = |&&index: &&usize| distance(&facts[index].projections, &usual) > tolerance.of(facts[index].peak);
+        let off: Vec<usize> = members.iter().filter(off).copied().collect();
+        let wrong: Vec<usize> = off
+            .iter()
+            .filter(|&&index| matches!(labels[index], Label::Wrong(..)))
+            .copied()
+            .collect();
+        found.extend(if wrong.is_empty() { off } else { wrong });
+    }
+    found.sort_unstable();
+    found.dedup();
+    let message = "the field does not go with the fields of the pattern's images, or lacks the symmetry of its pattern";
+    (!found.is_empty()).then(|| Finding::rows("symmetry", Severity::Error, &found, message))
+}
+
+/// The median of each projection.
+fn usual(facts: &[Facts], members: &[usize]) -> [f64; PROJECTIONS] {
+    std::array::from_fn(|k| {
+        let mut values: Vec<f64> = members.iter().map(|&index| facts[index].projections[k]).collect();
+        values.sort_by(f64::total_cmp);
+        let n = values.len();
+        0.5 * (values[(n - 1) / 2] + values[n / 2])
+    })
+}

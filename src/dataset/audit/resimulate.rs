@@ -1,0 +1,73 @@
+//! Random rows, simulated again as they were made and on a finer mesh.
+
+use super::facts::Row;
+use super::labels::{Judge, Label, REFERENCE};
+use super::rows::{Dataset, Mesh, Wanted};
+use super::symmetric::largest_difference;
+
+/// A row that was simulated again.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Resimulated {
+    /// Which.
+    pub index: usize,
+    /// Largest difference from the finer solution in mm; `None` where that has no stable solution, or the dataset's mesh is
+    /// the finest.
+    pub error: Option<f64>,
+    /// The error that it may have, in mm; `None` where nothing is said of it.
+    pub allowed: Option<f64>,
+    /// Whether its mesh is the finest.
+    pub is_finest: bool,
+}
+
+impl Resimulated {
+    /// Whether its error is larger than is allowed.
+    #[must_use]
+    pub fn exceeds(&self) -> bool {
+        matches!((self.error, self.allowed), (Some(error), Some(allowed)) if error > allowed)
+    }
+
+    /// Whether the finer mesh knows no stable solution.
+    #[must_use]
+    pub fn is_unstable(&self) -> bool {
+        self.error.is_none() && !self.is_finest
+    }
+}
+
+/// Simulates one usable row on a finer mesh. `accuracy` is what is allowed where the dataset says nothing, in mm.
+///
+/// # Errors
+/// When a simulator cannot be set up; why.
+pub fn resimulate(
+    judge: &Judge<'_>,
+    dataset: &Dataset<'_>,
+    (index, row): (usize, &Row),
+    mesh: Option<Mesh>,
+    accuracy: Option<f64>,
+) -> Result<Option<Resimulated>, String> {
+    let Some((pattern, stored)) = row.usable() else {
+        return Ok(None);
+    };
+    let wanted = match mesh {
+        Some(mesh) => mesh.finer().map(Wanted::Newton),
+        None => Some(Wanted::Newton(REFERENCE)),
+    };
+    let declared = dataset.columns.error.as_ref().map(|errors| errors[index]);
+    let mut result = Resimulated {
+        index,
+        error: None,
+        allowed: accuracy.or(declared),
+        is_finest: wanted.is_none(),
+    };
+    if let Some(wanted) = wanted {
+        let finer = judge.bench.simulator(wanted)?.simulate(std::slice::from_ref(pattern));
+        let finer = finer.into_iter().next().and_then(|simulation| simulation.field);
+        result.error = finer.map(|finer| largest_difference(stored, &finer));
+    }
+    Ok(Some(result))
+}
+
+/// Whether a label is known to be wrong.
+#[must_use]
+pub fn is_wrong(label: Label) -> bool {
+    matches!(label, Label::Wrong(..) | Label::NoSolution)
+}

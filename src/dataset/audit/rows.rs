@@ -1,0 +1,143 @@
+//! What an audit reads: rows by ranges, so that a dataset need not fit into memory, and columns of one value per row.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use crate::field::Simulator;
+
+/// Rows as they stand in the file: nothing is known of them yet.
+pub struct Batch {
+    /// Cells, 2500 to a row.
+    pub cells: Vec<f64>,
+    /// Displacements in mm, 51 · 51 · 2 to a row.
+    pub displacement: Vec<f64>,
+}
+
+/// Gives rows.
+pub trait Rows: Sync {
+    /// The rows of a range.
+    ///
+    /// # Errors
+    /// When they cannot be read; why.
+    fn read(&self, range: Range<usize>) -> Result<Batch, String>;
+}
+
+/// One value per row each; what a dataset does not say is `None`.
+#[derive(Clone, Debug, Default)]
+pub struct Columns {
+    /// Part of the dataset.
+    pub split: Option<Vec<String>>,
+    /// Family that the pattern was drawn from.
+    pub family: Option<Vec<String>>,
+    /// Whether the row claims to have a field.
+    pub has_field: Option<Vec<bool>>,
+    /// Largest displacement magnitude in mm.
+    pub peak: Option<Vec<f64>>,
+    /// Digest of the orbit.
+    pub orbit: Option<Vec<String>>,
+    /// The mesh of each row.
+    pub mesh: Option<Vec<Mesh>>,
+    /// Estimated largest error in mm.
+    pub error: Option<Vec<f64>>,
+}
+
+impl Columns {
+    /// Names and lengths of the columns that are there.
+    #[must_use]
+    pub fn lengths(&self) -> Vec<(&'static str, usize)> {
+        fn length<T>(name: &'static str, column: &Option<Vec<T>>) -> Option<(&'static str, usize)> {
+            column.as_ref().map(|values| (name, values.len()))
+        }
+        let all = [
+            length("split", &self.split),
+            length("family", &self.family),
+            length("outcome", &self.has_field),
+            length("max_displacement", &self.peak),
+            length("orbit", &self.orbit),
+            length("elements_per_cell", &self.mesh),
+            length("discretisation_error", &self.error),
+        ];
+        all.into_iter().flatten().collect()
+    }
+}
+
+/// Elements along the side of a cell, and their order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Mesh {
+    /// Elements along one side of a cell.
+    pub elements_per_cell: u64,
+    /// Polynomial order, 1 or 2.
+    pub order: u64,
+}
+
+impl Mesh {
+    /// A mesh.
+    #[must_use]
+    pub const fn new(elements_per_cell: u64, order: u64) -> Self {
+        Self {
+            elements_per_cell,
+            order,
+        }
+    }
+
+    /// The mesh by which errors on this one are told: biquadratic, of half the size where there is such; `None` for the
+    /// finest.
+    #[must_use]
+    pub fn finer(self) -> Option<Self> {
+        let finer = Self::new((2 * self.elements_per_cell).min(8), 2);
+        (finer != self).then_some(finer)
+    }
+
+    /// What a solution costs, in solutions with one bilinear element per cell. A biquadratic element costs as much as five
+    /// bilinear ones (docs/performance.md).
+    #[must_use]
+    pub fn cost(self) -> u64 {
+        self.elements_per_cell.pow(2) * if self.order == 2 { 5 } else { 1 }
+    }
+}
+
+/// What is known of how the fields were found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Declared {
+    /// On one mesh, by Newton's method.
+    Mesh(Mesh),
+    /// Each row on a mesh of its own (the column), by Newton's method.
+    PerRow,
+    /// Estimates on one mesh: no equilibria.
+    Estimates(Mesh),
+    /// Nothing.
+    Unknown,
+}
+
+/// A dataset.
+pub struct Dataset<'a> {
+    /// How many rows.
+    pub len: usize,
+    /// The rows.
+    pub rows: &'a dyn Rows,
+    /// Their columns.
+    pub columns: Columns,
+    /// How the fields were found.
+    pub declared: Declared,
+}
+
+/// Which simulator is wanted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Wanted {
+    /// The method that the dataset declares, on this mesh.
+    Own(Mesh),
+    /// Newton's method on this mesh.
+    Newton(Mesh),
+}
+
+/// A simulator that is set up.
+pub type Ready = Arc<dyn Simulator + Send>;
+
+/// Where simulators come from, ready for the scene of the dataset.
+pub trait Bench: Sync {
+    /// A simulator.
+    ///
+    /// # Errors
+    /// When it cannot be set up; why.
+    fn simulator(&self, wanted: Wanted) -> Result<Ready, String>;
+}

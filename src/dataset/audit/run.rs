@@ -1,0 +1,334 @@
+//! The order of an audit: one pass over all rows, then the suspects, then random rows on a finer mesh.
+
+use std::collections::BTreeMap;
+
+use rayon::prelude::*;
+
+use super::diagnosis::Fault;
+use super::facts::{Facts, Row, claims_field};
+use super::finding::{self, EXAMPLES, Finding, Severity};
+use super::labels::{Judge, Label, Tolerance, suspects};
+use super::report::{Report, Resimulation, Summary};
+use super::resimulate::{Resimulated, is_wrong, resimulate};
+use super::rows::{Bench, Dataset, Declared, Mesh};
+use super::spread::{Level, Spread};
+use super::{identify, images, values};
+use crate::base::Stream;
+
+/// Rows that are held in memory at a time.
+const BATCH: usize = 256;
+
+/// Rows by which an undeclared mesh is found out.
+const PROBES: usize = 5;
+
+/// Suspects that are solved again at the least, and as a part of all rows: where more are suspect the dataset is wrong as a
+/// whole, which these tell as well.
+const SUSPECTS: usize = 256;
+const SUSPECT_PART: usize = 20;
+
+/// How to audit.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// Random rows to simulate on a finer mesh; `None` for all.
+    pub samples: Option<usize>,
+    /// Names the random choice.
+    pub seed: u64,
+    /// The error that labels may have, mm, where that is asked for.
+    pub accuracy: Option<f64>,
+    /// The same where neither that nor the dataset says anything, mm.
+    pub usual_accuracy: f64,
+    /// How exactly a label comes out when it is solved again, relative to its largest displacement.
+    pub tolerance: f64,
+    /// What a balanced dataset says of its level.
+    pub level: Option<Level>,
+    /// Whether repeats are usual: those of solved samples are left out when these are balanced.
+    pub repeats_are_usual: bool,
+}
+
+/// Audits a dataset. `advance` is told of finished rows.
+///
+/// # Errors
+/// When rows cannot be read or a simulator cannot be set up; why.
+pub fn audit(
+    dataset: &Dataset<'_>,
+    bench: &dyn Bench,
+    options: &Options,
+    advance: &dyn Fn(usize),
+) -> Result<Report, String> {
+    if let Some(finding) = values::lengths(dataset) {
+        return Ok(Report {
+            findings: vec![finding],
+            ..Report::default()
+        });
+    }
+    let declared = declared(dataset, bench, options)?;
+    let judge = judge(declared, bench, options);
+    let (facts, mut labels) = pass(dataset, &judge, advance)?;
+    let compared = labels.iter().filter(|l| matches!(l, Label::Compared { .. })).count();
+    let suspects = confirm(dataset, &judge, &facts, &mut labels)?;
+    let resimulated = on_finer_meshes(dataset, &judge, options, &facts, &mut labels)?;
+    let mut findings = values::findings(&facts, &dataset.columns);
+    findings.extend(images::findings(
+        &facts,
+        dataset.columns.split.as_deref(),
+        options.repeats_are_usual,
+    ));
+    findings.extend(of_labels(&labels));
+    findings.extend(images::asymmetric(&facts, &labels, judge.tolerance));
+    findings.extend(of_accuracy(&resimulated, &labels));
+    let peaks: Vec<f64> = facts.iter().map(|facts| facts.peak).collect();
+    if let Some(level) = &options.level {
+        findings.extend(level.findings(&peaks));
+    }
+    finding::sort(&mut findings);
+    let faults = |row: &&Resimulated| row.exceeds() || row.is_unstable() || is_wrong(labels[row.index]);
+    let faults = resimulated.iter().filter(faults).count();
+    let usable = facts.iter().filter(|facts| facts.is_usable()).count();
+    let again = labels
+        .iter()
+        .filter(|l| matches!(l, Label::Agrees | Label::Wrong(..) | Label::NoSolution));
+    let summary = Summary {
+        made_by: made_by(declared, dataset.declared),
+        solved_again: again.count(),
+        compared,
+        suspects,
+        resimulated: Resimulation::of(&resimulated, faults, usable),
+        ..describe(dataset, &facts)
+    };
+    Ok(Report {
+        findings,
+        summary,
+        labels,
+        peaks,
+        resimulated,
+    })
+}
+
+fn judge<'a>(declared: Declared, bench: &'a dyn Bench, options: &Options) -> Judge<'a> {
+    let accuracy = options.accuracy.unwrap_or(options.usual_accuracy);
+    // The reference has an error of its own.
+    let near = accuracy / 4.0;
+    let tolerance = match declared {
+        Declared::Unknown => Tolerance {
+            relative: 0.0,
+            absolute: accuracy + near,
+        },
+        _ => Tolerance {
+            relative: options.tolerance,
+            absolute: 0.0,
+        },
+    };
+    Judge {
+        bench,
+        declared,
+        tolerance,
+    }
+}
+
+/// What the dataset says, or what can be found out.
+fn declared(dataset: &Dataset<'_>, bench: &dyn Bench, options: &Options) -> Result<Declared, String> {
+    if dataset.declared != Declared::Unknown {
+        return Ok(dataset.declared);
+    }
+    let mut order: Vec<usize> = (0..dataset.len).collect();
+    Stream::new(options.seed, "audit probe", 0).shuffle(&mut order);
+    let mut probes = Vec::new();
+    // A dataset of which so many rows are of no use is not worth the search.
+    for index in order.into_iter().take(4 * PROBES) {
+        let row = row(dataset, index)?;
+        if row.usable().is_some() && probes.len() < PROBES {
+            probes.push(row);
+        }
+    }
+    Ok(identify::mesh(bench, &probes)?.map_or(Declared::Unknown, Declared::Mesh))
+}
+
+fn row(dataset: &Dataset<'_>, index: usize) -> Result<Row, String> {
+    let batch = dataset.rows.read(index..index + 1)?;
+    Ok(Row::of(&batch, 0, claims_field(&dataset.columns, index)))
+}
+
+fn pass(dataset: &Dataset<'_>, judge: &Judge<'_>, advance: &dyn Fn(usize)) -> Result<(Vec<Facts>, Vec<Label>), String> {
+    let (mut facts, mut labels) = (Vec::with_capacity(dataset.len), Vec::with_capacity(dataset.len));
+    for start in (0..dataset.len).step_by(BATCH) {
+        let range = start..(start + BATCH).min(dataset.len);
+        let count = range.len();
+        let batch = dataset.rows.read(range)?;
+        let read = |at| {
+            let row = Row::of(&batch, at, claims_field(&dataset.columns, start + at));
+            let facts = Facts::of(&row, start + at, &dataset.columns);
+            (row, facts)
+        };
+        let (rows, found): (Vec<Row>, Vec<Facts>) = (0..count).into_par_iter().map(read).unzip();
+        labels.extend(judge.pass(&rows, start, &dataset.columns)?);
+        facts.extend(found);
+        advance(count);
+    }
+    Ok((facts, labels))
+}
+
+/// Solves suspects again; gives how many there were.
+fn confirm(dataset: &Dataset<'_>, judge: &Judge<'_>, facts: &[Facts], labels: &mut [Label]) -> Result<usize, String> {
+    let suspects = suspects(labels, facts, dataset.columns.family.as_deref());
+    let most = SUSPECTS.max(dataset.len / SUSPECT_PART);
+    again(dataset, judge, suspects.iter().copied().take(most).collect(), labels)?;
+    Ok(suspects.len())
+}
+
+fn again(dataset: &Dataset<'_>, judge: &Judge<'_>, rows: Vec<usize>, labels: &mut [Label]) -> Result<(), String> {
+    let solved = |&index: &usize| -> Result<(usize, Label), String> {
+        let mesh = judge.mesh(&dataset.columns, index);
+        Ok((index, judge.again(&row(dataset, index)?, mesh)?))
+    };
+    let found: Result<Vec<(usize, Label)>, String> = rows.par_iter().map(solved).collect();
+    for (index, label) in found? {
+        labels[index] = label;
+    }
+    Ok(())
+}
+
+fn on_finer_meshes(
+    dataset: &Dataset<'_>,
+    judge: &Judge<'_>,
+    options: &Options,
+    facts: &[Facts],
+    labels: &mut [Label],
+) -> Result<Vec<Resimulated>, String> {
+    let usable: Vec<usize> = (0..facts.len()).filter(|&index| facts[index].is_usable()).collect();
+    let count = options.samples.unwrap_or(usable.len()).min(usable.len());
+    let mut stream = Stream::new(options.seed, "audit", 0);
+    let mut chosen: Vec<usize> = stream
+        .choose(usable.len(), count)
+        .into_iter()
+        .map(|at| usable[at])
+        .collect();
+    chosen.sort_unstable();
+    let unsure = chosen
+        .iter()
+        .filter(|&&index| matches!(labels[index], Label::Compared { .. }));
+    again(dataset, judge, unsure.copied().collect(), labels)?;
+    let accuracy = match judge.declared {
+        Declared::Unknown => Some(judge.tolerance.absolute),
+        _ => options.accuracy,
+    };
+    let solved = |&index: &usize| {
+        let mesh = judge.mesh(&dataset.columns, index);
+        resimulate(judge, dataset, (index, &row(dataset, index)?), mesh, accuracy)
+    };
+    let found: Result<Vec<Option<Resimulated>>, String> = chosen.par_iter().map(solved).collect();
+    Ok(found?.into_iter().flatten().collect())
+}
+
+/// Wrong labels, by what is wrong with them.
+fn of_labels(labels: &[Label]) -> Vec<Finding> {
+    let mut wrong: BTreeMap<&str, (Vec<usize>, Vec<f64>, Vec<f64>)> = BTreeMap::new();
+    let mut unstable = Vec::new();
+    for (index, label) in labels.iter().enumerate() {
+        match *label {
+            Label::Wrong(fault, off) => {
+                let (rows, ratios, offs) = wrong.entry(fault.check()).or_default();
+                rows.push(index);
+                offs.push(off);
+                if let Fault::Scale(ratio) = fault {
+                    ratios.push(ratio);
+                }
+            }
+            Label::NoSolution => unstable.push(index),
+            Label::Absent | Label::Agrees | Label::Compared { .. } => {}
+        }
+    }
+    let mut findings: Vec<Finding> = wrong
+        .into_iter()
+        .map(|(check, (rows, ratios, offs))| {
+            let off = offs.iter().copied().fold(0.0, f64::max);
+            Finding::rows(check, Severity::Error, &rows, told(check, &ratios, off))
+        })
+        .collect();
+    if !unstable.is_empty() {
+        let message = "the row has a field, and its pattern has no stable solution";
+        findings.push(Finding::rows("outcome", Severity::Error, &unstable, message));
+    }
+    findings
+}
+
+fn told(check: &str, ratios: &[f64], off: f64) -> String {
+    match check {
+        "sign" => "the field has the wrong sign".to_owned(),
+        "scale" => {
+            let (least, most) = ratios
+                .iter()
+                .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &r| (a.min(r), b.max(r)));
+            let by = if most - least < 1e-4 {
+                format!("{least:.4}")
+            } else {
+                format!("{least:.4} to {most:.4}")
+            };
+            format!("the field is {by} times what the pattern gives")
+        }
+        "rotation" => {
+            "the field has been turned or mirrored, and its components have not, or the other way round".to_owned()
+        }
+        "frame" => "the field is that of another image of the pattern".to_owned(),
+        _ => format!("the field is not what the pattern gives: it is off by up to {off:.3e} mm"),
+    }
+}
+
+/// What finer meshes say of labels that are right on their own.
+fn of_accuracy(resimulated: &[Resimulated], labels: &[Label]) -> Vec<Finding> {
+    let right = |row: &&Resimulated| !is_wrong(labels[row.index]);
+    let resimulated: Vec<Resimulated> = resimulated.iter().filter(right).copied().collect();
+    let rows = |wanted: fn(&Resimulated) -> bool| -> Vec<usize> {
+        let wanted = resimulated.iter().filter(|row| wanted(row));
+        wanted.map(|row| row.index).collect()
+    };
+    let mut findings = Vec::new();
+    let inaccurate = rows(Resimulated::exceeds);
+    if !inaccurate.is_empty() {
+        let worst = resimulated
+            .iter()
+            .filter(|row| row.exceeds())
+            .filter_map(|row| row.error);
+        let message = format!(
+            "on a finer mesh the field differs by up to {:.3e} mm, more than is declared",
+            worst.fold(0.0, f64::max)
+        );
+        findings.push(Finding::rows("accuracy", Severity::Error, &inaccurate, message));
+    }
+    let unstable = rows(Resimulated::is_unstable);
+    if !unstable.is_empty() {
+        let message = "on a finer mesh the pattern has no stable solution: the mesh is too coarse so near to its loss";
+        findings.push(Finding::rows("stability", Severity::Warning, &unstable, message));
+    }
+    findings
+}
+
+fn made_by(found: Declared, said: Declared) -> String {
+    let on = |mesh: Mesh| format!("elements_per_cell: {}, order: {}", mesh.elements_per_cell, mesh.order);
+    match (found, said) {
+        (Declared::Mesh(mesh), Declared::Unknown) => format!("{} (found out)", on(mesh)),
+        (Declared::Mesh(mesh), _) => on(mesh),
+        (Declared::Estimates(mesh), _) => format!("estimates, {}", on(mesh)),
+        (Declared::PerRow, _) => "a mesh for each row".to_owned(),
+        (Declared::Unknown, _) => "not known".to_owned(),
+    }
+}
+
+fn describe(dataset: &Dataset<'_>, facts: &[Facts]) -> Summary {
+    let peaks = || facts.iter().filter(|f| f.has_field).map(|f| f.peak);
+    let areas = facts.iter().filter(|f| f.is_pattern).map(|f| f.area);
+    let mut splits = BTreeMap::new();
+    for split in dataset.columns.split.iter().flatten() {
+        *splits.entry(split.clone()).or_default() += 1;
+    }
+    let absent = (0..facts.len()).filter(|&index| !facts[index].claims_field);
+    Summary {
+        samples: dataset.len,
+        not_converged: absent.take(EXAMPLES).collect(),
+        repeats: images::repeats(facts).len(),
+        orbits: images::orbits(facts).len(),
+        splits,
+        area: Spread::of(areas, 1.0, 20),
+        displacement: Spread::of(peaks(), peaks().fold(0.0, f64::max), 50),
+        ..Summary::default()
+    }
+}

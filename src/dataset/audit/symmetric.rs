@@ -1,0 +1,127 @@
+//! The symmetries of patterns and of their fields.
+//!
+//! Fields of images of one pattern are compared in the frame of the orbit's smallest image. A row keeps some random
+//! projections of its field there instead of the field: their root mean square difference is, but for a third, that of the
+//! fields, whatever these are.
+
+use std::sync::OnceLock;
+
+use crate::base::{Digest, Stream};
+use crate::field::{CORNERS, Field};
+use crate::pattern::{Pattern, Symmetry};
+
+/// Random projections of a field.
+pub const PROJECTIONS: usize = 16;
+
+/// A pattern among its images.
+pub struct Standing {
+    /// Identity of the pattern.
+    pub pattern: Digest,
+    /// Identity that it shares with its images.
+    pub orbit: Digest,
+    /// What carries it to the smallest of them.
+    pub to_smallest: Symmetry,
+    /// The symmetries, apart from the identity, that leave it as it is.
+    pub stabiliser: Vec<Symmetry>,
+}
+
+impl Standing {
+    /// Compares a pattern with its images.
+    #[must_use]
+    pub fn of(pattern: &Pattern) -> Self {
+        let images = Symmetry::ALL.map(|g| pattern.transformed(g));
+        let mut smallest = 0;
+        for k in 1..images.len() {
+            if images[k] < images[smallest] {
+                smallest = k;
+            }
+        }
+        let own = (1..images.len()).filter(|&k| images[k] == images[0]);
+        Self {
+            pattern: Digest::of(pattern.cells()),
+            orbit: Digest::of(images[smallest].cells()),
+            to_smallest: Symmetry::ALL[smallest],
+            stabiliser: own.map(|k| Symmetry::ALL[k]).collect(),
+        }
+    }
+}
+
+/// The projections of a field, in mm: root mean square of a component times deviates of variance 1.
+#[must_use]
+pub fn projections(field: &Field) -> [f64; PROJECTIONS] {
+    static DIRECTIONS: OnceLock<Vec<Vec<f64>>> = OnceLock::new();
+    let n = CORNERS * CORNERS * 2;
+    let directions = DIRECTIONS.get_or_init(|| {
+        let direction = |k| {
+            let mut stream = Stream::new(0, "audit projection", k);
+            let scale = 1.0 / (n as f64).sqrt();
+            (0..n)
+                .map(|_| if stream.chance(0.5) { scale } else { -scale })
+                .collect()
+        };
+        (0..PROJECTIONS as u64).map(direction).collect()
+    });
+    std::array::from_fn(|k| field.values().iter().zip(&directions[k]).map(|(u, d)| u * d).sum())
+}
+
+/// The root mean square component of the difference of two fields, estimated from their projections, in mm.
+#[must_use]
+pub fn distance(a: &[f64; PROJECTIONS], b: &[f64; PROJECTIONS]) -> f64 {
+    let sum: f64 = a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum();
+    (sum / PROJECTIONS as f64).sqrt()
+}
+
+/// The largest magnitude of the difference over the corners, in mm.
+#[must_use]
+pub fn largest_difference(a: &Field, b: &Field) -> f64 {
+    let pairs = a.values().chunks_exact(2).zip(b.values().chunks_exact(2));
+    pairs.map(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1])).fold(0.0, f64::max)
+}
+
+/// How far a field is from having the symmetries of its pattern, in mm.
+#[must_use]
+pub fn asymmetry(field: &Field, stabiliser: &[Symmetry]) -> f64 {
+    let far = |&g| largest_difference(field, &field.transformed(g));
+    stabiliser.iter().map(far).fold(0.0, f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn wavy() -> Field {
+        let value = |i: usize| ((i * 37 % 101) as f64 - 50.0) / 40.0;
+        Field::from_values((0..CORNERS * CORNERS * 2).map(value).collect()).unwrap()
+    }
+
+    #[test]
+    fn images_meet_in_the_smallest() {
+        let pattern = Pattern::from_fn(|x, y| (3 * x + y * y) % 7 < 3 && x > y / 2);
+        let first = Standing::of(&pattern);
+        assert!(first.stabiliser.is_empty() && first.orbit == pattern.orbit());
+        let field = wavy().transformed(first.to_smallest);
+        for g in Symmetry::ALL {
+            let image = Standing::of(&pattern.transformed(g));
+            assert_eq!(image.orbit, first.orbit);
+            assert_eq!(wavy().transformed(g).transformed(image.to_smallest), field);
+        }
+    }
+
+    #[test]
+    fn the_distance_of_projections_is_that_of_fields() {
+        let (a, zero) = (wavy(), Field::zero());
+        let found = distance(&projections(&a), &projections(&zero));
+        let exact = a.rms_difference(&zero);
+        assert!((found / exact - 1.0).abs() < 0.5, "{found} {exact}");
+        assert_eq!(distance(&projections(&a), &projections(&a)), 0.0);
+    }
+
+    #[test]
+    fn a_symmetric_pattern_wants_a_symmetric_field() {
+        let half = Pattern::from_fn(|x, _| x < 25);
+        let own = Standing::of(&half).stabiliser;
+        assert_eq!(own.len(), 1);
+        assert!(asymmetry(&wavy(), &own) > 0.1);
+        assert_eq!(asymmetry(&Field::zero(), &own), 0.0);
+    }
+}

@@ -1,0 +1,306 @@
+//! Every fault planted into a dataset is found by its own check and named by its row, and a sound dataset gives no finding.
+//! The membrane here is not one: displacement away from active cells near by, which has the symmetries of the real thing.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use super::*;
+use crate::base::Stream;
+use crate::field::{CORNERS, Field, Observation, Outcome, Simulation, Simulator};
+use crate::pattern::{CELLS, Pattern, Symmetry};
+
+/// Coarser meshes are too stiff, and see corners less.
+struct Membrane(f64);
+
+const REACH: i32 = 3;
+
+impl Membrane {
+    fn field(&self, pattern: &Pattern) -> Field {
+        let mut values = Vec::with_capacity(CORNERS * CORNERS * 2);
+        for y in 0..CORNERS as i32 {
+            for x in 0..CORNERS as i32 {
+                let within = |i: i32| f64::from(i * (CELLS as i32 - i)) / 625.0;
+                let mut u = [0.0, 0.0];
+                for (dx, dy) in (-REACH..REACH).flat_map(|dx| (-REACH..REACH).map(move |dy| (dx, dy))) {
+                    let (column, row) = (x + dx, y + dy);
+                    let inside = |i: i32| (0..CELLS as i32).contains(&i);
+                    if inside(column) && inside(row) && pattern.is_active(column as usize, row as usize) {
+                        let (far_x, far_y) = (f64::from(dx) + 0.5, f64::from(dy) + 0.5);
+                        let weight = 0.01 * (-(far_x * far_x + far_y * far_y) * (1.0 - self.0) / 9.0).exp();
+                        u = [u[0] - weight * far_x, u[1] - weight * far_y];
+                    }
+                }
+                values.extend(u.map(|u| u * within(x) * within(y)));
+            }
+        }
+        Field::from_values(values).unwrap()
+    }
+}
+
+impl Simulator for Membrane {
+    fn simulate(&self, patterns: &[Pattern]) -> Vec<Simulation> {
+        let simulation = |pattern| Simulation {
+            outcome: Outcome::Converged,
+            field: Some(self.field(pattern)),
+            newton_iterations: 1,
+            residual: 0.0,
+            observation: Observation::default(),
+        };
+        patterns.iter().map(simulation).collect()
+    }
+}
+
+struct Workbench;
+
+fn coarseness(mesh: Mesh) -> f64 {
+    0.02 / mesh.cost() as f64
+}
+
+impl Bench for Workbench {
+    fn simulator(&self, wanted: Wanted) -> Result<Ready, String> {
+        Ok(Arc::new(match wanted {
+            Wanted::Own(mesh) | Wanted::Newton(mesh) => Membrane(coarseness(mesh)),
+        }))
+    }
+}
+
+/// Rows in memory.
+struct Memory {
+    patterns: Vec<Pattern>,
+    fields: Vec<Vec<f64>>,
+    odd_cell: Option<usize>,
+}
+
+impl Rows for Memory {
+    fn read(&self, range: Range<usize>) -> Result<Batch, String> {
+        let cells = |row: usize| {
+            let own = self.patterns[row].cells().iter().enumerate();
+            own.map(move |(at, &cell)| match (self.odd_cell, at) {
+                (Some(odd), 0) if odd == row => 0.5,
+                _ => f64::from(cell),
+            })
+        };
+        Ok(Batch {
+            cells: range.clone().flat_map(cells).collect(),
+            displacement: range.flat_map(|row| self.fields[row].clone()).collect(),
+        })
+    }
+}
+
+fn pattern(index: u64) -> Pattern {
+    let mut stream = Stream::new(3, "audit test", index);
+    if index.is_multiple_of(2) {
+        let bits: Vec<bool> = (0..2500).map(|_| stream.chance(0.5)).collect();
+        return Pattern::from_fn(|x, y| bits[50 * y + x]);
+    }
+    let blocks: Vec<bool> = (0..25).map(|_| stream.chance(0.5)).collect();
+    Pattern::from_fn(|x, y| blocks[y / 10 * 5 + x / 10])
+}
+
+/// 32 patterns; the last two are images of the first two, with the fields that go with them.
+fn sound(mesh: Mesh) -> (Memory, Columns) {
+    let mut patterns: Vec<Pattern> = (0..30).map(pattern).collect();
+    patterns.push(patterns[0].transformed(Symmetry::ALL[1]));
+    patterns.push(patterns[1].transformed(Symmetry::ALL[6]));
+    let membrane = Membrane(coarseness(mesh));
+    let fields: Vec<Field> = patterns.iter().map(|pattern| membrane.field(pattern)).collect();
+    let split = |i: usize| if i % 30 < 24 { "train" } else { "test" };
+    let columns = Columns {
+        split: Some((0..32).map(|i| split(i).to_owned()).collect()),
+        peak: Some(fields.iter().map(Field::max_magnitude).collect()),
+        orbit: Some(patterns.iter().map(|pattern| pattern.orbit().to_string()).collect()),
+        ..Columns::default()
+    };
+    let memory = Memory {
+        fields: fields.iter().map(|field| field.values().to_vec()).collect(),
+        patterns,
+        odd_cell: None,
+    };
+    (memory, columns)
+}
+
+fn audited(memory: &Memory, columns: Columns, declared: Declared) -> Report {
+    let dataset = Dataset {
+        len: memory.patterns.len(),
+        rows: memory,
+        columns,
+        declared,
+    };
+    let options = Options {
+        samples: Some(4),
+        usual_accuracy: 0.01,
+        tolerance: 1e-5,
+        ..Options::default()
+    };
+    audit(&dataset, &Workbench, &options, &|_| {}).unwrap()
+}
+
+fn checks(report: &Report) -> Vec<(&str, &[u64])> {
+    let findings = report.findings.iter();
+    findings.map(|f| (f.check.as_str(), f.examples.as_slice())).collect()
+}
+
+const MESHES: [Mesh; 2] = [Mesh::new(2, 1), Mesh::new(2, 2)];
+
+#[test]
+fn a_sound_dataset_gives_no_finding_whatever_it_declares() {
+    for mesh in MESHES {
+        for declared in [Declared::Mesh(mesh), Declared::Unknown, Declared::Estimates(mesh)] {
+            let (memory, columns) = sound(mesh);
+            let report = audited(&memory, columns, declared);
+            assert_eq!(checks(&report), [], "{mesh:?} {declared:?}");
+            assert_eq!((report.summary.samples, report.summary.orbits), (32, 30));
+            let found_out = report.summary.made_by.contains("found out");
+            assert_eq!(found_out, declared == Declared::Unknown, "{}", report.summary.made_by);
+            assert_eq!(report.summary.resimulated.faults, 0);
+        }
+    }
+}
+
+/// Plants a fault in row 7 of fields on both a cheap and a dear mesh; which checks name the row.
+fn planted(plant: impl Fn(&mut Memory, &mut Columns)) -> Vec<Vec<String>> {
+    let found = MESHES.map(|mesh| {
+        let (mut memory, mut columns) = sound(mesh);
+        plant(&mut memory, &mut columns);
+        let report = audited(&memory, columns, Declared::Mesh(mesh));
+        let named = report
+            .findings
+            .iter()
+            .filter(|f| f.examples == [7] && f.severity == Severity::Error);
+        named.map(|f| f.check.clone()).collect()
+    });
+    found.to_vec()
+}
+
+fn change(values: &mut [f64], by: impl Fn(f64) -> f64) {
+    values.iter_mut().for_each(|u| *u = by(*u));
+}
+
+#[test]
+fn each_fault_is_found_by_its_own_check() {
+    let is = |check: &str, found: Vec<Vec<String>>| {
+        assert!(
+            found.iter().all(|checks| checks.iter().any(|c| c == check)),
+            "{check}: {found:?}"
+        );
+    };
+    is("sign", planted(|m, _| change(&mut m.fields[7], |u| -u)));
+    is("scale", planted(|m, _| change(&mut m.fields[7], |u| 1.03 * u)));
+    is("scale", planted(|m, _| change(&mut m.fields[7], |u| 0.97 * u)));
+    is("label", planted(|m, _| m.fields[7] = m.fields[9].clone()));
+    is("finite", planted(|m, _| m.fields[7][100] = f64::NAN));
+    is("boundary", planted(|m, _| m.fields[7][3] = 0.01));
+    is("pattern", planted(|m, _| m.odd_cell = Some(7)));
+    is("derived", planted(|_, c| c.peak.as_mut().unwrap()[7] *= 1.01));
+    is(
+        "derived",
+        planted(|_, c| c.orbit.as_mut().unwrap()[7].replace_range(..1, "x")),
+    );
+    // Mirrored in place, components and all; and with components left as they were.
+    is(
+        "frame",
+        planted(|m, _| {
+            let field = Field::from_values(m.fields[7].clone()).unwrap();
+            m.fields[7] = field.transformed(Symmetry::ALL[4]).values().to_vec();
+        }),
+    );
+    is(
+        "rotation",
+        planted(|m, _| {
+            let field = Field::from_values(m.fields[7].clone()).unwrap();
+            let mirrored = field.transformed(Symmetry::ALL[4]);
+            m.patterns[7] = m.patterns[7].transformed(Symmetry::ALL[4]);
+            let back = mirrored.values().chunks(2).flat_map(|u| [-u[0], u[1]]);
+            m.fields[7] = back.collect();
+        }),
+    );
+}
+
+#[test]
+fn a_boundary_alone_is_no_wrong_label() {
+    let found = planted(|m, _| m.fields[7][3] = 0.001);
+    assert!(found.iter().flatten().all(|check| check == "boundary"), "{found:?}");
+}
+
+#[test]
+fn images_that_leak_or_contradict_each_other_are_found() {
+    let (memory, mut columns) = sound(MESHES[0]);
+    columns.split.as_mut().unwrap()[31] = "test".into();
+    let report = audited(&memory, columns, Declared::Mesh(MESHES[0]));
+    assert_eq!(checks(&report), [("leak", &[31][..])]);
+    let (mut memory, columns) = sound(MESHES[0]);
+    change(&mut memory.fields[31], |u| 1.03 * u);
+    let report = audited(&memory, Columns { peak: None, ..columns }, Declared::Mesh(MESHES[0]));
+    assert_eq!(checks(&report), [("scale", &[31][..]), ("symmetry", &[31])]);
+    let (mut memory, mut columns) = sound(MESHES[0]);
+    (memory.patterns[5], memory.fields[5]) = (memory.patterns[4].clone(), memory.fields[4].clone());
+    columns.peak.as_mut().unwrap()[5] = columns.peak.as_ref().unwrap()[4];
+    columns.orbit.as_mut().unwrap()[5] = columns.orbit.as_ref().unwrap()[4].clone();
+    let report = audited(&memory, columns, Declared::Mesh(MESHES[0]));
+    assert_eq!(checks(&report), [("duplicate", &[5][..])]);
+    assert_eq!(report.findings[0].severity, Severity::Warning);
+}
+
+#[test]
+fn rows_without_a_solution_are_listed_and_may_be_nan() {
+    let (mut memory, mut columns) = sound(MESHES[0]);
+    change(&mut memory.fields[3], |_| f64::NAN);
+    columns.has_field = Some((0..32).map(|i| i != 3).collect());
+    let report = audited(&memory, columns, Declared::Mesh(MESHES[0]));
+    assert_eq!(checks(&report), [("not-converged", &[3][..])]);
+    assert_eq!(report.summary.not_converged, [3]);
+    assert!(!report.has_errors());
+}
+
+#[test]
+fn labels_of_no_known_mesh_are_judged_by_an_accuracy() {
+    // Between the meshes that are tried, and within a hundredth of a millimetre of the truth.
+    let (mut memory, mut columns) = sound(MESHES[1]);
+    for (field, pattern) in memory.fields.iter_mut().zip(&memory.patterns) {
+        *field = Membrane(0.0031).field(pattern).values().to_vec();
+    }
+    columns.peak = None;
+    assert_eq!(checks(&audited(&memory, columns.clone(), Declared::Unknown)), []);
+    change(&mut memory.fields[7], |u| 1.5 * u);
+    let report = audited(&memory, columns, Declared::Unknown);
+    assert_eq!(checks(&report), [("scale", &[7][..])]);
+    assert_eq!(report.summary.made_by, "not known");
+}
+
+#[test]
+fn columns_of_other_lengths_end_the_audit() {
+    let (memory, mut columns) = sound(MESHES[0]);
+    columns.split.as_mut().unwrap().pop();
+    let report = audited(&memory, columns, Declared::Mesh(MESHES[0]));
+    assert_eq!(checks(&report), [("shape", &[][..])]);
+    assert!(report.findings[0].message.contains("`split` has 31"));
+}
+
+#[test]
+fn an_accuracy_that_is_not_kept_is_found_in_the_random_rows() {
+    let (memory, columns) = sound(MESHES[0]);
+    let dataset = Dataset {
+        len: 32,
+        rows: &memory,
+        columns,
+        declared: Declared::Mesh(MESHES[0]),
+    };
+    let options = Options {
+        samples: None,
+        accuracy: Some(1e-7),
+        tolerance: 1e-5,
+        usual_accuracy: 0.01,
+        ..Options::default()
+    };
+    let report = audit(&dataset, &Workbench, &options, &|_| {}).unwrap();
+    assert_eq!(
+        report
+            .findings
+            .iter()
+            .map(|f| (f.check.as_str(), f.count))
+            .collect::<Vec<_>>(),
+        [("accuracy", 32)]
+    );
+    assert_eq!(report.summary.resimulated.samples, 32);
+    assert_eq!(report.summary.resimulated.excluded_above, 1.0);
+}

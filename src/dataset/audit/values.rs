@@ -1,0 +1,82 @@
+//! Values that cannot be: cells that are neither bare nor active, displacements that are no numbers or move the frame, and
+//! columns that do not fit the rows that they describe.
+
+use super::facts::Facts;
+use super::finding::{Finding, Severity};
+use super::rows::{Columns, Dataset};
+
+/// Part of the largest displacement by which a stored maximum may differ from its field, and by which the frame may move.
+const EXACT: f64 = 1e-6;
+
+/// What the lengths of a dataset's columns contradict; nothing can be checked then.
+#[must_use]
+pub fn lengths(dataset: &Dataset<'_>) -> Option<Finding> {
+    let lengths = dataset.columns.lengths().into_iter();
+    let wrong: Vec<String> = lengths
+        .filter(|(_, length)| *length != dataset.len)
+        .map(|(name, length)| format!("`{name}` has {length}"))
+        .collect();
+    let message = || format!("there are {} patterns, and {}", dataset.len, wrong.join(", "));
+    (!wrong.is_empty()).then(|| Finding::whole("shape", Severity::Error, message()))
+}
+
+/// What is wrong with values.
+#[must_use]
+pub fn findings(facts: &[Facts], columns: &Columns) -> Vec<Finding> {
+    let rows = |wrong: &dyn Fn(usize, &Facts) -> bool| -> Vec<usize> {
+        let all = facts.iter().enumerate();
+        all.filter(|(i, facts)| wrong(*i, facts)).map(|(i, _)| i).collect()
+    };
+    let checks: [(&str, Severity, Vec<usize>, &str); 6] = [
+        (
+            "pattern",
+            Severity::Error,
+            rows(&|_, f| !f.is_pattern),
+            "a cell is neither 0 (bare) nor 1 (electrode)",
+        ),
+        (
+            "finite",
+            Severity::Error,
+            rows(&|_, f| f.claims_field && !f.has_field),
+            "the field holds a value that is no number",
+        ),
+        (
+            "boundary",
+            Severity::Error,
+            rows(&|_, f| f.frame > EXACT * f.peak),
+            "the field moves on the frame, where the membrane is clamped",
+        ),
+        (
+            "derived",
+            Severity::Error,
+            rows(&|i, f| f.has_field && columns.peak.as_ref().is_some_and(|p| !near(p[i], f.peak))),
+            "`max_displacement` is not that of the field",
+        ),
+        (
+            "derived",
+            Severity::Error,
+            rows(&|i, f| {
+                let other = |identity: &[crate::base::Digest; 2]| {
+                    let orbits = columns.orbit.as_ref();
+                    orbits.is_some_and(|orbits| orbits[i] != identity[1].to_string())
+                };
+                f.identity.as_ref().is_some_and(other)
+            }),
+            "`orbit` is not that of the pattern",
+        ),
+        (
+            "not-converged",
+            Severity::Warning,
+            rows(&|_, f| !f.claims_field),
+            "the sample has no stable solution, and no field",
+        ),
+    ];
+    let found = checks.into_iter().filter(|(_, _, rows, _)| !rows.is_empty());
+    found
+        .map(|(check, severity, rows, message)| Finding::rows(check, severity, &rows, message))
+        .collect()
+}
+
+fn near(stored: f64, found: f64) -> bool {
+    (stored - found).abs() <= EXACT * found + 1e-12
+}

@@ -1,0 +1,335 @@
+//! `kind: audit` audits the dataset of a solve or balance stage; `deaflow audit` also audits files from elsewhere.
+//!
+//! What follows a stage that needs an audit waits for it, and with `fail_on: error` does not run where the audit has found
+//! errors. The audit itself is no input of what follows: a surrogate is none the other for having been audited.
+
+mod bench;
+mod content;
+mod lineage;
+mod source;
+
+use std::path::Path;
+use std::time::Instant;
+
+use bench::Workbench;
+use source::Source;
+
+use super::direct::{DirectError, read_scene};
+use super::method::Method;
+use super::solver::explained;
+use crate::base::{Canonical, Dimension, Fields, InputError, Node, NodeValue, Quantity, Schema};
+use crate::dataset::audit::{Dataset, Declared, Options, Report, Rows, audit};
+use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Progress, Stage, StageError};
+use crate::scene::Scene;
+use crate::store::{Artifact, Object, StoreError};
+
+pub use crate::dataset::audit::{Finding, Severity, Summary, sort};
+pub use content::{objection, read};
+pub use lineage::{Lineage, trace};
+
+/// Random rows that are simulated on a finer mesh unless said otherwise.
+pub const SAMPLES: u64 = 32;
+
+/// Steps of a progress bar: the number of rows is not known beforehand.
+const STEPS: u64 = 100;
+
+/// Labels are the same when they are solved again but for the tolerance of the solver, which stops at a residual; this is
+/// how much larger, at the most, the error of the displacement is. Elsewhere last bits differ too.
+const PER_RESIDUAL: f64 = 1e3;
+const SAME: f64 = 1e-5;
+
+/// The same of estimates, whose linear systems are solved to 0.3 %.
+const SAME_ESTIMATE: f64 = 1e-2;
+
+/// The accuracy that is taken for meant where nothing says anything, as a part of the membrane's side: 0.02 mm of 50 mm.
+const USUAL_ACCURACY: f64 = 4e-4;
+
+/// More rows than this have no dataset.
+const MAX_SAMPLES: u64 = 100_000_000;
+
+/// The kind `audit`.
+pub struct AuditKind;
+
+impl Kind for AuditKind {
+    fn name(&self) -> &'static str {
+        "audit"
+    }
+
+    fn recipe(&self) -> u32 {
+        1
+    }
+
+    fn needs(&self) -> Needs {
+        Needs {
+            kinds: &["solve", "balance"],
+            least: 1,
+            most: 1,
+        }
+    }
+
+    fn gates(&self) -> bool {
+        true
+    }
+
+    fn schema(&self) -> Vec<Fields> {
+        let all = || Schema::word(&["all"]);
+        let samples = Schema::any_of([Schema::whole(0, MAX_SAMPLES), all()]);
+        let fields =
+            Fields::new("Audits a dataset: values, symmetries, leaks between splits, and its labels by simulation.")
+                .optional(
+                    "samples",
+                    samples
+                        .says("Random rows that are simulated on a finer mesh, or all.")
+                        .default(SAMPLES),
+                )
+                .optional("seed", super::seed().default(0))
+                .optional(
+                    "accuracy",
+                    Schema::quantity(Dimension::Length, 1e-9, 1e3)
+                        .says("The error that labels may have, where it is not known."),
+                )
+                .optional(
+                    "fail_on",
+                    Schema::word(&["error", "never"])
+                        .says("Whether findings that are errors stop what needs this stage.")
+                        .default("error"),
+                );
+        vec![fields]
+    }
+
+    fn read(&self, stage: &Node, _scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
+        let map = stage.fields(
+            "an audit stage",
+            &["kind", "needs", "samples", "seed", "accuracy", "fail_on"],
+        )?;
+        let samples = map.optional("samples").map_or(Ok(Some(SAMPLES)), read_samples)?;
+        let fail_on = map
+            .optional("fail_on")
+            .map_or(Ok("error"), |n| n.word("fail_on", &["error", "never"]))?;
+        let accuracy = map.optional("accuracy");
+        let accuracy = accuracy.map(|n| n.quantity_in("accuracy", Dimension::Length, 1e-9, 1e3));
+        Ok(Box::new(AuditStage {
+            request: Request {
+                samples,
+                seed: map
+                    .optional("seed")
+                    .map_or(Ok(0), |n| n.whole("seed", 0, i64::MAX as u64))?,
+                accuracy: accuracy.transpose()?,
+            },
+            fails: fail_on == "error",
+        }))
+    }
+}
+
+fn read_samples(node: &Node) -> Result<Option<u64>, InputError> {
+    match node.value() {
+        NodeValue::Text(text) if text == "all" => Ok(None),
+        NodeValue::Number(_) => node.whole("samples", 0, MAX_SAMPLES).map(Some),
+        _ => Err(node
+            .error(format!("`samples` cannot be {}", node.found()))
+            .help("allowed: a whole number, or all")),
+    }
+}
+
+/// What is asked of an audit.
+#[derive(Clone, Copy, Debug)]
+pub struct Request {
+    /// Random rows to simulate on a finer mesh; `None` for all.
+    pub samples: Option<u64>,
+    /// Names the random choice.
+    pub seed: u64,
+    /// The error that labels may have.
+    pub accuracy: Option<Quantity>,
+}
+
+struct AuditStage {
+    request: Request,
+    fails: bool,
+}
+
+impl Stage for AuditStage {
+    /// Whether the pipeline goes on is no part of what is found.
+    fn parameters(&self) -> Canonical {
+        let accuracy = self.request.accuracy.as_ref();
+        Canonical::map([
+            ("samples", self.request.samples.map_or("all".into(), Canonical::from)),
+            ("seed", self.request.seed.into()),
+            ("accuracy", accuracy.map_or(Canonical::Null, Canonical::from)),
+        ])
+    }
+
+    fn plan(&self, _inputs: &[Input]) -> Plan {
+        Plan::Whole { steps: STEPS }
+    }
+
+    fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
+        let [artifact] = job.inputs else {
+            return Err(StageError::Failed("an audit stage audits one dataset".to_owned()));
+        };
+        let wrong = |why: String| StageError::Input(format!("artifact {}: {why}", artifact.digest().short()));
+        let source = Source::of_artifact(artifact)?;
+        let scene = source.scene.as_deref();
+        let scene = scene.ok_or_else(|| wrong("it does not say which scene it was made with".to_owned()))?;
+        let scene = Scene::from_text(scene).map_err(|e| wrong(e.to_string()))?;
+        // Solved samples are drawn with repeats, which balancing leaves out.
+        let is_raw = source.level.is_none();
+        let start = Instant::now();
+        let report = carry_out(&source, &scene, &self.request, is_raw, job.progress).map_err(StageError::Failed)?;
+        job.measure("audit", start.elapsed().as_secs_f64());
+        let object = content::describe(&report).map_err(StageError::Failed)?;
+        Ok(object.attribute("scene", scene.to_text()))
+    }
+
+    fn blocks(&self, open: &dyn Fn() -> Result<Artifact, StoreError>) -> Result<Option<String>, StageError> {
+        if !self.fails {
+            return Ok(None);
+        }
+        let (findings, _) = read(open()?.attributes()).map_err(StageError::Failed)?;
+        Ok(objection(&findings))
+    }
+}
+
+/// Audits a file in the layout of `deaflow solve`, simulating in the scene of a file; gives what the artifact of an audit
+/// stage would say.
+///
+/// # Errors
+/// When one of the files cannot be read, or a simulator not be set up.
+pub fn audit_file(
+    file: &Path,
+    scene: &Path,
+    request: &Request,
+    progress: &dyn Progress,
+) -> Result<Object, DirectError> {
+    let scene = read_scene(scene)?;
+    let unreadable = |e: StoreError| InputError::new(e.to_string());
+    let mut source = Source::of_file(file).map_err(unreadable)?;
+    source.findings.extend(other_scene(source.scene.as_deref(), &scene));
+    let report = carry_out(&source, &scene, request, false, progress).map_err(DirectError::Failed)?;
+    let object = content::describe(&report).map_err(DirectError::Failed)?;
+    Ok(object.attribute("scene", scene.to_text()))
+}
+
+/// Rows of a dataset, to be looked at one by one.
+pub struct SourceRows {
+    source: Source,
+    /// Side of the membrane, mm.
+    pub side_mm: f64,
+}
+
+impl SourceRows {
+    /// Cells and displacements of a row; `None` where they are not numbers.
+    #[must_use]
+    pub fn row(&self, index: usize) -> Option<(Vec<u8>, Vec<f64>)> {
+        let batch = self.source.read(index..index + 1).ok()?;
+        let cells = batch.cells.iter().map(|&cell| u8::from(cell > 0.0)).collect();
+        // A field that is no field cannot be drawn.
+        let numbers = !batch.displacement.is_empty() && batch.displacement.iter().all(|u| u.is_finite());
+        numbers.then_some((cells, batch.displacement))
+    }
+}
+
+/// The rows of a file or an artifact that has been audited, with the scene of its audit.
+///
+/// # Errors
+/// When they cannot be read; why.
+pub fn rows(dataset: Audited<'_>, audit: &Object) -> Result<SourceRows, String> {
+    let scene = audit.attributes.get("scene").map_or("", String::as_str);
+    let scene = Scene::from_text(scene).map_err(|e| e.to_string())?;
+    let source = match dataset {
+        Audited::File(path) => Source::of_file(path),
+        Audited::Artifact(artifact) => Source::of_artifact(artifact),
+    };
+    Ok(SourceRows {
+        side_mm: scene.side_mm(),
+        source: source.map_err(|e| e.to_string())?,
+    })
+}
+
+/// What has been audited.
+#[derive(Clone, Copy)]
+pub enum Audited<'a> {
+    /// A file from elsewhere.
+    File(&'a Path),
+    /// The artifact of a stage.
+    Artifact(&'a Artifact),
+}
+
+/// What a file says of its scene that contradicts the scene at hand. What is only known of a material changes no label.
+fn other_scene(said: Option<&str>, scene: &Scene) -> Option<Finding> {
+    let message = match Scene::from_text(said?) {
+        Ok(said) => {
+            let parts = [
+                ("geometry", said.geometry != scene.geometry),
+                ("material", said.material != scene.material),
+                ("drive", said.drive.voltage != scene.drive.voltage),
+                ("effects", said.effects != scene.effects || said.auto != scene.auto),
+            ];
+            let differing: Vec<&str> = parts
+                .iter()
+                .filter(|(_, differs)| *differs)
+                .map(|(name, _)| *name)
+                .collect();
+            if differing.is_empty() {
+                return None;
+            }
+            format!(
+                "the file says that it was made with another scene: {} differ",
+                differing.join(", ")
+            )
+        }
+        Err(error) => format!("the scene that the file says it was made with cannot be read: {error}"),
+    };
+    Some(Finding::whole("provenance", Severity::Error, message))
+}
+
+fn carry_out(
+    source: &Source,
+    scene: &Scene,
+    request: &Request,
+    repeats_are_usual: bool,
+    progress: &dyn Progress,
+) -> Result<Report, String> {
+    if !source.is_readable() {
+        return Ok(Report {
+            findings: source.findings.clone(),
+            ..Report::default()
+        });
+    }
+    let (method, tolerance) = source
+        .solver
+        .as_ref()
+        .map_or((Method::Newton, 1e-8), |solver| (solver.method(), solver.tolerance()));
+    let bench = Workbench::new(scene, method, tolerance).map_err(|e| explained(&e))?;
+    let dataset = Dataset {
+        len: source.len(),
+        rows: source,
+        columns: source.columns.clone(),
+        declared: source.declared,
+    };
+    let accuracy = request.accuracy.or_else(|| source.solver.as_ref()?.accuracy());
+    let options = Options {
+        samples: request
+            .samples
+            .map(|samples| usize::try_from(samples).unwrap_or(usize::MAX)),
+        seed: request.seed,
+        accuracy: accuracy.map(|accuracy| accuracy.value()),
+        usual_accuracy: USUAL_ACCURACY * scene.side_mm(),
+        tolerance: match source.declared {
+            Declared::Estimates(_) => SAME_ESTIMATE,
+            _ => (PER_RESIDUAL * tolerance).max(SAME),
+        },
+        level: source.level.clone(),
+        repeats_are_usual,
+    };
+    let shown = std::cell::Cell::new((0_usize, 0_u64));
+    let advance = |rows: usize| {
+        let (done, told) = (shown.get().0 + rows, shown.get().1);
+        let now = STEPS * done as u64 / dataset.len.max(1) as u64;
+        progress.advance(now - told);
+        shown.set((done, now));
+    };
+    let mut report = audit(&dataset, &bench, &options, &advance)?;
+    report.findings.extend(source.findings.iter().cloned());
+    sort(&mut report.findings);
+    Ok(report)
+}

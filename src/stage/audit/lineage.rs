@@ -1,0 +1,107 @@
+//! Where an artifact comes from: back to the sample stages and their seeds.
+
+use std::collections::BTreeMap;
+
+use crate::base::Digest;
+use crate::dataset::audit::{Finding, Severity};
+use crate::store::{Artifact, Lookup, Store, StoreError};
+
+/// The artifacts that an artifact was made from, as its provenance names them, out of the store that it stands in.
+///
+/// # Errors
+/// When the artifact itself cannot be read.
+pub fn inputs(artifact: &Artifact) -> Result<Vec<Result<Artifact, StoreError>>, StoreError> {
+    let provenance = artifact.provenance()?;
+    let folder = artifact.path().parent().and_then(std::path::Path::parent);
+    let folder = folder.map(std::path::Path::to_owned).unwrap_or_default();
+    let open = |name: &str| Artifact::open(&folder.join(&name[..2.min(name.len())]).join(format!("{name}.h5")));
+    let names = provenance.get("inputs").map_or("", String::as_str).lines();
+    Ok(names.filter(|name| !name.is_empty()).map(open).collect())
+}
+
+/// Everything that an artifact was made from.
+#[derive(Debug, Default)]
+pub struct Lineage {
+    /// Artifacts that were looked at, chunks included.
+    pub artifacts: usize,
+    /// Seeds by the digest of the samples that they gave.
+    pub seeds: BTreeMap<Digest, String>,
+    /// What is wrong with it.
+    pub findings: Vec<Finding>,
+}
+
+/// Follows an artifact back through the records of its store.
+///
+/// # Errors
+/// When the store cannot be read; what is missing or damaged in it is a finding.
+pub fn trace(store: &Store, artifact: &Artifact) -> Result<Lineage, StoreError> {
+    let mut lineage = Lineage::default();
+    let mut open = vec![artifact.digest()];
+    let mut seen = std::collections::BTreeSet::new();
+    while let Some(digest) = open.pop() {
+        if !seen.insert(digest) {
+            continue;
+        }
+        lineage.artifacts += 1;
+        let ancestor = match store.artifact(&digest) {
+            Ok(ancestor) => ancestor,
+            Err(error) if error.is_damage() => {
+                let message = format!("an artifact that it was made from is missing or damaged: {error}");
+                lineage
+                    .findings
+                    .push(Finding::whole("provenance", Severity::Error, message));
+                continue;
+            }
+            Err(error) => return Err(error),
+        };
+        open.extend(ancestor.parts());
+        open.extend(step(store, &ancestor, &mut lineage)?);
+    }
+    if lineage.seeds.is_empty() {
+        let message = "it does not go back to a seed: no sample stage is among what it was made from";
+        lineage
+            .findings
+            .push(Finding::whole("provenance", Severity::Error, message));
+    }
+    Ok(lineage)
+}
+
+/// What one artifact was made from, by its record.
+fn step(store: &Store, artifact: &Artifact, lineage: &mut Lineage) -> Result<Vec<Digest>, StoreError> {
+    let provenance = artifact.provenance()?;
+    let text = |name: &str| provenance.get(name).map_or("", String::as_str);
+    let short = artifact.digest().short();
+    let mut wrong = |why: String| {
+        let message = format!("artifact {short}: {why}");
+        lineage
+            .findings
+            .push(Finding::whole("provenance", Severity::Error, message));
+    };
+    let Ok(key) = text("action").parse::<Digest>() else {
+        wrong("no action made it".to_owned());
+        return Ok(Vec::new());
+    };
+    let Lookup::Found(record, _) = store.record(&key)? else {
+        wrong("the record of the action that made it is missing or damaged".to_owned());
+        return Ok(Vec::new());
+    };
+    if record.artifact != artifact.digest() {
+        wrong(format!(
+            "its record says that the action made {}",
+            record.artifact.short()
+        ));
+    }
+    if record.kind.split_whitespace().next() == Some("sample") {
+        let leaves = record.parameters.leaves();
+        let seed = leaves
+            .iter()
+            .find(|(path, _)| path == "seed" || path.ends_with(".seed"));
+        match seed {
+            Some((_, seed)) => {
+                lineage.seeds.insert(artifact.digest(), seed.to_string());
+            }
+            None => wrong("samples without a seed".to_owned()),
+        }
+    }
+    Ok(record.inputs)
+}

@@ -1,0 +1,268 @@
+//! Datasets as an audit reads them: an artifact of a solve or balance stage, or a file from elsewhere in the layout of
+//! `deaflow solve`.
+
+use std::ops::Range;
+use std::path::Path;
+
+use crate::dataset::audit::{Batch, Columns, Declared, Finding, Level, Mesh, Rows, Severity};
+use crate::field::{CORNERS, Outcome};
+use crate::pattern::CELLS;
+use crate::stage::solver::SolverParameters;
+use crate::store::{Artifact, RowFile, StoreError};
+
+/// Files whose rows stand end to end.
+pub struct Source {
+    segments: Vec<Segment>,
+    /// What the dataset says of its rows.
+    pub columns: Columns,
+    /// How its fields were found.
+    pub declared: Declared,
+    /// How they were solved, where that is said.
+    pub solver: Option<SolverParameters>,
+    /// What a balanced dataset says of its level.
+    pub level: Option<Level>,
+    /// What is wrong already.
+    pub findings: Vec<Finding>,
+    /// The scene that it says it was made with.
+    pub scene: Option<String>,
+}
+
+struct Segment {
+    file: RowFile,
+    rows: Range<usize>,
+}
+
+impl Rows for Source {
+    fn read(&self, range: Range<usize>) -> Result<Batch, String> {
+        let mut batch = Batch {
+            cells: Vec::new(),
+            displacement: Vec::new(),
+        };
+        for segment in &self.segments {
+            let (start, end) = (range.start.max(segment.rows.start), range.end.min(segment.rows.end));
+            if start >= end {
+                continue;
+            }
+            let own = start - segment.rows.start..end - segment.rows.start;
+            let read = |path: &str| segment.file.numbers(path, own.clone()).map_err(|e| e.to_string());
+            batch.cells.extend(read("patterns")?);
+            batch.displacement.extend(read("displacement")?);
+        }
+        Ok(batch)
+    }
+}
+
+impl Source {
+    /// The rows of some files.
+    fn open<'a>(paths: impl Iterator<Item = &'a Path>) -> Result<Self, StoreError> {
+        let mut source = Self {
+            segments: Vec::new(),
+            columns: Columns::default(),
+            declared: Declared::Unknown,
+            solver: None,
+            level: None,
+            findings: Vec::new(),
+            scene: None,
+        };
+        let mut start = 0;
+        for path in paths {
+            let file = RowFile::open(path)?;
+            source.findings.extend(misshapen(&file));
+            let len = file.shape("patterns").and_then(|shape| shape.first().copied());
+            let rows = start..start + len.unwrap_or(0);
+            start = rows.end;
+            source.segments.push(Segment { file, rows });
+        }
+        if source.is_readable() {
+            source.columns = source.read_columns()?;
+        }
+        Ok(source)
+    }
+
+    /// A file from elsewhere.
+    ///
+    /// # Errors
+    /// When it is no HDF5 file, or a column cannot be read.
+    pub fn of_file(path: &Path) -> Result<Self, StoreError> {
+        let mut source = Self::open(std::iter::once(path))?;
+        let file = &source.segments[0].file;
+        source.scene = file.attribute("scene");
+        let solver = file.attribute("solver");
+        source.solver = solver.and_then(|text| SolverParameters::from_text(&text).ok());
+        source.declared = source.declaration();
+        Ok(source)
+    }
+
+    /// An artifact of a solve or a balance stage.
+    ///
+    /// # Errors
+    /// When it, or one of its chunks, is missing or damaged, or a column cannot be read.
+    pub fn of_artifact(artifact: &Artifact) -> Result<Self, StoreError> {
+        let chunks = artifact.chunks()?;
+        let files = if chunks.is_empty() {
+            std::slice::from_ref(artifact)
+        } else {
+            chunks
+        };
+        // Every byte is verified before the library reads it.
+        files.iter().try_for_each(|file| file.file_digest().map(drop))?;
+        let mut source = Self::open(files.iter().map(Artifact::path))?;
+        source.scene = artifact.attribute("scene").map(str::to_owned);
+        let solver = artifact.attribute("solver");
+        source.solver = solver.and_then(|text| SolverParameters::from_text(text).ok());
+        source.declared = source.declaration();
+        let contents = artifact.contents()?;
+        let holds = |path: &str| contents.iter().any(|content| content.path == path);
+        if holds("unstable/outcome") {
+            source.findings.extend(unstable(&artifact.texts("unstable/outcome")?.1));
+        }
+        if holds("histogram/level") {
+            source.level = Some(Level {
+                edges: artifact.f64s("histogram/edges")?.1,
+                available: artifact.u64s("histogram/augmented")?.1,
+                counts: artifact.u64s("histogram/after")?.1,
+                level: artifact.f64s("histogram/level")?.1.first().copied().unwrap_or(0.0),
+            });
+            source.inherit(artifact)?;
+        }
+        Ok(source)
+    }
+
+    /// How many rows there are.
+    pub fn len(&self) -> usize {
+        self.segments.last().map_or(0, |segment| segment.rows.end)
+    }
+
+    /// Whether patterns and displacements have the shapes of a dataset.
+    pub fn is_readable(&self) -> bool {
+        self.findings.iter().all(|finding| finding.check != "shape")
+    }
+
+    fn declaration(&self) -> Declared {
+        if self.columns.mesh.is_some() {
+            return Declared::PerRow;
+        }
+        let Some((solver, (elements, order))) = self.solver.as_ref().and_then(|solver| Some((solver, solver.mesh()?)))
+        else {
+            return Declared::Unknown;
+        };
+        let mesh = Mesh::new(elements, order);
+        match solver.method().chord_steps() {
+            None => Declared::Mesh(mesh),
+            Some(_) => Declared::Estimates(mesh),
+        }
+    }
+
+    /// A balanced dataset does not repeat how its samples were solved: they stand beside it in the store. Where they do not
+    /// any more, the mesh is found out as for a file from elsewhere.
+    fn inherit(&mut self, balanced: &Artifact) -> Result<(), StoreError> {
+        let Ok(from) = balanced.u64s("source") else {
+            return Ok(());
+        };
+        let (mut meshes, mut errors) = (Vec::new(), Vec::new());
+        for solved in super::lineage::inputs(balanced)? {
+            let Ok(solved) = solved else { return Ok(()) };
+            let solved = Self::of_artifact(&solved)?;
+            let n = solved.len();
+            match (solved.declared, &solved.columns.mesh) {
+                (Declared::Mesh(mesh), _) => meshes.extend(std::iter::repeat_n(mesh, n)),
+                (Declared::PerRow, Some(own)) => meshes.extend(own),
+                // Estimates are all of one method.
+                (Declared::Estimates(_), _) => self.declared = solved.declared,
+                _ => return Ok(()),
+            }
+            errors.extend(solved.columns.error.unwrap_or_default());
+            self.solver = solved.solver;
+        }
+        let of_rows = |len: usize| from.1.iter().all(|&row| (row as usize) < len);
+        if self.declared == Declared::Unknown && of_rows(meshes.len()) {
+            self.declared = Declared::PerRow;
+            self.columns.mesh = Some(from.1.iter().map(|&row| meshes[row as usize]).collect());
+        }
+        if of_rows(errors.len()) && errors.len() == meshes.len() {
+            self.columns.error = Some(from.1.iter().map(|&row| errors[row as usize]).collect());
+        }
+        Ok(())
+    }
+
+    fn read_columns(&self) -> Result<Columns, StoreError> {
+        let texts = |path: &str| self.column(path, |file, _| file.texts(path));
+        let numbers = |path: &str| self.column(path, |file, n| file.numbers(path, 0..n));
+        let outcomes = texts("outcome")?;
+        let (elements, order) = (numbers("elements_per_cell")?, numbers("order")?);
+        let mesh = |(elements, order): (&f64, &f64)| Mesh::new(*elements as u64, *order as u64);
+        let meshes = elements
+            .zip(order)
+            .map(|(elements, order)| elements.iter().zip(&order).map(mesh).collect());
+        let known = |mesh: &Mesh| (1..=8).contains(&mesh.elements_per_cell) && (1..=2).contains(&mesh.order);
+        Ok(Columns {
+            split: texts("split")?,
+            family: texts("family")?,
+            has_field: outcomes.map(|all| all.iter().map(|word| has_field(word)).collect()),
+            peak: numbers("max_displacement")?,
+            orbit: texts("orbit")?,
+            mesh: meshes.filter(|meshes: &Vec<Mesh>| meshes.iter().all(known)),
+            error: numbers("discretisation_error")?,
+        })
+    }
+
+    /// A column of all files; `None` unless all have it.
+    fn column<T>(
+        &self,
+        path: &str,
+        read: impl Fn(&RowFile, usize) -> Result<Vec<T>, StoreError>,
+    ) -> Result<Option<Vec<T>>, StoreError> {
+        let mut all = Vec::with_capacity(self.len());
+        for segment in &self.segments {
+            let Some(shape) = segment.file.shape(path) else {
+                return Ok(None);
+            };
+            all.extend(read(&segment.file, shape.first().copied().unwrap_or(0))?);
+        }
+        Ok(Some(all))
+    }
+}
+
+/// Words of other programs stand for fields unless they are known to stand for none.
+fn has_field(word: &str) -> bool {
+    let without = ["no-estimate", "pull-in", "not-elliptic", "slack", "iteration-limit"];
+    Outcome::names_field(word) || !without.contains(&word)
+}
+
+/// What is wrong with the shapes of a file; no row can be read then.
+fn misshapen(file: &RowFile) -> Option<Finding> {
+    let wanted = [
+        ("patterns", vec![CELLS, CELLS]),
+        ("displacement", vec![CORNERS, CORNERS, 2]),
+    ];
+    let mut lengths = Vec::new();
+    let mut wrong = Vec::new();
+    for (name, row) in wanted {
+        match file.shape(name) {
+            Some(shape) if shape.get(1..) == Some(&row) => lengths.push(shape[0]),
+            Some(shape) => wrong.push(format!("`{name}` has the shape {shape:?}, not (n, {row:?})")),
+            None => wrong.push(format!("there is no `{name}`")),
+        }
+    }
+    if let [patterns, fields] = lengths[..]
+        && patterns != fields
+    {
+        wrong.push(format!("there are {patterns} patterns and {fields} fields"));
+    }
+    (!wrong.is_empty()).then(|| Finding::whole("shape", Severity::Error, wrong.join("; ")))
+}
+
+/// The samples that a solve stage has set aside.
+fn unstable(outcomes: &[String]) -> Option<Finding> {
+    let rows: Vec<usize> = (0..outcomes.len()).collect();
+    let mut kinds: Vec<&String> = outcomes.iter().collect();
+    kinds.sort_unstable();
+    kinds.dedup();
+    let count = |kind: &&String| outcomes.iter().filter(|outcome| outcome == kind).count();
+    let counts: Vec<String> = kinds.iter().map(|kind| format!("{kind} {}", count(kind))).collect();
+    let message = format!(
+        "samples without a stable solution, by their rows under `unstable/`: {}",
+        counts.join(", ")
+    );
+    (!rows.is_empty()).then(|| Finding::rows("not-converged", Severity::Warning, &rows, message))
+}
