@@ -227,6 +227,9 @@ impl Stage for ToyStage {
         });
         let numbers: Vec<u64> = (0..self.values).map(|i| seed.wrapping_add(i)).collect();
         let shape = [numbers.len()];
-        Ok(Object::default().with("numbers", Dataset::new("1", "Numbers of a toy", &shape, Data::U64(numbers))))
+        Ok(Object::default().with(
+            "numbers",
+            Dataset::new("1", "Numbers of a toy", &shape, Data::U64(numbers)),
+        ))
     }
 }

@@ -8,6 +8,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use super::error::CliError;
 use crate::base::{Dimension, Override, Quantity};
 use crate::stage::direct::Method;
+use crate::store::Store;
 
 /// Designs dielectric-elastomer actuators, reproducibly: sample, solve, balance, train, design, verify.
 #[derive(Debug, Parser)]
@@ -83,6 +84,9 @@ pub struct PipelineArguments {
     /// Change a value for this run, such as stages.small.count=400 or scene.drive.voltage="5 kV"
     #[arg(long = "set", value_name = "PATH=VALUE")]
     pub sets: Vec<String>,
+    /// Digest every file that is looked at, instead of believing sizes and times
+    #[arg(long)]
+    pub verify: bool,
     /// Threads to use [default: one per core]; results do not depend on it
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub jobs: Option<u16>,
@@ -92,6 +96,11 @@ pub struct PipelineArguments {
 }
 
 impl PipelineArguments {
+    /// The store as it is to be looked at.
+    pub fn trust(&self, store: Store) -> Store {
+        if self.verify { store.without_trust() } else { store }
+    }
+
     /// The `--set` arguments, in order.
     ///
     /// # Errors

@@ -11,6 +11,7 @@ use crate::orchestrator::{Environment, Outcome, Price, StageReport, plan};
 pub fn execute(arguments: &PipelineArguments, output: &Output) -> Result<Exit, CliError> {
     let pipeline = run::load(arguments)?;
     let (_scratch, store) = run::store_to_look_into(&arguments.store)?;
+    let store = arguments.trust(store);
     let stages = plan(&pipeline, &store, arguments.until.as_deref(), &Environment::system())?;
     let stale: Vec<&StageReport> = stages.iter().filter(|stage| stage.outcome == Outcome::Stale).collect();
     let price = stale.iter().filter_map(|stage| stage.price).reduce(Price::plus);

@@ -20,7 +20,7 @@ pub fn execute(arguments: &RunArguments, output: &Output) -> Result<Exit, CliErr
     let pipeline = load(&arguments.of)?;
     let lock_path = LockFile::beside(&pipeline.path);
     let lock = arguments.locked.then(|| read_lock(&lock_path)).transpose()?;
-    let store = Store::open(&arguments.of.store.folder())?;
+    let store = arguments.of.trust(Store::open(&arguments.of.store.folder())?);
     let progress = RunProgress::new(shown(arguments));
     let listener = |event: &_| progress.tell(event);
     let options = RunOptions {

@@ -87,7 +87,7 @@ fn document(store: &Store, survey: &Survey, runs: usize, standings: &[Standing])
         "pins": survey.pins,
         "lock_files": survey.lock_files,
         "quarantined": survey.quarantined,
-        "in_flight": survey.in_flight.iter().map(ToString::to_string).collect::<Vec<_>>(),
+        "in_flight": survey.in_flight,
         "pipelines": pipelines.collect::<Vec<_>>(),
     })
 }
@@ -109,7 +109,7 @@ fn text(store: &Store, survey: &Survey, runs: usize, standings: &[Standing]) -> 
             store.root().join("quarantine").display()
         ));
     }
-    lines.push(match survey.in_flight.len() {
+    lines.push(match survey.in_flight {
         0 => "nothing is being built".to_owned(),
         n => format!("{n} actions are being built"),
     });

@@ -5,7 +5,8 @@
 //! artifact does not make everything after it stale.
 
 use std::collections::BTreeMap;
-use std::time::SystemTime;
+
+use rayon::prelude::*;
 
 use super::action::Action;
 use super::kind::{Chunk, Input, Plan};
@@ -13,6 +14,9 @@ use super::spec::{Pipeline, StageSpec};
 use super::staleness::{Current, Staleness};
 use crate::base::{Canonical, Digest};
 use crate::store::{Condition, Effort, Lookup, Object, Record, Run, RunStage, Store, StoreError};
+
+/// Files that one thread looks at sooner than another could be woken.
+const FEW: usize = 64;
 
 /// What a stage would take.
 pub struct Assessment {
@@ -124,14 +128,15 @@ impl<'a> Surveyor<'a> {
     pub fn survey(&self, selection: &[usize]) -> Result<Vec<Assessment>, StoreError> {
         let mut inputs: BTreeMap<usize, Input> = BTreeMap::new();
         let mut out = Vec::with_capacity(selection.len());
-        let mut effort = Effort::quick();
+        let effort = Effort::quick();
         for &index in selection {
             let needs = &self.pipeline.stages[index].needs;
             let given: Vec<Input> = needs.iter().filter_map(|need| inputs.get(need).cloned()).collect();
-            let assessment = self.assess(index, &given, &mut effort)?;
+            let assessment = self.assess(index, &given, &effort)?;
             inputs.insert(index, assessment.as_input());
             out.push(assessment);
         }
+        self.store.keep_index();
         Ok(out)
     }
 
@@ -139,7 +144,7 @@ impl<'a> Surveyor<'a> {
     ///
     /// # Errors
     /// When the store cannot be read.
-    pub fn assess(&self, index: usize, inputs: &[Input], effort: &mut Effort) -> Result<Assessment, StoreError> {
+    pub fn assess(&self, index: usize, inputs: &[Input], effort: &Effort) -> Result<Assessment, StoreError> {
         let spec = &self.pipeline.stages[index];
         let digests: Vec<Option<Digest>> = inputs.iter().map(|input| input.digest).collect();
         let parameters = spec.stage.parameters();
@@ -155,7 +160,7 @@ impl<'a> Surveyor<'a> {
             None => Lookup::Absent,
         };
         let (why, expected) = match found {
-            Lookup::Found(record, written) => match self.examine(&record, written, &work, effort)? {
+            Lookup::Found(record, _) => match self.examine(&record, &work, *effort)? {
                 Ok((parts, size)) => {
                     let state = State::Fresh { record, parts, size };
                     return Ok(Assessment { action, work, state });
@@ -164,7 +169,7 @@ impl<'a> Surveyor<'a> {
             },
             Lookup::Absent | Lookup::Damaged => (self.explain(spec, &parameters, &digests)?, None),
         };
-        let chunks = self.chunks(spec, &work)?;
+        let chunks = self.chunks(spec, &work, *effort)?;
         let expected = match expected {
             None => foreseen(spec, &chunks)?,
             some => some,
@@ -177,35 +182,37 @@ impl<'a> Surveyor<'a> {
     fn examine(
         &self,
         record: &Record,
-        written: SystemTime,
         work: &Plan,
-        effort: &mut Effort,
+        effort: Effort,
     ) -> Result<Result<(Vec<Digest>, u64), Staleness>, StoreError> {
-        let mut total = 0;
-        let mut stale = |digest: &Digest| -> Result<Option<Staleness>, StoreError> {
-            let condition = self.store.inspect(digest, written, effort)?;
-            if let Condition::Intact { size } = condition {
-                total += size;
-            }
-            Ok(Staleness::of_artifact(&condition))
+        let size = match self.looked(&record.artifact, effort)? {
+            Ok(size) => size,
+            Err(why) => return Ok(Err(why)),
         };
-        if let Some(why) = stale(&record.artifact)? {
-            return Ok(Err(why));
-        }
         let Plan::Chunks(chunks) = work else {
-            return Ok(Ok((Vec::new(), total)));
+            return Ok(Ok((Vec::new(), size)));
         };
         let parts = self.store.parts(&record.artifact)?;
         if parts.len() != chunks.len() {
             // Made by a program that divided the work otherwise under the same RECIPE: of no use to this one.
             return Ok(Err(Staleness::ArtifactDamaged));
         }
-        for part in &parts {
-            if let Some(why) = stale(part)? {
-                return Ok(Err(why));
-            }
-        }
-        Ok(Ok((parts, total)))
+        let looked = parts.par_iter().with_min_len(FEW);
+        let looked: Vec<Result<u64, Staleness>> = looked
+            .map(|part| self.looked(part, effort))
+            .collect::<Result<_, StoreError>>()?;
+        let sizes: Result<u64, Staleness> = looked.into_iter().sum();
+        Ok(sizes.map(|sizes| (parts, size + sizes)))
+    }
+
+    /// Length of an intact file in bytes, or why there is none.
+    fn looked(&self, digest: &Digest, effort: Effort) -> Result<Result<u64, Staleness>, StoreError> {
+        let condition = self.store.inspect(digest, effort)?;
+        Ok(match (&condition, Staleness::of_artifact(&condition)) {
+            (_, Some(why)) => Err(why),
+            (Condition::Intact { size }, None) => Ok(*size),
+            (_, None) => Ok(0),
+        })
     }
 
     fn explain(
@@ -247,29 +254,30 @@ impl<'a> Surveyor<'a> {
         self.runs.iter().find_map(|run| Some((run, run.stage(&spec.name)?)))
     }
 
-    /// Looks at each chunk of a stale stage. Those that are there will be read, so they are verified in full.
-    fn chunks(&self, spec: &StageSpec, work: &Plan) -> Result<Vec<ChunkState>, StoreError> {
+    /// Looks at each chunk of a stale stage. Those that are there go into its manifest by what is known of them.
+    fn chunks(&self, spec: &StageSpec, work: &Plan, effort: Effort) -> Result<Vec<ChunkState>, StoreError> {
         let Plan::Chunks(chunks) = work else {
             return Ok(Vec::new());
         };
-        chunks.iter().map(|chunk| self.chunk(spec, chunk)).collect()
+        let chunks = chunks.par_iter().with_min_len(FEW);
+        chunks.map(|chunk| self.chunk(spec, chunk, effort)).collect()
     }
 
-    fn chunk(&self, spec: &StageSpec, chunk: &Chunk) -> Result<ChunkState, StoreError> {
+    fn chunk(&self, spec: &StageSpec, chunk: &Chunk, effort: Effort) -> Result<ChunkState, StoreError> {
         let (kind, recipe) = (spec.kind.name(), spec.kind.recipe());
         let action = keyed(Action::of_chunk(kind, recipe, &chunk.parameters, &chunk.inputs))?;
         let found = match &action {
             Some((_, key)) => self.store.record(key)?,
             None => Lookup::Absent,
         };
-        let Lookup::Found(record, written) = found else {
+        let Lookup::Found(record, _) = found else {
             return Ok(ChunkState {
                 action,
                 record: None,
                 intact: false,
             });
         };
-        let condition = self.store.inspect(&record.artifact, written, &mut Effort::thorough())?;
+        let condition = self.store.inspect(&record.artifact, effort)?;
         Ok(ChunkState {
             action,
             record: Some(*record),

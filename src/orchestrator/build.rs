@@ -35,15 +35,6 @@ pub struct Done {
     pub built: bool,
 }
 
-/// What became of a chunk in the parallel pass.
-enum Attempt {
-    Done(Box<Done>),
-    /// Another process is building it.
-    Elsewhere,
-    /// Not begun, because another chunk had failed.
-    Skipped,
-}
-
 /// One piece of work with its identity.
 #[derive(Clone, Copy)]
 struct Piece<'a> {
@@ -81,33 +72,48 @@ impl Builder<'_> {
                 "its inputs hold no samples: there is nothing to do".into(),
             ));
         }
+        let mut done: Vec<Option<Done>> = chunks.iter().map(|_| None).collect();
+        // A chunk that another is building is put off rather than waited for: a thread of the pool that waited could hold
+        // up, by work stealing, the very chunk that the other waits for. The other may only share a lock file, so as long
+        // as anything gets done the rest is tried again.
+        while self.pass(spec, chunks, states, &mut done)? {}
+        let wait = |(index, done): (usize, Option<Done>)| match done {
+            Some(done) => Ok(done),
+            None => self.wait_and_perform(piece(spec, (index, &chunks[index]), &states[index])?),
+        };
+        done.into_iter().enumerate().map(wait).collect()
+    }
+
+    /// Tries the chunks that are not done, in parallel. Says whether some were done and some are left.
+    fn pass(
+        &self,
+        spec: &StageSpec,
+        chunks: &[Chunk],
+        states: &[ChunkState],
+        done: &mut [Option<Done>],
+    ) -> Result<bool, StageError> {
         let stop = AtomicBool::new(false);
-        // A chunk that another process is building is put off rather than waited for: a thread of the pool that waited
-        // could hold up, by work stealing, the very chunk that the other process waits for.
-        let attempts: Vec<Result<Attempt, StageError>> = states
-            .par_iter()
+        let left = |done: &[Option<Done>]| done.iter().filter(|done| done.is_none()).count();
+        let before = left(done);
+        let attempts: Vec<Result<(), StageError>> = done
+            .par_iter_mut()
+            .zip(states)
             .zip(chunks)
             .enumerate()
             .with_max_len(1)
-            .map(|(index, (state, chunk))| {
+            .filter(|(_, ((done, _), _))| done.is_none())
+            .map(|(index, ((done, state), chunk))| {
                 let attempt = self.attempt(spec, (index, chunk), state, &stop);
                 if attempt.is_err() && !self.keep_going {
                     stop.store(true, Ordering::Relaxed);
                 }
-                attempt
+                *done = attempt?;
+                Ok(())
             })
             .collect();
-        let attempts: Vec<Attempt> = attempts.into_iter().collect::<Result<_, _>>()?;
-        let mut done = Vec::with_capacity(chunks.len());
-        for (index, attempt) in attempts.into_iter().enumerate() {
-            done.push(match attempt {
-                Attempt::Done(finished) => *finished,
-                Attempt::Elsewhere | Attempt::Skipped => {
-                    self.wait_and_perform(piece(spec, (index, &chunks[index]), &states[index])?)?
-                }
-            });
-        }
-        Ok(done)
+        attempts.into_iter().collect::<Result<(), _>>()?;
+        let after = left(done);
+        Ok(0 < after && after < before)
     }
 
     /// Puts the manifest of a chunked stage and records it.
@@ -129,26 +135,25 @@ impl Builder<'_> {
         self.keep(spec, action, key, &manifest(spec, parts), took, true)
     }
 
+    /// A chunk that is there or can be built now; none where another is at it, or another chunk has failed.
     fn attempt(
         &self,
         spec: &StageSpec,
         chunk: (usize, &Chunk),
         state: &ChunkState,
         stop: &AtomicBool,
-    ) -> Result<Attempt, StageError> {
+    ) -> Result<Option<Done>, StageError> {
         if let (Some(record), true) = (&state.record, state.intact) {
-            return Ok(Attempt::Done(Box::new(Done {
-                record: record.clone(),
-                built: false,
-            })));
+            let record = record.clone();
+            return Ok(Some(Done { record, built: false }));
         }
         if stop.load(Ordering::Relaxed) {
-            return Ok(Attempt::Skipped);
+            return Ok(None);
         }
         let piece = piece(spec, chunk, state)?;
         match self.store.try_lock_action(&piece.key)? {
-            Some(guard) => Ok(Attempt::Done(Box::new(self.perform(piece, &guard)?))),
-            None => Ok(Attempt::Elsewhere),
+            Some(guard) => Ok(Some(self.perform(piece, &guard)?)),
+            None => Ok(None),
         }
     }
 
@@ -199,10 +204,10 @@ impl Builder<'_> {
 
     /// A damaged artifact is moved aside here, in case the rebuilt one has another digest and does not take its place.
     fn built_meanwhile(&self, key: &Digest) -> Result<Option<Record>, StageError> {
-        let Lookup::Found(record, written) = self.store.record(key)? else {
+        let Lookup::Found(record, _) = self.store.record(key)? else {
             return Ok(None);
         };
-        match self.store.inspect(&record.artifact, written, &mut Effort::thorough())? {
+        match self.store.inspect(&record.artifact, Effort::thorough())? {
             Condition::Intact { .. } => Ok(Some(*record)),
             Condition::Missing => Ok(None),
             Condition::Damaged(_) => {

@@ -114,6 +114,7 @@ pub fn run(
     };
     let (stages, failures) = execution.stages(&selection);
     let lock = execution.lock_file();
+    store.keep_index();
     let logged = store.put_run(&Run {
         pipeline: pipeline.name.clone(),
         path: pipeline.path.display().to_string(),

@@ -38,9 +38,11 @@ impl Artifact {
 
     pub(super) fn load(path: PathBuf, digest: Digest, verified: Arc<Verified>) -> Result<Self, StoreError> {
         verified.verify(&path, &digest)?;
+        let header = read::header(&path)?;
+        verified.describe(&digest, header.contents.clone(), header.parts.clone());
         Ok(Self(Arc::new(Inner {
             digest,
-            header: read::header(&path)?,
+            header,
             path,
             verified,
             chunks: OnceLock::new(),
@@ -204,10 +206,6 @@ impl Artifact {
     /// When the file is missing or damaged.
     pub fn measurements(&self) -> Result<Vec<(String, f64)>, StoreError> {
         Ok(provenance::measurements(&self.provenance()?))
-    }
-
-    pub(super) fn header_contents(&self) -> &[Content] {
-        &self.0.header.contents
     }
 
     fn wrong(&self, path: &str, wanted: &'static str, found: &Data) -> StoreError {

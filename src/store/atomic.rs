@@ -4,8 +4,11 @@
 //! may point to missing bytes after a crash, without the second the name itself may be lost.
 
 use std::fs::{self, File};
-use std::io::Write;
+use std::io::{self, Write};
+use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
+
+use tempfile::NamedTempFile;
 
 use super::error::StoreError;
 
@@ -34,6 +37,14 @@ pub fn rename(temporary: &Path, target: &Path) -> Result<(), StoreError> {
     }
     fs::rename(temporary, target).map_err(StoreError::io("write", target))?;
     sync_folder(folder)
+}
+
+/// An empty file with a random name, removed when dropped. Who may read it is for the user's mask to say, as with any other
+/// file.
+pub fn temporary_file(folder: &Path) -> io::Result<NamedTempFile> {
+    tempfile::Builder::new()
+        .permissions(fs::Permissions::from_mode(0o666))
+        .tempfile_in(folder)
 }
 
 fn sync_folder(folder: &Path) -> Result<(), StoreError> {

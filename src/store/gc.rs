@@ -142,7 +142,9 @@ impl Store {
         for (done, digest) in order.enumerate() {
             progress(done as u64, total);
             delete(&self.layout.object(digest))?;
+            self.verified.forget(digest);
         }
+        self.keep_index();
         progress(total, total);
         Ok(())
     }

@@ -27,7 +27,7 @@ pub struct Run {
     pub pipeline: String,
     /// Its file.
     pub path: String,
-    /// When it ended, in UTC, RFC 3339.
+    /// When it ended, in UTC, RFC 3339; of runs in a row that say the same, the first.
     pub created: String,
     /// The stages that were built or reused, in topological order.
     pub stages: Vec<RunStage>,
@@ -61,11 +61,17 @@ impl Run {
 }
 
 impl Store {
-    /// Remembers a run in place of an earlier one that says the same, and forgets all but the last fifty.
+    /// Remembers a run in place of an earlier one that says the same, and forgets all but the last fifty. The last run said
+    /// again is no news: nothing is written.
     ///
     /// # Errors
     /// When the system refuses.
     pub fn put_run(&self, run: &Run) -> Result<(), StoreError> {
+        if let Some(last) = self.run_files()?.first() {
+            if read(last)?.is_some_and(|last| last.says_the_same(run)) {
+                return Ok(());
+            }
+        }
         let text = serde_json::to_vec_pretty(run).map_err(|error| StoreError::Json(error.to_string()))?;
         let name = after_newest(run, &self.run_files()?);
         let target = self

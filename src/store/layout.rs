@@ -8,7 +8,8 @@
 //! DIR/pins/              artifacts that a collection keeps
 //! DIR/lock-files/        where lock files of pipelines are: a collection keeps what they name
 //! DIR/costs.jsonl        what stages have cost
-//! DIR/locks/            run lock, publishing lock, one lock per action in flight
+//! DIR/index             stamps of files known to be sound; a cache
+//! DIR/locks/            run lock, publishing lock, locks of actions in flight
 //! DIR/tmp/              files being written
 //! DIR/quarantine/       damaged files, moved aside
 //! ```
@@ -138,6 +139,16 @@ impl Layout {
 
     pub fn action_locks(&self) -> PathBuf {
         self.root.join("locks/actions")
+    }
+
+    /// The lock of an action. Keys share 4096 files, which stay: to make and remove a file for each chunk would cost more
+    /// than to wait, now and then, for another.
+    pub fn action_lock(&self, key: &Digest) -> PathBuf {
+        self.action_locks().join(&key.to_string()[..3])
+    }
+
+    pub fn index(&self) -> PathBuf {
+        self.root.join("index")
     }
 
     pub fn temporary(&self) -> PathBuf {

@@ -1,10 +1,13 @@
 //! What stands in an artifact, without its elements.
 
+use serde::{Deserialize, Serialize};
+
 use super::error::StoreError;
+use super::object::{Dataset, Object};
 use crate::base::Digest;
 
 /// The element types of datasets.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum ElementType {
     /// Bytes.
     U8,
@@ -36,7 +39,7 @@ impl ElementType {
 }
 
 /// One dataset of an artifact.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct Content {
     /// Its path ("patterns", "unstable/patterns").
     pub path: String,
@@ -73,6 +76,18 @@ impl Content {
         (self.units != other.units || self.description != other.description)
             .then(|| format!("`{path}` differs in units or description"))
     }
+}
+
+/// The datasets of an object in the order of their paths.
+pub fn of_object(object: &Object) -> Vec<Content> {
+    let describe = |(path, dataset): (&String, &Dataset)| Content {
+        path: path.clone(),
+        kind: dataset.data.element_type(),
+        shape: dataset.shape.clone(),
+        units: dataset.units.clone(),
+        description: dataset.description.clone(),
+    };
+    object.datasets.iter().map(describe).collect()
 }
 
 /// The datasets of chunks laid end to end along the first axis.

@@ -4,11 +4,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use tempfile::TempDir;
+use tempfile::{TempDir, TempPath};
 
 use super::artifact::Artifact;
 use super::atomic;
 use super::error::StoreError;
+use super::index::Outline;
 use super::layout::{Layout, files, files_in};
 use super::listing;
 use super::lock::{self, Guard};
@@ -57,13 +58,33 @@ impl Store {
         let layout = Layout::open(root)?;
         if let Some(_alone) = lock::try_exclusive(&layout.run_lock())? {
             clear(&layout.temporary())?;
-            clear(&layout.action_locks())?;
         }
-        Ok(Self {
-            _run: Arc::new(lock::shared(&layout.run_lock())?),
+        let run = lock::shared(&layout.run_lock())?;
+        Ok(Self::held(layout, run))
+    }
+
+    fn held(layout: Layout, run: Guard) -> Self {
+        Self {
+            verified: Arc::new(Verified::with_index(layout.index(), layout.temporary())),
+            _run: Arc::new(run),
             layout,
-            verified: Arc::default(),
-        })
+        }
+    }
+
+    /// The same store, taking nobody's word: whatever is looked at is verified in full, whatever its index says. The index
+    /// is made anew of what is found.
+    #[must_use]
+    pub fn without_trust(self) -> Self {
+        Self {
+            verified: Arc::new(Verified::without_trust(self.layout.index(), self.layout.temporary())),
+            ..self
+        }
+    }
+
+    /// Writes down which files are known to be sound, so that the next process need not read them. A cache: where it cannot
+    /// be written, nothing is lost but time.
+    pub fn keep_index(&self) {
+        self.verified.keep();
     }
 
     /// Opens a store that must be there already: to look into a mistyped folder must not make a store of it.
@@ -90,12 +111,7 @@ impl Store {
         let alone = lock::try_exclusive(&layout.run_lock())?;
         let alone = alone.ok_or_else(|| StoreError::Busy { path: root.to_owned() })?;
         clear(&layout.temporary())?;
-        clear(&layout.action_locks())?;
-        Ok(Self {
-            _run: Arc::new(alone),
-            layout,
-            verified: Arc::default(),
-        })
+        Ok(Self::held(layout, alone))
     }
 
     /// Its folder.
@@ -114,11 +130,13 @@ impl Store {
             return Ok(stored);
         }
         let parts = self.chunks_of(object)?;
-        let folder = self.temporary()?;
-        let temporary = folder.path().join("artifact.h5");
+        let temporary = self.temporary_file()?;
         write::write(&temporary, object, &parts, provenance).map_err(StoreError::hdf5("write", &temporary))?;
         let seal = Seal::write(&temporary, digest)?;
-        self.publish(&temporary, seal)
+        let stored = self.publish(&temporary, seal)?;
+        self.verified
+            .describe(&digest, listing::of_object(object), object.parts.clone());
+        Ok(stored)
     }
 
     /// Opens an artifact, verifying every byte of its file.
@@ -181,19 +199,19 @@ impl Store {
         Ok(Some(aside))
     }
 
+    /// The chunks of a manifest, which need not be opened where it is known what stands in them.
     fn chunks_of(&self, object: &Object) -> Result<Vec<Part>, StoreError> {
         let mut parts = Vec::with_capacity(object.parts.len());
         for digest in &object.parts {
-            let artifact = self.artifact(digest)?;
-            if artifact.is_manifest() {
+            let Outline::Datasets(contents) = self.verified.outline(&self.layout.object(digest), digest)? else {
                 return Err(StoreError::Parts {
                     digest: *digest,
                     reason: "it is a manifest itself".into(),
                 });
-            }
+            };
             parts.push(Part {
                 digest: *digest,
-                contents: artifact.header_contents().to_vec(),
+                contents,
             });
         }
         listing::concatenate(parts.iter().map(|part| (part.digest, part.contents.as_slice())))?;
@@ -205,6 +223,13 @@ impl Store {
     pub(super) fn temporary(&self) -> Result<TempDir, StoreError> {
         let folder = self.layout.temporary();
         tempfile::tempdir_in(&folder).map_err(StoreError::io("write in", &folder))
+    }
+
+    /// An empty file to be written and moved into place, removed when dropped before that.
+    pub(super) fn temporary_file(&self) -> Result<TempPath, StoreError> {
+        let folder = self.layout.temporary();
+        let file = atomic::temporary_file(&folder).map_err(StoreError::io("write in", &folder))?;
+        Ok(file.into_temp_path())
     }
 }
 

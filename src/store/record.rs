@@ -94,8 +94,8 @@ impl Store {
         if matches!(self.record(&record.key)?, Lookup::Damaged) {
             self.quarantine(&target)?;
         }
-        let folder = self.temporary()?;
-        atomic::write(&folder.path().join("record"), &target, &bytes)
+        let temporary = self.temporary_file()?;
+        atomic::write(&temporary, &target, &bytes)
     }
 
     /// Waits until nobody else does this action.
@@ -103,15 +103,15 @@ impl Store {
     /// # Errors
     /// When the lock cannot be had.
     pub fn lock_action(&self, key: &Digest) -> Result<Guard, StoreError> {
-        lock::exclusive(&self.layout.action_locks().join(key.to_string()))
+        lock::exclusive(&self.layout.action_lock(key))
     }
 
-    /// Takes the lock of an action unless another process or thread is doing it.
+    /// Takes the lock of an action unless another process or thread is doing it, or one that shares its lock file.
     ///
     /// # Errors
     /// When the lock file cannot be opened.
     pub fn try_lock_action(&self, key: &Digest) -> Result<Option<Guard>, StoreError> {
-        lock::try_exclusive(&self.layout.action_locks().join(key.to_string()))
+        lock::try_exclusive(&self.layout.action_lock(key))
     }
 }
 

@@ -1,78 +1,274 @@
-//! Which files have been verified in this process, so that each is digested once.
+//! Which files are known to be sound: those that this process has written or digested, and those of which the store's index
+//! says so.
+//!
+//! Whatever is read is digested once in each process. Whether something is there and whole, which is all that a plan asks, is
+//! answered by the stamp of its file alone where the index knows it.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::fs;
+use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
-use std::time::SystemTime;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use super::atomic::temporary_file;
 use super::error::StoreError;
+use super::index::{self, Entries, Entry, Outline};
+use super::listing::Content;
+use super::read;
 use super::seal::Seal;
+use super::stamp::{Stamp, Time, file_system_time, machine_time};
 use crate::base::Digest;
 
-/// What shows that a file has been written again.
+/// How a file is known to be sound.
 #[derive(Clone, Copy, PartialEq, Eq)]
-struct Stamp {
-    size: u64,
-    modified: Option<SystemTime>,
+enum Witness {
+    /// This process wrote it.
+    Written,
+    /// This process has digested it, after this time; none where the file system's clock cannot be read.
+    Digested(Option<Time>),
 }
 
-/// The memory of verified files.
+struct Known {
+    witness: Witness,
+    stamp: Stamp,
+    seal: Seal,
+    outline: Option<Outline>,
+}
+
+/// The memory of sound files, by artifact: in one store each has one file.
 #[derive(Default)]
-pub struct Verified(Mutex<HashMap<PathBuf, (Stamp, Seal)>>);
+pub struct Verified {
+    /// Where the index is and where files may be made; none outside a store.
+    place: Option<Place>,
+    indexed: Entries,
+    memory: Mutex<Memory>,
+}
+
+struct Place {
+    index: PathBuf,
+    temporary: PathBuf,
+}
+
+#[derive(Default)]
+struct Memory {
+    known: HashMap<Digest, Known>,
+    /// Each listing once, however many chunks have it.
+    listings: HashSet<Arc<Vec<Content>>>,
+    /// Artifacts whose files are gone.
+    forgotten: HashSet<Digest>,
+    /// The file system's clock before the first file was digested.
+    began: Option<Option<Time>>,
+    changed: bool,
+}
 
 impl Verified {
-    /// Verifies every byte of the file of an artifact, unless this process has done so and the file is as it was.
+    /// The memory of a store with an index, which is read here, and written by [`Verified::keep`].
+    pub fn with_index(index: PathBuf, temporary: PathBuf) -> Self {
+        Self {
+            indexed: index::read(&index, machine_time()),
+            ..Self::without_trust(index, temporary)
+        }
+    }
+
+    /// The memory of a store whose index is written but not believed.
+    pub fn without_trust(index: PathBuf, temporary: PathBuf) -> Self {
+        Self {
+            place: Some(Place { index, temporary }),
+            ..Self::default()
+        }
+    }
+
+    /// Verifies every byte of the file of an artifact, unless this process wrote it or has done so, and the file is as it
+    /// was.
     ///
     /// # Errors
     /// When it is missing, damaged, or another artifact.
     pub fn verify(&self, path: &Path, digest: &Digest) -> Result<Seal, StoreError> {
-        let stamp = stamp(path, digest)?;
-        if let Some(seal) = self.known(path, stamp) {
-            return named(path, digest, seal);
+        let before = stamp(path, digest)?;
+        if let Some(seal) = self.known(digest, &before) {
+            return Ok(seal);
         }
+        let began = self.began();
         let seal = named(path, digest, Seal::verify(path)?)?;
-        self.lock().insert(path.to_owned(), (stamp, seal));
+        let after = stamp(path, digest)?;
+        let mut memory = self.lock();
+        // A file that was written meanwhile is looked at again next time.
+        if before == after {
+            let outline = memory.known.remove(digest).and_then(|known| known.outline);
+            memory.insert(digest, Witness::Digested(began), after, seal, outline);
+        }
         Ok(seal)
     }
 
-    /// Compares the seal's name and length with the file, without digesting its bytes.
+    /// As [`Verified::verify`], but believing the index where the file's stamp is the one that it knows.
     ///
     /// # Errors
-    /// When it is missing, another artifact, or of another length.
+    /// When it is missing, damaged, or another artifact.
     pub fn glance(&self, path: &Path, digest: &Digest) -> Result<Seal, StoreError> {
-        let stamp = stamp(path, digest)?;
-        match self.known(path, stamp) {
-            Some(seal) => named(path, digest, seal),
-            None => named(path, digest, Seal::read(path)?),
+        if let Some(entry) = self.indexed.get(digest) {
+            if stamp(path, digest)? == entry.stamp {
+                return Ok(entry.seal(*digest));
+            }
         }
+        self.verify(path, digest)
+    }
+
+    /// What stands in an artifact, whose file is opened only where neither this process nor the index knows.
+    ///
+    /// # Errors
+    /// When it is missing, damaged, or another artifact.
+    pub fn outline(&self, path: &Path, digest: &Digest) -> Result<Outline, StoreError> {
+        if let Some(entry) = self.indexed.get(digest) {
+            if stamp(path, digest)? == entry.stamp {
+                return Ok(entry.outline.clone());
+            }
+        }
+        self.verify(path, digest)?;
+        if let Some(outline) = self.lock().known.get(digest).and_then(|known| known.outline.clone()) {
+            return Ok(outline);
+        }
+        let header = read::header(path)?;
+        Ok(self.describe(digest, header.contents, header.parts))
+    }
+
+    /// Takes note of what stands in an artifact that has been verified.
+    pub fn describe(&self, digest: &Digest, contents: Vec<Content>, parts: Vec<Digest>) -> Outline {
+        let mut memory = self.lock();
+        let outline = if parts.is_empty() {
+            let contents = Arc::new(contents);
+            memory.listings.insert(contents.clone());
+            Outline::Datasets(memory.listings.get(&contents).cloned().unwrap_or(contents))
+        } else {
+            Outline::Manifest(Arc::new(parts))
+        };
+        if let Some(known) = memory.known.get_mut(digest).filter(|known| known.outline.is_none()) {
+            known.outline = Some(outline.clone());
+            memory.changed = true;
+        }
+        outline
     }
 
     /// Takes note of a file that this process has just written.
     pub fn remember(&self, path: &Path, seal: Seal) {
         if let Ok(stamp) = stamp(path, &seal.content) {
-            self.lock().insert(path.to_owned(), (stamp, seal));
+            self.lock().insert(&seal.content, Witness::Written, stamp, seal, None);
         }
     }
 
-    fn known(&self, path: &Path, stamp: Stamp) -> Option<Seal> {
-        let known = self.lock();
-        let (then, seal) = known.get(path)?;
-        (*then == stamp).then_some(*seal)
+    /// Takes note of a file that is no longer there.
+    pub fn forget(&self, digest: &Digest) {
+        let mut memory = self.lock();
+        memory.known.remove(digest);
+        memory.forgotten.insert(*digest);
+        memory.changed = true;
     }
 
-    fn lock(&self) -> std::sync::MutexGuard<'_, HashMap<PathBuf, (Stamp, Seal)>> {
-        // A panic elsewhere while the map was held leaves it whole: entries are inserted in one step.
-        self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+    /// Writes the index, where anything has been learnt that it does not know. It is a cache: where it cannot be written the
+    /// next process verifies more, and that is all, so nothing is said of it.
+    pub fn keep(&self) {
+        let Some(place) = &self.place else { return };
+        if std::mem::take(&mut self.lock().changed) {
+            let _ = self.write(place);
+        }
+    }
+
+    /// Stamps are young when the files have just been written: they are let settle first, which takes some milliseconds.
+    fn write(&self, place: &Place) -> Option<()> {
+        let now = file_system_time(&place.temporary)?;
+        let unsettled = |known: &&Known| known.witness == Witness::Written && !known.stamp.is_settled(now);
+        let wait = self
+            .lock()
+            .known
+            .values()
+            .filter(unsettled)
+            .map(|k| k.stamp.settles_after())
+            .max();
+        let now = match wait {
+            // A coarse clock is not waited for: those files are verified by the next process.
+            Some(wait) if wait.as_millis() < 100 => {
+                std::thread::sleep(wait);
+                file_system_time(&place.temporary)?
+            }
+            _ => now,
+        };
+        let mut entries = index::read(&place.index, machine_time());
+        self.add_to(&mut entries, now);
+        let mut file = temporary_file(&place.temporary).ok()?;
+        file.write_all(&index::write(&entries)).ok()?;
+        if place.index.is_dir() {
+            fs::remove_dir_all(&place.index).ok()?;
+        }
+        file.persist(&place.index).ok()?;
+        Some(())
+    }
+
+    fn add_to(&self, entries: &mut Entries, now: Time) {
+        let memory = self.lock();
+        for digest in &memory.forgotten {
+            entries.remove(digest);
+        }
+        for (digest, known) in &memory.known {
+            let noted = match known.witness {
+                Witness::Written => Some(now),
+                Witness::Digested(began) => began,
+            };
+            let noted = noted.filter(|noted| known.stamp.is_settled(*noted));
+            if let (Some(noted), Some(outline)) = (noted, known.outline.clone()) {
+                let entry = Entry {
+                    file: known.seal.file,
+                    stamp: known.stamp,
+                    noted,
+                    outline,
+                };
+                entries.insert(*digest, entry);
+            }
+        }
+    }
+
+    /// What this process knows of a file with this stamp. One that it has digested within a tick of its last change may
+    /// have changed again in that tick.
+    fn known(&self, digest: &Digest, stamp: &Stamp) -> Option<Seal> {
+        let memory = self.lock();
+        let known = memory.known.get(digest).filter(|known| known.stamp == *stamp)?;
+        let settled = match known.witness {
+            Witness::Written => true,
+            Witness::Digested(began) => began.is_none_or(|began| known.stamp.is_settled(began)),
+        };
+        settled.then_some(known.seal)
+    }
+
+    /// The file system's clock before the first file was digested: a file that has changed since is not settled.
+    fn began(&self) -> Option<Time> {
+        let place = self.place.as_ref()?;
+        *self
+            .lock()
+            .began
+            .get_or_insert_with(|| file_system_time(&place.temporary))
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Memory> {
+        // A panic elsewhere while the memory was held leaves it whole: entries are inserted in one step.
+        self.memory.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Memory {
+    fn insert(&mut self, digest: &Digest, witness: Witness, stamp: Stamp, seal: Seal, outline: Option<Outline>) {
+        self.changed |= outline.is_some();
+        self.forgotten.remove(digest);
+        let known = Known {
+            witness,
+            stamp,
+            seal,
+            outline,
+        };
+        self.known.insert(*digest, known);
     }
 }
 
 fn stamp(path: &Path, digest: &Digest) -> Result<Stamp, StoreError> {
     match fs::metadata(path) {
-        Ok(metadata) => Ok(Stamp {
-            size: metadata.len(),
-            modified: metadata.modified().ok(),
-        }),
+        Ok(metadata) => Ok(Stamp::of(&metadata)),
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Err(StoreError::Missing {
             digest: *digest,
             path: path.to_owned(),

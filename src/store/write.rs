@@ -4,6 +4,7 @@
 //! to the file's own folder, so that a store can be moved.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use hdf5::types::{FixedUnicode, VarLenUnicode};
 use hdf5::{Extents, Group, H5Type, Hyperslab, SliceOrIndex};
@@ -22,7 +23,7 @@ pub struct Part {
     /// The chunk.
     pub digest: Digest,
     /// Its datasets.
-    pub contents: Vec<Content>,
+    pub contents: Arc<Vec<Content>>,
 }
 
 /// Writes an object with an empty user block. `parts` are the chunks of a manifest.
@@ -32,7 +33,7 @@ pub struct Part {
 pub fn write(path: &Path, object: &Object, parts: &[Part], provenance: &Provenance) -> hdf5::Result<()> {
     let file = hdf5::FileBuilder::new()
         .with_fcpl(|plist| plist.userblock(BLOCK as u64))
-        .create_excl(path)?;
+        .create(path)?;
     for (name, value) in &object.attributes {
         attribute(&file, name, value)?;
     }
@@ -41,7 +42,7 @@ pub fn write(path: &Path, object: &Object, parts: &[Part], provenance: &Provenan
     }
     if !object.parts.is_empty() {
         write_dataset(&file, "parts", &digests(&object.parts))?;
-        for content in parts.first().map_or(&[][..], |part| &part.contents) {
+        for content in parts.first().map_or(&[][..], |part| part.contents.as_slice()) {
             write_virtual(&file, content, parts)?;
         }
     }

@@ -1,0 +1,313 @@
+//! The index of a store: for each artifact the stamp of its file as it was when all of it was known to be sound, and what a
+//! plan needs of its content, so that a rerun that builds nothing neither reads nor opens any artifact.
+//!
+//! It is a cache and nothing else. It may be deleted or damaged at any time: it ends with a digest of itself, and an index
+//! that is not whole, or of another version, is none. Artifacts that it does not know are verified in full. Processes that
+//! write it at once take in what the others have written as far as they see it; the last one wins, which costs the others'
+//! next run some verifying.
+//!
+//! ```text
+//! "deaflow-index 1\n"
+//! number of listings; each: length, encoded datasets
+//! number of artifacts; each: digest, file digest, size, modified, changed, inode, noted, outline, number
+//! the parts of all manifests in the order of the artifacts
+//! BLAKE3 of all bytes before
+//! ```
+//!
+//! Numbers are 64-bit little-endian. An outline is 1 (datasets; `number` is that of the listing) or 2 (manifest; `number`
+//! is that of its parts).
+
+use std::collections::HashMap;
+use std::fs;
+use std::path::Path;
+use std::sync::Arc;
+
+use super::listing::Content;
+use super::seal::Seal;
+use super::stamp::{Stamp, Time};
+use crate::base::{Digest, decode, encode};
+
+const TITLE: &[u8; 16] = b"deaflow-index 1\n";
+const TRAILER: usize = 32;
+const DATASETS: u64 = 1;
+const MANIFEST: u64 = 2;
+
+/// What stands in an artifact, apart from elements and attributes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Outline {
+    /// Datasets. Chunks that differ in nothing share one listing.
+    Datasets(Arc<Vec<Content>>),
+    /// The chunks of a manifest.
+    Manifest(Arc<Vec<Digest>>),
+}
+
+/// One artifact.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Entry {
+    /// BLAKE3 of its file as written.
+    pub file: Digest,
+    /// Its file when it was known to be sound.
+    pub stamp: Stamp,
+    /// When that was, by the clock of the file system.
+    pub noted: Time,
+    /// What stands in it.
+    pub outline: Outline,
+}
+
+impl Entry {
+    /// The seal of the file.
+    pub fn seal(&self, content: Digest) -> Seal {
+        Seal {
+            content,
+            file: self.file,
+            size: self.stamp.size,
+        }
+    }
+}
+
+/// The entries of an index by artifact.
+pub type Entries = HashMap<Digest, Entry>;
+
+/// The index in a file. Where there is none that is whole, nothing is known, and nothing is lost. Entries noted in the future
+/// are left out: the clock has been set back since, and what has changed since might carry the very time of before.
+pub fn read(path: &Path, now: Time) -> Entries {
+    let bytes = fs::read(path).unwrap_or_default();
+    let mut entries = parse(&bytes).unwrap_or_default();
+    entries.retain(|_, entry| entry.noted <= now && entry.stamp.is_settled(entry.noted));
+    entries
+}
+
+fn parse(bytes: &[u8]) -> Option<Entries> {
+    let (body, trailer) = bytes.split_at_checked(bytes.len().checked_sub(TRAILER)?)?;
+    (Digest::of(body).as_bytes() == trailer).then_some(())?;
+    let mut reader = Reader(body);
+    (reader.take(TITLE.len())? == TITLE).then_some(())?;
+    let mut listings: Vec<Arc<Vec<Content>>> = Vec::new();
+    for _ in 0..reader.number()? {
+        let length = usize::try_from(reader.number()?).ok()?;
+        listings.push(Arc::new(decode(reader.take(length)?).ok()?));
+    }
+    let mut rows = Vec::new();
+    for _ in 0..reader.number()? {
+        rows.push(reader.row()?);
+    }
+    let mut entries = Entries::with_capacity(rows.len());
+    for (digest, file, stamp, noted, outline) in rows {
+        let outline = match outline {
+            (DATASETS, at) => Outline::Datasets(listings.get(usize::try_from(at).ok()?)?.clone()),
+            (MANIFEST, count) => {
+                let parts: Option<Vec<Digest>> = (0..count).map(|_| reader.digest()).collect();
+                Outline::Manifest(Arc::new(parts?))
+            }
+            _ => return None,
+        };
+        let entry = Entry {
+            file,
+            stamp,
+            noted,
+            outline,
+        };
+        entries.insert(digest, entry);
+    }
+    reader.0.is_empty().then_some(entries)
+}
+
+type Row = (Digest, Digest, Stamp, Time, (u64, u64));
+
+/// The bytes that are still to be read.
+struct Reader<'a>(&'a [u8]);
+
+impl<'a> Reader<'a> {
+    fn take(&mut self, length: usize) -> Option<&'a [u8]> {
+        let (taken, rest) = self.0.split_at_checked(length)?;
+        self.0 = rest;
+        Some(taken)
+    }
+
+    fn number(&mut self) -> Option<u64> {
+        Some(u64::from_le_bytes(self.take(8)?.try_into().ok()?))
+    }
+
+    fn digest(&mut self) -> Option<Digest> {
+        Some(Digest::from_bytes(self.take(32)?.try_into().ok()?))
+    }
+
+    fn time(&mut self) -> Option<Time> {
+        Some((self.number()?.cast_signed(), self.number()?.cast_signed()))
+    }
+
+    fn row(&mut self) -> Option<Row> {
+        let (digest, file) = (self.digest()?, self.digest()?);
+        let stamp = Stamp {
+            size: self.number()?,
+            modified: self.time()?,
+            changed: self.time()?,
+            inode: self.number()?,
+        };
+        Some((digest, file, stamp, self.time()?, (self.number()?, self.number()?)))
+    }
+}
+
+/// The bytes of an index. Entries whose listing cannot be encoded (larger than any record may be) are left out.
+pub fn write(entries: &Entries) -> Vec<u8> {
+    let mut listings = Listings::default();
+    let mut sorted: Vec<(&Digest, &Entry)> = entries.iter().collect();
+    sorted.sort_unstable_by_key(|(digest, _)| **digest);
+    let (mut rows, mut parts, mut count) = (Vec::<u8>::new(), Vec::<u8>::new(), 0u64);
+    for (digest, entry) in sorted {
+        let (outline, number) = match &entry.outline {
+            Outline::Datasets(contents) => match listings.place(contents) {
+                Some(place) => (DATASETS, place),
+                None => continue,
+            },
+            Outline::Manifest(chunks) => {
+                chunks.iter().for_each(|chunk| parts.extend(chunk.as_bytes()));
+                (MANIFEST, chunks.len() as u64)
+            }
+        };
+        count += 1;
+        rows.extend(digest.as_bytes());
+        rows.extend(entry.file.as_bytes());
+        let (stamp, noted) = (&entry.stamp, entry.noted);
+        let times = [stamp.modified.0, stamp.modified.1, stamp.changed.0, stamp.changed.1];
+        rows.extend(stamp.size.to_le_bytes());
+        rows.extend(times.iter().flat_map(|time| time.to_le_bytes()));
+        rows.extend(stamp.inode.to_le_bytes());
+        rows.extend([noted.0, noted.1].iter().flat_map(|time| time.to_le_bytes()));
+        rows.extend([outline, number].iter().flat_map(|number| number.to_le_bytes()));
+    }
+    let mut bytes = TITLE.to_vec();
+    bytes.extend((listings.encoded.len() as u64).to_le_bytes());
+    for listing in &listings.encoded {
+        bytes.extend((listing.len() as u64).to_le_bytes());
+        bytes.extend(listing);
+    }
+    bytes.extend(count.to_le_bytes());
+    bytes.extend(rows);
+    bytes.extend(parts);
+    let trailer = Digest::of(&bytes);
+    bytes.extend(trailer.as_bytes());
+    bytes
+}
+
+/// Each listing once, however many chunks have it.
+#[derive(Default)]
+struct Listings {
+    encoded: Vec<Vec<u8>>,
+    places: HashMap<Arc<Vec<Content>>, u64>,
+}
+
+impl Listings {
+    fn place(&mut self, contents: &Arc<Vec<Content>>) -> Option<u64> {
+        if let Some(place) = self.places.get(contents) {
+            return Some(*place);
+        }
+        let place = self.encoded.len() as u64;
+        self.encoded.push(encode(&**contents).ok()?);
+        self.places.insert(contents.clone(), place);
+        Some(place)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::listing::ElementType;
+    use super::*;
+
+    const NOW: Time = (1000, 0);
+
+    fn entries() -> Entries {
+        let listing = |n| {
+            Outline::Datasets(Arc::new(vec![Content {
+                path: "a/b".into(),
+                kind: ElementType::F64,
+                shape: vec![n, 2],
+                units: "mm".into(),
+                description: "d".into(),
+            }]))
+        };
+        let digest = |i: u8| Digest::of(&[i]);
+        let outlines = [
+            listing(1),
+            listing(2),
+            listing(1),
+            Outline::Manifest(Arc::new(vec![digest(0), digest(1)])),
+        ];
+        let entry = |(i, outline)| {
+            let i = i as u8;
+            let entry = Entry {
+                file: digest(i + 100),
+                stamp: Stamp {
+                    size: u64::from(i),
+                    modified: (-5, 7),
+                    changed: (900 + i64::from(i), 1),
+                    inode: 3,
+                },
+                noted: (950, 0),
+                outline,
+            };
+            (digest(i), entry)
+        };
+        outlines.into_iter().enumerate().map(entry).collect()
+    }
+
+    fn read_bytes(bytes: &[u8], now: Time) -> Entries {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        fs::write(file.path(), bytes).unwrap();
+        read(file.path(), now)
+    }
+
+    #[test]
+    fn an_index_comes_back_whole_or_not_at_all() {
+        let bytes = write(&entries());
+        assert_eq!(read_bytes(&bytes, NOW), entries());
+        for length in 0..bytes.len() {
+            assert!(parse(&bytes[..length]).is_none(), "{length} bytes");
+        }
+        for at in 0..bytes.len() {
+            let mut damaged = bytes.clone();
+            damaged[at] ^= 1;
+            assert!(parse(&damaged).is_none(), "byte {at}");
+        }
+    }
+
+    /// Numbers that are not those of the content, under a digest that fits: written by another program.
+    #[test]
+    fn an_index_that_cannot_be_is_none() {
+        let whole = write(&entries());
+        let body = &whole[..whole.len() - TRAILER];
+        for at in (0..body.len()).step_by(4) {
+            let mut body = body.to_vec();
+            body[at] ^= 0x80;
+            body.extend(*Digest::of(&body).as_bytes());
+            // Whatever it says, it is read without a panic and without asking for memory that is not there.
+            let _ = parse(&body);
+        }
+        let mut longer = body.to_vec();
+        longer.push(0);
+        longer.extend(*Digest::of(&longer).as_bytes());
+        assert!(parse(&longer).is_none());
+        let mut other = body.to_vec();
+        other[14] = b'2';
+        other.extend(*Digest::of(&other).as_bytes());
+        assert!(parse(&other).is_none(), "another version");
+    }
+
+    #[test]
+    fn equal_listings_are_written_once() {
+        let bytes = write(&entries());
+        let found = bytes.windows(3).filter(|window| window == b"a/b").count();
+        assert_eq!(found, 2);
+    }
+
+    #[test]
+    fn what_was_noted_too_soon_or_in_the_future_is_not_believed() {
+        let mut racy = entries();
+        let (digest, mut entry) = racy.drain().next().unwrap();
+        entry.stamp.changed = (950, 0);
+        racy.insert(digest, entry);
+        assert!(read_bytes(&write(&racy), NOW).is_empty());
+        assert!(read_bytes(&write(&entries()), (949, 0)).is_empty());
+        assert_eq!(read_bytes(&write(&entries()), (950, 0)).len(), 4);
+    }
+}

@@ -1,0 +1,139 @@
+//! What the system says of a file without reading it, and when that may be believed.
+//!
+//! Size, times and inode stand for the bytes, as in git's index. The change time cannot be set by anybody, so bytes that were
+//! altered give themselves away even where the modification time was put back. Two changes within one tick of the file
+//! system's clock have the same time, though ("racy git", Documentation/technical/racy-git.txt in git's sources): a stamp
+//! is believed only if it was taken when its change time had passed for good.
+
+use std::fs::Metadata;
+use std::os::unix::fs::MetadataExt;
+use std::path::Path;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+/// A time as files carry it: seconds since 1970, and nanoseconds.
+pub type Time = (i64, i64);
+
+/// Clocks of files tick every 10 ms at the slowest kernel setting; twice that.
+const TICK: i64 = 20_000_000;
+
+/// File systems that keep whole seconds, or pairs of them (FAT).
+const COARSE_TICK: i64 = 2_100_000_000;
+
+/// What shows that a file has been written again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stamp {
+    /// Length in bytes.
+    pub size: u64,
+    /// When its bytes were last written; anybody can set it.
+    pub modified: Time,
+    /// When its bytes, name or times were last changed; nobody can set it.
+    pub changed: Time,
+    /// Its number in the file system: a copy has another.
+    pub inode: u64,
+}
+
+impl Stamp {
+    pub fn of(metadata: &Metadata) -> Self {
+        Self {
+            size: metadata.len(),
+            modified: (metadata.mtime(), metadata.mtime_nsec()),
+            changed: (metadata.ctime(), metadata.ctime_nsec()),
+            inode: metadata.ino(),
+        }
+    }
+
+    /// Whether every change after `taken` must show: the tick of the last change was over by then. A change time after
+    /// `taken` comes from a clock that was set back since: nothing is known then.
+    pub fn is_settled(&self, taken: Time) -> bool {
+        nanoseconds_between(self.changed, taken) >= self.tick()
+    }
+
+    /// How long after its last change the stamp is settled.
+    pub fn settles_after(&self) -> Duration {
+        Duration::from_nanos(self.tick().unsigned_abs())
+    }
+
+    fn tick(&self) -> i64 {
+        if self.changed.1 == 0 && self.modified.1 == 0 {
+            COARSE_TICK
+        } else {
+            TICK
+        }
+    }
+}
+
+/// From one time to another; at most some 290 years either way.
+fn nanoseconds_between(from: Time, to: Time) -> i64 {
+    let seconds = to.0.saturating_sub(from.0);
+    seconds
+        .saturating_mul(1_000_000_000)
+        .saturating_add(to.1.saturating_sub(from.1))
+}
+
+/// The time by the clock of the file system that holds a folder, which need not be this machine's; none where no file can be
+/// made there.
+pub fn file_system_time(folder: &Path) -> Option<Time> {
+    let metadata = tempfile::tempfile_in(folder).ok()?.metadata().ok()?;
+    Some((metadata.mtime(), metadata.mtime_nsec()))
+}
+
+/// The time by this machine's clock.
+pub fn machine_time() -> Time {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    (
+        i64::try_from(since.as_secs()).unwrap_or(i64::MAX),
+        i64::from(since.subsec_nanos()),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn changed(changed: Time) -> Stamp {
+        Stamp {
+            size: 1,
+            modified: changed,
+            changed,
+            inode: 1,
+        }
+    }
+
+    #[test]
+    fn a_stamp_is_settled_once_its_tick_is_over() {
+        let stamp = changed((100, 500_000_000));
+        assert!(!stamp.is_settled((100, 500_000_000)));
+        assert!(!stamp.is_settled((100, 519_999_999)));
+        assert!(stamp.is_settled((100, 520_000_000)));
+        assert!(stamp.is_settled((101, 0)));
+        assert!(!stamp.is_settled((99, 0)), "the clock was set back");
+    }
+
+    #[test]
+    fn whole_seconds_are_taken_for_a_coarse_clock() {
+        let stamp = changed((100, 0));
+        assert!(!stamp.is_settled((102, 0)));
+        assert!(stamp.is_settled((102, 100_000_000)));
+    }
+
+    #[test]
+    fn times_at_the_ends_of_the_range_do_no_harm() {
+        assert!(changed((i64::MIN, 1)).is_settled((i64::MAX, 999_999_999)));
+        assert!(!changed((i64::MAX, 1)).is_settled((i64::MIN, 0)));
+    }
+
+    #[test]
+    fn altered_bytes_show_even_where_the_modification_time_is_put_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("file");
+        std::fs::write(&path, "one").unwrap();
+        let before = std::fs::metadata(&path).unwrap();
+        std::thread::sleep(Stamp::of(&before).settles_after());
+        std::fs::write(&path, "two").unwrap();
+        let file = std::fs::File::options().write(true).open(&path).unwrap();
+        file.set_modified(before.modified().unwrap()).unwrap();
+        let after = Stamp::of(&std::fs::metadata(&path).unwrap());
+        assert_eq!(after.modified, Stamp::of(&before).modified);
+        assert_ne!(after, Stamp::of(&before));
+    }
+}
