@@ -12,9 +12,9 @@ use std::process::Command;
 use std::sync::Mutex;
 use std::time::Instant;
 
-use deaflow::base::{Canonical, Document, InputError, Node};
+use deaflow::base::{Canonical, Document, Fields, InputError, Node, Schema};
 use deaflow::orchestrator::{
-    Chunk, Environment, Event, Input, Job, Kind, Needs, Pipeline, Plan, Registry, Stage, StageError, run,
+    Chunk, Environment, Event, Input, Job, Kind, Needs, Pipeline, Plan, Registry, RunOptions, Stage, StageError, run,
 };
 use deaflow::store::{Data, Dataset, Object, Store};
 use rayon::prelude::*;
@@ -50,6 +50,7 @@ fn case(name: &str, chunks: u64, values: u64) {
     let registry = Registry {
         kinds: vec![&Toy],
         check_scene: |_| Ok(()),
+        scene_schema: Schema::text,
     };
     let text = match name {
         "7 stages" => chain(chunks),
@@ -100,18 +101,24 @@ fn chain(stages: u64) -> String {
 fn once(root: &Path, pipeline: &Pipeline, builds: bool) -> f64 {
     let store = Store::open(root).expect("the store opens");
     let (chunk, manifest) = (Mutex::new(Instant::now()), Mutex::new(0.0));
-    let outcome = run(pipeline, &store, None, &Environment::system(), &|event| match event {
-        Event::ChunkBuilt { .. } => {
-            assert!(builds, "a rerun builds nothing");
-            *chunk.lock().expect("no panic") = Instant::now();
-        }
-        Event::StageFinished(_) => {
-            *manifest.lock().expect("no panic") = chunk.lock().expect("no panic").elapsed().as_secs_f64();
-        }
-        _ => {}
-    });
-    let failure = outcome.expect("the store can be used").failure;
-    assert!(failure.is_none(), "{failure:?}");
+    let outcome = run(
+        pipeline,
+        &store,
+        &RunOptions::default(),
+        &Environment::system(),
+        &|event| match event {
+            Event::ChunkBuilt { .. } => {
+                assert!(builds, "a rerun builds nothing");
+                *chunk.lock().expect("no panic") = Instant::now();
+            }
+            Event::StageFinished(_) => {
+                *manifest.lock().expect("no panic") = chunk.lock().expect("no panic").elapsed().as_secs_f64();
+            }
+            _ => {}
+        },
+    );
+    let failures = outcome.expect("the store can be used").failures;
+    assert!(failures.is_empty(), "{failures:?}");
     *manifest.lock().expect("no panic")
 }
 
@@ -179,6 +186,16 @@ impl Kind for Toy {
             least: 0,
             most: 1,
         }
+    }
+
+    fn schema(&self) -> Vec<Fields> {
+        let whole = || Schema::whole(0, u64::MAX);
+        let fields = Fields::new("A toy.");
+        vec![
+            ["chunks", "values", "salt"]
+                .iter()
+                .fold(fields, |fields, key| fields.required(key, whole())),
+        ]
     }
 
     fn read(&self, stage: &Node, _: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {

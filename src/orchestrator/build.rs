@@ -237,6 +237,10 @@ impl Builder<'_> {
         };
         let record = self.record(action, key, &stored, seconds, unstable);
         self.store.put_record(&record)?;
+        // Those of its chunks too.
+        if whole {
+            self.store.settle_records()?;
+        }
         Ok(record)
     }
 

@@ -17,12 +17,22 @@ use super::error::StoreError;
 /// # Errors
 /// When the system refuses; nothing is visible as `target` then.
 pub fn write(temporary: &Path, target: &Path, bytes: &[u8]) -> Result<(), StoreError> {
+    write_unsettled(temporary, target, bytes)?;
+    sync_folder(target.parent().unwrap_or(Path::new(".")))
+}
+
+/// As [`write`], but a crash of the machine may yet lose the name: the folder has still to be synced.
+///
+/// # Errors
+/// As [`write`].
+pub fn write_unsettled(temporary: &Path, target: &Path, bytes: &[u8]) -> Result<(), StoreError> {
     let refused = |error| StoreError::io("write", target)(error);
     let mut file = File::create(temporary).map_err(refused)?;
     file.write_all(bytes).map_err(refused)?;
-    file.sync_all().map_err(refused)?;
+    // Bytes and length; the times of the file may be lost.
+    file.sync_data().map_err(refused)?;
     drop(file);
-    rename(temporary, target)
+    place(temporary, target)
 }
 
 /// Moves a synced file into place, creating its folder.
@@ -30,13 +40,17 @@ pub fn write(temporary: &Path, target: &Path, bytes: &[u8]) -> Result<(), StoreE
 /// # Errors
 /// When the system refuses.
 pub fn rename(temporary: &Path, target: &Path) -> Result<(), StoreError> {
+    place(temporary, target)?;
+    sync_folder(target.parent().unwrap_or(Path::new(".")))
+}
+
+fn place(temporary: &Path, target: &Path) -> Result<(), StoreError> {
     let folder = target.parent().unwrap_or(Path::new("."));
     if !folder.is_dir() {
         fs::create_dir_all(folder).map_err(StoreError::io("create", folder))?;
         sync_folder(folder.parent().unwrap_or(Path::new(".")))?;
     }
-    fs::rename(temporary, target).map_err(StoreError::io("write", target))?;
-    sync_folder(folder)
+    fs::rename(temporary, target).map_err(StoreError::io("write", target))
 }
 
 /// An empty file with a random name, removed when dropped. Who may read it is for the user's mask to say, as with any other
@@ -47,7 +61,11 @@ pub fn temporary_file(folder: &Path) -> io::Result<NamedTempFile> {
         .tempfile_in(folder)
 }
 
-fn sync_folder(folder: &Path) -> Result<(), StoreError> {
+/// Makes the names in a folder survive a crash of the machine.
+///
+/// # Errors
+/// When the system refuses.
+pub fn sync_folder(folder: &Path) -> Result<(), StoreError> {
     File::open(folder)
         .and_then(|f| f.sync_all())
         .map_err(StoreError::io("sync", folder))

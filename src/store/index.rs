@@ -14,8 +14,8 @@
 //! BLAKE3 of all bytes before
 //! ```
 //!
-//! Numbers are 64-bit little-endian. An outline is 1 (datasets; `number` is that of the listing) or 2 (manifest; `number`
-//! is that of its parts).
+//! Numbers are 64-bit little-endian. An outline is 0 (unknown), 1 (datasets; `number` is that of the listing) or 2 (manifest;
+//! `number` is that of its parts).
 
 use std::collections::HashMap;
 use std::fs;
@@ -29,6 +29,7 @@ use crate::base::{Digest, decode, encode};
 
 const TITLE: &[u8; 16] = b"deaflow-index 1\n";
 const TRAILER: usize = 32;
+const UNKNOWN: u64 = 0;
 const DATASETS: u64 = 1;
 const MANIFEST: u64 = 2;
 
@@ -50,8 +51,8 @@ pub struct Entry {
     pub stamp: Stamp,
     /// When that was, by the clock of the file system.
     pub noted: Time,
-    /// What stands in it.
-    pub outline: Outline,
+    /// What stands in it, where anybody has looked.
+    pub outline: Option<Outline>,
 }
 
 impl Entry {
@@ -94,10 +95,11 @@ fn parse(bytes: &[u8]) -> Option<Entries> {
     let mut entries = Entries::with_capacity(rows.len());
     for (digest, file, stamp, noted, outline) in rows {
         let outline = match outline {
-            (DATASETS, at) => Outline::Datasets(listings.get(usize::try_from(at).ok()?)?.clone()),
+            (UNKNOWN, 0) => None,
+            (DATASETS, at) => Some(Outline::Datasets(listings.get(usize::try_from(at).ok()?)?.clone())),
             (MANIFEST, count) => {
                 let parts: Option<Vec<Digest>> = (0..count).map(|_| reader.digest()).collect();
-                Outline::Manifest(Arc::new(parts?))
+                Some(Outline::Manifest(Arc::new(parts?)))
             }
             _ => return None,
         };
@@ -148,24 +150,21 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// The bytes of an index. Entries whose listing cannot be encoded (larger than any record may be) are left out.
+/// The bytes of an index. Listings that cannot be encoded (larger than any record may be) are left out.
 pub fn write(entries: &Entries) -> Vec<u8> {
     let mut listings = Listings::default();
     let mut sorted: Vec<(&Digest, &Entry)> = entries.iter().collect();
     sorted.sort_unstable_by_key(|(digest, _)| **digest);
-    let (mut rows, mut parts, mut count) = (Vec::<u8>::new(), Vec::<u8>::new(), 0u64);
+    let (mut rows, mut parts) = (Vec::<u8>::new(), Vec::<u8>::new());
     for (digest, entry) in sorted {
         let (outline, number) = match &entry.outline {
-            Outline::Datasets(contents) => match listings.place(contents) {
-                Some(place) => (DATASETS, place),
-                None => continue,
-            },
-            Outline::Manifest(chunks) => {
+            None => (UNKNOWN, 0),
+            Some(Outline::Datasets(contents)) => listings.place(contents).map_or((UNKNOWN, 0), |at| (DATASETS, at)),
+            Some(Outline::Manifest(chunks)) => {
                 chunks.iter().for_each(|chunk| parts.extend(chunk.as_bytes()));
                 (MANIFEST, chunks.len() as u64)
             }
         };
-        count += 1;
         rows.extend(digest.as_bytes());
         rows.extend(entry.file.as_bytes());
         let (stamp, noted) = (&entry.stamp, entry.noted);
@@ -182,7 +181,7 @@ pub fn write(entries: &Entries) -> Vec<u8> {
         bytes.extend((listing.len() as u64).to_le_bytes());
         bytes.extend(listing);
     }
-    bytes.extend(count.to_le_bytes());
+    bytes.extend((entries.len() as u64).to_le_bytes());
     bytes.extend(rows);
     bytes.extend(parts);
     let trailer = Digest::of(&bytes);
@@ -228,10 +227,11 @@ mod tests {
         };
         let digest = |i: u8| Digest::of(&[i]);
         let outlines = [
-            listing(1),
-            listing(2),
-            listing(1),
-            Outline::Manifest(Arc::new(vec![digest(0), digest(1)])),
+            Some(listing(1)),
+            Some(listing(2)),
+            Some(listing(1)),
+            Some(Outline::Manifest(Arc::new(vec![digest(0), digest(1)]))),
+            None,
         ];
         let entry = |(i, outline)| {
             let i = i as u8;
@@ -308,6 +308,6 @@ mod tests {
         racy.insert(digest, entry);
         assert!(read_bytes(&write(&racy), NOW).is_empty());
         assert!(read_bytes(&write(&entries()), (949, 0)).is_empty());
-        assert_eq!(read_bytes(&write(&entries()), (950, 0)).len(), 4);
+        assert_eq!(read_bytes(&write(&entries()), (950, 0)).len(), 5);
     }
 }

@@ -1,8 +1,9 @@
 //! The store as its users hold it: opening, putting and finding artifacts.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use tempfile::{TempDir, TempPath};
 
@@ -25,6 +26,7 @@ use crate::base::Digest;
 pub struct Store {
     pub(super) layout: Layout,
     pub(super) verified: Arc<Verified>,
+    unsettled: Arc<Mutex<BTreeSet<PathBuf>>>,
     _run: Arc<Guard>,
 }
 
@@ -66,6 +68,7 @@ impl Store {
     fn held(layout: Layout, run: Guard) -> Self {
         Self {
             verified: Arc::new(Verified::with_index(layout.index(), layout.temporary())),
+            unsettled: Arc::default(),
             _run: Arc::new(run),
             layout,
         }
@@ -112,6 +115,12 @@ impl Store {
         let alone = alone.ok_or_else(|| StoreError::Busy { path: root.to_owned() })?;
         clear(&layout.temporary())?;
         Ok(Self::held(layout, alone))
+    }
+
+    /// Has the index believe the file of an artifact as it is now, as if bytes had changed beneath the file system.
+    #[cfg(test)]
+    pub(crate) fn believe(&self, digest: &Digest) {
+        Verified::believe(&self.layout.index(), &self.layout.object(digest), digest);
     }
 
     /// Its folder.
@@ -216,6 +225,12 @@ impl Store {
         }
         listing::concatenate(parts.iter().map(|part| (part.digest, part.contents.as_slice())))?;
         Ok(parts)
+    }
+
+    /// Folders of records whose names a crash of the machine may lose.
+    pub(super) fn unsettled(&self) -> MutexGuard<'_, BTreeSet<PathBuf>> {
+        // Folders are added one by one: a panic elsewhere leaves a set that is right.
+        self.unsettled.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// A folder for a file being written, removed when dropped. Its name is random: processes in different containers

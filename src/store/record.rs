@@ -83,7 +83,8 @@ impl Store {
         read(&self.layout.record(key), key)
     }
 
-    /// Writes a record. Its artifact must have been put.
+    /// Writes a record. Its artifact must have been put, which makes it survive a crash of the machine; the record's own name
+    /// may be lost in one until [`Store::settle_records`].
     ///
     /// # Errors
     /// When the system refuses.
@@ -95,7 +96,20 @@ impl Store {
             self.quarantine(&target)?;
         }
         let temporary = self.temporary_file()?;
-        atomic::write(&temporary, &target, &bytes)
+        atomic::write_unsettled(&temporary, &target, &bytes)?;
+        let folder = target.parent().map(Path::to_owned);
+        self.unsettled().extend(folder);
+        Ok(())
+    }
+
+    /// Makes all records that have been written survive a crash of the machine: once for many, since a record that is lost
+    /// costs its work again and nothing else.
+    ///
+    /// # Errors
+    /// When the system refuses.
+    pub fn settle_records(&self) -> Result<(), StoreError> {
+        let folders = std::mem::take(&mut *self.unsettled());
+        folders.iter().try_for_each(|folder| atomic::sync_folder(folder))
     }
 
     /// Waits until nobody else does this action.

@@ -60,7 +60,7 @@ impl Seal {
         };
         file.seek(SeekFrom::Start(0)).map_err(refused)?;
         file.write_all(&seal.block()).map_err(refused)?;
-        file.sync_all().map_err(refused)?;
+        file.sync_data().map_err(refused)?;
         Ok(seal)
     }
 
@@ -111,16 +111,6 @@ fn open(path: &Path) -> Result<File, StoreError> {
 fn digest_rest(file: &mut File) -> std::io::Result<(Digest, u64)> {
     file.seek(SeekFrom::Start(BLOCK as u64))?;
     let mut hasher = blake3::Hasher::new();
-    let mut buffer = vec![0; 256 << 10];
-    let mut length = 0;
-    loop {
-        match file.read(&mut buffer)? {
-            0 => break,
-            n => {
-                hasher.update(&buffer[..n]);
-                length += n as u64;
-            }
-        }
-    }
-    Ok((Digest::from_bytes(*hasher.finalize().as_bytes()), length))
+    hasher.update_reader(file)?;
+    Ok((Digest::from_bytes(*hasher.finalize().as_bytes()), hasher.count()))
 }

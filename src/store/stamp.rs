@@ -13,11 +13,11 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 /// A time as files carry it: seconds since 1970, and nanoseconds.
 pub type Time = (i64, i64);
 
-/// Clocks of files tick every 10 ms at the slowest kernel setting; twice that.
-const TICK: i64 = 20_000_000;
+/// Clocks of files tick every 10 ms at the slowest setting of the kernel.
+const TICK: i64 = 10_000_000;
 
 /// File systems that keep whole seconds, or pairs of them (FAT).
-const COARSE_TICK: i64 = 2_100_000_000;
+const COARSE_TICK: i64 = 2_000_000_000;
 
 /// What shows that a file has been written again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,12 +45,12 @@ impl Stamp {
     /// Whether every change after `taken` must show: the tick of the last change was over by then. A change time after
     /// `taken` comes from a clock that was set back since: nothing is known then.
     pub fn is_settled(&self, taken: Time) -> bool {
-        nanoseconds_between(self.changed, taken) >= self.tick()
+        nanoseconds_between(self.changed, taken) >= 2 * self.tick()
     }
 
-    /// How long after its last change the stamp is settled.
+    /// How long after its last change the stamp is settled by any clock: one that ticks may be a tick behind.
     pub fn settles_after(&self) -> Duration {
-        Duration::from_nanos(self.tick().unsigned_abs())
+        Duration::from_nanos(3 * self.tick().unsigned_abs())
     }
 
     fn tick(&self) -> i64 {
@@ -112,8 +112,8 @@ mod tests {
     #[test]
     fn whole_seconds_are_taken_for_a_coarse_clock() {
         let stamp = changed((100, 0));
-        assert!(!stamp.is_settled((102, 0)));
-        assert!(stamp.is_settled((102, 100_000_000)));
+        assert!(!stamp.is_settled((103, 999_999_999)));
+        assert!(stamp.is_settled((104, 0)));
     }
 
     #[test]

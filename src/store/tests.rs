@@ -1,5 +1,7 @@
 //! What a store promises, tried on small objects in temporary folders.
 
+mod trust;
+
 use std::fs;
 use std::path::Path;
 

@@ -63,7 +63,7 @@ impl Kind for &'static Count {
             .optional("offset")
             .map_or(Ok(0), |node| node.whole("offset", 0, 1000))?;
         Ok(Box::new(CountStage {
-            count: map.required("a `count` stage", "count")?.whole("count", 1, 1000)?,
+            count: map.required("a `count` stage", "count")?.whole("count", 1, 100_000)?,
             offset,
             fails: &self.fails,
         }))

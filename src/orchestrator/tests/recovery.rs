@@ -136,10 +136,15 @@ fn a_damaged_record_is_no_record() {
     assert!(!record.exists());
 }
 
-#[test]
-fn a_large_input_is_verified_before_it_is_read() {
-    let lab = Laboratory::new();
-    let pipeline = "
+/// Puts a file's modification time back after a flip.
+fn flip_in_secret(path: &Path) {
+    let written = fs::metadata(path).unwrap().modified().unwrap();
+    flip(path);
+    let file = fs::File::options().write(true).open(path).unwrap();
+    file.set_modified(written).unwrap();
+}
+
+const BIG: &str = "
 version: 1
 name: toy
 stages:
@@ -147,32 +152,89 @@ stages:
   big: { kind: sum, needs: [small], padding: 20000000 }
   last: { kind: sum, needs: [big] }
 ";
-    let (outcome, _) = lab.run_text(pipeline, &[]);
-    let path = lab.object(&outcome.stages[1].digest.unwrap());
-    // The disk has lost a bit, and nothing tells: the time is that of the writing.
-    let written = fs::metadata(&path).unwrap().modified().unwrap();
+
+#[test]
+fn even_a_rerun_finds_bytes_that_changed_in_secret() {
+    let lab = Laboratory::new();
+    let (before, _) = lab.run_text(BIG, &[]);
+    flip_in_secret(&lab.object(&before.stages[1].digest.unwrap()));
+    let (after, log) = lab.run_text(BIG, &[]);
+    assert_eq!(log[1], "start big (1): artifact damaged");
+    let digests = |outcome: &RunOutcome| outcome.stages.iter().map(|stage| stage.digest).collect::<Vec<_>>();
+    assert_eq!(digests(&before), digests(&after));
+    let (_, log) = lab.run_text(BIG, &[]);
+    assert_eq!(log, ["reused small", "reused big", "reused last"]);
+}
+
+#[test]
+fn an_input_is_verified_before_it_is_read_whatever_the_index_says() {
+    let lab = Laboratory::new();
+    let (outcome, _) = lab.run_text(BIG, &[]);
+    let big = outcome.stages[1].digest.unwrap();
+    let path = lab.object(&big);
+    // The disk has lost a bit, and no time tells.
     flip(&path);
-    fs::File::options()
-        .write(true)
-        .open(&path)
-        .unwrap()
-        .set_modified(written)
-        .unwrap();
-    let (_, log) = lab.run_text(pipeline, &[]);
+    lab.store().believe(&big);
+    let (_, log) = lab.run_text(BIG, &[]);
     assert_eq!(
         log,
         ["reused small", "reused big", "reused last"],
-        "too large to digest for good measure"
+        "a rerun reads nothing"
     );
-    let (outcome, log) = lab.run_text(pipeline, &["stages.last.power=2"]);
+    let (outcome, log) = lab.run_text(BIG, &["stages.last.power=2"]);
     assert_eq!(log[1], "start big (1): artifact damaged");
     assert!(outcome.failures.is_empty());
+
     flip(&path);
-    let (_, log) = lab.run_text(pipeline, &["stages.last.power=2"]);
+    lab.store().believe(&big);
+    let closely = |store: Store| {
+        plan(&lab.pipeline(BIG, &[]), &store, None, &environment())
+            .unwrap()
+            .remove(1)
+    };
+    assert_eq!(summary(&closely(lab.store())), "big reused 0+1");
     assert_eq!(
-        log[1], "start big (1): artifact damaged",
-        "written after its record: suspicious"
+        summary(&closely(lab.store().without_trust())),
+        "big stale 1+0: artifact damaged"
     );
+}
+
+#[test]
+fn of_a_thousand_chunks_only_those_that_are_not_there_are_built() {
+    let lab = Laboratory::new();
+    let with = |count: u32| format!("version: 1\nname: toy\nstages:\n  many: {{ kind: count, count: {count} }}\n");
+    let chunks = |log: Vec<String>| -> Vec<String> {
+        let chunks = log.iter().filter_map(|line| line.strip_prefix("chunk many "));
+        chunks.map(str::to_owned).collect()
+    };
+    let (_, log) = lab.run_text(&with(9970), &[]);
+    assert_eq!(chunks(log).len(), 997);
+    let (outcome, log) = lab.run_text(&with(10_000), &[]);
+    assert_eq!(chunks(log), ["997", "998", "999"]);
+    let manifest = lab.store().artifact(&outcome.stages[0].digest.unwrap()).unwrap();
+    flip(&lab.object(&manifest.parts()[7]));
+    fs::remove_file(lab.object(&manifest.parts()[500])).unwrap();
+    let (again, log) = lab.run_text(&with(10_000), &[]);
+    assert_eq!(chunks(log), ["500", "7"]);
+    assert_eq!(again.stages[0].digest, outcome.stages[0].digest);
+}
+
+#[test]
+fn a_rerun_writes_nothing() {
+    let lab = Laboratory::new();
+    lab.run(&[]);
+    let written = || {
+        let root = lab.store().root().to_owned();
+        let index = fs::metadata(root.join("index")).unwrap().modified().unwrap();
+        let runs: Vec<_> = fs::read_dir(root.join("runs"))
+            .unwrap()
+            .map(|run| run.unwrap().path())
+            .collect();
+        (index, runs)
+    };
+    let before = written();
+    lab.run(&[]);
+    assert_eq!(written(), before);
 }
 
 #[test]
