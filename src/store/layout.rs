@@ -50,7 +50,10 @@ impl Layout {
             layout.create(&marker)?;
         }
         let bytes = read_bounded(&marker, 4096).map_err(|error| match error.kind() {
-            ErrorKind::InvalidInput | ErrorKind::FileTooLarge => StoreError::damaged(&marker, error.to_string()),
+            ErrorKind::InvalidInput | ErrorKind::FileTooLarge => StoreError::Format {
+                path: marker.clone(),
+                found: error.to_string(),
+            },
             _ => StoreError::io("read", &marker)(error),
         })?;
         let text = String::from_utf8_lossy(&bytes);

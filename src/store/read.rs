@@ -5,14 +5,18 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use hdf5::dataset::Layout;
 use hdf5::types::{FloatSize, IntSize, TypeDescriptor, VarLenUnicode};
-use hdf5::{File, Group};
+use hdf5::{File, Group, LinkType};
 
 use super::error::StoreError;
 use super::listing::{Content, ElementType};
 use super::object::{Data, Dataset, TEXT_WIDTH};
 use super::write::TextCell;
 use crate::base::Digest;
+
+/// Groups inside each other.
+const DEEPEST: u32 = 16;
 
 /// What a file says about itself, without the elements of its datasets.
 pub struct Header {
@@ -31,6 +35,7 @@ pub struct Header {
 pub fn header(path: &Path) -> Result<Header, StoreError> {
     let file = open(path)?;
     let failed = StoreError::hdf5("read", path);
+    check(path, &file)?;
     let attributes = attributes(&file).map_err(&failed)?;
     let names = file.member_names().map_err(&failed)?;
     if names.iter().any(|name| name == "parts") {
@@ -86,6 +91,63 @@ pub fn provenance(path: &Path) -> Result<BTreeMap<String, String>, StoreError> {
 
 fn open(path: &Path) -> Result<File, StoreError> {
     File::open(path).map_err(StoreError::hdf5("open", path))
+}
+
+/// Refuses what this program never writes and what could hold a reader up: links to elsewhere, groups without end, and
+/// elements that are not in the file. The seal does not say who wrote it.
+fn check(path: &Path, file: &File) -> Result<(), StoreError> {
+    let length = std::fs::metadata(path).map_err(StoreError::io("read", path))?.len();
+    let refused = match check_group(file, length, 0, file.link_exists("parts")) {
+        Ok(found) => found,
+        Err(error) => return Err(StoreError::hdf5("read", path)(error)),
+    };
+    refused.map_or(Ok(()), |reason| Err(StoreError::damaged(path, reason)))
+}
+
+/// Why a group is refused, if it is.
+fn check_group(group: &Group, length: u64, depth: u32, manifest: bool) -> hdf5::Result<Option<String>> {
+    if depth > DEEPEST {
+        return Ok(Some(format!("its groups are nested more than {DEEPEST} deep")));
+    }
+    let mut names = Vec::new();
+    let mut elsewhere = None;
+    group.iter_visit_default(|name, link| {
+        match link.link_type {
+            LinkType::Hard => names.push(name.to_owned()),
+            LinkType::Soft | LinkType::External => elsewhere = Some(format!("`{name}` is a link to another place")),
+        }
+        Ok(())
+    })?;
+    if elsewhere.is_some() {
+        return Ok(elsewhere);
+    }
+    for name in names {
+        let refused = match group.dataset(&name) {
+            Ok(dataset) => check_elements(&dataset, &name, length, manifest)?,
+            Err(_) => check_group(&group.group(&name)?, length, depth + 1, manifest)?,
+        };
+        if refused.is_some() {
+            return Ok(refused);
+        }
+    }
+    Ok(None)
+}
+
+/// The virtual datasets of a manifest are never read here.
+fn check_elements(dataset: &hdf5::Dataset, name: &str, length: u64, manifest: bool) -> hdf5::Result<Option<String>> {
+    if manifest && name != "parts" && dataset.layout() == Layout::Virtual {
+        return Ok(None);
+    }
+    let size = dataset.dtype()?.size() as u64;
+    let bytes = dataset
+        .get_shape()?
+        .iter()
+        .fold(size, |bytes, &n| bytes.saturating_mul(n as u64));
+    let inside = matches!(dataset.layout(), Layout::Contiguous | Layout::Compact) && bytes <= length;
+    if bytes > 0 && (!inside || !dataset.create_plist()?.get_external()?.is_empty()) {
+        return Ok(Some(format!("the elements of `{name}` are not in the file")));
+    }
+    Ok(None)
 }
 
 fn list(group: &Group, prefix: &str, contents: &mut Vec<Content>) -> hdf5::Result<()> {

@@ -37,11 +37,14 @@ pub fn write(path: &Path, object: &Object, parts: &[Part], provenance: &Provenan
     for (name, value) in &object.attributes {
         attribute(&file, name, value)?;
     }
+    // Small arrays wait in a buffer of their dataset. Closing it writes them and keeps a failure to itself, so that on a
+    // full disk zeros would be sealed in their place: all stay open until the file has been flushed.
+    let mut open = Vec::with_capacity(object.datasets.len());
     for (name, dataset) in &object.datasets {
-        write_dataset(&file, name, dataset)?;
+        open.push(write_dataset(&file, name, dataset)?);
     }
     if !object.parts.is_empty() {
-        write_dataset(&file, "parts", &digests(&object.parts))?;
+        open.push(write_dataset(&file, "parts", &digests(&object.parts))?);
         for content in parts.first().map_or(&[][..], |part| part.contents.as_slice()) {
             write_virtual(&file, content, parts)?;
         }
@@ -53,6 +56,7 @@ pub fn write(path: &Path, object: &Object, parts: &[Part], provenance: &Provenan
     drop(group);
     // Closing alone would hide a full disk: the library reports it on flushing.
     file.flush()?;
+    drop(open);
     file.close()
 }
 
@@ -74,7 +78,7 @@ fn describe(dataset: &hdf5::Dataset, units: &str, description: &str) -> hdf5::Re
     attribute(dataset, "description", description)
 }
 
-fn write_dataset(group: &Group, name: &str, dataset: &Dataset) -> hdf5::Result<()> {
+fn write_dataset(group: &Group, name: &str, dataset: &Dataset) -> hdf5::Result<hdf5::Dataset> {
     match &dataset.data {
         Data::U8(v) => write_elements(group, name, dataset, v),
         Data::U32(v) => write_elements(group, name, dataset, v),
@@ -90,12 +94,18 @@ fn write_dataset(group: &Group, name: &str, dataset: &Dataset) -> hdf5::Result<(
     }
 }
 
-fn write_elements<T: H5Type>(group: &Group, name: &str, dataset: &Dataset, elements: &[T]) -> hdf5::Result<()> {
+fn write_elements<T: H5Type>(
+    group: &Group,
+    name: &str,
+    dataset: &Dataset,
+    elements: &[T],
+) -> hdf5::Result<hdf5::Dataset> {
     let written = group.new_dataset::<T>().shape(dataset.shape.clone()).create(name)?;
     if !elements.is_empty() {
         written.write_raw(elements)?;
     }
-    describe(&written, &dataset.units, &dataset.description)
+    describe(&written, &dataset.units, &dataset.description)?;
+    Ok(written)
 }
 
 fn write_virtual(group: &Group, content: &Content, parts: &[Part]) -> hdf5::Result<()> {

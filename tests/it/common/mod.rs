@@ -1,5 +1,7 @@
 //! A hermetic place to run the real binary in: its own folder, its own store, no inherited settings.
 
+pub mod bounded;
+
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -28,6 +30,22 @@ stages:
   accuracy:  { kind: accuracy, needs: [reference], methods: [{ method: linear, elements_per_cell: 1 }, { elements_per_cell: 1 }] }
 ";
 
+/// A pipeline that takes a fraction of a second: three samples of chunks, a manifest, a whole artifact with a figure.
+pub const SMALL: &str = "\
+version: 1
+name: small
+scene:
+  geometry: { side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50 }
+  material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
+  drive: { voltage: 5.25 kV }
+  effects: {}
+stages:
+  small:    { kind: sample, family: small-grid, count: 4, seed: 1 }
+  large:    { kind: sample, family: large-grid, units: [2], count_per_units: 2, seed: 2 }
+  solved:   { kind: solve, needs: [small, large], elements_per_cell: 1 }
+  balanced: { kind: balance, needs: [solved], bins: 5, range: [0 mm, 2.5 mm], target: 4, symmetry: d4, seed: 4 }
+";
+
 /// A folder that is removed at the end.
 pub struct Workspace {
     folder: tempfile::TempDir,
@@ -51,6 +69,13 @@ impl Workspace {
     pub fn tiny() -> Self {
         let workspace = Self::new();
         workspace.write("tiny.yaml", TINY);
+        workspace
+    }
+
+    /// With `small.yaml` in it.
+    pub fn small() -> Self {
+        let workspace = Self::new();
+        workspace.write("small.yaml", SMALL);
         workspace
     }
 

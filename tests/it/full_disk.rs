@@ -1,0 +1,99 @@
+//! A disk that fills up: the run says so and where, nothing half-written is taken for a result, and once there is space the
+//! next run goes on.
+//!
+//! The store is a small file system in memory where the system lets its users mount one; elsewhere the size of every file
+//! is limited, which refuses the same writes with another word.
+
+use super::common::bounded::await_end;
+use super::common::{Ended, Stages, Workspace};
+
+/// $0 is the binary, $1 the space in KiB. Exit code 99: the store cannot be made.
+const MOUNTED: &str = r#"
+mount -t tmpfs -o "size=$1k" none store || exit 99
+"$0" run small.yaml --json >first 2>first.err; echo $? >first.code
+mount -o remount,size=64m store || exit 99
+"$0" run small.yaml --json >second 2>second.err; echo $? >second.code
+"$0" fsck >third 2>third.err; echo $? >third.code
+find store -name '.tmp*' >left
+"#;
+
+/// The same with files of at most $1 KiB.
+const LIMITED: &str = r#"
+(trap '' XFSZ; ulimit -f $(($1 * 2)); "$0" run small.yaml --json >first 2>first.err; echo $? >first.code)
+"$0" run small.yaml --json >second 2>second.err; echo $? >second.code
+"$0" fsck >third 2>third.err; echo $? >third.code
+find store -name '.tmp*' >left
+"#;
+
+fn script<'a>(workspace: &Workspace, prefix: &[&'a str], text: &'a str, space: u32) -> Ended {
+    let binary = workspace.command(&[]).get_program().to_owned();
+    let words: Vec<&str> = [prefix, &["sh", "-c", text]].concat();
+    let mut command = workspace.dressed(words[0]);
+    await_end(command.args(&words[1..]).arg(binary).arg(space.to_string()))
+}
+
+/// How to get a mount of one's own: as an ordinary user in a namespace, or as root.
+pub fn namespace() -> Option<&'static [&'static str]> {
+    let workspace = Workspace::new();
+    let ways: [&[&str]; 2] = [&["unshare", "-rm"], &["unshare", "-m"]];
+    ways.into_iter().find(|way| {
+        let mut command = workspace.dressed(way[0]);
+        command
+            .args(&way[1..])
+            .args(["sh", "-c", "mount -t tmpfs none . && mount --bind / /mnt"]);
+        command.output().is_ok_and(|output| output.status.success())
+    })
+}
+
+fn read(workspace: &Workspace, step: &str) -> Ended {
+    let text = |name: String| std::fs::read_to_string(workspace.path(&name)).unwrap();
+    Ended {
+        code: text(format!("{step}.code")).trim().parse().ok(),
+        stdout: text(step.into()),
+        stderr: text(format!("{step}.err")),
+    }
+}
+
+#[test]
+fn a_full_disk_is_named_and_loses_nothing() {
+    let calm = Workspace::small();
+    let wanted = calm.stages(&["run", "small.yaml"]);
+    let way = namespace();
+    let (prefix, text, said): (&[&str], _, _) = match way {
+        Some(way) => (way, MOUNTED, "No space left on device"),
+        None => (&[], LIMITED, "File too large"),
+    };
+    let mut refused = 0;
+    for space in [
+        4, 12, 16, 20, 24, 32, 48, 64, 80, 120, 180, 260, 330, 360, 400, 440, 480, 520, 560, 640,
+    ] {
+        let workspace = Workspace::small();
+        std::fs::create_dir(workspace.path("store")).unwrap();
+        let ended = script(&workspace, prefix, text, space);
+        assert_eq!(ended.code, Some(0), "{space} KiB: {}", ended.stderr);
+        let [first, second, fsck] = ["first", "second", "third"].map(|step| read(&workspace, step));
+        assert!(
+            matches!(first.code, Some(0 | 1)),
+            "{space} KiB: {:?} {}",
+            first.code,
+            first.stderr
+        );
+        if first.code == Some(1) {
+            refused += 1;
+            let last = first.stderr.lines().last().unwrap_or_default();
+            assert!(
+                last.contains(said) && last.contains("store/"),
+                "{space} KiB: {}",
+                first.stderr
+            );
+            let message = first.json()["error"]["message"].as_str().unwrap().to_owned();
+            assert!(message.contains(said), "{space} KiB: {message}");
+        }
+        assert_eq!(second.code, Some(0), "{space} KiB: {}", second.stderr);
+        assert_eq!(Stages::read(&second.json()).digests(), wanted.digests(), "{space} KiB");
+        assert_eq!(fsck.code, Some(0), "{space} KiB: {}", fsck.stdout);
+        let left = std::fs::read_to_string(workspace.path("left")).unwrap();
+        assert_eq!(left, "", "{space} KiB: temporary files stay");
+    }
+    assert!(refused > 3, "the disk was full in {refused} runs");
+}
