@@ -4,11 +4,11 @@ use rayon::prelude::*;
 
 use super::arrays;
 use crate::base::{Canonical, Dimension, Fields, InputError, Node, Quantity, Schema};
-use crate::dataset::{BalanceOptions, Balanced, Bins, Candidate, Histogram, SymmetryGroup, balance};
-use crate::field::Field;
+use crate::dataset::{BalanceOptions, Balanced, Bins, Candidate, Histogram, Row, SymmetryGroup, balance};
+use crate::field::{CORNERS, Field};
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::pattern::Pattern;
-use crate::store::{Data, Dataset, Object};
+use crate::store::{Artifact, Data, Dataset, Object};
 
 /// The kind `balance`.
 pub struct BalanceKind;
@@ -91,11 +91,11 @@ struct BalanceStage {
     symmetry: &'static str,
 }
 
-/// The samples with a field of all inputs, end to end.
+/// The samples with a field of all inputs, end to end, without the fields.
 #[derive(Default)]
 struct Solved {
     patterns: Vec<Pattern>,
-    fields: Vec<Field>,
+    fields: usize,
     family: Vec<String>,
     max_displacement: Vec<f64>,
     unstable: u64,
@@ -120,12 +120,17 @@ impl Stage for BalanceStage {
         let mut solved = Solved::default();
         for input in job.inputs {
             solved.patterns.extend(arrays::read_patterns(input, "patterns")?);
-            solved.fields.extend(arrays::read_fields(input, "displacement")?);
+            solved.fields += input
+                .content("displacement")?
+                .shape
+                .first()
+                .copied()
+                .unwrap_or_default();
             solved.family.extend(input.texts("family")?.1);
             solved.max_displacement.extend(input.f64s("max_displacement")?.1);
             solved.unstable += input.texts("unstable/outcome")?.1.len() as u64;
         }
-        let lengths = [solved.fields.len(), solved.family.len(), solved.max_displacement.len()];
+        let lengths = [solved.fields, solved.family.len(), solved.max_displacement.len()];
         if lengths != [solved.patterns.len(); 3] {
             return Err(StageError::Input(
                 "the arrays of the solved samples differ in length".to_owned(),
@@ -155,22 +160,52 @@ impl Stage for BalanceStage {
             )));
         }
         job.progress.advance(1);
-        Ok(describe(&solved, &balanced).attribute("scene", super::scene_attribute(job.inputs)?))
+        let fields = fields(job.inputs, &balanced.rows)?;
+        Ok(describe(&solved, &balanced, fields).attribute("scene", super::scene_attribute(job.inputs)?))
     }
 }
 
-fn describe(solved: &Solved, balanced: &Balanced) -> Object {
+/// The fields of rows in the order of their sources, `[row][y][x][component]`. They are read chunk by chunk: those of all
+/// samples together are larger than all else that a run holds in memory.
+fn fields(inputs: &[Artifact], rows: &[Row]) -> Result<Vec<f64>, StageError> {
+    let mut values = Vec::with_capacity(rows.len() * CORNERS * CORNERS * 2);
+    let (mut rest, mut first) = (rows, 0);
+    for input in inputs {
+        let chunks = if input.is_manifest() {
+            input.chunks()?
+        } else {
+            std::slice::from_ref(input)
+        };
+        for chunk in chunks {
+            let count = chunk
+                .content("displacement")?
+                .shape
+                .first()
+                .copied()
+                .unwrap_or_default();
+            let (here, after) = rest.split_at(rest.partition_point(|row| row.source < first + count));
+            if !here.is_empty() {
+                let fields = arrays::read_fields(chunk, "displacement")?;
+                let images: Vec<Field> = here
+                    .par_iter()
+                    .map(|row| row.field(&fields[row.source - first]))
+                    .collect();
+                values.extend(images.iter().flat_map(Field::values));
+            }
+            (rest, first) = (after, first + count);
+        }
+    }
+    Ok(values)
+}
+
+fn describe(solved: &Solved, balanced: &Balanced, fields: Vec<f64>) -> Object {
     let rows = &balanced.rows;
     let patterns: Vec<Pattern> = rows
         .par_iter()
         .map(|row| row.pattern(&solved.patterns[row.source]))
         .collect();
-    let fields: Vec<Field> = rows
-        .par_iter()
-        .map(|row| row.field(&solved.fields[row.source]))
-        .collect();
     let orbits: Vec<String> = rows.iter().map(|row| row.orbit.to_string()).collect();
-    let wholes = |description, value: fn(&crate::dataset::Row) -> usize| {
+    let wholes = |description, value: fn(&Row) -> usize| {
         arrays::wholes("1", description, rows.iter().map(|row| value(row) as u64).collect())
     };
     let peaks = rows.iter().map(|row| solved.max_displacement[row.source]).collect();
@@ -184,7 +219,12 @@ fn describe(solved: &Solved, balanced: &Balanced) -> Object {
         )
         .with(
             "displacement",
-            arrays::fields("displacement at the cell corners [row][y][x][component]", fields.iter()),
+            Dataset::new(
+                "mm",
+                "displacement at the cell corners [row][y][x][component]",
+                &[rows.len(), CORNERS, CORNERS, 2],
+                Data::F64(fields),
+            ),
         )
         .with(
             "family",
