@@ -62,8 +62,12 @@ impl Bezier {
     /// Sample `index` under a seed.
     #[must_use]
     pub fn sample(&self, seed: u64, index: u64) -> Pattern {
-        let mut stream = Stream::new(seed, "bezier", index);
-        let curve = drawn_curve(self.ends, &mut stream);
+        self.drawn(&mut Stream::new(seed, "bezier", index))
+    }
+
+    /// The pattern that a stream draws next.
+    pub(super) fn drawn(&self, stream: &mut Stream) -> Pattern {
+        let curve = drawn_curve(self.ends, stream);
         let mut active = curve.left_side();
         if let Some(count) = self.active {
             active = shifted_to(count, &curve, &active);

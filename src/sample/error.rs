@@ -14,6 +14,14 @@ pub enum SampleError {
         /// The fraction as given.
         found: f64,
     },
+    /// Area fractions that are not in order.
+    #[error("a range of area fractions goes from the smaller to the larger, found {low} to {high}")]
+    AreaRange {
+        /// The lower end as given.
+        low: f64,
+        /// The upper end as given.
+        high: f64,
+    },
     /// More units than cells, or none.
     #[error("a large grid has 1 to {CELLS} units across the membrane, found {found}")]
     Units {

@@ -1,5 +1,6 @@
 //! One face for all families, so that whoever draws samples need not know which family they come from.
 
+use super::area_sweep::AreaSweep;
 use super::bezier::Bezier;
 use super::error::SampleError;
 use super::large_grid::LargeGrid;
@@ -7,7 +8,7 @@ use super::small_grid::SmallGrid;
 use crate::pattern::Pattern;
 
 /// A family of electrode patterns with its parameters.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Family {
     /// Every cell for itself.
     SmallGrid(SmallGrid),
@@ -15,6 +16,8 @@ pub enum Family {
     LargeGrid(LargeGrid),
     /// One side of a Bézier curve.
     Bezier(Bezier),
+    /// Several forms at drawn area fractions.
+    AreaSweep(AreaSweep),
 }
 
 impl Family {
@@ -25,6 +28,7 @@ impl Family {
             Self::SmallGrid(_) => "small-grid",
             Self::LargeGrid(_) => "large-grid",
             Self::Bezier(_) => "bezier",
+            Self::AreaSweep(_) => "area-sweep",
         }
     }
 
@@ -33,7 +37,7 @@ impl Family {
     pub fn available(&self) -> Option<u64> {
         match self {
             Self::LargeGrid(family) => family.available(),
-            Self::SmallGrid(_) | Self::Bezier(_) => None,
+            Self::SmallGrid(_) | Self::Bezier(_) | Self::AreaSweep(_) => None,
         }
     }
 
@@ -46,6 +50,7 @@ impl Family {
             Self::SmallGrid(family) => Ok(family.sample(seed, index)),
             Self::LargeGrid(family) => family.sample(seed, index),
             Self::Bezier(family) => Ok(family.sample(seed, index)),
+            Self::AreaSweep(family) => family.sample(seed, index),
         }
     }
 }

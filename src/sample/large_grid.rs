@@ -57,8 +57,7 @@ impl LargeGrid {
             }
             _ => self.drawn(&mut Stream::new(seed, &purpose, index)),
         };
-        let unit = |cell: usize| cell * self.units / CELLS;
-        Ok(Pattern::from_fn(|x, y| on[unit(y) * self.units + unit(x)]))
+        Ok(pattern_of_units(self.units, &on))
     }
 
     fn total(&self) -> usize {
@@ -80,6 +79,12 @@ impl LargeGrid {
         }
         on
     }
+}
+
+/// The pattern of N × N units, each on or off as `[y][x]` says.
+pub(super) fn pattern_of_units(units: usize, on: &[bool]) -> Pattern {
+    let unit = |cell: usize| cell * units / CELLS;
+    Pattern::from_fn(|x, y| on[unit(y) * units + unit(x)])
 }
 
 #[cfg(test)]

@@ -27,8 +27,13 @@ impl SmallGrid {
     /// Sample `index` under a seed.
     #[must_use]
     pub fn sample(&self, seed: u64, index: u64) -> Pattern {
+        self.drawn(&mut Stream::new(seed, "small-grid", index))
+    }
+
+    /// The pattern that a stream draws next.
+    pub(super) fn drawn(&self, stream: &mut Stream) -> Pattern {
         let mut active = vec![false; CELLS * CELLS];
-        for cell in Stream::new(seed, "small-grid", index).choose(CELLS * CELLS, self.active) {
+        for cell in stream.choose(CELLS * CELLS, self.active) {
             active[cell] = true;
         }
         Pattern::from_fn(|x, y| active[y * CELLS + x])

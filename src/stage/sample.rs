@@ -8,7 +8,7 @@ use super::arrays;
 use crate::base::{Canonical, Decimal, Dimension, Fields, InputError, Node, Schema};
 use crate::orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::pattern::{CELLS, Pattern};
-use crate::sample::{Bezier, Ends, Family, LargeGrid, SampleError, SmallGrid};
+use crate::sample::{AreaSweep, Bezier, Ends, Family, LargeGrid, SampleError, SmallGrid};
 use crate::store::Object;
 
 /// Samples in a chunk: small enough that a killed run loses seconds, large enough that a file is worth opening.
@@ -56,6 +56,10 @@ impl Kind for SampleKind {
         let units = Schema::list(Schema::whole(2, CELLS as u64), 1, usize::MAX).distinct();
         let per_units =
             Schema::whole(1, MAX_COUNT).says("Patterns of each number of units; all where there are fewer.");
+        let fractions = Schema::list(Schema::number(0.0, 1.0), 2, 2);
+        let fractions = fractions
+            .says("Area fractions to draw from, smallest and largest.")
+            .default(vec![0.05, 0.95]);
         let ends = Schema::word(&["opposite", "any"]).says("Where on the frame a curve may end.");
         vec![
             family("small-grid", "Patterns of which every cell stands for itself.")
@@ -71,6 +75,13 @@ impl Kind for SampleKind {
                 .optional("area", area().says("Unless it is given, what the curve leaves."))
                 .optional("ends", ends.default("opposite"))
                 .required("seed", super::seed()),
+            family(
+                "area-sweep",
+                "Cells, grids of units and curves at drawn area fractions.",
+            )
+            .required("count", count())
+            .optional("area", fractions)
+            .required("seed", super::seed()),
         ]
     }
 
@@ -80,10 +91,11 @@ impl Kind for SampleKind {
         let map = stage.fields(what, &KEYS)?;
         let family = map
             .required(what, "family")?
-            .word("family", &["small-grid", "large-grid", "bezier"])?;
+            .word("family", &["small-grid", "large-grid", "bezier", "area-sweep"])?;
         let groups = match family {
             "large-grid" => read_large_grid(stage)?,
             "bezier" => read_bezier(stage)?,
+            "area-sweep" => read_area_sweep(stage)?,
             _ => read_small_grid(stage)?,
         };
         let seed = map.required(what, "seed")?.whole("seed", 0, i64::MAX as u64)?;
@@ -150,6 +162,26 @@ fn read_bezier(stage: &Node) -> Result<Vec<Group>, InputError> {
     }])
 }
 
+fn read_area_sweep(stage: &Node) -> Result<Vec<Group>, InputError> {
+    let what = "an area-sweep sample";
+    let map = stage.fields(what, &["kind", "family", "count", "area", "seed"])?;
+    let range = match map.optional("area") {
+        Some(node) => match node.list("area")? {
+            [low, high] => [read_area(low)?, read_area(high)?],
+            _ => return Err(node.error("`area` must have two ends").help("for example [0.05, 0.95]")),
+        },
+        None => [5, 95].map(|percent| Decimal::from(percent).scaled(-2)),
+    };
+    let [low, high] = range.map(Decimal::to_f64);
+    let family = AreaSweep::new(low, high).map_err(refused(map.optional("area").unwrap_or(stage)))?;
+    let count = map.required(what, "count")?.whole("count", 1, MAX_COUNT)?;
+    Ok(vec![Group {
+        family: Family::AreaSweep(family),
+        parameters: vec![("area", range.into_iter().collect())],
+        count,
+    }])
+}
+
 fn read_large_grid(stage: &Node) -> Result<Vec<Group>, InputError> {
     let what = "a large-grid sample";
     let map = stage.fields(what, &["kind", "family", "units", "count_per_units", "seed"])?;
@@ -201,7 +233,7 @@ impl Group {
     fn units(&self) -> u64 {
         match &self.family {
             Family::LargeGrid(grid) => grid.units() as u64,
-            Family::SmallGrid(_) | Family::Bezier(_) => 0,
+            Family::SmallGrid(_) | Family::Bezier(_) | Family::AreaSweep(_) => 0,
         }
     }
 }

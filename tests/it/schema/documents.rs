@@ -69,6 +69,7 @@ stages:
   small: { kind: sample, family: small-grid, count: 2, area: 0.5, seed: 1 }
   large: { kind: sample, family: large-grid, units: [4, 5], count_per_units: 2, seed: 2 }
   bezier: { kind: sample, family: bezier, count: 2, area: 0.5, ends: any, seed: 3 }
+  sweep: { kind: sample, family: area-sweep, count: 2, area: [0.05, 0.95], seed: 4 }
   solved: { kind: solve, needs: [small, large, bezier], method: newton, elements_per_cell: 2, order: 1, tolerance: 1e-6 }
   refined: { kind: solve, needs: [small], accuracy: 0.01 mm }
   guessed: { kind: solve, needs: [small], method: chord:2, order: 2 }
