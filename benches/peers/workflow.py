@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Times workflow managers beside deaflow in one run: benches/peers/workflow.py [--large]
+"""Times workflow managers beside deaflow in one run: benches/peers/workflow.py [--large] [--deaflow PROGRAM]
 
 DVC and Snakemake come from PyPI into a virtual environment under target/. Each tool gets the same pipelines: 7 stages, and
 1000 chunks gathered in one result; --large adds 10,000 chunks for deaflow alone. deaflow draws 50 patterns in each chunk;
@@ -16,12 +16,12 @@ import subprocess
 import sys
 import tempfile
 import time
+from functools import partial
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 WORK = ROOT / "target" / "workflow-peers"
 BIN = WORK / "venv" / "bin"
-DEAFLOW = ROOT / "target" / "release" / "deaflow"
 SIZE = 140_000  # bytes of a chunk of 50 patterns
 PATIENCE = 60.0  # s: after so long no more reruns are timed
 
@@ -90,13 +90,13 @@ def snakemake(folder, stages, chunks):
     return ["snakemake", "-q", "all", "-j", "2"]
 
 
-def deaflow(folder, stages, chunks):
+def deaflow(program, folder, stages, chunks):
     lines = ["version: 1", "name: toy", "stages:"]
     for i in range(stages or 1):
         count = 50 if stages else 50 * chunks
         lines.append(f"  s{i}: {{ kind: sample, family: small-grid, count: {count}, seed: {i} }}")
     (folder / "toy.yaml").write_text("\n".join(lines) + "\n")
-    return [str(DEAFLOW), "run", "toy.yaml", "--jobs", "2"]
+    return [str(program), "run", "toy.yaml", "--jobs", "2"]
 
 
 def measure(make, stages, chunks):
@@ -128,10 +128,15 @@ def commands_alone(n):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--large", action="store_true", help="10,000 chunks too, deaflow alone (1.5 GB, some minutes)")
-    large = parser.parse_args().large
+    parser.add_argument("--deaflow", type=Path, help="a program, instead of building one")
+    given = parser.parse_args()
+    large, program = given.large, given.deaflow
     WORK.mkdir(parents=True, exist_ok=True)
-    subprocess.run(["cargo", "build", "-q", "--release"], cwd=ROOT, check=True)
-    tools = [("deaflow", deaflow)]
+    if program is None:
+        subprocess.run(["cargo", "build", "-q", "--release"], cwd=ROOT, check=True)
+        program = ROOT / "target" / "release" / "deaflow"
+    ours_first = partial(deaflow, program.resolve())
+    tools = [("deaflow", ours_first)]
     if install():
         tools += [(f"Snakemake {version('snakemake')}", snakemake), (f"DVC {version('dvc')}", dvc)]
     print("| pipeline | tool | no-op s | times ours | overhead ms a chunk | times ours |")
@@ -142,7 +147,7 @@ def main():
         ours = None
         for name, make in tools if n <= 1000 else tools[:1]:
             built, again, reruns = measure(make, stages, chunks)
-            alone = 0.0 if make is deaflow else commands_alone(n)
+            alone = 0.0 if make is ours_first else commands_alone(n)
             overhead = 1e3 * (built - alone) / n
             ours = ours or (again, overhead)
             few = "" if reruns == 5 else f" (best of {reruns})"
