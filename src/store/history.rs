@@ -67,10 +67,9 @@ impl Store {
     /// # Errors
     /// When the system refuses.
     pub fn put_run(&self, run: &Run) -> Result<(), StoreError> {
-        if let Some(last) = self.run_files()?.first() {
-            if read(last)?.is_some_and(|last| last.says_the_same(run)) {
-                return Ok(());
-            }
+        let last = self.run_files()?.first().map(|path| read(path)).transpose()?;
+        if last.flatten().is_some_and(|last| last.says_the_same(run)) {
+            return Ok(());
         }
         let text = serde_json::to_vec_pretty(run).map_err(|error| StoreError::Json(error.to_string()))?;
         let name = after_newest(run, &self.run_files()?);

@@ -105,12 +105,10 @@ impl Verified {
     /// # Errors
     /// When it is missing, damaged, or another artifact.
     pub fn glance(&self, path: &Path, digest: &Digest) -> Result<Seal, StoreError> {
-        if let Some(entry) = self.indexed.get(digest) {
-            if stamp(path, digest)? == entry.stamp {
-                return Ok(entry.seal(*digest));
-            }
+        match self.indexed(path, digest)? {
+            Some(entry) => Ok(entry.seal(*digest)),
+            None => self.verify(path, digest),
         }
-        self.verify(path, digest)
     }
 
     /// What stands in an artifact, whose file is opened only where neither this process nor the index knows.
@@ -118,10 +116,9 @@ impl Verified {
     /// # Errors
     /// When it is missing, damaged, or another artifact.
     pub fn outline(&self, path: &Path, digest: &Digest) -> Result<Outline, StoreError> {
-        if let Some((entry, outline)) = self.indexed.get(digest).and_then(|e| Some((e, e.outline.as_ref()?))) {
-            if stamp(path, digest)? == entry.stamp {
-                return Ok(outline.clone());
-            }
+        let indexed = self.indexed(path, digest)?;
+        if let Some(outline) = indexed.and_then(|entry| entry.outline.clone()) {
+            return Ok(outline);
         }
         self.verify(path, digest)?;
         if let Some(outline) = self.lock().known.get(digest).and_then(|known| known.outline.clone()) {
@@ -242,6 +239,14 @@ impl Verified {
                 entries.insert(*digest, entry);
             }
         }
+    }
+
+    /// What the index says of a file, if its stamp is the one that the index knows.
+    fn indexed(&self, path: &Path, digest: &Digest) -> Result<Option<&Entry>, StoreError> {
+        let Some(entry) = self.indexed.get(digest) else {
+            return Ok(None);
+        };
+        Ok((stamp(path, digest)? == entry.stamp).then_some(entry))
     }
 
     /// What this process knows of a file with this stamp. One that it has digested within a tick of its last change may

@@ -7,7 +7,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use hdf5::types::{FixedUnicode, VarLenUnicode};
-use hdf5::{Extents, Group, H5Type, Hyperslab, Selection, SliceOrIndex};
+use hdf5::{Extents, Group, H5Type, Hyperslab, SliceOrIndex};
 
 use super::listing::{Content, ElementType};
 use super::object::{Data, Dataset, Object, TEXT_WIDTH};
@@ -138,8 +138,7 @@ fn write_virtual_of<T: H5Type>(group: &Group, first: &Content, parts: &[Part]) -
                 source(digest),
                 &first.path,
                 Extents::from(shape.to_vec()),
-                // A hyperslab of the whole would cost the library kilobytes of memory for each chunk.
-                Selection::All,
+                slab(0, shape),
                 Extents::from(whole.clone()),
                 slab(start, shape),
             );
