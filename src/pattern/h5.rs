@@ -150,11 +150,21 @@ pub(super) fn advice(path: &Path) -> String {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use std::fs;
 
     use super::super::read::tests::{Folder, cells, wanted};
     use super::*;
+
+    /// The bytes of a file that holds the wanted pattern as `/p`.
+    pub fn sound(folder: &Folder) -> Vec<u8> {
+        let path = folder.path("sound.h5");
+        h5(&path, |file| {
+            let dataset = file.new_dataset::<u8>().shape([50, 50]).create("p").unwrap();
+            dataset.write_raw(wanted().cells()).unwrap();
+        });
+        fs::read(path).unwrap()
+    }
 
     fn h5(path: &Path, write: impl Fn(&hdf5::File)) {
         write(&hdf5::File::create(path).unwrap());

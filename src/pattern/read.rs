@@ -152,4 +152,6 @@ fn number(value: f64) -> String {
 }
 
 #[cfg(test)]
+mod fuzz;
+#[cfg(test)]
 pub(super) mod tests;

@@ -48,4 +48,6 @@ pub use row_file::RowFile;
 pub use survey::Survey;
 
 #[cfg(test)]
+mod fuzz;
+#[cfg(test)]
 mod tests;

@@ -93,10 +93,6 @@ fn how_a_pipeline_is_written_does_not_matter() {
                 .replace("count: 4", "count: 4, area: 0.5"),
         ),
         (
-            "an unused scene field",
-            SMALL.replace("effects: {}", "effects: {}\n  properties: { density: 960 kg/m3 }"),
-        ),
-        (
             "an anchor",
             SMALL
                 .replace("count: 4", "count: &n 4")
@@ -161,7 +157,7 @@ fn every_parameter_makes_its_own_stage_and_what_needs_it_stale() {
         ("stages.surrogate.batch=16", from("surrogate")),
         ("stages.surrogate.learning_rate=0.0003", from("surrogate")),
         ("stages.surrogate.max_weight=0.2", from("surrogate")),
-        ("stages.surrogate.auxiliary_weight=0.2", from("surrogate")),
+        ("stages.surrogate.auxiliary_weight=0.35", from("surrogate")),
         ("stages.surrogate.seed=15", from("surrogate")),
         ("stages.design.objective.point=[25 mm, 26 mm]", from("design")),
         ("stages.design.objective.direction=10 deg", from("design")),

@@ -53,7 +53,7 @@ impl InputError {
 }
 
 /// What is longer than a person reads loses its middle: a message may quote what was found, whatever its length.
-fn clipped(text: String) -> String {
+pub(super) fn clipped(text: String) -> String {
     let length = text.chars().count();
     if length <= LONGEST {
         return text;

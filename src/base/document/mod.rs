@@ -17,4 +17,6 @@ pub use parse::Document;
 pub use read::Map;
 
 #[cfg(test)]
+mod fuzz;
+#[cfg(test)]
 mod tests;

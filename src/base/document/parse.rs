@@ -7,7 +7,7 @@ use std::sync::Arc;
 use serde::de::{Deserialize, Deserializer, MapAccess, SeqAccess, Visitor};
 use serde_saphyr::{Location, Spanned, options::DuplicateKeyPolicy};
 
-use super::error::InputError;
+use super::error::{InputError, clipped};
 use super::node::{Node, NodeValue, Source};
 use crate::base::file::read_bounded;
 
@@ -60,7 +60,7 @@ impl Node {
     /// Parses one YAML document.
     pub(super) fn parse(name: &str, text: String) -> Result<Self, InputError> {
         let source = Arc::new(Source {
-            name: name.to_owned(),
+            name: clipped(name.to_owned()),
             text,
         });
         let options = serde_saphyr::options! {

@@ -97,3 +97,12 @@ fn numbers_have_defaults_and_bounds() {
     assert_eq!(map.number("c", 0.5, 0.0, 1.0).unwrap().to_string(), "0.5");
     assert!(map.number("b", 0.5, 0.0, 1.0).is_err());
 }
+
+#[test]
+fn long_words_and_messages_take_no_memory_and_no_screen() {
+    let long = "x".repeat(1 << 20);
+    assert_eq!(nearest(&long, &[&"y".repeat(1 << 20)]), None);
+    let error = parse("a: 1\n").error(format!("found {long}")).help(long);
+    assert!(error.message.starts_with("found xx") && error.message.contains(" … "));
+    assert!(error.message.len() < 3000 && error.help.unwrap().len() < 3000);
+}
