@@ -8,8 +8,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::figures::{
-    Case, Cost, Evolution, FamilyCosts, FigureError, Histogram, Membrane, Training, draw_accuracy, draw_agreement,
-    draw_audit, draw_evolution, draw_histogram, draw_membrane, draw_training,
+    Case, Cost, Evolution, FamilyCosts, FamilyDeformation, FigureError, Histogram, Membrane, Training, draw_accuracy,
+    draw_agreement, draw_audit, draw_deformation, draw_evolution, draw_histogram, draw_membrane, draw_training,
 };
 use crate::base::{Digest, Dimension, Document, InputError, Node};
 use crate::store::{Artifact, Store, StoreError};
@@ -96,6 +96,7 @@ pub fn draw_figures(store: &Store, pipeline: &str, made: &[Made]) -> Result<Vec<
 
 fn drawings(kind: &str) -> &'static [(&'static str, Drawing)] {
     match kind {
+        "solve" => &[("deformation", deformation)],
         "balance" => &[("histogram", histogram)],
         "train" => &[("training", training)],
         "design" => &[("evolution", evolution), ("best", best)],
@@ -192,12 +193,43 @@ impl Source<'_> {
     }
 }
 
+/// Where no sample has a field there is nothing to draw; the run says so.
+fn deformation(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
+    let names = source.artifact.texts("family")?.1;
+    let mut families: BTreeMap<String, Vec<f64>> = BTreeMap::new();
+    for (family, peak) in names.into_iter().zip(source.reals("max_displacement")?) {
+        families.entry(family).or_default().push(peak);
+    }
+    let families: Vec<FamilyDeformation> = families
+        .into_iter()
+        .map(|(family, peaks)| FamilyDeformation { family, peaks })
+        .collect();
+    if families.is_empty() {
+        return Ok(());
+    }
+    source.drawn(draw_deformation(path, &families))
+}
+
 fn histogram(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
+    let after = source.counts("histogram/after")?;
+    // Rows that are no images are samples as they were drawn.
+    let mut levelled = vec![0; after.len()];
+    let as_drawn = source.counts("symmetry")?.into_iter().map(|symmetry| symmetry == 0);
+    for (bin, _) in source
+        .counts("bin")?
+        .into_iter()
+        .zip(as_drawn)
+        .filter(|(_, drawn)| *drawn)
+    {
+        let count = usize::try_from(bin).ok().and_then(|bin| levelled.get_mut(bin));
+        *count.ok_or_else(|| source.wrong(format!("it has no bin {bin}")))? += 1;
+    }
     let data = Histogram {
         edges: source.reals("histogram/edges")?,
         before: source.counts("histogram/before")?,
         augmented: source.counts("histogram/augmented")?,
-        after: source.counts("histogram/after")?,
+        levelled,
+        after,
     };
     source.drawn(draw_histogram(path, &data))
 }

@@ -52,6 +52,16 @@ fn balanced() -> Object {
         ("histogram/before", counts(5)),
         ("histogram/augmented", counts(8)),
         ("histogram/after", counts(3)),
+        ("bin", Dataset::new("1", "d", &[3], Data::U64(vec![0, 1, 1]))),
+        ("symmetry", Dataset::new("1", "d", &[3], Data::U64(vec![0, 0, 4]))),
+    ])
+}
+
+fn solved(peaks: &[f64]) -> Object {
+    let families = vec!["bezier".to_owned(); peaks.len()];
+    object(vec![
+        ("family", Dataset::new("", "d", &[peaks.len()], Data::Text(families))),
+        ("max_displacement", reals("mm", peaks)),
     ])
 }
 
@@ -115,6 +125,8 @@ fn figures_are_drawn_once_and_named_by_their_artifact() {
     let bench = Bench::new();
     let made = [
         bench.made("small", "sample", &Object::default().with("x", reals("1", &[1.0]))),
+        bench.made("solved", "solve", &solved(&[1.7, 1.8])),
+        bench.made("fallen", "solve", &solved(&[])),
         bench.made("balanced", "balance", &balanced()),
         bench.made("a/../b", "train", &trained()),
         bench.made("design", "design", &designed()),
@@ -128,11 +140,12 @@ fn figures_are_drawn_once_and_named_by_their_artifact() {
         .collect();
     let digest = |k: usize| made[k].digest.to_string()[..8].to_owned();
     let expected = [
-        format!("balanced-{}-histogram.png", digest(1)),
-        format!("a----b-{}-training.png", digest(2)),
-        format!("design-{}-evolution.png", digest(3)),
-        format!("design-{}-best.png", digest(3)),
-        format!("verified-{}-verification.png", digest(4)),
+        format!("solved-{}-deformation.png", digest(1)),
+        format!("balanced-{}-histogram.png", digest(3)),
+        format!("a----b-{}-training.png", digest(4)),
+        format!("design-{}-evolution.png", digest(5)),
+        format!("design-{}-best.png", digest(5)),
+        format!("verified-{}-verification.png", digest(6)),
     ];
     assert_eq!(names, expected);
 

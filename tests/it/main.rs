@@ -5,6 +5,7 @@ mod audit;
 mod cli;
 mod collect;
 mod common;
+mod dataset;
 mod damage;
 mod full_disk;
 mod golden;

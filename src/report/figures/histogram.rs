@@ -16,14 +16,17 @@ pub struct Histogram {
     pub before: Vec<u64>,
     /// With the images, by rotation and mirror, that sparse bins are given.
     pub augmented: Vec<u64>,
-    /// After levelling: what the surrogate is trained on.
+    /// After levelling, without images: samples as they were drawn.
+    pub levelled: Vec<u64>,
+    /// After levelling, with images: what the surrogate is trained on.
     pub after: Vec<u64>,
 }
 
 impl Histogram {
     fn validate(&self) -> Result<(), FigureError> {
         let bins = self.before.len();
-        let matching = self.edges.len() == bins + 1 && self.augmented.len() == bins && self.after.len() == bins;
+        let counts = [&self.augmented, &self.levelled, &self.after];
+        let matching = self.edges.len() == bins + 1 && counts.iter().all(|counts| counts.len() == bins);
         let rising = self.edges.windows(2).all(|pair| pair[0] < pair[1]);
         if bins > 0 && matching && rising {
             return Ok(());
@@ -59,20 +62,20 @@ impl Histogram {
     }
 }
 
-/// Draws the histogram before and after balancing, side by side.
+/// Draws the histograms as solved, levelled, and levelled with images, side by side.
 ///
 /// # Errors
 /// When the counts do not fit the edges, or the file cannot be written.
 pub fn draw_histogram(path: &Path, data: &Histogram) -> Result<(), FigureError> {
     data.validate()?;
     let total = |counts: &[u64]| counts.iter().sum::<u64>();
-    draw(path, (1400, 620), |sheet| {
-        let halves = sheet.split_evenly((1, 2));
+    draw(path, (1800, 620), |sheet| {
+        let thirds = sheet.split_evenly((1, 3));
         let (x, y) = data.axes(&[&data.before, &data.augmented]);
         let title = format!("As solved: {} samples", total(&data.before));
         let images = palette::VERMILLION;
         let entries = [("solved", palette::SKY), ("with rotated and mirrored images", images)];
-        let mut left = panel(&halves[0], &title, &entries, &x, &y)?;
+        let mut left = panel(&thirds[0], &title, &entries, &x, &y)?;
         data.bars(&mut left, &data.before, palette::SKY)?;
         left.draw_series(LineSeries::new(
             data.outline(&data.augmented),
@@ -80,9 +83,15 @@ pub fn draw_histogram(path: &Path, data: &Histogram) -> Result<(), FigureError> 
         ))?;
 
         let (x, y) = data.axes(&[&data.after]);
-        let title = format!("Balanced: {} samples", total(&data.after));
-        let entries = [("for training, validation and test", palette::BLUE)];
-        let mut right = panel(&halves[1], &title, &entries, &x, &y)?;
-        data.bars(&mut right, &data.after, palette::BLUE)
+        let title = format!("Levelled: {} samples", total(&data.levelled));
+        let entries = [("as drawn", palette::BLUE)];
+        let mut middle = panel(&thirds[1], &title, &entries, &x, &y)?;
+        data.bars(&mut middle, &data.levelled, palette::BLUE)?;
+
+        let title = format!("Augmented and levelled: {} samples", total(&data.after));
+        let entries = [("as drawn", palette::BLUE), ("images", palette::ORANGE)];
+        let mut right = panel(&thirds[2], &title, &entries, &x, &y)?;
+        data.bars(&mut right, &data.after, palette::ORANGE)?;
+        data.bars(&mut right, &data.levelled, palette::BLUE)
     })
 }

@@ -25,6 +25,7 @@ fn histogram() -> Histogram {
     Histogram {
         edges: (0..=100).map(|k| 0.025 * k as f64).collect(),
         augmented: before.iter().map(|n| 8 * n).collect(),
+        levelled: before.iter().map(|n| (*n).min(10)).collect(),
         after: before.iter().map(|n| (8 * n).min(10)).collect(),
         before,
     }
@@ -97,7 +98,15 @@ fn costs() -> Vec<FamilyCosts> {
     vec![family("bezier"), family("small-grid")]
 }
 
-const NAMES: [&str; 7] = [
+fn deformations() -> Vec<FamilyDeformation> {
+    let family = |name: &str, middle: f64| FamilyDeformation {
+        family: name.into(),
+        peaks: (0..200).map(|k| middle + 0.1 * (k as f64).sin()).collect(),
+    };
+    vec![family("bezier", 1.8), family("small-grid", 0.25)]
+}
+
+const NAMES: [&str; 8] = [
     "histogram.png",
     "training.png",
     "evolution.png",
@@ -105,6 +114,7 @@ const NAMES: [&str; 7] = [
     "agreement.png",
     "paths.png",
     "accuracy.png",
+    "deformation.png",
 ];
 
 fn draw_all(folder: &Path) {
@@ -115,6 +125,7 @@ fn draw_all(folder: &Path) {
     draw_agreement(&folder.join(NAMES[4]), &cases()).unwrap();
     draw_paths(&folder.join(NAMES[5]), &branches(3)).unwrap();
     draw_accuracy(&folder.join(NAMES[6]), &costs()).unwrap();
+    draw_deformation(&folder.join(NAMES[7]), &deformations()).unwrap();
 }
 
 /// Width, height, RGB.
@@ -197,6 +208,13 @@ fn numbers_that_make_no_figure_are_refused_and_odd_ones_drawn() {
     assert!(matches!(draw_agreement(&path, &[]), Err(FigureError::Data(_))));
     let mut bad = membrane(1.0);
     bad.displacement[7] = f64::NAN;
+    let mut none = deformations();
+    none[1].peaks.clear();
+    let mut odd = deformations();
+    odd[0].peaks[3] = f64::NAN;
+    for bad in [&[][..], &none, &odd] {
+        assert!(matches!(draw_deformation(&path, bad), Err(FigureError::Data(_))));
+    }
     assert!(matches!(draw_accuracy(&path, &[]), Err(FigureError::Data(_))));
     assert!(matches!(draw_membrane(&path, "t", &bad), Err(FigureError::Data(_))));
     let mut bad = branches(2);
@@ -220,10 +238,14 @@ fn numbers_that_make_no_figure_are_refused_and_odd_ones_drawn() {
     let empty = Histogram {
         before: vec![0; 100],
         augmented: vec![0; 100],
+        levelled: vec![0; 100],
         after: vec![0; 100],
         ..histogram()
     };
     draw_histogram(&path, &empty).unwrap();
+    let mut far = deformations();
+    far[1].peaks = vec![17.3];
+    draw_deformation(&path, &far).unwrap();
     let mut negative = cases();
     negative[0].simulated = -1.5;
     draw_agreement(&path, &negative).unwrap();
