@@ -299,7 +299,7 @@ fn carry_out(
         .solver
         .as_ref()
         .map_or((Method::Newton, 1e-8), |solver| (solver.method(), solver.tolerance()));
-    let bench = Workbench::new(scene, method, tolerance).map_err(|e| explained(&e))?;
+    let bench = Workbench::new(scene, source.effects.as_deref(), method, tolerance).map_err(|e| explained(&e))?;
     let dataset = Dataset {
         len: source.len(),
         rows: source,

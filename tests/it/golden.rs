@@ -81,7 +81,8 @@ fn agree(golden: &Value, found: &Value, tolerance: f64) -> bool {
 #[test]
 fn an_output_changes_only_with_its_recipe() {
     let workspace = Workspace::tiny();
-    let digests = workspace.stages(&["run", "tiny.yaml"]).digests();
+    let audited = "stages.audited={ kind: audit, needs: [balanced], samples: 3 }";
+    let digests = workspace.stages(&["run", "tiny.yaml", "--set", audited]).digests();
     let artifacts = files(&workspace.path("store/objects"));
     let mut found = serde_json::Map::new();
     for stage in [
@@ -95,6 +96,7 @@ fn an_output_changes_only_with_its_recipe() {
         "verified",
         "reference",
         "accuracy",
+        "audited",
     ] {
         let path = artifacts
             .iter()

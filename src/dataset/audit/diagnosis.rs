@@ -56,10 +56,14 @@ pub fn fit(stored: &Field, truth: &Field) -> (f64, f64) {
 pub fn diagnose(stored: &Field, truth: &Field) -> Fault {
     let (ratio, rest) = fit(stored, truth);
     if rest < ALIKE {
-        return if (ratio + 1.0).abs() < ALIKE {
-            Fault::Sign
-        } else {
+        if (ratio + 1.0).abs() < ALIKE {
+            return Fault::Sign;
+        }
+        // A number near 1 explains nothing.
+        return if (ratio - 1.0).abs() > rest {
             Fault::Scale(ratio)
+        } else {
+            Fault::Other
         };
     }
     let is = |other: &Field| {
@@ -149,6 +153,9 @@ mod tests {
         }
         let odd = Field::from_values(field().values().iter().map(|u| u * u).collect()).unwrap();
         assert_eq!(diagnose(&odd, &field()), Fault::Other);
+        let mut values = field().values().to_vec();
+        values[2 * (25 * CORNERS + 25)] += 1e-3;
+        assert_eq!(diagnose(&Field::from_values(values).unwrap(), &field()), Fault::Other);
         assert_eq!(diagnose(&Field::zero(), &field()), Fault::Scale(0.0));
     }
 

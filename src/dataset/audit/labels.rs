@@ -174,13 +174,16 @@ const FEWEST: usize = 12;
 const DEVIATIONS: f64 = 4.0;
 const MARGIN: f64 = 2e-3;
 
+/// A row with its ratio and rest.
+type Comparison = (usize, [f64; 2]);
+
 /// The rows that compare with their estimates otherwise than their like, the most unlike first.
 ///
 /// Rows are alike that are of one family or, where that is not known, whose patterns have as many edges but for a factor
 /// of two.
 #[must_use]
 pub fn suspects(labels: &[Label], facts: &[Facts], families: Option<&[String]>) -> Vec<usize> {
-    let mut kinds: BTreeMap<(&str, u32), Vec<(usize, [f64; 2])>> = BTreeMap::new();
+    let mut kinds: BTreeMap<(&str, u32), Vec<Comparison>> = BTreeMap::new();
     for (index, label) in labels.iter().enumerate() {
         if let Label::Compared { ratio, rest } = label {
             let kind = match families {
@@ -196,7 +199,7 @@ pub fn suspects(labels: &[Label], facts: &[Facts], families: Option<&[String]>) 
 }
 
 /// The outliers among rows of one kind, with how far out they are.
-fn outliers(rows: Vec<(usize, [f64; 2])>) -> Vec<(f64, usize)> {
+fn outliers(rows: Vec<Comparison>) -> Vec<(f64, usize)> {
     if rows.len() < FEWEST {
         return rows.into_iter().map(|(index, _)| (0.0, index)).collect();
     }
@@ -226,7 +229,7 @@ mod tests {
 
     #[test]
     fn outliers_are_told_from_the_spread_of_their_like() {
-        let rows: Vec<(usize, [f64; 2])> = (0..40)
+        let rows: Vec<Comparison> = (0..40)
             .map(|i| {
                 let wave = 1e-3 * (i as f64).sin();
                 (i, [0.96 + wave + if i == 7 { 0.029 } else { 0.0 }, 0.02 + wave])

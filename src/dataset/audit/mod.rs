@@ -18,6 +18,7 @@ mod run;
 mod spread;
 mod symmetric;
 mod values;
+mod verdicts;
 
 pub use confidence::excluded_above;
 pub use diagnosis::Fault;

@@ -4,15 +4,14 @@ use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
-use super::diagnosis::Fault;
 use super::facts::{Facts, Row, claims_field};
-use super::finding::{self, EXAMPLES, Finding, Severity};
+use super::finding::{self, EXAMPLES};
 use super::labels::{Judge, Label, Tolerance, suspects};
 use super::report::{Report, Resimulation, Summary};
 use super::resimulate::{Resimulated, is_wrong, resimulate};
 use super::rows::{Bench, Dataset, Declared, Mesh};
 use super::spread::{Level, Spread};
-use super::{identify, images, values};
+use super::{identify, images, values, verdicts};
 use crate::base::Stream;
 
 /// Rows that are held in memory at a time.
@@ -73,9 +72,9 @@ pub fn audit(
         dataset.columns.split.as_deref(),
         options.repeats_are_usual,
     ));
-    findings.extend(of_labels(&labels));
+    findings.extend(verdicts::of_labels(&labels));
     findings.extend(images::asymmetric(&facts, &labels, judge.tolerance));
-    findings.extend(of_accuracy(&resimulated, &labels));
+    findings.extend(verdicts::of_accuracy(&resimulated, &labels));
     let peaks: Vec<f64> = facts.iter().map(|facts| facts.peak).collect();
     if let Some(level) = &options.level {
         findings.extend(level.findings(&peaks));
@@ -217,89 +216,6 @@ fn on_finer_meshes(
     };
     let found: Result<Vec<Option<Resimulated>>, String> = chosen.par_iter().map(solved).collect();
     Ok(found?.into_iter().flatten().collect())
-}
-
-/// Wrong labels, by what is wrong with them.
-fn of_labels(labels: &[Label]) -> Vec<Finding> {
-    let mut wrong: BTreeMap<&str, (Vec<usize>, Vec<f64>, Vec<f64>)> = BTreeMap::new();
-    let mut unstable = Vec::new();
-    for (index, label) in labels.iter().enumerate() {
-        match *label {
-            Label::Wrong(fault, off) => {
-                let (rows, ratios, offs) = wrong.entry(fault.check()).or_default();
-                rows.push(index);
-                offs.push(off);
-                if let Fault::Scale(ratio) = fault {
-                    ratios.push(ratio);
-                }
-            }
-            Label::NoSolution => unstable.push(index),
-            Label::Absent | Label::Agrees | Label::Compared { .. } => {}
-        }
-    }
-    let mut findings: Vec<Finding> = wrong
-        .into_iter()
-        .map(|(check, (rows, ratios, offs))| {
-            let off = offs.iter().copied().fold(0.0, f64::max);
-            Finding::rows(check, Severity::Error, &rows, told(check, &ratios, off))
-        })
-        .collect();
-    if !unstable.is_empty() {
-        let message = "the row has a field, and its pattern has no stable solution";
-        findings.push(Finding::rows("outcome", Severity::Error, &unstable, message));
-    }
-    findings
-}
-
-fn told(check: &str, ratios: &[f64], off: f64) -> String {
-    match check {
-        "sign" => "the field has the wrong sign".to_owned(),
-        "scale" => {
-            let (least, most) = ratios
-                .iter()
-                .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &r| (a.min(r), b.max(r)));
-            let by = if most - least < 1e-4 {
-                format!("{least:.4}")
-            } else {
-                format!("{least:.4} to {most:.4}")
-            };
-            format!("the field is {by} times what the pattern gives")
-        }
-        "rotation" => {
-            "the field has been turned or mirrored, and its components have not, or the other way round".to_owned()
-        }
-        "frame" => "the field is that of another image of the pattern".to_owned(),
-        _ => format!("the field is not what the pattern gives: it is off by up to {off:.3e} mm"),
-    }
-}
-
-/// What finer meshes say of labels that are right on their own.
-fn of_accuracy(resimulated: &[Resimulated], labels: &[Label]) -> Vec<Finding> {
-    let right = |row: &&Resimulated| !is_wrong(labels[row.index]);
-    let resimulated: Vec<Resimulated> = resimulated.iter().filter(right).copied().collect();
-    let rows = |wanted: fn(&Resimulated) -> bool| -> Vec<usize> {
-        let wanted = resimulated.iter().filter(|row| wanted(row));
-        wanted.map(|row| row.index).collect()
-    };
-    let mut findings = Vec::new();
-    let inaccurate = rows(Resimulated::exceeds);
-    if !inaccurate.is_empty() {
-        let worst = resimulated
-            .iter()
-            .filter(|row| row.exceeds())
-            .filter_map(|row| row.error);
-        let message = format!(
-            "on a finer mesh the field differs by up to {:.3e} mm, more than is declared",
-            worst.fold(0.0, f64::max)
-        );
-        findings.push(Finding::rows("accuracy", Severity::Error, &inaccurate, message));
-    }
-    let unstable = rows(Resimulated::is_unstable);
-    if !unstable.is_empty() {
-        let message = "on a finer mesh the pattern has no stable solution: the mesh is too coarse so near to its loss";
-        findings.push(Finding::rows("stability", Severity::Warning, &unstable, message));
-    }
-    findings
 }
 
 fn made_by(found: Declared, said: Declared) -> String {

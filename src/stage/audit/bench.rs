@@ -8,7 +8,7 @@ use crate::fem::effects::screening::resolve;
 use crate::fem::{LinearResponse, MembraneSolver, Order, SetupError, SolveOptions};
 use crate::field::{Simulation, Simulator};
 use crate::pattern::Pattern;
-use crate::scene::Scene;
+use crate::scene::{Effects, Scene};
 use crate::stage::method::Method;
 use crate::stage::solver::explained;
 
@@ -21,13 +21,31 @@ pub struct Workbench {
 }
 
 impl Workbench {
-    /// For a scene, whose effects are decided here, and the method and tolerance that the dataset declares.
+    /// For a scene, and the method and tolerance that the dataset declares. Effects that are yet to be decided are those in
+    /// `decided` or, without that, decided here. Those that leave the displacement alone are not simulated.
     ///
     /// # Errors
     /// When the effects cannot be simulated.
-    pub fn new(scene: &Scene, method: Method, tolerance: f64) -> Result<Self, SetupError> {
+    pub fn new(scene: &Scene, decided: Option<&str>, method: Method, tolerance: f64) -> Result<Self, SetupError> {
+        let known = || {
+            Scene::from_text(
+                &scene
+                    .to_text()
+                    .replace("effects: auto", &format!("effects: {}", decided?)),
+            )
+            .ok()
+        };
+        let scene = match scene.auto.then(known).flatten() {
+            Some(scene) => scene,
+            None => resolve(scene)?,
+        };
+        let effects = Effects {
+            dielectric_breakdown: None,
+            electromechanical_stability: false,
+            ..scene.effects.clone()
+        };
         Ok(Self {
-            scene: resolve(scene)?,
+            scene: scene.with_effects(effects),
             method,
             tolerance,
             ready: Mutex::default(),

@@ -2,7 +2,7 @@
 //! `deaflow solve`.
 
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::dataset::audit::{Batch, Columns, Declared, Finding, Level, Mesh, Rows, Severity};
 use crate::field::{CORNERS, Outcome};
@@ -25,10 +25,13 @@ pub struct Source {
     pub findings: Vec<Finding>,
     /// The scene that it says it was made with.
     pub scene: Option<String>,
+    /// The effects that were simulated, decided where the scene leaves that open.
+    pub effects: Option<String>,
 }
 
+/// One file. It is opened when it is read: there may be more of them than a process may hold open.
 struct Segment {
-    file: RowFile,
+    path: PathBuf,
     rows: Range<usize>,
 }
 
@@ -44,7 +47,8 @@ impl Rows for Source {
                 continue;
             }
             let own = start - segment.rows.start..end - segment.rows.start;
-            let read = |path: &str| segment.file.numbers(path, own.clone()).map_err(|e| e.to_string());
+            let file = RowFile::open(&segment.path).map_err(|e| e.to_string())?;
+            let read = |path: &str| file.numbers(path, own.clone()).map_err(|e| e.to_string());
             batch.cells.extend(read("patterns")?);
             batch.displacement.extend(read("displacement")?);
         }
@@ -63,6 +67,7 @@ impl Source {
             level: None,
             findings: Vec::new(),
             scene: None,
+            effects: None,
         };
         let mut start = 0;
         for path in paths {
@@ -71,7 +76,10 @@ impl Source {
             let len = file.shape("patterns").and_then(|shape| shape.first().copied());
             let rows = start..start + len.unwrap_or(0);
             start = rows.end;
-            source.segments.push(Segment { file, rows });
+            source.segments.push(Segment {
+                path: path.to_owned(),
+                rows,
+            });
         }
         if source.is_readable() {
             source.columns = source.read_columns()?;
@@ -85,8 +93,9 @@ impl Source {
     /// When it is no HDF5 file, or a column cannot be read.
     pub fn of_file(path: &Path) -> Result<Self, StoreError> {
         let mut source = Self::open(std::iter::once(path))?;
-        let file = &source.segments[0].file;
+        let file = RowFile::open(path)?;
         source.scene = file.attribute("scene");
+        source.effects = file.attribute("effects");
         let solver = file.attribute("solver");
         source.solver = solver.and_then(|text| SolverParameters::from_text(&text).ok());
         source.declared = source.declaration();
@@ -108,6 +117,11 @@ impl Source {
         files.iter().try_for_each(|file| file.file_digest().map(drop))?;
         let mut source = Self::open(files.iter().map(Artifact::path))?;
         source.scene = artifact.attribute("scene").map(str::to_owned);
+        // All chunks of a stage are simulated alike.
+        source.effects = files
+            .first()
+            .and_then(|first| first.attribute("effects"))
+            .map(str::to_owned);
         let solver = artifact.attribute("solver");
         source.solver = solver.and_then(|text| SolverParameters::from_text(text).ok());
         source.declared = source.declaration();
@@ -173,6 +187,7 @@ impl Source {
             }
             errors.extend(solved.columns.error.unwrap_or_default());
             self.solver = solved.solver;
+            self.effects = solved.effects;
         }
         let of_rows = |len: usize| from.1.iter().all(|&row| (row as usize) < len);
         if self.declared == Declared::Unknown && of_rows(meshes.len()) {
@@ -214,10 +229,11 @@ impl Source {
     ) -> Result<Option<Vec<T>>, StoreError> {
         let mut all = Vec::with_capacity(self.len());
         for segment in &self.segments {
-            let Some(shape) = segment.file.shape(path) else {
+            let file = RowFile::open(&segment.path)?;
+            let Some(shape) = file.shape(path) else {
                 return Ok(None);
             };
-            all.extend(read(&segment.file, shape.first().copied().unwrap_or(0))?);
+            all.extend(read(&file, shape.first().copied().unwrap_or(0))?);
         }
         Ok(Some(all))
     }
