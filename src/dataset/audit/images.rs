@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 
 use super::facts::Facts;
 use super::finding::{Finding, Severity};
-use super::labels::{Label, Tolerance};
+use super::labels::{Judge, Label};
+use super::rows::{Columns, Mesh};
 use super::symmetric::{PROJECTIONS, distance};
 use crate::base::Digest;
 
@@ -74,16 +75,21 @@ fn leaks(facts: &[Facts], split: &[String]) -> Option<Finding> {
 /// Rows whose field does not have the symmetry of its pattern, or does not move with it. Of two that contradict each other,
 /// the one is named that is wrong for itself, where that is known.
 #[must_use]
-pub fn asymmetric(facts: &[Facts], labels: &[Label], tolerance: Tolerance) -> Option<Finding> {
+pub fn asymmetric(facts: &[Facts], labels: &[Label], judge: &Judge<'_>, columns: &Columns) -> Option<Finding> {
+    let tolerance = judge.tolerance;
     let usable = |&index: &usize| facts[index].is_usable();
     let mut found: Vec<usize> = (0..facts.len())
         .filter(|index| usable(index) && facts[*index].asymmetry > 2.0 * tolerance.of(facts[*index].peak))
         .collect();
-    for orbit in orbits(facts) {
-        let members: Vec<usize> = orbit.into_iter().filter(usable).collect();
-        if members.len() < 2 {
-            continue;
+    // Fields on different meshes differ, and rightly.
+    let alike = orbits(facts).into_iter().flat_map(|orbit| {
+        let mut alike: BTreeMap<Option<Mesh>, Vec<usize>> = BTreeMap::new();
+        for member in orbit.into_iter().filter(usable) {
+            alike.entry(judge.mesh(columns, member)).or_default().push(member);
         }
+        alike.into_values().filter(|members| members.len() > 1)
+    });
+    for members in alike {
         let usual = usual(facts, &members);
         let off = |&&index: &&usize| distance(&facts[index].projections, &usual) > tolerance.of(facts[index].peak);
         let off: Vec<usize> = members.iter().filter(off).copied().collect();

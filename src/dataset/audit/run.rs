@@ -73,7 +73,7 @@ pub fn audit(
         options.repeats_are_usual,
     ));
     findings.extend(verdicts::of_labels(&labels));
-    findings.extend(images::asymmetric(&facts, &labels, judge.tolerance));
+    findings.extend(images::asymmetric(&facts, &labels, &judge, &dataset.columns));
     findings.extend(verdicts::of_accuracy(&resimulated, &labels));
     let peaks: Vec<f64> = facts.iter().map(|facts| facts.peak).collect();
     if let Some(level) = &options.level {
@@ -126,6 +126,11 @@ fn judge<'a>(declared: Declared, bench: &'a dyn Bench, options: &Options) -> Jud
 
 /// What the dataset says, or what can be found out.
 fn declared(dataset: &Dataset<'_>, bench: &dyn Bench, options: &Options) -> Result<Declared, String> {
+    if let (Declared::PerRow, Some([first, rest @ ..])) = (dataset.declared, dataset.columns.mesh.as_deref())
+        && rest.iter().all(|mesh| mesh == first)
+    {
+        return Ok(Declared::Mesh(*first));
+    }
     if dataset.declared != Declared::Unknown {
         return Ok(dataset.declared);
     }

@@ -14,7 +14,7 @@ pub fn inputs(artifact: &Artifact) -> Result<Vec<Result<Artifact, StoreError>>, 
     let provenance = artifact.provenance()?;
     let folder = artifact.path().parent().and_then(std::path::Path::parent);
     let folder = folder.map(std::path::Path::to_owned).unwrap_or_default();
-    let open = |name: &str| Artifact::open(&folder.join(&name[..2.min(name.len())]).join(format!("{name}.h5")));
+    let open = |name: &str| Artifact::open(&folder.join(name.get(..2).unwrap_or(name)).join(format!("{name}.h5")));
     let names = provenance.get("inputs").map_or("", String::as_str).lines();
     Ok(names.filter(|name| !name.is_empty()).map(open).collect())
 }

@@ -174,6 +174,7 @@ impl Source {
             return Ok(());
         };
         let (mut meshes, mut errors) = (Vec::new(), Vec::new());
+        let (mut estimates, mut solvers) = (Vec::new(), Vec::new());
         for solved in super::lineage::inputs(balanced)? {
             let Ok(solved) = solved else { return Ok(()) };
             let solved = Self::of_artifact(&solved)?;
@@ -181,14 +182,19 @@ impl Source {
             match (solved.declared, &solved.columns.mesh) {
                 (Declared::Mesh(mesh), _) => meshes.extend(std::iter::repeat_n(mesh, n)),
                 (Declared::PerRow, Some(own)) => meshes.extend(own),
-                // Estimates are all of one method.
-                (Declared::Estimates(_), _) => self.declared = solved.declared,
+                (Declared::Estimates(_), _) => estimates.push(solved.declared),
                 _ => return Ok(()),
             }
             errors.extend(solved.columns.error.unwrap_or_default());
-            self.solver = solved.solver;
+            solvers.push(solved.solver);
             self.effects = solved.effects;
         }
+        if solvers.windows(2).any(|pair| pair[0] != pair[1]) && !estimates.is_empty() {
+            // Estimates by several methods have no common measure.
+            return Ok(());
+        }
+        self.solver = solvers.pop().flatten();
+        self.declared = estimates.pop().unwrap_or(Declared::Unknown);
         let of_rows = |len: usize| from.1.iter().all(|&row| (row as usize) < len);
         if self.declared == Declared::Unknown && of_rows(meshes.len()) {
             self.declared = Declared::PerRow;
