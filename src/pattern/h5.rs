@@ -100,7 +100,7 @@ fn check_link(group: &Group, name: &str) -> Result<(), Problem> {
 fn check_storage(path: &Path, dataset: &Dataset, may_be_virtual: bool) -> Result<(), String> {
     let broken = |e: hdf5::Error| format!("the dataset cannot be read ({e})");
     let list = dataset.create_plist().map_err(broken)?;
-    if list.get_external().map_err(broken)?.iter().next().is_some() {
+    if !list.get_external().map_err(broken)?.is_empty() {
         return Err("its elements stand in another file".into());
     }
     let size = dataset.dtype().map_err(broken)?.size() as u64;
