@@ -188,7 +188,7 @@ fn files_that_are_no_models_are_refused() {
         ("nested.safetensors", weights(&"{\"a\":".repeat(50_000))),
         ("meta.safetensors", weights(r#"{"__metadata__":{"network":"qin2024"}}"#)),
         ("empty.h5", Vec::new()),
-        ("noise.h5", (0..4000u32).map(|k| (k * 7919 >> 3) as u8).collect()),
+        ("noise.h5", (0..4000u32).map(|k| ((k * 7919) >> 3) as u8).collect()),
     ] {
         fs::write(workspace.path(name), bytes).unwrap();
     }

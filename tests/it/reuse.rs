@@ -189,7 +189,8 @@ fn every_parameter_makes_its_own_stage_and_what_needs_it_stale() {
         assert_eq!(ended.code, Some(0), "{set}: {}", ended.stderr);
         let plan = Stages::read(&ended.json());
         let mut stale = plan.with("stale");
-        (stale.sort_unstable(), wanted.sort_unstable());
+        stale.sort_unstable();
+        wanted.sort_unstable();
         assert_eq!(stale, wanted, "{set}");
         for (name, digest) in first.digests() {
             let same = plan.stage(&name)["digest"] == *digest;

@@ -71,7 +71,7 @@ fn a_run_takes_over_from_one_that_was_killed_beside_it() {
         start(workspace.command(&arguments)),
         start(workspace.command(&arguments)),
     );
-    // Once four records are there the first is in the middle of its work, whatever the machine.
+    // Once eight records are there the two are in the middle of their work, whatever the machine.
     while files(&workspace.path("store/records")).len() < 8 && first.try_wait().unwrap().is_none() {
         sleep(Duration::from_millis(2));
     }
