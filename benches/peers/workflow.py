@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""Times workflow managers beside deaflow in one run: benches/peers/workflow.py [--large] [--deaflow PROGRAM]
+"""Times workflow managers beside deaflow in one run: benches/peers/workflow.py [--chunks 1000] [--large] [--deaflow PROGRAM]
 
 DVC and Snakemake come from PyPI into a virtual environment under target/. Each tool gets the same pipelines: 7 stages, and
-1000 chunks gathered in one result; --large adds 10,000 chunks for deaflow alone. deaflow draws 50 patterns in each chunk;
+chunks gathered in one result; --large adds 10,000 chunks for deaflow alone. deaflow draws 50 patterns in each chunk;
 the others write a file as large as such a chunk with `head`, which is all their commands do, and have two jobs where they
 can. Times are those of whole processes. The overhead of a chunk is the time of the first build, less what the commands take on
 their own (nothing is taken off for deaflow's own drawing), divided by the chunks.
@@ -127,6 +127,7 @@ def commands_alone(n):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--chunks", type=int, default=1000, help="in the chunked pipeline (DVC takes long for many)")
     parser.add_argument("--large", action="store_true", help="10,000 chunks too, deaflow alone (1.5 GB, some minutes)")
     parser.add_argument("--deaflow", type=Path, help="a program, instead of building one")
     given = parser.parse_args()
@@ -141,11 +142,11 @@ def main():
         tools += [(f"Snakemake {version('snakemake')}", snakemake), (f"DVC {version('dvc')}", dvc)]
     print("| pipeline | tool | no-op s | times ours | overhead ms a chunk | times ours |")
     print("|---|---|---:|---:|---:|---:|", flush=True)
-    cases = [("7 stages", 7, 0), ("1000 chunks", 0, 1000)] + ([("10,000 chunks", 0, 10_000)] if large else [])
+    cases = [("7 stages", 7, 0), (f"{given.chunks} chunks", 0, given.chunks)] + ([("10,000 chunks", 0, 10_000)] if large else [])
     for title, stages, chunks in cases:
         n = stages or chunks
         ours = None
-        for name, make in tools if n <= 1000 else tools[:1]:
+        for name, make in tools if n < 10_000 else tools[:1]:
             built, again, reruns = measure(make, stages, chunks)
             alone = 0.0 if make is ours_first else commands_alone(n)
             overhead = 1e3 * (built - alone) / n

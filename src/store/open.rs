@@ -68,7 +68,7 @@ impl Store {
 
     fn held(layout: Layout, run: Guard) -> Self {
         Self {
-            verified: Arc::new(Verified::with_index(layout.index(), layout.temporary())),
+            verified: Arc::new(Verified::with_index(&layout)),
             unsettled: Arc::default(),
             _run: Arc::new(run),
             layout,
@@ -80,7 +80,7 @@ impl Store {
     #[must_use]
     pub fn without_trust(self) -> Self {
         Self {
-            verified: Arc::new(Verified::without_trust(self.layout.index(), self.layout.temporary())),
+            verified: Arc::new(Verified::without_trust(&self.layout)),
             ..self
         }
     }

@@ -13,6 +13,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use super::atomic::temporary_file;
 use super::error::StoreError;
 use super::index::{self, Entries, Entry, Outline};
+use super::layout::Layout;
 use super::listing::Content;
 use super::read;
 use super::seal::Seal;
@@ -47,6 +48,17 @@ pub struct Verified {
 struct Place {
     index: PathBuf,
     temporary: PathBuf,
+    quarantine: PathBuf,
+}
+
+impl Place {
+    fn of(layout: &Layout) -> Self {
+        Self {
+            index: layout.index(),
+            temporary: layout.temporary(),
+            quarantine: layout.quarantine(),
+        }
+    }
 }
 
 #[derive(Default)]
@@ -54,7 +66,7 @@ struct Memory {
     known: HashMap<Digest, Known>,
     /// Each listing once, however many chunks have it.
     listings: HashSet<Arc<Vec<Content>>>,
-    /// Artifacts whose files are gone.
+    /// Artifacts whose files are gone or not sound.
     forgotten: HashSet<Digest>,
     /// The file system's clock before the first file was digested.
     began: Option<Option<Time>>,
@@ -63,17 +75,17 @@ struct Memory {
 
 impl Verified {
     /// The memory of a store with an index, which is read here, and written by [`Verified::keep`].
-    pub fn with_index(index: PathBuf, temporary: PathBuf) -> Self {
+    pub fn with_index(layout: &Layout) -> Self {
         Self {
-            indexed: index::read(&index, machine_time()),
-            ..Self::without_trust(index, temporary)
+            indexed: index::read(&layout.index(), machine_time()),
+            ..Self::without_trust(layout)
         }
     }
 
     /// The memory of a store whose index is written but not believed.
-    pub fn without_trust(index: PathBuf, temporary: PathBuf) -> Self {
+    pub fn without_trust(layout: &Layout) -> Self {
         Self {
-            place: Some(Place { index, temporary }),
+            place: Some(Place::of(layout)),
             ..Self::default()
         }
     }
@@ -89,7 +101,8 @@ impl Verified {
             return Ok(seal);
         }
         let began = self.began();
-        let seal = named(path, digest, Seal::verify(path)?)?;
+        let seal = Seal::verify(path).and_then(|seal| named(path, digest, seal));
+        let seal = seal.inspect_err(|_| self.forget(digest))?;
         let after = stamp(path, digest)?;
         let mut memory = self.lock();
         // A file that was written meanwhile is looked at again next time.
@@ -152,7 +165,7 @@ impl Verified {
         }
     }
 
-    /// Takes note of a file that is no longer there.
+    /// Takes note of a file that is gone or not sound, whatever the index says.
     pub fn forget(&self, digest: &Digest) {
         let mut memory = self.lock();
         memory.known.remove(digest);
@@ -193,7 +206,9 @@ impl Verified {
         let mut file = temporary_file(&place.temporary).ok()?;
         file.write_all(&index::write(&entries)).ok()?;
         if place.index.is_dir() {
-            fs::remove_dir_all(&place.index).ok()?;
+            // Nobody knows whose it is: it is moved aside and not removed.
+            let aside = tempfile::Builder::new().prefix("index.").tempdir_in(&place.quarantine);
+            fs::rename(&place.index, aside.ok()?.keep().join("index")).ok()?;
         }
         file.persist(&place.index).ok()?;
         Some(())
@@ -246,6 +261,9 @@ impl Verified {
         let Some(entry) = self.indexed.get(digest) else {
             return Ok(None);
         };
+        if self.lock().forgotten.contains(digest) {
+            return Ok(None);
+        }
         Ok((stamp(path, digest)? == entry.stamp).then_some(entry))
     }
 

@@ -67,7 +67,13 @@ fn a_glance_reads_no_file_that_the_index_knows_and_all_else_does() {
     let reopened = || Store::open(store.root()).unwrap();
     let thorough = reopened().inspect(&digest, Effort::Thorough).unwrap();
     assert!(matches!(thorough, Condition::Damaged(_)));
-    assert!(reopened().artifact(&digest).err().unwrap().is_damage());
+    let reader = reopened();
+    assert!(reader.artifact(&digest).err().unwrap().is_damage());
+    let after = reader.inspect(&digest, Effort::Quick).unwrap();
+    assert!(
+        matches!(after, Condition::Damaged(_)),
+        "once read, it is believed no more"
+    );
     let distrustful = reopened().without_trust().inspect(&digest, Effort::Quick).unwrap();
     assert!(matches!(distrustful, Condition::Damaged(_)));
     assert_eq!(reopened().fsck(&|_, _| ()).unwrap().damaged.len(), 1);
@@ -124,6 +130,8 @@ fn an_index_that_is_not_whole_is_quietly_made_anew() {
         another.keep_index();
         assert_eq!(indexed(&store).keys().collect::<Vec<_>>(), [&sound], "{i}");
     }
+    let aside = fs::read_dir(store.root().join("quarantine")).unwrap().count();
+    assert_eq!(aside, 1, "the folder was moved aside with what was in it");
 }
 
 #[test]
