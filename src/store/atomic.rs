@@ -21,10 +21,10 @@ pub fn write(temporary: &Path, target: &Path, bytes: &[u8]) -> Result<(), StoreE
     sync_folder(target.parent().unwrap_or(Path::new(".")))
 }
 
-/// As [`write`], but a crash of the machine may yet lose the name: the folder has still to be synced.
+/// As [`write()`], but a crash of the machine may yet lose the name: the folder has still to be synced.
 ///
 /// # Errors
-/// As [`write`].
+/// As [`write()`].
 pub fn write_unsettled(temporary: &Path, target: &Path, bytes: &[u8]) -> Result<(), StoreError> {
     let refused = |error| StoreError::io("write", target)(error);
     let mut file = File::create(temporary).map_err(refused)?;
