@@ -132,7 +132,7 @@ impl<'a> Surveyor<'a> {
         for &index in selection {
             let needs = &self.pipeline.stages[index].needs;
             let given: Vec<Input> = needs.iter().filter_map(|need| inputs.get(need).cloned()).collect();
-            let assessment = self.assess(index, &given, &effort)?;
+            let assessment = self.assess(index, &given, effort)?;
             inputs.insert(index, assessment.as_input());
             out.push(assessment);
         }
@@ -144,7 +144,7 @@ impl<'a> Surveyor<'a> {
     ///
     /// # Errors
     /// When the store cannot be read.
-    pub fn assess(&self, index: usize, inputs: &[Input], effort: &Effort) -> Result<Assessment, StoreError> {
+    pub fn assess(&self, index: usize, inputs: &[Input], effort: Effort) -> Result<Assessment, StoreError> {
         let spec = &self.pipeline.stages[index];
         let digests: Vec<Option<Digest>> = inputs.iter().map(|input| input.digest).collect();
         let parameters = spec.stage.parameters();
@@ -160,7 +160,7 @@ impl<'a> Surveyor<'a> {
             None => Lookup::Absent,
         };
         let (why, expected) = match found {
-            Lookup::Found(record, _) => match self.examine(&record, &work, *effort)? {
+            Lookup::Found(record, _) => match self.examine(&record, &work, effort)? {
                 Ok((parts, size)) => {
                     let state = State::Fresh { record, parts, size };
                     return Ok(Assessment { action, work, state });
@@ -169,7 +169,7 @@ impl<'a> Surveyor<'a> {
             },
             Lookup::Absent | Lookup::Damaged => (self.explain(spec, &parameters, &digests)?, None),
         };
-        let chunks = self.chunks(spec, &work, *effort)?;
+        let chunks = self.chunks(spec, &work, effort)?;
         let expected = match expected {
             None => foreseen(spec, &chunks)?,
             some => some,

@@ -97,6 +97,11 @@ pub fn run(
     let mut execution = Execution {
         pipeline,
         read_closely: read_closely(pipeline, &selection, &assessments),
+        // Where nothing is stale nothing that happens can change what was found: a rerun looks once.
+        assessed: match assessments.iter().any(Assessment::is_stale) {
+            true => BTreeMap::new(),
+            false => selection.iter().copied().zip(assessments).collect(),
+        },
         surveyor,
         builder: Builder {
             store,
@@ -165,6 +170,7 @@ struct Execution<'a> {
     builder: Builder<'a>,
     lock: Option<&'a LockFile>,
     read_closely: BTreeSet<usize>,
+    assessed: BTreeMap<usize, Assessment>,
     prices: BTreeMap<usize, Option<Price>>,
     inputs: BTreeMap<usize, Input>,
     sizes: BTreeMap<usize, u64>,
@@ -178,14 +184,13 @@ impl Execution<'_> {
     fn stages(&mut self, selection: &[usize]) -> (Vec<StageReport>, Vec<Failure>) {
         let mut reports = Vec::with_capacity(selection.len());
         let mut failures = Vec::new();
-        let mut effort = Effort::quick();
         for &index in selection {
             if let Some(skipped) = self.skipped(index) {
                 reports.push(skipped);
                 continue;
             }
             let start = (self.builder.environment.clock)();
-            match self.stage(index, start, &mut effort) {
+            match self.stage(index, start) {
                 Ok(report) => reports.push(report),
                 Err(error) => {
                     // It may be there, as an audit that stops what follows is: it counts as missing all the same.
@@ -204,16 +209,18 @@ impl Execution<'_> {
         (reports, failures)
     }
 
-    fn stage(&mut self, index: usize, start: SystemTime, quick: &mut Effort) -> Result<StageReport, StageError> {
+    fn stage(&mut self, index: usize, start: SystemTime) -> Result<StageReport, StageError> {
         let spec = &self.pipeline.stages[index];
         let needed = spec.needs.iter().filter_map(|need| self.inputs.get(need).cloned());
         let inputs: Vec<Input> = needed.collect();
-        let mut thorough = Effort::thorough();
-        let effort = match self.read_closely.contains(&index) {
-            true => &mut thorough,
-            false => quick,
+        let assessment = match self.assessed.remove(&index) {
+            Some(assessment) => assessment,
+            None => {
+                let closely = self.read_closely.contains(&index);
+                let effort = if closely { Effort::thorough() } else { Effort::quick() };
+                self.surveyor.assess(index, &inputs, effort)?
+            }
         };
-        let assessment = self.surveyor.assess(index, &inputs, effort)?;
         let mut report = plan::report(spec, &assessment);
         let (record, known) = match &assessment.state {
             State::Fresh { record, .. } => ((**record).clone(), assessment.as_input()),

@@ -283,12 +283,9 @@ impl Stage for SampleStage {
     }
 
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
-        let wanted = job.chunk.map(|chunk| &chunk.parameters);
-        let (group, range) = self
-            .groups
-            .iter()
-            .flat_map(|group| group.chunks().map(move |range| (group, range)))
-            .find(|(group, range)| Some(&group.chunk_parameters(self.seed, range)) == wanted)
+        let (group, range) = job
+            .chunk
+            .and_then(|chunk| self.find(&chunk.parameters))
             .ok_or_else(|| StageError::Failed("the chunk is not one of this stage's".to_owned()))?;
         let draw = |i| {
             group
@@ -303,6 +300,24 @@ impl Stage for SampleStage {
             .collect::<Result<Vec<Pattern>, _>>()?;
         job.progress.advance(patterns.len() as u64);
         Ok(describe(group, &range, &patterns))
+    }
+}
+
+impl SampleStage {
+    /// The group and the range of a chunk: found by where it starts, since there may be a hundred thousand of them.
+    fn find(&self, chunk: &Canonical) -> Option<(&Group, Range<u64>)> {
+        let Canonical::Map(parameters) = chunk else {
+            return None;
+        };
+        let Some(Canonical::Number(start, _)) = parameters.get("start") else {
+            return None;
+        };
+        let start = start.to_u64()?;
+        let mut groups = self.groups.iter();
+        groups.find_map(|group| {
+            let range = start..(start + CHUNK).min(group.count);
+            (group.chunk_parameters(self.seed, &range) == *chunk).then_some((group, range))
+        })
     }
 }
 

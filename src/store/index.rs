@@ -18,17 +18,19 @@
 //! `number` is that of its parts).
 
 use std::collections::HashMap;
-use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
 use super::listing::Content;
 use super::seal::Seal;
 use super::stamp::{Stamp, Time};
-use crate::base::{Digest, decode, encode};
+use crate::base::{Digest, decode, encode, read_bounded};
 
 const TITLE: &[u8; 16] = b"deaflow-index 1\n";
 const TRAILER: usize = 32;
+
+/// The index of some millions of artifacts; a longer one is none, bytes.
+const LONG: u64 = 1 << 30;
 const UNKNOWN: u64 = 0;
 const DATASETS: u64 = 1;
 const MANIFEST: u64 = 2;
@@ -72,7 +74,7 @@ pub type Entries = HashMap<Digest, Entry>;
 /// The index in a file. Where there is none that is whole, nothing is known, and nothing is lost. Entries noted in the future
 /// are left out: the clock has been set back since, and what has changed since might carry the very time of before.
 pub fn read(path: &Path, now: Time) -> Entries {
-    let bytes = fs::read(path).unwrap_or_default();
+    let bytes = read_bounded(path, LONG).unwrap_or_default();
     let mut entries = parse(&bytes).unwrap_or_default();
     entries.retain(|_, entry| entry.noted <= now && entry.stamp.is_settled(entry.noted));
     entries
@@ -210,6 +212,8 @@ impl Listings {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::super::listing::ElementType;
     use super::*;
 

@@ -74,7 +74,9 @@ stages:
   refined: { kind: solve, needs: [small], accuracy: 0.01 mm }
   guessed: { kind: solve, needs: [small], method: chord:2, order: 2 }
   balanced: { kind: balance, needs: [solved], bins: 20, range: [0 mm, 2.5 mm], target: 60, symmetry: d4, seed: 4 }
-  surrogate: { kind: train, needs: [balanced], network: qin2024, epochs: 1, batch: 8, learning_rate: 0.002, max_weight: 0.1,
+  audited: { kind: audit, needs: [balanced], samples: 8, seed: 1, accuracy: 0.01 mm, fail_on: never }
+  searched: { kind: audit, needs: [solved], samples: all }
+  surrogate: { kind: train, needs: [balanced, audited], network: qin2024, epochs: 1, batch: 8, learning_rate: 0.002, max_weight: 0.1,
     auxiliary_weight: 0.2, seed: 5 }
   design: { kind: design, needs: [surrogate], objective: { point: [25 mm, 25 mm], direction: 0 deg, measure: qin2024 },
     area: 0.5, area_penalty: 5, population: 20, generations: 2, elite: 0.02, crossover: 0.7, mutation: 0.3,
