@@ -22,7 +22,7 @@ pub struct Fault {
 }
 
 /// What a reader refuses for its meaning and no schema can: what was said, in part.
-pub const BEYOND: [&str; 9] = [
+pub const BEYOND: [&str; 10] = [
     // Names of other stages, and what those are.
     "no stage is named",
     "stage needs",
@@ -34,6 +34,8 @@ pub const BEYOND: [&str; 9] = [
     "has no parameters",
     "an area fraction lies above 0",
     "the range",
+    // Stages that are too large together.
+    "chunks of work",
 ];
 
 impl Fault {
