@@ -12,7 +12,7 @@ use super::progress::{RunProgress, Shown};
 use super::table;
 use crate::base::Override;
 use crate::orchestrator::{Environment, Pipeline, RunOptions, RunOutcome, run};
-use crate::report::{Made, Summary, draw_figures, summarise, warnings};
+use crate::report::{Made, Summary, audits, draw_figures, summarise, warnings};
 use crate::stage;
 use crate::store::{LockFile, Store};
 
@@ -46,6 +46,7 @@ pub fn execute(arguments: &RunArguments, output: &Output) -> Result<Exit, CliErr
     }
     let made = made(&outcome);
     let summaries = summarise(&store, &made)?;
+    let audits = audits(&store, &made)?;
     let warnings = warnings(&store, &made)?;
     let figures = draw_figures(&store, &pipeline.name, &made)?;
     let figures: Vec<String> = figures.iter().map(|path| path.display().to_string()).collect();
@@ -54,6 +55,7 @@ pub fn execute(arguments: &RunArguments, output: &Output) -> Result<Exit, CliErr
         document["pipeline"] = json!(pipeline.name);
         document["store"] = json!(store.root());
         document["results"] = json!(summaries);
+        document["audits"] = json!(audits);
         document["warnings"] = json!(warnings);
         document["figures"] = json!(figures);
         output.document(&document)?;
@@ -62,7 +64,7 @@ pub fn execute(arguments: &RunArguments, output: &Output) -> Result<Exit, CliErr
             .iter()
             .for_each(|warning| output.complain(&format!("warning: not simulated although it matters: {warning}")));
     } else {
-        output.text(&found(&outcome, &summaries, &warnings, &figures))?;
+        output.text(&found(&outcome, &summaries, &audits, &warnings, &figures))?;
     }
     Ok(if outcome.unstable > 0 {
         Exit::Unstable
@@ -149,7 +151,13 @@ fn failed(outcome: &mut RunOutcome, arguments: &RunArguments, output: &Output) -
 }
 
 /// What was found, each part after an empty line.
-fn found(outcome: &RunOutcome, summaries: &[Summary], warnings: &[String], figures: &[String]) -> String {
+fn found(
+    outcome: &RunOutcome,
+    summaries: &[Summary],
+    audits: &[String],
+    warnings: &[String],
+    figures: &[String],
+) -> String {
     let mut parts = Vec::new();
     if outcome.unstable > 0 {
         let n = outcome.unstable;
@@ -158,6 +166,7 @@ fn found(outcome: &RunOutcome, summaries: &[Summary], warnings: &[String], figur
         ));
     }
     parts.extend(summaries.iter().map(ToString::to_string));
+    parts.extend((!audits.is_empty()).then(|| audits.join("\n")));
     if !warnings.is_empty() {
         parts.push(format!(
             "not simulated although it matters:\n  {}",

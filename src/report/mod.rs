@@ -7,7 +7,7 @@ mod html;
 mod summary;
 mod warnings;
 
-pub use audit::audited;
+pub use audit::{audited, audits};
 pub use gather::{Made, ReportError, draw_figures};
 pub use html::Page;
 pub use summary::{CaseSummary, Summary, summarise};
