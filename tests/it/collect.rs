@@ -3,21 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use super::common::{Workspace, files};
-
-/// Two stages are enough: one chunked, one that needs it.
-const SHORT: &str = "\
-version: 1
-name: short
-scene:
-  geometry: { side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50 }
-  material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
-  drive: { voltage: 5.25 kV }
-  effects: {}
-stages:
-  small:  { kind: sample, family: small-grid, count: 60, seed: 1 }
-  solved: { kind: solve, needs: [small], elements_per_cell: 1 }
-";
+use super::common::{SHORT, Workspace, files};
 
 fn workspace() -> Workspace {
     let workspace = Workspace::new();

@@ -4,7 +4,7 @@ use std::fs::{self, File};
 use std::os::unix::fs::symlink;
 
 use super::common::bounded::pipe;
-use super::common::{SMALL, TINY, Workspace};
+use super::common::{SMALL, TINY, Workspace, scene_file};
 
 fn many(n: usize, line: impl Fn(usize) -> String) -> String {
     (0..n).map(line).collect()
@@ -197,12 +197,7 @@ fn a_scene_lies_in_the_folder_of_its_pipeline() {
     for folder in ["inside/scenes", "outside"] {
         fs::create_dir_all(workspace.path(folder)).unwrap();
     }
-    let scene: String = SMALL
-        .lines()
-        .skip(3)
-        .take(4)
-        .map(|line| format!("{}\n", &line[2..]))
-        .collect();
+    let scene = scene_file();
     workspace.write("outside/scene.yaml", &scene);
     workspace.write("inside/scenes/own.yaml", &scene);
     symlink("../outside", workspace.path("inside/way")).unwrap();

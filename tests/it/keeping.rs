@@ -2,26 +2,16 @@
 
 use serde_json::Value;
 
-use super::common::Workspace;
+use super::common::{SHORT, Workspace};
 
-/// Two stages are enough: one chunked, one that needs it.
-const SHORT: &str = "\
-version: 1
-name: short
-scene:
-  geometry: { side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50 }
-  material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
-  drive: { voltage: 5.25 kV }
-  effects: {}
-stages:
-  small:  { kind: sample, family: small-grid, count: 60, seed: 1 }
-  other:  { kind: sample, family: small-grid, count: 5, seed: 2 }
-  solved: { kind: solve, needs: [small], elements_per_cell: 1 }
-";
+/// With a third stage that needs nothing.
+fn forked() -> String {
+    format!("{SHORT}  other:  {{ kind: sample, family: small-grid, count: 5, seed: 2 }}\n")
+}
 
 fn workspace() -> Workspace {
     let workspace = Workspace::new();
-    workspace.write("short.yaml", SHORT);
+    workspace.write("short.yaml", &forked());
     workspace
 }
 
@@ -109,7 +99,7 @@ fn a_plan_has_a_price_and_a_run_says_how_it_came_out() {
     let plan = workspace
         .run(&[&["plan", "short.yaml", "--json"][..], &more].concat())
         .json();
-    let solved = &plan["stages"][2];
+    let solved = &plan["stages"][1];
     let seconds = |which: &str| solved["price"]["seconds"][which].as_f64().unwrap();
     assert!(0.0 < seconds("low") && seconds("low") < seconds("likely") && seconds("likely") < seconds("high"));
     // 110 more fields of 51×51×2 numbers, and a little about each.
@@ -122,7 +112,7 @@ fn a_plan_has_a_price_and_a_run_says_how_it_came_out() {
     let run = workspace
         .run(&[&["run", "short.yaml", "--json"][..], &more].concat())
         .json();
-    let solved = &run["stages"][2];
+    let solved = &run["stages"][1];
     assert_eq!(
         solved["price"]["seconds"]["likely"].as_f64().unwrap(),
         seconds("likely")
@@ -187,7 +177,7 @@ fn status_says_what_is_there_and_what_is_stale() {
     assert_eq!((&status["objects"], &status["records"]), (&8.into(), &8.into()));
     assert_eq!((&status["runs"], &status["in_flight"]), (&1.into(), &0.into()));
     assert_eq!(status["pipelines"][0]["path"], "short.yaml");
-    workspace.write("short.yaml", &SHORT.replace("seed: 2", "seed: 3"));
+    workspace.write("short.yaml", &forked().replace("seed: 2", "seed: 3"));
     let text = workspace.run(&["status"]).stdout;
     assert!(text.contains("1 of 3 stages to build (other)"), "{text}");
     // A pipeline that is gone is no failure, unless it is asked for.

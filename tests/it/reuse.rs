@@ -4,7 +4,7 @@ use std::process::Stdio;
 use std::thread::sleep;
 use std::time::Duration;
 
-use super::common::{Ended, SMALL, Stages, TINY, Workspace};
+use super::common::{Ended, SMALL, Stages, TINY, Workspace, scene_file, with_scene_in_a_file};
 
 fn of(ended: Ended) -> Stages {
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
@@ -48,21 +48,14 @@ fn where_when_and_in_what_language_a_run_takes_place_does_not_matter() {
 fn how_a_pipeline_is_written_does_not_matter() {
     let workspace = Workspace::small();
     let first = workspace.stages(&["run", "small.yaml"]);
-    let scene: String = SMALL
-        .lines()
-        .skip(3)
-        .take(4)
-        .map(|line| format!("{}\n", &line[2..]))
-        .collect();
+    let scene = scene_file();
     let (header, stages) = SMALL.split_once("scene:\n").unwrap();
-    let (inline, stages) = stages.split_once("stages:\n").unwrap();
+    let (inline, _) = stages.split_once("stages:\n").unwrap();
+    let (in_a_file, stages) = with_scene_in_a_file(SMALL);
     workspace.write("scene.yaml", &scene);
     let turned: String = stages.lines().rev().map(|line| format!("{line}\n")).collect();
     for (what, text) in [
-        (
-            "scene in a file",
-            format!("{header}scene: scene.yaml\nstages:\n{stages}"),
-        ),
+        ("scene in a file", in_a_file),
         (
             "stages turned round",
             format!("{header}scene:\n{inline}stages:\n{turned}"),
@@ -204,15 +197,8 @@ fn every_parameter_makes_its_own_stage_and_what_needs_it_stale() {
 #[test]
 fn a_scene_file_counts_as_it_is_at_the_beginning_of_each_run() {
     let workspace = Workspace::new();
-    let scene: String = SMALL
-        .lines()
-        .skip(3)
-        .take(4)
-        .map(|line| format!("{}\n", &line[2..]))
-        .collect();
-    let (header, stages) = SMALL.split_once("scene:\n").unwrap();
-    let (_, stages) = stages.split_once("stages:\n").unwrap();
-    workspace.write("p.yaml", &format!("{header}scene: scene.yaml\nstages:\n{stages}"));
+    let scene = scene_file();
+    workspace.write("p.yaml", &with_scene_in_a_file(SMALL).0);
     workspace.write("scene.yaml", &scene);
     let first = workspace.stages(&["run", "p.yaml"]);
     workspace.write("scene.yaml", &scene.replace("5.25 kV", "5 kV"));
@@ -227,18 +213,8 @@ fn a_scene_file_counts_as_it_is_at_the_beginning_of_each_run() {
 #[test]
 fn files_that_are_replaced_while_a_run_goes_on_do_not_matter() {
     let workspace = Workspace::new();
-    let scene: String = SMALL
-        .lines()
-        .skip(3)
-        .take(4)
-        .map(|line| format!("{}\n", &line[2..]))
-        .collect();
-    let (header, stages) = SMALL.split_once("scene:\n").unwrap();
-    let (_, stages) = stages.split_once("stages:\n").unwrap();
-    let pipeline = format!(
-        "{header}scene: scene.yaml\nstages:\n{}",
-        stages.replace("count: 4", "count: 100")
-    );
+    let scene = scene_file();
+    let pipeline = with_scene_in_a_file(SMALL).0.replace("count: 4", "count: 100");
     workspace.write("p.yaml", &pipeline);
     workspace.write("scene.yaml", &scene);
     let undisturbed = workspace.stages(&["run", "p.yaml", "--store", "calm"]);

@@ -8,16 +8,35 @@ use std::process::{Command, Output};
 
 use serde_json::Value;
 
-/// Every kind of stage at a size that takes a second.
-pub const TINY: &str = "\
-version: 1
-name: tiny
-scene:
-  geometry: { side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50 }
+/// The scene of all pipelines here.
+macro_rules! scene {
+    () => {
+        "  geometry: { side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50 }
   material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
   drive: { voltage: 5.25 kV }
   effects: {}
-stages:
+"
+    };
+}
+
+/// A pipeline in that scene.
+macro_rules! pipeline {
+    ($name:literal, $stages:literal) => {
+        concat!(
+            "version: 1\nname: ",
+            $name,
+            "\nscene:\n",
+            scene!(),
+            "stages:\n",
+            $stages
+        )
+    };
+}
+
+/// Every kind of stage at a size that takes a second.
+pub const TINY: &str = pipeline!(
+    "tiny",
+    "\
   small:     { kind: sample, family: small-grid, count: 60, seed: 1 }
   large:     { kind: sample, family: large-grid, units: [2, 3], count_per_units: 8, seed: 2 }
   bezier:    { kind: sample, family: bezier, count: 8, seed: 3 }
@@ -28,23 +47,40 @@ stages:
   verified:  { kind: verify, needs: [design], elements_per_cell: 1 }
   reference: { kind: solve, needs: [bezier], elements_per_cell: 2 }
   accuracy:  { kind: accuracy, needs: [reference], methods: [{ method: linear, elements_per_cell: 1 }, { elements_per_cell: 1 }] }
-";
+"
+);
 
 /// A pipeline that takes a fraction of a second: three samples of chunks, a manifest, a whole artifact with a figure.
-pub const SMALL: &str = "\
-version: 1
-name: small
-scene:
-  geometry: { side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50 }
-  material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
-  drive: { voltage: 5.25 kV }
-  effects: {}
-stages:
+pub const SMALL: &str = pipeline!(
+    "small",
+    "\
   small:    { kind: sample, family: small-grid, count: 4, seed: 1 }
   large:    { kind: sample, family: large-grid, units: [2], count_per_units: 2, seed: 2 }
   solved:   { kind: solve, needs: [small, large], elements_per_cell: 1 }
   balanced: { kind: balance, needs: [solved], bins: 5, range: [0 mm, 2.5 mm], target: 4, symmetry: d4, seed: 4 }
-";
+"
+);
+
+/// Two stages are enough where one is to be chunked and one is to need it.
+pub const SHORT: &str = pipeline!(
+    "short",
+    "\
+  small:  { kind: sample, family: small-grid, count: 60, seed: 1 }
+  solved: { kind: solve, needs: [small], elements_per_cell: 1 }
+"
+);
+
+/// The scene as a file of its own.
+pub fn scene_file() -> String {
+    scene!().lines().map(|line| format!("{}\n", &line[2..])).collect()
+}
+
+/// A pipeline that names `scene.yaml` in place of the scene in it, and its stages alone.
+pub fn with_scene_in_a_file(pipeline: &str) -> (String, &str) {
+    let (header, _) = pipeline.split_once("scene:\n").unwrap();
+    let (_, stages) = pipeline.split_once("stages:\n").unwrap();
+    (format!("{header}scene: scene.yaml\nstages:\n{stages}"), stages)
+}
 
 /// A folder that is removed at the end.
 pub struct Workspace {
