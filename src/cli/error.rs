@@ -75,9 +75,13 @@ impl CliError {
         self
     }
 
-    /// Puts a word before the message: the stage that failed.
+    /// Puts a word before the message: the stage that failed, or that is there and stops the pipeline.
     pub fn of_stage(mut self, stage: &str) -> Self {
-        self.message = format!("stage `{stage}` failed: {}", self.message);
+        let what = match self.exit {
+            Exit::Findings => "stops the pipeline",
+            _ => "failed",
+        };
+        self.message = format!("stage `{stage}` {what}: {}", self.message);
         self
     }
 

@@ -190,19 +190,26 @@ impl Execution<'_> {
                 continue;
             }
             let start = (self.builder.environment.clock)();
-            match self.stage(index, start) {
-                Ok(report) => reports.push(report),
+            let failure = match self.stage(index, start) {
+                Ok(report) => {
+                    let blocked = self.blocked(index, &report);
+                    reports.push(report);
+                    blocked
+                }
                 Err(error) => {
-                    // It may be there, as an audit that stops what follows is: it counts as missing all the same.
-                    self.inputs.remove(&index);
                     reports.push(self.failed(index, start, &error));
-                    failures.push(Failure {
-                        stage: self.pipeline.stages[index].name.clone(),
-                        error,
-                    });
-                    if !self.builder.keep_going {
-                        break;
-                    }
+                    Some(error)
+                }
+            };
+            if let Some(error) = failure {
+                // It may be there, as an audit that stops what follows is: for what follows it is not.
+                self.inputs.remove(&index);
+                failures.push(Failure {
+                    stage: self.pipeline.stages[index].name.clone(),
+                    error,
+                });
+                if !self.builder.keep_going {
+                    break;
                 }
             }
         }
@@ -253,11 +260,18 @@ impl Execution<'_> {
             key: record.key,
             artifact: record.artifact,
         });
-        let open = || self.builder.store.artifact(&record.artifact);
-        if let Some(why) = spec.stage.blocks(&open)? {
-            return Err(StageError::Blocked(why));
-        }
         Ok(report)
+    }
+
+    /// Why nothing that needs a stage may run, although the stage is there.
+    fn blocked(&self, index: usize, report: &StageReport) -> Option<StageError> {
+        let digest = report.digest?;
+        let open = || self.builder.store.artifact(&digest);
+        match self.pipeline.stages[index].stage.blocks(&open) {
+            Ok(None) => None,
+            Ok(Some(why)) => Some(StageError::Blocked(why)),
+            Err(error) => Some(error),
+        }
     }
 
     fn announce(&self, index: usize, assessment: &Assessment, why: &Staleness) {

@@ -150,7 +150,16 @@ fn an_audit_with_errors_stops_what_waits_for_it() {
         let found = stages.iter().find(|s| s["name"] == stage);
         found.map(|s| s["outcome"].as_str().unwrap().to_owned())
     };
-    assert_ne!(outcome(&ended, "surrogate").as_deref(), Some("built"));
+    assert_eq!(outcome(&ended, "audited").as_deref(), Some("built"));
+    assert_eq!(outcome(&ended, "surrogate"), None);
+    assert!(
+        ended.stderr.contains("stage `audited` stops the pipeline"),
+        "{}",
+        ended.stderr
+    );
+    let ended = run(&[&strict[..], &["--keep-going"]].concat());
+    assert_eq!(ended.code, Some(5));
+    assert_eq!(outcome(&ended, "surrogate").as_deref(), Some("skipped"));
     let shown = workspace.run(&["show", "audited", "--json"]).json();
     assert!(
         shown["attributes"]["findings"]
