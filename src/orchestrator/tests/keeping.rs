@@ -153,7 +153,7 @@ fn what_was_built_foretells_what_is_to_be_built() {
         [("count", 35, 4), ("count", 20, 2), ("divide", 55, 6), ("sum", 1, 1)]
     );
     let (small, price) = (&costs[0], plan[0].price.unwrap());
-    let threads = small.jobs.min(4).max(1) as f64;
+    let threads = small.jobs.clamp(1, 4) as f64;
     let each = small.seconds * threads / 35.0;
     let expected = each * 15.0 / (small.jobs.min(2) as f64);
     assert!((price.seconds.likely - expected).abs() < 1e-9, "{price:?}, {expected}");
