@@ -36,8 +36,7 @@ macro_rules! pipeline {
 /// Every kind of stage at a size that takes a second.
 pub const TINY: &str = pipeline!(
     "tiny",
-    "\
-  small:     { kind: sample, family: small-grid, count: 60, seed: 1 }
+    "  small:     { kind: sample, family: small-grid, count: 60, seed: 1 }
   large:     { kind: sample, family: large-grid, units: [2, 3], count_per_units: 8, seed: 2 }
   bezier:    { kind: sample, family: bezier, count: 8, seed: 3 }
   solved:    { kind: solve, needs: [small, large, bezier], elements_per_cell: 1 }
@@ -53,8 +52,7 @@ pub const TINY: &str = pipeline!(
 /// A pipeline that takes a fraction of a second: three samples of chunks, a manifest, a whole artifact with a figure.
 pub const SMALL: &str = pipeline!(
     "small",
-    "\
-  small:    { kind: sample, family: small-grid, count: 4, seed: 1 }
+    "  small:    { kind: sample, family: small-grid, count: 4, seed: 1 }
   large:    { kind: sample, family: large-grid, units: [2], count_per_units: 2, seed: 2 }
   solved:   { kind: solve, needs: [small, large], elements_per_cell: 1 }
   balanced: { kind: balance, needs: [solved], bins: 5, range: [0 mm, 2.5 mm], target: 4, symmetry: d4, seed: 4 }
@@ -64,8 +62,7 @@ pub const SMALL: &str = pipeline!(
 /// Two stages are enough where one is to be chunked and one is to need it.
 pub const SHORT: &str = pipeline!(
     "short",
-    "\
-  small:  { kind: sample, family: small-grid, count: 60, seed: 1 }
+    "  small:  { kind: sample, family: small-grid, count: 60, seed: 1 }
   solved: { kind: solve, needs: [small], elements_per_cell: 1 }
 "
 );
