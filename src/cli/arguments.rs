@@ -36,7 +36,7 @@ pub enum Command {
     Show(ShowArguments),
     /// Check every byte of a store
     Fsck(FsckArguments),
-    /// Remove artifacts that neither the last runs nor a pin need
+    /// Remove artifacts that neither the last runs nor a pin nor a lock file need
     Gc(GcArguments),
     /// Keep an artifact, and all that it was made from, through every gc; without an artifact, list the pins
     Pin(PinArguments),

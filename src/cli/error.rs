@@ -196,9 +196,12 @@ impl From<StoreError> for CliError {
         match &error {
             e if e.is_damage() => Self::new(Exit::Damaged, message)
                 .help("`deaflow fsck` tells what else is damaged; `deaflow run` builds it again"),
-            StoreError::Format { .. } | StoreError::NotAStore { .. } | StoreError::NoStore { .. } => {
-                Self::bad_input(message)
-            }
+            StoreError::Format { .. }
+            | StoreError::NotAStore { .. }
+            | StoreError::NoStore { .. }
+            | StoreError::PathNotUtf8 { .. } => Self::bad_input(message),
+            StoreError::Unreachable { .. } => Self::new(Exit::Damaged, message)
+                .help("build it again with `deaflow run`, or let it go: `deaflow unpin`, or remove the lock file"),
             _ => Self::failure(message),
         }
     }

@@ -1,5 +1,7 @@
 //! `deaflow fsck`: checks every byte of a store.
 
+use std::path::Path;
+
 use serde_json::json;
 
 use super::arguments::FsckArguments;
@@ -27,18 +29,23 @@ pub fn execute(arguments: &FsckArguments, output: &Output) -> Result<Exit, CliEr
     } else {
         output.text(&text(&report, arguments.repair))?;
     }
-    Ok(if report.is_sound() || arguments.repair {
-        Exit::Done
-    } else {
-        Exit::Damaged
-    })
+    Ok(
+        if report.is_sound() || (arguments.repair && report.unreadable.is_empty()) {
+            Exit::Done
+        } else {
+            Exit::Damaged
+        },
+    )
 }
 
 fn document(report: &Report) -> serde_json::Value {
-    let damaged = report
-        .damaged
+    let damaged = report.damaged.iter().map(
+        |d| json!({ "path": shown(&d.path), "reason": d.reason, "quarantined": d.quarantined.as_deref().map(shown) }),
+    );
+    let unreadable = report
+        .unreadable
         .iter()
-        .map(|d| json!({ "path": d.path, "reason": d.reason, "quarantined": d.quarantined }));
+        .map(|d| json!({ "path": shown(&d.path), "reason": d.reason }));
     let missing = report
         .missing
         .iter()
@@ -48,13 +55,19 @@ fn document(report: &Report) -> serde_json::Value {
         "objects": report.objects,
         "bytes": report.bytes,
         "records": report.records,
+        "unreadable": unreadable.collect::<Vec<_>>(),
         "damaged": damaged.collect::<Vec<_>>(),
         "missing": missing.collect::<Vec<_>>(),
         "rewritten": report.rewritten.iter().map(ToString::to_string).collect::<Vec<_>>(),
-        "strays": report.strays,
+        "strays": report.strays.iter().map(|path| shown(path)).collect::<Vec<_>>(),
         "unfinished": report.unfinished,
-        "repaired": report.repaired,
+        "repaired": report.repaired.iter().map(|path| shown(path)).collect::<Vec<_>>(),
     })
+}
+
+/// A path as text, also where its bytes are none: a file may have any name.
+fn shown(path: &Path) -> String {
+    path.display().to_string()
 }
 
 fn text(report: &Report, repaired: bool) -> String {
@@ -68,6 +81,9 @@ fn text(report: &Report, repaired: bool) -> String {
         let aside = damage.quarantined.as_ref();
         let aside = aside.map_or(String::new(), |path| format!("; moved to {}", path.display()));
         lines.push(format!("damaged: {}: {}{aside}", damage.path.display(), damage.reason));
+    }
+    for trouble in &report.unreadable {
+        lines.push(format!("unreadable: {}", trouble.reason));
     }
     for absence in &report.missing {
         lines.push(format!(
@@ -96,6 +112,8 @@ fn text(report: &Report, repaired: bool) -> String {
     }
     lines.push(if report.is_sound() {
         "the store is sound".to_owned()
+    } else if !report.unreadable.is_empty() {
+        "nothing is known of what cannot be read; it stays where it is".to_owned()
     } else if repaired {
         "the store is sound again; the next `deaflow run` builds what is gone".to_owned()
     } else {

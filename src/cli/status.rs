@@ -71,7 +71,7 @@ fn standing(store: &Store, runs: &[Run], path: PathBuf, named: bool) -> Result<S
 fn document(store: &Store, survey: &Survey, runs: usize, standings: &[Standing]) -> Value {
     let pipelines = standings.iter().map(|standing| {
         json!({
-            "path": standing.path,
+            "path": standing.path.display().to_string(),
             "last_run": standing.last.as_ref().map(|run| &run.created),
             "locked": standing.locked,
             "stages": standing.stages.as_ref().ok(),
@@ -111,6 +111,7 @@ fn text(store: &Store, survey: &Survey, runs: usize, standings: &[Standing]) -> 
     }
     lines.push(match survey.in_flight {
         0 => "nothing is being built".to_owned(),
+        1 => "one action is being built".to_owned(),
         n => format!("{n} actions are being built"),
     });
     if !standings.is_empty() {

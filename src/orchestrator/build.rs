@@ -25,6 +25,8 @@ pub struct Builder<'a> {
     pub listener: Listener<'a>,
     /// Whether the other chunks are built although one failed: the next run has less to do then.
     pub keep_going: bool,
+    /// Whether this stage has waited for another process: the time is then not its own.
+    pub waited: AtomicBool,
 }
 
 /// One finished piece of work.
@@ -162,6 +164,7 @@ impl Builder<'_> {
             name: piece.spec.name.clone(),
             text: "another process is building this; waiting for it".into(),
         });
+        self.waited.store(true, Ordering::Relaxed);
         let guard = self.store.lock_action(&piece.key)?;
         self.perform(piece, &guard)
     }

@@ -1,6 +1,7 @@
 //! Runs a pipeline: stage after stage in topological order, building what is stale and no more.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::SystemTime;
 
 use super::assess::{self, Assessment, State, Surveyor};
@@ -108,6 +109,7 @@ pub fn run(
             environment,
             listener,
             keep_going: options.keep_going,
+            waited: AtomicBool::new(false),
         },
         lock: options.lock,
         prices: selection.iter().copied().zip(prices).collect(),
@@ -241,7 +243,8 @@ impl Execution<'_> {
         report.digest = Some(record.artifact);
         report.seconds = self.builder.environment.seconds_since(start);
         report.price = self.prices.get(&index).copied().flatten();
-        if report.outcome == Outcome::Built {
+        let waited = self.builder.waited.swap(false, Ordering::Relaxed);
+        if report.outcome == Outcome::Built && !waited {
             self.remember_cost(spec, &assessment, &report);
         }
         if let Some(difference) = self.lock.and_then(|lock| locked::other_artifact(spec, lock, &record)) {

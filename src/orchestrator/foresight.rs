@@ -22,7 +22,7 @@ pub fn prices(
     if !assessments.iter().any(Assessment::is_stale) {
         return Ok(vec![None; selection.len()]);
     }
-    let costs = store.costs()?;
+    let costs = store.costs();
     let mut lengths: Vec<Option<u64>> = vec![None; pipeline.stages.len()];
     let mut prices = Vec::with_capacity(selection.len());
     for (&index, assessment) in selection.iter().zip(assessments) {

@@ -44,6 +44,12 @@ pub enum StoreError {
         /// The folder.
         path: PathBuf,
     },
+    /// A folder whose path HDF5 cannot be given.
+    #[error("the path of the store {path} is not UTF-8: HDF5 cannot open files there", path = path.display())]
+    PathNotUtf8 {
+        /// The folder.
+        path: PathBuf,
+    },
     /// A folder that is no store, where one is to be read.
     #[error("there is no artifact store at {path}: name one with --store", path = path.display())]
     NoStore {
@@ -102,6 +108,14 @@ pub enum StoreError {
         /// Why not.
         reason: String,
     },
+    /// Something that a pin or a lock file needs is not there, so that it is not known what else it needs.
+    #[error("{root} needs artifact {missing}, which is missing: nothing is removed", missing = missing.short())]
+    Unreachable {
+        /// The pin or lock file.
+        root: String,
+        /// What is missing.
+        missing: Digest,
+    },
     /// Chunks that do not fit together.
     #[error("chunk {digest} does not fit the first chunk: {reason}", digest = digest.short())]
     Parts {
@@ -121,16 +135,9 @@ pub enum StoreError {
     Encoding(#[from] EncodingError),
 }
 
-/// What HDF5 says, without the addresses and counters that it adds where the system has refused.
-fn reason(message: &str) -> String {
-    let number = message
-        .split("errno = ")
-        .nth(1)
-        .and_then(|rest| rest.split(',').next()?.trim().parse().ok());
-    number.map_or_else(
-        || message.to_owned(),
-        |errno| io::Error::from_raw_os_error(errno).to_string(),
-    )
+/// The number of the system's refusal, where HDF5 reports one among addresses and counters.
+fn errno(message: &str) -> Option<i32> {
+    message.split("errno = ").nth(1)?.split(',').next()?.trim().parse().ok()
 }
 
 impl StoreError {
@@ -149,10 +156,16 @@ impl StoreError {
     /// For `map_err` on calls of the HDF5 library.
     pub(super) fn hdf5(action: &'static str, path: &Path) -> impl Fn(hdf5::Error) -> Self {
         let path = path.to_owned();
-        move |error| Self::Hdf5 {
-            action,
-            path: path.clone(),
-            message: reason(&error.to_string()),
+        move |error| {
+            let (path, message) = (path.clone(), error.to_string());
+            match errno(&message) {
+                Some(number) => Self::Io {
+                    action,
+                    path,
+                    source: io::Error::from_raw_os_error(number),
+                },
+                None => Self::Hdf5 { action, path, message },
+            }
         }
     }
 

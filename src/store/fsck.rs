@@ -46,6 +46,8 @@ pub struct Report {
     pub records: u64,
     /// Damaged artifacts, records and runs, now in quarantine.
     pub damaged: Vec<Damage>,
+    /// Files that the system does not let anybody read, and why: nothing is known of them, and they stay where they are.
+    pub unreadable: Vec<Damage>,
     /// Artifacts that a manifest or a record names and that are not there (those quarantined just now among them).
     pub missing: Vec<Absence>,
     /// The manifests and records that name them.
@@ -64,13 +66,14 @@ impl Report {
     /// Whether nothing is damaged or missing.
     #[must_use]
     pub fn is_sound(&self) -> bool {
-        self.damaged.is_empty() && self.missing.is_empty()
+        self.damaged.is_empty() && self.missing.is_empty() && self.unreadable.is_empty()
     }
 }
 
-/// A sound artifact, as later checks need it.
+/// A sound artifact, as later checks need it; of one that cannot be read nothing is known.
+#[derive(Default)]
 struct Sound {
-    file: Digest,
+    file: Option<Digest>,
     parts: Vec<Digest>,
 }
 
@@ -81,8 +84,9 @@ impl Store {
     /// When the system refuses; damage is in the report.
     pub fn fsck(&self, progress: &dyn Fn(u64, u64)) -> Result<Report, StoreError> {
         let mut report = Report::default();
-        let objects = files(&self.layout.objects())?;
+        // Records first: an artifact is there before its record is, also while a run goes on.
         let records = files(&self.layout.records())?;
+        let objects = files(&self.layout.objects())?;
         let total = (objects.len() + records.len()) as u64;
         let mut sound = BTreeMap::new();
         for (done, path) in objects.iter().enumerate() {
@@ -103,7 +107,10 @@ impl Store {
             progress((objects.len() + done) as u64, total);
             if let Some(record) = self.check_record(path, &mut report)? {
                 let known = sound.get(&record.artifact);
-                if known.is_some_and(|object| object.file != record.file_digest) {
+                if known
+                    .and_then(|object| object.file)
+                    .is_some_and(|file| file != record.file_digest)
+                {
                     report.rewritten.push(record.artifact);
                 }
                 let wanted_by = format!("record {} ({})", record.key.short(), record.kind);
@@ -117,6 +124,8 @@ impl Store {
             }
         }
         self.check_runs(&mut report)?;
+        report.strays.extend(self.stray_pins()?);
+        report.strays.extend(self.stray_lock_files()?);
         report.unfinished = files_in(&self.layout.temporary())?.len() as u64;
         progress(total, total);
         Ok(report)
@@ -137,7 +146,8 @@ impl Store {
                 report.repaired.push(path.clone());
             }
             // A manifest that goes leaves a record behind that promises it.
-            gone.extend(path.file_stem().and_then(|stem| stem.to_str()?.parse::<Digest>().ok()));
+            let digest = path.file_stem().and_then(|stem| stem.to_str()?.parse::<Digest>().ok());
+            gone.extend(digest.filter(|digest| self.layout.object(digest) == path));
             if open.is_empty() {
                 open = self.records_of(&std::mem::take(&mut gone))?;
             }
@@ -182,7 +192,15 @@ impl Store {
             Ok(object) => {
                 sound.insert(digest, object);
             }
-            Err(StoreError::Io { action, path, source }) => return Err(StoreError::Io { action, path, source }),
+            // Not damage, as far as anybody can tell: a disk that refuses, a file that somebody has locked.
+            Err(error @ StoreError::Io { .. }) => {
+                report.unreadable.push(Damage {
+                    path: path.to_owned(),
+                    quarantined: None,
+                    reason: error.to_string(),
+                });
+                sound.entry(digest).or_default();
+            }
             Err(StoreError::Damaged { reason, .. }) => self.condemn(path, reason, report)?,
             Err(error) => self.condemn(path, error.to_string(), report)?,
         }
@@ -240,7 +258,7 @@ fn redigest(path: &Path, digest: &Digest) -> Result<Sound, StoreError> {
         return Err(StoreError::damaged(path, reason));
     }
     Ok(Sound {
-        file: artifact.file_digest()?,
+        file: Some(artifact.file_digest()?),
         parts: object.parts,
     })
 }

@@ -70,6 +70,14 @@ struct Known {
     inputs: Vec<Digest>,
 }
 
+/// Something that holds artifacts.
+struct Root {
+    name: String,
+    artifacts: Vec<Digest>,
+    /// Whether it holds them for good: what it needs must then be known. A run may name what an earlier collection took.
+    lasting: bool,
+}
+
 /// Records by what they made.
 type Records = BTreeMap<Digest, Vec<Known>>;
 
@@ -81,15 +89,24 @@ impl Store {
     pub fn judge(&self, retention: &Retention, now: SystemTime) -> Result<Collection, StoreError> {
         let records = self.known_records()?;
         let mut holders: BTreeMap<Digest, BTreeSet<String>> = BTreeMap::new();
-        for (root, artifacts) in self.roots(retention)? {
-            for digest in self.reach(artifacts, &records)? {
-                holders.entry(digest).or_default().insert(root.clone());
+        for root in self.roots(retention)? {
+            let (reached, missing) = self.reach(root.artifacts, &records)?;
+            if let Some(missing) = missing.first().filter(|_| root.lasting) {
+                return Err(StoreError::Unreachable {
+                    root: root.name,
+                    missing: *missing,
+                });
+            }
+            for digest in reached {
+                holders.entry(digest).or_default().insert(root.name.clone());
             }
         }
         let mut collection = Collection::default();
         for path in files(&self.layout.objects())? {
             let name = path.file_stem().and_then(|stem| stem.to_str());
-            let Some(digest) = name.and_then(|name| name.parse::<Digest>().ok()) else {
+            let digest = name.and_then(|name| name.parse::<Digest>().ok());
+            // A copy that somebody left beside an artifact is not that artifact.
+            let Some(digest) = digest.filter(|digest| self.layout.object(digest) == path) else {
                 continue;
             };
             let metadata = fs::symlink_metadata(&path).map_err(StoreError::io("read", &path))?;
@@ -150,7 +167,7 @@ impl Store {
     }
 
     /// The roots by name, with the artifacts that they hold.
-    fn roots(&self, retention: &Retention) -> Result<Vec<(String, Vec<Digest>)>, StoreError> {
+    fn roots(&self, retention: &Retention) -> Result<Vec<Root>, StoreError> {
         let mut runs = Vec::new();
         for path in self.run_files()?.iter().take(retention.runs) {
             let Some(run) = history::read(path)? else {
@@ -158,7 +175,11 @@ impl Store {
                 return Err(StoreError::damaged(path, reason));
             };
             let artifacts = run.stages.iter().map(|stage| stage.artifact).collect();
-            runs.push((format!("run of {} at {}", run.pipeline, run.created), artifacts));
+            runs.push(Root {
+                name: format!("run of {} at {}", run.pipeline, run.created),
+                artifacts,
+                lasting: false,
+            });
         }
         let pins = self.pins()?;
         let pins = pins.iter().map(|pin| {
@@ -167,18 +188,27 @@ impl Store {
             } else {
                 format!(" ({})", pin.label)
             };
-            (format!("pin{label}"), vec![pin.digest])
+            Root {
+                name: format!("pin{label}"),
+                artifacts: vec![pin.digest],
+                lasting: true,
+            }
         });
         let lock_files = self.lock_files()?.into_iter().map(|(path, lock)| {
             let artifacts = lock.stages.values().map(|stage| stage.artifact).collect();
-            (format!("lock file {}", path.display()), artifacts)
+            Root {
+                name: format!("lock file {}", path.display()),
+                artifacts,
+                lasting: true,
+            }
         });
         Ok(runs.into_iter().chain(pins).chain(lock_files).collect())
     }
 
-    /// Everything that some artifacts need, themselves included. What is missing needs nothing.
-    fn reach(&self, artifacts: Vec<Digest>, records: &Records) -> Result<BTreeSet<Digest>, StoreError> {
+    /// Everything that some artifacts need, themselves included, and what of it is missing: what that would need is not known.
+    fn reach(&self, artifacts: Vec<Digest>, records: &Records) -> Result<(BTreeSet<Digest>, Vec<Digest>), StoreError> {
         let mut reached = BTreeSet::new();
+        let mut missing = Vec::new();
         let mut open = artifacts;
         while let Some(digest) = open.pop() {
             if !reached.insert(digest) {
@@ -188,16 +218,25 @@ impl Store {
             open.extend(made.flat_map(|record| record.inputs.iter().copied()));
             match self.parts(&digest) {
                 Ok(parts) => open.extend(parts),
-                Err(StoreError::Missing { .. }) => {}
+                Err(StoreError::Missing { .. }) => {
+                    missing.push(digest);
+                    continue;
+                }
                 Err(error) => return Err(error),
             }
+            if !records.contains_key(&digest) {
+                // Its record is lost or damaged; what it was made from stands in itself too.
+                let provenance = self.artifact(&digest)?.provenance()?;
+                let inputs = provenance.get("inputs").map_or("", String::as_str).lines();
+                open.extend(inputs.filter_map(|input| input.parse::<Digest>().ok()));
+            }
         }
-        Ok(reached)
+        Ok((reached, missing))
     }
 
     fn keep_reached_by_young(&self, collection: &mut Collection, records: &Records) -> Result<(), StoreError> {
         let young = collection.kept.iter().filter(|judged| judged.held_by == ["its age"]);
-        let reached = self.reach(young.map(|judged| judged.digest).collect(), records)?;
+        let (reached, _) = self.reach(young.map(|judged| judged.digest).collect(), records)?;
         let (mut saved, gone): (Vec<Judged>, Vec<Judged>) = std::mem::take(&mut collection.removed)
             .into_iter()
             .partition(|judged| reached.contains(&judged.digest));

@@ -42,6 +42,9 @@ impl Layout {
     /// When the folder holds something else, a store of an unknown version, or cannot be created.
     pub fn open(root: &Path) -> Result<Self, StoreError> {
         let layout = Self { root: root.to_owned() };
+        if root.to_str().is_none() {
+            return Err(StoreError::PathNotUtf8 { path: layout.root });
+        }
         if root.exists() && !root.is_dir() {
             return Err(StoreError::NotAStore { path: layout.root });
         }
@@ -144,10 +147,10 @@ impl Layout {
         self.root.join("locks/actions")
     }
 
-    /// The lock of an action. Keys share 4096 files, which stay: to make and remove a file for each chunk would cost more
+    /// The lock of an action. Keys share 65,536 files, which stay: to make and remove a file for each chunk would cost more
     /// than to wait, now and then, for another.
     pub fn action_lock(&self, key: &Digest) -> PathBuf {
-        self.action_locks().join(&key.to_string()[..3])
+        self.action_locks().join(&key.to_string()[..4])
     }
 
     pub fn index(&self) -> PathBuf {
@@ -165,6 +168,21 @@ impl Layout {
     pub fn root(&self) -> &Path {
         &self.root
     }
+}
+
+/// Everything in a folder that need not be there, in order. Only where there is nothing at all of its name there is nothing in
+/// it: a folder that cannot be read, or something else in its place, may hide what was in it.
+pub fn files_in_optional(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
+    match fs::symlink_metadata(folder) {
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(Vec::new()),
+        _ => files_in(folder),
+    }
+}
+
+/// Whether a name is one of those that file systems and their viewers leave everywhere.
+pub fn is_hidden(path: &Path) -> bool {
+    path.file_name()
+        .is_some_and(|name| name.as_encoded_bytes().starts_with(b"."))
 }
 
 /// Everything two levels down, in order.

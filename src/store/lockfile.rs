@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 use super::atomic;
 use super::error::StoreError;
-use super::layout::files_in;
+use super::layout::{files_in_optional, is_hidden};
 use super::open::Store;
 use crate::base::{Digest, Document, InputError, Node, read_bounded};
 
@@ -41,10 +41,13 @@ pub struct LockedStage {
 }
 
 impl LockFile {
-    /// The lock file of a pipeline's file: `quickstart.lock` beside `quickstart.yaml`.
+    /// The lock file of a pipeline's file: `quickstart.yaml.lock` beside `quickstart.yaml`. The whole name is kept, so that
+    /// `a.yaml` and `a.yml` have each their own, and no pipeline is its own lock file.
     #[must_use]
     pub fn beside(pipeline: &Path) -> PathBuf {
-        pipeline.with_extension("lock")
+        let mut name = pipeline.as_os_str().to_owned();
+        name.push(".lock");
+        PathBuf::from(name)
     }
 
     /// Reads a lock file.
@@ -154,12 +157,9 @@ impl Store {
     /// # Errors
     /// When one is there and cannot be read: what it needs is then not known.
     pub fn lock_files(&self) -> Result<Vec<(PathBuf, LockFile)>, StoreError> {
-        let folder = self.layout.lock_files();
-        if !folder.is_dir() {
-            return Ok(Vec::new());
-        }
         let mut found = Vec::new();
-        for entry in files_in(&folder)? {
+        let entries = files_in_optional(&self.layout.lock_files())?;
+        for entry in entries.into_iter().filter(|entry| !is_hidden(entry)) {
             let bytes = read_bounded(&entry, MAX_PATH).map_err(|error| match error.kind() {
                 ErrorKind::InvalidInput | ErrorKind::FileTooLarge => StoreError::damaged(&entry, error.to_string()),
                 _ => StoreError::io("read", &entry)(error),
@@ -185,6 +185,18 @@ impl Store {
         }
         Ok(found)
     }
+
+    /// What lies among the places of lock files and is none.
+    pub(super) fn stray_lock_files(&self) -> Result<Vec<PathBuf>, StoreError> {
+        let is_stray = |entry: &PathBuf| {
+            let named = entry.file_name().and_then(|name| name.to_str());
+            let bytes = read_bounded(entry, MAX_PATH).ok();
+            let says = bytes.map(|bytes| Digest::of(&bytes).to_string());
+            !is_hidden(entry) && (says.is_none() || says.as_deref() != named)
+        };
+        let entries = files_in_optional(&self.layout.lock_files())?;
+        Ok(entries.into_iter().filter(is_stray).collect())
+    }
 }
 
 #[cfg(test)]
@@ -207,7 +219,7 @@ mod tests {
     fn a_lock_file_says_what_was_written() {
         let folder = tempfile::tempdir().unwrap();
         let store = Store::open(&folder.path().join("store")).unwrap();
-        let path = folder.path().join("p.lock");
+        let path = folder.path().join("p.yaml.lock");
         assert_eq!(LockFile::beside(&folder.path().join("p.yaml")), path);
         store.put_lock_file(&path, &lock()).unwrap();
         assert_eq!(LockFile::read(&path).unwrap(), lock());

@@ -2,12 +2,13 @@
 
 use std::fs;
 use std::io::ErrorKind;
+use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
 use super::atomic;
 use super::error::StoreError;
-use super::layout::files_in;
+use super::layout::{files_in_optional, is_hidden};
 use super::open::Store;
 use crate::base::{Digest, read_bounded};
 
@@ -66,12 +67,9 @@ impl Store {
     /// # Errors
     /// When the system refuses, or a file among the pins is named by no digest.
     pub fn pins(&self) -> Result<Vec<Pin>, StoreError> {
-        let folder = self.layout.pins();
-        if !folder.is_dir() {
-            return Ok(Vec::new());
-        }
         let mut pins = Vec::new();
-        for path in files_in(&folder)? {
+        let files = files_in_optional(&self.layout.pins())?;
+        for path in files.into_iter().filter(|path| !is_hidden(path)) {
             let name = path.file_name().and_then(|name| name.to_str());
             let Some(digest) = name.and_then(|name| name.parse().ok()) else {
                 return Err(StoreError::damaged(
@@ -95,5 +93,15 @@ impl Store {
             });
         }
         Ok(pins)
+    }
+
+    /// What lies among the pins and is none.
+    pub(super) fn stray_pins(&self) -> Result<Vec<PathBuf>, StoreError> {
+        let is_stray = |path: &PathBuf| {
+            let name = path.file_name().and_then(|name| name.to_str());
+            !is_hidden(path) && name.is_none_or(|name| name.parse::<Digest>().is_err())
+        };
+        let files = files_in_optional(&self.layout.pins())?;
+        Ok(files.into_iter().filter(is_stray).collect())
     }
 }

@@ -443,3 +443,99 @@ fn a_store_is_collected_alone() {
     drop(alone);
     assert!(Store::open_existing(&root).is_ok());
 }
+
+fn everything_old() -> Retention {
+    Retention {
+        runs: 0,
+        grace: std::time::Duration::ZERO,
+    }
+}
+
+fn pinned(store: &Store, digest: Digest) {
+    let (label, created) = (String::new(), String::new());
+    store.pin(&Pin { digest, label, created }).unwrap();
+}
+
+#[test]
+fn a_copy_beside_an_artifact_does_not_take_its_place() {
+    let (_folder, store) = store();
+    let digest = put(&store, &chunk(1, 1));
+    pinned(&store, digest);
+    let path = object_path(&store, &digest);
+    let copies = ["h5~", "bak"].map(|extension| path.with_extension(extension));
+    copies.iter().for_each(|copy| drop(fs::copy(&path, copy).unwrap()));
+    let later = std::time::SystemTime::now() + std::time::Duration::from_secs(60);
+    let collection = store.judge(&everything_old(), later).unwrap();
+    assert_eq!((collection.kept.len(), collection.removed.len()), (1, 0));
+    let report = store.repair(&|_, _| ()).unwrap();
+    assert_eq!(report.repaired.len(), 2);
+    assert!(store.artifact(&digest).is_ok());
+}
+
+#[test]
+fn a_collection_does_not_guess_what_a_pin_needs() {
+    let (_folder, store) = store();
+    let (one, two) = (put(&store, &chunk(1, 1)), put(&store, &chunk(2, 1)));
+    let manifest = put(&store, &Object::manifest(Default::default(), vec![one, two]));
+    pinned(&store, manifest);
+    let later = std::time::SystemTime::now() + std::time::Duration::from_secs(60);
+    assert_eq!(store.judge(&everything_old(), later).unwrap().kept.len(), 3);
+    for lost in [one, manifest] {
+        let (path, aside) = (object_path(&store, &lost), store.root().join("aside"));
+        fs::rename(&path, &aside).unwrap();
+        let error = store.judge(&everything_old(), later).unwrap_err();
+        assert!(error.to_string().contains(&lost.short()), "{error}");
+        fs::rename(&aside, &path).unwrap();
+    }
+    // A folder of pins that is something else may hide pins.
+    fs::rename(store.root().join("pins"), store.root().join("elsewhere")).unwrap();
+    fs::write(store.root().join("pins"), "").unwrap();
+    assert!(store.judge(&everything_old(), later).is_err());
+}
+
+#[test]
+fn what_an_artifact_was_made_from_stays_although_its_record_is_lost() {
+    let (_folder, store) = store();
+    let input = put(&store, &chunk(1, 1));
+    let provenance = Provenance {
+        inputs: vec![input],
+        ..Provenance::default()
+    };
+    let made = store.put(&chunk(2, 1), &provenance).unwrap().digest;
+    pinned(&store, made);
+    let later = std::time::SystemTime::now() + std::time::Duration::from_secs(60);
+    assert_eq!(store.judge(&everything_old(), later).unwrap().kept.len(), 2);
+}
+
+#[test]
+fn a_file_that_cannot_be_opened_is_not_damaged() {
+    let (_folder, store) = store();
+    let digest = put(&store, &chunk(1, 1));
+    let path = object_path(&store, &digest);
+    let held = fs::File::open(&path).unwrap();
+    held.lock().unwrap();
+    let report = store.fsck(&|_, _| ()).unwrap();
+    assert!(!report.is_sound());
+    assert_eq!(
+        (report.damaged.len(), report.unreadable.len(), report.missing.len()),
+        (0, 1, 0)
+    );
+    drop(held);
+    assert!(store.fsck(&|_, _| ()).unwrap().is_sound());
+}
+
+#[test]
+fn what_lies_among_pins_and_lock_files_and_is_none_is_moved_aside() {
+    let (_folder, store) = store();
+    pinned(&store, put(&store, &chunk(1, 1)));
+    fs::write(store.root().join("pins/.hidden"), "").unwrap();
+    assert_eq!(store.pins().unwrap().len(), 1);
+    fs::write(store.root().join("pins/notes"), "").unwrap();
+    assert!(store.pins().is_err());
+    assert_eq!(
+        store.fsck(&|_, _| ()).unwrap().strays,
+        [store.root().join("pins/notes")]
+    );
+    store.repair(&|_, _| ()).unwrap();
+    assert_eq!(store.pins().unwrap().len(), 1);
+}

@@ -76,18 +76,16 @@ struct Memory {
 impl Verified {
     /// The memory of a store with an index, which is read here, and written by [`Verified::keep`].
     pub fn with_index(layout: &Layout) -> Self {
-        Self {
-            indexed: index::read(&layout.index(), machine_time()),
-            ..Self::without_trust(layout)
-        }
+        let mut known = Self::without_trust(layout);
+        known.indexed = index::read(&layout.index(), machine_time());
+        known
     }
 
     /// The memory of a store whose index is written but not believed.
     pub fn without_trust(layout: &Layout) -> Self {
-        Self {
-            place: Some(Place::of(layout)),
-            ..Self::default()
-        }
+        let mut known = Self::default();
+        known.place = Some(Place::of(layout));
+        known
     }
 
     /// Verifies every byte of the file of an artifact, unless this process wrote it or has done so, and the file is as it
@@ -291,6 +289,15 @@ impl Verified {
     fn lock(&self) -> MutexGuard<'_, Memory> {
         // A panic elsewhere while the memory was held leaves it whole: entries are inserted in one step.
         self.memory.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// What was found damaged must not be believed by the next process, however this one ends.
+impl Drop for Verified {
+    fn drop(&mut self) {
+        if !self.lock().forgotten.is_empty() {
+            self.keep();
+        }
     }
 }
 

@@ -21,12 +21,12 @@ fn a_lock_file_holds_a_pipeline_wherever_it_is_run() {
     let missing = workspace.run(&["run", "short.yaml", "--locked"]);
     assert_eq!(missing.code, Some(2));
     assert!(
-        missing.stderr.contains("short.lock") && missing.stderr.contains("--lock"),
+        missing.stderr.contains("short.yaml.lock") && missing.stderr.contains("--lock"),
         "{}",
         missing.stderr
     );
     assert_eq!(workspace.run(&["run", "short.yaml", "--lock"]).code, Some(0));
-    let text = std::fs::read_to_string(workspace.path("short.lock")).unwrap();
+    let text = std::fs::read_to_string(workspace.path("short.yaml.lock")).unwrap();
     // In another store, from nothing.
     let elsewhere = workspace.run(&["run", "short.yaml", "--locked", "--store", "other"]);
     assert_eq!(elsewhere.code, Some(0), "{}", elsewhere.stderr);
@@ -43,7 +43,7 @@ fn a_lock_file_holds_a_pipeline_wherever_it_is_run() {
     let small = workspace.run(&["plan", "short.yaml", "--json"]).json()["stages"][0]["digest"].clone();
     let digest = small.as_str().unwrap();
     let other = digest.chars().rev().collect::<String>();
-    workspace.write("short.lock", &text.replace(digest, &other));
+    workspace.write("short.yaml.lock", &text.replace(digest, &other));
     let differs = workspace.run(&["run", "short.yaml", "--locked", "--json"]);
     assert_eq!(differs.code, Some(6), "{}", differs.stderr);
     let message = differs.json()["error"]["message"].as_str().unwrap().to_owned();
@@ -52,7 +52,7 @@ fn a_lock_file_holds_a_pipeline_wherever_it_is_run() {
         "{message}"
     );
     // One that cannot be read is refused with its line.
-    workspace.write("short.lock", &text.replace("artifact: \"", "artifact: \"?"));
+    workspace.write("short.yaml.lock", &text.replace("artifact: \"", "artifact: \"?"));
     let broken = workspace.run(&["run", "short.yaml", "--locked", "--json"]);
     assert_eq!(broken.code, Some(2));
     assert_eq!(broken.json()["error"]["line"], 8, "{}", broken.stdout);
@@ -69,7 +69,7 @@ fn gc_keeps_what_a_lock_file_names_for_as_long_as_it_is_there() {
     let kept = workspace.run(&gc).json();
     let holders = kept["kept"].as_array().unwrap();
     assert!(!holders.is_empty());
-    let lock = std::fs::canonicalize(workspace.path("short.lock")).unwrap();
+    let lock = std::fs::canonicalize(workspace.path("short.yaml.lock")).unwrap();
     for artifact in holders {
         assert_eq!(artifact["held_by"][0], format!("lock file {}", lock.display()));
     }
@@ -81,7 +81,7 @@ fn gc_keeps_what_a_lock_file_names_for_as_long_as_it_is_there() {
             .iter()
             .all(|stage| stage["outcome"] == "reused")
     );
-    std::fs::remove_file(workspace.path("short.lock")).unwrap();
+    std::fs::remove_file(workspace.path("short.yaml.lock")).unwrap();
     assert_eq!(workspace.run(&gc).json()["kept"], serde_json::json!([]));
 }
 

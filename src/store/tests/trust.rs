@@ -270,3 +270,13 @@ fn actions_whose_keys_begin_alike_share_a_lock_and_others_do_not() {
     drop(held);
     assert!(store.try_lock_action(&key(0x10, 2)).unwrap().is_some());
 }
+
+#[test]
+fn what_one_process_finds_damaged_the_next_does_not_believe() {
+    let (_folder, store, digest) = known();
+    flip_beneath(&store, &digest);
+    assert!(is_intact(&store, &digest), "the index was told so");
+    // Somebody reads it, and ends with that error and no more.
+    assert!(Store::open(store.root()).unwrap().artifact(&digest).is_err());
+    assert!(is_damaged(&store, &digest));
+}
