@@ -140,7 +140,7 @@ impl Store {
     /// When the system refuses.
     pub fn remember_lock_file(&self, path: &Path) -> Result<(), StoreError> {
         let whole = fs::canonicalize(path).map_err(StoreError::io("find", path))?;
-        let text = whole.to_str().ok_or_else(|| StoreError::LockFile {
+        let text = self.place_of(&whole).ok_or_else(|| StoreError::LockFile {
             path: whole.clone(),
             reason: "its path is not UTF-8".into(),
         })?;
@@ -168,11 +168,14 @@ impl Store {
             if named.is_none_or(|name| name != Digest::of(&bytes).to_string()) {
                 return Err(StoreError::damaged(&entry, "it does not say where a lock file is"));
             }
-            let path = PathBuf::from(String::from_utf8_lossy(&bytes).into_owned());
-            match fs::metadata(&path) {
-                Err(error) if error.kind() == ErrorKind::NotFound => continue,
-                _ => {}
-            }
+            let text = String::from_utf8_lossy(&bytes).into_owned();
+            let is_gone = |path: &PathBuf| {
+                let found = fs::metadata(path);
+                found.is_err_and(|error| error.kind() == ErrorKind::NotFound)
+            };
+            let Some(path) = self.places(&text).into_iter().find(|path| !is_gone(path)) else {
+                continue;
+            };
             match LockFile::read(&path) {
                 Ok(lock) => found.push((path, lock)),
                 Err(error) => {
@@ -184,6 +187,26 @@ impl Store {
             }
         }
         Ok(found)
+    }
+
+    /// Where a lock file is: its path and, on a second line, its path from the store, which stays when both are moved together.
+    fn place_of(&self, whole: &Path) -> Option<String> {
+        let store = fs::canonicalize(self.root()).ok()?;
+        let shared = store.components().zip(whole.components());
+        let shared = shared.take_while(|(a, b)| a == b).count();
+        let up = store.components().skip(shared).map(|_| "..");
+        let relative: PathBuf = up
+            .map(Path::new)
+            .chain(whole.components().skip(shared).map(|c| Path::new(c.as_os_str())))
+            .collect();
+        Some(format!("{}\n{}", whole.to_str()?, relative.to_str()?))
+    }
+
+    fn places(&self, text: &str) -> Vec<PathBuf> {
+        let mut lines = text.lines();
+        let whole = lines.next().map(PathBuf::from);
+        let relative = lines.next().map(|relative| self.root().join(relative));
+        whole.into_iter().chain(relative).collect()
     }
 
     /// What lies among the places of lock files and is none.
@@ -227,6 +250,19 @@ mod tests {
             store.lock_files().unwrap(),
             [(fs::canonicalize(&path).unwrap(), lock())]
         );
+        // Moved with its store, it is found again.
+        let (here, there) = (folder.path().join("project"), folder.path().join("moved"));
+        fs::create_dir(&here).unwrap();
+        let store = Store::open(&here.join("store")).unwrap();
+        fs::create_dir(here.join("pipelines")).unwrap();
+        store
+            .put_lock_file(&here.join("pipelines/p.yaml.lock"), &lock())
+            .unwrap();
+        drop(store);
+        fs::rename(&here, &there).unwrap();
+        let store = Store::open(&there.join("store")).unwrap();
+        assert_eq!(store.lock_files().unwrap()[0].1, lock());
+        fs::remove_dir_all(&there).unwrap();
         // Nothing is left beside it.
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
     }
