@@ -24,7 +24,8 @@ struct Standing {
 pub fn execute(arguments: &StatusArguments, output: &Output) -> Result<Exit, CliError> {
     let store = locate::existing_store(&arguments.store.folder())?;
     let runs = store.runs()?;
-    let mut paths = arguments.pipelines.clone();
+    let absolute = |path: &PathBuf| std::path::absolute(path).unwrap_or_else(|_| path.clone());
+    let mut paths: Vec<PathBuf> = arguments.pipelines.iter().map(absolute).collect();
     if paths.is_empty() {
         for run in &runs {
             let path = PathBuf::from(&run.path);
@@ -60,9 +61,12 @@ fn standing(store: &Store, runs: &[Run], path: PathBuf, named: bool) -> Result<S
         Err(error) if named => return Err(error),
         Err(error) => (Err(error.message().to_owned()), last(None)),
     };
+    // As it would be named here.
+    let here = std::env::current_dir().ok();
+    let near = here.and_then(|here| Some(path.strip_prefix(here).ok()?.to_owned()));
     Ok(Standing {
         locked: LockFile::beside(&path).is_file(),
-        path,
+        path: near.unwrap_or(path),
         stages,
         last,
     })

@@ -124,7 +124,11 @@ pub fn run(
     store.keep_index();
     let logged = store.put_run(&Run {
         pipeline: pipeline.name.clone(),
-        path: pipeline.path.display().to_string(),
+        // Wherever the next command is given, it is the same file.
+        path: std::path::absolute(&pipeline.path)
+            .unwrap_or_else(|_| pipeline.path.clone())
+            .display()
+            .to_string(),
         created: environment.now(),
         stages: execution.remembered,
     });
