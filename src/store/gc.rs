@@ -74,8 +74,18 @@ struct Known {
 struct Root {
     name: String,
     artifacts: Vec<Digest>,
-    /// Whether it holds them for good: what it needs must then be known. A run may name what an earlier collection took.
-    lasting: bool,
+    hold: Hold,
+}
+
+/// How a root holds artifacts.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Hold {
+    /// As long as it is among the last: it may name what an earlier collection took.
+    Run,
+    /// For good: all that it needs must be known.
+    Pin,
+    /// For good, but it may name what was never built in this store.
+    LockFile,
 }
 
 /// Records by what they made.
@@ -89,9 +99,13 @@ impl Store {
     pub fn judge(&self, retention: &Retention, now: SystemTime) -> Result<Collection, StoreError> {
         let records = self.known_records()?;
         let mut holders: BTreeMap<Digest, BTreeSet<String>> = BTreeMap::new();
-        for root in self.roots(retention)? {
+        for mut root in self.roots(retention)? {
+            if root.hold == Hold::LockFile {
+                let built = |digest: &Digest| records.contains_key(digest) || self.layout.object(digest).exists();
+                root.artifacts.retain(built);
+            }
             let (reached, missing) = self.reach(root.artifacts, &records)?;
-            if let Some(missing) = missing.first().filter(|_| root.lasting) {
+            if let Some(missing) = missing.first().filter(|_| root.hold != Hold::Run) {
                 return Err(StoreError::Unreachable {
                     root: root.name,
                     missing: *missing,
@@ -178,7 +192,7 @@ impl Store {
             runs.push(Root {
                 name: format!("run of {} at {}", run.pipeline, run.created),
                 artifacts,
-                lasting: false,
+                hold: Hold::Run,
             });
         }
         let pins = self.pins()?;
@@ -191,7 +205,7 @@ impl Store {
             Root {
                 name: format!("pin{label}"),
                 artifacts: vec![pin.digest],
-                lasting: true,
+                hold: Hold::Pin,
             }
         });
         let lock_files = self.lock_files()?.into_iter().map(|(path, lock)| {
@@ -199,7 +213,7 @@ impl Store {
             Root {
                 name: format!("lock file {}", path.display()),
                 artifacts,
-                lasting: true,
+                hold: Hold::LockFile,
             }
         });
         Ok(runs.into_iter().chain(pins).chain(lock_files).collect())

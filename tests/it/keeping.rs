@@ -86,6 +86,33 @@ fn gc_keeps_what_a_lock_file_names_for_as_long_as_it_is_there() {
 }
 
 #[test]
+fn a_lock_file_may_name_what_was_never_built_here() {
+    let workspace = workspace();
+    assert_eq!(workspace.run(&["run", "short.yaml", "--lock"]).code, Some(0));
+    let part = workspace.run(&["run", "short.yaml", "--locked", "--until", "small", "--store", "other"]);
+    assert_eq!(part.code, Some(0), "{}", part.stderr);
+    let gc = ["gc", "--keep-runs", "0", "--grace", "0", "--store", "other", "--json"];
+    let kept = workspace.run(&gc);
+    assert_eq!(kept.code, Some(0), "{}", kept.stderr);
+    // Two chunks and their manifest.
+    assert_eq!(kept.json()["kept"].as_array().unwrap().len(), 3);
+    // What was built here and is gone is another matter.
+    let digest = workspace
+        .run(&["plan", "short.yaml", "--json", "--store", "other"])
+        .json()["stages"][0]["digest"]
+        .clone();
+    let digest = digest.as_str().unwrap();
+    let path = workspace
+        .path("other/objects")
+        .join(&digest[..2])
+        .join(format!("{digest}.h5"));
+    std::fs::remove_file(path).unwrap();
+    let refused = workspace.run(&gc);
+    assert_eq!(refused.code, Some(4), "{}", refused.stdout);
+    assert!(refused.stderr.contains(&digest[..12]), "{}", refused.stderr);
+}
+
+#[test]
 fn a_plan_has_a_price_and_a_run_says_how_it_came_out() {
     let workspace = workspace();
     let first = workspace.run(&["plan", "short.yaml"]);
