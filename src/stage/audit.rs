@@ -11,7 +11,7 @@ mod source;
 use std::path::Path;
 use std::time::Instant;
 
-use bench::Workbench;
+use bench::{Workbench, decided};
 use source::Source;
 
 use super::direct::{DirectError, read_scene};
@@ -19,6 +19,8 @@ use super::method::Method;
 use super::solver::explained;
 use crate::base::{Canonical, Dimension, Fields, InputError, Node, NodeValue, Quantity, Schema};
 use crate::dataset::audit::{Dataset, Declared, Options, Report, Rows, audit};
+use crate::fem::SetupError;
+use crate::fem::effects::screening::resolve;
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Progress, Stage, StageError};
 use crate::scene::Scene;
 use crate::store::{Artifact, Object, StoreError};
@@ -35,7 +37,7 @@ const STEPS: u64 = 100;
 
 /// Labels are the same when they are solved again but for the tolerance of the solver, which stops at a residual; this is
 /// how much larger, at the most, the error of the displacement is. Elsewhere last bits differ too.
-const PER_RESIDUAL: f64 = 1e3;
+const PER_RESIDUAL: f64 = 10.0;
 const SAME: f64 = 1e-5;
 
 /// The same of estimates, whose linear systems are solved to 0.3 %.
@@ -203,7 +205,8 @@ pub fn audit_file(
     let scene = read_scene(scene)?;
     let unreadable = |e: StoreError| InputError::new(e.to_string());
     let mut source = Source::of_file(file).map_err(unreadable)?;
-    source.findings.extend(other_scene(source.scene.as_deref(), &scene));
+    let other = other_scene(&source, &scene).map_err(|e| DirectError::Failed(explained(&e)))?;
+    source.findings.extend(other);
     let report = carry_out(&source, &scene, request, false, progress).map_err(DirectError::Failed)?;
     let object = content::describe(&report).map_err(DirectError::Failed)?;
     Ok(object.attribute("scene", scene.to_text()))
@@ -254,15 +257,20 @@ pub enum Audited<'a> {
     Artifact(&'a Artifact),
 }
 
-/// What a file says of its scene that contradicts the scene at hand. What is only known of a material changes no label.
-fn other_scene(said: Option<&str>, scene: &Scene) -> Option<Finding> {
-    let message = match Scene::from_text(said?) {
+/// What a file says of its scene that contradicts the scene at hand. What is only known of a material changes no label, and
+/// effects that a scene leaves open are those that are simulated: a file states them, as the screening decided.
+fn other_scene(source: &Source, scene: &Scene) -> Result<Option<Finding>, SetupError> {
+    let Some(said) = source.scene.as_deref() else {
+        return Ok(None);
+    };
+    let message = match Scene::from_text(said) {
         Ok(said) => {
+            let effects = |scene| decided(scene, source.effects.as_deref()).map(|scene| scene.effects);
             let parts = [
                 ("geometry", said.geometry != scene.geometry),
                 ("material", said.material != scene.material),
                 ("drive", said.drive.voltage != scene.drive.voltage),
-                ("effects", said.effects != scene.effects || said.auto != scene.auto),
+                ("effects", effects(&said)? != resolve(scene)?.effects),
             ];
             let differing: Vec<&str> = parts
                 .iter()
@@ -270,7 +278,7 @@ fn other_scene(said: Option<&str>, scene: &Scene) -> Option<Finding> {
                 .map(|(name, _)| *name)
                 .collect();
             if differing.is_empty() {
-                return None;
+                return Ok(None);
             }
             format!(
                 "the file says that it was made with another scene: {} differ",
@@ -279,7 +287,7 @@ fn other_scene(said: Option<&str>, scene: &Scene) -> Option<Finding> {
         }
         Err(error) => format!("the scene that the file says it was made with cannot be read: {error}"),
     };
-    Some(Finding::whole("provenance", Severity::Error, message))
+    Ok(Some(Finding::whole("provenance", Severity::Error, message)))
 }
 
 fn carry_out(

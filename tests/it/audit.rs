@@ -261,6 +261,32 @@ fn sound_files_give_no_finding_in_any_scene_and_by_any_method() {
 }
 
 #[test]
+fn a_file_that_was_solved_where_the_screening_decides_is_of_that_scene() {
+    let workspace = workspace();
+    let open = FILM.split("effects:").next().unwrap().to_owned() + "effects: auto\n";
+    workspace.write("open.yaml", &open);
+    solved(&workspace, "open.yaml", "out.h5", &["--elements-per-cell", "1"]);
+    let ended = workspace.run(&["audit", "out.h5", "--scene", "open.yaml", "--samples", "0", "--json"]);
+    assert_eq!(checks(&ended.json()), [], "{}", ended.stdout);
+    let other = workspace.run(&["audit", "out.h5", "--scene", "film.yaml", "--samples", "0", "--json"]);
+    assert!(names(&other).contains(&"provenance".to_owned()), "{}", other.stdout);
+}
+
+#[test]
+fn a_loose_solver_hides_no_wrong_label() {
+    let workspace = workspace();
+    let loose = ["--elements-per-cell", "1", "--tolerance", "1e-3"];
+    solved(&workspace, "scene.yaml", "out.h5", &loose);
+    let audit = || workspace.run(&["audit", "out.h5", "--scene", "scene.yaml", "--samples", "0", "--json"]);
+    assert_eq!(checks(&audit().json()), []);
+    rewrite(&workspace.path("out.h5"), |all| {
+        all[9 * FIELD..10 * FIELD].iter_mut().for_each(|u| *u *= 1.03);
+    });
+    let found = checks(&audit().json());
+    assert!(found.contains(&("scale".to_owned(), vec![9])), "{found:?}");
+}
+
+#[test]
 fn each_fault_that_is_planted_in_a_file_is_found_and_named() {
     type Fault = (&'static str, fn(&mut [f64]));
     let faults: [Fault; 6] = [

@@ -21,24 +21,13 @@ pub struct Workbench {
 }
 
 impl Workbench {
-    /// For a scene, and the method and tolerance that the dataset declares. Effects that are yet to be decided are those in
-    /// `decided` or, without that, decided here. Those that leave the displacement alone are not simulated.
+    /// For a scene, and the method and tolerance that the dataset declares. Effects that the scene leaves open are
+    /// decided as [`decided`] says. Those that leave the displacement alone are not simulated.
     ///
     /// # Errors
     /// When the effects cannot be simulated.
-    pub fn new(scene: &Scene, decided: Option<&str>, method: Method, tolerance: f64) -> Result<Self, SetupError> {
-        let known = || {
-            Scene::from_text(
-                &scene
-                    .to_text()
-                    .replace("effects: auto", &format!("effects: {}", decided?)),
-            )
-            .ok()
-        };
-        let scene = match scene.auto.then(known).flatten() {
-            Some(scene) => scene,
-            None => resolve(scene)?,
-        };
+    pub fn new(scene: &Scene, effects: Option<&str>, method: Method, tolerance: f64) -> Result<Self, SetupError> {
+        let scene = decided(scene, effects)?;
         let effects = Effects {
             dielectric_breakdown: None,
             electromechanical_stability: false,
@@ -86,6 +75,21 @@ impl Bench for Workbench {
         let simulator = self.set_up(wanted).map_err(|e| explained(&e))?;
         ready.insert(wanted, Arc::clone(&simulator));
         Ok(simulator)
+    }
+}
+
+/// A scene whose effects are decided. Those that it leaves open are `effects` or, without that, those of the screening.
+///
+/// # Errors
+/// When the effects cannot be simulated.
+pub fn decided(scene: &Scene, effects: Option<&str>) -> Result<Scene, SetupError> {
+    let known = || {
+        let text = scene.to_text();
+        Scene::from_text(&text.replace("effects: auto", &format!("effects: {}", effects?))).ok()
+    };
+    match scene.auto.then(known).flatten() {
+        Some(scene) => Ok(scene),
+        None => resolve(scene),
     }
 }
 
