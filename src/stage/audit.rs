@@ -46,6 +46,9 @@ const SAME_ESTIMATE: f64 = 1e-2;
 /// The accuracy that is taken for meant where nothing says anything, as a part of the membrane's side: 0.02 mm of 50 mm.
 const USUAL_ACCURACY: f64 = 4e-4;
 
+/// What is taken for rounding where nothing is declared, as a part of the side: 1e-4 mm of 50 mm.
+const ROUNDING: f64 = 2e-6;
+
 /// More rows than this have no dataset.
 const MAX_SAMPLES: u64 = 100_000_000;
 
@@ -58,7 +61,7 @@ impl Kind for AuditKind {
     }
 
     fn recipe(&self) -> u32 {
-        1
+        2
     }
 
     fn needs(&self) -> Needs {
@@ -326,6 +329,7 @@ fn carry_out(
             Declared::Estimates(_) => SAME_ESTIMATE,
             _ => (PER_RESIDUAL * tolerance).max(SAME),
         },
+        rounding: ROUNDING * scene.side_mm(),
         level: source.level.clone(),
         repeats_are_usual,
     };

@@ -151,14 +151,24 @@ impl Answer {
         if summary.compared > 0 {
             line += &format!(
                 "; {} compared with one biquadratic element per cell, of which {} stood out and were solved again",
-                summary.compared, summary.suspects
+                summary.compared,
+                summary.suspects - summary.unsolved
             );
+            if summary.unsolved > 0 {
+                line += &format!(
+                    "; {} more that stood out were not, since few of the others were wrong",
+                    summary.unsolved
+                );
+            }
         }
         line
     }
 
     fn resimulated_line(&self) -> String {
         let found = &self.summary.resimulated;
+        if found.samples == 0 {
+            return "no random sample on a finer mesh: the error of the mesh is not looked at".to_owned();
+        }
         let mm = |value: Option<f64>| value.map_or("-".to_owned(), |mm| format!("{mm:.2e} mm"));
         let allowed = match found.allowed {
             Some(_) => format!("; allowed up to {}", mm(found.allowed)),

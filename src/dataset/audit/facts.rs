@@ -17,6 +17,10 @@ pub struct Row {
     pub pattern: Option<Pattern>,
     /// Its field, where it claims to have one and all values are numbers.
     pub field: Option<Field>,
+    /// Whether it claims to have no field.
+    pub claims_none: bool,
+    /// Whether it claims to have none and has one: numbers, and not all of them zero.
+    pub is_hidden: bool,
 }
 
 impl Row {
@@ -31,6 +35,8 @@ impl Row {
         Self {
             pattern: cells.and_then(|cells| Pattern::from_cells(&cells).ok()),
             field: has_field.then(|| Field::from_values(values.to_vec()).ok()).flatten(),
+            claims_none: !has_field,
+            is_hidden: !has_field && values.iter().all(|u| u.is_finite()) && values.iter().any(|&u| u != 0.0),
         }
     }
 
@@ -49,6 +55,8 @@ pub struct Facts {
     pub claims_field: bool,
     /// Whether it has one, of numbers.
     pub has_field: bool,
+    /// Whether it claims to have none and has one.
+    pub is_hidden: bool,
     /// Largest displacement magnitude on the frame, mm.
     pub frame: f64,
     /// Largest displacement magnitude, mm.
@@ -75,6 +83,7 @@ impl Facts {
             is_pattern: row.pattern.is_some(),
             claims_field: claims_field(columns, index),
             has_field: field.is_some(),
+            is_hidden: row.is_hidden,
             frame: field.map_or(0.0, on_the_frame),
             peak: field.map_or(0.0, Field::max_magnitude),
             area: row.pattern.as_ref().map_or(0.0, Pattern::area_fraction),

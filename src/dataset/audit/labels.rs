@@ -9,7 +9,7 @@
 use std::collections::BTreeMap;
 
 use super::diagnosis::{Fault, diagnose, fit, inside};
-use super::facts::{Facts, Row};
+use super::facts::Row;
 use super::rows::{Bench, Columns, Declared, Mesh, Wanted};
 use super::symmetric::largest_difference;
 use crate::field::Field;
@@ -34,13 +34,15 @@ pub struct Tolerance {
     pub relative: f64,
     /// In mm.
     pub absolute: f64,
+    /// Part of the largest displacement that `absolute` does not exceed.
+    pub part: f64,
 }
 
 impl Tolerance {
     /// In mm, for a field with this largest displacement.
     #[must_use]
     pub fn of(&self, peak: f64) -> f64 {
-        self.relative * peak + self.absolute + ROUNDING
+        self.relative * peak + self.absolute.min(self.part * peak) + ROUNDING
     }
 }
 
@@ -55,6 +57,8 @@ pub enum Label {
     Wrong(Fault, f64),
     /// Its own mesh gives no stable solution.
     NoSolution,
+    /// The row claims no field, and its pattern has a stable solution.
+    Stable,
     /// How it compares with the estimate: its ratio to that, and the part of it that no ratio explains.
     Compared {
         /// Stored over estimated.
@@ -72,6 +76,17 @@ pub struct Judge<'a> {
     pub declared: Declared,
     /// How exactly.
     pub tolerance: Tolerance,
+    /// Whether how they were found was found out.
+    pub found_out: bool,
+}
+
+/// A label solved again.
+#[derive(Clone, Copy, Debug)]
+pub struct Solved {
+    /// What comes of it.
+    pub label: Label,
+    /// The stored field over the solution, and the label if that ratio were wrong; `None` without a solution.
+    pub otherwise: Option<(f64, Label)>,
 }
 
 impl Judge<'_> {
@@ -123,16 +138,42 @@ impl Judge<'_> {
         Ok(labels)
     }
 
-    /// A label solved again as it was made, on this mesh.
+    /// A label solved again as it was made, on this mesh. Of a row that claims no field the pattern is solved: where rows may
+    /// stand on several meshes, a stable solution has to be stable on the mesh that has the last word as well.
     ///
     /// # Errors
     /// When a simulator cannot be set up.
-    pub fn again(&self, row: &Row, mesh: Option<Mesh>) -> Result<Label, String> {
-        let Some(pair) = row.usable() else {
-            return Ok(Label::Absent);
+    pub fn again(&self, row: &Row, mesh: Option<Mesh>) -> Result<Solved, String> {
+        let plain = |label| Solved { label, otherwise: None };
+        let Some((pattern, stored)) = row.usable() else {
+            let is_stable = match &row.pattern {
+                Some(pattern) if row.claims_none => self.is_stable(pattern, mesh)?,
+                _ => false,
+            };
+            return Ok(plain(if is_stable { Label::Stable } else { Label::Absent }));
         };
-        let truth = self.against(self.own(mesh), &[pair])?.pop().flatten();
-        Ok(self.verdict(pair.1, truth.as_ref()))
+        let truth = self.against(self.own(mesh), &[(pattern, stored)])?.pop().flatten();
+        let label = self.verdict(stored, truth.as_ref());
+        let otherwise = truth.map(|truth| {
+            let inner = inside(stored);
+            let off = largest_difference(&inner, &inside(&truth));
+            (fit(&inner, &truth).0, Label::Wrong(diagnose(&inner, &truth), off))
+        });
+        Ok(Solved { label, otherwise })
+    }
+
+    fn is_stable(&self, pattern: &Pattern, mesh: Option<Mesh>) -> Result<bool, String> {
+        let mut wanted = vec![self.own(mesh)];
+        if self.found_out || self.declared == Declared::PerRow {
+            wanted.push(Wanted::Newton(REFERENCE));
+        }
+        for wanted in wanted {
+            let found = self.bench.simulator(wanted)?.simulate(std::slice::from_ref(pattern));
+            if found.iter().all(|simulation| simulation.field.is_none()) {
+                return Ok(false);
+            }
+        }
+        Ok(true)
     }
 
     fn against(&self, wanted: Wanted, pairs: &[(&Pattern, &Field)]) -> Result<Vec<Option<Field>>, String> {
@@ -165,78 +206,4 @@ fn compared(stored: &Field, estimate: Option<&Field>) -> Label {
     }
     let (ratio, rest) = fit(&inside(stored), estimate);
     Label::Compared { ratio, rest }
-}
-
-/// Fewer rows of a kind than this say nothing of what is usual among them: all of them are suspects.
-const FEWEST: usize = 12;
-
-/// Deviations by which a row is an outlier: so many robust standard deviations, and so much more.
-const DEVIATIONS: f64 = 4.0;
-const MARGIN: f64 = 2e-3;
-
-/// A row with its ratio and rest.
-type Comparison = (usize, [f64; 2]);
-
-/// The rows that compare with their estimates otherwise than their like, the most unlike first.
-///
-/// Rows are alike that are of one family or, where that is not known, whose patterns have as many edges but for a factor
-/// of two.
-#[must_use]
-pub fn suspects(labels: &[Label], facts: &[Facts], families: Option<&[String]>) -> Vec<usize> {
-    let mut kinds: BTreeMap<(&str, u32), Vec<Comparison>> = BTreeMap::new();
-    for (index, label) in labels.iter().enumerate() {
-        if let Label::Compared { ratio, rest } = label {
-            let kind = match families {
-                Some(families) => (families[index].as_str(), 0),
-                None => ("", facts[index].edges.max(1).ilog2()),
-            };
-            kinds.entry(kind).or_default().push((index, [*ratio, *rest]));
-        }
-    }
-    let mut found: Vec<(f64, usize)> = kinds.into_values().flat_map(outliers).collect();
-    found.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-    found.into_iter().map(|(_, index)| index).collect()
-}
-
-/// The outliers among rows of one kind, with how far out they are.
-fn outliers(rows: Vec<Comparison>) -> Vec<(f64, usize)> {
-    if rows.len() < FEWEST {
-        return rows.into_iter().map(|(index, _)| (0.0, index)).collect();
-    }
-    let usual = [0, 1].map(|k: usize| {
-        let values: Vec<f64> = rows.iter().map(|(_, numbers)| numbers[k]).collect();
-        let middle = median(values.clone());
-        let spread = 1.4826 * median(values.iter().map(|v| (v - middle).abs()).collect());
-        (middle, DEVIATIONS * spread + MARGIN)
-    });
-    let out = |numbers: &[f64; 2]| {
-        let ratio = (numbers[0] - usual[0].0).abs() / usual[0].1;
-        // A label that is nearer to its estimate than usual is no worse for that.
-        ratio.max((numbers[1] - usual[1].0) / usual[1].1)
-    };
-    let all = rows.iter().map(|(index, numbers)| (out(numbers), *index));
-    all.filter(|(out, _)| *out > 1.0).collect()
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn outliers_are_told_from_the_spread_of_their_like() {
-        let rows: Vec<Comparison> = (0..40)
-            .map(|i| {
-                let wave = 1e-3 * (i as f64).sin();
-                (i, [0.96 + wave + if i == 7 { 0.029 } else { 0.0 }, 0.02 + wave])
-            })
-            .collect();
-        let found: Vec<usize> = outliers(rows.clone()).iter().map(|(_, index)| *index).collect();
-        assert_eq!(found, [7]);
-        assert_eq!(outliers(rows[..5].to_vec()).len(), 5, "too few to say what is usual");
-    }
 }

@@ -5,11 +5,13 @@
 //! Memory is bounded: of a row some hundred bytes are kept.
 
 mod confidence;
+mod course;
 mod diagnosis;
 mod facts;
 mod finding;
 mod identify;
 mod images;
+mod kinds;
 mod labels;
 mod report;
 mod resimulate;

@@ -47,6 +47,9 @@ pub struct Summary {
     pub compared: usize,
     /// Outliers among these, solved again on their own mesh.
     pub suspects: usize,
+    /// Outliers that were not: among so many, few of the others were wrong.
+    #[serde(default)]
+    pub unsolved: usize,
     /// Rows that repeat a pattern.
     pub repeats: usize,
     /// Patterns that are different under the symmetries.

@@ -69,5 +69,5 @@ pub fn resimulate(
 /// Whether a label is known to be wrong.
 #[must_use]
 pub fn is_wrong(label: Label) -> bool {
-    matches!(label, Label::Wrong(..) | Label::NoSolution)
+    matches!(label, Label::Wrong(..) | Label::NoSolution | Label::Stable)
 }

@@ -4,12 +4,13 @@ use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
+use super::course::{Course, row};
 use super::facts::{Facts, Row, claims_field};
 use super::finding::{self, EXAMPLES};
-use super::labels::{Judge, Label, Tolerance, suspects};
+use super::labels::{Judge, Label, Tolerance};
 use super::report::{Report, Resimulation, Summary};
 use super::resimulate::{Resimulated, is_wrong, resimulate};
-use super::rows::{Bench, Dataset, Declared, Mesh};
+use super::rows::{Bench, Columns, Dataset, Declared, Mesh};
 use super::spread::{Level, Spread};
 use super::{identify, images, values, verdicts};
 use crate::base::Stream;
@@ -18,12 +19,12 @@ use crate::base::Stream;
 const BATCH: usize = 256;
 
 /// Rows by which an undeclared mesh is found out.
-const PROBES: usize = 5;
+const PROBES: usize = 8;
 
-/// Suspects that are solved again at the least, and as a part of all rows: where more are suspect the dataset is wrong as a
-/// whole, which these tell as well.
-const SUSPECTS: usize = 256;
-const SUSPECT_PART: usize = 20;
+/// Part of the largest displacement that a label may be off by, whatever the accuracy, where nothing is known of it; and
+/// the same of rounding where its mesh was found out.
+const ROUGH: f64 = 0.1;
+const ROUNDED: f64 = 1e-2;
 
 /// How to audit.
 #[derive(Clone, Debug, Default)]
@@ -38,6 +39,8 @@ pub struct Options {
     pub usual_accuracy: f64,
     /// How exactly a label comes out when it is solved again, relative to its largest displacement.
     pub tolerance: f64,
+    /// What is taken for rounding where nothing is declared, mm.
+    pub rounding: f64,
     /// What a balanced dataset says of its level.
     pub level: Option<Level>,
     /// Whether repeats are usual: those of solved samples are left out when these are balanced.
@@ -60,20 +63,37 @@ pub fn audit(
             ..Report::default()
         });
     }
-    let declared = declared(dataset, bench, options)?;
-    let judge = judge(declared, bench, options);
+    let judge = judge(dataset, bench, options)?;
     let (facts, mut labels) = pass(dataset, &judge, advance)?;
     let compared = labels.iter().filter(|l| matches!(l, Label::Compared { .. })).count();
-    let suspects = confirm(dataset, &judge, &facts, &mut labels)?;
-    let resimulated = on_finer_meshes(dataset, &judge, options, &facts, &mut labels)?;
-    let mut findings = values::findings(&facts, &dataset.columns);
+    let course = Course {
+        dataset,
+        judge: &judge,
+        seed: options.seed,
+    };
+    let (suspects, unsolved) = course.confirm(&facts, &mut labels)?;
+    course.absent(&facts, &mut labels)?;
+    let chosen = chosen(options, &facts);
+    let is_unsure = |index: &&usize| matches!(labels[**index], Label::Compared { .. });
+    let unsure: Vec<usize> = chosen.iter().filter(is_unsure).copied().collect();
+    course.again(&unsure, &mut labels)?;
+    let moved = course.elsewhere(&mut labels)?;
+    let (judge, columns) = on_their_meshes(judge, dataset, &moved);
+    let known = Dataset { columns, ..*dataset };
+    let resimulated = on_finer_meshes(&known, &judge, options, &chosen)?;
+    let rounding = if dataset.declared == Declared::Unknown {
+        options.rounding
+    } else {
+        0.0
+    };
+    let mut findings = values::findings(&facts, &dataset.columns, rounding);
     findings.extend(images::findings(
         &facts,
         dataset.columns.split.as_deref(),
         options.repeats_are_usual,
     ));
     findings.extend(verdicts::of_labels(&labels));
-    findings.extend(images::asymmetric(&facts, &labels, &judge, &dataset.columns));
+    findings.extend(images::asymmetric(&facts, &labels, &judge, &known.columns));
     findings.extend(verdicts::of_accuracy(&resimulated, &labels));
     let peaks: Vec<f64> = facts.iter().map(|facts| facts.peak).collect();
     if let Some(level) = &options.level {
@@ -85,12 +105,13 @@ pub fn audit(
     let usable = facts.iter().filter(|facts| facts.is_usable()).count();
     let again = labels
         .iter()
-        .filter(|l| matches!(l, Label::Agrees | Label::Wrong(..) | Label::NoSolution));
+        .filter(|l| matches!(l, Label::Agrees | Label::Wrong(..) | Label::NoSolution | Label::Stable));
     let summary = Summary {
-        made_by: made_by(declared, dataset.declared),
+        made_by: made_by(judge.declared, dataset.declared),
         solved_again: again.count(),
         compared,
         suspects,
+        unsolved,
         resimulated: Resimulation::of(&resimulated, faults, usable),
         ..describe(dataset, &facts)
     };
@@ -103,29 +124,60 @@ pub fn audit(
     })
 }
 
-fn judge<'a>(declared: Declared, bench: &'a dyn Bench, options: &Options) -> Judge<'a> {
+/// By what the labels of a dataset are judged; where it does not say how they were found, that is looked for first.
+fn judge<'a>(dataset: &Dataset<'_>, bench: &'a dyn Bench, options: &Options) -> Result<Judge<'a>, String> {
+    let found_out = Tolerance {
+        relative: options.tolerance,
+        absolute: options.rounding,
+        part: ROUNDED,
+    };
+    let declared = declared(dataset, bench, options, found_out)?;
     let accuracy = options.accuracy.unwrap_or(options.usual_accuracy);
     // The reference has an error of its own.
     let near = accuracy / 4.0;
-    let tolerance = match declared {
-        Declared::Unknown => Tolerance {
+    let tolerance = match (declared, dataset.declared) {
+        (Declared::Unknown, _) => Tolerance {
             relative: 0.0,
             absolute: accuracy + near,
+            part: ROUGH,
         },
+        (_, Declared::Unknown) => found_out,
         _ => Tolerance {
             relative: options.tolerance,
             absolute: 0.0,
+            part: 0.0,
         },
     };
-    Judge {
+    Ok(Judge {
         bench,
         declared,
         tolerance,
+        found_out: dataset.declared == Declared::Unknown && declared != Declared::Unknown,
+    })
+}
+
+/// What is known once some rows have come out on other meshes than the one that was found out.
+fn on_their_meshes<'a>(judge: Judge<'a>, dataset: &Dataset<'_>, moved: &BTreeMap<usize, Mesh>) -> (Judge<'a>, Columns) {
+    let mut columns = dataset.columns.clone();
+    let Declared::Mesh(usual) = judge.declared else {
+        return (judge, columns);
+    };
+    if moved.is_empty() {
+        return (judge, columns);
     }
+    let mesh = |index| moved.get(&index).copied().unwrap_or(usual);
+    columns.mesh = Some((0..dataset.len).map(mesh).collect());
+    let declared = Declared::PerRow;
+    (Judge { declared, ..judge }, columns)
 }
 
 /// What the dataset says, or what can be found out.
-fn declared(dataset: &Dataset<'_>, bench: &dyn Bench, options: &Options) -> Result<Declared, String> {
+fn declared(
+    dataset: &Dataset<'_>,
+    bench: &dyn Bench,
+    options: &Options,
+    found_out: Tolerance,
+) -> Result<Declared, String> {
     if let (Declared::PerRow, Some([first, rest @ ..])) = (dataset.declared, dataset.columns.mesh.as_deref())
         && rest.iter().all(|mesh| mesh == first)
     {
@@ -144,12 +196,7 @@ fn declared(dataset: &Dataset<'_>, bench: &dyn Bench, options: &Options) -> Resu
             probes.push(row);
         }
     }
-    Ok(identify::mesh(bench, &probes)?.map_or(Declared::Unknown, Declared::Mesh))
-}
-
-fn row(dataset: &Dataset<'_>, index: usize) -> Result<Row, String> {
-    let batch = dataset.rows.read(index..index + 1)?;
-    Ok(Row::of(&batch, 0, claims_field(&dataset.columns, index)))
+    Ok(identify::mesh(bench, &probes, found_out)?.map_or(Declared::Unknown, Declared::Mesh))
 }
 
 fn pass(dataset: &Dataset<'_>, judge: &Judge<'_>, advance: &dyn Fn(usize)) -> Result<(Vec<Facts>, Vec<Label>), String> {
@@ -171,33 +218,8 @@ fn pass(dataset: &Dataset<'_>, judge: &Judge<'_>, advance: &dyn Fn(usize)) -> Re
     Ok((facts, labels))
 }
 
-/// Solves suspects again; gives how many there were.
-fn confirm(dataset: &Dataset<'_>, judge: &Judge<'_>, facts: &[Facts], labels: &mut [Label]) -> Result<usize, String> {
-    let suspects = suspects(labels, facts, dataset.columns.family.as_deref());
-    let most = SUSPECTS.max(dataset.len / SUSPECT_PART);
-    again(dataset, judge, suspects.iter().copied().take(most).collect(), labels)?;
-    Ok(suspects.len())
-}
-
-fn again(dataset: &Dataset<'_>, judge: &Judge<'_>, rows: Vec<usize>, labels: &mut [Label]) -> Result<(), String> {
-    let solved = |&index: &usize| -> Result<(usize, Label), String> {
-        let mesh = judge.mesh(&dataset.columns, index);
-        Ok((index, judge.again(&row(dataset, index)?, mesh)?))
-    };
-    let found: Result<Vec<(usize, Label)>, String> = rows.par_iter().map(solved).collect();
-    for (index, label) in found? {
-        labels[index] = label;
-    }
-    Ok(())
-}
-
-fn on_finer_meshes(
-    dataset: &Dataset<'_>,
-    judge: &Judge<'_>,
-    options: &Options,
-    facts: &[Facts],
-    labels: &mut [Label],
-) -> Result<Vec<Resimulated>, String> {
+/// The random rows that are simulated on a finer mesh.
+fn chosen(options: &Options, facts: &[Facts]) -> Vec<usize> {
     let usable: Vec<usize> = (0..facts.len()).filter(|&index| facts[index].is_usable()).collect();
     let count = options.samples.unwrap_or(usable.len()).min(usable.len());
     let mut stream = Stream::new(options.seed, "audit", 0);
@@ -207,10 +229,15 @@ fn on_finer_meshes(
         .map(|at| usable[at])
         .collect();
     chosen.sort_unstable();
-    let unsure = chosen
-        .iter()
-        .filter(|&&index| matches!(labels[index], Label::Compared { .. }));
-    again(dataset, judge, unsure.copied().collect(), labels)?;
+    chosen
+}
+
+fn on_finer_meshes(
+    dataset: &Dataset<'_>,
+    judge: &Judge<'_>,
+    options: &Options,
+    chosen: &[usize],
+) -> Result<Vec<Resimulated>, String> {
     let accuracy = match judge.declared {
         Declared::Unknown => Some(judge.tolerance.absolute),
         _ => options.accuracy,
@@ -229,6 +256,7 @@ fn made_by(found: Declared, said: Declared) -> String {
         (Declared::Mesh(mesh), Declared::Unknown) => format!("{} (found out)", on(mesh)),
         (Declared::Mesh(mesh), _) => on(mesh),
         (Declared::Estimates(mesh), _) => format!("estimates, {}", on(mesh)),
+        (Declared::PerRow, Declared::Unknown) => "a mesh for each row (found out)".to_owned(),
         (Declared::PerRow, _) => "a mesh for each row".to_owned(),
         (Declared::Unknown, _) => "not known".to_owned(),
     }

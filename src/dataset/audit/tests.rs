@@ -39,9 +39,15 @@ impl Membrane {
 
 impl Simulator for Membrane {
     fn simulate(&self, patterns: &[Pattern]) -> Vec<Simulation> {
+        // A membrane that is all electrode is drawn in.
+        let is_stable = |pattern: &Pattern| pattern.area_fraction() < 0.99;
         let simulation = |pattern| Simulation {
-            outcome: Outcome::Converged,
-            field: Some(self.field(pattern)),
+            outcome: if is_stable(pattern) {
+                Outcome::Converged
+            } else {
+                Outcome::IterationLimit
+            },
+            field: is_stable(pattern).then(|| self.field(pattern)),
             newton_iterations: 1,
             residual: 0.0,
             observation: Observation::default(),
@@ -245,11 +251,134 @@ fn images_that_leak_or_contradict_each_other_are_found() {
 fn rows_without_a_solution_are_listed_and_may_be_nan() {
     let (mut memory, mut columns) = sound(MESHES[0]);
     change(&mut memory.fields[3], |_| f64::NAN);
+    memory.patterns[3] = Pattern::from_fn(|_, _| true);
     columns.has_field = Some((0..32).map(|i| i != 3).collect());
+    columns.orbit = None;
     let report = audited(&memory, columns, Declared::Mesh(MESHES[0]));
     assert_eq!(checks(&report), [("not-converged", &[3][..])]);
     assert_eq!(report.summary.not_converged, [3]);
     assert!(!report.has_errors());
+}
+
+#[test]
+fn rows_that_claim_no_field_have_none_and_no_solution() {
+    for declared in [Declared::Mesh(MESHES[0]), Declared::Unknown] {
+        let (mut memory, mut columns) = sound(MESHES[0]);
+        columns.has_field = Some((0..32).map(|i| ![3, 4].contains(&i)).collect());
+        change(&mut memory.fields[4], |_| f64::NAN);
+        memory.patterns[3] = Pattern::from_fn(|_, _| true);
+        columns.orbit = None;
+        let found = audited(&memory, columns, declared);
+        let wanted = [("outcome", &[4][..]), ("outcome", &[3]), ("not-converged", &[3, 4])];
+        let mut found = checks(&found);
+        found.sort_by_key(|(check, rows)| (*check != "outcome", rows[0] == 3));
+        assert_eq!(found, wanted, "{declared:?}");
+    }
+}
+
+#[test]
+fn patterns_without_a_solution_are_found_even_where_most_are() {
+    let (mut memory, mut columns) = sound(MESHES[1]);
+    for row in 0..20 {
+        memory.patterns[row] = Pattern::from_fn(|x, y| (x, y) != (row, 0));
+    }
+    columns.orbit = None;
+    let report = audited(&memory, columns, Declared::Mesh(MESHES[1]));
+    let outcome = report.findings.iter().find(|f| f.check == "outcome").unwrap();
+    assert_eq!(outcome.count, 20);
+}
+
+#[test]
+fn rows_on_several_meshes_are_held_each_to_its_own() {
+    let (mut memory, _) = sound(MESHES[0]);
+    for row in (1..30).step_by(3) {
+        let mesh = if row % 2 == 0 { Mesh::new(1, 2) } else { Mesh::new(3, 1) };
+        memory.fields[row] = Membrane(coarseness(mesh))
+            .field(&memory.patterns[row])
+            .values()
+            .to_vec();
+    }
+    (memory.patterns.truncate(30), memory.fields.truncate(30));
+    let columns = Columns::default();
+    let report = audited(&memory, columns.clone(), Declared::Unknown);
+    assert_eq!(checks(&report), []);
+    assert_eq!(report.summary.made_by, "a mesh for each row (found out)");
+    change(&mut memory.fields[7], |u| 1.03 * u);
+    assert_eq!(
+        checks(&audited(&memory, columns, Declared::Unknown)),
+        [("scale", &[7][..])]
+    );
+}
+
+#[test]
+fn what_is_wrong_altogether_is_found_without_random_rows() {
+    type Fault = fn(&[f64]) -> Vec<f64>;
+    let faults: [(&str, Fault); 3] = [
+        ("sign", |u| u.iter().map(|u| -u).collect()),
+        ("scale", |u| u.iter().map(|u| 1.03 * u).collect()),
+        ("scale", |u| vec![0.0; u.len()]),
+    ];
+    for (check, fault) in faults {
+        let (mut memory, mut columns) = sound(MESHES[1]);
+        memory.fields.iter_mut().for_each(|field| *field = fault(field));
+        columns.peak = None;
+        let dataset = Dataset {
+            len: 32,
+            rows: &memory,
+            columns,
+            declared: Declared::Mesh(MESHES[1]),
+        };
+        let options = Options {
+            samples: Some(0),
+            tolerance: 1e-5,
+            ..Options::default()
+        };
+        let report = audit(&dataset, &Workbench, &options, &|_| {}).unwrap();
+        let found: Vec<(&str, u64)> = report.findings.iter().map(|f| (f.check.as_str(), f.count)).collect();
+        assert_eq!(found, [(check, 32)]);
+    }
+}
+
+#[test]
+fn rounding_of_a_file_that_declares_nothing_is_no_fault() {
+    for digits in [1e4, 1e5, 1e6] {
+        let (mut memory, mut columns) = sound(MESHES[0]);
+        columns.peak = None;
+        for field in &mut memory.fields {
+            change(field, |u| (u * digits).round() / digits + 0.1 / digits);
+        }
+        let dataset = Dataset {
+            len: 32,
+            rows: &memory,
+            columns,
+            declared: Declared::Unknown,
+        };
+        let options = Options {
+            samples: Some(2),
+            usual_accuracy: 0.01,
+            tolerance: 1e-5,
+            rounding: 1e-4,
+            ..Options::default()
+        };
+        let report = audit(&dataset, &Workbench, &options, &|_| {}).unwrap();
+        assert_eq!(checks(&report), [], "{digits}");
+    }
+}
+
+#[test]
+fn a_label_unlike_its_kind_is_found_although_it_is_near_enough() {
+    let (mut memory, mut columns) = sound(MESHES[1]);
+    for (field, pattern) in memory.fields.iter_mut().zip(&memory.patterns) {
+        *field = Membrane(0.0031).field(pattern).values().to_vec();
+    }
+    columns = Columns {
+        family: Some((0..32).map(|i| if i % 2 == 0 { "a" } else { "b" }.to_owned()).collect()),
+        ..columns
+    };
+    columns.peak = None;
+    change(&mut memory.fields[8], |u| 1.03 * u);
+    let report = audited(&memory, columns, Declared::Unknown);
+    assert_eq!(checks(&report), [("scale", &[8][..])]);
 }
 
 #[test]

@@ -20,14 +20,14 @@ pub fn lengths(dataset: &Dataset<'_>) -> Option<Finding> {
     (!wrong.is_empty()).then(|| Finding::whole("shape", Severity::Error, message()))
 }
 
-/// What is wrong with values.
+/// What is wrong with values, where so many mm may be rounding.
 #[must_use]
-pub fn findings(facts: &[Facts], columns: &Columns) -> Vec<Finding> {
+pub fn findings(facts: &[Facts], columns: &Columns, rounding: f64) -> Vec<Finding> {
     let rows = |wrong: &dyn Fn(usize, &Facts) -> bool| -> Vec<usize> {
         let all = facts.iter().enumerate();
         all.filter(|(i, facts)| wrong(*i, facts)).map(|(i, _)| i).collect()
     };
-    let checks: [(&str, Severity, Vec<usize>, &str); 6] = [
+    let checks: [(&str, Severity, Vec<usize>, &str); 7] = [
         (
             "pattern",
             Severity::Error,
@@ -43,13 +43,13 @@ pub fn findings(facts: &[Facts], columns: &Columns) -> Vec<Finding> {
         (
             "boundary",
             Severity::Error,
-            rows(&|_, f| f.frame > EXACT * f.peak),
+            rows(&|_, f| f.frame > EXACT * f.peak + rounding),
             "the field moves on the frame, where the membrane is clamped",
         ),
         (
             "derived",
             Severity::Error,
-            rows(&|i, f| f.has_field && columns.peak.as_ref().is_some_and(|p| !near(p[i], f.peak))),
+            rows(&|i, f| f.has_field && columns.peak.as_ref().is_some_and(|p| !near(p[i], f.peak, rounding))),
             "`max_displacement` is not that of the field",
         ),
         (
@@ -65,6 +65,12 @@ pub fn findings(facts: &[Facts], columns: &Columns) -> Vec<Finding> {
             "`orbit` is not that of the pattern",
         ),
         (
+            "outcome",
+            Severity::Error,
+            rows(&|_, f| f.is_hidden),
+            "the row has a field, and by its outcome it has none",
+        ),
+        (
             "not-converged",
             Severity::Warning,
             rows(&|_, f| !f.claims_field),
@@ -77,6 +83,6 @@ pub fn findings(facts: &[Facts], columns: &Columns) -> Vec<Finding> {
         .collect()
 }
 
-fn near(stored: f64, found: f64) -> bool {
-    (stored - found).abs() <= EXACT * found + 1e-12
+fn near(stored: f64, found: f64, rounding: f64) -> bool {
+    (stored - found).abs() <= EXACT * found + rounding + 1e-12
 }

@@ -20,7 +20,7 @@ struct Wrong {
 #[must_use]
 pub fn of_labels(labels: &[Label]) -> Vec<Finding> {
     let mut wrong: BTreeMap<&str, Wrong> = BTreeMap::new();
-    let mut unstable = Vec::new();
+    let (mut unstable, mut stable) = (Vec::new(), Vec::new());
     for (index, label) in labels.iter().enumerate() {
         match *label {
             Label::Wrong(fault, off) => {
@@ -32,6 +32,7 @@ pub fn of_labels(labels: &[Label]) -> Vec<Finding> {
                 }
             }
             Label::NoSolution => unstable.push(index),
+            Label::Stable => stable.push(index),
             Label::Absent | Label::Agrees | Label::Compared { .. } => {}
         }
     }
@@ -43,6 +44,10 @@ pub fn of_labels(labels: &[Label]) -> Vec<Finding> {
         let message = "the row has a field, and its pattern has no stable solution";
         findings.push(Finding::rows("outcome", Severity::Error, &unstable, message));
     }
+    if !stable.is_empty() {
+        let message = "the row has no field, and its pattern has a stable solution";
+        findings.push(Finding::rows("outcome", Severity::Error, &stable, message));
+    }
     findings
 }
 
@@ -53,10 +58,14 @@ fn told(check: &str, ratios: &[f64], off: f64) -> String {
             let (least, most) = ratios
                 .iter()
                 .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &r| (a.min(r), b.max(r)));
+            let number = |ratio: f64| match ratio.abs() {
+                1e-3..1e4 => format!("{ratio:.4}"),
+                _ => format!("{ratio:.3e}"),
+            };
             let by = if most - least < 1e-4 {
-                format!("{least:.4}")
+                number(least)
             } else {
-                format!("{least:.4} to {most:.4}")
+                format!("{} to {}", number(least), number(most))
             };
             format!("the field is {by} times what the pattern gives")
         }
@@ -96,4 +105,15 @@ pub fn of_accuracy(resimulated: &[Resimulated], labels: &[Label]) -> Vec<Finding
         findings.push(Finding::rows("stability", Severity::Warning, &unstable, message));
     }
     findings
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ratios_are_told_in_a_few_digits() {
+        assert!(told("scale", &[1.03], 0.1).contains("1.0300 times"));
+        assert!(told("scale", &[1e300, 0.97], 0.1).contains("0.9700 to 1.000e300 times"));
+    }
 }

@@ -77,10 +77,11 @@ fn with_labels(object: Object, labels: &[Label]) -> Object {
         Label::Compared { .. } => 2,
         Label::Wrong(..) => 3,
         Label::NoSolution => 4,
+        Label::Stable => 5,
     };
     let states = labels.iter().map(state).collect();
     let note = "0 no field, 1 comes out the same when it is solved again, 2 compared with an estimate, 3 wrong, 4 has no \
-                stable solution";
+                stable solution, 5 no field but a stable solution";
     let compared: Vec<f64> = labels
         .iter()
         .flat_map(|label| match label {
