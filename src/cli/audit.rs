@@ -92,6 +92,8 @@ fn of_stage(arguments: &AuditArguments, path: &Path, name: &str) -> Result<Answe
     let listener = |event: &_| progress.tell(event);
     let options = RunOptions {
         until: Some(&own),
+        // What is missing before it is what an audit is to tell.
+        only: true,
         ..RunOptions::default()
     };
     let outcome = run_pipeline(&pipeline, &store, &options, &Environment::system(), &listener)?;
@@ -139,7 +141,7 @@ fn check_kind(pipeline: &Pipeline, name: &str) -> Result<(), CliError> {
         .map(|s| s.name.as_str())
         .collect();
     Err(
-        CliError::bad_input(format!("stage `{name}` is a `{kind}` stage, and holds no dataset"))
+        CliError::bad_input(format!("stage `{name}` is of the kind `{kind}`, and holds no dataset"))
             .help(format!("stages that hold one: {}", fitting.join(", "))),
     )
 }

@@ -213,7 +213,7 @@ impl From<StageError> for CliError {
             StageError::Store(error) => error.into(),
             StageError::Locked(difference) => Self::locked(difference.to_string()),
             StageError::Blocked(why) => Self::new(Exit::Findings, why)
-                .help("`deaflow audit PIPELINE:STAGE` tells what they are; with `fail_on: never` the pipeline goes on"),
+                .help("`deaflow show PIPELINE:STAGE` of the audit tells what they are; with `fail_on: never` the pipeline goes on"),
             other => Self::failure(other.to_string()),
         }
     }

@@ -27,6 +27,7 @@ pub fn execute(arguments: &RunArguments, output: &Output) -> Result<Exit, CliErr
         until: arguments.of.until.as_deref(),
         keep_going: arguments.keep_going,
         lock: lock.as_ref(),
+        only: false,
     };
     let mut outcome = run(&pipeline, &store, &options, &Environment::system(), &listener)?;
     if !outcome.failures.is_empty() {

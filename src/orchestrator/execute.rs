@@ -23,6 +23,8 @@ use crate::store::{Effort, LockFile, LockedStage, Record, Run, RunStage, Store, 
 pub struct RunOptions<'a> {
     /// The last stage, with all that it needs; or everything.
     pub until: Option<&'a str>,
+    /// Whether to build that stage alone, from what is there: stages before it are left as they are, missing or not.
+    pub only: bool,
     /// Whether to build all that can be built although something failed.
     pub keep_going: bool,
     /// What every stage must be and make.
@@ -95,6 +97,18 @@ pub fn run(
     let assessments = surveyor.survey(&selection)?;
     let prices = foresight::prices(pipeline, &selection, &assessments, store, environment)?;
     listener(&started(pipeline, &assessments, &prices));
+    let first = if options.only {
+        selection.len().saturating_sub(1)
+    } else {
+        0
+    };
+    let before = || selection.iter().zip(&assessments).take(first);
+    let known = before()
+        .map(|(&index, assessment)| (index, assessment.as_input()))
+        .collect();
+    let remembered = before()
+        .filter_map(|(&index, assessment)| remembered(&pipeline.stages[index], assessment))
+        .collect();
     let mut execution = Execution {
         pipeline,
         read_closely: read_closely(pipeline, &selection, &assessments),
@@ -113,13 +127,13 @@ pub fn run(
         },
         lock: options.lock,
         prices: selection.iter().copied().zip(prices).collect(),
-        inputs: BTreeMap::new(),
+        inputs: known,
         sizes: BTreeMap::new(),
-        remembered: Vec::new(),
+        remembered,
         not_logged: None,
         unstable: 0,
     };
-    let (stages, failures) = execution.stages(&selection);
+    let (stages, failures) = execution.stages(selection.get(first..).unwrap_or_default());
     let lock = execution.lock_file();
     store.keep_index();
     let logged = store.put_run(&Run {
@@ -144,6 +158,19 @@ pub fn run(
         not_logged,
         lock,
     })
+}
+
+/// A stage that is there and is not looked at any more.
+fn remembered(spec: &StageSpec, assessment: &Assessment) -> Option<RunStage> {
+    match &assessment.state {
+        State::Fresh { record, .. } => Some(RunStage {
+            name: spec.name.clone(),
+            kind: spec.kind.name().to_owned(),
+            key: record.key,
+            artifact: record.artifact,
+        }),
+        State::Stale { .. } => None,
+    }
 }
 
 fn started(pipeline: &Pipeline, assessments: &[Assessment], prices: &[Option<Price>]) -> Event {

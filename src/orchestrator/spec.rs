@@ -309,6 +309,11 @@ fn refuse_cycle(entries: &[Entry<'_>], cycle: &[usize]) -> InputError {
 
 fn check_needs(entry: &Entry<'_>, entries: &[Entry<'_>]) -> Result<(), InputError> {
     let (name, kind, needs) = (entry.name, entry.kind.name(), entry.kind.needs());
+    let article = if kind.starts_with(['a', 'e', 'i', 'o', 'u']) {
+        "an"
+    } else {
+        "a"
+    };
     let fitting = || {
         let names = entries.iter().filter(|other| needs.kinds.contains(&other.kind.name()));
         match names.map(|other| other.name).collect::<Vec<_>>() {
@@ -320,9 +325,9 @@ fn check_needs(entry: &Entry<'_>, entries: &[Entry<'_>]) -> Result<(), InputErro
         let found = entries[*index].kind.name();
         if !needs.kinds.contains(&found) && !entry.is_gate(&entries[*index]) {
             let message = match needs.kinds {
-                [] => format!("a `{kind}` stage needs nothing"),
+                [] => format!("{article} `{kind}` stage needs nothing"),
                 kinds => format!(
-                    "a `{kind}` stage needs {}, and `{}` is {found}",
+                    "{article} `{kind}` stage needs {}, and `{}` is {found}",
                     kinds.join(" or "),
                     entries[*index].name
                 ),

@@ -55,6 +55,20 @@ pub(super) fn read(path: &Path, dataset: &str) -> Result<Vec<Pattern>, Refusal> 
     }
 }
 
+/// Refuses a dataset of a file whose elements stand in other files: behind links, in external storage, or in sources of a
+/// virtual dataset that are missing, for which the library shows zeros. A dataset that is not there is none of these.
+///
+/// # Errors
+/// Why it is refused.
+pub fn check_contained(path: &Path, dataset: &str) -> Result<(), String> {
+    let file = File::open(path).map_err(|e| format!("not a readable HDF5 file ({e})"))?;
+    match open(&file, dataset) {
+        Ok(found) => check_storage(path, &found, true).map_err(|why| format!("`{dataset}`: {why}")),
+        Err(Problem::Absent) => Ok(()),
+        Err(Problem::Refused(why)) => Err(why),
+    }
+}
+
 /// Why there is no dataset to read.
 enum Problem {
     Absent,
@@ -114,7 +128,8 @@ fn check_storage(path: &Path, dataset: &Dataset, may_be_virtual: bool) -> Result
     if !may_be_virtual {
         return Err("it is a virtual dataset of virtual datasets".into());
     }
-    let sources = list.get_virtual_map().map_err(broken)?;
+    let untold = |e: hdf5::Error| format!("it shows what stands in other files, and its parts cannot be told ({e})");
+    let sources = list.get_virtual_map().map_err(untold)?;
     let places: BTreeSet<(String, String)> = sources.into_iter().map(|s| (s.src_filename, s.src_dataset)).collect();
     places
         .iter()

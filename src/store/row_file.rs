@@ -82,6 +82,29 @@ impl RowFile {
         read().map_err(StoreError::hdf5("read", &self.path))
     }
 
+    /// A whole dataset of texts, or of whole numbers, which are given as decimal texts.
+    ///
+    /// # Errors
+    /// When there is none of that path, or it holds neither.
+    pub fn words(&self, dataset: &str) -> Result<Vec<String>, StoreError> {
+        let read = || -> hdf5::Result<Option<Vec<String>>> {
+            let found = self.file.dataset(dataset)?;
+            let element = found.dtype()?;
+            if element.size() > 8 {
+                return Ok(None);
+            }
+            match element.to_descriptor()? {
+                TypeDescriptor::Integer(_) => Ok(Some(decimal(&found.read_raw::<i64>()?))),
+                TypeDescriptor::Unsigned(_) => Ok(Some(decimal(&found.read_raw::<u64>()?))),
+                _ => Ok(None),
+            }
+        };
+        match read().map_err(StoreError::hdf5("read", &self.path))? {
+            Some(words) => Ok(words),
+            None => self.texts(dataset),
+        }
+    }
+
     /// A text attribute of the file; `None` where there is none of that name, or it is no text.
     #[must_use]
     pub fn attribute(&self, name: &str) -> Option<String> {
@@ -103,6 +126,10 @@ fn numeric(found: &Dataset, name: &str) -> hdf5::Result<()> {
         ) => Ok(()),
         _ => Err(format!("`{name}` does not hold numbers").into()),
     }
+}
+
+fn decimal<T: ToString>(numbers: &[T]) -> Vec<String> {
+    numbers.iter().map(ToString::to_string).collect()
 }
 
 /// The library's own conversion takes the bytes on trust.
@@ -140,6 +167,12 @@ mod tests {
                 .unwrap()
                 .write_raw(&ascii)
                 .unwrap();
+            file.new_dataset::<i16>()
+                .shape([2])
+                .create("i")
+                .unwrap()
+                .write_raw(&[-3_i16, 4])
+                .unwrap();
         }
         let file = RowFile::open(&path).unwrap();
         let rows = file.numbers("n", 1..3).unwrap();
@@ -150,6 +183,11 @@ mod tests {
             (vec!["a".into(), "b".into()], vec!["x".into(), "yy".into()])
         );
         assert_eq!(file.texts("a").unwrap(), ["four"]);
+        assert_eq!(
+            (file.words("i").unwrap(), file.words("v").unwrap()),
+            (vec!["-3".into(), "4".into()], vec!["x".into(), "yy".into()])
+        );
+        assert!(file.words("n").is_err() && file.texts("i").is_err());
         assert_eq!((file.shape("n"), file.shape("none")), (Some(vec![3, 2]), None));
         assert_eq!((file.attribute("s"), file.attribute("none")), (Some("é".into()), None));
         assert!(file.texts("n").is_err() && file.numbers("t", 0..1).is_err() && file.numbers("n", 2..9).is_err());

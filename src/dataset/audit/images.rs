@@ -52,7 +52,7 @@ pub fn findings(facts: &[Facts], split: Option<&[String]>, repeats_are_usual: bo
     findings
 }
 
-/// Rows of an orbit that lies in several parts, other than the part that holds most of the orbit.
+/// Rows of an orbit that lies in several parts, other than the part that holds most of the orbit; all, where no part does.
 fn leaks(facts: &[Facts], split: &[String]) -> Option<Finding> {
     let mut leaked = Vec::new();
     for orbit in orbits(facts) {
@@ -61,10 +61,14 @@ fn leaks(facts: &[Facts], split: &[String]) -> Option<Finding> {
             .iter()
             .for_each(|&row| *parts.entry(&split[row]).or_default() += 1);
         let most = parts.values().copied().max().unwrap_or(0);
-        // Of parts that hold as much, the first row stays where it is.
-        let home = orbit.iter().find(|&&row| parts[split[row].as_str()] == most);
-        let home = home.map(|&row| &split[row]);
-        leaked.extend(orbit.iter().filter(|&&row| Some(&split[row]) != home));
+        // Of parts that hold as much, neither is known to be the right one.
+        let homes: Vec<&str> = parts
+            .iter()
+            .filter(|(_, rows)| **rows == most)
+            .map(|(part, _)| *part)
+            .collect();
+        let is_home = |row: usize| homes == [split[row].as_str()];
+        leaked.extend(orbit.iter().copied().filter(|&row| parts.len() > 1 && !is_home(row)));
     }
     leaked.sort_unstable();
     let message = "the pattern, or an image of it, stands in another part of the dataset too: what is measured on that part is \

@@ -6,9 +6,23 @@ use std::path::{Path, PathBuf};
 
 use crate::dataset::audit::{Batch, Columns, Declared, Finding, Level, Mesh, Rows, Severity};
 use crate::field::{CORNERS, Outcome};
-use crate::pattern::CELLS;
+use crate::pattern::{CELLS, check_contained};
 use crate::stage::solver::SolverParameters;
 use crate::store::{Artifact, RowFile, StoreError};
+
+/// The arrays that are read.
+const ARRAYS: [&str; 10] = [
+    "patterns",
+    "displacement",
+    "split",
+    "family",
+    "outcome",
+    "max_displacement",
+    "orbit",
+    "elements_per_cell",
+    "order",
+    "discretisation_error",
+];
 
 /// Files whose rows stand end to end.
 pub struct Source {
@@ -85,6 +99,14 @@ impl Source {
             source.columns = source.read_columns()?;
         }
         Ok(source)
+    }
+
+    /// Refuses a file that shows what stands in other files.
+    ///
+    /// # Errors
+    /// Where it does; why.
+    pub fn check_file(path: &Path) -> Result<(), String> {
+        ARRAYS.iter().try_for_each(|name| check_contained(path, name))
     }
 
     /// A file from elsewhere.
@@ -208,6 +230,7 @@ impl Source {
 
     fn read_columns(&self) -> Result<Columns, StoreError> {
         let texts = |path: &str| self.column(path, |file, _| file.texts(path));
+        let words = |path: &str| self.column(path, |file, _| file.words(path));
         let numbers = |path: &str| self.column(path, |file, n| file.numbers(path, 0..n));
         let outcomes = texts("outcome")?;
         let (elements, order) = (numbers("elements_per_cell")?, numbers("order")?);
@@ -217,8 +240,8 @@ impl Source {
             .map(|(elements, order)| elements.iter().zip(&order).map(mesh).collect());
         let known = |mesh: &Mesh| (1..=8).contains(&mesh.elements_per_cell) && (1..=2).contains(&mesh.order);
         Ok(Columns {
-            split: texts("split")?,
-            family: texts("family")?,
+            split: words("split")?,
+            family: words("family")?,
             has_field: outcomes.map(|all| all.iter().map(|word| has_field(word)).collect()),
             peak: numbers("max_displacement")?,
             orbit: texts("orbit")?,
