@@ -207,10 +207,12 @@ pub fn audit_file(
 ) -> Result<Object, DirectError> {
     let scene = read_scene(scene)?;
     let unreadable = |e: StoreError| InputError::new(e.to_string());
+    let refused = |why: String| {
+        let help = "copy the arrays into the file, or name the stage: deaflow audit PIPELINE.yaml:STAGE";
+        InputError::new(format!("{}: {why}", file.display())).help(help)
+    };
     if file.is_file() {
-        Source::check_file(file).map_err(|why| {
-            InputError::new(format!("{}: {why}", file.display())).help("copy the arrays themselves into the file, or name the stage of a pipeline: deaflow audit PIPELINE.yaml:STAGE")
-        })?;
+        Source::check_file(file).map_err(refused)?;
     }
     let mut source = Source::of_file(file).map_err(unreadable)?;
     let other = other_scene(&source, &scene).map_err(|e| DirectError::Failed(explained(&e)))?;
