@@ -17,7 +17,7 @@ const DEEPEST: usize = 100;
 const MAX_CHUNK: u64 = MOST * 2500 * 8;
 
 /// `FILE.h5` and `/dataset`; both may hold colons, so the split is after the file's extension.
-pub(super) fn split(spec: &str) -> Option<(&str, &str)> {
+pub fn split(spec: &str) -> Option<(&str, &str)> {
     let lower = spec.to_ascii_lowercase();
     let after = |extension: &str| lower.rfind(&format!("{extension}:/")).map(|at| at + extension.len());
     let colon = after(".h5").into_iter().chain(after(".hdf5")).max()?;

@@ -9,7 +9,7 @@ mod raster;
 mod read;
 mod symmetry;
 
-pub use h5::check_contained;
+pub use h5::{check_contained, split as split_h5};
 pub use raster::{CELLS, Pattern, PatternError};
 pub use read::read_patterns;
 pub use symmetry::Symmetry;

@@ -1,8 +1,11 @@
 //! Patterns, fields and texts as datasets, and back: the vocabulary that the artifacts of all stages share.
 
+use std::path::Path;
+
+use crate::base::InputError;
 use crate::field::{CORNERS, Field};
 use crate::orchestrator::StageError;
-use crate::pattern::{CELLS, Pattern};
+use crate::pattern::{self, CELLS, Pattern, split_h5};
 use crate::store::{Artifact, Data, Dataset};
 
 /// Patterns as a (n, 50, 50) dataset.
@@ -60,6 +63,21 @@ pub fn read_patterns(artifact: &Artifact, path: &str) -> Result<Vec<Pattern>, St
     }
     let read = |cells| Pattern::from_cells(cells).map_err(|e| content_error(artifact, path, e));
     cells.chunks_exact(CELLS * CELLS).map(read).collect()
+}
+
+/// Reads the patterns that an argument names: a file of patterns, or a dataset of an artifact, of a manifest too. Artifacts are
+/// read by their seals and not by what HDF5 shows of them: a manifest shows zeros where its chunks are missing.
+///
+/// # Errors
+/// When the file cannot be read, is damaged, or holds no patterns there.
+pub fn named_patterns(argument: &str) -> Result<Vec<Pattern>, InputError> {
+    let named = split_h5(argument).map(|(file, dataset)| (Path::new(file), dataset));
+    let Some((path, dataset)) = named.filter(|(path, _)| Artifact::is_at(path)) else {
+        return pattern::read_patterns(argument);
+    };
+    let refused = |why: String| InputError::new(format!("{argument}: {why}"));
+    let artifact = Artifact::open(path).map_err(|e| refused(e.to_string()))?;
+    read_patterns(&artifact, dataset.trim_start_matches('/')).map_err(|e| refused(e.to_string()))
 }
 
 /// Reads a (n, 51, 51, 2) or (51, 51, 2) dataset of fields in mm.

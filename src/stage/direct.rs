@@ -13,7 +13,7 @@ use crate::base::{Document, InputError};
 use crate::fem::{AccurateSimulation, SetupError};
 use crate::field::{CORNERS, Field, PredictError, Predictor};
 use crate::orchestrator::{Progress, splice_scene};
-use crate::pattern::{Pattern, read_patterns};
+use crate::pattern::Pattern;
 use crate::scene::Scene;
 use crate::store::{Data, Dataset, Object};
 use crate::surrogate::Surrogate;
@@ -82,7 +82,7 @@ impl From<PredictError> for DirectError {
 pub fn patterns(arguments: &[String]) -> Result<Vec<Pattern>, InputError> {
     let mut all = Vec::new();
     for argument in arguments {
-        all.extend(read_patterns(argument)?);
+        all.extend(arrays::named_patterns(argument)?);
     }
     Ok(all)
 }

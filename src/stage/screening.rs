@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
+use super::arrays;
 use super::direct::{DirectError, read_scene};
 use crate::base::InputError;
 use crate::fem::SetupError;
 use crate::fem::effects::screening;
-use crate::pattern::read_patterns;
 use crate::scene::Scene;
 use crate::store::Object;
 
@@ -67,7 +67,7 @@ pub fn screen(scene: &Path, patterns: &[String]) -> Result<Screening, DirectErro
 fn named(arguments: &[String]) -> Result<Vec<Trial>, InputError> {
     let mut all = Vec::new();
     for argument in arguments {
-        let patterns = read_patterns(argument)?;
+        let patterns = arrays::named_patterns(argument)?;
         let several = patterns.len() > 1;
         all.extend(patterns.into_iter().enumerate().map(|(i, pattern)| {
             let name = if several {

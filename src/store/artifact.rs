@@ -36,6 +36,12 @@ impl Artifact {
         Self::load(path.to_owned(), seal.content, Arc::default())
     }
 
+    /// Whether the file at `path` is meant for an artifact.
+    #[must_use]
+    pub fn is_at(path: &Path) -> bool {
+        Seal::is_at(path)
+    }
+
     pub(super) fn load(path: PathBuf, digest: Digest, verified: Arc<Verified>) -> Result<Self, StoreError> {
         verified.verify(&path, &digest)?;
         let header = read::header(&path)?;

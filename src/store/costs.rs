@@ -90,11 +90,8 @@ impl Store {
 
     fn cost_lines(&self) -> Vec<u8> {
         let path = self.layout.costs();
-        match read_bounded(&path, 4 * LONG as u64) {
-            Ok(bytes) => bytes,
-            // Nothing, or nothing that this program wrote, or nothing that can be read: no run fails for want of a price.
-            Err(_) => Vec::new(),
-        }
+        // Nothing, or nothing that this program wrote, or nothing that can be read: no run fails for want of a price.
+        read_bounded(&path, 4 * LONG as u64).unwrap_or_default()
     }
 }
 

@@ -100,6 +100,15 @@ impl Seal {
     }
 }
 
+impl Seal {
+    /// Whether a file begins as an artifact does, whatever has become of the rest of it.
+    pub fn is_at(path: &Path) -> bool {
+        let mut begin = [0; TITLE.len()];
+        let read = open_regular(path).and_then(|mut file| file.read_exact(&mut begin));
+        read.is_ok() && begin == *TITLE.as_bytes()
+    }
+}
+
 fn open(path: &Path) -> Result<File, StoreError> {
     open_regular(path).map_err(|error| match error.kind() {
         ErrorKind::InvalidInput => StoreError::damaged(path, "it is not a file"),

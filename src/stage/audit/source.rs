@@ -114,6 +114,9 @@ impl Source {
     /// # Errors
     /// When it is no HDF5 file, or a column cannot be read.
     pub fn of_file(path: &Path) -> Result<Self, StoreError> {
+        if Artifact::is_at(path) {
+            return Self::of_artifact(&Artifact::open(path)?);
+        }
         let mut source = Self::open(std::iter::once(path))?;
         let file = RowFile::open(path)?;
         source.scene = file.attribute("scene");
