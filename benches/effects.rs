@@ -4,9 +4,7 @@
 //! the default scene, relative residual 1e-8. Times are those that the thread was on a core (`/proc/thread-self/schedstat`);
 //! all effects take turns, and the best of five rounds counts.
 
-use std::time::Instant;
-
-use deaflow::base::{Decimal, Dimension, Quantity, Stream};
+use deaflow::base::{Decimal, Dimension, Quantity, Stream, thread_seconds};
 use deaflow::fem::{MembraneSolver, Order, SolveOptions};
 use deaflow::field::Simulator;
 use deaflow::pattern::{CELLS, Pattern};
@@ -154,12 +152,4 @@ fn small_grid(index: u64) -> Pattern {
         active[cell] = 1;
     }
     Pattern::from_cells(&active).expect("cells are 0 or 1")
-}
-
-/// Seconds that this thread has been on a core; where the system does not tell, seconds that have passed.
-fn thread_seconds() -> f64 {
-    thread_local!(static START: Instant = Instant::now());
-    let told = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
-    let nanoseconds = told.and_then(|text| text.split_whitespace().next()?.parse::<f64>().ok());
-    nanoseconds.map_or_else(|| START.with(|start| start.elapsed().as_secs_f64()), |ns| 1e-9 * ns)
 }

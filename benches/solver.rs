@@ -4,9 +4,7 @@
 //! residual 1e-8. Times are those that the thread was on a core (`/proc/thread-self/schedstat`), so other work on the
 //! machine disturbs them little; the best of three rounds counts.
 
-use std::time::Instant;
-
-use deaflow::base::Stream;
+use deaflow::base::{Stream, thread_seconds};
 use deaflow::fem::{MembraneSolver, Order, SolveOptions};
 use deaflow::field::Simulator;
 use deaflow::pattern::{CELLS, Pattern};
@@ -65,12 +63,4 @@ fn small_grid(index: u64) -> Pattern {
     let mut active = vec![0; CELLS * CELLS];
     order[..half].iter().for_each(|&cell| active[cell] = 1);
     Pattern::from_cells(&active).expect("cells are 0 or 1")
-}
-
-/// Seconds that this thread has been on a core; where the system does not tell, seconds that have passed.
-fn thread_seconds() -> f64 {
-    thread_local!(static START: Instant = Instant::now());
-    let told = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
-    let nanoseconds = told.and_then(|text| text.split_whitespace().next()?.parse::<f64>().ok());
-    nanoseconds.map_or_else(|| START.with(|start| start.elapsed().as_secs_f64()), |ns| 1e-9 * ns)
 }

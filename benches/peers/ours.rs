@@ -3,8 +3,7 @@
 //! `cargo bench --bench peers -- PATTERNS.npy` prints a line of JSON per mesh: milliseconds of one core per pattern and the
 //! largest displacement of each pattern in mm.
 
-use std::time::Instant;
-
+use deaflow::base::thread_seconds;
 use deaflow::fem::{MembraneSolver, Order, SolveOptions};
 use deaflow::field::Simulator;
 use deaflow::pattern::{CELLS, Pattern, read_patterns};
@@ -49,12 +48,4 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         println!("{line}");
     }
     Ok(())
-}
-
-/// Seconds that this thread has been on a core; where the system does not tell, seconds that have passed.
-fn thread_seconds() -> f64 {
-    thread_local!(static START: Instant = Instant::now());
-    let told = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
-    let nanoseconds = told.and_then(|text| text.split_whitespace().next()?.parse::<f64>().ok());
-    nanoseconds.map_or_else(|| START.with(|start| start.elapsed().as_secs_f64()), |ns| 1e-9 * ns)
 }

@@ -1,6 +1,7 @@
 //! What every room stands on: digests, canonical values, quantities, random streams, documents, files.
 
 mod canonical;
+mod clock;
 mod digest;
 mod document;
 mod encoding;
@@ -10,6 +11,7 @@ mod schema;
 mod stream;
 
 pub use canonical::Canonical;
+pub use clock::thread_seconds;
 pub use digest::{Digest, DigestWriter, ParseDigestError};
 pub use document::{Document, InputError, Map, Node, NodeValue, Override, Source, nearest};
 pub use encoding::{EncodingError, decode, encode};

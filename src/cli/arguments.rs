@@ -416,6 +416,16 @@ pub struct AuditArguments {
     pub json: bool,
 }
 
+impl AuditArguments {
+    /// The `--set` arguments, in order.
+    ///
+    /// # Errors
+    /// When one cannot be read.
+    pub fn overrides(&self) -> Result<Vec<Override>, CliError> {
+        overrides(&self.sets)
+    }
+}
+
 /// A number of rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Samples {

@@ -73,7 +73,7 @@ fn of_file(arguments: &AuditArguments, scene: &Path) -> Result<Answer, CliError>
 
 /// The dataset of a stage as the pipeline is now. What is known without it is told even where it is not there any more.
 fn of_stage(arguments: &AuditArguments, path: &Path, name: &str) -> Result<Answer, CliError> {
-    let mut sets: Vec<Override> = overrides(&arguments.sets)?;
+    let mut sets = arguments.overrides()?;
     let pipeline = run::load_file(path, &sets)?;
     check_kind(&pipeline, name)?;
     let store = locate::existing_store(&arguments.store.folder())?;
@@ -110,10 +110,6 @@ fn of_stage(arguments: &AuditArguments, path: &Path, name: &str) -> Result<Answe
     Ok(answer.with_rows_of(Audited::Artifact(&artifact)))
 }
 
-fn overrides(sets: &[String]) -> Result<Vec<Override>, CliError> {
-    sets.iter().map(|set| Ok(Override::parse(set)?)).collect()
-}
-
 /// The audit as a stage of the pipeline, so that it is cached like any other.
 fn stage_text(arguments: &AuditArguments, name: &str) -> String {
     let samples = match arguments.samples {
@@ -130,10 +126,10 @@ fn stage_text(arguments: &AuditArguments, name: &str) -> String {
 fn check_kind(pipeline: &Pipeline, name: &str) -> Result<(), CliError> {
     pipeline.selection(Some(name))?;
     let kind = pipeline.stage(name).map_or("", |stage| stage.kind.name());
-    if ["solve", "balance"].contains(&kind) {
+    if audit::AUDITED.contains(&kind) {
         return Ok(());
     }
-    let fitting = |spec: &&crate::orchestrator::StageSpec| ["solve", "balance"].contains(&spec.kind.name());
+    let fitting = |spec: &&crate::orchestrator::StageSpec| audit::AUDITED.contains(&spec.kind.name());
     let fitting: Vec<&str> = pipeline
         .stages
         .iter()

@@ -8,7 +8,7 @@ use super::arguments::StatusArguments;
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::{locate, run, table};
-use crate::orchestrator::{Environment, Outcome, Price, StageReport, plan};
+use crate::orchestrator::{Bill, Environment, Outcome, StageReport, plan};
 use crate::store::{LockFile, Run, Store, Survey};
 
 /// How a pipeline stands.
@@ -146,13 +146,12 @@ fn state(stages: &Result<Vec<StageReport>, String>) -> String {
         return format!("up to date ({} stages)", stages.len());
     }
     let names: Vec<&str> = stale.iter().map(|stage| stage.name.as_str()).collect();
-    let price = stale.iter().filter_map(|stage| stage.price).reduce(Price::plus);
-    let unpriced = stale.iter().filter(|stage| stage.price.is_none()).count();
+    let bill = Bill::of(stale.iter().map(|stage| stage.price));
     format!(
         "{} of {} stages to build ({}): {}",
-        stale.len(),
+        bill.stale,
         stages.len(),
         names.join(", "),
-        table::price(price.as_ref(), unpriced)
+        table::price(bill.price.as_ref(), bill.unpriced)
     )
 }

@@ -13,7 +13,7 @@ use std::sync::OnceLock;
 
 use rayon::prelude::*;
 
-use crate::field::{Field, Simulation};
+use crate::field::Simulation;
 use crate::pattern::Pattern;
 use crate::scene::Scene;
 
@@ -89,7 +89,7 @@ impl AccurateSolver {
         loop {
             let (fine, sure) = self.solve(rung + 1, pattern)?;
             let error = match (&coarse.field, &fine.field) {
-                (Some(coarse), Some(fine)) => Some(LADDER[rung].2 * largest_difference(coarse, fine)),
+                (Some(coarse), Some(fine)) => Some(LADDER[rung].2 * coarse.max_difference(fine)),
                 _ => None,
             };
             let last = rung + 2 == LADDER.len();
@@ -152,12 +152,6 @@ fn answer(rung: usize, simulation: Simulation, discretisation_error: Option<f64>
     }
 }
 
-/// The largest magnitude of the difference over the cell corners, in mm.
-fn largest_difference(a: &Field, b: &Field) -> f64 {
-    let pairs = a.values().chunks_exact(2).zip(b.values().chunks_exact(2));
-    pairs.map(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1])).fold(0.0, f64::max)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -200,7 +194,7 @@ mod tests {
                 for (at, (result, truth)) in results.iter().zip(&truth).enumerate() {
                     let estimate = result.discretisation_error.unwrap();
                     let (field, truth) = (result.simulation.field.as_ref().unwrap(), truth.field.as_ref().unwrap());
-                    let error = largest_difference(field, truth);
+                    let error = field.max_difference(truth);
                     assert!(estimate <= accuracy, "pattern {at}");
                     assert!(
                         error <= estimate && estimate <= 5.0 * error,

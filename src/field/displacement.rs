@@ -97,6 +97,13 @@ impl Field {
             .fold(0.0, f64::max)
     }
 
+    /// The largest magnitude in mm, over all corners, of the difference from `other`.
+    #[must_use]
+    pub fn max_difference(&self, other: &Self) -> f64 {
+        let pairs = self.values.chunks_exact(2).zip(other.values.chunks_exact(2));
+        pairs.map(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1])).fold(0.0, f64::max)
+    }
+
     /// The image under a symmetry: `(gu)(gX) = g·u(X)`, vector components rotate too.
     #[must_use]
     pub fn transformed(&self, g: Symmetry) -> Self {

@@ -83,6 +83,15 @@ impl Assessment {
         }
     }
 
+    /// Its artifact, where that is known.
+    #[must_use]
+    pub fn artifact(&self) -> Option<Digest> {
+        match &self.state {
+            State::Fresh { record, .. } => Some(record.artifact),
+            State::Stale { expected, .. } => *expected,
+        }
+    }
+
     /// Whether the stage has to be built.
     #[must_use]
     pub fn is_stale(&self) -> bool {
@@ -128,7 +137,7 @@ impl<'a> Surveyor<'a> {
     pub fn survey(&self, selection: &[usize]) -> Result<Vec<Assessment>, StoreError> {
         let mut inputs: BTreeMap<usize, Input> = BTreeMap::new();
         let mut out = Vec::with_capacity(selection.len());
-        let effort = Effort::quick();
+        let effort = Effort::Quick;
         for &index in selection {
             let needs = &self.pipeline.stages[index].needs;
             let given: Vec<Input> = needs.iter().filter_map(|need| inputs.get(need).cloned()).collect();

@@ -210,7 +210,7 @@ impl Builder<'_> {
         let Lookup::Found(record, _) = self.store.record(key)? else {
             return Ok(None);
         };
-        match self.store.inspect(&record.artifact, Effort::thorough())? {
+        match self.store.inspect(&record.artifact, Effort::Thorough)? {
             Condition::Intact { .. } => Ok(Some(*record)),
             Condition::Missing => Ok(None),
             Condition::Damaged(_) => {

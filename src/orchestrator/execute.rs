@@ -11,7 +11,7 @@ use super::foresight;
 use super::kind::{Input, Plan, StageError};
 use super::locked::{self, Difference};
 use super::plan;
-use super::price::Price;
+use super::price::{Bill, Price};
 use super::provenance::Environment;
 use super::spec::{Pipeline, StageSpec};
 use super::staleness::Staleness;
@@ -174,14 +174,17 @@ fn remembered(spec: &StageSpec, assessment: &Assessment) -> Option<RunStage> {
 }
 
 fn started(pipeline: &Pipeline, assessments: &[Assessment], prices: &[Option<Price>]) -> Event {
-    let stale = assessments.iter().filter(|assessment| assessment.is_stale()).count();
-    let priced = prices.iter().flatten().count();
+    let stale = assessments
+        .iter()
+        .zip(prices)
+        .filter(|(assessment, _)| assessment.is_stale());
+    let bill = Bill::of(stale.map(|(_, price)| *price));
     Event::RunStarted {
         pipeline: pipeline.name.clone(),
         stages: assessments.len(),
-        stale,
-        price: prices.iter().flatten().copied().reduce(Price::plus),
-        unpriced: stale - priced,
+        stale: bill.stale,
+        price: bill.price,
+        unpriced: bill.unpriced,
     }
 }
 
@@ -257,7 +260,7 @@ impl Execution<'_> {
             Some(assessment) => assessment,
             None => {
                 let closely = self.read_closely.contains(&index);
-                let effort = if closely { Effort::thorough() } else { Effort::quick() };
+                let effort = if closely { Effort::Thorough } else { Effort::Quick };
                 self.surveyor.assess(index, &inputs, effort)?
             }
         };

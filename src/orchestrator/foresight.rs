@@ -72,21 +72,19 @@ pub fn cost(
     input_bytes: u64,
     environment: &Environment,
 ) -> Option<Cost> {
-    let chunks = match &assessment.work {
-        Plan::Chunks(_) => missing(assessment).count() as u64,
-        Plan::Whole { .. } => 1,
-    };
+    let work = work(spec, assessment, Some(input_bytes), environment);
+    let chunks = work.chunks.unwrap_or(1);
     if report.chunks_built != chunks {
         return None;
     }
     Some(Cost {
-        kind: spec.kind.name().to_owned(),
-        recipe: spec.kind.recipe(),
-        parameters: parameters(spec, &assessment.work),
-        host: environment.host.clone(),
-        jobs: rayon::current_num_threads() as u64,
-        steps: steps(assessment),
-        weight: spec.stage.weight(),
+        kind: work.kind,
+        recipe: work.recipe,
+        parameters: work.parameters,
+        host: work.host,
+        jobs: work.jobs,
+        steps: work.steps,
+        weight: work.weight,
         chunks,
         input_bytes,
         seconds: report.seconds,

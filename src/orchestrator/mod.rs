@@ -24,7 +24,7 @@ pub use explain::{Explanation, Last, explain};
 pub use kind::{Chunk, Input, Job, Kind, Needs, Plan, Progress, Stage, StageError};
 pub use locked::Difference;
 pub use plan::plan;
-pub use price::{Estimate, Price};
+pub use price::{Bill, Estimate, Price};
 pub use provenance::Environment;
 pub use schema::{of_pipeline, of_scene};
 pub use spec::{Pipeline, Registry, StageSpec, splice_scene};

@@ -43,7 +43,7 @@ pub fn plan(
 pub fn digests_of(spec: &StageSpec, selection: &[usize], assessments: &[Assessment]) -> Vec<Option<Digest>> {
     let digest = |need: &usize| {
         let at = selection.iter().position(|index| index == need);
-        at.and_then(|at| assessments[at].as_input().digest)
+        at.and_then(|at| assessments[at].artifact())
     };
     spec.needs.iter().map(digest).collect()
 }

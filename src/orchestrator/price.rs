@@ -37,6 +37,29 @@ pub struct Price {
     pub bytes: Estimate,
 }
 
+/// What stale stages take together.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bill {
+    /// How many stages are stale.
+    pub stale: usize,
+    /// What building them takes, as far as something can be foretold.
+    pub price: Option<Price>,
+    /// How many of them have no price.
+    pub unpriced: usize,
+}
+
+impl Bill {
+    /// The bill of stale stages by their prices.
+    #[must_use]
+    pub fn of(prices: impl Iterator<Item = Option<Price>> + Clone) -> Self {
+        Self {
+            stale: prices.clone().count(),
+            unpriced: prices.clone().filter(Option::is_none).count(),
+            price: prices.flatten().reduce(Price::plus),
+        }
+    }
+}
+
 /// Work to be foretold.
 #[derive(Clone, Debug)]
 pub struct Work {

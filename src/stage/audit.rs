@@ -49,6 +49,9 @@ const USUAL_ACCURACY: f64 = 4e-4;
 /// What is taken for rounding where nothing is declared, as a part of the side: 1e-4 mm of 50 mm.
 const ROUNDING: f64 = 2e-6;
 
+/// The kinds of stages that hold a dataset.
+pub const AUDITED: [&str; 2] = ["solve", "balance"];
+
 /// More rows than this have no dataset.
 const MAX_SAMPLES: u64 = 100_000_000;
 
@@ -66,7 +69,7 @@ impl Kind for AuditKind {
 
     fn needs(&self) -> Needs {
         Needs {
-            kinds: &["solve", "balance"],
+            kinds: &AUDITED,
             least: 1,
             most: 1,
         }

@@ -32,20 +32,6 @@ pub enum Effort {
     Thorough,
 }
 
-impl Effort {
-    /// Stamps where they are enough.
-    #[must_use]
-    pub fn quick() -> Self {
-        Self::Quick
-    }
-
-    /// Every byte.
-    #[must_use]
-    pub fn thorough() -> Self {
-        Self::Thorough
-    }
-}
-
 impl Store {
     /// The condition of one artifact file (not of a manifest's chunks).
     ///

@@ -3,7 +3,6 @@
 use super::facts::Row;
 use super::labels::Tolerance;
 use super::rows::{Bench, Mesh, Wanted};
-use super::symmetric::largest_difference;
 
 /// The meshes that are tried, cheapest first.
 pub const TRIED: [Mesh; 12] = [
@@ -56,7 +55,7 @@ pub fn mesh(bench: &dyn Bench, rows: &[Row], tolerance: Tolerance) -> Result<Opt
         };
         for ((_, stored), found) in rows.iter().zip(&found) {
             let Some(found) = &found.field else { continue };
-            let (off, peak) = (largest_difference(stored, found), found.max_magnitude());
+            let (off, peak) = (stored.max_difference(found), found.max_magnitude());
             trial.same += usize::from(off <= SAME * peak);
             trial.near += usize::from(off <= tolerance.of(peak));
             trial.off += off.min(peak);

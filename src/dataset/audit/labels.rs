@@ -11,7 +11,6 @@ use std::collections::BTreeMap;
 use super::diagnosis::{Fault, diagnose, fit, inside};
 use super::facts::Row;
 use super::rows::{Bench, Columns, Declared, Mesh, Wanted};
-use super::symmetric::largest_difference;
 use crate::field::Field;
 use crate::pattern::Pattern;
 
@@ -156,7 +155,7 @@ impl Judge<'_> {
         let label = self.verdict(stored, truth.as_ref());
         let otherwise = truth.map(|truth| {
             let inner = inside(stored);
-            let off = largest_difference(&inner, &inside(&truth));
+            let off = inner.max_difference(&inside(&truth));
             (fit(&inner, &truth).0, Label::Wrong(diagnose(&inner, &truth), off))
         });
         Ok(Solved { label, otherwise })
@@ -188,7 +187,7 @@ impl Judge<'_> {
             return Label::NoSolution;
         };
         let stored = inside(stored);
-        let off = largest_difference(&stored, &inside(truth));
+        let off = stored.max_difference(&inside(truth));
         if off <= self.tolerance.of(truth.max_magnitude()) {
             return Label::Agrees;
         }

@@ -3,7 +3,6 @@
 use super::facts::Row;
 use super::labels::{Judge, Label, REFERENCE};
 use super::rows::{Dataset, Mesh, Wanted};
-use super::symmetric::largest_difference;
 
 /// A row that was simulated again.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -61,7 +60,7 @@ pub fn resimulate(
     if let Some(wanted) = wanted {
         let finer = judge.bench.simulator(wanted)?.simulate(std::slice::from_ref(pattern));
         let finer = finer.into_iter().next().and_then(|simulation| simulation.field);
-        result.error = finer.map(|finer| largest_difference(stored, &finer));
+        result.error = finer.map(|finer| stored.max_difference(&finer));
     }
     Ok(Some(result))
 }

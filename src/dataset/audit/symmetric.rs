@@ -71,17 +71,10 @@ pub fn distance(a: &[f64; PROJECTIONS], b: &[f64; PROJECTIONS]) -> f64 {
     (sum / PROJECTIONS as f64).sqrt()
 }
 
-/// The largest magnitude of the difference over the corners, in mm.
-#[must_use]
-pub fn largest_difference(a: &Field, b: &Field) -> f64 {
-    let pairs = a.values().chunks_exact(2).zip(b.values().chunks_exact(2));
-    pairs.map(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1])).fold(0.0, f64::max)
-}
-
 /// How far a field is from having the symmetries of its pattern, in mm.
 #[must_use]
 pub fn asymmetry(field: &Field, stabiliser: &[Symmetry]) -> f64 {
-    let far = |&g| largest_difference(field, &field.transformed(g));
+    let far = |&g| field.max_difference(&field.transformed(g));
     stabiliser.iter().map(far).fold(0.0, f64::max)
 }
 

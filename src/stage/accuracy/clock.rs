@@ -1,6 +1,6 @@
 //! The time that a method takes on one core.
 
-use std::time::Instant;
+use crate::base::thread_seconds;
 
 /// Work shorter than this is repeated until it is not, s: the system counts the time on a core in ticks of milliseconds.
 const ENOUGH: f64 = 0.15;
@@ -11,30 +11,21 @@ const ENOUGH: f64 = 0.15;
 /// # Errors
 /// When the work fails.
 pub fn timed<T, E>(mut work: impl FnMut() -> Result<T, E>) -> Result<(T, f64), E> {
-    let start = on_core();
+    let start = thread_seconds();
     let result = work()?;
-    let first = on_core() - start;
+    let first = thread_seconds() - start;
     if first >= ENOUGH {
         return Ok((result, first));
     }
-    let (start, mut rounds) = (on_core(), 0);
+    let (start, mut rounds) = (thread_seconds(), 0);
     loop {
         work()?;
         rounds += 1;
-        let spent = on_core() - start;
+        let spent = thread_seconds() - start;
         if spent >= ENOUGH {
             return Ok((result, spent / f64::from(rounds)));
         }
     }
-}
-
-/// Seconds that this thread has been on a core, so that other work on the machine does not count; where the system does
-/// not tell, seconds that have passed.
-fn on_core() -> f64 {
-    thread_local!(static START: Instant = Instant::now());
-    let told = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
-    let nanoseconds = told.and_then(|text| text.split_whitespace().next()?.parse::<f64>().ok());
-    nanoseconds.map_or_else(|| START.with(|start| start.elapsed().as_secs_f64()), |ns| 1e-9 * ns)
 }
 
 #[cfg(test)]

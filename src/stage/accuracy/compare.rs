@@ -210,7 +210,7 @@ fn compare(found: Option<&Field>, reference: Option<&Field>) -> PatternError {
     match (found, reference) {
         (Some(found), Some(reference)) => PatternError::Known {
             rms: found.rms_difference(reference),
-            max: largest_difference(found, reference),
+            max: found.max_difference(reference),
         },
         (Some(_), None) => PatternError::Missed,
         (None, Some(_)) => PatternError::FalseAlarm,
@@ -238,12 +238,6 @@ fn of_family(errors: &[PatternError], promise_mm: Option<f64>, reference_error: 
         missed: count(PatternError::Missed),
         false_alarms: count(PatternError::FalseAlarm),
     }
-}
-
-/// The largest magnitude of the difference over the cell corners, in mm.
-pub fn largest_difference(a: &Field, b: &Field) -> f64 {
-    let pairs = a.values().chunks_exact(2).zip(b.values().chunks_exact(2));
-    pairs.map(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1])).fold(0.0, f64::max)
 }
 
 #[cfg(test)]

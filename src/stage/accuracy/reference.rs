@@ -5,7 +5,6 @@
 
 use std::path::Path;
 
-use super::compare::largest_difference;
 use super::contender::Contender;
 use crate::base::{Document, InputError, Node};
 use crate::fem::AccurateSimulation;
@@ -113,7 +112,7 @@ impl Reference {
         let solver = SolverParameters::newton(coarser.0, coarser.1).build(scene);
         let coarse = simulate(&solver.map_err(|e| explained(&e))?, patterns)?;
         let error = |(coarse, fine): (&AccurateSimulation, &Option<Field>)| match (&coarse.simulation.field, fine) {
-            (Some(coarse), Some(fine)) => largest_difference(coarse, fine),
+            (Some(coarse), Some(fine)) => coarse.max_difference(fine),
             _ => 0.0,
         };
         Ok(coarse.iter().zip(fields).map(error).collect())
@@ -175,7 +174,7 @@ mod tests {
         let finer = Reference::new(SolverParameters::newton(2, 2)).unwrap();
         let (truth, _) = finer.solve(&scene, &patterns, &Silent).unwrap();
         for (i, stated) in stated.iter().enumerate() {
-            let error = largest_difference(fields[i].as_ref().unwrap(), truth[i].as_ref().unwrap());
+            let error = fields[i].as_ref().unwrap().max_difference(truth[i].as_ref().unwrap());
             assert!(error <= *stated && *stated < 6.0 * error, "{i}: {error:e} {stated:e}");
         }
     }
