@@ -367,7 +367,11 @@ fn foreign(workspace: &Workspace, from: &str, splits: &[&str], short: usize) {
         reals(&workspace.path(from), "displacement"),
     );
     let n = splits.len();
-    let file = hdf5::File::create(workspace.path("foreign.h5")).unwrap();
+    let path = workspace.path("foreign.h5");
+    if path.exists() {
+        std::fs::remove_file(&path).unwrap();
+    }
+    let file = hdf5::File::create(&path).unwrap();
     let cells: Vec<u8> = cells[..n * 2500].iter().map(|&c| c as u8).collect();
     let fields: Vec<f32> = fields[..(n - short) * FIELD].iter().map(|&u| u as f32).collect();
     let texts: Vec<hdf5::types::VarLenUnicode> = splits.iter().map(|s| s.parse().unwrap()).collect();
@@ -412,6 +416,9 @@ fn a_file_that_declares_nothing_is_still_held_to_its_mesh() {
     );
     // A mirrored pattern with its mirrored field in another part: right in itself, and leaked.
     let path = workspace.path("own.h5");
+    let aside = workspace.path("aside.h5");
+    std::fs::copy(&path, &aside).unwrap();
+    std::fs::rename(&aside, &path).unwrap();
     let file = hdf5::File::open_rw(&path).unwrap();
     let (patterns, displacement) = (file.dataset("patterns").unwrap(), file.dataset("displacement").unwrap());
     let (mut cells, mut fields) = (
