@@ -3,9 +3,11 @@
 use super::arrays;
 use crate::base::{Canonical, Decimal, Fields, InputError, Node, Schema};
 use crate::dataset::Split;
+use crate::fem::{LinearResponse, Order, SolveOptions};
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
+use crate::scene::Scene;
 use crate::store::{Artifact, Data, Dataset, Object};
-use crate::surrogate::{EpochReport, Example, NetworkKind, TrainOptions, Trained, train};
+use crate::surrogate::{Constants, EpochReport, Example, NetworkKind, TrainOptions, Trained, train};
 
 /// The kind `train`.
 pub struct TrainKind;
@@ -129,9 +131,28 @@ impl Stage for TrainStage {
                 .note(&format!("validation RMSE {:.4} mm", report.validation_rmse_mm));
             job.progress.advance(1);
         };
-        let trained = train(&examples, &options, &on_epoch).map_err(|e| StageError::Failed(e.to_string()))?;
+        let constants = match self.network.has_constants() {
+            true => Some(constants(&super::scene_attribute(job.inputs)?)?),
+            false => None,
+        };
+        let trained =
+            train(&examples, constants.as_ref(), &options, &on_epoch).map_err(|e| StageError::Failed(e.to_string()))?;
         Ok(describe(&trained, self.network.name()).attribute("scene", super::scene_attribute(job.inputs)?))
     }
+}
+
+/// The linear response of a scene, by one biquadratic element per cell: on finer meshes it differs by less than what
+/// the network learns anyway.
+fn constants(scene: &str) -> Result<Constants, StageError> {
+    let scene = Scene::from_text(scene).map_err(|e| StageError::Input(format!("the scene of the dataset: {e}")))?;
+    let options = SolveOptions {
+        elements_per_cell: 1,
+        order: Order::Biquadratic,
+        ..SolveOptions::default()
+    };
+    let failed = |e: &dyn std::fmt::Display| StageError::Failed(format!("no linear response: {e}"));
+    let response = LinearResponse::new(&scene, options).map_err(|e| failed(&e))?;
+    Constants::new(&response, scene.side_mm()).map_err(StageError::Failed)
 }
 
 fn read_examples(artifact: &Artifact, examples: &mut Vec<Example>) -> Result<(), StageError> {

@@ -19,7 +19,7 @@ mod weights;
 
 pub use example::Example;
 pub use metrics::Metrics;
-pub use networks::NetworkKind;
+pub use networks::{Constants, NetworkKind};
 pub use options::TrainOptions;
 pub use predict::Surrogate;
 pub use train::{EpochReport, TrainError, Trained, train};

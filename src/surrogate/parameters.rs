@@ -18,15 +18,15 @@ pub(crate) struct Parameters<'a> {
 }
 
 enum Source<'a> {
-    Seed(u64),
+    Seed(u64, BTreeMap<String, Tensor>),
     Stored(&'a BTreeMap<String, Tensor>),
 }
 
 impl<'a> Parameters<'a> {
-    /// Weights to be trained, drawn under a seed.
-    pub(crate) fn drawn(seed: u64, device: &'a Device) -> Self {
+    /// Weights to be trained, drawn under a seed, beside constants that are not trained.
+    pub(crate) fn drawn(constants: BTreeMap<String, Tensor>, seed: u64, device: &'a Device) -> Self {
         Self {
-            source: Source::Seed(seed),
+            source: Source::Seed(seed, constants),
             device,
             drawn: Vec::new(),
             used: 0,
@@ -46,14 +46,10 @@ impl<'a> Parameters<'a> {
     /// The tensor of that name: normally distributed with the given standard deviation when drawn.
     pub(crate) fn tensor(&mut self, name: &str, dims: &[usize], deviation: f64) -> Result<Tensor> {
         self.used += 1;
-        match self.source {
-            Source::Stored(tensors) => match tensors.get(name) {
-                Some(tensor) if tensor.dims() == dims => tensor.to_device(self.device),
-                Some(tensor) => bail!("tensor {name} has shape {:?}, not {dims:?}", tensor.dims()),
-                None => bail!("tensor {name} is missing"),
-            },
-            Source::Seed(seed) => {
-                let mut stream = Stream::new(seed, &format!("surrogate weights {name}"), 0);
+        match &self.source {
+            Source::Stored(tensors) => shaped(tensors, name, dims)?.to_device(self.device),
+            Source::Seed(seed, _) => {
+                let mut stream = Stream::new(*seed, &format!("surrogate weights {name}"), 0);
                 let count = dims.iter().product();
                 let values: Vec<f32> = (0..count).map(|_| (stream.normal() * deviation) as f32).collect();
                 let var = Var::from_vec(values, dims, self.device)?;
@@ -64,6 +60,21 @@ impl<'a> Parameters<'a> {
         }
     }
 
+    /// The tensor of that name that is not trained.
+    pub(crate) fn constant(&mut self, name: &str, dims: &[usize]) -> Result<Tensor> {
+        self.used += 1;
+        let tensors = match &self.source {
+            Source::Stored(tensors) => tensors,
+            Source::Seed(_, constants) => constants,
+        };
+        shaped(tensors, name, dims)?.to_device(self.device)
+    }
+
+    /// Where the network runs.
+    pub(crate) fn device(&self) -> &Device {
+        self.device
+    }
+
     /// The weights that were drawn, in the order in which the network asked.
     pub(crate) fn into_drawn(self) -> Vec<(String, Var)> {
         self.drawn
@@ -72,5 +83,14 @@ impl<'a> Parameters<'a> {
     /// How many tensors the network asked for.
     pub(crate) fn used(&self) -> usize {
         self.used
+    }
+}
+
+/// The tensor of that name and shape.
+fn shaped<'a>(tensors: &'a BTreeMap<String, Tensor>, name: &str, dims: &[usize]) -> Result<&'a Tensor> {
+    match tensors.get(name) {
+        Some(tensor) if tensor.dims() == dims => Ok(tensor),
+        Some(tensor) => bail!("tensor {name} has shape {:?}, not {dims:?}", tensor.dims()),
+        None => bail!("tensor {name} is missing"),
     }
 }

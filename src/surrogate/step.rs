@@ -92,7 +92,7 @@ mod tests {
     #[test]
     fn the_gradient_is_that_of_the_mean_loss() {
         let device = Device::Cpu;
-        let mut parameters = Parameters::drawn(1, &device);
+        let mut parameters = Parameters::drawn(std::collections::BTreeMap::new(), 1, &device);
         let network = NetworkKind::Qin2024.build(&mut parameters).unwrap();
         let vars = parameters.into_drawn();
         let loss = LossWeights {

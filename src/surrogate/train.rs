@@ -10,7 +10,7 @@ use candle_core::{Device, Tensor, Var};
 use super::example::Example;
 use super::loss::LossWeights;
 use super::metrics::{Metrics, measure};
-use super::networks::Network;
+use super::networks::{Constants, Network};
 use super::optimizer::Optimizer;
 use super::options::TrainOptions;
 use super::parameters::Parameters;
@@ -67,6 +67,12 @@ pub enum TrainError {
         /// What is allowed.
         allowed: &'static str,
     },
+    /// A network that starts from what is known of the scene was not told it.
+    #[error("the network {network} needs the linear response of the scene")]
+    NoConstants {
+        /// The network.
+        network: &'static str,
+    },
     /// The loss is no longer a number.
     #[error("the training diverged in epoch {epoch}; a smaller learning rate may help")]
     Diverged {
@@ -90,7 +96,8 @@ impl From<PredictError> for TrainError {
     }
 }
 
-/// Trains a network on the examples of [`Split::Train`], calling `on_epoch` after each epoch.
+/// Trains a network on the examples of [`Split::Train`], calling `on_epoch` after each epoch. A network that
+/// [has constants](super::NetworkKind::has_constants) needs those of the scene that the examples were simulated in.
 ///
 /// The result has the same bits whatever the number of threads.
 ///
@@ -98,11 +105,12 @@ impl From<PredictError> for TrainError {
 /// When there is no training example, an option is out of range, or the training diverges.
 pub fn train(
     examples: &[Example],
+    constants: Option<&Constants>,
     options: &TrainOptions,
     on_epoch: &dyn Fn(&EpochReport),
 ) -> Result<Trained, TrainError> {
     options.check()?;
-    let mut trainer = Trainer::new(examples, options)?;
+    let mut trainer = Trainer::new(examples, constants, options)?;
     let mut curves: Vec<EpochReport> = Vec::new();
     let mut best: Option<(f64, u32, Vec<Tensor>)> = None;
     for epoch in 1..=options.epochs {
@@ -136,24 +144,38 @@ struct Trainer<'a> {
     device: Device,
     network: Box<dyn Network>,
     vars: Vec<(String, Var)>,
+    constants: BTreeMap<String, Tensor>,
     optimizer: Optimizer,
 }
 
 impl<'a> Trainer<'a> {
-    fn new(examples: &'a [Example], options: &'a TrainOptions) -> Result<Self, TrainError> {
+    fn new(
+        examples: &'a [Example],
+        constants: Option<&Constants>,
+        options: &'a TrainOptions,
+    ) -> Result<Self, TrainError> {
         let part = |split| examples.iter().filter(|e| e.split == split).collect::<Vec<_>>();
         let training = part(Split::Train);
         if training.is_empty() {
             return Err(TrainError::NoExamples);
         }
         let device = device()?;
-        let mut parameters = Parameters::drawn(options.seed, &device);
+        let constants = match (options.network.has_constants(), constants) {
+            (false, _) => BTreeMap::new(),
+            (true, Some(constants)) => constants.tensors.clone(),
+            (true, None) => {
+                let network = options.network.name();
+                return Err(TrainError::NoConstants { network });
+            }
+        };
+        let mut parameters = Parameters::drawn(constants.clone(), options.seed, &device);
         let network = options.network.build(&mut parameters)?;
         let vars = parameters.into_drawn();
         Ok(Self {
             options,
             validation: part(Split::Validation),
-            scale_mm: deviation(&training),
+            scale_mm: network.unit_mm().unwrap_or_else(|| deviation(&training)),
+            constants,
             training,
             device,
             network,
@@ -233,11 +255,9 @@ impl<'a> Trainer<'a> {
     }
 
     fn bytes(&self) -> Result<Vec<u8>, TrainError> {
-        let tensors: BTreeMap<_, _> = self
-            .vars
-            .iter()
-            .map(|(name, var)| (name.clone(), var.as_tensor().clone()))
-            .collect();
+        let trained = self.vars.iter();
+        let trained = trained.map(|(name, var)| (name.clone(), var.as_tensor().clone()));
+        let tensors = trained.chain(self.constants.clone()).collect();
         let header = Header {
             network: self.options.network.name().to_owned(),
             scale_mm: self.scale_mm,

@@ -1,27 +1,34 @@
 //! The networks, one per file, and how they are chosen.
 
+mod physics;
 mod qin2024;
+mod response;
 
 use candle_core::{Result, Tensor};
 
 use super::parameters::Parameters;
+
+pub use response::Constants;
 
 /// Which network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NetworkKind {
     /// The convolutional network of Qin et al. (Soft Robotics 2024, doi 10.1089/soro.2024.0063).
     Qin2024,
+    /// The linear response of the membrane, corrected by learned local laws.
+    Physics,
 }
 
 impl NetworkKind {
     /// All networks.
-    pub const ALL: [Self; 1] = [Self::Qin2024];
+    pub const ALL: [Self; 2] = [Self::Qin2024, Self::Physics];
 
     /// The word that stands in pipelines and files.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Qin2024 => "qin2024",
+            Self::Physics => "physics",
         }
     }
 
@@ -31,15 +38,22 @@ impl NetworkKind {
         Self::ALL.into_iter().find(|kind| kind.name() == name)
     }
 
+    /// Whether it starts from [`Constants`] of the scene.
+    #[must_use]
+    pub fn has_constants(self) -> bool {
+        self == Self::Physics
+    }
+
     /// Builds the network on the given weights.
     pub(crate) fn build(self, parameters: &mut Parameters) -> Result<Box<dyn Network>> {
         match self {
             Self::Qin2024 => Ok(Box::new(qin2024::Qin2024::new(parameters)?)),
+            Self::Physics => Ok(Box::new(physics::Physics::new(parameters)?)),
         }
     }
 }
 
-/// What a network says about a batch of n patterns, in units of the deviation of the training fields.
+/// What a network says about a batch of n patterns, in a unit that stands beside its weights.
 pub(crate) struct Output {
     /// Displacement at the 49 × 49 inner corners, (n, 49, 49, 2).
     pub(crate) displacement: Tensor,
@@ -51,4 +65,10 @@ pub(crate) struct Output {
 pub(crate) trait Network: Send + Sync {
     /// The displacement, with the auxiliary answer where `auxiliary` is set.
     fn forward(&self, patterns: &Tensor, auxiliary: bool) -> Result<Output>;
+
+    /// Length in mm of one unit of the displacement, where the network says it; else it is the deviation of the fields that it
+    /// learns from.
+    fn unit_mm(&self) -> Option<f64> {
+        None
+    }
 }

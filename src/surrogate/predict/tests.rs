@@ -12,7 +12,9 @@ fn model() -> Vec<u8> {
         epochs: 1,
         ..TrainOptions::default()
     };
-    train(&examples(4, Split::Train), &options, &|_| ()).unwrap().weights
+    train(&examples(4, Split::Train), None, &options, &|_| ())
+        .unwrap()
+        .weights
 }
 
 fn patterns(count: u64) -> Vec<Pattern> {

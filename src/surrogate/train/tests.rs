@@ -2,7 +2,7 @@ use super::*;
 use crate::surrogate::testing::examples;
 
 fn run(examples: &[Example], options: &TrainOptions) -> Result<Trained, TrainError> {
-    train(examples, options, &|_| ())
+    train(examples, None, options, &|_| ())
 }
 
 fn of(metrics: &[Metrics], split: Split) -> &Metrics {
@@ -69,7 +69,7 @@ fn reports_every_epoch_in_order() {
         epochs: 3,
         ..TrainOptions::default()
     };
-    let trained = train(&examples(4, Split::Train), &options, &|r| {
+    let trained = train(&examples(4, Split::Train), None, &options, &|r| {
         seen.borrow_mut().push(r.clone())
     })
     .unwrap();

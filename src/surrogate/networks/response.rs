@@ -1,0 +1,235 @@
+//! The exact linear response as a constant of a network: one matrix from cells to corners.
+//!
+//! The membrane and its frame are symmetric, so what is even (or odd) under a mirror stays so. The matrix falls into four
+//! blocks for the parities of the pattern about the two middle lines, which is a quarter of the numbers and of the work.
+
+use std::collections::BTreeMap;
+
+use candle_core::{Device, Result, Tensor, bail};
+use faer::Accum;
+
+use super::super::layers::{Matrix, multiply};
+use super::super::parameters::Parameters;
+use crate::fem::LinearResponse;
+use crate::field::{CORNERS, Field};
+use crate::pattern::{CELLS, Symmetry};
+
+/// Cells along a side of a quadrant.
+const SIDE: usize = CELLS / 2;
+/// Cells of a quadrant, and corners of one: the middle lines belong to each, the frame to none.
+const QUADRANT: usize = SIDE * SIDE;
+/// Corners along a side without the frame.
+const INNER: usize = CORNERS - 2;
+/// Values of a displacement on a quadrant.
+const VALUES: usize = 2 * QUADRANT;
+const BLOCKS: [&str; 4] = ["response.even", "response.odd-x", "response.odd-y", "response.odd"];
+const STRAIN: &str = "response.strain";
+
+/// What is known of a scene before any training, as named tensors that go into the model and are not trained.
+#[derive(Clone, Debug)]
+pub struct Constants {
+    pub(crate) tensors: BTreeMap<String, Tensor>,
+}
+
+impl Constants {
+    /// The linear response of a scene to each cell.
+    ///
+    /// A displacement is counted in units of ε² L: L the side of the membrane and ε, the size of strain of the scene, the root mean
+    /// square of the derivatives of the linear response to random patterns of single cells. What the linear response
+    /// misses is of this size, and strain divided by ε is of size one, whatever the voltage.
+    ///
+    /// # Errors
+    /// When the linear systems cannot be solved, or nothing moves.
+    pub fn new(response: &LinearResponse, side_mm: f64) -> std::result::Result<Self, String> {
+        let below_diagonal: Vec<(usize, usize)> = (0..SIDE).flat_map(|y| (y..SIDE).map(move |x| (x, y))).collect();
+        let solved = response
+            .to_cells(&below_diagonal)
+            .ok_or("the linear response of the scene cannot be solved")?;
+        let mut fields: BTreeMap<(usize, usize), Field> = BTreeMap::new();
+        for ((x, y), field) in below_diagonal.into_iter().zip(solved) {
+            fields.insert((y, x), field.transformed(diagonal()));
+            fields.insert((x, y), field);
+        }
+        let strain = typical_strain(fields.values(), side_mm / CELLS as f64);
+        if !(strain.is_finite() && strain > 0.0) {
+            return Err("nothing moves in this scene: there is nothing to learn".to_owned());
+        }
+        let unit_mm = strain * strain * side_mm;
+        let mut tensors = BTreeMap::new();
+        let failed = |e: candle_core::Error| e.to_string();
+        for (block, name) in BLOCKS.into_iter().enumerate() {
+            let mut values = vec![0.0f32; QUADRANT * VALUES];
+            for ((x, y), field) in &fields {
+                let row = &mut values[(y * SIDE + x) * VALUES..][..VALUES];
+                write_row(field, block, unit_mm, row);
+            }
+            let tensor = Tensor::from_vec(values, (QUADRANT, VALUES), &Device::Cpu).map_err(failed)?;
+            tensors.insert(name.to_owned(), tensor);
+        }
+        let strain = Tensor::new(&[strain as f32, side_mm as f32], &Device::Cpu).map_err(failed)?;
+        tensors.insert(STRAIN.to_owned(), strain);
+        Ok(Self { tensors })
+    }
+}
+
+/// The mirror about the diagonal x = y.
+fn diagonal() -> Symmetry {
+    let swaps = |g: &Symmetry| g.matrix() == [[0, 1], [1, 0]];
+    Symmetry::ALL.into_iter().find(swaps).unwrap_or(Symmetry::IDENTITY)
+}
+
+/// Sign of the mirror image of parity block `block` (bit 0: odd along x, bit 1: odd along y) under mirrors (bits likewise).
+fn sign(block: usize, mirrors: usize) -> f64 {
+    if (block & mirrors).count_ones() % 2 == 0 {
+        1.0
+    } else {
+        -1.0
+    }
+}
+
+/// Sign that a component of the displacement takes under mirrors beside the parity of the pattern.
+fn turns(component: usize, mirrors: usize) -> f64 {
+    if mirrors >> component & 1 == 0 { 1.0 } else { -1.0 }
+}
+
+/// A quarter of the signed sum of the mirror images of a field, on the corners of the first quadrant: what the folded pattern
+/// is multiplied by.
+fn write_row(field: &Field, block: usize, unit_mm: f64, row: &mut [f32]) {
+    for (at, value) in row.iter_mut().enumerate() {
+        let (component, y, x) = (at / QUADRANT, at % QUADRANT / SIDE + 1, at % SIDE + 1);
+        let image = |mirrors: usize| {
+            let [x, y] = [(x, 1), (y, 2)].map(|(i, bit)| if mirrors & bit == 0 { i } else { CORNERS - 1 - i });
+            sign(block, mirrors) * turns(component, mirrors) * field.at_corner(x, y)[component]
+        };
+        *value = ((0..4).map(image).sum::<f64>() / (4.0 * unit_mm)) as f32;
+    }
+}
+
+/// Root mean square over cells and derivatives of the strain that patterns of independent random cells cause.
+fn typical_strain<'a>(quadrant: impl Iterator<Item = &'a Field>, cell_mm: f64) -> f64 {
+    // The variance of a cell is a quarter, and each cell of the quadrant stands for four.
+    let mut sum = 0.0;
+    for field in quadrant {
+        for y in 0..CELLS {
+            for x in 0..CELLS {
+                let [a, b, c, d] = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| field.at_corner(x + i, y + j));
+                for k in 0..2 {
+                    let (across, up) = (b[k] + d[k] - a[k] - c[k], c[k] + d[k] - a[k] - b[k]);
+                    sum += (across * across + up * up) / (4.0 * cell_mm * cell_mm);
+                }
+            }
+        }
+    }
+    (sum / (4 * CELLS * CELLS) as f64).sqrt()
+}
+
+/// The response as a layer.
+pub(crate) struct Response {
+    blocks: Vec<Vec<f32>>,
+    strain: f64,
+    side_mm: f64,
+}
+
+impl Response {
+    /// From the constants of a model.
+    pub(crate) fn new(p: &mut Parameters) -> Result<Self> {
+        let mut blocks = Vec::with_capacity(4);
+        for name in BLOCKS {
+            let block = p.constant(name, &[QUADRANT, VALUES])?;
+            blocks.push(block.to_device(&Device::Cpu)?.flatten_all()?.to_vec1()?);
+        }
+        let strain: Vec<f32> = p.constant(STRAIN, &[2])?.to_vec1()?;
+        let [strain, side_mm] = strain[..] else {
+            bail!("{STRAIN} has two values");
+        };
+        if !(strain > 0.0 && side_mm > 0.0) {
+            bail!("{STRAIN} is {strain} and {side_mm}: both must be above 0");
+        }
+        Ok(Self {
+            blocks,
+            strain: strain.into(),
+            side_mm: side_mm.into(),
+        })
+    }
+
+    /// ε.
+    pub(crate) fn strain(&self) -> f64 {
+        self.strain
+    }
+
+    /// ε² L in mm: the unit of displacement.
+    pub(crate) fn unit_mm(&self) -> f64 {
+        self.strain * self.strain * self.side_mm
+    }
+
+    /// The linear response (n, 2, 49, 49) to patterns (n, 50, 50), ±½ per cell; it has no gradient.
+    pub(crate) fn forward(&self, patterns: &Tensor) -> Result<Tensor> {
+        let n = patterns.dim(0)?;
+        let cells: Vec<f32> = patterns.to_device(&Device::Cpu)?.flatten_all()?.to_vec1()?;
+        let displacements = self.evaluate(&cells);
+        Tensor::from_vec(displacements, (n, 2, INNER, INNER), &Device::Cpu)?.to_device(patterns.device())
+    }
+
+    /// The same on plain numbers.
+    pub(crate) fn evaluate(&self, cells: &[f32]) -> Vec<f32> {
+        let n = cells.len() / (CELLS * CELLS);
+        let mut folded = vec![0.0f32; n * QUADRANT];
+        let mut quadrants = vec![0.0f32; n * VALUES];
+        let mut displacements = vec![0.0f32; n * 2 * INNER * INNER];
+        for (block, weights) in self.blocks.iter().enumerate() {
+            for (cells, folded) in cells.chunks_exact(CELLS * CELLS).zip(folded.chunks_exact_mut(QUADRANT)) {
+                fold(cells, block, folded);
+            }
+            let (folded, weights) = (Matrix::new(&folded, QUADRANT), Matrix::new(weights, VALUES));
+            multiply(&mut quadrants, Accum::Replace, folded, weights);
+            for (quadrant, displacement) in quadrants
+                .chunks_exact(VALUES)
+                .zip(displacements.chunks_exact_mut(2 * INNER * INNER))
+            {
+                unfold(quadrant, block, displacement);
+            }
+        }
+        displacements
+    }
+}
+
+/// The signed sum of the four mirror images of a pattern on the first quadrant.
+fn fold(cells: &[f32], block: usize, folded: &mut [f32]) {
+    let [x, y] = [1, 2].map(|bit| sign(block, bit) as f32);
+    for (row, line) in folded.chunks_exact_mut(SIDE).enumerate() {
+        let (low, high) = (
+            &cells[row * CELLS..][..CELLS],
+            &cells[(CELLS - 1 - row) * CELLS..][..CELLS],
+        );
+        for (column, value) in line.iter_mut().enumerate() {
+            let mirrored = CELLS - 1 - column;
+            *value = (low[column] + x * low[mirrored]) + y * (high[column] + x * high[mirrored]);
+        }
+    }
+}
+
+/// Adds the values on the first quadrant, with the signs of their mirror images, to all corners.
+fn unfold(quadrant: &[f32], block: usize, displacement: &mut [f32]) {
+    for component in 0..2 {
+        let [x, y] = [1, 2].map(|bit| (sign(block, bit) * turns(component, bit)) as f32);
+        let plane = &mut displacement[component * INNER * INNER..][..INNER * INNER];
+        for (row, line) in quadrant[component * QUADRANT..][..QUADRANT]
+            .chunks_exact(SIDE)
+            .enumerate()
+        {
+            let mut add = |row: usize, factor: f32| {
+                let to = &mut plane[row * INNER..][..INNER];
+                for (column, value) in line.iter().enumerate() {
+                    to[column] += factor * value;
+                    if column < SIDE - 1 {
+                        to[INNER - 1 - column] += factor * x * value;
+                    }
+                }
+            };
+            add(row, 1.0);
+            if row < SIDE - 1 {
+                add(INNER - 1 - row, y);
+            }
+        }
+    }
+}
