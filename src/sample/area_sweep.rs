@@ -8,8 +8,9 @@
 //! one side of a Bézier curve that is shifted until the nearest number of cells to α · 2500 is active. N is drawn from 2 to 10
 //! and drawn again where units so large cannot have an area within the range.
 
+use super::areas::Areas;
 use super::bezier::{Bezier, Ends};
-use super::error::{SampleError, cells_at};
+use super::error::SampleError;
 use super::large_grid::pattern_of_units;
 use super::small_grid::SmallGrid;
 use crate::base::Stream;
@@ -21,8 +22,7 @@ const MOST_DRAWS: u32 = 100;
 /// Patterns of several forms at drawn area fractions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AreaSweep {
-    low: f64,
-    high: f64,
+    areas: Areas,
 }
 
 impl AreaSweep {
@@ -31,13 +31,9 @@ impl AreaSweep {
     /// # Errors
     /// When an end leaves nothing to draw, or the ends are not in order.
     pub fn new(low: f64, high: f64) -> Result<Self, SampleError> {
-        cells_at(low)?;
-        cells_at(high)?;
-        if low <= high {
-            Ok(Self { low, high })
-        } else {
-            Err(SampleError::AreaRange { low, high })
-        }
+        Ok(Self {
+            areas: Areas::new(low, high)?,
+        })
     }
 
     /// Sample `index` under a seed.
@@ -46,7 +42,7 @@ impl AreaSweep {
     /// Never for a family that [`AreaSweep::new`] made: every fraction between two valid ones is valid.
     pub fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {
         let mut stream = Stream::new(seed, "area-sweep", index);
-        let area = stream.range(self.low, self.high);
+        let area = self.areas.drawn(&mut stream);
         match stream.index(3) {
             0 => Ok(SmallGrid::new(area)?.drawn(&mut stream)),
             1 => match self.grid(area, &mut stream) {
@@ -65,7 +61,7 @@ impl AreaSweep {
             let mut on = vec![false; total];
             stream.choose(total, count).into_iter().for_each(|unit| on[unit] = true);
             let pattern = pattern_of_units(units, &on);
-            if (self.low..=self.high).contains(&pattern.area_fraction()) {
+            if self.areas.contain(pattern.area_fraction()) {
                 return Some(pattern);
             }
         }

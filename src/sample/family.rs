@@ -2,9 +2,12 @@
 
 use super::area_sweep::AreaSweep;
 use super::bezier::Bezier;
+use super::blobs::Blobs;
+use super::curves::Curves;
 use super::error::SampleError;
 use super::large_grid::LargeGrid;
 use super::small_grid::SmallGrid;
+use super::stripes::Stripes;
 use crate::pattern::Pattern;
 
 /// A family of electrode patterns with its parameters.
@@ -18,6 +21,12 @@ pub enum Family {
     Bezier(Bezier),
     /// Several forms at drawn area fractions.
     AreaSweep(AreaSweep),
+    /// Parallel bands.
+    Stripes(Stripes),
+    /// Islands and holes.
+    Blobs(Blobs),
+    /// Regions bounded by smooth curves.
+    Curves(Curves),
 }
 
 impl Family {
@@ -29,6 +38,9 @@ impl Family {
             Self::LargeGrid(_) => "large-grid",
             Self::Bezier(_) => "bezier",
             Self::AreaSweep(_) => "area-sweep",
+            Self::Stripes(_) => "stripes",
+            Self::Blobs(_) => "blobs",
+            Self::Curves(_) => "curves",
         }
     }
 
@@ -37,7 +49,7 @@ impl Family {
     pub fn available(&self) -> Option<u64> {
         match self {
             Self::LargeGrid(family) => family.available(),
-            Self::SmallGrid(_) | Self::Bezier(_) | Self::AreaSweep(_) => None,
+            _ => None,
         }
     }
 
@@ -51,6 +63,9 @@ impl Family {
             Self::LargeGrid(family) => family.sample(seed, index),
             Self::Bezier(family) => Ok(family.sample(seed, index)),
             Self::AreaSweep(family) => family.sample(seed, index),
+            Self::Stripes(family) => Ok(family.sample(seed, index)),
+            Self::Blobs(family) => Ok(family.sample(seed, index)),
+            Self::Curves(family) => Ok(family.sample(seed, index)),
         }
     }
 }

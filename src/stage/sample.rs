@@ -8,7 +8,9 @@ use super::arrays;
 use crate::base::{Canonical, Decimal, Dimension, Fields, InputError, Node, Schema};
 use crate::orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::pattern::{CELLS, Pattern};
-use crate::sample::{AreaSweep, Bezier, Ends, Family, LargeGrid, SampleError, SmallGrid};
+use crate::sample::{
+    AreaSweep, Areas, Bezier, Blobs, Curves, Ends, Family, LargeGrid, SampleError, SmallGrid, Stripes,
+};
 use crate::store::Object;
 
 /// Samples in a chunk: small enough that a killed run loses seconds, large enough that a file is worth opening.
@@ -27,6 +29,16 @@ const KEYS: [&str; 8] = [
     "units",
     "count_per_units",
     "seed",
+];
+
+const FAMILIES: [&str; 7] = [
+    "small-grid",
+    "large-grid",
+    "bezier",
+    "area-sweep",
+    "stripes",
+    "blobs",
+    "curves",
 ];
 
 /// The kind `sample`.
@@ -60,6 +72,11 @@ impl Kind for SampleKind {
         let fractions = fractions
             .says("Area fractions to draw from, smallest and largest.")
             .default(vec![0.05, 0.95]);
+        let one_or_two = || Schema::any_of([Schema::number(0.0, 1.0), Schema::list(Schema::number(0.0, 1.0), 2, 2)]);
+        let areas = |default: Areas| {
+            let says = "Area fraction, or smallest and largest to draw from.";
+            one_or_two().says(says).default(default.ends().to_vec())
+        };
         let ends = Schema::word(&["opposite", "any"]).says("Where on the frame a curve may end.");
         vec![
             family("small-grid", "Patterns of which every cell stands for itself.")
@@ -82,6 +99,25 @@ impl Kind for SampleKind {
             .required("count", count())
             .optional("area", fractions)
             .required("seed", super::seed()),
+            family("stripes", "Parallel bands at any angle and period.")
+                .required("count", count())
+                .optional("area", areas(Stripes::AREAS))
+                .required("seed", super::seed()),
+            family(
+                "blobs",
+                "Islands and holes of any size: where a smooth random field is high.",
+            )
+            .required("count", count())
+            .optional("area", areas(Blobs::AREAS))
+            .required("seed", super::seed()),
+            family("curves", "Regions bounded by one to three smooth random curves.")
+                .required("count", count())
+                .optional(
+                    "area",
+                    one_or_two()
+                        .says("Area fraction, or smallest and largest; unless it is given, what the curves leave."),
+                )
+                .required("seed", super::seed()),
         ]
     }
 
@@ -89,13 +125,16 @@ impl Kind for SampleKind {
         let what = "a sample stage";
         // First the keys of all families, so that a misspelt `family` is told from a missing one; then those of the family.
         let map = stage.fields(what, &KEYS)?;
-        let family = map
-            .required(what, "family")?
-            .word("family", &["small-grid", "large-grid", "bezier", "area-sweep"])?;
+        let family = map.required(what, "family")?.word("family", &FAMILIES)?;
         let groups = match family {
             "large-grid" => read_large_grid(stage)?,
             "bezier" => read_bezier(stage)?,
             "area-sweep" => read_area_sweep(stage)?,
+            "stripes" => read_smooth(stage, Some(Stripes::AREAS), |areas| {
+                Family::Stripes(Stripes::new(areas))
+            })?,
+            "blobs" => read_smooth(stage, Some(Blobs::AREAS), |areas| Family::Blobs(Blobs::new(areas)))?,
+            "curves" => read_smooth(stage, None, |areas| Family::Curves(Curves::new(areas)))?,
             _ => read_small_grid(stage)?,
         };
         let seed = map.required(what, "seed")?.whole("seed", 0, i64::MAX as u64)?;
@@ -166,10 +205,10 @@ fn read_area_sweep(stage: &Node) -> Result<Vec<Group>, InputError> {
     let what = "an area-sweep sample";
     let map = stage.fields(what, &["kind", "family", "count", "area", "seed"])?;
     let range = match map.optional("area") {
-        Some(node) => match node.list("area")? {
-            [low, high] => [read_area(low)?, read_area(high)?],
-            _ => return Err(node.error("`area` must have two ends").help("for example [0.05, 0.95]")),
-        },
+        Some(node) => {
+            node.list("area")?;
+            read_areas(node)?
+        }
         None => [5, 95].map(|percent| Decimal::from(percent).scaled(-2)),
     };
     let [low, high] = range.map(Decimal::to_f64);
@@ -180,6 +219,41 @@ fn read_area_sweep(stage: &Node) -> Result<Vec<Group>, InputError> {
         parameters: vec![("area", range.into_iter().collect())],
         count,
     }])
+}
+
+/// The families that have area fractions, one or a range, as their only parameter.
+fn read_smooth(
+    stage: &Node,
+    usual: Option<Areas>,
+    family: fn(Option<Areas>) -> Family,
+) -> Result<Vec<Group>, InputError> {
+    let what = "a sample of this family";
+    let map = stage.fields(what, &["kind", "family", "count", "area", "seed"])?;
+    let decimals = |areas: Areas| areas.ends().map(|end| Decimal::from_f64(end).unwrap_or(Decimal::ZERO));
+    let range = match map.optional("area") {
+        Some(node) => Some(read_areas(node)?),
+        None => usual.map(decimals),
+    };
+    let areas = range.map(|[low, high]| Areas::new(low.to_f64(), high.to_f64()));
+    let areas = areas
+        .transpose()
+        .map_err(refused(map.optional("area").unwrap_or(stage)))?;
+    let count = map.required(what, "count")?.whole("count", 1, MAX_COUNT)?;
+    let range = range.map_or(Canonical::Null, |range| range.into_iter().collect());
+    Ok(vec![Group {
+        family: family(areas),
+        parameters: vec![("area", range)],
+        count,
+    }])
+}
+
+/// One area fraction, or the smallest and the largest.
+fn read_areas(node: &Node) -> Result<[Decimal; 2], InputError> {
+    match node.list("area") {
+        Ok([low, high]) => Ok([read_area(low)?, read_area(high)?]),
+        Ok(_) => Err(node.error("`area` must have two ends").help("for example [0.05, 0.95]")),
+        Err(_) => Ok([read_area(node)?; 2]),
+    }
 }
 
 fn read_large_grid(stage: &Node) -> Result<Vec<Group>, InputError> {
@@ -233,7 +307,7 @@ impl Group {
     fn units(&self) -> u64 {
         match &self.family {
             Family::LargeGrid(grid) => grid.units() as u64,
-            Family::SmallGrid(_) | Family::Bezier(_) | Family::AreaSweep(_) => 0,
+            _ => 0,
         }
     }
 }

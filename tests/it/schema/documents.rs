@@ -70,6 +70,9 @@ stages:
   large: { kind: sample, family: large-grid, units: [4, 5], count_per_units: 2, seed: 2 }
   bezier: { kind: sample, family: bezier, count: 2, area: 0.5, ends: any, seed: 3 }
   sweep: { kind: sample, family: area-sweep, count: 2, area: [0.05, 0.95], seed: 4 }
+  stripes: { kind: sample, family: stripes, count: 2, area: 0.4, seed: 5 }
+  blobs: { kind: sample, family: blobs, count: 2, area: [0.05, 0.95], seed: 6 }
+  curves: { kind: sample, family: curves, count: 2, area: [0.3, 0.7], seed: 7 }
   solved: { kind: solve, needs: [small, large, bezier], method: newton, elements_per_cell: 2, order: 1, tolerance: 1e-6 }
   refined: { kind: solve, needs: [small], accuracy: 0.01 mm }
   guessed: { kind: solve, needs: [small], method: chord:2, order: 2 }

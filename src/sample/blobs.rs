@@ -1,0 +1,114 @@
+//! Blobs: where a smooth random field is high.
+//!
+//! Like the stripes, patterns that no family of the source paper (Qin et al., doi 10.1089/soro.2024.0063) resembles: islands
+//! and holes without any preferred place or direction, from a cell to a third of the membrane in size. White noise is
+//! smoothed by a Gaussian whose standard deviation is drawn between 1 and 9 cells, uniformly in its logarithm, and the
+//! highest cells are active, as many as an area fraction asks for that is drawn from a range, [0.3, 0.7] unless another is
+//! given. The noise goes on beyond the frame, so the field is the same everywhere.
+
+use super::areas::{Areas, highest};
+use crate::base::Stream;
+use crate::pattern::{CELLS, Pattern};
+
+/// Standard deviation of the Gaussian, in cells.
+const LENGTH: [f64; 2] = [1.0, 9.0];
+
+/// Where the Gaussian is cut off, in standard deviations: what is beyond is below 0.3 % of it.
+const REACH: f64 = 3.0;
+
+/// Patterns of islands and holes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Blobs {
+    areas: Areas,
+}
+
+impl Blobs {
+    /// Area fractions that are drawn from unless others are given.
+    pub const AREAS: Areas = Areas::between(0.3, 0.7);
+
+    /// The family; at area fractions of a range, or of [`Blobs::AREAS`].
+    #[must_use]
+    pub fn new(areas: Option<Areas>) -> Self {
+        Self {
+            areas: areas.unwrap_or(Self::AREAS),
+        }
+    }
+
+    /// Sample `index` under a seed.
+    #[must_use]
+    pub fn sample(&self, seed: u64, index: u64) -> Pattern {
+        let mut stream = Stream::new(seed, "blobs", index);
+        let length = stream.range(LENGTH[0].ln(), LENGTH[1].ln()).exp();
+        let area = self.areas.drawn(&mut stream);
+        let field = smoothed(length, &mut stream);
+        highest(area, |x, y| field[y as usize * CELLS + x as usize])
+    }
+}
+
+/// White noise smoothed over a length in cells, `[y][x]`, up to a factor.
+fn smoothed(length: f64, stream: &mut Stream) -> Vec<f64> {
+    let reach = (REACH * length).ceil() as usize;
+    let side = CELLS + 2 * reach;
+    let offset = |k: usize| (k as f64 - reach as f64) / length;
+    let weights: Vec<f64> = (0..=2 * reach).map(|k| (-0.5 * offset(k).powi(2)).exp()).collect();
+    let along = |line: &[f64], at: usize| weights.iter().zip(&line[at..]).map(|(w, v)| w * v).sum::<f64>();
+    // Smoothed along the rows, and laid out by columns.
+    let mut columns = vec![0.0; CELLS * side];
+    for row in 0..side {
+        let noise: Vec<f64> = (0..side).map(|_| stream.normal()).collect();
+        (0..CELLS).for_each(|x| columns[x * side + row] = along(&noise, x));
+    }
+    let cell = |i: usize| along(&columns[i % CELLS * side..][..side], i / CELLS);
+    (0..CELLS * CELLS).map(cell).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn usual() -> Blobs {
+        Blobs::new(None)
+    }
+
+    #[test]
+    fn the_field_is_correlated_over_its_length() {
+        // The correlation of smoothed white noise at a distance d is exp(−d²/4ℓ²).
+        for length in [1.0, 4.0] {
+            let (mut product, mut square) = (0.0, 0.0);
+            for index in 0..60 {
+                let field = smoothed(length, &mut Stream::new(3, "blob test", index));
+                let d = length as usize;
+                for at in (0..CELLS * CELLS).filter(|at| at % CELLS + d < CELLS) {
+                    product += field[at] * field[at + d];
+                    square += 0.5 * (field[at].powi(2) + field[at + d].powi(2));
+                }
+            }
+            let found = product / square;
+            assert!((found - (-0.25f64).exp()).abs() < 0.05, "{length}: {found}");
+        }
+    }
+
+    #[test]
+    fn areas_cover_the_range_and_a_single_one_is_met_exactly() {
+        let areas: Vec<f64> = (0..200).map(|i| usual().sample(5, i).area_fraction()).collect();
+        assert!(areas.iter().all(|area| (0.3..=0.7).contains(area)));
+        let mean = areas.iter().sum::<f64>() / 200.0;
+        // Uniform: mean 0.5, standard deviation 0.1155.
+        assert!((mean - 0.5).abs() < 4.0 * 0.1155 / 200f64.sqrt(), "{mean}");
+        let few = Blobs::new(Some(Areas::new(0.05, 0.05).unwrap()));
+        assert!((0..20).all(|i| few.sample(1, i).active_cells() == 125));
+    }
+
+    #[test]
+    fn samples_stay_what_they_are() {
+        let cells: Vec<usize> = (0..6).map(|i| usual().sample(5, i).active_cells()).collect();
+        assert_eq!(cells, [1482, 1475, 760, 1727, 1262, 979]);
+    }
+
+    #[test]
+    fn a_sample_is_named_by_seed_and_index() {
+        assert_eq!(usual().sample(1, 7), usual().sample(1, 7));
+        assert_ne!(usual().sample(1, 7), usual().sample(1, 8));
+        assert_ne!(usual().sample(1, 7), usual().sample(2, 7));
+    }
+}

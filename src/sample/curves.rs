@@ -1,0 +1,147 @@
+//! Curves: regions bounded by one to three smooth random curves.
+//!
+//! Like stripes and blobs, patterns of another hand than those of the source paper (Qin et al., doi
+//! 10.1089/soro.2024.0063): its curves all go through the centre and halve the membrane; these may lie anywhere, turn more
+//! often and cross. A curve is the graph of c + Σ aₘ sin(m π v / 50 + φₘ), m = 1, 2, 3, over a line through the centre at a
+//! uniform angle: aₘ is normal with a standard deviation of 8/m cells, φₘ uniform, and c uniform in [−12, 12) cells. Cells on
+//! the active side of an odd number of curves are active. That leaves whatever area it leaves; with a range of area
+//! fractions, the curves move apart or together until a drawn fraction is met: cells are ranked by their height above the
+//! nearest curve.
+
+use std::f64::consts::{PI, TAU};
+
+use super::areas::{Areas, highest};
+use crate::base::Stream;
+use crate::pattern::{CELLS, Pattern};
+
+/// Waves of a curve.
+const WAVES: usize = 3;
+
+/// Standard deviation of the first wave's amplitude, in cells.
+const AMPLITUDE: f64 = 8.0;
+
+/// How far from the centre a curve lies at most, but for its waves, in cells.
+const OFFSET: f64 = 12.0;
+
+/// Patterns bounded by curves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Curves {
+    areas: Option<Areas>,
+}
+
+/// One curve, in cells from the centre.
+struct Graph {
+    sine: f64,
+    cosine: f64,
+    offset: f64,
+    /// Amplitude and phase of each wave.
+    waves: [(f64, f64); WAVES],
+}
+
+impl Graph {
+    fn drawn(stream: &mut Stream) -> Self {
+        let (sine, cosine) = stream.range(0.0, TAU).sin_cos();
+        Self {
+            sine,
+            cosine,
+            offset: stream.range(-OFFSET, OFFSET),
+            waves: std::array::from_fn(|m| {
+                let amplitude = stream.normal() * AMPLITUDE / (m + 1) as f64;
+                (amplitude, stream.range(0.0, TAU))
+            }),
+        }
+    }
+
+    /// How far a point lies above the curve.
+    fn height(&self, x: f64, y: f64) -> f64 {
+        let side = CELLS as f64;
+        let (x, y) = (x - 0.5 * side, y - 0.5 * side);
+        let (above, along) = (self.cosine * x + self.sine * y, self.cosine * y - self.sine * x);
+        let wave = |(m, (amplitude, phase)): (usize, &(f64, f64))| {
+            amplitude * ((m + 1) as f64 * PI * along / side + phase).sin()
+        };
+        above - self.offset - self.waves.iter().enumerate().map(wave).sum::<f64>()
+    }
+}
+
+impl Curves {
+    /// The family; at area fractions of a range, or with the area that the curves leave.
+    #[must_use]
+    pub fn new(areas: Option<Areas>) -> Self {
+        Self { areas }
+    }
+
+    /// Sample `index` under a seed.
+    #[must_use]
+    pub fn sample(&self, seed: u64, index: u64) -> Pattern {
+        let mut stream = Stream::new(seed, "curves", index);
+        let curves: Vec<Graph> = (0..1 + stream.index(3)).map(|_| Graph::drawn(&mut stream)).collect();
+        // Its sign says whether a cell is active, its size how far it is from the nearest curve.
+        let level = |x: f64, y: f64| {
+            let heights = curves.iter().map(|curve| curve.height(x, y));
+            let (nearest, odd) = heights.fold((f64::INFINITY, false), |(nearest, odd), height| {
+                (nearest.min(height.abs()), odd ^ (height > 0.0))
+            });
+            if odd { nearest } else { -nearest }
+        };
+        match &self.areas {
+            Some(areas) => highest(areas.drawn(&mut stream), level),
+            None => Pattern::from_fn(|x, y| level(x as f64 + 0.5, y as f64 + 0.5) > 0.0),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn usual() -> Curves {
+        Curves::new(None)
+    }
+
+    #[test]
+    fn boundaries_are_few_and_smooth() {
+        // Each curve crosses a row of cells a few times; single cells would change every second time.
+        for index in 0..200 {
+            let pattern = usual().sample(4, index);
+            let pairs = (0..CELLS).flat_map(|y| (1..CELLS).map(move |x| (x, y)));
+            let changes = pairs.filter(|&(x, y)| pattern.is_active(x, y) != pattern.is_active(x - 1, y));
+            let changes = changes.count();
+            assert!(changes < 450, "sample {index}: {changes}");
+        }
+    }
+
+    #[test]
+    fn areas_are_free_or_as_wanted() {
+        let areas: Vec<f64> = (0..300).map(|i| usual().sample(5, i).area_fraction()).collect();
+        let mean = areas.iter().sum::<f64>() / 300.0;
+        let spread = (areas.iter().map(|a| (a - mean).powi(2)).sum::<f64>() / 300.0).sqrt();
+        assert!(
+            (mean - 0.5).abs() < 0.05 && (0.1..0.35).contains(&spread),
+            "{mean} ± {spread}"
+        );
+        let tenth = Curves::new(Some(Areas::new(0.1, 0.1).unwrap()));
+        assert!((0..20).all(|i| tenth.sample(1, i).active_cells() == 250));
+    }
+
+    #[test]
+    fn an_area_moves_the_curves_and_keeps_their_form() {
+        // What is active at a smaller area stays active at a larger one.
+        let [small, large] = [0.3, 0.6].map(|a| Curves::new(Some(Areas::new(a, a).unwrap())).sample(6, 3));
+        let cells = small.cells().iter().zip(large.cells());
+        assert!(cells.into_iter().all(|(few, many)| few <= many));
+    }
+
+    #[test]
+    fn samples_stay_what_they_are() {
+        let cells: Vec<usize> = (0..6).map(|i| usual().sample(5, i).active_cells()).collect();
+        assert_eq!(cells, [1036, 1648, 1680, 1482, 641, 979]);
+    }
+
+    #[test]
+    fn a_sample_is_named_by_seed_and_index() {
+        assert_eq!(usual().sample(1, 7), usual().sample(1, 7));
+        assert_ne!(usual().sample(1, 7), usual().sample(1, 8));
+        assert_ne!(usual().sample(1, 7), usual().sample(2, 7));
+    }
+}
