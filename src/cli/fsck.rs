@@ -55,6 +55,7 @@ fn document(report: &Report) -> serde_json::Value {
         "objects": report.objects,
         "bytes": report.bytes,
         "records": report.records,
+        "checkpoints": report.checkpoints,
         "unreadable": unreadable.collect::<Vec<_>>(),
         "damaged": damaged.collect::<Vec<_>>(),
         "missing": missing.collect::<Vec<_>>(),

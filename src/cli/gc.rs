@@ -45,6 +45,7 @@ fn document(collection: &Collection, dry_run: bool) -> Value {
         "kept": collection.kept.iter().map(judged).collect::<Vec<_>>(),
         "removed": collection.removed.iter().map(judged).collect::<Vec<_>>(),
         "records_removed": collection.records,
+        "checkpoints_removed": collection.checkpoints.len(),
         "bytes_kept": collection.bytes_kept(),
         "bytes_removed": collection.bytes_removed(),
     })
@@ -75,6 +76,13 @@ fn text(collection: &Collection, dry_run: bool) -> String {
         collection.kept.len(),
         table::bytes(collection.bytes_kept()),
     ));
+    if !collection.checkpoints.is_empty() {
+        lines.push(format!(
+            "{verb} what {} unfinished actions had come to ({})",
+            collection.checkpoints.len(),
+            table::bytes(collection.checkpoint_bytes())
+        ));
+    }
     lines.join("\n")
 }
 

@@ -43,6 +43,8 @@ struct Plain {
     begun: Instant,
     said: Instant,
     done: u64,
+    /// Of these, what was done before it began.
+    before: u64,
     length: u64,
     note: String,
 }
@@ -66,6 +68,7 @@ impl Bar {
                 begun: now,
                 said: now,
                 done: 0,
+                before: 0,
                 length,
                 note: String::new(),
             }))
@@ -107,10 +110,10 @@ impl Bar {
         plain.said = Instant::now();
         let seconds = plain.begun.elapsed().as_secs_f64();
         let mut text = format!("{}: {}/{} {}", self.name, plain.done, plain.length, self.unit);
-        if plain.done > 0 {
-            let rate = plain.done as f64 / seconds;
-            let left = plain.length.saturating_sub(plain.done) as f64 / rate;
-            text += &format!(", {rate:.1}/s, {} left", table::seconds(left));
+        if plain.done > plain.before {
+            let per_second = (plain.done - plain.before) as f64 / seconds;
+            let left = plain.length.saturating_sub(plain.done) as f64 / per_second;
+            text += &format!(", {}, {} left", rate(per_second), table::seconds(left));
         }
         if !plain.note.is_empty() {
             text += &format!(", {}", plain.note);
@@ -127,6 +130,20 @@ impl Progress for Bar {
                 let mut plain = locked(plain);
                 plain.done += steps;
                 self.say_now_and_then(&mut plain);
+            }
+        }
+    }
+
+    fn resume(&self, steps: u64) {
+        match &self.form {
+            Form::Terminal(bar) => {
+                bar.inc(steps);
+                bar.reset_eta();
+            }
+            Form::Plain(plain) => {
+                let mut plain = locked(plain);
+                plain.done += steps;
+                plain.before += steps;
             }
         }
     }
@@ -199,6 +216,7 @@ impl RunProgress {
                 *current = Some(Bar::on(terminal, name, unit(kind), *steps));
             }
             Event::Progress { steps, .. } => current.iter().for_each(|bar| bar.advance(*steps)),
+            Event::Resumed { steps, .. } => current.iter().for_each(|bar| bar.resume(*steps)),
             Event::Note { text, .. } => current.iter().for_each(|bar| bar.note(text)),
             Event::ChunkBuilt { .. } | Event::Warning { .. } => {}
             Event::StageReused(report)
@@ -241,9 +259,9 @@ fn counted(n: u64, units: &str) -> String {
 
 fn style() -> ProgressStyle {
     let template = "{prefix:<12} [{bar:20}] {pos}/{len}  {rate}, {left} left  {wide_msg}";
-    let rate = |state: &ProgressState, out: &mut dyn fmt::Write| {
+    let pace = |state: &ProgressState, out: &mut dyn fmt::Write| {
         // A bar has nowhere to report that it cannot be written.
-        let _ = write!(out, "{:.1}/s", state.per_sec());
+        let _ = out.write_str(&rate(state.per_sec()));
     };
     // Before the first step nothing is known of the time that is left, and indicatif says zero.
     let left = |state: &ProgressState, out: &mut dyn fmt::Write| {
@@ -254,9 +272,18 @@ fn style() -> ProgressStyle {
     };
     let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
     style
-        .with_key("rate", rate)
+        .with_key("rate", pace)
         .with_key("left", left)
         .progress_chars("=> ")
+}
+
+/// Steps that take longer than a second are counted by the minute.
+fn rate(per_second: f64) -> String {
+    if per_second > 0.0 && per_second < 1.0 {
+        format!("{:.1}/min", 60.0 * per_second)
+    } else {
+        format!("{per_second:.1}/s")
+    }
 }
 
 /// A panic in another thread must not silence the rest of the run.
@@ -272,6 +299,14 @@ fn line(text: &str) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn slow_steps_are_counted_by_the_minute() {
+        assert_eq!(
+            [0.0, 0.05, 0.999, 1.0, 12.34].map(rate),
+            ["0.0/s", "3.0/min", "59.9/min", "1.0/s", "12.3/s"]
+        );
+    }
 
     #[test]
     fn the_end_of_a_stage_is_told_in_one_line() {

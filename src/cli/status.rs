@@ -90,6 +90,8 @@ fn document(store: &Store, survey: &Survey, runs: usize, standings: &[Standing])
         "runs": runs,
         "pins": survey.pins,
         "lock_files": survey.lock_files,
+        "checkpoints": survey.checkpoints,
+        "checkpoint_bytes": survey.checkpoint_bytes,
         "quarantined": survey.quarantined,
         "in_flight": survey.in_flight,
         "pipelines": pipelines.collect::<Vec<_>>(),
@@ -111,6 +113,13 @@ fn text(store: &Store, survey: &Survey, runs: usize, standings: &[Standing]) -> 
             "{} damaged files lie in {}",
             survey.quarantined,
             store.root().join("quarantine").display()
+        ));
+    }
+    if survey.checkpoints > 0 {
+        lines.push(format!(
+            "unfinished and to be gone on with: {} actions ({})",
+            survey.checkpoints,
+            table::bytes(survey.checkpoint_bytes)
         ));
     }
     lines.push(match survey.in_flight {

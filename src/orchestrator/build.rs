@@ -11,6 +11,7 @@ use super::assess::{ChunkState, manifest};
 use super::event::{Event, Listener};
 use super::kind::{Chunk, Job, Progress, StageError};
 use super::provenance::{Environment, Took};
+use super::scratch::Scratch;
 use super::spec::StageSpec;
 use crate::base::Digest;
 use crate::store::{Artifact, Condition, Effort, Guard, Lookup, Object, Record, Store, StoreError, Stored};
@@ -185,12 +186,16 @@ impl Builder<'_> {
             listener: self.listener,
         };
         let measured = Mutex::default();
+        let warn = |text: String| (self.listener)(&Event::Warning { text });
+        let build = format!("deaflow {}, {}", self.environment.version, self.environment.target);
+        let scratch = Scratch::new(self.store, piece.key, build, &warn);
         let start = (self.environment.clock)();
         let object = piece.spec.stage.build(&Job {
             chunk: piece.chunk.map(|(_, chunk)| chunk),
             inputs: &inputs?,
             progress: &reporter,
             measured: &measured,
+            scratch: &scratch,
         })?;
         let took = Took {
             seconds: self.environment.seconds_since(start),
@@ -198,6 +203,7 @@ impl Builder<'_> {
         };
         let whole = piece.chunk.is_none();
         let record = self.keep(piece.spec, piece.action, piece.key, &object, took, whole)?;
+        scratch.clear();
         if let Some((chunk, _)) = piece.chunk {
             let name = piece.spec.name.clone();
             (self.listener)(&Event::ChunkBuilt { name, chunk });
@@ -290,6 +296,11 @@ impl Progress for Reporter<'_> {
     fn advance(&self, steps: u64) {
         let name = self.name.to_owned();
         (self.listener)(&Event::Progress { name, steps });
+    }
+
+    fn resume(&self, steps: u64) {
+        let name = self.name.to_owned();
+        (self.listener)(&Event::Resumed { name, steps });
     }
 
     fn note(&self, text: &str) {

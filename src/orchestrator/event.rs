@@ -103,6 +103,13 @@ pub enum Event {
         /// How many more steps are done.
         steps: u64,
     },
+    /// Part of a stage's steps were done by an earlier run that was killed.
+    Resumed {
+        /// Name of the stage.
+        name: String,
+        /// How many.
+        steps: u64,
+    },
     /// A short text to show beside the progress.
     Note {
         /// Name of the stage.

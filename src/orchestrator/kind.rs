@@ -6,6 +6,7 @@
 use std::sync::{Mutex, PoisonError};
 
 use super::locked::Difference;
+use super::scratch::Scratch;
 use crate::base::{Canonical, Digest, Fields, InputError, Node};
 use crate::store::{Artifact, Object, ObjectError, StoreError};
 
@@ -146,6 +147,8 @@ pub struct Job<'a> {
     pub progress: &'a dyn Progress,
     /// What was measured: see [`Job::measure`].
     pub measured: &'a Mutex<Vec<(String, f64)>>,
+    /// Where the work may keep what it has come to, to be gone on with where it is killed.
+    pub scratch: &'a Scratch<'a>,
 }
 
 impl Job<'_> {
@@ -163,6 +166,10 @@ pub trait Progress: Sync {
     fn advance(&self, steps: u64);
     /// A short text beside the bar ("loss 0.0123").
     fn note(&self, text: &str);
+    /// `steps` were done before this piece of work began: they say nothing of its pace.
+    fn resume(&self, steps: u64) {
+        self.advance(steps);
+    }
 }
 
 /// Why a stage could not be built.

@@ -14,6 +14,7 @@ mod plan;
 mod price;
 mod provenance;
 mod schema;
+mod scratch;
 mod spec;
 mod staleness;
 
@@ -27,6 +28,7 @@ pub use plan::plan;
 pub use price::{Bill, Estimate, Price};
 pub use provenance::Environment;
 pub use schema::{of_pipeline, of_scene};
+pub use scratch::Scratch;
 pub use spec::{Pipeline, Registry, StageSpec, splice_scene};
 pub use staleness::Staleness;
 

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::artifact::Artifact;
+use super::checkpoint;
 use super::error::StoreError;
 use super::history;
 use super::layout::{files, files_in};
@@ -44,7 +45,9 @@ pub struct Report {
     pub bytes: u64,
     /// How many records were checked.
     pub records: u64,
-    /// Damaged artifacts, records and runs, now in quarantine.
+    /// How many files of unfinished actions were checked.
+    pub checkpoints: u64,
+    /// Damaged artifacts, records, runs and checkpoints, now in quarantine.
     pub damaged: Vec<Damage>,
     /// Files that the system does not let anybody read, and why: nothing is known of them, and they stay where they are.
     pub unreadable: Vec<Damage>,
@@ -124,6 +127,7 @@ impl Store {
             }
         }
         self.check_runs(&mut report)?;
+        self.check_checkpoints(&mut report)?;
         report.strays.extend(self.stray_pins()?);
         report.strays.extend(self.stray_lock_files()?);
         report.unfinished = files_in(&self.layout.temporary())?.len() as u64;
@@ -233,6 +237,24 @@ impl Store {
         for path in self.run_files()? {
             if history::read(&path)?.is_none() && path.exists() {
                 self.condemn(&path, "it is not the file of a run".into(), report)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn check_checkpoints(&self, report: &mut Report) -> Result<(), StoreError> {
+        let (files, strays) = self.checkpoint_files()?;
+        report.strays.extend(strays);
+        for path in files {
+            report.checkpoints += 1;
+            match checkpoint::check(&path) {
+                Ok(()) => {}
+                Err(StoreError::Damaged { reason, .. }) => self.condemn(&path, reason, report)?,
+                Err(error) => report.unreadable.push(Damage {
+                    path,
+                    quarantined: None,
+                    reason: error.to_string(),
+                }),
             }
         }
         Ok(())

@@ -9,6 +9,7 @@ use std::fs;
 use std::path::Path;
 use std::time::{Duration, SystemTime};
 
+use super::checkpoint::{self, Checkpoints};
 use super::error::StoreError;
 use super::history;
 use super::layout::files;
@@ -47,6 +48,8 @@ pub struct Collection {
     pub removed: Vec<Judged>,
     /// How many records go with them.
     pub records: u64,
+    /// What unfinished actions had come to, and nobody has gone on with for longer than the grace age: it goes.
+    pub checkpoints: Vec<Checkpoints>,
 }
 
 impl Collection {
@@ -60,6 +63,12 @@ impl Collection {
     #[must_use]
     pub fn bytes_removed(&self) -> u64 {
         self.removed.iter().map(|judged| judged.size).sum()
+    }
+
+    /// Bytes of the checkpoints that go.
+    #[must_use]
+    pub fn checkpoint_bytes(&self) -> u64 {
+        self.checkpoints.iter().map(|checkpoints| checkpoints.size).sum()
     }
 }
 
@@ -149,6 +158,9 @@ impl Store {
             .filter_map(|digest| records.get(digest))
             .map(|made| made.len() as u64)
             .sum();
+        collection.checkpoints = self.checkpoints()?;
+        let old = |checkpoints: &Checkpoints| !checkpoints.is_young(retention.grace, now);
+        collection.checkpoints.retain(old);
         Ok(collection)
     }
 
@@ -174,6 +186,9 @@ impl Store {
             progress(done as u64, total);
             delete(&self.layout.object(digest))?;
             self.verified.forget(digest);
+        }
+        for checkpoints in &collection.checkpoints {
+            checkpoint::remove(&checkpoints.path)?;
         }
         self.keep_index();
         progress(total, total);

@@ -4,6 +4,7 @@
 //! DIR/format            `deaflow-store 1`
 //! DIR/objects/ab/<digest>.h5   artifacts by the digest of their content
 //! DIR/records/ab/<key>  what an action made
+//! DIR/checkpoints/<key>/  what unfinished actions have come to
 //! DIR/runs/             the last runs: roots, and the memory behind "parameter changed"
 //! DIR/pins/              artifacts that a collection keeps
 //! DIR/lock-files/        where lock files of pipelines are: a collection keeps what they name
@@ -117,6 +118,14 @@ impl Layout {
 
     pub fn records(&self) -> PathBuf {
         self.root.join("records")
+    }
+
+    pub fn checkpoints(&self) -> PathBuf {
+        self.root.join("checkpoints")
+    }
+
+    pub fn checkpoints_of(&self, key: &Digest) -> PathBuf {
+        self.checkpoints().join(key.to_string())
     }
 
     pub fn runs(&self) -> PathBuf {

@@ -3,6 +3,7 @@
 
 mod artifact;
 mod atomic;
+mod checkpoint;
 mod costs;
 mod error;
 mod fsck;
@@ -29,6 +30,7 @@ mod verified;
 mod write;
 
 pub use artifact::Artifact;
+pub use checkpoint::Checkpoints;
 pub use costs::Cost;
 pub use error::StoreError;
 pub use fsck::{Absence, Damage, Report};

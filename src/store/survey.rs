@@ -15,6 +15,10 @@ pub struct Survey {
     pub bytes: u64,
     /// Records.
     pub records: u64,
+    /// Unfinished actions that can be gone on with.
+    pub checkpoints: u64,
+    /// Length of their files, bytes.
+    pub checkpoint_bytes: u64,
     /// Pinned artifacts.
     pub pins: u64,
     /// Lock files that are remembered.
@@ -44,6 +48,10 @@ impl Store {
                 survey.objects += 1;
                 survey.bytes += metadata.len();
             }
+        }
+        for checkpoints in self.checkpoints()?.iter().filter(|checkpoints| checkpoints.size > 0) {
+            survey.checkpoints += 1;
+            survey.checkpoint_bytes += checkpoints.size;
         }
         for path in files_in(&self.layout.action_locks())? {
             survey.in_flight += u64::from(lock::is_held(&path)?);

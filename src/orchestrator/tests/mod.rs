@@ -376,7 +376,7 @@ fn line(event: &Event) -> Option<String> {
         Event::StageFailed(stage) => Some(format!("failed {}", stage.name)),
         Event::StageSkipped(stage) => Some(format!("skipped {}", summary(stage))),
         Event::Warning { text } => Some(format!("warning {text}")),
-        Event::RunStarted { .. } | Event::Progress { .. } | Event::Note { .. } => None,
+        Event::RunStarted { .. } | Event::Progress { .. } | Event::Resumed { .. } | Event::Note { .. } => None,
     }
 }
 

@@ -1,0 +1,153 @@
+//! Where a piece of work keeps what it has come to, so that the next run goes on with it where this one is killed.
+//!
+//! It is a convenience: what cannot be kept or read costs time and nothing else, so it is told and never stops the work.
+
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use crate::base::Digest;
+use crate::store::{Store, StoreError};
+
+/// Keeping may take this part of the time at most.
+const SHARE: u32 = 20;
+
+/// The scratch of one action.
+pub struct Scratch<'a> {
+    store: &'a Store,
+    key: Digest,
+    build: String,
+    warn: &'a (dyn Fn(String) + Sync),
+    kept: Mutex<Kept>,
+}
+
+/// When something was last kept, and what that took.
+#[derive(Clone, Copy)]
+enum Kept {
+    NotYet,
+    At(Instant, Duration),
+    /// It was refused: it is not tried again.
+    Refused,
+}
+
+impl<'a> Scratch<'a> {
+    /// The scratch of an action; `build` says which program can go on from what is kept.
+    pub(super) fn new(store: &'a Store, key: Digest, build: String, warn: &'a (dyn Fn(String) + Sync)) -> Self {
+        Self {
+            store,
+            key,
+            build,
+            warn,
+            kept: Mutex::new(Kept::NotYet),
+        }
+    }
+
+    /// What an earlier run kept under a name. What is damaged, or was written by another build, is told and not used.
+    #[must_use]
+    pub fn kept(&self, name: &str) -> Option<Vec<u8>> {
+        match self.store.checkpoint(&self.key, name, &self.build) {
+            Ok(content) => content,
+            Err(StoreError::Damaged { path, reason }) => {
+                self.ignore(&format!("{}: {reason}", path.display()));
+                None
+            }
+            Err(error) => {
+                self.ignore(&error.to_string());
+                None
+            }
+        }
+    }
+
+    /// Keeps what the work has come to under a name, in place of what was kept before, unless something was kept so lately that
+    /// keeping would take more than a twentieth of the time. `content` makes it when it is to be kept.
+    pub fn keep(&self, name: &str, content: &dyn Fn() -> Option<Vec<u8>>) {
+        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        let due = match *kept {
+            Kept::NotYet => true,
+            Kept::At(when, took) => when.elapsed() >= took * (SHARE - 1),
+            Kept::Refused => false,
+        };
+        if !due {
+            return;
+        }
+        let start = Instant::now();
+        let Some(content) = content() else { return };
+        *kept = match self.store.put_checkpoint(&self.key, name, &self.build, &content) {
+            Ok(()) => Kept::At(Instant::now(), start.elapsed()),
+            Err(error) => {
+                (self.warn)(format!("if this run is killed it will begin again: {error}"));
+                Kept::Refused
+            }
+        };
+    }
+
+    /// Tells that what an earlier run kept is not used.
+    pub fn ignore(&self, reason: &str) {
+        (self.warn)(format!("what an earlier run had come to is not used: {reason}"));
+    }
+
+    /// Removes all that was kept: the work is recorded.
+    pub(super) fn clear(&self) {
+        if let Err(error) = self.store.remove_checkpoints(&self.key) {
+            (self.warn)(error.to_string());
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Mutex;
+
+    use super::*;
+
+    #[test]
+    fn what_is_kept_is_found_by_the_next_run_of_the_same_build_only() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::open(folder.path()).unwrap();
+        let warnings = Mutex::new(Vec::new());
+        let warn = |text: String| warnings.lock().unwrap().push(text);
+        let scratch = |build: &str| Scratch::new(&store, Digest::of(b"key"), build.to_owned(), &warn);
+        assert_eq!(scratch("one").kept("state"), None);
+        let first = scratch("one");
+        first.keep("state", &|| Some(b"content".to_vec()));
+        assert_eq!(scratch("one").kept("state").as_deref(), Some(&b"content"[..]));
+        assert!(warnings.lock().unwrap().is_empty());
+        assert_eq!(scratch("two").kept("state"), None);
+        assert!(warnings.lock().unwrap()[0].contains("another build"), "{warnings:?}");
+        scratch("one").clear();
+        assert_eq!(scratch("one").kept("state"), None);
+    }
+
+    #[test]
+    fn keeping_takes_a_small_part_of_the_time() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::open(folder.path()).unwrap();
+        let warn = |text: String| panic!("{text}");
+        let scratch = Scratch::new(&store, Digest::of(b"key"), "build".to_owned(), &warn);
+        let made = Mutex::new(0);
+        let keep = || {
+            scratch.keep("state", &|| {
+                *made.lock().unwrap() += 1;
+                std::thread::sleep(Duration::from_millis(20));
+                Some(vec![1])
+            });
+        };
+        // The first is kept, those right after it are not: 19 times its 20 ms have not gone by.
+        (0..5).for_each(|_| keep());
+        assert_eq!(*made.lock().unwrap(), 1);
+    }
+
+    #[test]
+    fn what_cannot_be_kept_is_told_once_and_stops_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::open(folder.path()).unwrap();
+        std::fs::write(folder.path().join("checkpoints"), "in the way").unwrap();
+        let warnings = Mutex::new(Vec::new());
+        let warn = |text: String| warnings.lock().unwrap().push(text);
+        let scratch = Scratch::new(&store, Digest::of(b"key"), "build".to_owned(), &warn);
+        for _ in 0..2 {
+            scratch.keep("state", &|| Some(vec![1]));
+        }
+        let told = warnings.lock().unwrap().clone();
+        assert!(told.len() == 1 && told[0].contains("will begin again"), "{told:?}");
+    }
+}

@@ -1,0 +1,274 @@
+//! What an action has come to before it ends, so that killed work is gone on with and not begun again.
+//!
+//! A checkpoint is no artifact: nothing is made from it but the rest of its own action, by the build that wrote it, and when that
+//! is recorded the checkpoint goes. It is sealed, because work that goes on from damaged numbers would end in an artifact that
+//! looks sound.
+//!
+//! ```text
+//! deaflow-checkpoint 1
+//! <BLAKE3 of all that follows>
+//! <action key>
+//! <name>
+//! <build>
+//! content
+//! ```
+
+use std::fs;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime};
+
+use super::atomic;
+use super::error::StoreError;
+use super::layout::{files_in_optional, is_hidden};
+use super::open::Store;
+use crate::base::{Digest, open_regular};
+
+const TITLE: &str = "deaflow-checkpoint 1";
+
+/// The checkpoints of one action.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Checkpoints {
+    /// The action.
+    pub key: Digest,
+    /// Their folder.
+    pub path: PathBuf,
+    /// Length of their files together, bytes.
+    pub size: u64,
+    /// When one of them was last written or removed; none where the system does not say.
+    pub written: Option<SystemTime>,
+}
+
+impl Checkpoints {
+    /// Whether the last was written less than `grace` ago. One from the future is young: the clock has been set back.
+    pub(super) fn is_young(&self, grace: Duration, now: SystemTime) -> bool {
+        let age = self.written.and_then(|written| now.duration_since(written).ok());
+        age.is_none_or(|age| age < grace)
+    }
+}
+
+impl Store {
+    /// Keeps what an action has come to under a name, in place of what was kept before. `build` says which program can go on from
+    /// it, in one line.
+    ///
+    /// # Errors
+    /// When the system refuses (disk full); what was kept before stays then.
+    pub fn put_checkpoint(&self, key: &Digest, name: &str, build: &str, content: &[u8]) -> Result<(), StoreError> {
+        let body = [origin(key, name, build).as_bytes(), content].concat();
+        let head = format!("{TITLE}\n{}\n", Digest::of(&body));
+        let temporary = self.temporary_file()?;
+        let target = self.layout.checkpoints_of(key).join(name);
+        atomic::write(&temporary, &target, &[head.as_bytes(), &body].concat())
+    }
+
+    /// What an action had come to when it was last kept; none where nothing was.
+    ///
+    /// # Errors
+    /// When it is damaged, or of another action or build ([`StoreError::Damaged`]), or the system refuses.
+    pub fn checkpoint(&self, key: &Digest, name: &str, build: &str) -> Result<Option<Vec<u8>>, StoreError> {
+        let path = self.layout.checkpoints_of(key).join(name);
+        let Some(body) = body(&path)? else { return Ok(None) };
+        let origin = origin(key, name, build);
+        match body.strip_prefix(origin.as_bytes()) {
+            Some(content) => Ok(Some(content.to_vec())),
+            None => Err(StoreError::damaged(
+                &path,
+                "it was written by another build or for other work",
+            )),
+        }
+    }
+
+    /// Removes all that was kept of an action.
+    ///
+    /// # Errors
+    /// When the system refuses.
+    pub fn remove_checkpoints(&self, key: &Digest) -> Result<(), StoreError> {
+        remove(&self.layout.checkpoints_of(key))
+    }
+
+    /// The checkpoints of all actions.
+    ///
+    /// # Errors
+    /// When the system refuses.
+    pub fn checkpoints(&self) -> Result<Vec<Checkpoints>, StoreError> {
+        let folders = files_in_optional(&self.layout.checkpoints())?;
+        let found = folders.into_iter().filter_map(|path| Some((key_of(&path)?, path)));
+        found.map(|(key, path)| weigh(key, path)).collect()
+    }
+
+    /// The files of all checkpoints, and what does not belong among them.
+    pub(super) fn checkpoint_files(&self) -> Result<(Vec<PathBuf>, Vec<PathBuf>), StoreError> {
+        let (mut files, mut strays) = (Vec::new(), Vec::new());
+        for path in files_in_optional(&self.layout.checkpoints())? {
+            match key_of(&path) {
+                // Another process may just have ended its work.
+                Some(_) => files.extend(files_in_optional(&path)?),
+                None if is_hidden(&path) => {}
+                None => strays.push(path),
+            }
+        }
+        Ok((files, strays))
+    }
+}
+
+/// Whether the file of a checkpoint is as it was written; gone is as good.
+///
+/// # Errors
+/// When it is damaged, or the system refuses.
+pub(super) fn check(path: &Path) -> Result<(), StoreError> {
+    body(path).map(|_| ())
+}
+
+/// Removes a folder of checkpoints. Nothing happens where there is none.
+///
+/// # Errors
+/// When the system refuses.
+pub(super) fn remove(folder: &Path) -> Result<(), StoreError> {
+    match fs::remove_dir_all(folder) {
+        Err(error) if error.kind() != ErrorKind::NotFound => Err(StoreError::io("remove", folder)(error)),
+        _ => Ok(()),
+    }
+}
+
+fn origin(key: &Digest, name: &str, build: &str) -> String {
+    format!("{key}\n{name}\n{}\n", build.replace('\n', " "))
+}
+
+/// All that the digest covers; none where there is no such file.
+fn body(path: &Path) -> Result<Option<Vec<u8>>, StoreError> {
+    let mut bytes = Vec::new();
+    let read = open_regular(path).and_then(|mut file| std::io::Read::read_to_end(&mut file, &mut bytes));
+    match read {
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+        Err(error) if error.kind() == ErrorKind::InvalidInput => {
+            return Err(StoreError::damaged(path, "it is not a file"));
+        }
+        read => read.map_err(StoreError::io("read", path))?,
+    };
+    let sealed = bytes
+        .strip_prefix(format!("{TITLE}\n").as_bytes())
+        .and_then(|rest| rest.split_at_checked(65));
+    match sealed {
+        Some((digest, body)) if digest == format!("{}\n", Digest::of(body)).as_bytes() => Ok(Some(body.to_vec())),
+        _ => Err(StoreError::damaged(path, "its bytes are not those that were written")),
+    }
+}
+
+fn key_of(path: &Path) -> Option<Digest> {
+    path.file_name()?.to_str()?.parse().ok().filter(|_| path.is_dir())
+}
+
+fn weigh(key: Digest, path: PathBuf) -> Result<Checkpoints, StoreError> {
+    let mut checkpoints = Checkpoints {
+        key,
+        size: 0,
+        written: fs::metadata(&path).and_then(|metadata| metadata.modified()).ok(),
+        path,
+    };
+    for file in files_in_optional(&checkpoints.path)? {
+        // It may be replaced just now.
+        if let Ok(metadata) = fs::metadata(&file) {
+            checkpoints.size += metadata.len();
+            checkpoints.written = checkpoints.written.max(metadata.modified().ok());
+        }
+    }
+    Ok(checkpoints)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::Retention;
+    use crate::store::layout::files_in;
+
+    fn store() -> (tempfile::TempDir, Store) {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::open(folder.path()).unwrap();
+        (folder, store)
+    }
+
+    #[test]
+    fn what_was_kept_last_is_found_until_it_is_removed() {
+        let (_folder, store) = store();
+        let (key, other) = (Digest::of(b"key"), Digest::of(b"other"));
+        assert_eq!(store.checkpoint(&key, "state", "b").unwrap(), None);
+        for content in [&b"first"[..], b"second\nwith lines\n", b""] {
+            store.put_checkpoint(&key, "state", "b", content).unwrap();
+            assert_eq!(store.checkpoint(&key, "state", "b").unwrap().as_deref(), Some(content));
+        }
+        assert_eq!(store.checkpoint(&key, "more", "b").unwrap(), None);
+        assert_eq!(store.checkpoint(&other, "state", "b").unwrap(), None);
+        store.put_checkpoint(&other, "state", "b", b"1234").unwrap();
+        let found: Vec<Digest> = store.checkpoints().unwrap().into_iter().map(|c| c.key).collect();
+        assert!(found.len() == 2 && found.contains(&key) && found.contains(&other));
+        store.remove_checkpoints(&key).unwrap();
+        store.remove_checkpoints(&key).unwrap();
+        assert_eq!(store.checkpoint(&key, "state", "b").unwrap(), None);
+        assert!(files_in(&store.layout.temporary()).unwrap().is_empty());
+    }
+
+    #[test]
+    fn every_flipped_byte_is_noticed_and_so_is_the_work_of_others() {
+        let (_folder, store) = store();
+        let (key, other) = (Digest::of(b"key"), Digest::of(b"other"));
+        store.put_checkpoint(&key, "state", "build 1", b"content").unwrap();
+        let path = store.layout.checkpoints_of(&key).join("state");
+        let bytes = fs::read(&path).unwrap();
+        let refused = |key: &Digest, name: &str, build: &str| {
+            let found = store.checkpoint(key, name, build);
+            matches!(found, Err(StoreError::Damaged { .. }))
+        };
+        for at in 0..bytes.len() {
+            let mut flipped = bytes.clone();
+            flipped[at] ^= 1;
+            fs::write(&path, flipped).unwrap();
+            assert!(refused(&key, "state", "build 1"), "byte {at}");
+            fs::write(&path, &bytes[..at]).unwrap();
+            assert!(refused(&key, "state", "build 1"), "{at} bytes");
+        }
+        fs::write(&path, &bytes).unwrap();
+        assert!(refused(&key, "state", "build 2"));
+        fs::create_dir_all(store.layout.checkpoints_of(&other)).unwrap();
+        fs::copy(&path, store.layout.checkpoints_of(&other).join("state")).unwrap();
+        fs::copy(&path, path.with_file_name("more")).unwrap();
+        assert!(refused(&other, "state", "build 1") && refused(&key, "more", "build 1"));
+        fs::remove_file(&path).unwrap();
+        fs::create_dir(&path).unwrap();
+        assert!(refused(&key, "state", "build 1"));
+    }
+
+    #[test]
+    fn the_check_of_the_store_finds_damaged_ones_and_collection_takes_old_ones() {
+        let (folder, store) = store();
+        let [sound, damaged] = [b"1", b"2"].map(|k| Digest::of(k));
+        for key in [&sound, &damaged] {
+            store.put_checkpoint(key, "state", "b", b"content").unwrap();
+        }
+        let file = |key| store.layout.checkpoints_of(key).join("state");
+        fs::write(file(&damaged), "something").unwrap();
+        fs::write(store.layout.checkpoints().join("note.txt"), "mine").unwrap();
+        let report = store.fsck(&|_, _| ()).unwrap();
+        assert_eq!(
+            (report.checkpoints, report.damaged.len(), report.strays.len()),
+            (2, 1, 1)
+        );
+        assert!(!file(&damaged).exists() && file(&sound).exists());
+        let survey = store.survey().unwrap();
+        assert_eq!(
+            (survey.checkpoints, survey.checkpoint_bytes),
+            (1, fs::metadata(file(&sound)).unwrap().len())
+        );
+        drop(store);
+
+        let store = Store::open_alone(folder.path()).unwrap();
+        let hour = Duration::from_secs(3600);
+        let retention = Retention { runs: 1, grace: hour };
+        let now = SystemTime::now();
+        assert!(store.judge(&retention, now).unwrap().checkpoints.is_empty());
+        let later = store.judge(&retention, now + 2 * hour).unwrap();
+        let going: Vec<Digest> = later.checkpoints.iter().map(|c| c.key).collect();
+        assert!(going.contains(&sound));
+        store.remove(&later, &|_, _| ()).unwrap();
+        assert!(store.checkpoints().unwrap().is_empty());
+    }
+}
