@@ -1,16 +1,43 @@
-//! `kind: train` trains a surrogate on a balanced dataset.
+//! `kind: train` trains a surrogate on balanced datasets and on solved samples as they are.
 
-use super::arrays;
-use crate::base::{Canonical, Decimal, Fields, InputError, Node, Schema};
-use crate::dataset::Split;
+mod content;
+mod examples;
+mod follow;
+
+use follow::Follow;
+
+use crate::base::{Canonical, Decimal, Fields, InputError, Map, Node, Schema};
+use crate::dataset::SymmetryGroup;
 use crate::fem::{LinearResponse, Order, SolveOptions};
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::scene::Scene;
-use crate::store::{Artifact, Data, Dataset, Object};
-use crate::surrogate::{Constants, EpochReport, Example, NetworkKind, TrainOptions, Trained, train};
+use crate::store::Object;
+use crate::surrogate::{Constants, Ending, NetworkKind, OptimizerKind, TrainOptions, train};
 
 /// The kind `train`.
 pub struct TrainKind;
+
+const SYMMETRIES: [&str; 2] = ["none", "d4"];
+
+const KEYS: [&str; 14] = [
+    "kind",
+    "needs",
+    "network",
+    "epochs",
+    "patience",
+    "batch",
+    "optimizer",
+    "learning_rate",
+    "weight_decay",
+    "gradient_norm",
+    "symmetry",
+    "max_weight",
+    "auxiliary_weight",
+    "seed",
+];
+
+/// Bounds of the learning rate. Rates far beyond what can work are allowed: the training says that it diverged.
+const RATES: [f64; 2] = [1e-7, 100.0];
 
 impl Kind for TrainKind {
     fn name(&self) -> &'static str {
@@ -18,12 +45,12 @@ impl Kind for TrainKind {
     }
 
     fn recipe(&self) -> u32 {
-        1
+        2
     }
 
     fn needs(&self) -> Needs {
         Needs {
-            kinds: &["balance"],
+            kinds: &["balance", "solve"],
             least: 1,
             most: 100,
         }
@@ -32,19 +59,29 @@ impl Kind for TrainKind {
     fn schema(&self) -> Vec<Fields> {
         let defaults = TrainOptions::default();
         let network = Schema::word(&NetworkKind::ALL.map(NetworkKind::name)).says("The network.");
-        let rate = Schema::number(1e-7, 1.0).says("Largest learning rate.");
+        let epochs = Schema::whole(1, 100_000).says("Passes over the training examples.");
+        let patience =
+            Schema::whole(1, 100_000).says("Epochs without a smaller validation error that end the training.");
+        let batch = Schema::whole(1, 4096).says("Examples per step.");
+        let optimizer = Schema::word(&OptimizerKind::ALL.map(OptimizerKind::name))
+            .says("How weights follow gradients; muon leaves all but kernels of convolutions to adamw.");
+        let rate = Schema::number(RATES[0], RATES[1]).says("Largest learning rate.");
+        let decay = Schema::number(0.0, 1.0).says("Pull of the weights towards zero, per unit of learning rate.");
+        let norm = Schema::number(1e-6, 1e6).says("Length to which longer gradients are shortened.");
+        let symmetry = Schema::word(&SYMMETRIES).says("By what each example is turned, anew in every epoch.");
         let max_weight = Schema::number(0.0, 100.0).says("Weight of the largest absolute error in the loss.");
         let auxiliary =
             Schema::number(0.0, 100.0).says("Weight of the auxiliary branch at half resolution in the loss.");
-        let batch = Schema::whole(1, 4096).says("Examples per step.");
-        let fields = Fields::new("Trains a surrogate on balanced datasets.")
+        let fields = Fields::new("Trains a surrogate on balanced datasets and on solved samples.")
             .required("network", network)
-            .required(
-                "epochs",
-                Schema::whole(1, 100_000).says("Passes over the training examples."),
-            )
+            .required("epochs", epochs)
+            .optional("patience", patience)
             .optional("batch", batch.default(defaults.batch))
+            .optional("optimizer", optimizer.default(defaults.optimizer.name()))
             .optional("learning_rate", rate.default(defaults.learning_rate))
+            .optional("weight_decay", decay.default(defaults.weight_decay))
+            .optional("gradient_norm", norm)
+            .optional("symmetry", symmetry.default(SYMMETRIES[0]))
             .optional("max_weight", max_weight.default(defaults.max_weight))
             .optional("auxiliary_weight", auxiliary.default(defaults.auxiliary_weight))
             .required("seed", super::seed());
@@ -53,18 +90,7 @@ impl Kind for TrainKind {
 
     fn read(&self, stage: &Node, _scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
         let what = "a train stage";
-        let keys = [
-            "kind",
-            "needs",
-            "network",
-            "epochs",
-            "batch",
-            "learning_rate",
-            "max_weight",
-            "auxiliary_weight",
-            "seed",
-        ];
-        let map = stage.fields(what, &keys)?;
+        let map = stage.fields(what, &KEYS)?;
         let network = map.required(what, "network")?;
         let word = network.word("network", &NetworkKind::ALL.map(NetworkKind::name))?;
         let network = NetworkKind::from_name(word).ok_or_else(|| network.error(format!("unknown network {word:?}")))?;
@@ -72,10 +98,18 @@ impl Kind for TrainKind {
         Ok(Box::new(TrainStage {
             network,
             epochs: map.required(what, "epochs")?.whole("epochs", 1, 100_000)? as u32,
-            batch: map
-                .optional("batch")
-                .map_or(Ok(u64::from(defaults.batch)), |n| n.whole("batch", 1, 4096))? as u32,
-            learning_rate: map.number("learning_rate", defaults.learning_rate, 1e-7, 1.0)?,
+            patience: whole(&map, "patience", 100_000)?,
+            batch: whole(&map, "batch", 4096)?.unwrap_or(defaults.batch),
+            optimizer: read_optimizer(&map)?.unwrap_or(defaults.optimizer),
+            learning_rate: map.number("learning_rate", defaults.learning_rate, RATES[0], RATES[1])?,
+            weight_decay: map.number("weight_decay", defaults.weight_decay, 0.0, 1.0)?,
+            gradient_norm: match map.optional("gradient_norm") {
+                Some(_) => Some(map.number("gradient_norm", 1.0, 1e-6, 1e6)?),
+                None => None,
+            },
+            symmetry: map
+                .optional("symmetry")
+                .map_or(Ok(SYMMETRIES[0]), |n| n.word("symmetry", &SYMMETRIES))?,
             max_weight: map.number("max_weight", defaults.max_weight, 0.0, 100.0)?,
             auxiliary_weight: map.number("auxiliary_weight", defaults.auxiliary_weight, 0.0, 100.0)?,
             seed: map.required(what, "seed")?.whole("seed", 0, i64::MAX as u64)?,
@@ -83,27 +117,77 @@ impl Kind for TrainKind {
     }
 }
 
+/// A whole number from 1, if it is there.
+fn whole(map: &Map<'_>, key: &str, high: u64) -> Result<Option<u32>, InputError> {
+    let read = |node: &Node| Ok(node.whole(key, 1, high)? as u32);
+    map.optional(key).map(read).transpose()
+}
+
+fn read_optimizer(map: &Map<'_>) -> Result<Option<OptimizerKind>, InputError> {
+    let Some(node) = map.optional("optimizer") else {
+        return Ok(None);
+    };
+    let word = node.word("optimizer", &OptimizerKind::ALL.map(OptimizerKind::name))?;
+    Ok(OptimizerKind::from_name(word))
+}
+
 struct TrainStage {
     network: NetworkKind,
     epochs: u32,
+    patience: Option<u32>,
     batch: u32,
+    optimizer: OptimizerKind,
     learning_rate: Decimal,
+    weight_decay: Decimal,
+    gradient_norm: Option<Decimal>,
+    symmetry: &'static str,
     max_weight: Decimal,
     auxiliary_weight: Decimal,
     seed: u64,
 }
 
+impl TrainStage {
+    fn options(&self) -> TrainOptions {
+        TrainOptions {
+            network: self.network,
+            epochs: self.epochs,
+            patience: self.patience,
+            batch: self.batch,
+            optimizer: self.optimizer,
+            learning_rate: self.learning_rate.to_f64(),
+            weight_decay: self.weight_decay.to_f64(),
+            gradient_norm: self.gradient_norm.map(Decimal::to_f64),
+            symmetry: if self.symmetry == "d4" {
+                SymmetryGroup::D4
+            } else {
+                SymmetryGroup::None
+            },
+            max_weight: self.max_weight.to_f64(),
+            auxiliary_weight: self.auxiliary_weight.to_f64(),
+            seed: self.seed,
+        }
+    }
+}
+
 impl Stage for TrainStage {
     fn parameters(&self) -> Canonical {
-        Canonical::map([
+        let optional = [
+            self.patience.map(|n| ("patience", u64::from(n).into())),
+            self.gradient_norm.map(|norm| ("gradient_norm", norm.into())),
+        ];
+        let required = [
             ("network", Canonical::from(self.network.name())),
             ("epochs", u64::from(self.epochs).into()),
             ("batch", u64::from(self.batch).into()),
+            ("optimizer", self.optimizer.name().into()),
             ("learning_rate", self.learning_rate.into()),
+            ("weight_decay", self.weight_decay.into()),
+            ("symmetry", self.symmetry.into()),
             ("max_weight", self.max_weight.into()),
             ("auxiliary_weight", self.auxiliary_weight.into()),
             ("seed", self.seed.into()),
-        ])
+        ];
+        Canonical::map(required.into_iter().chain(optional.into_iter().flatten()))
     }
 
     fn plan(&self, _inputs: &[Input]) -> Plan {
@@ -113,146 +197,45 @@ impl Stage for TrainStage {
     }
 
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
-        let mut examples = Vec::new();
-        for input in job.inputs {
-            read_examples(input, &mut examples)?;
-        }
-        let options = TrainOptions {
-            network: self.network,
-            epochs: self.epochs,
-            batch: self.batch,
-            learning_rate: self.learning_rate.to_f64(),
-            max_weight: self.max_weight.to_f64(),
-            auxiliary_weight: self.auxiliary_weight.to_f64(),
-            seed: self.seed,
-        };
-        let on_epoch = |report: &EpochReport| {
-            job.progress
-                .note(&format!("validation RMSE {:.4} mm", report.validation_rmse_mm));
-            job.progress.advance(1);
-        };
+        let scene = super::scene_attribute(job.inputs)?;
+        let simulated = Scene::from_text(&scene).map_err(|e| StageError::Input(e.to_string()))?;
+        let found = examples::read(job.inputs, simulated.side_mm())?;
         let constants = match self.network.has_constants() {
-            true => Some(constants(&super::scene_attribute(job.inputs)?)?),
+            true => Some(constants(&simulated)?),
             false => None,
         };
-        let trained =
-            train(&examples, constants.as_ref(), &options, &on_epoch).map_err(|e| StageError::Failed(e.to_string()))?;
-        Ok(describe(&trained, self.network.name()).attribute("scene", super::scene_attribute(job.inputs)?))
+        let trained = train(&found.examples, constants.as_ref(), &self.options(), &Follow::new(job))
+            .map_err(|e| StageError::Failed(e.to_string()))?;
+        let object = content::describe(&trained, found.unstable, &found.left_out)
+            .attribute("network", self.network.name())
+            .attribute("ending", ending(trained.ending))
+            .attribute("scene", scene);
+        let warnings = content::warnings(found.unstable, &found.left_out, &trained);
+        Ok(match warnings.is_empty() {
+            true => object,
+            false => object.attribute("warnings", warnings.join("\n")),
+        })
     }
 }
 
 /// The linear response of a scene, by one biquadratic element per cell: on finer meshes it differs by less than what
 /// the network learns anyway.
-fn constants(scene: &str) -> Result<Constants, StageError> {
-    let scene = Scene::from_text(scene).map_err(|e| StageError::Input(format!("the scene of the dataset: {e}")))?;
+fn constants(scene: &Scene) -> Result<Constants, StageError> {
     let options = SolveOptions {
         elements_per_cell: 1,
         order: Order::Biquadratic,
         ..SolveOptions::default()
     };
     let failed = |e: &dyn std::fmt::Display| StageError::Failed(format!("no linear response: {e}"));
-    let response = LinearResponse::new(&scene, options).map_err(|e| failed(&e))?;
+    let response = LinearResponse::new(scene, options).map_err(|e| failed(&e))?;
     Constants::new(&response, scene.side_mm()).map_err(StageError::Failed)
 }
 
-fn read_examples(artifact: &Artifact, examples: &mut Vec<Example>) -> Result<(), StageError> {
-    let patterns = arrays::read_patterns(artifact, "patterns")?;
-    let fields = arrays::read_fields(artifact, "displacement")?;
-    let (families, splits) = (artifact.texts("family")?.1, artifact.texts("split")?.1);
-    if [fields.len(), families.len(), splits.len()] != [patterns.len(); 3] {
-        return Err(StageError::Input(format!(
-            "artifact {}: its arrays differ in length",
-            artifact.digest().short()
-        )));
+/// The word that stands in artifacts.
+fn ending(ending: Ending) -> &'static str {
+    match ending {
+        Ending::Complete => "complete",
+        Ending::Patience => "patience",
+        Ending::Diverged(_) => "diverged",
     }
-    for (((pattern, field), family), split) in patterns.into_iter().zip(fields).zip(families).zip(splits) {
-        let split = Split::from_name(&split).ok_or_else(|| {
-            StageError::Input(format!(
-                "artifact {}: unknown split {split:?}",
-                artifact.digest().short()
-            ))
-        })?;
-        examples.push(Example {
-            pattern,
-            field,
-            family,
-            split,
-        });
-    }
-    Ok(())
-}
-
-fn describe(trained: &Trained, network: &str) -> Object {
-    let curve = |units, description, value: fn(&EpochReport) -> f64| {
-        arrays::reals(units, description, trained.curves.iter().map(value).collect())
-    };
-    let metric = |units, description, value: fn(&crate::surrogate::Metrics) -> f64| {
-        arrays::reals(units, description, trained.metrics.iter().map(value).collect())
-    };
-    let metrics = &trained.metrics;
-    let weights = Data::U8(trained.weights.clone());
-    Object::default()
-        .attribute("network", network)
-        .with(
-            "weights",
-            Dataset::new(
-                "1",
-                "the model as the bytes of a safetensors file",
-                &[trained.weights.len()],
-                weights,
-            ),
-        )
-        .with(
-            "best_epoch",
-            arrays::wholes(
-                "1",
-                "epoch whose weights are kept, from 1",
-                vec![u64::from(trained.best_epoch)],
-            ),
-        )
-        .with(
-            "curves/train_loss",
-            curve("1", "training loss of each epoch", |e| e.train_loss),
-        )
-        .with(
-            "curves/validation_loss",
-            curve("1", "validation loss of each epoch", |e| e.validation_loss),
-        )
-        .with(
-            "curves/validation_rmse",
-            curve("mm", "validation RMSE per component of each epoch", |e| {
-                e.validation_rmse_mm
-            }),
-        )
-        .with(
-            "metrics/family",
-            arrays::texts(
-                "family that the metrics are over",
-                metrics.iter().map(|m| m.family.as_str()),
-            ),
-        )
-        .with(
-            "metrics/split",
-            arrays::texts(
-                "split that the metrics are over",
-                metrics.iter().map(|m| m.split.name()),
-            ),
-        )
-        .with(
-            "metrics/samples",
-            arrays::wholes(
-                "1",
-                "samples that the metrics are over",
-                metrics.iter().map(|m| m.samples).collect(),
-            ),
-        )
-        .with(
-            "metrics/rmse",
-            metric("mm", "root mean square error per component", |m| m.rmse_mm),
-        )
-        .with("metrics/r2", metric("1", "coefficient of determination", |m| m.r2))
-        .with(
-            "metrics/max_error",
-            metric("mm", "largest absolute error of a component", |m| m.max_error_mm),
-        )
 }

@@ -6,6 +6,7 @@ use std::ops::Range;
 
 use candle_core::{Device, Result, Tensor};
 
+use super::example::Label;
 use crate::field::{CORNERS, Field, FieldError};
 use crate::pattern::{CELLS, Pattern};
 
@@ -24,18 +25,14 @@ fn inner_row(y: usize) -> Range<usize> {
     2 * (y * CORNERS + 1)..2 * (y * CORNERS + 1 + INNER)
 }
 
-/// Fields as (n, 49, 49, 2), divided by `scale` (mm).
-pub(crate) fn fields_to_tensor<'a>(
-    fields: impl Iterator<Item = &'a Field>,
+/// Labels as (n, 49, 49, 2), divided by `scale` (mm).
+pub(crate) fn labels_to_tensor<'a>(
+    labels: impl Iterator<Item = &'a Label>,
     scale: f64,
     device: &Device,
 ) -> Result<Tensor> {
-    let mut values = Vec::new();
-    for field in fields {
-        for y in 1..=INNER {
-            values.extend(field.values()[inner_row(y)].iter().map(|u| (u / scale) as f32));
-        }
-    }
+    let scaled = |u: &f32| (f64::from(*u) / scale) as f32;
+    let values: Vec<f32> = labels.flat_map(Label::values).map(scaled).collect();
     let n = values.len() / (2 * INNER * INNER);
     Tensor::from_vec(values, (n, INNER, INNER, 2), device)
 }
@@ -83,7 +80,8 @@ mod tests {
             }
         };
         let field = Field::from_values((0..CORNERS * CORNERS * 2).map(value).collect()).unwrap();
-        let tensor = fields_to_tensor([&field, &Field::zero()].into_iter(), 0.25, &Device::Cpu).unwrap();
+        let labels = [Label::from(&field), Label::zero()];
+        let tensor = labels_to_tensor(labels.iter(), 0.25, &Device::Cpu).unwrap();
         assert_eq!(tensor.dims(), [2, INNER, INNER, 2]);
         let back = tensor_to_fields(&tensor, 0.25).unwrap().unwrap();
         assert_eq!(back, [field.clone(), Field::zero()]);

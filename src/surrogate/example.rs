@@ -1,18 +1,195 @@
 //! What a network learns from.
 
+use super::encode::INNER;
 use crate::dataset::Split;
-use crate::field::Field;
-use crate::pattern::Pattern;
+use crate::field::{CORNERS, Field};
+use crate::pattern::{Pattern, Symmetry};
 
 /// A pattern with its simulated field.
 #[derive(Clone, Debug)]
 pub struct Example {
     /// The pattern.
     pub pattern: Pattern,
-    /// Its displacement in mm.
-    pub field: Field,
+    /// Its displacement.
+    pub label: Label,
     /// The family it was sampled from: metrics are kept apart by it.
     pub family: String,
     /// The part of the dataset it belongs to.
     pub split: Split,
+}
+
+/// A displacement field in mm as a network is taught it: at the 49 × 49 inner corners, `[y][x][component]`, in single
+/// precision. The frame does not move, so a third of a field's memory holds all that there is to learn.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Label {
+    values: Box<[f32]>,
+}
+
+/// Numbers that are not a label.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum LabelError {
+    /// The wrong number of values.
+    #[error("a field has 51 × 51 × 2 values, found {0}")]
+    Shape(usize),
+    /// An infinity or NaN.
+    #[error("a displacement is {0}")]
+    NotFinite(f64),
+    /// A displacement of the frame, which holds the membrane.
+    #[error("the frame moves by {0} mm")]
+    Frame(f64),
+}
+
+/// What may count as no motion of the frame, mm: rounding of files in single precision.
+const STILL_MM: f64 = 1e-6;
+
+impl Label {
+    /// The label of a field given by its 51 · 51 · 2 values in mm.
+    ///
+    /// # Errors
+    /// When the count is wrong, a value is not finite in single precision, or the frame moves.
+    pub fn from_values(values: &[f64]) -> Result<Self, LabelError> {
+        if values.len() != CORNERS * CORNERS * 2 {
+            return Err(LabelError::Shape(values.len()));
+        }
+        let mut inner = Vec::with_capacity(INNER * INNER * 2);
+        for (at, &value) in values.iter().enumerate() {
+            if !(value as f32).is_finite() {
+                return Err(LabelError::NotFinite(value));
+            }
+            let (x, y) = (at / 2 % CORNERS, at / 2 / CORNERS);
+            if (1..=INNER).contains(&x) && (1..=INNER).contains(&y) {
+                inner.push(value as f32);
+            } else if value.abs() > STILL_MM {
+                return Err(LabelError::Frame(value));
+            }
+        }
+        Ok(Self {
+            values: inner.into_boxed_slice(),
+        })
+    }
+
+    /// The label that is zero everywhere.
+    #[must_use]
+    pub fn zero() -> Self {
+        Self {
+            values: vec![0.0; INNER * INNER * 2].into_boxed_slice(),
+        }
+    }
+
+    /// The displacements in mm at the inner corners, `[y][x][component]`.
+    #[must_use]
+    pub fn values(&self) -> &[f32] {
+        &self.values
+    }
+
+    /// The sum of the squared components, mm².
+    #[must_use]
+    pub fn squares(&self) -> f64 {
+        self.values.iter().map(|u| f64::from(*u).powi(2)).sum()
+    }
+
+    /// The largest displacement magnitude in mm.
+    #[must_use]
+    pub fn max_magnitude(&self) -> f64 {
+        let lengths = self
+            .values
+            .chunks_exact(2)
+            .map(|u| f64::from(u[0]).hypot(f64::from(u[1])));
+        lengths.fold(0.0, f64::max)
+    }
+
+    /// The image under a symmetry: `(gu)(gX) = g·u(X)`, as [`Field::transformed`].
+    #[must_use]
+    pub fn transformed(&self, g: Symmetry) -> Self {
+        if g == Symmetry::IDENTITY {
+            return self.clone();
+        }
+        let mut values = vec![0.0; self.values.len()].into_boxed_slice();
+        let [[a, b], [c, d]] = g.matrix().map(|row| row.map(|entry| entry as f32));
+        for (u, to) in self.values.chunks_exact(2).zip(g.permutation(INNER)) {
+            values[2 * to] = a * u[0] + b * u[1];
+            values[2 * to + 1] = c * u[0] + d * u[1];
+        }
+        Self { values }
+    }
+}
+
+impl From<&Field> for Label {
+    /// Whatever stands on the frame is left out.
+    fn from(field: &Field) -> Self {
+        let rows = field.values().chunks_exact(2 * CORNERS).skip(1).take(INNER);
+        let values = rows.flat_map(|row| &row[2..2 * (INNER + 1)]).map(|u| *u as f32);
+        Self {
+            values: values.collect(),
+        }
+    }
+}
+
+impl Example {
+    /// Its image under a symmetry of the square: pattern and label alike.
+    #[must_use]
+    pub fn transformed(&self, g: Symmetry) -> Self {
+        Self {
+            pattern: self.pattern.transformed(g),
+            label: self.label.transformed(g),
+            family: self.family.clone(),
+            split: self.split,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn wavy() -> Vec<f64> {
+        let value = |at: usize| {
+            let (x, y) = (at / 2 % CORNERS, at / 2 / CORNERS);
+            let inside = (1..=INNER).contains(&x) && (1..=INNER).contains(&y);
+            if inside {
+                ((at * 37 % 101) as f64 - 50.0) / 32.0
+            } else {
+                0.0
+            }
+        };
+        (0..CORNERS * CORNERS * 2).map(value).collect()
+    }
+
+    #[test]
+    fn a_label_is_the_inside_of_its_field() {
+        let field = Field::from_values(wavy()).unwrap();
+        let label = Label::from_values(field.values()).unwrap();
+        assert_eq!(label, Label::from(&field));
+        assert_eq!(label.values().len(), INNER * INNER * 2);
+        let [ux, uy] = field.at_corner(7, 3);
+        let at = 2 * (2 * INNER + 6);
+        assert_eq!([label.values()[at], label.values()[at + 1]].map(f64::from), [ux, uy]);
+        assert_eq!(label.max_magnitude(), field.max_magnitude());
+        let still = Field::zero();
+        let count = field.values().len() as f64;
+        assert!((label.squares() / count - field.rms_difference(&still).powi(2)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn symmetries_act_as_on_fields() {
+        let field = Field::from_values(wavy()).unwrap();
+        for g in Symmetry::ALL {
+            assert_eq!(Label::from(&field).transformed(g), Label::from(&field.transformed(g)));
+        }
+    }
+
+    #[test]
+    fn what_is_no_label_is_refused() {
+        let with = |at: usize, value: f64| {
+            let mut values = wavy();
+            values[at] = value;
+            Label::from_values(&values)
+        };
+        let inside = 2 * (CORNERS + 1);
+        assert!(matches!(with(inside, f64::NAN), Err(LabelError::NotFinite(v)) if v.is_nan()));
+        assert_eq!(with(inside, 1e300), Err(LabelError::NotFinite(1e300)));
+        assert_eq!(with(0, 0.01), Err(LabelError::Frame(0.01)));
+        assert_eq!(Label::from_values(&[0.0; 3]), Err(LabelError::Shape(3)));
+        assert!(with(inside, 1.0).is_ok() && with(0, 1e-9).is_ok());
+    }
 }

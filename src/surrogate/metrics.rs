@@ -2,9 +2,9 @@
 
 use std::collections::BTreeSet;
 
-use super::example::Example;
+use super::example::{Example, Label};
 use crate::dataset::Split;
-use crate::field::Field;
+use crate::field::CORNERS;
 
 /// The name under which all families are measured together.
 const ALL: &str = "all";
@@ -27,33 +27,77 @@ pub struct Metrics {
     pub max_error_mm: f64,
 }
 
+/// What one prediction adds to the metrics of the groups that its example belongs to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Agreement {
+    /// Sum of the squared errors of the components, mm².
+    error: f64,
+    /// Largest absolute error of a component, mm.
+    largest: f64,
+    /// Sum of the simulated components, mm.
+    sum: f64,
+    /// Sum of their squares, mm².
+    squares: f64,
+}
+
+impl Agreement {
+    /// Of a label with a prediction at the same inner corners, in units of `scale` mm.
+    pub(crate) fn of(label: &Label, predicted: &[f32], scale: f64) -> Self {
+        let nothing = Self {
+            error: 0.0,
+            largest: 0.0,
+            sum: 0.0,
+            squares: 0.0,
+        };
+        let pairs = label.values().iter().zip(predicted);
+        pairs.fold(nothing, |so_far, (value, predicted)| {
+            let value = f64::from(*value);
+            let error = f64::from(*predicted) * scale - value;
+            Self {
+                error: so_far.error + error * error,
+                largest: so_far.largest.max(error.abs()),
+                sum: so_far.sum + value,
+                squares: so_far.squares + value * value,
+            }
+        })
+    }
+}
+
+/// Components of a field: both at all 51 × 51 corners, those of the frame included, where all is zero.
+const COMPONENTS: f64 = (2 * CORNERS * CORNERS) as f64;
+
+/// Root mean square error in mm over all components.
+pub(crate) fn rmse_mm(agreements: &[Agreement]) -> f64 {
+    let errors: f64 = agreements.iter().map(|a| a.error).sum();
+    (errors / (COMPONENTS * agreements.len() as f64)).sqrt()
+}
+
 /// The metrics of every group that has examples: for each part of the dataset "all", then the families by name.
-pub(crate) fn measure(examples: &[Example], predicted: &[Field]) -> Vec<Metrics> {
+pub(crate) fn measure(examples: &[Example], agreements: &[Agreement]) -> Vec<Metrics> {
     let families: BTreeSet<&str> = examples.iter().map(|e| e.family.as_str()).collect();
     let names: Vec<&str> = std::iter::once(ALL).chain(families).collect();
     let mut metrics = Vec::new();
     for split in Split::ALL {
         for &name in &names {
-            let pairs: Vec<(&Field, &Field)> = examples
+            let group: Vec<Agreement> = examples
                 .iter()
-                .zip(predicted)
+                .zip(agreements)
                 .filter(|(e, _)| e.split == split && (name == ALL || e.family == name))
-                .map(|(e, p)| (&e.field, p))
+                .map(|(_, agreement)| *agreement)
                 .collect();
-            if !pairs.is_empty() {
-                metrics.push(compare(name, split, &pairs));
+            if !group.is_empty() {
+                metrics.push(compare(name, split, &group));
             }
         }
     }
     metrics
 }
 
-fn compare(family: &str, split: Split, pairs: &[(&Field, &Field)]) -> Metrics {
-    let values = || pairs.iter().flat_map(|(t, p)| t.values().iter().zip(p.values()));
-    let count = values().count() as f64;
-    let mean = values().map(|(t, _)| t).sum::<f64>() / count;
-    let variation: f64 = values().map(|(t, _)| (t - mean).powi(2)).sum();
-    let error: f64 = values().map(|(t, p)| (t - p).powi(2)).sum();
+fn compare(family: &str, split: Split, group: &[Agreement]) -> Metrics {
+    let count = COMPONENTS * group.len() as f64;
+    let total = |part: fn(&Agreement) -> f64| group.iter().map(part).sum::<f64>();
+    let (error, sum, squares) = (total(|a| a.error), total(|a| a.sum), total(|a| a.squares));
+    let variation = squares - sum * sum / count;
     let r2 = if variation > 0.0 {
         1.0 - error / variation
     } else {
@@ -62,46 +106,64 @@ fn compare(family: &str, split: Split, pairs: &[(&Field, &Field)]) -> Metrics {
     Metrics {
         family: family.to_owned(),
         split,
-        samples: pairs.len() as u64,
+        samples: group.len() as u64,
         rmse_mm: (error / count).sqrt(),
         r2,
-        max_error_mm: values().map(|(t, p)| (t - p).abs()).fold(0.0, f64::max),
+        max_error_mm: group.iter().map(|a| a.largest).fold(0.0, f64::max),
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::field::CORNERS;
     use crate::pattern::Pattern;
 
-    /// A field that is zero but for the first components.
-    fn field(first: &[f64]) -> Field {
+    /// A label that is zero but for the first components.
+    fn label(first: &[f64]) -> Label {
         let mut values = vec![0.0; CORNERS * CORNERS * 2];
-        values[..first.len()].copy_from_slice(first);
-        Field::from_values(values).unwrap()
+        values[2 * (CORNERS + 1)..][..first.len()].copy_from_slice(first);
+        Label::from_values(&values).unwrap()
     }
 
     fn example(family: &str, split: Split, first: &[f64]) -> Example {
-        let pattern = Pattern::from_fn(|_, _| false);
         Example {
-            pattern,
-            field: field(first),
+            pattern: Pattern::from_fn(|_, _| false),
+            label: label(first),
             family: family.to_owned(),
             split,
         }
     }
 
+    fn measured(examples: &[Example], predicted: &[&[f64]]) -> Vec<Metrics> {
+        let pairs = examples.iter().zip(predicted);
+        let agreements: Vec<Agreement> = pairs
+            .map(|(example, first)| Agreement::of(&example.label, label(first).values(), 1.0))
+            .collect();
+        measure(examples, &agreements)
+    }
+
     #[test]
     fn by_hand() {
         let examples = [example("a", Split::Test, &[3.0, -1.0])];
-        let found = measure(&examples, &[field(&[1.0, 0.0])]);
-        let n = (CORNERS * CORNERS * 2) as f64;
-        let variation = 10.0 - 4.0 / n;
+        let found = measured(&examples, &[&[1.0, 0.0]]);
+        let variation = 10.0 - 4.0 / COMPONENTS;
         assert_eq!(found.len(), 2);
-        assert!((found[1].rmse_mm - (5.0 / n).sqrt()).abs() < 1e-15);
+        assert!((found[1].rmse_mm - (5.0 / COMPONENTS).sqrt()).abs() < 1e-15);
         assert!((found[1].r2 - (1.0 - 5.0 / variation)).abs() < 1e-12);
         assert_eq!((found[1].max_error_mm, found[1].samples), (2.0, 1));
+    }
+
+    #[test]
+    fn predictions_are_in_units_of_the_scale() {
+        let found = Agreement::of(&label(&[0.5, 1.0]), label(&[1.0, 2.5]).values(), 0.5);
+        let expected = Agreement {
+            error: 0.0625,
+            largest: 0.25,
+            sum: 1.5,
+            squares: 1.25,
+        };
+        assert_eq!(found, expected);
+        assert!((rmse_mm(&[found, found]) - (0.0625 / COMPONENTS).sqrt()).abs() < 1e-15);
     }
 
     #[test]
@@ -111,8 +173,7 @@ mod tests {
             example("b", Split::Train, &[1.0]),
             example("a", Split::Train, &[1.0]),
         ];
-        let predicted = [field(&[1.0]), field(&[]), field(&[2.0])];
-        let found = measure(&examples, &predicted);
+        let found = measured(&examples, &[&[1.0], &[], &[2.0]]);
         let groups: Vec<_> = found.iter().map(|m| (m.split, m.family.as_str(), m.samples)).collect();
         use Split::{Test, Train};
         let expected = [
@@ -129,7 +190,7 @@ mod tests {
     #[test]
     fn still_fields_have_a_coefficient_of_determination() {
         let examples = [example("a", Split::Test, &[])];
-        assert_eq!(measure(&examples, &[field(&[])])[0].r2, 1.0);
-        assert_eq!(measure(&examples, &[field(&[1.0])])[0].r2, 0.0);
+        assert_eq!(measured(&examples, &[&[]])[0].r2, 1.0);
+        assert_eq!(measured(&examples, &[&[1.0]])[0].r2, 0.0);
     }
 }

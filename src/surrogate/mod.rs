@@ -1,13 +1,17 @@
 //! Networks that predict the displacement of a pattern, their training and their metrics.
 
+mod checkpoint;
 mod encode;
 mod example;
+mod labels;
 mod layers;
 mod loss;
 mod metrics;
+mod monitor;
 mod networks;
 mod optimizer;
 mod options;
+mod outcome;
 mod parameters;
 mod predict;
 mod schedule;
@@ -17,10 +21,13 @@ mod testing;
 mod train;
 mod weights;
 
-pub use example::Example;
+pub use example::{Example, Label, LabelError};
+pub use labels::{Implausible, implausible};
 pub use metrics::Metrics;
+pub use monitor::Monitor;
 pub use networks::{Constants, NetworkKind};
-pub use options::TrainOptions;
+pub use options::{OptimizerKind, TrainOptions};
+pub use outcome::{Ending, EpochReport, TrainError, Trained};
 pub use predict::Surrogate;
-pub use train::{EpochReport, TrainError, Trained, train};
+pub use train::train;
 pub use weights::LoadError;

@@ -1,7 +1,37 @@
 //! How to train.
 
 use super::networks::NetworkKind;
-use super::train::TrainError;
+use super::outcome::TrainError;
+use crate::dataset::SymmetryGroup;
+
+/// How weights follow gradients.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OptimizerKind {
+    /// All weights by AdamW.
+    AdamW,
+    /// The kernels of convolutions by Muon, everything else by AdamW.
+    Muon,
+}
+
+impl OptimizerKind {
+    /// All optimisers.
+    pub const ALL: [Self; 2] = [Self::AdamW, Self::Muon];
+
+    /// The word that stands in pipelines.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::AdamW => "adamw",
+            Self::Muon => "muon",
+        }
+    }
+
+    /// The optimiser that a word names.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| kind.name() == name)
+    }
+}
 
 /// Options of a training.
 #[derive(Clone, Debug, PartialEq)]
@@ -10,15 +40,28 @@ pub struct TrainOptions {
     pub network: NetworkKind,
     /// Passes over the training examples, at least 1; 30 by default.
     pub epochs: u32,
+    /// Epochs without a smaller error on the validation examples (on the training examples where there are none) after which
+    /// the training ends, at least 1; as many as there are by default.
+    pub patience: Option<u32>,
     /// Examples per step, at least 1; 8 by default: with a thousand examples many small steps beat few large ones.
     pub batch: u32,
+    /// The optimiser; Muon by default.
+    pub optimizer: OptimizerKind,
     /// Largest learning rate, above 0; 0.002 by default.
     pub learning_rate: f64,
+    /// Pull of the weights towards zero, per unit of learning rate (Loshchilov & Hutter, "Decoupled weight decay
+    /// regularization", ICLR 2019), at least 0; 0.0001 by default.
+    pub weight_decay: f64,
+    /// Largest norm of the gradient of all weights together, above 0: longer ones are shortened to it (Pascanu, Mikolov &
+    /// Bengio, ICML 2013). By default none is shortened.
+    pub gradient_norm: Option<f64>,
+    /// By what each example of a step is turned, drawn anew in every epoch; by nothing by default.
+    pub symmetry: SymmetryGroup,
     /// λ: weight of the largest absolute error of each field in the loss, at least 0; 0.1 by default.
     pub max_weight: f64,
     /// Weight of the auxiliary branch at half resolution in the loss, at least 0; 0.2 by default.
     pub auxiliary_weight: f64,
-    /// Seed of the weights and of the order of the examples; 0 by default.
+    /// Seed of the weights, of the order of the examples and of their symmetries; 0 by default.
     pub seed: u64,
 }
 
@@ -27,8 +70,13 @@ impl Default for TrainOptions {
         Self {
             network: NetworkKind::Qin2024,
             epochs: 30,
+            patience: None,
             batch: 8,
+            optimizer: OptimizerKind::Muon,
             learning_rate: 2e-3,
+            weight_decay: 1e-4,
+            gradient_norm: None,
+            symmetry: SymmetryGroup::None,
             max_weight: 0.1,
             auxiliary_weight: 0.2,
             seed: 0,
@@ -39,12 +87,26 @@ impl Default for TrainOptions {
 impl TrainOptions {
     /// Whether every option is in its range.
     pub(crate) fn check(&self) -> Result<(), TrainError> {
-        let rate = self.learning_rate;
-        let weight = |w: f64| w.is_finite() && w >= 0.0;
+        let positive = |value: f64| value.is_finite() && value > 0.0;
+        let weight = |value: f64| value.is_finite() && value >= 0.0;
+        let (patience, norm) = (self.patience.unwrap_or(1), self.gradient_norm.unwrap_or(1.0));
         let checks = [
             ("epochs", f64::from(self.epochs), self.epochs >= 1, "at least 1"),
+            ("patience", f64::from(patience), patience >= 1, "at least 1"),
             ("batch", f64::from(self.batch), self.batch >= 1, "at least 1"),
-            ("learning_rate", rate, rate.is_finite() && rate > 0.0, "above 0"),
+            (
+                "learning_rate",
+                self.learning_rate,
+                positive(self.learning_rate),
+                "above 0",
+            ),
+            (
+                "weight_decay",
+                self.weight_decay,
+                weight(self.weight_decay),
+                "at least 0",
+            ),
+            ("gradient_norm", norm, positive(norm), "above 0"),
             ("max_weight", self.max_weight, weight(self.max_weight), "at least 0"),
             (
                 "auxiliary_weight",
@@ -66,34 +128,31 @@ mod tests {
 
     #[test]
     fn refuses_what_cannot_train() {
-        let good = TrainOptions::default();
-        assert!(good.check().is_ok());
-        let bad = [
-            TrainOptions {
-                epochs: 0,
-                ..good.clone()
-            },
-            TrainOptions {
-                batch: 0,
-                ..good.clone()
-            },
-            TrainOptions {
-                learning_rate: 0.0,
-                ..good.clone()
-            },
-            TrainOptions {
-                learning_rate: f64::NAN,
-                ..good.clone()
-            },
-            TrainOptions {
-                max_weight: -0.1,
-                ..good.clone()
-            },
-            TrainOptions {
-                auxiliary_weight: f64::INFINITY,
-                ..good
-            },
+        assert!(TrainOptions::default().check().is_ok());
+        let spoils: [fn(&mut TrainOptions); 10] = [
+            |o| o.epochs = 0,
+            |o| o.patience = Some(0),
+            |o| o.batch = 0,
+            |o| o.learning_rate = 0.0,
+            |o| o.learning_rate = f64::NAN,
+            |o| o.weight_decay = -1e-9,
+            |o| o.gradient_norm = Some(0.0),
+            |o| o.gradient_norm = Some(f64::INFINITY),
+            |o| o.max_weight = -0.1,
+            |o| o.auxiliary_weight = f64::INFINITY,
         ];
-        assert!(bad.iter().all(|options| options.check().is_err()));
+        for (k, spoil) in spoils.into_iter().enumerate() {
+            let mut options = TrainOptions::default();
+            spoil(&mut options);
+            assert!(options.check().is_err(), "case {k}");
+        }
+    }
+
+    #[test]
+    fn optimisers_are_found_by_their_names() {
+        for kind in OptimizerKind::ALL {
+            assert_eq!(OptimizerKind::from_name(kind.name()), Some(kind));
+        }
+        assert_eq!(OptimizerKind::from_name("sgd"), None);
     }
 }

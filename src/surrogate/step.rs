@@ -3,13 +3,17 @@
 //! The batch is split into parts of fixed size; threads take parts, and what the parts give is added in the order of the
 //! parts, so the sum has the same bits whatever the number of threads.
 
+use std::borrow::Cow;
+
 use candle_core::{Device, Result, Tensor, Var};
 use rayon::prelude::*;
 
-use super::encode::{fields_to_tensor, patterns_to_tensor};
-use super::example::Example;
+use super::encode::{labels_to_tensor, patterns_to_tensor};
+use super::example::{Example, Label};
 use super::loss::{LossWeights, total_loss};
-use super::networks::Network;
+use super::metrics::Agreement;
+use super::networks::{Network, Output};
+use crate::pattern::{Pattern, Symmetry};
 
 /// Examples whose gradients are computed together by one thread. It is part of the result: sums are grouped by it.
 const PART: usize = 4;
@@ -28,15 +32,56 @@ pub(crate) struct Problem<'a> {
     pub(crate) device: &'a Device,
 }
 
+/// An example as a network is shown it.
+#[derive(Clone, Copy)]
+pub(crate) struct Shown<'a> {
+    /// The example.
+    pub(crate) example: &'a Example,
+    /// By what it is turned.
+    pub(crate) symmetry: Symmetry,
+}
+
+impl<'a> Shown<'a> {
+    /// As it stands in the dataset.
+    pub(crate) fn upright(example: &'a Example) -> Self {
+        Self {
+            example,
+            symmetry: Symmetry::IDENTITY,
+        }
+    }
+
+    fn pattern(self) -> Cow<'a, Pattern> {
+        match self.symmetry {
+            Symmetry::IDENTITY => Cow::Borrowed(&self.example.pattern),
+            g => Cow::Owned(self.example.pattern.transformed(g)),
+        }
+    }
+
+    fn label(self) -> Cow<'a, Label> {
+        match self.symmetry {
+            Symmetry::IDENTITY => Cow::Borrowed(&self.example.label),
+            g => Cow::Owned(self.example.label.transformed(g)),
+        }
+    }
+}
+
 /// A loss summed over examples, and the gradient of its mean.
 struct Gradient {
     loss: f64,
     gradients: Vec<Tensor>,
 }
 
+/// How a network does on some examples.
+pub(crate) struct Assessment {
+    /// The loss summed over them.
+    pub(crate) loss: f64,
+    /// The agreement of each prediction.
+    pub(crate) agreements: Vec<Agreement>,
+}
+
 impl Problem<'_> {
     /// The loss summed over a batch, and the gradient of its mean with respect to each weight.
-    pub(crate) fn gradient(&self, batch: &[&Example]) -> Result<(f64, Vec<Tensor>)> {
+    pub(crate) fn gradient(&self, batch: &[Shown<'_>]) -> Result<(f64, Vec<Tensor>)> {
         let share = 1.0 / batch.len() as f64;
         let parts = batch.par_chunks(PART).map(|part| self.part(part, share));
         let parts: Vec<Gradient> = parts.collect::<Result<_>>()?;
@@ -52,8 +97,8 @@ impl Problem<'_> {
         Ok((loss, gradients?))
     }
 
-    fn part(&self, part: &[&Example], share: f64) -> Result<Gradient> {
-        let loss = self.loss_of(part)?;
+    fn part(&self, part: &[Shown<'_>], share: f64) -> Result<Gradient> {
+        let (_, loss) = self.answer(part)?;
         let mut store = (&loss * share)?.backward()?;
         let gradient = |(_, var): &(String, Var)| match store.remove(var) {
             Some(gradient) => Ok(gradient),
@@ -65,19 +110,37 @@ impl Problem<'_> {
         })
     }
 
-    fn loss_of(&self, part: &[&Example]) -> Result<Tensor> {
-        let patterns = patterns_to_tensor(part.iter().map(|e| &e.pattern), self.device)?;
-        let fields = fields_to_tensor(part.iter().map(|e| &e.field), self.scale_mm, self.device)?;
-        total_loss(&self.network.forward(&patterns, true)?, &fields, self.loss)
+    /// What the network answers, and the loss summed over the examples.
+    fn answer(&self, part: &[Shown<'_>]) -> Result<(Output, Tensor)> {
+        let patterns: Vec<Cow<'_, Pattern>> = part.iter().map(|shown| shown.pattern()).collect();
+        let labels: Vec<Cow<'_, Label>> = part.iter().map(|shown| shown.label()).collect();
+        let patterns = patterns_to_tensor(patterns.iter().map(AsRef::as_ref), self.device)?;
+        let labels = labels_to_tensor(labels.iter().map(AsRef::as_ref), self.scale_mm, self.device)?;
+        let output = self.network.forward(&patterns, true)?;
+        let loss = total_loss(&output, &labels, self.loss)?;
+        Ok((output, loss))
     }
 
-    /// The loss summed over examples, without its gradient.
-    pub(crate) fn loss(&self, examples: &[&Example]) -> Result<f64> {
-        let parts = examples
-            .par_chunks(PART)
-            .map(|part| Ok(f64::from(self.loss_of(part)?.to_scalar::<f32>()?)));
-        let parts: Vec<f64> = parts.collect::<Result<_>>()?;
-        Ok(parts.iter().sum())
+    /// The loss and the agreement of each example, without gradients.
+    pub(crate) fn assess(&self, examples: &[&Example]) -> Result<Assessment> {
+        let assess = |part: &[&Example]| {
+            let shown: Vec<Shown<'_>> = part.iter().map(|example| Shown::upright(example)).collect();
+            let (output, loss) = self.answer(&shown)?;
+            let predicted = output.displacement.flatten_all()?.to_vec1::<f32>()?;
+            let predicted = predicted.chunks_exact(predicted.len() / part.len());
+            let pairs = part.iter().zip(predicted);
+            Ok(Assessment {
+                loss: f64::from(loss.to_scalar::<f32>()?),
+                agreements: pairs
+                    .map(|(example, predicted)| Agreement::of(&example.label, predicted, self.scale_mm))
+                    .collect(),
+            })
+        };
+        let parts: Vec<Assessment> = examples.par_chunks(PART).map(assess).collect::<Result<_>>()?;
+        Ok(Assessment {
+            loss: parts.iter().map(|part| part.loss).sum(),
+            agreements: parts.into_iter().flat_map(|part| part.agreements).collect(),
+        })
     }
 }
 
@@ -108,9 +171,11 @@ mod tests {
         };
         // Five examples: a full part and a part of one.
         let examples = examples(5, Split::Train);
-        let batch: Vec<&Example> = examples.iter().collect();
+        let plain: Vec<&Example> = examples.iter().collect();
+        let batch: Vec<Shown<'_>> = plain.iter().map(|example| Shown::upright(example)).collect();
         let (sum, gradients) = problem.gradient(&batch).unwrap();
-        assert!((sum / problem.loss(&batch).unwrap() - 1.0).abs() < 1e-6);
+        let loss = || problem.assess(&plain).unwrap().loss;
+        assert!((sum / loss() - 1.0).abs() < 1e-6);
         // Along the gradient of each weight the mean loss changes by the square of its length.
         for ((name, var), gradient) in vars.iter().zip(&gradients) {
             let square = gradient.sqr().unwrap().sum_all().unwrap().to_scalar::<f32>().unwrap();
@@ -118,7 +183,7 @@ mod tests {
             let at = |sign: f64| {
                 var.set(&(&start + (gradient * (sign * step)).unwrap()).unwrap())
                     .unwrap();
-                problem.loss(&batch).unwrap() / 5.0
+                loss() / 5.0
             };
             let slope = (at(1.0) - at(-1.0)) / (2.0 * step);
             var.set(&start).unwrap();
@@ -126,6 +191,15 @@ mod tests {
                 (slope / f64::from(square) - 1.0).abs() < 0.02,
                 "{name}: {slope} {square}"
             );
+        }
+    }
+
+    #[test]
+    fn a_turned_example_is_shown_with_its_field_turned_alike() {
+        let example = &examples(1, Split::Train)[0];
+        for symmetry in Symmetry::ALL {
+            let (shown, image) = (Shown { example, symmetry }, example.transformed(symmetry));
+            assert_eq!((&*shown.pattern(), &*shown.label()), (&image.pattern, &image.label));
         }
     }
 }

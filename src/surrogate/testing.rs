@@ -1,7 +1,7 @@
 //! Examples for the tests of this room: the linear response of the membrane, which is within a few hundredths of a
 //! millimetre of the nonlinear one.
 
-use super::example::Example;
+use super::example::{Example, Label};
 use crate::base::Stream;
 use crate::dataset::Split;
 use crate::field::{CORNERS, Field};
@@ -68,11 +68,10 @@ pub(super) fn examples(count: u64, split: Split) -> Vec<Example> {
                 "grid",
             )
         };
-        let (field, family) = (linear_response(&pattern), family.to_owned());
         Example {
+            label: Label::from(&linear_response(&pattern)),
             pattern,
-            field,
-            family,
+            family: family.to_owned(),
             split,
         }
     };

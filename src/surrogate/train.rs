@@ -1,138 +1,71 @@
 //! Training: from examples to a network.
 //!
 //! Descent on the loss of the source paper, the learning rate rising and then falling to zero; the epoch that is best on
-//! the validation examples is kept. Everything depends on the examples, the options and the seed alone.
+//! the validation examples is kept. Everything depends on the examples, the options and the seed alone: a training that is
+//! gone on with from a checkpoint ends with the same bits.
 
 use std::collections::BTreeMap;
 
 use candle_core::{Device, Tensor, Var};
 
+use super::checkpoint::{Checkpoint, Course};
 use super::example::Example;
 use super::loss::LossWeights;
-use super::metrics::{Metrics, measure};
+use super::metrics::{measure, rmse_mm};
+use super::monitor::Monitor;
 use super::networks::{Constants, Network};
 use super::optimizer::Optimizer;
 use super::options::TrainOptions;
+use super::outcome::{Ending, EpochReport, TrainError, Trained};
 use super::parameters::Parameters;
-use super::predict::{device, evaluate};
+use super::predict::device;
 use super::schedule::learning_rate_factor;
-use super::step::Problem;
+use super::step::{Problem, Shown};
 use super::weights::{Header, to_bytes};
 use crate::base::Stream;
-use crate::dataset::Split;
-use crate::field::{Field, PredictError};
+use crate::dataset::{Split, SymmetryGroup};
+use crate::field::CORNERS;
+use crate::pattern::Symmetry;
 
-/// What an epoch came to.
-#[derive(Clone, Debug, PartialEq)]
-pub struct EpochReport {
-    /// Number of the epoch, from 1.
-    pub epoch: u32,
-    /// Mean loss per example over the epoch, while the weights were changing.
-    pub train_loss: f64,
-    /// Mean loss per validation example after the epoch; per training example where there is no validation example.
-    pub validation_loss: f64,
-    /// Root mean square error in mm, over both components at all corners, of the same examples after the epoch.
-    pub validation_rmse_mm: f64,
-    /// Learning rate of the last step.
-    pub learning_rate: f64,
-}
+/// A loss has exploded when it is so many times that of the untrained network, or of a network that answers zero.
+const EXPLOSION: f64 = 10.0;
 
-/// A trained network with the record of its training.
-#[derive(Clone, Debug)]
-pub struct Trained {
-    /// The network as safetensors; [`super::Surrogate::load`] reads it.
-    pub weights: Vec<u8>,
-    /// One report per epoch.
-    pub curves: Vec<EpochReport>,
-    /// Metrics of the kept epoch: for each part of the dataset "all", then the families by name; groups without examples
-    /// are left out.
-    pub metrics: Vec<Metrics>,
-    /// The epoch that was kept: the best on the validation examples, or the last where there are none.
-    pub best_epoch: u32,
-}
-
-/// A training that could not be done.
-#[derive(Debug, thiserror::Error)]
-pub enum TrainError {
-    /// Nothing to learn from.
-    #[error("there are no training examples")]
-    NoExamples,
-    /// An option out of its range.
-    #[error("{name} is {value}; it must be {allowed}")]
-    Option {
-        /// Which option.
-        name: &'static str,
-        /// Its value.
-        value: f64,
-        /// What is allowed.
-        allowed: &'static str,
-    },
-    /// A network that starts from what is known of the scene was not told it.
-    #[error("the network {network} needs the linear response of the scene")]
-    NoConstants {
-        /// The network.
-        network: &'static str,
-    },
-    /// The loss is no longer a number.
-    #[error("the training diverged in epoch {epoch}; a smaller learning rate may help")]
-    Diverged {
-        /// The epoch.
-        epoch: u32,
-    },
-    /// What the numerical library reported.
-    #[error("the training failed: {0}")]
-    Failed(String),
-}
-
-impl From<candle_core::Error> for TrainError {
-    fn from(error: candle_core::Error) -> Self {
-        Self::Failed(error.to_string())
-    }
-}
-
-impl From<PredictError> for TrainError {
-    fn from(error: PredictError) -> Self {
-        Self::Failed(error.0)
-    }
-}
-
-/// Trains a network on the examples of [`Split::Train`], calling `on_epoch` after each epoch. A network that
-/// [has constants](super::NetworkKind::has_constants) needs those of the scene that the examples were simulated in.
+/// Trains a network on the examples of [`Split::Train`]. A network that [has constants](super::NetworkKind::has_constants)
+/// needs those of the scene that the examples were simulated in. `monitor` follows it, and may keep states from which it is gone on
+/// with.
 ///
-/// The result has the same bits whatever the number of threads.
+/// The result has the same bits whatever the number of threads and however often it was interrupted.
 ///
 /// # Errors
-/// When there is no training example, an option is out of range, or the training diverges.
+/// When there is no training example, an option is out of range, or the training diverges before any epoch was better than the
+/// untrained network.
 pub fn train(
     examples: &[Example],
     constants: Option<&Constants>,
     options: &TrainOptions,
-    on_epoch: &dyn Fn(&EpochReport),
+    monitor: &dyn Monitor,
 ) -> Result<Trained, TrainError> {
     options.check()?;
     let mut trainer = Trainer::new(examples, constants, options)?;
-    let mut curves: Vec<EpochReport> = Vec::new();
-    let mut best: Option<(f64, u32, Vec<Tensor>)> = None;
-    for epoch in 1..=options.epochs {
-        let report = trainer.epoch(epoch)?;
-        on_epoch(&report);
-        let measured = !trainer.validation.is_empty();
-        if best
-            .as_ref()
-            .is_none_or(|(rmse, ..)| !measured || report.validation_rmse_mm < *rmse)
-        {
-            best = Some((report.validation_rmse_mm, epoch, trainer.snapshot()?));
+    let untrained = trainer.standing()?;
+    if let Some(bytes) = monitor.kept() {
+        match Checkpoint::from_bytes(&bytes).filter(|checkpoint| trainer.fits(checkpoint)) {
+            Some(checkpoint) => {
+                trainer.go_on(checkpoint)?;
+                monitor.resumed(trainer.course.curves.len() as u32);
+            }
+            None => monitor.unusable(),
         }
-        curves.push(report);
     }
-    let (_, best_epoch, weights) = best.ok_or(TrainError::NoExamples)?;
-    trainer.restore(&weights)?;
-    Ok(Trained {
-        weights: trainer.bytes()?,
-        curves,
-        metrics: measure(examples, &trainer.predict(&examples.iter().collect::<Vec<_>>())?),
-        best_epoch,
-    })
+    let ending = trainer.run(&untrained, monitor)?;
+    trainer.finish(examples, &untrained, ending)
+}
+
+/// How a network does on the examples by which epochs are judged.
+struct Standing {
+    /// Mean loss per example.
+    loss: f64,
+    rmse_mm: f64,
 }
 
 /// A training under way.
@@ -146,6 +79,9 @@ struct Trainer<'a> {
     vars: Vec<(String, Var)>,
     constants: BTreeMap<String, Tensor>,
     optimizer: Optimizer,
+    course: Course,
+    /// Weights of the best epoch.
+    best: Vec<Vec<f32>>,
 }
 
 impl<'a> Trainer<'a> {
@@ -179,8 +115,10 @@ impl<'a> Trainer<'a> {
             training,
             device,
             network,
-            optimizer: Optimizer::new(vars.iter().map(|(_, var)| var.clone())),
+            optimizer: Optimizer::new(options, vars.iter().map(|(_, var)| var.clone())),
             vars,
+            course: Course::default(),
+            best: Vec::new(),
         })
     }
 
@@ -197,61 +135,173 @@ impl<'a> Trainer<'a> {
         }
     }
 
-    /// One pass over the training examples in random order.
-    fn epoch(&mut self, epoch: u32) -> Result<EpochReport, TrainError> {
-        let mut order = self.training.clone();
-        Stream::new(self.options.seed, "surrogate shuffle", epoch.into()).shuffle(&mut order);
-        let batches: Vec<_> = order.chunks(self.options.batch as usize).collect();
+    /// Epoch after epoch, from wherever it stands to the end.
+    fn run(&mut self, untrained: &Standing, monitor: &dyn Monitor) -> Result<Ending, TrainError> {
+        while (self.course.curves.len() as u32) < self.options.epochs {
+            let epoch = self.course.curves.len() as u32 + 1;
+            if self.is_out_of_patience(epoch) {
+                return Ok(Ending::Patience);
+            }
+            let Some(report) = self.epoch(epoch, untrained, monitor)? else {
+                return Ok(Ending::Diverged(epoch));
+            };
+            let better = self
+                .course
+                .best
+                .is_none_or(|(rmse, _)| report.validation_rmse_mm < rmse);
+            if better || self.validation.is_empty() {
+                self.course.best = Some((report.validation_rmse_mm, epoch));
+                self.best = self.weights()?;
+            }
+            monitor.epoch(&report);
+            self.course.curves.push(report);
+            let weights = self.weights()?;
+            monitor.keep(&|| self.checkpoint(&weights).to_bytes());
+        }
+        Ok(Ending::Complete)
+    }
+
+    /// Whether the epochs before this one have gone without a better one for too long.
+    fn is_out_of_patience(&self, epoch: u32) -> bool {
+        let curves = &self.course.curves;
+        let least = curves
+            .iter()
+            .min_by(|a, b| a.validation_rmse_mm.total_cmp(&b.validation_rmse_mm));
+        match (least, self.options.patience) {
+            (Some(least), Some(patience)) => epoch - 1 - least.epoch >= patience,
+            _ => false,
+        }
+    }
+
+    /// One pass over the training examples in random order; none where it diverges.
+    fn epoch(
+        &mut self,
+        epoch: u32,
+        untrained: &Standing,
+        monitor: &dyn Monitor,
+    ) -> Result<Option<EpochReport>, TrainError> {
+        let order = self.order(epoch);
+        let batches = order.chunks(self.options.batch as usize);
         let (before, all) = (u64::from(epoch - 1), u64::from(self.options.epochs));
         let steps = batches.len() as u64;
-        let (mut sum, mut learning_rate) = (0.0, 0.0);
+        let (mut sum, mut shown, mut learning_rate) = (0.0, 0, 0.0);
         for (step, batch) in (before * steps..).zip(batches) {
             learning_rate = self.options.learning_rate * learning_rate_factor(step, all * steps);
             let (loss, gradients) = self.problem().gradient(batch)?;
+            if !loss.is_finite() {
+                return Ok(None);
+            }
             self.optimizer.step(&gradients, learning_rate)?;
             sum += loss;
+            shown += batch.len();
+            monitor.step(epoch, shown as f64 / order.len() as f64, sum / shown as f64);
         }
+        let (train_loss, standing) = (sum / order.len() as f64, self.standing()?);
+        // In the network's unit of length an answer of zero has a loss of about 1.
+        let limit = EXPLOSION * untrained.loss.max(1.0);
+        if train_loss > limit || !(standing.loss.is_finite() && standing.rmse_mm.is_finite()) {
+            return Ok(None);
+        }
+        Ok(Some(EpochReport {
+            epoch,
+            train_loss,
+            validation_loss: standing.loss,
+            validation_rmse_mm: standing.rmse_mm,
+            learning_rate,
+        }))
+    }
+
+    /// The training examples in the order of an epoch, each turned as that epoch has it.
+    fn order(&self, epoch: u32) -> Vec<Shown<'a>> {
+        let mut order: Vec<Shown<'a>> = self.training.iter().map(|example| Shown::upright(example)).collect();
+        let stream = |purpose| Stream::new(self.options.seed, purpose, epoch.into());
+        stream("surrogate shuffle").shuffle(&mut order);
+        if self.options.symmetry == SymmetryGroup::D4 {
+            let mut turns = stream("surrogate symmetry");
+            order
+                .iter_mut()
+                .for_each(|shown| shown.symmetry = Symmetry::ALL[turns.index(Symmetry::ALL.len())]);
+        }
+        order
+    }
+
+    /// How the weights do on the validation examples, or on the training examples where there are none.
+    fn standing(&self) -> Result<Standing, TrainError> {
         let held_out = if self.validation.is_empty() {
             &self.training
         } else {
             &self.validation
         };
-        let validation_loss = self.problem().loss(held_out)? / held_out.len() as f64;
-        if !(f64::is_finite(sum) && validation_loss.is_finite()) {
-            return Err(TrainError::Diverged { epoch });
-        }
-        Ok(EpochReport {
-            epoch,
-            train_loss: sum / order.len() as f64,
-            validation_loss,
-            validation_rmse_mm: self.rmse(held_out)?,
-            learning_rate,
+        let assessment = self.problem().assess(held_out)?;
+        Ok(Standing {
+            loss: assessment.loss / held_out.len() as f64,
+            rmse_mm: rmse_mm(&assessment.agreements),
         })
     }
 
-    fn predict(&self, examples: &[&Example]) -> Result<Vec<Field>, TrainError> {
-        let patterns: Vec<_> = examples.iter().map(|e| &e.pattern).collect();
-        Ok(evaluate(self.network.as_ref(), self.scale_mm, &patterns, &self.device)?)
+    fn weights(&self) -> Result<Vec<Vec<f32>>, TrainError> {
+        let values = |(_, var): &(String, Var)| Ok(var.flatten_all()?.to_vec1()?);
+        self.vars.iter().map(values).collect()
     }
 
-    fn rmse(&self, examples: &[&Example]) -> Result<f64, TrainError> {
-        let predicted = self.predict(examples)?;
-        let errors = examples
-            .iter()
-            .zip(&predicted)
-            .map(|(e, p)| e.field.rms_difference(p).powi(2));
-        Ok((errors.sum::<f64>() / examples.len() as f64).sqrt())
+    fn set_weights(&self, weights: &[Vec<f32>]) -> Result<(), TrainError> {
+        let set = |((_, var), values): (&(String, Var), &Vec<f32>)| {
+            Ok(var.set(&Tensor::from_slice(values, var.shape(), &self.device)?)?)
+        };
+        self.vars.iter().zip(weights).try_for_each(set)
     }
 
-    fn snapshot(&self) -> Result<Vec<Tensor>, TrainError> {
-        self.vars.iter().map(|(_, var)| Ok(var.copy()?)).collect()
+    fn checkpoint(&self, weights: &[Vec<f32>]) -> Checkpoint {
+        Checkpoint {
+            course: Course {
+                steps: self.optimizer.steps(),
+                ..self.course.clone()
+            },
+            weights: weights.to_vec(),
+            best: self.best.clone(),
+            means: self.optimizer.means().into_iter().map(<[f32]>::to_vec).collect(),
+        }
     }
 
-    fn restore(&self, weights: &[Tensor]) -> Result<(), TrainError> {
-        self.vars
-            .iter()
-            .zip(weights)
-            .try_for_each(|((_, var), value)| Ok(var.set(value)?))
+    /// Whether a checkpoint has the tensors of this network and optimiser.
+    fn fits(&self, checkpoint: &Checkpoint) -> bool {
+        let own = self.vars.iter().map(|(_, var)| var.elem_count());
+        let alike = |other: &[Vec<f32>]| own.clone().eq(other.iter().map(Vec::len));
+        let means = self.optimizer.means().into_iter().map(<[f32]>::len);
+        alike(&checkpoint.weights)
+            && alike(&checkpoint.best)
+            && means.eq(checkpoint.means.iter().map(Vec::len))
+            && checkpoint.course.curves.len() as u32 <= self.options.epochs
+    }
+
+    fn go_on(&mut self, checkpoint: Checkpoint) -> Result<(), TrainError> {
+        self.set_weights(&checkpoint.weights)?;
+        self.optimizer.go_on(checkpoint.course.steps, checkpoint.means);
+        self.best = checkpoint.best;
+        self.course = checkpoint.course;
+        Ok(())
+    }
+
+    /// The kept epoch with its metrics.
+    fn finish(self, examples: &[Example], untrained: &Standing, ending: Ending) -> Result<Trained, TrainError> {
+        let best = self.course.best.filter(|(rmse_mm, _)| match ending {
+            Ending::Diverged(_) => *rmse_mm < untrained.rmse_mm,
+            Ending::Complete | Ending::Patience => true,
+        });
+        let (_, best_epoch) = match (best, ending) {
+            (Some(best), _) => best,
+            (None, Ending::Diverged(epoch)) => return Err(TrainError::Diverged { epoch }),
+            (None, _) => return Err(TrainError::NoExamples),
+        };
+        self.set_weights(&self.best)?;
+        let assessment = self.problem().assess(&examples.iter().collect::<Vec<_>>())?;
+        Ok(Trained {
+            weights: self.bytes()?,
+            metrics: measure(examples, &assessment.agreements),
+            curves: self.course.curves,
+            best_epoch,
+            ending,
+        })
     }
 
     fn bytes(&self) -> Result<Vec<u8>, TrainError> {
@@ -269,9 +319,8 @@ impl<'a> Trainer<'a> {
 /// The root mean square of the displacement components in mm: the unit in which the network answers. 1 mm where nothing
 /// moves.
 fn deviation(examples: &[&Example]) -> f64 {
-    let still = Field::zero();
-    let squares = examples.iter().map(|e| e.field.rms_difference(&still).powi(2));
-    let deviation = (squares.sum::<f64>() / examples.len() as f64).sqrt();
+    let squares: f64 = examples.iter().map(|example| example.label.squares()).sum();
+    let deviation = (squares / (2 * CORNERS * CORNERS * examples.len()) as f64).sqrt();
     if deviation > 0.0 { deviation } else { 1.0 }
 }
 

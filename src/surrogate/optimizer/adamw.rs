@@ -12,7 +12,6 @@ const EPSILON: f32 = 1e-8;
 pub(super) struct State {
     first: Vec<f32>,
     second: Vec<f32>,
-    steps: i32,
 }
 
 impl State {
@@ -21,14 +20,23 @@ impl State {
         Self {
             first: vec![0.0; count],
             second: vec![0.0; count],
-            steps: 0,
         }
     }
 
-    /// The direction to descend against, of size about 1 per weight.
-    pub(super) fn direction(&mut self, gradient: &[f32]) -> Vec<f32> {
-        self.steps += 1;
-        let (unbias1, unbias2) = (1.0 - BETA1.powi(self.steps), 1.0 - BETA2.powi(self.steps));
+    /// The means of the gradients and of their squares.
+    pub(super) fn means(&self) -> [&[f32]; 2] {
+        [&self.first, &self.second]
+    }
+
+    /// Goes on from the means of another.
+    pub(super) fn go_on(&mut self, [first, second]: [Vec<f32>; 2]) {
+        (self.first, self.second) = (first, second);
+    }
+
+    /// The direction to descend against in a step counted from 1, of size about 1 per weight.
+    pub(super) fn direction(&mut self, gradient: &[f32], step: u32) -> Vec<f32> {
+        let power = i32::try_from(step).unwrap_or(i32::MAX);
+        let (unbias1, unbias2) = (1.0 - BETA1.powi(power), 1.0 - BETA2.powi(power));
         let means = self.first.iter_mut().zip(&mut self.second);
         let direction = means.zip(gradient).map(|((m, v), g)| {
             *m = BETA1 * *m + (1.0 - BETA1) * g;
@@ -51,9 +59,9 @@ mod tests {
             assert!(found.iter().zip(&expected).all(near), "{found:?} {expected:?}");
         };
         // The first direction is the sign of the gradient, whatever its size.
-        close(state.direction(&[3.0, -1e-2]), [1.0, -1.0]);
+        close(state.direction(&[3.0, -1e-2], 1), [1.0, -1.0]);
         // Then with gradient 0: m = 0.9·0.1 g, v = 0.99·0.01 g², unbiased by 1 − 0.9² and 1 − 0.99².
         let second = (0.9 * 0.1 / 0.19) / (0.99f64 * 0.01 / 0.0199).sqrt();
-        close(state.direction(&[0.0, 0.0]), [second, -second]);
+        close(state.direction(&[0.0, 0.0], 2), [second, -second]);
     }
 }

@@ -34,6 +34,16 @@ impl State {
         }
     }
 
+    /// The momentum, row by row.
+    pub(super) fn momentum(&self) -> &[f32] {
+        &self.momentum
+    }
+
+    /// Goes on from the momentum of another.
+    pub(super) fn go_on(&mut self, momentum: Vec<f32>) {
+        self.momentum = momentum;
+    }
+
     /// The direction to descend against.
     pub(super) fn direction(&mut self, gradient: &[f32]) -> Vec<f32> {
         let ahead = self.momentum.iter_mut().zip(gradient).map(|(m, g)| {

@@ -12,9 +12,7 @@ fn model() -> Vec<u8> {
         epochs: 1,
         ..TrainOptions::default()
     };
-    train(&examples(4, Split::Train), None, &options, &|_| ())
-        .unwrap()
-        .weights
+    train(&examples(4, Split::Train), None, &options, &()).unwrap().weights
 }
 
 fn patterns(count: u64) -> Vec<Pattern> {

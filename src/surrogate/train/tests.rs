@@ -1,8 +1,49 @@
+use std::cell::RefCell;
+
 use super::*;
+use crate::pattern::Pattern;
 use crate::surrogate::testing::examples;
+use crate::surrogate::{Label, Metrics, OptimizerKind};
 
 fn run(examples: &[Example], options: &TrainOptions) -> Result<Trained, TrainError> {
-    train(examples, None, options, &|_| ())
+    train(examples, None, options, &())
+}
+
+/// Remembers what it is told, and keeps every state.
+#[derive(Default)]
+struct Watch {
+    steps: RefCell<Vec<(u32, f64, f64)>>,
+    reports: RefCell<Vec<EpochReport>>,
+    states: RefCell<Vec<Vec<u8>>>,
+    resumed: RefCell<Vec<u32>>,
+    from: Option<Vec<u8>>,
+    refused: RefCell<u32>,
+}
+
+impl Monitor for Watch {
+    fn step(&self, epoch: u32, done: f64, loss: f64) {
+        self.steps.borrow_mut().push((epoch, done, loss));
+    }
+
+    fn epoch(&self, report: &EpochReport) {
+        self.reports.borrow_mut().push(report.clone());
+    }
+
+    fn resumed(&self, epochs: u32) {
+        self.resumed.borrow_mut().push(epochs);
+    }
+
+    fn kept(&self) -> Option<Vec<u8>> {
+        self.from.clone()
+    }
+
+    fn keep(&self, state: &dyn Fn() -> Option<Vec<u8>>) {
+        self.states.borrow_mut().push(state().unwrap());
+    }
+
+    fn unusable(&self) {
+        *self.refused.borrow_mut() += 1;
+    }
 }
 
 fn of(metrics: &[Metrics], split: Split) -> &Metrics {
@@ -64,17 +105,23 @@ fn the_number_of_threads_changes_no_bit() {
 
 #[test]
 fn reports_every_epoch_in_order() {
-    let seen = std::cell::RefCell::new(Vec::new());
+    let seen = Watch::default();
     let options = TrainOptions {
         epochs: 3,
+        batch: 2,
         ..TrainOptions::default()
     };
-    let trained = train(&examples(4, Split::Train), None, &options, &|r| {
-        seen.borrow_mut().push(r.clone())
-    })
-    .unwrap();
-    assert_eq!(seen.into_inner(), trained.curves);
+    let trained = train(&examples(4, Split::Train), None, &options, &seen).unwrap();
+    assert_eq!(*seen.reports.borrow(), trained.curves);
     assert!(trained.curves.iter().map(|r| r.epoch).eq(1..=3));
+    let steps: Vec<(u32, f64)> = seen
+        .steps
+        .borrow()
+        .iter()
+        .map(|(epoch, done, _)| (*epoch, *done))
+        .collect();
+    assert_eq!(steps, [(1, 0.5), (1, 1.0), (2, 0.5), (2, 1.0), (3, 0.5), (3, 1.0)]);
+    assert_eq!(seen.steps.borrow()[5].2, trained.curves[2].train_loss);
 }
 
 #[test]
@@ -93,7 +140,7 @@ fn without_validation_the_last_epoch_is_kept_and_only_groups_with_examples_are_m
 #[test]
 fn fields_that_do_not_move_train_without_nan() {
     let mut data = examples(4, Split::Train);
-    data.iter_mut().for_each(|example| example.field = Field::zero());
+    data.iter_mut().for_each(|example| example.label = Label::zero());
     let trained = run(
         &data,
         &TrainOptions {
@@ -125,12 +172,203 @@ fn what_cannot_be_trained_is_an_error() {
         run(&examples(3, Split::Train), &zero),
         Err(TrainError::Option { name: "batch", .. })
     ));
+}
+
+#[test]
+fn a_training_that_is_gone_on_with_ends_with_the_same_bits() {
+    let data = [examples(12, Split::Train), examples(4, Split::Validation)].concat();
+    for optimizer in OptimizerKind::ALL {
+        let options = TrainOptions {
+            epochs: 4,
+            batch: 4,
+            optimizer,
+            symmetry: SymmetryGroup::D4,
+            gradient_norm: Some(0.5),
+            ..TrainOptions::default()
+        };
+        let whole = Watch::default();
+        let expected = train(&data, None, &options, &whole).unwrap();
+        for (k, state) in whole.states.take().into_iter().enumerate() {
+            let rest = Watch {
+                from: Some(state),
+                ..Watch::default()
+            };
+            let found = train(&data, None, &options, &rest).unwrap();
+            assert_eq!(found.weights, expected.weights, "{optimizer:?} after epoch {}", k + 1);
+            assert_eq!((&found.curves, &found.metrics), (&expected.curves, &expected.metrics));
+            assert_eq!(found.best_epoch, expected.best_epoch);
+            assert_eq!(
+                (rest.resumed.take(), rest.reports.take().len()),
+                (vec![k as u32 + 1], 3 - k)
+            );
+        }
+    }
+}
+
+#[test]
+fn a_state_of_something_else_is_not_used() {
+    let data = examples(4, Split::Train);
+    let options = TrainOptions {
+        epochs: 1,
+        ..TrainOptions::default()
+    };
+    let other = Watch::default();
+    let other_options = TrainOptions {
+        optimizer: OptimizerKind::AdamW,
+        ..options.clone()
+    };
+    train(&data, None, &other_options, &other).unwrap();
+    for state in [other.states.take().remove(0), b"a training".to_vec()] {
+        let watch = Watch {
+            from: Some(state),
+            ..Watch::default()
+        };
+        let trained = train(&data, None, &options, &watch).unwrap();
+        assert_eq!((watch.refused.take(), watch.resumed.take()), (1, vec![]));
+        assert_eq!(trained.weights, run(&data, &options).unwrap().weights);
+    }
+}
+
+#[test]
+fn patience_ends_a_training_that_gets_no_better() {
+    let data = [examples(8, Split::Train), examples(4, Split::Validation)].concat();
+    let options = TrainOptions {
+        epochs: 40,
+        patience: Some(2),
+        learning_rate: 0.02,
+        ..TrainOptions::default()
+    };
+    let trained = run(&data, &options).unwrap();
+    let last = trained.curves.len() as u32;
+    assert_eq!(trained.ending, Ending::Patience);
+    assert!(
+        last < 40 && last == trained.best_epoch + 2,
+        "{last} {}",
+        trained.best_epoch
+    );
+    // The rate does not depend on where the training will end: these are the first epochs of the whole training.
+    let whole = TrainOptions {
+        patience: None,
+        epochs: 40,
+        ..options
+    };
+    let whole = run(&data, &whole).unwrap();
+    assert_eq!(whole.ending, Ending::Complete);
+    assert_eq!(trained.curves[..], whole.curves[..last as usize]);
+}
+
+#[test]
+fn a_loss_that_is_no_number_stops_the_training() {
     let wild = TrainOptions {
         learning_rate: 1e30,
-        ..options
+        ..TrainOptions::default()
     };
     assert!(matches!(
         run(&examples(9, Split::Train), &wild),
         Err(TrainError::Diverged { epoch: 1 })
     ));
+}
+
+#[test]
+fn a_loss_that_explodes_stops_the_training_with_the_best_weights_so_far() {
+    let data = [examples(16, Split::Train), examples(4, Split::Validation)].concat();
+    // The rate rises over the first epochs: the first of very many is gentle, a later one is not.
+    let options = TrainOptions {
+        epochs: 3000,
+        learning_rate: 10.0,
+        ..TrainOptions::default()
+    };
+    let trained = run(&data, &options).unwrap();
+    let Ending::Diverged(epoch) = trained.ending else {
+        panic!("{:?}", trained.ending);
+    };
+    assert!(trained.best_epoch < epoch && trained.curves.len() as u32 == epoch - 1);
+    let best = &trained.curves[trained.best_epoch as usize - 1];
+    let kept = of(&trained.metrics, Split::Validation).rmse_mm;
+    assert!((best.validation_rmse_mm - kept).abs() < 1e-12);
+    assert!(trained.curves.iter().all(|report| report.train_loss.is_finite()));
+    // Where nothing was better than the untrained network there is nothing to keep.
+    let sudden = TrainOptions { epochs: 3, ..options };
+    let error = run(&data, &sudden).unwrap_err();
+    assert!(matches!(error, TrainError::Diverged { .. }), "{error}");
+    assert!(error.to_string().contains("smaller learning rate"));
+}
+
+#[test]
+fn symmetries_are_drawn_anew_in_every_epoch_and_shown_in_training_only() {
+    let data = [examples(64, Split::Train), examples(4, Split::Validation)].concat();
+    let options = TrainOptions {
+        symmetry: SymmetryGroup::D4,
+        ..TrainOptions::default()
+    };
+    let trainer = Trainer::new(&data, None, &options).unwrap();
+    let turns = |epoch| {
+        let mut order = trainer.order(epoch);
+        order.sort_by_key(|shown| std::ptr::from_ref(shown.example));
+        order.iter().map(|shown| shown.symmetry).collect::<Vec<_>>()
+    };
+    assert_eq!(turns(1), turns(1));
+    assert_ne!(turns(1), turns(2));
+    assert!(Symmetry::ALL.iter().all(|g| turns(1).contains(g)));
+    let plain = TrainOptions::default();
+    let trainer = Trainer::new(&data, None, &plain).unwrap();
+    assert!(
+        trainer
+            .order(1)
+            .iter()
+            .all(|shown| shown.symmetry == Symmetry::IDENTITY)
+    );
+}
+
+#[test]
+fn one_example_a_batch_of_one_and_a_batch_beyond_the_examples_all_train() {
+    for (count, batch) in [(1, 1), (1, 8), (5, 1), (5, 4096)] {
+        let options = TrainOptions {
+            epochs: 12,
+            batch,
+            ..TrainOptions::default()
+        };
+        let trained = run(&examples(count, Split::Train), &options).unwrap();
+        let (first, last) = (&trained.curves[0], &trained.curves[11]);
+        assert!(
+            last.train_loss < first.train_loss,
+            "{count} {batch}: {first:?} {last:?}"
+        );
+    }
+}
+
+#[test]
+fn a_label_that_is_always_the_same_is_learnt() {
+    let mut data = examples(8, Split::Train);
+    let label = data[0].label.clone();
+    data.iter_mut().for_each(|example| example.label = label.clone());
+    let options = TrainOptions {
+        epochs: 10,
+        batch: 1,
+        ..TrainOptions::default()
+    };
+    let trained = run(&data, &options).unwrap();
+    assert!(of(&trained.metrics, Split::Train).r2 > 0.7, "{:?}", trained.metrics);
+}
+
+#[test]
+fn empty_and_full_patterns_belong_to_a_training_set() {
+    let still = |active: bool| Example {
+        pattern: Pattern::from_fn(|_, _| active),
+        label: Label::zero(),
+        family: "uniform".to_owned(),
+        split: Split::Train,
+    };
+    let data = [examples(14, Split::Train), vec![still(false), still(true)]].concat();
+    let options = TrainOptions {
+        epochs: 20,
+        ..TrainOptions::default()
+    };
+    let trained = run(&data, &options).unwrap();
+    let uniform = trained.metrics.iter().find(|m| m.family == "uniform").unwrap();
+    let all = of(&trained.metrics, Split::Train);
+    assert!(
+        uniform.samples == 2 && uniform.rmse_mm < 0.5 && all.r2 > 0.5,
+        "{uniform:?} {all:?}"
+    );
 }

@@ -81,6 +81,8 @@ stages:
   searched: { kind: audit, needs: [solved], samples: all }
   surrogate: { kind: train, needs: [balanced, audited], network: qin2024, epochs: 1, batch: 8, learning_rate: 0.002, max_weight: 0.1,
     auxiliary_weight: 0.2, seed: 5 }
+  patient: { kind: train, needs: [balanced, solved], network: qin2024, epochs: 40, patience: 5, optimizer: adamw, weight_decay: 1e-4,
+    gradient_norm: 5, symmetry: d4, seed: 5 }
   design: { kind: design, needs: [surrogate], objective: { point: [25 mm, 25 mm], direction: 0 deg, measure: qin2024 },
     area: 0.5, area_penalty: 5, population: 20, generations: 2, elite: 0.02, crossover: 0.7, mutation: 0.3,
     stagnation: 5, seed: 6 }

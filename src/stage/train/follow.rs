@@ -1,0 +1,73 @@
+//! What a run sees of a training, and what it keeps of it.
+
+use std::cell::Cell;
+
+use crate::orchestrator::Job;
+use crate::surrogate::{EpochReport, Monitor};
+
+/// Notes within an epoch.
+const NOTES: f64 = 10.0;
+
+/// The name under which a training is kept.
+const STATE: &str = "training";
+
+/// Shows a training to the run that it is part of, which keeps its state.
+pub struct Follow<'a, 'j> {
+    job: &'a Job<'j>,
+    /// The tenth of the epoch that was last told of.
+    told: Cell<u32>,
+    rmse_mm: Cell<Option<f64>>,
+}
+
+impl<'a, 'j> Follow<'a, 'j> {
+    /// Nothing seen yet.
+    pub fn new(job: &'a Job<'j>) -> Self {
+        Self {
+            job,
+            told: Cell::new(0),
+            rmse_mm: Cell::new(None),
+        }
+    }
+}
+
+impl Monitor for Follow<'_, '_> {
+    fn step(&self, epoch: u32, done: f64, loss: f64) {
+        let tenth = (NOTES * done) as u32;
+        if tenth == self.told.replace(tenth) {
+            return;
+        }
+        let mut note = format!("epoch {epoch} {:.0} %, loss {loss:.2e}", 100.0 * done);
+        if let Some(rmse_mm) = self.rmse_mm.get() {
+            note += &format!(", validation RMSE {rmse_mm:.4} mm");
+        }
+        self.job.progress.note(&note);
+    }
+
+    fn epoch(&self, report: &EpochReport) {
+        self.rmse_mm.set(Some(report.validation_rmse_mm));
+        self.job.progress.note(&format!(
+            "loss {:.2e}, validation RMSE {:.4} mm",
+            report.train_loss, report.validation_rmse_mm
+        ));
+        self.job.progress.advance(1);
+    }
+
+    fn resumed(&self, epochs: u32) {
+        self.job.progress.resume(u64::from(epochs));
+        self.job.progress.note(&format!(
+            "goes on after epoch {epochs}, where an earlier run was stopped"
+        ));
+    }
+
+    fn kept(&self) -> Option<Vec<u8>> {
+        self.job.scratch.kept(STATE)
+    }
+
+    fn keep(&self, state: &dyn Fn() -> Option<Vec<u8>>) {
+        self.job.scratch.keep(STATE, state);
+    }
+
+    fn unusable(&self) {
+        self.job.scratch.ignore("it is not a state of this training");
+    }
+}
