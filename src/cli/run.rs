@@ -12,7 +12,7 @@ use super::progress::{RunProgress, Shown};
 use super::table;
 use crate::base::Override;
 use crate::orchestrator::{Environment, Pipeline, RunOptions, RunOutcome, run};
-use crate::report::{Made, Summary, audits, draw_figures, summarise, warnings};
+use crate::report::{Made, Summary, TrainingSummary, audits, draw_figures, summarise, trainings, warnings};
 use crate::stage;
 use crate::store::{LockFile, Store};
 
@@ -48,6 +48,7 @@ pub fn execute(arguments: &RunArguments, output: &Output) -> Result<Exit, CliErr
     let made = made(&outcome);
     let summaries = summarise(&store, &made)?;
     let audits = audits(&store, &made)?;
+    let trainings = trainings(&store, &made)?;
     let warnings = warnings(&store, &made)?;
     let figures = draw_figures(&store, &pipeline.name, &made)?;
     let figures: Vec<String> = figures.iter().map(|path| path.display().to_string()).collect();
@@ -57,15 +58,19 @@ pub fn execute(arguments: &RunArguments, output: &Output) -> Result<Exit, CliErr
         document["store"] = json!(store.root());
         document["results"] = json!(summaries);
         document["audits"] = json!(audits);
-        document["warnings"] = json!(warnings);
+        document["trainings"] = trainings.iter().map(|training| training.line.as_str()).collect();
+        let of_trainings = trainings.iter().flat_map(|training| &training.warnings);
+        document["warnings"] = warnings.iter().chain(of_trainings).map(String::as_str).collect();
         document["figures"] = json!(figures);
         output.document(&document)?;
     } else if arguments.quiet {
         warnings
             .iter()
             .for_each(|warning| output.complain(&format!("warning: not simulated although it matters: {warning}")));
+        let of_trainings = trainings.iter().flat_map(|training| &training.warnings);
+        of_trainings.for_each(|warning| output.complain(&format!("warning: {warning}")));
     } else {
-        output.text(&found(&outcome, &summaries, &audits, &warnings, &figures))?;
+        output.text(&found(&outcome, &summaries, &audits, &trainings, &warnings, &figures))?;
     }
     Ok(if outcome.unstable > 0 {
         Exit::Unstable
@@ -156,6 +161,7 @@ fn found(
     outcome: &RunOutcome,
     summaries: &[Summary],
     audits: &[String],
+    trainings: &[TrainingSummary],
     warnings: &[String],
     figures: &[String],
 ) -> String {
@@ -167,6 +173,10 @@ fn found(
         ));
     }
     parts.extend(summaries.iter().map(ToString::to_string));
+    let lines: Vec<&str> = trainings.iter().map(|training| training.line.as_str()).collect();
+    parts.extend((!lines.is_empty()).then(|| lines.join("\n")));
+    let of_trainings: Vec<&str> = trainings.iter().flat_map(|t| &t.warnings).map(String::as_str).collect();
+    parts.extend((!of_trainings.is_empty()).then(|| format!("warnings:\n  {}", of_trainings.join("\n  "))));
     parts.extend((!audits.is_empty()).then(|| audits.join("\n")));
     if !warnings.is_empty() {
         parts.push(format!(

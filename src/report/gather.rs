@@ -239,6 +239,8 @@ fn training(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
         train_loss: source.reals("curves/train_loss")?,
         validation_loss: source.reals("curves/validation_loss")?,
         validation_rmse: source.reals("curves/validation_rmse")?,
+        learning_rate: source.reals("curves/learning_rate")?,
+        kept: source.counts("best_epoch")?.first().copied().unwrap_or_default(),
     };
     source.drawn(draw_training(path, &data))
 }

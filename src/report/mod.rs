@@ -5,12 +5,14 @@ pub mod figures;
 mod gather;
 mod html;
 mod summary;
+mod training;
 mod warnings;
 
 pub use audit::{audited, audits};
 pub use gather::{Made, ReportError, draw_figures};
 pub use html::Page;
 pub use summary::{CaseSummary, Summary, summarise};
+pub use training::{TrainingSummary, trainings};
 pub use warnings::warnings;
 
 #[cfg(test)]

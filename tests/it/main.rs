@@ -23,4 +23,5 @@ mod reuse;
 mod schema;
 mod screen;
 mod solve;
+mod training;
 mod two_runs;

@@ -37,6 +37,8 @@ fn training(epochs: usize) -> Training {
         train_loss: curve(0.3, 0.004),
         validation_loss: curve(0.2, 0.007),
         validation_rmse: curve(0.6, 0.031),
+        learning_rate: (0..epochs).map(|k| 2e-3 * (-0.9 * k as f64).exp()).collect(),
+        kept: epochs as u64,
     }
 }
 
@@ -201,6 +203,10 @@ fn numbers_that_make_no_figure_are_refused_and_odd_ones_drawn() {
     bad.after.pop();
     assert!(matches!(draw_histogram(&path, &bad), Err(FigureError::Data(_))));
     assert!(matches!(draw_training(&path, &training(0)), Err(FigureError::Data(_))));
+    for kept in [0, 4] {
+        let bad = Training { kept, ..training(3) };
+        assert!(matches!(draw_training(&path, &bad), Err(FigureError::Data(_))));
+    }
     assert!(matches!(
         draw_evolution(&path, &evolution(0)),
         Err(FigureError::Data(_))

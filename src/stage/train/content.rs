@@ -155,3 +155,61 @@ fn add_metrics(object: Object, metrics: &[Metrics]) -> Object {
             metric("mm", "largest absolute error of a component", |m| m.max_error_mm),
         )
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stage::train::examples::Why;
+
+    fn trained(ending: Ending) -> Trained {
+        Trained {
+            weights: vec![1, 2, 3],
+            curves: Vec::new(),
+            metrics: Vec::new(),
+            best_epoch: 2,
+            ending,
+        }
+    }
+
+    #[test]
+    fn what_a_user_should_know_is_told_and_nothing_else() {
+        assert_eq!(warnings(0, &[], &trained(Ending::Complete)), Vec::<String>::new());
+        assert_eq!(warnings(0, &[], &trained(Ending::Patience)), Vec::<String>::new());
+        let left_out = |row| LeftOut {
+            input: 1,
+            row,
+            found_mm: 100.0,
+            why: Why::BeyondSide(50.0),
+        };
+        let many: Vec<LeftOut> = (0..8).map(left_out).collect();
+        let told = warnings(3, &many, &trained(Ending::Diverged(4)));
+        assert_eq!(told[0], "3 samples without a stable solution are left out");
+        assert!(
+            told[1].starts_with("8 labels are left out: row 0 of input 2: 100.000 mm are more than"),
+            "{told:?}"
+        );
+        assert!(told[1].ends_with("; and 3 more, under `left_out/`"), "{told:?}");
+        assert!(
+            told[2].starts_with("the training diverged in epoch 4: the weights of epoch 2 are kept"),
+            "{told:?}"
+        );
+        assert_eq!(told.len(), 3);
+    }
+
+    #[test]
+    fn labels_left_out_stand_in_the_artifact() {
+        let left_out = LeftOut {
+            input: 1,
+            row: 7,
+            found_mm: 100.0,
+            why: Why::BeyondSide(50.0),
+        };
+        let object = describe(&trained(Ending::Complete), 5, &[left_out]);
+        let data = |path: &str| object.datasets[path].data.clone();
+        assert_eq!(data("left_out/input"), Data::U64(vec![1]));
+        assert_eq!(data("left_out/row"), Data::U64(vec![7]));
+        assert_eq!(data("left_out/displacement"), Data::F64(vec![100.0]));
+        assert_eq!(data("left_out/why"), Data::Text(vec!["beyond-the-side".to_owned()]));
+        assert_eq!(data("counts/unstable"), Data::U64(vec![5]));
+    }
+}

@@ -293,3 +293,6 @@ fn nothing(found: &Examples) -> StageError {
 fn wrong(artifact: &Artifact, reason: &str) -> StageError {
     StageError::Input(format!("artifact {}: {reason}", artifact.digest().short()))
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,191 @@
+use super::*;
+use crate::field::Field;
+use crate::pattern::Symmetry;
+use crate::store::{Object, Provenance, Store};
+
+const SIDE_MM: f64 = 50.0;
+
+/// Patterns without any symmetry.
+fn pattern(k: usize) -> Pattern {
+    Pattern::from_fn(|x, y| (3 * x + y * y + k * x * y) % 7 < 3 && x > y / 2)
+}
+
+/// One corner moves.
+fn field(mm: f64) -> Field {
+    let mut values = vec![0.0; 2 * CORNERS * CORNERS];
+    values[2 * (20 * CORNERS + 30)] = mm;
+    Field::from_values(values).unwrap()
+}
+
+/// A dataset whose rows differ in the word beside them only.
+fn object(patterns: &[Pattern], fields: &[Field], word: &str, words: &[&str]) -> Object {
+    Object::default()
+        .with("patterns", arrays::patterns("d", patterns))
+        .with("displacement", arrays::fields("d", fields.iter()))
+        .with("family", arrays::texts("d", patterns.iter().map(|_| "bezier")))
+        .with(word, arrays::texts("d", words.iter().copied()))
+}
+
+fn balanced(patterns: &[Pattern], fields: &[Field], splits: &[Split]) -> Object {
+    let words: Vec<&str> = splits.iter().map(|split| split.name()).collect();
+    object(patterns, fields, "split", &words)
+}
+
+fn solved(patterns: &[Pattern], outcomes: &[&str], unstable: &[&str]) -> Object {
+    let fields: Vec<Field> = patterns.iter().map(|_| field(1.0)).collect();
+    object(patterns, &fields, "outcome", outcomes)
+        .with("unstable/outcome", arrays::texts("d", unstable.iter().copied()))
+}
+
+struct Bench {
+    _folder: tempfile::TempDir,
+    store: Store,
+}
+
+impl Bench {
+    fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::open(folder.path()).unwrap();
+        Self { _folder: folder, store }
+    }
+
+    fn put(&self, object: &Object) -> Artifact {
+        let stored = self.store.put(object, &Provenance::default()).unwrap();
+        self.store.artifact(&stored.digest).unwrap()
+    }
+
+    fn manifest(&self, chunks: &[Object]) -> Artifact {
+        let parts = chunks.iter().map(|chunk| self.put(chunk).digest()).collect();
+        self.put(&Object {
+            parts,
+            ..Object::default()
+        })
+    }
+}
+
+#[test]
+fn rows_come_in_order_with_their_labels_and_splits() {
+    let bench = Bench::new();
+    let patterns: Vec<Pattern> = (0..4).map(pattern).collect();
+    let fields: Vec<Field> = (0..4).map(|k| field(0.5 + f64::from(k))).collect();
+    let splits = [Split::Train, Split::Test, Split::Train, Split::Validation];
+    let artifact = bench.put(&balanced(&patterns, &fields, &splits));
+    let found = read(&[artifact], SIDE_MM).unwrap();
+    assert!(found.left_out.is_empty() && found.unstable == 0);
+    for (k, example) in found.examples.iter().enumerate() {
+        assert_eq!((&example.pattern, example.split), (&patterns[k], splits[k]));
+        assert_eq!(
+            (&example.label, example.family.as_str()),
+            (&Label::from(&fields[k]), "bezier")
+        );
+    }
+    assert_eq!(found.examples.len(), 4);
+}
+
+#[test]
+fn samples_that_did_not_converge_are_counted_and_left_out() {
+    let bench = Bench::new();
+    let first = solved(&[pattern(0), pattern(1)], &["converged", "converged"], &["pull-in"]);
+    let second = solved(
+        &[pattern(2), pattern(3)],
+        &["iteration-limit", "estimated"],
+        &["slack", "pull-in"],
+    );
+    let found = read(&[bench.manifest(&[first, second])], SIDE_MM).unwrap();
+    let kept: Vec<&Pattern> = found.examples.iter().map(|e| &e.pattern).collect();
+    assert_eq!(kept, [&pattern(0), &pattern(1), &pattern(3)]);
+    assert_eq!(found.unstable, 3);
+    let expected = LeftOut {
+        input: 0,
+        row: 2,
+        found_mm: 0.0,
+        why: Why::NotConverged,
+    };
+    assert_eq!(found.left_out, [expected]);
+}
+
+#[test]
+fn labels_that_cannot_be_true_are_left_out_and_named() {
+    let bench = Bench::new();
+    let patterns: Vec<Pattern> = (0..24).map(pattern).collect();
+    let mut fields: Vec<Field> = (0..24).map(|k| field(1.0 + 0.05 * f64::from(k))).collect();
+    fields[3] = field(100.0);
+    fields[7] = field(45.0);
+    let mut moved = field(1.0).values().to_vec();
+    moved[0] = 0.25;
+    fields[20] = Field::from_values(moved).unwrap();
+    let artifact = bench.put(&balanced(&patterns, &fields, &[Split::Train; 24]));
+    let found = read(&[artifact], SIDE_MM).unwrap();
+    assert_eq!(found.examples.len(), 21);
+    assert!(found.examples.iter().all(|example| example.label.max_magnitude() < 3.0));
+    let named: Vec<String> = found.left_out.iter().map(ToString::to_string).collect();
+    assert_eq!(
+        named[0],
+        "row 3 of input 1: 100.000 mm are more than the side of the membrane, 50 mm"
+    );
+    assert!(
+        named[1].starts_with("row 7 of input 1: 45.000 mm are out of all proportion"),
+        "{named:?}"
+    );
+    assert_eq!(named[2], "row 20 of input 1: the frame moves by 0.250 mm");
+    assert_eq!(named.len(), 3);
+    let names = found.left_out.iter().map(|left_out| left_out.why.name());
+    assert!(names.eq(["beyond-the-side", "outlier", "frame-moves"]));
+}
+
+#[test]
+fn all_images_of_a_pattern_are_in_one_part_whichever_input_they_stand_in() {
+    let bench = Bench::new();
+    let images: Vec<Pattern> = Symmetry::ALL.iter().map(|g| pattern(0).transformed(*g)).collect();
+    let others: Vec<Pattern> = (1..40).map(pattern).collect();
+    let of_samples = bench.manifest(&[solved(&[&images[..4], &others].concat(), &["converged"; 43], &[])]);
+    let alone = read(std::slice::from_ref(&of_samples), SIDE_MM).unwrap();
+    let parts = |found: &Examples| found.examples.iter().map(|e| e.split).collect::<Vec<_>>();
+    assert!(parts(&alone)[..4].iter().all(|split| *split == parts(&alone)[0]));
+    assert_eq!(parts(&alone)[5], Split::of(&others[1].orbit(), SPLIT_SEED));
+    assert!(Split::ALL.iter().all(|split| parts(&alone).contains(split)));
+    // A balanced input knows better, wherever it stands, and the first of two that disagree.
+    let elsewhere = Split::ALL.into_iter().find(|split| *split != parts(&alone)[0]).unwrap();
+    let fields = [field(1.0), field(1.0)];
+    let known = bench.put(&balanced(&images[4..6], &fields, &[elsewhere; 2]));
+    let other = bench.put(&balanced(&images[6..], &fields, &[parts(&alone)[0]; 2]));
+    for inputs in [
+        [of_samples.clone(), known.clone(), other.clone()],
+        [known.clone(), other.clone(), of_samples.clone()],
+    ] {
+        let found = read(&inputs, SIDE_MM).unwrap();
+        let of_orbit = found.examples.iter().filter(|e| e.pattern.orbit() == images[0].orbit());
+        let splits: Vec<Split> = of_orbit.map(|example| example.split).collect();
+        assert_eq!(splits, [elsewhere; 8]);
+    }
+}
+
+#[test]
+fn empty_and_full_patterns_are_examples_like_others() {
+    let bench = Bench::new();
+    let uniform = [Pattern::from_fn(|_, _| false), Pattern::from_fn(|_, _| true)];
+    let still = [field(0.0), field(0.0)];
+    let artifact = bench.put(&balanced(&uniform, &still, &[Split::Train; 2]));
+    let found = read(&[artifact], SIDE_MM).unwrap();
+    assert!(found.examples.len() == 2 && found.left_out.is_empty());
+}
+
+#[test]
+fn inputs_without_any_label_to_learn_from_are_refused_with_the_reason() {
+    let bench = Bench::new();
+    let none = bench.put(&balanced(&[pattern(0)], &[field(100.0)], &[Split::Train]));
+    let error = read(&[none], SIDE_MM).err().unwrap().to_string();
+    assert!(
+        error.starts_with("there is no label to learn from; row 0 of input 1: 100.000 mm"),
+        "{error}"
+    );
+    let unstable = bench.manifest(&[solved(&[], &[], &["pull-in", "slack"])]);
+    let error = read(&[unstable], SIDE_MM).err().unwrap().to_string();
+    assert!(error.contains("2 samples have no stable solution"), "{error}");
+    let torn = object(&[pattern(0)], &[field(1.0)], "split", &[]);
+    let error = read(&[bench.put(&torn)], SIDE_MM).err().unwrap().to_string();
+    assert!(error.contains("differ in length"), "{error}");
+    let odd = object(&[pattern(0)], &[field(1.0)], "split", &["elsewhere"]);
+    let error = read(&[bench.put(&odd)], SIDE_MM).err().unwrap().to_string();
+    assert!(error.contains("unknown split \"elsewhere\""), "{error}");
+}

@@ -1,0 +1,121 @@
+//! A training that is killed is gone on with to the same bits; one that diverges says so; what it left out it names.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Stdio;
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use super::common::{SMALL, Stages, Workspace, files};
+
+const RUN: [&str; 2] = ["run", "train.yaml"];
+
+/// A training on balanced and on solved samples, long enough to be killed in.
+fn workspace() -> Workspace {
+    let workspace = Workspace::new();
+    let stage = "  surrogate: { kind: train, needs: [balanced, solved], network: qin2024, epochs: 120, symmetry: d4, seed: 5 }\n";
+    workspace.write("train.yaml", &format!("{SMALL}{stage}"));
+    workspace
+}
+
+/// The file in which a training under way is kept.
+fn state(workspace: &Workspace) -> Option<PathBuf> {
+    files(&workspace.path("store/checkpoints")).into_iter().next()
+}
+
+/// Kills the run after the training has kept its state for the first time.
+fn kill_in_the_training(workspace: &Workspace) {
+    let mut run = workspace.command(&RUN);
+    let mut run = run.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let start = Instant::now();
+    while state(workspace).is_none() {
+        assert!(run.try_wait().unwrap().is_none(), "it ended before it could be killed");
+        assert!(start.elapsed() < Duration::from_secs(120), "nothing was kept");
+        sleep(Duration::from_millis(5));
+    }
+    run.kill().unwrap();
+    run.wait().unwrap();
+}
+
+fn copy(from: &Path, to: &Path) {
+    fs::create_dir_all(to).unwrap();
+    for entry in fs::read_dir(from).unwrap() {
+        let path = entry.unwrap().path();
+        let target = to.join(path.file_name().unwrap());
+        if path.is_dir() {
+            copy(&path, &target);
+        } else {
+            fs::copy(&path, &target).unwrap();
+        }
+    }
+}
+
+#[test]
+fn a_killed_training_is_gone_on_with_to_the_same_bits() {
+    let killed = workspace();
+    kill_in_the_training(&killed);
+    let status = killed.run(&["status", "--json"]).json();
+    assert_eq!(status["checkpoints"], 1, "{status}");
+    let fsck = killed.run(&["fsck", "--json"]).json();
+    assert_eq!((&fsck["sound"], &fsck["checkpoints"]), (&true.into(), &1.into()));
+
+    // What was kept is damaged in a copy of the store: there the training begins again.
+    let damaged = workspace();
+    copy(&killed.path("store"), &damaged.path("store"));
+    let file = state(&damaged).unwrap();
+    let mut bytes = fs::read(&file).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    fs::write(&file, bytes).unwrap();
+
+    let run = |workspace: &Workspace, more: &[&str]| {
+        let ended = workspace.run(&[&RUN[..], &["--json", "--progress", "json"], more].concat());
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+        assert_eq!(state(workspace), None, "what was kept is still there");
+        let digest = Stages::read(&ended.json()).digests()["surrogate"].clone();
+        (digest, ended.stderr)
+    };
+    let (gone_on, told) = run(&killed, &[]);
+    assert!(told.contains(r#""event":"resumed","name":"surrogate""#), "{told}");
+    let (begun_again, told) = run(&damaged, &[]);
+    assert!(told.contains("is not used") && !told.contains("resumed"), "{told}");
+    // Of one thread too.
+    let undisturbed = workspace();
+    copy(&killed.path("store"), &undisturbed.path("store"));
+    for folder in ["records", "runs", "checkpoints"] {
+        let _ = fs::remove_dir_all(undisturbed.path("store").join(folder));
+    }
+    let (whole, told) = run(&undisturbed, &["--jobs", "1"]);
+    assert!(!told.contains("resumed"), "{told}");
+    assert_eq!((gone_on, begun_again), (whole.clone(), whole));
+}
+
+#[test]
+fn a_training_that_diverges_says_so() {
+    let workspace = workspace();
+    let rate = ["--set", "stages.surrogate.learning_rate=10"];
+    let run = |more: &[&str]| workspace.run(&[&RUN[..], &rate, more].concat());
+    let ended = run(&["--set", "stages.surrogate.epochs=4"]);
+    assert_eq!(ended.code, Some(1), "{}", ended.stderr);
+    assert!(
+        ended.stderr.contains("diverged in epoch") && ended.stderr.contains("smaller"),
+        "{}",
+        ended.stderr
+    );
+    // Where the rate rises slowly, some epochs are good before it is too large: the best of them is kept.
+    let ended = run(&["--set", "stages.surrogate.epochs=20000", "--json"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let document = ended.json();
+    let warnings = document["warnings"].as_array().unwrap();
+    let told = |warning: &serde_json::Value| {
+        warning
+            .as_str()
+            .unwrap()
+            .starts_with("surrogate: the training diverged in epoch")
+    };
+    assert!(warnings.iter().any(told), "{document}");
+    let line = document["trainings"][0].as_str().unwrap();
+    assert!(line.starts_with("surrogate: qin2024, epoch "), "{line}");
+    let shown = workspace.run(&[&["show", "surrogate", "--json"][..]].concat());
+    assert_eq!(shown.code, Some(0), "{}", shown.stderr);
+}
