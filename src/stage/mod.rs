@@ -4,9 +4,12 @@ pub mod accuracy;
 mod arrays;
 pub mod audit;
 mod balance;
+mod calibrate;
 mod cells;
 mod design;
 pub mod direct;
+mod evaluate;
+mod labelled;
 mod method;
 mod objective;
 mod observations;
@@ -38,6 +41,8 @@ pub fn registry() -> Registry {
             &verify::VerifyKind,
             &accuracy::AccuracyKind,
             &audit::AuditKind,
+            &calibrate::CalibrateKind,
+            &evaluate::EvaluateKind,
         ],
         check_scene: |node| checked_scene(node).map(|_| ()),
         scene_schema: Scene::schema,

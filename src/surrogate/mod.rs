@@ -1,7 +1,9 @@
 //! Networks that predict the displacement of a pattern, their training and their metrics.
 
+mod calibration;
 mod checkpoint;
 mod encode;
+mod evaluation;
 mod example;
 mod labels;
 mod layers;
@@ -21,6 +23,11 @@ mod testing;
 mod train;
 mod weights;
 
+pub use calibration::{
+    COVERAGE, Calibration, CalibrationError, CalibrationParts, DifficultyParts, FALSE_ALARM, Interval, LEAST,
+    LikenessParts, ObjectiveIntervals, Observed,
+};
+pub use evaluation::{PatternScore, Score};
 pub use example::{Example, Label, LabelError};
 pub use labels::{Implausible, implausible};
 pub use metrics::Metrics;

@@ -1,0 +1,127 @@
+//! `kind: calibrate` makes prediction intervals for a model from labelled patterns that it never saw.
+
+mod content;
+
+use std::collections::BTreeSet;
+
+use super::{arrays, labelled};
+use crate::base::{Canonical, Fields, InputError, Node};
+use crate::dataset::Split;
+use crate::field::Predictor;
+use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
+use crate::store::{Artifact, Object};
+use crate::surrogate::{Calibration, CalibrationError, Observed, Surrogate};
+
+pub(super) use content::{model_of, read};
+
+/// The kind `calibrate`.
+pub struct CalibrateKind;
+
+impl Kind for CalibrateKind {
+    fn name(&self) -> &'static str {
+        "calibrate"
+    }
+
+    fn recipe(&self) -> u32 {
+        1
+    }
+
+    fn needs(&self) -> Needs {
+        Needs {
+            kinds: &["train", "solve", "balance"],
+            least: 2,
+            most: 1000,
+        }
+    }
+
+    fn schema(&self) -> Vec<Fields> {
+        let fields = Fields::new("Makes prediction intervals for a model from labelled patterns that it never saw.");
+        vec![fields.required("seed", super::seed())]
+    }
+
+    fn read(&self, stage: &Node, _scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
+        let what = "a calibrate stage";
+        let map = stage.fields(what, &["kind", "needs", "seed"])?;
+        Ok(Box::new(CalibrateStage {
+            seed: map.required(what, "seed")?.whole("seed", 0, i64::MAX as u64)?,
+        }))
+    }
+}
+
+struct CalibrateStage {
+    seed: u64,
+}
+
+impl Stage for CalibrateStage {
+    fn parameters(&self) -> Canonical {
+        Canonical::map([("seed", self.seed.into())])
+    }
+
+    fn plan(&self, inputs: &[Input]) -> Plan {
+        Plan::Whole {
+            steps: inputs.len() as u64,
+        }
+    }
+
+    fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
+        let scene = super::scene_attribute(job.inputs)?;
+        let (model, surrogate) = model(job.inputs)?;
+        let trained = families_of(model)?;
+        let (mut observed, mut families) = (Vec::new(), Vec::new());
+        for input in job.inputs {
+            if labelled::is_labelled(input)? {
+                labelled::for_each(input, &mut |batch| {
+                    let predicted = surrogate.predict(&batch.patterns);
+                    let predicted = predicted.map_err(|e| StageError::Failed(e.to_string()))?;
+                    for (at, field) in predicted.iter().enumerate() {
+                        let familiar = trained.contains(&batch.families[at]);
+                        observed.push(Observed::new(&batch.patterns[at], field, &batch.fields[at], familiar));
+                    }
+                    families.extend(batch.families);
+                    Ok(())
+                })?;
+            }
+            job.progress.advance(1);
+        }
+        let calibration = Calibration::fit(observed, self.seed).map_err(|e| refused(&e, &trained))?;
+        let object = content::describe(&calibration, &families, &trained);
+        Ok(object
+            .attribute("model", model.digest().to_string())
+            .attribute("network", surrogate.kind().name())
+            .attribute("scene", scene))
+    }
+}
+
+fn refused(error: &CalibrationError, trained: &BTreeSet<String>) -> StageError {
+    let families: Vec<&str> = trained.iter().map(String::as_str).collect();
+    match error {
+        CalibrationError::FewFamiliar(_) => StageError::Input(format!("{error}; these are: {}", families.join(", "))),
+        other => StageError::Input(other.to_string()),
+    }
+}
+
+/// The one model among the inputs.
+fn model(inputs: &[Artifact]) -> Result<(&Artifact, Surrogate), StageError> {
+    let mut found = Vec::new();
+    for input in inputs {
+        if let Some(weights) = super::evaluate::weights(input)? {
+            found.push((input, weights));
+        }
+    }
+    let [(model, weights)] = &found[..] else {
+        return Err(StageError::Input(format!(
+            "a calibrate stage needs one model, and `needs` names {}",
+            found.len()
+        )));
+    };
+    let wrong = |e: &dyn std::fmt::Display| StageError::Input(format!("artifact {}: {e}", model.digest().short()));
+    Ok((model, Surrogate::load(weights).map_err(|e| wrong(&e))?))
+}
+
+/// The families that a model learned from: those that its training was measured on.
+fn families_of(model: &Artifact) -> Result<BTreeSet<String>, StageError> {
+    let (families, splits) = (model.texts("metrics/family")?.1, model.texts("metrics/split")?.1);
+    let pairs = families.into_iter().zip(splits);
+    let trained = pairs.filter(|(family, split)| split == Split::Train.name() && family != "all");
+    Ok(trained.map(|(family, _)| family).collect())
+}

@@ -1,0 +1,209 @@
+//! `kind: evaluate` measures models on labelled patterns that they never saw, family by family, beside the estimates that a
+//! model has to beat; and how often the intervals of calibrations cover.
+//!
+//! The models are known by their digests: a stage that is renamed keeps its artifact, so names have no place in another's
+//! content. Reports find the names in the run.
+
+mod content;
+mod contestant;
+mod covered;
+
+use rayon::prelude::*;
+
+use super::method::Method;
+use super::{arrays, calibrate, labelled};
+use crate::base::{Canonical, Fields, InputError, Node, Schema};
+use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
+use crate::scene::Scene;
+use crate::store::{Artifact, Object};
+use crate::surrogate::PatternScore;
+
+use contestant::Contestant;
+use covered::{Calibrated, Covered};
+
+/// The kind `evaluate`.
+pub struct EvaluateKind;
+
+impl Kind for EvaluateKind {
+    fn name(&self) -> &'static str {
+        "evaluate"
+    }
+
+    fn recipe(&self) -> u32 {
+        1
+    }
+
+    fn needs(&self) -> Needs {
+        Needs {
+            kinds: &["train", "solve", "balance", "calibrate"],
+            least: 1,
+            most: 1000,
+        }
+    }
+
+    fn schema(&self) -> Vec<Fields> {
+        let words = Schema::any_of([
+            Schema::word(&["linear"]),
+            Schema::matching("^chord:\\+?0*([1-9]|[1-4][0-9]|50)$"),
+        ]);
+        let estimates = Schema::list(words, 0, usize::MAX).distinct();
+        let says = "Estimates that stand beside the models: linear, or chord:N with N from 1 to 50.";
+        let fields = Fields::new("Measures models, and estimates, on labelled patterns that they never saw.");
+        vec![fields.optional("estimates", estimates.says(says))]
+    }
+
+    fn read(&self, stage: &Node, _scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
+        let map = stage.fields("an evaluate stage", &["kind", "needs", "estimates"])?;
+        let mut estimates = Vec::new();
+        let nodes = map.optional("estimates").map(|node| node.list("estimates"));
+        for node in nodes.transpose()?.unwrap_or_default() {
+            let method = Method::read(node)?;
+            if method == Method::Newton {
+                return Err(node
+                    .error("`newton` is no estimate")
+                    .help("allowed: linear, chord:N with N from 1 to 50"));
+            }
+            if estimates.contains(&method) {
+                return Err(node.error(format!("`estimates` names {method} twice")));
+            }
+            estimates.push(method);
+        }
+        Ok(Box::new(EvaluateStage { estimates }))
+    }
+}
+
+struct EvaluateStage {
+    estimates: Vec<Method>,
+}
+
+/// One labelled pattern and what was said of it.
+struct Row {
+    family: String,
+    area: f64,
+    /// By contestant; none where an estimate leads nowhere.
+    scores: Vec<Option<PatternScore>>,
+    /// By calibration.
+    covered: Vec<Covered>,
+}
+
+impl Stage for EvaluateStage {
+    fn parameters(&self) -> Canonical {
+        let estimates = self
+            .estimates
+            .iter()
+            .map(|method| Canonical::from(method.to_string().as_str()));
+        Canonical::map([("estimates", estimates.collect::<Canonical>())])
+    }
+
+    fn plan(&self, inputs: &[Input]) -> Plan {
+        Plan::Whole {
+            steps: inputs.len() as u64,
+        }
+    }
+
+    fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
+        let scene = super::scene_attribute(job.inputs)?;
+        let contestants = self.contestants(job.inputs, &scene)?;
+        if contestants.is_empty() {
+            return Err(StageError::Input(
+                "there is nothing to evaluate: `needs` names no model, and there are no `estimates`".to_owned(),
+            ));
+        }
+        let calibrated = calibrations(job.inputs, &contestants)?;
+        let bands = covered::bands(&calibrated);
+        let mut rows = Vec::new();
+        for input in job.inputs {
+            if labelled::is_labelled(input)? {
+                labelled::for_each(input, &mut |batch| {
+                    job.progress.note(&format!("{} patterns", rows.len()));
+                    rows.extend(judged(&contestants, &calibrated, &bands, &batch)?);
+                    Ok(())
+                })?;
+            }
+            job.progress.advance(1);
+        }
+        if rows.is_empty() {
+            return Err(StageError::Input(
+                "there is nothing to evaluate on: `needs` names no solved samples and no test rows".to_owned(),
+            ));
+        }
+        Ok(content::describe(&contestants, &calibrated, &rows).attribute("scene", scene))
+    }
+}
+
+impl EvaluateStage {
+    fn contestants(&self, inputs: &[Artifact], scene: &str) -> Result<Vec<Contestant>, StageError> {
+        let mut found = Vec::new();
+        for input in inputs {
+            if let Some(model) = Contestant::model(input)? {
+                found.push(model);
+            }
+        }
+        if !self.estimates.is_empty() {
+            let scene = Scene::from_text(scene).map_err(|e| StageError::Input(e.to_string()))?;
+            for &method in &self.estimates {
+                found.push(Contestant::estimate(method, &scene)?);
+            }
+        }
+        Ok(found)
+    }
+}
+
+/// The calibrations among the inputs, each with the place of its model.
+fn calibrations(inputs: &[Artifact], contestants: &[Contestant]) -> Result<Vec<Calibrated>, StageError> {
+    let mut found = Vec::new();
+    for input in inputs {
+        let Some(calibration) = calibrate::read(input)? else {
+            continue;
+        };
+        let model = calibrate::model_of(input)?;
+        let place = contestants.iter().position(|contestant| contestant.digest() == model);
+        found.push(Calibrated {
+            digest: input.digest().to_string(),
+            calibration,
+            contestant: place.ok_or_else(|| {
+                StageError::Input(format!(
+                    "the calibration {} is of the model {:.12}, which is not among the models here",
+                    input.digest().short(),
+                    model
+                ))
+            })?,
+        });
+    }
+    Ok(found)
+}
+
+fn judged(
+    contestants: &[Contestant],
+    calibrated: &[Calibrated],
+    bands: &covered::Bands<'_>,
+    batch: &labelled::Batch,
+) -> Result<Vec<Row>, StageError> {
+    let predicted: Vec<_> = contestants
+        .iter()
+        .map(|contestant| contestant.predict(&batch.patterns))
+        .collect::<Result<_, _>>()?;
+    let row = |at: usize| {
+        let (pattern, simulated) = (&batch.patterns[at], &batch.fields[at]);
+        let score = |fields: &Vec<Option<_>>| fields[at].as_ref().map(|field| PatternScore::of(field, simulated));
+        let covered = calibrated.iter().zip(bands).filter_map(|(calibrated, bands)| {
+            let field = predicted[calibrated.contestant][at].as_ref()?;
+            Some(Covered::of(calibrated, bands, pattern, field, simulated))
+        });
+        Row {
+            family: batch.families[at].clone(),
+            area: pattern.area_fraction(),
+            scores: predicted.iter().map(score).collect(),
+            covered: covered.collect(),
+        }
+    };
+    Ok((0..batch.patterns.len()).into_par_iter().map(row).collect())
+}
+
+/// The model in the artifact of a train stage as bytes; none where it is of another kind.
+pub(super) fn weights(artifact: &Artifact) -> Result<Option<Vec<u8>>, StageError> {
+    match artifact.contents()?.iter().any(|content| content.path == "weights") {
+        true => Ok(Some(artifact.u8s("weights")?.1)),
+        false => Ok(None),
+    }
+}

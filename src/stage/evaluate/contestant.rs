@@ -1,0 +1,86 @@
+//! What is evaluated: a trained model, or an estimate that is to be beaten.
+
+use crate::fem::{LinearResponse, SolveOptions};
+use crate::field::{Field, Predictor};
+use crate::orchestrator::StageError;
+use crate::pattern::Pattern;
+use crate::scene::Scene;
+use crate::stage::method::Method;
+use crate::stage::solver::explained;
+use crate::store::Artifact;
+use crate::surrogate::Surrogate;
+
+/// Something that says what the field of a pattern is.
+pub struct Contestant {
+    name: String,
+    digest: String,
+    answers: Answers,
+}
+
+enum Answers {
+    Model(Box<Surrogate>),
+    Estimate(Box<LinearResponse>, u32),
+}
+
+impl Contestant {
+    /// The model in an artifact; none where the artifact is something else.
+    ///
+    /// # Errors
+    /// When it is damaged.
+    pub fn model(artifact: &Artifact) -> Result<Option<Self>, StageError> {
+        let Some(weights) = super::weights(artifact)? else {
+            return Ok(None);
+        };
+        let wrong =
+            |e: &dyn std::fmt::Display| StageError::Input(format!("artifact {}: {e}", artifact.digest().short()));
+        let surrogate = Surrogate::load(&weights).map_err(|e| wrong(&e))?;
+        Ok(Some(Self {
+            name: surrogate.kind().name().to_owned(),
+            digest: artifact.digest().to_string(),
+            answers: Answers::Model(Box::new(surrogate)),
+        }))
+    }
+
+    /// An estimate in a scene, with one bilinear element per cell: the cheapest, and what a network has to beat.
+    ///
+    /// # Errors
+    /// When there is none in this scene.
+    pub fn estimate(method: Method, scene: &Scene) -> Result<Self, StageError> {
+        let options = SolveOptions {
+            elements_per_cell: 1,
+            ..SolveOptions::default()
+        };
+        let response = LinearResponse::new(scene, options).map_err(|e| StageError::Failed(explained(&e)))?;
+        Ok(Self {
+            name: method.to_string(),
+            digest: String::new(),
+            answers: Answers::Estimate(Box::new(response), method.chord_steps().unwrap_or_default()),
+        })
+    }
+
+    /// The network or the method.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The digest of the artifact of a model; empty for an estimate.
+    pub fn digest(&self) -> &str {
+        &self.digest
+    }
+
+    /// The field of each pattern; none where an estimate leads nowhere.
+    ///
+    /// # Errors
+    /// When a model cannot be evaluated.
+    pub fn predict(&self, patterns: &[Pattern]) -> Result<Vec<Option<Field>>, StageError> {
+        match &self.answers {
+            Answers::Model(surrogate) => {
+                let fields = surrogate
+                    .predict(patterns)
+                    .map_err(|e| StageError::Failed(e.to_string()))?;
+                Ok(fields.into_iter().map(Some).collect())
+            }
+            Answers::Estimate(response, steps) => Ok(response.predict(patterns, *steps)),
+        }
+    }
+}

@@ -1,0 +1,85 @@
+//! Whether the intervals of a calibration cover what was simulated.
+
+use crate::field::Field;
+use crate::pattern::{CELLS, Pattern};
+use crate::surrogate::{Calibration, ObjectiveIntervals};
+
+/// A calibration with the place of its model among the contestants.
+pub struct Calibrated {
+    /// The digest of its artifact.
+    pub digest: String,
+    /// The calibration.
+    pub calibration: Calibration,
+    /// Its model.
+    pub contestant: usize,
+}
+
+/// Points of the membrane, in parts of its side, with the direction of the displacement that is measured there: objectives
+/// that are held against their intervals.
+pub const OBJECTIVES: [(&str, [f64; 2], [f64; 2]); 4] = [
+    ("centre, 0 deg", [0.5, 0.5], [1.0, 0.0]),
+    ("right quarter point, 0 deg", [0.75, 0.5], [1.0, 0.0]),
+    ("left quarter point, 0 deg", [0.25, 0.5], [1.0, 0.0]),
+    (
+        "upper right quarter point, 45 deg",
+        [0.75, 0.75],
+        [std::f64::consts::FRAC_1_SQRT_2, std::f64::consts::FRAC_1_SQRT_2],
+    ),
+];
+
+/// The value of an objective in mm.
+fn value(objective: usize, field: &Field) -> f64 {
+    let (_, point, direction) = OBJECTIVES[objective];
+    let [x, y] = field.at(point.map(|c| c * CELLS as f64));
+    x * direction[0] + y * direction[1]
+}
+
+/// Intervals of the objectives, for each calibration.
+pub type Bands<'a> = [Vec<ObjectiveIntervals<'a>>];
+
+/// The intervals of the objectives.
+pub fn bands(calibrated: &[Calibrated]) -> Vec<Vec<ObjectiveIntervals<'_>>> {
+    calibrated.iter().map(bands_of_one).collect()
+}
+
+fn bands_of_one(calibrated: &Calibrated) -> Vec<ObjectiveIntervals<'_>> {
+    let objective = |k| calibrated.calibration.objective(&|field| value(k, field));
+    (0..OBJECTIVES.len()).map(objective).collect()
+}
+
+/// How one prediction fared.
+#[derive(Clone, Copy, Debug)]
+pub struct Covered {
+    /// Half of the width of the band of the field, mm.
+    pub radius_mm: f64,
+    /// Whether the whole simulated field lies in the band.
+    pub field: bool,
+    /// Whether each simulated objective lies in its interval.
+    pub objectives: [bool; OBJECTIVES.len()],
+    /// Half of the widths of these, mm.
+    pub half_widths_mm: [f64; OBJECTIVES.len()],
+    /// Whether the pattern was flagged as unlike the training.
+    pub unlike: bool,
+}
+
+impl Covered {
+    /// Holds a prediction with its intervals against a simulation.
+    pub fn of(
+        calibrated: &Calibrated,
+        bands: &[ObjectiveIntervals<'_>],
+        pattern: &Pattern,
+        predicted: &Field,
+        simulated: &Field,
+    ) -> Self {
+        let interval = calibrated.calibration.interval(pattern, predicted);
+        let mut pairs = predicted.values().iter().zip(simulated.values());
+        let half_widths_mm = std::array::from_fn(|k| bands[k].half_width(pattern, predicted));
+        Self {
+            radius_mm: interval.radius_mm,
+            field: pairs.all(|(p, s)| (p - s).abs() <= interval.radius_mm),
+            objectives: std::array::from_fn(|k| (value(k, predicted) - value(k, simulated)).abs() <= half_widths_mm[k]),
+            half_widths_mm,
+            unlike: interval.unlike,
+        }
+    }
+}

@@ -1,0 +1,172 @@
+//! What a pattern and its predicted field say for nothing. All of it is the same for the eight images of a pattern.
+
+use crate::field::{CORNERS, Field};
+use crate::pattern::{CELLS, Pattern};
+
+/// Features that foretell how large an error is.
+pub(super) const DIFFICULTY: usize = 11;
+
+/// Features that tell families of patterns apart: those, and correlations of the pattern.
+#[cfg(test)]
+pub(super) const LIKENESS: usize = DIFFICULTY + 9;
+
+/// Logarithms of the largest and the mean square displacement, of the mean and largest gradient and the mean of its fourth
+/// power (where the membrane is far from linear); the area and its square; logarithms of the length of the electrode's edge, of
+/// its corners (where the stress is singular), of the cells that touch by a corner only; the part of the frame that is active.
+pub(super) fn difficulty_of(pattern: &Pattern, predicted: &Field) -> [f64; DIFFICULTY] {
+    let [largest, mean, gradient, steepest, fourth] = of_field(predicted);
+    let [edge, corners, touching, frame] = of_outline(pattern);
+    let area = pattern.area_fraction();
+    [
+        (largest + 1e-3).ln(),
+        (mean + 1e-3).ln(),
+        (gradient + 1e-4).ln(),
+        (steepest + 1e-4).ln(),
+        (fourth + 1e-9).ln(),
+        area,
+        area * area,
+        (edge + 2.0).ln(),
+        (corners + 1.0).ln(),
+        (touching + 1.0).ln(),
+        frame,
+    ]
+}
+
+/// Largest and root mean square displacement in mm; of its differences between neighbouring corners the sum of squares, the
+/// largest, and the sum of fourth powers.
+fn of_field(field: &Field) -> [f64; 5] {
+    let values = field.values();
+    let mut squares = 0.0;
+    let (mut gradient, mut steepest, mut fourth) = (0.0, 0.0f64, 0.0);
+    for (at, value) in values.iter().enumerate() {
+        squares += value * value;
+        let (column, row) = (at / 2 % CORNERS, at / 2 / CORNERS);
+        let right = (column + 1 < CORNERS).then(|| values[at + 2]);
+        let above = (row + 1 < CORNERS).then(|| values[at + 2 * CORNERS]);
+        for next in [right, above].into_iter().flatten() {
+            let difference = (next - value).abs();
+            let square = difference * difference;
+            gradient += square;
+            fourth += square * square;
+            steepest = steepest.max(difference);
+        }
+    }
+    let mean = (squares / (CORNERS * CORNERS) as f64).sqrt();
+    [field.max_magnitude(), mean, gradient, steepest, fourth]
+}
+
+/// Sides between active and bare cells, corners of the outline, places where cells touch by a corner only, and the active
+/// part of the cells along the frame.
+fn of_outline(pattern: &Pattern) -> [f64; 4] {
+    let cell = |x: usize, y: usize| pattern.is_active(x, y);
+    let (mut edge, mut corners, mut touching, mut frame) = (0, 0, 0, 0);
+    for y in 0..CELLS {
+        for x in 0..CELLS {
+            let here = cell(x, y);
+            let sides = [x, y]
+                .iter()
+                .map(|&c| u32::from(c == 0) + u32::from(c + 1 == CELLS))
+                .sum::<u32>();
+            frame += sides * u32::from(here);
+            edge += u32::from(x + 1 < CELLS && here != cell(x + 1, y));
+            edge += u32::from(y + 1 < CELLS && here != cell(x, y + 1));
+            if x + 1 < CELLS && y + 1 < CELLS {
+                let block = [here, cell(x + 1, y), cell(x, y + 1), cell(x + 1, y + 1)];
+                let active = block.iter().filter(|&&on| on).count();
+                if active % 2 == 1 {
+                    corners += 1;
+                } else if active == 2 && block[0] == block[3] {
+                    corners += 2;
+                    touching += 1;
+                }
+            }
+        }
+    }
+    [
+        f64::from(edge),
+        f64::from(corners),
+        f64::from(touching),
+        f64::from(frame) / (4 * CELLS) as f64,
+    ]
+}
+
+/// The difficulty with correlations of the pattern: along the sides over 1, 2, 5 and 10 cells and along the diagonals over 1 and
+/// 3, each the mean of both directions; and how far both directions differ, over 1 and 5 cells and along the diagonals over 3.
+pub(super) fn likeness_of(pattern: &Pattern, difficulty: &[f64; DIFFICULTY]) -> Vec<f64> {
+    let sides = [1, 2, 5, 10].map(|n| [correlation(pattern, [n, 0]), correlation(pattern, [0, n])]);
+    let diagonals = [1, 3].map(|n| [correlation(pattern, [n, n]), correlation(pattern, [n, -n])]);
+    let mean = |pair: &[f64; 2]| 0.5 * (pair[0] + pair[1]);
+    let means = sides.iter().chain(&diagonals).map(mean);
+    let differences = [sides[0], sides[2], diagonals[1]].map(|pair| (pair[0] - pair[1]).abs());
+    difficulty.iter().copied().chain(means).chain(differences).collect()
+}
+
+/// The mean product of cells, ±1 each, with those at an offset.
+fn correlation(pattern: &Pattern, [dx, dy]: [isize; 2]) -> f64 {
+    let (mut sum, mut count) = (0i32, 0i32);
+    for y in 0..CELLS {
+        for x in 0..CELLS {
+            let other = (x.checked_add_signed(dx), y.checked_add_signed(dy));
+            if let (Some(u), Some(v)) = other
+                && u < CELLS
+                && v < CELLS
+            {
+                count += 1;
+                sum += if pattern.is_active(x, y) == pattern.is_active(u, v) {
+                    1
+                } else {
+                    -1
+                };
+            }
+        }
+    }
+    f64::from(sum) / f64::from(count)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::Stream;
+    use crate::pattern::Symmetry;
+
+    #[test]
+    fn outlines_are_counted() {
+        let square = Pattern::from_fn(|x, y| (10..20).contains(&x) && (10..20).contains(&y));
+        assert_eq!(of_outline(&square), [40.0, 4.0, 0.0, 0.0]);
+        let touching = Pattern::from_fn(|x, y| [(3, 3), (4, 4)].contains(&(x, y)));
+        assert_eq!(of_outline(&touching), [8.0, 8.0, 1.0, 0.0]);
+        let full = Pattern::from_fn(|_, _| true);
+        assert_eq!(of_outline(&full), [0.0, 0.0, 0.0, 1.0]);
+        let board = Pattern::from_fn(|x, y| (x + y) % 2 == 0);
+        assert_eq!((correlation(&board, [1, 0]), correlation(&board, [1, -1])), (-1.0, 1.0));
+    }
+
+    #[test]
+    fn gradients_are_counted() {
+        let ramp = (0..CORNERS * CORNERS).flat_map(|i| [0.1 * (i % CORNERS) as f64, 0.0]);
+        let [largest, _, gradient, steepest, fourth] = of_field(&Field::from_values(ramp.collect()).unwrap());
+        let steps = (CORNERS * (CORNERS - 1)) as f64;
+        let found = [largest, gradient / steps, steepest, fourth / steps];
+        let expected = [5.0, 0.01, 0.1, 0.0001];
+        assert!(
+            found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9),
+            "{found:?}"
+        );
+    }
+
+    #[test]
+    fn images_of_a_pattern_have_equal_features() {
+        let mut stream = Stream::new(1, "feature test", 0);
+        let bits: Vec<bool> = (0..CELLS * CELLS).map(|_| stream.chance(0.4)).collect();
+        let pattern = Pattern::from_fn(|x, y| bits[y * CELLS + x]);
+        let field = Field::from_values((0..CORNERS * CORNERS * 2).map(|_| stream.normal()).collect()).unwrap();
+        let features = likeness_of(&pattern, &difficulty_of(&pattern, &field));
+        assert_eq!(features.len(), LIKENESS);
+        for g in Symmetry::ALL {
+            let (pattern, field) = (pattern.transformed(g), field.transformed(g));
+            let image = likeness_of(&pattern, &difficulty_of(&pattern, &field));
+            let same = features.iter().zip(&image).all(|(a, b)| (a - b).abs() < 1e-9);
+            assert!(same, "{g:?}: {features:?} {image:?}");
+        }
+    }
+}
