@@ -48,6 +48,8 @@ pub enum Command {
     Solve(SolveArguments),
     /// Predict the fields of patterns with a trained model
     Predict(PredictArguments),
+    /// Write what was made in the formats of other programs
+    Export(ExportArguments),
     /// Measure what accuracy costs in a scene: error and time of methods and meshes
     Accuracy(AccuracyArguments),
     /// Check a dataset: provenance, values, symmetries, leaks, and every label against a simulation
@@ -343,8 +345,58 @@ pub struct PredictArguments {
     pub model: String,
     #[command(flatten)]
     pub patterns: PatternArguments,
+    /// Refuse a model for another scene than this one, or than that of a pipeline; a YAML file
+    #[arg(long, value_name = "SCENE")]
+    pub scene: Option<PathBuf>,
     #[command(flatten)]
     pub store: StoreArguments,
+}
+
+#[derive(Debug, Args)]
+pub struct ExportArguments {
+    #[command(subcommand)]
+    pub what: Exported,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum Exported {
+    /// A trained model as a safetensors or an ONNX file
+    Model(ExportModelArguments),
+}
+
+#[derive(Debug, Args)]
+pub struct ExportModelArguments {
+    /// A digest or its beginning, a stage of the last run, PIPELINE.yaml:STAGE, or a file
+    pub model: String,
+    /// Where it goes: a file, which is replaced, or a folder
+    #[arg(short, long, value_name = "FILE|DIR")]
+    pub output: PathBuf,
+    /// The format [default: by the end of the file's name]
+    #[arg(long, value_enum)]
+    pub format: Option<ModelFormat>,
+    #[command(flatten)]
+    pub store: StoreArguments,
+    /// Print one JSON document on stdout
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ModelFormat {
+    /// Tensors, with a header that says everything needed to use them
+    Safetensors,
+    /// The whole network as a graph
+    Onnx,
+}
+
+impl ModelFormat {
+    /// How files of the format end.
+    pub fn extension(self) -> &'static str {
+        match self {
+            Self::Safetensors => "safetensors",
+            Self::Onnx => "onnx",
+        }
+    }
 }
 
 #[derive(Debug, Args)]
@@ -509,6 +561,9 @@ impl Command {
             Self::Screen(a) => a.json,
             Self::Solve(a) => a.patterns.json,
             Self::Predict(a) => a.patterns.json,
+            Self::Export(a) => match &a.what {
+                Exported::Model(a) => a.json,
+            },
             Self::Accuracy(a) => a.json,
             Self::Audit(a) => a.json,
         }
@@ -532,6 +587,7 @@ impl Command {
             | Self::Gc(_)
             | Self::Pin(_)
             | Self::Unpin(_)
+            | Self::Export(_)
             | Self::Screen(_) => None,
         }
     }

@@ -7,9 +7,11 @@ mod audit;
 mod dag;
 mod error;
 mod explain;
+mod export;
 mod fsck;
 mod gc;
 mod locate;
+mod model;
 mod output;
 mod path;
 mod pin;
@@ -24,6 +26,7 @@ mod solve;
 mod statistics;
 mod status;
 mod table;
+mod write;
 
 use std::ffi::OsString;
 
@@ -70,6 +73,7 @@ fn dispatch(command: &Command, output: &Output) -> Result<Exit, CliError> {
         Command::Unpin(arguments) => pin::remove(arguments, output),
         Command::Solve(arguments) => solve::execute(arguments, output),
         Command::Predict(arguments) => predict::execute(arguments, output),
+        Command::Export(arguments) => export::execute(arguments, output),
         Command::Accuracy(arguments) => accuracy::execute(arguments, output),
         Command::Audit(arguments) => audit::execute(arguments, output),
     }

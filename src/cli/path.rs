@@ -1,7 +1,5 @@
 //! `deaflow solve --path`: how patterns get from rest to the loss of stability, and what lies beyond.
 
-use std::io::Write;
-use std::path::Path;
 use std::time::Instant;
 
 use serde_json::{Value, json};
@@ -11,7 +9,7 @@ use super::error::CliError;
 use super::output::{Exit, Output};
 use super::progress::Bar;
 use super::solve::{check_file, provenance};
-use super::table;
+use super::{table, write};
 use crate::report::figures::{Branch, Limit, draw_paths};
 use crate::stage::direct::{self, MeshRequest};
 use crate::stage::path::{self, LoadPath, PathAnswer};
@@ -52,7 +50,7 @@ pub fn execute(arguments: &SolveArguments, scene: &str, output: &Output) -> Resu
         tolerance
     );
     write_file(file, &answer.content, &provenance("solve", parameters, seconds))?;
-    write_text(&values, &path::table(&answer.paths))?;
+    write::file(&values, path::table(&answer.paths).as_bytes())?;
     let branches: Vec<Branch> = answer.paths.iter().enumerate().map(branch).collect();
     draw_paths(&figure, &branches).map_err(|e| CliError::failure(e.to_string()))?;
     if output.is_json() {
@@ -135,20 +133,4 @@ fn branch((index, path): (usize, &LoadPath)) -> Branch {
         stable: path.points.iter().map(|p| p.stable).collect(),
         limit,
     }
-}
-
-/// Writes a text that appears complete or not at all.
-fn write_text(path: &Path, text: &str) -> Result<(), CliError> {
-    let folder = path
-        .parent()
-        .filter(|p| !p.as_os_str().is_empty())
-        .unwrap_or(Path::new("."));
-    let failed = |e: std::io::Error| CliError::failure(format!("cannot write {}: {e}", path.display()));
-    let mut file = tempfile::NamedTempFile::new_in(folder).map_err(failed)?;
-    file.write_all(text.as_bytes()).map_err(failed)?;
-    // Temporary files are private to their owner; tables are for everybody who may read the folder.
-    let readable = std::os::unix::fs::PermissionsExt::from_mode(0o644);
-    file.as_file().set_permissions(readable).map_err(failed)?;
-    file.persist(path).map_err(|e| failed(e.error))?;
-    Ok(())
 }

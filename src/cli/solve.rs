@@ -89,7 +89,7 @@ pub fn check_file(path: &Path, arguments: &PatternArguments, other: &str) -> Res
         )));
     }
     let inputs = arguments.patterns.iter().map(String::as_str).chain([other]);
-    if inputs.flat_map(files_named).any(|input| same_file(&input, path)) {
+    if inputs.flat_map(files_named).any(|input| is_same_file(&input, path)) {
         return Err(
             CliError::bad_input(format!("{shown} is read here: writing it would lose it"))
                 .help("-o must name another file"),
@@ -107,7 +107,8 @@ fn files_named(argument: &str) -> impl Iterator<Item = PathBuf> {
     ends.map(|end| PathBuf::from(&argument[..end]))
 }
 
-fn same_file(a: &Path, b: &Path) -> bool {
+/// Whether two paths lead to one file.
+pub fn is_same_file(a: &Path, b: &Path) -> bool {
     matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }
 

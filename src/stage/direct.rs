@@ -8,7 +8,7 @@ pub use super::method::Method;
 use super::screening::Screened;
 pub use super::solver::MeshRequest;
 use super::solver::{Solver, explained, on_mesh};
-use super::{arrays, observations, solution};
+use super::{arrays, model, observations, solution};
 use crate::base::{Document, InputError};
 use crate::fem::{AccurateSimulation, SetupError};
 use crate::field::{CORNERS, Field, PredictError, Predictor};
@@ -243,12 +243,20 @@ fn with_estimates(content: Object, results: &[AccurateSimulation]) -> Object {
     content
 }
 
-/// Predicts patterns with a model given as the bytes of a safetensors file.
+/// Predicts patterns with a model given as the bytes of a safetensors file, which must be one for the scene if that is given.
 ///
 /// # Errors
-/// When the bytes are no model, or it cannot be evaluated.
-pub fn predict(weights: &[u8], patterns: &[Pattern], progress: &dyn Progress) -> Result<Answer, DirectError> {
+/// When the bytes are no model or one for another scene, or it cannot be evaluated.
+pub fn predict(
+    weights: &[u8],
+    patterns: &[Pattern],
+    scene: Option<&Scene>,
+    progress: &dyn Progress,
+) -> Result<Answer, DirectError> {
     let surrogate = Surrogate::load(weights).map_err(|e| DirectError::Model(e.to_string()))?;
+    if let Some(scene) = scene {
+        model::check_scene(&surrogate, scene).map_err(DirectError::Model)?;
+    }
     let threads = rayon::current_num_threads();
     let (mut fields, mut seconds) = (Vec::with_capacity(patterns.len()), Vec::with_capacity(patterns.len()));
     for batch in patterns.chunks(256) {
@@ -265,6 +273,8 @@ pub fn predict(weights: &[u8], patterns: &[Pattern], progress: &dyn Progress) ->
     let displacement = "predicted displacement at the cell corners [sample][y][x][component]";
     let outcome = "`predicted`: nothing was simulated, so nothing is known of stability";
     let content = Object::default()
+        .attribute("network", surrogate.kind().name())
+        .attribute("scene", surrogate.scene().unwrap_or_default())
         .with("patterns", shown)
         .with("displacement", arrays::fields(displacement, fields.iter()))
         .with("outcome", arrays::texts(outcome, patterns.iter().map(|_| "predicted")))

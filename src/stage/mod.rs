@@ -11,6 +11,7 @@ pub mod direct;
 mod evaluate;
 mod labelled;
 mod method;
+pub mod model;
 mod objective;
 mod observations;
 pub mod path;
@@ -91,14 +92,20 @@ fn scene_attribute(inputs: &[Artifact]) -> Result<String, StageError> {
                 input.digest().short()
             ))
         })?;
-        if found.is_some_and(|other| other != scene) {
-            return Err(StageError::Input(
-                "the inputs were made with different scenes".to_owned(),
-            ));
+        if let Some(other) = found.filter(|other| *other != scene) {
+            return Err(differ(other, scene));
         }
         found = Some(scene);
     }
     found
         .map(str::to_owned)
         .ok_or_else(|| StageError::Input("the stage has no inputs".to_owned()))
+}
+
+/// What is said of inputs of different scenes.
+fn differ(one: &str, other: &str) -> StageError {
+    let scenes = Scene::from_text(one).ok().zip(Scene::from_text(other).ok());
+    let list = scenes.and_then(|(one, other)| model::listed(&one, &other));
+    let list = list.map_or(String::new(), |list| format!(": {list}"));
+    StageError::Input(format!("the inputs were made with different scenes{list}"))
 }

@@ -12,7 +12,7 @@ use crate::fem::{LinearResponse, Order, SolveOptions};
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::scene::Scene;
 use crate::store::Object;
-use crate::surrogate::{Constants, Ending, NetworkKind, OptimizerKind, TrainOptions, train};
+use crate::surrogate::{Constants, Ending, NetworkKind, OptimizerKind, Record, TrainOptions, annotated, train};
 
 /// The kind `train`.
 pub struct TrainKind;
@@ -204,8 +204,11 @@ impl Stage for TrainStage {
             true => Some(constants(&simulated)?),
             false => None,
         };
-        let trained = train(&found.examples, constants.as_ref(), &self.options(), &Follow::new(job))
+        let mut trained = train(&found.examples, constants.as_ref(), &self.options(), &Follow::new(job))
             .map_err(|e| StageError::Failed(e.to_string()))?;
+        let inputs = job.inputs.iter().map(|input| input.digest().to_string()).collect();
+        let annotated = annotated(&trained.weights, &scene, Record::of(&trained, self.seed, inputs));
+        trained.weights = annotated.map_err(|e| StageError::Failed(e.to_string()))?;
         let object = content::describe(&trained, found.unstable, &found.left_out)
             .attribute("network", self.network.name())
             .attribute("ending", ending(trained.ending))

@@ -7,7 +7,7 @@ use crate::dataset::Split;
 use crate::field::CORNERS;
 
 /// The name under which all families are measured together.
-const ALL: &str = "all";
+pub(crate) const ALL: &str = "all";
 
 /// Agreement of predicted with simulated fields over a group of examples.
 #[derive(Clone, Debug, PartialEq)]

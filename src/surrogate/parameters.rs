@@ -3,7 +3,7 @@
 //! candle draws initial weights from the generator of the thread; here each tensor has a stream of its own, named after
 //! it, so that weights depend on the seed alone.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use candle_core::{Device, Result, Tensor, Var, bail};
 
@@ -14,7 +14,7 @@ pub(crate) struct Parameters<'a> {
     source: Source<'a>,
     device: &'a Device,
     drawn: Vec<(String, Var)>,
-    used: usize,
+    used: BTreeSet<String>,
 }
 
 enum Source<'a> {
@@ -29,7 +29,7 @@ impl<'a> Parameters<'a> {
             source: Source::Seed(seed, constants),
             device,
             drawn: Vec::new(),
-            used: 0,
+            used: BTreeSet::new(),
         }
     }
 
@@ -39,13 +39,13 @@ impl<'a> Parameters<'a> {
             source: Source::Stored(tensors),
             device,
             drawn: Vec::new(),
-            used: 0,
+            used: BTreeSet::new(),
         }
     }
 
     /// The tensor of that name: normally distributed with the given standard deviation when drawn.
     pub(crate) fn tensor(&mut self, name: &str, dims: &[usize], deviation: f64) -> Result<Tensor> {
-        self.used += 1;
+        self.used.insert(name.to_owned());
         match &self.source {
             Source::Stored(tensors) => shaped(tensors, name, dims)?.to_device(self.device),
             Source::Seed(seed, _) => {
@@ -62,7 +62,7 @@ impl<'a> Parameters<'a> {
 
     /// The tensor of that name that is not trained.
     pub(crate) fn constant(&mut self, name: &str, dims: &[usize]) -> Result<Tensor> {
-        self.used += 1;
+        self.used.insert(name.to_owned());
         let tensors = match &self.source {
             Source::Stored(tensors) => tensors,
             Source::Seed(_, constants) => constants,
@@ -80,9 +80,9 @@ impl<'a> Parameters<'a> {
         self.drawn
     }
 
-    /// How many tensors the network asked for.
-    pub(crate) fn used(&self) -> usize {
-        self.used
+    /// The tensors that the network asked for.
+    pub(crate) fn used(&self) -> &BTreeSet<String> {
+        &self.used
     }
 }
 

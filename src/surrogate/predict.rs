@@ -4,7 +4,9 @@ use candle_core::{DType, Device, Tensor};
 use rayon::prelude::*;
 
 use super::encode::{patterns_to_tensor, tensor_to_fields};
+use super::header::{Header, Record};
 use super::networks::{Network, NetworkKind};
+use super::onnx::to_onnx;
 use super::parameters::Parameters;
 use super::weights::{LoadError, from_bytes};
 use crate::field::{Field, PredictError, Predictor};
@@ -18,7 +20,7 @@ pub(crate) const CHUNK: usize = 8;
 pub struct Surrogate {
     kind: NetworkKind,
     network: Box<dyn Network>,
-    scale_mm: f64,
+    header: Header,
     device: Device,
 }
 
@@ -38,29 +40,50 @@ impl Surrogate {
         let (header, tensors) = from_bytes(bytes)?;
         let kind = NetworkKind::from_name(&header.network)
             .ok_or_else(|| LoadError::Unsuitable(format!("it holds a network called '{}'", header.network)))?;
-        if !(header.scale_mm.is_finite() && header.scale_mm > 0.0) {
-            return Err(LoadError::Damaged(format!("its scale is {} mm", header.scale_mm)));
-        }
         for (name, tensor) in &tensors {
             check_tensor(name, tensor)?;
         }
         let device = device().map_err(unsuitable)?;
         let mut parameters = Parameters::stored(&tensors, &device);
         let network = kind.build(&mut parameters).map_err(unsuitable)?;
-        if parameters.used() != tensors.len() {
-            return Err(LoadError::Unsuitable(format!(
-                "{} has {} tensors, the model {}",
-                kind.name(),
-                parameters.used(),
-                tensors.len()
-            )));
+        if let Some(name) = tensors.keys().find(|name| !parameters.used().contains(*name)) {
+            let why = format!("its network {} has no tensor {name}", kind.name());
+            return Err(LoadError::Unsuitable(why));
         }
         Ok(Self {
             kind,
             network,
-            scale_mm: header.scale_mm,
+            header,
             device,
         })
+    }
+
+    /// The scene that its training data was simulated in, as artifacts carry it; none where the file does not say.
+    #[must_use]
+    pub fn scene(&self) -> Option<&str> {
+        self.header.scene.as_deref()
+    }
+
+    /// What its file says about it, as JSON: network, input, output, scale, scene, training, tensors.
+    ///
+    /// # Errors
+    /// When it cannot be written as text, which a header that was read always can.
+    pub fn header(&self) -> Result<String, PredictError> {
+        serde_json::to_string(&self.header).map_err(|e| PredictError(e.to_string()))
+    }
+
+    /// The network as an ONNX file: patterns (n, 50, 50) in u8 to displacements (n, 51, 51, 2) in mm, f32.
+    ///
+    /// # Errors
+    /// When its tensors cannot be read.
+    pub fn to_onnx(&self) -> Result<Vec<u8>, PredictError> {
+        to_onnx(self.network.as_ref(), self.header.scale_mm, &self.header()?).map_err(|e| PredictError(e.to_string()))
+    }
+
+    /// How it was trained; none where the file does not say.
+    #[must_use]
+    pub fn training(&self) -> Option<&Record> {
+        self.header.training.as_ref()
     }
 
     /// Which network it is.
@@ -108,7 +131,7 @@ pub(crate) fn evaluate(
 impl Predictor for Surrogate {
     fn predict(&self, patterns: &[Pattern]) -> Result<Vec<Field>, PredictError> {
         let patterns: Vec<&Pattern> = patterns.iter().collect();
-        evaluate(self.network.as_ref(), self.scale_mm, &patterns, &self.device)
+        evaluate(self.network.as_ref(), self.header.scale_mm, &patterns, &self.device)
     }
 }
 

@@ -10,6 +10,7 @@ use candle_core::{Device, Tensor, Var};
 
 use super::checkpoint::{Checkpoint, Course};
 use super::example::Example;
+use super::header::Header;
 use super::loss::LossWeights;
 use super::metrics::{measure, rmse_mm};
 use super::monitor::Monitor;
@@ -21,7 +22,7 @@ use super::parameters::Parameters;
 use super::predict::device;
 use super::schedule::learning_rate_factor;
 use super::step::{Problem, Shown};
-use super::weights::{Header, to_bytes};
+use super::weights::to_bytes;
 use crate::base::Stream;
 use crate::dataset::{Split, SymmetryGroup};
 use crate::field::CORNERS;
@@ -307,12 +308,8 @@ impl<'a> Trainer<'a> {
     fn bytes(&self) -> Result<Vec<u8>, TrainError> {
         let trained = self.vars.iter();
         let trained = trained.map(|(name, var)| (name.clone(), var.as_tensor().clone()));
-        let tensors = trained.chain(self.constants.clone()).collect();
-        let header = Header {
-            network: self.options.network.name().to_owned(),
-            scale_mm: self.scale_mm,
-        };
-        to_bytes(&header, &tensors).map_err(TrainError::Failed)
+        let header = Header::new(self.options.network.name(), self.scale_mm);
+        to_bytes(&header, &trained.collect(), &self.constants).map_err(TrainError::Failed)
     }
 }
 

@@ -15,6 +15,7 @@ mod hostile_files;
 mod keeping;
 mod killed;
 mod layering;
+mod model;
 mod moved;
 mod read_only;
 mod rebuild;

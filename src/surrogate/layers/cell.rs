@@ -21,7 +21,7 @@ pub(crate) const MODES: usize = 6;
 pub(crate) const FEATURES: usize = NEIGHBOURS + 2 * MODES + 1;
 
 /// Signs of the modes on the corners of a cell, lower left, lower right, upper left, upper right: ∂x, ∂y, hourglass.
-const SIGNS: [[f32; 4]; 3] = [[-1.0, 1.0, -1.0, 1.0], [-1.0, -1.0, 1.0, 1.0], [1.0, -1.0, -1.0, 1.0]];
+pub(crate) const SIGNS: [[f32; 4]; 3] = [[-1.0, 1.0, -1.0, 1.0], [-1.0, -1.0, 1.0, 1.0], [1.0, -1.0, -1.0, 1.0]];
 
 /// What the local law of the network sees of patterns (n, 50, 50), ±½ per cell, and displacements (n, 2, 49, 49) on the inner
 /// corners: the 3 × 3 cells around each cell, in rows from the lower left, 0 outside the frame; the modes of the

@@ -4,7 +4,7 @@
 use std::f64::consts::PI;
 use std::sync::LazyLock;
 
-use candle_core::{CpuStorage, CustomOp1, Layout, Result, Shape, Tensor, bail};
+use candle_core::{CpuStorage, CustomOp1, Device, Layout, Result, Shape, Tensor, bail};
 use faer::Accum;
 
 use super::gemm::{Matrix, multiply};
@@ -21,10 +21,15 @@ pub(crate) fn green(forces: &Tensor) -> Result<Tensor> {
     if forces.device().is_cpu() {
         return forces.contiguous()?.apply_op1(Green);
     }
-    let table = |values: &[f32]| Tensor::from_slice(values, (INNER, INNER), forces.device());
-    let (sines, inverse) = (table(&TABLES.sines)?, table(&TABLES.inverse)?);
+    let (sines, inverse) = green_tables(forces.device())?;
     let transformed = |x: &Tensor| sines.broadcast_matmul(&x.broadcast_matmul(&sines)?);
     transformed(&transformed(forces)?.broadcast_mul(&inverse)?)
+}
+
+/// The tables of the transform as tensors (49, 49): the sines, and one over the eigenvalues.
+pub(crate) fn green_tables(device: &Device) -> Result<(Tensor, Tensor)> {
+    let table = |values: &[f32]| Tensor::from_slice(values, (INNER, INNER), device);
+    Ok((table(&TABLES.sines)?, table(&TABLES.inverse)?))
 }
 
 /// The tables of the transform, row by row.
@@ -85,7 +90,7 @@ impl CustomOp1 for Green {
 
 #[cfg(test)]
 mod tests {
-    use candle_core::{Device, Var};
+    use candle_core::Var;
 
     use super::*;
 

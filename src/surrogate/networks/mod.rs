@@ -6,6 +6,7 @@ mod response;
 
 use candle_core::{Result, Tensor};
 
+use super::onnx::{Graph, Value};
 use super::parameters::Parameters;
 
 pub use response::Constants;
@@ -71,4 +72,7 @@ pub(crate) trait Network: Send + Sync {
     fn unit_mm(&self) -> Option<f64> {
         None
     }
+
+    /// Draws the same as operations of ONNX, without the auxiliary answer: from patterns to displacements.
+    fn export(&self, graph: &mut Graph, patterns: &Value) -> Result<Value>;
 }

@@ -16,6 +16,7 @@ use candle_core::{Result, Tensor};
 
 use super::{Network, Output};
 use crate::surrogate::layers::{add_bias, bias_and_activate, convolve, convolve_transposed, mix};
+use crate::surrogate::onnx::{Graph, Value};
 use crate::surrogate::parameters::Parameters;
 
 /// Channels after the first and second layer of the encoder, and from the third on.
@@ -87,6 +88,22 @@ impl Network for Qin2024 {
             half_resolution,
         })
     }
+
+    fn export(&self, graph: &mut Graph, patterns: &Value) -> Result<Value> {
+        let [first, second, third, fourth, fifth] = &self.encoder;
+        let features = first.export(graph, patterns)?;
+        let features = second.export(graph, &features)?;
+        let mut features = third.export(graph, &features)?;
+        for layer in [fourth, fifth] {
+            let more = layer.export(graph, &features)?;
+            features = graph.add(&features, &more);
+        }
+        let mixed = graph.mix(&features, &self.bottleneck.mixing, COARSE, ENCODER[2])?;
+        let more = self.bottleneck.channels.export(graph, &mixed)?;
+        let features = graph.add(&features, &more);
+        let (x, y) = (self.x.export(graph, &features)?, self.y.export(graph, &features)?);
+        Ok(graph.concatenate(&[&x, &y], 3))
+    }
 }
 
 /// Side, stride and padding of a window.
@@ -118,6 +135,11 @@ impl Convolution {
             &self.bias,
             SLOPE,
         )
+    }
+
+    fn export(&self, graph: &mut Graph, x: &Value) -> Result<Value> {
+        let y = graph.convolve(x, &self.weights, self.stride, self.padding)?;
+        graph.bias_and_activate(&y, &self.bias, SLOPE)
     }
 }
 
@@ -189,6 +211,14 @@ impl Decoder {
 
     fn forward(&self, features: &Tensor) -> Result<Tensor> {
         self.third.answer(&self.second.forward(&self.first.forward(features)?)?)
+    }
+
+    fn export(&self, graph: &mut Graph, features: &Value) -> Result<Value> {
+        let y = self.first.export(graph, features)?;
+        let y = graph.convolve_transposed(&y, &self.second.weights)?;
+        let y = graph.bias_and_activate(&y, &self.second.bias, SLOPE)?;
+        let y = graph.convolve_transposed(&y, &self.third.weights)?;
+        graph.add_bias(&y, &self.third.bias)
     }
 }
 

@@ -9,6 +9,7 @@ use candle_core::{Device, Result, Tensor, bail};
 use faer::Accum;
 
 use super::super::layers::{Matrix, multiply};
+use super::super::onnx::{Graph, Value};
 use super::super::parameters::Parameters;
 use crate::fem::LinearResponse;
 use crate::field::{CORNERS, Field};
@@ -170,6 +171,34 @@ impl Response {
         Tensor::from_vec(displacements, (n, 2, INNER, INNER), &Device::Cpu)?.to_device(patterns.device())
     }
 
+    /// Draws the same as operations of ONNX: folding and unfolding are products with matrices of 0, 1 and −1.
+    pub(crate) fn export(&self, graph: &mut Graph, patterns: &Value) -> Result<Value> {
+        let (side, quadrant) = (SIDE as i64, QUADRANT as i64);
+        let mut sum: Option<Value> = None;
+        for (block, weights) in self.blocks.iter().enumerate() {
+            let rows = graph.tensor(&folding(sign(block, 2) as f32)?)?;
+            let columns = graph.tensor(&folding(sign(block, 1) as f32)?.t()?.contiguous()?)?;
+            let folded = graph.matmul(&rows, patterns);
+            let folded = graph.matmul(&folded, &columns);
+            let folded = graph.reshape(&folded, &[0, quadrant]);
+            let weights = graph.tensor(&Tensor::from_slice(weights, (QUADRANT, VALUES), &Device::Cpu)?)?;
+            let quadrants = graph.matmul(&folded, &weights);
+            let quadrants = graph.reshape(&quadrants, &[0, 2, side, side]);
+            let rows = graph.tensor(&unfolding(block, 2)?)?;
+            let columns = graph.tensor(&unfolding(block, 1)?.transpose(1, 2)?.contiguous()?)?;
+            let part = graph.matmul(&rows, &quadrants);
+            let part = graph.matmul(&part, &columns);
+            sum = Some(match sum {
+                Some(sum) => graph.add(&sum, &part),
+                None => part,
+            });
+        }
+        match sum {
+            Some(sum) => Ok(sum),
+            None => bail!("the response has no blocks"),
+        }
+    }
+
     /// The same on plain numbers.
     pub(crate) fn evaluate(&self, cells: &[f32]) -> Vec<f32> {
         let n = cells.len() / (CELLS * CELLS);
@@ -191,6 +220,30 @@ impl Response {
         }
         displacements
     }
+}
+
+/// The matrix (25, 50) that adds the mirror image of a line of cells, times a sign, to its first half.
+fn folding(sign: f32) -> Result<Tensor> {
+    let mut values = vec![0.0f32; SIDE * CELLS];
+    for (at, row) in values.chunks_exact_mut(CELLS).enumerate() {
+        row[at] = 1.0;
+        row[CELLS - 1 - at] = sign;
+    }
+    Tensor::from_vec(values, (SIDE, CELLS), &Device::Cpu)
+}
+
+/// For both components the matrix (49, 25) that continues a line of the first half's corners by its mirror image, with the
+/// sign that it has in a block under the mirror `bit`: (2, 49, 25).
+fn unfolding(block: usize, bit: usize) -> Result<Tensor> {
+    let mut values = vec![0.0f32; 2 * INNER * SIDE];
+    for (component, matrix) in values.chunks_exact_mut(INNER * SIDE).enumerate() {
+        for at in 0..SIDE {
+            // The middle line is its own image.
+            matrix[(INNER - 1 - at) * SIDE + at] = (sign(block, bit) * turns(component, bit)) as f32;
+            matrix[at * SIDE + at] = 1.0;
+        }
+    }
+    Tensor::from_vec(values, (2, INNER, SIDE), &Device::Cpu)
 }
 
 /// The signed sum of the four mirror images of a pattern on the first quadrant.

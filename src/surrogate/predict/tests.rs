@@ -3,8 +3,9 @@ use std::collections::BTreeMap;
 use super::*;
 use crate::dataset::Split;
 use crate::field::CORNERS;
+use crate::surrogate::header::Header;
 use crate::surrogate::testing::examples;
-use crate::surrogate::weights::{Header, to_bytes};
+use crate::surrogate::weights::to_bytes;
 use crate::surrogate::{TrainOptions, train};
 
 fn model() -> Vec<u8> {
@@ -59,31 +60,26 @@ fn damaged_bytes_are_refused() {
     let mut longer = bytes.clone();
     longer.push(0);
     assert!(Surrogate::load(&longer).is_err());
-    // The last four bytes are a weight: not a number.
+    // The last four bytes are a weight.
     let mut broken = bytes;
     let end = broken.len();
-    broken[end - 4..].copy_from_slice(&f32::NAN.to_le_bytes());
-    assert!(matches!(Surrogate::load(&broken), Err(LoadError::Damaged(_))));
+    broken[end - 4] ^= 1;
+    let error = Surrogate::load(&broken).err().expect("refused").to_string();
+    assert!(error.contains("digest"), "{error}");
 }
 
 #[test]
 fn networks_of_another_shape_are_refused() {
     let (header, tensors) = from_bytes(&model()).unwrap();
     let refused = |header: &Header, tensors: &BTreeMap<String, Tensor>| {
-        let error = Surrogate::load(&to_bytes(header, tensors).unwrap())
+        let error = Surrogate::load(&to_bytes(header, tensors, &BTreeMap::new()).unwrap())
             .err()
             .expect("refused");
         error.to_string()
     };
-    let other = Header {
-        network: "resnet".into(),
-        ..header.clone()
-    };
+    let other = Header::new("resnet", 1.0);
     assert!(refused(&other, &tensors).contains("'resnet'"));
-    let scale = Header {
-        scale_mm: 0.0,
-        ..header.clone()
-    };
+    let scale = Header::new("qin2024", 0.0);
     assert!(refused(&scale, &tensors).contains("scale"));
 
     let name = tensors.keys().next().unwrap().clone();
@@ -92,7 +88,10 @@ fn networks_of_another_shape_are_refused() {
     assert!(refused(&header, &missing).contains(&format!("{name} is missing")));
     let mut extra = tensors.clone();
     extra.insert("surplus".into(), tensor.clone());
-    assert!(refused(&header, &extra).contains("tensors"));
+    assert!(refused(&header, &extra).contains("has no tensor surplus"));
+    let mut infinite = tensors.clone();
+    infinite.insert(name.clone(), (&tensor * f64::INFINITY).unwrap());
+    assert!(refused(&header, &infinite).contains("not finite"));
     let mut reshaped = tensors.clone();
     reshaped.insert(name.clone(), tensor.flatten_all().unwrap().unsqueeze(0).unwrap());
     assert!(refused(&header, &reshaped).contains("shape"));

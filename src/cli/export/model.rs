@@ -1,0 +1,72 @@
+//! `deaflow export model`: a trained model as a safetensors or an ONNX file.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::{Value, json};
+
+use crate::cli::arguments::{ExportModelArguments, ModelFormat};
+use crate::cli::error::CliError;
+use crate::cli::output::{Exit, Output};
+use crate::cli::{model, solve, write};
+use crate::stage::model::Exportable;
+
+pub fn execute(arguments: &ExportModelArguments, output: &Output) -> Result<Exit, CliError> {
+    let weights = model::weights(&arguments.model, &arguments.store.folder())?;
+    let exportable = Exportable::new(&weights)?;
+    let format = format(arguments)?;
+    let path = path(arguments, exportable.network(), format);
+    if solve::is_same_file(Path::new(&arguments.model), &path) {
+        return Err(
+            CliError::bad_input(format!("{} is read here: writing it would lose it", path.display()))
+                .help("-o must name another file"),
+        );
+    }
+    let bytes = match format {
+        ModelFormat::Safetensors => weights,
+        ModelFormat::Onnx => exportable.onnx()?,
+    };
+    write::file(&path, &bytes)?;
+    if output.is_json() {
+        let header: Value = serde_json::from_str(&exportable.header()?).unwrap_or_default();
+        output.document(&json!({
+            "file": path,
+            "format": format.extension(),
+            "bytes": bytes.len(),
+            "header": header,
+        }))?;
+    } else {
+        output.text(&format!(
+            "{}: {}, {:.1} MB; patterns (n, 50, 50) to displacements (n, 51, 51, 2) in mm",
+            path.display(),
+            exportable.network(),
+            bytes.len() as f64 * 1e-6
+        ))?;
+    }
+    Ok(Exit::Done)
+}
+
+/// The format that is asked for: by name, or by the end of the file's name.
+fn format(arguments: &ExportModelArguments) -> Result<ModelFormat, CliError> {
+    let extension = arguments.output.extension().and_then(|e| e.to_str());
+    let known = [ModelFormat::Safetensors, ModelFormat::Onnx];
+    let named = known.into_iter().find(|format| Some(format.extension()) == extension);
+    match (arguments.format, named) {
+        (Some(format), Some(other)) if format != other => Err(CliError::bad_input(format!(
+            "--format {} cannot stand beside a file called .{}",
+            format.extension(),
+            other.extension()
+        ))),
+        (Some(format), _) | (None, Some(format)) => Ok(format),
+        (None, None) => Err(CliError::bad_input("the format of the model is not said")
+            .help("give --format safetensors or --format onnx, or a file that ends so")),
+    }
+}
+
+/// The file to write: in a folder, one called after the network.
+fn path(arguments: &ExportModelArguments, network: &str, format: ModelFormat) -> PathBuf {
+    if arguments.output.is_dir() {
+        arguments.output.join(format!("{network}.{}", format.extension()))
+    } else {
+        arguments.output.clone()
+    }
+}

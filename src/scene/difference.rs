@@ -1,0 +1,110 @@
+//! Where two scenes are simulated differently: what is known of one does not hold in the other.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use super::model::Scene;
+use crate::base::Canonical;
+
+/// One key of a scene with its value in each of two.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Difference {
+    /// The key, as in `drive.voltage`.
+    pub key: String,
+    /// Its value in the first; `none` where it has none.
+    pub first: String,
+    /// Its value in the second.
+    pub second: String,
+}
+
+impl fmt::Display for Difference {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} is {} there and {} here", self.key, self.first, self.second)
+    }
+}
+
+impl Scene {
+    /// Every key that has another value here than in `other`, among those that change what is simulated: frequency, duration
+    /// and properties count only where they decide about the effects.
+    #[must_use]
+    pub fn differences(&self, other: &Self) -> Vec<Difference> {
+        let decided = !self.auto && !other.auto;
+        let [first, second] = [self, other].map(Scene::canonical);
+        let leaves = |canonical| leaves(canonical, decided);
+        let [first, second] = [leaves(&first), leaves(&second)];
+        let keys = first
+            .keys()
+            .chain(second.keys().filter(|key| !first.contains_key(*key)));
+        let value = |of: &BTreeMap<String, String>, key: &str| of.get(key).map_or("none", String::as_str).to_owned();
+        let mut found: Vec<Difference> = keys
+            .map(|key| Difference {
+                key: key.clone(),
+                first: value(&first, key),
+                second: value(&second, key),
+            })
+            .filter(|difference| difference.first != difference.second)
+            .collect();
+        found.sort_by(|a, b| a.key.cmp(&b.key));
+        found
+    }
+}
+
+/// Values by key, without what only screening looks at where the effects are decided.
+fn leaves(canonical: &Canonical, decided: bool) -> BTreeMap<String, String> {
+    let screened = |key: &str| key.starts_with("properties") || ["drive.frequency", "drive.duration"].contains(&key);
+    let leaves = canonical.leaves().into_iter();
+    leaves
+        .filter(|(key, _)| !(decided && screened(key)))
+        .map(|(key, value)| (key, value.to_string()))
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn scene(drive: &str, effects: &str) -> Scene {
+        let text = format!(
+            "{{ geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 50 }}, material: {{ model: neo-hookean, \
+             shear_modulus: 45 kPa, relative_permittivity: 4.7 }}, drive: {drive}, {effects} }}"
+        );
+        Scene::from_text(&text).unwrap()
+    }
+
+    fn said(a: &Scene, b: &Scene) -> Vec<String> {
+        a.differences(b).iter().map(ToString::to_string).collect()
+    }
+
+    #[test]
+    fn differences_are_named_with_both_values() {
+        let [high, low] = ["{ voltage: 5.25 kV }", "{ voltage: 5 kV }"].map(|drive| scene(drive, "effects: {}"));
+        assert_eq!(said(&high, &low), ["drive.voltage is 5250 V there and 5000 V here"]);
+        assert!(high.differences(&high).is_empty());
+        assert!(
+            high.differences(&scene("{ voltage: 5250 }", "effects: {}")).is_empty(),
+            "equal quantities are equal"
+        );
+        let stiff = scene(
+            "{ voltage: 5250 }",
+            "effects: { strain_stiffening: { model: gent, jm: 125 } }",
+        );
+        let found = said(&high, &stiff);
+        assert!(
+            found.contains(&"effects.strain_stiffening.jm is none there and 125 here".to_owned()),
+            "{found:?}"
+        );
+    }
+
+    #[test]
+    fn what_is_not_simulated_makes_no_difference_unless_it_decides() {
+        let plain = scene("{ voltage: 5250 }", "effects: {}");
+        let alternating = "{ voltage: 5250, frequency: 2 Hz }";
+        assert!(
+            plain
+                .differences(&scene(alternating, "effects: {}, properties: { density: 960 }"))
+                .is_empty()
+        );
+        let auto = scene(alternating, "effects: auto");
+        assert!(said(&plain, &auto).contains(&"drive.frequency is none there and 2 Hz here".to_owned()));
+    }
+}

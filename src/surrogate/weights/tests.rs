@@ -1,0 +1,193 @@
+use candle_core::DType;
+use proptest::prelude::*;
+
+use super::*;
+use crate::surrogate::EpochReport;
+use crate::surrogate::metrics::Metrics;
+
+fn tensors() -> BTreeMap<String, Tensor> {
+    let tensor = |values: &[f32]| Tensor::new(values, &Device::Cpu).unwrap();
+    BTreeMap::from([
+        ("b".to_owned(), tensor(&[1.0, -2.0])),
+        ("a.weights".to_owned(), tensor(&[0.5, 0.25, 3.0])),
+    ])
+}
+
+fn constants() -> BTreeMap<String, Tensor> {
+    BTreeMap::from([("c".to_owned(), Tensor::new(&[7.0_f32], &Device::Cpu).unwrap())])
+}
+
+fn record() -> Record {
+    let families = BTreeMap::from([("bezier".to_owned(), 3), ("small-grid".to_owned(), 4)]);
+    Record {
+        examples: BTreeMap::from([("train".to_owned(), families)]),
+        epochs: 4,
+        best_epoch: 3,
+        validation_rmse_mm: Some(0.0625),
+        seed: 5,
+        inputs: vec!["ab".repeat(32)],
+    }
+}
+
+fn model() -> Vec<u8> {
+    annotated(
+        &to_bytes(&Header::new("qin2024", 0.375), &tensors(), &constants()).unwrap(),
+        "{ drive: { voltage: 5.25 kV } }",
+        record(),
+    )
+    .unwrap()
+}
+
+/// A file of safetensors with this text in its metadata and no tensors.
+fn with_text(text: &str) -> Vec<u8> {
+    let metadata = HashMap::from([(KEY.to_owned(), text.to_owned())]);
+    let none: BTreeMap<String, Tensor> = BTreeMap::new();
+    safetensors::serialize(&none, Some(metadata)).unwrap()
+}
+
+fn with_header(length: u64, rest: &[u8]) -> Vec<u8> {
+    [&length.to_le_bytes()[..], rest].concat()
+}
+
+#[test]
+fn a_model_says_what_it_is_and_equal_models_are_equal_bytes() {
+    let bytes = model();
+    assert_eq!(bytes, model());
+    let (header, read) = from_bytes(&bytes).unwrap();
+    assert_eq!((header.network.as_str(), header.scale_mm), ("qin2024", 0.375));
+    assert_eq!(header.scene.as_deref(), Some("{ drive: { voltage: 5.25 kV } }"));
+    assert_eq!(header.training, Some(record()));
+    assert!(header.tensors.trained.iter().eq(["a.weights", "b"]) && header.tensors.constant.iter().eq(["c"]));
+    assert_eq!(read["b"].to_vec1::<f32>().unwrap(), [1.0, -2.0]);
+    let shown: Value = serde_json::to_value(&header).unwrap();
+    assert_eq!(shown["input"]["shape"], serde_json::json!(["n", 50, 50]));
+    assert_eq!(shown["output"]["shape"], serde_json::json!(["n", 51, 51, 2]));
+    assert_eq!(shown["output"]["unit"], "mm");
+}
+
+#[test]
+fn a_flipped_bit_anywhere_is_found_out() {
+    let bytes = model();
+    for at in 0..bytes.len() {
+        for bit in 0..8 {
+            let mut flipped = bytes.clone();
+            flipped[at] ^= 1 << bit;
+            assert!(from_bytes(&flipped).is_err(), "byte {at}, bit {bit}");
+        }
+    }
+    for length in 0..bytes.len() {
+        assert!(from_bytes(&bytes[..length]).is_err(), "cut to {length}");
+    }
+}
+
+#[test]
+fn hostile_headers_are_refused_before_they_cost_anything() {
+    let tensor =
+        |shape: &str, end: u64| format!("{{\"a\":{{\"dtype\":\"F32\",\"shape\":{shape},\"data_offsets\":[0,{end}]}}}}");
+    let deep = format!("{{\"__metadata__\":{{\"{KEY}\":\"{}\"}}}}", "[".repeat(100_000));
+    let headers = [
+        (u64::MAX, "{}".to_owned()),
+        (u64::MAX - 7, "{}".to_owned()),
+        (1 << 40, "{}".to_owned()),
+        (99_000_000, "{}".to_owned()),
+        (0, String::new()),
+        (2, "{}".to_owned()),
+        (deep.len() as u64, deep.clone()),
+        (0, tensor("[18446744073709551615,18446744073709551615]", 4)),
+        (0, tensor("[1099511627776]", 4_398_046_511_104)),
+        (0, tensor("[1]", u64::MAX)),
+    ];
+    for (length, text) in headers {
+        let length = if length == 0 { text.len() as u64 } else { length };
+        assert!(from_bytes(&with_header(length, text.as_bytes())).is_err(), "{length}");
+    }
+}
+
+#[test]
+fn versions_and_headers_of_others_are_refused_with_the_reason() {
+    let said = |text: &str| from_bytes(&with_text(text)).unwrap_err().to_string();
+    assert!(said("{\"format_version\":2}").contains("version 2, and this deaflow reads version 1"));
+    assert!(said("{\"network\":\"qin2024\",\"scale_mm\":1.0}").contains("older deaflow"));
+    assert!(said("{\"format_version\":1}").contains("digest"));
+    assert!(said("[1").contains("damaged"));
+    // A header that is whole, but says more than this program knows.
+    let (header, _) = from_bytes(&model()).unwrap();
+    let text = serde_json::to_string(&header).unwrap();
+    let body = text[1..].replacen("\"network\"", "\"rotated\":true,\"network\"", 1);
+    let sealed = |body: &str| format!("{}{body}", opening(&digest(body, &[])));
+    assert!(said(&sealed(&body)).contains("unknown field `rotated`"));
+    let upside_down = text[1..].replacen("origin lower left", "origin upper left", 1);
+    assert!(said(&sealed(&upside_down)).contains("patterns in another form"));
+    assert!(said(&sealed(&text[1..])).contains("a.weights is missing"));
+}
+
+#[test]
+fn tensors_have_one_role_each_and_are_named() {
+    let both = to_bytes(&Header::new("qin2024", 1.0), &tensors(), &tensors());
+    assert!(both.unwrap_err().contains("both trained and constant"));
+    let (header, _) = from_bytes(&model()).unwrap();
+    let mut more: BTreeMap<_, _> = tensors().into_iter().chain(constants()).collect();
+    more.insert("e".to_owned(), Tensor::zeros(1, DType::F32, &Device::Cpu).unwrap());
+    assert!(
+        check_names(&header, &more)
+            .unwrap_err()
+            .to_string()
+            .contains("does not name tensor e")
+    );
+}
+
+#[test]
+fn the_record_counts_examples_by_family() {
+    let metrics = |family: &str, split, samples| Metrics {
+        family: family.to_owned(),
+        split,
+        samples,
+        rmse_mm: 0.0,
+        r2: 1.0,
+        max_error_mm: 0.0,
+    };
+    let report = |epoch, rmse| EpochReport {
+        epoch,
+        train_loss: 0.0,
+        validation_loss: 0.0,
+        validation_rmse_mm: rmse,
+        learning_rate: 1e-3,
+    };
+    let mut trained = Trained {
+        weights: Vec::new(),
+        curves: vec![report(1, 0.5), report(2, 0.25), report(3, 0.75)],
+        metrics: vec![metrics("all", Split::Train, 5), metrics("bezier", Split::Train, 5)],
+        best_epoch: 2,
+        ending: crate::surrogate::Ending::Complete,
+    };
+    let record = Record::of(&trained, 7, Vec::new());
+    assert_eq!((record.epochs, record.best_epoch, record.seed), (3, 2, 7));
+    assert_eq!(record.validation_rmse_mm, None, "there are no validation examples");
+    assert_eq!(record.examples["train"], BTreeMap::from([("bezier".to_owned(), 5)]));
+    trained.metrics.push(metrics("bezier", Split::Validation, 1));
+    assert_eq!(Record::of(&trained, 7, Vec::new()).validation_rmse_mm, Some(0.25));
+}
+
+proptest! {
+    #[test]
+    fn bytes_of_any_kind_never_panic(noise in proptest::collection::vec(any::<u8>(), 0..200), length in any::<u64>()) {
+        prop_assert!(from_bytes(&noise).is_err());
+        prop_assert!(from_bytes(&with_header(length, &noise)).is_err());
+        prop_assert!(from_bytes(&with_header(noise.len() as u64, &noise)).is_err());
+    }
+
+    #[test]
+    fn several_changes_are_found_out_too(changes in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..20)) {
+        let (bytes, mut changed) = (model(), model());
+        for (at, value) in changes {
+            let at = at.index(changed.len());
+            changed[at] = value;
+        }
+        // White space may be of another kind.
+        let same = |(header, tensors): (Header, BTreeMap<String, Tensor>)| {
+            let (was, all) = from_bytes(&bytes).unwrap();
+            header == was && all.len() == tensors.len()
+        };
+        prop_assert!(changed == bytes || from_bytes(&changed).map_or(true, same));
+    }
+}
