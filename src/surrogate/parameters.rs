@@ -70,6 +70,11 @@ impl<'a> Parameters<'a> {
         shaped(tensors, name, dims)?.to_device(self.device)
     }
 
+    /// Whether the weights stay as they are.
+    pub(crate) fn are_stored(&self) -> bool {
+        matches!(self.source, Source::Stored(_))
+    }
+
     /// Where the network runs.
     pub(crate) fn device(&self) -> &Device {
         self.device

@@ -12,10 +12,6 @@ use super::weights::{LoadError, from_bytes};
 use crate::field::{Field, PredictError, Predictor};
 use crate::pattern::Pattern;
 
-/// Patterns evaluated together by one thread. Every operation treats the patterns of a batch one by one, so the number
-/// changes speed only.
-pub(crate) const CHUNK: usize = 8;
-
 /// A trained network.
 pub struct Surrogate {
     kind: NetworkKind,
@@ -118,14 +114,14 @@ pub(crate) fn evaluate(
     device: &Device,
 ) -> Result<Vec<Field>, PredictError> {
     let failed = |e: candle_core::Error| PredictError(e.to_string());
-    let chunks = patterns.par_chunks(CHUNK).map(|chunk| {
+    let chunks = patterns.par_chunks(network.together()).map(|chunk| {
         let input = patterns_to_tensor(chunk.iter().copied(), device).map_err(failed)?;
-        let output = network.forward(&input, false).map_err(failed)?;
-        let fields = tensor_to_fields(&output.displacement, scale_mm).map_err(failed)?;
+        let displacement = network.predict(&input).map_err(failed)?;
+        let fields = tensor_to_fields(&displacement, scale_mm).map_err(failed)?;
         fields.map_err(|e| PredictError(e.to_string()))
     });
     let chunks: Result<Vec<_>, _> = chunks.collect();
-    Ok(chunks?.concat())
+    Ok(chunks?.into_iter().flatten().collect())
 }
 
 impl Predictor for Surrogate {

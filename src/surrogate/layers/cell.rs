@@ -106,47 +106,103 @@ struct Forces;
 /// The modes of displacements: the transpose of [`Forces`].
 struct Modes;
 
-/// The modes of one component (49 × 49) times a factor: derivatives along x and y and the hourglass, each of all cells.
-fn modes_of(component: &[f32], factor: f32, mut write: impl FnMut(usize, usize, f32)) {
-    let zeros = [0.0f32; CELLS + 1];
-    let mut rows = [[0.0f32; CELLS + 1]; 2];
+/// Three planes of numbers, one for each mode of a component.
+type Planes<'a> = [&'a mut [f32]; 3];
+
+/// The modes of one component (49 × 49) times a factor, on all cells.
+fn modes_of(component: &[f32], factor: f32, [along, up, hourglass]: Planes<'_>) {
     let half = 0.5 * factor;
+    let mut lines = [[0.0f32; CORNERS]; 2];
     for row in 0..CELLS {
-        for (side, line) in rows.iter_mut().enumerate() {
-            match (row + side).checked_sub(1).filter(|&inner| inner < INNER) {
-                Some(inner) => line[1..=INNER].copy_from_slice(&component[inner * INNER..][..INNER]),
-                None => line.copy_from_slice(&zeros),
-            }
+        let [below, above] = &mut lines;
+        std::mem::swap(below, above);
+        match component.get(row * INNER..(row + 1) * INNER) {
+            Some(line) => above[1..=INNER].copy_from_slice(line),
+            None => above.fill(0.0),
         }
-        let [below, above] = &rows;
+        let cells = row * CELLS..(row + 1) * CELLS;
+        let (along, up, hourglass) = (&mut along[cells.clone()], &mut up[cells.clone()], &mut hourglass[cells]);
         for column in 0..CELLS {
             let (a, b) = (below[column], below[column + 1]);
             let (c, d) = (above[column], above[column + 1]);
-            let cell = row * CELLS + column;
-            write(0, cell, half * ((b - a) + (d - c)));
-            write(1, cell, half * ((c - a) + (d - b)));
-            write(2, cell, half * ((a - b) + (d - c)));
+            along[column] = half * ((b - a) + (d - c));
+            up[column] = half * ((c - a) + (d - b));
+            hourglass[column] = half * ((a - b) + (d - c));
         }
     }
 }
 
-/// Adds the forces of the stresses of one component, one for each mode and cell, to its 49 × 49 corners.
-fn forces_of(stress: impl Fn(usize, usize) -> f32, component: &mut [f32]) {
-    let mut corners = [0.0f32; CORNERS * CORNERS];
+/// Adds the forces of the stresses of one component, a plane for each mode, to its 49 × 49 corners.
+fn forces_of([along, up, hourglass]: [&[f32]; 3], component: &mut [f32]) {
+    // Forces of a row of cells on the corners below and above it.
+    let mut lines = [[0.0f32; CORNERS]; 2];
     for row in 0..CELLS {
+        let cells = row * CELLS..(row + 1) * CELLS;
+        let (along, up, hourglass) = (&along[cells.clone()], &up[cells.clone()], &hourglass[cells]);
+        let [below, above] = &mut lines;
+        above.fill(0.0);
         for column in 0..CELLS {
-            let cell = row * CELLS + column;
-            let (x, y, h) = (stress(0, cell), stress(1, cell), stress(2, cell));
-            let at = row * CORNERS + column;
-            corners[at] += h - x - y;
-            corners[at + 1] += x - y - h;
-            corners[at + CORNERS] += y - x - h;
-            corners[at + CORNERS + 1] += x + y + h;
+            let (x, y, h) = (along[column], up[column], hourglass[column]);
+            below[column] += h - x - y;
+            above[column] += y - x - h;
         }
+        for column in 0..CELLS {
+            let (x, y, h) = (along[column], up[column], hourglass[column]);
+            below[column + 1] += x - y - h;
+            above[column + 1] += x + y + h;
+        }
+        if let Some(inner) = row.checked_sub(1) {
+            let line = &mut component[inner * INNER..][..INNER];
+            line.iter_mut()
+                .zip(&below[1..])
+                .for_each(|(to, from)| *to += 0.5 * from);
+        }
+        std::mem::swap(below, above);
     }
-    for (row, line) in component.chunks_exact_mut(INNER).enumerate() {
-        let from = &corners[(row + 1) * CORNERS + 1..][..INNER];
-        line.iter_mut().zip(from).for_each(|(to, from)| *to += 0.5 * from);
+}
+
+/// The planes of the modes of a component among those of both.
+fn planes_of(modes: &mut [f32], component: usize) -> Planes<'_> {
+    let (along, rest) = modes.split_at_mut(2 * AREA);
+    let (up, hourglass) = rest.split_at_mut(2 * AREA);
+    [along, up, hourglass].map(|planes| &mut planes[component * AREA..][..AREA])
+}
+
+/// [`planes_of`], to read.
+fn planes(modes: &[f32], component: usize) -> [&[f32]; 3] {
+    [0, 1, 2].map(|mode| &modes[(2 * mode + component) * AREA..][..AREA])
+}
+
+/// The modes (6, 2500) of a displacement (2, 49, 49).
+fn write_modes(displacement: &[f32], factor: f32, modes: &mut [f32]) {
+    for (k, component) in displacement.chunks_exact(INNER * INNER).enumerate() {
+        modes_of(component, factor, planes_of(modes, k));
+    }
+}
+
+/// Adds the forces of stresses (6, 2500) to forces (2, 49, 49).
+pub(crate) fn add_forces(stresses: &[f32], forces: &mut [f32]) {
+    for (k, component) in forces.chunks_exact_mut(INNER * INNER).enumerate() {
+        forces_of(planes(stresses, k), component);
+    }
+}
+
+/// Those of the [`features`] of an image (22, 2500) that do not depend on the displacement.
+pub(crate) fn write_surroundings(pattern: &[f32], features: &mut [f32]) {
+    let around = &mut features[..NEIGHBOURS * AREA];
+    around.fill(0.0);
+    neighbours(pattern, around);
+    features[(FEATURES - 1) * AREA..].fill(1.0);
+}
+
+/// Those of the [`features`] of an image that do.
+pub(crate) fn write_strains(pattern: &[f32], displacement: &[f32], strain: f32, features: &mut [f32]) {
+    let modes = &mut features[NEIGHBOURS * AREA..];
+    let (modes, signed) = modes.split_at_mut(MODES * AREA);
+    write_modes(displacement, strain, modes);
+    for (signed, mode) in signed.chunks_exact_mut(AREA).zip(modes.chunks_exact(AREA)) {
+        let each = signed.iter_mut().zip(mode).zip(pattern);
+        each.for_each(|((signed, mode), p)| *signed = 2.0 * p * mode);
     }
 }
 
@@ -169,20 +225,8 @@ impl CustomOp2 for Features {
         let mut y = vec![0.0; n * FEATURES * AREA];
         let images = u.chunks_exact(2 * INNER * INNER).zip(p.chunks_exact(AREA));
         for ((u, p), y) in images.zip(y.chunks_exact_mut(FEATURES * AREA)) {
-            let (around, rest) = y.split_at_mut(NEIGHBOURS * AREA);
-            neighbours(p, around);
-            let (modes, rest) = rest.split_at_mut(MODES * AREA);
-            for (k, component) in u.chunks_exact(INNER * INNER).enumerate() {
-                modes_of(component, self.strain, |mode, cell, value| {
-                    modes[(2 * mode + k) * AREA + cell] = value;
-                });
-            }
-            let (signed, one) = rest.split_at_mut(MODES * AREA);
-            for (signed, mode) in signed.chunks_exact_mut(AREA).zip(modes.chunks_exact(AREA)) {
-                let each = signed.iter_mut().zip(mode).zip(p);
-                each.for_each(|((signed, mode), p)| *signed = 2.0 * p * mode);
-            }
-            one.fill(1.0);
+            write_surroundings(p, y);
+            write_strains(p, u, self.strain, y);
         }
         Ok((CpuStorage::F32(y), (n, FEATURES, AREA).into()))
     }
@@ -224,17 +268,16 @@ impl CustomOp2 for FeaturesGradient {
         let n = check(lg, &[FEATURES, AREA])?;
         check(lp, &[CELLS, CELLS])?;
         let (g, p) = (values(g, lg)?, values(p, lp)?);
-        let mut u = vec![0.0; n * 2 * INNER * INNER];
+        let (mut u, mut stresses) = (vec![0.0; n * 2 * INNER * INNER], vec![0.0; MODES * AREA]);
         let images = g.chunks_exact(FEATURES * AREA).zip(p.chunks_exact(AREA));
         for ((g, p), u) in images.zip(u.chunks_exact_mut(2 * INNER * INNER)) {
             let (modes, signed) = g[NEIGHBOURS * AREA..].split_at(MODES * AREA);
-            for (k, component) in u.chunks_exact_mut(INNER * INNER).enumerate() {
-                let stress = |mode: usize, cell: usize| {
-                    let at = (2 * mode + k) * AREA + cell;
-                    self.strain * (modes[at] + 2.0 * p[cell] * signed[at])
-                };
-                forces_of(stress, component);
+            let planes = modes.chunks_exact(AREA).zip(signed.chunks_exact(AREA));
+            for (stress, (mode, signed)) in stresses.chunks_exact_mut(AREA).zip(planes) {
+                let each = stress.iter_mut().zip(mode).zip(signed).zip(p);
+                each.for_each(|(((stress, mode), signed), p)| *stress = self.strain * (mode + 2.0 * p * signed));
             }
+            add_forces(&stresses, u);
         }
         Ok((CpuStorage::F32(u), (n, 2, INNER, INNER).into()))
     }
@@ -249,9 +292,7 @@ impl CustomOp1 for Forces {
         let (n, s) = (check(ls, &[MODES, AREA])?, values(s, ls)?);
         let mut f = vec![0.0; n * 2 * INNER * INNER];
         for (s, f) in s.chunks_exact(MODES * AREA).zip(f.chunks_exact_mut(2 * INNER * INNER)) {
-            for (k, component) in f.chunks_exact_mut(INNER * INNER).enumerate() {
-                forces_of(|mode, cell| s[(2 * mode + k) * AREA + cell], component);
-            }
+            add_forces(s, f);
         }
         Ok((CpuStorage::F32(f), (n, 2, INNER, INNER).into()))
     }
@@ -273,11 +314,7 @@ impl CustomOp1 for Modes {
             .chunks_exact(2 * INNER * INNER)
             .zip(modes.chunks_exact_mut(MODES * AREA))
         {
-            for (k, component) in u.chunks_exact(INNER * INNER).enumerate() {
-                modes_of(component, 1.0, |mode, cell, value| {
-                    modes[(2 * mode + k) * AREA + cell] = value
-                });
-            }
+            write_modes(u, 1.0, modes);
         }
         Ok((CpuStorage::F32(modes), (n, MODES, AREA).into()))
     }

@@ -67,6 +67,17 @@ pub(crate) trait Network: Send + Sync {
     /// The displacement, with the auxiliary answer where `auxiliary` is set.
     fn forward(&self, patterns: &Tensor, auxiliary: bool) -> Result<Output>;
 
+    /// The displacement without a gradient, (n, 49, 49, 2): that of [`Network::forward`] but for rounding.
+    fn predict(&self, patterns: &Tensor) -> Result<Tensor> {
+        Ok(self.forward(patterns, false)?.displacement)
+    }
+
+    /// How many patterns one thread best predicts together. Every pattern is treated as if it were alone, so the number
+    /// changes speed only.
+    fn together(&self) -> usize {
+        8
+    }
+
     /// Length in mm of one unit of the displacement, where the network says it; else it is the deviation of the fields that it
     /// learns from.
     fn unit_mm(&self) -> Option<f64> {

@@ -46,13 +46,43 @@ fn patterns() -> Vec<Pattern> {
     ]
 }
 
+/// The network with those weights as a model file has them.
+fn settled(constants: &Constants, vars: &[(String, Var)]) -> Physics {
+    let weights = vars.iter().map(|(name, var)| (name.clone(), var.as_tensor().clone()));
+    let tensors = weights.chain(constants.tensors.clone()).collect();
+    Physics::new(&mut Parameters::stored(&tensors, &Device::Cpu)).unwrap()
+}
+
 fn predict(network: &Physics, patterns: &[Pattern]) -> Vec<Field> {
     let input = patterns_to_tensor(patterns.iter(), &Device::Cpu).unwrap();
-    let output = network.forward(&input, true).unwrap();
-    assert!(output.half_resolution.is_none());
-    tensor_to_fields(&output.displacement, network.unit_mm().unwrap())
+    let displacement = network.predict(&input).unwrap();
+    tensor_to_fields(&displacement, network.unit_mm().unwrap())
         .unwrap()
         .unwrap()
+}
+
+#[test]
+fn a_prediction_is_what_training_sees() {
+    let constants = constants(5250.0).1;
+    let (network, vars) = network(&constants);
+    let input = patterns_to_tensor(patterns().iter(), &Device::Cpu).unwrap();
+    let seen = network.forward(&input, true).unwrap().displacement;
+    let predicted = settled(&constants, &vars).predict(&input).unwrap();
+    let flat = |t: &Tensor| t.flatten_all().unwrap().to_vec1::<f32>().unwrap();
+    let largest = flat(&seen).into_iter().fold(0.0, |most: f32, u| most.max(u.abs()));
+    let differences = flat(&(seen - predicted).unwrap()).into_iter();
+    assert!(differences.fold(0.0, |most: f32, d| most.max(d.abs())) < 1e-5 * largest);
+}
+
+#[test]
+fn a_prediction_does_not_depend_on_its_company() {
+    let constants = constants(5250.0).1;
+    let network = settled(&constants, &network(&constants).1);
+    let many: Vec<Pattern> = patterns().into_iter().cycle().take(13).collect();
+    let together = predict(&network, &many);
+    for (pattern, field) in many.iter().zip(&together) {
+        assert_eq!(&predict(&network, std::slice::from_ref(pattern))[0], field);
+    }
 }
 
 #[test]
@@ -73,7 +103,8 @@ fn an_untrained_network_is_the_linear_response() {
 
 #[test]
 fn a_rotated_or_mirrored_pattern_has_the_rotated_or_mirrored_displacement() {
-    let (network, _) = network(&constants(5250.0).1);
+    let constants = constants(5250.0).1;
+    let network = settled(&constants, &network(&constants).1);
     for pattern in patterns() {
         let images: Vec<Pattern> = Symmetry::ALL.iter().map(|&g| pattern.transformed(g)).collect();
         let found = predict(&network, &images);

@@ -1,0 +1,76 @@
+//! Predictions of the surrogates on one core beside the estimates that they have to beat.
+//!
+//! `cargo bench --bench surrogates`. The networks are built for the default scene and trained on a few fields only: how long a
+//! prediction takes does not depend on the weights. Times are those that the thread was on a core, the best of five rounds of
+//! 1000 patterns; so other work on the machine disturbs them little.
+
+use deaflow::base::{Stream, thread_seconds};
+use deaflow::dataset::Split;
+use deaflow::fem::{LinearResponse, Order, SolveOptions};
+use deaflow::field::Predictor;
+use deaflow::pattern::{CELLS, Pattern};
+use deaflow::scene::Scene;
+use deaflow::surrogate::{Constants, Example, Label, NetworkKind, Surrogate, TrainOptions, train};
+
+fn main() {
+    let scene = Scene::vhb4910();
+    let options = |elements_per_cell, order| SolveOptions {
+        elements_per_cell,
+        order,
+        ..SolveOptions::default()
+    };
+    let fine = LinearResponse::new(&scene, options(1, Order::Biquadratic)).expect("the membrane is stable");
+    let coarse = LinearResponse::new(&scene, options(1, Order::Bilinear)).expect("the membrane is stable");
+    let constants = Constants::new(&fine, scene.side_mm()).expect("the membrane moves");
+    let patterns: Vec<Pattern> = (0..1000).map(grid).collect();
+    let examples = examples(&fine, &patterns[..16]);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+    let pool = pool.expect("a thread can be started");
+
+    println!("method      ms per pattern   1000 patterns, s");
+    for kind in NetworkKind::ALL {
+        let training = TrainOptions {
+            network: kind,
+            epochs: 1,
+            ..TrainOptions::default()
+        };
+        let trained = train(&examples, Some(&constants), &training, &()).expect("it can be trained");
+        let surrogate = Surrogate::load(&trained.weights).expect("it was just written");
+        let seconds = pool.install(|| best(|| surrogate.predict(&patterns).expect("it predicts").len()));
+        row(kind.name(), seconds);
+    }
+    for (name, steps) in [("linear", 0), ("chord:1", 1), ("chord:2", 2)] {
+        row(name, pool.install(|| best(|| coarse.predict(&patterns, steps).len())));
+    }
+}
+
+/// The least seconds of a thread over five rounds.
+fn best(work: impl Fn() -> usize + Sync) -> f64 {
+    let round = |_| {
+        let start = thread_seconds();
+        assert_eq!(work(), 1000);
+        thread_seconds() - start
+    };
+    (0..5).map(round).fold(f64::INFINITY, f64::min)
+}
+
+fn row(name: &str, seconds: f64) {
+    println!("{name:<11} {seconds:>14.3}   {seconds:>16.3}");
+}
+
+/// Eight by eight units, half of them active.
+fn grid(index: u64) -> Pattern {
+    let on = Stream::new(1, "surrogate benchmark", index).choose(64, 32);
+    Pattern::from_fn(|x, y| on.contains(&(y * 8 / CELLS * 8 + x * 8 / CELLS)))
+}
+
+fn examples(response: &LinearResponse, patterns: &[Pattern]) -> Vec<Example> {
+    let fields = response.predict(patterns, 1);
+    let example = |(pattern, field): (&Pattern, Option<deaflow::field::Field>)| Example {
+        pattern: pattern.clone(),
+        label: Label::from_values(field.expect("an estimate").values()).expect("a field"),
+        family: "grid".to_owned(),
+        split: Split::Train,
+    };
+    patterns.iter().zip(fields).map(example).collect()
+}
