@@ -67,11 +67,22 @@ fn solved(peaks: &[f64]) -> Object {
 
 fn trained() -> Object {
     let curve = || reals("1", &[0.3, 0.1]);
-    object(vec![
+    let texts = |texts: &[&str]| {
+        let texts: Vec<String> = texts.iter().map(|text| (*text).to_owned()).collect();
+        Dataset::new("", "d", &[texts.len()], Data::Text(texts))
+    };
+    let content = object(vec![
         ("curves/train_loss", curve()),
         ("curves/validation_loss", curve()),
         ("curves/validation_rmse", curve()),
-    ])
+        ("curves/learning_rate", curve()),
+        ("best_epoch", Dataset::new("1", "d", &[1], Data::U64(vec![2]))),
+        ("metrics/family", texts(&["all", "bezier", "all"])),
+        ("metrics/split", texts(&["train", "train", "test"])),
+        ("metrics/rmse", reals("mm", &[0.01, 0.02, 0.0345])),
+    ]);
+    let content = content.attribute("network", "qin2024");
+    content.attribute("warnings", "3 samples are left out\nthe training diverged")
 }
 
 fn designed() -> Object {
@@ -247,4 +258,22 @@ fn artifacts_that_lack_something_are_named() {
         .unwrap_err()
         .to_string();
     assert!(error.contains("no attribute `scene`"), "{error}");
+}
+
+#[test]
+fn a_training_is_told_in_a_line_with_its_warnings_after_it() {
+    let bench = Bench::new();
+    let made = [
+        bench.made("solved", "solve", &solved(&[1.7])),
+        bench.made("surrogate", "train", &trained()),
+    ];
+    let found = trainings(&bench.store, &made).unwrap();
+    let expected = TrainingSummary {
+        line: "surrogate: qin2024, epoch 2 of 2 kept; RMSE of a component: train 0.0100 mm, test 0.0345 mm".to_owned(),
+        warnings: vec![
+            "surrogate: 3 samples are left out".to_owned(),
+            "surrogate: the training diverged".to_owned(),
+        ],
+    };
+    assert_eq!(found, [expected]);
 }
