@@ -12,7 +12,9 @@ use super::progress::{RunProgress, Shown};
 use super::table;
 use crate::base::Override;
 use crate::orchestrator::{Environment, Pipeline, RunOptions, RunOutcome, run};
-use crate::report::{Made, Summary, TrainingSummary, audits, draw_figures, summarise, trainings, warnings};
+use crate::report::{
+    Evaluation, Made, Summary, TrainingSummary, audits, draw_figures, evaluations, summarise, trainings, warnings,
+};
 use crate::stage;
 use crate::store::{LockFile, Store};
 
@@ -47,6 +49,7 @@ pub fn execute(arguments: &RunArguments, output: &Output) -> Result<Exit, CliErr
     }
     let made = made(&outcome);
     let summaries = summarise(&store, &made)?;
+    let evaluations = evaluations(&store, &made)?;
     let audits = audits(&store, &made)?;
     let trainings = trainings(&store, &made)?;
     let warnings = warnings(&store, &made)?;
@@ -57,6 +60,7 @@ pub fn execute(arguments: &RunArguments, output: &Output) -> Result<Exit, CliErr
         document["pipeline"] = json!(pipeline.name);
         document["store"] = json!(store.root());
         document["results"] = json!(summaries);
+        document["evaluations"] = json!(evaluations);
         document["audits"] = json!(audits);
         document["trainings"] = trainings.iter().map(|training| training.line.as_str()).collect();
         let of_trainings = trainings.iter().flat_map(|training| &training.warnings);
@@ -70,7 +74,15 @@ pub fn execute(arguments: &RunArguments, output: &Output) -> Result<Exit, CliErr
         let of_trainings = trainings.iter().flat_map(|training| &training.warnings);
         of_trainings.for_each(|warning| output.complain(&format!("warning: {warning}")));
     } else {
-        output.text(&found(&outcome, &summaries, &audits, &trainings, &warnings, &figures))?;
+        output.text(&found(
+            &outcome,
+            &summaries,
+            &evaluations,
+            &audits,
+            &trainings,
+            &warnings,
+            &figures,
+        ))?;
     }
     Ok(if outcome.unstable > 0 {
         Exit::Unstable
@@ -160,6 +172,7 @@ fn failed(outcome: &mut RunOutcome, arguments: &RunArguments, output: &Output) -
 fn found(
     outcome: &RunOutcome,
     summaries: &[Summary],
+    evaluations: &[Evaluation],
     audits: &[String],
     trainings: &[TrainingSummary],
     warnings: &[String],
@@ -172,6 +185,7 @@ fn found(
             "{n} samples have no stable solution; their outcomes stand in the artifacts under `unstable/`"
         ));
     }
+    parts.extend(evaluations.iter().map(ToString::to_string));
     parts.extend(summaries.iter().map(ToString::to_string));
     let lines: Vec<&str> = trainings.iter().map(|training| training.line.as_str()).collect();
     parts.extend((!lines.is_empty()).then(|| lines.join("\n")));

@@ -8,8 +8,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::figures::{
-    Case, Cost, Evolution, FamilyCosts, FamilyDeformation, FigureError, Histogram, Membrane, Training, draw_accuracy,
-    draw_agreement, draw_audit, draw_deformation, draw_evolution, draw_histogram, draw_membrane, draw_training,
+    Case, Cost, Evaluated, EvaluatedPredictor, Evolution, FamilyCosts, FamilyDeformation, FigureError, Histogram,
+    Membrane, Training, draw_accuracy, draw_agreement, draw_audit, draw_deformation, draw_evaluation, draw_evolution,
+    draw_histogram, draw_membrane, draw_training,
 };
 use crate::base::{Digest, Dimension, Document, InputError, Node};
 use crate::store::{Artifact, Store, StoreError};
@@ -84,6 +85,7 @@ pub fn draw_figures(store: &Store, pipeline: &str, made: &[Made]) -> Result<Vec<
             let source = Source {
                 stage,
                 artifact: &store.artifact(&stage.digest)?,
+                run: made,
             };
             for (path, draw) in wanted.iter().filter(|(path, _)| !path.exists()) {
                 draw(path, &source)?;
@@ -103,6 +105,7 @@ fn drawings(kind: &str) -> &'static [(&'static str, Drawing)] {
         "verify" => &[("verification", verification)],
         "accuracy" => &[("accuracy", accuracy)],
         "audit" => &[("audit", audit)],
+        "evaluate" => &[("evaluation", evaluation)],
         _ => &[],
     }
 }
@@ -124,6 +127,8 @@ fn file_name(name: &str) -> String {
 pub(super) struct Source<'a> {
     pub(super) stage: &'a Made,
     pub(super) artifact: &'a Artifact,
+    /// All that the run made: whose names artifacts go by.
+    pub(super) run: &'a [Made],
 }
 
 impl Source<'_> {
@@ -146,7 +151,7 @@ impl Source<'_> {
         Ok(self.artifact.f64s(path)?.1)
     }
 
-    fn counts(&self, path: &str) -> Result<Vec<u64>, ReportError> {
+    pub(super) fn counts(&self, path: &str) -> Result<Vec<u64>, ReportError> {
         Ok(self.artifact.u64s(path)?.1)
     }
 
@@ -339,4 +344,30 @@ fn audit(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
         Some(figure) => source.drawn(draw_audit(path, &figure)),
         None => Ok(()),
     }
+}
+
+fn evaluation(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
+    let found = super::evaluation::read(source)?;
+    let simulated = source.reals("pattern/simulated_max")?;
+    let predicted = source.reals("pattern/predicted_max")?;
+    let known = source.artifact.u8s("pattern/predicted")?.1;
+    let n = simulated.len();
+    if [predicted.len(), known.len()] != [n * found.predictors.len(); 2] {
+        return Err(source.wrong("its arrays differ in length"));
+    }
+    let predictor = |(k, predictor): (usize, &super::Predicted)| {
+        let rmse = predictor.rmse_mm.iter().zip(&predictor.samples);
+        let rows = (0..n).filter(|row| known[k * n + row] == 1);
+        EvaluatedPredictor {
+            name: predictor.name.clone(),
+            rmse: rmse.map(|(rmse, samples)| (*samples > 0).then_some(*rmse)).collect(),
+            peaks: rows.map(|row| (simulated[row], predicted[k * n + row])).collect(),
+            peak_r2: predictor.max_displacement_r2.last().copied().unwrap_or_default(),
+        }
+    };
+    let data = Evaluated {
+        predictors: found.predictors.iter().enumerate().map(predictor).collect(),
+        families: found.families,
+    };
+    source.drawn(draw_evaluation(path, &data))
 }

@@ -1,6 +1,7 @@
 //! Figures and summaries of finished runs.
 
 mod audit;
+mod evaluation;
 pub mod figures;
 mod gather;
 mod html;
@@ -9,6 +10,7 @@ mod training;
 mod warnings;
 
 pub use audit::{audited, audits};
+pub use evaluation::{AreaError, Coverage, Evaluation, ObjectiveCoverage, Predicted, evaluations};
 pub use gather::{Made, ReportError, draw_figures};
 pub use html::Page;
 pub use summary::{CaseSummary, Summary, summarise};

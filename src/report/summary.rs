@@ -64,6 +64,7 @@ pub fn summarise(store: &Store, made: &[Made]) -> Result<Vec<Summary>, ReportErr
             read(&Source {
                 stage,
                 artifact: &artifact,
+                run: made,
             })
         })
         .collect()

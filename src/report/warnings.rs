@@ -28,6 +28,7 @@ pub fn warnings(store: &Store, made: &[Made]) -> Result<Vec<String>, ReportError
             let source = Source {
                 stage,
                 artifact: &artifact,
+                run: made,
             };
             let ratios = source.reals(RATIO)?;
             let (n, beyond) = (ratios.len(), ratios.iter().filter(|ratio| **ratio >= 1.0).count());

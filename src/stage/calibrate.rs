@@ -4,7 +4,7 @@ mod content;
 
 use std::collections::BTreeSet;
 
-use super::{arrays, labelled};
+use super::{arrays, labelled, model};
 use crate::base::{Canonical, Fields, InputError, Node};
 use crate::dataset::Split;
 use crate::field::Predictor;
@@ -65,8 +65,8 @@ impl Stage for CalibrateStage {
 
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
         let scene = super::scene_attribute(job.inputs)?;
-        let (model, surrogate) = model(job.inputs)?;
-        let trained = families_of(model)?;
+        let (artifact, surrogate) = the_model(job.inputs)?;
+        let trained = families_of(artifact)?;
         let (mut observed, mut families) = (Vec::new(), Vec::new());
         for input in job.inputs {
             if labelled::is_labelled(input)? {
@@ -86,7 +86,7 @@ impl Stage for CalibrateStage {
         let calibration = Calibration::fit(observed, self.seed).map_err(|e| refused(&e, &trained))?;
         let object = content::describe(&calibration, &families, &trained);
         Ok(object
-            .attribute("model", model.digest().to_string())
+            .attribute("model", artifact.digest().to_string())
             .attribute("network", surrogate.kind().name())
             .attribute("scene", scene))
     }
@@ -101,21 +101,20 @@ fn refused(error: &CalibrationError, trained: &BTreeSet<String>) -> StageError {
 }
 
 /// The one model among the inputs.
-fn model(inputs: &[Artifact]) -> Result<(&Artifact, Surrogate), StageError> {
+fn the_model(inputs: &[Artifact]) -> Result<(&Artifact, Surrogate), StageError> {
     let mut found = Vec::new();
     for input in inputs {
-        if let Some(weights) = super::evaluate::weights(input)? {
-            found.push((input, weights));
+        if model::is_in(input)? {
+            found.push(input);
         }
     }
-    let [(model, weights)] = &found[..] else {
+    let [artifact] = &found[..] else {
         return Err(StageError::Input(format!(
             "a calibrate stage needs one model, and `needs` names {}",
             found.len()
         )));
     };
-    let wrong = |e: &dyn std::fmt::Display| StageError::Input(format!("artifact {}: {e}", model.digest().short()));
-    Ok((model, Surrogate::load(weights).map_err(|e| wrong(&e))?))
+    Ok((*artifact, model::of_artifact(artifact)?))
 }
 
 /// The families that a model learned from: those that its training was measured on.

@@ -199,11 +199,3 @@ fn judged(
     };
     Ok((0..batch.patterns.len()).into_par_iter().map(row).collect())
 }
-
-/// The model in the artifact of a train stage as bytes; none where it is of another kind.
-pub(super) fn weights(artifact: &Artifact) -> Result<Option<Vec<u8>>, StageError> {
-    match artifact.contents()?.iter().any(|content| content.path == "weights") {
-        true => Ok(Some(artifact.u8s("weights")?.1)),
-        false => Ok(None),
-    }
-}

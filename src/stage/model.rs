@@ -9,6 +9,14 @@ use crate::surrogate::Surrogate;
 /// The dataset of a train stage's artifact that holds the model.
 pub const WEIGHTS: &str = "weights";
 
+/// Whether an artifact holds a model.
+///
+/// # Errors
+/// When it cannot be read.
+pub fn is_in(artifact: &Artifact) -> Result<bool, StageError> {
+    Ok(artifact.contents()?.iter().any(|content| content.path == WEIGHTS))
+}
+
 /// The network of a train stage.
 ///
 /// # Errors

@@ -6,6 +6,7 @@ use crate::orchestrator::StageError;
 use crate::pattern::Pattern;
 use crate::scene::Scene;
 use crate::stage::method::Method;
+use crate::stage::model;
 use crate::stage::solver::explained;
 use crate::store::Artifact;
 use crate::surrogate::Surrogate;
@@ -28,12 +29,10 @@ impl Contestant {
     /// # Errors
     /// When it is damaged.
     pub fn model(artifact: &Artifact) -> Result<Option<Self>, StageError> {
-        let Some(weights) = super::weights(artifact)? else {
+        if !model::is_in(artifact)? {
             return Ok(None);
-        };
-        let wrong =
-            |e: &dyn std::fmt::Display| StageError::Input(format!("artifact {}: {e}", artifact.digest().short()));
-        let surrogate = Surrogate::load(&weights).map_err(|e| wrong(&e))?;
+        }
+        let surrogate = model::of_artifact(artifact)?;
         Ok(Some(Self {
             name: surrogate.kind().name().to_owned(),
             digest: artifact.digest().to_string(),

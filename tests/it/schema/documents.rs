@@ -83,6 +83,8 @@ stages:
     auxiliary_weight: 0.2, seed: 5 }
   patient: { kind: train, needs: [balanced, solved], network: qin2024, epochs: 40, patience: 5, optimizer: adamw, weight_decay: 1e-4,
     gradient_norm: 5, symmetry: d4, seed: 5 }
+  intervals: { kind: calibrate, needs: [surrogate, refined], seed: 8 }
+  evaluated: { kind: evaluate, needs: [surrogate, intervals, refined], estimates: [linear, 'chord:2'] }
   design: { kind: design, needs: [surrogate], objective: { point: [25 mm, 25 mm], direction: 0 deg, measure: qin2024 },
     area: 0.5, area_penalty: 5, population: 20, generations: 2, elite: 0.02, crossover: 0.7, mutation: 0.3,
     stagnation: 5, seed: 6 }
