@@ -21,7 +21,11 @@ pub fn trainings(store: &Store, made: &[Made]) -> Result<Vec<TrainingSummary>, R
     trained
         .map(|stage| {
             let artifact = &store.artifact(&stage.digest)?;
-            read(&Source { stage, artifact })
+            read(&Source {
+                stage,
+                artifact,
+                run: made,
+            })
         })
         .collect()
 }
