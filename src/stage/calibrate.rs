@@ -70,6 +70,7 @@ impl Stage for CalibrateStage {
         let (mut observed, mut families) = (Vec::new(), Vec::new());
         for input in job.inputs {
             if labelled::is_labelled(input)? {
+                labelled::check_unseen(input, &[&surrogate])?;
                 labelled::for_each(input, &mut |batch| {
                     let predicted = surrogate.predict(&batch.patterns);
                     let predicted = predicted.map_err(|e| StageError::Failed(e.to_string()))?;

@@ -111,9 +111,11 @@ impl Stage for EvaluateStage {
         }
         let calibrated = calibrations(job.inputs, &contestants)?;
         let bands = covered::bands(&calibrated);
+        let models: Vec<_> = contestants.iter().filter_map(Contestant::surrogate).collect();
         let mut rows = Vec::new();
         for input in job.inputs {
             if labelled::is_labelled(input)? {
+                labelled::check_unseen(input, &models)?;
                 labelled::for_each(input, &mut |batch| {
                     job.progress.note(&format!("{} patterns", rows.len()));
                     rows.extend(judged(&contestants, &calibrated, &bands, &batch)?);

@@ -7,6 +7,7 @@ use crate::field::{CORNERS, Field, Outcome};
 use crate::orchestrator::StageError;
 use crate::pattern::Pattern;
 use crate::store::Artifact;
+use crate::surrogate::Surrogate;
 
 /// Patterns at a time.
 const BATCH: usize = 64;
@@ -30,6 +31,23 @@ pub fn is_labelled(artifact: &Artifact) -> Result<bool, StageError> {
 
 fn has(artifact: &Artifact, dataset: &str) -> Result<bool, StageError> {
     Ok(artifact.contents()?.iter().any(|content| content.path == dataset))
+}
+
+/// Refuses samples that a model was trained on: what it says of them says nothing of others. Of balanced sets the rows are
+/// looked at that were kept for tests.
+///
+/// # Errors
+/// When the samples are solved ones among the inputs of a training.
+pub fn check_unseen(artifact: &Artifact, models: &[&Surrogate]) -> Result<(), StageError> {
+    let digest = artifact.digest().to_string();
+    let records = models.iter().filter_map(|model| model.training());
+    if records.into_iter().all(|record| !record.inputs.contains(&digest)) || has(artifact, "split")? {
+        return Ok(());
+    }
+    Err(StageError::Input(format!(
+        "the samples {} are those that a model was trained on; draw others, with another seed",
+        artifact.digest().short()
+    )))
 }
 
 /// Calls a function with all labelled patterns that no model was trained on, in order; how many there were.

@@ -387,7 +387,7 @@ impl SampleStage {
             return None;
         };
         let start = start.to_u64()?;
-        let mut groups = self.groups.iter();
+        let mut groups = self.groups.iter().filter(|group| start < group.count);
         groups.find_map(|group| {
             let range = start..(start + CHUNK).min(group.count);
             (group.chunk_parameters(self.seed, &range) == *chunk).then_some((group, range))

@@ -15,6 +15,18 @@ use super::common::{Workspace, files};
 
 const GOLDEN: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/it/golden.json");
 
+/// Stages that judge the model, and the families that they draw.
+const JUDGED: [&str; 8] = [
+    "stages.stripes={ kind: sample, family: stripes, count: 6, seed: 11 }",
+    "stages.blobs={ kind: sample, family: blobs, count: 6, seed: 12 }",
+    "stages.curves={ kind: sample, family: curves, count: 6, seed: 13 }",
+    "stages.fresh={ kind: solve, needs: [stripes, blobs, curves], elements_per_cell: 1 }",
+    "stages.more={ kind: sample, family: small-grid, count: 160, seed: 14 }",
+    "stages.unseen={ kind: solve, needs: [more], elements_per_cell: 1 }",
+    "stages.intervals={ kind: calibrate, needs: [surrogate, unseen], seed: 1 }",
+    "stages.evaluated={ kind: evaluate, needs: [surrogate, fresh], estimates: [linear] }",
+];
+
 /// Every dataset of an artifact: exact for whole numbers and texts, (mean, rms) for reals.
 fn fingerprint(path: &Path) -> BTreeMap<String, Value> {
     let file = hdf5::File::open(path).unwrap();
@@ -82,7 +94,9 @@ fn agree(golden: &Value, found: &Value, tolerance: f64) -> bool {
 fn an_output_changes_only_with_its_recipe() {
     let workspace = Workspace::tiny();
     let audited = "stages.audited={ kind: audit, needs: [balanced], samples: 3 }";
-    let digests = workspace.stages(&["run", "tiny.yaml", "--set", audited]).digests();
+    let mut arguments = vec!["run", "tiny.yaml", "--set", audited];
+    JUDGED.iter().for_each(|stage| arguments.extend(["--set", stage]));
+    let digests = workspace.stages(&arguments).digests();
     let artifacts = files(&workspace.path("store/objects"));
     let mut found = serde_json::Map::new();
     for stage in [
@@ -97,6 +111,11 @@ fn an_output_changes_only_with_its_recipe() {
         "reference",
         "accuracy",
         "audited",
+        "stripes",
+        "blobs",
+        "curves",
+        "intervals",
+        "evaluated",
     ] {
         let path = artifacts
             .iter()
@@ -116,7 +135,7 @@ fn an_output_changes_only_with_its_recipe() {
     let golden: Value = serde_json::from_str(&std::fs::read_to_string(GOLDEN).unwrap()).unwrap();
     for (stage, now) in &found {
         let pinned = &golden[stage];
-        let learned = ["surrogate", "design", "verified"].contains(&stage.as_str());
+        let learned = ["surrogate", "design", "verified", "intervals", "evaluated"].contains(&stage.as_str());
         let tolerance = if learned { 1e-3 } else { 1e-6 };
         let same_recipe = pinned["recipe"] == now["recipe"];
         assert!(

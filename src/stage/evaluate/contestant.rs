@@ -57,6 +57,14 @@ impl Contestant {
         })
     }
 
+    /// The network of a model.
+    pub fn surrogate(&self) -> Option<&Surrogate> {
+        match &self.answers {
+            Answers::Model(surrogate) => Some(surrogate),
+            Answers::Estimate(..) => None,
+        }
+    }
+
     /// The network or the method.
     pub fn name(&self) -> &str {
         &self.name

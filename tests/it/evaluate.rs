@@ -1,0 +1,134 @@
+//! A model is judged on what it never saw: beside estimates, by family, with intervals; and judgements that mean nothing are
+//! refused.
+
+use serde_json::Value;
+
+use super::common::Workspace;
+
+const FRESH: &str = "stages.blobs={ kind: sample, family: blobs, count: 6, seed: 12 }";
+const SOLVED: &str = "stages.fresh={ kind: solve, needs: [blobs], elements_per_cell: 1 }";
+const MORE: &str = "stages.more={ kind: sample, family: small-grid, count: 90, seed: 14 }";
+const UNSEEN: &str = "stages.unseen={ kind: solve, needs: [more], elements_per_cell: 1 }";
+const INTERVALS: &str = "stages.intervals={ kind: calibrate, needs: [surrogate, unseen], seed: 1 }";
+const EVALUATED: &str = "stages.evaluated={ kind: evaluate, needs: [surrogate, intervals, fresh, balanced], estimates: [linear, \"chord:1\"] }";
+
+/// A pipeline with more stages, run until one of them.
+fn arguments<'a>(pipeline: &'a str, until: &'a str, more: &[&'a str]) -> Vec<&'a str> {
+    let mut arguments = vec!["run", pipeline, "--until", until, "--json"];
+    more.iter().for_each(|stage| arguments.extend(["--set", stage]));
+    arguments
+}
+
+fn numbers(value: &Value) -> Vec<f64> {
+    value.as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect()
+}
+
+#[test]
+fn a_model_stands_beside_what_it_has_to_beat() {
+    let workspace = Workspace::tiny();
+    let stages = [FRESH, SOLVED, MORE, UNSEEN, INTERVALS, EVALUATED];
+    let ended = workspace.run(&arguments("tiny.yaml", "evaluated", &stages));
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let document = ended.json();
+    let evaluation = &document["evaluations"][0];
+    let names: Vec<&str> = evaluation["predictors"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|p| p["name"].as_str().unwrap())
+        .collect();
+    assert_eq!(names, ["surrogate", "linear", "chord:1"]);
+    let families: Vec<&str> = evaluation["families"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|f| f.as_str().unwrap())
+        .collect();
+    assert!(
+        families.contains(&"blobs") && families.ends_with(&["all"]),
+        "{families:?}"
+    );
+    let blobs = families.iter().position(|family| *family == "blobs").unwrap();
+    let errors: Vec<Vec<f64>> = evaluation["predictors"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|p| numbers(&p["rmse_mm"]))
+        .collect();
+    // A network that has hardly learned loses to the linear response, and that to a chord step.
+    assert!(
+        errors[0][blobs] > errors[1][blobs] && errors[1][blobs] > errors[2][blobs],
+        "{errors:?}"
+    );
+    assert_eq!(evaluation["predictors"][0]["samples"][blobs], 6);
+    let tested = evaluation["predictors"][0]["samples"][families.len() - 1]
+        .as_u64()
+        .unwrap();
+    assert!(
+        (7..40).contains(&tested),
+        "of the balanced set only test rows count: {tested}"
+    );
+    let coverage = &evaluation["calibrations"][0];
+    assert_eq!(coverage["name"], "intervals");
+    assert!(
+        numbers(&coverage["field"])
+            .iter()
+            .all(|share| (0.0..=1.0).contains(share))
+    );
+    assert_eq!(numbers(&coverage["unlike"])[blobs], 1.0, "blobs are unlike small grids");
+    assert!(document["figures"].to_string().contains("evaluation.png"));
+
+    // Another name of the model is another name in the report, and no other artifact.
+    let digest = |document: &Value| {
+        let stages = document["stages"].as_array().unwrap();
+        stages.iter().find(|s| s["name"] == "evaluated").unwrap()["digest"].clone()
+    };
+    let text = std::fs::read_to_string(workspace.path("tiny.yaml")).unwrap();
+    workspace.write("renamed.yaml", &text.replace("surrogate", "model"));
+    let renamed: Vec<String> = stages.iter().map(|stage| stage.replace("surrogate", "model")).collect();
+    let renamed: Vec<&str> = renamed.iter().map(String::as_str).collect();
+    let again = workspace.run(&arguments("renamed.yaml", "evaluated", &renamed)).json();
+    assert_eq!(again["evaluations"][0]["predictors"][0]["name"], "model");
+    assert_eq!(digest(&again), digest(&document));
+
+    let said = |until: &str, stages: &[&str]| {
+        let ended = workspace.run(&arguments("tiny.yaml", until, stages));
+        assert_eq!(ended.code, Some(1), "{}", ended.stdout);
+        ended.json()["error"]["message"].to_string()
+    };
+    let nothing = "stages.evaluated={ kind: evaluate, needs: [fresh] }";
+    let message = said("evaluated", &[FRESH, SOLVED, nothing]);
+    assert!(message.contains("names no model"), "{message}");
+    let no_labels = "stages.evaluated={ kind: evaluate, needs: [surrogate] }";
+    let message = said("evaluated", &[no_labels]);
+    assert!(message.contains("names no solved samples"), "{message}");
+    let other = "stages.evaluated={ kind: evaluate, needs: [intervals, fresh], estimates: [linear] }";
+    let message = said("evaluated", &[FRESH, SOLVED, MORE, UNSEEN, INTERVALS, other]);
+    assert!(message.contains("which is not among the models here"), "{message}");
+    let guessed = "stages.fresh={ kind: solve, needs: [blobs], method: linear }";
+    let message = said(
+        "evaluated",
+        &[
+            FRESH,
+            guessed,
+            "stages.evaluated={ kind: evaluate, needs: [surrogate, fresh] }",
+        ],
+    );
+    assert!(message.contains("its fields are estimates"), "{message}");
+
+    let few = "stages.more={ kind: sample, family: small-grid, count: 20, seed: 14 }";
+    let message = said("intervals", &[few, UNSEEN, INTERVALS]);
+    assert!(
+        message.contains("needs 80 patterns that the network never saw, found 20"),
+        "{message}"
+    );
+    let strangers = "stages.more={ kind: sample, family: stripes, count: 90, seed: 14 }";
+    let message = said("intervals", &[strangers, UNSEEN, INTERVALS]);
+    assert!(
+        message.contains("found 0; these are: ") && message.contains("small-grid"),
+        "{message}"
+    );
+    let seen = "stages.surrogate={ kind: train, needs: [unseen], network: qin2024, epochs: 1, seed: 5 }";
+    let message = said("intervals", &[MORE, UNSEEN, seen, INTERVALS]);
+    assert!(message.contains("are those that a model was trained on"), "{message}");
+}
