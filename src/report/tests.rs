@@ -277,3 +277,94 @@ fn a_training_is_told_in_a_line_with_its_warnings_after_it() {
     };
     assert_eq!(found, [expected]);
 }
+
+/// An evaluation of a model and an estimate that leads nowhere on two families and all, with a calibration.
+fn evaluated(model: &Made) -> Object {
+    let texts = |t: &[&str]| {
+        Dataset::new(
+            "",
+            "d",
+            &[t.len()],
+            Data::Text(t.iter().map(|t| (*t).to_owned()).collect()),
+        )
+    };
+    let table = |values: &[f64], shape: &[usize]| Dataset::new("mm", "d", shape, Data::F64(values.to_vec()));
+    let counts = |values: &[u64], shape: &[usize]| Dataset::new("1", "d", shape, Data::U64(values.to_vec()));
+    let digest = model.digest.to_string();
+    let six = [0.0012, 0.0345, 0.02, 0.0, 0.0, 0.0];
+    let mut datasets = vec![
+        ("predictors", texts(&["qin2024", "linear"])),
+        ("predictor_digests", texts(&[&digest, ""])),
+        ("families", texts(&["blobs", "curves", "all"])),
+        ("score/samples", counts(&[1, 1, 2, 0, 0, 0], &[2, 3])),
+        ("area/centre", reals("1", &[0.5])),
+        ("area/samples", counts(&[2, 0], &[2, 1])),
+        ("area/rmse", table(&[0.02, 0.0], &[2, 1])),
+        ("area/max_error", table(&[0.1, 0.0], &[2, 1])),
+        ("pattern/simulated_max", reals("mm", &[1.0, 2.0])),
+        ("pattern/predicted_max", table(&[1.1, 1.9, 0.0, 0.0], &[2, 2])),
+        (
+            "pattern/predicted",
+            Dataset::new("1", "d", &[2, 2], Data::U8(vec![1, 1, 0, 0])),
+        ),
+        ("coverage/calibrations", texts(&["0123456789abcdef"])),
+        ("coverage/objectives", texts(&["centre, 0 deg", "elsewhere"])),
+        ("coverage/field", table(&[1.0, 0.9, 0.95], &[1, 3])),
+        ("coverage/radius", table(&[0.004, 0.1, 0.05], &[1, 3])),
+        ("coverage/unlike", table(&[0.0, 1.0, 0.5], &[1, 3])),
+        (
+            "coverage/objective",
+            table(&[1.0, 0.9, 0.95, 0.8, 0.9, 0.85], &[2, 1, 3]),
+        ),
+        ("coverage/objective_half_width", table(&[0.01; 6], &[2, 1, 3])),
+    ];
+    let names = [
+        "score/rmse",
+        "score/r2",
+        "score/max_displacement_r2",
+        "score/max_error",
+        "score/max_displacement_error",
+        "score/quantile95",
+    ];
+    datasets.extend(names.map(|name| (name, table(&six, &[2, 3]))));
+    object(datasets)
+}
+
+#[test]
+fn an_evaluation_names_models_by_their_stages() {
+    let bench = Bench::new();
+    let model = bench.made("surrogate", "train", &trained());
+    let stage = bench.made("judged", "evaluate", &evaluated(&model));
+    let made = [model.clone(), stage.clone()];
+    let found = &evaluations(&bench.store, &made).unwrap()[0];
+    assert_eq!(found.predictors[0].name, "surrogate");
+    assert_eq!(found.calibrations[0].name, "calibration 01234567");
+    assert_eq!(found.calibrations[0].objectives[1].covered, [0.8, 0.9, 0.85]);
+    let text = found.to_string();
+    for part in [
+        "0.0012",
+        "0.034",
+        "none",
+        "90.0 %",
+        "0.0040",
+        "judged: root mean square",
+    ] {
+        assert!(text.contains(part), "{part}: {text}");
+    }
+    assert_eq!(
+        serde_json::to_value(found).unwrap()["predictors"][0]["by_area"][0]["area"],
+        0.5
+    );
+    assert_eq!(draw_figures(&bench.store, "p", &made).unwrap().len(), 2);
+    let alone = &evaluations(&bench.store, &made[1..]).unwrap()[0];
+    assert_eq!(
+        alone.predictors[0].name,
+        format!("qin2024 {}", &model.digest.to_string()[..8])
+    );
+
+    let mut broken = evaluated(&model);
+    broken.datasets.insert("score/r2".into(), reals("1", &[0.5]));
+    let made = [bench.made("judged", "evaluate", &broken)];
+    let error = evaluations(&bench.store, &made).unwrap_err().to_string();
+    assert!(error.contains("differ in length"), "{error}");
+}

@@ -5,7 +5,7 @@ use super::cholesky::Cholesky;
 use super::features::DIFFICULTY;
 
 /// Neighbours that make a quantile: few enough to be alike, many enough that ⌈0.95 (k + 1)⌉ of k is not the last.
-const NEIGHBOURS: usize = 100;
+const NEIGHBOURS: usize = 60;
 
 /// Weight of the squares of the coefficients: without it a few hundred patterns would be fitted too well.
 const RIDGE: f64 = 5.0;

@@ -4,7 +4,7 @@ use crate::field::{CORNERS, Field};
 use crate::pattern::{CELLS, Pattern};
 
 /// Features that foretell how large an error is.
-pub(super) const DIFFICULTY: usize = 11;
+pub(super) const DIFFICULTY: usize = 13;
 
 /// Features that tell families of patterns apart: those, and correlations of the pattern.
 #[cfg(test)]
@@ -12,11 +12,13 @@ pub(super) const LIKENESS: usize = DIFFICULTY + 9;
 
 /// Logarithms of the largest and the mean square displacement, of the mean and largest gradient and the mean of its fourth
 /// power (where the membrane is far from linear); the area and its square; logarithms of the length of the electrode's edge, of
-/// its corners (where the stress is singular), of the cells that touch by a corner only; the part of the frame that is active.
+/// its corners (where the stress is singular), of the cells that touch by a corner only; the part of the frame that is active; and
+/// how much more of the strain, and of the change of area, is found in active cells than in bare ones.
 pub(super) fn difficulty_of(pattern: &Pattern, predicted: &Field) -> [f64; DIFFICULTY] {
     let [largest, mean, gradient, steepest, fourth] = of_field(predicted);
     let [edge, corners, touching, frame] = of_outline(pattern);
     let area = pattern.area_fraction();
+    let [strain, change] = of_active_cells(pattern, predicted);
     [
         (largest + 1e-3).ln(),
         (mean + 1e-3).ln(),
@@ -29,7 +31,29 @@ pub(super) fn difficulty_of(pattern: &Pattern, predicted: &Field) -> [f64; DIFFI
         (corners + 1.0).ln(),
         (touching + 1.0).ln(),
         frame,
+        strain,
+        change,
     ]
+}
+
+/// Of the squared gradients and of the changes of area of all cells, half the difference between what active and what bare
+/// cells have of it, as parts of the whole: −½ to ½.
+fn of_active_cells(pattern: &Pattern, field: &Field) -> [f64; 2] {
+    let (mut parts, mut whole) = ([0.0; 2], [1e-9; 2]);
+    for (at, &active) in pattern.cells().iter().enumerate() {
+        let (x, y) = (at % CELLS, at / CELLS);
+        let corners = [[0, 0], [1, 0], [0, 1], [1, 1]].map(|[i, j]| field.at_corner(x + i, y + j));
+        let [a, b, c, d] = corners;
+        let along_x: [f64; 2] = std::array::from_fn(|k| 0.5 * (b[k] + d[k] - a[k] - c[k]));
+        let along_y: [f64; 2] = std::array::from_fn(|k| 0.5 * (c[k] + d[k] - a[k] - b[k]));
+        let squares: f64 = along_x.iter().chain(&along_y).map(|g| g * g).sum();
+        let amounts = [squares, (along_x[0] + along_y[1]).abs()];
+        for (k, amount) in amounts.into_iter().enumerate() {
+            parts[k] += (f64::from(active) - 0.5) * amount;
+            whole[k] += amount;
+        }
+    }
+    [parts[0] / whole[0], parts[1] / whole[1]]
 }
 
 /// Largest and root mean square displacement in mm; of its differences between neighbouring corners the sum of squares, the
@@ -151,6 +175,22 @@ mod tests {
         assert!(
             found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9),
             "{found:?}"
+        );
+    }
+
+    #[test]
+    fn strain_is_told_apart_by_what_is_active() {
+        // The left half is stretched along x and shrinks in no direction; the right half does not move.
+        let ramp = |i: usize| (i % CORNERS).min(25) as f64 * 0.1;
+        let field = Field::from_values((0..CORNERS * CORNERS).flat_map(|i| [ramp(i), 0.0]).collect()).unwrap();
+        let [left, right] = [0, 25].map(|start| Pattern::from_fn(|x, _| (start..start + 25).contains(&x)));
+        for (pattern, expected) in [(left, 0.5), (right, -0.5)] {
+            let found = of_active_cells(&pattern, &field);
+            assert!(found.iter().all(|f| (f - expected).abs() < 1e-9), "{found:?}");
+        }
+        assert_eq!(
+            of_active_cells(&Pattern::from_fn(|_, _| true), &Field::zero()),
+            [0.0; 2]
         );
     }
 
