@@ -11,23 +11,28 @@ use super::arguments::AccuracyArguments;
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::progress::Bar;
-use super::solve;
+use super::{model, solve};
 use crate::base::Document;
 use crate::report::figures::{Cost, FamilyCosts, draw_accuracy};
 use crate::stage::accuracy::{
-    Contender, Families, Measured, Reckoned, Reference, describe, drawn, given, measurements, read_methods,
-    usual_methods,
+    Contender, Families, Measured, Network, Reckoned, Reference, describe, drawn, given, measurements, named,
+    read_with_models, usual_methods,
 };
 use crate::stage::direct;
 use crate::store::{Provenance, write_file};
 
 pub fn execute(arguments: &AccuracyArguments, output: &Output) -> Result<Exit, CliError> {
     let methods = methods(arguments)?;
+    let methods: Vec<&dyn Contender> = methods.iter().map(AsRef::as_ref).collect();
     let reference = Document::from_text(Path::new("--reference"), &arguments.reference)?;
     let reference = Reference::read(&reference.root)?;
     // Before the reference is solved, which may take long.
     reference.check(&methods).map_err(CliError::bad_input)?;
     let scene = direct::read_scene(&arguments.scene)?;
+    for method in &methods {
+        let refused = |why: String| CliError::bad_input(format!("{{ {} }}: {why}", method.settings()));
+        method.check_scene(&scene).map_err(refused)?;
+    }
     let families = families(arguments)?;
     folder(&arguments.output)?;
     let start = Instant::now();
@@ -53,10 +58,17 @@ pub fn execute(arguments: &AccuracyArguments, output: &Output) -> Result<Exit, C
 }
 
 fn methods(arguments: &AccuracyArguments) -> Result<Vec<Box<dyn Contender>>, CliError> {
+    let mut networks = Vec::new();
+    for model in &arguments.model {
+        let bytes = model::weights(model, &arguments.store.folder())?;
+        let network = Network::from_bytes(&bytes);
+        networks.push(network.map_err(|e| CliError::bad_input(format!("cannot use {model}: {e}")))?);
+    }
     let Some(text) = &arguments.methods else {
-        return Ok(usual_methods());
+        return Ok(usual_methods().into_iter().chain(named(networks)).collect());
     };
-    Ok(read_methods(&Document::from_text(Path::new("--methods"), text)?.root)?)
+    let document = Document::from_text(Path::new("--methods"), text)?;
+    Ok(read_with_models(&document.root, networks)?)
 }
 
 /// The patterns by family; those that were given are one of their own.

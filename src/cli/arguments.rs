@@ -421,9 +421,15 @@ pub struct AccuracyArguments {
     /// Name the cheapest setting whose largest displacement error stays below this, as in "0.01 mm"
     #[arg(long, value_name = "LENGTH", value_parser = accuracy)]
     pub target: Option<Quantity>,
-    /// What to measure, as in "[linear, chord:1, { elements_per_cell: 4, order: 2 }, { accuracy: 0.01 mm }]"
+    /// What to measure, as in "[linear, chord:1, { elements_per_cell: 4, order: 2 }, { accuracy: 0.01 mm },
+    /// { model: FILE.safetensors }]"
     #[arg(long, value_name = "YAML")]
     pub methods: Option<String>,
+    /// A trained model to measure too, named as for `predict`; may be given again
+    #[arg(long, value_name = "MODEL")]
+    pub model: Vec<String>,
+    #[command(flatten)]
+    pub store: StoreArguments,
     /// What to compare with
     #[arg(long, value_name = "YAML", default_value = "{ elements_per_cell: 8, order: 2 }")]
     pub reference: String,

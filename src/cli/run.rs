@@ -13,7 +13,8 @@ use super::table;
 use crate::base::Override;
 use crate::orchestrator::{Environment, Pipeline, RunOptions, RunOutcome, run};
 use crate::report::{
-    Evaluation, Made, Summary, TrainingSummary, audits, draw_figures, evaluations, summarise, trainings, warnings,
+    Evaluation, Evaluators, Made, Summary, TrainingSummary, audits, draw_figures, evaluations, evaluators, summarise,
+    trainings, warnings,
 };
 use crate::stage;
 use crate::store::{LockFile, Store};
@@ -50,6 +51,7 @@ pub fn execute(arguments: &RunArguments, output: &Output) -> Result<Exit, CliErr
     let made = made(&outcome);
     let summaries = summarise(&store, &made)?;
     let evaluations = evaluations(&store, &made)?;
+    let evaluators = evaluators(&store, &made)?;
     let audits = audits(&store, &made)?;
     let trainings = trainings(&store, &made)?;
     let warnings = warnings(&store, &made)?;
@@ -61,6 +63,7 @@ pub fn execute(arguments: &RunArguments, output: &Output) -> Result<Exit, CliErr
         document["store"] = json!(store.root());
         document["results"] = json!(summaries);
         document["evaluations"] = json!(evaluations);
+        document["evaluators"] = json!(evaluators);
         document["audits"] = json!(audits);
         document["trainings"] = trainings.iter().map(|training| training.line.as_str()).collect();
         let of_trainings = trainings.iter().flat_map(|training| &training.warnings);
@@ -74,10 +77,11 @@ pub fn execute(arguments: &RunArguments, output: &Output) -> Result<Exit, CliErr
         let of_trainings = trainings.iter().flat_map(|training| &training.warnings);
         of_trainings.for_each(|warning| output.complain(&format!("warning: {warning}")));
     } else {
+        let told = told(&evaluators, &summaries);
         output.text(&found(
             &outcome,
-            &summaries,
             &evaluations,
+            &told,
             &audits,
             &trainings,
             &warnings,
@@ -168,11 +172,17 @@ fn failed(outcome: &mut RunOutcome, arguments: &RunArguments, output: &Output) -
     Ok(errors.first().map_or(Exit::Failure, CliError::exit))
 }
 
+/// What judged designs, and what came of them.
+fn told(evaluators: &[Evaluators], summaries: &[Summary]) -> Vec<String> {
+    let judged = evaluators.iter().map(ToString::to_string);
+    judged.chain(summaries.iter().map(ToString::to_string)).collect()
+}
+
 /// What was found, each part after an empty line.
 fn found(
     outcome: &RunOutcome,
-    summaries: &[Summary],
     evaluations: &[Evaluation],
+    told: &[String],
     audits: &[String],
     trainings: &[TrainingSummary],
     warnings: &[String],
@@ -186,7 +196,7 @@ fn found(
         ));
     }
     parts.extend(evaluations.iter().map(ToString::to_string));
-    parts.extend(summaries.iter().map(ToString::to_string));
+    parts.extend_from_slice(told);
     let lines: Vec<&str> = trainings.iter().map(|training| training.line.as_str()).collect();
     parts.extend((!lines.is_empty()).then(|| lines.join("\n")));
     let of_trainings: Vec<&str> = trainings.iter().flat_map(|t| &t.warnings).map(String::as_str).collect();

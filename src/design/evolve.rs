@@ -83,6 +83,9 @@ pub enum EvolveError {
     /// The predictor failed.
     #[error(transparent)]
     Predict(#[from] PredictError),
+    /// There is nothing to choose from.
+    #[error("no pattern of the first generation has a field: there is nothing to choose from")]
+    NoField,
 }
 
 /// What is known after a generation.
@@ -94,7 +97,7 @@ pub struct GenerationReport {
     pub genome: Genome,
     /// F of the best; smaller is better.
     pub best: f64,
-    /// Mean F of all individuals.
+    /// Mean F of all individuals with a field.
     pub mean: f64,
     /// Predicted value of the best in mm.
     pub value_mm: f64,
@@ -163,10 +166,23 @@ impl EvolveOptions {
     }
 }
 
-/// Searches for the genome of the least F. `on_generation` hears of every generation once it is judged.
+/// Random genomes with the nearest number of units to `area` · 400 on, from the finest grain to a coarse one: the first
+/// generation of a search under a seed, or its beginning.
+#[must_use]
+pub fn first_generation(area: f64, seed: u64, population: usize) -> Vec<Genome> {
+    let random = |index| {
+        let mut stream = Stream::new(seed, "first generation", index);
+        let grain = stream.index(COARSEST + 1);
+        Genome::random(area, grain, &mut stream)
+    };
+    (0..population as u64).map(random).collect()
+}
+
+/// Searches for the genome of the least F. `on_generation` hears of every generation once it is judged. A pattern of which
+/// the predictor has no field is worse than any other.
 ///
 /// # Errors
-/// When the options are out of range, or the predictor fails.
+/// When the options are out of range, the predictor fails, or it has no field for any pattern of the first generation.
 pub fn evolve(
     predictor: &dyn Predictor,
     goal: &Goal,
@@ -183,7 +199,10 @@ pub fn evolve(
     let mut history: Vec<GenerationReport> = Vec::new();
     let mut last_gain = 0;
     let mut stop = Stop::Generations;
-    let mut population = search.judged(search.first())?;
+    let mut population = search.judged(first_generation(goal.area(), options.seed, options.population))?;
+    if population[0].score.fitness.is_infinite() {
+        return Err(EvolveError::NoField);
+    }
     for generation in 0..=options.generations {
         if generation > 0 {
             population = search.judged(search.bred(&population, generation))?;
@@ -206,7 +225,7 @@ pub fn evolve(
     })
 }
 
-/// What is known of a genome.
+/// What is known of a genome; its fitness is infinite where it has no field.
 #[derive(Clone, Copy)]
 struct Score {
     fitness: f64,
@@ -227,16 +246,6 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// Random genomes with the wanted area, from the finest grain to a coarse one.
-    fn first(&self) -> Vec<Genome> {
-        let random = |index| {
-            let mut stream = Stream::new(self.options.seed, "first generation", index);
-            let grain = stream.index(COARSEST + 1);
-            Genome::random(self.goal.area(), grain, &mut stream)
-        };
-        (0..self.options.population as u64).map(random).collect()
-    }
-
     /// The next generation of a sorted one.
     fn bred(&self, population: &[Individual], generation: usize) -> Vec<Genome> {
         let size = self.options.population;
@@ -267,7 +276,7 @@ impl Search<'_> {
         unknown.sort_unstable();
         unknown.dedup();
         let patterns: Vec<Pattern> = unknown.iter().map(|genome| genome.pattern()).collect();
-        let fields = self.predictor.predict(&patterns)?;
+        let fields = self.predictor.predict_some(&patterns)?;
         if fields.len() != patterns.len() {
             return Err(PredictError(format!(
                 "{} fields for {} patterns",
@@ -277,8 +286,10 @@ impl Search<'_> {
         }
         for ((genome, pattern), field) in unknown.into_iter().zip(&patterns).zip(&fields) {
             let score = Score {
-                fitness: self.goal.fitness(pattern, field),
-                value_mm: self.goal.value_mm(field),
+                fitness: field
+                    .as_ref()
+                    .map_or(f64::INFINITY, |field| self.goal.fitness(pattern, field)),
+                value_mm: field.as_ref().map_or(0.0, |field| self.goal.value_mm(field)),
                 area: pattern.area_fraction(),
             };
             self.known.insert(genome.clone(), score);
@@ -299,12 +310,13 @@ impl Search<'_> {
 
     fn report(&self, generation: usize, population: &[Individual]) -> GenerationReport {
         let best = &population[0];
-        let sum: f64 = population.iter().map(|individual| individual.score.fitness).sum();
+        let judged = population.iter().map(|individual| individual.score.fitness);
+        let judged: Vec<f64> = judged.filter(|fitness| fitness.is_finite()).collect();
         GenerationReport {
             generation,
             genome: best.genome.clone(),
             best: best.score.fitness,
-            mean: sum / population.len() as f64,
+            mean: judged.iter().sum::<f64>() / judged.len() as f64,
             value_mm: best.score.value_mm,
             area: best.score.area,
         }

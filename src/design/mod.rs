@@ -9,7 +9,9 @@ mod intuitive;
 mod objective;
 mod operators;
 
-pub use evolve::{Evolution, EvolveError, EvolveOptions, GenerationReport, OptionsError, Stop, evolve};
+pub use evolve::{
+    Evolution, EvolveError, EvolveOptions, GenerationReport, OptionsError, Stop, evolve, first_generation,
+};
 pub use genome::{Genome, UNITS};
 pub use intuitive::Intuitive;
 pub use objective::{AREA_PENALTY, Aim, Goal, GoalError, Measure};

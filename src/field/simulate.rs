@@ -134,9 +134,9 @@ pub trait Simulator: Sync {
 
 /// A prediction that could not be made.
 #[derive(Debug, thiserror::Error)]
-#[error("the surrogate failed: {0}")]
+#[error("the prediction failed: {0}")]
 pub struct PredictError(
-    /// What the numerical library reported.
+    /// What the numerical library reported, or which pattern has no field.
     pub String,
 );
 
@@ -147,4 +147,12 @@ pub trait Predictor: Sync {
     /// # Errors
     /// When the model cannot be evaluated.
     fn predict(&self, patterns: &[Pattern]) -> Result<Vec<Field>, PredictError>;
+
+    /// The same where patterns may have no field: an estimate may lead nowhere, and an equilibrium may not be stable.
+    ///
+    /// # Errors
+    /// When the model cannot be evaluated.
+    fn predict_some(&self, patterns: &[Pattern]) -> Result<Vec<Option<Field>>, PredictError> {
+        Ok(self.predict(patterns)?.into_iter().map(Some).collect())
+    }
 }

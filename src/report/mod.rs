@@ -2,6 +2,7 @@
 
 mod audit;
 mod evaluation;
+mod evaluators;
 pub mod figures;
 mod gather;
 mod html;
@@ -11,6 +12,7 @@ mod warnings;
 
 pub use audit::{audited, audits};
 pub use evaluation::{AreaError, Coverage, Evaluation, ObjectiveCoverage, Predicted, evaluations};
+pub use evaluators::{Candidate, Evaluators, evaluators};
 pub use gather::{Made, ReportError, draw_figures};
 pub use html::Page;
 pub use summary::{CaseSummary, Summary, summarise};

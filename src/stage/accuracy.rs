@@ -12,10 +12,11 @@ mod content;
 mod elements;
 mod families;
 mod reference;
+mod surrogate;
 
 use std::collections::BTreeSet;
 
-use super::arrays;
+use super::{arrays, model};
 use crate::base::{Canonical, Fields, InputError, Node};
 use crate::field::Field;
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
@@ -23,10 +24,14 @@ use crate::scene::Scene;
 use crate::store::{Artifact, Object};
 
 pub use compare::{FamilyError, Measured, PatternError, Reckoned};
-pub use contender::{Contender, read as read_methods, usual as usual_methods};
+pub use contender::{Contender, read_with_models, usual as usual_methods};
 pub use content::{describe, measurement, measurements};
 pub use families::{Families, drawn, given};
 pub use reference::Reference;
+pub use surrogate::{Network, named};
+
+/// The reference, and models to be measured.
+const MOST_NEEDS: usize = 20;
 
 /// The kind `accuracy`.
 pub struct AccuracyKind;
@@ -42,9 +47,9 @@ impl Kind for AccuracyKind {
 
     fn needs(&self) -> Needs {
         Needs {
-            kinds: &["solve"],
+            kinds: &["solve", "train"],
             least: 1,
-            most: 1,
+            most: MOST_NEEDS,
         }
     }
 
@@ -72,18 +77,31 @@ impl Stage for AccuracyStage {
         Canonical::map([("methods", methods.collect::<Canonical>())])
     }
 
-    fn plan(&self, _inputs: &[Input]) -> Plan {
+    fn plan(&self, inputs: &[Input]) -> Plan {
+        let models = inputs.len().saturating_sub(1);
         Plan::Whole {
-            steps: self.contenders.len() as u64,
+            steps: (self.contenders.len() + models) as u64,
         }
     }
 
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
-        let [reference] = job.inputs else {
-            return Err(StageError::Failed("an accuracy stage reads one reference".to_owned()));
+        let (mut references, mut networks) = (Vec::new(), Vec::new());
+        for input in job.inputs {
+            if input.contents()?.iter().any(|content| content.path == model::WEIGHTS) {
+                networks.push(Network::of_artifact(input)?);
+            } else {
+                references.push(input);
+            }
+        }
+        let [reference] = references[..] else {
+            let found = references.len();
+            let why = format!("an accuracy stage needs one solve stage as its reference, and this one has {found}");
+            return Err(StageError::Input(why));
         };
         let reckoned = reckoned(reference)?;
-        let measured = reckoned.measure(&self.contenders, job.progress);
+        let networks = named(networks);
+        let contenders: Vec<&dyn Contender> = self.contenders.iter().chain(&networks).map(AsRef::as_ref).collect();
+        let measured = reckoned.measure(&contenders, job.progress);
         let measured = measured.map_err(StageError::Failed)?;
         for (name, seconds) in measurements(&reckoned, &measured) {
             job.measure(name, seconds);

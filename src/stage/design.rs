@@ -1,21 +1,38 @@
-//! `kind: design` searches the pattern that a surrogate says moves the point farthest.
+//! `kind: design` searches the pattern that an evaluator says moves the point farthest: a network, an estimate, or Newton's
+//! method, whichever is the cheapest that is accurate enough unless one is named.
+
+mod evaluator;
+mod probe;
+
+use evaluator::{Evaluator, Wanted};
+use probe::Probe;
+
+use serde_json::json;
 
 use super::arrays;
+use super::model;
 use super::objective::Objective;
-use crate::base::{Canonical, Decimal, Fields, InputError, Node, Quantity, Schema};
-use crate::design::{AREA_PENALTY, Evolution, EvolveOptions, GenerationReport, Goal, Intuitive, UNITS, evolve};
-use crate::field::{Field, Predictor};
+use crate::base::{Canonical, Decimal, Dimension, Fields, InputError, Node, Quantity, Schema};
+use crate::design::{
+    AREA_PENALTY, Evolution, EvolveOptions, GenerationReport, Genome, Goal, Intuitive, UNITS, evolve, first_generation,
+};
+use crate::field::Field;
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::pattern::Pattern;
+use crate::scene::Scene;
 use crate::store::{Data, Dataset, Object};
-use crate::surrogate::Surrogate;
 
 /// The kind `design`.
 pub struct DesignKind;
 
-const KEYS: [&str; 12] = [
+/// Accuracy in mm that is asked of an evaluator unless said otherwise.
+const EVALUATOR_ACCURACY: &str = "0.005";
+
+const KEYS: [&str; 14] = [
     "kind",
     "needs",
+    "evaluator",
+    "evaluator_accuracy",
     "objective",
     "area",
     "area_penalty",
@@ -34,13 +51,13 @@ impl Kind for DesignKind {
     }
 
     fn recipe(&self) -> u32 {
-        1
+        2
     }
 
     fn needs(&self) -> Needs {
         Needs {
             kinds: &["train"],
-            least: 1,
+            least: 0,
             most: 1,
         }
     }
@@ -56,7 +73,14 @@ impl Kind for DesignKind {
             .says("Generations at most.")
             .default(defaults.generations);
         let stagnation = Schema::whole(1, 1_000_000).says("Generations without gain after which the search ends.");
-        let fields = Fields::new("Searches the pattern that a surrogate says moves a point farthest.")
+        let fields = Fields::new("Searches the pattern that an evaluator says moves a point farthest.")
+            .optional("evaluator", Wanted::schema())
+            .optional(
+                "evaluator_accuracy",
+                Schema::quantity(Dimension::Length, 1e-9, 1e3)
+                    .says("With `evaluator: auto`: the root mean square error that is accurate enough.")
+                    .default("0.005 mm"),
+            )
             .required("objective", Objective::schema())
             .optional("area", share("Wanted area fraction of the electrode.", 0.5))
             .optional("area_penalty", penalty.default(AREA_PENALTY))
@@ -66,7 +90,11 @@ impl Kind for DesignKind {
             .optional("crossover", share("Probability of a crossover.", defaults.crossover))
             .optional("mutation", share("Probability of a mutation.", defaults.mutation))
             .optional("stagnation", stagnation)
-            .required("seed", super::seed());
+            .required("seed", super::seed())
+            .rule(json!({
+                "if": { "required": ["evaluator"], "properties": { "evaluator": { "const": "surrogate" } } },
+                "then": { "required": ["needs"], "properties": { "needs": { "minItems": 1 } } },
+            }));
         vec![fields]
     }
 
@@ -75,7 +103,19 @@ impl Kind for DesignKind {
         let map = stage.fields(what, &KEYS)?;
         let node = map.required(what, "objective")?;
         let objective = Objective::read(node)?;
-        let side = super::scene_of(stage, scene)?.geometry.side;
+        let scene = super::scene_of(stage, scene)?;
+        let side = scene.geometry.side;
+        let evaluator = map.optional("evaluator").map_or(Ok(Wanted::Auto), Wanted::read)?;
+        let needs = map.optional("needs").map_or(Ok(&[][..]), |needs| needs.list("needs"))?;
+        if evaluator == Wanted::Surrogate && needs.is_empty() {
+            return Err(stage
+                .error("`evaluator: surrogate` judges by a network, and the stage needs none")
+                .help("add `needs: [STAGE]` with a stage of kind `train`, or take another evaluator"));
+        }
+        let accuracy = match map.optional("evaluator_accuracy") {
+            Some(node) => node.quantity_in("evaluator_accuracy", Dimension::Length, 1e-9, 1e3)?,
+            None => Quantity::parse(EVALUATOR_ACCURACY, Dimension::Length).map_err(|e| stage.error(e.to_string()))?,
+        };
         let defaults = EvolveOptions::default();
         let (area, penalty) = (
             map.number("area", 0.5, 0.0, 1.0)?,
@@ -107,9 +147,11 @@ impl Kind for DesignKind {
             seed: map.required(what, "seed")?.whole("seed", 0, i64::MAX as u64)?,
         };
         Ok(Box::new(DesignStage {
+            evaluator,
+            accuracy,
             objective,
             goal,
-            side,
+            scene,
             area,
             penalty,
             shares,
@@ -119,9 +161,12 @@ impl Kind for DesignKind {
 }
 
 struct DesignStage {
+    evaluator: Wanted,
+    /// What is asked of an evaluator that is not named.
+    accuracy: Quantity,
     objective: Objective,
     goal: Goal,
-    side: Quantity,
+    scene: Scene,
     area: Decimal,
     penalty: Decimal,
     /// Elite, crossover, mutation, as written.
@@ -132,9 +177,15 @@ struct DesignStage {
 impl Stage for DesignStage {
     fn parameters(&self) -> Canonical {
         let stagnation = self.options.stagnation.map_or(Canonical::Null, Canonical::from);
+        let accuracy = match self.evaluator {
+            Wanted::Auto => Canonical::from(&self.accuracy),
+            Wanted::Surrogate | Wanted::Elements(_) => Canonical::Null,
+        };
         Canonical::map([
+            ("evaluator", Canonical::from(self.evaluator.to_string().as_str())),
+            ("evaluator_accuracy", accuracy),
             ("objective", self.objective.canonical()),
-            ("side", Canonical::from(&self.side)),
+            ("scene", self.scene.canonical()),
             ("area", self.area.into()),
             ("area_penalty", self.penalty.into()),
             ("population", self.options.population.into()),
@@ -158,29 +209,95 @@ impl Stage for DesignStage {
     }
 
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
-        let [model] = job.inputs else {
-            return Err(StageError::Failed("a design stage reads one model".to_owned()));
-        };
-        let surrogate = Surrogate::load(&model.u8s("weights")?.1)
-            .map_err(|e| StageError::Input(format!("artifact {}: {e}", model.digest().short())))?;
+        let (evaluator, probes) = self.evaluator(job)?;
+        let settings = evaluator.settings;
+        let predictor = evaluator
+            .predictor
+            .map_err(|why| StageError::Failed(format!("{{ {settings} }}: {why}")))?;
         let on_generation = |report: &GenerationReport| {
             job.progress
                 .note(&format!("best {:.4} mm at area {:.3}", report.value_mm, report.area));
             job.progress.advance(1);
         };
         let failed = |e: &dyn std::fmt::Display| StageError::Failed(e.to_string());
-        let evolution = evolve(&surrogate, &self.goal, &self.options, &on_generation).map_err(|e| failed(&e))?;
+        let evolution =
+            evolve(predictor.as_ref(), &self.goal, &self.options, &on_generation).map_err(|e| failed(&e))?;
         let intuitive = Intuitive::of(&self.goal);
         let patterns = [
             evolution.best_pattern(),
             intuitive.at_own_area(),
             intuitive.at_area(self.goal.area()),
         ];
-        let predicted = surrogate.predict(&patterns).map_err(|e| failed(&e))?;
+        let predicted = predictor.predict_some(&patterns).map_err(|e| failed(&e))?;
+        let predicted: Option<Vec<Field>> = predicted.into_iter().collect();
+        let predicted = predicted.ok_or_else(|| {
+            StageError::Failed(format!(
+                "{{ {settings} }} has no field for the intuitive design, which is not stable there"
+            ))
+        })?;
         let object = describe(&evolution, &patterns, &predicted);
-        let object = object.attribute("scene", super::scene_attribute(job.inputs)?);
-        Ok(object.attribute("objective", self.objective.to_text()))
+        Ok(with_probes(object, &probes)
+            .attribute("evaluator", settings)
+            .attribute("scene", self.scene.to_text())
+            .attribute("objective", self.objective.to_text()))
     }
+}
+
+impl DesignStage {
+    /// What judges the patterns, with what every candidate said of some where it had to be chosen.
+    fn evaluator(&self, job: &Job<'_>) -> Result<(Evaluator, Vec<Probe>), StageError> {
+        let surrogate = job
+            .inputs
+            .first()
+            .map(|input| model::in_scene(input, &self.scene))
+            .transpose()?;
+        match (self.evaluator, surrogate) {
+            (Wanted::Elements(method), _) => Ok((Evaluator::elements(&self.scene, method, 1), Vec::new())),
+            (Wanted::Surrogate, Some(surrogate)) => Ok((Evaluator::network(surrogate), Vec::new())),
+            (Wanted::Surrogate, None) => Err(StageError::Input(
+                "`evaluator: surrogate` judges by a network, and the stage needs none".to_owned(),
+            )),
+            (Wanted::Auto, surrogate) => {
+                let count = self.options.population.min(probe::PATTERNS);
+                let genomes = first_generation(self.goal.area(), self.options.seed, count);
+                let patterns: Vec<Pattern> = genomes.iter().map(Genome::pattern).collect();
+                let candidates = probe::candidates(&self.scene, surrogate);
+                probe::cheapest(candidates, &patterns, self.accuracy.value())
+                    .map_err(|e| StageError::Failed(e.to_string()))
+            }
+        }
+    }
+}
+
+fn with_probes(object: Object, probes: &[Probe]) -> Object {
+    let wholes = |note: &str, value: fn(&Probe) -> u64| arrays::wholes("1", note, probes.iter().map(value).collect());
+    object
+        .with(
+            "evaluator/candidates",
+            arrays::texts(
+                "evaluators from the cheapest to the dearest, the reference last; none where one is named",
+                probes.iter().map(|probe| probe.settings.as_str()),
+            ),
+        )
+        .with(
+            "evaluator/rmse",
+            arrays::reals(
+                "mm",
+                "root mean square error of a component on patterns of the first generation",
+                probes.iter().map(|probe| probe.rmse_mm).collect(),
+            ),
+        )
+        .with(
+            "evaluator/known",
+            wholes("patterns that the error is over", |probe| probe.known),
+        )
+        .with(
+            "evaluator/disagree",
+            wholes(
+                "patterns of which the reference has a field and it has none, or it has one alone",
+                |probe| probe.disagree,
+            ),
+        )
 }
 
 fn describe(evolution: &Evolution, patterns: &[Pattern; 3], predicted: &[Field]) -> Object {

@@ -196,3 +196,79 @@ fn a_surrogate_learns_from_estimates_and_a_design_is_verified_by_one() {
         "{text}"
     );
 }
+
+#[test]
+fn a_model_is_measured_beside_the_methods_and_refused_in_another_scene() {
+    let workspace = Workspace::tiny();
+    let measured = ["--set", "stages.accuracy.needs=[reference, surrogate]"];
+    let run = [&["run", "tiny.yaml", "--until", "accuracy"][..], &measured].concat();
+    workspace.stages(&run);
+    let shown = workspace.run(&["show", "accuracy", "--json"]).json();
+    let times = shown["provenance"]["measurements"].as_str().unwrap();
+    assert!(
+        times.contains("network: qin2024; bezier: ") && times.contains("network: qin2024; 1000 patterns: "),
+        "{times}"
+    );
+
+    let exported = workspace.run(&["export", "model", "tiny.yaml:surrogate", "-o", "model.safetensors"]);
+    assert_eq!(exported.code, Some(0), "{}", exported.stderr);
+    let accuracy = |scene: &str, more: &[&str]| {
+        let common = [
+            "accuracy",
+            scene,
+            "-o",
+            "out",
+            "--count",
+            "2",
+            "--reference",
+            "{ elements_per_cell: 2 }",
+            "--json",
+        ];
+        workspace.run(&[&common[..], more].concat())
+    };
+    let listed = [
+        "--methods",
+        "[{ method: linear, elements_per_cell: 1 }, { model: model.safetensors }]",
+    ];
+    let ended = accuracy("tiny.yaml", &listed);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let found = ended.json();
+    let network = &found["methods"][1];
+    assert_eq!(network["settings"], "network: qin2024", "{found}");
+    // One epoch of sixty patterns: the linear response is better.
+    assert!(network["rms_mm"].as_f64() > found["methods"][0]["rms_mm"].as_f64());
+    assert!(
+        found["beaten_by"].as_object().unwrap().contains_key("qin2024"),
+        "{found}"
+    );
+    assert!(network["batch"]["patterns"] == 1000 && network["batch"]["seconds"].as_f64().unwrap() > 0.0);
+    let rows = std::fs::read_to_string(workspace.path("out/accuracy.csv")).unwrap();
+    assert_eq!(
+        rows.lines().filter(|row| row.starts_with("network: qin2024,")).count(),
+        5,
+        "{rows}"
+    );
+
+    workspace.write("low.yaml", &SCENE.replace("5.25 kV", "5 kV"));
+    for arguments in [
+        &listed[..],
+        &[
+            "--methods",
+            "[{ method: linear, elements_per_cell: 1 }]",
+            "--model",
+            "tiny.yaml:surrogate",
+        ],
+    ] {
+        let ended = accuracy("low.yaml", arguments);
+        assert_eq!(ended.code, Some(2), "{}", ended.stderr);
+        let why = ended.json()["error"]["message"].to_string();
+        assert!(why.contains("drive.voltage is 5250 V there and 5000 V here"), "{why}");
+    }
+    let ended = accuracy("tiny.yaml", &["--methods", "[{ model: absent.safetensors }]"]);
+    assert_eq!(ended.code, Some(2));
+    assert!(
+        ended.json()["error"]["message"]
+            .to_string()
+            .contains("absent.safetensors")
+    );
+}

@@ -7,6 +7,7 @@ mod collect;
 mod common;
 mod damage;
 mod dataset;
+mod design;
 mod evaluate;
 mod full_disk;
 mod golden;

@@ -68,14 +68,13 @@ def declared(data):
     return v[1][0].decode(), kind[1][0], [d[1][0] if 1 in d else d[2][0].decode() for d in dims]
 
 
-def conv(x, w, strides, pads, group=1):
-    assert group == 1
+def conv(x, w, pads, strides=(1, 1)):
     x = np.pad(x, ((0, 0), (0, 0), (pads[0], pads[2]), (pads[1], pads[3])))
     windows = np.lib.stride_tricks.sliding_window_view(x, w.shape[2:], (2, 3))[:, :, :: strides[0], :: strides[1]]
     return np.einsum("nchwij,ocij->nohw", windows, w, optimize=True)
 
 
-def conv_transpose(x, w, strides, pads):
+def conv_transpose(x, w, pads, strides=(1, 1)):
     n, _, h, v = x.shape
     (_, o, k, l), (s, t) = w.shape, strides
     y = np.zeros((n, o, (h - 1) * s + k, (v - 1) * t + l), np.float32)

@@ -164,6 +164,9 @@ fn every_parameter_makes_its_own_stage_and_what_needs_it_stale() {
         ("stages.design.area_penalty=4", from("design")),
         ("stages.design.stagnation=2", from("design")),
         ("stages.design.seed=16", from("design")),
+        ("stages.design.evaluator=linear", from("design")),
+        // What is asked of an evaluator counts only where it is chosen.
+        ("stages.design.evaluator_accuracy=0.01 mm", Vec::new()),
         ("stages.verified.elements_per_cell=2", from("verified")),
         ("stages.verified.order=2", from("verified")),
         ("stages.reference.tolerance=1e-9", reference.to_vec()),

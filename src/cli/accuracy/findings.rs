@@ -22,10 +22,13 @@ const FEW: usize = 5;
 /// An equilibrium may take this much longer than an estimate, of whose stability nothing is known.
 const WORTH_IT: f64 = 1.1;
 
-/// The fastest method whose bound is at most the target, and that agrees with the reference on what is stable. Where an
-/// estimate is the fastest, an equilibrium that takes hardly longer is preferred.
+/// The fastest setting of `solve` whose bound is at most the target, and that agrees with the reference on what is stable.
+/// Where an estimate is the fastest, an equilibrium that takes hardly longer is preferred.
 fn cheapest(measured: &[Measured], target_mm: f64) -> Option<&Measured> {
-    let fit = || measured.iter().filter(|m| is_sound(m) && bound(m) <= target_mm);
+    let fit = || {
+        let solved = measured.iter().filter(|m| m.network().is_none());
+        solved.filter(|m| is_sound(m) && bound(m) <= target_mm)
+    };
     let faster = |a: &&Measured, b: &&Measured| a.seconds_per_pattern().total_cmp(&b.seconds_per_pattern());
     let fastest = fit().min_by(faster)?;
     let limit = WORTH_IT * fastest.seconds_per_pattern();
@@ -50,6 +53,18 @@ fn flags(settings: &str) -> String {
         format!("--{} {quote}{value}{quote}", key.replace('_', "-"))
     };
     pairs.map(flag).collect::<Vec<_>>().join(" ")
+}
+
+/// For each network the estimate that is both faster and more accurate, if there is one: the most accurate of them.
+fn beaten(measured: &[Measured]) -> Vec<(&Measured, Option<&Measured>)> {
+    let networks = measured.iter().filter(|m| m.network().is_some());
+    let estimates = || measured.iter().filter(|m| m.network().is_none() && !m.equilibria);
+    let better = |network: &Measured| {
+        let faster = estimates().filter(|m| m.seconds_per_pattern() < network.seconds_per_pattern());
+        let both = faster.filter(|m| m.rms() < network.rms());
+        both.min_by(|a, b| a.rms().total_cmp(&b.rms()))
+    };
+    networks.map(|network| (network, better(network))).collect()
 }
 
 /// What is told.
@@ -82,6 +97,7 @@ impl<'a> Findings<'a> {
     /// For people.
     pub fn text(&self, files: &[PathBuf]) -> String {
         let mut parts = vec![self.table(), self.notes()];
+        parts.extend(self.worth());
         parts.extend(self.verdict());
         parts.extend(files.iter().map(|path| path.display().to_string()));
         parts.join("\n")
@@ -137,6 +153,39 @@ impl<'a> Findings<'a> {
         )
     }
 
+    /// What the networks are worth beside estimates.
+    fn worth(&self) -> Option<String> {
+        let sentence = |(network, better): (&Measured, Option<&Measured>)| {
+            let numbers = |m: &Measured| {
+                format!(
+                    "{:.2} ms per pattern and {} mm RMS",
+                    1e3 * m.seconds_per_pattern(),
+                    millimetres(m.rms())
+                )
+            };
+            let name = network.network().unwrap_or_default();
+            let mut text = match better {
+                Some(better) => format!(
+                    "{name} is beaten in both time and error by {{ {} }}: {} instead of {}\n",
+                    better.settings,
+                    numbers(better),
+                    numbers(network)
+                ),
+                None => format!(
+                    "{name}, {}, is not beaten in both time and error by any estimate that was measured\n",
+                    numbers(network)
+                ),
+            };
+            if let Some((size, seconds)) = network.batch {
+                let each = 1e3 * seconds / size as f64;
+                text += &format!("  {size} patterns in one batch take {seconds:.2} s of one core, {each:.2} ms each\n");
+            }
+            text
+        };
+        let sentences: String = beaten(self.measured).into_iter().map(sentence).collect();
+        (!sentences.is_empty()).then_some(sentences)
+    }
+
     fn reference_error(&self) -> f64 {
         let errors = (0..self.reckoned.families.len()).map(|k| self.reckoned.reference_error(k));
         errors.fold(0.0, f64::max)
@@ -170,7 +219,7 @@ impl<'a> Findings<'a> {
 
     /// The smallest bound among methods that agree with the reference on what is stable.
     fn best(&self) -> Option<&Measured> {
-        let sound = self.measured.iter().filter(|m| is_sound(m));
+        let sound = self.measured.iter().filter(|m| m.network().is_none() && is_sound(m));
         sound.min_by(|a, b| bound(a).total_cmp(&bound(b)))
     }
 
@@ -193,6 +242,7 @@ impl<'a> Findings<'a> {
                 "mismatches": method.mismatches(),
                 "front": self.front.contains(&i),
                 "families": families,
+                "batch": method.batch.map(|(size, seconds)| json!({ "patterns": size, "seconds": seconds })),
             })
         };
         let methods: Vec<Value> = self.measured.iter().enumerate().map(method).collect();
@@ -206,7 +256,12 @@ impl<'a> Findings<'a> {
                 "best": self.best().map(|m| &m.settings),
             })
         });
+        let beaten: BTreeMap<&str, Option<&String>> = beaten(self.measured)
+            .into_iter()
+            .filter_map(|(network, better)| Some((network.network()?, better.map(|m| &m.settings))))
+            .collect();
         json!({
+            "beaten_by": beaten,
             "reference": { "settings": self.reckoned.reference.settings().to_string(), "error_mm": self.reference_error() },
             "methods": methods,
             "target": target,
@@ -247,7 +302,8 @@ mod tests {
     fn measured(settings: &str, seconds: f64, bound: f64, missed: u64) -> Measured {
         Measured {
             settings: settings.into(),
-            equilibria: settings != "estimate",
+            equilibria: settings != "estimate" && !settings.starts_with("network"),
+            batch: None,
             patterns: Vec::new(),
             families: vec![FamilyError {
                 bound,
@@ -279,6 +335,32 @@ mod tests {
             "what is blind to instability is never picked"
         );
         assert_eq!(pick(1e-4), None);
+    }
+
+    #[test]
+    fn a_network_that_an_estimate_beats_in_both_is_told() {
+        let with = |settings: &str, seconds: f64, rms: f64| {
+            let mut method = measured(settings, seconds, 0.0, 0);
+            method.families[0].rms = rms;
+            method
+        };
+        let all = [
+            with("estimate", 1.0, 0.01),
+            with("fast but equilibria", 0.1, 0.001),
+            with("network: slow", 2.0, 0.02),
+            with("network: fine", 2.0, 0.005),
+            with("network: fast", 0.5, 0.02),
+        ];
+        let told: Vec<_> = beaten(&all)
+            .into_iter()
+            .map(|(network, better)| (network.network().unwrap(), better.map(|m| m.settings.as_str())))
+            .collect();
+        assert_eq!(told, [("slow", Some("estimate")), ("fine", None), ("fast", None)]);
+        assert_eq!(
+            cheapest(&[with("network: fine", 0.1, 0.0)], 1.0).map(|m| m.seconds[0]),
+            None,
+            "no setting of `solve`"
+        );
     }
 
     #[test]

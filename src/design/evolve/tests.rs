@@ -192,6 +192,37 @@ fn what_the_predictor_gets_wrong_is_an_error() {
     assert!(message(|count| Ok(vec![Field::zero(); count - 1])).contains("fields for"));
 }
 
+/// Has no field of patterns with more than half of the left half active.
+struct Partial(Linear);
+
+impl Predictor for Partial {
+    fn predict(&self, patterns: &[Pattern]) -> Result<Vec<Field>, PredictError> {
+        self.0.predict(patterns)
+    }
+
+    fn predict_some(&self, patterns: &[Pattern]) -> Result<Vec<Option<Field>>, PredictError> {
+        let left = |pattern: &Pattern| (0..50 * 25).filter(|i| pattern.is_active(i % 25, i / 25)).count();
+        let fields = self.predict(patterns)?.into_iter().zip(patterns);
+        Ok(fields
+            .map(|(field, pattern)| (left(pattern) <= 625).then_some(field))
+            .collect())
+    }
+}
+
+#[test]
+fn a_pattern_without_a_field_is_worse_than_any_other() {
+    // Free to choose, the search fills the left half.
+    let free = run(&small(1), 0.5).best_pattern();
+    let left = |pattern: &Pattern| (0..50 * 25).filter(|i| pattern.is_active(i % 25, i / 25)).count();
+    assert!(left(&free) > 700, "{}", left(&free));
+    let partial = Partial(Linear::new([25.0, 25.0]));
+    let found = evolve(&partial, &goal(0.5), &small(1), &|_| ()).unwrap();
+    assert!(left(&found.best_pattern()) <= 625);
+    assert!(found.history.iter().all(|report| report.mean.is_finite()));
+    let none = evolve(&partial, &goal(1.0), &small(1), &|_| ());
+    assert!(matches!(none, Err(EvolveError::NoField)), "{none:?}");
+}
+
 #[test]
 fn options_out_of_range_are_refused() {
     let error = |options| {

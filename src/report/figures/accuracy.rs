@@ -35,7 +35,7 @@ const COLUMNS: usize = 3;
 /// What a method is drawn as: the start of its settings, its name in the legend, and a colour. The first that fits counts.
 type Group = (&'static [&'static str], &'static str, RGBColor);
 
-const GROUPS: [Group; 6] = [
+const GROUPS: [Group; 7] = [
     (&["method: linear"], "linear response", palette::VERMILLION),
     (&["method: chord"], "chord steps", palette::ORANGE),
     (
@@ -45,6 +45,7 @@ const GROUPS: [Group; 6] = [
     ),
     (&["method: newton", "order: 1"], "Newton, bilinear", palette::SKY),
     (&["method: newton", "order: 2"], "Newton, biquadratic", palette::BLUE),
+    (&["network:"], "surrogates", palette::PURPLE),
     (&[], "other", palette::GREY),
 ];
 
@@ -60,6 +61,9 @@ impl Cost {
             let pairs = self.settings.split(", ").filter_map(|pair| pair.split_once(": "));
             pairs.into_iter().find(|(k, _)| *k == key).map(|(_, v)| v.to_owned())
         };
+        if let Some(network) = value("network") {
+            return network;
+        }
         let method = value("method")
             .filter(|m| m != "newton")
             .map_or(String::new(), |m| format!("{m}, "));
@@ -212,7 +216,9 @@ mod tests {
                 "0.01 mm",
                 "Newton, mesh by accuracy",
             ),
-            ("network: qin2024", "network: qin2024", "other"),
+            ("network: qin2024", "qin2024", "surrogates"),
+            ("network: qin2024, model: 0123456789ab", "qin2024", "surrogates"),
+            ("settings: unheard of", "settings: unheard of", "other"),
         ] {
             let cost = Cost {
                 settings: settings.into(),

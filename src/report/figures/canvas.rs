@@ -26,6 +26,7 @@ pub(super) mod palette {
     pub(in super::super) const VERMILLION: RGBColor = RGBColor(213, 94, 0);
     pub(in super::super) const GREEN: RGBColor = RGBColor(0, 158, 115);
     pub(in super::super) const SKY: RGBColor = RGBColor(86, 180, 233);
+    pub(in super::super) const PURPLE: RGBColor = RGBColor(204, 121, 167);
     pub(in super::super) const INK: RGBColor = RGBColor(30, 30, 30);
     pub(in super::super) const GREY: RGBColor = RGBColor(150, 150, 150);
     pub(in super::super) const PALE: RGBColor = RGBColor(225, 225, 225);

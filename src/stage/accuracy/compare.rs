@@ -5,6 +5,7 @@ use super::clock::timed;
 use super::contender::Contender;
 use super::families::Families;
 use super::reference::Reference;
+use super::surrogate::NETWORK;
 use crate::field::Field;
 use crate::orchestrator::Progress;
 use crate::pattern::Pattern;
@@ -41,6 +42,8 @@ pub struct Measured {
     pub families: Vec<FamilyError>,
     /// Seconds of one core per pattern, for each family.
     pub seconds: Vec<f64>,
+    /// How many patterns were also given in one batch, and the seconds of one core that they took together.
+    pub batch: Option<(usize, f64)>,
 }
 
 /// The error on one pattern.
@@ -129,14 +132,14 @@ impl Reckoned {
     ///
     /// # Errors
     /// When a method is not coarser than the reference, or fails as a whole; which and why.
-    pub fn measure(&self, contenders: &[Box<dyn Contender>], progress: &dyn Progress) -> Result<Vec<Measured>, String> {
+    pub fn measure(&self, contenders: &[&dyn Contender], progress: &dyn Progress) -> Result<Vec<Measured>, String> {
         self.reference.check(contenders)?;
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
         let pool = pool.map_err(|e| format!("cannot start a thread: {e}"))?;
         contenders
             .iter()
             .map(|contender| {
-                let measured = pool.install(|| self.measure_one(contender.as_ref()));
+                let measured = pool.install(|| self.measure_one(*contender));
                 progress.advance(1);
                 measured.map_err(|why| format!("{{ {} }}: {why}", contender.settings()))
             })
@@ -158,7 +161,13 @@ impl Reckoned {
             families.push(of_family(&errors, contender.promise_mm(), self.reference_error(family)));
             seconds.push(taken / own.len() as f64);
         }
+        let batch = contender.batch().filter(|_| !self.patterns.is_empty());
+        let batch = batch.map(|size| {
+            let many: Vec<Pattern> = self.patterns.iter().cycle().take(size).cloned().collect();
+            timed(|| ready.fields(&many)).map(|(_, seconds)| (size, seconds))
+        });
         Ok(Measured {
+            batch: batch.transpose()?,
             settings: contender.settings(),
             equilibria: contender.finds_equilibria(),
             patterns,
@@ -179,6 +188,11 @@ impl PatternError {
 }
 
 impl Measured {
+    /// The name of the network, where it is one.
+    pub fn network(&self) -> Option<&str> {
+        self.settings.strip_prefix(NETWORK)
+    }
+
     /// Root mean square over the families, mm, each family counting as much as any other.
     pub fn rms(&self) -> f64 {
         let squares: f64 = self.families.iter().map(|family| family.rms.powi(2)).sum();

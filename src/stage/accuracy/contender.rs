@@ -1,6 +1,7 @@
 //! What can be measured: one file per kind of method. A list of methods is read here.
 
 use super::elements::Elements;
+use super::surrogate::{Network, named};
 use crate::base::{Canonical, InputError, Node, Schema};
 use crate::field::Field;
 use crate::pattern::Pattern;
@@ -24,6 +25,18 @@ pub trait Contender: Send + Sync {
     /// Whether its errors can be told by this reference, which must be finer.
     fn is_coarser_than(&self, reference: &SolverParameters) -> bool;
 
+    /// Whether it may be used in a scene at all, as far as that is known without setting it up.
+    ///
+    /// # Errors
+    /// When it may not; why.
+    fn check_scene(&self, scene: &Scene) -> Result<(), String> {
+        let _ = scene;
+        Ok(())
+    }
+    /// The number of patterns whose time in one batch is measured too, for a method to which that makes a difference.
+    fn batch(&self) -> Option<usize> {
+        None
+    }
     /// The method, ready for patterns of a scene.
     ///
     /// # Errors
@@ -46,8 +59,36 @@ pub trait Ready: Sync {
 /// # Errors
 /// When the list is empty, names a method twice, or has something else in it.
 pub fn read(node: &Node) -> Result<Vec<Box<dyn Contender>>, InputError> {
+    read_items(node, node.list("methods")?.iter())
+}
+
+/// The same where `{ model: FILE.safetensors }` may stand in the list too, for a trained network. Those come last.
+///
+/// # Errors
+/// As [`read`], or when a file is no model.
+pub fn read_with_models(node: &Node, more: Vec<Network>) -> Result<Vec<Box<dyn Contender>>, InputError> {
+    let (models, methods): (Vec<&Node>, Vec<&Node>) = node
+        .list("methods")?
+        .iter()
+        .partition(|item| item.peek("model").is_some());
+    let mut networks = Vec::new();
+    for item in models {
+        networks.push(Network::read(
+            item.fields("a model", &["model"])?.required("a model", "model")?,
+        )?);
+    }
+    networks.extend(more);
+    let mut contenders = match (methods.is_empty(), networks.is_empty()) {
+        (true, false) => Vec::new(),
+        _ => read_items(node, methods.into_iter())?,
+    };
+    contenders.extend(named(networks));
+    Ok(contenders)
+}
+
+fn read_items<'a>(node: &Node, items: impl Iterator<Item = &'a Node>) -> Result<Vec<Box<dyn Contender>>, InputError> {
     let mut contenders: Vec<Box<dyn Contender>> = Vec::new();
-    for item in node.list("methods")? {
+    for item in items {
         let contender = Elements::read(item)?;
         let settings = contender.settings();
         if contenders.iter().any(|other| other.settings() == settings) {

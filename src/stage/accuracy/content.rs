@@ -14,7 +14,10 @@ pub fn measurements(reckoned: &Reckoned, measured: &[Measured]) -> Vec<(String, 
     let of_method = |method: &Measured| {
         let pairs = reckoned.families.iter().zip(&method.seconds);
         let named = pairs.map(|(family, seconds)| (measurement(&method.settings, family), *seconds));
-        named.collect::<Vec<_>>()
+        let batch = method
+            .batch
+            .map(|(size, seconds)| (measurement(&method.settings, &format!("{size} patterns")), seconds));
+        named.chain(batch).collect::<Vec<_>>()
     };
     measured.iter().flat_map(of_method).collect()
 }

@@ -58,7 +58,7 @@ impl Reference {
     ///
     /// # Errors
     /// When one is not coarser; which.
-    pub fn check(&self, contenders: &[Box<dyn Contender>]) -> Result<(), String> {
+    pub fn check(&self, contenders: &[&dyn Contender]) -> Result<(), String> {
         match contenders.iter().find(|c| !c.is_coarser_than(&self.0)) {
             None => Ok(()),
             Some(fine) => Err(format!(

@@ -42,7 +42,7 @@ pub const TINY: &str = pipeline!(
   solved:    { kind: solve, needs: [small, large, bezier], elements_per_cell: 1 }
   balanced:  { kind: balance, needs: [solved], bins: 20, range: [0 mm, 2.5 mm], target: 60, symmetry: d4, seed: 4 }
   surrogate: { kind: train, needs: [balanced], network: qin2024, epochs: 1, seed: 5 }
-  design:    { kind: design, needs: [surrogate], objective: { point: [25 mm, 25 mm], direction: 0 deg }, area: 0.5, population: 20, generations: 2, seed: 6 }
+  design:    { kind: design, needs: [surrogate], evaluator: surrogate, objective: { point: [25 mm, 25 mm], direction: 0 deg }, area: 0.5, population: 20, generations: 2, seed: 6 }
   verified:  { kind: verify, needs: [design], elements_per_cell: 1 }
   reference: { kind: solve, needs: [bezier], elements_per_cell: 2 }
   accuracy:  { kind: accuracy, needs: [reference], methods: [{ method: linear, elements_per_cell: 1 }, { elements_per_cell: 1 }] }

@@ -85,14 +85,15 @@ stages:
     gradient_norm: 5, symmetry: d4, seed: 5 }
   intervals: { kind: calibrate, needs: [surrogate, refined], seed: 8 }
   evaluated: { kind: evaluate, needs: [surrogate, intervals, refined], estimates: [linear, 'chord:2'] }
-  design: { kind: design, needs: [surrogate], objective: { point: [25 mm, 25 mm], direction: 0 deg, measure: qin2024 },
+  design: { kind: design, needs: [surrogate], evaluator: auto, evaluator_accuracy: 0.01 mm, objective: { point: [25 mm, 25 mm], direction: 0 deg, measure: qin2024 },
     area: 0.5, area_penalty: 5, population: 20, generations: 2, elite: 0.02, crossover: 0.7, mutation: 0.3,
     stagnation: 5, seed: 6 }
-  rotation: { kind: design, needs: [surrogate], seed: 7, objective: { points: [{ point: [12, 25], direction: 90 },
+  judged: { kind: design, needs: [surrogate], evaluator: surrogate, objective: { point: [20, 20], direction: 0 }, seed: 8 }
+  rotation: { kind: design, evaluator: chord:2, seed: 7, objective: { points: [{ point: [12, 25], direction: 90 },
     { point: [38, 25], direction: -90 }], measure: displacement } }
   verified: { kind: verify, needs: [design], method: newton, elements_per_cell: 1, order: 2, tolerance: 1e-6 }
   exact: { kind: verify, needs: [rotation], accuracy: 10 um }
-  accuracy: { kind: accuracy, needs: [solved], methods: [linear, { method: chord:3, elements_per_cell: 1, order: 2 },
+  accuracy: { kind: accuracy, needs: [solved, surrogate], methods: [linear, { method: chord:3, elements_per_cell: 1, order: 2 },
     { accuracy: 0.03 mm }] }
 ";
 

@@ -1,0 +1,128 @@
+//! Picks the cheapest evaluator that is accurate enough, by what each says of some patterns of the search.
+//!
+//! Times differ from run to run, so none is measured here: candidates stand in the order of their cost as `deaflow accuracy`
+//! measured it. Errors are reproducible, and so is the choice.
+
+use super::evaluator::Evaluator;
+use crate::field::{Field, PredictError};
+use crate::pattern::Pattern;
+use crate::scene::Scene;
+use crate::stage::method::Method;
+use crate::surrogate::{NetworkKind, Surrogate};
+
+/// Patterns that are looked at.
+pub const PATTERNS: usize = 32;
+
+/// Elements along a side of a cell for Newton's method, against which errors are told.
+const REFERENCE: u64 = 2;
+
+/// What an evaluator said of the patterns.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Probe {
+    /// Its settings.
+    pub settings: String,
+    /// Root mean square error of a component in mm, over the patterns of which it and the reference have a field; 0 where
+    /// there are none.
+    pub rmse_mm: f64,
+    /// How many these are.
+    pub known: u64,
+    /// Patterns of which one has a field and the other has none.
+    pub disagree: u64,
+}
+
+impl Probe {
+    fn suffices(&self, accuracy_mm: f64) -> bool {
+        self.known > 0 && self.disagree == 0 && self.rmse_mm <= accuracy_mm
+    }
+}
+
+/// Every evaluator in the order of cost. The last is the reference.
+pub fn candidates(scene: &Scene, surrogate: Option<Surrogate>) -> Vec<Evaluator> {
+    let elements = |method| Evaluator::elements(scene, method, 1);
+    let mut all = vec![
+        elements(Method::Linear),
+        elements(Method::Chord(1)),
+        elements(Method::Chord(2)),
+        elements(Method::Newton),
+    ];
+    if let Some(surrogate) = surrogate {
+        let place = match surrogate.kind() {
+            NetworkKind::Physics => 1,
+            NetworkKind::Qin2024 => all.len(),
+        };
+        all.insert(place, Evaluator::network(surrogate));
+    }
+    all.push(Evaluator::elements(scene, Method::Newton, REFERENCE));
+    all
+}
+
+/// The first candidate whose error on the patterns is at most `accuracy_mm` and that agrees with the last on which of them
+/// have a field; the last itself if there is none. With what each said.
+///
+/// # Errors
+/// When one fails as a whole.
+pub fn cheapest(
+    mut candidates: Vec<Evaluator>,
+    patterns: &[Pattern],
+    accuracy_mm: f64,
+) -> Result<(Evaluator, Vec<Probe>), PredictError> {
+    let fields = |evaluator: &Evaluator| match &evaluator.predictor {
+        Ok(predictor) => predictor.predict_some(patterns),
+        Err(_) => Ok(vec![None; patterns.len()]),
+    };
+    let reference = candidates.last().map_or(Ok(Vec::new()), fields)?;
+    let mut probes = Vec::with_capacity(candidates.len());
+    for candidate in &candidates {
+        probes.push(compared(&candidate.settings, &fields(candidate)?, &reference));
+    }
+    let place = probes.iter().position(|probe| probe.suffices(accuracy_mm));
+    let place = place.unwrap_or(candidates.len().saturating_sub(1));
+    Ok((candidates.swap_remove(place), probes))
+}
+
+fn compared(settings: &str, found: &[Option<Field>], reference: &[Option<Field>]) -> Probe {
+    let pairs = || found.iter().zip(reference);
+    let both = pairs().filter_map(|(found, reference)| Some(found.as_ref()?.rms_difference(reference.as_ref()?)));
+    let errors: Vec<f64> = both.collect();
+    let squares = errors.iter().fold(0.0, |sum, error| sum + error * error);
+    Probe {
+        settings: settings.to_owned(),
+        rmse_mm: (squares / errors.len().max(1) as f64).sqrt(),
+        known: errors.len() as u64,
+        disagree: pairs().filter(|(a, b)| a.is_some() != b.is_some()).count() as u64,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::design::first_generation;
+
+    fn chosen(volts: f64, accuracy_mm: f64) -> (String, Vec<Probe>) {
+        let scene = Scene::vhb4910().at_voltage(volts);
+        let patterns: Vec<Pattern> = first_generation(0.5, 1, 8)
+            .iter()
+            .map(|genome| genome.pattern())
+            .collect();
+        let (evaluator, probes) = cheapest(candidates(&scene, None), &patterns, accuracy_mm).unwrap();
+        (evaluator.settings, probes)
+    }
+
+    #[test]
+    fn the_cheapest_that_is_accurate_enough_is_taken() {
+        let (_, probes) = chosen(5250.0, 1.0);
+        let errors: Vec<f64> = probes.iter().map(|probe| probe.rmse_mm).collect();
+        assert!(errors[0] > 2.0 * errors[1] && errors[1] > errors[2], "{errors:?}");
+        assert_eq!(errors[4], 0.0, "the reference itself");
+        for (accuracy, place) in [(1.0, 0), (0.5 * (errors[0] + errors[1]), 1), (1e-9, 4)] {
+            assert_eq!(chosen(5250.0, accuracy).0, probes[place].settings, "{accuracy}");
+        }
+    }
+
+    #[test]
+    fn evaluators_that_are_blind_to_instability_are_not_taken() {
+        let (settings, probes) = chosen(9000.0, 10.0);
+        assert!(probes[0].disagree > 0, "{probes:?}");
+        assert!(settings.starts_with("method: newton"), "{settings}");
+    }
+}
