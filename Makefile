@@ -1,5 +1,6 @@
 # Two commands set up everything on a fresh Debian with Rust: `make demo` and `make test`.
-# The recipes install what is missing (libhdf5, pkg-config, h5py and jsonschema for tests), as root or through sudo.
+# The recipes install what is missing (libhdf5, pkg-config, h5py and jsonschema for tests), as root or through sudo,
+# and onnxruntime from PyPI, which tests can do without.
 
 SHELL := /bin/bash
 STORE ?= store

@@ -81,7 +81,7 @@ impl fmt::Display for Evaluators {
             let error = candidate
                 .rmse_mm
                 .map_or("no field".to_owned(), |mm| format!("RMSE {mm:.4} mm"));
-            write!(f, "\n  {:<46} {error}", candidate.settings)?;
+            write!(f, "\n  {:<48} {error}", candidate.settings)?;
             if candidate.disagree > 0 {
                 write!(
                     f,
