@@ -1,6 +1,7 @@
 //! `deaflow accuracy`: what accuracy costs in a scene, without a store.
 
 mod findings;
+mod networks;
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use serde_json::{Value, json};
 
+use super::networks;
 use crate::cli::arguments::AccuracyArguments;
 use crate::cli::table;
 use crate::report::figures::pareto_front;
@@ -55,18 +56,6 @@ fn flags(settings: &str) -> String {
     pairs.map(flag).collect::<Vec<_>>().join(" ")
 }
 
-/// For each network the estimate that is both faster and more accurate, if there is one: the most accurate of them.
-fn beaten(measured: &[Measured]) -> Vec<(&Measured, Option<&Measured>)> {
-    let networks = measured.iter().filter(|m| m.network().is_some());
-    let estimates = || measured.iter().filter(|m| m.network().is_none() && !m.equilibria);
-    let better = |network: &Measured| {
-        let faster = estimates().filter(|m| m.seconds_per_pattern() < network.seconds_per_pattern());
-        let both = faster.filter(|m| m.rms() < network.rms());
-        both.min_by(|a, b| a.rms().total_cmp(&b.rms()))
-    };
-    networks.map(|network| (network, better(network))).collect()
-}
-
 /// What is told.
 pub struct Findings<'a> {
     arguments: &'a AccuracyArguments,
@@ -97,7 +86,7 @@ impl<'a> Findings<'a> {
     /// For people.
     pub fn text(&self, files: &[PathBuf]) -> String {
         let mut parts = vec![self.table(), self.notes()];
-        parts.extend(self.worth());
+        parts.extend(networks::worth(self.measured));
         parts.extend(self.verdict());
         parts.extend(files.iter().map(|path| path.display().to_string()));
         parts.join("\n")
@@ -151,39 +140,6 @@ impl<'a> Findings<'a> {
             self.reckoned.reference.settings(),
             millimetres(self.reference_error()),
         )
-    }
-
-    /// What the networks are worth beside estimates.
-    fn worth(&self) -> Option<String> {
-        let sentence = |(network, better): (&Measured, Option<&Measured>)| {
-            let numbers = |m: &Measured| {
-                format!(
-                    "{:.2} ms per pattern and {} mm RMS",
-                    1e3 * m.seconds_per_pattern(),
-                    millimetres(m.rms())
-                )
-            };
-            let name = network.network().unwrap_or_default();
-            let mut text = match better {
-                Some(better) => format!(
-                    "{name} is beaten in both time and error by {{ {} }}: {} instead of {}\n",
-                    better.settings,
-                    numbers(better),
-                    numbers(network)
-                ),
-                None => format!(
-                    "{name}, {}, is not beaten in both time and error by any estimate that was measured\n",
-                    numbers(network)
-                ),
-            };
-            if let Some((size, seconds)) = network.batch {
-                let each = 1e3 * seconds / size as f64;
-                text += &format!("  {size} patterns in one batch take {seconds:.2} s of one core, {each:.2} ms each\n");
-            }
-            text
-        };
-        let sentences: String = beaten(self.measured).into_iter().map(sentence).collect();
-        (!sentences.is_empty()).then_some(sentences)
     }
 
     fn reference_error(&self) -> f64 {
@@ -256,7 +212,7 @@ impl<'a> Findings<'a> {
                 "best": self.best().map(|m| &m.settings),
             })
         });
-        let beaten: BTreeMap<&str, Option<&String>> = beaten(self.measured)
+        let beaten: BTreeMap<&str, Option<&String>> = networks::beaten(self.measured)
             .into_iter()
             .filter_map(|(network, better)| Some((network.network()?, better.map(|m| &m.settings))))
             .collect();
@@ -282,7 +238,7 @@ fn of_family(error: &FamilyError, seconds: f64) -> Value {
 }
 
 /// Two digits are enough of an error.
-fn millimetres(mm: f64) -> String {
+pub fn millimetres(mm: f64) -> String {
     if mm >= 1e-3 || mm == 0.0 {
         let decimals = if mm == 0.0 {
             0
@@ -338,29 +294,9 @@ mod tests {
     }
 
     #[test]
-    fn a_network_that_an_estimate_beats_in_both_is_told() {
-        let with = |settings: &str, seconds: f64, rms: f64| {
-            let mut method = measured(settings, seconds, 0.0, 0);
-            method.families[0].rms = rms;
-            method
-        };
-        let all = [
-            with("estimate", 1.0, 0.01),
-            with("fast but equilibria", 0.1, 0.001),
-            with("network: slow", 2.0, 0.02),
-            with("network: fine", 2.0, 0.005),
-            with("network: fast", 0.5, 0.02),
-        ];
-        let told: Vec<_> = beaten(&all)
-            .into_iter()
-            .map(|(network, better)| (network.network().unwrap(), better.map(|m| m.settings.as_str())))
-            .collect();
-        assert_eq!(told, [("slow", Some("estimate")), ("fine", None), ("fast", None)]);
-        assert_eq!(
-            cheapest(&[with("network: fine", 0.1, 0.0)], 1.0).map(|m| m.seconds[0]),
-            None,
-            "no setting of `solve`"
-        );
+    fn a_network_is_no_setting_of_solve() {
+        let network = [measured("network: fine", 0.1, 0.0, 0)];
+        assert!(cheapest(&network, 1.0).is_none());
     }
 
     #[test]

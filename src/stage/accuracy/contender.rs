@@ -33,10 +33,12 @@ pub trait Contender: Send + Sync {
         let _ = scene;
         Ok(())
     }
+
     /// The number of patterns whose time in one batch is measured too, for a method to which that makes a difference.
     fn batch(&self) -> Option<usize> {
         None
     }
+
     /// The method, ready for patterns of a scene.
     ///
     /// # Errors

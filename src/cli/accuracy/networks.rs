@@ -1,0 +1,91 @@
+//! What networks are worth beside estimates.
+
+use super::findings::millimetres;
+use crate::stage::accuracy::Measured;
+
+/// For each network the estimate that is both faster and more accurate, if there is one: the most accurate of them.
+pub fn beaten(measured: &[Measured]) -> Vec<(&Measured, Option<&Measured>)> {
+    let networks = measured.iter().filter(|m| m.network().is_some());
+    let estimates = || measured.iter().filter(|m| m.network().is_none() && !m.equilibria);
+    let better = |network: &Measured| {
+        let faster = estimates().filter(|m| m.seconds_per_pattern() < network.seconds_per_pattern());
+        let both = faster.filter(|m| m.rms() < network.rms());
+        both.min_by(|a, b| a.rms().total_cmp(&b.rms()))
+    };
+    networks.map(|network| (network, better(network))).collect()
+}
+
+/// That in words, with the time of a large batch; nothing where no network was measured.
+pub fn worth(measured: &[Measured]) -> Option<String> {
+    let numbers = |m: &Measured| {
+        let (time, error) = (1e3 * m.seconds_per_pattern(), millimetres(m.rms()));
+        format!("{time:.2} ms per pattern and {error} mm RMS")
+    };
+    let sentence = |(network, better): (&Measured, Option<&Measured>)| {
+        let name = network.network().unwrap_or_default();
+        let verdict = match better {
+            Some(better) => format!(
+                "{name} is beaten in both time and error by {{ {} }}: {} instead of {}\n",
+                better.settings,
+                numbers(better),
+                numbers(network)
+            ),
+            None => format!(
+                "{name}, {}, is not beaten in both time and error by any estimate that was measured\n",
+                numbers(network)
+            ),
+        };
+        let batch = network.batch.map_or(String::new(), |(size, seconds)| {
+            let each = 1e3 * seconds / size as f64;
+            format!("  {size} patterns in one batch take {seconds:.2} s of one core, {each:.2} ms each\n")
+        });
+        verdict + &batch
+    };
+    let sentences: String = beaten(measured).into_iter().map(sentence).collect();
+    (!sentences.is_empty()).then_some(sentences)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stage::accuracy::FamilyError;
+
+    fn measured(settings: &str, seconds: f64, rms: f64, equilibria: bool) -> Measured {
+        Measured {
+            settings: settings.into(),
+            equilibria,
+            patterns: Vec::new(),
+            families: vec![FamilyError {
+                rms,
+                ..FamilyError::default()
+            }],
+            seconds: vec![seconds],
+            batch: settings.starts_with("network").then_some((1000, 1000.0 * seconds)),
+        }
+    }
+
+    #[test]
+    fn a_network_that_an_estimate_beats_in_both_is_told() {
+        let all = [
+            measured("estimate", 1.0, 0.01, false),
+            measured("equilibria are no estimates", 0.1, 0.001, true),
+            measured("network: slow", 2.0, 0.02, false),
+            measured("network: fine", 2.0, 0.005, false),
+            measured("network: fast", 0.5, 0.02, false),
+        ];
+        let told: Vec<_> = beaten(&all)
+            .into_iter()
+            .map(|(network, better)| (network.network().unwrap(), better.map(|m| m.settings.as_str())))
+            .collect();
+        assert_eq!(told, [("slow", Some("estimate")), ("fine", None), ("fast", None)]);
+        let words = worth(&all).unwrap();
+        assert!(
+            words.starts_with(
+                "slow is beaten in both time and error by { estimate }: 1000.00 ms per pattern and 0.010 mm"
+            ),
+            "{words}"
+        );
+        assert!(words.contains("fast, 500.00 ms per pattern") && words.contains("take 500.00 s of one core"));
+        assert_eq!(worth(&all[..2]), None);
+    }
+}
