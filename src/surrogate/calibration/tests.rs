@@ -44,7 +44,7 @@ fn observed(families: &[usize], count: u64, seed: u64) -> Vec<Observed> {
 }
 
 fn calibration() -> Calibration {
-    Calibration::fit(observed(&[0, 1], 400, 1), 7).unwrap()
+    Calibration::fit(observed(&[0, 1], 1000, 1), 7).unwrap()
 }
 
 #[test]
@@ -54,7 +54,7 @@ fn intervals_cover_as_often_as_they_say_in_each_family() {
     let objective = calibration.objective(&centre);
     // A normal deviate is within 1.96 deviations with 95 % probability.
     for (family, radius) in [(0, 1.96 * 0.004), (1, 1.96 * 0.05)] {
-        let n = 600;
+        let n = 1000;
         let (mut inside, mut objective_inside, mut flagged, mut width) = (0, 0, 0, 0.0);
         for i in 0..n {
             let (pattern, predicted, simulated) = sample(family, 2, i);
