@@ -55,7 +55,8 @@ impl RowFile {
                 .map(|(axis, &extent)| if axis == 0 { rows.clone() } else { 0..extent }.into())
                 .collect();
             let slice = found.read_slice::<f64, _, IxDyn>(Hyperslab::new(slab))?;
-            Ok(slice.into_iter().collect())
+            // Read into a fresh array, row by row: its memory is the answer.
+            Ok(slice.into_raw_vec_and_offset().0)
         };
         read().map_err(StoreError::hdf5("read", &self.path))
     }

@@ -65,10 +65,13 @@ impl<'a> Shown<'a> {
     }
 }
 
-/// A loss summed over examples, and the gradient of its mean.
+/// A loss summed over examples, and the gradient of its mean with respect to each weight, all its values in a row.
+///
+/// Plain numbers, because candle hands sums of large tensors to threads of its own, for which those of this room would wait one
+/// after the other.
 struct Gradient {
     loss: f64,
-    gradients: Vec<Tensor>,
+    gradients: Vec<Vec<f32>>,
 }
 
 /// How a network does on some examples.
@@ -80,8 +83,8 @@ pub(crate) struct Assessment {
 }
 
 impl Problem<'_> {
-    /// The loss summed over a batch, and the gradient of its mean with respect to each weight.
-    pub(crate) fn gradient(&self, batch: &[Shown<'_>]) -> Result<(f64, Vec<Tensor>)> {
+    /// The loss summed over a batch, and the gradient of its mean with respect to each weight, all its values in a row.
+    pub(crate) fn gradient(&self, batch: &[Shown<'_>]) -> Result<(f64, Vec<Vec<f32>>)> {
         let share = 1.0 / batch.len() as f64;
         let parts = batch.par_chunks(PART).map(|part| self.part(part, share));
         let parts: Vec<Gradient> = parts.collect::<Result<_>>()?;
@@ -89,20 +92,20 @@ impl Problem<'_> {
         let sum_of = |i: usize| {
             let mut sum = parts[0].gradients[i].clone();
             for part in &parts[1..] {
-                sum = (sum + &part.gradients[i])?;
+                sum.iter_mut().zip(&part.gradients[i]).for_each(|(sum, g)| *sum += g);
             }
-            Ok(sum)
+            sum
         };
-        let gradients: Result<_> = (0..self.vars.len()).into_par_iter().map(sum_of).collect();
-        Ok((loss, gradients?))
+        let gradients = (0..self.vars.len()).into_par_iter().map(sum_of).collect();
+        Ok((loss, gradients))
     }
 
     fn part(&self, part: &[Shown<'_>], share: f64) -> Result<Gradient> {
         let (_, loss) = self.answer(part)?;
         let mut store = (&loss * share)?.backward()?;
         let gradient = |(_, var): &(String, Var)| match store.remove(var) {
-            Some(gradient) => Ok(gradient),
-            None => var.zeros_like(),
+            Some(gradient) => gradient.flatten_all()?.to_vec1::<f32>(),
+            None => Ok(vec![0.0; var.elem_count()]),
         };
         Ok(Gradient {
             loss: f64::from(loss.to_scalar::<f32>()?),
@@ -178,10 +181,11 @@ mod tests {
         assert!((sum / loss() - 1.0).abs() < 1e-6);
         // Along the gradient of each weight the mean loss changes by the square of its length.
         for ((name, var), gradient) in vars.iter().zip(&gradients) {
-            let square = gradient.sqr().unwrap().sum_all().unwrap().to_scalar::<f32>().unwrap();
+            let square: f32 = gradient.iter().map(|g| g * g).sum();
+            let gradient = Tensor::from_slice(gradient, var.shape(), &device).unwrap();
             let (start, step) = (var.copy().unwrap(), 1e-4 / f64::from(square));
             let at = |sign: f64| {
-                var.set(&(&start + (gradient * (sign * step)).unwrap()).unwrap())
+                var.set(&(&start + (&gradient * (sign * step)).unwrap()).unwrap())
                     .unwrap();
                 loss() / 5.0
             };

@@ -192,7 +192,7 @@ impl<'a> Trainer<'a> {
             if !loss.is_finite() {
                 return Ok(None);
             }
-            self.optimizer.step(&gradients, learning_rate)?;
+            self.optimizer.step(gradients, learning_rate)?;
             sum += loss;
             shown += batch.len();
             monitor.step(epoch, shown as f64 / order.len() as f64, sum / shown as f64);

@@ -34,11 +34,15 @@ impl Window {
 
     /// Lays out what every output sees: from `(n, n, channels)` to `(output², kernel² · channels)`.
     pub(super) fn unfold(&self, image: &[f32], channels: usize, n: usize, unfolded: &mut [f32]) {
-        unfolded.fill(0.0);
+        // What lies between two runs is outside the image.
+        let mut end = 0;
         self.for_each_run(n, |run| {
-            let to = &mut unfolded[run.unfolded * channels..][..run.length * channels];
-            to.copy_from_slice(&image[run.image * channels..][..run.length * channels]);
+            let start = run.unfolded * channels;
+            unfolded[end..start].fill(0.0);
+            end = start + run.length * channels;
+            unfolded[start..end].copy_from_slice(&image[run.image * channels..][..run.length * channels]);
         });
+        unfolded[end..].fill(0.0);
     }
 
     /// The transpose of [`Window::unfold`]: adds every value to the pixel it came from.
