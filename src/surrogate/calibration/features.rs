@@ -6,9 +6,12 @@ use crate::pattern::{CELLS, Pattern};
 /// Features that foretell how large an error is.
 pub(super) const DIFFICULTY: usize = 13;
 
+/// The first of them, which tell families of patterns apart too; where strain is found does not.
+const FORM: usize = 11;
+
 /// Features that tell families of patterns apart: those, and correlations of the pattern.
 #[cfg(test)]
-pub(super) const LIKENESS: usize = DIFFICULTY + 9;
+pub(super) const LIKENESS: usize = FORM + 9;
 
 /// Logarithms of the largest and the mean square displacement, of the mean and largest gradient and the mean of its fourth
 /// power (where the membrane is far from linear); the area and its square; logarithms of the length of the electrode's edge, of
@@ -114,7 +117,7 @@ fn of_outline(pattern: &Pattern) -> [f64; 4] {
     ]
 }
 
-/// The difficulty with correlations of the pattern: along the sides over 1, 2, 5 and 10 cells and along the diagonals over 1 and
+/// The form with correlations of the pattern: along the sides over 1, 2, 5 and 10 cells and along the diagonals over 1 and
 /// 3, each the mean of both directions; and how far both directions differ, over 1 and 5 cells and along the diagonals over 3.
 pub(super) fn likeness_of(pattern: &Pattern, difficulty: &[f64; DIFFICULTY]) -> Vec<f64> {
     let sides = [1, 2, 5, 10].map(|n| [correlation(pattern, [n, 0]), correlation(pattern, [0, n])]);
@@ -122,7 +125,12 @@ pub(super) fn likeness_of(pattern: &Pattern, difficulty: &[f64; DIFFICULTY]) -> 
     let mean = |pair: &[f64; 2]| 0.5 * (pair[0] + pair[1]);
     let means = sides.iter().chain(&diagonals).map(mean);
     let differences = [sides[0], sides[2], diagonals[1]].map(|pair| (pair[0] - pair[1]).abs());
-    difficulty.iter().copied().chain(means).chain(differences).collect()
+    difficulty[..FORM]
+        .iter()
+        .copied()
+        .chain(means)
+        .chain(differences)
+        .collect()
 }
 
 /// The mean product of cells, ±1 each, with those at an offset.

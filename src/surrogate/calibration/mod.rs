@@ -224,7 +224,7 @@ impl Calibration {
     pub fn from_parts(parts: CalibrationParts) -> Result<Self, CalibrationError> {
         let difficulty = Difficulty::from_parts(parts.difficulty)?;
         let rows = parts.residuals.len() / VALUES;
-        if parts.residuals.len() % VALUES != 0 || rows == 0 || rows > difficulty.scores().len() {
+        if !parts.residuals.len().is_multiple_of(VALUES) || rows == 0 || rows > difficulty.scores().len() {
             return Err(CalibrationError::Parts("residuals"));
         }
         if parts.residuals.iter().any(|r| !r.is_finite()) {
