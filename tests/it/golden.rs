@@ -61,8 +61,8 @@ fn describe(dataset: &hdf5::Dataset) -> Value {
             let rms = (values.iter().map(|v| v * v).sum::<f64>() / n).sqrt();
             json!({ "shape": shape, "mean": mean, "rms": rms })
         }
-        // Digests of chunks follow the last bits of their reals.
-        _ if dataset.name() == "/parts" => json!({ "shape": shape }),
+        // Digests of chunks and of models follow the last bits of their reals.
+        _ if ["/parts", "/predictor_digests"].contains(&dataset.name().as_str()) => json!({ "shape": shape }),
         TypeDescriptor::FixedUnicode(_) => {
             let texts = dataset.read_raw::<FixedUnicode<64>>().unwrap();
             let all: Vec<&str> = texts.iter().map(|t| t.as_str()).collect();
