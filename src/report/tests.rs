@@ -343,7 +343,7 @@ fn an_evaluation_names_models_by_their_stages() {
     let text = found.to_string();
     for part in [
         "0.0012",
-        "0.034",
+        "0.035",
         "none",
         "90.0 %",
         "0.0040",
