@@ -146,7 +146,7 @@ fn epoch(optimizer: OptimizerKind) -> f64 {
         begun: Cell::new(thread_seconds()),
         least: Cell::new(f64::INFINITY),
     };
-    train(&examples, &options, &watch).expect("it trains");
+    train(&examples, None, &options, &watch).expect("it trains");
     watch.least.get()
 }
 
