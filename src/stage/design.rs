@@ -92,7 +92,7 @@ impl Kind for DesignKind {
             .required("seed", super::seed())
             .rule(json!({
                 "if": { "required": ["evaluator"], "properties": { "evaluator": { "const": "surrogate" } } },
-                "then": { "required": ["needs"], "properties": { "needs": { "minItems": 1 } } },
+                "then": { "required": ["needs"] },
             }));
         vec![fields]
     }
@@ -105,8 +105,7 @@ impl Kind for DesignKind {
         let scene = super::scene_of(stage, scene)?;
         let side = scene.geometry.side;
         let evaluator = map.optional("evaluator").map_or(Ok(Wanted::Auto), Wanted::read)?;
-        let needs = map.optional("needs").map_or(Ok(&[][..]), |needs| needs.list("needs"))?;
-        if evaluator == Wanted::Surrogate && needs.is_empty() {
+        if evaluator == Wanted::Surrogate && map.optional("needs").is_none() {
             return Err(stage
                 .error("`evaluator: surrogate` judges by a network, and the stage needs none")
                 .help("add `needs: [STAGE]` with a stage of kind `train`, or take another evaluator"));
