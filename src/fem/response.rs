@@ -229,6 +229,18 @@ impl WithLaw for ToActivity<'_> {
 }
 
 #[cfg(test)]
+impl LinearResponse {
+    /// That of the default scene at a voltage on the coarsest mesh, for tests of rooms that know no scenes.
+    pub(crate) fn of_default_scene(volts: f64) -> Self {
+        let options = SolveOptions {
+            elements_per_cell: 1,
+            ..SolveOptions::default()
+        };
+        Self::new(&Scene::vhb4910().at_voltage(volts), options).expect("the membrane is stable")
+    }
+}
+
+#[cfg(test)]
 mod tests {
     use super::*;
     use crate::base::Stream;

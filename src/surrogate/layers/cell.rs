@@ -174,7 +174,7 @@ fn planes(modes: &[f32], component: usize) -> [&[f32]; 3] {
 }
 
 /// The modes (6, 2500) of a displacement (2, 49, 49).
-fn write_modes(displacement: &[f32], factor: f32, modes: &mut [f32]) {
+pub(crate) fn write_modes(displacement: &[f32], factor: f32, modes: &mut [f32]) {
     for (k, component) in displacement.chunks_exact(INNER * INNER).enumerate() {
         modes_of(component, factor, planes_of(modes, k));
     }
@@ -185,6 +185,24 @@ pub(crate) fn add_forces(stresses: &[f32], forces: &mut [f32]) {
     for (k, component) in forces.chunks_exact_mut(INNER * INNER).enumerate() {
         forces_of(planes(stresses, k), component);
     }
+}
+
+/// The transpose of [`write_strains`]: adds to a gradient with respect to a displacement what one with respect to the features makes
+/// of it. `stresses` (6, 2500) is overwritten.
+pub(crate) fn add_strain_forces(
+    pattern: &[f32],
+    features: &[f32],
+    strain: f32,
+    stresses: &mut [f32],
+    displacement: &mut [f32],
+) {
+    let (modes, signed) = features[NEIGHBOURS * AREA..].split_at(MODES * AREA);
+    let planes = modes.chunks_exact(AREA).zip(signed.chunks_exact(AREA));
+    for (stress, (mode, signed)) in stresses.chunks_exact_mut(AREA).zip(planes) {
+        let each = stress.iter_mut().zip(mode).zip(signed).zip(pattern);
+        each.for_each(|(((stress, mode), signed), p)| *stress = strain * (mode + 2.0 * p * signed));
+    }
+    add_forces(stresses, displacement);
 }
 
 /// Those of the [`features`] of an image (22, 2500) that do not depend on the displacement.
@@ -271,13 +289,7 @@ impl CustomOp2 for FeaturesGradient {
         let (mut u, mut stresses) = (vec![0.0; n * 2 * INNER * INNER], vec![0.0; MODES * AREA]);
         let images = g.chunks_exact(FEATURES * AREA).zip(p.chunks_exact(AREA));
         for ((g, p), u) in images.zip(u.chunks_exact_mut(2 * INNER * INNER)) {
-            let (modes, signed) = g[NEIGHBOURS * AREA..].split_at(MODES * AREA);
-            let planes = modes.chunks_exact(AREA).zip(signed.chunks_exact(AREA));
-            for (stress, (mode, signed)) in stresses.chunks_exact_mut(AREA).zip(planes) {
-                let each = stress.iter_mut().zip(mode).zip(signed).zip(p);
-                each.for_each(|(((stress, mode), signed), p)| *stress = self.strain * (mode + 2.0 * p * signed));
-            }
-            add_forces(&stresses, u);
+            add_strain_forces(p, g, self.strain, &mut stresses, u);
         }
         Ok((CpuStorage::F32(u), (n, 2, INNER, INNER).into()))
     }

@@ -1,58 +1,336 @@
-//! The layers of a correction one after another on one image, without gradients and without memory of their own: a
-//! prediction then costs a fifth of what the layers apart do.
+//! A correction as one operation: features, local law, forces and Green's function image by image, in memory that is taken
+//! once. The layers one after another do the same; they take and give back ten times the memory, and a training with them
+//! lasts several times as long.
 
+use candle_core::{CpuStorage, CustomOp3, Device, Layout, Result, Shape, Tensor, bail};
 use faer::Accum;
 
-use super::cell::{FEATURES, MODES, add_forces, write_strains, write_surroundings};
+use super::cell::{FEATURES, MODES, add_forces, add_strain_forces, write_modes, write_strains, write_surroundings};
 use super::gemm::{Matrix, multiply};
 use super::green::green_planes;
+use super::storage::values;
 use crate::field::CORNERS;
 use crate::pattern::CELLS;
 
 const AREA: usize = CELLS * CELLS;
-const INNER: usize = CORNERS - 2;
+const PLANE: usize = (CORNERS - 2) * (CORNERS - 2);
+const IMAGE: usize = 2 * PLANE;
 
-/// A local law in all orientations, row by row.
-pub(crate) struct Correction {
-    /// The two factors of all products, first those of the one, then those of the other, (2 products, features).
-    pub(crate) factors: Vec<f32>,
-    /// From products to stresses, (modes, products).
-    pub(crate) products: Vec<f32>,
-    /// From features to stresses, (modes, features).
-    pub(crate) linear: Vec<f32>,
+/// The two numbers of a correction that are not learned.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Scale {
+    /// What the modes of a displacement are multiplied by before the law sees them.
+    pub(crate) strain: f32,
+    /// What the displacement that Green's function makes of the forces is multiplied by.
+    pub(crate) length: f32,
 }
 
-/// Corrects displacements (n, 2, 49, 49) of patterns (n, 50, 50), ±½ per cell, by laws one after another, each adding `length`
-/// times the displacement that Green's function makes of its forces.
-pub(crate) fn correct(laws: &[Correction], patterns: &[f32], displacements: &mut [f32], strain: f32, length: f32) {
-    let most = laws.iter().map(|law| law.factors.len() / FEATURES).max().unwrap_or(0);
-    let mut features = vec![0.0; FEATURES * AREA];
-    let mut factors = vec![0.0; most * AREA];
-    let mut stresses = vec![0.0; MODES * AREA];
-    let mut forces = vec![0.0; 2 * INNER * INNER];
-    let (mut added, mut scratch) = (forces.clone(), vec![0.0; INNER * INNER]);
-    let images = patterns
-        .chunks_exact(AREA)
-        .zip(displacements.chunks_exact_mut(2 * INNER * INNER));
-    for (pattern, displacement) in images {
-        write_surroundings(pattern, &mut features);
-        for law in laws {
-            write_strains(pattern, displacement, strain, &mut features);
-            let seen = Matrix::new(&features, AREA);
-            let factors = &mut factors[..law.factors.len() / FEATURES * AREA];
-            multiply(factors, Accum::Replace, Matrix::new(&law.factors, FEATURES), seen);
-            let (first, second) = factors.split_at_mut(factors.len() / 2);
-            first.iter_mut().zip(second).for_each(|(a, b)| *a *= *b);
-            let products = Matrix::new(&law.products, law.products.len() / MODES);
-            multiply(&mut stresses, Accum::Replace, products, Matrix::new(first, AREA));
-            multiply(&mut stresses, Accum::Add, Matrix::new(&law.linear, FEATURES), seen);
-            forces.fill(0.0);
-            add_forces(&stresses, &mut forces);
-            green_planes(&forces, &mut added, &mut scratch);
-            displacement
-                .iter_mut()
-                .zip(&added)
-                .for_each(|(u, added)| *u += length * added);
+/// A local law in all orientations, row by row.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Law<'a> {
+    /// The two factors of all products, first those of the one, then those of the other, (2 products, features).
+    pub(crate) factors: &'a [f32],
+    /// From products and features to stresses, (modes, products + features).
+    pub(crate) stresses: &'a [f32],
+}
+
+impl<'a> Law<'a> {
+    fn products(&self) -> usize {
+        self.factors.len() / FEATURES / 2
+    }
+
+    /// The part of the stresses that products make, and that which features make.
+    fn parts(&self) -> [Matrix<'a>; 2] {
+        let products = self.products();
+        let both = Matrix::new(self.stresses, products + FEATURES);
+        [both.columns(0, products), both.columns(products, FEATURES)]
+    }
+}
+
+/// Memory for one image.
+pub(crate) struct Workspace {
+    features: Vec<f32>,
+    factors: Vec<f32>,
+    products: Vec<f32>,
+    stresses: Vec<f32>,
+    forces: Vec<f32>,
+    moved: Vec<f32>,
+    scratch: Vec<f32>,
+}
+
+impl Workspace {
+    /// For laws of so many products.
+    pub(crate) fn new(products: usize) -> Self {
+        Self {
+            features: vec![0.0; FEATURES * AREA],
+            factors: vec![0.0; 2 * products * AREA],
+            products: vec![0.0; products * AREA],
+            stresses: vec![0.0; MODES * AREA],
+            forces: vec![0.0; IMAGE],
+            moved: vec![0.0; IMAGE],
+            scratch: vec![0.0; PLANE],
         }
+    }
+
+    /// Sets the pattern (50, 50), ±½ per cell, that the next corrections are for.
+    pub(crate) fn surround(&mut self, pattern: &[f32]) {
+        write_surroundings(pattern, &mut self.features);
+    }
+
+    /// Factors and products of a law at a displacement.
+    fn look(&mut self, law: Law<'_>, pattern: &[f32], displacement: &[f32], scale: Scale) {
+        write_strains(pattern, displacement, scale.strain, &mut self.features);
+        let seen = Matrix::new(&self.features, AREA);
+        multiply(
+            &mut self.factors,
+            Accum::Replace,
+            Matrix::new(law.factors, FEATURES),
+            seen,
+        );
+        let (first, second) = self.factors.split_at(law.products() * AREA);
+        let factors = first.iter().zip(second);
+        self.products
+            .iter_mut()
+            .zip(factors)
+            .for_each(|(product, (a, b))| *product = a * b);
+    }
+
+    /// Adds the correction of a law to a displacement (2, 49, 49) of the pattern that was set.
+    pub(crate) fn correct(&mut self, law: Law<'_>, pattern: &[f32], displacement: &mut [f32], scale: Scale) {
+        self.look(law, pattern, displacement, scale);
+        let [from_products, from_features] = law.parts();
+        let (products, seen) = (Matrix::new(&self.products, AREA), Matrix::new(&self.features, AREA));
+        multiply(&mut self.stresses, Accum::Replace, from_products, products);
+        multiply(&mut self.stresses, Accum::Add, from_features, seen);
+        self.forces.fill(0.0);
+        add_forces(&self.stresses, &mut self.forces);
+        green_planes(&self.forces, &mut self.moved, &mut self.scratch);
+        let moved = displacement.iter_mut().zip(&self.moved);
+        moved.for_each(|(u, moved)| *u += scale.length * moved);
+    }
+}
+
+/// Adds the correction of a law to displacements (n, 2, 49, 49) of patterns (n, 50, 50), ±½ per cell. Factors are (2 products,
+/// features), stresses (modes, products + features), as in [`Law`]. On the CPU only.
+pub(crate) fn correct(
+    patterns: &Tensor,
+    displacement: &Tensor,
+    factors: &Tensor,
+    stresses: &Tensor,
+    scale: Scale,
+) -> Result<Tensor> {
+    let patterns = patterns.flatten_all()?.to_vec1()?;
+    displacement.contiguous()?.apply_op3(
+        &factors.contiguous()?,
+        &stresses.contiguous()?,
+        Correct { patterns, scale },
+    )
+}
+
+struct Correct {
+    patterns: Vec<f32>,
+    scale: Scale,
+}
+
+impl CustomOp3 for Correct {
+    fn name(&self) -> &'static str {
+        "correct"
+    }
+
+    fn cpu_fwd(
+        &self,
+        u: &CpuStorage,
+        lu: &Layout,
+        factors: &CpuStorage,
+        lf: &Layout,
+        stresses: &CpuStorage,
+        ls: &Layout,
+    ) -> Result<(CpuStorage, Shape)> {
+        let law = Law {
+            factors: values(factors, lf)?,
+            stresses: values(stresses, ls)?,
+        };
+        if law.stresses.len() != MODES * (law.products() + FEATURES) {
+            bail!(
+                "factors {:?} and stresses {:?} are of different laws",
+                lf.dims(),
+                ls.dims()
+            );
+        }
+        let mut corrected = values(u, lu)?.to_vec();
+        let mut workspace = Workspace::new(law.products());
+        for (pattern, u) in self.patterns.chunks_exact(AREA).zip(corrected.chunks_exact_mut(IMAGE)) {
+            workspace.surround(pattern);
+            workspace.correct(law, pattern, u, self.scale);
+        }
+        Ok((CpuStorage::F32(corrected), lu.shape().clone()))
+    }
+
+    fn bwd(
+        &self,
+        u: &Tensor,
+        factors: &Tensor,
+        stresses: &Tensor,
+        _: &Tensor,
+        grad: &Tensor,
+    ) -> Result<(Option<Tensor>, Option<Tensor>, Option<Tensor>)> {
+        let flat = |tensor: &Tensor| tensor.flatten_all()?.to_vec1::<f32>();
+        let (displacements, mut gradient) = (flat(u)?, flat(grad)?);
+        let (factor_values, stress_values) = (flat(factors)?, flat(stresses)?);
+        let law = Law {
+            factors: &factor_values,
+            stresses: &stress_values,
+        };
+        let mut back = Backward::new(law, self.scale);
+        let images = self.patterns.chunks_exact(AREA).zip(displacements.chunks_exact(IMAGE));
+        for ((pattern, u), gradient) in images.zip(gradient.chunks_exact_mut(IMAGE)) {
+            back.image(pattern, u, gradient);
+        }
+        let tensor = |values: Vec<f32>, like: &Tensor| Tensor::from_vec(values, like.shape(), &Device::Cpu).map(Some);
+        let du = match u.track_op() {
+            true => tensor(gradient, u)?,
+            false => None,
+        };
+        let (by_products, by_features) = (back.by_products, back.by_features);
+        let rows = by_products
+            .chunks_exact(law.products())
+            .zip(by_features.chunks_exact(FEATURES));
+        let stress_gradient = rows.flat_map(|(p, f)| [p, f].concat()).collect();
+        Ok((
+            du,
+            tensor(back.by_factors, factors)?,
+            tensor(stress_gradient, stresses)?,
+        ))
+    }
+}
+
+/// Gradients of a correction, summed over images in order.
+struct Backward<'a> {
+    law: Law<'a>,
+    scale: Scale,
+    workspace: Workspace,
+    /// Gradients with respect to the features, the factors and the products of one image.
+    features: Vec<f32>,
+    factors: Vec<f32>,
+    products: Vec<f32>,
+    by_factors: Vec<f32>,
+    by_products: Vec<f32>,
+    by_features: Vec<f32>,
+}
+
+impl<'a> Backward<'a> {
+    fn new(law: Law<'a>, scale: Scale) -> Self {
+        let products = law.products();
+        Self {
+            law,
+            scale,
+            workspace: Workspace::new(products),
+            features: vec![0.0; FEATURES * AREA],
+            factors: vec![0.0; 2 * products * AREA],
+            products: vec![0.0; products * AREA],
+            by_factors: vec![0.0; law.factors.len()],
+            by_products: vec![0.0; MODES * products],
+            by_features: vec![0.0; MODES * FEATURES],
+        }
+    }
+
+    /// Takes in an image; the gradient with respect to what came out becomes that with respect to what went in.
+    fn image(&mut self, pattern: &[f32], displacement: &[f32], gradient: &mut [f32]) {
+        let (law, half) = (self.law, self.law.products() * AREA);
+        let w = &mut self.workspace;
+        w.surround(pattern);
+        w.look(law, pattern, displacement, self.scale);
+        // Green's function is its own transpose, and forces are the transpose of modes.
+        green_planes(gradient, &mut w.moved, &mut w.scratch);
+        write_modes(&w.moved, self.scale.length, &mut w.stresses);
+        let (stresses, seen) = (Matrix::new(&w.stresses, AREA), Matrix::new(&w.features, AREA));
+        let products = Matrix::new(&w.products, AREA);
+        multiply(&mut self.by_products, Accum::Add, stresses, products.transposed());
+        multiply(&mut self.by_features, Accum::Add, stresses, seen.transposed());
+        let [from_products, from_features] = law.parts();
+        multiply(&mut self.products, Accum::Replace, from_products.transposed(), stresses);
+        let (first, second) = self.factors.split_at_mut(half);
+        let (a, b) = w.factors.split_at(half);
+        for (gradient, (product, factor)) in first.iter_mut().zip(self.products.iter().zip(b)) {
+            *gradient = product * factor;
+        }
+        for (gradient, (product, factor)) in second.iter_mut().zip(self.products.iter().zip(a)) {
+            *gradient = product * factor;
+        }
+        let factors = Matrix::new(&self.factors, AREA);
+        multiply(&mut self.by_factors, Accum::Add, factors, seen.transposed());
+        let to_features = Matrix::new(law.factors, FEATURES).transposed();
+        multiply(&mut self.features, Accum::Replace, to_features, factors);
+        multiply(&mut self.features, Accum::Add, from_features.transposed(), stresses);
+        add_strain_forces(pattern, &self.features, self.scale.strain, &mut w.stresses, gradient);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use candle_core::Var;
+
+    use super::*;
+    use crate::surrogate::layers::{features, forces, green, map_channels, multiply_halves};
+
+    const SCALE: Scale = Scale {
+        strain: 0.7,
+        length: 0.02,
+    };
+    const PRODUCTS: usize = 3;
+
+    fn numbers(dims: &[usize], salt: usize) -> Tensor {
+        let count = dims.iter().product();
+        let values: Vec<f32> = (0..count)
+            .map(|i| ((i * 31 + salt) * 17 % 11) as f32 / 10.0 - 0.5)
+            .collect();
+        Tensor::from_vec(values, dims, &Device::Cpu).unwrap()
+    }
+
+    /// The layers one after another.
+    fn composed(p: &Tensor, u: &Tensor, factors: &Tensor, stresses: &Tensor) -> Tensor {
+        let seen = features(p, u, f64::from(SCALE.strain)).unwrap();
+        let products = multiply_halves(&map_channels(&seen, factors).unwrap()).unwrap();
+        let stress = map_channels(&Tensor::cat(&[products, seen], 1).unwrap(), stresses).unwrap();
+        let moved = green(&forces(&stress).unwrap()).unwrap();
+        (u + (moved * f64::from(SCALE.length)).unwrap()).unwrap()
+    }
+
+    #[test]
+    fn values_and_gradients_are_those_of_the_layers() {
+        let p = numbers(&[2, CELLS, CELLS], 1);
+        let vars = [
+            numbers(&[2, 2, CORNERS - 2, CORNERS - 2], 2),
+            numbers(&[2 * PRODUCTS, FEATURES], 3),
+            numbers(&[MODES, PRODUCTS + FEATURES], 4),
+        ];
+        let [u, factors, stresses] = vars.map(|values| Var::from_tensor(&values).unwrap());
+        let found = correct(&p, &u, &factors, &stresses, SCALE).unwrap();
+        let expected = composed(&p, &u, &factors, &stresses);
+        let flat = |x: &Tensor| x.flatten_all().unwrap().to_vec1::<f32>().unwrap();
+        let alike = |found: &Tensor, expected: &Tensor| {
+            assert_eq!(found.dims(), expected.dims());
+            let largest = flat(expected).into_iter().fold(0.0, |most: f32, v| most.max(v.abs()));
+            let pairs = flat(found).into_iter().zip(flat(expected));
+            let difference = pairs.fold(0.0, |most: f32, (a, b)| most.max((a - b).abs()));
+            assert!(difference < 1e-4 * largest, "{difference} of {largest}");
+        };
+        alike(&found, &expected);
+        let c = numbers(found.dims(), 5);
+        let gradients = |y: &Tensor| (y * &c).unwrap().sum_all().unwrap().backward().unwrap();
+        let (found, expected) = (gradients(&found), gradients(&expected));
+        for var in [&u, &factors, &stresses] {
+            alike(found.get(var).unwrap(), expected.get(var).unwrap());
+        }
+    }
+
+    #[test]
+    fn parts_of_different_laws_are_refused() {
+        let (p, u) = (
+            numbers(&[1, CELLS, CELLS], 1),
+            numbers(&[1, 2, CORNERS - 2, CORNERS - 2], 2),
+        );
+        let (factors, stresses) = (numbers(&[2, FEATURES], 3), numbers(&[MODES, 2 + FEATURES], 4));
+        assert!(correct(&p, &u, &factors, &stresses, SCALE).is_err());
     }
 }

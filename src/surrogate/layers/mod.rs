@@ -15,7 +15,7 @@ pub(crate) use activate::{add_bias, bias_and_activate};
 pub(crate) use cell::{FEATURES, MODES, NEIGHBOURS, SIGNS, features, forces};
 pub(crate) use channels::{map_channels, multiply_halves};
 pub(crate) use conv::{convolve, convolve_transposed};
-pub(crate) use correct::{Correction, correct};
+pub(crate) use correct::{Law, Scale, Workspace, correct};
 pub(crate) use gemm::{Matrix, multiply};
 pub(crate) use green::{green, green_tables};
 pub(crate) use mix::mix;

@@ -17,7 +17,8 @@ use super::response::Response;
 use super::{Network, Output};
 use crate::pattern::{CELLS, Symmetry};
 use crate::surrogate::layers::{
-    Correction, FEATURES, MODES, NEIGHBOURS, correct, features, forces, green, map_channels, multiply_halves,
+    self, FEATURES, MODES, NEIGHBOURS, Scale, Workspace, correct, features, forces, green, map_channels,
+    multiply_halves,
 };
 use crate::surrogate::onnx::{Graph, Value};
 use crate::surrogate::parameters::Parameters;
@@ -35,8 +36,14 @@ pub(super) struct Physics {
     response: Response,
     orientations: Orientations,
     laws: Vec<Law>,
-    /// The numbers of the laws, where these stay as they are.
-    settled: Option<Vec<Correction>>,
+    /// The laws in all orientations, where they stay as they are.
+    settled: Option<Vec<Settled>>,
+}
+
+/// The numbers of a law in all orientations.
+struct Settled {
+    factors: Vec<f32>,
+    stresses: Vec<f32>,
 }
 
 impl Physics {
@@ -48,7 +55,7 @@ impl Physics {
         let settled = match p.are_stored() && p.device().is_cpu() {
             true => Some(
                 laws.iter()
-                    .map(|law| law.numbers(&orientations))
+                    .map(|law| law.settle(&orientations))
                     .collect::<Result<_>>()?,
             ),
             false => None,
@@ -62,15 +69,35 @@ impl Physics {
     }
 }
 
+impl Physics {
+    /// What displacements, counted in ε² L, are to a cell of side L/50: strain in units of ε, and its own side.
+    fn scale(&self) -> Scale {
+        Scale {
+            strain: (CELLS as f64 * self.response.strain()) as f32,
+            length: 1.0 / CELLS as f32,
+        }
+    }
+
+    /// A displacement with the correction of a law added.
+    fn corrected(&self, law: &Law, patterns: &Tensor, displacement: &Tensor) -> Result<Tensor> {
+        let (factors, stresses) = (law.factors(&self.orientations)?, law.stresses(&self.orientations)?);
+        let scale = self.scale();
+        if patterns.device().is_cpu() {
+            return correct(patterns, displacement, &factors, &stresses, scale);
+        }
+        let seen = features(patterns, displacement, scale.strain.into())?;
+        let products = multiply_halves(&map_channels(&seen, &factors)?)?;
+        let stresses = map_channels(&Tensor::cat(&[products, seen], 1)?, &stresses)?;
+        displacement + (green(&forces(&stresses)?)? * f64::from(scale.length))?
+    }
+}
+
 impl Network for Physics {
     fn forward(&self, patterns: &Tensor, _auxiliary: bool) -> Result<Output> {
         let patterns = patterns.reshape(((), CELLS, CELLS))?;
         let mut displacement = self.response.forward(&patterns)?;
         for law in &self.laws {
-            let features = features(&patterns, &displacement, CELLS as f64 * self.response.strain())?;
-            let stresses = law.stresses(&self.orientations, &features)?;
-            let correction = (green(&forces(&stresses)?)? * (1.0 / CELLS as f64))?;
-            displacement = (displacement + correction)?;
+            displacement = self.corrected(law, &patterns, &displacement)?;
         }
         Ok(Output {
             displacement: displacement.permute((0, 2, 3, 1))?.contiguous()?,
@@ -100,8 +127,16 @@ impl Network for Physics {
         };
         let (n, cells) = (patterns.dim(0)?, patterns.flatten_all()?.to_vec1()?);
         let mut planes = self.response.evaluate(&cells);
-        let strain = (CELLS as f64 * self.response.strain()) as f32;
-        correct(laws, &cells, &mut planes, strain, (1.0 / CELLS as f64) as f32);
+        let (scale, mut workspace) = (self.scale(), Workspace::new(8 * PRODUCTS));
+        for (pattern, displacement) in cells
+            .chunks_exact(CELLS * CELLS)
+            .zip(planes.chunks_exact_mut(2 * PLANE))
+        {
+            workspace.surround(pattern);
+            for Settled { factors, stresses } in laws {
+                workspace.correct(layers::Law { factors, stresses }, pattern, displacement, scale);
+            }
+        }
         let mut displacement = vec![0.0; planes.len()];
         for (image, to) in planes
             .chunks_exact(2 * PLANE)
@@ -117,7 +152,7 @@ impl Network for Physics {
 
     fn together(&self) -> usize {
         // The matrix of the response is read once for all.
-        64
+        32
     }
 
     fn unit_mm(&self) -> Option<f64> {
@@ -148,28 +183,25 @@ impl Law {
         })
     }
 
-    /// The factors of the products in all orientations.
-    fn all_factors(&self, orientations: &Orientations) -> Result<Tensor> {
+    /// The factors of the products in all orientations: first those of the one, then those of the other.
+    fn factors(&self, orientations: &Orientations) -> Result<Tensor> {
         let [first, second] = &self.factors;
         Tensor::cat(&[orientations.carry(first)?, orientations.carry(second)?], 0)
     }
 
-    /// The numbers of the law in all orientations.
-    fn numbers(&self, orientations: &Orientations) -> Result<Correction> {
-        let flat = |tensor: Tensor| tensor.flatten_all()?.to_vec1();
-        Ok(Correction {
-            factors: flat(self.all_factors(orientations)?)?,
-            products: flat(orientations.turn(&self.products)?)?,
-            linear: flat(orientations.average(&self.linear)?)?,
-        })
+    /// From products in all orientations and features to stresses, (modes, products + features).
+    fn stresses(&self, orientations: &Orientations) -> Result<Tensor> {
+        let turned = orientations.turn(&self.products)?;
+        Tensor::cat(&[turned, orientations.average(&self.linear)?], 1)
     }
 
-    /// The stresses (n, modes, cells) of features (n, features, cells).
-    fn stresses(&self, orientations: &Orientations, features: &Tensor) -> Result<Tensor> {
-        let factors = self.all_factors(orientations)?;
-        let products = multiply_halves(&map_channels(features, &factors)?)?;
-        let from_products = map_channels(&products, &orientations.turn(&self.products)?)?;
-        from_products + map_channels(features, &orientations.average(&self.linear)?)?
+    /// The numbers of the law in all orientations.
+    fn settle(&self, orientations: &Orientations) -> Result<Settled> {
+        let flat = |tensor: Tensor| tensor.flatten_all()?.to_vec1();
+        Ok(Settled {
+            factors: flat(self.factors(orientations)?)?,
+            stresses: flat(self.stresses(orientations)?)?,
+        })
     }
 
     fn export(&self, orientations: &Orientations, graph: &mut Graph, features: &Value) -> Result<Value> {

@@ -2,22 +2,16 @@ use candle_core::Var;
 
 use super::*;
 use crate::base::Stream;
-use crate::fem::{LinearResponse, SolveOptions};
+use crate::fem::LinearResponse;
 use crate::field::Field;
 use crate::pattern::Pattern;
-use crate::scene::Scene;
 use crate::surrogate::Constants;
 use crate::surrogate::encode::{patterns_to_tensor, tensor_to_fields};
 
 /// The constants of the default scene at a voltage, on the coarsest mesh.
 fn constants(volts: f64) -> (LinearResponse, Constants) {
-    let scene = Scene::vhb4910().at_voltage(volts);
-    let options = SolveOptions {
-        elements_per_cell: 1,
-        ..SolveOptions::default()
-    };
-    let response = LinearResponse::new(&scene, options).unwrap();
-    let constants = Constants::new(&response, scene.side_mm()).unwrap();
+    let response = LinearResponse::of_default_scene(volts);
+    let constants = Constants::new(&response, 50.0).unwrap();
     (response, constants)
 }
 
