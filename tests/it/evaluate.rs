@@ -84,8 +84,15 @@ fn a_model_stands_beside_what_it_has_to_beat() {
         stages.iter().find(|s| s["name"] == "evaluated").unwrap()["digest"].clone()
     };
     let text = std::fs::read_to_string(workspace.path("tiny.yaml")).unwrap();
-    workspace.write("renamed.yaml", &text.replace("surrogate", "model"));
-    let renamed: Vec<String> = stages.iter().map(|stage| stage.replace("surrogate", "model")).collect();
+    let renamed = |text: &str| {
+        let name = |before: &str, after: &str| (format!("{before}surrogate{after}"), format!("{before}model{after}"));
+        let places = [name("  ", ":"), name("[", "]"), name("[", ",")];
+        places
+            .iter()
+            .fold(text.to_owned(), |text, (from, to)| text.replace(from, to))
+    };
+    workspace.write("renamed.yaml", &renamed(&text));
+    let renamed: Vec<String> = stages.iter().map(|stage| renamed(stage)).collect();
     let renamed: Vec<&str> = renamed.iter().map(String::as_str).collect();
     let again = workspace.run(&arguments("renamed.yaml", "evaluated", &renamed)).json();
     assert_eq!(again["evaluations"][0]["predictors"][0]["name"], "model");
