@@ -1,8 +1,8 @@
 //! Predictions of the surrogates on one core beside the estimates that they have to beat.
 //!
 //! `cargo bench --bench surrogates`. The networks are built for the default scene and trained on a few fields only: how long a
-//! prediction takes does not depend on the weights. Times are those that the thread was on a core, the best of five rounds of
-//! 1000 patterns; so other work on the machine disturbs them little.
+//! prediction takes does not depend on the weights. Times are those that the thread was on a core, the best of ten rounds of
+//! 1000 patterns; so other work on the machine disturbs them little. With names behind `--` only those are measured.
 
 use deaflow::base::{Stream, thread_seconds};
 use deaflow::dataset::Split;
@@ -27,8 +27,10 @@ fn main() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
     let pool = pool.expect("a thread can be started");
 
+    let names: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with('-')).collect();
+    let wanted = |name: &str| names.is_empty() || names.iter().any(|other| other == name);
     println!("method      ms per pattern   1000 patterns, s");
-    for kind in NetworkKind::ALL {
+    for kind in NetworkKind::ALL.into_iter().filter(|kind| wanted(kind.name())) {
         let training = TrainOptions {
             network: kind,
             epochs: 1,
@@ -40,18 +42,21 @@ fn main() {
         row(kind.name(), seconds);
     }
     for (name, steps) in [("linear", 0), ("chord:1", 1), ("chord:2", 2)] {
+        if !wanted(name) {
+            continue;
+        }
         row(name, pool.install(|| best(|| coarse.predict(&patterns, steps).len())));
     }
 }
 
-/// The least seconds of a thread over five rounds.
+/// The least seconds of a thread over ten rounds.
 fn best(work: impl Fn() -> usize + Sync) -> f64 {
     let round = |_| {
         let start = thread_seconds();
         assert_eq!(work(), 1000);
         thread_seconds() - start
     };
-    (0..5).map(round).fold(f64::INFINITY, f64::min)
+    (0..10).map(round).fold(f64::INFINITY, f64::min)
 }
 
 fn row(name: &str, seconds: f64) {

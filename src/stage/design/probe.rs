@@ -47,7 +47,7 @@ pub fn candidates(scene: &Scene, surrogate: Option<Surrogate>) -> Vec<Evaluator>
     ];
     if let Some(surrogate) = surrogate {
         let place = match surrogate.kind() {
-            NetworkKind::Physics => 3,
+            NetworkKind::Physics => 2,
             NetworkKind::Qin2024 => all.len(),
         };
         all.insert(place, Evaluator::network(surrogate));

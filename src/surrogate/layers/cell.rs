@@ -4,6 +4,7 @@
 //! x and y, and the hourglass, which has none at the centre of the cell.
 
 use candle_core::{CpuStorage, CustomOp1, CustomOp2, Layout, Result, Shape, Tensor, bail};
+use pulp::Arch;
 
 use super::storage::values;
 use crate::field::CORNERS;
@@ -110,6 +111,7 @@ struct Modes;
 type Planes<'a> = [&'a mut [f32]; 3];
 
 /// The modes of one component (49 × 49) times a factor, on all cells.
+#[inline(always)]
 fn modes_of(component: &[f32], factor: f32, [along, up, hourglass]: Planes<'_>) {
     let half = 0.5 * factor;
     let mut lines = [[0.0f32; CORNERS]; 2];
@@ -133,6 +135,7 @@ fn modes_of(component: &[f32], factor: f32, [along, up, hourglass]: Planes<'_>) 
 }
 
 /// Adds the forces of the stresses of one component, a plane for each mode, to its 49 × 49 corners.
+#[inline(always)]
 fn forces_of([along, up, hourglass]: [&[f32]; 3], component: &mut [f32]) {
     // Forces of a row of cells on the corners below and above it.
     let mut lines = [[0.0f32; CORNERS]; 2];
@@ -162,6 +165,7 @@ fn forces_of([along, up, hourglass]: [&[f32]; 3], component: &mut [f32]) {
 }
 
 /// The planes of the modes of a component among those of both.
+#[inline(always)]
 fn planes_of(modes: &mut [f32], component: usize) -> Planes<'_> {
     let (along, rest) = modes.split_at_mut(2 * AREA);
     let (up, hourglass) = rest.split_at_mut(2 * AREA);
@@ -169,22 +173,33 @@ fn planes_of(modes: &mut [f32], component: usize) -> Planes<'_> {
 }
 
 /// [`planes_of`], to read.
+#[inline(always)]
 fn planes(modes: &[f32], component: usize) -> [&[f32]; 3] {
     [0, 1, 2].map(|mode| &modes[(2 * mode + component) * AREA..][..AREA])
 }
 
 /// The modes (6, 2500) of a displacement (2, 49, 49).
 pub(crate) fn write_modes(displacement: &[f32], factor: f32, modes: &mut [f32]) {
-    for (k, component) in displacement.chunks_exact(INNER * INNER).enumerate() {
-        modes_of(component, factor, planes_of(modes, k));
-    }
+    Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            for (k, component) in displacement.chunks_exact(INNER * INNER).enumerate() {
+                modes_of(component, factor, planes_of(modes, k));
+            }
+        },
+    );
 }
 
 /// Adds the forces of stresses (6, 2500) to forces (2, 49, 49).
 pub(crate) fn add_forces(stresses: &[f32], forces: &mut [f32]) {
-    for (k, component) in forces.chunks_exact_mut(INNER * INNER).enumerate() {
-        forces_of(planes(stresses, k), component);
-    }
+    Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            for (k, component) in forces.chunks_exact_mut(INNER * INNER).enumerate() {
+                forces_of(planes(stresses, k), component);
+            }
+        },
+    );
 }
 
 /// The transpose of [`write_strains`]: adds to a gradient with respect to a displacement what one with respect to the features makes
@@ -218,10 +233,15 @@ pub(crate) fn write_strains(pattern: &[f32], displacement: &[f32], strain: f32, 
     let modes = &mut features[NEIGHBOURS * AREA..];
     let (modes, signed) = modes.split_at_mut(MODES * AREA);
     write_modes(displacement, strain, modes);
-    for (signed, mode) in signed.chunks_exact_mut(AREA).zip(modes.chunks_exact(AREA)) {
-        let each = signed.iter_mut().zip(mode).zip(pattern);
-        each.for_each(|((signed, mode), p)| *signed = 2.0 * p * mode);
-    }
+    Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            for (signed, mode) in signed.chunks_exact_mut(AREA).zip(modes.chunks_exact(AREA)) {
+                let each = signed.iter_mut().zip(mode).zip(pattern);
+                each.for_each(|((signed, mode), p)| *signed = 2.0 * p * mode);
+            }
+        },
+    );
 }
 
 fn check(layout: &Layout, expected: &[usize]) -> Result<usize> {

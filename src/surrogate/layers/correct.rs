@@ -4,6 +4,7 @@
 
 use candle_core::{CpuStorage, CustomOp3, Device, Layout, Result, Shape, Tensor, bail};
 use faer::Accum;
+use pulp::Arch;
 
 use super::cell::{FEATURES, MODES, add_forces, add_strain_forces, write_modes, write_strains, write_surroundings};
 use super::gemm::{Matrix, multiply};
@@ -49,9 +50,10 @@ impl<'a> Law<'a> {
 
 /// Memory for one image.
 pub(crate) struct Workspace {
-    features: Vec<f32>,
+    /// Products, then features: what stresses are made from.
+    seen: Vec<f32>,
     factors: Vec<f32>,
-    products: Vec<f32>,
+    products: usize,
     stresses: Vec<f32>,
     forces: Vec<f32>,
     moved: Vec<f32>,
@@ -62,9 +64,9 @@ impl Workspace {
     /// For laws of so many products.
     pub(crate) fn new(products: usize) -> Self {
         Self {
-            features: vec![0.0; FEATURES * AREA],
+            seen: vec![0.0; (products + FEATURES) * AREA],
             factors: vec![0.0; 2 * products * AREA],
-            products: vec![0.0; products * AREA],
+            products,
             stresses: vec![0.0; MODES * AREA],
             forces: vec![0.0; IMAGE],
             moved: vec![0.0; IMAGE],
@@ -74,40 +76,49 @@ impl Workspace {
 
     /// Sets the pattern (50, 50), ±½ per cell, that the next corrections are for.
     pub(crate) fn surround(&mut self, pattern: &[f32]) {
-        write_surroundings(pattern, &mut self.features);
+        write_surroundings(pattern, &mut self.seen[self.products * AREA..]);
     }
 
     /// Factors and products of a law at a displacement.
     fn look(&mut self, law: Law<'_>, pattern: &[f32], displacement: &[f32], scale: Scale) {
-        write_strains(pattern, displacement, scale.strain, &mut self.features);
-        let seen = Matrix::new(&self.features, AREA);
-        multiply(
-            &mut self.factors,
-            Accum::Replace,
-            Matrix::new(law.factors, FEATURES),
-            seen,
-        );
-        let (first, second) = self.factors.split_at(law.products() * AREA);
-        let factors = first.iter().zip(second);
-        self.products
-            .iter_mut()
-            .zip(factors)
-            .for_each(|(product, (a, b))| *product = a * b);
+        let (products, features) = self.seen.split_at_mut(self.products * AREA);
+        write_strains(pattern, displacement, scale.strain, features);
+        let (factors, features) = (Matrix::new(law.factors, FEATURES), Matrix::new(features, AREA));
+        multiply(&mut self.factors, Accum::Replace, factors, features);
+        let (first, second) = self.factors.split_at(self.products * AREA);
+        product(products, first, second);
     }
 
     /// Adds the correction of a law to a displacement (2, 49, 49) of the pattern that was set.
     pub(crate) fn correct(&mut self, law: Law<'_>, pattern: &[f32], displacement: &mut [f32], scale: Scale) {
         self.look(law, pattern, displacement, scale);
-        let [from_products, from_features] = law.parts();
-        let (products, seen) = (Matrix::new(&self.products, AREA), Matrix::new(&self.features, AREA));
-        multiply(&mut self.stresses, Accum::Replace, from_products, products);
-        multiply(&mut self.stresses, Accum::Add, from_features, seen);
+        let law = Matrix::new(law.stresses, self.products + FEATURES);
+        multiply(&mut self.stresses, Accum::Replace, law, Matrix::new(&self.seen, AREA));
         self.forces.fill(0.0);
         add_forces(&self.stresses, &mut self.forces);
         green_planes(&self.forces, &mut self.moved, &mut self.scratch);
-        let moved = displacement.iter_mut().zip(&self.moved);
-        moved.for_each(|(u, moved)| *u += scale.length * moved);
+        add_scaled(displacement, scale.length, &self.moved);
     }
+}
+
+/// out ← a · b, number by number.
+fn product(out: &mut [f32], a: &[f32], b: &[f32]) {
+    Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            out.iter_mut()
+                .zip(a.iter().zip(b))
+                .for_each(|(out, (a, b))| *out = a * b)
+        },
+    );
+}
+
+/// y ← y + αx.
+fn add_scaled(y: &mut [f32], alpha: f32, x: &[f32]) {
+    Arch::new().dispatch(
+        #[inline(always)]
+        || y.iter_mut().zip(x).for_each(|(y, x)| *y += alpha * x),
+    );
 }
 
 /// Adds the correction of a law to displacements (n, 2, 49, 49) of patterns (n, 50, 50), ±½ per cell. Factors are (2 products,
@@ -191,15 +202,10 @@ impl CustomOp3 for Correct {
             true => tensor(gradient, u)?,
             false => None,
         };
-        let (by_products, by_features) = (back.by_products, back.by_features);
-        let rows = by_products
-            .chunks_exact(law.products())
-            .zip(by_features.chunks_exact(FEATURES));
-        let stress_gradient = rows.flat_map(|(p, f)| [p, f].concat()).collect();
         Ok((
             du,
             tensor(back.by_factors, factors)?,
-            tensor(stress_gradient, stresses)?,
+            tensor(back.by_stresses, stresses)?,
         ))
     }
 }
@@ -214,8 +220,7 @@ struct Backward<'a> {
     factors: Vec<f32>,
     products: Vec<f32>,
     by_factors: Vec<f32>,
-    by_products: Vec<f32>,
-    by_features: Vec<f32>,
+    by_stresses: Vec<f32>,
 }
 
 impl<'a> Backward<'a> {
@@ -229,8 +234,7 @@ impl<'a> Backward<'a> {
             factors: vec![0.0; 2 * products * AREA],
             products: vec![0.0; products * AREA],
             by_factors: vec![0.0; law.factors.len()],
-            by_products: vec![0.0; MODES * products],
-            by_features: vec![0.0; MODES * FEATURES],
+            by_stresses: vec![0.0; law.stresses.len()],
         }
     }
 
@@ -243,22 +247,17 @@ impl<'a> Backward<'a> {
         // Green's function is its own transpose, and forces are the transpose of modes.
         green_planes(gradient, &mut w.moved, &mut w.scratch);
         write_modes(&w.moved, self.scale.length, &mut w.stresses);
-        let (stresses, seen) = (Matrix::new(&w.stresses, AREA), Matrix::new(&w.features, AREA));
-        let products = Matrix::new(&w.products, AREA);
-        multiply(&mut self.by_products, Accum::Add, stresses, products.transposed());
-        multiply(&mut self.by_features, Accum::Add, stresses, seen.transposed());
+        let (stresses, seen) = (Matrix::new(&w.stresses, AREA), Matrix::new(&w.seen, AREA));
+        multiply(&mut self.by_stresses, Accum::Add, stresses, seen.transposed());
+        let features = Matrix::new(&w.seen[half..], AREA);
         let [from_products, from_features] = law.parts();
         multiply(&mut self.products, Accum::Replace, from_products.transposed(), stresses);
         let (first, second) = self.factors.split_at_mut(half);
         let (a, b) = w.factors.split_at(half);
-        for (gradient, (product, factor)) in first.iter_mut().zip(self.products.iter().zip(b)) {
-            *gradient = product * factor;
-        }
-        for (gradient, (product, factor)) in second.iter_mut().zip(self.products.iter().zip(a)) {
-            *gradient = product * factor;
-        }
+        product(first, &self.products, b);
+        product(second, &self.products, a);
         let factors = Matrix::new(&self.factors, AREA);
-        multiply(&mut self.by_factors, Accum::Add, factors, seen.transposed());
+        multiply(&mut self.by_factors, Accum::Add, factors, features.transposed());
         let to_features = Matrix::new(law.factors, FEATURES).transposed();
         multiply(&mut self.features, Accum::Replace, to_features, factors);
         multiply(&mut self.features, Accum::Add, from_features.transposed(), stresses);

@@ -6,6 +6,7 @@ use std::sync::LazyLock;
 
 use candle_core::{CpuStorage, CustomOp1, Device, Layout, Result, Shape, Tensor, bail};
 use faer::Accum;
+use pulp::Arch;
 
 use super::gemm::{Matrix, multiply};
 use super::storage::values;
@@ -60,7 +61,10 @@ pub(super) fn green_planes(forces: &[f32], displacements: &mut [f32], scratch: &
     for (f, u) in forces.chunks_exact(PLANE).zip(displacements.chunks_exact_mut(PLANE)) {
         multiply(scratch, Accum::Replace, Matrix::new(f, INNER), sines);
         multiply(u, Accum::Replace, sines, Matrix::new(scratch, INNER));
-        u.iter_mut().zip(&TABLES.inverse).for_each(|(u, inverse)| *u *= inverse);
+        Arch::new().dispatch(
+            #[inline(always)]
+            || u.iter_mut().zip(&TABLES.inverse).for_each(|(u, inverse)| *u *= inverse),
+        );
         multiply(scratch, Accum::Replace, Matrix::new(u, INNER), sines);
         multiply(u, Accum::Replace, sines, Matrix::new(scratch, INNER));
     }

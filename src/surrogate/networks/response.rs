@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 
 use candle_core::{Device, Result, Tensor, bail};
 use faer::Accum;
+use pulp::Arch;
 
 use super::super::layers::{Matrix, multiply};
 use super::super::onnx::{Graph, Value};
@@ -211,7 +212,10 @@ impl Response {
         for (block, weights) in self.blocks.iter().enumerate() {
             let images = cells.chunks_exact(CELLS * CELLS);
             for (cells, folded) in images.zip(folded.chunks_exact_mut(QUADRANT)) {
-                fold(cells, block, folded);
+                Arch::new().dispatch(
+                    #[inline(always)]
+                    || fold(cells, block, folded),
+                );
             }
             let patterns = &mut columns[..n * QUADRANT];
             transpose(&folded, QUADRANT, patterns);
@@ -220,7 +224,10 @@ impl Response {
             transpose(&quadrants, n, &mut columns);
             let quadrants = columns.chunks_exact(VALUES);
             for (quadrant, displacement) in quadrants.zip(displacements.chunks_exact_mut(2 * INNER * INNER)) {
-                unfold(quadrant, block, displacement);
+                Arch::new().dispatch(
+                    #[inline(always)]
+                    || unfold(quadrant, block, displacement),
+                );
             }
         }
         displacements
@@ -266,6 +273,7 @@ fn transpose(matrix: &[f32], columns: usize, transposed: &mut [f32]) {
 }
 
 /// The signed sum of the four mirror images of a pattern on the first quadrant.
+#[inline(always)]
 fn fold(cells: &[f32], block: usize, folded: &mut [f32]) {
     let [x, y] = [1, 2].map(|bit| sign(block, bit) as f32);
     for (row, line) in folded.chunks_exact_mut(SIDE).enumerate() {
@@ -281,6 +289,7 @@ fn fold(cells: &[f32], block: usize, folded: &mut [f32]) {
 }
 
 /// Adds the values on the first quadrant, with the signs of their mirror images, to all corners.
+#[inline(always)]
 fn unfold(quadrant: &[f32], block: usize, displacement: &mut [f32]) {
     for component in 0..2 {
         let [x, y] = [1, 2].map(|bit| (sign(block, bit) * turns(component, bit)) as f32);
