@@ -204,11 +204,12 @@ impl Response {
 
     /// The same on plain numbers.
     pub(crate) fn evaluate(&self, cells: &[f32]) -> Vec<f32> {
-        let n = cells.len() / (CELLS * CELLS);
+        // A matrix times a single vector is summed in another order: a pattern alone stands beside an empty column.
+        let n = (cells.len() / (CELLS * CELLS)).max(2);
         let mut folded = vec![0.0f32; n * QUADRANT];
         let mut quadrants = vec![0.0f32; n * VALUES];
         let mut columns = vec![0.0f32; n * VALUES];
-        let mut displacements = vec![0.0f32; n * 2 * INNER * INNER];
+        let mut displacements = vec![0.0f32; cells.len() / (CELLS * CELLS) * 2 * INNER * INNER];
         for (block, weights) in self.blocks.iter().enumerate() {
             let images = cells.chunks_exact(CELLS * CELLS);
             for (cells, folded) in images.zip(folded.chunks_exact_mut(QUADRANT)) {
