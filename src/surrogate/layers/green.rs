@@ -125,11 +125,11 @@ mod tests {
                 0.0
             }
         };
-        for i in 0..2 * PLANE {
+        for (i, force) in f.iter().enumerate() {
             let (plane, y, x) = (i / PLANE, i % PLANE / INNER + 1, i % INNER + 1);
             let around = at(plane, y - 1, x) + at(plane, y + 1, x) + at(plane, y, x - 1) + at(plane, y, x + 1);
             let found = 4.0 * at(plane, y, x) - around;
-            assert!((found - f[i]).abs() < 1e-3, "{i}: {found} {}", f[i]);
+            assert!((found - force).abs() < 1e-3, "{i}: {found} {force}");
         }
     }
 

@@ -82,7 +82,7 @@ fn diagonal() -> Symmetry {
 
 /// Sign of the mirror image of parity block `block` (bit 0: odd along x, bit 1: odd along y) under mirrors (bits likewise).
 fn sign(block: usize, mirrors: usize) -> f64 {
-    if (block & mirrors).count_ones() % 2 == 0 {
+    if (block & mirrors).count_ones().is_multiple_of(2) {
         1.0
     } else {
         -1.0
