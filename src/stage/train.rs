@@ -65,7 +65,8 @@ impl Kind for TrainKind {
         let batch = Schema::whole(1, 4096).says("Examples per step.");
         let optimizer = Schema::word(&OptimizerKind::ALL.map(OptimizerKind::name))
             .says("How weights follow gradients; muon leaves all but kernels of convolutions to adamw.");
-        let rate = Schema::number(RATES[0], RATES[1]).says("Largest learning rate.");
+        let rate =
+            Schema::number(RATES[0], RATES[1]).says("Largest learning rate; 0.002 unless given, and 0.01 for physics.");
         let decay = Schema::number(0.0, 1.0).says("Pull of the weights towards zero, per unit of learning rate.");
         let norm = Schema::number(1e-6, 1e6).says("Length to which longer gradients are shortened.");
         let symmetry = Schema::word(&SYMMETRIES).says("By what each example is turned, anew in every epoch.");
@@ -78,7 +79,7 @@ impl Kind for TrainKind {
             .optional("patience", patience)
             .optional("batch", batch.default(defaults.batch))
             .optional("optimizer", optimizer.default(defaults.optimizer.name()))
-            .optional("learning_rate", rate.default(defaults.learning_rate))
+            .optional("learning_rate", rate)
             .optional("weight_decay", decay.default(defaults.weight_decay))
             .optional("gradient_norm", norm)
             .optional("symmetry", symmetry.default(SYMMETRIES[0]))
@@ -94,7 +95,7 @@ impl Kind for TrainKind {
         let network = map.required(what, "network")?;
         let word = network.word("network", &NetworkKind::ALL.map(NetworkKind::name))?;
         let network = NetworkKind::from_name(word).ok_or_else(|| network.error(format!("unknown network {word:?}")))?;
-        let defaults = TrainOptions::default();
+        let defaults = TrainOptions::of(network);
         Ok(Box::new(TrainStage {
             network,
             epochs: map.required(what, "epochs")?.whole("epochs", 1, 100_000)? as u32,

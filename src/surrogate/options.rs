@@ -47,7 +47,7 @@ pub struct TrainOptions {
     pub batch: u32,
     /// The optimiser; Muon by default.
     pub optimizer: OptimizerKind,
-    /// Largest learning rate, above 0; 0.002 by default.
+    /// Largest learning rate, above 0; 0.002 by default, and 0.01 for the network `physics`, whose few weights bear it.
     pub learning_rate: f64,
     /// Pull of the weights towards zero, per unit of learning rate (Loshchilov & Hutter, "Decoupled weight decay
     /// regularization", ICLR 2019), at least 0; 0.0001 by default.
@@ -85,6 +85,20 @@ impl Default for TrainOptions {
 }
 
 impl TrainOptions {
+    /// The defaults for a network.
+    #[must_use]
+    pub fn of(network: NetworkKind) -> Self {
+        let defaults = Self::default();
+        Self {
+            network,
+            learning_rate: match network {
+                NetworkKind::Qin2024 => defaults.learning_rate,
+                NetworkKind::Physics => 1e-2,
+            },
+            ..defaults
+        }
+    }
+
     /// Whether every option is in its range.
     pub(crate) fn check(&self) -> Result<(), TrainError> {
         let positive = |value: f64| value.is_finite() && value > 0.0;

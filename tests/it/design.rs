@@ -34,7 +34,7 @@ fn the_cheapest_evaluator_that_is_accurate_enough_judges() {
     let found = evaluators(&workspace, &["alone.yaml"]);
     let candidates = found["candidates"].as_array().unwrap();
     assert_eq!(candidates.len(), 5, "{found}");
-    let suffices = |c: &&Value| c["rmse_mm"].as_f64().unwrap() <= 0.005 && c["disagree"] == 0;
+    let suffices = |c: &&Value| c["rmse_mm"].as_f64().unwrap() <= 0.003 && c["disagree"] == 0;
     let cheapest = candidates.iter().find(suffices).unwrap();
     assert_eq!(found["used"], cheapest["settings"]);
     assert!(candidates[0]["rmse_mm"].as_f64().unwrap() > candidates[1]["rmse_mm"].as_f64().unwrap());
