@@ -2,6 +2,8 @@
 //! once. The layers one after another do the same; they take and give back ten times the memory, and a training with them
 //! lasts several times as long.
 
+use std::cell::Cell;
+
 use candle_core::{CpuStorage, CustomOp3, Device, Layout, Result, Shape, Tensor, bail};
 use faer::Accum;
 use pulp::Arch;
@@ -58,11 +60,33 @@ pub(crate) struct Workspace {
     forces: Vec<f32>,
     moved: Vec<f32>,
     scratch: Vec<f32>,
+    gradients: Gradients,
+}
+
+/// Gradients with respect to what a law sees and makes of one image.
+struct Gradients {
+    features: Vec<f32>,
+    factors: Vec<f32>,
+    products: Vec<f32>,
+}
+
+thread_local! {
+    /// The workspace that a thread used last. Half a megabyte that is taken and given back for every few images costs more in
+    /// pages of the system than what is done with it.
+    static SPARE: Cell<Option<Workspace>> = const { Cell::new(None) };
 }
 
 impl Workspace {
-    /// For laws of so many products.
-    pub(crate) fn new(products: usize) -> Self {
+    /// Lends the workspace of the thread, for laws of so many products.
+    pub(crate) fn lend<R>(products: usize, work: impl FnOnce(&mut Self) -> R) -> R {
+        let spare = SPARE.take().filter(|spare| spare.products == products);
+        let mut workspace = spare.unwrap_or_else(|| Self::new(products));
+        let result = work(&mut workspace);
+        SPARE.set(Some(workspace));
+        result
+    }
+
+    fn new(products: usize) -> Self {
         Self {
             seen: vec![0.0; (products + FEATURES) * AREA],
             factors: vec![0.0; 2 * products * AREA],
@@ -71,6 +95,11 @@ impl Workspace {
             forces: vec![0.0; IMAGE],
             moved: vec![0.0; IMAGE],
             scratch: vec![0.0; PLANE],
+            gradients: Gradients {
+                features: vec![0.0; FEATURES * AREA],
+                factors: vec![0.0; 2 * products * AREA],
+                products: vec![0.0; products * AREA],
+            },
         }
     }
 
@@ -169,11 +198,13 @@ impl CustomOp3 for Correct {
             );
         }
         let mut corrected = values(u, lu)?.to_vec();
-        let mut workspace = Workspace::new(law.products());
-        for (pattern, u) in self.patterns.chunks_exact(AREA).zip(corrected.chunks_exact_mut(IMAGE)) {
-            workspace.surround(pattern);
-            workspace.correct(law, pattern, u, self.scale);
-        }
+        let images = self.patterns.chunks_exact(AREA).zip(corrected.chunks_exact_mut(IMAGE));
+        Workspace::lend(law.products(), |workspace| {
+            for (pattern, u) in images {
+                workspace.surround(pattern);
+                workspace.correct(law, pattern, u, self.scale);
+            }
+        });
         Ok((CpuStorage::F32(corrected), lu.shape().clone()))
     }
 
@@ -194,9 +225,11 @@ impl CustomOp3 for Correct {
         };
         let mut back = Backward::new(law, self.scale);
         let images = self.patterns.chunks_exact(AREA).zip(displacements.chunks_exact(IMAGE));
-        for ((pattern, u), gradient) in images.zip(gradient.chunks_exact_mut(IMAGE)) {
-            back.image(pattern, u, gradient);
-        }
+        Workspace::lend(law.products(), |workspace| {
+            for ((pattern, u), gradient) in images.zip(gradient.chunks_exact_mut(IMAGE)) {
+                back.image(workspace, pattern, u, gradient);
+            }
+        });
         let tensor = |values: Vec<f32>, like: &Tensor| Tensor::from_vec(values, like.shape(), &Device::Cpu).map(Some);
         let du = match u.track_op() {
             true => tensor(gradient, u)?,
@@ -210,38 +243,27 @@ impl CustomOp3 for Correct {
     }
 }
 
-/// Gradients of a correction, summed over images in order.
+/// Gradients of a correction with respect to its law, summed over images in order.
 struct Backward<'a> {
     law: Law<'a>,
     scale: Scale,
-    workspace: Workspace,
-    /// Gradients with respect to the features, the factors and the products of one image.
-    features: Vec<f32>,
-    factors: Vec<f32>,
-    products: Vec<f32>,
     by_factors: Vec<f32>,
     by_stresses: Vec<f32>,
 }
 
 impl<'a> Backward<'a> {
     fn new(law: Law<'a>, scale: Scale) -> Self {
-        let products = law.products();
         Self {
             law,
             scale,
-            workspace: Workspace::new(products),
-            features: vec![0.0; FEATURES * AREA],
-            factors: vec![0.0; 2 * products * AREA],
-            products: vec![0.0; products * AREA],
             by_factors: vec![0.0; law.factors.len()],
             by_stresses: vec![0.0; law.stresses.len()],
         }
     }
 
     /// Takes in an image; the gradient with respect to what came out becomes that with respect to what went in.
-    fn image(&mut self, pattern: &[f32], displacement: &[f32], gradient: &mut [f32]) {
+    fn image(&mut self, w: &mut Workspace, pattern: &[f32], displacement: &[f32], gradient: &mut [f32]) {
         let (law, half) = (self.law, self.law.products() * AREA);
-        let w = &mut self.workspace;
         w.surround(pattern);
         w.look(law, pattern, displacement, self.scale);
         // Green's function is its own transpose, and forces are the transpose of modes.
@@ -251,17 +273,18 @@ impl<'a> Backward<'a> {
         multiply(&mut self.by_stresses, Accum::Add, stresses, seen.transposed());
         let features = Matrix::new(&w.seen[half..], AREA);
         let [from_products, from_features] = law.parts();
-        multiply(&mut self.products, Accum::Replace, from_products.transposed(), stresses);
-        let (first, second) = self.factors.split_at_mut(half);
+        let back = &mut w.gradients;
+        multiply(&mut back.products, Accum::Replace, from_products.transposed(), stresses);
+        let (first, second) = back.factors.split_at_mut(half);
         let (a, b) = w.factors.split_at(half);
-        product(first, &self.products, b);
-        product(second, &self.products, a);
-        let factors = Matrix::new(&self.factors, AREA);
+        product(first, &back.products, b);
+        product(second, &back.products, a);
+        let factors = Matrix::new(&back.factors, AREA);
         multiply(&mut self.by_factors, Accum::Add, factors, features.transposed());
         let to_features = Matrix::new(law.factors, FEATURES).transposed();
-        multiply(&mut self.features, Accum::Replace, to_features, factors);
-        multiply(&mut self.features, Accum::Add, from_features.transposed(), stresses);
-        add_strain_forces(pattern, &self.features, self.scale.strain, &mut w.stresses, gradient);
+        multiply(&mut back.features, Accum::Replace, to_features, factors);
+        multiply(&mut back.features, Accum::Add, from_features.transposed(), stresses);
+        add_strain_forces(pattern, &back.features, self.scale.strain, &mut w.stresses, gradient);
     }
 }
 

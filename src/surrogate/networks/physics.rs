@@ -127,16 +127,17 @@ impl Network for Physics {
         };
         let (n, cells) = (patterns.dim(0)?, patterns.flatten_all()?.to_vec1()?);
         let mut planes = self.response.evaluate(&cells);
-        let (scale, mut workspace) = (self.scale(), Workspace::new(8 * PRODUCTS));
-        for (pattern, displacement) in cells
+        let images = cells
             .chunks_exact(CELLS * CELLS)
-            .zip(planes.chunks_exact_mut(2 * PLANE))
-        {
-            workspace.surround(pattern);
-            for Settled { factors, stresses } in laws {
-                workspace.correct(layers::Law { factors, stresses }, pattern, displacement, scale);
+            .zip(planes.chunks_exact_mut(2 * PLANE));
+        Workspace::lend(8 * PRODUCTS, |workspace| {
+            for (pattern, displacement) in images {
+                workspace.surround(pattern);
+                for Settled { factors, stresses } in laws {
+                    workspace.correct(layers::Law { factors, stresses }, pattern, displacement, self.scale());
+                }
             }
-        }
+        });
         let mut displacement = vec![0.0; planes.len()];
         for (image, to) in planes
             .chunks_exact(2 * PLANE)
