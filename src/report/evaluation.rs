@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::Serialize;
 
-use super::gather::{Made, ReportError, Source};
+use super::gather::{Made, ReportError, Source, each};
 use crate::store::Store;
 
 /// The result of an evaluate stage.
@@ -89,17 +89,7 @@ pub struct ObjectiveCoverage {
 /// # Errors
 /// When an artifact cannot be read or does not hold what its kind promises.
 pub fn evaluations(store: &Store, made: &[Made]) -> Result<Vec<Evaluation>, ReportError> {
-    let evaluated = made.iter().filter(|stage| stage.kind == "evaluate");
-    evaluated
-        .map(|stage| {
-            let artifact = store.artifact(&stage.digest)?;
-            read(&Source {
-                stage,
-                artifact: &artifact,
-                run: made,
-            })
-        })
-        .collect()
+    each(store, made, "evaluate", read)
 }
 
 /// What an artifact is called: the name of the stage of this run that made it, or its network and digest.

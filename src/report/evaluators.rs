@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::Serialize;
 
-use super::gather::{Made, ReportError, Source};
+use super::gather::{Made, ReportError, Source, each};
 use crate::store::Store;
 
 /// What judged the patterns of a design stage.
@@ -34,17 +34,7 @@ pub struct Candidate {
 /// # Errors
 /// When an artifact cannot be read or does not hold what its kind promises.
 pub fn evaluators(store: &Store, made: &[Made]) -> Result<Vec<Evaluators>, ReportError> {
-    let designs = made.iter().filter(|stage| stage.kind == "design");
-    designs
-        .map(|stage| {
-            let artifact = store.artifact(&stage.digest)?;
-            read(&Source {
-                stage,
-                artifact: &artifact,
-                run: made,
-            })
-        })
-        .collect()
+    each(store, made, "design", read)
 }
 
 fn read(source: &Source<'_>) -> Result<Evaluators, ReportError> {

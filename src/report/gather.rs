@@ -131,6 +131,29 @@ pub(super) struct Source<'a> {
     pub(super) run: &'a [Made],
 }
 
+/// What `read` makes of every artifact of a kind in a run.
+///
+/// # Errors
+/// When an artifact cannot be read, or `read` fails.
+pub(super) fn each<T>(
+    store: &Store,
+    made: &[Made],
+    kind: &str,
+    read: impl Fn(&Source<'_>) -> Result<T, ReportError>,
+) -> Result<Vec<T>, ReportError> {
+    let of_kind = made.iter().filter(|stage| stage.kind == kind);
+    of_kind
+        .map(|stage| {
+            let artifact = store.artifact(&stage.digest)?;
+            read(&Source {
+                stage,
+                artifact: &artifact,
+                run: made,
+            })
+        })
+        .collect()
+}
+
 impl Source<'_> {
     pub(super) fn wrong(&self, reason: impl Into<String>) -> ReportError {
         ReportError::Content {

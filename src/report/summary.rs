@@ -5,7 +5,7 @@ use std::fmt;
 
 use serde::Serialize;
 
-use super::gather::{Made, ReportError, Source};
+use super::gather::{Made, ReportError, Source, each};
 use crate::store::Store;
 
 /// The result of a verify stage.
@@ -57,17 +57,7 @@ impl CaseSummary {
 /// # Errors
 /// When an artifact cannot be read or does not hold what its kind promises.
 pub fn summarise(store: &Store, made: &[Made]) -> Result<Vec<Summary>, ReportError> {
-    let verified = made.iter().filter(|stage| stage.kind == "verify");
-    verified
-        .map(|stage| {
-            let artifact = store.artifact(&stage.digest)?;
-            read(&Source {
-                stage,
-                artifact: &artifact,
-                run: made,
-            })
-        })
-        .collect()
+    each(store, made, "verify", read)
 }
 
 /// Whether a case that ended so has simulated numbers.
