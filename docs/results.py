@@ -74,10 +74,9 @@ def coverage(found):
 
 
 def accuracy(run):
-    (stage,) = [s for s in run["stages"] if s["stage"] == "accuracy"]
+    (stage,) = [s for s in run["stages"] if s["name"] == "accuracy"]
     digest = stage["digest"]
     path = pathlib.Path(run["store"]) / "objects" / digest[:2] / f"{digest}.h5"
-    names = {s["digest"]: s["stage"] for s in run["stages"]}
     with h5py.File(path) as artifact:
         methods = [m.decode() for m in artifact["methods"][:]]
         families = [f.decode() for f in artifact["families"][:]]

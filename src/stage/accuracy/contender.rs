@@ -67,7 +67,7 @@ pub fn read(node: &Node) -> Result<Vec<Box<dyn Contender>>, InputError> {
 /// The same where `{ model: FILE.safetensors }` may stand in the list too, for a trained network. Those come last.
 ///
 /// # Errors
-/// As [`read`], or when a file is no model.
+/// As for a list without models, or when a file is no model.
 pub fn read_with_models(node: &Node, more: Vec<Network>) -> Result<Vec<Box<dyn Contender>>, InputError> {
     let (models, methods): (Vec<&Node>, Vec<&Node>) = node
         .list("methods")?
