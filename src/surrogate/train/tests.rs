@@ -1,3 +1,5 @@
+mod physics;
+
 use std::cell::RefCell;
 
 use super::*;
