@@ -123,10 +123,10 @@ def main():
     path = pathlib.Path(__file__).with_name("results.md")
     text = path.read_text()
     for name, made in tables.items():
-        marks = re.compile(rf"(<!-- {name} -->\n).*?(\n<!-- end -->)", re.S)
+        marks = re.compile(rf"(<!-- {name} -->\n)(?:(?!<!-- end -->).)*(<!-- end -->)", re.S)
         if not marks.search(text):
             sys.exit(f"{path} has no place for {name}")
-        text = marks.sub(lambda found: found[1] + made + found[2], text)
+        text = marks.sub(lambda found: f"{found[1]}{made}\n{found[2]}", text)
     path.write_text(text)
 
 
