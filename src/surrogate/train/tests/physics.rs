@@ -17,7 +17,7 @@ fn simulated(response: &LinearResponse, count: u64, split: Split) -> Vec<Example
 
 fn options() -> TrainOptions {
     TrainOptions {
-        epochs: 6,
+        epochs: 30,
         ..TrainOptions::of(NetworkKind::Physics)
     }
 }
