@@ -1,12 +1,13 @@
 //! A training that is killed is gone on with to the same bits; one that diverges says so; what it left out it names.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::Stdio;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use super::common::{SMALL, Stages, Workspace, files};
+use super::damage::copy;
 
 const RUN: [&str; 2] = ["run", "train.yaml"];
 
@@ -35,19 +36,6 @@ fn kill_in_the_training(workspace: &Workspace) {
     }
     run.kill().unwrap();
     run.wait().unwrap();
-}
-
-fn copy(from: &Path, to: &Path) {
-    fs::create_dir_all(to).unwrap();
-    for entry in fs::read_dir(from).unwrap() {
-        let path = entry.unwrap().path();
-        let target = to.join(path.file_name().unwrap());
-        if path.is_dir() {
-            copy(&path, &target);
-        } else {
-            fs::copy(&path, &target).unwrap();
-        }
-    }
 }
 
 #[test]

@@ -70,11 +70,12 @@ pub fn cheapest(
         Ok(predictor) => predictor.predict_some(patterns),
         Err(_) => Ok(vec![None; patterns.len()]),
     };
-    let reference = candidates.last().map_or(Ok(Vec::new()), fields)?;
-    let mut probes = Vec::with_capacity(candidates.len());
-    for candidate in &candidates {
-        probes.push(compared(&candidate.settings, &fields(candidate)?, &reference));
-    }
+    let found: Vec<Vec<Option<Field>>> = candidates.iter().map(fields).collect::<Result<_, _>>()?;
+    let reference = found.last().map_or(&[][..], Vec::as_slice);
+    let pairs = candidates.iter().zip(&found);
+    let probes: Vec<Probe> = pairs
+        .map(|(candidate, found)| compared(&candidate.settings, found, reference))
+        .collect();
     let place = probes.iter().position(|probe| probe.suffices(accuracy_mm));
     let place = place.unwrap_or(candidates.len().saturating_sub(1));
     Ok((candidates.swap_remove(place), probes))
