@@ -166,13 +166,14 @@ impl EvolveOptions {
     }
 }
 
-/// Random genomes with the nearest number of units to `area` · 400 on, from the finest grain to a coarse one: the first
-/// generation of a search under a seed, or its beginning.
+/// Random genomes with the nearest number of units to `area` · 400 on, or each with any number where no area is wanted, from
+/// the finest grain to a coarse one: the first generation of a search under a seed, or its beginning.
 #[must_use]
-pub fn first_generation(area: f64, seed: u64, population: usize) -> Vec<Genome> {
+pub fn first_generation(area: Option<f64>, seed: u64, population: usize) -> Vec<Genome> {
     let random = |index| {
         let mut stream = Stream::new(seed, "first generation", index);
         let grain = stream.index(COARSEST + 1);
+        let area = area.unwrap_or_else(|| stream.uniform());
         Genome::random(area, grain, &mut stream)
     };
     (0..population as u64).map(random).collect()

@@ -76,7 +76,7 @@ fn nearest(aims: &[Placed], cell: usize) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::design::{Aim, Measure};
+    use crate::design::{Aim, Measure, Motion};
     use crate::pattern::Symmetry;
 
     fn intuitive(aims: &[(f64, f64, f64)]) -> Intuitive {
@@ -84,10 +84,11 @@ mod tests {
             .iter()
             .map(|&(x, y, direction_deg)| Aim {
                 point_mm: [x, y],
-                direction_deg,
+                motion: Motion::Along(direction_deg),
+                weight: 1.0,
             })
             .collect();
-        Intuitive::of(&Goal::new(Measure::Displacement, &aims, 50.0, 0.5, 0.0).unwrap())
+        Intuitive::of(&Goal::new(Measure::Displacement, &aims, 50.0, None, 0.0).unwrap())
     }
 
     #[test]

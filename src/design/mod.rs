@@ -3,15 +3,17 @@
 //! Programs against [`crate::field::Predictor`] alone: whether a network, a linear response or the finite elements
 //! stand behind it is not known here.
 
+mod climb;
 mod evolve;
 mod genome;
 mod intuitive;
 mod objective;
 mod operators;
 
+pub use climb::{Climb, Ground, Step};
 pub use evolve::{
     Evolution, EvolveError, EvolveOptions, GenerationReport, OptionsError, Stop, evolve, first_generation,
 };
 pub use genome::{Genome, UNITS};
 pub use intuitive::Intuitive;
-pub use objective::{AREA_PENALTY, Aim, Goal, GoalError, Measure};
+pub use objective::{AREA_PENALTY, Aim, Goal, GoalError, Measure, Motion};

@@ -3,9 +3,10 @@
 //! The source paper minimises F = 1 − |D·d|/‖D‖ + λ|α − α_target| (Qin et al., doi 10.1089/soro.2024.0063, equation 6),
 //! D being the displacement of the point. Taken literally this is blind to the magnitude and the sign of D: a motion of
 //! a micrometre straight backwards is as good as any. Used here is F = 1 − (D·d)/2.5 mm + λ|α − α_target| with d the
-//! signed unit direction; the literal form stays selectable.
+//! signed unit direction; the literal form stays selectable. A design that is to reach a wanted displacement, at one point or
+//! at many that make up a wanted field, is judged by its distance from there instead.
 
-use crate::field::Field;
+use crate::field::{CORNERS, Field};
 use crate::pattern::{CELLS, Pattern};
 
 /// The displacement in mm that counts as 1: the top of the paper's deformation space.
@@ -16,13 +17,26 @@ const SCALE_MM: f64 = 2.5;
 /// fractions of 5 % and 95 %), so that the optimum keeps to the wanted area; a larger weight only makes the search stiffer.
 pub const AREA_PENALTY: f64 = 5.0;
 
-/// One point and the direction in which it should move.
+/// One point and where it should move.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Aim {
     /// Position in mm from the lower left corner of the membrane.
     pub point_mm: [f64; 2],
-    /// Direction in degrees, counterclockwise from +x.
-    pub direction_deg: f64,
+    /// How it should move.
+    pub motion: Motion,
+    /// What it counts beside other points; positive.
+    pub weight: f64,
+}
+
+/// How a point should move.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Motion {
+    /// In a direction, in degrees counterclockwise from +x, as far as it gets.
+    Along(f64),
+    /// In a direction so many mm, no more and no less.
+    By(f64, f64),
+    /// By this vector in mm.
+    To([f64; 2]),
 }
 
 /// How a field is measured against the aims.
@@ -31,6 +45,8 @@ pub enum Measure {
     /// Displacement along the wanted directions.
     #[default]
     Displacement,
+    /// Root mean square distance from the wanted displacements.
+    Distance,
     /// The paper's equation 6 to the letter: only how well the directions agree, regardless of sign and magnitude.
     Qin2024,
 }
@@ -40,7 +56,7 @@ pub enum Measure {
 pub struct Goal {
     measure: Measure,
     aims: Vec<Placed>,
-    area: f64,
+    area: Option<f64>,
     area_penalty: f64,
 }
 
@@ -51,6 +67,10 @@ pub(super) struct Placed {
     pub(super) point: [f64; 2],
     /// Unit vector.
     pub(super) direction: [f64; 2],
+    /// Wanted displacement in mm; zero where as far as possible is wanted.
+    wanted: [f64; 2],
+    /// Share of all aims; they add up to 1.
+    weight: f64,
 }
 
 /// What is not a goal.
@@ -75,6 +95,15 @@ pub enum GoalError {
     /// A direction that is no angle.
     #[error("a direction is a finite angle, found {0} deg")]
     Direction(f64),
+    /// A weight of a point that is none.
+    #[error("the weight of a point is finite and positive, found {0}")]
+    Weight(f64),
+    /// A wanted displacement that is none.
+    #[error("a wanted displacement is a finite vector, found ({} mm, {} mm)", _0[0], _0[1])]
+    Wanted([f64; 2]),
+    /// Distances from nowhere.
+    #[error("a point is to move as far as it gets, and its distance from there is not defined")]
+    NoDistance,
     /// An area fraction outside its range.
     #[error("an area fraction lies between 0 and 1, found {0}")]
     Area(f64),
@@ -84,16 +113,23 @@ pub enum GoalError {
 }
 
 impl Goal {
-    /// A goal for one or several points of a membrane of `side_mm`, at an area fraction; `area_penalty` is λ, by default
-    /// [`AREA_PENALTY`]. With several points their mean counts.
+    /// A goal for one or several points of a membrane of `side_mm`, at an area fraction, or at whatever area serves it best;
+    /// `area_penalty` is λ, by default [`AREA_PENALTY`]. Several points count by their weighted mean.
     ///
     /// # Errors
-    /// When there is no point, one does not lie inside the membrane, or a number is out of range.
-    pub fn new(measure: Measure, aims: &[Aim], side_mm: f64, area: f64, area_penalty: f64) -> Result<Self, GoalError> {
+    /// When there is no point, one does not lie inside the membrane, a number is out of range, or distances are to be measured
+    /// and a point has no wanted displacement.
+    pub fn new(
+        measure: Measure,
+        aims: &[Aim],
+        side_mm: f64,
+        area: Option<f64>,
+        area_penalty: f64,
+    ) -> Result<Self, GoalError> {
         if !(side_mm.is_finite() && side_mm > 0.0) {
             return Err(GoalError::Side(side_mm));
         }
-        if !(0.0..=1.0).contains(&area) {
+        if let Some(area) = area.filter(|area| !(0.0..=1.0).contains(area)) {
             return Err(GoalError::Area(area));
         }
         if !(area_penalty.is_finite() && area_penalty >= 0.0) {
@@ -102,17 +138,23 @@ impl Goal {
         if aims.is_empty() {
             return Err(GoalError::NoAim);
         }
+        if measure == Measure::Distance && aims.iter().any(|aim| matches!(aim.motion, Motion::Along(_))) {
+            return Err(GoalError::NoDistance);
+        }
+        let mut placed: Vec<Placed> = aims.iter().map(|aim| aim.placed(side_mm)).collect::<Result<_, _>>()?;
+        let total: f64 = placed.iter().map(|aim| aim.weight).sum();
+        placed.iter_mut().for_each(|aim| aim.weight /= total);
         Ok(Self {
             measure,
-            aims: aims.iter().map(|aim| aim.placed(side_mm)).collect::<Result<_, _>>()?,
+            aims: placed,
             area,
             area_penalty,
         })
     }
 
-    /// The wanted area fraction.
+    /// The wanted area fraction; `None` where any will do.
     #[must_use]
-    pub fn area(&self) -> f64 {
+    pub fn area(&self) -> Option<f64> {
         self.area
     }
 
@@ -126,11 +168,26 @@ impl Goal {
         self.mean(|aim| aim.along(field))
     }
 
+    /// How far the points are from where they are wanted, root mean square in mm; `None` where nothing but a direction is
+    /// wanted.
+    #[must_use]
+    pub fn distance_mm(&self, field: &Field) -> Option<f64> {
+        (self.measure == Measure::Distance).then(|| self.distance(field))
+    }
+
     /// F of a pattern and its field; smaller is better.
     #[must_use]
     pub fn fitness(&self, pattern: &Pattern, field: &Field) -> f64 {
-        let merit = match self.measure {
+        let off = self.area.map_or(0.0, |area| (pattern.area_fraction() - area).abs());
+        1.0 - self.merit(field) + self.area_penalty * off
+    }
+
+    /// How good a field is, whatever the area of its pattern; larger is better.
+    #[must_use]
+    pub fn merit(&self, field: &Field) -> f64 {
+        match self.measure {
             Measure::Displacement => self.value_mm(field) / SCALE_MM,
+            Measure::Distance => -self.distance(field) / SCALE_MM,
             Measure::Qin2024 => self.mean(|aim| {
                 let [x, y] = field.at(aim.point);
                 let length = x.hypot(y);
@@ -140,12 +197,38 @@ impl Goal {
                     0.0
                 }
             }),
+        }
+    }
+
+    /// The derivative of [`Goal::merit`] with respect to the displacement of each corner, per mm; zero where there is none.
+    #[must_use]
+    pub fn slope(&self, field: &Field) -> Field {
+        let mut slope = vec![0.0; CORNERS * CORNERS * 2];
+        let distance = match self.measure {
+            Measure::Distance => self.distance(field),
+            Measure::Displacement | Measure::Qin2024 => 0.0,
         };
-        1.0 - merit + self.area_penalty * (pattern.area_fraction() - self.area).abs()
+        for aim in &self.aims {
+            let gradient = aim.gradient(self.measure, field, distance);
+            for (corner, share) in Field::shares(aim.point) {
+                for (k, g) in gradient.into_iter().enumerate() {
+                    slope[2 * corner + k] += aim.weight * g * share;
+                }
+            }
+        }
+        Field::from_values(slope).unwrap_or_else(|_| Field::zero())
+    }
+
+    fn distance(&self, field: &Field) -> f64 {
+        self.mean(|aim| {
+            let off = aim.off(field);
+            off[0] * off[0] + off[1] * off[1]
+        })
+        .sqrt()
     }
 
     fn mean(&self, of: impl Fn(&Placed) -> f64) -> f64 {
-        self.aims.iter().map(of).sum::<f64>() / self.aims.len() as f64
+        self.aims.iter().map(|aim| aim.weight * of(aim)).sum()
     }
 }
 
@@ -157,13 +240,43 @@ impl Aim {
                 side,
             });
         }
-        if !self.direction_deg.is_finite() {
-            return Err(GoalError::Direction(self.direction_deg));
+        if !(self.weight.is_finite() && self.weight > 0.0) {
+            return Err(GoalError::Weight(self.weight));
         }
+        let (direction, wanted) = self.motion.vectors()?;
         Ok(Placed {
             point: self.point_mm.map(|c| c / side * CELLS as f64),
-            direction: unit_vector(self.direction_deg),
+            direction,
+            wanted,
+            weight: self.weight,
         })
+    }
+}
+
+impl Motion {
+    /// The direction, and the wanted displacement in mm.
+    fn vectors(self) -> Result<([f64; 2], [f64; 2]), GoalError> {
+        let direction = |degrees: f64| match degrees.is_finite() {
+            true => Ok(unit_vector(degrees)),
+            false => Err(GoalError::Direction(degrees)),
+        };
+        let (direction, wanted) = match self {
+            Self::Along(degrees) => (direction(degrees)?, [0.0; 2]),
+            Self::By(degrees, length) => (direction(degrees)?, direction(degrees)?.map(|c| c * length)),
+            Self::To(wanted) => {
+                let length = wanted[0].hypot(wanted[1]);
+                let along = if length > 0.0 {
+                    wanted.map(|c| c / length)
+                } else {
+                    [1.0, 0.0]
+                };
+                (along, wanted)
+            }
+        };
+        match wanted.iter().all(|c| c.is_finite()) {
+            true => Ok((direction, wanted)),
+            false => Err(GoalError::Wanted(wanted)),
+        }
     }
 }
 
@@ -171,6 +284,32 @@ impl Placed {
     fn along(&self, field: &Field) -> f64 {
         let [x, y] = field.at(self.point);
         x * self.direction[0] + y * self.direction[1]
+    }
+
+    /// What is too much of the displacement.
+    fn off(&self, field: &Field) -> [f64; 2] {
+        let u = field.at(self.point);
+        [u[0] - self.wanted[0], u[1] - self.wanted[1]]
+    }
+
+    /// The derivative of the merit, up to the weight, with respect to the displacement of the point.
+    fn gradient(&self, measure: Measure, field: &Field, distance: f64) -> [f64; 2] {
+        match measure {
+            Measure::Displacement => self.direction.map(|d| d / SCALE_MM),
+            Measure::Distance if distance > 0.0 => self.off(field).map(|off| -off / (distance * SCALE_MM)),
+            Measure::Distance => [0.0; 2],
+            Measure::Qin2024 => {
+                let u = field.at(self.point);
+                let length = u[0].hypot(u[1]);
+                if length == 0.0 {
+                    return [0.0; 2];
+                }
+                let along = self.along(field);
+                std::array::from_fn(|k| {
+                    along.signum() * (self.direction[k] / length - along * u[k] / (length * length * length))
+                })
+            }
+        }
     }
 }
 
@@ -214,10 +353,11 @@ mod tests {
             .iter()
             .map(|&(x, y, direction_deg)| Aim {
                 point_mm: [x, y],
-                direction_deg,
+                motion: Motion::Along(direction_deg),
+                weight: 1.0,
             })
             .collect();
-        Goal::new(measure, &aims, 50.0, area, AREA_PENALTY).unwrap()
+        Goal::new(measure, &aims, 50.0, Some(area), AREA_PENALTY).unwrap()
     }
 
     #[test]
@@ -264,13 +404,88 @@ mod tests {
         assert!((goal.value_mm(&inwards) - 12.5 * 2f64.sqrt()).abs() < 1e-12);
     }
 
+    fn of(measure: Measure, aims: &[([f64; 2], Motion, f64)]) -> Goal {
+        let aim = |&(point_mm, motion, weight): &([f64; 2], Motion, f64)| Aim {
+            point_mm,
+            motion,
+            weight,
+        };
+        let aims: Vec<Aim> = aims.iter().map(aim).collect();
+        Goal::new(measure, &aims, 50.0, None, AREA_PENALTY).unwrap()
+    }
+
+    #[test]
+    fn a_wanted_displacement_is_missed_by_too_much_and_by_too_little() {
+        let goal = of(Measure::Distance, &[([25.0, 25.0], Motion::By(90.0, 1.0), 1.0)]);
+        assert_eq!(goal.distance_mm(&uniform([0.0, 1.0])), Some(0.0));
+        for u in [[0.0, 0.75], [0.0, 1.25], [0.25, 1.0]] {
+            assert_eq!(goal.distance_mm(&uniform(u)), Some(0.25));
+            assert_eq!(goal.fitness(&half(), &uniform(u)), 1.1, "the area is free");
+        }
+        assert_eq!(goal.value_mm(&uniform([3.0, 0.75])), 0.75);
+        let vectors = of(
+            Measure::Distance,
+            &[
+                ([25.0, 25.0], Motion::To([0.3, 0.4]), 1.0),
+                ([10.0, 25.0], Motion::To([0.0, 0.0]), 3.0),
+            ],
+        );
+        let missed = vectors.distance_mm(&uniform([0.3, 0.4])).unwrap();
+        assert!((missed - 0.5 * 0.75f64.sqrt()).abs() < 1e-15);
+    }
+
+    #[test]
+    fn points_count_by_their_weights() {
+        let goal = of(
+            Measure::Displacement,
+            &[
+                ([25.0, 25.0], Motion::Along(0.0), 3.0),
+                ([10.0, 10.0], Motion::Along(90.0), 1.0),
+            ],
+        );
+        assert_eq!(goal.value_mm(&uniform([1.0, 2.0])), 1.25);
+    }
+
+    #[test]
+    fn slopes_agree_with_finite_differences() {
+        let field = (0..51 * 51 * 2).map(|i| 1.0 + ((i * 37 % 101) as f64 - 50.0) / 40.0);
+        let field = Field::from_values(field.collect()).unwrap();
+        let places = |motion: [Motion; 2]| [([25.0, 25.0], motion[0], 1.0), ([12.5, 30.2], motion[1], 2.5)];
+        let along = places([Motion::Along(0.0), Motion::Along(60.0)]);
+        for goal in [
+            of(Measure::Displacement, &along),
+            of(Measure::Qin2024, &along),
+            of(
+                Measure::Distance,
+                &places([Motion::By(30.0, 1.0), Motion::To([0.1, 0.2])]),
+            ),
+        ] {
+            let slope = goal.slope(&field);
+            let moved = |at: usize, by: f64| {
+                let mut values = field.values().to_vec();
+                values[at] += by;
+                goal.merit(&Field::from_values(values).unwrap())
+            };
+            let around = |x: usize, y: usize| (0..4).map(move |i| (y + i / 2) * 51 + x + i % 2);
+            for at in around(25, 25)
+                .chain(around(12, 30))
+                .flat_map(|corner| [2 * corner, 2 * corner + 1])
+            {
+                let difference = (moved(at, 1e-5) - moved(at, -1e-5)) / 2e-5;
+                assert!((slope.values()[at] - difference).abs() < 1e-9, "{at}");
+            }
+            assert_eq!(slope.at_corner(3, 3), [0.0, 0.0]);
+        }
+    }
+
     #[test]
     fn points_are_placed_by_the_side_of_the_membrane() {
         let aim = Aim {
             point_mm: [25.0, 75.0],
-            direction_deg: 0.0,
+            motion: Motion::Along(0.0),
+            weight: 1.0,
         };
-        let goal = Goal::new(Measure::Displacement, &[aim], 100.0, 0.5, 0.0).unwrap();
+        let goal = Goal::new(Measure::Displacement, &[aim], 100.0, Some(0.5), 0.0).unwrap();
         assert_eq!(goal.aims()[0].point, [12.5, 37.5]);
     }
 
@@ -289,9 +504,10 @@ mod tests {
         let goal = |point_mm, direction_deg, side, area, penalty| {
             let aim = Aim {
                 point_mm,
-                direction_deg,
+                motion: Motion::Along(direction_deg),
+                weight: 1.0,
             };
-            Goal::new(Measure::Displacement, &[aim], side, area, penalty).unwrap_err()
+            Goal::new(Measure::Displacement, &[aim], side, Some(area), penalty).unwrap_err()
         };
         for point in [[0.0, 25.0], [25.0, 50.0], [60.0, 1.0], [f64::NAN, 1.0]] {
             assert!(matches!(goal(point, 0.0, 50.0, 0.5, 1.0), GoalError::Point { .. }));
@@ -304,7 +520,22 @@ mod tests {
         assert!(matches!(goal(middle, 0.0, -50.0, 0.5, 1.0), GoalError::Side(_)));
         assert!(matches!(goal(middle, 0.0, 50.0, 1.5, 1.0), GoalError::Area(_)));
         assert!(matches!(goal(middle, 0.0, 50.0, 0.5, -1.0), GoalError::Penalty(_)));
-        let none = Goal::new(Measure::Displacement, &[], 50.0, 0.5, 1.0);
+        let none = Goal::new(Measure::Displacement, &[], 50.0, Some(0.5), 1.0);
         assert_eq!(none, Err(GoalError::NoAim));
+        let of = |measure, motion, weight| {
+            let aim = Aim {
+                point_mm: middle,
+                motion,
+                weight,
+            };
+            Goal::new(measure, &[aim], 50.0, None, 1.0).unwrap_err()
+        };
+        let distance = Measure::Distance;
+        assert_eq!(of(distance, Motion::Along(0.0), 1.0), GoalError::NoDistance);
+        assert_eq!(of(distance, Motion::By(0.0, 1.0), 0.0), GoalError::Weight(0.0));
+        assert!(matches!(
+            of(distance, Motion::To([f64::NAN, 0.0]), 1.0),
+            GoalError::Wanted(_)
+        ));
     }
 }

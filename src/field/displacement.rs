@@ -72,20 +72,31 @@ impl Field {
     /// bilinear between corners; points outside are moved to the frame, where the displacement is zero.
     #[must_use]
     pub fn at(&self, point_cells: [f64; 2]) -> [f64; 2] {
+        let shares = Self::shares(point_cells);
+        std::array::from_fn(|k| {
+            shares
+                .iter()
+                .map(|&(corner, share)| self.values[2 * corner + k] * share)
+                .sum()
+        })
+    }
+
+    /// The four corners around a point in cells, by their place in `[y][x]`, with the share that each has in the value there.
+    #[must_use]
+    pub fn shares(point_cells: [f64; 2]) -> [(usize, f64); 4] {
         let split = |c: f64| {
             let c = c.clamp(0.0, CELLS as f64);
             let low = (c.floor() as usize).min(CELLS - 1);
             (low, c - low as f64)
         };
         let ((i, s), (j, t)) = (split(point_cells[0]), split(point_cells[1]));
-        let corners = [
-            self.at_corner(i, j),
-            self.at_corner(i + 1, j),
-            self.at_corner(i, j + 1),
-            self.at_corner(i + 1, j + 1),
-        ];
-        let weights = [(1.0 - s) * (1.0 - t), s * (1.0 - t), (1.0 - s) * t, s * t];
-        std::array::from_fn(|k| corners.iter().zip(weights).map(|(u, w)| u[k] * w).sum())
+        let first = j * CORNERS + i;
+        [
+            (first, (1.0 - s) * (1.0 - t)),
+            (first + 1, s * (1.0 - t)),
+            (first + CORNERS, (1.0 - s) * t),
+            (first + CORNERS + 1, s * t),
+        ]
     }
 
     /// The largest displacement magnitude in mm over all corners.

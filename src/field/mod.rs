@@ -6,4 +6,4 @@ mod simulate;
 
 pub use displacement::{CORNERS, Field, FieldError};
 pub use observation::Observation;
-pub use simulate::{Outcome, PredictError, Predictor, Simulation, Simulator};
+pub use simulate::{Differentiable, Outcome, PredictError, Predictor, Simulation, Simulator, WithGradient};

@@ -156,3 +156,20 @@ pub trait Predictor: Sync {
         Ok(self.predict(patterns)?.into_iter().map(Some).collect())
     }
 }
+
+/// A field, and how a functional of it changes with the activity of each of the 2500 cells, `[y][x]`.
+pub type WithGradient = (Field, Vec<f64>);
+
+/// Something that knows how the fields it predicts change with the pattern.
+pub trait Differentiable: Predictor {
+    /// The field of a pattern, and the derivative with respect to the activity of each cell, `[y][x]`, of the functional whose
+    /// derivative with respect to the displacement of each corner, per mm, `slope` gives; `None` where the pattern has no field.
+    ///
+    /// # Errors
+    /// When the model cannot be evaluated.
+    fn gradient(
+        &self,
+        pattern: &Pattern,
+        slope: &dyn Fn(&Field) -> Field,
+    ) -> Result<Option<WithGradient>, PredictError>;
+}

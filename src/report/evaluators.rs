@@ -12,6 +12,8 @@ use crate::store::Store;
 pub struct Evaluators {
     /// Name of the stage.
     pub stage: String,
+    /// Name of the target.
+    pub name: String,
     /// Settings of the one that was used.
     pub used: String,
     /// Those that it was chosen from, the cheapest first; empty where it was named.
@@ -34,35 +36,44 @@ pub struct Candidate {
 /// # Errors
 /// When an artifact cannot be read or does not hold what its kind promises.
 pub fn evaluators(store: &Store, made: &[Made]) -> Result<Vec<Evaluators>, ReportError> {
-    each(store, made, "design", read)
+    Ok(each(store, made, "design", read)?.into_iter().flatten().collect())
 }
 
-fn read(source: &Source<'_>) -> Result<Evaluators, ReportError> {
+fn read(source: &Source<'_>) -> Result<Vec<Evaluators>, ReportError> {
     let artifact = source.artifact;
-    let used = artifact
-        .attribute("evaluator")
-        .ok_or_else(|| source.wrong("no attribute `evaluator`"))?;
-    let names = artifact.texts("evaluator/candidates")?.1;
-    let (errors, known) = (source.reals("evaluator/rmse")?, artifact.u64s("evaluator/known")?.1);
-    let disagree = artifact.u64s("evaluator/disagree")?.1;
-    if [errors.len(), known.len(), disagree.len()] != [names.len(); 3] {
+    let (rows, used) = (artifact.texts("name")?.1, artifact.texts("evaluator")?.1);
+    let names = artifact.texts("probe/name")?.1;
+    let settings = artifact.texts("probe/candidates")?.1;
+    let (errors, known) = (source.reals("probe/rmse")?, source.counts("probe/known")?);
+    let disagree = source.counts("probe/disagree")?;
+    let lengths = [settings.len(), errors.len(), known.len(), disagree.len()];
+    if lengths != [names.len(); 4] || used.len() != rows.len() {
         return Err(source.wrong("its arrays of evaluators differ in length"));
     }
-    let candidate = |(k, settings)| Candidate {
-        settings,
+    let candidate = |k: usize| Candidate {
+        settings: settings[k].clone(),
         rmse_mm: (known[k] > 0).then_some(errors[k]),
         disagree: disagree[k],
     };
-    Ok(Evaluators {
+    let mut targets: Vec<(String, String)> = rows.into_iter().zip(used).collect();
+    targets.dedup();
+    let of_target = |(name, used): (String, String)| Evaluators {
         stage: source.stage.stage.clone(),
-        used: used.to_owned(),
-        candidates: names.into_iter().enumerate().map(candidate).collect(),
-    })
+        candidates: (0..names.len()).filter(|&k| names[k] == name).map(candidate).collect(),
+        name,
+        used,
+    };
+    Ok(targets.into_iter().map(of_target).collect())
 }
 
 impl fmt::Display for Evaluators {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: patterns judged by {{ {} }}", self.stage, self.used)?;
+        // An objective that stands by itself is named like its stage's kind.
+        let name = match self.name.as_str() {
+            "design" => String::new(),
+            name => format!(" {name}"),
+        };
+        write!(f, "{}{name}: patterns judged by {{ {} }}", self.stage, self.used)?;
         if self.candidates.is_empty() {
             return Ok(());
         }

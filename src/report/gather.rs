@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use super::figures::{
     Case, Cost, Evaluated, EvaluatedPredictor, Evolution, FamilyCosts, FamilyDeformation, FigureError, Histogram,
     Membrane, Training, draw_accuracy, draw_agreement, draw_audit, draw_deformation, draw_evaluation, draw_evolution,
-    draw_histogram, draw_membrane, draw_training,
+    draw_gallery, draw_histogram, draw_membrane, draw_training,
 };
 use crate::base::{Digest, Dimension, Document, InputError, Node};
 use crate::store::{Artifact, Store, StoreError};
@@ -195,10 +195,10 @@ impl Source<'_> {
         self.length(side)
     }
 
-    /// The points of the objective in mm: one `point`, or `points` with a `point` each.
-    fn points(&self) -> Result<Vec<[f64; 2]>, ReportError> {
-        let objective = self.attribute("objective")?;
+    /// The points of an objective in mm: one `point`, or `points` with a `point` each.
+    fn points(&self, objective: &str) -> Result<Vec<[f64; 2]>, ReportError> {
         let refused = |e: InputError| self.wrong(e.to_string());
+        let objective = Document::from_text(Path::new("objective"), objective).map_err(refused)?;
         let aims = match objective.root.peek("points") {
             Some(aims) => aims.list("points").map_err(refused)?,
             None => std::slice::from_ref(&objective.root),
@@ -273,7 +273,13 @@ fn training(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
     source.drawn(draw_training(path, &data))
 }
 
+/// How a search went, where the stage has one alone; a page tells of all.
 fn evolution(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
+    let mut names = source.artifact.texts("history/name")?.1;
+    names.dedup();
+    if names.len() != 1 {
+        return Ok(());
+    }
     let data = Evolution {
         best: source.reals("history/best")?,
         mean: source.reals("history/mean")?,
@@ -283,44 +289,102 @@ fn evolution(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
     source.drawn(draw_evolution(path, &data))
 }
 
-fn best(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
-    let data = Membrane {
-        pattern: source.artifact.u8s("best/pattern")?.1,
-        displacement: source.reals("best/predicted")?,
-        side: source.side()?,
-        points: source.points()?,
+/// The patterns of an artifact of a design or its verification, with some of its fields.
+fn membranes(source: &Source<'_>, rows: &[usize], field: &str, fields: &[usize]) -> Result<Vec<Membrane>, ReportError> {
+    let (patterns, values) = (source.artifact.u8s("patterns")?.1, source.reals(field)?);
+    let objectives = source.artifact.texts("objective")?.1;
+    let (cells, of_field) = (CELLS * CELLS, (CELLS + 1) * (CELLS + 1) * 2);
+    let side = source.side()?;
+    let membrane = |(&row, &at): (&usize, &usize)| {
+        let (pattern, displacement) = (
+            patterns.get(row * cells..(row + 1) * cells),
+            values.get(at * of_field..(at + 1) * of_field),
+        );
+        let (Some(pattern), Some(displacement), Some(objective)) = (pattern, displacement, objectives.get(row)) else {
+            return Err(source.wrong("its arrays differ in length"));
+        };
+        Ok(Membrane {
+            pattern: pattern.to_vec(),
+            displacement: displacement.to_vec(),
+            side,
+            points: source.points(objective)?,
+        })
     };
-    source.drawn(draw_membrane(path, "Best design, as predicted", &data))
+    rows.iter().zip(fields).map(membrane).collect()
 }
 
-/// Cases without a stable solution have no field to draw, and without any case there is no figure; the summary names them.
+/// The last design of a stage that has one target: the refined one where there is one.
+fn best(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
+    let (names, roles) = (source.artifact.texts("name")?.1, source.artifact.texts("role")?.1);
+    let last = roles.iter().rposition(|role| !role.starts_with("intuitive"));
+    let Some(last) = last.filter(|_| names.iter().all(|name| *name == names[0])) else {
+        return Ok(());
+    };
+    for data in membranes(source, &[last], "predicted", &[last])? {
+        source.drawn(draw_membrane(path, "Best design, as predicted", &data))?;
+    }
+    Ok(())
+}
+
+/// Patterns without a stable solution have no field to draw, and without any there is no figure; the summary names them. Of many
+/// targets each one's best design is drawn.
 fn verification(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
     let summary = super::summary::read(source)?;
-    let (patterns, fields) = (source.artifact.u8s("patterns")?.1, source.reals("displacement")?);
-    let n = summary.cases.len();
-    // Simulated arrays have a row for each case with a field only.
-    let solved = summary.cases.iter().filter(|case| case.simulated_mm.is_some()).count();
-    let (cells, values) = (patterns.len() / n, fields.len() / solved.max(1));
-    let (side, points) = (source.side()?, source.points()?);
-    let mut cases = Vec::new();
-    for (k, case) in summary.cases.iter().enumerate() {
-        let Some(simulated) = case.simulated_mm else { continue };
-        cases.push(Case {
-            name: case.title(),
-            membrane: Membrane {
-                pattern: patterns[k * cells..][..cells].to_vec(),
-                displacement: fields[cases.len() * values..][..values].to_vec(),
-                side,
-                points: points.clone(),
-            },
-            predicted: case.predicted_mm,
-            simulated,
-        });
+    let mut rows: Vec<(usize, usize)> = Vec::new();
+    for (row, case) in summary.rows.iter().enumerate() {
+        if case.simulated_mm.is_some() {
+            rows.push((row, rows.len()));
+        }
     }
-    if cases.is_empty() {
-        return Ok(());
+    if rows.len() > MOST_COMPARED {
+        rows = best_of_targets(&summary, &rows);
     }
-    source.drawn(draw_agreement(path, &cases))
+    let (of_patterns, of_fields): (Vec<usize>, Vec<usize>) = rows.iter().copied().unzip();
+    let drawn = membranes(source, &of_patterns, "displacement", &of_fields)?;
+    let case = |(&row, membrane): (&usize, Membrane)| {
+        let summary = &summary.rows[row];
+        Case {
+            name: summary.title(),
+            membrane,
+            predicted: summary.predicted_mm.unwrap_or(0.0),
+            simulated: summary.simulated_mm.unwrap_or(0.0),
+        }
+    };
+    let cases: Vec<Case> = of_patterns.iter().zip(drawn).map(case).collect();
+    match cases.len() {
+        0 => Ok(()),
+        1..=MOST_COMPARED => source.drawn(draw_agreement(path, &cases)),
+        _ => source.drawn(draw_gallery(path, &cases)),
+    }
+}
+
+/// Patterns that are drawn beside each other with their numbers as bars.
+const MOST_COMPARED: usize = 6;
+
+/// Cells along a side of the membrane.
+const CELLS: usize = 50;
+
+/// The refined design of each target and member where there is one, else the genetic algorithm's, else the optimum.
+fn best_of_targets(summary: &super::Summary, rows: &[(usize, usize)]) -> Vec<(usize, usize)> {
+    let rank = |role: &str| ["refined", "ga", "optimum"].iter().position(|other| *other == role);
+    let mut best: Vec<(usize, usize)> = Vec::new();
+    for &(row, field) in rows {
+        let case = &summary.rows[row];
+        let Some(own) = rank(&case.role) else { continue };
+        let identity = |case: &super::RowSummary| (case.case.clone(), case.name.clone(), case.member);
+        let place = best
+            .iter()
+            .position(|&(other, _)| identity(&summary.rows[other]) == identity(case));
+        match place {
+            None => best.push((row, field)),
+            Some(place) => {
+                if rank(&summary.rows[best[place].0].role).is_none_or(|other| own < other) {
+                    best[place] = (row, field);
+                }
+            }
+        }
+    }
+    best
 }
 
 /// Times are no content: they stand in the provenance, by method and family.

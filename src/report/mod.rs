@@ -15,7 +15,7 @@ pub use evaluation::{AreaError, Coverage, Evaluation, ObjectiveCoverage, Predict
 pub use evaluators::{Candidate, Evaluators, evaluators};
 pub use gather::{Made, ReportError, draw_figures};
 pub use html::Page;
-pub use summary::{CaseSummary, Summary, summarise};
+pub use summary::{RowSummary, Summary, summarise};
 pub use training::{TrainingSummary, trainings};
 pub use warnings::warnings;
 

@@ -1,5 +1,5 @@
-//! What a run found out: the design's displacement as predicted and as simulated, and its gain over the intuitive
-//! design, at the latter's own area and at equal area. A gain at unequal areas alone would not be a gain.
+//! What a run found out: displacements of designs as predicted and as simulated, their gain over the intuitive design at the
+//! latter's own area and at equal area (a gain at unequal areas alone would not be a gain), and how far from the optimum they are.
 
 use std::fmt;
 
@@ -8,47 +8,89 @@ use serde::Serialize;
 use super::gather::{Made, ReportError, Source, each};
 use crate::store::Store;
 
+/// A design whose prediction differs from the simulation by more than this fraction was judged by an evaluator that is wrong.
+const TRUSTED: f64 = 0.05;
+
 /// The result of a verify stage.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
     /// Name of the stage.
     pub stage: String,
-    /// The design and what it is compared with.
-    pub cases: Vec<CaseSummary>,
-    /// Gain in displacement over the intuitive design at its own area, a fraction; none where one of the two has no
-    /// stable solution.
+    /// The designs and what they are compared with.
+    pub rows: Vec<RowSummary>,
+    /// The largest difference between predicted and simulated among the designs that were searched by what predicted them, as
+    /// a fraction of the simulated.
+    pub largest_difference: Option<f64>,
+}
+
+/// One verified pattern. Displacements are means over the wanted points along the wanted directions.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RowSummary {
+    /// Label of the stage that designed it.
+    pub case: String,
+    /// Name of the target.
+    pub name: String,
+    /// `ga`, `refined`, `optimum`, `intuitive` or `intuitive-equal-area`.
+    pub role: String,
+    /// Which of several designs of the target.
+    pub member: u64,
+    /// Units along a side by which it was searched.
+    pub units: u64,
+    /// Electrode area, a fraction of the membrane.
+    pub area: f64,
+    /// By the evaluator, in mm; none where it has no field.
+    pub predicted_mm: Option<f64>,
+    /// By finite elements, in mm; none where there is no stable solution.
+    pub simulated_mm: Option<f64>,
+    /// Estimated error of that, in mm.
+    pub simulated_error_mm: Option<f64>,
+    /// Predicted less simulated, in mm.
+    pub difference_mm: Option<f64>,
+    /// Distance from a wanted displacement, in mm, where one is wanted.
+    pub distance_mm: Option<f64>,
+    /// How the simulation ended.
+    pub outcome: String,
+    /// `met`, or which constraints are not.
+    pub status: String,
+    /// Gain over the intuitive design at its own area, a fraction.
     pub gain_own_area: Option<f64>,
     /// Gain over the intuitive design at the area of the design.
     pub gain_equal_area: Option<f64>,
+    /// Displacement as a fraction of that of the optimum, on the same units where there is one on them.
+    pub ratio_to_optimum: Option<f64>,
 }
 
-/// One verified pattern. Displacements are those of the wanted point along the wanted direction.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct CaseSummary {
-    /// `design`, `intuitive` or `intuitive-equal-area`.
-    pub case: String,
-    /// Electrode area, a fraction of the membrane.
-    pub area: f64,
-    /// By the surrogate, in mm.
-    pub predicted_mm: f64,
-    /// By finite elements, in mm; none where there is no stable solution.
-    pub simulated_mm: Option<f64>,
-    /// Predicted less simulated, in mm.
-    pub difference_mm: Option<f64>,
-    /// How the simulation ended.
-    pub outcome: String,
-}
+impl RowSummary {
+    /// Whether it was searched, and not drawn for comparison.
+    #[must_use]
+    pub fn is_design(&self) -> bool {
+        !self.role.starts_with("intuitive")
+    }
 
-impl CaseSummary {
-    /// The name as a title.
+    /// What it is called: its case, target and member where there are several, and its role.
     #[must_use]
     pub fn title(&self) -> String {
-        match self.case.as_str() {
-            "design" => "Design".into(),
-            "intuitive" => "Intuitive".into(),
-            "intuitive-equal-area" => "Intuitive, equal area".into(),
-            other => other.into(),
+        let mut words: Vec<String> = Vec::new();
+        if !self.case.is_empty() {
+            words.push(self.case.clone());
         }
+        // An objective that stands by itself is named like its stage's kind.
+        if self.name != "design" || words.is_empty() {
+            words.push(self.name.clone());
+        }
+        if self.member > 0 {
+            words.push((self.member + 1).to_string());
+        }
+        let role = match self.role.as_str() {
+            "ga" => "genetic algorithm",
+            "intuitive-equal-area" => "intuitive, equal area",
+            other => other,
+        };
+        format!("{}: {role}", words.join(" "))
+    }
+
+    fn same_target(&self, other: &Self) -> bool {
+        (&self.case, &self.name) == (&other.case, &other.name)
     }
 }
 
@@ -66,75 +108,161 @@ fn has_field(outcome: &str) -> bool {
 }
 
 pub(super) fn read(source: &Source<'_>) -> Result<Summary, ReportError> {
-    let (names, outcomes) = (source.artifact.texts("case")?.1, source.artifact.texts("outcome")?.1);
-    let predicted = source.reals("component/predicted")?;
+    let text = |path: &str| -> Result<Vec<String>, ReportError> { Ok(source.artifact.texts(path)?.1) };
+    let (cases, names, roles) = (text("case")?, text("name")?, text("role")?);
+    let (outcomes, statuses) = (text("outcome")?, text("status")?);
+    let (members, units) = (source.counts("member")?, source.counts("units")?);
+    let (area, predicted) = (source.reals("area")?, source.reals("component/predicted")?);
     let simulated = source.reals("component/simulated")?;
-    let area = source.reals("area")?;
+    let (errors, known) = (
+        source.reals("component/error")?,
+        source.counts("component/error_known")?,
+    );
+    let distances = source.reals("component/distance")?;
     let n = names.len();
-    // Simulated arrays have a row for each case with a field only.
+    // Simulated arrays have a row for each pattern with a field only.
     let solved = outcomes.iter().filter(|o| has_field(o)).count();
-    if n == 0 || [outcomes.len(), predicted.len(), area.len()] != [n; 3] || simulated.len() != solved {
+    let lengths = [
+        cases.len(),
+        roles.len(),
+        outcomes.len(),
+        statuses.len(),
+        members.len(),
+        units.len(),
+        area.len(),
+    ];
+    let of_solved = [simulated.len(), errors.len(), known.len(), distances.len()];
+    if n == 0 || lengths != [n; 7] || predicted.len() != n || of_solved != [solved; 4] {
         return Err(source.wrong("its arrays differ in length"));
     }
-    let case = |k: usize| {
-        let row = outcomes[..k].iter().filter(|o| has_field(o)).count();
-        let simulated = has_field(&outcomes[k]).then(|| simulated[row]);
-        CaseSummary {
-            case: names[k].clone(),
+    let mut at = 0;
+    let mut rows = Vec::with_capacity(n);
+    for k in 0..n {
+        let row = has_field(&outcomes[k]).then_some(at);
+        at += usize::from(row.is_some());
+        let predicted_mm = (statuses[k] != "no stable field").then_some(predicted[k]);
+        let simulated_mm = row.map(|row| simulated[row]);
+        rows.push(RowSummary {
+            case: cases[k].clone(),
+            name: names[k].clone(),
+            role: roles[k].clone(),
+            member: members[k],
+            units: units[k],
             area: area[k],
-            predicted_mm: predicted[k],
-            simulated_mm: simulated,
-            difference_mm: simulated.map(|s| predicted[k] - s),
+            predicted_mm,
+            simulated_mm,
+            simulated_error_mm: row.filter(|&row| known[row] == 1).map(|row| errors[row]),
+            difference_mm: predicted_mm
+                .zip(simulated_mm)
+                .map(|(predicted, simulated)| predicted - simulated),
+            distance_mm: row.map(|row| distances[row]).filter(|&distance| distance > 0.0),
             outcome: outcomes[k].clone(),
-        }
-    };
-    let cases: Vec<CaseSummary> = (0..n).map(case).collect();
-    let stable = |name: &str| cases.iter().any(|c| c.case == name && c.simulated_mm.is_some());
-    let gain = |path: &str, other: &str| -> Result<Option<f64>, ReportError> {
-        let value = source.reals(path)?.first().copied();
-        Ok(value.filter(|_| stable("design") && stable(other)))
-    };
+            status: statuses[k].clone(),
+            gain_own_area: None,
+            gain_equal_area: None,
+            ratio_to_optimum: None,
+        });
+    }
+    let compared: Vec<RowSummary> = rows.iter().map(|row| compared(row, &rows)).collect();
     Ok(Summary {
         stage: source.stage.stage.clone(),
-        gain_own_area: gain("gain/own_area", "intuitive")?,
-        gain_equal_area: gain("gain/equal_area", "intuitive-equal-area")?,
-        cases,
+        largest_difference: largest_difference(&compared),
+        rows: compared,
     })
+}
+
+/// A row with what others of its target make of it.
+fn compared(row: &RowSummary, rows: &[RowSummary]) -> RowSummary {
+    let others: Vec<&RowSummary> = rows.iter().filter(|other| other.same_target(row)).collect();
+    let gain = |role: &str| {
+        let mut of_role: Vec<&&RowSummary> = others.iter().filter(|other| other.role == role).collect();
+        of_role.sort_by(|a, b| (a.area - row.area).abs().total_cmp(&(b.area - row.area).abs()));
+        let other = of_role.first()?.simulated_mm.filter(|mm| mm.abs() > 1e-9)?;
+        Some((row.simulated_mm? - other) / other.abs())
+    };
+    let best = |same_units: bool| {
+        let optima = others.iter().filter(|other| other.role == "optimum");
+        let fitting = optima.filter(|other| !same_units || other.units == row.units);
+        fitting.filter_map(|other| other.simulated_mm).reduce(f64::max)
+    };
+    let optimum = best(true).or_else(|| best(false)).filter(|mm| mm.abs() > 1e-9);
+    let mut row = row.clone();
+    if row.is_design() {
+        (row.gain_own_area, row.gain_equal_area) = (gain("intuitive"), gain("intuitive-equal-area"));
+        row.ratio_to_optimum = row.simulated_mm.zip(optimum).map(|(own, optimum)| own / optimum);
+    }
+    row
+}
+
+fn largest_difference(rows: &[RowSummary]) -> Option<f64> {
+    let searched = rows.iter().filter(|row| row.role == "ga" || row.role == "refined");
+    let relative = searched.filter_map(|row| {
+        let simulated = row.simulated_mm.filter(|mm| mm.abs() > 1e-9)?;
+        Some((row.difference_mm? / simulated).abs())
+    });
+    relative.reduce(f64::max)
 }
 
 impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(
-            f,
-            "{}: displacement of the wanted point along the wanted direction",
-            self.stage
-        )?;
-        for case in &self.cases {
-            write!(
-                f,
-                "  {:<22} area {:>5.1} %  predicted {:>7.3} mm",
-                case.title(),
-                100.0 * case.area,
-                case.predicted_mm
-            )?;
-            match (case.simulated_mm, case.difference_mm) {
-                (Some(simulated), Some(difference)) => {
-                    let word = if case.outcome == "estimated" {
-                        "estimated"
-                    } else {
-                        "simulated"
-                    };
-                    writeln!(f, "  {word} {simulated:>7.3} mm  difference {difference:>+7.3} mm")?;
-                }
-                _ => writeln!(f, "  no stable solution: {}", case.outcome)?,
-            }
+        writeln!(f, "{}: displacement along the wanted directions", self.stage)?;
+        let width = self
+            .rows
+            .iter()
+            .map(|row| row.title().chars().count())
+            .max()
+            .unwrap_or(0);
+        for row in &self.rows {
+            writeln!(f, "  {:<width$}  {}", row.title(), Line(row))?;
         }
-        let gain = |gain: Option<f64>| gain.map_or("unknown".to_owned(), |g| format!("{:+.2} %", 100.0 * g));
-        write!(
-            f,
-            "  gain over the intuitive design: {} at its own area, {} at equal area",
-            gain(self.gain_own_area),
-            gain(self.gain_equal_area)
-        )
+        match self.largest_difference {
+            Some(share) if share > TRUSTED => write!(
+                f,
+                "  predicted and simulated differ by up to {:.0} %: the evaluator is not to be trusted here",
+                100.0 * share
+            ),
+            Some(share) => write!(f, "  predicted and simulated differ by up to {:.2} %", 100.0 * share),
+            None => write!(f, "  no design has both a prediction and a simulation"),
+        }
+    }
+}
+
+/// The numbers of a row.
+struct Line<'a>(&'a RowSummary);
+
+impl fmt::Display for Line<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let row = self.0;
+        write!(f, "area {:>5.1} %", 100.0 * row.area)?;
+        match row.predicted_mm {
+            Some(mm) => write!(f, "  predicted {mm:>7.3} mm")?,
+            None => write!(f, "  no prediction       ")?,
+        }
+        match row.simulated_mm {
+            Some(mm) => write!(f, "  simulated {mm:>7.3} mm")?,
+            None => write!(f, "  no stable solution: {}", row.outcome)?,
+        }
+        if let Some(error) = row.simulated_error_mm {
+            write!(f, " ± {error:.4}")?;
+        }
+        let percent = |gain: f64| format!("{:+.2} %", 100.0 * gain);
+        match (row.gain_own_area, row.gain_equal_area) {
+            (Some(own), Some(equal)) => write!(
+                f,
+                "  gain over the intuitive design {}, {} at equal area",
+                percent(own),
+                percent(equal)
+            )?,
+            (Some(own), None) => write!(f, "  gain over the intuitive design {}", percent(own))?,
+            (None, Some(equal)) => write!(f, "  gain over the intuitive design {} at equal area", percent(equal))?,
+            (None, None) => {}
+        }
+        if let Some(ratio) = row.ratio_to_optimum.filter(|_| row.role != "optimum") {
+            write!(f, "  {:.2} % of the optimum", 100.0 * ratio)?;
+        }
+        if row.status != "met" {
+            write!(f, "  ({})", row.status)?;
+        }
+        Ok(())
     }
 }

@@ -85,49 +85,77 @@ fn trained() -> Object {
     content.attribute("warnings", "3 samples are left out\nthe training diverged")
 }
 
+fn words(texts: &[&str]) -> Dataset {
+    let texts: Vec<String> = texts.iter().map(|text| (*text).to_owned()).collect();
+    Dataset::new("", "d", &[texts.len()], Data::Text(texts))
+}
+
+fn wholes(values: &[u64]) -> Dataset {
+    Dataset::new("1", "d", &[values.len()], Data::U64(values.to_vec()))
+}
+
+const OBJECTIVE: &str = "{ point: [25 mm, 25 mm], direction: 0 deg }";
+
 fn designed() -> Object {
     let curve = || reals("1", &[1.5, 1.7, 1.8]);
     object(vec![
+        ("name", words(&["design"; 2])),
+        ("role", words(&["ga", "intuitive"])),
+        ("objective", words(&[OBJECTIVE; 2])),
+        ("evaluator", words(&["method: linear"; 2])),
+        ("probe/name", words(&["design"])),
+        ("probe/candidates", words(&["method: linear"])),
+        ("probe/rmse", reals("mm", &[0.002])),
+        ("probe/known", wholes(&[32])),
+        ("probe/disagree", wholes(&[0])),
+        ("history/name", words(&["design"; 3])),
         ("history/best", curve()),
         ("history/mean", curve()),
         ("history/value", reals("mm", &[1.1, 1.3, 1.4])),
         ("history/area", reals("1", &[0.5, 0.51, 0.5])),
         (
-            "best/pattern",
-            Dataset::new("1", "d", &[50, 50], Data::U8(vec![1; 2500])),
+            "patterns",
+            Dataset::new("1", "d", &[2, 50, 50], Data::U8(vec![1; 5000])),
         ),
         (
-            "best/predicted",
-            Dataset::new("mm", "d", &[51, 51, 2], Data::F64(vec![0.1; 5202])),
+            "predicted",
+            Dataset::new("mm", "d", &[2, 51, 51, 2], Data::F64(vec![0.1; 10404])),
         ),
     ])
 }
 
-fn verified(outcomes: [&str; 3]) -> Object {
-    let texts = |t: [&str; 3]| Dataset::new("", "d", &[3], Data::Text(t.map(str::to_owned).to_vec()));
+/// A design, an optimum of which it reaches 2.0 of 2.5 mm, and the two intuitive ones.
+fn verified(outcomes: [&str; 4]) -> Object {
     let simulated: Vec<f64> = outcomes
         .iter()
-        .zip([2.0, 1.6, 1.95])
+        .zip([2.0, 2.5, 1.6, 1.95])
         .filter(|(outcome, _)| **outcome == "converged")
         .map(|(_, s)| s)
         .collect();
     let n = simulated.len();
     object(vec![
-        ("case", texts(["design", "intuitive", "intuitive-equal-area"])),
-        ("outcome", texts(outcomes)),
+        ("case", words(&[""; 4])),
+        ("name", words(&["design"; 4])),
+        ("role", words(&["ga", "optimum", "intuitive", "intuitive-equal-area"])),
+        ("member", wholes(&[0; 4])),
+        ("units", wholes(&[20, 20, 50, 50])),
+        ("objective", words(&[OBJECTIVE; 4])),
+        ("status", words(&["met", "met", "met", "area 0.4, wanted 0.5"])),
+        ("outcome", words(&outcomes)),
         (
             "patterns",
-            Dataset::new("1", "d", &[3, 50, 50], Data::U8(vec![1; 7500])),
+            Dataset::new("1", "d", &[4, 50, 50], Data::U8(vec![1; 10000])),
         ),
         (
             "displacement",
             Dataset::new("mm", "d", &[n, 51, 51, 2], Data::F64(vec![0.1; n * 5202])),
         ),
-        ("component/predicted", reals("mm", &[2.1, 1.9, 2.0])),
+        ("component/predicted", reals("mm", &[2.1, 2.5, 1.9, 2.0])),
         ("component/simulated", reals("mm", &simulated)),
-        ("area", reals("1", &[0.5, 0.4, 0.5])),
-        ("gain/own_area", reals("1", &[0.25])),
-        ("gain/equal_area", reals("1", &[0.0256])),
+        ("component/error", reals("mm", &vec![0.01; n])),
+        ("component/error_known", wholes(&vec![1; n])),
+        ("component/distance", reals("mm", &vec![0.0; n])),
+        ("area", reals("1", &[0.5, 0.5, 0.4, 0.5])),
     ])
 }
 
@@ -141,7 +169,7 @@ fn figures_are_drawn_once_and_named_by_their_artifact() {
         bench.made("balanced", "balance", &balanced()),
         bench.made("a/../b", "train", &trained()),
         bench.made("design", "design", &designed()),
-        bench.made("verified", "verify", &verified(["converged"; 3])),
+        bench.made("verified", "verify", &verified(["converged"; 4])),
     ];
     let paths = draw_figures(&bench.store, "../quick start", &made).unwrap();
     let folder = bench.store.root().join("figures/---quick-start");
@@ -210,41 +238,106 @@ fn errors_are_drawn_over_the_times_in_the_provenance() {
 #[test]
 fn the_summary_says_what_was_predicted_simulated_and_gained() {
     let bench = Bench::new();
-    let made = [bench.made("verified", "verify", &verified(["converged"; 3]))];
+    let made = [bench.made("verified", "verify", &verified(["converged"; 4]))];
     let summaries = summarise(&bench.store, &made).unwrap();
     let text = summaries[0].to_string();
     for part in [
+        "genetic algorithm",
         "predicted   2.100 mm",
-        "simulated   2.000 mm",
-        "difference  +0.100 mm",
-        "+25.00 % at its own area",
-        "+2.56 % at equal area",
+        "simulated   2.000 mm ± 0.0100",
+        "gain over the intuitive design +25.00 %, +2.56 % at equal area",
+        "80.00 % of the optimum",
+        "(area 0.4, wanted 0.5)",
+        "differ by up to 5.00 %",
     ] {
         assert!(text.contains(part), "{part}: {text}");
     }
     let json = serde_json::to_value(&summaries).unwrap();
-    assert_eq!(json[0]["cases"][2]["case"], "intuitive-equal-area");
-    assert_eq!(json[0]["cases"][0]["simulated_mm"], 2.0);
-    assert_eq!(json[0]["gain_equal_area"], 0.0256);
+    assert_eq!(json[0]["rows"][3]["role"], "intuitive-equal-area");
+    assert_eq!(json[0]["rows"][0]["simulated_mm"], 2.0);
+    assert_eq!(json[0]["rows"][0]["gain_own_area"], 0.25);
+    assert_eq!(json[0]["rows"][1]["ratio_to_optimum"], 1.0);
+    assert_eq!(json[0]["rows"][2]["ratio_to_optimum"], serde_json::Value::Null);
 }
 
 #[test]
-fn a_case_without_a_stable_solution_shows_no_numbers() {
+fn an_evaluator_that_is_wrong_is_exposed() {
     let bench = Bench::new();
-    let made = [bench.made("verified", "verify", &verified(["converged", "converged", "pull-in"]))];
+    let mut wrong = verified(["converged"; 4]);
+    wrong
+        .datasets
+        .insert("component/predicted".into(), reals("mm", &[2.8, 2.5, 1.9, 2.0]));
+    let made = [bench.made("verified", "verify", &wrong)];
     let summary = &summarise(&bench.store, &made).unwrap()[0];
-    assert_eq!((summary.gain_own_area, summary.gain_equal_area), (Some(0.25), None));
-    assert_eq!(summary.cases[2].simulated_mm, None);
+    assert!((summary.largest_difference.unwrap() - 0.4).abs() < 1e-12);
+    assert!(
+        summary
+            .to_string()
+            .contains("up to 40 %: the evaluator is not to be trusted")
+    );
+}
+
+#[test]
+fn a_pattern_without_a_stable_solution_shows_no_numbers() {
+    let bench = Bench::new();
+    let outcomes = ["converged", "converged", "converged", "pull-in"];
+    let made = [bench.made("verified", "verify", &verified(outcomes))];
+    let summary = &summarise(&bench.store, &made).unwrap()[0];
+    let gains = |row: &super::RowSummary| (row.gain_own_area, row.gain_equal_area);
+    assert_eq!(gains(&summary.rows[0]), (Some(0.25), None));
+    assert_eq!(summary.rows[3].simulated_mm, None);
     assert!(summary.to_string().contains("no stable solution: pull-in"));
     assert_eq!(draw_figures(&bench.store, "p", &made).unwrap().len(), 1);
-    let none = [bench.made("verified", "verify", &verified(["pull-in"; 3]))];
+    let none = [bench.made("verified", "verify", &verified(["pull-in"; 4]))];
     assert_eq!(draw_figures(&bench.store, "p", &none).unwrap().len(), 0);
+}
+
+#[test]
+fn many_targets_are_drawn_at_a_glance() {
+    let bench = Bench::new();
+    let mut many = verified(["converged"; 4]);
+    let object = &mut many.datasets;
+    let eight: Vec<String> = (0..8).map(|k| format!("t{k}")).collect();
+    let names: Vec<&str> = eight.iter().map(String::as_str).collect();
+    for (path, data) in [
+        ("name", words(&names)),
+        ("case", words(&["I"; 8])),
+        ("role", words(&["refined"; 8])),
+        ("status", words(&["met"; 8])),
+        ("outcome", words(&["converged"; 8])),
+        ("objective", words(&[OBJECTIVE; 8])),
+        ("member", wholes(&[0; 8])),
+        ("units", wholes(&[50; 8])),
+        ("area", reals("1", &[0.5; 8])),
+        ("component/predicted", reals("mm", &[1.0; 8])),
+        ("component/simulated", reals("mm", &[1.0; 8])),
+        ("component/error", reals("mm", &[0.0; 8])),
+        ("component/error_known", wholes(&[0; 8])),
+        ("component/distance", reals("mm", &[0.0; 8])),
+        (
+            "patterns",
+            Dataset::new("1", "d", &[8, 50, 50], Data::U8(vec![1; 20000])),
+        ),
+        (
+            "displacement",
+            Dataset::new("mm", "d", &[8, 51, 51, 2], Data::F64(vec![0.1; 8 * 5202])),
+        ),
+    ] {
+        object.insert(path.into(), data);
+    }
+    let made = [bench.made("verified", "verify", &many)];
+    let figures = draw_figures(&bench.store, "p", &made).unwrap();
+    let decoder = png::Decoder::new(std::io::BufReader::new(std::fs::File::open(&figures[0]).unwrap()));
+    let size = decoder.read_info().unwrap().info().size();
+    assert_eq!(size, (8 * 240, 300));
+    let text = summarise(&bench.store, &made).unwrap()[0].to_string();
+    assert!(text.contains("I t7: refined") && !text.contains("±"), "{text}");
 }
 
 #[test]
 fn artifacts_that_lack_something_are_named() {
     let bench = Bench::new();
-    let mut short = verified(["converged"; 3]);
+    let mut short = verified(["converged"; 4]);
     short.datasets.insert("area".into(), reals("1", &[0.5]));
     let made = [bench.made("verified", "verify", &short)];
     let error = summarise(&bench.store, &made).unwrap_err().to_string();

@@ -14,26 +14,11 @@ pub fn patterns(description: &str, patterns: &[Pattern]) -> Dataset {
     Dataset::new("1", description, &[patterns.len(), CELLS, CELLS], Data::U8(cells))
 }
 
-/// One pattern as a (50, 50) dataset.
-pub fn pattern(description: &str, pattern: &Pattern) -> Dataset {
-    Dataset::new("1", description, &[CELLS, CELLS], Data::U8(pattern.cells().to_vec()))
-}
-
 /// Fields as a (n, 51, 51, 2) dataset in mm.
 pub fn fields<'a>(description: &str, fields: impl ExactSizeIterator<Item = &'a Field>) -> Dataset {
     let count = fields.len();
     let values = fields.flat_map(|f| f.values().iter().copied()).collect();
     Dataset::new("mm", description, &[count, CORNERS, CORNERS, 2], Data::F64(values))
-}
-
-/// One field as a (51, 51, 2) dataset in mm.
-pub fn field(description: &str, field: &Field) -> Dataset {
-    Dataset::new(
-        "mm",
-        description,
-        &[CORNERS, CORNERS, 2],
-        Data::F64(field.values().to_vec()),
-    )
 }
 
 /// Texts as a (n) dataset.

@@ -1,86 +1,167 @@
-//! The objective of a design as it stands in a pipeline and, word for word the same, in an artifact.
+//! What a design is for, as it stands in a pipeline.
 
-use crate::base::{Canonical, Dimension, Fields, InputError, Node, Quantity, Schema};
-use crate::design::{Aim, Goal, GoalError, Measure};
+mod field;
 
-/// A point, where it should move, and how a motion is measured.
+use crate::base::{Canonical, Decimal, Dimension, Fields, InputError, Map, Node, Quantity, Schema};
+use crate::design::{Aim, Goal, GoalError, Measure, Motion};
+
+/// What a design is for: points, how each should move, and how that is measured.
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Objective {
-    aims: Vec<(Point, Quantity)>,
+    aims: Vec<AimText>,
     measure: Measure,
+    value: Option<Quantity>,
 }
 
-type Point = [Quantity; 2];
+/// A point and how it should move, as written.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct AimText {
+    point: [Quantity; 2],
+    motion: MotionText,
+    weight: Decimal,
+}
 
-const MEASURES: [&str; 2] = ["displacement", "qin2024"];
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum MotionText {
+    Direction(Quantity),
+    Displacement([Quantity; 2]),
+}
+
+const WHAT: &str = "the objective";
+
+const MEASURES: [(&str, Measure); 3] = [
+    ("displacement", Measure::Displacement),
+    ("distance", Measure::Distance),
+    ("qin2024", Measure::Qin2024),
+];
+
+const AIM_KEYS: [&str; 4] = ["point", "direction", "displacement", "weight"];
+
+/// Largest coordinate and displacement in mm.
+const LONGEST_MM: f64 = 1e4;
 
 impl Objective {
-    /// Reads `{ point, direction }` or `{ points: [{ point, direction }, …] }`, either with an optional `measure`.
+    /// Reads a point (`{ point, direction }`), points (`{ points: [{ point, direction, weight }, …] }`, or `displacement: [x, y]`
+    /// in place of a direction) or a wanted field (`{ field: FILE.csv }`), with an optional `measure`, and an optional `value`:
+    /// the displacement that is wanted along each direction.
     ///
     /// # Errors
-    /// When a key is unknown or missing, or a value is no length or angle.
+    /// When a key is unknown or missing, a value is no length or angle, or the keys contradict each other.
     pub fn read(node: &Node) -> Result<Self, InputError> {
-        let what = "the objective";
-        let many = node.peek("points").is_some();
-        let keys: &[&str] = if many {
-            &["points", "measure"]
-        } else {
-            &["point", "direction", "measure"]
+        let many = ["points", "field"].into_iter().find(|key| node.peek(key).is_some());
+        let own: Vec<&str> = many.map_or_else(|| AIM_KEYS.to_vec(), |key| vec![key]);
+        let map = node.fields(WHAT, &[&own[..], &["measure", "value"]].concat())?;
+        let aims = match many {
+            Some("points") => {
+                let list = map.required(WHAT, "points")?;
+                let aims = list.list("points")?;
+                if aims.is_empty() {
+                    return Err(list.error("`points` is empty").help("name at least one point"));
+                }
+                let aim = |aim: &Node| read_aim(&aim.fields("a point of the objective", &AIM_KEYS)?);
+                aims.iter().map(aim).collect::<Result<_, _>>()?
+            }
+            Some(_) => field::read(map.required(WHAT, "field")?)?,
+            None => vec![read_aim(&map)?],
         };
-        let map = node.fields(what, keys)?;
-        let measure = map
-            .optional("measure")
-            .map_or(Ok("displacement"), |n| n.word("measure", &MEASURES))?;
-        let measure = if measure == "qin2024" {
-            Measure::Qin2024
-        } else {
-            Measure::Displacement
+        let value = map.optional("value");
+        let value = value.map(|n| n.quantity_in("value", Dimension::Length, -LONGEST_MM, LONGEST_MM));
+        let objective = Self {
+            measure: read_measure(&map, &aims)?,
+            aims,
+            value: value.transpose()?,
         };
-        let aims = if many {
-            let list = map.required(what, "points")?.list("points")?;
-            list.iter()
-                .map(|aim| read_aim(aim, &["point", "direction"]))
-                .collect::<Result<_, _>>()?
-        } else {
-            vec![read_aim(node, keys)?]
-        };
-        Ok(Self { aims, measure })
+        objective.check(node, &map)
+    }
+
+    /// Refuses keys that contradict each other.
+    fn check(self, node: &Node, map: &Map<'_>) -> Result<Self, InputError> {
+        let vectors = self
+            .aims
+            .iter()
+            .filter(|aim| matches!(aim.motion, MotionText::Displacement(_)));
+        let vectors = vectors.count();
+        let at = |key| map.optional(key).unwrap_or(node);
+        match (self.measure, &self.value) {
+            (Measure::Distance, None) if vectors < self.aims.len() => Err(at("measure")
+                .error("a distance is measured from a wanted displacement, and a point has none")
+                .help("give each point `displacement: [x, y]` in place of a direction, or the objective a `value`")),
+            (Measure::Displacement | Measure::Qin2024, Some(_)) => Err(at("value")
+                .error("`value` is the displacement from which the distance is measured, and this measure is another")
+                .help("leave `measure` out, or `value`")),
+            (_, Some(_)) if vectors > 0 => Err(at("value")
+                .error("`value` stands for the length of the displacements, and a point has its `displacement`")
+                .help("give either")),
+            _ => Ok(self),
+        }
     }
 
     /// What [`Objective::read`] accepts.
     pub fn schema() -> Schema {
-        let measure = || {
-            let word = Schema::word(&MEASURES).default("displacement");
-            word.says("How a motion is measured: its component along the direction, or the paper's formula.")
+        let measured = |fields: Fields| {
+            let names: Vec<&str> = MEASURES.iter().map(|(name, _)| *name).collect();
+            let measure = Schema::word(&names).says(
+                "How a motion is measured: its component along the direction (the default where points have directions), its \
+                 distance from what is wanted (the default where that is given), or the paper's formula.",
+            );
+            let value = Schema::quantity(Dimension::Length, -LONGEST_MM, LONGEST_MM);
+            fields.optional("measure", measure).optional(
+                "value",
+                value.says("The displacement wanted along each direction, no more and no less."),
+            )
         };
-        let aims = Schema::list(aim_schema("A point and where it should move.").into(), 1, usize::MAX);
-        let many = Fields::new("Points whose displacements count by their mean.")
-            .required("points", aims)
-            .optional("measure", measure());
-        let one = aim_schema("A point and where it should move.").optional("measure", measure());
-        Schema::any_of([one.into(), many.into()]).says("What the design is for.")
+        let aims = Schema::list(aim_schema().into(), 1, usize::MAX);
+        let many = Fields::new("Points whose displacements count by their weighted mean.").required("points", aims);
+        let file =
+            Schema::text().says("A CSV file beside the pipeline or below with the columns x_mm, y_mm, ux_mm, uy_mm.");
+        let wanted = Fields::new("A wanted displacement field.").required("field", file);
+        Schema::any_of([aim_schema(), many, wanted].map(|fields| measured(fields).into()))
+            .says("What the design is for.")
     }
 
     /// The canonical value.
     pub fn canonical(&self) -> Canonical {
-        let aim = |(point, direction): &(Point, Quantity)| {
+        let aim = |aim: &AimText| {
+            let (key, motion) = match &aim.motion {
+                MotionText::Direction(angle) => ("direction", Canonical::from(angle)),
+                MotionText::Displacement(vector) => ("displacement", vector.iter().collect()),
+            };
             Canonical::map([
-                ("point", point.iter().collect()),
-                ("direction", Canonical::from(direction)),
+                ("point", aim.point.iter().collect()),
+                (key, motion),
+                ("weight", aim.weight.into()),
             ])
         };
-        let aims = Canonical::List(self.aims.iter().map(aim).collect());
-        Canonical::map([("points", aims), ("measure", self.measure_name().into())])
+        Canonical::map([
+            ("points", Canonical::List(self.aims.iter().map(aim).collect())),
+            ("measure", self.measure_name().into()),
+            ("value", self.value.as_ref().map_or(Canonical::Null, Canonical::from)),
+        ])
     }
 
     /// The objective in its own YAML syntax on one line.
     pub fn to_text(&self) -> String {
-        let aim = |(p, d): &(Point, Quantity)| format!("point: [{}, {}], direction: {d}", p[0], p[1]);
-        let measure = self.measure_name();
+        let aim = |aim: &AimText| {
+            let motion = match &aim.motion {
+                MotionText::Direction(angle) => format!("direction: {angle}"),
+                MotionText::Displacement([x, y]) => format!("displacement: [{x}, {y}]"),
+            };
+            let weight = match aim.weight.to_f64() {
+                1.0 => String::new(),
+                _ => format!(", weight: {}", aim.weight),
+            };
+            format!("point: [{}, {}], {motion}{weight}", aim.point[0], aim.point[1])
+        };
+        let value = self
+            .value
+            .as_ref()
+            .map_or(String::new(), |value| format!(", value: {value}"));
+        let more = format!("{value}, measure: {}", self.measure_name());
         match &self.aims[..] {
-            [single] => format!("{{ {}, measure: {measure} }}", aim(single)),
+            [single] => format!("{{ {}{more} }}", aim(single)),
             many => {
                 let list: Vec<String> = many.iter().map(|a| format!("{{ {} }}", aim(a))).collect();
-                format!("{{ points: [{}], measure: {measure} }}", list.join(", "))
+                format!("{{ points: [{}]{more} }}", list.join(", "))
             }
         }
     }
@@ -89,50 +170,94 @@ impl Objective {
     ///
     /// # Errors
     /// When a point lies outside the membrane or a number out of range.
-    pub fn goal(&self, side_mm: f64, area: f64, area_penalty: f64) -> Result<Goal, GoalError> {
-        let aim = |(point, direction): &(Point, Quantity)| Aim {
-            point_mm: [point[0].value(), point[1].value()],
-            direction_deg: direction.value(),
+    pub fn goal(&self, side_mm: f64, area: Option<f64>, area_penalty: f64) -> Result<Goal, GoalError> {
+        let aim = |aim: &AimText| Aim {
+            point_mm: aim.point.each_ref().map(Quantity::value),
+            motion: match (&aim.motion, &self.value) {
+                (MotionText::Direction(angle), None) => Motion::Along(angle.value()),
+                (MotionText::Direction(angle), Some(value)) => Motion::By(angle.value(), value.value()),
+                (MotionText::Displacement(vector), _) => Motion::To(vector.each_ref().map(Quantity::value)),
+            },
+            weight: aim.weight.to_f64(),
         };
-        Goal::new(
-            self.measure,
-            &self.aims.iter().map(aim).collect::<Vec<_>>(),
-            side_mm,
-            area,
-            area_penalty,
-        )
+        let aims: Vec<Aim> = self.aims.iter().map(aim).collect();
+        Goal::new(self.measure, &aims, side_mm, area, area_penalty)
     }
 
     fn measure_name(&self) -> &'static str {
-        match self.measure {
-            Measure::Displacement => "displacement",
-            Measure::Qin2024 => "qin2024",
-        }
+        MEASURES
+            .iter()
+            .find(|(_, measure)| *measure == self.measure)
+            .map_or("displacement", |(name, _)| *name)
     }
 }
 
-fn read_aim(node: &Node, keys: &[&str]) -> Result<(Point, Quantity), InputError> {
-    let what = "the objective";
-    let map = node.fields(what, keys)?;
-    let point = map.required(what, "point")?;
-    let [x, y] = point.list("point")? else {
-        return Err(point
-            .error("`point` must have two coordinates")
-            .help("for example [25 mm, 25 mm]"));
-    };
-    let length = |node: &Node| node.quantity_in("point", Dimension::Length, 0.0, 1e4);
-    let direction = map
-        .required(what, "direction")?
-        .quantity_in("direction", Dimension::Angle, -360.0, 360.0)?;
-    Ok(([length(x)?, length(y)?], direction))
+fn read_measure(map: &Map<'_>, aims: &[AimText]) -> Result<Measure, InputError> {
+    let names = MEASURES.map(|(name, _)| name);
+    let wanted =
+        map.optional("value").is_some() || aims.iter().all(|a| matches!(a.motion, MotionText::Displacement(_)));
+    match map.optional("measure") {
+        Some(node) => {
+            let word = node.word("measure", &names)?;
+            let found = MEASURES.iter().find(|(name, _)| *name == word);
+            Ok(found.map_or(Measure::Displacement, |(_, measure)| *measure))
+        }
+        None if wanted => Ok(Measure::Distance),
+        None => Ok(Measure::Displacement),
+    }
 }
 
-fn aim_schema(description: &str) -> Fields {
-    let point = Schema::list(Schema::quantity(Dimension::Length, 0.0, 1e4), 2, 2);
+fn read_aim(map: &Map<'_>) -> Result<AimText, InputError> {
+    let point = pair(map.required(WHAT, "point")?, "point", 0.0)?;
+    let motion = match (map.optional("displacement"), map.optional("direction")) {
+        (Some(node), Some(_)) => {
+            return Err(node
+                .error("`displacement` says the direction too, so `direction` cannot stand beside it")
+                .help("give either"));
+        }
+        (Some(node), None) => MotionText::Displacement(pair(node, "displacement", -LONGEST_MM)?),
+        (None, _) => MotionText::Direction(map.required(WHAT, "direction")?.quantity_in(
+            "direction",
+            Dimension::Angle,
+            -360.0,
+            360.0,
+        )?),
+    };
+    Ok(AimText {
+        point,
+        motion,
+        weight: map.number("weight", 1.0, 1e-9, 1e9)?,
+    })
+}
+
+/// Two lengths in mm, from `low` up.
+fn pair(node: &Node, field: &str, low: f64) -> Result<[Quantity; 2], InputError> {
+    let length = |node: &Node| node.quantity_in(field, Dimension::Length, low, LONGEST_MM);
+    match node.list(field)? {
+        [x, y] => Ok([length(x)?, length(y)?]),
+        _ => Err(node
+            .error(format!("`{field}` must have two components"))
+            .help("for example [25 mm, 25 mm]")),
+    }
+}
+
+fn aim_schema() -> Fields {
+    let pair = |low| Schema::list(Schema::quantity(Dimension::Length, low, LONGEST_MM), 2, 2);
     let direction = Schema::quantity(Dimension::Angle, -360.0, 360.0);
-    Fields::new(description)
-        .required("point", point.says("Its place, such as [25 mm, 25 mm]."))
-        .required("direction", direction.says("Counterclockwise from the x axis."))
+    Fields::new("A point and where it should move.")
+        .required("point", pair(0.0).says("Its place, such as [25 mm, 25 mm]."))
+        .optional("direction", direction.says("Counterclockwise from the x axis."))
+        .optional(
+            "displacement",
+            pair(-LONGEST_MM).says("The displacement that is wanted, in place of a direction."),
+        )
+        .optional(
+            "weight",
+            Schema::number(1e-9, 1e9)
+                .says("What the point counts beside others.")
+                .default(1.0),
+        )
+        .rule(serde_json::json!({ "oneOf": [{ "required": ["direction"] }, { "required": ["displacement"] }] }))
 }
 
 #[cfg(test)]
@@ -150,7 +275,9 @@ mod tests {
     fn an_objective_survives_its_own_text() {
         for text in [
             "{ point: [2.5 cm, 25], direction: 45 deg }",
-            "{ points: [{ point: [1, 2], direction: 0 }, { point: [3, 4], direction: -90 deg }], measure: qin2024 }",
+            "{ points: [{ point: [1, 2], direction: 0 }, { point: [3, 4], direction: -90 deg, weight: 2.5 }], measure: qin2024 }",
+            "{ point: [25, 25], direction: 30 deg, value: 1.00 mm }",
+            "{ points: [{ point: [1, 2], displacement: [0.1 mm, -0.2 mm] }, { point: [3, 4], displacement: [0, 0] }] }",
         ] {
             let objective = read(text).unwrap();
             assert_eq!(read(&objective.to_text()).unwrap().canonical(), objective.canonical());
@@ -165,6 +292,13 @@ mod tests {
             "{ point: [1], direction: 0 }",
             "{ point: [1 V, 2], direction: 0 }",
             "{}",
+            "{ points: [] }",
+            "{ point: [1, 2], direction: 0, displacement: [1, 1] }",
+            "{ point: [1, 2], direction: 0, measure: distance }",
+            "{ point: [1, 2], direction: 0, value: 1 mm, measure: displacement }",
+            "{ point: [1, 2], displacement: [1, 0], value: 1 mm }",
+            "{ points: [{ point: [1, 2], direction: 0 }, { point: [1, 2], displacement: [0, 1] }], measure: distance }",
+            "{ point: [1, 2], direction: 0, weight: 0 }",
         ] {
             assert!(read(text).is_err(), "{text}");
         }

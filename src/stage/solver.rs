@@ -278,6 +278,24 @@ impl SolverParameters {
         }
     }
 
+    /// The same on another mesh of comparable kind, by which the error of this one can be told: half as many elements per
+    /// cell, lower order where there is but one, and two elements where that is of the lowest order too. `None` where the mesh
+    /// follows from an accuracy.
+    pub fn beside(&self) -> Option<Self> {
+        let (elements_per_cell, order) = match self.mesh()? {
+            (1, 1) => (2, 1),
+            (1, _) => (1, 1),
+            (elements, order) => (elements / 2, order),
+        };
+        Some(Self {
+            mesh: MeshParameters::Fixed {
+                elements_per_cell,
+                order,
+            },
+            ..self.clone()
+        })
+    }
+
     /// The accuracy that was asked for instead of a mesh.
     pub fn accuracy(&self) -> Option<Quantity> {
         match self.mesh {

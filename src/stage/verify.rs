@@ -1,26 +1,41 @@
-//! `kind: verify` simulates the design on a finer mesh, beside the intuitive design at its own and at equal area.
+//! `kind: verify` simulates designs on two finer meshes, beside the intuitive ones.
 
 use super::arrays;
 use super::objective::Objective;
 use super::screening::Screened;
-use super::solver::{SolverParameters, explained};
+use super::solver::{Solver, SolverParameters, explained};
 use crate::base::{Canonical, Document, Fields, InputError, Node};
-use crate::fem::SetupError;
-use crate::field::{Field, Outcome, Simulation};
+use crate::design::Goal;
+use crate::fem::{AccurateSimulation, SetupError};
+use crate::field::{Field, Outcome};
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::pattern::Pattern;
 use crate::scene::Scene;
 use crate::store::{Artifact, Object};
 
-/// The cases with the group of the design artifact that each stands in.
-const CASES: [(&str, &str); 3] = [
-    ("design", "best"),
-    ("intuitive", "intuitive"),
-    ("intuitive-equal-area", "intuitive_equal_area"),
-];
-
 /// Elements per cell unless a stage says otherwise.
 const ELEMENTS_PER_CELL: u64 = 4;
+
+/// Patterns between two reports of progress.
+const BATCH: usize = 8;
+
+/// Stages of designs that one stage may verify.
+const MOST: usize = 1000;
+
+/// What is said of each row in words, handed on from the design.
+const TEXTS: [(&str, &str); 8] = [
+    ("case", "label of the stage that designed it"),
+    ("name", "name of the target"),
+    (
+        "role",
+        "how the pattern came about: ga, refined, optimum, intuitive, intuitive-equal-area",
+    ),
+    ("objective", "the objective in YAML"),
+    ("area_target", "wanted area fraction, or free"),
+    ("constraints", "the constraints in YAML"),
+    ("evaluator", "what predicted the field"),
+    ("status", "met, or which constraints are not, as the search knew it"),
+];
 
 /// The kind `verify`.
 pub struct VerifyKind;
@@ -31,19 +46,19 @@ impl Kind for VerifyKind {
     }
 
     fn recipe(&self) -> u32 {
-        2
+        3
     }
 
     fn needs(&self) -> Needs {
         Needs {
             kinds: &["design"],
             least: 1,
-            most: 1,
+            most: MOST,
         }
     }
 
     fn schema(&self) -> Vec<Fields> {
-        let fields = Fields::new("Simulates a design beside the intuitive one.");
+        let fields = Fields::new("Simulates designs on two meshes, beside the intuitive ones.");
         vec![SolverParameters::schema(fields, ELEMENTS_PER_CELL, true)]
     }
 
@@ -67,10 +82,22 @@ struct VerifyStage {
 
 /// One pattern with what was predicted and what was simulated.
 struct Case {
-    name: &'static str,
+    /// In the order of [`TEXTS`].
+    texts: [String; TEXTS.len()],
+    member: u64,
+    units: u64,
+    goal: Goal,
     pattern: Pattern,
     predicted: Field,
-    simulation: Simulation,
+    simulated: Option<Simulated>,
+}
+
+/// What two meshes say.
+struct Simulated {
+    outcome: Outcome,
+    field: Option<Field>,
+    /// Estimated discretisation error of the displacement along the wanted directions, in mm, where it is known.
+    error: Option<f64>,
 }
 
 impl Stage for VerifyStage {
@@ -82,38 +109,32 @@ impl Stage for VerifyStage {
         self.solver.weight()
     }
 
-    fn plan(&self, _inputs: &[Input]) -> Plan {
+    fn plan(&self, inputs: &[Input]) -> Plan {
         Plan::Whole {
-            steps: CASES.len() as u64,
+            steps: inputs.iter().map(|input| input.parts.len() as u64).sum(),
         }
     }
 
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
-        let [design] = job.inputs else {
-            return Err(StageError::Failed("a verify stage reads one design".to_owned()));
-        };
         let failed = |e: SetupError| StageError::Failed(explained(&e));
         let screened = Screened::new(&self.scene).map_err(failed)?;
         let solver = self.solver.build(&screened.scene).map_err(failed)?;
-        let mut cases = Vec::new();
-        for (name, group) in CASES {
-            let pattern = single(arrays::read_patterns(design, &format!("{group}/pattern"))?, design)?;
-            let predicted = single(arrays::read_fields(design, &format!("{group}/predicted"))?, design)?;
-            let simulated = solver.simulate(std::slice::from_ref(&pattern)).map_err(failed)?;
-            let simulation = single(simulated, design)?.simulation;
-            job.progress.advance(1);
-            cases.push(Case {
-                name,
-                pattern,
-                predicted,
-                simulation,
-            });
+        let beside = self.solver.beside().map(|other| other.build(&screened.scene));
+        let beside = beside.transpose().map_err(failed)?;
+        let steps = targets(job.inputs)?;
+        let mut cases = self.cases(job.inputs)?;
+        let count = cases.len().max(1) as u64;
+        let mut told = 0;
+        for start in (0..cases.len()).step_by(BATCH) {
+            let end = (start + BATCH).min(cases.len());
+            simulate(&mut cases[start..end], &solver, beside.as_ref()).map_err(failed)?;
+            let reached = steps * end as u64 / count;
+            job.progress.advance(reached - told);
+            told = reached;
         }
-        let value = objective_value(design, &self.scene)?;
-        let text = design.attribute("objective").unwrap_or_default().to_owned();
-        let object = describe(&cases, &value)
+        let object = describe(&cases)
             .attribute("scene", self.scene.to_text())
-            .attribute("objective", text);
+            .attribute("solver", format!("{{ {} }}", self.solver));
         Ok(screened.describe(object))
     }
 
@@ -127,73 +148,144 @@ impl Stage for VerifyStage {
     }
 }
 
-fn single<T>(items: Vec<T>, design: &Artifact) -> Result<T, StageError> {
-    let found = items.len();
-    let wrong = || {
-        StageError::Input(format!(
-            "artifact {}: {found} items where one belongs",
-            design.digest().short()
-        ))
-    };
-    items.into_iter().next().filter(|_| found == 1).ok_or_else(wrong)
-}
+impl VerifyStage {
+    /// The rows of all designs. Intuitive ones that several designs of a target were compared with are there once.
+    fn cases(&self, designs: &[Artifact]) -> Result<Vec<Case>, StageError> {
+        let mut cases: Vec<Case> = Vec::new();
+        for design in designs {
+            for case in self.cases_of(design)? {
+                let [label, name, role, ..] = &case.texts;
+                let same = |other: &Case| other.texts[..3] == case.texts[..3] && other.pattern == case.pattern;
+                if role.starts_with("intuitive") && cases.iter().any(same) {
+                    continue;
+                }
+                if !role.starts_with("intuitive") {
+                    let identity = |c: &Case| (c.texts[..3].to_vec(), c.member, c.units);
+                    if cases.iter().any(|other| identity(other) == identity(&case)) {
+                        return Err(StageError::Input(format!(
+                            "two stages have a design `{name}` of role {role}, {} units and the case {label:?}: \
+                             tell them apart by `case` or by the names of targets",
+                            case.units
+                        )));
+                    }
+                }
+                cases.push(case);
+            }
+        }
+        Ok(cases)
+    }
 
-/// The displacement in mm along the wanted direction, as a function of the field.
-fn objective_value(design: &Artifact, scene: &Scene) -> Result<impl Fn(&Field) -> f64 + use<>, StageError> {
-    let wrong = |e: &dyn std::fmt::Display| StageError::Input(format!("artifact {}: {e}", design.digest().short()));
-    let text = design
-        .attribute("objective")
-        .ok_or_else(|| wrong(&"it has no objective"))?;
-    let document = Document::from_text(std::path::Path::new("objective"), text).map_err(|e| wrong(&e))?;
-    let objective = Objective::read(&document.root).map_err(|e| wrong(&e))?;
-    // Area and its weight do not enter the displacement.
-    let goal = objective.goal(scene.side_mm(), 0.5, 0.0).map_err(|e| wrong(&e))?;
-    Ok(move |field: &Field| goal.value_mm(field))
-}
-
-/// Gain of the design over another case; nothing where one of them is unstable or the other does not move.
-fn gain(cases: &[Case], value: &impl Fn(&Field) -> f64, other: &str) -> Vec<f64> {
-    let simulated = |name: &str| {
-        let case = cases.iter().find(|case| case.name == name)?;
-        case.simulation.field.as_ref().map(value)
-    };
-    match (simulated("design"), simulated(other)) {
-        (Some(design), Some(other)) if other.abs() > 1e-9 => vec![(design - other) / other.abs()],
-        _ => Vec::new(),
+    fn cases_of(&self, design: &Artifact) -> Result<Vec<Case>, StageError> {
+        let wrong = |why: &str| StageError::Input(format!("artifact {}: {why}", design.digest().short()));
+        let patterns = arrays::read_patterns(design, "patterns")?;
+        let predicted = arrays::read_fields(design, "predicted")?;
+        let (member, units) = (design.u64s("member")?.1, design.u64s("units")?.1);
+        let texts: Vec<Vec<String>> = TEXTS
+            .iter()
+            .map(|(path, _)| Ok(design.texts(path)?.1))
+            .collect::<Result<_, StageError>>()?;
+        let n = patterns.len();
+        let lengths = [predicted.len(), member.len(), units.len()];
+        if lengths != [n; 3] || texts.iter().any(|column| column.len() != n) {
+            return Err(wrong("its arrays differ in length"));
+        }
+        patterns
+            .into_iter()
+            .zip(predicted)
+            .enumerate()
+            .map(|(row, (pattern, predicted))| {
+                let texts: [String; TEXTS.len()] = std::array::from_fn(|k| texts[k][row].clone());
+                Ok(Case {
+                    goal: goal(&texts[3], &self.scene).map_err(|why| wrong(&why))?,
+                    texts,
+                    member: member[row],
+                    units: units[row],
+                    pattern,
+                    predicted,
+                    simulated: None,
+                })
+            })
+            .collect()
     }
 }
 
-fn describe(cases: &[Case], value: &impl Fn(&Field) -> f64) -> Object {
-    let solved: Vec<(&Case, &Field)> = cases
+/// How many targets the designs have together: the length of the progress bar.
+fn targets(designs: &[Artifact]) -> Result<u64, StageError> {
+    let mut sum = 0;
+    for design in designs {
+        let mut names = design.texts("name")?.1;
+        names.dedup();
+        sum += names.len() as u64;
+    }
+    Ok(sum)
+}
+
+fn simulate(cases: &mut [Case], solver: &Solver, beside: Option<&Solver>) -> Result<(), SetupError> {
+    let patterns: Vec<Pattern> = cases.iter().map(|case| case.pattern.clone()).collect();
+    let results = solver.simulate(&patterns)?;
+    let others = beside.map(|other| other.simulate(&patterns)).transpose()?;
+    for (k, (case, result)) in cases.iter_mut().zip(results).enumerate() {
+        let AccurateSimulation {
+            simulation,
+            discretisation_error,
+            ..
+        } = result;
+        let other = others.as_ref().and_then(|others| others[k].simulation.field.as_ref());
+        let difference = |field: &Field, other: &Field| (case.goal.value_mm(field) - case.goal.value_mm(other)).abs();
+        let between = simulation
+            .field
+            .as_ref()
+            .zip(other)
+            .map(|(field, other)| difference(field, other));
+        case.simulated = Some(Simulated {
+            outcome: simulation.outcome,
+            field: simulation.field,
+            error: discretisation_error.or(between),
+        });
+    }
+    Ok(())
+}
+
+/// What a design was for. Area and its weight do not enter the displacement.
+fn goal(text: &str, scene: &Scene) -> Result<Goal, String> {
+    let document = Document::from_text(std::path::Path::new("objective"), text).map_err(|e| e.to_string())?;
+    let objective = Objective::read(&document.root).map_err(|e| e.to_string())?;
+    objective.goal(scene.side_mm(), None, 0.0).map_err(|e| e.to_string())
+}
+
+fn describe(cases: &[Case]) -> Object {
+    let known: Vec<(&Case, &Field, Option<f64>)> = cases
         .iter()
-        .filter_map(|c| Some((c, c.simulation.field.as_ref()?)))
+        .filter_map(|case| {
+            let simulated = case.simulated.as_ref()?;
+            Some((case, simulated.field.as_ref()?, simulated.error))
+        })
         .collect();
-    let differences: Vec<Field> = solved
+    let outcome = |case: &Case| case.simulated.as_ref().map_or("iteration-limit", |s| s.outcome.name());
+    let differences: Vec<Field> = known
         .iter()
-        .filter_map(|(case, field)| difference(&case.predicted, field))
+        .filter_map(|(case, field, _)| difference(&case.predicted, field))
         .collect();
     let patterns: Vec<Pattern> = cases.iter().map(|case| case.pattern.clone()).collect();
-    let fields: Vec<&Field> = solved.iter().map(|(_, field)| *field).collect();
     let predicted: Vec<&Field> = cases.iter().map(|case| &case.predicted).collect();
-    let of_converged = "; one row for each case with a field, in their order";
-    Object::default()
-        .with(
-            "case",
-            arrays::texts("which design", cases.iter().map(|case| case.name)),
-        )
-        .with(
-            "outcome",
-            arrays::texts(
-                "how the simulation ended",
-                cases.iter().map(|case| case.simulation.outcome.name()),
-            ),
-        )
+    let fields: Vec<&Field> = known.iter().map(|(_, field, _)| *field).collect();
+    let of_known = "; one row for each pattern with a field, in their order";
+    let mut object = Object::default();
+    for (k, (path, note)) in TEXTS.iter().enumerate() {
+        object = object.with(
+            path,
+            arrays::texts(note, cases.iter().map(|case| case.texts[k].as_str())),
+        );
+    }
+    let wholes = |note: &str, of: fn(&Case) -> u64| arrays::wholes("1", note, cases.iter().map(of).collect());
+    let reals = |note: &str, values: Vec<f64>| arrays::reals("mm", &format!("{note}{of_known}"), values);
+    object
+        .with("member", wholes("which of several designs of the target", |case| case.member))
+        .with("units", wholes("units along a side by which it was searched", |case| case.units))
+        .with("outcome", arrays::texts("how the simulation ended", cases.iter().map(outcome)))
         .with(
             "patterns",
-            arrays::patterns(
-                "electrode patterns [case][y][x], origin lower left, 1 = electrode",
-                &patterns,
-            ),
+            arrays::patterns("electrode patterns [row][y][x], origin lower left, 1 = electrode", &patterns),
         )
         .with(
             "area",
@@ -205,49 +297,58 @@ fn describe(cases: &[Case], value: &impl Fn(&Field) -> f64) -> Object {
         )
         .with(
             "predicted",
-            arrays::fields("predicted displacement [case][y][x][component]", predicted.into_iter()),
+            arrays::fields("predicted displacement [row][y][x][component]", predicted.into_iter()),
         )
         .with(
             "displacement",
             arrays::fields(
-                &format!("simulated displacement [y][x][component]{of_converged}"),
+                &format!("simulated displacement [y][x][component]{of_known}"),
                 fields.iter().copied(),
             ),
         )
         .with(
             "difference",
-            arrays::fields(&format!("predicted minus simulated{of_converged}"), differences.iter()),
+            arrays::fields(&format!("predicted minus simulated{of_known}"), differences.iter()),
         )
         .with(
             "component/predicted",
             arrays::reals(
                 "mm",
-                "predicted displacement of the point along the wanted direction",
-                cases.iter().map(|c| value(&c.predicted)).collect(),
+                "predicted mean displacement along the wanted directions",
+                cases.iter().map(|case| case.goal.value_mm(&case.predicted)).collect(),
             ),
         )
         .with(
             "component/simulated",
-            arrays::reals(
-                "mm",
-                &format!("simulated displacement along the wanted direction{of_converged}"),
-                fields.iter().map(|f| value(f)).collect(),
+            reals(
+                "simulated mean displacement along the wanted directions",
+                known.iter().map(|(case, field, _)| case.goal.value_mm(field)).collect(),
             ),
         )
         .with(
-            "gain/own_area",
-            arrays::reals(
-                "1",
-                "gain over the intuitive design at its own area; empty where it is not defined",
-                gain(cases, value, "intuitive"),
+            "component/error",
+            reals(
+                "what a mesh of half the elements per cell says otherwise, or the estimated error where an accuracy was asked \
+                 for; 0 where it is not known",
+                known.iter().map(|(.., error)| error.unwrap_or(0.0)).collect(),
             ),
         )
         .with(
-            "gain/equal_area",
-            arrays::reals(
+            "component/error_known",
+            arrays::wholes(
                 "1",
-                "gain over the intuitive design at equal area; empty where it is not defined",
-                gain(cases, value, "intuitive-equal-area"),
+                &format!("whether the error is known: the other mesh has a field too{of_known}"),
+                known.iter().map(|(.., error)| u64::from(error.is_some())).collect(),
+            ),
+        )
+        .with(
+            "component/distance",
+            reals(
+                "simulated distance from the wanted displacements, root mean square; 0 where nothing but a direction is wanted",
+                known
+                    .iter()
+                    .map(|(case, field, _)| case.goal.distance_mm(field).unwrap_or(0.0))
+                    .collect(),
             ),
         )
 }

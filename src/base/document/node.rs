@@ -1,5 +1,6 @@
 //! The tree: values with their places.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use super::error::InputError;
@@ -63,6 +64,12 @@ impl Node {
             .count()
             + 1;
         format!("{}:{line}", self.source.name)
+    }
+
+    /// The file that the node stands in, or what stands for one (a `--set` argument).
+    #[must_use]
+    pub fn file(&self) -> &Path {
+        Path::new(&self.source.name)
     }
 
     pub(super) fn with_value(&self, value: NodeValue) -> Self {

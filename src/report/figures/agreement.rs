@@ -53,7 +53,7 @@ pub fn draw_agreement(path: &Path, cases: &[Case]) -> Result<(), FigureError> {
 type Series = (&'static str, RGBColor, f64, fn(&Case) -> f64);
 
 const SERIES: [Series; 2] = [
-    ("predicted by the surrogate", palette::SKY, -0.32, |case| case.predicted),
+    ("predicted by the evaluator", palette::SKY, -0.32, |case| case.predicted),
     ("simulated by finite elements", palette::BLUE, 0.02, |case| {
         case.simulated
     }),

@@ -145,13 +145,46 @@ pub(super) fn electrode(area: &Area<'_>, title: &str, data: &Membrane, scale: f6
     };
     let note = format!("area {:.1} %, {factor}, grey: at rest", 100.0 * data.area());
     let mut panel = frame(area, title, &note, data.side)?;
+    active(&mut panel, data, scale)?;
+    outline(&mut panel, data, 0.0, palette::GREY.stroke_width(px(1)))?;
+    outline(&mut panel, data, scale, palette::BLUE.stroke_width(px(2)))?;
+    arrows(&mut panel, data, scale)
+}
+
+/// The electrode where it has moved to on its outline at rest, without axes, below two lines of text.
+pub(super) fn thumbnail(
+    area: &Area<'_>,
+    captions: &[String; 2],
+    data: &Membrane,
+    scale: f64,
+) -> Result<(), FigureError> {
+    let (upper, lower) = area.split_vertically(px(52));
+    for (caption, top) in captions.iter().zip([0, 25]) {
+        let place = (px(6) as i32, px(top) as i32);
+        upper.draw(&Text::new(caption.clone(), place, text(21, palette::INK)))?;
+    }
+    let (width, height) = lower.dim_in_pixel();
+    let free = height.saturating_sub(width);
+    let mut panel: Panel<'_> = ChartBuilder::on(&lower)
+        .margin(px(3))
+        .margin_bottom(px(3) + free)
+        .build_cartesian_2d(Axis::linear("", 0.0, data.side), Axis::linear("", 0.0, data.side))?;
+    panel.draw_series([Rectangle::new(
+        [(0.0, 0.0), (data.side, data.side)],
+        palette::GREY.stroke_width(px(1)),
+    )])?;
+    active(&mut panel, data, scale)?;
+    outline(&mut panel, data, scale, palette::BLUE.stroke_width(px(1)))?;
+    arrows(&mut panel, data, scale)
+}
+
+/// The active cells where they have moved to.
+fn active(panel: &mut Panel<'_>, data: &Membrane, scale: f64) -> Result<(), FigureError> {
     let cells = (0..CELLS * CELLS)
         .map(|at| (at % CELLS, at / CELLS))
         .filter(|&(x, y)| data.is_active(x, y));
     panel.draw_series(cells.map(|(x, y)| Polygon::new(data.quad(x, y, scale), palette::SKY.filled())))?;
-    outline(&mut panel, data, 0.0, palette::GREY.stroke_width(px(1)))?;
-    outline(&mut panel, data, scale, palette::BLUE.stroke_width(px(2)))?;
-    arrows(&mut panel, data, scale)
+    Ok(())
 }
 
 fn outline(panel: &mut Panel<'_>, data: &Membrane, scale: f64, style: ShapeStyle) -> Result<(), FigureError> {

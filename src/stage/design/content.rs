@@ -1,60 +1,166 @@
-//! What the artifact of a design stage says.
+//! What the artifact of a design stage says: a row for each pattern, and how the searches went.
 
 use super::probe::Probe;
-use crate::design::{Evolution, GenerationReport, UNITS};
+use crate::design::{GenerationReport, Step, UNITS};
 use crate::field::Field;
 use crate::pattern::Pattern;
 use crate::stage::arrays;
 use crate::store::{Data, Dataset, Object};
 
-/// Adds what every candidate for an evaluator said.
-pub fn with_probes(object: Object, probes: &[Probe]) -> Object {
-    let wholes = |note: &str, value: fn(&Probe) -> u64| arrays::wholes("1", note, probes.iter().map(value).collect());
-    object
-        .with(
-            "evaluator/candidates",
-            arrays::texts(
-                "evaluators from the cheapest to the dearest, the reference last; none where one is named",
-                probes.iter().map(|probe| probe.settings.as_str()),
-            ),
-        )
-        .with(
-            "evaluator/rmse",
-            arrays::reals(
-                "mm",
-                "root mean square error of a component on patterns of the first generation",
-                probes.iter().map(|probe| probe.rmse_mm).collect(),
-            ),
-        )
-        .with(
-            "evaluator/known",
-            wholes("patterns that the error is over", |probe| probe.known),
-        )
-        .with(
-            "evaluator/disagree",
-            wholes(
-                "patterns of which the reference has a field and it has none, or it has one alone",
-                |probe| probe.disagree,
-            ),
-        )
+/// What a pattern is in a design: how it came about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// The genetic algorithm's best.
+    Ga,
+    /// That, improved along the gradient.
+    Refined,
+    /// The best that gradients find by themselves.
+    Optimum,
+    /// What a person would draw.
+    Intuitive,
+    /// The same, its line moved until its area is that of the design.
+    IntuitiveEqualArea,
 }
 
-/// The search, and the patterns that it is judged by with their predicted fields.
-pub fn describe(evolution: &Evolution, patterns: &[Pattern; 3], predicted: &[Field]) -> Object {
-    let curve = |units, description, value: fn(&GenerationReport) -> f64| {
-        arrays::reals(units, description, evolution.history.iter().map(value).collect())
+impl Role {
+    /// The word that stands in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Ga => "ga",
+            Self::Refined => "refined",
+            Self::Optimum => "optimum",
+            Self::Intuitive => "intuitive",
+            Self::IntuitiveEqualArea => "intuitive-equal-area",
+        }
+    }
+}
+
+/// One pattern of a target.
+pub struct Row {
+    /// How it came about.
+    pub role: Role,
+    /// Which of several designs of the target.
+    pub member: usize,
+    /// Units along a side of the membrane, by which it was searched.
+    pub units: usize,
+    /// The pattern.
+    pub pattern: Pattern,
+    /// Its field by the evaluator.
+    pub predicted: Field,
+    /// Predicted mean displacement along the wanted directions in mm.
+    pub value_mm: f64,
+    /// F; smaller is better.
+    pub fitness: f64,
+    /// `met`, or which constraints are not.
+    pub status: String,
+}
+
+/// How one climb went.
+pub struct Climbing {
+    /// The role of its result.
+    pub role: Role,
+    /// Which of several designs.
+    pub member: usize,
+    /// Its steps.
+    pub steps: Vec<Step>,
+}
+
+/// What is said of every row of a target.
+pub struct Heading {
+    /// The label of the stage.
+    pub case: String,
+    /// The name of the target.
+    pub name: String,
+    /// Its objective in YAML.
+    pub objective: String,
+    /// The wanted area fraction, or `free`.
+    pub area: String,
+    /// The constraints in YAML.
+    pub constraints: String,
+    /// The evaluator's settings.
+    pub evaluator: String,
+}
+
+/// The artifact of one target.
+pub fn describe(heading: &Heading, rows: &[Row], history: &[GenerationReport], climbs: &[Climbing]) -> Object {
+    let object = with_rows(Object::default(), heading, rows);
+    with_climbs(with_history(object, heading, history), heading, climbs)
+}
+
+fn with_rows(object: Object, heading: &Heading, rows: &[Row]) -> Object {
+    let texts = |note: &str, text: &dyn Fn(&Row) -> String| {
+        let texts: Vec<String> = rows.iter().map(text).collect();
+        arrays::texts(note, texts.iter().map(String::as_str))
     };
-    let genes = evolution
-        .history
+    let same = |note: &str, text: &str| texts(note, &|_| text.to_owned());
+    let wholes = |note: &str, number: fn(&Row) -> usize| {
+        arrays::wholes("1", note, rows.iter().map(|row| number(row) as u64).collect())
+    };
+    let reals = |units: &str, note: &str, number: fn(&Row) -> f64| {
+        arrays::reals(units, note, rows.iter().map(number).collect())
+    };
+    let patterns: Vec<Pattern> = rows.iter().map(|row| row.pattern.clone()).collect();
+    object
+        .with("case", same("label of the stage", &heading.case))
+        .with("name", same("name of the target", &heading.name))
+        .with(
+            "role",
+            texts(
+                "ga, refined along the gradient, optimum of gradients alone, intuitive, intuitive at the area of the design",
+                &|row| row.role.name().to_owned(),
+            ),
+        )
+        .with("member", wholes("which of several designs of the target", |row| row.member))
+        .with("units", wholes("units along a side by which it was searched", |row| row.units))
+        .with("objective", same("the objective in YAML", &heading.objective))
+        .with("area_target", same("wanted area fraction, or free", &heading.area))
+        .with("constraints", same("the constraints in YAML", &heading.constraints))
+        .with("evaluator", same("what predicted the field", &heading.evaluator))
+        .with(
+            "patterns",
+            arrays::patterns("electrode patterns [row][y][x], origin lower left, 1 = electrode", &patterns),
+        )
+        .with(
+            "area",
+            reals("1", "area fraction of the electrode", |row| row.pattern.area_fraction()),
+        )
+        .with(
+            "predicted",
+            arrays::fields(
+                "predicted displacement at the cell corners [row][y][x][component]",
+                rows.iter().map(|row| &row.predicted).collect::<Vec<_>>().into_iter(),
+            ),
+        )
+        .with(
+            "value",
+            reals("mm", "predicted mean displacement along the wanted directions", |row| row.value_mm),
+        )
+        .with("fitness", reals("1", "fitness, smaller is better", |row| row.fitness))
+        .with("status", texts("met, or which constraints are not", &|row| row.status.clone()))
+}
+
+fn with_history(object: Object, heading: &Heading, history: &[GenerationReport]) -> Object {
+    let curve = |units, description, value: fn(&GenerationReport) -> f64| {
+        arrays::reals(units, description, history.iter().map(value).collect())
+    };
+    let genes = history
         .iter()
         .flat_map(|report| report.genome.genes().iter().map(|&on| u8::from(on)));
     let genomes = Dataset::new(
         "1",
         "best genome of each generation [generation][y][x]",
-        &[evolution.history.len(), UNITS, UNITS],
+        &[history.len(), UNITS, UNITS],
         Data::U8(genes.collect()),
     );
-    let mut object = Object::default()
+    object
+        .with(
+            "history/name",
+            arrays::texts("name of the target", history.iter().map(|_| heading.name.as_str())),
+        )
+        .with(
+            "history/generation",
+            arrays::wholes("1", "generation", history.iter().map(|r| r.generation as u64).collect()),
+        )
         .with(
             "history/best",
             curve(
@@ -77,20 +183,93 @@ pub fn describe(evolution: &Evolution, patterns: &[Pattern; 3], predicted: &[Fie
         )
         .with("history/area", curve("1", "area fraction of the best", |r| r.area))
         .with("history/genomes", genomes)
+}
+
+fn with_climbs(object: Object, heading: &Heading, climbs: &[Climbing]) -> Object {
+    let steps: Vec<(&Climbing, usize, &Step)> = climbs
+        .iter()
+        .flat_map(|climb| climb.steps.iter().enumerate().map(move |(at, step)| (climb, at, step)))
+        .collect();
+    let texts = |note: &str, text: &dyn Fn(&Climbing) -> String| {
+        let texts: Vec<String> = steps.iter().map(|(climb, ..)| text(climb)).collect();
+        arrays::texts(note, texts.iter().map(String::as_str))
+    };
+    let wholes = |note: &str, number: &dyn Fn(&Climbing, usize) -> usize| {
+        arrays::wholes(
+            "1",
+            note,
+            steps.iter().map(|(climb, at, _)| number(climb, *at) as u64).collect(),
+        )
+    };
+    let reals = |units: &str, note: &str, number: fn(&Step) -> f64| {
+        arrays::reals(units, note, steps.iter().map(|(.., step)| number(step)).collect())
+    };
+    object
+        .with("climb/name", texts("name of the target", &|_| heading.name.clone()))
+        .with(
+            "climb/role",
+            texts("role of the result", &|climb| climb.role.name().to_owned()),
+        )
+        .with(
+            "climb/member",
+            wholes("which of several designs", &|climb, _| climb.member),
+        )
+        .with("climb/step", wholes("step of the climb", &|_, at| at))
+        .with(
+            "climb/value",
+            reals(
+                "mm",
+                "displacement along the wanted directions by finite elements",
+                |step| step.value_mm,
+            ),
+        )
+        .with("climb/area", reals("1", "area fraction", |step| step.area))
+        .with(
+            "climb/simulations",
+            arrays::wholes(
+                "1",
+                "patterns simulated up to this step",
+                steps.iter().map(|(.., step)| step.simulations as u64).collect(),
+            ),
+        )
+}
+
+/// Adds what every candidate for an evaluator said, and how many patterns the search predicted.
+pub fn with_probes(object: Object, name: &str, evaluations: usize, probes: &[Probe]) -> Object {
+    let wholes = |note: &str, value: fn(&Probe) -> u64| arrays::wholes("1", note, probes.iter().map(value).collect());
+    object
         .with(
             "evaluations",
-            arrays::wholes("1", "patterns predicted", vec![evolution.evaluations as u64]),
-        );
-    for ((name, pattern), field) in ["best", "intuitive", "intuitive_equal_area"]
-        .into_iter()
-        .zip(patterns)
-        .zip(predicted)
-    {
-        let shown = arrays::pattern("electrode pattern [y][x], origin lower left, 1 = electrode", pattern);
-        object = object.with(&format!("{name}/pattern"), shown).with(
-            &format!("{name}/predicted"),
-            arrays::field("predicted displacement at the cell corners [y][x][component]", field),
-        );
-    }
-    object
+            arrays::wholes("1", "patterns predicted by the search", vec![evaluations as u64]),
+        )
+        .with(
+            "probe/name",
+            arrays::texts("name of the target", probes.iter().map(|_| name)),
+        )
+        .with(
+            "probe/candidates",
+            arrays::texts(
+                "evaluators from the cheapest to the dearest, the reference last; none where one is named",
+                probes.iter().map(|probe| probe.settings.as_str()),
+            ),
+        )
+        .with(
+            "probe/rmse",
+            arrays::reals(
+                "mm",
+                "root mean square error of a component on patterns of the first generation",
+                probes.iter().map(|probe| probe.rmse_mm).collect(),
+            ),
+        )
+        .with(
+            "probe/known",
+            wholes("patterns that the error is over", |probe| probe.known),
+        )
+        .with(
+            "probe/disagree",
+            wholes(
+                "patterns of which the reference has a field and it has none, or it has one alone",
+                |probe| probe.disagree,
+            ),
+        )
 }

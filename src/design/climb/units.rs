@@ -1,0 +1,85 @@
+//! What a climb turns on and off: the cells, or the coarser units of the genetic algorithm.
+
+use crate::pattern::{CELLS, Pattern};
+
+/// The membrane in side × side units; cell i lies in unit floor(i · side / 50).
+#[derive(Clone, Debug)]
+pub(super) struct Units {
+    /// The cells of each unit that may be active; units without any are left out.
+    cells: Vec<Vec<usize>>,
+}
+
+impl Units {
+    /// The units whose cells may be active where `allowed` says so, `[y][x]`.
+    pub(super) fn new(side: usize, allowed: &[bool]) -> Self {
+        let mut cells = vec![Vec::new(); side * side];
+        for cell in (0..CELLS * CELLS).filter(|&cell| allowed[cell]) {
+            let unit = |c: usize| c * side / CELLS;
+            cells[unit(cell / CELLS) * side + unit(cell % CELLS)].push(cell);
+        }
+        cells.retain(|unit| !unit.is_empty());
+        Self { cells }
+    }
+
+    pub(super) fn count(&self) -> usize {
+        self.cells.len()
+    }
+
+    pub(super) fn cells(&self, unit: usize) -> &[usize] {
+        &self.cells[unit]
+    }
+
+    /// The sum over the cells of each unit.
+    pub(super) fn sums(&self, of_cells: &[f64]) -> Vec<f64> {
+        self.cells
+            .iter()
+            .map(|unit| unit.iter().map(|&cell| of_cells[cell]).sum())
+            .collect()
+    }
+
+    /// Which units are on: those of which more than half is active.
+    pub(super) fn of(&self, pattern: &Pattern) -> Vec<bool> {
+        let active = |unit: &[usize]| unit.iter().filter(|&&cell| pattern.cells()[cell] == 1).count();
+        self.cells.iter().map(|unit| 2 * active(unit) > unit.len()).collect()
+    }
+
+    pub(super) fn pattern(&self, on: &[bool]) -> Pattern {
+        let mut active = vec![false; CELLS * CELLS];
+        for (unit, _) in self.cells.iter().zip(on).filter(|(_, on)| **on) {
+            unit.iter().for_each(|&cell| active[cell] = true);
+        }
+        Pattern::from_fn(|x, y| active[y * CELLS + x])
+    }
+
+    /// How many cells are active.
+    pub(super) fn area(&self, on: &[bool]) -> usize {
+        let units = self.cells.iter().zip(on).filter(|(_, on)| **on);
+        units.map(|(unit, _)| unit.len()).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::design::Genome;
+
+    #[test]
+    fn they_are_those_of_the_genetic_algorithm() {
+        let units = Units::new(20, &[true; 2500]);
+        let genome = Genome::from_fn(|x, y| (x * 7 + y * 3) % 5 < 2);
+        assert_eq!(units.pattern(genome.genes()), genome.pattern());
+        assert_eq!(units.of(&genome.pattern()), genome.genes());
+        assert_eq!(units.area(genome.genes()), genome.pattern().active_cells());
+    }
+
+    #[test]
+    fn what_is_kept_out_is_never_active() {
+        let mut allowed = [true; 2500];
+        (0..3).for_each(|cell| allowed[cell] = false);
+        let cells = Units::new(50, &allowed);
+        assert_eq!(cells.count(), 2497);
+        assert_eq!(cells.pattern(&vec![true; 2497]).active_cells(), 2497);
+        let units = Units::new(20, &allowed);
+        assert_eq!((units.count(), units.cells(0).len()), (400, 6));
+    }
+}

@@ -1,0 +1,324 @@
+//! The search of one target: what is tried, and what the artifact says of it.
+
+use std::time::Instant;
+
+use super::DesignStage;
+use super::content::{Climbing, Heading, Role, Row, describe, with_probes};
+use super::evaluator::{Evaluator, Wanted};
+use super::options::Method;
+use super::probe::{self, Probe};
+use super::target::Target;
+use crate::base::Stream;
+use crate::design::{Climb, GenerationReport, Genome, Ground, Intuitive, Step, UNITS, evolve, first_generation};
+use crate::field::{Field, Predictor};
+use crate::orchestrator::{Job, StageError};
+use crate::pattern::{CELLS, Pattern};
+use crate::stage::model;
+use crate::store::Object;
+
+/// What a pattern is whose field is not known.
+const NO_FIELD: &str = "no stable field";
+
+/// How coarse the random starts of a climb are: a handful of regions.
+const START_GRAIN: usize = 6;
+
+/// Starts that are finished by exchanges, the best ones.
+const FINISHED: usize = 2;
+
+/// A pattern that was found, with its field where a climb knows it.
+struct Found {
+    role: Role,
+    units: usize,
+    member: usize,
+    pattern: Pattern,
+}
+
+/// What a search came to.
+struct Findings {
+    found: Vec<Found>,
+    history: Vec<GenerationReport>,
+    climbs: Vec<Climbing>,
+    evaluations: usize,
+}
+
+/// Searches one target of a stage.
+///
+/// # Errors
+/// When there is no evaluator, or nothing that is tried has a field.
+pub fn search(stage: &DesignStage, target: &Target, job: &Job<'_>) -> Result<Object, StageError> {
+    let start = Instant::now();
+    let searching = Searching { stage, target, job };
+    let object = match stage.options.method {
+        Method::Ga => searching.genetic(),
+        Method::Adjoint => searching.adjoint(),
+    }?;
+    job.measure(format!("search; {}", target.name), start.elapsed().as_secs_f64());
+    Ok(object)
+}
+
+struct Searching<'a> {
+    stage: &'a DesignStage,
+    target: &'a Target,
+    job: &'a Job<'a>,
+}
+
+fn failed(error: &dyn std::fmt::Display) -> StageError {
+    StageError::Failed(error.to_string())
+}
+
+impl Searching<'_> {
+    fn genetic(&self) -> Result<Object, StageError> {
+        let (evaluator, probes) = self.evaluator()?;
+        let settings = evaluator.settings;
+        let predictor = evaluator
+            .predictor
+            .map_err(|why| StageError::Failed(format!("{{ {settings} }}: {why}")))?;
+        let on_generation = |report: &GenerationReport| {
+            self.job
+                .progress
+                .note(&format!("best {:.4} mm at area {:.3}", report.value_mm, report.area));
+            self.job.progress.advance(1);
+        };
+        let (goal, options) = (&self.target.goal, &self.stage.options);
+        let evolution = evolve(predictor.as_ref(), goal, &options.evolve, &on_generation).map_err(|e| failed(&e))?;
+        let mut findings = Findings {
+            found: vec![Found {
+                role: Role::Ga,
+                units: UNITS,
+                member: 0,
+                pattern: evolution.best_pattern(),
+            }],
+            climbs: Vec::new(),
+            evaluations: evolution.evaluations,
+            history: evolution.history,
+        };
+        if options.refine {
+            self.refine(&mut findings)?;
+            self.job.progress.advance(1);
+        }
+        self.describe(&settings, predictor.as_ref(), findings, &probes)
+    }
+
+    /// Adds what climbs make of the designs that were found.
+    fn refine(&self, findings: &mut Findings) -> Result<(), StageError> {
+        let physics = self.stage.physics()?;
+        let ground = self.ground(physics);
+        let started: Vec<(usize, Pattern)> = findings.found.iter().map(|f| (f.member, f.pattern.clone())).collect();
+        for (member, start) in started {
+            let climb = ground.climb(&start, &self.tell()).map_err(|e| failed(&e))?;
+            let climb = climb.ok_or_else(|| {
+                StageError::Failed(format!(
+                    "`{}`: the design cannot be refined: brought to the wanted area it has no stable field",
+                    self.target.name
+                ))
+            })?;
+            findings.keep(Role::Refined, member, self.stage.options.units, climb);
+        }
+        Ok(())
+    }
+
+    fn adjoint(&self) -> Result<Object, StageError> {
+        let physics = self.stage.physics()?;
+        let ground = self.ground(physics);
+        let mut ascents: Vec<Climb> = Vec::new();
+        for start in self.starts() {
+            ascents.extend(ground.ascend(&start, &self.tell()).map_err(|e| failed(&e))?);
+            self.job.progress.advance(1);
+        }
+        // Starts that lead to the same place count once.
+        ascents.sort_by(|a, b| b.merit.total_cmp(&a.merit));
+        ascents.dedup_by(|a, b| a.pattern == b.pattern);
+        ascents.truncate(FINISHED);
+        let mut best: Option<Climb> = None;
+        for ascent in ascents {
+            let climb = ground.climb(&ascent.pattern, &self.tell()).map_err(|e| failed(&e))?;
+            let climb = climb.map(|climb| joined(ascent, climb));
+            best = best
+                .into_iter()
+                .chain(climb)
+                .reduce(|a, b| if b.merit > a.merit { b } else { a });
+        }
+        let best = best.ok_or_else(|| {
+            StageError::Failed(format!(
+                "`{}`: no pattern of the wanted area that was tried has a stable field",
+                self.target.name
+            ))
+        })?;
+        self.job.progress.advance(1);
+        let mut findings = Findings {
+            found: Vec::new(),
+            history: Vec::new(),
+            climbs: Vec::new(),
+            evaluations: 0,
+        };
+        findings.keep(Role::Optimum, 0, self.stage.options.units, best);
+        let settings = "method: newton, elements_per_cell: 1, order: 2";
+        self.describe(settings, physics, findings, &[])
+    }
+
+    fn ground<'p>(&'p self, physics: &'p super::Physics) -> Ground<'p> {
+        Ground::new(physics, &self.target.goal, self.stage.options.units, self.range())
+    }
+
+    /// The area fractions that a climb may have.
+    fn range(&self) -> (f64, f64) {
+        let tolerance = self.stage.options.tolerance.to_f64();
+        let around = |area: f64| (area - tolerance, area + tolerance);
+        self.target.area.fraction().map_or((0.0, 1.0), around)
+    }
+
+    fn tell(&self) -> impl Fn(&Step) {
+        |step: &Step| {
+            self.job
+                .progress
+                .note(&format!("{:.4} mm at area {:.3}", step.value_mm, step.area));
+        }
+    }
+
+    /// The intuitive design, an empty membrane from which the gradient picks the best cells, and random coarse patterns.
+    fn starts(&self) -> Vec<Pattern> {
+        let intuitive = Intuitive::of(&self.target.goal);
+        let area = self.target.area.fraction();
+        let drawn = |index: usize| match index {
+            0 => area.map_or_else(|| intuitive.at_own_area(), |area| intuitive.at_area(area)),
+            1 => Pattern::from_fn(|_, _| false),
+            _ => {
+                let mut stream = Stream::new(self.stage.options.evolve.seed, "start of a climb", index as u64);
+                let area = area.unwrap_or_else(|| stream.uniform());
+                Genome::random(area, START_GRAIN, &mut stream).pattern()
+            }
+        };
+        (0..self.stage.options.starts).map(drawn).collect()
+    }
+
+    fn describe(
+        &self,
+        settings: &str,
+        predictor: &dyn Predictor,
+        mut findings: Findings,
+        probes: &[Probe],
+    ) -> Result<Object, StageError> {
+        let target = self.target;
+        let intuitive = Intuitive::of(&target.goal);
+        let designed = findings.found.last().map_or(0.5, |best| best.pattern.area_fraction());
+        for (role, pattern) in [
+            (Role::Intuitive, intuitive.at_own_area()),
+            (Role::IntuitiveEqualArea, intuitive.at_area(designed)),
+        ] {
+            findings.found.push(Found {
+                role,
+                units: CELLS,
+                member: 0,
+                pattern,
+            });
+        }
+        let patterns: Vec<Pattern> = findings.found.iter().map(|found| found.pattern.clone()).collect();
+        let fields = predictor.predict_some(&patterns).map_err(|e| failed(&e))?;
+        let rows: Vec<Row> = findings
+            .found
+            .into_iter()
+            .zip(fields)
+            .map(|(found, field)| self.row(found, field))
+            .collect();
+        let heading = Heading {
+            case: self.stage.case.clone(),
+            name: target.name.clone(),
+            objective: target.objective.to_text(),
+            area: target.area.text(),
+            constraints: "{}".to_owned(),
+            evaluator: settings.to_owned(),
+        };
+        let object = describe(&heading, &rows, &findings.history, &findings.climbs);
+        Ok(with_probes(object, &target.name, findings.evaluations, probes)
+            .attribute("scene", self.stage.scene.to_text())
+            .attribute("method", self.stage.options.method.name()))
+    }
+
+    fn row(&self, found: Found, field: Option<Field>) -> Row {
+        let goal = &self.target.goal;
+        let status = match &field {
+            None => NO_FIELD.to_owned(),
+            Some(_) => self.status(&found),
+        };
+        let field = field.unwrap_or_else(Field::zero);
+        Row {
+            value_mm: goal.value_mm(&field),
+            fitness: goal.fitness(&found.pattern, &field),
+            role: found.role,
+            member: found.member,
+            units: found.units,
+            pattern: found.pattern,
+            predicted: field,
+            status,
+        }
+    }
+
+    /// `met`, or in words what of the wishes is not. The intuitive design at its own area has no wishes to meet.
+    fn status(&self, found: &Found) -> String {
+        let (low, high) = self.range();
+        let area = found.pattern.area_fraction();
+        let meant = found.role != Role::Intuitive;
+        if meant && !(low - 1e-9..=high + 1e-9).contains(&area) {
+            let wanted = self.target.area.text();
+            return format!(
+                "area {area:.4}, wanted {wanted} within {}",
+                self.stage.options.tolerance
+            );
+        }
+        "met".to_owned()
+    }
+
+    /// What judges the patterns, with what every candidate said of some where it had to be chosen.
+    fn evaluator(&self) -> Result<(Evaluator, Vec<Probe>), StageError> {
+        let (scene, options) = (&self.stage.scene, &self.stage.options);
+        let surrogate = self
+            .job
+            .inputs
+            .first()
+            .map(|input| model::in_scene(input, scene))
+            .transpose()?;
+        match (options.evaluator, surrogate) {
+            (Wanted::Elements(method), _) => Ok((Evaluator::elements(scene, method, 1), Vec::new())),
+            (Wanted::Surrogate, Some(surrogate)) => Ok((Evaluator::network(surrogate), Vec::new())),
+            (Wanted::Surrogate, None) => Err(StageError::Input(
+                "`evaluator: surrogate` judges by a network, and the stage needs none".to_owned(),
+            )),
+            (Wanted::Auto, surrogate) => {
+                let count = options.evolve.population.min(probe::PATTERNS);
+                let genomes = first_generation(self.target.area.fraction(), options.evolve.seed, count);
+                let patterns: Vec<Pattern> = genomes.iter().map(Genome::pattern).collect();
+                let candidates = probe::candidates(scene, surrogate);
+                probe::cheapest(candidates, &patterns, options.accuracy.value()).map_err(|e| failed(&e))
+            }
+        }
+    }
+}
+
+impl Findings {
+    fn keep(&mut self, role: Role, member: usize, units: usize, climb: Climb) {
+        self.found.push(Found {
+            role,
+            units,
+            member,
+            pattern: climb.pattern,
+        });
+        self.climbs.push(Climbing {
+            role,
+            member,
+            steps: climb.steps,
+        });
+    }
+}
+
+/// A climb that went on from another one.
+fn joined(first: Climb, then: Climb) -> Climb {
+    let before = first.steps.last().map_or(0, |step| step.simulations);
+    let later = then.steps.iter().skip(1).map(|step| Step {
+        simulations: before + step.simulations,
+        ..*step
+    });
+    Climb {
+        steps: first.steps.iter().copied().chain(later).collect(),
+        ..then
+    }
+}
