@@ -292,7 +292,7 @@ fn evolution(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
 /// The patterns of an artifact of a design or its verification, with some of its fields.
 fn membranes(source: &Source<'_>, rows: &[usize], field: &str, fields: &[usize]) -> Result<Vec<Membrane>, ReportError> {
     let (patterns, values) = (source.artifact.u8s("patterns")?.1, source.reals(field)?);
-    let objectives = source.artifact.texts("objective")?.1;
+    let objectives = source.artifact.long_texts("objective")?;
     let (cells, of_field) = (CELLS * CELLS, (CELLS + 1) * (CELLS + 1) * 2);
     let side = source.side()?;
     let membrane = |(&row, &at): (&usize, &usize)| {

@@ -110,7 +110,7 @@ fn has_field(outcome: &str) -> bool {
 pub(super) fn read(source: &Source<'_>) -> Result<Summary, ReportError> {
     let text = |path: &str| -> Result<Vec<String>, ReportError> { Ok(source.artifact.texts(path)?.1) };
     let (cases, names, roles) = (text("case")?, text("name")?, text("role")?);
-    let (outcomes, statuses) = (text("outcome")?, text("status")?);
+    let (outcomes, statuses) = (text("outcome")?, source.artifact.long_texts("status")?);
     let (members, units) = (source.counts("member")?, source.counts("units")?);
     let (area, predicted) = (source.reals("area")?, source.reals("component/predicted")?);
     let simulated = source.reals("component/simulated")?;

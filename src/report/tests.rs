@@ -101,7 +101,6 @@ fn designed() -> Object {
     object(vec![
         ("name", words(&["design"; 2])),
         ("role", words(&["ga", "intuitive"])),
-        ("objective", words(&[OBJECTIVE; 2])),
         ("evaluator", words(&["method: linear"; 2])),
         ("probe/name", words(&["design"])),
         ("probe/candidates", words(&["method: linear"])),
@@ -122,6 +121,7 @@ fn designed() -> Object {
             Dataset::new("mm", "d", &[2, 51, 51, 2], Data::F64(vec![0.1; 10404])),
         ),
     ])
+    .with_long_texts("objective", "d", [OBJECTIVE; 2])
 }
 
 /// A design, an optimum of which it reaches 2.0 of 2.5 mm, and the two intuitive ones.
@@ -139,8 +139,6 @@ fn verified(outcomes: [&str; 4]) -> Object {
         ("role", words(&["ga", "optimum", "intuitive", "intuitive-equal-area"])),
         ("member", wholes(&[0; 4])),
         ("units", wholes(&[20, 20, 50, 50])),
-        ("objective", words(&[OBJECTIVE; 4])),
-        ("status", words(&["met", "met", "met", "area 0.4, wanted 0.5"])),
         ("outcome", words(&outcomes)),
         (
             "patterns",
@@ -157,6 +155,8 @@ fn verified(outcomes: [&str; 4]) -> Object {
         ("component/distance", reals("mm", &vec![0.0; n])),
         ("area", reals("1", &[0.5, 0.5, 0.4, 0.5])),
     ])
+    .with_long_texts("objective", "d", [OBJECTIVE; 4])
+    .with_long_texts("status", "d", ["met", "met", "met", "area 0.4, wanted 0.5"])
 }
 
 #[test]
@@ -303,9 +303,7 @@ fn many_targets_are_drawn_at_a_glance() {
         ("name", words(&names)),
         ("case", words(&["I"; 8])),
         ("role", words(&["refined"; 8])),
-        ("status", words(&["met"; 8])),
         ("outcome", words(&["converged"; 8])),
-        ("objective", words(&[OBJECTIVE; 8])),
         ("member", wholes(&[0; 8])),
         ("units", wholes(&[50; 8])),
         ("area", reals("1", &[0.5; 8])),
@@ -325,6 +323,8 @@ fn many_targets_are_drawn_at_a_glance() {
     ] {
         object.insert(path.into(), data);
     }
+    let many = many.with_long_texts("objective", "d", [OBJECTIVE; 8]);
+    let many = many.with_long_texts("status", "d", ["met"; 8]);
     let made = [bench.made("verified", "verify", &many)];
     let figures = draw_figures(&bench.store, "p", &made).unwrap();
     let decoder = png::Decoder::new(std::io::BufReader::new(std::fs::File::open(&figures[0]).unwrap()));

@@ -22,18 +22,22 @@ const BATCH: usize = 8;
 /// Stages of designs that one stage may verify.
 const MOST: usize = 1000;
 
-/// What is said of each row in words, handed on from the design.
-const TEXTS: [(&str, &str); 8] = [
+/// What is said of each row in a word, handed on from the design.
+const TEXTS: [(&str, &str); 5] = [
     ("case", "label of the stage that designed it"),
     ("name", "name of the target"),
     (
         "role",
         "how the pattern came about: ga, refined, optimum, intuitive, intuitive-equal-area",
     ),
-    ("objective", "the objective in YAML"),
     ("area_target", "wanted area fraction, or free"),
-    ("constraints", "the constraints in YAML"),
     ("evaluator", "what predicted the field"),
+];
+
+/// What is said of each row at length.
+const LONG_TEXTS: [(&str, &str); 3] = [
+    ("objective", "the objective in YAML"),
+    ("constraints", "the constraints in YAML"),
     ("status", "met, or which constraints are not, as the search knew it"),
 ];
 
@@ -84,6 +88,8 @@ struct VerifyStage {
 struct Case {
     /// In the order of [`TEXTS`].
     texts: [String; TEXTS.len()],
+    /// In the order of [`LONG_TEXTS`].
+    long_texts: [String; LONG_TEXTS.len()],
     member: u64,
     units: u64,
     goal: Goal,
@@ -184,9 +190,14 @@ impl VerifyStage {
             .iter()
             .map(|(path, _)| Ok(design.texts(path)?.1))
             .collect::<Result<_, StageError>>()?;
+        let long_texts: Vec<Vec<String>> = LONG_TEXTS
+            .iter()
+            .map(|(path, _)| Ok(design.long_texts(path)?))
+            .collect::<Result<_, StageError>>()?;
         let n = patterns.len();
         let lengths = [predicted.len(), member.len(), units.len()];
-        if lengths != [n; 3] || texts.iter().any(|column| column.len() != n) {
+        let mut columns = texts.iter().chain(&long_texts);
+        if lengths != [n; 3] || columns.any(|column| column.len() != n) {
             return Err(wrong("its arrays differ in length"));
         }
         patterns
@@ -194,10 +205,11 @@ impl VerifyStage {
             .zip(predicted)
             .enumerate()
             .map(|(row, (pattern, predicted))| {
-                let texts: [String; TEXTS.len()] = std::array::from_fn(|k| texts[k][row].clone());
+                let long_texts: [String; LONG_TEXTS.len()] = std::array::from_fn(|k| long_texts[k][row].clone());
                 Ok(Case {
-                    goal: goal(&texts[3], &self.scene).map_err(|why| wrong(&why))?,
-                    texts,
+                    goal: goal(&long_texts[0], &self.scene).map_err(|why| wrong(&why))?,
+                    texts: std::array::from_fn(|k| texts[k][row].clone()),
+                    long_texts,
                     member: member[row],
                     units: units[row],
                     pattern,
@@ -276,6 +288,9 @@ fn describe(cases: &[Case]) -> Object {
             path,
             arrays::texts(note, cases.iter().map(|case| case.texts[k].as_str())),
         );
+    }
+    for (k, (path, note)) in LONG_TEXTS.iter().enumerate() {
+        object = object.with_long_texts(path, note, cases.iter().map(|case| case.long_texts[k].as_str()));
     }
     let wholes = |note: &str, of: fn(&Case) -> u64| arrays::wholes("1", note, cases.iter().map(of).collect());
     let reals = |note: &str, values: Vec<f64>| arrays::reals("mm", &format!("{note}{of_known}"), values);

@@ -225,6 +225,32 @@ impl Artifact {
 }
 
 /// One getter per element type: the type is checked, so that the caller has a vector and no `match`.
+
+impl Artifact {
+    /// Texts of any length, as [`super::Object::with_long_texts`] keeps them.
+    ///
+    /// # Errors
+    /// When they are not there, their lengths are not those of their bytes, or a file is missing or damaged.
+    pub fn long_texts(&self, path: &str) -> Result<Vec<String>, StoreError> {
+        let (_, bytes) = self.u8s(&format!("{path}/text"))?;
+        let (_, lengths) = self.u64s(&format!("{path}/length"))?;
+        let wrong = || {
+            StoreError::damaged(
+                &self.0.path,
+                format!("the texts of `{path}` are not as long as it says"),
+            )
+        };
+        let (mut texts, mut rest) = (Vec::with_capacity(lengths.len()), &bytes[..]);
+        for length in lengths {
+            let length = usize::try_from(length).map_err(|_| wrong())?;
+            let (text, after) = rest.split_at_checked(length).ok_or_else(wrong)?;
+            texts.push(String::from_utf8(text.to_vec()).map_err(|_| wrong())?);
+            rest = after;
+        }
+        if rest.is_empty() { Ok(texts) } else { Err(wrong()) }
+    }
+}
+
 macro_rules! typed {
     ($name:ident, $variant:ident, $element:ty, $wanted:literal) => {
         impl Artifact {

@@ -224,6 +224,27 @@ impl Object {
         self
     }
 
+    /// Adds texts of any length: their bytes one after another under `PATH/text`, and how many belong to each under
+    /// `PATH/length`.
+    #[must_use]
+    pub fn with_long_texts<'a>(self, path: &str, description: &str, texts: impl IntoIterator<Item = &'a str>) -> Self {
+        let (mut bytes, mut lengths) = (Vec::new(), Vec::new());
+        for text in texts {
+            bytes.extend_from_slice(text.as_bytes());
+            lengths.push(text.len() as u64);
+        }
+        let shapes = [bytes.len(), lengths.len()];
+        let text = format!("{description}; UTF-8, one after another");
+        self.with(
+            &format!("{path}/text"),
+            Dataset::new("", &text, &shapes[..1], Data::U8(bytes)),
+        )
+        .with(
+            &format!("{path}/length"),
+            Dataset::new("1", "bytes of each text", &shapes[1..], Data::U64(lengths)),
+        )
+    }
+
     /// Adds an attribute.
     #[must_use]
     pub fn attribute(mut self, name: &str, value: impl Into<String>) -> Self {

@@ -112,9 +112,7 @@ fn with_rows(object: Object, heading: &Heading, rows: &[Row]) -> Object {
         )
         .with("member", wholes("which of several designs of the target", |row| row.member))
         .with("units", wholes("units along a side by which it was searched", |row| row.units))
-        .with("objective", same("the objective in YAML", &heading.objective))
         .with("area_target", same("wanted area fraction, or free", &heading.area))
-        .with("constraints", same("the constraints in YAML", &heading.constraints))
         .with("evaluator", same("what predicted the field", &heading.evaluator))
         .with(
             "patterns",
@@ -136,7 +134,9 @@ fn with_rows(object: Object, heading: &Heading, rows: &[Row]) -> Object {
             reals("mm", "predicted mean displacement along the wanted directions", |row| row.value_mm),
         )
         .with("fitness", reals("1", "fitness, smaller is better", |row| row.fitness))
-        .with("status", texts("met, or which constraints are not", &|row| row.status.clone()))
+        .with_long_texts("objective", "the objective in YAML", rows.iter().map(|_| heading.objective.as_str()))
+        .with_long_texts("constraints", "the constraints in YAML", rows.iter().map(|_| heading.constraints.as_str()))
+        .with_long_texts("status", "met, or which constraints are not", rows.iter().map(|row| row.status.as_str()))
 }
 
 fn with_history(object: Object, heading: &Heading, history: &[GenerationReport]) -> Object {
