@@ -4,6 +4,7 @@
 //! stand behind it is not known here.
 
 mod climb;
+mod constraint;
 mod evolve;
 mod genome;
 mod intuitive;
@@ -11,6 +12,7 @@ mod objective;
 mod operators;
 
 pub use climb::{Climb, Ground, Step};
+pub use constraint::{ConstraintError, Constraints, Limits, Region, Sides, Violations};
 pub use evolve::{
     Evolution, EvolveError, EvolveOptions, GenerationReport, OptionsError, Stop, evolve, first_generation,
 };

@@ -1,6 +1,7 @@
 //! Electrode patterns: which cells of the membrane carry an electrode, the symmetries of the square on them, and the files
 //! that they are read from.
 
+mod bits;
 mod csv;
 mod h5;
 mod npy;
@@ -9,6 +10,7 @@ mod raster;
 mod read;
 mod symmetry;
 
+pub use bits::{Bits, distance};
 pub use h5::{check_contained, split as split_h5};
 pub use raster::{CELLS, Pattern, PatternError};
 pub use read::read_patterns;

@@ -1,0 +1,256 @@
+//! What is asked of a pattern, in the terms in which people ask it.
+
+use super::ground::Ground;
+use super::morphology::{flooded, opened};
+use crate::pattern::{Bits, CELLS};
+
+/// Widths within this part of a cell are equal: rounding must not widen a feature by a cell.
+const RESOLUTION: f64 = 1e-9;
+
+/// What is asked of a pattern; by default nothing.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Limits {
+    /// The least width of electrodes and gaps in mm.
+    pub min_feature_mm: Option<f64>,
+    /// The largest number of 4-connected pieces.
+    pub islands: Option<usize>,
+    /// Every piece must touch the frame on one of these sides.
+    pub leads: Option<Sides>,
+    /// Cells whose centre lies in one of these are never active.
+    pub keep_out: Vec<Region>,
+    /// Breakdown must be at least this many times away; not told from the pattern.
+    pub breakdown_margin: Option<f64>,
+    /// Pull-in must be at least this many times away; not told from the pattern.
+    pub pull_in_margin: Option<f64>,
+}
+
+/// Sides of the frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Sides {
+    /// x = 0.
+    pub left: bool,
+    /// x = the side of the membrane.
+    pub right: bool,
+    /// y = 0.
+    pub bottom: bool,
+    /// y = the side of the membrane.
+    pub top: bool,
+}
+
+/// A part of the membrane in mm from its lower left corner.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Region {
+    /// Two opposite corners; the borders belong to it.
+    Rectangle([[f64; 2]; 2]),
+    /// The border belongs to it.
+    Disc {
+        /// Its centre.
+        centre: [f64; 2],
+        /// Its radius.
+        radius: f64,
+    },
+}
+
+/// Constraints that no pattern can keep, or that are none.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ConstraintError {
+    /// Not a length, count or margin.
+    #[error("`{name}` must be {allowed}, found {found}")]
+    Number {
+        /// Which.
+        name: &'static str,
+        /// What was found.
+        found: f64,
+        /// What is allowed.
+        allowed: &'static str,
+    },
+    /// Wider than all there is.
+    #[error("`min_feature` is {found} mm, more than the membrane of {side} mm")]
+    Feature {
+        /// The least width in mm.
+        found: f64,
+        /// The side of the membrane in mm.
+        side: f64,
+    },
+    /// A region without a cell.
+    #[error("`keep_out` number {number} holds no cell of the membrane of {side} mm: no cell has its centre in it")]
+    Outside {
+        /// Which region, from 1.
+        number: usize,
+        /// The side of the membrane in mm.
+        side: f64,
+    },
+    /// No side to lead out on.
+    #[error("`leads` names no side of the frame; allowed: left, right, bottom, top")]
+    NoSide,
+    /// No electrode can touch a side.
+    #[error(
+        "`leads`: no electrode of the least width can touch the frame on the {side}: `keep_out` leaves no room there"
+    )]
+    Side {
+        /// The side's name.
+        side: &'static str,
+    },
+    /// Nothing can be active.
+    #[error("`keep_out` and `min_feature` leave no room for any electrode")]
+    NoRoom,
+    /// An area that is not left.
+    #[error("an area fraction of {area} cannot be had: the constraints leave {largest:.4} at most")]
+    TooMuchArea {
+        /// The wanted area fraction.
+        area: f64,
+        /// The largest that is left.
+        largest: f64,
+    },
+    /// An area smaller than the smallest electrode.
+    #[error(
+        "an area fraction of {area} cannot be had: the smallest electrode that `min_feature` allows has {smallest:.4}"
+    )]
+    TooLittleArea {
+        /// The wanted area fraction.
+        area: f64,
+        /// The area fraction of the smallest electrode.
+        smallest: f64,
+    },
+}
+
+impl Sides {
+    /// The whole frame.
+    pub const ALL: Self = Self {
+        left: true,
+        right: true,
+        bottom: true,
+        top: true,
+    };
+
+    /// The names of the sides in the order of [`Sides::named`].
+    pub const NAMES: [&'static str; 4] = ["left", "right", "bottom", "top"];
+
+    /// Each side with whether it is one of these.
+    #[must_use]
+    pub fn named(self) -> [(&'static str, bool); 4] {
+        let [left, right, bottom, top] = Self::NAMES;
+        [
+            (left, self.left),
+            (right, self.right),
+            (bottom, self.bottom),
+            (top, self.top),
+        ]
+    }
+
+    /// The cells at the side of this name.
+    fn cells(name: &str) -> Bits {
+        let last = CELLS - 1;
+        Bits::from_fn(|x, y| match name {
+            "left" => x == 0,
+            "right" => x == last,
+            "bottom" => y == 0,
+            _ => y == last,
+        })
+    }
+}
+
+impl Region {
+    fn holds(&self, [x, y]: [f64; 2]) -> bool {
+        match self {
+            Self::Rectangle([[a, b], [c, d]]) => {
+                (a.min(*c)..=a.max(*c)).contains(&x) && (b.min(*d)..=b.max(*d)).contains(&y)
+            }
+            Self::Disc { centre, radius } => (x - centre[0]).hypot(y - centre[1]) <= *radius,
+        }
+    }
+
+    /// The cells with their centre in it, on a membrane with a side in mm.
+    #[must_use]
+    pub fn cells(&self, side_mm: f64) -> Bits {
+        let centre = |cell: usize| (cell as f64 + 0.5) * side_mm / CELLS as f64;
+        Bits::from_fn(|x, y| self.holds([centre(x), centre(y)]))
+    }
+}
+
+impl Limits {
+    /// What the limits mean for the cells of a membrane.
+    pub(super) fn ground(&self, side: f64) -> Result<Ground, ConstraintError> {
+        let feature = self.feature(side)?;
+        self.check_numbers()?;
+        let mut free = Bits::FULL;
+        for (index, region) in self.keep_out.iter().enumerate() {
+            let cells = region.cells(side);
+            if cells.is_empty() {
+                let number = index + 1;
+                return Err(ConstraintError::Outside { number, side });
+            }
+            free = free.without(&cells);
+        }
+        let mut room = opened(&free, feature);
+        if room.is_empty() {
+            return Err(ConstraintError::NoRoom);
+        }
+        let leads = self.contacts(&room)?;
+        if let Some(leads) = &leads {
+            room = flooded(leads, &room);
+        }
+        Ok(Ground {
+            room,
+            feature,
+            islands: self.islands,
+            leads,
+        })
+    }
+
+    /// The least width in cells.
+    fn feature(&self, side: f64) -> Result<usize, ConstraintError> {
+        let positive = |name, found: f64| match found.is_finite() && found > 0.0 {
+            true => Ok(found),
+            false => Err(ConstraintError::Number {
+                name,
+                found,
+                allowed: "a positive length in mm",
+            }),
+        };
+        let side = positive("side", side)?;
+        let Some(found) = self.min_feature_mm else {
+            return Ok(1);
+        };
+        let width = positive("min_feature", found)? / side * CELLS as f64;
+        let cells = (width - RESOLUTION).ceil().max(1.0);
+        match cells <= CELLS as f64 {
+            true => Ok(cells as usize),
+            false => Err(ConstraintError::Feature { found, side }),
+        }
+    }
+
+    fn check_numbers(&self) -> Result<(), ConstraintError> {
+        if self.islands == Some(0) {
+            return Err(ConstraintError::Number {
+                name: "islands",
+                found: 0.0,
+                allowed: "at least 1",
+            });
+        }
+        let margins = [
+            ("breakdown_margin", self.breakdown_margin),
+            ("pull_in_margin", self.pull_in_margin),
+        ];
+        for (name, margin) in margins {
+            if let Some(found) = margin.filter(|margin| !(margin.is_finite() && *margin >= 1.0)) {
+                let allowed = "a number from 1";
+                return Err(ConstraintError::Number { name, found, allowed });
+            }
+        }
+        Ok(())
+    }
+
+    /// The cells of the room at a wanted side. With the whole frame wanted some sides may be kept out, but not all.
+    fn contacts(&self, room: &Bits) -> Result<Option<Bits>, ConstraintError> {
+        let Some(sides) = self.leads else { return Ok(None) };
+        let wanted = || sides.named().into_iter().filter(|(_, wanted)| *wanted);
+        let at = |side| Sides::cells(side).and(room);
+        let all = wanted().fold(Bits::EMPTY, |all, (side, _)| all.or(&at(side)));
+        match wanted().find(|(side, _)| at(side).is_empty()) {
+            Some((side, _)) if sides != Sides::ALL || all.is_empty() => Err(ConstraintError::Side { side }),
+            _ if all.is_empty() => Err(ConstraintError::NoSide),
+            _ => Ok(Some(all)),
+        }
+    }
+}

@@ -1,0 +1,148 @@
+//! What a design must keep to so that it can be made, wired and run.
+//!
+//! Widths are those of squares: an electrode is at least f wide where squares of side f that lie within it cover it, and a gap
+//! where squares within the gap do; all outside of the membrane is gap. So the pattern equals its opening and its closing by a
+//! square of as many cells (Serra, Image Analysis and Mathematical Morphology, 1982).
+
+mod blocks;
+mod ground;
+mod limits;
+mod morphology;
+mod repair;
+mod violations;
+
+#[cfg(test)]
+mod tests;
+
+pub use limits::{ConstraintError, Limits, Region, Sides};
+pub use violations::Violations;
+
+use crate::pattern::{Bits, CELLS, Pattern};
+use ground::Ground;
+
+/// All cells of the membrane.
+const ALL: f64 = (CELLS * CELLS) as f64;
+
+/// Valid constraints on the patterns of a membrane.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Constraints {
+    limits: Limits,
+    side_mm: f64,
+    ground: Ground,
+    /// The cells of the ground, row by row from below.
+    allowed: Box<[bool]>,
+}
+
+impl Default for Constraints {
+    /// None.
+    fn default() -> Self {
+        Self {
+            limits: Limits::default(),
+            side_mm: CELLS as f64,
+            ground: Ground::default(),
+            allowed: vec![true; CELLS * CELLS].into(),
+        }
+    }
+}
+
+impl Constraints {
+    /// The constraints of a membrane with a side in mm.
+    ///
+    /// # Errors
+    /// When a number is out of range, or the constraints contradict each other.
+    pub fn new(limits: Limits, side_mm: f64) -> Result<Self, ConstraintError> {
+        let ground = limits.ground(side_mm)?;
+        let allowed = (0..CELLS * CELLS).map(|cell| ground.room.has(cell % CELLS, cell / CELLS));
+        Ok(Self {
+            allowed: allowed.collect(),
+            limits,
+            side_mm,
+            ground,
+        })
+    }
+
+    /// What was asked for.
+    #[must_use]
+    pub fn limits(&self) -> &Limits {
+        &self.limits
+    }
+
+    /// Whether nothing is asked of the pattern itself; margins may be.
+    #[must_use]
+    pub fn is_free(&self) -> bool {
+        self.ground == Ground::default()
+    }
+
+    /// Side in cells of the square that electrodes and gaps are at least as wide as; 1 where nothing is asked.
+    #[must_use]
+    pub fn feature_cells(&self) -> usize {
+        self.ground.feature
+    }
+
+    /// For each cell, row by row from below, whether any pattern that keeps the constraints may have it active: it is not kept
+    /// out, and an electrode of the least width that can reach a lead covers it.
+    #[must_use]
+    pub fn allowed(&self) -> &[bool] {
+        &self.allowed
+    }
+
+    /// The largest area fraction that a pattern within the constraints has at most.
+    #[must_use]
+    pub fn largest_area(&self) -> f64 {
+        self.ground.most_cells() as f64 / ALL
+    }
+
+    /// Whether some pattern may have an area fraction within a tolerance, as far as can be told without searching.
+    ///
+    /// # Errors
+    /// When there is none: the area is more than the constraints leave, or less than the smallest electrode.
+    pub fn check_area(&self, area: f64, tolerance: f64) -> Result<(), ConstraintError> {
+        let largest = self.largest_area();
+        if area > largest + tolerance {
+            return Err(ConstraintError::TooMuchArea { area, largest });
+        }
+        let smallest = (self.ground.feature * self.ground.feature) as f64 / ALL;
+        if area > tolerance && area + tolerance < smallest {
+            return Err(ConstraintError::TooLittleArea { area, smallest });
+        }
+        Ok(())
+    }
+
+    /// The pattern without the cells that are not [allowed](Self::allowed).
+    #[must_use]
+    pub fn masked(&self, pattern: &Pattern) -> Pattern {
+        Bits::of(pattern).and(&self.ground.room).pattern()
+    }
+
+    /// Whether a pattern keeps all that can be told from the pattern alone: all but the margins.
+    #[must_use]
+    pub fn hold(&self, pattern: &Pattern) -> bool {
+        self.hold_bits(&Bits::of(pattern))
+    }
+
+    /// The same of a pattern as bits.
+    #[must_use]
+    pub fn hold_bits(&self, bits: &Bits) -> bool {
+        self.ground.holds(bits)
+    }
+
+    /// What of a pattern does not keep the constraints, margins aside.
+    #[must_use]
+    pub fn violations(&self, pattern: &Pattern) -> Violations {
+        Violations::of(self, &Bits::of(pattern))
+    }
+
+    /// A pattern nearby that keeps the constraints, margins aside: the pattern itself where it does. What is too narrow is
+    /// opened or closed; a piece without a lead, or one too many, is joined by the shortest strip of the least width, or dropped
+    /// where the strip would be larger than the piece. The area may change. None where nothing of the pattern is left.
+    #[must_use]
+    pub fn repaired(&self, pattern: &Pattern) -> Option<Pattern> {
+        Some(self.repaired_bits(&Bits::of(pattern))?.pattern())
+    }
+
+    /// The same of a pattern as bits.
+    #[must_use]
+    pub fn repaired_bits(&self, bits: &Bits) -> Option<Bits> {
+        repair::repaired(&self.ground, bits)
+    }
+}

@@ -1,0 +1,140 @@
+//! A pattern nearby that keeps the constraints.
+
+use super::blocks;
+use super::ground::Ground;
+use super::morphology::{closed, components, dilated, eroded, grown, opened, spread};
+use crate::pattern::{Bits, CELLS};
+
+/// How often widths and connections are mended in turn before it is done on blocks instead.
+const ROUNDS: usize = 4;
+
+/// What mending cell by cell gives, or on blocks of the least width where that fails.
+pub(super) fn repaired(ground: &Ground, given: &Bits) -> Option<Bits> {
+    let start = given.and(&ground.room);
+    if given.is_empty() {
+        return Some(*given);
+    }
+    let by_cells = mended(ground, &start);
+    let found = by_cells.or_else(|| match ground.feature {
+        1 => None,
+        _ => blocks::repaired(ground, &start),
+    });
+    found.filter(|bits| !bits.is_empty())
+}
+
+/// Mends widths and connections in turn; none where that does not end, as strips may come too near to other electrodes.
+fn mended(ground: &Ground, start: &Bits) -> Option<Bits> {
+    let mut bits = *start;
+    for _ in 0..ROUNDS {
+        bits = connected(ground, &regular(ground, &bits));
+        if bits.is_empty() || ground.is_regular(&bits) {
+            return (!bits.is_empty() && ground.holds(&bits)).then_some(bits);
+        }
+    }
+    None
+}
+
+/// Closes narrow gaps and removes thin electrodes. A gap that cannot be closed so is widened until it is wide enough.
+fn regular(ground: &Ground, bits: &Bits) -> Bits {
+    let n = ground.feature;
+    if n == 1 || ground.is_regular(bits) {
+        return *bits;
+    }
+    let mut bits = opened(&closed(bits, n).and(&ground.room), n);
+    loop {
+        let mut gaps = closed(&bits, n).without(&bits);
+        if gaps.is_empty() {
+            return bits;
+        }
+        let before = bits;
+        while bits == before {
+            gaps = grown(&gaps);
+            bits = opened(&bits.without(&gaps), n);
+        }
+    }
+}
+
+/// Keeps the largest pieces, led out and as many as allowed; joins another one, or leads it out, by the shortest strip that is
+/// not larger than the piece, and drops it where there is none.
+pub(super) fn connected(ground: &Ground, bits: &Bits) -> Bits {
+    if ground.islands.is_none() && ground.leads.is_none() {
+        return *bits;
+    }
+    let most = ground.islands.unwrap_or(usize::MAX);
+    let (mut kept, mut count) = (Bits::EMPTY, 0);
+    for piece in components(bits) {
+        if spread(&piece).meets(&kept) {
+            // A strip of a larger piece has gone through it or along it.
+            kept = kept.or(&piece);
+            continue;
+        }
+        if count < most && ground.is_led(&piece) {
+            kept = kept.or(&piece);
+            count += 1;
+            continue;
+        }
+        let leads = if count < most { ground.leads } else { None };
+        let Some(strip) = strip(ground, &piece, &kept, leads.as_ref()) else {
+            continue;
+        };
+        if strip.without(bits).count() <= piece.count() {
+            count += usize::from(!spread(&strip).meets(&kept));
+            kept = kept.or(&piece).or(&strip);
+        }
+    }
+    kept
+}
+
+/// The shortest way of a square of the least width from a piece to what is kept or to a lead, through the room.
+fn strip(ground: &Ground, piece: &Bits, kept: &Bits, leads: Option<&Bits>) -> Option<Bits> {
+    let n = ground.feature;
+    let places = eroded(&ground.room, n);
+    let mut goal = eroded(kept, n);
+    if let Some(leads) = leads {
+        goal = goal.or(&touching(leads, &places, n));
+    }
+    let mut waves = vec![eroded(piece, n)];
+    loop {
+        let last = waves[waves.len() - 1];
+        let arrived = last.and(&goal);
+        if !arrived.is_empty() {
+            return Some(dilated(&way(&waves, &arrived), n));
+        }
+        let next = spread(&last).and(&places).or(&last);
+        if next == last {
+            return None;
+        }
+        waves.push(next);
+    }
+}
+
+/// The places at which a square meets some cells.
+fn touching(cells: &Bits, places: &Bits, n: usize) -> Bits {
+    // The lower left cells of squares that hold a cell lie below and left of it.
+    let rows = cells
+        .rows()
+        .map(|row| (1..n).fold(row, |met, shift| met | row >> shift));
+    let reach = Bits::from_rows(|y| rows[y..(y + n).min(CELLS)].iter().fold(0, |met, row| met | row));
+    reach.and(places)
+}
+
+/// One of the shortest ways back through the waves from where they arrived: from the lowest, then leftmost place, always to
+/// the lowest, then leftmost one of the wave before.
+fn way(waves: &[Bits], arrived: &Bits) -> Bits {
+    let mut at = first(arrived);
+    let mut way = at;
+    for wave in waves.iter().rev().skip(1) {
+        at = first(&spread(&at).and(wave));
+        way = way.or(&at);
+    }
+    way
+}
+
+/// The lowest, then leftmost cell.
+fn first(bits: &Bits) -> Bits {
+    let lowest = bits.rows().iter().position(|&row| row != 0);
+    Bits::from_rows(|y| {
+        let row = bits.rows()[y];
+        if lowest == Some(y) { row & row.wrapping_neg() } else { 0 }
+    })
+}

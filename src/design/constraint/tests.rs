@@ -1,0 +1,299 @@
+use super::morphology::components;
+use super::*;
+use crate::base::Stream;
+
+const SIDE: f64 = 50.0;
+
+fn constraints(limits: Limits) -> Constraints {
+    Constraints::new(limits, SIDE).unwrap()
+}
+
+fn rectangle(from: [f64; 2], to: [f64; 2]) -> Region {
+    Region::Rectangle([from, to])
+}
+
+/// Regions of random shape: noise averaged `grain` times, the highest `area` of it active.
+fn blobs(index: u64, grain: usize, area: f64) -> Pattern {
+    crate::design::Genome::random(area, grain, &mut Stream::new(7, "test", index)).pattern()
+}
+
+/// Cells at random.
+fn noise(index: u64) -> Pattern {
+    let mut stream = Stream::new(7, "test", index);
+    let cells: Vec<u8> = (0..2500).map(|_| u8::from(stream.chance(0.5))).collect();
+    Pattern::from_cells(&cells).unwrap()
+}
+
+fn all(min_feature_mm: f64) -> Limits {
+    Limits {
+        min_feature_mm: Some(min_feature_mm),
+        islands: Some(2),
+        leads: Some(Sides {
+            left: true,
+            top: true,
+            ..Sides::default()
+        }),
+        keep_out: vec![
+            rectangle([0.0, 0.0], [5.0, 5.0]),
+            Region::Disc {
+                centre: [25.0, 25.0],
+                radius: 3.0,
+            },
+        ],
+        ..Limits::default()
+    }
+}
+
+#[test]
+fn no_constraints_ask_for_nothing() {
+    let free = Constraints::default();
+    assert!(free.is_free() && free.allowed().iter().all(|&a| a) && free.allowed().len() == 2500);
+    assert_eq!((free.feature_cells(), free.largest_area()), (1, 1.0));
+    for pattern in [noise(1), blobs(1, 2, 0.4), Pattern::from_fn(|_, _| false)] {
+        assert!(free.hold(&pattern) && free.violations(&pattern).is_empty());
+        assert_eq!(free.violations(&pattern).share(), 0.0);
+        assert_eq!(free.masked(&pattern), pattern);
+        assert_eq!(free.repaired(&pattern), Some(pattern));
+    }
+    assert_eq!(constraints(Limits::default()), free);
+}
+
+#[test]
+fn widths_are_those_of_whole_cells() {
+    let cells = |mm, side| {
+        let limits = Limits {
+            min_feature_mm: Some(mm),
+            ..Limits::default()
+        };
+        Constraints::new(limits, side).unwrap().feature_cells()
+    };
+    assert_eq!([0.2, 1.0, 1.01, 2.0, 50.0].map(|mm| cells(mm, 50.0)), [1, 1, 2, 2, 50]);
+    // 1.1 mm are 11 cells of 0.1 mm, although 1.1 / 0.1 is rounded to more than 11.
+    assert_eq!(cells(1.1, 5.0), 11);
+}
+
+#[test]
+fn what_is_too_narrow_is_counted_and_named() {
+    let wide = constraints(Limits {
+        min_feature_mm: Some(3.0),
+        ..Limits::default()
+    });
+    // An electrode of 10 × 20 cells with a slot of 2 × 5 in it, and a bar of 2 × 8 beside it.
+    let pattern = Pattern::from_fn(|x, y| {
+        let block = (10..20).contains(&x) && (10..30).contains(&y);
+        let slot = (14..16).contains(&x) && (15..20).contains(&y);
+        (block && !slot) || ((30..32).contains(&x) && (10..18).contains(&y))
+    });
+    let found = wide.violations(&pattern);
+    assert_eq!((found.thin, found.narrow, found.kept_out), (16, 10, 0));
+    assert_eq!(found.share(), 26.0 / 2500.0);
+    let expected = "16 cells of electrode narrower than 3 mm; 10 cells of gap narrower than 3 mm";
+    assert_eq!(found.to_string(), expected);
+    let repaired = wide.repaired(&pattern).unwrap();
+    assert_eq!(
+        repaired,
+        Pattern::from_fn(|x, y| (10..20).contains(&x) && (10..30).contains(&y))
+    );
+    // At the frame a gap of any width will do, an electrode not.
+    assert!(wide.hold(&Pattern::from_fn(|x, _| x > 0 && x < 20)));
+    assert!(!wide.hold(&Pattern::from_fn(|x, _| x < 2)));
+}
+
+#[test]
+fn islands_are_counted_and_the_smaller_ones_joined_or_dropped() {
+    let one = constraints(Limits {
+        islands: Some(1),
+        ..Limits::default()
+    });
+    // Two blocks of 100 cells three cells apart, and a speck far away.
+    let pattern = Pattern::from_fn(|x, y| {
+        let row = (20..30).contains(&y);
+        (row && ((5..15).contains(&x) || (18..28).contains(&x))) || (x, y) == (45, 45)
+    });
+    let found = one.violations(&pattern);
+    assert_eq!((found.surplus, found.share()), (2, 101.0 / 2500.0));
+    assert_eq!(found.to_string(), "3 islands, allowed: at most 1");
+    let repaired = one.repaired(&pattern).unwrap();
+    // A strip of three cells joins the blocks; the speck costs less than a strip to it.
+    assert_eq!(repaired.active_cells(), 203);
+    assert_eq!(components(&Bits::of(&repaired)).len(), 1);
+}
+
+#[test]
+fn pieces_are_led_out_where_they_must_be() {
+    let right = constraints(Limits {
+        leads: Some(Sides {
+            right: true,
+            ..Sides::default()
+        }),
+        min_feature_mm: Some(2.0),
+        ..Limits::default()
+    });
+    let pattern = Pattern::from_fn(|x, y| (20..40).contains(&x) && (20..30).contains(&y));
+    let found = right.violations(&pattern);
+    let expected = "1 of 1 islands without a lead on the frame, allowed: right";
+    assert_eq!((found.unled, found.to_string().as_str()), (1, expected));
+    let repaired = right.repaired(&pattern).unwrap();
+    assert!(right.hold(&repaired));
+    // A strip two cells wide over the ten cells to the frame.
+    assert_eq!(repaired.active_cells(), 200 + 20);
+    // What touches another side only is not led out.
+    assert_eq!(right.violations(&Pattern::from_fn(|x, _| x < 10)).unled, 1);
+    assert!(right.hold(&Pattern::from_fn(|_, y| y < 10)));
+}
+
+#[test]
+fn nothing_is_active_where_it_is_kept_out() {
+    let limits = Limits {
+        keep_out: vec![
+            rectangle([5.0, 5.0], [0.0, 0.0]),
+            Region::Disc {
+                centre: [25.0, 25.0],
+                radius: 3.0,
+            },
+        ],
+        ..Limits::default()
+    };
+    let kept = constraints(limits);
+    let full = Pattern::from_fn(|_, _| true);
+    // 5 × 5 cells, and the 32 cells with their centre within 3 cells of a corner.
+    assert_eq!(kept.violations(&full).kept_out, 25 + 32);
+    assert_eq!(kept.violations(&full).to_string(), "57 cells active where none may be");
+    assert_eq!(kept.repaired(&full), Some(kept.masked(&full)));
+    assert_eq!(kept.masked(&full).active_cells(), 2500 - 57);
+    assert_eq!(kept.allowed().iter().filter(|&&a| a).count(), 2500 - 57);
+    assert!((kept.largest_area() - 0.9772).abs() < 1e-12);
+    assert!(kept.check_area(0.98, 0.005).is_ok());
+    let error = kept.check_area(0.99, 0.005).unwrap_err().to_string();
+    assert!(error.contains("0.99") && error.contains("0.9772"), "{error}");
+    // Nothing is left of what is wholly kept out.
+    assert_eq!(kept.repaired(&Pattern::from_fn(|x, y| x < 4 && y < 4)), None);
+}
+
+#[test]
+fn every_pattern_is_repaired_to_one_that_holds() {
+    for feature in [1.0, 2.0, 3.0, 4.0, 7.0] {
+        let constraints = constraints(all(feature));
+        for index in 0..60 {
+            for pattern in [
+                blobs(index, 1 + index as usize % 5, 0.3 + 0.01 * index as f64),
+                noise(index),
+            ] {
+                let Some(repaired) = constraints.repaired(&pattern) else {
+                    // Of noise there may be nothing left that is wide enough.
+                    assert!(
+                        pattern == noise(index) && feature > 1.0,
+                        "{feature} mm, pattern {index}"
+                    );
+                    continue;
+                };
+                let found = constraints.violations(&repaired);
+                assert!(
+                    found.is_empty() && found.share() == 0.0,
+                    "{feature} mm, pattern {index}: {found}"
+                );
+                assert!(repaired.active_cells() > 0);
+                assert_eq!(constraints.repaired(&repaired), Some(repaired.clone()));
+                assert_eq!(constraints.repaired(&pattern), Some(repaired));
+            }
+        }
+    }
+}
+
+#[test]
+fn a_repair_stays_near_what_it_mends() {
+    // Coarse regions change by corners and specks: 0.7 %, 1.7 % and 2.9 % of the cells in the mean.
+    for (feature, most) in [(2.0, 0.01), (3.0, 0.02), (4.0, 0.035)] {
+        let constraints = constraints(all(feature));
+        let mut sum = 0.0;
+        for index in 0..40 {
+            let masked = constraints.masked(&blobs(index, 4, 0.5));
+            let repaired = constraints.repaired(&masked).unwrap();
+            sum += Bits::of(&masked).differing(&Bits::of(&repaired)) as f64 / 2500.0;
+        }
+        let mean = sum / 40.0;
+        assert!(mean < most, "{feature} mm: {mean} of the cells");
+    }
+}
+
+#[test]
+fn contradictions_are_refused() {
+    let error = |limits| Constraints::new(limits, SIDE).unwrap_err().to_string();
+    let limits = Limits::default;
+    let feature = |mm| Limits {
+        min_feature_mm: Some(mm),
+        ..limits()
+    };
+    assert!(error(feature(51.0)).contains("51 mm, more than the membrane of 50 mm"));
+    assert!(error(feature(0.0)).contains("positive"));
+    assert!(error(feature(f64::NAN)).contains("positive"));
+    let islands = Limits {
+        islands: Some(0),
+        ..limits()
+    };
+    assert!(error(islands).contains("`islands` must be at least 1, found 0"));
+    let margin = Limits {
+        pull_in_margin: Some(0.9),
+        ..limits()
+    };
+    assert!(error(margin).contains("`pull_in_margin` must be a number from 1, found 0.9"));
+    let outside = Limits {
+        keep_out: vec![rectangle([0.0, 0.0], [5.0, 5.0]), rectangle([60.0, 0.0], [70.0, 5.0])],
+        ..limits()
+    };
+    assert!(error(outside).contains("`keep_out` number 2 holds no cell"));
+    let everything = Limits {
+        keep_out: vec![rectangle([0.0, 0.0], [50.0, 50.0])],
+        ..limits()
+    };
+    assert!(error(everything).contains("no room for any electrode"));
+    let no_side = Limits {
+        leads: Some(Sides::default()),
+        ..limits()
+    };
+    assert!(error(no_side).contains("names no side"));
+    let left = |sides| Limits {
+        leads: Some(sides),
+        keep_out: vec![rectangle([0.0, 0.0], [1.0, 50.0])],
+        ..limits()
+    };
+    let listed = Sides {
+        left: true,
+        right: true,
+        ..Sides::default()
+    };
+    assert!(error(left(listed)).contains("the frame on the left"));
+    assert!(Constraints::new(left(Sides::ALL), SIDE).is_ok());
+}
+
+#[test]
+fn only_what_a_lead_can_reach_is_room() {
+    // A wall parts the membrane, and leads are on the left only.
+    let walled = Limits {
+        leads: Some(Sides {
+            left: true,
+            ..Sides::default()
+        }),
+        keep_out: vec![rectangle([20.0, 0.0], [21.0, 50.0])],
+        ..Limits::default()
+    };
+    let walled = constraints(walled);
+    assert!((walled.largest_area() - 0.4).abs() < 1e-12);
+    let right = Pattern::from_fn(|x, _| x > 30);
+    assert_eq!(walled.violations(&right).kept_out, right.active_cells());
+    assert!(walled.check_area(0.5, 0.005).is_err());
+    // Without leads it is one island that cannot have both sides.
+    let island = constraints(Limits {
+        islands: Some(1),
+        keep_out: vec![rectangle([20.0, 0.0], [21.0, 50.0])],
+        ..Limits::default()
+    });
+    assert!((island.largest_area() - 0.58).abs() < 1e-12);
+    // An electrode smaller than the least width is none.
+    let wide = constraints(Limits {
+        min_feature_mm: Some(10.0),
+        ..Limits::default()
+    });
+    assert!(wide.check_area(0.03, 0.005).is_err() && wide.check_area(0.0, 0.005).is_ok());
+    assert!(wide.check_area(0.04, 0.0).is_ok());
+}
