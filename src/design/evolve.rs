@@ -5,73 +5,59 @@
 //! crossover (p 0.7), mutated by inversion (p 0.3) and filtered; 60 iterations. What the paper leaves open: parents win a
 //! tournament of two by rank, and the search may end early after a number of generations without gain.
 //!
+//! Beside the paper's procedure stand what it does not have: a first generation of several areas where the area is free;
+//! constraints, to which each individual's pattern is mended, with a penalty for what cannot be mended; margins, of which only
+//! the best are asked; and niches, so that several different designs are found at once. None of it changes a search without it.
+//!
 //! Every random choice of a generation is a function of the seed and the generation's number, and equal fitness is
-//! ordered by genome, so a search can be repeated from any generation on and does not depend on threads.
+//! ordered by genome, so a search can be gone on with from any generation and does not depend on threads.
 
-use std::collections::HashMap;
+mod niche;
+mod options;
+mod result;
+mod search;
+mod state;
 
-use super::genome::Genome;
+pub use options::{EvolveOptions, OptionsError};
+pub use result::{Evolution, GenerationReport, Stop, Watch, Winner};
+pub use state::StateError;
+
+use super::constraint::Constraints;
+use super::genome::{Genome, UNITS};
 use super::objective::Goal;
-use super::operators::{cross, invert, smooth};
 use crate::base::Stream;
 use crate::field::{PredictError, Predictor};
-use crate::pattern::Pattern;
+use crate::pattern::{CELLS, Pattern};
+use search::{Course, Search};
+use state::State;
 
 /// The coarsest grain of the first generation, drawn with the finer ones in equal shares. The paper's first generation is
 /// random, not saying how; at an area far from one half single random units would all fall to the filter at once.
 const COARSEST: usize = 4;
 
-/// How to search.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct EvolveOptions {
-    /// Individuals in a generation.
-    pub population: usize,
-    /// Generations bred after the first, random one.
-    pub generations: usize,
-    /// Share of the best that goes on unchanged; at least one individual does.
-    pub elite: f64,
-    /// Probability that two parents exchange genes.
-    pub crossover: f64,
-    /// Probability that a child is mutated.
-    pub mutation: f64,
-    /// Ends the search after this many generations without gain.
-    pub stagnation: Option<usize>,
-    /// Names the random choices.
-    pub seed: u64,
+/// Between these the areas of the first generation lie where the area is free.
+const FREE_AREAS: [f64; 2] = [0.05, 0.95];
+
+/// What is searched for, and by what it is judged.
+#[derive(Clone, Copy)]
+pub struct Setting<'a> {
+    /// Predicts the field of a pattern.
+    pub predictor: &'a dyn Predictor,
+    /// What is wanted.
+    pub goal: &'a Goal,
+    /// What patterns must keep to.
+    pub constraints: &'a Constraints,
+    /// What the best must keep to beside, if anything.
+    pub admission: Option<&'a dyn Admission>,
 }
 
-impl Default for EvolveOptions {
-    /// The paper's: 1000 individuals, 60 generations, 2 % elite, crossover 0.7, mutation 0.3.
-    fn default() -> Self {
-        Self {
-            population: 1000,
-            generations: 60,
-            elite: 0.02,
-            crossover: 0.7,
-            mutation: 0.3,
-            stagnation: None,
-            seed: 0,
-        }
-    }
-}
-
-/// Options that describe no search.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-pub enum OptionsError {
-    /// Too few to choose among.
-    #[error("a population has at least 2 individuals, found {0}")]
-    Population(usize),
-    /// Not a share or probability.
-    #[error("{name} lies between 0 and 1, found {found}")]
-    Share {
-        /// Which option.
-        name: &'static str,
-        /// What was found.
-        found: f64,
-    },
-    /// A search that would end before it begins.
-    #[error("stagnation is at least 1 generation")]
-    Stagnation,
+/// Says of patterns whether they may be a design: whether they keep margins that take a simulation to know.
+pub trait Admission: Sync {
+    /// One verdict per pattern, in order. It does not depend on the other patterns or on the number of threads.
+    ///
+    /// # Errors
+    /// When it cannot be told.
+    fn admissible(&self, patterns: &[Pattern]) -> Result<Vec<bool>, PredictError>;
 }
 
 /// Why there is no result.
@@ -80,254 +66,122 @@ pub enum EvolveError {
     /// The options describe no search.
     #[error(transparent)]
     Options(#[from] OptionsError),
-    /// The predictor failed.
+    /// The predictor, or what says whether a pattern is admissible, failed.
     #[error(transparent)]
     Predict(#[from] PredictError),
     /// There is nothing to choose from.
     #[error("no pattern of the first generation has a field: there is nothing to choose from")]
     NoField,
+    /// There is nothing to choose from.
+    #[error("no pattern of the first generation keeps the margins: there is nothing to choose from")]
+    NotAdmissible,
 }
 
-/// What is known after a generation.
-#[derive(Clone, Debug, PartialEq)]
-pub struct GenerationReport {
-    /// Number of the generation; 0 is the random one.
-    pub generation: usize,
-    /// The best individual.
-    pub genome: Genome,
-    /// F of the best; smaller is better.
-    pub best: f64,
-    /// Mean F of all individuals with a field.
-    pub mean: f64,
-    /// Predicted value of the best in mm.
-    pub value_mm: f64,
-    /// Area fraction of the best.
-    pub area: f64,
-}
-
-/// Why a search ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stop {
-    /// All generations were bred.
-    Generations,
-    /// There was no gain for as long as the options allow.
-    Stagnation,
-}
-
-/// A finished search.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Evolution {
-    /// One report for each generation, the random one included; the last holds the best individual of all.
-    pub history: Vec<GenerationReport>,
-    /// Why it ended.
-    pub stop: Stop,
-    /// Patterns that were predicted: one that recurs is not predicted again.
-    pub evaluations: usize,
-}
-
-impl Evolution {
-    /// The pattern of the best individual.
-    ///
-    /// # Panics
-    /// Never for the result of [`evolve`], which reports at least the random generation.
-    #[must_use]
-    pub fn best_pattern(&self) -> Pattern {
-        self.history
-            .last()
-            .expect("there is a first generation")
-            .genome
-            .pattern()
-    }
-}
-
-impl EvolveOptions {
-    fn validate(&self) -> Result<(), OptionsError> {
-        if self.population < 2 {
-            return Err(OptionsError::Population(self.population));
-        }
-        let shares = [
-            ("elite", self.elite),
-            ("crossover", self.crossover),
-            ("mutation", self.mutation),
-        ];
-        if let Some((name, found)) = shares.into_iter().find(|(_, share)| !(0.0..=1.0).contains(share)) {
-            return Err(OptionsError::Share { name, found });
-        }
-        if self.stagnation == Some(0) {
-            return Err(OptionsError::Stagnation);
-        }
-        Ok(())
-    }
-
-    /// How many go on unchanged: never all, or nothing would change.
-    fn elites(&self) -> usize {
-        let wanted = (self.elite * self.population as f64).round() as usize;
-        wanted.clamp(1, self.population - 1)
-    }
-}
-
-/// Random genomes with the nearest number of units to `area` · 400 on, or each with any number where no area is wanted, from
-/// the finest grain to a coarse one: the first generation of a search under a seed, or its beginning.
+/// Random genomes with the nearest number of units to `area` · 400 on, from the finest grain to a coarse one, and over areas
+/// from 5 % to 95 % where the area is free: the first generation of a search under a seed, or its beginning. Units of which the
+/// constraints allow no cell are off.
 #[must_use]
-pub fn first_generation(area: Option<f64>, seed: u64, population: usize) -> Vec<Genome> {
+pub fn first_generation(area: Option<f64>, constraints: &Constraints, seed: u64, population: usize) -> Vec<Genome> {
+    let allowed = allowed_units(constraints);
     let random = |index| {
         let mut stream = Stream::new(seed, "first generation", index);
         let grain = stream.index(COARSEST + 1);
-        let area = area.unwrap_or_else(|| stream.uniform());
-        Genome::random(area, grain, &mut stream)
+        let area = area.unwrap_or_else(|| stream.range(FREE_AREAS[0], FREE_AREAS[1]));
+        Genome::random_within(&allowed, area, grain, &mut stream)
     };
     (0..population as u64).map(random).collect()
 }
 
-/// Searches for the genome of the least F. `on_generation` hears of every generation once it is judged. A pattern of which
-/// the predictor has no field is worse than any other.
+/// The units with at least one cell that the constraints allow.
+fn allowed_units(constraints: &Constraints) -> Genome {
+    let mut units = [false; UNITS * UNITS];
+    for (cell, _) in constraints
+        .allowed()
+        .iter()
+        .enumerate()
+        .filter(|(_, allowed)| **allowed)
+    {
+        let [x, y] = [cell % CELLS, cell / CELLS].map(|place| place * UNITS / CELLS);
+        units[y * UNITS + x] = true;
+    }
+    Genome::from_fn(|x, y| units[y * UNITS + x])
+}
+
+/// Searches for the patterns of the least F. `watch` hears of every generation once it is judged, and may keep the state of the
+/// search: from a state that was kept it goes on to the same result, to the last bit. A pattern of which the predictor has no
+/// field is worse than any other; so is one that is not admissible, which is asked of the best of a generation only.
 ///
 /// # Errors
-/// When the options are out of range, the predictor fails, or it has no field for any pattern of the first generation.
-pub fn evolve(
-    predictor: &dyn Predictor,
-    goal: &Goal,
-    options: &EvolveOptions,
-    on_generation: &dyn Fn(&GenerationReport),
-) -> Result<Evolution, EvolveError> {
+/// When the options are out of range, the predictor fails, or there is nothing to choose from in the first generation.
+pub fn evolve(setting: &Setting<'_>, options: &EvolveOptions, watch: &dyn Watch) -> Result<Evolution, EvolveError> {
     options.validate()?;
-    let mut search = Search {
-        predictor,
-        goal,
-        options,
-        known: HashMap::new(),
+    let mut search = Search::new(setting, options);
+    let mut course = match resumed(&mut search, options, watch) {
+        Some(course) => course,
+        None => begun(&mut search, setting, options, watch)?,
     };
-    let mut history: Vec<GenerationReport> = Vec::new();
-    let mut last_gain = 0;
-    let mut stop = Stop::Generations;
-    let mut population = search.judged(first_generation(goal.area(), options.seed, options.population))?;
-    if population[0].score.fitness.is_infinite() {
-        return Err(EvolveError::NoField);
-    }
-    for generation in 0..=options.generations {
-        if generation > 0 {
-            population = search.judged(search.bred(&population, generation))?;
+    let stop = loop {
+        if let Some(stop) = course.end(options) {
+            break stop;
         }
-        let report = search.report(generation, &population);
-        if history.last().is_some_and(|before| report.best < before.best) {
-            last_gain = generation;
-        }
-        on_generation(&report);
-        history.push(report);
-        if options.stagnation.is_some_and(|limit| generation - last_gain >= limit) && generation < options.generations {
-            stop = Stop::Stagnation;
-            break;
-        }
-    }
+        let population = search.judged(search.bred(&course))?;
+        told(&mut course, population, &search, watch);
+    };
+    let winners = search.winners(&course)?;
     Ok(Evolution {
-        history,
+        history: course.history,
         stop,
-        evaluations: search.known.len(),
+        winners,
+        evaluations: search.evaluations(),
     })
 }
 
-/// What is known of a genome; its fitness is infinite where it has no field.
-#[derive(Clone, Copy)]
-struct Score {
-    fitness: f64,
-    value_mm: f64,
-    area: f64,
-}
-
-struct Individual {
-    genome: Genome,
-    score: Score,
-}
-
-struct Search<'a> {
-    predictor: &'a dyn Predictor,
-    goal: &'a Goal,
-    options: &'a EvolveOptions,
-    known: HashMap<Genome, Score>,
-}
-
-impl Search<'_> {
-    /// The next generation of a sorted one.
-    fn bred(&self, population: &[Individual], generation: usize) -> Vec<Genome> {
-        let size = self.options.population;
-        let mut stream = Stream::new(self.options.seed, "generation", generation as u64);
-        let mut next: Vec<Genome> = population[..self.options.elites()]
-            .iter()
-            .map(|i| i.genome.clone())
-            .collect();
-        while next.len() < size {
-            let (mut a, mut b) = (parent(population, &mut stream), parent(population, &mut stream));
-            if stream.chance(self.options.crossover) {
-                cross(&mut a, &mut b, &mut stream);
+/// What a search had come to when its state was kept, if it was.
+fn resumed(search: &mut Search<'_>, options: &EvolveOptions, watch: &dyn Watch) -> Option<Course> {
+    let bytes = watch.kept()?;
+    match State::from_bytes(&bytes, options) {
+        Ok(state) => {
+            let course = search.restored(state);
+            if let Some(last) = course.history.last() {
+                watch.resumed(last);
             }
-            for mut child in [a, b] {
-                if stream.chance(self.options.mutation) {
-                    invert(&mut child, &mut stream);
-                }
-                next.push(smooth(&child));
-            }
+            Some(course)
         }
-        next.truncate(size);
-        next
+        Err(error) => {
+            watch.unusable(&error);
+            None
+        }
     }
+}
 
-    /// The individuals of these genomes, best first.
-    fn judged(&mut self, genomes: Vec<Genome>) -> Result<Vec<Individual>, PredictError> {
-        let mut unknown: Vec<&Genome> = genomes.iter().filter(|g| !self.known.contains_key(*g)).collect();
-        unknown.sort_unstable();
-        unknown.dedup();
-        let patterns: Vec<Pattern> = unknown.iter().map(|genome| genome.pattern()).collect();
-        let fields = self.predictor.predict_some(&patterns)?;
-        if fields.len() != patterns.len() {
-            return Err(PredictError(format!(
-                "{} fields for {} patterns",
-                fields.len(),
-                patterns.len()
-            )));
-        }
-        for ((genome, pattern), field) in unknown.into_iter().zip(&patterns).zip(&fields) {
-            let score = Score {
-                fitness: field
-                    .as_ref()
-                    .map_or(f64::INFINITY, |field| self.goal.fitness(pattern, field)),
-                value_mm: field.as_ref().map_or(0.0, |field| self.goal.value_mm(field)),
-                area: pattern.area_fraction(),
-            };
-            self.known.insert(genome.clone(), score);
-        }
-        let individual = |genome: Genome| Individual {
-            score: self.known[&genome],
-            genome,
-        };
-        let mut population: Vec<Individual> = genomes.into_iter().map(individual).collect();
-        population.sort_by(|a, b| {
-            a.score
-                .fitness
-                .total_cmp(&b.score.fitness)
-                .then_with(|| a.genome.cmp(&b.genome))
+/// The first generation.
+fn begun(
+    search: &mut Search<'_>,
+    setting: &Setting<'_>,
+    options: &EvolveOptions,
+    watch: &dyn Watch,
+) -> Result<Course, EvolveError> {
+    let area: Option<f64> = setting.goal.area().into();
+    let genomes = first_generation(area, setting.constraints, options.seed, options.population);
+    let population = search.judged(genomes)?;
+    if population[0].known.fitness.is_infinite() {
+        return Err(match population.iter().any(|i| i.known.admissible == Some(false)) {
+            true => EvolveError::NotAdmissible,
+            false => EvolveError::NoField,
         });
-        Ok(population)
     }
-
-    fn report(&self, generation: usize, population: &[Individual]) -> GenerationReport {
-        let best = &population[0];
-        let judged = population.iter().map(|individual| individual.score.fitness);
-        let judged: Vec<f64> = judged.filter(|fitness| fitness.is_finite()).collect();
-        GenerationReport {
-            generation,
-            genome: best.genome.clone(),
-            best: best.score.fitness,
-            mean: judged.iter().sum::<f64>() / judged.len() as f64,
-            value_mm: best.score.value_mm,
-            area: best.score.area,
-        }
-    }
+    let mut course = Course::default();
+    told(&mut course, population, search, watch);
+    Ok(course)
 }
 
-/// The better of two random individuals of a sorted population.
-fn parent(population: &[Individual], stream: &mut Stream) -> Genome {
-    let rank = stream.index(population.len()).min(stream.index(population.len()));
-    population[rank].genome.clone()
+/// Adds a generation to the course and tells of it.
+fn told(course: &mut Course, population: Vec<search::Individual>, search: &Search<'_>, watch: &dyn Watch) {
+    course.add(population);
+    if let Some(report) = course.history.last() {
+        watch.generation(report);
+    }
+    watch.keep(&|| search.state(course));
 }
 
 #[cfg(test)]

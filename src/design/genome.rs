@@ -31,15 +31,20 @@ impl Genome {
     /// rising grain the regions become coarser.
     #[must_use]
     pub fn random(area: f64, grain: usize, stream: &mut Stream) -> Self {
+        Self::random_within(&Self::from_fn(|_, _| true), area, grain, stream)
+    }
+
+    /// The same among the units of another genome alone: all of these are on where they are fewer.
+    pub(super) fn random_within(allowed: &Self, area: f64, grain: usize, stream: &mut Stream) -> Self {
         let mut noise: Vec<f64> = (0..UNITS * UNITS).map(|_| stream.uniform()).collect();
         for _ in 0..grain {
             noise = averaged(&noise);
         }
         let on = (area.clamp(0.0, 1.0) * noise.len() as f64).round() as usize;
-        let mut ranked: Vec<usize> = (0..noise.len()).collect();
+        let mut ranked: Vec<usize> = (0..noise.len()).filter(|&unit| allowed.genes[unit]).collect();
         ranked.sort_by(|&a, &b| noise[b].total_cmp(&noise[a]).then(a.cmp(&b)));
         let mut genes = vec![false; noise.len()].into_boxed_slice();
-        for &unit in &ranked[..on] {
+        for &unit in ranked.iter().take(on) {
             genes[unit] = true;
         }
         Self { genes }
@@ -63,6 +68,31 @@ impl Genome {
     pub fn is_on(&self, x: usize, y: usize) -> bool {
         assert!(x < UNITS && y < UNITS, "unit ({x}, {y}) is outside the membrane");
         self.genes[y * UNITS + x]
+    }
+
+    /// Bytes of a genome in a file.
+    pub(super) const BYTES: usize = UNITS * UNITS / 8;
+
+    /// One bit for each gene.
+    pub(super) fn to_bytes(&self) -> [u8; Self::BYTES] {
+        std::array::from_fn(|byte| (0..8).fold(0, |bits, bit| bits | u8::from(self.genes[8 * byte + bit]) << bit))
+    }
+
+    /// The genome of such bytes.
+    pub(super) fn from_bytes(bytes: &[u8; Self::BYTES]) -> Self {
+        let gene = |at: usize| bytes[at / 8] >> (at % 8) & 1 == 1;
+        Self {
+            genes: (0..UNITS * UNITS).map(gene).collect(),
+        }
+    }
+
+    /// The genome with those units off of which no cell is allowed.
+    pub(super) fn within(mut self, allowed: &Self) -> Self {
+        self.genes
+            .iter_mut()
+            .zip(&allowed.genes)
+            .for_each(|(gene, &allowed)| *gene &= allowed);
+        self
     }
 
     /// The pattern of cells.
@@ -118,6 +148,23 @@ mod tests {
                 assert_eq!(genome.genes().iter().filter(|&&g| g).count(), on);
             }
         }
+    }
+
+    #[test]
+    fn a_genome_survives_the_way_to_bytes_and_back() {
+        let genome = Genome::random(0.37, 1, &mut Stream::new(1, "test", 3));
+        assert_eq!(Genome::from_bytes(&genome.to_bytes()), genome);
+    }
+
+    #[test]
+    fn units_that_are_not_allowed_stay_off() {
+        let left = Genome::from_fn(|x, _| x < 10);
+        let on = |genome: &Genome| genome.genes().iter().filter(|&&g| g).count();
+        for (area, expected) in [(0.3, 120), (0.5, 200), (0.9, 200)] {
+            let genome = Genome::random_within(&left, area, 1, &mut Stream::new(1, "test", 0));
+            assert_eq!((on(&genome), genome.clone().within(&left)), (expected, genome));
+        }
+        assert_eq!(on(&Genome::from_fn(|_, y| y < 10).within(&left)), 100);
     }
 
     #[test]

@@ -14,7 +14,8 @@ mod operators;
 pub use climb::{Climb, Ground, Step};
 pub use constraint::{ConstraintError, Constraints, Limits, Region, Sides, Violations};
 pub use evolve::{
-    Evolution, EvolveError, EvolveOptions, GenerationReport, OptionsError, Stop, evolve, first_generation,
+    Admission, Evolution, EvolveError, EvolveOptions, GenerationReport, OptionsError, Setting, StateError, Stop, Watch,
+    Winner, evolve, first_generation,
 };
 pub use genome::{Genome, UNITS};
 pub use intuitive::Intuitive;

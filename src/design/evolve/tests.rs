@@ -2,7 +2,7 @@ use std::cell::RefCell;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::*;
-use crate::design::{AREA_PENALTY, Aim, Measure, Motion};
+use crate::design::{AREA_PENALTY, Aim, Measure};
 use crate::field::Field;
 use crate::pattern::CELLS;
 
@@ -65,10 +65,9 @@ impl Predictor for Linear {
 fn goal(area: f64) -> Goal {
     let aim = Aim {
         point_mm: [25.0, 25.0],
-        motion: Motion::Along(0.0),
-        weight: 1.0,
+        direction_deg: 0.0,
     };
-    Goal::new(Measure::Displacement, &[aim], 50.0, Some(area), AREA_PENALTY).unwrap()
+    Goal::new(Measure::Displacement, &[aim], 50.0, area, AREA_PENALTY).unwrap()
 }
 
 fn small(seed: u64) -> EvolveOptions {
@@ -80,8 +79,23 @@ fn small(seed: u64) -> EvolveOptions {
     }
 }
 
+/// No constraints but the goal.
+fn free<'a>(predictor: &'a dyn Predictor, goal: &'a Goal) -> Setting<'a> {
+    static NONE: std::sync::LazyLock<Constraints> = std::sync::LazyLock::new(Constraints::default);
+    Setting {
+        predictor,
+        goal,
+        constraints: &NONE,
+        admission: None,
+    }
+}
+
+fn evolved(predictor: &dyn Predictor, goal: &Goal, options: &EvolveOptions) -> Result<Evolution, EvolveError> {
+    evolve(&free(predictor, goal), options, &|_: &GenerationReport| ())
+}
+
 fn run(options: &EvolveOptions, area: f64) -> Evolution {
-    evolve(&Linear::new([25.0, 25.0]), &goal(area), options, &|_| ()).unwrap()
+    evolved(&Linear::new([25.0, 25.0]), &goal(area), options).unwrap()
 }
 
 #[test]
@@ -93,7 +107,7 @@ fn the_papers_search_comes_near_the_known_optimum() {
         seed: 1,
         ..EvolveOptions::default()
     };
-    let result = evolve(&linear, &goal(0.3), &options, &|_| ()).unwrap();
+    let result = evolved(&linear, &goal(0.3), &options).unwrap();
     let last = result.history.last().unwrap();
     assert!((last.area - 0.3).abs() < 0.002, "area {}", last.area);
     let share = last.value_mm / linear.best(750);
@@ -104,10 +118,9 @@ fn the_papers_search_comes_near_the_known_optimum() {
 #[test]
 fn every_generation_is_reported_and_none_is_worse() {
     let heard = RefCell::new(Vec::new());
-    let result = evolve(&Linear::new([25.0, 25.0]), &goal(0.5), &small(3), &|report| {
-        heard.borrow_mut().push(report.clone());
-    })
-    .unwrap();
+    let watch = |report: &GenerationReport| heard.borrow_mut().push(report.clone());
+    let (linear, goal) = (Linear::new([25.0, 25.0]), goal(0.5));
+    let result = evolve(&free(&linear, &goal), &small(3), &watch).unwrap();
     assert_eq!(result.history, heard.into_inner());
     assert_eq!(
         result.history.iter().map(|r| r.generation).collect::<Vec<_>>(),
@@ -134,7 +147,7 @@ fn a_search_is_named_by_its_seed() {
 #[test]
 fn nothing_is_predicted_twice() {
     let linear = Linear::new([25.0, 25.0]);
-    let result = evolve(&linear, &goal(0.5), &small(3), &|_| ()).unwrap();
+    let result = evolved(&linear, &goal(0.5), &small(3)).unwrap();
     assert_eq!(linear.predicted.load(Ordering::Relaxed), result.evaluations);
     assert!(result.evaluations < 60 * 21 - 20);
 }
@@ -148,11 +161,10 @@ fn without_gain_the_search_ends_early() {
     // To the letter the paper's objective cannot tell motions along the line apart: nothing is ever gained.
     let aim = Aim {
         point_mm: [25.0, 25.0],
-        motion: Motion::Along(0.0),
-        weight: 1.0,
+        direction_deg: 0.0,
     };
-    let literal = Goal::new(Measure::Qin2024, &[aim], 50.0, Some(0.5), 0.0).unwrap();
-    let result = evolve(&Linear::new([25.0, 25.0]), &literal, &options, &|_| ()).unwrap();
+    let literal = Goal::new(Measure::Qin2024, &[aim], 50.0, 0.5, 0.0).unwrap();
+    let result = evolved(&Linear::new([25.0, 25.0]), &literal, &options).unwrap();
     assert_eq!((result.history.len(), result.stop), (5, Stop::Stagnation));
 }
 
@@ -187,7 +199,7 @@ impl Predictor for Answer {
 #[test]
 fn what_the_predictor_gets_wrong_is_an_error() {
     let message = |answer| {
-        let error = evolve(&Answer(answer), &goal(0.5), &small(1), &|_| ()).unwrap_err();
+        let error = evolved(&Answer(answer), &goal(0.5), &small(1)).unwrap_err();
         error.to_string()
     };
     assert!(message(|_| Err(PredictError("no memory".to_owned()))).contains("no memory"));
@@ -218,17 +230,17 @@ fn a_pattern_without_a_field_is_worse_than_any_other() {
     let left = |pattern: &Pattern| (0..50 * 25).filter(|i| pattern.is_active(i % 25, i / 25)).count();
     assert!(left(&free) > 700, "{}", left(&free));
     let partial = Partial(Linear::new([25.0, 25.0]));
-    let found = evolve(&partial, &goal(0.5), &small(1), &|_| ()).unwrap();
+    let found = evolved(&partial, &goal(0.5), &small(1)).unwrap();
     assert!(left(&found.best_pattern()) <= 625);
     assert!(found.history.iter().all(|report| report.mean.is_finite()));
-    let none = evolve(&partial, &goal(1.0), &small(1), &|_| ());
+    let none = evolved(&partial, &goal(1.0), &small(1));
     assert!(matches!(none, Err(EvolveError::NoField)), "{none:?}");
 }
 
 #[test]
 fn options_out_of_range_are_refused() {
     let error = |options| {
-        let result = evolve(&Linear::new([25.0, 25.0]), &goal(0.5), &options, &|_| ());
+        let result = evolved(&Linear::new([25.0, 25.0]), &goal(0.5), &options);
         match result {
             Err(EvolveError::Options(error)) => error,
             other => panic!("{other:?}"),

@@ -101,7 +101,7 @@ mod tests {
 
     fn chosen(volts: f64, accuracy_mm: f64) -> (String, Vec<Probe>) {
         let scene = Scene::vhb4910().at_voltage(volts);
-        let patterns: Vec<Pattern> = first_generation(Some(0.5), 1, 8)
+        let patterns: Vec<Pattern> = first_generation(Some(0.5), &crate::design::Constraints::default(), 1, 8)
             .iter()
             .map(|genome| genome.pattern())
             .collect();

@@ -1,0 +1,383 @@
+//! Generation after generation.
+
+use std::collections::HashMap;
+
+use rayon::prelude::*;
+
+use super::niche::{Niches, order};
+use super::options::EvolveOptions;
+use super::result::{GenerationReport, Stop, Winner};
+use super::state::{Known, State, Step};
+use super::{Setting, allowed_units};
+use crate::base::Stream;
+use crate::design::genome::Genome;
+use crate::design::operators::{cross, invert, smooth};
+use crate::field::{Field, PredictError};
+use crate::pattern::{Bits, Pattern};
+
+/// What it costs in F not to keep the constraints, however little: as much as 2.5 mm.
+const VIOLATION: f64 = 1.0;
+
+/// What it costs in F for each share of the membrane that does not keep them.
+const VIOLATED_SHARE: f64 = 10.0;
+
+/// A genome with what is known of it.
+pub(super) struct Individual {
+    pub genome: Genome,
+    pub known: Known,
+}
+
+/// What a search has come to.
+#[derive(Default)]
+pub(super) struct Course {
+    /// The last generation in its order: the best first, or the best of each niche.
+    pub population: Vec<Individual>,
+    pub history: Vec<GenerationReport>,
+    /// The generation of the last gain.
+    last_gain: usize,
+}
+
+impl Course {
+    /// Adds the next generation.
+    pub fn add(&mut self, population: Vec<Individual>) {
+        let generation = self.history.len();
+        let best = &population[0];
+        let judged = population.iter().map(|individual| individual.known.fitness);
+        let judged: Vec<f64> = judged.filter(|fitness| fitness.is_finite()).collect();
+        let report = GenerationReport {
+            generation,
+            genome: best.genome.clone(),
+            best: best.known.fitness,
+            mean: judged.iter().sum::<f64>() / judged.len() as f64,
+            value_mm: best.known.value_mm,
+            area: best.known.area,
+        };
+        if self.history.last().is_some_and(|before| report.best < before.best) {
+            self.last_gain = generation;
+        }
+        self.history.push(report);
+        self.population = population;
+    }
+
+    /// Why the search ends here, if it does.
+    pub fn end(&self, options: &EvolveOptions) -> Option<Stop> {
+        let generation = self.history.len().saturating_sub(1);
+        if generation >= options.generations {
+            return Some(Stop::Generations);
+        }
+        let stagnant = options
+            .stagnation
+            .is_some_and(|limit| generation - self.last_gain >= limit);
+        stagnant.then_some(Stop::Stagnation)
+    }
+}
+
+/// What is known of a genome, and its pattern.
+struct Entry {
+    known: Known,
+    bits: Bits,
+}
+
+/// A search with all that it has judged.
+pub(super) struct Search<'a> {
+    setting: &'a Setting<'a>,
+    options: &'a EvolveOptions,
+    /// The units that may be on.
+    allowed: Genome,
+    known: HashMap<Genome, Entry>,
+}
+
+impl<'a> Search<'a> {
+    pub fn new(setting: &'a Setting<'a>, options: &'a EvolveOptions) -> Self {
+        Self {
+            setting,
+            options,
+            allowed: allowed_units(setting.constraints),
+            known: HashMap::new(),
+        }
+    }
+
+    /// How many patterns were predicted.
+    pub fn evaluations(&self) -> usize {
+        self.known.len()
+    }
+
+    /// The next generation of a sorted one.
+    pub fn bred(&self, course: &Course) -> Vec<Genome> {
+        let (size, population) = (self.options.population, &course.population);
+        let mut stream = Stream::new(self.options.seed, "generation", course.history.len() as u64);
+        let elites = population[..self.options.elites()].iter();
+        let mut next: Vec<Genome> = elites.map(|individual| individual.genome.clone()).collect();
+        while next.len() < size {
+            let (mut a, mut b) = (parent(population, &mut stream), parent(population, &mut stream));
+            if stream.chance(self.options.crossover) {
+                cross(&mut a, &mut b, &mut stream);
+            }
+            for mut child in [a, b] {
+                if stream.chance(self.options.mutation) {
+                    invert(&mut child, &mut stream);
+                }
+                next.push(smooth(&child).within(&self.allowed));
+            }
+        }
+        next.truncate(size);
+        next
+    }
+
+    /// The individuals of these genomes in their order.
+    pub fn judged(&mut self, genomes: Vec<Genome>) -> Result<Vec<Individual>, PredictError> {
+        let mut unknown: Vec<&Genome> = genomes.iter().filter(|g| !self.known.contains_key(*g)).collect();
+        unknown.sort_unstable();
+        unknown.dedup();
+        let patterns = self.patterns(&unknown);
+        let found = self.predicted(&patterns)?;
+        let new = unknown.into_iter().zip(patterns).zip(found);
+        for ((genome, bits), known) in new {
+            self.known.insert(genome.clone(), Entry { known, bits });
+        }
+        let mut population: Vec<Individual> = genomes.into_iter().map(|genome| self.individual(genome)).collect();
+        self.sort(&mut population);
+        while self.admit(&mut population)? {
+            self.sort(&mut population);
+        }
+        Ok(population)
+    }
+
+    fn individual(&self, genome: Genome) -> Individual {
+        Individual {
+            known: self.known[&genome].known,
+            genome,
+        }
+    }
+
+    /// The patterns of genomes, mended where constraints ask for it; what cannot be mended is left without the cells that
+    /// are not allowed.
+    fn patterns(&self, genomes: &[&Genome]) -> Vec<Bits> {
+        let constraints = self.setting.constraints;
+        let pattern = |genome: &&Genome| {
+            let pattern = genome.pattern();
+            if constraints.is_free() {
+                return Bits::of(&pattern);
+            }
+            let mended = constraints.repaired_bits(&Bits::of(&pattern));
+            mended.unwrap_or_else(|| Bits::of(&constraints.masked(&pattern)))
+        };
+        genomes.par_iter().map(pattern).collect()
+    }
+
+    /// What is known of patterns once they are predicted.
+    fn predicted(&self, bits: &[Bits]) -> Result<Vec<Known>, PredictError> {
+        let patterns: Vec<Pattern> = bits.iter().map(Bits::pattern).collect();
+        let fields = self.setting.predictor.predict_some(&patterns)?;
+        check_count(fields.len(), "fields", patterns.len())?;
+        let known = |(pattern, field): (&Pattern, &Option<Field>)| Known {
+            fitness: field
+                .as_ref()
+                .map_or(f64::INFINITY, |field| self.fitness(pattern, field)),
+            value_mm: field.as_ref().map_or(0.0, |field| self.setting.goal.value_mm(field)),
+            area: pattern.area_fraction(),
+            admissible: None,
+        };
+        Ok(patterns.iter().zip(&fields).map(known).collect())
+    }
+
+    fn fitness(&self, pattern: &Pattern, field: &Field) -> f64 {
+        let fitness = self.setting.goal.fitness(pattern, field);
+        let constraints = self.setting.constraints;
+        if constraints.is_free() || constraints.hold(pattern) {
+            return fitness;
+        }
+        fitness + VIOLATION + VIOLATED_SHARE * constraints.violations(pattern).share()
+    }
+
+    /// Sorts by fitness, then genome; then into niches where several designs are wanted. What has no field comes last.
+    fn sort(&self, population: &mut Vec<Individual>) {
+        population.sort_by(|a, b| {
+            let by_fitness = a.known.fitness.total_cmp(&b.known.fitness);
+            by_fitness.then_with(|| a.genome.cmp(&b.genome))
+        });
+        if self.options.designs == 1 {
+            return;
+        }
+        let judged = population.partition_point(|individual| individual.known.fitness.is_finite());
+        let bits: Vec<Bits> = population[..judged]
+            .iter()
+            .map(|individual| self.known[&individual.genome].bits)
+            .collect();
+        let mut places = vec![0; population.len()];
+        let order = order(&bits, self.options.designs, self.options.distance);
+        for (place, index) in order.into_iter().chain(judged..population.len()).enumerate() {
+            places[index] = place;
+        }
+        let mut placed: Vec<(usize, Individual)> = places.into_iter().zip(population.drain(..)).collect();
+        placed.sort_unstable_by_key(|(place, _)| *place);
+        population.extend(placed.into_iter().map(|(_, individual)| individual));
+    }
+
+    /// Asks whether those of the best are admissible of which it is not known; whether one of them is not.
+    fn admit(&mut self, population: &mut [Individual]) -> Result<bool, PredictError> {
+        let best = population[..self.options.elites()].iter();
+        let unasked = best.filter(|i| i.known.fitness.is_finite() && i.known.admissible.is_none());
+        let mut genomes: Vec<Genome> = unasked.map(|individual| individual.genome.clone()).collect();
+        genomes.sort_unstable();
+        genomes.dedup();
+        let mut refused = false;
+        for (genome, admissible) in genomes.iter().zip(self.admissible(&genomes)?) {
+            if let Some(entry) = self.known.get_mut(genome) {
+                entry.known = entry.known.judged(admissible);
+            }
+            refused |= !admissible;
+        }
+        for individual in population {
+            individual.known = self.known[&individual.genome].known;
+        }
+        Ok(refused)
+    }
+
+    fn admissible(&self, genomes: &[Genome]) -> Result<Vec<bool>, PredictError> {
+        let Some(admission) = self.setting.admission else {
+            return Ok(Vec::new());
+        };
+        if genomes.is_empty() {
+            return Ok(Vec::new());
+        }
+        let patterns: Vec<Pattern> = genomes.iter().map(|genome| self.known[genome].bits.pattern()).collect();
+        let verdicts = admission.admissible(&patterns)?;
+        check_count(verdicts.len(), "verdicts", patterns.len())?;
+        Ok(verdicts)
+    }
+
+    /// The best of all, then the best of all that were judged which differ enough from those before, keep the constraints and
+    /// are admissible.
+    pub fn winners(&mut self, course: &Course) -> Result<Vec<Winner>, PredictError> {
+        let best = &course.population[0].genome;
+        let mut winners = vec![self.winner(best)];
+        if self.options.designs == 1 {
+            return Ok(winners);
+        }
+        let mut niches = Niches::new(self.options.designs, self.options.distance);
+        niches.add(&self.known[best].bits);
+        let judged = self.known.iter().filter(|(_, entry)| entry.known.fitness.is_finite());
+        let mut sorted: Vec<(f64, Genome)> = judged.map(|(g, entry)| (entry.known.fitness, g.clone())).collect();
+        sorted.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.cmp(&b.1)));
+        for (_, genome) in sorted {
+            if niches.are_full() {
+                break;
+            }
+            let Entry { known, bits } = &self.known[&genome];
+            if !niches.are_far_from(bits) || !self.setting.constraints.hold_bits(bits) {
+                continue;
+            }
+            let asked = known.admissible;
+            let admissible = match asked {
+                Some(verdict) => verdict,
+                None => self
+                    .admissible(std::slice::from_ref(&genome))?
+                    .first()
+                    .is_none_or(|&v| v),
+            };
+            if admissible {
+                niches.add(&self.known[&genome].bits);
+                winners.push(self.winner(&genome));
+            }
+        }
+        Ok(winners)
+    }
+
+    fn winner(&self, genome: &Genome) -> Winner {
+        let Entry { known, bits } = &self.known[genome];
+        let pattern = bits.pattern();
+        Winner {
+            genome: genome.clone(),
+            fitness: known.fitness,
+            value_mm: known.value_mm,
+            area: known.area,
+            violations: self.setting.constraints.violations(&pattern),
+            pattern,
+        }
+    }
+
+    /// The state after a generation as bytes.
+    pub fn state(&self, course: &Course) -> Option<Vec<u8>> {
+        let mut known: Vec<(Genome, Known)> = self.known.iter().map(|(g, entry)| (g.clone(), entry.known)).collect();
+        known.sort_unstable_by(|a, b| a.0.cmp(&b.0));
+        let place = |genome: &Genome| {
+            known
+                .binary_search_by(|(other, _)| other.cmp(genome))
+                .ok()
+                .map(|at| at as u64)
+        };
+        let step = |report: &GenerationReport| {
+            Some(Step {
+                genome: place(&report.genome)?,
+                best: report.best,
+                mean: report.mean,
+                value_mm: report.value_mm,
+                area: report.area,
+            })
+        };
+        let state = State {
+            population: course
+                .population
+                .iter()
+                .map(|i| place(&i.genome))
+                .collect::<Option<_>>()?,
+            history: course.history.iter().map(step).collect::<Option<_>>()?,
+            last_gain: course.last_gain as u64,
+            known,
+        };
+        state.to_bytes(self.options)
+    }
+
+    /// What a state had come to.
+    pub fn restored(&mut self, state: State) -> Course {
+        let genome = |place: u64| state.known[place as usize].0.clone();
+        let individual = |&place: &u64| Individual {
+            genome: genome(place),
+            known: state.known[place as usize].1,
+        };
+        let report = |(generation, step): (usize, &Step)| GenerationReport {
+            generation,
+            genome: genome(step.genome),
+            best: step.best,
+            mean: step.mean,
+            value_mm: step.value_mm,
+            area: step.area,
+        };
+        let course = Course {
+            population: state.population.iter().map(individual).collect(),
+            history: state.history.iter().enumerate().map(report).collect(),
+            last_gain: state.last_gain as usize,
+        };
+        let patterns = self.patterns(&state.known.iter().map(|(genome, _)| genome).collect::<Vec<_>>());
+        let entries = state.known.into_iter().zip(patterns);
+        self.known = entries
+            .map(|((genome, known), bits)| (genome, Entry { known, bits }))
+            .collect();
+        course
+    }
+}
+
+impl Known {
+    /// With the verdict on it: what is not admissible is worse than any other.
+    fn judged(self, admissible: bool) -> Self {
+        Self {
+            fitness: if admissible { self.fitness } else { f64::INFINITY },
+            admissible: Some(admissible),
+            ..self
+        }
+    }
+}
+
+fn check_count(found: usize, what: &str, patterns: usize) -> Result<(), PredictError> {
+    match found == patterns {
+        true => Ok(()),
+        false => Err(PredictError(format!("{found} {what} for {patterns} patterns"))),
+    }
+}
+
+/// The better of two random individuals of a sorted population.
+fn parent(population: &[Individual], stream: &mut Stream) -> Genome {
+    let rank = stream.index(population.len()).min(stream.index(population.len()));
+    population[rank].genome.clone()
+}

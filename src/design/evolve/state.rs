@@ -1,0 +1,188 @@
+//! A search under way as bytes: all that it needs to be gone on with as if it had never stopped.
+//!
+//! Every generation draws from a random stream of its own, so no generator has a state to keep.
+
+use serde::{Deserialize, Serialize};
+
+use super::options::EvolveOptions;
+use crate::base::{Digest, decode, encode};
+use crate::design::genome::Genome;
+
+/// Raised when the layout changes.
+const VERSION: u32 = 1;
+
+/// Bytes of what is known of a genome: its genes, three numbers, and a verdict.
+const ROW: usize = Genome::BYTES + 3 * 8 + 1;
+
+/// Why bytes are not the state of a search.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum StateError {
+    /// Cut short, changed, or something else altogether.
+    #[error("it is not the state of a search")]
+    Damaged,
+    /// Written by another version.
+    #[error("it is the state of a search in layout {found}, and this program reads layout {VERSION}")]
+    Version {
+        /// The layout that was found.
+        found: u32,
+    },
+    /// The state of a search with other options.
+    #[error("it is the state of a search with other options")]
+    Options,
+}
+
+/// A search after a generation.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct State {
+    /// What is known of every genome that was judged, sorted by genome.
+    pub known: Vec<(Genome, Known)>,
+    /// The last generation in its order, by place among the known.
+    pub population: Vec<u64>,
+    /// The generations so far.
+    pub history: Vec<Step>,
+    /// The generation of the last gain.
+    pub last_gain: u64,
+}
+
+/// What is known of a genome; its fitness is infinite where it has no field or is not admissible.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Known {
+    pub fitness: f64,
+    pub value_mm: f64,
+    pub area: f64,
+    /// Whether it is admissible, where that was asked.
+    pub admissible: Option<bool>,
+}
+
+/// A generation as it was reported.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Step {
+    /// The best genome, by place among the known.
+    pub genome: u64,
+    pub best: f64,
+    pub mean: f64,
+    pub value_mm: f64,
+    pub area: f64,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Header {
+    options: Digest,
+    known: u64,
+    population: Vec<u64>,
+    history: Vec<Step>,
+    last_gain: u64,
+}
+
+/// The digest of the options that decide how one generation follows from another. More generations continue the same search.
+fn digest(options: &EvolveOptions) -> Digest {
+    let shares = [options.elite, options.crossover, options.mutation, options.distance];
+    let mut bytes: Vec<u8> = shares.iter().flat_map(|share| share.to_bits().to_le_bytes()).collect();
+    for number in [options.population as u64, options.designs as u64, options.seed] {
+        bytes.extend(number.to_le_bytes());
+    }
+    Digest::of(&bytes)
+}
+
+impl State {
+    /// As bytes: the version, the length of a header, the header, what is known, and the digest of all that. None where the
+    /// header cannot be encoded, which takes a population of a million.
+    pub(super) fn to_bytes(&self, options: &EvolveOptions) -> Option<Vec<u8>> {
+        let header = Header {
+            options: digest(options),
+            known: self.known.len() as u64,
+            population: self.population.clone(),
+            history: self.history.clone(),
+            last_gain: self.last_gain,
+        };
+        let header = encode(&header).ok()?;
+        let mut bytes = Vec::with_capacity(header.len() + self.known.len() * ROW + 64);
+        bytes.extend(VERSION.to_le_bytes());
+        bytes.extend((header.len() as u64).to_le_bytes());
+        bytes.extend(header);
+        for (genome, known) in &self.known {
+            bytes.extend(genome.to_bytes());
+            for number in [known.fitness, known.value_mm, known.area] {
+                bytes.extend(number.to_le_bytes());
+            }
+            bytes.push(match known.admissible {
+                None => 0,
+                Some(false) => 1,
+                Some(true) => 2,
+            });
+        }
+        let digest = Digest::of(&bytes);
+        bytes.extend(digest.as_bytes());
+        Some(bytes)
+    }
+
+    /// From bytes.
+    ///
+    /// # Errors
+    /// When they are something else, or the state of another search.
+    pub(super) fn from_bytes(bytes: &[u8], options: &EvolveOptions) -> Result<Self, StateError> {
+        let (content, sum) = bytes.split_last_chunk::<32>().ok_or(StateError::Damaged)?;
+        let (version, rest) = content.split_first_chunk::<4>().ok_or(StateError::Damaged)?;
+        if Digest::of(content) != Digest::from_bytes(*sum) {
+            return Err(StateError::Damaged);
+        }
+        let found = u32::from_le_bytes(*version);
+        if found != VERSION {
+            return Err(StateError::Version { found });
+        }
+        let (header, rows) = parts(rest).ok_or(StateError::Damaged)?;
+        if header.options != digest(options) || header.history.len() > options.generations + 1 {
+            return Err(StateError::Options);
+        }
+        let state = Self {
+            known: known(rows).ok_or(StateError::Damaged)?,
+            population: header.population,
+            history: header.history,
+            last_gain: header.last_gain,
+        };
+        let sound = header.known == state.known.len() as u64 && state.is_sound(options);
+        sound.then_some(state).ok_or(StateError::Damaged)
+    }
+
+    /// Whether all places are those of something known, and there is at least one generation.
+    fn is_sound(&self, options: &EvolveOptions) -> bool {
+        let steps = self.history.iter().map(|step| &step.genome);
+        let within = |&place: &u64| place < self.known.len() as u64;
+        !self.history.is_empty()
+            && self.last_gain < self.history.len() as u64
+            && self.population.len() == options.population
+            && self.population.iter().chain(steps).all(within)
+            && self.known.windows(2).all(|pair| pair[0].0 < pair[1].0)
+    }
+}
+
+fn parts(bytes: &[u8]) -> Option<(Header, &[u8])> {
+    let (length, rest) = bytes.split_first_chunk::<8>()?;
+    let length = usize::try_from(u64::from_le_bytes(*length)).ok()?;
+    let (header, rows) = rest.split_at_checked(length)?;
+    Some((decode(header).ok()?, rows))
+}
+
+fn known(bytes: &[u8]) -> Option<Vec<(Genome, Known)>> {
+    let rows = bytes.chunks_exact(ROW);
+    rows.remainder().is_empty().then_some(())?;
+    let row = |row: &[u8]| {
+        let (genome, rest) = row.split_first_chunk()?;
+        let (numbers, verdict) = rest.as_chunks::<8>();
+        let [fitness, value_mm, area] = [0, 1, 2].map(|at| f64::from_le_bytes(numbers[at]));
+        let admissible = match verdict {
+            [0] => None,
+            [1] => Some(false),
+            [2] => Some(true),
+            _ => return None,
+        };
+        let known = Known {
+            fitness,
+            value_mm,
+            area,
+            admissible,
+        };
+        (!fitness.is_nan()).then_some((Genome::from_bytes(genome), known))
+    };
+    rows.map(row).collect()
+}
