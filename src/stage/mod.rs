@@ -6,6 +6,7 @@ pub mod audit;
 mod balance;
 mod calibrate;
 mod cells;
+mod constraints;
 mod design;
 pub mod direct;
 mod evaluate;
