@@ -6,7 +6,7 @@ pub mod audit;
 mod balance;
 mod calibrate;
 mod cells;
-mod constraints;
+pub mod constraints;
 mod design;
 pub mod direct;
 mod evaluate;

@@ -6,6 +6,10 @@ use crate::design::{AREA_PENALTY, Aim, Measure};
 use crate::field::Field;
 use crate::pattern::CELLS;
 
+mod constrained;
+mod niches;
+mod resumed;
+
 /// A membrane that answers linearly: everything moves along x by the sum of the weights of the active cells.
 struct Linear {
     weights: Vec<f64>,

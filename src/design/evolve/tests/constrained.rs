@@ -1,0 +1,176 @@
+//! Searches under constraints and margins.
+
+use std::sync::Mutex;
+
+use super::*;
+use crate::design::{Limits, Region, Sides};
+
+fn wanted() -> Constraints {
+    let limits = Limits {
+        min_feature_mm: Some(4.0),
+        islands: Some(1),
+        leads: Some(Sides::ALL),
+        keep_out: vec![Region::Disc {
+            centre: [25.0, 25.0],
+            radius: 5.0,
+        }],
+        ..Limits::default()
+    };
+    Constraints::new(limits, 50.0).unwrap()
+}
+
+fn under(constraints: &Constraints, goal: &Goal, options: &EvolveOptions) -> Evolution {
+    let linear = Linear::new([25.0, 25.0]);
+    let setting = Setting {
+        constraints,
+        ..free(&linear, goal)
+    };
+    evolve(&setting, options, &|_: &GenerationReport| ()).unwrap()
+}
+
+#[test]
+fn a_search_keeps_its_constraints() {
+    let constraints = wanted();
+    let goal = goal(0.5);
+    let found = under(&constraints, &goal, &small(2));
+    let winner = &found.winners[0];
+    assert!(constraints.hold(&winner.pattern) && winner.violations.is_empty());
+    assert!((winner.area - 0.5).abs() < 0.02, "area {}", winner.area);
+    let last = found.history.last().unwrap();
+    assert_eq!((winner.fitness, winner.value_mm), (last.best, last.value_mm));
+    // What keeps the constraints is worth less than what need not, and far more than the first random patterns.
+    let unconstrained = run(&small(2), 0.5).winners[0].value_mm;
+    assert!(winner.value_mm < unconstrained && winner.value_mm > found.history[0].value_mm + 0.2);
+    assert_eq!(winner.value_mm, Linear::new([25.0, 25.0]).value(&winner.pattern));
+}
+
+#[test]
+fn units_that_are_kept_out_are_never_on() {
+    let limits = Limits {
+        keep_out: vec![Region::Rectangle([[0.0, 0.0], [20.0, 50.0]])],
+        ..Limits::default()
+    };
+    let constraints = Constraints::new(limits, 50.0).unwrap();
+    let found = under(&constraints, &goal(0.5), &small(2));
+    // Only the 60 % on the right are left, all behind the point or beside it.
+    assert!(
+        found
+            .history
+            .iter()
+            .all(|report| (0..8).all(|x| (0..20).all(|y| !report.genome.is_on(x, y))))
+    );
+    assert!((found.winners[0].area - 0.5).abs() < 0.02);
+    // The search knows it: no two genomes that differ in these units alone are judged.
+    let first = first_generation(Some(0.9), &constraints, 1, 50);
+    assert!(first.iter().all(|genome| genome.pattern().active_cells() == 1500));
+}
+
+#[test]
+fn what_no_individual_can_keep_is_said() {
+    // Only the whole corner is an electrode that is wide enough, and half of it is asked for.
+    let limits = Limits {
+        min_feature_mm: Some(10.0),
+        keep_out: vec![
+            Region::Rectangle([[10.0, 0.0], [50.0, 50.0]]),
+            Region::Rectangle([[0.0, 10.0], [50.0, 50.0]]),
+        ],
+        ..Limits::default()
+    };
+    let constraints = Constraints::new(limits, 50.0).unwrap();
+    let options = EvolveOptions {
+        generations: 0,
+        population: 10,
+        ..small(1)
+    };
+    let found = under(&constraints, &goal(0.015), &options);
+    let winner = &found.winners[0];
+    assert!(!constraints.hold(&winner.pattern) && winner.fitness > 1.0);
+    let words = winner.violations.to_string();
+    assert!(words.contains("narrower than 10 mm"), "{words}");
+}
+
+/// Admits patterns with at most 625 active cells in the left half; remembers how many it was asked about.
+struct Left(Mutex<usize>);
+
+fn left(pattern: &Pattern) -> usize {
+    (0..50 * 25).filter(|i| pattern.is_active(i % 25, i / 25)).count()
+}
+
+impl Admission for Left {
+    fn admissible(&self, patterns: &[Pattern]) -> Result<Vec<bool>, PredictError> {
+        *self.0.lock().unwrap() += patterns.len();
+        Ok(patterns.iter().map(|pattern| left(pattern) <= 625).collect())
+    }
+}
+
+#[test]
+fn only_the_best_are_asked_for_margins_and_all_of_them_keep_them() {
+    let (linear, goal) = (Linear::new([25.0, 25.0]), goal(0.5));
+    let admission = Left(Mutex::new(0));
+    let setting = Setting {
+        admission: Some(&admission),
+        ..free(&linear, &goal)
+    };
+    let bests = RefCell::new(Vec::new());
+    let watch = |report: &GenerationReport| bests.borrow_mut().push(left(&report.genome.pattern()));
+    let options = EvolveOptions { designs: 3, ..small(1) };
+    let found = evolve(&setting, &options, &watch).unwrap();
+    // Free to choose, the search fills the left half.
+    assert!(left(&run(&small(1), 0.5).best_pattern()) > 700);
+    assert!(bests.borrow().iter().all(|&left| left <= 625));
+    assert!(found.winners.iter().all(|winner| left(&winner.pattern) <= 625));
+    assert!(found.history.last().unwrap().value_mm > found.history[0].value_mm);
+    let asked = *admission.0.lock().unwrap();
+    assert!(
+        asked > 0 && 2 * asked < found.evaluations,
+        "{asked} of {}",
+        found.evaluations
+    );
+}
+
+/// Gives this verdict, whatever it is asked.
+struct Verdict(fn(usize) -> Result<Vec<bool>, PredictError>);
+
+impl Admission for Verdict {
+    fn admissible(&self, patterns: &[Pattern]) -> Result<Vec<bool>, PredictError> {
+        self.0(patterns.len())
+    }
+}
+
+#[test]
+fn margins_that_nothing_keeps_are_an_error() {
+    let judged = |verdict| {
+        let (linear, goal) = (Linear::new([25.0, 25.0]), goal(0.5));
+        let setting = Setting {
+            admission: Some(&Verdict(verdict)),
+            ..free(&linear, &goal)
+        };
+        evolve(&setting, &small(1), &|_: &GenerationReport| ()).map_err(|e| e.to_string())
+    };
+    let none = judged(|count| Ok(vec![false; count])).unwrap_err();
+    assert!(none.contains("keeps the margins"), "{none}");
+    let failed = judged(|_| Err(PredictError("no memory".to_owned()))).unwrap_err();
+    assert!(failed.contains("no memory"), "{failed}");
+    let few = judged(|count| Ok(vec![true; count - 1])).unwrap_err();
+    assert!(few.contains("verdicts for"), "{few}");
+    // What admits everything changes nothing.
+    assert_eq!(judged(|count| Ok(vec![true; count])).unwrap(), run(&small(1), 0.5));
+}
+
+#[test]
+fn a_free_area_starts_from_many() {
+    let areas: Vec<f64> = first_generation(None, &Constraints::default(), 1, 200)
+        .iter()
+        .map(|genome| genome.pattern().area_fraction())
+        .collect();
+    let share = |from: f64, to: f64| areas.iter().filter(|&&a| (from..to).contains(&a)).count();
+    assert_eq!(share(0.0, 0.03) + share(0.97, 1.1), 0);
+    for tenth in 1..9 {
+        let from = f64::from(tenth) / 10.0;
+        assert!(share(from, from + 0.1) > 8, "{from}: {}", share(from, from + 0.1));
+    }
+    assert_eq!(
+        first_generation(None, &Constraints::default(), 1, 10),
+        first_generation(None, &Constraints::default(), 1, 200)[..10]
+    );
+}

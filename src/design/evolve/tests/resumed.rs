@@ -1,0 +1,191 @@
+//! Searches that were stopped and are gone on with.
+
+use super::*;
+use crate::design::{Limits, Sides};
+
+/// Keeps every state, and goes on from one.
+#[derive(Default)]
+struct Keeper {
+    from: Option<Vec<u8>>,
+    states: RefCell<Vec<Vec<u8>>>,
+    resumed: RefCell<Vec<usize>>,
+    heard: RefCell<Vec<usize>>,
+    refused: RefCell<Vec<StateError>>,
+}
+
+impl Watch for Keeper {
+    fn generation(&self, report: &GenerationReport) {
+        self.heard.borrow_mut().push(report.generation);
+    }
+
+    fn kept(&self) -> Option<Vec<u8>> {
+        self.from.clone()
+    }
+
+    fn keep(&self, state: &dyn Fn() -> Option<Vec<u8>>) {
+        self.states.borrow_mut().push(state().unwrap());
+    }
+
+    fn resumed(&self, report: &GenerationReport) {
+        self.resumed.borrow_mut().push(report.generation);
+    }
+
+    fn unusable(&self, error: &StateError) {
+        self.refused.borrow_mut().push(error.clone());
+    }
+}
+
+impl Keeper {
+    fn from(state: &[u8]) -> Self {
+        Self {
+            from: Some(state.to_vec()),
+            ..Self::default()
+        }
+    }
+}
+
+struct NotTheRight;
+
+impl Admission for NotTheRight {
+    fn admissible(&self, patterns: &[Pattern]) -> Result<Vec<bool>, PredictError> {
+        Ok(patterns.iter().map(|pattern| !pattern.is_active(49, 25)).collect())
+    }
+}
+
+fn options() -> EvolveOptions {
+    EvolveOptions {
+        generations: 12,
+        designs: 3,
+        distance: 0.08,
+        ..small(5)
+    }
+}
+
+/// A search with all that it may have.
+fn followed(options: &EvolveOptions, keeper: &Keeper) -> (Evolution, usize) {
+    let (linear, goal) = (Linear::new([30.0, 20.0]), goal(0.4));
+    let limits = Limits {
+        min_feature_mm: Some(3.0),
+        islands: Some(2),
+        leads: Some(Sides::ALL),
+        ..Limits::default()
+    };
+    let setting = Setting {
+        constraints: &Constraints::new(limits, 50.0).unwrap(),
+        admission: Some(&NotTheRight),
+        ..free(&linear, &goal)
+    };
+    let found = evolve(&setting, options, keeper).unwrap();
+    (found, linear.predicted.load(Ordering::Relaxed))
+}
+
+#[test]
+fn a_search_goes_on_to_the_same_result_from_any_generation() {
+    let whole = Keeper::default();
+    let (expected, predictions) = followed(&options(), &whole);
+    let states = whole.states.into_inner();
+    assert_eq!(states.len(), 13);
+    for from in [0, 1, 5, 11, 12] {
+        let keeper = Keeper::from(&states[from]);
+        let (found, predicted) = followed(&options(), &keeper);
+        assert_eq!(found, expected, "from generation {from}");
+        assert_eq!(*keeper.resumed.borrow(), [from]);
+        assert_eq!(*keeper.heard.borrow(), (from + 1..=12).collect::<Vec<_>>());
+        assert_eq!(keeper.states.into_inner(), states[from + 1..]);
+        assert!(predicted < predictions && (from < 12 || predicted == 0));
+    }
+    // A state is gone on from with more generations too.
+    let longer = EvolveOptions {
+        generations: 14,
+        ..options()
+    };
+    let expected = followed(&longer, &Keeper::default()).0;
+    assert_eq!(followed(&longer, &Keeper::from(&states[12])).0, expected);
+}
+
+#[test]
+fn other_bytes_are_refused_and_the_search_starts_anew() {
+    let whole = Keeper::default();
+    let short = EvolveOptions {
+        generations: 2,
+        population: 10,
+        ..options()
+    };
+    let (expected, _) = followed(&short, &whole);
+    let state = whole.states.into_inner().swap_remove(1);
+    let refusal = |bytes: &[u8], options: &EvolveOptions| State::from_bytes(bytes, options).map(|_| ()).unwrap_err();
+    for length in 0..state.len() {
+        assert_eq!(refusal(&state[..length], &short), StateError::Damaged, "{length} bytes");
+    }
+    for at in (0..state.len()).step_by(7) {
+        let mut damaged = state.clone();
+        damaged[at] ^= 0x40;
+        assert_eq!(refusal(&damaged, &short), StateError::Damaged, "byte {at}");
+    }
+    let sealed = |mut content: Vec<u8>| {
+        let sum = crate::base::Digest::of(&content);
+        content.extend(sum.as_bytes());
+        content
+    };
+    let content = &state[..state.len() - 32];
+    assert!(State::from_bytes(&sealed(content.to_vec()), &short).is_ok());
+    // Of another layout, with a header as long as memory, and with a row that is cut: each with a sum that is right.
+    let mut layout = content.to_vec();
+    layout[0] = 9;
+    assert_eq!(refusal(&sealed(layout), &short), StateError::Version { found: 9 });
+    let mut long = content.to_vec();
+    long[4..12].copy_from_slice(&u64::MAX.to_le_bytes());
+    assert_eq!(refusal(&sealed(long), &short), StateError::Damaged);
+    assert_eq!(
+        refusal(&sealed(content[..content.len() - 1].to_vec()), &short),
+        StateError::Damaged
+    );
+    let row = content.len() - 75;
+    assert_eq!(refusal(&sealed(content[..row].to_vec()), &short), StateError::Damaged);
+    // Options that make another search, or a shorter one.
+    for other in [
+        EvolveOptions { seed: 6, ..short },
+        EvolveOptions {
+            population: 12,
+            ..short
+        },
+        EvolveOptions { mutation: 0.4, ..short },
+        EvolveOptions { designs: 2, ..short },
+        EvolveOptions {
+            generations: 0,
+            ..short
+        },
+    ] {
+        assert_eq!(refusal(&state, &other), StateError::Options);
+    }
+    let keeper = Keeper::from(&state[1..]);
+    assert_eq!(followed(&short, &keeper).0, expected);
+    assert_eq!(
+        (keeper.refused.into_inner(), keeper.resumed.into_inner()),
+        (vec![StateError::Damaged], vec![])
+    );
+}
+
+#[test]
+fn a_search_does_not_depend_on_threads() {
+    let on = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| followed(&options(), &Keeper::default()).0)
+    };
+    assert_eq!(on(1), on(3));
+}
+
+#[test]
+fn a_search_that_had_come_to_its_end_stays_there() {
+    let stagnant = EvolveOptions {
+        stagnation: Some(1),
+        generations: 500,
+        population: 4,
+        ..options()
+    };
+    let whole = Keeper::default();
+    let (expected, _) = followed(&stagnant, &whole);
+    assert_eq!(expected.stop, Stop::Stagnation);
+    let last = whole.states.into_inner().pop().unwrap();
+    assert_eq!(followed(&stagnant, &Keeper::from(&last)), (expected, 0));
+}
