@@ -11,7 +11,7 @@ mod intuitive;
 mod objective;
 mod operators;
 
-pub use climb::{Climb, Ground, Step};
+pub use climb::{Climb, Step, Terrain};
 pub use constraint::{ConstraintError, Constraints, Limits, Region, Sides, Violations};
 pub use evolve::{
     Admission, Evolution, EvolveError, EvolveOptions, GenerationReport, OptionsError, Setting, StateError, Stop, Watch,

@@ -4,6 +4,7 @@
 
 mod content;
 mod evaluator;
+mod margins;
 mod options;
 mod physics;
 mod probe;
@@ -14,14 +15,17 @@ use std::sync::OnceLock;
 
 use serde_json::json;
 
+use super::constraints::WantedConstraints;
 use super::screening::Screened;
 use super::solver::explained;
 use crate::base::{Canonical, Fields, InputError, Node};
+use crate::fem::SetupError;
 use crate::orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::scene::Scene;
 use crate::store::Object;
 
 use evaluator::Wanted;
+use margins::Margins;
 use options::{Method, Options};
 use physics::Physics;
 use target::Target;
@@ -29,7 +33,7 @@ use target::Target;
 /// The kind `design`.
 pub struct DesignKind;
 
-const KEYS: [&str; 6] = ["kind", "needs", "case", "targets", "objective", "area"];
+const KEYS: [&str; 7] = ["kind", "needs", "case", "targets", "objective", "area", "constraints"];
 
 impl Kind for DesignKind {
     fn name(&self) -> &'static str {
@@ -53,6 +57,7 @@ impl Kind for DesignKind {
             "case",
             crate::base::Schema::matching("^[^\\n]{1,60}$").says("A label for tables."),
         );
+        let fields = fields.optional("constraints", WantedConstraints::schema());
         let fields = Options::schema(target::schema(fields)).rule(json!({
             "if": { "required": ["evaluator"], "properties": { "evaluator": { "const": "surrogate" } } },
             "then": { "required": ["needs"] },
@@ -76,14 +81,39 @@ impl Kind for DesignKind {
                 .error("`method: adjoint` uses finite elements alone, and the stage needs a network")
                 .help("leave `needs` out"));
         }
+        let side = scene.geometry.side.value();
+        let constraints = map.optional("constraints");
+        let constraints = constraints.map(|node| read_constraints(node, &scene)).transpose()?;
+        let targets = target::read(what, &map, side, options.penalty.to_f64())?;
+        let constraints = constraints.unwrap_or_else(WantedConstraints::none);
+        for target in &targets {
+            if let Some(area) = target.area.fraction() {
+                let node = map.optional("area").or(map.optional("constraints")).unwrap_or(stage);
+                constraints.check_area(node, area, options.tolerance.to_f64())?;
+            }
+        }
         Ok(Box::new(DesignStage {
             case: map.optional("case").map_or(Ok(String::new()), read_case)?,
-            targets: target::read(what, &map, scene.geometry.side.value(), options.penalty.to_f64())?,
+            targets,
+            constraints,
             options,
             scene,
             ready: OnceLock::new(),
         }))
     }
+}
+
+/// Constraints on patterns of a scene, whose breakdown strength must be known where a margin from it is asked for.
+fn read_constraints(node: &Node, scene: &Scene) -> Result<WantedConstraints, InputError> {
+    let constraints = WantedConstraints::read(node, scene.geometry.side.value())?;
+    let margin = constraints.constraints().limits().breakdown_margin;
+    if margin.is_some() && margins::strength(scene).is_none() {
+        let at = node.peek("breakdown_margin").unwrap_or(node);
+        return Err(at
+            .error("a margin from breakdown is asked for, and the scene does not know at which field the elastomer breaks down")
+            .help("add `dielectric_breakdown` to the scene's `properties`"));
+    }
+    Ok(constraints)
 }
 
 /// A label on one line.
@@ -100,10 +130,17 @@ fn read_case(node: &Node) -> Result<String, InputError> {
 struct DesignStage {
     case: String,
     targets: Vec<Target>,
+    constraints: WantedConstraints,
     options: Options,
     scene: Scene,
     /// Set up by the first target for all of them.
-    ready: OnceLock<Physics>,
+    ready: OnceLock<Ready>,
+}
+
+/// Finite elements: for climbs, and for margins where they are asked for.
+struct Ready {
+    physics: Physics,
+    margins: Option<Margins>,
 }
 
 impl DesignStage {
@@ -118,14 +155,19 @@ impl DesignStage {
         Canonical::map([("stage", self.common()), ("target", target.canonical())])
     }
 
-    /// Finite elements for climbs.
-    fn physics(&self) -> Result<&Physics, StageError> {
+    fn ready(&self) -> Result<&Ready, StageError> {
         if let Some(ready) = self.ready.get() {
             return Ok(ready);
         }
-        let screened = Screened::new(&self.scene).and_then(|screened| Physics::new(&screened.scene));
-        let physics = screened.map_err(|e| StageError::Failed(explained(&e)))?;
-        Ok(self.ready.get_or_init(|| physics))
+        let ready = || -> Result<Ready, SetupError> {
+            let screened = Screened::new(&self.scene)?;
+            Ok(Ready {
+                physics: Physics::new(&screened.scene)?,
+                margins: Margins::new(&screened.scene, self.constraints.constraints())?,
+            })
+        };
+        let ready = ready().map_err(|e| StageError::Failed(explained(&e)))?;
+        Ok(self.ready.get_or_init(|| ready))
     }
 }
 

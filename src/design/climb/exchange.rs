@@ -57,6 +57,15 @@ impl<'a> Exchange<'a> {
 
     /// Makes the most profitable exchange: a unit on, one off, or both. Whether there is one with a gain.
     pub(super) fn step(&mut self) -> bool {
+        self.step_above(0.0)
+    }
+
+    /// Makes the exchange that gains most or loses least. Whether there is one.
+    pub(super) fn step_anyway(&mut self) -> bool {
+        self.step_above(f64::NEG_INFINITY)
+    }
+
+    fn step_above(&mut self, least: f64) -> bool {
         let last = |list: &[usize]| -> Vec<Option<usize>> {
             list.iter()
                 .rev()
@@ -73,7 +82,8 @@ impl<'a> Exchange<'a> {
                 let gain = |unit: Option<usize>| unit.map_or(0.0, |unit| self.gains[unit]);
                 let area = self.area + size(add) - size(remove);
                 let gain = gain(add) + gain(remove);
-                if gain > best.map_or(0.0, |best| best.0) && (self.range.0..=self.range.1).contains(&area) {
+                let turned = add.is_some() || remove.is_some();
+                if turned && gain > best.map_or(least, |best| best.0) && (self.range.0..=self.range.1).contains(&area) {
                     best = Some((gain, add, remove));
                 }
             }

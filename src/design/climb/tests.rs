@@ -1,6 +1,7 @@
 use super::*;
-use crate::design::{Aim, Measure, Motion};
-use crate::field::{CORNERS, Predictor, WithGradient};
+use crate::design::{Aim, Constraints, Goal, Limits, Measure, Motion};
+use crate::field::{CORNERS, Differentiable, PredictError, Predictor, WithGradient};
+use crate::pattern::{CELLS, distance};
 
 /// A membrane whose every point moves along x by Σ worth · active + ½ bend (Σ spread · active)², in mm.
 struct Quadratic {
@@ -97,8 +98,9 @@ fn the_optimum_of_a_linear_membrane_is_found_from_anywhere() {
         worth.sort_by(|a, b| b.total_cmp(a));
         let best: f64 = worth[..cells].iter().sum();
         for start in [half(), Pattern::from_fn(|_, _| false), Pattern::from_fn(|_, _| true)] {
-            let ground = Ground::new(&physics, &goal, 50, area);
-            let climb = ground.climb(&start, &|_| ()).unwrap().unwrap();
+            let none = Constraints::default();
+            let terrain = Terrain::new(&physics, &goal, 50, area, &none);
+            let climb = terrain.climb(&start, &|_| ()).unwrap().unwrap();
             assert_eq!(climb.pattern.active_cells(), cells);
             assert!((climb.merit * 2.5 - best).abs() < 1e-9 && climb.exhausted);
             assert!(climb.steps.windows(2).all(|pair| pair[0].merit < pair[1].merit));
@@ -118,14 +120,15 @@ fn no_exchange_of_two_units_improves_what_a_climb_ends_with() {
     };
     let goal = goal(Motion::Along(0.0));
     for side in [20, 50] {
-        let ground = Ground::new(&physics, &goal, side, (0.495, 0.505));
-        let climb = ground.climb(&half(), &|_| ()).unwrap().unwrap();
+        let none = Constraints::default();
+        let terrain = Terrain::new(&physics, &goal, side, (0.495, 0.505), &none);
+        let climb = terrain.climb(&half(), &|_| ()).unwrap().unwrap();
         assert!(climb.exhausted && (1238..=1262).contains(&climb.pattern.active_cells()));
-        let on = ground.units.of(&climb.pattern);
+        let on = terrain.units().of(&climb.pattern);
         let turned = |units: [usize; 2]| {
             let mut other = on.clone();
             units.iter().for_each(|&unit| other[unit] = !other[unit]);
-            ground.units.pattern(&other)
+            terrain.units().pattern(&other)
         };
         let mut gained = 0;
         for k in 0..20_000 {
@@ -143,8 +146,9 @@ fn no_exchange_of_two_units_improves_what_a_climb_ends_with() {
 #[test]
 fn a_wanted_value_is_met() {
     let (physics, goal) = (linear(), goal(Motion::By(0.0, 0.1)));
-    let ground = Ground::new(&physics, &goal, 50, (0.5, 0.5));
-    let climb = ground.climb(&half(), &|_| ()).unwrap().unwrap();
+    let none = Constraints::default();
+    let terrain = Terrain::new(&physics, &goal, 50, (0.5, 0.5), &none);
+    let climb = terrain.climb(&half(), &|_| ()).unwrap().unwrap();
     assert!((physics.value(&climb.pattern) - 0.1).abs() < 1e-5, "{}", climb.merit);
 }
 
@@ -152,9 +156,96 @@ fn a_wanted_value_is_met() {
 fn there_is_no_climb_where_nothing_has_a_field() {
     let physics = Quadratic { most: 1000, ..linear() };
     let goal = goal(Motion::Along(0.0));
-    let at = |area| Ground::new(&physics, &goal, 50, area).climb(&half(), &|_| ()).unwrap();
+    let none = Constraints::default();
+    let at = |area| {
+        let terrain = Terrain::new(&physics, &goal, 50, area, &none);
+        terrain.climb(&half(), &|_| ()).unwrap()
+    };
     assert!(at((0.5, 0.5)).is_none());
     // Towards the edge of stability the climb stops before it.
     let climb = at((0.0, 0.4)).unwrap();
     assert!(climb.pattern.active_cells() == 1000);
+}
+
+/// A membrane whose left side is worth most, as smoothly as a real one.
+fn smooth() -> Quadratic {
+    let worth = |cell: usize| ((cell % 50) as f64 / 50.0 * 3.0).cos() * (1.0 + 0.3 * (cell / 50) as f64 / 50.0) * 1e-3;
+    Quadratic {
+        worth: (0..2500).map(worth).collect(),
+        ..linear()
+    }
+}
+
+#[test]
+fn several_designs_differ_as_much_as_they_must_and_lose_little() {
+    let (physics, goal, none) = (smooth(), goal(Motion::Along(0.0)), Constraints::default());
+    let mut found: Vec<Pattern> = Vec::new();
+    let mut merits = Vec::new();
+    for _ in 0..4 {
+        let terrain = Terrain::new(&physics, &goal, 50, (0.45, 0.55), &none).apart_from(&found, 0.05);
+        let climb = terrain.climb(&half(), &|_| ()).unwrap().unwrap();
+        assert!(found.iter().all(|other| distance(other, &climb.pattern) >= 0.05));
+        merits.push(climb.merit);
+        found.push(climb.pattern);
+    }
+    assert!(
+        merits[1..]
+            .iter()
+            .all(|merit| *merit < merits[0] && *merit > 0.97 * merits[0]),
+        "{merits:?}"
+    );
+}
+
+#[test]
+fn constraints_are_kept_all_the_way() {
+    let (physics, goal) = (smooth(), goal(Motion::Along(0.0)));
+    let limits = Limits {
+        min_feature_mm: Some(4.0),
+        islands: Some(1),
+        ..Limits::default()
+    };
+    let constraints = Constraints::new(limits, 50.0).unwrap();
+    let terrain = Terrain::new(&physics, &goal, 50, (0.39, 0.41), &constraints);
+    let scattered = Pattern::from_fn(|x, y| (x * 7 + y * 11) % 5 < 2);
+    for start in [half(), scattered] {
+        let climb = terrain.climb(&start, &|_| ()).unwrap().unwrap();
+        assert!(constraints.hold(&climb.pattern) && climb.exhausted);
+        assert!((0.39..=0.41).contains(&climb.pattern.area_fraction()));
+        let free = Constraints::default();
+        let without = Terrain::new(&physics, &goal, 50, (0.39, 0.41), &free);
+        let best = without.climb(&start, &|_| ()).unwrap().unwrap().merit;
+        assert!(
+            climb.merit <= best && climb.merit > 0.9 * best,
+            "{} {best}",
+            climb.merit
+        );
+    }
+}
+
+#[test]
+fn what_is_not_admitted_is_not_taken() {
+    struct FewOnTheRight;
+    impl crate::design::Admission for FewOnTheRight {
+        fn admissible(&self, patterns: &[Pattern]) -> Result<Vec<bool>, PredictError> {
+            let few = |pattern: &Pattern| (0..50).filter(|&y| pattern.is_active(30, y)).count() <= 10;
+            Ok(patterns.iter().map(few).collect())
+        }
+    }
+    let physics = Quadratic {
+        worth: (0..2500).map(|cell| (cell % 50) as f64 * 1e-5).collect(),
+        ..linear()
+    };
+    let (goal, none) = (goal(Motion::Along(0.0)), Constraints::default());
+    let terrain = Terrain::new(&physics, &goal, 50, (0.5, 0.5), &none);
+    assert!(
+        terrain
+            .climb(&half(), &|_| ())
+            .unwrap()
+            .unwrap()
+            .pattern
+            .is_active(30, 0)
+    );
+    let terrain = terrain.admitting(Some(&FewOnTheRight));
+    let climb = terrain.climb(&half(), &|_| ()).unwrap().unwrap();
+    assert_eq!((0..50).filter(|&y| climb.pattern.is_active(30, y)).count(), 10);
 }

@@ -2,7 +2,7 @@ use std::cell::RefCell;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::*;
-use crate::design::{AREA_PENALTY, Aim, Measure};
+use crate::design::{AREA_PENALTY, Aim, Measure, Motion};
 use crate::field::Field;
 use crate::pattern::CELLS;
 
@@ -69,9 +69,10 @@ impl Predictor for Linear {
 fn goal(area: f64) -> Goal {
     let aim = Aim {
         point_mm: [25.0, 25.0],
-        direction_deg: 0.0,
+        motion: Motion::Along(0.0),
+        weight: 1.0,
     };
-    Goal::new(Measure::Displacement, &[aim], 50.0, area, AREA_PENALTY).unwrap()
+    Goal::new(Measure::Displacement, &[aim], 50.0, Some(area), AREA_PENALTY).unwrap()
 }
 
 fn small(seed: u64) -> EvolveOptions {
@@ -165,9 +166,10 @@ fn without_gain_the_search_ends_early() {
     // To the letter the paper's objective cannot tell motions along the line apart: nothing is ever gained.
     let aim = Aim {
         point_mm: [25.0, 25.0],
-        direction_deg: 0.0,
+        motion: Motion::Along(0.0),
+        weight: 1.0,
     };
-    let literal = Goal::new(Measure::Qin2024, &[aim], 50.0, 0.5, 0.0).unwrap();
+    let literal = Goal::new(Measure::Qin2024, &[aim], 50.0, Some(0.5), 0.0).unwrap();
     let result = evolved(&Linear::new([25.0, 25.0]), &literal, &options).unwrap();
     assert_eq!((result.history.len(), result.stop), (5, Stop::Stagnation));
 }

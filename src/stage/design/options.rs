@@ -70,13 +70,15 @@ pub struct Options {
     pub starts: usize,
     /// Elite, crossover, mutation, as written.
     shares: [Decimal; 3],
+    /// Between several designs, as written.
+    distance: Decimal,
     /// Those of the genetic algorithm.
     pub evolve: EvolveOptions,
 }
 
 impl Options {
     /// The keys that [`Options::read`] looks for.
-    pub const KEYS: [&str; 15] = [
+    pub const KEYS: [&str; 17] = [
         "method",
         "evaluator",
         "evaluator_accuracy",
@@ -85,6 +87,8 @@ impl Options {
         "units",
         "refine",
         "starts",
+        "designs",
+        "distance",
         "population",
         "generations",
         "elite",
@@ -129,6 +133,14 @@ impl Options {
             .optional("units", Schema::new(units).says("Units along a side of a search along the gradient."))
             .optional("refine", refine.says("Whether the genetic algorithm's best is improved along the gradient."))
             .optional("starts", starts.default(STARTS))
+            .optional(
+                "designs",
+                Schema::whole(1, 1000).says("So many different designs of each target.").default(defaults.designs),
+            )
+            .optional(
+                "distance",
+                share("Share of the cells in which two of them differ at least, whichever way they are turned.", defaults.distance),
+            )
             .optional("population", population)
             .optional("generations", generations)
             .optional("elite", share("Best individuals that stay.", defaults.elite))
@@ -176,6 +188,7 @@ impl Options {
             map.number("crossover", defaults.crossover, 0.0, 1.0)?,
             map.number("mutation", defaults.mutation, 0.0, 1.0)?,
         ];
+        let distance = map.number("distance", defaults.distance, 0.0, 1.0)?;
         let stagnation = map
             .optional("stagnation")
             .map(|n| n.whole("stagnation", 1, 1_000_000))
@@ -203,9 +216,12 @@ impl Options {
                 crossover: shares[1].to_f64(),
                 mutation: shares[2].to_f64(),
                 stagnation: stagnation.map(|n| n as usize),
+                designs: count("designs", defaults.designs, 1, 1000)?,
+                distance: distance.to_f64(),
                 seed: seed.whole("seed", 0, i64::MAX as u64)?,
             },
             shares,
+            distance,
         })
     }
 
@@ -216,6 +232,12 @@ impl Options {
             ("seed", self.evolve.seed.into()),
             ("area_tolerance", self.tolerance.into()),
         ];
+        if self.evolve.designs > 1 {
+            own.extend([
+                ("designs", self.evolve.designs.into()),
+                ("distance", self.distance.into()),
+            ]);
+        }
         match self.method {
             Method::Adjoint => own.extend([("units", self.units.into()), ("starts", self.starts.into())]),
             Method::Ga => {
@@ -250,8 +272,8 @@ impl Options {
     /// The length of the progress bar of a target.
     pub fn steps(&self) -> u64 {
         match self.method {
-            Method::Ga => self.evolve.generations as u64 + 1 + u64::from(self.refine),
-            Method::Adjoint => self.starts as u64 + 1,
+            Method::Ga => self.evolve.generations as u64 + 1 + u64::from(self.refine) * self.evolve.designs as u64,
+            Method::Adjoint => (self.starts as u64 + 1) * self.evolve.designs as u64,
         }
     }
 

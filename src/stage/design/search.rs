@@ -2,14 +2,17 @@
 
 use std::time::Instant;
 
-use super::DesignStage;
 use super::content::{Climbing, Heading, Role, Row, describe, with_probes};
 use super::evaluator::{Evaluator, Wanted};
 use super::options::Method;
 use super::probe::{self, Probe};
 use super::target::Target;
+use super::{DesignStage, Ready};
 use crate::base::Stream;
-use crate::design::{Climb, GenerationReport, Genome, Ground, Intuitive, Step, UNITS, evolve, first_generation};
+use crate::design::{
+    Admission, Climb, GenerationReport, Genome, Intuitive, Setting, StateError, Step, Terrain, UNITS, Watch, evolve,
+    first_generation,
+};
 use crate::field::{Field, Predictor};
 use crate::orchestrator::{Job, StageError};
 use crate::pattern::{CELLS, Pattern};
@@ -73,56 +76,98 @@ impl Searching<'_> {
         let predictor = evaluator
             .predictor
             .map_err(|why| StageError::Failed(format!("{{ {settings} }}: {why}")))?;
-        let on_generation = |report: &GenerationReport| {
-            self.job
-                .progress
-                .note(&format!("best {:.4} mm at area {:.3}", report.value_mm, report.area));
-            self.job.progress.advance(1);
+        let options = &self.stage.options;
+        let constraints = self.stage.constraints.constraints();
+        let setting = Setting {
+            predictor: predictor.as_ref(),
+            goal: &self.target.goal,
+            constraints,
+            admission: self.admission()?,
         };
-        let (goal, options) = (&self.target.goal, &self.stage.options);
-        let evolution = evolve(predictor.as_ref(), goal, &options.evolve, &on_generation).map_err(|e| failed(&e))?;
+        let evolution = evolve(&setting, &options.evolve, &Follow(self.job)).map_err(|e| self.explained(&e))?;
+        let found = evolution.winners.into_iter().enumerate().map(|(member, winner)| Found {
+            role: Role::Ga,
+            units: UNITS,
+            member,
+            pattern: winner.pattern,
+        });
         let mut findings = Findings {
-            found: vec![Found {
-                role: Role::Ga,
-                units: UNITS,
-                member: 0,
-                pattern: evolution.best_pattern(),
-            }],
+            found: found.collect(),
             climbs: Vec::new(),
             evaluations: evolution.evaluations,
             history: evolution.history,
         };
         if options.refine {
             self.refine(&mut findings)?;
-            self.job.progress.advance(1);
         }
         self.describe(&settings, predictor.as_ref(), findings, &probes)
     }
 
-    /// Adds what climbs make of the designs that were found.
+    /// What says whether a pattern keeps the margins, where any are asked for.
+    fn admission(&self) -> Result<Option<&dyn Admission>, StageError> {
+        let limits = self.stage.constraints.constraints().limits();
+        if limits.pull_in_margin.is_none() && limits.breakdown_margin.is_none() {
+            return Ok(None);
+        }
+        let margins = self.stage.ready()?.margins.as_ref();
+        Ok(margins.map(|margins| margins as &dyn Admission))
+    }
+
+    fn explained(&self, error: &dyn std::fmt::Display) -> StageError {
+        StageError::Failed(format!("`{}`: {error}", self.target.name))
+    }
+
+    /// Adds what climbs make of the designs that were found; each differs from those before as much as it must.
     fn refine(&self, findings: &mut Findings) -> Result<(), StageError> {
-        let physics = self.stage.physics()?;
-        let ground = self.ground(physics);
         let started: Vec<(usize, Pattern)> = findings.found.iter().map(|f| (f.member, f.pattern.clone())).collect();
+        let mut refined: Vec<Pattern> = Vec::new();
         for (member, start) in started {
-            let climb = ground.climb(&start, &self.tell()).map_err(|e| failed(&e))?;
-            let climb = climb.ok_or_else(|| {
-                StageError::Failed(format!(
-                    "`{}`: the design cannot be refined: brought to the wanted area it has no stable field",
-                    self.target.name
-                ))
-            })?;
+            let terrain = self.terrain(self.stage.ready()?, &refined)?;
+            let climb = terrain.climb(&start, &self.tell()).map_err(|e| failed(&e))?;
+            self.job.progress.advance(1);
+            let Some(climb) = climb else {
+                let why = "the design cannot be refined: brought to the wanted area and the constraints it has no stable field";
+                return Err(self.explained(&why));
+            };
+            refined.push(climb.pattern.clone());
             findings.keep(Role::Refined, member, self.stage.options.units, climb);
         }
         Ok(())
     }
 
     fn adjoint(&self) -> Result<Object, StageError> {
-        let physics = self.stage.physics()?;
-        let ground = self.ground(physics);
+        let ready = self.stage.ready()?;
+        let options = &self.stage.options;
+        let mut findings = Findings {
+            found: Vec::new(),
+            history: Vec::new(),
+            climbs: Vec::new(),
+            evaluations: 0,
+        };
+        let starts = self.starts();
+        let mut optima: Vec<Pattern> = Vec::new();
+        for member in 0..options.evolve.designs {
+            let terrain = self.terrain(ready, &optima)?;
+            let Some(best) = self.highest(&terrain, &starts)? else {
+                if member > 0 {
+                    break;
+                }
+                let why = "no pattern that was tried can be brought to the wanted area and the constraints and has a stable field";
+                return Err(self.explained(&why));
+            };
+            optima.push(best.pattern.clone());
+            findings.keep(Role::Optimum, member, options.units, best);
+        }
+        let settings = "method: newton, elements_per_cell: 1, order: 2";
+        self.describe(settings, &ready.physics, findings, &[])
+    }
+
+    /// The highest that climbs lead to from some starts: the gradient is followed from all, and the best are finished by
+    /// exchanges.
+    fn highest(&self, terrain: &Terrain<'_>, starts: &[Pattern]) -> Result<Option<Climb>, StageError> {
         let mut ascents: Vec<Climb> = Vec::new();
-        for start in self.starts() {
-            ascents.extend(ground.ascend(&start, &self.tell()).map_err(|e| failed(&e))?);
+        for start in starts {
+            ascents.extend(terrain.ascend(start, &self.tell()).map_err(|e| failed(&e))?);
             self.job.progress.advance(1);
         }
         // Starts that lead to the same place count once.
@@ -131,33 +176,30 @@ impl Searching<'_> {
         ascents.truncate(FINISHED);
         let mut best: Option<Climb> = None;
         for ascent in ascents {
-            let climb = ground.climb(&ascent.pattern, &self.tell()).map_err(|e| failed(&e))?;
+            let climb = terrain.climb(&ascent.pattern, &self.tell()).map_err(|e| failed(&e))?;
             let climb = climb.map(|climb| joined(ascent, climb));
             best = best
                 .into_iter()
                 .chain(climb)
                 .reduce(|a, b| if b.merit > a.merit { b } else { a });
         }
-        let best = best.ok_or_else(|| {
-            StageError::Failed(format!(
-                "`{}`: no pattern of the wanted area that was tried has a stable field",
-                self.target.name
-            ))
-        })?;
         self.job.progress.advance(1);
-        let mut findings = Findings {
-            found: Vec::new(),
-            history: Vec::new(),
-            climbs: Vec::new(),
-            evaluations: 0,
-        };
-        findings.keep(Role::Optimum, 0, self.stage.options.units, best);
-        let settings = "method: newton, elements_per_cell: 1, order: 2";
-        self.describe(settings, physics, findings, &[])
+        Ok(best)
     }
 
-    fn ground<'p>(&'p self, physics: &'p super::Physics) -> Ground<'p> {
-        Ground::new(physics, &self.target.goal, self.stage.options.units, self.range())
+    fn terrain<'p>(&'p self, ready: &'p Ready, others: &[Pattern]) -> Result<Terrain<'p>, StageError> {
+        let options = &self.stage.options;
+        let constraints = self.stage.constraints.constraints();
+        let terrain = Terrain::new(
+            &ready.physics,
+            &self.target.goal,
+            options.units,
+            self.range(),
+            constraints,
+        );
+        Ok(terrain
+            .admitting(self.admission()?)
+            .apart_from(others, options.evolve.distance))
     }
 
     /// The area fractions that a climb may have.
@@ -214,18 +256,20 @@ impl Searching<'_> {
         }
         let patterns: Vec<Pattern> = findings.found.iter().map(|found| found.pattern.clone()).collect();
         let fields = predictor.predict_some(&patterns).map_err(|e| failed(&e))?;
+        let admitted = self.admitted(&patterns)?;
         let rows: Vec<Row> = findings
             .found
             .into_iter()
             .zip(fields)
-            .map(|(found, field)| self.row(found, field))
+            .zip(admitted)
+            .map(|((found, field), admitted)| self.row(found, field, admitted))
             .collect();
         let heading = Heading {
             case: self.stage.case.clone(),
             name: target.name.clone(),
             objective: target.objective.to_text(),
             area: target.area.text(),
-            constraints: "{}".to_owned(),
+            constraints: self.stage.constraints.to_text(),
             evaluator: settings.to_owned(),
         };
         let object = describe(&heading, &rows, &findings.history, &findings.climbs);
@@ -234,11 +278,19 @@ impl Searching<'_> {
             .attribute("method", self.stage.options.method.name()))
     }
 
-    fn row(&self, found: Found, field: Option<Field>) -> Row {
+    /// Whether each pattern keeps the margins.
+    fn admitted(&self, patterns: &[Pattern]) -> Result<Vec<bool>, StageError> {
+        match self.admission()? {
+            Some(admission) => admission.admissible(patterns).map_err(|e| failed(&e)),
+            None => Ok(vec![true; patterns.len()]),
+        }
+    }
+
+    fn row(&self, found: Found, field: Option<Field>, admitted: bool) -> Row {
         let goal = &self.target.goal;
         let status = match &field {
             None => NO_FIELD.to_owned(),
-            Some(_) => self.status(&found),
+            Some(_) => self.status(&found, admitted),
         };
         let field = field.unwrap_or_else(Field::zero);
         Row {
@@ -253,19 +305,26 @@ impl Searching<'_> {
         }
     }
 
-    /// `met`, or in words what of the wishes is not. The intuitive design at its own area has no wishes to meet.
-    fn status(&self, found: &Found) -> String {
+    /// `met`, or in words what of the wishes is not. The intuitive design at its own area has no area to meet.
+    fn status(&self, found: &Found, admitted: bool) -> String {
         let (low, high) = self.range();
         let area = found.pattern.area_fraction();
-        let meant = found.role != Role::Intuitive;
-        if meant && !(low - 1e-9..=high + 1e-9).contains(&area) {
-            let wanted = self.target.area.text();
-            return format!(
-                "area {area:.4}, wanted {wanted} within {}",
-                self.stage.options.tolerance
-            );
+        let mut lines = Vec::new();
+        if found.role != Role::Intuitive && !(low - 1e-9..=high + 1e-9).contains(&area) {
+            let tolerance = self.stage.options.tolerance;
+            lines.push(format!(
+                "area {area:.4}, wanted {} within {tolerance}",
+                self.target.area.text()
+            ));
         }
-        "met".to_owned()
+        lines.extend(self.stage.constraints.constraints().violations(&found.pattern).lines());
+        if !admitted {
+            lines.push("the margins from pull-in or breakdown are not kept".to_owned());
+        }
+        match lines.is_empty() {
+            true => "met".to_owned(),
+            false => lines.join("; "),
+        }
     }
 
     /// What judges the patterns, with what every candidate said of some where it had to be chosen.
@@ -285,7 +344,8 @@ impl Searching<'_> {
             )),
             (Wanted::Auto, surrogate) => {
                 let count = options.evolve.population.min(probe::PATTERNS);
-                let genomes = first_generation(self.target.area.fraction(), options.evolve.seed, count);
+                let constraints = self.stage.constraints.constraints();
+                let genomes = first_generation(self.target.area.fraction(), constraints, options.evolve.seed, count);
                 let patterns: Vec<Pattern> = genomes.iter().map(Genome::pattern).collect();
                 let candidates = probe::candidates(scene, surrogate);
                 probe::cheapest(candidates, &patterns, options.accuracy.value()).map_err(|e| failed(&e))
@@ -307,6 +367,37 @@ impl Findings {
             member,
             steps: climb.steps,
         });
+    }
+}
+
+/// Follows the genetic algorithm: tells of it, and keeps what it needs to be gone on with.
+struct Follow<'a>(&'a Job<'a>);
+
+/// Under which the state of a search is kept.
+const STATE: &str = "search";
+
+impl Watch for Follow<'_> {
+    fn generation(&self, report: &GenerationReport) {
+        self.0
+            .progress
+            .note(&format!("best {:.4} mm at area {:.3}", report.value_mm, report.area));
+        self.0.progress.advance(1);
+    }
+
+    fn kept(&self) -> Option<Vec<u8>> {
+        self.0.scratch.kept(STATE)
+    }
+
+    fn keep(&self, state: &dyn Fn() -> Option<Vec<u8>>) {
+        self.0.scratch.keep(STATE, state);
+    }
+
+    fn resumed(&self, report: &GenerationReport) {
+        self.0.progress.resume(report.generation as u64 + 1);
+    }
+
+    fn unusable(&self, error: &StateError) {
+        self.0.scratch.ignore(&error.to_string());
     }
 }
 

@@ -1,0 +1,209 @@
+//! A climb under way.
+
+use super::exchange::Exchange;
+use super::moves::Squares;
+use super::terrain::{State, Terrain};
+use super::{Climb, Step};
+use crate::field::PredictError;
+use crate::pattern::Pattern;
+
+/// Gains below this are rounding of the solver: 0.25 nm on a membrane whose displacements are of the order of 1 mm.
+const GAIN: f64 = 1e-7;
+
+/// Most steps of either kind; a climb takes some tens.
+const STEPS: usize = 200;
+
+/// Units on either side of the threshold that are simulated one by one.
+const NEAR: usize = 48;
+
+/// Pairs of them that are simulated before it is said that none gains.
+const PAIRS: usize = 64;
+
+pub(super) struct Path<'g> {
+    terrain: &'g Terrain<'g>,
+    on_step: &'g dyn Fn(&Step),
+    state: State,
+    steps: Vec<Step>,
+    simulations: usize,
+    exhausted: bool,
+}
+
+impl<'g> Path<'g> {
+    /// From a start that was simulated twice: as it was given, and brought to where it may be.
+    pub(super) fn new(terrain: &'g Terrain<'g>, on_step: &'g dyn Fn(&Step), state: State) -> Self {
+        let mut path = Self {
+            terrain,
+            on_step,
+            state,
+            steps: Vec::new(),
+            simulations: 2,
+            exhausted: false,
+        };
+        path.tell();
+        path
+    }
+
+    pub(super) fn follow_gradient(&mut self) -> Result<(), PredictError> {
+        for _ in 0..STEPS {
+            match self.first_order()? {
+                Some(gains) if self.take_best(&gains)? => {}
+                _ => return Ok(()),
+            }
+        }
+        Ok(())
+    }
+
+    pub(super) fn exchange_pairs(&mut self) -> Result<(), PredictError> {
+        for _ in 0..STEPS {
+            let Some(first_order) = self.first_order()? else {
+                return Ok(());
+            };
+            let gained = match self.terrain.feature() {
+                1 => {
+                    let gains = self.gains_near(&first_order)?;
+                    self.take_best(&gains)? || self.take_pair(&gains)?
+                }
+                feature => self.take_squares(&first_order, feature)?,
+            };
+            if !gained {
+                self.exhausted = true;
+                return Ok(());
+            }
+        }
+        Ok(())
+    }
+
+    /// What turning each unit over gains to first order.
+    fn first_order(&mut self) -> Result<Option<Vec<f64>>, PredictError> {
+        self.simulations += 1;
+        let gradient = self.terrain.gradient(&self.state.pattern)?;
+        Ok(gradient.map(|gradient| self.terrain.gains(&self.state.on, &gradient)))
+    }
+
+    /// Makes 1, 2, 4, … of the most profitable exchanges, and goes on from the best of these patterns where it is a gain.
+    fn take_best(&mut self, gains: &[f64]) -> Result<bool, PredictError> {
+        let terrain = self.terrain;
+        let mut exchange = Exchange::new(terrain.units(), &self.state.on, gains, terrain.range());
+        let (mut choices, mut count, mut next) = (Vec::new(), 0, 1);
+        let mut more = exchange.step();
+        while more {
+            count += 1;
+            let reached = (count == next).then(|| exchange.on.clone());
+            more = exchange.step();
+            if let Some(reached) = reached {
+                choices.push(reached);
+                next *= 2;
+            } else if !more {
+                choices.push(exchange.on.clone());
+            }
+        }
+        self.take(choices)
+    }
+
+    /// What the units near the threshold gain if they alone are turned over, by simulation; NaN for all others.
+    fn gains_near(&mut self, first_order: &[f64]) -> Result<Vec<f64>, PredictError> {
+        let units = self.terrain.units();
+        let density = |unit: usize| first_order[unit] / units.cells(unit).len() as f64;
+        let near = |state: bool| {
+            let mut list: Vec<usize> = (0..units.count())
+                .filter(|&unit| self.state.on[unit] == state)
+                .collect();
+            list.sort_by(|&a, &b| density(b).total_cmp(&density(a)).then(a.cmp(&b)));
+            list.truncate(NEAR);
+            list
+        };
+        let candidates: Vec<usize> = near(true).into_iter().chain(near(false)).collect();
+        let turned = |&unit: &usize| units.pattern(&self.turned(&[unit]));
+        let patterns: Vec<Pattern> = candidates.iter().map(turned).collect();
+        let merits = self.terrain.merits(&patterns)?;
+        self.simulations += patterns.len();
+        let mut gains = vec![f64::NAN; units.count()];
+        for (unit, merit) in candidates.into_iter().zip(merits) {
+            if let Some(merit) = merit {
+                gains[unit] = merit - self.state.merit;
+            }
+        }
+        Ok(gains)
+    }
+
+    /// Simulates the pairs of units, one on and one off, that promise most, and takes the best where it is a gain.
+    fn take_pair(&mut self, gains: &[f64]) -> Result<bool, PredictError> {
+        let on = &self.state.on;
+        let known = |state: bool| -> Vec<(f64, Vec<usize>)> {
+            let list = (0..on.len()).filter(|&unit| on[unit] == state && !gains[unit].is_nan());
+            list.map(|unit| (gains[unit], vec![unit])).collect()
+        };
+        let choices = self.pairs(&known(false), &known(true));
+        self.take(choices)
+    }
+
+    /// The same with squares of the least width, one turned on, one off, or both.
+    fn take_squares(&mut self, gains: &[f64], feature: usize) -> Result<bool, PredictError> {
+        let squares = Squares::new(self.terrain.units(), feature);
+        let of = |state: bool| {
+            let mut best = squares.best(&self.state.on, gains, state, NEAR);
+            best.push((0.0, Vec::new()));
+            best
+        };
+        let choices = self.pairs(&of(true), &of(false));
+        self.take(choices)
+    }
+
+    /// The pairs of units, or groups of them, to turn on and off that promise most, as choices.
+    fn pairs(&self, adds: &[(f64, Vec<usize>)], removes: &[(f64, Vec<usize>)]) -> Vec<Vec<bool>> {
+        let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
+        for (a, add) in adds.iter().enumerate() {
+            for (r, remove) in removes.iter().enumerate() {
+                if !add.1.is_empty() || !remove.1.is_empty() {
+                    pairs.push((add.0 + remove.0, a, r));
+                }
+            }
+        }
+        pairs.sort_by(|a, b| b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+        let (low, high) = self.terrain.range();
+        let choices = pairs
+            .into_iter()
+            .map(|(_, a, r)| self.turned(&[&adds[a].1[..], &removes[r].1[..]].concat()));
+        let fits = |on: &Vec<bool>| (low..=high).contains(&self.terrain.units().area(on));
+        choices.filter(fits).take(PAIRS).collect()
+    }
+
+    fn turned(&self, units: &[usize]) -> Vec<bool> {
+        let mut on = self.state.on.clone();
+        units.iter().for_each(|&unit| on[unit] = !on[unit]);
+        on
+    }
+
+    /// Goes on from the best of some choices where it is a gain.
+    fn take(&mut self, choices: Vec<Vec<bool>>) -> Result<bool, PredictError> {
+        self.simulations += choices.len();
+        let best = self.terrain.best_of(choices, self.state.merit + GAIN)?;
+        let gained = best.is_some();
+        if let Some(state) = best {
+            self.state = state;
+            self.tell();
+        }
+        Ok(gained)
+    }
+
+    fn tell(&mut self) {
+        let step = Step {
+            value_mm: self.terrain.value_mm(&self.state.field),
+            merit: self.state.merit,
+            area: self.state.pattern.area_fraction(),
+            simulations: self.simulations,
+        };
+        (self.on_step)(&step);
+        self.steps.push(step);
+    }
+
+    pub(super) fn finish(self) -> Climb {
+        Climb {
+            pattern: self.state.pattern,
+            field: self.state.field,
+            merit: self.state.merit,
+            steps: self.steps,
+            exhausted: self.exhausted,
+        }
+    }
+}

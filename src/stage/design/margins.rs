@@ -1,0 +1,71 @@
+//! Margins from pull-in and breakdown, which take a simulation to know.
+
+use crate::design::{Admission, Constraints};
+use crate::fem::{MembraneSolver, Order, SetupError, SolveOptions};
+use crate::field::{PredictError, Simulator};
+use crate::pattern::Pattern;
+use crate::scene::Scene;
+
+/// Says whether a pattern keeps its margins.
+pub struct Margins {
+    /// At the voltage times the margin, where every pattern must be stable.
+    pull_in: Option<MembraneSolver>,
+    /// With the field compared with the breakdown strength, and the largest ratio allowed.
+    breakdown: Option<(MembraneSolver, f64)>,
+}
+
+impl Margins {
+    /// The margins that constraints ask for, in a scene whose effects are decided; `None` where they ask for none.
+    ///
+    /// # Errors
+    /// When the scene cannot be simulated.
+    pub fn new(scene: &Scene, constraints: &Constraints) -> Result<Option<Self>, SetupError> {
+        let limits = constraints.limits();
+        let options = SolveOptions {
+            elements_per_cell: 1,
+            order: Order::Biquadratic,
+            ..SolveOptions::default()
+        };
+        let pull_in = limits.pull_in_margin.map(|margin| {
+            let driven = scene.at_voltage(scene.voltage_v() * margin);
+            MembraneSolver::new(&driven, options)
+        });
+        let breakdown = limits.breakdown_margin.map(|margin| {
+            let mut effects = scene.effects.clone();
+            effects.dielectric_breakdown = strength(scene);
+            Ok((
+                MembraneSolver::new(&scene.with_effects(effects), options)?,
+                1.0 / margin,
+            ))
+        });
+        let margins = Self {
+            pull_in: pull_in.transpose()?,
+            breakdown: breakdown.transpose()?,
+        };
+        Ok((margins.pull_in.is_some() || margins.breakdown.is_some()).then_some(margins))
+    }
+}
+
+/// The breakdown strength of a scene: that of its effect, or what is known of the material.
+pub fn strength(scene: &Scene) -> Option<crate::scene::BreakdownLaw> {
+    let known = &scene.properties.dielectric_breakdown;
+    scene.effects.dielectric_breakdown.clone().or_else(|| known.clone())
+}
+
+impl Admission for Margins {
+    fn admissible(&self, patterns: &[Pattern]) -> Result<Vec<bool>, PredictError> {
+        let mut verdicts = vec![true; patterns.len()];
+        if let Some(solver) = &self.pull_in {
+            for (verdict, result) in verdicts.iter_mut().zip(solver.simulate(patterns)) {
+                *verdict &= result.outcome.is_converged();
+            }
+        }
+        if let Some((solver, most)) = &self.breakdown {
+            for (verdict, result) in verdicts.iter_mut().zip(solver.simulate(patterns)) {
+                let ratio = result.observation.breakdown_ratio;
+                *verdict &= ratio.is_some_and(|ratio| ratio <= *most);
+            }
+        }
+        Ok(verdicts)
+    }
+}
