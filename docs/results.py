@@ -3,12 +3,14 @@
 
     deaflow run pipelines/paper.yaml --json > paper.json
     deaflow run pipelines/ablation.yaml --json > ablation.json
-    python3 docs/results.py paper.json ablation.json
+    deaflow run pipelines/cases.yaml --json > cases.json
+    python3 docs/results.py paper.json ablation.json cases.json
 
-A finished pipeline is not run again for it. Needs h5py, for the times of the methods, which are no content of an artifact but
+Of these any may be left out, and its tables stay as they are. A finished pipeline is not run again for it. Needs h5py, for the times of the methods, which are no content of an artifact but
 stand in its provenance. With --write the tables are put between their marks in docs/results.md.
 """
 import json
+import math
 import pathlib
 import re
 import sys
@@ -100,22 +102,197 @@ def trainings(run):
     return "\n".join(f"    {line}" for line in run["trainings"])
 
 
+def designs(run):
+    (result,) = run["results"]
+    return result["rows"]
+
+
+def of(rows, case, role=None, name=None, units=None, member=None):
+    wanted = {"case": case, "role": role, "name": name, "units": units, "member": member}
+    return [r for r in rows if all(value is None or r[key] == value for key, value in wanted.items())]
+
+
+def percent(value, digits=1):
+    return "" if value is None else f"{100 * value:+.{digits}f} %"
+
+
+def share(value):
+    return "" if value is None else f"{100 * value:.2f} %"
+
+
+def mm(value, digits=3):
+    return "" if value is None else f"{value:.{digits}f}"
+
+
+def beside(rows, row):
+    """The optimum on all cells and that on the units of the genetic algorithm."""
+    optima = {o["units"]: o["simulated_mm"] for o in of(rows, row["case"], "optimum", row["name"])}
+    return optima.get(50), optima.get(20)
+
+
+def case_one(rows):
+    lines = []
+    for row in of(rows, "I", "refined"):
+        (ga,) = of(rows, "I", "ga", row["name"])
+        best, on_units = beside(rows, row)
+        lines.append(
+            [
+                row["name"],
+                mm(row["simulated_mm"], 4),
+                f"{row['simulated_error_mm']:.0e}",
+                f"{100 * abs(row['difference_mm'] / row['simulated_mm']):.2f} %",
+                mm(best, 4),
+                share(row["simulated_mm"] / best),
+                share(ga["simulated_mm"] / on_units),
+                share(ga["simulated_mm"] / best),
+                percent(row["gain_own_area"]),
+                percent(row["gain_equal_area"]),
+            ]
+        )
+    head = ["design", "refined, mm", "± mm", "predicted differs", "optimum, mm", "refined of it", "GA of the optimum on its units"]
+    return table(head + ["GA of the optimum", "gain, own area", "gain, equal area"], lines)
+
+
+def case_two(rows):
+    lines = []
+    for row in of(rows, "II", "refined"):
+        (ga,) = of(rows, "II", "ga", row["name"])
+        best, on_units = beside(rows, row)
+        lines.append(
+            [
+                row["name"].removeprefix("area-") + " %",
+                share(row["area"]),
+                mm(row["simulated_mm"]),
+                f"{100 * abs(row['difference_mm'] / row['simulated_mm']):.2f} %",
+                mm(best),
+                share(row["simulated_mm"] / best),
+                share(ga["simulated_mm"] / on_units),
+                share(ga["simulated_mm"] / best),
+                percent(row["gain_equal_area"]),
+            ]
+        )
+    head = ["wanted area", "area", "refined, mm", "predicted differs", "optimum, mm", "refined of it"]
+    return table(head + ["GA of the optimum on its units", "GA of the optimum", "gain over the intuitive, equal area"], lines)
+
+
+def case_three(rows):
+    lines = []
+    for case, title in (("III-centripetal", "centripetal"), ("III-rotation", "rotation")):
+        (row,), (ga,) = of(rows, case, "refined"), of(rows, case, "ga")
+        (own,) = of(rows, case, "intuitive")
+        best, on_units = beside(rows, row)
+        angle = lambda value: f"{value:.3f} mm" + (f" = {turned(value):.2f}°" if title == "rotation" else "")
+        lines.append(
+            [
+                title,
+                angle(row["simulated_mm"]),
+                angle(best),
+                share(row["simulated_mm"] / best),
+                share(ga["simulated_mm"] / on_units),
+                angle(own["simulated_mm"]),
+            ]
+        )
+    return table(["case", "refined", "optimum", "refined of it", "GA of the optimum on its units", "intuitive"], lines)
+
+
+def turned(value):
+    """The rotation in degrees about the centre of points 12.5 mm off it in both directions that move along the circle."""
+    return math.degrees(math.atan2(value, 12.5 * math.sqrt(2)))
+
+
+def case_four(rows):
+    (best,) = of(rows, "IV-max", "optimum")
+    lines = []
+    for member in range(8):
+        (far,), (one,) = of(rows, "IV-max", "refined", member=member), of(rows, "IV-1mm", "refined", member=member)
+        lines.append(
+            [
+                str(member + 1),
+                mm(far["simulated_mm"], 4),
+                share(far["simulated_mm"] / best["simulated_mm"]),
+                mm(one["simulated_mm"], 4),
+                share(one["area"]),
+            ]
+        )
+    return table(["design", "near the maximum, mm", "of the optimum", "wanted 1.00 mm: mm", "its area"], lines)
+
+
+def claims(rows):
+    one = [r["gain_own_area"] for r in of(rows, "I", "refined")]
+    equal = [r["gain_equal_area"] for r in of(rows, "I", "refined")]
+    (centre,) = of(rows, "I", "refined", "centre-0")
+    (bound,) = of(rows, "I", "optimum", "centre-0", 50)
+    curve = {r["name"].removeprefix("area-"): r["simulated_mm"] for r in of(rows, "II", "refined")}
+    top = max(curve, key=curve.get)
+    (inwards,), (turn,) = of(rows, "III-centripetal", "refined"), of(rows, "III-rotation", "refined")
+    far = [r["simulated_mm"] for r in of(rows, "IV-max", "refined")]
+    exact = [abs(r["simulated_mm"] - 1) for r in of(rows, "IV-1mm", "refined")]
+    searched = of(rows, None, "ga") + of(rows, None, "refined")
+    differ = max(abs(r["difference_mm"] / r["simulated_mm"]) for r in searched)
+    lines = [
+        ["a surrogate predicts designs", "RMSE ≤ 0.065", f"designs predicted within {100 * differ:.2f} % of finite elements", "yes"],
+        [
+            "centre at half area, gain over the half plane",
+            "21.7 %",
+            f"{percent(centre['gain_own_area'], 2)}; nothing gains more than {percent(bound['gain_own_area'], 2)}",
+            "no: the stated physics does not allow it",
+        ],
+        [
+            "eight pairs of point and direction, gain over the intuitive design",
+            "about 30 %",
+            f"{percent(min(one))} to {percent(max(one))} at its own area; {percent(min(equal))} to {percent(max(equal), 0)} at equal area",
+            "not at its own area, where it may use more or less electrode; more at equal area",
+        ],
+        [
+            "displacement of the centre over the area fraction",
+            "rises, then falls",
+            f"{mm(curve['05'], 2)} mm at 5 %, {mm(curve[top], 2)} at {top} %, {mm(curve['95'], 2)} at 95 %",
+            "yes",
+        ],
+        ["centripetal motion of four points", "0.8 mm", mm(inwards["simulated_mm"], 2) + " mm", "more"],
+        ["rotation of four points", "2°", f"{turned(turn['simulated_mm']):.2f}°", "more"],
+        [
+            "eight designs near the maximum",
+            "about 2.2 mm",
+            f"{mm(min(far))} to {mm(max(far))} mm at half area, pairwise 5 % of the cells different",
+            "yes",
+        ],
+        ["eight designs of 1.0 mm", "1.0 mm", f"1.00 mm within {max(exact):.4f} mm, pairwise 5 % different", "yes"],
+    ]
+    return table(["claim", "paper", "here, by finite elements", "supported by the stated physics"], lines)
+
+
 def main():
     arguments = [a for a in sys.argv[1:] if a != "--write"]
-    if len(arguments) != 2:
+    runs = {run["pipeline"]: run for run in (json.loads(pathlib.Path(a).read_text()) for a in arguments)}
+    if not runs or set(runs) - {"paper", "ablation", "cases"}:
         sys.exit(__doc__)
-    paper, ablation = [json.loads(pathlib.Path(a).read_text()) for a in arguments]
-    judged, fig3 = evaluation(paper, "judged"), evaluation(ablation, "ablation")
-    tables = {
-        "trainings": trainings(paper),
-        "rmse": by_family(judged, "rmse_mm", short),
-        "max-r2": by_family(judged, "max_displacement_r2", lambda v: f"{v:.5f}"),
-        "area": by_area(judged),
-        "coverage": coverage(judged),
-        "accuracy": accuracy(paper),
-        "ablation-rmse": by_family(fig3, "rmse_mm", short),
-        "ablation-r2": by_family(fig3, "max_displacement_r2", lambda v: f"{v:.3f}"),
-    }
+    tables = {}
+    if paper := runs.get("paper"):
+        judged = evaluation(paper, "judged")
+        tables |= {
+            "trainings": trainings(paper),
+            "rmse": by_family(judged, "rmse_mm", short),
+            "max-r2": by_family(judged, "max_displacement_r2", lambda v: f"{v:.5f}"),
+            "area": by_area(judged),
+            "coverage": coverage(judged),
+            "accuracy": accuracy(paper),
+        }
+    if ablation := runs.get("ablation"):
+        fig3 = evaluation(ablation, "ablation")
+        tables |= {
+            "ablation-rmse": by_family(fig3, "rmse_mm", short),
+            "ablation-r2": by_family(fig3, "max_displacement_r2", lambda v: f"{v:.3f}"),
+        }
+    if cases := runs.get("cases"):
+        rows = designs(cases)
+        tables |= {
+            "claims": claims(rows),
+            "case-1": case_one(rows),
+            "case-2": case_two(rows),
+            "case-3": case_three(rows),
+            "case-4": case_four(rows),
+        }
     if "--write" not in sys.argv:
         for name, text in tables.items():
             print(f"## {name}\n\n{text}\n")

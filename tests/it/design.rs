@@ -104,3 +104,223 @@ fn an_evaluator_without_a_single_field_is_a_failure_that_says_so() {
     assert_eq!(ended.code, Some(1), "{}", ended.stderr);
     assert!(ended.stderr.contains("not stable"), "{}", ended.stderr);
 }
+
+/// Two targets by the genetic algorithm, finished along the gradient, beside what gradients find alone.
+const SEVERAL: &str = "version: 1
+name: several
+scene: scene.yaml
+stages:
+  found:
+    kind: design
+    case: I
+    evaluator: chord:2
+    targets: &targets
+      - { name: centre, objective: { point: [25 mm, 25 mm], direction: 0 deg } }
+      - { name: corner, objective: { point: [37.5 mm, 37.5 mm], direction: 45 deg }, area: 0.3 }
+    population: 60
+    generations: 3
+    refine: true
+    units: 20
+    seed: 1
+  highest: { kind: design, case: I, method: adjoint, targets: *targets, units: 20, starts: 3, seed: 2 }
+  verified: { kind: verify, needs: [found, highest], elements_per_cell: 2 }
+";
+
+fn several() -> Workspace {
+    let workspace = Workspace::new();
+    workspace.write("scene.yaml", &scene_file());
+    workspace.write("several.yaml", SEVERAL);
+    workspace
+}
+
+fn rows(result: &Value, role: &str) -> Vec<Value> {
+    let rows = result["rows"].as_array().unwrap().iter();
+    rows.filter(|row| row["role"] == role).cloned().collect()
+}
+
+#[test]
+fn a_refined_design_reaches_the_optimum_and_a_target_is_rebuilt_alone() {
+    let workspace = several();
+    let ended = workspace.run(&["run", "several.yaml", "--json"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let document = ended.json();
+    let result = &document["results"][0];
+    let number = |row: &Value, key: &str| row[key].as_f64().unwrap();
+    for (optimum, area) in rows(result, "optimum").iter().zip([0.5, 0.3]) {
+        assert!((number(optimum, "area") - area).abs() <= 0.005 + 1e-9, "{optimum}");
+        assert!(number(optimum, "gain_equal_area") > 0.0, "{optimum}");
+        assert!(number(optimum, "simulated_error_mm") < 0.01, "{optimum}");
+    }
+    for refined in rows(result, "refined") {
+        let ratio = number(&refined, "ratio_to_optimum");
+        assert!(
+            (0.99..1.003).contains(&ratio) && refined["status"] == "met",
+            "{refined}"
+        );
+    }
+    for (ga, refined) in rows(result, "ga").iter().zip(rows(result, "refined")) {
+        assert!(number(ga, "simulated_mm") < number(&refined, "simulated_mm"), "{ga}");
+    }
+    // The intuitive designs of a target stand there once for each area.
+    assert_eq!(rows(result, "intuitive").len(), 2);
+
+    let tweak = [
+        "run",
+        "several.yaml",
+        "--set",
+        "stages.found.targets.1.area=0.35",
+        "--json",
+    ];
+    let tweaked = super::common::Stages::read(&workspace.run(&tweak).json());
+    assert_eq!(tweaked.chunks("found"), (1, 1), "the other target is as it was");
+}
+
+#[test]
+fn several_designs_of_one_value_differ() {
+    let workspace = alone();
+    let more = "stages.design={ kind: design, evaluator: chord:2, seed: 3, population: 80, generations: 4, designs: 3, distance: 0.05, \
+                refine: true, units: 50, area: 0.5, objective: { point: [25 mm, 25 mm], direction: 0 deg, value: 0.8 mm } }";
+    let ended = workspace.run(&["run", "alone.yaml", "--set", more, "--json"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let document = ended.json();
+    let refined = rows(&document["results"][0], "refined");
+    assert_eq!(refined.len(), 3);
+    for row in &refined {
+        assert!((row["simulated_mm"].as_f64().unwrap() - 0.8).abs() < 0.01, "{row}");
+        assert!(row["distance_mm"].as_f64().unwrap() < 0.01, "{row}");
+    }
+    let path = workspace.run(&["show", "verified", "--json"]).json()["path"]
+        .as_str()
+        .unwrap()
+        .to_owned();
+    let cells: Vec<u8> = hdf5::File::open(path)
+        .unwrap()
+        .dataset("patterns")
+        .unwrap()
+        .read_raw()
+        .unwrap();
+    let all = document["results"][0]["rows"].as_array().unwrap().iter().enumerate();
+    let refined: Vec<&[u8]> = all
+        .filter(|(_, row)| row["role"] == "refined")
+        .map(|(k, _)| &cells[k * 2500..][..2500])
+        .collect();
+    for (k, one) in refined.iter().enumerate() {
+        for other in &refined[..k] {
+            assert!(least_difference(one, other) >= 125);
+        }
+    }
+}
+
+/// Cells in which two patterns differ, whichever way one of them is turned or mirrored.
+fn least_difference(one: &[u8], other: &[u8]) -> usize {
+    let at = |x: usize, y: usize| other[y * 50 + x];
+    let image = |k: usize, x: usize, y: usize| {
+        let (x, y) = if k & 1 == 0 { (x, y) } else { (49 - x, y) };
+        let (x, y) = if k & 2 == 0 { (x, y) } else { (x, 49 - y) };
+        if k & 4 == 0 { at(x, y) } else { at(y, x) }
+    };
+    let differing = |k| (0..2500).filter(|&c| one[c] != image(k, c % 50, c / 50)).count();
+    (0..8).map(differing).min().unwrap()
+}
+
+#[test]
+fn designs_keep_their_constraints() {
+    let workspace = alone();
+    let wired = "stages.design={ kind: design, evaluator: linear, seed: 3, population: 60, generations: 2, refine: true, area: 0.3, \
+                 area_tolerance: 0.02, objective: { point: [30 mm, 25 mm], direction: 0 deg }, constraints: { min_feature: 3 mm, islands: 1, \
+                 leads: true, pull_in_margin: 1.1, keep_out: [{ disc: { centre: [25 mm, 25 mm], radius: 4 mm } }] } }";
+    let ended = workspace.run(&["run", "alone.yaml", "--set", wired, "--json"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let document = ended.json();
+    let refined = &rows(&document["results"][0], "refined")[0];
+    assert_eq!(refined["status"], "met", "{refined}");
+    assert!((refined["area"].as_f64().unwrap() - 0.3).abs() <= 0.02 + 1e-9);
+    assert!(refined["simulated_mm"].as_f64().unwrap() > 0.0);
+}
+
+#[test]
+fn what_cannot_be_designed_is_refused_with_its_reason() {
+    let workspace = alone();
+    let objective = "objective: { point: [25 mm, 25 mm], direction: 0 deg }";
+    for (stage, reasons) in [
+        (
+            "{ kind: design, seed: 1, objective: { point: [50 mm, 25 mm], direction: 0 deg } }".to_owned(),
+            ["on the frame nothing moves", "50 mm"],
+        ),
+        (
+            format!(
+                "{{ kind: design, seed: 1, area: 0.9, {objective}, constraints: {{ keep_out: [{{ rectangle: [[0 mm, 0 mm], [25 mm, 50 mm]] }}] }} }}"
+            ),
+            ["0.9", "keep less out"],
+        ),
+        (
+            format!("{{ kind: design, seed: 1, {objective}, constraints: {{ breakdown_margin: 1.5 }} }}"),
+            ["does not know at which field", "dielectric_breakdown"],
+        ),
+        (
+            format!("{{ kind: design, seed: 1, {objective}, method: adjoint, population: 10 }}"),
+            ["`population` means nothing", "leave it out"],
+        ),
+        (
+            format!("{{ kind: design, seed: 1, {objective}, units: 30 }}"),
+            ["`units` is 30", "20 or 50"],
+        ),
+        (
+            "{ kind: design, seed: 1 }".to_owned(),
+            ["`objective` is missing", "a design stage"],
+        ),
+        (
+            format!("{{ kind: design, seed: 1, targets: [{{ name: a, {objective} }}, {{ name: a, {objective} }}] }}"),
+            ["two targets are named `a`", "name: a"],
+        ),
+    ] {
+        let ended = workspace.run(&["plan", "alone.yaml", "--set", &format!("stages.design={stage}")]);
+        assert_eq!(ended.code, Some(2), "{stage}: {}", ended.stderr);
+        for reason in reasons {
+            assert!(ended.stderr.contains(reason), "{reason}: {}", ended.stderr);
+        }
+    }
+}
+
+#[test]
+fn a_wrong_evaluator_is_exposed_by_verification() {
+    let workspace = alone();
+    let near = [
+        "--set",
+        "scene.drive.voltage=6.6 kV",
+        "--set",
+        "stages.design.evaluator=linear",
+    ];
+    let ended = workspace.run(&[&["run", "alone.yaml"], &near[..]].concat());
+    assert!(
+        ended.stdout.contains("the evaluator is not to be trusted here"),
+        "{} {}",
+        ended.stdout,
+        ended.stderr
+    );
+}
+
+#[test]
+fn empty_and_full_designs_are_sound_results() {
+    let workspace = alone();
+    for (area, cells) in [("0", 0.0), ("1", 1.0)] {
+        let area = format!("stages.design.area={area}");
+        let ended = workspace.run(&[
+            "run",
+            "alone.yaml",
+            "--set",
+            &area,
+            "--set",
+            "stages.design.refine=true",
+            "--json",
+        ]);
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+        let document = ended.json();
+        let refined = &rows(&document["results"][0], "refined")[0];
+        assert!(
+            (refined["area"].as_f64().unwrap() - cells).abs() <= 0.005 + 1e-9,
+            "{refined}"
+        );
+        assert!(refined["simulated_mm"].as_f64().unwrap().abs() < 0.3, "{refined}");
+    }
+}

@@ -166,14 +166,14 @@ fn a_model_is_found_by_digest_by_stage_and_predicts_like_the_pipeline() {
         .as_str()
         .unwrap()
         .to_owned();
-    let pattern = format!("{design}:/best/pattern");
+    let pattern = format!("{design}:/patterns");
     for (model, file) in [(digest.as_str(), "a.h5"), ("tiny.yaml:surrogate", "b.h5")] {
         let ended = workspace.run(&["predict", model, &pattern, "-o", file]);
         assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     }
     let predicted = column(&workspace, "a.h5", "displacement");
     assert_eq!(predicted, column(&workspace, "b.h5", "displacement"));
-    assert_eq!(predicted, column(&workspace, &design, "best/predicted"));
+    assert_eq!(predicted, column(&workspace, &design, "predicted"));
     assert!(predicted.iter().any(|u| u.abs() > 0.01));
     assert_eq!(
         workspace

@@ -13,11 +13,9 @@ const GAIN: f64 = 1e-7;
 /// Most steps of either kind; a climb takes some tens.
 const STEPS: usize = 200;
 
-/// Units on either side of the threshold that are simulated one by one.
-const NEAR: usize = 48;
-
-/// Pairs of them that are simulated before it is said that none gains.
-const PAIRS: usize = 64;
+/// How far a search for gains looks: units on either side of the threshold that are simulated one by one, and pairs of them
+/// that are simulated together. The second is looked at where the first finds nothing.
+const REACH: [(usize, usize); 2] = [(48, 64), (160, 256)];
 
 pub(super) struct Path<'g> {
     terrain: &'g Terrain<'g>,
@@ -58,19 +56,25 @@ impl<'g> Path<'g> {
             let Some(first_order) = self.first_order()? else {
                 return Ok(());
             };
-            let gained = match self.terrain.feature() {
-                1 => {
-                    let gains = self.gains_near(&first_order)?;
-                    self.take_best(&gains)? || self.take_pair(&gains)?
-                }
-                feature => self.take_squares(&first_order, feature)?,
-            };
+            let mut gained = false;
+            for reach in REACH {
+                gained = gained || self.exchange(&first_order, reach)?;
+            }
             if !gained {
                 self.exhausted = true;
                 return Ok(());
             }
         }
         Ok(())
+    }
+
+    fn exchange(&mut self, first_order: &[f64], (near, pairs): (usize, usize)) -> Result<bool, PredictError> {
+        let feature = self.terrain.feature();
+        if feature > 1 {
+            return self.take_squares(first_order, feature, (near, pairs));
+        }
+        let gains = self.gains_near(first_order, near)?;
+        Ok(self.take_best(&gains)? || self.take_pair(&gains, pairs)?)
     }
 
     /// What turning each unit over gains to first order.
@@ -101,7 +105,7 @@ impl<'g> Path<'g> {
     }
 
     /// What the units near the threshold gain if they alone are turned over, by simulation; NaN for all others.
-    fn gains_near(&mut self, first_order: &[f64]) -> Result<Vec<f64>, PredictError> {
+    fn gains_near(&mut self, first_order: &[f64], most: usize) -> Result<Vec<f64>, PredictError> {
         let units = self.terrain.units();
         let density = |unit: usize| first_order[unit] / units.cells(unit).len() as f64;
         let near = |state: bool| {
@@ -109,7 +113,7 @@ impl<'g> Path<'g> {
                 .filter(|&unit| self.state.on[unit] == state)
                 .collect();
             list.sort_by(|&a, &b| density(b).total_cmp(&density(a)).then(a.cmp(&b)));
-            list.truncate(NEAR);
+            list.truncate(most);
             list
         };
         let candidates: Vec<usize> = near(true).into_iter().chain(near(false)).collect();
@@ -127,30 +131,35 @@ impl<'g> Path<'g> {
     }
 
     /// Simulates the pairs of units, one on and one off, that promise most, and takes the best where it is a gain.
-    fn take_pair(&mut self, gains: &[f64]) -> Result<bool, PredictError> {
+    fn take_pair(&mut self, gains: &[f64], most: usize) -> Result<bool, PredictError> {
         let on = &self.state.on;
         let known = |state: bool| -> Vec<(f64, Vec<usize>)> {
             let list = (0..on.len()).filter(|&unit| on[unit] == state && !gains[unit].is_nan());
             list.map(|unit| (gains[unit], vec![unit])).collect()
         };
-        let choices = self.pairs(&known(false), &known(true));
+        let choices = self.pairs(&known(false), &known(true), most);
         self.take(choices)
     }
 
     /// The same with squares of the least width, one turned on, one off, or both.
-    fn take_squares(&mut self, gains: &[f64], feature: usize) -> Result<bool, PredictError> {
+    fn take_squares(
+        &mut self,
+        gains: &[f64],
+        feature: usize,
+        (near, most): (usize, usize),
+    ) -> Result<bool, PredictError> {
         let squares = Squares::new(self.terrain.units(), feature);
         let of = |state: bool| {
-            let mut best = squares.best(&self.state.on, gains, state, NEAR);
+            let mut best = squares.best(&self.state.on, gains, state, near);
             best.push((0.0, Vec::new()));
             best
         };
-        let choices = self.pairs(&of(true), &of(false));
+        let choices = self.pairs(&of(true), &of(false), most);
         self.take(choices)
     }
 
     /// The pairs of units, or groups of them, to turn on and off that promise most, as choices.
-    fn pairs(&self, adds: &[(f64, Vec<usize>)], removes: &[(f64, Vec<usize>)]) -> Vec<Vec<bool>> {
+    fn pairs(&self, adds: &[(f64, Vec<usize>)], removes: &[(f64, Vec<usize>)], most: usize) -> Vec<Vec<bool>> {
         let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
         for (a, add) in adds.iter().enumerate() {
             for (r, remove) in removes.iter().enumerate() {
@@ -165,7 +174,7 @@ impl<'g> Path<'g> {
             .into_iter()
             .map(|(_, a, r)| self.turned(&[&adds[a].1[..], &removes[r].1[..]].concat()));
         let fits = |on: &Vec<bool>| (low..=high).contains(&self.terrain.units().area(on));
-        choices.filter(fits).take(PAIRS).collect()
+        choices.filter(fits).take(most).collect()
     }
 
     fn turned(&self, units: &[usize]) -> Vec<bool> {

@@ -153,13 +153,16 @@ impl<'a> Terrain<'a> {
     fn moved_away(&self, mut on: Vec<bool>, gains: &[f64]) -> Option<Vec<bool>> {
         for _ in 0..TRIALS {
             let bits = Bits::of(&self.units.pattern(&on));
-            let near = self.others.iter().find(|other| bits.distance_to(other) < self.distance);
-            let Some(near) = near else {
+            if self.is_apart(&bits) {
                 return Some(on);
-            };
-            // Away from the nearest image: only what agrees with it is turned over.
-            let image = near.iter().min_by_key(|image| bits.differing(image))?;
-            let agrees = |unit: usize| {
+            }
+            // Only what agrees with the nearest image of each other pattern: so no step away from one is one towards another.
+            let images: Vec<&Bits> = self
+                .others
+                .iter()
+                .filter_map(|other| other.iter().min_by_key(|image| bits.differing(image)))
+                .collect();
+            let agrees = |unit: usize, image: &Bits| {
                 let cells = self.units.cells(unit);
                 let active = cells
                     .iter()
@@ -167,10 +170,17 @@ impl<'a> Terrain<'a> {
                     .count();
                 (2 * active > cells.len()) == on[unit]
             };
-            let masked = |(unit, gain): (usize, &f64)| if agrees(unit) { *gain } else { f64::NAN };
+            let masked = |(unit, gain): (usize, &f64)| match images.iter().all(|image| agrees(unit, image)) {
+                true => *gain,
+                false => f64::NAN,
+            };
             let masked: Vec<f64> = gains.iter().enumerate().map(masked).collect();
             let mut exchange = Exchange::new(&self.units, &on, &masked, self.range);
-            while Bits::of(&self.units.pattern(&exchange.on)).differing(image) < self.cells_apart() {
+            let near = |on: &[bool]| {
+                let bits = Bits::of(&self.units.pattern(on));
+                images.iter().any(|image| bits.differing(image) < self.cells_apart())
+            };
+            while near(&exchange.on) {
                 if !exchange.step_anyway() {
                     return None;
                 }
@@ -181,6 +191,10 @@ impl<'a> Terrain<'a> {
             };
         }
         None
+    }
+
+    fn is_apart(&self, bits: &Bits) -> bool {
+        self.others.iter().all(|other| bits.distance_to(other) >= self.distance)
     }
 
     fn cells_apart(&self) -> usize {
@@ -207,8 +221,7 @@ impl<'a> Terrain<'a> {
         };
         let pattern = self.units.pattern(&on);
         let bits = Bits::of(&pattern);
-        let apart = |other: &[Bits; 8]| bits.distance_to(other) >= self.distance;
-        let fits = (self.range.0..=self.range.1).contains(&bits.count()) && self.others.iter().all(apart);
+        let fits = (self.range.0..=self.range.1).contains(&bits.count()) && self.is_apart(&bits);
         fits.then_some((on, pattern))
     }
 

@@ -149,7 +149,7 @@ fn a_wanted_value_is_met() {
     let none = Constraints::default();
     let terrain = Terrain::new(&physics, &goal, 50, (0.5, 0.5), &none);
     let climb = terrain.climb(&half(), &|_| ()).unwrap().unwrap();
-    assert!((physics.value(&climb.pattern) - 0.1).abs() < 1e-5, "{}", climb.merit);
+    assert!((physics.value(&climb.pattern) - 0.1).abs() < 1e-3, "{}", climb.merit);
 }
 
 #[test]

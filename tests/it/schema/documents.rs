@@ -91,7 +91,15 @@ stages:
   judged: { kind: design, needs: [surrogate], evaluator: surrogate, objective: { point: [20, 20], direction: 0 }, seed: 8 }
   rotation: { kind: design, evaluator: chord:2, seed: 7, objective: { points: [{ point: [12, 25], direction: 90 },
     { point: [38, 25], direction: -90 }], measure: displacement } }
-  verified: { kind: verify, needs: [design], method: newton, elements_per_cell: 1, order: 2, tolerance: 1e-6 }
+  wanted: { kind: design, case: 'IV, 1 mm', evaluator: linear, seed: 9, designs: 3, distance: 0.05, refine: true, units: 50, area_tolerance: 0.01,
+    area: free, constraints: { min_feature: 2 mm, islands: 2, leads: [left, top], pull_in_margin: 1.2,
+      keep_out: [{ rectangle: [[0 mm, 0 mm], [5 mm, 5 mm]] }, { disc: { centre: [25 mm, 25 mm], radius: 3 mm } }] },
+    targets: [{ name: one, objective: { point: [25, 25], direction: 0, value: 1 mm } },
+      { name: two, area: 0.3, objective: { points: [{ point: [20, 20], displacement: [0.1, 0.2], weight: 2 }] } },
+      { name: three, area: free, objective: { point: [20, 20], displacement: [0.1, 0.2], measure: distance } }] }
+  highest: { kind: design, method: adjoint, units: 20, starts: 2, seed: 1, objective: { point: [25, 25], direction: 0 },
+    constraints: { leads: true } }
+  verified: { kind: verify, needs: [design, highest], method: newton, elements_per_cell: 1, order: 2, tolerance: 1e-6 }
   exact: { kind: verify, needs: [rotation], accuracy: 10 um }
   accuracy: { kind: accuracy, needs: [solved, surrogate], methods: [linear, { method: chord:3, elements_per_cell: 1, order: 2 },
     { accuracy: 0.03 mm }] }
