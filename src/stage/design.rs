@@ -147,8 +147,12 @@ impl DesignStage {
     /// Everything but the targets.
     fn common(&self) -> Canonical {
         let case = Canonical::from(self.case.as_str());
-        self.options
-            .canonical([("case", case), ("scene", self.scene.canonical())])
+        let constraints = self.constraints.canonical();
+        self.options.canonical([
+            ("case", case),
+            ("constraints", constraints),
+            ("scene", self.scene.canonical()),
+        ])
     }
 
     fn chunk(&self, target: &Target) -> Canonical {
