@@ -161,8 +161,12 @@ fn begun(
     options: &EvolveOptions,
     watch: &dyn Watch,
 ) -> Result<Course, EvolveError> {
-    let area: Option<f64> = setting.goal.area().into();
-    let genomes = first_generation(area, setting.constraints, options.seed, options.population);
+    let genomes = first_generation(
+        setting.goal.area(),
+        setting.constraints,
+        options.seed,
+        options.population,
+    );
     let population = search.judged(genomes)?;
     if population[0].known.fitness.is_infinite() {
         return Err(match population.iter().any(|i| i.known.admissible == Some(false)) {
