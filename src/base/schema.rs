@@ -184,6 +184,20 @@ impl Fields {
         self
     }
 
+    /// The keys, in the order in which they were added.
+    pub fn keys(&self) -> impl Iterator<Item = &str> {
+        self.properties.iter().map(|(key, _)| key.as_str())
+    }
+
+    /// The same keys with none that must be there and no rules: what stands beside a mapping that is complete.
+    #[must_use]
+    pub fn all_optional(self, description: &str) -> Self {
+        Self {
+            properties: self.properties,
+            ..Self::new(description)
+        }
+    }
+
     /// Forbids two keys to stand beside each other.
     #[must_use]
     pub fn apart(self, one: &str, other: &str) -> Self {

@@ -7,7 +7,7 @@ use std::sync::{Mutex, PoisonError};
 
 use super::locked::Difference;
 use super::scratch::Scratch;
-use crate::base::{Canonical, Digest, Fields, InputError, Node};
+use crate::base::{Canonical, Digest, Fields, InputError, Node, NodeValue};
 use crate::store::{Artifact, Object, ObjectError, StoreError};
 
 /// A kind of stage: `sample`, `solve`, …
@@ -29,6 +29,22 @@ pub trait Kind: Sync {
     /// keys.
     fn gates(&self) -> bool {
         false
+    }
+
+    /// The kind whose stages learn from stages of this kind, where these may be done in rounds, as `orchestrator/rounds.rs` says.
+    /// [`Kind::read`] of this kind must then allow the keys `rounds` and `update`, and leave them alone; the kind that learns must
+    /// accept stages of this kind and one of its own as needs.
+    fn teaches(&self) -> Option<&'static str> {
+        None
+    }
+
+    /// The keys in which a stage of this kind that learns in rounds differs from the second round on, with their values.
+    ///
+    /// # Errors
+    /// When a key that they depend on cannot be read.
+    fn relearns(&self, stage: &Node) -> Result<Vec<(&'static str, NodeValue)>, InputError> {
+        let _ = stage;
+        Ok(Vec::new())
     }
 
     /// Reads a stage from its mapping, which includes `kind` and `needs`, and from the pipeline's scene, already one

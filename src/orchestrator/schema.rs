@@ -3,6 +3,7 @@
 use serde_json::{Map, Value, json};
 
 use super::kind::Kind;
+use super::rounds;
 use super::spec::Registry;
 use crate::base::{Fields, Schema};
 
@@ -38,7 +39,7 @@ pub fn of_pipeline(registry: &Registry) -> Value {
     let gated = registry.kinds.iter().any(|kind| kind.gates());
     definitions.insert("scene".to_owned(), (registry.scene_schema)().into());
     for kind in &registry.kinds {
-        definitions.insert(kind.name().to_owned(), of_kind(*kind, gated).into());
+        definitions.insert(kind.name().to_owned(), of_kind(*kind, gated, registry).into());
     }
     let mut root = titled("deaflow pipeline", pipeline.into());
     root["$defs"] = Value::Object(definitions);
@@ -59,10 +60,11 @@ fn titled(title: &str, schema: Schema) -> Value {
 }
 
 /// `gated`: any stage that needs others may also wait for some that it does not read.
-fn of_kind(kind: &dyn Kind, gated: bool) -> Schema {
+fn of_kind(kind: &dyn Kind, gated: bool, registry: &Registry) -> Schema {
     let needs = kind.needs();
     let most = if gated { usize::MAX } else { needs.most };
     let with_frame = |fields: Fields| {
+        let fields = rounds::schema(kind, fields, registry);
         let fields = fields.required("kind", Schema::word(&[kind.name()]).says("What the stage does."));
         let list = || {
             let meaning = format!("Stages of kind {}.", needs.kinds.join(" or "));

@@ -4,9 +4,12 @@ use std::path::{Path, PathBuf};
 
 use super::graph;
 use super::kind::{Kind, Stage};
+use super::rounds::{self, Rounds};
 use crate::base::{Document, InputError, Node, NodeValue, Override, Schema, nearest};
 
 const WHAT: &str = "the pipeline";
+
+const KEYS: [&str; 4] = ["version", "name", "scene", "stages"];
 
 /// Characters in the name of a pipeline or stage.
 const LONGEST_NAME: usize = 200;
@@ -32,6 +35,8 @@ pub struct Pipeline {
     pub path: PathBuf,
     /// Its stages in topological order.
     pub stages: Vec<StageSpec>,
+    /// Those that are done in more than one round, in the order of the file.
+    pub rounds: Vec<Rounds>,
 }
 
 /// One stage of a pipeline.
@@ -49,12 +54,12 @@ pub struct StageSpec {
 }
 
 /// A stage whose name, kind and needs have been read.
-struct Entry<'a> {
-    name: &'a str,
-    key: &'a Node,
-    node: &'a Node,
-    kind: &'static dyn Kind,
-    needs: Vec<(usize, &'a Node)>,
+pub(super) struct Entry<'a> {
+    pub(super) name: &'a str,
+    pub(super) key: &'a Node,
+    pub(super) node: &'a Node,
+    pub(super) kind: &'static dyn Kind,
+    pub(super) needs: Vec<(usize, &'a Node)>,
 }
 
 impl StageSpec {
@@ -89,27 +94,18 @@ impl Pipeline {
         let path = document.path().to_owned();
         let mut root = document.root;
         splice_scene(&mut root, &path)?;
-        for set in overrides {
-            set.apply(&mut root)?;
-        }
-        let map = root.fields(WHAT, &["version", "name", "scene", "stages"])?;
-        let version = map.required(WHAT, "version")?;
-        if version.whole("version", 0, u64::MAX)? != 1 {
-            return Err(version.error(format!(
-                "`version` is {}: this deaflow reads version 1",
-                version.found()
-            )));
-        }
-        let name = map.required(WHAT, "name")?;
-        check_length(name, name.text("name")?)?;
-        let name = name.text("name")?.to_owned();
-        let scene = map.optional("scene");
-        if let Some(scene) = scene {
-            (registry.check_scene)(scene)?;
-        }
+        let late = rounds::apply(&mut root, overrides)?;
+        let name = read_frame(&root, registry)?;
+        let rounds = rounds::unroll(&mut root, &late, registry)?;
+        let map = root.fields(WHAT, &KEYS)?;
         let entries = read_entries(map.required(WHAT, "stages")?, registry)?;
-        let stages = read_stages(&entries, scene)?;
-        Ok(Self { name, path, stages })
+        let stages = read_stages(&entries, map.optional("scene"))?;
+        Ok(Self {
+            name,
+            path,
+            stages,
+            rounds,
+        })
     }
 
     /// The stage of that name.
@@ -171,7 +167,7 @@ pub fn splice_scene(root: &mut Node, path: &Path) -> Result<(), InputError> {
     Ok(())
 }
 
-fn read_entries<'a>(stages: &'a Node, registry: &Registry) -> Result<Vec<Entry<'a>>, InputError> {
+pub(super) fn read_entries<'a>(stages: &'a Node, registry: &Registry) -> Result<Vec<Entry<'a>>, InputError> {
     let entries = stages.entries("stages")?;
     if entries.is_empty() {
         return Err(stages.error("a pipeline has at least one stage"));
@@ -210,6 +206,25 @@ fn read_entries<'a>(stages: &'a Node, registry: &Registry) -> Result<Vec<Entry<'
         });
     }
     Ok(out)
+}
+
+/// Checks all but the stages, and gives the name.
+fn read_frame(root: &Node, registry: &Registry) -> Result<String, InputError> {
+    let map = root.fields(WHAT, &KEYS)?;
+    let version = map.required(WHAT, "version")?;
+    if version.whole("version", 0, u64::MAX)? != 1 {
+        return Err(version.error(format!(
+            "`version` is {}: this deaflow reads version 1",
+            version.found()
+        )));
+    }
+    let name = map.required(WHAT, "name")?;
+    check_length(name, name.text("name")?)?;
+    if let Some(scene) = map.optional("scene") {
+        (registry.check_scene)(scene)?;
+    }
+    map.required(WHAT, "stages")?;
+    Ok(name.text("name")?.to_owned())
 }
 
 fn check_length(node: &Node, name: &str) -> Result<(), InputError> {

@@ -72,7 +72,9 @@ impl Node {
         Path::new(&self.source.name)
     }
 
-    pub(super) fn with_value(&self, value: NodeValue) -> Self {
+    /// Another value at the place of this node, for what follows from it.
+    #[must_use]
+    pub fn with_value(&self, value: NodeValue) -> Self {
         Self {
             value,
             span: self.span,
@@ -87,7 +89,8 @@ impl Node {
         }
     }
 
-    pub(super) fn child_mut(&mut self, key: &str) -> Option<&mut Node> {
+    /// The value under `key`, to be changed.
+    pub fn child_mut(&mut self, key: &str) -> Option<&mut Node> {
         match &mut self.value {
             NodeValue::Map(entries) => entries.iter_mut().find(|(k, _)| k.is_text(key)).map(|(_, v)| v),
             _ => None,
@@ -98,6 +101,31 @@ impl Node {
     pub fn replace(&mut self, key: &str, node: Node) {
         if let Some(child) = self.child_mut(key) {
             *child = node;
+        }
+    }
+
+    /// Puts a value under `key` of a mapping, in the place of the one that is there or after all others.
+    pub fn put(&mut self, key: &str, value: Node) {
+        let name = value.with_value(NodeValue::Text(key.to_owned()));
+        if let NodeValue::Map(entries) = &mut self.value {
+            match entries.iter_mut().find(|(k, _)| k.is_text(key)) {
+                Some((_, there)) => *there = value,
+                None => entries.push((name, value)),
+            }
+        }
+    }
+
+    /// Takes `key` out of a mapping.
+    pub fn take_out(&mut self, key: &str) {
+        if let NodeValue::Map(entries) = &mut self.value {
+            entries.retain(|(k, _)| !k.is_text(key));
+        }
+    }
+
+    /// Adds entries to a mapping, after those that are there.
+    pub fn extend(&mut self, more: Vec<(Node, Node)>) {
+        if let NodeValue::Map(entries) = &mut self.value {
+            entries.extend(more);
         }
     }
 

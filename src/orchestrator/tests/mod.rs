@@ -5,6 +5,7 @@ mod concurrency;
 mod keeping;
 mod recovery;
 mod refusals;
+mod rounds;
 
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
