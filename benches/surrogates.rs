@@ -76,6 +76,7 @@ fn examples(response: &LinearResponse, patterns: &[Pattern]) -> Vec<Example> {
         label: Label::from_values(field.expect("an estimate").values()).expect("a field"),
         family: "grid".to_owned(),
         split: Split::Train,
+        repeats: 1,
     };
     patterns.iter().zip(fields).map(example).collect()
 }

@@ -134,6 +134,7 @@ fn epoch(optimizer: OptimizerKind) -> f64 {
             } else {
                 Split::Validation
             },
+            repeats: 1,
         }
     };
     let examples: Vec<Example> = (0..EXAMPLES as u64 + 1).map(example).collect();

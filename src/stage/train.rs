@@ -1,4 +1,5 @@
-//! `kind: train` trains a surrogate on balanced datasets and on solved samples as they are.
+//! `kind: train` trains a surrogate on balanced datasets, on solved samples as they are, and on verified designs; from nothing, or from
+//! the weights of a training that it needs.
 
 mod content;
 mod examples;
@@ -6,20 +7,23 @@ mod follow;
 
 use follow::Follow;
 
-use crate::base::{Canonical, Decimal, Fields, InputError, Map, Node, Schema};
+use crate::base::{Canonical, Decimal, Fields, InputError, Map, Node, NodeValue, Schema};
 use crate::dataset::SymmetryGroup;
 use crate::fem::{LinearResponse, Order, SolveOptions};
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::scene::Scene;
-use crate::store::Object;
-use crate::surrogate::{Constants, Ending, NetworkKind, OptimizerKind, Record, TrainOptions, annotated, train};
+use crate::store::{Artifact, Object};
+use crate::surrogate::{Constants, Ending, NetworkKind, OptimizerKind, Record, TrainOptions, annotated, train, update};
 
 /// The kind `train`.
 pub struct TrainKind;
 
+/// Where an artifact has the bytes of the model.
+const WEIGHTS: &str = "weights";
+
 const SYMMETRIES: [&str; 2] = ["none", "d4"];
 
-const KEYS: [&str; 14] = [
+const KEYS: [&str; 15] = [
     "kind",
     "needs",
     "network",
@@ -33,8 +37,16 @@ const KEYS: [&str; 14] = [
     "symmetry",
     "max_weight",
     "auxiliary_weight",
+    "verified_weight",
     "seed",
 ];
+
+/// How often an epoch shows a verified design unless said otherwise: each of its images once. They are few beside thousands of patterns
+/// that are drawn, and where designs are nothing else is known.
+const VERIFIED_WEIGHT: u32 = 8;
+
+/// What a training from given weights has of the epochs of one from nothing: a quarter.
+const EPOCHS_OF_UPDATE: u64 = 4;
 
 /// Bounds of the learning rate. Rates far beyond what can work are allowed: the training says that it diverged.
 const RATES: [f64; 2] = [1e-7, 100.0];
@@ -50,7 +62,7 @@ impl Kind for TrainKind {
 
     fn needs(&self) -> Needs {
         Needs {
-            kinds: &["balance", "solve"],
+            kinds: &["balance", "solve", "verify", "train"],
             least: 1,
             most: 100,
         }
@@ -73,7 +85,8 @@ impl Kind for TrainKind {
         let max_weight = Schema::number(0.0, 100.0).says("Weight of the largest absolute error in the loss.");
         let auxiliary =
             Schema::number(0.0, 100.0).says("Weight of the auxiliary branch at half resolution in the loss.");
-        let fields = Fields::new("Trains a surrogate on balanced datasets and on solved samples.")
+        let verified = Schema::whole(1, 1000).says("How often an epoch shows each verified design.");
+        let fields = Fields::new("Trains a surrogate on balanced datasets, solved samples and verified designs.")
             .required("network", network)
             .required("epochs", epochs)
             .optional("patience", patience)
@@ -85,6 +98,7 @@ impl Kind for TrainKind {
             .optional("symmetry", symmetry.default(SYMMETRIES[0]))
             .optional("max_weight", max_weight.default(defaults.max_weight))
             .optional("auxiliary_weight", auxiliary.default(defaults.auxiliary_weight))
+            .optional("verified_weight", verified.default(VERIFIED_WEIGHT))
             .required("seed", super::seed());
         vec![fields]
     }
@@ -113,8 +127,17 @@ impl Kind for TrainKind {
                 .map_or(Ok(SYMMETRIES[0]), |n| n.word("symmetry", &SYMMETRIES))?,
             max_weight: map.number("max_weight", defaults.max_weight, 0.0, 100.0)?,
             auxiliary_weight: map.number("auxiliary_weight", defaults.auxiliary_weight, 0.0, 100.0)?,
+            verified_weight: whole(&map, "verified_weight", 1000)?.unwrap_or(VERIFIED_WEIGHT),
             seed: map.required(what, "seed")?.whole("seed", 0, i64::MAX as u64)?,
         }))
+    }
+
+    fn relearns(&self, stage: &Node) -> Result<Vec<(&'static str, NodeValue)>, InputError> {
+        let Some(epochs) = stage.peek("epochs") else {
+            return Ok(Vec::new());
+        };
+        let epochs = epochs.whole("epochs", 1, 100_000)?.div_ceil(EPOCHS_OF_UPDATE);
+        Ok(vec![("epochs", NodeValue::Number(epochs.to_string()))])
     }
 }
 
@@ -144,6 +167,7 @@ struct TrainStage {
     symmetry: &'static str,
     max_weight: Decimal,
     auxiliary_weight: Decimal,
+    verified_weight: u32,
     seed: u64,
 }
 
@@ -175,6 +199,9 @@ impl Stage for TrainStage {
         let optional = [
             self.patience.map(|n| ("patience", u64::from(n).into())),
             self.gradient_norm.map(|norm| ("gradient_norm", norm.into())),
+            // Trainings without verified designs have the keys that they always had.
+            (self.verified_weight != VERIFIED_WEIGHT)
+                .then(|| ("verified_weight", u64::from(self.verified_weight).into())),
         ];
         let required = [
             ("network", Canonical::from(self.network.name())),
@@ -200,13 +227,18 @@ impl Stage for TrainStage {
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
         let scene = super::scene_attribute(job.inputs)?;
         let simulated = Scene::from_text(&scene).map_err(|e| StageError::Input(e.to_string()))?;
-        let found = examples::read(job.inputs, simulated.side_mm())?;
+        let start = start(job.inputs)?;
+        let found = examples::read(job.inputs, simulated.side_mm(), self.verified_weight)?;
         let constants = match self.network.has_constants() {
             true => Some(constants(&simulated)?),
             false => None,
         };
-        let mut trained = train(&found.examples, constants.as_ref(), &self.options(), &Follow::new(job))
-            .map_err(|e| StageError::Failed(e.to_string()))?;
+        let (constants, options, follow) = (constants.as_ref(), self.options(), Follow::new(job));
+        let trained = match &start {
+            Some(weights) => update(weights, &found.examples, constants, &options, &follow),
+            None => train(&found.examples, constants, &options, &follow),
+        };
+        let mut trained = trained.map_err(|e| StageError::Failed(e.to_string()))?;
         let inputs = job.inputs.iter().map(|input| input.digest().to_string()).collect();
         let annotated = annotated(&trained.weights, &scene, Record::of(&trained, self.seed, inputs));
         trained.weights = annotated.map_err(|e| StageError::Failed(e.to_string()))?;
@@ -220,6 +252,23 @@ impl Stage for TrainStage {
             false => object.attribute("warnings", warnings.join("\n")),
         })
     }
+}
+
+/// The weights of the training to begin with, if there is one.
+fn start(inputs: &[Artifact]) -> Result<Option<Vec<u8>>, StageError> {
+    let mut start = None;
+    for input in inputs {
+        if is_training(input)? && start.replace(input.u8s(WEIGHTS)?.1).is_some() {
+            let message = "a training begins with one other at most, and two are among its inputs";
+            return Err(StageError::Input(message.to_owned()));
+        }
+    }
+    Ok(start)
+}
+
+/// Whether an artifact is that of a train stage.
+fn is_training(artifact: &Artifact) -> Result<bool, StageError> {
+    Ok(artifact.contents()?.iter().any(|content| content.path == WEIGHTS))
 }
 
 /// The linear response of a scene, by one biquadratic element per cell: on finer meshes it differs by less than what

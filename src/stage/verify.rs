@@ -66,10 +66,14 @@ impl Kind for VerifyKind {
         vec![SolverParameters::schema(fields, ELEMENTS_PER_CELL, true)]
     }
 
+    fn teaches(&self) -> Option<&'static str> {
+        Some("train")
+    }
+
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
         let map = stage.fields(
             "a verify stage",
-            &[&["kind", "needs"], &SolverParameters::KEYS[..]].concat(),
+            &[&["kind", "needs", "rounds", "update"], &SolverParameters::KEYS[..]].concat(),
         )?;
         let scene = super::scene_of(stage, scene)?;
         Ok(Box::new(VerifyStage {

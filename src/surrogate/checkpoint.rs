@@ -83,6 +83,7 @@ mod tests {
             train_loss: 0.1 + 0.2,
             validation_loss: 1.0 / 3.0,
             validation_rmse_mm: 0.05,
+            judged_rmse_mm: 0.05,
             learning_rate: 1e-3,
         };
         Checkpoint {

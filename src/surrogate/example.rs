@@ -16,6 +16,8 @@ pub struct Example {
     pub family: String,
     /// The part of the dataset it belongs to.
     pub split: Split,
+    /// How often an epoch shows it, at least 1.
+    pub repeats: u32,
 }
 
 /// A displacement field in mm as a network is taught it: at the 49 × 49 inner corners, `[y][x][component]`, in single
@@ -134,6 +136,7 @@ impl Example {
             label: self.label.transformed(g),
             family: self.family.clone(),
             split: self.split,
+            repeats: self.repeats,
         }
     }
 }

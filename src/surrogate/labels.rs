@@ -72,6 +72,7 @@ mod tests {
             label: Label::from_values(&values).unwrap(),
             family: "a".to_owned(),
             split,
+            repeats: 1,
         }
     }
 

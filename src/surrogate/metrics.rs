@@ -72,6 +72,15 @@ pub(crate) fn rmse_mm(agreements: &[Agreement]) -> f64 {
     (errors / (COMPONENTS * agreements.len() as f64)).sqrt()
 }
 
+/// The same with each prediction counted as often as the number beside it says.
+pub(crate) fn weighted_rmse_mm(agreements: impl Iterator<Item = (Agreement, u32)>) -> f64 {
+    let (errors, count) = agreements.fold((0.0, 0.0), |(errors, count), (agreement, weight)| {
+        let weight = f64::from(weight);
+        (errors + weight * agreement.error, count + weight)
+    });
+    (errors / (COMPONENTS * count)).sqrt()
+}
+
 /// The metrics of every group that has examples: for each part of the dataset "all", then the families by name.
 pub(crate) fn measure(examples: &[Example], agreements: &[Agreement]) -> Vec<Metrics> {
     let families: BTreeSet<&str> = examples.iter().map(|e| e.family.as_str()).collect();
@@ -131,6 +140,7 @@ mod tests {
             label: label(first),
             family: family.to_owned(),
             split,
+            repeats: 1,
         }
     }
 

@@ -19,6 +19,7 @@ mod outcome;
 mod parameters;
 mod predict;
 mod schedule;
+mod start;
 mod step;
 #[cfg(test)]
 mod testing;
@@ -39,5 +40,5 @@ pub use networks::{Constants, NetworkKind};
 pub use options::{OptimizerKind, TrainOptions};
 pub use outcome::{Ending, EpochReport, TrainError, Trained};
 pub use predict::Surrogate;
-pub use train::train;
+pub use train::{train, update};
 pub use weights::{LoadError, annotated};

@@ -15,6 +15,9 @@ pub struct EpochReport {
     pub validation_loss: f64,
     /// Root mean square error in mm, over both components at all corners, of the same examples after the epoch.
     pub validation_rmse_mm: f64,
+    /// The error by which epochs are judged, mm: that of the validation examples and of the training examples that an epoch shows
+    /// more than once, these counted as often as they are shown. Where there are none of either kind it is the one above.
+    pub judged_rmse_mm: f64,
     /// Learning rate of the last step.
     pub learning_rate: f64,
 }
@@ -77,6 +80,9 @@ pub enum TrainError {
         /// The epoch.
         epoch: u32,
     },
+    /// The network to begin with is none, or another one.
+    #[error("the training cannot begin from the model: {0}")]
+    Start(String),
     /// What the numerical library reported.
     #[error("the training failed: {0}")]
     Failed(String),

@@ -73,6 +73,7 @@ pub(super) fn examples(count: u64, split: Split) -> Vec<Example> {
             pattern,
             family: family.to_owned(),
             split,
+            repeats: 1,
         }
     };
     (0..count).map(example).collect()

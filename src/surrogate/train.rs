@@ -12,7 +12,7 @@ use super::checkpoint::{Checkpoint, Course};
 use super::example::Example;
 use super::header::Header;
 use super::loss::LossWeights;
-use super::metrics::{measure, rmse_mm};
+use super::metrics::{measure, rmse_mm, weighted_rmse_mm};
 use super::monitor::Monitor;
 use super::networks::{Constants, Network};
 use super::optimizer::Optimizer;
@@ -21,6 +21,7 @@ use super::outcome::{Ending, EpochReport, TrainError, Trained};
 use super::parameters::Parameters;
 use super::predict::device;
 use super::schedule::learning_rate_factor;
+use super::start::Start;
 use super::step::{Problem, Shown};
 use super::weights::to_bytes;
 use crate::base::Stream;
@@ -46,8 +47,29 @@ pub fn train(
     options: &TrainOptions,
     monitor: &dyn Monitor,
 ) -> Result<Trained, TrainError> {
-    options.check()?;
+    follow(Trainer::new(examples, constants, options)?, examples, monitor)
+}
+
+/// Trains on from a network that was trained before, given by its bytes: as [`train`] does, but from its weights and with its unit of
+/// length. The learning rate rises and falls anew.
+///
+/// # Errors
+/// As [`train`], and when the bytes are not those of the same network. "Untrained" is the network as it was given.
+pub fn update(
+    start: &[u8],
+    examples: &[Example],
+    constants: Option<&Constants>,
+    options: &TrainOptions,
+    monitor: &dyn Monitor,
+) -> Result<Trained, TrainError> {
     let mut trainer = Trainer::new(examples, constants, options)?;
+    let start = Start::read(start, options.network)?;
+    start.set(&trainer.vars)?;
+    trainer.scale_mm = start.scale_mm;
+    follow(trainer, examples, monitor)
+}
+
+fn follow(mut trainer: Trainer<'_>, examples: &[Example], monitor: &dyn Monitor) -> Result<Trained, TrainError> {
     let untrained = trainer.standing()?;
     if let Some(bytes) = monitor.kept() {
         match Checkpoint::from_bytes(&bytes).filter(|checkpoint| trainer.fits(checkpoint)) {
@@ -67,6 +89,8 @@ struct Standing {
     /// Mean loss per example.
     loss: f64,
     rmse_mm: f64,
+    /// With the examples that are shown more than once, see [`EpochReport::judged_rmse_mm`].
+    judged_rmse_mm: f64,
 }
 
 /// A training under way.
@@ -91,6 +115,7 @@ impl<'a> Trainer<'a> {
         constants: Option<&Constants>,
         options: &'a TrainOptions,
     ) -> Result<Self, TrainError> {
+        options.check()?;
         let part = |split| examples.iter().filter(|e| e.split == split).collect::<Vec<_>>();
         let training = part(Split::Train);
         if training.is_empty() {
@@ -146,12 +171,9 @@ impl<'a> Trainer<'a> {
             let Some(report) = self.epoch(epoch, untrained, monitor)? else {
                 return Ok(Ending::Diverged(epoch));
             };
-            let better = self
-                .course
-                .best
-                .is_none_or(|(rmse, _)| report.validation_rmse_mm < rmse);
+            let better = self.course.best.is_none_or(|(rmse, _)| report.judged_rmse_mm < rmse);
             if better || self.validation.is_empty() {
-                self.course.best = Some((report.validation_rmse_mm, epoch));
+                self.course.best = Some((report.judged_rmse_mm, epoch));
                 self.best = self.weights()?;
             }
             monitor.epoch(&report);
@@ -167,7 +189,7 @@ impl<'a> Trainer<'a> {
         let curves = &self.course.curves;
         let least = curves
             .iter()
-            .min_by(|a, b| a.validation_rmse_mm.total_cmp(&b.validation_rmse_mm));
+            .min_by(|a, b| a.judged_rmse_mm.total_cmp(&b.judged_rmse_mm));
         match (least, self.options.patience) {
             (Some(least), Some(patience)) => epoch - 1 - least.epoch >= patience,
             _ => false,
@@ -200,7 +222,7 @@ impl<'a> Trainer<'a> {
         let (train_loss, standing) = (sum / order.len() as f64, self.standing()?);
         // In the network's unit of length an answer of zero has a loss of about 1.
         let limit = EXPLOSION * untrained.loss.max(1.0);
-        if train_loss > limit || !(standing.loss.is_finite() && standing.rmse_mm.is_finite()) {
+        if train_loss > limit || !(standing.loss.is_finite() && standing.judged_rmse_mm.is_finite()) {
             return Ok(None);
         }
         Ok(Some(EpochReport {
@@ -208,35 +230,65 @@ impl<'a> Trainer<'a> {
             train_loss,
             validation_loss: standing.loss,
             validation_rmse_mm: standing.rmse_mm,
+            judged_rmse_mm: standing.judged_rmse_mm,
             learning_rate,
         }))
     }
 
     /// The training examples in the order of an epoch, each turned as that epoch has it.
     fn order(&self, epoch: u32) -> Vec<Shown<'a>> {
-        let mut order: Vec<Shown<'a>> = self.training.iter().map(|example| Shown::upright(example)).collect();
+        let mut order: Vec<Shown<'a>> = Vec::with_capacity(self.training.len());
+        for example in &self.training {
+            order.extend(self.repeated(example, epoch));
+        }
         let stream = |purpose| Stream::new(self.options.seed, purpose, epoch.into());
         stream("surrogate shuffle").shuffle(&mut order);
         if self.options.symmetry == SymmetryGroup::D4 {
             let mut turns = stream("surrogate symmetry");
             order
                 .iter_mut()
+                .filter(|shown| shown.example.repeats == 1)
                 .for_each(|shown| shown.symmetry = Symmetry::ALL[turns.index(Symmetry::ALL.len())]);
         }
         order
     }
 
+    /// An example as often as an epoch shows it: where examples are turned, as its images one after the other.
+    fn repeated(&self, example: &'a Example, epoch: u32) -> impl Iterator<Item = Shown<'a>> + use<'a> {
+        let (repeats, turned) = (example.repeats, self.options.symmetry == SymmetryGroup::D4);
+        (0..repeats).map(move |k| Shown {
+            example,
+            symmetry: match turned && repeats > 1 {
+                true => {
+                    Symmetry::ALL[(u64::from(epoch) * u64::from(repeats) + u64::from(k)) as usize % Symmetry::ALL.len()]
+                }
+                false => Symmetry::IDENTITY,
+            },
+        })
+    }
+
     /// How the weights do on the validation examples, or on the training examples where there are none.
     fn standing(&self) -> Result<Standing, TrainError> {
-        let held_out = if self.validation.is_empty() {
-            &self.training
-        } else {
-            &self.validation
-        };
+        if self.validation.is_empty() {
+            return self.standing_on(&self.training, &[]);
+        }
+        let repeated = self.training.iter().filter(|example| example.repeats > 1);
+        self.standing_on(&self.validation, &repeated.copied().collect::<Vec<_>>())
+    }
+
+    fn standing_on(&self, held_out: &[&Example], repeated: &[&Example]) -> Result<Standing, TrainError> {
         let assessment = self.problem().assess(held_out)?;
+        let counted = repeated.iter().map(|example| example.repeats);
+        let counted = self.problem().assess(repeated)?.agreements.into_iter().zip(counted);
+        let once = assessment.agreements.iter().map(|agreement| (*agreement, 1));
+        let rmse_mm = rmse_mm(&assessment.agreements);
         Ok(Standing {
             loss: assessment.loss / held_out.len() as f64,
-            rmse_mm: rmse_mm(&assessment.agreements),
+            rmse_mm,
+            judged_rmse_mm: match repeated {
+                [] => rmse_mm,
+                _ => weighted_rmse_mm(once.chain(counted)),
+            },
         })
     }
 
@@ -286,7 +338,7 @@ impl<'a> Trainer<'a> {
     /// The kept epoch with its metrics.
     fn finish(self, examples: &[Example], untrained: &Standing, ending: Ending) -> Result<Trained, TrainError> {
         let best = self.course.best.filter(|(rmse_mm, _)| match ending {
-            Ending::Diverged(_) => *rmse_mm < untrained.rmse_mm,
+            Ending::Diverged(_) => *rmse_mm < untrained.judged_rmse_mm,
             Ending::Complete | Ending::Patience => true,
         });
         let (_, best_epoch) = match (best, ending) {

@@ -1,6 +1,6 @@
 //! What the artifact of a training says.
 
-use super::examples::LeftOut;
+use super::examples::{LeftOut, Why};
 use crate::stage::arrays;
 use crate::store::{Data, Dataset, Object};
 use crate::surrogate::{Ending, EpochReport, Metrics, Trained};
@@ -14,6 +14,8 @@ pub fn warnings(unstable: u64, left_out: &[LeftOut], trained: &Trained) -> Vec<S
     if unstable > 0 {
         lines.push(format!("{unstable} samples without a stable solution are left out"));
     }
+    // What is held out stands in another input: nothing is lost.
+    let left_out: Vec<&LeftOut> = left_out.iter().filter(|label| label.why != Why::HeldOut).collect();
     if !left_out.is_empty() {
         let named: Vec<String> = left_out.iter().take(NAMED).map(ToString::to_string).collect();
         let more = match left_out.len().saturating_sub(NAMED) {
@@ -72,6 +74,18 @@ pub fn describe(trained: &Trained, unstable: u64, left_out: &[LeftOut]) -> Objec
 fn add_curves(object: Object, curves: &[EpochReport]) -> Object {
     let curve = |units, description, value: fn(&EpochReport) -> f64| {
         arrays::reals(units, description, curves.iter().map(value).collect())
+    };
+    // Where nothing is shown more than once epochs are judged by the validation error.
+    let object = match curves.iter().any(|e| e.judged_rmse_mm != e.validation_rmse_mm) {
+        true => object.with(
+            "curves/judged_rmse",
+            curve(
+                "mm",
+                "RMSE per component by which epochs are judged: with verified designs",
+                |e| e.judged_rmse_mm,
+            ),
+        ),
+        false => object,
     };
     object
         .with(
@@ -159,7 +173,6 @@ fn add_metrics(object: Object, metrics: &[Metrics]) -> Object {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stage::train::examples::Why;
 
     fn trained(ending: Ending) -> Trained {
         Trained {

@@ -1,10 +1,16 @@
-//! The examples of a training: rows of balanced sets and of solved samples, less those that nobody should learn from.
+//! The examples of a training: rows of balanced sets, of solved samples and of verified designs, less those that nobody should
+//! learn from.
+
+mod left_out;
+mod verified;
+
+pub use left_out::{LeftOut, Why};
 
 use std::collections::HashMap;
-use std::fmt;
 
 use rayon::prelude::*;
 
+use super::is_training;
 use crate::base::Digest;
 use crate::dataset::Split;
 use crate::field::CORNERS;
@@ -31,79 +37,31 @@ pub struct Examples {
     pub left_out: Vec<LeftOut>,
 }
 
-/// A label that was left out.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LeftOut {
-    /// Which input, from 0.
-    pub input: usize,
-    /// Which of its rows, from 0.
-    pub row: usize,
-    /// The displacement that shows it, mm; 0 where it is not a number.
-    pub found_mm: f64,
-    /// What is wrong.
-    pub why: Why,
-}
-
-/// What is wrong with a label.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Why {
-    /// A value is no number.
-    NotFinite,
-    /// The frame moves.
-    Frame,
-    /// A displacement beyond the side of the membrane, mm.
-    BeyondSide(f64),
-    /// A displacement beyond all that the training labels make believable, mm.
-    Outlier(f64),
-    /// The simulation did not converge.
-    NotConverged,
-}
-
-impl Why {
-    /// The word that stands in artifacts.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::NotFinite => "not-finite",
-            Self::Frame => "frame-moves",
-            Self::BeyondSide(_) => "beyond-the-side",
-            Self::Outlier(_) => "outlier",
-            Self::NotConverged => "not-converged",
-        }
-    }
-}
-
-impl fmt::Display for LeftOut {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self {
-            input, row, found_mm, ..
-        } = self;
-        write!(f, "row {row} of input {}: ", input + 1)?;
-        match self.why {
-            Why::NotFinite => write!(f, "a displacement is no number"),
-            Why::Frame => write!(f, "the frame moves by {found_mm:.3} mm"),
-            Why::BeyondSide(side) => write!(f, "{found_mm:.3} mm are more than the side of the membrane, {side} mm"),
-            Why::Outlier(limit) => write!(
-                f,
-                "{found_mm:.3} mm are out of all proportion to the other labels, beyond {limit:.3} mm"
-            ),
-            Why::NotConverged => write!(f, "the simulation did not converge"),
-        }
-    }
-}
-
 /// Reads the examples of all inputs. The split of balanced rows is theirs; a solved sample has that of its orbit in the balanced
 /// inputs, or one drawn for its orbit. All images of a pattern are in one part, whichever inputs they stand in.
 ///
+/// Verified designs are learnt from, each pattern once, and shown `verified_weight` times in an epoch; one that has an image in the
+/// other inputs that is held out is left out. So what is held out is the same with them and without.
+///
 /// # Errors
 /// When an input lacks what is needed, its arrays do not fit together, or nothing is left.
-pub fn read(inputs: &[Artifact], side_mm: f64) -> Result<Examples, StageError> {
+pub fn read(inputs: &[Artifact], side_mm: f64, verified_weight: u32) -> Result<Examples, StageError> {
     let mut rows = Vec::new();
     let mut found = Examples {
         examples: Vec::new(),
         unstable: 0,
         left_out: Vec::new(),
     };
+    let mut datasets = 0;
     for (input, artifact) in inputs.iter().enumerate() {
+        if is_training(artifact)? {
+            continue;
+        }
+        datasets += 1;
+        if verified::is_verified(artifact)? {
+            found.unstable += verified::read(artifact, input, &mut rows, &mut found.left_out)?;
+            continue;
+        }
         if !is_balanced(artifact)? {
             found.unstable += artifact
                 .content("unstable/outcome")?
@@ -122,16 +80,20 @@ pub fn read(inputs: &[Artifact], side_mm: f64) -> Result<Examples, StageError> {
             first += read_part(part, (input, first), &mut rows, &mut found.left_out)?;
         }
     }
-    let alone = inputs.len() == 1;
-    let splits = splits(&rows, alone);
+    let splits = splits(&rows, datasets == 1);
     let mut places = Vec::with_capacity(rows.len());
     for (row, split) in rows.into_iter().zip(splits) {
-        places.push((row.input, row.row));
+        if row.verified && split != Split::Train {
+            found.left_out.push(row.left_out(0.0, Why::HeldOut));
+            continue;
+        }
+        places.push(row.place());
         found.examples.push(Example {
             pattern: row.pattern,
             label: row.label,
             family: row.family,
             split,
+            repeats: if row.verified { verified_weight } else { 1 },
         });
     }
     leave_out_implausible(&mut found, &places, side_mm);
@@ -151,6 +113,35 @@ struct Row {
     family: String,
     /// Of a balanced row.
     split: Option<Split>,
+    /// Whether it was verified.
+    verified: bool,
+}
+
+/// Where a row stands.
+#[derive(Clone, Copy)]
+struct Place {
+    input: usize,
+    row: usize,
+    verified: bool,
+}
+
+impl Row {
+    fn place(&self) -> Place {
+        Place {
+            input: self.input,
+            row: self.row,
+            verified: self.verified,
+        }
+    }
+
+    fn left_out(&self, found_mm: f64, why: Why) -> LeftOut {
+        LeftOut {
+            input: self.input,
+            row: self.row,
+            found_mm,
+            why,
+        }
+    }
 }
 
 /// Solved samples have no split.
@@ -193,6 +184,7 @@ fn read_part(
                     label,
                     family,
                     split,
+                    verified: false,
                 }),
                 Err(Refusal::Label(found_mm, why)) => left_out.push(LeftOut {
                     input,
@@ -235,7 +227,8 @@ fn has_label(outcome: &str) -> bool {
     matches!(outcome, "converged" | "estimated")
 }
 
-/// The part of each row. Balanced inputs that disagree about an orbit are settled by the first.
+/// The part of each row. Balanced inputs that disagree about an orbit are settled by the first. Verified rows follow the others; an
+/// orbit that only they have is learnt from.
 fn splits(rows: &[Row], alone: bool) -> Vec<Split> {
     let own: Option<Vec<Split>> = rows.iter().map(|row| row.split).collect();
     if let (Some(own), true) = (own, alone) {
@@ -248,24 +241,27 @@ fn splits(rows: &[Row], alone: bool) -> Vec<Split> {
             known.entry(*orbit).or_insert(split);
         }
     }
-    let drawn = |orbit: &Digest| {
-        known
-            .get(orbit)
-            .copied()
-            .unwrap_or_else(|| Split::of(orbit, SPLIT_SEED))
-    };
-    orbits.iter().map(drawn).collect()
+    for (row, orbit) in rows.iter().zip(&orbits) {
+        if !row.verified {
+            known.entry(*orbit).or_insert_with(|| Split::of(orbit, SPLIT_SEED));
+        }
+    }
+    let part = |orbit: &Digest| known.get(orbit).copied().unwrap_or(Split::Train);
+    orbits.iter().map(part).collect()
 }
 
-fn leave_out_implausible(found: &mut Examples, places: &[(usize, usize)], side_mm: f64) {
-    let refused = implausible(&found.examples, side_mm);
+/// A verified design was simulated with care, and designs move farther than patterns that are drawn: it need only lie within the
+/// membrane.
+fn leave_out_implausible(found: &mut Examples, places: &[Place], side_mm: f64) {
+    let mut refused = implausible(&found.examples, side_mm);
+    refused.retain(|refused| refused.physical || !places[refused.index].verified);
     let mut refused = refused.iter().peekable();
     let mut index = 0;
     let left_out = &mut found.left_out;
     found.examples.retain(|_| {
         let here = refused.next_if(|refused| refused.index == index);
         if let Some(here) = here {
-            let (input, row) = places[index];
+            let Place { input, row, .. } = places[index];
             let why = if here.physical { Why::BeyondSide } else { Why::Outlier };
             left_out.push(LeftOut {
                 input,

@@ -1,4 +1,5 @@
 mod physics;
+mod update;
 
 use std::cell::RefCell;
 
@@ -360,6 +361,7 @@ fn empty_and_full_patterns_belong_to_a_training_set() {
         label: Label::zero(),
         family: "uniform".to_owned(),
         split: Split::Train,
+        repeats: 1,
     };
     let data = [examples(14, Split::Train), vec![still(false), still(true)]].concat();
     let options = TrainOptions {

@@ -151,6 +151,7 @@ fn the_record_counts_examples_by_family() {
         train_loss: 0.0,
         validation_loss: 0.0,
         validation_rmse_mm: rmse,
+        judged_rmse_mm: rmse,
         learning_rate: 1e-3,
     };
     let mut trained = Trained {

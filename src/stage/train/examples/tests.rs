@@ -70,7 +70,7 @@ fn rows_come_in_order_with_their_labels_and_splits() {
     let fields: Vec<Field> = (0..4).map(|k| field(0.5 + f64::from(k))).collect();
     let splits = [Split::Train, Split::Test, Split::Train, Split::Validation];
     let artifact = bench.put(&balanced(&patterns, &fields, &splits));
-    let found = read(&[artifact], SIDE_MM).unwrap();
+    let found = read(&[artifact], SIDE_MM, 8).unwrap();
     assert!(found.left_out.is_empty() && found.unstable == 0);
     for (k, example) in found.examples.iter().enumerate() {
         assert_eq!((&example.pattern, example.split), (&patterns[k], splits[k]));
@@ -91,7 +91,7 @@ fn samples_that_did_not_converge_are_counted_and_left_out() {
         &["iteration-limit", "estimated"],
         &["slack", "pull-in"],
     );
-    let found = read(&[bench.manifest(&[first, second])], SIDE_MM).unwrap();
+    let found = read(&[bench.manifest(&[first, second])], SIDE_MM, 8).unwrap();
     let kept: Vec<&Pattern> = found.examples.iter().map(|e| &e.pattern).collect();
     assert_eq!(kept, [&pattern(0), &pattern(1), &pattern(3)]);
     assert_eq!(found.unstable, 3);
@@ -115,7 +115,7 @@ fn labels_that_cannot_be_true_are_left_out_and_named() {
     moved[0] = 0.25;
     fields[20] = Field::from_values(moved).unwrap();
     let artifact = bench.put(&balanced(&patterns, &fields, &[Split::Train; 24]));
-    let found = read(&[artifact], SIDE_MM).unwrap();
+    let found = read(&[artifact], SIDE_MM, 8).unwrap();
     assert_eq!(found.examples.len(), 21);
     assert!(found.examples.iter().all(|example| example.label.max_magnitude() < 3.0));
     let named: Vec<String> = found.left_out.iter().map(ToString::to_string).collect();
@@ -139,7 +139,7 @@ fn all_images_of_a_pattern_are_in_one_part_whichever_input_they_stand_in() {
     let images: Vec<Pattern> = Symmetry::ALL.iter().map(|g| pattern(0).transformed(*g)).collect();
     let others: Vec<Pattern> = (1..40).map(pattern).collect();
     let of_samples = bench.manifest(&[solved(&[&images[..4], &others].concat(), &["converged"; 43], &[])]);
-    let alone = read(std::slice::from_ref(&of_samples), SIDE_MM).unwrap();
+    let alone = read(std::slice::from_ref(&of_samples), SIDE_MM, 8).unwrap();
     let parts = |found: &Examples| found.examples.iter().map(|e| e.split).collect::<Vec<_>>();
     assert!(parts(&alone)[..4].iter().all(|split| *split == parts(&alone)[0]));
     assert_eq!(parts(&alone)[5], Split::of(&others[1].orbit(), SPLIT_SEED));
@@ -153,7 +153,7 @@ fn all_images_of_a_pattern_are_in_one_part_whichever_input_they_stand_in() {
         [of_samples.clone(), known.clone(), other.clone()],
         [known.clone(), other.clone(), of_samples.clone()],
     ] {
-        let found = read(&inputs, SIDE_MM).unwrap();
+        let found = read(&inputs, SIDE_MM, 8).unwrap();
         let of_orbit = found.examples.iter().filter(|e| e.pattern.orbit() == images[0].orbit());
         let splits: Vec<Split> = of_orbit.map(|example| example.split).collect();
         assert_eq!(splits, [elsewhere; 8]);
@@ -166,7 +166,7 @@ fn empty_and_full_patterns_are_examples_like_others() {
     let uniform = [Pattern::from_fn(|_, _| false), Pattern::from_fn(|_, _| true)];
     let still = [field(0.0), field(0.0)];
     let artifact = bench.put(&balanced(&uniform, &still, &[Split::Train; 2]));
-    let found = read(&[artifact], SIDE_MM).unwrap();
+    let found = read(&[artifact], SIDE_MM, 8).unwrap();
     assert!(found.examples.len() == 2 && found.left_out.is_empty());
 }
 
@@ -174,18 +174,91 @@ fn empty_and_full_patterns_are_examples_like_others() {
 fn inputs_without_any_label_to_learn_from_are_refused_with_the_reason() {
     let bench = Bench::new();
     let none = bench.put(&balanced(&[pattern(0)], &[field(100.0)], &[Split::Train]));
-    let error = read(&[none], SIDE_MM).err().unwrap().to_string();
+    let error = read(&[none], SIDE_MM, 8).err().unwrap().to_string();
     assert!(
         error.starts_with("there is no label to learn from; row 0 of input 1: 100.000 mm"),
         "{error}"
     );
     let unstable = bench.manifest(&[solved(&[], &[], &["pull-in", "slack"])]);
-    let error = read(&[unstable], SIDE_MM).err().unwrap().to_string();
+    let error = read(&[unstable], SIDE_MM, 8).err().unwrap().to_string();
     assert!(error.contains("2 samples have no stable solution"), "{error}");
     let torn = object(&[pattern(0)], &[field(1.0)], "split", &[]);
-    let error = read(&[bench.put(&torn)], SIDE_MM).err().unwrap().to_string();
+    let error = read(&[bench.put(&torn)], SIDE_MM, 8).err().unwrap().to_string();
     assert!(error.contains("differ in length"), "{error}");
     let odd = object(&[pattern(0)], &[field(1.0)], "split", &["elsewhere"]);
-    let error = read(&[bench.put(&odd)], SIDE_MM).err().unwrap().to_string();
+    let error = read(&[bench.put(&odd)], SIDE_MM, 8).err().unwrap().to_string();
     assert!(error.contains("unknown split \"elsewhere\""), "{error}");
+}
+
+/// A verify stage's artifact: fields of the rows that have one.
+fn verified(patterns: &[Pattern], outcomes: &[&str], fields: &[Field]) -> Object {
+    Object::default()
+        .with("patterns", arrays::patterns("d", patterns))
+        .with("outcome", arrays::texts("d", outcomes.iter().copied()))
+        .with("displacement", arrays::fields("d", fields.iter()))
+        .with("component/simulated", arrays::reals("mm", "d", vec![1.0; fields.len()]))
+}
+
+#[test]
+fn verified_designs_are_learnt_from_each_once_whatever_the_others_look_like() {
+    let bench = Bench::new();
+    let patterns: Vec<Pattern> = (0..30).map(pattern).collect();
+    let fields: Vec<Field> = (0..20).map(|_| field(0.02)).collect();
+    let known = balanced(&patterns[..20], &fields, &[Split::Train; 20]);
+    // A hundred times what is drawn, which in a drawn sample nobody would believe.
+    let round = [
+        verified(
+            &patterns[20..23],
+            &["converged", "pull-in", "converged"],
+            &[field(2.0), field(2.5)],
+        ),
+        verified(
+            &patterns[22..25],
+            &["converged", "converged", "converged"],
+            &[field(2.5), field(100.0), field(1.5)],
+        ),
+    ];
+    let inputs = [bench.put(&known), bench.put(&round[0]), bench.put(&round[1])];
+    let found = read(&inputs, SIDE_MM, 5).unwrap();
+    let taken: Vec<(&Pattern, u32, f64)> = found.examples[20..]
+        .iter()
+        .map(|e| (&e.pattern, e.repeats, e.label.max_magnitude()))
+        .collect();
+    let expected = [(20, 2.0), (22, 2.5), (24, 1.5)].map(|(k, peak)| (&patterns[k], 5, peak));
+    assert_eq!(taken, expected);
+    let learnt = |e: &Example| e.split == Split::Train && e.family == "verified";
+    assert!(found.examples[20..].iter().all(learnt) && found.examples[..20].iter().all(|e| e.repeats == 1));
+    assert_eq!(found.unstable, 1);
+    let named: Vec<String> = found.left_out.iter().map(ToString::to_string).collect();
+    assert_eq!(
+        named,
+        ["row 1 of input 3: 100.000 mm are more than the side of the membrane, 50 mm"]
+    );
+}
+
+#[test]
+fn verified_designs_change_nothing_of_what_is_held_out() {
+    let bench = Bench::new();
+    let patterns: Vec<Pattern> = (0..40).map(pattern).collect();
+    let solved = bench.manifest(&[solved(&patterns, &["converged"; 40], &[])]);
+    let held_out = |found: &Examples| {
+        let held_out = found.examples.iter().filter(|e| e.split != Split::Train);
+        held_out.map(|e| (e.pattern.clone(), e.split)).collect::<Vec<_>>()
+    };
+    let alone = read(std::slice::from_ref(&solved), SIDE_MM, 8).unwrap();
+    // Images of all samples, and patterns that nobody has drawn.
+    let images: Vec<Pattern> = patterns.iter().map(|p| p.transformed(Symmetry::ALL[3])).collect();
+    let fresh: Vec<Pattern> = (0..4).map(|k| Pattern::from_fn(|x, _| x < 20 + k)).collect();
+    let all = [images, fresh].concat();
+    let fields: Vec<Field> = all.iter().map(|_| field(1.0)).collect();
+    let verified = bench.put(&verified(&all, &["converged"; 44], &fields));
+    // The order of the inputs is nothing to it.
+    for inputs in [[solved.clone(), verified.clone()], [verified, solved]] {
+        let found = read(&inputs, SIDE_MM, 8).unwrap();
+        assert_eq!(held_out(&found), held_out(&alone));
+        let refused = held_out(&alone).len();
+        assert!(refused > 3, "{refused}");
+        assert!(found.left_out.len() == refused && found.left_out.iter().all(|l| l.why == Why::HeldOut));
+        assert_eq!(found.examples.len(), 84 - refused);
+    }
 }

@@ -1,0 +1,135 @@
+//! Trainings that go on from a trained network, and examples that count more than others.
+
+use super::*;
+use crate::surrogate::NetworkKind;
+
+fn options(epochs: u32) -> TrainOptions {
+    TrainOptions {
+        epochs,
+        ..TrainOptions::default()
+    }
+}
+
+/// The same label, twice as large.
+fn doubled(example: &Example) -> Example {
+    let mut values = vec![0.0; 2 * CORNERS * CORNERS];
+    let inner = CORNERS - 2;
+    for (at, value) in example.label.values().iter().enumerate() {
+        let (row, column) = (at / (2 * inner), at % (2 * inner));
+        values[2 * ((row + 1) * CORNERS + 1) + column] = 2.0 * f64::from(*value);
+    }
+    Example {
+        label: Label::from_values(&values).unwrap(),
+        ..example.clone()
+    }
+}
+
+#[test]
+fn an_update_begins_with_the_weights_and_the_unit_that_it_is_given() {
+    let data = examples(16, Split::Train);
+    let short = TrainOptions {
+        batch: 2,
+        ..options(3)
+    };
+    let first = run(&data, &short).unwrap();
+    let error = of(&first.metrics, Split::Train).rmse_mm;
+    // Of labels of another size the unit would be another, and the answers with it.
+    let mixed = [data.clone(), data.iter().map(doubled).collect()].concat();
+    let still = TrainOptions {
+        learning_rate: 1e-12,
+        ..options(1)
+    };
+    let same = update(&first.weights, &mixed, None, &still, &()).unwrap();
+    let assessed = |weights: &[u8], data: &[Example]| {
+        let trainer = {
+            let mut trainer = Trainer::new(data, None, &still).unwrap();
+            let start = Start::read(weights, NetworkKind::Qin2024).unwrap();
+            start.set(&trainer.vars).unwrap();
+            trainer.scale_mm = start.scale_mm;
+            trainer
+        };
+        let data: Vec<&Example> = data.iter().collect();
+        rmse_mm(&trainer.problem().assess(&data).unwrap().agreements)
+    };
+    assert!((assessed(&same.weights, &data) / error - 1.0).abs() < 1e-4);
+    // It goes on from there.
+    let updated = update(&first.weights, &data, None, &short, &()).unwrap();
+    assert!(of(&updated.metrics, Split::Train).rmse_mm < 0.9 * error);
+    let again = update(&first.weights, &data, None, &short, &()).unwrap();
+    assert!(again.weights == updated.weights && updated.weights != first.weights);
+}
+
+#[test]
+fn what_is_no_model_or_another_network_is_refused() {
+    let data = examples(4, Split::Train);
+    let trained = run(&data, &options(1)).unwrap();
+    let refused = |bytes: &[u8], network| match Start::read(bytes, network) {
+        Ok(_) => String::new(),
+        Err(error) => error.to_string(),
+    };
+    let other = refused(&trained.weights, NetworkKind::Physics);
+    assert_eq!(
+        other,
+        "the training cannot begin from the model: it is a network qin2024, not physics"
+    );
+    let mut damaged = trained.weights.clone();
+    *damaged.last_mut().unwrap() ^= 1;
+    assert!(refused(&damaged, NetworkKind::Qin2024).contains("damaged"));
+}
+
+#[test]
+fn a_repeated_example_is_shown_as_its_images_and_judged_as_often() {
+    let mut data = [examples(3, Split::Train), examples(2, Split::Validation)].concat();
+    data[1].repeats = 8;
+    let turned = TrainOptions {
+        symmetry: SymmetryGroup::D4,
+        ..options(1)
+    };
+    for epoch in 1..4 {
+        let trainer = Trainer::new(&data, None, &turned).unwrap();
+        let order = trainer.order(epoch);
+        let mut images: Vec<usize> = order
+            .iter()
+            .filter(|shown| shown.example.repeats == 8)
+            .filter_map(|shown| Symmetry::ALL.iter().position(|g| *g == shown.symmetry))
+            .collect();
+        images.sort_unstable();
+        assert_eq!((order.len(), images), (10, (0..8).collect()));
+    }
+    // Without turns it is the same eight times.
+    let upright = options(1);
+    let trainer = Trainer::new(&data, None, &upright).unwrap();
+    assert!(
+        trainer
+            .order(1)
+            .iter()
+            .all(|shown| shown.symmetry == Symmetry::IDENTITY)
+    );
+    let standing = trainer.standing().unwrap();
+    let rmse = |data: &[&Example]| rmse_mm(&trainer.problem().assess(data).unwrap().agreements);
+    let (held_out, repeated) = (rmse(&[&data[3], &data[4]]), rmse(&[&data[1]]));
+    let expected = ((2.0 * held_out.powi(2) + 8.0 * repeated.powi(2)) / 10.0).sqrt();
+    assert!((standing.judged_rmse_mm / expected - 1.0).abs() < 1e-9);
+    assert_eq!(standing.rmse_mm, held_out);
+}
+
+#[test]
+fn the_epoch_that_is_kept_is_good_where_it_counts() {
+    // Held out are patterns that do not move as the repeated ones do.
+    let still = |example: &Example| Example {
+        label: Label::zero(),
+        split: Split::Validation,
+        ..example.clone()
+    };
+    let mut data = examples(6, Split::Train);
+    data.iter_mut().for_each(|example| example.repeats = 4);
+    let held_out: Vec<Example> = examples(1, Split::Validation).iter().map(still).collect();
+    let trained = run(&[data, held_out].concat(), &options(4)).unwrap();
+    let curves = &trained.curves;
+    let best = |of: fn(&EpochReport) -> f64| {
+        let least = curves.iter().min_by(|a, b| of(a).total_cmp(&of(b))).unwrap();
+        least.epoch
+    };
+    assert_eq!(trained.best_epoch, best(|e| e.judged_rmse_mm));
+    assert_ne!(trained.best_epoch, best(|e| e.validation_rmse_mm));
+}
