@@ -14,6 +14,7 @@ mod histogram;
 mod labels;
 mod membrane;
 mod path;
+mod rounds;
 
 pub use accuracy::{Cost, FamilyCosts, draw_accuracy, pareto_front};
 pub use agreement::{Case, draw_agreement};
@@ -27,6 +28,7 @@ pub use gallery::draw_gallery;
 pub use histogram::{Histogram, draw_histogram};
 pub use membrane::{Membrane, draw_membrane};
 pub use path::{Branch, Limit, draw_paths};
+pub use rounds::{Round, draw_rounds};
 
 #[cfg(test)]
 mod tests;

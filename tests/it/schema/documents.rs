@@ -82,7 +82,7 @@ stages:
   surrogate: { kind: train, needs: [balanced, audited], network: qin2024, epochs: 1, batch: 8, learning_rate: 0.002, max_weight: 0.1,
     auxiliary_weight: 0.2, seed: 5 }
   patient: { kind: train, needs: [balanced, solved], network: qin2024, epochs: 40, patience: 5, optimizer: adamw, weight_decay: 1e-4,
-    gradient_norm: 5, symmetry: d4, seed: 5 }
+    gradient_norm: 5, symmetry: d4, verified_weight: 4, seed: 5 }
   intervals: { kind: calibrate, needs: [surrogate, refined], seed: 8 }
   evaluated: { kind: evaluate, needs: [surrogate, intervals, refined], estimates: [linear, 'chord:2'] }
   design: { kind: design, needs: [surrogate], evaluator: auto, evaluator_accuracy: 0.01 mm, objective: { point: [25 mm, 25 mm], direction: 0 deg, measure: qin2024 },
@@ -100,6 +100,8 @@ stages:
   highest: { kind: design, method: adjoint, units: 20, starts: 2, seed: 1, objective: { point: [25, 25], direction: 0 },
     constraints: { leads: true } }
   verified: { kind: verify, needs: [design, highest], method: newton, elements_per_cell: 1, order: 2, tolerance: 1e-6 }
+  taught: { kind: verify, needs: [judged], rounds: 3, update: { network: qin2024, epochs: 2, patience: 1, batch: 4, optimizer: muon,
+    learning_rate: 0.001, weight_decay: 0, gradient_norm: 1, symmetry: none, max_weight: 0.2, auxiliary_weight: 0.1, verified_weight: 16, seed: 9 } }
   exact: { kind: verify, needs: [rotation], accuracy: 10 um }
   accuracy: { kind: accuracy, needs: [solved, surrogate], methods: [linear, { method: chord:3, elements_per_cell: 1, order: 2 },
     { accuracy: 0.03 mm }] }

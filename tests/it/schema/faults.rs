@@ -22,10 +22,11 @@ pub struct Fault {
 }
 
 /// What a reader refuses for its meaning and no schema can: what was said, in part.
-pub const BEYOND: [&str; 10] = [
+pub const BEYOND: [&str; 11] = [
     // Names of other stages, and what those are.
     "no stage is named",
     "stage needs",
+    "cannot be done in rounds",
     "needs a scene",
     // Numbers that contradict each other.
     "does not lie inside the membrane",

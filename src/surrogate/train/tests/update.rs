@@ -27,10 +27,7 @@ fn doubled(example: &Example) -> Example {
 #[test]
 fn an_update_begins_with_the_weights_and_the_unit_that_it_is_given() {
     let data = examples(16, Split::Train);
-    let short = TrainOptions {
-        batch: 2,
-        ..options(3)
-    };
+    let short = TrainOptions { batch: 2, ..options(3) };
     let first = run(&data, &short).unwrap();
     let error = of(&first.metrics, Split::Train).rmse_mm;
     // Of labels of another size the unit would be another, and the answers with it.

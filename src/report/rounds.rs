@@ -1,0 +1,244 @@
+//! What the rounds of a stage came to: predicted against simulated displacements of the designs, and the best of each target, round
+//! by round.
+
+use std::fmt;
+use std::fs;
+use std::path::PathBuf;
+
+use serde::Serialize;
+
+use super::figures::{Round, draw_rounds};
+use super::gather::{Made, ReportError, file_name};
+use super::summary::{RowSummary, Summary};
+use crate::base::Digest;
+use crate::orchestrator::Rounds;
+use crate::store::Store;
+
+/// The rounds of a verify stage.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RoundsSummary {
+    /// Name of the stage in the first round.
+    pub stage: String,
+    /// The rounds that were done, from the first.
+    pub rounds: Vec<RoundSummary>,
+}
+
+/// One round. Differences are of displacements along the wanted directions, of the designs that were searched by what predicted
+/// them and have a simulated field; none where there is no such design.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RoundSummary {
+    /// Name of the stage in this round.
+    pub stage: String,
+    /// Designs with both a prediction and a simulation.
+    pub designs: usize,
+    /// Largest absolute difference of predicted and simulated, mm.
+    pub largest_mm: Option<f64>,
+    /// Root mean square of the differences, mm.
+    pub rms_mm: Option<f64>,
+    /// Largest absolute difference as a fraction of the simulated.
+    pub largest_relative: Option<f64>,
+    /// Root mean square of the differences as fractions of the simulated.
+    pub rms_relative: Option<f64>,
+    /// The best design of each target, in the order of the artifact.
+    pub best: Vec<BestOfTarget>,
+}
+
+/// The best design of a target by simulation.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct BestOfTarget {
+    /// Label of the stage that designed it.
+    pub case: String,
+    /// Name of the target.
+    pub name: String,
+    /// Its displacement, mm: the largest, or that nearest to the wanted one where a displacement is wanted.
+    pub simulated_mm: f64,
+}
+
+/// The rounds of a pipeline, as far as a run has come: those of a stage that has two at least.
+#[must_use]
+pub fn by_round(rounds: &[Rounds], summaries: &[Summary]) -> Vec<RoundsSummary> {
+    let of_stage = |rounds: &Rounds| {
+        let found = rounds.stages.iter().map_while(|name| summaries.iter().find(|s| s.stage == *name));
+        RoundsSummary {
+            stage: rounds.stages.first().cloned().unwrap_or_default(),
+            rounds: found.map(round).collect(),
+        }
+    };
+    rounds.iter().map(of_stage).filter(|of_stage| of_stage.rounds.len() > 1).collect()
+}
+
+/// Draws the rounds of each stage where the figure is not there yet, and returns the paths of all:
+/// `<store>/figures/<pipeline>/<stage>-<digest>-rounds.png`, the digest made of those of all rounds.
+///
+/// # Errors
+/// When a figure cannot be written.
+pub fn draw_by_round(
+    store: &Store,
+    pipeline: &str,
+    made: &[Made],
+    found: &[RoundsSummary],
+    summaries: &[Summary],
+) -> Result<Vec<PathBuf>, ReportError> {
+    let folder = store.root().join("figures").join(file_name(pipeline));
+    let mut paths = Vec::new();
+    for of_stage in found {
+        let digest = |round: &RoundSummary| made.iter().find(|made| made.stage == round.stage).map(|made| made.digest);
+        let digests: Vec<String> = of_stage.rounds.iter().filter_map(digest).map(|d| d.to_string()).collect();
+        let digest = Digest::of(digests.concat().as_bytes()).to_string();
+        let path = folder.join(format!("{}-{}-rounds.png", file_name(&of_stage.stage), &digest[..8]));
+        if !path.exists() {
+            fs::create_dir_all(&folder).map_err(|source| ReportError::Folder {
+                path: folder.clone(),
+                source,
+            })?;
+            draw_rounds(&path, &drawn(of_stage, summaries)).map_err(|source| ReportError::Figure {
+                stage: of_stage.stage.clone(),
+                source,
+            })?;
+        }
+        paths.push(path);
+    }
+    Ok(paths)
+}
+
+fn drawn(of_stage: &RoundsSummary, summaries: &[Summary]) -> Vec<Round> {
+    let relative = |round: &RoundSummary| -> Vec<f64> {
+        let summary = summaries.iter().find(|summary| summary.stage == round.stage);
+        let designs = summary.map(designs).unwrap_or_default();
+        designs.iter().filter_map(|design| design.relative()).collect()
+    };
+    let round = |round: &RoundSummary| Round {
+        differences: relative(round),
+        best: round.best.iter().map(|best| (best.title(), best.simulated_mm)).collect(),
+    };
+    of_stage.rounds.iter().map(round).collect()
+}
+
+/// A design with both numbers, mm.
+struct Design {
+    predicted: f64,
+    simulated: f64,
+}
+
+impl Design {
+    fn difference(&self) -> f64 {
+        (self.predicted - self.simulated).abs()
+    }
+
+    /// As a fraction of the simulated, where that is something.
+    fn relative(&self) -> Option<f64> {
+        (self.simulated.abs() > 1e-9).then(|| self.difference() / self.simulated.abs())
+    }
+}
+
+/// Whether a design was searched by what predicted it.
+fn is_searched(row: &RowSummary) -> bool {
+    row.role == "ga" || row.role == "refined"
+}
+
+fn designs(summary: &Summary) -> Vec<Design> {
+    let searched = summary.rows.iter().filter(|row| is_searched(row));
+    let both = searched.filter_map(|row| {
+        Some(Design {
+            predicted: row.predicted_mm?,
+            simulated: row.simulated_mm?,
+        })
+    });
+    both.collect()
+}
+
+fn round(summary: &Summary) -> RoundSummary {
+    let designs = designs(summary);
+    let absolute: Vec<f64> = designs.iter().map(Design::difference).collect();
+    let relative: Vec<f64> = designs.iter().filter_map(Design::relative).collect();
+    let largest = |values: &[f64]| values.iter().copied().reduce(f64::max);
+    RoundSummary {
+        stage: summary.stage.clone(),
+        designs: designs.len(),
+        largest_mm: largest(&absolute),
+        rms_mm: rms(&absolute),
+        largest_relative: largest(&relative),
+        rms_relative: rms(&relative),
+        best: best(summary),
+    }
+}
+
+fn rms(values: &[f64]) -> Option<f64> {
+    let squares: f64 = values.iter().map(|value| value * value).sum();
+    (!values.is_empty()).then(|| (squares / values.len() as f64).sqrt())
+}
+
+fn best(summary: &Summary) -> Vec<BestOfTarget> {
+    let mut best: Vec<(&RowSummary, f64)> = Vec::new();
+    for row in summary.rows.iter().filter(|row| is_searched(row)) {
+        let Some(simulated_mm) = row.simulated_mm else { continue };
+        let same = |other: &RowSummary| (&other.case, &other.name) == (&row.case, &row.name);
+        match best.iter_mut().find(|(other, _)| same(other)) {
+            Some(there) if is_better(row, simulated_mm, there) => *there = (row, simulated_mm),
+            Some(_) => {}
+            None => best.push((row, simulated_mm)),
+        }
+    }
+    let of_target = |(row, simulated_mm): (&RowSummary, f64)| BestOfTarget {
+        case: row.case.clone(),
+        name: row.name.clone(),
+        simulated_mm,
+    };
+    best.into_iter().map(of_target).collect()
+}
+
+fn is_better(row: &RowSummary, simulated_mm: f64, (other, other_mm): &(&RowSummary, f64)) -> bool {
+    match (row.distance_mm, other.distance_mm) {
+        (Some(own), Some(others)) => own < others,
+        _ => simulated_mm > *other_mm,
+    }
+}
+
+impl BestOfTarget {
+    fn title(&self) -> String {
+        match self.case.as_str() {
+            "" => self.name.clone(),
+            case => format!("{case} {}", self.name),
+        }
+    }
+}
+
+impl RoundsSummary {
+    /// The best of a target in each round.
+    fn course(&self, target: &BestOfTarget) -> String {
+        let same = |best: &&BestOfTarget| (&best.case, &best.name) == (&target.case, &target.name);
+        let of_round = |round: &RoundSummary| match round.best.iter().find(same) {
+            Some(best) => format!("{:.3}", best.simulated_mm),
+            None => "–".to_owned(),
+        };
+        self.rounds.iter().map(of_round).collect::<Vec<_>>().join(", ")
+    }
+}
+
+impl fmt::Display for RoundsSummary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}, round by round: |predicted − simulated| of the designs", self.stage)?;
+        for (k, round) in self.rounds.iter().enumerate() {
+            write!(f, "\n  round {:>2}  {:>4} designs  ", k + 1, round.designs)?;
+            match (round.largest_mm, round.rms_mm) {
+                (Some(largest), Some(rms)) => write!(f, "at most {largest:.4} mm, RMS {rms:.4} mm")?,
+                _ => write!(f, "none with both a prediction and a simulation")?,
+            }
+            if let (Some(largest), Some(rms)) = (round.largest_relative, round.rms_relative) {
+                write!(f, "; at most {:.2} %, RMS {:.2} % of the simulated", 100.0 * largest, 100.0 * rms)?;
+            }
+        }
+        let mut targets: Vec<&BestOfTarget> = Vec::new();
+        for best in self.rounds.iter().flat_map(|round| &round.best) {
+            if !targets.iter().any(|t| (&t.case, &t.name) == (&best.case, &best.name)) {
+                targets.push(best);
+            }
+        }
+        let width = targets.iter().map(|t| t.title().chars().count()).max().unwrap_or(0);
+        for target in targets {
+            let (title, course) = (target.title(), self.course(target));
+            write!(f, "\n  best of {title:<width$}  {course} mm simulated")?;
+        }
+        Ok(())
+    }
+}
