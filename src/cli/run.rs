@@ -13,8 +13,8 @@ use super::table;
 use crate::base::Override;
 use crate::orchestrator::{Environment, Pipeline, RunOptions, RunOutcome, run};
 use crate::report::{
-    Evaluation, Evaluators, Made, Summary, TrainingSummary, audits, draw_figures, evaluations, evaluators, summarise,
-    trainings, warnings,
+    Evaluation, Evaluators, Made, RoundsSummary, Summary, TrainingSummary, audits, by_round, draw_by_round,
+    draw_figures, evaluations, evaluators, summarise, trainings, warnings,
 };
 use crate::stage;
 use crate::store::{LockFile, Store};
@@ -55,13 +55,16 @@ pub fn execute(arguments: &RunArguments, output: &Output) -> Result<Exit, CliErr
     let audits = audits(&store, &made)?;
     let trainings = trainings(&store, &made)?;
     let warnings = warnings(&store, &made)?;
-    let figures = draw_figures(&store, &pipeline.name, &made)?;
+    let rounds = by_round(&pipeline.rounds, &summaries);
+    let mut figures = draw_figures(&store, &pipeline.name, &made)?;
+    figures.extend(draw_by_round(&store, &pipeline.name, &made, &rounds, &summaries)?);
     let figures: Vec<String> = figures.iter().map(|path| path.display().to_string()).collect();
     if output.is_json() {
         let mut document = document(&outcome);
         document["pipeline"] = json!(pipeline.name);
         document["store"] = json!(store.root());
         document["results"] = json!(summaries);
+        document["rounds"] = json!(rounds);
         document["evaluations"] = json!(evaluations);
         document["evaluators"] = json!(evaluators);
         document["audits"] = json!(audits);
@@ -77,7 +80,7 @@ pub fn execute(arguments: &RunArguments, output: &Output) -> Result<Exit, CliErr
         let of_trainings = trainings.iter().flat_map(|training| &training.warnings);
         of_trainings.for_each(|warning| output.complain(&format!("warning: {warning}")));
     } else {
-        let told = told(&evaluators, &summaries);
+        let told = told(&evaluators, &summaries, &rounds);
         output.text(&found(
             &outcome,
             &evaluations,
@@ -173,9 +176,11 @@ fn failed(outcome: &mut RunOutcome, arguments: &RunArguments, output: &Output) -
 }
 
 /// What judged designs, and what came of them.
-fn told(evaluators: &[Evaluators], summaries: &[Summary]) -> Vec<String> {
+fn told(evaluators: &[Evaluators], summaries: &[Summary], rounds: &[RoundsSummary]) -> Vec<String> {
     let judged = evaluators.iter().map(ToString::to_string);
-    judged.chain(summaries.iter().map(ToString::to_string)).collect()
+    let verified = summaries.iter().map(ToString::to_string);
+    let by_round = rounds.iter().map(ToString::to_string);
+    judged.chain(verified).chain(by_round).collect()
 }
 
 /// What was found, each part after an empty line.

@@ -111,7 +111,7 @@ fn drawings(kind: &str) -> &'static [(&'static str, Drawing)] {
 }
 
 /// Names are free in a pipeline; in the name of a file they must not lead elsewhere.
-fn file_name(name: &str) -> String {
+pub(super) fn file_name(name: &str) -> String {
     let safe = |c: char| {
         if c.is_alphanumeric() || c == '-' || c == '_' {
             c

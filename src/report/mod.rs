@@ -6,6 +6,7 @@ mod evaluators;
 pub mod figures;
 mod gather;
 mod html;
+mod rounds;
 mod summary;
 mod training;
 mod warnings;
@@ -15,6 +16,7 @@ pub use evaluation::{AreaError, Coverage, Evaluation, ObjectiveCoverage, Predict
 pub use evaluators::{Candidate, Evaluators, evaluators};
 pub use gather::{Made, ReportError, draw_figures};
 pub use html::Page;
+pub use rounds::{BestOfTarget, RoundSummary, RoundsSummary, by_round, draw_by_round};
 pub use summary::{RowSummary, Summary, summarise};
 pub use training::{TrainingSummary, trainings};
 pub use warnings::warnings;

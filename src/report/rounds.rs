@@ -58,13 +58,20 @@ pub struct BestOfTarget {
 #[must_use]
 pub fn by_round(rounds: &[Rounds], summaries: &[Summary]) -> Vec<RoundsSummary> {
     let of_stage = |rounds: &Rounds| {
-        let found = rounds.stages.iter().map_while(|name| summaries.iter().find(|s| s.stage == *name));
+        let found = rounds
+            .stages
+            .iter()
+            .map_while(|name| summaries.iter().find(|s| s.stage == *name));
         RoundsSummary {
             stage: rounds.stages.first().cloned().unwrap_or_default(),
             rounds: found.map(round).collect(),
         }
     };
-    rounds.iter().map(of_stage).filter(|of_stage| of_stage.rounds.len() > 1).collect()
+    rounds
+        .iter()
+        .map(of_stage)
+        .filter(|of_stage| of_stage.rounds.len() > 1)
+        .collect()
 }
 
 /// Draws the rounds of each stage where the figure is not there yet, and returns the paths of all:
@@ -82,8 +89,17 @@ pub fn draw_by_round(
     let folder = store.root().join("figures").join(file_name(pipeline));
     let mut paths = Vec::new();
     for of_stage in found {
-        let digest = |round: &RoundSummary| made.iter().find(|made| made.stage == round.stage).map(|made| made.digest);
-        let digests: Vec<String> = of_stage.rounds.iter().filter_map(digest).map(|d| d.to_string()).collect();
+        let digest = |round: &RoundSummary| {
+            made.iter()
+                .find(|made| made.stage == round.stage)
+                .map(|made| made.digest)
+        };
+        let digests: Vec<String> = of_stage
+            .rounds
+            .iter()
+            .filter_map(digest)
+            .map(|d| d.to_string())
+            .collect();
         let digest = Digest::of(digests.concat().as_bytes()).to_string();
         let path = folder.join(format!("{}-{}-rounds.png", file_name(&of_stage.stage), &digest[..8]));
         if !path.exists() {
@@ -109,7 +125,11 @@ fn drawn(of_stage: &RoundsSummary, summaries: &[Summary]) -> Vec<Round> {
     };
     let round = |round: &RoundSummary| Round {
         differences: relative(round),
-        best: round.best.iter().map(|best| (best.title(), best.simulated_mm)).collect(),
+        best: round
+            .best
+            .iter()
+            .map(|best| (best.title(), best.simulated_mm))
+            .collect(),
     };
     of_stage.rounds.iter().map(round).collect()
 }
@@ -217,7 +237,11 @@ impl RoundsSummary {
 
 impl fmt::Display for RoundsSummary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}, round by round: |predicted − simulated| of the designs", self.stage)?;
+        write!(
+            f,
+            "{}, round by round: |predicted − simulated| of the designs",
+            self.stage
+        )?;
         for (k, round) in self.rounds.iter().enumerate() {
             write!(f, "\n  round {:>2}  {:>4} designs  ", k + 1, round.designs)?;
             match (round.largest_mm, round.rms_mm) {
@@ -225,7 +249,12 @@ impl fmt::Display for RoundsSummary {
                 _ => write!(f, "none with both a prediction and a simulation")?,
             }
             if let (Some(largest), Some(rms)) = (round.largest_relative, round.rms_relative) {
-                write!(f, "; at most {:.2} %, RMS {:.2} % of the simulated", 100.0 * largest, 100.0 * rms)?;
+                write!(
+                    f,
+                    "; at most {:.2} %, RMS {:.2} % of the simulated",
+                    100.0 * largest,
+                    100.0 * rms
+                )?;
             }
         }
         let mut targets: Vec<&BestOfTarget> = Vec::new();
@@ -240,5 +269,119 @@ impl fmt::Display for RoundsSummary {
             write!(f, "\n  best of {title:<width$}  {course} mm simulated")?;
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(name: &str, role: &str, predicted: f64, simulated: Option<f64>, distance: Option<f64>) -> RowSummary {
+        RowSummary {
+            case: "I".into(),
+            name: name.into(),
+            role: role.into(),
+            member: 0,
+            units: 20,
+            area: 0.5,
+            predicted_mm: Some(predicted),
+            simulated_mm: simulated,
+            simulated_error_mm: None,
+            difference_mm: simulated.map(|simulated| predicted - simulated),
+            distance_mm: distance,
+            outcome: "converged".into(),
+            status: "met".into(),
+            gain_own_area: None,
+            gain_equal_area: None,
+            ratio_to_optimum: None,
+        }
+    }
+
+    fn summary(stage: &str, rows: Vec<RowSummary>) -> Summary {
+        Summary {
+            stage: stage.into(),
+            rows,
+            largest_difference: None,
+        }
+    }
+
+    fn summaries() -> [Summary; 2] {
+        let first = vec![
+            row("a", "ga", 2.5, Some(2.0), None),
+            row("a", "refined", 2.2, Some(2.2), None),
+            row("b", "ga", 1.3, Some(1.0), Some(0.0)),
+            row("b", "refined", 1.0, None, None),
+            // Neither is searched by what predicts it.
+            row("a", "intuitive", 9.0, Some(1.0), None),
+            row("a", "optimum", 9.0, Some(3.0), None),
+        ];
+        let second = vec![
+            row("a", "ga", 2.31, Some(2.3), None),
+            row("b", "ga", 1.2, Some(1.1), Some(0.1)),
+            row("b", "refined", 1.0, Some(1.01), Some(0.01)),
+        ];
+        [summary("v", first), summary("v-2", second)]
+    }
+
+    fn rounds(names: &[&str]) -> Vec<Rounds> {
+        let stages = names.iter().map(ToString::to_string).collect();
+        vec![Rounds { stages }]
+    }
+
+    #[test]
+    fn each_round_is_told_by_its_differences_and_its_best() {
+        let found = by_round(&rounds(&["v", "v-2", "v-3"]), &summaries());
+        let [of_stage] = &found[..] else {
+            panic!("{found:?}");
+        };
+        let first = &of_stage.rounds[0];
+        assert_eq!((of_stage.rounds.len(), first.designs), (2, 3));
+        let close = |found: Option<f64>, expected: f64| assert!((found.unwrap() - expected).abs() < 1e-12, "{found:?}");
+        close(first.largest_mm, 0.5);
+        close(first.rms_mm, ((0.25f64 + 0.09) / 3.0).sqrt());
+        close(first.largest_relative, 0.3);
+        close(first.rms_relative, ((0.0625f64 + 0.09) / 3.0).sqrt());
+        let best = |k: usize| -> Vec<(String, f64)> {
+            let best = of_stage.rounds[k].best.iter();
+            best.map(|best| (best.name.clone(), best.simulated_mm)).collect()
+        };
+        assert_eq!(best(0), [("a".to_owned(), 2.2), ("b".to_owned(), 1.0)]);
+        // Where a displacement is wanted the nearest is best.
+        assert_eq!(best(1), [("a".to_owned(), 2.3), ("b".to_owned(), 1.01)]);
+        let text = of_stage.to_string();
+        for part in [
+            "round  1     3 designs  at most 0.5000 mm, RMS 0.3367 mm; at most 30.00 %, RMS 22.55 % of the simulated",
+            "best of I a  2.200, 2.300 mm simulated",
+        ] {
+            assert!(text.contains(part), "{part}: {text}");
+        }
+    }
+
+    #[test]
+    fn a_single_round_and_one_without_designs_say_no_more_than_there_is() {
+        assert_eq!(by_round(&rounds(&["v", "v-2"]), &summaries()[..1]), []);
+        let empty = [summary("v", Vec::new()), summary("v-2", Vec::new())];
+        let found = by_round(&rounds(&["v", "v-2"]), &empty);
+        assert_eq!((found[0].rounds[1].designs, found[0].rounds[1].rms_mm), (0, None));
+        assert!(found[0].to_string().contains("none with both"));
+    }
+
+    #[test]
+    fn the_figure_is_drawn_once_for_what_all_rounds_made() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::open(folder.path()).unwrap();
+        let summaries = summaries();
+        let found = by_round(&rounds(&["v", "v-2"]), &summaries);
+        let draw = |first: &[u8]| {
+            let made = [("v", first), ("v-2", b"2")].map(|(stage, bytes)| Made {
+                stage: stage.into(),
+                kind: "verify".into(),
+                digest: Digest::of(bytes),
+            });
+            draw_by_round(&store, "p", &made, &found, &summaries).unwrap()
+        };
+        let paths = draw(b"1");
+        assert!(paths.len() == 1 && paths[0].exists() && paths == draw(b"1"));
+        assert_ne!(paths, draw(b"0"));
     }
 }

@@ -23,6 +23,7 @@ mod read_only;
 mod rebuild;
 mod reproducible;
 mod reuse;
+mod rounds;
 mod schema;
 mod screen;
 mod solve;

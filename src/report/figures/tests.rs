@@ -108,7 +108,17 @@ fn deformations() -> Vec<FamilyDeformation> {
     vec![family("bezier", 1.8), family("small-grid", 0.25)]
 }
 
-const NAMES: [&str; 8] = [
+fn rounds() -> Vec<Round> {
+    let round = |k: usize| Round {
+        differences: (1..9).map(|i| 0.05 * i as f64 / (1 + 10 * k) as f64).collect(),
+        best: ["centre, right", "upper right"]
+            .map(|name| (name.to_owned(), 1.9 + 0.1 * k as f64))
+            .into(),
+    };
+    (0..3).map(round).collect()
+}
+
+const NAMES: [&str; 9] = [
     "histogram.png",
     "training.png",
     "evolution.png",
@@ -117,6 +127,7 @@ const NAMES: [&str; 8] = [
     "paths.png",
     "accuracy.png",
     "deformation.png",
+    "rounds.png",
 ];
 
 fn draw_all(folder: &Path) {
@@ -128,6 +139,7 @@ fn draw_all(folder: &Path) {
     draw_paths(&folder.join(NAMES[5]), &branches(3)).unwrap();
     draw_accuracy(&folder.join(NAMES[6]), &costs()).unwrap();
     draw_deformation(&folder.join(NAMES[7]), &deformations()).unwrap();
+    draw_rounds(&folder.join(NAMES[8]), &rounds()).unwrap();
 }
 
 /// Width, height, RGB.
