@@ -302,6 +302,7 @@ mod tests {
             stage: stage.into(),
             rows,
             largest_difference: None,
+            not_stable: 0,
         }
     }
 

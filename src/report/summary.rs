@@ -21,6 +21,8 @@ pub struct Summary {
     /// The largest difference between predicted and simulated among the designs that were searched by what predicted them, as
     /// a fraction of the simulated.
     pub largest_difference: Option<f64>,
+    /// Searched designs that were predicted, and have no stable solution.
+    pub not_stable: usize,
 }
 
 /// One verified pattern. Displacements are means over the wanted points along the wanted directions.
@@ -167,6 +169,9 @@ pub(super) fn read(source: &Source<'_>) -> Result<Summary, ReportError> {
     Ok(Summary {
         stage: source.stage.stage.clone(),
         largest_difference: largest_difference(&compared),
+        not_stable: searched(&compared)
+            .filter(|row| row.predicted_mm.is_some() && row.simulated_mm.is_none())
+            .count(),
         rows: compared,
     })
 }
@@ -194,9 +199,13 @@ fn compared(row: &RowSummary, rows: &[RowSummary]) -> RowSummary {
     row
 }
 
+/// The rows whose evaluator led the search to them.
+fn searched(rows: &[RowSummary]) -> impl Iterator<Item = &RowSummary> {
+    rows.iter().filter(|row| row.role == "ga" || row.role == "refined")
+}
+
 fn largest_difference(rows: &[RowSummary]) -> Option<f64> {
-    let searched = rows.iter().filter(|row| row.role == "ga" || row.role == "refined");
-    let relative = searched.filter_map(|row| {
+    let relative = searched(rows).filter_map(|row| {
         let simulated = row.simulated_mm.filter(|mm| mm.abs() > 1e-9)?;
         Some((row.difference_mm? / simulated).abs())
     });
@@ -214,6 +223,13 @@ impl fmt::Display for Summary {
             .unwrap_or(0);
         for row in &self.rows {
             writeln!(f, "  {:<width$}  {}", row.title(), Line(row))?;
+        }
+        if self.not_stable > 0 {
+            writeln!(
+                f,
+                "  {} designs that were predicted have no stable solution: the evaluator is not to be trusted here",
+                self.not_stable
+            )?;
         }
         match self.largest_difference {
             Some(share) if share > TRUSTED => write!(
@@ -239,7 +255,14 @@ impl fmt::Display for Line<'_> {
             None => write!(f, "  no prediction       ")?,
         }
         match row.simulated_mm {
-            Some(mm) => write!(f, "  simulated {mm:>7.3} mm")?,
+            Some(mm) => {
+                let word = if row.outcome == "estimated" {
+                    "estimated"
+                } else {
+                    "simulated"
+                };
+                write!(f, "  {word} {mm:>7.3} mm")?;
+            }
             None => write!(f, "  no stable solution: {}", row.outcome)?,
         }
         if let Some(error) = row.simulated_error_mm {

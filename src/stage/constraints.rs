@@ -276,7 +276,12 @@ fn read_leads(node: &Node) -> Result<Option<Sides>, InputError> {
 }
 
 fn read_shape(node: &Node) -> Result<Shape, InputError> {
-    let map = node.fields("a region of `keep_out`", &["rectangle", "disc"])?;
+    let shapes = ["rectangle", "disc"];
+    let own = shapes.iter().position(|shape| node.peek(shape).is_some());
+    let map = node.fields(
+        "a region of `keep_out`",
+        own.map_or(&shapes[..], |own| &shapes[own..=own]),
+    )?;
     match (map.optional("rectangle"), map.optional("disc")) {
         (Some(corners), None) => {
             let [from, to] = corners.list("rectangle")? else {

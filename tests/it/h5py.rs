@@ -47,8 +47,8 @@ fn every_artifact_explains_itself_to_h5py() {
     let workspace = Workspace::tiny();
     let stages = workspace.stages(&["run", "tiny.yaml"]);
     let artifacts = files(&workspace.path("store/objects"));
-    // 5 chunks of samples, 6 of solutions, 5 manifests, 5 whole artifacts.
-    assert_eq!(artifacts.len(), 21);
+    // 5 chunks of samples, 6 of solutions, 1 design, 6 manifests, 4 whole artifacts.
+    assert_eq!(artifacts.len(), 22);
     let read = Command::new(python())
         .args(["-c", CHECK])
         .args(&artifacts)

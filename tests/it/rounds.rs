@@ -9,12 +9,7 @@ use serde_json::Value;
 use super::common::{Stages, Workspace, files, scene_file};
 
 /// The surrogate has seen fine grids only, for one epoch that changes nothing: it knows nothing of designs.
-fn wrong() -> Workspace {
-    let workspace = Workspace::new();
-    workspace.write("scene.yaml", &scene_file());
-    workspace.write(
-        "wrong.yaml",
-        "version: 1
+const WRONG: &str = "version: 1
 name: wrong
 scene: scene.yaml
 stages:
@@ -23,19 +18,25 @@ stages:
   surrogate: { kind: train, needs: [solved], network: qin2024, epochs: 1, learning_rate: 1e-6, seed: 5 }
   design:    { kind: design, needs: [surrogate], evaluator: surrogate, objective: { point: [25 mm, 25 mm], direction: 0 deg }, area: 0.5, population: 20, generations: 2, seed: 6 }
   verified:  { kind: verify, needs: [design], elements_per_cell: 1, rounds: 2, update: { epochs: 30, learning_rate: 0.002 } }
-",
-    );
+";
+
+fn workspace(pipeline: &str) -> Workspace {
+    let workspace = Workspace::new();
+    workspace.write("scene.yaml", &scene_file());
+    workspace.write("wrong.yaml", pipeline);
     workspace
 }
 
-const RUN: [&str; 2] = ["run", "wrong.yaml"];
-
-/// A second round that takes no time.
-const SHORT: [&str; 2] = ["--set", "stages.verified.update.epochs=2"];
-
-fn short<'a>(command: &[&'a str], more: &[&'a str]) -> Vec<&'a str> {
-    [command, &SHORT, more].concat()
+fn wrong() -> Workspace {
+    workspace(WRONG)
 }
+
+/// One whose second round takes no time.
+fn short() -> Workspace {
+    workspace(&WRONG.replace("epochs: 30", "epochs: 2"))
+}
+
+const RUN: [&str; 2] = ["run", "wrong.yaml"];
 
 fn texts(file: &Path, dataset: &str) -> Vec<String> {
     let read = hdf5::File::open(file).unwrap().dataset(dataset).unwrap();
@@ -116,26 +117,26 @@ fn a_wrong_surrogate_is_exposed_and_learns_from_what_was_verified() {
 
 #[test]
 fn rounds_are_planned_locked_and_added_to_like_other_stages() {
-    let workspace = wrong();
-    let first = workspace.stages(&short(&RUN, &["--until", "verified"]));
+    let workspace = short();
+    let first = workspace.stages(&[&RUN[..], &["--until", "verified"][..]].concat());
     assert_eq!(first.names(), ["small", "solved", "surrogate", "design", "verified"]);
     let built = |more: &[&str]| {
-        let stages = workspace.stages(&short(&RUN, more));
+        let stages = workspace.stages(&[&RUN[..], more].concat());
         stages.with("built").iter().map(ToString::to_string).collect::<Vec<_>>()
     };
     assert_eq!(built(&["--until", "surrogate-2"]), ["surrogate-2"]);
     assert_eq!(built(&["--lock"]), ["design-2", "verified-2"]);
-    assert_eq!(workspace.run(&short(&RUN, &["--locked"])).code, Some(0));
+    assert_eq!(workspace.run(&[&RUN[..], &["--locked"][..]].concat()).code, Some(0));
     assert_eq!(
         workspace
-            .run(&short(&RUN, &["--locked", "--set", "stages.verified.rounds=3"]))
+            .run(&[&RUN[..], &["--locked", "--set", "stages.verified.rounds=3"][..]].concat())
             .code,
         Some(6)
     );
 
     // One more round is one more round.
     let plan = |set: &str| {
-        let plan = short(&["plan", "wrong.yaml", "--json"], &["--set", set]);
+        let plan = [&["plan", "wrong.yaml", "--json"][..], &["--set", set][..]].concat();
         let plan = Stages::read(&workspace.run(&plan).json());
         plan.with("stale").iter().map(ToString::to_string).collect::<Vec<_>>()
     };
@@ -146,7 +147,7 @@ fn rounds_are_planned_locked_and_added_to_like_other_stages() {
     // A stage of a round answers to its name.
     assert_eq!(plan("stages.design-2.generations=3"), ["design-2", "verified-2"]);
     let explained = workspace
-        .run(&short(&["explain", "wrong.yaml", "surrogate-2"], &[]))
+        .run(&[&["explain", "wrong.yaml", "surrogate-2"][..], &[][..]].concat())
         .stdout;
     assert!(explained.contains("surrogate-2 (train) is up to date"), "{explained}");
     assert!(
