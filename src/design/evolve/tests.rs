@@ -150,6 +150,14 @@ fn a_search_is_named_by_its_seed() {
 }
 
 #[test]
+fn a_search_for_one_design_without_constraints_stays_what_it_was() {
+    // As the search was before it knew of constraints, margins and niches: results of former runs must not change.
+    let found = run(&small(3), 0.5);
+    let digest = crate::base::Digest::of(found.best_pattern().cells());
+    assert_eq!((found.evaluations, digest.short().as_str()), (1137, "3b8510874004"));
+}
+
+#[test]
 fn nothing_is_predicted_twice() {
     let linear = Linear::new([25.0, 25.0]);
     let result = evolved(&linear, &goal(0.5), &small(3)).unwrap();

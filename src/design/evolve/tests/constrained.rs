@@ -174,3 +174,30 @@ fn a_free_area_starts_from_many() {
         first_generation(None, &Constraints::default(), 1, 200)[..10]
     );
 }
+
+#[test]
+fn a_free_area_comes_near_the_known_optimum() {
+    // Free to choose its area, the best pattern of a linear answer is all cells that help.
+    let linear = Linear::new([37.5, 25.0]);
+    let helpful: Vec<f64> = linear.weights.iter().copied().filter(|&w| w > 0.0).collect();
+    let aim = Aim {
+        point_mm: [37.5, 25.0],
+        motion: Motion::Along(0.0),
+        weight: 1.0,
+    };
+    let goal = Goal::new(Measure::Displacement, &[aim], 50.0, None, AREA_PENALTY).unwrap();
+    let options = EvolveOptions {
+        population: 300,
+        generations: 40,
+        ..small(1)
+    };
+    let found = evolved(&linear, &goal, &options).unwrap();
+    let share = found.winners[0].value_mm / helpful.iter().sum::<f64>();
+    assert!(share > 0.97 && share <= 1.0, "{share} of the optimum");
+    let area = helpful.len() as f64 / 2500.0;
+    assert!(
+        (found.winners[0].area - area).abs() < 0.05,
+        "{} beside {area}",
+        found.winners[0].area
+    );
+}
