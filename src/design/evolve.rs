@@ -12,6 +12,7 @@
 //! Every random choice of a generation is a function of the seed and the generation's number, and equal fitness is
 //! ordered by genome, so a search can be gone on with from any generation and does not depend on threads.
 
+mod course;
 mod niche;
 mod options;
 mod result;
@@ -28,7 +29,8 @@ use super::objective::Goal;
 use crate::base::Stream;
 use crate::field::{PredictError, Predictor};
 use crate::pattern::{CELLS, Pattern};
-use search::{Course, Search};
+use course::{Course, Individual};
+use search::Search;
 use state::State;
 
 /// The coarsest grain of the first generation, drawn with the finer ones in equal shares. The paper's first generation is
@@ -180,7 +182,7 @@ fn begun(
 }
 
 /// Adds a generation to the course and tells of it.
-fn told(course: &mut Course, population: Vec<search::Individual>, search: &Search<'_>, watch: &dyn Watch) {
+fn told(course: &mut Course, population: Vec<Individual>, search: &Search<'_>, watch: &dyn Watch) {
     course.add(population);
     if let Some(report) = course.history.last() {
         watch.generation(report);

@@ -4,9 +4,10 @@ use std::collections::HashMap;
 
 use rayon::prelude::*;
 
+use super::course::{Course, Individual};
 use super::niche::{Niches, order};
 use super::options::EvolveOptions;
-use super::result::{GenerationReport, Stop, Winner};
+use super::result::{GenerationReport, Winner};
 use super::state::{Known, State, Step};
 use super::{Setting, allowed_units};
 use crate::base::Stream;
@@ -20,57 +21,6 @@ const VIOLATION: f64 = 1.0;
 
 /// What it costs in F for each share of the membrane that does not keep them.
 const VIOLATED_SHARE: f64 = 10.0;
-
-/// A genome with what is known of it.
-pub(super) struct Individual {
-    pub genome: Genome,
-    pub known: Known,
-}
-
-/// What a search has come to.
-#[derive(Default)]
-pub(super) struct Course {
-    /// The last generation in its order: the best first, or the best of each niche.
-    pub population: Vec<Individual>,
-    pub history: Vec<GenerationReport>,
-    /// The generation of the last gain.
-    last_gain: usize,
-}
-
-impl Course {
-    /// Adds the next generation.
-    pub fn add(&mut self, population: Vec<Individual>) {
-        let generation = self.history.len();
-        let best = &population[0];
-        let judged = population.iter().map(|individual| individual.known.fitness);
-        let judged: Vec<f64> = judged.filter(|fitness| fitness.is_finite()).collect();
-        let report = GenerationReport {
-            generation,
-            genome: best.genome.clone(),
-            best: best.known.fitness,
-            mean: judged.iter().sum::<f64>() / judged.len() as f64,
-            value_mm: best.known.value_mm,
-            area: best.known.area,
-        };
-        if self.history.last().is_some_and(|before| report.best < before.best) {
-            self.last_gain = generation;
-        }
-        self.history.push(report);
-        self.population = population;
-    }
-
-    /// Why the search ends here, if it does.
-    pub fn end(&self, options: &EvolveOptions) -> Option<Stop> {
-        let generation = self.history.len().saturating_sub(1);
-        if generation >= options.generations {
-            return Some(Stop::Generations);
-        }
-        let stagnant = options
-            .stagnation
-            .is_some_and(|limit| generation - self.last_gain >= limit);
-        stagnant.then_some(Stop::Stagnation)
-    }
-}
 
 /// What is known of a genome, and its pattern.
 struct Entry {
