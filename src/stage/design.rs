@@ -9,6 +9,7 @@ mod options;
 mod physics;
 mod probe;
 mod search;
+mod shortage;
 mod target;
 
 use std::sync::OnceLock;

@@ -7,7 +7,7 @@ use super::evaluator::{Evaluator, Wanted};
 use super::options::Method;
 use super::probe::{self, Probe};
 use super::target::Target;
-use super::{DesignStage, Ready};
+use super::{DesignStage, Ready, shortage};
 use crate::base::Stream;
 use crate::design::{
     Admission, Climb, GenerationReport, Genome, Intuitive, Setting, StateError, Step, Terrain, UNITS, Watch, evolve,
@@ -20,7 +20,7 @@ use crate::stage::model;
 use crate::store::Object;
 
 /// What a pattern is whose field is not known.
-const NO_FIELD: &str = "no stable field";
+pub const NO_FIELD: &str = "no stable field";
 
 /// How coarse the random starts of a climb are: a handful of regions.
 const START_GRAIN: usize = 6;
@@ -257,13 +257,15 @@ impl Searching<'_> {
         let patterns: Vec<Pattern> = findings.found.iter().map(|found| found.pattern.clone()).collect();
         let fields = predictor.predict_some(&patterns).map_err(|e| failed(&e))?;
         let admitted = self.admitted(&patterns)?;
-        let rows: Vec<Row> = findings
+        let mut rows: Vec<Row> = findings
             .found
             .into_iter()
             .zip(fields)
             .zip(admitted)
             .map(|((found, field), admitted)| self.row(found, field, admitted))
             .collect();
+        let options = &self.stage.options.evolve;
+        shortage::tell(&mut rows, options.designs, options.distance);
         let heading = Heading {
             case: self.stage.case.clone(),
             name: target.name.clone(),
