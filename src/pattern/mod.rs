@@ -5,6 +5,7 @@ mod bits;
 mod csv;
 mod h5;
 mod npy;
+mod outline;
 mod png;
 mod raster;
 mod read;
@@ -12,6 +13,7 @@ mod symmetry;
 
 pub use bits::{Bits, distance};
 pub use h5::{check_contained, split as split_h5};
+pub use outline::{Corners, Island, Point, area as ring_area, outlines, total_area};
 pub use raster::{CELLS, Pattern, PatternError};
 pub use read::read_patterns;
 pub use symmetry::Symmetry;

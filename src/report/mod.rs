@@ -3,6 +3,7 @@
 mod audit;
 mod evaluation;
 mod evaluators;
+pub mod export;
 pub mod figures;
 mod gather;
 mod html;

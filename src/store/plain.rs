@@ -14,6 +14,14 @@ use super::write;
 /// # Errors
 /// When the folder does not exist or cannot be written in, or the library refuses (disk full).
 pub fn write_file(path: &Path, object: &Object, provenance: &Provenance) -> Result<(), StoreError> {
+    place(path, |file| write::write(file, object, &[], provenance))
+}
+
+/// Lets `write` make a file aside and moves it to `path`.
+///
+/// # Errors
+/// When the folder does not exist or cannot be written in, or the library refuses.
+pub(super) fn place(path: &Path, write: impl FnOnce(&Path) -> hdf5::Result<()>) -> Result<(), StoreError> {
     let folder = path
         .parent()
         .filter(|p| !p.as_os_str().is_empty())
@@ -23,7 +31,7 @@ pub fn write_file(path: &Path, object: &Object, provenance: &Provenance) -> Resu
     // In the same folder, so that the rename crosses no file system.
     let temporary = tempfile::tempdir_in(folder).map_err(StoreError::io("write in", folder))?;
     let file = temporary.path().join("result.h5");
-    write::write(&file, object, &[], provenance).map_err(StoreError::hdf5("write", path))?;
+    write(&file).map_err(StoreError::hdf5("write", path))?;
     atomic::rename(&file, &target)
 }
 

@@ -66,7 +66,7 @@ fn digests(parts: &[Digest]) -> Dataset {
     Dataset::new("", description, &[texts.len()], Data::Text(texts))
 }
 
-fn attribute(location: &hdf5::Location, name: &str, value: &str) -> hdf5::Result<()> {
+pub(super) fn attribute(location: &hdf5::Location, name: &str, value: &str) -> hdf5::Result<()> {
     let value: VarLenUnicode = value
         .parse()
         .map_err(|_| hdf5::Error::from(format!("attribute `{name}` contains NUL")))?;
@@ -78,7 +78,7 @@ fn describe(dataset: &hdf5::Dataset, units: &str, description: &str) -> hdf5::Re
     attribute(dataset, "description", description)
 }
 
-fn write_dataset(group: &Group, name: &str, dataset: &Dataset) -> hdf5::Result<hdf5::Dataset> {
+pub(super) fn write_dataset(group: &Group, name: &str, dataset: &Dataset) -> hdf5::Result<hdf5::Dataset> {
     match &dataset.data {
         Data::U8(v) => write_elements(group, name, dataset, v),
         Data::U32(v) => write_elements(group, name, dataset, v),

@@ -1,0 +1,314 @@
+//! The outline of an electrode: closed polygons with holes, which mask makers and drawing programs want in place of cells.
+//!
+//! Cells that share a side belong to one island. Where two cells touch at a corner only, a drawing must say whether they
+//! are joined, and formats forbid polygons that touch themselves: cells of one island are joined there, since current
+//! reaches both anyway, and cells of different islands are apart. So every ring is simple, two rings meet at corners at
+//! most, and there is one outer ring per island.
+
+use super::raster::{CELLS, Pattern};
+
+/// A point in units of a cell, the origin at the lower left corner of the membrane.
+pub type Point = [f64; 2];
+
+/// Corners along one side of the membrane.
+const CORNERS: usize = CELLS + 1;
+
+/// Straight pieces that stand for one arc of a rounded outline; a power of two keeps coordinates exact.
+const PIECES: usize = 4;
+
+/// Cells joined by their sides, as polygons whose last point is joined to the first.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Island {
+    /// The outer ring, anticlockwise.
+    pub outer: Vec<Point>,
+    /// The rings of its holes, clockwise. A hole may hold other islands.
+    pub holes: Vec<Vec<Point>>,
+}
+
+/// How corners are drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Corners {
+    /// Along the sides of the cells: the area is that of the cells.
+    Square,
+    /// Rounded: a quadratic B-spline whose control points are the middles of the sides of cells (Chaikin 1974), drawn by
+    /// straight pieces. Straight edges stay where they are and steps of one cell become a straight slope. Corners on the
+    /// frame stay, so that a lead keeps its width there. A corner far from others loses ⅙ of a cell, or gains it where it
+    /// is a bay. No two arcs meet: islands and holes are those of the square outline.
+    Rounded,
+}
+
+/// The islands of a pattern, largest outer ring first: an island within a hole comes after the one that has the hole.
+#[must_use]
+pub fn outlines(pattern: &Pattern, corners: Corners) -> Vec<Island> {
+    let (labels, count) = islands(pattern);
+    let mut found = vec![
+        Island {
+            outer: Vec::new(),
+            holes: Vec::new()
+        };
+        count
+    ];
+    for ring in rings(pattern) {
+        let [x, y] = ring.cell;
+        let island = &mut found[labels[y * CELLS + x]];
+        let points = match corners {
+            Corners::Square => square(&ring.corners),
+            Corners::Rounded => rounded(&ring.corners),
+        };
+        if area(&square(&ring.corners)) > 0.0 {
+            island.outer = points;
+        } else {
+            island.holes.push(points);
+        }
+    }
+    found.sort_by(|a, b| area(&b.outer).total_cmp(&area(&a.outer)));
+    found
+}
+
+/// The area within a ring, negative where it runs clockwise.
+#[must_use]
+pub fn area(ring: &[Point]) -> f64 {
+    let next = ring.iter().cycle().skip(1);
+    0.5 * ring
+        .iter()
+        .zip(next)
+        .map(|(a, b)| a[0] * b[1] - a[1] * b[0])
+        .sum::<f64>()
+}
+
+/// The area of islands less that of their holes.
+#[must_use]
+pub fn total_area(islands: &[Island]) -> f64 {
+    let of = |island: &Island| area(&island.outer) + island.holes.iter().map(|hole| area(hole)).sum::<f64>();
+    // The sum of nothing is −0.
+    islands.iter().map(of).sum::<f64>() + 0.0
+}
+
+/// The number of the island of each cell (that of bare cells means nothing), and how many islands there are.
+fn islands(pattern: &Pattern) -> (Vec<usize>, usize) {
+    const NONE: usize = usize::MAX;
+    let mut labels = vec![NONE; CELLS * CELLS];
+    let mut count = 0;
+    for start in 0..CELLS * CELLS {
+        if pattern.cells()[start] == 0 || labels[start] != NONE {
+            continue;
+        }
+        labels[start] = count;
+        let mut open = vec![start];
+        while let Some(at) = open.pop() {
+            for next in neighbours(at) {
+                if pattern.cells()[next] == 1 && labels[next] == NONE {
+                    labels[next] = count;
+                    open.push(next);
+                }
+            }
+        }
+        count += 1;
+    }
+    (labels, count)
+}
+
+/// The cells that share a side with one.
+fn neighbours(at: usize) -> impl Iterator<Item = usize> {
+    let (x, y) = (at % CELLS, at / CELLS);
+    let left = (x > 0).then(|| at - 1);
+    let right = (x + 1 < CELLS).then_some(at + 1);
+    let below = (y > 0).then(|| at - CELLS);
+    let above = (y + 1 < CELLS).then_some(at + CELLS);
+    [left, right, below, above].into_iter().flatten()
+}
+
+/// A closed walk along sides of cells, in steps of one side, with the electrode on its left; no corner comes twice.
+struct Ring {
+    corners: Vec<[usize; 2]>,
+    /// A cell of the island that it bounds.
+    cell: [usize; 2],
+}
+
+/// A side of a cell, walked from a corner in a direction: 0 right, 1 up, 2 left, 3 down.
+#[derive(Clone, Copy, PartialEq, Eq)]
+struct Side {
+    from: [usize; 2],
+    direction: usize,
+}
+
+impl Side {
+    fn end(self) -> [usize; 2] {
+        let [x, y] = self.from;
+        match self.direction {
+            0 => [x + 1, y],
+            1 => [x, y + 1],
+            2 => [x - 1, y],
+            _ => [x, y - 1],
+        }
+    }
+
+    /// The cell on the left if it carries an electrode and the one on the right does not.
+    fn electrode(self, pattern: &Pattern) -> Option<[usize; 2]> {
+        let [x, y] = self.from;
+        let (low_left, low_right) = ((x.checked_sub(1), y.checked_sub(1)), (Some(x), y.checked_sub(1)));
+        let (up_left, up_right) = ((x.checked_sub(1), Some(y)), (Some(x), Some(y)));
+        let (left, right) = match self.direction {
+            0 => (up_right, low_right),
+            1 => (up_left, up_right),
+            2 => (low_left, up_left),
+            _ => (low_right, low_left),
+        };
+        let active = |cell: (Option<usize>, Option<usize>)| match cell {
+            (Some(x), Some(y)) if x < CELLS && y < CELLS && pattern.is_active(x, y) => Some([x, y]),
+            _ => None,
+        };
+        active(left).filter(|_| active(right).is_none())
+    }
+
+    fn number(self) -> usize {
+        (self.from[1] * CORNERS + self.from[0]) * 4 + self.direction
+    }
+}
+
+fn rings(pattern: &Pattern) -> Vec<Ring> {
+    let mut walked = vec![false; CORNERS * CORNERS * 4];
+    let mut found = Vec::new();
+    for number in 0..walked.len() {
+        let (corner, direction) = (number / 4, number % 4);
+        let start = Side {
+            from: [corner % CORNERS, corner / CORNERS],
+            direction,
+        };
+        let Some(cell) = start.electrode(pattern).filter(|_| !walked[number]) else {
+            continue;
+        };
+        let mut corners = Vec::new();
+        let mut side = start;
+        loop {
+            walked[side.number()] = true;
+            corners.push(side.from);
+            side = following(pattern, side);
+            if side == start {
+                break;
+            }
+        }
+        found.extend(simple(corners).into_iter().map(|corners| Ring { corners, cell }));
+    }
+    found
+}
+
+/// The next side of a walk. A turn to the left comes first: where cells touch at a corner the walk keeps to its own.
+fn following(pattern: &Pattern, side: Side) -> Side {
+    let from = side.end();
+    let towards = |turn: usize| Side {
+        from,
+        direction: (side.direction + turn) % 4,
+    };
+    [1, 0]
+        .map(towards)
+        .into_iter()
+        .find(|side| side.electrode(pattern).is_some())
+        .unwrap_or_else(|| towards(3))
+}
+
+/// Cuts a walk where it comes to a corner again: one walk is the border of one island, so its cells are joined there.
+fn simple(walk: Vec<[usize; 2]>) -> Vec<Vec<[usize; 2]>> {
+    let mut place = vec![None; CORNERS * CORNERS];
+    let mut path: Vec<[usize; 2]> = Vec::new();
+    let mut found = Vec::new();
+    for corner in walk {
+        let at = corner[1] * CORNERS + corner[0];
+        if let Some(earlier) = place[at] {
+            let piece: Vec<[usize; 2]> = path.drain(earlier..).collect();
+            for [x, y] in &piece {
+                place[y * CORNERS + x] = None;
+            }
+            found.push(piece);
+        }
+        place[at] = Some(path.len());
+        path.push(corner);
+    }
+    found.push(path);
+    found
+}
+
+/// The corners where a ring turns.
+fn square(ring: &[[usize; 2]]) -> Vec<Point> {
+    turning(&ring.iter().map(|c| c.map(|v| v as f64)).collect::<Vec<_>>())
+}
+
+/// Points without those that stand on the line of their neighbours, or on a neighbour.
+fn turning(ring: &[Point]) -> Vec<Point> {
+    let n = ring.len();
+    let turns = |i: &usize| {
+        let (before, at, after) = (ring[(i + n - 1) % n], ring[*i], ring[(i + 1) % n]);
+        let (a, b) = (
+            [at[0] - before[0], at[1] - before[1]],
+            [after[0] - at[0], after[1] - at[1]],
+        );
+        a[0] * b[1] - a[1] * b[0] != 0.0
+    };
+    (0..n).filter(turns).map(|i| ring[i]).collect()
+}
+
+/// A control point of a rounded ring.
+#[derive(Clone, Copy)]
+enum Control {
+    /// The curve passes it, with a corner.
+    Corner(Point),
+    /// The curve is drawn towards it.
+    Middle(Point),
+}
+
+fn rounded(ring: &[[usize; 2]]) -> Vec<Point> {
+    let controls = controls(ring);
+    let n = controls.len();
+    let mut points: Vec<Point> = Vec::with_capacity(n * PIECES);
+    for i in 0..n {
+        match controls[i] {
+            Control::Corner(point) => add(&mut points, point),
+            Control::Middle(middle) => {
+                let towards = |other: Control| match other {
+                    Control::Corner(point) => point,
+                    Control::Middle(other) => [0, 1].map(|c| 0.5 * (middle[c] + other[c])),
+                };
+                let (start, end) = (towards(controls[(i + n - 1) % n]), towards(controls[(i + 1) % n]));
+                for piece in 0..=PIECES {
+                    let t = piece as f64 / PIECES as f64;
+                    let weights = [(1.0 - t) * (1.0 - t), 2.0 * t * (1.0 - t), t * t];
+                    add(
+                        &mut points,
+                        [0, 1].map(|c| weights[0] * start[c] + weights[1] * middle[c] + weights[2] * end[c]),
+                    );
+                }
+            }
+        }
+    }
+    if points.len() > 1 && points.first() == points.last() {
+        points.pop();
+    }
+    turning(&points)
+}
+
+fn add(points: &mut Vec<Point>, point: Point) {
+    if points.last() != Some(&point) {
+        points.push(point);
+    }
+}
+
+/// Corners on the frame, and the middles of all sides that are not part of it.
+fn controls(ring: &[[usize; 2]]) -> Vec<Control> {
+    let n = ring.len();
+    let mut found = Vec::with_capacity(n);
+    for i in 0..n {
+        let (a, b) = (ring[i], ring[(i + 1) % n]);
+        let on_frame = |corner: [usize; 2]| [0, 1].map(|c| corner[c] == 0 || corner[c] == CELLS);
+        if on_frame(a) != [false; 2] {
+            found.push(Control::Corner(a.map(|v| v as f64)));
+        }
+        let along = [0, 1].into_iter().any(|c| a[c] == b[c] && (a[c] == 0 || a[c] == CELLS));
+        if !along {
+            found.push(Control::Middle([0, 1].map(|c| 0.5 * (a[c] + b[c]) as f64)));
+        }
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,222 @@
+//! DXF of AutoCAD 2000 (AC1015), the oldest that states its unit: closed LWPOLYLINEs in mm.
+//!
+//! The tables, blocks and objects are the fewest that the format asks for (Autodesk, DXF Reference).
+
+use std::fmt::Display;
+
+use super::{Drawing, Point, ascii, number};
+
+const ELECTRODE: &str = "ELECTRODE";
+const FRAME: &str = "FRAME";
+
+/// Handles of the symbol tables, and of what they refer to.
+const BLOCK_RECORDS: &str = "9";
+const MODEL_SPACE: &str = "1F";
+const PAPER_SPACE: &str = "1B";
+const ROOT: &str = "C";
+const GROUPS: &str = "D";
+/// From here on handles are given out one after the other.
+const FIRST_HANDLE: usize = 0x100;
+
+/// Every ring of the electrode on layer ELECTRODE, outer rings anticlockwise and holes clockwise, and the membrane on layer
+/// FRAME.
+#[must_use]
+pub fn dxf(drawing: &Drawing) -> Vec<u8> {
+    let mut file = File { text: String::new() };
+    for line in drawing.lines() {
+        file.pair(999, text(line));
+    }
+    let rings = drawing.rings().count();
+    header(&mut file, drawing.side, FIRST_HANDLE + rings + 1);
+    tables(&mut file);
+    blocks(&mut file);
+    file.section("ENTITIES");
+    for (at, ring) in drawing.rings().enumerate() {
+        polyline(&mut file, FIRST_HANDLE + at, ELECTRODE, ring);
+    }
+    let side = drawing.side;
+    let frame = [[0.0, 0.0], [side, 0.0], [side, side], [0.0, side]];
+    polyline(&mut file, FIRST_HANDLE + rings, FRAME, &frame);
+    file.pair(0, "ENDSEC");
+    objects(&mut file);
+    file.pair(0, "EOF");
+    file.text.into_bytes()
+}
+
+/// An entry of a symbol table: name, handle, subclass, and what more it has.
+type Record<'a> = (&'a str, &'a str, &'a str, &'a [(u16, &'a str)]);
+
+/// Group codes and values, a line each.
+struct File {
+    text: String,
+}
+
+impl File {
+    fn pair(&mut self, code: u16, value: impl Display) {
+        self.text.push_str(&format!("{code:>3}\n{value}\n"));
+    }
+
+    fn pairs<'a>(&mut self, pairs: impl IntoIterator<Item = (u16, &'a str)>) {
+        for (code, value) in pairs {
+            self.pair(code, value);
+        }
+    }
+
+    fn section(&mut self, name: &str) {
+        self.pairs([(0, "SECTION"), (2, name)]);
+    }
+
+    /// A symbol table with its records.
+    fn table(&mut self, kind: &str, handle: &str, records: &[Record<'_>]) {
+        self.pairs([
+            (0, "TABLE"),
+            (2, kind),
+            (5, handle),
+            (330, "0"),
+            (100, "AcDbSymbolTable"),
+        ]);
+        self.pair(70, records.len());
+        if kind == "DIMSTYLE" {
+            self.pair(100, "AcDbDimStyleTable");
+        }
+        for (name, own, subclass, rest) in records {
+            let code = if kind == "DIMSTYLE" { 105 } else { 5 };
+            self.pairs([(0, kind), (code, own), (330, handle), (100, "AcDbSymbolTableRecord")]);
+            self.pairs([(100, *subclass), (2, name)]);
+            self.pairs(rest.iter().copied());
+        }
+        self.pair(0, "ENDTAB");
+    }
+}
+
+fn header(file: &mut File, side: f64, next_handle: usize) {
+    file.section("HEADER");
+    file.pairs([(9, "$ACADVER"), (1, "AC1015"), (9, "$DWGCODEPAGE"), (3, "ANSI_1252")]);
+    file.pair(9, "$HANDSEED");
+    file.pair(5, format!("{next_handle:X}"));
+    // Millimetres; the metric system.
+    file.pairs([(9, "$INSUNITS"), (70, "4"), (9, "$MEASUREMENT"), (70, "1")]);
+    for (name, corner) in [("$EXTMIN", 0.0), ("$EXTMAX", side)] {
+        let at = number(corner);
+        file.pairs([(9, name), (10, &at), (20, &at), (30, "0")]);
+    }
+    for (name, corner) in [("$LIMMIN", 0.0), ("$LIMMAX", side)] {
+        let at = number(corner);
+        file.pairs([(9, name), (10, &at), (20, &at)]);
+    }
+    file.pair(0, "ENDSEC");
+}
+
+fn tables(file: &mut File) {
+    const LINE: &[(u16, &str)] = &[(70, "0"), (3, ""), (72, "65"), (73, "0"), (40, "0")];
+    const LAYER: &str = "AcDbLayerTableRecord";
+    const LINETYPE: &str = "AcDbLinetypeTableRecord";
+    file.section("TABLES");
+    file.table("VPORT", "8", &[]);
+    file.table(
+        "LTYPE",
+        "5",
+        &[
+            ("ByBlock", "14", LINETYPE, LINE),
+            ("ByLayer", "15", LINETYPE, LINE),
+            ("Continuous", "16", LINETYPE, LINE),
+        ],
+    );
+    let layer = |colour| [(70, "0"), (62, colour), (6, "Continuous")];
+    file.table(
+        "LAYER",
+        "2",
+        &[
+            ("0", "10", LAYER, &layer("7")),
+            (ELECTRODE, "11", LAYER, &layer("7")),
+            (FRAME, "12", LAYER, &layer("8")),
+        ],
+    );
+    let style = [
+        (70, "0"),
+        (40, "0"),
+        (41, "1"),
+        (50, "0"),
+        (71, "0"),
+        (42, "2.5"),
+        (3, "txt"),
+        (4, ""),
+    ];
+    file.table("STYLE", "3", &[("Standard", "17", "AcDbTextStyleTableRecord", &style)]);
+    file.table("VIEW", "6", &[]);
+    file.table("UCS", "7", &[]);
+    file.table("APPID", "4", &[("ACAD", "18", "AcDbRegAppTableRecord", &[(70, "0")])]);
+    file.table(
+        "DIMSTYLE",
+        "A",
+        &[("Standard", "19", "AcDbDimStyleTableRecord", &[(70, "0")])],
+    );
+    let record = "AcDbBlockTableRecord";
+    file.table(
+        "BLOCK_RECORD",
+        BLOCK_RECORDS,
+        &[
+            ("*Model_Space", MODEL_SPACE, record, &[]),
+            ("*Paper_Space", PAPER_SPACE, record, &[]),
+        ],
+    );
+    file.pair(0, "ENDSEC");
+}
+
+fn blocks(file: &mut File) {
+    file.section("BLOCKS");
+    for (name, record, begin, end) in [
+        ("*Model_Space", MODEL_SPACE, "20", "21"),
+        ("*Paper_Space", PAPER_SPACE, "1C", "1D"),
+    ] {
+        file.pairs([(0, "BLOCK"), (5, begin), (330, record), (100, "AcDbEntity"), (8, "0")]);
+        file.pairs([(100, "AcDbBlockBegin"), (2, name), (70, "0")]);
+        file.pairs([(10, "0"), (20, "0"), (30, "0"), (3, name), (1, "")]);
+        file.pairs([(0, "ENDBLK"), (5, end), (330, record), (100, "AcDbEntity"), (8, "0")]);
+        file.pair(100, "AcDbBlockEnd");
+    }
+    file.pair(0, "ENDSEC");
+}
+
+fn polyline(file: &mut File, handle: usize, layer: &str, ring: &[Point]) {
+    file.pair(0, "LWPOLYLINE");
+    file.pair(5, format!("{handle:X}"));
+    file.pairs([
+        (330, MODEL_SPACE),
+        (100, "AcDbEntity"),
+        (8, layer),
+        (100, "AcDbPolyline"),
+    ]);
+    file.pair(90, ring.len());
+    // Closed.
+    file.pair(70, 1);
+    for [x, y] in ring {
+        file.pair(10, number(*x));
+        file.pair(20, number(*y));
+    }
+}
+
+fn objects(file: &mut File) {
+    file.section("OBJECTS");
+    file.pairs([
+        (0, "DICTIONARY"),
+        (5, ROOT),
+        (330, "0"),
+        (100, "AcDbDictionary"),
+        (281, "1"),
+    ]);
+    file.pairs([(3, "ACAD_GROUP"), (350, GROUPS)]);
+    file.pairs([
+        (0, "DICTIONARY"),
+        (5, GROUPS),
+        (330, ROOT),
+        (100, "AcDbDictionary"),
+        (281, "1"),
+    ]);
+    file.pair(0, "ENDSEC");
+}
+
+/// Other characters than ASCII as AutoCAD writes them where the code page has none.
+fn text(line: &str) -> String {
+    ascii(line, |c| format!("\\U+{:04X}", u32::from(c)))
+}

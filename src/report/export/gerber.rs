@@ -1,0 +1,57 @@
+//! Gerber X2 (Ucamco, The Gerber Layer Format Specification): regions in mm, holes cleared.
+
+use std::fmt::Write;
+
+use super::{Drawing, Point, ascii};
+
+/// The electrode as regions: each shape dark, then its holes clear, so that shapes within holes are drawn on cleared ground.
+/// The frame is not drawn: everything in such a file is made.
+#[must_use]
+pub fn gerber(drawing: &Drawing) -> Vec<u8> {
+    let mut text = String::new();
+    for line in drawing.lines() {
+        let _ = writeln!(text, "G04 {}*", comment(line));
+    }
+    let _ = write!(
+        text,
+        "%TF.GenerationSoftware,deaflow,deaflow,{}*%\n%TF.Part,Other,Electrode mask*%\n\
+         %TF.FileFunction,Other,Electrode*%\n%TF.FilePolarity,Positive*%\n%FSLAX46Y46*%\n%MOMM*%\nG01*\n",
+        env!("CARGO_PKG_VERSION")
+    );
+    for shape in &drawing.shapes {
+        let _ = writeln!(text, "%LPD*%");
+        region(&mut text, &shape.outer);
+        if !shape.holes.is_empty() {
+            let _ = writeln!(text, "%LPC*%");
+        }
+        shape.holes.iter().for_each(|hole| region(&mut text, hole));
+    }
+    text.push_str("M02*\n");
+    text.into_bytes()
+}
+
+/// One contour. It must end where it began.
+fn region(text: &mut String, ring: &[Point]) {
+    let _ = writeln!(text, "G36*");
+    let words = std::iter::once("D02").chain(std::iter::repeat("D01"));
+    for ([x, y], word) in ring.iter().chain(ring.first()).zip(words) {
+        let _ = writeln!(text, "X{}Y{}{word}*", nanometres(*x), nanometres(*y));
+    }
+    let _ = writeln!(text, "G37*");
+}
+
+/// Six decimals of a mm, without the point.
+fn nanometres(mm: f64) -> i64 {
+    (mm * 1e6).round() as i64
+}
+
+/// A text without the characters that end a command, and in ASCII, which every reader takes.
+fn comment(text: &str) -> String {
+    let escaped = |c: char| match u32::from(c) {
+        code @ ..=0xffff => format!("\\u{code:04X}"),
+        code => format!("\\U{code:08X}"),
+    };
+    ascii(text, escaped)
+        .replace('*', &escaped('*'))
+        .replace('%', &escaped('%'))
+}

@@ -1,0 +1,69 @@
+//! PNG: black electrode on white, one bit per pixel, its physical size in the `pHYs` chunk.
+
+use ::png::{BitDepth, ColorType, Compression, Encoder, EncodingError, PixelDimensions, Unit};
+
+use super::{Drawing, Point};
+
+/// Pixels along one side at most.
+pub const MOST_PIXELS: usize = 20_000;
+
+/// The drawing in `pixels` × `pixels`; a pixel is black where its centre is within the electrode. The top row is the upper
+/// edge.
+///
+/// # Errors
+/// When the encoder refuses.
+pub fn png(drawing: &Drawing, pixels: usize) -> Result<Vec<u8>, EncodingError> {
+    let mut bytes = Vec::new();
+    let mut encoder = Encoder::new(&mut bytes, pixels as u32, pixels as u32);
+    encoder.set_color(ColorType::Grayscale);
+    encoder.set_depth(BitDepth::One);
+    encoder.set_compression(Compression::Best);
+    let per_metre = (1e3 * pixels as f64 / drawing.side).round() as u32;
+    encoder.set_pixel_dims(Some(PixelDimensions {
+        xppu: per_metre,
+        yppu: per_metre,
+        unit: Unit::Meter,
+    }));
+    encoder.add_itxt_chunk("Title".to_owned(), drawing.title.clone())?;
+    encoder.add_itxt_chunk("Description".to_owned(), drawing.notes.join("\n"))?;
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(&image(drawing, pixels))?;
+    writer.finish()?;
+    Ok(bytes)
+}
+
+/// Rows from the top, padded to whole bytes; bit 1 is white.
+fn image(drawing: &Drawing, pixels: usize) -> Vec<u8> {
+    let scale = pixels as f64 / drawing.side;
+    let edges: Vec<[Point; 2]> = drawing.rings().flat_map(|ring| edges(ring, scale)).collect();
+    let mut image = Vec::with_capacity(pixels.div_ceil(8) * pixels);
+    for row in (0..pixels).rev() {
+        let mut bits = vec![0xff_u8; pixels.div_ceil(8)];
+        let mut crossings = crossings(&edges, row as f64 + 0.5);
+        crossings.sort_unstable_by(f64::total_cmp);
+        for pair in crossings.chunks_exact(2) {
+            // The pixels whose centres lie between the two.
+            let [first, end] = [pair[0], pair[1]].map(|x| ((x - 0.5).ceil().max(0.0) as usize).min(pixels));
+            for column in first..end {
+                bits[column / 8] &= !(0x80 >> (column % 8));
+            }
+        }
+        image.extend(bits);
+    }
+    image
+}
+
+/// The sides of a ring in pixels.
+fn edges(ring: &[Point], scale: f64) -> impl Iterator<Item = [Point; 2]> {
+    let next = ring.iter().cycle().skip(1);
+    ring.iter()
+        .zip(next)
+        .map(move |(a, b)| [a.map(|v| v * scale), b.map(|v| v * scale)])
+}
+
+/// Where sides cross a horizontal line; a point on the line belongs to the side above it.
+fn crossings(edges: &[[Point; 2]], y: f64) -> Vec<f64> {
+    let crossing =
+        |[a, b]: &[Point; 2]| ((a[1] <= y) != (b[1] <= y)).then(|| a[0] + (y - a[1]) / (b[1] - a[1]) * (b[0] - a[0]));
+    edges.iter().filter_map(crossing).collect()
+}

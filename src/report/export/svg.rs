@@ -1,0 +1,49 @@
+//! SVG 1.1: one unit of the drawing is one mm, and the drawing is as large as the membrane.
+
+use std::fmt::Write;
+
+use super::{Drawing, Point, number};
+
+/// The electrode as one filled path (`id="electrode"`), and the frame as a thin line (`id="frame"`).
+#[must_use]
+pub fn svg(drawing: &Drawing) -> Vec<u8> {
+    let side = number(drawing.side);
+    let path: Vec<String> = drawing.rings().map(|ring| subpath(ring, drawing.side)).collect();
+    let line = number(drawing.side / 500.0);
+    let mut text = String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n");
+    let _ = write!(
+        text,
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" version=\"1.1\" width=\"{side}mm\" height=\"{side}mm\" \
+         viewBox=\"0 0 {side} {side}\">\n\
+         <title>{}</title>\n<desc>{}</desc>\n\
+         <path id=\"electrode\" fill=\"#000000\" fill-rule=\"evenodd\" stroke=\"none\" d=\"{}\"/>\n\
+         <rect id=\"frame\" x=\"0\" y=\"0\" width=\"{side}\" height=\"{side}\" fill=\"none\" stroke=\"#808080\" \
+         stroke-width=\"{line}\"/>\n</svg>\n",
+        escaped(&drawing.title),
+        escaped(&drawing.notes.join("\n")),
+        path.join(" ")
+    );
+    text.into_bytes()
+}
+
+/// A ring; y points downwards in SVG.
+fn subpath(ring: &[Point], side: f64) -> String {
+    let points: Vec<String> = ring
+        .iter()
+        .map(|[x, y]| format!("{},{}", number(*x), number(side - y)))
+        .collect();
+    format!("M{} Z", points.join(" L"))
+}
+
+/// As character data of XML, which has no place for most control characters.
+fn escaped(text: &str) -> String {
+    let each = |c: char| match c {
+        '&' => "&amp;".to_owned(),
+        '<' => "&lt;".to_owned(),
+        '>' => "&gt;".to_owned(),
+        '\n' => "\n".to_owned(),
+        c if c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}') => " ".to_owned(),
+        c => c.to_string(),
+    };
+    text.chars().map(each).collect()
+}

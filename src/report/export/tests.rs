@@ -1,0 +1,87 @@
+use super::*;
+
+/// A square with a hole, and a square in the hole.
+fn drawing() -> Drawing {
+    let ring = |low: f64, high: f64| vec![[low, low], [high, low], [high, high], [low, high]];
+    let clockwise = |low, high| ring(low, high).into_iter().rev().collect();
+    Drawing {
+        title: "ü <*%>".to_owned(),
+        notes: vec!["a & b\nc".to_owned()],
+        side: 10.0,
+        shapes: vec![
+            Shape {
+                outer: ring(1.0, 9.0),
+                holes: vec![clockwise(2.0, 8.0)],
+            },
+            Shape {
+                outer: ring(4.0, 5.0 + 1.0 / 3.0),
+                holes: Vec::new(),
+            },
+        ],
+    }
+}
+
+fn text(bytes: Vec<u8>) -> String {
+    String::from_utf8(bytes).unwrap()
+}
+
+#[test]
+fn lengths_have_no_zeros_that_say_nothing() {
+    let written = [0.0, -1e-9, 50.0, 16.0 + 2.0 / 3.0, 0.125].map(number);
+    assert_eq!(written, ["0", "0", "50", "16.666667", "0.125"]);
+}
+
+#[test]
+fn an_svg_points_upwards_and_names_survive() {
+    let svg = text(svg(&drawing()));
+    assert!(svg.contains("<title>ü &lt;*%&gt;</title>") && svg.contains("<desc>a &amp; b\nc</desc>"));
+    assert!(svg.contains("M1,9 L9,9 L9,1 L1,1 Z M2,2 L8,2 L8,8 L2,8 Z"), "{svg}");
+}
+
+#[test]
+fn a_gerber_file_clears_a_hole_before_it_draws_what_is_in_it() {
+    let gerber = text(gerber(&drawing()));
+    let polarities: Vec<&str> = gerber.lines().filter(|line| line.starts_with("%LP")).collect();
+    assert_eq!(polarities, ["%LPD*%", "%LPC*%", "%LPD*%"]);
+    assert!(
+        gerber.starts_with("G04 \\u00FC <\\u002A\\u0025>*\nG04 a & b c*\n"),
+        "{gerber}"
+    );
+    assert!(gerber.contains("G36*\nX4000000Y4000000D02*\nX5333333Y4000000D01*\n"));
+    assert!(gerber.ends_with("X4000000Y4000000D01*\nG37*\nM02*\n"));
+}
+
+#[test]
+fn a_dxf_file_says_mm_and_has_a_line_for_every_code() {
+    let dxf = text(dxf(&drawing()));
+    assert!(dxf.starts_with("999\n\\U+00FC <*%>\n999\na & b c\n"), "{dxf}");
+    assert!(dxf.contains("  9\n$INSUNITS\n 70\n4\n"));
+    let lines: Vec<&str> = dxf.lines().collect();
+    assert_eq!(lines.len() % 2, 0);
+    assert!(lines.iter().step_by(2).all(|code| code.trim().parse::<u16>().is_ok()));
+    assert_eq!(lines.iter().filter(|line| **line == "LWPOLYLINE").count(), 4);
+}
+
+#[test]
+fn a_png_is_black_where_the_electrode_is() {
+    let bytes = png(&drawing(), 30).unwrap();
+    let mut reader = ::png::Decoder::new(std::io::Cursor::new(&bytes)).read_info().unwrap();
+    let dimensions = reader.info().pixel_dims.unwrap();
+    assert_eq!((dimensions.xppu, dimensions.unit), (3000, ::png::Unit::Meter));
+    let mut image = vec![0; reader.output_buffer_size()];
+    reader.next_frame(&mut image).unwrap();
+    let black = |x: usize, y: usize| image[(29 - y) * 4 + x / 8] >> (7 - x % 8) & 1 == 0;
+    let count = (0..900).filter(|at| black(at % 30, at / 30)).count();
+    // 24² − 18² + 4² pixels.
+    assert_eq!(count, 576 - 324 + 16);
+    assert!(black(3, 3) && black(26, 26) && !black(2, 3) && !black(27, 26) && black(12, 15) && !black(16, 15));
+}
+
+#[test]
+fn a_csv_begins_at_the_lower_edge() {
+    let csv = text(csv(["a\nb"], &[1, 0, 0, 0], 2));
+    assert!(
+        csv.starts_with("# a b\n#") && csv.ends_with("bare\n1,0\n0,0\n"),
+        "{csv}"
+    );
+}

@@ -1,0 +1,95 @@
+//! VTKHDF for ParaView: the deformed membrane as an unstructured grid of quadrilaterals.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use crate::store::{Data, Dataset, Grid, StoreError, write_grid};
+
+/// A deformed membrane on a square raster of elements, `[y][x]`.
+pub struct Surface<'a> {
+    /// Elements along one side.
+    pub elements: usize,
+    /// Side of the membrane in mm, without displacement.
+    pub side: f64,
+    /// Displacement in mm of the (elements + 1)² corners of elements.
+    pub displacement: &'a [[f64; 2]],
+    /// What is known of each pattern cell, a number of elements along each of its sides; first dimension: cells `[y][x]`.
+    pub cells: &'a [(&'static str, Dataset)],
+    /// Pattern cells along one side.
+    pub cells_along_side: usize,
+}
+
+/// Writes the surface with z = 0. Corners have `displacement` and `reference`, where they were without displacement, both
+/// in mm; every element has the values of its pattern cell.
+///
+/// # Errors
+/// When the folder does not exist or cannot be written in, or the library refuses (disk full).
+pub fn write_vtkhdf(
+    path: &Path,
+    surface: &Surface<'_>,
+    attributes: BTreeMap<String, String>,
+) -> Result<(), StoreError> {
+    let corners = surface.elements + 1;
+    let step = surface.side / surface.elements as f64;
+    let reference: Vec<[f64; 3]> = (0..corners * corners)
+        .map(|at| [(at % corners) as f64 * step, (at / corners) as f64 * step, 0.0])
+        .collect();
+    let displacement: Vec<[f64; 3]> = surface.displacement.iter().map(|[x, y]| [*x, *y, 0.0]).collect();
+    let vectors = |description: &str, values: &[[f64; 3]]| {
+        let values = values.iter().flatten().copied().collect();
+        Dataset::new("mm", description, &[corners * corners, 3], Data::F64(values))
+    };
+    let points = reference.iter().zip(&displacement);
+    let grid = Grid {
+        points: points.map(|(x, u)| [x[0] + u[0], x[1] + u[1], 0.0]).collect(),
+        quadrilaterals: quadrilaterals(surface.elements),
+        point_data: vec![
+            (
+                "displacement",
+                vectors("displacement from the prestretched state", &displacement),
+            ),
+            (
+                "reference",
+                vectors("position in the prestretched state, without voltage", &reference),
+            ),
+        ],
+        cell_data: surface
+            .cells
+            .iter()
+            .map(|(name, dataset)| (*name, spread(surface, dataset)))
+            .collect(),
+        attributes,
+    };
+    write_grid(path, &grid)
+}
+
+/// Corners of each element, anticlockwise.
+fn quadrilaterals(elements: usize) -> Vec<[i64; 4]> {
+    let corners = elements as i64 + 1;
+    let side = elements as i64;
+    let corner = |at: i64| at / side * corners + at % side;
+    let of = |low: i64| [low, low + 1, low + corners + 1, low + corners];
+    (0..side * side).map(|at| of(corner(at))).collect()
+}
+
+/// The rows of cells as rows of elements.
+fn spread(surface: &Surface<'_>, dataset: &Dataset) -> Dataset {
+    let (elements, cells) = (surface.elements, surface.cells_along_side);
+    let per_cell = elements / cells;
+    let width = dataset.shape.iter().skip(1).product::<usize>();
+    let cell = |at: usize| at / elements / per_cell * cells + at % elements / per_cell;
+    fn rows<T: Copy>(values: &[T], width: usize, order: impl Iterator<Item = usize>) -> Vec<T> {
+        order.flat_map(|row| &values[row * width..][..width]).copied().collect()
+    }
+    let order = (0..elements * elements).map(cell);
+    let data = match &dataset.data {
+        Data::U8(v) => Data::U8(rows(v, width, order)),
+        Data::U32(v) => Data::U32(rows(v, width, order)),
+        Data::U64(v) => Data::U64(rows(v, width, order)),
+        Data::F32(v) => Data::F32(rows(v, width, order)),
+        Data::F64(v) => Data::F64(rows(v, width, order)),
+        Data::Text(v) => Data::Text(order.map(|row| v[row].clone()).collect()),
+    };
+    let shape = [&[elements * elements], &dataset.shape[1..]].concat();
+    Dataset::new(&dataset.units, &dataset.description, &shape, data)
+}
