@@ -1,9 +1,15 @@
 //! What may stand on the command line.
 
+mod export;
+
 use std::path::PathBuf;
 use std::str::FromStr;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+
+pub use export::{
+    DesignFormat, DesignSize, ExportArguments, ExportDesignArguments, ExportModelArguments, Exported, ModelFormat,
+};
 
 use super::error::CliError;
 use crate::base::{Dimension, Override, Quantity};
@@ -353,53 +359,6 @@ pub struct PredictArguments {
 }
 
 #[derive(Debug, Args)]
-pub struct ExportArguments {
-    #[command(subcommand)]
-    pub what: Exported,
-}
-
-#[derive(Debug, Subcommand)]
-pub enum Exported {
-    /// A trained model as a safetensors or an ONNX file
-    Model(ExportModelArguments),
-}
-
-#[derive(Debug, Args)]
-pub struct ExportModelArguments {
-    /// A digest or its beginning, a stage of the last run, PIPELINE.yaml:STAGE, or a file
-    pub model: String,
-    /// Where it goes: a file, which is replaced, or a folder
-    #[arg(short, long, value_name = "FILE|DIR")]
-    pub output: PathBuf,
-    /// The format [default: by the end of the file's name]
-    #[arg(long, value_enum)]
-    pub format: Option<ModelFormat>,
-    #[command(flatten)]
-    pub store: StoreArguments,
-    /// Print one JSON document on stdout
-    #[arg(long)]
-    pub json: bool,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum ModelFormat {
-    /// Tensors, with a header that says everything needed to use them
-    Safetensors,
-    /// The whole network as a graph
-    Onnx,
-}
-
-impl ModelFormat {
-    /// How files of the format end.
-    pub fn extension(self) -> &'static str {
-        match self {
-            Self::Safetensors => "safetensors",
-            Self::Onnx => "onnx",
-        }
-    }
-}
-
-#[derive(Debug, Args)]
 pub struct AccuracyArguments {
     /// A scene, or a pipeline whose scene is meant; a YAML file
     pub scene: PathBuf,
@@ -568,6 +527,7 @@ impl Command {
             Self::Solve(a) => a.patterns.json,
             Self::Predict(a) => a.patterns.json,
             Self::Export(a) => match &a.what {
+                Exported::Design(a) => a.json,
                 Exported::Model(a) => a.json,
             },
             Self::Accuracy(a) => a.json,

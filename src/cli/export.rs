@@ -1,5 +1,6 @@
 //! `deaflow export`: writes what was made in the formats of other programs; one file for each thing that can be exported.
 
+mod design;
 mod model;
 
 use super::arguments::{ExportArguments, Exported};
@@ -8,6 +9,7 @@ use super::output::{Exit, Output};
 
 pub fn execute(arguments: &ExportArguments, output: &Output) -> Result<Exit, CliError> {
     match &arguments.what {
+        Exported::Design(arguments) => design::execute(arguments, output),
         Exported::Model(arguments) => model::execute(arguments, output),
     }
 }

@@ -102,7 +102,7 @@ pub fn check_file(path: &Path, arguments: &PatternArguments, other: &str) -> Res
 }
 
 /// The files that an argument may mean: itself, and what stands before each colon (`FILE.h5:/dataset`, `PIPELINE:STAGE`).
-fn files_named(argument: &str) -> impl Iterator<Item = PathBuf> {
+pub fn files_named(argument: &str) -> impl Iterator<Item = PathBuf> {
     let ends = argument.match_indices(':').map(|(at, _)| at).chain([argument.len()]);
     ends.map(|end| PathBuf::from(&argument[..end]))
 }

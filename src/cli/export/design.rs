@@ -1,0 +1,351 @@
+//! `deaflow export design`: a design as a mask in mm, or as a deformed membrane.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use serde_json::{Map, Value, json};
+
+use crate::cli::arguments::{DesignFormat, DesignSize, ExportDesignArguments, TOLERANCE};
+use crate::cli::error::CliError;
+use crate::cli::output::{Exit, Output};
+use crate::cli::{locate, solve, write};
+use crate::report::export::{self, Drawing, MOST_PIXELS, Shape, Surface};
+use crate::stage::designs::{self, Design, Designs, Wanted};
+use crate::stage::direct::MeshRequest;
+use crate::stage::mask::{Mask, Size};
+use crate::stage::membrane;
+use crate::store::Artifact;
+
+/// Pixels per mm of an image unless said otherwise: one of 50 mm then has 20 for each of its cells.
+const PIXELS_PER_MM: f64 = 20.0;
+
+pub fn execute(arguments: &ExportDesignArguments, output: &Output) -> Result<Exit, CliError> {
+    let format = format(arguments)?;
+    check_options(arguments, format)?;
+    let design = design(arguments)?;
+    let path = path(arguments, &design, format);
+    check_inputs(arguments, &path)?;
+    let written = if format == DesignFormat::Vtkhdf {
+        write_membrane(arguments, &design, &path)?
+    } else {
+        write_mask(arguments, &design, format, &path)?
+    };
+    if output.is_json() {
+        let mut document = Map::new();
+        document.insert("file".to_owned(), json!(path));
+        document.insert("format".to_owned(), json!(format.name()));
+        document.insert("title".to_owned(), json!(design.title));
+        document.insert("design".to_owned(), labelled(&design));
+        document.extend(written.facts);
+        output.document(&document)?;
+    } else {
+        let lines: Vec<String> = written.lines.iter().map(|line| format!("\n{line}")).collect();
+        output.text(&format!("{}: {}{}", path.display(), design.title, lines.concat()))?;
+    }
+    Ok(Exit::Done)
+}
+
+/// What is said of a file that has been written.
+struct Written {
+    lines: Vec<String>,
+    facts: Map<String, Value>,
+}
+
+fn labelled(design: &Design) -> Value {
+    design.label.as_ref().map_or(Value::Null, |label| {
+        json!({
+            "case": label.case,
+            "name": label.name,
+            "role": label.role,
+            "member": label.member,
+            "units": label.units,
+        })
+    })
+}
+
+/// The format that is asked for: by name, or by the end of the file's name.
+fn format(arguments: &ExportDesignArguments) -> Result<DesignFormat, CliError> {
+    let extension = arguments
+        .output
+        .extension()
+        .and_then(|e| e.to_str())
+        .unwrap_or_default();
+    let named = DesignFormat::ALL
+        .into_iter()
+        .find(|f| f.extensions().contains(&extension));
+    match (arguments.format, named) {
+        (Some(format), Some(other)) if format != other => Err(CliError::bad_input(format!(
+            "--format {} cannot stand beside a file called .{extension}",
+            format.name()
+        ))),
+        (Some(format), _) | (None, Some(format)) => Ok(format),
+        (None, None) => Err(CliError::bad_input("the format of the design is not said")
+            .help("give --format svg, dxf, gerber, png, csv or vtkhdf, or a file that ends so")),
+    }
+}
+
+/// An option that a format has no use for is a misunderstanding.
+fn check_options(arguments: &ExportDesignArguments, format: DesignFormat) -> Result<(), CliError> {
+    use DesignFormat::{Csv, Png, Vtkhdf};
+    let mesh = arguments.elements_per_cell.is_some() || arguments.order.is_some();
+    let unused = match format {
+        Vtkhdf if arguments.size.is_some() => "--size",
+        Vtkhdf | Csv if arguments.smooth => "--smooth",
+        other if other != Png && arguments.pixels_per_mm.is_some() => "--pixels-per-mm",
+        other if other != Vtkhdf && mesh => "a mesh",
+        _ => return Ok(()),
+    };
+    let why = match format {
+        Csv => "a file of cells has no outline and no pixels",
+        Vtkhdf => "the deformed membrane is simulated at the size of the scene",
+        _ => "pixels are for png, a mesh for vtkhdf",
+    };
+    Err(CliError::bad_input(format!("{unused} cannot stand beside --format {}", format.name())).help(why))
+}
+
+fn design(arguments: &ExportDesignArguments) -> Result<Design, CliError> {
+    let source = arguments.source.as_str();
+    if let Some(scene) = &arguments.scene {
+        return Ok(designs::of_file(source, scene)?);
+    }
+    let extension = Path::new(source)
+        .extension()
+        .and_then(|e| e.to_str())
+        .unwrap_or_default();
+    let dataset = [".h5:/", ".hdf5:/"].into_iter().any(|mark| source.contains(mark));
+    let artifact = match extension {
+        "h5" if Path::new(source).is_file() => Artifact::open(Path::new(source))?,
+        extension if dataset || ["npy", "csv", "png"].contains(&extension) => {
+            return Err(
+                CliError::bad_input(format!("{source} does not say how large the membrane is"))
+                    .help("give the scene: --scene SCENE.yaml"),
+            );
+        }
+        _ => locate::artifact(&locate::existing_store(&arguments.store.folder())?, source)?,
+    };
+    let wanted = Wanted {
+        name: arguments.design.as_deref(),
+        case: arguments.case.as_deref(),
+        role: arguments.role.as_deref(),
+        member: arguments.member,
+        units: arguments.units,
+    };
+    let designs = Designs::read(&artifact)?.ok_or_else(|| {
+        CliError::bad_input(format!("artifact {} holds no designs", artifact.digest().short()))
+            .help("name a stage of kind design or verify; a pattern takes --scene")
+    })?;
+    Ok(designs.choose(&wanted)?)
+}
+
+/// The file to write: in a folder, one called after the design.
+fn path(arguments: &ExportDesignArguments, design: &Design, format: DesignFormat) -> PathBuf {
+    if !arguments.output.is_dir() {
+        return arguments.output.clone();
+    }
+    let name = match &design.label {
+        Some(label) => format!("{}-{}-{}", label.name, label.role, label.member),
+        None => design.title.clone(),
+    };
+    let fit = |c: char| {
+        if c.is_alphanumeric() || matches!(c, '-' | '_') {
+            c
+        } else {
+            '_'
+        }
+    };
+    let name: String = name.chars().map(fit).collect();
+    arguments.output.join(format!("{name}.{}", format.extensions()[0]))
+}
+
+fn check_inputs(arguments: &ExportDesignArguments, path: &Path) -> Result<(), CliError> {
+    let scene = arguments.scene.iter().map(|scene| scene.display().to_string());
+    let mut inputs = std::iter::once(arguments.source.clone()).chain(scene);
+    if inputs.any(|input| solve::files_named(&input).any(|file| solve::is_same_file(&file, path))) {
+        return Err(
+            CliError::bad_input(format!("{} is read here: writing it would lose it", path.display()))
+                .help("-o must name another file"),
+        );
+    }
+    Ok(())
+}
+
+fn write_mask(
+    arguments: &ExportDesignArguments,
+    design: &Design,
+    format: DesignFormat,
+    path: &Path,
+) -> Result<Written, CliError> {
+    let size = match arguments.size {
+        Some(DesignSize::Undeformed) => Size::Undeformed,
+        Some(DesignSize::Prestretched) | None => Size::Prestretched,
+    };
+    let mask = Mask::new(design, size, arguments.smooth);
+    let mut facts = facts(&mask);
+    let mut notes = notes(&mask);
+    if format == DesignFormat::Png {
+        let pixels = pixels(arguments, &mask)?;
+        let per_mm = pixels as f64 / mask.side;
+        notes.push(format!("black = electrode; {} pixels per mm", shown(per_mm)));
+        facts.insert("pixels".to_owned(), json!(pixels));
+        facts.insert("pixels_per_mm".to_owned(), json!(per_mm));
+    }
+    notes.push(format!(
+        "from {}, by deaflow {}",
+        design.source,
+        env!("CARGO_PKG_VERSION")
+    ));
+    let drawing = Drawing {
+        title: format!("electrode {}", design.title),
+        notes,
+        side: mask.side,
+        shapes: mask
+            .islands
+            .iter()
+            .map(|(outer, holes)| Shape {
+                outer: outer.clone(),
+                holes: holes.clone(),
+            })
+            .collect(),
+    };
+    let bytes = match format {
+        DesignFormat::Svg => export::svg(&drawing),
+        DesignFormat::Dxf => export::dxf(&drawing),
+        DesignFormat::Gerber => export::gerber(&drawing),
+        DesignFormat::Png => export::png(&drawing, pixels(arguments, &mask)?)
+            .map_err(|e| CliError::failure(format!("cannot write {}: {e}", path.display())))?,
+        DesignFormat::Csv | DesignFormat::Vtkhdf => {
+            let (cells, columns) = design.cells();
+            export::csv(drawing.lines(), cells, columns)
+        }
+    };
+    write::file(path, &bytes)?;
+    facts.insert("bytes".to_owned(), json!(bytes.len()));
+    Ok(Written {
+        lines: drawing.notes[..drawing.notes.len() - 1].to_vec(),
+        facts,
+    })
+}
+
+/// Pixels along a side: a whole number for each cell, so that the edges of cells are the edges of pixels.
+fn pixels(arguments: &ExportDesignArguments, mask: &Mask) -> Result<usize, CliError> {
+    let cells = Mask::cells_along_side();
+    let per_mm = arguments.pixels_per_mm.unwrap_or(PIXELS_PER_MM);
+    let per_cell = (per_mm * mask.side / cells as f64).round().max(1.0);
+    if per_cell * cells as f64 > MOST_PIXELS as f64 {
+        let most = MOST_PIXELS as f64 / mask.side;
+        return Err(CliError::bad_input(format!(
+            "an image of {} mm at {per_mm} pixels per mm has more than {MOST_PIXELS} pixels along a side",
+            shown(mask.side)
+        ))
+        .help(format!("at most {most:.0} pixels per mm")));
+    }
+    Ok(per_cell as usize * cells)
+}
+
+fn notes(mask: &Mask) -> Vec<String> {
+    let state = match mask.size {
+        Size::Prestretched => format!(
+            "size: prestretched, as on the frame; undeformed it is smaller by the prestretch, {}",
+            shown(mask.prestretch)
+        ),
+        Size::Undeformed => format!(
+            "size: undeformed, before stretching; on the frame it is larger by the prestretch, {}",
+            shown(mask.prestretch)
+        ),
+    };
+    let mut notes = vec![
+        state,
+        format!(
+            "side of the membrane {} mm, scale {} of the prestretched size; lengths in mm, origin at the lower left",
+            shown(mask.side),
+            shown(mask.scale)
+        ),
+        format!(
+            "area of the electrode {} mm^2, {} of that of the membrane; islands {}, holes {}",
+            shown(mask.electrode_area),
+            shown(mask.area_fraction),
+            mask.islands.len(),
+            mask.holes()
+        ),
+    ];
+    if mask.rounded {
+        notes.push(format!(
+            "outline rounded: it holds {} mm^2, {:+.4} mm^2 against the cells",
+            shown(mask.outline_area),
+            mask.outline_area - mask.electrode_area
+        ));
+    }
+    notes
+}
+
+fn facts(mask: &Mask) -> Map<String, Value> {
+    let facts = [
+        ("size", json!(mask.size.name())),
+        ("side_mm", json!(mask.side)),
+        ("scale", json!(mask.scale)),
+        ("prestretch", json!(mask.prestretch)),
+        ("area_mm2", json!(mask.electrode_area)),
+        ("area_fraction", json!(mask.area_fraction)),
+        ("outline", json!(if mask.rounded { "rounded" } else { "square" })),
+        ("outline_area_mm2", json!(mask.outline_area)),
+        ("islands", json!(mask.islands.len())),
+        ("holes", json!(mask.holes())),
+    ];
+    facts
+        .map(|(name, value)| (name.to_owned(), value))
+        .into_iter()
+        .collect()
+}
+
+/// A number with up to six decimals.
+fn shown(value: f64) -> String {
+    let text = format!("{value:.6}");
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
+fn write_membrane(arguments: &ExportDesignArguments, design: &Design, path: &Path) -> Result<Written, CliError> {
+    let mesh = MeshRequest::Fixed {
+        elements_per_cell: arguments.elements_per_cell.unwrap_or(2),
+        order: arguments.order.unwrap_or(2),
+    };
+    let membrane = membrane::simulate(design, mesh, TOLERANCE)?;
+    let surface = Surface {
+        elements: membrane.elements,
+        side: membrane.side,
+        displacement: &membrane.displacement,
+        cells: &membrane.cells,
+        cells_along_side: Mask::cells_along_side(),
+    };
+    let attributes = BTreeMap::from(
+        [
+            ("title", design.title.clone()),
+            ("source", design.source.clone()),
+            ("scene", membrane.scene.clone()),
+            ("warnings", membrane.warnings.join("\n")),
+            ("version", format!("deaflow {}", env!("CARGO_PKG_VERSION"))),
+            ("units", "mm, Pa, V/m".to_owned()),
+        ]
+        .map(|(name, value)| (name.to_owned(), value)),
+    );
+    export::write_vtkhdf(path, &surface, attributes)?;
+    let mut lines = vec![format!(
+        "deformed membrane of side {} mm, {} elements; largest displacement {:.4} mm",
+        shown(membrane.side),
+        membrane.elements * membrane.elements,
+        membrane.largest
+    )];
+    lines.extend(membrane.warnings.iter().map(|warning| format!("warning: {warning}")));
+    let facts = [
+        ("side_mm", json!(membrane.side)),
+        ("elements", json!(membrane.elements * membrane.elements)),
+        ("max_displacement_mm", json!(membrane.largest)),
+        ("warnings", json!(membrane.warnings)),
+    ];
+    Ok(Written {
+        lines,
+        facts: facts
+            .map(|(name, value)| (name.to_owned(), value))
+            .into_iter()
+            .collect(),
+    })
+}

@@ -1,0 +1,120 @@
+//! The electrode of a design as polygons in mm, at the size at which it is to be made.
+
+use super::designs::Design;
+use crate::pattern::{CELLS, Corners, outlines, total_area};
+
+/// A point in mm, the origin at the lower left corner of the membrane.
+pub type Point = [f64; 2];
+
+/// The state of the membrane that the electrode is laid on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Size {
+    /// Before the membrane is stretched.
+    Undeformed,
+    /// On the frame, without voltage.
+    Prestretched,
+}
+
+impl Size {
+    /// The word for it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Undeformed => "undeformed",
+            Self::Prestretched => "prestretched",
+        }
+    }
+}
+
+/// A mask.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mask {
+    /// The state that it is for.
+    pub size: Size,
+    /// Side of the membrane in that state, mm.
+    pub side: f64,
+    /// That side over the side of the prestretched membrane.
+    pub scale: f64,
+    /// Prestretch.
+    pub prestretch: f64,
+    /// Area of the active cells, mm².
+    pub electrode_area: f64,
+    /// The same over the area of the membrane.
+    pub area_fraction: f64,
+    /// Area within the outline, mm².
+    pub outline_area: f64,
+    /// Whether the outline is rounded.
+    pub rounded: bool,
+    /// Outer ring and holes of each island, largest first; outer rings run anticlockwise, holes clockwise.
+    pub islands: Vec<(Vec<Point>, Vec<Vec<Point>>)>,
+}
+
+impl Mask {
+    /// The mask of a design.
+    #[must_use]
+    pub fn new(design: &Design, size: Size, rounded: bool) -> Self {
+        let prestretch = design.scene.prestretch();
+        let scale = match size {
+            Size::Prestretched => 1.0,
+            Size::Undeformed => prestretch.recip(),
+        };
+        let side = design.scene.side_mm() * scale;
+        let cell = side / CELLS as f64;
+        let corners = if rounded { Corners::Rounded } else { Corners::Square };
+        let islands = outlines(&design.pattern, corners);
+        let ring = |ring: &Vec<Point>| -> Vec<Point> { ring.iter().map(|p| p.map(|v| v * cell)).collect() };
+        Self {
+            size,
+            side,
+            scale,
+            prestretch,
+            electrode_area: design.pattern.active_cells() as f64 * cell * cell,
+            area_fraction: design.pattern.area_fraction(),
+            outline_area: total_area(&islands) * cell * cell,
+            rounded,
+            islands: islands
+                .iter()
+                .map(|island| (ring(&island.outer), island.holes.iter().map(ring).collect()))
+                .collect(),
+        }
+    }
+
+    /// Cells along a side.
+    #[must_use]
+    pub fn cells_along_side() -> usize {
+        CELLS
+    }
+
+    /// Holes of all islands.
+    #[must_use]
+    pub fn holes(&self) -> usize {
+        self.islands.iter().map(|(_, holes)| holes.len()).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pattern::Pattern;
+    use crate::scene::Scene;
+
+    #[test]
+    fn the_undeformed_mask_is_smaller_by_the_prestretch() {
+        let design = Design {
+            label: None,
+            title: String::new(),
+            source: String::new(),
+            pattern: Pattern::from_fn(|x, y| x < 10 && y < 20),
+            scene: Scene::vhb4910(),
+        };
+        let mask = Mask::new(&design, Size::Prestretched, false);
+        assert_eq!(
+            (mask.side, mask.electrode_area, mask.outline_area),
+            (50.0, 200.0, 200.0)
+        );
+        assert_eq!(mask.islands[0].0, [[0.0, 0.0], [10.0, 0.0], [10.0, 20.0], [0.0, 20.0]]);
+        let small = Mask::new(&design, Size::Undeformed, false);
+        assert!((small.side - 50.0 / 3.0).abs() < 1e-12 && (small.outline_area - 200.0 / 9.0).abs() < 1e-12);
+        assert!((small.islands[0].0[2][1] - 20.0 / 3.0).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,133 @@
+//! The deformed membrane of a design, with what an engineer asks of it, for programs that draw in three dimensions.
+
+use super::designs::Design;
+use super::direct::DirectError;
+use super::method::Method;
+use super::screening::Screened;
+use super::solver::{MeshRequest, Solver, explained};
+use crate::fem::{CellState, MembraneSolver, Mesh, SetupError};
+use crate::pattern::CELLS;
+use crate::store::{Data, Dataset};
+
+/// A membrane in equilibrium at the voltage of its scene.
+pub struct Membrane {
+    /// Elements along one side.
+    pub elements: usize,
+    /// Side of the membrane in mm.
+    pub side: f64,
+    /// Displacement in mm of the (elements + 1)² corners of elements, `[y][x]`.
+    pub displacement: Vec<[f64; 2]>,
+    /// The largest of them in mm.
+    pub largest: f64,
+    /// Means over each cell, `[y][x]`, by name.
+    pub cells: Vec<(&'static str, Dataset)>,
+    /// The scene as it was simulated.
+    pub scene: String,
+    /// Effects that are called for and were not simulated, a line for each.
+    pub warnings: Vec<String>,
+}
+
+/// Simulates a design on a mesh by Newton's method to a relative residual.
+///
+/// # Errors
+/// When the solver cannot be set up, or the membrane has no stable state at this voltage.
+pub fn simulate(design: &Design, mesh: MeshRequest, tolerance: f64) -> Result<Membrane, DirectError> {
+    let failed = |e: SetupError| DirectError::Failed(explained(&e));
+    let screened = Screened::new(&design.scene).map_err(failed)?;
+    let Solver::Fixed(solver, _) = Solver::new(&screened.scene, Method::Newton, mesh, tolerance).map_err(failed)?
+    else {
+        return Err(DirectError::Failed("a membrane is drawn on one mesh".to_owned()));
+    };
+    let solution = solver.solve(&design.pattern);
+    if !solution.outcome.is_converged() {
+        let outcome = &solution.outcome;
+        return Err(DirectError::Failed(format!(
+            "there is no stable solution to draw: {outcome}"
+        )));
+    }
+    let displacement = corners(&solver, &solution.displacement);
+    let largest = displacement.iter().map(|[x, y]| x.hypot(*y)).fold(0.0, f64::max);
+    let states = solver.cell_states(&design.pattern, &solution);
+    Ok(Membrane {
+        elements: solver.mesh().elements(),
+        side: screened.scene.side_mm(),
+        displacement,
+        largest,
+        cells: cells(design, &states, screened.scene.thickness_mm()),
+        scene: screened.scene.to_text(),
+        warnings: screened.warnings,
+    })
+}
+
+/// Nodal values at the corners of elements, in mm.
+fn corners(solver: &MembraneSolver, nodal: &[f64]) -> Vec<[f64; 2]> {
+    let mesh: Mesh = solver.mesh();
+    let (side, degree) = (solver.element_side_mm(), mesh.order().degree());
+    let row = mesh.elements() + 1;
+    let at = |corner: usize, c: usize| mesh.index(c, corner % row * degree, corner / row * degree);
+    (0..row * row)
+        .map(|corner| [0, 1].map(|c| side * nodal[at(corner, c)]))
+        .collect()
+}
+
+fn cells(design: &Design, states: &[CellState], thickness: f64) -> Vec<(&'static str, Dataset)> {
+    let real = |units: &str, description: &str, width: usize, value: &dyn Fn(&CellState) -> Vec<f64>| {
+        let values = states.iter().flat_map(value).collect();
+        let shape: &[usize] = if width == 1 {
+            &[states.len()]
+        } else {
+            &[states.len(), width]
+        };
+        Dataset::new(units, description, shape, Data::F64(values))
+    };
+    // Plane stress: the third row and column are zero.
+    let piola = |state: &CellState| {
+        let p = state.piola;
+        vec![p[0][0], p[0][1], 0.0, p[1][0], p[1][1], 0.0, 0.0, 0.0, 0.0]
+    };
+    let current = |state: &CellState| thickness / (state.stretches[0] * state.stretches[1]);
+    let tension = states.iter().map(|state| state.tension.code()).collect();
+    let active = Data::U8(design.pattern.cells().to_vec());
+    vec![
+        (
+            "active",
+            Dataset::new("1", "1 = electrode, 0 = bare", &[CELLS * CELLS], active),
+        ),
+        (
+            "first_piola_stress",
+            real(
+                "Pa",
+                "first Piola-Kirchhoff stress, component by material direction, 3 x 3",
+                9,
+                &piola,
+            ),
+        ),
+        (
+            "principal_stresses",
+            real("Pa", "in-plane principal Cauchy stresses, larger first", 2, &|s| {
+                s.stresses.to_vec()
+            }),
+        ),
+        (
+            "stretches",
+            real(
+                "1",
+                "in-plane principal stretches from the undeformed state, larger first",
+                2,
+                &|s| s.stretches.to_vec(),
+            ),
+        ),
+        (
+            "electric_field",
+            real("V/m", "true electric field", 1, &|s| vec![s.electric_field]),
+        ),
+        (
+            "thickness",
+            real("mm", "thickness under voltage", 1, &|s| vec![current(s)]),
+        ),
+        (
+            "tension",
+            Dataset::new("1", "0 taut, 1 wrinkled, 2 slack", &[states.len()], Data::U8(tension)),
+        ),
+    ]
+}
