@@ -1,6 +1,6 @@
 # Two commands set up everything on a fresh Debian with Rust: `make demo` and `make test`.
 # The recipes install what is missing (libhdf5, pkg-config, h5py and jsonschema for tests), as root or through sudo,
-# and onnxruntime from PyPI, which tests can do without.
+# and onnxruntime, ezdxf, gerbonara and pyvista from PyPI (some 900 MB under target/), which tests can do without.
 
 SHELL := /bin/bash
 STORE ?= store

@@ -9,6 +9,7 @@ mod damage;
 mod dataset;
 mod design;
 mod evaluate;
+mod export;
 mod full_disk;
 mod golden;
 mod h5py;
