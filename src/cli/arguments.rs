@@ -56,6 +56,8 @@ pub enum Command {
     Predict(PredictArguments),
     /// Write what was made in the formats of other programs
     Export(ExportArguments),
+    /// Write a report of a pipeline: one page with every design, and the designs as files
+    Report(ReportArguments),
     /// Measure what accuracy costs in a scene: error and time of methods and meshes
     Accuracy(AccuracyArguments),
     /// Check a dataset: provenance, values, symmetries, leaks, and every label against a simulation
@@ -359,6 +361,86 @@ pub struct PredictArguments {
 }
 
 #[derive(Debug, Args)]
+pub struct ExportArguments {
+    #[command(subcommand)]
+    pub what: Exported,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum Exported {
+    /// A trained model as a safetensors or an ONNX file
+    Model(ExportModelArguments),
+}
+
+#[derive(Debug, Args)]
+pub struct ExportModelArguments {
+    /// A digest or its beginning, a stage of the last run, PIPELINE.yaml:STAGE, or a file
+    pub model: String,
+    /// Where it goes: a file, which is replaced, or a folder
+    #[arg(short, long, value_name = "FILE|DIR")]
+    pub output: PathBuf,
+    /// The format [default: by the end of the file's name]
+    #[arg(long, value_enum)]
+    pub format: Option<ModelFormat>,
+    #[command(flatten)]
+    pub store: StoreArguments,
+    /// Print one JSON document on stdout
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ModelFormat {
+    /// Tensors, with a header that says everything needed to use them
+    Safetensors,
+    /// The whole network as a graph
+    Onnx,
+}
+
+impl ModelFormat {
+    /// How files of the format end.
+    pub fn extension(self) -> &'static str {
+        match self {
+            Self::Safetensors => "safetensors",
+            Self::Onnx => "onnx",
+        }
+    }
+}
+
+#[derive(Debug, Args)]
+pub struct ReportArguments {
+    /// The pipeline, a YAML file
+    pub pipeline: PathBuf,
+    /// Folder for index.html, data/designs.csv and data/patterns/*.csv
+    #[arg(short, long, value_name = "DIR")]
+    pub output: PathBuf,
+    #[command(flatten)]
+    pub store: StoreArguments,
+    /// Report this stage and what it needs [default: all stages]
+    #[arg(long, value_name = "STAGE")]
+    pub until: Option<String>,
+    /// Change a value, as for `run`
+    #[arg(long = "set", value_name = "PATH=VALUE")]
+    pub sets: Vec<String>,
+    /// Report what is there, and say on the page what is not built
+    #[arg(long)]
+    pub partial: bool,
+    /// Print one JSON document on stdout
+    #[arg(long)]
+    pub json: bool,
+}
+
+impl ReportArguments {
+    /// The `--set` arguments, in order.
+    ///
+    /// # Errors
+    /// When one cannot be read.
+    pub fn overrides(&self) -> Result<Vec<Override>, CliError> {
+        overrides(&self.sets)
+    }
+}
+
+#[derive(Debug, Args)]
 pub struct AccuracyArguments {
     /// A scene, or a pipeline whose scene is meant; a YAML file
     pub scene: PathBuf,
@@ -530,6 +612,7 @@ impl Command {
                 Exported::Design(a) => a.json,
                 Exported::Model(a) => a.json,
             },
+            Self::Report(a) => a.json,
             Self::Accuracy(a) => a.json,
             Self::Audit(a) => a.json,
         }
@@ -554,6 +637,7 @@ impl Command {
             | Self::Pin(_)
             | Self::Unpin(_)
             | Self::Export(_)
+            | Self::Report(_)
             | Self::Screen(_) => None,
         }
     }

@@ -18,6 +18,7 @@ mod pin;
 mod plan;
 mod predict;
 mod progress;
+mod report;
 mod run;
 mod schema;
 mod screen;
@@ -74,6 +75,7 @@ fn dispatch(command: &Command, output: &Output) -> Result<Exit, CliError> {
         Command::Solve(arguments) => solve::execute(arguments, output),
         Command::Predict(arguments) => predict::execute(arguments, output),
         Command::Export(arguments) => export::execute(arguments, output),
+        Command::Report(arguments) => report::execute(arguments, output),
         Command::Accuracy(arguments) => accuracy::execute(arguments, output),
         Command::Audit(arguments) => audit::execute(arguments, output),
     }

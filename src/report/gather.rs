@@ -42,6 +42,14 @@ pub enum ReportError {
         /// What is wrong.
         reason: String,
     },
+    /// A file of a report cannot be written.
+    #[error("cannot write {path}: {source}", path = path.display())]
+    Write {
+        /// Which.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
     /// The drawing failed.
     #[error("stage `{stage}`: {source}")]
     Figure {
@@ -188,7 +196,7 @@ impl Source<'_> {
     }
 
     /// Side of the membrane in mm.
-    fn side(&self) -> Result<f64, ReportError> {
+    pub(super) fn side(&self) -> Result<f64, ReportError> {
         let scene = self.attribute("scene")?;
         let side = scene.root.peek("geometry").and_then(|geometry| geometry.peek("side"));
         let side = side.ok_or_else(|| self.wrong("its scene has no `geometry.side`"))?;
@@ -223,22 +231,30 @@ impl Source<'_> {
 
 /// Where no sample has a field there is nothing to draw; the run says so.
 fn deformation(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
-    let names = source.artifact.texts("family")?.1;
-    let mut families: BTreeMap<String, Vec<f64>> = BTreeMap::new();
-    for (family, peak) in names.into_iter().zip(source.reals("max_displacement")?) {
-        families.entry(family).or_default().push(peak);
-    }
-    let families: Vec<FamilyDeformation> = families
-        .into_iter()
-        .map(|(family, peaks)| FamilyDeformation { family, peaks })
-        .collect();
+    let families = families(source)?;
     if families.is_empty() {
         return Ok(());
     }
     source.drawn(draw_deformation(path, &families))
 }
 
+/// The largest displacements of the samples of a solve stage, by family.
+pub(super) fn families(source: &Source<'_>) -> Result<Vec<FamilyDeformation>, ReportError> {
+    let names = source.artifact.texts("family")?.1;
+    let mut families: BTreeMap<String, Vec<f64>> = BTreeMap::new();
+    for (family, peak) in names.into_iter().zip(source.reals("max_displacement")?) {
+        families.entry(family).or_default().push(peak);
+    }
+    let family = |(family, peaks)| FamilyDeformation { family, peaks };
+    Ok(families.into_iter().map(family).collect())
+}
+
 fn histogram(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
+    source.drawn(draw_histogram(path, &counts_by_bin(source)?))
+}
+
+/// The histograms of a balance stage.
+pub(super) fn counts_by_bin(source: &Source<'_>) -> Result<Histogram, ReportError> {
     let after = source.counts("histogram/after")?;
     // Rows that are no images are samples as they were drawn.
     let mut levelled = vec![0; after.len()];
@@ -252,25 +268,28 @@ fn histogram(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
         let count = usize::try_from(bin).ok().and_then(|bin| levelled.get_mut(bin));
         *count.ok_or_else(|| source.wrong(format!("it has no bin {bin}")))? += 1;
     }
-    let data = Histogram {
+    Ok(Histogram {
         edges: source.reals("histogram/edges")?,
         before: source.counts("histogram/before")?,
         augmented: source.counts("histogram/augmented")?,
         levelled,
         after,
-    };
-    source.drawn(draw_histogram(path, &data))
+    })
 }
 
 fn training(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
-    let data = Training {
+    source.drawn(draw_training(path, &curves(source)?))
+}
+
+/// The curves of a train stage.
+pub(super) fn curves(source: &Source<'_>) -> Result<Training, ReportError> {
+    Ok(Training {
         train_loss: source.reals("curves/train_loss")?,
         validation_loss: source.reals("curves/validation_loss")?,
         validation_rmse: source.reals("curves/validation_rmse")?,
         learning_rate: source.reals("curves/learning_rate")?,
         kept: source.counts("best_epoch")?.first().copied().unwrap_or_default(),
-    };
-    source.drawn(draw_training(path, &data))
+    })
 }
 
 /// How a search went, where the stage has one alone; a page tells of all.
@@ -387,8 +406,21 @@ fn best_of_targets(summary: &super::Summary, rows: &[(usize, usize)]) -> Vec<(us
     best
 }
 
-/// Times are no content: they stand in the provenance, by method and family.
 fn accuracy(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
+    let costs = costs(source)?;
+    // Patterns that do not move have no error to draw.
+    if costs
+        .iter()
+        .flat_map(|family| &family.costs)
+        .all(|cost| cost.error == 0.0)
+    {
+        return Ok(());
+    }
+    source.drawn(draw_accuracy(path, &costs))
+}
+
+/// Error and time of the methods of an accuracy stage, by family. Times are no content: they stand in the provenance.
+pub(super) fn costs(source: &Source<'_>) -> Result<Vec<FamilyCosts>, ReportError> {
     let (methods, families) = (
         source.artifact.texts("methods")?.1,
         source.artifact.texts("families")?.1,
@@ -413,16 +445,7 @@ fn accuracy(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
             .filter_map(|method| cost(method, f))
             .collect(),
     };
-    let costs: Vec<FamilyCosts> = families.iter().enumerate().map(of_family).collect();
-    // Patterns that do not move have no error to draw.
-    if costs
-        .iter()
-        .flat_map(|family| &family.costs)
-        .all(|cost| cost.error == 0.0)
-    {
-        return Ok(());
-    }
-    source.drawn(draw_accuracy(path, &costs))
+    Ok(families.iter().enumerate().map(of_family).collect())
 }
 
 /// An audit that ended before it looked at rows has nothing to draw.
@@ -434,6 +457,11 @@ fn audit(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
 }
 
 fn evaluation(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
+    source.drawn(draw_evaluation(path, &evaluated(source)?))
+}
+
+/// The errors of an evaluate stage by family, and the peaks of its patterns.
+pub(super) fn evaluated(source: &Source<'_>) -> Result<Evaluated, ReportError> {
     let found = super::evaluation::read(source)?;
     let simulated = source.reals("pattern/simulated_max")?;
     let predicted = source.reals("pattern/predicted_max")?;
@@ -452,9 +480,8 @@ fn evaluation(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
             peak_r2: predictor.max_displacement_r2.last().copied().unwrap_or_default(),
         }
     };
-    let data = Evaluated {
+    Ok(Evaluated {
         predictors: found.predictors.iter().enumerate().map(predictor).collect(),
         families: found.families,
-    };
-    source.drawn(draw_evaluation(path, &data))
+    })
 }

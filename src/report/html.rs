@@ -5,13 +5,33 @@ use std::fmt::Write;
 /// A page.
 pub struct Page {
     title: String,
+    lead: String,
+    head: String,
+    contents: Vec<Entry>,
     body: String,
 }
 
-const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:1100px;margin:2em auto;padding:0 1em;color:#1e1e1e}\
-table{border-collapse:collapse;width:100%}th,td{text-align:left;vertical-align:top;padding:.3em .8em .3em 0;\
-border-bottom:1px solid #e1e1e1}img{max-width:100%}figure{margin:1.5em 0}.error{color:#b03000;font-weight:bold}\
-.warning{color:#8a5a00;font-weight:bold}";
+/// A line of the list of contents.
+struct Entry {
+    id: String,
+    title: String,
+    within: bool,
+}
+
+/// How the cells of a column stand.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Column {
+    /// Words.
+    Text,
+    /// Words that are not broken into lines.
+    Key,
+    /// Words that need room.
+    Wide,
+    /// Numbers, flush right.
+    Number,
+}
+
+const STYLE: &str = include_str!("html/style.css");
 
 impl Page {
     /// An empty page.
@@ -19,8 +39,60 @@ impl Page {
     pub fn new(title: &str) -> Self {
         Self {
             title: escaped(title),
+            lead: String::new(),
+            head: String::new(),
+            contents: Vec::new(),
             body: String::new(),
         }
+    }
+
+    /// Says under the title what the page is about.
+    pub fn lead(&mut self, text: &str) {
+        self.lead = format!("<p class=\"lead\">{}</p>\n", escaped(text));
+    }
+
+    /// Puts numbers with what they are at the top.
+    pub fn tiles(&mut self, tiles: &[(String, String)]) {
+        let tile = |(number, what): &(String, String)| {
+            format!("<li><b>{}</b><span>{}</span></li>\n", escaped(number), escaped(what))
+        };
+        self.head += &format!(
+            "<ul class=\"tiles\">\n{}</ul>\n",
+            tiles.iter().map(tile).collect::<String>()
+        );
+    }
+
+    /// Puts something that nobody should overlook at the top.
+    pub fn notice(&mut self, lines: &[String]) {
+        let lines: String = lines.iter().map(|line| format!("<p>{}</p>", escaped(line))).collect();
+        self.head += &format!("<div class=\"box\" role=\"note\">{lines}</div>\n");
+    }
+
+    /// Begins a section, which the list of contents names.
+    pub fn section(&mut self, title: &str) {
+        let id = self.entry(title, false);
+        self.put(&format!("<h2 id=\"{id}\">{}</h2>\n", escaped(title)));
+    }
+
+    /// Begins a part of a section, which the list of contents names.
+    pub fn part(&mut self, title: &str) {
+        let id = self.entry(title, true);
+        self.put(&format!("<h3 id=\"{id}\">{}</h3>\n", escaped(title)));
+    }
+
+    /// The title of something smaller, which the list of contents does not name.
+    pub fn title(&mut self, title: &str) {
+        self.put(&format!("<h4>{}</h4>\n", escaped(title)));
+    }
+
+    fn entry(&mut self, title: &str, within: bool) -> String {
+        let id = format!("s{}", self.contents.len() + 1);
+        self.contents.push(Entry {
+            id: id.clone(),
+            title: escaped(title),
+            within,
+        });
+        id
     }
 
     /// Adds a paragraph for each line.
@@ -30,22 +102,55 @@ impl Page {
         }
     }
 
+    /// Adds a remark.
+    pub fn note(&mut self, text: &str) {
+        self.put(&format!("<p class=\"note\">{}</p>\n", escaped(text)));
+    }
+
     /// Adds a table. Cells of the first column give their rows' class.
     pub fn table(&mut self, header: &[&str], rows: &[Vec<String>]) {
-        let cells = |tag: &str, cells: &mut dyn Iterator<Item = String>| -> String {
-            cells.map(|cell| format!("<{tag}>{cell}</{tag}>")).collect()
+        let columns: Vec<(&str, Column)> = header.iter().map(|title| (*title, Column::Text)).collect();
+        self.columns("Table", &columns, rows);
+    }
+
+    /// Adds a table, which scrolls within its own box where it is wider than the page.
+    pub fn columns(&mut self, what: &str, columns: &[(&str, Column)], rows: &[Vec<String>]) {
+        let class = |k: usize| match columns.get(k).map(|c| c.1) {
+            Some(Column::Number) => " class=\"number\"",
+            Some(Column::Key) => " class=\"key\"",
+            Some(Column::Wide) => " class=\"wide\"",
+            Some(Column::Text) | None => "",
         };
-        let head = cells("th", &mut header.iter().map(|title| escaped(title)));
-        self.put(&format!("<table>\n<tr>{head}</tr>\n"));
-        for row in rows {
-            let class = row.first().map_or_else(String::new, |word| escaped(word));
-            let marked = row.iter().enumerate().map(|(k, cell)| match k {
-                0 => format!("<span class=\"{class}\">{}</span>", escaped(cell)),
-                _ => escaped(cell),
-            });
-            self.put(&format!("<tr>{}</tr>\n", cells("td", &mut { marked })));
-        }
-        self.put("</table>\n");
+        let head = columns.iter().enumerate();
+        let head: String = head
+            .map(|(k, (title, _))| format!("<th scope=\"col\"{}>{}</th>", class(k), escaped(title)))
+            .collect();
+        let cell = |(k, text): (usize, &String)| match (k, mark(text)) {
+            (0, Some(mark)) => format!("<td><span class=\"{mark}\">{}</span></td>", escaped(text)),
+            _ => format!("<td{}>{}</td>", class(k), escaped(text)),
+        };
+        let rows: String = rows
+            .iter()
+            .map(|row| format!("<tr>{}</tr>\n", row.iter().enumerate().map(cell).collect::<String>()))
+            .collect();
+        self.scrolled(
+            what,
+            &format!("<table>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{rows}</tbody>\n</table>\n"),
+        );
+    }
+
+    /// Adds markup in a box of its own, within which it scrolls where it is wider than the page.
+    pub fn scrolled(&mut self, what: &str, markup: &str) {
+        // Only what can be reached by the keyboard can be scrolled by it.
+        self.put(&format!(
+            "<div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"{}\">{markup}</div>\n",
+            escaped(what)
+        ));
+    }
+
+    /// Adds markup as it is.
+    pub fn markup(&mut self, markup: &str) {
+        self.put(markup);
     }
 
     /// Adds a PNG with a caption.
@@ -60,11 +165,46 @@ impl Page {
     /// The text of the page.
     #[must_use]
     pub fn finish(self) -> String {
-        let Self { title, body } = self;
+        let list = self.list();
+        let class = if list.is_empty() { "sheet" } else { "sheet listed" };
+        let Self {
+            title,
+            lead,
+            head,
+            body,
+            ..
+        } = self;
         format!(
-            "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>{title}</title>\n\
-             <style>{STYLE}</style>\n</head>\n<body>\n<h1>{title}</h1>\n{body}</body>\n</html>\n"
+            "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+             <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+             <meta name=\"color-scheme\" content=\"light dark\">\n<link rel=\"icon\" href=\"data:,\">\n<title>{title}</title>\n\
+             <style>\n{STYLE}</style>\n</head>\n<body>\n<div class=\"{class}\">\n<header>\n<h1>{title}</h1>\n{lead}{head}</header>\n\
+             {list}<main>\n{body}</main>\n</div>\n</body>\n</html>\n"
         )
+    }
+
+    /// The list of contents; empty where there are no sections.
+    fn list(&self) -> String {
+        let Some(_) = self.contents.first() else {
+            return String::new();
+        };
+        let mut out = String::from("<nav aria-label=\"Contents\">\n<ol>\n");
+        let (mut open, mut inner) = (false, false);
+        for entry in &self.contents {
+            if inner && !entry.within {
+                out += "</ol>";
+            }
+            if open && !entry.within {
+                out += "</li>\n";
+            }
+            if entry.within && !inner {
+                out += "<ol>";
+            }
+            let end = if entry.within { "</li>" } else { "" };
+            out += &format!("<li><a href=\"#{}\">{}</a>{end}", entry.id, entry.title);
+            (open, inner) = (true, entry.within);
+        }
+        out + if inner { "</ol>" } else { "" } + "</li>\n</ol>\n</nav>\n"
     }
 
     fn put(&mut self, text: &str) {
@@ -73,7 +213,17 @@ impl Page {
     }
 }
 
-fn escaped(text: &str) -> String {
+/// The class of a word that is to be seen.
+fn mark(word: &str) -> Option<&'static str> {
+    match word {
+        "error" => Some("error"),
+        "warning" => Some("warning"),
+        _ => None,
+    }
+}
+
+/// A text as it stands in a page.
+pub(super) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;")
         .replace('<', "&lt;")
         .replace('>', "&gt;")
@@ -96,7 +246,6 @@ fn base64(bytes: &[u8]) -> String {
     }
     out
 }
-
 #[cfg(test)]
 mod tests {
     use super::*;

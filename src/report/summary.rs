@@ -105,7 +105,7 @@ pub fn summarise(store: &Store, made: &[Made]) -> Result<Vec<Summary>, ReportErr
 }
 
 /// Whether a case that ended so has simulated numbers.
-fn has_field(outcome: &str) -> bool {
+pub(super) fn has_field(outcome: &str) -> bool {
     matches!(outcome, "converged" | "estimated")
 }
 

@@ -50,13 +50,26 @@ const GROUPS: [Group; 7] = [
 ];
 
 impl Cost {
+    /// What the method is drawn as: its place among [`Cost::kinds`].
+    pub(in crate::report) fn kind(&self) -> usize {
+        GROUPS
+            .iter()
+            .position(|group| group.1 == self.group().1)
+            .unwrap_or(GROUPS.len() - 1)
+    }
+
+    /// What methods are drawn as, for a legend.
+    pub(in crate::report) fn kinds() -> impl Iterator<Item = &'static str> {
+        GROUPS.iter().map(|group| group.1)
+    }
+
     fn group(&self) -> &'static Group {
         let fits = |group: &&Group| group.0.iter().all(|part| self.settings.contains(part));
         GROUPS.iter().find(fits).unwrap_or(&GROUPS[GROUPS.len() - 1])
     }
 
     /// A few words beside the point: the legend says the rest.
-    fn label(&self) -> String {
+    pub(in crate::report) fn label(&self) -> String {
         let value = |key: &str| {
             let pairs = self.settings.split(", ").filter_map(|pair| pair.split_once(": "));
             pairs.into_iter().find(|(k, _)| *k == key).map(|(_, v)| v.to_owned())

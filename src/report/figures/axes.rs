@@ -13,7 +13,7 @@ pub(super) type Panel<'a> = ChartContext<'a, BitMapBackend<'a>, Cartesian2d<Axis
 
 /// Where numbers stand along one side of a panel, and what is written there.
 #[derive(Clone)]
-pub(super) struct Axis {
+pub(in crate::report) struct Axis {
     label: String,
     low: f64,
     high: f64,
@@ -31,7 +31,7 @@ enum Writing {
 
 impl Axis {
     /// From `low` to `high`, with about seven round ticks.
-    pub(super) fn linear(label: &str, low: f64, high: f64) -> Self {
+    pub(in crate::report) fn linear(label: &str, low: f64, high: f64) -> Self {
         let high = if high > low { high } else { low + 1.0 };
         let step = round_step((high - low) / 6.0);
         let (first, last) = ((low / step - 1e-9).ceil() as i64, (high / step + 1e-9).floor() as i64);
@@ -46,7 +46,7 @@ impl Axis {
     }
 
     /// For counts: ticks on whole numbers only, on each where there are few.
-    pub(super) fn counting(label: &str, low: f64, high: f64) -> Self {
+    pub(in crate::report) fn counting(label: &str, low: f64, high: f64) -> Self {
         let mut axis = Self::linear(label, low, high);
         if axis.high - axis.low <= 12.0 {
             axis.ticks = (axis.low.ceil() as i64..=axis.high.floor() as i64)
@@ -58,7 +58,7 @@ impl Axis {
     }
 
     /// From zero, or below if need be, to a little above the largest of some values.
-    pub(super) fn above<'v>(label: &str, values: impl IntoIterator<Item = &'v f64>) -> Self {
+    pub(in crate::report) fn above<'v>(label: &str, values: impl IntoIterator<Item = &'v f64>) -> Self {
         let (low, high) = values
             .into_iter()
             .fold((0.0, 0.0), |(l, h): (f64, f64), v| (l.min(*v), h.max(*v)));
@@ -66,8 +66,15 @@ impl Axis {
         Self::linear(label, if low < 0.0 { low - margin } else { 0.0 }, high + margin)
     }
 
+    /// Around some values and zero, with as much room above as below.
+    pub(in crate::report) fn around<'v>(label: &str, values: impl IntoIterator<Item = &'v f64>) -> Self {
+        let largest = values.into_iter().fold(0.0, |a: f64, v| a.max(v.abs()));
+        let end = if largest > 0.0 { 1.15 * largest } else { 1.0 };
+        Self::linear(label, -end, end)
+    }
+
     /// Logarithmic around some positive values; others do not count.
-    pub(super) fn logarithmic<'v>(label: &str, values: impl IntoIterator<Item = &'v f64>) -> Self {
+    pub(in crate::report) fn logarithmic<'v>(label: &str, values: impl IntoIterator<Item = &'v f64>) -> Self {
         let logs = values.into_iter().filter(|v| **v > 0.0).map(|v| v.log10());
         let (low, high) = logs.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
         let (low, high) = if low <= high { (low, high) } else { (-1.0, 0.0) };
@@ -103,8 +110,27 @@ impl Axis {
     }
 
     /// Whether a value stands anywhere: on a logarithmic axis only positive ones do.
-    pub(super) fn shows(&self, value: f64) -> bool {
+    pub(in crate::report) fn shows(&self, value: f64) -> bool {
         !self.logarithmic || value > 0.0
+    }
+
+    /// What is measured along it.
+    pub(in crate::report) fn label(&self) -> &str {
+        &self.label
+    }
+
+    /// Where numbers are written, with what is written there.
+    pub(in crate::report) fn ticks(&self) -> impl Iterator<Item = (f64, String)> {
+        self.ticks.iter().map(|tick| (*tick, self.write(*tick)))
+    }
+
+    /// How far along the axis a value stands: 0 at its beginning, 1 at its end.
+    pub(in crate::report) fn share(&self, value: f64) -> f64 {
+        if self.logarithmic {
+            (value / self.low).log10() / (self.high / self.low).log10()
+        } else {
+            (value - self.low) / (self.high - self.low)
+        }
     }
 
     fn write(&self, tick: f64) -> String {
@@ -129,12 +155,7 @@ impl Ranged for Axis {
     type ValueType = f64;
 
     fn map(&self, value: &f64, limit: (i32, i32)) -> i32 {
-        let share = if self.logarithmic {
-            (value / self.low).log10() / (self.high / self.low).log10()
-        } else {
-            (value - self.low) / (self.high - self.low)
-        };
-        limit.0 + (share * f64::from(limit.1 - limit.0)).round() as i32
+        limit.0 + (self.share(*value) * f64::from(limit.1 - limit.0)).round() as i32
     }
 
     fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {

@@ -17,6 +17,9 @@ mod path;
 mod rounds;
 
 pub use accuracy::{Cost, FamilyCosts, draw_accuracy, pareto_front};
+pub(in crate::report) use axes::Axis;
+pub(in crate::report) use labels::{Labels, Spot};
+
 pub use agreement::{Case, draw_agreement};
 pub use audit::{Audited, Counts, draw_audit};
 pub use canvas::FigureError;

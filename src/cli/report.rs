@@ -1,0 +1,79 @@
+//! `deaflow report`: one page that tells what a pipeline found, and its designs as files.
+
+use std::path::Path;
+
+use serde_json::json;
+
+use super::arguments::ReportArguments;
+use super::error::CliError;
+use super::locate;
+use super::output::{Exit, Output};
+use super::run;
+use crate::orchestrator::{Environment, plan};
+use crate::report::{Course, write_report};
+
+pub fn execute(arguments: &ReportArguments, output: &Output) -> Result<Exit, CliError> {
+    let pipeline = run::load_file(&arguments.pipeline, &arguments.overrides()?)?;
+    pipeline.selection(arguments.until.as_deref())?;
+    let store = locate::existing_store(&arguments.store.folder())?;
+    let stages = plan(&pipeline, &store, arguments.until.as_deref(), &Environment::system())?;
+    let course = Course::of(&pipeline, &stages, &store)?;
+    check(&course, arguments)?;
+    check_folder(&arguments.output)?;
+    let written = write_report(&store, &course, &arguments.output)?;
+    let missing: Vec<&str> = course.missing().iter().map(|stage| stage.name.as_str()).collect();
+    if output.is_json() {
+        output.document(&json!({
+            "pipeline": course.pipeline,
+            "store": store.root(),
+            "page": written.page,
+            "designs": written.designs,
+            "patterns": written.patterns,
+            "not_built": missing,
+            "found": written.found,
+        }))?;
+        return Ok(Exit::Done);
+    }
+    if !missing.is_empty() {
+        output.complain(&format!(
+            "warning: not built, and so not in the report: {}",
+            missing.join(", ")
+        ));
+    }
+    output.text(&written.text())?;
+    Ok(Exit::Done)
+}
+
+/// A report of half a pipeline is one only where that was asked for.
+fn check(course: &Course, arguments: &ReportArguments) -> Result<(), CliError> {
+    let missing: Vec<&str> = course.missing().iter().map(|stage| stage.name.as_str()).collect();
+    let (of, all) = (missing.len(), course.stages.len());
+    if missing.is_empty() || (arguments.partial && of < all) {
+        return Ok(());
+    }
+    let until = arguments
+        .until
+        .as_ref()
+        .map_or_else(String::new, |stage| format!(" --until {stage}"));
+    let sets: String = arguments.sets.iter().map(|set| format!(" --set '{set}'")).collect();
+    let build = format!("build them: deaflow run {}{until}{sets}", arguments.pipeline.display());
+    let path = arguments.pipeline.display();
+    let message = match of == all {
+        true => format!("no stage of {path} is built as it stands now"),
+        false => format!(
+            "{of} of {all} stages of {path} are not built as they stand now: {}",
+            missing.join(", ")
+        ),
+    };
+    Err(CliError::bad_input(message).help(match of == all {
+        true => build,
+        false => format!("{build}; `--partial` reports what is there"),
+    }))
+}
+
+/// What cannot be written is found before the report is made.
+fn check_folder(path: &Path) -> Result<(), CliError> {
+    let failed = |e: std::io::Error| CliError::failure(format!("cannot write {}: {e}", path.display()));
+    std::fs::create_dir_all(path).map_err(failed)?;
+    tempfile::tempfile_in(path).map(drop).map_err(failed)
+}

@@ -1,0 +1,223 @@
+//! The stages of a pipeline as a report tells of them: what made each, when, where and at what cost, and what the last run
+//! built of it.
+
+use std::collections::BTreeMap;
+
+use super::gather::{Made, ReportError};
+use crate::base::Digest;
+use crate::orchestrator::{Pipeline, StageReport};
+use crate::store::{Artifact, Cost, Run, Store};
+
+/// A pipeline with what has been built of it.
+#[derive(Clone, Debug)]
+pub struct Course {
+    /// Name of the pipeline.
+    pub pipeline: String,
+    /// Its file.
+    pub path: String,
+    /// The stages in topological order.
+    pub stages: Vec<StageFacts>,
+    /// When the last run of the pipeline ended, in UTC; none where it is no longer remembered.
+    pub last_run: Option<String>,
+}
+
+/// One stage.
+#[derive(Clone, Debug)]
+pub struct StageFacts {
+    /// Its name.
+    pub name: String,
+    /// Its kind.
+    pub kind: String,
+    /// Places of the stages that it waits for.
+    pub needs: Vec<usize>,
+    /// Its artifact; none where that has yet to be built.
+    pub digest: Option<Digest>,
+    /// Length of its files, bytes.
+    pub bytes: u64,
+    /// Why it has to be built; none where it is there.
+    pub why: Option<String>,
+    /// What made it; none where it has yet to be built.
+    pub origin: Option<Origin>,
+}
+
+/// What made an artifact.
+#[derive(Clone, Debug)]
+pub struct Origin {
+    /// When, in UTC, RFC 3339.
+    pub created: String,
+    /// Name of the machine.
+    pub host: String,
+    /// Version of this program.
+    pub version: String,
+    /// Architecture, operating system and processor.
+    pub target: String,
+    /// RECIPE number of the kind.
+    pub recipe: String,
+    /// What the work took, s: of chunks the sum, although several run at a time.
+    pub work: f64,
+    /// From the beginning of the stage to its end, s; none where it was not built in one go.
+    pub elapsed: Option<f64>,
+    /// Chunks it is made of; 1 where it is one piece of work.
+    pub chunks: usize,
+    /// How many of them the last run built; none where it had no such stage.
+    pub built: Option<usize>,
+}
+
+impl Course {
+    /// What is known of the stages of a plan.
+    ///
+    /// # Errors
+    /// When the store cannot be read.
+    pub fn of(pipeline: &Pipeline, plan: &[StageReport], store: &Store) -> Result<Self, ReportError> {
+        let runs = store.runs()?;
+        let last = runs.iter().position(|run| run.pipeline == pipeline.name);
+        // What was made after the end of the run before was made by the last one, or by one that was killed since.
+        let since = last.and_then(|last| runs.get(last + 1)).map(|run| run.created.as_str());
+        let last = last.map(|last| &runs[last]);
+        let costs = store.costs();
+        let mut stages = Vec::new();
+        for report in plan {
+            let digest = report.digest.filter(|_| report.staleness.is_none());
+            let origin = digest.map(|digest| {
+                let artifact = store.artifact(&digest)?;
+                let built = last.filter(|run| has(run, report, &digest));
+                origin(&artifact, report, &costs, built.map(|_| since))
+            });
+            stages.push(StageFacts {
+                name: report.name.clone(),
+                kind: report.kind.clone(),
+                needs: needs(pipeline, plan, &report.name),
+                digest,
+                bytes: report.size,
+                why: report.why.clone(),
+                origin: origin.transpose()?,
+            });
+        }
+        Ok(Self {
+            pipeline: pipeline.name.clone(),
+            path: pipeline.path.display().to_string(),
+            stages,
+            last_run: last.map(|run| run.created.clone()),
+        })
+    }
+
+    /// What has been made.
+    #[must_use]
+    pub fn made(&self) -> Vec<Made> {
+        let made = |stage: &StageFacts| {
+            Some(Made {
+                stage: stage.name.clone(),
+                kind: stage.kind.clone(),
+                digest: stage.digest?,
+            })
+        };
+        self.stages.iter().filter_map(made).collect()
+    }
+
+    /// The stages that have yet to be built.
+    #[must_use]
+    pub fn missing(&self) -> Vec<&StageFacts> {
+        self.stages.iter().filter(|stage| stage.digest.is_none()).collect()
+    }
+}
+
+fn has(run: &Run, report: &StageReport, digest: &Digest) -> bool {
+    run.stage(&report.name).is_some_and(|stage| stage.artifact == *digest)
+}
+
+/// Places among the stages of a plan.
+fn needs(pipeline: &Pipeline, plan: &[StageReport], name: &str) -> Vec<usize> {
+    let waits = pipeline.stage(name).map(|spec| spec.waits_for()).unwrap_or_default();
+    let place = |index: usize| {
+        let needed = &pipeline.stages[index].name;
+        plan.iter().position(|other| other.name == *needed)
+    };
+    waits.into_iter().filter_map(place).collect()
+}
+
+/// `since` is when the run before the last one ended, where there was one, and there has been a last one with this artifact.
+fn origin(
+    artifact: &Artifact,
+    report: &StageReport,
+    costs: &[Cost],
+    since: Option<Option<&str>>,
+) -> Result<Origin, ReportError> {
+    let entries = artifact.provenance()?;
+    let entry = |name: &str| entries.get(name).cloned().unwrap_or_default();
+    let built = since.map(|since| built_after(artifact, &entries, since)).transpose()?;
+    let created = entry("created");
+    Ok(Origin {
+        host: entry("host"),
+        version: entry("version"),
+        target: entry("target"),
+        recipe: entry("recipe"),
+        work: entry("seconds").parse().unwrap_or_default(),
+        elapsed: elapsed(costs, report, &created),
+        chunks: artifact.parts().len().max(1),
+        built,
+        created,
+    })
+}
+
+fn built_after(
+    artifact: &Artifact,
+    entries: &BTreeMap<String, String>,
+    since: Option<&str>,
+) -> Result<usize, ReportError> {
+    // Times are written alike, so that their order is that of their texts.
+    let after = |entries: &BTreeMap<String, String>| {
+        let created = entries.get("created").map(String::as_str);
+        since.is_none_or(|since| created > Some(since))
+    };
+    if !artifact.is_manifest() {
+        return Ok(usize::from(after(entries)));
+    }
+    let mut built = 0;
+    for chunk in artifact.chunks()? {
+        built += usize::from(after(&chunk.provenance()?));
+    }
+    Ok(built)
+}
+
+/// The cost that was written down when the artifact had been: the first of its kind within a second.
+fn elapsed(costs: &[Cost], report: &StageReport, created: &str) -> Option<f64> {
+    let made = seconds(created)?;
+    let lag = |cost: &Cost| Some(seconds(&cost.created)? - made);
+    let own = costs.iter().filter(|cost| cost.kind == report.kind);
+    let own = own.filter_map(|cost| Some((lag(cost)?, cost.seconds)));
+    own.filter(|(lag, _)| (0.0..1.0).contains(lag))
+        .min_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, seconds)| seconds)
+}
+
+/// Seconds from some day to a time as artifacts have it: `2026-01-01T00:00:00.000Z`.
+fn seconds(time: &str) -> Option<f64> {
+    let number = |from: usize, to: usize| time.get(from..to)?.parse::<f64>().ok();
+    let (year, month, day) = (number(0, 4)?, number(5, 7)?, number(8, 10)?);
+    // Days in the Julian calendar's pattern of March years, right between 1901 and 2099.
+    let (year, month) = if month > 2.0 {
+        (year, month)
+    } else {
+        (year - 1.0, month + 12.0)
+    };
+    let days = (365.25 * year).floor() + (30.6 * (month + 1.0)).floor() + day;
+    Some(86_400.0 * days + 3600.0 * number(11, 13)? + 60.0 * number(14, 16)? + number(17, 23)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_are_seconds_apart() {
+        let apart = |a: &str, b: &str| seconds(b).unwrap() - seconds(a).unwrap();
+        for (a, b, expected) in [
+            ("2026-02-28T23:59:59.500Z", "2026-03-01T00:00:00.250Z", 0.75),
+            ("2028-02-28T00:00:00.000Z", "2028-03-01T00:00:00.000Z", 2.0 * 86_400.0),
+            ("2026-12-31T00:00:00.000Z", "2027-01-01T01:00:01.000Z", 90_001.0),
+        ] {
+            assert!((apart(a, b) - expected).abs() < 1e-6, "{a} {b} {}", apart(a, b));
+        }
+        assert_eq!(seconds("yesterday"), None);
+    }
+}

@@ -1,0 +1,136 @@
+//! What a design is compared with: the intuitive one at its own and at equal area, and the best that gradients find.
+
+use super::{Design, Role};
+
+/// Simulated displacements along the wanted directions in mm, of the same case and target.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Compared {
+    /// Of the intuitive design at its own area.
+    pub intuitive_own: Option<f64>,
+    /// Of the intuitive design at the area of this one, or the nearest to it.
+    pub intuitive_equal_area: Option<f64>,
+    /// Of the optimum: of the same units where there is one of these, else the best.
+    pub optimum: Option<f64>,
+    /// The displacement of this design over that of the optimum.
+    pub ratio: Option<f64>,
+}
+
+/// Compares all designs with each other.
+pub fn compare(designs: &mut [Design]) {
+    let compared: Vec<Compared> = designs.iter().map(|design| of(design, designs)).collect();
+    for (design, compared) in designs.iter_mut().zip(compared) {
+        design.compared = compared;
+    }
+}
+
+fn of(design: &Design, all: &[Design]) -> Compared {
+    let beside = |role: Role| {
+        all.iter()
+            .filter(move |other| other.role == role && design.is_beside(other))
+    };
+    let distance = |other: &Design| (other.area - design.area).abs();
+    let nearest = |role: Role| {
+        let nearest = beside(role).min_by(|a, b| distance(a).total_cmp(&distance(b)));
+        nearest.and_then(|other| other.simulated_mm)
+    };
+    let optimum = optimum(design, &beside(Role::Optimum).collect::<Vec<_>>());
+    let ratio = |optimum: f64| Some(design.simulated_mm? / optimum);
+    Compared {
+        intuitive_own: nearest(Role::Intuitive),
+        intuitive_equal_area: nearest(Role::IntuitiveEqualArea),
+        optimum,
+        ratio: optimum.filter(|mm| mm.abs() > 1e-9).and_then(ratio),
+    }
+}
+
+/// The best of the optima: the largest displacement, or the nearest to the one that is to be met.
+fn optimum(design: &Design, optima: &[&Design]) -> Option<f64> {
+    let badness = |mm: f64| design.wanted.value_mm.map_or(-mm, |value| (mm - value).abs());
+    let best = |same_units: bool| {
+        let fitting = optima.iter().filter(|other| !same_units || other.units == design.units);
+        let values = fitting.filter_map(|other| other.simulated_mm);
+        values.min_by(|a, b| badness(*a).total_cmp(&badness(*b)))
+    };
+    best(true).or_else(|| best(false))
+}
+
+#[cfg(test)]
+pub(in crate::report) mod tests {
+    use super::*;
+    use crate::report::designs::Wanted;
+
+    /// A design of case `I` without fields.
+    pub(in crate::report) fn design(role: Role, units: u64, simulated_mm: Option<f64>) -> Design {
+        Design {
+            name: format!("I-centre-{}", role.name()),
+            case: "I".into(),
+            target: "centre".into(),
+            role,
+            member: 0,
+            units,
+            wanted: Wanted::read("{ point: [25, 25], direction: 0 }").unwrap(),
+            area_target: "0.5".into(),
+            area: 0.5,
+            status: "met".into(),
+            side: 50.0,
+            pattern: vec![1; 2500],
+            predicted: vec![0.0; 5202],
+            simulated: None,
+            predicted_mm: 1.0,
+            simulated_mm,
+            error_mm: None,
+            outcome: None,
+            compared: Compared::default(),
+        }
+    }
+
+    #[test]
+    fn an_optimum_of_the_same_units_comes_before_a_better_one_of_others() {
+        let mut designs = vec![
+            design(Role::Ga, 20, Some(1.8)),
+            design(Role::Refined, 50, Some(1.9)),
+            design(Role::Optimum, 20, Some(1.85)),
+            design(Role::Optimum, 50, Some(2.0)),
+            design(Role::Intuitive, 50, Some(1.5)),
+            design(Role::IntuitiveEqualArea, 50, Some(1.6)),
+            design(Role::Intuitive, 50, None),
+        ];
+        designs[6].target = "other".into();
+        compare(&mut designs);
+        assert_eq!(designs[0].compared.optimum, Some(1.85));
+        assert_eq!(designs[1].compared.optimum, Some(2.0));
+        assert_eq!(designs[1].compared.ratio, Some(0.95));
+        assert_eq!(designs[1].compared.intuitive_own, Some(1.5));
+        assert_eq!(designs[1].compared.intuitive_equal_area, Some(1.6));
+        assert_eq!(designs[6].compared, Compared::default());
+
+        designs.remove(2);
+        compare(&mut designs);
+        assert_eq!(designs[0].compared.optimum, Some(2.0), "the best there is");
+    }
+
+    #[test]
+    fn where_a_value_is_to_be_met_the_optimum_is_the_nearest_to_it() {
+        let mut designs = vec![
+            design(Role::Ga, 20, Some(1.01)),
+            design(Role::Optimum, 50, Some(1.2)),
+            design(Role::Optimum, 50, Some(1.001)),
+        ];
+        designs[0].wanted.value_mm = Some(1.0);
+        compare(&mut designs);
+        assert_eq!(designs[0].compared.optimum, Some(1.001));
+    }
+
+    #[test]
+    fn of_several_intuitive_designs_the_one_of_the_nearest_area_counts() {
+        let mut designs = vec![
+            design(Role::Refined, 50, Some(2.0)),
+            design(Role::IntuitiveEqualArea, 50, Some(1.6)),
+            design(Role::IntuitiveEqualArea, 50, Some(1.7)),
+        ];
+        designs[0].area = 0.4;
+        designs[2].area = 0.41;
+        compare(&mut designs);
+        assert_eq!(designs[0].compared.intuitive_equal_area, Some(1.7));
+    }
+}

@@ -1,0 +1,139 @@
+//! The designs of a pipeline with all that is known of each: what was predicted, what was simulated, and what each is
+//! compared with.
+
+mod compare;
+mod found;
+mod names;
+mod read;
+mod wanted;
+
+#[cfg(test)]
+pub(super) use compare::tests;
+
+pub use compare::Compared;
+pub use found::{Extreme, Found};
+pub use read::designs;
+pub use wanted::{Aim, Wanted};
+
+/// What a pattern is among those of a target.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Role {
+    /// The best of the genetic algorithm, finished by gradients.
+    Refined,
+    /// The best of the genetic algorithm.
+    Ga,
+    /// The best that gradients find from several starts: the reference.
+    Optimum,
+    /// The region behind the line through the point, at its own area.
+    Intuitive,
+    /// The same, at the area of the design.
+    IntuitiveEqualArea,
+}
+
+impl Role {
+    /// The role of that name in an artifact.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        match name {
+            "refined" => Some(Self::Refined),
+            "ga" => Some(Self::Ga),
+            "optimum" => Some(Self::Optimum),
+            "intuitive" => Some(Self::Intuitive),
+            "intuitive-equal-area" => Some(Self::IntuitiveEqualArea),
+            _ => None,
+        }
+    }
+
+    /// Its name in files: both intuitive designs have the same.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Refined => "refined",
+            Self::Ga => "ga",
+            Self::Optimum => "optimum",
+            Self::Intuitive | Self::IntuitiveEqualArea => "intuitive",
+        }
+    }
+
+    /// Its name as a title.
+    #[must_use]
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::Refined => "Refined",
+            Self::Ga => "Genetic algorithm",
+            Self::Optimum => "Optimum",
+            Self::Intuitive => "Intuitive, own area",
+            Self::IntuitiveEqualArea => "Intuitive, equal area",
+        }
+    }
+
+    /// Whether it is what a search found.
+    #[must_use]
+    pub fn is_found(self) -> bool {
+        !matches!(self, Self::Intuitive | Self::IntuitiveEqualArea)
+    }
+}
+
+/// One pattern.
+#[derive(Clone, Debug)]
+pub struct Design {
+    /// A name that no other design of the report has, and that a file can have.
+    pub name: String,
+    /// The case that it belongs to; empty where the pipeline names none.
+    pub case: String,
+    /// Name of the target.
+    pub target: String,
+    /// What it is among the patterns of the target.
+    pub role: Role,
+    /// Its place among the different designs of the target, from 0.
+    pub member: u64,
+    /// Units along the membrane that could be chosen one by one.
+    pub units: u64,
+    /// What it is for.
+    pub wanted: Wanted,
+    /// The area fraction that was asked for, or `free`.
+    pub area_target: String,
+    /// Its area fraction.
+    pub area: f64,
+    /// `met`, or which constraints are not; empty where nothing is known.
+    pub status: String,
+    /// Side of the membrane in mm.
+    pub side: f64,
+    /// 50 × 50 cells, `[y][x]` from the lower left, 1 = electrode.
+    pub pattern: Vec<u8>,
+    /// Predicted displacement in mm at the 51 × 51 cell corners, `[y][x][component]`.
+    pub predicted: Vec<f64>,
+    /// The same as simulated; none where it was not, or there is no stable solution.
+    pub simulated: Option<Vec<f64>>,
+    /// Predicted mean displacement along the wanted directions, mm.
+    pub predicted_mm: f64,
+    /// The same as simulated.
+    pub simulated_mm: Option<f64>,
+    /// Estimated error of the simulation, mm.
+    pub error_mm: Option<f64>,
+    /// How the simulation ended; none where there was none.
+    pub outcome: Option<String>,
+    /// What it is compared with.
+    pub compared: Compared,
+}
+
+impl Design {
+    /// Whether both belong to the same target of the same case.
+    #[must_use]
+    pub fn is_beside(&self, other: &Self) -> bool {
+        self.case == other.case && self.target == other.target
+    }
+
+    /// Predicted less simulated, a share of what is simulated.
+    #[must_use]
+    pub fn prediction_error(&self) -> Option<f64> {
+        let simulated = self.simulated_mm.filter(|mm| mm.abs() > 1e-9)?;
+        Some((self.predicted_mm - simulated) / simulated.abs())
+    }
+
+    /// The file of its pattern, seen from the table of designs.
+    #[must_use]
+    pub fn pattern_file(&self) -> String {
+        format!("patterns/{}.csv", self.name)
+    }
+}

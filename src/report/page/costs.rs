@@ -1,0 +1,101 @@
+//! What the stages cost, and where everything comes from.
+
+use super::dag::fate;
+use super::words::{bytes, percent, seconds, time};
+use crate::report::course::{Course, Origin, StageFacts};
+use crate::report::html::{Column, Page};
+
+/// Adds the table of costs.
+pub fn section(page: &mut Page, course: &Course) {
+    page.section("Costs");
+    page.lines(&["Time is from the beginning to the end of the stage when it was built; work is the sum over its chunks, several of \
+                  which run at a time."
+        .to_owned()]);
+    let took = |stage: &StageFacts| stage.origin.as_ref().map(took);
+    let total: f64 = course.stages.iter().filter_map(took).sum();
+    let row = |stage: &StageFacts| {
+        let origin = stage.origin.as_ref();
+        let text = |of: &dyn Fn(&Origin) -> String| origin.map_or_else(String::new, of);
+        let share = |origin: &Origin| percent(self::took(origin) / total.max(f64::MIN_POSITIVE), 1);
+        let size = |_: &Origin| bytes(stage.bytes);
+        vec![
+            stage.name.clone(),
+            stage.kind.clone(),
+            fate(stage),
+            text(&|origin| origin.chunks.to_string()),
+            text(&|origin| origin.elapsed.map_or_else(|| "-".to_owned(), seconds)),
+            text(&|origin| seconds(origin.work)),
+            text(&share),
+            text(&size),
+        ]
+    };
+    let mut rows: Vec<Vec<String>> = course.stages.iter().map(row).collect();
+    let work: f64 = course.stages.iter().filter_map(|s| Some(s.origin.as_ref()?.work)).sum();
+    let size: u64 = course.stages.iter().map(|stage| stage.bytes).sum();
+    let blank = String::new;
+    rows.push(vec![
+        "all".to_owned(),
+        blank(),
+        blank(),
+        blank(),
+        seconds(total),
+        seconds(work),
+        blank(),
+        bytes(size),
+    ]);
+    let columns = [
+        ("stage", Column::Key),
+        ("kind", Column::Key),
+        ("last run", Column::Key),
+        ("chunks", Column::Number),
+        ("time", Column::Number),
+        ("work", Column::Number),
+        ("share", Column::Number),
+        ("size", Column::Number),
+    ];
+    page.columns("Costs of the stages", &columns, &rows);
+}
+
+/// What building the stage took, s.
+pub fn took(origin: &Origin) -> f64 {
+    origin.elapsed.unwrap_or(origin.work)
+}
+
+/// Adds the table of artifacts, and the machines and versions that made them.
+pub fn provenance(page: &mut Page, course: &Course) {
+    page.section("Provenance");
+    let mut lines: Vec<String> = Vec::new();
+    for origin in course.stages.iter().filter_map(|stage| stage.origin.as_ref()) {
+        let line = format!(
+            "Made by deaflow {} on {} ({}).",
+            origin.version, origin.host, origin.target
+        );
+        if !lines.contains(&line) {
+            lines.push(line);
+        }
+    }
+    lines.push(format!("Pipeline file: {}", course.path));
+    page.lines(&lines);
+    let row = |stage: &StageFacts| {
+        let origin = stage.origin.as_ref();
+        let needs: Vec<&str> = stage.needs.iter().map(|k| course.stages[*k].name.as_str()).collect();
+        vec![
+            stage.name.clone(),
+            stage
+                .digest
+                .map_or_else(|| "not built".to_owned(), |digest| digest.to_string()),
+            origin.map_or_else(String::new, |origin| time(&origin.created)),
+            origin.map_or_else(String::new, |origin| format!("{} {}", stage.kind, origin.recipe)),
+            needs.join(", "),
+        ]
+    };
+    let rows: Vec<Vec<String>> = course.stages.iter().map(row).collect();
+    let columns = [
+        ("stage", Column::Key),
+        ("digest of its artifact (BLAKE3 of the content)", Column::Key),
+        ("made", Column::Key),
+        ("kind and recipe", Column::Key),
+        ("needs", Column::Wide),
+    ];
+    page.columns("Artifacts", &columns, &rows);
+}

@@ -1,0 +1,225 @@
+//! The designs case by case: a table, the curve over the area where targets differ in that alone, and every pattern.
+
+use super::cards::{cards, predicted, simulated};
+use super::chart::{Chart, Mark, Series};
+use super::membrane::{exaggeration, shared};
+use super::words::{gain, percent};
+use crate::report::designs::{Design, Role};
+use crate::report::figures::Axis;
+use crate::report::html::{Column, Page};
+
+/// Targets of different areas that make a curve.
+const CURVE: usize = 3;
+
+/// Roles with their colours.
+pub const ROLES: [(Role, &str); 5] = [
+    (Role::Intuitive, "grey"),
+    (Role::IntuitiveEqualArea, "purple"),
+    (Role::Ga, "orange"),
+    (Role::Refined, "blue"),
+    (Role::Optimum, "green"),
+];
+
+/// Adds a section where there are designs.
+pub fn section(page: &mut Page, designs: &[Design]) {
+    if designs.is_empty() {
+        return;
+    }
+    page.section("Designs");
+    let scale = exaggeration(designs);
+    let times = match scale {
+        1.0 => "true to scale".to_owned(),
+        scale => format!("{scale} times as large as they are"),
+    };
+    page.lines(&[
+        "Values are the mean displacement along the wanted directions. Each design is shown at rest, with the wanted point and \
+         direction, and deformed, with the displacement of the point."
+            .to_owned(),
+        format!(
+            "Displacements are drawn {times}; the faint grid is the membrane at rest. The optimum is the best that gradient-based \
+             search finds from several starts: how far a design is from it is how far it is from what the physics allows."
+        ),
+    ]);
+    page.markup(&shared());
+    for case in by(designs.iter(), |design| &design.case) {
+        let Some(first) = case.first() else { continue };
+        page.part(&match first.case.as_str() {
+            "" => "All targets".to_owned(),
+            name => format!("Case {name}"),
+        });
+        page.columns(
+            "Designs of the case",
+            &COLUMNS,
+            &case.iter().map(|design| row(design)).collect::<Vec<_>>(),
+        );
+        if let Some(curve) = curve(&case) {
+            page.markup(&format!("<div class=\"charts\">\n{curve}</div>\n"));
+        }
+        for target in by(case.iter().copied(), |design| &design.target) {
+            let Some(first) = target.first() else { continue };
+            page.title(&first.target);
+            let area = match first.area_target.as_str() {
+                "free" => "any area".to_owned(),
+                area => area.parse().map_or_else(
+                    |_| format!("area {area}"),
+                    |share: f64| format!("area {}", percent(share, 1)),
+                ),
+            };
+            page.note(&format!("Wanted: {}, {area}", first.wanted.words()));
+            page.markup(&cards(&target, scale));
+        }
+    }
+}
+
+/// Designs of the same name together, in the order in which the names appear.
+fn by<'d>(designs: impl Iterator<Item = &'d Design>, name: impl Fn(&Design) -> &String) -> Vec<Vec<&'d Design>> {
+    let mut groups: Vec<Vec<&Design>> = Vec::new();
+    for design in designs {
+        match groups.iter_mut().find(|group| name(group[0]) == name(design)) {
+            Some(group) => group.push(design),
+            None => groups.push(vec![design]),
+        }
+    }
+    groups
+}
+
+const COLUMNS: [(&str, Column); 12] = [
+    ("target", Column::Key),
+    ("design", Column::Key),
+    ("units", Column::Number),
+    ("area wanted", Column::Number),
+    ("area", Column::Number),
+    ("predicted", Column::Number),
+    ("simulated", Column::Number),
+    ("of the optimum", Column::Number),
+    ("optimum, mm", Column::Number),
+    ("over intuitive, own area", Column::Number),
+    ("over intuitive, equal area", Column::Number),
+    ("constraints", Column::Text),
+];
+
+fn row(design: &Design) -> Vec<String> {
+    let found = design.role.is_found();
+    let over = |other: Option<f64>| {
+        let other = other.filter(|mm| found && mm.abs() > 1e-9)?;
+        Some(gain((design.simulated_mm? - other) / other.abs()))
+    };
+    let compared = &design.compared;
+    let number = if design.member > 0 {
+        format!(" {}", design.member + 1)
+    } else {
+        String::new()
+    };
+    vec![
+        design.target.clone(),
+        format!("{}{number}", design.role.title()),
+        if found { design.units.to_string() } else { String::new() },
+        design.area_target.clone(),
+        format!("{:.4}", design.area),
+        predicted(design),
+        simulated(design).unwrap_or_else(|| "not verified".to_owned()),
+        compared.ratio.map_or_else(String::new, |ratio| percent(ratio, 2)),
+        compared
+            .optimum
+            .map_or_else(String::new, |mm| format!("{:.4}", mm + 0.0)),
+        over(compared.intuitive_own).unwrap_or_default(),
+        over(compared.intuitive_equal_area).unwrap_or_default(),
+        if found { design.status.clone() } else { String::new() },
+    ]
+}
+
+/// Displacement over the area, where at least three targets of the same objective differ in it.
+fn curve(case: &[&Design]) -> Option<String> {
+    let first = case.first()?;
+    let mut areas: Vec<f64> = case
+        .iter()
+        .filter_map(|design| design.area_target.parse().ok())
+        .collect();
+    areas.sort_by(f64::total_cmp);
+    areas.dedup();
+    if areas.len() < CURVE || case.iter().any(|design| design.wanted != first.wanted) {
+        return None;
+    }
+    let points = |role: Role| {
+        let own = case.iter().filter(move |design| design.role == role);
+        let mut points: Vec<(f64, f64)> = own.filter_map(|d| Some((100.0 * d.area, d.simulated_mm?))).collect();
+        points.sort_by(|a, b| a.0.total_cmp(&b.0));
+        points.dedup();
+        points
+    };
+    let series: Vec<Series> = ROLES
+        .into_iter()
+        .map(|(role, colour)| Series::new(role.title(), colour, Mark::LineAndDots, points(role)))
+        .filter(|series| !series.points.is_empty())
+        .collect();
+    let values: Vec<f64> = series.iter().flat_map(|s| &s.points).map(|(_, mm)| *mm).collect();
+    let chart = Chart {
+        title: "Displacement over electrode area",
+        note: &first.wanted.words(),
+        x: Axis::linear("Area [%]", 0.0, 100.0),
+        y: Axis::above("Simulated displacement [mm]", &values),
+        series,
+    };
+    (!values.is_empty()).then(|| chart.figure())
+}
+
+/// Adds what was predicted beside what was simulated.
+pub fn agreement(page: &mut Page, designs: &[Design]) {
+    let known: Vec<&Design> = designs.iter().filter(|design| design.simulated_mm.is_some()).collect();
+    if known.is_empty() {
+        return;
+    }
+    page.section("Predicted against simulated");
+    page.lines(&[
+        "Every verified design: the search believed the prediction, the simulation on a finer mesh says what is true."
+            .to_owned(),
+    ]);
+    let values = known
+        .iter()
+        .flat_map(|d| [d.predicted_mm, d.simulated_mm.unwrap_or_default()]);
+    let values: Vec<f64> = values.collect();
+    let (x, y) = (
+        Axis::above("Simulated [mm]", &values),
+        Axis::above("Predicted [mm]", &values),
+    );
+    let ends = [0.0_f64, values.iter().fold(0.0, |a: f64, b| a.max(*b))];
+    let series = |of: &dyn Fn(&Design) -> Option<(f64, f64)>| {
+        let one = |(role, colour): (Role, &'static str)| {
+            let own: Vec<&&Design> = known.iter().filter(|design| design.role == role).collect();
+            let points: Vec<((f64, f64), String)> = own
+                .iter()
+                .filter_map(|design| Some((of(design)?, design.name.clone())))
+                .collect();
+            let (points, words) = points.into_iter().unzip();
+            Series::new(role.title(), colour, Mark::Dots, points).saying(words)
+        };
+        ROLES
+            .into_iter()
+            .map(one)
+            .filter(|s| !s.points.is_empty())
+            .collect::<Vec<_>>()
+    };
+    let both = |design: &Design| Some((design.simulated_mm?, design.predicted_mm));
+    let diagonal = Series::new("", "grey", Mark::Dashed, ends.map(|end| (end, end)).to_vec());
+    let scatter = Chart {
+        title: "Predicted and simulated",
+        note: "on the dashed line both agree",
+        x: x.clone(),
+        y,
+        series: [vec![diagonal], series(&both)].concat(),
+    };
+    let error = |design: &Design| Some((design.simulated_mm?, 100.0 * design.prediction_error()?));
+    let errors: Vec<f64> = known.iter().filter_map(|d| Some(error(d)?.1)).collect();
+    let differences = Chart {
+        title: "Difference",
+        note: "predicted less simulated, in percent of what is simulated",
+        x,
+        y: Axis::around("Difference [%]", &errors),
+        series: series(&error),
+    };
+    page.markup(&format!(
+        "<div class=\"charts\">\n{}{}</div>\n",
+        scatter.figure(),
+        differences.figure()
+    ));
+}

@@ -1,0 +1,114 @@
+//! The course of each search: the displacement of the best pattern by generation, and by step of what gradients did.
+
+use super::chart::{Chart, Mark, Series};
+use crate::report::figures::Axis;
+use crate::report::gather::{Made, ReportError, Source, each};
+use crate::report::html::Page;
+use crate::store::Store;
+
+/// Colours of targets, in their order.
+const COLOURS: [&str; 7] = ["blue", "orange", "green", "vermillion", "purple", "sky", "grey"];
+
+/// Targets that a legend can tell apart.
+const NAMED: usize = 8;
+
+/// A line for each target or start.
+struct Course {
+    name: String,
+    points: Vec<(f64, f64)>,
+}
+
+/// Adds a section where something was searched.
+pub fn section(page: &mut Page, store: &Store, made: &[Made]) -> Result<(), ReportError> {
+    let searched = each(store, made, "design", |source| {
+        let generations = courses(source, "history", "generation", &["name"])?;
+        let steps = courses(source, "climb", "step", &["name", "role", "member"])?;
+        Ok((source.stage.stage.clone(), generations, steps))
+    })?;
+    let searched: Vec<_> = searched
+        .into_iter()
+        .filter(|(_, a, b)| !a.is_empty() || !b.is_empty())
+        .collect();
+    if searched.is_empty() {
+        return Ok(());
+    }
+    page.section("Search");
+    page.lines(&[
+        "How the displacement of the best pattern grew while it was searched, as the search judged it.".to_owned(),
+    ]);
+    let mut charts = String::new();
+    for (stage, generations, steps) in &searched {
+        charts += &chart(stage, "genetic algorithm", "Generation", generations);
+        charts += &chart(stage, "by gradients", "Step", steps);
+    }
+    page.markup(&format!("<div class=\"charts\">\n{charts}</div>\n"));
+    Ok(())
+}
+
+/// The lines of a group of datasets; none where the artifact has no such group.
+fn courses(source: &Source<'_>, group: &str, count: &str, names: &[&str]) -> Result<Vec<Course>, ReportError> {
+    let path = |name: &str| format!("{group}/{name}");
+    let contents = source.artifact.contents()?;
+    if contents.iter().all(|content| content.path != path("value")) {
+        return Ok(Vec::new());
+    }
+    let (counts, values) = (source.counts(&path(count))?, source.reals(&path("value"))?);
+    let mut labels = vec![String::new(); values.len()];
+    for name in names {
+        let words = match *name {
+            "member" => source
+                .counts(&path(name))?
+                .iter()
+                .map(|member| (member + 1).to_string())
+                .collect(),
+            name => source.artifact.texts(&path(name))?.1,
+        };
+        for (label, word) in labels.iter_mut().zip(words) {
+            *label += if label.is_empty() { "" } else { " " };
+            *label += &word;
+        }
+    }
+    if counts.len() != values.len() {
+        return Err(source.wrong(format!("its arrays in `{group}` differ in length")));
+    }
+    let mut courses: Vec<Course> = Vec::new();
+    for ((label, count), value) in labels.into_iter().zip(counts).zip(values) {
+        let point = (count as f64, value);
+        match courses.last_mut().filter(|course| course.name == label) {
+            Some(course) => course.points.push(point),
+            None => courses.push(Course {
+                name: label,
+                points: vec![point],
+            }),
+        }
+    }
+    Ok(courses)
+}
+
+fn chart(stage: &str, what: &str, count: &str, courses: &[Course]) -> String {
+    if courses.is_empty() {
+        return String::new();
+    }
+    let few = courses.len() <= NAMED;
+    let series = |(course, colour): (&Course, &&'static str)| {
+        let name = if few { course.name.as_str() } else { "" };
+        Series::new(name, colour, Mark::Line, course.points.clone())
+    };
+    let last = courses
+        .iter()
+        .flat_map(|c| &c.points)
+        .fold(0.0, |a: f64, (n, _)| a.max(*n));
+    let values: Vec<f64> = courses.iter().flat_map(|c| &c.points).map(|(_, mm)| *mm).collect();
+    let note = match few {
+        true => what.to_owned(),
+        false => format!("{what}, {} lines", courses.len()),
+    };
+    let chart = Chart {
+        title: stage,
+        note: &note,
+        x: Axis::counting(count, 0.0, last.max(1.0)),
+        y: Axis::above("Displacement [mm]", &values),
+        series: courses.iter().zip(COLOURS.iter().cycle()).map(series).collect(),
+    };
+    chart.figure()
+}

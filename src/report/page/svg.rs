@@ -1,0 +1,60 @@
+//! Numbers and paths as they stand in SVG: short, since a page holds hundreds of them.
+
+use std::fmt::Write;
+
+/// A number with at most `decimals` decimals and no zeros at its end.
+pub fn number(value: f64, decimals: usize) -> String {
+    let text = format!("{value:.decimals$}");
+    let text = match text.contains('.') {
+        true => text.trim_end_matches('0').trim_end_matches('.'),
+        false => &text,
+    };
+    match text {
+        "-0" => "0".to_owned(),
+        text => text.to_owned(),
+    }
+}
+
+/// A path through points, in whole numbers from each to the next.
+pub fn path(points: &[(f64, f64)], closed: bool) -> String {
+    let mut out = String::new();
+    let mut last = (0_i64, 0_i64);
+    for (k, (x, y)) in points.iter().enumerate() {
+        let at = (x.round() as i64, y.round() as i64);
+        if k == 0 {
+            let _ = write!(out, "M{} {}", at.0, at.1);
+        } else if at != last {
+            let (dx, dy) = (at.0 - last.0, at.1 - last.1);
+            let _ = match (dx, dy) {
+                (dx, 0) => write!(out, "h{dx}"),
+                (0, dy) => write!(out, "v{dy}"),
+                _ => write!(out, "l{dx}{}{dy}", if dy < 0 { "" } else { " " }),
+            };
+        }
+        last = at;
+    }
+    if closed {
+        out.push('z');
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_short() {
+        let texts = [(1.0, 3), (0.125, 2), (-0.001, 2), (1200.0, 0), (0.5, 6)].map(|(v, d)| number(v, d));
+        assert_eq!(texts, ["1", "0.12", "0", "1200", "0.5"]);
+    }
+
+    #[test]
+    fn a_path_ends_where_its_points_do_however_they_are_rounded() {
+        assert_eq!(
+            path(&[(0.4, 0.0), (0.8, 0.0), (1.2, 4.6), (1.2, 2.0)], true),
+            "M0 0h1v5v-3z"
+        );
+        assert_eq!(path(&[(1.0, 1.0), (3.0, 0.0), (2.0, 2.0)], false), "M1 1l2-1l-1 2");
+    }
+}

@@ -1,0 +1,85 @@
+//! Numbers as people read them.
+
+/// A duration.
+pub fn seconds(seconds: f64) -> String {
+    match seconds {
+        s if s < 0.0095 => format!("{:.0} ms", 1e3 * s),
+        s if s < 9.95 => format!("{s:.2} s"),
+        s if s < 59.95 => format!("{s:.1} s"),
+        s if s < 3_599.5 => format!("{} min {:02.0} s", (s.round() / 60.0).floor(), s.round() % 60.0),
+        s => {
+            let minutes = (s / 60.0).round();
+            format!("{} h {:02.0} min", (minutes / 60.0).floor(), minutes % 60.0)
+        }
+    }
+}
+
+/// A file size.
+pub fn bytes(bytes: u64) -> String {
+    let units = [("GB", 1e9), ("MB", 1e6), ("kB", 1e3)];
+    let bytes = bytes as f64;
+    match units.iter().find(|(_, size)| bytes >= 0.9995 * size) {
+        Some((unit, size)) => format!("{:.1} {unit}", bytes / size),
+        None => format!("{bytes} B"),
+    }
+}
+
+/// A time of day without its fraction of a second: `2026-01-01 12:00:00 UTC`.
+pub fn time(rfc3339: &str) -> String {
+    match rfc3339.get(..19) {
+        Some(time) => format!("{} UTC", time.replace('T', " ")),
+        None => rfc3339.to_owned(),
+    }
+}
+
+/// A length in mm, four decimals.
+pub fn mm(value: f64) -> String {
+    format!("{:.4} mm", value + 0.0)
+}
+
+/// A share in percent.
+pub fn percent(share: f64, decimals: usize) -> String {
+    format!("{:.*} %", decimals, 100.0 * share)
+}
+
+/// A difference in percent, with its sign.
+pub fn gain(share: f64) -> String {
+    format!("{:+.1} %", 100.0 * share)
+}
+
+/// So many of something.
+pub fn counted(n: usize, one: &str, many: &str) -> String {
+    match n {
+        1 => format!("1 {one}"),
+        n => format!("{n} {many}"),
+    }
+}
+
+/// No more than `most` letters.
+pub fn cut(text: &str, most: usize) -> String {
+    match text.chars().count() > most {
+        true => text.chars().take(most - 1).chain(['…']).collect(),
+        false => text.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_are_short_and_round() {
+        let times = [0.004, 3.456, 59.97, 125.2, 3_599.6, 7_380.0].map(seconds);
+        assert_eq!(
+            times,
+            ["4 ms", "3.46 s", "1 min 00 s", "2 min 05 s", "1 h 00 min", "2 h 03 min"]
+        );
+        assert_eq!([999, 1_500, 999_990].map(bytes), ["999 B", "1.5 kB", "1.0 MB"]);
+        assert_eq!(time("2026-01-02T03:04:05.678Z"), "2026-01-02 03:04:05 UTC");
+        assert_eq!(
+            (mm(1.23456), percent(0.9912, 1), gain(-0.05)),
+            ("1.2346 mm".into(), "99.1 %".into(), "-5.0 %".into())
+        );
+        assert_eq!(cut("abcdef", 4), "abc…");
+    }
+}

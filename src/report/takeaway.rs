@@ -1,0 +1,229 @@
+//! The files of a report: the page, the table of designs, and each pattern.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use super::course::Course;
+use super::designs::{Design, Found, designs};
+use super::gather::ReportError;
+use super::page::report_page;
+use crate::store::Store;
+
+/// The columns of the table of designs.
+pub const COLUMNS: [&str; 17] = [
+    "name",
+    "case",
+    "role",
+    "units",
+    "point_x_mm",
+    "point_y_mm",
+    "direction_deg",
+    "area_target",
+    "area",
+    "predicted_mm",
+    "simulated_mm",
+    "simulated_error_mm",
+    "intuitive_own_mm",
+    "intuitive_equal_area_mm",
+    "optimum_mm",
+    "ratio_to_optimum",
+    "pattern_file",
+];
+
+/// Cells along one side of a pattern.
+const CELLS: usize = 50;
+
+/// What has been written.
+#[derive(Clone, Debug)]
+pub struct Written {
+    /// The page.
+    pub page: PathBuf,
+    /// The table of designs; none where there are no designs.
+    pub designs: Option<PathBuf>,
+    /// The patterns, in the order of the table.
+    pub patterns: Vec<PathBuf>,
+    /// The numbers that matter.
+    pub found: Found,
+}
+
+/// Writes the report of a pipeline into a folder: `index.html`, and where there are designs `data/designs.csv` and
+/// `data/patterns/NAME.csv`. Patterns of an earlier report that are no longer among them are removed.
+///
+/// # Errors
+/// When an artifact cannot be read, or a file cannot be written.
+pub fn write_report(store: &Store, course: &Course, folder: &Path) -> Result<Written, ReportError> {
+    let designs = designs(store, &course.made())?;
+    let page = report_page(store, course, &designs)?;
+    let (path, data) = (folder.join("index.html"), folder.join("data"));
+    let (table, patterns) = (data.join("designs.csv"), data.join("patterns"));
+    forget(&table, &data)?;
+    let mut written = Vec::new();
+    if !designs.is_empty() {
+        fs::create_dir_all(&patterns).map_err(failed(&patterns))?;
+        for design in &designs {
+            let path = data.join(design.pattern_file());
+            fs::write(&path, pattern_text(&design.pattern)).map_err(failed(&path))?;
+            written.push(path);
+        }
+        fs::write(&table, table_text(&designs).map_err(failed(&table))?).map_err(failed(&table))?;
+    }
+    // The page last: where it stands, what it stands for does too.
+    fs::write(&path, page).map_err(failed(&path))?;
+    Ok(Written {
+        page: path,
+        designs: (!designs.is_empty()).then_some(table),
+        patterns: written,
+        found: Found::of(&designs),
+    })
+}
+
+impl Written {
+    /// For people.
+    #[must_use]
+    pub fn text(&self) -> String {
+        let mut lines = vec![format!("written:\n  {}", self.page.display())];
+        if let Some(designs) = &self.designs {
+            lines.push(format!("  {}", designs.display()));
+            let folder = self.patterns.first().and_then(|path| path.parent());
+            let folder = folder.map_or(String::new(), |folder| folder.display().to_string());
+            lines.push(format!("  {folder}/*.csv: {} patterns", self.patterns.len()));
+        }
+        lines.join("\n")
+    }
+}
+
+fn failed(path: &Path) -> impl Fn(io::Error) -> ReportError + '_ {
+    |source| ReportError::Write {
+        path: path.to_owned(),
+        source,
+    }
+}
+
+/// Removes the table of an earlier report and the patterns that it names: what else is in the folder is not ours.
+fn forget(table: &Path, data: &Path) -> Result<(), ReportError> {
+    let Ok(text) = fs::read(table) else {
+        return Ok(());
+    };
+    let mut reader = csv::Reader::from_reader(text.as_slice());
+    let ours = reader.headers().is_ok_and(|header| header.iter().eq(COLUMNS));
+    if !ours {
+        return Ok(());
+    }
+    for record in reader.records().flatten() {
+        let name = record.get(COLUMNS.len() - 1).unwrap_or_default();
+        let plain = name.strip_prefix("patterns/").is_some_and(|name| !name.contains('/'));
+        let path = data.join(name);
+        if plain && path.is_file() {
+            fs::remove_file(&path).map_err(failed(&path))?;
+        }
+    }
+    fs::remove_file(table).map_err(failed(table))
+}
+
+/// 50 lines of 50 values, the first line at the lower edge.
+fn pattern_text(pattern: &[u8]) -> String {
+    let line = |row: &[u8]| {
+        let values: Vec<&str> = row.iter().map(|cell| if *cell == 1 { "1" } else { "0" }).collect();
+        values.join(",") + "\n"
+    };
+    pattern.chunks(CELLS).map(line).collect()
+}
+
+fn table_text(designs: &[Design]) -> io::Result<Vec<u8>> {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    writer.write_record(COLUMNS)?;
+    for design in designs {
+        writer.write_record(row(design))?;
+    }
+    writer.into_inner().map_err(|e| e.into_error())
+}
+
+fn row(design: &Design) -> [String; COLUMNS.len()] {
+    let number = |value: f64| format!("{:.6}", value + 0.0);
+    let known = |value: Option<f64>| value.map_or_else(String::new, number);
+    let compared = &design.compared;
+    [
+        design.name.clone(),
+        design.case.clone(),
+        design.role.name().to_owned(),
+        design.units.to_string(),
+        design.wanted.list(|aim| aim.point[0]),
+        design.wanted.list(|aim| aim.point[1]),
+        design.wanted.list(|aim| aim.direction),
+        design.area_target.clone(),
+        number(design.area),
+        number(design.predicted_mm),
+        known(design.simulated_mm),
+        known(design.error_mm),
+        known(compared.intuitive_own),
+        known(compared.intuitive_equal_area),
+        known(compared.optimum),
+        known(compared.ratio),
+        design.pattern_file(),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::designs::{Role, Wanted, tests::design};
+    use super::*;
+
+    #[test]
+    fn the_first_line_of_a_pattern_is_its_lower_edge() {
+        let mut pattern = vec![0; 2500];
+        pattern[..3].fill(1);
+        let text = pattern_text(&pattern);
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines.len(), 50);
+        assert!(lines[0].starts_with("1,1,1,0,") && !lines[49].contains('1'));
+        assert!(lines.iter().all(|line| line.split(',').count() == 50));
+    }
+
+    #[test]
+    fn a_row_has_numbers_of_six_decimals_lists_of_points_and_nothing_for_what_is_not_known() {
+        let mut of_four = design(Role::Refined, 50, Some(0.987_654_32));
+        of_four.wanted = Wanted::read(
+            "{ points: [{ point: [12.5, 25], direction: 0 }, { point: [37.5, 25], direction: 180 deg }] }",
+        )
+        .unwrap();
+        let text = String::from_utf8(table_text(&[of_four, design(Role::Intuitive, 50, None)]).unwrap()).unwrap();
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines[0], COLUMNS.join(","));
+        assert_eq!(
+            lines[1],
+            "I-centre-refined,I,refined,50,12.5 37.5,25 25,0 180,0.5,0.500000,1.000000,0.987654,,,,,,patterns/I-centre-refined.csv"
+        );
+        assert!(
+            lines[2].contains(",intuitive,50,25,25,0,0.5,0.500000,1.000000,,,,,,,"),
+            "{}",
+            lines[2]
+        );
+    }
+
+    #[test]
+    fn only_what_an_earlier_report_wrote_is_removed() {
+        let folder = tempfile::tempdir().unwrap();
+        let data = folder.path();
+        fs::create_dir(data.join("patterns")).unwrap();
+        let (own, other) = (data.join("patterns/I-centre-ga.csv"), data.join("patterns/mine.csv"));
+        for path in [&own, &other, &data.join("precious.csv")] {
+            fs::write(path, "1").unwrap();
+        }
+        let table = data.join("designs.csv");
+        let mut text = String::from_utf8(table_text(&[design(Role::Ga, 20, None)]).unwrap()).unwrap();
+        text += &text
+            .lines()
+            .last()
+            .unwrap()
+            .replace("patterns/I-centre-ga.csv", "patterns/../precious.csv");
+        fs::write(&table, text).unwrap();
+        forget(&table, data).unwrap();
+        assert!(!own.exists() && !table.exists());
+        assert!(other.exists() && data.join("precious.csv").exists());
+
+        fs::write(&table, "a,b\n1,patterns/mine.csv\n").unwrap();
+        forget(&table, data).unwrap();
+        assert!(table.exists() && other.exists());
+    }
+}
