@@ -9,7 +9,7 @@ use super::gather::{Made, ReportError, Source, each};
 use crate::store::Store;
 
 /// A design whose prediction differs from the simulation by more than this fraction was judged by an evaluator that is wrong.
-const TRUSTED: f64 = 0.05;
+pub(super) const TRUSTED: f64 = 0.05;
 
 /// The result of a verify stage.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -153,7 +153,7 @@ fn row(design: &Design) -> [String; COLUMNS.len()] {
         design.wanted.list(|aim| aim.direction),
         design.area_target.clone(),
         number(design.area),
-        number(design.predicted_mm),
+        known(design.predicted_mm),
         known(design.simulated_mm),
         known(design.error_mm),
         known(compared.intuitive_own),

@@ -2,6 +2,7 @@
 
 mod accuracy;
 mod audit;
+mod browser;
 mod cli;
 mod collect;
 mod common;
@@ -22,6 +23,7 @@ mod model;
 mod moved;
 mod read_only;
 mod rebuild;
+mod report;
 mod reproducible;
 mod reuse;
 mod rounds;

@@ -95,6 +95,8 @@ pub struct Design {
     pub area_target: String,
     /// Its area fraction.
     pub area: f64,
+    /// Its constraints in YAML; `{}` where there are none.
+    pub constraints: String,
     /// `met`, or which constraints are not; empty where nothing is known.
     pub status: String,
     /// Side of the membrane in mm.
@@ -105,8 +107,8 @@ pub struct Design {
     pub predicted: Vec<f64>,
     /// The same as simulated; none where it was not, or there is no stable solution.
     pub simulated: Option<Vec<f64>>,
-    /// Predicted mean displacement along the wanted directions, mm.
-    pub predicted_mm: f64,
+    /// Predicted mean displacement along the wanted directions, mm; none where the evaluator has no field.
+    pub predicted_mm: Option<f64>,
     /// The same as simulated.
     pub simulated_mm: Option<f64>,
     /// Estimated error of the simulation, mm.
@@ -128,7 +130,7 @@ impl Design {
     #[must_use]
     pub fn prediction_error(&self) -> Option<f64> {
         let simulated = self.simulated_mm.filter(|mm| mm.abs() > 1e-9)?;
-        Some((self.predicted_mm - simulated) / simulated.abs())
+        Some((self.predicted_mm? - simulated) / simulated.abs())
     }
 
     /// The file of its pattern, seen from the table of designs.

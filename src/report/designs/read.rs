@@ -5,11 +5,15 @@ use super::names::name;
 use super::wanted::Wanted;
 use super::{Design, Role};
 use crate::report::gather::{Made, ReportError, Source, each};
+use crate::report::summary::has_field;
 use crate::store::Store;
 
 /// Cells of a pattern, and numbers of a field.
 const CELLS: usize = 50 * 50;
 const FIELD: usize = 51 * 51 * 2;
+
+/// The status of a design of which the evaluator has no field, and so no value.
+const NO_FIELD: &str = "no stable field";
 
 /// The designs of a run, each once, named and compared: those that were verified, and those that were not as predicted.
 ///
@@ -70,7 +74,9 @@ fn sort(designs: &mut [Design]) {
 fn read(source: &Source<'_>) -> Result<Vec<Design>, ReportError> {
     let texts = |path: &str| -> Result<Vec<String>, ReportError> { Ok(source.artifact.texts(path)?.1) };
     let (cases, names, roles) = (texts("case")?, texts("name")?, texts("role")?);
-    let (objectives, targets, states) = (texts("objective")?, texts("area_target")?, texts("status")?);
+    let (objectives, targets) = (source.artifact.long_texts("objective")?, texts("area_target")?);
+    let states = source.artifact.long_texts("status")?;
+    let constraints = source.artifact.long_texts("constraints")?;
     let (members, units) = (source.counts("member")?, source.counts("units")?);
     let (areas, patterns, predicted) = (
         source.reals("area")?,
@@ -84,9 +90,10 @@ fn read(source: &Source<'_>) -> Result<Vec<Design>, ReportError> {
         objectives.len(),
         targets.len(),
         states.len(),
+        constraints.len(),
         members.len(),
     ];
-    let fits = lengths == [n; 6] && [units.len(), areas.len()] == [n; 2];
+    let fits = lengths == [n; 7] && [units.len(), areas.len()] == [n; 2];
     if !fits || patterns.len() != n * CELLS || predicted.len() != n * FIELD {
         return Err(source.wrong("its arrays differ in length"));
     }
@@ -119,12 +126,13 @@ fn read(source: &Source<'_>) -> Result<Vec<Design>, ReportError> {
             wanted,
             area_target: area_target(&targets[k]),
             area: areas[k],
+            constraints: constraints[k].clone(),
             status: states[k].clone(),
             side,
             pattern: patterns[k * CELLS..][..CELLS].to_vec(),
             predicted: predicted[k * FIELD..][..FIELD].to_vec(),
             simulated: field,
-            predicted_mm: values[k],
+            predicted_mm: (states[k] != NO_FIELD).then_some(values[k]),
             simulated_mm: value,
             error_mm: error,
             outcome,
@@ -160,14 +168,18 @@ fn simulations(source: &Source<'_>, n: usize) -> Result<Vec<Simulated>, ReportEr
         source.reals("component/simulated")?,
         source.reals("component/error")?,
     );
-    let solved = outcomes.iter().filter(|o| super::super::summary::has_field(o)).count();
-    if outcomes.len() != n || [values.len(), errors.len()] != [solved; 2] || fields.len() != solved * FIELD {
+    let estimated = source.counts("component/error_known")?;
+    let solved = outcomes.iter().filter(|o| has_field(o)).count();
+    if outcomes.len() != n
+        || [values.len(), errors.len(), estimated.len()] != [solved; 3]
+        || fields.len() != solved * FIELD
+    {
         return Err(source.wrong("its arrays differ in length"));
     }
     let mut row = 0;
     let mut found = Vec::with_capacity(n);
     for outcome in outcomes {
-        let known = super::super::summary::has_field(&outcome).then(|| {
+        let known = has_field(&outcome).then(|| {
             row += 1;
             row - 1
         });

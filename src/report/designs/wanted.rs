@@ -4,13 +4,15 @@ use std::path::Path;
 
 use crate::base::{Dimension, Document, InputError, Node};
 
-/// An objective, as far as it has points.
+/// An objective.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Wanted {
-    /// Points and directions; none where a whole field is wanted.
+    /// Points and directions; of a wanted field, all that it is given at.
     pub aims: Vec<Aim>,
-    /// The displacement in mm that is to be met, where it is not to be as large as can be.
+    /// The displacement in mm that is to be met along each direction, where one is.
     pub value_mm: Option<f64>,
+    /// Whether each point has a displacement that it is to meet.
+    pub vectors: bool,
 }
 
 /// A point and where it should move.
@@ -22,8 +24,12 @@ pub struct Aim {
     pub direction: f64,
 }
 
+/// More points than these are a field: nobody reads them one by one.
+const FEW: usize = 16;
+
 impl Wanted {
-    /// Reads `{ point, direction }` or `{ points: [{ point, direction }, …] }`; other keys do not matter here.
+    /// Reads `{ point, direction }` or `{ points: [{ point, direction }, …] }`, with a `displacement` in place of a direction
+    /// where one is wanted; other keys do not matter here.
     ///
     /// # Errors
     /// When the text is no YAML, or a point or direction cannot be read.
@@ -39,31 +45,47 @@ impl Wanted {
             .peek("value")
             .map(|value| value.quantity("value", Dimension::Length));
         Ok(Self {
+            vectors: aims.iter().any(|aim| aim.peek("displacement").is_some()),
             aims: aims.iter().map(aim).collect::<Result<_, _>>()?,
             value_mm: value.transpose()?.map(|value| value.value()),
         })
     }
 
-    /// One of the numbers of each aim, separated by spaces.
+    /// Whether a displacement is to be met, so that more of it is not better.
+    #[must_use]
+    pub fn is_met(&self) -> bool {
+        self.vectors || self.value_mm.is_some()
+    }
+
+    /// The points that can be told one by one; none where a field is wanted.
+    #[must_use]
+    pub fn points(&self) -> &[Aim] {
+        if self.aims.len() > FEW { &[] } else { &self.aims }
+    }
+
+    /// One of the numbers of each point, separated by spaces.
     #[must_use]
     pub fn list(&self, of: impl Fn(&Aim) -> f64) -> String {
-        let numbers: Vec<String> = self.aims.iter().map(|aim| (of(aim) + 0.0).to_string()).collect();
+        // Nine digits are more than a length or angle has, and hide what rounding adds.
+        let round = |value: f64| (1e9 * value).round() / 1e9 + 0.0;
+        let numbers: Vec<String> = self.points().iter().map(|aim| round(of(aim)).to_string()).collect();
         numbers.join(" ")
     }
 
     /// In words, on one line.
     #[must_use]
     pub fn words(&self) -> String {
-        let one = |aim: &Aim| format!("({}, {}) mm at {}°", aim.point[0], aim.point[1], aim.direction + 0.0);
-        let aims: Vec<String> = self.aims.iter().map(one).collect();
-        let what = match aims.as_slice() {
-            [] => "a field".to_owned(),
-            [one] => one.clone(),
-            several => format!("the mean of {}", several.join(", ")),
+        let one = |aim: &Aim| format!("({}, {}) mm at {:.4}", aim.point[0], aim.point[1], aim.direction + 0.0);
+        let one = |aim: &Aim| format!("{}°", one(aim).trim_end_matches('0').trim_end_matches('.'));
+        let what = match self.points() {
+            [] => format!("a field, given at {} points", self.aims.len()),
+            [aim] => one(aim),
+            several => format!("the mean of {}", several.iter().map(one).collect::<Vec<_>>().join(", ")),
         };
-        match self.value_mm {
-            Some(mm) => format!("{what} by {mm} mm"),
-            None => what,
+        match (self.value_mm, self.vectors) {
+            (Some(mm), _) => format!("{what} by {mm} mm"),
+            (None, true) => format!("{what}, by a given length"),
+            (None, false) => what,
         }
     }
 }
@@ -75,10 +97,19 @@ fn aim(node: &Node) -> Result<Aim, InputError> {
         return Err(point.error("`point` must have two coordinates"));
     };
     let length = |node: &Node| Ok::<f64, InputError>(node.quantity("point", Dimension::Length)?.value());
-    let direction = node.peek("direction").ok_or_else(|| missing("direction"))?;
+    let direction = match (node.peek("direction"), node.peek("displacement")) {
+        (Some(direction), _) => direction.quantity("direction", Dimension::Angle)?.value(),
+        (None, Some(displacement)) => {
+            let [x, y] = displacement.list("displacement")? else {
+                return Err(displacement.error("`displacement` must have two components"));
+            };
+            length(y)?.atan2(length(x)?).to_degrees()
+        }
+        (None, None) => return Err(missing("direction")),
+    };
     Ok(Aim {
         point: [length(x)?, length(y)?],
-        direction: direction.quantity("direction", Dimension::Angle)?.value(),
+        direction,
     })
 }
 
@@ -98,7 +129,19 @@ mod tests {
         assert_eq!(two.list(|aim| aim.direction), "0 -90");
         assert_eq!(two.value_mm, Some(1.0));
         assert!(two.words().ends_with("by 1 mm"), "{}", two.words());
-        assert_eq!(Wanted::read("{ field: target.npy }").unwrap().words(), "a field");
+        let vector = Wanted::read("{ point: [1, 2], displacement: [1 mm, 1 mm] }").unwrap();
+        assert_eq!(
+            (vector.list(|aim| aim.direction).as_str(), vector.is_met()),
+            ("45", true)
+        );
+        let field = vec!["{ point: [1, 2], displacement: [0, 1] }"; 17].join(", ");
+        let field = Wanted::read(&format!("{{ points: [{field}] }}")).unwrap();
+        assert_eq!(field.list(|aim| aim.direction), "");
+        assert!(
+            field.words().starts_with("a field, given at 17 points"),
+            "{}",
+            field.words()
+        );
         assert!(Wanted::read("{ point: [1, 2] }").is_err());
     }
 }

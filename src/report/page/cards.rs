@@ -35,52 +35,75 @@ fn card(design: &Design, several: bool, scale: f64) -> String {
     )
 }
 
+/// The value that counts, then what it is compared with.
 fn numbers(design: &Design) -> String {
-    let compared = &design.compared;
-    let beside = |other: Option<f64>| {
-        let other = other?;
-        let gained = design.simulated_mm.filter(|_| other.abs() > 1e-9);
-        let gained = gained.map(|own| format!(" ({})", gain((own - other) / other.abs())));
-        Some(mm(other) + &gained.unwrap_or_default())
+    let ratio = design
+        .compared
+        .ratio
+        .filter(|_| shows_optimum(design) && !design.wanted.is_met());
+    let ratio = ratio.map_or_else(String::new, |ratio| {
+        format!("<span>{} of the optimum</span>", percent(ratio, 2))
+    });
+    let value = match (simulated(design), design.predicted_mm) {
+        (Some(simulated), _) => simulated,
+        (None, Some(predicted)) => format!("{} mm predicted", mm(predicted)),
+        (None, None) => "no value".to_owned(),
     };
-    let optimum = compared
-        .optimum
-        .filter(|_| design.role != Role::Optimum)
-        .map(|optimum| {
-            let ratio = compared.ratio.map(|ratio| format!(" (reaches {})", percent(ratio, 2)));
-            mm(optimum) + &ratio.unwrap_or_default()
-        });
-    let found = design.role.is_found();
-    let rows = [
-        ("predicted", Some(predicted(design))),
-        ("simulated", simulated(design)),
-        ("area", Some(percent(design.area, 2))),
-        ("optimum", optimum),
-        ("intuitive, own area", beside(compared.intuitive_own).filter(|_| found)),
-        (
-            "intuitive, equal area",
-            beside(compared.intuitive_equal_area).filter(|_| found),
-        ),
-    ];
-    let rows = rows.into_iter().filter_map(|(name, text)| Some((name, text?)));
-    let rows: String = rows
-        .map(|(name, text)| format!("<dt>{name}</dt><dd>{}</dd>", escaped(&text)))
-        .collect();
-    format!("<dl>{rows}</dl>")
+    format!(
+        "<p class=\"value\"><b>{}</b>{ratio}</p><dl>{}</dl>",
+        escaped(&value),
+        rows(design)
+    )
 }
 
-/// The predicted value with its difference from the simulated one.
-pub fn predicted(design: &Design) -> String {
-    let error = design.prediction_error();
-    let error = error.map(|error| format!(" ({:+.2} %)", 100.0 * error));
-    mm(design.predicted_mm) + &error.unwrap_or_default()
+/// An intuitive design at its own area may have more of it than the optimum was allowed.
+fn shows_optimum(design: &Design) -> bool {
+    !matches!(design.role, Role::Optimum | Role::Intuitive)
+}
+
+/// Lines of a name, a number, and what this design has more or less than that.
+fn rows(design: &Design) -> String {
+    let compared = &design.compared;
+    let found = design.role.is_found();
+    let over = |other: f64| {
+        let own = design.simulated_mm.filter(|_| found && other.abs() > 1e-9);
+        own.map_or_else(String::new, |own| gain((own - other) / other.abs(), 1))
+    };
+    let other = |name: &'static str, value: Option<f64>, shown: bool| {
+        let value = value.filter(|_| shown)?;
+        Some((name, format!("{} mm", mm(value)), over(value)))
+    };
+    let error = design
+        .prediction_error()
+        .map_or_else(String::new, |error| gain(error, 2));
+    let predicted = design
+        .predicted_mm
+        .map(|value| ("predicted", format!("{} mm", mm(value)), error));
+    let wanted = design.wanted.value_mm.map(|value| {
+        let off = design
+            .simulated_mm
+            .map_or_else(String::new, |own| format!("{:+.4}", own - value).replace('-', "−"));
+        ("wanted", format!("{} mm", mm(value)), off)
+    });
+    let rows = [
+        predicted,
+        wanted,
+        Some(("area", percent(design.area, 2), String::new())),
+        other("optimum", compared.optimum, shows_optimum(design)).map(|(name, value, _)| (name, value, String::new())),
+        other("intuitive, own area", compared.intuitive_own, found),
+        other("intuitive, equal area", compared.intuitive_equal_area, found),
+    ];
+    let row = |(name, value, more): (&str, String, String)| {
+        format!("<dt>{name}</dt><dd>{}</dd><dd>{}</dd>", escaped(&value), escaped(&more))
+    };
+    rows.into_iter().flatten().map(row).collect()
 }
 
 /// The simulated value with its estimated error; none where nothing was simulated.
-pub fn simulated(design: &Design) -> Option<String> {
+fn simulated(design: &Design) -> Option<String> {
     match (design.simulated_mm, &design.outcome, design.error_mm) {
-        (Some(value), _, Some(error)) => Some(format!("{:.4} ± {error:.4} mm", value + 0.0)),
-        (Some(value), _, None) => Some(mm(value)),
+        (Some(value), _, Some(error)) => Some(format!("{} ± {error:.4} mm", mm(value))),
+        (Some(value), _, None) => Some(format!("{} mm", mm(value))),
         (None, Some(_), _) => Some("no stable solution".to_owned()),
         (None, None, _) => None,
     }
@@ -101,6 +124,7 @@ fn remarks(design: &Design) -> String {
         "" => {}
         "met" if design.role.is_found() => remark("good", "Constraints met"),
         "met" => {}
+        "no stable field" => remark("warning", "The evaluator finds no stable field"),
         // The intuitive designs were never asked to meet any.
         status if design.role.is_found() => remark("warning", &format!("Not met: {status}")),
         status => remark("note", &format!("Would not meet: {status}")),

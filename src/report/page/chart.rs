@@ -5,9 +5,9 @@ use crate::report::figures::{Axis, Labels, Spot};
 use crate::report::html::escaped;
 
 /// Size of a chart in units of the page, small enough that its text can be read on a telephone.
-const WIDTH: f64 = 440.0;
-const HEIGHT: f64 = 290.0;
-const LEFT: f64 = 56.0;
+const WIDTH: f64 = 380.0;
+const HEIGHT: f64 = 255.0;
+const LEFT: f64 = 54.0;
 const RIGHT: f64 = 12.0;
 const TOP: f64 = 10.0;
 const BELOW: f64 = 44.0;
@@ -262,7 +262,7 @@ mod tests {
         assert!(text.contains("<li class=\"blue\"><i></i>line</li>") && !text.contains("<li class=\"green\">"));
         // The middle of the frame from left to right, and its upper edge.
         assert!(
-            text.contains("<circle class=\"green\" cx=\"242\" cy=\"10\" r=\"3.5\"><title>second</title>"),
+            text.contains("<circle class=\"green\" cx=\"211\" cy=\"10\" r=\"3.5\"><title>second</title>"),
             "{text}"
         );
         assert!(text.contains("a &lt;b&gt;") && text.contains("x [mm]"));

@@ -7,12 +7,12 @@ use crate::report::course::{Course, StageFacts};
 use crate::report::html::{Page, escaped};
 
 /// Widths in units of the page: of a box, and of the room between two layers.
-const WIDTH: f64 = 178.0;
-const BETWEEN: f64 = 46.0;
+const WIDTH: f64 = 184.0;
+const BETWEEN: f64 = 42.0;
 
 /// Letters that fit in a box.
 const NAME: usize = 21;
-const LINE: usize = 27;
+const LINE: usize = 30;
 
 /// How small the drawing may become before it scrolls.
 const SMALLEST: f64 = 0.72;

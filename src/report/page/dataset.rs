@@ -2,6 +2,7 @@
 
 use super::chart::{Chart, Mark, Series};
 use super::words::counted;
+use crate::report::audit::audits;
 use crate::report::figures::{Axis, FamilyDeformation, Histogram};
 use crate::report::gather::{Made, ReportError, Source, counts_by_bin, each, families};
 use crate::report::html::Page;
@@ -20,11 +21,14 @@ pub fn section(page: &mut Page, store: &Store, made: &[Made]) -> Result<(), Repo
     let balanced = each(store, made, "balance", |source| {
         Ok((name(source), counts_by_bin(source)?))
     })?;
-    if solved.iter().all(|(_, families)| families.is_empty()) && balanced.is_empty() {
+    let audits = audits(store, made)?;
+    if solved.iter().all(|(_, families)| families.is_empty()) && balanced.is_empty() && audits.is_empty() {
         return Ok(());
     }
     page.section("Dataset");
     page.lines(&["How far the membrane moves in each sample: the largest displacement of the pattern.".to_owned()]);
+    let audits: Vec<String> = audits.iter().map(|line| format!("Audit {line}.")).collect();
+    page.lines(&audits);
     for (name, data) in &balanced {
         page.part(&format!("{name}: balance"));
         page.markup(&format!(
@@ -38,9 +42,14 @@ pub fn section(page: &mut Page, store: &Store, made: &[Made]) -> Result<(), Repo
             data.after.len()
         ));
     }
-    for (name, families) in solved.iter().filter(|(_, families)| !families.is_empty()) {
-        page.part(&format!("{name}: samples by family"));
-        page.markup(&format!("<div class=\"charts\">\n{}</div>\n", by_family(families)));
+    let solved: Vec<String> = solved
+        .iter()
+        .filter(|(_, f)| !f.is_empty())
+        .map(|(name, f)| by_family(name, f))
+        .collect();
+    if !solved.is_empty() {
+        page.part("Samples by family");
+        page.markup(&format!("<div class=\"charts\">\n{}</div>\n", solved.concat()));
     }
     Ok(())
 }
@@ -111,28 +120,30 @@ fn after(data: &Histogram) -> String {
     chart.figure()
 }
 
-/// One chart for each family, all over the same range.
-fn by_family(families: &[FamilyDeformation]) -> String {
+/// The samples of a solve stage, an outline for each family.
+fn by_family(stage: &str, families: &[FamilyDeformation]) -> String {
     let peaks = families.iter().flat_map(|family| &family.peaks);
-    let farthest = peaks.fold(0.0, |a: f64, b| a.max(*b));
+    let farthest = peaks.clone().fold(0.0, |a: f64, b| a.max(*b));
     let top = RANGE.max((2.0 * farthest).ceil() / 2.0);
     let edges: Vec<f64> = (0..=BINS).map(|k| top * k as f64 / BINS as f64).collect();
-    let chart = |(family, colour): (&FamilyDeformation, &&'static str)| {
+    let mut most = 0;
+    let mut series = Vec::new();
+    for (family, colour) in families.iter().zip(COLOURS.iter().cycle()) {
         let mut counts = vec![0_u64; BINS];
         for peak in &family.peaks {
             counts[((peak / top * BINS as f64) as usize).min(BINS - 1)] += 1;
         }
-        let most = counts.iter().max().copied().unwrap_or(0);
-        let n = family.peaks.len();
-        let mean = family.peaks.iter().sum::<f64>() / n.max(1) as f64;
-        let chart = Chart {
-            title: &family.family,
-            note: &format!("{}, mean {mean:.2} mm", counted(n, "sample", "samples")),
-            x: Axis::linear("Largest displacement [mm]", 0.0, top),
-            y: Axis::counting("Samples per bin", 0.0, (1.08 * most as f64).max(1.0)),
-            series: vec![Series::new("", colour, Mark::Bars, bars(&counts, &edges))],
-        };
-        chart.figure()
+        most = counts.iter().fold(most, |a, b| a.max(*b));
+        let mean = family.peaks.iter().sum::<f64>() / family.peaks.len().max(1) as f64;
+        let name = format!("{}, mean {mean:.2} mm", family.family);
+        series.push(Series::new(&name, colour, Mark::Line, outline(&counts, &edges)));
+    }
+    let chart = Chart {
+        title: stage,
+        note: &counted(peaks.count(), "sample", "samples"),
+        x: Axis::linear("Largest displacement [mm]", 0.0, top),
+        y: Axis::counting("Samples per bin", 0.0, (1.08 * most as f64).max(1.0)),
+        series,
     };
-    families.iter().zip(COLOURS.iter().cycle()).map(chart).collect()
+    chart.figure()
 }

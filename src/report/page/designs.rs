@@ -1,9 +1,9 @@
 //! The designs case by case: a table, the curve over the area where targets differ in that alone, and every pattern.
 
-use super::cards::{cards, predicted, simulated};
+use super::cards::cards;
 use super::chart::{Chart, Mark, Series};
 use super::membrane::{exaggeration, shared};
-use super::words::{gain, percent};
+use super::words::{gain, mm, percent};
 use crate::report::designs::{Design, Role};
 use crate::report::figures::Axis;
 use crate::report::html::{Column, Page};
@@ -13,11 +13,11 @@ const CURVE: usize = 3;
 
 /// Roles with their colours.
 pub const ROLES: [(Role, &str); 5] = [
-    (Role::Intuitive, "grey"),
-    (Role::IntuitiveEqualArea, "purple"),
     (Role::Ga, "orange"),
     (Role::Refined, "blue"),
     (Role::Optimum, "green"),
+    (Role::IntuitiveEqualArea, "purple"),
+    (Role::Intuitive, "grey"),
 ];
 
 /// Adds a section where there are designs.
@@ -47,11 +47,9 @@ pub fn section(page: &mut Page, designs: &[Design]) {
             "" => "All targets".to_owned(),
             name => format!("Case {name}"),
         });
-        page.columns(
-            "Designs of the case",
-            &COLUMNS,
-            &case.iter().map(|design| row(design)).collect::<Vec<_>>(),
-        );
+        let found = case.iter().filter(|design| design.role.is_found());
+        let rows: Vec<Vec<String>> = found.map(|design| row(design)).collect();
+        page.columns("Designs of the case", &COLUMNS, &rows);
         if let Some(curve) = curve(&case) {
             page.markup(&format!("<div class=\"charts\">\n{curve}</div>\n"));
         }
@@ -65,7 +63,14 @@ pub fn section(page: &mut Page, designs: &[Design]) {
                     |share: f64| format!("area {}", percent(share, 1)),
                 ),
             };
-            page.note(&format!("Wanted: {}, {area}", first.wanted.words()));
+            let constraints = match first.constraints.trim() {
+                "" | "{}" => String::new(),
+                some => format!(", within {some}"),
+            };
+            page.note(&format!(
+                "Wanted: displacement of {}, {area}{constraints}",
+                first.wanted.words()
+            ));
             page.markup(&cards(&target, scale));
         }
     }
@@ -83,48 +88,54 @@ fn by<'d>(designs: impl Iterator<Item = &'d Design>, name: impl Fn(&Design) -> &
     groups
 }
 
-const COLUMNS: [(&str, Column); 12] = [
+const COLUMNS: [(&str, Column); 11] = [
     ("target", Column::Key),
     ("design", Column::Key),
     ("units", Column::Number),
-    ("area wanted", Column::Number),
     ("area", Column::Number),
-    ("predicted", Column::Number),
-    ("simulated", Column::Number),
-    ("of the optimum", Column::Number),
-    ("optimum, mm", Column::Number),
-    ("over intuitive, own area", Column::Number),
-    ("over intuitive, equal area", Column::Number),
-    ("constraints", Column::Text),
+    ("predicted, mm", Column::Number),
+    ("off by", Column::Number),
+    ("simulated, mm", Column::Number),
+    ("of optimum", Column::Number),
+    ("over intuitive", Column::Number),
+    ("at equal area", Column::Number),
+    ("constraints", Column::Key),
 ];
 
 fn row(design: &Design) -> Vec<String> {
-    let found = design.role.is_found();
     let over = |other: Option<f64>| {
-        let other = other.filter(|mm| found && mm.abs() > 1e-9)?;
-        Some(gain((design.simulated_mm? - other) / other.abs()))
+        let other = other.filter(|mm| mm.abs() > 1e-9)?;
+        Some(gain((design.simulated_mm? - other) / other.abs(), 1))
     };
+    let text = |known: Option<String>| known.unwrap_or_default();
     let compared = &design.compared;
     let number = if design.member > 0 {
         format!(" {}", design.member + 1)
     } else {
         String::new()
     };
+    let simulated = match (design.simulated_mm, design.error_mm, &design.outcome) {
+        (Some(value), Some(error), _) => format!("{} ± {error:.4}", mm(value)),
+        (Some(value), None, _) => mm(value),
+        (None, _, Some(outcome)) => outcome.clone(),
+        (None, _, None) => "not verified".to_owned(),
+    };
+    let met = match design.status.as_str() {
+        "met" | "" => design.status.clone(),
+        _ => "not met".to_owned(),
+    };
     vec![
         design.target.clone(),
         format!("{}{number}", design.role.title()),
-        if found { design.units.to_string() } else { String::new() },
-        design.area_target.clone(),
-        format!("{:.4}", design.area),
-        predicted(design),
-        simulated(design).unwrap_or_else(|| "not verified".to_owned()),
-        compared.ratio.map_or_else(String::new, |ratio| percent(ratio, 2)),
-        compared
-            .optimum
-            .map_or_else(String::new, |mm| format!("{:.4}", mm + 0.0)),
-        over(compared.intuitive_own).unwrap_or_default(),
-        over(compared.intuitive_equal_area).unwrap_or_default(),
-        if found { design.status.clone() } else { String::new() },
+        design.units.to_string(),
+        percent(design.area, 2),
+        text(design.predicted_mm.map(mm)),
+        text(design.prediction_error().map(|error| gain(error, 2))),
+        simulated,
+        text(compared.ratio.map(|ratio| percent(ratio, 2))),
+        text(over(compared.intuitive_own)),
+        text(over(compared.intuitive_equal_area)),
+        met,
     ]
 }
 
@@ -149,7 +160,15 @@ fn curve(case: &[&Design]) -> Option<String> {
     };
     let series: Vec<Series> = ROLES
         .into_iter()
-        .map(|(role, colour)| Series::new(role.title(), colour, Mark::LineAndDots, points(role)))
+        .map(|(role, colour)| {
+            // Where a design reaches the optimum, both lines are to be seen.
+            let mark = if role == Role::Optimum {
+                Mark::Dashed
+            } else {
+                Mark::LineAndDots
+            };
+            Series::new(role.title(), colour, mark, points(role))
+        })
         .filter(|series| !series.points.is_empty())
         .collect();
     let values: Vec<f64> = series.iter().flat_map(|s| &s.points).map(|(_, mm)| *mm).collect();
@@ -165,7 +184,10 @@ fn curve(case: &[&Design]) -> Option<String> {
 
 /// Adds what was predicted beside what was simulated.
 pub fn agreement(page: &mut Page, designs: &[Design]) {
-    let known: Vec<&Design> = designs.iter().filter(|design| design.simulated_mm.is_some()).collect();
+    let known = designs
+        .iter()
+        .filter(|d| d.simulated_mm.is_some() && d.predicted_mm.is_some());
+    let known: Vec<&Design> = known.collect();
     if known.is_empty() {
         return;
     }
@@ -174,9 +196,7 @@ pub fn agreement(page: &mut Page, designs: &[Design]) {
         "Every verified design: the search believed the prediction, the simulation on a finer mesh says what is true."
             .to_owned(),
     ]);
-    let values = known
-        .iter()
-        .flat_map(|d| [d.predicted_mm, d.simulated_mm.unwrap_or_default()]);
+    let values = known.iter().flat_map(|d| [d.predicted_mm, d.simulated_mm]).flatten();
     let values: Vec<f64> = values.collect();
     let (x, y) = (
         Axis::above("Simulated [mm]", &values),
@@ -199,7 +219,7 @@ pub fn agreement(page: &mut Page, designs: &[Design]) {
             .filter(|s| !s.points.is_empty())
             .collect::<Vec<_>>()
     };
-    let both = |design: &Design| Some((design.simulated_mm?, design.predicted_mm));
+    let both = |design: &Design| Some((design.simulated_mm?, design.predicted_mm?));
     let diagonal = Series::new("", "grey", Mark::Dashed, ends.map(|end| (end, end)).to_vec());
     let scatter = Chart {
         title: "Predicted and simulated",

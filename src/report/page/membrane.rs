@@ -58,7 +58,7 @@ pub fn pattern(design: &Design) -> String {
         .iter()
         .map(|l| path(&corners(l, rest), true))
         .collect();
-    let arrows = design.wanted.aims.iter().map(|aim| {
+    let arrows = design.wanted.points().iter().map(|aim| {
         let (sin, cos) = aim.direction.to_radians().sin_cos();
         arrow(to_page(aim.point, design.side), (110.0 * cos, -110.0 * sin))
     });
@@ -97,7 +97,7 @@ pub fn deformed(design: &Design, scale: f64) -> String {
         let across = path(&along().map(|x| moved((x, k))).collect::<Vec<_>>(), false);
         across + &path(&along().map(|y| moved((k, y))).collect::<Vec<_>>(), false)
     });
-    let arrows = design.wanted.aims.iter().map(|aim| {
+    let arrows = design.wanted.points().iter().map(|aim| {
         let u = at(field, aim.point, design.side);
         let unit = SIDE * scale / design.side;
         arrow(to_page(aim.point, design.side), (unit * u[0], -unit * u[1]))

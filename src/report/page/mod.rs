@@ -20,6 +20,7 @@ use super::course::Course;
 use super::designs::{Design, Extreme, Found};
 use super::gather::{Made, ReportError};
 use super::html::Page;
+use super::summary::TRUSTED;
 use super::training::trainings;
 use crate::store::Store;
 use words::{bytes, counted, gain, percent, seconds};
@@ -69,7 +70,16 @@ fn head(page: &mut Page, course: &Course, designs: &[Design]) {
             ),
         ]);
     }
-    let mut tiles = of_designs(&Found::of(designs));
+    let found = Found::of(designs);
+    let wrong = found.prediction_error.as_ref().filter(|error| error.value > TRUSTED);
+    if let Some(error) = wrong {
+        page.notice(&[format!(
+            "Predicted and simulated differ by up to {} ({}): what judged these designs is not to be trusted there.",
+            percent(error.value, 1),
+            error.design
+        )]);
+    }
+    let mut tiles = of_designs(&found);
     let took: f64 = course
         .stages
         .iter()
@@ -119,17 +129,18 @@ fn of_designs(found: &Found) -> Vec<(String, String)> {
     }));
     let gained = |share: &f64, area: &str| {
         (
-            gain(*share),
+            gain(*share, 1),
             format!("over the intuitive design at {area} area, median of the targets"),
         )
     };
     tiles.extend(found.gain_own_area.iter().map(|share| gained(share, "its own")));
     tiles.extend(found.gain_equal_area.iter().map(|share| gained(share, "equal")));
     if found.not_met > 0 {
-        tiles.push((
-            found.not_met.to_string(),
-            "designs do not meet their constraints".to_owned(),
-        ));
+        let what = match found.not_met {
+            1 => "design does not meet its constraints",
+            _ => "designs do not meet their constraints",
+        };
+        tiles.push((found.not_met.to_string(), what.to_owned()));
     }
     tiles
 }

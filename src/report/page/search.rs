@@ -1,9 +1,11 @@
 //! The course of each search: the displacement of the best pattern by generation, and by step of what gradients did.
 
 use super::chart::{Chart, Mark, Series};
+use super::words::mm;
+use crate::report::evaluators::{Evaluators, evaluators};
 use crate::report::figures::Axis;
 use crate::report::gather::{Made, ReportError, Source, each};
-use crate::report::html::Page;
+use crate::report::html::{Column, Page};
 use crate::store::Store;
 
 /// Colours of targets, in their order.
@@ -21,8 +23,8 @@ struct Course {
 /// Adds a section where something was searched.
 pub fn section(page: &mut Page, store: &Store, made: &[Made]) -> Result<(), ReportError> {
     let searched = each(store, made, "design", |source| {
-        let generations = courses(source, "history", "generation", &["name"])?;
-        let steps = courses(source, "climb", "step", &["name", "role", "member"])?;
+        let generations = courses(source, "history", "generation")?;
+        let steps = courses(source, "climb", "step")?;
         Ok((source.stage.stage.clone(), generations, steps))
     })?;
     let searched: Vec<_> = searched
@@ -33,6 +35,7 @@ pub fn section(page: &mut Page, store: &Store, made: &[Made]) -> Result<(), Repo
         return Ok(());
     }
     page.section("Search");
+    judges(page, &evaluators(store, made)?);
     page.lines(&[
         "How the displacement of the best pattern grew while it was searched, as the search judged it.".to_owned(),
     ]);
@@ -45,30 +48,57 @@ pub fn section(page: &mut Page, store: &Store, made: &[Made]) -> Result<(), Repo
     Ok(())
 }
 
+/// What judged the patterns of each target.
+fn judges(page: &mut Page, evaluators: &[Evaluators]) {
+    let row = |judge: &Evaluators| {
+        let own = judge
+            .candidates
+            .iter()
+            .find(|candidate| candidate.settings == judge.used);
+        let error = own.and_then(|candidate| candidate.rmse_mm);
+        vec![
+            judge.stage.clone(),
+            judge.name.clone(),
+            judge.used.clone(),
+            error.map_or_else(String::new, mm),
+            match judge.candidates.len() {
+                0 => "named in the pipeline, or the reference itself".to_owned(),
+                n => format!("the cheapest of {n} that is accurate enough"),
+            },
+        ]
+    };
+    let columns = [
+        ("stage", Column::Key),
+        ("target", Column::Key),
+        ("patterns judged by", Column::Key),
+        ("its RMS error, mm", Column::Number),
+        ("why", Column::Key),
+    ];
+    page.columns(
+        "What judged the patterns",
+        &columns,
+        &evaluators.iter().map(row).collect::<Vec<_>>(),
+    );
+}
+
 /// The lines of a group of datasets; none where the artifact has no such group.
-fn courses(source: &Source<'_>, group: &str, count: &str, names: &[&str]) -> Result<Vec<Course>, ReportError> {
+fn courses(source: &Source<'_>, group: &str, count: &str) -> Result<Vec<Course>, ReportError> {
     let path = |name: &str| format!("{group}/{name}");
     let contents = source.artifact.contents()?;
     if contents.iter().all(|content| content.path != path("value")) {
         return Ok(Vec::new());
     }
     let (counts, values) = (source.counts(&path(count))?, source.reals(&path("value"))?);
-    let mut labels = vec![String::new(); values.len()];
-    for name in names {
-        let words = match *name {
-            "member" => source
-                .counts(&path(name))?
-                .iter()
-                .map(|member| (member + 1).to_string())
-                .collect(),
-            name => source.artifact.texts(&path(name))?.1,
-        };
-        for (label, word) in labels.iter_mut().zip(words) {
-            *label += if label.is_empty() { "" } else { " " };
-            *label += &word;
+    let mut labels = source.artifact.texts(&path("name"))?.1;
+    if contents.iter().any(|content| content.path == path("member")) {
+        let members = source.counts(&path("member"))?;
+        // Of one design the number says nothing.
+        let several = members.iter().any(|member| *member > 0);
+        for (label, member) in labels.iter_mut().zip(members).filter(|_| several) {
+            *label += &format!(" {}", member + 1);
         }
     }
-    if counts.len() != values.len() {
+    if [counts.len(), labels.len()] != [values.len(); 2] {
         return Err(source.wrong(format!("its arrays in `{group}` differ in length")));
     }
     let mut courses: Vec<Course> = Vec::new();

@@ -32,9 +32,9 @@ pub fn time(rfc3339: &str) -> String {
     }
 }
 
-/// A length in mm, four decimals.
+/// A length in mm, four decimals, without its unit.
 pub fn mm(value: f64) -> String {
-    format!("{:.4} mm", value + 0.0)
+    signed(&format!("{:.4}", value + 0.0))
 }
 
 /// A share in percent.
@@ -43,8 +43,18 @@ pub fn percent(share: f64, decimals: usize) -> String {
 }
 
 /// A difference in percent, with its sign.
-pub fn gain(share: f64) -> String {
-    format!("{:+.1} %", 100.0 * share)
+pub fn gain(share: f64, decimals: usize) -> String {
+    let text = format!("{:+.*} %", decimals, 100.0 * share);
+    // Nothing is neither more nor less.
+    match text.trim_start_matches(['+', '-', '0', '.']) == " %" {
+        true => text[1..].to_owned(),
+        false => signed(&text),
+    }
+}
+
+/// With a minus sign in place of a hyphen.
+fn signed(text: &str) -> String {
+    text.replace('-', "−")
 }
 
 /// So many of something.
@@ -76,9 +86,10 @@ mod tests {
         );
         assert_eq!([999, 1_500, 999_990].map(bytes), ["999 B", "1.5 kB", "1.0 MB"]);
         assert_eq!(time("2026-01-02T03:04:05.678Z"), "2026-01-02 03:04:05 UTC");
+        assert_eq!((mm(-1.23456), percent(0.9912, 1)), ("−1.2346".into(), "99.1 %".into()));
         assert_eq!(
-            (mm(1.23456), percent(0.9912, 1), gain(-0.05)),
-            ("1.2346 mm".into(), "99.1 %".into(), "-5.0 %".into())
+            [0.05, -0.0512, -0.000_04].map(|g| gain(g, 2)),
+            ["+5.00 %", "−5.12 %", "0.00 %"]
         );
         assert_eq!(cut("abcdef", 4), "abc…");
     }

@@ -1,0 +1,149 @@
+//! A page as Chromium shows it, without a screen and without a network.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use serde_json::Value;
+
+/// The browser of this machine.
+pub struct Browser {
+    program: &'static str,
+}
+
+/// What a page says of itself.
+#[derive(Debug)]
+pub struct Seen {
+    /// Width of what it is shown in.
+    pub width: u32,
+    /// Width of its content.
+    pub scrolled: u32,
+    /// Images and drawings.
+    pub drawings: u32,
+    /// Those of no size.
+    pub without_size: u32,
+    /// Everything that it asked for.
+    pub fetched: u32,
+    /// Errors of scripts and of what could not be loaded, and all that was written on the console.
+    pub complaints: Vec<String>,
+}
+
+/// Tells the frame around the page how it looks. Errors are counted from before the page is read.
+const BEFORE: &str = "<script>window.complaints=[];addEventListener('error',e=>complaints.push(String(e.message||e.target.tagName)),true)</script>";
+const AFTER: &str = "<script>addEventListener('load',()=>{
+const drawn=[...document.querySelectorAll('svg:not([aria-hidden]),img')];
+const small=drawn.filter(d=>{const r=d.getBoundingClientRect();return r.width<8||r.height<8});
+parent.postMessage(JSON.stringify({width:innerWidth,scrolled:document.documentElement.scrollWidth,drawings:drawn.length,
+without_size:small.length,fetched:performance.getEntriesByType('resource').length,complaints:complaints}),'*')})</script>";
+
+impl Browser {
+    /// The first that is there.
+    pub fn find() -> Option<Self> {
+        let works = |program: &&'static str| {
+            let version = Command::new(program).arg("--version").output();
+            version.is_ok_and(|output| output.status.success())
+        };
+        let program = ["chromium", "chromium-browser", "google-chrome"]
+            .into_iter()
+            .find(works)?;
+        Some(Self { program })
+    }
+
+    /// Opens a copy of the page that looks at itself.
+    pub fn visit(&self, page: &Path, width: u32, height: u32) -> Seen {
+        let text = std::fs::read_to_string(page).unwrap();
+        let text = text.replacen("<head>", &format!("<head>{BEFORE}"), 1);
+        let text = text.replacen("</body>", &format!("{AFTER}</body>"), 1);
+        let folder = tempfile::tempdir().unwrap();
+        let frame = framed(folder.path(), &text, width, height);
+        let (dom, told) = self.open(&frame, width, height, &["--dump-dom", "--virtual-time-budget=3000"]);
+        let found = dom
+            .split("data-found=\"")
+            .nth(1)
+            .and_then(|rest| rest.split('"').next());
+        let found = found
+            .unwrap_or_else(|| panic!("the page said nothing: {told}"))
+            .replace("&quot;", "\"");
+        let found: Value = serde_json::from_str(&found).unwrap();
+        let number = |key: &str| {
+            found[key]
+                .as_f64()
+                .unwrap_or_else(|| panic!("{key} in {found}"))
+                .round() as u32
+        };
+        let own = found["complaints"].as_array().unwrap().iter().map(Value::to_string);
+        let console = told.lines().filter(|line| line.contains(":CONSOLE")).map(str::to_owned);
+        Seen {
+            width: number("width"),
+            scrolled: number("scrolled"),
+            drawings: number("drawings"),
+            without_size: number("without_size"),
+            fetched: number("fetched"),
+            complaints: own.chain(console).collect(),
+        }
+    }
+
+    /// Writes an image of the page.
+    pub fn photograph(&self, page: &Path, width: u32, height: u32, image: &Path) {
+        let text = std::fs::read_to_string(page).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let frame = framed(folder.path(), &text, width, height);
+        let (_, told) = self.open(&frame, width, height, &[&format!("--screenshot={}", image.display())]);
+        assert!(image.exists(), "{told}");
+    }
+
+    /// What it writes to stdout and stderr.
+    fn open(&self, page: &Path, width: u32, height: u32, arguments: &[&str]) -> (String, String) {
+        let profile = tempfile::tempdir().unwrap();
+        let output = Command::new("timeout")
+            .args(["60", self.program, "--headless=new", "--no-sandbox", "--disable-gpu"])
+            .args([
+                "--disable-dev-shm-usage",
+                "--hide-scrollbars",
+                "--no-first-run",
+                "--enable-logging=stderr",
+            ])
+            .arg("--host-resolver-rules=MAP * ~NOTFOUND")
+            .arg(format!("--user-data-dir={}", profile.path().display()))
+            // It makes no window narrower than this.
+            .arg(format!("--window-size={},{height}", width.max(500)))
+            .args(arguments)
+            .arg(format!("file://{}", page.display()))
+            .env("HOME", profile.path())
+            .output()
+            .unwrap();
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        (text(&output.stdout), text(&output.stderr))
+    }
+}
+
+/// The page in a frame as wide as the screen that is meant.
+fn framed(folder: &Path, page: &str, width: u32, height: u32) -> PathBuf {
+    std::fs::write(folder.join("page.html"), page).unwrap();
+    let frame = folder.join("frame.html");
+    let listen = "<script>addEventListener('message',e=>document.body.dataset.found=e.data)</script>";
+    let text = format!(
+        "<!DOCTYPE html><html><body style=\"margin:0\">{listen}\
+         <iframe src=\"page.html\" style=\"border:0;display:block;width:{width}px;height:{height}px\"></iframe></body></html>"
+    );
+    std::fs::write(&frame, text).unwrap();
+    frame
+}
+
+/// How many colours the first `width` columns of an image have, and which share is not of the most frequent one.
+pub fn colours(image: &Path, width: usize) -> (usize, f64) {
+    let mut reader = png::Decoder::new(std::fs::File::open(image).unwrap())
+        .read_info()
+        .unwrap();
+    let mut bytes = vec![0; reader.output_buffer_size()];
+    let frame = reader.next_frame(&mut bytes).unwrap();
+    let channels = frame.color_type.samples();
+    let mut counts = std::collections::BTreeMap::new();
+    for line in bytes.chunks(frame.line_size) {
+        for pixel in line.chunks_exact(channels).take(width) {
+            *counts.entry(pixel[..3].to_vec()).or_insert(0_usize) += 1;
+        }
+    }
+    let total: usize = counts.values().sum();
+    let most = counts.values().max().copied().unwrap_or(0);
+    (counts.len(), 1.0 - most as f64 / total as f64)
+}
