@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use super::gather::{Made, ReportError};
 use crate::base::Digest;
-use crate::orchestrator::{Pipeline, StageReport};
+use crate::orchestrator::{Pipeline, Rounds, StageReport};
 use crate::store::{Artifact, Cost, Run, Store};
 
 /// A pipeline with what has been built of it.
@@ -17,6 +17,8 @@ pub struct Course {
     pub path: String,
     /// The stages in topological order.
     pub stages: Vec<StageFacts>,
+    /// Stages that are done in rounds.
+    pub rounds: Vec<Rounds>,
     /// When the last run of the pipeline ended, in UTC; none where it is no longer remembered.
     pub last_run: Option<String>,
 }
@@ -97,6 +99,7 @@ impl Course {
             pipeline: pipeline.name.clone(),
             path: pipeline.path.display().to_string(),
             stages,
+            rounds: pipeline.rounds.clone(),
             last_run: last.map(|run| run.created.clone()),
         })
     }
@@ -112,6 +115,18 @@ impl Course {
             })
         };
         self.stages.iter().filter_map(made).collect()
+    }
+
+    /// Stages whose rounds a later one has made out of date: those of which a later round is there.
+    #[must_use]
+    pub fn superseded(&self) -> Vec<&str> {
+        let there = |name: &&String| self.stages.iter().any(|s| s.name == **name && s.digest.is_some());
+        let earlier = self.rounds.iter().flat_map(|rounds| {
+            let done: Vec<&String> = rounds.stages.iter().filter(there).collect();
+            let last = done.len().saturating_sub(1);
+            done.into_iter().take(last)
+        });
+        earlier.map(String::as_str).collect()
     }
 
     /// The stages that have yet to be built.

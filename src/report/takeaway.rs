@@ -53,7 +53,7 @@ pub struct Written {
 /// # Errors
 /// When an artifact cannot be read, or a file cannot be written.
 pub fn write_report(store: &Store, course: &Course, folder: &Path) -> Result<Written, ReportError> {
-    let designs = designs(store, &course.made())?;
+    let designs = designs(store, &course.made(), &course.superseded())?;
     let page = report_page(store, course, &designs)?;
     let (path, data) = (folder.join("index.html"), folder.join("data"));
     let (table, patterns) = (data.join("designs.csv"), data.join("patterns"));

@@ -15,19 +15,32 @@ const FIELD: usize = 51 * 51 * 2;
 /// The status of a design of which the evaluator has no field, and so no value.
 const NO_FIELD: &str = "no stable field";
 
-/// The designs of a run, each once, named and compared: those that were verified, and those that were not as predicted.
+/// The designs of a run, each once, named and compared: those that were verified, and those that were not as predicted. What
+/// was verified by the stages named in `superseded` alone, the earlier rounds, is left out.
 ///
 /// # Errors
 /// When an artifact cannot be read or does not hold what its kind promises.
-pub fn designs(store: &Store, made: &[Made]) -> Result<Vec<Design>, ReportError> {
-    let mut all: Vec<Design> = Vec::new();
-    for kind in ["verify", "design"] {
-        for design in each(store, made, kind, read)?.into_iter().flatten() {
+pub fn designs(store: &Store, made: &[Made], superseded: &[&str]) -> Result<Vec<Design>, ReportError> {
+    let (mut all, mut earlier): (Vec<Design>, Vec<Design>) = Default::default();
+    let verified = each(store, made, "verify", |source| {
+        Ok((source.stage.stage.clone(), read(source)?))
+    })?;
+    for (stage, designs) in verified {
+        if superseded.contains(&stage.as_str()) {
+            earlier.extend(designs);
+            continue;
+        }
+        for design in designs {
             match all.iter_mut().find(|known| same(known, &design)) {
                 Some(known) if better(&design, known) => *known = design,
                 Some(_) => {}
                 None => all.push(design),
             }
+        }
+    }
+    for design in each(store, made, "design", read)?.into_iter().flatten() {
+        if !all.iter().chain(&earlier).any(|known| same(known, &design)) {
+            all.push(design);
         }
     }
     sort(&mut all);

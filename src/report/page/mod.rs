@@ -10,6 +10,7 @@ mod designs;
 mod evaluation;
 mod layout;
 mod membrane;
+mod rounds;
 mod scene;
 mod search;
 mod svg;
@@ -36,6 +37,7 @@ pub fn report_page(store: &Store, course: &Course, designs: &[Design]) -> Result
     dag::section(&mut page, course);
     designs::section(&mut page, designs);
     designs::agreement(&mut page, designs);
+    rounds::section(&mut page, store, course)?;
     search::section(&mut page, store, &made)?;
     dataset::section(&mut page, store, &made)?;
     training::section(&mut page, store, &made)?;
