@@ -361,53 +361,6 @@ pub struct PredictArguments {
 }
 
 #[derive(Debug, Args)]
-pub struct ExportArguments {
-    #[command(subcommand)]
-    pub what: Exported,
-}
-
-#[derive(Debug, Subcommand)]
-pub enum Exported {
-    /// A trained model as a safetensors or an ONNX file
-    Model(ExportModelArguments),
-}
-
-#[derive(Debug, Args)]
-pub struct ExportModelArguments {
-    /// A digest or its beginning, a stage of the last run, PIPELINE.yaml:STAGE, or a file
-    pub model: String,
-    /// Where it goes: a file, which is replaced, or a folder
-    #[arg(short, long, value_name = "FILE|DIR")]
-    pub output: PathBuf,
-    /// The format [default: by the end of the file's name]
-    #[arg(long, value_enum)]
-    pub format: Option<ModelFormat>,
-    #[command(flatten)]
-    pub store: StoreArguments,
-    /// Print one JSON document on stdout
-    #[arg(long)]
-    pub json: bool,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum ModelFormat {
-    /// Tensors, with a header that says everything needed to use them
-    Safetensors,
-    /// The whole network as a graph
-    Onnx,
-}
-
-impl ModelFormat {
-    /// How files of the format end.
-    pub fn extension(self) -> &'static str {
-        match self {
-            Self::Safetensors => "safetensors",
-            Self::Onnx => "onnx",
-        }
-    }
-}
-
-#[derive(Debug, Args)]
 pub struct ReportArguments {
     /// The pipeline, a YAML file
     pub pipeline: PathBuf,
