@@ -42,15 +42,19 @@ const LONGEST_MM: f64 = 1e4;
 
 impl Objective {
     /// Reads a point (`{ point, direction }`), points (`{ points: [{ point, direction, weight }, …] }`, or `displacement: [x, y]`
-    /// in place of a direction) or a wanted field (`{ field: FILE.csv }`), with an optional `measure`, and an optional `value`:
-    /// the displacement that is wanted along each direction.
+    /// in place of a direction), with an optional `measure`, and an optional `value`: the displacement that is wanted along each
+    /// direction; or a wanted field (`{ field: FILE.csv }`).
     ///
     /// # Errors
     /// When a key is unknown or missing, a value is no length or angle, or the keys contradict each other.
     pub fn read(node: &Node) -> Result<Self, InputError> {
         let many = ["points", "field"].into_iter().find(|key| node.peek(key).is_some());
-        let own: Vec<&str> = many.map_or_else(|| AIM_KEYS.to_vec(), |key| vec![key]);
-        let map = node.fields(WHAT, &[&own[..], &["measure", "value"]].concat())?;
+        let keys: &[&str] = match many {
+            Some("points") => &["points", "measure", "value"],
+            Some(_) => &["field"],
+            None => &[&AIM_KEYS[..], &["measure", "value"]].concat(),
+        };
+        let map = node.fields(WHAT, keys)?;
         let aims = match many {
             Some("points") => {
                 let list = map.required(WHAT, "points")?;

@@ -164,14 +164,8 @@ fn a_refined_design_reaches_the_optimum_and_a_target_is_rebuilt_alone() {
     // The intuitive designs of a target stand there once for each area.
     assert_eq!(rows(result, "intuitive").len(), 2);
 
-    let tweak = [
-        "run",
-        "several.yaml",
-        "--set",
-        "stages.found.targets.1.area=0.35",
-        "--json",
-    ];
-    let tweaked = super::common::Stages::read(&workspace.run(&tweak).json());
+    workspace.write("several.yaml", &SEVERAL.replace("area: 0.3 }", "area: 0.35 }"));
+    let tweaked = workspace.stages(&["run", "several.yaml", "--until", "found"]);
     assert_eq!(tweaked.chunks("found"), (1, 1), "the other target is as it was");
 }
 

@@ -62,7 +62,7 @@ mod tests {
             squares
                 .best(&on, &gains, false, 5)
                 .iter()
-                .all(|(gain, units)| *gain == -1.0 * units.len() as f64)
+                .all(|(gain, units)| *gain == -(units.len() as f64))
         );
     }
 }

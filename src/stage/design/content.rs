@@ -159,7 +159,11 @@ fn with_history(object: Object, heading: &Heading, history: &[GenerationReport])
         )
         .with(
             "history/generation",
-            arrays::wholes("1", "generation", history.iter().map(|r| r.generation as u64).collect()),
+            arrays::wholes(
+                "1",
+                "number of the generation",
+                history.iter().map(|r| r.generation as u64).collect(),
+            ),
         )
         .with(
             "history/best",

@@ -65,6 +65,7 @@ scene:
   geometry: { side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50 }
   material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
   drive: { voltage: 5.25 kV }
+  properties: { dielectric_breakdown: { law: constant, field: 120 MV/m } }
 stages:
   small: { kind: sample, family: small-grid, count: 2, area: 0.5, seed: 1 }
   large: { kind: sample, family: large-grid, units: [4, 5], count_per_units: 2, seed: 2 }
@@ -94,9 +95,17 @@ stages:
   wanted: { kind: design, case: 'IV, 1 mm', evaluator: linear, seed: 9, designs: 3, distance: 0.05, refine: true, units: 50, area_tolerance: 0.01,
     area: free, constraints: { min_feature: 2 mm, islands: 2, leads: [left, top], pull_in_margin: 1.2,
       keep_out: [{ rectangle: [[0 mm, 0 mm], [5 mm, 5 mm]] }, { disc: { centre: [25 mm, 25 mm], radius: 3 mm } }] },
-    targets: [{ name: one, objective: { point: [25, 25], direction: 0, value: 1 mm } },
+    targets: [{ name: one, objective: { point: [25, 25], direction: 0, value: 1 mm, weight: 2 } },
       { name: two, area: 0.3, objective: { points: [{ point: [20, 20], displacement: [0.1, 0.2], weight: 2 }] } },
-      { name: three, area: free, objective: { point: [20, 20], displacement: [0.1, 0.2], measure: distance } }] }
+      { name: three, area: free, objective: { point: [20, 20], displacement: [0.1, 0.2], measure: distance } },
+      { name: four, objective: { points: [{ point: [20, 20], direction: 0 }], value: 1 mm, measure: distance } },
+      { name: five, objective: { field: pipelines/fields/pinch.csv } }] }
+  pinch: { kind: design, seed: 1, objective: { field: pipelines/fields/pinch.csv } }
+  vector: { kind: design, seed: 1, objective: { point: [25, 25], displacement: [0.1 mm, 0.2 mm], weight: 2 } }
+  value: { kind: design, seed: 1, objective: { point: [25, 25], direction: 0, value: 1 mm } }
+  vectors: { kind: design, seed: 1, objective: { points: [{ point: [25, 25], displacement: [0.1 mm, 0.2 mm], weight: 2 }] } }
+  values: { kind: design, seed: 1, objective: { points: [{ point: [25, 25], direction: 0 }], value: 1 mm },
+    constraints: { breakdown_margin: 1.5 } }
   highest: { kind: design, method: adjoint, units: 20, starts: 2, seed: 1, objective: { point: [25, 25], direction: 0 },
     constraints: { leads: true } }
   verified: { kind: verify, needs: [design, highest], method: newton, elements_per_cell: 1, order: 2, tolerance: 1e-6 }
