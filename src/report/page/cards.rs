@@ -61,7 +61,7 @@ fn shows_optimum(design: &Design) -> bool {
     !matches!(design.role, Role::Optimum | Role::Intuitive)
 }
 
-/// Lines of a name, a number, and what this design has more or less than that.
+/// Lines of a name, a number in mm, and what this design has more or less than that.
 fn rows(design: &Design) -> String {
     let compared = &design.compared;
     let found = design.role.is_found();
@@ -71,19 +71,17 @@ fn rows(design: &Design) -> String {
     };
     let other = |name: &'static str, value: Option<f64>, shown: bool| {
         let value = value.filter(|_| shown)?;
-        Some((name, format!("{} mm", mm(value)), over(value)))
+        Some((name, mm(value), over(value)))
     };
     let error = design
         .prediction_error()
         .map_or_else(String::new, |error| gain(error, 2));
-    let predicted = design
-        .predicted_mm
-        .map(|value| ("predicted", format!("{} mm", mm(value)), error));
+    let predicted = design.predicted_mm.map(|value| ("predicted", mm(value), error));
     let wanted = design.wanted.value_mm.map(|value| {
         let off = design
             .simulated_mm
             .map_or_else(String::new, |own| format!("{:+.4}", own - value).replace('-', "−"));
-        ("wanted", format!("{} mm", mm(value)), off)
+        ("wanted", mm(value), off)
     });
     let rows = [
         predicted,

@@ -7,7 +7,7 @@ use crate::report::html::escaped;
 /// Size of a chart in units of the page, small enough that its text can be read on a telephone.
 const WIDTH: f64 = 380.0;
 const HEIGHT: f64 = 255.0;
-const LEFT: f64 = 54.0;
+const LEFT: f64 = 62.0;
 const RIGHT: f64 = 12.0;
 const TOP: f64 = 10.0;
 const BELOW: f64 = 44.0;
@@ -153,7 +153,7 @@ impl Chart<'_> {
         format!(
             "<path class=\"grid\" d=\"{lines}\"/>{texts}\n<path class=\"axis\" d=\"M{LEFT} {TOP}V{bottom}H{right}\"/>\
              <text class=\"ink\" x=\"{x}\" y=\"{}\" text-anchor=\"middle\">{}</text>\
-             <text class=\"ink\" transform=\"translate(13 {y}) rotate(-90)\" text-anchor=\"middle\">{}</text>\n",
+             <text class=\"ink\" transform=\"translate(12 {y}) rotate(-90)\" text-anchor=\"middle\">{}</text>\n",
             HEIGHT - 8.0,
             escaped(self.x.label()),
             escaped(self.y.label()),
@@ -229,7 +229,7 @@ impl Chart<'_> {
         let mut out = String::new();
         for (at, words) in line.iter().zip(&series.words) {
             let width = (LETTER * words.chars().count() as f64) as i32;
-            let Spot { x, y } = labels.place(*at, (width, LINE), 8);
+            let Spot { x, y } = labels.place(*at, (width, LINE), 10);
             // The spot is an upper left corner, text stands on its base line.
             let (x, y, words) = (at.0 + x, at.1 + y + LINE - 3, escaped(words));
             out += &format!(
@@ -262,7 +262,7 @@ mod tests {
         assert!(text.contains("<li class=\"blue\"><i></i>line</li>") && !text.contains("<li class=\"green\">"));
         // The middle of the frame from left to right, and its upper edge.
         assert!(
-            text.contains("<circle class=\"green\" cx=\"211\" cy=\"10\" r=\"3.5\"><title>second</title>"),
+            text.contains("<circle class=\"green\" cx=\"215\" cy=\"10\" r=\"3.5\"><title>second</title>"),
             "{text}"
         );
         assert!(text.contains("a &lt;b&gt;") && text.contains("x [mm]"));

@@ -33,7 +33,7 @@ pub fn section(page: &mut Page, designs: &[Design]) {
     };
     page.lines(&[
         "Values are the mean displacement along the wanted directions. Each design is shown at rest, with the wanted point and \
-         direction, and deformed, with the displacement of the point."
+         direction, and deformed, with the displacement of the point. Numbers without a unit are mm."
             .to_owned(),
         format!(
             "Displacements are drawn {times}; the faint grid is the membrane at rest. The optimum is the best that gradient-based \
@@ -97,8 +97,8 @@ const COLUMNS: [(&str, Column); 11] = [
     ("off by", Column::Number),
     ("simulated, mm", Column::Number),
     ("of optimum", Column::Number),
-    ("over intuitive", Column::Number),
-    ("at equal area", Column::Number),
+    ("over intuitive, own area", Column::Number),
+    ("over intuitive, equal area", Column::Number),
     ("constraints", Column::Key),
 ];
 
@@ -202,7 +202,11 @@ pub fn agreement(page: &mut Page, designs: &[Design]) {
         Axis::above("Simulated [mm]", &values),
         Axis::above("Predicted [mm]", &values),
     );
-    let ends = [0.0_f64, values.iter().fold(0.0, |a: f64, b| a.max(*b))];
+    // From zero, or from below it where something moves against what is wanted.
+    let ends = [
+        values.iter().fold(0.0, |a: f64, b| a.min(*b)),
+        values.iter().fold(0.0, |a: f64, b| a.max(*b)),
+    ];
     let series = |of: &dyn Fn(&Design) -> Option<(f64, f64)>| {
         let one = |(role, colour): (Role, &'static str)| {
             let own: Vec<&&Design> = known.iter().filter(|design| design.role == role).collect();
@@ -230,12 +234,13 @@ pub fn agreement(page: &mut Page, designs: &[Design]) {
     };
     let error = |design: &Design| Some((design.simulated_mm?, 100.0 * design.prediction_error()?));
     let errors: Vec<f64> = known.iter().filter_map(|d| Some(error(d)?.1)).collect();
+    let zero = Series::new("", "grey", Mark::Dashed, ends.map(|end| (end, 0.0)).to_vec());
     let differences = Chart {
         title: "Difference",
         note: "predicted less simulated, in percent of what is simulated",
         x,
         y: Axis::around("Difference [%]", &errors),
-        series: series(&error),
+        series: [vec![zero], series(&error)].concat(),
     };
     page.markup(&format!(
         "<div class=\"charts\">\n{}{}</div>\n",

@@ -48,37 +48,36 @@ pub fn section(page: &mut Page, store: &Store, made: &[Made]) -> Result<(), Repo
     Ok(())
 }
 
-/// What judged the patterns of each target.
+/// What judged the patterns, a row for each stage and judge.
 fn judges(page: &mut Page, evaluators: &[Evaluators]) {
-    let row = |judge: &Evaluators| {
-        let own = judge
-            .candidates
-            .iter()
-            .find(|candidate| candidate.settings == judge.used);
+    let mut rows: Vec<Vec<String>> = Vec::new();
+    for judge in evaluators {
+        let own = judge.candidates.iter().find(|c| c.settings == judge.used);
         let error = own.and_then(|candidate| candidate.rmse_mm);
-        vec![
+        let row = vec![
             judge.stage.clone(),
-            judge.name.clone(),
             judge.used.clone(),
-            error.map_or_else(String::new, mm),
             match judge.candidates.len() {
-                0 => "named in the pipeline, or the reference itself".to_owned(),
-                n => format!("the cheapest of {n} that is accurate enough"),
+                0 => "as named, or the reference".to_owned(),
+                n => format!("the cheapest of {n} that suffices"),
             },
-        ]
-    };
+            error.map_or_else(String::new, mm),
+            judge.name.clone(),
+        ];
+        // The error is of each target's own patterns: with the same judge, targets still differ in it.
+        match rows.last_mut().filter(|last| last[..4] == row[..4]) {
+            Some(last) => last[4] = format!("{}, {}", last[4], judge.name),
+            None => rows.push(row),
+        }
+    }
     let columns = [
         ("stage", Column::Key),
-        ("target", Column::Key),
         ("patterns judged by", Column::Key),
-        ("its RMS error, mm", Column::Number),
         ("why", Column::Key),
+        ("RMS error, mm", Column::Number),
+        ("targets", Column::Wide),
     ];
-    page.columns(
-        "What judged the patterns",
-        &columns,
-        &evaluators.iter().map(row).collect::<Vec<_>>(),
-    );
+    page.columns("What judged the patterns", &columns, &rows);
 }
 
 /// The lines of a group of datasets; none where the artifact has no such group.
