@@ -224,8 +224,6 @@ impl Artifact {
     }
 }
 
-/// One getter per element type: the type is checked, so that the caller has a vector and no `match`.
-
 impl Artifact {
     /// Texts of any length, as [`super::Object::with_long_texts`] keeps them.
     ///
@@ -251,6 +249,7 @@ impl Artifact {
     }
 }
 
+/// One getter per element type: the type is checked, so that the caller has a vector and no `match`.
 macro_rules! typed {
     ($name:ident, $variant:ident, $element:ty, $wanted:literal) => {
         impl Artifact {
