@@ -6,7 +6,7 @@ pub mod audit;
 mod balance;
 mod calibrate;
 mod cells;
-pub mod constraints;
+mod constraints;
 mod design;
 pub mod designs;
 pub mod direct;

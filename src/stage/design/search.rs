@@ -126,6 +126,10 @@ impl Searching<'_> {
             let climb = terrain.climb(&start, &self.tell()).map_err(|e| failed(&e))?;
             self.job.progress.advance(1);
             let Some(climb) = climb else {
+                // Others of several designs may stand without one; the rows tell that there are fewer.
+                if member > 0 {
+                    continue;
+                }
                 let why = "the design cannot be refined: brought to the wanted area and the constraints it has no stable field";
                 return Err(self.explained(&why));
             };
