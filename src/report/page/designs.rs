@@ -33,7 +33,8 @@ pub fn section(page: &mut Page, designs: &[Design]) {
     };
     page.lines(&[
         "Values are the mean displacement along the wanted directions. Each design is shown at rest, with the wanted point and \
-         direction, and deformed, with the displacement of the point. Numbers without a unit are mm."
+         direction, and deformed, with the displacement of the point. Numbers without a unit are mm; \
+         gains are over the intuitive design at its own area and at that of the design."
             .to_owned(),
         format!(
             "Displacements are drawn {times}; the faint grid is the membrane at rest. The optimum is the best that gradient-based \
@@ -97,9 +98,9 @@ const COLUMNS: [(&str, Column); 11] = [
     ("off by", Column::Number),
     ("simulated, mm", Column::Number),
     ("of optimum", Column::Number),
-    ("over intuitive, own area", Column::Number),
-    ("over intuitive, equal area", Column::Number),
-    ("constraints", Column::Key),
+    ("gain, own area", Column::Number),
+    ("gain, equal area", Column::Number),
+    ("status", Column::Key),
 ];
 
 fn row(design: &Design) -> Vec<String> {
