@@ -119,8 +119,8 @@ impl Objective {
         let file =
             Schema::text().says("A CSV file beside the pipeline or below with the columns x_mm, y_mm, ux_mm, uy_mm.");
         let wanted = Fields::new("A wanted displacement field.").required("field", file);
-        Schema::any_of([aim_schema(), many, wanted].map(|fields| measured(fields).into()))
-            .says("What the design is for.")
+        let all = [measured(aim_schema()), measured(many), wanted];
+        Schema::any_of(all.map(Schema::from)).says("What the design is for.")
     }
 
     /// The canonical value.

@@ -22,7 +22,7 @@ pub struct Fault {
 }
 
 /// What a reader refuses for its meaning and no schema can: what was said, in part.
-pub const BEYOND: [&str; 14] = [
+pub const BEYOND: [&str; 10] = [
     // Names of other stages, and what those are.
     "no stage is named",
     "stage needs",
@@ -33,11 +33,6 @@ pub const BEYOND: [&str; 14] = [
     "the term would be singular",
     "has no parameters",
     "an area fraction lies above 0",
-    // What is wanted of a design, and what it must keep to.
-    "a distance is measured from a wanted displacement",
-    "this measure is another",
-    "`value` stands for the length",
-    "lies outside the folder of the pipeline",
     "the range",
     // Stages that are too large together.
     "chunks of work",
