@@ -114,7 +114,7 @@ impl WantedConstraints {
             Fields::new("A rectangle.").required("rectangle", corners).into(),
             Fields::new("A disc.").required("disc", disc.into()).into(),
         ];
-        let sides = Schema::list(Schema::word(&Sides::NAMES), 1, Sides::NAMES.len()).distinct();
+        let sides = Schema::list(Schema::word(&Sides::NAMES), 1, Sides::NAMES.len());
         let leads = Schema::any_of([Schema::new(serde_json::json!({ "type": "boolean" })), sides]);
         let islands = Schema::whole(1, MOST_ISLANDS).says("Pieces of electrode at most.");
         Fields::new("What designs must keep to.")

@@ -19,7 +19,7 @@ use serde_json::json;
 use super::constraints::WantedConstraints;
 use super::screening::Screened;
 use super::solver::explained;
-use crate::base::{Canonical, Fields, InputError, Node};
+use crate::base::{Canonical, Fields, InputError, Node, NodeValue, Schema};
 use crate::fem::SetupError;
 use crate::orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::scene::Scene;
@@ -54,10 +54,8 @@ impl Kind for DesignKind {
     }
 
     fn schema(&self) -> Vec<Fields> {
-        let fields = Fields::new("Searches patterns that move points where they should go.").optional(
-            "case",
-            crate::base::Schema::matching("^[^\\n]{1,60}$").says("A label for tables."),
-        );
+        let fields = Fields::new("Searches patterns that move points where they should go.")
+            .optional("case", Schema::matching("^[^\\n]{1,60}$").says("A label for tables."));
         let fields = fields.optional("constraints", WantedConstraints::schema());
         let fields = Options::schema(target::schema(fields)).rule(json!({
             "if": { "required": ["evaluator"], "properties": { "evaluator": { "const": "surrogate" } } },
@@ -121,10 +119,10 @@ fn read_constraints(node: &Node, scene: &Scene) -> Result<WantedConstraints, Inp
 fn read_case(node: &Node) -> Result<String, InputError> {
     let label = node.text("case")?;
     match label.chars().count() {
-        1..=60 if !label.contains('\n') => Ok(label.to_owned()),
+        1..=60 if !label.contains('\n') && matches!(node.value(), NodeValue::Text(_)) => Ok(label.to_owned()),
         _ => Err(node
             .error("`case` is no label")
-            .help("allowed: 1 to 60 characters on one line")),
+            .help("allowed: 1 to 60 characters on one line; a number in quotes")),
     }
 }
 

@@ -159,12 +159,21 @@ impl Stage for VerifyStage {
 }
 
 impl VerifyStage {
-    /// The rows of all designs. Intuitive ones that several designs of a target were compared with are there once.
+    /// The rows of all designs. Intuitive ones that several designs of a target were compared with are there once. What stands
+    /// under one case and name is compared, so it must be for the same objective at the same area.
     fn cases(&self, designs: &[Artifact]) -> Result<Vec<Case>, StageError> {
         let mut cases: Vec<Case> = Vec::new();
         for design in designs {
             for case in self.cases_of(design)? {
                 let [label, name, role, ..] = &case.texts;
+                let wish = |c: &Case| (c.long_texts[0].clone(), c.texts[3].clone());
+                let other = cases.iter().find(|other| other.texts[..2] == case.texts[..2]);
+                if other.is_some_and(|other| wish(other) != wish(&case)) {
+                    return Err(StageError::Input(format!(
+                        "two stages design `{name}` of the case {label:?} for different objectives or areas, which cannot be \
+                         compared: tell them apart by `case` or by the names of targets"
+                    )));
+                }
                 let same = |other: &Case| other.texts[..3] == case.texts[..3] && other.pattern == case.pattern;
                 if role.starts_with("intuitive") && cases.iter().any(same) {
                     continue;

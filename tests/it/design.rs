@@ -277,6 +277,22 @@ fn what_cannot_be_designed_is_refused_with_its_reason() {
 }
 
 #[test]
+fn designs_of_different_objectives_are_not_compared() {
+    let workspace = alone();
+    let more = [
+        "stages.other={ kind: design, method: adjoint, units: 20, starts: 1, seed: 1, objective: { point: [30 mm, 25 mm], direction: 0 deg } }",
+        "stages.verified.needs=[design, other]",
+    ];
+    let ended = workspace.run(&["run", "alone.yaml", "--set", more[0], "--set", more[1]]);
+    assert_eq!(ended.code, Some(1), "{}", ended.stderr);
+    assert!(
+        ended.stderr.contains("for different objectives or areas"),
+        "{}",
+        ended.stderr
+    );
+}
+
+#[test]
 fn a_wrong_evaluator_is_exposed_by_verification() {
     let workspace = alone();
     let near = [

@@ -15,6 +15,10 @@ use super::common::{Workspace, files};
 
 const GOLDEN: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/it/golden.json");
 
+/// Not symmetric, so that no two exchanges gain the same but for the last bit.
+const CLIMBED: &str = "stages.climbed={ kind: design, method: adjoint, units: 20, starts: 1, seed: 1, \
+    objective: { point: [30 mm, 22 mm], direction: 20 deg } }";
+
 /// Stages that judge the model, and the families that they draw.
 const JUDGED: [&str; 8] = [
     "stages.stripes={ kind: sample, family: stripes, count: 6, seed: 11 }",
@@ -96,6 +100,7 @@ fn an_output_changes_only_with_its_recipe() {
     let audited = "stages.audited={ kind: audit, needs: [balanced], samples: 3 }";
     let mut arguments = vec!["run", "tiny.yaml", "--set", audited];
     JUDGED.iter().for_each(|stage| arguments.extend(["--set", stage]));
+    arguments.extend(["--set", CLIMBED]);
     let digests = workspace.stages(&arguments).digests();
     let artifacts = files(&workspace.path("store/objects"));
     let mut found = serde_json::Map::new();
@@ -116,6 +121,7 @@ fn an_output_changes_only_with_its_recipe() {
         "curves",
         "intervals",
         "evaluated",
+        "climbed",
     ] {
         let path = artifacts
             .iter()

@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use crate::base::{Canonical, Decimal, Fields, InputError, Map, Node, Schema};
+use crate::base::{Canonical, Decimal, Fields, InputError, Map, Node, NodeValue, Schema};
 use crate::design::Goal;
 use crate::stage::objective::Objective;
 
@@ -127,10 +127,13 @@ pub fn read(what: &str, map: &Map<'_>, side_mm: f64, penalty: f64) -> Result<Vec
 fn checked_name(node: &Node) -> Result<String, InputError> {
     let name = node.text("name")?;
     let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
-    if name.is_empty() || name.len() > LONGEST || !name.chars().all(plain) {
+    let is_text = matches!(node.value(), NodeValue::Text(_));
+    if !is_text || name.is_empty() || name.len() > LONGEST || !name.chars().all(plain) {
         return Err(node
             .error(format!("a target cannot be named {}", node.found()))
-            .help(format!("allowed: up to {LONGEST} letters, digits, '_' and '-'")));
+            .help(format!(
+                "allowed: up to {LONGEST} letters, digits, '_' and '-'; a number in quotes"
+            )));
     }
     Ok(name.to_owned())
 }

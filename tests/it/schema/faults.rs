@@ -22,7 +22,7 @@ pub struct Fault {
 }
 
 /// What a reader refuses for its meaning and no schema can: what was said, in part.
-pub const BEYOND: [&str; 10] = [
+pub const BEYOND: [&str; 17] = [
     // Names of other stages, and what those are.
     "no stage is named",
     "stage needs",
@@ -34,6 +34,14 @@ pub const BEYOND: [&str; 10] = [
     "has no parameters",
     "an area fraction lies above 0",
     "the range",
+    // What is wanted of a design, and what it must keep to.
+    "does not know at which field",
+    "it does not exist",
+    "holds no cell",
+    "leave no room",
+    "more than the membrane",
+    "cannot be had",
+    "two targets are named",
     // Stages that are too large together.
     "chunks of work",
 ];
