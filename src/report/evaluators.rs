@@ -29,6 +29,8 @@ pub struct Candidate {
     pub rmse_mm: Option<f64>,
     /// Patterns on which it disagrees with the reference whether there is a field.
     pub disagree: u64,
+    /// Its largest error of the displacement along the wanted directions on patterns like designs, as a share.
+    pub design_error: f64,
 }
 
 /// The evaluators of all design stages of a run.
@@ -46,14 +48,22 @@ fn read(source: &Source<'_>) -> Result<Vec<Evaluators>, ReportError> {
     let settings = artifact.texts("probe/candidates")?.1;
     let (errors, known) = (source.reals("probe/rmse")?, source.counts("probe/known")?);
     let disagree = source.counts("probe/disagree")?;
-    let lengths = [settings.len(), errors.len(), known.len(), disagree.len()];
-    if lengths != [names.len(); 4] || used.len() != rows.len() {
+    let design_error = source.reals("probe/design_error")?;
+    let lengths = [
+        settings.len(),
+        errors.len(),
+        known.len(),
+        disagree.len(),
+        design_error.len(),
+    ];
+    if lengths != [names.len(); 5] || used.len() != rows.len() {
         return Err(source.wrong("its arrays of evaluators differ in length"));
     }
     let candidate = |k: usize| Candidate {
         settings: settings[k].clone(),
         rmse_mm: (known[k] > 0).then_some(errors[k]),
         disagree: disagree[k],
+        design_error: design_error[k],
     };
     let mut targets: Vec<(String, String)> = rows.into_iter().zip(used).collect();
     targets.dedup();
@@ -82,7 +92,12 @@ impl fmt::Display for Evaluators {
             let error = candidate
                 .rmse_mm
                 .map_or("no field".to_owned(), |mm| format!("RMSE {mm:.4} mm"));
-            write!(f, "\n  {:<48} {error}", candidate.settings)?;
+            let at_designs = 100.0 * candidate.design_error;
+            write!(
+                f,
+                "\n  {:<48} {error}, at designs {at_designs:.2} %",
+                candidate.settings
+            )?;
             if candidate.disagree > 0 {
                 write!(
                     f,

@@ -105,6 +105,7 @@ fn designed() -> Object {
         ("probe/name", words(&["design"])),
         ("probe/candidates", words(&["method: linear"])),
         ("probe/rmse", reals("mm", &[0.002])),
+        ("probe/design_error", reals("1", &[0.001])),
         ("probe/known", wholes(&[32])),
         ("probe/disagree", wholes(&[0])),
         ("history/name", words(&["design"; 3])),

@@ -266,6 +266,14 @@ pub fn with_probes(object: Object, name: &str, evaluations: usize, probes: &[Pro
             ),
         )
         .with(
+            "probe/design_error",
+            arrays::reals(
+                "1",
+                "largest error of the displacement along the wanted directions as a share of it, on patterns like designs",
+                probes.iter().map(|probe| probe.design_error).collect(),
+            ),
+        )
+        .with(
             "probe/known",
             wholes("patterns that the error is over", |probe| probe.known),
         )

@@ -28,6 +28,9 @@ const START_GRAIN: usize = 6;
 /// Starts that are finished by exchanges, the best ones.
 const FINISHED: usize = 2;
 
+/// A gain in merit for which another start than the genetic algorithm's design is taken: 0.5 µm.
+const NOTABLE: f64 = 2e-4;
+
 /// A pattern that was found, with its field where a climb knows it.
 struct Found {
     role: Role,
@@ -123,7 +126,13 @@ impl Searching<'_> {
         let mut refined: Vec<Pattern> = Vec::new();
         for (member, start) in started {
             let terrain = self.terrain(self.stage.ready()?, &refined)?;
-            let climb = terrain.climb(&start, &self.tell()).map_err(|e| failed(&e))?;
+            let mut climb = terrain.climb(&start, &self.tell()).map_err(|e| failed(&e))?;
+            // The best design's neighbourhood may hold a better one that differs as much as it must.
+            if let Some(best) = refined.first() {
+                let other = terrain.climb(best, &self.tell()).map_err(|e| failed(&e))?;
+                let least = climb.as_ref().map_or(f64::NEG_INFINITY, |climb| climb.merit + NOTABLE);
+                climb = other.filter(|other| other.merit > least).or(climb);
+            }
             self.job.progress.advance(1);
             let Some(climb) = climb else {
                 // Others of several designs may stand without one; the rows tell that there are fewer.
@@ -221,12 +230,18 @@ impl Searching<'_> {
         }
     }
 
-    /// The intuitive design, an empty membrane from which the gradient picks the best cells, and random coarse patterns.
-    fn starts(&self) -> Vec<Pattern> {
+    /// The intuitive design at the wanted area, or at its own where any will do.
+    fn intuitive_start(&self) -> Pattern {
         let intuitive = Intuitive::of(&self.target.goal);
         let area = self.target.area.fraction();
+        area.map_or_else(|| intuitive.at_own_area(), |area| intuitive.at_area(area))
+    }
+
+    /// The intuitive design, an empty membrane from which the gradient picks the best cells, and random coarse patterns.
+    fn starts(&self) -> Vec<Pattern> {
+        let area = self.target.area.fraction();
         let drawn = |index: usize| match index {
-            0 => area.map_or_else(|| intuitive.at_own_area(), |area| intuitive.at_area(area)),
+            0 => self.intuitive_start(),
             1 => Pattern::from_fn(|_, _| false),
             _ => {
                 let mut stream = Stream::new(self.stage.options.evolve.seed, "start of a climb", index as u64);
@@ -354,9 +369,34 @@ impl Searching<'_> {
                 let genomes = first_generation(self.target.area.fraction(), constraints, options.evolve.seed, count);
                 let patterns: Vec<Pattern> = genomes.iter().map(Genome::pattern).collect();
                 let candidates = probe::candidates(scene, surrogate);
-                probe::cheapest(candidates, &patterns, options.accuracy.value()).map_err(|e| failed(&e))
+                let (designs, values_mm) = self.like_designs()?;
+                let designs = probe::Designs {
+                    patterns: &designs,
+                    values_mm: &values_mm,
+                    value_mm: &|field| self.target.goal.value_mm(field),
+                };
+                probe::cheapest(candidates, &patterns, &designs, options.accuracy.value()).map_err(|e| failed(&e))
             }
         }
+    }
+
+    /// Patterns like those that the search will come to, with their displacements: errors on the best patterns are other than
+    /// those on patterns that are drawn. They are the intuitive design, and where the gradient leads on the units of the genetic
+    /// algorithm.
+    fn like_designs(&self) -> Result<(Vec<Pattern>, Vec<f64>), StageError> {
+        let ready = self.stage.ready()?;
+        let (goal, constraints) = (&self.target.goal, self.stage.constraints.constraints());
+        let terrain = Terrain::new(&ready.physics, goal, UNITS, self.range(), constraints);
+        let intuitive = self.intuitive_start();
+        let ascent = terrain.ascend(&intuitive, &|_| ()).map_err(|e| failed(&e))?;
+        let patterns: Vec<Pattern> = [intuitive]
+            .into_iter()
+            .chain(ascent.map(|climb| climb.pattern))
+            .collect();
+        let fields = ready.physics.predict_some(&patterns).map_err(|e| failed(&e))?;
+        let known = patterns.into_iter().zip(fields);
+        let known = known.filter_map(|(pattern, field)| Some((pattern, goal.value_mm(&field?))));
+        Ok(known.unzip())
     }
 }
 
