@@ -4,12 +4,16 @@ use super::exchange::Exchange;
 use super::path::Path;
 use super::units::Units;
 use super::{Climb, Step};
+use crate::base::Stream;
 use crate::design::{Admission, Constraints, Goal};
 use crate::field::{Differentiable, Field, PredictError};
 use crate::pattern::{Bits, CELLS, Pattern};
 
 /// How often the area before a repair is tried anew so that the area after it is as wanted.
 const TRIALS: usize = 24;
+
+/// Cells that a spread pattern differs by beyond the distance.
+const SPARE: usize = 8;
 
 /// What a climb is for, and what its patterns must keep to.
 pub struct Terrain<'a> {
@@ -103,6 +107,29 @@ impl<'a> Terrain<'a> {
         path.follow_gradient()?;
         path.exchange_pairs()?;
         Ok(Some(path.finish()))
+    }
+
+    /// A pattern that differs from another by a little more than the wanted distance: of half of its units, drawn at random, those
+    /// are turned over that cost least. Several of them share about half of what they turn over, so that they differ among
+    /// themselves as much as from the first at half the cost of turning over others each. `None` where that leads nowhere.
+    ///
+    /// # Errors
+    /// When the physics cannot be evaluated.
+    pub fn spread(&self, from: &Pattern, stream: &mut Stream) -> Result<Option<Pattern>, PredictError> {
+        let on = self.units.of(from);
+        let Some(gradient) = self.gradient(from)? else {
+            return Ok(None);
+        };
+        let drawn = |gain: f64| if stream.chance(0.5) { gain } else { f64::NAN };
+        let gains: Vec<f64> = self.gains(&on, &gradient).into_iter().map(drawn).collect();
+        let mut exchange = Exchange::new(&self.units, &on, &gains, self.range);
+        let bits = Bits::of(from);
+        while bits.differing(&Bits::of(&self.units.pattern(&exchange.on))) < self.cells_apart() + SPARE {
+            if !exchange.step_anyway() {
+                return Ok(None);
+            }
+        }
+        Ok(Some(self.units.pattern(&exchange.on)))
     }
 
     fn begin<'g>(&'g self, start: &Pattern, on_step: &'g dyn Fn(&Step)) -> Result<Option<Path<'g>>, PredictError> {

@@ -28,8 +28,14 @@ const START_GRAIN: usize = 6;
 /// Starts that are finished by exchanges, the best ones.
 const FINISHED: usize = 2;
 
-/// A gain in merit for which another start than the genetic algorithm's design is taken: 0.5 µm.
+/// How far behind the best of several designs one may be before others are searched in its place: as a share of the merit, and
+/// in merit (0.5 µm).
+const LAG: f64 = 0.008;
 const NOTABLE: f64 = 2e-4;
+
+/// How often that is done, and from how many random patterns near the best each time.
+const SWEEPS: usize = 2;
+const SPREADS: u64 = 4;
 
 /// A pattern that was found, with its field where a climb knows it.
 struct Found {
@@ -123,27 +129,58 @@ impl Searching<'_> {
     /// Adds what climbs make of the designs that were found; each differs from those before as much as it must.
     fn refine(&self, findings: &mut Findings) -> Result<(), StageError> {
         let started: Vec<(usize, Pattern)> = findings.found.iter().map(|f| (f.member, f.pattern.clone())).collect();
-        let mut refined: Vec<Pattern> = Vec::new();
+        let mut refined: Vec<(usize, Climb)> = Vec::new();
         for (member, start) in started {
-            let terrain = self.terrain(self.stage.ready()?, &refined)?;
-            let mut climb = terrain.climb(&start, &self.tell()).map_err(|e| failed(&e))?;
-            // The best design's neighbourhood may hold a better one that differs as much as it must.
-            if let Some(best) = refined.first() {
-                let other = terrain.climb(best, &self.tell()).map_err(|e| failed(&e))?;
-                let least = climb.as_ref().map_or(f64::NEG_INFINITY, |climb| climb.merit + NOTABLE);
-                climb = other.filter(|other| other.merit > least).or(climb);
-            }
+            let others: Vec<Pattern> = refined.iter().map(|(_, climb)| climb.pattern.clone()).collect();
+            let terrain = self.terrain(self.stage.ready()?, &others)?;
+            let climb = terrain.climb(&start, &self.tell()).map_err(|e| failed(&e))?;
             self.job.progress.advance(1);
-            let Some(climb) = climb else {
+            match climb {
+                Some(climb) => refined.push((member, climb)),
                 // Others of several designs may stand without one; the rows tell that there are fewer.
-                if member > 0 {
-                    continue;
+                None if member > 0 => {}
+                None => {
+                    let why = "the design cannot be refined: brought to the wanted area and the constraints it has no stable field";
+                    return Err(self.explained(&why));
                 }
-                let why = "the design cannot be refined: brought to the wanted area and the constraints it has no stable field";
-                return Err(self.explained(&why));
-            };
-            refined.push(climb.pattern.clone());
+            }
+        }
+        for _ in 0..SWEEPS {
+            self.raise_laggards(&mut refined)?;
+        }
+        for (member, climb) in refined {
             findings.keep(Role::Refined, member, self.stage.options.units, climb);
+        }
+        Ok(())
+    }
+
+    /// Searches the neighbourhood of the best of several designs for better ones in place of those that are far behind it.
+    fn raise_laggards(&self, refined: &mut [(usize, Climb)]) -> Result<(), StageError> {
+        let Some(best) = refined.iter().map(|(_, climb)| climb.merit).reduce(f64::max) else {
+            return Ok(());
+        };
+        let leader = refined.iter().find(|(_, climb)| climb.merit == best);
+        let leader = leader.map(|(_, climb)| climb.pattern.clone());
+        for at in 0..refined.len() {
+            let behind = best - refined[at].1.merit;
+            let Some(leader) = leader.as_ref().filter(|_| behind > (LAG * best.abs()).max(NOTABLE)) else {
+                continue;
+            };
+            let others = refined.iter().enumerate().filter(|(other, _)| *other != at);
+            let others: Vec<Pattern> = others.map(|(_, (_, climb))| climb.pattern.clone()).collect();
+            let terrain = self.terrain(self.stage.ready()?, &others)?;
+            let mut starts = vec![leader.clone()];
+            for draw in 0..SPREADS {
+                let index = (refined[at].0 as u64) * SPREADS + draw;
+                let mut stream = Stream::new(self.stage.options.evolve.seed, "spread design", index);
+                starts.extend(terrain.spread(leader, &mut stream).map_err(|e| failed(&e))?);
+            }
+            for start in starts {
+                let climb = terrain.climb(&start, &self.tell()).map_err(|e| failed(&e))?;
+                if let Some(climb) = climb.filter(|climb| climb.merit > refined[at].1.merit) {
+                    refined[at].1 = climb;
+                }
+            }
         }
         Ok(())
     }
