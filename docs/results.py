@@ -107,18 +107,6 @@ def designs(run):
     return run["results"][-1]["rows"]
 
 
-def by_round(run):
-    lines = []
-    for number, result in enumerate(run["results"], 1):
-        searched = [r for r in result["rows"] if r["role"] in ("ga", "refined") and r["simulated_mm"]]
-        shares = [abs(r["difference_mm"] / r["simulated_mm"]) for r in searched]
-        rms = (sum(s * s for s in shares) / len(shares)) ** 0.5
-        beyond = sum(s > 0.005 for s in shares)
-        lines.append([str(number), str(len(shares)), share(rms), share(max(shares)), str(beyond)])
-    head = ["round", "designs", "RMS of predicted less simulated", "largest", "beyond 0.5 %"]
-    return table(head, lines)
-
-
 def of(rows, case, role=None, name=None, units=None, member=None):
     wanted = {"case": case, "role": role, "name": name, "units": units, "member": member}
     return [r for r in rows if all(value is None or r[key] == value for key, value in wanted.items())]
@@ -300,7 +288,6 @@ def main():
         rows = designs(cases)
         tables |= {
             "claims": claims(rows),
-            "rounds": by_round(cases),
             "case-1": case_one(rows),
             "case-2": case_two(rows),
             "case-3": case_three(rows),
