@@ -1,5 +1,6 @@
 //! Tables and the way numbers are written for people.
 
+pub use crate::report::bytes;
 use comfy_table::{CellAlignment, Table, TableComponent, presets::UTF8_HORIZONTAL_ONLY};
 
 use crate::orchestrator::{Estimate, Outcome, Price, StageReport};
@@ -124,16 +125,6 @@ pub fn seconds(seconds: f64) -> String {
         s if s < 9.95 => format!("{s:.2} s"),
         s if s < 59.95 => format!("{s:.1} s"),
         s => format!("{} min {:02.0} s", (s.round() / 60.0).floor(), s.round() % 60.0),
-    }
-}
-
-/// A file size.
-pub fn bytes(bytes: u64) -> String {
-    let units = [("GB", 1e9), ("MB", 1e6), ("kB", 1e3)];
-    let bytes = bytes as f64;
-    match units.iter().find(|(_, size)| bytes >= 0.9995 * size) {
-        Some((unit, size)) => format!("{:.1} {unit}", bytes / size),
-        None => format!("{bytes} B"),
     }
 }
 

@@ -4,8 +4,8 @@
 //! follows it in two ways. First many units are turned over at once, those that gain most to first order, as many as a
 //! simulation confirms: thresholding by sensitivity, as in the topology optimisation of binary designs (for instance Sivapuram
 //! and Picelli, Finite Elements in Analysis and Design 139, 2018). Then units near the threshold are simulated one by one, since
-//! a unit that is turned over wholly gains another amount than its derivative says, and are exchanged in pairs until no exchange
-//! of any two of them gains.
+//! a unit that is turned over wholly gains another amount than its derivative says, and are exchanged in pairs until none of the
+//! most promising pairs gains.
 
 mod exchange;
 mod moves;

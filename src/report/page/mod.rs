@@ -24,7 +24,8 @@ use super::html::Page;
 use super::summary::TRUSTED;
 use super::training::trainings;
 use crate::store::Store;
-use words::{bytes, counted, gain, percent, seconds};
+pub use words::bytes;
+use words::{counted, gain, percent, seconds};
 
 /// The page of a pipeline.
 ///
