@@ -6,14 +6,15 @@ mod networks;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use clap::Args;
 use findings::Findings;
 
-use super::arguments::AccuracyArguments;
+use super::arguments::{StoreArguments, accuracy};
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::progress::Bar;
 use super::{model, solve};
-use crate::base::Document;
+use crate::base::{Document, Quantity};
 use crate::report::figures::{Cost, FamilyCosts, draw_accuracy};
 use crate::stage::accuracy::{
     Contender, Families, Measured, Network, Reckoned, Reference, describe, drawn, given, measurements, named,
@@ -21,6 +22,44 @@ use crate::stage::accuracy::{
 };
 use crate::stage::direct;
 use crate::store::{Provenance, write_file};
+
+/// Measure what accuracy costs in a scene: error and time of methods and meshes
+#[derive(Debug, Args)]
+#[command(after_help = "--jobs is for the reference; methods are measured on one thread.")]
+pub struct AccuracyArguments {
+    /// A scene, or a pipeline whose scene is meant; a YAML file
+    pub scene: PathBuf,
+    /// Measure on these patterns: FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset
+    #[arg(long, value_name = "PATTERN", num_args = 1.., conflicts_with_all = ["families", "count", "seed"])]
+    pub patterns: Vec<String>,
+    /// Measure on patterns drawn from small grids, large grids, Bézier curves, stripes and single cells; the default
+    #[arg(long)]
+    pub families: bool,
+    /// Patterns of each family
+    #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u64).range(1..=10_000))]
+    pub count: u64,
+    /// Seed of the families
+    #[arg(long, value_name = "S", default_value_t = 1, value_parser = clap::value_parser!(u64).range(0..=i64::MAX as u64))]
+    pub seed: u64,
+    /// Folder for accuracy.h5, accuracy.csv and accuracy.png
+    #[arg(short, long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// Name the cheapest setting whose largest displacement error stays below this, as in "0.01 mm"
+    #[arg(long, value_name = "LENGTH", value_parser = accuracy)]
+    pub target: Option<Quantity>,
+    /// What to measure, as in "[linear, chord:1, { elements_per_cell: 4, order: 2 }, { accuracy: 0.01 mm },
+    /// { model: FILE.safetensors }]"
+    #[arg(long, value_name = "YAML")]
+    pub methods: Option<String>,
+    /// A trained model to measure too, named as for `predict`; may be given again
+    #[arg(long, value_name = "MODEL")]
+    pub model: Vec<String>,
+    #[command(flatten)]
+    pub store: StoreArguments,
+    /// What to compare with
+    #[arg(long, value_name = "YAML", default_value = "{ elements_per_cell: 8, order: 2 }")]
+    pub reference: String,
+}
 
 pub fn execute(arguments: &AccuracyArguments, output: &Output) -> Result<Exit, CliError> {
     let methods = methods(arguments)?;

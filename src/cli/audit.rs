@@ -2,20 +2,68 @@
 
 mod report;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use super::arguments::{AuditArguments, Samples};
+use clap::Args;
+
+use super::arguments::{SetArguments, StoreArguments, accuracy};
 use super::error::CliError;
 use super::locate;
 use super::output::{Exit, Output};
 use super::progress::{Bar, RunProgress, Shown};
 use super::run;
-use crate::base::Override;
+use crate::base::{Override, Quantity};
 use crate::orchestrator::{Environment, Pipeline, RunOptions, Staleness, plan, run as run_pipeline};
 use crate::stage::audit::{self, Audited, Finding, Request, Severity};
 use crate::store::{Artifact, Store, StoreError};
 use report::Answer;
+
+/// Check a dataset: provenance, values, symmetries, leaks, and every label against a simulation
+#[derive(Debug, Args)]
+pub struct AuditArguments {
+    /// A stage, PIPELINE.yaml:STAGE, or a file in the layout of `deaflow solve`, which takes --scene
+    #[arg(value_name = "PIPELINE:STAGE|FILE.h5")]
+    pub dataset: String,
+    /// The scene of the file, or a pipeline whose scene is meant; a YAML file
+    #[arg(long, value_name = "SCENE", conflicts_with = "sets")]
+    pub scene: Option<PathBuf>,
+    /// Random rows to simulate on a finer mesh too, or all
+    #[arg(long, value_name = "N|all", default_value = "32", value_parser = samples)]
+    pub samples: Samples,
+    /// Seed of the random choice
+    #[arg(long, value_name = "S", default_value_t = 0, value_parser = clap::value_parser!(u64).range(0..=i64::MAX as u64))]
+    pub seed: u64,
+    /// The error that labels may have, as in "0.01 mm" [default: what the dataset declares]
+    #[arg(long, value_name = "LENGTH", value_parser = accuracy)]
+    pub accuracy: Option<Quantity>,
+    /// Folder for a report: audit.html, with its figures in it
+    #[arg(short, long, value_name = "DIR")]
+    pub output: Option<PathBuf>,
+    #[command(flatten)]
+    pub store: StoreArguments,
+    #[command(flatten)]
+    pub set: SetArguments,
+}
+
+/// A number of rows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Samples {
+    /// So many at random.
+    Random(u64),
+    /// Every one.
+    All,
+}
+
+fn samples(text: &str) -> Result<Samples, String> {
+    if text == "all" {
+        return Ok(Samples::All);
+    }
+    let number = text.parse::<u64>().ok().filter(|n| *n <= 100_000_000);
+    number
+        .map(Samples::Random)
+        .ok_or_else(|| "allowed: 0 to 100000000, or all".to_owned())
+}
 
 pub fn execute(arguments: &AuditArguments, output: &Output) -> Result<Exit, CliError> {
     if let Some(folder) = &arguments.output {
@@ -73,7 +121,7 @@ fn of_file(arguments: &AuditArguments, scene: &Path) -> Result<Answer, CliError>
 
 /// The dataset of a stage as the pipeline is now. What is known without it is told even where it is not there any more.
 fn of_stage(arguments: &AuditArguments, path: &Path, name: &str) -> Result<Answer, CliError> {
-    let mut sets = arguments.overrides()?;
+    let mut sets = arguments.set.overrides()?;
     let pipeline = run::load_file(path, &sets)?;
     check_kind(&pipeline, name)?;
     let store = locate::existing_store(&arguments.store.folder())?;

@@ -1,12 +1,35 @@
 //! `deaflow dag`: the stages of a pipeline and what they need, for people, Mermaid or Graphviz.
 
 use std::fmt::Write;
+use std::path::PathBuf;
 
-use super::arguments::{DagArguments, DagFormat};
+use clap::{Args, ValueEnum};
+use serde_json::json;
+
 use super::error::CliError;
 use super::output::{Exit, Output};
 use crate::orchestrator::{Pipeline, StageSpec};
 use crate::stage;
+
+/// Draw the stages of a pipeline and what they need
+#[derive(Debug, Args)]
+pub struct DagArguments {
+    /// The pipeline, a YAML file
+    pub pipeline: PathBuf,
+    /// How to draw
+    #[arg(long, value_enum, default_value_t = DagFormat::Text)]
+    pub format: DagFormat,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum DagFormat {
+    /// One line per stage
+    Text,
+    /// A Mermaid flow chart
+    Mermaid,
+    /// A Graphviz digraph
+    Dot,
+}
 
 pub fn execute(arguments: &DagArguments, output: &Output) -> Result<Exit, CliError> {
     let pipeline = Pipeline::load(&arguments.pipeline, &[], &stage::registry())?;
@@ -21,6 +44,12 @@ pub fn execute(arguments: &DagArguments, output: &Output) -> Result<Exit, CliErr
             needs,
         })
         .collect();
+    if output.is_json() {
+        let needs = |stage: &Node<'_>| stage.needs.iter().map(|&n| stages[n].name).collect::<Vec<_>>();
+        let node = |stage: &Node<'_>| json!({ "name": stage.name, "kind": stage.kind, "needs": needs(stage) });
+        output.document(&json!({ "stages": stages.iter().map(node).collect::<Vec<_>>() }))?;
+        return Ok(Exit::Done);
+    }
     output.text(&match arguments.format {
         DagFormat::Text => text(&stages),
         DagFormat::Mermaid => mermaid(&stages),

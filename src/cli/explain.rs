@@ -1,16 +1,32 @@
 //! `deaflow explain`: why a stage would be built, with everything that has changed.
 
+use std::path::PathBuf;
+
+use clap::Args;
 use serde_json::json;
 
-use super::arguments::ExplainArguments;
+use super::arguments::{SetArguments, StoreArguments};
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::run;
 use crate::base::Digest;
 use crate::orchestrator::{Explanation, explain};
 
+/// Say why a stage would be built: every parameter and input that has changed
+#[derive(Debug, Args)]
+pub struct ExplainArguments {
+    /// The pipeline, a YAML file
+    pub pipeline: PathBuf,
+    /// The stage
+    pub stage: String,
+    #[command(flatten)]
+    pub store: StoreArguments,
+    #[command(flatten)]
+    pub set: SetArguments,
+}
+
 pub fn execute(arguments: &ExplainArguments, output: &Output) -> Result<Exit, CliError> {
-    let pipeline = run::load_file(&arguments.pipeline, &arguments.overrides()?)?;
+    let pipeline = run::load_file(&arguments.pipeline, &arguments.set.overrides()?)?;
     let (_scratch, store) = run::store_to_look_into(&arguments.store)?;
     let found = explain(&pipeline, &store, &arguments.stage)?;
     if output.is_json() {

@@ -3,9 +3,25 @@
 mod design;
 mod model;
 
-use super::arguments::{ExportArguments, Exported};
+use clap::{Args, Subcommand};
+
 use super::error::CliError;
 use super::output::{Exit, Output};
+
+/// Write what was made in the formats of other programs
+#[derive(Debug, Args)]
+pub struct ExportArguments {
+    #[command(subcommand)]
+    pub what: Exported,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum Exported {
+    /// A design as a mask in mm (svg, dxf, gerber, png, csv) or as a deformed membrane (vtkhdf)
+    Design(design::ExportDesignArguments),
+    /// A trained model as a safetensors or an ONNX file
+    Model(model::ExportModelArguments),
+}
 
 pub fn execute(arguments: &ExportArguments, output: &Output) -> Result<Exit, CliError> {
     match &arguments.what {

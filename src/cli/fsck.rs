@@ -2,14 +2,25 @@
 
 use std::path::Path;
 
+use clap::Args;
 use serde_json::json;
 
-use super::arguments::FsckArguments;
+use super::arguments::StoreArguments;
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::progress::Bar;
 use super::{locate, table};
 use crate::store::{Report, Store};
+
+/// Check every byte of a store
+#[derive(Debug, Args)]
+pub struct FsckArguments {
+    #[command(flatten)]
+    pub store: StoreArguments,
+    /// Make the store sound: also remove records of what is missing, manifests that lack chunks, and strays
+    #[arg(long)]
+    pub repair: bool,
+}
 
 pub fn execute(arguments: &FsckArguments, output: &Output) -> Result<Exit, CliError> {
     let folder = arguments.store.folder();

@@ -2,14 +2,31 @@
 
 use std::time::{Duration, SystemTime};
 
+use clap::Args;
 use serde_json::{Value, json};
 
-use super::arguments::GcArguments;
+use super::arguments::{StoreArguments, number};
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::progress::Bar;
 use super::{locate, table};
 use crate::store::{Collection, Judged, Retention, Store};
+
+/// Remove artifacts that neither the last runs nor a pin nor a lock file need
+#[derive(Debug, Args)]
+pub struct GcArguments {
+    #[command(flatten)]
+    pub store: StoreArguments,
+    /// Say what would go, how large it is and what holds the rest; remove nothing
+    #[arg(long)]
+    pub dry_run: bool,
+    /// Keep what the last N runs made and needed
+    #[arg(long, value_name = "N", default_value_t = 10)]
+    pub keep_runs: usize,
+    /// Keep what was written less than so many hours ago
+    #[arg(long, value_name = "HOURS", default_value_t = 24.0, value_parser = number(0.0..=1e6, "0 to 1e6 hours"))]
+    pub grace: f64,
+}
 
 pub fn execute(arguments: &GcArguments, output: &Output) -> Result<Exit, CliError> {
     let store = locate::of_folder(Store::open_alone(&arguments.store.folder()))?;

@@ -4,11 +4,11 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 
-use super::arguments::{SolveArguments, TOLERANCE};
+use super::arguments::TOLERANCE;
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::progress::Bar;
-use super::solve::{check_file, provenance};
+use super::solve::{SolveArguments, check_file, provenance};
 use super::{table, write};
 use crate::report::figures::{Branch, Limit, draw_paths};
 use crate::stage::direct::{self, MeshRequest};

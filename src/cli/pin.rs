@@ -1,13 +1,27 @@
-//! `deaflow pin`, `deaflow unpin`: artifacts that `gc` keeps whatever the runs say.
+//! `deaflow pin`: artifacts that `gc` keeps whatever the runs say.
 
+use clap::Args;
 use serde_json::json;
 
-use super::arguments::{PinArguments, UnpinArguments};
+use super::arguments::StoreArguments;
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::{locate, table};
 use crate::orchestrator::Environment;
 use crate::store::{Pin, Store};
+
+/// Keep an artifact, and all that it was made from, through every gc; without an artifact, list the pins
+#[derive(Debug, Args)]
+pub struct PinArguments {
+    /// A stage of the last run, PIPELINE.yaml:STAGE, or a digest or at least its first 4 digits
+    #[arg(value_name = "STAGE-OR-DIGEST")]
+    pub artifact: Option<String>,
+    /// Why it is kept
+    #[arg(long, value_name = "TEXT", requires = "artifact")]
+    pub label: Option<String>,
+    #[command(flatten)]
+    pub store: StoreArguments,
+}
 
 pub fn execute(arguments: &PinArguments, output: &Output) -> Result<Exit, CliError> {
     let store = locate::existing_store(&arguments.store.folder())?;
@@ -19,32 +33,11 @@ pub fn execute(arguments: &PinArguments, output: &Output) -> Result<Exit, CliErr
             created: Environment::system().now(),
         })?;
     }
-    tell(&store, output)
+    list(&store, output)
 }
 
-/// Removes a pin. The artifact may be gone: pins are found by their own digests first.
-pub fn remove(arguments: &UnpinArguments, output: &Output) -> Result<Exit, CliError> {
-    let store = locate::existing_store(&arguments.store.folder())?;
-    let wanted = arguments.artifact.to_ascii_lowercase();
-    let pins = store.pins()?;
-    let pinned: Vec<_> = pins
-        .iter()
-        .filter(|pin| pin.digest.to_string().starts_with(&wanted))
-        .collect();
-    let digest = match pinned.as_slice() {
-        [one] if wanted.len() >= 4 => one.digest,
-        _ => locate::artifact(&store, &arguments.artifact)?.digest(),
-    };
-    if !store.unpin(&digest)? {
-        return Err(
-            CliError::bad_input(format!("artifact {} is not pinned", digest.short()))
-                .help("`deaflow pin` without an artifact lists the pins"),
-        );
-    }
-    tell(&store, output)
-}
-
-fn tell(store: &Store, output: &Output) -> Result<Exit, CliError> {
+/// Lists the pins.
+pub fn list(store: &Store, output: &Output) -> Result<Exit, CliError> {
     let pins = store.pins()?;
     if output.is_json() {
         let pin = |pin: &Pin| json!({ "digest": pin.digest.to_string(), "label": pin.label, "created": pin.created });

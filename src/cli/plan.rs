@@ -1,5 +1,6 @@
 //! `deaflow plan`: what `run` would build, why, and what that would take.
 
+use clap::Args;
 use serde_json::json;
 
 use super::arguments::PipelineArguments;
@@ -8,7 +9,15 @@ use super::output::{Exit, Output};
 use super::{run, table};
 use crate::orchestrator::{Bill, Environment, Outcome, plan};
 
-pub fn execute(arguments: &PipelineArguments, output: &Output) -> Result<Exit, CliError> {
+/// Say what `run` would build, why, and what it would take; build nothing
+#[derive(Debug, Args)]
+pub struct PlanArguments {
+    #[command(flatten)]
+    of: PipelineArguments,
+}
+
+pub fn execute(arguments: &PlanArguments, output: &Output) -> Result<Exit, CliError> {
+    let arguments = &arguments.of;
     let pipeline = run::load(arguments)?;
     let (_scratch, store) = run::store_to_look_into(&arguments.store)?;
     let store = arguments.trust(store);

@@ -1,10 +1,11 @@
 //! `deaflow report`: one page that tells what a pipeline found, and its designs as files.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use clap::Args;
 use serde_json::json;
 
-use super::arguments::ReportArguments;
+use super::arguments::{SetArguments, StoreArguments};
 use super::error::CliError;
 use super::locate;
 use super::output::{Exit, Output};
@@ -12,8 +13,28 @@ use super::run;
 use crate::orchestrator::{Environment, plan};
 use crate::report::{Course, write_report};
 
+/// Write a report of a pipeline: one page with every design, and the designs as files
+#[derive(Debug, Args)]
+pub struct ReportArguments {
+    /// The pipeline, a YAML file
+    pub pipeline: PathBuf,
+    /// Folder for index.html, data/designs.csv and data/patterns/*.csv
+    #[arg(short, long, value_name = "DIR")]
+    pub output: PathBuf,
+    #[command(flatten)]
+    pub store: StoreArguments,
+    /// Report this stage and what it needs [default: all stages]
+    #[arg(long, value_name = "STAGE")]
+    pub until: Option<String>,
+    #[command(flatten)]
+    pub set: SetArguments,
+    /// Report what is there, and say on the page what is not built
+    #[arg(long)]
+    pub partial: bool,
+}
+
 pub fn execute(arguments: &ReportArguments, output: &Output) -> Result<Exit, CliError> {
-    let pipeline = run::load_file(&arguments.pipeline, &arguments.overrides()?)?;
+    let pipeline = run::load_file(&arguments.pipeline, &arguments.set.overrides()?)?;
     pipeline.selection(arguments.until.as_deref())?;
     let store = locate::existing_store(&arguments.store.folder())?;
     let stages = plan(&pipeline, &store, arguments.until.as_deref(), &Environment::system())?;
@@ -55,7 +76,7 @@ fn check(course: &Course, arguments: &ReportArguments) -> Result<(), CliError> {
         .until
         .as_ref()
         .map_or_else(String::new, |stage| format!(" --until {stage}"));
-    let sets: String = arguments.sets.iter().map(|set| format!(" --set '{set}'")).collect();
+    let sets: String = arguments.set.sets.iter().map(|set| format!(" --set '{set}'")).collect();
     let build = format!("build them: deaflow run {}{until}{sets}", arguments.pipeline.display());
     let path = arguments.pipeline.display();
     let message = match of == all {

@@ -2,10 +2,11 @@
 
 use std::path::Path;
 
+use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use super::arguments::{PipelineArguments, ProgressForm, RunArguments, StoreArguments};
+use super::arguments::{PipelineArguments, StoreArguments};
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::progress::{RunProgress, Shown};
@@ -18,6 +19,38 @@ use crate::report::{
 };
 use crate::stage;
 use crate::store::{LockFile, Store};
+
+/// Build what is stale in a pipeline, then print what was found and where the figures are
+#[derive(Debug, Args)]
+pub struct RunArguments {
+    #[command(flatten)]
+    pub of: PipelineArguments,
+    /// When a stage fails, go on with all that does not need it
+    #[arg(short, long)]
+    pub keep_going: bool,
+    /// Write the lock file beside the pipeline: the digest of everything that was built or reused
+    #[arg(long, conflicts_with_all = ["until", "sets", "locked"])]
+    pub lock: bool,
+    /// Hold the pipeline to its lock file: any difference is an error, found before any work wherever it can be
+    #[arg(long)]
+    pub locked: bool,
+    /// Say nothing but warnings and errors
+    #[arg(short, long)]
+    pub quiet: bool,
+    /// How progress is shown on stderr [default: bars on a terminal, or else plain lines]
+    #[arg(long, value_enum, value_name = "HOW", conflicts_with = "quiet")]
+    pub progress: Option<ProgressForm>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ProgressForm {
+    /// Plain lines
+    Plain,
+    /// One JSON document per line for everything that happens
+    Json,
+    /// Warnings only
+    None,
+}
 
 pub fn execute(arguments: &RunArguments, output: &Output) -> Result<Exit, CliError> {
     let pipeline = load(&arguments.of)?;
@@ -118,7 +151,7 @@ fn read_lock(path: &Path) -> Result<LockFile, CliError> {
 
 /// Everything that can be wrong with the arguments is found before a store is opened.
 pub fn load(arguments: &PipelineArguments) -> Result<Pipeline, CliError> {
-    let pipeline = load_file(&arguments.pipeline, &arguments.overrides()?)?;
+    let pipeline = load_file(&arguments.pipeline, &arguments.set.overrides()?)?;
     pipeline.selection(arguments.until.as_deref())?;
     Ok(pipeline)
 }

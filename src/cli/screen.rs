@@ -1,12 +1,24 @@
 //! `deaflow screen`: which effects a scene calls for.
 
+use std::path::PathBuf;
+
+use clap::Args;
 use serde_json::{Value, json};
 
-use super::arguments::ScreenArguments;
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::table;
 use crate::stage::screening::{self, Row, Screening, Status};
+
+/// Say which effects a scene calls for, by number, threshold and cost
+#[derive(Debug, Args)]
+pub struct ScreenArguments {
+    /// A scene, or a pipeline whose scene is meant; a YAML file
+    pub scene: PathBuf,
+    /// Patterns to judge by, FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset [default: extreme patterns]
+    #[arg(value_name = "PATTERN")]
+    pub patterns: Vec<String>,
+}
 
 pub fn execute(arguments: &ScreenArguments, output: &Output) -> Result<Exit, CliError> {
     let screening = screening::screen(&arguments.scene, &arguments.patterns)?;

@@ -2,13 +2,25 @@
 
 use std::collections::BTreeMap;
 
-use super::arguments::ShowArguments;
+use clap::Args;
+use serde::Serialize;
+
+use super::arguments::StoreArguments;
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::statistics::{self, Statistics};
 use super::{locate, table};
 use crate::store::{Artifact, Content};
-use serde::Serialize;
+
+/// Show what is in an artifact: datasets, statistics, provenance
+#[derive(Debug, Args)]
+pub struct ShowArguments {
+    /// A stage of the last run, PIPELINE.yaml:STAGE, or a digest or at least its first 4 digits
+    #[arg(value_name = "STAGE-OR-DIGEST")]
+    pub artifact: String,
+    #[command(flatten)]
+    pub store: StoreArguments,
+}
 
 /// Texts that are counted one by one; of more kinds only the number is told to people.
 const SHOWN_TEXTS: usize = 6;

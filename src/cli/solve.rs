@@ -1,18 +1,61 @@
 //! `deaflow solve`: simulates patterns that somebody drew.
 
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 use std::time::Instant;
 
+use clap::Args;
 use serde_json::json;
 
-use super::arguments::{PatternArguments, SolveArguments, TOLERANCE};
+use super::arguments::{PatternArguments, TOLERANCE, accuracy, number};
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::progress::Bar;
 use super::{path, table};
+use crate::base::Quantity;
 use crate::orchestrator::Environment;
 use crate::stage::direct::{self, Answer, MeshRequest, Method, SolveRequest};
 use crate::store::{Provenance, write_file};
+
+/// Simulate patterns with finite elements
+#[derive(Debug, Args)]
+pub struct SolveArguments {
+    /// A scene, or a pipeline whose scene is meant; a YAML file
+    pub scene: PathBuf,
+    #[command(flatten)]
+    pub patterns: PatternArguments,
+    /// How fields are found: newton, or as estimates that are no equilibria linear or chord:N (N chord steps)
+    #[arg(long, value_name = "METHOD", default_value = "newton", value_parser = Method::from_str)]
+    pub method: Method,
+    /// Elements along one side of a cell [default: 2; 1 for a path]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=8))]
+    elements_per_cell: Option<u64>,
+    /// Polynomial order of the elements [default: 1; 2 for a path, because bilinear ones lose stability too late]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=2))]
+    order: Option<u64>,
+    /// Pick mesh and order for each pattern so that the displacement is this accurate, as in "0.005 mm"; the estimated
+    /// error of each pattern is written too
+    #[arg(long, value_name = "LENGTH", value_parser = accuracy, conflicts_with_all = ["elements_per_cell", "order"])]
+    pub accuracy: Option<Quantity>,
+    /// Relative residual at which an equilibrium is accepted [default: 1e-8]
+    #[arg(long, value_name = "R", value_parser = number(1e-12..=1e-3, "1e-12 to 1e-3"))]
+    pub tolerance: Option<f64>,
+    /// Write stretches, field, stresses and tension of every cell too
+    #[arg(long, conflicts_with_all = ["accuracy", "path"])]
+    pub cells: bool,
+    /// Follow each pattern from rest past the voltage at which it loses stability, whatever the voltage of the scene;
+    /// OUT.csv and OUT.png are written beside OUT.h5
+    #[arg(long, conflicts_with_all = ["accuracy"])]
+    pub path: bool,
+}
+
+impl SolveArguments {
+    /// Elements per cell and order of the mesh.
+    pub fn mesh(&self) -> (u64, u64) {
+        let (elements, order) = if self.path { (1, 2) } else { (2, 1) };
+        (self.elements_per_cell.unwrap_or(elements), self.order.unwrap_or(order))
+    }
+}
 
 pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliError> {
     let scene = arguments.scene.display().to_string();

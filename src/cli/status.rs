@@ -2,14 +2,25 @@
 
 use std::path::{Path, PathBuf};
 
+use clap::Args;
 use serde_json::{Value, json};
 
-use super::arguments::StatusArguments;
+use super::arguments::StoreArguments;
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::{locate, run, table};
 use crate::orchestrator::{Bill, Environment, Outcome, StageReport, plan};
 use crate::store::{LockFile, Run, Store, Survey};
+
+/// Say what is in a store, what is at work in it, and which pipelines are up to date
+#[derive(Debug, Args)]
+pub struct StatusArguments {
+    /// Pipelines to look at [default: those of the last runs]
+    #[arg(value_name = "PIPELINE")]
+    pub pipelines: Vec<PathBuf>,
+    #[command(flatten)]
+    pub store: StoreArguments,
+}
 
 /// How a pipeline stands.
 struct Standing {

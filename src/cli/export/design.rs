@@ -3,9 +3,10 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use clap::{Args, ValueEnum};
 use serde_json::{Map, Value, json};
 
-use crate::cli::arguments::{DesignFormat, DesignSize, ExportDesignArguments, TOLERANCE};
+use crate::cli::arguments::{StoreArguments, TOLERANCE, number};
 use crate::cli::error::CliError;
 use crate::cli::output::{Exit, Output};
 use crate::cli::{locate, solve, write};
@@ -15,6 +16,107 @@ use crate::stage::direct::MeshRequest;
 use crate::stage::mask::{Mask, Size};
 use crate::stage::membrane;
 use crate::store::Artifact;
+
+#[derive(Debug, Args)]
+pub struct ExportDesignArguments {
+    /// A stage of kind design or verify: PIPELINE.yaml:STAGE, a stage of the last run, a digest or its beginning, or a file;
+    /// or with --scene a pattern: FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset
+    pub source: String,
+    /// Where it goes: a file, which is replaced, or a folder
+    #[arg(short, long, value_name = "FILE|DIR")]
+    pub output: PathBuf,
+    /// The format [default: by the end of the file's name]
+    #[arg(long, value_enum)]
+    pub format: Option<DesignFormat>,
+    /// The target whose design it is [default: the only one]
+    #[arg(long, value_name = "NAME", conflicts_with = "scene")]
+    pub design: Option<String>,
+    /// The case of that target
+    #[arg(long, value_name = "TEXT", conflicts_with = "scene")]
+    pub case: Option<String>,
+    /// refined, ga, optimum, intuitive or intuitive-equal-area [default: the first of these that there is]
+    #[arg(long, conflicts_with = "scene")]
+    pub role: Option<String>,
+    /// Which of the different designs of the target [default: the best, 0]
+    #[arg(long, value_name = "N", conflicts_with = "scene")]
+    pub member: Option<u64>,
+    /// The design with so many units along a side
+    #[arg(long, value_name = "N", conflicts_with = "scene")]
+    pub units: Option<u64>,
+    /// The scene of a pattern, or a pipeline whose scene is meant; a YAML file
+    #[arg(long, value_name = "SCENE")]
+    pub scene: Option<PathBuf>,
+    /// The size of a mask: on the frame, or before the membrane is stretched [default: prestretched]
+    #[arg(long, value_enum)]
+    pub size: Option<DesignSize>,
+    /// Round the outline; the area that it holds is stated beside that of the cells
+    #[arg(long)]
+    pub smooth: bool,
+    /// Resolution of an image; the nearest with a whole number of pixels for each cell is taken [default: 20]
+    #[arg(long, value_name = "N", value_parser = number(1e-3..=1e6, "0.001 to 1e6 pixels per mm"))]
+    pub pixels_per_mm: Option<f64>,
+    /// Elements along one side of a cell of a deformed membrane [default: 2]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=8))]
+    pub elements_per_cell: Option<u64>,
+    /// Polynomial order of these elements [default: 2]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=2))]
+    pub order: Option<u64>,
+    #[command(flatten)]
+    pub store: StoreArguments,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum DesignSize {
+    /// Before the membrane is stretched
+    Undeformed,
+    /// As it lies on the frame, without voltage
+    Prestretched,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum DesignFormat {
+    /// Polygons for browsers, laser cutters and plotters
+    Svg,
+    /// Polygons for CAD
+    Dxf,
+    /// Regions for makers of circuit boards and photomasks
+    Gerber,
+    /// An image, black where the electrode is
+    Png,
+    /// Cells as numbers
+    Csv,
+    /// The deformed membrane with stress and field, for ParaView
+    Vtkhdf,
+}
+
+impl DesignFormat {
+    /// All of them.
+    pub const ALL: [Self; 6] = [Self::Svg, Self::Dxf, Self::Gerber, Self::Png, Self::Csv, Self::Vtkhdf];
+
+    /// The word for it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Svg => "svg",
+            Self::Dxf => "dxf",
+            Self::Gerber => "gerber",
+            Self::Png => "png",
+            Self::Csv => "csv",
+            Self::Vtkhdf => "vtkhdf",
+        }
+    }
+
+    /// How files of the format end, the usual way first.
+    pub fn extensions(self) -> &'static [&'static str] {
+        match self {
+            Self::Gerber => &["gbr", "ger", "gerber"],
+            Self::Svg => &["svg"],
+            Self::Dxf => &["dxf"],
+            Self::Png => &["png"],
+            Self::Csv => &["csv"],
+            Self::Vtkhdf => &["vtkhdf"],
+        }
+    }
+}
 
 /// Pixels per mm of an image unless said otherwise: one of 50 mm then has 20 for each of its cells.
 const PIXELS_PER_MM: f64 = 20.0;

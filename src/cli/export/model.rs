@@ -2,13 +2,46 @@
 
 use std::path::{Path, PathBuf};
 
+use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 
-use crate::cli::arguments::{ExportModelArguments, ModelFormat};
+use crate::cli::arguments::StoreArguments;
 use crate::cli::error::CliError;
 use crate::cli::output::{Exit, Output};
 use crate::cli::{model, solve, write};
 use crate::stage::model::Exportable;
+
+#[derive(Debug, Args)]
+pub struct ExportModelArguments {
+    /// A digest or its beginning, a stage of the last run, PIPELINE.yaml:STAGE, or a file
+    pub model: String,
+    /// Where it goes: a file, which is replaced, or a folder
+    #[arg(short, long, value_name = "FILE|DIR")]
+    pub output: PathBuf,
+    /// The format [default: by the end of the file's name]
+    #[arg(long, value_enum)]
+    pub format: Option<ModelFormat>,
+    #[command(flatten)]
+    pub store: StoreArguments,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ModelFormat {
+    /// Tensors, with a header that says everything needed to use them
+    Safetensors,
+    /// The whole network as a graph
+    Onnx,
+}
+
+impl ModelFormat {
+    /// How files of the format end.
+    pub fn extension(self) -> &'static str {
+        match self {
+            Self::Safetensors => "safetensors",
+            Self::Onnx => "onnx",
+        }
+    }
+}
 
 pub fn execute(arguments: &ExportModelArguments, output: &Output) -> Result<Exit, CliError> {
     let weights = model::weights(&arguments.model, &arguments.store.folder())?;
