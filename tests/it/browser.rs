@@ -5,6 +5,8 @@ use std::process::Command;
 
 use serde_json::Value;
 
+use super::common::readers;
+
 /// The browser of this machine.
 pub struct Browser {
     program: &'static str,
@@ -36,8 +38,12 @@ parent.postMessage(JSON.stringify({width:innerWidth,scrolled:document.documentEl
 without_size:small.length,fetched:performance.getEntriesByType('resource').length,complaints:complaints}),'*')})</script>";
 
 impl Browser {
-    /// The first that is there.
+    /// The first that is there, if a browser is wanted.
     pub fn find() -> Option<Self> {
+        readers::find("Chromium, which opens reports", Self::installed)
+    }
+
+    fn installed() -> Option<Self> {
         let works = |program: &&'static str| {
             let version = Command::new(program).arg("--version").output();
             version.is_ok_and(|output| output.status.success())

@@ -1,11 +1,10 @@
 //! Designs taken away: masks and membranes are what other programs say they are.
 
-use std::path::Path;
 use std::process::Command;
 
 use serde_json::Value;
 
-use super::common::{Workspace, files, scene_file};
+use super::common::{Workspace, files, readers, scene_file};
 
 const READER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/it/export.py");
 const SIDE: f64 = 50.0;
@@ -39,19 +38,12 @@ fn workspace() -> Workspace {
     workspace
 }
 
-/// The python to read with: one with the readers of other programs if there is one, else one with h5py.
+/// The python to read with: one with the readers of other programs if they are wanted, else one with h5py.
 fn python() -> String {
-    let venv = Path::new(env!("CARGO_MANIFEST_DIR")).join("target/readers/bin/python");
-    let venv = venv.to_string_lossy().into_owned();
-    let can = |python: &str, modules: &str| {
-        let test = Command::new(python).args(["-c", &format!("import {modules}")]).output();
-        test.is_ok_and(|output| output.status.success())
-    };
-    let known = [venv.as_str(), "python3", "/usr/bin/python3"];
-    let with = |modules| known.into_iter().find(|python| can(python, modules));
-    with("ezdxf, gerbonara, pyvista")
-        .or_else(|| with("ezdxf, gerbonara, h5py"))
-        .map_or_else(super::h5py::python, str::to_owned)
+    readers::find("ezdxf, gerbonara and pyvista, which read exported designs", || {
+        readers::python("readers", "ezdxf, gerbonara, pyvista").or_else(|| readers::python("readers", "ezdxf, gerbonara, h5py"))
+    })
+    .unwrap_or_else(super::h5py::python)
 }
 
 /// What strangers find in files, in order.

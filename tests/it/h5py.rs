@@ -88,7 +88,7 @@ fn the_documented_reader_understands_a_store_and_sees_damage() {
     let workspace = Workspace::tiny();
     workspace.stages(&["run", "tiny.yaml", "--until", "large"]);
     let read = || {
-        let script = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/read_store.py");
+        let script = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/tools/read_store.py");
         let output = Command::new(python()).arg(script).arg(workspace.path("store")).output();
         let output = output.unwrap();
         let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();

@@ -1,11 +1,10 @@
 //! Models outside the store: exported files are whole, mean the same elsewhere, and serve in no scene but their own.
 
-use std::path::Path;
 use std::process::Command;
 
 use serde_json::Value;
 
-use super::common::{TINY, Workspace, scene_file};
+use super::common::{TINY, Workspace, readers, scene_file};
 
 const ONNX: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/it/onnx.py");
 
@@ -18,19 +17,12 @@ fn workspace() -> Workspace {
     workspace
 }
 
-/// The python to check with: one with onnxruntime and h5py if there is one, else one with h5py.
+/// The python to check with: one with onnxruntime if it is wanted, else one with h5py.
 fn python() -> String {
-    let venv = Path::new(env!("CARGO_MANIFEST_DIR")).join("target/onnxruntime/bin/python");
-    let venv = venv.to_string_lossy().into_owned();
-    let can = |python: &&str| {
-        let test = Command::new(python).args(["-c", "import onnxruntime, h5py"]).output();
-        test.is_ok_and(|output| output.status.success())
-    };
-    let known = [venv.as_str(), "python3", "/usr/bin/python3"];
-    known
-        .into_iter()
-        .find(can)
-        .map_or_else(super::h5py::python, str::to_owned)
+    readers::find("onnxruntime, which runs exported models", || {
+        readers::python("onnxruntime", "onnxruntime, h5py")
+    })
+    .unwrap_or_else(super::h5py::python)
 }
 
 fn check(workspace: &Workspace, model: &str, predicted: &str) -> (bool, String) {

@@ -232,7 +232,6 @@ fn page_is_complete<'n>(workspace: &Workspace, designs: impl Iterator<Item = &'n
 
 fn opens_in_a_browser(workspace: &Workspace, designs: usize) {
     let Some(browser) = Browser::find() else {
-        eprintln!("no Chromium: the page was not opened");
         return;
     };
     for (width, name) in [(1280, "desktop.png"), (390, "phone.png")] {

@@ -1,6 +1,7 @@
 //! A hermetic place to run the real binary in: its own folder, its own store, no inherited settings.
 
 pub mod bounded;
+pub mod readers;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

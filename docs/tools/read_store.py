@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Reads and checks a deaflow store without deaflow, by docs/store.md alone.
 
-    python3 docs/read_store.py STORE            checks every artifact and record, and lists them
-    python3 docs/read_store.py STORE KEY        shows one record: DIGEST of the artifact, parameters, inputs
+    python3 docs/tools/read_store.py STORE            checks every artifact and record, and lists them
+    python3 docs/tools/read_store.py STORE KEY        shows one record: DIGEST of the artifact, parameters, inputs
 
 Needs h5py; uses the package `blake3` where it is installed, and a slow implementation of its own where it is not.
 """

@@ -4,7 +4,7 @@
     deaflow run pipelines/paper.yaml --json > paper.json
     deaflow run pipelines/ablation.yaml --json > ablation.json
     deaflow run pipelines/cases.yaml --json > cases.json
-    python3 docs/results.py paper.json ablation.json cases.json
+    python3 docs/tools/results.py paper.json ablation.json cases.json
 
 Of these any may be left out, and its tables stay as they are. A finished pipeline is not run again for it. Needs h5py, for the times of the methods, which are no content of an artifact but
 stand in its provenance. With --write the tables are put between their marks in docs/results.md.
@@ -297,7 +297,7 @@ def main():
         for name, text in tables.items():
             print(f"## {name}\n\n{text}\n")
         return
-    path = pathlib.Path(__file__).with_name("results.md")
+    path = pathlib.Path(__file__).parent.parent / "results.md"
     text = path.read_text()
     for name, made in tables.items():
         marks = re.compile(rf"(<!-- {name} -->\n)(?:(?!<!-- end -->).)*(<!-- end -->)", re.S)
