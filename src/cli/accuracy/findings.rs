@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use serde_json::{Value, json};
 
 use super::networks;
-use crate::cli::arguments::AccuracyArguments;
+use crate::cli::accuracy::AccuracyArguments;
 use crate::cli::table;
 use crate::report::figures::pareto_front;
 use crate::stage::accuracy::{FamilyError, Measured, Reckoned};
