@@ -41,7 +41,8 @@ fn workspace() -> Workspace {
 /// The python to read with: one with the readers of other programs if they are wanted, else one with h5py.
 fn python() -> String {
     readers::find("ezdxf, gerbonara and pyvista, which read exported designs", || {
-        readers::python("readers", "ezdxf, gerbonara, pyvista").or_else(|| readers::python("readers", "ezdxf, gerbonara, h5py"))
+        readers::python("readers", "ezdxf, gerbonara, pyvista")
+            .or_else(|| readers::python("readers", "ezdxf, gerbonara, h5py"))
     })
     .unwrap_or_else(super::h5py::python)
 }

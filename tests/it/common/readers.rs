@@ -14,7 +14,11 @@ fn wanted() -> bool {
 pub fn find<T>(what: &str, look: impl FnOnce() -> Option<T>) -> Option<T> {
     let found = if wanted() { look() } else { None };
     if found.is_none() {
-        let why = if wanted() { "it is not installed" } else { "`make test-all` uses it" };
+        let why = if wanted() {
+            "it is not installed"
+        } else {
+            "`make test-all` uses it"
+        };
         let _ = writeln!(std::io::stderr(), "LEFT OUT: {what}: {why}");
     }
     found
@@ -22,7 +26,10 @@ pub fn find<T>(what: &str, look: impl FnOnce() -> Option<T>) -> Option<T> {
 
 /// The python that imports all of the modules: that of a folder under `target/`, or one of the system's.
 pub fn python(folder: &str, modules: &str) -> Option<String> {
-    let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("target").join(folder).join("bin/python");
+    let own = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("target")
+        .join(folder)
+        .join("bin/python");
     let known = [own.display().to_string(), "python3".into(), "/usr/bin/python3".into()];
     known.into_iter().find(|python| {
         let test = Command::new(python).args(["-c", &format!("import {modules}")]).output();
