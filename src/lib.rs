@@ -9,10 +9,11 @@
 //! other arrow. `base` may be imported by every room.
 //!
 //! ```text
-//! cli          → stage, orchestrator, store, report
-//! report       → orchestrator, store
-//! stage        → every domain room, orchestrator, store
+//! cli          → stage, content, orchestrator, store, report
+//! report       → content, orchestrator, store
+//! stage        → every domain room, content, orchestrator, store
 //! orchestrator → store
+//! content      → store, pattern, field, scene
 //! store        →
 //!
 //! design       → pattern, field, scene
@@ -33,6 +34,7 @@
 
 pub mod base;
 pub mod cli;
+pub mod content;
 pub mod dataset;
 pub mod design;
 pub mod fem;

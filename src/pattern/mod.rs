@@ -9,6 +9,7 @@ mod outline;
 mod png;
 mod raster;
 mod read;
+mod role;
 mod symmetry;
 
 pub use bits::{Bits, distance};
@@ -16,4 +17,5 @@ pub use h5::{check_contained, split as split_h5};
 pub use outline::{Corners, Island, Point, area as ring_area, outlines, total_area};
 pub use raster::{CELLS, Pattern, PatternError};
 pub use read::read_patterns;
+pub use role::Role;
 pub use symmetry::Symmetry;

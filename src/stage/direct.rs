@@ -8,20 +8,19 @@ pub use super::method::Method;
 use super::screening::Screened;
 pub use super::solver::MeshRequest;
 use super::solver::{Solver, explained, on_mesh};
-use super::{arrays, model, observations, solution};
+use super::{arrays, model, solution};
 use crate::base::{Document, InputError};
+use crate::content::{Lines, Observations, Packed, SolveFile};
 use crate::fem::{AccurateSimulation, SetupError};
 use crate::field::{CORNERS, Field, PredictError, Predictor};
 use crate::orchestrator::{Progress, splice_scene};
 use crate::pattern::Pattern;
 use crate::scene::Scene;
-use crate::store::{Data, Dataset, Object};
+use crate::store::Object;
 use crate::surrogate::Surrogate;
 
 /// Patterns that one thread solves between two reports of progress.
 const BATCH: usize = 8;
-
-const PROCESSOR_TIME: &str = "processor time of the sample, the mean over its batch";
 
 /// Method, mesh and tolerance of a direct simulation.
 #[derive(Clone, Copy, Debug)]
@@ -123,16 +122,22 @@ pub fn solve(
         seconds.extend(seconds_each(start, batch.len(), threads));
         progress.advance(batch.len() as u64);
     }
-    let mut content = screened.describe(describe(patterns, &results, seconds).attribute("scene", scene.to_text()));
     let observed: Vec<_> = results.iter().map(|r| Some(&r.simulation.observation)).collect();
-    content = content.attribute("solver", format!("{{ {} }}", described(request)));
-    content = observations::add(content, &solver.observed(&scene.effects), &observed);
-    if solver.estimates() {
-        content = with_estimates(content, &results);
-    }
+    let mut observations = Observations::of(&solver.observed(&scene.effects), &observed);
     if request.cells {
-        content = cells::describe(content, &states);
+        let fraction = |states| cells::wrinkled_fraction(states).unwrap_or(f64::NAN);
+        observations.wrinkled_fraction = Some(states.iter().map(fraction).collect());
     }
+    let content = SolveFile {
+        observations,
+        meshes: solver.estimates().then(|| solution::meshes(results.iter())),
+        cells: request.cells.then(|| cells::fields(&states)),
+        scene: scene.to_text(),
+        solver: Some(format!("{{ {} }}", described(request))),
+        effects: Some(screened.effects()),
+        warnings: Some(Lines(screened.warnings.clone())),
+        ..simulated(patterns, &results, seconds)
+    };
     let wrinkled = states.iter().enumerate();
     let wrinkled = wrinkled.filter_map(|(i, states)| Some((i, cells::wrinkled_fraction(states)?)));
     let unstable = results.iter().enumerate().filter(|(_, r)| r.simulation.field.is_none());
@@ -147,7 +152,7 @@ pub fn solve(
         .filter_map(|(i, r)| Some((i, r.discretisation_error?)));
     let missed = estimates.filter(|(_, error)| *error > wanted).collect();
     Ok(Answer {
-        content,
+        content: content.object(),
         samples: patterns.len(),
         unstable,
         missed,
@@ -188,10 +193,9 @@ pub fn read_scene(path: &Path) -> Result<Scene, InputError> {
 }
 
 /// Rows without a stable solution are NaN here and nowhere else; their outcome says why.
-fn describe(patterns: &[Pattern], results: &[AccurateSimulation], seconds: Vec<f64>) -> Object {
-    let n = patterns.len();
+fn simulated(patterns: &[Pattern], results: &[AccurateSimulation], seconds: Vec<f64>) -> SolveFile {
     let row = CORNERS * CORNERS * 2;
-    let mut displacement = Vec::with_capacity(n * row);
+    let mut displacement = Vec::with_capacity(patterns.len() * row);
     for result in results {
         match &result.simulation.field {
             Some(field) => displacement.extend_from_slice(field.values()),
@@ -199,48 +203,16 @@ fn describe(patterns: &[Pattern], results: &[AccurateSimulation], seconds: Vec<f
         }
     }
     let largest = |r: &AccurateSimulation| r.simulation.field.as_ref().map_or(f64::NAN, Field::max_magnitude);
-    let note = "displacement at the cell corners [sample][y][x][component]; NaN where the outcome is neither `converged` nor `estimated`";
-    let displacement = Dataset::new("mm", note, &[n, CORNERS, CORNERS, 2], Data::F64(displacement));
-    let outcome = results.iter().map(|r| r.simulation.outcome.name());
-    let reals = |units, description, value: &dyn Fn(&AccurateSimulation) -> f64| {
-        arrays::reals(units, description, results.iter().map(value).collect())
-    };
-    let patterns = arrays::patterns(
-        "electrode patterns [sample][y][x], origin lower left, 1 = electrode",
-        patterns,
-    );
-    Object::default()
-        .with("patterns", patterns)
-        .with("displacement", displacement)
-        .with("outcome", arrays::texts("how the simulation ended", outcome))
-        .with(
-            "max_displacement",
-            reals(
-                "mm",
-                "largest displacement magnitude; NaN where there is none",
-                &largest,
-            ),
-        )
-        .with(
-            "residual",
-            reals("1", "relative residual of the non-linear equilibrium", &|r| {
-                r.simulation.residual
-            }),
-        )
-        .with("solve_seconds", arrays::reals("s", PROCESSOR_TIME, seconds))
-}
-
-fn with_estimates(content: Object, results: &[AccurateSimulation]) -> Object {
-    let error = |r: &AccurateSimulation| r.discretisation_error.unwrap_or(f64::NAN);
-    let note = "estimated largest error of the displacement over the corners; NaN where there is none";
-    let mut content = content.with(
-        "discretisation_error",
-        arrays::reals("mm", note, results.iter().map(error).collect()),
-    );
-    for (path, dataset) in solution::meshes(results.iter()) {
-        content = content.with(path, dataset);
+    let outcome = |r: &AccurateSimulation| r.simulation.outcome.name().to_owned();
+    SolveFile {
+        patterns: patterns.to_vec(),
+        displacement: Packed(displacement),
+        outcome: results.iter().map(outcome).collect(),
+        max_displacement: results.iter().map(largest).collect(),
+        residual: Some(results.iter().map(|r| r.simulation.residual).collect()),
+        solve_seconds: seconds,
+        ..SolveFile::default()
     }
-    content
 }
 
 /// Predicts patterns with a model given as the bytes of a safetensors file, which must be one for the scene if that is given.
@@ -265,26 +237,18 @@ pub fn predict(
         seconds.extend(seconds_each(start, batch.len(), threads));
         progress.advance(batch.len() as u64);
     }
-    let largest = fields.iter().map(Field::max_magnitude).collect();
-    let shown = arrays::patterns(
-        "electrode patterns [sample][y][x], origin lower left, 1 = electrode",
-        patterns,
-    );
-    let displacement = "predicted displacement at the cell corners [sample][y][x][component]";
-    let outcome = "`predicted`: nothing was simulated, so nothing is known of stability";
-    let content = Object::default()
-        .attribute("network", surrogate.kind().name())
-        .attribute("scene", surrogate.scene().unwrap_or_default())
-        .with("patterns", shown)
-        .with("displacement", arrays::fields(displacement, fields.iter()))
-        .with("outcome", arrays::texts(outcome, patterns.iter().map(|_| "predicted")))
-        .with(
-            "max_displacement",
-            arrays::reals("mm", "largest displacement magnitude over the corners", largest),
-        )
-        .with("solve_seconds", arrays::reals("s", PROCESSOR_TIME, seconds));
+    let content = SolveFile {
+        patterns: patterns.to_vec(),
+        outcome: vec!["predicted".to_owned(); patterns.len()],
+        max_displacement: fields.iter().map(Field::max_magnitude).collect(),
+        displacement: Packed(fields.iter().flat_map(Field::values).copied().collect()),
+        solve_seconds: seconds,
+        scene: surrogate.scene().unwrap_or_default().to_owned(),
+        network: Some(surrogate.kind().name().to_owned()),
+        ..SolveFile::default()
+    };
     Ok(Answer {
-        content,
+        content: content.object(),
         samples: patterns.len(),
         unstable: Vec::new(),
         missed: Vec::new(),

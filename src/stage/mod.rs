@@ -17,7 +17,6 @@ pub mod membrane;
 mod method;
 pub mod model;
 mod objective;
-mod observations;
 pub mod path;
 mod sample;
 pub mod screening;
@@ -28,6 +27,7 @@ mod train;
 mod verify;
 
 use crate::base::{InputError, Node, Schema};
+use crate::content::ContentError;
 use crate::fem::effects::Model;
 use crate::orchestrator::{Registry, StageError};
 use crate::scene::Scene;
@@ -82,6 +82,15 @@ fn checked_scene(node: &Node) -> Result<Scene, InputError> {
         Err(error) => {
             let section = if scene.auto { "properties" } else { "effects" };
             Err(node.peek(section).unwrap_or(node).error(error.to_string()))
+        }
+    }
+}
+
+impl From<ContentError> for StageError {
+    fn from(error: ContentError) -> Self {
+        match error {
+            ContentError::Store(error) => Self::Store(error),
+            fault => Self::Input(fault.to_string()),
         }
     }
 }

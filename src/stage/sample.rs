@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::arrays;
 use crate::base::{Canonical, Decimal, Dimension, Fields, InputError, Node, Schema};
+use crate::content::{SampleRows, Samples};
 use crate::orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::pattern::{CELLS, Pattern};
 use crate::sample::{
@@ -373,7 +373,7 @@ impl Stage for SampleStage {
             .map(draw)
             .collect::<Result<Vec<Pattern>, _>>()?;
         job.progress.advance(patterns.len() as u64);
-        Ok(describe(group, &range, &patterns))
+        Ok(samples(group, range, patterns).object())
     }
 }
 
@@ -395,42 +395,15 @@ impl SampleStage {
     }
 }
 
-fn describe(group: &Group, range: &Range<u64>, patterns: &[Pattern]) -> Object {
+fn samples(group: &Group, range: Range<u64>, patterns: Vec<Pattern>) -> Samples {
     let n = patterns.len();
-    Object::default()
-        .with(
-            "patterns",
-            arrays::patterns(
-                "electrode patterns [sample][y][x], origin lower left, 1 = electrode",
-                patterns,
-            ),
-        )
-        .with(
-            "family",
-            arrays::texts("family that the pattern was drawn from", vec![group.family.name(); n]),
-        )
-        .with(
-            "index",
-            arrays::wholes(
-                "1",
-                "number of the sample within its family, parameters and seed",
-                range.clone().collect(),
-            ),
-        )
-        .with(
-            "units",
-            arrays::wholes(
-                "1",
-                "units across the membrane (large-grid), 0 elsewhere",
-                vec![group.units(); n],
-            ),
-        )
-        .with(
-            "area",
-            arrays::reals(
-                "1",
-                "area fraction of the electrode",
-                patterns.iter().map(Pattern::area_fraction).collect(),
-            ),
-        )
+    Samples {
+        area: patterns.iter().map(Pattern::area_fraction).collect(),
+        rows: SampleRows {
+            family: vec![group.family.name().to_owned(); n],
+            index: range.collect(),
+            units: vec![group.units(); n],
+            patterns,
+        },
+    }
 }

@@ -8,7 +8,6 @@ use crate::base::InputError;
 use crate::fem::SetupError;
 use crate::fem::effects::screening;
 use crate::scene::Scene;
-use crate::store::Object;
 
 use crate::fem::effects::screening::Trial;
 pub use crate::fem::effects::screening::{Row, Screening, Status, Verdict};
@@ -39,12 +38,10 @@ impl Screened {
         })
     }
 
-    /// Says in an artifact which effects were simulated, and which were called for and not.
+    /// The effects that are simulated, as artifacts name them.
     #[must_use]
-    pub fn describe(&self, object: Object) -> Object {
-        object
-            .attribute("effects", self.scene.effects.canonical().to_string())
-            .attribute("warnings", self.warnings.join("\n"))
+    pub fn effects(&self) -> String {
+        self.scene.effects.canonical().to_string()
     }
 }
 

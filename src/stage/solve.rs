@@ -3,9 +3,10 @@
 use std::sync::OnceLock;
 
 use super::screening::Screened;
+use super::solution;
 use super::solver::{Solver, SolverParameters, explained};
-use super::{arrays, solution};
 use crate::base::{Canonical, Fields, InputError, Node};
+use crate::content::{Samples, Solutions};
 use crate::fem::SetupError;
 use crate::orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::scene::Scene;
@@ -67,6 +68,10 @@ struct Ready {
 }
 
 impl SolveStage {
+    fn settings(&self) -> String {
+        format!("{{ {} }}", self.solver)
+    }
+
     fn ready(&self) -> Result<&Ready, SetupError> {
         if let Some(ready) = self.ready.get() {
             return Ok(ready);
@@ -105,34 +110,26 @@ impl Stage for SolveStage {
                 "a chunk of a solve stage reads one chunk of samples".to_owned(),
             ));
         };
-        let patterns = arrays::read_patterns(samples, "patterns")?;
+        let rows = Samples::open(samples)?.rows().read()?;
         let failed = |e: SetupError| StageError::Failed(explained(&e));
         let Ready { screened, solver } = self.ready().map_err(failed)?;
-        let mut simulations = Vec::with_capacity(patterns.len());
-        for batch in patterns.chunks(BATCH) {
+        let mut simulations = Vec::with_capacity(rows.patterns.len());
+        for batch in rows.patterns.chunks(BATCH) {
             simulations.extend(solver.simulate(batch).map_err(failed)?);
             job.progress.advance(batch.len() as u64);
         }
-        let object = solution::describe(
-            samples,
-            &patterns,
-            &simulations,
-            solver.estimates(),
-            &self.scene,
-            &solver.observed(&screened.scene.effects),
-        )?;
-        let object = object.attribute("solver", format!("{{ {} }}", self.solver));
-        Ok(screened.describe(object))
+        let solver = (solver, self.settings());
+        Ok(solution::solutions(&rows, &simulations, &self.scene, solver, screened).object())
     }
 
     fn attributes(&self) -> Vec<(String, String)> {
         vec![
             ("scene".to_owned(), self.scene.to_text()),
-            ("solver".to_owned(), format!("{{ {} }}", self.solver)),
+            ("solver".to_owned(), self.settings()),
         ]
     }
 
     fn unstable(&self, artifact: &Artifact) -> Result<u64, StageError> {
-        Ok(artifact.texts("unstable/outcome")?.1.len() as u64)
+        Ok(Solutions::open(artifact)?.unstable().outcome().len()? as u64)
     }
 }

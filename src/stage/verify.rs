@@ -144,8 +144,10 @@ impl Stage for VerifyStage {
         }
         let object = describe(&cases)
             .attribute("scene", self.scene.to_text())
-            .attribute("solver", format!("{{ {} }}", self.solver));
-        Ok(screened.describe(object))
+            .attribute("solver", format!("{{ {} }}", self.solver))
+            .attribute("effects", screened.effects())
+            .attribute("warnings", screened.warnings.join("\n"));
+        Ok(object)
     }
 
     fn unstable(&self, artifact: &Artifact) -> Result<u64, StageError> {

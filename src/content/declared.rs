@@ -1,0 +1,84 @@
+//! What is declared of an array, and whether an artifact holds it.
+
+use std::collections::BTreeMap;
+
+use super::error::{ContentError, Fault};
+use crate::store::{Artifact, Content, ElementType};
+
+/// One array of a kind of artifact.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Declared {
+    /// Its path in the file.
+    pub path: String,
+    /// Type of its elements.
+    pub element: ElementType,
+    /// Unit of its elements.
+    pub units: &'static str,
+    /// Names of its axes, slowest first.
+    pub axes: Vec<String>,
+    /// Extents of the last axes, which are the same in every artifact.
+    pub extents: &'static [usize],
+    /// What it is, in a sentence.
+    pub description: String,
+    /// Whether some artifacts of the kind do without it.
+    pub optional: bool,
+}
+
+impl Declared {
+    /// The axes whose lengths differ from artifact to artifact.
+    #[must_use]
+    pub fn free_axes(&self) -> &[String] {
+        &self.axes[..self.axes.len() - self.extents.len()]
+    }
+
+    /// The shape in words, as in `(sample, 50, 50)`.
+    #[must_use]
+    pub fn shape(&self) -> String {
+        let free = self.free_axes().iter().cloned();
+        let all: Vec<String> = free.chain(self.extents.iter().map(ToString::to_string)).collect();
+        format!("({})", all.join(", "))
+    }
+
+    fn fits(&self, shape: &[usize]) -> bool {
+        shape.len() == self.axes.len() && shape.ends_with(self.extents)
+    }
+}
+
+/// Checks the arrays that an artifact has against what is declared: their axes, and that lengths along a shared axis are
+/// equal. Nothing but headers is read.
+///
+/// # Errors
+/// When an array has other axes or another length than others, or a chunk is missing or damaged.
+pub fn check(artifact: &Artifact, declared: &[Declared]) -> Result<(), ContentError> {
+    let contents = artifact.contents()?;
+    check_axes(contents, declared).map_err(|fault| fault.of(artifact.digest()))
+}
+
+fn check_axes(contents: &[Content], declared: &[Declared]) -> Result<(), Fault> {
+    let mut known: BTreeMap<&str, (&str, usize)> = BTreeMap::new();
+    for array in declared {
+        let Some(Content { shape, .. }) = contents.iter().find(|content| content.path == array.path) else {
+            continue;
+        };
+        if !array.fits(shape) {
+            return Err(Fault::Shape {
+                path: array.path.clone(),
+                found: shape.clone(),
+                wanted: array.shape(),
+            });
+        }
+        for (axis, &found) in array.free_axes().iter().zip(shape) {
+            let &mut (other, wanted) = known.entry(axis).or_insert((&array.path, found));
+            if found != wanted {
+                return Err(Fault::Length {
+                    path: array.path.clone(),
+                    axis: axis.clone(),
+                    found,
+                    other: other.to_owned(),
+                    wanted,
+                });
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,109 @@
+//! What can be wrong with the content of an artifact.
+
+use crate::base::{Digest, InputError};
+use crate::field::FieldError;
+use crate::pattern::PatternError;
+use crate::store::StoreError;
+
+/// An artifact that cannot be read as what it should be.
+#[derive(Debug, thiserror::Error)]
+pub enum ContentError {
+    /// The store refuses it: a file is missing or damaged, or has no such dataset.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// It does not hold what its kind promises.
+    #[error("artifact {digest}: {fault}", digest = digest.short())]
+    Fault {
+        /// Which artifact.
+        digest: Digest,
+        /// What is wrong.
+        fault: Fault,
+    },
+}
+
+/// What is wrong with an artifact.
+#[derive(Debug, thiserror::Error)]
+pub enum Fault {
+    /// Two arrays along one axis have different lengths.
+    #[error("its arrays differ in length: `{path}` has {found} along `{axis}`, and `{other}` has {wanted}")]
+    Length {
+        /// The array that differs.
+        path: String,
+        /// The shared axis.
+        axis: String,
+        /// The length of the array.
+        found: usize,
+        /// The array that it is compared with.
+        other: String,
+        /// The length of that.
+        wanted: usize,
+    },
+    /// An array does not have the axes that are declared.
+    #[error("`{path}` has shape {found:?}, wanted {wanted}")]
+    Shape {
+        /// Which array.
+        path: String,
+        /// The shape that it has.
+        found: Vec<usize>,
+        /// The shape that it should have, as in `(sample, 50, 50)`.
+        wanted: String,
+    },
+    /// An attribute is missing.
+    #[error("no attribute `{name}`")]
+    NoAttribute {
+        /// Which.
+        name: &'static str,
+    },
+    /// An attribute cannot be read.
+    #[error("its attribute `{name}` cannot be read: {source}")]
+    Attribute {
+        /// Which.
+        name: &'static str,
+        /// Why not.
+        source: AttributeError,
+    },
+    /// An array holds something that is not what it should hold.
+    #[error("`{path}`: {source}")]
+    Element {
+        /// Which array.
+        path: String,
+        /// What is wrong.
+        source: ElementError,
+    },
+    /// Arrays contradict each other.
+    #[error("{0}")]
+    Inconsistent(&'static str),
+}
+
+impl Fault {
+    /// The same with the artifact that has it.
+    #[must_use]
+    pub fn of(self, digest: Digest) -> ContentError {
+        ContentError::Fault { digest, fault: self }
+    }
+}
+
+/// An attribute that is not what it should be.
+#[derive(Debug, thiserror::Error)]
+pub enum AttributeError {
+    /// A text in YAML that cannot be read.
+    #[error(transparent)]
+    Input(#[from] InputError),
+    /// A text in JSON that cannot be read.
+    #[error(transparent)]
+    Json(#[from] serde_json::Error),
+}
+
+/// An element that is not what it should be.
+#[derive(Debug, thiserror::Error)]
+pub enum ElementError {
+    /// Numbers that are no pattern.
+    #[error(transparent)]
+    Pattern(#[from] PatternError),
+    /// Numbers that are no field.
+    #[error(transparent)]
+    Field(#[from] FieldError),
+    /// A word without a meaning here.
+    #[error("unknown word {0:?}")]
+    Word(String),
+}

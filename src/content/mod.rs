@@ -1,0 +1,32 @@
+//! What stands in the artifacts of each kind: path, unit, axes and description of every array, once.
+//!
+//! A struct for each kind, declared by one macro, is written as an object of the store and read back; a view reads array by
+//! array what is too large or not needed as a whole. Lengths along shared axes are checked when an artifact is opened.
+
+mod attribute;
+mod declared;
+mod element;
+mod error;
+mod macros;
+mod part;
+mod view;
+mod writer;
+
+mod observations;
+mod samples;
+mod solutions;
+mod solve_file;
+
+#[cfg(test)]
+mod tests;
+
+pub use attribute::{Attribute, Json, Lines};
+pub use declared::Declared;
+pub use element::{Packed, PerCell, PerUnit, Row, SingleField};
+pub use error::{AttributeError, ContentError, ElementError, Fault};
+pub use observations::{Meshes, NO_STATE, Observations};
+pub use part::LongTexts;
+pub use samples::{SampleRows, Samples};
+pub use solutions::{Solutions, Unstable};
+pub use solve_file::{CellFields, SolveFile};
+pub use view::{Stored, StoredAttribute, files};

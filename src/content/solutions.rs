@@ -1,0 +1,56 @@
+//! The artifact of a solve stage.
+//!
+//! Samples with a field stand at the root, the others under `unstable/` with the reason: no row holds numbers that only look
+//! valid.
+
+use super::attribute::Lines;
+use super::macros::arrays;
+use super::observations::{Meshes, Observations};
+use super::samples::SampleRows;
+use crate::field::Field;
+use crate::scene::Scene;
+
+arrays! {
+    /// Simulated samples.
+    pub struct Solutions, SolutionsView {
+        /// The patterns that have a field.
+        rows: SampleRows = group(""),
+        /// How the simulation ended.
+        outcome: Vec<String> = array("outcome", "", [sample]),
+        /// Displacement at the cell corners.
+        displacement: Vec<Field> = array("displacement", "mm", [sample, corner_y, corner_x, component]),
+        /// Largest displacement magnitude over the corners.
+        max_displacement: Vec<f64> = array("max_displacement", "mm", [sample]),
+        /// Newton steps over all load steps, or steps of an estimate.
+        newton_iterations: Vec<u32> = array("newton_iterations", "1", [sample]),
+        /// Relative residual of the equilibrium.
+        residual: Vec<f64> = array("residual", "1", [sample]),
+        /// What effects say.
+        observations: Observations = group(""),
+        /// Where an accuracy was asked for, the meshes that reach it.
+        meshes: Option<Meshes> = group(""),
+        /// The patterns that have no field.
+        unstable: Unstable = group("unstable", [(sample, unstable)]),
+        /// The scene as the pipeline states it.
+        scene: Scene = attribute("scene"),
+        /// How it was solved, in the keys of a solve stage.
+        solver: String = attribute("solver"),
+        /// The effects that were simulated.
+        effects: String = attribute("effects"),
+        /// Effects that matter and were left out, one to a line.
+        warnings: Lines = attribute("warnings"),
+    }
+}
+
+arrays! {
+    /// Samples without a field.
+    #[derive(Default)]
+    pub struct Unstable, UnstableView {
+        /// The patterns.
+        rows: SampleRows = group(""),
+        /// How the simulation ended.
+        outcome: Vec<String> = array("outcome", "", [sample]),
+        /// Highest voltage with a stable equilibrium and lowest without; 0, 0 where the outcome is `iteration-limit` or `no-estimate`.
+        voltage_bracket: Vec<[f64; 2]> = array("voltage_bracket", "V", [sample, bound]),
+    }
+}

@@ -1,0 +1,61 @@
+//! The file that `deaflow solve` and `deaflow predict` write. It is no artifact and may hold NaN.
+
+use super::attribute::Lines;
+use super::element::{Packed, PerCell};
+use super::macros::arrays;
+use super::observations::{Meshes, Observations};
+use crate::field::Field;
+use crate::pattern::Pattern;
+
+arrays! {
+    /// Patterns with their displacements, one row for each whether it has a field or not.
+    #[derive(Default)]
+    pub struct SolveFile, SolveFileView {
+        /// Electrode patterns, origin lower left, 1 = electrode.
+        patterns: Vec<Pattern> = array("patterns", "1", [sample, y, x]),
+        /// Displacement at the cell corners; NaN where the outcome is none of `converged`, `estimated` and `predicted`.
+        displacement: Packed<Field> = array("displacement", "mm", [sample, corner_y, corner_x, component]),
+        /// How the simulation ended; `predicted` where nothing was simulated, so that nothing is known of stability.
+        outcome: Vec<String> = array("outcome", "", [sample]),
+        /// Largest displacement magnitude over the corners; NaN where there is none.
+        max_displacement: Vec<f64> = array("max_displacement", "mm", [sample]),
+        /// Relative residual of the non-linear equilibrium.
+        residual: Option<Vec<f64>> = array("residual", "1", [sample]),
+        /// Processor time of the sample, the mean over its batch.
+        solve_seconds: Vec<f64> = array("solve_seconds", "s", [sample]),
+        /// What effects say.
+        observations: Observations = group(""),
+        /// Where an accuracy was asked for, the meshes that reach it.
+        meshes: Option<Meshes> = group(""),
+        /// Where they were asked for, the states of the cells.
+        cells: Option<CellFields> = group("cells"),
+        /// The scene; of a prediction the one that the model was trained in.
+        scene: String = attribute("scene"),
+        /// How it was solved, in the keys of a solve stage.
+        solver: Option<String> = attribute("solver"),
+        /// The effects that were simulated.
+        effects: Option<String> = attribute("effects"),
+        /// Effects that matter and were left out, one to a line.
+        warnings: Option<Lines> = attribute("warnings"),
+        /// The network that predicted.
+        network: Option<String> = attribute("network"),
+    }
+}
+
+arrays! {
+    /// Means over each cell; NaN where there is no stable solution.
+    #[derive(Default)]
+    pub struct CellFields, CellFieldsView {
+        /// In-plane principal stretches from the undeformed state, larger first, mean over each cell; NaN where there is no stable solution.
+        stretches: Packed<PerCell<[f64; 2]>> = array("stretches", "1", [sample, y, x, principal]),
+        /// True electric field, mean over each cell; NaN where there is no stable solution.
+        electric_field: Packed<PerCell<f64>> = array("electric_field", "V/m", [sample, y, x]),
+        /// First Piola-Kirchhoff stress, mean over each cell; NaN where there is no stable solution.
+        first_piola_stress: Packed<PerCell<[[f64; 2]; 2]>> =
+            array("first_piola_stress", "Pa", [sample, y, x, component, material_direction]),
+        /// In-plane principal Cauchy stresses, larger first, mean over each cell; NaN where there is no stable solution.
+        principal_stresses: Packed<PerCell<[f64; 2]>> = array("principal_stresses", "Pa", [sample, y, x, principal]),
+        /// 0 taut, 1 wrinkled (tension in one direction only), 2 slack, 255 no stable solution.
+        state: Packed<PerCell<u8>> = array("state", "1", [sample, y, x]),
+    }
+}

@@ -1,0 +1,111 @@
+//! Declarations are written and read alike, and what does not fit together is refused.
+
+use super::*;
+use crate::field::Field;
+use crate::pattern::Pattern;
+use crate::scene::Scene;
+use crate::store::{Artifact, Object, Provenance, Store};
+
+/// Puts an object into a store of its own.
+fn stored(object: &Object) -> (tempfile::TempDir, Artifact) {
+    let folder = tempfile::tempdir().unwrap();
+    let store = Store::open(&folder.path().join("store")).unwrap();
+    let stored = store.put(object, &Provenance::default()).unwrap();
+    let artifact = store.artifact(&stored.digest).unwrap();
+    (folder, artifact)
+}
+
+fn rows(n: usize) -> SampleRows {
+    SampleRows {
+        patterns: vec![Pattern::from_fn(|x, y| x < 20 && y > 3); n],
+        family: vec!["stripes".into(); n],
+        index: (0..n as u64).collect(),
+        units: vec![0; n],
+    }
+}
+
+fn solutions() -> Solutions {
+    Solutions {
+        rows: rows(2),
+        outcome: vec!["converged".into(); 2],
+        displacement: vec![Field::zero(); 2],
+        max_displacement: vec![0.0; 2],
+        newton_iterations: vec![5, 6],
+        residual: vec![1e-9; 2],
+        observations: Observations {
+            critical_voltage: Some(vec![[1.0, 2.0], [3.0, 4.0]]),
+            ..Observations::default()
+        },
+        meshes: None,
+        unstable: Unstable {
+            rows: rows(1),
+            outcome: vec!["pull-in".into()],
+            voltage_bracket: vec![[5000.0, 5010.0]],
+        },
+        scene: Scene::vhb4910(),
+        solver: "{ method: newton }".into(),
+        effects: "{}".into(),
+        warnings: Lines(vec!["one".into(), "two".into()]),
+    }
+}
+
+#[test]
+fn what_is_written_is_read() {
+    let object = solutions().object();
+    assert_eq!(object.datasets["critical_voltage"].shape, [2, 2]);
+    assert_eq!(object.datasets["unstable/patterns"].shape, [1, 50, 50]);
+    assert_eq!(object.datasets["displacement"].units, "mm");
+    let (_folder, artifact) = stored(&object);
+    assert_eq!(Solutions::read(&artifact).unwrap(), solutions());
+}
+
+#[test]
+fn a_view_reads_one_array_and_knows_what_is_there() {
+    let (_folder, artifact) = stored(&solutions().object());
+    let view = Solutions::open(&artifact).unwrap();
+    assert_eq!(view.unstable().rows().index().read().unwrap(), [0]);
+    assert_eq!(view.displacement().len().unwrap(), 2);
+    assert_eq!(view.displacement().numbers(1..2).unwrap(), vec![0.0; 51 * 51 * 2]);
+    assert!(!view.meshes().is_there().unwrap() && view.observations().is_there().unwrap());
+    assert_eq!(view.observations().breakdown_ratio().read().unwrap(), None);
+    assert_eq!(view.scene().read().unwrap(), Scene::vhb4910());
+}
+
+#[test]
+fn arrays_along_one_axis_are_equally_long() {
+    let mut object = solutions().object();
+    let short = SampleRows::object(rows(1)).datasets.remove("index").unwrap();
+    object.datasets.insert("index".into(), short);
+    let (_folder, artifact) = stored(&object);
+    let error = Solutions::read(&artifact).unwrap_err().to_string();
+    assert!(
+        error.ends_with("its arrays differ in length: `index` has 1 along `sample`, and `patterns` has 2"),
+        "{error}"
+    );
+}
+
+#[test]
+fn other_axes_and_missing_attributes_are_named() {
+    let mut object = solutions().object();
+    let flat = object.datasets["residual"].clone();
+    object.datasets.insert("displacement".into(), flat);
+    let (_folder, artifact) = stored(&object);
+    let error = Solutions::read(&artifact).unwrap_err().to_string();
+    assert!(
+        error.ends_with("`displacement` has shape [2], wanted (sample, 51, 51, 2)"),
+        "{error}"
+    );
+
+    let mut object = solutions().object();
+    object.attributes.remove("scene");
+    let (_folder, artifact) = stored(&object);
+    let error = Solutions::read(&artifact).unwrap_err().to_string();
+    assert!(error.ends_with("no attribute `scene`"), "{error}");
+}
+
+#[test]
+fn what_does_not_fit_its_axes_cannot_be_stored() {
+    let mut wrong = solutions();
+    wrong.residual.pop();
+    assert!(wrong.object().digest().is_err());
+}

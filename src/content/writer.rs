@@ -1,0 +1,50 @@
+//! Collects arrays and attributes into an object of the store.
+
+use std::collections::BTreeMap;
+
+use super::declared::Declared;
+use crate::store::{Data, Dataset, Object};
+
+/// What has been written so far.
+#[derive(Default)]
+pub struct Writer {
+    attributes: BTreeMap<String, String>,
+    arrays: Vec<(Declared, Data)>,
+}
+
+impl Writer {
+    /// Adds an array.
+    pub fn array(&mut self, declared: Declared, data: Data) {
+        self.arrays.push((declared, data));
+    }
+
+    /// Adds an attribute.
+    pub fn attribute(&mut self, name: &str, text: String) {
+        self.attributes.insert(name.to_owned(), text);
+    }
+
+    /// The object. An array along one axis says how long that is, and the first of several is believed: the store refuses an
+    /// array that does not fit the lengths of its axes.
+    #[must_use]
+    pub fn finish(self) -> Object {
+        let mut lengths: BTreeMap<String, usize> = BTreeMap::new();
+        for (declared, data) in &self.arrays {
+            if let [axis] = declared.free_axes() {
+                let row: usize = declared.extents.iter().product();
+                lengths.entry(axis.clone()).or_insert(data.len() / row);
+            }
+        }
+        let dataset = |(declared, data): (Declared, Data)| {
+            let free = declared.free_axes().iter();
+            let free = free.map(|axis| lengths.get(axis).copied().unwrap_or_default());
+            let shape: Vec<usize> = free.chain(declared.extents.iter().copied()).collect();
+            let dataset = Dataset::new(declared.units, &declared.description, &shape, data);
+            (declared.path, dataset)
+        };
+        Object {
+            attributes: self.attributes,
+            datasets: self.arrays.into_iter().map(dataset).collect(),
+            parts: Vec::new(),
+        }
+    }
+}
