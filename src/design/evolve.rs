@@ -12,7 +12,7 @@
 //! Every random choice of a generation is a function of the seed and the generation's number, and equal fitness is
 //! ordered by genome, so a search can be gone on with from any generation and does not depend on threads.
 
-mod course;
+mod history;
 mod niche;
 mod options;
 mod result;
@@ -27,9 +27,9 @@ use super::constraint::Constraints;
 use super::genome::{Genome, UNITS};
 use super::objective::Goal;
 use crate::base::Stream;
-use crate::field::{PredictError, Predictor};
-use crate::pattern::{CELLS, Pattern};
-use course::{Course, Individual};
+use crate::field::{Feasibility, PredictError, Predictor};
+use crate::pattern::CELLS;
+use history::{History, Individual};
 use search::Search;
 use state::State;
 
@@ -50,16 +50,7 @@ pub struct Setting<'a> {
     /// What patterns must keep to.
     pub constraints: &'a Constraints,
     /// What the best must keep to beside, if anything.
-    pub admission: Option<&'a dyn Admission>,
-}
-
-/// Says of patterns whether they may be a design: whether they keep margins that take a simulation to know.
-pub trait Admission: Sync {
-    /// One verdict per pattern, in order. It does not depend on the other patterns or on the number of threads.
-    ///
-    /// # Errors
-    /// When it cannot be told.
-    fn admissible(&self, patterns: &[Pattern]) -> Result<Vec<bool>, PredictError>;
+    pub feasibility: Option<&'a dyn Feasibility>,
 }
 
 /// Why there is no result.
@@ -68,7 +59,7 @@ pub enum EvolveError {
     /// The options describe no search.
     #[error(transparent)]
     Options(#[from] OptionsError),
-    /// The predictor, or what says whether a pattern is admissible, failed.
+    /// The predictor, or what says whether a pattern is feasible, failed.
     #[error(transparent)]
     Predict(#[from] PredictError),
     /// There is nothing to choose from.
@@ -76,7 +67,7 @@ pub enum EvolveError {
     NoField,
     /// There is nothing to choose from.
     #[error("no pattern of the first generation keeps the margins: there is nothing to choose from")]
-    NotAdmissible,
+    NotFeasible,
 }
 
 /// Random genomes with the nearest number of units to `area` · 400 on, from the finest grain to a coarse one, and over areas
@@ -111,27 +102,27 @@ fn allowed_units(constraints: &Constraints) -> Genome {
 
 /// Searches for the patterns of the least F. `watch` hears of every generation once it is judged, and may keep the state of the
 /// search: from a state that was kept it goes on to the same result, to the last bit. A pattern of which the predictor has no
-/// field is worse than any other; so is one that is not admissible, which is asked of the best of a generation only.
+/// field is worse than any other; so is one that is not feasible, which is asked of the best of a generation only.
 ///
 /// # Errors
 /// When the options are out of range, the predictor fails, or there is nothing to choose from in the first generation.
 pub fn evolve(setting: &Setting<'_>, options: &EvolveOptions, watch: &dyn Watch) -> Result<Evolution, EvolveError> {
     options.validate()?;
     let mut search = Search::new(setting, options);
-    let mut course = match resumed(&mut search, options, watch) {
-        Some(course) => course,
+    let mut history = match resumed(&mut search, options, watch) {
+        Some(history) => history,
         None => begun(&mut search, setting, options, watch)?,
     };
     let stop = loop {
-        if let Some(stop) = course.end(options) {
+        if let Some(stop) = history.end(options) {
             break stop;
         }
-        let population = search.judged(search.bred(&course))?;
-        told(&mut course, population, &search, watch);
+        let population = search.judged(search.bred(&history))?;
+        told(&mut history, population, &search, watch);
     };
-    let winners = search.winners(&course)?;
+    let winners = search.winners(&history)?;
     Ok(Evolution {
-        history: course.history,
+        history: history.reports,
         stop,
         winners,
         evaluations: search.evaluations(),
@@ -139,15 +130,15 @@ pub fn evolve(setting: &Setting<'_>, options: &EvolveOptions, watch: &dyn Watch)
 }
 
 /// What a search had come to when its state was kept, if it was.
-fn resumed(search: &mut Search<'_>, options: &EvolveOptions, watch: &dyn Watch) -> Option<Course> {
+fn resumed(search: &mut Search<'_>, options: &EvolveOptions, watch: &dyn Watch) -> Option<History> {
     let bytes = watch.kept()?;
     match State::from_bytes(&bytes, options) {
         Ok(state) => {
-            let course = search.restored(state);
-            if let Some(last) = course.history.last() {
+            let history = search.restored(state);
+            if let Some(last) = history.reports.last() {
                 watch.resumed(last);
             }
-            Some(course)
+            Some(history)
         }
         Err(error) => {
             watch.unusable(&error);
@@ -162,7 +153,7 @@ fn begun(
     setting: &Setting<'_>,
     options: &EvolveOptions,
     watch: &dyn Watch,
-) -> Result<Course, EvolveError> {
+) -> Result<History, EvolveError> {
     let genomes = first_generation(
         setting.goal.area(),
         setting.constraints,
@@ -171,23 +162,23 @@ fn begun(
     );
     let population = search.judged(genomes)?;
     if population[0].known.fitness.is_infinite() {
-        return Err(match population.iter().any(|i| i.known.admissible == Some(false)) {
-            true => EvolveError::NotAdmissible,
+        return Err(match population.iter().any(|i| i.known.feasible == Some(false)) {
+            true => EvolveError::NotFeasible,
             false => EvolveError::NoField,
         });
     }
-    let mut course = Course::default();
-    told(&mut course, population, search, watch);
-    Ok(course)
+    let mut history = History::default();
+    told(&mut history, population, search, watch);
+    Ok(history)
 }
 
-/// Adds a generation to the course and tells of it.
-fn told(course: &mut Course, population: Vec<Individual>, search: &Search<'_>, watch: &dyn Watch) {
-    course.add(population);
-    if let Some(report) = course.history.last() {
+/// Adds a generation to the history and tells of it.
+fn told(history: &mut History, population: Vec<Individual>, search: &Search<'_>, watch: &dyn Watch) {
+    history.add(population);
+    if let Some(report) = history.reports.last() {
         watch.generation(report);
     }
-    watch.keep(&|| search.state(course));
+    watch.keep(&|| search.state(history));
 }
 
 #[cfg(test)]

@@ -1,22 +1,31 @@
 //! Finds the pattern that moves a point where it should go.
 //!
-//! Programs against [`crate::field::Predictor`] alone: whether a network, a linear response or the finite elements
-//! stand behind it is not known here.
+//! Programs against the traits of [`crate::field`] alone: whether a network, a linear response or the finite elements predict
+//! a field is not known here.
 
-mod climb;
 mod constraint;
 mod evolve;
 mod genome;
 mod intuitive;
+mod local_search;
 mod objective;
 mod operators;
+mod options;
+mod search;
+mod target;
 
-pub use climb::{Climb, Step, Terrain};
-pub use constraint::{ConstraintError, Constraints, Limits, Region, Sides, Violations};
+pub use constraint::{ConstraintError, ConstraintParameters, Constraints, Limits, Region, Sides, Violations};
 pub use evolve::{
-    Admission, Evolution, EvolveError, EvolveOptions, GenerationReport, OptionsError, Setting, StateError, Stop, Watch,
-    Winner, evolve, first_generation,
+    Evolution, EvolveError, EvolveOptions, GenerationReport, OptionsError, Setting, StateError, Stop, Watch, Winner,
+    evolve, first_generation,
 };
 pub use genome::{Genome, UNITS};
 pub use intuitive::Intuitive;
-pub use objective::{AREA_PENALTY, Aim, Goal, GoalError, Measure, Motion};
+pub use local_search::{LocalOptimum, SearchProblem, SearchStep};
+pub use objective::{AREA_PENALTY, Aim, Goal, GoalError, Measure, Motion, Objective};
+pub use options::{Method, SearchOptions};
+pub use search::{
+    Elements, Evaluator, Evaluators, FoundDesign, Probe, Progress, References, Refinement, Role, Search, SearchError,
+    SearchResult, cheapest_evaluator,
+};
+pub use target::{Area, Target};

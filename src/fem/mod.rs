@@ -3,7 +3,7 @@
 //! Everything is dimensionless: stress is divided by μλp², lengths by the side of an element, so two numbers describe a
 //! scene, a = λp⁻⁶ and b = κλp² with κ = ε(V/H)²/μ. The modules are the method, from the point to the answer:
 //! kinematics, energy and effects; element, mesh and lanes; operator; gemm, modes and precondition; krylov, newton and direct;
-//! eigenvalue, stability and continuation; solver, and on it accuracy, adjoint, response, margin, path and observable.
+//! eigenvalue, stability and continuation; solver, and on it accuracy, adjoint, response, margin, path, observable, gradient_evaluator and safety_margins.
 
 mod accuracy;
 mod adjoint;
@@ -14,6 +14,7 @@ mod eigenvalue;
 mod element;
 pub mod energy;
 mod gemm;
+mod gradient_evaluator;
 pub mod kinematics;
 mod krylov;
 pub mod lanes;
@@ -27,15 +28,18 @@ mod path;
 mod powers;
 pub mod precondition;
 mod response;
+mod safety_margins;
 mod solver;
 mod stability;
 
 pub use accuracy::{AccurateSimulation, AccurateSolver};
+pub use gradient_evaluator::GradientEvaluator;
 pub use margin::StabilityReport;
 pub use mesh::{Mesh, Order};
 pub use observable::{CellState, Survey, Tension, cell_states};
 pub use path::{EventKind, LoadPath, PathEnd, PathEvent, PathPoint};
 pub use response::LinearResponse;
+pub use safety_margins::{SafetyMargins, breakdown_strength};
 pub use solver::{MembraneSolver, MeshSolution, SetupError, SolveOptions};
 
 #[cfg(test)]

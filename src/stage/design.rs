@@ -3,38 +3,43 @@
 //! gradient where that is asked for; or along the gradient alone, for how good a design can be.
 
 mod content;
-mod evaluator;
-mod margins;
-mod options;
-mod physics;
-mod probe;
-mod search;
-mod shortage;
-mod target;
+mod evaluators;
 
 use std::sync::OnceLock;
+use std::time::Instant;
 
 use serde_json::json;
 
-use super::constraints::WantedConstraints;
+use super::model;
 use super::screening::Screened;
 use super::solver::explained;
 use crate::base::{Canonical, Fields, InputError, Node, NodeValue, Schema};
-use crate::fem::SetupError;
+use crate::design::{
+    ConstraintParameters, Elements, GenerationReport, Method, Progress, Search, SearchError, SearchOptions, SearchStep,
+    StateError, Target, Watch,
+};
+use crate::fem::{GradientEvaluator, SafetyMargins, SetupError, breakdown_strength};
+use crate::field::{Differentiable, Feasibility};
 use crate::orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::scene::Scene;
 use crate::store::Object;
 
-use evaluator::Wanted;
-use margins::Margins;
-use options::{Method, Options};
-use physics::Physics;
-use target::Target;
+use content::Heading;
+use evaluators::{EvaluatorChoice, evaluators};
 
 /// The kind `design`.
 pub struct DesignKind;
 
-const KEYS: [&str; 7] = ["kind", "needs", "case", "targets", "objective", "area", "constraints"];
+const KEYS: [&str; 8] = [
+    "kind",
+    "needs",
+    "case",
+    "targets",
+    "objective",
+    "area",
+    "constraints",
+    "evaluator",
+];
 
 impl Kind for DesignKind {
     fn name(&self) -> &'static str {
@@ -56,21 +61,25 @@ impl Kind for DesignKind {
     fn schema(&self) -> Vec<Fields> {
         let fields = Fields::new("Searches patterns that move points where they should go.")
             .optional("case", Schema::matching("^[^\\n]{1,60}$").says("A label for tables."));
-        let fields = fields.optional("constraints", WantedConstraints::schema());
-        let fields = Options::schema(target::schema(fields)).rule(json!({
-            "if": { "required": ["evaluator"], "properties": { "evaluator": { "const": "surrogate" } } },
-            "then": { "required": ["needs"] },
-        }));
+        let fields = fields.optional("constraints", ConstraintParameters::schema());
+        let fields = SearchOptions::schema(Target::schema(fields), super::seed())
+            .optional("evaluator", EvaluatorChoice::schema())
+            .rule(json!({
+                "if": { "required": ["evaluator"], "properties": { "evaluator": { "const": "surrogate" } } },
+                "then": { "required": ["needs"] },
+            }));
         vec![fields]
     }
 
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
         let what = "a design stage";
-        let map = stage.fields(what, &[&KEYS[..], &Options::KEYS[..]].concat())?;
+        let map = stage.fields(what, &[&KEYS[..], &SearchOptions::KEYS[..]].concat())?;
         let scene = super::scene_of(stage, scene)?;
-        let options = Options::read(what, &map)?;
+        let options = SearchOptions::read(what, &map)?;
+        let evaluator = map.optional("evaluator");
+        let evaluator = evaluator.map_or(Ok(EvaluatorChoice::Auto), EvaluatorChoice::read)?;
         let network = map.optional("needs");
-        if options.evaluator == Wanted::Surrogate && network.is_none() {
+        if evaluator == EvaluatorChoice::Surrogate && network.is_none() {
             return Err(stage
                 .error("`evaluator: surrogate` judges by a network, and the stage needs none")
                 .help("add `needs: [STAGE]` with a stage of kind `train`, or take another evaluator"));
@@ -83,8 +92,8 @@ impl Kind for DesignKind {
         let side = scene.geometry.side.value();
         let constraints = map.optional("constraints");
         let constraints = constraints.map(|node| read_constraints(node, &scene)).transpose()?;
-        let targets = target::read(what, &map, side, options.penalty.to_f64())?;
-        let constraints = constraints.unwrap_or_else(WantedConstraints::none);
+        let targets = Target::read_all(what, &map, side, options.penalty.to_f64())?;
+        let constraints = constraints.unwrap_or_else(ConstraintParameters::none);
         for target in &targets {
             if let Some(area) = target.area.fraction() {
                 let node = map.optional("area").or(map.optional("constraints")).unwrap_or(stage);
@@ -96,6 +105,7 @@ impl Kind for DesignKind {
             targets,
             constraints,
             options,
+            evaluator,
             scene,
             ready: OnceLock::new(),
         }))
@@ -103,10 +113,10 @@ impl Kind for DesignKind {
 }
 
 /// Constraints on patterns of a scene, whose breakdown strength must be known where a margin from it is asked for.
-fn read_constraints(node: &Node, scene: &Scene) -> Result<WantedConstraints, InputError> {
-    let constraints = WantedConstraints::read(node, scene.geometry.side.value())?;
+fn read_constraints(node: &Node, scene: &Scene) -> Result<ConstraintParameters, InputError> {
+    let constraints = ConstraintParameters::read(node, scene.geometry.side.value())?;
     let margin = constraints.constraints().limits().breakdown_margin;
-    if margin.is_some() && margins::strength(scene).is_none() {
+    if margin.is_some() && breakdown_strength(scene).is_none() {
         let at = node.peek("breakdown_margin").unwrap_or(node);
         return Err(at
             .error("a margin from breakdown is asked for, and the scene does not know at which field the elastomer breaks down")
@@ -130,48 +140,80 @@ fn read_case(node: &Node) -> Result<String, InputError> {
 struct DesignStage {
     case: String,
     targets: Vec<Target>,
-    constraints: WantedConstraints,
-    options: Options,
+    constraints: ConstraintParameters,
+    options: SearchOptions,
+    evaluator: EvaluatorChoice,
     scene: Scene,
-    /// Set up by the first target for all of them.
+    /// Set up by the first target that needs it, for all of them.
     ready: OnceLock<Ready>,
 }
 
-/// Finite elements: for climbs, and for margins where they are asked for.
+/// Finite elements: for the gradient, and for margins where they are asked for.
 struct Ready {
-    physics: Physics,
-    margins: Option<Margins>,
+    gradient: GradientEvaluator,
+    margins: Option<SafetyMargins>,
 }
 
 impl DesignStage {
     /// Everything but the targets.
     fn common(&self) -> Canonical {
-        let case = Canonical::from(self.case.as_str());
-        let constraints = self.constraints.canonical();
-        self.options.canonical([
-            ("case", case),
-            ("constraints", constraints),
+        let mut more = vec![
+            ("case", Canonical::from(self.case.as_str())),
+            ("constraints", self.constraints.canonical()),
             ("scene", self.scene.canonical()),
-        ])
+        ];
+        if self.options.method == Method::Ga {
+            let accuracy = match self.evaluator {
+                EvaluatorChoice::Auto => Canonical::from(&self.options.accuracy),
+                EvaluatorChoice::Surrogate | EvaluatorChoice::Elements(_) => Canonical::Null,
+            };
+            more.extend([
+                ("evaluator", Canonical::from(self.evaluator.to_string().as_str())),
+                ("evaluator_accuracy", accuracy),
+            ]);
+        }
+        self.options.canonical(more)
     }
 
     fn chunk(&self, target: &Target) -> Canonical {
         Canonical::map([("stage", self.common()), ("target", target.canonical())])
     }
 
-    fn ready(&self) -> Result<&Ready, StageError> {
+    fn ready(&self) -> Result<&Ready, SearchError> {
         if let Some(ready) = self.ready.get() {
             return Ok(ready);
         }
+        let limits = self.constraints.constraints().limits();
         let ready = || -> Result<Ready, SetupError> {
             let screened = Screened::new(&self.scene)?;
             Ok(Ready {
-                physics: Physics::new(&screened.scene)?,
-                margins: Margins::new(&screened.scene, self.constraints.constraints())?,
+                gradient: GradientEvaluator::new(&screened.scene)?,
+                margins: SafetyMargins::new(&screened.scene, limits.pull_in_margin, limits.breakdown_margin)?,
             })
         };
-        let ready = ready().map_err(|e| StageError::Failed(explained(&e)))?;
+        let ready = ready().map_err(|e| SearchError::Setup(explained(&e)))?;
         Ok(self.ready.get_or_init(|| ready))
+    }
+
+    fn heading(&self, target: &Target) -> Heading {
+        Heading {
+            case: self.case.clone(),
+            name: target.name.clone(),
+            objective: target.objective.to_text(),
+            area: target.area.to_string(),
+            constraints: self.constraints.to_text(),
+        }
+    }
+}
+
+impl Elements for DesignStage {
+    fn gradient(&self) -> Result<&dyn Differentiable, SearchError> {
+        Ok(&self.ready()?.gradient)
+    }
+
+    fn feasibility(&self) -> Result<Option<&dyn Feasibility>, SearchError> {
+        let margins = self.ready()?.margins.as_ref();
+        Ok(margins.map(|margins| margins as &dyn Feasibility))
     }
 }
 
@@ -202,7 +244,23 @@ impl Stage for DesignStage {
         let wanted = job.chunk.map(|chunk| &chunk.parameters);
         let target = self.targets.iter().find(|target| Some(&self.chunk(target)) == wanted);
         let target = target.ok_or_else(|| StageError::Failed("a chunk of a design stage has one target".to_owned()))?;
-        search::search(self, target, job)
+        let start = Instant::now();
+        let surrogate = job.inputs.first().map(|input| model::in_scene(input, &self.scene));
+        let surrogate = surrogate.transpose()?;
+        let search = Search {
+            target,
+            constraints: self.constraints.constraints(),
+            options: &self.options,
+            elements: self,
+            progress: &Follow(job),
+        };
+        let found = search.run(|| evaluators(self.evaluator, &self.scene, surrogate));
+        let found = found.map_err(|e| StageError::Failed(e.to_string()))?;
+        let object = content::describe(&self.heading(target), &found)
+            .attribute("scene", self.scene.to_text())
+            .attribute("method", self.options.method.name());
+        job.measure(format!("search; {}", target.name), start.elapsed().as_secs_f64());
+        Ok(object)
     }
 
     fn attributes(&self) -> Vec<(String, String)> {
@@ -210,5 +268,47 @@ impl Stage for DesignStage {
             ("scene".to_owned(), self.scene.to_text()),
             ("method".to_owned(), self.options.method.name().to_owned()),
         ]
+    }
+}
+
+/// Follows a search: reports its progress, and keeps the state from which it can be resumed.
+struct Follow<'a>(&'a Job<'a>);
+
+/// Under which the state of a search is kept.
+const STATE: &str = "search";
+
+impl Watch for Follow<'_> {
+    fn generation(&self, report: &GenerationReport) {
+        self.0
+            .progress
+            .note(&format!("best {:.4} mm at area {:.3}", report.value_mm, report.area));
+        self.0.progress.advance(1);
+    }
+
+    fn kept(&self) -> Option<Vec<u8>> {
+        self.0.scratch.kept(STATE)
+    }
+
+    fn keep(&self, state: &dyn Fn() -> Option<Vec<u8>>) {
+        self.0.scratch.keep(STATE, state);
+    }
+
+    fn resumed(&self, report: &GenerationReport) {
+        self.0.progress.resume(report.generation as u64 + 1);
+    }
+
+    fn unusable(&self, error: &StateError) {
+        self.0.scratch.ignore(&error.to_string());
+    }
+}
+
+impl Progress for Follow<'_> {
+    fn step(&self, step: &SearchStep) {
+        let note = format!("{:.4} mm at area {:.3}", step.value_mm, step.area);
+        self.0.progress.note(&note);
+    }
+
+    fn searched(&self) {
+        self.0.progress.advance(1);
     }
 }

@@ -1,11 +1,10 @@
 //! `kind: verify` simulates designs on two finer meshes, beside the intuitive ones.
 
 use super::arrays;
-use super::objective::Objective;
 use super::screening::Screened;
 use super::solver::{Solver, SolverParameters, explained};
 use crate::base::{Canonical, Document, Fields, InputError, Node};
-use crate::design::Goal;
+use crate::design::{Goal, Objective};
 use crate::fem::{AccurateSimulation, SetupError};
 use crate::field::{Field, Outcome};
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};

@@ -169,6 +169,12 @@ impl Region {
 }
 
 impl Limits {
+    /// Whether a margin is asked for, which takes a simulation to check.
+    #[must_use]
+    pub fn has_margins(&self) -> bool {
+        self.breakdown_margin.is_some() || self.pull_in_margin.is_some()
+    }
+
     /// What the limits mean for the cells of a membrane.
     pub(super) fn ground(&self, side: f64) -> Result<Ground, ConstraintError> {
         let feature = self.feature(side)?;

@@ -8,6 +8,7 @@ mod blocks;
 mod ground;
 mod limits;
 mod morphology;
+mod parameters;
 mod repair;
 mod violations;
 
@@ -15,6 +16,7 @@ mod violations;
 mod tests;
 
 pub use limits::{ConstraintError, Limits, Region, Sides};
+pub use parameters::ConstraintParameters;
 pub use violations::Violations;
 
 use crate::pattern::{Bits, CELLS, Pattern};

@@ -4,11 +4,11 @@ use std::collections::HashMap;
 
 use rayon::prelude::*;
 
-use super::course::{Course, Individual};
+use super::history::{History, Individual};
 use super::niche::{Niches, order};
 use super::options::EvolveOptions;
 use super::result::{GenerationReport, Winner};
-use super::state::{Known, State, Step};
+use super::state::{Known, State, StoredGeneration};
 use super::{Setting, allowed_units};
 use crate::base::Stream;
 use crate::design::genome::Genome;
@@ -53,9 +53,9 @@ impl<'a> Search<'a> {
     }
 
     /// The next generation of a sorted one.
-    pub fn bred(&self, course: &Course) -> Vec<Genome> {
-        let (size, population) = (self.options.population, &course.population);
-        let mut stream = Stream::new(self.options.seed, "generation", course.history.len() as u64);
+    pub fn bred(&self, history: &History) -> Vec<Genome> {
+        let (size, population) = (self.options.population, &history.population);
+        let mut stream = Stream::new(self.options.seed, "generation", history.reports.len() as u64);
         let elites = population[..self.options.elites()].iter();
         let mut next: Vec<Genome> = elites.map(|individual| individual.genome.clone()).collect();
         while next.len() < size {
@@ -87,7 +87,7 @@ impl<'a> Search<'a> {
         }
         let mut population: Vec<Individual> = genomes.into_iter().map(|genome| self.individual(genome)).collect();
         self.sort(&mut population);
-        while self.admit(&mut population)? {
+        while self.check_feasibility(&mut population)? {
             self.sort(&mut population);
         }
         Ok(population)
@@ -126,7 +126,7 @@ impl<'a> Search<'a> {
                 .map_or(f64::INFINITY, |field| self.fitness(pattern, field)),
             value_mm: field.as_ref().map_or(0.0, |field| self.setting.goal.value_mm(field)),
             area: pattern.area_fraction(),
-            admissible: None,
+            feasible: None,
         };
         Ok(patterns.iter().zip(&fields).map(known).collect())
     }
@@ -164,19 +164,19 @@ impl<'a> Search<'a> {
         population.extend(placed.into_iter().map(|(_, individual)| individual));
     }
 
-    /// Asks whether those of the best are admissible of which it is not known; whether one of them is not.
-    fn admit(&mut self, population: &mut [Individual]) -> Result<bool, PredictError> {
+    /// Asks whether those of the best are feasible of which it is not known; whether one of them is not.
+    fn check_feasibility(&mut self, population: &mut [Individual]) -> Result<bool, PredictError> {
         let best = population[..self.options.elites()].iter();
-        let unasked = best.filter(|i| i.known.fitness.is_finite() && i.known.admissible.is_none());
+        let unasked = best.filter(|i| i.known.fitness.is_finite() && i.known.feasible.is_none());
         let mut genomes: Vec<Genome> = unasked.map(|individual| individual.genome.clone()).collect();
         genomes.sort_unstable();
         genomes.dedup();
         let mut refused = false;
-        for (genome, admissible) in genomes.iter().zip(self.admissible(&genomes)?) {
+        for (genome, feasible) in genomes.iter().zip(self.feasible(&genomes)?) {
             if let Some(entry) = self.known.get_mut(genome) {
-                entry.known = entry.known.judged(admissible);
+                entry.known = entry.known.judged(feasible);
             }
-            refused |= !admissible;
+            refused |= !feasible;
         }
         for individual in population {
             individual.known = self.known[&individual.genome].known;
@@ -184,23 +184,23 @@ impl<'a> Search<'a> {
         Ok(refused)
     }
 
-    fn admissible(&self, genomes: &[Genome]) -> Result<Vec<bool>, PredictError> {
-        let Some(admission) = self.setting.admission else {
+    fn feasible(&self, genomes: &[Genome]) -> Result<Vec<bool>, PredictError> {
+        let Some(feasibility) = self.setting.feasibility else {
             return Ok(Vec::new());
         };
         if genomes.is_empty() {
             return Ok(Vec::new());
         }
         let patterns: Vec<Pattern> = genomes.iter().map(|genome| self.known[genome].bits.pattern()).collect();
-        let verdicts = admission.admissible(&patterns)?;
+        let verdicts = feasibility.feasible(&patterns)?;
         check_count(verdicts.len(), "verdicts", patterns.len())?;
         Ok(verdicts)
     }
 
     /// The best of all, then the best of all that were judged which differ enough from those before, keep the constraints and
-    /// are admissible.
-    pub fn winners(&mut self, course: &Course) -> Result<Vec<Winner>, PredictError> {
-        let best = &course.population[0].genome;
+    /// are feasible.
+    pub fn winners(&mut self, history: &History) -> Result<Vec<Winner>, PredictError> {
+        let best = &history.population[0].genome;
         let mut winners = vec![self.winner(best)];
         if self.options.designs == 1 {
             return Ok(winners);
@@ -218,15 +218,12 @@ impl<'a> Search<'a> {
             if !niches.are_far_from(bits) || !self.setting.constraints.hold_bits(bits) {
                 continue;
             }
-            let asked = known.admissible;
-            let admissible = match asked {
+            let asked = known.feasible;
+            let feasible = match asked {
                 Some(verdict) => verdict,
-                None => self
-                    .admissible(std::slice::from_ref(&genome))?
-                    .first()
-                    .is_none_or(|&v| v),
+                None => self.feasible(std::slice::from_ref(&genome))?.first().is_none_or(|&v| v),
             };
-            if admissible {
+            if feasible {
                 niches.add(&self.known[&genome].bits);
                 winners.push(self.winner(&genome));
             }
@@ -248,7 +245,7 @@ impl<'a> Search<'a> {
     }
 
     /// The state after a generation as bytes.
-    pub fn state(&self, course: &Course) -> Option<Vec<u8>> {
+    pub fn state(&self, history: &History) -> Option<Vec<u8>> {
         let mut known: Vec<(Genome, Known)> = self.known.iter().map(|(g, entry)| (g.clone(), entry.known)).collect();
         known.sort_unstable_by(|a, b| a.0.cmp(&b.0));
         let place = |genome: &Genome| {
@@ -258,7 +255,7 @@ impl<'a> Search<'a> {
                 .map(|at| at as u64)
         };
         let step = |report: &GenerationReport| {
-            Some(Step {
+            Some(StoredGeneration {
                 genome: place(&report.genome)?,
                 best: report.best,
                 mean: report.mean,
@@ -267,26 +264,26 @@ impl<'a> Search<'a> {
             })
         };
         let state = State {
-            population: course
+            population: history
                 .population
                 .iter()
                 .map(|i| place(&i.genome))
                 .collect::<Option<_>>()?,
-            history: course.history.iter().map(step).collect::<Option<_>>()?,
-            last_gain: course.last_gain as u64,
+            history: history.reports.iter().map(step).collect::<Option<_>>()?,
+            last_gain: history.last_gain as u64,
             known,
         };
         state.to_bytes(self.options)
     }
 
     /// What a state had come to.
-    pub fn restored(&mut self, state: State) -> Course {
+    pub fn restored(&mut self, state: State) -> History {
         let genome = |place: u64| state.known[place as usize].0.clone();
         let individual = |&place: &u64| Individual {
             genome: genome(place),
             known: state.known[place as usize].1,
         };
-        let report = |(generation, step): (usize, &Step)| GenerationReport {
+        let report = |(generation, step): (usize, &StoredGeneration)| GenerationReport {
             generation,
             genome: genome(step.genome),
             best: step.best,
@@ -294,9 +291,9 @@ impl<'a> Search<'a> {
             value_mm: step.value_mm,
             area: step.area,
         };
-        let course = Course {
+        let history = History {
             population: state.population.iter().map(individual).collect(),
-            history: state.history.iter().enumerate().map(report).collect(),
+            reports: state.history.iter().enumerate().map(report).collect(),
             last_gain: state.last_gain as usize,
         };
         let patterns = self.patterns(&state.known.iter().map(|(genome, _)| genome).collect::<Vec<_>>());
@@ -304,16 +301,16 @@ impl<'a> Search<'a> {
         self.known = entries
             .map(|((genome, known), bits)| (genome, Entry { known, bits }))
             .collect();
-        course
+        history
     }
 }
 
 impl Known {
-    /// With the verdict on it: what is not admissible is worse than any other.
-    fn judged(self, admissible: bool) -> Self {
+    /// With the verdict on it: what is not feasible is worse than any other.
+    fn judged(self, feasible: bool) -> Self {
         Self {
-            fitness: if admissible { self.fitness } else { f64::INFINITY },
-            admissible: Some(admissible),
+            fitness: if feasible { self.fitness } else { f64::INFINITY },
+            feasible: Some(feasible),
             ..self
         }
     }

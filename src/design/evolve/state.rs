@@ -39,24 +39,24 @@ pub(super) struct State {
     /// The last generation in its order, by place among the known.
     pub population: Vec<u64>,
     /// The generations so far.
-    pub history: Vec<Step>,
+    pub history: Vec<StoredGeneration>,
     /// The generation of the last gain.
     pub last_gain: u64,
 }
 
-/// What is known of a genome; its fitness is infinite where it has no field or is not admissible.
+/// What is known of a genome; its fitness is infinite where it has no field or is not feasible.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Known {
     pub fitness: f64,
     pub value_mm: f64,
     pub area: f64,
-    /// Whether it is admissible, where that was asked.
-    pub admissible: Option<bool>,
+    /// Whether it is feasible, where that was asked.
+    pub feasible: Option<bool>,
 }
 
 /// A generation as it was reported.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Step {
+pub(super) struct StoredGeneration {
     /// The best genome, by place among the known.
     pub genome: u64,
     pub best: f64,
@@ -70,7 +70,7 @@ struct Header {
     options: Digest,
     known: u64,
     population: Vec<u64>,
-    history: Vec<Step>,
+    history: Vec<StoredGeneration>,
     last_gain: u64,
 }
 
@@ -105,7 +105,7 @@ impl State {
             for number in [known.fitness, known.value_mm, known.area] {
                 bytes.extend(number.to_le_bytes());
             }
-            bytes.push(match known.admissible {
+            bytes.push(match known.feasible {
                 None => 0,
                 Some(false) => 1,
                 Some(true) => 2,
@@ -170,7 +170,7 @@ fn known(bytes: &[u8]) -> Option<Vec<(Genome, Known)>> {
         let (genome, rest) = row.split_first_chunk()?;
         let (numbers, verdict) = rest.as_chunks::<8>();
         let [fitness, value_mm, area] = [0, 1, 2].map(|at| f64::from_le_bytes(numbers[at]));
-        let admissible = match verdict {
+        let feasible = match verdict {
             [0] => None,
             [1] => Some(false),
             [2] => Some(true),
@@ -180,7 +180,7 @@ fn known(bytes: &[u8]) -> Option<Vec<(Genome, Known)>> {
             fitness,
             value_mm,
             area,
-            admissible,
+            feasible,
         };
         (!fitness.is_nan()).then_some((Genome::from_bytes(genome), known))
     };

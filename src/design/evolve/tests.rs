@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use super::*;
 use crate::design::{AREA_PENALTY, Aim, Measure, Motion};
 use crate::field::Field;
-use crate::pattern::CELLS;
+use crate::pattern::{CELLS, Pattern};
 
 mod constrained;
 mod niches;
@@ -91,7 +91,7 @@ fn free<'a>(predictor: &'a dyn Predictor, goal: &'a Goal) -> Setting<'a> {
         predictor,
         goal,
         constraints: &NONE,
-        admission: None,
+        feasibility: None,
     }
 }
 

@@ -1,69 +1,9 @@
 //! What the artifact of a design stage says: a row for each pattern, and how the searches went.
 
-use super::probe::Probe;
-use crate::design::{GenerationReport, Step, UNITS};
-use crate::field::Field;
+use crate::design::{FoundDesign, GenerationReport, Probe, Refinement, SearchResult, SearchStep, UNITS};
 use crate::pattern::Pattern;
 use crate::stage::arrays;
 use crate::store::{Data, Dataset, Object};
-
-/// What a pattern is in a design: how it came about.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Role {
-    /// The genetic algorithm's best.
-    Ga,
-    /// That, improved along the gradient.
-    Refined,
-    /// The best that gradients find by themselves.
-    Optimum,
-    /// What a person would draw.
-    Intuitive,
-    /// The same, its line moved until its area is that of the design.
-    IntuitiveEqualArea,
-}
-
-impl Role {
-    /// The word that stands in files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Ga => "ga",
-            Self::Refined => "refined",
-            Self::Optimum => "optimum",
-            Self::Intuitive => "intuitive",
-            Self::IntuitiveEqualArea => "intuitive-equal-area",
-        }
-    }
-}
-
-/// One pattern of a target.
-pub struct Row {
-    /// How it came about.
-    pub role: Role,
-    /// Which of several designs of the target.
-    pub member: usize,
-    /// Units along a side of the membrane, by which it was searched.
-    pub units: usize,
-    /// The pattern.
-    pub pattern: Pattern,
-    /// Its field by the evaluator.
-    pub predicted: Field,
-    /// Predicted mean displacement along the wanted directions in mm.
-    pub value_mm: f64,
-    /// F; smaller is better.
-    pub fitness: f64,
-    /// `met`, or which constraints are not.
-    pub status: String,
-}
-
-/// How one climb went.
-pub struct Climbing {
-    /// The role of its result.
-    pub role: Role,
-    /// Which of several designs.
-    pub member: usize,
-    /// Its steps.
-    pub steps: Vec<Step>,
-}
 
 /// What is said of every row of a target.
 pub struct Heading {
@@ -77,26 +17,27 @@ pub struct Heading {
     pub area: String,
     /// The constraints in YAML.
     pub constraints: String,
-    /// The evaluator's settings.
-    pub evaluator: String,
 }
 
 /// The artifact of one target.
-pub fn describe(heading: &Heading, rows: &[Row], history: &[GenerationReport], climbs: &[Climbing]) -> Object {
-    let object = with_rows(Object::default(), heading, rows);
-    with_climbs(with_history(object, heading, history), heading, climbs)
+pub fn describe(heading: &Heading, found: &SearchResult) -> Object {
+    let object = with_designs(Object::default(), heading, found);
+    let object = with_history(object, heading, &found.generations);
+    let object = with_refinements(object, heading, &found.refinements);
+    with_probes(object, heading, found)
 }
 
-fn with_rows(object: Object, heading: &Heading, rows: &[Row]) -> Object {
-    let texts = |note: &str, text: &dyn Fn(&Row) -> String| {
+fn with_designs(object: Object, heading: &Heading, found: &SearchResult) -> Object {
+    let rows = &found.designs;
+    let texts = |note: &str, text: &dyn Fn(&FoundDesign) -> String| {
         let texts: Vec<String> = rows.iter().map(text).collect();
         arrays::texts(note, texts.iter().map(String::as_str))
     };
     let same = |note: &str, text: &str| texts(note, &|_| text.to_owned());
-    let wholes = |note: &str, number: fn(&Row) -> usize| {
+    let wholes = |note: &str, number: fn(&FoundDesign) -> usize| {
         arrays::wholes("1", note, rows.iter().map(|row| number(row) as u64).collect())
     };
-    let reals = |units: &str, note: &str, number: fn(&Row) -> f64| {
+    let reals = |units: &str, note: &str, number: fn(&FoundDesign) -> f64| {
         arrays::reals(units, note, rows.iter().map(number).collect())
     };
     let patterns: Vec<Pattern> = rows.iter().map(|row| row.pattern.clone()).collect();
@@ -113,7 +54,7 @@ fn with_rows(object: Object, heading: &Heading, rows: &[Row]) -> Object {
         .with("member", wholes("which of several designs of the target", |row| row.member))
         .with("units", wholes("units along a side by which it was searched", |row| row.units))
         .with("area_target", same("wanted area fraction, or free", &heading.area))
-        .with("evaluator", same("what predicted the field", &heading.evaluator))
+        .with("evaluator", same("what predicted the field", &found.evaluator))
         .with(
             "patterns",
             arrays::patterns("electrode patterns [row][y][x], origin lower left, 1 = electrode", &patterns),
@@ -189,34 +130,40 @@ fn with_history(object: Object, heading: &Heading, history: &[GenerationReport])
         .with("history/genomes", genomes)
 }
 
-fn with_climbs(object: Object, heading: &Heading, climbs: &[Climbing]) -> Object {
-    let steps: Vec<(&Climbing, usize, &Step)> = climbs
+fn with_refinements(object: Object, heading: &Heading, refinements: &[Refinement]) -> Object {
+    let steps: Vec<(&Refinement, usize, &SearchStep)> = refinements
         .iter()
-        .flat_map(|climb| climb.steps.iter().enumerate().map(move |(at, step)| (climb, at, step)))
+        .flat_map(|search| {
+            search
+                .steps
+                .iter()
+                .enumerate()
+                .map(move |(at, step)| (search, at, step))
+        })
         .collect();
-    let texts = |note: &str, text: &dyn Fn(&Climbing) -> String| {
-        let texts: Vec<String> = steps.iter().map(|(climb, ..)| text(climb)).collect();
+    let texts = |note: &str, text: &dyn Fn(&Refinement) -> String| {
+        let texts: Vec<String> = steps.iter().map(|(search, ..)| text(search)).collect();
         arrays::texts(note, texts.iter().map(String::as_str))
     };
-    let wholes = |note: &str, number: &dyn Fn(&Climbing, usize) -> usize| {
+    let wholes = |note: &str, number: &dyn Fn(&Refinement, usize) -> usize| {
         arrays::wholes(
             "1",
             note,
-            steps.iter().map(|(climb, at, _)| number(climb, *at) as u64).collect(),
+            steps.iter().map(|(search, at, _)| number(search, *at) as u64).collect(),
         )
     };
-    let reals = |units: &str, note: &str, number: fn(&Step) -> f64| {
+    let reals = |units: &str, note: &str, number: fn(&SearchStep) -> f64| {
         arrays::reals(units, note, steps.iter().map(|(.., step)| number(step)).collect())
     };
     object
         .with("climb/name", texts("name of the target", &|_| heading.name.clone()))
         .with(
             "climb/role",
-            texts("role of the result", &|climb| climb.role.name().to_owned()),
+            texts("role of the result", &|search| search.role.name().to_owned()),
         )
         .with(
             "climb/member",
-            wholes("which of several designs", &|climb, _| climb.member),
+            wholes("which of several designs", &|search, _| search.member),
         )
         .with("climb/step", wholes("step of the climb", &|_, at| at))
         .with(
@@ -239,16 +186,17 @@ fn with_climbs(object: Object, heading: &Heading, climbs: &[Climbing]) -> Object
 }
 
 /// Adds what every candidate for an evaluator said, and how many patterns the search predicted.
-pub fn with_probes(object: Object, name: &str, evaluations: usize, probes: &[Probe]) -> Object {
+fn with_probes(object: Object, heading: &Heading, found: &SearchResult) -> Object {
+    let probes = &found.probes;
     let wholes = |note: &str, value: fn(&Probe) -> u64| arrays::wholes("1", note, probes.iter().map(value).collect());
     object
         .with(
             "evaluations",
-            arrays::wholes("1", "patterns predicted by the search", vec![evaluations as u64]),
+            arrays::wholes("1", "patterns predicted by the search", vec![found.evaluations as u64]),
         )
         .with(
             "probe/name",
-            arrays::texts("name of the target", probes.iter().map(|_| name)),
+            arrays::texts("name of the target", probes.iter().map(|_| heading.name.as_str())),
         )
         .with(
             "probe/candidates",

@@ -96,8 +96,8 @@ fn left(pattern: &Pattern) -> usize {
     (0..50 * 25).filter(|i| pattern.is_active(i % 25, i / 25)).count()
 }
 
-impl Admission for Left {
-    fn admissible(&self, patterns: &[Pattern]) -> Result<Vec<bool>, PredictError> {
+impl Feasibility for Left {
+    fn feasible(&self, patterns: &[Pattern]) -> Result<Vec<bool>, PredictError> {
         *self.0.lock().unwrap() += patterns.len();
         Ok(patterns.iter().map(|pattern| left(pattern) <= 625).collect())
     }
@@ -106,9 +106,9 @@ impl Admission for Left {
 #[test]
 fn only_the_best_are_asked_for_margins_and_all_of_them_keep_them() {
     let (linear, goal) = (Linear::new([25.0, 25.0]), goal(0.5));
-    let admission = Left(Mutex::new(0));
+    let feasibility = Left(Mutex::new(0));
     let setting = Setting {
-        admission: Some(&admission),
+        feasibility: Some(&feasibility),
         ..free(&linear, &goal)
     };
     let bests = RefCell::new(Vec::new());
@@ -120,7 +120,7 @@ fn only_the_best_are_asked_for_margins_and_all_of_them_keep_them() {
     assert!(bests.borrow().iter().all(|&left| left <= 625));
     assert!(found.winners.iter().all(|winner| left(&winner.pattern) <= 625));
     assert!(found.history.last().unwrap().value_mm > found.history[0].value_mm);
-    let asked = *admission.0.lock().unwrap();
+    let asked = *feasibility.0.lock().unwrap();
     assert!(
         asked > 0 && 2 * asked < found.evaluations,
         "{asked} of {}",
@@ -131,8 +131,8 @@ fn only_the_best_are_asked_for_margins_and_all_of_them_keep_them() {
 /// Gives this verdict, whatever it is asked.
 struct Verdict(fn(usize) -> Result<Vec<bool>, PredictError>);
 
-impl Admission for Verdict {
-    fn admissible(&self, patterns: &[Pattern]) -> Result<Vec<bool>, PredictError> {
+impl Feasibility for Verdict {
+    fn feasible(&self, patterns: &[Pattern]) -> Result<Vec<bool>, PredictError> {
         self.0(patterns.len())
     }
 }
@@ -142,7 +142,7 @@ fn margins_that_nothing_keeps_are_an_error() {
     let judged = |verdict| {
         let (linear, goal) = (Linear::new([25.0, 25.0]), goal(0.5));
         let setting = Setting {
-            admission: Some(&Verdict(verdict)),
+            feasibility: Some(&Verdict(verdict)),
             ..free(&linear, &goal)
         };
         evolve(&setting, &small(1), &|_: &GenerationReport| ()).map_err(|e| e.to_string())
@@ -153,7 +153,7 @@ fn margins_that_nothing_keeps_are_an_error() {
     assert!(failed.contains("no memory"), "{failed}");
     let few = judged(|count| Ok(vec![true; count - 1])).unwrap_err();
     assert!(few.contains("verdicts for"), "{few}");
-    // What admits everything changes nothing.
+    // What is_feasible everything changes nothing.
     assert_eq!(judged(|count| Ok(vec![true; count])).unwrap(), run(&small(1), 0.5));
 }
 

@@ -46,8 +46,8 @@ impl Keeper {
 
 struct NotTheRight;
 
-impl Admission for NotTheRight {
-    fn admissible(&self, patterns: &[Pattern]) -> Result<Vec<bool>, PredictError> {
+impl Feasibility for NotTheRight {
+    fn feasible(&self, patterns: &[Pattern]) -> Result<Vec<bool>, PredictError> {
         Ok(patterns.iter().map(|pattern| !pattern.is_active(49, 25)).collect())
     }
 }
@@ -72,7 +72,7 @@ fn followed(options: &EvolveOptions, keeper: &Keeper) -> (Evolution, usize) {
     };
     let setting = Setting {
         constraints: &Constraints::new(limits, 50.0).unwrap(),
-        admission: Some(&NotTheRight),
+        feasibility: Some(&NotTheRight),
         ..free(&linear, &goal)
     };
     let found = evolve(&setting, options, keeper).unwrap();

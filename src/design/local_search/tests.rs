@@ -99,17 +99,17 @@ fn the_optimum_of_a_linear_membrane_is_found_from_anywhere() {
         let best: f64 = worth[..cells].iter().sum();
         for start in [half(), Pattern::from_fn(|_, _| false), Pattern::from_fn(|_, _| true)] {
             let none = Constraints::default();
-            let terrain = Terrain::new(&physics, &goal, 50, area, &none);
-            let climb = terrain.climb(&start, &|_| ()).unwrap().unwrap();
-            assert_eq!(climb.pattern.active_cells(), cells);
-            assert!((climb.merit * 2.5 - best).abs() < 1e-9 && climb.exhausted);
-            assert!(climb.steps.windows(2).all(|pair| pair[0].merit < pair[1].merit));
+            let problem = SearchProblem::new(&physics, &goal, 50, area, &none);
+            let found = problem.refine(&start, &|_| ()).unwrap().unwrap();
+            assert_eq!(found.pattern.active_cells(), cells);
+            assert!((found.score * 2.5 - best).abs() < 1e-9 && found.exhausted);
+            assert!(found.steps.windows(2).all(|pair| pair[0].score < pair[1].score));
         }
     }
 }
 
 #[test]
-fn no_exchange_of_two_units_improves_what_a_climb_ends_with() {
+fn no_exchange_of_two_units_improves_a_local_optimum() {
     // Concave: what a cell is worth depends on all others, and a few hundred exchanges are needed from anywhere.
     let physics = Quadratic {
         spread: (0..2500)
@@ -121,14 +121,14 @@ fn no_exchange_of_two_units_improves_what_a_climb_ends_with() {
     let goal = goal(Motion::Along(0.0));
     for side in [20, 50] {
         let none = Constraints::default();
-        let terrain = Terrain::new(&physics, &goal, side, (0.495, 0.505), &none);
-        let climb = terrain.climb(&half(), &|_| ()).unwrap().unwrap();
-        assert!(climb.exhausted && (1238..=1262).contains(&climb.pattern.active_cells()));
-        let on = terrain.units().of(&climb.pattern);
+        let problem = SearchProblem::new(&physics, &goal, side, (0.495, 0.505), &none);
+        let found = problem.refine(&half(), &|_| ()).unwrap().unwrap();
+        assert!(found.exhausted && (1238..=1262).contains(&found.pattern.active_cells()));
+        let on = problem.units().of(&found.pattern);
         let turned = |units: [usize; 2]| {
             let mut other = on.clone();
             units.iter().for_each(|&unit| other[unit] = !other[unit]);
-            terrain.units().pattern(&other)
+            problem.units().pattern(&other)
         };
         let mut gained = 0;
         for k in 0..20_000 {
@@ -137,7 +137,7 @@ fn no_exchange_of_two_units_improves_what_a_climb_ends_with() {
             if pair[0] == pair[1] || !(1238..=1262).contains(&other.active_cells()) {
                 continue;
             }
-            gained += usize::from(physics.value(&other) / 2.5 > climb.merit + 1e-6);
+            gained += usize::from(physics.value(&other) / 2.5 > found.score + 1e-6);
         }
         assert_eq!(gained, 0, "{side}");
     }
@@ -147,24 +147,24 @@ fn no_exchange_of_two_units_improves_what_a_climb_ends_with() {
 fn a_wanted_value_is_met() {
     let (physics, goal) = (linear(), goal(Motion::By(0.0, 0.1)));
     let none = Constraints::default();
-    let terrain = Terrain::new(&physics, &goal, 50, (0.5, 0.5), &none);
-    let climb = terrain.climb(&half(), &|_| ()).unwrap().unwrap();
-    assert!((physics.value(&climb.pattern) - 0.1).abs() < 1e-3, "{}", climb.merit);
+    let problem = SearchProblem::new(&physics, &goal, 50, (0.5, 0.5), &none);
+    let found = problem.refine(&half(), &|_| ()).unwrap().unwrap();
+    assert!((physics.value(&found.pattern) - 0.1).abs() < 1e-3, "{}", found.score);
 }
 
 #[test]
-fn there_is_no_climb_where_nothing_has_a_field() {
+fn there_is_no_optimum_where_nothing_has_a_field() {
     let physics = Quadratic { most: 1000, ..linear() };
     let goal = goal(Motion::Along(0.0));
     let none = Constraints::default();
     let at = |area| {
-        let terrain = Terrain::new(&physics, &goal, 50, area, &none);
-        terrain.climb(&half(), &|_| ()).unwrap()
+        let problem = SearchProblem::new(&physics, &goal, 50, area, &none);
+        problem.refine(&half(), &|_| ()).unwrap()
     };
     assert!(at((0.5, 0.5)).is_none());
-    // Towards the edge of stability the climb stops before it.
-    let climb = at((0.0, 0.4)).unwrap();
-    assert!(climb.pattern.active_cells() == 1000);
+    // Towards the edge of stability the search stops before it.
+    let found = at((0.0, 0.4)).unwrap();
+    assert!(found.pattern.active_cells() == 1000);
 }
 
 /// A membrane whose left side is worth most, as smoothly as a real one.
@@ -179,20 +179,20 @@ fn smooth() -> Quadratic {
 #[test]
 fn several_designs_differ_as_much_as_they_must_and_lose_little() {
     let (physics, goal, none) = (smooth(), goal(Motion::Along(0.0)), Constraints::default());
-    let mut found: Vec<Pattern> = Vec::new();
-    let mut merits = Vec::new();
+    let mut designs: Vec<Pattern> = Vec::new();
+    let mut scores = Vec::new();
     for _ in 0..4 {
-        let terrain = Terrain::new(&physics, &goal, 50, (0.45, 0.55), &none).apart_from(&found, 0.05);
-        let climb = terrain.climb(&half(), &|_| ()).unwrap().unwrap();
-        assert!(found.iter().all(|other| distance(other, &climb.pattern) >= 0.05));
-        merits.push(climb.merit);
-        found.push(climb.pattern);
+        let problem = SearchProblem::new(&physics, &goal, 50, (0.45, 0.55), &none).distant_from(&designs, 0.05);
+        let found = problem.refine(&half(), &|_| ()).unwrap().unwrap();
+        assert!(designs.iter().all(|other| distance(other, &found.pattern) >= 0.05));
+        scores.push(found.score);
+        designs.push(found.pattern);
     }
     assert!(
-        merits[1..]
+        scores[1..]
             .iter()
-            .all(|merit| *merit < merits[0] && *merit > 0.97 * merits[0]),
-        "{merits:?}"
+            .all(|score| *score < scores[0] && *score > 0.97 * scores[0]),
+        "{scores:?}"
     );
 }
 
@@ -205,28 +205,28 @@ fn constraints_are_kept_all_the_way() {
         ..Limits::default()
     };
     let constraints = Constraints::new(limits, 50.0).unwrap();
-    let terrain = Terrain::new(&physics, &goal, 50, (0.39, 0.41), &constraints);
+    let problem = SearchProblem::new(&physics, &goal, 50, (0.39, 0.41), &constraints);
     let scattered = Pattern::from_fn(|x, y| (x * 7 + y * 11) % 5 < 2);
     for start in [half(), scattered] {
-        let climb = terrain.climb(&start, &|_| ()).unwrap().unwrap();
-        assert!(constraints.hold(&climb.pattern) && climb.exhausted);
-        assert!((0.39..=0.41).contains(&climb.pattern.area_fraction()));
+        let found = problem.refine(&start, &|_| ()).unwrap().unwrap();
+        assert!(constraints.hold(&found.pattern) && found.exhausted);
+        assert!((0.39..=0.41).contains(&found.pattern.area_fraction()));
         let free = Constraints::default();
-        let without = Terrain::new(&physics, &goal, 50, (0.39, 0.41), &free);
-        let best = without.climb(&start, &|_| ()).unwrap().unwrap().merit;
+        let without = SearchProblem::new(&physics, &goal, 50, (0.39, 0.41), &free);
+        let best = without.refine(&start, &|_| ()).unwrap().unwrap().score;
         assert!(
-            climb.merit <= best && climb.merit > 0.9 * best,
+            found.score <= best && found.score > 0.9 * best,
             "{} {best}",
-            climb.merit
+            found.score
         );
     }
 }
 
 #[test]
-fn what_is_not_admitted_is_not_taken() {
+fn what_is_not_feasible_is_not_taken() {
     struct FewOnTheRight;
-    impl crate::design::Admission for FewOnTheRight {
-        fn admissible(&self, patterns: &[Pattern]) -> Result<Vec<bool>, PredictError> {
+    impl crate::field::Feasibility for FewOnTheRight {
+        fn feasible(&self, patterns: &[Pattern]) -> Result<Vec<bool>, PredictError> {
             let few = |pattern: &Pattern| (0..50).filter(|&y| pattern.is_active(30, y)).count() <= 10;
             Ok(patterns.iter().map(few).collect())
         }
@@ -236,16 +236,16 @@ fn what_is_not_admitted_is_not_taken() {
         ..linear()
     };
     let (goal, none) = (goal(Motion::Along(0.0)), Constraints::default());
-    let terrain = Terrain::new(&physics, &goal, 50, (0.5, 0.5), &none);
+    let problem = SearchProblem::new(&physics, &goal, 50, (0.5, 0.5), &none);
     assert!(
-        terrain
-            .climb(&half(), &|_| ())
+        problem
+            .refine(&half(), &|_| ())
             .unwrap()
             .unwrap()
             .pattern
             .is_active(30, 0)
     );
-    let terrain = terrain.admitting(Some(&FewOnTheRight));
-    let climb = terrain.climb(&half(), &|_| ()).unwrap().unwrap();
-    assert_eq!((0..50).filter(|&y| climb.pattern.is_active(30, y)).count(), 10);
+    let problem = problem.with_feasibility(Some(&FewOnTheRight));
+    let found = problem.refine(&half(), &|_| ()).unwrap().unwrap();
+    assert_eq!((0..50).filter(|&y| found.pattern.is_active(30, y)).count(), 10);
 }

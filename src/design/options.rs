@@ -1,10 +1,11 @@
-//! How a design stage searches.
+//! How designs are searched.
 
 use serde_json::json;
 
-use super::evaluator::Wanted;
+use super::evolve::EvolveOptions;
+use super::genome::UNITS;
+use super::objective::AREA_PENALTY;
 use crate::base::{Canonical, Decimal, Dimension, Fields, InputError, Map, Quantity, Schema};
-use crate::design::{AREA_PENALTY, EvolveOptions, UNITS};
 use crate::pattern::CELLS;
 
 /// Accuracy in mm that is asked of an evaluator unless said otherwise. Errors on the best pattern are several times those on
@@ -51,11 +52,9 @@ impl Method {
 }
 
 /// The settings of a stage.
-pub struct Options {
+pub struct SearchOptions {
     /// How to search.
     pub method: Method,
-    /// What judges patterns of the genetic algorithm.
-    pub evaluator: Wanted,
     /// What is asked of an evaluator that is not named.
     pub accuracy: Quantity,
     /// Weight of the distance from the wanted area in the fitness.
@@ -76,11 +75,10 @@ pub struct Options {
     pub evolve: EvolveOptions,
 }
 
-impl Options {
-    /// The keys that [`Options::read`] looks for.
-    pub const KEYS: [&str; 17] = [
+impl SearchOptions {
+    /// The keys that [`SearchOptions::read`] looks for.
+    pub const KEYS: [&str; 16] = [
         "method",
-        "evaluator",
         "evaluator_accuracy",
         "area_penalty",
         "area_tolerance",
@@ -98,8 +96,8 @@ impl Options {
         "seed",
     ];
 
-    /// Adds what [`Options::read`] accepts to the schema of a stage.
-    pub fn schema(fields: Fields) -> Fields {
+    /// Adds what [`SearchOptions::read`] accepts to the schema of a stage.
+    pub fn schema(fields: Fields, seed: Schema) -> Fields {
         let defaults = EvolveOptions::default();
         let share = |says: &str, default: f64| Schema::number(0.0, 1.0).says(says).default(default);
         let penalty = Schema::number(0.0, 1e6).says("Weight of the distance from the wanted area in the fitness.");
@@ -121,7 +119,6 @@ impl Options {
         };
         fields
             .optional("method", Schema::word(&["ga", "adjoint"]).says("How to search.").default("ga"))
-            .optional("evaluator", Wanted::schema())
             .optional(
                 "evaluator_accuracy",
                 Schema::quantity(Dimension::Length, 1e-9, 1e3)
@@ -147,7 +144,7 @@ impl Options {
             .optional("crossover", share("Probability of a crossover.", defaults.crossover))
             .optional("mutation", share("Probability of a mutation.", defaults.mutation))
             .optional("stagnation", stagnation)
-            .required("seed", crate::stage::seed())
+            .required("seed", seed)
             .rule(json!({ "if": is_adjoint, "then": absent(&[&GENETIC[..], &["needs"]].concat()), "else": absent(&["starts"]) }))
     }
 
@@ -172,7 +169,6 @@ impl Options {
                 .error(format!("`{key}` means nothing with `method: {}`", method.name()))
                 .help("leave it out"));
         }
-        let evaluator = map.optional("evaluator").map_or(Ok(Wanted::Auto), Wanted::read)?;
         let seed = map.required(what, "seed")?;
         let accuracy = match map.optional("evaluator_accuracy") {
             Some(node) => node.quantity_in("evaluator_accuracy", Dimension::Length, 1e-9, 1e3)?,
@@ -202,7 +198,6 @@ impl Options {
         }
         Ok(Self {
             method,
-            evaluator,
             accuracy,
             penalty: map.number("area_penalty", AREA_PENALTY, 0.0, 1e6)?,
             tolerance: map.number("area_tolerance", AREA_TOLERANCE, 0.0, 1.0)?,
@@ -226,7 +221,7 @@ impl Options {
     }
 
     /// The canonical value, with further entries. What a method does not use is no part of it.
-    pub fn canonical<const N: usize>(&self, more: [(&str, Canonical); N]) -> Canonical {
+    pub fn canonical<'a>(&self, more: impl IntoIterator<Item = (&'a str, Canonical)>) -> Canonical {
         let mut own = vec![
             ("method", Canonical::from(self.method.name())),
             ("seed", self.evolve.seed.into()),
@@ -241,17 +236,11 @@ impl Options {
         match self.method {
             Method::Adjoint => own.extend([("units", self.units.into()), ("starts", self.starts.into())]),
             Method::Ga => {
-                let accuracy = match self.evaluator {
-                    Wanted::Auto => Canonical::from(&self.accuracy),
-                    Wanted::Surrogate | Wanted::Elements(_) => Canonical::Null,
-                };
                 let refine = match self.refine {
                     true => Canonical::from(self.units),
                     false => Canonical::Null,
                 };
                 own.extend([
-                    ("evaluator", Canonical::from(self.evaluator.to_string().as_str())),
-                    ("evaluator_accuracy", accuracy),
                     ("area_penalty", self.penalty.into()),
                     ("refine", refine),
                     ("population", self.evolve.population.into()),

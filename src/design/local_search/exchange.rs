@@ -20,7 +20,7 @@ pub(super) struct Exchange<'a> {
 }
 
 impl<'a> Exchange<'a> {
-    /// From the units that are on. `gains` says what turning each over would gain, NaN where it may not be turned over.
+    /// From the units that are on. `gains` says what flipping each would gain, NaN where it may not be flipped.
     pub(super) fn new(units: &'a Units, on: &[bool], gains: &'a [f64], range: (usize, usize)) -> Self {
         let density = |unit: usize| gains[unit] / units.cells(unit).len() as f64;
         let sorted = |state: bool| {
@@ -41,7 +41,7 @@ impl<'a> Exchange<'a> {
         }
     }
 
-    /// Turns the units over that bring the area into its range at the least loss; whether that is possible.
+    /// Flips the units that bring the area into its range at the least loss; whether that is possible.
     pub(super) fn fit(&mut self) -> bool {
         while self.area > self.range.1 || self.area < self.range.0 {
             let list = if self.area > self.range.1 {
@@ -50,7 +50,7 @@ impl<'a> Exchange<'a> {
                 &mut self.adds
             };
             let Some(unit) = list.pop() else { return false };
-            self.turn(unit);
+            self.flip(unit);
         }
         true
     }
@@ -82,8 +82,9 @@ impl<'a> Exchange<'a> {
                 let gain = |unit: Option<usize>| unit.map_or(0.0, |unit| self.gains[unit]);
                 let area = self.area + size(add) - size(remove);
                 let gain = gain(add) + gain(remove);
-                let turned = add.is_some() || remove.is_some();
-                if turned && gain > best.map_or(least, |best| best.0) && (self.range.0..=self.range.1).contains(&area) {
+                let flipped = add.is_some() || remove.is_some();
+                if flipped && gain > best.map_or(least, |best| best.0) && (self.range.0..=self.range.1).contains(&area)
+                {
                     best = Some((gain, add, remove));
                 }
             }
@@ -91,11 +92,11 @@ impl<'a> Exchange<'a> {
         let Some((_, add, remove)) = best else { return false };
         self.adds.retain(|&unit| Some(unit) != add);
         self.removes.retain(|&unit| Some(unit) != remove);
-        [add, remove].into_iter().flatten().for_each(|unit| self.turn(unit));
+        [add, remove].into_iter().flatten().for_each(|unit| self.flip(unit));
         true
     }
 
-    fn turn(&mut self, unit: usize) {
+    fn flip(&mut self, unit: usize) {
         let size = self.units.cells(unit).len();
         self.on[unit] = !self.on[unit];
         self.area = if self.on[unit] {
@@ -114,7 +115,7 @@ mod tests {
         Units::new(50, &[true; 2500])
     }
 
-    /// What turning over gains where each active cell is worth `worth`.
+    /// What flipping gains where each active cell is worth `worth`.
     fn gains(on: &[bool], worth: impl Fn(usize) -> f64) -> Vec<f64> {
         let gain = |(cell, on): (usize, &bool)| if *on { -worth(cell) } else { worth(cell) };
         on.iter().enumerate().map(gain).collect()
@@ -145,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn what_may_not_be_turned_over_is_not() {
+    fn what_may_not_be_flipped_is_not() {
         let units = cells();
         let start = vec![false; 2500];
         let mut gains = vec![1.0; 2500];

@@ -1,22 +1,22 @@
-//! Where a climb may go: what a pattern is worth, and which patterns there are.
+//! What a local search optimises: the score of a pattern, and which patterns are feasible.
 
 use super::exchange::Exchange;
-use super::path::Path;
+use super::search::LocalSearch;
 use super::units::Units;
-use super::{Climb, Step};
+use super::{LocalOptimum, SearchStep};
 use crate::base::Stream;
-use crate::design::{Admission, Constraints, Goal};
-use crate::field::{Differentiable, Field, PredictError};
+use crate::design::{Constraints, Goal};
+use crate::field::{Differentiable, Feasibility, Field, PredictError};
 use crate::pattern::{Bits, CELLS, Pattern};
 
 /// How often the area before a repair is tried anew so that the area after it is as wanted.
 const TRIALS: usize = 24;
 
-/// Cells that a spread pattern differs by beyond the distance.
+/// Cells by which a perturbed pattern differs beyond the distance.
 const SPARE: usize = 8;
 
-/// What a climb is for, and what its patterns must keep to.
-pub struct Terrain<'a> {
+/// The score to be raised, and what patterns must keep to.
+pub struct SearchProblem<'a> {
     physics: &'a dyn Differentiable,
     goal: &'a Goal,
     units: Units,
@@ -25,21 +25,21 @@ pub struct Terrain<'a> {
     /// Least and most active cells.
     range: (usize, usize),
     constraints: &'a Constraints,
-    admission: Option<&'a dyn Admission>,
+    feasibility: Option<&'a dyn Feasibility>,
     /// Patterns to differ from, with their images.
     others: Vec<[Bits; 8]>,
     distance: f64,
 }
 
-/// A pattern that a climb is at.
+/// A pattern that a search has reached.
 pub(super) struct State {
     pub(super) on: Vec<bool>,
     pub(super) pattern: Pattern,
     pub(super) field: Field,
-    pub(super) merit: f64,
+    pub(super) score: f64,
 }
 
-impl<'a> Terrain<'a> {
+impl<'a> SearchProblem<'a> {
     /// For a goal, on side × side units (20 or 50), at an area fraction from `area.0` to `area.1`.
     #[must_use]
     pub fn new(
@@ -60,21 +60,21 @@ impl<'a> Terrain<'a> {
             of_cells: side == CELLS,
             range: (least as usize, most as usize),
             constraints,
-            admission: None,
+            feasibility: None,
             others: Vec::new(),
             distance: 0.0,
         }
     }
 
-    /// Where only admissible patterns count.
+    /// Where only feasible patterns count.
     #[must_use]
-    pub fn admitting(self, admission: Option<&'a dyn Admission>) -> Self {
-        Self { admission, ..self }
+    pub fn with_feasibility(self, feasibility: Option<&'a dyn Feasibility>) -> Self {
+        Self { feasibility, ..self }
     }
 
-    /// Where patterns differ from others by at least a share of the cells, whichever way they are turned.
+    /// The same problem, in which patterns differ from others by at least a share of the cells, whichever way they are turned.
     #[must_use]
-    pub fn apart_from(self, others: &[Pattern], distance: f64) -> Self {
+    pub fn distant_from(self, others: &[Pattern], distance: f64) -> Self {
         let others = others.iter().map(|other| Bits::of(other).images()).collect();
         Self {
             others,
@@ -83,39 +83,43 @@ impl<'a> Terrain<'a> {
         }
     }
 
-    /// Follows the gradient from a pattern until no number of turned-over units gains; `None` where the pattern, brought to
-    /// where it may be, has no field, or cannot be brought there.
+    /// Follows the gradient from a pattern until flipping any number of units gains nothing; `None` where the pattern cannot
+    /// be made feasible, or has no field then.
     ///
     /// # Errors
     /// When the physics cannot be evaluated.
-    pub fn ascend(&self, start: &Pattern, on_step: &dyn Fn(&Step)) -> Result<Option<Climb>, PredictError> {
-        let Some(mut path) = self.begin(start, on_step)? else {
+    pub fn follow_gradient(
+        &self,
+        start: &Pattern,
+        on_step: &dyn Fn(&SearchStep),
+    ) -> Result<Option<LocalOptimum>, PredictError> {
+        let Some(mut search) = self.begin(start, on_step)? else {
             return Ok(None);
         };
-        path.follow_gradient()?;
-        Ok(Some(path.finish()))
+        search.follow_gradient()?;
+        Ok(Some(search.finish()))
     }
 
     /// The same, and then exchanges of pairs until none gains.
     ///
     /// # Errors
     /// When the physics cannot be evaluated.
-    pub fn climb(&self, start: &Pattern, on_step: &dyn Fn(&Step)) -> Result<Option<Climb>, PredictError> {
-        let Some(mut path) = self.begin(start, on_step)? else {
+    pub fn refine(&self, start: &Pattern, on_step: &dyn Fn(&SearchStep)) -> Result<Option<LocalOptimum>, PredictError> {
+        let Some(mut search) = self.begin(start, on_step)? else {
             return Ok(None);
         };
-        path.follow_gradient()?;
-        path.exchange_pairs()?;
-        Ok(Some(path.finish()))
+        search.follow_gradient()?;
+        search.exchange_pairs()?;
+        Ok(Some(search.finish()))
     }
 
-    /// A pattern that differs from another by a little more than the wanted distance: of half of its units, drawn at random, those
-    /// are turned over that cost least. Several of them share about half of what they turn over, so that they differ among
-    /// themselves as much as from the first at half the cost of turning over others each. `None` where that leads nowhere.
+    /// A pattern that differs from another by a little more than the wanted distance: of half of its units, drawn at random,
+    /// those are flipped that cost least. Several of them share about half of the flipped units, so that they differ among
+    /// themselves as much as from the first, at half the cost of flipping others each. `None` where there are too few units.
     ///
     /// # Errors
     /// When the physics cannot be evaluated.
-    pub fn spread(&self, from: &Pattern, stream: &mut Stream) -> Result<Option<Pattern>, PredictError> {
+    pub fn perturb(&self, from: &Pattern, stream: &mut Stream) -> Result<Option<Pattern>, PredictError> {
         let on = self.units.of(from);
         let Some(gradient) = self.gradient(from)? else {
             return Ok(None);
@@ -124,7 +128,7 @@ impl<'a> Terrain<'a> {
         let gains: Vec<f64> = self.gains(&on, &gradient).into_iter().map(drawn).collect();
         let mut exchange = Exchange::new(&self.units, &on, &gains, self.range);
         let bits = Bits::of(from);
-        while bits.differing(&Bits::of(&self.units.pattern(&exchange.on))) < self.cells_apart() + SPARE {
+        while bits.differing(&Bits::of(&self.units.pattern(&exchange.on))) < self.least_difference() + SPARE {
             if !exchange.step_anyway() {
                 return Ok(None);
             }
@@ -132,29 +136,33 @@ impl<'a> Terrain<'a> {
         Ok(Some(self.units.pattern(&exchange.on)))
     }
 
-    fn begin<'g>(&'g self, start: &Pattern, on_step: &'g dyn Fn(&Step)) -> Result<Option<Path<'g>>, PredictError> {
+    fn begin<'g>(
+        &'g self,
+        start: &Pattern,
+        on_step: &'g dyn Fn(&SearchStep),
+    ) -> Result<Option<LocalSearch<'g>>, PredictError> {
         let on = self.units.of(start);
         let gains = match self.gradient(&self.units.pattern(&on))? {
             Some(gradient) => self.gains(&on, &gradient),
             // Where nothing is known any unit is as good as another.
             None => vec![0.0; on.len()],
         };
-        let Some(on) = self.brought(&on, &gains) else {
+        let Some(on) = self.make_feasible(&on, &gains) else {
             return Ok(None);
         };
         let state = self.best_of(vec![on], f64::NEG_INFINITY)?;
-        Ok(state.map(|state| Path::new(self, on_step, state)))
+        Ok(state.map(|state| LocalSearch::new(self, on_step, state)))
     }
 
-    /// The units turned over that bring a pattern to where it may be at the least loss: into the range of the area, away from
-    /// others, and to where the constraints hold.
-    fn brought(&self, on: &[bool], gains: &[f64]) -> Option<Vec<bool>> {
+    /// Flips the units that make a pattern feasible at the least loss: its area in range, the constraints kept, and far enough
+    /// from the others.
+    fn make_feasible(&self, on: &[bool], gains: &[f64]) -> Option<Vec<bool>> {
         let fitted = |range: (usize, usize)| {
             let mut fitted = Exchange::new(&self.units, on, gains, range);
             fitted.fit().then_some(fitted.on)
         };
         if self.constraints.is_free() {
-            return self.moved_away(fitted(self.range)?, gains);
+            return self.enforce_distance(fitted(self.range)?, gains);
         }
         // Repairs change the area: what goes in is searched by bisection so that what comes out is as wanted.
         let (mut low, mut high) = (0, CELLS * CELLS);
@@ -163,7 +171,7 @@ impl<'a> Terrain<'a> {
             let repaired = fitted(aim).and_then(|on| self.repaired(&on));
             let area = repaired.as_ref().map_or(0, |on| self.units.area(on));
             match repaired {
-                Some(on) if (self.range.0..=self.range.1).contains(&area) => return self.moved_away(on, gains),
+                Some(on) if (self.range.0..=self.range.1).contains(&area) => return self.enforce_distance(on, gains),
                 _ if area < self.range.0 => low = aim.0,
                 _ => high = aim.1,
             }
@@ -176,14 +184,15 @@ impl<'a> Terrain<'a> {
         None
     }
 
-    /// Turned over where it costs least until it is as far from the others as it must be.
-    fn moved_away(&self, mut on: Vec<bool>, gains: &[f64]) -> Option<Vec<bool>> {
+    /// Flips units where it costs least until the pattern is as far from the others as it must be.
+    fn enforce_distance(&self, mut on: Vec<bool>, gains: &[f64]) -> Option<Vec<bool>> {
         for _ in 0..TRIALS {
             let bits = Bits::of(&self.units.pattern(&on));
-            if self.is_apart(&bits) {
+            if self.is_distant(&bits) {
                 return Some(on);
             }
-            // Only what agrees with the nearest image of each other pattern: so no step away from one is one towards another.
+            // Only units that agree with the nearest image of each other pattern, so that no step away from one is a step
+            // towards another.
             let images: Vec<&Bits> = self
                 .others
                 .iter()
@@ -205,7 +214,9 @@ impl<'a> Terrain<'a> {
             let mut exchange = Exchange::new(&self.units, &on, &masked, self.range);
             let near = |on: &[bool]| {
                 let bits = Bits::of(&self.units.pattern(on));
-                images.iter().any(|image| bits.differing(image) < self.cells_apart())
+                images
+                    .iter()
+                    .any(|image| bits.differing(image) < self.least_difference())
             };
             while near(&exchange.on) {
                 if !exchange.step_anyway() {
@@ -220,11 +231,11 @@ impl<'a> Terrain<'a> {
         None
     }
 
-    fn is_apart(&self, bits: &Bits) -> bool {
+    fn is_distant(&self, bits: &Bits) -> bool {
         self.others.iter().all(|other| bits.distance_to(other) >= self.distance)
     }
 
-    fn cells_apart(&self) -> usize {
+    fn least_difference(&self) -> usize {
         (self.distance * (CELLS * CELLS) as f64 - 1e-9).ceil() as usize
     }
 
@@ -248,11 +259,11 @@ impl<'a> Terrain<'a> {
         };
         let pattern = self.units.pattern(&on);
         let bits = Bits::of(&pattern);
-        let fits = (self.range.0..=self.range.1).contains(&bits.count()) && self.is_apart(&bits);
+        let fits = (self.range.0..=self.range.1).contains(&bits.count()) && self.is_distant(&bits);
         fits.then_some((on, pattern))
     }
 
-    /// What turning each unit over gains to first order.
+    /// What flipping each unit gains to first order.
     pub(super) fn gains(&self, on: &[bool], gradient: &[f64]) -> Vec<f64> {
         let sums = self.units.sums(gradient).into_iter().zip(on);
         sums.map(|(sum, &on)| if on { -sum } else { sum }).collect()
@@ -263,10 +274,10 @@ impl<'a> Terrain<'a> {
         Ok(found.map(|(_, gradient)| gradient))
     }
 
-    /// The merit of each pattern, where it has a field.
-    pub(super) fn merits(&self, patterns: &[Pattern]) -> Result<Vec<Option<f64>>, PredictError> {
+    /// The score of each pattern, where it has a field.
+    pub(super) fn scores(&self, patterns: &[Pattern]) -> Result<Vec<Option<f64>>, PredictError> {
         let fields = self.physics.predict_some(patterns)?.into_iter();
-        Ok(fields.map(|field| field.map(|field| self.goal.merit(&field))).collect())
+        Ok(fields.map(|field| field.map(|field| self.goal.score(&field))).collect())
     }
 
     pub(super) fn value_mm(&self, field: &Field) -> f64 {
@@ -281,7 +292,7 @@ impl<'a> Terrain<'a> {
         self.range
     }
 
-    /// Side in cells of the smallest square that may be turned over alone.
+    /// Side in cells of the smallest square that may be flipped alone.
     pub(super) fn feature(&self) -> usize {
         if self.of_cells {
             self.constraints.feature_cells()
@@ -290,7 +301,7 @@ impl<'a> Terrain<'a> {
         }
     }
 
-    /// The best of some choices of units that may be and whose merit is above `least`, the first of equals.
+    /// The best of some choices of units that may be and whose score is above `least`, the first of equals.
     pub(super) fn best_of(&self, choices: Vec<Vec<bool>>, least: f64) -> Result<Option<State>, PredictError> {
         let (chosen, patterns): (Vec<Vec<bool>>, Vec<Pattern>) =
             choices.into_iter().filter_map(|on| self.allowed(on)).unzip();
@@ -298,30 +309,30 @@ impl<'a> Terrain<'a> {
         let mut states: Vec<State> = Vec::new();
         for ((on, pattern), field) in chosen.into_iter().zip(patterns).zip(fields) {
             let Some(field) = field else { continue };
-            let merit = self.goal.merit(&field);
-            if merit > least {
+            let score = self.goal.score(&field);
+            if score > least {
                 states.push(State {
                     on,
                     pattern,
                     field,
-                    merit,
+                    score,
                 });
             }
         }
-        states.sort_by(|a, b| b.merit.total_cmp(&a.merit));
+        states.sort_by(|a, b| b.score.total_cmp(&a.score));
         for state in states {
-            if self.admits(&state.pattern)? {
+            if self.is_feasible(&state.pattern)? {
                 return Ok(Some(state));
             }
         }
         Ok(None)
     }
 
-    fn admits(&self, pattern: &Pattern) -> Result<bool, PredictError> {
-        let Some(admission) = self.admission else {
+    fn is_feasible(&self, pattern: &Pattern) -> Result<bool, PredictError> {
+        let Some(feasibility) = self.feasibility else {
             return Ok(true);
         };
-        let verdicts = admission.admissible(std::slice::from_ref(pattern))?;
+        let verdicts = feasibility.feasible(std::slice::from_ref(pattern))?;
         Ok(verdicts.first().copied().unwrap_or(false))
     }
 }

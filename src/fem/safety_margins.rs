@@ -1,38 +1,37 @@
 //! Margins from pull-in and breakdown, which take a simulation to know.
 
-use crate::design::{Admission, Constraints};
-use crate::fem::{MembraneSolver, Order, SetupError, SolveOptions};
-use crate::field::{PredictError, Simulator};
+use super::{MembraneSolver, Order, SetupError, SolveOptions};
+use crate::field::{Feasibility, PredictError, Simulator};
 use crate::pattern::Pattern;
-use crate::scene::Scene;
+use crate::scene::{BreakdownLaw, Scene};
 
-/// Says whether a pattern keeps its margins.
-pub struct Margins {
+/// Says which patterns keep their margins.
+pub struct SafetyMargins {
     /// At the voltage times the margin, where every pattern must be stable.
     pull_in: Option<MembraneSolver>,
     /// With the field compared with the breakdown strength, and the largest ratio allowed.
     breakdown: Option<(MembraneSolver, f64)>,
 }
 
-impl Margins {
-    /// The margins that constraints ask for, in a scene whose effects are decided; `None` where they ask for none.
+impl SafetyMargins {
+    /// For a scene whose effects are decided: pull-in and breakdown must be at least these many times away, each where it is
+    /// given. `None` where neither is.
     ///
     /// # Errors
     /// When the scene cannot be simulated.
-    pub fn new(scene: &Scene, constraints: &Constraints) -> Result<Option<Self>, SetupError> {
-        let limits = constraints.limits();
+    pub fn new(scene: &Scene, pull_in: Option<f64>, breakdown: Option<f64>) -> Result<Option<Self>, SetupError> {
         let options = SolveOptions {
             elements_per_cell: 1,
             order: Order::Biquadratic,
             ..SolveOptions::default()
         };
-        let pull_in = limits.pull_in_margin.map(|margin| {
+        let pull_in = pull_in.map(|margin| {
             let driven = scene.at_voltage(scene.voltage_v() * margin);
             MembraneSolver::new(&driven, options)
         });
-        let breakdown = limits.breakdown_margin.map(|margin| {
+        let breakdown = breakdown.map(|margin| {
             let mut effects = scene.effects.clone();
-            effects.dielectric_breakdown = strength(scene);
+            effects.dielectric_breakdown = breakdown_strength(scene);
             Ok((
                 MembraneSolver::new(&scene.with_effects(effects), options)?,
                 1.0 / margin,
@@ -47,13 +46,14 @@ impl Margins {
 }
 
 /// The breakdown strength of a scene: that of its effect, or what is known of the material.
-pub fn strength(scene: &Scene) -> Option<crate::scene::BreakdownLaw> {
+#[must_use]
+pub fn breakdown_strength(scene: &Scene) -> Option<BreakdownLaw> {
     let known = &scene.properties.dielectric_breakdown;
     scene.effects.dielectric_breakdown.clone().or_else(|| known.clone())
 }
 
-impl Admission for Margins {
-    fn admissible(&self, patterns: &[Pattern]) -> Result<Vec<bool>, PredictError> {
+impl Feasibility for SafetyMargins {
+    fn feasible(&self, patterns: &[Pattern]) -> Result<Vec<bool>, PredictError> {
         let mut verdicts = vec![true; patterns.len()];
         if let Some(solver) = &self.pull_in {
             for (verdict, result) in verdicts.iter_mut().zip(solver.simulate(patterns)) {

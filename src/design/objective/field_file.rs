@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{AimText, LONGEST_MM, MotionText};
+use super::parameters::{AimText, LONGEST_MM, MotionText};
 use crate::base::{Decimal, Dimension, InputError, Node, Quantity, read_bounded};
 use crate::field::CORNERS;
 
@@ -18,7 +18,7 @@ const MAX_BYTES: u64 = 1 << 20;
 ///
 /// # Errors
 /// When the file does not exist, lies outside the folder of the pipeline, or has something else in it; with its line.
-pub fn read(node: &Node) -> Result<Vec<AimText>, InputError> {
+pub(super) fn read(node: &Node) -> Result<Vec<AimText>, InputError> {
     let named = Path::new(node.text("field")?);
     let folder = node.file().parent().unwrap_or(Path::new(""));
     let path = folder.join(named);

@@ -1,44 +1,44 @@
-//! A climb under way.
+//! A local search under way.
 
 use super::exchange::Exchange;
-use super::moves::Squares;
-use super::terrain::{State, Terrain};
-use super::{Climb, Step};
+use super::problem::{SearchProblem, State};
+use super::squares::Squares;
+use super::{LocalOptimum, SearchStep};
 use crate::field::PredictError;
 use crate::pattern::Pattern;
 
 /// Gains below this are rounding of the solver: 0.25 nm on a membrane whose displacements are of the order of 1 mm.
 const GAIN: f64 = 1e-7;
 
-/// Most steps of either kind; a climb takes some tens.
+/// Most steps of either kind; a search takes some tens.
 const STEPS: usize = 200;
 
 /// How far a search for gains looks: units on either side of the threshold that are simulated one by one, and pairs of them
 /// that are simulated together. The second is looked at where the first finds nothing.
 const REACH: [(usize, usize); 2] = [(48, 64), (160, 256)];
 
-pub(super) struct Path<'g> {
-    terrain: &'g Terrain<'g>,
-    on_step: &'g dyn Fn(&Step),
+pub(super) struct LocalSearch<'g> {
+    problem: &'g SearchProblem<'g>,
+    on_step: &'g dyn Fn(&SearchStep),
     state: State,
-    steps: Vec<Step>,
+    steps: Vec<SearchStep>,
     simulations: usize,
     exhausted: bool,
 }
 
-impl<'g> Path<'g> {
-    /// From a start that was simulated twice: as it was given, and brought to where it may be.
-    pub(super) fn new(terrain: &'g Terrain<'g>, on_step: &'g dyn Fn(&Step), state: State) -> Self {
-        let mut path = Self {
-            terrain,
+impl<'g> LocalSearch<'g> {
+    /// From a start that was simulated twice: as it was given, and made feasible.
+    pub(super) fn new(problem: &'g SearchProblem<'g>, on_step: &'g dyn Fn(&SearchStep), state: State) -> Self {
+        let mut search = Self {
+            problem,
             on_step,
             state,
             steps: Vec::new(),
             simulations: 2,
             exhausted: false,
         };
-        path.tell();
-        path
+        search.record_step();
+        search
     }
 
     pub(super) fn follow_gradient(&mut self) -> Result<(), PredictError> {
@@ -69,7 +69,7 @@ impl<'g> Path<'g> {
     }
 
     fn exchange(&mut self, first_order: &[f64], (near, pairs): (usize, usize)) -> Result<bool, PredictError> {
-        let feature = self.terrain.feature();
+        let feature = self.problem.feature();
         if feature > 1 {
             return self.take_squares(first_order, feature, (near, pairs));
         }
@@ -77,17 +77,17 @@ impl<'g> Path<'g> {
         Ok(self.take_best(&gains)? || self.take_pair(&gains, pairs)?)
     }
 
-    /// What turning each unit over gains to first order.
+    /// What flipping each unit gains to first order.
     fn first_order(&mut self) -> Result<Option<Vec<f64>>, PredictError> {
         self.simulations += 1;
-        let gradient = self.terrain.gradient(&self.state.pattern)?;
-        Ok(gradient.map(|gradient| self.terrain.gains(&self.state.on, &gradient)))
+        let gradient = self.problem.gradient(&self.state.pattern)?;
+        Ok(gradient.map(|gradient| self.problem.gains(&self.state.on, &gradient)))
     }
 
     /// Makes 1, 2, 4, … of the most profitable exchanges, and goes on from the best of these patterns where it is a gain.
     fn take_best(&mut self, gains: &[f64]) -> Result<bool, PredictError> {
-        let terrain = self.terrain;
-        let mut exchange = Exchange::new(terrain.units(), &self.state.on, gains, terrain.range());
+        let problem = self.problem;
+        let mut exchange = Exchange::new(problem.units(), &self.state.on, gains, problem.range());
         let (mut choices, mut count, mut next) = (Vec::new(), 0, 1);
         let mut more = exchange.step();
         while more {
@@ -104,9 +104,9 @@ impl<'g> Path<'g> {
         self.take(choices)
     }
 
-    /// What the units near the threshold gain if they alone are turned over, by simulation; NaN for all others.
+    /// What the units near the threshold gain if they alone are flipped, by simulation; NaN for all others.
     fn gains_near(&mut self, first_order: &[f64], most: usize) -> Result<Vec<f64>, PredictError> {
-        let units = self.terrain.units();
+        let units = self.problem.units();
         let density = |unit: usize| first_order[unit] / units.cells(unit).len() as f64;
         let near = |state: bool| {
             let mut list: Vec<usize> = (0..units.count())
@@ -117,14 +117,14 @@ impl<'g> Path<'g> {
             list
         };
         let candidates: Vec<usize> = near(true).into_iter().chain(near(false)).collect();
-        let turned = |&unit: &usize| units.pattern(&self.turned(&[unit]));
-        let patterns: Vec<Pattern> = candidates.iter().map(turned).collect();
-        let merits = self.terrain.merits(&patterns)?;
+        let flipped = |&unit: &usize| units.pattern(&self.flipped(&[unit]));
+        let patterns: Vec<Pattern> = candidates.iter().map(flipped).collect();
+        let scores = self.problem.scores(&patterns)?;
         self.simulations += patterns.len();
         let mut gains = vec![f64::NAN; units.count()];
-        for (unit, merit) in candidates.into_iter().zip(merits) {
-            if let Some(merit) = merit {
-                gains[unit] = merit - self.state.merit;
+        for (unit, score) in candidates.into_iter().zip(scores) {
+            if let Some(score) = score {
+                gains[unit] = score - self.state.score;
             }
         }
         Ok(gains)
@@ -148,7 +148,7 @@ impl<'g> Path<'g> {
         feature: usize,
         (near, most): (usize, usize),
     ) -> Result<bool, PredictError> {
-        let squares = Squares::new(self.terrain.units(), feature);
+        let squares = Squares::new(self.problem.units(), feature);
         let of = |state: bool| {
             let mut best = squares.best(&self.state.on, gains, state, near);
             best.push((0.0, Vec::new()));
@@ -169,15 +169,15 @@ impl<'g> Path<'g> {
             }
         }
         pairs.sort_by(|a, b| b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2))));
-        let (low, high) = self.terrain.range();
+        let (low, high) = self.problem.range();
         let choices = pairs
             .into_iter()
-            .map(|(_, a, r)| self.turned(&[&adds[a].1[..], &removes[r].1[..]].concat()));
-        let fits = |on: &Vec<bool>| (low..=high).contains(&self.terrain.units().area(on));
+            .map(|(_, a, r)| self.flipped(&[&adds[a].1[..], &removes[r].1[..]].concat()));
+        let fits = |on: &Vec<bool>| (low..=high).contains(&self.problem.units().area(on));
         choices.filter(fits).take(most).collect()
     }
 
-    fn turned(&self, units: &[usize]) -> Vec<bool> {
+    fn flipped(&self, units: &[usize]) -> Vec<bool> {
         let mut on = self.state.on.clone();
         units.iter().for_each(|&unit| on[unit] = !on[unit]);
         on
@@ -186,19 +186,19 @@ impl<'g> Path<'g> {
     /// Goes on from the best of some choices where it is a gain.
     fn take(&mut self, choices: Vec<Vec<bool>>) -> Result<bool, PredictError> {
         self.simulations += choices.len();
-        let best = self.terrain.best_of(choices, self.state.merit + GAIN)?;
+        let best = self.problem.best_of(choices, self.state.score + GAIN)?;
         let gained = best.is_some();
         if let Some(state) = best {
             self.state = state;
-            self.tell();
+            self.record_step();
         }
         Ok(gained)
     }
 
-    fn tell(&mut self) {
-        let step = Step {
-            value_mm: self.terrain.value_mm(&self.state.field),
-            merit: self.state.merit,
+    fn record_step(&mut self) {
+        let step = SearchStep {
+            value_mm: self.problem.value_mm(&self.state.field),
+            score: self.state.score,
             area: self.state.pattern.area_fraction(),
             simulations: self.simulations,
         };
@@ -206,11 +206,11 @@ impl<'g> Path<'g> {
         self.steps.push(step);
     }
 
-    pub(super) fn finish(self) -> Climb {
-        Climb {
+    pub(super) fn finish(self) -> LocalOptimum {
+        LocalOptimum {
             pattern: self.state.pattern,
             field: self.state.field,
-            merit: self.state.merit,
+            score: self.state.score,
             steps: self.steps,
             exhausted: self.exhausted,
         }

@@ -1,4 +1,4 @@
-//! What a search comes to, generation by generation.
+//! The generations of a search so far.
 
 use super::options::EvolveOptions;
 use super::result::{GenerationReport, Stop};
@@ -11,20 +11,20 @@ pub(super) struct Individual {
     pub known: Known,
 }
 
-/// What a search has come to.
+/// The generations of a search so far.
 #[derive(Default)]
-pub(super) struct Course {
+pub(super) struct History {
     /// The last generation in its order: the best first, or the best of each niche.
     pub population: Vec<Individual>,
-    pub history: Vec<GenerationReport>,
+    pub reports: Vec<GenerationReport>,
     /// The generation of the last gain.
     pub last_gain: usize,
 }
 
-impl Course {
+impl History {
     /// Adds the next generation.
     pub fn add(&mut self, population: Vec<Individual>) {
-        let generation = self.history.len();
+        let generation = self.reports.len();
         let best = &population[0];
         let judged = population.iter().map(|individual| individual.known.fitness);
         let judged: Vec<f64> = judged.filter(|fitness| fitness.is_finite()).collect();
@@ -36,16 +36,16 @@ impl Course {
             value_mm: best.known.value_mm,
             area: best.known.area,
         };
-        if self.history.last().is_some_and(|before| report.best < before.best) {
+        if self.reports.last().is_some_and(|before| report.best < before.best) {
             self.last_gain = generation;
         }
-        self.history.push(report);
+        self.reports.push(report);
         self.population = population;
     }
 
     /// Why the search ends here, if it does.
     pub fn end(&self, options: &EvolveOptions) -> Option<Stop> {
-        let generation = self.history.len().saturating_sub(1);
+        let generation = self.reports.len().saturating_sub(1);
         if generation >= options.generations {
             return Some(Stop::Generations);
         }

@@ -1,19 +1,20 @@
 //! What is said where a target has fewer designs than were asked for.
 
-use super::content::{Role, Row};
-use super::search::NO_FIELD;
+use super::found::{FoundDesign, NO_FIELD, Role};
 
 /// Adds to the status of the last design of each role that there are fewer than `wanted` which differ in a share of the cells.
-pub fn tell(rows: &mut [Row], wanted: usize, distance: f64) {
+pub(super) fn report_shortage(designs: &mut [FoundDesign], wanted: usize, distance: f64) {
     for role in [Role::Ga, Role::Refined, Role::Optimum] {
-        let found = rows.iter().filter(|row| row.role == role).count();
-        let last = rows.iter_mut().rfind(|row| row.role == role && row.status != NO_FIELD);
-        let Some(row) = last.filter(|_| found < wanted) else {
+        let found = designs.iter().filter(|design| design.role == role).count();
+        let last = designs
+            .iter_mut()
+            .rfind(|design| design.role == role && design.status != NO_FIELD);
+        let Some(design) = last.filter(|_| found < wanted) else {
             continue;
         };
         let percent = 100.0 * distance;
         let words = format!("{found} of {wanted} designs: none beside differs from them in {percent} % of the cells");
-        row.status = match row.status.as_str() {
+        design.status = match design.status.as_str() {
             "met" => words,
             other => format!("{other}; {words}"),
         };
@@ -26,8 +27,8 @@ mod tests {
     use crate::field::Field;
     use crate::pattern::Pattern;
 
-    fn row(role: Role, status: &str) -> Row {
-        Row {
+    fn design(role: Role, status: &str) -> FoundDesign {
+        FoundDesign {
             role,
             member: 0,
             units: 20,
@@ -40,8 +41,8 @@ mod tests {
     }
 
     fn told(rows: &[(Role, &str)], wanted: usize) -> Vec<String> {
-        let mut rows: Vec<Row> = rows.iter().map(|&(role, status)| row(role, status)).collect();
-        tell(&mut rows, wanted, 0.05);
+        let mut rows: Vec<FoundDesign> = rows.iter().map(|&(role, status)| design(role, status)).collect();
+        report_shortage(&mut rows, wanted, 0.05);
         rows.into_iter().map(|row| row.status).collect()
     }
 

@@ -1,4 +1,4 @@
-//! Squares of the least width that may be turned over, where single units may not.
+//! Squares of the least width that may be flipped, where single units may not.
 
 use crate::pattern::CELLS;
 
@@ -27,15 +27,15 @@ impl Squares {
         }
     }
 
-    /// What turning each square on (or off) turns over: its units that are not so yet, with the sum of their gains, the most
+    /// What turning each square on (or off) flips: its units that are not so yet, with the sum of their gains, the most
     /// profitable first, at most so many.
     pub(super) fn best(&self, on: &[bool], gains: &[f64], state: bool, most: usize) -> Vec<(f64, Vec<usize>)> {
-        let turned = |square: &Vec<usize>| {
+        let flipped = |square: &Vec<usize>| {
             let units: Vec<usize> = square.iter().copied().filter(|&unit| on[unit] != state).collect();
             let gain: f64 = units.iter().map(|&unit| gains[unit]).sum();
             (!units.is_empty() && gain.is_finite()).then_some((gain, units))
         };
-        let mut best: Vec<(f64, Vec<usize>)> = self.squares.iter().filter_map(turned).collect();
+        let mut best: Vec<(f64, Vec<usize>)> = self.squares.iter().filter_map(flipped).collect();
         best.sort_by(|a, b| b.0.total_cmp(&a.0).then_with(|| a.1.cmp(&b.1)));
         best.dedup_by(|a, b| a.1 == b.1);
         best.truncate(most);

@@ -1,9 +1,8 @@
 //! What a design is for, as it stands in a pipeline.
 
-mod field;
-
+use super::field_file;
+use super::goal::{Aim, Goal, GoalError, Measure, Motion};
 use crate::base::{Canonical, Decimal, Dimension, Fields, InputError, Map, Node, Quantity, Schema};
-use crate::design::{Aim, Goal, GoalError, Measure, Motion};
 
 /// What a design is for: points, how each should move, and how that is measured.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -15,14 +14,14 @@ pub struct Objective {
 
 /// A point and how it should move, as written.
 #[derive(Clone, Debug, PartialEq, Eq)]
-struct AimText {
-    point: [Quantity; 2],
-    motion: MotionText,
-    weight: Decimal,
+pub(super) struct AimText {
+    pub(super) point: [Quantity; 2],
+    pub(super) motion: MotionText,
+    pub(super) weight: Decimal,
 }
 
 #[derive(Clone, Debug, PartialEq, Eq)]
-enum MotionText {
+pub(super) enum MotionText {
     Direction(Quantity),
     Displacement([Quantity; 2]),
 }
@@ -38,7 +37,7 @@ const MEASURES: [(&str, Measure); 3] = [
 const AIM_KEYS: [&str; 4] = ["point", "direction", "displacement", "weight"];
 
 /// Largest coordinate and displacement in mm.
-const LONGEST_MM: f64 = 1e4;
+pub(super) const LONGEST_MM: f64 = 1e4;
 
 impl Objective {
     /// Reads a point (`{ point, direction }`), points (`{ points: [{ point, direction, weight }, …] }`, or `displacement: [x, y]`
@@ -65,7 +64,7 @@ impl Objective {
                 let aim = |aim: &Node| read_aim(&aim.fields("a point of the objective", &AIM_KEYS)?);
                 aims.iter().map(aim).collect::<Result<_, _>>()?
             }
-            Some(_) => field::read(map.required(WHAT, "field")?)?,
+            Some(_) => field_file::read(map.required(WHAT, "field")?)?,
             None => vec![read_aim(&map)?],
         };
         let value = map.optional("value");

@@ -1,7 +1,7 @@
 //! The constraints of a design as they stand in a pipeline and, word for word the same, in an artifact.
 
+use super::{ConstraintError, Constraints, Limits, Region, Sides};
 use crate::base::{Canonical, Decimal, Dimension, Fields, InputError, Map, Node, NodeValue, Quantity, Schema};
-use crate::design::{ConstraintError, Constraints, Limits, Region, Sides};
 
 const KEYS: [&str; 6] = [
     "min_feature",
@@ -26,7 +26,7 @@ const MARGINS: [f64; 2] = [1.0, 1e3];
 
 /// What is asked of a design, as it was written, and what it means for the membrane.
 #[derive(Clone, Debug, PartialEq)]
-pub struct WantedConstraints {
+pub struct ConstraintParameters {
     written: Written,
     constraints: Constraints,
 }
@@ -49,7 +49,7 @@ enum Shape {
     Disc(Place, Quantity),
 }
 
-impl WantedConstraints {
+impl ConstraintParameters {
     /// Nothing asked.
     pub fn none() -> Self {
         Self {
@@ -101,7 +101,7 @@ impl WantedConstraints {
         })
     }
 
-    /// What [`WantedConstraints::read`] accepts.
+    /// What [`ConstraintParameters::read`] accepts.
     pub fn schema() -> Schema {
         let length = || Schema::quantity(Dimension::Length, LENGTHS[0], LENGTHS[1]);
         let place = || Schema::list(Schema::quantity(Dimension::Length, PLACES[0], PLACES[1]), 2, 2);
@@ -343,8 +343,8 @@ mod tests {
         Document::from_text(Path::new("t"), text).unwrap().root
     }
 
-    fn read(text: &str) -> Result<WantedConstraints, InputError> {
-        WantedConstraints::read(&node(text), 50.0)
+    fn read(text: &str) -> Result<ConstraintParameters, InputError> {
+        ConstraintParameters::read(&node(text), 50.0)
     }
 
     const RICH: &str = "{ min_feature: 2 mm, islands: 1, leads: [top, left], keep_out: [{ rectangle: [[0, 0], [5 mm, 0.5 cm]] }, \
@@ -365,8 +365,8 @@ mod tests {
                         [5 mm, 5 mm]] }, { disc: { centre: [25 mm, 25 mm], radius: 3 mm } }], breakdown_margin: 1.5, \
                         pull_in_margin: 1.2 }";
         assert_eq!(read(RICH).unwrap().to_text(), expected);
-        assert_eq!(WantedConstraints::none().to_text(), "{}");
-        assert_eq!(WantedConstraints::none(), read("{}").unwrap());
+        assert_eq!(ConstraintParameters::none().to_text(), "{}");
+        assert_eq!(ConstraintParameters::none(), read("{}").unwrap());
     }
 
     #[test]
@@ -441,6 +441,6 @@ mod tests {
         assert!(check(0.5).is_ok() && check(0.504).is_ok() && check(0.0).is_ok());
         assert!(check(0.6).unwrap_err().to_string().contains("leave 0.5000 at most"));
         assert!(check(0.02).unwrap_err().to_string().contains("the smallest electrode"));
-        assert!(WantedConstraints::none().check_area(&node("1"), 1.0, 0.0).is_ok());
+        assert!(ConstraintParameters::none().check_area(&node("1"), 1.0, 0.0).is_ok());
     }
 }

@@ -62,11 +62,11 @@ pub struct Goal {
 
 /// An aim in the units of the raster.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Placed {
+pub(in crate::design) struct Placed {
     /// Position in cells.
-    pub(super) point: [f64; 2],
+    pub(in crate::design) point: [f64; 2],
     /// Unit vector.
-    pub(super) direction: [f64; 2],
+    pub(in crate::design) direction: [f64; 2],
     /// Wanted displacement in mm; zero where as far as possible is wanted.
     wanted: [f64; 2],
     /// Share of all aims; they add up to 1.
@@ -158,7 +158,7 @@ impl Goal {
         self.area
     }
 
-    pub(super) fn aims(&self) -> &[Placed] {
+    pub(in crate::design) fn aims(&self) -> &[Placed] {
         &self.aims
     }
 
@@ -179,12 +179,12 @@ impl Goal {
     #[must_use]
     pub fn fitness(&self, pattern: &Pattern, field: &Field) -> f64 {
         let off = self.area.map_or(0.0, |area| (pattern.area_fraction() - area).abs());
-        1.0 - self.merit(field) + self.area_penalty * off
+        1.0 - self.score(field) + self.area_penalty * off
     }
 
     /// How good a field is, whatever the area of its pattern; larger is better.
     #[must_use]
-    pub fn merit(&self, field: &Field) -> f64 {
+    pub fn score(&self, field: &Field) -> f64 {
         match self.measure {
             Measure::Displacement => self.value_mm(field) / SCALE_MM,
             Measure::Distance => -self.distance(field) / SCALE_MM,
@@ -200,7 +200,7 @@ impl Goal {
         }
     }
 
-    /// The derivative of [`Goal::merit`] with respect to the displacement of each corner, per mm; zero where there is none.
+    /// The derivative of [`Goal::score`] with respect to the displacement of each corner, per mm; zero where there is none.
     #[must_use]
     pub fn slope(&self, field: &Field) -> Field {
         let mut slope = vec![0.0; CORNERS * CORNERS * 2];
@@ -292,7 +292,7 @@ impl Placed {
         [u[0] - self.wanted[0], u[1] - self.wanted[1]]
     }
 
-    /// The derivative of the merit, up to the weight, with respect to the displacement of the point.
+    /// The derivative of the score, up to the weight, with respect to the displacement of the point.
     fn gradient(&self, measure: Measure, field: &Field, distance: f64) -> [f64; 2] {
         match measure {
             Measure::Displacement => self.direction.map(|d| d / SCALE_MM),
@@ -464,7 +464,7 @@ mod tests {
             let moved = |at: usize, by: f64| {
                 let mut values = field.values().to_vec();
                 values[at] += by;
-                goal.merit(&Field::from_values(values).unwrap())
+                goal.score(&Field::from_values(values).unwrap())
             };
             let around = |x: usize, y: usize| (0..4).map(move |i| (y + i / 2) * 51 + x + i % 2);
             for at in around(25, 25)

@@ -1,19 +1,19 @@
-//! Finite elements that say how a design changes with its pattern, for climbs along the gradient.
+//! Finite elements that say how a field changes with its pattern, for searches along the gradient.
 
-use crate::fem::{MembraneSolver, Order, SetupError, SolveOptions};
+use super::{MembraneSolver, Order, SetupError, SolveOptions};
 use crate::field::{Differentiable, Field, PredictError, Predictor, Simulator, WithGradient};
 use crate::pattern::Pattern;
 use crate::scene::Scene;
 
 /// Newton's method on a mesh, with the adjoint.
-pub struct Physics {
+pub struct GradientEvaluator {
     solver: MembraneSolver,
     /// The same without wrinkling and fringe fields, where the scene has them: the energy is not linear in the activity of
     /// cells with them, and there is no adjoint. Its gradient says which cells to try; what they gain is simulated with them.
     plain: Option<MembraneSolver>,
 }
 
-impl Physics {
+impl GradientEvaluator {
     /// For a scene whose effects are decided.
     ///
     /// # Errors
@@ -36,7 +36,7 @@ impl Physics {
     }
 }
 
-impl Predictor for Physics {
+impl Predictor for GradientEvaluator {
     fn predict(&self, patterns: &[Pattern]) -> Result<Vec<Field>, PredictError> {
         let fields = self.predict_some(patterns)?.into_iter().enumerate();
         let missing = |at: usize| PredictError(format!("pattern {at} has no stable field"));
@@ -49,7 +49,7 @@ impl Predictor for Physics {
     }
 }
 
-impl Differentiable for Physics {
+impl Differentiable for GradientEvaluator {
     fn gradient(
         &self,
         pattern: &Pattern,

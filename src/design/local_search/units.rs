@@ -1,4 +1,4 @@
-//! What a climb turns on and off: the cells, or the coarser units of the genetic algorithm.
+//! What a local search turns on and off: the cells, or the coarser units of the genetic algorithm.
 
 use crate::pattern::{CELLS, Pattern};
 

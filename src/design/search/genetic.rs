@@ -1,0 +1,84 @@
+//! By the genetic algorithm, judged by one evaluator.
+
+use super::found::{Findings, FoundPattern, Role};
+use super::probe::{Evaluator, PATTERNS, Probe, References, cheapest_evaluator};
+use super::{Evaluators, Search, SearchError, SearchResult};
+use crate::design::evolve::{Setting, evolve, first_generation};
+use crate::design::genome::{Genome, UNITS};
+use crate::pattern::Pattern;
+
+impl Search<'_> {
+    pub(super) fn genetic(&self, evaluators: Evaluators) -> Result<SearchResult, SearchError> {
+        let (candidate, probes) = match evaluators {
+            Evaluators::Named(candidate) => (candidate, Vec::new()),
+            Evaluators::Cheapest(candidates) => self.cheapest(candidates)?,
+        };
+        let settings = candidate.settings;
+        let predictor = match candidate.predictor {
+            Ok(predictor) => predictor,
+            Err(why) => return Err(SearchError::Evaluator { settings, why }),
+        };
+        let setting = Setting {
+            predictor: predictor.as_ref(),
+            goal: &self.target.goal,
+            constraints: self.constraints,
+            feasibility: self.feasibility()?,
+        };
+        let evolution =
+            evolve(&setting, &self.options.evolve, self.progress).map_err(|source| SearchError::Evolve {
+                target: self.target.name.clone(),
+                source,
+            })?;
+        let found = evolution.winners.into_iter().enumerate();
+        let mut findings = Findings {
+            patterns: found
+                .map(|(member, winner)| FoundPattern {
+                    role: Role::Ga,
+                    units: UNITS,
+                    member,
+                    pattern: winner.pattern,
+                })
+                .collect(),
+            refinements: Vec::new(),
+            evaluations: evolution.evaluations,
+            generations: evolution.history,
+        };
+        if self.options.refine {
+            self.refine(&mut findings)?;
+        }
+        self.result(settings, predictor.as_ref(), findings, probes)
+    }
+
+    /// The cheapest evaluator that is accurate enough, and what each said of the patterns.
+    fn cheapest(&self, candidates: Vec<Evaluator>) -> Result<(Evaluator, Vec<Probe>), SearchError> {
+        let options = &self.options.evolve;
+        let count = options.population.min(PATTERNS);
+        let genomes = first_generation(self.target.area.fraction(), self.constraints, options.seed, count);
+        let patterns: Vec<Pattern> = genomes.iter().map(Genome::pattern).collect();
+        let (similar, values_mm) = self.similar_designs()?;
+        let references = References {
+            patterns: &similar,
+            values_mm: &values_mm,
+            value_mm: &|field| self.target.goal.value_mm(field),
+        };
+        let accuracy_mm = self.options.accuracy.value();
+        Ok(cheapest_evaluator(candidates, &patterns, &references, accuracy_mm)?)
+    }
+
+    /// Patterns similar to those that the search will find, with their displacements: errors on the best patterns differ from
+    /// those on random ones. They are the intuitive design, and where the gradient leads from it on the units of the genetic
+    /// algorithm.
+    fn similar_designs(&self) -> Result<(Vec<Pattern>, Vec<f64>), SearchError> {
+        let problem = self.problem_on(UNITS)?;
+        let intuitive = self.intuitive_start();
+        let followed = problem.follow_gradient(&intuitive, &|_| ())?;
+        let patterns: Vec<Pattern> = [intuitive]
+            .into_iter()
+            .chain(followed.map(|optimum| optimum.pattern))
+            .collect();
+        let fields = self.elements.gradient()?.predict_some(&patterns)?;
+        let known = patterns.into_iter().zip(fields);
+        let known = known.filter_map(|(pattern, field)| Some((pattern, self.target.goal.value_mm(&field?))));
+        Ok(known.unzip())
+    }
+}

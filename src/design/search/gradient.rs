@@ -1,0 +1,88 @@
+//! Along the gradient alone, from several starts: how good a design can be.
+
+use super::found::{Findings, Role};
+use super::{Search, SearchError, SearchResult};
+use crate::base::Stream;
+use crate::design::genome::Genome;
+use crate::design::local_search::{LocalOptimum, SearchProblem, SearchStep};
+use crate::pattern::Pattern;
+
+/// How coarse random starts are: a handful of regions.
+const START_GRAIN: usize = 6;
+
+/// How many of the best starts are finished by exchanges.
+const FINISHED: usize = 2;
+
+impl Search<'_> {
+    pub(super) fn along_gradient(&self) -> Result<SearchResult, SearchError> {
+        let elements = self.elements.gradient()?;
+        let mut findings = Findings::default();
+        let starts = self.starts();
+        let mut optima: Vec<Pattern> = Vec::new();
+        for member in 0..self.options.evolve.designs {
+            let Some(best) = self.best_of(&self.problem(&optima)?, &starts)? else {
+                if member > 0 {
+                    break;
+                }
+                let target = self.target.name.clone();
+                return Err(SearchError::NoStart { target });
+            };
+            optima.push(best.pattern.clone());
+            findings.add(Role::Optimum, member, self.options.units, best);
+        }
+        let settings = "method: newton, elements_per_cell: 1, order: 2".to_owned();
+        self.result(settings, elements, findings, Vec::new())
+    }
+
+    /// The best local optimum from some starts: the gradient is followed from all, and the best are finished by exchanges.
+    fn best_of(&self, problem: &SearchProblem<'_>, starts: &[Pattern]) -> Result<Option<LocalOptimum>, SearchError> {
+        let mut followed: Vec<LocalOptimum> = Vec::new();
+        for start in starts {
+            followed.extend(problem.follow_gradient(start, &self.report_step())?);
+            self.progress.searched();
+        }
+        // Starts that lead to the same pattern count once.
+        followed.sort_by(|a, b| b.score.total_cmp(&a.score));
+        followed.dedup_by(|a, b| a.pattern == b.pattern);
+        followed.truncate(FINISHED);
+        let mut best: Option<LocalOptimum> = None;
+        for first in followed {
+            let then = problem.refine(&first.pattern, &self.report_step())?;
+            let joined = then.map(|then| joined(first, then));
+            best = best
+                .into_iter()
+                .chain(joined)
+                .reduce(|a, b| if b.score > a.score { b } else { a });
+        }
+        self.progress.searched();
+        Ok(best)
+    }
+
+    /// The intuitive design, an empty membrane from which the gradient picks the best cells, and random coarse patterns.
+    fn starts(&self) -> Vec<Pattern> {
+        let area = self.target.area.fraction();
+        let drawn = |index: usize| match index {
+            0 => self.intuitive_start(),
+            1 => Pattern::from_fn(|_, _| false),
+            _ => {
+                let mut stream = Stream::new(self.options.evolve.seed, "start of a climb", index as u64);
+                let area = area.unwrap_or_else(|| stream.uniform());
+                Genome::random(area, START_GRAIN, &mut stream).pattern()
+            }
+        };
+        (0..self.options.starts).map(drawn).collect()
+    }
+}
+
+/// A local search that continued another one.
+fn joined(first: LocalOptimum, then: LocalOptimum) -> LocalOptimum {
+    let before = first.steps.last().map_or(0, |step| step.simulations);
+    let later = then.steps.iter().skip(1).map(|step| SearchStep {
+        simulations: before + step.simulations,
+        ..*step
+    });
+    LocalOptimum {
+        steps: first.steps.iter().copied().chain(later).collect(),
+        ..then
+    }
+}

@@ -1,0 +1,168 @@
+//! The search of one target: by the genetic algorithm, whose designs may be refined along the gradient, or along the gradient
+//! alone.
+
+mod found;
+mod genetic;
+mod gradient;
+mod probe;
+mod refine;
+mod shortage;
+
+pub use found::{FoundDesign, Refinement, Role, SearchResult};
+pub use probe::{Evaluator, Probe, References, cheapest_evaluator};
+
+use super::constraint::Constraints;
+use super::evolve::{EvolveError, Watch};
+use super::intuitive::Intuitive;
+use super::local_search::{SearchProblem, SearchStep};
+use super::options::{Method, SearchOptions};
+use super::target::Target;
+use crate::field::{Differentiable, Feasibility, PredictError};
+use crate::pattern::Pattern;
+
+/// One target, what its designs must keep to, and how they are searched.
+pub struct Search<'a> {
+    /// What is to be designed.
+    pub target: &'a Target,
+    /// What designs must keep to.
+    pub constraints: &'a Constraints,
+    /// How to search.
+    pub options: &'a SearchOptions,
+    /// Finite elements.
+    pub elements: &'a dyn Elements,
+    /// Follows the search.
+    pub progress: &'a dyn Progress,
+}
+
+/// Finite elements, set up when a search first needs them: one without refinement and without margins never does.
+pub trait Elements {
+    /// What predicts fields, and how they change with the pattern.
+    ///
+    /// # Errors
+    /// When the scene cannot be simulated.
+    fn gradient(&self) -> Result<&dyn Differentiable, SearchError>;
+
+    /// What checks the margins that the constraints ask for, if they ask for any.
+    ///
+    /// # Errors
+    /// When the scene cannot be simulated.
+    fn feasibility(&self) -> Result<Option<&dyn Feasibility>, SearchError>;
+}
+
+/// Follows a search.
+pub trait Progress: Watch {
+    /// After each step along the gradient.
+    fn step(&self, step: &SearchStep);
+
+    /// After each local search.
+    fn searched(&self);
+}
+
+/// What judges the patterns of the genetic algorithm.
+pub enum Evaluators {
+    /// This one.
+    Named(Evaluator),
+    /// The cheapest of these that is accurate enough: from the cheapest to the most expensive, the last being the reference.
+    Cheapest(Vec<Evaluator>),
+}
+
+/// Why a search has no result.
+#[derive(Debug, thiserror::Error)]
+pub enum SearchError {
+    /// The evaluator cannot be used.
+    #[error("{{ {settings} }}: {why}")]
+    Evaluator {
+        /// Its settings.
+        settings: String,
+        /// What is wrong with it.
+        why: String,
+    },
+    /// The finite elements cannot be set up.
+    #[error("{0}")]
+    Setup(String),
+    /// The genetic algorithm found nothing.
+    #[error("`{target}`: {source}")]
+    Evolve {
+        /// The target.
+        target: String,
+        /// Why not.
+        source: EvolveError,
+    },
+    /// A local search cannot start from the genetic algorithm's design.
+    #[error(
+        "`{target}`: the design cannot be refined: brought to the wanted area and the constraints it has no stable field"
+    )]
+    Refine {
+        /// The target.
+        target: String,
+    },
+    /// A local search cannot start from anywhere.
+    #[error(
+        "`{target}`: no pattern that was tried can be brought to the wanted area and the constraints and has a stable field"
+    )]
+    NoStart {
+        /// The target.
+        target: String,
+    },
+    /// A field cannot be predicted.
+    #[error(transparent)]
+    Predict(#[from] PredictError),
+}
+
+impl<'a> Search<'a> {
+    /// Searches by the method that the options name; `evaluators` judge patterns of the genetic algorithm.
+    ///
+    /// # Errors
+    /// When no evaluator can be used, or nothing that is tried has a field.
+    pub fn run(&self, evaluators: impl FnOnce() -> Evaluators) -> Result<SearchResult, SearchError> {
+        match self.options.method {
+            Method::Ga => self.genetic(evaluators()),
+            Method::Adjoint => self.along_gradient(),
+        }
+    }
+
+    /// What checks the margins, where any are asked for.
+    fn feasibility(&self) -> Result<Option<&'a dyn Feasibility>, SearchError> {
+        match self.constraints.limits().has_margins() {
+            true => self.elements.feasibility(),
+            false => Ok(None),
+        }
+    }
+
+    /// The problem of a local search for a design that differs from some others.
+    fn problem(&self, others: &[Pattern]) -> Result<SearchProblem<'a>, SearchError> {
+        let problem = self.problem_on(self.options.units)?;
+        Ok(problem
+            .with_feasibility(self.feasibility()?)
+            .distant_from(others, self.options.evolve.distance))
+    }
+
+    /// The same without margins and other designs, on so many units along a side.
+    fn problem_on(&self, units: usize) -> Result<SearchProblem<'a>, SearchError> {
+        Ok(SearchProblem::new(
+            self.elements.gradient()?,
+            &self.target.goal,
+            units,
+            self.area_range(),
+            self.constraints,
+        ))
+    }
+
+    /// The area fractions that a design may have.
+    fn area_range(&self) -> (f64, f64) {
+        let tolerance = self.options.tolerance.to_f64();
+        let around = |area: f64| (area - tolerance, area + tolerance);
+        self.target.area.fraction().map_or((0.0, 1.0), around)
+    }
+
+    fn report_step(&self) -> impl Fn(&SearchStep) {
+        |step: &SearchStep| self.progress.step(step)
+    }
+
+    /// The intuitive design at the wanted area, or at its own where any will do.
+    fn intuitive_start(&self) -> Pattern {
+        let intuitive = Intuitive::of(&self.target.goal);
+        let area = self.target.area.fraction();
+        area.map_or_else(|| intuitive.at_own_area(), |area| intuitive.at_area(area))
+    }
+}

@@ -1,0 +1,83 @@
+//! Refines designs of the genetic algorithm along the gradient.
+
+use super::found::{Findings, Role};
+use super::{Search, SearchError};
+use crate::base::Stream;
+use crate::design::local_search::LocalOptimum;
+use crate::pattern::Pattern;
+
+/// A design is weak when its score is behind the best by more than this share of it and more than this score (0.5 µm).
+const WEAK_SHARE: f64 = 0.008;
+const WEAK_SCORE: f64 = 2e-4;
+
+/// How often weak designs are replaced, and from how many perturbed patterns each time.
+const SWEEPS: usize = 2;
+const PERTURBATIONS: u64 = 4;
+
+/// A refined design, with its number.
+type Refined = (usize, LocalOptimum);
+
+impl Search<'_> {
+    /// Adds the refined forms of the designs that were found; each differs enough from those before.
+    pub(super) fn refine(&self, findings: &mut Findings) -> Result<(), SearchError> {
+        let mut refined: Vec<Refined> = Vec::new();
+        for found in &findings.patterns {
+            let problem = self.problem(&patterns(refined.iter()))?;
+            let optimum = problem.refine(&found.pattern, &self.report_step())?;
+            self.progress.searched();
+            match optimum {
+                Some(optimum) => refined.push((found.member, optimum)),
+                // Others of several designs may stand without one; their status tells that there are fewer.
+                None if found.member > 0 => {}
+                None => {
+                    let target = self.target.name.clone();
+                    return Err(SearchError::Refine { target });
+                }
+            }
+        }
+        for _ in 0..SWEEPS {
+            self.replace_weak_designs(&mut refined)?;
+        }
+        for (member, optimum) in refined {
+            findings.add(Role::Refined, member, self.options.units, optimum);
+        }
+        Ok(())
+    }
+
+    /// Searches the neighbourhood of the best of several designs for better ones in place of the weak ones.
+    fn replace_weak_designs(&self, refined: &mut [Refined]) -> Result<(), SearchError> {
+        let Some(best) = refined.iter().map(|(_, optimum)| optimum.score).reduce(f64::max) else {
+            return Ok(());
+        };
+        let leader = refined.iter().find(|(_, optimum)| optimum.score == best);
+        let leader = leader.map(|(_, optimum)| optimum.pattern.clone());
+        for at in 0..refined.len() {
+            let behind = best - refined[at].1.score;
+            let Some(leader) = leader
+                .as_ref()
+                .filter(|_| behind > (WEAK_SHARE * best.abs()).max(WEAK_SCORE))
+            else {
+                continue;
+            };
+            let others = refined.iter().enumerate().filter(|(other, _)| *other != at);
+            let problem = self.problem(&patterns(others.map(|(_, refined)| refined)))?;
+            let mut starts = vec![leader.clone()];
+            for draw in 0..PERTURBATIONS {
+                let index = (refined[at].0 as u64) * PERTURBATIONS + draw;
+                let mut stream = Stream::new(self.options.evolve.seed, "spread design", index);
+                starts.extend(problem.perturb(leader, &mut stream)?);
+            }
+            for start in starts {
+                let optimum = problem.refine(&start, &self.report_step())?;
+                if let Some(optimum) = optimum.filter(|optimum| optimum.score > refined[at].1.score) {
+                    refined[at].1 = optimum;
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+fn patterns<'a>(refined: impl Iterator<Item = &'a Refined>) -> Vec<Pattern> {
+    refined.map(|(_, optimum)| optimum.pattern.clone()).collect()
+}

@@ -1,0 +1,225 @@
+//! What judges the patterns of a search: a network, an estimate, or Newton's method.
+
+use std::fmt;
+
+use crate::base::{InputError, Node, Schema};
+use crate::design::{Evaluator, Evaluators};
+use crate::fem::SetupError;
+use crate::field::{Field, PredictError, Predictor};
+use crate::pattern::Pattern;
+use crate::scene::Scene;
+use crate::stage::method::Method;
+use crate::stage::solver::{Solver, SolverParameters, explained};
+use crate::surrogate::{NetworkKind, Surrogate};
+
+const ALLOWED: &str = "allowed: auto, surrogate, newton, linear, chord:N with N from 1 to 50";
+
+/// Elements along a side of a cell of the reference.
+const REFERENCE: u64 = 2;
+
+/// What a stage asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EvaluatorChoice {
+    /// The cheapest that is accurate enough.
+    Auto,
+    /// The network that the stage needs.
+    Surrogate,
+    /// A method on one bilinear element per cell.
+    Elements(Method),
+}
+
+impl EvaluatorChoice {
+    /// Reads a word.
+    ///
+    /// # Errors
+    /// When it is none of them.
+    pub fn read(node: &Node) -> Result<Self, InputError> {
+        let text = node.text("evaluator")?;
+        match text {
+            "auto" => Ok(Self::Auto),
+            "surrogate" => Ok(Self::Surrogate),
+            other => other.parse().map(Self::Elements).map_err(|_: String| {
+                let message = format!("`evaluator` cannot be {text:?}");
+                node.error(message).help(ALLOWED)
+            }),
+        }
+    }
+
+    /// What [`EvaluatorChoice::read`] accepts.
+    pub fn schema() -> Schema {
+        Schema::any_of([Schema::word(&["auto", "surrogate"]), Method::schema()])
+            .says("What judges patterns: the network, an estimate, Newton's method, or of these the cheapest that is accurate enough.")
+            .default("auto")
+    }
+}
+
+impl fmt::Display for EvaluatorChoice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Auto => f.write_str("auto"),
+            Self::Surrogate => f.write_str("surrogate"),
+            Self::Elements(method) => method.fmt(f),
+        }
+    }
+}
+
+/// A network as an evaluator.
+fn network(surrogate: Surrogate) -> Evaluator {
+    Evaluator {
+        settings: format!("network: {}", surrogate.kind().name()),
+        predictor: Ok(Box::new(surrogate)),
+    }
+}
+
+/// A method on bilinear elements as an evaluator.
+fn elements(scene: &Scene, method: Method, elements_per_cell: u64) -> Evaluator {
+    let parameters = SolverParameters::on_mesh(method, elements_per_cell, 1);
+    let ready = |solver| Box::new(Elements(solver)) as Box<dyn Predictor>;
+    Evaluator {
+        settings: parameters.to_string(),
+        predictor: parameters.build(scene).map(ready).map_err(|e| explained(&e)),
+    }
+}
+
+/// What judges the patterns of a search: what is chosen, or every evaluator in the order of its cost as `deaflow accuracy`
+/// measured it, the reference last. The order is fixed since times differ from run to run.
+pub fn evaluators(choice: EvaluatorChoice, scene: &Scene, surrogate: Option<Surrogate>) -> Evaluators {
+    match (choice, surrogate) {
+        (EvaluatorChoice::Elements(method), _) => Evaluators::Named(elements(scene, method, 1)),
+        (EvaluatorChoice::Surrogate, Some(surrogate)) => Evaluators::Named(network(surrogate)),
+        (EvaluatorChoice::Surrogate, None) => Evaluators::Named(Evaluator {
+            settings: choice.to_string(),
+            predictor: Err("the stage needs no network".to_owned()),
+        }),
+        (EvaluatorChoice::Auto, surrogate) => Evaluators::Cheapest(by_cost(scene, surrogate)),
+    }
+}
+
+fn by_cost(scene: &Scene, surrogate: Option<Surrogate>) -> Vec<Evaluator> {
+    let coarse = |method| elements(scene, method, 1);
+    let mut all = vec![
+        coarse(Method::Linear),
+        coarse(Method::Chord(1)),
+        coarse(Method::Chord(2)),
+        coarse(Method::Newton),
+    ];
+    if let Some(surrogate) = surrogate {
+        let place = match surrogate.kind() {
+            NetworkKind::Physics => 2,
+            NetworkKind::Qin2024 => all.len(),
+        };
+        all.insert(place, network(surrogate));
+    }
+    all.push(elements(scene, Method::Newton, REFERENCE));
+    all
+}
+
+/// Finite elements as a predictor.
+struct Elements(Solver);
+
+impl Predictor for Elements {
+    fn predict(&self, patterns: &[Pattern]) -> Result<Vec<Field>, PredictError> {
+        let fields = self.predict_some(patterns)?.into_iter().enumerate();
+        let missing = |at: usize| PredictError(format!("pattern {at} has no field"));
+        fields.map(|(at, field)| field.ok_or_else(|| missing(at))).collect()
+    }
+
+    fn predict_some(&self, patterns: &[Pattern]) -> Result<Vec<Option<Field>>, PredictError> {
+        let results = self
+            .0
+            .simulate(patterns)
+            .map_err(|e: SetupError| PredictError(explained(&e)))?;
+        Ok(results.into_iter().map(|result| result.simulation.field).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::base::Document;
+    use crate::design::{Constraints, Probe, References, cheapest_evaluator, first_generation};
+
+    #[test]
+    fn evaluators_are_read_as_they_are_written() {
+        let read = |text: &str| EvaluatorChoice::read(&Document::from_text(Path::new("e"), text).unwrap().root);
+        for text in ["auto", "surrogate", "linear", "chord:2", "newton"] {
+            assert_eq!(read(text).unwrap().to_string(), text);
+        }
+        assert!(read("surogate").is_err() && read("chord:0").is_err());
+    }
+
+    #[test]
+    fn estimates_give_no_field_where_there_is_none() {
+        let scene = Scene::vhb4910().at_voltage(10e3);
+        let patterns = [25, 0].map(|width| Pattern::from_fn(|x, _| x < width));
+        let linear = elements(&scene, Method::Linear, 1).predictor.unwrap();
+        let fields = linear.predict_some(&patterns).unwrap();
+        assert!(fields[0].is_none() && fields[1].is_some());
+        assert!(
+            linear
+                .predict(&patterns)
+                .unwrap_err()
+                .to_string()
+                .contains("pattern 0 has no field")
+        );
+        let hot = elements(&Scene::vhb4910().at_voltage(20e3), Method::Linear, 1);
+        assert!(hot.predictor.err().unwrap().contains("not stable"));
+    }
+
+    fn chosen(volts: f64, accuracy_mm: f64) -> (String, Vec<Probe>) {
+        let scene = Scene::vhb4910().at_voltage(volts);
+        let patterns: Vec<Pattern> = first_generation(Some(0.5), &Constraints::default(), 1, 8)
+            .iter()
+            .map(|genome| genome.pattern())
+            .collect();
+        let none = References {
+            patterns: &[],
+            values_mm: &[],
+            value_mm: &|_| 0.0,
+        };
+        let (evaluator, probes) = cheapest_evaluator(by_cost(&scene, None), &patterns, &none, accuracy_mm).unwrap();
+        (evaluator.settings, probes)
+    }
+
+    #[test]
+    fn the_cheapest_that_is_accurate_enough_is_taken() {
+        let (_, probes) = chosen(5250.0, 1.0);
+        let errors: Vec<f64> = probes.iter().map(|probe| probe.rmse_mm).collect();
+        assert!(errors[0] > 2.0 * errors[1] && errors[1] > errors[2], "{errors:?}");
+        assert_eq!(errors[4], 0.0, "the reference itself");
+        for (accuracy, place) in [(1.0, 0), (0.5 * (errors[0] + errors[1]), 1), (1e-9, 4)] {
+            assert_eq!(chosen(5250.0, accuracy).0, probes[place].settings, "{accuracy}");
+        }
+    }
+
+    #[test]
+    fn evaluators_that_are_blind_to_instability_are_not_taken() {
+        let (settings, probes) = chosen(6800.0, 10.0);
+        assert!(probes[0].disagree > 0, "{probes:?}");
+        assert!(settings.starts_with("method: newton"), "{settings}");
+    }
+
+    #[test]
+    fn an_evaluator_that_errs_where_designs_are_is_not_taken() {
+        let scene = Scene::vhb4910();
+        let patterns = [Pattern::from_fn(|x, y| (x * 7 + y * 3) % 5 < 2)];
+        let half = [Pattern::from_fn(|x, _| x < 25)];
+        let right = |field: &Field| field.at([25.0, 25.0])[0];
+        let chosen = |values_mm: &[f64]| {
+            let designs = References {
+                patterns: &half,
+                values_mm,
+                value_mm: &right,
+            };
+            cheapest_evaluator(by_cost(&scene, None), &patterns, &designs, 1.0).unwrap()
+        };
+        // H7: the half plane moves the centre by 2.119 mm; the linear response misses by several per cent.
+        let (evaluator, probes) = chosen(&[2.119]);
+        assert!(probes[0].design_error > 0.01 && probes[0].rmse_mm < 1.0, "{probes:?}");
+        assert!(!evaluator.settings.contains("linear"), "{}", evaluator.settings);
+        // Nothing is as wrong as that: the last is taken.
+        assert!(chosen(&[20.0]).0.settings.contains("elements_per_cell: 2"));
+    }
+}
