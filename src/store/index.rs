@@ -7,7 +7,7 @@
 //! next run some verifying.
 //!
 //! ```text
-//! "deaflow-index 1\n"
+//! "deaflow-index 2\n"
 //! number of listings; each: length, encoded datasets
 //! number of artifacts; each: digest, file digest, size, modified, changed, inode, noted, outline, number
 //! the parts of all manifests in the order of the artifacts
@@ -26,7 +26,7 @@ use super::seal::Seal;
 use super::stamp::{Stamp, Time};
 use crate::base::{Digest, decode, encode, read_bounded};
 
-const TITLE: &[u8; 16] = b"deaflow-index 1\n";
+const TITLE: &[u8; 16] = b"deaflow-index 2\n";
 const TRAILER: usize = 32;
 
 /// The index of some millions of artifacts; a longer one is none, bytes.
@@ -227,6 +227,7 @@ mod tests {
                 shape: vec![n, 2],
                 units: "mm".into(),
                 description: "d".into(),
+                axes: vec!["row".into(), "column".into()],
             }]))
         };
         let digest = |i: u8| Digest::of(&[i]);

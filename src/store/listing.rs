@@ -51,6 +51,8 @@ pub struct Content {
     pub units: String,
     /// What it is.
     pub description: String,
+    /// Names of its axes, slowest first; empty where they have none.
+    pub axes: Vec<String>,
 }
 
 impl Content {
@@ -86,6 +88,7 @@ pub fn of_object(object: &Object) -> Vec<Content> {
         shape: dataset.shape.clone(),
         units: dataset.units.clone(),
         description: dataset.description.clone(),
+        axes: dataset.axes.clone(),
     };
     object.datasets.iter().map(describe).collect()
 }

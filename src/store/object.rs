@@ -32,6 +32,8 @@ pub struct Dataset {
     pub units: String,
     /// One sentence for whoever opens the file.
     pub description: String,
+    /// Names of the axes, slowest first ("sample", "y", "x"); empty where they have none.
+    pub axes: Vec<String>,
     /// Extents, slowest first.
     pub shape: Vec<usize>,
     /// The elements.
@@ -70,6 +72,16 @@ pub enum ObjectError {
         path: String,
         /// The text.
         text: String,
+    },
+    /// Axes that cannot be named so.
+    #[error("dataset `{path}` has {extents} axes, and the names {axes:?} do not fit: one for each, all different, none empty")]
+    Axes {
+        /// Path of the dataset.
+        path: String,
+        /// The names.
+        axes: Vec<String>,
+        /// How many axes there are.
+        extents: usize,
     },
     /// A NaN or infinity: artifacts hold numbers only.
     #[error("dataset `{path}`: element {at} is not a finite number")]
@@ -163,18 +175,42 @@ impl Data {
 }
 
 impl Dataset {
-    /// A dataset from its parts.
+    /// A dataset from its parts, its axes without names.
     #[must_use]
     pub fn new(units: &str, description: &str, shape: &[usize], data: Data) -> Self {
         Self {
             units: units.to_owned(),
             description: description.to_owned(),
+            axes: Vec::new(),
             shape: shape.to_vec(),
             data,
         }
     }
 
+    /// The same with names for its axes, slowest first.
+    #[must_use]
+    pub fn with_axes(mut self, axes: &[&str]) -> Self {
+        self.axes = axes.iter().map(|&axis| axis.to_owned()).collect();
+        self
+    }
+
+    fn validate_axes(&self, path: &str) -> Result<(), ObjectError> {
+        let wrong = |(at, axis): (usize, &String)| {
+            axis.is_empty() || axis.contains(['/', '\0']) || self.axes[..at].contains(axis)
+        };
+        let count = self.axes.len();
+        if count > 0 && (count != self.shape.len() || self.axes.iter().enumerate().any(wrong)) {
+            return Err(ObjectError::Axes {
+                path: path.to_owned(),
+                axes: self.axes.clone(),
+                extents: self.shape.len(),
+            });
+        }
+        Ok(())
+    }
+
     fn validate(&self, path: &str) -> Result<(), ObjectError> {
+        self.validate_axes(path)?;
         let found = self.data.len();
         if self.shape.iter().product::<usize>() != found {
             return Err(ObjectError::Shape {
@@ -362,5 +398,10 @@ mod tests {
         assert!(matches!(bad.digest(), Err(ObjectError::Shape { .. })));
         let long = Object::default().with("x", Dataset::new("", "", &[1], Data::Text(vec!["é".repeat(33)])));
         assert!(matches!(long.digest(), Err(ObjectError::Text { .. })));
+        for axes in [&["x"][..], &["x", "x"], &["x", ""], &["x", "a/b"]] {
+            let data = Dataset::new("", "", &[1, 2], Data::U8(vec![1, 2]));
+            let named = Object::default().with("x", data.with_axes(axes));
+            assert!(matches!(named.digest(), Err(ObjectError::Axes { .. })), "{axes:?}");
+        }
     }
 }

@@ -12,7 +12,7 @@ use hdf5::{File, Group, LinkType};
 use super::error::StoreError;
 use super::listing::{Content, ElementType};
 use super::object::{Data, Dataset, TEXT_WIDTH};
-use super::write::TextCell;
+use super::write::{AXES, TextCell};
 use crate::base::Digest;
 
 /// Groups inside each other.
@@ -73,7 +73,13 @@ pub fn dataset(path: &Path, content: &Content) -> Result<Dataset, StoreError> {
             ElementType::F64 => Data::F64(found.read_raw()?),
             ElementType::Text => Data::Text(texts(&found)?),
         };
-        Ok(Dataset::new(&content.units, &content.description, &content.shape, data))
+        Ok(Dataset {
+            units: content.units.clone(),
+            description: content.description.clone(),
+            axes: content.axes.clone(),
+            shape: content.shape.clone(),
+            data,
+        })
     };
     read().map_err(StoreError::hdf5("read", path))
 }
@@ -165,14 +171,22 @@ fn list(group: &Group, prefix: &str, contents: &mut Vec<Content>) -> hdf5::Resul
 }
 
 fn describe(dataset: &hdf5::Dataset, path: String) -> hdf5::Result<Content> {
-    let attributes = attributes(dataset)?;
-    let text = |name: &str| attributes.get(name).cloned().unwrap_or_default();
+    let names = dataset.attr_names()?;
+    let text = |name: &str| match names.iter().any(|other| other == name) {
+        true => attribute(dataset, name),
+        false => Ok(String::new()),
+    };
+    let axes = match names.iter().any(|name| name == AXES) {
+        true => axes(dataset)?,
+        false => Vec::new(),
+    };
     Ok(Content {
         kind: element_type(&dataset.dtype()?.to_descriptor()?)
             .ok_or_else(|| format!("dataset `{path}` has a type that artifacts do not use"))?,
         shape: dataset.get_shape()?,
-        units: text("units"),
-        description: text("description"),
+        units: text("units")?,
+        description: text("description")?,
+        axes,
         path,
     })
 }
@@ -192,10 +206,23 @@ fn element_type(descriptor: &TypeDescriptor) -> Option<ElementType> {
 fn attributes(location: &hdf5::Location) -> hdf5::Result<BTreeMap<String, String>> {
     let mut out = BTreeMap::new();
     for name in location.attr_names()? {
-        let value: VarLenUnicode = location.attr(&name)?.read_scalar()?;
-        out.insert(name.clone(), utf8(value.as_bytes(), &name)?);
+        let value = attribute(location, &name)?;
+        out.insert(name, value);
     }
     Ok(out)
+}
+
+fn attribute(location: &hdf5::Location, name: &str) -> hdf5::Result<String> {
+    let value: VarLenUnicode = location.attr(name)?.read_scalar()?;
+    utf8(value.as_bytes(), name)
+}
+
+fn axes(dataset: &hdf5::Dataset) -> hdf5::Result<Vec<String>> {
+    let labels: Vec<VarLenUnicode> = dataset.attr(AXES)?.read_raw()?;
+    if labels.len() != dataset.ndim() {
+        return Err(format!("`{AXES}` has {} names for {} axes", labels.len(), dataset.ndim()).into());
+    }
+    labels.iter().map(|label| utf8(label.as_bytes(), AXES)).collect()
 }
 
 fn texts(dataset: &hdf5::Dataset) -> hdf5::Result<Vec<String>> {

@@ -22,7 +22,10 @@ fn chunk(first: u8, n: usize) -> Object {
     let texts: Vec<String> = (0..n).map(|i| format!("{}{}", "x".repeat(63), i % 10)).collect();
     let reals = numbers.iter().map(|&x| f64::from(x) / 3.0).collect();
     Object::default()
-        .with("patterns", Dataset::new("1", "Patterns", &[n, 2], Data::U8(numbers)))
+        .with(
+            "patterns",
+            Dataset::new("1", "Patterns", &[n, 2], Data::U8(numbers)).with_axes(&["sample", "x"]),
+        )
         .with(
             "deep/outcome",
             Dataset::new("", "Outcome of each", &[n], Data::Text(texts)),

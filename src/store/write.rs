@@ -18,6 +18,9 @@ use crate::base::Digest;
 /// One element of a text dataset.
 pub type TextCell = FixedUnicode<TEXT_WIDTH>;
 
+/// The attribute of a dataset that names its axes.
+pub const AXES: &str = "DIMENSION_LABELS";
+
 /// A chunk as a manifest sees it: its digest and what it holds.
 pub struct Part {
     /// The chunk.
@@ -73,9 +76,24 @@ pub(super) fn attribute(location: &hdf5::Location, name: &str, value: &str) -> h
     location.new_attr::<VarLenUnicode>().create(name)?.write_scalar(&value)
 }
 
-fn describe(dataset: &hdf5::Dataset, units: &str, description: &str) -> hdf5::Result<()> {
+fn describe(dataset: &hdf5::Dataset, units: &str, description: &str, axes: &[String]) -> hdf5::Result<()> {
     attribute(dataset, "units", units)?;
-    attribute(dataset, "description", description)
+    attribute(dataset, "description", description)?;
+    label(dataset, axes)
+}
+
+/// Names the axes as the specification of HDF5 dimension scales has it: one label for each.
+fn label(dataset: &hdf5::Dataset, axes: &[String]) -> hdf5::Result<()> {
+    if axes.is_empty() {
+        return Ok(());
+    }
+    let labels: Result<Vec<VarLenUnicode>, _> = axes.iter().map(|axis| axis.parse()).collect();
+    let labels = labels.map_err(|_| hdf5::Error::from("the name of an axis contains NUL"))?;
+    dataset
+        .new_attr::<VarLenUnicode>()
+        .shape(labels.len())
+        .create(AXES)?
+        .write_raw(&labels)
 }
 
 pub(super) fn write_dataset(group: &Group, name: &str, dataset: &Dataset) -> hdf5::Result<hdf5::Dataset> {
@@ -104,7 +122,7 @@ fn write_elements<T: H5Type>(
     if !elements.is_empty() {
         written.write_raw(elements)?;
     }
-    describe(&written, &dataset.units, &dataset.description)?;
+    describe(&written, &dataset.units, &dataset.description, &dataset.axes)?;
     Ok(written)
 }
 
@@ -146,7 +164,7 @@ fn write_virtual_of<T: H5Type>(group: &Group, first: &Content, parts: &[Part]) -
         start += shape[0];
     }
     let written = builder.create(first.path.as_str())?;
-    describe(&written, &first.units, &first.description)
+    describe(&written, &first.units, &first.description, &first.axes)
 }
 
 /// The chunk's file, seen from the folder of any other artifact.
