@@ -13,7 +13,7 @@ use super::locate;
 use super::output::{Exit, Output};
 use super::progress::{Bar, RunProgress, Shown};
 use super::run;
-use crate::base::{Override, Quantity};
+use crate::base::{ArtifactId, Override, Quantity};
 use crate::orchestrator::{Environment, Pipeline, RunOptions, Staleness, plan, run as run_pipeline};
 use crate::stage::audit::{self, Audited, Finding, Request, Severity};
 use crate::store::{Artifact, Store, StoreError};
@@ -225,7 +225,7 @@ fn current(pipeline: &Pipeline, store: &Store, name: &str) -> Result<Result<Arti
     }
 }
 
-fn verified(store: &Store, digest: &crate::base::Digest) -> Result<Artifact, StoreError> {
+fn verified(store: &Store, digest: &ArtifactId) -> Result<Artifact, StoreError> {
     let artifact = store.artifact(digest)?;
     artifact.chunks()?;
     Ok(artifact)

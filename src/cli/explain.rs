@@ -9,7 +9,7 @@ use super::arguments::{SetArguments, StoreArguments};
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::run;
-use crate::base::Digest;
+use crate::base::ArtifactId;
 use crate::orchestrator::{Explanation, explain};
 
 /// Say why a stage would be built: every parameter and input that has changed
@@ -38,10 +38,10 @@ pub fn execute(arguments: &ExplainArguments, output: &Output) -> Result<Exit, Cl
 }
 
 fn document(found: &Explanation) -> serde_json::Value {
-    let text = |digest: &Option<Digest>| digest.map(|digest| digest.to_string());
+    let text = |digest: &Option<ArtifactId>| digest.map(|digest| digest.to_string());
     json!({
         "stage": found.report,
-        "key": text(&found.key),
+        "key": found.key.map(|key| key.to_string()),
         "reasons": found.reasons.iter().map(ToString::to_string).collect::<Vec<_>>(),
         "inputs": found.inputs.iter().map(|(name, digest)| json!({ "stage": name, "digest": text(digest) })).collect::<Vec<_>>(),
         "last": found.last.as_ref().map(|last| json!({
@@ -71,7 +71,7 @@ fn text(found: &Explanation) -> String {
     if !found.inputs.is_empty() {
         lines.push("inputs:".to_owned());
         let known =
-            |digest: &Option<Digest>| digest.map_or_else(|| "yet to be built".to_owned(), |digest| digest.short());
+            |digest: &Option<ArtifactId>| digest.map_or_else(|| "yet to be built".to_owned(), |digest| digest.short());
         lines.extend(
             found
                 .inputs

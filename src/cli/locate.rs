@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::error::CliError;
-use crate::base::{Digest, nearest};
+use crate::base::{ArtifactId, nearest};
 use crate::orchestrator::{Environment, Pipeline, plan};
 use crate::stage;
 use crate::store::{Artifact, Store, StoreError};
@@ -48,7 +48,7 @@ pub fn split(reference: &str) -> Option<(&str, &str)> {
     (extension == "yaml" || extension == "yml").then_some((pipeline, stage))
 }
 
-fn of_pipeline(store: &Store, path: &Path, name: &str) -> Result<Digest, CliError> {
+fn of_pipeline(store: &Store, path: &Path, name: &str) -> Result<ArtifactId, CliError> {
     let pipeline = Pipeline::load(path, &[], &stage::registry())?;
     let stages = plan(&pipeline, store, Some(name), &Environment::system())?;
     let built = stages
@@ -62,12 +62,12 @@ fn of_pipeline(store: &Store, path: &Path, name: &str) -> Result<Digest, CliErro
 }
 
 /// The newest run that has a stage of that name.
-fn of_last_run(store: &Store, name: &str) -> Result<Option<Digest>, CliError> {
+fn of_last_run(store: &Store, name: &str) -> Result<Option<ArtifactId>, CliError> {
     let runs = store.runs()?;
     Ok(runs.iter().find_map(|run| run.stage(name)).map(|stage| stage.artifact))
 }
 
-fn of_digits(store: &Store, digits: &str) -> Result<Digest, CliError> {
+fn of_digits(store: &Store, digits: &str) -> Result<ArtifactId, CliError> {
     let hexadecimal = !digits.is_empty() && digits.chars().all(|c| c.is_ascii_hexdigit());
     if !hexadecimal {
         return Err(unknown(store, digits)?);
@@ -80,7 +80,7 @@ fn of_digits(store: &Store, digits: &str) -> Result<Digest, CliError> {
         [one] => Ok(*one),
         [] => Err(unknown(store, digits)?),
         several => {
-            let list: Vec<String> = several.iter().map(Digest::to_string).collect();
+            let list: Vec<String> = several.iter().map(ArtifactId::to_string).collect();
             Err(CliError::bad_input(format!("{} artifacts begin with {digits}", several.len())).help(list.join(", ")))
         }
     }

@@ -316,7 +316,7 @@ mod tests {
             outcome,
             chunks_built: 1,
             chunks_reused: 0,
-            digest: Some(crate::base::Digest::of(b"")),
+            digest: Some(crate::base::ArtifactId::of(b"")),
             seconds: 61.2,
             size: 0,
             size_built: 0,

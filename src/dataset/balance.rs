@@ -11,7 +11,7 @@ use super::histogram::{Bins, Histogram, Place};
 use super::level::quotas;
 use super::orbits::{Image, Orbit, orbits};
 use super::split::Split;
-use crate::base::{Digest, Stream};
+use crate::base::{OrbitId, Stream};
 use crate::field::Field;
 use crate::pattern::{Pattern, Symmetry};
 
@@ -54,7 +54,7 @@ pub struct Row {
     /// What carries the sample, pattern and field alike, to the row.
     pub symmetry: Symmetry,
     /// Identity shared by all images of the pattern.
-    pub orbit: Digest,
+    pub orbit: OrbitId,
     /// Which part of the dataset the orbit belongs to.
     pub split: Split,
     /// The bin of its largest displacement.

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
-use crate::base::Digest;
+use crate::base::OrbitId;
 use crate::pattern::{Pattern, Symmetry};
 
 /// One image of an orbit's pattern, and the sample that shows it.
@@ -23,7 +23,7 @@ pub(super) struct Image {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Orbit {
     /// What the images share.
-    pub(super) digest: Digest,
+    pub(super) digest: OrbitId,
     /// The different images, at most eight. The first is a sample as it was drawn.
     pub(super) images: Vec<Image>,
     /// Samples that repeat the pattern of an earlier one.
@@ -32,8 +32,8 @@ pub(super) struct Orbit {
 
 /// Sorts samples, given by index and pattern in increasing order of the index, into orbits, ordered by their first sample.
 pub(super) fn orbits(samples: &[(usize, &Pattern)]) -> Vec<Orbit> {
-    let keys: Vec<(Digest, Vec<Symmetry>)> = samples.par_iter().map(|(_, pattern)| key(pattern)).collect();
-    let mut members: BTreeMap<Digest, Vec<usize>> = BTreeMap::new();
+    let keys: Vec<(OrbitId, Vec<Symmetry>)> = samples.par_iter().map(|(_, pattern)| key(pattern)).collect();
+    let mut members: BTreeMap<OrbitId, Vec<usize>> = BTreeMap::new();
     for (at, (digest, _)) in keys.iter().enumerate() {
         members.entry(*digest).or_default().push(at);
     }
@@ -46,7 +46,7 @@ pub(super) fn orbits(samples: &[(usize, &Pattern)]) -> Vec<Orbit> {
 }
 
 /// The digest of a pattern's orbit, and one symmetry for each of its different images.
-fn key(pattern: &Pattern) -> (Digest, Vec<Symmetry>) {
+fn key(pattern: &Pattern) -> (OrbitId, Vec<Symmetry>) {
     let images = Symmetry::ALL.map(|g| pattern.transformed(g));
     let differing = Symmetry::ALL
         .into_iter()
@@ -55,7 +55,7 @@ fn key(pattern: &Pattern) -> (Digest, Vec<Symmetry>) {
     (pattern.orbit(), differing)
 }
 
-fn orbit(digest: Digest, symmetries: &[Symmetry], members: &[usize], samples: &[(usize, &Pattern)]) -> Orbit {
+fn orbit(digest: OrbitId, symmetries: &[Symmetry], members: &[usize], samples: &[(usize, &Pattern)]) -> Orbit {
     let (first, pattern) = samples[members[0]];
     let mut images: Vec<Image> = symmetries
         .iter()

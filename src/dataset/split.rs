@@ -3,7 +3,7 @@
 //! The split is a function of the orbit, so all eight images of one pattern stay on one side: a mirrored training
 //! pattern in the test set would flatter every metric.
 
-use crate::base::{Digest, Stream};
+use crate::base::{OrbitId, Stream};
 
 /// A part of a dataset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -22,7 +22,7 @@ impl Split {
 
     /// The part of an orbit under a seed.
     #[must_use]
-    pub fn of(orbit: &Digest, seed: u64) -> Self {
+    pub fn of(orbit: &OrbitId, seed: u64) -> Self {
         let word = u64::from_le_bytes(orbit.as_bytes()[..8].try_into().expect("a digest has 32 bytes"));
         match Stream::new(seed, "split", word).uniform() {
             u if u < 0.8 => Self::Train,

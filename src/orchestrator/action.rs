@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::base::{Canonical, Digest, EncodingError, encode};
+use crate::base::{ActionKey, ArtifactId, Canonical, EncodingError, encode};
 
 /// One piece of work: a stage, or a chunk of one.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -14,13 +14,13 @@ pub struct Action {
     /// Canonical parameters.
     pub parameters: Canonical,
     /// Digests of the artifacts to read, in order.
-    pub inputs: Vec<Digest>,
+    pub inputs: Vec<ArtifactId>,
 }
 
 impl Action {
     /// The action of a whole stage, or `None` while an input has yet to be built.
     #[must_use]
-    pub fn of_stage(kind: &str, recipe: u32, parameters: &Canonical, inputs: &[Option<Digest>]) -> Option<Self> {
+    pub fn of_stage(kind: &str, recipe: u32, parameters: &Canonical, inputs: &[Option<ArtifactId>]) -> Option<Self> {
         Some(Self {
             kind: kind.to_owned(),
             recipe,
@@ -31,7 +31,7 @@ impl Action {
 
     /// The action of a chunk, or `None` while an input has yet to be built.
     #[must_use]
-    pub fn of_chunk(kind: &str, recipe: u32, parameters: &Canonical, inputs: &[Option<Digest>]) -> Option<Self> {
+    pub fn of_chunk(kind: &str, recipe: u32, parameters: &Canonical, inputs: &[Option<ArtifactId>]) -> Option<Self> {
         Self::of_stage(&format!("{kind} chunk"), recipe, parameters, inputs)
     }
 
@@ -39,8 +39,8 @@ impl Action {
     ///
     /// # Errors
     /// When the parameters are larger than an encoding may be.
-    pub fn key(&self) -> Result<Digest, EncodingError> {
-        Ok(Digest::of(&encode(self)?))
+    pub fn key(&self) -> Result<ActionKey, EncodingError> {
+        Ok(ActionKey::of(&encode(self)?))
     }
 }
 
@@ -53,8 +53,8 @@ mod tests {
         let number = |n: u64| Canonical::from(n);
         let a = Canonical::map([("seed", number(1)), ("count", number(300))]);
         let b = Canonical::map([("count", number(300)), ("seed", number(1))]);
-        let one = Some(Digest::of(b"1"));
-        let two = Some(Digest::of(b"2"));
+        let one = Some(ArtifactId::of(b"1"));
+        let two = Some(ArtifactId::of(b"2"));
         let base = Action::of_stage("solve", 1, &a, &[one, two]).unwrap();
         let key = |action: Option<Action>| action.unwrap().key().unwrap();
         assert_eq!(

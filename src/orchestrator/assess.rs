@@ -12,7 +12,7 @@ use super::action::Action;
 use super::kind::{Chunk, Input, Plan};
 use super::spec::{Pipeline, StageSpec};
 use super::staleness::{Current, Staleness};
-use crate::base::{Canonical, Digest};
+use crate::base::{ActionKey, ArtifactId, Canonical};
 use crate::store::{Condition, Effort, Lookup, Object, Record, Run, RunStage, Store, StoreError};
 
 /// Files that one thread looks at sooner than another could be woken.
@@ -21,7 +21,7 @@ const FEW: usize = 64;
 /// What a stage would take.
 pub struct Assessment {
     /// Its action and key; unknown while an input has yet to be built.
-    pub action: Option<(Action, Digest)>,
+    pub action: Option<(Action, ActionKey)>,
     /// How its work divides.
     pub work: Plan,
     /// Whether its artifact is there.
@@ -35,7 +35,7 @@ pub enum State {
         /// The record that says so.
         record: Box<Record>,
         /// Its chunks, if it is a manifest.
-        parts: Vec<Digest>,
+        parts: Vec<ArtifactId>,
         /// Length of all its files, bytes.
         size: u64,
     },
@@ -46,14 +46,14 @@ pub enum State {
         /// The chunks, if the stage is chunked.
         chunks: Vec<ChunkState>,
         /// What building will make, where that is known.
-        expected: Option<Digest>,
+        expected: Option<ArtifactId>,
     },
 }
 
 /// Whether a chunk is there.
 pub struct ChunkState {
     /// Its action and key; unknown while an input has yet to be built.
-    pub action: Option<(Action, Digest)>,
+    pub action: Option<(Action, ActionKey)>,
     /// Its record, if it has been built before.
     pub record: Option<Record>,
     /// Whether what the record names is there and whole.
@@ -73,11 +73,11 @@ impl Assessment {
     pub fn as_input(&self) -> Input {
         match &self.state {
             State::Fresh { record, parts, .. } => {
-                let parts: Vec<Option<Digest>> = parts.iter().copied().map(Some).collect();
+                let parts: Vec<Option<ArtifactId>> = parts.iter().copied().map(Some).collect();
                 known(&self.work, Some(record.artifact), &parts)
             }
             State::Stale { chunks, expected, .. } => {
-                let parts: Vec<Option<Digest>> = chunks.iter().map(ChunkState::artifact).collect();
+                let parts: Vec<Option<ArtifactId>> = chunks.iter().map(ChunkState::artifact).collect();
                 known(&self.work, *expected, &parts)
             }
         }
@@ -85,7 +85,7 @@ impl Assessment {
 
     /// Its artifact, where that is known.
     #[must_use]
-    pub fn artifact(&self) -> Option<Digest> {
+    pub fn artifact(&self) -> Option<ArtifactId> {
         match &self.state {
             State::Fresh { record, .. } => Some(record.artifact),
             State::Stale { expected, .. } => *expected,
@@ -101,13 +101,13 @@ impl Assessment {
 
 impl ChunkState {
     /// What the chunk is, or will be once it has been built again.
-    fn artifact(&self) -> Option<Digest> {
+    fn artifact(&self) -> Option<ArtifactId> {
         self.record.as_ref().map(|record| record.artifact)
     }
 }
 
 /// What is known of a stage whose work divides so.
-pub fn known(work: &Plan, digest: Option<Digest>, parts: &[Option<Digest>]) -> Input {
+pub fn known(work: &Plan, digest: Option<ArtifactId>, parts: &[Option<ArtifactId>]) -> Input {
     let parts = match work {
         Plan::Whole { .. } => vec![(digest, 1)],
         Plan::Chunks(chunks) => parts
@@ -155,7 +155,7 @@ impl<'a> Surveyor<'a> {
     /// When the store cannot be read.
     pub fn assess(&self, index: usize, inputs: &[Input], effort: Effort) -> Result<Assessment, StoreError> {
         let spec = &self.pipeline.stages[index];
-        let digests: Vec<Option<Digest>> = inputs.iter().map(|input| input.digest).collect();
+        let digests: Vec<Option<ArtifactId>> = inputs.iter().map(|input| input.digest).collect();
         let parameters = spec.stage.parameters();
         let action = keyed(Action::of_stage(
             spec.kind.name(),
@@ -193,7 +193,7 @@ impl<'a> Surveyor<'a> {
         record: &Record,
         work: &Plan,
         effort: Effort,
-    ) -> Result<Result<(Vec<Digest>, u64), Staleness>, StoreError> {
+    ) -> Result<Result<(Vec<ArtifactId>, u64), Staleness>, StoreError> {
         let size = match self.looked(&record.artifact, effort)? {
             Ok(size) => size,
             Err(why) => return Ok(Err(why)),
@@ -215,7 +215,7 @@ impl<'a> Surveyor<'a> {
     }
 
     /// Length of an intact file in bytes, or why there is none.
-    fn looked(&self, digest: &Digest, effort: Effort) -> Result<Result<u64, Staleness>, StoreError> {
+    fn looked(&self, digest: &ArtifactId, effort: Effort) -> Result<Result<u64, Staleness>, StoreError> {
         let condition = self.store.inspect(digest, effort)?;
         Ok(match (&condition, Staleness::of_artifact(&condition)) {
             (_, Some(why)) => Err(why),
@@ -228,7 +228,7 @@ impl<'a> Surveyor<'a> {
         &self,
         spec: &StageSpec,
         parameters: &Canonical,
-        digests: &[Option<Digest>],
+        digests: &[Option<ArtifactId>],
     ) -> Result<Staleness, StoreError> {
         Ok(self.reasons(spec, parameters, digests)?.remove(0))
     }
@@ -241,10 +241,10 @@ impl<'a> Surveyor<'a> {
         &self,
         spec: &StageSpec,
         parameters: &Canonical,
-        digests: &[Option<Digest>],
+        digests: &[Option<ArtifactId>],
     ) -> Result<Vec<Staleness>, StoreError> {
         let names = spec.needs.iter().map(|&need| self.pipeline.stages[need].name.as_str());
-        let inputs: Vec<(&str, Option<Digest>)> = names.zip(digests.iter().copied()).collect();
+        let inputs: Vec<(&str, Option<ArtifactId>)> = names.zip(digests.iter().copied()).collect();
         let current = Current {
             recipe: spec.kind.recipe(),
             parameters,
@@ -295,7 +295,7 @@ impl<'a> Surveyor<'a> {
     }
 }
 
-fn keyed(action: Option<Action>) -> Result<Option<(Action, Digest)>, StoreError> {
+fn keyed(action: Option<Action>) -> Result<Option<(Action, ActionKey)>, StoreError> {
     action
         .map(|action| {
             let key = action.key()?;
@@ -305,8 +305,8 @@ fn keyed(action: Option<Action>) -> Result<Option<(Action, Digest)>, StoreError>
 }
 
 /// The manifest of chunks that have all been built before, though not under this key.
-fn foreseen(spec: &StageSpec, chunks: &[ChunkState]) -> Result<Option<Digest>, StoreError> {
-    let parts: Option<Vec<Digest>> = chunks.iter().map(ChunkState::artifact).collect();
+fn foreseen(spec: &StageSpec, chunks: &[ChunkState]) -> Result<Option<ArtifactId>, StoreError> {
+    let parts: Option<Vec<ArtifactId>> = chunks.iter().map(ChunkState::artifact).collect();
     match parts {
         Some(parts) if !parts.is_empty() => Ok(Some(manifest(spec, parts).digest()?)),
         _ => Ok(None),
@@ -314,6 +314,6 @@ fn foreseen(spec: &StageSpec, chunks: &[ChunkState]) -> Result<Option<Digest>, S
 }
 
 /// The artifact of a chunked stage.
-pub fn manifest(spec: &StageSpec, parts: Vec<Digest>) -> Object {
+pub fn manifest(spec: &StageSpec, parts: Vec<ArtifactId>) -> Object {
     Object::manifest(spec.stage.attributes().into_iter().collect(), parts)
 }

@@ -13,7 +13,7 @@ use super::kind::{Chunk, Job, Progress, StageError};
 use super::provenance::{Environment, Took};
 use super::scratch::Scratch;
 use super::spec::StageSpec;
-use crate::base::Digest;
+use crate::base::{ActionKey, ArtifactId};
 use crate::store::{Artifact, Condition, Effort, Guard, Lookup, Object, Record, Store, StoreError, Stored};
 
 /// What building needs beside the stage.
@@ -43,7 +43,7 @@ pub struct Done {
 struct Piece<'a> {
     spec: &'a StageSpec,
     action: &'a Action,
-    key: Digest,
+    key: ActionKey,
     chunk: Option<(usize, &'a Chunk)>,
 }
 
@@ -52,7 +52,7 @@ impl Builder<'_> {
     ///
     /// # Errors
     /// When the work fails or the store refuses.
-    pub fn whole(&self, spec: &StageSpec, action: &Action, key: Digest) -> Result<Done, StageError> {
+    pub fn whole(&self, spec: &StageSpec, action: &Action, key: ActionKey) -> Result<Done, StageError> {
         let piece = Piece {
             spec,
             action,
@@ -127,8 +127,8 @@ impl Builder<'_> {
         &self,
         spec: &StageSpec,
         action: &Action,
-        key: Digest,
-        parts: Vec<Digest>,
+        key: ActionKey,
+        parts: Vec<ArtifactId>,
         seconds: f64,
     ) -> Result<Record, StageError> {
         let took = Took {
@@ -212,7 +212,7 @@ impl Builder<'_> {
     }
 
     /// A damaged artifact is moved aside here, in case the rebuilt one has another digest and does not take its place.
-    fn built_meanwhile(&self, key: &Digest) -> Result<Option<Record>, StageError> {
+    fn built_meanwhile(&self, key: &ActionKey) -> Result<Option<Record>, StageError> {
         let Lookup::Found(record, _) = self.store.record(key)? else {
             return Ok(None);
         };
@@ -231,7 +231,7 @@ impl Builder<'_> {
         &self,
         spec: &StageSpec,
         action: &Action,
-        key: Digest,
+        key: ActionKey,
         object: &Object,
         took: Took,
         whole: bool,
@@ -253,7 +253,7 @@ impl Builder<'_> {
         Ok(record)
     }
 
-    fn record(&self, action: &Action, key: Digest, stored: &Stored, seconds: f64, unstable: u64) -> Record {
+    fn record(&self, action: &Action, key: ActionKey, stored: &Stored, seconds: f64, unstable: u64) -> Record {
         Record {
             key,
             kind: action.kind.clone(),

@@ -4,7 +4,7 @@ use serde::{Serialize, Serializer};
 
 use super::price::Price;
 use super::staleness::Staleness;
-use crate::base::Digest;
+use crate::base::ArtifactId;
 
 /// What became of a stage, or would.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -37,7 +37,7 @@ pub struct StageReport {
     pub chunks_reused: u64,
     /// Its artifact, where it is known.
     #[serde(serialize_with = "hexadecimal")]
-    pub digest: Option<Digest>,
+    pub digest: Option<ArtifactId>,
     /// What this run spent on it, s.
     pub seconds: f64,
     /// Length of its files together, bytes; 0 where they have yet to be built.
@@ -55,7 +55,7 @@ pub struct StageReport {
     pub staleness: Option<Staleness>,
 }
 
-fn hexadecimal<S: Serializer>(digest: &Option<Digest>, serializer: S) -> Result<S::Ok, S::Error> {
+fn hexadecimal<S: Serializer>(digest: &Option<ArtifactId>, serializer: S) -> Result<S::Ok, S::Error> {
     match digest {
         Some(digest) => serializer.collect_str(digest),
         None => serializer.serialize_none(),

@@ -15,7 +15,7 @@ use super::price::{Bill, Price};
 use super::provenance::Environment;
 use super::spec::{Pipeline, StageSpec};
 use super::staleness::Staleness;
-use crate::base::{Digest, InputError};
+use crate::base::{ArtifactId, InputError};
 use crate::store::{Effort, LockFile, LockedStage, Record, Run, RunStage, Store, StoreError};
 
 /// How to run.
@@ -354,7 +354,7 @@ impl Execution<'_> {
         spec: &StageSpec,
         assessment: &Assessment,
         report: &mut StageReport,
-    ) -> Result<(Record, Vec<Option<Digest>>), StageError> {
+    ) -> Result<(Record, Vec<Option<ArtifactId>>), StageError> {
         let (Some((action, key)), State::Stale { chunks: states, .. }) = (&assessment.action, &assessment.state) else {
             return Err(StageError::Failed("the stage is not ready to be built".into()));
         };
@@ -379,7 +379,7 @@ impl Execution<'_> {
                 .map(|done| (done.record, Vec::new()))
                 .ok_or_else(nothing);
         }
-        let parts: Vec<Digest> = done.iter().map(|done| done.record.artifact).collect();
+        let parts: Vec<ArtifactId> = done.iter().map(|done| done.record.artifact).collect();
         let seconds = done
             .iter()
             .filter(|done| done.built)

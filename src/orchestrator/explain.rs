@@ -6,7 +6,7 @@ use super::execute::RunError;
 use super::plan::{digests_of, reasons, report};
 use super::spec::Pipeline;
 use super::staleness::Staleness;
-use crate::base::Digest;
+use crate::base::{ActionKey, ArtifactId};
 use crate::store::Store;
 
 /// All that is known of one stage.
@@ -15,11 +15,11 @@ pub struct Explanation {
     /// The stage as in a plan.
     pub report: StageReport,
     /// Its action key; unknown while an input has yet to be built.
-    pub key: Option<Digest>,
+    pub key: Option<ActionKey>,
     /// Why it is stale; empty where it is not.
     pub reasons: Vec<Staleness>,
     /// The stages that it needs, with what they made, as far as that is known.
-    pub inputs: Vec<(String, Option<Digest>)>,
+    pub inputs: Vec<(String, Option<ArtifactId>)>,
     /// The run that it was last part of, and what it made then.
     pub last: Option<Last>,
 }
@@ -30,9 +30,9 @@ pub struct Last {
     /// When it ended.
     pub created: String,
     /// The action key then.
-    pub key: Digest,
+    pub key: ActionKey,
     /// The artifact then.
-    pub artifact: Digest,
+    pub artifact: ArtifactId,
 }
 
 /// Explains a stage.

@@ -7,7 +7,7 @@ use std::sync::{Mutex, PoisonError};
 
 use super::locked::Difference;
 use super::scratch::Scratch;
-use crate::base::{Canonical, Digest, Fields, InputError, Node, NodeValue};
+use crate::base::{ArtifactId, Canonical, Fields, InputError, Node, NodeValue};
 use crate::store::{Artifact, Object, ObjectError, StoreError};
 
 /// A kind of stage: `sample`, `solve`, …
@@ -124,10 +124,10 @@ pub trait Stage: Send + Sync {
 #[derive(Clone, Debug)]
 pub struct Input {
     /// Digest of the artifact.
-    pub digest: Option<Digest>,
+    pub digest: Option<ArtifactId>,
     /// Digests of its chunks, with the number of samples in each; the artifact itself, counted as one sample, where the
     /// stage is not chunked.
-    pub parts: Vec<(Option<Digest>, u64)>,
+    pub parts: Vec<(Option<ArtifactId>, u64)>,
 }
 
 /// How the work of a stage divides.
@@ -148,7 +148,7 @@ pub struct Chunk {
     /// Canonical parameters of the chunk's own action.
     pub parameters: Canonical,
     /// Digests of the artifacts that it reads; `None` where one has yet to be built.
-    pub inputs: Vec<Option<Digest>>,
+    pub inputs: Vec<Option<ArtifactId>>,
     /// Samples in it: its share of the progress bar.
     pub samples: u64,
 }

@@ -6,7 +6,7 @@
 use super::action::Action;
 use super::spec::{Pipeline, StageSpec};
 use super::staleness::{Current, Staleness};
-use crate::base::Digest;
+use crate::base::ArtifactId;
 use crate::store::{LockFile, LockedStage, Record, Store, StoreError};
 
 /// One way in which a pipeline, or what it made, is not what its lock file says.
@@ -71,10 +71,10 @@ fn other_key(
     locked: &LockedStage,
 ) -> Result<Option<Difference>, StoreError> {
     let needs = spec.needs.iter().map(|&need| pipeline.stages[need].name.as_str());
-    let inputs: Vec<(&str, Option<Digest>)> = needs
+    let inputs: Vec<(&str, Option<ArtifactId>)> = needs
         .map(|name| (name, lock.stages.get(name).map(|stage| stage.artifact)))
         .collect();
-    let digests: Vec<Option<Digest>> = inputs.iter().map(|(_, digest)| *digest).collect();
+    let digests: Vec<Option<ArtifactId>> = inputs.iter().map(|(_, digest)| *digest).collect();
     let parameters = spec.stage.parameters();
     let action = Action::of_stage(spec.kind.name(), spec.kind.recipe(), &parameters, &digests);
     let Some(key) = action.map(|action| action.key()).transpose()? else {

@@ -8,7 +8,7 @@ use super::kind::Plan;
 use super::provenance::Environment;
 use super::spec::{Pipeline, StageSpec};
 use super::staleness::Staleness;
-use crate::base::Digest;
+use crate::base::ArtifactId;
 use crate::store::{Store, StoreError};
 
 /// Says of each stage, in topological order, whether it would be built, why, and what that would take. `until` names the
@@ -40,7 +40,7 @@ pub fn plan(
 }
 
 /// What is known of the artifacts that a stage needs.
-pub fn digests_of(spec: &StageSpec, selection: &[usize], assessments: &[Assessment]) -> Vec<Option<Digest>> {
+pub fn digests_of(spec: &StageSpec, selection: &[usize], assessments: &[Assessment]) -> Vec<Option<ArtifactId>> {
     let digest = |need: &usize| {
         let at = selection.iter().position(|index| index == need);
         at.and_then(|at| assessments[at].artifact())
@@ -56,7 +56,7 @@ pub fn reasons(
     surveyor: &Surveyor<'_>,
     spec: &StageSpec,
     assessment: &Assessment,
-    inputs: &[Option<Digest>],
+    inputs: &[Option<ArtifactId>],
 ) -> Result<Vec<Staleness>, StoreError> {
     match &assessment.state {
         State::Fresh { .. } => Ok(Vec::new()),

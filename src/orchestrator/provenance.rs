@@ -3,7 +3,7 @@
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use super::action::Action;
-use crate::base::Digest;
+use crate::base::ActionKey;
 use crate::store::Provenance;
 
 /// Where and when a run takes place.
@@ -67,7 +67,7 @@ impl Environment {
 
     /// The provenance of what an action made in some seconds, with what it measured.
     #[must_use]
-    pub fn provenance(&self, action: &Action, key: Digest, took: Took) -> Provenance {
+    pub fn provenance(&self, action: &Action, key: ActionKey, took: Took) -> Provenance {
         Provenance {
             created: self.now(),
             host: self.host.clone(),

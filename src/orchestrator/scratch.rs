@@ -5,7 +5,7 @@
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use crate::base::Digest;
+use crate::base::ActionKey;
 use crate::store::{Store, StoreError};
 
 /// Keeping may take this part of the time at most.
@@ -14,7 +14,7 @@ const SHARE: u32 = 20;
 /// The scratch of one action.
 pub struct Scratch<'a> {
     store: &'a Store,
-    key: Digest,
+    key: ActionKey,
     build: String,
     warn: &'a (dyn Fn(String) + Sync),
     kept: Mutex<Kept>,
@@ -31,7 +31,7 @@ enum Kept {
 
 impl<'a> Scratch<'a> {
     /// The scratch of an action; `build` says which program can go on from what is kept.
-    pub(super) fn new(store: &'a Store, key: Digest, build: String, warn: &'a (dyn Fn(String) + Sync)) -> Self {
+    pub(super) fn new(store: &'a Store, key: ActionKey, build: String, warn: &'a (dyn Fn(String) + Sync)) -> Self {
         Self {
             store,
             key,
@@ -105,7 +105,7 @@ mod tests {
         let store = Store::open(folder.path()).unwrap();
         let warnings = Mutex::new(Vec::new());
         let warn = |text: String| warnings.lock().unwrap().push(text);
-        let scratch = |build: &str| Scratch::new(&store, Digest::of(b"key"), build.to_owned(), &warn);
+        let scratch = |build: &str| Scratch::new(&store, ActionKey::of(b"key"), build.to_owned(), &warn);
         assert_eq!(scratch("one").kept("state"), None);
         let first = scratch("one");
         first.keep("state", &|| Some(b"content".to_vec()));
@@ -122,7 +122,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let store = Store::open(folder.path()).unwrap();
         let warn = |text: String| panic!("{text}");
-        let scratch = Scratch::new(&store, Digest::of(b"key"), "build".to_owned(), &warn);
+        let scratch = Scratch::new(&store, ActionKey::of(b"key"), "build".to_owned(), &warn);
         let made = Mutex::new(0);
         let keep = || {
             scratch.keep("state", &|| {
@@ -143,7 +143,7 @@ mod tests {
         std::fs::write(folder.path().join("checkpoints"), "in the way").unwrap();
         let warnings = Mutex::new(Vec::new());
         let warn = |text: String| warnings.lock().unwrap().push(text);
-        let scratch = Scratch::new(&store, Digest::of(b"key"), "build".to_owned(), &warn);
+        let scratch = Scratch::new(&store, ActionKey::of(b"key"), "build".to_owned(), &warn);
         for _ in 0..2 {
             scratch.keep("state", &|| Some(vec![1]));
         }

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::base::{Canonical, Digest};
+use crate::base::{ArtifactId, Canonical};
 use crate::store::{Condition, Record, Run};
 
 /// Why a stage is stale.
@@ -59,7 +59,7 @@ pub struct Current<'a> {
     /// Canonical parameters.
     pub parameters: &'a Canonical,
     /// Names of the stages that it needs, with their digests as far as they are known.
-    pub inputs: &'a [(&'a str, Option<Digest>)],
+    pub inputs: &'a [(&'a str, Option<ArtifactId>)],
 }
 
 impl Staleness {
@@ -116,7 +116,7 @@ fn recipe_changed(now: u32, then: u32) -> Option<Staleness> {
     (now != then).then_some(Staleness::RecipeChanged { from: then, to: now })
 }
 
-fn inputs_changed(now: &[(&str, Option<Digest>)], then: &[Digest], run: Option<&Run>) -> Vec<Staleness> {
+fn inputs_changed(now: &[(&str, Option<ArtifactId>)], then: &[ArtifactId], run: Option<&Run>) -> Vec<Staleness> {
     let differing = now.iter().enumerate();
     let differing = differing.filter(|(i, (_, digest))| *digest != then.get(*i).copied() || digest.is_none());
     let differing = differing.map(|(_, (name, _))| (*name).to_owned());

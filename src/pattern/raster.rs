@@ -3,7 +3,7 @@
 use std::fmt;
 
 use super::symmetry::Symmetry;
-use crate::base::Digest;
+use crate::base::OrbitId;
 
 /// Cells along one side of the membrane. The source paper's membrane has 50 × 50.
 pub const CELLS: usize = 50;
@@ -104,9 +104,9 @@ impl Pattern {
 
     /// The identity shared by a pattern and its seven images: the digest of the smallest of the eight.
     #[must_use]
-    pub fn orbit(&self) -> Digest {
+    pub fn orbit(&self) -> OrbitId {
         let smallest = Symmetry::ALL.iter().map(|&g| self.transformed(g)).min();
-        Digest::of(&smallest.expect("there are eight symmetries").cells)
+        OrbitId::of(&smallest.expect("there are eight symmetries").cells)
     }
 }
 

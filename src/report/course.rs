@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use super::gather::{Made, ReportError};
-use crate::base::Digest;
+use crate::base::ArtifactId;
 use crate::orchestrator::{Pipeline, Rounds, StageReport};
 use crate::store::{Artifact, Cost, Run, Store};
 
@@ -33,7 +33,7 @@ pub struct StageFacts {
     /// Places of the stages that it waits for.
     pub needs: Vec<usize>,
     /// Its artifact; none where that has yet to be built.
-    pub digest: Option<Digest>,
+    pub digest: Option<ArtifactId>,
     /// Length of its files, bytes.
     pub bytes: u64,
     /// Why it has to be built; none where it is there.
@@ -136,7 +136,7 @@ impl Course {
     }
 }
 
-fn has(run: &Run, report: &StageReport, digest: &Digest) -> bool {
+fn has(run: &Run, report: &StageReport, digest: &ArtifactId) -> bool {
     run.stage(&report.name).is_some_and(|stage| stage.artifact == *digest)
 }
 

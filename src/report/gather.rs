@@ -12,7 +12,7 @@ use super::figures::{
     Membrane, Training, draw_accuracy, draw_agreement, draw_audit, draw_deformation, draw_evaluation, draw_evolution,
     draw_gallery, draw_histogram, draw_membrane, draw_training,
 };
-use crate::base::{Digest, Dimension, Document, InputError, Node};
+use crate::base::{ArtifactId, Dimension, Document, InputError, Node};
 use crate::store::{Artifact, Store, StoreError};
 
 /// What one stage of a run made.
@@ -23,7 +23,7 @@ pub struct Made {
     /// Its kind.
     pub kind: String,
     /// Its artifact.
-    pub digest: Digest,
+    pub digest: ArtifactId,
 }
 
 /// A figure or summary that could not be made.
@@ -38,7 +38,7 @@ pub enum ReportError {
         /// Name of the stage.
         stage: String,
         /// Its artifact.
-        digest: Digest,
+        digest: ArtifactId,
         /// What is wrong.
         reason: String,
     },

@@ -377,7 +377,7 @@ mod tests {
             let made = [("v", first), ("v-2", b"2")].map(|(stage, bytes)| Made {
                 stage: stage.into(),
                 kind: "verify".into(),
-                digest: Digest::of(bytes),
+                digest: crate::base::ArtifactId::of(bytes),
             });
             draw_by_round(&store, "p", &made, &found, &summaries).unwrap()
         };

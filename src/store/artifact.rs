@@ -11,14 +11,14 @@ use super::provenance;
 use super::read;
 use super::seal::Seal;
 use super::verified::Verified;
-use crate::base::Digest;
+use crate::base::{ArtifactId, FileDigest};
 
 /// A verified artifact. Cheap to clone; elements are read when asked for.
 #[derive(Clone)]
 pub struct Artifact(Arc<Inner>);
 
 struct Inner {
-    digest: Digest,
+    digest: ArtifactId,
     path: PathBuf,
     header: read::Header,
     verified: Arc<Verified>,
@@ -42,7 +42,7 @@ impl Artifact {
         Seal::is_at(path)
     }
 
-    pub(super) fn load(path: PathBuf, digest: Digest, verified: Arc<Verified>) -> Result<Self, StoreError> {
+    pub(super) fn load(path: PathBuf, digest: ArtifactId, verified: Arc<Verified>) -> Result<Self, StoreError> {
         verified.verify(&path, &digest)?;
         let header = read::header(&path)?;
         verified.describe(&digest, header.contents.clone(), header.parts.clone());
@@ -58,7 +58,7 @@ impl Artifact {
 
     /// Its digest.
     #[must_use]
-    pub fn digest(&self) -> Digest {
+    pub fn digest(&self) -> ArtifactId {
         self.0.digest
     }
 
@@ -72,7 +72,7 @@ impl Artifact {
     ///
     /// # Errors
     /// When the file is missing or damaged.
-    pub fn file_digest(&self) -> Result<Digest, StoreError> {
+    pub fn file_digest(&self) -> Result<FileDigest, StoreError> {
         Ok(self.0.verified.verify(&self.0.path, &self.0.digest)?.file)
     }
 
@@ -90,7 +90,7 @@ impl Artifact {
 
     /// Digests of the chunks, in order; none unless it is a manifest.
     #[must_use]
-    pub fn parts(&self) -> &[Digest] {
+    pub fn parts(&self) -> &[ArtifactId] {
         &self.0.header.parts
     }
 

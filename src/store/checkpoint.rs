@@ -22,7 +22,7 @@ use super::atomic;
 use super::error::StoreError;
 use super::layout::{files_in_optional, is_hidden};
 use super::open::Store;
-use crate::base::{Digest, open_regular};
+use crate::base::{ActionKey, Digest, open_regular};
 
 const TITLE: &str = "deaflow-checkpoint 1";
 
@@ -30,7 +30,7 @@ const TITLE: &str = "deaflow-checkpoint 1";
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Checkpoints {
     /// The action.
-    pub key: Digest,
+    pub key: ActionKey,
     /// Their folder.
     pub path: PathBuf,
     /// Length of their files together, bytes.
@@ -53,7 +53,7 @@ impl Store {
     ///
     /// # Errors
     /// When the system refuses (disk full); what was kept before stays then.
-    pub fn put_checkpoint(&self, key: &Digest, name: &str, build: &str, content: &[u8]) -> Result<(), StoreError> {
+    pub fn put_checkpoint(&self, key: &ActionKey, name: &str, build: &str, content: &[u8]) -> Result<(), StoreError> {
         let body = [origin(key, name, build).as_bytes(), content].concat();
         let head = format!("{TITLE}\n{}\n", Digest::of(&body));
         let temporary = self.temporary_file()?;
@@ -65,7 +65,7 @@ impl Store {
     ///
     /// # Errors
     /// When it is damaged, or of another action or build ([`StoreError::Damaged`]), or the system refuses.
-    pub fn checkpoint(&self, key: &Digest, name: &str, build: &str) -> Result<Option<Vec<u8>>, StoreError> {
+    pub fn checkpoint(&self, key: &ActionKey, name: &str, build: &str) -> Result<Option<Vec<u8>>, StoreError> {
         let path = self.layout.checkpoints_of(key).join(name);
         let Some(body) = body(&path)? else { return Ok(None) };
         let origin = origin(key, name, build);
@@ -82,7 +82,7 @@ impl Store {
     ///
     /// # Errors
     /// When the system refuses.
-    pub fn remove_checkpoints(&self, key: &Digest) -> Result<(), StoreError> {
+    pub fn remove_checkpoints(&self, key: &ActionKey) -> Result<(), StoreError> {
         remove(&self.layout.checkpoints_of(key))
     }
 
@@ -130,7 +130,7 @@ pub(super) fn remove(folder: &Path) -> Result<(), StoreError> {
     }
 }
 
-fn origin(key: &Digest, name: &str, build: &str) -> String {
+fn origin(key: &ActionKey, name: &str, build: &str) -> String {
     format!("{key}\n{name}\n{}\n", build.replace('\n', " "))
 }
 
@@ -154,11 +154,11 @@ fn body(path: &Path) -> Result<Option<Vec<u8>>, StoreError> {
     }
 }
 
-fn key_of(path: &Path) -> Option<Digest> {
+fn key_of(path: &Path) -> Option<ActionKey> {
     path.file_name()?.to_str()?.parse().ok().filter(|_| path.is_dir())
 }
 
-fn weigh(key: Digest, path: PathBuf) -> Result<Checkpoints, StoreError> {
+fn weigh(key: ActionKey, path: PathBuf) -> Result<Checkpoints, StoreError> {
     let mut checkpoints = Checkpoints {
         key,
         size: 0,
@@ -190,7 +190,7 @@ mod tests {
     #[test]
     fn what_was_kept_last_is_found_until_it_is_removed() {
         let (_folder, store) = store();
-        let (key, other) = (Digest::of(b"key"), Digest::of(b"other"));
+        let (key, other) = (ActionKey::of(b"key"), ActionKey::of(b"other"));
         assert_eq!(store.checkpoint(&key, "state", "b").unwrap(), None);
         for content in [&b"first"[..], b"second\nwith lines\n", b""] {
             store.put_checkpoint(&key, "state", "b", content).unwrap();
@@ -199,7 +199,7 @@ mod tests {
         assert_eq!(store.checkpoint(&key, "more", "b").unwrap(), None);
         assert_eq!(store.checkpoint(&other, "state", "b").unwrap(), None);
         store.put_checkpoint(&other, "state", "b", b"1234").unwrap();
-        let found: Vec<Digest> = store.checkpoints().unwrap().into_iter().map(|c| c.key).collect();
+        let found: Vec<ActionKey> = store.checkpoints().unwrap().into_iter().map(|c| c.key).collect();
         assert!(found.len() == 2 && found.contains(&key) && found.contains(&other));
         store.remove_checkpoints(&key).unwrap();
         store.remove_checkpoints(&key).unwrap();
@@ -210,11 +210,11 @@ mod tests {
     #[test]
     fn every_flipped_byte_is_noticed_and_so_is_the_work_of_others() {
         let (_folder, store) = store();
-        let (key, other) = (Digest::of(b"key"), Digest::of(b"other"));
+        let (key, other) = (ActionKey::of(b"key"), ActionKey::of(b"other"));
         store.put_checkpoint(&key, "state", "build 1", b"content").unwrap();
         let path = store.layout.checkpoints_of(&key).join("state");
         let bytes = fs::read(&path).unwrap();
-        let refused = |key: &Digest, name: &str, build: &str| {
+        let refused = |key: &ActionKey, name: &str, build: &str| {
             let found = store.checkpoint(key, name, build);
             matches!(found, Err(StoreError::Damaged { .. }))
         };
@@ -240,7 +240,7 @@ mod tests {
     #[test]
     fn the_check_of_the_store_finds_damaged_ones_and_collection_takes_old_ones() {
         let (folder, store) = store();
-        let [sound, damaged] = [b"1", b"2"].map(|k| Digest::of(k));
+        let [sound, damaged] = [b"1", b"2"].map(|k| ActionKey::of(k));
         for key in [&sound, &damaged] {
             store.put_checkpoint(key, "state", "b", b"content").unwrap();
         }
@@ -266,7 +266,7 @@ mod tests {
         let now = SystemTime::now();
         assert!(store.judge(&retention, now).unwrap().checkpoints.is_empty());
         let later = store.judge(&retention, now + 2 * hour).unwrap();
-        let going: Vec<Digest> = later.checkpoints.iter().map(|c| c.key).collect();
+        let going: Vec<ActionKey> = later.checkpoints.iter().map(|c| c.key).collect();
         assert!(going.contains(&sound));
         store.remove(&later, &|_, _| ()).unwrap();
         assert!(store.checkpoints().unwrap().is_empty());

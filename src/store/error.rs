@@ -4,7 +4,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::object::ObjectError;
-use crate::base::{Digest, EncodingError};
+use crate::base::{ArtifactId, EncodingError};
 
 /// A refusal by the store.
 #[derive(Debug, thiserror::Error)]
@@ -66,7 +66,7 @@ pub enum StoreError {
     #[error("artifact {digest} is missing: no {path}", digest = digest.short(), path = path.display())]
     Missing {
         /// Which artifact.
-        digest: Digest,
+        digest: ArtifactId,
         /// Where it should be.
         path: PathBuf,
     },
@@ -82,7 +82,7 @@ pub enum StoreError {
     #[error("artifact {digest} has no dataset `{dataset}`; it has: {known}", digest = digest.short())]
     NoDataset {
         /// Which artifact.
-        digest: Digest,
+        digest: ArtifactId,
         /// The wanted dataset.
         dataset: String,
         /// The datasets that it has.
@@ -92,7 +92,7 @@ pub enum StoreError {
     #[error("dataset `{dataset}` of artifact {digest} holds {found}, not {wanted}", digest = digest.short())]
     WrongType {
         /// Which artifact.
-        digest: Digest,
+        digest: ArtifactId,
         /// Which dataset.
         dataset: String,
         /// The type that was asked for.
@@ -114,13 +114,13 @@ pub enum StoreError {
         /// The pin or lock file.
         root: String,
         /// What is missing.
-        missing: Digest,
+        missing: ArtifactId,
     },
     /// Chunks that do not fit together.
     #[error("chunk {digest} does not fit the first chunk: {reason}", digest = digest.short())]
     Parts {
         /// The chunk that differs.
-        digest: Digest,
+        digest: ArtifactId,
         /// How.
         reason: String,
     },

@@ -14,7 +14,7 @@ use super::history;
 use super::layout::{files, files_in};
 use super::open::Store;
 use super::record::{self, Lookup};
-use crate::base::Digest;
+use crate::base::{ArtifactId, FileDigest};
 
 /// A file that was found damaged.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -31,7 +31,7 @@ pub struct Damage {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Absence {
     /// The artifact.
-    pub digest: Digest,
+    pub digest: ArtifactId,
     /// The manifest or record that names it.
     pub wanted_by: String,
 }
@@ -56,7 +56,7 @@ pub struct Report {
     /// The manifests and records that name them.
     dangling: BTreeSet<PathBuf>,
     /// Artifacts whose file is not the one that a record saw, though the content is right: rebuilt since.
-    pub rewritten: Vec<Digest>,
+    pub rewritten: Vec<ArtifactId>,
     /// Files that do not belong where they are.
     pub strays: Vec<PathBuf>,
     /// Files being written by processes at work, or left by dead ones while others work.
@@ -76,8 +76,8 @@ impl Report {
 /// A sound artifact, as later checks need it; of one that cannot be read nothing is known.
 #[derive(Default)]
 struct Sound {
-    file: Option<Digest>,
-    parts: Vec<Digest>,
+    file: Option<FileDigest>,
+    parts: Vec<ArtifactId>,
 }
 
 impl Store {
@@ -150,7 +150,7 @@ impl Store {
                 report.repaired.push(path.clone());
             }
             // A manifest that goes leaves a record behind that promises it.
-            let digest = path.file_stem().and_then(|stem| stem.to_str()?.parse::<Digest>().ok());
+            let digest = path.file_stem().and_then(|stem| stem.to_str()?.parse::<ArtifactId>().ok());
             gone.extend(digest.filter(|digest| self.layout.object(digest) == path));
             if open.is_empty() {
                 open = self.records_of(&std::mem::take(&mut gone))?;
@@ -160,7 +160,7 @@ impl Store {
     }
 
     /// Files of the records that name one of some artifacts.
-    fn records_of(&self, artifacts: &BTreeSet<Digest>) -> Result<Vec<PathBuf>, StoreError> {
+    fn records_of(&self, artifacts: &BTreeSet<ArtifactId>) -> Result<Vec<PathBuf>, StoreError> {
         let mut found = Vec::new();
         for path in files(&self.layout.records())? {
             let name = path.file_name().and_then(|name| name.to_str());
@@ -179,7 +179,7 @@ impl Store {
     fn check_object(
         &self,
         path: &Path,
-        sound: &mut BTreeMap<Digest, Sound>,
+        sound: &mut BTreeMap<ArtifactId, Sound>,
         report: &mut Report,
     ) -> Result<(), StoreError> {
         let name = path
@@ -271,7 +271,7 @@ impl Store {
 }
 
 /// Reads an artifact whole and digests its content anew, trusting nothing that this process has seen before.
-fn redigest(path: &Path, digest: &Digest) -> Result<Sound, StoreError> {
+fn redigest(path: &Path, digest: &ArtifactId) -> Result<Sound, StoreError> {
     let artifact = Artifact::load(path.to_owned(), *digest, Arc::default())?;
     let object = artifact.object()?;
     let found = object.digest()?;

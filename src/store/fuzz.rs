@@ -7,7 +7,7 @@ use proptest::test_runner::RngSeed;
 use tempfile::TempDir;
 
 use super::*;
-use crate::base::{Canonical, Digest, decode, encode};
+use crate::base::{ActionKey, ArtifactId, Canonical, Digest, FileDigest, decode, encode};
 
 fn config(cases: u32) -> ProptestConfig {
     ProptestConfig {
@@ -29,13 +29,13 @@ fn record() -> Record {
         ("text", "text".into()),
     ];
     Record {
-        key: Digest::of(b"key"),
+        key: ActionKey::of(b"key"),
         kind: "sample".into(),
         recipe: 1,
         parameters: Canonical::map(parameters),
-        inputs: vec![Digest::of(b"input")],
-        artifact: Digest::of(b"artifact"),
-        file_digest: Digest::of(b"file"),
+        inputs: vec![ArtifactId::of(b"input")],
+        artifact: ArtifactId::of(b"artifact"),
+        file_digest: FileDigest::of(b"file"),
         size: 600,
         seconds: 0.5,
         unstable: 0,
@@ -139,21 +139,21 @@ fn broken_files_of_runs_and_pins_are_passed_over() {
         stages: vec![RunStage {
             name: "s".into(),
             kind: "sample".into(),
-            key: Digest::of(b"key"),
-            artifact: Digest::of(b"artifact"),
+            key: ActionKey::of(b"key"),
+            artifact: ArtifactId::of(b"artifact"),
         }],
     };
     store.put_run(&run).unwrap();
     let path = store.run_files().unwrap().remove(0);
     let sound = fs::read(&path).unwrap();
-    let pin = store.layout.pins().join(Digest::of(b"artifact").to_string());
+    let pin = store.layout.pins().join(ArtifactId::of(b"artifact").to_string());
     fs::create_dir_all(pin.parent().unwrap()).unwrap();
     proptest!(config(400), |(edits in edits())| {
         let bytes = edited(&sound, &edits);
         fs::write(&path, &bytes).unwrap();
         fs::write(&pin, &bytes).unwrap();
         prop_assert!(store.runs().unwrap().len() <= 1);
-        prop_assert_eq!(store.pins().unwrap()[0].digest, Digest::of(b"artifact"));
+        prop_assert_eq!(store.pins().unwrap()[0].digest, ArtifactId::of(b"artifact"));
     });
     fs::write(&path, "[".repeat(1 << 20)).unwrap();
     assert!(store.runs().unwrap().is_empty());

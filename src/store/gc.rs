@@ -15,7 +15,7 @@ use super::history;
 use super::layout::files;
 use super::open::Store;
 use super::record::{self, Lookup};
-use crate::base::Digest;
+use crate::base::{ActionKey, ArtifactId};
 
 /// What to keep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,7 +30,7 @@ pub struct Retention {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Judged {
     /// The artifact.
-    pub digest: Digest,
+    pub digest: ArtifactId,
     /// Length of its file in bytes.
     pub size: u64,
     /// Kind of the stage that made it, where a record says so.
@@ -74,15 +74,15 @@ impl Collection {
 
 /// A record, as far as it matters here.
 struct Known {
-    key: Digest,
+    key: ActionKey,
     kind: String,
-    inputs: Vec<Digest>,
+    inputs: Vec<ArtifactId>,
 }
 
 /// Something that holds artifacts.
 struct Root {
     name: String,
-    artifacts: Vec<Digest>,
+    artifacts: Vec<ArtifactId>,
     hold: Hold,
 }
 
@@ -98,7 +98,7 @@ enum Hold {
 }
 
 /// Records by what they made.
-type Records = BTreeMap<Digest, Vec<Known>>;
+type Records = BTreeMap<ArtifactId, Vec<Known>>;
 
 impl Store {
     /// Says what stays and what goes. The store must have been opened by [`Store::open_alone`] for the answer to hold.
@@ -107,10 +107,10 @@ impl Store {
     /// When the system refuses, or something that a root reaches is damaged: what it needs is then not known.
     pub fn judge(&self, retention: &Retention, now: SystemTime) -> Result<Collection, StoreError> {
         let records = self.known_records()?;
-        let mut holders: BTreeMap<Digest, BTreeSet<String>> = BTreeMap::new();
+        let mut holders: BTreeMap<ArtifactId, BTreeSet<String>> = BTreeMap::new();
         for mut root in self.roots(retention)? {
             if root.hold == Hold::LockFile {
-                let built = |digest: &Digest| records.contains_key(digest) || self.layout.object(digest).exists();
+                let built = |digest: &ArtifactId| records.contains_key(digest) || self.layout.object(digest).exists();
                 root.artifacts.retain(built);
             }
             let (reached, missing) = self.reach(root.artifacts, &records)?;
@@ -127,7 +127,7 @@ impl Store {
         let mut collection = Collection::default();
         for path in files(&self.layout.objects())? {
             let name = path.file_stem().and_then(|stem| stem.to_str());
-            let digest = name.and_then(|name| name.parse::<Digest>().ok());
+            let digest = name.and_then(|name| name.parse::<ArtifactId>().ok());
             // A copy that somebody left beside an artifact is not that artifact.
             let Some(digest) = digest.filter(|digest| self.layout.object(digest) == path) else {
                 continue;
@@ -152,7 +152,7 @@ impl Store {
         }
         // What stays by its age alone may be a manifest: its chunks stay with it.
         self.keep_reached_by_young(&mut collection, &records)?;
-        let gone: BTreeSet<Digest> = collection.removed.iter().map(|judged| judged.digest).collect();
+        let gone: BTreeSet<ArtifactId> = collection.removed.iter().map(|judged| judged.digest).collect();
         collection.records = gone
             .iter()
             .filter_map(|digest| records.get(digest))
@@ -170,7 +170,7 @@ impl Store {
     /// # Errors
     /// When the system refuses; what is gone by then stays gone, and a further collection goes on.
     pub fn remove(&self, collection: &Collection, progress: &dyn Fn(u64, u64)) -> Result<(), StoreError> {
-        let gone: BTreeSet<Digest> = collection.removed.iter().map(|judged| judged.digest).collect();
+        let gone: BTreeSet<ArtifactId> = collection.removed.iter().map(|judged| judged.digest).collect();
         let records = self.known_records()?;
         for record in gone.iter().filter_map(|digest| records.get(digest)).flatten() {
             delete(&self.layout.record(&record.key))?;
@@ -180,7 +180,7 @@ impl Store {
         let manifests = gone
             .iter()
             .filter(|digest| self.parts(digest).is_ok_and(|parts| !parts.is_empty()));
-        let manifests: BTreeSet<Digest> = manifests.copied().collect();
+        let manifests: BTreeSet<ArtifactId> = manifests.copied().collect();
         let order = manifests.iter().chain(gone.difference(&manifests));
         for (done, digest) in order.enumerate() {
             progress(done as u64, total);
@@ -235,7 +235,7 @@ impl Store {
     }
 
     /// Everything that some artifacts need, themselves included, and what of it is missing: what that would need is not known.
-    fn reach(&self, artifacts: Vec<Digest>, records: &Records) -> Result<(BTreeSet<Digest>, Vec<Digest>), StoreError> {
+    fn reach(&self, artifacts: Vec<ArtifactId>, records: &Records) -> Result<(BTreeSet<ArtifactId>, Vec<ArtifactId>), StoreError> {
         let mut reached = BTreeSet::new();
         let mut missing = Vec::new();
         let mut open = artifacts;
@@ -257,7 +257,7 @@ impl Store {
                 // Its record is lost or damaged; what it was made from stands in itself too.
                 let provenance = self.artifact(&digest)?.provenance()?;
                 let inputs = provenance.get("inputs").map_or("", String::as_str).lines();
-                open.extend(inputs.filter_map(|input| input.parse::<Digest>().ok()));
+                open.extend(inputs.filter_map(|input| input.parse::<ArtifactId>().ok()));
             }
         }
         Ok((reached, missing))

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use super::atomic;
 use super::error::StoreError;
 use super::open::Store;
-use crate::base::{Digest, read_bounded};
+use crate::base::{ActionKey, ArtifactId, Digest, read_bounded};
 
 /// How many runs are remembered.
 const KEPT: usize = 50;
@@ -42,10 +42,10 @@ pub struct RunStage {
     pub kind: String,
     /// Its action key.
     #[serde(with = "hexadecimal")]
-    pub key: Digest,
+    pub key: ActionKey,
     /// Its artifact.
     #[serde(with = "hexadecimal")]
-    pub artifact: Digest,
+    pub artifact: ArtifactId,
 }
 
 impl Run {
@@ -179,15 +179,16 @@ fn remove(path: &std::path::Path) -> Result<(), StoreError> {
 
 /// Digests as people and other programs read them.
 mod hexadecimal {
+    use std::fmt::Display;
+    use std::str::FromStr;
+
     use serde::{Deserialize, Deserializer, Serializer, de::Error};
 
-    use crate::base::Digest;
-
-    pub fn serialize<S: Serializer>(digest: &Digest, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_str(digest)
+    pub fn serialize<T: Display, S: Serializer>(id: &T, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(id)
     }
 
-    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Digest, D::Error> {
+    pub fn deserialize<'de, T: FromStr<Err: Display>, D: Deserializer<'de>>(deserializer: D) -> Result<T, D::Error> {
         String::deserialize(deserializer)?.parse().map_err(D::Error::custom)
     }
 }

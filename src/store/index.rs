@@ -24,7 +24,7 @@ use std::sync::Arc;
 use super::listing::Content;
 use super::seal::Seal;
 use super::stamp::{Stamp, Time};
-use crate::base::{Digest, decode, encode, read_bounded};
+use crate::base::{ArtifactId, Digest, FileDigest, decode, encode, read_bounded};
 
 const TITLE: &[u8; 16] = b"deaflow-index 2\n";
 const TRAILER: usize = 32;
@@ -41,14 +41,14 @@ pub enum Outline {
     /// Datasets. Chunks that differ in nothing share one listing.
     Datasets(Arc<Vec<Content>>),
     /// The chunks of a manifest.
-    Manifest(Arc<Vec<Digest>>),
+    Manifest(Arc<Vec<ArtifactId>>),
 }
 
 /// One artifact.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Entry {
     /// BLAKE3 of its file as written.
-    pub file: Digest,
+    pub file: FileDigest,
     /// Its file when it was known to be sound.
     pub stamp: Stamp,
     /// When that was, by the clock of the file system.
@@ -59,7 +59,7 @@ pub struct Entry {
 
 impl Entry {
     /// The seal of the file.
-    pub fn seal(&self, content: Digest) -> Seal {
+    pub fn seal(&self, content: ArtifactId) -> Seal {
         Seal {
             content,
             file: self.file,
@@ -69,7 +69,7 @@ impl Entry {
 }
 
 /// The entries of an index by artifact.
-pub type Entries = HashMap<Digest, Entry>;
+pub type Entries = HashMap<ArtifactId, Entry>;
 
 /// The index in a file. Where there is none that is whole, nothing is known, and nothing is lost. Entries noted in the future
 /// are left out: the clock has been set back since, and what has changed since might carry the very time of before.
@@ -100,7 +100,7 @@ fn parse(bytes: &[u8]) -> Option<Entries> {
             (UNKNOWN, 0) => None,
             (DATASETS, at) => Some(Outline::Datasets(listings.get(usize::try_from(at).ok()?)?.clone())),
             (MANIFEST, count) => {
-                let parts: Option<Vec<Digest>> = (0..count).map(|_| reader.digest()).collect();
+                let parts: Option<Vec<ArtifactId>> = (0..count).map(|_| reader.artifact()).collect();
                 Some(Outline::Manifest(Arc::new(parts?)))
             }
             _ => return None,
@@ -116,7 +116,7 @@ fn parse(bytes: &[u8]) -> Option<Entries> {
     reader.0.is_empty().then_some(entries)
 }
 
-type Row = (Digest, Digest, Stamp, Time, (u64, u64));
+type Row = (ArtifactId, FileDigest, Stamp, Time, (u64, u64));
 
 /// The bytes that are still to be read.
 struct Reader<'a>(&'a [u8]);
@@ -136,12 +136,16 @@ impl<'a> Reader<'a> {
         Some(Digest::from_bytes(self.take(32)?.try_into().ok()?))
     }
 
+    fn artifact(&mut self) -> Option<ArtifactId> {
+        self.digest().map(ArtifactId::from)
+    }
+
     fn time(&mut self) -> Option<Time> {
         Some((self.number()?.cast_signed(), self.number()?.cast_signed()))
     }
 
     fn row(&mut self) -> Option<Row> {
-        let (digest, file) = (self.digest()?, self.digest()?);
+        let (digest, file) = (self.artifact()?, self.digest()?.into());
         let stamp = Stamp {
             size: self.number()?,
             modified: self.time()?,
@@ -155,7 +159,7 @@ impl<'a> Reader<'a> {
 /// The bytes of an index. Listings that cannot be encoded (larger than any record may be) are left out.
 pub fn write(entries: &Entries) -> Vec<u8> {
     let mut listings = Listings::default();
-    let mut sorted: Vec<(&Digest, &Entry)> = entries.iter().collect();
+    let mut sorted: Vec<(&ArtifactId, &Entry)> = entries.iter().collect();
     sorted.sort_unstable_by_key(|(digest, _)| **digest);
     let (mut rows, mut parts) = (Vec::<u8>::new(), Vec::<u8>::new());
     for (digest, entry) in sorted {
@@ -230,7 +234,7 @@ mod tests {
                 axes: vec!["row".into(), "column".into()],
             }]))
         };
-        let digest = |i: u8| Digest::of(&[i]);
+        let digest = |i: u8| ArtifactId::of(&[i]);
         let outlines = [
             Some(listing(1)),
             Some(listing(2)),
@@ -241,7 +245,7 @@ mod tests {
         let entry = |(i, outline)| {
             let i = i as u8;
             let entry = Entry {
-                file: digest(i + 100),
+                file: FileDigest::of(&[i + 100]),
                 stamp: Stamp {
                     size: u64::from(i),
                     modified: (-5, 7),

@@ -7,7 +7,7 @@
 use super::error::StoreError;
 use super::index::Outline;
 use super::open::Store;
-use crate::base::Digest;
+use crate::base::ArtifactId;
 
 /// State of an artifact.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -37,7 +37,7 @@ impl Store {
     ///
     /// # Errors
     /// When the system refuses, for instance for want of permission.
-    pub fn inspect(&self, digest: &Digest, effort: Effort) -> Result<Condition, StoreError> {
+    pub fn inspect(&self, digest: &ArtifactId, effort: Effort) -> Result<Condition, StoreError> {
         let path = self.layout.object(digest);
         let looked = match effort {
             Effort::Quick => self.verified.glance(&path, digest),
@@ -55,7 +55,7 @@ impl Store {
     ///
     /// # Errors
     /// When it has become unreadable since.
-    pub fn parts(&self, digest: &Digest) -> Result<Vec<Digest>, StoreError> {
+    pub fn parts(&self, digest: &ArtifactId) -> Result<Vec<ArtifactId>, StoreError> {
         match self.verified.outline(&self.layout.object(digest), digest)? {
             Outline::Manifest(parts) => Ok(parts.to_vec()),
             Outline::Datasets(_) => Ok(Vec::new()),
@@ -66,7 +66,7 @@ impl Store {
     ///
     /// # Errors
     /// When the system refuses.
-    pub fn quarantine_artifact(&self, digest: &Digest) -> Result<(), StoreError> {
+    pub fn quarantine_artifact(&self, digest: &ArtifactId) -> Result<(), StoreError> {
         self.verified.forget(digest);
         self.quarantine(&self.layout.object(digest)).map(|_| ())
     }

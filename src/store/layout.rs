@@ -21,7 +21,7 @@ use std::path::{Path, PathBuf};
 
 use super::atomic;
 use super::error::StoreError;
-use crate::base::{Digest, read_bounded};
+use crate::base::{ActionKey, ArtifactId, read_bounded};
 
 /// The line in the marker file.
 pub const FORMAT: &str = "deaflow-store 1";
@@ -102,7 +102,7 @@ impl Layout {
         atomic::write(&folder.path().join("format"), marker, format!("{FORMAT}\n").as_bytes())
     }
 
-    pub fn object(&self, digest: &Digest) -> PathBuf {
+    pub fn object(&self, digest: &ArtifactId) -> PathBuf {
         let name = digest.to_string();
         self.root.join("objects").join(&name[..2]).join(format!("{name}.h5"))
     }
@@ -111,7 +111,7 @@ impl Layout {
         self.root.join("objects")
     }
 
-    pub fn record(&self, key: &Digest) -> PathBuf {
+    pub fn record(&self, key: &ActionKey) -> PathBuf {
         let name = key.to_string();
         self.root.join("records").join(&name[..2]).join(name)
     }
@@ -124,7 +124,7 @@ impl Layout {
         self.root.join("checkpoints")
     }
 
-    pub fn checkpoints_of(&self, key: &Digest) -> PathBuf {
+    pub fn checkpoints_of(&self, key: &ActionKey) -> PathBuf {
         self.checkpoints().join(key.to_string())
     }
 
@@ -158,7 +158,7 @@ impl Layout {
 
     /// The lock of an action. Keys share 65,536 files, which stay: to make and remove a file for each chunk would cost more
     /// than to wait, now and then, for another.
-    pub fn action_lock(&self, key: &Digest) -> PathBuf {
+    pub fn action_lock(&self, key: &ActionKey) -> PathBuf {
         self.action_locks().join(&key.to_string()[..4])
     }
 

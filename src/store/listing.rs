@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::error::StoreError;
 use super::object::{Dataset, Object};
-use crate::base::Digest;
+use crate::base::ArtifactId;
 
 /// The element types of datasets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -97,7 +97,7 @@ pub fn of_object(object: &Object) -> Vec<Content> {
 ///
 /// # Errors
 /// When the chunks differ in anything but their first extents.
-pub fn concatenate<'a>(parts: impl IntoIterator<Item = (Digest, &'a [Content])>) -> Result<Vec<Content>, StoreError> {
+pub fn concatenate<'a>(parts: impl IntoIterator<Item = (ArtifactId, &'a [Content])>) -> Result<Vec<Content>, StoreError> {
     let mut whole: Option<Vec<Content>> = None;
     for (digest, contents) in parts {
         let refuse = |reason: String| StoreError::Parts { digest, reason };

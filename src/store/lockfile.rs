@@ -8,12 +8,13 @@ use std::fmt::Write as _;
 use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 use super::atomic;
 use super::error::StoreError;
 use super::layout::{files_in_optional, is_hidden};
 use super::open::Store;
-use crate::base::{Digest, Document, InputError, Node, read_bounded};
+use crate::base::{ActionKey, ArtifactId, Digest, Document, InputError, Node, ParseDigestError, read_bounded};
 
 const WHAT: &str = "a lock file";
 
@@ -35,9 +36,9 @@ pub struct LockFile {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LockedStage {
     /// Its action key.
-    pub key: Digest,
+    pub key: ActionKey,
     /// Its artifact.
-    pub artifact: Digest,
+    pub artifact: ArtifactId,
 }
 
 impl LockFile {
@@ -70,10 +71,9 @@ impl LockFile {
         let stages = entries.iter().map(|(name, stage)| {
             let name = name.text("a stage's name")?;
             let stage = stage.fields("a locked stage", &["key", "artifact"])?;
-            let digest = |field| digest(stage.required("a locked stage", field)?, field);
             let locked = LockedStage {
-                key: digest("key")?,
-                artifact: digest("artifact")?,
+                key: digest(stage.required("a locked stage", "key")?, "key")?,
+                artifact: digest(stage.required("a locked stage", "artifact")?, "artifact")?,
             };
             Ok((name.to_owned(), locked))
         });
@@ -111,7 +111,7 @@ impl LockFile {
     }
 }
 
-fn digest(node: &Node, field: &str) -> Result<Digest, InputError> {
+fn digest<T: FromStr<Err = ParseDigestError>>(node: &Node, field: &str) -> Result<T, InputError> {
     let text = node.text(field)?;
     text.parse().map_err(|error| {
         node.error(format!("`{field}` is no digest: {error}"))
@@ -228,8 +228,8 @@ mod tests {
 
     fn lock() -> LockFile {
         let stage = |text: &str| LockedStage {
-            key: Digest::of(text.as_bytes()),
-            artifact: Digest::of(b"artifact"),
+            key: ActionKey::of(text.as_bytes()),
+            artifact: ArtifactId::of(b"artifact"),
         };
         LockFile {
             pipeline: "a \"name\": # odd".into(),

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::listing::ElementType;
-use crate::base::{Digest, DigestWriter};
+use crate::base::{ArtifactId, DigestWriter};
 
 /// Bytes of one text element. Texts have a fixed width in files, so that virtual datasets can show chunks as one array.
 pub const TEXT_WIDTH: usize = 64;
@@ -49,7 +49,7 @@ pub struct Object {
     /// Arrays by path ("patterns", "unstable/patterns").
     pub datasets: BTreeMap<String, Dataset>,
     /// Digests of the chunks of a manifest, in order.
-    pub parts: Vec<Digest>,
+    pub parts: Vec<ArtifactId>,
 }
 
 /// Content that cannot be an artifact.
@@ -245,7 +245,7 @@ impl Dataset {
 impl Object {
     /// A manifest of parts.
     #[must_use]
-    pub fn manifest(attributes: BTreeMap<String, String>, parts: Vec<Digest>) -> Self {
+    pub fn manifest(attributes: BTreeMap<String, String>, parts: Vec<ArtifactId>) -> Self {
         Self {
             attributes,
             datasets: BTreeMap::new(),
@@ -332,7 +332,7 @@ impl Object {
     ///
     /// # Errors
     /// When the content cannot be an artifact.
-    pub fn digest(&self) -> Result<Digest, ObjectError> {
+    pub fn digest(&self) -> Result<ArtifactId, ObjectError> {
         self.validate()?;
         let mut writer = DigestWriter::new();
         writer.text("deaflow object 1").number(self.attributes.len() as u64);
@@ -356,7 +356,7 @@ impl Object {
         for part in &self.parts {
             writer.bytes(part.as_bytes());
         }
-        Ok(writer.finish())
+        Ok(writer.finish().into())
     }
 }
 

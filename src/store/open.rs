@@ -20,7 +20,7 @@ use super::provenance::Provenance;
 use super::seal::Seal;
 use super::verified::Verified;
 use super::write::{self, Part};
-use crate::base::Digest;
+use crate::base::{ArtifactId, FileDigest};
 
 /// An open store. Cheap to clone; while one is open, no collection runs.
 #[derive(Clone)]
@@ -35,9 +35,9 @@ pub struct Store {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stored {
     /// The artifact.
-    pub digest: Digest,
+    pub digest: ArtifactId,
     /// BLAKE3 of its file as written (after the user block).
-    pub file_digest: Digest,
+    pub file_digest: FileDigest,
     /// Length of its file in bytes.
     pub size: u64,
 }
@@ -120,7 +120,7 @@ impl Store {
 
     /// Has the index believe the file of an artifact as it is now, as if bytes had changed beneath the file system.
     #[cfg(test)]
-    pub(crate) fn believe(&self, digest: &Digest) {
+    pub(crate) fn believe(&self, digest: &ArtifactId) {
         Verified::believe(&self.layout.index(), &self.layout.object(digest), digest);
     }
 
@@ -153,7 +153,7 @@ impl Store {
     ///
     /// # Errors
     /// When it is missing or damaged.
-    pub fn artifact(&self, digest: &Digest) -> Result<Artifact, StoreError> {
+    pub fn artifact(&self, digest: &ArtifactId) -> Result<Artifact, StoreError> {
         Artifact::load(self.layout.object(digest), *digest, self.verified.clone())
     }
 
@@ -161,19 +161,19 @@ impl Store {
     ///
     /// # Errors
     /// When the system refuses.
-    pub fn find(&self, prefix: &str) -> Result<Vec<Digest>, StoreError> {
+    pub fn find(&self, prefix: &str) -> Result<Vec<ArtifactId>, StoreError> {
         let mut found = Vec::new();
         for path in files(&self.layout.objects())? {
             let stem = path.file_stem().unwrap_or_default().to_string_lossy();
             if stem.starts_with(prefix) {
-                found.extend(stem.parse::<Digest>());
+                found.extend(stem.parse::<ArtifactId>());
             }
         }
         found.sort_unstable();
         Ok(found)
     }
 
-    fn existing(&self, digest: &Digest) -> Result<Option<Stored>, StoreError> {
+    fn existing(&self, digest: &ArtifactId) -> Result<Option<Stored>, StoreError> {
         match self.verified.verify(&self.layout.object(digest), digest) {
             Ok(seal) => Ok(Some(seal.into())),
             Err(StoreError::Missing { .. }) => Ok(None),

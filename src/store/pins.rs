@@ -10,7 +10,7 @@ use super::atomic;
 use super::error::StoreError;
 use super::layout::{files_in_optional, is_hidden};
 use super::open::Store;
-use crate::base::{Digest, read_bounded};
+use crate::base::{ArtifactId, read_bounded};
 
 /// A label comes from the command line, which has at most so many bytes.
 const MAX_BYTES: u64 = 4 << 20;
@@ -19,7 +19,7 @@ const MAX_BYTES: u64 = 4 << 20;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Pin {
     /// The artifact.
-    pub digest: Digest,
+    pub digest: ArtifactId,
     /// Why it is kept, in the words of whoever pinned it.
     pub label: String,
     /// When it was pinned, in UTC, RFC 3339.
@@ -53,7 +53,7 @@ impl Store {
     ///
     /// # Errors
     /// When the system refuses.
-    pub fn unpin(&self, digest: &Digest) -> Result<bool, StoreError> {
+    pub fn unpin(&self, digest: &ArtifactId) -> Result<bool, StoreError> {
         let path = self.layout.pins().join(digest.to_string());
         match fs::remove_file(&path) {
             Ok(()) => Ok(true),
@@ -99,7 +99,7 @@ impl Store {
     pub(super) fn stray_pins(&self) -> Result<Vec<PathBuf>, StoreError> {
         let is_stray = |path: &PathBuf| {
             let name = path.file_name().and_then(|name| name.to_str());
-            !is_hidden(path) && name.is_none_or(|name| name.parse::<Digest>().is_err())
+            !is_hidden(path) && name.is_none_or(|name| name.parse::<ArtifactId>().is_err())
         };
         let files = files_in_optional(&self.layout.pins())?;
         Ok(files.into_iter().filter(is_stray).collect())

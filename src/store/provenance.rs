@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::base::Digest;
+use crate::base::{ActionKey, ArtifactId};
 
 /// The circumstances in which an artifact was made.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -18,7 +18,7 @@ pub struct Provenance {
     /// What the work took, s.
     pub seconds: f64,
     /// The action, if one made it.
-    pub action: Option<Digest>,
+    pub action: Option<ActionKey>,
     /// Kind of the stage.
     pub kind: String,
     /// RECIPE number of the kind.
@@ -26,7 +26,7 @@ pub struct Provenance {
     /// Canonical parameters as text.
     pub parameters: String,
     /// Digests of the artifacts that were read.
-    pub inputs: Vec<Digest>,
+    pub inputs: Vec<ArtifactId>,
     /// What was measured on the way by name, s: no two runs measure the same, so it cannot be content.
     pub measurements: Vec<(String, f64)>,
 }
@@ -35,7 +35,7 @@ impl Provenance {
     /// The attributes of `/provenance`.
     #[must_use]
     pub fn entries(&self) -> Vec<(&'static str, String)> {
-        let inputs: Vec<String> = self.inputs.iter().map(Digest::to_string).collect();
+        let inputs: Vec<String> = self.inputs.iter().map(ArtifactId::to_string).collect();
         let mut entries = vec![
             ("created", self.created.clone()),
             ("host", self.host.clone()),

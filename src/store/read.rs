@@ -13,7 +13,7 @@ use super::error::StoreError;
 use super::listing::{Content, ElementType};
 use super::object::{Data, Dataset, TEXT_WIDTH};
 use super::write::{AXES, TextCell};
-use crate::base::Digest;
+use crate::base::ArtifactId;
 
 /// Groups inside each other.
 const DEEPEST: u32 = 16;
@@ -23,7 +23,7 @@ pub struct Header {
     /// Content attributes.
     pub attributes: BTreeMap<String, String>,
     /// Digests of the chunks of a manifest.
-    pub parts: Vec<Digest>,
+    pub parts: Vec<ArtifactId>,
     /// Datasets in the order of their paths; of a manifest none, since its chunks have them.
     pub contents: Vec<Content>,
 }
@@ -40,7 +40,7 @@ pub fn header(path: &Path) -> Result<Header, StoreError> {
     let names = file.member_names().map_err(&failed)?;
     if names.iter().any(|name| name == "parts") {
         let parts = texts(&file.dataset("parts").map_err(&failed)?).map_err(&failed)?;
-        let parts: Result<Vec<Digest>, _> = parts.iter().map(|text| text.parse()).collect();
+        let parts: Result<Vec<ArtifactId>, _> = parts.iter().map(|text| text.parse()).collect();
         return Ok(Header {
             attributes,
             parts: parts.map_err(|error| StoreError::damaged(path, error.to_string()))?,

@@ -14,13 +14,13 @@ use super::atomic;
 use super::error::StoreError;
 use super::lock::{self, Guard};
 use super::open::Store;
-use crate::base::{Canonical, Digest, decode, encode, read_bounded};
+use crate::base::{ActionKey, ArtifactId, Canonical, Digest, FileDigest, decode, encode, read_bounded};
 
 /// What an action made.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Record {
     /// The action key.
-    pub key: Digest,
+    pub key: ActionKey,
     /// Kind of the stage.
     pub kind: String,
     /// RECIPE number of the kind.
@@ -28,11 +28,11 @@ pub struct Record {
     /// Canonical parameters.
     pub parameters: Canonical,
     /// Digests of the artifacts that were read.
-    pub inputs: Vec<Digest>,
+    pub inputs: Vec<ArtifactId>,
     /// The artifact that was made.
-    pub artifact: Digest,
+    pub artifact: ArtifactId,
     /// BLAKE3 of the artifact's file as it was written.
-    pub file_digest: Digest,
+    pub file_digest: FileDigest,
     /// Length of that file in bytes.
     pub size: u64,
     /// What the work took, s.
@@ -79,7 +79,7 @@ impl Store {
     ///
     /// # Errors
     /// When the system refuses; a damaged record is [`Lookup::Damaged`].
-    pub fn record(&self, key: &Digest) -> Result<Lookup, StoreError> {
+    pub fn record(&self, key: &ActionKey) -> Result<Lookup, StoreError> {
         read(&self.layout.record(key), key)
     }
 
@@ -116,7 +116,7 @@ impl Store {
     ///
     /// # Errors
     /// When the lock cannot be had.
-    pub fn lock_action(&self, key: &Digest) -> Result<Guard, StoreError> {
+    pub fn lock_action(&self, key: &ActionKey) -> Result<Guard, StoreError> {
         lock::exclusive(&self.layout.action_lock(key))
     }
 
@@ -124,12 +124,12 @@ impl Store {
     ///
     /// # Errors
     /// When the lock file cannot be opened.
-    pub fn try_lock_action(&self, key: &Digest) -> Result<Option<Guard>, StoreError> {
+    pub fn try_lock_action(&self, key: &ActionKey) -> Result<Option<Guard>, StoreError> {
         lock::try_exclusive(&self.layout.action_lock(key))
     }
 }
 
-pub(super) fn read(path: &Path, key: &Digest) -> Result<Lookup, StoreError> {
+pub(super) fn read(path: &Path, key: &ActionKey) -> Result<Lookup, StoreError> {
     let bytes = match read_bounded(path, MAX_BYTES) {
         Ok(bytes) => bytes,
         Err(error) => {
@@ -149,7 +149,7 @@ pub(super) fn read(path: &Path, key: &Digest) -> Result<Lookup, StoreError> {
     })
 }
 
-fn parse(bytes: &[u8], key: &Digest) -> Option<Record> {
+fn parse(bytes: &[u8], key: &ActionKey) -> Option<Record> {
     let (body, trailer) = bytes.split_at_checked(bytes.len().checked_sub(TRAILER)?)?;
     (Digest::of(body).as_bytes() == trailer).then_some(())?;
     let record: Record = decode(body).ok()?;

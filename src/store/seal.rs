@@ -9,7 +9,7 @@ use std::io::{ErrorKind, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
 use super::error::StoreError;
-use crate::base::{Digest, open_regular};
+use crate::base::{ArtifactId,  Digest, FileDigest, open_regular};
 
 /// Length of the user block in bytes: the least that HDF5 allows.
 pub const BLOCK: usize = 512;
@@ -20,9 +20,9 @@ const TITLE: &str = "deaflow-artifact 1";
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Seal {
     /// The artifact: the digest of the logical content.
-    pub content: Digest,
+    pub content: ArtifactId,
     /// BLAKE3 of all bytes after the user block.
-    pub file: Digest,
+    pub file: FileDigest,
     /// Length of the file in bytes, user block included.
     pub size: u64,
 }
@@ -49,7 +49,7 @@ impl Seal {
     }
 
     /// Seals a finished HDF5 file with an empty user block, and syncs it to disk.
-    pub fn write(path: &Path, content: Digest) -> Result<Self, StoreError> {
+    pub fn write(path: &Path, content: ArtifactId) -> Result<Self, StoreError> {
         let refused = |error| StoreError::io("seal", path)(error);
         let mut file = File::options().read(true).write(true).open(path).map_err(refused)?;
         let (digest, rest) = digest_rest(&mut file).map_err(refused)?;
@@ -117,9 +117,10 @@ fn open(path: &Path) -> Result<File, StoreError> {
 }
 
 /// Digest and number of the bytes after the user block.
-fn digest_rest(file: &mut File) -> std::io::Result<(Digest, u64)> {
+fn digest_rest(file: &mut File) -> std::io::Result<(FileDigest, u64)> {
     file.seek(SeekFrom::Start(BLOCK as u64))?;
     let mut hasher = blake3::Hasher::new();
     hasher.update_reader(file)?;
-    Ok((Digest::from_bytes(*hasher.finalize().as_bytes()), hasher.count()))
+    let digest = Digest::from_bytes(*hasher.finalize().as_bytes());
+    Ok((digest.into(), hasher.count()))
 }

@@ -70,7 +70,7 @@ fn count(folder: &std::path::Path) -> Result<u64, StoreError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::Digest;
+    use crate::base::ActionKey;
     use crate::store::{Object, Pin, Provenance};
 
     #[test]
@@ -84,7 +84,7 @@ mod tests {
         let digest = stored.digest;
         store.pin(&Pin { digest, label, created }).unwrap();
         fs::write(store.layout.quarantine().join("x"), "").unwrap();
-        let key = Digest::of(b"key");
+        let key = ActionKey::of(b"key");
         let held = store.lock_action(&key).unwrap();
         let expected = Survey {
             objects: 1,

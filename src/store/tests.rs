@@ -8,7 +8,7 @@ use std::path::Path;
 use tempfile::TempDir;
 
 use super::*;
-use crate::base::{Canonical, Digest};
+use crate::base::{ActionKey, ArtifactId, Canonical, Digest};
 
 fn store() -> (TempDir, Store) {
     let folder = tempfile::tempdir().unwrap();
@@ -36,11 +36,11 @@ fn chunk(first: u8, n: usize) -> Object {
         )
 }
 
-fn put(store: &Store, object: &Object) -> Digest {
+fn put(store: &Store, object: &Object) -> ArtifactId {
     store.put(object, &Provenance::default()).unwrap().digest
 }
 
-fn object_path(store: &Store, digest: &Digest) -> std::path::PathBuf {
+fn object_path(store: &Store, digest: &ArtifactId) -> std::path::PathBuf {
     let name = digest.to_string();
     store.root().join("objects").join(&name[..2]).join(format!("{name}.h5"))
 }
@@ -76,7 +76,7 @@ fn an_object_comes_back_as_it_was_put() {
 #[test]
 fn a_manifest_reads_as_its_chunks_laid_end_to_end() {
     let (_folder, store) = store();
-    let parts: Vec<Digest> = [chunk(0, 2), chunk(50, 0), chunk(4, 1)]
+    let parts: Vec<ArtifactId> = [chunk(0, 2), chunk(50, 0), chunk(4, 1)]
         .iter()
         .map(|c| put(&store, c))
         .collect();
@@ -208,11 +208,11 @@ fn looking_for_a_store_makes_none() {
 /// A record of an action that made `stored`.
 fn record(name: &str, stored: Stored) -> Record {
     Record {
-        key: Digest::of(name.as_bytes()),
+        key: ActionKey::of(name.as_bytes()),
         kind: "count".into(),
         recipe: 3,
         parameters: Canonical::map([("seed", Canonical::from(7u64))]),
-        inputs: vec![Digest::of(b"input")],
+        inputs: vec![ArtifactId::of(b"input")],
         artifact: stored.digest,
         file_digest: stored.file_digest,
         size: stored.size,
@@ -224,7 +224,7 @@ fn record(name: &str, stored: Stored) -> Record {
     }
 }
 
-fn record_path(store: &Store, key: &Digest) -> std::path::PathBuf {
+fn record_path(store: &Store, key: &ActionKey) -> std::path::PathBuf {
     let name = key.to_string();
     store.root().join("records").join(&name[..2]).join(name)
 }
@@ -360,8 +360,8 @@ fn run_at(second: u32, pipeline: &str, stage: &str, artifact: &str) -> Run {
         stages: vec![RunStage {
             name: stage.into(),
             kind: "count".into(),
-            key: Digest::of(b"key"),
-            artifact: Digest::of(artifact.as_bytes()),
+            key: ActionKey::of(b"key"),
+            artifact: ArtifactId::of(artifact.as_bytes()),
         }],
     }
 }
@@ -401,9 +401,9 @@ fn a_stage_is_found_by_its_name_in_the_last_run_that_had_it() {
         store.put_run(&run).unwrap();
     }
     let made = |pipeline| store.last_made("s", pipeline).unwrap().map(|stage| stage.artifact);
-    assert_eq!(made(None), Some(Digest::of(b"new")));
-    assert_eq!(made(Some("p")), Some(Digest::of(b"old")));
-    assert_eq!(made(Some("p.yaml")), Some(Digest::of(b"old")));
+    assert_eq!(made(None), Some(ArtifactId::of(b"new")));
+    assert_eq!(made(Some("p")), Some(ArtifactId::of(b"old")));
+    assert_eq!(made(Some("p.yaml")), Some(ArtifactId::of(b"old")));
     assert_eq!(made(Some("r")), None);
 }
 
@@ -454,7 +454,7 @@ fn everything_old() -> Retention {
     }
 }
 
-fn pinned(store: &Store, digest: Digest) {
+fn pinned(store: &Store, digest: ArtifactId) {
     let (label, created) = (String::new(), String::new());
     store.pin(&Pin { digest, label, created }).unwrap();
 }

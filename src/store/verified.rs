@@ -18,7 +18,7 @@ use super::listing::Content;
 use super::read;
 use super::seal::Seal;
 use super::stamp::{Stamp, Time, file_system_time, machine_time};
-use crate::base::Digest;
+use crate::base::ArtifactId;
 
 /// How a file is known to be sound.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -63,11 +63,11 @@ impl Place {
 
 #[derive(Default)]
 struct Memory {
-    known: HashMap<Digest, Known>,
+    known: HashMap<ArtifactId, Known>,
     /// Each listing once, however many chunks have it.
     listings: HashSet<Arc<Vec<Content>>>,
     /// Artifacts whose files are gone or not sound.
-    forgotten: HashSet<Digest>,
+    forgotten: HashSet<ArtifactId>,
     /// The file system's clock before the first file was digested.
     began: Option<Option<Time>>,
     changed: bool,
@@ -93,7 +93,7 @@ impl Verified {
     ///
     /// # Errors
     /// When it is missing, damaged, or another artifact.
-    pub fn verify(&self, path: &Path, digest: &Digest) -> Result<Seal, StoreError> {
+    pub fn verify(&self, path: &Path, digest: &ArtifactId) -> Result<Seal, StoreError> {
         let before = stamp(path, digest)?;
         if let Some(seal) = self.known(digest, &before) {
             return Ok(seal);
@@ -115,7 +115,7 @@ impl Verified {
     ///
     /// # Errors
     /// When it is missing, damaged, or another artifact.
-    pub fn glance(&self, path: &Path, digest: &Digest) -> Result<Seal, StoreError> {
+    pub fn glance(&self, path: &Path, digest: &ArtifactId) -> Result<Seal, StoreError> {
         match self.indexed(path, digest)? {
             Some(entry) => Ok(entry.seal(*digest)),
             None => self.verify(path, digest),
@@ -126,7 +126,7 @@ impl Verified {
     ///
     /// # Errors
     /// When it is missing, damaged, or another artifact.
-    pub fn outline(&self, path: &Path, digest: &Digest) -> Result<Outline, StoreError> {
+    pub fn outline(&self, path: &Path, digest: &ArtifactId) -> Result<Outline, StoreError> {
         let indexed = self.indexed(path, digest)?;
         if let Some(outline) = indexed.and_then(|entry| entry.outline.clone()) {
             return Ok(outline);
@@ -140,7 +140,7 @@ impl Verified {
     }
 
     /// Takes note of what stands in an artifact that has been verified.
-    pub fn describe(&self, digest: &Digest, contents: Vec<Content>, parts: Vec<Digest>) -> Outline {
+    pub fn describe(&self, digest: &ArtifactId, contents: Vec<Content>, parts: Vec<ArtifactId>) -> Outline {
         let mut memory = self.lock();
         let outline = if parts.is_empty() {
             let contents = Arc::new(contents);
@@ -164,7 +164,7 @@ impl Verified {
     }
 
     /// Takes note of a file that is gone or not sound, whatever the index says.
-    pub fn forget(&self, digest: &Digest) {
+    pub fn forget(&self, digest: &ArtifactId) {
         let mut memory = self.lock();
         memory.known.remove(digest);
         memory.forgotten.insert(*digest);
@@ -214,7 +214,7 @@ impl Verified {
 
     /// Writes the present stamp of a file into the index.
     #[cfg(test)]
-    pub fn believe(index: &Path, path: &Path, digest: &Digest) {
+    pub fn believe(index: &Path, path: &Path, digest: &ArtifactId) {
         let stamp = stamp(path, digest).unwrap();
         std::thread::sleep(stamp.settles_after());
         let mut entries = index::read(index, machine_time());
@@ -255,7 +255,7 @@ impl Verified {
     }
 
     /// What the index says of a file, if its stamp is the one that the index knows.
-    fn indexed(&self, path: &Path, digest: &Digest) -> Result<Option<&Entry>, StoreError> {
+    fn indexed(&self, path: &Path, digest: &ArtifactId) -> Result<Option<&Entry>, StoreError> {
         let Some(entry) = self.indexed.get(digest) else {
             return Ok(None);
         };
@@ -267,7 +267,7 @@ impl Verified {
 
     /// What this process knows of a file with this stamp. One that it has digested within a tick of its last change may
     /// have changed again in that tick.
-    fn known(&self, digest: &Digest, stamp: &Stamp) -> Option<Seal> {
+    fn known(&self, digest: &ArtifactId, stamp: &Stamp) -> Option<Seal> {
         let memory = self.lock();
         let known = memory.known.get(digest).filter(|known| known.stamp == *stamp)?;
         let settled = match known.witness {
@@ -302,7 +302,7 @@ impl Drop for Verified {
 }
 
 impl Memory {
-    fn insert(&mut self, digest: &Digest, witness: Witness, stamp: Stamp, seal: Seal, outline: Option<Outline>) {
+    fn insert(&mut self, digest: &ArtifactId, witness: Witness, stamp: Stamp, seal: Seal, outline: Option<Outline>) {
         self.changed = true;
         self.forgotten.remove(digest);
         let known = Known {
@@ -315,7 +315,7 @@ impl Memory {
     }
 }
 
-fn stamp(path: &Path, digest: &Digest) -> Result<Stamp, StoreError> {
+fn stamp(path: &Path, digest: &ArtifactId) -> Result<Stamp, StoreError> {
     match fs::metadata(path) {
         Ok(metadata) => Ok(Stamp::of(&metadata)),
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Err(StoreError::Missing {
@@ -326,7 +326,7 @@ fn stamp(path: &Path, digest: &Digest) -> Result<Stamp, StoreError> {
     }
 }
 
-fn named(path: &Path, digest: &Digest, seal: Seal) -> Result<Seal, StoreError> {
+fn named(path: &Path, digest: &ArtifactId, seal: Seal) -> Result<Seal, StoreError> {
     if seal.content == *digest {
         Ok(seal)
     } else {

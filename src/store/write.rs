@@ -13,7 +13,7 @@ use super::listing::{Content, ElementType};
 use super::object::{Data, Dataset, Object, TEXT_WIDTH};
 use super::provenance::Provenance;
 use super::seal::BLOCK;
-use crate::base::Digest;
+use crate::base::ArtifactId;
 
 /// One element of a text dataset.
 pub type TextCell = FixedUnicode<TEXT_WIDTH>;
@@ -24,7 +24,7 @@ pub const AXES: &str = "DIMENSION_LABELS";
 /// A chunk as a manifest sees it: its digest and what it holds.
 pub struct Part {
     /// The chunk.
-    pub digest: Digest,
+    pub digest: ArtifactId,
     /// Its datasets.
     pub contents: Arc<Vec<Content>>,
 }
@@ -63,8 +63,8 @@ pub fn write(path: &Path, object: &Object, parts: &[Part], provenance: &Provenan
     file.close()
 }
 
-fn digests(parts: &[Digest]) -> Dataset {
-    let texts: Vec<String> = parts.iter().map(Digest::to_string).collect();
+fn digests(parts: &[ArtifactId]) -> Dataset {
+    let texts: Vec<String> = parts.iter().map(ArtifactId::to_string).collect();
     let description = "Digests of the chunks, in order";
     Dataset::new("", description, &[texts.len()], Data::Text(texts))
 }
@@ -138,7 +138,7 @@ fn write_virtual(group: &Group, content: &Content, parts: &[Part]) -> hdf5::Resu
 }
 
 fn write_virtual_of<T: H5Type>(group: &Group, first: &Content, parts: &[Part]) -> hdf5::Result<()> {
-    let slabs: Vec<(&Digest, &[usize])> = parts
+    let slabs: Vec<(&ArtifactId, &[usize])> = parts
         .iter()
         .flat_map(|part| {
             let same = part.contents.iter().find(|content| content.path == first.path);
@@ -168,7 +168,7 @@ fn write_virtual_of<T: H5Type>(group: &Group, first: &Content, parts: &[Part]) -
 }
 
 /// The chunk's file, seen from the folder of any other artifact.
-fn source(digest: &Digest) -> String {
+fn source(digest: &ArtifactId) -> String {
     let name = digest.to_string();
     format!("../{}/{name}.h5", &name[..2])
 }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use crate::base::Digest;
+use crate::base::ArtifactId;
 use crate::cli::error::CliError;
 use crate::cli::table;
 use crate::report::figures::{Membrane, draw_audit, draw_membrane};
@@ -21,7 +21,7 @@ pub struct Answer {
     summary: Summary,
     lineage: Option<(usize, Vec<String>)>,
     /// The audit's artifact.
-    pub digest: Option<Digest>,
+    pub digest: Option<ArtifactId>,
     /// What it took, s.
     pub seconds: Option<f64>,
     /// The rows of the dataset, for figures.

@@ -3,7 +3,7 @@
 use super::diagnosis::on_the_frame;
 use super::rows::{Batch, Columns};
 use super::symmetric::{PROJECTIONS, Standing, asymmetry, projections};
-use crate::base::Digest;
+use crate::base::{Digest, OrbitId};
 use crate::field::{CORNERS, Field};
 use crate::pattern::{CELLS, Pattern};
 
@@ -66,7 +66,7 @@ pub struct Facts {
     /// Sides between an active and a bare cell: what a mesh has to resolve.
     pub edges: usize,
     /// Identity of the pattern, and the one that it shares with its images.
-    pub identity: Option<[Digest; 2]>,
+    pub identity: Option<(Digest, OrbitId)>,
     /// How far the field is from having the symmetries of its pattern, mm.
     pub asymmetry: f64,
     /// Projections of the field in the frame of the smallest image, mm.
@@ -88,7 +88,7 @@ impl Facts {
             peak: field.map_or(0.0, Field::max_magnitude),
             area: row.pattern.as_ref().map_or(0.0, Pattern::area_fraction),
             edges: row.pattern.as_ref().map_or(0, edges),
-            identity: standing.as_ref().map(|standing| [standing.pattern, standing.orbit]),
+            identity: standing.as_ref().map(|standing| (standing.pattern, standing.orbit)),
             asymmetry: 0.0,
             projections: [0.0; PROJECTIONS],
         };

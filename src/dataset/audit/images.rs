@@ -8,16 +8,16 @@ use super::finding::{Finding, Severity};
 use super::labels::{Judge, Label};
 use super::rows::{Columns, Mesh};
 use super::symmetric::{PROJECTIONS, distance};
-use crate::base::Digest;
+use crate::base::{Digest, OrbitId};
 
 /// Rows by orbit, in the order of their first row; rows without a pattern are left out.
 #[must_use]
 pub fn orbits(facts: &[Facts]) -> Vec<Vec<usize>> {
-    grouped(facts, |identity| identity[1])
+    grouped(facts, |(_, orbit)| *orbit)
 }
 
-fn grouped(facts: &[Facts], by: fn(&[Digest; 2]) -> Digest) -> Vec<Vec<usize>> {
-    let mut groups: BTreeMap<Digest, Vec<usize>> = BTreeMap::new();
+fn grouped<T: Ord>(facts: &[Facts], by: fn(&(Digest, OrbitId)) -> T) -> Vec<Vec<usize>> {
+    let mut groups: BTreeMap<T, Vec<usize>> = BTreeMap::new();
     for (index, identity) in facts.iter().enumerate() {
         if let Some(identity) = &identity.identity {
             groups.entry(by(identity)).or_default().push(index);
@@ -31,7 +31,7 @@ fn grouped(facts: &[Facts], by: fn(&[Digest; 2]) -> Digest) -> Vec<Vec<usize>> {
 /// Rows that repeat the pattern of an earlier row.
 #[must_use]
 pub fn repeats(facts: &[Facts]) -> Vec<usize> {
-    let groups = grouped(facts, |identity| identity[0]);
+    let groups = grouped(facts, |(pattern, _)| *pattern);
     let mut repeats: Vec<usize> = groups.iter().flat_map(|group| group[1..].iter().copied()).collect();
     repeats.sort_unstable();
     repeats

@@ -6,7 +6,7 @@
 
 use std::sync::OnceLock;
 
-use crate::base::{Digest, Stream};
+use crate::base::{Digest, OrbitId, Stream};
 use crate::field::{CORNERS, Field};
 use crate::pattern::{Pattern, Symmetry};
 
@@ -18,7 +18,7 @@ pub struct Standing {
     /// Identity of the pattern.
     pub pattern: Digest,
     /// Identity that it shares with its images.
-    pub orbit: Digest,
+    pub orbit: OrbitId,
     /// What carries it to the smallest of them.
     pub to_smallest: Symmetry,
     /// The symmetries, apart from the identity, that leave it as it is.
@@ -39,7 +39,7 @@ impl Standing {
         let own = (1..images.len()).filter(|&k| images[k] == images[0]);
         Self {
             pattern: Digest::of(pattern.cells()),
-            orbit: Digest::of(images[smallest].cells()),
+            orbit: OrbitId::of(images[smallest].cells()),
             to_smallest: Symmetry::ALL[smallest],
             stabiliser: own.map(|k| Symmetry::ALL[k]).collect(),
         }

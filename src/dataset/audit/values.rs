@@ -4,6 +4,7 @@
 use super::facts::Facts;
 use super::finding::{Finding, Severity};
 use super::rows::{Columns, Dataset};
+use crate::base::{Digest, OrbitId};
 
 /// Part of the largest displacement by which a stored maximum may differ from its field, and by which the frame may move.
 const EXACT: f64 = 1e-6;
@@ -56,9 +57,9 @@ pub fn findings(facts: &[Facts], columns: &Columns, rounding: f64) -> Vec<Findin
             "derived",
             Severity::Error,
             rows(&|i, f| {
-                let other = |identity: &[crate::base::Digest; 2]| {
+                let other = |(_, orbit): &(Digest, OrbitId)| {
                     let orbits = columns.orbit.as_ref();
-                    orbits.is_some_and(|orbits| orbits[i] != identity[1].to_string())
+                    orbits.is_some_and(|orbits| orbits[i] != orbit.to_string())
                 };
                 f.identity.as_ref().is_some_and(other)
             }),

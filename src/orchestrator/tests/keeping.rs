@@ -3,6 +3,7 @@
 use std::sync::atomic::Ordering;
 
 use super::*;
+use crate::base::ArtifactId;
 use crate::store::LockFile;
 
 /// `one` has a chunk that can be told to fail, `two` has not; `sum` needs `one`, `other` needs `two`.
@@ -125,12 +126,12 @@ fn an_artifact_that_differs_from_the_lock_file_ends_the_run() {
     // Keys are those of the pipeline; only the last artifact is said to be another.
     lock.target = "another kind of processor".into();
     let total = lock.stages.get_mut("total").unwrap();
-    total.artifact = Digest::of(b"something else");
+    total.artifact = ArtifactId::of(b"something else");
     for lab in [&lab, &Laboratory::new()] {
         let (outcome, log) = lab.run_with(PIPELINE, &[], &locked(&lock));
         assert_eq!(log.last().unwrap(), "failed total");
         let message = outcome.unwrap().failures[0].error.to_string();
-        assert!(message.contains(&Digest::of(b"something else").short()), "{message}");
+        assert!(message.contains(&ArtifactId::of(b"something else").short()), "{message}");
         assert!(message.contains("another kind of processor"), "{message}");
     }
 }

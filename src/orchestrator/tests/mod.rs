@@ -15,7 +15,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use tempfile::TempDir;
 
 use super::*;
-use crate::base::{Canonical, Digest, Document, Fields, InputError, Node, Override, Schema};
+use crate::base::{ArtifactId, Canonical, Document, Fields, InputError, Node, Override, Schema};
 use crate::store::{Artifact, Data, Dataset, Object, Store};
 
 /// Samples in a chunk of the toy kinds.
@@ -343,12 +343,12 @@ impl Laboratory {
         plan(&self.pipeline(PIPELINE, sets), &self.store(), None, &environment()).unwrap()
     }
 
-    fn digests(&self, sets: &[&str]) -> Vec<Option<Digest>> {
+    fn digests(&self, sets: &[&str]) -> Vec<Option<ArtifactId>> {
         let (outcome, _) = self.run_text(PIPELINE, sets);
         outcome.stages.iter().map(|stage| stage.digest).collect()
     }
 
-    fn object(&self, digest: &Digest) -> PathBuf {
+    fn object(&self, digest: &ArtifactId) -> PathBuf {
         self.store().artifact(digest).unwrap().path().to_owned()
     }
 }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::base::Digest;
+use crate::base::{ActionKey, ArtifactId};
 use crate::dataset::audit::{Finding, Severity};
 use crate::store::{Artifact, Lookup, Store, StoreError};
 
@@ -25,7 +25,7 @@ pub struct Lineage {
     /// Artifacts that were looked at, chunks included.
     pub artifacts: usize,
     /// Seeds by the digest of the samples that they gave.
-    pub seeds: BTreeMap<Digest, String>,
+    pub seeds: BTreeMap<ArtifactId, String>,
     /// What is wrong with it.
     pub findings: Vec<Finding>,
 }
@@ -67,7 +67,7 @@ pub fn trace(store: &Store, artifact: &Artifact) -> Result<Lineage, StoreError> 
 }
 
 /// What one artifact was made from, by its record.
-fn step(store: &Store, artifact: &Artifact, lineage: &mut Lineage) -> Result<Vec<Digest>, StoreError> {
+fn step(store: &Store, artifact: &Artifact, lineage: &mut Lineage) -> Result<Vec<ArtifactId>, StoreError> {
     let provenance = artifact.provenance()?;
     let text = |name: &str| provenance.get(name).map_or("", String::as_str);
     let short = artifact.digest().short();
@@ -77,7 +77,7 @@ fn step(store: &Store, artifact: &Artifact, lineage: &mut Lineage) -> Result<Vec
             .findings
             .push(Finding::whole("provenance", Severity::Error, message));
     };
-    let Ok(key) = text("action").parse::<Digest>() else {
+    let Ok(key) = text("action").parse::<ActionKey>() else {
         wrong("no action made it".to_owned());
         return Ok(Vec::new());
     };

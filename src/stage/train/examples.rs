@@ -11,7 +11,7 @@ use std::collections::HashMap;
 use rayon::prelude::*;
 
 use super::is_training;
-use crate::base::Digest;
+use crate::base::OrbitId;
 use crate::dataset::Split;
 use crate::field::CORNERS;
 use crate::orchestrator::StageError;
@@ -234,7 +234,7 @@ fn splits(rows: &[Row], alone: bool) -> Vec<Split> {
     if let (Some(own), true) = (own, alone) {
         return own;
     }
-    let orbits: Vec<Digest> = rows.par_iter().map(|row| row.pattern.orbit()).collect();
+    let orbits: Vec<OrbitId> = rows.par_iter().map(|row| row.pattern.orbit()).collect();
     let mut known = HashMap::new();
     for (row, orbit) in rows.iter().zip(&orbits) {
         if let Some(split) = row.split {
@@ -246,7 +246,7 @@ fn splits(rows: &[Row], alone: bool) -> Vec<Split> {
             known.entry(*orbit).or_insert_with(|| Split::of(orbit, SPLIT_SEED));
         }
     }
-    let part = |orbit: &Digest| known.get(orbit).copied().unwrap_or(Split::Train);
+    let part = |orbit: &OrbitId| known.get(orbit).copied().unwrap_or(Split::Train);
     orbits.iter().map(part).collect()
 }
 

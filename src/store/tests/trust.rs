@@ -20,21 +20,21 @@ fn stamp_of(path: &Path) -> Stamp {
 }
 
 /// As another process would find it.
-fn looked_at(store: &Store, digest: &Digest) -> Condition {
+fn looked_at(store: &Store, digest: &ArtifactId) -> Condition {
     let store = Store::open(store.root()).unwrap();
     store.inspect(digest, Effort::Quick).unwrap()
 }
 
-fn is_damaged(store: &Store, digest: &Digest) -> bool {
+fn is_damaged(store: &Store, digest: &ArtifactId) -> bool {
     matches!(looked_at(store, digest), Condition::Damaged(_))
 }
 
-fn is_intact(store: &Store, digest: &Digest) -> bool {
+fn is_intact(store: &Store, digest: &ArtifactId) -> bool {
     matches!(looked_at(store, digest), Condition::Intact { .. })
 }
 
 /// A store with one artifact that its index knows.
-fn known() -> (TempDir, Store, Digest) {
+fn known() -> (TempDir, Store, ArtifactId) {
     let (folder, store) = store();
     let digest = put(&store, &chunk(1, 20));
     store.keep_index();
@@ -42,7 +42,7 @@ fn known() -> (TempDir, Store, Digest) {
 }
 
 /// Loses a bit without leaving a trace in any time.
-fn flip_beneath(store: &Store, digest: &Digest) {
+fn flip_beneath(store: &Store, digest: &ArtifactId) {
     flip(&object_path(store, digest), 700);
     store.believe(digest);
 }
@@ -262,7 +262,7 @@ fn actions_whose_keys_begin_alike_share_a_lock_and_others_do_not() {
     let key = |second: u8, last: u8| {
         let mut bytes = [0; 32];
         (bytes[1], bytes[31]) = (second, last);
-        Digest::from_bytes(bytes)
+        ActionKey::from(Digest::from_bytes(bytes))
     };
     let held = store.try_lock_action(&key(0x10, 1)).unwrap().unwrap();
     assert!(store.try_lock_action(&key(0x10, 2)).unwrap().is_none());
