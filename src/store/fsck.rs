@@ -150,7 +150,9 @@ impl Store {
                 report.repaired.push(path.clone());
             }
             // A manifest that goes leaves a record behind that promises it.
-            let digest = path.file_stem().and_then(|stem| stem.to_str()?.parse::<ArtifactId>().ok());
+            let digest = path
+                .file_stem()
+                .and_then(|stem| stem.to_str()?.parse::<ArtifactId>().ok());
             gone.extend(digest.filter(|digest| self.layout.object(digest) == path));
             if open.is_empty() {
                 open = self.records_of(&std::mem::take(&mut gone))?;

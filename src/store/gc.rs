@@ -235,7 +235,11 @@ impl Store {
     }
 
     /// Everything that some artifacts need, themselves included, and what of it is missing: what that would need is not known.
-    fn reach(&self, artifacts: Vec<ArtifactId>, records: &Records) -> Result<(BTreeSet<ArtifactId>, Vec<ArtifactId>), StoreError> {
+    fn reach(
+        &self,
+        artifacts: Vec<ArtifactId>,
+        records: &Records,
+    ) -> Result<(BTreeSet<ArtifactId>, Vec<ArtifactId>), StoreError> {
         let mut reached = BTreeSet::new();
         let mut missing = Vec::new();
         let mut open = artifacts;

@@ -97,7 +97,9 @@ pub fn of_object(object: &Object) -> Vec<Content> {
 ///
 /// # Errors
 /// When the chunks differ in anything but their first extents.
-pub fn concatenate<'a>(parts: impl IntoIterator<Item = (ArtifactId, &'a [Content])>) -> Result<Vec<Content>, StoreError> {
+pub fn concatenate<'a>(
+    parts: impl IntoIterator<Item = (ArtifactId, &'a [Content])>,
+) -> Result<Vec<Content>, StoreError> {
     let mut whole: Option<Vec<Content>> = None;
     for (digest, contents) in parts {
         let refuse = |reason: String| StoreError::Parts { digest, reason };

@@ -74,7 +74,9 @@ pub enum ObjectError {
         text: String,
     },
     /// Axes that cannot be named so.
-    #[error("dataset `{path}` has {extents} axes, and the names {axes:?} do not fit: one for each, all different, none empty")]
+    #[error(
+        "dataset `{path}` has {extents} axes, and the names {axes:?} do not fit: one for each, all different, none empty"
+    )]
     Axes {
         /// Path of the dataset.
         path: String,

@@ -131,7 +131,10 @@ fn an_artifact_that_differs_from_the_lock_file_ends_the_run() {
         let (outcome, log) = lab.run_with(PIPELINE, &[], &locked(&lock));
         assert_eq!(log.last().unwrap(), "failed total");
         let message = outcome.unwrap().failures[0].error.to_string();
-        assert!(message.contains(&ArtifactId::of(b"something else").short()), "{message}");
+        assert!(
+            message.contains(&ArtifactId::of(b"something else").short()),
+            "{message}"
+        );
         assert!(message.contains("another kind of processor"), "{message}");
     }
 }
