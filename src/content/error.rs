@@ -1,6 +1,6 @@
 //! What can be wrong with the content of an artifact.
 
-use crate::base::{Digest, InputError};
+use crate::base::{ArtifactId, InputError};
 use crate::field::FieldError;
 use crate::pattern::PatternError;
 use crate::store::StoreError;
@@ -15,7 +15,7 @@ pub enum ContentError {
     #[error("artifact {digest}: {fault}", digest = digest.short())]
     Fault {
         /// Which artifact.
-        digest: Digest,
+        digest: ArtifactId,
         /// What is wrong.
         fault: Fault,
     },
@@ -78,7 +78,7 @@ pub enum Fault {
 impl Fault {
     /// The same with the artifact that has it.
     #[must_use]
-    pub fn of(self, digest: Digest) -> ContentError {
+    pub fn of(self, digest: ArtifactId) -> ContentError {
         ContentError::Fault { digest, fault: self }
     }
 }
