@@ -6,8 +6,8 @@
 use std::time::Instant;
 
 use deaflow::base::Stream;
-use deaflow::fem::{MembraneSolver, Order, SolveOptions};
-use deaflow::field::{Field, Simulator};
+use deaflow::fem::{MembraneSolver, SolveOptions};
+use deaflow::field::{Field, Mesh, Order, Simulator};
 use deaflow::pattern::Pattern;
 use deaflow::scene::Scene;
 
@@ -41,11 +41,7 @@ fn patterns() -> Vec<(&'static str, Vec<Pattern>)> {
 }
 
 fn fields(elements_per_cell: usize, order: Order, patterns: &[Pattern]) -> (Vec<Field>, f64) {
-    let options = SolveOptions {
-        elements_per_cell,
-        order,
-        ..SolveOptions::default()
-    };
+    let options = SolveOptions::on(Mesh::new(elements_per_cell, order));
     let solver = MembraneSolver::new(&Scene::vhb4910(), options).expect("a valid mesh");
     let start = Instant::now();
     let solved = solver.simulate(patterns);

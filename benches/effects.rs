@@ -5,7 +5,7 @@
 //! all effects take turns, and the best of five rounds counts.
 
 use deaflow::base::{Decimal, Dimension, Quantity, Stream, thread_seconds};
-use deaflow::fem::{MembraneSolver, Order, SolveOptions};
+use deaflow::fem::{MembraneSolver, SolveOptions};
 use deaflow::field::Simulator;
 use deaflow::pattern::{CELLS, Pattern};
 use deaflow::scene::{Effects, Electrode, PermittivityDecay, PermittivityReference, Scene, Stiffening};
@@ -48,14 +48,7 @@ fn solver(effects: Effects) -> MembraneSolver {
         effects,
         ..Scene::vhb4910()
     };
-    MembraneSolver::new(
-        &scene,
-        SolveOptions {
-            order: Order::Bilinear,
-            ..SolveOptions::default()
-        },
-    )
-    .expect("a valid scene")
+    MembraneSolver::new(&scene, SolveOptions::default()).expect("a valid scene")
 }
 
 fn cases() -> Vec<(&'static str, Effects)> {

@@ -5,8 +5,8 @@
 use std::time::Instant;
 
 use deaflow::base::Stream;
-use deaflow::fem::{LoadPath, MembraneSolver, Order, SolveOptions};
-use deaflow::field::{Outcome, Simulator};
+use deaflow::fem::{LoadPath, MembraneSolver, SolveOptions};
+use deaflow::field::{Mesh, Order, Outcome, Simulator};
 use deaflow::pattern::Pattern;
 use deaflow::scene::Scene;
 
@@ -84,11 +84,7 @@ fn at(prestretch: f64, modulus: f64, voltage: f64) -> Scene {
 }
 
 fn solver(scene: &Scene, elements_per_cell: usize, order: Order) -> MembraneSolver {
-    let options = SolveOptions {
-        elements_per_cell,
-        order,
-        ..SolveOptions::default()
-    };
+    let options = SolveOptions::on(Mesh::new(elements_per_cell, order));
     MembraneSolver::new(scene, options).expect("a valid mesh")
 }
 

@@ -10,8 +10,8 @@ use std::time::Instant;
 use deaflow::fem::energy::NeoHookean;
 use deaflow::fem::operator::{Activity, Operator};
 use deaflow::fem::precondition::Laplacian;
-use deaflow::fem::{MembraneSolver, Mesh, Order, SolveOptions};
-use deaflow::field::Simulator;
+use deaflow::fem::{MembraneSolver, SolveOptions};
+use deaflow::field::{Mesh, Order, Simulator};
 use deaflow::pattern::Pattern;
 use deaflow::scene::Scene;
 use pulp::{Arch, Simd, WithSimd};
@@ -51,11 +51,7 @@ fn report(order: Order, per_cell: usize, double: f64, single: f64) {
     let residual = seconds(|| operator.residual(black_box(&u), &mut r));
     let tangent = seconds(|| operator.tangent(black_box(&small), &small, &mut image));
     let inverse = seconds(|| laplacian.solve(black_box(&small), &mut image, &mut scratch));
-    let options = SolveOptions {
-        elements_per_cell: per_cell,
-        order,
-        tolerance: 1e-8,
-    };
+    let options = SolveOptions::on(mesh);
     let solver = MembraneSolver::new(&scene, options).expect("the options are valid");
     let batch = vec![pattern.clone(); 16];
     let pool = rayon::ThreadPoolBuilder::new()

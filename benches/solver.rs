@@ -5,8 +5,8 @@
 //! machine disturbs them little; the best of three rounds counts.
 
 use deaflow::base::{Stream, thread_seconds};
-use deaflow::fem::{MembraneSolver, Order, SolveOptions};
-use deaflow::field::Simulator;
+use deaflow::fem::{MembraneSolver, SolveOptions};
+use deaflow::field::{Mesh, Order, Simulator};
 use deaflow::pattern::{CELLS, Pattern};
 use deaflow::scene::Scene;
 
@@ -23,11 +23,7 @@ fn main() {
         (Order::Biquadratic, 1, 64),
         (Order::Biquadratic, 2, 16),
     ] {
-        let options = SolveOptions {
-            elements_per_cell: per_cell,
-            order,
-            tolerance: 1e-8,
-        };
+        let options = SolveOptions::on(Mesh::new(per_cell, order));
         let solver = MembraneSolver::new(&Scene::vhb4910(), options).expect("the options are valid");
         let patterns: Vec<Pattern> = (0..count).map(small_grid).collect();
         let mut best = f64::INFINITY;

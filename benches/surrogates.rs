@@ -6,21 +6,16 @@
 
 use deaflow::base::{Stream, thread_seconds};
 use deaflow::dataset::Split;
-use deaflow::fem::{LinearResponse, Order, SolveOptions};
-use deaflow::field::Predictor;
+use deaflow::fem::LinearResponse;
+use deaflow::field::{Mesh, Predictor};
 use deaflow::pattern::{CELLS, Pattern};
 use deaflow::scene::Scene;
 use deaflow::surrogate::{Constants, Example, Label, NetworkKind, Surrogate, TrainOptions, train};
 
 fn main() {
     let scene = Scene::vhb4910();
-    let options = |elements_per_cell, order| SolveOptions {
-        elements_per_cell,
-        order,
-        ..SolveOptions::default()
-    };
-    let fine = LinearResponse::new(&scene, options(1, Order::Biquadratic)).expect("the membrane is stable");
-    let coarse = LinearResponse::new(&scene, options(1, Order::Bilinear)).expect("the membrane is stable");
+    let fine = LinearResponse::new(&scene, Mesh::biquadratic(1)).expect("the membrane is stable");
+    let coarse = LinearResponse::new(&scene, Mesh::bilinear(1)).expect("the membrane is stable");
     let constants = Constants::new(&fine, scene.side_mm()).expect("the membrane moves");
     let patterns: Vec<Pattern> = (0..1000).map(grid).collect();
     let examples = examples(&fine, &patterns[..16]);

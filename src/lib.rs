@@ -9,7 +9,7 @@
 //! other arrow. `base` may be imported by every room.
 //!
 //! ```text
-//! cli          → stage, content, orchestrator, store, report
+//! cli          → every domain room, stage, content, orchestrator, store, report
 //! report       → content, orchestrator, store
 //! stage        → every domain room, content, orchestrator, store
 //! orchestrator → store

@@ -4,8 +4,8 @@
 //! largest displacement of each pattern in mm.
 
 use deaflow::base::thread_seconds;
-use deaflow::fem::{MembraneSolver, Order, SolveOptions};
-use deaflow::field::Simulator;
+use deaflow::fem::{MembraneSolver, SolveOptions};
+use deaflow::field::{Mesh, Simulator};
 use deaflow::pattern::{CELLS, Pattern, read_patterns};
 use deaflow::scene::Scene;
 
@@ -18,11 +18,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let patterns = read_patterns(&path).map_err(|e| e.to_string())?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
     for elements_per_cell in [1, 2, 4] {
-        let options = SolveOptions {
-            elements_per_cell,
-            order: Order::Bilinear,
-            tolerance: 1e-8,
-        };
+        let options = SolveOptions::on(Mesh::bilinear(elements_per_cell));
         let solver = MembraneSolver::new(&Scene::vhb4910(), options)?;
         let batch: Vec<Pattern> = patterns.iter().cycle().take(32).cloned().collect();
         let mut best = f64::INFINITY;

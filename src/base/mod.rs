@@ -7,6 +7,7 @@ mod document;
 mod encoding;
 mod file;
 mod ids;
+mod progress;
 mod quantity;
 mod schema;
 mod stream;
@@ -18,6 +19,7 @@ pub use document::{Document, InputError, Map, Node, NodeValue, Override, Source,
 pub use encoding::{EncodingError, decode, encode};
 pub use file::{open_regular, read_bounded};
 pub use ids::{ActionKey, ArtifactId, FileDigest, OrbitId};
+pub use progress::Progress;
 pub use quantity::{Decimal, Dimension, Quantity, QuantityError};
 pub use schema::{Fields, Schema};
 pub use stream::Stream;

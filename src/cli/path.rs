@@ -4,14 +4,13 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 
-use super::arguments::TOLERANCE;
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::progress::Bar;
 use super::solve::{SolveArguments, check_file, provenance};
 use super::{table, write};
 use crate::report::figures::{Branch, Limit, draw_paths};
-use crate::stage::direct::{self, MeshRequest};
+use crate::stage::direct;
 use crate::stage::path::{self, LoadPath, PathAnswer};
 use crate::store::write_file;
 
@@ -32,22 +31,16 @@ pub fn execute(arguments: &SolveArguments, scene: &str, output: &Output) -> Resu
         check_file(beside, &arguments.patterns, scene)?;
     }
     let patterns = direct::patterns(&arguments.patterns.patterns)?;
-    let (elements_per_cell, order) = arguments.mesh();
-    let mesh = MeshRequest::Fixed {
-        elements_per_cell,
-        order,
-    };
+    let options = arguments.options();
     let (bar, start) = (Bar::new("path", "patterns", patterns.len() as u64), Instant::now());
-    let tolerance = arguments.tolerance.unwrap_or(TOLERANCE);
-    let answer = path::paths(&arguments.scene, &patterns, mesh, tolerance, &bar)?;
+    let answer = path::paths(&arguments.scene, &patterns, options, &bar)?;
     bar.finish("done");
     let seconds = start.elapsed().as_secs_f64();
     let parameters = format!(
-        "scene {}, elements_per_cell {}, order {}, tolerance {:e}, path",
+        "scene {}, {}, tolerance: {:e}, path",
         arguments.scene.display(),
-        elements_per_cell,
-        order,
-        tolerance
+        options.mesh,
+        options.tolerance
     );
     write_file(file, &answer.content, &provenance("solve", parameters, seconds))?;
     write::file(&values, path::table(&answer.paths).as_bytes())?;

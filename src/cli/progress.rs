@@ -9,7 +9,8 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 
 use super::table;
-use crate::orchestrator::{Event, Outcome, Progress, StageReport};
+use crate::base::Progress;
+use crate::orchestrator::{Event, Outcome, StageReport};
 
 /// Time between two plain lines.
 const INTERVAL: Duration = Duration::from_secs(10);

@@ -13,8 +13,10 @@ use super::output::{Exit, Output};
 use super::progress::Bar;
 use super::{path, table};
 use crate::base::Quantity;
+use crate::fem::{MeshRequest, Method, SolveOptions, SolverParameters};
+use crate::field::{Mesh, Order};
 use crate::orchestrator::Environment;
-use crate::stage::direct::{self, Answer, MeshRequest, Method, SolveRequest};
+use crate::stage::direct::{self, Answer};
 use crate::store::{Provenance, write_file};
 
 /// Simulate patterns with finite elements
@@ -50,10 +52,30 @@ pub struct SolveArguments {
 }
 
 impl SolveArguments {
-    /// Elements per cell and order of the mesh.
-    pub fn mesh(&self) -> (u64, u64) {
+    /// The mesh.
+    pub fn mesh(&self) -> Mesh {
         let (elements, order) = if self.path { (1, 2) } else { (2, 1) };
-        (self.elements_per_cell.unwrap_or(elements), self.order.unwrap_or(order))
+        let order = match self.order.unwrap_or(order) {
+            1 => Order::Bilinear,
+            _ => Order::Biquadratic,
+        };
+        Mesh::new(self.elements_per_cell.unwrap_or(elements) as usize, order)
+    }
+
+    /// Mesh and tolerance of Newton's method.
+    pub fn options(&self) -> SolveOptions {
+        SolveOptions {
+            mesh: self.mesh(),
+            tolerance: self.tolerance.unwrap_or(TOLERANCE),
+        }
+    }
+
+    /// Method, mesh or accuracy, and tolerance.
+    fn parameters(&self) -> SolverParameters {
+        let request = self
+            .accuracy
+            .map_or(MeshRequest::Fixed(self.mesh()), MeshRequest::Accuracy);
+        SolverParameters::new(self.method, request).with_tolerance(self.options().tolerance)
     }
 }
 
@@ -65,33 +87,11 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
         return path::execute(arguments, &scene, output);
     }
     let patterns = direct::patterns(&arguments.patterns.patterns)?;
-    let (elements_per_cell, order) = arguments.mesh();
-    let mesh = match &arguments.accuracy {
-        Some(accuracy) => MeshRequest::Accuracy(accuracy.value()),
-        None => MeshRequest::Fixed {
-            elements_per_cell,
-            order,
-        },
-    };
-    let method = arguments.method;
-    let request = SolveRequest {
-        method,
-        mesh,
-        tolerance: arguments.tolerance.unwrap_or(TOLERANCE),
-        cells: arguments.cells,
-    };
+    let request = arguments.parameters();
     let (bar, start) = (Bar::new("solve", "patterns", patterns.len() as u64), Instant::now());
-    let answer = direct::solve(&arguments.scene, &patterns, &request, &bar)?;
+    let answer = direct::solve(&arguments.scene, &patterns, &request, arguments.cells, &bar)?;
     bar.finish("done");
-    let mesh = match &arguments.accuracy {
-        Some(accuracy) => format!("accuracy {accuracy}"),
-        None => format!("elements_per_cell {elements_per_cell}, order {order}"),
-    };
-    let parameters = format!(
-        "scene {}, method {method}, {mesh}, tolerance {:e}",
-        arguments.scene.display(),
-        request.tolerance
-    );
+    let parameters = format!("scene {}, {request}", arguments.scene.display());
     conclude(&arguments.patterns, &answer, ("solve", parameters), start, output)
 }
 

@@ -4,12 +4,11 @@
 //! symmetric (for instance Bendsøe and Sigmund, Topology Optimization, 2003, section 1.2.2). The energy is linear in the
 //! activity S, so ∂R/∂S is the difference between the active and the bare stress.
 
-use crate::field::Field;
+use crate::field::{Field, Order};
 use crate::pattern::CELLS;
 
 use super::element::{Bilinear, Biquadratic, Element};
 use super::energy::Law;
-use super::mesh::Order;
 use super::newton::{self, Trouble, Workspace};
 use super::operator::Operator;
 use super::precondition::Laplacian;
@@ -64,9 +63,9 @@ mod tests {
     use crate::base::Stream;
     use crate::fem::continuation::{Ending, Problem};
     use crate::fem::energy::NeoHookean;
-    use crate::fem::mesh::Mesh;
     use crate::fem::operator::Activity;
     use crate::field::CORNERS;
+    use crate::field::Mesh;
 
     #[test]
     fn it_agrees_with_finite_differences() {

@@ -5,11 +5,11 @@
 //! between two voltages one part in a thousand apart.
 
 use super::energy::Law;
-use super::mesh::Mesh;
 use super::newton::{self, Trouble, Workspace};
 use super::operator::{Activity, Operator};
 use super::precondition::Laplacian;
 use super::stability::{Stability, judge, same_basin};
+use crate::field::Mesh;
 
 /// How the loading ended.
 #[derive(Clone, Copy, Debug, PartialEq)]

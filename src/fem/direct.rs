@@ -15,8 +15,8 @@ use faer::{Conj, MatMut, Par, Side};
 use super::element::{Bilinear, Biquadratic, Element};
 use super::energy::Law;
 use super::kinematics::Tensor;
-use super::mesh::{Mesh, Order};
 use super::operator::Operator;
+use crate::field::{Mesh, Order};
 
 /// Where the entries of the tangent stand, and an order of the unknowns in which its factors stay sparse: the same for all
 /// tangents of a mesh.

@@ -211,8 +211,8 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
 mod tests {
     use super::*;
     use crate::fem::direct::Factorisation;
-    use crate::fem::mesh::{Mesh, Order};
     use crate::fem::operator::Activity;
+    use crate::field::{Mesh, Order};
 
     fn at<R>(mesh: Mesh, pull: f64, work: impl FnOnce(&Operator<'_, NeoHookean>, &Laplacian, &[f64]) -> R) -> R {
         let law = NeoHookean {

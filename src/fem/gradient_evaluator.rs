@@ -1,7 +1,7 @@
 //! Finite elements that say how a field changes with its pattern, for searches along the gradient.
 
-use super::{MembraneSolver, Order, SetupError, SolveOptions};
-use crate::field::{Differentiable, Field, PredictError, Predictor, Simulator, WithGradient};
+use super::{MembraneSolver, SetupError, SolveOptions};
+use crate::field::{Differentiable, Field, Mesh, PredictError, Predictor, Simulator, WithGradient};
 use crate::pattern::Pattern;
 use crate::scene::Scene;
 
@@ -20,11 +20,7 @@ impl GradientEvaluator {
     /// When the scene cannot be simulated.
     pub fn new(scene: &Scene) -> Result<Self, SetupError> {
         // One biquadratic element per cell errs by less than 0.1 % of the displacement; a gain that it sees is one.
-        let options = SolveOptions {
-            elements_per_cell: 1,
-            order: Order::Biquadratic,
-            ..SolveOptions::default()
-        };
+        let options = SolveOptions::on(Mesh::biquadratic(1));
         let mut effects = scene.effects.clone();
         let differs = effects.wrinkling || effects.fringe_field;
         (effects.wrinkling, effects.fringe_field) = (false, false);
@@ -37,12 +33,6 @@ impl GradientEvaluator {
 }
 
 impl Predictor for GradientEvaluator {
-    fn predict(&self, patterns: &[Pattern]) -> Result<Vec<Field>, PredictError> {
-        let fields = self.predict_some(patterns)?.into_iter().enumerate();
-        let missing = |at: usize| PredictError(format!("pattern {at} has no stable field"));
-        fields.map(|(at, field)| field.ok_or_else(|| missing(at))).collect()
-    }
-
     fn predict_some(&self, patterns: &[Pattern]) -> Result<Vec<Option<Field>>, PredictError> {
         let results = self.solver.simulate(patterns).into_iter();
         Ok(results.map(|result| result.field).collect())

@@ -2,24 +2,28 @@
 //!
 //! Everything is dimensionless: stress is divided by μλp², lengths by the side of an element, so two numbers describe a
 //! scene, a = λp⁻⁶ and b = κλp² with κ = ε(V/H)²/μ. The modules are the method, from the point to the answer:
-//! kinematics, energy and effects; element, mesh and lanes; operator; gemm, modes and precondition; krylov, newton and direct;
-//! eigenvalue, stability and continuation; solver, and on it accuracy, adjoint, response, margin, path, observable, gradient_evaluator and safety_margins.
+//! kinematics, energy and effects; element, layout and lanes; operator; gemm, modes and precondition; krylov, newton and
+//! direct; eigenvalue, stability and continuation; solver, and on it accurate, adjoint, cells, response, margin, path,
+//! observable, gradient_evaluator and safety_margins; evaluator, which puts every method behind the traits of `field`, and screening.
 
-mod accuracy;
+mod accurate;
 mod adjoint;
+mod cells;
 mod continuation;
 mod direct;
 pub mod effects;
 mod eigenvalue;
 mod element;
 pub mod energy;
+mod error;
+mod evaluator;
 mod gemm;
 mod gradient_evaluator;
 pub mod kinematics;
 mod krylov;
 pub mod lanes;
+mod layout;
 mod margin;
-mod mesh;
 mod modes;
 mod newton;
 mod observable;
@@ -29,18 +33,21 @@ mod powers;
 pub mod precondition;
 mod response;
 mod safety_margins;
+pub mod screening;
 mod solver;
 mod stability;
 
-pub use accuracy::{AccurateSimulation, AccurateSolver};
+pub use accurate::{AccurateSimulation, AccurateSolver};
+pub use cells::wrinkled_fraction;
+pub use error::SetupError;
+pub use evaluator::{MeshRequest, Method, Solver, SolverParameters, UnknownMethod};
 pub use gradient_evaluator::GradientEvaluator;
 pub use margin::StabilityReport;
-pub use mesh::{Mesh, Order};
 pub use observable::{CellState, Survey, Tension, cell_states};
 pub use path::{EventKind, LoadPath, PathEnd, PathEvent, PathPoint};
-pub use response::LinearResponse;
+pub use response::{Estimator, LinearResponse};
 pub use safety_margins::{SafetyMargins, breakdown_strength};
-pub use solver::{MembraneSolver, MeshSolution, SetupError, SolveOptions};
+pub use solver::{MembraneSolver, MeshSolution, SolveOptions};
 
 #[cfg(test)]
 mod tests;

@@ -3,15 +3,15 @@
 //! They are those of the mean deformation gradient of a cell. Stresses at points next to a corner of the electrode grow
 //! with the refinement of the mesh without end; the mean does not.
 
+use crate::field::Mesh;
 use crate::pattern::{CELLS, Pattern};
 use crate::scene::Scene;
 
 use super::effects::{Model, WithLaw};
 use super::energy::Law;
+use super::error::SetupError;
 use super::kinematics::{Tensor, determinant, squared_stretches};
-use super::mesh::Mesh;
 use super::operator::Activity;
-use super::solver::SetupError;
 
 /// How a cell bears its load.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

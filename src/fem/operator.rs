@@ -11,12 +11,12 @@ use std::marker::PhantomData;
 
 use pulp::{Arch, Simd, WithSimd};
 
+use crate::field::{Mesh, Order};
 use crate::pattern::Pattern;
 
 use super::element::{Bilinear, Biquadratic, Element};
 use super::energy::{Law, MODULI};
 use super::lanes::{Real, Value, WIDEST, Wide};
-use super::mesh::{Mesh, Order};
 use point::{Point, StressAt, TangentAt, TangentFrom};
 use survey::{Store, Survey, place};
 

@@ -11,11 +11,11 @@ use faer::Mat;
 use pulp::{Arch, Simd, WithSimd};
 
 use super::element::Line;
+use super::error::SetupError;
 use super::gemm::{Layout, Product};
 use super::lanes::{Value, WIDEST, Wide};
-use super::mesh::{Mesh, Order};
 use super::modes::{half_modes, line_matrices};
-use super::solver::SetupError;
+use crate::field::{Mesh, Order};
 
 /// The inverse Laplacian with zero values on the frame.
 pub struct Laplacian {

@@ -6,17 +6,17 @@
 
 use rayon::prelude::*;
 
-use crate::field::{Field, Observation, Outcome, Simulation};
+use crate::field::{Field, Mesh, Observation, Outcome, Simulation, Simulator};
 use crate::pattern::Pattern;
 use crate::scene::Scene;
 
 use super::effects::{Model, WithLaw};
 use super::energy::Law;
-use super::mesh::Mesh;
+use super::error::SetupError;
 use super::newton::{self, Workspace};
 use super::operator::{Activity, Operator};
 use super::precondition::Laplacian;
-use super::solver::{SetupError, SolveOptions, validated};
+use super::solver::checked;
 
 /// Relative residual to which a linear system is solved, in two or three iterations: the error of an estimate is then
 /// within 1 % of what exact solutions would leave.
@@ -39,13 +39,12 @@ pub struct LinearResponse {
 }
 
 impl LinearResponse {
-    /// The response of a scene on a mesh. The tolerance of the options means nothing here: there is no iteration that
-    /// ends at an equilibrium.
+    /// The response of a scene on a mesh.
     ///
     /// # Errors
-    /// When an option is out of range, or when the half-active membrane is not stable at the scene's voltage.
-    pub fn new(scene: &Scene, options: SolveOptions) -> Result<Self, SetupError> {
-        let mesh = validated(options)?;
+    /// When the mesh is out of range, or when the half-active membrane is not stable at the scene's voltage.
+    pub fn new(scene: &Scene, mesh: Mesh) -> Result<Self, SetupError> {
+        let mesh = checked(mesh)?;
         let response = Self {
             mesh,
             side_mm: scene.side_mm() / mesh.elements() as f64,
@@ -133,6 +132,20 @@ impl LinearResponse {
             law,
             activity,
         }
+    }
+}
+
+/// The linear response and so many chord steps from there, as a simulator of its own.
+pub struct Estimator {
+    /// The linear response.
+    pub response: LinearResponse,
+    /// Steps beyond it.
+    pub chord_steps: u32,
+}
+
+impl Simulator for Estimator {
+    fn simulate(&self, patterns: &[Pattern]) -> Vec<Simulation> {
+        self.response.simulate(patterns, self.chord_steps)
     }
 }
 
@@ -232,11 +245,7 @@ impl WithLaw for ToActivity<'_> {
 impl LinearResponse {
     /// That of the default scene at a voltage on the coarsest mesh, for tests of rooms that know no scenes.
     pub(crate) fn of_default_scene(volts: f64) -> Self {
-        let options = SolveOptions {
-            elements_per_cell: 1,
-            ..SolveOptions::default()
-        };
-        Self::new(&Scene::vhb4910().at_voltage(volts), options).expect("the membrane is stable")
+        Self::new(&Scene::vhb4910().at_voltage(volts), Mesh::bilinear(1)).expect("the membrane is stable")
     }
 }
 
@@ -244,8 +253,7 @@ impl LinearResponse {
 mod tests {
     use super::*;
     use crate::base::Stream;
-    use crate::fem::MembraneSolver;
-    use crate::field::Simulator;
+    use crate::fem::{MembraneSolver, SolveOptions};
 
     #[test]
     fn chord_steps_approach_the_solution_from_a_few_per_cent() {
@@ -260,7 +268,7 @@ mod tests {
             Pattern::from_fn(|x, y| [0x3, 0xa, 0x6, 0xc][y * 4 / 50] >> (x * 4 / 50) & 1 == 1),
         ];
         let exact = MembraneSolver::new(&scene, options).unwrap().simulate(&patterns);
-        let response = LinearResponse::new(&scene, options).unwrap();
+        let response = LinearResponse::new(&scene, options.mesh).unwrap();
         let errors = [0, 1, 2].map(|steps| {
             let fields = response.predict(&patterns, steps);
             [0, 1].map(|i: usize| {
@@ -287,7 +295,7 @@ mod tests {
             .map(|i| (i % 50, i / 50))
             .filter(|&(x, y)| pattern.is_active(x, y))
             .collect();
-        let response = LinearResponse::new(&Scene::vhb4910(), SolveOptions::default()).unwrap();
+        let response = LinearResponse::new(&Scene::vhb4910(), Mesh::bilinear(2)).unwrap();
         let mut sum = vec![0.0; Field::zero().values().len()];
         for field in response.to_cells(&cells).unwrap() {
             sum.iter_mut().zip(field.values()).for_each(|(sum, u)| *sum += u);
@@ -311,7 +319,7 @@ mod tests {
         let exact = MembraneSolver::new(&Scene::vhb4910(), options)
             .unwrap()
             .simulate(&pattern);
-        let response = LinearResponse::new(&Scene::vhb4910(), options).unwrap();
+        let response = LinearResponse::new(&Scene::vhb4910(), options.mesh).unwrap();
         let mut last = 1.0;
         for steps in [0, 2, 4, 20] {
             let estimate = response.simulate(&pattern, steps).remove(0);
@@ -330,7 +338,7 @@ mod tests {
     #[test]
     fn steps_that_lead_to_no_state_of_the_membrane_give_no_field() {
         let [half, bare] = [25, 0].map(|width| Pattern::from_fn(|x, _| x < width));
-        let response = LinearResponse::new(&Scene::vhb4910().at_voltage(10e3), SolveOptions::default()).unwrap();
+        let response = LinearResponse::new(&Scene::vhb4910().at_voltage(10e3), Mesh::bilinear(2)).unwrap();
         let results = response.simulate(&[half, bare], 0);
         assert_eq!((results[0].outcome, &results[0].field), (Outcome::NoEstimate, &None));
         assert_eq!((results[1].outcome, results[1].residual), (Outcome::Estimated, 0.0));
@@ -341,7 +349,7 @@ mod tests {
     fn a_membrane_that_is_not_stable_when_half_active_has_no_response() {
         let scene = Scene::vhb4910().at_voltage(20e3);
         assert_eq!(
-            LinearResponse::new(&scene, SolveOptions::default()).err(),
+            LinearResponse::new(&scene, Mesh::bilinear(2)).err(),
             Some(SetupError::Unstable)
         );
     }

@@ -1,7 +1,7 @@
 //! Margins from pull-in and breakdown, which take a simulation to know.
 
-use super::{MembraneSolver, Order, SetupError, SolveOptions};
-use crate::field::{Feasibility, PredictError, Simulator};
+use super::{MembraneSolver, SetupError, SolveOptions};
+use crate::field::{Feasibility, Mesh, PredictError, Simulator};
 use crate::pattern::Pattern;
 use crate::scene::{BreakdownLaw, Scene};
 
@@ -20,11 +20,7 @@ impl SafetyMargins {
     /// # Errors
     /// When the scene cannot be simulated.
     pub fn new(scene: &Scene, pull_in: Option<f64>, breakdown: Option<f64>) -> Result<Option<Self>, SetupError> {
-        let options = SolveOptions {
-            elements_per_cell: 1,
-            order: Order::Biquadratic,
-            ..SolveOptions::default()
-        };
+        let options = SolveOptions::on(Mesh::biquadratic(1));
         let pull_in = pull_in.map(|margin| {
             let driven = scene.at_voltage(scene.voltage_v() * margin);
             MembraneSolver::new(&driven, options)

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::field::{Field, Observation, Outcome, Simulation, Simulator};
+use crate::field::{Field, Mesh, Observation, Outcome, Simulation, Simulator};
 use crate::pattern::Pattern;
 use crate::scene::Scene;
 
@@ -10,7 +10,7 @@ use super::adjoint;
 use super::continuation::{Ending, Loading, Loss, Problem};
 use super::effects::{Model, WithLaw, breakdown_ratio};
 use super::energy::Law;
-use super::mesh::{Mesh, Order};
+use super::error::SetupError;
 use super::newton::Workspace;
 use super::observable::{CellState, Survey, states};
 use super::operator::{Activity, Operator};
@@ -19,10 +19,8 @@ use super::precondition::Laplacian;
 /// Mesh and tolerance of a solve.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SolveOptions {
-    /// Elements along the side of a cell, 1 to 8.
-    pub elements_per_cell: usize,
-    /// Polynomial order.
-    pub order: Order,
+    /// The mesh, with 1 to 8 elements along the side of a cell.
+    pub mesh: Mesh,
     /// Relative residual at which the iteration ends, 1e-12 to 1e-2.
     pub tolerance: f64,
 }
@@ -30,81 +28,32 @@ pub struct SolveOptions {
 impl Default for SolveOptions {
     fn default() -> Self {
         Self {
-            elements_per_cell: 2,
-            order: Order::Bilinear,
+            mesh: Mesh::bilinear(2),
             tolerance: 1e-8,
         }
     }
 }
 
-/// Options that no solver can be made of.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum SetupError {
-    /// Elements per cell out of range.
-    #[error("elements_per_cell is {found}; it lies between 1 and 8")]
-    ElementsPerCell {
-        /// What was asked for.
-        found: usize,
-    },
-    /// Tolerance out of range.
-    #[error("the tolerance is {found:e}; it lies between 1e-12 and 1e-2")]
-    Tolerance {
-        /// What was asked for.
-        found: f64,
-    },
-    /// Accuracy that no mesh can have.
-    #[error("the accuracy is {found} mm; it is a positive length")]
-    Accuracy {
-        /// What was asked for.
-        found: f64,
-    },
-    /// The half-active membrane at rest, about which a response is linearised, is not stable.
-    #[error("a half-active membrane is not stable at this voltage: there is no linear response")]
-    Unstable,
-    /// The prestretch is beyond what the elastomer can be stretched.
-    #[error("at a prestretch of {prestretch} the elastomer is beyond its limiting stretch: its energy is infinite")]
-    LimitingStretch {
-        /// The prestretch.
-        prestretch: f64,
-    },
-    /// The membrane is not stable before any voltage is applied.
-    #[error("at this prestretch the membrane is not stable even without voltage: rank-one convexity is lost at rest")]
-    UnstableAtRest,
-    /// A term of Ogden's law that is none, or too many of them.
-    #[error(
-        "Ogden's law takes one to {} terms with exponents other than 0",
-        super::energy::MOST_TERMS
-    )]
-    OgdenTerms,
-    /// The fringe field reaches too far to be a matter of the edges of cells.
-    #[error(
-        "the fringe field reaches {reach_mm:.3} mm beyond the edge of an electrode, more than half a cell \
-         ({cell_mm:.3} mm): the membrane is too thick for its cells"
-    )]
-    FringeField {
-        /// How far the effective edge moves, in mm.
-        reach_mm: f64,
-        /// Side of a cell in mm.
-        cell_mm: f64,
-    },
-    /// The eigenvectors of the preconditioner did not converge.
-    #[error("the eigenvectors of the preconditioner could not be computed")]
-    Eigenvectors,
+impl SolveOptions {
+    /// A mesh, with the usual tolerance.
+    #[must_use]
+    pub fn on(mesh: Mesh) -> Self {
+        Self {
+            mesh,
+            ..Self::default()
+        }
+    }
 }
 
-/// The mesh of options that are in range.
-pub(super) fn validated(options: SolveOptions) -> Result<Mesh, SetupError> {
-    if !(1..=8).contains(&options.elements_per_cell) {
-        return Err(SetupError::ElementsPerCell {
-            found: options.elements_per_cell,
-        });
+/// A mesh that is in range.
+pub(super) fn checked(mesh: Mesh) -> Result<Mesh, SetupError> {
+    if mesh.is_solvable() {
+        Ok(mesh)
+    } else {
+        Err(SetupError::ElementsPerCell {
+            found: mesh.elements_per_cell(),
+        })
     }
-    if !(1e-12..=1e-2).contains(&options.tolerance) {
-        return Err(SetupError::Tolerance {
-            found: options.tolerance,
-        });
-    }
-    Ok(Mesh::new(options.elements_per_cell, options.order))
 }
 
 /// A solution with the resolution of the mesh.
@@ -138,12 +87,16 @@ impl MembraneSolver {
     /// # Errors
     /// When an option is out of range.
     pub fn new(scene: &Scene, options: SolveOptions) -> Result<Self, SetupError> {
-        let mesh = validated(options)?;
+        let SolveOptions { mesh, tolerance } = options;
+        if !(1e-12..=1e-2).contains(&tolerance) {
+            return Err(SetupError::Tolerance { found: tolerance });
+        }
+        let mesh = checked(mesh)?;
         Ok(Self {
             scene: scene.clone(),
             model: Model::new(scene)?,
             mesh,
-            tolerance: options.tolerance,
+            tolerance,
             laplacian: Laplacian::new(mesh)?,
         })
     }

@@ -92,8 +92,8 @@ pub fn same_basin<L: Law>(
 mod tests {
     use super::*;
     use crate::fem::energy::NeoHookean;
-    use crate::fem::mesh::{Mesh, Order};
     use crate::fem::operator::Activity;
+    use crate::field::{Mesh, Order};
 
     #[test]
     fn the_probe_agrees_with_the_inertia() {

@@ -2,10 +2,12 @@
 
 mod displacement;
 mod feasibility;
+mod mesh;
 mod observation;
 mod simulate;
 
 pub use displacement::{CORNERS, Field, FieldError};
 pub use feasibility::Feasibility;
+pub use mesh::{Mesh, Order};
 pub use observation::Observation;
-pub use simulate::{Differentiable, Outcome, PredictError, Predictor, Simulation, Simulator, WithGradient};
+pub use simulate::{Differentiable, Evaluator, Outcome, PredictError, Predictor, Simulation, Simulator, WithGradient};

@@ -1,6 +1,7 @@
 //! What other rooms program against: something that simulates (the finite elements) and something that predicts (a
 //! surrogate). Neither the genetic algorithm nor the audit knows which solver or network stands behind.
 
+use std::error::Error;
 use std::fmt;
 
 use super::displacement::Field;
@@ -134,26 +135,65 @@ pub trait Simulator: Sync {
 
 /// A prediction that could not be made.
 #[derive(Debug, thiserror::Error)]
-#[error("the prediction failed: {0}")]
-pub struct PredictError(
-    /// What the numerical library reported, or which pattern has no field.
-    pub String,
-);
+pub enum PredictError {
+    /// A field was asked for where there is none.
+    #[error("the prediction failed: pattern {at} has no field")]
+    NoField {
+        /// Position of the pattern among those that were asked for.
+        at: usize,
+    },
+    /// The numerical library failed, or gave something else than was asked for.
+    #[error("the prediction failed: {0}")]
+    Failed(Box<dyn Error + Send + Sync>),
+}
+
+impl PredictError {
+    /// From what the numerical library reported.
+    pub fn failed(cause: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
+        Self::Failed(cause.into())
+    }
+}
 
 /// Something that predicts fields fast.
 pub trait Predictor: Sync {
-    /// One field per pattern, in order. A result does not depend on the other patterns or on the number of threads.
+    /// The field of each pattern, in order; `None` where a pattern has none: an estimate may lead nowhere, and an equilibrium
+    /// may not be stable. A result does not depend on the other patterns or on the number of threads.
     ///
     /// # Errors
     /// When the model cannot be evaluated.
-    fn predict(&self, patterns: &[Pattern]) -> Result<Vec<Field>, PredictError>;
+    fn predict_some(&self, patterns: &[Pattern]) -> Result<Vec<Option<Field>>, PredictError>;
 
-    /// The same where patterns may have no field: an estimate may lead nowhere, and an equilibrium may not be stable.
+    /// The same where every pattern must have a field.
     ///
     /// # Errors
-    /// When the model cannot be evaluated.
-    fn predict_some(&self, patterns: &[Pattern]) -> Result<Vec<Option<Field>>, PredictError> {
-        Ok(self.predict(patterns)?.into_iter().map(Some).collect())
+    /// When the model cannot be evaluated, or a pattern has no field.
+    fn predict(&self, patterns: &[Pattern]) -> Result<Vec<Field>, PredictError> {
+        let fields = self.predict_some(patterns)?.into_iter().enumerate();
+        fields
+            .map(|(at, field)| field.ok_or(PredictError::NoField { at }))
+            .collect()
+    }
+}
+
+/// A predictor that says which one it is: a network, an estimate or Newton's method, ready for the patterns of one scene.
+/// Searches, measurements of accuracy and evaluations choose among evaluators and know nothing else of them.
+pub trait Evaluator: Predictor + Send {
+    /// Its settings on one line, in at most 64 bytes: the keys of a solve stage without braces, or `network: NAME`.
+    fn settings(&self) -> String;
+
+    /// Whether its fields are equilibria that are known to be stable.
+    fn finds_equilibria(&self) -> bool {
+        false
+    }
+
+    /// The error in mm that it promises to stay below on every pattern, if it does.
+    fn promised_error_mm(&self) -> Option<f64> {
+        None
+    }
+
+    /// How many patterns it is given at once where it serves; `None` where that makes no difference to its time.
+    fn batch(&self) -> Option<usize> {
+        None
     }
 }
 

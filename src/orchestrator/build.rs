@@ -9,11 +9,11 @@ use rayon::prelude::*;
 use super::action::Action;
 use super::assess::{ChunkState, manifest};
 use super::event::{Event, Listener};
-use super::kind::{Chunk, Job, Progress, StageError};
+use super::kind::{Chunk, Job, StageError};
 use super::provenance::{Environment, Took};
 use super::scratch::Scratch;
 use super::spec::StageSpec;
-use crate::base::{ActionKey, ArtifactId};
+use crate::base::{ActionKey, ArtifactId, Progress};
 use crate::store::{Artifact, Condition, Effort, Guard, Lookup, Object, Record, Store, StoreError, Stored};
 
 /// What building needs beside the stage.

@@ -7,7 +7,7 @@ use std::sync::{Mutex, PoisonError};
 
 use super::locked::Difference;
 use super::scratch::Scratch;
-use crate::base::{ArtifactId, Canonical, Fields, InputError, Node, NodeValue};
+use crate::base::{ArtifactId, Canonical, Fields, InputError, Node, NodeValue, Progress};
 use crate::store::{Artifact, Object, ObjectError, StoreError};
 
 /// A kind of stage: `sample`, `solve`, …
@@ -173,18 +173,6 @@ impl Job<'_> {
     pub fn measure(&self, name: impl Into<String>, seconds: f64) {
         let mut measured = self.measured.lock().unwrap_or_else(PoisonError::into_inner);
         measured.push((name.into(), seconds));
-    }
-}
-
-/// Receives the progress of a piece of work.
-pub trait Progress: Sync {
-    /// `steps` more are done.
-    fn advance(&self, steps: u64);
-    /// A short text beside the bar ("loss 0.0123").
-    fn note(&self, text: &str);
-    /// `steps` were done before this piece of work began: they say nothing of its pace.
-    fn resume(&self, steps: u64) {
-        self.advance(steps);
     }
 }
 

@@ -23,7 +23,7 @@ pub use action::Action;
 pub use event::{Event, Listener, Outcome, StageReport};
 pub use execute::{Failure, RunError, RunOptions, RunOutcome, run};
 pub use explain::{Explanation, Last, explain};
-pub use kind::{Chunk, Input, Job, Kind, Needs, Plan, Progress, Stage, StageError};
+pub use kind::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
 pub use locked::Difference;
 pub use plan::plan;
 pub use price::{Bill, Estimate, Price};

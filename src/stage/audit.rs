@@ -15,13 +15,11 @@ use bench::{Workbench, decided};
 use source::Source;
 
 use super::direct::{DirectError, read_scene};
-use super::method::Method;
-use super::solver::explained;
-use crate::base::{Canonical, Dimension, Fields, InputError, Node, NodeValue, Quantity, Schema};
+use crate::base::{Canonical, Dimension, Fields, InputError, Node, NodeValue, Progress, Quantity, Schema};
 use crate::dataset::audit::{Dataset, Declared, Options, Report, Rows, audit};
-use crate::fem::SetupError;
-use crate::fem::effects::screening::resolve;
-use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Progress, Stage, StageError};
+use crate::fem::screening::resolve;
+use crate::fem::{Method, SetupError};
+use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::scene::Scene;
 use crate::store::{Artifact, Object, StoreError};
 
@@ -218,7 +216,7 @@ pub fn audit_file(
         Source::check_file(file).map_err(refused)?;
     }
     let mut source = Source::of_file(file).map_err(unreadable)?;
-    let other = other_scene(&source, &scene).map_err(|e| DirectError::Failed(explained(&e)))?;
+    let other = other_scene(&source, &scene).map_err(|e| DirectError::Failed(e.to_string()))?;
     source.findings.extend(other);
     let report = carry_out(&source, &scene, request, false, progress).map_err(DirectError::Failed)?;
     let object = content::describe(&report).map_err(DirectError::Failed)?;
@@ -320,7 +318,7 @@ fn carry_out(
         .solver
         .as_ref()
         .map_or((Method::Newton, 1e-8), |solver| (solver.method(), solver.tolerance()));
-    let bench = Workbench::new(scene, source.effects.as_deref(), method, tolerance).map_err(|e| explained(&e))?;
+    let bench = Workbench::new(scene, source.effects.as_deref(), method, tolerance).map_err(|e| e.to_string())?;
     let dataset = Dataset {
         len: source.len(),
         rows: source,

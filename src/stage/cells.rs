@@ -1,32 +1,11 @@
 //! `solve --cells`: what an engineer asks of a solution, cell by cell.
 
-use rayon::prelude::*;
-
 use crate::content::{CellFields, NO_STATE, Packed, Row};
-use crate::fem::{CellState, MembraneSolver, Tension};
-use crate::field::Simulation;
-use crate::pattern::{CELLS, Pattern};
+use crate::fem::CellState;
+use crate::pattern::CELLS;
 
 /// The states of the cells of one pattern, `[y][x]`; `None` where there is no stable solution.
 pub type States = Option<Vec<CellState>>;
-
-/// Simulates patterns and keeps the states of their cells.
-pub fn simulate(solver: &MembraneSolver, patterns: &[Pattern]) -> Vec<(Simulation, States)> {
-    let each = |pattern: &Pattern| {
-        let solution = solver.solve(pattern);
-        let converged = solution.outcome.is_converged();
-        let states = converged.then(|| solver.cell_states(pattern, &solution));
-        (solver.simulation(pattern, &solution), states)
-    };
-    patterns.par_iter().map(each).collect()
-}
-
-/// The part of the membrane that is wrinkled or slack; `None` where there is no solution.
-pub fn wrinkled_fraction(states: &States) -> Option<f64> {
-    let states = states.as_ref()?;
-    let wrinkled = states.iter().filter(|state| state.tension != Tension::Taut).count();
-    Some(wrinkled as f64 / states.len() as f64)
-}
 
 /// The states of the cells of all patterns.
 pub fn fields(results: &[States]) -> CellFields {

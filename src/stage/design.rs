@@ -12,7 +12,6 @@ use serde_json::json;
 
 use super::model;
 use super::screening::Screened;
-use super::solver::explained;
 use crate::base::{Canonical, Fields, InputError, Node, NodeValue, Schema};
 use crate::design::{
     ConstraintParameters, Elements, GenerationReport, Method, Progress, Search, SearchError, SearchOptions, SearchStep,
@@ -191,7 +190,7 @@ impl DesignStage {
                 margins: SafetyMargins::new(&screened.scene, limits.pull_in_margin, limits.breakdown_margin)?,
             })
         };
-        let ready = ready().map_err(|e| SearchError::Setup(explained(&e)))?;
+        let ready = ready().map_err(|e| SearchError::Setup(e.to_string()))?;
         Ok(self.ready.get_or_init(|| ready))
     }
 

@@ -4,16 +4,13 @@ use std::path::Path;
 use std::time::Instant;
 
 use super::cells::{self, States};
-pub use super::method::Method;
 use super::screening::Screened;
-pub use super::solver::MeshRequest;
-use super::solver::{Solver, explained, on_mesh};
 use super::{arrays, model, solution};
-use crate::base::{Document, InputError};
+use crate::base::{Document, InputError, Progress};
 use crate::content::{Lines, Observations, Packed, SolveFile};
-use crate::fem::{AccurateSimulation, SetupError};
+use crate::fem::{AccurateSimulation, SetupError, SolverParameters, wrinkled_fraction};
 use crate::field::{CORNERS, Field, PredictError, Predictor};
-use crate::orchestrator::{Progress, splice_scene};
+use crate::orchestrator::splice_scene;
 use crate::pattern::Pattern;
 use crate::scene::Scene;
 use crate::store::Object;
@@ -21,19 +18,6 @@ use crate::surrogate::Surrogate;
 
 /// Patterns that one thread solves between two reports of progress.
 const BATCH: usize = 8;
-
-/// Method, mesh and tolerance of a direct simulation.
-#[derive(Clone, Copy, Debug)]
-pub struct SolveRequest {
-    /// How fields are found.
-    pub method: Method,
-    /// One mesh, or an accuracy.
-    pub mesh: MeshRequest,
-    /// Relative residual.
-    pub tolerance: f64,
-    /// Whether the state of every cell is wanted; not with an accuracy.
-    pub cells: bool,
-}
 
 /// What goes into the file, and how many samples have no stable solution.
 #[derive(Debug)]
@@ -86,66 +70,60 @@ pub fn patterns(arguments: &[String]) -> Result<Vec<Pattern>, InputError> {
     Ok(all)
 }
 
-/// Simulates patterns in a scene read from `scene`: a scene, or a pipeline whose scene is used.
+/// Simulates patterns in a scene read from `scene`, a scene or a pipeline whose scene is used; with the state of every cell
+/// where that is wanted.
 ///
 /// # Errors
 /// When the scene cannot be read or the solver cannot be set up.
 pub fn solve(
     scene: &Path,
     patterns: &[Pattern],
-    request: &SolveRequest,
+    parameters: &SolverParameters,
+    with_cells: bool,
     progress: &dyn Progress,
 ) -> Result<Answer, DirectError> {
-    let failed = |e: SetupError| DirectError::Failed(explained(&e));
+    let failed = |e: SetupError| DirectError::Failed(e.to_string());
     let scene = read_scene(scene)?;
     let screened = Screened::new(&scene).map_err(failed)?;
     let scene = &screened.scene;
-    let solver = Solver::new(scene, request.method, request.mesh, request.tolerance).map_err(failed)?;
+    let solver = parameters.build(scene).map_err(failed)?;
     let threads = rayon::current_num_threads();
     let mut results = Vec::with_capacity(patterns.len());
     let mut seconds = Vec::with_capacity(patterns.len());
     let mut states: Vec<States> = Vec::new();
     for batch in patterns.chunks(BATCH * threads) {
         let start = Instant::now();
-        match &solver {
-            Solver::Fixed(fixed, options) if request.cells => {
-                for (simulation, cells) in cells::simulate(fixed, batch) {
-                    results.push(on_mesh(simulation, options));
-                    states.push(cells);
-                }
-            }
-            Solver::Accurate(_) if request.cells => {
-                return Err(DirectError::Failed("cells need one mesh, not an accuracy".to_owned()));
-            }
-            _ => results.extend(solver.simulate(batch).map_err(failed)?),
+        if with_cells {
+            let (found, cells) = solver.simulate_cells(batch).map_err(failed)?;
+            results.extend(found);
+            states.extend(cells);
+        } else {
+            results.extend(solver.simulate(batch).map_err(failed)?);
         }
         seconds.extend(seconds_each(start, batch.len(), threads));
         progress.advance(batch.len() as u64);
     }
     let observed: Vec<_> = results.iter().map(|r| Some(&r.simulation.observation)).collect();
     let mut observations = Observations::of(&solver.observed(&scene.effects), &observed);
-    if request.cells {
-        let fraction = |states| cells::wrinkled_fraction(states).unwrap_or(f64::NAN);
+    if with_cells {
+        let fraction = |states: &States| states.as_deref().map_or(f64::NAN, wrinkled_fraction);
         observations.wrinkled_fraction = Some(states.iter().map(fraction).collect());
     }
     let content = SolveFile {
         observations,
-        meshes: solver.estimates().then(|| solution::meshes(results.iter())),
-        cells: request.cells.then(|| cells::fields(&states)),
+        meshes: solver.estimates_errors().then(|| solution::meshes(results.iter())),
+        cells: with_cells.then(|| cells::fields(&states)),
         scene: scene.to_text(),
-        solver: Some(format!("{{ {} }}", described(request))),
+        solver: Some(format!("{{ {} }}", parameters)),
         effects: Some(screened.effects()),
         warnings: Some(Lines(screened.warnings.clone())),
         ..simulated(patterns, &results, seconds)
     };
     let wrinkled = states.iter().enumerate();
-    let wrinkled = wrinkled.filter_map(|(i, states)| Some((i, cells::wrinkled_fraction(states)?)));
+    let wrinkled = wrinkled.filter_map(|(i, states)| Some((i, wrinkled_fraction(states.as_deref()?))));
     let unstable = results.iter().enumerate().filter(|(_, r)| r.simulation.field.is_none());
     let unstable = unstable.map(|(i, r)| (i, r.simulation.outcome.to_string())).collect();
-    let wanted = match request.mesh {
-        MeshRequest::Accuracy(mm) => mm,
-        MeshRequest::Fixed { .. } => f64::INFINITY,
-    };
+    let wanted = parameters.accuracy().map_or(f64::INFINITY, |accuracy| accuracy.value());
     let estimates = results
         .iter()
         .enumerate()
@@ -159,21 +137,6 @@ pub fn solve(
         warnings: screened.warnings,
         wrinkled: wrinkled.filter(|(_, fraction)| *fraction > 0.0).collect(),
     })
-}
-
-/// How it is solved, in the keys of a solve stage.
-fn described(request: &SolveRequest) -> String {
-    let mesh = match request.mesh {
-        MeshRequest::Fixed {
-            elements_per_cell,
-            order,
-        } => format!("elements_per_cell: {elements_per_cell}, order: {order}"),
-        MeshRequest::Accuracy(mm) => format!("accuracy: {mm}"),
-    };
-    match request.method {
-        Method::Newton => format!("method: newton, {mesh}, tolerance: {:e}", request.tolerance),
-        method => format!("method: {method}, {mesh}"),
-    }
 }
 
 /// The time since `start`, shared out evenly; threads beyond the number of samples stood idle.

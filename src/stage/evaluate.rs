@@ -10,9 +10,9 @@ mod covered;
 
 use rayon::prelude::*;
 
-use super::method::Method;
 use super::{arrays, calibrate, labelled};
 use crate::base::{Canonical, Fields, InputError, Node, Schema};
+use crate::fem::Method;
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::scene::Scene;
 use crate::store::{Artifact, Object};

@@ -2,10 +2,8 @@
 
 use super::designs::Design;
 use super::direct::DirectError;
-use super::method::Method;
 use super::screening::Screened;
-use super::solver::{MeshRequest, Solver, explained};
-use crate::fem::{CellState, MembraneSolver, Mesh, SetupError};
+use crate::fem::{CellState, MembraneSolver, SetupError, SolveOptions};
 use crate::pattern::CELLS;
 use crate::store::{Data, Dataset};
 
@@ -27,17 +25,14 @@ pub struct Membrane {
     pub warnings: Vec<String>,
 }
 
-/// Simulates a design on a mesh by Newton's method to a relative residual.
+/// Simulates a design by Newton's method.
 ///
 /// # Errors
 /// When the solver cannot be set up, or the membrane has no stable state at this voltage.
-pub fn simulate(design: &Design, mesh: MeshRequest, tolerance: f64) -> Result<Membrane, DirectError> {
-    let failed = |e: SetupError| DirectError::Failed(explained(&e));
+pub fn simulate(design: &Design, options: SolveOptions) -> Result<Membrane, DirectError> {
+    let failed = |e: SetupError| DirectError::Failed(e.to_string());
     let screened = Screened::new(&design.scene).map_err(failed)?;
-    let Solver::Fixed(solver, _) = Solver::new(&screened.scene, Method::Newton, mesh, tolerance).map_err(failed)?
-    else {
-        return Err(DirectError::Failed("a membrane is drawn on one mesh".to_owned()));
-    };
+    let solver = MembraneSolver::new(&screened.scene, options).map_err(failed)?;
     let solution = solver.solve(&design.pattern);
     if !solution.outcome.is_converged() {
         let outcome = &solution.outcome;
@@ -61,7 +56,7 @@ pub fn simulate(design: &Design, mesh: MeshRequest, tolerance: f64) -> Result<Me
 
 /// Nodal values at the corners of elements, in mm.
 fn corners(solver: &MembraneSolver, nodal: &[f64]) -> Vec<[f64; 2]> {
-    let mesh: Mesh = solver.mesh();
+    let mesh = solver.mesh();
     let (side, degree) = (solver.element_side_mm(), mesh.order().degree());
     let row = mesh.elements() + 1;
     let at = |corner: usize, c: usize| mesh.index(c, corner % row * degree, corner / row * degree);

@@ -13,14 +13,12 @@ mod evaluate;
 mod labelled;
 pub mod mask;
 pub mod membrane;
-mod method;
 pub mod model;
 pub mod path;
 mod sample;
 pub mod screening;
 mod solution;
 mod solve;
-mod solver;
 mod train;
 mod verify;
 

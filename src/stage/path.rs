@@ -5,13 +5,12 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use super::arrays;
-use super::direct::{DirectError, Method, read_scene};
-use super::solver::{MeshRequest, Solver};
+use super::direct::{DirectError, read_scene};
+use crate::base::Progress;
 pub use crate::fem::LoadPath;
-use crate::fem::effects::screening::resolve;
-use crate::fem::{MembraneSolver, PathEvent, PathPoint, SetupError};
+use crate::fem::screening::resolve;
+use crate::fem::{MembraneSolver, PathEvent, PathPoint, SetupError, SolveOptions};
 use crate::field::Field;
-use crate::orchestrator::Progress;
 use crate::pattern::Pattern;
 use crate::store::{Data, Dataset, Object};
 
@@ -32,16 +31,12 @@ pub struct PathAnswer {
 pub fn paths(
     scene: &Path,
     patterns: &[Pattern],
-    mesh: MeshRequest,
-    tolerance: f64,
+    options: SolveOptions,
     progress: &dyn Progress,
 ) -> Result<PathAnswer, DirectError> {
     let failed = |e: SetupError| DirectError::Failed(e.to_string());
     let scene = resolve(&read_scene(scene)?).map_err(failed)?;
-    let solver = Solver::new(&scene, Method::Newton, mesh, tolerance).map_err(failed)?;
-    let Solver::Fixed(solver, _) = solver else {
-        return Err(DirectError::Failed("a path needs one mesh, not an accuracy".to_owned()));
-    };
+    let solver = MembraneSolver::new(&scene, options).map_err(failed)?;
     let follow = |pattern: &Pattern| one(&solver, pattern, progress);
     let paths = patterns.par_iter().map(follow).collect::<Result<Vec<_>, _>>()?;
     Ok(PathAnswer {

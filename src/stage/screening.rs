@@ -6,11 +6,11 @@ use super::arrays;
 use super::direct::{DirectError, read_scene};
 use crate::base::InputError;
 use crate::fem::SetupError;
-use crate::fem::effects::screening;
+use crate::fem::screening;
 use crate::scene::Scene;
 
-use crate::fem::effects::screening::Trial;
-pub use crate::fem::effects::screening::{Row, Screening, Status, Verdict};
+use crate::fem::screening::Trial;
+pub use crate::fem::screening::{Row, Screening, Status, Verdict};
 
 /// A scene as it is simulated, with what it lacks.
 pub struct Screened {

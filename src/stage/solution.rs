@@ -1,9 +1,8 @@
 //! What the solve stage says of the samples that it simulated.
 
 use super::screening::Screened;
-use super::solver::Solver;
 use crate::content::{Lines, Meshes, Observations, SampleRows, Solutions, Unstable};
-use crate::fem::{AccurateSimulation, Order};
+use crate::fem::{AccurateSimulation, Solver};
 use crate::field::Field;
 use crate::scene::Scene;
 
@@ -29,7 +28,7 @@ pub fn solutions(
         newton_iterations: solved.iter().map(|r| r.simulation.newton_iterations).collect(),
         residual: solved.iter().map(|r| r.simulation.residual).collect(),
         observations: Observations::of(&solver.observed(&screened.scene.effects), &observed),
-        meshes: solver.estimates().then(|| meshes(solved.iter().copied())),
+        meshes: solver.estimates_errors().then(|| meshes(solved.iter().copied())),
         unstable: Unstable {
             rows: rows.select(&unstable),
             outcome: outcomes(results, &unstable),
@@ -54,11 +53,10 @@ fn brackets(results: &[AccurateSimulation], rows: &[usize]) -> Vec<[f64; 2]> {
 
 /// The mesh that was picked for each sample.
 pub fn meshes<'a>(results: impl Iterator<Item = &'a AccurateSimulation> + Clone) -> Meshes {
-    let order = |order| if order == Order::Biquadratic { 2 } else { 1 };
     let errors = results.clone().map(|r| r.discretisation_error.unwrap_or(f64::NAN));
     Meshes {
         discretisation_error: errors.collect(),
-        elements_per_cell: results.clone().map(|r| r.elements_per_cell as u64).collect(),
-        order: results.map(|r| order(r.order)).collect(),
+        elements_per_cell: results.clone().map(|r| r.mesh.elements_per_cell() as u64).collect(),
+        order: results.map(|r| r.mesh.order().degree() as u64).collect(),
     }
 }

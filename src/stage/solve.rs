@@ -4,10 +4,10 @@ use std::sync::OnceLock;
 
 use super::screening::Screened;
 use super::solution;
-use super::solver::{Solver, SolverParameters, explained};
 use crate::base::{Canonical, Fields, InputError, Node};
 use crate::content::{Samples, Solutions};
-use crate::fem::SetupError;
+use crate::fem::{SetupError, Solver, SolverParameters};
+use crate::field::Mesh;
 use crate::orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::scene::Scene;
 use crate::store::{Artifact, Object};
@@ -15,8 +15,8 @@ use crate::store::{Artifact, Object};
 /// Patterns between two reports of progress.
 const BATCH: usize = 16;
 
-/// Elements per cell unless a stage says otherwise.
-const ELEMENTS_PER_CELL: u64 = 2;
+/// The mesh unless a stage says otherwise.
+const MESH: Mesh = Mesh::bilinear(2);
 
 /// The kind `solve`.
 pub struct SolveKind;
@@ -40,7 +40,7 @@ impl Kind for SolveKind {
 
     fn schema(&self) -> Vec<Fields> {
         let fields = Fields::new("Simulates every sample with finite elements.");
-        vec![SolverParameters::schema(fields, ELEMENTS_PER_CELL, true)]
+        vec![SolverParameters::schema(fields, MESH, true)]
     }
 
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
@@ -48,7 +48,7 @@ impl Kind for SolveKind {
         let map = stage.fields(what, &[&["kind", "needs"], &SolverParameters::KEYS[..]].concat())?;
         let scene = super::scene_of(stage, scene)?;
         Ok(Box::new(SolveStage {
-            solver: SolverParameters::read(&map, ELEMENTS_PER_CELL)?,
+            solver: SolverParameters::read(&map, MESH)?,
             scene,
             ready: OnceLock::new(),
         }))
@@ -111,7 +111,7 @@ impl Stage for SolveStage {
             ));
         };
         let rows = Samples::open(samples)?.rows().read()?;
-        let failed = |e: SetupError| StageError::Failed(explained(&e));
+        let failed = |e: SetupError| StageError::Failed(e.to_string());
         let Ready { screened, solver } = self.ready().map_err(failed)?;
         let mut simulations = Vec::with_capacity(rows.patterns.len());
         for batch in rows.patterns.chunks(BATCH) {

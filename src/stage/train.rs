@@ -9,7 +9,8 @@ use follow::Follow;
 
 use crate::base::{Canonical, Decimal, Fields, InputError, Map, Node, NodeValue, Schema};
 use crate::dataset::SymmetryGroup;
-use crate::fem::{LinearResponse, Order, SolveOptions};
+use crate::fem::LinearResponse;
+use crate::field::Mesh;
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::scene::Scene;
 use crate::store::{Artifact, Object};
@@ -274,13 +275,8 @@ fn is_training(artifact: &Artifact) -> Result<bool, StageError> {
 /// The linear response of a scene, by one biquadratic element per cell: on finer meshes it differs by less than what
 /// the network learns anyway.
 fn constants(scene: &Scene) -> Result<Constants, StageError> {
-    let options = SolveOptions {
-        elements_per_cell: 1,
-        order: Order::Biquadratic,
-        ..SolveOptions::default()
-    };
     let failed = |e: &dyn std::fmt::Display| StageError::Failed(format!("no linear response: {e}"));
-    let response = LinearResponse::new(scene, options).map_err(|e| failed(&e))?;
+    let response = LinearResponse::new(scene, Mesh::biquadratic(1)).map_err(|e| failed(&e))?;
     Constants::new(&response, scene.side_mm()).map_err(StageError::Failed)
 }
 

@@ -2,18 +2,17 @@
 
 use super::arrays;
 use super::screening::Screened;
-use super::solver::{Solver, SolverParameters, explained};
 use crate::base::{Canonical, Document, Fields, InputError, Node};
 use crate::design::{Goal, Objective};
-use crate::fem::{AccurateSimulation, SetupError};
-use crate::field::{Field, Outcome};
+use crate::fem::{AccurateSimulation, SetupError, Solver, SolverParameters};
+use crate::field::{Field, Mesh, Outcome};
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::pattern::Pattern;
 use crate::scene::Scene;
 use crate::store::{Artifact, Object};
 
-/// Elements per cell unless a stage says otherwise.
-const ELEMENTS_PER_CELL: u64 = 4;
+/// The mesh unless a stage says otherwise.
+const MESH: Mesh = Mesh::bilinear(4);
 
 /// Patterns between two reports of progress.
 const BATCH: usize = 8;
@@ -62,7 +61,7 @@ impl Kind for VerifyKind {
 
     fn schema(&self) -> Vec<Fields> {
         let fields = Fields::new("Simulates designs on two meshes, beside the intuitive ones.");
-        vec![SolverParameters::schema(fields, ELEMENTS_PER_CELL, true)]
+        vec![SolverParameters::schema(fields, MESH, true)]
     }
 
     fn teaches(&self) -> Option<&'static str> {
@@ -76,7 +75,7 @@ impl Kind for VerifyKind {
         )?;
         let scene = super::scene_of(stage, scene)?;
         Ok(Box::new(VerifyStage {
-            solver: SolverParameters::read(&map, ELEMENTS_PER_CELL)?,
+            solver: SolverParameters::read(&map, MESH)?,
             scene,
         }))
     }
@@ -125,7 +124,7 @@ impl Stage for VerifyStage {
     }
 
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
-        let failed = |e: SetupError| StageError::Failed(explained(&e));
+        let failed = |e: SetupError| StageError::Failed(e.to_string());
         let screened = Screened::new(&self.scene).map_err(failed)?;
         let solver = self.solver.build(&screened.scene).map_err(failed)?;
         let beside = self.solver.beside().map(|other| other.build(&screened.scene));

@@ -9,8 +9,11 @@ use super::networks::{Network, NetworkKind};
 use super::onnx::to_onnx;
 use super::parameters::Parameters;
 use super::weights::{LoadError, from_bytes};
-use crate::field::{Field, PredictError, Predictor};
+use crate::field::{Evaluator, Field, PredictError, Predictor};
 use crate::pattern::Pattern;
+
+/// Patterns that a network is asked for at once where it serves.
+const BATCH: usize = 1000;
 
 /// A trained network.
 pub struct Surrogate {
@@ -65,7 +68,7 @@ impl Surrogate {
     /// # Errors
     /// When it cannot be written as text, which a header that was read always can.
     pub fn header(&self) -> Result<String, PredictError> {
-        serde_json::to_string(&self.header).map_err(|e| PredictError(e.to_string()))
+        serde_json::to_string(&self.header).map_err(PredictError::failed)
     }
 
     /// The network as an ONNX file: patterns (n, 50, 50) in u8 to displacements (n, 51, 51, 2) in mm, f32.
@@ -73,7 +76,7 @@ impl Surrogate {
     /// # Errors
     /// When its tensors cannot be read.
     pub fn to_onnx(&self) -> Result<Vec<u8>, PredictError> {
-        to_onnx(self.network.as_ref(), self.header.scale_mm, &self.header()?).map_err(|e| PredictError(e.to_string()))
+        to_onnx(self.network.as_ref(), self.header.scale_mm, &self.header()?).map_err(PredictError::failed)
     }
 
     /// How it was trained; none where the file does not say.
@@ -113,21 +116,35 @@ pub(crate) fn evaluate(
     patterns: &[&Pattern],
     device: &Device,
 ) -> Result<Vec<Field>, PredictError> {
-    let failed = |e: candle_core::Error| PredictError(e.to_string());
+    let failed = |e: candle_core::Error| PredictError::failed(e);
     let chunks = patterns.par_chunks(network.together()).map(|chunk| {
         let input = patterns_to_tensor(chunk.iter().copied(), device).map_err(failed)?;
         let displacement = network.predict(&input).map_err(failed)?;
         let fields = tensor_to_fields(&displacement, scale_mm).map_err(failed)?;
-        fields.map_err(|e| PredictError(e.to_string()))
+        fields.map_err(PredictError::failed)
     });
     let chunks: Result<Vec<_>, _> = chunks.collect();
     Ok(chunks?.into_iter().flatten().collect())
 }
 
 impl Predictor for Surrogate {
+    fn predict_some(&self, patterns: &[Pattern]) -> Result<Vec<Option<Field>>, PredictError> {
+        Ok(self.predict(patterns)?.into_iter().map(Some).collect())
+    }
+
     fn predict(&self, patterns: &[Pattern]) -> Result<Vec<Field>, PredictError> {
         let patterns: Vec<&Pattern> = patterns.iter().collect();
         evaluate(self.network.as_ref(), self.header.scale_mm, &patterns, &self.device)
+    }
+}
+
+impl Evaluator for Surrogate {
+    fn settings(&self) -> String {
+        format!("network: {}", self.kind.name())
+    }
+
+    fn batch(&self) -> Option<usize> {
+        Some(BATCH)
     }
 }
 

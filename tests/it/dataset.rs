@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use deaflow::dataset::{BalanceOptions, Bins, Candidate, Split, SymmetryGroup, balance};
-use deaflow::fem::{MembraneSolver, Order, SolveOptions};
-use deaflow::field::{Field, Simulator};
+use deaflow::fem::{MembraneSolver, SolveOptions};
+use deaflow::field::{Field, Mesh, Simulator};
 use deaflow::pattern::Pattern;
 use deaflow::sample::{AreaSweep, Bezier, Ends, Family, LargeGrid, SmallGrid};
 use deaflow::scene::Scene;
@@ -22,8 +22,7 @@ fn drawn() -> Vec<Pattern> {
 
 fn solver() -> MembraneSolver {
     let options = SolveOptions {
-        elements_per_cell: 1,
-        order: Order::Bilinear,
+        mesh: Mesh::bilinear(1),
         tolerance: 1e-11,
     };
     MembraneSolver::new(&Scene::vhb4910(), options).unwrap()

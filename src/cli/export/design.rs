@@ -10,9 +10,10 @@ use crate::cli::arguments::{StoreArguments, TOLERANCE, number};
 use crate::cli::error::CliError;
 use crate::cli::output::{Exit, Output};
 use crate::cli::{locate, solve, write};
+use crate::fem::SolveOptions;
+use crate::field::Mesh;
 use crate::report::export::{self, Drawing, MOST_PIXELS, Shape, Surface};
 use crate::stage::designs::{self, Design, Designs, Wanted};
-use crate::stage::direct::MeshRequest;
 use crate::stage::mask::{Mask, Size};
 use crate::stage::membrane;
 use crate::store::Artifact;
@@ -406,11 +407,16 @@ fn shown(value: f64) -> String {
 }
 
 fn write_membrane(arguments: &ExportDesignArguments, design: &Design, path: &Path) -> Result<Written, CliError> {
-    let mesh = MeshRequest::Fixed {
-        elements_per_cell: arguments.elements_per_cell.unwrap_or(2),
-        order: arguments.order.unwrap_or(2),
+    let elements = arguments.elements_per_cell.unwrap_or(2) as usize;
+    let mesh = match arguments.order {
+        Some(1) => Mesh::bilinear(elements),
+        _ => Mesh::biquadratic(elements),
     };
-    let membrane = membrane::simulate(design, mesh, TOLERANCE)?;
+    let options = SolveOptions {
+        mesh,
+        tolerance: TOLERANCE,
+    };
+    let membrane = membrane::simulate(design, options)?;
     let surface = Surface {
         elements: membrane.elements,
         side: membrane.side,

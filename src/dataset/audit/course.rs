@@ -11,8 +11,9 @@ use super::identify::TRIED;
 use super::kinds::{Comparison, FEWEST, kinds, suspects, usual};
 use super::labels::{Judge, Label, Solved};
 use super::resimulate::is_wrong;
-use super::rows::{Dataset, Declared, Mesh};
+use super::rows::{Dataset, Declared};
 use crate::base::Stream;
+use crate::field::Mesh;
 
 /// Suspects that are solved again in one round at the least, and as a part of all rows.
 const ROUND: usize = 256;

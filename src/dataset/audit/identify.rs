@@ -2,22 +2,23 @@
 
 use super::facts::Row;
 use super::labels::Tolerance;
-use super::rows::{Bench, Mesh, Wanted};
+use super::rows::{Bench, Wanted};
+use crate::field::Mesh;
 
 /// The meshes that are tried, cheapest first.
 pub const TRIED: [Mesh; 12] = [
-    Mesh::new(1, 1),
-    Mesh::new(2, 1),
-    Mesh::new(1, 2),
-    Mesh::new(3, 1),
-    Mesh::new(4, 1),
-    Mesh::new(2, 2),
-    Mesh::new(5, 1),
-    Mesh::new(6, 1),
-    Mesh::new(3, 2),
-    Mesh::new(8, 1),
-    Mesh::new(4, 2),
-    Mesh::new(8, 2),
+    Mesh::bilinear(1),
+    Mesh::bilinear(2),
+    Mesh::biquadratic(1),
+    Mesh::bilinear(3),
+    Mesh::bilinear(4),
+    Mesh::biquadratic(2),
+    Mesh::bilinear(5),
+    Mesh::bilinear(6),
+    Mesh::biquadratic(3),
+    Mesh::bilinear(8),
+    Mesh::biquadratic(4),
+    Mesh::biquadratic(8),
 ];
 
 /// Part of the largest displacement within which fields are the same. Meshes differ by far more.

@@ -6,9 +6,10 @@ use std::collections::BTreeMap;
 use super::facts::Facts;
 use super::finding::{Finding, Severity};
 use super::labels::{Judge, Label};
-use super::rows::{Columns, Mesh};
+use super::rows::Columns;
 use super::symmetric::{PROJECTIONS, distance};
 use crate::base::{Digest, OrbitId};
+use crate::field::Mesh;
 
 /// Rows by orbit, in the order of their first row; rows without a pattern are left out.
 #[must_use]

@@ -10,18 +10,18 @@ use std::collections::BTreeMap;
 
 use super::diagnosis::{Fault, diagnose, fit, inside};
 use super::facts::Row;
-use super::rows::{Bench, Columns, Declared, Mesh, Wanted};
-use crate::field::Field;
+use super::rows::{Bench, Columns, Declared, Wanted};
+use crate::field::{Field, Mesh};
 use crate::pattern::Pattern;
 
 /// What a solution of the full pass may cost, in solutions with one bilinear element per cell.
 const CHEAP: u64 = 5;
 
 /// The mesh of the full pass where the dataset's own is dearer.
-pub const SCREEN: Mesh = Mesh::new(1, 2);
+pub const SCREEN: Mesh = Mesh::biquadratic(1);
 
 /// The mesh that has the last word where nothing is declared.
-pub const REFERENCE: Mesh = Mesh::new(4, 2);
+pub const REFERENCE: Mesh = Mesh::biquadratic(4);
 
 /// Displacements below this are rounding, in mm.
 const ROUNDING: f64 = 1e-8;

@@ -28,7 +28,7 @@ pub use finding::{EXAMPLES, Finding, Severity, sort};
 pub use labels::{Label, SCREEN};
 pub use report::{Report, Resimulation, Summary};
 pub use resimulate::Resimulated;
-pub use rows::{Batch, Bench, Columns, Dataset, Declared, Mesh, Ready, Rows, Wanted};
+pub use rows::{Batch, Bench, Columns, Dataset, Declared, Ready, Rows, Wanted};
 pub use run::{Options, audit};
 pub use spread::{Level, Spread};
 

@@ -2,7 +2,8 @@
 
 use super::facts::Row;
 use super::labels::{Judge, Label, REFERENCE};
-use super::rows::{Dataset, Mesh, Wanted};
+use super::rows::{Dataset, Wanted};
+use crate::field::Mesh;
 
 /// A row that was simulated again.
 #[derive(Clone, Copy, Debug, PartialEq)]

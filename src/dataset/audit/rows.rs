@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use crate::field::Simulator;
+use crate::field::{Mesh, Simulator};
 
 /// Rows as they stand in the file: nothing is known of them yet.
 pub struct Batch {
@@ -58,44 +58,6 @@ impl Columns {
             length("discretisation_error", &self.error),
         ];
         all.into_iter().flatten().collect()
-    }
-}
-
-/// Elements along the side of a cell, and their order.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Mesh {
-    /// Elements along one side of a cell.
-    pub elements_per_cell: u64,
-    /// Polynomial order, 1 or 2.
-    pub order: u64,
-}
-
-impl Mesh {
-    /// A mesh.
-    #[must_use]
-    pub const fn new(elements_per_cell: u64, order: u64) -> Self {
-        Self {
-            elements_per_cell,
-            order,
-        }
-    }
-
-    /// The mesh by which errors on this one are told: biquadratic instead of bilinear, or half the size of biquadratic;
-    /// `None` for the finest. What it leaves is an eighth to a third of the error here (docs/accuracy.md).
-    #[must_use]
-    pub fn finer(self) -> Option<Self> {
-        let finer = match self.order {
-            2 => Self::new((2 * self.elements_per_cell).min(8), 2),
-            _ => Self::new(self.elements_per_cell, 2),
-        };
-        (finer != self).then_some(finer)
-    }
-
-    /// What a solution costs, in solutions with one bilinear element per cell. A biquadratic element costs as much as five
-    /// bilinear ones (docs/performance.md).
-    #[must_use]
-    pub fn cost(self) -> u64 {
-        self.elements_per_cell.pow(2) * if self.order == 2 { 5 } else { 1 }
     }
 }
 

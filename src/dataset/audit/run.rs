@@ -10,10 +10,11 @@ use super::finding::{self, EXAMPLES};
 use super::labels::{Judge, Label, Tolerance};
 use super::report::{Report, Resimulation, Summary};
 use super::resimulate::{Resimulated, is_wrong, resimulate};
-use super::rows::{Bench, Columns, Dataset, Declared, Mesh};
+use super::rows::{Bench, Columns, Dataset, Declared};
 use super::spread::{Level, Spread};
 use super::{identify, images, values, verdicts};
 use crate::base::Stream;
+use crate::field::Mesh;
 
 /// Rows that are held in memory at a time.
 const BATCH: usize = 256;
@@ -251,11 +252,10 @@ fn on_finer_meshes(
 }
 
 fn made_by(found: Declared, said: Declared) -> String {
-    let on = |mesh: Mesh| format!("elements_per_cell: {}, order: {}", mesh.elements_per_cell, mesh.order);
     match (found, said) {
-        (Declared::Mesh(mesh), Declared::Unknown) => format!("{} (found out)", on(mesh)),
-        (Declared::Mesh(mesh), _) => on(mesh),
-        (Declared::Estimates(mesh), _) => format!("estimates, {}", on(mesh)),
+        (Declared::Mesh(mesh), Declared::Unknown) => format!("{mesh} (found out)"),
+        (Declared::Mesh(mesh), _) => mesh.to_string(),
+        (Declared::Estimates(mesh), _) => format!("estimates, {mesh}"),
         (Declared::PerRow, Declared::Unknown) => "a mesh for each row (found out)".to_owned(),
         (Declared::PerRow, _) => "a mesh for each row".to_owned(),
         (Declared::Unknown, _) => "not known".to_owned(),

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use super::*;
 use crate::base::Stream;
-use crate::field::{CORNERS, Field, Observation, Outcome, Simulation, Simulator};
+use crate::field::{CORNERS, Field, Mesh, Observation, Outcome, Simulation, Simulator};
 use crate::pattern::{CELLS, Pattern, Symmetry};
 
 /// Coarser meshes are too stiff, and see corners less.
@@ -146,7 +146,7 @@ fn checks(report: &Report) -> Vec<(&str, &[u64])> {
     findings.map(|f| (f.check.as_str(), f.examples.as_slice())).collect()
 }
 
-const MESHES: [Mesh; 2] = [Mesh::new(2, 1), Mesh::new(2, 2)];
+const MESHES: [Mesh; 2] = [Mesh::bilinear(2), Mesh::biquadratic(2)];
 
 #[test]
 fn a_sound_dataset_gives_no_finding_whatever_it_declares() {
@@ -292,7 +292,11 @@ fn patterns_without_a_solution_are_found_even_where_most_are() {
 fn rows_on_several_meshes_are_held_each_to_its_own() {
     let (mut memory, _) = sound(MESHES[0]);
     for row in (1..30).step_by(3) {
-        let mesh = if row % 2 == 0 { Mesh::new(1, 2) } else { Mesh::new(3, 1) };
+        let mesh = if row % 2 == 0 {
+            Mesh::biquadratic(1)
+        } else {
+            Mesh::bilinear(3)
+        };
         memory.fields[row] = Membrane(coarseness(mesh))
             .field(&memory.patterns[row])
             .values()

@@ -319,7 +319,7 @@ impl Known {
 fn check_count(found: usize, what: &str, patterns: usize) -> Result<(), PredictError> {
     match found == patterns {
         true => Ok(()),
-        false => Err(PredictError(format!("{found} {what} for {patterns} patterns"))),
+        false => Err(PredictError::failed(format!("{found} {what} for {patterns} patterns"))),
     }
 }
 

@@ -56,11 +56,12 @@ impl Linear {
 }
 
 impl Predictor for Linear {
-    fn predict(&self, patterns: &[Pattern]) -> Result<Vec<Field>, PredictError> {
+    fn predict_some(&self, patterns: &[Pattern]) -> Result<Vec<Option<Field>>, PredictError> {
         self.predicted.fetch_add(patterns.len(), Ordering::Relaxed);
         let field = |pattern| {
             let value = self.value(pattern);
-            Field::from_values([value, 0.0].repeat(51 * 51)).map_err(|e| PredictError(e.to_string()))
+            let field = Field::from_values([value, 0.0].repeat(51 * 51));
+            field.map(Some).map_err(PredictError::failed)
         };
         patterns.iter().map(field).collect()
     }
@@ -205,8 +206,8 @@ fn extreme_searches_have_sound_results() {
 struct Answer(fn(usize) -> Result<Vec<Field>, PredictError>);
 
 impl Predictor for Answer {
-    fn predict(&self, patterns: &[Pattern]) -> Result<Vec<Field>, PredictError> {
-        self.0(patterns.len())
+    fn predict_some(&self, patterns: &[Pattern]) -> Result<Vec<Option<Field>>, PredictError> {
+        Ok(self.0(patterns.len())?.into_iter().map(Some).collect())
     }
 }
 
@@ -216,7 +217,7 @@ fn what_the_predictor_gets_wrong_is_an_error() {
         let error = evolved(&Answer(answer), &goal(0.5), &small(1)).unwrap_err();
         error.to_string()
     };
-    assert!(message(|_| Err(PredictError("no memory".to_owned()))).contains("no memory"));
+    assert!(message(|_| Err(PredictError::failed("no memory"))).contains("no memory"));
     assert!(message(|count| Ok(vec![Field::zero(); count - 1])).contains("fields for"));
 }
 
@@ -224,13 +225,9 @@ fn what_the_predictor_gets_wrong_is_an_error() {
 struct Partial(Linear);
 
 impl Predictor for Partial {
-    fn predict(&self, patterns: &[Pattern]) -> Result<Vec<Field>, PredictError> {
-        self.0.predict(patterns)
-    }
-
     fn predict_some(&self, patterns: &[Pattern]) -> Result<Vec<Option<Field>>, PredictError> {
         let left = |pattern: &Pattern| (0..50 * 25).filter(|i| pattern.is_active(i % 25, i / 25)).count();
-        let fields = self.predict(patterns)?.into_iter().zip(patterns);
+        let fields = self.0.predict(patterns)?.into_iter().zip(patterns);
         Ok(fields
             .map(|(field, pattern)| (left(pattern) <= 625).then_some(field))
             .collect())

@@ -29,10 +29,6 @@ impl Quadratic {
 }
 
 impl Predictor for Quadratic {
-    fn predict(&self, patterns: &[Pattern]) -> Result<Vec<Field>, PredictError> {
-        Ok(patterns.iter().map(|pattern| self.field(pattern)).collect())
-    }
-
     fn predict_some(&self, patterns: &[Pattern]) -> Result<Vec<Option<Field>>, PredictError> {
         let some = |pattern: &Pattern| (pattern.active_cells() <= self.most).then(|| self.field(pattern));
         Ok(patterns.iter().map(some).collect())

@@ -11,9 +11,9 @@
 
 use std::f64::consts::{LN_2, PI};
 
-use crate::fem::mesh::Mesh;
+use crate::fem::error::SetupError;
 use crate::fem::operator::Activity;
-use crate::fem::solver::SetupError;
+use crate::field::Mesh;
 use crate::pattern::{CELLS, Pattern};
 use crate::scene::Scene;
 
@@ -76,7 +76,7 @@ fn zones(pattern: &Pattern, x: usize, y: usize) -> [[bool; 3]; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fem::mesh::Order;
+    use crate::field::Order;
     use crate::pattern::Symmetry;
 
     fn total(activity: &Activity, mesh: Mesh) -> f64 {

@@ -9,7 +9,6 @@ mod electrode;
 mod fringe;
 mod model;
 mod permittivity;
-pub mod screening;
 mod stiffening;
 mod wrinkling;
 

@@ -2,9 +2,9 @@
 
 use super::{Decaying, Fringe, Stiff, TensionField, stiffened};
 use crate::fem::energy::{Compound, Elasticity, Isotropic, Law, Neo, NeoHookean, Stiffening};
-use crate::fem::mesh::Mesh;
+use crate::fem::error::SetupError;
 use crate::fem::operator::Activity;
-use crate::fem::solver::SetupError;
+use crate::field::Mesh;
 use crate::pattern::Pattern;
 use crate::scene::{PermittivityDecay, Scene};
 

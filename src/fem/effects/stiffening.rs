@@ -1,7 +1,7 @@
 //! Strain stiffening: from a scene to the elastic law of its elastomer.
 
 use crate::fem::energy::{FirstInvariant, MOST_TERMS, Ogden, Response, Stiffening as Law, arruda_boyce, gent, yeoh};
-use crate::fem::solver::SetupError;
+use crate::fem::error::SetupError;
 use crate::scene::{Scene, Stiffening};
 
 /// The elastic law of a scene whose elastomer stiffens, normalised by its shear modulus.

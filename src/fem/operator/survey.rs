@@ -9,7 +9,7 @@ use crate::fem::element::Element;
 use crate::fem::energy::{Law, MODULI};
 use crate::fem::kinematics::deformation;
 use crate::fem::lanes::{Value, Wide};
-use crate::fem::mesh::Mesh;
+use crate::field::Mesh;
 
 /// One pass over the quadrature points that finds the smallest margins.
 pub(super) struct Survey<'a, E, L, T, const N: usize> {

@@ -18,7 +18,7 @@ use super::newton::norm;
 use super::operator::{Activity, Operator};
 use super::*;
 use crate::base::Stream;
-use crate::field::{CORNERS, Field, Outcome, Simulator};
+use crate::field::{CORNERS, Field, Mesh, Order, Outcome, Simulator};
 use crate::pattern::{CELLS, Pattern, Symmetry};
 use crate::scene::Scene;
 
@@ -34,8 +34,7 @@ fn random(index: u64) -> Pattern {
 
 fn options(elements_per_cell: usize, order: Order) -> SolveOptions {
     SolveOptions {
-        elements_per_cell,
-        order,
+        mesh: Mesh::new(elements_per_cell, order),
         tolerance: 1e-10,
     }
 }

@@ -6,8 +6,8 @@ use super::contender::Contender;
 use super::families::Families;
 use super::reference::Reference;
 use super::surrogate::NETWORK;
+use crate::base::Progress;
 use crate::field::Field;
-use crate::orchestrator::Progress;
 use crate::pattern::Pattern;
 use crate::scene::Scene;
 

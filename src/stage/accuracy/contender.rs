@@ -3,10 +3,10 @@
 use super::elements::Elements;
 use super::surrogate::{Network, named};
 use crate::base::{Canonical, InputError, Node, Schema};
+use crate::fem::SolverParameters;
 use crate::field::Field;
 use crate::pattern::Pattern;
 use crate::scene::Scene;
-use crate::stage::solver::SolverParameters;
 
 /// A method with its settings.
 pub trait Contender: Send + Sync {

@@ -6,14 +6,11 @@
 use std::path::Path;
 
 use super::contender::Contender;
-use crate::base::{Document, InputError, Node};
-use crate::fem::AccurateSimulation;
-use crate::field::Field;
-use crate::orchestrator::Progress;
+use crate::base::{Document, InputError, Node, Progress};
+use crate::fem::{AccurateSimulation, Method, Solver, SolverParameters};
+use crate::field::{Field, Mesh, Order};
 use crate::pattern::Pattern;
 use crate::scene::Scene;
-use crate::stage::method::Method;
-use crate::stage::solver::{Solver, SolverParameters, explained};
 
 /// How the reference was solved.
 pub struct Reference(SolverParameters);
@@ -33,7 +30,10 @@ impl Reference {
     /// # Errors
     /// As a solve stage refuses them, or when they cannot be those of a reference.
     pub fn read(node: &Node) -> Result<Self, InputError> {
-        let parameters = SolverParameters::read(&node.fields("the reference", &SolverParameters::KEYS)?, 2)?;
+        let parameters = SolverParameters::read(
+            &node.fields("the reference", &SolverParameters::KEYS)?,
+            Mesh::bilinear(2),
+        )?;
         Self::new(parameters).map_err(|why| node.error(why))
     }
 
@@ -48,7 +48,7 @@ impl Reference {
                 parameters.method()
             ));
         }
-        if parameters.mesh() == Some((1, 1)) {
+        if parameters.mesh() == Some(Mesh::bilinear(1)) {
             return Err("one bilinear element per cell is the coarsest mesh, and no reference".to_owned());
         }
         Ok(Self(parameters))
@@ -85,7 +85,7 @@ impl Reference {
         patterns: &[Pattern],
         progress: &dyn Progress,
     ) -> Result<(Vec<Option<Field>>, Vec<f64>), String> {
-        let solver = self.0.build(scene).map_err(|e| explained(&e))?;
+        let solver = self.0.build(scene).map_err(|e| e.to_string())?;
         let mut results = Vec::with_capacity(patterns.len());
         for batch in patterns.chunks(2 * rayon::current_num_threads()) {
             results.extend(simulate(&solver, batch)?);
@@ -109,8 +109,8 @@ impl Reference {
         let Some(coarser) = self.0.mesh().map(next_coarser) else {
             return Ok(vec![0.0; patterns.len()]);
         };
-        let solver = SolverParameters::newton(coarser.0, coarser.1).build(scene);
-        let coarse = simulate(&solver.map_err(|e| explained(&e))?, patterns)?;
+        let solver = SolverParameters::new(Method::Newton, coarser).build(scene);
+        let coarse = simulate(&solver.map_err(|e| e.to_string())?, patterns)?;
         let error = |(coarse, fine): (&AccurateSimulation, &Option<Field>)| match (&coarse.simulation.field, fine) {
             (Some(coarse), Some(fine)) => coarse.max_difference(fine),
             _ => 0.0,
@@ -120,15 +120,14 @@ impl Reference {
 }
 
 fn simulate(solver: &Solver, patterns: &[Pattern]) -> Result<Vec<AccurateSimulation>, String> {
-    solver.simulate(patterns).map_err(|e| explained(&e))
+    solver.simulate(patterns).map_err(|e| e.to_string())
 }
 
 /// At most half as many elements along a side, or the lower order where there is one element per cell.
-fn next_coarser((elements, order): (u64, u64)) -> (u64, u64) {
-    if elements > 1 {
-        (elements / 2, order)
-    } else {
-        (1, order - 1)
+fn next_coarser(mesh: Mesh) -> Mesh {
+    match mesh.elements_per_cell() {
+        0 | 1 => Mesh::new(1, Order::Bilinear),
+        elements => Mesh::new(elements / 2, mesh.order()),
     }
 }
 
@@ -145,7 +144,12 @@ mod tests {
 
     #[test]
     fn the_next_coarser_mesh_is_half_as_fine() {
-        for (mesh, coarser) in [((8, 2), (4, 2)), ((3, 1), (1, 1)), ((1, 2), (1, 1)), ((2, 1), (1, 1))] {
+        for (mesh, coarser) in [
+            (Mesh::biquadratic(8), Mesh::biquadratic(4)),
+            (Mesh::bilinear(3), Mesh::bilinear(1)),
+            (Mesh::biquadratic(1), Mesh::bilinear(1)),
+            (Mesh::bilinear(2), Mesh::bilinear(1)),
+        ] {
             assert_eq!(next_coarser(mesh), coarser);
         }
     }
@@ -169,9 +173,9 @@ mod tests {
             .map(|n| Pattern::from_fn(|x, y| (x / n * 7 + y / n * 11) % 13 < 6))
             .into();
         let scene = Scene::vhb4910();
-        let reference = Reference::new(SolverParameters::newton(2, 1)).unwrap();
+        let reference = Reference::new(SolverParameters::new(Method::Newton, Mesh::bilinear(2))).unwrap();
         let (fields, stated) = reference.solve(&scene, &patterns, &Silent).unwrap();
-        let finer = Reference::new(SolverParameters::newton(2, 2)).unwrap();
+        let finer = Reference::new(SolverParameters::new(Method::Newton, Mesh::biquadratic(2))).unwrap();
         let (truth, _) = finer.solve(&scene, &patterns, &Silent).unwrap();
         for (i, stated) in stated.iter().enumerate() {
             let error = fields[i].as_ref().unwrap().max_difference(truth[i].as_ref().unwrap());

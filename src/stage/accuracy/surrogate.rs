@@ -2,12 +2,12 @@
 
 use super::contender::{Contender, Ready};
 use crate::base::{Canonical, Digest, InputError, Node, read_bounded};
+use crate::fem::SolverParameters;
 use crate::field::{Field, Predictor};
 use crate::orchestrator::StageError;
 use crate::pattern::Pattern;
 use crate::scene::Scene;
 use crate::stage::model;
-use crate::stage::solver::SolverParameters;
 use crate::store::Artifact;
 use crate::surrogate::{LoadError, Surrogate};
 use std::path::Path;

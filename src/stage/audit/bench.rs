@@ -3,14 +3,10 @@
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use crate::dataset::audit::{Bench, Mesh, Ready, Wanted};
-use crate::fem::effects::screening::resolve;
-use crate::fem::{LinearResponse, MembraneSolver, Order, SetupError, SolveOptions};
-use crate::field::{Simulation, Simulator};
-use crate::pattern::Pattern;
+use crate::dataset::audit::{Bench, Ready, Wanted};
+use crate::fem::screening::resolve;
+use crate::fem::{Estimator, LinearResponse, MembraneSolver, Method, SetupError, SolveOptions};
 use crate::scene::{Effects, Scene};
-use crate::stage::method::Method;
-use crate::stage::solver::explained;
 
 /// Simulators for a scene.
 pub struct Workbench {
@@ -44,25 +40,15 @@ impl Workbench {
     fn set_up(&self, wanted: Wanted) -> Result<Ready, SetupError> {
         let (mesh, method, tolerance) = match wanted {
             Wanted::Own(mesh) => (mesh, self.method, self.tolerance),
-            Wanted::Newton(mesh) => (mesh, Method::Newton, crate::fem::SolveOptions::default().tolerance),
+            Wanted::Newton(mesh) => (mesh, Method::Newton, SolveOptions::default().tolerance),
         };
-        let options = options(mesh, tolerance);
         Ok(match method.chord_steps() {
-            None => Arc::new(MembraneSolver::new(&self.scene, options)?),
-            Some(steps) => Arc::new(Estimator(LinearResponse::new(&self.scene, options)?, steps)),
+            None => Arc::new(MembraneSolver::new(&self.scene, SolveOptions { mesh, tolerance })?),
+            Some(chord_steps) => Arc::new(Estimator {
+                response: LinearResponse::new(&self.scene, mesh)?,
+                chord_steps,
+            }),
         })
-    }
-}
-
-fn options(mesh: Mesh, tolerance: f64) -> SolveOptions {
-    SolveOptions {
-        elements_per_cell: mesh.elements_per_cell as usize,
-        order: if mesh.order == 2 {
-            Order::Biquadratic
-        } else {
-            Order::Bilinear
-        },
-        tolerance,
     }
 }
 
@@ -72,7 +58,7 @@ impl Bench for Workbench {
         if let Some(simulator) = ready.get(&wanted) {
             return Ok(Arc::clone(simulator));
         }
-        let simulator = self.set_up(wanted).map_err(|e| explained(&e))?;
+        let simulator = self.set_up(wanted).map_err(|e| e.to_string())?;
         ready.insert(wanted, Arc::clone(&simulator));
         Ok(simulator)
     }
@@ -90,14 +76,5 @@ pub fn decided(scene: &Scene, effects: Option<&str>) -> Result<Scene, SetupError
     match scene.auto.then(known).flatten() {
         Some(scene) => Ok(scene),
         None => resolve(scene),
-    }
-}
-
-/// The linear response and so many chord steps.
-struct Estimator(LinearResponse, u32);
-
-impl Simulator for Estimator {
-    fn simulate(&self, patterns: &[Pattern]) -> Vec<Simulation> {
-        self.0.simulate(patterns, self.1)
     }
 }

@@ -4,10 +4,10 @@
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use crate::dataset::audit::{Batch, Columns, Declared, Finding, Level, Mesh, Rows, Severity};
-use crate::field::{CORNERS, Outcome};
+use crate::dataset::audit::{Batch, Columns, Declared, Finding, Level, Rows, Severity};
+use crate::fem::SolverParameters;
+use crate::field::{CORNERS, Mesh, Outcome};
 use crate::pattern::{CELLS, check_contained};
-use crate::stage::solver::SolverParameters;
 use crate::store::{Artifact, RowFile, StoreError};
 
 /// The arrays that are read.
@@ -181,11 +181,9 @@ impl Source {
         if self.columns.mesh.is_some() {
             return Declared::PerRow;
         }
-        let Some((solver, (elements, order))) = self.solver.as_ref().and_then(|solver| Some((solver, solver.mesh()?)))
-        else {
+        let Some((solver, mesh)) = self.solver.as_ref().and_then(|solver| Some((solver, solver.mesh()?))) else {
             return Declared::Unknown;
         };
-        let mesh = Mesh::new(elements, order);
         match solver.method().chord_steps() {
             None => Declared::Mesh(mesh),
             Some(_) => Declared::Estimates(mesh),
@@ -237,18 +235,17 @@ impl Source {
         let numbers = |path: &str| self.column(path, |file, n| file.numbers(path, 0..n));
         let outcomes = texts("outcome")?;
         let (elements, order) = (numbers("elements_per_cell")?, numbers("order")?);
-        let mesh = |(elements, order): (&f64, &f64)| Mesh::new(*elements as u64, *order as u64);
+        let mesh = |(elements, order): (&f64, &f64)| Mesh::from_numbers(*elements as u64, *order as u64);
         let meshes = elements
             .zip(order)
-            .map(|(elements, order)| elements.iter().zip(&order).map(mesh).collect());
-        let known = |mesh: &Mesh| (1..=8).contains(&mesh.elements_per_cell) && (1..=2).contains(&mesh.order);
+            .and_then(|(elements, order)| elements.iter().zip(&order).map(mesh).collect());
         Ok(Columns {
             split: words("split")?,
             family: words("family")?,
             has_field: outcomes.map(|all| all.iter().map(|word| has_field(word)).collect()),
             peak: numbers("max_displacement")?,
             orbit: texts("orbit")?,
-            mesh: meshes.filter(|meshes: &Vec<Mesh>| meshes.iter().all(known)),
+            mesh: meshes,
             error: numbers("discretisation_error")?,
         })
     }

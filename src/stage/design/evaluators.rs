@@ -4,18 +4,15 @@ use std::fmt;
 
 use crate::base::{InputError, Node, Schema};
 use crate::design::{Evaluator, Evaluators};
-use crate::fem::SetupError;
-use crate::field::{Field, PredictError, Predictor};
-use crate::pattern::Pattern;
+use crate::fem::{Method, SolverParameters, UnknownMethod};
+use crate::field::{Evaluator as _, Mesh, Predictor};
 use crate::scene::Scene;
-use crate::stage::method::Method;
-use crate::stage::solver::{Solver, SolverParameters, explained};
 use crate::surrogate::{NetworkKind, Surrogate};
 
 const ALLOWED: &str = "allowed: auto, surrogate, newton, linear, chord:N with N from 1 to 50";
 
 /// Elements along a side of a cell of the reference.
-const REFERENCE: u64 = 2;
+const REFERENCE: usize = 2;
 
 /// What a stage asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,7 +35,7 @@ impl EvaluatorChoice {
         match text {
             "auto" => Ok(Self::Auto),
             "surrogate" => Ok(Self::Surrogate),
-            other => other.parse().map(Self::Elements).map_err(|_: String| {
+            other => other.parse().map(Self::Elements).map_err(|_: UnknownMethod| {
                 let message = format!("`evaluator` cannot be {text:?}");
                 node.error(message).help(ALLOWED)
             }),
@@ -66,18 +63,18 @@ impl fmt::Display for EvaluatorChoice {
 /// A network as an evaluator.
 fn network(surrogate: Surrogate) -> Evaluator {
     Evaluator {
-        settings: format!("network: {}", surrogate.kind().name()),
+        settings: surrogate.settings(),
         predictor: Ok(Box::new(surrogate)),
     }
 }
 
 /// A method on bilinear elements as an evaluator.
-fn elements(scene: &Scene, method: Method, elements_per_cell: u64) -> Evaluator {
-    let parameters = SolverParameters::on_mesh(method, elements_per_cell, 1);
-    let ready = |solver| Box::new(Elements(solver)) as Box<dyn Predictor>;
+fn elements(scene: &Scene, method: Method, elements_per_cell: usize) -> Evaluator {
+    let parameters = SolverParameters::new(method, Mesh::bilinear(elements_per_cell));
+    let ready = |solver| Box::new(solver) as Box<dyn Predictor>;
     Evaluator {
         settings: parameters.to_string(),
-        predictor: parameters.build(scene).map(ready).map_err(|e| explained(&e)),
+        predictor: parameters.build(scene).map(ready).map_err(|e| e.to_string()),
     }
 }
 
@@ -114,25 +111,6 @@ fn by_cost(scene: &Scene, surrogate: Option<Surrogate>) -> Vec<Evaluator> {
     all
 }
 
-/// Finite elements as a predictor.
-struct Elements(Solver);
-
-impl Predictor for Elements {
-    fn predict(&self, patterns: &[Pattern]) -> Result<Vec<Field>, PredictError> {
-        let fields = self.predict_some(patterns)?.into_iter().enumerate();
-        let missing = |at: usize| PredictError(format!("pattern {at} has no field"));
-        fields.map(|(at, field)| field.ok_or_else(|| missing(at))).collect()
-    }
-
-    fn predict_some(&self, patterns: &[Pattern]) -> Result<Vec<Option<Field>>, PredictError> {
-        let results = self
-            .0
-            .simulate(patterns)
-            .map_err(|e: SetupError| PredictError(explained(&e)))?;
-        Ok(results.into_iter().map(|result| result.simulation.field).collect())
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use std::path::Path;
@@ -140,6 +118,8 @@ mod tests {
     use super::*;
     use crate::base::Document;
     use crate::design::{Constraints, Probe, References, cheapest_evaluator, first_generation};
+    use crate::field::Field;
+    use crate::pattern::Pattern;
 
     #[test]
     fn evaluators_are_read_as_they_are_written() {

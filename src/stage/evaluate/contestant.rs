@@ -1,13 +1,11 @@
 //! What is evaluated: a trained model, or an estimate that is to be beaten.
 
-use crate::fem::{LinearResponse, SolveOptions};
-use crate::field::{Field, Predictor};
+use crate::fem::{Method, Solver, SolverParameters};
+use crate::field::{Field, Mesh, Predictor};
 use crate::orchestrator::StageError;
 use crate::pattern::Pattern;
 use crate::scene::Scene;
-use crate::stage::method::Method;
 use crate::stage::model;
-use crate::stage::solver::explained;
 use crate::store::Artifact;
 use crate::surrogate::Surrogate;
 
@@ -20,7 +18,7 @@ pub struct Contestant {
 
 enum Answers {
     Model(Box<Surrogate>),
-    Estimate(Box<LinearResponse>, u32),
+    Estimate(Box<Solver>),
 }
 
 impl Contestant {
@@ -45,15 +43,12 @@ impl Contestant {
     /// # Errors
     /// When there is none in this scene.
     pub fn estimate(method: Method, scene: &Scene) -> Result<Self, StageError> {
-        let options = SolveOptions {
-            elements_per_cell: 1,
-            ..SolveOptions::default()
-        };
-        let response = LinearResponse::new(scene, options).map_err(|e| StageError::Failed(explained(&e)))?;
+        let parameters = SolverParameters::new(method, Mesh::bilinear(1));
+        let solver = parameters.build(scene).map_err(|e| StageError::Failed(e.to_string()))?;
         Ok(Self {
             name: method.to_string(),
             digest: String::new(),
-            answers: Answers::Estimate(Box::new(response), method.chord_steps().unwrap_or_default()),
+            answers: Answers::Estimate(Box::new(solver)),
         })
     }
 
@@ -61,7 +56,7 @@ impl Contestant {
     pub fn surrogate(&self) -> Option<&Surrogate> {
         match &self.answers {
             Answers::Model(surrogate) => Some(surrogate),
-            Answers::Estimate(..) => None,
+            Answers::Estimate(_) => None,
         }
     }
 
@@ -80,14 +75,12 @@ impl Contestant {
     /// # Errors
     /// When a model cannot be evaluated.
     pub fn predict(&self, patterns: &[Pattern]) -> Result<Vec<Option<Field>>, StageError> {
-        match &self.answers {
-            Answers::Model(surrogate) => {
-                let fields = surrogate
-                    .predict(patterns)
-                    .map_err(|e| StageError::Failed(e.to_string()))?;
-                Ok(fields.into_iter().map(Some).collect())
-            }
-            Answers::Estimate(response, steps) => Ok(response.predict(patterns, *steps)),
-        }
+        let predictor: &dyn Predictor = match &self.answers {
+            Answers::Model(surrogate) => surrogate.as_ref(),
+            Answers::Estimate(solver) => solver.as_ref(),
+        };
+        predictor
+            .predict_some(patterns)
+            .map_err(|e| StageError::Failed(e.to_string()))
     }
 }

@@ -149,7 +149,7 @@ fn margins_that_nothing_keeps_are_an_error() {
     };
     let none = judged(|count| Ok(vec![false; count])).unwrap_err();
     assert!(none.contains("keeps the margins"), "{none}");
-    let failed = judged(|_| Err(PredictError("no memory".to_owned()))).unwrap_err();
+    let failed = judged(|_| Err(PredictError::failed("no memory"))).unwrap_err();
     assert!(failed.contains("no memory"), "{failed}");
     let few = judged(|count| Ok(vec![true; count - 1])).unwrap_err();
     assert!(few.contains("verdicts for"), "{few}");

@@ -28,11 +28,14 @@ impl Method {
     /// When it is none; the nearest spelling is named.
     pub fn read(node: &Node) -> Result<Self, InputError> {
         let text = node.text("method")?;
-        text.parse()
-            .map_err(|help: String| node.error(format!("`method` cannot be {text:?}")).help(help))
+        text.parse().map_err(|unknown: UnknownMethod| {
+            node.error(format!("`method` cannot be {text:?}"))
+                .help(unknown.to_string())
+        })
     }
 
     /// What [`Method::read`] accepts.
+    #[must_use]
     pub fn schema() -> Schema {
         let words = Schema::word(&["newton", "linear"]);
         let chord = Schema::matching("^chord:\\+?0*([1-9]|[1-4][0-9]|50)$");
@@ -41,6 +44,7 @@ impl Method {
     }
 
     /// Chord steps beyond the linear response; `None` for Newton's method.
+    #[must_use]
     pub fn chord_steps(self) -> Option<u32> {
         match self {
             Self::Linear => Some(0),
@@ -50,18 +54,34 @@ impl Method {
     }
 }
 
-impl FromStr for Method {
-    /// What is allowed instead.
-    type Err = String;
+/// A text that names no method.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct UnknownMethod {
+    near: Option<&'static str>,
+}
 
-    fn from_str(text: &str) -> Result<Self, String> {
+impl std::error::Error for UnknownMethod {}
+
+/// What is allowed instead.
+impl fmt::Display for UnknownMethod {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(near) = self.near {
+            write!(f, "did you mean `{near}`? ")?;
+        }
+        f.write_str(ALLOWED)
+    }
+}
+
+impl FromStr for Method {
+    type Err = UnknownMethod;
+
+    fn from_str(text: &str) -> Result<Self, UnknownMethod> {
         match (text, text.strip_prefix("chord:").map(str::parse)) {
             ("newton", _) => Ok(Self::Newton),
             ("linear", _) => Ok(Self::Linear),
             (_, Some(Ok(steps))) if (1..=MOST_STEPS).contains(&steps) => Ok(Self::Chord(steps)),
-            _ => Err(match nearest(text, &["newton", "linear", "chord:1"]) {
-                Some(near) => format!("did you mean `{near}`? {ALLOWED}"),
-                None => ALLOWED.to_owned(),
+            _ => Err(UnknownMethod {
+                near: nearest(text, &["newton", "linear", "chord:1"]),
             }),
         }
     }
@@ -93,6 +113,7 @@ mod tests {
             "chrod:1"
                 .parse::<Method>()
                 .unwrap_err()
+                .to_string()
                 .contains("did you mean `chord:1`?")
         );
     }

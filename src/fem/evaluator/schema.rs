@@ -2,24 +2,28 @@
 
 use serde_json::json;
 
-use super::SolverParameters;
+use super::method::Method;
+use super::parameters::SolverParameters;
 use crate::base::{Dimension, Fields, Schema};
-use crate::stage::method::Method;
+use crate::field::Mesh;
 
 impl SolverParameters {
     /// Adds the keys that [`SolverParameters::read`] looks for, the tolerance only where it is wanted.
-    pub fn schema(fields: Fields, elements_per_cell: u64, with_tolerance: bool) -> Fields {
+    #[must_use]
+    pub fn schema(fields: Fields, usual: Mesh, with_tolerance: bool) -> Fields {
         let fields = fields
             .optional("method", Method::schema().default("newton"))
             .optional(
                 "elements_per_cell",
                 Schema::whole(1, 8)
                     .says("Elements along one side of a cell.")
-                    .default(elements_per_cell),
+                    .default(usual.elements_per_cell()),
             )
             .optional(
                 "order",
-                Schema::whole(1, 2).says("Polynomial order of the elements.").default(1),
+                Schema::whole(1, 2)
+                    .says("Polynomial order of the elements.")
+                    .default(usual.order().degree()),
             )
             .optional(
                 "accuracy",

@@ -3,8 +3,9 @@
 use rayon::prelude::*;
 
 use super::{Row, Trial, Verdict, known, open, voltage};
-use crate::fem::effects::breakdown::breakdown_ratio;
-use crate::fem::{MembraneSolver, Order, SetupError, SolveOptions, Survey, cell_states};
+use crate::fem::effects::breakdown_ratio;
+use crate::fem::{MembraneSolver, SetupError, SolveOptions, Survey, cell_states};
+use crate::field::Mesh;
 use crate::pattern::Pattern;
 use crate::scene::effects::names;
 use crate::scene::{BreakdownLaw, Effects, Scene};
@@ -12,8 +13,7 @@ use crate::scene::{BreakdownLaw, Effects, Scene};
 /// A mesh on which the loss of stability comes out a few per cent high; bilinear elements of the same size would place that
 /// of a single cell 12 % too high.
 const MESH: SolveOptions = SolveOptions {
-    elements_per_cell: 1,
-    order: Order::Biquadratic,
+    mesh: Mesh::biquadratic(1),
     tolerance: 1e-8,
 };
 

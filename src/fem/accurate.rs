@@ -13,21 +13,21 @@ use std::sync::OnceLock;
 
 use rayon::prelude::*;
 
-use crate::field::Simulation;
+use crate::field::{Mesh, Simulation};
 use crate::pattern::Pattern;
 use crate::scene::Scene;
 
-use super::mesh::Order;
-use super::solver::{MembraneSolver, SetupError, SolveOptions};
+use super::error::SetupError;
+use super::solver::{MembraneSolver, SolveOptions};
 
-/// A mesh of the ladder: elements per cell, order, and the ratio of the true error to the difference from the next one
+/// A mesh of the ladder, and the ratio of the true error to the difference from the next one
 /// that is reckoned with.
-const LADDER: [(usize, Order, f64); 5] = [
-    (1, Order::Bilinear, 2.0),
-    (1, Order::Biquadratic, 2.5),
-    (2, Order::Biquadratic, 2.5),
-    (4, Order::Biquadratic, 2.5),
-    (8, Order::Biquadratic, 2.5),
+const LADDER: [(Mesh, f64); 5] = [
+    (Mesh::bilinear(1), 2.0),
+    (Mesh::biquadratic(1), 2.5),
+    (Mesh::biquadratic(2), 2.5),
+    (Mesh::biquadratic(4), 2.5),
+    (Mesh::biquadratic(8), 2.5),
 ];
 
 /// The mesh that has the last word on stability where a coarser one leaves doubt. Coarse meshes are too stiff and lose
@@ -39,10 +39,8 @@ const JUDGE: usize = 3;
 pub struct AccurateSimulation {
     /// The result on the mesh that was picked.
     pub simulation: Simulation,
-    /// Elements along the side of a cell of that mesh.
-    pub elements_per_cell: usize,
-    /// Its order.
-    pub order: Order,
+    /// That mesh.
+    pub mesh: Mesh,
     /// Estimate of the largest displacement error over the cell corners in mm; present exactly when the outcome is
     /// converged. It is larger than was asked for where even the finest mesh does not reach that.
     pub discretisation_error: Option<f64>,
@@ -89,7 +87,7 @@ impl AccurateSolver {
         loop {
             let (fine, sure) = self.solve(rung + 1, pattern)?;
             let error = match (&coarse.field, &fine.field) {
-                (Some(coarse), Some(fine)) => Some(LADDER[rung].2 * coarse.max_difference(fine)),
+                (Some(coarse), Some(fine)) => Some(LADDER[rung].1 * coarse.max_difference(fine)),
                 _ => None,
             };
             let last = rung + 2 == LADDER.len();
@@ -131,10 +129,8 @@ impl AccurateSolver {
         if let Some(solver) = self.rungs[rung].get() {
             return Ok(solver);
         }
-        let (elements_per_cell, order, _) = LADDER[rung];
         let options = SolveOptions {
-            elements_per_cell,
-            order,
+            mesh: LADDER[rung].0,
             tolerance: self.tolerance,
         };
         let solver = MembraneSolver::new(&self.scene, options)?;
@@ -143,11 +139,9 @@ impl AccurateSolver {
 }
 
 fn answer(rung: usize, simulation: Simulation, discretisation_error: Option<f64>) -> AccurateSimulation {
-    let (elements_per_cell, order, _) = LADDER[rung];
     AccurateSimulation {
         simulation,
-        elements_per_cell,
-        order,
+        mesh: LADDER[rung].0,
         discretisation_error,
     }
 }
@@ -182,11 +176,7 @@ mod tests {
     fn estimates_cover_the_true_error_and_stay_within_five_times_of_it() {
         for voltage in [2500.0, 4890.0] {
             let scene = Scene::vhb4910().at_voltage(voltage);
-            let options = SolveOptions {
-                elements_per_cell: 4,
-                order: Order::Biquadratic,
-                tolerance: 1e-8,
-            };
+            let options = SolveOptions::on(Mesh::biquadratic(4));
             let truth = MembraneSolver::new(&scene, options).unwrap().simulate(&patterns());
             for accuracy in [0.05, 0.003] {
                 let solver = AccurateSolver::new(&scene, accuracy, 1e-8).unwrap();
@@ -209,26 +199,22 @@ mod tests {
     fn what_a_fine_mesh_refuses_is_not_answered_by_a_coarse_one() {
         // Just above the pull-in of four biquadratic elements per cell, coarse meshes still find an equilibrium.
         let pattern = &patterns()[8];
-        let outcome = |elements_per_cell, order, voltage: f64| {
-            let options = SolveOptions {
-                elements_per_cell,
-                order,
-                tolerance: 1e-8,
-            };
+        let outcome = |mesh, voltage: f64| {
+            let options = SolveOptions::on(mesh);
             let solver = MembraneSolver::new(&Scene::vhb4910().at_voltage(voltage), options).unwrap();
             solver.solve(pattern).outcome
         };
         let Outcome::PullIn {
             first_unstable: voltage,
             ..
-        } = outcome(4, Order::Biquadratic, 7000.0)
+        } = outcome(Mesh::biquadratic(4), 7000.0)
         else {
             panic!("the ring pulls in below 7 kV");
         };
         assert!(
-            [Order::Bilinear, Order::Biquadratic]
+            [Mesh::bilinear(1), Mesh::biquadratic(1)]
                 .iter()
-                .all(|&order| outcome(1, order, voltage).is_converged())
+                .all(|&mesh| outcome(mesh, voltage).is_converged())
         );
         let solver = AccurateSolver::new(&Scene::vhb4910().at_voltage(voltage), 0.5, 1e-8).unwrap();
         let result = solver.simulate(std::slice::from_ref(pattern)).unwrap().remove(0);
@@ -252,7 +238,10 @@ mod tests {
     fn a_pattern_that_does_not_move_is_exact() {
         let solver = AccurateSolver::new(&Scene::vhb4910(), 1e-6, 1e-8).unwrap();
         let result = solver.simulate(&[Pattern::from_fn(|_, _| true)]).unwrap().remove(0);
-        assert_eq!((result.elements_per_cell, result.discretisation_error), (1, Some(0.0)));
+        assert_eq!(
+            (result.mesh.elements_per_cell(), result.discretisation_error),
+            (1, Some(0.0))
+        );
     }
 
     #[test]

@@ -1,79 +1,15 @@
-//! The uniform mesh of squares aligned with the cells, and how its vectors lie in memory.
+//! How the vectors of a mesh lie in memory.
 //!
 //! A vector of nodal displacements is two planes, x then y, each of `nodes` rows. A row holds the nodes that elements
 //! share first, then, for biquadratic elements, the nodes in their middle: so neighbouring elements find each of their
 //! nodes side by side, and a kernel reads them without a shuffle. Both parts are padded to whole registers with zeros.
 
-use crate::field::{CORNERS, Field};
-use crate::pattern::CELLS;
+use crate::field::{CORNERS, Field, Mesh};
 
 use super::lanes::{Real, WIDEST};
 
-/// Polynomial order of the elements.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Order {
-    /// Four nodes, order of convergence 2 for smooth solutions.
-    Bilinear,
-    /// Nine nodes, order of convergence 3 for smooth solutions.
-    Biquadratic,
-}
-
-impl Order {
-    /// 1 or 2.
-    #[must_use]
-    pub fn degree(self) -> usize {
-        match self {
-            Self::Bilinear => 1,
-            Self::Biquadratic => 2,
-        }
-    }
-}
-
-/// A square mesh of square elements, a whole number of them along each cell.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Mesh {
-    elements_per_cell: usize,
-    order: Order,
-}
-
+/// How vectors of a mesh lie in memory.
 impl Mesh {
-    /// The mesh with so many elements along the side of a cell.
-    ///
-    /// # Panics
-    /// When there are none.
-    #[must_use]
-    pub fn new(elements_per_cell: usize, order: Order) -> Self {
-        assert!(elements_per_cell > 0, "a mesh has elements");
-        Self {
-            elements_per_cell,
-            order,
-        }
-    }
-
-    /// Polynomial order.
-    #[must_use]
-    pub fn order(&self) -> Order {
-        self.order
-    }
-
-    /// Elements along one side of the membrane.
-    #[must_use]
-    pub fn elements(&self) -> usize {
-        CELLS * self.elements_per_cell
-    }
-
-    /// Elements along one side of a cell.
-    #[must_use]
-    pub fn elements_per_cell(&self) -> usize {
-        self.elements_per_cell
-    }
-
-    /// Nodes along one side of the membrane, frame included.
-    #[must_use]
-    pub fn nodes(&self) -> usize {
-        self.elements() * self.order.degree() + 1
-    }
-
     /// Numbers in a part of a row: the shared nodes, or those in the middle of elements.
     #[must_use]
     pub fn part(&self) -> usize {
@@ -83,7 +19,7 @@ impl Mesh {
     /// Numbers in a row of a vector.
     #[must_use]
     pub fn stride(&self) -> usize {
-        self.order.degree() * self.part()
+        self.order().degree() * self.part()
     }
 
     /// Numbers in a vector.
@@ -95,7 +31,7 @@ impl Mesh {
     /// Where component `c` of the node at (column, row) lies in a vector.
     #[must_use]
     pub fn index(&self, c: usize, column: usize, row: usize) -> usize {
-        let degree = self.order.degree();
+        let degree = self.order().degree();
         (c * self.nodes() + row) * self.stride() + column % degree * self.part() + column / degree
     }
 
@@ -116,7 +52,7 @@ impl Mesh {
 
     /// Writes the activity of each element, that of its cell (column, row), in rows of [`Mesh::part`] numbers.
     pub fn write_activity<T: Real>(&self, share: impl Fn(usize, usize) -> f64, activity: &mut [T]) {
-        let (per_cell, part) = (self.elements_per_cell, self.part());
+        let (per_cell, part) = (self.elements_per_cell(), self.part());
         for (cell_row, rows) in activity.chunks_exact_mut(per_cell * part).enumerate() {
             let (first, others) = rows.split_at_mut(part);
             for (cell, elements) in first[..self.elements()].chunks_exact_mut(per_cell).enumerate() {
@@ -129,7 +65,7 @@ impl Mesh {
     /// The transpose of sampling: forces at the cell corners as nodal forces.
     #[must_use]
     pub fn spread(&self, corners: &Field) -> Vec<f64> {
-        let step = self.elements_per_cell * self.order.degree();
+        let step = self.elements_per_cell() * self.order().degree();
         let mut vector = vec![0.0; self.vector_len()];
         for (at, value) in corners.values().iter().enumerate() {
             let (c, x, y) = (at % 2, at / 2 % CORNERS, at / 2 / CORNERS);
@@ -142,7 +78,7 @@ impl Mesh {
     /// The displacement at the cell corners in mm, from nodal values in units of the element's side.
     #[must_use]
     pub fn sample(&self, vector: &[f64], element_side_mm: f64) -> Field {
-        let step = self.elements_per_cell * self.order.degree();
+        let step = self.elements_per_cell() * self.order().degree();
         let mut values = Vec::with_capacity(CORNERS * CORNERS * 2);
         for y in 0..CORNERS {
             for x in 0..CORNERS {
@@ -158,6 +94,7 @@ impl Mesh {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::field::Order;
 
     #[test]
     fn activity_follows_the_cells() {

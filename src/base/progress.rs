@@ -1,0 +1,13 @@
+//! How work in any room tells how far it has come.
+
+/// Receives the progress of a piece of work.
+pub trait Progress: Sync {
+    /// `steps` more are done.
+    fn advance(&self, steps: u64);
+    /// A short text beside the bar ("loss 0.0123").
+    fn note(&self, text: &str);
+    /// `steps` were done before this piece of work began: they say nothing of its pace.
+    fn resume(&self, steps: u64) {
+        self.advance(steps);
+    }
+}

@@ -1,0 +1,61 @@
+//! Why a membrane cannot be simulated.
+
+/// Options that no solver can be made of.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SetupError {
+    /// Elements per cell out of range.
+    #[error("elements_per_cell is {found}; it lies between 1 and 8")]
+    ElementsPerCell {
+        /// What was asked for.
+        found: usize,
+    },
+    /// Tolerance out of range.
+    #[error("the tolerance is {found:e}; it lies between 1e-12 and 1e-2")]
+    Tolerance {
+        /// What was asked for.
+        found: f64,
+    },
+    /// Accuracy that no mesh can have.
+    #[error("the accuracy is {found} mm; it is a positive length")]
+    Accuracy {
+        /// What was asked for.
+        found: f64,
+    },
+    /// The half-active membrane at rest, about which a response is linearised, is not stable.
+    #[error(
+        "a half-active membrane is not stable at this voltage: there is no linear response; `method: newton` says how far each pattern gets"
+    )]
+    Unstable,
+    /// What looks into a solution was asked of an accuracy, or of an estimate.
+    #[error("states of cells, load paths and drawn membranes need Newton's method on one mesh, not an accuracy")]
+    SeveralMeshes,
+    /// The prestretch is beyond what the elastomer can be stretched.
+    #[error("at a prestretch of {prestretch} the elastomer is beyond its limiting stretch: its energy is infinite")]
+    LimitingStretch {
+        /// The prestretch.
+        prestretch: f64,
+    },
+    /// The membrane is not stable before any voltage is applied.
+    #[error("at this prestretch the membrane is not stable even without voltage: rank-one convexity is lost at rest")]
+    UnstableAtRest,
+    /// A term of Ogden's law that is none, or too many of them.
+    #[error(
+        "Ogden's law takes one to {} terms with exponents other than 0",
+        super::energy::MOST_TERMS
+    )]
+    OgdenTerms,
+    /// The fringe field reaches too far to be a matter of the edges of cells.
+    #[error(
+        "the fringe field reaches {reach_mm:.3} mm beyond the edge of an electrode, more than half a cell \
+         ({cell_mm:.3} mm): the membrane is too thick for its cells"
+    )]
+    FringeField {
+        /// How far the effective edge moves, in mm.
+        reach_mm: f64,
+        /// Side of a cell in mm.
+        cell_mm: f64,
+    },
+    /// The eigenvectors of the preconditioner did not converge.
+    #[error("the eigenvectors of the preconditioner could not be computed")]
+    Eigenvectors,
+}

@@ -1,0 +1,10 @@
+//! Every method behind the traits of `field`: its name, its declared parameters, and the solver that they give.
+
+mod method;
+mod parameters;
+mod schema;
+mod solver;
+
+pub use method::{Method, UnknownMethod};
+pub use parameters::{MeshRequest, SolverParameters};
+pub use solver::Solver;

@@ -1,0 +1,146 @@
+//! The solver that parameters give: Newton's method on one mesh, on the mesh that each pattern needs, or an estimate.
+
+use std::borrow::Cow;
+
+use super::method::Method;
+use super::parameters::{MeshRequest, SolverParameters};
+use crate::fem::accurate::{AccurateSimulation, AccurateSolver};
+use crate::fem::error::SetupError;
+use crate::fem::observable::CellState;
+use crate::fem::response::{Estimator, LinearResponse};
+use crate::fem::screening::resolve;
+use crate::fem::solver::{MembraneSolver, SolveOptions};
+use crate::field::{Evaluator, Field, Mesh, PredictError, Predictor, Simulation, Simulator};
+use crate::pattern::Pattern;
+use crate::scene::{Effects, Scene};
+
+/// A solver that is ready for the patterns of a scene.
+pub struct Solver {
+    parameters: SolverParameters,
+    engine: Engine,
+}
+
+enum Engine {
+    /// Newton's method on one mesh.
+    Fixed(Box<MembraneSolver>),
+    /// Newton's method on the mesh that each pattern needs.
+    Accurate(Box<AccurateSolver>),
+    /// Chord steps from the linear response on one mesh.
+    Estimate(Box<Estimator>, Mesh),
+}
+
+impl Solver {
+    /// The solver for a scene, whose effects are decided first where it says `effects: auto`.
+    ///
+    /// # Errors
+    /// When the mesh or the tolerance is out of range, the membrane has no linear response, or its effects cannot be simulated.
+    pub fn new(scene: &Scene, parameters: &SolverParameters) -> Result<Self, SetupError> {
+        let scene = &resolve(scene)?;
+        let tolerance = parameters.tolerance();
+        let engine = match (parameters.mesh_request(), parameters.method().chord_steps()) {
+            (MeshRequest::Accuracy(accuracy), _) => {
+                Engine::Accurate(Box::new(AccurateSolver::new(scene, accuracy.value(), tolerance)?))
+            }
+            (MeshRequest::Fixed(mesh), None) => {
+                let options = SolveOptions { mesh, tolerance };
+                Engine::Fixed(Box::new(MembraneSolver::new(scene, options)?))
+            }
+            (MeshRequest::Fixed(mesh), Some(chord_steps)) => {
+                let response = LinearResponse::new(scene, mesh)?;
+                Engine::Estimate(Box::new(Estimator { response, chord_steps }), mesh)
+            }
+        };
+        Ok(Self {
+            parameters: parameters.clone(),
+            engine,
+        })
+    }
+
+    /// Its parameters.
+    #[must_use]
+    pub fn parameters(&self) -> &SolverParameters {
+        &self.parameters
+    }
+
+    /// Whether results come with an estimate of their discretisation error.
+    #[must_use]
+    pub fn estimates_errors(&self) -> bool {
+        matches!(self.engine, Engine::Accurate(_))
+    }
+
+    /// The effects of a scene that results say something about beside the displacement: none where they are estimates.
+    #[must_use]
+    pub fn observed<'a>(&self, effects: &'a Effects) -> Cow<'a, Effects> {
+        match self.engine {
+            Engine::Estimate(..) => Cow::Owned(Effects::default()),
+            Engine::Fixed(_) | Engine::Accurate(_) => Cow::Borrowed(effects),
+        }
+    }
+
+    /// Newton's method on one mesh, for what looks into a solution.
+    ///
+    /// # Errors
+    /// When it is another method, or each pattern has a mesh of its own.
+    pub fn on_one_mesh(&self) -> Result<&MembraneSolver, SetupError> {
+        match &self.engine {
+            Engine::Fixed(solver) => Ok(solver),
+            Engine::Accurate(_) | Engine::Estimate(..) => Err(SetupError::SeveralMeshes),
+        }
+    }
+
+    /// One result per pattern, in order; on a fixed mesh without an estimate of its error.
+    ///
+    /// # Errors
+    /// When a finer mesh cannot be set up.
+    pub fn simulate(&self, patterns: &[Pattern]) -> Result<Vec<AccurateSimulation>, SetupError> {
+        match &self.engine {
+            Engine::Accurate(solver) => solver.simulate(patterns),
+            Engine::Fixed(solver) => Ok(on(solver.mesh(), solver.simulate(patterns))),
+            Engine::Estimate(estimator, mesh) => Ok(on(*mesh, estimator.simulate(patterns))),
+        }
+    }
+
+    /// The same with the state of every cell, `None` where there is no stable solution.
+    ///
+    /// # Errors
+    /// As [`Solver::on_one_mesh`].
+    pub fn simulate_cells(
+        &self,
+        patterns: &[Pattern],
+    ) -> Result<(Vec<AccurateSimulation>, Vec<Option<Vec<CellState>>>), SetupError> {
+        let solver = self.on_one_mesh()?;
+        let (simulations, states) = solver.simulate_cells(patterns).into_iter().unzip();
+        Ok((on(solver.mesh(), simulations), states))
+    }
+}
+
+/// Results on one mesh, without estimates of their errors.
+fn on(mesh: Mesh, simulations: Vec<Simulation>) -> Vec<AccurateSimulation> {
+    let each = |simulation| AccurateSimulation {
+        simulation,
+        mesh,
+        discretisation_error: None,
+    };
+    simulations.into_iter().map(each).collect()
+}
+
+impl Predictor for Solver {
+    fn predict_some(&self, patterns: &[Pattern]) -> Result<Vec<Option<Field>>, PredictError> {
+        let results = self.simulate(patterns).map_err(PredictError::failed)?;
+        Ok(results.into_iter().map(|result| result.simulation.field).collect())
+    }
+}
+
+impl Evaluator for Solver {
+    fn settings(&self) -> String {
+        self.parameters.to_string()
+    }
+
+    fn finds_equilibria(&self) -> bool {
+        self.parameters.method() == Method::Newton
+    }
+
+    fn promised_error_mm(&self) -> Option<f64> {
+        self.parameters.accuracy().map(|accuracy| accuracy.value())
+    }
+}
