@@ -5,7 +5,7 @@
 //! an area of its own, and a gain over it at another area says nothing; the same design at equal area comes from moving
 //! the line until the area is met.
 
-use super::objective::{Goal, Placed};
+use super::objective::{Goal, PlacedAim};
 use crate::pattern::{CELLS, Pattern};
 
 /// Distances that differ by less than this many cells are equal: rounding must not decide which cell is active.
@@ -60,7 +60,7 @@ impl Intuitive {
 }
 
 /// How far a cell's centre lies before the line of its nearest point, and from that point, in cells.
-fn nearest(aims: &[Placed], cell: usize) -> (f64, f64) {
+fn nearest(aims: &[PlacedAim], cell: usize) -> (f64, f64) {
     let centre = [(cell % CELLS) as f64 + 0.5, (cell / CELLS) as f64 + 0.5];
     let mut best = (0.0, f64::INFINITY);
     for aim in aims {
@@ -76,7 +76,7 @@ fn nearest(aims: &[Placed], cell: usize) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::design::{Aim, Measure, Motion};
+    use crate::design::{Aim, Displacement, Motion};
     use crate::pattern::Symmetry;
 
     fn intuitive(aims: &[(f64, f64, f64)]) -> Intuitive {
@@ -88,7 +88,7 @@ mod tests {
                 weight: 1.0,
             })
             .collect();
-        Intuitive::of(&Goal::new(Measure::Displacement, &aims, 50.0, None, 0.0).unwrap())
+        Intuitive::of(&Goal::new(&Displacement, &aims, 50.0, None, 0.0).unwrap())
     }
 
     #[test]

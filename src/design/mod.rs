@@ -22,7 +22,10 @@ pub use evolve::{
 pub use genome::{Genome, UNITS};
 pub use intuitive::Intuitive;
 pub use local_search::{LocalOptimum, SearchProblem, SearchStep};
-pub use objective::{AREA_PENALTY, Aim, Goal, GoalError, Measure, Motion, Objective};
+pub use objective::{
+    AREA_PENALTY, Aim, Displacement, Distance, Goal, GoalError, MEASURES, Measure, Motion, Objective, PlacedAim,
+    Qin2024,
+};
 pub use options::{Method, SearchOptions};
 pub use search::{
     Elements, Evaluator, Evaluators, FoundDesign, Probe, Progress, References, Refinement, Role, Search, SearchError,

@@ -2,7 +2,7 @@ use std::cell::RefCell;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::*;
-use crate::design::{AREA_PENALTY, Aim, Measure, Motion};
+use crate::design::{AREA_PENALTY, Aim, Displacement, Motion, Qin2024};
 use crate::field::Field;
 use crate::pattern::{CELLS, Pattern};
 
@@ -73,7 +73,7 @@ fn goal(area: f64) -> Goal {
         motion: Motion::Along(0.0),
         weight: 1.0,
     };
-    Goal::new(Measure::Displacement, &[aim], 50.0, Some(area), AREA_PENALTY).unwrap()
+    Goal::new(&Displacement, &[aim], 50.0, Some(area), AREA_PENALTY).unwrap()
 }
 
 fn small(seed: u64) -> EvolveOptions {
@@ -178,7 +178,7 @@ fn without_gain_the_search_ends_early() {
         motion: Motion::Along(0.0),
         weight: 1.0,
     };
-    let literal = Goal::new(Measure::Qin2024, &[aim], 50.0, Some(0.5), 0.0).unwrap();
+    let literal = Goal::new(&Qin2024, &[aim], 50.0, Some(0.5), 0.0).unwrap();
     let result = evolved(&Linear::new([25.0, 25.0]), &literal, &options).unwrap();
     assert_eq!((result.history.len(), result.stop), (5, Stop::Stagnation));
 }

@@ -1,5 +1,5 @@
 use super::*;
-use crate::design::{Aim, Constraints, Goal, Limits, Measure, Motion};
+use crate::design::{Aim, Constraints, Displacement, Distance, Goal, Limits, Measure, Motion};
 use crate::field::{CORNERS, Differentiable, PredictError, Predictor, WithGradient};
 use crate::pattern::{CELLS, distance};
 
@@ -59,9 +59,9 @@ fn goal(motion: Motion) -> Goal {
         motion,
         weight: 1.0,
     };
-    let measure = match motion {
-        Motion::Along(_) => Measure::Displacement,
-        Motion::By(..) | Motion::To(_) => Measure::Distance,
+    let measure: &'static dyn Measure = match motion {
+        Motion::Along(_) => &Displacement,
+        Motion::By(..) | Motion::To(_) => &Distance,
     };
     Goal::new(measure, &[aim], 50.0, None, 0.0).unwrap()
 }

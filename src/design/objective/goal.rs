@@ -6,71 +6,23 @@
 //! signed unit direction; the literal form stays selectable. A design that is to reach a wanted displacement, at one point or
 //! at many that make up a wanted field, is judged by its distance from there instead.
 
+use super::aim::{Aim, Motion, PlacedAim};
+use super::measure::Measure;
 use crate::field::{CORNERS, Field};
-use crate::pattern::{CELLS, Pattern};
-
-/// The displacement in mm that counts as 1: the top of the paper's deformation space.
-const SCALE_MM: f64 = 2.5;
+use crate::pattern::Pattern;
 
 /// The default weight λ of the area: leaving the wanted area fraction by 1 % costs as much as 0.125 mm gain. That is just
 /// above the steepest gain that area gives in the linear response of the default scene (0.12 mm for 1 %, between area
 /// fractions of 5 % and 95 %), so that the optimum keeps to the wanted area; a larger weight only makes the search stiffer.
 pub const AREA_PENALTY: f64 = 5.0;
 
-/// One point and where it should move.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Aim {
-    /// Position in mm from the lower left corner of the membrane.
-    pub point_mm: [f64; 2],
-    /// How it should move.
-    pub motion: Motion,
-    /// What it counts beside other points; positive.
-    pub weight: f64,
-}
-
-/// How a point should move.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Motion {
-    /// In a direction, in degrees counterclockwise from +x, as far as it gets.
-    Along(f64),
-    /// In a direction so many mm, no more and no less.
-    By(f64, f64),
-    /// By this vector in mm.
-    To([f64; 2]),
-}
-
-/// How a field is measured against the aims.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Measure {
-    /// Displacement along the wanted directions.
-    #[default]
-    Displacement,
-    /// Root mean square distance from the wanted displacements.
-    Distance,
-    /// The paper's equation 6 to the letter: only how well the directions agree, regardless of sign and magnitude.
-    Qin2024,
-}
-
 /// A valid goal of a design.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Goal {
-    measure: Measure,
-    aims: Vec<Placed>,
+    measure: &'static dyn Measure,
+    aims: Vec<PlacedAim>,
     area: Option<f64>,
     area_penalty: f64,
-}
-
-/// An aim in the units of the raster.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::design) struct Placed {
-    /// Position in cells.
-    pub(in crate::design) point: [f64; 2],
-    /// Unit vector.
-    pub(in crate::design) direction: [f64; 2],
-    /// Wanted displacement in mm; zero where as far as possible is wanted.
-    wanted: [f64; 2],
-    /// Share of all aims; they add up to 1.
-    weight: f64,
 }
 
 /// What is not a goal.
@@ -120,7 +72,7 @@ impl Goal {
     /// When there is no point, one does not lie inside the membrane, a number is out of range, or distances are to be measured
     /// and a point has no wanted displacement.
     pub fn new(
-        measure: Measure,
+        measure: &'static dyn Measure,
         aims: &[Aim],
         side_mm: f64,
         area: Option<f64>,
@@ -138,10 +90,10 @@ impl Goal {
         if aims.is_empty() {
             return Err(GoalError::NoAim);
         }
-        if measure == Measure::Distance && aims.iter().any(|aim| matches!(aim.motion, Motion::Along(_))) {
+        if measure.needs_displacement() && aims.iter().any(|aim| matches!(aim.motion, Motion::Along(_))) {
             return Err(GoalError::NoDistance);
         }
-        let mut placed: Vec<Placed> = aims.iter().map(|aim| aim.placed(side_mm)).collect::<Result<_, _>>()?;
+        let mut placed: Vec<PlacedAim> = aims.iter().map(|aim| aim.placed(side_mm)).collect::<Result<_, _>>()?;
         let total: f64 = placed.iter().map(|aim| aim.weight).sum();
         placed.iter_mut().for_each(|aim| aim.weight /= total);
         Ok(Self {
@@ -158,7 +110,9 @@ impl Goal {
         self.area
     }
 
-    pub(in crate::design) fn aims(&self) -> &[Placed] {
+    /// Its aims.
+    #[must_use]
+    pub fn aims(&self) -> &[PlacedAim] {
         &self.aims
     }
 
@@ -172,7 +126,7 @@ impl Goal {
     /// wanted.
     #[must_use]
     pub fn distance_mm(&self, field: &Field) -> Option<f64> {
-        (self.measure == Measure::Distance).then(|| self.distance(field))
+        self.measure.needs_displacement().then(|| self.distance(field))
     }
 
     /// F of a pattern and its field; smaller is better.
@@ -185,31 +139,15 @@ impl Goal {
     /// How good a field is, whatever the area of its pattern; larger is better.
     #[must_use]
     pub fn score(&self, field: &Field) -> f64 {
-        match self.measure {
-            Measure::Displacement => self.value_mm(field) / SCALE_MM,
-            Measure::Distance => -self.distance(field) / SCALE_MM,
-            Measure::Qin2024 => self.mean(|aim| {
-                let [x, y] = field.at(aim.point);
-                let length = x.hypot(y);
-                if length > 0.0 {
-                    aim.along(field).abs() / length
-                } else {
-                    0.0
-                }
-            }),
-        }
+        self.measure.score(self, field)
     }
 
     /// The derivative of [`Goal::score`] with respect to the displacement of each corner, per mm; zero where there is none.
     #[must_use]
     pub fn slope(&self, field: &Field) -> Field {
         let mut slope = vec![0.0; CORNERS * CORNERS * 2];
-        let distance = match self.measure {
-            Measure::Distance => self.distance(field),
-            Measure::Displacement | Measure::Qin2024 => 0.0,
-        };
-        for aim in &self.aims {
-            let gradient = aim.gradient(self.measure, field, distance);
+        let gradients = self.measure.gradients(self, field);
+        for (aim, gradient) in self.aims.iter().zip(gradients) {
             for (corner, share) in Field::shares(aim.point) {
                 for (k, g) in gradient.into_iter().enumerate() {
                     slope[2 * corner + k] += aim.weight * g * share;
@@ -219,7 +157,9 @@ impl Goal {
         Field::from_values(slope).unwrap_or_else(|_| Field::zero())
     }
 
-    fn distance(&self, field: &Field) -> f64 {
+    /// How far the points are from the wanted displacements, root mean square in mm.
+    #[must_use]
+    pub fn distance(&self, field: &Field) -> f64 {
         self.mean(|aim| {
             let off = aim.off(field);
             off[0] * off[0] + off[1] * off[1]
@@ -227,117 +167,17 @@ impl Goal {
         .sqrt()
     }
 
-    fn mean(&self, of: impl Fn(&Placed) -> f64) -> f64 {
+    /// The weighted mean of a value of each aim.
+    #[must_use]
+    pub fn mean(&self, of: impl Fn(&PlacedAim) -> f64) -> f64 {
         self.aims.iter().map(|aim| aim.weight * of(aim)).sum()
     }
-}
-
-impl Aim {
-    fn placed(&self, side: f64) -> Result<Placed, GoalError> {
-        if !self.point_mm.iter().all(|&c| c > 0.0 && c < side) {
-            return Err(GoalError::Point {
-                point: self.point_mm,
-                side,
-            });
-        }
-        if !(self.weight.is_finite() && self.weight > 0.0) {
-            return Err(GoalError::Weight(self.weight));
-        }
-        let (direction, wanted) = self.motion.vectors()?;
-        Ok(Placed {
-            point: self.point_mm.map(|c| c / side * CELLS as f64),
-            direction,
-            wanted,
-            weight: self.weight,
-        })
-    }
-}
-
-impl Motion {
-    /// The direction, and the wanted displacement in mm.
-    fn vectors(self) -> Result<([f64; 2], [f64; 2]), GoalError> {
-        let direction = |degrees: f64| match degrees.is_finite() {
-            true => Ok(unit_vector(degrees)),
-            false => Err(GoalError::Direction(degrees)),
-        };
-        let (direction, wanted) = match self {
-            Self::Along(degrees) => (direction(degrees)?, [0.0; 2]),
-            Self::By(degrees, length) => (direction(degrees)?, direction(degrees)?.map(|c| c * length)),
-            Self::To(wanted) => {
-                let length = wanted[0].hypot(wanted[1]);
-                let along = if length > 0.0 {
-                    wanted.map(|c| c / length)
-                } else {
-                    [1.0, 0.0]
-                };
-                (along, wanted)
-            }
-        };
-        match wanted.iter().all(|c| c.is_finite()) {
-            true => Ok((direction, wanted)),
-            false => Err(GoalError::Wanted(wanted)),
-        }
-    }
-}
-
-impl Placed {
-    fn along(&self, field: &Field) -> f64 {
-        let [x, y] = field.at(self.point);
-        x * self.direction[0] + y * self.direction[1]
-    }
-
-    /// What is too much of the displacement.
-    fn off(&self, field: &Field) -> [f64; 2] {
-        let u = field.at(self.point);
-        [u[0] - self.wanted[0], u[1] - self.wanted[1]]
-    }
-
-    /// The derivative of the score, up to the weight, with respect to the displacement of the point.
-    fn gradient(&self, measure: Measure, field: &Field, distance: f64) -> [f64; 2] {
-        match measure {
-            Measure::Displacement => self.direction.map(|d| d / SCALE_MM),
-            Measure::Distance if distance > 0.0 => self.off(field).map(|off| -off / (distance * SCALE_MM)),
-            Measure::Distance => [0.0; 2],
-            Measure::Qin2024 => {
-                let u = field.at(self.point);
-                let length = u[0].hypot(u[1]);
-                if length == 0.0 {
-                    return [0.0; 2];
-                }
-                let along = self.along(field);
-                std::array::from_fn(|k| {
-                    along.signum() * (self.direction[k] / length - along * u[k] / (length * length * length))
-                })
-            }
-        }
-    }
-}
-
-/// The unit vector at an angle, exact at multiples of 90° and with equal components at odd multiples of 45°, so that
-/// goals that are images of each other are treated alike to the last bit.
-fn unit_vector(degrees: f64) -> [f64; 2] {
-    let degrees = degrees.rem_euclid(360.0);
-    let half = std::f64::consts::FRAC_1_SQRT_2;
-    let eighths = degrees / 45.0;
-    if eighths.fract() == 0.0 {
-        return match eighths as u32 {
-            1 => [half, half],
-            2 => [0.0, 1.0],
-            3 => [-half, half],
-            4 => [-1.0, 0.0],
-            5 => [-half, -half],
-            6 => [0.0, -1.0],
-            7 => [half, -half],
-            _ => [1.0, 0.0],
-        };
-    }
-    let (sine, cosine) = degrees.to_radians().sin_cos();
-    [cosine, sine]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::design::objective::measure::{Displacement, Distance, Qin2024};
 
     /// The field that is `u` everywhere off the frame.
     fn uniform(u: [f64; 2]) -> Field {
@@ -348,7 +188,7 @@ mod tests {
         Pattern::from_fn(|x, _| x < 25)
     }
 
-    fn goal(measure: Measure, aims: &[(f64, f64, f64)], area: f64) -> Goal {
+    fn goal(measure: &'static dyn Measure, aims: &[(f64, f64, f64)], area: f64) -> Goal {
         let aims: Vec<Aim> = aims
             .iter()
             .map(|&(x, y, direction_deg)| Aim {
@@ -362,25 +202,25 @@ mod tests {
 
     #[test]
     fn displacement_counts_with_sign_and_magnitude() {
-        let right = goal(Measure::Displacement, &[(25.0, 25.0, 0.0)], 0.5);
+        let right = goal(&Displacement, &[(25.0, 25.0, 0.0)], 0.5);
         assert_eq!(right.fitness(&half(), &uniform([1.25, 0.7])), 0.5);
         assert_eq!(right.fitness(&half(), &uniform([-1.25, 0.7])), 1.5);
-        let up = goal(Measure::Displacement, &[(25.0, 25.0, 90.0)], 0.5);
+        let up = goal(&Displacement, &[(25.0, 25.0, 90.0)], 0.5);
         assert_eq!(up.value_mm(&uniform([1.25, 0.7])), 0.7);
-        let slanted = goal(Measure::Displacement, &[(25.0, 25.0, 30.0)], 0.5);
+        let slanted = goal(&Displacement, &[(25.0, 25.0, 30.0)], 0.5);
         let expected = 3f64.sqrt() / 2.0 + 0.5;
         assert!((slanted.value_mm(&uniform([1.0, 1.0])) - expected).abs() < 1e-15);
     }
 
     #[test]
     fn leaving_the_area_costs() {
-        let wanted = goal(Measure::Displacement, &[(25.0, 25.0, 0.0)], 0.48);
+        let wanted = goal(&Displacement, &[(25.0, 25.0, 0.0)], 0.48);
         assert!((wanted.fitness(&half(), &Field::zero()) - (1.0 + AREA_PENALTY * 0.02)).abs() < 1e-12);
     }
 
     #[test]
     fn the_literal_objective_is_blind_to_sign_and_magnitude() {
-        let literal = goal(Measure::Qin2024, &[(25.0, 25.0, 0.0)], 0.5);
+        let literal = goal(&Qin2024, &[(25.0, 25.0, 0.0)], 0.5);
         for u in [[1.2, 0.0], [-1.2, 0.0], [1e-6, 0.0]] {
             assert_eq!(literal.fitness(&half(), &uniform(u)), 0.0);
         }
@@ -397,14 +237,14 @@ mod tests {
             (37.5, 37.5, 225.0),
             (12.5, 37.5, 315.0),
         ];
-        let goal = goal(Measure::Displacement, &centripetal, 0.5);
+        let goal = goal(&Displacement, &centripetal, 0.5);
         assert!(goal.value_mm(&uniform([1.0, 0.3])).abs() < 1e-15);
         let inwards = (0..51 * 51).flat_map(|i| [25.0 - f64::from(i % 51), 25.0 - f64::from(i / 51)]);
         let inwards = Field::from_values(inwards.collect()).unwrap();
         assert!((goal.value_mm(&inwards) - 12.5 * 2f64.sqrt()).abs() < 1e-12);
     }
 
-    fn of(measure: Measure, aims: &[([f64; 2], Motion, f64)]) -> Goal {
+    fn of(measure: &'static dyn Measure, aims: &[([f64; 2], Motion, f64)]) -> Goal {
         let aim = |&(point_mm, motion, weight): &([f64; 2], Motion, f64)| Aim {
             point_mm,
             motion,
@@ -416,7 +256,7 @@ mod tests {
 
     #[test]
     fn a_wanted_displacement_is_missed_by_too_much_and_by_too_little() {
-        let goal = of(Measure::Distance, &[([25.0, 25.0], Motion::By(90.0, 1.0), 1.0)]);
+        let goal = of(&Distance, &[([25.0, 25.0], Motion::By(90.0, 1.0), 1.0)]);
         assert_eq!(goal.distance_mm(&uniform([0.0, 1.0])), Some(0.0));
         for u in [[0.0, 0.75], [0.0, 1.25], [0.25, 1.0]] {
             assert_eq!(goal.distance_mm(&uniform(u)), Some(0.25));
@@ -424,7 +264,7 @@ mod tests {
         }
         assert_eq!(goal.value_mm(&uniform([3.0, 0.75])), 0.75);
         let vectors = of(
-            Measure::Distance,
+            &Distance,
             &[
                 ([25.0, 25.0], Motion::To([0.3, 0.4]), 1.0),
                 ([10.0, 25.0], Motion::To([0.0, 0.0]), 3.0),
@@ -437,7 +277,7 @@ mod tests {
     #[test]
     fn points_count_by_their_weights() {
         let goal = of(
-            Measure::Displacement,
+            &Displacement,
             &[
                 ([25.0, 25.0], Motion::Along(0.0), 3.0),
                 ([10.0, 10.0], Motion::Along(90.0), 1.0),
@@ -453,12 +293,9 @@ mod tests {
         let places = |motion: [Motion; 2]| [([25.0, 25.0], motion[0], 1.0), ([12.5, 30.2], motion[1], 2.5)];
         let along = places([Motion::Along(0.0), Motion::Along(60.0)]);
         for goal in [
-            of(Measure::Displacement, &along),
-            of(Measure::Qin2024, &along),
-            of(
-                Measure::Distance,
-                &places([Motion::By(30.0, 1.0), Motion::To([0.1, 0.2])]),
-            ),
+            of(&Displacement, &along),
+            of(&Qin2024, &along),
+            of(&Distance, &places([Motion::By(30.0, 1.0), Motion::To([0.1, 0.2])])),
         ] {
             let slope = goal.slope(&field);
             let moved = |at: usize, by: f64| {
@@ -485,18 +322,8 @@ mod tests {
             motion: Motion::Along(0.0),
             weight: 1.0,
         };
-        let goal = Goal::new(Measure::Displacement, &[aim], 100.0, Some(0.5), 0.0).unwrap();
+        let goal = Goal::new(&Displacement, &[aim], 100.0, Some(0.5), 0.0).unwrap();
         assert_eq!(goal.aims()[0].point, [12.5, 37.5]);
-    }
-
-    #[test]
-    fn opposite_directions_are_exactly_opposite() {
-        for degrees in [0.0, 45.0, 90.0, 135.0, 405.0, -45.0] {
-            let (there, back) = (unit_vector(degrees), unit_vector(degrees + 180.0));
-            assert_eq!(there.map(|c| -c), back);
-            assert!((there[0] - degrees.to_radians().cos()).abs() < 1e-15);
-            assert!((there[1] - degrees.to_radians().sin()).abs() < 1e-15);
-        }
     }
 
     #[test]
@@ -507,7 +334,7 @@ mod tests {
                 motion: Motion::Along(direction_deg),
                 weight: 1.0,
             };
-            Goal::new(Measure::Displacement, &[aim], side, Some(area), penalty).unwrap_err()
+            Goal::new(&Displacement, &[aim], side, Some(area), penalty).unwrap_err()
         };
         for point in [[0.0, 25.0], [25.0, 50.0], [60.0, 1.0], [f64::NAN, 1.0]] {
             assert!(matches!(goal(point, 0.0, 50.0, 0.5, 1.0), GoalError::Point { .. }));
@@ -520,7 +347,7 @@ mod tests {
         assert!(matches!(goal(middle, 0.0, -50.0, 0.5, 1.0), GoalError::Side(_)));
         assert!(matches!(goal(middle, 0.0, 50.0, 1.5, 1.0), GoalError::Area(_)));
         assert!(matches!(goal(middle, 0.0, 50.0, 0.5, -1.0), GoalError::Penalty(_)));
-        let none = Goal::new(Measure::Displacement, &[], 50.0, Some(0.5), 1.0);
+        let none = Goal::new(&Displacement, &[], 50.0, Some(0.5), 1.0);
         assert_eq!(none, Err(GoalError::NoAim));
         let of = |measure, motion, weight| {
             let aim = Aim {
@@ -530,7 +357,7 @@ mod tests {
             };
             Goal::new(measure, &[aim], 50.0, None, 1.0).unwrap_err()
         };
-        let distance = Measure::Distance;
+        let distance: &'static dyn Measure = &Distance;
         assert_eq!(of(distance, Motion::Along(0.0), 1.0), GoalError::NoDistance);
         assert_eq!(of(distance, Motion::By(0.0, 1.0), 0.0), GoalError::Weight(0.0));
         assert!(matches!(

@@ -1,9 +1,12 @@
 //! What a design is for: how it stands in a pipeline, and what it means for the displacement of a membrane.
 
+mod aim;
 mod field_file;
 mod goal;
+mod measure;
 mod parameters;
 
-pub(super) use goal::Placed;
-pub use goal::{AREA_PENALTY, Aim, Goal, GoalError, Measure, Motion};
+pub use aim::{Aim, Motion, PlacedAim};
+pub use goal::{AREA_PENALTY, Goal, GoalError};
+pub use measure::{Displacement, Distance, MEASURES, Measure, Qin2024};
 pub use parameters::Objective;

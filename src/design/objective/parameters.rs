@@ -1,14 +1,16 @@
 //! What a design is for, as it stands in a pipeline.
 
+use super::aim::{Aim, Motion};
 use super::field_file;
-use super::goal::{Aim, Goal, GoalError, Measure, Motion};
+use super::goal::{Goal, GoalError};
+use super::measure::{Displacement, Distance, MEASURES, Measure};
 use crate::base::{Canonical, Decimal, Dimension, Fields, InputError, Map, Node, Quantity, Schema};
 
 /// What a design is for: points, how each should move, and how that is measured.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Objective {
     aims: Vec<AimText>,
-    measure: Measure,
+    measure: &'static dyn Measure,
     value: Option<Quantity>,
 }
 
@@ -27,12 +29,6 @@ pub(super) enum MotionText {
 }
 
 const WHAT: &str = "the objective";
-
-const MEASURES: [(&str, Measure); 3] = [
-    ("displacement", Measure::Displacement),
-    ("distance", Measure::Distance),
-    ("qin2024", Measure::Qin2024),
-];
 
 const AIM_KEYS: [&str; 4] = ["point", "direction", "displacement", "weight"];
 
@@ -85,11 +81,11 @@ impl Objective {
             .filter(|aim| matches!(aim.motion, MotionText::Displacement(_)));
         let vectors = vectors.count();
         let at = |key| map.optional(key).unwrap_or(node);
-        match (self.measure, &self.value) {
-            (Measure::Distance, None) if vectors < self.aims.len() => Err(at("measure")
+        match (self.measure.needs_displacement(), &self.value) {
+            (true, None) if vectors < self.aims.len() => Err(at("measure")
                 .error("a distance is measured from a wanted displacement, and a point has none")
                 .help("give each point `displacement: [x, y]` in place of a direction, or the objective a `value`")),
-            (Measure::Displacement | Measure::Qin2024, Some(_)) => Err(at("value")
+            (false, Some(_)) => Err(at("value")
                 .error("`value` is the displacement from which the distance is measured, and this measure is another")
                 .help("leave `measure` out, or `value`")),
             (_, Some(_)) if vectors > 0 => Err(at("value")
@@ -102,8 +98,7 @@ impl Objective {
     /// What [`Objective::read`] accepts.
     pub fn schema() -> Schema {
         let measured = |fields: Fields| {
-            let names: Vec<&str> = MEASURES.iter().map(|(name, _)| *name).collect();
-            let measure = Schema::word(&names).says(
+            let measure = Schema::word(&MEASURES.map(Measure::name)).says(
                 "How a motion is measured: its component along the direction (the default where points have directions), its \
                  distance from what is wanted (the default where that is given), or the paper's formula.",
             );
@@ -137,7 +132,7 @@ impl Objective {
         };
         Canonical::map([
             ("points", Canonical::List(self.aims.iter().map(aim).collect())),
-            ("measure", self.measure_name().into()),
+            ("measure", self.measure.name().into()),
             ("value", self.value.as_ref().map_or(Canonical::Null, Canonical::from)),
         ])
     }
@@ -159,7 +154,7 @@ impl Objective {
             .value
             .as_ref()
             .map_or(String::new(), |value| format!(", value: {value}"));
-        let more = format!("{value}, measure: {}", self.measure_name());
+        let more = format!("{value}, measure: {}", self.measure.name());
         match &self.aims[..] {
             [single] => format!("{{ {}{more} }}", aim(single)),
             many => {
@@ -186,27 +181,19 @@ impl Objective {
         let aims: Vec<Aim> = self.aims.iter().map(aim).collect();
         Goal::new(self.measure, &aims, side_mm, area, area_penalty)
     }
-
-    fn measure_name(&self) -> &'static str {
-        MEASURES
-            .iter()
-            .find(|(_, measure)| *measure == self.measure)
-            .map_or("displacement", |(name, _)| *name)
-    }
 }
 
-fn read_measure(map: &Map<'_>, aims: &[AimText]) -> Result<Measure, InputError> {
-    let names = MEASURES.map(|(name, _)| name);
+fn read_measure(map: &Map<'_>, aims: &[AimText]) -> Result<&'static dyn Measure, InputError> {
     let wanted =
         map.optional("value").is_some() || aims.iter().all(|a| matches!(a.motion, MotionText::Displacement(_)));
     match map.optional("measure") {
         Some(node) => {
-            let word = node.word("measure", &names)?;
-            let found = MEASURES.iter().find(|(name, _)| *name == word);
-            Ok(found.map_or(Measure::Displacement, |(_, measure)| *measure))
+            let word = node.word("measure", &MEASURES.map(Measure::name))?;
+            let found = MEASURES.into_iter().find(|measure| measure.name() == word);
+            Ok(found.unwrap_or(&Displacement))
         }
-        None if wanted => Ok(Measure::Distance),
-        None => Ok(Measure::Displacement),
+        None if wanted => Ok(&Distance),
+        None => Ok(&Displacement),
     }
 }
 

@@ -185,7 +185,7 @@ fn a_free_area_comes_near_the_known_optimum() {
         motion: Motion::Along(0.0),
         weight: 1.0,
     };
-    let goal = Goal::new(Measure::Displacement, &[aim], 50.0, None, AREA_PENALTY).unwrap();
+    let goal = Goal::new(&Displacement, &[aim], 50.0, None, AREA_PENALTY).unwrap();
     let options = EvolveOptions {
         population: 300,
         generations: 40,

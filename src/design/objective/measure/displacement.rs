@@ -1,0 +1,22 @@
+//! Displacement along the wanted directions.
+
+use super::{Goal, Measure, SCALE_MM};
+use crate::field::Field;
+
+/// The mean displacement along the wanted directions.
+pub struct Displacement;
+
+impl Measure for Displacement {
+    fn name(&self) -> &'static str {
+        "displacement"
+    }
+
+    fn score(&self, goal: &Goal, field: &Field) -> f64 {
+        goal.value_mm(field) / SCALE_MM
+    }
+
+    fn gradients(&self, goal: &Goal, _field: &Field) -> Vec<[f64; 2]> {
+        let gradient = |direction: [f64; 2]| direction.map(|d| d / SCALE_MM);
+        goal.aims().iter().map(|aim| gradient(aim.direction)).collect()
+    }
+}

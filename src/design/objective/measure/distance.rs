@@ -1,0 +1,30 @@
+//! Distance from the wanted displacements.
+
+use super::{Goal, Measure, SCALE_MM};
+use crate::field::Field;
+
+/// The root mean square distance from the wanted displacements.
+pub struct Distance;
+
+impl Measure for Distance {
+    fn name(&self) -> &'static str {
+        "distance"
+    }
+
+    fn needs_displacement(&self) -> bool {
+        true
+    }
+
+    fn score(&self, goal: &Goal, field: &Field) -> f64 {
+        -goal.distance(field) / SCALE_MM
+    }
+
+    fn gradients(&self, goal: &Goal, field: &Field) -> Vec<[f64; 2]> {
+        let distance = goal.distance(field);
+        let gradient = |off: [f64; 2]| match distance > 0.0 {
+            true => off.map(|off| -off / (distance * SCALE_MM)),
+            false => [0.0; 2],
+        };
+        goal.aims().iter().map(|aim| gradient(aim.off(field))).collect()
+    }
+}
