@@ -7,54 +7,10 @@ use crate::design::evolve::GenerationReport;
 use crate::design::intuitive::Intuitive;
 use crate::design::local_search::{LocalOptimum, SearchStep};
 use crate::field::{Field, Predictor};
-use crate::pattern::{CELLS, Pattern};
+use crate::pattern::{CELLS, Pattern, Role};
 
 /// The status of a pattern without a field.
 pub(super) const NO_FIELD: &str = "no stable field";
-
-/// How a pattern of a design came about.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Role {
-    /// The genetic algorithm's best.
-    Ga,
-    /// The same, refined along the gradient.
-    Refined,
-    /// The best that is found along the gradient alone.
-    Optimum,
-    /// What a person would draw.
-    Intuitive,
-    /// The same, its line moved until its area is that of the design.
-    IntuitiveEqualArea,
-}
-
-impl Role {
-    /// Every role, from the design that is to be made to those that it is compared with.
-    pub const ALL: [Self; 5] = [
-        Self::Refined,
-        Self::Ga,
-        Self::Optimum,
-        Self::Intuitive,
-        Self::IntuitiveEqualArea,
-    ];
-
-    /// The word that stands in files.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Ga => "ga",
-            Self::Refined => "refined",
-            Self::Optimum => "optimum",
-            Self::Intuitive => "intuitive",
-            Self::IntuitiveEqualArea => "intuitive-equal-area",
-        }
-    }
-
-    /// The role of this name, if there is one.
-    #[must_use]
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|role| role.name() == name)
-    }
-}
 
 /// One pattern of a target.
 #[derive(Clone, Debug)]

@@ -1,11 +1,11 @@
 //! By the genetic algorithm, judged by one evaluator.
 
-use super::found::{Findings, FoundPattern, Role};
+use super::found::{Findings, FoundPattern};
 use super::probe::{Evaluator, PATTERNS, Probe, References, cheapest_evaluator};
 use super::{Evaluators, Search, SearchError, SearchResult};
 use crate::design::evolve::{Setting, evolve, first_generation};
 use crate::design::genome::{Genome, UNITS};
-use crate::pattern::Pattern;
+use crate::pattern::{Pattern, Role};
 
 impl Search<'_> {
     pub(super) fn genetic(&self, evaluators: Evaluators) -> Result<SearchResult, SearchError> {

@@ -1,11 +1,11 @@
 //! Along the gradient alone, from several starts: how good a design can be.
 
-use super::found::{Findings, Role};
+use super::found::Findings;
 use super::{Search, SearchError, SearchResult};
 use crate::base::Stream;
 use crate::design::genome::Genome;
 use crate::design::local_search::{LocalOptimum, SearchProblem, SearchStep};
-use crate::pattern::Pattern;
+use crate::pattern::{Pattern, Role};
 
 /// How coarse random starts are: a handful of regions.
 const START_GRAIN: usize = 6;

@@ -8,7 +8,7 @@ mod probe;
 mod refine;
 mod shortage;
 
-pub use found::{FoundDesign, Refinement, Role, SearchResult};
+pub use found::{FoundDesign, Refinement, SearchResult};
 pub use probe::{Evaluator, Probe, References, cheapest_evaluator};
 
 use super::constraint::Constraints;
