@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
 
 use super::quantity::{Decimal, Quantity};
 
@@ -64,6 +65,20 @@ impl Canonical {
     #[must_use]
     pub fn map<K: Into<String>>(entries: impl IntoIterator<Item = (K, Canonical)>) -> Self {
         Self::Map(entries.into_iter().map(|(k, v)| (k.into(), v)).collect())
+    }
+
+    /// The value as a document in JSON would say it: pure numbers as numbers, quantities as texts with their unit.
+    #[must_use]
+    pub fn to_json(&self) -> Value {
+        match self {
+            Self::Null => Value::Null,
+            Self::Bool(value) => json!(value),
+            Self::Number(number, unit) if unit.is_empty() => number.to_u64().map_or_else(|| json!(number.to_f64()), |n| json!(n)),
+            Self::Number(..) => json!(self.to_string()),
+            Self::Text(text) => json!(text),
+            Self::List(items) => items.iter().map(Self::to_json).collect(),
+            Self::Map(map) => map.iter().map(|(key, value)| (key.clone(), value.to_json())).collect(),
+        }
     }
 
     /// Every leaf with its dotted path, in order; lists use the index.

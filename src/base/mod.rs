@@ -8,6 +8,7 @@ mod encoding;
 mod file;
 mod ids;
 mod progress;
+mod parameters;
 mod quantity;
 mod schema;
 mod stream;
@@ -20,6 +21,10 @@ pub use encoding::{EncodingError, decode, encode};
 pub use file::{open_regular, read_bounded};
 pub use ids::{ActionKey, ArtifactId, FileDigest, OrbitId};
 pub use progress::Progress;
+pub use parameters::{
+    Angle, Declared, Density, ElectricField, Frequency, Length, Parameter, Resistance, Seed, Stress, Time, Voltage,
+};
 pub use quantity::{Decimal, Dimension, Quantity, QuantityError};
+pub use crate::{parameters, variants, words};
 pub use schema::{Fields, Schema};
 pub use stream::Stream;

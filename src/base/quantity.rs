@@ -280,6 +280,12 @@ impl Quantity {
         })
     }
 
+    /// A quantity from an exact number in the base unit.
+    #[must_use]
+    pub fn new(base: Decimal, dimension: Dimension) -> Self {
+        Self { base, dimension }
+    }
+
     /// A quantity from a number in the base unit; `None` unless finite.
     #[must_use]
     pub fn from_f64(value: f64, dimension: Dimension) -> Option<Self> {

@@ -55,6 +55,12 @@ impl Schema {
         }
     }
 
+    /// A truth value.
+    #[must_use]
+    pub fn bool() -> Self {
+        Self::new(json!({ "type": "boolean" }))
+    }
+
     /// A whole number within bounds, both included.
     #[must_use]
     pub fn whole(low: u64, high: u64) -> Self {
@@ -181,6 +187,15 @@ impl Fields {
     #[must_use]
     pub fn optional(mut self, key: &str, schema: Schema) -> Self {
         self.properties.push((key.to_owned(), schema));
+        self
+    }
+
+    /// The mapping whose key `tag` is `word`: one of several that are told apart by it.
+    #[must_use]
+    pub fn tagged(mut self, tag: &str, word: &str) -> Self {
+        let schema = Schema::word(&[word]).says(&self.description);
+        self.required.insert(0, tag.to_owned());
+        self.properties.insert(0, (tag.to_owned(), schema));
         self
     }
 

@@ -1,0 +1,245 @@
+//! The macros that declare parameters. What they expand to is as short as can be: all logic is in functions.
+
+/// Declares a mapping; see [`base::parameters`](crate::base::parameters).
+#[macro_export]
+macro_rules! parameters {
+    (
+        $(#[doc = $about:literal])+
+        $vis:vis struct $name:ident as $what:literal {
+            $(
+                $(#[doc = $doc:literal])+
+                $field_vis:vis $field:ident : $type:ty $([$limits:expr])? $(= $default:expr)?
+            ),* $(,)?
+        }
+        $(include {
+            $($(#[doc = $part_doc:literal])+ $part_vis:vis $part:ident : $part_type:ty),+ $(,)?
+        })?
+        $(rules($rules:path))?
+        $(check($check:path))?
+    ) => {
+        $(#[doc = $about])+
+        #[derive(Clone, Debug, PartialEq, Eq)]
+        $vis struct $name {
+            $($(#[doc = $doc])+ $field_vis $field: $type,)*
+            $($($(#[doc = $part_doc])+ $part_vis $part: $part_type,)+)?
+        }
+
+        impl $crate::base::Declared for $name {
+            const WHAT: &'static str = $what;
+
+            fn keys() -> Vec<&'static str> {
+                #[allow(unused_mut)]
+                let mut keys = vec![$(stringify!($field)),*];
+                $($(keys.extend(<$part_type as $crate::base::Declared>::keys());)+)?
+                keys
+            }
+
+            fn add_to(fields: $crate::base::Fields) -> $crate::base::Fields {
+                $(let fields = fields.declare::<$type>(
+                    stringify!($field),
+                    concat!($($doc),+),
+                    $crate::parameters!(@limits $($limits)?),
+                    $crate::parameters!(@default $type $(, $default)?),
+                );)*
+                $($(let fields = <$part_type as $crate::base::Declared>::add_to(fields);)+)?
+                $(let fields = $rules(fields);)?
+                fields
+            }
+
+            fn fields() -> $crate::base::Fields {
+                Self::add_to($crate::base::Fields::new(concat!($($about),+).trim()))
+            }
+
+            #[allow(unused_variables)]
+            fn read_map(map: &$crate::base::Map<'_>) -> Result<Self, $crate::base::InputError> {
+                let read = Self {
+                    $($field: map.read::<$type>(
+                        $what,
+                        stringify!($field),
+                        $crate::parameters!(@limits $($limits)?),
+                        $crate::parameters!(@default $type $(, $default)?),
+                    )?,)*
+                    $($($part: <$part_type as $crate::base::Declared>::read_map(map)?,)+)?
+                };
+                $($check(&read, map)?;)?
+                Ok(read)
+            }
+
+            #[allow(unused_variables)]
+            fn entries(&self, out: &mut Vec<(&'static str, $crate::base::Canonical)>) {
+                $(out.extend(
+                    $crate::base::Parameter::canonical(&self.$field).map(|value| (stringify!($field), value)),
+                );)*
+                $($($crate::base::Declared::entries(&self.$part, out);)+)?
+            }
+        }
+
+        impl $crate::base::Parameter for $name {
+            type Limits = ();
+            type Literal = Self;
+
+            fn read(node: &$crate::base::Node, _key: &str, (): &()) -> Result<Self, $crate::base::InputError> {
+                <Self as $crate::base::Declared>::read_with(node, &[])
+            }
+
+            fn canonical(&self) -> Option<$crate::base::Canonical> {
+                Some($crate::base::Declared::to_canonical(self))
+            }
+
+            fn schema((): &()) -> $crate::base::Schema {
+                <Self as $crate::base::Declared>::fields().into()
+            }
+
+            fn literal(literal: Self) -> Self {
+                literal
+            }
+        }
+    };
+    (@limits) => { &() };
+    (@limits $limits:expr) => { &$limits };
+    (@default $type:ty) => { None };
+    (@default $type:ty, $default:expr) => { Some(<$type as $crate::base::Parameter>::literal($default)) };
+}
+
+/// Declares an enum of mappings, told apart by the word under a key; see [`base::parameters`](crate::base::parameters).
+#[macro_export]
+macro_rules! variants {
+    (
+        $(#[doc = $about:literal])+
+        $vis:vis enum $name:ident as $what:literal by $tag:literal {
+            $($word:literal => $variant:ident($type:ty)),+ $(,)?
+        }
+    ) => {
+        $(#[doc = $about])+
+        #[derive(Clone, Debug, PartialEq, Eq)]
+        $vis enum $name {
+            $(#[doc = concat!("`", $tag, ": ", $word, "`.")] $variant($type),)+
+        }
+
+        impl $name {
+            /// The words that tell the variants apart.
+            pub const WORDS: &'static [&'static str] = &[$($word),+];
+
+            /// The word of this variant.
+            #[must_use]
+            pub fn word(&self) -> &'static str {
+                match self {
+                    $(Self::$variant(_) => $word,)+
+                }
+            }
+
+            /// Reads a mapping that may have some keys beside those of its variant.
+            ///
+            /// # Errors
+            /// When the word is none of these, or as the variant.
+            pub fn read_with(node: &$crate::base::Node, others: &[&str]) -> Result<Self, $crate::base::InputError> {
+                // First the keys of all variants, so that a misspelt tag is told from a missing one; then those of the variant.
+                let mut keys = vec![$tag];
+                $(keys.extend(<$type as $crate::base::Declared>::keys());)+
+                keys.extend(others.iter().copied());
+                keys.dedup();
+                let map = node.fields($what, &keys)?;
+                let word = map.required($what, $tag)?.word($tag, Self::WORDS)?;
+                #[allow(unused_mut)]
+                let mut others: Vec<&str> = others.to_vec();
+                others.push($tag);
+                $(if word == $word {
+                    return <$type as $crate::base::Declared>::read_with(node, &others).map(Self::$variant);
+                })+
+                unreachable!("the word is one of these")
+            }
+
+            /// The mapping of each variant, for the schema and the reference.
+            #[must_use]
+            pub fn all_fields() -> Vec<$crate::base::Fields> {
+                vec![$(<$type as $crate::base::Declared>::fields().tagged($tag, $word)),+]
+            }
+        }
+
+        impl $crate::base::Parameter for $name {
+            type Limits = ();
+            type Literal = Self;
+
+            fn read(node: &$crate::base::Node, _key: &str, (): &()) -> Result<Self, $crate::base::InputError> {
+                Self::read_with(node, &[])
+            }
+
+            fn canonical(&self) -> Option<$crate::base::Canonical> {
+                let mut entries = vec![($tag, $crate::base::Canonical::from(self.word()))];
+                match self {
+                    $(Self::$variant(own) => $crate::base::Declared::entries(own, &mut entries),)+
+                }
+                Some($crate::base::Canonical::map(entries))
+            }
+
+            fn schema((): &()) -> $crate::base::Schema {
+                $crate::base::Schema::any_of(Self::all_fields().into_iter().map($crate::base::Schema::from))
+            }
+
+            fn literal(literal: Self) -> Self {
+                literal
+            }
+        }
+    };
+}
+
+/// Declares an enum of words; see [`base::parameters`](crate::base::parameters).
+#[macro_export]
+macro_rules! words {
+    (
+        $(#[doc = $about:literal])+
+        $vis:vis enum $name:ident {
+            $($(#[doc = $doc:literal])+ $variant:ident = $word:literal),+ $(,)?
+        }
+    ) => {
+        $(#[doc = $about])+
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        $vis enum $name {
+            $($(#[doc = $doc])+ $variant,)+
+        }
+
+        impl $name {
+            /// All of them.
+            pub const ALL: [Self; [$($word),+].len()] = [$(Self::$variant),+];
+
+            /// Their words, in the same order.
+            pub const WORDS: &'static [&'static str] = &[$($word),+];
+
+            /// The word that stands in files.
+            #[must_use]
+            pub fn name(self) -> &'static str {
+                match self {
+                    $(Self::$variant => $word,)+
+                }
+            }
+
+            /// The one that a word stands for.
+            #[must_use]
+            pub fn from_name(word: &str) -> Option<Self> {
+                Self::ALL.into_iter().find(|one| one.name() == word)
+            }
+        }
+
+        impl $crate::base::Parameter for $name {
+            type Limits = ();
+            type Literal = Self;
+
+            fn read(node: &$crate::base::Node, key: &str, (): &()) -> Result<Self, $crate::base::InputError> {
+                let word = node.word(key, Self::WORDS)?;
+                Ok(Self::from_name(word).expect("the word is one of these"))
+            }
+
+            fn canonical(&self) -> Option<$crate::base::Canonical> {
+                Some(self.name().into())
+            }
+
+            fn schema((): &()) -> $crate::base::Schema {
+                $crate::base::Schema::word(Self::WORDS)
+            }
+
+            fn literal(literal: Self) -> Self {
+                literal
+            }
+        }
+    };
+}

@@ -1,0 +1,206 @@
+//! Plain values as parameters: truth values, integers, numbers, options, pairs and lists.
+
+use std::ops::RangeInclusive;
+
+use super::Parameter;
+use crate::base::canonical::Canonical;
+use crate::base::document::{InputError, Map, Node};
+use crate::base::quantity::{Decimal, Dimension};
+use crate::base::schema::{Fields, Schema};
+
+impl Parameter for bool {
+    type Limits = ();
+    type Literal = Self;
+
+    fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
+        node.bool(key)
+    }
+
+    fn canonical(&self) -> Option<Canonical> {
+        Some(Canonical::from(*self))
+    }
+
+    fn schema((): &()) -> Schema {
+        Schema::bool()
+    }
+
+    fn literal(literal: Self) -> Self {
+        literal
+    }
+}
+
+macro_rules! integers {
+    ($($type:ty),+) => {$(
+        impl Parameter for $type {
+            type Limits = RangeInclusive<u64>;
+            type Literal = Self;
+
+            fn read(node: &Node, key: &str, limits: &RangeInclusive<u64>) -> Result<Self, InputError> {
+                // A limit beyond the type would be a slip of the declaration; the value is refused then, not cut.
+                let high = (*limits.end()).min(Self::MAX as u64);
+                Ok(node.whole(key, *limits.start(), high)? as Self)
+            }
+
+            fn canonical(&self) -> Option<Canonical> {
+                Some(Canonical::from(*self as u64))
+            }
+
+            fn schema(limits: &RangeInclusive<u64>) -> Schema {
+                Schema::whole(*limits.start(), *limits.end())
+            }
+
+            fn literal(literal: Self) -> Self {
+                literal
+            }
+        }
+    )+};
+}
+
+integers!(u32, u64, usize);
+
+/// A pure number.
+impl Parameter for Decimal {
+    type Limits = RangeInclusive<f64>;
+    type Literal = f64;
+
+    fn read(node: &Node, key: &str, limits: &RangeInclusive<f64>) -> Result<Self, InputError> {
+        Ok(node.quantity_in(key, Dimension::Number, *limits.start(), *limits.end())?.base())
+    }
+
+    fn canonical(&self) -> Option<Canonical> {
+        Some(Canonical::from(*self))
+    }
+
+    fn schema(limits: &RangeInclusive<f64>) -> Schema {
+        Schema::number(*limits.start(), *limits.end())
+    }
+
+    fn literal(literal: f64) -> Self {
+        Self::from_f64(literal).expect("a declared default is a finite number")
+    }
+}
+
+/// What may be absent.
+impl<T: Parameter> Parameter for Option<T> {
+    type Limits = T::Limits;
+    type Literal = T::Literal;
+
+    fn read(node: &Node, key: &str, limits: &T::Limits) -> Result<Self, InputError> {
+        T::read(node, key, limits).map(Some)
+    }
+
+    fn canonical(&self) -> Option<Canonical> {
+        self.as_ref().and_then(T::canonical)
+    }
+
+    fn schema(limits: &T::Limits) -> Schema {
+        T::schema(limits)
+    }
+
+    fn literal(literal: T::Literal) -> Self {
+        Some(T::literal(literal))
+    }
+
+    fn absent() -> Option<Self> {
+        Some(None)
+    }
+}
+
+/// Two values of a kind: a point, a range.
+impl<T: Parameter> Parameter for [T; 2] {
+    type Limits = T::Limits;
+    type Literal = [T::Literal; 2];
+
+    fn read(node: &Node, key: &str, limits: &T::Limits) -> Result<Self, InputError> {
+        match node.list(key)? {
+            [first, second] => Ok([T::read(first, key, limits)?, T::read(second, key, limits)?]),
+            items => Err(node
+                .error(format!("`{key}` must have two values, found {}", items.len()))
+                .help(format!("for example [{0}, {0}]", T::example()))),
+        }
+    }
+
+    fn canonical(&self) -> Option<Canonical> {
+        Some(Canonical::List(self.iter().filter_map(T::canonical).collect()))
+    }
+
+    fn schema(limits: &T::Limits) -> Schema {
+        Schema::list(T::schema(limits), 2, 2)
+    }
+
+    fn literal(literal: [T::Literal; 2]) -> Self {
+        literal.map(T::literal)
+    }
+}
+
+/// A list of values of a kind.
+impl<T: Parameter> Parameter for Vec<T> {
+    /// Those of an item, and how many there may be.
+    type Limits = (T::Limits, RangeInclusive<usize>);
+    type Literal = Self;
+
+    fn read(node: &Node, key: &str, (limits, count): &Self::Limits) -> Result<Self, InputError> {
+        let items = node.list(key)?;
+        if !count.contains(&items.len()) {
+            let allowed = match (*count.start(), *count.end()) {
+                (fewest, usize::MAX) => format!("{fewest} or more"),
+                (fewest, most) => format!("{fewest} to {most}"),
+            };
+            let found = match items.len() {
+                0 => "is empty".to_owned(),
+                1 => "has 1 item".to_owned(),
+                many => format!("has {many} items"),
+            };
+            return Err(node.error(format!("`{key}` {found}")).help(format!("allowed: {allowed}")));
+        }
+        items.iter().map(|item| T::read(item, key, limits)).collect()
+    }
+
+    fn canonical(&self) -> Option<Canonical> {
+        Some(Canonical::List(self.iter().filter_map(T::canonical).collect()))
+    }
+
+    fn schema((limits, count): &Self::Limits) -> Schema {
+        Schema::list(T::schema(limits), *count.start(), *count.end())
+    }
+
+    fn literal(literal: Self) -> Self {
+        literal
+    }
+}
+
+impl Map<'_> {
+    /// The value of a key, or its default, or what its type has for one that is absent.
+    ///
+    /// # Errors
+    /// When it is missing, or as [`Parameter::read`].
+    pub fn read<T: Parameter>(
+        &self,
+        what: &str,
+        key: &str,
+        limits: &T::Limits,
+        default: Option<T>,
+    ) -> Result<T, InputError> {
+        match (self.optional(key), default.or_else(T::absent)) {
+            (Some(node), _) => T::read(node, key, limits),
+            (None, Some(value)) => Ok(value),
+            (None, None) => T::read(self.required(what, key)?, key, limits),
+        }
+    }
+}
+
+impl Fields {
+    /// Adds a key with its sentence, its limits and its default.
+    #[must_use]
+    pub fn declare<T: Parameter>(self, key: &str, doc: &str, limits: &T::Limits, default: Option<T>) -> Self {
+        let schema = T::schema(limits).says(doc.trim());
+        match default {
+            Some(value) => match value.canonical() {
+                Some(canonical) => self.optional(key, schema.default(canonical.to_json())),
+                None => self.optional(key, schema),
+            },
+            None if T::absent().is_some() => self.optional(key, schema),
+            None => self.required(key, schema),
+        }
+    }
+}
