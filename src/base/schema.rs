@@ -190,6 +190,17 @@ impl Fields {
         self
     }
 
+    /// The same keys, each with another schema.
+    #[must_use]
+    pub fn map_schemas(mut self, with: impl Fn(&str, Schema) -> Schema) -> Self {
+        let changed = self.properties.into_iter().map(|(key, schema)| {
+            let schema = with(&key, schema);
+            (key, schema)
+        });
+        self.properties = changed.collect();
+        self
+    }
+
     /// The mapping whose key `tag` is `word`: one of several that are told apart by it.
     #[must_use]
     pub fn tagged(mut self, tag: &str, word: &str) -> Self {

@@ -154,6 +154,18 @@ impl Node {
         }
     }
 
+    /// Whether it is a mapping without entries.
+    #[must_use]
+    pub fn is_empty_map(&self) -> bool {
+        matches!(&self.value, NodeValue::Map(entries) if entries.is_empty())
+    }
+
+    /// A key as it is quoted in a message.
+    #[must_use]
+    pub fn found_key(&self) -> String {
+        format!("`{}`", self.describe_plain())
+    }
+
     /// What was found, for a message.
     #[must_use]
     pub fn found(&self) -> String {

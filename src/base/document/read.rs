@@ -143,6 +143,12 @@ impl Node {
 }
 
 impl<'a> Map<'a> {
+    /// Keys and values, in the order of the document.
+    #[must_use]
+    pub fn entries(&self) -> &'a [(Node, Node)] {
+        self.entries
+    }
+
     /// The value of a key that must be there.
     ///
     /// # Errors

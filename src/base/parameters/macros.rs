@@ -5,6 +5,7 @@
 macro_rules! parameters {
     (
         $(#[doc = $about:literal])+
+        $(#[derive($($derive:ident),+)])?
         $vis:vis struct $name:ident as $what:literal {
             $(
                 $(#[doc = $doc:literal])+
@@ -18,7 +19,7 @@ macro_rules! parameters {
         $(check($check:path))?
     ) => {
         $(#[doc = $about])+
-        #[derive(Clone, Debug, PartialEq, Eq)]
+        #[derive(Clone, Debug, PartialEq, Eq $($(, $derive)+)?)]
         $vis struct $name {
             $($(#[doc = $doc])+ $field_vis $field: $type,)*
             $($($(#[doc = $part_doc])+ $part_vis $part: $part_type,)+)?
@@ -143,6 +144,13 @@ macro_rules! variants {
                 #[allow(unused_mut)]
                 let mut others: Vec<&str> = others.to_vec();
                 others.push($tag);
+                let own = |of: &str| -> Vec<&'static str> {
+                    match of {
+                        $($word => <$type as $crate::base::Declared>::keys(),)+
+                        _ => Vec::new(),
+                    }
+                };
+                map.refuse_keys_of_others($tag, word, Self::WORDS, &own)?;
                 $(if word == $word {
                     return <$type as $crate::base::Declared>::read_with(node, &others).map(Self::$variant);
                 })+

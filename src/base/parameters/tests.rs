@@ -140,7 +140,7 @@ fn a_tag_says_which_keys_there_are() {
     let canonical = read("{ model: plain }").unwrap().canonical().unwrap();
     assert_eq!(canonical, Canonical::map([("model", Canonical::from("plain"))]));
     for (text, said) in [
-        ("{ model: plain, elements: 3 }", "unknown key `elements` in plain"),
+        ("{ model: plain, elements: 3 }", "unknown key `elements` with `model: plain`: it belongs to `model: mesh`"),
         ("{ modl: plain }", "unknown key `modl` in a choice"),
         ("{ model: plane }", "`model` cannot be \"plane\""),
         ("{}", "`model` is missing in a choice"),

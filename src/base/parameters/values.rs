@@ -189,6 +189,47 @@ impl Map<'_> {
     }
 }
 
+impl Map<'_> {
+    /// Refuses a key that belongs to another variant than the one that the word under the tag names.
+    ///
+    /// # Errors
+    /// When there is one: its variant is named.
+    pub fn refuse_keys_of_others(
+        &self,
+        tag: &str,
+        word: &str,
+        words: &[&str],
+        keys: &dyn Fn(&str) -> Vec<&'static str>,
+    ) -> Result<(), InputError> {
+        let own = keys(word);
+        for (key, _) in self.entries() {
+            let is = |name: &&str| key.is_text(name);
+            if own.iter().any(is) || key.is_text(tag) {
+                continue;
+            }
+            let owners: Vec<String> = words
+                .iter()
+                .filter(|other| keys(other).iter().any(is))
+                .map(|other| format!("`{tag}: {other}`"))
+                .collect();
+            if !owners.is_empty() {
+                let own = if own.is_empty() { "none".to_owned() } else { own.join(", ") };
+                return Err(key
+                    .error_labelled(
+                        format!(
+                            "unknown key {} with `{tag}: {word}`: it belongs to {}",
+                            key.found_key(),
+                            owners.join(", ")
+                        ),
+                        "not known here",
+                    )
+                    .help(format!("allowed beside `{tag}`: {own}")));
+            }
+        }
+        Ok(())
+    }
+}
+
 impl Fields {
     /// Adds a key with its sentence, its limits and its default.
     #[must_use]
