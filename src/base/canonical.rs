@@ -73,7 +73,9 @@ impl Canonical {
         match self {
             Self::Null => Value::Null,
             Self::Bool(value) => json!(value),
-            Self::Number(number, unit) if unit.is_empty() => number.to_u64().map_or_else(|| json!(number.to_f64()), |n| json!(n)),
+            Self::Number(number, unit) if unit.is_empty() => {
+                number.to_u64().map_or_else(|| json!(number.to_f64()), |n| json!(n))
+            }
             Self::Number(..) => json!(self.to_string()),
             Self::Text(text) => json!(text),
             Self::List(items) => items.iter().map(Self::to_json).collect(),

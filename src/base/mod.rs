@@ -7,12 +7,13 @@ mod document;
 mod encoding;
 mod file;
 mod ids;
-mod progress;
 mod parameters;
+mod progress;
 mod quantity;
 mod schema;
 mod stream;
 
+pub use crate::{parameters, variants, words};
 pub use canonical::Canonical;
 pub use clock::thread_seconds;
 pub use digest::{Digest, DigestWriter, ParseDigestError};
@@ -20,11 +21,10 @@ pub use document::{Document, InputError, Map, Node, NodeValue, Override, Source,
 pub use encoding::{EncodingError, decode, encode};
 pub use file::{open_regular, read_bounded};
 pub use ids::{ActionKey, ArtifactId, FileDigest, OrbitId};
-pub use progress::Progress;
 pub use parameters::{
     Angle, Declared, Density, ElectricField, Frequency, Length, Parameter, Resistance, Seed, Stress, Time, Voltage,
 };
+pub use progress::Progress;
 pub use quantity::{Decimal, Dimension, Quantity, QuantityError};
-pub use crate::{parameters, variants, words};
 pub use schema::{Fields, Schema};
 pub use stream::Stream;

@@ -89,17 +89,30 @@ fn read(text: &str) -> Result<All, InputError> {
 
 fn refusal(text: &str) -> String {
     let error = read(text).unwrap_err();
-    let help = miette::Diagnostic::help(&error).map(|help| help.to_string()).unwrap_or_default();
+    let help = miette::Diagnostic::help(&error)
+        .map(|help| help.to_string())
+        .unwrap_or_default();
     format!("{error}; {help}")
 }
 
 #[test]
 fn one_declaration_reads_and_fills_in_defaults() {
     let all = read("{ kind: x, count: 3, range: [0, 2.5 mm], seed: 7, elements: 4 }").unwrap();
-    assert_eq!((all.count, all.accuracy.value(), all.seed, all.mesh.elements), (3, 0.003, Seed(7), 4));
-    assert_eq!((all.symmetry, all.patience, all.sizes.as_slice()), (Symmetry::D4, None, &[4][..]));
+    assert_eq!(
+        (all.count, all.accuracy.value(), all.seed, all.mesh.elements),
+        (3, 0.003, Seed(7), 4)
+    );
+    assert_eq!(
+        (all.symmetry, all.patience, all.sizes.as_slice()),
+        (Symmetry::D4, None, &[4][..])
+    );
     assert_eq!(all.range[1].to_string(), "2.5 mm");
-    let known: Vec<String> = all.to_canonical().leaves().iter().map(|(key, value)| format!("{key}={value}")).collect();
+    let known: Vec<String> = all
+        .to_canonical()
+        .leaves()
+        .iter()
+        .map(|(key, value)| format!("{key}={value}"))
+        .collect();
     let expected = "accuracy=0.003 mm,count=3,elements=4,range=[0 mm, 2.5 mm],seed=7,share=0.5,sizes=[4],symmetry=d4";
     assert_eq!(known.join(","), expected);
 }
@@ -110,12 +123,21 @@ fn refusals_name_the_key_and_what_is_allowed() {
     for (text, said) in [
         ("{ count: 3, seed: 1 }".to_owned(), "`range` is missing in a test"),
         (format!("{{ {base}, patence: 3 }}"), "did you mean `patience`?"),
-        ("{ count: 101, range: [0, 1], seed: 1 }".to_owned(), "`count` must be a whole number from 1 to 100, found 101"),
-        ("{ count: 1, range: [0], seed: 1 }".to_owned(), "`range` must have two values, found 1; for example [1 mm, 1 mm]"),
+        (
+            "{ count: 101, range: [0, 1], seed: 1 }".to_owned(),
+            "`count` must be a whole number from 1 to 100, found 101",
+        ),
+        (
+            "{ count: 1, range: [0], seed: 1 }".to_owned(),
+            "`range` must have two values, found 1; for example [1 mm, 1 mm]",
+        ),
         (format!("{{ {base}, symmetry: d5 }}"), "did you mean `d4`?"),
         (format!("{{ {base}, sizes: [] }}"), "`sizes` is empty; allowed: 1 to 3"),
         (format!("{{ {base}, share: 0.5, patience: 1 }}"), "cannot stand beside"),
-        (format!("{{ {base}, elements: 9 }}"), "`elements` must be a whole number from 1 to 8"),
+        (
+            format!("{{ {base}, elements: 9 }}"),
+            "`elements` must be a whole number from 1 to 8",
+        ),
     ] {
         assert!(refusal(&text).contains(said), "{text}: {}", refusal(&text));
     }
@@ -136,11 +158,17 @@ fn the_schema_says_what_the_reader_says() {
 #[test]
 fn a_tag_says_which_keys_there_are() {
     let read = |text: &str| Either::read_with(&node(text), &[]);
-    assert_eq!(read("{ model: mesh, elements: 3 }").unwrap(), Either::Mesh(Mesh { elements: 3 }));
+    assert_eq!(
+        read("{ model: mesh, elements: 3 }").unwrap(),
+        Either::Mesh(Mesh { elements: 3 })
+    );
     let canonical = read("{ model: plain }").unwrap().canonical().unwrap();
     assert_eq!(canonical, Canonical::map([("model", Canonical::from("plain"))]));
     for (text, said) in [
-        ("{ model: plain, elements: 3 }", "unknown key `elements` with `model: plain`: it belongs to `model: mesh`"),
+        (
+            "{ model: plain, elements: 3 }",
+            "unknown key `elements` with `model: plain`: it belongs to `model: mesh`",
+        ),
         ("{ modl: plain }", "unknown key `modl` in a choice"),
         ("{ model: plane }", "`model` cannot be \"plane\""),
         ("{}", "`model` is missing in a choice"),

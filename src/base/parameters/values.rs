@@ -64,7 +64,9 @@ impl Parameter for Decimal {
     type Literal = f64;
 
     fn read(node: &Node, key: &str, limits: &RangeInclusive<f64>) -> Result<Self, InputError> {
-        Ok(node.quantity_in(key, Dimension::Number, *limits.start(), *limits.end())?.base())
+        Ok(node
+            .quantity_in(key, Dimension::Number, *limits.start(), *limits.end())?
+            .base())
     }
 
     fn canonical(&self) -> Option<Canonical> {
@@ -151,7 +153,9 @@ impl<T: Parameter> Parameter for Vec<T> {
                 1 => "has 1 item".to_owned(),
                 many => format!("has {many} items"),
             };
-            return Err(node.error(format!("`{key}` {found}")).help(format!("allowed: {allowed}")));
+            return Err(node
+                .error(format!("`{key}` {found}"))
+                .help(format!("allowed: {allowed}")));
         }
         items.iter().map(|item| T::read(item, key, limits)).collect()
     }
@@ -213,7 +217,11 @@ impl Map<'_> {
                 .map(|other| format!("`{tag}: {other}`"))
                 .collect();
             if !owners.is_empty() {
-                let own = if own.is_empty() { "none".to_owned() } else { own.join(", ") };
+                let own = if own.is_empty() {
+                    "none".to_owned()
+                } else {
+                    own.join(", ")
+                };
                 return Err(key
                     .error_labelled(
                         format!(
