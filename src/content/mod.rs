@@ -12,21 +12,40 @@ mod part;
 mod view;
 mod writer;
 
+mod accuracy;
+mod audit;
+mod balanced;
+mod calibration;
+mod designs;
+mod evaluation;
+mod load_paths;
 mod observations;
 mod samples;
 mod solutions;
 mod solve_file;
+mod training;
 
 #[cfg(test)]
 mod tests;
 
+pub use accuracy::{Accuracy, FamilyErrors, Mismatches, PatternErrors, ReferenceErrors};
 pub use attribute::{Attribute, Json, Lines};
+pub use audit::{AreaHistogram, Audit, DisplacementHistogram, ResimulatedRows};
+pub use balanced::{BalanceCounts, Balanced, BalancedView, Histograms};
+pub use calibration::{Calibration, Difficulty, Likeness};
 pub use declared::Declared;
+pub use designs::{
+    Candidates, Components, DesignRows, Designs, GENOME_UNITS, GradientSteps, History, NO_FIELD, Verification,
+    simulated_rows,
+};
 pub use element::{Packed, PerCell, PerUnit, Row, SingleField};
 pub use error::{AttributeError, ContentError, ElementError, Fault};
+pub use evaluation::{Coverage, Evaluation, PatternScores, Scores};
+pub use load_paths::LoadPaths;
 pub use observations::{Meshes, NO_STATE, Observations};
 pub use part::LongTexts;
 pub use samples::{SampleRows, Samples};
 pub use solutions::{Solutions, Unstable};
 pub use solve_file::{CellFields, SolveFile};
+pub use training::{ALL_FAMILIES, Curves, LeftOutLabels, Metrics, Training};
 pub use view::{Stored, StoredAttribute, files};

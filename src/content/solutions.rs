@@ -18,7 +18,7 @@ arrays! {
         /// How the simulation ended.
         outcome: Vec<String> = array("outcome", "", [sample]),
         /// Displacement at the cell corners.
-        displacement: Vec<Field> = array("displacement", "mm", [sample, corner_y, corner_x, component]),
+        displacement: Vec<Field> = array("displacement", "mm", [sample, corner_y, corner_x, xy]),
         /// Largest displacement magnitude over the corners.
         max_displacement: Vec<f64> = array("max_displacement", "mm", [sample]),
         /// Newton steps over all load steps, or steps of an estimate.
@@ -30,7 +30,7 @@ arrays! {
         /// Where an accuracy was asked for, the meshes that reach it.
         meshes: Option<Meshes> = group(""),
         /// The patterns that have no field.
-        unstable: Unstable = group("unstable", [(sample, unstable)]),
+        unstable: Unstable = group("unstable", [(sample, unstable_sample)]),
         /// The scene as the pipeline states it.
         scene: Scene = attribute("scene"),
         /// How it was solved, in the keys of a solve stage.

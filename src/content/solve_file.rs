@@ -14,7 +14,7 @@ arrays! {
         /// Electrode patterns, origin lower left, 1 = electrode.
         patterns: Vec<Pattern> = array("patterns", "1", [sample, y, x]),
         /// Displacement at the cell corners; NaN where the outcome is none of `converged`, `estimated` and `predicted`.
-        displacement: Packed<Field> = array("displacement", "mm", [sample, corner_y, corner_x, component]),
+        displacement: Packed<Field> = array("displacement", "mm", [sample, corner_y, corner_x, xy]),
         /// How the simulation ended; `predicted` where nothing was simulated, so that nothing is known of stability.
         outcome: Vec<String> = array("outcome", "", [sample]),
         /// Largest displacement magnitude over the corners; NaN where there is none.
@@ -52,7 +52,7 @@ arrays! {
         electric_field: Packed<PerCell<f64>> = array("electric_field", "V/m", [sample, y, x]),
         /// First Piola-Kirchhoff stress, mean over each cell; NaN where there is no stable solution.
         first_piola_stress: Packed<PerCell<[[f64; 2]; 2]>> =
-            array("first_piola_stress", "Pa", [sample, y, x, component, material_direction]),
+            array("first_piola_stress", "Pa", [sample, y, x, stress_direction, material_direction]),
         /// In-plane principal Cauchy stresses, larger first, mean over each cell; NaN where there is no stable solution.
         principal_stresses: Packed<PerCell<[f64; 2]>> = array("principal_stresses", "Pa", [sample, y, x, principal]),
         /// 0 taut, 1 wrinkled (tension in one direction only), 2 slack, 255 no stable solution.

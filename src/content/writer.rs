@@ -24,16 +24,10 @@ impl Writer {
     }
 
     /// The object. An array along one axis says how long that is, and the first of several is believed: the store refuses an
-    /// array that does not fit the lengths of its axes.
+    /// array that does not fit the lengths of its axes. An axis of tables alone is as long as their numbers make it.
     #[must_use]
     pub fn finish(self) -> Object {
-        let mut lengths: BTreeMap<String, usize> = BTreeMap::new();
-        for (declared, data) in &self.arrays {
-            if let [axis] = declared.free_axes() {
-                let row: usize = declared.extents.iter().product();
-                lengths.entry(axis.clone()).or_insert(data.len() / row);
-            }
-        }
+        let lengths = self.lengths();
         let dataset = |(declared, data): (Declared, Data)| {
             let free = declared.free_axes().iter();
             let free = free.map(|axis| lengths.get(axis).copied().unwrap_or_default());
@@ -46,5 +40,24 @@ impl Writer {
             datasets: self.arrays.into_iter().map(dataset).collect(),
             parts: Vec::new(),
         }
+    }
+
+    fn lengths(&self) -> BTreeMap<String, usize> {
+        let mut lengths: BTreeMap<String, usize> = BTreeMap::new();
+        for free in [1, 2] {
+            for (declared, data) in self.arrays.iter().filter(|(array, _)| array.free_axes().len() == free) {
+                let (known, unknown): (Vec<&String>, Vec<&String>) = declared
+                    .free_axes()
+                    .iter()
+                    .partition(|axis| lengths.contains_key(*axis));
+                if let [axis] = unknown[..] {
+                    let row: usize = known.iter().map(|axis| lengths[*axis]).product();
+                    let row = row * declared.extents.iter().product::<usize>();
+                    let length = data.len().checked_div(row).unwrap_or_default();
+                    lengths.insert(axis.clone(), length);
+                }
+            }
+        }
+        lengths
     }
 }

@@ -255,11 +255,9 @@ impl Stage for DesignStage {
         };
         let found = search.run(|| evaluators(self.evaluator, &self.scene, surrogate));
         let found = found.map_err(|e| StageError::Failed(e.to_string()))?;
-        let object = content::describe(&self.heading(target), &found)
-            .attribute("scene", self.scene.to_text())
-            .attribute("method", self.options.method.name());
         job.measure(format!("search; {}", target.name), start.elapsed().as_secs_f64());
-        Ok(object)
+        let method = self.options.method.name();
+        Ok(content::designs(self.heading(target), found, self.scene.clone(), method).object())
     }
 
     fn attributes(&self) -> Vec<(String, String)> {

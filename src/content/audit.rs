@@ -1,0 +1,65 @@
+//! The artifact of an audit stage.
+
+use super::attribute::Json;
+use super::macros::arrays;
+use crate::scene::Scene;
+
+arrays! {
+    /// What is known of a dataset.
+    pub struct Audit, AuditView {
+        /// Active part of the membrane.
+        area: AreaHistogram = group("area"),
+        /// Largest displacement.
+        displacement: DisplacementHistogram = group("displacement"),
+        /// Largest displacement magnitude of each row; 0 without a field.
+        max_displacement: Vec<f64> = array("max_displacement", "mm", [row]),
+        /// Rows that were simulated on a finer mesh.
+        resimulated: ResimulatedRows = group("resimulated"),
+        /// 0 no field, 1 comes out the same when it is solved again, 2 compared with an estimate, 3 wrong, 4 has no stable solution,
+        /// 5 no field but a stable solution.
+        label_state: Vec<u8> = array("label/state", "1", [row]),
+        /// Ratio to the estimate, and the part that no ratio explains; 0 where not compared.
+        label_compared: Vec<[f64; 2]> = array("label/compared", "1", [row, comparison]),
+        /// What is wrong, as JSON.
+        findings: Json = attribute("findings"),
+        /// What was looked at, as JSON.
+        summary: Json = attribute("summary"),
+        /// The scene of the dataset.
+        scene: Scene = attribute("scene"),
+    }
+}
+
+arrays! {
+    /// A histogram of the active part.
+    #[derive(Default)]
+    pub struct AreaHistogram, AreaHistogramView {
+        /// Edges of the bins of the active part.
+        edges: Vec<f64> = array("edges", "1", [area_edge]),
+        /// Rows in each.
+        counts: Vec<u64> = array("counts", "1", [area_bin]),
+    }
+}
+
+arrays! {
+    /// A histogram of the largest displacement.
+    #[derive(Default)]
+    pub struct DisplacementHistogram, DisplacementHistogramView {
+        /// Edges of the bins of the largest displacement.
+        edges: Vec<f64> = array("edges", "mm", [displacement_edge]),
+        /// Rows in each.
+        counts: Vec<u64> = array("counts", "1", [displacement_bin]),
+    }
+}
+
+arrays! {
+    /// Rows that were simulated on a finer mesh.
+    #[derive(Default)]
+    pub struct ResimulatedRows, ResimulatedRowsView {
+        /// Number of the row.
+        row: Vec<u64> = array("row", "1", [finer_row]),
+        /// Largest difference from the finer mesh; -1 where that has no solution.
+        error: Vec<f64> = array("error", "mm", [finer_row]),
+        /// Error that is declared; -1 where none is.
+        allowed: Vec<f64> = array("allowed", "mm", [finer_row]),
+    }
+}

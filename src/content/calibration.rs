@@ -1,0 +1,71 @@
+//! The artifact of a calibrate stage.
+
+use super::element::{Packed, SingleField};
+use super::macros::arrays;
+use crate::scene::Scene;
+
+arrays! {
+    /// Prediction intervals of a model.
+    pub struct Calibration, CalibrationView {
+        /// Families of the calibration.
+        families: Vec<String> = array("families", "", [families]),
+        /// Patterns of each.
+        samples: Vec<u64> = array("samples", "1", [families]),
+        /// 1 where the model learned from the family.
+        familiar: Vec<u64> = array("familiar", "1", [families]),
+        /// What intervals are made of.
+        difficulty: Difficulty = group("difficulty"),
+        /// What the flag is made of.
+        likeness: Likeness = group("likeness"),
+        /// Predicted less simulated displacement of the first patterns.
+        residuals: Packed<SingleField> = array("residuals", "mm", [residual, corner_y, corner_x, xy]),
+        /// Probability that an interval covers.
+        coverage: String = attribute("coverage"),
+        /// Share of fresh familiar patterns that are flagged.
+        false_alarm: String = attribute("false_alarm"),
+        /// The artifact of the model.
+        model: String = attribute("model"),
+        /// The network.
+        network: String = attribute("network"),
+        /// The scene of the patterns.
+        scene: Scene = attribute("scene"),
+    }
+}
+
+arrays! {
+    /// How hard patterns are to predict.
+    #[derive(Default)]
+    pub struct Difficulty, DifficultyView {
+        /// Mean of each feature.
+        centre: Vec<f64> = array("centre", "1", [difficulty_feature]),
+        /// Deviation of each feature.
+        deviation: Vec<f64> = array("deviation", "1", [difficulty_feature]),
+        /// Bounds of the logarithm of the median error.
+        range: Vec<f64> = array("range", "1", [bound]),
+        /// Coefficients of the median of ln(largest error in mm), a quadratic in the scaled features.
+        coefficients: Vec<f64> = array("coefficients", "1", [term]),
+        /// Scaled features.
+        places: Vec<f64> = array("places", "1", [calibration_pattern, difficulty_feature]),
+        /// ln(largest error in mm) less its median, of each pattern.
+        scores: Vec<f64> = array("scores", "1", [calibration_pattern]),
+    }
+}
+
+arrays! {
+    /// How like the training patterns are.
+    #[derive(Default)]
+    pub struct Likeness, LikenessView {
+        /// Mean of each feature.
+        centre: Vec<f64> = array("centre", "1", [likeness_feature]),
+        /// Deviation of each feature.
+        deviation: Vec<f64> = array("deviation", "1", [likeness_feature]),
+        /// Lower Cholesky factor of the covariance of the scaled features.
+        factor: Vec<f64> = array("factor", "1", [likeness_feature, factor_column]),
+        /// Uncorrelated features of familiar patterns.
+        places: Vec<f64> = array("places", "1", [familiar_pattern, likeness_feature]),
+        /// Mean distance of each familiar pattern to its nearest.
+        spreads: Vec<f64> = array("spreads", "1", [familiar_pattern]),
+        /// Relative distance above which a pattern is unlike.
+        threshold: [f64; 1] = array("threshold", "1", [single]),
+    }
+}

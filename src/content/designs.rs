@@ -1,0 +1,219 @@
+//! The artifacts of design and verify stages: a row for each pattern.
+
+use super::attribute::Lines;
+use super::element::{Packed, PerUnit};
+use super::macros::arrays;
+use super::part::LongTexts;
+use crate::field::{Field, Outcome};
+use crate::pattern::{Pattern, Role};
+use crate::scene::Scene;
+
+/// Units along a side of the membrane that a genome of the genetic algorithm has.
+pub const GENOME_UNITS: usize = 20;
+
+/// The status of a design of which the evaluator has no field, and so no value.
+pub const NO_FIELD: &str = "no stable field";
+
+arrays! {
+    /// What is said of a design, verified or not.
+    #[derive(Default)]
+    pub struct DesignRows, DesignRowsView {
+        /// Label of the stage that designed it.
+        case: Vec<String> = array("case", "", [row]),
+        /// Name of the target.
+        name: Vec<String> = array("name", "", [row]),
+        /// How the pattern came about: ga, refined along the gradient, optimum of gradients alone, intuitive, intuitive-equal-area.
+        role: Vec<Role> = array("role", "", [row]),
+        /// Wanted area fraction, or free.
+        area_target: Vec<String> = array("area_target", "", [row]),
+        /// What predicted the field.
+        evaluator: Vec<String> = array("evaluator", "", [row]),
+        /// Which of several designs of the target.
+        member: Vec<u64> = array("member", "1", [row]),
+        /// Units along a side by which it was searched.
+        units: Vec<u64> = array("units", "1", [row]),
+        /// Electrode patterns, origin lower left, 1 = electrode.
+        patterns: Vec<Pattern> = array("patterns", "1", [row, y, x]),
+        /// Area fraction of the electrode.
+        area: Vec<f64> = array("area", "1", [row]),
+        /// Predicted displacement at the cell corners.
+        predicted: Vec<Field> = array("predicted", "mm", [row, corner_y, corner_x, xy]),
+        /// The objective in YAML.
+        objective: LongTexts = array("objective", "", [row]),
+        /// The constraints in YAML.
+        constraints: LongTexts = array("constraints", "", [row]),
+        /// `met`, or which constraints are not, as the search knew it.
+        status: LongTexts = array("status", "", [row]),
+    }
+}
+
+impl DesignRows {
+    /// How many there are.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.patterns.len()
+    }
+
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.patterns.is_empty()
+    }
+
+    /// Adds one of the rows of others.
+    pub fn push(&mut self, others: &Self, row: usize) {
+        self.case.push(others.case[row].clone());
+        self.name.push(others.name[row].clone());
+        self.role.push(others.role[row]);
+        self.area_target.push(others.area_target[row].clone());
+        self.evaluator.push(others.evaluator[row].clone());
+        self.member.push(others.member[row]);
+        self.units.push(others.units[row]);
+        self.patterns.push(others.patterns[row].clone());
+        self.area.push(others.area[row]);
+        self.predicted.push(others.predicted[row].clone());
+        self.objective.0.push(others.objective.0[row].clone());
+        self.constraints.0.push(others.constraints.0[row].clone());
+        self.status.0.push(others.status.0[row].clone());
+    }
+}
+
+arrays! {
+    /// Designs and how they were searched.
+    pub struct Designs, DesignsView {
+        /// The patterns.
+        rows: DesignRows = group(""),
+        /// Predicted mean displacement along the wanted directions.
+        value: Vec<f64> = array("value", "mm", [row]),
+        /// Fitness, smaller is better.
+        fitness: Vec<f64> = array("fitness", "1", [row]),
+        /// The genetic algorithm.
+        history: History = group("history"),
+        /// The searches along the gradient.
+        steps: GradientSteps = group("climb"),
+        /// Patterns predicted by the search of each target.
+        evaluations: Vec<u64> = array("evaluations", "1", [target]),
+        /// The evaluators that could have been used.
+        candidates: Candidates = group("probe"),
+        /// The scene that they are for.
+        scene: Scene = attribute("scene"),
+        /// How they were searched.
+        method: String = attribute("method"),
+    }
+}
+
+arrays! {
+    /// The generations of the genetic algorithm.
+    #[derive(Default)]
+    pub struct History, HistoryView {
+        /// Name of the target.
+        name: Vec<String> = array("name", "", [generation]),
+        /// Number of the generation.
+        generation: Vec<u64> = array("generation", "1", [generation]),
+        /// Fitness of the best individual of each generation, smaller is better.
+        best: Vec<f64> = array("best", "1", [generation]),
+        /// Mean fitness of each generation.
+        mean: Vec<f64> = array("mean", "1", [generation]),
+        /// Predicted displacement of the best along the wanted direction.
+        value: Vec<f64> = array("value", "mm", [generation]),
+        /// Area fraction of the best.
+        area: Vec<f64> = array("area", "1", [generation]),
+        /// Best genome of each generation.
+        genomes: Packed<PerUnit<GENOME_UNITS>> = array("genomes", "1", [generation, unit_y, unit_x]),
+    }
+}
+
+arrays! {
+    /// The steps of the searches along the gradient.
+    #[derive(Default)]
+    pub struct GradientSteps, GradientStepsView {
+        /// Name of the target.
+        name: Vec<String> = array("name", "", [step]),
+        /// Role of the result.
+        role: Vec<Role> = array("role", "", [step]),
+        /// Which of several designs.
+        member: Vec<u64> = array("member", "1", [step]),
+        /// Number of the step.
+        step: Vec<u64> = array("step", "1", [step]),
+        /// Displacement along the wanted directions by finite elements.
+        value: Vec<f64> = array("value", "mm", [step]),
+        /// Area fraction.
+        area: Vec<f64> = array("area", "1", [step]),
+        /// Patterns simulated up to this step.
+        simulations: Vec<u64> = array("simulations", "1", [step]),
+    }
+}
+
+arrays! {
+    /// The evaluators that could have been used, and how they judged patterns of the search.
+    #[derive(Default)]
+    pub struct Candidates, CandidatesView {
+        /// Name of the target.
+        name: Vec<String> = array("name", "", [candidate]),
+        /// Evaluators from the cheapest to the dearest, the reference last; none where one is named.
+        settings: Vec<String> = array("candidates", "", [candidate]),
+        /// Root mean square error of a component on patterns of the first generation.
+        rmse: Vec<f64> = array("rmse", "mm", [candidate]),
+        /// Largest error of the displacement along the wanted directions as a share of it, on patterns like designs.
+        design_error: Vec<f64> = array("design_error", "1", [candidate]),
+        /// Patterns that the error is over.
+        known: Vec<u64> = array("known", "1", [candidate]),
+        /// Patterns of which the reference has a field and it has none, or it has one alone.
+        disagree: Vec<u64> = array("disagree", "1", [candidate]),
+    }
+}
+
+arrays! {
+    /// Designs that were simulated. Arrays of numbers that a simulation gives have a row for each pattern with a field, in order.
+    pub struct Verification, VerificationView {
+        /// The patterns.
+        rows: DesignRows = group(""),
+        /// How the simulation ended.
+        outcome: Vec<String> = array("outcome", "", [row]),
+        /// Simulated displacement at the cell corners; one row for each pattern with a field, in their order.
+        displacement: Vec<Field> = array("displacement", "mm", [simulated_row, corner_y, corner_x, xy]),
+        /// Predicted minus simulated displacement; one row for each pattern with a field, in their order.
+        difference: Vec<Field> = array("difference", "mm", [simulated_row, corner_y, corner_x, xy]),
+        /// Displacements along the wanted directions.
+        component: Components = group("component"),
+        /// The scene of the simulations.
+        scene: Scene = attribute("scene"),
+        /// How they were solved, in the keys of a solve stage.
+        solver: String = attribute("solver"),
+        /// The effects that were simulated.
+        effects: String = attribute("effects"),
+        /// Effects that matter and were left out, one to a line.
+        warnings: Lines = attribute("warnings"),
+    }
+}
+
+arrays! {
+    /// Displacements along the wanted directions.
+    #[derive(Default)]
+    pub struct Components, ComponentsView {
+        /// Predicted mean displacement along the wanted directions.
+        predicted: Vec<f64> = array("predicted", "mm", [row]),
+        /// Simulated mean displacement along the wanted directions; one row for each pattern with a field, in their order.
+        simulated: Vec<f64> = array("simulated", "mm", [simulated_row]),
+        /// What a mesh of half the elements per cell says otherwise, or the estimated error where an accuracy was asked for; 0 where
+        /// it is not known. One row for each pattern with a field, in their order.
+        error: Vec<f64> = array("error", "mm", [simulated_row]),
+        /// Whether the error is known: the other mesh has a field too. One row for each pattern with a field, in their order.
+        error_known: Vec<u64> = array("error_known", "1", [simulated_row]),
+        /// Simulated distance from the wanted displacements, root mean square; 0 where nothing but a direction is wanted. One row for
+        /// each pattern with a field, in their order.
+        distance: Vec<f64> = array("distance", "mm", [simulated_row]),
+    }
+}
+
+/// The row of the simulated arrays that belongs to each pattern; none where it has no field.
+#[must_use]
+pub fn simulated_rows(outcomes: &[String]) -> Vec<Option<usize>> {
+    let mut next = 0;
+    let row = |outcome: &String| {
+        let row = Outcome::names_field(outcome).then_some(next);
+        next += usize::from(row.is_some());
+        row
+    };
+    outcomes.iter().map(row).collect()
+}

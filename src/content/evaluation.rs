@@ -1,0 +1,93 @@
+//! The artifact of an evaluate stage.
+
+use super::macros::arrays;
+use crate::scene::Scene;
+
+arrays! {
+    /// How well models and estimates predict patterns that they never saw.
+    pub struct Evaluation, EvaluationView {
+        /// Network or method.
+        predictors: Vec<String> = array("predictors", "", [predictors]),
+        /// Artifact of a model; empty for an estimate.
+        predictor_digests: Vec<String> = array("predictor_digests", "", [predictors]),
+        /// Families of the patterns, at last all together.
+        families: Vec<String> = array("families", "", [families]),
+        /// Scores by family.
+        score: Scores = group("score", [(group, families)]),
+        /// Middle of each bin of the area fraction, 5 % wide.
+        area_centre: Vec<f64> = array("area/centre", "1", [area_bin]),
+        /// Scores by area fraction.
+        area: Scores = group("area", [(group, area_bin)]),
+        /// Scores of every pattern.
+        pattern: PatternScores = group("pattern"),
+        /// How often intervals cover, where there are calibrations.
+        coverage: Option<Coverage> = group("coverage"),
+        /// The scene of the patterns.
+        scene: Scene = attribute("scene"),
+    }
+}
+
+arrays! {
+    /// Scores of each predictor in groups of patterns. A group without any prediction, as an estimate may have, counts no samples.
+    #[derive(Default)]
+    pub struct Scores, ScoresView {
+        /// Patterns with a prediction.
+        samples: Vec<u64> = array("samples", "1", [predictors, group]),
+        /// Root mean square error per component.
+        rmse: Vec<f64> = array("rmse", "mm", [predictors, group]),
+        /// Coefficient of determination of the components.
+        r2: Vec<f64> = array("r2", "1", [predictors, group]),
+        /// Coefficient of determination of the largest displacement.
+        max_displacement_r2: Vec<f64> = array("max_displacement_r2", "1", [predictors, group]),
+        /// Largest absolute error of a component.
+        max_error: Vec<f64> = array("max_error", "mm", [predictors, group]),
+        /// Largest magnitude of the error of a displacement.
+        max_displacement_error: Vec<f64> = array("max_displacement_error", "mm", [predictors, group]),
+        /// What the largest error of a pattern stays below on 95 % of them.
+        quantile95: Vec<f64> = array("quantile95", "mm", [predictors, group]),
+    }
+}
+
+arrays! {
+    /// Scores of every pattern; 0 where there is no prediction.
+    #[derive(Default)]
+    pub struct PatternScores, PatternScoresView {
+        /// Family of each pattern.
+        family: Vec<String> = array("family", "", [row]),
+        /// Area fraction of each pattern.
+        area: Vec<f64> = array("area", "1", [row]),
+        /// Largest simulated displacement of each pattern.
+        simulated_max: Vec<f64> = array("simulated_max", "mm", [row]),
+        /// 1 where there is a prediction.
+        predicted: Vec<u8> = array("predicted", "1", [predictors, row]),
+        /// Largest predicted displacement; 0 where there is no prediction.
+        predicted_max: Vec<f64> = array("predicted_max", "mm", [predictors, row]),
+        /// Root mean square error of a component; 0 where there is no prediction.
+        rms: Vec<f64> = array("rms", "mm", [predictors, row]),
+        /// Largest absolute error of a component; 0 where there is no prediction.
+        max_error: Vec<f64> = array("max_error", "mm", [predictors, row]),
+    }
+}
+
+arrays! {
+    /// How often the intervals of calibrations cover.
+    #[derive(Default)]
+    pub struct Coverage, CoverageView {
+        /// Artifact of each calibration.
+        calibrations: Vec<String> = array("calibrations", "", [calibrations]),
+        /// Artifact of its model.
+        models: Vec<String> = array("models", "", [calibrations]),
+        /// Points and directions.
+        objectives: Vec<String> = array("objectives", "", [objectives]),
+        /// Share of patterns whose whole field lies in its band.
+        field: Vec<f64> = array("field", "1", [calibrations, families]),
+        /// Median radius of the band.
+        radius: Vec<f64> = array("radius", "mm", [calibrations, families]),
+        /// Share of patterns flagged as unlike the training.
+        unlike: Vec<f64> = array("unlike", "1", [calibrations, families]),
+        /// Share of patterns whose objective lies in its interval.
+        objective: Vec<f64> = array("objective", "1", [objectives, calibrations, families]),
+        /// Median half-width of the interval of an objective.
+        objective_half_width: Vec<f64> = array("objective_half_width", "mm", [objectives, calibrations, families]),
+    }
+}

@@ -1,0 +1,48 @@
+//! The file of `deaflow solve --path`: points and events of all patterns stand one after the other. It may hold NaN.
+
+use super::macros::arrays;
+use crate::field::Field;
+use crate::pattern::Pattern;
+use crate::scene::Scene;
+
+arrays! {
+    /// How patterns get from rest to the loss of stability, and what lies beyond.
+    pub struct LoadPaths, LoadPathsView {
+        /// Electrode patterns, origin lower left, 1 = electrode.
+        patterns: Vec<Pattern> = array("patterns", "1", [path, y, x]),
+        /// The points of path i are those from element i up to, but without, element i + 1.
+        point_offsets: Vec<u64> = array("point_offsets", "1", [path_bound]),
+        /// The events of path i are those from element i up to, but without, element i + 1.
+        event_offsets: Vec<u64> = array("event_offsets", "1", [path_bound]),
+        /// Voltage; it falls past a fold.
+        voltage: Vec<f64> = array("voltage", "V", [point]),
+        /// Largest displacement magnitude over the corners.
+        max_displacement: Vec<f64> = array("max_displacement", "mm", [point]),
+        /// Displacement magnitude at the watched corner.
+        displacement: Vec<f64> = array("displacement", "mm", [point]),
+        /// Smallest eigenvalue of the tangent against the Laplacian.
+        smallest_eigenvalue: Vec<f64> = array("smallest_eigenvalue", "1", [point]),
+        /// Negative eigenvalues of the tangent.
+        negative_eigenvalues: Vec<u64> = array("negative_eigenvalues", "1", [point]),
+        /// 1 where a membrane can be found in this state.
+        stable: Vec<u8> = array("stable", "1", [point]),
+        /// What happens: fold, bifurcation or not-elliptic.
+        event_kind: Vec<String> = array("event_kind", "", [event]),
+        /// Where it happens.
+        event_voltage: Vec<f64> = array("event_voltage", "V", [event]),
+        /// Row of the point just before it.
+        event_point: Vec<u64> = array("event_point", "1", [event]),
+        /// What ends the stable part that begins at rest.
+        limit_kind: Vec<String> = array("limit_kind", "", [path]),
+        /// Highest voltage of that part; NaN where it has no end.
+        limit_voltage: Vec<f64> = array("limit_voltage", "V", [path]),
+        /// Displacement at that limit, at the cell corners.
+        limit_displacement: Vec<Field> = array("limit_displacement", "mm", [path, corner_y, corner_x, xy]),
+        /// Column and row of the corner that moves most at that limit.
+        watched_corner: Vec<[u64; 2]> = array("watched_corner", "1", [path, xy]),
+        /// Why the path ends.
+        end: Vec<String> = array("end", "", [path]),
+        /// The scene, whose voltage does not matter.
+        scene: Scene = attribute("scene"),
+    }
+}
