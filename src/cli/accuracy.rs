@@ -17,7 +17,7 @@ use super::{model, solve};
 use crate::base::{Document, Quantity};
 use crate::report::figures::{Cost, FamilyCosts, draw_accuracy};
 use crate::stage::accuracy::{
-    Contender, Families, Measured, Network, Reckoned, Reference, describe, drawn, given, measurements, named,
+    Contender, Families, Measured, Network, Reckoned, Reference, content, drawn, given, measurements, named,
     read_with_models, usual_methods,
 };
 use crate::stage::direct;
@@ -143,7 +143,7 @@ fn write(
         measurements: measurements(reckoned, measured),
         ..solve::provenance("accuracy", parameters, start.elapsed().as_secs_f64())
     };
-    write_file(&file, &describe(reckoned, measured), &provenance)?;
+    write_file(&file, &content(reckoned, measured).object(), &provenance)?;
     let failed = |e: String| CliError::failure(format!("cannot write {}: {e}", rows.display()));
     let text = csv(reckoned, measured).map_err(failed)?;
     std::fs::write(&rows, text).map_err(|e| failed(e.to_string()))?;

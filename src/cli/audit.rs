@@ -14,6 +14,7 @@ use super::output::{Exit, Output};
 use super::progress::{Bar, RunProgress, Shown};
 use super::run;
 use crate::base::{ArtifactId, Override, Quantity};
+use crate::content::{AttributeError, Audit};
 use crate::orchestrator::{Environment, Pipeline, RunOptions, Staleness, plan, run as run_pipeline};
 use crate::stage::audit::{self, Audited, Finding, Request, Severity};
 use crate::store::{Artifact, Store, StoreError};
@@ -112,11 +113,15 @@ fn of_file(arguments: &AuditArguments, scene: &Path) -> Result<Answer, CliError>
     };
     let file = Path::new(&arguments.dataset);
     let (bar, start) = (Bar::new("audit", "percent", 100), Instant::now());
-    let object = audit::audit_file(file, scene, &request, &bar)?;
+    let audited = audit::audit_file(file, scene, &request, &bar)?;
     bar.finish("done");
-    let mut answer = Answer::of(&arguments.dataset, object).map_err(CliError::failure)?;
+    let mut answer = Answer::of(&arguments.dataset, audited).map_err(unreadable)?;
     answer.seconds = Some(start.elapsed().as_secs_f64());
     Ok(answer.with_rows_of(Audited::File(file)))
+}
+
+fn unreadable(error: AttributeError) -> CliError {
+    CliError::failure(format!("this is no audit: {error}"))
 }
 
 /// The dataset of a stage as the pipeline is now. What is known without it is told even where it is not there any more.
@@ -151,7 +156,7 @@ fn of_stage(arguments: &AuditArguments, path: &Path, name: &str) -> Result<Answe
     let digest = outcome.stages.last().and_then(|stage| stage.digest);
     let digest = digest.ok_or_else(|| CliError::failure("the audit has made no artifact"))?;
     let audited = store.artifact(&digest)?;
-    let mut answer = Answer::of(&arguments.dataset, audited.object()?).map_err(CliError::failure)?;
+    let mut answer = Answer::of(&arguments.dataset, Audit::read(&audited)?).map_err(unreadable)?;
     answer.seconds = audited.measurements()?.first().map(|(_, seconds)| *seconds);
     answer.digest = Some(digest);
     answer.add(&lineage);

@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 
 use super::output::Exit;
 use crate::base::InputError;
+use crate::content::ContentError;
 use crate::orchestrator::{RunError, StageError};
 use crate::report::ReportError;
 use crate::stage::direct::DirectError;
@@ -203,6 +204,15 @@ impl From<StoreError> for CliError {
             StoreError::Unreachable { .. } => Self::new(Exit::Damaged, message)
                 .help("build it again with `deaflow run`, or let it go: `deaflow unpin`, or remove the lock file"),
             _ => Self::failure(message),
+        }
+    }
+}
+
+impl From<ContentError> for CliError {
+    fn from(error: ContentError) -> Self {
+        match error {
+            ContentError::Store(error) => error.into(),
+            fault => Self::failure(fault.to_string()),
         }
     }
 }

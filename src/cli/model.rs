@@ -5,7 +5,7 @@ use std::path::Path;
 use super::error::CliError;
 use super::locate;
 use crate::base::read_bounded;
-use crate::stage::model::WEIGHTS;
+use crate::content::Training;
 use crate::store::Artifact;
 
 /// A model is some hundred megabytes at most; more is another kind of file.
@@ -23,14 +23,13 @@ pub fn weights(model: &str, store: &Path) -> Result<Vec<u8>, CliError> {
         Some("h5") => return Err(CliError::bad_input(format!("no file {}", path.display()))),
         _ => locate::artifact(&locate::existing_store(store)?, model)?,
     };
-    if artifact.contents()?.iter().all(|content| content.path != WEIGHTS) {
-        let digest = artifact.digest().short();
-        return Err(
-            CliError::bad_input(format!("artifact {digest} is no model: it has no dataset `{WEIGHTS}`"))
-                .help("a model is what a stage of kind `train` makes"),
-        );
-    }
-    Ok(artifact.u8s(WEIGHTS)?.1)
+    let weights = Training::unchecked(&artifact).weights();
+    let bytes = weights.read_if_there()?;
+    bytes.ok_or_else(|| {
+        let (digest, path) = (artifact.digest().short(), weights.path());
+        CliError::bad_input(format!("artifact {digest} is no model: it has no dataset `{path}`"))
+            .help("a model is what a stage of kind `train` makes")
+    })
 }
 
 fn read(path: &Path) -> Result<Vec<u8>, CliError> {

@@ -11,9 +11,6 @@ use crate::scene::Scene;
 /// Units along a side of the membrane that a genome of the genetic algorithm has.
 pub const GENOME_UNITS: usize = 20;
 
-/// The status of a design of which the evaluator has no field, and so no value.
-pub const NO_FIELD: &str = "no stable field";
-
 arrays! {
     /// What is said of a design, verified or not.
     #[derive(Default)]

@@ -41,6 +41,12 @@ macro_rules! arrays {
                 $crate::content::view::open::<Self>(artifact)
             }
 
+            /// The view of an artifact that may be of another kind: nothing is checked.
+            #[must_use]
+            pub fn unchecked(artifact: &$crate::store::Artifact) -> $view<'_> {
+                <Self as $crate::content::view::Group>::view(artifact, $crate::content::part::At::default())
+            }
+
             /// Everything at once.
             ///
             /// # Errors

@@ -35,8 +35,7 @@ pub use balanced::{BalanceCounts, Balanced, BalancedView, Histograms};
 pub use calibration::{Calibration, Difficulty, Likeness};
 pub use declared::Declared;
 pub use designs::{
-    Candidates, Components, DesignRows, Designs, GENOME_UNITS, GradientSteps, History, NO_FIELD, Verification,
-    simulated_rows,
+    Candidates, Components, DesignRows, Designs, GENOME_UNITS, GradientSteps, History, Verification, simulated_rows,
 };
 pub use element::{Packed, PerCell, PerUnit, Row, SingleField};
 pub use error::{AttributeError, ContentError, ElementError, Fault};

@@ -33,6 +33,10 @@ impl Writer {
             let free = free.map(|axis| lengths.get(axis).copied().unwrap_or_default());
             let shape: Vec<usize> = free.chain(declared.extents.iter().copied()).collect();
             let dataset = Dataset::new(declared.units, &declared.description, &shape, data);
+            let dataset = Dataset {
+                axes: declared.axes,
+                ..dataset
+            };
             (declared.path, dataset)
         };
         Object {

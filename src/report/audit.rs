@@ -3,40 +3,32 @@
 use serde_json::Value;
 
 use super::figures::{Audited, Counts};
-use super::gather::{Made, ReportError};
-use crate::store::{Data, Object, Store};
+use super::gather::{Made, ReportError, each};
+use crate::content::{Audit, Json, StoredAttribute};
+use crate::store::Store;
 
 /// The numbers of the figure; `None` where the audit ended before it had any.
 #[must_use]
-pub fn audited(object: &Object) -> Option<Audited> {
-    let reals = |path: &str| match &object.datasets.get(path)?.data {
-        Data::F64(values) => Some(values.as_slice()),
-        _ => None,
-    };
-    let wholes = |path: &str| match &object.datasets.get(path)?.data {
-        Data::U64(values) => Some(values.as_slice()),
-        _ => None,
-    };
-    let counts = |name: &str| {
-        Some(Counts {
-            edges: reals(&format!("{name}/edges"))?.to_vec(),
-            counts: wholes(&format!("{name}/counts"))?.to_vec(),
-        })
-    };
-    let (peaks, rows) = (reals("max_displacement")?, wholes("resimulated/row")?);
-    let by_peak = |path: &str| -> Option<Vec<(f64, f64)>> {
-        let pairs = rows.iter().zip(reals(path)?);
+pub fn audited(audit: &Audit) -> Option<Audited> {
+    let by_peak = |values: &[f64]| -> Option<Vec<(f64, f64)>> {
+        let pairs = audit.resimulated.row.iter().zip(values);
         // What is not known is negative.
         let known = pairs.filter(|(_, value)| **value >= 0.0);
         known
-            .map(|(row, value)| Some((*peaks.get(*row as usize)?, *value)))
+            .map(|(row, value)| Some((*audit.max_displacement.get(*row as usize)?, *value)))
             .collect()
     };
     let figure = Audited {
-        area: counts("area")?,
-        displacement: counts("displacement")?,
-        errors: by_peak("resimulated/error")?,
-        allowed: by_peak("resimulated/allowed")?,
+        area: Counts {
+            edges: audit.area.edges.clone(),
+            counts: audit.area.counts.clone(),
+        },
+        displacement: Counts {
+            edges: audit.displacement.edges.clone(),
+            counts: audit.displacement.counts.clone(),
+        },
+        errors: by_peak(&audit.resimulated.error)?,
+        allowed: by_peak(&audit.resimulated.allowed)?,
     };
     (!figure.area.counts.is_empty()).then_some(figure)
 }
@@ -46,18 +38,15 @@ pub fn audited(object: &Object) -> Option<Audited> {
 /// # Errors
 /// When an artifact cannot be read.
 pub fn audits(store: &Store, made: &[Made]) -> Result<Vec<String>, ReportError> {
-    let audits = made.iter().filter(|stage| stage.kind == "audit");
-    let line = |stage: &Made| {
-        let artifact = store.artifact(&stage.digest)?;
-        let json =
-            |name: &str| serde_json::from_str(artifact.attribute(name).unwrap_or_default()).unwrap_or(Value::Null);
-        Ok(format!(
-            "{}: {}",
-            stage.stage,
-            told(&json("findings"), &json("summary"))
-        ))
-    };
-    audits.map(line).collect()
+    each(store, made, "audit", |source| {
+        let view = source.of(Audit::open(source.artifact))?;
+        let value = |attribute: StoredAttribute<'_, Json>| -> Result<Value, ReportError> {
+            let json = source.of(attribute.read())?;
+            json.value().map_err(|e| source.wrong(e.to_string()))
+        };
+        let told = told(&value(view.findings())?, &value(view.summary())?);
+        Ok(format!("{}: {told}", source.stage.stage))
+    })
 }
 
 fn told(findings: &Value, summary: &Value) -> String {

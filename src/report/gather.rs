@@ -13,6 +13,7 @@ use super::figures::{
     draw_gallery, draw_histogram, draw_membrane, draw_training,
 };
 use crate::base::{ArtifactId, Dimension, Document, InputError, Node};
+use crate::content::{Audit, ContentError};
 use crate::store::{Artifact, Store, StoreError};
 
 /// What one stage of a run made.
@@ -169,6 +170,14 @@ impl Source<'_> {
             digest: self.stage.digest,
             reason: reason.into(),
         }
+    }
+
+    /// What was read of the artifact.
+    pub(super) fn of<T>(&self, read: Result<T, ContentError>) -> Result<T, ReportError> {
+        read.map_err(|error| match error {
+            ContentError::Store(error) => ReportError::Store(error),
+            ContentError::Fault { fault, .. } => self.wrong(fault.to_string()),
+        })
     }
 
     fn drawn(&self, outcome: Result<(), FigureError>) -> Result<(), ReportError> {
@@ -450,7 +459,7 @@ pub(super) fn costs(source: &Source<'_>) -> Result<Vec<FamilyCosts>, ReportError
 
 /// An audit that ended before it looked at rows has nothing to draw.
 fn audit(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
-    match super::audited(&source.artifact.object()?) {
+    match super::audited(&source.of(Audit::read(source.artifact))?) {
         Some(figure) => source.drawn(draw_audit(path, &figure)),
         None => Ok(()),
     }

@@ -16,16 +16,16 @@ mod surrogate;
 
 use std::collections::BTreeSet;
 
-use super::{arrays, model};
+use super::model;
 use crate::base::{Canonical, Fields, InputError, Node};
+use crate::content::Solutions;
 use crate::field::Field;
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
-use crate::scene::Scene;
 use crate::store::{Artifact, Object};
 
 pub use compare::{FamilyError, Measured, PatternError, Reckoned};
 pub use contender::{Contender, read_with_models, usual as usual_methods};
-pub use content::{describe, measurement, measurements};
+pub use content::{content, measurement, measurements};
 pub use families::{Families, drawn, given};
 pub use reference::Reference;
 pub use surrogate::{Network, named};
@@ -87,7 +87,7 @@ impl Stage for AccuracyStage {
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
         let (mut references, mut networks) = (Vec::new(), Vec::new());
         for input in job.inputs {
-            if input.contents()?.iter().any(|content| content.path == model::WEIGHTS) {
+            if model::is_in(input)? {
                 networks.push(Network::of_artifact(input)?);
             } else {
                 references.push(input);
@@ -106,32 +106,26 @@ impl Stage for AccuracyStage {
         for (name, seconds) in measurements(&reckoned, &measured) {
             job.measure(name, seconds);
         }
-        Ok(describe(&reckoned, &measured))
+        Ok(content(&reckoned, &measured).object())
     }
 }
 
 /// The samples of a solve stage, stable or not, with what was found.
 fn reckoned(solved: &Artifact) -> Result<Reckoned, StageError> {
     let wrong = |why: String| StageError::Input(format!("artifact {}: {why}", solved.digest().short()));
-    let text = |name: &str| {
-        let missing = || wrong(format!("it has no attribute `{name}`"));
-        solved.attribute(name).ok_or_else(missing)
-    };
-    let scene = Scene::from_text(text("scene")?).map_err(|e| wrong(e.to_string()))?;
-    let reference = Reference::from_text(text("solver")?).map_err(wrong)?;
-    let mut patterns = arrays::read_patterns(solved, "patterns")?;
-    let stable = arrays::read_fields(solved, "displacement")?;
-    patterns.extend(arrays::read_patterns(solved, "unstable/patterns")?);
-    let mut names = solved.texts("family")?.1;
-    names.extend(solved.texts("unstable/family")?.1);
-    let mut fields: Vec<Option<Field>> = stable.into_iter().map(Some).collect();
-    if names.len() != patterns.len() || fields.len() > patterns.len() {
-        return Err(wrong("its arrays differ in length".to_owned()));
-    }
+    let view = Solutions::open(solved)?;
+    let scene = view.scene().read()?;
+    let reference = Reference::from_text(&view.solver().read()?).map_err(wrong)?;
+    let (rows, unstable) = (view.rows(), view.unstable().rows());
+    let mut patterns = rows.patterns().read()?;
+    patterns.extend(unstable.patterns().read()?);
+    let mut names = rows.family().read()?;
+    names.extend(unstable.family().read()?);
+    let mut fields: Vec<Option<Field>> = view.displacement().read()?.into_iter().map(Some).collect();
     fields.resize(patterns.len(), None);
     let errors = match reference.settings().accuracy() {
         Some(_) => {
-            let mut errors = solved.f64s("discretisation_error")?.1;
+            let mut errors = view.meshes().discretisation_error().read()?;
             errors.resize(patterns.len(), 0.0);
             errors
         }

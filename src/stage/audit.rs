@@ -16,6 +16,7 @@ use source::Source;
 
 use super::direct::{DirectError, read_scene};
 use crate::base::{Canonical, Dimension, Fields, InputError, Node, NodeValue, Progress, Quantity, Schema};
+use crate::content::Audit;
 use crate::dataset::audit::{Dataset, Declared, Options, Report, Rows, audit};
 use crate::fem::screening::resolve;
 use crate::fem::{Method, SetupError};
@@ -24,7 +25,7 @@ use crate::scene::Scene;
 use crate::store::{Artifact, Object, StoreError};
 
 pub use crate::dataset::audit::{Finding, Severity, Summary, sort};
-pub use content::{objection, read};
+pub use content::objection;
 pub use lineage::{Lineage, trace};
 
 /// Random rows that are simulated on a finer mesh unless said otherwise.
@@ -182,16 +183,18 @@ impl Stage for AuditStage {
         let start = Instant::now();
         let report = carry_out(&source, &scene, &self.request, is_raw, job.progress).map_err(StageError::Failed)?;
         job.measure("audit", start.elapsed().as_secs_f64());
-        let object = content::describe(&report).map_err(StageError::Failed)?;
-        Ok(object.attribute("scene", scene.to_text()))
+        let audit = content::content(report, scene).map_err(|e| StageError::Failed(e.to_string()))?;
+        Ok(audit.object())
     }
 
     fn blocks(&self, open: &dyn Fn() -> Result<Artifact, StoreError>) -> Result<Option<String>, StageError> {
         if !self.fails {
             return Ok(None);
         }
-        let (findings, _) = read(open()?.attributes()).map_err(StageError::Failed)?;
-        Ok(objection(&findings))
+        let artifact = open()?;
+        let findings = Audit::open(&artifact)?.findings().read()?.value::<Vec<Finding>>();
+        let unreadable = |e| StageError::Failed(format!("this is no audit: {e}"));
+        Ok(objection(&findings.map_err(unreadable)?))
     }
 }
 
@@ -200,12 +203,7 @@ impl Stage for AuditStage {
 ///
 /// # Errors
 /// When one of the files cannot be read, or a simulator not be set up.
-pub fn audit_file(
-    file: &Path,
-    scene: &Path,
-    request: &Request,
-    progress: &dyn Progress,
-) -> Result<Object, DirectError> {
+pub fn audit_file(file: &Path, scene: &Path, request: &Request, progress: &dyn Progress) -> Result<Audit, DirectError> {
     let scene = read_scene(scene)?;
     let unreadable = |e: StoreError| InputError::new(e.to_string());
     let refused = |why: String| {
@@ -219,8 +217,7 @@ pub fn audit_file(
     let other = other_scene(&source, &scene).map_err(|e| DirectError::Failed(e.to_string()))?;
     source.findings.extend(other);
     let report = carry_out(&source, &scene, request, false, progress).map_err(DirectError::Failed)?;
-    let object = content::describe(&report).map_err(DirectError::Failed)?;
-    Ok(object.attribute("scene", scene.to_text()))
+    content::content(report, scene).map_err(|e| DirectError::Failed(e.to_string()))
 }
 
 /// Rows of a dataset, to be looked at one by one.
@@ -245,17 +242,15 @@ impl SourceRows {
 /// The rows of a file or an artifact that has been audited, with the scene of its audit.
 ///
 /// # Errors
-/// When they cannot be read; why.
-pub fn rows(dataset: Audited<'_>, audit: &Object) -> Result<SourceRows, String> {
-    let scene = audit.attributes.get("scene").map_or("", String::as_str);
-    let scene = Scene::from_text(scene).map_err(|e| e.to_string())?;
+/// When they cannot be read.
+pub fn rows(dataset: Audited<'_>, audit: &Audit) -> Result<SourceRows, StoreError> {
     let source = match dataset {
         Audited::File(path) => Source::of_file(path),
         Audited::Artifact(artifact) => Source::of_artifact(artifact),
     };
     Ok(SourceRows {
-        side_mm: scene.side_mm(),
-        source: source.map_err(|e| e.to_string())?,
+        side_mm: audit.scene.side_mm(),
+        source: source?,
     })
 }
 

@@ -2,13 +2,14 @@
 
 use rayon::prelude::*;
 
-use super::arrays;
 use crate::base::{Canonical, Dimension, Fields, InputError, Node, Quantity, Schema};
-use crate::dataset::{BalanceOptions, Balanced, Bins, Candidate, Histogram, Row, SymmetryGroup, balance};
+use crate::content::{self, BalanceCounts, Histograms, Packed, Solutions, files};
+use crate::dataset::{BalanceOptions, Balanced, Bins, Candidate, Row, SymmetryGroup, balance};
 use crate::field::{CORNERS, Field};
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::pattern::Pattern;
-use crate::store::{Artifact, Data, Dataset, Object};
+use crate::scene::Scene;
+use crate::store::{Artifact, Object};
 
 /// The kind `balance`.
 pub struct BalanceKind;
@@ -95,7 +96,6 @@ struct BalanceStage {
 #[derive(Default)]
 struct Solved {
     patterns: Vec<Pattern>,
-    fields: usize,
     family: Vec<String>,
     max_displacement: Vec<f64>,
     unstable: u64,
@@ -119,22 +119,11 @@ impl Stage for BalanceStage {
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
         let mut solved = Solved::default();
         for input in job.inputs {
-            solved.patterns.extend(arrays::read_patterns(input, "patterns")?);
-            solved.fields += input
-                .content("displacement")?
-                .shape
-                .first()
-                .copied()
-                .unwrap_or_default();
-            solved.family.extend(input.texts("family")?.1);
-            solved.max_displacement.extend(input.f64s("max_displacement")?.1);
-            solved.unstable += input.texts("unstable/outcome")?.1.len() as u64;
-        }
-        let lengths = [solved.fields, solved.family.len(), solved.max_displacement.len()];
-        if lengths != [solved.patterns.len(); 3] {
-            return Err(StageError::Input(
-                "the arrays of the solved samples differ in length".to_owned(),
-            ));
+            let view = Solutions::open(input)?;
+            solved.patterns.extend(view.rows().patterns().read()?);
+            solved.family.extend(view.rows().family().read()?);
+            solved.max_displacement.extend(view.max_displacement().read()?);
+            solved.unstable += view.unstable().outcome().len()? as u64;
         }
         if solved.patterns.is_empty() {
             return Err(StageError::Input(format!(
@@ -161,7 +150,7 @@ impl Stage for BalanceStage {
         }
         job.progress.advance(1);
         let fields = fields(job.inputs, &balanced.rows)?;
-        Ok(describe(&solved, &balanced, fields).attribute("scene", super::scene_attribute(job.inputs)?))
+        Ok(content(&solved, balanced, fields, super::scene_of_inputs(job.inputs)?).object())
     }
 }
 
@@ -171,21 +160,12 @@ fn fields(inputs: &[Artifact], rows: &[Row]) -> Result<Vec<f64>, StageError> {
     let mut values = Vec::with_capacity(rows.len() * CORNERS * CORNERS * 2);
     let (mut rest, mut first) = (rows, 0);
     for input in inputs {
-        let chunks = if input.is_manifest() {
-            input.chunks()?
-        } else {
-            std::slice::from_ref(input)
-        };
-        for chunk in chunks {
-            let count = chunk
-                .content("displacement")?
-                .shape
-                .first()
-                .copied()
-                .unwrap_or_default();
+        for chunk in files(input)? {
+            let displacement = Solutions::open(chunk)?.displacement();
+            let count = displacement.len()?;
             let (here, after) = rest.split_at(rest.partition_point(|row| row.source < first + count));
             if !here.is_empty() {
-                let fields = arrays::read_fields(chunk, "displacement")?;
+                let fields = displacement.read()?;
                 let images: Vec<Field> = here
                     .par_iter()
                     .map(|row| row.field(&fields[row.source - first]))
@@ -198,118 +178,39 @@ fn fields(inputs: &[Artifact], rows: &[Row]) -> Result<Vec<f64>, StageError> {
     Ok(values)
 }
 
-fn describe(solved: &Solved, balanced: &Balanced, fields: Vec<f64>) -> Object {
+fn content(solved: &Solved, balanced: Balanced, fields: Vec<f64>, scene: Scene) -> content::Balanced {
     let rows = &balanced.rows;
-    let patterns: Vec<Pattern> = rows
-        .par_iter()
-        .map(|row| row.pattern(&solved.patterns[row.source]))
-        .collect();
-    let orbits: Vec<String> = rows.iter().map(|row| row.orbit.to_string()).collect();
-    let wholes = |description, value: fn(&Row) -> usize| {
-        arrays::wholes("1", description, rows.iter().map(|row| value(row) as u64).collect())
-    };
-    let peaks = rows.iter().map(|row| solved.max_displacement[row.source]).collect();
-    let object = Object::default()
-        .with(
-            "patterns",
-            arrays::patterns(
-                "electrode patterns [row][y][x], origin lower left, 1 = electrode",
-                &patterns,
-            ),
-        )
-        .with(
-            "displacement",
-            Dataset::new(
-                "mm",
-                "displacement at the cell corners [row][y][x][component]",
-                &[rows.len(), CORNERS, CORNERS, 2],
-                Data::F64(fields),
-            ),
-        )
-        .with(
-            "family",
-            arrays::texts(
-                "family of the sample",
-                rows.iter().map(|row| solved.family[row.source].as_str()),
-            ),
-        )
-        .with(
-            "split",
-            arrays::texts(
-                "train, validation or test; one for all images of a pattern",
-                rows.iter().map(|row| row.split.name()),
-            ),
-        )
-        .with(
-            "orbit",
-            arrays::texts(
-                "digest shared by a pattern and its images under symmetry",
-                orbits.iter().map(String::as_str),
-            ),
-        )
-        .with("source", wholes("row of the solved sample", |row| row.source))
-        .with(
-            "symmetry",
-            wholes("symmetry applied: quarter turns, plus 4 when mirrored first", |row| {
-                row.symmetry.index()
-            }),
-        )
-        .with("bin", wholes("bin of the histogram", |row| row.bin))
-        .with(
-            "max_displacement",
-            arrays::reals("mm", "largest displacement magnitude over the corners", peaks),
-        );
-    add_histograms(object, solved, balanced)
+    content::Balanced {
+        patterns: rows
+            .par_iter()
+            .map(|row| row.pattern(&solved.patterns[row.source]))
+            .collect(),
+        displacement: Packed(fields),
+        family: rows.iter().map(|row| solved.family[row.source].clone()).collect(),
+        split: rows.iter().map(|row| row.split.name().to_owned()).collect(),
+        orbit: rows.iter().map(|row| row.orbit.to_string()).collect(),
+        source: rows.iter().map(|row| row.source as u64).collect(),
+        symmetry: rows.iter().map(|row| row.symmetry.index() as u64).collect(),
+        bin: rows.iter().map(|row| row.bin as u64).collect(),
+        max_displacement: rows.iter().map(|row| solved.max_displacement[row.source]).collect(),
+        counts: BalanceCounts {
+            empty_bins: [balanced.before.empty_bins().len() as u64],
+            repeats: [balanced.repeats.len() as u64],
+            unstable: [solved.unstable],
+        },
+        histogram: histograms(balanced),
+        scene,
+    }
 }
 
-fn add_histograms(object: Object, solved: &Solved, balanced: &Balanced) -> Object {
+fn histograms(balanced: Balanced) -> Histograms {
     let bins = balanced.before.bins;
-    let edges = (0..=bins.count()).map(|bin| bins.edge(bin)).collect();
-    let counts = |description, histogram: &Histogram| arrays::wholes("1", description, histogram.counts.clone());
-    let outside = Data::U64(vec![balanced.before.below, balanced.before.above]);
-    let single = |description, value: u64| arrays::wholes("1", description, vec![value]);
-    object
-        .with(
-            "histogram/edges",
-            arrays::reals("mm", "edges of the bins of the largest displacement", edges),
-        )
-        .with(
-            "histogram/before",
-            counts("samples in each bin before balancing", &balanced.before),
-        )
-        .with(
-            "histogram/augmented",
-            counts("rows available in each bin after augmentation", &balanced.augmented),
-        )
-        .with(
-            "histogram/after",
-            counts("rows in each bin after balancing", &balanced.after),
-        )
-        .with(
-            "histogram/outside",
-            Dataset::new("1", "samples below and above the range", &[2], outside),
-        )
-        .with(
-            "histogram/level",
-            arrays::reals(
-                "1",
-                "uniform level: rows in each bin that holds enough",
-                vec![balanced.level],
-            ),
-        )
-        .with(
-            "counts/empty_bins",
-            single("bins without any sample", balanced.before.empty_bins().len() as u64),
-        )
-        .with(
-            "counts/repeats",
-            single(
-                "samples left out because an image of them came before",
-                balanced.repeats.len() as u64,
-            ),
-        )
-        .with(
-            "counts/unstable",
-            single("samples left out because they have no stable solution", solved.unstable),
-        )
+    Histograms {
+        edges: (0..=bins.count()).map(|bin| bins.edge(bin)).collect(),
+        outside: [balanced.before.below, balanced.before.above],
+        level: [balanced.level],
+        before: balanced.before.counts,
+        augmented: balanced.augmented.counts,
+        after: balanced.after.counts,
+    }
 }

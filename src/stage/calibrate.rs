@@ -4,15 +4,18 @@ mod content;
 
 use std::collections::BTreeSet;
 
-use super::{arrays, labelled, model};
+use super::{labelled, model};
 use crate::base::{Canonical, Fields, InputError, Node};
+use content::Origin;
+
+use crate::content::{ALL_FAMILIES, Training};
 use crate::dataset::Split;
 use crate::field::Predictor;
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::store::{Artifact, Object};
 use crate::surrogate::{Calibration, CalibrationError, Observed, Surrogate};
 
-pub(super) use content::{model_of, read};
+pub(super) use content::read;
 
 /// The kind `calibrate`.
 pub struct CalibrateKind;
@@ -64,7 +67,7 @@ impl Stage for CalibrateStage {
     }
 
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
-        let scene = super::scene_attribute(job.inputs)?;
+        let scene = super::scene_of_inputs(job.inputs)?;
         let (artifact, surrogate) = the_model(job.inputs)?;
         let trained = families_of(artifact)?;
         let (mut observed, mut families) = (Vec::new(), Vec::new());
@@ -85,11 +88,14 @@ impl Stage for CalibrateStage {
             job.progress.advance(1);
         }
         let calibration = Calibration::fit(observed, self.seed).map_err(|e| refused(&e, &trained))?;
-        let object = content::describe(&calibration, &families, &trained);
-        Ok(object
-            .attribute("model", artifact.digest().to_string())
-            .attribute("network", surrogate.kind().name())
-            .attribute("scene", scene))
+        let origin = Origin {
+            families: &families,
+            trained: &trained,
+            model: artifact.digest().to_string(),
+            network: surrogate.kind().name(),
+            scene,
+        };
+        Ok(content::content(&calibration, origin).object())
     }
 }
 
@@ -120,8 +126,8 @@ fn the_model(inputs: &[Artifact]) -> Result<(&Artifact, Surrogate), StageError> 
 
 /// The families that a model learned from: those that its training was measured on.
 fn families_of(model: &Artifact) -> Result<BTreeSet<String>, StageError> {
-    let (families, splits) = (model.texts("metrics/family")?.1, model.texts("metrics/split")?.1);
-    let pairs = families.into_iter().zip(splits);
-    let trained = pairs.filter(|(family, split)| split == Split::Train.name() && family != "all");
+    let metrics = Training::open(model)?.metrics();
+    let pairs = metrics.family().read()?.into_iter().zip(metrics.split().read()?);
+    let trained = pairs.filter(|(family, split)| split == Split::Train.name() && family != ALL_FAMILIES);
     Ok(trained.map(|(family, _)| family).collect())
 }

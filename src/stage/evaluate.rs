@@ -10,7 +10,7 @@ mod covered;
 
 use rayon::prelude::*;
 
-use super::{arrays, calibrate, labelled};
+use super::{calibrate, labelled};
 use crate::base::{Canonical, Fields, InputError, Node, Schema};
 use crate::fem::Method;
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
@@ -102,7 +102,7 @@ impl Stage for EvaluateStage {
     }
 
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
-        let scene = super::scene_attribute(job.inputs)?;
+        let scene = super::scene_of_inputs(job.inputs)?;
         let contestants = self.contestants(job.inputs, &scene)?;
         if contestants.is_empty() {
             return Err(StageError::Input(
@@ -129,23 +129,20 @@ impl Stage for EvaluateStage {
                 "there is nothing to evaluate on: `needs` names no solved samples and no test rows".to_owned(),
             ));
         }
-        Ok(content::describe(&contestants, &calibrated, &rows).attribute("scene", scene))
+        Ok(content::evaluation(&contestants, &calibrated, &rows, scene).object())
     }
 }
 
 impl EvaluateStage {
-    fn contestants(&self, inputs: &[Artifact], scene: &str) -> Result<Vec<Contestant>, StageError> {
+    fn contestants(&self, inputs: &[Artifact], scene: &Scene) -> Result<Vec<Contestant>, StageError> {
         let mut found = Vec::new();
         for input in inputs {
             if let Some(model) = Contestant::model(input)? {
                 found.push(model);
             }
         }
-        if !self.estimates.is_empty() {
-            let scene = Scene::from_text(scene).map_err(|e| StageError::Input(e.to_string()))?;
-            for &method in &self.estimates {
-                found.push(Contestant::estimate(method, &scene)?);
-            }
+        for &method in &self.estimates {
+            found.push(Contestant::estimate(method, scene)?);
         }
         Ok(found)
     }
@@ -155,10 +152,9 @@ impl EvaluateStage {
 fn calibrations(inputs: &[Artifact], contestants: &[Contestant]) -> Result<Vec<Calibrated>, StageError> {
     let mut found = Vec::new();
     for input in inputs {
-        let Some(calibration) = calibrate::read(input)? else {
+        let Some((model, calibration)) = calibrate::read(input)? else {
             continue;
         };
-        let model = calibrate::model_of(input)?;
         let place = contestants.iter().position(|contestant| contestant.digest() == model);
         found.push(Calibrated {
             digest: input.digest().to_string(),

@@ -23,7 +23,7 @@ mod train;
 mod verify;
 
 use crate::base::{InputError, Node, Schema};
-use crate::content::ContentError;
+use crate::content::{ContentError, StoredAttribute};
 use crate::fem::effects::Model;
 use crate::orchestrator::{Registry, StageError};
 use crate::scene::Scene;
@@ -91,30 +91,26 @@ impl From<ContentError> for StageError {
     }
 }
 
-/// The scene that all inputs were made with, as text; inputs of different scenes do not belong in one model.
-fn scene_attribute(inputs: &[Artifact]) -> Result<String, StageError> {
-    let mut found: Option<&str> = None;
+/// The scene that all inputs were made with; inputs of different scenes do not belong in one model.
+fn scene_of_inputs(inputs: &[Artifact]) -> Result<Scene, StageError> {
+    let mut found: Option<Scene> = None;
     for input in inputs {
-        let scene = input.attribute("scene").ok_or_else(|| {
-            StageError::Input(format!(
-                "artifact {} does not say which scene it was made with",
-                input.digest().short()
-            ))
-        })?;
-        if let Some(other) = found.filter(|other| *other != scene) {
-            return Err(differ(other, scene));
+        let missing = || {
+            let digest = input.digest().short();
+            StageError::Input(format!("artifact {digest} does not say which scene it was made with"))
+        };
+        let scene: Option<Scene> = StoredAttribute::new(input, "scene").read()?;
+        let scene = scene.ok_or_else(missing)?;
+        match &found {
+            Some(other) if *other != scene => return Err(differ(other, &scene)),
+            _ => found = Some(scene),
         }
-        found = Some(scene);
     }
-    found
-        .map(str::to_owned)
-        .ok_or_else(|| StageError::Input("the stage has no inputs".to_owned()))
+    found.ok_or_else(|| StageError::Input("the stage has no inputs".to_owned()))
 }
 
 /// What is said of inputs of different scenes.
-fn differ(one: &str, other: &str) -> StageError {
-    let scenes = Scene::from_text(one).ok().zip(Scene::from_text(other).ok());
-    let list = scenes.and_then(|(one, other)| model::listed(&one, &other));
-    let list = list.map_or(String::new(), |list| format!(": {list}"));
+fn differ(one: &Scene, other: &Scene) -> StageError {
+    let list = model::listed(one, other).map_or(String::new(), |list| format!(": {list}"));
     StageError::Input(format!("the inputs were made with different scenes{list}"))
 }

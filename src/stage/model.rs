@@ -1,20 +1,26 @@
 //! Trained networks as stages and commands use them: read from an artifact or a file, and held to the scene they serve in.
 
 use super::direct::DirectError;
+use crate::content::Training;
 use crate::orchestrator::StageError;
 use crate::scene::Scene;
 use crate::store::Artifact;
 use crate::surrogate::Surrogate;
-
-/// The dataset of a train stage's artifact that holds the model.
-pub const WEIGHTS: &str = "weights";
 
 /// Whether an artifact holds a model.
 ///
 /// # Errors
 /// When it cannot be read.
 pub fn is_in(artifact: &Artifact) -> Result<bool, StageError> {
-    Ok(artifact.contents()?.iter().any(|content| content.path == WEIGHTS))
+    Ok(Training::unchecked(artifact).weights().is_there()?)
+}
+
+/// The bytes of the model of a train stage.
+///
+/// # Errors
+/// When the artifact holds none.
+pub fn weights(artifact: &Artifact) -> Result<Vec<u8>, StageError> {
+    Ok(Training::unchecked(artifact).weights().read()?)
 }
 
 /// The network of a train stage.
@@ -22,7 +28,7 @@ pub fn is_in(artifact: &Artifact) -> Result<bool, StageError> {
 /// # Errors
 /// When the artifact holds no model of this program.
 pub fn of_artifact(artifact: &Artifact) -> Result<Surrogate, StageError> {
-    Surrogate::load(&artifact.u8s(WEIGHTS)?.1)
+    Surrogate::load(&weights(artifact)?)
         .map_err(|e| StageError::Input(format!("artifact {}: {e}", artifact.digest().short())))
 }
 

@@ -4,15 +4,15 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use super::arrays;
 use super::direct::{DirectError, read_scene};
 use crate::base::Progress;
+use crate::content::LoadPaths;
 pub use crate::fem::LoadPath;
 use crate::fem::screening::resolve;
-use crate::fem::{MembraneSolver, PathEvent, PathPoint, SetupError, SolveOptions};
-use crate::field::Field;
+use crate::fem::{MembraneSolver, PathEvent, SetupError, SolveOptions};
 use crate::pattern::Pattern;
-use crate::store::{Data, Dataset, Object};
+use crate::scene::Scene;
+use crate::store::Object;
 
 /// The paths of some patterns.
 #[derive(Debug)]
@@ -40,7 +40,7 @@ pub fn paths(
     let follow = |pattern: &Pattern| one(&solver, pattern, progress);
     let paths = patterns.par_iter().map(follow).collect::<Result<Vec<_>, _>>()?;
     Ok(PathAnswer {
-        content: describe(patterns, &paths).attribute("scene", scene.to_text()),
+        content: load_paths(patterns, &paths, scene).object(),
         paths,
     })
 }
@@ -51,27 +51,39 @@ fn one(solver: &MembraneSolver, pattern: &Pattern, progress: &dyn Progress) -> R
     path.ok_or_else(|| DirectError::Failed("the factors of the tangent do not fit into memory".to_owned()))
 }
 
-/// Points and events of all paths stand one after the other; offsets say where each path begins.
-fn describe(patterns: &[Pattern], paths: &[LoadPath]) -> Object {
-    let shown = arrays::patterns(
-        "electrode patterns [sample][y][x], origin lower left, 1 = electrode",
-        patterns,
-    );
+fn load_paths(patterns: &[Pattern], paths: &[LoadPath], scene: Scene) -> LoadPaths {
+    let points = || paths.iter().flat_map(|path| &path.points);
     let point_offsets = offsets(paths.iter().map(|path| path.points.len()));
-    let event_offsets = offsets(paths.iter().map(|path| path.events.len()));
-    let begin = "the rows of path i are those from element i up to, but without, element i + 1";
-    let mut content = Object::default()
-        .with("patterns", shown)
-        .with("point_offsets", arrays::wholes("1", begin, point_offsets.clone()))
-        .with("event_offsets", arrays::wholes("1", begin, event_offsets));
-    for (name, dataset) in points(paths)
-        .into_iter()
-        .chain(events(paths, &point_offsets))
-        .chain(limits(paths))
-    {
-        content = content.with(name, dataset);
+    let with_offset = |(path, &offset): (&LoadPath, &u64)| {
+        let moved = |event: &PathEvent| (*event, offset + event.point as u64);
+        path.events.iter().map(moved).collect::<Vec<_>>()
+    };
+    let events: Vec<(PathEvent, u64)> = paths.iter().zip(&point_offsets).flat_map(with_offset).collect();
+    let limit = |path: &LoadPath| path.limit().map_or("none", |limit| limit.kind.name()).to_owned();
+    let limit_voltage = |path: &LoadPath| path.limit().map_or(f64::NAN, |limit| limit.voltage);
+    LoadPaths {
+        patterns: patterns.to_vec(),
+        event_offsets: offsets(paths.iter().map(|path| path.events.len())),
+        point_offsets,
+        voltage: points().map(|p| p.voltage).collect(),
+        max_displacement: points().map(|p| p.max_displacement).collect(),
+        displacement: points().map(|p| p.displacement).collect(),
+        smallest_eigenvalue: points().map(|p| p.smallest_eigenvalue).collect(),
+        negative_eigenvalues: points().map(|p| p.negative_eigenvalues as u64).collect(),
+        stable: points().map(|p| u8::from(p.stable)).collect(),
+        event_kind: events.iter().map(|(event, _)| event.kind.name().to_owned()).collect(),
+        event_voltage: events.iter().map(|(event, _)| event.voltage).collect(),
+        event_point: events.iter().map(|(_, row)| *row).collect(),
+        limit_kind: paths.iter().map(limit).collect(),
+        limit_voltage: paths.iter().map(limit_voltage).collect(),
+        limit_displacement: paths.iter().map(|path| path.limit_field.clone()).collect(),
+        watched_corner: paths
+            .iter()
+            .map(|path| path.watched.map(|corner| corner as u64))
+            .collect(),
+        end: paths.iter().map(|path| path.end.name().to_owned()).collect(),
+        scene,
     }
-    content
 }
 
 fn offsets(lengths: impl Iterator<Item = usize>) -> Vec<u64> {
@@ -80,127 +92,6 @@ fn offsets(lengths: impl Iterator<Item = usize>) -> Vec<u64> {
         Some(*sum)
     });
     std::iter::once(0).chain(sums).collect()
-}
-
-/// One row per point.
-fn points(paths: &[LoadPath]) -> Vec<(&'static str, Dataset)> {
-    let all = || paths.iter().flat_map(|path| &path.points);
-    let reals = |units, note, value: fn(&PathPoint) -> f64| arrays::reals(units, note, all().map(value).collect());
-    let stable: Vec<u8> = all().map(|p| u8::from(p.stable)).collect();
-    vec![
-        ("voltage", reals("V", "voltage; it falls past a fold", |p| p.voltage)),
-        (
-            "max_displacement",
-            reals("mm", "largest displacement magnitude over the corners", |p| {
-                p.max_displacement
-            }),
-        ),
-        (
-            "displacement",
-            reals("mm", "displacement magnitude at the watched corner", |p| p.displacement),
-        ),
-        (
-            "smallest_eigenvalue",
-            reals("1", "smallest eigenvalue of the tangent against the Laplacian", |p| {
-                p.smallest_eigenvalue
-            }),
-        ),
-        (
-            "negative_eigenvalues",
-            arrays::wholes(
-                "1",
-                "negative eigenvalues of the tangent",
-                all().map(|p| p.negative_eigenvalues as u64).collect(),
-            ),
-        ),
-        (
-            "stable",
-            Dataset::new(
-                "1",
-                "1 where a membrane can be found in this state",
-                &[stable.len()],
-                Data::U8(stable),
-            ),
-        ),
-    ]
-}
-
-/// One row per event.
-fn events(paths: &[LoadPath], point_offsets: &[u64]) -> Vec<(&'static str, Dataset)> {
-    let with_offset = |(path, offset): (&LoadPath, &u64)| {
-        let offset = *offset;
-        let moved = |event: &PathEvent| (*event, offset + event.point as u64);
-        path.events.iter().map(moved).collect::<Vec<_>>()
-    };
-    let all: Vec<(PathEvent, u64)> = paths.iter().zip(point_offsets).flat_map(with_offset).collect();
-    vec![
-        (
-            "event_kind",
-            arrays::texts(
-                "what happens: fold, bifurcation or not-elliptic",
-                all.iter().map(|(event, _)| event.kind.name()),
-            ),
-        ),
-        (
-            "event_voltage",
-            arrays::reals(
-                "V",
-                "where it happens",
-                all.iter().map(|(event, _)| event.voltage).collect(),
-            ),
-        ),
-        (
-            "event_point",
-            arrays::wholes(
-                "1",
-                "row of the point just before it",
-                all.iter().map(|(_, row)| *row).collect(),
-            ),
-        ),
-    ]
-}
-
-/// One row per pattern.
-fn limits(paths: &[LoadPath]) -> Vec<(&'static str, Dataset)> {
-    let n = paths.len();
-    let kind = |path: &LoadPath| path.limit().map_or("none", |limit| limit.kind.name());
-    let voltage = |path: &LoadPath| path.limit().map_or(f64::NAN, |limit| limit.voltage);
-    let watched = paths.iter().flat_map(|path| path.watched).map(|corner| corner as u64);
-    let fields: Vec<&Field> = paths.iter().map(|path| &path.limit_field).collect();
-    vec![
-        (
-            "limit_kind",
-            arrays::texts("what ends the stable part that begins at rest", paths.iter().map(kind)),
-        ),
-        (
-            "limit_voltage",
-            arrays::reals(
-                "V",
-                "highest voltage of that part; NaN where it has no end",
-                paths.iter().map(voltage).collect(),
-            ),
-        ),
-        (
-            "limit_displacement",
-            arrays::fields(
-                "displacement at that limit, at the cell corners [sample][y][x][component]",
-                fields.into_iter(),
-            ),
-        ),
-        (
-            "watched_corner",
-            Dataset::new(
-                "1",
-                "column and row of the corner that moves most at that limit",
-                &[n, 2],
-                Data::U64(watched.collect()),
-            ),
-        ),
-        (
-            "end",
-            arrays::texts("why the path ends", paths.iter().map(|path| path.end.name())),
-        ),
-    ]
 }
 
 /// All points as comma-separated values with a header.

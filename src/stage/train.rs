@@ -5,6 +5,7 @@ mod content;
 mod examples;
 mod follow;
 
+use super::model;
 use follow::Follow;
 
 use crate::base::{Canonical, Decimal, Fields, InputError, Map, Node, NodeValue, Schema};
@@ -14,13 +15,10 @@ use crate::field::Mesh;
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::scene::Scene;
 use crate::store::{Artifact, Object};
-use crate::surrogate::{Constants, Ending, NetworkKind, OptimizerKind, Record, TrainOptions, annotated, train, update};
+use crate::surrogate::{Constants, NetworkKind, OptimizerKind, Record, TrainOptions, annotated, train, update};
 
 /// The kind `train`.
 pub struct TrainKind;
-
-/// Where an artifact has the bytes of the model.
-const WEIGHTS: &str = "weights";
 
 const SYMMETRIES: [&str; 2] = ["none", "d4"];
 
@@ -226,12 +224,11 @@ impl Stage for TrainStage {
     }
 
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
-        let scene = super::scene_attribute(job.inputs)?;
-        let simulated = Scene::from_text(&scene).map_err(|e| StageError::Input(e.to_string()))?;
+        let scene = super::scene_of_inputs(job.inputs)?;
         let start = start(job.inputs)?;
-        let found = examples::read(job.inputs, simulated.side_mm(), self.verified_weight)?;
+        let found = examples::read(job.inputs, scene.side_mm(), self.verified_weight)?;
         let constants = match self.network.has_constants() {
-            true => Some(constants(&simulated)?),
+            true => Some(constants(&scene)?),
             false => None,
         };
         let (constants, options, follow) = (constants.as_ref(), self.options(), Follow::new(job));
@@ -241,17 +238,13 @@ impl Stage for TrainStage {
         };
         let mut trained = trained.map_err(|e| StageError::Failed(e.to_string()))?;
         let inputs = job.inputs.iter().map(|input| input.digest().to_string()).collect();
-        let annotated = annotated(&trained.weights, &scene, Record::of(&trained, self.seed, inputs));
+        let annotated = annotated(
+            &trained.weights,
+            &scene.to_text(),
+            Record::of(&trained, self.seed, inputs),
+        );
         trained.weights = annotated.map_err(|e| StageError::Failed(e.to_string()))?;
-        let object = content::describe(&trained, found.unstable, &found.left_out)
-            .attribute("network", self.network.name())
-            .attribute("ending", ending(trained.ending))
-            .attribute("scene", scene);
-        let warnings = content::warnings(found.unstable, &found.left_out, &trained);
-        Ok(match warnings.is_empty() {
-            true => object,
-            false => object.attribute("warnings", warnings.join("\n")),
-        })
+        Ok(content::training(trained, &found, self.network, scene).object())
     }
 }
 
@@ -259,17 +252,12 @@ impl Stage for TrainStage {
 fn start(inputs: &[Artifact]) -> Result<Option<Vec<u8>>, StageError> {
     let mut start = None;
     for input in inputs {
-        if is_training(input)? && start.replace(input.u8s(WEIGHTS)?.1).is_some() {
+        if model::is_in(input)? && start.replace(model::weights(input)?).is_some() {
             let message = "a training begins with one other at most, and two are among its inputs";
             return Err(StageError::Input(message.to_owned()));
         }
     }
     Ok(start)
-}
-
-/// Whether an artifact is that of a train stage.
-fn is_training(artifact: &Artifact) -> Result<bool, StageError> {
-    Ok(artifact.contents()?.iter().any(|content| content.path == WEIGHTS))
 }
 
 /// The linear response of a scene, by one biquadratic element per cell: on finer meshes it differs by less than what
@@ -278,13 +266,4 @@ fn constants(scene: &Scene) -> Result<Constants, StageError> {
     let failed = |e: &dyn std::fmt::Display| StageError::Failed(format!("no linear response: {e}"));
     let response = LinearResponse::new(scene, Mesh::biquadratic(1)).map_err(|e| failed(&e))?;
     Constants::new(&response, scene.side_mm()).map_err(StageError::Failed)
-}
-
-/// The word that stands in artifacts.
-fn ending(ending: Ending) -> &'static str {
-    match ending {
-        Ending::Complete => "complete",
-        Ending::Patience => "patience",
-        Ending::Diverged(_) => "diverged",
-    }
 }

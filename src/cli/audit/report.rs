@@ -7,15 +7,16 @@ use serde_json::{Value, json};
 use crate::base::ArtifactId;
 use crate::cli::error::CliError;
 use crate::cli::table;
+use crate::content::{AttributeError, Audit};
 use crate::report::figures::{Membrane, draw_audit, draw_membrane};
 use crate::report::{Page, audited};
-use crate::stage::audit::{Audited, Finding, Lineage, Severity, SourceRows, Summary, read, rows, sort};
-use crate::store::Object;
+use crate::stage::audit::{Audited, Finding, Lineage, Severity, SourceRows, Summary, rows, sort};
 
 /// An audit that has been carried out.
 pub struct Answer {
     dataset: String,
-    object: Object,
+    /// What the artifact says; none where nothing was looked at.
+    audit: Option<Audit>,
     /// What is wrong.
     pub findings: Vec<Finding>,
     summary: Summary,
@@ -30,13 +31,12 @@ pub struct Answer {
 
 impl Answer {
     /// From what the artifact of an audit says.
-    pub fn of(dataset: &str, object: Object) -> Result<Self, String> {
-        let (findings, summary) = read(&object.attributes)?;
+    pub fn of(dataset: &str, audit: Audit) -> Result<Self, AttributeError> {
         Ok(Self {
             dataset: dataset.to_owned(),
-            object,
-            findings,
-            summary,
+            findings: audit.findings.value()?,
+            summary: audit.summary.value()?,
+            audit: Some(audit),
             lineage: None,
             digest: None,
             seconds: None,
@@ -48,7 +48,7 @@ impl Answer {
     pub fn only(dataset: &str, finding: Finding) -> Self {
         Self {
             dataset: dataset.to_owned(),
-            object: Object::default(),
+            audit: None,
             findings: vec![finding],
             summary: Summary::default(),
             lineage: None,
@@ -60,7 +60,7 @@ impl Answer {
 
     /// Adds the rows, from which figures are drawn. Where they cannot be read, a finding says so and there is none.
     pub fn with_rows_of(mut self, dataset: Audited<'_>) -> Self {
-        self.rows = rows(dataset, &self.object).ok();
+        self.rows = self.audit.as_ref().and_then(|audit| rows(dataset, audit).ok());
         self
     }
 
@@ -201,7 +201,7 @@ impl Answer {
             files.push(path);
             Ok(())
         };
-        if let Some(figure) = audited(&self.object) {
+        if let Some(figure) = self.audit.as_ref().and_then(audited) {
             let path = folder.join("audit.png");
             draw_audit(&path, &figure).map_err(|e| CliError::failure(e.to_string()))?;
             add(path, "What the dataset covers, and its errors against a finer mesh")?;

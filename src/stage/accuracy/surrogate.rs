@@ -49,7 +49,7 @@ impl Network {
     /// When it holds no model.
     pub fn of_artifact(artifact: &Artifact) -> Result<Self, StageError> {
         let wrong = |e: LoadError| StageError::Input(format!("artifact {}: {e}", artifact.digest().short()));
-        Self::from_bytes(&artifact.u8s(model::WEIGHTS)?.1).map_err(wrong)
+        Self::from_bytes(&model::weights(artifact)?).map_err(wrong)
     }
 
     /// From the file that a node names.

@@ -1,8 +1,6 @@
 //! What the artifact of a design stage says: a row for each pattern, and how the searches went.
 
-use crate::content::{
-    Candidates, DesignRows, Designs, GENOME_UNITS, GradientSteps, History, LongTexts, Packed,
-};
+use crate::content::{Candidates, DesignRows, Designs, GENOME_UNITS, GradientSteps, History, LongTexts, Packed};
 use crate::design::{FoundDesign, GenerationReport, Probe, Refinement, SearchResult, UNITS};
 use crate::scene::Scene;
 

@@ -1,15 +1,15 @@
 //! What the artifact of a training says.
 
-use super::examples::{LeftOut, Why};
-use crate::stage::arrays;
-use crate::store::{Data, Dataset, Object};
-use crate::surrogate::{Ending, EpochReport, Metrics, Trained};
+use super::examples::{Examples, LeftOut, Why};
+use crate::content::{Curves, LeftOutLabels, Lines, Metrics, Training};
+use crate::scene::Scene;
+use crate::surrogate::{self, Ending, EpochReport, NetworkKind, Trained};
 
 /// Labels that a warning names one by one.
 const NAMED: usize = 5;
 
 /// What a user should know: a line each.
-pub fn warnings(unstable: u64, left_out: &[LeftOut], trained: &Trained) -> Vec<String> {
+fn warnings(unstable: u64, left_out: &[LeftOut], trained: &Trained) -> Vec<String> {
     let mut lines = Vec::new();
     if unstable > 0 {
         lines.push(format!("{unstable} samples without a stable solution are left out"));
@@ -37,142 +37,69 @@ pub fn warnings(unstable: u64, left_out: &[LeftOut], trained: &Trained) -> Vec<S
     lines
 }
 
-/// The arrays of a training.
-pub fn describe(trained: &Trained, unstable: u64, left_out: &[LeftOut]) -> Object {
-    let weights = Data::U8(trained.weights.clone());
-    let object = Object::default()
-        .with(
-            "weights",
-            Dataset::new(
-                "1",
-                "the model as the bytes of a safetensors file",
-                &[trained.weights.len()],
-                weights,
-            ),
-        )
-        .with(
-            "best_epoch",
-            arrays::wholes(
-                "1",
-                "epoch whose weights are kept, from 1",
-                vec![u64::from(trained.best_epoch)],
-            ),
-        )
-        .with(
-            "counts/unstable",
-            arrays::wholes(
-                "1",
-                "samples left out because they have no stable solution",
-                vec![unstable],
-            ),
-        );
-    let object = add_curves(object, &trained.curves);
-    let object = add_left_out(object, left_out);
-    add_metrics(object, &trained.metrics)
+/// The artifact of a training.
+pub fn training(trained: Trained, examples: &Examples, network: NetworkKind, scene: Scene) -> Training {
+    let warnings = warnings(examples.unstable, &examples.left_out, &trained);
+    Training {
+        best_epoch: [u64::from(trained.best_epoch)],
+        unstable: [examples.unstable],
+        curves: curves(&trained.curves),
+        left_out: left_out(&examples.left_out),
+        metrics: metrics(&trained.metrics),
+        network: network.name().to_owned(),
+        ending: ending(trained.ending).to_owned(),
+        weights: trained.weights,
+        scene,
+        warnings: (!warnings.is_empty()).then_some(Lines(warnings)),
+    }
 }
 
-fn add_curves(object: Object, curves: &[EpochReport]) -> Object {
-    let curve = |units, description, value: fn(&EpochReport) -> f64| {
-        arrays::reals(units, description, curves.iter().map(value).collect())
-    };
+fn curves(epochs: &[EpochReport]) -> Curves {
+    let curve = |value: fn(&EpochReport) -> f64| epochs.iter().map(value).collect();
     // Where nothing is shown more than once epochs are judged by the validation error.
-    let object = match curves.iter().any(|e| e.judged_rmse_mm != e.validation_rmse_mm) {
-        true => object.with(
-            "curves/judged_rmse",
-            curve(
-                "mm",
-                "RMSE per component by which epochs are judged: with verified designs",
-                |e| e.judged_rmse_mm,
-            ),
-        ),
-        false => object,
-    };
-    object
-        .with(
-            "curves/train_loss",
-            curve("1", "training loss of each epoch", |e| e.train_loss),
-        )
-        .with(
-            "curves/validation_loss",
-            curve("1", "validation loss of each epoch", |e| e.validation_loss),
-        )
-        .with(
-            "curves/validation_rmse",
-            curve("mm", "validation RMSE per component of each epoch", |e| {
-                e.validation_rmse_mm
-            }),
-        )
-        .with(
-            "curves/learning_rate",
-            curve("1", "learning rate at the end of each epoch", |e| e.learning_rate),
-        )
+    let is_judged = epochs.iter().any(|e| e.judged_rmse_mm != e.validation_rmse_mm);
+    Curves {
+        judged_rmse: is_judged.then(|| curve(|e| e.judged_rmse_mm)),
+        train_loss: curve(|e| e.train_loss),
+        validation_loss: curve(|e| e.validation_loss),
+        validation_rmse: curve(|e| e.validation_rmse_mm),
+        learning_rate: curve(|e| e.learning_rate),
+    }
 }
 
-fn add_left_out(object: Object, left_out: &[LeftOut]) -> Object {
-    let wholes = |description, value: fn(&LeftOut) -> usize| {
-        arrays::wholes("1", description, left_out.iter().map(|l| value(l) as u64).collect())
-    };
-    object
-        .with(
-            "left_out/input",
-            wholes("input that a label left out stands in, from 0", |l| l.input),
-        )
-        .with("left_out/row", wholes("its row in that input, from 0", |l| l.row))
-        .with(
-            "left_out/displacement",
-            arrays::reals(
-                "mm",
-                "the displacement that shows it; 0 where it is not a number",
-                left_out.iter().map(|l| l.found_mm).collect(),
-            ),
-        )
-        .with(
-            "left_out/why",
-            arrays::texts("what is wrong with it", left_out.iter().map(|l| l.why.name())),
-        )
+fn left_out(labels: &[LeftOut]) -> LeftOutLabels {
+    LeftOutLabels {
+        input: labels.iter().map(|label| label.input as u64).collect(),
+        row: labels.iter().map(|label| label.row as u64).collect(),
+        displacement: labels.iter().map(|label| label.found_mm).collect(),
+        why: labels.iter().map(|label| label.why.name().to_owned()).collect(),
+    }
 }
 
-fn add_metrics(object: Object, metrics: &[Metrics]) -> Object {
-    let metric = |units, description, value: fn(&Metrics) -> f64| {
-        arrays::reals(units, description, metrics.iter().map(value).collect())
-    };
-    object
-        .with(
-            "metrics/family",
-            arrays::texts(
-                "family that the metrics are over",
-                metrics.iter().map(|m| m.family.as_str()),
-            ),
-        )
-        .with(
-            "metrics/split",
-            arrays::texts(
-                "split that the metrics are over",
-                metrics.iter().map(|m| m.split.name()),
-            ),
-        )
-        .with(
-            "metrics/samples",
-            arrays::wholes(
-                "1",
-                "samples that the metrics are over",
-                metrics.iter().map(|m| m.samples).collect(),
-            ),
-        )
-        .with(
-            "metrics/rmse",
-            metric("mm", "root mean square error per component", |m| m.rmse_mm),
-        )
-        .with("metrics/r2", metric("1", "coefficient of determination", |m| m.r2))
-        .with(
-            "metrics/max_error",
-            metric("mm", "largest absolute error of a component", |m| m.max_error_mm),
-        )
+fn metrics(metrics: &[surrogate::Metrics]) -> Metrics {
+    Metrics {
+        family: metrics.iter().map(|m| m.family.clone()).collect(),
+        split: metrics.iter().map(|m| m.split.name().to_owned()).collect(),
+        samples: metrics.iter().map(|m| m.samples).collect(),
+        rmse: metrics.iter().map(|m| m.rmse_mm).collect(),
+        r2: metrics.iter().map(|m| m.r2).collect(),
+        max_error: metrics.iter().map(|m| m.max_error_mm).collect(),
+    }
+}
+
+/// The word that stands in artifacts.
+fn ending(ending: Ending) -> &'static str {
+    match ending {
+        Ending::Complete => "complete",
+        Ending::Patience => "patience",
+        Ending::Diverged(_) => "diverged",
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::store::Data;
 
     fn trained(ending: Ending) -> Trained {
         Trained {
@@ -217,7 +144,13 @@ mod tests {
             found_mm: 100.0,
             why: Why::BeyondSide(50.0),
         };
-        let object = describe(&trained(Ending::Complete), 5, &[left_out]);
+        let examples = Examples {
+            examples: Vec::new(),
+            unstable: 5,
+            left_out: vec![left_out],
+        };
+        let trained = trained(Ending::Complete);
+        let object = training(trained, &examples, NetworkKind::Qin2024, Scene::vhb4910()).object();
         let data = |path: &str| object.datasets[path].data.clone();
         assert_eq!(data("left_out/input"), Data::U64(vec![1]));
         assert_eq!(data("left_out/row"), Data::U64(vec![7]));

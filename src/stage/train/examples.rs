@@ -10,13 +10,12 @@ use std::collections::HashMap;
 
 use rayon::prelude::*;
 
-use super::is_training;
 use crate::base::OrbitId;
 use crate::dataset::Split;
 use crate::field::CORNERS;
 use crate::orchestrator::StageError;
 use crate::pattern::Pattern;
-use crate::stage::arrays;
+use crate::stage::{arrays, model};
 use crate::store::{Artifact, RowFile};
 use crate::surrogate::{Example, Label, LabelError, implausible};
 
@@ -54,7 +53,7 @@ pub fn read(inputs: &[Artifact], side_mm: f64, verified_weight: u32) -> Result<E
     };
     let mut datasets = 0;
     for (input, artifact) in inputs.iter().enumerate() {
-        if is_training(artifact)? {
+        if model::is_in(artifact)? {
             continue;
         }
         datasets += 1;
