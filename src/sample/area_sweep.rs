@@ -11,13 +11,34 @@
 use super::areas::Areas;
 use super::bezier::{Bezier, Ends};
 use super::error::SampleError;
+use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
 use super::large_grid::pattern_of_units;
 use super::small_grid::SmallGrid;
-use crate::base::Stream;
+use crate::base::{Decimal, Stream, parameters};
 use crate::pattern::Pattern;
 
 /// Grids drawn before single cells are taken instead: a range narrower than the steps of all grids has none.
 const MOST_DRAWS: u32 = 100;
+
+parameters! {
+    /// Cells, grids of units and curves at drawn area fractions.
+    pub struct Parameters as "an area-sweep sample" {
+        /// Patterns to draw.
+        pub count: u64 [1..=MOST_SAMPLES],
+        /// Area fractions to draw from, smallest and largest.
+        pub area: [Decimal; 2] [0.0..=1.0] = [0.05, 0.95],
+    }
+}
+
+impl FamilyParameters for Parameters {
+    const NAME: &'static str = "area-sweep";
+
+    fn groups(&self) -> Result<Vec<Group>, Refusal> {
+        let [low, high] = self.area.map(Decimal::to_f64);
+        let family = AreaSweep::new(low, high).map_err(Refusal::of("area"))?;
+        Ok(self.one_group(self.count, Box::new(family)))
+    }
+}
 
 /// Patterns of several forms at drawn area fractions.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,23 +57,6 @@ impl AreaSweep {
         })
     }
 
-    /// Sample `index` under a seed.
-    ///
-    /// # Errors
-    /// Never for a family that [`AreaSweep::new`] made: every fraction between two valid ones is valid.
-    pub fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {
-        let mut stream = Stream::new(seed, "area-sweep", index);
-        let area = self.areas.drawn(&mut stream);
-        match stream.index(3) {
-            0 => Ok(SmallGrid::new(area)?.drawn(&mut stream)),
-            1 => match self.grid(area, &mut stream) {
-                Some(pattern) => Ok(pattern),
-                None => Ok(SmallGrid::new(area)?.drawn(&mut stream)),
-            },
-            _ => Ok(Bezier::new(Some(area), Ends::Opposite)?.drawn(&mut stream)),
-        }
-    }
-
     fn grid(&self, area: f64, stream: &mut Stream) -> Option<Pattern> {
         for _ in 0..MOST_DRAWS {
             let units = 2 + stream.index(9);
@@ -66,6 +70,26 @@ impl AreaSweep {
             }
         }
         None
+    }
+}
+
+impl Family for AreaSweep {
+    fn name(&self) -> &'static str {
+        Parameters::NAME
+    }
+
+    /// Never refuses an index: every fraction between two valid ones is valid.
+    fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {
+        let mut stream = Stream::new(seed, "area-sweep", index);
+        let area = self.areas.drawn(&mut stream);
+        match stream.index(3) {
+            0 => Ok(SmallGrid::new(area)?.drawn(&mut stream)),
+            1 => match self.grid(area, &mut stream) {
+                Some(pattern) => Ok(pattern),
+                None => Ok(SmallGrid::new(area)?.drawn(&mut stream)),
+            },
+            _ => Ok(Bezier::new(Some(area), Ends::Opposite)?.drawn(&mut stream)),
+        }
     }
 }
 

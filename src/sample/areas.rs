@@ -1,7 +1,8 @@
 //! A range of area fractions, and the cells that a level function puts first at a fraction drawn from it.
 
 use super::error::{SampleError, cells_at};
-use crate::base::Stream;
+use super::family::Refusal;
+use crate::base::{Canonical, Decimal, Dimension, InputError, Node, Parameter, Schema, Stream};
 use crate::pattern::{CELLS, Pattern};
 
 /// A range of area fractions to draw from; both ends may be equal.
@@ -26,17 +27,6 @@ impl Areas {
         }
     }
 
-    /// A range that is known to be one.
-    pub(super) const fn between(low: f64, high: f64) -> Self {
-        Self { low, high }
-    }
-
-    /// The smallest and the largest fraction.
-    #[must_use]
-    pub fn ends(&self) -> [f64; 2] {
-        [self.low, self.high]
-    }
-
     /// A fraction, uniform in the range.
     pub(super) fn drawn(&self, stream: &mut Stream) -> f64 {
         stream.range(self.low, self.high)
@@ -45,6 +35,50 @@ impl Areas {
     /// Whether a fraction lies in the range.
     pub(super) fn contain(&self, area: f64) -> bool {
         (self.low..=self.high).contains(&area)
+    }
+}
+
+/// Area fractions as a document gives them: one, or the smallest and the largest to draw from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct AreaFractions([Decimal; 2]);
+
+impl AreaFractions {
+    /// The range.
+    ///
+    /// # Errors
+    /// When an end leaves nothing to draw, or the ends are not in order.
+    pub fn areas(&self) -> Result<Areas, Refusal> {
+        let [low, high] = self.0.map(Decimal::to_f64);
+        Areas::new(low, high).map_err(Refusal::of("area"))
+    }
+}
+
+impl Parameter for AreaFractions {
+    type Limits = ();
+    type Literal = [f64; 2];
+
+    fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
+        let one = |node: &Node| Ok(node.quantity_in(key, Dimension::Number, 0.0, 1.0)?.base());
+        match node.list(key) {
+            Ok([low, high]) => Ok(Self([one(low)?, one(high)?])),
+            Ok(_) => Err(node
+                .error(format!("`{key}` must have two ends"))
+                .help("for example [0.05, 0.95]")),
+            Err(_) => Ok(Self([one(node)?; 2])),
+        }
+    }
+
+    fn canonical(&self) -> Option<Canonical> {
+        Some(self.0.into_iter().collect())
+    }
+
+    fn schema((): &()) -> Schema {
+        let one = || Schema::number(0.0, 1.0);
+        Schema::any_of([one(), Schema::list(one(), 2, 2)])
+    }
+
+    fn literal(literal: [f64; 2]) -> Self {
+        Self(literal.map(|end| Decimal::from_f64(end).unwrap_or(Decimal::ZERO)))
     }
 }
 

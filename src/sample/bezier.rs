@@ -20,7 +20,8 @@ use std::f64::consts::TAU;
 
 use super::curve::{Cubic, on_frame};
 use super::error::{SampleError, cells_at};
-use crate::base::Stream;
+use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
+use crate::base::{Decimal, Stream, parameters, words};
 use crate::pattern::{CELLS, Pattern};
 
 /// Draws after which a straight line is taken instead. Fewer than one draw in ten is refused, so this is out of reach of
@@ -29,14 +30,35 @@ const MOST_DRAWS: u32 = 1000;
 
 const CENTRE: f64 = CELLS as f64 / 2.0;
 
-/// Where on the frame a curve may end.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Ends {
-    /// On two opposite sides.
-    #[default]
-    Opposite,
-    /// Anywhere, independently.
-    Any,
+words! {
+    /// Where on the frame a curve may end.
+    pub enum Ends {
+        /// On two opposite sides.
+        Opposite = "opposite",
+        /// Anywhere, independently.
+        Any = "any",
+    }
+}
+
+parameters! {
+    /// Patterns on one side of a smooth curve through the centre.
+    pub struct Parameters as "a bezier sample" {
+        /// Patterns to draw.
+        pub count: u64 [1..=MOST_SAMPLES],
+        /// Area fraction of the electrode; unless it is given, what the curve leaves.
+        pub area: Option<Decimal> [0.0..=1.0],
+        /// Where on the frame a curve may end.
+        pub ends: Ends = Ends::Opposite,
+    }
+}
+
+impl FamilyParameters for Parameters {
+    const NAME: &'static str = "bezier";
+
+    fn groups(&self) -> Result<Vec<Group>, Refusal> {
+        let family = Bezier::new(self.area.map(Decimal::to_f64), self.ends).map_err(Refusal::of("area"))?;
+        Ok(self.one_group(self.count, Box::new(family)))
+    }
 }
 
 /// Patterns with one side of a Bézier curve active.
@@ -59,12 +81,6 @@ impl Bezier {
         })
     }
 
-    /// Sample `index` under a seed.
-    #[must_use]
-    pub fn sample(&self, seed: u64, index: u64) -> Pattern {
-        self.drawn(&mut Stream::new(seed, "bezier", index))
-    }
-
     /// The pattern that a stream draws next.
     pub(super) fn drawn(&self, stream: &mut Stream) -> Pattern {
         let curve = drawn_curve(self.ends, stream);
@@ -73,6 +89,16 @@ impl Bezier {
             active = shifted_to(count, &curve, &active);
         }
         Pattern::from_fn(|x, y| active[y * CELLS + x])
+    }
+}
+
+impl Family for Bezier {
+    fn name(&self) -> &'static str {
+        Parameters::NAME
+    }
+
+    fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {
+        Ok(self.drawn(&mut Stream::new(seed, "bezier", index)))
     }
 }
 
@@ -132,7 +158,7 @@ mod tests {
     }
 
     fn family(area: Option<f64>) -> Bezier {
-        Bezier::new(area, Ends::default()).unwrap()
+        Bezier::new(area, Ends::Opposite).unwrap()
     }
 
     #[test]
@@ -171,7 +197,7 @@ mod tests {
     fn the_boundary_runs_through_the_centre() {
         let family = family(None);
         for index in 0..200 {
-            let pattern = family.sample(4, index);
+            let pattern = family.sample(4, index).unwrap();
             // Some cell within three of the centre differs from another: the boundary is there.
             let near: Vec<bool> = (22..28)
                 .flat_map(|y| (22..28).map(move |x| (x, y)))
@@ -184,9 +210,14 @@ mod tests {
     #[test]
     fn either_side_is_active_equally_often() {
         let family = family(None);
-        let mean = (0..1000).map(|i| family.sample(9, i).area_fraction()).sum::<f64>() / 1000.0;
+        let mean = (0..1000)
+            .map(|i| family.sample(9, i).unwrap().area_fraction())
+            .sum::<f64>()
+            / 1000.0;
         assert!((mean - 0.5).abs() < 0.03, "mean area fraction {mean}");
-        let corner = (0..1000).filter(|&i| family.sample(9, i).is_active(0, 0)).count();
+        let corner = (0..1000)
+            .filter(|&i| family.sample(9, i).unwrap().is_active(0, 0))
+            .count();
         assert!((440..=560).contains(&corner), "{corner} of 1000 have the corner active");
     }
 
@@ -196,7 +227,7 @@ mod tests {
         for (area, cells) in [(0.5, 1250), (0.05, 125), (0.95, 2375)] {
             let family = family(Some(area));
             for index in 0..30 {
-                let (pattern, at_centre) = (family.sample(4, index), free.sample(4, index));
+                let (pattern, at_centre) = (family.sample(4, index).unwrap(), free.sample(4, index).unwrap());
                 assert_eq!(pattern.active_cells(), cells);
                 // A shift only adds or only removes cells.
                 let added = pattern

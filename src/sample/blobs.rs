@@ -6,8 +6,10 @@
 //! highest cells are active, as many as an area fraction asks for that is drawn from a range, [0.3, 0.7] unless another is
 //! given. The noise goes on beyond the frame, so the field is the same everywhere.
 
-use super::areas::{Areas, highest};
-use crate::base::Stream;
+use super::areas::{AreaFractions, Areas, highest};
+use super::error::SampleError;
+use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
+use crate::base::{Stream, parameters};
 use crate::pattern::{CELLS, Pattern};
 
 /// Standard deviation of the Gaussian, in cells.
@@ -16,6 +18,25 @@ const LENGTH: [f64; 2] = [1.0, 9.0];
 /// Where the Gaussian is cut off, in standard deviations: what is beyond is below 0.3 % of it.
 const REACH: f64 = 3.0;
 
+parameters! {
+    /// Islands and holes of any size: where a smooth random field is high.
+    pub struct Parameters as "a blobs sample" {
+        /// Patterns to draw.
+        pub count: u64 [1..=MOST_SAMPLES],
+        /// Area fraction of the electrode, or smallest and largest to draw from.
+        pub area: AreaFractions = [0.3, 0.7],
+    }
+}
+
+impl FamilyParameters for Parameters {
+    const NAME: &'static str = "blobs";
+
+    fn groups(&self) -> Result<Vec<Group>, Refusal> {
+        let family = Blobs::new(self.area.areas()?);
+        Ok(self.one_group(self.count, Box::new(family)))
+    }
+}
+
 /// Patterns of islands and holes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Blobs {
@@ -23,25 +44,24 @@ pub struct Blobs {
 }
 
 impl Blobs {
-    /// Area fractions that are drawn from unless others are given.
-    pub const AREAS: Areas = Areas::between(0.3, 0.7);
-
-    /// The family; at area fractions of a range, or of [`Blobs::AREAS`].
+    /// The family at area fractions of a range.
     #[must_use]
-    pub fn new(areas: Option<Areas>) -> Self {
-        Self {
-            areas: areas.unwrap_or(Self::AREAS),
-        }
+    pub fn new(areas: Areas) -> Self {
+        Self { areas }
+    }
+}
+
+impl Family for Blobs {
+    fn name(&self) -> &'static str {
+        Parameters::NAME
     }
 
-    /// Sample `index` under a seed.
-    #[must_use]
-    pub fn sample(&self, seed: u64, index: u64) -> Pattern {
+    fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {
         let mut stream = Stream::new(seed, "blobs", index);
         let length = stream.range(LENGTH[0].ln(), LENGTH[1].ln()).exp();
         let area = self.areas.drawn(&mut stream);
         let field = smoothed(length, &mut stream);
-        highest(area, |x, y| field[y as usize * CELLS + x as usize])
+        Ok(highest(area, |x, y| field[y as usize * CELLS + x as usize]))
     }
 }
 
@@ -67,7 +87,11 @@ mod tests {
     use super::*;
 
     fn usual() -> Blobs {
-        Blobs::new(None)
+        Blobs::new(Areas::new(0.3, 0.7).unwrap())
+    }
+
+    fn drawn(family: &Blobs, seed: u64, index: u64) -> Pattern {
+        family.sample(seed, index).unwrap()
     }
 
     #[test]
@@ -90,25 +114,25 @@ mod tests {
 
     #[test]
     fn areas_cover_the_range_and_a_single_one_is_met_exactly() {
-        let areas: Vec<f64> = (0..200).map(|i| usual().sample(5, i).area_fraction()).collect();
+        let areas: Vec<f64> = (0..200).map(|i| drawn(&usual(), 5, i).area_fraction()).collect();
         assert!(areas.iter().all(|area| (0.3..=0.7).contains(area)));
         let mean = areas.iter().sum::<f64>() / 200.0;
         // Uniform: mean 0.5, standard deviation 0.1155.
         assert!((mean - 0.5).abs() < 4.0 * 0.1155 / 200f64.sqrt(), "{mean}");
-        let few = Blobs::new(Some(Areas::new(0.05, 0.05).unwrap()));
-        assert!((0..20).all(|i| few.sample(1, i).active_cells() == 125));
+        let few = Blobs::new(Areas::new(0.05, 0.05).unwrap());
+        assert!((0..20).all(|i| drawn(&few, 1, i).active_cells() == 125));
     }
 
     #[test]
     fn samples_stay_what_they_are() {
-        let cells: Vec<usize> = (0..6).map(|i| usual().sample(5, i).active_cells()).collect();
+        let cells: Vec<usize> = (0..6).map(|i| drawn(&usual(), 5, i).active_cells()).collect();
         assert_eq!(cells, [1482, 1475, 760, 1727, 1262, 979]);
     }
 
     #[test]
     fn a_sample_is_named_by_seed_and_index() {
-        assert_eq!(usual().sample(1, 7), usual().sample(1, 7));
-        assert_ne!(usual().sample(1, 7), usual().sample(1, 8));
-        assert_ne!(usual().sample(1, 7), usual().sample(2, 7));
+        assert_eq!(drawn(&usual(), 1, 7), drawn(&usual(), 1, 7));
+        assert_ne!(drawn(&usual(), 1, 7), drawn(&usual(), 1, 8));
+        assert_ne!(drawn(&usual(), 1, 7), drawn(&usual(), 2, 7));
     }
 }

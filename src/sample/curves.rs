@@ -10,8 +10,10 @@
 
 use std::f64::consts::{PI, TAU};
 
-use super::areas::{Areas, highest};
-use crate::base::Stream;
+use super::areas::{AreaFractions, Areas, highest};
+use super::error::SampleError;
+use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
+use crate::base::{Stream, parameters};
 use crate::pattern::{CELLS, Pattern};
 
 /// Waves of a curve.
@@ -22,6 +24,25 @@ const AMPLITUDE: f64 = 8.0;
 
 /// How far from the centre a curve lies at most, but for its waves, in cells.
 const OFFSET: f64 = 12.0;
+
+parameters! {
+    /// Regions bounded by one to three smooth random curves.
+    pub struct Parameters as "a curves sample" {
+        /// Patterns to draw.
+        pub count: u64 [1..=MOST_SAMPLES],
+        /// Area fraction of the electrode, or smallest and largest; unless it is given, what the curves leave.
+        pub area: Option<AreaFractions>,
+    }
+}
+
+impl FamilyParameters for Parameters {
+    const NAME: &'static str = "curves";
+
+    fn groups(&self) -> Result<Vec<Group>, Refusal> {
+        let family = Curves::new(self.area.map(|area| area.areas()).transpose()?);
+        Ok(self.one_group(self.count, Box::new(family)))
+    }
+}
 
 /// Patterns bounded by curves.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -70,10 +91,14 @@ impl Curves {
     pub fn new(areas: Option<Areas>) -> Self {
         Self { areas }
     }
+}
 
-    /// Sample `index` under a seed.
-    #[must_use]
-    pub fn sample(&self, seed: u64, index: u64) -> Pattern {
+impl Family for Curves {
+    fn name(&self) -> &'static str {
+        Parameters::NAME
+    }
+
+    fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {
         let mut stream = Stream::new(seed, "curves", index);
         let curves: Vec<Graph> = (0..1 + stream.index(3)).map(|_| Graph::drawn(&mut stream)).collect();
         // Its sign says whether a cell is active, its size how far it is from the nearest curve.
@@ -84,10 +109,10 @@ impl Curves {
             });
             if odd { nearest } else { -nearest }
         };
-        match &self.areas {
+        Ok(match &self.areas {
             Some(areas) => highest(areas.drawn(&mut stream), level),
             None => Pattern::from_fn(|x, y| level(x as f64 + 0.5, y as f64 + 0.5) > 0.0),
-        }
+        })
     }
 }
 
@@ -99,11 +124,15 @@ mod tests {
         Curves::new(None)
     }
 
+    fn drawn(family: &Curves, seed: u64, index: u64) -> Pattern {
+        family.sample(seed, index).unwrap()
+    }
+
     #[test]
     fn boundaries_are_few_and_smooth() {
         // Each curve crosses a row of cells a few times; single cells would change every second time.
         for index in 0..200 {
-            let pattern = usual().sample(4, index);
+            let pattern = drawn(&usual(), 4, index);
             let pairs = (0..CELLS).flat_map(|y| (1..CELLS).map(move |x| (x, y)));
             let changes = pairs.filter(|&(x, y)| pattern.is_active(x, y) != pattern.is_active(x - 1, y));
             let changes = changes.count();
@@ -113,7 +142,7 @@ mod tests {
 
     #[test]
     fn areas_are_free_or_as_wanted() {
-        let areas: Vec<f64> = (0..300).map(|i| usual().sample(5, i).area_fraction()).collect();
+        let areas: Vec<f64> = (0..300).map(|i| drawn(&usual(), 5, i).area_fraction()).collect();
         let mean = areas.iter().sum::<f64>() / 300.0;
         let spread = (areas.iter().map(|a| (a - mean).powi(2)).sum::<f64>() / 300.0).sqrt();
         assert!(
@@ -121,27 +150,27 @@ mod tests {
             "{mean} ± {spread}"
         );
         let tenth = Curves::new(Some(Areas::new(0.1, 0.1).unwrap()));
-        assert!((0..20).all(|i| tenth.sample(1, i).active_cells() == 250));
+        assert!((0..20).all(|i| drawn(&tenth, 1, i).active_cells() == 250));
     }
 
     #[test]
     fn an_area_moves_the_curves_and_keeps_their_form() {
         // What is active at a smaller area stays active at a larger one.
-        let [small, large] = [0.3, 0.6].map(|a| Curves::new(Some(Areas::new(a, a).unwrap())).sample(6, 3));
+        let [small, large] = [0.3, 0.6].map(|a| drawn(&Curves::new(Some(Areas::new(a, a).unwrap())), 6, 3));
         let cells = small.cells().iter().zip(large.cells());
         assert!(cells.into_iter().all(|(few, many)| few <= many));
     }
 
     #[test]
     fn samples_stay_what_they_are() {
-        let cells: Vec<usize> = (0..6).map(|i| usual().sample(5, i).active_cells()).collect();
+        let cells: Vec<usize> = (0..6).map(|i| drawn(&usual(), 5, i).active_cells()).collect();
         assert_eq!(cells, [1036, 1648, 1680, 1482, 641, 979]);
     }
 
     #[test]
     fn a_sample_is_named_by_seed_and_index() {
-        assert_eq!(usual().sample(1, 7), usual().sample(1, 7));
-        assert_ne!(usual().sample(1, 7), usual().sample(1, 8));
-        assert_ne!(usual().sample(1, 7), usual().sample(2, 7));
+        assert_eq!(drawn(&usual(), 1, 7), drawn(&usual(), 1, 7));
+        assert_ne!(drawn(&usual(), 1, 7), drawn(&usual(), 1, 8));
+        assert_ne!(drawn(&usual(), 1, 7), drawn(&usual(), 2, 7));
     }
 }

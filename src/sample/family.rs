@@ -1,71 +1,168 @@
-//! One face for all families, so that whoever draws samples need not know which family they come from.
+//! What a family of patterns is, and the table of those that there are.
+//!
+//! A family stands in one file: its parameters, declared once, and how a sample is drawn. The table names it; readers,
+//! schemas and stages work with any table, so a program may add families of its own to these.
 
-use super::area_sweep::AreaSweep;
-use super::bezier::Bezier;
-use super::blobs::Blobs;
-use super::curves::Curves;
+use std::fmt;
+use std::marker::PhantomData;
+
 use super::error::SampleError;
-use super::large_grid::LargeGrid;
-use super::small_grid::SmallGrid;
-use super::stripes::Stripes;
+use crate::base::{Canonical, Declared, Fields, InputError, Map, Node};
 use crate::pattern::Pattern;
 
 /// A family of electrode patterns with its parameters.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Family {
-    /// Every cell for itself.
-    SmallGrid(SmallGrid),
-    /// N × N units.
-    LargeGrid(LargeGrid),
-    /// One side of a Bézier curve.
-    Bezier(Bezier),
-    /// Several forms at drawn area fractions.
-    AreaSweep(AreaSweep),
-    /// Parallel bands.
-    Stripes(Stripes),
-    /// Islands and holes.
-    Blobs(Blobs),
-    /// Regions bounded by smooth curves.
-    Curves(Curves),
-}
-
-impl Family {
+pub trait Family: fmt::Debug + Send + Sync {
     /// The word that stands in pipelines and files.
-    #[must_use]
-    pub fn name(&self) -> &'static str {
-        match self {
-            Self::SmallGrid(_) => "small-grid",
-            Self::LargeGrid(_) => "large-grid",
-            Self::Bezier(_) => "bezier",
-            Self::AreaSweep(_) => "area-sweep",
-            Self::Stripes(_) => "stripes",
-            Self::Blobs(_) => "blobs",
-            Self::Curves(_) => "curves",
-        }
-    }
-
-    /// How many samples there are; `None` when there is no end to them.
-    #[must_use]
-    pub fn available(&self) -> Option<u64> {
-        match self {
-            Self::LargeGrid(family) => family.available(),
-            _ => None,
-        }
-    }
+    fn name(&self) -> &'static str;
 
     /// Sample `index` under a seed: a function of the family, its parameters, the seed and the index alone.
     ///
     /// # Errors
     /// When the family has no more than `index` samples.
-    pub fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {
-        match self {
-            Self::SmallGrid(family) => Ok(family.sample(seed, index)),
-            Self::LargeGrid(family) => family.sample(seed, index),
-            Self::Bezier(family) => Ok(family.sample(seed, index)),
-            Self::AreaSweep(family) => family.sample(seed, index),
-            Self::Stripes(family) => Ok(family.sample(seed, index)),
-            Self::Blobs(family) => Ok(family.sample(seed, index)),
-            Self::Curves(family) => Ok(family.sample(seed, index)),
-        }
+    fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError>;
+
+    /// How many samples there are; `None` when there is no end to them.
+    fn available(&self) -> Option<u64> {
+        None
     }
+
+    /// Units across the membrane, where patterns are made of units; 0 elsewhere.
+    fn units(&self) -> u64 {
+        0
+    }
+}
+
+/// More samples than this in one stage are a slip of the pen.
+pub const MOST_SAMPLES: u64 = 10_000_000;
+
+/// Samples of a family with one set of parameters.
+#[derive(Debug)]
+pub struct Group {
+    /// The family.
+    pub family: Box<dyn Family>,
+    /// How many samples.
+    pub count: u64,
+    /// The parameters that distinguish the group within its family, for keys.
+    pub parameters: Vec<(&'static str, Canonical)>,
+}
+
+/// Parameters that no family can be made of.
+#[derive(Debug)]
+pub struct Refusal {
+    /// The key that is to blame.
+    pub key: &'static str,
+    /// Why.
+    pub error: SampleError,
+}
+
+impl Refusal {
+    /// Blames a key.
+    pub fn of(key: &'static str) -> impl Fn(SampleError) -> Self {
+        move |error| Self { key, error }
+    }
+}
+
+/// The declared parameters of a family, as a stage gives them.
+pub trait FamilyParameters: Declared {
+    /// The word after `family:`.
+    const NAME: &'static str;
+
+    /// What is to be drawn.
+    ///
+    /// # Errors
+    /// When a value leaves nothing to draw.
+    fn groups(&self) -> Result<Vec<Group>, Refusal>;
+
+    /// A single group: all parameters but the count distinguish it.
+    fn one_group(&self, count: u64, family: Box<dyn Family>) -> Vec<Group> {
+        let mut parameters = Vec::new();
+        self.entries(&mut parameters);
+        parameters.retain(|(key, _)| *key != "count");
+        vec![Group {
+            family,
+            count,
+            parameters,
+        }]
+    }
+}
+
+/// An entry of the table of families.
+pub trait FamilyEntry: Sync {
+    /// The word after `family:`.
+    fn name(&self) -> &'static str;
+
+    /// Its keys.
+    fn keys(&self) -> Vec<&'static str>;
+
+    /// What its keys may hold.
+    fn fields(&self) -> Fields;
+
+    /// Reads its keys from a mapping that may have `others` beside them.
+    ///
+    /// # Errors
+    /// When a key is unknown or missing, or a value leaves nothing to draw.
+    fn read(&self, node: &Node, others: &[&str]) -> Result<Vec<Group>, InputError>;
+}
+
+/// The entry of a family by its parameters.
+pub struct Entry<P>(PhantomData<fn() -> P>);
+
+impl<P> Entry<P> {
+    /// The entry.
+    pub const NEW: Self = Self(PhantomData);
+}
+
+impl<P: FamilyParameters> FamilyEntry for Entry<P> {
+    fn name(&self) -> &'static str {
+        P::NAME
+    }
+
+    fn keys(&self) -> Vec<&'static str> {
+        P::keys()
+    }
+
+    fn fields(&self) -> Fields {
+        P::fields()
+    }
+
+    fn read(&self, node: &Node, others: &[&str]) -> Result<Vec<Group>, InputError> {
+        let parameters = P::read_with(node, others)?;
+        parameters
+            .groups()
+            .map_err(|refusal| node.peek(refusal.key).unwrap_or(node).error(refusal.error.to_string()))
+    }
+}
+
+/// The families that there are.
+pub static FAMILIES: &[&dyn FamilyEntry] = &[
+    &Entry::<super::small_grid::Parameters>::NEW,
+    &Entry::<super::large_grid::Parameters>::NEW,
+    &Entry::<super::bezier::Parameters>::NEW,
+    &Entry::<super::area_sweep::Parameters>::NEW,
+    &Entry::<super::stripes::Parameters>::NEW,
+    &Entry::<super::blobs::Parameters>::NEW,
+    &Entry::<super::curves::Parameters>::NEW,
+];
+
+/// Reads the samples that a mapping with the key `family` asks for, from a table of families, and gives the mapping too:
+/// `others` may stand beside the keys of the family.
+///
+/// # Errors
+/// When it names none of the families, or as [`FamilyEntry::read`].
+pub fn read_family<'n>(
+    table: &[&dyn FamilyEntry],
+    node: &'n Node,
+    what: &str,
+    others: &[&str],
+) -> Result<(Map<'n>, Vec<Group>), InputError> {
+    let names: Vec<&str> = table.iter().map(|entry| entry.name()).collect();
+    // First the keys of all families, so that a misspelt `family` is told from a missing one; then those of the family.
+    let others: Vec<&str> = ["family"].into_iter().chain(others.iter().copied()).collect();
+    let mut keys = others.clone();
+    keys.extend(table.iter().flat_map(|entry| entry.keys()));
+    let map = node.fields(what, &keys)?;
+    let name = map.required(what, "family")?.word("family", &names)?;
+    let entry = table.iter().find(|entry| entry.name() == name);
+    let groups = entry.map_or_else(|| Ok(Vec::new()), |entry| entry.read(node, &others))?;
+    Ok((map, groups))
 }

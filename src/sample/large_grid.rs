@@ -6,8 +6,73 @@
 
 use super::combination::{binomial, permuted, subset};
 use super::error::SampleError;
-use crate::base::Stream;
+use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
+use crate::base::{Canonical, InputError, Node, Parameter, Schema, Stream, parameters};
 use crate::pattern::{CELLS, Pattern};
+
+/// Several numbers of units across the membrane. Their order means nothing.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct UnitNumbers(Vec<u64>);
+
+impl Parameter for UnitNumbers {
+    type Limits = ();
+    type Literal = Vec<u64>;
+
+    fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
+        let mut numbers = Vec::new();
+        for item in node.list(key)? {
+            let n = item.whole(key, 2, CELLS as u64)?;
+            if numbers.contains(&n) {
+                return Err(item.error(format!("`{key}` names {n} twice")));
+            }
+            numbers.push(n);
+        }
+        if numbers.is_empty() {
+            return Err(node.error(format!("`{key}` is empty")).help("for example [2, 3, 4]"));
+        }
+        numbers.sort_unstable();
+        Ok(Self(numbers))
+    }
+
+    fn canonical(&self) -> Option<Canonical> {
+        Some(self.0.iter().copied().map(Canonical::from).collect())
+    }
+
+    fn schema((): &()) -> Schema {
+        Schema::list(Schema::whole(2, CELLS as u64), 1, usize::MAX).distinct()
+    }
+
+    fn literal(literal: Vec<u64>) -> Self {
+        Self(literal)
+    }
+}
+
+parameters! {
+    /// Patterns of N × N units that are on or off as a whole.
+    pub struct Parameters as "a large-grid sample" {
+        /// Units across the membrane, such as [2, 3, 4].
+        pub units: UnitNumbers,
+        /// Patterns of each number of units; all where there are fewer.
+        pub count_per_units: u64 [1..=MOST_SAMPLES],
+    }
+}
+
+impl FamilyParameters for Parameters {
+    const NAME: &'static str = "large-grid";
+
+    fn groups(&self) -> Result<Vec<Group>, Refusal> {
+        let group = |&n: &u64| {
+            let family = LargeGrid::new(n as usize).map_err(Refusal::of("units"))?;
+            let most = family.available().unwrap_or(u64::MAX);
+            Ok(Group {
+                family: Box::new(family),
+                count: self.count_per_units.min(most),
+                parameters: vec![("units", n.into())],
+            })
+        };
+        self.units.0.iter().map(group).collect()
+    }
+}
 
 /// Patterns of N × N units, half of them on. Cell i lies in unit floor(i · N / 50).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -28,38 +93,6 @@ impl LargeGrid {
         }
     }
 
-    /// Units across the membrane.
-    #[must_use]
-    pub fn units(&self) -> usize {
-        self.units
-    }
-
-    /// How many patterns there are; `None` when they are too many to number in 64 bits (9 × 9 and more). Up to that,
-    /// samples are distinct and reach every pattern; beyond, a repetition has odds below 1e-14 in 10,000 samples.
-    #[must_use]
-    pub fn available(&self) -> Option<u64> {
-        self.with_lower_count()?.checked_mul(1 + (self.total() as u64) % 2)
-    }
-
-    /// Sample `index` under a seed.
-    ///
-    /// # Errors
-    /// When there are no more than `index` patterns.
-    pub fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {
-        let purpose = format!("large-grid {}", self.units);
-        let on = match (self.available(), self.with_lower_count()) {
-            (Some(available), Some(lower)) => {
-                if index >= available {
-                    return Err(SampleError::Exhausted { index, available });
-                }
-                let rank = permuted(available, seed, &purpose, index);
-                subset(self.total(), self.total() / 2 + (rank / lower) as usize, rank % lower)
-            }
-            _ => self.drawn(&mut Stream::new(seed, &purpose, index)),
-        };
-        Ok(pattern_of_units(self.units, &on))
-    }
-
     fn total(&self) -> usize {
         self.units * self.units
     }
@@ -78,6 +111,37 @@ impl LargeGrid {
             on[unit] = true;
         }
         on
+    }
+}
+
+impl Family for LargeGrid {
+    fn name(&self) -> &'static str {
+        Parameters::NAME
+    }
+
+    fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {
+        let purpose = format!("large-grid {}", self.units);
+        let on = match (self.available(), self.with_lower_count()) {
+            (Some(available), Some(lower)) => {
+                if index >= available {
+                    return Err(SampleError::Exhausted { index, available });
+                }
+                let rank = permuted(available, seed, &purpose, index);
+                subset(self.total(), self.total() / 2 + (rank / lower) as usize, rank % lower)
+            }
+            _ => self.drawn(&mut Stream::new(seed, &purpose, index)),
+        };
+        Ok(pattern_of_units(self.units, &on))
+    }
+
+    /// `None` when they are too many to number in 64 bits (9 × 9 and more). Up to that, samples are distinct and reach every
+    /// pattern; beyond, a repetition has odds below 1e-14 in 10,000 samples.
+    fn available(&self) -> Option<u64> {
+        self.with_lower_count()?.checked_mul(1 + (self.total() as u64) % 2)
+    }
+
+    fn units(&self) -> u64 {
+        self.units as u64
     }
 }
 

@@ -4,8 +4,28 @@
 //! the 2500 cells, chosen at random. The area fraction is a parameter here.
 
 use super::error::{SampleError, cells_at};
-use crate::base::Stream;
+use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
+use crate::base::{Decimal, Stream, parameters};
 use crate::pattern::{CELLS, Pattern};
+
+parameters! {
+    /// Patterns of which every cell stands for itself.
+    pub struct Parameters as "a small-grid sample" {
+        /// Patterns to draw.
+        pub count: u64 [1..=MOST_SAMPLES],
+        /// Area fraction of the electrode.
+        pub area: Decimal [0.0..=1.0] = 0.5,
+    }
+}
+
+impl FamilyParameters for Parameters {
+    const NAME: &'static str = "small-grid";
+
+    fn groups(&self) -> Result<Vec<Group>, Refusal> {
+        let family = SmallGrid::new(self.area.to_f64()).map_err(Refusal::of("area"))?;
+        Ok(self.one_group(self.count, Box::new(family)))
+    }
+}
 
 /// Patterns with a fixed number of active cells, each such pattern equally likely.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,12 +44,6 @@ impl SmallGrid {
         })
     }
 
-    /// Sample `index` under a seed.
-    #[must_use]
-    pub fn sample(&self, seed: u64, index: u64) -> Pattern {
-        self.drawn(&mut Stream::new(seed, "small-grid", index))
-    }
-
     /// The pattern that a stream draws next.
     pub(super) fn drawn(&self, stream: &mut Stream) -> Pattern {
         let mut active = vec![false; CELLS * CELLS];
@@ -37,6 +51,16 @@ impl SmallGrid {
             active[cell] = true;
         }
         Pattern::from_fn(|x, y| active[y * CELLS + x])
+    }
+}
+
+impl Family for SmallGrid {
+    fn name(&self) -> &'static str {
+        Parameters::NAME
+    }
+
+    fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {
+        Ok(self.drawn(&mut Stream::new(seed, "small-grid", index)))
     }
 }
 
@@ -49,7 +73,7 @@ mod tests {
         for (area, cells) in [(0.5, 1250), (0.05, 125), (0.9996, 2499)] {
             let family = SmallGrid::new(area).unwrap();
             for index in 0..20 {
-                assert_eq!(family.sample(1, index).active_cells(), cells);
+                assert_eq!(family.sample(1, index).unwrap().active_cells(), cells);
             }
         }
     }
@@ -60,7 +84,7 @@ mod tests {
         let draws = 400;
         let mut counts = vec![0.0; CELLS * CELLS];
         for index in 0..draws {
-            for (count, &cell) in counts.iter_mut().zip(family.sample(5, index).cells()) {
+            for (count, &cell) in counts.iter_mut().zip(family.sample(5, index).unwrap().cells()) {
                 *count += f64::from(cell);
             }
         }

@@ -7,12 +7,33 @@
 
 use std::f64::consts::{PI, TAU};
 
-use super::areas::{Areas, highest};
-use crate::base::Stream;
+use super::areas::{AreaFractions, Areas, highest};
+use super::error::SampleError;
+use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
+use crate::base::{Stream, parameters};
 use crate::pattern::Pattern;
 
 /// Period of the bands, in cells.
 const PERIOD: [f64; 2] = [3.0, 40.0];
+
+parameters! {
+    /// Parallel bands at any angle and period.
+    pub struct Parameters as "a stripes sample" {
+        /// Patterns to draw.
+        pub count: u64 [1..=MOST_SAMPLES],
+        /// Area fraction of the electrode, or smallest and largest to draw from.
+        pub area: AreaFractions = [0.2, 0.8],
+    }
+}
+
+impl FamilyParameters for Parameters {
+    const NAME: &'static str = "stripes";
+
+    fn groups(&self) -> Result<Vec<Group>, Refusal> {
+        let family = Stripes::new(self.area.areas()?);
+        Ok(self.one_group(self.count, Box::new(family)))
+    }
+}
 
 /// Patterns of parallel bands.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,26 +42,26 @@ pub struct Stripes {
 }
 
 impl Stripes {
-    /// Area fractions that are drawn from unless others are given.
-    pub const AREAS: Areas = Areas::between(0.2, 0.8);
-
-    /// The family; at area fractions of a range, or of [`Stripes::AREAS`].
+    /// The family at area fractions of a range.
     #[must_use]
-    pub fn new(areas: Option<Areas>) -> Self {
-        Self {
-            areas: areas.unwrap_or(Self::AREAS),
-        }
+    pub fn new(areas: Areas) -> Self {
+        Self { areas }
+    }
+}
+
+impl Family for Stripes {
+    fn name(&self) -> &'static str {
+        Parameters::NAME
     }
 
-    /// Sample `index` under a seed.
-    #[must_use]
-    pub fn sample(&self, seed: u64, index: u64) -> Pattern {
+    fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {
         let mut stream = Stream::new(seed, "stripes", index);
         let (sine, cosine) = stream.range(0.0, PI).sin_cos();
         let period = stream.range(PERIOD[0], PERIOD[1]);
         let phase = stream.range(0.0, TAU);
         let area = self.areas.drawn(&mut stream);
-        highest(area, |x, y| ((cosine * x + sine * y) * TAU / period + phase).cos())
+        let level = |x: f64, y: f64| ((cosine * x + sine * y) * TAU / period + phase).cos();
+        Ok(highest(area, level))
     }
 }
 
@@ -50,25 +71,29 @@ mod tests {
     use crate::pattern::CELLS;
 
     fn usual() -> Stripes {
-        Stripes::new(None)
+        Stripes::new(Areas::new(0.2, 0.8).unwrap())
+    }
+
+    fn drawn(family: &Stripes, seed: u64, index: u64) -> Pattern {
+        family.sample(seed, index).unwrap()
     }
 
     #[test]
     fn areas_cover_the_range_and_a_single_one_is_met_exactly() {
-        let areas: Vec<f64> = (0..300).map(|i| usual().sample(5, i).area_fraction()).collect();
+        let areas: Vec<f64> = (0..300).map(|i| drawn(&usual(), 5, i).area_fraction()).collect();
         assert!(areas.iter().all(|area| (0.2..=0.8).contains(area)));
         let mean = areas.iter().sum::<f64>() / 300.0;
         // Uniform: mean 0.5, standard deviation 0.1732.
         assert!((mean - 0.5).abs() < 4.0 * 0.1732 / 300f64.sqrt(), "{mean}");
-        let fifth = Stripes::new(Some(Areas::new(0.2, 0.2).unwrap()));
-        assert!((0..20).all(|i| fifth.sample(1, i).active_cells() == 500));
+        let fifth = Stripes::new(Areas::new(0.2, 0.2).unwrap());
+        assert!((0..20).all(|i| drawn(&fifth, 1, i).active_cells() == 500));
     }
 
     #[test]
     fn bands_are_straight_and_parallel() {
         // Two cells whose offset is along the bands, to a tenth of a cell, have the same state but at the edge of a band.
         for index in 0..40 {
-            let pattern = usual().sample(2, index);
+            let pattern = drawn(&usual(), 2, index);
             let mut stream = Stream::new(2, "stripes", index);
             let (sine, cosine) = stream.range(0.0, PI).sin_cos();
             let steps = (1..CELLS).map(|n| n as f64).map(|n| (-sine * n, cosine * n));
@@ -96,14 +121,14 @@ mod tests {
 
     #[test]
     fn samples_stay_what_they_are() {
-        let cells: Vec<usize> = (0..6).map(|i| usual().sample(5, i).active_cells()).collect();
+        let cells: Vec<usize> = (0..6).map(|i| drawn(&usual(), 5, i).active_cells()).collect();
         assert_eq!(cells, [1034, 1603, 1340, 699, 541, 1618]);
     }
 
     #[test]
     fn a_sample_is_named_by_seed_and_index() {
-        assert_eq!(usual().sample(1, 7), usual().sample(1, 7));
-        assert_ne!(usual().sample(1, 7), usual().sample(1, 8));
-        assert_ne!(usual().sample(1, 7), usual().sample(2, 7));
+        assert_eq!(drawn(&usual(), 1, 7), drawn(&usual(), 1, 7));
+        assert_ne!(drawn(&usual(), 1, 7), drawn(&usual(), 1, 8));
+        assert_ne!(drawn(&usual(), 1, 7), drawn(&usual(), 2, 7));
     }
 }

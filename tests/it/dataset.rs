@@ -10,13 +10,13 @@ use deaflow::sample::{AreaSweep, Bezier, Ends, Family, LargeGrid, SmallGrid};
 use deaflow::scene::Scene;
 
 fn drawn() -> Vec<Pattern> {
-    let families = [
-        Family::SmallGrid(SmallGrid::new(0.5).unwrap()),
-        Family::LargeGrid(LargeGrid::new(7).unwrap()),
-        Family::Bezier(Bezier::new(None, Ends::Opposite).unwrap()),
-        Family::AreaSweep(AreaSweep::new(0.05, 0.95).unwrap()),
+    let families: [&dyn Family; 4] = [
+        &SmallGrid::new(0.5).unwrap(),
+        &LargeGrid::new(7).unwrap(),
+        &Bezier::new(None, Ends::Opposite).unwrap(),
+        &AreaSweep::new(0.05, 0.95).unwrap(),
     ];
-    let sample = |family: &Family| family.sample(3, 1).unwrap();
+    let sample = |family: &&dyn Family| family.sample(3, 1).unwrap();
     families.iter().map(sample).collect()
 }
 

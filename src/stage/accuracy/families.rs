@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use crate::base::Stream;
 use crate::pattern::{CELLS, Pattern};
-use crate::sample::{Bezier, Ends, Family, LargeGrid, SampleError, SmallGrid};
+use crate::sample::{Areas, Bezier, Ends, Family, LargeGrid, SampleError, SmallGrid, Stripes};
 
 /// Patterns by the name of their family.
 pub type Families = BTreeMap<String, Vec<Pattern>>;
@@ -17,19 +17,26 @@ pub fn given(patterns: Vec<Pattern>) -> Families {
 /// Units across the membrane of the large grids, as in the source paper.
 const UNITS: [usize; 9] = [2, 3, 4, 5, 6, 7, 8, 9, 10];
 
-/// So many patterns of each family under a seed: small grids, large grids of 2 to 10 units, Bézier curves, stripes of 1 to
-/// 12 cells, and single cells. Of large grids there may be fewer, since not all have so many patterns.
+/// Area fractions of stripes.
+const STRIPED: [f64; 2] = [0.4, 0.6];
+
+/// So many patterns of each family under a seed: small grids, large grids of 2 to 10 units, Bézier curves, stripes, and single
+/// cells. Of large grids there may be fewer, since not all have so many patterns.
 ///
 /// # Errors
 /// When a family refuses, which it does not for these parameters.
 pub fn drawn(count: u64, seed: u64) -> Result<Families, SampleError> {
-    let of_family =
-        |family: Family| -> Result<Vec<Pattern>, SampleError> { (0..count).map(|i| family.sample(seed, i)).collect() };
+    let of_family = |family: &dyn Family| -> Result<Vec<Pattern>, SampleError> {
+        (0..count).map(|i| family.sample(seed, i)).collect()
+    };
     let families = [
-        ("small-grid", of_family(Family::SmallGrid(SmallGrid::new(0.5)?))?),
+        ("small-grid", of_family(&SmallGrid::new(0.5)?)?),
         ("large-grid", large_grids(count, seed)?),
-        ("bezier", of_family(Family::Bezier(Bezier::new(None, Ends::Opposite)?))?),
-        ("stripes", (0..count).map(|i| stripes(seed, i)).collect()),
+        ("bezier", of_family(&Bezier::new(None, Ends::Opposite)?)?),
+        (
+            "stripes",
+            of_family(&Stripes::new(Areas::new(STRIPED[0], STRIPED[1])?))?,
+        ),
         ("single-cell", (0..count).map(|i| single_cell(seed, i)).collect()),
     ];
     Ok(families
@@ -48,13 +55,6 @@ fn large_grids(count: u64, seed: u64) -> Result<Vec<Pattern>, SampleError> {
         }
     }
     Ok(patterns)
-}
-
-fn stripes(seed: u64, index: u64) -> Pattern {
-    let mut stream = Stream::new(seed, "stripes", index);
-    let (width, upright) = (1 + index as usize % 12, stream.chance(0.5));
-    let shift = stream.index(2 * width);
-    Pattern::from_fn(|x, y| ((if upright { x } else { y } + shift) / width).is_multiple_of(2))
 }
 
 fn single_cell(seed: u64, index: u64) -> Pattern {
