@@ -142,6 +142,7 @@ pub static FAMILIES: &[&dyn FamilyEntry] = &[
     &Entry::<super::stripes::Parameters>::NEW,
     &Entry::<super::blobs::Parameters>::NEW,
     &Entry::<super::curves::Parameters>::NEW,
+    &Entry::<super::checker::Parameters>::NEW,
 ];
 
 /// Reads the samples that a mapping with the key `family` asks for, from a table of families, and gives the mapping too:

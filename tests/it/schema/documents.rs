@@ -74,6 +74,7 @@ stages:
   stripes: { kind: sample, family: stripes, count: 2, area: 0.4, seed: 5 }
   blobs: { kind: sample, family: blobs, count: 2, area: [0.05, 0.95], seed: 6 }
   curves: { kind: sample, family: curves, count: 2, area: [0.3, 0.7], seed: 7 }
+  checker: { kind: sample, family: checker, count: 2, area: 0.5, seed: 8 }
   solved: { kind: solve, needs: [small, large, bezier], method: newton, elements_per_cell: 2, order: 1, tolerance: 1e-6 }
   refined: { kind: solve, needs: [small], accuracy: 0.01 mm }
   guessed: { kind: solve, needs: [small], method: chord:2, order: 2 }
