@@ -64,6 +64,8 @@ except ImportError:
 
 
 TEXT_WIDTH = 64
+# Attributes that tell people what the content means: no part of it.
+WORDING = {"warnings"}
 TYPES = {"uint8": "u8", "uint32": "u32", "uint64": "u64", "float32": "f32", "float64": "f64"}
 
 
@@ -86,7 +88,7 @@ def write_number(out, number):
 
 
 def content_digest(path):
-    """The digest of the logical content, and the digests of the chunks where the artifact is a manifest."""
+    """The digest of the logical content, the kind, and the digests of the chunks where the artifact is a manifest."""
     with h5py.File(path) as file:
         datasets, parts = {}, []
 
@@ -100,9 +102,12 @@ def content_digest(path):
             # The arrays of a manifest are those of its chunks, shown as one: no content of its own.
             datasets = {}
         out = bytearray()
-        write(out, b"deaflow object 1")
-        write_number(out, len(file.attrs))
-        for name in sorted(file.attrs, key=str.encode):
+        kind = file.attrs.get("kind", "")
+        attributes = sorted(set(file.attrs) - {"kind"} - WORDING, key=str.encode)
+        write(out, b"deaflow object 2")
+        write(out, kind.encode())
+        write_number(out, len(attributes))
+        for name in attributes:
             write(out, name.encode())
             write(out, file.attrs[name].encode())
         write_number(out, len(datasets))
@@ -112,7 +117,6 @@ def content_digest(path):
             values = dataset[()]
             write(out, name.encode())
             write(out, dataset.attrs["units"].encode())
-            write(out, dataset.attrs["description"].encode())
             write(out, b"text" if text else TYPES[dataset.dtype.name].encode())
             write_number(out, len(dataset.shape))
             for extent in dataset.shape:
@@ -124,7 +128,7 @@ def content_digest(path):
         write_number(out, len(parts))
         for part in parts:
             write(out, bytes.fromhex(part))
-        return digest(bytes(out)).hex(), parts
+        return digest(bytes(out)).hex(), kind, parts
 
 
 class Reader:
@@ -196,7 +200,7 @@ def read_record(path):
 
 def main(store, key=None):
     store = Path(store)
-    assert (store / "format").read_text().strip() == "deaflow-store 1", f"{store}: not a store of this format"
+    assert (store / "format").read_text().strip() == "deaflow-store 2", f"{store}: not a store of this format"
     if key:
         for name, value in read_record(store / "records" / key[:2] / key).items():
             print(f"{name}: {value}")
@@ -204,16 +208,17 @@ def main(store, key=None):
     objects = {}
     for path in sorted((store / "objects").glob("??/*.h5")):
         check_seal(path)
-        found, parts = content_digest(path)
+        found, kind, parts = content_digest(path)
         assert found == path.stem, f"{path}: its content has the digest {found}"
-        objects[found] = parts
-        print("artifact", found, f"{len(parts)} chunks" if parts else "")
-    for found, parts in objects.items():
+        objects[found] = kind, parts
+        print("artifact", found, kind, f"({len(parts)} chunks)" if parts else "")
+    for found, (_, parts) in objects.items():
         assert all(part in objects for part in parts), f"manifest {found} lacks a chunk"
     count = 0
     for path in sorted((store / "records").glob("??/*")):
         record = read_record(path)
         assert record["artifact"] in objects, f"{path}: its artifact is missing"
+        assert record["kind"] == objects[record["artifact"]][0], f"{path}: its artifact is of another kind"
         print("record  ", record["key"], record["kind"], "->", record["artifact"])
         count += 1
     print(f"sound: {len(objects)} artifacts, {count} records")

@@ -6,7 +6,7 @@ use super::error::CliError;
 use crate::base::{ArtifactId, nearest};
 use crate::orchestrator::{Environment, Pipeline, plan};
 use crate::stage;
-use crate::store::{Artifact, Store, StoreError};
+use crate::store::{Artifact, Lookup, Store, StoreError};
 
 /// The fewest digits that name a digest.
 const LEAST: usize = 4;
@@ -61,10 +61,24 @@ fn of_pipeline(store: &Store, path: &Path, name: &str) -> Result<ArtifactId, Cli
     })
 }
 
-/// The newest run that has a stage of that name.
+/// What the newest run that has a stage of that name made there, if no record contradicts it.
 fn of_last_run(store: &Store, name: &str) -> Result<Option<ArtifactId>, CliError> {
-    let runs = store.runs()?;
-    Ok(runs.iter().find_map(|run| run.stage(name)).map(|stage| stage.artifact))
+    let Some(stage) = store.last_made(name, None)? else {
+        return Ok(None);
+    };
+    let is_so = match store.record(&stage.key)? {
+        Lookup::Found(record, _) => record.artifact == stage.artifact,
+        Lookup::Absent => true,
+        Lookup::Damaged(_) => false,
+    };
+    match is_so {
+        true => Ok(Some(stage.artifact)),
+        false => Err(CliError::bad_input(format!(
+            "the last run that had `{name}` says that it made {}, and the record of that does not",
+            stage.artifact.short()
+        ))
+        .help("check the store: deaflow fsck")),
+    }
 }
 
 fn of_digits(store: &Store, digits: &str) -> Result<ArtifactId, CliError> {

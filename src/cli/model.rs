@@ -23,13 +23,14 @@ pub fn weights(model: &str, store: &Path) -> Result<Vec<u8>, CliError> {
         Some("h5") => return Err(CliError::bad_input(format!("no file {}", path.display()))),
         _ => locate::artifact(&locate::existing_store(store)?, model)?,
     };
-    let weights = Training::unchecked(&artifact).weights();
-    let bytes = weights.read_if_there()?;
-    bytes.ok_or_else(|| {
-        let (digest, path) = (artifact.digest().short(), weights.path());
-        CliError::bad_input(format!("artifact {digest} is no model: it has no dataset `{path}`"))
-            .help("a model is what a stage of kind `train` makes")
-    })
+    if artifact.kind() != "train" {
+        let (digest, kind) = (artifact.digest().short(), artifact.kind());
+        return Err(
+            CliError::bad_input(format!("artifact {digest} is no model: it is of kind `{kind}`"))
+                .help("a model is what a stage of kind `train` makes"),
+        );
+    }
+    Ok(Training::unchecked(&artifact).weights().read()?)
 }
 
 fn read(path: &Path) -> Result<Vec<u8>, CliError> {

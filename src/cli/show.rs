@@ -10,7 +10,7 @@ use super::error::CliError;
 use super::output::{Exit, Output};
 use super::statistics::{self, Statistics};
 use super::{locate, table};
-use crate::store::{Artifact, Content};
+use crate::store::{Artifact, Content, Lookup, Store};
 
 /// Show what is in an artifact: datasets, statistics, provenance
 #[derive(Debug, Args)]
@@ -28,7 +28,7 @@ const SHOWN_TEXTS: usize = 6;
 pub fn execute(arguments: &ShowArguments, output: &Output) -> Result<Exit, CliError> {
     let store = locate::existing_store(&arguments.store.folder())?;
     let artifact = locate::artifact(&store, &arguments.artifact)?;
-    let shown = Shown::of(&artifact)?;
+    let shown = Shown::of(&artifact, record(&store, &artifact)?)?;
     if output.is_json() {
         output.document(&shown)?;
     } else {
@@ -45,6 +45,22 @@ struct Shown {
     parts: Vec<String>,
     datasets: Vec<ShownDataset>,
     provenance: BTreeMap<String, String>,
+    /// What the record of the action that its provenance names says of it.
+    record: String,
+}
+
+/// What the record of the action that made an artifact says of it.
+fn record(store: &Store, artifact: &Artifact) -> Result<String, CliError> {
+    let provenance = artifact.provenance()?;
+    let Some(key) = provenance.get("action").and_then(|key| key.parse().ok()) else {
+        return Ok("no action made it".to_owned());
+    };
+    Ok(match store.record(&key)? {
+        Lookup::Absent => "there is none".to_owned(),
+        Lookup::Damaged(why) => format!("it does not count: {why}"),
+        Lookup::Found(record, _) if record.artifact == artifact.digest() => "the action made this".to_owned(),
+        Lookup::Found(record, _) => format!("the action made {}", record.artifact.short()),
+    })
 }
 
 #[derive(Serialize)]
@@ -59,7 +75,7 @@ struct ShownDataset {
 }
 
 impl Shown {
-    fn of(artifact: &Artifact) -> Result<Self, CliError> {
+    fn of(artifact: &Artifact, record: String) -> Result<Self, CliError> {
         let dataset = |content: &Content| -> Result<ShownDataset, CliError> {
             Ok(ShownDataset {
                 path: content.path.clone(),
@@ -77,6 +93,7 @@ impl Shown {
             parts: artifact.parts().iter().map(ToString::to_string).collect(),
             datasets: artifact.contents()?.iter().map(dataset).collect::<Result<_, _>>()?,
             provenance: artifact.provenance()?,
+            record,
         })
     }
 
@@ -103,6 +120,7 @@ impl Shown {
         }
         parts.push(self.table());
         parts.push(list("provenance", &self.provenance));
+        parts.push(format!("record: {}", self.record));
         parts.join("\n\n")
     }
 

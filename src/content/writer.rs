@@ -42,7 +42,7 @@ impl Writer {
         Object {
             attributes: self.attributes,
             datasets: self.arrays.into_iter().map(dataset).collect(),
-            parts: Vec::new(),
+            ..Object::default()
         }
     }
 

@@ -8,12 +8,11 @@ use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
-use super::action::Action;
 use super::kind::{Chunk, Input, Plan};
 use super::spec::{Pipeline, StageSpec};
 use super::staleness::{Current, Staleness};
 use crate::base::{ActionKey, ArtifactId, Canonical};
-use crate::store::{Condition, Effort, Lookup, Object, Record, Run, RunStage, Store, StoreError};
+use crate::store::{Action, Condition, Effort, Lookup, Object, Record, Run, RunStage, Store, StoreError};
 
 /// Files that one thread looks at sooner than another could be woken.
 const FEW: usize = 64;
@@ -164,19 +163,15 @@ impl<'a> Surveyor<'a> {
             &digests,
         ))?;
         let work = spec.stage.plan(inputs);
-        let found = match &action {
-            Some((_, key)) => self.store.record(key)?,
-            None => Lookup::Absent,
-        };
-        let (why, expected) = match found {
-            Lookup::Found(record, _) => match self.examine(&record, &work, effort)? {
+        let (why, expected) = match self.made(action.as_ref(), effort)? {
+            Some((record, condition)) => match self.examine(&record, &condition, &work, effort)? {
                 Ok((parts, size)) => {
                     let state = State::Fresh { record, parts, size };
                     return Ok(Assessment { action, work, state });
                 }
                 Err(why) => (why, Some(record.artifact)),
             },
-            Lookup::Absent | Lookup::Damaged => (self.explain(spec, &parameters, &digests)?, None),
+            None => (self.explain(spec, &parameters, &digests)?, None),
         };
         let chunks = self.chunks(spec, &work, effort)?;
         let expected = match expected {
@@ -187,14 +182,30 @@ impl<'a> Surveyor<'a> {
         Ok(Assessment { action, work, state })
     }
 
+    /// The record of an action, and the condition of what it made. A record that names an artifact of another kind is none.
+    fn made(
+        &self,
+        action: Option<&(Action, ActionKey)>,
+        effort: Effort,
+    ) -> Result<Option<(Box<Record>, Condition)>, StoreError> {
+        let Some((_, key)) = action else { return Ok(None) };
+        let Lookup::Found(record, _) = self.store.record(key)? else {
+            return Ok(None);
+        };
+        let condition = self.store.inspect_made(&record, effort)?;
+        let is_of_its_kind = !matches!(condition, Condition::OtherKind(_));
+        Ok(is_of_its_kind.then_some((record, condition)))
+    }
+
     /// The chunks and the total size of an intact artifact, or why it is not.
     fn examine(
         &self,
         record: &Record,
+        condition: &Condition,
         work: &Plan,
         effort: Effort,
     ) -> Result<Result<(Vec<ArtifactId>, u64), Staleness>, StoreError> {
-        let size = match self.looked(&record.artifact, effort)? {
+        let size = match size_of(condition) {
             Ok(size) => size,
             Err(why) => return Ok(Err(why)),
         };
@@ -208,20 +219,10 @@ impl<'a> Surveyor<'a> {
         }
         let looked = parts.par_iter().with_min_len(FEW);
         let looked: Vec<Result<u64, Staleness>> = looked
-            .map(|part| self.looked(part, effort))
+            .map(|part| Ok(size_of(&self.store.inspect(part, effort)?)))
             .collect::<Result<_, StoreError>>()?;
         let sizes: Result<u64, Staleness> = looked.into_iter().sum();
         Ok(sizes.map(|sizes| (parts, size + sizes)))
-    }
-
-    /// Length of an intact file in bytes, or why there is none.
-    fn looked(&self, digest: &ArtifactId, effort: Effort) -> Result<Result<u64, Staleness>, StoreError> {
-        let condition = self.store.inspect(digest, effort)?;
-        Ok(match (&condition, Staleness::of_artifact(&condition)) {
-            (_, Some(why)) => Err(why),
-            (Condition::Intact { size }, None) => Ok(*size),
-            (_, None) => Ok(0),
-        })
     }
 
     fn explain(
@@ -275,23 +276,21 @@ impl<'a> Surveyor<'a> {
     fn chunk(&self, spec: &StageSpec, chunk: &Chunk, effort: Effort) -> Result<ChunkState, StoreError> {
         let (kind, recipe) = (spec.kind.name(), spec.kind.recipe());
         let action = keyed(Action::of_chunk(kind, recipe, &chunk.parameters, &chunk.inputs))?;
-        let found = match &action {
-            Some((_, key)) => self.store.record(key)?,
-            None => Lookup::Absent,
-        };
-        let Lookup::Found(record, _) = found else {
-            return Ok(ChunkState {
-                action,
-                record: None,
-                intact: false,
-            });
-        };
-        let condition = self.store.inspect(&record.artifact, effort)?;
+        let made = self.made(action.as_ref(), effort)?;
         Ok(ChunkState {
             action,
-            record: Some(*record),
-            intact: matches!(condition, Condition::Intact { .. }),
+            intact: matches!(made, Some((_, Condition::Intact { .. }))),
+            record: made.map(|(record, _)| *record),
         })
+    }
+}
+
+/// Length of an intact file in bytes, or why there is none.
+fn size_of(condition: &Condition) -> Result<u64, Staleness> {
+    match (condition, Staleness::of_artifact(condition)) {
+        (_, Some(why)) => Err(why),
+        (Condition::Intact { size }, None) => Ok(*size),
+        (_, None) => Ok(0),
     }
 }
 
@@ -315,5 +314,6 @@ fn foreseen(spec: &StageSpec, chunks: &[ChunkState]) -> Result<Option<ArtifactId
 
 /// The artifact of a chunked stage.
 pub fn manifest(spec: &StageSpec, parts: Vec<ArtifactId>) -> Object {
-    Object::manifest(spec.stage.attributes().into_iter().collect(), parts)
+    let attributes = spec.stage.attributes().into_iter().collect();
+    Object::manifest(attributes, parts).of_kind(spec.kind.name())
 }

@@ -6,7 +6,6 @@ use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 
-use super::action::Action;
 use super::assess::{ChunkState, manifest};
 use super::event::{Event, Listener};
 use super::kind::{Chunk, Job, StageError};
@@ -14,7 +13,7 @@ use super::provenance::{Environment, Took};
 use super::scratch::Scratch;
 use super::spec::StageSpec;
 use crate::base::{ActionKey, ArtifactId, Progress};
-use crate::store::{Artifact, Condition, Effort, Guard, Lookup, Object, Record, Store, StoreError, Stored};
+use crate::store::{Action, Artifact, Condition, Effort, Guard, Lookup, Object, Record, Store, StoreError, Stored};
 
 /// What building needs beside the stage.
 pub struct Builder<'a> {
@@ -135,7 +134,7 @@ impl Builder<'_> {
             seconds,
             ..Took::default()
         };
-        self.keep(spec, action, key, &manifest(spec, parts), took, true)
+        self.keep(spec, action, key, manifest(spec, parts), took, true)
     }
 
     /// A chunk that is there or can be built now; none where another is at it, or another chunk has failed.
@@ -202,7 +201,7 @@ impl Builder<'_> {
             measurements: measured.into_inner().unwrap_or_else(PoisonError::into_inner),
         };
         let whole = piece.chunk.is_none();
-        let record = self.keep(piece.spec, piece.action, piece.key, &object, took, whole)?;
+        let record = self.keep(piece.spec, piece.action, piece.key, object, took, whole)?;
         scratch.clear();
         if let Some((chunk, _)) = piece.chunk {
             let name = piece.spec.name.clone();
@@ -216,9 +215,9 @@ impl Builder<'_> {
         let Lookup::Found(record, _) = self.store.record(key)? else {
             return Ok(None);
         };
-        match self.store.inspect(&record.artifact, Effort::Thorough)? {
+        match self.store.inspect_made(&record, Effort::Thorough)? {
             Condition::Intact { .. } => Ok(Some(*record)),
-            Condition::Missing => Ok(None),
+            Condition::Missing | Condition::OtherKind(_) => Ok(None),
             Condition::Damaged(_) => {
                 self.store.quarantine_artifact(&record.artifact)?;
                 Ok(None)
@@ -232,14 +231,14 @@ impl Builder<'_> {
         spec: &StageSpec,
         action: &Action,
         key: ActionKey,
-        object: &Object,
+        object: Object,
         took: Took,
         whole: bool,
     ) -> Result<Record, StageError> {
         let seconds = took.seconds;
         let stored = self
             .store
-            .put(object, &self.environment.provenance(action, key, took))?;
+            .put(&object.of_kind(&action.kind), &self.environment.provenance(action, key, took))?;
         let unstable = match whole {
             true => spec.stage.unstable(&self.store.artifact(&stored.digest)?)?,
             false => 0,
@@ -256,10 +255,7 @@ impl Builder<'_> {
     fn record(&self, action: &Action, key: ActionKey, stored: &Stored, seconds: f64, unstable: u64) -> Record {
         Record {
             key,
-            kind: action.kind.clone(),
-            recipe: action.recipe,
-            parameters: action.parameters.clone(),
-            inputs: action.inputs.clone(),
+            action: action.clone(),
             artifact: stored.digest,
             file_digest: stored.file_digest,
             size: stored.size,

@@ -3,11 +3,10 @@
 //! Keys are made of recipe, parameters and the digests of inputs, and the lock file says those digests: so all keys are
 //! known before anything is built, and a difference costs no work.
 
-use super::action::Action;
 use super::spec::{Pipeline, StageSpec};
 use super::staleness::{Current, Staleness};
 use crate::base::ArtifactId;
-use crate::store::{LockFile, LockedStage, Record, Store, StoreError};
+use crate::store::{Action, LockFile, LockedStage, Record, Store, StoreError};
 
 /// One way in which a pipeline, or what it made, is not what its lock file says.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

@@ -1,6 +1,5 @@
 //! Knows stages, keys and chunks, and no physics: reads a pipeline, decides what is stale, builds that and no more.
 
-mod action;
 mod assess;
 mod build;
 mod event;
@@ -19,7 +18,6 @@ mod scratch;
 mod spec;
 mod staleness;
 
-pub use action::Action;
 pub use event::{Event, Listener, Outcome, StageReport};
 pub use execute::{Failure, RunError, RunOptions, RunOutcome, run};
 pub use explain::{Explanation, Last, explain};

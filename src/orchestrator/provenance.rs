@@ -2,9 +2,8 @@
 
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use super::action::Action;
 use crate::base::ActionKey;
-use crate::store::Provenance;
+use crate::store::{Action, Provenance};
 
 /// Where and when a run takes place.
 #[derive(Clone, Debug)]

@@ -75,9 +75,9 @@ impl Staleness {
         let Some(previous) = previous else {
             return vec![Self::NoRecord];
         };
-        let mut all = parameters_changed(current.parameters, &previous.parameters);
-        all.extend(recipe_changed(current.recipe, previous.recipe));
-        all.extend(inputs_changed(current.inputs, &previous.inputs, run));
+        let mut all = parameters_changed(current.parameters, &previous.action.parameters);
+        all.extend(recipe_changed(current.recipe, previous.action.recipe));
+        all.extend(inputs_changed(current.inputs, &previous.action.inputs, run));
         if all.is_empty() {
             all.push(Self::NoRecord);
         }

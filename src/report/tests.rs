@@ -41,7 +41,7 @@ fn object(datasets: Vec<(&str, Dataset)>) -> Object {
             ),
         ]),
         datasets: datasets.into_iter().map(|(path, d)| (path.to_owned(), d)).collect(),
-        parts: Vec::new(),
+        ..Object::default()
     }
 }
 

@@ -42,7 +42,7 @@ impl Kind for AccuracyKind {
     }
 
     fn recipe(&self) -> u32 {
-        1
+        2
     }
 
     fn needs(&self) -> Needs {
@@ -87,7 +87,7 @@ impl Stage for AccuracyStage {
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
         let (mut references, mut networks) = (Vec::new(), Vec::new());
         for input in job.inputs {
-            if model::is_in(input)? {
+            if model::is_in(input) {
                 networks.push(Network::of_artifact(input)?);
             } else {
                 references.push(input);

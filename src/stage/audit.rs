@@ -63,7 +63,7 @@ impl Kind for AuditKind {
     }
 
     fn recipe(&self) -> u32 {
-        2
+        3
     }
 
     fn needs(&self) -> Needs {

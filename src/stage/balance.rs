@@ -20,7 +20,7 @@ impl Kind for BalanceKind {
     }
 
     fn recipe(&self) -> u32 {
-        1
+        2
     }
 
     fn needs(&self) -> Needs {

@@ -26,7 +26,7 @@ impl Kind for CalibrateKind {
     }
 
     fn recipe(&self) -> u32 {
-        1
+        2
     }
 
     fn needs(&self) -> Needs {
@@ -72,7 +72,7 @@ impl Stage for CalibrateStage {
         let trained = families_of(artifact)?;
         let (mut observed, mut families) = (Vec::new(), Vec::new());
         for input in job.inputs {
-            if labelled::is_labelled(input)? {
+            if labelled::is_labelled(input) {
                 labelled::check_unseen(input, &[&surrogate])?;
                 labelled::for_each(input, &mut |batch| {
                     let predicted = surrogate.predict(&batch.patterns);
@@ -111,7 +111,7 @@ fn refused(error: &CalibrationError, trained: &BTreeSet<String>) -> StageError {
 fn the_model(inputs: &[Artifact]) -> Result<(&Artifact, Surrogate), StageError> {
     let mut found = Vec::new();
     for input in inputs {
-        if model::is_in(input)? {
+        if model::is_in(input) {
             found.push(input);
         }
     }

@@ -46,7 +46,7 @@ impl Kind for DesignKind {
     }
 
     fn recipe(&self) -> u32 {
-        3
+        4
     }
 
     fn needs(&self) -> Needs {

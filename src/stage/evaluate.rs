@@ -30,7 +30,7 @@ impl Kind for EvaluateKind {
     }
 
     fn recipe(&self) -> u32 {
-        1
+        2
     }
 
     fn needs(&self) -> Needs {
@@ -114,7 +114,7 @@ impl Stage for EvaluateStage {
         let models: Vec<_> = contestants.iter().filter_map(Contestant::surrogate).collect();
         let mut rows = Vec::new();
         for input in job.inputs {
-            if labelled::is_labelled(input)? {
+            if labelled::is_labelled(input) {
                 labelled::check_unseen(input, &models)?;
                 labelled::for_each(input, &mut |batch| {
                     job.progress.note(&format!("{} patterns", rows.len()));

@@ -25,12 +25,12 @@ pub struct Batch {
 }
 
 /// Whether an artifact has labelled patterns.
-pub fn is_labelled(artifact: &Artifact) -> Result<bool, StageError> {
-    has(artifact, "displacement")
+pub fn is_labelled(artifact: &Artifact) -> bool {
+    is_balanced(artifact) || artifact.kind() == "solve"
 }
 
-fn has(artifact: &Artifact, dataset: &str) -> Result<bool, StageError> {
-    Ok(artifact.contents()?.iter().any(|content| content.path == dataset))
+fn is_balanced(artifact: &Artifact) -> bool {
+    artifact.kind() == "balance"
 }
 
 /// Refuses samples that a model was trained on: what it says of them says nothing of others. Of balanced sets the rows are
@@ -41,7 +41,7 @@ fn has(artifact: &Artifact, dataset: &str) -> Result<bool, StageError> {
 pub fn check_unseen(artifact: &Artifact, models: &[&Surrogate]) -> Result<(), StageError> {
     let digest = artifact.digest().to_string();
     let records = models.iter().filter_map(|model| model.training());
-    if records.into_iter().all(|record| !record.inputs.contains(&digest)) || has(artifact, "split")? {
+    if records.into_iter().all(|record| !record.inputs.contains(&digest)) || is_balanced(artifact) {
         return Ok(());
     }
     Err(StageError::Input(format!(
@@ -92,16 +92,14 @@ fn of_chunk(chunk: &Artifact, each: &mut dyn FnMut(Batch) -> Result<(), StageErr
 /// The rows that a model is judged by: all that were solved, or those that are kept for tests.
 fn chosen(chunk: &Artifact, count: usize) -> Result<Vec<usize>, StageError> {
     let wrong = |why: &str| StageError::Input(format!("artifact {}: {why}", chunk.digest().short()));
-    if has(chunk, "split")? {
+    if is_balanced(chunk) {
         let splits = chunk.texts("split")?.1;
         let test = |row: &usize| splits.get(*row).is_some_and(|split| split == Split::Test.name());
         return Ok((0..count).filter(test).collect());
     }
-    if has(chunk, "outcome")? {
-        let estimated = chunk.texts("outcome")?.1.iter().any(|o| o == Outcome::Estimated.name());
-        if estimated {
-            return Err(wrong("its fields are estimates, and no model can be judged by them"));
-        }
+    let estimated = chunk.texts("outcome")?.1.iter().any(|o| o == Outcome::Estimated.name());
+    if estimated {
+        return Err(wrong("its fields are estimates, and no model can be judged by them"));
     }
     Ok((0..count).collect())
 }

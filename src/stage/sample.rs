@@ -23,7 +23,7 @@ impl Kind for SampleKind {
     }
 
     fn recipe(&self) -> u32 {
-        1
+        2
     }
 
     fn needs(&self) -> Needs {

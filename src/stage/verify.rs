@@ -30,7 +30,7 @@ impl Kind for VerifyKind {
     }
 
     fn recipe(&self) -> u32 {
-        3
+        4
     }
 
     fn needs(&self) -> Needs {

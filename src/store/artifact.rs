@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
+use super::action::stage_kind;
 use super::error::StoreError;
 use super::listing::{self, Content};
 use super::object::{Data, Dataset, Object};
@@ -45,7 +46,7 @@ impl Artifact {
     pub(super) fn load(path: PathBuf, digest: ArtifactId, verified: Arc<Verified>) -> Result<Self, StoreError> {
         verified.verify(&path, &digest)?;
         let header = read::header(&path)?;
-        verified.describe(&digest, header.contents.clone(), header.parts.clone());
+        verified.describe(&digest, header.listing.clone(), header.parts.clone());
         Ok(Self(Arc::new(Inner {
             digest,
             header,
@@ -74,6 +75,12 @@ impl Artifact {
     /// When the file is missing or damaged.
     pub fn file_digest(&self) -> Result<FileDigest, StoreError> {
         Ok(self.0.verified.verify(&self.0.path, &self.0.digest)?.file)
+    }
+
+    /// Kind of the stage that made it; empty where none did.
+    #[must_use]
+    pub fn kind(&self) -> &str {
+        stage_kind(&self.0.header.listing.kind)
     }
 
     /// A content attribute.
@@ -129,13 +136,13 @@ impl Artifact {
     /// When a chunk is missing or damaged.
     pub fn contents(&self) -> Result<&[Content], StoreError> {
         if !self.is_manifest() {
-            return Ok(&self.0.header.contents);
+            return Ok(&self.0.header.listing.contents);
         }
         if let Some(contents) = self.0.contents.get() {
             return Ok(contents);
         }
         let chunks = self.chunks()?;
-        let whole = listing::concatenate(chunks.iter().map(|c| (c.digest(), c.0.header.contents.as_slice())))?;
+        let whole = listing::concatenate(chunks.iter().map(|c| (c.digest(), c.0.header.listing.contents.as_slice())))?;
         Ok(self.0.contents.get_or_init(|| whole))
     }
 
@@ -187,11 +194,12 @@ impl Artifact {
     /// When the file is missing or damaged.
     pub fn object(&self) -> Result<Object, StoreError> {
         let mut object = Object {
+            kind: self.0.header.listing.kind.clone(),
             attributes: self.0.header.attributes.clone(),
             datasets: BTreeMap::new(),
             parts: self.0.header.parts.clone(),
         };
-        for content in &self.0.header.contents {
+        for content in &self.0.header.listing.contents {
             object.datasets.insert(content.path.clone(), self.read_own(content)?);
         }
         Ok(object)

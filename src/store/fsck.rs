@@ -77,6 +77,7 @@ impl Report {
 #[derive(Default)]
 struct Sound {
     file: Option<FileDigest>,
+    kind: Option<String>,
     parts: Vec<ArtifactId>,
 }
 
@@ -110,13 +111,23 @@ impl Store {
             progress((objects.len() + done) as u64, total);
             if let Some(record) = self.check_record(path, &mut report)? {
                 let known = sound.get(&record.artifact);
+                let kind = known.and_then(|object| object.kind.as_ref());
+                if let Some(kind) = kind.filter(|kind| **kind != record.action.kind) {
+                    let short = record.artifact.short();
+                    let reason = format!(
+                        "it says that `{}` made artifact {short}, which is of kind `{kind}`",
+                        record.action.kind
+                    );
+                    self.condemn(path, reason, &mut report)?;
+                    continue;
+                }
                 if known
                     .and_then(|object| object.file)
                     .is_some_and(|file| file != record.file_digest)
                 {
                     report.rewritten.push(record.artifact);
                 }
-                let wanted_by = format!("record {} ({})", record.key.short(), record.kind);
+                let wanted_by = format!("record {} ({})", record.key.short(), record.action.kind);
                 wanted.insert((record.artifact, wanted_by, path.clone()));
             }
         }
@@ -225,11 +236,7 @@ impl Store {
         report.records += 1;
         match record::read(path, &key)? {
             Lookup::Found(record, _) => return Ok(Some(*record)),
-            Lookup::Damaged => self.condemn(
-                path,
-                "the record's bytes are not those that were written".into(),
-                report,
-            )?,
+            Lookup::Damaged(reason) => self.condemn(path, reason.into(), report)?,
             Lookup::Absent => {}
         }
         Ok(None)
@@ -283,6 +290,7 @@ fn redigest(path: &Path, digest: &ArtifactId) -> Result<Sound, StoreError> {
     }
     Ok(Sound {
         file: Some(artifact.file_digest()?),
+        kind: Some(object.kind),
         parts: object.parts,
     })
 }

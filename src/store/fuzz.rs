@@ -28,12 +28,15 @@ fn record() -> Record {
         ("list", Canonical::List(vec![1u64.into(), Canonical::Null])),
         ("text", "text".into()),
     ];
-    Record {
-        key: ActionKey::of(b"key"),
+    let action = Action {
         kind: "sample".into(),
         recipe: 1,
         parameters: Canonical::map(parameters),
         inputs: vec![ArtifactId::of(b"input")],
+    };
+    Record {
+        key: action.key().unwrap(),
+        action,
         artifact: ArtifactId::of(b"artifact"),
         file_digest: FileDigest::of(b"file"),
         size: 600,
@@ -83,7 +86,7 @@ fn a_broken_record_is_damage() {
         fs::write(&path, &bytes).unwrap();
         match store.record(&key).unwrap() {
             Lookup::Found(found, _) => prop_assert!(forged || bytes == sound, "{found:?}"),
-            Lookup::Damaged => prop_assert!(bytes != sound),
+            Lookup::Damaged(_) => prop_assert!(bytes != sound),
             Lookup::Absent => prop_assert!(false, "it is there"),
         }
     });
@@ -110,11 +113,11 @@ fn a_record_that_claims_too_much_or_is_nested_without_end_is_damage() {
         vec![255; 100],
     ] {
         fs::write(&path, sealed(body)).unwrap();
-        assert!(matches!(store.record(&key).unwrap(), Lookup::Damaged));
+        assert!(matches!(store.record(&key).unwrap(), Lookup::Damaged(_)));
     }
     fs::File::create(&path).unwrap().set_len(1 << 40).unwrap();
     assert!(
-        matches!(store.record(&key).unwrap(), Lookup::Damaged),
+        matches!(store.record(&key).unwrap(), Lookup::Damaged(_)),
         "a sparse file of a tebibyte"
     );
 }

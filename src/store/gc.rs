@@ -293,8 +293,8 @@ impl Store {
             if let Lookup::Found(record, _) = record::read(&path, &key)? {
                 known.entry(record.artifact).or_default().push(Known {
                     key,
-                    kind: record.kind,
-                    inputs: record.inputs,
+                    kind: record.action.kind,
+                    inputs: record.action.inputs,
                 });
             }
         }

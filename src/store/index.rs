@@ -8,20 +8,19 @@
 //!
 //! ```text
 //! "deaflow-index 2\n"
-//! number of listings; each: length, encoded datasets
-//! number of artifacts; each: digest, file digest, size, modified, changed, inode, noted, outline, number
+//! number of listings; each: length, encoded kind and datasets
+//! number of artifacts; each: digest, file digest, size, modified, changed, inode, noted, listing, parts
 //! the parts of all manifests in the order of the artifacts
 //! BLAKE3 of all bytes before
 //! ```
 //!
-//! Numbers are 64-bit little-endian. An outline is 0 (unknown), 1 (datasets; `number` is that of the listing) or 2 (manifest;
-//! `number` is that of its parts).
+//! Numbers are 64-bit little-endian. `listing` counts from 1 and is 0 where it is unknown; `parts` is how many parts it has.
 
 use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use super::listing::Content;
+use super::listing::Listing;
 use super::seal::Seal;
 use super::stamp::{Stamp, Time};
 use crate::base::{ArtifactId, Digest, FileDigest, decode, encode, read_bounded};
@@ -31,17 +30,14 @@ const TRAILER: usize = 32;
 
 /// The index of some millions of artifacts; a longer one is none, bytes.
 const LONG: u64 = 1 << 30;
-const UNKNOWN: u64 = 0;
-const DATASETS: u64 = 1;
-const MANIFEST: u64 = 2;
 
 /// What stands in an artifact, apart from elements and attributes.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Outline {
-    /// Datasets. Chunks that differ in nothing share one listing.
-    Datasets(Arc<Vec<Content>>),
-    /// The chunks of a manifest.
-    Manifest(Arc<Vec<ArtifactId>>),
+pub struct Outline {
+    /// Its kind and datasets. Chunks that differ in nothing share one listing.
+    pub listing: Arc<Listing>,
+    /// The chunks of a manifest; of another artifact none.
+    pub parts: Arc<Vec<ArtifactId>>,
 }
 
 /// One artifact.
@@ -85,7 +81,7 @@ fn parse(bytes: &[u8]) -> Option<Entries> {
     (Digest::of(body).as_bytes() == trailer).then_some(())?;
     let mut reader = Reader(body);
     (reader.take(TITLE.len())? == TITLE).then_some(())?;
-    let mut listings: Vec<Arc<Vec<Content>>> = Vec::new();
+    let mut listings: Vec<Arc<Listing>> = Vec::new();
     for _ in 0..reader.number()? {
         let length = usize::try_from(reader.number()?).ok()?;
         listings.push(Arc::new(decode(reader.take(length)?).ok()?));
@@ -95,15 +91,18 @@ fn parse(bytes: &[u8]) -> Option<Entries> {
         rows.push(reader.row()?);
     }
     let mut entries = Entries::with_capacity(rows.len());
-    for (digest, file, stamp, noted, outline) in rows {
-        let outline = match outline {
-            (UNKNOWN, 0) => None,
-            (DATASETS, at) => Some(Outline::Datasets(listings.get(usize::try_from(at).ok()?)?.clone())),
-            (MANIFEST, count) => {
-                let parts: Option<Vec<ArtifactId>> = (0..count).map(|_| reader.artifact()).collect();
-                Some(Outline::Manifest(Arc::new(parts?)))
-            }
-            _ => return None,
+    let no_parts = Arc::new(Vec::new());
+    for (digest, file, stamp, noted, (listing, parts)) in rows {
+        let outline = match (listing.checked_sub(1), parts) {
+            (None, 0) => None,
+            (None, _) => return None,
+            (Some(at), parts) => Some(Outline {
+                listing: listings.get(usize::try_from(at).ok()?)?.clone(),
+                parts: match parts {
+                    0 => no_parts.clone(),
+                    count => Arc::new((0..count).map(|_| reader.artifact()).collect::<Option<_>>()?),
+                },
+            }),
         };
         let entry = Entry {
             file,
@@ -163,14 +162,12 @@ pub fn write(entries: &Entries) -> Vec<u8> {
     sorted.sort_unstable_by_key(|(digest, _)| **digest);
     let (mut rows, mut parts) = (Vec::<u8>::new(), Vec::<u8>::new());
     for (digest, entry) in sorted {
-        let (outline, number) = match &entry.outline {
-            None => (UNKNOWN, 0),
-            Some(Outline::Datasets(contents)) => listings.place(contents).map_or((UNKNOWN, 0), |at| (DATASETS, at)),
-            Some(Outline::Manifest(chunks)) => {
-                chunks.iter().for_each(|chunk| parts.extend(chunk.as_bytes()));
-                (MANIFEST, chunks.len() as u64)
-            }
-        };
+        let known = entry.outline.as_ref();
+        let known = known.and_then(|outline| Some((listings.number(&outline.listing)?, &outline.parts)));
+        let (listing, count) = known.map_or((0, 0), |(listing, chunks)| {
+            chunks.iter().for_each(|chunk| parts.extend(chunk.as_bytes()));
+            (listing, chunks.len() as u64)
+        });
         rows.extend(digest.as_bytes());
         rows.extend(entry.file.as_bytes());
         let (stamp, noted) = (&entry.stamp, entry.noted);
@@ -179,7 +176,7 @@ pub fn write(entries: &Entries) -> Vec<u8> {
         rows.extend(times.iter().flat_map(|time| time.to_le_bytes()));
         rows.extend(stamp.inode.to_le_bytes());
         rows.extend([noted.0, noted.1].iter().flat_map(|time| time.to_le_bytes()));
-        rows.extend([outline, number].iter().flat_map(|number| number.to_le_bytes()));
+        rows.extend([listing, count].iter().flat_map(|number| number.to_le_bytes()));
     }
     let mut bytes = TITLE.to_vec();
     bytes.extend((listings.encoded.len() as u64).to_le_bytes());
@@ -199,18 +196,19 @@ pub fn write(entries: &Entries) -> Vec<u8> {
 #[derive(Default)]
 struct Listings {
     encoded: Vec<Vec<u8>>,
-    places: HashMap<Arc<Vec<Content>>, u64>,
+    numbers: HashMap<Arc<Listing>, u64>,
 }
 
 impl Listings {
-    fn place(&mut self, contents: &Arc<Vec<Content>>) -> Option<u64> {
-        if let Some(place) = self.places.get(contents) {
-            return Some(*place);
+    /// The number of a listing, from 1; none where it cannot be encoded.
+    fn number(&mut self, listing: &Arc<Listing>) -> Option<u64> {
+        if let Some(number) = self.numbers.get(listing) {
+            return Some(*number);
         }
-        let place = self.encoded.len() as u64;
-        self.encoded.push(encode(&**contents).ok()?);
-        self.places.insert(contents.clone(), place);
-        Some(place)
+        self.encoded.push(encode(&**listing).ok()?);
+        let number = self.encoded.len() as u64;
+        self.numbers.insert(listing.clone(), number);
+        Some(number)
     }
 }
 
@@ -218,28 +216,34 @@ impl Listings {
 mod tests {
     use std::fs;
 
-    use super::super::listing::ElementType;
+    use super::super::listing::{Content, ElementType};
     use super::*;
 
     const NOW: Time = (1000, 0);
 
     fn entries() -> Entries {
-        let listing = |n| {
-            Outline::Datasets(Arc::new(vec![Content {
-                path: "a/b".into(),
-                kind: ElementType::F64,
-                shape: vec![n, 2],
-                units: "mm".into(),
-                description: "d".into(),
-                axes: vec!["row".into(), "column".into()],
-            }]))
+        let content = |n| Content {
+            path: "a/b".into(),
+            kind: ElementType::F64,
+            shape: vec![n, 2],
+            units: "mm".into(),
+            description: "d".into(),
+            axes: vec!["row".into(), "column".into()],
         };
+        let outline = |contents, parts| Outline {
+            listing: Arc::new(Listing {
+                kind: "solve".into(),
+                contents,
+            }),
+            parts: Arc::new(parts),
+        };
+        let listing = |n| outline(vec![content(n)], Vec::new());
         let digest = |i: u8| ArtifactId::of(&[i]);
         let outlines = [
             Some(listing(1)),
             Some(listing(2)),
             Some(listing(1)),
-            Some(Outline::Manifest(Arc::new(vec![digest(0), digest(1)]))),
+            Some(outline(Vec::new(), vec![digest(0), digest(1)])),
             None,
         ];
         let entry = |(i, outline)| {

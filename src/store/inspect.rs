@@ -5,8 +5,8 @@
 //! know. Whatever is read as an input is verified in full, and so is all by `fsck`.
 
 use super::error::StoreError;
-use super::index::Outline;
 use super::open::Store;
+use super::record::Record;
 use crate::base::ArtifactId;
 
 /// State of an artifact.
@@ -21,6 +21,8 @@ pub enum Condition {
     Missing,
     /// The file is not what was written; why.
     Damaged(String),
+    /// It is as it was written, and made by an action of another kind than the record that names it.
+    OtherKind(String),
 }
 
 /// How much to look at.
@@ -51,15 +53,30 @@ impl Store {
         }
     }
 
+    /// The condition of what a record says was made: as [`Store::inspect`], and it must be of the record's kind.
+    ///
+    /// # Errors
+    /// As [`Store::inspect`].
+    pub fn inspect_made(&self, record: &Record, effort: Effort) -> Result<Condition, StoreError> {
+        let condition = self.inspect(&record.artifact, effort)?;
+        if !matches!(condition, Condition::Intact { .. }) {
+            return Ok(condition);
+        }
+        let path = self.layout.object(&record.artifact);
+        let found = self.verified.outline(&path, &record.artifact)?;
+        Ok(match found.listing.kind == record.action.kind {
+            true => condition,
+            false => Condition::OtherKind(found.listing.kind.clone()),
+        })
+    }
+
     /// The chunks of a manifest that is known to be intact; none of another artifact.
     ///
     /// # Errors
     /// When it has become unreadable since.
     pub fn parts(&self, digest: &ArtifactId) -> Result<Vec<ArtifactId>, StoreError> {
-        match self.verified.outline(&self.layout.object(digest), digest)? {
-            Outline::Manifest(parts) => Ok(parts.to_vec()),
-            Outline::Datasets(_) => Ok(Vec::new()),
-        }
+        let outline = self.verified.outline(&self.layout.object(digest), digest)?;
+        Ok(outline.parts.to_vec())
     }
 
     /// Moves an artifact's file aside.

@@ -1,7 +1,7 @@
 //! Where things lie in a store, and the marker that says which layout it is.
 //!
 //! ```text
-//! DIR/format            `deaflow-store 1`
+//! DIR/format            `deaflow-store 2`
 //! DIR/objects/ab/<digest>.h5   artifacts by the digest of their content
 //! DIR/records/ab/<key>  what an action made
 //! DIR/checkpoints/<key>/  what unfinished actions have come to
@@ -24,7 +24,7 @@ use super::error::StoreError;
 use crate::base::{ActionKey, ArtifactId, read_bounded};
 
 /// The line in the marker file.
-pub const FORMAT: &str = "deaflow-store 1";
+pub const FORMAT: &str = "deaflow-store 2";
 
 const MARKER: &str = "format";
 

@@ -38,6 +38,15 @@ impl ElementType {
     }
 }
 
+/// What is known of an artifact without its elements and attributes.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub struct Listing {
+    /// Kind of the action that makes it.
+    pub kind: String,
+    /// Its datasets in the order of their paths; of a manifest none, since its chunks have them.
+    pub contents: Vec<Content>,
+}
+
 /// One dataset of an artifact.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct Content {
@@ -75,13 +84,12 @@ impl Content {
                 other.shape, self.shape
             ));
         }
-        (self.units != other.units || self.description != other.description)
-            .then(|| format!("`{path}` differs in units or description"))
+        (self.units != other.units).then(|| format!("`{path}` differs in units"))
     }
 }
 
-/// The datasets of an object in the order of their paths.
-pub fn of_object(object: &Object) -> Vec<Content> {
+/// The listing of an object.
+pub fn of_object(object: &Object) -> Listing {
     let describe = |(path, dataset): (&String, &Dataset)| Content {
         path: path.clone(),
         kind: dataset.data.element_type(),
@@ -90,7 +98,10 @@ pub fn of_object(object: &Object) -> Vec<Content> {
         description: dataset.description.clone(),
         axes: dataset.axes.clone(),
     };
-    object.datasets.iter().map(describe).collect()
+    Listing {
+        kind: object.kind.clone(),
+        contents: object.datasets.iter().map(describe).collect(),
+    }
 }
 
 /// The datasets of chunks laid end to end along the first axis.

@@ -1,6 +1,7 @@
 //! The content-addressed store: immutable HDF5 artifacts named by the digest of what they say, records of the actions
 //! that made them, locks, the check of the whole, and the collection of what nothing needs.
 
+mod action;
 mod artifact;
 mod atomic;
 mod checkpoint;
@@ -30,6 +31,7 @@ mod survey;
 mod verified;
 mod write;
 
+pub use action::Action;
 pub use artifact::Artifact;
 pub use checkpoint::Checkpoints;
 pub use costs::Cost;

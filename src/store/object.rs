@@ -8,6 +8,12 @@ use crate::base::{ArtifactId, DigestWriter};
 /// Bytes of one text element. Texts have a fixed width in files, so that virtual datasets can show chunks as one array.
 pub const TEXT_WIDTH: usize = 64;
 
+/// Attributes that only tell people what the content means: to mend their English changes no digest.
+pub const WORDING: [&str; 1] = ["warnings"];
+
+/// The attribute of a file that holds the kind.
+pub const KIND: &str = "kind";
+
 /// The elements of an array, row-major.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Data {
@@ -44,7 +50,10 @@ pub struct Dataset {
 /// end along the first axis, are its own.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Object {
-    /// Content attributes: texts that belong to the content (a scene, the names of columns), never times or hosts.
+    /// Kind of the action that makes it; empty where none does.
+    pub kind: String,
+    /// Content attributes: texts that belong to the content (a scene, the names of columns), never times or hosts. Those that
+    /// [`WORDING`] names stand in the file and are no part of the identity.
     pub attributes: BTreeMap<String, String>,
     /// Arrays by path ("patterns", "unstable/patterns").
     pub datasets: BTreeMap<String, Dataset>,
@@ -250,8 +259,17 @@ impl Object {
     pub fn manifest(attributes: BTreeMap<String, String>, parts: Vec<ArtifactId>) -> Self {
         Self {
             attributes,
-            datasets: BTreeMap::new(),
             parts,
+            ..Self::default()
+        }
+    }
+
+    /// The same as what an action of this kind makes.
+    #[must_use]
+    pub fn of_kind(self, kind: &str) -> Self {
+        Self {
+            kind: kind.to_owned(),
+            ..self
         }
     }
 
@@ -298,6 +316,7 @@ impl Object {
         if !self.parts.is_empty() && !self.datasets.is_empty() {
             return Err(ObjectError::Mixed);
         }
+        validate_attribute("kind of an action", &self.kind)?;
         for (name, value) in &self.attributes {
             validate_attribute(name, value)?;
         }
@@ -330,15 +349,18 @@ impl Object {
         Ok(())
     }
 
-    /// The identity: a digest of attributes, paths, types, shapes, units, descriptions and little-endian bytes.
+    /// The identity: a digest of kind, attributes, paths, types, shapes, units and little-endian bytes. Descriptions, names of
+    /// axes and attributes of [`WORDING`] are no part of it.
     ///
     /// # Errors
     /// When the content cannot be an artifact.
     pub fn digest(&self) -> Result<ArtifactId, ObjectError> {
         self.validate()?;
         let mut writer = DigestWriter::new();
-        writer.text("deaflow object 1").number(self.attributes.len() as u64);
-        for (name, value) in &self.attributes {
+        let attributes = || self.attributes.iter().filter(|(name, _)| !WORDING.contains(&name.as_str()));
+        writer.text("deaflow object 2").text(&self.kind);
+        writer.number(attributes().count() as u64);
+        for (name, value) in attributes() {
             writer.text(name).text(value);
         }
         writer.number(self.datasets.len() as u64);
@@ -346,7 +368,6 @@ impl Object {
             writer
                 .text(path)
                 .text(&dataset.units)
-                .text(&dataset.description)
                 .text(dataset.data.element_type().name());
             writer.number(dataset.shape.len() as u64);
             dataset.shape.iter().for_each(|&n| {
@@ -363,12 +384,18 @@ impl Object {
 }
 
 fn validate_attribute(name: &str, value: &str) -> Result<(), ObjectError> {
-    if name.is_empty() || name.contains('\0') || value.contains('\0') {
-        return Err(ObjectError::Name {
+    let refuse = |reason| {
+        Err(ObjectError::Name {
             name: name.to_owned(),
             what: "an attribute",
-            reason: "it is empty, or it or its value contains NUL",
-        });
+            reason,
+        })
+    };
+    if name == KIND {
+        return refuse("the store itself uses it");
+    }
+    if name.is_empty() || name.contains('\0') || value.contains('\0') {
+        return refuse("it is empty, or it or its value contains NUL");
     }
     Ok(())
 }
@@ -388,6 +415,17 @@ mod tests {
         assert_ne!(base, sample("m", 0.0).digest().unwrap());
         assert_ne!(base, sample("mm", 1e-300).digest().unwrap());
         assert_ne!(base, sample("mm", 0.0).attribute("x", "y").digest().unwrap());
+        assert_ne!(base, sample("mm", 0.0).of_kind("solve").digest().unwrap());
+    }
+
+    #[test]
+    fn to_mend_the_english_changes_no_digest() {
+        let base = sample("mm", 0.0).digest().unwrap();
+        let mut described = sample("mm", 0.0).attribute("warnings", "strain stiffening is neglected");
+        let dataset = described.datasets.get_mut("a/b").unwrap();
+        dataset.description = "displacement of the corners".to_owned();
+        dataset.axes = vec!["sample".to_owned(), "x".to_owned()];
+        assert_eq!(base, described.digest().unwrap());
     }
 
     #[test]

@@ -11,7 +11,6 @@ use tempfile::{TempDir, TempPath};
 use super::artifact::Artifact;
 use super::atomic;
 use super::error::StoreError;
-use super::index::Outline;
 use super::layout::{Layout, files, files_in};
 use super::listing;
 use super::lock::{self, Guard};
@@ -213,18 +212,19 @@ impl Store {
     fn chunks_of(&self, object: &Object) -> Result<Vec<Part>, StoreError> {
         let mut parts = Vec::with_capacity(object.parts.len());
         for digest in &object.parts {
-            let Outline::Datasets(contents) = self.verified.outline(&self.layout.object(digest), digest)? else {
+            let outline = self.verified.outline(&self.layout.object(digest), digest)?;
+            if !outline.parts.is_empty() {
                 return Err(StoreError::Parts {
                     digest: *digest,
                     reason: "it is a manifest itself".into(),
                 });
-            };
+            }
             parts.push(Part {
                 digest: *digest,
-                contents,
+                listing: outline.listing,
             });
         }
-        listing::concatenate(parts.iter().map(|part| (part.digest, part.contents.as_slice())))?;
+        listing::concatenate(parts.iter().map(|part| (part.digest, part.listing.contents.as_slice())))?;
         Ok(parts)
     }
 

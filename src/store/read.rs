@@ -10,8 +10,8 @@ use hdf5::types::{FloatSize, IntSize, TypeDescriptor, VarLenUnicode};
 use hdf5::{File, Group, LinkType};
 
 use super::error::StoreError;
-use super::listing::{Content, ElementType};
-use super::object::{Data, Dataset, TEXT_WIDTH};
+use super::listing::{Content, ElementType, Listing};
+use super::object::{Data, Dataset, KIND, TEXT_WIDTH};
 use super::write::{AXES, TextCell};
 use crate::base::ArtifactId;
 
@@ -24,8 +24,8 @@ pub struct Header {
     pub attributes: BTreeMap<String, String>,
     /// Digests of the chunks of a manifest.
     pub parts: Vec<ArtifactId>,
-    /// Datasets in the order of their paths; of a manifest none, since its chunks have them.
-    pub contents: Vec<Content>,
+    /// Kind and datasets.
+    pub listing: Listing,
 }
 
 /// Reads all but the elements.
@@ -36,7 +36,8 @@ pub fn header(path: &Path) -> Result<Header, StoreError> {
     let file = open(path)?;
     let failed = StoreError::hdf5("read", path);
     check(path, &file)?;
-    let attributes = attributes(&file).map_err(&failed)?;
+    let mut attributes = attributes(&file).map_err(&failed)?;
+    let kind = attributes.remove(KIND).unwrap_or_default();
     let names = file.member_names().map_err(&failed)?;
     if names.iter().any(|name| name == "parts") {
         let parts = texts(&file.dataset("parts").map_err(&failed)?).map_err(&failed)?;
@@ -44,7 +45,10 @@ pub fn header(path: &Path) -> Result<Header, StoreError> {
         return Ok(Header {
             attributes,
             parts: parts.map_err(|error| StoreError::damaged(path, error.to_string()))?,
-            contents: Vec::new(),
+            listing: Listing {
+                kind,
+                contents: Vec::new(),
+            },
         });
     }
     let mut contents = Vec::new();
@@ -53,7 +57,7 @@ pub fn header(path: &Path) -> Result<Header, StoreError> {
     Ok(Header {
         attributes,
         parts: Vec::new(),
-        contents,
+        listing: Listing { kind, contents },
     })
 }
 

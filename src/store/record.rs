@@ -1,7 +1,8 @@
 //! Action records: what an action made, and at what cost.
 //!
 //! A record is written after its artifact, so that it never promises what is not there; it ends with a digest of itself,
-//! so that a damaged record is no record. It keeps the parameters in full: the next run explains itself by them.
+//! so that a damaged record is no record. It says its action in full: the next run explains itself by the parameters, and a
+//! record is believed only where its name is the key of that action.
 
 use std::fs;
 use std::io::ErrorKind;
@@ -10,25 +11,20 @@ use std::time::SystemTime;
 
 use serde::{Deserialize, Serialize};
 
+use super::action::Action;
 use super::atomic;
 use super::error::StoreError;
 use super::lock::{self, Guard};
 use super::open::Store;
-use crate::base::{ActionKey, ArtifactId, Canonical, Digest, FileDigest, decode, encode, read_bounded};
+use crate::base::{ActionKey, ArtifactId, Digest, FileDigest, decode, encode, read_bounded};
 
 /// What an action made.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Record {
     /// The action key.
     pub key: ActionKey,
-    /// Kind of the stage.
-    pub kind: String,
-    /// RECIPE number of the kind.
-    pub recipe: u32,
-    /// Canonical parameters.
-    pub parameters: Canonical,
-    /// Digests of the artifacts that were read.
-    pub inputs: Vec<ArtifactId>,
+    /// The action: what the key is made of.
+    pub action: Action,
     /// The artifact that was made.
     pub artifact: ArtifactId,
     /// BLAKE3 of the artifact's file as it was written.
@@ -52,8 +48,8 @@ pub struct Record {
 pub enum Lookup {
     /// No record: the action has not been done here.
     Absent,
-    /// A file that is no record of this key, and counts as none.
-    Damaged,
+    /// A file that is no record of this key, and counts as none; why.
+    Damaged(&'static str),
     /// The record, and when it was written.
     Found(Box<Record>, SystemTime),
 }
@@ -64,10 +60,13 @@ impl Lookup {
     pub fn record(self) -> Option<Record> {
         match self {
             Self::Found(record, _) => Some(*record),
-            Self::Absent | Self::Damaged => None,
+            Self::Absent | Self::Damaged(_) => None,
         }
     }
 }
+
+/// Why a file is no record.
+const ALTERED: &str = "the record's bytes are not those that were written";
 
 const TRAILER: usize = 32;
 
@@ -92,7 +91,7 @@ impl Store {
         let mut bytes = encode(record)?;
         bytes.extend_from_slice(Digest::of(&bytes).as_bytes());
         let target = self.layout.record(&record.key);
-        if matches!(self.record(&record.key)?, Lookup::Damaged) {
+        if matches!(self.record(&record.key)?, Lookup::Damaged(_)) {
             self.quarantine(&target)?;
         }
         let temporary = self.temporary_file()?;
@@ -135,7 +134,7 @@ pub(super) fn read(path: &Path, key: &ActionKey) -> Result<Lookup, StoreError> {
         Err(error) => {
             return match error.kind() {
                 ErrorKind::NotFound => Ok(Lookup::Absent),
-                ErrorKind::InvalidInput | ErrorKind::FileTooLarge => Ok(Lookup::Damaged),
+                ErrorKind::InvalidInput | ErrorKind::FileTooLarge => Ok(Lookup::Damaged(ALTERED)),
                 _ => Err(StoreError::io("read", path)(error)),
             };
         }
@@ -143,15 +142,20 @@ pub(super) fn read(path: &Path, key: &ActionKey) -> Result<Lookup, StoreError> {
     let written = fs::metadata(path)
         .and_then(|metadata| metadata.modified())
         .map_err(StoreError::io("read", path))?;
-    Ok(match parse(&bytes, key) {
-        Some(record) => Lookup::Found(Box::new(record), written),
-        None => Lookup::Damaged,
+    Ok(match parse(&bytes) {
+        None => Lookup::Damaged(ALTERED),
+        Some(record) if is_of(&record, key) => Lookup::Found(Box::new(record), written),
+        Some(_) => Lookup::Damaged("its name is not the key of the action that it says"),
     })
 }
 
-fn parse(bytes: &[u8], key: &ActionKey) -> Option<Record> {
+fn parse(bytes: &[u8]) -> Option<Record> {
     let (body, trailer) = bytes.split_at_checked(bytes.len().checked_sub(TRAILER)?)?;
     (Digest::of(body).as_bytes() == trailer).then_some(())?;
-    let record: Record = decode(body).ok()?;
-    (record.key == *key).then_some(record)
+    decode(body).ok()
+}
+
+/// Whether a record is that of a key: whoever can write a file can write any key into it, but not an action that has it.
+fn is_of(record: &Record, key: &ActionKey) -> bool {
+    record.key == *key && record.action.key().is_ok_and(|own| own == *key)
 }

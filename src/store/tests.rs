@@ -22,6 +22,7 @@ fn chunk(first: u8, n: usize) -> Object {
     let texts: Vec<String> = (0..n).map(|i| format!("{}{}", "x".repeat(63), i % 10)).collect();
     let reals = numbers.iter().map(|&x| f64::from(x) / 3.0).collect();
     Object::default()
+        .of_kind("count")
         .with(
             "patterns",
             Dataset::new("1", "Patterns", &[n, 2], Data::U8(numbers)).with_axes(&["sample", "x"]),
@@ -207,12 +208,15 @@ fn looking_for_a_store_makes_none() {
 
 /// A record of an action that made `stored`.
 fn record(name: &str, stored: Stored) -> Record {
-    Record {
-        key: ActionKey::of(name.as_bytes()),
+    let action = Action {
         kind: "count".into(),
         recipe: 3,
-        parameters: Canonical::map([("seed", Canonical::from(7u64))]),
+        parameters: Canonical::map([("name", Canonical::from(name))]),
         inputs: vec![ArtifactId::of(b"input")],
+    };
+    Record {
+        key: action.key().unwrap(),
+        action,
         artifact: stored.digest,
         file_digest: stored.file_digest,
         size: stored.size,
@@ -241,21 +245,28 @@ fn records_come_back_whole_or_not_at_all() {
     let whole = fs::read(&path).unwrap();
     for at in 0..whole.len() {
         flip(&path, at);
-        assert!(matches!(store.record(&one.key).unwrap(), Lookup::Damaged), "byte {at}");
+        assert!(matches!(store.record(&one.key).unwrap(), Lookup::Damaged(_)), "byte {at}");
         fs::write(&path, &whole).unwrap();
     }
     for length in 0..whole.len() {
         fs::write(&path, &whole[..length]).unwrap();
         assert!(
-            matches!(store.record(&one.key).unwrap(), Lookup::Damaged),
+            matches!(store.record(&one.key).unwrap(), Lookup::Damaged(_)),
             "{length} bytes"
         );
     }
+    // Whoever can write a file can write any key into it, but not an action that has it.
+    let forged = Record {
+        key: one.key,
+        ..two.clone()
+    };
+    store.put_record(&forged).unwrap();
+    assert!(matches!(store.record(&one.key).unwrap(), Lookup::Damaged(why) if why.contains("not the key")));
     store.put_record(&one).unwrap();
     store.put_record(&two).unwrap();
     fs::copy(record_path(&store, &two.key), &path).unwrap();
     assert!(
-        matches!(store.record(&one.key).unwrap(), Lookup::Damaged),
+        matches!(store.record(&one.key).unwrap(), Lookup::Damaged(_)),
         "another's record"
     );
 }
@@ -310,7 +321,7 @@ fn a_repair_leaves_nothing_that_promises_what_is_gone() {
     let (_folder, store) = store();
     let sound = store.put(&chunk(1, 1), &Provenance::default()).unwrap();
     let lost = store.put(&chunk(2, 1), &Provenance::default()).unwrap();
-    let manifest = Object::manifest(Default::default(), vec![sound.digest, lost.digest]);
+    let manifest = Object::manifest(Default::default(), vec![sound.digest, lost.digest]).of_kind("count");
     let manifest = store.put(&manifest, &Provenance::default()).unwrap();
     for (name, stored) in [("sound", sound), ("lost", lost), ("manifest", manifest)] {
         store.put_record(&record(name, stored)).unwrap();

@@ -14,7 +14,7 @@ use super::atomic::temporary_file;
 use super::error::StoreError;
 use super::index::{self, Entries, Entry, Outline};
 use super::layout::Layout;
-use super::listing::Content;
+use super::listing::Listing;
 use super::read;
 use super::seal::Seal;
 use super::stamp::{Stamp, Time, file_system_time, machine_time};
@@ -65,7 +65,7 @@ impl Place {
 struct Memory {
     known: HashMap<ArtifactId, Known>,
     /// Each listing once, however many chunks have it.
-    listings: HashSet<Arc<Vec<Content>>>,
+    listings: HashSet<Arc<Listing>>,
     /// Artifacts whose files are gone or not sound.
     forgotten: HashSet<ArtifactId>,
     /// The file system's clock before the first file was digested.
@@ -136,18 +136,17 @@ impl Verified {
             return Ok(outline);
         }
         let header = read::header(path)?;
-        Ok(self.describe(digest, header.contents, header.parts))
+        Ok(self.describe(digest, header.listing, header.parts))
     }
 
     /// Takes note of what stands in an artifact that has been verified.
-    pub fn describe(&self, digest: &ArtifactId, contents: Vec<Content>, parts: Vec<ArtifactId>) -> Outline {
+    pub fn describe(&self, digest: &ArtifactId, listing: Listing, parts: Vec<ArtifactId>) -> Outline {
         let mut memory = self.lock();
-        let outline = if parts.is_empty() {
-            let contents = Arc::new(contents);
-            memory.listings.insert(contents.clone());
-            Outline::Datasets(memory.listings.get(&contents).cloned().unwrap_or(contents))
-        } else {
-            Outline::Manifest(Arc::new(parts))
+        let listing = Arc::new(listing);
+        memory.listings.insert(listing.clone());
+        let outline = Outline {
+            listing: memory.listings.get(&listing).cloned().unwrap_or(listing),
+            parts: Arc::new(parts),
         };
         if let Some(known) = memory.known.get_mut(digest).filter(|known| known.outline.is_none()) {
             known.outline = Some(outline.clone());

@@ -9,8 +9,8 @@ use std::sync::Arc;
 use hdf5::types::{FixedUnicode, VarLenUnicode};
 use hdf5::{Extents, Group, H5Type, Hyperslab, SliceOrIndex};
 
-use super::listing::{Content, ElementType};
-use super::object::{Data, Dataset, Object, TEXT_WIDTH};
+use super::listing::{Content, ElementType, Listing};
+use super::object::{Data, Dataset, KIND, Object, TEXT_WIDTH};
 use super::provenance::Provenance;
 use super::seal::BLOCK;
 use crate::base::ArtifactId;
@@ -26,7 +26,7 @@ pub struct Part {
     /// The chunk.
     pub digest: ArtifactId,
     /// Its datasets.
-    pub contents: Arc<Vec<Content>>,
+    pub listing: Arc<Listing>,
 }
 
 /// Writes an object with an empty user block. `parts` are the chunks of a manifest.
@@ -40,6 +40,9 @@ pub fn write(path: &Path, object: &Object, parts: &[Part], provenance: &Provenan
     for (name, value) in &object.attributes {
         attribute(&file, name, value)?;
     }
+    if !object.kind.is_empty() {
+        attribute(&file, KIND, &object.kind)?;
+    }
     // Small arrays wait in a buffer of their dataset. Closing it writes them and keeps a failure to itself, so that on a
     // full disk zeros would be sealed in their place: all stay open until the file has been flushed.
     let mut open = Vec::with_capacity(object.datasets.len());
@@ -48,7 +51,7 @@ pub fn write(path: &Path, object: &Object, parts: &[Part], provenance: &Provenan
     }
     if !object.parts.is_empty() {
         open.push(write_dataset(&file, "parts", &digests(&object.parts))?);
-        for content in parts.first().map_or(&[][..], |part| part.contents.as_slice()) {
+        for content in parts.first().map_or(&[][..], |part| part.listing.contents.as_slice()) {
             write_virtual(&file, content, parts)?;
         }
     }
@@ -141,7 +144,7 @@ fn write_virtual_of<T: H5Type>(group: &Group, first: &Content, parts: &[Part]) -
     let slabs: Vec<(&ArtifactId, &[usize])> = parts
         .iter()
         .flat_map(|part| {
-            let same = part.contents.iter().find(|content| content.path == first.path);
+            let same = part.listing.contents.iter().find(|content| content.path == first.path);
             same.map(|content| (&part.digest, content.shape.as_slice()))
         })
         .collect();

@@ -4,6 +4,7 @@ use std::fs;
 use std::sync::atomic::Ordering;
 
 use super::*;
+use crate::store::Record;
 
 fn flip(path: &Path) {
     let mut bytes = fs::read(path).unwrap();
@@ -152,6 +153,55 @@ stages:
   big: { kind: sum, needs: [small], padding: 20000000 }
   last: { kind: sum, needs: [big] }
 ";
+
+/// What was made, and a pipeline of which `total` is another action, with the record that this has elsewhere.
+fn with_other_total(lab: &Laboratory) -> (Record, [&'static str; 1]) {
+    let sets = ["stages.total.power=2"];
+    lab.run(&[]);
+    let donor = Laboratory::new();
+    donor.run(&sets);
+    let key = donor.store().runs().unwrap()[0].stage("total").unwrap().key;
+    (donor.store().record(&key).unwrap().record().unwrap(), sets)
+}
+
+/// A record that must not be believed: nothing uses it, `fsck` names it, and the stage is built.
+fn is_not_believed(lab: &Laboratory, forged: &Record, sets: &[&str], reason: &str, built: ArtifactId) {
+    let put = || lab.store().put_record(forged).unwrap();
+    put();
+    let stale = "total stale 1+0: parameter changed: power from 1 to 2";
+    assert_eq!(lab.plan(sets).last().unwrap(), stale);
+    let explained = explain(&lab.pipeline(PIPELINE, sets), &lab.store(), "total").unwrap();
+    assert_eq!((explained.reasons.len(), explained.report.digest), (1, None));
+    let report = lab.store().fsck(&|_, _| ()).unwrap();
+    assert_eq!(report.damaged.len(), 1, "{report:?}");
+    assert!(report.damaged[0].reason.contains(reason), "{report:?}");
+    assert!(report.damaged[0].path.ends_with(forged.key.to_string()));
+    put();
+    assert_eq!(lab.digests(sets).last().unwrap(), &Some(built));
+    assert!(lab.store().fsck(&|_, _| ()).unwrap().is_sound());
+}
+
+#[test]
+fn a_record_copied_under_another_key_is_not_believed() {
+    let lab = Laboratory::new();
+    let (sound, sets) = with_other_total(&lab);
+    let key = lab.store().runs().unwrap()[0].stage("total").unwrap().key;
+    let other = lab.store().record(&key).unwrap().record().unwrap();
+    let forged = Record { key: sound.key, ..other };
+    is_not_believed(&lab, &forged, &sets, "not the key of the action", sound.artifact);
+}
+
+#[test]
+fn a_record_that_names_an_artifact_of_another_kind_is_not_believed() {
+    let lab = Laboratory::new();
+    let (sound, sets) = with_other_total(&lab);
+    let other = lab.store().runs().unwrap()[0].stage("halved").unwrap().artifact;
+    let forged = Record {
+        artifact: other,
+        ..sound.clone()
+    };
+    is_not_believed(&lab, &forged, &sets, "which is of kind `divide`", sound.artifact);
+}
 
 #[test]
 fn even_a_rerun_finds_bytes_that_changed_in_secret() {

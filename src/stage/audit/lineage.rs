@@ -91,8 +91,8 @@ fn step(store: &Store, artifact: &Artifact, lineage: &mut Lineage) -> Result<Vec
             record.artifact.short()
         ));
     }
-    if record.kind.split_whitespace().next() == Some("sample") {
-        let leaves = record.parameters.leaves();
+    if artifact.kind() == "sample" {
+        let leaves = record.action.parameters.leaves();
         let seed = leaves
             .iter()
             .find(|(path, _)| path == "seed" || path.ends_with(".seed"));
@@ -103,5 +103,5 @@ fn step(store: &Store, artifact: &Artifact, lineage: &mut Lineage) -> Result<Vec
             None => wrong("samples without a seed".to_owned()),
         }
     }
-    Ok(record.inputs)
+    Ok(record.action.inputs)
 }

@@ -150,12 +150,10 @@ impl Source {
         let solver = artifact.attribute("solver");
         source.solver = solver.and_then(|text| SolverParameters::from_text(text).ok());
         source.declared = source.declaration();
-        let contents = artifact.contents()?;
-        let holds = |path: &str| contents.iter().any(|content| content.path == path);
-        if holds("unstable/outcome") {
+        if artifact.kind() == "solve" {
             source.findings.extend(unstable(&artifact.texts("unstable/outcome")?.1));
         }
-        if holds("histogram/level") {
+        if artifact.kind() == "balance" {
             source.level = Some(Level {
                 edges: artifact.f64s("histogram/edges")?.1,
                 available: artifact.u64s("histogram/augmented")?.1,

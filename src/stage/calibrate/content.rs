@@ -70,11 +70,7 @@ pub fn content(calibration: &Calibration, origin: Origin<'_>) -> content::Calibr
 /// # Errors
 /// When its arrays do not fit together.
 pub fn read(artifact: &Artifact) -> Result<Option<(String, Calibration)>, StageError> {
-    if !content::Calibration::unchecked(artifact)
-        .difficulty()
-        .scores()
-        .is_there()?
-    {
+    if artifact.kind() != "calibrate" {
         return Ok(None);
     }
     let view = content::Calibration::open(artifact)?;

@@ -27,7 +27,7 @@ impl Contestant {
     /// # Errors
     /// When it is damaged.
     pub fn model(artifact: &Artifact) -> Result<Option<Self>, StageError> {
-        if !model::is_in(artifact)? {
+        if !model::is_in(artifact) {
             return Ok(None);
         }
         let surrogate = model::of_artifact(artifact)?;

@@ -55,8 +55,9 @@ fn the_index_knows_what_was_put() {
     assert!(entry.stamp.is_settled(entry.noted), "noted once its tick was over");
     let manifest = put(&store, &Object::manifest(Default::default(), vec![digest]));
     store.keep_index();
-    let expected = Some(index::Outline::Manifest(std::sync::Arc::new(vec![digest])));
-    assert_eq!(indexed(&store)[&manifest].outline, expected);
+    let outline = indexed(&store)[&manifest].outline.clone().unwrap();
+    assert_eq!((*outline.parts).as_slice(), [digest]);
+    assert_eq!(indexed(&store)[&digest].outline.as_ref().unwrap().listing.kind, "count");
 }
 
 #[test]

@@ -28,13 +28,14 @@ fn object(patterns: &[Pattern], fields: &[Field], word: &str, words: &[&str]) ->
 
 fn balanced(patterns: &[Pattern], fields: &[Field], splits: &[Split]) -> Object {
     let words: Vec<&str> = splits.iter().map(|split| split.name()).collect();
-    object(patterns, fields, "split", &words)
+    object(patterns, fields, "split", &words).of_kind("balance")
 }
 
 fn solved(patterns: &[Pattern], outcomes: &[&str], unstable: &[&str]) -> Object {
     let fields: Vec<Field> = patterns.iter().map(|_| field(1.0)).collect();
     object(patterns, &fields, "outcome", outcomes)
         .with("unstable/outcome", arrays::texts("d", unstable.iter().copied()))
+        .of_kind("solve chunk")
 }
 
 struct Bench {
@@ -56,10 +57,7 @@ impl Bench {
 
     fn manifest(&self, chunks: &[Object]) -> Artifact {
         let parts = chunks.iter().map(|chunk| self.put(chunk).digest()).collect();
-        self.put(&Object {
-            parts,
-            ..Object::default()
-        })
+        self.put(&Object::manifest(Default::default(), parts).of_kind("solve"))
     }
 }
 
@@ -193,6 +191,7 @@ fn inputs_without_any_label_to_learn_from_are_refused_with_the_reason() {
 /// A verify stage's artifact: fields of the rows that have one.
 fn verified(patterns: &[Pattern], outcomes: &[&str], fields: &[Field]) -> Object {
     Object::default()
+        .of_kind("verify")
         .with("patterns", arrays::patterns("d", patterns))
         .with("outcome", arrays::texts("d", outcomes.iter().copied()))
         .with("displacement", arrays::fields("d", fields.iter()))

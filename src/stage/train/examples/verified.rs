@@ -12,14 +12,6 @@ use crate::surrogate::{Label, LabelError};
 /// The family under which their metrics stand.
 const FAMILY: &str = "verified";
 
-/// Whether an artifact is that of a verify stage.
-pub fn is_verified(artifact: &Artifact) -> Result<bool, StageError> {
-    Ok(artifact
-        .contents()?
-        .iter()
-        .any(|content| content.path == "component/simulated"))
-}
-
 /// Reads one input: patterns that are there already are not taken again, since every round verifies the intuitive designs. Gives how
 /// many of its patterns have no field.
 pub fn read(

@@ -1,11 +1,20 @@
 //! Actions and their keys: the identity of work, made of what it is a function of and of nothing else.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::base::{ActionKey, ArtifactId, Canonical, EncodingError, encode};
 
+/// What the kind of a chunk's action ends with.
+const CHUNK: &str = " chunk";
+
+/// The kind of the stage whose action, or whose chunk's action, is of this kind.
+#[must_use]
+pub fn stage_kind(action_kind: &str) -> &str {
+    action_kind.strip_suffix(CHUNK).unwrap_or(action_kind)
+}
+
 /// One piece of work: a stage, or a chunk of one.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Action {
     /// Kind of the stage; a chunk's has a word more, so that a chunk is never taken for its stage.
     pub kind: String,
@@ -13,7 +22,7 @@ pub struct Action {
     pub recipe: u32,
     /// Canonical parameters.
     pub parameters: Canonical,
-    /// Digests of the artifacts to read, in order.
+    /// The artifacts to read, in order.
     pub inputs: Vec<ArtifactId>,
 }
 
@@ -32,7 +41,7 @@ impl Action {
     /// The action of a chunk, or `None` while an input has yet to be built.
     #[must_use]
     pub fn of_chunk(kind: &str, recipe: u32, parameters: &Canonical, inputs: &[Option<ArtifactId>]) -> Option<Self> {
-        Self::of_stage(&format!("{kind} chunk"), recipe, parameters, inputs)
+        Self::of_stage(&format!("{kind}{CHUNK}"), recipe, parameters, inputs)
     }
 
     /// The action key: BLAKE3 of the canonical encoding.
