@@ -8,7 +8,7 @@ use crate::field::CORNERS;
 use crate::pattern::CELLS;
 
 /// The version of the format. It is raised whenever a reader of the one before would misunderstand a file.
-pub(crate) const VERSION: u64 = 1;
+pub(crate) const VERSION: u64 = 2;
 
 /// The description of a network, as it stands in a model file after the digest.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

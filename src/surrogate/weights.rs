@@ -1,26 +1,24 @@
 //! Networks as bytes: safetensors, with what is needed to use the network in its metadata.
 //!
 //! The metadata has one key only: the format keeps its metadata in no fixed order, and equal networks must be equal bytes.
-//! Its text is a JSON object that begins with a digest: the BLAKE3 of the text after the digest's comma and of all bytes
-//! that follow the header of the file. A file that was changed anywhere is found out.
+//! Its text is a JSON object that begins with a digest: the BLAKE3 of the text after the digest's comma and of all tensors, each
+//! with its name, type and shape. A file that was changed anywhere, tensors that were exchanged included, is found out.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use candle_core::{Device, Tensor};
 use safetensors::SafeTensors;
+use safetensors::tensor::TensorView;
 use serde_json::Value;
 
 use super::header::{Header, Record, VERSION};
 use super::metrics::ALL;
 use super::outcome::Trained;
-use crate::base::Digest;
+use crate::base::{Digest, DigestWriter};
 use crate::dataset::Split;
 
 /// The one key of the metadata.
 pub(crate) const KEY: &str = "deaflow";
-
-/// A header says how long the header of safetensors is in so many bytes.
-const LENGTH: usize = 8;
 
 /// Bytes that are not a network.
 #[derive(Debug, thiserror::Error)]
@@ -49,8 +47,8 @@ pub(crate) fn to_bytes(
     let text = serde_json::to_string(&header).map_err(|e| e.to_string())?;
     let body = text.strip_prefix('{').unwrap_or(&text);
     let bare = safetensors::serialize(&tensors, None).map_err(|e| e.to_string())?;
-    let data = data(&bare).ok_or_else(|| "the tensors cannot be written".to_owned())?;
-    let text = format!("{}{body}", opening(&digest(body, data)));
+    let written = SafeTensors::deserialize(&bare).map_err(|e| e.to_string())?;
+    let text = format!("{}{body}", opening(&digest(body, written.tensors())));
     let metadata = HashMap::from([(KEY.to_owned(), text)]);
     safetensors::serialize(&tensors, Some(metadata)).map_err(|e| e.to_string())
 }
@@ -61,7 +59,8 @@ pub(crate) fn from_bytes(bytes: &[u8]) -> Result<(Header, BTreeMap<String, Tenso
     let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(|e| damaged(&e))?;
     let text = metadata.metadata().as_ref().and_then(|map| map.get(KEY));
     let text = text.ok_or_else(|| LoadError::Unsuitable("it was not written by deaflow".into()))?;
-    let header = read_header(text, data(bytes).unwrap_or_default())?;
+    let written = SafeTensors::deserialize(bytes).map_err(|e| damaged(&e))?;
+    let header = read_header(text, written.tensors())?;
     let tensors = candle_core::safetensors::load_buffer(bytes, &Device::Cpu).map_err(|e| damaged(&e))?;
     let tensors: BTreeMap<String, Tensor> = tensors.into_iter().collect();
     check_names(&header, &tensors)?;
@@ -105,16 +104,20 @@ impl Record {
     }
 }
 
-/// What follows the header of a file.
-fn data(bytes: &[u8]) -> Option<&[u8]> {
-    let length = u64::from_le_bytes(bytes.get(..LENGTH)?.try_into().ok()?);
-    bytes.get(LENGTH.checked_add(usize::try_from(length).ok()?)?..)
-}
-
-fn digest(body: &str, data: &[u8]) -> Digest {
-    let mut hasher = blake3::Hasher::new();
-    hasher.update(body.as_bytes()).update(data);
-    Digest::from_bytes(*hasher.finalize().as_bytes())
+/// The digest of a model: of its description and its tensors in the order of their names, wherever they stand in the file.
+fn digest(body: &str, mut tensors: Vec<(String, TensorView<'_>)>) -> Digest {
+    tensors.sort_by(|(a, _), (b, _)| a.cmp(b));
+    let mut writer = DigestWriter::new();
+    writer.text(body).number(tensors.len() as u64);
+    for (name, tensor) in &tensors {
+        writer.text(name).text(&tensor.dtype().to_string());
+        writer.number(tensor.shape().len() as u64);
+        for &extent in tensor.shape() {
+            writer.number(extent as u64);
+        }
+        writer.bytes(tensor.data());
+    }
+    writer.finish()
 }
 
 /// How the text of a header begins.
@@ -122,7 +125,7 @@ fn opening(digest: &Digest) -> String {
     format!("{{\"digest\":\"{digest}\",")
 }
 
-fn read_header(text: &str, data: &[u8]) -> Result<Header, LoadError> {
+fn read_header(text: &str, tensors: Vec<(String, TensorView<'_>)>) -> Result<Header, LoadError> {
     let mut value: Value = serde_json::from_str(text).map_err(|e| LoadError::Damaged(e.to_string()))?;
     match value.get("format_version").and_then(Value::as_u64) {
         Some(VERSION) => {}
@@ -145,7 +148,7 @@ fn read_header(text: &str, data: &[u8]) -> Result<Header, LoadError> {
         .and_then(|text| text.parse().ok());
     let body = stated.and_then(|stated| Some((stated, text.strip_prefix(&opening(&stated))?)));
     match body {
-        Some((stated, body)) if digest(body, data) == stated => {}
+        Some((stated, body)) if digest(body, tensors) == stated => {}
         _ => return Err(LoadError::Damaged("its content is not what its digest says".into())),
     }
     let header: Header = serde_json::from_value(value).map_err(|e| LoadError::Unsuitable(e.to_string()))?;

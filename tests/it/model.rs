@@ -86,7 +86,7 @@ fn an_exported_model_says_everything_and_is_refused_in_another_scene_or_when_dam
     assert_eq!(document["file"], "models/qin2024.safetensors");
     let header = &document["header"];
     assert_eq!(header["network"], "qin2024");
-    assert_eq!(header["format_version"], 1);
+    assert_eq!(header["format_version"], 2);
     assert!(
         header["scene"].as_str().unwrap().contains("voltage: 5250 V"),
         "{header}"

@@ -81,6 +81,23 @@ fn a_flipped_bit_anywhere_is_found_out() {
 }
 
 #[test]
+fn exchanged_tensors_are_found_out() {
+    // `b` and a second tensor of its shape change names: the table is another, and the bytes behind it are the same.
+    let mut two = tensors();
+    two.insert("d".to_owned(), Tensor::new(&[4.0_f32, 5.0], &Device::Cpu).unwrap());
+    let bytes = to_bytes(&Header::new("qin2024", 0.375), &two, &constants()).unwrap();
+    assert!(from_bytes(&bytes).is_ok());
+    let length = 8 + u64::from_le_bytes(bytes[..8].try_into().unwrap()) as usize;
+    let table = std::str::from_utf8(&bytes[8..length]).unwrap();
+    let exchanged = table.replace("\"b\":{", "\"x\":{").replace("\"d\":{", "\"b\":{").replace("\"x\":{", "\"d\":{");
+    assert!(exchanged != table && exchanged.len() == table.len());
+    let forged = [&bytes[..8], exchanged.as_bytes(), &bytes[length..]].concat();
+    assert!(SafeTensors::deserialize(&forged).is_ok(), "a sound file of safetensors");
+    let error = from_bytes(&forged).unwrap_err().to_string();
+    assert!(error.contains("not what its digest says"), "{error}");
+}
+
+#[test]
 fn hostile_headers_are_refused_before_they_cost_anything() {
     let tensor =
         |shape: &str, end: u64| format!("{{\"a\":{{\"dtype\":\"F32\",\"shape\":{shape},\"data_offsets\":[0,{end}]}}}}");
@@ -106,15 +123,15 @@ fn hostile_headers_are_refused_before_they_cost_anything() {
 #[test]
 fn versions_and_headers_of_others_are_refused_with_the_reason() {
     let said = |text: &str| from_bytes(&with_text(text)).unwrap_err().to_string();
-    assert!(said("{\"format_version\":2}").contains("version 2, and this deaflow reads version 1"));
+    assert!(said("{\"format_version\":1}").contains("version 1, and this deaflow reads version 2"));
     assert!(said("{\"network\":\"qin2024\",\"scale_mm\":1.0}").contains("older deaflow"));
-    assert!(said("{\"format_version\":1}").contains("digest"));
+    assert!(said("{\"format_version\":2}").contains("digest"));
     assert!(said("[1").contains("damaged"));
     // A header that is whole, but says more than this program knows.
     let (header, _) = from_bytes(&model()).unwrap();
     let text = serde_json::to_string(&header).unwrap();
     let body = text[1..].replacen("\"network\"", "\"rotated\":true,\"network\"", 1);
-    let sealed = |body: &str| format!("{}{body}", opening(&digest(body, &[])));
+    let sealed = |body: &str| format!("{}{body}", opening(&digest(body, Vec::new())));
     assert!(said(&sealed(&body)).contains("unknown field `rotated`"));
     let upside_down = text[1..].replacen("origin lower left", "origin upper left", 1);
     assert!(said(&sealed(&upside_down)).contains("patterns in another form"));
