@@ -9,9 +9,12 @@ use super::{
     status, unpin,
 };
 
+/// The version, and which build of it: two builds of other sources are told apart.
+const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (build ", env!("DEAFLOW_BUILD_SHORT"), ")");
+
 /// Designs dielectric-elastomer actuators, reproducibly: sample, solve, balance, train, design, verify.
 #[derive(Debug, Parser)]
-#[command(version, about, propagate_version = true)]
+#[command(version = VERSION, about, propagate_version = true)]
 pub struct Cli {
     #[command(subcommand)]
     command: Command,

@@ -228,6 +228,7 @@ pub fn provenance(kind: &str, parameters: String, seconds: f64) -> Provenance {
         created: environment.now(),
         host: environment.host,
         version: environment.version,
+        build: environment.build,
         target: environment.target,
         seconds,
         kind: kind.to_owned(),

@@ -186,7 +186,7 @@ impl Builder<'_> {
         };
         let measured = Mutex::default();
         let warn = |text: String| (self.listener)(&Event::Warning { text });
-        let build = format!("deaflow {}, {}", self.environment.version, self.environment.target);
+        let build = format!("build {}, {}", self.environment.build, self.environment.target);
         let scratch = Scratch::new(self.store, piece.key, build, &warn);
         let start = (self.environment.clock)();
         let object = piece.spec.stage.build(&Job {

@@ -12,6 +12,8 @@ pub struct Environment {
     pub host: String,
     /// Version of this crate.
     pub version: String,
+    /// BLAKE3 of the sources, the lock file and the features of this program.
+    pub build: String,
     /// Architecture, operating system and processor.
     pub target: String,
     /// The time of day.
@@ -44,6 +46,7 @@ impl Environment {
                 name => name.to_owned(),
             },
             version: env!("CARGO_PKG_VERSION").to_owned(),
+            build: env!("DEAFLOW_BUILD").to_owned(),
             target: format!("{architecture}-{system}, {processor}"),
             clock: SystemTime::now,
         }
@@ -71,6 +74,7 @@ impl Environment {
             created: self.now(),
             host: self.host.clone(),
             version: self.version.clone(),
+            build: self.build.clone(),
             target: self.target.clone(),
             seconds: took.seconds,
             action: Some(key),

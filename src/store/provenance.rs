@@ -13,6 +13,8 @@ pub struct Provenance {
     pub host: String,
     /// Version of this crate.
     pub version: String,
+    /// BLAKE3 of the sources, the lock file and the features of the program.
+    pub build: String,
     /// Architecture, operating system and processor.
     pub target: String,
     /// What the work took, s.
@@ -40,6 +42,7 @@ impl Provenance {
             ("created", self.created.clone()),
             ("host", self.host.clone()),
             ("version", self.version.clone()),
+            ("build", self.build.clone()),
             ("target", self.target.clone()),
             ("seconds", format!("{:.3}", self.seconds)),
             ("action", self.action.map_or_else(String::new, |key| key.to_string())),

@@ -357,6 +357,7 @@ fn environment() -> Environment {
     Environment {
         host: "laboratory".into(),
         version: "0".into(),
+        build: "none".into(),
         target: "none".into(),
         clock,
     }
