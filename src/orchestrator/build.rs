@@ -236,9 +236,10 @@ impl Builder<'_> {
         whole: bool,
     ) -> Result<Record, StageError> {
         let seconds = took.seconds;
-        let stored = self
-            .store
-            .put(&object.of_kind(&action.kind), &self.environment.provenance(action, key, took))?;
+        let stored = self.store.put(
+            &object.of_kind(&action.kind),
+            &self.environment.provenance(action, key, took),
+        )?;
         let unstable = match whole {
             true => spec.stage.unstable(&self.store.artifact(&stored.digest)?)?,
             false => 0,

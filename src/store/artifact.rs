@@ -142,7 +142,11 @@ impl Artifact {
             return Ok(contents);
         }
         let chunks = self.chunks()?;
-        let whole = listing::concatenate(chunks.iter().map(|c| (c.digest(), c.0.header.listing.contents.as_slice())))?;
+        let whole = listing::concatenate(
+            chunks
+                .iter()
+                .map(|c| (c.digest(), c.0.header.listing.contents.as_slice())),
+        )?;
         Ok(self.0.contents.get_or_init(|| whole))
     }
 

@@ -357,7 +357,11 @@ impl Object {
     pub fn digest(&self) -> Result<ArtifactId, ObjectError> {
         self.validate()?;
         let mut writer = DigestWriter::new();
-        let attributes = || self.attributes.iter().filter(|(name, _)| !WORDING.contains(&name.as_str()));
+        let attributes = || {
+            self.attributes
+                .iter()
+                .filter(|(name, _)| !WORDING.contains(&name.as_str()))
+        };
         writer.text("deaflow object 2").text(&self.kind);
         writer.number(attributes().count() as u64);
         for (name, value) in attributes() {

@@ -245,7 +245,10 @@ fn records_come_back_whole_or_not_at_all() {
     let whole = fs::read(&path).unwrap();
     for at in 0..whole.len() {
         flip(&path, at);
-        assert!(matches!(store.record(&one.key).unwrap(), Lookup::Damaged(_)), "byte {at}");
+        assert!(
+            matches!(store.record(&one.key).unwrap(), Lookup::Damaged(_)),
+            "byte {at}"
+        );
         fs::write(&path, &whole).unwrap();
     }
     for length in 0..whole.len() {

@@ -187,7 +187,10 @@ fn a_record_copied_under_another_key_is_not_believed() {
     let (sound, sets) = with_other_total(&lab);
     let key = lab.store().runs().unwrap()[0].stage("total").unwrap().key;
     let other = lab.store().record(&key).unwrap().record().unwrap();
-    let forged = Record { key: sound.key, ..other };
+    let forged = Record {
+        key: sound.key,
+        ..other
+    };
     is_not_believed(&lab, &forged, &sets, "not the key of the action", sound.artifact);
 }
 

@@ -89,7 +89,10 @@ fn exchanged_tensors_are_found_out() {
     assert!(from_bytes(&bytes).is_ok());
     let length = 8 + u64::from_le_bytes(bytes[..8].try_into().unwrap()) as usize;
     let table = std::str::from_utf8(&bytes[8..length]).unwrap();
-    let exchanged = table.replace("\"b\":{", "\"x\":{").replace("\"d\":{", "\"b\":{").replace("\"x\":{", "\"d\":{");
+    let exchanged = table
+        .replace("\"b\":{", "\"x\":{")
+        .replace("\"d\":{", "\"b\":{")
+        .replace("\"x\":{", "\"d\":{");
     assert!(exchanged != table && exchanged.len() == table.len());
     let forged = [&bytes[..8], exchanged.as_bytes(), &bytes[length..]].concat();
     assert!(SafeTensors::deserialize(&forged).is_ok(), "a sound file of safetensors");
