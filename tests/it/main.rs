@@ -9,6 +9,7 @@ mod common;
 mod damage;
 mod dataset;
 mod design;
+mod docs;
 mod evaluate;
 mod export;
 mod full_disk;

@@ -1,0 +1,127 @@
+//! README and tutorial are true: their commands are run as they stand there, and what they print is compared with what is
+//! shown.
+//!
+//! Blocks of `sh` and `python` are run, each file of documentation in a folder of its own with a copy of `pipelines/`. The block
+//! of `text` after them is what they print. Comments of HTML before a block say what differs:
+//!
+//! - `<!-- not run: REASON -->`: the block is not run; the test prints the reason
+//! - `<!-- run as: COMMAND -->`: this is run instead
+//! - `<!-- exit: CODE -->`: the last command ends with this code, and what it says on stderr is shown too
+//! - `<!-- file: PATH -->`: the block is written to this file
+
+mod compare;
+mod markdown;
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use super::common::Workspace;
+use markdown::{Block, blocks};
+
+#[test]
+fn the_readme_is_true() {
+    run("README.md");
+}
+
+#[test]
+fn the_tutorial_is_true() {
+    run("docs/tutorial.md");
+}
+
+#[test]
+fn links_lead_somewhere() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let docs = std::fs::read_dir(root.join("docs")).unwrap();
+    let files = docs.map(|entry| entry.unwrap().path()).filter(|path| path.extension().is_some_and(|e| e == "md"));
+    for file in files.chain([root.join("README.md"), root.join("CONTRIBUTING.md")]) {
+        let text = std::fs::read_to_string(&file).unwrap();
+        for link in markdown::links(&text) {
+            let (path, anchor) = link.split_once('#').unwrap_or((link, ""));
+            let target = if path.is_empty() { file.clone() } else { file.parent().unwrap().join(path) };
+            assert!(target.exists(), "{}: no {link}", file.display());
+            if !anchor.is_empty() {
+                let headings = markdown::anchors(&std::fs::read_to_string(&target).unwrap());
+                assert!(headings.contains(anchor), "{}: no heading of {link}", file.display());
+            }
+        }
+    }
+}
+
+/// Runs the blocks of a file of documentation, from top to bottom.
+fn run(file: &str) {
+    let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(file)).unwrap();
+    let session = Session::new();
+    let mut printed = None;
+    for block in blocks(&text) {
+        let place = format!("{file}, line {}", block.line);
+        if let Some(reason) = block.directive("not run") {
+            let _ = writeln!(std::io::stderr(), "NOT RUN: {place}: {reason}");
+            printed = None;
+        } else if let Some(path) = block.directive("file") {
+            session.write(path, &block.text);
+        } else if let "sh" | "python" = block.language.as_str() {
+            printed = Some(session.run(&block, &place));
+        } else if block.language == "text"
+            && let Some(printed) = printed.take()
+        {
+            compare::check(&block.text, &printed).unwrap_or_else(|e| panic!("{place}: {e}\n\nprinted was:\n{printed}"));
+        }
+    }
+}
+
+/// A folder in which a reader tries what is written.
+struct Session {
+    workspace: Workspace,
+}
+
+impl Session {
+    fn new() -> Self {
+        let workspace = Workspace::new();
+        copy(&Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines"), &workspace.path("pipelines"));
+        let programs = workspace.path("bin");
+        std::fs::create_dir(&programs).unwrap();
+        std::os::unix::fs::symlink(env!("CARGO_BIN_EXE_deaflow"), programs.join("deaflow")).unwrap();
+        let python = Command::new(super::h5py::python()).args(["-c", "import sys; print(sys.executable)"]).output();
+        let python = String::from_utf8(python.unwrap().stdout).unwrap();
+        std::os::unix::fs::symlink(python.trim(), programs.join("python3")).unwrap();
+        Self { workspace }
+    }
+
+    fn write(&self, path: &str, text: &str) {
+        self.workspace.write(path, text);
+    }
+
+    /// What the block prints, on stderr too where it fails as it should.
+    fn run(&self, block: &Block, place: &str) -> String {
+        let mut paths = vec![self.workspace.path("bin")];
+        paths.extend(std::env::split_paths(&std::env::var_os("PATH").unwrap_or_default()));
+        let program = if block.language == "python" { "python3" } else { "bash" };
+        let text = block.directive("run as").unwrap_or(&block.text);
+        let text = if program == "bash" { format!("set -euo pipefail\n{text}") } else { text.to_owned() };
+        let output = self
+            .workspace
+            .dressed(program)
+            .args(["-c", &text])
+            .env("PATH", std::env::join_paths(paths).unwrap())
+            .output()
+            .unwrap();
+        let (stdout, stderr) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+        let wanted: i32 = block.directive("exit").map_or(0, |code| code.parse().unwrap());
+        assert_eq!(output.status.code(), Some(wanted), "{place}:\n{stdout}\n{stderr}");
+        if wanted == 0 { stdout.into_owned() } else { format!("{stdout}{stderr}") }
+    }
+}
+
+fn copy(from: &Path, to: &Path) {
+    std::fs::create_dir(to).unwrap();
+    for entry in std::fs::read_dir(from).unwrap() {
+        let from = entry.unwrap().path();
+        let to: PathBuf = to.join(from.file_name().unwrap());
+        if from.is_dir() {
+            copy(&from, &to);
+        } else {
+            std::fs::copy(&from, &to).unwrap();
+        }
+    }
+}

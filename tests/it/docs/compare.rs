@@ -1,0 +1,139 @@
+//! Whether something was printed as it is shown: words are equal, numbers are close, and what differs from run to run (times,
+//! digests, the width of columns) is not looked at. A line with `…` alone stands for any lines.
+
+/// Numbers may differ by this share, or by two units of the last place shown.
+const TOLERANCE: f64 = 0.05;
+
+/// A piece of a line.
+#[derive(Clone, Debug)]
+enum Piece {
+    Text(String),
+    /// The unit of the last place is 0 for a whole number.
+    Number { value: f64, unit_of_last_place: f64 },
+    Digest,
+    Time,
+}
+
+impl PartialEq for Piece {
+    fn eq(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Text(a), Self::Text(b)) => a == b,
+            (
+                Self::Number { value: a, unit_of_last_place: u },
+                Self::Number { value: b, unit_of_last_place: v },
+            ) if *u > 0.0 && *v > 0.0 => (a - b).abs() <= (TOLERANCE * a.abs().max(b.abs())).max(2.0 * u.max(*v)),
+            // Whole numbers are counts.
+            (Self::Number { value: a, .. }, Self::Number { value: b, .. }) => a == b,
+            (Self::Digest, Self::Digest) | (Self::Time, Self::Time) => true,
+            _ => false,
+        }
+    }
+}
+
+/// Compares what is shown with what was printed.
+pub fn check(shown: &str, printed: &str) -> Result<(), String> {
+    let mut printed = printed.lines().map(pieces).filter(|line| !line.is_empty());
+    let mut gap = false;
+    for line in shown.lines() {
+        if line.trim() == "…" {
+            gap = true;
+            continue;
+        }
+        let wanted = pieces(line);
+        if wanted.is_empty() {
+            continue;
+        }
+        let found = if gap { printed.find(|found| *found == wanted) } else { printed.next() };
+        if found.as_ref() != Some(&wanted) {
+            let found = found.map_or("nothing of the kind".to_owned(), |found| format!("{found:?}"));
+            return Err(format!("`{line}` is shown, {found} was printed"));
+        }
+        gap = false;
+    }
+    match printed.next() {
+        Some(rest) if !gap => Err(format!("{rest:?} was printed and is not shown")),
+        _ => Ok(()),
+    }
+}
+
+/// The pieces of a line without spaces, rules and frames.
+fn pieces(line: &str) -> Vec<Piece> {
+    let mut found: Vec<Piece> = Vec::new();
+    let is_frame = |c: char| c.is_whitespace() || matches!(c, '─' | '═' | '│');
+    for word in line.split(is_frame).filter(|word| !word.is_empty()) {
+        let is_unit = matches!(word.trim_end_matches([',', ';', '.', ')']), "s" | "ms" | "min" | "h");
+        if is_unit && matches!(found.last(), Some(Piece::Number { .. })) {
+            found.pop();
+            if !matches!(found.last(), Some(Piece::Time)) {
+                found.push(Piece::Time);
+            }
+        } else {
+            split(word, &mut found);
+        }
+    }
+    found
+}
+
+/// Splits a word into digests, numbers and the rest.
+fn split(word: &str, found: &mut Vec<Piece>) {
+    let mut rest = word;
+    while let Some(first) = rest.chars().next() {
+        let run = rest.find(|c: char| !c.is_ascii_alphanumeric()).unwrap_or(rest.len());
+        let taken = if is_digest(&rest[..run]) {
+            found.push(Piece::Digest);
+            run
+        } else if let Some((piece, length)) = number(rest) {
+            found.push(piece);
+            length
+        } else {
+            let length = if run > 0 { run } else { first.len_utf8() };
+            found.push(Piece::Text(rest[..length].to_owned()));
+            length
+        };
+        rest = &rest[taken..];
+    }
+}
+
+/// At least eight hexadecimal digits, with a decimal one among them.
+fn is_digest(text: &str) -> bool {
+    let hexadecimal = |c: char| matches!(c, '0'..='9' | 'a'..='f');
+    text.len() >= 8 && text.chars().all(hexadecimal) && text.contains(|c: char| c.is_ascii_digit())
+}
+
+/// The number that a text begins with, and its length.
+fn number(text: &str) -> Option<(Piece, usize)> {
+    let after = |start: usize| text[start..].find(|c: char| !c.is_ascii_digit()).map_or(text.len(), |n| start + n);
+    let sign = usize::from(text.starts_with(['+', '-']));
+    let mut end = after(sign);
+    if end == sign {
+        return None;
+    }
+    let mut places = 0;
+    if text[end..].starts_with('.') && after(end + 1) > end + 1 {
+        places = after(end + 1) - end - 1;
+        end = after(end + 1);
+    }
+    let digits = end;
+    for exponent in ["e-", "e"] {
+        if text[digits..].starts_with(exponent) && after(digits + exponent.len()) > digits + exponent.len() {
+            end = after(digits + exponent.len());
+            break;
+        }
+    }
+    let value: f64 = text[..end].parse().ok()?;
+    let exponent: i32 = text[digits..end].trim_start_matches('e').parse().unwrap_or(0);
+    let unit_of_last_place = if places == 0 && exponent == 0 { 0.0 } else { 10_f64.powi(exponent - places as i32) };
+    Some((Piece::Number { value, unit_of_last_place }, end))
+}
+
+#[test]
+fn equal_but_for_what_varies() {
+    let shown = " solved   solve   built   1.66 s   a0fee3aeb495   41.4 MB\n…\nsimulated 2.155 mm ± 0.0000\n";
+    let printed = "solved  solve  built  2 min 3 s  0123456789ab  41.6 MB\n\nother\n───\nsimulated  2.154 mm ± 0.0001\n";
+    check(shown, printed).unwrap();
+    for (a, b) in [("built", "reused"), ("2.155 mm", "2.355 mm"), ("41.4 MB", "51.4 MB"), ("solved", "small")] {
+        assert!(check(&shown.replacen(a, b, 1), printed).is_err(), "{a} {b}");
+    }
+    assert!(check("one\n", "one\ntwo\n").is_err());
+    assert!(check("one\ntwo\n", "one\n").is_err());
+}
