@@ -30,6 +30,23 @@ fn the_tutorial_is_true() {
 }
 
 #[test]
+fn the_reference_says_what_the_program_reads() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let workspace = Workspace::new();
+    workspace.write("schema.json", &workspace.run(&["schema"]).stdout);
+    let written = Command::new(super::h5py::python())
+        .arg(root.join("docs/tools/reference.py"))
+        .stdin(std::fs::File::open(workspace.path("schema.json")).unwrap())
+        .output()
+        .unwrap();
+    let stands = std::fs::read_to_string(root.join("docs/reference.md")).unwrap();
+    assert!(
+        String::from_utf8_lossy(&written.stdout) == stands,
+        "deaflow schema | python3 docs/tools/reference.py > docs/reference.md writes it anew"
+    );
+}
+
+#[test]
 fn links_lead_somewhere() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let docs = std::fs::read_dir(root.join("docs")).unwrap();
