@@ -50,12 +50,18 @@ fn the_reference_says_what_the_program_reads() {
 fn links_lead_somewhere() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let docs = std::fs::read_dir(root.join("docs")).unwrap();
-    let files = docs.map(|entry| entry.unwrap().path()).filter(|path| path.extension().is_some_and(|e| e == "md"));
+    let files = docs
+        .map(|entry| entry.unwrap().path())
+        .filter(|path| path.extension().is_some_and(|e| e == "md"));
     for file in files.chain([root.join("README.md"), root.join("CONTRIBUTING.md")]) {
         let text = std::fs::read_to_string(&file).unwrap();
         for link in markdown::links(&text) {
             let (path, anchor) = link.split_once('#').unwrap_or((link, ""));
-            let target = if path.is_empty() { file.clone() } else { file.parent().unwrap().join(path) };
+            let target = if path.is_empty() {
+                file.clone()
+            } else {
+                file.parent().unwrap().join(path)
+            };
             assert!(target.exists(), "{}: no {link}", file.display());
             if !anchor.is_empty() {
                 let headings = markdown::anchors(&std::fs::read_to_string(&target).unwrap());
@@ -95,11 +101,16 @@ struct Session {
 impl Session {
     fn new() -> Self {
         let workspace = Workspace::new();
-        copy(&Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines"), &workspace.path("pipelines"));
+        copy(
+            &Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines"),
+            &workspace.path("pipelines"),
+        );
         let programs = workspace.path("bin");
         std::fs::create_dir(&programs).unwrap();
         std::os::unix::fs::symlink(env!("CARGO_BIN_EXE_deaflow"), programs.join("deaflow")).unwrap();
-        let python = Command::new(super::h5py::python()).args(["-c", "import sys; print(sys.executable)"]).output();
+        let python = Command::new(super::h5py::python())
+            .args(["-c", "import sys; print(sys.executable)"])
+            .output();
         let python = String::from_utf8(python.unwrap().stdout).unwrap();
         std::os::unix::fs::symlink(python.trim(), programs.join("python3")).unwrap();
         Self { workspace }
@@ -115,7 +126,11 @@ impl Session {
         paths.extend(std::env::split_paths(&std::env::var_os("PATH").unwrap_or_default()));
         let program = if block.language == "python" { "python3" } else { "bash" };
         let text = block.directive("run as").unwrap_or(&block.text);
-        let text = if program == "bash" { format!("set -euo pipefail\n{text}") } else { text.to_owned() };
+        let text = if program == "bash" {
+            format!("set -euo pipefail\n{text}")
+        } else {
+            text.to_owned()
+        };
         let output = self
             .workspace
             .dressed(program)
@@ -123,10 +138,17 @@ impl Session {
             .env("PATH", std::env::join_paths(paths).unwrap())
             .output()
             .unwrap();
-        let (stdout, stderr) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+        let (stdout, stderr) = (
+            String::from_utf8_lossy(&output.stdout),
+            String::from_utf8_lossy(&output.stderr),
+        );
         let wanted: i32 = block.directive("exit").map_or(0, |code| code.parse().unwrap());
         assert_eq!(output.status.code(), Some(wanted), "{place}:\n{stdout}\n{stderr}");
-        if wanted == 0 { stdout.into_owned() } else { format!("{stdout}{stderr}") }
+        if wanted == 0 {
+            stdout.into_owned()
+        } else {
+            format!("{stdout}{stderr}")
+        }
     }
 }
 

@@ -9,7 +9,10 @@ const TOLERANCE: f64 = 0.05;
 enum Piece {
     Text(String),
     /// The unit of the last place is 0 for a whole number.
-    Number { value: f64, unit_of_last_place: f64 },
+    Number {
+        value: f64,
+        unit_of_last_place: f64,
+    },
     Digest,
     Time,
 }
@@ -19,8 +22,14 @@ impl PartialEq for Piece {
         match (self, other) {
             (Self::Text(a), Self::Text(b)) => a == b,
             (
-                Self::Number { value: a, unit_of_last_place: u },
-                Self::Number { value: b, unit_of_last_place: v },
+                Self::Number {
+                    value: a,
+                    unit_of_last_place: u,
+                },
+                Self::Number {
+                    value: b,
+                    unit_of_last_place: v,
+                },
             ) if *u > 0.0 && *v > 0.0 => (a - b).abs() <= (TOLERANCE * a.abs().max(b.abs())).max(2.0 * u.max(*v)),
             // Whole numbers are counts.
             (Self::Number { value: a, .. }, Self::Number { value: b, .. }) => a == b,
@@ -43,7 +52,11 @@ pub fn check(shown: &str, printed: &str) -> Result<(), String> {
         if wanted.is_empty() {
             continue;
         }
-        let found = if gap { printed.find(|found| *found == wanted) } else { printed.next() };
+        let found = if gap {
+            printed.find(|found| *found == wanted)
+        } else {
+            printed.next()
+        };
         if found.as_ref() != Some(&wanted) {
             let found = found.map_or("nothing of the kind".to_owned(), |found| format!("{found:?}"));
             return Err(format!("`{line}` is shown, {found} was printed"));
@@ -102,7 +115,11 @@ fn is_digest(text: &str) -> bool {
 
 /// The number that a text begins with, and its length.
 fn number(text: &str) -> Option<(Piece, usize)> {
-    let after = |start: usize| text[start..].find(|c: char| !c.is_ascii_digit()).map_or(text.len(), |n| start + n);
+    let after = |start: usize| {
+        text[start..]
+            .find(|c: char| !c.is_ascii_digit())
+            .map_or(text.len(), |n| start + n)
+    };
     let sign = usize::from(text.starts_with(['+', '-']));
     let mut end = after(sign);
     if end == sign {
@@ -122,16 +139,32 @@ fn number(text: &str) -> Option<(Piece, usize)> {
     }
     let value: f64 = text[..end].parse().ok()?;
     let exponent: i32 = text[digits..end].trim_start_matches('e').parse().unwrap_or(0);
-    let unit_of_last_place = if places == 0 && exponent == 0 { 0.0 } else { 10_f64.powi(exponent - places as i32) };
-    Some((Piece::Number { value, unit_of_last_place }, end))
+    let unit_of_last_place = if places == 0 && exponent == 0 {
+        0.0
+    } else {
+        10_f64.powi(exponent - places as i32)
+    };
+    Some((
+        Piece::Number {
+            value,
+            unit_of_last_place,
+        },
+        end,
+    ))
 }
 
 #[test]
 fn equal_but_for_what_varies() {
     let shown = " solved   solve   built   1.66 s   a0fee3aeb495   41.4 MB\n…\nsimulated 2.155 mm ± 0.0000\n";
-    let printed = "solved  solve  built  2 min 3 s  0123456789ab  41.6 MB\n\nother\n───\nsimulated  2.154 mm ± 0.0001\n";
+    let printed =
+        "solved  solve  built  2 min 3 s  0123456789ab  41.6 MB\n\nother\n───\nsimulated  2.154 mm ± 0.0001\n";
     check(shown, printed).unwrap();
-    for (a, b) in [("built", "reused"), ("2.155 mm", "2.355 mm"), ("41.4 MB", "51.4 MB"), ("solved", "small")] {
+    for (a, b) in [
+        ("built", "reused"),
+        ("2.155 mm", "2.355 mm"),
+        ("41.4 MB", "51.4 MB"),
+        ("solved", "small"),
+    ] {
         assert!(check(&shown.replacen(a, b, 1), printed).is_err(), "{a} {b}");
     }
     assert!(check("one\n", "one\ntwo\n").is_err());
