@@ -4,11 +4,13 @@
 //! the default scene, relative residual 1e-8. Times are those that the thread was on a core (`/proc/thread-self/schedstat`);
 //! all effects take turns, and the best of five rounds counts.
 
-use deaflow::base::{Decimal, Dimension, Quantity, Stream, thread_seconds};
+use deaflow::base::{Decimal, Length, Stream, Stress, thread_seconds};
 use deaflow::fem::{MembraneSolver, SolveOptions};
 use deaflow::field::Simulator;
 use deaflow::pattern::{CELLS, Pattern};
-use deaflow::scene::{Effects, Electrode, PermittivityDecay, PermittivityReference, Scene, Stiffening};
+use deaflow::scene::{
+    ArrudaBoyce, Effects, Electrode, Gent, Ogden, OgdenTerm, On, PermittivityDecay, PermittivityReference, Scene, Stiffening, Yeoh,
+};
 
 const PATTERNS: u64 = 24;
 
@@ -53,22 +55,24 @@ fn solver(effects: Effects) -> MembraneSolver {
 
 fn cases() -> Vec<(&'static str, Effects)> {
     let decimal = |value| Decimal::from_f64(value).expect("a finite number");
-    let quantity = |value, dimension| Quantity::from_f64(value, dimension).expect("a finite number");
-    let stress = |value| quantity(value, Dimension::Stress);
-    let ogden = |terms: &[(f64, f64)]| Stiffening::Ogden {
-        terms: terms
-            .iter()
-            .map(|&(m, a)| (stress(m), quantity(a, Dimension::Number)))
-            .collect(),
+    let stress = |value| Stress::from_f64(value).expect("a finite number");
+    let term = |&(mu, alpha): &(f64, f64)| OgdenTerm {
+        mu: stress(mu),
+        alpha: decimal(alpha),
+    };
+    let ogden = |terms: &[(f64, f64)]| {
+        Stiffening::Ogden(Ogden {
+            terms: terms.iter().map(term).collect(),
+        })
     };
     let stiffening = |law| Effects {
         strain_stiffening: Some(law),
         ..Effects::default()
     };
-    let gent = || Stiffening::Gent { jm: decimal(100.0) };
+    let gent = || Stiffening::Gent(Gent { jm: decimal(100.0) });
     let electrode = || Electrode {
         shear_modulus: stress(50e3),
-        thickness: quantity(0.05, Dimension::Length),
+        thickness: Length::from_f64(0.05).expect("a finite number"),
     };
     let decay = || PermittivityDecay {
         exponent: decimal(0.1),
@@ -79,16 +83,16 @@ fn cases() -> Vec<(&'static str, Effects)> {
         ("Gent", stiffening(gent())),
         (
             "Yeoh",
-            stiffening(Stiffening::Yeoh {
+            stiffening(Stiffening::Yeoh(Yeoh {
                 c2: stress(0.0),
                 c3: stress(3.0),
-            }),
+            })),
         ),
         (
             "Arruda-Boyce",
-            stiffening(Stiffening::ArrudaBoyce {
+            stiffening(Stiffening::ArrudaBoyce(ArrudaBoyce {
                 locking_stretch: decimal(6.0),
-            }),
+            })),
         ),
         ("Ogden, one term", stiffening(ogden(&[(45e3, 2.0)]))),
         (
@@ -112,14 +116,14 @@ fn cases() -> Vec<(&'static str, Effects)> {
         (
             "fringe field",
             Effects {
-                fringe_field: true,
+                fringe_field: Some(On {}),
                 ..Effects::default()
             },
         ),
         (
             "wrinkling",
             Effects {
-                wrinkling: true,
+                wrinkling: Some(On {}),
                 ..Effects::default()
             },
         ),
@@ -129,8 +133,8 @@ fn cases() -> Vec<(&'static str, Effects)> {
                 strain_stiffening: Some(gent()),
                 electrode_stiffness: Some(electrode()),
                 stretch_dependent_permittivity: Some(decay()),
-                fringe_field: true,
-                wrinkling: true,
+                fringe_field: Some(On {}),
+                wrinkling: Some(On {}),
                 ..Effects::default()
             },
         ),

@@ -86,7 +86,7 @@ fn text(screening: &Screening) -> String {
             format!("{}\n{}", row.change, row.cost),
         ]);
     }
-    let simulated = format!("simulated: effects: {}", screening.scene.effects.canonical());
+    let simulated = format!("simulated: effects: {}", screening.scene.effects.to_text());
     let legend = "now: on or off as the scene has it; – cannot be simulated yet".to_owned();
     let warnings = screening
         .warnings()

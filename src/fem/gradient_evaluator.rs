@@ -22,8 +22,8 @@ impl GradientEvaluator {
         // One biquadratic element per cell errs by less than 0.1 % of the displacement; a gain that it sees is one.
         let options = SolveOptions::on(Mesh::biquadratic(1));
         let mut effects = scene.effects.clone();
-        let differs = effects.wrinkling || effects.fringe_field;
-        (effects.wrinkling, effects.fringe_field) = (false, false);
+        let differs = effects.wrinkling.is_some() || effects.fringe_field.is_some();
+        (effects.wrinkling, effects.fringe_field) = (None, None);
         let plain = differs.then(|| MembraneSolver::new(&scene.with_effects(effects), options));
         Ok(Self {
             solver: MembraneSolver::new(scene, options)?,

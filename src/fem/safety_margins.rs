@@ -3,7 +3,7 @@
 use super::{MembraneSolver, SetupError, SolveOptions};
 use crate::field::{Feasibility, Mesh, PredictError, Simulator};
 use crate::pattern::Pattern;
-use crate::scene::{BreakdownLaw, Scene};
+use crate::scene::{Breakdown, Scene};
 
 /// Says which patterns keep their margins.
 pub struct SafetyMargins {
@@ -43,7 +43,7 @@ impl SafetyMargins {
 
 /// The breakdown strength of a scene: that of its effect, or what is known of the material.
 #[must_use]
-pub fn breakdown_strength(scene: &Scene) -> Option<BreakdownLaw> {
+pub fn breakdown_strength(scene: &Scene) -> Option<Breakdown> {
     let known = &scene.properties.dielectric_breakdown;
     scene.effects.dielectric_breakdown.clone().or_else(|| known.clone())
 }

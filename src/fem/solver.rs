@@ -136,7 +136,7 @@ impl MembraneSolver {
                     critical_voltage: solution
                         .outcome
                         .bracket()
-                        .filter(|_| self.scene.effects.electromechanical_stability),
+                        .filter(|_| self.scene.effects.electromechanical_stability.is_some()),
                     ..Observation::default()
                 }
             },
@@ -244,15 +244,16 @@ impl MembraneSolver {
     fn observe(&self, pattern: &Pattern, solution: &MeshSolution) -> Observation {
         let effects = &self.scene.effects;
         let mut observation = Observation::default();
-        if effects.dielectric_breakdown.is_some() || effects.wrinkling {
+        if effects.dielectric_breakdown.is_some() || effects.wrinkling.is_some() {
             let cells = self.cell_states(pattern, solution);
             let breakdown = effects.dielectric_breakdown.as_ref();
             observation.breakdown_ratio = breakdown.map(|law| breakdown_ratio(law, self.scene.thickness_mm(), &cells));
             observation.tension = effects
                 .wrinkling
-                .then(|| cells.iter().map(|cell| cell.tension.code()).collect());
+                .as_ref()
+                .map(|_| cells.iter().map(|cell| cell.tension.code()).collect());
         }
-        if effects.electromechanical_stability {
+        if effects.electromechanical_stability.is_some() {
             let report = self.stability(pattern, solution);
             observation.smallest_eigenvalue = report.smallest_eigenvalue;
             observation.critical_voltage = report.critical;

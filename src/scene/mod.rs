@@ -1,15 +1,16 @@
-//! What is simulated: geometry, material, drive and effects of one membrane, validated and without numerics.
+//! What to simulate: geometry, material, drive and effects. Validated here, once; no numerics.
 
 mod difference;
 pub mod effects;
 mod model;
 mod properties;
-mod read;
-mod read_effects;
-mod schema;
+#[cfg(test)]
+mod tests;
 
 pub use difference::Difference;
-pub use effects::{BreakdownLaw, Effects, Electrode, PermittivityDecay, PermittivityReference, Stiffening};
-pub use model::{Drive, Geometry, Law, Material, Scene, VACUUM_PERMITTIVITY};
+pub use effects::{
+    ArrudaBoyce, Breakdown, ConstantStrength, Effects, Electrode, Gent, HuangStrength, Ogden, OgdenTerm, On, PermittivityDecay,
+    PermittivityReference, Stiffening, Yeoh,
+};
+pub use model::{Drive, ElasticModel, Geometry, Material, Scene, VACUUM_PERMITTIVITY};
 pub use properties::{Branch, Properties};
-pub use read::SECTIONS;

@@ -1,61 +1,92 @@
 //! The valid scene. Construction is the only validation: a `Scene` at hand can be simulated.
 
-use super::effects::Effects;
+use std::path::Path;
+
+use super::effects::{Effects, switched_on};
 use super::properties::Properties;
-use crate::base::{Canonical, Decimal, Dimension, Quantity};
+use crate::base::{
+    Canonical, Decimal, Declared, Document, Fields, Frequency, InputError, Length, Map, Node, NodeValue, Parameter, Schema, Stress, Time,
+    Voltage, parameters, words,
+};
 use crate::pattern::CELLS;
 
 /// ε₀ in F/m (CODATA 2018).
 pub const VACUUM_PERMITTIVITY: f64 = 8.854_187_812_8e-12;
 
-/// The square membrane, prestretched and clamped on a rigid frame.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Geometry {
-    /// Side of the prestretched membrane (length).
-    pub side: Quantity,
-    /// Undeformed thickness, before prestretch (length).
-    pub thickness: Quantity,
-    /// Equibiaxial prestretch (number, ≥ 1).
-    pub prestretch: Quantity,
-}
-
-/// The elastic law.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Law {
-    /// Incompressible neo-Hookean: W = ½μ(I₁ − 3).
-    NeoHookean,
-}
-
-impl Law {
-    /// The word that stands in a scene.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::NeoHookean => "neo-hookean",
-        }
+parameters! {
+    /// The square membrane, prestretched and clamped on a rigid frame.
+    pub struct Geometry as "`geometry`" {
+        /// Side of the prestretched membrane.
+        pub side: Length [1e-3..=1e4],
+        /// Undeformed thickness, before prestretch.
+        pub thickness: Length [1e-4..=1e3],
+        /// Equibiaxial prestretch.
+        pub prestretch: Decimal [1.0..=10.0],
+        /// Cells along a side.
+        pub cells: Cells,
     }
 }
 
-/// The elastomer.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Material {
-    /// The elastic law.
-    pub law: Law,
-    /// Small-strain shear modulus μ (stress).
-    pub shear_modulus: Quantity,
-    /// Relative permittivity (number).
-    pub relative_permittivity: Quantity,
+/// How many cells the membrane has along a side.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Cells;
+
+impl Parameter for Cells {
+    type Limits = ();
+    type Literal = Self;
+
+    fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
+        if node.whole(key, 1, 100_000)? == CELLS as u64 {
+            return Ok(Self);
+        }
+        Err(node
+            .error(format!("`{key}` is {}: patterns have {CELLS} × {CELLS} cells", node.found()))
+            .help(format!("allowed: {CELLS}")))
+    }
+
+    fn canonical(&self) -> Option<Canonical> {
+        Some(Canonical::from(CELLS))
+    }
+
+    fn schema((): &()) -> Schema {
+        Schema::new(serde_json::json!({ "const": CELLS }))
+    }
+
+    fn literal(literal: Self) -> Self {
+        literal
+    }
 }
 
-/// What drives the actuator.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Drive {
-    /// Voltage between the electrodes.
-    pub voltage: Quantity,
-    /// Frequency, where the voltage alternates. Only screening looks at it.
-    pub frequency: Option<Quantity>,
-    /// How long the voltage is held, where that is known. Only screening looks at it.
-    pub duration: Option<Quantity>,
+words! {
+    /// The elastic law of the base model.
+    pub enum ElasticModel {
+        /// Incompressible neo-Hookean: W = ½μ(I₁ − 3).
+        NeoHookean = "neo-hookean",
+    }
+}
+
+parameters! {
+    /// The elastomer.
+    pub struct Material as "`material`" {
+        /// The elastic law.
+        pub model: ElasticModel,
+        /// Small-strain shear modulus.
+        pub shear_modulus: Stress [1.0..=1e9],
+        /// Relative permittivity.
+        pub relative_permittivity: Decimal [1.0..=1e4],
+    }
+}
+
+parameters! {
+    /// What drives the actuator.
+    pub struct Drive as "`drive`" {
+        /// Between the electrodes.
+        pub voltage: Voltage [0.0..=1e6],
+        /// Where the voltage alternates. Only screening looks at it.
+        pub frequency: Option<Frequency> [1e-9..=1e9],
+        /// How long the voltage is held. Only screening looks at it.
+        pub duration: Option<Time> [1e-9..=1e9],
+    }
 }
 
 /// One membrane with its drive, and the effects that are simulated.
@@ -75,7 +106,78 @@ pub struct Scene {
     pub properties: Properties,
 }
 
+/// What a scene is, in messages.
+const WHAT: &str = "the scene";
+
+/// The word in place of effects that leaves them to screening.
+const AUTO: &str = "auto";
+
+/// The sections of a scene.
+const SECTIONS: [&str; 5] = ["geometry", "material", "drive", "effects", "properties"];
+
 impl Scene {
+    /// Reads a scene from a YAML file.
+    ///
+    /// # Errors
+    /// When the file cannot be read or is not a scene.
+    pub fn load(path: &Path) -> Result<Self, InputError> {
+        Self::read(&Document::load(path)?.root)
+    }
+
+    /// Reads a scene from text, such as an artifact's `scene` attribute.
+    ///
+    /// # Errors
+    /// When the text is not a scene.
+    pub fn from_text(text: &str) -> Result<Self, InputError> {
+        Self::read(&Document::from_text(Path::new("scene"), text)?.root)
+    }
+
+    /// Reads a scene from a node of a document.
+    ///
+    /// # Errors
+    /// When a key is unknown or missing, or a value is out of range.
+    pub fn read(node: &Node) -> Result<Self, InputError> {
+        let map = node.fields(WHAT, &SECTIONS)?;
+        let material: Material = section(&map, "material")?;
+        let modulus = material.shear_modulus.value();
+        let properties = match map.optional("properties") {
+            Some(node) => Properties::read_with(node, &[])?,
+            None => Properties::default(),
+        };
+        let (effects, auto) = read_effects(&map)?;
+        for (section, law) in [
+            ("effects", &effects.strain_stiffening),
+            ("properties", &properties.strain_stiffening),
+        ] {
+            if let (Some(law), Some(at)) = (law, map.optional(section)) {
+                law.check_modulus(at.peek("strain_stiffening").unwrap_or(at), modulus)?;
+            }
+        }
+        refuse_charge(&map)?;
+        Ok(Self {
+            geometry: section(&map, "geometry")?,
+            material,
+            drive: section(&map, "drive")?,
+            effects,
+            auto,
+            properties,
+        })
+    }
+
+    /// What [`Scene::read`] accepts.
+    #[must_use]
+    pub fn schema() -> Schema {
+        let effects = Schema::any_of([Schema::word(&[AUTO]), Effects::schema(&())])
+            .says("What is simulated beyond the base model; auto: what is called for.");
+        Fields::new("A membrane on a frame, its drive, and the effects that are simulated.")
+            .required("geometry", Geometry::schema(&()))
+            .required("material", Material::schema(&()))
+            .required("drive", Drive::schema(&()))
+            .optional("effects", effects.default(serde_json::json!({})))
+            .optional("properties", Properties::schema(&()))
+            .into()
+    }
+
     /// The default scene: VHB 4910 as in the source paper, κ = 0.0255.
     #[must_use]
     pub fn vhb4910() -> Self {
@@ -95,20 +197,21 @@ impl Scene {
         permittivity: f64,
         voltage: f64,
     ) -> Self {
-        let q = |value, dimension| Quantity::from_f64(value, dimension).expect("a finite number");
+        let finite = "a finite number";
         Self {
             geometry: Geometry {
-                side: q(side, Dimension::Length),
-                thickness: q(thickness, Dimension::Length),
-                prestretch: q(prestretch, Dimension::Number),
+                side: Length::from_f64(side).expect(finite),
+                thickness: Length::from_f64(thickness).expect(finite),
+                prestretch: Decimal::from_f64(prestretch).expect(finite),
+                cells: Cells,
             },
             material: Material {
-                law: Law::NeoHookean,
-                shear_modulus: q(shear_modulus, Dimension::Stress),
-                relative_permittivity: q(permittivity, Dimension::Number),
+                model: ElasticModel::NeoHookean,
+                shear_modulus: Stress::from_f64(shear_modulus).expect(finite),
+                relative_permittivity: Decimal::from_f64(permittivity).expect(finite),
             },
             drive: Drive {
-                voltage: q(voltage, Dimension::Voltage),
+                voltage: Voltage::from_f64(voltage).expect(finite),
                 frequency: None,
                 duration: None,
             },
@@ -124,7 +227,7 @@ impl Scene {
     /// When the voltage is not finite.
     #[must_use]
     pub fn at_voltage(&self, voltage: f64) -> Self {
-        let voltage = Quantity::from_f64(voltage, Dimension::Voltage).expect("a finite number");
+        let voltage = Voltage::from_f64(voltage).expect("a finite number");
         Self {
             drive: Drive {
                 voltage,
@@ -159,7 +262,7 @@ impl Scene {
     /// Prestretch λp.
     #[must_use]
     pub fn prestretch(&self) -> f64 {
-        self.geometry.prestretch.value()
+        self.geometry.prestretch.to_f64()
     }
 
     /// Shear modulus μ in Pa.
@@ -171,7 +274,7 @@ impl Scene {
     /// Permittivity ε = εr ε₀ in F/m.
     #[must_use]
     pub fn permittivity(&self) -> f64 {
-        self.material.relative_permittivity.value() * VACUUM_PERMITTIVITY
+        self.material.relative_permittivity.to_f64() * VACUUM_PERMITTIVITY
     }
 
     /// Voltage V in V.
@@ -187,106 +290,78 @@ impl Scene {
         self.permittivity() * nominal_field * nominal_field / self.shear_modulus_pa()
     }
 
-    /// The scene as a canonical value, by section, for action keys.
+    /// The scene without what decides nothing about its simulation: how the drive goes on in time, and properties that no effect uses. Where
+    /// screening is to turn effects on, all of it may decide.
     #[must_use]
-    pub fn canonical(&self) -> Canonical {
-        let (g, m) = (&self.geometry, &self.material);
-        let mut sections = vec![
-            (
-                "geometry",
-                Canonical::map([
-                    ("side", Canonical::from(&g.side)),
-                    ("thickness", (&g.thickness).into()),
-                    ("prestretch", (&g.prestretch).into()),
-                    ("cells", Decimal::from(CELLS as u64).into()),
-                ]),
-            ),
-            (
-                "material",
-                Canonical::map([
-                    ("model", Canonical::from(m.law.name())),
-                    ("shear_modulus", (&m.shear_modulus).into()),
-                    ("relative_permittivity", (&m.relative_permittivity).into()),
-                ]),
-            ),
-            ("drive", self.drive.canonical()),
-            ("effects", self.effects_canonical()),
-        ];
-        if !self.properties.is_empty() {
-            sections.push(("properties", self.properties.canonical()));
+    pub fn simulated(&self) -> Self {
+        if self.auto {
+            return self.clone();
         }
-        Canonical::map(sections)
+        Self {
+            drive: Drive {
+                frequency: None,
+                duration: None,
+                ..self.drive.clone()
+            },
+            properties: Properties::default(),
+            ..self.clone()
+        }
     }
 
-    fn effects_canonical(&self) -> Canonical {
-        if self.auto {
-            "auto".into()
-        } else {
-            self.effects.canonical()
+    /// The scene as a canonical value, by section; in flow style also its YAML.
+    #[must_use]
+    pub fn canonical(&self) -> Canonical {
+        let effects = match self.auto {
+            true => AUTO.into(),
+            false => self.effects.to_canonical(),
+        };
+        let mut sections = vec![
+            ("geometry", self.geometry.to_canonical()),
+            ("material", self.material.to_canonical()),
+            ("drive", self.drive.to_canonical()),
+            ("effects", effects),
+        ];
+        if !self.properties.is_empty() {
+            sections.push(("properties", self.properties.to_canonical()));
         }
+        Canonical::map(sections)
     }
 
     /// The scene in its own YAML syntax on one line: what artifacts carry, and [`Scene::from_text`] reads.
     #[must_use]
     pub fn to_text(&self) -> String {
-        let (g, m) = (&self.geometry, &self.material);
-        let properties = if self.properties.is_empty() {
-            String::new()
-        } else {
-            format!(", properties: {}", self.properties.canonical())
-        };
-        format!(
-            "{{ geometry: {{ side: {}, thickness: {}, prestretch: {}, cells: {CELLS} }}, material: {{ model: {}, \
-             shear_modulus: {}, relative_permittivity: {} }}, drive: {}, effects: {}{properties} }}",
-            g.side,
-            g.thickness,
-            g.prestretch,
-            m.law.name(),
-            m.shear_modulus,
-            m.relative_permittivity,
-            self.drive.canonical(),
-            self.effects_canonical(),
-        )
+        self.canonical().to_string()
     }
 }
 
-impl Drive {
-    fn canonical(&self) -> Canonical {
-        let entries = [
-            ("voltage", Some(&self.voltage)),
-            ("frequency", self.frequency.as_ref()),
-            ("duration", self.duration.as_ref()),
-        ];
-        let known = entries.into_iter().filter_map(|(key, value)| Some((key, value?)));
-        Canonical::map(known.map(|(key, value)| (key, Canonical::from(value))))
-    }
+fn section<T: Declared>(map: &Map<'_>, key: &str) -> Result<T, InputError> {
+    T::read_with(map.required(WHAT, key)?, &[])
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn kappa_of_the_default_scene_is_the_published_value() {
-        // 4.7 · 8.8541878128e-12 · (5250 / 1e-3)² / 45000
-        assert!((Scene::vhb4910().kappa() - 0.025_489).abs() < 1e-6);
+/// The effects that are named, or that screening is to find them.
+fn read_effects(map: &Map<'_>) -> Result<(Effects, bool), InputError> {
+    let Some(node) = map.optional("effects") else {
+        return Ok((Effects::default(), false));
+    };
+    match node.value() {
+        NodeValue::Text(text) if text == AUTO => return Ok((Effects::default(), true)),
+        NodeValue::Text(_) => {
+            return Err(node
+                .error(format!("`effects` must be a mapping or {AUTO}, found {}", node.found()))
+                .help(format!("allowed: {AUTO}, {{}}, or a mapping of effects")));
+        }
+        _ => {}
     }
+    let named = switched_on(node, map.optional("properties"))?;
+    Ok((Effects::read_with(&named, &[])?, false))
+}
 
-    #[test]
-    fn a_scene_survives_its_own_text() {
-        let scene = Scene::vhb4910().at_voltage(4999.5);
-        assert_eq!(Scene::from_text(&scene.to_text()).unwrap(), scene);
-        let rich = "{ geometry: { side: 50, thickness: 1, prestretch: 3, cells: 50 }, material: { model: neo-hookean, \
-                    shear_modulus: 45 kPa, relative_permittivity: 4.7 }, drive: { voltage: 5 kV, frequency: 2 Hz }, \
-                    effects: { strain_stiffening: { model: ogden, terms: [ { mu: 45 kPa, alpha: 2 } ] }, wrinkling: {}, \
-                    dielectric_breakdown: { law: constant, field: 90 MV/m } }, properties: { density: 960, \
-                    electrode_stiffness: { shear_modulus: 1 MPa, thickness: 2 um }, \
-                    viscoelasticity: [ { modulus: 20 kPa, time: 30 s } ] } }";
-        let scene = Scene::from_text(rich).unwrap();
-        assert_eq!(Scene::from_text(&scene.to_text()).unwrap(), scene);
-        assert_eq!(
-            Scene::from_text(&scene.to_text()).unwrap().canonical(),
-            scene.canonical()
-        );
+fn refuse_charge(map: &Map<'_>) -> Result<(), InputError> {
+    let drive = map.required(WHAT, "drive")?;
+    match drive.entries(Drive::WHAT)?.iter().find(|(key, _)| key.is_text("charge")) {
+        Some((key, _)) => Err(key
+            .error("a drive by charge is not available yet")
+            .help(format!("allowed: {}", Drive::keys().join(", ")))),
+        None => Ok(()),
     }
 }

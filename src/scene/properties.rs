@@ -1,35 +1,38 @@
-//! What is known of a material and its electrodes beyond the base model: what screening compares, and what effects that are
-//! named without parameters of their own use.
+//! What is known of a material and its electrodes beyond the base model: what screening compares, and what effects that are named without
+//! parameters of their own use.
 
-use super::effects::{BreakdownLaw, Electrode, PermittivityDecay, Stiffening, names, parametric, present};
-use crate::base::{Canonical, Quantity};
+use super::effects::{Breakdown, Electrode, PermittivityDecay, Stiffening};
+use crate::base::{Density, Resistance, Stress, Time, parameters};
 
-/// Known properties; what is not known is not screened.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Properties {
-    /// How the elastomer stiffens.
-    pub strain_stiffening: Option<Stiffening>,
-    /// The electrodes.
-    pub electrode_stiffness: Option<Electrode>,
-    /// How the permittivity depends on stretch.
-    pub stretch_dependent_permittivity: Option<PermittivityDecay>,
-    /// Where the elastomer breaks down.
-    pub dielectric_breakdown: Option<BreakdownLaw>,
-    /// Branches of a viscoelastic elastomer beside the equilibrium one.
-    pub viscoelasticity: Vec<Branch>,
-    /// Density of the elastomer (density).
-    pub density: Option<Quantity>,
-    /// Resistance of a square of electrode (resistance).
-    pub sheet_resistance: Option<Quantity>,
+parameters! {
+    /// What is known beyond the base model: for screening, and for effects without parameters of their own. What is not known is not screened.
+    #[derive(Default)]
+    pub struct Properties as "`properties`" {
+        /// How the elastomer stiffens.
+        pub strain_stiffening: Option<Stiffening>,
+        /// The electrodes.
+        pub electrode_stiffness: Option<Electrode>,
+        /// How the permittivity depends on stretch.
+        pub stretch_dependent_permittivity: Option<PermittivityDecay>,
+        /// Where the elastomer breaks down.
+        pub dielectric_breakdown: Option<Breakdown>,
+        /// Branches of a viscoelastic elastomer beside the equilibrium one.
+        pub viscoelasticity: Option<Vec<Branch>> [((), 0..=usize::MAX)],
+        /// Density of the elastomer.
+        pub density: Option<Density> [1.0..=1e5],
+        /// Resistance of a square of electrode.
+        pub sheet_resistance: Option<Resistance> [0.0..=1e15],
+    }
 }
 
-/// A spring and a dashpot in series.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Branch {
-    /// Shear modulus of the spring (stress).
-    pub modulus: Quantity,
-    /// Relaxation time (time).
-    pub time: Quantity,
+parameters! {
+    /// A spring and a dashpot in series.
+    pub struct Branch as "a branch" {
+        /// Shear modulus of the spring.
+        pub modulus: Stress [0.0..=1e12],
+        /// Relaxation time.
+        pub time: Time [1e-12..=1e12],
+    }
 }
 
 impl Properties {
@@ -37,31 +40,5 @@ impl Properties {
     #[must_use]
     pub fn is_empty(&self) -> bool {
         *self == Self::default()
-    }
-
-    /// The properties as a canonical value; in flow style also their YAML.
-    #[must_use]
-    pub fn canonical(&self) -> Canonical {
-        let branch = |branch: &Branch| {
-            Canonical::map([
-                ("modulus", Canonical::from(&branch.modulus)),
-                ("time", (&branch.time).into()),
-            ])
-        };
-        let branches = || self.viscoelasticity.iter().map(branch).collect();
-        let parametric = parametric(
-            self.strain_stiffening.as_ref(),
-            self.electrode_stiffness.as_ref(),
-            self.stretch_dependent_permittivity.as_ref(),
-            self.dielectric_breakdown.as_ref(),
-        );
-        present(parametric.into_iter().chain([
-            (
-                names::VISCOELASTICITY,
-                (!self.viscoelasticity.is_empty()).then(branches),
-            ),
-            ("density", self.density.as_ref().map(Canonical::from)),
-            ("sheet_resistance", self.sheet_resistance.as_ref().map(Canonical::from)),
-        ]))
     }
 }

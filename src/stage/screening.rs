@@ -41,7 +41,7 @@ impl Screened {
     /// The effects that are simulated, as artifacts name them.
     #[must_use]
     pub fn effects(&self) -> String {
-        self.scene.effects.canonical().to_string()
+        self.scene.effects.to_text()
     }
 }
 

@@ -3,12 +3,12 @@
 //! It changes no displacement: it is read off a solution.
 
 use crate::fem::CellState;
-use crate::scene::BreakdownLaw;
+use crate::scene::Breakdown;
 
 /// The largest E/E_B over the cells; `thickness` is the undeformed one in mm.
 #[must_use]
-pub fn breakdown_ratio(law: &BreakdownLaw, thickness: f64, states: &[CellState]) -> f64 {
-    let strength = |state: &CellState| law.field(thickness, state.stretches[0] * state.stretches[1]);
+pub fn breakdown_ratio(law: &Breakdown, thickness: f64, states: &[CellState]) -> f64 {
+    let strength = |state: &CellState| law.strength(thickness, state.stretches[0] * state.stretches[1]);
     states
         .iter()
         .map(|state| state.electric_field / strength(state))
@@ -18,14 +18,14 @@ pub fn breakdown_ratio(law: &BreakdownLaw, thickness: f64, states: &[CellState])
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::{Dimension, Quantity};
+    use crate::base::ElectricField;
     use crate::fem::{MembraneSolver, SolveOptions};
     use crate::field::Simulator;
     use crate::pattern::Pattern;
-    use crate::scene::{Effects, Scene};
+    use crate::scene::{ConstantStrength, Effects, HuangStrength, Scene};
 
-    fn constant(megavolts_per_metre: f64) -> BreakdownLaw {
-        BreakdownLaw::Constant(Quantity::from_f64(1e6 * megavolts_per_metre, Dimension::Field).unwrap())
+    fn constant(megavolts_per_metre: f64) -> Breakdown {
+        Breakdown::Constant(ConstantStrength { field: ElectricField::from_f64(1e6 * megavolts_per_metre).unwrap() })
     }
 
     #[test]
@@ -37,7 +37,7 @@ mod tests {
         let states = solver.cell_states(&all, &solver.solve(&all));
         assert!((breakdown_ratio(&constant(47.25), 1.0, &states) - 1.0).abs() < 1e-12);
         // 51 · 3^0.63 MV/m
-        let ratio = breakdown_ratio(&BreakdownLaw::Huang, 1.0, &states);
+        let ratio = breakdown_ratio(&Breakdown::Huang(HuangStrength {}), 1.0, &states);
         assert!((ratio * 51.0 * 3.0_f64.powf(0.63) / 47.25 - 1.0).abs() < 1e-12);
         let bare = Pattern::from_fn(|_, _| false);
         let states = solver.cell_states(&bare, &solver.solve(&bare));

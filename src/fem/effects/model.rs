@@ -56,8 +56,8 @@ impl Model {
                 .transpose()?,
             electrode: effects.electrode_stiffness.as_ref().map(|e| Stiff::new(scene, e)),
             decay: effects.stretch_dependent_permittivity.clone(),
-            fringe: effects.fringe_field.then(|| Fringe::new(scene)).transpose()?,
-            wrinkles: effects.wrinkling,
+            fringe: effects.fringe_field.as_ref().map(|_| Fringe::new(scene)).transpose()?,
+            wrinkles: effects.wrinkling.is_some(),
         };
         if model.with(AtRest) > 0.0 {
             Ok(model)

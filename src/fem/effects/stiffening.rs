@@ -16,13 +16,14 @@ pub fn stiffened(scene: &Scene, stiffening: &Stiffening) -> Result<Law, SetupErr
             .ok_or(SetupError::LimitingStretch { prestretch })
     };
     match stiffening {
-        Stiffening::Gent { jm } => limited(gent(jm.to_f64())),
-        Stiffening::Yeoh { c2, c3 } => limited(yeoh(c2.value() / modulus, c3.value() / modulus)),
-        Stiffening::ArrudaBoyce { locking_stretch } => limited(arruda_boyce(locking_stretch.to_f64())),
-        Stiffening::Ogden { terms } => {
-            let terms: Vec<(f64, f64)> = terms
+        Stiffening::Gent(law) => limited(gent(law.jm.to_f64())),
+        Stiffening::Yeoh(law) => limited(yeoh(law.c2.value() / modulus, law.c3.value() / modulus)),
+        Stiffening::ArrudaBoyce(law) => limited(arruda_boyce(law.locking_stretch.to_f64())),
+        Stiffening::Ogden(law) => {
+            let terms: Vec<(f64, f64)> = law
+                .terms
                 .iter()
-                .map(|(stress, exponent)| (stress.value() / modulus, exponent.value()))
+                .map(|term| (term.mu.value() / modulus, term.alpha.to_f64()))
                 .collect();
             let some = (1..=MOST_TERMS).contains(&terms.len());
             if some && terms.iter().all(|(_, exponent)| *exponent != 0.0) {

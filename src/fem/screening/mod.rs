@@ -187,7 +187,7 @@ pub fn screen(scene: &Scene, patterns: &[Trial]) -> Result<Screening, SetupError
         chosen = scene::called_for(scene, &fixed);
     }
     let trial = scene.with_effects(Effects {
-        wrinkling: false,
+        wrinkling: None,
         ..chosen.clone()
     });
     let found = solution::rows(&trial, patterns)?;
@@ -227,10 +227,10 @@ fn status(effects: &Effects, name: &str) -> Status {
         names::STIFFENING => effects.strain_stiffening.is_some(),
         names::ELECTRODE => effects.electrode_stiffness.is_some(),
         names::PERMITTIVITY => effects.stretch_dependent_permittivity.is_some(),
-        names::FRINGE => effects.fringe_field,
-        names::WRINKLING => effects.wrinkling,
+        names::FRINGE => effects.fringe_field.is_some(),
+        names::WRINKLING => effects.wrinkling.is_some(),
         names::BREAKDOWN => effects.dielectric_breakdown.is_some(),
-        names::STABILITY => effects.electromechanical_stability,
+        names::STABILITY => effects.electromechanical_stability.is_some(),
         _ => return Status::NotAvailable,
     };
     if on { Status::On } else { Status::Off }

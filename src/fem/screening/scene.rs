@@ -5,7 +5,7 @@ use std::f64::consts::{PI, SQRT_2};
 use super::{Row, Verdict, known, length, open};
 use crate::pattern::CELLS;
 use crate::scene::effects::names;
-use crate::scene::{Effects, PermittivityDecay, PermittivityReference, Scene, Stiffening};
+use crate::scene::{Effects, On, OgdenTerm, PermittivityDecay, PermittivityReference, Scene, Stiffening};
 
 /// Relative change of stiffness or force that is worth an effect.
 const SMALL: f64 = 0.02;
@@ -41,7 +41,7 @@ pub fn called_for(scene: &Scene, rows: &[Row]) -> Effects {
             .stretch_dependent_permittivity
             .clone()
             .filter(|_| wanted(names::PERMITTIVITY)),
-        fringe_field: wanted(names::FRINGE) && fringe_shift(scene) <= 0.5 * cell(scene),
+        fringe_field: (wanted(names::FRINGE) && fringe_shift(scene) <= 0.5 * cell(scene)).then_some(On {}),
         ..Effects::default()
     }
 }
@@ -65,19 +65,18 @@ fn stiffening(scene: &Scene) -> Row {
         return open(effect, "(I1 − 3)/Jm", Verdict::Unknown, THRESHOLD, change);
     };
     let (quantity, number) = match law {
-        Stiffening::Gent { jm } => ("(I1 − 3)/Jm", i / jm.to_f64()),
+        Stiffening::Gent(law) => ("(I1 − 3)/Jm", i / law.jm.to_f64()),
         // A network of such chains locks at I₁ = 3λL².
-        Stiffening::ArrudaBoyce { locking_stretch } => (
+        Stiffening::ArrudaBoyce(law) => (
             "(I1 − 3)/(3λL² − 3)",
-            i / (3.0 * (locking_stretch.to_f64().powi(2) - 1.0)),
+            i / (3.0 * (law.locking_stretch.to_f64().powi(2) - 1.0)),
         ),
-        Stiffening::Yeoh { c2, c3 } => {
-            let rise = 2.0 * (2.0 * c2.value() * i + 3.0 * c3.value() * i * i) / scene.shear_modulus_pa();
+        Stiffening::Yeoh(law) => {
+            let rise = 2.0 * (2.0 * law.c2.value() * i + 3.0 * law.c3.value() * i * i) / scene.shear_modulus_pa();
             ("|2ψ′/μ − 1|", rise.abs())
         }
-        Stiffening::Ogden { terms } => {
-            let terms: Vec<[f64; 2]> = terms.iter().map(|(mu, alpha)| [mu.value(), alpha.value()]).collect();
-            ("|σ/σ(neo-Hookean) − 1|", ogden_deviation(&terms, scene))
+        Stiffening::Ogden(law) => {
+            ("|σ/σ(neo-Hookean) − 1|", ogden_deviation(&law.terms, scene))
         }
     };
     let change = format!(
@@ -90,35 +89,34 @@ fn stiffening(scene: &Scene) -> Row {
 /// How far the stress under the prestretch is from that of the neo-Hookean law.
 fn stress_change(law: &Stiffening, number: f64, scene: &Scene) -> f64 {
     match law {
-        Stiffening::Gent { .. } => number / (1.0 - number).max(1e-3),
-        Stiffening::ArrudaBoyce { locking_stretch } => {
-            let y = (invariant(scene) + 3.0) / (3.0 * locking_stretch.to_f64().powi(2));
+        Stiffening::Gent(_) => number / (1.0 - number).max(1e-3),
+        Stiffening::ArrudaBoyce(law) => {
+            let y = (invariant(scene) + 3.0) / (3.0 * law.locking_stretch.to_f64().powi(2));
             (1.0 - (6.0 * y + y * y - 2.0 * y.powi(3)) / 15.0) / (1.0 - y).max(1e-3) - 1.0
         }
-        Stiffening::Yeoh { c2, c3 } => {
+        Stiffening::Yeoh(law) => {
             let i = invariant(scene);
-            2.0 * (2.0 * c2.value() * i + 3.0 * c3.value() * i * i) / scene.shear_modulus_pa()
+            2.0 * (2.0 * law.c2.value() * i + 3.0 * law.c3.value() * i * i) / scene.shear_modulus_pa()
         }
-        Stiffening::Ogden { terms } => {
-            let terms: Vec<[f64; 2]> = terms.iter().map(|(mu, alpha)| [mu.value(), alpha.value()]).collect();
-            ogden_ratio(&terms, scene) - 1.0
+        Stiffening::Ogden(law) => {
+            ogden_ratio(&law.terms, scene) - 1.0
         }
     }
 }
 
-fn ogden_deviation(terms: &[[f64; 2]], scene: &Scene) -> f64 {
+fn ogden_deviation(terms: &[OgdenTerm], scene: &Scene) -> f64 {
     (ogden_ratio(terms, scene) - 1.0).abs()
 }
 
 /// Equibiaxial stress over that of the neo-Hookean law; 1 without prestretch, where both vanish.
-fn ogden_ratio(terms: &[[f64; 2]], scene: &Scene) -> f64 {
+fn ogden_ratio(terms: &[OgdenTerm], scene: &Scene) -> f64 {
     let stretch = scene.prestretch();
     let stress = |mu: f64, alpha: f64| mu * (stretch.powf(alpha) - stretch.powf(-2.0 * alpha));
     let base = stress(scene.shear_modulus_pa(), 2.0);
     if base <= 0.0 {
         return 1.0;
     }
-    terms.iter().map(|&[mu, alpha]| stress(mu, alpha)).sum::<f64>() / base
+    terms.iter().map(|term| stress(term.mu.value(), term.alpha.to_f64())).sum::<f64>() / base
 }
 
 fn electrode(scene: &Scene) -> Row {
@@ -225,7 +223,7 @@ fn viscoelasticity(scene: &Scene) -> Row {
             "the drive has no time".to_owned(),
         );
     };
-    let branches = &scene.properties.viscoelasticity;
+    let branches = scene.properties.viscoelasticity.as_deref().unwrap_or_default();
     if branches.is_empty() {
         return open(effect, quantity, Verdict::Unknown, SMALL, "no data".to_owned());
     }

@@ -8,7 +8,7 @@ use crate::fem::{MembraneSolver, SetupError, SolveOptions, Survey, cell_states};
 use crate::field::Mesh;
 use crate::pattern::Pattern;
 use crate::scene::effects::names;
-use crate::scene::{BreakdownLaw, Effects, Scene};
+use crate::scene::{Breakdown, Effects, HuangStrength, On, Scene};
 
 /// A mesh on which the loss of stability comes out a few per cent high; bilinear elements of the same size would place that
 /// of a single cell 12 % too high.
@@ -64,8 +64,8 @@ pub fn rows(scene: &Scene, patterns: &[Trial]) -> Result<Vec<Row>, SetupError> {
 pub fn turn_on(effects: &mut Effects, scene: &Scene, rows: &[Row]) {
     for row in rows.iter().filter(|row| row.verdict == Verdict::CalledFor) {
         match row.effect {
-            names::WRINKLING => effects.wrinkling = true,
-            names::STABILITY => effects.electromechanical_stability = true,
+            names::WRINKLING => effects.wrinkling = Some(On {}),
+            names::STABILITY => effects.electromechanical_stability = Some(On {}),
             names::BREAKDOWN => effects.dielectric_breakdown = Some(breakdown_law(scene)),
             _ => {}
         }
@@ -73,11 +73,11 @@ pub fn turn_on(effects: &mut Effects, scene: &Scene, rows: &[Row]) {
 }
 
 /// The law of the scene, or that of the acrylic elastomer that most such membranes are made of.
-fn breakdown_law(scene: &Scene) -> BreakdownLaw {
+fn breakdown_law(scene: &Scene) -> Breakdown {
     let named = scene.effects.dielectric_breakdown.clone();
     named
         .or_else(|| scene.properties.dielectric_breakdown.clone())
-        .unwrap_or(BreakdownLaw::Huang)
+        .unwrap_or(Breakdown::Huang(HuangStrength {}))
 }
 
 fn examine(
@@ -85,7 +85,7 @@ fn examine(
     solver: &MembraneSolver,
     search: &MembraneSolver,
     trial: &Trial,
-    breakdown: &BreakdownLaw,
+    breakdown: &Breakdown,
 ) -> Result<Found, SetupError> {
     let pattern = &trial.pattern;
     let solution = solver.solve(pattern);
@@ -115,10 +115,10 @@ fn examine(
 }
 
 /// E/E_B of an active cell that has not moved: what a membrane that snaps has at least.
-fn ratio_at_rest(scene: &Scene, breakdown: &BreakdownLaw) -> f64 {
+fn ratio_at_rest(scene: &Scene, breakdown: &Breakdown) -> f64 {
     let area = scene.prestretch().powi(2);
     let field = 1e3 * scene.voltage_v() * area / scene.thickness_mm();
-    field / breakdown.field(scene.thickness_mm(), area)
+    field / breakdown.strength(scene.thickness_mm(), area)
 }
 
 /// The voltage at which stability is lost, if it is within reach.

@@ -2,7 +2,7 @@
 
 use super::scenes::{PointWork, arruda_boyce, combinations, decay, electrode, gent, ogden, scene, with_law, yeoh};
 use super::*;
-use crate::scene::{Effects, PermittivityReference, Stiffening};
+use crate::scene::{Effects, On, PermittivityReference, Stiffening};
 
 fn stiffening(law: Stiffening) -> Effects {
     Effects {
@@ -13,7 +13,7 @@ fn stiffening(law: Stiffening) -> Effects {
 
 fn wrinkling() -> Effects {
     Effects {
-        wrinkling: true,
+        wrinkling: Some(On {}),
         ..Effects::default()
     }
 }
@@ -42,7 +42,7 @@ fn single_effects() -> Vec<(&'static str, Effects)> {
         (
             "fringe",
             Effects {
-                fringe_field: true,
+                fringe_field: Some(On {}),
                 ..Effects::default()
             },
         ),
@@ -85,7 +85,7 @@ fn results_with_effects_follow_the_symmetries_of_the_square() {
     let pattern = random(0);
     for effects in combinations() {
         let effects = Effects {
-            fringe_field: true,
+            fringe_field: Some(On {}),
             ..effects
         };
         let solver = solver(&scene(3.0, 5.25e3, effects), 1);
@@ -233,7 +233,7 @@ fn a_wrinkled_membrane_has_no_compression_and_is_softer() {
         let at = |wrinkling: bool| {
             let effects = Effects {
                 strain_stiffening: law.clone(),
-                wrinkling,
+                wrinkling: wrinkling.then_some(On {}),
                 ..Effects::default()
             };
             let solver = solver(&scene(1.2, 19e3, effects), 1);

@@ -6,7 +6,7 @@ use super::scenes::{
 use super::*;
 use crate::fem::effects::Model;
 use crate::fem::kinematics::{Tensor, contract, deformation, determinant};
-use crate::scene::{Effects, PermittivityReference, Stiffening};
+use crate::scene::{Effects, On, PermittivityReference, Stiffening};
 
 const ENTRIES: [(usize, usize); 4] = [(0, 0), (0, 1), (1, 0), (1, 1)];
 
@@ -83,7 +83,7 @@ fn stress_and_tangent_are_derivatives_of_the_energy_in_every_combination() {
                 wrinkled += with_law(&scene, Derivatives { active, size: 0.35 });
             }
         }
-        assert_eq!(wrinkled > 0, effects.wrinkling);
+        assert_eq!(wrinkled > 0, effects.wrinkling.is_some());
     }
 }
 
@@ -169,7 +169,7 @@ fn every_effect_reduces_to_the_base_model() {
     // Nothing wrinkles at these gradients.
     assert!(
         with(Effects {
-            wrinkling: true,
+            wrinkling: Some(On {}),
             ..Effects::default()
         }) < 1e-14
     );

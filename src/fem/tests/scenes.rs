@@ -1,47 +1,50 @@
 //! Scenes with effects, and access to their laws.
 
 use super::*;
-use crate::base::{Decimal, Dimension, Quantity};
+use crate::base::{Decimal, Length, Stress};
 use crate::fem::effects::{Model, WithLaw};
 use crate::fem::kinematics::{Tensor, deformation};
-use crate::scene::{Effects, Electrode, PermittivityDecay, PermittivityReference, Stiffening};
+use crate::scene::{ArrudaBoyce, Effects, Electrode, Gent, Ogden, OgdenTerm, On, Yeoh, PermittivityDecay, PermittivityReference, Stiffening};
 
 pub fn decimal(value: f64) -> Decimal {
     Decimal::from_f64(value).unwrap()
 }
 
-pub fn stress(value: f64) -> Quantity {
-    Quantity::from_f64(value, Dimension::Stress).unwrap()
+pub fn stress(value: f64) -> Stress {
+    Stress::from_f64(value).unwrap()
 }
 
 pub fn gent(jm: f64) -> Stiffening {
-    Stiffening::Gent { jm: decimal(jm) }
+    Stiffening::Gent(Gent { jm: decimal(jm) })
 }
 
 pub fn yeoh(c2: f64, c3: f64) -> Stiffening {
-    Stiffening::Yeoh {
+    Stiffening::Yeoh(Yeoh {
         c2: stress(c2),
         c3: stress(c3),
-    }
+    })
 }
 
 pub fn arruda_boyce(locking: f64) -> Stiffening {
-    Stiffening::ArrudaBoyce {
+    Stiffening::ArrudaBoyce(ArrudaBoyce {
         locking_stretch: decimal(locking),
-    }
+    })
 }
 
 pub fn ogden(terms: &[(f64, f64)]) -> Stiffening {
-    let number = |value| Quantity::from_f64(value, Dimension::Number).unwrap();
-    Stiffening::Ogden {
-        terms: terms.iter().map(|&(m, a)| (stress(m), number(a))).collect(),
-    }
+    let term = |&(mu, alpha): &(f64, f64)| OgdenTerm {
+        mu: stress(mu),
+        alpha: decimal(alpha),
+    };
+    Stiffening::Ogden(Ogden {
+        terms: terms.iter().map(term).collect(),
+    })
 }
 
 pub fn electrode(ratio: f64) -> Electrode {
     Electrode {
         shear_modulus: stress(45e4 * ratio),
-        thickness: Quantity::from_f64(0.1, Dimension::Length).unwrap(),
+        thickness: Length::from_f64(0.1).unwrap(),
     }
 }
 
@@ -80,7 +83,7 @@ pub fn combinations() -> Vec<Effects> {
         strain_stiffening: elastic.clone(),
         electrode_stiffness: dressed.then(|| electrode(0.3)),
         stretch_dependent_permittivity: dressed.then(|| decay(0.4, PermittivityReference::Prestretched)),
-        wrinkling,
+        wrinkling: wrinkling.then_some(On {}),
         ..Effects::default()
     })
     .collect()

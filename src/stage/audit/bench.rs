@@ -26,7 +26,7 @@ impl Workbench {
         let scene = decided(scene, effects)?;
         let effects = Effects {
             dielectric_breakdown: None,
-            electromechanical_stability: false,
+            electromechanical_stability: None,
             ..scene.effects.clone()
         };
         Ok(Self {

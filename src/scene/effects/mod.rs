@@ -1,0 +1,95 @@
+//! Effects beyond the base model. Each is off unless the scene names it.
+//!
+//! An effect is declared once, in [`Effects`]; its parameters stand in a file of their own. In a scene it is turned on by its parameters,
+//! or by nothing, `true` or `{}`, which mean those that the section `properties` has for it.
+
+mod breakdown;
+mod electrode;
+mod permittivity;
+mod stiffening;
+mod switch;
+
+pub use breakdown::{Breakdown, ConstantStrength, HuangStrength};
+pub use electrode::Electrode;
+pub use permittivity::{PermittivityDecay, PermittivityReference};
+pub use stiffening::{ArrudaBoyce, Gent, Ogden, OgdenTerm, Stiffening, Yeoh};
+pub(super) use switch::switched_on;
+
+use crate::base::{Declared, Fields, parameters};
+
+parameters! {
+    /// Effects beyond the base model; each is off unless it is named.
+    #[derive(Default)]
+    pub struct Effects as "`effects`" {
+        /// The elastomer stiffens at large strains.
+        pub strain_stiffening: Option<Stiffening>,
+        /// The electrodes resist stretching.
+        pub electrode_stiffness: Option<Electrode>,
+        /// The permittivity falls as the membrane is stretched.
+        pub stretch_dependent_permittivity: Option<PermittivityDecay>,
+        /// The field bulges out at the edges of electrodes.
+        pub fringe_field: Option<On>,
+        /// The membrane wrinkles instead of bearing compression.
+        pub wrinkling: Option<On>,
+        /// The field is compared with the one at which the elastomer breaks down.
+        pub dielectric_breakdown: Option<Breakdown>,
+        /// The smallest eigenvalue of the tangent and the margin to pull-in are computed.
+        pub electromechanical_stability: Option<On>,
+    }
+    rules(switchable)
+}
+
+parameters! {
+    /// No parameters.
+    pub struct On as "this effect, which takes no parameters," {}
+}
+
+/// Each effect may also be turned on without parameters.
+fn switchable(fields: Fields) -> Fields {
+    fields.map_schemas(switch::schema)
+}
+
+impl Effects {
+    /// Whether this is the base model.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// The effects in YAML on one line.
+    #[must_use]
+    pub fn to_text(&self) -> String {
+        self.to_canonical().to_string()
+    }
+}
+
+/// The words for effects in a scene.
+pub mod names {
+    /// Strain stiffening.
+    pub const STIFFENING: &str = "strain_stiffening";
+    /// Electrode stiffness.
+    pub const ELECTRODE: &str = "electrode_stiffness";
+    /// Stretch-dependent permittivity.
+    pub const PERMITTIVITY: &str = "stretch_dependent_permittivity";
+    /// Fringe field.
+    pub const FRINGE: &str = "fringe_field";
+    /// Wrinkling.
+    pub const WRINKLING: &str = "wrinkling";
+    /// Dielectric breakdown.
+    pub const BREAKDOWN: &str = "dielectric_breakdown";
+    /// Electromechanical stability.
+    pub const STABILITY: &str = "electromechanical_stability";
+    /// Finite viscoelasticity.
+    pub const VISCOELASTICITY: &str = "viscoelasticity";
+    /// Inertia.
+    pub const INERTIA: &str = "inertia";
+    /// Resistance of the electrodes.
+    pub const RESISTANCE: &str = "electrode_resistance";
+    /// A charge drives, not a voltage.
+    pub const CHARGE: &str = "charge_control";
+    /// A rigid part on the membrane.
+    pub const INCLUSION: &str = "rigid_inclusion";
+
+    /// Effects that are known and cannot be simulated yet.
+    pub const PLANNED: [&str; 5] = [VISCOELASTICITY, INERTIA, RESISTANCE, CHARGE, INCLUSION];
+}

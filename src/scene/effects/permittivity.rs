@@ -1,0 +1,23 @@
+//! Stretch-dependent permittivity: ε ∝ J^(−s).
+
+use crate::base::{Decimal, parameters, words};
+
+parameters! {
+    /// The permittivity falls as the membrane is stretched: ε ∝ J^(−s).
+    pub struct PermittivityDecay as "`stretch_dependent_permittivity`" {
+        /// s.
+        pub exponent: Decimal [-0.5..=0.9],
+        /// Where the permittivity was measured.
+        pub reference: PermittivityReference = PermittivityReference::Prestretched,
+    }
+}
+
+words! {
+    /// The state in which a permittivity was measured.
+    pub enum PermittivityReference {
+        /// On the prestretched membrane.
+        Prestretched = "prestretched",
+        /// On the undeformed elastomer.
+        Undeformed = "undeformed",
+    }
+}

@@ -1,0 +1,52 @@
+//! Turning effects on: with parameters, or without where the properties have them.
+
+use serde_json::json;
+
+use super::{Effects, names};
+use crate::base::{Declared, InputError, Node, NodeValue, Schema};
+use crate::scene::properties::Properties;
+
+/// The section `effects` with every effect that is on as a mapping of its parameters, and no other.
+///
+/// # Errors
+/// When an effect cannot be simulated yet, or has no parameters where it needs some.
+pub fn switched_on(effects: &Node, properties: Option<&Node>) -> Result<Node, InputError> {
+    let mut on = Vec::new();
+    for (key, value) in effects.entries(Effects::WHAT)? {
+        if let Some(name) = names::PLANNED.into_iter().find(|name| key.is_text(name)) {
+            return Err(key
+                .error(format!("the effect `{name}` is not available yet"))
+                .help(format!("available: {}", Effects::keys().join(", "))));
+        }
+        let value = match value.value() {
+            NodeValue::Bool(false) => continue,
+            NodeValue::Null | NodeValue::Bool(true) => &value.with_value(NodeValue::Map(Vec::new())),
+            _ => value,
+        };
+        let parametric = Properties::keys().into_iter().find(|name| key.is_text(name));
+        let parameters = match parametric.filter(|_| value.is_empty_map()) {
+            Some(name) => properties.and_then(|known| known.peek(name)).ok_or_else(|| {
+                value
+                    .error(format!("`{name}` has no parameters"))
+                    .help(format!("give them here or in `properties.{name}`"))
+            })?,
+            None => value,
+        };
+        on.push((key.clone(), parameters.clone()));
+    }
+    Ok(effects.with_value(NodeValue::Map(on)))
+}
+
+/// What may stand after the name of an effect, given what its parameters may be.
+pub fn schema(name: &str, parameters: Schema) -> Schema {
+    let bare = Schema::new(json!({ "type": ["boolean", "null"] })).says("Whether it is on; nothing means on.");
+    let empty = Schema::new(json!({ "type": "object", "maxProperties": 0 }));
+    match Properties::keys().contains(&name) {
+        true => Schema::any_of([
+            parameters,
+            bare,
+            empty.says("With the parameters that stand in `properties`."),
+        ]),
+        false => Schema::any_of([parameters, bare]),
+    }
+}

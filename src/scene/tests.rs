@@ -1,0 +1,120 @@
+use std::path::Path;
+
+use super::*;
+use crate::base::{Document, InputError};
+
+#[test]
+fn kappa_of_the_default_scene_is_the_published_value() {
+    // 4.7 · 8.8541878128e-12 · (5250 / 1e-3)² / 45000
+    assert!((Scene::vhb4910().kappa() - 0.025_489).abs() < 1e-6);
+}
+
+#[test]
+fn a_scene_survives_its_own_text() {
+    let scene = Scene::vhb4910().at_voltage(4999.5);
+    assert_eq!(Scene::from_text(&scene.to_text()).unwrap(), scene);
+    let rich = "{ geometry: { side: 50, thickness: 1, prestretch: 3, cells: 50 }, material: { model: neo-hookean, \
+                shear_modulus: 45 kPa, relative_permittivity: 4.7 }, drive: { voltage: 5 kV, frequency: 2 Hz }, \
+                effects: { strain_stiffening: { model: ogden, terms: [ { mu: 45 kPa, alpha: 2 } ] }, wrinkling: {}, \
+                dielectric_breakdown: { law: constant, field: 90 MV/m } }, properties: { density: 960, \
+                electrode_stiffness: { shear_modulus: 1 MPa, thickness: 2 um }, \
+                viscoelasticity: [ { modulus: 20 kPa, time: 30 s } ] } }";
+    let scene = Scene::from_text(rich).unwrap();
+    assert_eq!(Scene::from_text(&scene.to_text()).unwrap(), scene);
+    assert_eq!(
+        Scene::from_text(&scene.to_text()).unwrap().canonical(),
+        scene.canonical()
+    );
+}
+
+fn read(effects: &str, properties: &str) -> Result<Scene, InputError> {
+    let text = format!(
+        "geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 50 }}\n\
+         material: {{ model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }}\n\
+         drive: {{ voltage: 5 kV }}\neffects: {effects}\nproperties: {properties}\n"
+    );
+    Scene::read(&Document::from_text(Path::new("s.yaml"), &text)?.root)
+}
+
+fn refusal(effects: &str, properties: &str) -> String {
+    let error = read(effects, properties).unwrap_err();
+    format!(
+        "{error} {:?}",
+        miette::Diagnostic::help(&error).map(|help| help.to_string())
+    )
+}
+
+#[test]
+fn every_effect_is_read_with_its_parameters() {
+    let scene = read(
+        "{ strain_stiffening: { model: yeoh, c2: -1 kPa, c3: 20 Pa }, electrode_stiffness: { shear_modulus: 1 MPa, \
+         thickness: 5 um }, stretch_dependent_permittivity: { exponent: 0.1, reference: undeformed }, fringe_field: {}, \
+         wrinkling: true, dielectric_breakdown: { law: huang }, electromechanical_stability: }",
+        "{}",
+    );
+    let effects = scene.unwrap().effects;
+    let Some(Stiffening::Yeoh(Yeoh { c2, c3 })) = effects.strain_stiffening else {
+        panic!("a Yeoh model");
+    };
+    assert_eq!((c2.value(), c3.value()), (-1e3, 20.0));
+    assert_eq!(effects.electrode_stiffness.unwrap().thickness.value(), 0.005);
+    let permittivity = effects.stretch_dependent_permittivity.unwrap();
+    assert_eq!(permittivity.reference, PermittivityReference::Undeformed);
+    assert!(effects.fringe_field.is_some() && effects.wrinkling.is_some() && effects.electromechanical_stability.is_some());
+    assert_eq!(effects.dielectric_breakdown, Some(Breakdown::Huang(HuangStrength {})));
+    assert!(read("{}", "{}").unwrap().effects.is_empty());
+    assert!(read("{ wrinkling: false }", "{}").unwrap().effects.is_empty());
+    assert!(read("auto", "{}").unwrap().auto);
+}
+
+#[test]
+fn parameters_may_stand_with_the_properties() {
+    let gent = "{ strain_stiffening: { model: gent, jm: 125 } }";
+    let named = read("{ strain_stiffening: {} }", gent).unwrap();
+    assert_eq!(named.effects, read(gent, "{}").unwrap().effects);
+    assert!(read("{}", gent).unwrap().effects.is_empty());
+}
+
+#[test]
+fn refusals_say_what_is_allowed() {
+    for (effects, properties, said) in [
+        ("{ inertia: {} }", "{}", "the effect `inertia` is not available yet"),
+        ("{ viscoelasticity: {} }", "{}", "available: strain_stiffening"),
+        ("{ wrinkle: {} }", "{}", "did you mean `wrinkling`"),
+        ("{ wrinkling: { w: 1 } }", "{}", "takes no parameters"),
+        ("{ strain_stiffening: {} }", "{}", "properties.strain_stiffening"),
+        ("{ strain_stiffening: { model: gent } }", "{}", "`jm` is missing"),
+        ("{ strain_stiffening: { model: gent, jm: 0 } }", "{}", "out of range"),
+        (
+            "{ strain_stiffening: { model: gent, jm: 9, c2: 1 } }",
+            "{}",
+            "unknown key `c2`",
+        ),
+        (
+            "{ strain_stiffening: { model: ogden, terms: [ { mu: 45 kPa, alpha: 3 } ] } }",
+            "{}",
+            "67500",
+        ),
+        (
+            "{ strain_stiffening: { model: ogden, terms: [] } }",
+            "{}",
+            "allowed: 1 to 3",
+        ),
+        (
+            "{ dielectric_breakdown: { law: constant } }",
+            "{}",
+            "`field` is missing",
+        ),
+        (
+            "{ dielectric_breakdown: { law: huang, field: 1 } }",
+            "{}",
+            "belongs to `law: constant`",
+        ),
+        ("all", "{}", "allowed: auto"),
+        ("{}", "{ density: 1 kPa }", "density"),
+        ("{}", "{ colour: red }", "unknown key `colour`"),
+    ] {
+        let refusal = refusal(effects, properties);
+        assert!(refusal.contains(said), "{effects} {properties}: {refusal}");
+    }
+}
