@@ -9,7 +9,8 @@ use deaflow::fem::{MembraneSolver, SolveOptions};
 use deaflow::field::Simulator;
 use deaflow::pattern::{CELLS, Pattern};
 use deaflow::scene::{
-    ArrudaBoyce, Effects, Electrode, Gent, Ogden, OgdenTerm, On, PermittivityDecay, PermittivityReference, Scene, Stiffening, Yeoh,
+    ArrudaBoyce, Effects, Electrode, Gent, Ogden, OgdenTerm, On, PermittivityDecay, PermittivityReference, Scene,
+    Stiffening, Yeoh,
 };
 
 const PATTERNS: u64 = 24;

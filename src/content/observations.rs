@@ -47,7 +47,10 @@ impl Observations {
             let value = |sample: &Option<&Observation>| sample.and_then(value).unwrap_or(f64::NAN);
             samples.iter().map(value).collect()
         };
-        let (wrinkling, stability) = (effects.wrinkling.is_some(), effects.electromechanical_stability.is_some());
+        let (wrinkling, stability) = (
+            effects.wrinkling.is_some(),
+            effects.electromechanical_stability.is_some(),
+        );
         let breakdown = effects.dielectric_breakdown.is_some();
         Self {
             breakdown_ratio: breakdown.then(|| floats(&|o| o.breakdown_ratio)),

@@ -5,8 +5,8 @@ use std::path::Path;
 use super::effects::{Effects, switched_on};
 use super::properties::Properties;
 use crate::base::{
-    Canonical, Decimal, Declared, Document, Fields, Frequency, InputError, Length, Map, Node, NodeValue, Parameter, Schema, Stress, Time,
-    Voltage, parameters, words,
+    Canonical, Decimal, Declared, Document, Fields, Frequency, InputError, Length, Map, Node, NodeValue, Parameter,
+    Schema, Stress, Time, Voltage, parameters, words,
 };
 use crate::pattern::CELLS;
 
@@ -40,7 +40,10 @@ impl Parameter for Cells {
             return Ok(Self);
         }
         Err(node
-            .error(format!("`{key}` is {}: patterns have {CELLS} × {CELLS} cells", node.found()))
+            .error(format!(
+                "`{key}` is {}: patterns have {CELLS} × {CELLS} cells",
+                node.found()
+            ))
             .help(format!("allowed: {CELLS}")))
     }
 
@@ -358,7 +361,11 @@ fn read_effects(map: &Map<'_>) -> Result<(Effects, bool), InputError> {
 
 fn refuse_charge(map: &Map<'_>) -> Result<(), InputError> {
     let drive = map.required(WHAT, "drive")?;
-    match drive.entries(Drive::WHAT)?.iter().find(|(key, _)| key.is_text("charge")) {
+    match drive
+        .entries(Drive::WHAT)?
+        .iter()
+        .find(|(key, _)| key.is_text("charge"))
+    {
         Some((key, _)) => Err(key
             .error("a drive by charge is not available yet")
             .help(format!("allowed: {}", Drive::keys().join(", ")))),

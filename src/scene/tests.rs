@@ -60,7 +60,9 @@ fn every_effect_is_read_with_its_parameters() {
     assert_eq!(effects.electrode_stiffness.unwrap().thickness.value(), 0.005);
     let permittivity = effects.stretch_dependent_permittivity.unwrap();
     assert_eq!(permittivity.reference, PermittivityReference::Undeformed);
-    assert!(effects.fringe_field.is_some() && effects.wrinkling.is_some() && effects.electromechanical_stability.is_some());
+    assert!(
+        effects.fringe_field.is_some() && effects.wrinkling.is_some() && effects.electromechanical_stability.is_some()
+    );
     assert_eq!(effects.dielectric_breakdown, Some(Breakdown::Huang(HuangStrength {})));
     assert!(read("{}", "{}").unwrap().effects.is_empty());
     assert!(read("{ wrinkling: false }", "{}").unwrap().effects.is_empty());

@@ -25,7 +25,9 @@ mod tests {
     use crate::scene::{ConstantStrength, Effects, HuangStrength, Scene};
 
     fn constant(megavolts_per_metre: f64) -> Breakdown {
-        Breakdown::Constant(ConstantStrength { field: ElectricField::from_f64(1e6 * megavolts_per_metre).unwrap() })
+        Breakdown::Constant(ConstantStrength {
+            field: ElectricField::from_f64(1e6 * megavolts_per_metre).unwrap(),
+        })
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::f64::consts::{PI, SQRT_2};
 use super::{Row, Verdict, known, length, open};
 use crate::pattern::CELLS;
 use crate::scene::effects::names;
-use crate::scene::{Effects, On, OgdenTerm, PermittivityDecay, PermittivityReference, Scene, Stiffening};
+use crate::scene::{Effects, OgdenTerm, On, PermittivityDecay, PermittivityReference, Scene, Stiffening};
 
 /// Relative change of stiffness or force that is worth an effect.
 const SMALL: f64 = 0.02;
@@ -75,9 +75,7 @@ fn stiffening(scene: &Scene) -> Row {
             let rise = 2.0 * (2.0 * law.c2.value() * i + 3.0 * law.c3.value() * i * i) / scene.shear_modulus_pa();
             ("|2ψ′/μ − 1|", rise.abs())
         }
-        Stiffening::Ogden(law) => {
-            ("|σ/σ(neo-Hookean) − 1|", ogden_deviation(&law.terms, scene))
-        }
+        Stiffening::Ogden(law) => ("|σ/σ(neo-Hookean) − 1|", ogden_deviation(&law.terms, scene)),
     };
     let change = format!(
         "stress of the prestretched membrane {:+.0} %",
@@ -98,9 +96,7 @@ fn stress_change(law: &Stiffening, number: f64, scene: &Scene) -> f64 {
             let i = invariant(scene);
             2.0 * (2.0 * law.c2.value() * i + 3.0 * law.c3.value() * i * i) / scene.shear_modulus_pa()
         }
-        Stiffening::Ogden(law) => {
-            ogden_ratio(&law.terms, scene) - 1.0
-        }
+        Stiffening::Ogden(law) => ogden_ratio(&law.terms, scene) - 1.0,
     }
 }
 
@@ -116,7 +112,11 @@ fn ogden_ratio(terms: &[OgdenTerm], scene: &Scene) -> f64 {
     if base <= 0.0 {
         return 1.0;
     }
-    terms.iter().map(|term| stress(term.mu.value(), term.alpha.to_f64())).sum::<f64>() / base
+    terms
+        .iter()
+        .map(|term| stress(term.mu.value(), term.alpha.to_f64()))
+        .sum::<f64>()
+        / base
 }
 
 fn electrode(scene: &Scene) -> Row {

@@ -2,7 +2,9 @@
 
 use super::*;
 use crate::base::{Decimal, Declared, Density, ElectricField, Frequency, Length, Parameter, Resistance, Stress, Time};
-use crate::scene::{Branch, Breakdown, ConstantStrength, Electrode, Gent, PermittivityDecay, PermittivityReference, Stiffening};
+use crate::scene::{
+    Branch, Breakdown, ConstantStrength, Electrode, Gent, PermittivityDecay, PermittivityReference, Stiffening,
+};
 
 fn decimal(text: &str) -> Decimal {
     text.parse().unwrap()
@@ -118,7 +120,9 @@ fn the_distance_to_pull_in_grows_with_the_voltage_squared() {
 fn breakdown_compares_the_true_field() {
     // A fully active membrane at rest: E = V λp²/H = 47.25 MV/m; no pattern lies far above it.
     let mut scene = Scene::vhb4910();
-    scene.properties.dielectric_breakdown = Some(Breakdown::Constant(ConstantStrength { field: ElectricField::literal("47.25 MV/m") }));
+    scene.properties.dielectric_breakdown = Some(Breakdown::Constant(ConstantStrength {
+        field: ElectricField::literal("47.25 MV/m"),
+    }));
     let number = row(&scene, names::BREAKDOWN).number.unwrap();
     assert!((1.0..1.6).contains(&number), "{number}");
 }

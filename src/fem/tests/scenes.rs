@@ -4,7 +4,10 @@ use super::*;
 use crate::base::{Decimal, Length, Stress};
 use crate::fem::effects::{Model, WithLaw};
 use crate::fem::kinematics::{Tensor, deformation};
-use crate::scene::{ArrudaBoyce, Effects, Electrode, Gent, Ogden, OgdenTerm, On, Yeoh, PermittivityDecay, PermittivityReference, Stiffening};
+use crate::scene::{
+    ArrudaBoyce, Effects, Electrode, Gent, Ogden, OgdenTerm, On, PermittivityDecay, PermittivityReference, Stiffening,
+    Yeoh,
+};
 
 pub fn decimal(value: f64) -> Decimal {
     Decimal::from_f64(value).unwrap()

@@ -75,7 +75,10 @@ impl Stiffening {
         let Self::Ogden(Ogden { terms }) = self else {
             return Ok(());
         };
-        let own: f64 = terms.iter().map(|term| 0.5 * term.mu.value() * term.alpha.to_f64()).sum();
+        let own: f64 = terms
+            .iter()
+            .map(|term| 0.5 * term.mu.value() * term.alpha.to_f64())
+            .sum();
         if (own / modulus - 1.0).abs() <= 1e-2 {
             return Ok(());
         }
