@@ -16,7 +16,7 @@ arrays! {
         /// What intervals are made of.
         difficulty: Difficulty = group("difficulty"),
         /// What the flag is made of.
-        likeness: Likeness = group("likeness"),
+        novelty: Novelty = group("likeness"),
         /// Predicted less simulated displacement of the first patterns.
         residuals: Packed<SingleField> = array("residuals", "mm", [residual, corner_y, corner_x, xy]),
         /// Probability that an interval covers.
@@ -54,18 +54,18 @@ arrays! {
 arrays! {
     /// How like the training patterns are.
     #[derive(Default)]
-    pub struct Likeness, LikenessView {
+    pub struct Novelty, NoveltyView {
         /// Mean of each feature.
-        centre: Vec<f64> = array("centre", "1", [likeness_feature]),
+        centre: Vec<f64> = array("centre", "1", [novelty_feature]),
         /// Deviation of each feature.
-        deviation: Vec<f64> = array("deviation", "1", [likeness_feature]),
+        deviation: Vec<f64> = array("deviation", "1", [novelty_feature]),
         /// Lower Cholesky factor of the covariance of the scaled features.
-        factor: Vec<f64> = array("factor", "1", [likeness_feature, factor_column]),
+        factor: Vec<f64> = array("factor", "1", [novelty_feature, factor_column]),
         /// Uncorrelated features of familiar patterns.
-        places: Vec<f64> = array("places", "1", [familiar_pattern, likeness_feature]),
+        places: Vec<f64> = array("places", "1", [familiar_pattern, novelty_feature]),
         /// Mean distance of each familiar pattern to its nearest.
         spreads: Vec<f64> = array("spreads", "1", [familiar_pattern]),
-        /// Relative distance above which a pattern is unlike.
+        /// Relative distance above which a pattern is out of distribution.
         threshold: [f64; 1] = array("threshold", "1", [single]),
     }
 }

@@ -83,8 +83,8 @@ arrays! {
         field: Vec<f64> = array("field", "1", [calibrations, families]),
         /// Median radius of the band.
         radius: Vec<f64> = array("radius", "mm", [calibrations, families]),
-        /// Share of patterns flagged as unlike the training.
-        unlike: Vec<f64> = array("unlike", "1", [calibrations, families]),
+        /// Share of patterns flagged as out of distribution.
+        out_of_distribution: Vec<f64> = array("unlike", "1", [calibrations, families]),
         /// Share of patterns whose objective lies in its interval.
         objective: Vec<f64> = array("objective", "1", [objectives, calibrations, families]),
         /// Median half-width of the interval of an objective.

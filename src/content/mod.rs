@@ -32,7 +32,7 @@ pub use accuracy::{Accuracy, FamilyErrors, Mismatches, PatternErrors, ReferenceE
 pub use attribute::{Attribute, Json, Lines};
 pub use audit::{AreaHistogram, Audit, DisplacementHistogram, ResimulatedRows};
 pub use balanced::{BalanceCounts, Balanced, BalancedView, Histograms};
-pub use calibration::{Calibration, Difficulty, Likeness};
+pub use calibration::{Calibration, Difficulty, Novelty};
 pub use declared::Declared;
 pub use designs::{
     Candidates, Components, DesignRows, Designs, GENOME_UNITS, GradientSteps, History, Verification, simulated_rows,

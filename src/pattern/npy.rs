@@ -5,6 +5,8 @@
 
 use std::path::Path;
 
+use half::f16;
+
 use super::raster::{CELLS, Pattern};
 use super::read::{MOST, Refusal, bytes, count, patterns};
 
@@ -133,7 +135,7 @@ impl Element {
         }
         let bits = u64::from_le_bytes(little);
         match (self.kind, self.size) {
-            ('f', 2) => half(bits as u16),
+            ('f', 2) => f16::from_bits(bits as u16).to_f64(),
             ('f', 4) => f64::from(f32::from_bits(bits as u32)),
             ('f', _) => f64::from_bits(bits),
             ('i', size) => {
@@ -145,18 +147,6 @@ impl Element {
     }
 }
 
-/// IEEE 754 binary16.
-fn half(bits: u16) -> f64 {
-    let sign = if bits >> 15 == 1 { -1.0 } else { 1.0 };
-    let (exponent, fraction) = (i32::from(bits >> 10 & 31), f64::from(bits & 1023));
-    match exponent {
-        0 => sign * fraction * 2f64.powi(-24),
-        31 if fraction == 0.0 => sign * f64::INFINITY,
-        31 => f64::NAN,
-        _ => sign * (1.0 + fraction / 1024.0) * 2f64.powi(exponent - 15),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -164,16 +154,17 @@ mod tests {
     #[test]
     fn half_precision_values_are_those_of_the_standard() {
         // IEEE 754-2008, binary16: 1, −2, largest finite, smallest subnormal.
-        for (bits, value) in [
+        let value = |bits: u16| Element::parse("<f2").unwrap().value(&bits.to_le_bytes());
+        for (bits, expected) in [
             (0x3c00, 1.0),
             (0xc000, -2.0),
             (0x7bff, 65504.0),
             (1, 2f64.powi(-24)),
             (0, 0.0),
         ] {
-            assert_eq!(half(bits), value);
+            assert_eq!(value(bits), expected);
         }
-        assert!(half(0x7e00).is_nan());
+        assert!(value(0x7e00).is_nan());
     }
 
     #[test]

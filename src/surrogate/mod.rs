@@ -27,8 +27,8 @@ mod train;
 mod weights;
 
 pub use calibration::{
-    COVERAGE, Calibration, CalibrationError, CalibrationParts, DifficultyParts, FALSE_ALARM, Interval, LEAST,
-    LikenessParts, ObjectiveIntervals, Observed,
+    COVERAGE, Calibration, CalibrationError, CalibrationParts, DifficultyParts, FALSE_ALARM, Interval, LEAST, NoveltyParts,
+    ObjectiveIntervals, Observed,
 };
 pub use evaluation::{PatternScore, Score};
 pub use example::{Example, Label, LabelError};

@@ -2,11 +2,11 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::content::{self, Difficulty, Likeness, Packed};
+use crate::content::{self, Difficulty, Novelty, Packed};
 use crate::orchestrator::StageError;
 use crate::scene::Scene;
 use crate::store::Artifact;
-use crate::surrogate::{COVERAGE, Calibration, CalibrationParts, DifficultyParts, FALSE_ALARM, LikenessParts};
+use crate::surrogate::{COVERAGE, Calibration, CalibrationParts, DifficultyParts, FALSE_ALARM, NoveltyParts};
 
 /// What a calibration is of.
 pub struct Origin<'a> {
@@ -31,7 +31,7 @@ pub fn content(calibration: &Calibration, origin: Origin<'_>) -> content::Calibr
     let CalibrationParts {
         difficulty,
         residuals,
-        likeness,
+        novelty,
     } = calibration.parts();
     content::Calibration {
         families: counts.keys().map(|family| (*family).clone()).collect(),
@@ -48,13 +48,13 @@ pub fn content(calibration: &Calibration, origin: Origin<'_>) -> content::Calibr
             places: difficulty.places,
             scores: difficulty.scores,
         },
-        likeness: Likeness {
-            centre: likeness.centre,
-            deviation: likeness.deviation,
-            factor: likeness.factor,
-            places: likeness.places,
-            spreads: likeness.spreads,
-            threshold: [likeness.threshold],
+        novelty: Novelty {
+            centre: novelty.centre,
+            deviation: novelty.deviation,
+            factor: novelty.factor,
+            places: novelty.places,
+            spreads: novelty.spreads,
+            threshold: [novelty.threshold],
         },
         residuals: Packed(residuals),
         coverage: COVERAGE.to_string(),
@@ -74,8 +74,8 @@ pub fn read(artifact: &Artifact) -> Result<Option<(String, Calibration)>, StageE
         return Ok(None);
     }
     let view = content::Calibration::open(artifact)?;
-    let (difficulty, likeness) = (view.difficulty().read()?, view.likeness().read()?);
-    let [threshold] = likeness.threshold;
+    let (difficulty, novelty) = (view.difficulty().read()?, view.novelty().read()?);
+    let [threshold] = novelty.threshold;
     let parts = CalibrationParts {
         difficulty: DifficultyParts {
             centre: difficulty.centre,
@@ -86,12 +86,12 @@ pub fn read(artifact: &Artifact) -> Result<Option<(String, Calibration)>, StageE
             scores: difficulty.scores,
         },
         residuals: view.residuals().read()?.0,
-        likeness: LikenessParts {
-            centre: likeness.centre,
-            deviation: likeness.deviation,
-            factor: likeness.factor,
-            places: likeness.places,
-            spreads: likeness.spreads,
+        novelty: NoveltyParts {
+            centre: novelty.centre,
+            deviation: novelty.deviation,
+            factor: novelty.factor,
+            places: novelty.places,
+            spreads: novelty.spreads,
             threshold,
         },
     };

@@ -103,7 +103,7 @@ fn coverage(contestants: &[Contestant], calibrated: &[Calibrated], groups: &[Vec
         objectives: OBJECTIVES.iter().map(|(name, _, _)| (*name).to_owned()).collect(),
         field: of_groups(&|c| share(c, &|c| c.field)),
         radius: of_groups(&|c| median(c.iter().map(|c| c.radius_mm))),
-        unlike: of_groups(&|c| share(c, &|c| c.unlike)),
+        out_of_distribution: of_groups(&|c| share(c, &|c| c.out_of_distribution)),
         objective: by_objective(&|covered, o| share(covered, &|c| c.objectives[o])),
         objective_half_width: by_objective(&|covered, o| median(covered.iter().map(|c| c.half_widths_mm[o]))),
     }

@@ -58,8 +58,8 @@ pub struct Covered {
     pub objectives: [bool; OBJECTIVES.len()],
     /// Half of the widths of these, mm.
     pub half_widths_mm: [f64; OBJECTIVES.len()],
-    /// Whether the pattern was flagged as unlike the training.
-    pub unlike: bool,
+    /// Whether the pattern was flagged as out of distribution.
+    pub out_of_distribution: bool,
 }
 
 impl Covered {
@@ -79,7 +79,7 @@ impl Covered {
             field: pairs.all(|(p, s)| (p - s).abs() <= interval.radius_mm),
             objectives: std::array::from_fn(|k| (value(k, predicted) - value(k, simulated)).abs() <= half_widths_mm[k]),
             half_widths_mm,
-            unlike: interval.unlike,
+            out_of_distribution: interval.out_of_distribution,
         }
     }
 }

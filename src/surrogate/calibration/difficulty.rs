@@ -1,7 +1,9 @@
 //! The median of the error by the features of a pattern, and the quantile of what is left among its neighbours.
 
+use faer::linalg::solvers::Solve;
+use faer::{Col, Mat, Side};
+
 use super::CalibrationError;
-use super::cholesky::Cholesky;
 use super::features::DIFFICULTY;
 
 /// Neighbours that make a quantile: few enough to be alike, many enough that ⌈0.95 (k + 1)⌉ of k is not the last.
@@ -57,7 +59,10 @@ pub(super) struct Difficulty {
 
 impl Difficulty {
     /// From features with the logarithm of the error: the first half makes the median, the second the scores.
-    pub(super) fn fit(first: &[(Point, f64)], second: &[(Point, f64)]) -> Self {
+    ///
+    /// # Errors
+    /// When a number is none.
+    pub(super) fn fit(first: &[(Point, f64)], second: &[(Point, f64)]) -> Result<Self, CalibrationError> {
         let n = first.len() as f64;
         let centre: Point = std::array::from_fn(|k| first.iter().map(|(f, _)| f[k]).sum::<f64>() / n);
         let deviation = std::array::from_fn(|k| {
@@ -78,13 +83,13 @@ impl Difficulty {
             scores: Vec::new(),
         };
         let rows: Vec<[f64; TERMS]> = first.iter().map(|(f, _)| terms(&fitted.scaled(f))).collect();
-        fitted.coefficients = median_regression(&rows, &logs);
+        fitted.coefficients = median_regression(&rows, &logs)?;
         for (features, log) in second {
             let place = fitted.place(features);
             fitted.scores.push(log - place.median.ln());
             fitted.places.push(place.at);
         }
-        fitted
+        Ok(fitted)
     }
 
     fn scaled(&self, features: &Point) -> Point {
@@ -181,28 +186,32 @@ fn terms(at: &Point) -> [f64; TERMS] {
 
 /// Coefficients of the linear function of some terms that is the median of values: iteratively reweighted least squares
 /// (Schlossmacher, J. Am. Stat. Assoc. 68 (1973) 857).
-fn median_regression(rows: &[[f64; TERMS]], values: &[f64]) -> Vec<f64> {
+///
+/// # Errors
+/// When a number is none.
+fn median_regression(rows: &[[f64; TERMS]], values: &[f64]) -> Result<Vec<f64>, CalibrationError> {
     let mut weights = vec![1.0; rows.len()];
-    let mut coefficients = vec![0.0; TERMS];
+    let mut coefficients = Col::zeros(TERMS);
     for _ in 0..ROUNDS {
-        let mut matrix = vec![0.0; TERMS * TERMS];
-        let mut right = vec![0.0; TERMS];
+        // The lower triangle, and that is all that is read of it.
+        let mut matrix = Mat::from_fn(TERMS, TERMS, |i, j| if i == j { RIDGE } else { 0.0 });
+        let mut right = Col::zeros(TERMS);
         for ((row, value), weight) in rows.iter().zip(values).zip(&weights) {
-            for i in 0..TERMS {
-                let weighted = weight * row[i];
-                right[i] += weighted * value;
-                let into = &mut matrix[i * TERMS..i * TERMS + i + 1];
-                into.iter_mut().zip(row).for_each(|(m, r)| *m += weighted * r);
+            for j in 0..TERMS {
+                let weighted = weight * row[j];
+                right[j] += weighted * value;
+                let column = matrix.col_as_slice_mut(j)[j..].iter_mut();
+                column.zip(&row[j..]).for_each(|(m, r)| *m += weighted * r);
             }
         }
-        (0..TERMS).for_each(|i| matrix[i * TERMS + i] += RIDGE);
-        coefficients = Cholesky::new(TERMS, &matrix).solve(&right);
+        let factor = matrix.llt(Side::Lower).map_err(|_| CalibrationError::Singular)?;
+        coefficients = factor.solve(&right);
         for ((row, value), weight) in rows.iter().zip(values).zip(&mut weights) {
-            let fitted: f64 = row.iter().zip(&coefficients).map(|(r, c)| r * c).sum();
+            let fitted: f64 = row.iter().zip(coefficients.iter()).map(|(r, c)| r * c).sum();
             *weight = 0.5 / (value - fitted).abs().max(KINK);
         }
     }
-    coefficients
+    Ok(coefficients.iter().copied().collect())
 }
 
 #[cfg(test)]
@@ -230,7 +239,7 @@ mod tests {
             (at, 0.5 * at[0] - 0.2 * at[1] * at[2] - 3.0 + noise)
         };
         let samples: Vec<(Point, f64)> = (0..1500).map(|_| sample(&mut stream)).collect();
-        let fitted = Difficulty::fit(&samples, &samples[..300]);
+        let fitted = Difficulty::fit(&samples, &samples[..300]).unwrap();
         for (at, _) in &samples[..20] {
             let found = fitted.place(at).median.ln();
             let expected = 0.5 * at[0] - 0.2 * at[1] * at[2] - 3.0;

@@ -11,13 +11,13 @@ const FORM: usize = 11;
 
 /// Features that tell families of patterns apart: those, and correlations of the pattern.
 #[cfg(test)]
-pub(super) const LIKENESS: usize = FORM + 9;
+pub(super) const NOVELTY: usize = FORM + 9;
 
 /// Logarithms of the largest and the mean square displacement, of the mean and largest gradient and the mean of its fourth
 /// power (where the membrane is far from linear); the area and its square; logarithms of the length of the electrode's edge, of
 /// its corners (where the stress is singular), of the cells that touch by a corner only; the part of the frame that is active; and
 /// how much more of the strain, and of the change of area, is found in active cells than in bare ones.
-pub(super) fn difficulty_of(pattern: &Pattern, predicted: &Field) -> [f64; DIFFICULTY] {
+pub(super) fn difficulty_features(pattern: &Pattern, predicted: &Field) -> [f64; DIFFICULTY] {
     let [largest, mean, gradient, steepest, fourth] = of_field(predicted);
     let [edge, corners, touching, frame] = of_outline(pattern);
     let area = pattern.area_fraction();
@@ -119,7 +119,7 @@ fn of_outline(pattern: &Pattern) -> [f64; 4] {
 
 /// The form with correlations of the pattern: along the sides over 1, 2, 5 and 10 cells and along the diagonals over 1 and
 /// 3, each the mean of both directions; and how far both directions differ, over 1 and 5 cells and along the diagonals over 3.
-pub(super) fn likeness_of(pattern: &Pattern, difficulty: &[f64; DIFFICULTY]) -> Vec<f64> {
+pub(super) fn novelty_features(pattern: &Pattern, difficulty: &[f64; DIFFICULTY]) -> Vec<f64> {
     let sides = [1, 2, 5, 10].map(|n| [correlation(pattern, [n, 0]), correlation(pattern, [0, n])]);
     let diagonals = [1, 3].map(|n| [correlation(pattern, [n, n]), correlation(pattern, [n, -n])]);
     let mean = |pair: &[f64; 2]| 0.5 * (pair[0] + pair[1]);
@@ -208,11 +208,11 @@ mod tests {
         let bits: Vec<bool> = (0..CELLS * CELLS).map(|_| stream.chance(0.4)).collect();
         let pattern = Pattern::from_fn(|x, y| bits[y * CELLS + x]);
         let field = Field::from_values((0..CORNERS * CORNERS * 2).map(|_| stream.normal()).collect()).unwrap();
-        let features = likeness_of(&pattern, &difficulty_of(&pattern, &field));
-        assert_eq!(features.len(), LIKENESS);
+        let features = novelty_features(&pattern, &difficulty_features(&pattern, &field));
+        assert_eq!(features.len(), NOVELTY);
         for g in Symmetry::ALL {
             let (pattern, field) = (pattern.transformed(g), field.transformed(g));
-            let image = likeness_of(&pattern, &difficulty_of(&pattern, &field));
+            let image = novelty_features(&pattern, &difficulty_features(&pattern, &field));
             let same = features.iter().zip(&image).all(|(a, b)| (a - b).abs() < 1e-9);
             assert!(same, "{g:?}: {features:?} {image:?}");
         }

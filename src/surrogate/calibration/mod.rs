@@ -1,5 +1,5 @@
-//! How far a prediction may be off, for each pattern: intervals that hold with 95 % probability, and a flag for patterns unlike
-//! those that the network learned from.
+//! How far a prediction may be off, for each pattern: intervals that hold with 95 % probability, and a flag for patterns out
+//! of the distribution of those that the network learned from.
 //!
 //! Split-conformal prediction (Vovk, Gammerman and Shafer, Algorithmic Learning in a Random World (2005), chapter 4; Lei et
 //! al., J. Am. Stat. Assoc. 113 (2018) 1094), made local: what a field is off by depends on the pattern, so one radius for all
@@ -14,21 +14,20 @@
 //! the predicted number; it is made of the same residual fields, so the points may be chosen later.
 //!
 //! The probability is over patterns like those of the calibration. Of others nothing is known, hence the flag: a pattern
-//! is **unlike** when its distance to the nearest familiar patterns, in units of the distances that these have among
+//! is **out of distribution** when its novelty, the distance to the nearest familiar patterns, in units of the distances that these have among
 //! themselves (a local outlier factor: Breunig et al., SIGMOD Record 29 (2000) 93), is larger than that of 99 % of fresh
 //! familiar patterns.
 
-mod cholesky;
 mod difficulty;
 mod features;
-mod likeness;
+mod novelty;
 
 use difficulty::Difficulty;
-use features::{DIFFICULTY, difficulty_of, likeness_of};
-use likeness::Likeness;
+use features::{DIFFICULTY, difficulty_features, novelty_features};
+use novelty::Novelty;
 
 pub use difficulty::DifficultyParts;
-pub use likeness::LikenessParts;
+pub use novelty::NoveltyParts;
 
 use crate::base::Stream;
 use crate::field::{CORNERS, Field};
@@ -37,7 +36,7 @@ use crate::pattern::Pattern;
 /// Probability that an interval covers what it is about.
 pub const COVERAGE: f64 = 0.95;
 
-/// Share of fresh familiar patterns that are flagged as unlike.
+/// Share of fresh familiar patterns that are flagged as out of distribution.
 pub const FALSE_ALARM: f64 = 0.01;
 
 /// The fewest patterns that a calibration is made from: of their second half, one is allowed to lie outside.
@@ -62,14 +61,14 @@ pub struct Observed {
 
 struct Features {
     difficulty: [f64; DIFFICULTY],
-    likeness: Vec<f64>,
+    novelty: Vec<f64>,
 }
 
 impl Features {
     fn of(pattern: &Pattern, predicted: &Field) -> Self {
-        let difficulty = difficulty_of(pattern, predicted);
+        let difficulty = difficulty_features(pattern, predicted);
         Self {
-            likeness: likeness_of(pattern, &difficulty),
+            novelty: novelty_features(pattern, &difficulty),
             difficulty,
         }
     }
@@ -108,6 +107,9 @@ pub enum CalibrationError {
     /// Too few patterns like those of the training.
     #[error("a calibration needs {LEAST} patterns of the families that the network learned from, found {0}")]
     FewFamiliar(usize),
+    /// Patterns or fields with values that are no numbers.
+    #[error("the calibration has no solution: a feature of its patterns is no number")]
+    Singular,
     /// Arrays that do not belong together.
     #[error("the arrays of the calibration do not fit together: {0}")]
     Parts(&'static str),
@@ -118,10 +120,10 @@ pub enum CalibrationError {
 pub struct Interval {
     /// With 95 % probability every component at every corner lies within this of the predicted one, mm.
     pub radius_mm: f64,
-    /// How unlike the pattern is: 1 is the threshold of the flag.
-    pub unlikeness: f64,
-    /// Whether the pattern is unlike those of the training: then nothing is promised.
-    pub unlike: bool,
+    /// How far the pattern is from those of the training: 1 is the threshold of the flag.
+    pub novelty: f64,
+    /// Whether the pattern is out of the distribution of the training: then nothing is promised.
+    pub out_of_distribution: bool,
 }
 
 /// The arrays of a calibration, as they stand in files.
@@ -132,14 +134,14 @@ pub struct CalibrationParts {
     /// Residual fields in mm of the first of the neighbours, end to end.
     pub residuals: Vec<f32>,
     /// The familiar patterns.
-    pub likeness: LikenessParts,
+    pub novelty: NoveltyParts,
 }
 
 /// Intervals and flags for the predictions of one network.
 pub struct Calibration {
     difficulty: Difficulty,
     residuals: Vec<f32>,
-    likeness: Likeness,
+    novelty: Novelty,
 }
 
 impl Calibration {
@@ -159,9 +161,9 @@ impl Calibration {
         let known: Vec<&[f64]> = observed
             .iter()
             .filter(|o| o.familiar)
-            .map(|o| &o.features.likeness[..])
+            .map(|o| &o.features.novelty[..])
             .collect();
-        let likeness = Likeness::fit(&known, FALSE_ALARM);
+        let novelty = Novelty::fit(&known, FALSE_ALARM)?;
         let pairs: Vec<([f64; DIFFICULTY], f64)> = observed
             .iter()
             .map(|o| (o.features.difficulty, o.log_error()))
@@ -169,9 +171,9 @@ impl Calibration {
         let (first, second) = pairs.split_at(pairs.len() / 2);
         let rows = observed[first.len()..].iter().take(RESIDUALS);
         Ok(Self {
-            difficulty: Difficulty::fit(first, second),
+            difficulty: Difficulty::fit(first, second)?,
             residuals: rows.flat_map(|o| o.residual.iter().copied()).collect(),
-            likeness,
+            novelty,
         })
     }
 
@@ -180,15 +182,15 @@ impl Calibration {
     pub fn interval(&self, pattern: &Pattern, predicted: &Field) -> Interval {
         let features = Features::of(pattern, predicted);
         let place = self.difficulty.place(&features.difficulty);
-        let unlikeness = self.likeness.unlikeness(&features.likeness);
+        let novelty = self.novelty.novelty(&features.novelty);
         Interval {
             radius_mm: self
                 .difficulty
                 .quantile(&place, self.difficulty.scores(), COVERAGE)
                 .exp()
                 * place.median,
-            unlikeness,
-            unlike: unlikeness > 1.0,
+            novelty,
+            out_of_distribution: novelty > 1.0,
         }
     }
 
@@ -213,7 +215,7 @@ impl Calibration {
         CalibrationParts {
             difficulty: self.difficulty.parts(),
             residuals: self.residuals.clone(),
-            likeness: self.likeness.parts(),
+            novelty: self.novelty.parts(),
         }
     }
 
@@ -233,7 +235,7 @@ impl Calibration {
         Ok(Self {
             difficulty,
             residuals: parts.residuals,
-            likeness: Likeness::from_parts(parts.likeness)?,
+            novelty: Novelty::from_parts(parts.novelty)?,
         })
     }
 }
@@ -250,7 +252,7 @@ impl ObjectiveIntervals<'_> {
     #[must_use]
     pub fn half_width(&self, pattern: &Pattern, predicted: &Field) -> f64 {
         let difficulty = &self.calibration.difficulty;
-        let place = difficulty.place(&difficulty_of(pattern, predicted));
+        let place = difficulty.place(&difficulty_features(pattern, predicted));
         difficulty.quantile(&place, &self.scores, COVERAGE) * place.median
     }
 }

@@ -63,7 +63,7 @@ fn intervals_cover_as_often_as_they_say_in_each_family() {
             inside += usize::from(pairs.into_iter().all(|(p, s)| (p - s).abs() <= interval.radius_mm));
             let off = (centre(&predicted) - centre(&simulated)).abs();
             objective_inside += usize::from(off <= objective.half_width(&pattern, &predicted));
-            flagged += usize::from(interval.unlike);
+            flagged += usize::from(interval.out_of_distribution);
             width += interval.radius_mm / n as f64;
         }
         let [field, number, alarms] = [inside, objective_inside, flagged].map(|k| k as f64 / n as f64);
@@ -78,22 +78,22 @@ fn intervals_cover_as_often_as_they_say_in_each_family() {
 }
 
 #[test]
-fn what_is_unlike_the_training_is_flagged_and_has_finite_intervals() {
+fn what_is_out_of_distribution_is_flagged_and_has_finite_intervals() {
     let calibration = calibration();
     let (board, predicted, _) = sample(2, 1, 0);
     let interval = calibration.interval(&board, &predicted);
-    assert!(interval.unlike && interval.unlikeness > 1.0, "{interval:?}");
+    assert!(interval.out_of_distribution && interval.novelty > 1.0, "{interval:?}");
     for active in [false, true] {
         let interval = calibration.interval(&Pattern::from_fn(|_, _| active), &Field::zero());
         assert!(
-            interval.unlike && interval.radius_mm.is_finite() && interval.radius_mm >= 0.0,
+            interval.out_of_distribution && interval.radius_mm.is_finite() && interval.radius_mm >= 0.0,
             "{interval:?}"
         );
     }
     let only_cells = observed(&[0], 200, 3);
     let of_cells = Calibration::fit(only_cells, 1).unwrap();
     let (plane, predicted, _) = sample(1, 1, 0);
-    assert!(of_cells.interval(&plane, &predicted).unlike);
+    assert!(of_cells.interval(&plane, &predicted).out_of_distribution);
 }
 
 #[test]
@@ -136,7 +136,7 @@ fn a_calibration_survives_its_own_arrays() {
     parts.difficulty.scores.pop();
     assert!(Calibration::from_parts(parts).is_err());
     let mut parts = calibration.parts();
-    parts.likeness.factor.pop();
+    parts.novelty.factor.pop();
     assert!(Calibration::from_parts(parts).is_err());
 }
 

@@ -50,7 +50,7 @@ impl Graph {
 
     /// A convolution or its transpose, with one row of zeros around the corners or cells.
     fn framed(&mut self, operation: &str, x: &Value, weights: &Value) -> Value {
-        self.node(operation, &[x, weights], &[("pads", Attribute::Wholes(&[1; 4]))])
+        self.node(operation, &[x, weights], &[("pads", Attribute::Integers(&[1; 4]))])
     }
 }
 

@@ -2,12 +2,12 @@
 
 use candle_core::{DType, Result, Tensor, bail};
 
-use super::protobuf::Message;
+use super::messages;
 
 /// Numbers of element types.
-pub(super) const FLOAT: i64 = 1;
-pub(super) const UINT8: i64 = 2;
-const INT64: i64 = 7;
+pub(super) const FLOAT: i32 = 1;
+pub(super) const UINT8: i32 = 2;
+const INT64: i32 = 7;
 
 /// An array that a node gives, or that the graph holds.
 #[derive(Clone, Debug)]
@@ -16,28 +16,32 @@ pub(crate) struct Value(pub(super) String);
 /// The graph.
 #[derive(Debug, Default)]
 pub(crate) struct Graph {
-    nodes: Vec<Message>,
-    initializers: Vec<Message>,
+    nodes: Vec<messages::Node>,
+    initializers: Vec<messages::Tensor>,
 }
 
 /// An attribute of a node.
 pub(crate) enum Attribute<'a> {
-    /// A whole number.
-    Whole(i64),
-    /// A real number.
-    Real(f32),
-    /// Whole numbers.
-    Wholes(&'a [i64]),
+    /// An integer.
+    Integer(i64),
+    /// A float.
+    Float(f32),
+    /// Integers.
+    Integers(&'a [i64]),
 }
 
 impl Attribute<'_> {
-    fn encoded(&self, name: &str) -> Message {
-        let message = Message::default().text(1, name);
+    fn message(&self, name: &str) -> messages::Attribute {
+        let mut message = messages::Attribute {
+            name: Some(name.to_owned()),
+            ..messages::Attribute::default()
+        };
         match self {
-            Self::Real(value) => message.real(2, *value).whole(20, 1),
-            Self::Whole(value) => message.whole(3, *value).whole(20, 2),
-            Self::Wholes(values) => values.iter().fold(message, |m, value| m.whole(8, *value)).whole(20, 7),
+            Self::Float(value) => (message.float, message.kind) = (Some(*value), Some(1)),
+            Self::Integer(value) => (message.integer, message.kind) = (Some(*value), Some(2)),
+            Self::Integers(values) => (message.integers, message.kind) = (values.to_vec(), Some(7)),
         }
+        message
     }
 }
 
@@ -45,22 +49,29 @@ impl Graph {
     /// The result of one operation.
     pub(crate) fn node(&mut self, operation: &str, inputs: &[&Value], attributes: &[(&str, Attribute<'_>)]) -> Value {
         let name = format!("{}.{operation}", self.nodes.len());
-        let node = inputs
-            .iter()
-            .fold(Message::default(), |node, input| node.text(1, &input.0));
-        let node = node.text(2, &name).text(3, &name).text(4, operation);
-        let attributes = attributes.iter().map(|(name, attribute)| attribute.encoded(name));
-        self.nodes.push(node.messages(5, &attributes.collect::<Vec<_>>()));
+        self.push(operation, inputs, &name, attributes);
         Value(name)
     }
 
-    fn initializer(&mut self, kind: i64, dims: &[usize], bytes: &[u8]) -> Value {
+    fn push(&mut self, operation: &str, inputs: &[&Value], name: &str, attributes: &[(&str, Attribute<'_>)]) {
+        let attributes = attributes.iter().map(|(name, attribute)| attribute.message(name));
+        self.nodes.push(messages::Node {
+            input: inputs.iter().map(|input| input.0.clone()).collect(),
+            output: vec![name.to_owned()],
+            name: Some(name.to_owned()),
+            op_type: Some(operation.to_owned()),
+            attribute: attributes.collect(),
+        });
+    }
+
+    fn initializer(&mut self, element: i32, dims: &[usize], bytes: Vec<u8>) -> Value {
         let name = format!("constant.{}", self.initializers.len());
-        let tensor = dims
-            .iter()
-            .fold(Message::default(), |tensor, &dim| tensor.whole(1, dim as i64));
-        self.initializers
-            .push(tensor.whole(2, kind).text(8, &name).bytes(9, bytes));
+        self.initializers.push(messages::Tensor {
+            dims: dims.iter().map(|&dim| dim as i64).collect(),
+            data_type: Some(element),
+            name: Some(name.clone()),
+            raw_data: Some(bytes),
+        });
         Value(name)
     }
 
@@ -74,18 +85,18 @@ impl Graph {
         }
         let values = tensor.flatten_all()?.to_vec1::<f32>()?;
         let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
-        Ok(self.initializer(FLOAT, tensor.dims(), &bytes))
+        Ok(self.initializer(FLOAT, tensor.dims(), bytes))
     }
 
     /// One number.
     pub(crate) fn number(&mut self, value: f32) -> Value {
-        self.initializer(FLOAT, &[], &value.to_le_bytes())
+        self.initializer(FLOAT, &[], value.to_le_bytes().to_vec())
     }
 
-    /// Whole numbers, as shapes and ranges are given.
-    pub(crate) fn wholes(&mut self, values: &[i64]) -> Value {
+    /// Integers, as shapes and ranges are given.
+    pub(crate) fn integers(&mut self, values: &[i64]) -> Value {
         let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
-        self.initializer(INT64, &[values.len()], &bytes)
+        self.initializer(INT64, &[values.len()], bytes)
     }
 
     /// The sum, broadcast.
@@ -110,43 +121,39 @@ impl Graph {
 
     /// The same values with axes in another order.
     pub(crate) fn transpose(&mut self, x: &Value, order: &[i64]) -> Value {
-        self.node("Transpose", &[x], &[("perm", Attribute::Wholes(order))])
+        self.node("Transpose", &[x], &[("perm", Attribute::Integers(order))])
     }
 
     /// The same values in another shape: 0 keeps an axis, −1 is what is left over.
     pub(crate) fn reshape(&mut self, x: &Value, shape: &[i64]) -> Value {
-        let shape = self.wholes(shape);
+        let shape = self.integers(shape);
         self.node("Reshape", &[x, &shape], &[])
     }
 
     /// Arrays one after the other along an axis.
     pub(crate) fn concatenate(&mut self, parts: &[&Value], axis: i64) -> Value {
-        self.node("Concat", parts, &[("axis", Attribute::Whole(axis))])
+        self.node("Concat", parts, &[("axis", Attribute::Integer(axis))])
     }
 
     /// Zeros before the first and after the last element of each axis: all the former, then all the latter.
     pub(crate) fn pad(&mut self, x: &Value, zeros: &[i64]) -> Value {
-        let zeros = self.wholes(zeros);
+        let zeros = self.integers(zeros);
         self.node("Pad", &[x, &zeros], &[])
     }
 
     /// Gives a value another name beside its own.
     pub(super) fn name(&mut self, value: &Value, name: &str) {
-        let node = Message::default()
-            .text(1, &value.0)
-            .text(2, name)
-            .text(3, name)
-            .text(4, "Identity");
-        self.nodes.push(node);
+        self.push("Identity", &[value], name, &[]);
     }
 
-    /// The graph as a message, from one named input to one named output.
-    pub(super) fn encoded(&self, name: &str, input: &Message, output: &Message) -> Message {
-        Message::default()
-            .messages(1, &self.nodes)
-            .text(2, name)
-            .messages(5, &self.initializers)
-            .message(11, input)
-            .message(12, output)
+    /// The graph as a message, from one input to one output.
+    pub(super) fn into_message(self, name: &str, input: messages::Array, output: messages::Array) -> messages::Graph {
+        messages::Graph {
+            node: self.nodes,
+            name: Some(name.to_owned()),
+            initializer: self.initializers,
+            input: vec![input],
+            output: vec![output],
+        }
     }
 }

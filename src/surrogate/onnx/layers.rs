@@ -31,8 +31,8 @@ impl Graph {
         let weights = self.tensor(&weights.permute((0, 3, 1, 2))?.contiguous()?)?;
         let (stride, padding) = (stride as i64, padding as i64);
         let attributes = [
-            ("strides", Attribute::Wholes(&[stride; 2])),
-            ("pads", Attribute::Wholes(&[padding; 4])),
+            ("strides", Attribute::Integers(&[stride; 2])),
+            ("pads", Attribute::Integers(&[padding; 4])),
         ];
         let x = self.transpose(x, &CHANNELS_FIRST);
         let y = self.node(operation, &[&x, &weights], &attributes);
@@ -60,6 +60,6 @@ impl Graph {
     /// As [`crate::surrogate::layers::bias_and_activate`].
     pub(crate) fn bias_and_activate(&mut self, x: &Value, bias: &Tensor, slope: f32) -> Result<Value> {
         let x = self.add_bias(x, bias)?;
-        Ok(self.node("LeakyRelu", &[&x], &[("alpha", Attribute::Real(slope))]))
+        Ok(self.node("LeakyRelu", &[&x], &[("alpha", Attribute::Float(slope))]))
     }
 }

@@ -1,21 +1,20 @@
 //! Networks as ONNX files (<https://onnx.ai>), which many programs run.
 //!
 //! The file takes patterns as they stand in other files and gives displacements in mm at all corners: how the network wants
-//! its input, its scale and the frame that does not move are part of the graph. The numbers of fields are those of
-//! `onnx.proto` (<https://github.com/onnx/onnx/blob/main/onnx/onnx.proto>).
+//! its input, its scale and the frame that does not move are part of the graph.
 
 mod cells;
 mod graph;
 mod layers;
-mod protobuf;
+mod messages;
 
 use candle_core::Result;
+use prost::Message;
 
 use super::networks::Network;
 use super::weights::KEY;
 use crate::field::CORNERS;
 use crate::pattern::CELLS;
-use protobuf::Message;
 
 pub(crate) use graph::{Graph, Value};
 
@@ -34,7 +33,7 @@ const OUTPUT: &str = "displacement";
 pub(crate) fn to_onnx(network: &dyn Network, scale_mm: f64, header: &str) -> Result<Vec<u8>> {
     let mut graph = Graph::default();
     let pattern = Value(INPUT.to_owned());
-    let cells = graph.node("Cast", &[&pattern], &[("to", graph::Attribute::Whole(graph::FLOAT))]);
+    let cells = graph.node("Cast", &[&pattern], &[("to", graph::Attribute::Integer(graph::FLOAT.into()))]);
     let half = graph.number(0.5);
     let cells = graph.sub(&cells, &half);
     let cells = graph.reshape(&cells, &[0, CELLS as i64, CELLS as i64, 1]);
@@ -45,29 +44,37 @@ pub(crate) fn to_onnx(network: &dyn Network, scale_mm: f64, header: &str) -> Res
     graph.name(&all, OUTPUT);
     let input = array(INPUT, graph::UINT8, &[CELLS, CELLS]);
     let output = array(OUTPUT, graph::FLOAT, &[CORNERS, CORNERS, 2]);
-    let graph = graph.encoded("surrogate", &input, &output);
-    Ok(Message::default()
-        .whole(1, IR_VERSION)
-        .text(2, "deaflow")
-        .text(3, env!("CARGO_PKG_VERSION"))
-        .text(
-            6,
-            "electrode pattern to displacement in mm of a dielectric elastomer actuator; the metadata says more",
-        )
-        .message(7, &graph)
-        .message(8, &Message::default().text(1, "").whole(2, OPSET))
-        .message(14, &Message::default().text(1, KEY).text(2, header))
-        .into_bytes())
+    let says = "electrode pattern to displacement in mm of a dielectric elastomer actuator; the metadata says more";
+    let model = messages::Model {
+        ir_version: Some(IR_VERSION),
+        producer_name: Some("deaflow".to_owned()),
+        producer_version: Some(env!("CARGO_PKG_VERSION").to_owned()),
+        doc_string: Some(says.to_owned()),
+        graph: Some(graph.into_message("surrogate", input, output)),
+        opset_import: vec![messages::OperatorSet {
+            domain: Some(String::new()),
+            version: Some(OPSET),
+        }],
+        metadata: vec![messages::Entry {
+            key: Some(KEY.to_owned()),
+            value: Some(header.to_owned()),
+        }],
+    };
+    Ok(model.encode_to_vec())
 }
 
 /// An array of any number of rows.
-fn array(name: &str, kind: i64, row: &[usize]) -> Message {
-    let any = Message::default().text(2, "n");
-    let dims = row.iter().map(|&dim| Message::default().whole(1, dim as i64));
-    let dims: Vec<Message> = std::iter::once(any).chain(dims).collect();
-    let shape = Message::default().messages(1, &dims);
-    let tensor = Message::default().whole(1, kind).message(2, &shape);
-    Message::default()
-        .text(1, name)
-        .message(2, &Message::default().message(1, &tensor))
+fn array(name: &str, element: i32, row: &[usize]) -> messages::Array {
+    let any = messages::Length::Named("n".to_owned());
+    let lengths = row.iter().map(|&length| messages::Length::Fixed(length as i64));
+    let dims = std::iter::once(any).chain(lengths);
+    let dims = dims.map(|length| messages::Dimension { length: Some(length) }).collect();
+    let tensor = messages::TensorKind {
+        element: Some(element),
+        shape: Some(messages::Shape { dims }),
+    };
+    messages::Array {
+        name: Some(name.to_owned()),
+        kind: Some(messages::ArrayKind { tensor: Some(tensor) }),
+    }
 }

@@ -1,7 +1,8 @@
-//! How far a pattern is from those that are familiar.
+//! How far a pattern is from those that are familiar: its novelty.
+
+use faer::{Col, Mat, Side};
 
 use super::CalibrationError;
-use super::cholesky::Cholesky;
 use super::difficulty::rank;
 
 /// Neighbours whose mean distance counts.
@@ -12,7 +13,7 @@ const SOFTENING: f64 = 0.02;
 
 /// The arrays, as they stand in files.
 #[derive(Clone, Debug, PartialEq)]
-pub struct LikenessParts {
+pub struct NoveltyParts {
     /// Mean of each feature, which is taken off.
     pub centre: Vec<f64>,
     /// Deviation of each feature, by which it is then divided.
@@ -23,23 +24,27 @@ pub struct LikenessParts {
     pub places: Vec<f64>,
     /// Mean distance of each to its nearest.
     pub spreads: Vec<f64>,
-    /// Ratio above which a pattern is unlike.
+    /// Ratio above which a pattern is out of distribution.
     pub threshold: f64,
 }
 
-pub(super) struct Likeness {
+pub(super) struct Novelty {
     centre: Vec<f64>,
     deviation: Vec<f64>,
-    factor: Cholesky,
+    /// Lower Cholesky factor of the covariance of the scaled features: its inverse makes them uncorrelated, of variance 1.
+    factor: Mat<f64>,
     places: Vec<Vec<f64>>,
     spreads: Vec<f64>,
     threshold: f64,
 }
 
-impl Likeness {
+impl Novelty {
     /// From the features of familiar patterns: half of them are the neighbours, and of the other half all but a share of
     /// `false_alarm` are to stay below the threshold.
-    pub(super) fn fit(familiar: &[&[f64]], false_alarm: f64) -> Self {
+    ///
+    /// # Errors
+    /// When a feature is no number.
+    pub(super) fn fit(familiar: &[&[f64]], false_alarm: f64) -> Result<Self, CalibrationError> {
         let (reference, fresh) = familiar.split_at(familiar.len() / 2);
         let (n, m) = (reference.len() as f64, reference[0].len());
         let centre: Vec<f64> = (0..m)
@@ -48,15 +53,12 @@ impl Likeness {
         let variance = |k: usize| reference.iter().map(|f| (f[k] - centre[k]).powi(2)).sum::<f64>() / n;
         let deviation: Vec<f64> = (0..m).map(|k| variance(k).sqrt() + 1e-6).collect();
         let scaled: Vec<Vec<f64>> = reference.iter().map(|f| scaled(f, &centre, &deviation)).collect();
-        let mut covariance = vec![0.0; m * m];
-        for row in &scaled {
-            for i in 0..m {
-                (0..m).for_each(|j| covariance[i * m + j] += row[i] * row[j] / n);
-            }
-        }
-        (0..m).for_each(|k| covariance[k * m + k] += SOFTENING);
-        let factor = Cholesky::new(m, &covariance);
-        let places: Vec<Vec<f64>> = scaled.iter().map(|row| factor.whiten(row)).collect();
+        let covariance = Mat::from_fn(m, m, |i, j| {
+            let products: f64 = scaled.iter().map(|row| row[i] * row[j]).sum();
+            products / n + if i == j { SOFTENING } else { 0.0 }
+        });
+        let factor = covariance.llt(Side::Lower).map_err(|_| CalibrationError::Singular)?.L().to_owned();
+        let places: Vec<Vec<f64>> = scaled.iter().map(|row| whitened(&factor, row)).collect();
         let spreads = (0..places.len())
             .map(|i| mean_distance(&nearest(&places[i], &places, Some(i))))
             .collect();
@@ -68,15 +70,15 @@ impl Likeness {
             spreads,
             threshold: 1.0,
         };
-        let mut ratios: Vec<f64> = fresh.iter().map(|features| fitted.unlikeness(features)).collect();
+        let mut ratios: Vec<f64> = fresh.iter().map(|features| fitted.novelty(features)).collect();
         ratios.sort_by(f64::total_cmp);
         fitted.threshold = ratios[rank(ratios.len(), 1.0 - false_alarm)].max(f64::MIN_POSITIVE);
-        fitted
+        Ok(fitted)
     }
 
     /// The distance of a pattern to its nearest familiar ones, in units of their own, relative to the threshold.
-    pub(super) fn unlikeness(&self, features: &[f64]) -> f64 {
-        let place = self.factor.whiten(&scaled(features, &self.centre, &self.deviation));
+    pub(super) fn novelty(&self, features: &[f64]) -> f64 {
+        let place = whitened(&self.factor, &scaled(features, &self.centre, &self.deviation));
         let nearest = nearest(&place, &self.places, None);
         let own = nearest.iter().map(|&(_, i)| self.spreads[i]).sum::<f64>() / nearest.len() as f64;
         let usual = self.spreads.iter().sum::<f64>() / self.spreads.len() as f64;
@@ -85,18 +87,19 @@ impl Likeness {
     }
 
     /// The arrays.
-    pub(super) fn parts(&self) -> LikenessParts {
-        LikenessParts {
+    pub(super) fn parts(&self) -> NoveltyParts {
+        let m = self.centre.len();
+        NoveltyParts {
             centre: self.centre.clone(),
             deviation: self.deviation.clone(),
-            factor: self.factor.lower().to_vec(),
+            factor: (0..m * m).map(|at| self.factor[(at / m, at % m)]).collect(),
             places: self.places.concat(),
             spreads: self.spreads.clone(),
             threshold: self.threshold,
         }
     }
 
-    pub(super) fn from_parts(parts: LikenessParts) -> Result<Self, CalibrationError> {
+    pub(super) fn from_parts(parts: NoveltyParts) -> Result<Self, CalibrationError> {
         let m = parts.centre.len();
         let fits = m > 0
             && parts.deviation.len() == m
@@ -108,7 +111,7 @@ impl Likeness {
             return Err(CalibrationError::Parts("likeness"));
         }
         Ok(Self {
-            factor: Cholesky::from_lower(m, parts.factor),
+            factor: Mat::from_fn(m, m, |i, j| parts.factor[i * m + j]),
             places: parts.places.chunks_exact(m).map(<[f64]>::to_vec).collect(),
             centre: parts.centre,
             deviation: parts.deviation,
@@ -116,6 +119,13 @@ impl Likeness {
             threshold: parts.threshold,
         })
     }
+}
+
+/// L⁻¹ v.
+fn whitened(factor: &Mat<f64>, v: &[f64]) -> Vec<f64> {
+    let mut solved = Col::from_fn(v.len(), |i| v[i]);
+    factor.solve_lower_triangular_in_place(&mut solved);
+    solved.iter().copied().collect()
 }
 
 fn scaled(features: &[f64], centre: &[f64], deviation: &[f64]) -> Vec<f64> {
