@@ -265,5 +265,5 @@ fn start(inputs: &[Artifact]) -> Result<Option<Vec<u8>>, StageError> {
 fn constants(scene: &Scene) -> Result<Constants, StageError> {
     let failed = |e: &dyn std::fmt::Display| StageError::Failed(format!("no linear response: {e}"));
     let response = LinearResponse::new(scene, Mesh::biquadratic(1)).map_err(|e| failed(&e))?;
-    Constants::new(&response, scene.side_mm()).map_err(StageError::Failed)
+    Constants::new(&response, scene.side_mm()).map_err(|e| StageError::Failed(e.to_string()))
 }

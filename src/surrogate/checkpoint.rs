@@ -11,7 +11,7 @@ use crate::base::{decode, encode};
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Checkpoint {
     /// What is small.
-    pub(crate) course: Course,
+    pub(crate) history: History,
     /// The weights.
     pub(crate) weights: Vec<Vec<f32>>,
     /// The weights of the best epoch; none while there is no best epoch.
@@ -22,7 +22,7 @@ pub(crate) struct Checkpoint {
 
 /// What a training has come to.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Course {
+pub(crate) struct History {
     /// One report per epoch.
     pub(crate) curves: Vec<EpochReport>,
     /// The validation error of the best epoch and its number.
@@ -41,7 +41,7 @@ impl Checkpoint {
     pub(crate) fn to_bytes(&self) -> Option<Vec<u8>> {
         let groups = [&self.weights, &self.best, &self.means];
         let lengths: Lengths = groups.map(|group| group.iter().map(|values| values.len() as u64).collect());
-        let header = encode(&(&self.course, &lengths)).ok()?;
+        let header = encode(&(&self.history, &lengths)).ok()?;
         let mut bytes = (header.len() as u64).to_le_bytes().to_vec();
         bytes.extend(header);
         let values = groups.into_iter().flatten().flatten();
@@ -54,7 +54,7 @@ impl Checkpoint {
         let (length, rest) = bytes.split_first_chunk::<8>()?;
         let length = usize::try_from(u64::from_le_bytes(*length)).ok()?;
         let (header, rest) = rest.split_at_checked(length)?;
-        let (course, lengths): (Course, Lengths) = decode(header).ok()?;
+        let (history, lengths): (History, Lengths) = decode(header).ok()?;
         let total = lengths.iter().flatten().try_fold(0u64, |sum, n| sum.checked_add(*n))?;
         if !rest.len().is_multiple_of(4) || total != (rest.len() / 4) as u64 {
             return None;
@@ -65,7 +65,7 @@ impl Checkpoint {
             group.into_iter().map(tensor).collect()
         });
         Some(Self {
-            course,
+            history,
             weights,
             best,
             means,
@@ -87,7 +87,7 @@ mod tests {
             learning_rate: 1e-3,
         };
         Checkpoint {
-            course: Course {
+            history: History {
                 curves: vec![report],
                 best: Some((0.05, 1)),
                 steps: 12,

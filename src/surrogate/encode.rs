@@ -14,10 +14,10 @@ use crate::pattern::{CELLS, Pattern};
 pub(crate) const INNER: usize = CORNERS - 2;
 
 /// Patterns as (n, 50, 50, 1): ½ on the electrode, −½ off it, so that a half-covered membrane has mean zero.
-pub(crate) fn patterns_to_tensor<'a>(patterns: impl Iterator<Item = &'a Pattern>, device: &Device) -> Result<Tensor> {
+pub(crate) fn patterns_to_tensor<'a>(patterns: impl Iterator<Item = &'a Pattern>) -> Result<Tensor> {
     let values: Vec<f32> = patterns.flat_map(|p| p.cells()).map(|&c| f32::from(c) - 0.5).collect();
     let n = values.len() / (CELLS * CELLS);
-    Tensor::from_vec(values, (n, CELLS, CELLS, 1), device)
+    Tensor::from_vec(values, (n, CELLS, CELLS, 1), &Device::Cpu)
 }
 
 /// The values of one row of inner corners.
@@ -26,21 +26,17 @@ fn inner_row(y: usize) -> Range<usize> {
 }
 
 /// Labels as (n, 49, 49, 2), divided by `scale` (mm).
-pub(crate) fn labels_to_tensor<'a>(
-    labels: impl Iterator<Item = &'a Label>,
-    scale: f64,
-    device: &Device,
-) -> Result<Tensor> {
+pub(crate) fn labels_to_tensor<'a>(labels: impl Iterator<Item = &'a Label>, scale: f64) -> Result<Tensor> {
     let scaled = |u: &f32| (f64::from(*u) / scale) as f32;
     let values: Vec<f32> = labels.flat_map(Label::values).map(scaled).collect();
     let n = values.len() / (2 * INNER * INNER);
-    Tensor::from_vec(values, (n, INNER, INNER, 2), device)
+    Tensor::from_vec(values, (n, INNER, INNER, 2), &Device::Cpu)
 }
 
 /// The x displacement at every second inner corner, (n, 25, 25, 1), of fields as (n, 49, 49, 2).
 pub(crate) fn half_resolution(fields: &Tensor) -> Result<Tensor> {
     let every_second: Vec<u32> = (0..INNER as u32).step_by(2).collect();
-    let index = Tensor::new(every_second, fields.device())?;
+    let index = Tensor::new(every_second, &Device::Cpu)?;
     let x = fields.narrow(3, 0, 1)?.contiguous()?;
     x.index_select(&index, 1)?.index_select(&index, 2)
 }
@@ -81,7 +77,7 @@ mod tests {
         };
         let field = Field::from_values((0..CORNERS * CORNERS * 2).map(value).collect()).unwrap();
         let labels = [Label::from(&field), Label::zero()];
-        let tensor = labels_to_tensor(labels.iter(), 0.25, &Device::Cpu).unwrap();
+        let tensor = labels_to_tensor(labels.iter(), 0.25).unwrap();
         assert_eq!(tensor.dims(), [2, INNER, INNER, 2]);
         let back = tensor_to_fields(&tensor, 0.25).unwrap().unwrap();
         assert_eq!(back, [field.clone(), Field::zero()]);
@@ -95,7 +91,7 @@ mod tests {
     #[test]
     fn patterns_become_plus_and_minus_one_half() {
         let pattern = Pattern::from_fn(|x, y| x == 3 && y == 1);
-        let tensor = patterns_to_tensor([&pattern].into_iter(), &Device::Cpu).unwrap();
+        let tensor = patterns_to_tensor([&pattern].into_iter()).unwrap();
         assert_eq!(tensor.dims(), [1, CELLS, CELLS, 1]);
         let values = tensor.flatten_all().unwrap().to_vec1::<f32>().unwrap();
         assert!(

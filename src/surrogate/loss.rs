@@ -2,6 +2,7 @@
 //! plus the same smooth L1 for the auxiliary answer at half resolution.
 
 use candle_core::{Result, Tensor};
+use candle_nn::loss::huber;
 
 use super::encode::half_resolution;
 use super::networks::Output;
@@ -15,24 +16,23 @@ pub(crate) struct LossWeights {
     pub(crate) auxiliary: f64,
 }
 
-/// Smooth L1 (Huber with threshold 1; Girshick, Fast R-CNN, ICCV 2015) of errors (n, …): a value per image, (n).
-fn smooth_l1(error: &Tensor) -> Result<Tensor> {
-    let error = error.abs()?.flatten_from(1)?;
-    let clipped = error.minimum(1.0)?;
-    // c(e − c/2) is e²/2 below the threshold, where c = e, and e − ½ above it, where c = 1.
-    (&clipped * (&error - (&clipped * 0.5)?)?)?.mean(1)
-}
+/// Threshold of the smooth L1 (Girshick, Fast R-CNN, ICCV 2015), which is Huber's loss: below it an error counts by its square.
+const THRESHOLD: f64 = 1.0;
 
 /// The loss summed over the images of a batch: a scalar.
 pub(crate) fn total_loss(output: &Output, target: &Tensor, weights: LossWeights) -> Result<Tensor> {
-    let error = (&output.displacement - target)?;
-    let largest = error.abs()?.flatten_from(1)?.max(1)?;
-    let mut loss = (smooth_l1(&error)? + (largest * weights.maximum)?)?;
+    let images = target.dim(0)? as f64;
+    let largest = (&output.displacement - target)?
+        .abs()?
+        .flatten_from(1)?
+        .max(1)?
+        .sum_all()?;
+    let mut loss = ((huber(&output.displacement, target, THRESHOLD)? * images)? + (largest * weights.maximum)?)?;
     if let Some(half) = &output.half_resolution {
-        let auxiliary = smooth_l1(&(half - half_resolution(target)?)?)?;
-        loss = (loss + (auxiliary * weights.auxiliary)?)?;
+        let auxiliary = huber(half, &half_resolution(target)?, THRESHOLD)?;
+        loss = (loss + (auxiliary * (images * weights.auxiliary))?)?;
     }
-    loss.sum_all()
+    Ok(loss)
 }
 
 #[cfg(test)]

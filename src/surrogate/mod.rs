@@ -27,8 +27,8 @@ mod train;
 mod weights;
 
 pub use calibration::{
-    COVERAGE, Calibration, CalibrationError, CalibrationParts, DifficultyParts, FALSE_ALARM, Interval, LEAST, NoveltyParts,
-    ObjectiveIntervals, Observed,
+    COVERAGE, Calibration, CalibrationError, CalibrationParts, DifficultyParts, FALSE_ALARM, Interval, LEAST,
+    NoveltyParts, ObjectiveIntervals, Observed,
 };
 pub use evaluation::{PatternScore, Score};
 pub use example::{Example, Label, LabelError};
@@ -36,7 +36,7 @@ pub use header::Record;
 pub use labels::{Implausible, implausible};
 pub use metrics::Metrics;
 pub use monitor::Monitor;
-pub use networks::{Constants, NetworkKind};
+pub use networks::{Constants, ConstantsError, NetworkKind};
 pub use options::{OptimizerKind, TrainOptions};
 pub use outcome::{Ending, EpochReport, TrainError, Trained};
 pub use predict::Surrogate;

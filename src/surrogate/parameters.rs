@@ -1,101 +1,175 @@
-//! The named weights of a network: freshly drawn, or read back.
+//! Where candle-nn's `VarBuilder` gets the weights of a network: freshly drawn, or read back.
 //!
-//! candle draws initial weights from the generator of the thread; here each tensor has a stream of its own, named after
-//! it, so that weights depend on the seed alone.
+//! candle-nn draws initial weights from the generator of the thread; here each tensor has a stream of its own, named after
+//! it, so that weights depend on the seed alone. Constants of a network, which are not trained, are those that it asks for
+//! without saying how they would be drawn ([`constant`]).
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use candle_core::{Device, Result, Tensor, Var, bail};
+use candle_core::{DType, Device, Result, Shape, Tensor, Var, bail};
+use candle_nn::var_builder::SimpleBackend;
+use candle_nn::{Init, VarBuilder, VarMap};
 
 use crate::base::Stream;
 
-/// Where the weights of a network come from, and which it asked for.
-pub(crate) struct Parameters<'a> {
-    source: Source<'a>,
-    device: &'a Device,
-    drawn: Vec<(String, Var)>,
-    used: BTreeSet<String>,
+/// Weights to be trained, drawn under a seed, beside constants.
+pub(crate) struct Drawn<'a> {
+    seed: u64,
+    constants: &'a BTreeMap<String, Tensor>,
+    variables: VarMap,
 }
 
-enum Source<'a> {
-    Seed(u64, BTreeMap<String, Tensor>),
-    Stored(&'a BTreeMap<String, Tensor>),
+impl<'a> Drawn<'a> {
+    /// Nothing drawn yet.
+    pub(crate) fn new(constants: &'a BTreeMap<String, Tensor>, seed: u64) -> Self {
+        let variables = VarMap::new();
+        Self {
+            seed,
+            constants,
+            variables,
+        }
+    }
+
+    /// What a network is built from.
+    pub(crate) fn builder(&self) -> VarBuilder<'_> {
+        VarBuilder::from_backend(Box::new(self), DType::F32, Device::Cpu)
+    }
+
+    /// The weights that were drawn, in the order of their names.
+    pub(crate) fn variables(&self) -> Vec<(String, Var)> {
+        let variables: BTreeMap<String, Var> = locked(self.variables.data()).clone().into_iter().collect();
+        variables.into_iter().collect()
+    }
 }
 
-impl<'a> Parameters<'a> {
-    /// Weights to be trained, drawn under a seed, beside constants that are not trained.
-    pub(crate) fn drawn(constants: BTreeMap<String, Tensor>, seed: u64, device: &'a Device) -> Self {
-        Self {
-            source: Source::Seed(seed, constants),
-            device,
-            drawn: Vec::new(),
-            used: BTreeSet::new(),
-        }
-    }
-
-    /// Weights read back.
-    pub(crate) fn stored(tensors: &'a BTreeMap<String, Tensor>, device: &'a Device) -> Self {
-        Self {
-            source: Source::Stored(tensors),
-            device,
-            drawn: Vec::new(),
-            used: BTreeSet::new(),
-        }
-    }
-
-    /// The tensor of that name: normally distributed with the given standard deviation when drawn.
-    pub(crate) fn tensor(&mut self, name: &str, dims: &[usize], deviation: f64) -> Result<Tensor> {
-        self.used.insert(name.to_owned());
-        match &self.source {
-            Source::Stored(tensors) => shaped(tensors, name, dims)?.to_device(self.device),
-            Source::Seed(seed, _) => {
-                let mut stream = Stream::new(*seed, &format!("surrogate weights {name}"), 0);
-                let count = dims.iter().product();
-                let values: Vec<f32> = (0..count).map(|_| (stream.normal() * deviation) as f32).collect();
-                let var = Var::from_vec(values, dims, self.device)?;
-                let tensor = var.as_tensor().clone();
-                self.drawn.push((name.to_owned(), var));
-                Ok(tensor)
-            }
-        }
-    }
-
-    /// The tensor of that name that is not trained.
-    pub(crate) fn constant(&mut self, name: &str, dims: &[usize]) -> Result<Tensor> {
-        self.used.insert(name.to_owned());
-        let tensors = match &self.source {
-            Source::Stored(tensors) => tensors,
-            Source::Seed(_, constants) => constants,
+impl SimpleBackend for &Drawn<'_> {
+    fn get(&self, shape: Shape, name: &str, init: Init, _: DType, device: &Device) -> Result<Tensor> {
+        let mut stream = Stream::new(self.seed, &format!("surrogate weights {name}"), 0);
+        let mut value = || match init {
+            Init::Const(value) => Ok(value as f32),
+            Init::Randn { mean, stdev } => Ok((mean + stream.normal() * stdev) as f32),
+            other => bail!("weights are not drawn as {other:?}"),
         };
-        shaped(tensors, name, dims)?.to_device(self.device)
+        let values: Vec<f32> = (0..shape.elem_count()).map(|_| value()).collect::<Result<_>>()?;
+        let var = Var::from_vec(values, shape, device)?;
+        let tensor = var.as_tensor().clone();
+        locked(self.variables.data()).insert(name.to_owned(), var);
+        Ok(tensor)
     }
 
-    /// Whether the weights stay as they are.
-    pub(crate) fn are_stored(&self) -> bool {
-        matches!(self.source, Source::Stored(_))
+    fn get_unchecked(&self, name: &str, _: DType, _: &Device) -> Result<Tensor> {
+        named(self.constants, name)
     }
 
-    /// Where the network runs.
-    pub(crate) fn device(&self) -> &Device {
-        self.device
-    }
-
-    /// The weights that were drawn, in the order in which the network asked.
-    pub(crate) fn into_drawn(self) -> Vec<(String, Var)> {
-        self.drawn
-    }
-
-    /// The tensors that the network asked for.
-    pub(crate) fn used(&self) -> &BTreeSet<String> {
-        &self.used
+    fn contains_tensor(&self, name: &str) -> bool {
+        self.constants.contains_key(name)
     }
 }
 
-/// The tensor of that name and shape.
-fn shaped<'a>(tensors: &'a BTreeMap<String, Tensor>, name: &str, dims: &[usize]) -> Result<&'a Tensor> {
+/// Weights and constants read back.
+pub(crate) struct Stored<'a> {
+    tensors: &'a BTreeMap<String, Tensor>,
+    used: Mutex<BTreeSet<String>>,
+}
+
+impl<'a> Stored<'a> {
+    /// Those of a model.
+    pub(crate) fn new(tensors: &'a BTreeMap<String, Tensor>) -> Self {
+        let used = Mutex::default();
+        Self { tensors, used }
+    }
+
+    /// What a network is built from.
+    pub(crate) fn builder(&self) -> VarBuilder<'_> {
+        VarBuilder::from_backend(Box::new(self), DType::F32, Device::Cpu)
+    }
+
+    /// A tensor that no network asked for, if there is one.
+    pub(crate) fn unused(&self) -> Option<&str> {
+        let used = locked(&self.used);
+        let unused = self.tensors.keys().find(|name| !used.contains(*name));
+        unused.map(String::as_str)
+    }
+}
+
+impl SimpleBackend for &Stored<'_> {
+    fn get(&self, shape: Shape, name: &str, _: Init, dtype: DType, device: &Device) -> Result<Tensor> {
+        shaped(self.get_unchecked(name, dtype, device)?, name, shape.dims())
+    }
+
+    fn get_unchecked(&self, name: &str, _: DType, _: &Device) -> Result<Tensor> {
+        locked(&self.used).insert(name.to_owned());
+        named(self.tensors, name)
+    }
+
+    fn contains_tensor(&self, name: &str) -> bool {
+        self.tensors.contains_key(name)
+    }
+}
+
+/// The tensor of that name and shape that is part of a network and not trained.
+pub(crate) fn constant(weights: &VarBuilder<'_>, name: &str, dims: &[usize]) -> Result<Tensor> {
+    shaped(weights.get_unchecked(name)?, name, dims)
+}
+
+fn named(tensors: &BTreeMap<String, Tensor>, name: &str) -> Result<Tensor> {
     match tensors.get(name) {
-        Some(tensor) if tensor.dims() == dims => Ok(tensor),
-        Some(tensor) => bail!("tensor {name} has shape {:?}, not {dims:?}", tensor.dims()),
+        Some(tensor) => Ok(tensor.clone()),
         None => bail!("tensor {name} is missing"),
+    }
+}
+
+fn shaped(tensor: Tensor, name: &str, dims: &[usize]) -> Result<Tensor> {
+    match tensor.dims() == dims {
+        true => Ok(tensor),
+        false => bail!("tensor {name} has shape {:?}, not {dims:?}", tensor.dims()),
+    }
+}
+
+/// What a panic elsewhere leaves behind is complete: every change is one insertion.
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+#[cfg(test)]
+mod tests {
+    use candle_nn::init::ZERO;
+
+    use super::*;
+
+    #[test]
+    fn weights_depend_on_their_names_and_the_seed_alone() {
+        let constants = BTreeMap::new();
+        let normal = Init::Randn { mean: 0.0, stdev: 0.5 };
+        let drawn = |seed, names: &[&str]| {
+            let source = Drawn::new(&constants, seed);
+            for name in names {
+                let layer = source.builder().pp("layer");
+                layer.get_with_hints((2, 3), name, normal).unwrap();
+                layer.get_with_hints(4, &format!("{name}.bias"), ZERO).unwrap();
+            }
+            let values = |(name, var): (String, Var)| (name, var.flatten_all().unwrap().to_vec1::<f32>().unwrap());
+            source.variables().into_iter().map(values).collect::<BTreeMap<_, _>>()
+        };
+        let (both, other) = (drawn(3, &["a", "b"]), drawn(4, &["a"]));
+        assert!(both.keys().eq(["layer.a", "layer.a.bias", "layer.b", "layer.b.bias"]));
+        assert_eq!(both["layer.b.bias"], [0.0; 4]);
+        assert_eq!(both["layer.a"], drawn(3, &["b", "a"])["layer.a"]);
+        assert_ne!(both["layer.a"], both["layer.b"]);
+        assert_ne!(both["layer.a"], other["layer.a"]);
+    }
+
+    #[test]
+    fn stored_tensors_are_found_by_name_and_shape() {
+        let tensor = |count: usize| Tensor::zeros(count, DType::F32, &Device::Cpu).unwrap();
+        let tensors = BTreeMap::from([("a".to_owned(), tensor(2)), ("b".to_owned(), tensor(3))]);
+        let source = Stored::new(&tensors);
+        assert_eq!(source.unused(), Some("a"));
+        assert!(source.builder().get(2, "a").is_ok() && source.unused() == Some("b"));
+        assert!(constant(&source.builder(), "b", &[3]).is_ok() && source.unused().is_none());
+        let error = |dims: usize, name: &str| source.builder().get(dims, name).err().unwrap().to_string();
+        assert!(error(5, "a").contains("tensor a has shape [2], not [5]"));
+        assert!(error(5, "c").contains("tensor c is missing"));
     }
 }

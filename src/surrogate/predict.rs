@@ -1,13 +1,13 @@
 //! A trained network as a predictor.
 
-use candle_core::{DType, Device, Tensor};
+use candle_core::{DType, Tensor};
 use rayon::prelude::*;
 
 use super::encode::{patterns_to_tensor, tensor_to_fields};
 use super::header::{Header, Record};
 use super::networks::{Network, NetworkKind};
 use super::onnx::to_onnx;
-use super::parameters::Parameters;
+use super::parameters::Stored;
 use super::weights::{LoadError, from_bytes};
 use crate::field::{Evaluator, Field, PredictError, Predictor};
 use crate::pattern::Pattern;
@@ -20,13 +20,6 @@ pub struct Surrogate {
     kind: NetworkKind,
     network: Box<dyn Network>,
     header: Header,
-    device: Device,
-}
-
-/// The device that networks run on: a GPU where the program is built for one and one is there, otherwise the CPU. Equal
-/// bits for any number of threads and any company of a pattern are promised on the CPU only.
-pub(crate) fn device() -> candle_core::Result<Device> {
-    Device::cuda_if_available(0)
 }
 
 impl Surrogate {
@@ -42,19 +35,13 @@ impl Surrogate {
         for (name, tensor) in &tensors {
             check_tensor(name, tensor)?;
         }
-        let device = device().map_err(unsuitable)?;
-        let mut parameters = Parameters::stored(&tensors, &device);
-        let network = kind.build(&mut parameters).map_err(unsuitable)?;
-        if let Some(name) = tensors.keys().find(|name| !parameters.used().contains(*name)) {
+        let weights = Stored::new(&tensors);
+        let network = kind.build(&weights.builder()).map_err(unsuitable)?;
+        if let Some(name) = weights.unused() {
             let why = format!("its network {} has no tensor {name}", kind.name());
             return Err(LoadError::Unsuitable(why));
         }
-        Ok(Self {
-            kind,
-            network,
-            header,
-            device,
-        })
+        Ok(Self { kind, network, header })
     }
 
     /// The scene that its training data was simulated in, as artifacts carry it; none where the file does not say.
@@ -114,12 +101,18 @@ pub(crate) fn evaluate(
     network: &dyn Network,
     scale_mm: f64,
     patterns: &[&Pattern],
-    device: &Device,
 ) -> Result<Vec<Field>, PredictError> {
+<<<<<<< HEAD
     let failed = |e: candle_core::Error| PredictError::failed(e);
     let chunks = patterns.par_chunks(network.together()).map(|chunk| {
         let input = patterns_to_tensor(chunk.iter().copied(), device).map_err(failed)?;
         let displacement = network.predict(&input).map_err(failed)?;
+=======
+    let failed = |e: candle_core::Error| PredictError(e.to_string());
+    let chunks = patterns.par_chunks(network.patterns_per_thread()).map(|chunk| {
+        let input = patterns_to_tensor(chunk.iter().copied()).map_err(failed)?;
+        let displacement = network.forward(&input).map_err(failed)?;
+>>>>>>> cb60cb0 (Build the networks as modules of candle-nn; remove the cuda feature)
         let fields = tensor_to_fields(&displacement, scale_mm).map_err(failed)?;
         fields.map_err(PredictError::failed)
     });
@@ -134,7 +127,7 @@ impl Predictor for Surrogate {
 
     fn predict(&self, patterns: &[Pattern]) -> Result<Vec<Field>, PredictError> {
         let patterns: Vec<&Pattern> = patterns.iter().collect();
-        evaluate(self.network.as_ref(), self.header.scale_mm, &patterns, &self.device)
+        evaluate(self.network.as_ref(), self.header.scale_mm, &patterns)
     }
 }
 

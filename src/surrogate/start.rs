@@ -41,7 +41,7 @@ impl Start {
             let fits = |tensor: &&Tensor| tensor.shape() == var.shape() && tensor.dtype() == var.dtype();
             let tensor = self.tensors.get(name).filter(fits);
             let tensor = tensor.ok_or_else(|| TrainError::Start(format!("its tensor {name} does not fit")))?;
-            var.set(&tensor.to_device(var.device())?)?;
+            var.set(tensor)?;
         }
         Ok(())
     }

@@ -5,7 +5,7 @@
 
 use std::borrow::Cow;
 
-use candle_core::{Device, Result, Tensor, Var};
+use candle_core::{Result, Tensor, Var};
 use rayon::prelude::*;
 
 use super::encode::{labels_to_tensor, patterns_to_tensor};
@@ -28,8 +28,6 @@ pub(crate) struct Problem<'a> {
     pub(crate) loss: LossWeights,
     /// Length in mm of one unit of the network's output.
     pub(crate) scale_mm: f64,
-    /// Where the network runs.
-    pub(crate) device: &'a Device,
 }
 
 /// An example as a network is shown it.
@@ -117,9 +115,9 @@ impl Problem<'_> {
     fn answer(&self, part: &[Shown<'_>]) -> Result<(Output, Tensor)> {
         let patterns: Vec<Cow<'_, Pattern>> = part.iter().map(|shown| shown.pattern()).collect();
         let labels: Vec<Cow<'_, Label>> = part.iter().map(|shown| shown.label()).collect();
-        let patterns = patterns_to_tensor(patterns.iter().map(AsRef::as_ref), self.device)?;
-        let labels = labels_to_tensor(labels.iter().map(AsRef::as_ref), self.scale_mm, self.device)?;
-        let output = self.network.forward(&patterns, true)?;
+        let patterns = patterns_to_tensor(patterns.iter().map(AsRef::as_ref))?;
+        let labels = labels_to_tensor(labels.iter().map(AsRef::as_ref), self.scale_mm)?;
+        let output = self.network.forward_for_training(&patterns)?;
         let loss = total_loss(&output, &labels, self.loss)?;
         Ok((output, loss))
     }
@@ -152,15 +150,15 @@ mod tests {
     use super::*;
     use crate::dataset::Split;
     use crate::surrogate::NetworkKind;
-    use crate::surrogate::parameters::Parameters;
+    use crate::surrogate::parameters::Drawn;
     use crate::surrogate::testing::examples;
 
     #[test]
     fn the_gradient_is_that_of_the_mean_loss() {
-        let device = Device::Cpu;
-        let mut parameters = Parameters::drawn(std::collections::BTreeMap::new(), 1, &device);
-        let network = NetworkKind::Qin2024.build(&mut parameters).unwrap();
-        let vars = parameters.into_drawn();
+        let constants = std::collections::BTreeMap::new();
+        let weights = Drawn::new(&constants, 1);
+        let network = NetworkKind::Qin2024.build(&weights.builder()).unwrap();
+        let vars = weights.variables();
         let loss = LossWeights {
             maximum: 0.1,
             auxiliary: 0.2,
@@ -170,7 +168,6 @@ mod tests {
             vars: &vars,
             loss,
             scale_mm: 0.4,
-            device: &device,
         };
         // Five examples: a full part and a part of one.
         let examples = examples(5, Split::Train);
@@ -182,7 +179,7 @@ mod tests {
         // Along the gradient of each weight the mean loss changes by the square of its length.
         for ((name, var), gradient) in vars.iter().zip(&gradients) {
             let square: f32 = gradient.iter().map(|g| g * g).sum();
-            let gradient = Tensor::from_slice(gradient, var.shape(), &device).unwrap();
+            let gradient = Tensor::from_slice(gradient, var.shape(), var.device()).unwrap();
             let (start, step) = (var.copy().unwrap(), 1e-4 / f64::from(square));
             let at = |sign: f64| {
                 var.set(&(&start + (&gradient * (sign * step)).unwrap()).unwrap())

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 
 use candle_core::{Device, Tensor, Var};
 
-use super::checkpoint::{Checkpoint, Course};
+use super::checkpoint::{Checkpoint, History};
 use super::example::Example;
 use super::header::Header;
 use super::loss::LossWeights;
@@ -18,8 +18,7 @@ use super::networks::{Constants, Network};
 use super::optimizer::Optimizer;
 use super::options::TrainOptions;
 use super::outcome::{Ending, EpochReport, TrainError, Trained};
-use super::parameters::Parameters;
-use super::predict::device;
+use super::parameters::Drawn;
 use super::schedule::learning_rate_factor;
 use super::start::Start;
 use super::step::{Problem, Shown};
@@ -75,7 +74,7 @@ fn follow(mut trainer: Trainer<'_>, examples: &[Example], monitor: &dyn Monitor)
         match Checkpoint::from_bytes(&bytes).filter(|checkpoint| trainer.fits(checkpoint)) {
             Some(checkpoint) => {
                 trainer.go_on(checkpoint)?;
-                monitor.resumed(trainer.course.curves.len() as u32);
+                monitor.resumed(trainer.history.curves.len() as u32);
             }
             None => monitor.unusable(),
         }
@@ -99,12 +98,11 @@ struct Trainer<'a> {
     training: Vec<&'a Example>,
     validation: Vec<&'a Example>,
     scale_mm: f64,
-    device: Device,
     network: Box<dyn Network>,
     vars: Vec<(String, Var)>,
     constants: BTreeMap<String, Tensor>,
     optimizer: Optimizer,
-    course: Course,
+    history: History,
     /// Weights of the best epoch.
     best: Vec<Vec<f32>>,
 }
@@ -121,7 +119,6 @@ impl<'a> Trainer<'a> {
         if training.is_empty() {
             return Err(TrainError::NoExamples);
         }
-        let device = device()?;
         let constants = match (options.network.has_constants(), constants) {
             (false, _) => BTreeMap::new(),
             (true, Some(constants)) => constants.tensors.clone(),
@@ -130,20 +127,19 @@ impl<'a> Trainer<'a> {
                 return Err(TrainError::NoConstants { network });
             }
         };
-        let mut parameters = Parameters::drawn(constants.clone(), options.seed, &device);
-        let network = options.network.build(&mut parameters)?;
-        let vars = parameters.into_drawn();
+        let weights = Drawn::new(&constants, options.seed);
+        let network = options.network.build(&weights.builder())?;
+        let vars = weights.variables();
         Ok(Self {
             options,
             validation: part(Split::Validation),
             scale_mm: network.unit_mm().unwrap_or_else(|| deviation(&training)),
-            constants,
             training,
-            device,
             network,
             optimizer: Optimizer::new(options, vars.iter().map(|(_, var)| var.clone())),
             vars,
-            course: Course::default(),
+            constants,
+            history: History::default(),
             best: Vec::new(),
         })
     }
@@ -157,27 +153,26 @@ impl<'a> Trainer<'a> {
                 auxiliary: self.options.auxiliary_weight,
             },
             scale_mm: self.scale_mm,
-            device: &self.device,
         }
     }
 
     /// Epoch after epoch, from wherever it stands to the end.
     fn run(&mut self, untrained: &Standing, monitor: &dyn Monitor) -> Result<Ending, TrainError> {
-        while (self.course.curves.len() as u32) < self.options.epochs {
-            let epoch = self.course.curves.len() as u32 + 1;
+        while (self.history.curves.len() as u32) < self.options.epochs {
+            let epoch = self.history.curves.len() as u32 + 1;
             if self.is_out_of_patience(epoch) {
                 return Ok(Ending::Patience);
             }
             let Some(report) = self.epoch(epoch, untrained, monitor)? else {
                 return Ok(Ending::Diverged(epoch));
             };
-            let better = self.course.best.is_none_or(|(rmse, _)| report.judged_rmse_mm < rmse);
+            let better = self.history.best.is_none_or(|(rmse, _)| report.judged_rmse_mm < rmse);
             if better || self.validation.is_empty() {
-                self.course.best = Some((report.judged_rmse_mm, epoch));
+                self.history.best = Some((report.judged_rmse_mm, epoch));
                 self.best = self.weights()?;
             }
             monitor.epoch(&report);
-            self.course.curves.push(report);
+            self.history.curves.push(report);
             let weights = self.weights()?;
             monitor.keep(&|| self.checkpoint(&weights).to_bytes());
         }
@@ -186,7 +181,7 @@ impl<'a> Trainer<'a> {
 
     /// Whether the epochs before this one have gone without a better one for too long.
     fn is_out_of_patience(&self, epoch: u32) -> bool {
-        let curves = &self.course.curves;
+        let curves = &self.history.curves;
         let least = curves
             .iter()
             .min_by(|a, b| a.judged_rmse_mm.total_cmp(&b.judged_rmse_mm));
@@ -299,16 +294,16 @@ impl<'a> Trainer<'a> {
 
     fn set_weights(&self, weights: &[Vec<f32>]) -> Result<(), TrainError> {
         let set = |((_, var), values): (&(String, Var), &Vec<f32>)| {
-            Ok(var.set(&Tensor::from_slice(values, var.shape(), &self.device)?)?)
+            Ok(var.set(&Tensor::from_slice(values, var.shape(), &Device::Cpu)?)?)
         };
         self.vars.iter().zip(weights).try_for_each(set)
     }
 
     fn checkpoint(&self, weights: &[Vec<f32>]) -> Checkpoint {
         Checkpoint {
-            course: Course {
+            history: History {
                 steps: self.optimizer.steps(),
-                ..self.course.clone()
+                ..self.history.clone()
             },
             weights: weights.to_vec(),
             best: self.best.clone(),
@@ -324,20 +319,20 @@ impl<'a> Trainer<'a> {
         alike(&checkpoint.weights)
             && alike(&checkpoint.best)
             && means.eq(checkpoint.means.iter().map(Vec::len))
-            && checkpoint.course.curves.len() as u32 <= self.options.epochs
+            && checkpoint.history.curves.len() as u32 <= self.options.epochs
     }
 
     fn go_on(&mut self, checkpoint: Checkpoint) -> Result<(), TrainError> {
         self.set_weights(&checkpoint.weights)?;
-        self.optimizer.go_on(checkpoint.course.steps, checkpoint.means);
+        self.optimizer.go_on(checkpoint.history.steps, checkpoint.means);
         self.best = checkpoint.best;
-        self.course = checkpoint.course;
+        self.history = checkpoint.history;
         Ok(())
     }
 
     /// The kept epoch with its metrics.
     fn finish(self, examples: &[Example], untrained: &Standing, ending: Ending) -> Result<Trained, TrainError> {
-        let best = self.course.best.filter(|(rmse_mm, _)| match ending {
+        let best = self.history.best.filter(|(rmse_mm, _)| match ending {
             Ending::Diverged(_) => *rmse_mm < untrained.judged_rmse_mm,
             Ending::Complete | Ending::Patience => true,
         });
@@ -351,7 +346,7 @@ impl<'a> Trainer<'a> {
         Ok(Trained {
             weights: self.bytes()?,
             metrics: measure(examples, &assessment.agreements),
-            curves: self.course.curves,
+            curves: self.history.curves,
             best_epoch,
             ending,
         })

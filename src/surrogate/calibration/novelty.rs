@@ -57,7 +57,11 @@ impl Novelty {
             let products: f64 = scaled.iter().map(|row| row[i] * row[j]).sum();
             products / n + if i == j { SOFTENING } else { 0.0 }
         });
-        let factor = covariance.llt(Side::Lower).map_err(|_| CalibrationError::Singular)?.L().to_owned();
+        let factor = covariance
+            .llt(Side::Lower)
+            .map_err(|_| CalibrationError::Singular)?
+            .L()
+            .to_owned();
         let places: Vec<Vec<f64>> = scaled.iter().map(|row| whitened(&factor, row)).collect();
         let spreads = (0..places.len())
             .map(|i| mean_distance(&nearest(&places[i], &places, Some(i))))

@@ -1,67 +1,103 @@
-//! Convolution and transposed convolution, differentiable, for square images with their channels last.
+//! candle-nn's convolution and transposed convolution, with bias and leaky rectifier, for square images with their channels last.
 //!
-//! candle's own convolutions serve other devices; on the CPU their gradients are several times slower than their value,
-//! so there they are computed here.
+//! candle-nn keeps channels first, and on a CPU the gradients of its convolutions are several times slower than their values. The
+//! operations below are matrix products ([`Window`]); tests hold them to candle-nn's layers.
 
-use candle_core::{CpuStorage, CustomOp2, Layout, Result, Shape, Tensor, bail};
+use candle_core::{CpuStorage, CustomOp2, Layout, Module, Result, Shape, Tensor, bail};
+use candle_nn::init::ZERO;
+use candle_nn::{Conv2dConfig, Init, VarBuilder};
 use faer::Accum;
 
+use super::activate::bias_and_activate;
 use super::gemm::{Matrix, multiply};
 use super::storage::values;
 use super::window::Window;
 
-/// Convolution of `x` (n, h, h, c) with `weights` (o, kernel, kernel, c), zeros around: (n, h′, h′, o) with
-/// h′ = (h + 2 padding − kernel)/stride + 1.
-pub(crate) fn convolve(x: &Tensor, weights: &Tensor, stride: usize, padding: usize) -> Result<Tensor> {
-    let kernel = weights.dim(1)?;
-    if x.device().is_cpu() {
-        let window = Window {
-            kernel,
-            stride,
-            padding,
-        };
-        x.contiguous()?.apply_op2(weights, Convolution { window })
-    } else {
-        composed(x, weights, stride, padding)
+/// A convolution with bias and leaky rectifier: (n, h, h, from) to (n, h′, h′, to) with h′ = (h + 2 padding − kernel)/stride + 1,
+/// zeros around.
+pub(crate) struct Conv2d {
+    /// (to, kernel, kernel, from)
+    pub(crate) weights: Tensor,
+    pub(crate) bias: Tensor,
+    /// Stride and padding.
+    pub(crate) config: Conv2dConfig,
+    /// Slope of the rectifier below zero.
+    pub(crate) slope: f32,
+}
+
+impl Conv2d {
+    /// From `weights`, drawn with a standard deviation, and `bias` of a builder.
+    pub(crate) fn new(
+        [from, to]: [usize; 2],
+        kernel: usize,
+        config: Conv2dConfig,
+        stdev: f64,
+        slope: f32,
+        builder: &VarBuilder<'_>,
+    ) -> Result<Self> {
+        Ok(Self {
+            weights: builder.get_with_hints((to, kernel, kernel, from), "weights", Init::Randn { mean: 0.0, stdev })?,
+            bias: builder.get_with_hints(to, "bias", ZERO)?,
+            config,
+            slope,
+        })
     }
 }
 
-/// The transpose of the convolution with stride 2 that maps side 2h − 1 to side h: `x` (n, h, h, c) with `weights`
-/// (c, kernel, kernel, o), odd kernel, to (n, 2h − 1, 2h − 1, o). The outer outputs lie on the outer inputs, so the
-/// chain 7, 13, 25, 49 shares its grid points.
-pub(crate) fn convolve_transposed(x: &Tensor, weights: &Tensor) -> Result<Tensor> {
-    let (kernel, side) = (weights.dim(1)?, 2 * x.dim(1)? - 1);
-    if x.device().is_cpu() {
-        let padding = (kernel - 1) / 2;
+impl Module for Conv2d {
+    fn forward(&self, x: &Tensor) -> Result<Tensor> {
+        let window = Window {
+            kernel: self.weights.dim(1)?,
+            stride: self.config.stride,
+            padding: self.config.padding,
+        };
+        let y = x.contiguous()?.apply_op2(&self.weights, Convolution { window })?;
+        bias_and_activate(&y, &self.bias, self.slope)
+    }
+}
+
+/// The transpose of a convolution with stride 2 that maps side 2h − 1 to side h, with bias: (n, h, h, from) to
+/// (n, 2h − 1, 2h − 1, to), odd kernel. The outer outputs lie on the outer inputs, so the chain 7, 13, 25, 49 shares its grid
+/// points.
+pub(crate) struct ConvTranspose2d {
+    /// (from, kernel, kernel, to)
+    pub(crate) weights: Tensor,
+    pub(crate) bias: Tensor,
+    /// Slope of the rectifier below zero; none where the layer is the last.
+    pub(crate) slope: Option<f32>,
+}
+
+impl ConvTranspose2d {
+    /// From `weights`, drawn with a standard deviation, and `bias` of a builder.
+    pub(crate) fn new(
+        [from, to]: [usize; 2],
+        kernel: usize,
+        stdev: f64,
+        slope: Option<f32>,
+        builder: &VarBuilder<'_>,
+    ) -> Result<Self> {
+        Ok(Self {
+            weights: builder.get_with_hints((from, kernel, kernel, to), "weights", Init::Randn { mean: 0.0, stdev })?,
+            bias: builder.get_with_hints(to, "bias", ZERO)?,
+            slope,
+        })
+    }
+}
+
+impl Module for ConvTranspose2d {
+    fn forward(&self, x: &Tensor) -> Result<Tensor> {
+        let (kernel, side) = (self.weights.dim(1)?, 2 * x.dim(1)? - 1);
         let window = Window {
             kernel,
             stride: 2,
-            padding,
+            padding: (kernel - 1) / 2,
         };
-        x.contiguous()?.apply_op2(weights, Transposed { window, side })
-    } else {
-        composed_transposed(x, weights)
+        let y = x.contiguous()?.apply_op2(&self.weights, Transposed { window, side })?;
+        match self.slope {
+            Some(slope) => bias_and_activate(&y, &self.bias, slope),
+            None => y.broadcast_add(&self.bias),
+        }
     }
-}
-
-const CHANNELS_FIRST: (usize, usize, usize, usize) = (0, 3, 1, 2);
-const CHANNELS_LAST: (usize, usize, usize, usize) = (0, 2, 3, 1);
-
-/// [`convolve`] from candle's operations, for devices other than the CPU.
-fn composed(x: &Tensor, weights: &Tensor, stride: usize, padding: usize) -> Result<Tensor> {
-    let (x, weights) = (x.permute(CHANNELS_FIRST)?, weights.permute(CHANNELS_FIRST)?);
-    x.contiguous()?
-        .conv2d(&weights.contiguous()?, padding, stride, 1, 1)?
-        .permute(CHANNELS_LAST)
-}
-
-/// [`convolve_transposed`] from candle's operations, for devices other than the CPU.
-fn composed_transposed(x: &Tensor, weights: &Tensor) -> Result<Tensor> {
-    let padding = (weights.dim(1)? - 1) / 2;
-    let (x, weights) = (x.permute(CHANNELS_FIRST)?, weights.permute(CHANNELS_FIRST)?);
-    x.contiguous()?
-        .conv_transpose2d(&weights.contiguous()?, padding, 0, 2, 1)?
-        .permute(CHANNELS_LAST)
 }
 
 /// y = unfold(x) · Wᵀ.
@@ -173,47 +209,105 @@ impl CustomOp2 for WeightGradient {
 #[cfg(test)]
 mod tests {
     use candle_core::{Device, Var};
+    use candle_nn::ops::leaky_relu;
 
     use super::*;
 
-    /// Small whole numbers, so that every sum below is exact in f32.
-    fn numbers(dims: (usize, usize, usize, usize), salt: usize) -> Tensor {
-        let count = dims.0 * dims.1 * dims.2 * dims.3;
+    const CHANNELS_FIRST: (usize, usize, usize, usize) = (0, 3, 1, 2);
+    const CHANNELS_LAST: (usize, usize, usize, usize) = (0, 2, 3, 1);
+    /// A power of two: products with it are exact.
+    const SLOPE: f32 = 0.5;
+
+    /// Small integers, so that every sum below is exact in f32.
+    fn numbers(dims: &[usize], salt: usize) -> Tensor {
+        let count = dims.iter().product();
         let values: Vec<f32> = (0..count).map(|i| ((i * 31 + salt) * 17 % 11) as f32 - 5.0).collect();
         Tensor::from_vec(values, dims, &Device::Cpu).unwrap()
-    }
-
-    fn dot(a: &Tensor, b: &Tensor) -> f32 {
-        (a * b).unwrap().sum_all().unwrap().to_scalar().unwrap()
     }
 
     fn flat(x: &Tensor) -> Vec<f32> {
         x.flatten_all().unwrap().to_vec1().unwrap()
     }
 
-    #[test]
-    fn other_devices_would_compute_the_same() {
-        for (side, kernel, stride, padding) in [(50, 10, 2, 4), (25, 7, 2, 3), (13, 5, 1, 2), (7, 1, 1, 0)] {
-            let (x, w) = (numbers((3, side, side, 2), 1), numbers((4, kernel, kernel, 2), 2));
-            let expected = composed(&x, &w, stride, padding).unwrap();
-            let found = convolve(&x, &w, stride, padding).unwrap();
-            assert_eq!((found.dims(), flat(&found)), (expected.dims(), flat(&expected)));
+    /// Holds a layer to one of candle-nn with the same variables (input, weights, bias): value and gradients.
+    fn are_equal(vars: &[Var; 3], layer: &dyn Module, of_candle: &dyn Fn([&Tensor; 3]) -> Result<Tensor>) {
+        let [x, weights, bias] = vars;
+        let found = layer.forward(x).unwrap();
+        let first = |t: &Tensor| t.permute(CHANNELS_FIRST).unwrap().contiguous().unwrap();
+        let expected = of_candle([&first(x), &first(weights), bias]).unwrap();
+        let expected = expected.permute(CHANNELS_LAST).unwrap();
+        assert_eq!((found.dims(), flat(&found)), (expected.dims(), flat(&expected)));
+        let c = numbers(found.dims(), 3);
+        let gradients = |y: &Tensor| (y * &c).unwrap().sum_all().unwrap().backward().unwrap();
+        let (found, expected) = (gradients(&found), gradients(&expected));
+        for var in vars {
+            assert_eq!(
+                flat(found.get(var).unwrap()),
+                flat(expected.get(var).unwrap()),
+                "{:?}",
+                var.dims()
+            );
         }
-        for (side, kernel) in [(13, 5), (25, 3), (4, 1)] {
-            let (x, w) = (numbers((3, side, side, 2), 1), numbers((2, kernel, kernel, 4), 2));
-            let expected = composed_transposed(&x, &w).unwrap();
-            let found = convolve_transposed(&x, &w).unwrap();
-            assert_eq!((found.dims(), flat(&found)), (expected.dims(), flat(&expected)));
+    }
+
+    fn vars(x: &[usize], weights: &[usize], outputs: usize) -> [Var; 3] {
+        // No sum is zero, where the rectifier has no gradient.
+        let bias = (numbers(&[outputs], 2) + 0.25).unwrap();
+        [numbers(x, 0), numbers(weights, 1), bias].map(|values| Var::from_tensor(&values).unwrap())
+    }
+
+    #[test]
+    fn convolutions_are_those_of_candle() {
+        for (side, kernel, stride, padding) in [(50, 10, 2, 4), (25, 7, 2, 3), (13, 5, 1, 2), (7, 1, 1, 0)] {
+            let vars = vars(&[3, side, side, 2], &[4, kernel, kernel, 2], 4);
+            let config = Conv2dConfig {
+                stride,
+                padding,
+                ..Conv2dConfig::default()
+            };
+            let layer = Conv2d {
+                weights: vars[1].as_tensor().clone(),
+                bias: vars[2].as_tensor().clone(),
+                config,
+                slope: SLOPE,
+            };
+            are_equal(&vars, &layer, &|[x, weights, bias]| {
+                let layer = candle_nn::Conv2d::new(weights.clone(), Some(bias.clone()), config);
+                leaky_relu(&layer.forward(x)?, SLOPE.into())
+            });
+        }
+    }
+
+    #[test]
+    fn transposed_convolutions_are_those_of_candle() {
+        for (side, kernel, slope) in [(13, 5, None), (25, 3, Some(SLOPE)), (4, 1, None)] {
+            let vars = vars(&[3, side, side, 2], &[2, kernel, kernel, 4], 4);
+            let layer = ConvTranspose2d {
+                weights: vars[1].as_tensor().clone(),
+                bias: vars[2].as_tensor().clone(),
+                slope,
+            };
+            let config = candle_nn::ConvTranspose2dConfig {
+                stride: 2,
+                padding: (kernel - 1) / 2,
+                ..candle_nn::ConvTranspose2dConfig::default()
+            };
+            are_equal(&vars, &layer, &|[x, weights, bias]| {
+                let layer = candle_nn::ConvTranspose2d::new(weights.clone(), Some(bias.clone()), config);
+                let y = layer.forward(x)?;
+                slope.map_or(Ok(y.clone()), |slope| leaky_relu(&y, slope.into()))
+            });
         }
     }
 
     /// The operation is linear in each argument, so the gradient g of ⟨c, f(x, w)⟩ obeys ⟨g, v⟩ = ⟨c, f(v, w)⟩ for every v.
-    fn gradients_are_exact(x: &Tensor, w: &Tensor, f: impl Fn(&Tensor, &Tensor) -> Result<Tensor>) {
-        let (x, w) = (Var::from_tensor(x).unwrap(), Var::from_tensor(w).unwrap());
+    fn gradients_are_exact(dims: [&[usize]; 2], f: impl Fn(&Tensor, &Tensor) -> Result<Tensor>) {
+        let [x, w] = [numbers(dims[0], 1), numbers(dims[1], 2)].map(|t| Var::from_tensor(&t).unwrap());
+        let dot = |a: &Tensor, b: &Tensor| -> f32 { (a * b).unwrap().sum_all().unwrap().to_scalar().unwrap() };
         let y = f(&x, &w).unwrap();
-        let c = numbers(y.dims4().unwrap(), 3);
+        let c = numbers(y.dims(), 3);
         let grads = (&y * &c).unwrap().sum_all().unwrap().backward().unwrap();
-        let (dx, dw) = (numbers(x.dims4().unwrap(), 4), numbers(w.dims4().unwrap(), 5));
+        let (dx, dw) = (numbers(dims[0], 4), numbers(dims[1], 5));
         assert_eq!(dot(grads.get(&x).unwrap(), &dx), dot(&c, &f(&dx, &w).unwrap()));
         assert_eq!(dot(grads.get(&w).unwrap(), &dw), dot(&c, &f(&x, &dw).unwrap()));
     }
@@ -221,10 +315,24 @@ mod tests {
     #[test]
     fn gradients_are_those_of_a_bilinear_form() {
         for (side, kernel, stride, padding) in [(12, 4, 2, 1), (9, 5, 1, 2)] {
-            let (x, w) = (numbers((2, side, side, 3), 1), numbers((4, kernel, kernel, 3), 2));
-            gradients_are_exact(&x, &w, |x, w| convolve(x, w, stride, padding));
+            let window = Window {
+                kernel,
+                stride,
+                padding,
+            };
+            let dims: [&[usize]; 2] = [&[2, side, side, 3], &[4, kernel, kernel, 3]];
+            gradients_are_exact(dims, |x, w| x.apply_op2(w, Convolution { window }));
         }
-        let (x, w) = (numbers((2, 7, 7, 3), 1), numbers((3, 5, 5, 4), 2));
-        gradients_are_exact(&x, &w, convolve_transposed);
+        let (window, side) = (
+            Window {
+                kernel: 5,
+                stride: 2,
+                padding: 2,
+            },
+            13,
+        );
+        gradients_are_exact([&[2, 7, 7, 3], &[3, 5, 5, 4]], |x, w| {
+            x.apply_op2(w, Transposed { window, side })
+        });
     }
 }

@@ -1,6 +1,6 @@
 //! A correction as one operation: features, local law, forces and Green's function image by image, in memory that is taken
-//! once. The layers one after another do the same; they take and give back ten times the memory, and a training with them
-//! lasts several times as long.
+//! once. candle's operations one after another do the same (`plain`, which tests hold it to); they take and give back ten times
+//! the memory, and a training with them lasts several times as long.
 
 use std::cell::Cell;
 
@@ -151,7 +151,7 @@ fn add_scaled(y: &mut [f32], alpha: f32, x: &[f32]) {
 }
 
 /// Adds the correction of a law to displacements (n, 2, 49, 49) of patterns (n, 50, 50), ±½ per cell. Factors are (2 products,
-/// features), stresses (modes, products + features), as in [`Law`]. On the CPU only.
+/// features), stresses (modes, products + features), as in [`Law`].
 pub(crate) fn correct(
     patterns: &Tensor,
     displacement: &Tensor,
@@ -293,7 +293,7 @@ mod tests {
     use candle_core::Var;
 
     use super::*;
-    use crate::surrogate::layers::{features, forces, green, map_channels, multiply_halves};
+    use crate::surrogate::layers::plain;
 
     const SCALE: Scale = Scale {
         strain: 0.7,
@@ -302,24 +302,17 @@ mod tests {
     const PRODUCTS: usize = 3;
 
     fn numbers(dims: &[usize], salt: usize) -> Tensor {
-        let count = dims.iter().product();
-        let values: Vec<f32> = (0..count)
-            .map(|i| ((i * 31 + salt) * 17 % 11) as f32 / 10.0 - 0.5)
-            .collect();
-        Tensor::from_vec(values, dims, &Device::Cpu).unwrap()
+        (plain::numbers(dims, salt) / 10.0).unwrap()
     }
 
-    /// The layers one after another.
-    fn composed(p: &Tensor, u: &Tensor, factors: &Tensor, stresses: &Tensor) -> Tensor {
-        let seen = features(p, u, f64::from(SCALE.strain)).unwrap();
-        let products = multiply_halves(&map_channels(&seen, factors).unwrap()).unwrap();
-        let stress = map_channels(&Tensor::cat(&[products, seen], 1).unwrap(), stresses).unwrap();
-        let moved = green(&forces(&stress).unwrap()).unwrap();
-        (u + (moved * f64::from(SCALE.length)).unwrap()).unwrap()
+    fn by_plain_operations(p: &Tensor, u: &Tensor, factors: &Tensor, stresses: &Tensor) -> Result<Tensor> {
+        let seen = plain::features(p, u, SCALE.strain.into())?;
+        let forces = plain::forces(&plain::law(&seen, factors, stresses)?)?;
+        u + (plain::green(&forces)? * f64::from(SCALE.length))?
     }
 
     #[test]
-    fn values_and_gradients_are_those_of_the_layers() {
+    fn values_and_gradients_are_those_of_plain_operations() {
         let p = numbers(&[2, CELLS, CELLS], 1);
         let vars = [
             numbers(&[2, 2, CORNERS - 2, CORNERS - 2], 2),
@@ -328,7 +321,7 @@ mod tests {
         ];
         let [u, factors, stresses] = vars.map(|values| Var::from_tensor(&values).unwrap());
         let found = correct(&p, &u, &factors, &stresses, SCALE).unwrap();
-        let expected = composed(&p, &u, &factors, &stresses);
+        let expected = by_plain_operations(&p, &u, &factors, &stresses).unwrap();
         let flat = |x: &Tensor| x.flatten_all().unwrap().to_vec1::<f32>().unwrap();
         let alike = |found: &Tensor, expected: &Tensor| {
             assert_eq!(found.dims(), expected.dims());

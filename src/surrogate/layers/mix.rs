@@ -3,7 +3,8 @@
 //! The elastic response of a membrane is global (the Green's function of the Laplacian decays like a logarithm), which
 //! no small window reaches.
 
-use candle_core::{CpuStorage, CustomOp2, Layout, Result, Shape, Tensor, bail};
+use candle_core::{CpuStorage, CustomOp2, Layout, Module, Result, Shape, Tensor, bail};
+use candle_nn::{Init, VarBuilder};
 use faer::Accum;
 
 use super::gemm::{Matrix, multiply, multiply_into};
@@ -11,30 +12,33 @@ use super::storage::values;
 
 /// `x` (n, h, h, c) with `weights` (g, h², h²), g dividing c: in each of the g groups of neighbouring channels the h²
 /// positions of an image are multiplied by one matrix.
-pub(crate) fn mix(x: &Tensor, weights: &Tensor) -> Result<Tensor> {
-    let (n, h, w, c) = x.dims4()?;
-    let positions = x.reshape((n, h * w, c))?;
-    let mixed = if x.device().is_cpu() {
-        positions.apply_op2(weights, Mix { transposed: false })?
-    } else {
-        composed(&positions, weights)?
-    };
-    mixed.reshape((n, h, w, c))
+pub(crate) struct Mixing {
+    pub(crate) weights: Tensor,
+    /// c.
+    pub(crate) width: usize,
 }
 
-/// [`mix`] from candle's operations, for devices other than the CPU: `x` is (n, h², c).
-fn composed(x: &Tensor, weights: &Tensor) -> Result<Tensor> {
-    let (n, positions, c) = x.dims3()?;
-    let groups = weights.dim(0)?;
-    let x = x
-        .reshape((n, positions, groups, c / groups))?
-        .transpose(1, 2)?
-        .contiguous()?;
-    weights
-        .unsqueeze(0)?
-        .broadcast_matmul(&x)?
-        .transpose(1, 2)?
-        .reshape((n, positions, c))
+impl Mixing {
+    /// From the tensor `mixing` of a builder, for images of `side`² positions and `width` channels.
+    pub(crate) fn new(groups: usize, side: usize, width: usize, builder: &VarBuilder<'_>) -> Result<Self> {
+        let positions = side * side;
+        let stdev = (1.0 / positions as f64).sqrt();
+        let weights = builder.get_with_hints(
+            (groups, positions, positions),
+            "mixing",
+            Init::Randn { mean: 0.0, stdev },
+        )?;
+        Ok(Self { weights, width })
+    }
+}
+
+impl Module for Mixing {
+    fn forward(&self, x: &Tensor) -> Result<Tensor> {
+        let (n, h, w, c) = x.dims4()?;
+        let positions = x.reshape((n, h * w, c))?;
+        let mixed = positions.apply_op2(&self.weights, Mix { transposed: false })?;
+        mixed.reshape((n, h, w, c))
+    }
 }
 
 /// `y[n][:, g] = W[g] · x[n][:, g]`, or `W[g]ᵀ · x[n][:, g]`.
@@ -116,14 +120,20 @@ mod tests {
         (a * b).unwrap().sum_all().unwrap().to_scalar().unwrap()
     }
 
+    fn mix(x: &Tensor, weights: &Tensor) -> Result<Tensor> {
+        let (weights, width) = (weights.clone(), x.dim(3)?);
+        Mixing { weights, width }.forward(x)
+    }
+
     #[test]
-    fn other_devices_would_compute_the_same() {
+    fn it_is_a_product_of_matrices() {
         let (x, w) = (numbers(&[3, 4, 4, 6], 1), numbers(&[2, 16, 16], 2));
-        let expected = composed(&x.reshape((3, 16, 6)).unwrap(), &w).unwrap();
+        let groups = x.reshape((3, 16, 2, 3)).unwrap().transpose(1, 2).unwrap();
+        let expected = w.unsqueeze(0).unwrap().broadcast_matmul(&groups.contiguous().unwrap());
         let found = mix(&x, &w).unwrap();
         assert_eq!(found.dims(), &[3, 4, 4, 6]);
         let flat = |x: &Tensor| x.flatten_all().unwrap().to_vec1::<f32>().unwrap();
-        assert_eq!(flat(&found), flat(&expected));
+        assert_eq!(flat(&found), flat(&expected.unwrap().transpose(1, 2).unwrap()));
     }
 
     #[test]

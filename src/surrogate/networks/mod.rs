@@ -1,15 +1,16 @@
 //! The networks, one per file, and how they are chosen.
 
+mod orientations;
 mod physics;
 mod qin2024;
 mod response;
 
-use candle_core::{Result, Tensor};
+use candle_core::{Module, Result, Tensor};
+use candle_nn::VarBuilder;
 
-use super::onnx::{Graph, Value};
-use super::parameters::Parameters;
+use super::onnx::Export;
 
-pub use response::Constants;
+pub use response::{Constants, ConstantsError};
 
 /// Which network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,35 +47,35 @@ impl NetworkKind {
     }
 
     /// Builds the network on the given weights.
-    pub(crate) fn build(self, parameters: &mut Parameters) -> Result<Box<dyn Network>> {
+    pub(crate) fn build(self, weights: &VarBuilder<'_>) -> Result<Box<dyn Network>> {
         match self {
-            Self::Qin2024 => Ok(Box::new(qin2024::Qin2024::new(parameters)?)),
-            Self::Physics => Ok(Box::new(physics::Physics::new(parameters)?)),
+            Self::Qin2024 => Ok(Box::new(qin2024::Qin2024::new(weights)?)),
+            Self::Physics => Ok(Box::new(physics::Physics::new(weights)?)),
         }
     }
 }
 
-/// What a network says about a batch of n patterns, in a unit that stands beside its weights.
+/// What a network says about a batch of n patterns in training, in a unit that stands beside its weights.
 pub(crate) struct Output {
     /// Displacement at the 49 × 49 inner corners, (n, 49, 49, 2).
     pub(crate) displacement: Tensor,
-    /// The x displacement at every second inner corner, (n, 25, 25, 1): an auxiliary answer that only training asks for.
+    /// The x displacement at every second inner corner, (n, 25, 25, 1): an auxiliary answer.
     pub(crate) half_resolution: Option<Tensor>,
 }
 
-/// A network from patterns (n, 50, 50, 1), −½ or ½ per cell, to displacements.
-pub(crate) trait Network: Send + Sync {
-    /// The displacement, with the auxiliary answer where `auxiliary` is set.
-    fn forward(&self, patterns: &Tensor, auxiliary: bool) -> Result<Output>;
-
-    /// The displacement without a gradient, (n, 49, 49, 2): that of [`Network::forward`] but for rounding.
-    fn predict(&self, patterns: &Tensor) -> Result<Tensor> {
-        Ok(self.forward(patterns, false)?.displacement)
+/// A network: a module from patterns (n, 50, 50, 1), −½ or ½ per cell, to displacements (n, 49, 49, 2).
+pub(crate) trait Network: Module + Export + Send + Sync {
+    /// The displacement with the auxiliary answer, where the network has one.
+    fn forward_for_training(&self, patterns: &Tensor) -> Result<Output> {
+        Ok(Output {
+            displacement: self.forward(patterns)?,
+            half_resolution: None,
+        })
     }
 
     /// How many patterns one thread best predicts together. Every pattern is treated as if it were alone, so the number
     /// changes speed only.
-    fn together(&self) -> usize {
+    fn patterns_per_thread(&self) -> usize {
         8
     }
 
@@ -83,7 +84,4 @@ pub(crate) trait Network: Send + Sync {
     fn unit_mm(&self) -> Option<f64> {
         None
     }
-
-    /// Draws the same as operations of ONNX, without the auxiliary answer: from patterns to displacements.
-    fn export(&self, graph: &mut Graph, patterns: &Value) -> Result<Value>;
 }

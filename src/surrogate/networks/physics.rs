@@ -11,17 +11,16 @@
 //! Rectified units left a fifth more error, on small grids twice as much. Its weights are few. They are drawn for one orientation and carried to
 //! the other seven by the symmetries, so that the law of a rotated cell is the rotated law.
 
-use candle_core::{Device, Result, Tensor};
+use candle_core::{Device, Module, Result, Tensor};
+use candle_nn::init::ZERO;
+use candle_nn::{Init, VarBuilder};
 
+use super::Network;
+use super::orientations::Orientations;
 use super::response::Response;
-use super::{Network, Output};
-use crate::pattern::{CELLS, Symmetry};
-use crate::surrogate::layers::{
-    self, FEATURES, MODES, NEIGHBOURS, Scale, Workspace, correct, features, forces, green, map_channels,
-    multiply_halves,
-};
-use crate::surrogate::onnx::{Graph, Value};
-use crate::surrogate::parameters::Parameters;
+use crate::pattern::CELLS;
+use crate::surrogate::layers::{self, FEATURES, MODES, Scale, Workspace, correct};
+use crate::surrogate::onnx::{Export, Graph, Value};
 
 /// Corners along a side without the frame, and all of them.
 const INNER: usize = CELLS - 1;
@@ -34,42 +33,31 @@ const PRODUCTS: usize = 1;
 /// The network.
 pub(super) struct Physics {
     response: Response,
-    orientations: Orientations,
     laws: Vec<Law>,
-    /// The laws in all orientations, where they stay as they are.
-    settled: Option<Vec<Settled>>,
+    /// The laws in all orientations, where they are not trained.
+    fixed: Option<Vec<FixedLaw>>,
 }
 
 /// The numbers of a law in all orientations.
-struct Settled {
+struct FixedLaw {
     factors: Vec<f32>,
     stresses: Vec<f32>,
 }
 
 impl Physics {
     /// The network on the given weights and constants.
-    pub(super) fn new(p: &mut Parameters) -> Result<Self> {
-        let response = Response::new(p)?;
-        let laws: Vec<Law> = (1..=CORRECTIONS).map(|k| Law::new(p, k)).collect::<Result<_>>()?;
-        let orientations = Orientations::new(p.device())?;
-        let settled = match p.are_stored() && p.device().is_cpu() {
-            true => Some(
-                laws.iter()
-                    .map(|law| law.settle(&orientations))
-                    .collect::<Result<_>>()?,
-            ),
-            false => None,
+    pub(super) fn new(weights: &VarBuilder<'_>) -> Result<Self> {
+        let response = Response::new(weights)?;
+        let orientations = Orientations::new()?;
+        let law = |number| Law::new(&orientations, &weights.pp(format!("law.{number}")));
+        let laws: Vec<Law> = (1..=CORRECTIONS).map(law).collect::<Result<_>>()?;
+        let fixed = match laws.iter().any(Law::is_trained) {
+            true => None,
+            false => Some(laws.iter().map(Law::fixed).collect::<Result<_>>()?),
         };
-        Ok(Self {
-            response,
-            orientations,
-            laws,
-            settled,
-        })
+        Ok(Self { response, laws, fixed })
     }
-}
 
-impl Physics {
     /// What displacements, counted in ε² L, are to a cell of side L/50: strain in units of ε, and its own side.
     fn scale(&self) -> Scale {
         Scale {
@@ -78,53 +66,19 @@ impl Physics {
         }
     }
 
-    /// A displacement with the correction of a law added.
-    fn corrected(&self, law: &Law, patterns: &Tensor, displacement: &Tensor) -> Result<Tensor> {
-        let (factors, stresses) = (law.factors(&self.orientations)?, law.stresses(&self.orientations)?);
-        let scale = self.scale();
-        if patterns.device().is_cpu() {
-            return correct(patterns, displacement, &factors, &stresses, scale);
-        }
-        let seen = features(patterns, displacement, scale.strain.into())?;
-        let products = multiply_halves(&map_channels(&seen, &factors)?)?;
-        let stresses = map_channels(&Tensor::cat(&[products, seen], 1)?, &stresses)?;
-        displacement + (green(&forces(&stresses)?)? * f64::from(scale.length))?
-    }
-}
-
-impl Network for Physics {
-    fn forward(&self, patterns: &Tensor, _auxiliary: bool) -> Result<Output> {
+    /// The displacement by operations that have a gradient.
+    fn differentiable(&self, patterns: &Tensor) -> Result<Tensor> {
         let patterns = patterns.reshape(((), CELLS, CELLS))?;
         let mut displacement = self.response.forward(&patterns)?;
         for law in &self.laws {
-            displacement = self.corrected(law, &patterns, &displacement)?;
+            let (factors, stresses) = (law.factors()?, law.stresses()?);
+            displacement = correct(&patterns, &displacement, &factors, &stresses, self.scale())?;
         }
-        Ok(Output {
-            displacement: displacement.permute((0, 2, 3, 1))?.contiguous()?,
-            half_resolution: None,
-        })
+        displacement.permute((0, 2, 3, 1))?.contiguous()
     }
 
-    fn export(&self, graph: &mut Graph, patterns: &Value) -> Result<Value> {
-        let side = CELLS as i64;
-        let patterns = graph.reshape(patterns, &[0, side, side]);
-        let mut displacement = self.response.export(graph, &patterns)?;
-        let cell = graph.number(1.0 / CELLS as f32);
-        for law in &self.laws {
-            let features = graph.features(&patterns, &displacement, CELLS as f64 * self.response.strain())?;
-            let stresses = law.export(&self.orientations, graph, &features)?;
-            let forces = graph.forces(&stresses)?;
-            let correction = graph.green(&forces)?;
-            let correction = graph.mul(&correction, &cell);
-            displacement = graph.add(&displacement, &correction);
-        }
-        Ok(graph.transpose(&displacement, &[0, 2, 3, 1]))
-    }
-
-    fn predict(&self, patterns: &Tensor) -> Result<Tensor> {
-        let Some(laws) = &self.settled else {
-            return Ok(self.forward(patterns, false)?.displacement);
-        };
+    /// The same on plain numbers, in memory that is taken once.
+    fn evaluate(&self, laws: &[FixedLaw], patterns: &Tensor) -> Result<Tensor> {
         let (n, cells) = (patterns.dim(0)?, patterns.flatten_all()?.to_vec1()?);
         let mut planes = self.response.evaluate(&cells);
         let images = cells
@@ -133,7 +87,7 @@ impl Network for Physics {
         Workspace::lend(8 * PRODUCTS, |workspace| {
             for (pattern, displacement) in images {
                 workspace.surround(pattern);
-                for Settled { factors, stresses } in laws {
+                for FixedLaw { factors, stresses } in laws {
                     workspace.correct(layers::Law { factors, stresses }, pattern, displacement, self.scale());
                 }
             }
@@ -150,8 +104,19 @@ impl Network for Physics {
         }
         Tensor::from_vec(displacement, (n, INNER, INNER, 2), &Device::Cpu)
     }
+}
 
-    fn together(&self) -> usize {
+impl Module for Physics {
+    fn forward(&self, patterns: &Tensor) -> Result<Tensor> {
+        match &self.fixed {
+            Some(laws) => self.evaluate(laws, patterns),
+            None => self.differentiable(patterns),
+        }
+    }
+}
+
+impl Network for Physics {
+    fn patterns_per_thread(&self) -> usize {
         // The matrix of the response is read once for all.
         64
     }
@@ -161,8 +126,27 @@ impl Network for Physics {
     }
 }
 
+impl Export for Physics {
+    fn export(&self, graph: &mut Graph, patterns: &Value) -> Result<Value> {
+        let side = CELLS as i64;
+        let patterns = graph.reshape(patterns, &[0, side, side]);
+        let mut displacement = self.response.export(graph, &patterns)?;
+        let cell = graph.number(1.0 / CELLS as f32);
+        for law in &self.laws {
+            let features = graph.features(&patterns, &displacement, CELLS as f64 * self.response.strain())?;
+            let stresses = law.export(graph, &features)?;
+            let forces = graph.forces(&stresses)?;
+            let correction = graph.green(&forces)?;
+            let correction = graph.mul(&correction, &cell);
+            displacement = graph.add(&displacement, &correction);
+        }
+        Ok(graph.transpose(&displacement, &[0, 2, 3, 1]))
+    }
+}
+
 /// A local law: what stress the features of a cell call for, in one orientation.
 struct Law {
+    orientations: Orientations,
     /// The two factors of each product, (products, features).
     factors: [Tensor; 2],
     /// From products to stresses, (modes, products).
@@ -172,129 +156,64 @@ struct Law {
 }
 
 impl Law {
-    fn new(p: &mut Parameters, number: usize) -> Result<Self> {
-        let deviation = (1.0 / FEATURES as f64).sqrt();
-        let mut factor = |name: &str| p.tensor(&format!("law.{number}.{name}"), &[PRODUCTS, FEATURES], deviation);
-        let factors = [factor("first")?, factor("second")?];
+    fn new(orientations: &Orientations, weights: &VarBuilder<'_>) -> Result<Self> {
+        let stdev = (1.0 / FEATURES as f64).sqrt();
+        let factor = |name| weights.get_with_hints((PRODUCTS, FEATURES), name, Init::Randn { mean: 0.0, stdev });
         // Without stress the network is the linear response: training starts there.
         Ok(Self {
-            factors,
-            products: p.tensor(&format!("law.{number}.products"), &[MODES, PRODUCTS], 0.0)?,
-            linear: p.tensor(&format!("law.{number}.linear"), &[MODES, FEATURES], 0.0)?,
+            orientations: orientations.clone(),
+            factors: [factor("first")?, factor("second")?],
+            products: weights.get_with_hints((MODES, PRODUCTS), "products", ZERO)?,
+            linear: weights.get_with_hints((MODES, FEATURES), "linear", ZERO)?,
         })
+    }
+
+    fn is_trained(&self) -> bool {
+        let [first, second] = &self.factors;
+        [first, second, &self.products, &self.linear]
+            .iter()
+            .any(|tensor| tensor.track_op())
     }
 
     /// The factors of the products in all orientations: first those of the one, then those of the other.
-    fn factors(&self, orientations: &Orientations) -> Result<Tensor> {
+    fn factors(&self) -> Result<Tensor> {
         let [first, second] = &self.factors;
-        Tensor::cat(&[orientations.carry(first)?, orientations.carry(second)?], 0)
+        Tensor::cat(
+            &[self.orientations.of_forms(first)?, self.orientations.of_forms(second)?],
+            0,
+        )
     }
 
     /// From products in all orientations and features to stresses, (modes, products + features).
-    fn stresses(&self, orientations: &Orientations) -> Result<Tensor> {
-        let turned = orientations.turn(&self.products)?;
-        Tensor::cat(&[turned, orientations.average(&self.linear)?], 1)
+    fn stresses(&self) -> Result<Tensor> {
+        let turned = self.orientations.of_stresses(&self.products)?;
+        Tensor::cat(&[turned, self.orientations.average(&self.linear)?], 1)
     }
 
     /// The numbers of the law in all orientations.
-    fn settle(&self, orientations: &Orientations) -> Result<Settled> {
+    fn fixed(&self) -> Result<FixedLaw> {
         let flat = |tensor: Tensor| tensor.flatten_all()?.to_vec1();
-        Ok(Settled {
-            factors: flat(self.factors(orientations)?)?,
-            stresses: flat(self.stresses(orientations)?)?,
+        Ok(FixedLaw {
+            factors: flat(self.factors()?)?,
+            stresses: flat(self.stresses()?)?,
         })
     }
+}
 
-    fn export(&self, orientations: &Orientations, graph: &mut Graph, features: &Value) -> Result<Value> {
+impl Export for Law {
+    fn export(&self, graph: &mut Graph, features: &Value) -> Result<Value> {
         let mut maps = Vec::with_capacity(2);
         for factor in &self.factors {
-            let factor = graph.tensor(&orientations.carry(factor)?)?;
+            let factor = graph.tensor(&self.orientations.of_forms(factor)?)?;
             maps.push(graph.matmul(&factor, features));
         }
         let products = graph.mul(&maps[0], &maps[1]);
-        let turned = graph.tensor(&orientations.turn(&self.products)?)?;
+        let turned = graph.tensor(&self.orientations.of_stresses(&self.products)?)?;
         let from_products = graph.matmul(&turned, &products);
-        let linear = graph.tensor(&orientations.average(&self.linear)?)?;
+        let linear = graph.tensor(&self.orientations.average(&self.linear)?)?;
         let linear = graph.matmul(&linear, features);
         Ok(graph.add(&from_products, &linear))
     }
-}
-
-/// How the eight symmetries act on features and modes.
-struct Orientations {
-    features: Vec<Tensor>,
-    modes: Vec<Tensor>,
-}
-
-impl Orientations {
-    fn new(device: &Device) -> Result<Self> {
-        let matrices = |matrix: fn(Symmetry) -> Vec<f32>, side: usize| -> Result<Vec<Tensor>> {
-            let each = Symmetry::ALL.into_iter();
-            each.map(|g| Tensor::from_vec(matrix(g), (side, side), device))
-                .collect()
-        };
-        Ok(Self {
-            features: matrices(on_features, FEATURES)?,
-            modes: matrices(on_modes, MODES)?,
-        })
-    }
-
-    /// A linear form on features in all orientations: (k, features) to (8k, features).
-    fn carry(&self, forms: &Tensor) -> Result<Tensor> {
-        let images: Result<Vec<Tensor>> = self.features.iter().map(|g| forms.matmul(&g.t()?)).collect();
-        Tensor::cat(&images?, 0)
-    }
-
-    /// Stresses (modes, k) in all orientations: (modes, 8k).
-    fn turn(&self, stresses: &Tensor) -> Result<Tensor> {
-        let images: Result<Vec<Tensor>> = self.modes.iter().map(|g| g.matmul(stresses)).collect();
-        Tensor::cat(&images?, 1)
-    }
-
-    /// The part of a map (modes, features) that commutes with the symmetries.
-    fn average(&self, map: &Tensor) -> Result<Tensor> {
-        let mut sum = map.zeros_like()?;
-        for (features, modes) in self.features.iter().zip(&self.modes) {
-            sum = (sum + modes.matmul(map)?.matmul(&features.t()?)?)?;
-        }
-        sum * 0.125
-    }
-}
-
-/// The matrix of a symmetry on modes, row by row: derivatives of a vector turn as a tensor, hourglasses as a vector times
-/// the sign of x·y.
-fn on_modes(g: Symmetry) -> Vec<f32> {
-    let m = g.matrix().map(|row| row.map(|entry| entry as f32));
-    let twist = m[0][0] * m[1][1] + m[0][1] * m[1][0];
-    let mut matrix = vec![0.0; MODES * MODES];
-    for (to, row) in matrix.chunks_exact_mut(MODES).enumerate() {
-        for (from, entry) in row.iter_mut().enumerate() {
-            let [(along, component), (from_along, from_component)] = [to, from].map(|mode| (mode / 2, mode % 2));
-            let vector = m[component][from_component];
-            *entry = match (along, from_along) {
-                (2, 2) => twist * vector,
-                (0 | 1, 0 | 1) => m[along][from_along] * vector,
-                _ => 0.0,
-            };
-        }
-    }
-    matrix
-}
-
-/// The matrix of a symmetry on features, row by row: places around a cell move, modes turn, and 1 stays.
-fn on_features(g: Symmetry) -> Vec<f32> {
-    let mut matrix = vec![0.0; FEATURES * FEATURES];
-    for (from, to) in g.permutation(3).enumerate() {
-        matrix[to * FEATURES + from] = 1.0;
-    }
-    let modes = on_modes(g);
-    for first in [NEIGHBOURS, NEIGHBOURS + MODES] {
-        for (at, value) in modes.iter().enumerate() {
-            matrix[(first + at / MODES) * FEATURES + first + at % MODES] = *value;
-        }
-    }
-    matrix[FEATURES * FEATURES - 1] = 1.0;
-    matrix
 }
 
 #[cfg(test)]

@@ -12,12 +12,12 @@
 //! membrane, because the elastic response is global. Layers that keep grid and width add to what they are given (He et al.,
 //! CVPR 2016), which training follows more easily.
 
-use candle_core::{Result, Tensor};
+use candle_core::{Module, Result, Tensor};
+use candle_nn::{Conv2dConfig, VarBuilder};
 
 use super::{Network, Output};
-use crate::surrogate::layers::{add_bias, bias_and_activate, convolve, convolve_transposed, mix};
-use crate::surrogate::onnx::{Graph, Value};
-use crate::surrogate::parameters::Parameters;
+use crate::surrogate::layers::{Conv2d, ConvTranspose2d, Mixing};
+use crate::surrogate::onnx::{Export, Graph, Value};
 
 /// Channels after the first and second layer of the encoder, and from the third on.
 const ENCODER: [usize; 3] = [16, 32, 64];
@@ -39,56 +39,68 @@ const ANSWER_GAIN: f64 = 0.3;
 
 /// The network.
 pub(super) struct Qin2024 {
-    encoder: [Convolution; 5],
+    encoder: [Conv2d; 5],
     bottleneck: Bottleneck,
     x: Decoder,
     y: Decoder,
-    auxiliary: (Convolution, Enlargement),
+    auxiliary: (Conv2d, ConvTranspose2d),
 }
 
 impl Qin2024 {
     /// The network on the given weights.
-    pub(super) fn new(p: &mut Parameters) -> Result<Self> {
+    pub(super) fn new(weights: &VarBuilder<'_>) -> Result<Self> {
         let [first, second, wide] = ENCODER;
+        let layer = |name: &str, channels, window| convolution(channels, window, &weights.pp(name));
         Ok(Self {
             encoder: [
-                Convolution::new(p, "encoder.1", [1, first], Window(10, 2, 4))?,
-                Convolution::new(p, "encoder.2", [first, second], Window(7, 2, 3))?,
-                Convolution::new(p, "encoder.3", [second, wide], Window(5, 1, 2))?,
-                Convolution::new(p, "encoder.4", [wide, wide], Window(3, 1, 1))?,
-                Convolution::new(p, "encoder.5", [wide, wide], Window(3, 1, 1))?,
+                layer("encoder.1", [1, first], Window(10, 2, 4))?,
+                layer("encoder.2", [first, second], Window(7, 2, 3))?,
+                layer("encoder.3", [second, wide], Window(5, 1, 2))?,
+                layer("encoder.4", [wide, wide], Window(3, 1, 1))?,
+                layer("encoder.5", [wide, wide], Window(3, 1, 1))?,
             ],
-            bottleneck: Bottleneck::new(p, wide)?,
-            x: Decoder::new(p, "x", wide)?,
-            y: Decoder::new(p, "y", wide)?,
+            bottleneck: Bottleneck::new(wide, &weights.pp("bottleneck"))?,
+            x: Decoder::new(wide, &weights.pp("x"))?,
+            y: Decoder::new(wide, &weights.pp("y"))?,
             auxiliary: (
-                Convolution::new(p, "auxiliary.1", [wide, AUXILIARY], Window(3, 1, 1))?,
-                Enlargement::new(p, "auxiliary.2", [AUXILIARY, 1], ANSWER_GAIN)?,
+                layer("auxiliary.1", [wide, AUXILIARY], Window(3, 1, 1))?,
+                last([AUXILIARY, 1], &weights.pp("auxiliary.2"))?,
             ),
         })
+    }
+
+    /// What the decoders and the auxiliary branch start from.
+    fn features(&self, patterns: &Tensor) -> Result<Tensor> {
+        let [first, second, third, fourth, fifth] = &self.encoder;
+        let features = patterns.apply(first)?.apply(second)?.apply(third)?;
+        let features = (&features + features.apply(fourth)?)?;
+        let features = (&features + features.apply(fifth)?)?;
+        features.apply(&self.bottleneck)
+    }
+
+    fn decode(&self, features: &Tensor) -> Result<Tensor> {
+        Tensor::cat(&[features.apply(&self.x)?, features.apply(&self.y)?], 3)
+    }
+}
+
+impl Module for Qin2024 {
+    fn forward(&self, patterns: &Tensor) -> Result<Tensor> {
+        self.decode(&self.features(patterns)?)
     }
 }
 
 impl Network for Qin2024 {
-    fn forward(&self, patterns: &Tensor, auxiliary: bool) -> Result<Output> {
-        let [first, second, third, fourth, fifth] = &self.encoder;
-        let features = third.forward(&second.forward(&first.forward(patterns)?)?)?;
-        let features = (&features + fourth.forward(&features)?)?;
-        let features = (&features + fifth.forward(&features)?)?;
-        let features = self.bottleneck.forward(&features)?;
-        let displacement = Tensor::cat(&[self.x.forward(&features)?, self.y.forward(&features)?], 3)?;
-        let half_resolution = if auxiliary {
-            let (first, second) = &self.auxiliary;
-            Some(second.answer(&first.forward(&features)?)?)
-        } else {
-            None
-        };
+    fn forward_for_training(&self, patterns: &Tensor) -> Result<Output> {
+        let features = self.features(patterns)?;
+        let (first, second) = &self.auxiliary;
         Ok(Output {
-            displacement,
-            half_resolution,
+            displacement: self.decode(&features)?,
+            half_resolution: Some(features.apply(first)?.apply(second)?),
         })
     }
+}
 
+impl Export for Qin2024 {
     fn export(&self, graph: &mut Graph, patterns: &Value) -> Result<Value> {
         let [first, second, third, fourth, fifth] = &self.encoder;
         let features = first.export(graph, patterns)?;
@@ -98,9 +110,7 @@ impl Network for Qin2024 {
             let more = layer.export(graph, &features)?;
             features = graph.add(&features, &more);
         }
-        let mixed = graph.mix(&features, &self.bottleneck.mixing, COARSE, ENCODER[2])?;
-        let more = self.bottleneck.channels.export(graph, &mixed)?;
-        let features = graph.add(&features, &more);
+        let features = self.bottleneck.export(graph, &features)?;
         let (x, y) = (self.x.export(graph, &features)?, self.y.export(graph, &features)?);
         Ok(graph.concatenate(&[&x, &y], 3))
     }
@@ -109,120 +119,93 @@ impl Network for Qin2024 {
 /// Side, stride and padding of a window.
 struct Window(usize, usize, usize);
 
-/// A convolution with bias and activation.
-struct Convolution {
-    weights: Tensor,
-    bias: Tensor,
-    stride: usize,
-    padding: usize,
+fn convolution(channels: [usize; 2], window: Window, weights: &VarBuilder<'_>) -> Result<Conv2d> {
+    let Window(side, stride, padding) = window;
+    let config = Conv2dConfig {
+        stride,
+        padding,
+        ..Conv2dConfig::default()
+    };
+    Conv2d::new(channels, side, config, he(channels[0] * side * side), SLOPE, weights)
 }
 
-impl Convolution {
-    fn new(p: &mut Parameters, name: &str, [from, to]: [usize; 2], window: Window) -> Result<Self> {
-        let Window(side, stride, padding) = window;
-        let deviation = he(from * side * side);
-        Ok(Self {
-            weights: p.tensor(&format!("{name}.weights"), &[to, side, side, from], deviation)?,
-            bias: p.tensor(&format!("{name}.bias"), &[to], 0.0)?,
-            stride,
-            padding,
-        })
-    }
-
-    fn forward(&self, x: &Tensor) -> Result<Tensor> {
-        bias_and_activate(
-            &convolve(x, &self.weights, self.stride, self.padding)?,
-            &self.bias,
-            SLOPE,
-        )
-    }
-
-    fn export(&self, graph: &mut Graph, x: &Value) -> Result<Value> {
-        let y = graph.convolve(x, &self.weights, self.stride, self.padding)?;
-        graph.bias_and_activate(&y, &self.bias, SLOPE)
-    }
+/// A layer that maps a grid of n × n points to (2n − 1) × (2n − 1).
+fn enlargement(channels: [usize; 2], weights: &VarBuilder<'_>) -> Result<ConvTranspose2d> {
+    ConvTranspose2d::new(channels, ENLARGE, he(enlarged(channels)), Some(SLOPE), weights)
 }
 
-/// A transposed convolution that maps a grid of n × n points to (2n − 1) × (2n − 1).
-struct Enlargement {
-    weights: Tensor,
-    bias: Tensor,
+/// The same as the last layer of a branch.
+fn last(channels: [usize; 2], weights: &VarBuilder<'_>) -> Result<ConvTranspose2d> {
+    ConvTranspose2d::new(channels, ENLARGE, ANSWER_GAIN * he(enlarged(channels)), None, weights)
 }
 
-impl Enlargement {
-    fn new(p: &mut Parameters, name: &str, [from, to]: [usize; 2], gain: f64) -> Result<Self> {
-        // A quarter of the window falls on inputs: the others are the gaps between them.
-        let deviation = gain * he(from * ENLARGE * ENLARGE / 4);
-        Ok(Self {
-            weights: p.tensor(&format!("{name}.weights"), &[from, ENLARGE, ENLARGE, to], deviation)?,
-            bias: p.tensor(&format!("{name}.bias"), &[to], 0.0)?,
-        })
-    }
-
-    fn forward(&self, x: &Tensor) -> Result<Tensor> {
-        bias_and_activate(&convolve_transposed(x, &self.weights)?, &self.bias, SLOPE)
-    }
-
-    fn answer(&self, x: &Tensor) -> Result<Tensor> {
-        add_bias(&convolve_transposed(x, &self.weights)?, &self.bias)
-    }
-}
-
-/// Mixes every channel over the whole grid, then the channels at every point, and adds the result to what came in.
-struct Bottleneck {
-    mixing: Tensor,
-    channels: Convolution,
-}
-
-impl Bottleneck {
-    fn new(p: &mut Parameters, width: usize) -> Result<Self> {
-        let points = COARSE * COARSE;
-        Ok(Self {
-            mixing: p.tensor(
-                "bottleneck.mixing",
-                &[GROUPS, points, points],
-                (1.0 / points as f64).sqrt(),
-            )?,
-            channels: Convolution::new(p, "bottleneck.channels", [width, width], Window(1, 1, 0))?,
-        })
-    }
-
-    fn forward(&self, x: &Tensor) -> Result<Tensor> {
-        x + self.channels.forward(&mix(x, &self.mixing)?)?
-    }
-}
-
-/// From the bottleneck to one component of the displacement at all inner corners.
-struct Decoder {
-    first: Convolution,
-    second: Enlargement,
-    third: Enlargement,
-}
-
-impl Decoder {
-    fn new(p: &mut Parameters, name: &str, width: usize) -> Result<Self> {
-        let [first, second] = DECODER;
-        Ok(Self {
-            first: Convolution::new(p, &format!("{name}.1"), [width, first], Window(3, 1, 1))?,
-            second: Enlargement::new(p, &format!("{name}.2"), [first, second], 1.0)?,
-            third: Enlargement::new(p, &format!("{name}.3"), [second, 1], ANSWER_GAIN)?,
-        })
-    }
-
-    fn forward(&self, features: &Tensor) -> Result<Tensor> {
-        self.third.answer(&self.second.forward(&self.first.forward(features)?)?)
-    }
-
-    fn export(&self, graph: &mut Graph, features: &Value) -> Result<Value> {
-        let y = self.first.export(graph, features)?;
-        let y = graph.convolve_transposed(&y, &self.second.weights)?;
-        let y = graph.bias_and_activate(&y, &self.second.bias, SLOPE)?;
-        let y = graph.convolve_transposed(&y, &self.third.weights)?;
-        graph.add_bias(&y, &self.third.bias)
-    }
+/// Inputs of an output of an enlargement. A quarter of the window falls on them: the others are the gaps between them.
+fn enlarged([from, _]: [usize; 2]) -> usize {
+    from * ENLARGE * ENLARGE / 4
 }
 
 /// He's standard deviation for a layer with leaky rectified outputs (He et al., ICCV 2015, eq. 15).
 fn he(fan_in: usize) -> f64 {
     (2.0 / ((1.0 + f64::from(SLOPE).powi(2)) * fan_in as f64)).sqrt()
+}
+
+/// Mixes every channel over the whole grid, then the channels at every point, and adds the result to what came in.
+struct Bottleneck {
+    mixing: Mixing,
+    channels: Conv2d,
+}
+
+impl Bottleneck {
+    fn new(width: usize, weights: &VarBuilder<'_>) -> Result<Self> {
+        Ok(Self {
+            mixing: Mixing::new(GROUPS, COARSE, width, weights)?,
+            channels: convolution([width, width], Window(1, 1, 0), &weights.pp("channels"))?,
+        })
+    }
+}
+
+impl Module for Bottleneck {
+    fn forward(&self, x: &Tensor) -> Result<Tensor> {
+        x + x.apply(&self.mixing)?.apply(&self.channels)?
+    }
+}
+
+impl Export for Bottleneck {
+    fn export(&self, graph: &mut Graph, x: &Value) -> Result<Value> {
+        let mixed = self.mixing.export(graph, x)?;
+        let more = self.channels.export(graph, &mixed)?;
+        Ok(graph.add(x, &more))
+    }
+}
+
+/// From the bottleneck to one component of the displacement at all inner corners.
+struct Decoder {
+    first: Conv2d,
+    second: ConvTranspose2d,
+    third: ConvTranspose2d,
+}
+
+impl Decoder {
+    fn new(width: usize, weights: &VarBuilder<'_>) -> Result<Self> {
+        let [first, second] = DECODER;
+        Ok(Self {
+            first: convolution([width, first], Window(3, 1, 1), &weights.pp("1"))?,
+            second: enlargement([first, second], &weights.pp("2"))?,
+            third: last([second, 1], &weights.pp("3"))?,
+        })
+    }
+}
+
+impl Module for Decoder {
+    fn forward(&self, features: &Tensor) -> Result<Tensor> {
+        features.apply(&self.first)?.apply(&self.second)?.apply(&self.third)
+    }
+}
+
+impl Export for Decoder {
+    fn export(&self, graph: &mut Graph, features: &Value) -> Result<Value> {
+        let y = self.first.export(graph, features)?;
+        let y = self.second.export(graph, &y)?;
+        self.third.export(graph, &y)
+    }
 }

@@ -6,12 +6,13 @@
 use std::collections::BTreeMap;
 
 use candle_core::{Device, Result, Tensor, bail};
+use candle_nn::VarBuilder;
 use faer::Accum;
 use pulp::Arch;
 
 use super::super::layers::{Matrix, multiply};
 use super::super::onnx::{Graph, Value};
-use super::super::parameters::Parameters;
+use super::super::parameters::constant;
 use crate::fem::LinearResponse;
 use crate::field::{CORNERS, Field};
 use crate::pattern::{CELLS, Symmetry};
@@ -33,6 +34,20 @@ pub struct Constants {
     pub(crate) tensors: BTreeMap<String, Tensor>,
 }
 
+/// A scene without such constants.
+#[derive(Debug, thiserror::Error)]
+pub enum ConstantsError {
+    /// The linear systems cannot be solved.
+    #[error("the linear response of the scene cannot be solved")]
+    Unsolved,
+    /// Nothing moves.
+    #[error("nothing moves in this scene: there is nothing to learn")]
+    Still,
+    /// What the numerical library reported.
+    #[error(transparent)]
+    Failed(#[from] candle_core::Error),
+}
+
 impl Constants {
     /// The linear response of a scene to each cell.
     ///
@@ -42,11 +57,9 @@ impl Constants {
     ///
     /// # Errors
     /// When the linear systems cannot be solved, or nothing moves.
-    pub fn new(response: &LinearResponse, side_mm: f64) -> std::result::Result<Self, String> {
+    pub fn new(response: &LinearResponse, side_mm: f64) -> std::result::Result<Self, ConstantsError> {
         let below_diagonal: Vec<(usize, usize)> = (0..SIDE).flat_map(|y| (y..SIDE).map(move |x| (x, y))).collect();
-        let solved = response
-            .to_cells(&below_diagonal)
-            .ok_or("the linear response of the scene cannot be solved")?;
+        let solved = response.to_cells(&below_diagonal).ok_or(ConstantsError::Unsolved)?;
         let mut fields: BTreeMap<(usize, usize), Field> = BTreeMap::new();
         for ((x, y), field) in below_diagonal.into_iter().zip(solved) {
             fields.insert((y, x), field.transformed(diagonal()));
@@ -54,21 +67,20 @@ impl Constants {
         }
         let strain = typical_strain(fields.values(), side_mm / CELLS as f64);
         if !(strain.is_finite() && strain > 0.0) {
-            return Err("nothing moves in this scene: there is nothing to learn".to_owned());
+            return Err(ConstantsError::Still);
         }
         let unit_mm = strain * strain * side_mm;
         let mut tensors = BTreeMap::new();
-        let failed = |e: candle_core::Error| e.to_string();
         for (block, name) in BLOCKS.into_iter().enumerate() {
             let mut values = vec![0.0f32; QUADRANT * VALUES];
             for ((x, y), field) in &fields {
                 let row = &mut values[(y * SIDE + x) * VALUES..][..VALUES];
                 write_row(field, block, unit_mm, row);
             }
-            let tensor = Tensor::from_vec(values, (QUADRANT, VALUES), &Device::Cpu).map_err(failed)?;
+            let tensor = Tensor::from_vec(values, (QUADRANT, VALUES), &Device::Cpu)?;
             tensors.insert(name.to_owned(), tensor);
         }
-        let strain = Tensor::new(&[strain as f32, side_mm as f32], &Device::Cpu).map_err(failed)?;
+        let strain = Tensor::new(&[strain as f32, side_mm as f32], &Device::Cpu)?;
         tensors.insert(STRAIN.to_owned(), strain);
         Ok(Self { tensors })
     }
@@ -135,13 +147,13 @@ pub(crate) struct Response {
 
 impl Response {
     /// From the constants of a model.
-    pub(crate) fn new(p: &mut Parameters) -> Result<Self> {
+    pub(crate) fn new(weights: &VarBuilder<'_>) -> Result<Self> {
         let mut blocks = Vec::with_capacity(4);
         for name in BLOCKS {
-            let block = p.constant(name, &[QUADRANT, VALUES])?;
-            blocks.push(block.to_device(&Device::Cpu)?.t()?.flatten_all()?.to_vec1()?);
+            let block = constant(weights, name, &[QUADRANT, VALUES])?;
+            blocks.push(block.t()?.flatten_all()?.to_vec1()?);
         }
-        let strain: Vec<f32> = p.constant(STRAIN, &[2])?.to_vec1()?;
+        let strain: Vec<f32> = constant(weights, STRAIN, &[2])?.to_vec1()?;
         let [strain, side_mm] = strain[..] else {
             bail!("{STRAIN} has two values");
         };
@@ -168,9 +180,9 @@ impl Response {
     /// The linear response (n, 2, 49, 49) to patterns (n, 50, 50), ±½ per cell; it has no gradient.
     pub(crate) fn forward(&self, patterns: &Tensor) -> Result<Tensor> {
         let n = patterns.dim(0)?;
-        let cells: Vec<f32> = patterns.to_device(&Device::Cpu)?.flatten_all()?.to_vec1()?;
+        let cells: Vec<f32> = patterns.flatten_all()?.to_vec1()?;
         let displacements = self.evaluate(&cells);
-        Tensor::from_vec(displacements, (n, 2, INNER, INNER), &Device::Cpu)?.to_device(patterns.device())
+        Tensor::from_vec(displacements, (n, 2, INNER, INNER), &Device::Cpu)
     }
 
     /// Draws the same as operations of ONNX: folding and unfolding are products with matrices of 0, 1 and −1.

@@ -1,4 +1,4 @@
-//! The layers of [`crate::surrogate::layers`] between corners and cells as operations of a graph. The modes of a cell are a
+//! What lies between corners and cells as operations of a graph, as [`crate::surrogate::layers`] has it. The modes of a cell are a
 //! convolution with 2 × 2 windows, forces its transpose, and the cells around a cell one with 3 × 3 windows.
 
 use candle_core::{Device, Result, Tensor};
@@ -11,7 +11,7 @@ const SIDE: i64 = CELLS as i64;
 const AREA: i64 = (CELLS * CELLS) as i64;
 
 impl Graph {
-    /// As [`crate::surrogate::layers::features`], for patterns (n, 50, 50) and displacements (n, 2, 49, 49).
+    /// What a local law sees of patterns (n, 50, 50) and displacements (n, 2, 49, 49): (n, 22, 2500).
     pub(crate) fn features(&mut self, patterns: &Value, displacement: &Value, strain: f64) -> Result<Value> {
         let cells = self.reshape(patterns, &[0, 1, SIDE, SIDE]);
         let around = self.tensor(&places()?)?;
@@ -27,16 +27,16 @@ impl Graph {
         Ok(self.reshape(&all, &[0, FEATURES as i64, AREA]))
     }
 
-    /// As [`crate::surrogate::layers::forces`].
+    /// The forces (n, 2, 49, 49) of stresses (n, 6, 2500).
     pub(crate) fn forces(&mut self, stresses: &Value) -> Result<Value> {
         let stresses = self.reshape(stresses, &[0, MODES as i64, SIDE, SIDE]);
         let modes = self.tensor(&modes(1.0)?)?;
         Ok(self.framed("ConvTranspose", &stresses, &modes))
     }
 
-    /// As [`crate::surrogate::layers::green`].
+    /// The displacements that forces cause, both (n, 2, 49, 49).
     pub(crate) fn green(&mut self, forces: &Value) -> Result<Value> {
-        let (sines, inverse) = green_tables(&Device::Cpu)?;
+        let (sines, inverse) = green_tables()?;
         let (sines, inverse) = (self.tensor(&sines)?, self.tensor(&inverse)?);
         let waves = self.both_sides(&sines, forces);
         let waves = self.mul(&waves, &inverse);

@@ -3,23 +3,43 @@
 
 use candle_core::{Result, Tensor};
 
+use super::Export;
 use super::graph::{Attribute, Graph, Value};
+use crate::surrogate::layers::{Conv2d, ConvTranspose2d, Mixing};
 
 const CHANNELS_FIRST: [i64; 4] = [0, 3, 1, 2];
 const CHANNELS_LAST: [i64; 4] = [0, 2, 3, 1];
 
+impl Export for Conv2d {
+    fn export(&self, graph: &mut Graph, x: &Value) -> Result<Value> {
+        let y = graph.convolution("Conv", x, &self.weights, self.config.stride, self.config.padding)?;
+        graph.bias_and_activation(&y, &self.bias, Some(self.slope))
+    }
+}
+
+impl Export for ConvTranspose2d {
+    fn export(&self, graph: &mut Graph, x: &Value) -> Result<Value> {
+        let padding = (self.weights.dim(1)? - 1) / 2;
+        let y = graph.convolution("ConvTranspose", x, &self.weights, 2, padding)?;
+        graph.bias_and_activation(&y, &self.bias, self.slope)
+    }
+}
+
+impl Export for Mixing {
+    fn export(&self, graph: &mut Graph, x: &Value) -> Result<Value> {
+        let (groups, points, _) = self.weights.dims3()?;
+        let side = points.isqrt() as i64;
+        let (groups, points) = (groups as i64, points as i64);
+        let weights = graph.tensor(&self.weights)?;
+        let x = graph.reshape(x, &[0, points, groups, self.width as i64 / groups]);
+        let x = graph.transpose(&x, &[0, 2, 1, 3]);
+        let y = graph.matmul(&weights, &x);
+        let y = graph.transpose(&y, &[0, 2, 1, 3]);
+        Ok(graph.reshape(&y, &[0, side, side, self.width as i64]))
+    }
+}
+
 impl Graph {
-    /// As [`crate::surrogate::layers::convolve`].
-    pub(crate) fn convolve(&mut self, x: &Value, weights: &Tensor, stride: usize, padding: usize) -> Result<Value> {
-        self.convolution("Conv", x, weights, stride, padding)
-    }
-
-    /// As [`crate::surrogate::layers::convolve_transposed`].
-    pub(crate) fn convolve_transposed(&mut self, x: &Value, weights: &Tensor) -> Result<Value> {
-        let padding = (weights.dim(1)? - 1) / 2;
-        self.convolution("ConvTranspose", x, weights, 2, padding)
-    }
-
     fn convolution(
         &mut self,
         operation: &str,
@@ -39,27 +59,12 @@ impl Graph {
         Ok(self.transpose(&y, &CHANNELS_LAST))
     }
 
-    /// As [`crate::surrogate::layers::mix`], for images of `side` × `side` points with `channels` channels.
-    pub(crate) fn mix(&mut self, x: &Value, weights: &Tensor, side: usize, channels: usize) -> Result<Value> {
-        let (groups, points, _) = weights.dims3()?;
-        let (groups, points, side, channels) = (groups as i64, points as i64, side as i64, channels as i64);
-        let weights = self.tensor(weights)?;
-        let x = self.reshape(x, &[0, points, groups, channels / groups]);
-        let x = self.transpose(&x, &[0, 2, 1, 3]);
-        let y = self.matmul(&weights, &x);
-        let y = self.transpose(&y, &[0, 2, 1, 3]);
-        Ok(self.reshape(&y, &[0, side, side, channels]))
-    }
-
-    /// As [`crate::surrogate::layers::add_bias`].
-    pub(crate) fn add_bias(&mut self, x: &Value, bias: &Tensor) -> Result<Value> {
+    fn bias_and_activation(&mut self, x: &Value, bias: &Tensor, slope: Option<f32>) -> Result<Value> {
         let bias = self.tensor(bias)?;
-        Ok(self.add(x, &bias))
-    }
-
-    /// As [`crate::surrogate::layers::bias_and_activate`].
-    pub(crate) fn bias_and_activate(&mut self, x: &Value, bias: &Tensor, slope: f32) -> Result<Value> {
-        let x = self.add_bias(x, bias)?;
-        Ok(self.node("LeakyRelu", &[&x], &[("alpha", Attribute::Float(slope))]))
+        let y = self.add(x, &bias);
+        Ok(match slope {
+            Some(slope) => self.node("LeakyRelu", &[&y], &[("alpha", Attribute::Float(slope))]),
+            None => y,
+        })
     }
 }

@@ -18,6 +18,15 @@ use crate::pattern::CELLS;
 
 pub(crate) use graph::{Graph, Value};
 
+/// What can be drawn as operations of ONNX, from one array to one array.
+pub(crate) trait Export {
+    /// Draws it.
+    ///
+    /// # Errors
+    /// When its tensors cannot be read.
+    fn export(&self, graph: &mut Graph, x: &Value) -> Result<Value>;
+}
+
 /// The version of the file format, of 2021: readers accept older ones.
 const IR_VERSION: i64 = 8;
 
@@ -33,7 +42,11 @@ const OUTPUT: &str = "displacement";
 pub(crate) fn to_onnx(network: &dyn Network, scale_mm: f64, header: &str) -> Result<Vec<u8>> {
     let mut graph = Graph::default();
     let pattern = Value(INPUT.to_owned());
-    let cells = graph.node("Cast", &[&pattern], &[("to", graph::Attribute::Integer(graph::FLOAT.into()))]);
+    let cells = graph.node(
+        "Cast",
+        &[&pattern],
+        &[("to", graph::Attribute::Integer(graph::FLOAT.into()))],
+    );
     let half = graph.number(0.5);
     let cells = graph.sub(&cells, &half);
     let cells = graph.reshape(&cells, &[0, CELLS as i64, CELLS as i64, 1]);
@@ -68,7 +81,9 @@ fn array(name: &str, element: i32, row: &[usize]) -> messages::Array {
     let any = messages::Length::Named("n".to_owned());
     let lengths = row.iter().map(|&length| messages::Length::Fixed(length as i64));
     let dims = std::iter::once(any).chain(lengths);
-    let dims = dims.map(|length| messages::Dimension { length: Some(length) }).collect();
+    let dims = dims
+        .map(|length| messages::Dimension { length: Some(length) })
+        .collect();
     let tensor = messages::TensorKind {
         element: Some(element),
         shape: Some(messages::Shape { dims }),

@@ -1,5 +1,7 @@
-//! Adam with decoupled weight decay (Kingma & Ba, ICLR 2015, algorithm 1; the decay is applied by the caller), in one
-//! pass over memory: candle-nn's takes thirteen, with a fresh tensor each.
+//! Adam with decoupled weight decay (Kingma & Ba, ICLR 2015, algorithm 1; the decay is applied by the caller).
+//!
+//! candle-nn's `AdamW`, which tests hold this to, gives nobody its running means, so that no training could go on from a
+//! checkpoint; and it takes thirteen passes over memory where this takes one.
 
 /// Decay of the mean of the gradients.
 const BETA1: f32 = 0.9;

@@ -141,6 +141,37 @@ mod tests {
     }
 
     #[test]
+    fn adamw_is_that_of_candle() {
+        let options = TrainOptions {
+            optimizer: OptimizerKind::AdamW,
+            weight_decay: 0.1,
+            ..TrainOptions::default()
+        };
+        let start = Tensor::new(&[1.0f32, -2.0, 0.5], &Device::Cpu).unwrap();
+        let [own, other] = [(); 2].map(|()| Var::from_tensor(&start).unwrap());
+        let mut ours = optimizer(options, &own);
+        let parameters = candle_nn::ParamsAdamW {
+            lr: 0.05,
+            beta1: 0.9,
+            beta2: 0.99,
+            eps: 1e-8,
+            weight_decay: 0.1,
+        };
+        let mut candle: candle_nn::AdamW = candle_nn::Optimizer::new(vec![other.clone()], parameters).unwrap();
+        for step in 0..20u8 {
+            // The gradient of ½ c x², c growing from step to step.
+            let c = f64::from(step) + 1.0;
+            let gradient = (own.as_tensor() * c).unwrap().to_vec1().unwrap();
+            ours.step(vec![gradient], 0.05).unwrap();
+            let loss = (other.sqr().unwrap().sum_all().unwrap() * (0.5 * c)).unwrap();
+            candle_nn::Optimizer::backward_step(&mut candle, &loss).unwrap();
+        }
+        let [found, expected] = [own, other].map(|var| var.to_vec1::<f32>().unwrap());
+        let near = |(a, b): (&f32, &f32)| (a - b).abs() < 1e-5;
+        assert!(found.iter().zip(&expected).all(near), "{found:?} {expected:?}");
+    }
+
+    #[test]
     fn long_gradients_are_shortened_together_and_short_ones_left() {
         // 3, 4 and 12 are 13 long.
         let gradients = [vec![3.0, 4.0], vec![12.0]];

@@ -102,7 +102,7 @@ fn networks_of_another_shape_are_refused() {
 
 #[test]
 fn a_file_of_another_program_is_refused() {
-    let tensor = Tensor::zeros((2, 2), DType::F32, &Device::Cpu).unwrap();
+    let tensor = Tensor::zeros((2, 2), DType::F32, &candle_core::Device::Cpu).unwrap();
     let bytes = safetensors::serialize([("a", &tensor)], None).unwrap();
     assert!(matches!(Surrogate::load(&bytes), Err(LoadError::Unsuitable(_))));
 }

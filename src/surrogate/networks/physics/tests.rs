@@ -4,9 +4,10 @@ use super::*;
 use crate::base::Stream;
 use crate::fem::LinearResponse;
 use crate::field::Field;
-use crate::pattern::Pattern;
+use crate::pattern::{Pattern, Symmetry};
 use crate::surrogate::Constants;
 use crate::surrogate::encode::{patterns_to_tensor, tensor_to_fields};
+use crate::surrogate::parameters::{Drawn, Stored};
 
 /// The constants of the default scene at a voltage, on the coarsest mesh.
 fn constants(volts: f64) -> (LinearResponse, Constants) {
@@ -17,14 +18,13 @@ fn constants(volts: f64) -> (LinearResponse, Constants) {
 
 /// A network whose laws are drawn, and its weights.
 fn network(constants: &Constants) -> (Physics, Vec<(String, Var)>) {
-    let device = Device::Cpu;
-    let mut parameters = Parameters::drawn(constants.tensors.clone(), 3, &device);
-    let network = Physics::new(&mut parameters).unwrap();
-    let vars = parameters.into_drawn();
+    let weights = Drawn::new(&constants.tensors, 3);
+    let network = Physics::new(&weights.builder()).unwrap();
+    let vars = weights.variables();
     for (name, var) in &vars {
         let mut stream = Stream::new(8, name, 0);
         let values: Vec<f32> = (0..var.elem_count()).map(|_| 0.2 * stream.normal() as f32).collect();
-        var.set(&Tensor::from_vec(values, var.shape(), &device).unwrap())
+        var.set(&Tensor::from_vec(values, var.shape(), &Device::Cpu).unwrap())
             .unwrap();
     }
     (network, vars)
@@ -41,15 +41,15 @@ fn patterns() -> Vec<Pattern> {
 }
 
 /// The network with those weights as a model file has them.
-fn settled(constants: &Constants, vars: &[(String, Var)]) -> Physics {
+fn fixed(constants: &Constants, vars: &[(String, Var)]) -> Physics {
     let weights = vars.iter().map(|(name, var)| (name.clone(), var.as_tensor().clone()));
     let tensors = weights.chain(constants.tensors.clone()).collect();
-    Physics::new(&mut Parameters::stored(&tensors, &Device::Cpu)).unwrap()
+    Physics::new(&Stored::new(&tensors).builder()).unwrap()
 }
 
 fn predict(network: &Physics, patterns: &[Pattern]) -> Vec<Field> {
-    let input = patterns_to_tensor(patterns.iter(), &Device::Cpu).unwrap();
-    let displacement = network.predict(&input).unwrap();
+    let input = patterns_to_tensor(patterns.iter()).unwrap();
+    let displacement = network.forward(&input).unwrap();
     tensor_to_fields(&displacement, network.unit_mm().unwrap())
         .unwrap()
         .unwrap()
@@ -59,9 +59,9 @@ fn predict(network: &Physics, patterns: &[Pattern]) -> Vec<Field> {
 fn a_prediction_is_what_training_sees() {
     let constants = constants(5250.0).1;
     let (network, vars) = network(&constants);
-    let input = patterns_to_tensor(patterns().iter(), &Device::Cpu).unwrap();
-    let seen = network.forward(&input, true).unwrap().displacement;
-    let predicted = settled(&constants, &vars).predict(&input).unwrap();
+    let input = patterns_to_tensor(patterns().iter()).unwrap();
+    let seen = network.forward(&input).unwrap();
+    let predicted = fixed(&constants, &vars).forward(&input).unwrap();
     let flat = |t: &Tensor| t.flatten_all().unwrap().to_vec1::<f32>().unwrap();
     let largest = flat(&seen).into_iter().fold(0.0, |most: f32, u| most.max(u.abs()));
     let differences = flat(&(seen - predicted).unwrap()).into_iter();
@@ -71,7 +71,7 @@ fn a_prediction_is_what_training_sees() {
 #[test]
 fn a_prediction_does_not_depend_on_its_company() {
     let constants = constants(5250.0).1;
-    let network = settled(&constants, &network(&constants).1);
+    let network = fixed(&constants, &network(&constants).1);
     let many: Vec<Pattern> = patterns().into_iter().cycle().take(13).collect();
     let together = predict(&network, &many);
     for (pattern, field) in many.iter().zip(&together) {
@@ -82,8 +82,7 @@ fn a_prediction_does_not_depend_on_its_company() {
 #[test]
 fn an_untrained_network_is_the_linear_response() {
     let (response, constants) = constants(5250.0);
-    let mut parameters = Parameters::drawn(constants.tensors.clone(), 3, &Device::Cpu);
-    let network = Physics::new(&mut parameters).unwrap();
+    let network = Physics::new(&Drawn::new(&constants.tensors, 3).builder()).unwrap();
     let patterns = patterns();
     let expected = response.predict(&patterns, 0);
     for (found, expected) in predict(&network, &patterns).iter().zip(expected) {
@@ -98,7 +97,7 @@ fn an_untrained_network_is_the_linear_response() {
 #[test]
 fn a_rotated_or_mirrored_pattern_has_the_rotated_or_mirrored_displacement() {
     let constants = constants(5250.0).1;
-    let network = settled(&constants, &network(&constants).1);
+    let network = fixed(&constants, &network(&constants).1);
     for pattern in patterns() {
         let images: Vec<Pattern> = Symmetry::ALL.iter().map(|&g| pattern.transformed(g)).collect();
         let found = predict(&network, &images);
@@ -117,7 +116,7 @@ fn corrections_scale_with_the_square_of_the_load() {
     let correction = |volts: f64| {
         let constants = constants(volts).1;
         let network = network(&constants).0;
-        let linear = Physics::new(&mut Parameters::drawn(constants.tensors, 3, &Device::Cpu)).unwrap();
+        let linear = Physics::new(&Drawn::new(&constants.tensors, 3).builder()).unwrap();
         let [found, linear] = [&network, &linear].map(|network| predict(network, &patterns()[..1]).remove(0));
         (found.rms_difference(&linear), linear.rms_difference(&Field::zero()))
     };
@@ -135,12 +134,10 @@ fn a_model_with_useless_constants_is_refused() {
     for strain in [[0.0f32, 50.0], [0.04, -1.0], [f32::NAN, 50.0]] {
         let mut tensors = constants.tensors.clone();
         tensors.insert("response.strain".into(), Tensor::new(&strain, &Device::Cpu).unwrap());
-        assert!(Physics::new(&mut Parameters::drawn(tensors, 3, &Device::Cpu)).is_err());
+        assert!(Physics::new(&Drawn::new(&tensors, 3).builder()).is_err());
     }
     let mut tensors = constants.tensors;
     tensors.remove("response.odd");
-    let error = Physics::new(&mut Parameters::drawn(tensors, 3, &Device::Cpu))
-        .err()
-        .unwrap();
+    let error = Physics::new(&Drawn::new(&tensors, 3).builder()).err().unwrap();
     assert!(error.to_string().contains("response.odd is missing"), "{error}");
 }

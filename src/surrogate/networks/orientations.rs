@@ -1,0 +1,188 @@
+//! How the eight symmetries of the square act on the weights of a local law.
+//!
+//! Each symmetry permutes features and modes up to sign. So the images of a tensor are its own entries in another order, some of
+//! them negative: one selection gives all eight, where eight products of small matrices took longer than the law itself.
+
+use candle_core::{Device, Result, Tensor};
+
+use crate::pattern::Symmetry;
+use crate::surrogate::layers::{FEATURES, MODES, NEIGHBOURS};
+
+/// Number of symmetries.
+const ALL: usize = Symmetry::ALL.len();
+
+/// The images of features and of modes.
+#[derive(Clone, Debug)]
+pub(super) struct Orientations {
+    features: Images,
+    modes: Images,
+    /// Of both together: of a map from features to modes, row by row.
+    maps: Images,
+}
+
+/// For each symmetry and place in an image: the place in the original that it comes from, and its sign.
+#[derive(Clone, Debug)]
+struct Images {
+    from: Tensor,
+    signs: Tensor,
+}
+
+impl Orientations {
+    /// The tables.
+    pub(super) fn new() -> Result<Self> {
+        let (features, modes) = (Symmetry::ALL.map(on_features), Symmetry::ALL.map(on_modes));
+        let maps = features.iter().zip(&modes).map(|(features, modes)| {
+            let row = |&(mode, sign): &(usize, f32)| {
+                let entry = move |&(feature, other): &(usize, f32)| (mode * FEATURES + feature, sign * other);
+                features.iter().map(entry).collect::<Vec<_>>()
+            };
+            modes.iter().flat_map(row).collect::<Vec<_>>()
+        });
+        Ok(Self {
+            maps: Images::new(maps)?,
+            features: Images::new(features.iter().cloned())?,
+            modes: Images::new(modes.iter().cloned())?,
+        })
+    }
+
+    /// Linear forms on features in all orientations: (k, features) to (8k, features).
+    pub(super) fn of_forms(&self, forms: &Tensor) -> Result<Tensor> {
+        let k = forms.dim(0)?;
+        let images = self.features.of(&forms.t()?.contiguous()?)?;
+        images
+            .reshape((ALL, FEATURES, k))?
+            .transpose(1, 2)?
+            .reshape((ALL * k, FEATURES))
+    }
+
+    /// Stresses (modes, k) in all orientations: (modes, 8k).
+    pub(super) fn of_stresses(&self, stresses: &Tensor) -> Result<Tensor> {
+        let k = stresses.dim(1)?;
+        let images = self.modes.of(stresses)?;
+        images
+            .reshape((ALL, MODES, k))?
+            .transpose(0, 1)?
+            .reshape((MODES, ALL * k))
+    }
+
+    /// The part of a map (modes, features) that commutes with the symmetries.
+    pub(super) fn average(&self, map: &Tensor) -> Result<Tensor> {
+        let images = self.maps.of(&map.reshape((MODES * FEATURES, 1))?)?;
+        images.reshape((ALL, MODES, FEATURES))?.sum(0)? * (1.0 / ALL as f64)
+    }
+}
+
+impl Images {
+    fn new(each: impl Iterator<Item = Vec<(usize, f32)>>) -> Result<Self> {
+        let (from, signs): (Vec<u32>, Vec<f32>) = each.flatten().map(|(from, sign)| (from as u32, sign)).unzip();
+        let count = from.len();
+        Ok(Self {
+            from: Tensor::from_vec(from, count, &Device::Cpu)?,
+            signs: Tensor::from_vec(signs, (count, 1), &Device::Cpu)?,
+        })
+    }
+
+    /// The images, one after the other, of the rows of a tensor (rows, k): (8 rows, k).
+    fn of(&self, rows: &Tensor) -> Result<Tensor> {
+        rows.index_select(&self.from, 0)?.broadcast_mul(&self.signs)
+    }
+}
+
+/// Where each mode comes from, and its sign: derivatives of a vector turn as a tensor, hourglasses as a vector times the sign of
+/// x·y.
+fn on_modes(g: Symmetry) -> Vec<(usize, f32)> {
+    let m = g.matrix().map(|row| row.map(|entry| entry as f32));
+    let twist = m[0][0] * m[1][1] + m[0][1] * m[1][0];
+    let entry = |to: usize, from: usize| {
+        let [(along, component), (from_along, from_component)] = [to, from].map(|mode| (mode / 2, mode % 2));
+        let vector = m[component][from_component];
+        match (along, from_along) {
+            (2, 2) => twist * vector,
+            (0 | 1, 0 | 1) => m[along][from_along] * vector,
+            _ => 0.0,
+        }
+    };
+    let source = |to| {
+        (0..MODES)
+            .map(move |from| (from, entry(to, from)))
+            .find(|(_, sign)| *sign != 0.0)
+    };
+    (0..MODES).filter_map(source).collect()
+}
+
+/// Where each feature comes from, and its sign: places around a cell move, modes turn, and 1 stays.
+fn on_features(g: Symmetry) -> Vec<(usize, f32)> {
+    let mut sources = vec![(FEATURES - 1, 1.0); FEATURES];
+    for (from, to) in g.permutation(3).enumerate() {
+        sources[to] = (from, 1.0);
+    }
+    for first in [NEIGHBOURS, NEIGHBOURS + MODES] {
+        for (source, (from, sign)) in sources[first..].iter_mut().zip(on_modes(g)) {
+            *source = (first + from, sign);
+        }
+    }
+    sources
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::Stream;
+
+    /// The matrix of a symmetry, row by row.
+    fn matrix(sources: &[(usize, f32)]) -> Tensor {
+        let side = sources.len();
+        let mut values = vec![0.0f32; side * side];
+        for (to, (from, sign)) in sources.iter().enumerate() {
+            values[to * side + from] = *sign;
+        }
+        Tensor::from_vec(values, (side, side), &Device::Cpu).unwrap()
+    }
+
+    fn numbers(dims: (usize, usize)) -> Tensor {
+        let mut stream = Stream::new(4, "orientations test", 0);
+        let values: Vec<f32> = (0..dims.0 * dims.1).map(|_| stream.normal() as f32).collect();
+        Tensor::from_vec(values, dims, &Device::Cpu).unwrap()
+    }
+
+    fn flat(x: &Tensor) -> Vec<f32> {
+        x.flatten_all().unwrap().to_vec1().unwrap()
+    }
+
+    #[test]
+    fn selections_are_products_with_the_matrices_of_the_symmetries() {
+        let orientations = Orientations::new().unwrap();
+        let features = Symmetry::ALL.map(|g| matrix(&on_features(g)));
+        let modes = Symmetry::ALL.map(|g| matrix(&on_modes(g)));
+        let forms = numbers((3, FEATURES));
+        let images = features.each_ref().map(|g| forms.matmul(&g.t().unwrap()).unwrap());
+        let found = orientations.of_forms(&forms).unwrap();
+        assert_eq!(flat(&found), flat(&Tensor::cat(&images, 0).unwrap()));
+        let stresses = numbers((MODES, 2));
+        let images = modes.each_ref().map(|g| g.matmul(&stresses).unwrap());
+        let found = orientations.of_stresses(&stresses).unwrap();
+        assert_eq!(flat(&found), flat(&Tensor::cat(&images, 1).unwrap()));
+        let map = numbers((MODES, FEATURES));
+        let sum = modes
+            .iter()
+            .zip(&features)
+            .fold(map.zeros_like().unwrap(), |sum, (modes, features)| {
+                (sum + modes.matmul(&map).unwrap().matmul(&features.t().unwrap()).unwrap()).unwrap()
+            });
+        let found = orientations.average(&map).unwrap();
+        assert_eq!(flat(&found), flat(&(sum * 0.125).unwrap()));
+    }
+
+    #[test]
+    fn symmetries_act_as_a_group() {
+        for g in Symmetry::ALL {
+            for h in Symmetry::ALL {
+                let composed = g.compose(h);
+                for on in [on_modes, on_features] {
+                    let product = matrix(&on(g)).matmul(&matrix(&on(h))).unwrap();
+                    assert_eq!(flat(&product), flat(&matrix(&on(composed))));
+                }
+            }
+        }
+    }
+}
