@@ -102,17 +102,10 @@ pub(crate) fn evaluate(
     scale_mm: f64,
     patterns: &[&Pattern],
 ) -> Result<Vec<Field>, PredictError> {
-<<<<<<< HEAD
     let failed = |e: candle_core::Error| PredictError::failed(e);
-    let chunks = patterns.par_chunks(network.together()).map(|chunk| {
-        let input = patterns_to_tensor(chunk.iter().copied(), device).map_err(failed)?;
-        let displacement = network.predict(&input).map_err(failed)?;
-=======
-    let failed = |e: candle_core::Error| PredictError(e.to_string());
     let chunks = patterns.par_chunks(network.patterns_per_thread()).map(|chunk| {
         let input = patterns_to_tensor(chunk.iter().copied()).map_err(failed)?;
         let displacement = network.forward(&input).map_err(failed)?;
->>>>>>> cb60cb0 (Build the networks as modules of candle-nn; remove the cuda feature)
         let fields = tensor_to_fields(&displacement, scale_mm).map_err(failed)?;
         fields.map_err(PredictError::failed)
     });
