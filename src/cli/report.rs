@@ -12,6 +12,7 @@ use super::output::{Exit, Output};
 use super::run;
 use crate::orchestrator::{Environment, plan};
 use crate::report::{Course, write_report};
+use crate::stage::screening::neglected;
 
 /// Write a report of a pipeline: one page with every design, and the designs as files
 #[derive(Debug, Args)]
@@ -38,7 +39,9 @@ pub fn execute(arguments: &ReportArguments, output: &Output) -> Result<Exit, Cli
     pipeline.selection(arguments.until.as_deref())?;
     let store = locate::existing_store(&arguments.store.folder())?;
     let stages = plan(&pipeline, &store, arguments.until.as_deref(), &Environment::system())?;
-    let course = Course::of(&pipeline, &stages, &store)?;
+    let mut course = Course::of(&pipeline, &stages, &store)?;
+    let names: Vec<&str> = stages.iter().map(|stage| stage.name.as_str()).collect();
+    course.neglected = neglected(&pipeline, &names).map_err(|e| CliError::bad_input(e.to_string()))?;
     check(&course, arguments)?;
     check_folder(&arguments.output)?;
     let written = write_report(&store, &course, &arguments.output)?;

@@ -18,6 +18,7 @@ use crate::report::{
     draw_figures, evaluations, evaluators, summarise, trainings, warnings,
 };
 use crate::stage;
+use crate::stage::screening::neglected;
 use crate::store::{LockFile, Store};
 
 /// Build what is stale in a pipeline, then print what was found and where the figures are
@@ -87,7 +88,10 @@ pub fn execute(arguments: &RunArguments, output: &Output) -> Result<Exit, CliErr
     let evaluators = evaluators(&store, &made)?;
     let audits = audits(&store, &made)?;
     let trainings = trainings(&store, &made)?;
-    let warnings = warnings(&store, &made)?;
+    let names: Vec<&str> = made.iter().map(|made| made.stage.as_str()).collect();
+    let mut neglected = neglected(&pipeline, &names).map_err(|e| CliError::bad_input(e.to_string()))?;
+    neglected.extend(warnings(&store, &made)?);
+    let warnings = neglected;
     let rounds = by_round(&pipeline.rounds, &summaries);
     let mut figures = draw_figures(&store, &pipeline.name, &made)?;
     figures.extend(draw_by_round(&store, &pipeline.name, &made, &rounds, &summaries)?);

@@ -1,6 +1,5 @@
 //! The artifacts of design and verify stages: a row for each pattern.
 
-use super::attribute::Lines;
 use super::element::{Packed, PerUnit};
 use super::macros::arrays;
 use super::part::LongTexts;
@@ -179,8 +178,6 @@ arrays! {
         solver: String = attribute("solver"),
         /// The effects that were simulated.
         effects: String = attribute("effects"),
-        /// Effects that matter and were left out, one to a line.
-        warnings: Lines = attribute("warnings"),
     }
 }
 

@@ -3,7 +3,6 @@
 //! Samples with a field stand at the root, the others under `unstable/` with the reason: no row holds numbers that only look
 //! valid.
 
-use super::attribute::Lines;
 use super::macros::arrays;
 use super::observations::{Meshes, Observations};
 use super::samples::SampleRows;
@@ -37,8 +36,6 @@ arrays! {
         solver: String = attribute("solver"),
         /// The effects that were simulated.
         effects: String = attribute("effects"),
-        /// Effects that matter and were left out, one to a line.
-        warnings: Lines = attribute("warnings"),
     }
 }
 

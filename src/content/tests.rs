@@ -45,7 +45,6 @@ fn solutions() -> Solutions {
         scene: Scene::vhb4910(),
         solver: "{ method: newton }".into(),
         effects: "{}".into(),
-        warnings: Lines(vec!["one".into(), "two".into()]),
     }
 }
 

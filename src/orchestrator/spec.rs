@@ -33,6 +33,8 @@ pub struct Pipeline {
     pub name: String,
     /// Its file.
     pub path: PathBuf,
+    /// Its scene, already one mapping even where the file names another file.
+    pub scene: Option<Node>,
     /// Its stages in topological order.
     pub stages: Vec<StageSpec>,
     /// Those that are done in more than one round, in the order of the file.
@@ -103,6 +105,7 @@ impl Pipeline {
         Ok(Self {
             name,
             path,
+            scene: map.optional("scene").cloned(),
             stages,
             rounds,
         })

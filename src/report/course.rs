@@ -19,6 +19,8 @@ pub struct Course {
     pub stages: Vec<StageFacts>,
     /// Stages that are done in rounds.
     pub rounds: Vec<Rounds>,
+    /// What its stages neglect although it matters, a line for each effect.
+    pub neglected: Vec<String>,
     /// When the last run of the pipeline ended, in UTC; none where it is no longer remembered.
     pub last_run: Option<String>,
 }
@@ -100,6 +102,7 @@ impl Course {
             path: pipeline.path.display().to_string(),
             stages,
             rounds: pipeline.rounds.clone(),
+            neglected: Vec::new(),
             last_run: last.map(|run| run.created.clone()),
         })
     }

@@ -1,4 +1,4 @@
-//! What the artifacts of a run warn of: effects left out although they matter, and samples that fail.
+//! What the artifacts of a run warn of: samples that fail.
 
 use super::gather::{Made, ReportError, Source};
 use crate::store::Store;
@@ -7,12 +7,11 @@ use crate::store::Store;
 const BREAKDOWN: &str = "dielectric_breakdown";
 const RATIO: &str = "breakdown_ratio";
 
-/// The warnings of all stages that simulate, each once, after the names of the stages that it belongs to.
+/// The warnings of all stages that simulate, after the name of the stage.
 ///
 /// # Errors
 /// When an artifact cannot be read.
 pub fn warnings(store: &Store, made: &[Made]) -> Result<Vec<String>, ReportError> {
-    let mut found: Vec<(String, Vec<&str>)> = Vec::new();
     let mut broken = Vec::new();
     for stage in made
         .iter()
@@ -39,13 +38,6 @@ pub fn warnings(store: &Store, made: &[Made]) -> Result<Vec<String>, ReportError
                 ));
             }
         }
-        for line in first.attribute("warnings").unwrap_or_default().lines() {
-            match found.iter_mut().find(|(warning, _)| warning == line) {
-                Some((_, stages)) => stages.push(&stage.stage),
-                None => found.push((line.to_owned(), vec![&stage.stage])),
-            }
-        }
     }
-    let told = |(warning, stages): (String, Vec<&str>)| format!("{}: {warning}", stages.join(", "));
-    Ok(found.into_iter().map(told).chain(broken).collect())
+    Ok(broken)
 }

@@ -11,12 +11,12 @@ use std::time::Instant;
 use serde_json::json;
 
 use super::model;
-use super::screening::Screened;
 use crate::base::{Canonical, Fields, InputError, Node, NodeValue, Schema};
 use crate::design::{
     ConstraintParameters, Elements, GenerationReport, Method, Progress, Search, SearchError, SearchOptions, SearchStep,
     StateError, Target, Watch,
 };
+use crate::fem::screening::resolve;
 use crate::fem::{GradientEvaluator, SafetyMargins, SetupError, breakdown_strength};
 use crate::field::{Differentiable, Feasibility};
 use crate::orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
@@ -102,13 +102,23 @@ impl Kind for DesignKind {
         Ok(Box::new(DesignStage {
             case: map.optional("case").map_or(Ok(String::new()), read_case)?,
             targets,
-            constraints,
             options,
             evaluator,
-            scene,
+            scene: decisive(&scene, &constraints),
+            constraints,
             ready: OnceLock::new(),
         }))
     }
+}
+
+/// The parts of the scene that decide about a design: a margin from breakdown needs a property that no simulation uses.
+fn decisive(scene: &Scene, constraints: &ConstraintParameters) -> Scene {
+    let mut decisive = scene.simulated();
+    if constraints.constraints().limits().breakdown_margin.is_some() {
+        let strength = &scene.properties.dielectric_breakdown;
+        decisive.properties.dielectric_breakdown.clone_from(strength);
+    }
+    decisive
 }
 
 /// Constraints on patterns of a scene, whose breakdown strength must be known where a margin from it is asked for.
@@ -184,10 +194,10 @@ impl DesignStage {
         }
         let limits = self.constraints.constraints().limits();
         let ready = || -> Result<Ready, SetupError> {
-            let screened = Screened::new(&self.scene)?;
+            let scene = resolve(&self.scene)?;
             Ok(Ready {
-                gradient: GradientEvaluator::new(&screened.scene)?,
-                margins: SafetyMargins::new(&screened.scene, limits.pull_in_margin, limits.breakdown_margin)?,
+                gradient: GradientEvaluator::new(&scene)?,
+                margins: SafetyMargins::new(&scene, limits.pull_in_margin, limits.breakdown_margin)?,
             })
         };
         let ready = ready().map_err(|e| SearchError::Setup(e.to_string()))?;

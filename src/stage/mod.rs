@@ -65,6 +65,12 @@ fn scene_of(stage: &Node, scene: Option<&Node>) -> Result<Scene, InputError> {
     checked_scene(scene.ok_or_else(missing)?)
 }
 
+/// What a stage that simulates depends on of the pipeline's scene: the parts that decide about its results, so that nothing else is in its
+/// key or its artifact.
+fn simulated_scene_of(stage: &Node, scene: Option<&Node>) -> Result<Scene, InputError> {
+    Ok(scene_of(stage, scene)?.simulated())
+}
+
 /// A scene that can be simulated, or where it cannot. What `effects: auto` would turn on is checked as far as that is known
 /// without a solution.
 fn checked_scene(node: &Node) -> Result<Scene, InputError> {

@@ -1,10 +1,9 @@
 //! What the solve stage says of the samples that it simulated.
 
-use super::screening::Screened;
-use crate::content::{Lines, Meshes, Observations, SampleRows, Solutions, Unstable};
+use crate::content::{Meshes, Observations, SampleRows, Solutions, Unstable};
 use crate::fem::{AccurateSimulation, Solver};
 use crate::field::Field;
-use crate::scene::Scene;
+use crate::scene::{Effects, Scene};
 
 /// The results of one chunk of samples, those with a field apart from the others.
 pub fn solutions(
@@ -12,7 +11,7 @@ pub fn solutions(
     results: &[AccurateSimulation],
     scene: &Scene,
     solver: (&Solver, String),
-    screened: &Screened,
+    effects: &Effects,
 ) -> Solutions {
     let (stable, unstable): (Vec<usize>, Vec<usize>) =
         (0..results.len()).partition(|&i| results[i].simulation.field.is_some());
@@ -27,7 +26,7 @@ pub fn solutions(
         displacement: fields,
         newton_iterations: solved.iter().map(|r| r.simulation.newton_iterations).collect(),
         residual: solved.iter().map(|r| r.simulation.residual).collect(),
-        observations: Observations::of(&solver.observed(&screened.scene.effects), &observed),
+        observations: Observations::of(&solver.observed(effects), &observed),
         meshes: solver.estimates_errors().then(|| meshes(solved.iter().copied())),
         unstable: Unstable {
             rows: rows.select(&unstable),
@@ -36,8 +35,7 @@ pub fn solutions(
         },
         scene: scene.clone(),
         solver: settings,
-        effects: screened.effects(),
-        warnings: Lines(screened.warnings.clone()),
+        effects: effects.to_text(),
     }
 }
 

@@ -2,14 +2,14 @@
 
 use std::sync::OnceLock;
 
-use super::screening::Screened;
 use super::solution;
 use crate::base::{Canonical, Fields, InputError, Node};
 use crate::content::{Samples, Solutions};
+use crate::fem::screening::resolve;
 use crate::fem::{SetupError, Solver, SolverParameters};
 use crate::field::Mesh;
 use crate::orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
-use crate::scene::Scene;
+use crate::scene::{Effects, Scene};
 use crate::store::{Artifact, Object};
 
 /// Patterns between two reports of progress.
@@ -46,7 +46,7 @@ impl Kind for SolveKind {
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
         let what = "a solve stage";
         let map = stage.fields(what, &[&["kind", "needs"], &SolverParameters::KEYS[..]].concat())?;
-        let scene = super::scene_of(stage, scene)?;
+        let scene = super::simulated_scene_of(stage, scene)?;
         Ok(Box::new(SolveStage {
             solver: SolverParameters::read(&map, MESH)?,
             scene,
@@ -63,7 +63,8 @@ struct SolveStage {
 }
 
 struct Ready {
-    screened: Screened,
+    /// The effects that are simulated.
+    effects: Effects,
     solver: Solver,
 }
 
@@ -76,9 +77,12 @@ impl SolveStage {
         if let Some(ready) = self.ready.get() {
             return Ok(ready);
         }
-        let screened = Screened::new(&self.scene)?;
-        let solver = self.solver.build(&screened.scene)?;
-        Ok(self.ready.get_or_init(|| Ready { screened, solver }))
+        let scene = resolve(&self.scene)?;
+        let solver = self.solver.build(&scene)?;
+        Ok(self.ready.get_or_init(|| Ready {
+            effects: scene.effects,
+            solver,
+        }))
     }
 }
 
@@ -112,14 +116,14 @@ impl Stage for SolveStage {
         };
         let rows = Samples::open(samples)?.rows().read()?;
         let failed = |e: SetupError| StageError::Failed(e.to_string());
-        let Ready { screened, solver } = self.ready().map_err(failed)?;
+        let Ready { effects, solver } = self.ready().map_err(failed)?;
         let mut simulations = Vec::with_capacity(rows.patterns.len());
         for batch in rows.patterns.chunks(BATCH) {
             simulations.extend(solver.simulate(batch).map_err(failed)?);
             job.progress.advance(batch.len() as u64);
         }
         let solver = (solver, self.settings());
-        Ok(solution::solutions(&rows, &simulations, &self.scene, solver, screened).object())
+        Ok(solution::solutions(&rows, &simulations, &self.scene, solver, effects).object())
     }
 
     fn attributes(&self) -> Vec<(String, String)> {

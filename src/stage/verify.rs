@@ -2,14 +2,14 @@
 
 use std::ops::Range;
 
-use super::screening::Screened;
 use crate::base::{Canonical, Document, Fields, InputError, Node};
-use crate::content::{Components, DesignRows, Designs, Lines, Verification};
+use crate::content::{Components, DesignRows, Designs, Verification};
 use crate::design::{Goal, Objective};
+use crate::fem::screening::resolve;
 use crate::fem::{AccurateSimulation, SetupError, Solver, SolverParameters};
 use crate::field::{Field, Mesh, Outcome};
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
-use crate::scene::Scene;
+use crate::scene::{Effects, Scene};
 use crate::store::{Artifact, Object};
 
 /// The mesh unless a stage says otherwise.
@@ -55,7 +55,7 @@ impl Kind for VerifyKind {
             "a verify stage",
             &[&["kind", "needs", "rounds", "update"], &SolverParameters::KEYS[..]].concat(),
         )?;
-        let scene = super::scene_of(stage, scene)?;
+        let scene = super::simulated_scene_of(stage, scene)?;
         Ok(Box::new(VerifyStage {
             solver: SolverParameters::read(&map, MESH)?,
             scene,
@@ -101,9 +101,9 @@ impl Stage for VerifyStage {
 
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
         let failed = |e: SetupError| StageError::Failed(e.to_string());
-        let screened = Screened::new(&self.scene).map_err(failed)?;
-        let solver = self.solver.build(&screened.scene).map_err(failed)?;
-        let beside = self.solver.beside().map(|other| other.build(&screened.scene));
+        let scene = resolve(&self.scene).map_err(failed)?;
+        let solver = self.solver.build(&scene).map_err(failed)?;
+        let beside = self.solver.beside().map(|other| other.build(&scene));
         let beside = beside.transpose().map_err(failed)?;
         let steps = targets(job.inputs)?;
         let cases = self.cases(job.inputs)?;
@@ -117,7 +117,7 @@ impl Stage for VerifyStage {
             job.progress.advance(reached - told);
             told = reached;
         }
-        Ok(self.verification(cases, &simulated, &screened).object())
+        Ok(self.verification(cases, &simulated, &scene.effects).object())
     }
 
     fn unstable(&self, artifact: &Artifact) -> Result<u64, StageError> {
@@ -145,7 +145,7 @@ impl VerifyStage {
         Ok(cases)
     }
 
-    fn verification(&self, cases: Cases, simulated: &[Simulated], screened: &Screened) -> Verification {
+    fn verification(&self, cases: Cases, simulated: &[Simulated], effects: &Effects) -> Verification {
         let Cases { rows, goals } = cases;
         let solved = || (0..rows.len()).filter_map(|row| Some((row, simulated[row].field.as_ref()?)));
         let errors = || solved().map(|(row, _)| simulated[row].error);
@@ -171,8 +171,7 @@ impl VerifyStage {
             rows,
             scene: self.scene.clone(),
             solver: format!("{{ {} }}", self.solver),
-            effects: screened.effects(),
-            warnings: Lines(screened.warnings.clone()),
+            effects: effects.to_text(),
         }
     }
 }

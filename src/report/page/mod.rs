@@ -44,7 +44,7 @@ pub fn report_page(store: &Store, course: &Course, designs: &[Design]) -> Result
     training::section(&mut page, store, &made)?;
     evaluation::section(&mut page, store, &made)?;
     accuracy::section(&mut page, store, &made)?;
-    scene::section(&mut page, store, &made, &others(store, &made)?)?;
+    scene::section(&mut page, store, course, &others(store, &made)?)?;
     costs::section(&mut page, course);
     costs::provenance(&mut page, course);
     Ok(page.finish())

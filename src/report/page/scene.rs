@@ -2,7 +2,8 @@
 
 use super::words::cut;
 use crate::base::Document;
-use crate::report::gather::{Made, ReportError, Source, each};
+use crate::report::course::Course;
+use crate::report::gather::{ReportError, Source, each};
 use crate::report::html::{Column, Page};
 use crate::report::warnings::warnings;
 use crate::store::Store;
@@ -15,7 +16,8 @@ struct Simulated {
 }
 
 /// Adds the scenes, the effects that were simulated, and the warnings.
-pub fn section(page: &mut Page, store: &Store, made: &[Made], others: &[String]) -> Result<(), ReportError> {
+pub fn section(page: &mut Page, store: &Store, course: &Course, others: &[String]) -> Result<(), ReportError> {
+    let made = &course.made();
     let mut scenes: Vec<Simulated> = Vec::new();
     for kind in ["solve", "verify"] {
         for (stage, scene, effects) in each(store, made, kind, simulated)? {
@@ -29,7 +31,7 @@ pub fn section(page: &mut Page, store: &Store, made: &[Made], others: &[String])
             }
         }
     }
-    let warnings: Vec<String> = warnings(store, made)?;
+    let warnings: Vec<String> = course.neglected.iter().cloned().chain(warnings(store, made)?).collect();
     if scenes.is_empty() && warnings.is_empty() && others.is_empty() {
         return Ok(());
     }
