@@ -52,8 +52,14 @@ impl Screened {
 /// # Errors
 /// When the effects of the scene cannot be simulated.
 pub fn neglected(pipeline: &Pipeline, stages: &[&str]) -> Result<Vec<String>, SetupError> {
-    let simulates = |stage: &&StageSpec| SIMULATING.contains(&stage.kind.name()) && stages.contains(&stage.name.as_str());
-    let names: Vec<&str> = pipeline.stages.iter().filter(simulates).map(|stage| stage.name.as_str()).collect();
+    let simulates =
+        |stage: &&StageSpec| SIMULATING.contains(&stage.kind.name()) && stages.contains(&stage.name.as_str());
+    let names: Vec<&str> = pipeline
+        .stages
+        .iter()
+        .filter(simulates)
+        .map(|stage| stage.name.as_str())
+        .collect();
     let Some(scene) = pipeline.scene.as_ref().filter(|_| !names.is_empty()) else {
         return Ok(Vec::new());
     };
@@ -62,7 +68,10 @@ pub fn neglected(pipeline: &Pipeline, stages: &[&str]) -> Result<Vec<String>, Se
         return Ok(Vec::new());
     };
     let warnings = Screened::new(&scene)?.warnings;
-    Ok(warnings.iter().map(|warning| format!("{}: {warning}", names.join(", "))).collect())
+    Ok(warnings
+        .iter()
+        .map(|warning| format!("{}: {warning}", names.join(", ")))
+        .collect())
 }
 
 /// The kinds whose stages simulate the scene and nothing else.

@@ -182,7 +182,10 @@ fn every_parameter_makes_its_own_stage_and_what_needs_it_stale() {
         // What only screening looks at, and properties that no effect uses, decide about no result.
         ("scene.drive.frequency=2 Hz", Vec::new()),
         ("scene.drive.duration=10 s", Vec::new()),
-        ("scene.properties={ density: 960, strain_stiffening: { model: gent, jm: 125 } }", Vec::new()),
+        (
+            "scene.properties={ density: 960, strain_stiffening: { model: gent, jm: 125 } }",
+            Vec::new(),
+        ),
     ];
     for (set, mut wanted) in cases {
         let ended = workspace.run(&["plan", "tiny.yaml", "--json", "--set", set]);
