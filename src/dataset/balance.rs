@@ -11,17 +11,18 @@ use super::histogram::{Bins, Histogram, Place};
 use super::level::quotas;
 use super::orbits::{Image, Orbit, orbits};
 use super::split::Split;
-use crate::base::{OrbitId, Stream};
+use crate::base::{OrbitId, Stream, words};
 use crate::field::Field;
 use crate::pattern::{Pattern, Symmetry};
 
-/// By what sparse bins are augmented.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SymmetryGroup {
-    /// The eight symmetries of the square.
-    D4,
-    /// Nothing: patterns stay as they were sampled.
-    None,
+words! {
+    /// By what images of patterns are made.
+    pub enum SymmetryGroup {
+        /// The eight symmetries of the square.
+        D4 = "d4",
+        /// Nothing: patterns stay as they were sampled.
+        None = "none",
+    }
 }
 
 /// How to balance.

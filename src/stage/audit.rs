@@ -15,7 +15,9 @@ use bench::{Workbench, decided};
 use source::Source;
 
 use super::direct::{DirectError, read_scene};
-use crate::base::{Canonical, Dimension, Fields, InputError, Node, NodeValue, Progress, Quantity, Schema};
+use crate::base::{
+    Canonical, Declared as _, Fields, InputError, Length, Node, NodeValue, Parameter, Progress, Quantity, Schema, Seed, parameters, words,
+};
 use crate::content::Audit;
 use crate::dataset::audit::{Dataset, Declared, Options, Report, Rows, audit};
 use crate::fem::screening::resolve;
@@ -79,62 +81,73 @@ impl Kind for AuditKind {
     }
 
     fn schema(&self) -> Vec<Fields> {
-        let all = || Schema::word(&["all"]);
-        let samples = Schema::any_of([Schema::whole(0, MAX_SAMPLES), all()]);
-        let fields =
-            Fields::new("Audits a dataset: values, symmetries, leaks between splits, and its labels by simulation.")
-                .optional(
-                    "samples",
-                    samples
-                        .says("Random rows that are simulated on a finer mesh, or all.")
-                        .default(SAMPLES),
-                )
-                .optional("seed", super::seed().default(0))
-                .optional(
-                    "accuracy",
-                    Schema::quantity(Dimension::Length, 1e-9, 1e3)
-                        .says("The error that labels may have, where it is not known."),
-                )
-                .optional(
-                    "fail_on",
-                    Schema::word(&["error", "never"])
-                        .says("Whether findings that are errors stop what needs this stage.")
-                        .default("error"),
-                );
-        vec![fields]
+        vec![AuditParameters::fields()]
     }
 
     fn read(&self, stage: &Node, _scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
-        let map = stage.fields(
-            "an audit stage",
-            &["kind", "needs", "samples", "seed", "accuracy", "fail_on"],
-        )?;
-        let samples = map.optional("samples").map_or(Ok(Some(SAMPLES)), read_samples)?;
-        let fail_on = map
-            .optional("fail_on")
-            .map_or(Ok("error"), |n| n.word("fail_on", &["error", "never"]))?;
-        let accuracy = map.optional("accuracy");
-        let accuracy = accuracy.map(|n| n.quantity_in("accuracy", Dimension::Length, 1e-9, 1e3));
-        Ok(Box::new(AuditStage {
-            request: Request {
-                samples,
-                seed: map
-                    .optional("seed")
-                    .map_or(Ok(0), |n| n.whole("seed", 0, i64::MAX as u64))?,
-                accuracy: accuracy.transpose()?,
-            },
-            fails: fail_on == "error",
-        }))
+        let parameters = AuditParameters::read_with(stage, &["kind", "needs"])?;
+        Ok(Box::new(AuditStage { parameters }))
     }
 }
 
-fn read_samples(node: &Node) -> Result<Option<u64>, InputError> {
-    match node.value() {
-        NodeValue::Text(text) if text == "all" => Ok(None),
-        NodeValue::Number(_) => node.whole("samples", 0, MAX_SAMPLES).map(Some),
-        _ => Err(node
-            .error(format!("`samples` cannot be {}", node.found()))
-            .help("allowed: a whole number, or all")),
+parameters! {
+    /// Audits a dataset: values, symmetries, leaks between splits, and its labels by simulation.
+    struct AuditParameters as "an audit stage" {
+        /// Random rows that are simulated on a finer mesh, or all.
+        samples: Count = Count::Some(SAMPLES),
+        /// Names the random numbers.
+        seed: Seed = 0,
+        /// The error that labels may have, where it is not known.
+        accuracy: Option<Length> [1e-9..=1e3],
+        /// Whether findings that are errors stop what needs this stage.
+        fail_on: FailOn = FailOn::Error,
+    }
+}
+
+words! {
+    /// What stops the stages that need an audit.
+    enum FailOn {
+        /// Findings that are errors.
+        Error = "error",
+        /// Nothing.
+        Never = "never",
+    }
+}
+
+/// A number of rows, or all.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Count {
+    Some(u64),
+    All,
+}
+
+impl Parameter for Count {
+    type Limits = ();
+    type Literal = Self;
+
+    fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
+        match node.value() {
+            NodeValue::Text(text) if text == "all" => Ok(Self::All),
+            NodeValue::Number(_) => node.whole(key, 0, MAX_SAMPLES).map(Self::Some),
+            _ => Err(node
+                .error(format!("`{key}` cannot be {}", node.found()))
+                .help("allowed: a whole number, or all")),
+        }
+    }
+
+    fn canonical(&self) -> Option<Canonical> {
+        Some(match self {
+            Self::Some(count) => Canonical::from(*count),
+            Self::All => Canonical::from("all"),
+        })
+    }
+
+    fn schema((): &()) -> Schema {
+        Schema::any_of([Schema::whole(0, MAX_SAMPLES), Schema::word(&["all"])])
+    }
+
+    fn literal(literal: Self) -> Self {
+        literal
     }
 }
 
@@ -150,19 +163,29 @@ pub struct Request {
 }
 
 struct AuditStage {
-    request: Request,
-    fails: bool,
+    parameters: AuditParameters,
+}
+
+impl AuditParameters {
+    fn request(&self) -> Request {
+        Request {
+            samples: match self.samples {
+                Count::Some(count) => Some(count),
+                Count::All => None,
+            },
+            seed: self.seed.0,
+            accuracy: self.accuracy.as_deref().copied(),
+        }
+    }
 }
 
 impl Stage for AuditStage {
     /// Whether the pipeline goes on is no part of what is found.
     fn parameters(&self) -> Canonical {
-        let accuracy = self.request.accuracy.as_ref();
-        Canonical::map([
-            ("samples", self.request.samples.map_or("all".into(), Canonical::from)),
-            ("seed", self.request.seed.into()),
-            ("accuracy", accuracy.map_or(Canonical::Null, Canonical::from)),
-        ])
+        let mut entries = Vec::new();
+        self.parameters.entries(&mut entries);
+        entries.retain(|(key, _)| *key != "fail_on");
+        Canonical::map(entries)
     }
 
     fn plan(&self, _inputs: &[Input]) -> Plan {
@@ -181,14 +204,14 @@ impl Stage for AuditStage {
         // Solved samples are drawn with repeats, which balancing leaves out.
         let is_raw = source.level.is_none();
         let start = Instant::now();
-        let report = carry_out(&source, &scene, &self.request, is_raw, job.progress).map_err(StageError::Failed)?;
+        let report = carry_out(&source, &scene, &self.parameters.request(), is_raw, job.progress).map_err(StageError::Failed)?;
         job.measure("audit", start.elapsed().as_secs_f64());
         let audit = content::content(report, scene).map_err(|e| StageError::Failed(e.to_string()))?;
         Ok(audit.object())
     }
 
     fn blocks(&self, open: &dyn Fn() -> Result<Artifact, StoreError>) -> Result<Option<String>, StageError> {
-        if !self.fails {
+        if self.parameters.fail_on == FailOn::Never {
             return Ok(None);
         }
         let artifact = open()?;

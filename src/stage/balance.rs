@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::base::{Canonical, Dimension, Fields, InputError, Node, Quantity, Schema};
+use crate::base::{Canonical, Declared, Fields, InputError, Length, Node, Seed, parameters};
 use crate::content::{self, BalanceCounts, Histograms, Packed, Solutions, files};
 use crate::dataset::{BalanceOptions, Balanced, Bins, Candidate, Row, SymmetryGroup, balance};
 use crate::field::{CORNERS, Field};
@@ -32,64 +32,48 @@ impl Kind for BalanceKind {
     }
 
     fn schema(&self) -> Vec<Fields> {
-        let range = Schema::list(Schema::quantity(Dimension::Length, 0.0, 1e4), 2, 2);
-        let symmetry =
-            Schema::word(&["d4", "none"]).says("Images that fill scarce bins: by the square's symmetry, or none.");
-        let fields = Fields::new("Turns solved samples into a flat, augmented and split training set.")
-            .required(
-                "bins",
-                Schema::whole(1, 100_000).says("Bins of the histogram of the largest displacement."),
-            )
-            .required(
-                "range",
-                range.says("Both ends of the histogram, such as [0 mm, 2.5 mm]."),
-            )
-            .required("target", Schema::whole(1, 100_000_000).says("Rows that are wanted."))
-            .optional("symmetry", symmetry.default("d4"))
-            .required("seed", super::seed());
-        vec![fields]
+        vec![BalanceParameters::fields()]
     }
 
     fn read(&self, stage: &Node, _scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
-        let what = "a balance stage";
-        let map = stage.fields(what, &["kind", "needs", "bins", "range", "target", "symmetry", "seed"])?;
-        let bins_node = map.required(what, "bins")?;
-        let range_node = map.required(what, "range")?;
-        let [low, high] = range_node.list("range")? else {
-            return Err(range_node
-                .error("`range` must have two ends")
-                .help("for example [0 mm, 2.5 mm]"));
-        };
-        let length = |node: &Node| node.quantity_in("range", Dimension::Length, 0.0, 1e4);
-        let range = [length(low)?, length(high)?];
-        let bins = bins_node.whole("bins", 1, 100_000)?;
-        let bins = Bins::new(range[0].value(), range[1].value(), bins as usize)
-            .map_err(|e| range_node.error(e.to_string()))?;
-        let symmetry = map
-            .optional("symmetry")
-            .map_or(Ok("d4"), |n| n.word("symmetry", &["d4", "none"]))?;
-        let options = BalanceOptions {
-            bins,
-            target: map.required(what, "target")?.whole("target", 1, 100_000_000)?,
-            symmetry: if symmetry == "d4" {
-                SymmetryGroup::D4
-            } else {
-                SymmetryGroup::None
-            },
-            seed: map.required(what, "seed")?.whole("seed", 0, i64::MAX as u64)?,
-        };
-        Ok(Box::new(BalanceStage {
-            options,
-            range,
-            symmetry,
-        }))
+        let parameters = BalanceParameters::read_with(stage, &["kind", "needs"])?;
+        let [low, high] = parameters.range.map(|end| end.value());
+        let bins = Bins::new(low, high, parameters.bins);
+        let bins = bins.map_err(|e| stage.peek("range").unwrap_or(stage).error(e.to_string()))?;
+        Ok(Box::new(BalanceStage { parameters, bins }))
+    }
+}
+
+parameters! {
+    /// Turns solved samples into a flat, augmented and split training set.
+    struct BalanceParameters as "a balance stage" {
+        /// Bins of the histogram of the largest displacement.
+        bins: usize [1..=100_000],
+        /// Both ends of the histogram, such as [0 mm, 2.5 mm].
+        range: [Length; 2] [0.0..=1e4],
+        /// Rows that are wanted.
+        target: u64 [1..=100_000_000],
+        /// Images that fill scarce bins: by the square's symmetry, or none.
+        symmetry: SymmetryGroup = SymmetryGroup::D4,
+        /// Names the random numbers.
+        seed: Seed,
     }
 }
 
 struct BalanceStage {
-    options: BalanceOptions,
-    range: [Quantity; 2],
-    symmetry: &'static str,
+    parameters: BalanceParameters,
+    bins: Bins,
+}
+
+impl BalanceStage {
+    fn options(&self) -> BalanceOptions {
+        BalanceOptions {
+            bins: self.bins,
+            target: self.parameters.target,
+            symmetry: self.parameters.symmetry,
+            seed: self.parameters.seed.0,
+        }
+    }
 }
 
 /// The samples with a field of all inputs, end to end, without the fields.
@@ -103,13 +87,7 @@ struct Solved {
 
 impl Stage for BalanceStage {
     fn parameters(&self) -> Canonical {
-        Canonical::map([
-            ("bins", Canonical::from(self.options.bins.count())),
-            ("range", self.range.iter().collect()),
-            ("target", self.options.target.into()),
-            ("symmetry", self.symmetry.into()),
-            ("seed", self.options.seed.into()),
-        ])
+        self.parameters.to_canonical()
     }
 
     fn plan(&self, _inputs: &[Input]) -> Plan {
@@ -141,7 +119,7 @@ impl Stage for BalanceStage {
                 max_displacement: Some(peak),
             })
             .collect();
-        let balanced = balance(&candidates, &self.options).map_err(|e| StageError::Failed(e.to_string()))?;
+        let balanced = balance(&candidates, &self.options()).map_err(|e| StageError::Failed(e.to_string()))?;
         if balanced.rows.is_empty() {
             return Err(StageError::Input(format!(
                 "none of {} solved samples lies within the range of the histogram",

@@ -5,7 +5,7 @@ mod content;
 use std::collections::BTreeSet;
 
 use super::{labelled, model};
-use crate::base::{Canonical, Fields, InputError, Node};
+use crate::base::{Canonical, Declared, Fields, InputError, Node, Seed, parameters};
 use content::Origin;
 
 use crate::content::{ALL_FAMILIES, Training};
@@ -38,26 +38,25 @@ impl Kind for CalibrateKind {
     }
 
     fn schema(&self) -> Vec<Fields> {
-        let fields = Fields::new("Makes prediction intervals for a model from labelled patterns that it never saw.");
-        vec![fields.required("seed", super::seed())]
+        vec![CalibrateStage::fields()]
     }
 
     fn read(&self, stage: &Node, _scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
-        let what = "a calibrate stage";
-        let map = stage.fields(what, &["kind", "needs", "seed"])?;
-        Ok(Box::new(CalibrateStage {
-            seed: map.required(what, "seed")?.whole("seed", 0, i64::MAX as u64)?,
-        }))
+        Ok(Box::new(CalibrateStage::read_with(stage, &["kind", "needs"])?))
     }
 }
 
-struct CalibrateStage {
-    seed: u64,
+parameters! {
+    /// Makes prediction intervals for a model from labelled patterns that it never saw.
+    struct CalibrateStage as "a calibrate stage" {
+        /// Names the random numbers.
+        seed: Seed,
+    }
 }
 
 impl Stage for CalibrateStage {
     fn parameters(&self) -> Canonical {
-        Canonical::map([("seed", self.seed.into())])
+        self.to_canonical()
     }
 
     fn plan(&self, inputs: &[Input]) -> Plan {
@@ -87,7 +86,7 @@ impl Stage for CalibrateStage {
             }
             job.progress.advance(1);
         }
-        let calibration = Calibration::fit(observed, self.seed).map_err(|e| refused(&e, &trained))?;
+        let calibration = Calibration::fit(observed, self.seed.0).map_err(|e| refused(&e, &trained))?;
         let origin = Origin {
             families: &families,
             trained: &trained,

@@ -11,7 +11,7 @@ mod covered;
 use rayon::prelude::*;
 
 use super::{calibrate, labelled};
-use crate::base::{Canonical, Fields, InputError, Node, Schema};
+use crate::base::{Canonical, Declared, Fields, InputError, Node, Parameter, Schema, parameters};
 use crate::fem::Method;
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::scene::Scene;
@@ -42,21 +42,33 @@ impl Kind for EvaluateKind {
     }
 
     fn schema(&self) -> Vec<Fields> {
-        let words = Schema::any_of([
-            Schema::word(&["linear"]),
-            Schema::matching("^chord:\\+?0*([1-9]|[1-4][0-9]|50)$"),
-        ]);
-        let estimates = Schema::list(words, 0, usize::MAX).distinct();
-        let says = "Estimates that stand beside the models: linear, or chord:N with N from 1 to 50.";
-        let fields = Fields::new("Measures models, and estimates, on labelled patterns that they never saw.");
-        vec![fields.optional("estimates", estimates.says(says))]
+        vec![EvaluateStage::fields()]
     }
 
     fn read(&self, stage: &Node, _scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
-        let map = stage.fields("an evaluate stage", &["kind", "needs", "estimates"])?;
+        Ok(Box::new(EvaluateStage::read_with(stage, &["kind", "needs"])?))
+    }
+}
+
+parameters! {
+    /// Measures models, and estimates, on labelled patterns that they never saw.
+    struct EvaluateStage as "an evaluate stage" {
+        /// Estimates that stand beside the models: linear, or chord:N with N from 1 to 50.
+        estimates: Estimates = Vec::new(),
+    }
+}
+
+/// Methods that look for no equilibrium, each once.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Estimates(Vec<Method>);
+
+impl Parameter for Estimates {
+    type Limits = ();
+    type Literal = Vec<Method>;
+
+    fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
         let mut estimates = Vec::new();
-        let nodes = map.optional("estimates").map(|node| node.list("estimates"));
-        for node in nodes.transpose()?.unwrap_or_default() {
+        for node in node.list(key)? {
             let method = Method::read(node)?;
             if method == Method::Newton {
                 return Err(node
@@ -64,16 +76,28 @@ impl Kind for EvaluateKind {
                     .help("allowed: linear, chord:N with N from 1 to 50"));
             }
             if estimates.contains(&method) {
-                return Err(node.error(format!("`estimates` names {method} twice")));
+                return Err(node.error(format!("`{key}` names {method} twice")));
             }
             estimates.push(method);
         }
-        Ok(Box::new(EvaluateStage { estimates }))
+        Ok(Self(estimates))
     }
-}
 
-struct EvaluateStage {
-    estimates: Vec<Method>,
+    fn canonical(&self) -> Option<Canonical> {
+        Some(self.0.iter().map(|method| Canonical::from(method.to_string().as_str())).collect())
+    }
+
+    fn schema((): &()) -> Schema {
+        let methods = Schema::any_of([
+            Schema::word(&["linear"]),
+            Schema::matching("^chord:\\+?0*([1-9]|[1-4][0-9]|50)$"),
+        ]);
+        Schema::list(methods, 0, usize::MAX).distinct()
+    }
+
+    fn literal(literal: Vec<Method>) -> Self {
+        Self(literal)
+    }
 }
 
 /// One labelled pattern and what was said of it.
@@ -88,11 +112,7 @@ struct Row {
 
 impl Stage for EvaluateStage {
     fn parameters(&self) -> Canonical {
-        let estimates = self
-            .estimates
-            .iter()
-            .map(|method| Canonical::from(method.to_string().as_str()));
-        Canonical::map([("estimates", estimates.collect::<Canonical>())])
+        self.to_canonical()
     }
 
     fn plan(&self, inputs: &[Input]) -> Plan {
@@ -141,7 +161,7 @@ impl EvaluateStage {
                 found.push(model);
             }
         }
-        for &method in &self.estimates {
+        for &method in &self.estimates.0 {
             found.push(Contestant::estimate(method, scene)?);
         }
         Ok(found)

@@ -2,34 +2,16 @@
 
 use super::networks::NetworkKind;
 use super::outcome::TrainError;
+use crate::base::words;
 use crate::dataset::SymmetryGroup;
 
-/// How weights follow gradients.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum OptimizerKind {
-    /// All weights by AdamW.
-    AdamW,
-    /// The kernels of convolutions by Muon, everything else by AdamW.
-    Muon,
-}
-
-impl OptimizerKind {
-    /// All optimisers.
-    pub const ALL: [Self; 2] = [Self::AdamW, Self::Muon];
-
-    /// The word that stands in pipelines.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::AdamW => "adamw",
-            Self::Muon => "muon",
-        }
-    }
-
-    /// The optimiser that a word names.
-    #[must_use]
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|kind| kind.name() == name)
+words! {
+    /// How weights follow gradients.
+    pub enum OptimizerKind {
+        /// All weights by AdamW.
+        AdamW = "adamw",
+        /// The kernels of convolutions by Muon, everything else by AdamW.
+        Muon = "muon",
     }
 }
 

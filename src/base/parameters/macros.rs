@@ -52,7 +52,7 @@ macro_rules! parameters {
             }
 
             #[allow(unused_variables)]
-            fn read_map(map: &$crate::base::Map<'_>) -> Result<Self, $crate::base::InputError> {
+            fn read_map(map: &$crate::base::Map<'_>) -> ::std::result::Result<Self, $crate::base::InputError> {
                 let read = Self {
                     $($field: map.read::<$type>(
                         $what,
@@ -79,11 +79,11 @@ macro_rules! parameters {
             type Limits = ();
             type Literal = Self;
 
-            fn read(node: &$crate::base::Node, _key: &str, (): &()) -> Result<Self, $crate::base::InputError> {
+            fn read(node: &$crate::base::Node, _key: &str, (): &()) -> ::std::result::Result<Self, $crate::base::InputError> {
                 <Self as $crate::base::Declared>::read_with(node, &[])
             }
 
-            fn canonical(&self) -> Option<$crate::base::Canonical> {
+            fn canonical(&self) -> ::std::option::Option<$crate::base::Canonical> {
                 Some($crate::base::Declared::to_canonical(self))
             }
 
@@ -133,7 +133,7 @@ macro_rules! variants {
             ///
             /// # Errors
             /// When the word is none of these, or as the variant.
-            pub fn read_with(node: &$crate::base::Node, others: &[&str]) -> Result<Self, $crate::base::InputError> {
+            pub fn read_with(node: &$crate::base::Node, others: &[&str]) -> ::std::result::Result<Self, $crate::base::InputError> {
                 // First the keys of all variants, so that a misspelt tag is told from a missing one; then those of the variant.
                 let mut keys = vec![$tag];
                 $(keys.extend(<$type as $crate::base::Declared>::keys());)+
@@ -168,11 +168,11 @@ macro_rules! variants {
             type Limits = ();
             type Literal = Self;
 
-            fn read(node: &$crate::base::Node, _key: &str, (): &()) -> Result<Self, $crate::base::InputError> {
+            fn read(node: &$crate::base::Node, _key: &str, (): &()) -> ::std::result::Result<Self, $crate::base::InputError> {
                 Self::read_with(node, &[])
             }
 
-            fn canonical(&self) -> Option<$crate::base::Canonical> {
+            fn canonical(&self) -> ::std::option::Option<$crate::base::Canonical> {
                 let mut entries = vec![($tag, $crate::base::Canonical::from(self.word()))];
                 match self {
                     $(Self::$variant(own) => $crate::base::Declared::entries(own, &mut entries),)+
@@ -223,7 +223,7 @@ macro_rules! words {
 
             /// The one that a word stands for.
             #[must_use]
-            pub fn from_name(word: &str) -> Option<Self> {
+            pub fn from_name(word: &str) -> ::std::option::Option<Self> {
                 Self::ALL.into_iter().find(|one| one.name() == word)
             }
         }
@@ -232,12 +232,12 @@ macro_rules! words {
             type Limits = ();
             type Literal = Self;
 
-            fn read(node: &$crate::base::Node, key: &str, (): &()) -> Result<Self, $crate::base::InputError> {
+            fn read(node: &$crate::base::Node, key: &str, (): &()) -> ::std::result::Result<Self, $crate::base::InputError> {
                 let word = node.word(key, Self::WORDS)?;
                 Ok(Self::from_name(word).expect("the word is one of these"))
             }
 
-            fn canonical(&self) -> Option<$crate::base::Canonical> {
+            fn canonical(&self) -> ::std::option::Option<$crate::base::Canonical> {
                 Some(self.name().into())
             }
 

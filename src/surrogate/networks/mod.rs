@@ -9,37 +9,21 @@ use candle_core::{Module, Result, Tensor};
 use candle_nn::VarBuilder;
 
 use super::onnx::Export;
+use crate::base::words;
 
 pub use response::{Constants, ConstantsError};
 
-/// Which network.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum NetworkKind {
-    /// The convolutional network of Qin et al. (Soft Robotics 2024, doi 10.1089/soro.2024.0063).
-    Qin2024,
-    /// The linear response of the membrane, corrected by learned local laws.
-    Physics,
+words! {
+    /// Which network.
+    pub enum NetworkKind {
+        /// The convolutional network of Qin et al. (Soft Robotics 2024, doi 10.1089/soro.2024.0063).
+        Qin2024 = "qin2024",
+        /// The linear response of the membrane, corrected by learned local laws.
+        Physics = "physics",
+    }
 }
 
 impl NetworkKind {
-    /// All networks.
-    pub const ALL: [Self; 2] = [Self::Qin2024, Self::Physics];
-
-    /// The word that stands in pipelines and files.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Qin2024 => "qin2024",
-            Self::Physics => "physics",
-        }
-    }
-
-    /// The network that a word names.
-    #[must_use]
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|kind| kind.name() == name)
-    }
-
     /// Whether it starts from [`Constants`] of the scene.
     #[must_use]
     pub fn has_constants(self) -> bool {
