@@ -16,7 +16,8 @@ use source::Source;
 
 use super::direct::{DirectError, read_scene};
 use crate::base::{
-    Canonical, Declared as _, Fields, InputError, Length, Node, NodeValue, Parameter, Progress, Quantity, Schema, Seed, parameters, words,
+    Canonical, Declared as _, Fields, InputError, Length, Node, NodeValue, Parameter, Progress, Quantity, Schema, Seed,
+    parameters, words,
 };
 use crate::content::Audit;
 use crate::dataset::audit::{Dataset, Declared, Options, Report, Rows, audit};
@@ -204,7 +205,8 @@ impl Stage for AuditStage {
         // Solved samples are drawn with repeats, which balancing leaves out.
         let is_raw = source.level.is_none();
         let start = Instant::now();
-        let report = carry_out(&source, &scene, &self.parameters.request(), is_raw, job.progress).map_err(StageError::Failed)?;
+        let report =
+            carry_out(&source, &scene, &self.parameters.request(), is_raw, job.progress).map_err(StageError::Failed)?;
         job.measure("audit", start.elapsed().as_secs_f64());
         let audit = content::content(report, scene).map_err(|e| StageError::Failed(e.to_string()))?;
         Ok(audit.object())

@@ -84,7 +84,12 @@ impl Parameter for Estimates {
     }
 
     fn canonical(&self) -> Option<Canonical> {
-        Some(self.0.iter().map(|method| Canonical::from(method.to_string().as_str())).collect())
+        Some(
+            self.0
+                .iter()
+                .map(|method| Canonical::from(method.to_string().as_str()))
+                .collect(),
+        )
     }
 
     fn schema((): &()) -> Schema {
