@@ -93,7 +93,7 @@ def content_digest(path):
         datasets, parts = {}, []
 
         def visit(name, item):
-            if isinstance(item, h5py.Dataset) and not name.startswith("provenance"):
+            if isinstance(item, h5py.Dataset) and not name.startswith("provenance") and "CLASS" not in item.attrs:
                 datasets[name] = item
 
         file.visititems(visit)

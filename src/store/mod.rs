@@ -25,6 +25,7 @@ mod provenance;
 mod read;
 mod record;
 mod row_file;
+mod scales;
 mod seal;
 mod stamp;
 mod survey;

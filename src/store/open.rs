@@ -12,7 +12,7 @@ use super::artifact::Artifact;
 use super::atomic;
 use super::error::StoreError;
 use super::layout::{Layout, files, files_in};
-use super::listing;
+use super::listing::{self, Content};
 use super::lock::{self, Guard};
 use super::object::Object;
 use super::provenance::Provenance;
@@ -138,13 +138,15 @@ impl Store {
         if let Some(stored) = self.existing(&digest)? {
             return Ok(stored);
         }
-        let parts = self.chunks_of(object)?;
+        let (parts, shown) = self.chunks_of(object)?;
+        let listing = listing::of_object(object);
+        let contents = if parts.is_empty() { &listing.contents } else { &shown };
         let temporary = self.temporary_file()?;
-        write::write(&temporary, object, &parts, provenance).map_err(StoreError::hdf5("write", &temporary))?;
+        write::write(&temporary, object, &parts, contents, provenance)
+            .map_err(StoreError::hdf5("write", &temporary))?;
         let seal = Seal::write(&temporary, digest)?;
         let stored = self.publish(&temporary, seal)?;
-        self.verified
-            .describe(&digest, listing::of_object(object), object.parts.clone());
+        self.verified.describe(&digest, listing, object.parts.clone());
         Ok(stored)
     }
 
@@ -208,8 +210,9 @@ impl Store {
         Ok(Some(aside))
     }
 
-    /// The chunks of a manifest, which need not be opened where it is known what stands in them.
-    fn chunks_of(&self, object: &Object) -> Result<Vec<Part>, StoreError> {
+    /// The chunks of a manifest, which need not be opened where it is known what stands in them, and their datasets laid end to
+    /// end.
+    fn chunks_of(&self, object: &Object) -> Result<(Vec<Part>, Vec<Content>), StoreError> {
         let mut parts = Vec::with_capacity(object.parts.len());
         for digest in &object.parts {
             let outline = self.verified.outline(&self.layout.object(digest), digest)?;
@@ -224,8 +227,8 @@ impl Store {
                 listing: outline.listing,
             });
         }
-        listing::concatenate(parts.iter().map(|part| (part.digest, part.listing.contents.as_slice())))?;
-        Ok(parts)
+        let shown = listing::concatenate(parts.iter().map(|part| (part.digest, part.listing.contents.as_slice())))?;
+        Ok((parts, shown))
     }
 
     /// Folders of records whose names a crash of the machine may lose.

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use super::atomic;
 use super::error::StoreError;
+use super::listing;
 use super::object::Object;
 use super::provenance::Provenance;
 use super::write;
@@ -14,7 +15,8 @@ use super::write;
 /// # Errors
 /// When the folder does not exist or cannot be written in, or the library refuses (disk full).
 pub fn write_file(path: &Path, object: &Object, provenance: &Provenance) -> Result<(), StoreError> {
-    place(path, |file| write::write(file, object, &[], provenance))
+    let contents = listing::of_object(object).contents;
+    place(path, |file| write::write(file, object, &[], &contents, provenance))
 }
 
 /// Lets `write` make a file aside and moves it to `path`.

@@ -12,6 +12,7 @@ use hdf5::{File, Group, LinkType};
 use super::error::StoreError;
 use super::listing::{Content, ElementType, Listing};
 use super::object::{Data, Dataset, KIND, TEXT_WIDTH};
+use super::scales;
 use super::write::{AXES, TextCell};
 use crate::base::ArtifactId;
 
@@ -143,9 +144,10 @@ fn check_group(group: &Group, length: u64, depth: u32, manifest: bool) -> hdf5::
     Ok(None)
 }
 
-/// The virtual datasets of a manifest are never read here.
+/// The virtual datasets of a manifest are never read here, nor are the scales of axes.
 fn check_elements(dataset: &hdf5::Dataset, name: &str, length: u64, manifest: bool) -> hdf5::Result<Option<String>> {
-    if manifest && name != "parts" && dataset.layout() == Layout::Virtual {
+    let is_shown = manifest && name != "parts" && dataset.layout() == Layout::Virtual;
+    if is_shown || scales::is_scale(&dataset.attr_names()?) {
         return Ok(None);
     }
     let size = dataset.dtype()?.size() as u64;
@@ -167,6 +169,7 @@ fn list(group: &Group, prefix: &str, contents: &mut Vec<Content>) -> hdf5::Resul
             continue;
         }
         match group.dataset(&name) {
+            Ok(dataset) if scales::is_scale(&dataset.attr_names()?) => {}
             Ok(dataset) => contents.push(describe(&dataset, path)?),
             Err(_) => list(&group.group(&name)?, &format!("{path}/"), contents)?,
         }

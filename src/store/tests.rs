@@ -558,3 +558,34 @@ fn what_lies_among_pins_and_lock_files_and_is_none_is_moved_aside() {
     store.repair(&|_, _| ()).unwrap();
     assert_eq!(store.pins().unwrap().len(), 1);
 }
+
+#[test]
+fn axes_have_scales_that_are_no_datasets_of_the_artifact() {
+    let (_folder, store) = store();
+    let chunks = [chunk(0, 2), chunk(4, 1)];
+    let parts = chunks.iter().map(|c| put(&store, c)).collect();
+    let manifest = put(&store, &Object::manifest(Default::default(), parts));
+    for (digest, length) in [(put(&store, &chunks[0]), 2), (manifest, 3)] {
+        let file = hdf5::File::open(object_path(&store, &digest)).unwrap();
+        assert_eq!(file.dataset("sample").unwrap().shape(), [length]);
+        assert_eq!(file.dataset("x").unwrap().shape(), [2]);
+        let list = file.dataset("patterns").unwrap().attr("DIMENSION_LIST").unwrap();
+        assert_eq!(list.shape(), [2]);
+        let artifact = store.artifact(&digest).unwrap();
+        let contents = artifact.contents().unwrap();
+        assert!(
+            contents
+                .iter()
+                .all(|content| !["sample", "x"].contains(&content.path.as_str()))
+        );
+        assert_eq!(artifact.read("patterns").unwrap().axes, ["sample", "x"]);
+    }
+    assert!(store.fsck(&|_, _| ()).unwrap().is_sound());
+    // Its chunks are elsewhere: what it shows must not look like data.
+    let alone = store.root().join("alone.h5");
+    fs::copy(object_path(&store, &manifest), &alone).unwrap();
+    let file = hdf5::File::open(&alone).unwrap();
+    let reals = file.dataset("deep/er/field").unwrap().read_raw::<f64>().unwrap();
+    assert!(reals.len() == 6 && reals.iter().all(|x| x.is_nan()));
+    assert_eq!(file.dataset("patterns").unwrap().read_raw::<u8>().unwrap(), [255; 6]);
+}

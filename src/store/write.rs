@@ -12,6 +12,7 @@ use hdf5::{Extents, Group, H5Type, Hyperslab, SliceOrIndex};
 use super::listing::{Content, ElementType, Listing};
 use super::object::{Data, Dataset, KIND, Object, TEXT_WIDTH};
 use super::provenance::Provenance;
+use super::scales;
 use super::seal::BLOCK;
 use crate::base::ArtifactId;
 
@@ -29,11 +30,18 @@ pub struct Part {
     pub listing: Arc<Listing>,
 }
 
-/// Writes an object with an empty user block. `parts` are the chunks of a manifest.
+/// Writes an object with an empty user block. `parts` are the chunks of a manifest, and `contents` is what it shows: its own
+/// datasets, or those of its chunks laid end to end.
 ///
 /// # Errors
 /// When the library refuses, for instance because the disk is full.
-pub fn write(path: &Path, object: &Object, parts: &[Part], provenance: &Provenance) -> hdf5::Result<()> {
+pub fn write(
+    path: &Path,
+    object: &Object,
+    parts: &[Part],
+    contents: &[Content],
+    provenance: &Provenance,
+) -> hdf5::Result<()> {
     let file = hdf5::FileBuilder::new()
         .with_fcpl(|plist| plist.userblock(BLOCK as u64))
         .create(path)?;
@@ -51,10 +59,11 @@ pub fn write(path: &Path, object: &Object, parts: &[Part], provenance: &Provenan
     }
     if !object.parts.is_empty() {
         open.push(write_dataset(&file, "parts", &digests(&object.parts))?);
-        for content in parts.first().map_or(&[][..], |part| part.listing.contents.as_slice()) {
+        for content in contents {
             write_virtual(&file, content, parts)?;
         }
     }
+    scales::attach(&file, path.parent().unwrap_or(Path::new(".")), contents)?;
     let group = file.create_group("provenance")?;
     for (name, value) in provenance.entries() {
         attribute(&group, name, &value)?;
@@ -129,45 +138,49 @@ fn write_elements<T: H5Type>(
     Ok(written)
 }
 
+/// A manifest that was copied without its chunks must not read as zeros, which look like data: its arrays show what no array
+/// holds.
 fn write_virtual(group: &Group, content: &Content, parts: &[Part]) -> hdf5::Result<()> {
     match content.kind {
-        ElementType::U8 => write_virtual_of::<u8>(group, content, parts),
-        ElementType::U32 => write_virtual_of::<u32>(group, content, parts),
-        ElementType::U64 => write_virtual_of::<u64>(group, content, parts),
-        ElementType::F32 => write_virtual_of::<f32>(group, content, parts),
-        ElementType::F64 => write_virtual_of::<f64>(group, content, parts),
-        ElementType::Text => write_virtual_of::<TextCell>(group, content, parts),
+        ElementType::U8 => write_virtual_of(group, content, parts, u8::MAX),
+        ElementType::U32 => write_virtual_of(group, content, parts, u32::MAX),
+        ElementType::U64 => write_virtual_of(group, content, parts, u64::MAX),
+        ElementType::F32 => write_virtual_of(group, content, parts, f32::NAN),
+        ElementType::F64 => write_virtual_of(group, content, parts, f64::NAN),
+        ElementType::Text => {
+            let lost: Result<TextCell, _> = "(the chunk is missing)".parse();
+            let lost = lost.map_err(|_| hdf5::Error::from("the text is too long"))?;
+            write_virtual_of(group, content, parts, lost)
+        }
     }
 }
 
-fn write_virtual_of<T: H5Type>(group: &Group, first: &Content, parts: &[Part]) -> hdf5::Result<()> {
+fn write_virtual_of<T: H5Type>(group: &Group, whole: &Content, parts: &[Part], lost: T) -> hdf5::Result<()> {
     let slabs: Vec<(&ArtifactId, &[usize])> = parts
         .iter()
         .flat_map(|part| {
-            let same = part.listing.contents.iter().find(|content| content.path == first.path);
+            let same = part.listing.contents.iter().find(|content| content.path == whole.path);
             same.map(|content| (&part.digest, content.shape.as_slice()))
         })
         .collect();
-    let mut whole = first.shape.clone();
-    whole[0] = slabs.iter().map(|(_, shape)| shape[0]).sum();
-    let mut builder = group.new_dataset::<T>().shape(whole.clone());
+    let mut builder = group.new_dataset::<T>().shape(whole.shape.clone()).fill_value(lost);
     let mut start = 0;
     for (digest, shape) in slabs {
         // An empty selection is refused by the library, and shows nothing anyway.
         if shape.iter().product::<usize>() > 0 {
             builder = builder.virtual_map(
                 source(digest),
-                &first.path,
+                &whole.path,
                 Extents::from(shape.to_vec()),
                 slab(0, shape),
-                Extents::from(whole.clone()),
+                Extents::from(whole.shape.clone()),
                 slab(start, shape),
             );
         }
         start += shape[0];
     }
-    let written = builder.create(first.path.as_str())?;
-    describe(&written, &first.units, &first.description, &first.axes)
+    let written = builder.create(whole.path.as_str())?;
+    describe(&written, &whole.units, &whole.description, &whole.axes)
 }
 
 /// The chunk's file, seen from the folder of any other artifact.

@@ -1,0 +1,140 @@
+//! Names of axes as other programs read them: HDF5 dimension scales (HDF Group, *HDF5 Dimension Scale Specification and Design
+//! Notes*), named as netCDF-4 names dimensions without coordinates, so that xarray opens `displacement (sample, corner_y, …)`.
+//!
+//! A scale is a dataset without elements beside the arrays. It is wording: it stands in no digest, and this program reads the
+//! names back from the labels of the axes.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::OnceLock;
+
+use hdf5::types::{FixedAscii, VarLenArray};
+use hdf5::{Extent, File, ObjectReference1, SimpleExtents};
+
+use super::listing::Content;
+
+/// The attribute that makes a dataset a scale.
+const CLASS: &str = "CLASS";
+
+/// What it says there. Readers ask for 16 bytes that end with a zero.
+const SCALE: &str = "DIMENSION_SCALE";
+
+/// The attribute of an array that holds references to the scales of its axes.
+const LIST: &str = "DIMENSION_LIST";
+
+/// The longest axis.
+const LONGEST: usize = 1 << 62;
+
+/// A datatype message for text of 16 ASCII bytes, filled with zeros (HDF5 File Format Specification 3.0, §IV.A.2.d): class and
+/// version, how the text is filled, and the length.
+const FILLED: [u8; 8] = [0x13, 1, 0, 0, 16, 0, 0, 0];
+
+/// The same for text that ends with a zero.
+const ENDED: [u8; 8] = [0x13, 0, 0, 0, 16, 0, 0, 0];
+
+/// Whether a dataset is a scale: its attributes by name.
+pub fn is_scale(attributes: &[String]) -> bool {
+    attributes.iter().any(|name| name == CLASS)
+}
+
+/// Gives each named axis of the arrays in a file a scale. Without a library that can make scales they have labels only.
+///
+/// # Errors
+/// When the library refuses.
+pub fn attach(file: &File, folder: &Path, arrays: &[Content]) -> hdf5::Result<()> {
+    let Some(template) = template(folder) else {
+        return Ok(());
+    };
+    let mut names = BTreeMap::new();
+    for (axis, length) in lengths(arrays) {
+        // An array of this name may stand there.
+        let name = if file.link_exists(axis) {
+            format!("{axis}_axis")
+        } else {
+            axis.to_owned()
+        };
+        template.dataset(SCALE)?.copy_to(file, &name)?;
+        let scale = file.dataset(&name)?;
+        scale.resize(length)?;
+        let described = format!("This is a netCDF dimension but not a netCDF variable.{length:10}");
+        let described = FixedAscii::<64>::from_ascii(&described).map_err(|e| hdf5::Error::from(e.to_string()))?;
+        scale
+            .new_attr::<FixedAscii<64>>()
+            .create("NAME")?
+            .write_scalar(&described)?;
+        names.insert(axis, name);
+    }
+    for array in arrays.iter().filter(|array| !array.axes.is_empty()) {
+        let known: Option<Vec<&String>> = array.axes.iter().map(|axis| names.get(axis.as_str())).collect();
+        let Some(known) = known else { continue };
+        let refer = |name: &String| Ok(VarLenArray::from_slice(&[file.reference::<ObjectReference1>(name)?]));
+        let list: Vec<VarLenArray<ObjectReference1>> = known.into_iter().map(refer).collect::<hdf5::Result<_>>()?;
+        let attribute = file.dataset(&array.path)?.new_attr::<VarLenArray<ObjectReference1>>();
+        attribute.shape(list.len()).create(LIST)?.write_raw(&list)?;
+    }
+    Ok(())
+}
+
+/// The length of each axis that has one length in all arrays.
+fn lengths(arrays: &[Content]) -> BTreeMap<&str, usize> {
+    let mut found: BTreeMap<&str, Option<usize>> = BTreeMap::new();
+    for array in arrays.iter().filter(|array| array.axes.len() == array.shape.len()) {
+        for (axis, &length) in array.axes.iter().zip(&array.shape) {
+            let known = found.entry(axis).or_insert(Some(length));
+            *known = known.filter(|known| *known == length);
+        }
+    }
+    found
+        .into_iter()
+        .filter_map(|(axis, length)| Some((axis, length?)))
+        .collect()
+}
+
+/// An open file with one scale to copy, made once for each process in a folder where files can be made.
+fn template(folder: &Path) -> Option<&'static File> {
+    static TEMPLATE: OnceLock<File> = OnceLock::new();
+    if let Some(template) = TEMPLATE.get() {
+        return Some(template);
+    }
+    let made = make_template(folder)?;
+    Some(TEMPLATE.get_or_init(|| made))
+}
+
+/// The bindings write text of fixed length only filled with zeros, and readers take a scale for one only where the text ends with a
+/// zero: its type is corrected in the file. The early version of the format keeps no checksum of it.
+fn make_template(folder: &Path) -> Option<File> {
+    let temporary = tempfile::NamedTempFile::new_in(folder).ok()?;
+    let mut builder = hdf5::FileBuilder::new();
+    let file = builder
+        .with_fapl(|access| access.libver_earliest())
+        .create(temporary.path())
+        .ok()?;
+    let extents = SimpleExtents::new([Extent::new(0, Some(LONGEST))]);
+    let scale = file
+        .new_dataset::<f32>()
+        .chunk(1024)
+        .shape(extents)
+        .create(SCALE)
+        .ok()?;
+    let text = FixedAscii::<16>::from_ascii(SCALE).ok()?;
+    scale
+        .new_attr::<FixedAscii<16>>()
+        .create(CLASS)
+        .ok()?
+        .write_scalar(&text)
+        .ok()?;
+    drop(scale);
+    file.close().ok()?;
+    let mut bytes = std::fs::read(temporary.path()).ok()?;
+    let places: Vec<usize> = bytes
+        .windows(FILLED.len())
+        .enumerate()
+        .filter(|(_, w)| **w == FILLED)
+        .map(|(at, _)| at)
+        .collect();
+    let [at] = places[..] else { return None };
+    bytes[at..][..ENDED.len()].copy_from_slice(&ENDED);
+    std::fs::write(temporary.path(), bytes).ok()?;
+    // Once it is open its name can go.
+    File::open(temporary.path()).ok()
+}
