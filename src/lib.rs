@@ -17,7 +17,8 @@
 //! store        →
 //!
 //! design       → pattern, field, scene
-//! surrogate    → dataset, pattern, field, fem
+//! accuracy     → scene, sample, pattern, field, fem, surrogate
+//! surrogate    → dataset, scene, pattern, field, fem
 //! dataset      → pattern, field
 //! fem          → scene, pattern, field
 //! sample       → pattern
@@ -32,6 +33,7 @@
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 
+pub mod accuracy;
 pub mod base;
 pub mod cli;
 pub mod content;

@@ -14,12 +14,10 @@ use super::error::CliError;
 use super::output::{Exit, Output};
 use super::progress::Bar;
 use super::{model, solve};
+use crate::accuracy::{AccuracyError, Benchmark, Candidate, Families, Measured, Network, Reference, drawn, given};
 use crate::base::{Document, Quantity};
 use crate::report::figures::{Cost, FamilyCosts, draw_accuracy};
-use crate::stage::accuracy::{
-    Contender, Families, Measured, Network, Reckoned, Reference, content, drawn, given, measurements, named,
-    read_with_models, usual_methods,
-};
+use crate::stage::accuracy::content;
 use crate::stage::direct;
 use crate::store::{Provenance, write_file};
 
@@ -63,28 +61,29 @@ pub struct AccuracyArguments {
 
 pub fn execute(arguments: &AccuracyArguments, output: &Output) -> Result<Exit, CliError> {
     let methods = methods(arguments)?;
-    let methods: Vec<&dyn Contender> = methods.iter().map(AsRef::as_ref).collect();
+    let methods: Vec<&Candidate> = methods.iter().collect();
+    let bad_input = |e: AccuracyError| CliError::bad_input(e.to_string());
+    let failed = |e: AccuracyError| CliError::failure(e.to_string());
     let reference = Document::from_text(Path::new("--reference"), &arguments.reference)?;
     let reference = Reference::read(&reference.root)?;
     // Before the reference is solved, which may take long.
-    reference.check(&methods).map_err(CliError::bad_input)?;
+    reference.check(methods.iter().copied()).map_err(bad_input)?;
     let scene = direct::read_scene(&arguments.scene)?;
     for method in &methods {
-        let refused = |why: String| CliError::bad_input(format!("{{ {} }}: {why}", method.settings()));
-        method.check_scene(&scene).map_err(refused)?;
+        method.check_scene(&scene).map_err(bad_input)?;
     }
     let families = families(arguments)?;
     folder(&arguments.output)?;
     let start = Instant::now();
     let count: usize = families.values().map(Vec::len).sum();
     let bar = Bar::new("reference", "patterns", count as u64);
-    let reckoned = Reckoned::new(scene, reference, families, &bar).map_err(CliError::failure)?;
+    let benchmark = Benchmark::new(scene, reference, families, &bar).map_err(failed)?;
     bar.finish("done");
     let bar = Bar::new("measure", "methods", methods.len() as u64);
-    let measured = reckoned.measure(&methods, &bar).map_err(CliError::failure)?;
+    let measured = benchmark.measure(&methods, &bar).map_err(failed)?;
     bar.finish("done");
-    let files = write(arguments, &reckoned, &measured, start)?;
-    let findings = Findings::new(arguments, &reckoned, &measured);
+    let files = write(arguments, &benchmark, &measured, start)?;
+    let findings = Findings::new(arguments, &benchmark, &measured);
     if output.is_json() {
         output.document(&findings.document(&files))?;
     } else {
@@ -97,7 +96,7 @@ pub fn execute(arguments: &AccuracyArguments, output: &Output) -> Result<Exit, C
     })
 }
 
-fn methods(arguments: &AccuracyArguments) -> Result<Vec<Box<dyn Contender>>, CliError> {
+fn methods(arguments: &AccuracyArguments) -> Result<Vec<Candidate>, CliError> {
     let mut networks = Vec::new();
     for model in &arguments.model {
         let bytes = model::weights(model, &arguments.store.folder())?;
@@ -105,10 +104,10 @@ fn methods(arguments: &AccuracyArguments) -> Result<Vec<Box<dyn Contender>>, Cli
         networks.push(network.map_err(|e| CliError::bad_input(format!("cannot use {model}: {e}")))?);
     }
     let Some(text) = &arguments.methods else {
-        return Ok(usual_methods().into_iter().chain(named(networks)).collect());
+        return Ok(Candidate::usual().into_iter().chain(Network::named(networks)).collect());
     };
     let document = Document::from_text(Path::new("--methods"), text)?;
-    Ok(read_with_models(&document.root, networks)?)
+    Ok(Candidate::read_with_models(&document.root, networks)?)
 }
 
 /// The patterns by family; those that were given are one of their own.
@@ -132,7 +131,7 @@ fn folder(path: &Path) -> Result<(), CliError> {
 
 fn write(
     arguments: &AccuracyArguments,
-    reckoned: &Reckoned,
+    benchmark: &Benchmark,
     measured: &[Measured],
     start: Instant,
 ) -> Result<Vec<PathBuf>, CliError> {
@@ -140,24 +139,24 @@ fn write(
     let (file, rows, figure) = (at("accuracy.h5"), at("accuracy.csv"), at("accuracy.png"));
     let parameters = format!("scene {}, reference {}", arguments.scene.display(), arguments.reference);
     let provenance = Provenance {
-        measurements: measurements(reckoned, measured),
+        measurements: benchmark.measurements(measured),
         ..solve::provenance("accuracy", parameters, start.elapsed().as_secs_f64())
     };
-    write_file(&file, &content(reckoned, measured).object(), &provenance)?;
+    write_file(&file, &content(benchmark, measured).object(), &provenance)?;
     let failed = |e: String| CliError::failure(format!("cannot write {}: {e}", rows.display()));
-    let text = csv(reckoned, measured).map_err(failed)?;
+    let text = csv(benchmark, measured).map_err(failed)?;
     std::fs::write(&rows, text).map_err(|e| failed(e.to_string()))?;
     let mut files = vec![file, rows];
     let moved = measured.iter().any(|method| method.rms() > 0.0);
     // Patterns that do not move have no error to draw.
     if moved {
-        draw_accuracy(&figure, &costs(reckoned, measured)).map_err(|e| CliError::failure(e.to_string()))?;
+        draw_accuracy(&figure, &costs(benchmark, measured)).map_err(|e| CliError::failure(e.to_string()))?;
         files.push(figure);
     }
     Ok(files)
 }
 
-fn costs(reckoned: &Reckoned, measured: &[Measured]) -> Vec<FamilyCosts> {
+fn costs(benchmark: &Benchmark, measured: &[Measured]) -> Vec<FamilyCosts> {
     let cost = |k: usize| {
         move |method: &Measured| Cost {
             settings: method.settings.clone(),
@@ -165,7 +164,7 @@ fn costs(reckoned: &Reckoned, measured: &[Measured]) -> Vec<FamilyCosts> {
             error: method.families[k].rms,
         }
     };
-    let families = reckoned.families.iter().enumerate();
+    let families = benchmark.families.iter().enumerate();
     let panel = |(k, family): (usize, &String)| FamilyCosts {
         family: family.clone(),
         costs: measured.iter().map(cost(k)).collect(),
@@ -174,13 +173,13 @@ fn costs(reckoned: &Reckoned, measured: &[Measured]) -> Vec<FamilyCosts> {
 }
 
 /// One row for each method and family.
-fn csv(reckoned: &Reckoned, measured: &[Measured]) -> Result<Vec<u8>, String> {
+fn csv(benchmark: &Benchmark, measured: &[Measured]) -> Result<Vec<u8>, String> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     let header = "settings,family,patterns,rms_mm,max_mm,bound_mm,seconds_per_pattern,missed,false_alarms";
     writer.write_record(header.split(',')).map_err(|e| e.to_string())?;
     for method in measured {
-        for (k, family) in reckoned.families.iter().enumerate() {
-            let (error, [patterns, _]) = (&method.families[k], reckoned.counts(k));
+        for (k, family) in benchmark.families.iter().enumerate() {
+            let (error, [patterns, _]) = (&method.families[k], benchmark.counts(k));
             let numbers = [error.rms, error.max, error.bound, method.seconds[k]].map(|x| format!("{x:e}"));
             let counts = [error.missed, error.false_alarms].map(|n| n.to_string());
             let row = [method.settings.clone(), family.clone(), patterns.to_string()];

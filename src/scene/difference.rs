@@ -17,6 +17,15 @@ pub struct Difference {
     pub second: String,
 }
 
+impl Difference {
+    /// Several of them on one line.
+    #[must_use]
+    pub fn listed(differences: &[Self]) -> String {
+        let list: Vec<String> = differences.iter().map(ToString::to_string).collect();
+        list.join("; ")
+    }
+}
+
 impl fmt::Display for Difference {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} is {} there and {} here", self.key, self.first, self.second)

@@ -4,31 +4,19 @@
 //! the list of methods changes. Errors are content. Times differ from run to run, so they are measurements, which stand in
 //! the provenance.
 
-mod bound;
-mod clock;
-mod compare;
-mod contender;
 mod content;
-mod elements;
-mod families;
-mod reference;
-mod surrogate;
 
 use std::collections::BTreeSet;
 
 use super::model;
+use crate::accuracy::{AccuracyError, Benchmark, Candidate, Network, Reference};
 use crate::base::{Canonical, Fields, InputError, Node};
 use crate::content::Solutions;
 use crate::field::Field;
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::store::{Artifact, Object};
 
-pub use compare::{FamilyError, Measured, PatternError, Reckoned};
-pub use contender::{Contender, read_with_models, usual as usual_methods};
-pub use content::{content, measurement, measurements};
-pub use families::{Families, drawn, given};
-pub use reference::Reference;
-pub use surrogate::{Network, named};
+pub use content::content;
 
 /// The reference, and models to be measured.
 const MOST_NEEDS: usize = 20;
@@ -55,32 +43,32 @@ impl Kind for AccuracyKind {
 
     fn schema(&self) -> Vec<Fields> {
         let fields = Fields::new("Says what accuracy costs: the error of methods against a reference, and their time.");
-        vec![fields.optional("methods", contender::schema())]
+        vec![fields.optional("methods", Candidate::schema())]
     }
 
     fn read(&self, stage: &Node, _scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
         let map = stage.fields("an accuracy stage", &["kind", "needs", "methods"])?;
-        let contenders = map.optional("methods").map(contender::read).transpose()?;
+        let candidates = map.optional("methods").map(Candidate::read).transpose()?;
         Ok(Box::new(AccuracyStage {
-            contenders: contenders.unwrap_or_else(contender::usual),
+            candidates: candidates.unwrap_or_else(Candidate::usual),
         }))
     }
 }
 
 struct AccuracyStage {
-    contenders: Vec<Box<dyn Contender>>,
+    candidates: Vec<Candidate>,
 }
 
 impl Stage for AccuracyStage {
     fn parameters(&self) -> Canonical {
-        let methods = self.contenders.iter().map(|contender| contender.canonical());
+        let methods = self.candidates.iter().map(Candidate::canonical);
         Canonical::map([("methods", methods.collect::<Canonical>())])
     }
 
     fn plan(&self, inputs: &[Input]) -> Plan {
         let models = inputs.len().saturating_sub(1);
         Plan::Whole {
-            steps: (self.contenders.len() + models) as u64,
+            steps: (self.candidates.len() + models) as u64,
         }
     }
 
@@ -88,7 +76,8 @@ impl Stage for AccuracyStage {
         let (mut references, mut networks) = (Vec::new(), Vec::new());
         for input in job.inputs {
             if model::is_in(input) {
-                networks.push(Network::of_artifact(input)?);
+                let wrong = |e| StageError::Input(format!("artifact {}: {e}", input.digest().short()));
+                networks.push(Network::from_bytes(&model::weights(input)?).map_err(wrong)?);
             } else {
                 references.push(input);
             }
@@ -98,21 +87,21 @@ impl Stage for AccuracyStage {
             let why = format!("an accuracy stage needs one solve stage as its reference, and this one has {found}");
             return Err(StageError::Input(why));
         };
-        let reckoned = reckoned(reference)?;
-        let networks = named(networks);
-        let contenders: Vec<&dyn Contender> = self.contenders.iter().chain(&networks).map(AsRef::as_ref).collect();
-        let measured = reckoned.measure(&contenders, job.progress);
-        let measured = measured.map_err(StageError::Failed)?;
-        for (name, seconds) in measurements(&reckoned, &measured) {
+        let failed = |e: AccuracyError| StageError::Failed(e.to_string());
+        let benchmark = benchmark(reference)?;
+        let networks = Network::named(networks);
+        let candidates: Vec<&Candidate> = self.candidates.iter().chain(&networks).collect();
+        let measured = benchmark.measure(&candidates, job.progress).map_err(failed)?;
+        for (name, seconds) in benchmark.measurements(&measured) {
             job.measure(name, seconds);
         }
-        Ok(content(&reckoned, &measured).object())
+        Ok(content(&benchmark, &measured).object())
     }
 }
 
 /// The samples of a solve stage, stable or not, with what was found.
-fn reckoned(solved: &Artifact) -> Result<Reckoned, StageError> {
-    let wrong = |why: String| StageError::Input(format!("artifact {}: {why}", solved.digest().short()));
+fn benchmark(solved: &Artifact) -> Result<Benchmark, StageError> {
+    let wrong = |e: InputError| StageError::Input(format!("artifact {}: {e}", solved.digest().short()));
     let view = Solutions::open(solved)?;
     let scene = view.scene().read()?;
     let reference = Reference::from_text(&view.solver().read()?).map_err(wrong)?;
@@ -131,12 +120,12 @@ fn reckoned(solved: &Artifact) -> Result<Reckoned, StageError> {
         }
         None => reference
             .errors(&scene, &patterns, &fields)
-            .map_err(StageError::Failed)?,
+            .map_err(|e| StageError::Failed(e.to_string()))?,
     };
     let families: BTreeSet<String> = names.iter().cloned().collect();
     let families: Vec<String> = families.into_iter().collect();
     let place = |name: &String| families.binary_search(name).unwrap_or_default();
-    Ok(Reckoned {
+    Ok(Benchmark {
         scene,
         family: names.iter().map(place).collect(),
         families,

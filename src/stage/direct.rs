@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use super::cells::{self, States};
 use super::screening::Screened;
-use super::{arrays, model, solution};
+use super::{arrays, solution};
 use crate::base::{Document, InputError, Progress};
 use crate::content::{Lines, Observations, Packed, SolveFile};
 use crate::fem::{AccurateSimulation, SetupError, SolverParameters, wrinkled_fraction};
@@ -190,7 +190,9 @@ pub fn predict(
 ) -> Result<Answer, DirectError> {
     let surrogate = Surrogate::load(weights).map_err(|e| DirectError::Model(e.to_string()))?;
     if let Some(scene) = scene {
-        model::check_scene(&surrogate, scene).map_err(DirectError::Model)?;
+        surrogate
+            .check_scene(scene)
+            .map_err(|e| DirectError::Model(e.to_string()))?;
     }
     let threads = rayon::current_num_threads();
     let (mut fields, mut seconds) = (Vec::with_capacity(patterns.len()), Vec::with_capacity(patterns.len()));

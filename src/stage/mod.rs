@@ -13,7 +13,7 @@ mod evaluate;
 mod labelled;
 pub mod mask;
 pub mod membrane;
-pub mod model;
+mod model;
 pub mod path;
 mod sample;
 pub mod screening;
@@ -26,7 +26,7 @@ use crate::base::{InputError, Node, Schema};
 use crate::content::{ContentError, StoredAttribute};
 use crate::fem::effects::Model;
 use crate::orchestrator::{Registry, StageError};
-use crate::scene::Scene;
+use crate::scene::{Difference, Scene};
 use crate::store::Artifact;
 
 /// All kinds of stages, and how a scene is checked.
@@ -117,6 +117,9 @@ fn scene_of_inputs(inputs: &[Artifact]) -> Result<Scene, StageError> {
 
 /// What is said of inputs of different scenes.
 fn differ(one: &Scene, other: &Scene) -> StageError {
-    let list = model::listed(one, other).map_or(String::new(), |list| format!(": {list}"));
+    let list = match one.differences(other) {
+        differences if differences.is_empty() => String::new(),
+        differences => format!(": {}", Difference::listed(&differences)),
+    };
     StageError::Input(format!("the inputs were made with different scenes{list}"))
 }

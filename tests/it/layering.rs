@@ -20,6 +20,7 @@ fn allowed() -> BTreeMap<String, BTreeSet<String>> {
         }
     }
     let domain: BTreeSet<String> = [
+        "accuracy",
         "scene",
         "pattern",
         "field",

@@ -6,10 +6,10 @@ use std::path::PathBuf;
 use serde_json::{Value, json};
 
 use super::networks;
+use crate::accuracy::{Benchmark, FamilyError, Measured};
 use crate::cli::accuracy::AccuracyArguments;
 use crate::cli::table;
 use crate::report::figures::pareto_front;
-use crate::stage::accuracy::{FamilyError, Measured, Reckoned};
 
 /// Methods that no other beats in both time and root mean square error, over all families.
 fn front(measured: &[Measured]) -> Vec<usize> {
@@ -59,7 +59,7 @@ fn flags(settings: &str) -> String {
 /// What is told.
 pub struct Findings<'a> {
     arguments: &'a AccuracyArguments,
-    reckoned: &'a Reckoned,
+    benchmark: &'a Benchmark,
     measured: &'a [Measured],
     front: Vec<usize>,
     /// For a target that was given, the method that reaches it, if one does.
@@ -68,10 +68,10 @@ pub struct Findings<'a> {
 
 impl<'a> Findings<'a> {
     /// What the methods measured mean for the target that was given, if one was.
-    pub fn new(arguments: &'a AccuracyArguments, reckoned: &'a Reckoned, measured: &'a [Measured]) -> Self {
+    pub fn new(arguments: &'a AccuracyArguments, benchmark: &'a Benchmark, measured: &'a [Measured]) -> Self {
         Self {
             arguments,
-            reckoned,
+            benchmark,
             measured,
             front: front(measured),
             chosen: arguments.target.map(|target| cheapest(measured, target.value())),
@@ -118,14 +118,14 @@ impl<'a> Findings<'a> {
     }
 
     fn notes(&self) -> String {
-        let families: Vec<String> = (0..self.reckoned.families.len())
-            .map(|k| match self.reckoned.counts(k) {
-                [n, 0] => format!("{} {n}", self.reckoned.families[k]),
-                [n, unstable] => format!("{} {n} ({unstable} unstable)", self.reckoned.families[k]),
+        let families: Vec<String> = (0..self.benchmark.families.len())
+            .map(|k| match self.benchmark.counts(k) {
+                [n, 0] => format!("{} {n}", self.benchmark.families[k]),
+                [n, unstable] => format!("{} {n} ({unstable} unstable)", self.benchmark.families[k]),
             })
             .collect();
-        let few = (0..self.reckoned.families.len()).any(|k| {
-            let [members, unstable] = self.reckoned.counts(k);
+        let few = (0..self.benchmark.families.len()).any(|k| {
+            let [members, unstable] = self.benchmark.counts(k);
             members - unstable < FEW
         });
         let meaning = if few {
@@ -137,13 +137,13 @@ impl<'a> Findings<'a> {
             "patterns: {}\nreference: {}, itself within {} mm\nmax and bound: displacement errors at the corners, the worst \
              family; {meaning}\n",
             families.join(", "),
-            self.reckoned.reference.settings(),
+            self.benchmark.reference.settings(),
             millimetres(self.reference_error()),
         )
     }
 
     fn reference_error(&self) -> f64 {
-        let errors = (0..self.reckoned.families.len()).map(|k| self.reckoned.reference_error(k));
+        let errors = (0..self.benchmark.families.len()).map(|k| self.benchmark.reference_error(k));
         errors.fold(0.0, f64::max)
     }
 
@@ -183,7 +183,7 @@ impl<'a> Findings<'a> {
     pub fn document(&self, files: &[PathBuf]) -> Value {
         let method = |(i, method): (usize, &Measured)| {
             let families: BTreeMap<&str, Value> = self
-                .reckoned
+                .benchmark
                 .families
                 .iter()
                 .zip(method.families.iter().zip(&method.seconds))
@@ -218,7 +218,7 @@ impl<'a> Findings<'a> {
             .collect();
         json!({
             "beaten_by": beaten,
-            "reference": { "settings": self.reckoned.reference.settings().to_string(), "error_mm": self.reference_error() },
+            "reference": { "settings": self.benchmark.reference.settings().to_string(), "error_mm": self.reference_error() },
             "methods": methods,
             "target": target,
             "files": files,

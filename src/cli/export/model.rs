@@ -9,7 +9,8 @@ use crate::cli::arguments::StoreArguments;
 use crate::cli::error::CliError;
 use crate::cli::output::{Exit, Output};
 use crate::cli::{model, solve, write};
-use crate::stage::model::Exportable;
+use crate::field::PredictError;
+use crate::surrogate::{LoadError, Surrogate};
 
 #[derive(Debug, Args)]
 pub struct ExportModelArguments {
@@ -45,9 +46,11 @@ impl ModelFormat {
 
 pub fn execute(arguments: &ExportModelArguments, output: &Output) -> Result<Exit, CliError> {
     let weights = model::weights(&arguments.model, &arguments.store.folder())?;
-    let exportable = Exportable::new(&weights)?;
+    let refused = |e: LoadError| CliError::bad_input(format!("cannot use the model: {e}"));
+    let failed = |e: PredictError| CliError::failure(e.to_string());
+    let surrogate = Surrogate::load(&weights).map_err(refused)?;
     let format = format(arguments)?;
-    let path = path(arguments, exportable.network(), format);
+    let path = path(arguments, surrogate.kind().name(), format);
     if solve::is_same_file(Path::new(&arguments.model), &path) {
         return Err(
             CliError::bad_input(format!("{} is read here: writing it would lose it", path.display()))
@@ -56,11 +59,11 @@ pub fn execute(arguments: &ExportModelArguments, output: &Output) -> Result<Exit
     }
     let bytes = match format {
         ModelFormat::Safetensors => weights,
-        ModelFormat::Onnx => exportable.onnx()?,
+        ModelFormat::Onnx => surrogate.to_onnx().map_err(failed)?,
     };
     write::file(&path, &bytes)?;
     if output.is_json() {
-        let header: Value = serde_json::from_str(&exportable.header()?).unwrap_or_default();
+        let header: Value = serde_json::from_str(&surrogate.header().map_err(failed)?).unwrap_or_default();
         output.document(&json!({
             "file": path,
             "format": format.extension(),
@@ -71,7 +74,7 @@ pub fn execute(arguments: &ExportModelArguments, output: &Output) -> Result<Exit
         output.text(&format!(
             "{}: {}, {:.1} MB; patterns (n, 50, 50) to displacements (n, 51, 51, 2) in mm",
             path.display(),
-            exportable.network(),
+            surrogate.kind().name(),
             bytes.len() as f64 * 1e-6
         ))?;
     }

@@ -1,38 +1,28 @@
 //! What the artifact of an accuracy stage says, and the file of the command: errors. Times are no content.
 
-use super::compare::{FamilyError, Measured, PatternError, Reckoned};
+use crate::accuracy::{Benchmark, FamilyError, Measured, PatternError};
 use crate::content::{Accuracy, FamilyErrors, Mismatches, PatternErrors, ReferenceErrors};
 
-/// The name under which the seconds per pattern of a method on a family are noted.
-pub fn measurement(settings: &str, family: &str) -> String {
-    format!("{settings}; {family}")
-}
-
-/// Every time that was measured, by name.
-pub fn measurements(reckoned: &Reckoned, measured: &[Measured]) -> Vec<(String, f64)> {
-    let of_method = |method: &Measured| {
-        let pairs = reckoned.families.iter().zip(&method.seconds);
-        let named = pairs.map(|(family, seconds)| (measurement(&method.settings, family), *seconds));
-        let batch = method
-            .batch
-            .map(|(size, seconds)| (measurement(&method.settings, &format!("{size} patterns")), seconds));
-        named.chain(batch).collect::<Vec<_>>()
-    };
-    measured.iter().flat_map(of_method).collect()
-}
-
 /// What is said of the methods.
-pub fn content(reckoned: &Reckoned, measured: &[Measured]) -> Accuracy {
-    let families = 0..reckoned.families.len();
+pub fn content(benchmark: &Benchmark, measured: &[Measured]) -> Accuracy {
+    let families = 0..benchmark.families.len();
     Accuracy {
         methods: measured.iter().map(|method| method.settings.clone()).collect(),
-        families: reckoned.families.clone(),
-        patterns: reckoned.patterns.clone(),
-        family: reckoned.family.iter().map(|&k| reckoned.families[k].clone()).collect(),
+        families: benchmark.families.clone(),
+        patterns: benchmark.patterns.clone(),
+        family: benchmark
+            .family
+            .iter()
+            .map(|&k| benchmark.families[k].clone())
+            .collect(),
         reference: ReferenceErrors {
-            stable: reckoned.fields.iter().map(|field| u64::from(field.is_some())).collect(),
-            pattern_error: reckoned.errors.clone(),
-            error: families.map(|k| reckoned.reference_error(k)).collect(),
+            stable: benchmark
+                .fields
+                .iter()
+                .map(|field| u64::from(field.is_some()))
+                .collect(),
+            pattern_error: benchmark.errors.clone(),
+            error: families.map(|k| benchmark.reference_error(k)).collect(),
         },
         error: FamilyErrors {
             rms: of_families(measured, |f| f.rms),
@@ -53,8 +43,8 @@ pub fn content(reckoned: &Reckoned, measured: &[Measured]) -> Accuracy {
                 PatternError::BothNone => 3,
             }),
         },
-        scene: reckoned.scene.clone(),
-        settings: format!("{{ {} }}", reckoned.reference.settings()),
+        scene: benchmark.scene.clone(),
+        settings: format!("{{ {} }}", benchmark.reference.settings()),
     }
 }
 

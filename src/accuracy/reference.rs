@@ -5,9 +5,10 @@
 
 use std::path::Path;
 
-use super::contender::Contender;
+use super::candidate::Candidate;
+use super::error::AccuracyError;
 use crate::base::{Document, InputError, Node, Progress};
-use crate::fem::{AccurateSimulation, Method, Solver, SolverParameters};
+use crate::fem::{AccurateSimulation, Method, SetupError, SolverParameters};
 use crate::field::{Field, Mesh, Order};
 use crate::pattern::Pattern;
 use crate::scene::Scene;
@@ -19,10 +20,9 @@ impl Reference {
     /// From the text that an artifact of a solve stage carries.
     ///
     /// # Errors
-    /// When it is not understood, or cannot be a reference; why.
-    pub fn from_text(text: &str) -> Result<Self, String> {
-        let document = Document::from_text(Path::new("solver"), text).map_err(|e| e.to_string())?;
-        Self::read(&document.root).map_err(|e| e.to_string())
+    /// When it is not understood, or cannot be a reference.
+    pub fn from_text(text: &str) -> Result<Self, InputError> {
+        Self::read(&Document::from_text(Path::new("solver"), text)?.root)
     }
 
     /// From the keys of a solve stage.
@@ -30,26 +30,21 @@ impl Reference {
     /// # Errors
     /// As a solve stage refuses them, or when they cannot be those of a reference.
     pub fn read(node: &Node) -> Result<Self, InputError> {
-        let parameters = SolverParameters::read(
-            &node.fields("the reference", &SolverParameters::KEYS)?,
-            Mesh::bilinear(2),
-        )?;
-        Self::new(parameters).map_err(|why| node.error(why))
+        let map = node.fields("the reference", &SolverParameters::KEYS)?;
+        let parameters = SolverParameters::read(&map, Mesh::bilinear(2))?;
+        Self::new(parameters).map_err(|why| node.error(why.to_string()))
     }
 
     /// From parameters.
     ///
     /// # Errors
-    /// When they cannot be those of a reference; why.
-    pub fn new(parameters: SolverParameters) -> Result<Self, String> {
+    /// When they cannot be those of a reference.
+    pub fn new(parameters: SolverParameters) -> Result<Self, AccuracyError> {
         if parameters.method() != Method::Newton {
-            return Err(format!(
-                "a reference is solved by Newton's method, and this one by `{}`",
-                parameters.method()
-            ));
+            return Err(AccuracyError::ReferenceMethod(parameters.method()));
         }
         if parameters.mesh() == Some(Mesh::bilinear(1)) {
-            return Err("one bilinear element per cell is the coarsest mesh, and no reference".to_owned());
+            return Err(AccuracyError::CoarsestReference);
         }
         Ok(Self(parameters))
     }
@@ -57,19 +52,22 @@ impl Reference {
     /// Whether it can tell the errors of methods.
     ///
     /// # Errors
-    /// When one is not coarser; which.
-    pub fn check(&self, contenders: &[&dyn Contender]) -> Result<(), String> {
-        match contenders.iter().find(|c| !c.is_coarser_than(&self.0)) {
+    /// When one is not coarser.
+    pub fn check<'a>(&self, candidates: impl IntoIterator<Item = &'a Candidate>) -> Result<(), AccuracyError> {
+        match candidates
+            .into_iter()
+            .find(|candidate| !candidate.is_coarser_than(&self.0))
+        {
             None => Ok(()),
-            Some(fine) => Err(format!(
-                "{{ {} }} is not coarser than the reference {{ {} }}: its error cannot be told",
-                fine.settings(),
-                self.0
-            )),
+            Some(fine) => Err(AccuracyError::NotCoarser {
+                settings: fine.settings(),
+                reference: self.0.to_string(),
+            }),
         }
     }
 
     /// Its settings.
+    #[must_use]
     pub fn settings(&self) -> &SolverParameters {
         &self.0
     }
@@ -78,17 +76,17 @@ impl Reference {
     /// they may still have in mm.
     ///
     /// # Errors
-    /// When a solver cannot be set up; why.
+    /// When a solver cannot be set up.
     pub fn solve(
         &self,
         scene: &Scene,
         patterns: &[Pattern],
         progress: &dyn Progress,
-    ) -> Result<(Vec<Option<Field>>, Vec<f64>), String> {
-        let solver = self.0.build(scene).map_err(|e| e.to_string())?;
+    ) -> Result<(Vec<Option<Field>>, Vec<f64>), SetupError> {
+        let solver = self.0.build(scene)?;
         let mut results = Vec::with_capacity(patterns.len());
         for batch in patterns.chunks(2 * rayon::current_num_threads()) {
-            results.extend(simulate(&solver, batch)?);
+            results.extend(solver.simulate(batch)?);
             progress.advance(batch.len() as u64);
         }
         let estimates: Option<Vec<f64>> = results.iter().map(|result| result.discretisation_error).collect();
@@ -104,23 +102,25 @@ impl Reference {
     /// has no field. An accuracy that picked the meshes has its own estimates instead.
     ///
     /// # Errors
-    /// When the coarser solver cannot be set up; why.
-    pub fn errors(&self, scene: &Scene, patterns: &[Pattern], fields: &[Option<Field>]) -> Result<Vec<f64>, String> {
+    /// When the coarser solver cannot be set up.
+    pub fn errors(
+        &self,
+        scene: &Scene,
+        patterns: &[Pattern],
+        fields: &[Option<Field>],
+    ) -> Result<Vec<f64>, SetupError> {
         let Some(coarser) = self.0.mesh().map(next_coarser) else {
             return Ok(vec![0.0; patterns.len()]);
         };
-        let solver = SolverParameters::new(Method::Newton, coarser).build(scene);
-        let coarse = simulate(&solver.map_err(|e| e.to_string())?, patterns)?;
+        let coarse = SolverParameters::new(Method::Newton, coarser)
+            .build(scene)?
+            .simulate(patterns)?;
         let error = |(coarse, fine): (&AccurateSimulation, &Option<Field>)| match (&coarse.simulation.field, fine) {
             (Some(coarse), Some(fine)) => coarse.max_difference(fine),
             _ => 0.0,
         };
         Ok(coarse.iter().zip(fields).map(error).collect())
     }
-}
-
-fn simulate(solver: &Solver, patterns: &[Pattern]) -> Result<Vec<AccurateSimulation>, String> {
-    solver.simulate(patterns).map_err(|e| e.to_string())
 }
 
 /// At most half as many elements along a side, or the lower order where there is one element per cell.
@@ -161,7 +161,10 @@ mod tests {
             ("{ method: newton, elements_per_cell: 1, order: 1 }", "coarsest"),
             ("{ metod: newton }", "unknown key"),
         ] {
-            let refusal = Reference::from_text(text).err().unwrap_or_default();
+            let refusal = Reference::from_text(text)
+                .err()
+                .map(|e| e.to_string())
+                .unwrap_or_default();
             assert!(refusal.contains(said), "{text}: {refusal}");
         }
         assert!(Reference::from_text("{ method: newton, elements_per_cell: 8, order: 2 }").is_ok());

@@ -10,6 +10,7 @@ use crate::sample::{Areas, Bezier, Ends, Family, LargeGrid, SampleError, SmallGr
 pub type Families = BTreeMap<String, Vec<Pattern>>;
 
 /// Patterns that somebody drew, as a family of their own.
+#[must_use]
 pub fn given(patterns: Vec<Pattern>) -> Families {
     BTreeMap::from([("given".to_owned(), patterns)])
 }

@@ -1,18 +1,18 @@
 //! Measures methods one after another against a reference.
 
 use super::bound::upper_bound;
-use super::clock::timed;
-use super::contender::Contender;
+use super::candidate::Candidate;
+use super::error::AccuracyError;
 use super::families::Families;
 use super::reference::Reference;
-use super::surrogate::NETWORK;
+use super::timing::timed;
 use crate::base::Progress;
 use crate::field::Field;
 use crate::pattern::Pattern;
 use crate::scene::Scene;
 
 /// Patterns of some families with their reference solutions.
-pub struct Reckoned {
+pub struct Benchmark {
     /// The scene of all.
     pub scene: Scene,
     /// Names of the families.
@@ -82,17 +82,17 @@ pub struct FamilyError {
     pub false_alarms: u64,
 }
 
-impl Reckoned {
+impl Benchmark {
     /// Solves patterns by a reference. Progress counts patterns.
     ///
     /// # Errors
-    /// When the reference cannot be set up; why.
+    /// When the reference cannot be set up.
     pub fn new(
         scene: Scene,
         reference: Reference,
         families: Families,
         progress: &dyn Progress,
-    ) -> Result<Self, String> {
+    ) -> Result<Self, AccuracyError> {
         let names = families.keys().cloned().collect();
         let each = families.into_values().enumerate();
         let (family, patterns): (Vec<usize>, Vec<Pattern>) = each
@@ -116,6 +116,7 @@ impl Reckoned {
     }
 
     /// How many patterns a family has, and how many of them have no stable solution.
+    #[must_use]
     pub fn counts(&self, family: usize) -> [usize; 2] {
         let members = self.members(family);
         let unstable = members.iter().filter(|&&i| self.fields[i].is_none()).count();
@@ -123,6 +124,7 @@ impl Reckoned {
     }
 
     /// The largest error that the reference may have on the patterns of a family, mm.
+    #[must_use]
     pub fn reference_error(&self, family: usize) -> f64 {
         let members = self.members(family);
         members.iter().map(|&i| self.errors[i]).fold(0.0, f64::max)
@@ -131,45 +133,62 @@ impl Reckoned {
     /// Measures each method in turn, on one thread so that times are those of one core. Progress counts methods.
     ///
     /// # Errors
-    /// When a method is not coarser than the reference, or fails as a whole; which and why.
-    pub fn measure(&self, contenders: &[&dyn Contender], progress: &dyn Progress) -> Result<Vec<Measured>, String> {
-        self.reference.check(contenders)?;
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
-        let pool = pool.map_err(|e| format!("cannot start a thread: {e}"))?;
-        contenders
+    /// When a method is not coarser than the reference, or fails as a whole.
+    pub fn measure(&self, candidates: &[&Candidate], progress: &dyn Progress) -> Result<Vec<Measured>, AccuracyError> {
+        self.reference.check(candidates.iter().copied())?;
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
+        candidates
             .iter()
-            .map(|contender| {
-                let measured = pool.install(|| self.measure_one(*contender));
+            .map(|candidate| {
+                let measured = pool.install(|| self.measure_one(candidate));
                 progress.advance(1);
-                measured.map_err(|why| format!("{{ {} }}: {why}", contender.settings()))
+                measured.map_err(|why| why.of(candidate.settings()))
             })
             .collect()
     }
 
-    fn measure_one(&self, contender: &dyn Contender) -> Result<Measured, String> {
-        let ready = contender.prepare(&self.scene)?;
+    /// Every time that was measured, by name.
+    #[must_use]
+    pub fn measurements(&self, measured: &[Measured]) -> Vec<(String, f64)> {
+        let of_method = |method: &Measured| {
+            let pairs = self.families.iter().zip(&method.seconds);
+            let named = pairs.map(|(family, seconds)| (measurement(&method.settings, family), *seconds));
+            let batch = method
+                .batch
+                .map(|(size, seconds)| (measurement(&method.settings, &format!("{size} patterns")), seconds));
+            named.chain(batch).collect::<Vec<_>>()
+        };
+        measured.iter().flat_map(of_method).collect()
+    }
+
+    fn measure_one(&self, candidate: &Candidate) -> Result<Measured, AccuracyError> {
+        let evaluator = candidate.prepare(&self.scene)?;
         let mut patterns = vec![PatternError::BothNone; self.patterns.len()];
         let (mut families, mut seconds) = (Vec::new(), Vec::new());
         for family in 0..self.families.len() {
             let members = self.members(family);
             let own: Vec<Pattern> = members.iter().map(|&i| self.patterns[i].clone()).collect();
-            let (fields, taken) = timed(|| ready.fields(&own))?;
+            let (fields, taken) = timed(|| evaluator.predict_some(&own))?;
             for (&i, field) in members.iter().zip(&fields) {
                 patterns[i] = compare(field.as_ref(), self.fields[i].as_ref());
             }
             let errors: Vec<PatternError> = members.iter().map(|&i| patterns[i]).collect();
-            families.push(of_family(&errors, contender.promise_mm(), self.reference_error(family)));
+            families.push(of_family(
+                &errors,
+                evaluator.promised_error_mm(),
+                self.reference_error(family),
+            ));
             seconds.push(taken / own.len() as f64);
         }
-        let batch = contender.batch().filter(|_| !self.patterns.is_empty());
+        let batch = evaluator.batch().filter(|_| !self.patterns.is_empty());
         let batch = batch.map(|size| {
             let many: Vec<Pattern> = self.patterns.iter().cycle().take(size).cloned().collect();
-            timed(|| ready.fields(&many)).map(|(_, seconds)| (size, seconds))
+            timed(|| evaluator.predict_some(&many)).map(|(_, seconds)| (size, seconds))
         });
         Ok(Measured {
             batch: batch.transpose()?,
-            settings: contender.settings(),
-            equilibria: contender.finds_equilibria(),
+            settings: candidate.settings(),
+            equilibria: evaluator.finds_equilibria(),
             patterns,
             families,
             seconds,
@@ -177,8 +196,15 @@ impl Reckoned {
     }
 }
 
+/// The name under which the seconds per pattern of a method on a family are noted.
+#[must_use]
+pub fn measurement(settings: &str, family: &str) -> String {
+    format!("{settings}; {family}")
+}
+
 impl PatternError {
     /// Root mean square and largest error in mm, where they are known.
+    #[must_use]
     pub fn known(&self) -> Option<(f64, f64)> {
         match *self {
             Self::Known { rms, max } => Some((rms, max)),
@@ -189,32 +215,38 @@ impl PatternError {
 
 impl Measured {
     /// The name of the network, where it is one.
+    #[must_use]
     pub fn network(&self) -> Option<&str> {
-        self.settings.strip_prefix(NETWORK)
+        self.settings.strip_prefix("network: ")
     }
 
     /// Root mean square over the families, mm, each family counting as much as any other.
+    #[must_use]
     pub fn rms(&self) -> f64 {
         let squares: f64 = self.families.iter().map(|family| family.rms.powi(2)).sum();
         (squares / self.families.len().max(1) as f64).sqrt()
     }
 
     /// The largest of one number of the families.
+    #[must_use]
     pub fn largest(&self, value: fn(&FamilyError) -> f64) -> f64 {
         self.families.iter().map(value).fold(0.0, f64::max)
     }
 
     /// Mean over the families of the seconds of one core per pattern.
+    #[must_use]
     pub fn seconds_per_pattern(&self) -> f64 {
         self.seconds.iter().sum::<f64>() / self.seconds.len().max(1) as f64
     }
 
     /// Patterns whose error is known.
+    #[must_use]
     pub fn known(&self) -> u64 {
         self.families.iter().map(|family| family.known).sum()
     }
 
     /// Patterns on which method and reference disagree whether there is a solution.
+    #[must_use]
     pub fn mismatches(&self) -> u64 {
         self.families.iter().map(|f| f.missed + f.false_alarms).sum()
     }

@@ -1,0 +1,20 @@
+//! What accuracy costs: the error of methods against a reference, and their time on one core.
+//!
+//! A candidate is a method with its settings, finite elements or a network; prepared for a scene it is an evaluator, and the
+//! benchmark knows nothing else of it.
+
+mod benchmark;
+mod bound;
+mod candidate;
+mod error;
+mod families;
+mod network;
+mod reference;
+mod timing;
+
+pub use benchmark::{Benchmark, FamilyError, Measured, PatternError, measurement};
+pub use candidate::Candidate;
+pub use error::AccuracyError;
+pub use families::{Families, drawn, given};
+pub use network::Network;
+pub use reference::Reference;
