@@ -5,10 +5,7 @@
 //! content. Reports find the names in the run.
 
 mod content;
-mod contestant;
-mod covered;
-
-use rayon::prelude::*;
+mod predictors;
 
 use super::{calibrate, labelled};
 use crate::base::{Canonical, Declared, Fields, InputError, Node, Parameter, Schema, parameters};
@@ -16,10 +13,9 @@ use crate::fem::Method;
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::scene::Scene;
 use crate::store::{Artifact, Object};
-use crate::surrogate::PatternScore;
+use crate::surrogate::{Calibration, Judge, Judged};
 
-use contestant::Contestant;
-use covered::{Calibrated, Covered};
+use predictors::NamedPredictor;
 
 /// The kind `evaluate`.
 pub struct EvaluateKind;
@@ -109,10 +105,14 @@ impl Parameter for Estimates {
 struct Row {
     family: String,
     area: f64,
-    /// By contestant; none where an estimate leads nowhere.
-    scores: Vec<Option<PatternScore>>,
-    /// By calibration.
-    covered: Vec<Covered>,
+    judged: Judged,
+}
+
+/// A calibration with the place of its model among the predictors.
+struct Calibrated {
+    digest: String,
+    calibration: Calibration,
+    predictor: usize,
 }
 
 impl Stage for EvaluateStage {
@@ -128,22 +128,23 @@ impl Stage for EvaluateStage {
 
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
         let scene = super::scene_of_inputs(job.inputs)?;
-        let contestants = self.contestants(job.inputs, &scene)?;
-        if contestants.is_empty() {
+        let predictors = self.predictors(job.inputs, &scene)?;
+        if predictors.is_empty() {
             return Err(StageError::Input(
                 "there is nothing to evaluate: `needs` names no model, and there are no `estimates`".to_owned(),
             ));
         }
-        let calibrated = calibrations(job.inputs, &contestants)?;
-        let bands = covered::bands(&calibrated);
-        let models: Vec<_> = contestants.iter().filter_map(Contestant::surrogate).collect();
+        let calibrated = calibrations(job.inputs, &predictors)?;
+        let calibrations = calibrated.iter().map(|c| (c.predictor, &c.calibration));
+        let judge = Judge::new(predictors.iter().map(NamedPredictor::predictor).collect(), calibrations);
+        let models: Vec<_> = predictors.iter().filter_map(NamedPredictor::surrogate).collect();
         let mut rows = Vec::new();
         for input in job.inputs {
             if labelled::is_labelled(input) {
                 labelled::check_unseen(input, &models)?;
                 labelled::for_each(input, &mut |batch| {
                     job.progress.note(&format!("{} patterns", rows.len()));
-                    rows.extend(judged(&contestants, &calibrated, &bands, &batch)?);
+                    rows.extend(judged(&judge, batch)?);
                     Ok(())
                 })?;
             }
@@ -154,37 +155,37 @@ impl Stage for EvaluateStage {
                 "there is nothing to evaluate on: `needs` names no solved samples and no test rows".to_owned(),
             ));
         }
-        Ok(content::evaluation(&contestants, &calibrated, &rows, scene).object())
+        Ok(content::evaluation(&predictors, &calibrated, &rows, scene).object())
     }
 }
 
 impl EvaluateStage {
-    fn contestants(&self, inputs: &[Artifact], scene: &Scene) -> Result<Vec<Contestant>, StageError> {
+    fn predictors(&self, inputs: &[Artifact], scene: &Scene) -> Result<Vec<NamedPredictor>, StageError> {
         let mut found = Vec::new();
         for input in inputs {
-            if let Some(model) = Contestant::model(input)? {
+            if let Some(model) = NamedPredictor::model(input)? {
                 found.push(model);
             }
         }
         for &method in &self.estimates.0 {
-            found.push(Contestant::estimate(method, scene)?);
+            found.push(NamedPredictor::estimate(method, scene)?);
         }
         Ok(found)
     }
 }
 
 /// The calibrations among the inputs, each with the place of its model.
-fn calibrations(inputs: &[Artifact], contestants: &[Contestant]) -> Result<Vec<Calibrated>, StageError> {
+fn calibrations(inputs: &[Artifact], predictors: &[NamedPredictor]) -> Result<Vec<Calibrated>, StageError> {
     let mut found = Vec::new();
     for input in inputs {
         let Some((model, calibration)) = calibrate::read(input)? else {
             continue;
         };
-        let place = contestants.iter().position(|contestant| contestant.digest() == model);
+        let place = predictors.iter().position(|predictor| predictor.digest() == model);
         found.push(Calibrated {
             digest: input.digest().to_string(),
             calibration,
-            contestant: place.ok_or_else(|| {
+            predictor: place.ok_or_else(|| {
                 StageError::Input(format!(
                     "the calibration {} is of the model {:.12}, which is not among the models here",
                     input.digest().short(),
@@ -196,29 +197,13 @@ fn calibrations(inputs: &[Artifact], contestants: &[Contestant]) -> Result<Vec<C
     Ok(found)
 }
 
-fn judged(
-    contestants: &[Contestant],
-    calibrated: &[Calibrated],
-    bands: &covered::Bands<'_>,
-    batch: &labelled::Batch,
-) -> Result<Vec<Row>, StageError> {
-    let predicted: Vec<_> = contestants
-        .iter()
-        .map(|contestant| contestant.predict(&batch.patterns))
-        .collect::<Result<_, _>>()?;
-    let row = |at: usize| {
-        let (pattern, simulated) = (&batch.patterns[at], &batch.fields[at]);
-        let score = |fields: &Vec<Option<_>>| fields[at].as_ref().map(|field| PatternScore::of(field, simulated));
-        let covered = calibrated.iter().zip(bands).filter_map(|(calibrated, bands)| {
-            let field = predicted[calibrated.contestant][at].as_ref()?;
-            Some(Covered::of(calibrated, bands, pattern, field, simulated))
-        });
-        Row {
-            family: batch.families[at].clone(),
-            area: pattern.area_fraction(),
-            scores: predicted.iter().map(score).collect(),
-            covered: covered.collect(),
-        }
-    };
-    Ok((0..batch.patterns.len()).into_par_iter().map(row).collect())
+fn judged(judge: &Judge<'_>, batch: labelled::Batch) -> Result<impl Iterator<Item = Row>, StageError> {
+    let judged = judge.judge(&batch.patterns, &batch.fields);
+    let judged = judged.map_err(|e| StageError::Failed(e.to_string()))?;
+    let described = batch.families.into_iter().zip(batch.patterns);
+    Ok(described.zip(judged).map(|((family, pattern), judged)| Row {
+        family,
+        area: pattern.area_fraction(),
+        judged,
+    }))
 }

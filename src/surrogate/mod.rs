@@ -5,6 +5,7 @@ mod checkpoint;
 mod encode;
 mod evaluation;
 mod example;
+mod examples;
 mod header;
 mod labels;
 mod layers;
@@ -31,8 +32,9 @@ pub use calibration::{
     COVERAGE, Calibration, CalibrationError, CalibrationParts, DifficultyParts, FALSE_ALARM, Interval, LEAST,
     NoveltyParts, ObjectiveIntervals, Observed,
 };
-pub use evaluation::{PatternScore, Score};
+pub use evaluation::{Coverage, Judge, Judged, OBJECTIVES, PatternScore, Score};
 pub use example::{Example, Label, LabelError};
+pub use examples::{Collector, Examples, LabelledRow, LeftOut, NoExamples, Origin, Why};
 pub use header::Record;
 pub use labels::{Implausible, implausible};
 pub use metrics::Metrics;

@@ -2,18 +2,17 @@
 
 use std::collections::BTreeSet;
 
-use super::Row;
-use super::contestant::Contestant;
-use super::covered::{Calibrated, Covered, OBJECTIVES};
-use crate::content::{ALL_FAMILIES, Coverage, Evaluation, PatternScores, Scores};
+use super::predictors::NamedPredictor;
+use super::{Calibrated, Row};
+use crate::content::{self, ALL_FAMILIES, Evaluation, PatternScores, Scores};
 use crate::scene::Scene;
-use crate::surrogate::{PatternScore, Score};
+use crate::surrogate::{Coverage, OBJECTIVES, PatternScore, Score};
 
 /// Bins of the area fraction between 0 and 1.
 const BINS: f64 = 20.0;
 
 /// The content of the artifact.
-pub fn evaluation(contestants: &[Contestant], calibrated: &[Calibrated], rows: &[Row], scene: Scene) -> Evaluation {
+pub fn evaluation(predictors: &[NamedPredictor], calibrated: &[Calibrated], rows: &[Row], scene: Scene) -> Evaluation {
     let known: BTreeSet<&str> = rows.iter().map(|row| row.family.as_str()).collect();
     let families: Vec<&str> = known.into_iter().chain([ALL_FAMILIES]).collect();
     let members = |family: &str| {
@@ -27,21 +26,21 @@ pub fn evaluation(contestants: &[Contestant], calibrated: &[Calibrated], rows: &
     let in_bin = |k: &u64| rows.iter().filter(|row| bin(row) == *k).collect();
     let binned: Vec<Vec<&Row>> = bins.iter().map(in_bin).collect();
     Evaluation {
-        predictors: contestants.iter().map(|c| c.name().to_owned()).collect(),
-        predictor_digests: contestants.iter().map(|c| c.digest().to_owned()).collect(),
-        score: scores(contestants.len(), &groups),
+        predictors: predictors.iter().map(|c| c.name().to_owned()).collect(),
+        predictor_digests: predictors.iter().map(|c| c.digest().to_owned()).collect(),
+        score: scores(predictors.len(), &groups),
         area_centre: bins.iter().map(|&k| k as f64 / BINS).collect(),
-        area: scores(contestants.len(), &binned),
-        pattern: pattern_scores(contestants.len(), rows),
-        coverage: (!calibrated.is_empty()).then(|| coverage(contestants, calibrated, &groups)),
+        area: scores(predictors.len(), &binned),
+        pattern: pattern_scores(predictors.len(), rows),
+        coverage: (!calibrated.is_empty()).then(|| coverage(predictors, calibrated, &groups)),
         families: families.into_iter().map(str::to_owned).collect(),
         scene,
     }
 }
 
-fn scores(contestants: usize, groups: &[Vec<&Row>]) -> Scores {
-    let score = |k: usize, group: &[&Row]| Score::of(group.iter().filter_map(|row| row.scores[k].as_ref()));
-    let scores: Vec<Option<Score>> = (0..contestants)
+fn scores(predictors: usize, groups: &[Vec<&Row>]) -> Scores {
+    let score = |k: usize, group: &[&Row]| Score::of(group.iter().filter_map(|row| row.judged.scores[k].as_ref()));
+    let scores: Vec<Option<Score>> = (0..predictors)
         .flat_map(|k| groups.iter().map(move |group| score(k, group)))
         .collect();
     let floats = |value: fn(&Score) -> f64| -> Vec<f64> {
@@ -59,11 +58,11 @@ fn scores(contestants: usize, groups: &[Vec<&Row>]) -> Scores {
     }
 }
 
-fn pattern_scores(contestants: usize, rows: &[Row]) -> PatternScores {
-    let scores = || (0..contestants).flat_map(|k| rows.iter().map(move |row| row.scores[k].as_ref()));
+fn pattern_scores(predictors: usize, rows: &[Row]) -> PatternScores {
+    let scores = || (0..predictors).flat_map(|k| rows.iter().map(move |row| row.judged.scores[k].as_ref()));
     let floats = |value: fn(&PatternScore) -> f64| scores().map(|score| score.map_or(0.0, value)).collect();
     let simulated = |row: &Row| {
-        let mut known = row.scores.iter().flatten();
+        let mut known = row.judged.scores.iter().flatten();
         known.next().map_or(0.0, |score| score.simulated_max_mm)
     };
     PatternScores {
@@ -77,27 +76,27 @@ fn pattern_scores(contestants: usize, rows: &[Row]) -> PatternScores {
     }
 }
 
-fn coverage(contestants: &[Contestant], calibrated: &[Calibrated], groups: &[Vec<&Row>]) -> Coverage {
-    let of_groups = |value: &dyn Fn(&[Covered]) -> f64| -> Vec<f64> {
+fn coverage(predictors: &[NamedPredictor], calibrated: &[Calibrated], groups: &[Vec<&Row>]) -> content::Coverage {
+    let of_groups = |value: &dyn Fn(&[Coverage]) -> f64| -> Vec<f64> {
         let each = (0..calibrated.len()).flat_map(|k| {
             groups.iter().map(move |group| {
-                let covered: Vec<Covered> = group.iter().map(|row| row.covered[k]).collect();
+                let covered: Vec<Coverage> = group.iter().map(|row| row.judged.coverage[k]).collect();
                 value(&covered)
             })
         });
         each.collect()
     };
-    let share = |covered: &[Covered], of: &dyn Fn(&Covered) -> bool| {
+    let share = |covered: &[Coverage], of: &dyn Fn(&Coverage) -> bool| {
         covered.iter().filter(|c| of(c)).count() as f64 / covered.len() as f64
     };
-    let by_objective = |value: &dyn Fn(&[Covered], usize) -> f64| -> Vec<f64> {
+    let by_objective = |value: &dyn Fn(&[Coverage], usize) -> f64| -> Vec<f64> {
         let objectives = 0..OBJECTIVES.len();
         objectives
             .flat_map(|o| of_groups(&|covered| value(covered, o)))
             .collect()
     };
-    let model = |c: &Calibrated| contestants[c.contestant].digest().to_owned();
-    Coverage {
+    let model = |c: &Calibrated| predictors[c.predictor].digest().to_owned();
+    content::Coverage {
         calibrations: calibrated.iter().map(|c| c.digest.clone()).collect(),
         models: calibrated.iter().map(model).collect(),
         objectives: OBJECTIVES.iter().map(|(name, _, _)| (*name).to_owned()).collect(),

@@ -1,9 +1,8 @@
 //! What the artifact of a training says.
 
-use super::examples::{Examples, LeftOut, Why};
 use crate::content::{Curves, LeftOutLabels, Lines, Metrics, Training};
 use crate::scene::Scene;
-use crate::surrogate::{self, Ending, EpochReport, NetworkKind, Trained};
+use crate::surrogate::{self, Ending, EpochReport, Examples, LeftOut, NetworkKind, Trained, Why};
 
 /// Labels that a warning names one by one.
 const NAMED: usize = 5;

@@ -1,146 +1,46 @@
-//! The examples of a training: rows of balanced sets, of solved samples and of verified designs, less those that nobody should
-//! learn from.
-
-mod left_out;
-mod verified;
-
-pub use left_out::{LeftOut, Why};
-
-use std::collections::HashMap;
+//! Reads the examples of a training from its inputs: balanced sets, solved samples and verified designs.
 
 use rayon::prelude::*;
 
-use crate::base::OrbitId;
+use crate::content::files;
 use crate::dataset::Split;
-use crate::field::CORNERS;
+use crate::field::{CORNERS, Outcome};
 use crate::orchestrator::StageError;
 use crate::pattern::Pattern;
 use crate::stage::{arrays, model};
 use crate::store::{Artifact, RowFile};
-use crate::surrogate::{Example, Label, LabelError, implausible};
+use crate::surrogate::{Collector, Examples, Label, LabelError, LabelledRow, Origin};
 
 /// Rows that are read together: some tens of megabytes.
 const BLOCK: usize = 512;
 
-/// Names the split of solved samples. It is the same for all trainings, so that networks of other seeds and other training sets
-/// are tested on patterns that none of them has seen.
-const SPLIT_SEED: u64 = 0;
+/// The family under which metrics of verified designs stand.
+const VERIFIED: &str = "verified";
 
-/// What a training learns from.
-pub struct Examples {
-    /// The examples, in the order of the inputs.
-    pub examples: Vec<Example>,
-    /// Samples without a stable solution, which have no label.
-    pub unstable: u64,
-    /// Labels that were left out.
-    pub left_out: Vec<LeftOut>,
-}
-
-/// Reads the examples of all inputs. The split of balanced rows is theirs; a solved sample has that of its orbit in the balanced
-/// inputs, or one drawn for its orbit. All images of a pattern are in one part, whichever inputs they stand in.
-///
-/// Verified designs are learnt from, each pattern once, and shown `verified_weight` times in an epoch; one that has an image in the
-/// other inputs that is held out is left out. So what is held out is the same with them and without.
+/// The examples of all inputs, in a membrane of that side in mm. An epoch shows a verified design `verified_weight` times.
 ///
 /// # Errors
 /// When an input lacks what is needed, its arrays do not fit together, or nothing is left.
 pub fn read(inputs: &[Artifact], side_mm: f64, verified_weight: u32) -> Result<Examples, StageError> {
-    let mut rows = Vec::new();
-    let mut found = Examples {
-        examples: Vec::new(),
-        unstable: 0,
-        left_out: Vec::new(),
-    };
-    let mut datasets = 0;
-    for (input, artifact) in inputs.iter().enumerate() {
-        if model::is_in(artifact) {
-            continue;
-        }
-        datasets += 1;
+    let mut collector = Collector::default();
+    let datasets = inputs
+        .iter()
+        .enumerate()
+        .filter(|(_, artifact)| !model::is_in(artifact));
+    for (input, artifact) in datasets {
         if artifact.kind() == "verify" {
-            found.unstable += verified::read(artifact, input, &mut rows, &mut found.left_out)?;
+            read_verified(artifact, input, &mut collector)?;
             continue;
         }
-        if !is_balanced(artifact) {
-            found.unstable += artifact
-                .content("unstable/outcome")?
-                .shape
-                .first()
-                .copied()
-                .unwrap_or_default() as u64;
-        }
-        let parts = if artifact.is_manifest() {
-            artifact.chunks()?
-        } else {
-            std::slice::from_ref(artifact)
-        };
+        collector.begin(unstable(artifact)?);
         let mut first = 0;
-        for part in parts {
-            first += read_part(part, (input, first), &mut rows, &mut found.left_out)?;
+        for file in files(artifact)? {
+            first += read_file(file, (input, first), &mut collector)?;
         }
     }
-    let splits = splits(&rows, datasets == 1);
-    let mut places = Vec::with_capacity(rows.len());
-    for (row, split) in rows.into_iter().zip(splits) {
-        if row.verified && split != Split::Train {
-            found.left_out.push(row.left_out(0.0, Why::HeldOut));
-            continue;
-        }
-        places.push(row.place());
-        found.examples.push(Example {
-            pattern: row.pattern,
-            label: row.label,
-            family: row.family,
-            split,
-            repeats: if row.verified { verified_weight } else { 1 },
-        });
-    }
-    leave_out_implausible(&mut found, &places, side_mm);
-    found.left_out.sort_by_key(|left_out| (left_out.input, left_out.row));
-    if found.examples.is_empty() {
-        return Err(nothing(&found));
-    }
-    Ok(found)
-}
-
-/// A row with a label.
-struct Row {
-    input: usize,
-    row: usize,
-    pattern: Pattern,
-    label: Label,
-    family: String,
-    /// Of a balanced row.
-    split: Option<Split>,
-    /// Whether it was verified.
-    verified: bool,
-}
-
-/// Where a row stands.
-#[derive(Clone, Copy)]
-struct Place {
-    input: usize,
-    row: usize,
-    verified: bool,
-}
-
-impl Row {
-    fn place(&self) -> Place {
-        Place {
-            input: self.input,
-            row: self.row,
-            verified: self.verified,
-        }
-    }
-
-    fn left_out(&self, found_mm: f64, why: Why) -> LeftOut {
-        LeftOut {
-            input: self.input,
-            row: self.row,
-            found_mm,
-            why,
-        }
-    }
+    collector
+        .finish(side_mm, verified_weight)
+        .map_err(|e| StageError::Input(e.to_string()))
 }
 
 /// Solved samples have no split.
@@ -148,142 +48,110 @@ fn is_balanced(artifact: &Artifact) -> bool {
     artifact.kind() == "balance"
 }
 
+/// How many samples have no stable solution.
+fn unstable(artifact: &Artifact) -> Result<u64, StageError> {
+    match is_balanced(artifact) {
+        true => Ok(0),
+        false => Ok(artifact
+            .content("unstable/outcome")?
+            .shape
+            .first()
+            .copied()
+            .unwrap_or_default() as u64),
+    }
+}
+
 /// Reads one file, whose rows begin at a place in an input; gives how many there are.
-fn read_part(
-    part: &Artifact,
-    (input, first): (usize, usize),
-    rows: &mut Vec<Row>,
-    left_out: &mut Vec<LeftOut>,
-) -> Result<usize, StageError> {
-    let patterns = arrays::read_patterns(part, "patterns")?;
-    let shape = &part.content("displacement")?.shape;
-    let families = part.texts("family")?.1;
-    let balanced = is_balanced(part);
-    let words = part.texts(if balanced { "split" } else { "outcome" })?.1;
+fn read_file(file: &Artifact, (input, first): (usize, usize), collector: &mut Collector) -> Result<usize, StageError> {
+    let patterns = arrays::read_patterns(file, "patterns")?;
+    let families = file.texts("family")?.1;
+    let balanced = is_balanced(file);
+    let words = file.texts(if balanced { "split" } else { "outcome" })?.1;
     let count = patterns.len();
-    if [families.len(), words.len()] != [count; 2] || *shape != [count, CORNERS, CORNERS, 2] {
-        return Err(wrong(part, "its arrays differ in length"));
+    if [families.len(), words.len()] != [count; 2] {
+        return Err(wrong(file, LENGTHS));
+    }
+    let mut described = patterns.into_iter().zip(families).zip(words).enumerate();
+    for_each_label(file, count, |label| {
+        let Some((at, ((pattern, family), word))) = described.next() else {
+            return Ok(());
+        };
+        let origin = match (balanced, Split::from_name(&word)) {
+            (true, Some(split)) => Origin::Balanced(split),
+            (true, None) => return Err(wrong(file, &format!("unknown split {word:?}"))),
+            (false, _) => Origin::Solved {
+                converged: Outcome::names_field(&word),
+            },
+        };
+        add(collector, file, (input, first + at), (pattern, family), origin, label)
+    })?;
+    Ok(count)
+}
+
+/// Reads the designs of a verify stage that have a field; fields stand in the order of these.
+fn read_verified(artifact: &Artifact, input: usize, collector: &mut Collector) -> Result<(), StageError> {
+    let patterns = arrays::read_patterns(artifact, "patterns")?;
+    let outcomes = artifact.texts("outcome")?.1;
+    if outcomes.len() != patterns.len() {
+        return Err(wrong(artifact, LENGTHS));
+    }
+    let all = patterns.len();
+    let mut solved: Vec<(usize, Pattern)> = patterns.into_iter().enumerate().collect();
+    solved.retain(|(row, _)| Outcome::names_field(&outcomes[*row]));
+    let count = solved.len();
+    collector.begin((all - count) as u64);
+    let mut solved = solved.into_iter();
+    for_each_label(artifact, count, |label| match solved.next() {
+        Some((row, pattern)) => {
+            let described = (pattern, VERIFIED.to_owned());
+            add(collector, artifact, (input, row), described, Origin::Verified, label)
+        }
+        None => Ok(()),
+    })
+}
+
+fn add(
+    collector: &mut Collector,
+    file: &Artifact,
+    (input, row): (usize, usize),
+    (pattern, family): (Pattern, String),
+    origin: Origin,
+    label: Result<Label, LabelError>,
+) -> Result<(), StageError> {
+    let row = LabelledRow {
+        input,
+        row,
+        pattern,
+        family,
+        origin,
+        label,
+    };
+    collector.add(row).map_err(|e| wrong(file, &e.to_string()))
+}
+
+/// Calls a function with the labels of a file, which has so many, in order.
+fn for_each_label(
+    file: &Artifact,
+    count: usize,
+    mut each: impl FnMut(Result<Label, LabelError>) -> Result<(), StageError>,
+) -> Result<(), StageError> {
+    if file.content("displacement")?.shape != [count, CORNERS, CORNERS, 2] {
+        return Err(wrong(file, LENGTHS));
     }
     // The file is an artifact's, whose bytes were verified when it was opened.
-    let file = RowFile::open(part.path())?;
-    let mut described = patterns.into_iter().zip(families).zip(words).enumerate();
-    for block in (0..count).step_by(BLOCK) {
-        let values = file.numbers("displacement", block..count.min(block + BLOCK))?;
+    let rows = RowFile::open(file.path())?;
+    for first in (0..count).step_by(BLOCK) {
+        let values = rows.numbers("displacement", first..count.min(first + BLOCK))?;
         let labels: Vec<Result<Label, LabelError>> = values
             .par_chunks_exact(CORNERS * CORNERS * 2)
             .map(Label::from_values)
             .collect();
-        for (label, (at, ((pattern, family), word))) in labels.into_iter().zip(described.by_ref()) {
-            let row = first + at;
-            match believed(label, &word, balanced) {
-                Ok((label, split)) => rows.push(Row {
-                    input,
-                    row,
-                    pattern,
-                    label,
-                    family,
-                    split,
-                    verified: false,
-                }),
-                Err(Refusal::Label(found_mm, why)) => left_out.push(LeftOut {
-                    input,
-                    row,
-                    found_mm,
-                    why,
-                }),
-                Err(Refusal::Artifact(reason)) => return Err(wrong(part, &reason)),
-            }
-        }
+        labels.into_iter().try_for_each(&mut each)?;
     }
-    Ok(count)
+    Ok(())
 }
 
-/// Why a row is no example.
-enum Refusal {
-    /// Its label: the displacement that shows it, mm, and what is wrong.
-    Label(f64, Why),
-    /// The artifact is not what it should be.
-    Artifact(String),
-}
-
-/// The label of a row and, where it is balanced, its split, by the word that stands beside it: its split or outcome.
-fn believed(label: Result<Label, LabelError>, word: &str, balanced: bool) -> Result<(Label, Option<Split>), Refusal> {
-    let split = match balanced {
-        true => Some(Split::from_name(word).ok_or_else(|| Refusal::Artifact(format!("unknown split {word:?}")))?),
-        false if has_label(word) => None,
-        false => return Err(Refusal::Label(0.0, Why::NotConverged)),
-    };
-    match label {
-        Ok(label) => Ok((label, split)),
-        Err(LabelError::Frame(found_mm)) => Err(Refusal::Label(found_mm, Why::Frame)),
-        Err(LabelError::NotFinite(_)) => Err(Refusal::Label(0.0, Why::NotFinite)),
-        Err(error @ LabelError::Shape(_)) => Err(Refusal::Artifact(error.to_string())),
-    }
-}
-
-/// Whether a sample that ended so has a field worth learning.
-fn has_label(outcome: &str) -> bool {
-    matches!(outcome, "converged" | "estimated")
-}
-
-/// The part of each row. Balanced inputs that disagree about an orbit are settled by the first. Verified rows follow the others; an
-/// orbit that only they have is learnt from.
-fn splits(rows: &[Row], alone: bool) -> Vec<Split> {
-    let own: Option<Vec<Split>> = rows.iter().map(|row| row.split).collect();
-    if let (Some(own), true) = (own, alone) {
-        return own;
-    }
-    let orbits: Vec<OrbitId> = rows.par_iter().map(|row| row.pattern.orbit()).collect();
-    let mut known = HashMap::new();
-    for (row, orbit) in rows.iter().zip(&orbits) {
-        if let Some(split) = row.split {
-            known.entry(*orbit).or_insert(split);
-        }
-    }
-    for (row, orbit) in rows.iter().zip(&orbits) {
-        if !row.verified {
-            known.entry(*orbit).or_insert_with(|| Split::of(orbit, SPLIT_SEED));
-        }
-    }
-    let part = |orbit: &OrbitId| known.get(orbit).copied().unwrap_or(Split::Train);
-    orbits.iter().map(part).collect()
-}
-
-/// A verified design was simulated with care, and designs move farther than patterns that are drawn: it need only lie within the
-/// membrane.
-fn leave_out_implausible(found: &mut Examples, places: &[Place], side_mm: f64) {
-    let mut refused = implausible(&found.examples, side_mm);
-    refused.retain(|refused| refused.physical || !places[refused.index].verified);
-    let mut refused = refused.iter().peekable();
-    let mut index = 0;
-    let left_out = &mut found.left_out;
-    found.examples.retain(|_| {
-        let here = refused.next_if(|refused| refused.index == index);
-        if let Some(here) = here {
-            let Place { input, row, .. } = places[index];
-            let why = if here.physical { Why::BeyondSide } else { Why::Outlier };
-            left_out.push(LeftOut {
-                input,
-                row,
-                found_mm: here.found_mm,
-                why: why(here.limit_mm),
-            });
-        }
-        index += 1;
-        here.is_none()
-    });
-}
-
-fn nothing(found: &Examples) -> StageError {
-    let mut text = "there is no label to learn from".to_owned();
-    if found.unstable > 0 {
-        text += &format!("; {} samples have no stable solution", found.unstable);
-    }
-    for left_out in found.left_out.iter().take(3) {
-        text += &format!("; {left_out}");
-    }
-    StageError::Input(text)
-}
+const LENGTHS: &str = "its arrays differ in length";
 
 fn wrong(artifact: &Artifact, reason: &str) -> StageError {
     StageError::Input(format!("artifact {}: {reason}", artifact.digest().short()))

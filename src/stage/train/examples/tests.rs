@@ -2,6 +2,7 @@ use super::*;
 use crate::field::Field;
 use crate::pattern::Symmetry;
 use crate::store::{Object, Provenance, Store};
+use crate::surrogate::{LeftOut, Why};
 
 const SIDE_MM: f64 = 50.0;
 

@@ -4,16 +4,6 @@ use crate::field::Field;
 use crate::pattern::{CELLS, Pattern};
 use crate::surrogate::{Calibration, ObjectiveIntervals};
 
-/// A calibration with the place of its model among the contestants.
-pub struct Calibrated {
-    /// The digest of its artifact.
-    pub digest: String,
-    /// The calibration.
-    pub calibration: Calibration,
-    /// Its model.
-    pub contestant: usize,
-}
-
 /// Points of the membrane, in parts of its side, with the direction of the displacement that is measured there: objectives
 /// that are held against their intervals.
 pub const OBJECTIVES: [(&str, [f64; 2], [f64; 2]); 4] = [
@@ -34,22 +24,15 @@ fn value(objective: usize, field: &Field) -> f64 {
     x * direction[0] + y * direction[1]
 }
 
-/// Intervals of the objectives, for each calibration.
-pub type Bands<'a> = [Vec<ObjectiveIntervals<'a>>];
-
 /// The intervals of the objectives.
-pub fn bands(calibrated: &[Calibrated]) -> Vec<Vec<ObjectiveIntervals<'_>>> {
-    calibrated.iter().map(bands_of_one).collect()
-}
-
-fn bands_of_one(calibrated: &Calibrated) -> Vec<ObjectiveIntervals<'_>> {
-    let objective = |k| calibrated.calibration.objective(&|field| value(k, field));
+pub(super) fn intervals(calibration: &Calibration) -> Vec<ObjectiveIntervals<'_>> {
+    let objective = |k| calibration.objective(&|field| value(k, field));
     (0..OBJECTIVES.len()).map(objective).collect()
 }
 
-/// How one prediction fared.
+/// Whether a simulation lies within the intervals of a prediction.
 #[derive(Clone, Copy, Debug)]
-pub struct Covered {
+pub struct Coverage {
     /// Half of the width of the band of the field, mm.
     pub radius_mm: f64,
     /// Whether the whole simulated field lies in the band.
@@ -62,18 +45,18 @@ pub struct Covered {
     pub out_of_distribution: bool,
 }
 
-impl Covered {
+impl Coverage {
     /// Holds a prediction with its intervals against a simulation.
-    pub fn of(
-        calibrated: &Calibrated,
-        bands: &[ObjectiveIntervals<'_>],
+    pub(super) fn of(
+        calibration: &Calibration,
+        intervals: &[ObjectiveIntervals<'_>],
         pattern: &Pattern,
         predicted: &Field,
         simulated: &Field,
     ) -> Self {
-        let interval = calibrated.calibration.interval(pattern, predicted);
+        let interval = calibration.interval(pattern, predicted);
         let mut pairs = predicted.values().iter().zip(simulated.values());
-        let half_widths_mm = std::array::from_fn(|k| bands[k].half_width(pattern, predicted));
+        let half_widths_mm = std::array::from_fn(|k| intervals[k].half_width(pattern, predicted));
         Self {
             radius_mm: interval.radius_mm,
             field: pairs.all(|(p, s)| (p - s).abs() <= interval.radius_mm),

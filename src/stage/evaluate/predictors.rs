@@ -1,16 +1,15 @@
 //! What is evaluated: a trained model, or an estimate that is to be beaten.
 
 use crate::fem::{Method, Solver, SolverParameters};
-use crate::field::{Field, Mesh, Predictor};
+use crate::field::{Mesh, Predictor};
 use crate::orchestrator::StageError;
-use crate::pattern::Pattern;
 use crate::scene::Scene;
 use crate::stage::model;
 use crate::store::Artifact;
 use crate::surrogate::Surrogate;
 
-/// Something that says what the field of a pattern is.
-pub struct Contestant {
+/// A predictor with what it is called.
+pub struct NamedPredictor {
     name: String,
     digest: String,
     answers: Answers,
@@ -21,7 +20,7 @@ enum Answers {
     Estimate(Box<Solver>),
 }
 
-impl Contestant {
+impl NamedPredictor {
     /// The model in an artifact; none where the artifact is something else.
     ///
     /// # Errors
@@ -70,17 +69,11 @@ impl Contestant {
         &self.digest
     }
 
-    /// The field of each pattern; none where an estimate leads nowhere.
-    ///
-    /// # Errors
-    /// When a model cannot be evaluated.
-    pub fn predict(&self, patterns: &[Pattern]) -> Result<Vec<Option<Field>>, StageError> {
-        let predictor: &dyn Predictor = match &self.answers {
+    /// What says what the field of a pattern is.
+    pub fn predictor(&self) -> &dyn Predictor {
+        match &self.answers {
             Answers::Model(surrogate) => surrogate.as_ref(),
             Answers::Estimate(solver) => solver.as_ref(),
-        };
-        predictor
-            .predict_some(patterns)
-            .map_err(|e| StageError::Failed(e.to_string()))
+        }
     }
 }

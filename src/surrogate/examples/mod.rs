@@ -1,0 +1,7 @@
+//! The examples of a training, from rows of datasets.
+
+mod collect;
+mod left_out;
+
+pub use collect::{Collector, Examples, LabelledRow, NoExamples, Origin};
+pub use left_out::{LeftOut, Why};
