@@ -34,7 +34,7 @@ pub use calibration::{
 };
 pub use evaluation::{Coverage, Judge, Judged, OBJECTIVES, PatternScore, Score};
 pub use example::{Example, Label, LabelError};
-pub use examples::{Collector, Examples, LabelledRow, LeftOut, NoExamples, Origin, Why};
+pub use examples::{Collector, Examples, LabelledRow, LeftOut, NoExamples, Origin, SPLIT_SEED, Why};
 pub use header::Record;
 pub use labels::{Implausible, implausible};
 pub use metrics::Metrics;

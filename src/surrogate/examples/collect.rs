@@ -14,7 +14,7 @@ use crate::surrogate::labels::implausible;
 
 /// Names the split of solved samples. It is the same for all trainings, so that networks of other seeds and other training sets
 /// are tested on patterns that none of them has seen.
-const SPLIT_SEED: u64 = 0;
+pub const SPLIT_SEED: u64 = 0;
 
 /// A row of a dataset.
 #[derive(Clone, Debug)]

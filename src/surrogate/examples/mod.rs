@@ -3,5 +3,5 @@
 mod collect;
 mod left_out;
 
-pub use collect::{Collector, Examples, LabelledRow, NoExamples, Origin};
+pub use collect::{Collector, Examples, LabelledRow, NoExamples, Origin, SPLIT_SEED};
 pub use left_out::{LeftOut, Why};

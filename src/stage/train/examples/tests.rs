@@ -2,7 +2,7 @@ use super::*;
 use crate::field::Field;
 use crate::pattern::Symmetry;
 use crate::store::{Object, Provenance, Store};
-use crate::surrogate::{LeftOut, Why};
+use crate::surrogate::{Example, LeftOut, SPLIT_SEED, Why};
 
 const SIDE_MM: f64 = 50.0;
 
