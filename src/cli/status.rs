@@ -10,7 +10,7 @@ use super::error::CliError;
 use super::output::{Exit, Output};
 use super::{locate, run, table};
 use crate::orchestrator::{Bill, Environment, Outcome, StageReport, plan};
-use crate::store::{LockFile, Run, Store, Survey};
+use crate::store::{LockFile, Run, Store, Totals};
 
 /// Say what is in a store, what is at work in it, and which pipelines are up to date
 #[derive(Debug, Args)]
@@ -49,11 +49,11 @@ pub fn execute(arguments: &StatusArguments, output: &Output) -> Result<Exit, Cli
     for path in paths {
         standings.push(standing(&store, &runs, path, !arguments.pipelines.is_empty())?);
     }
-    let survey = store.survey()?;
+    let totals = store.totals()?;
     if output.is_json() {
-        output.document(&document(&store, &survey, runs.len(), &standings))?;
+        output.document(&document(&store, &totals, runs.len(), &standings))?;
     } else {
-        output.text(&text(&store, &survey, runs.len(), &standings))?;
+        output.text(&text(&store, &totals, runs.len(), &standings))?;
     }
     Ok(Exit::Done)
 }
@@ -83,7 +83,7 @@ fn standing(store: &Store, runs: &[Run], path: PathBuf, named: bool) -> Result<S
     })
 }
 
-fn document(store: &Store, survey: &Survey, runs: usize, standings: &[Standing]) -> Value {
+fn document(store: &Store, totals: &Totals, runs: usize, standings: &[Standing]) -> Value {
     let pipelines = standings.iter().map(|standing| {
         json!({
             "path": standing.path.display().to_string(),
@@ -95,45 +95,45 @@ fn document(store: &Store, survey: &Survey, runs: usize, standings: &[Standing])
     });
     json!({
         "store": store.root(),
-        "objects": survey.objects,
-        "bytes": survey.bytes,
-        "records": survey.records,
+        "objects": totals.objects,
+        "bytes": totals.bytes,
+        "records": totals.records,
         "runs": runs,
-        "pins": survey.pins,
-        "lock_files": survey.lock_files,
-        "checkpoints": survey.checkpoints,
-        "checkpoint_bytes": survey.checkpoint_bytes,
-        "quarantined": survey.quarantined,
-        "in_flight": survey.in_flight,
+        "pins": totals.pins,
+        "lock_files": totals.lock_files,
+        "checkpoints": totals.checkpoints,
+        "checkpoint_bytes": totals.checkpoint_bytes,
+        "quarantined": totals.quarantined,
+        "in_flight": totals.in_flight,
         "pipelines": pipelines.collect::<Vec<_>>(),
     })
 }
 
-fn text(store: &Store, survey: &Survey, runs: usize, standings: &[Standing]) -> String {
+fn text(store: &Store, totals: &Totals, runs: usize, standings: &[Standing]) -> String {
     let mut lines = vec![format!(
         "{}: {} artifacts ({}), {} records, {runs} runs, {} pins, {} lock files",
         store.root().display(),
-        survey.objects,
-        table::bytes(survey.bytes),
-        survey.records,
-        survey.pins,
-        survey.lock_files,
+        totals.objects,
+        table::bytes(totals.bytes),
+        totals.records,
+        totals.pins,
+        totals.lock_files,
     )];
-    if survey.quarantined > 0 {
+    if totals.quarantined > 0 {
         lines.push(format!(
             "{} damaged files lie in {}",
-            survey.quarantined,
+            totals.quarantined,
             store.root().join("quarantine").display()
         ));
     }
-    if survey.checkpoints > 0 {
+    if totals.checkpoints > 0 {
         lines.push(format!(
             "unfinished and to be gone on with: {} actions ({})",
-            survey.checkpoints,
-            table::bytes(survey.checkpoint_bytes)
+            totals.checkpoints,
+            table::bytes(totals.checkpoint_bytes)
         ));
     }
-    lines.push(match survey.in_flight {
+    lines.push(match totals.in_flight {
         0 => "nothing is being built".to_owned(),
         1 => "one action is being built".to_owned(),
         n => format!("{n} actions are being built"),

@@ -6,7 +6,7 @@ use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 
-use super::assess::{ChunkState, manifest};
+use super::planner::{ChunkState, manifest};
 use super::event::{Event, Listener};
 use super::kind::{Chunk, Job, StageError};
 use super::provenance::{Environment, Took};

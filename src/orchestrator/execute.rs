@@ -4,12 +4,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::SystemTime;
 
-use super::assess::{self, Assessment, State, Surveyor};
+use super::planner::{self, StageStatus, State, Planner};
 use super::build::{Builder, Done};
 use super::event::{Event, Listener, Outcome, StageReport};
-use super::foresight;
+use super::cost_estimate;
 use super::kind::{Input, Plan, StageError};
-use super::locked::{self, Difference};
+use super::difference::Difference;
+use super::locked;
 use super::plan;
 use super::price::{Bill, Price};
 use super::provenance::Environment;
@@ -93,31 +94,31 @@ pub fn run(
             return Err(RunError::Locked(differences));
         }
     }
-    let surveyor = Surveyor::new(pipeline, store)?;
-    let assessments = surveyor.survey(&selection)?;
-    let prices = foresight::prices(pipeline, &selection, &assessments, store, environment)?;
-    listener(&started(pipeline, &assessments, &prices));
+    let planner = Planner::new(pipeline, store)?;
+    let statuses = planner.statuses(&selection)?;
+    let prices = cost_estimate::prices(pipeline, &selection, &statuses, store, environment)?;
+    listener(&started(pipeline, &statuses, &prices));
     let first = if options.only {
         selection.len().saturating_sub(1)
     } else {
         0
     };
-    let before = || selection.iter().zip(&assessments).take(first);
+    let before = || selection.iter().zip(&statuses).take(first);
     let known = before()
-        .map(|(&index, assessment)| (index, assessment.as_input()))
+        .map(|(&index, status)| (index, status.as_input()))
         .collect();
     let remembered = before()
-        .filter_map(|(&index, assessment)| remembered(&pipeline.stages[index], assessment))
+        .filter_map(|(&index, status)| remembered(&pipeline.stages[index], status))
         .collect();
     let mut execution = Execution {
         pipeline,
-        read_closely: read_closely(pipeline, &selection, &assessments),
+        read_closely: read_closely(pipeline, &selection, &statuses),
         // Where nothing is stale nothing that happens can change what was found: a rerun looks once.
-        assessed: match assessments.iter().any(Assessment::is_stale) {
+        known_statuses: match statuses.iter().any(StageStatus::is_stale) {
             true => BTreeMap::new(),
-            false => selection.iter().copied().zip(assessments).collect(),
+            false => selection.iter().copied().zip(statuses).collect(),
         },
-        surveyor,
+        planner,
         builder: Builder {
             store,
             environment,
@@ -161,8 +162,8 @@ pub fn run(
 }
 
 /// A stage that is there and is not looked at any more.
-fn remembered(spec: &StageSpec, assessment: &Assessment) -> Option<RunStage> {
-    match &assessment.state {
+fn remembered(spec: &StageSpec, status: &StageStatus) -> Option<RunStage> {
+    match &status.state {
         State::Fresh { record, .. } => Some(RunStage {
             name: spec.name.clone(),
             kind: spec.kind.name().to_owned(),
@@ -173,15 +174,15 @@ fn remembered(spec: &StageSpec, assessment: &Assessment) -> Option<RunStage> {
     }
 }
 
-fn started(pipeline: &Pipeline, assessments: &[Assessment], prices: &[Option<Price>]) -> Event {
-    let stale = assessments
+fn started(pipeline: &Pipeline, statuses: &[StageStatus], prices: &[Option<Price>]) -> Event {
+    let stale = statuses
         .iter()
         .zip(prices)
-        .filter(|(assessment, _)| assessment.is_stale());
+        .filter(|(status, _)| status.is_stale());
     let bill = Bill::of(stale.map(|(_, price)| *price));
     Event::RunStarted {
         pipeline: pipeline.name.clone(),
-        stages: assessments.len(),
+        stages: statuses.len(),
         stale: bill.stale,
         price: bill.price,
         unpriced: bill.unpriced,
@@ -190,11 +191,11 @@ fn started(pipeline: &Pipeline, assessments: &[Assessment], prices: &[Option<Pri
 
 /// The stages whose artifacts are going to be read. They are verified in full beforehand, so that damage is found while
 /// they can still be rebuilt, and not by the stage that reads them.
-fn read_closely(pipeline: &Pipeline, selection: &[usize], assessments: &[Assessment]) -> BTreeSet<usize> {
+fn read_closely(pipeline: &Pipeline, selection: &[usize], statuses: &[StageStatus]) -> BTreeSet<usize> {
     let stale = selection
         .iter()
-        .zip(assessments)
-        .filter(|(_, assessment)| assessment.is_stale());
+        .zip(statuses)
+        .filter(|(_, status)| status.is_stale());
     stale
         .flat_map(|(&index, _)| pipeline.stages[index].needs.iter().copied())
         .collect()
@@ -202,11 +203,11 @@ fn read_closely(pipeline: &Pipeline, selection: &[usize], assessments: &[Assessm
 
 struct Execution<'a> {
     pipeline: &'a Pipeline,
-    surveyor: Surveyor<'a>,
+    planner: Planner<'a>,
     builder: Builder<'a>,
     lock: Option<&'a LockFile>,
     read_closely: BTreeSet<usize>,
-    assessed: BTreeMap<usize, Assessment>,
+    known_statuses: BTreeMap<usize, StageStatus>,
     prices: BTreeMap<usize, Option<Price>>,
     inputs: BTreeMap<usize, Input>,
     sizes: BTreeMap<usize, u64>,
@@ -256,21 +257,21 @@ impl Execution<'_> {
         let spec = &self.pipeline.stages[index];
         let needed = spec.needs.iter().filter_map(|need| self.inputs.get(need).cloned());
         let inputs: Vec<Input> = needed.collect();
-        let assessment = match self.assessed.remove(&index) {
-            Some(assessment) => assessment,
+        let status = match self.known_statuses.remove(&index) {
+            Some(status) => status,
             None => {
                 let closely = self.read_closely.contains(&index);
                 let effort = if closely { Effort::Thorough } else { Effort::Quick };
-                self.surveyor.assess(index, &inputs, effort)?
+                self.planner.status(index, &inputs, effort)?
             }
         };
-        let mut report = plan::report(spec, &assessment);
-        let (record, known) = match &assessment.state {
-            State::Fresh { record, .. } => ((**record).clone(), assessment.as_input()),
+        let mut report = plan::report(spec, &status);
+        let (record, known) = match &status.state {
+            State::Fresh { record, .. } => ((**record).clone(), status.as_input()),
             State::Stale { why, .. } => {
-                self.announce(index, &assessment, why);
-                let (record, parts) = self.build(spec, &assessment, &mut report)?;
-                let known = assess::known(&assessment.work, Some(record.artifact), &parts);
+                self.announce(index, &status, why);
+                let (record, parts) = self.build(spec, &status, &mut report)?;
+                let known = planner::known(&status.work, Some(record.artifact), &parts);
                 (record, known)
             }
         };
@@ -279,7 +280,7 @@ impl Execution<'_> {
         report.price = self.prices.get(&index).copied().flatten();
         let waited = self.builder.waited.swap(false, Ordering::Relaxed);
         if report.outcome == Outcome::Built && !waited {
-            self.remember_cost(spec, &assessment, &report);
+            self.remember_cost(spec, &status, &report);
         }
         if let Some(difference) = self.lock.and_then(|lock| locked::other_artifact(spec, lock, &record)) {
             return Err(difference.into());
@@ -311,22 +312,22 @@ impl Execution<'_> {
         }
     }
 
-    fn announce(&self, index: usize, assessment: &Assessment, why: &Staleness) {
+    fn announce(&self, index: usize, status: &StageStatus, why: &Staleness) {
         let spec = &self.pipeline.stages[index];
         (self.builder.listener)(&Event::StageStarted {
             name: spec.name.clone(),
             kind: spec.kind.name().to_owned(),
-            steps: foresight::steps(assessment),
+            steps: cost_estimate::steps(status),
             why: why.clone(),
             price: self.prices.get(&index).copied().flatten(),
         });
     }
 
     /// A cost that cannot be written is no reason to stop: it is told at the end.
-    fn remember_cost(&mut self, spec: &StageSpec, assessment: &Assessment, report: &StageReport) {
+    fn remember_cost(&mut self, spec: &StageSpec, status: &StageStatus, report: &StageReport) {
         let input_bytes = spec.needs.iter().filter_map(|need| self.sizes.get(need)).sum();
         let environment = self.builder.environment;
-        let cost = foresight::cost(spec, assessment, report, input_bytes, environment);
+        let cost = cost_estimate::cost(spec, status, report, input_bytes, environment);
         if let Some(Err(error)) = cost.map(|cost| self.builder.store.put_cost(&cost)) {
             self.not_logged.get_or_insert(error);
         }
@@ -352,13 +353,13 @@ impl Execution<'_> {
     fn build(
         &self,
         spec: &StageSpec,
-        assessment: &Assessment,
+        status: &StageStatus,
         report: &mut StageReport,
     ) -> Result<(Record, Vec<Option<ArtifactId>>), StageError> {
-        let (Some((action, key)), State::Stale { chunks: states, .. }) = (&assessment.action, &assessment.state) else {
+        let (Some((action, key)), State::Stale { chunks: states, .. }) = (&status.action, &status.state) else {
             return Err(StageError::Failed("the stage is not ready to be built".into()));
         };
-        let done: Vec<Done> = match &assessment.work {
+        let done: Vec<Done> = match &status.work {
             Plan::Whole { .. } => vec![self.builder.whole(spec, action, *key)?],
             Plan::Chunks(chunks) => self.builder.chunks(spec, chunks, states)?,
         };
@@ -368,7 +369,7 @@ impl Execution<'_> {
         let built = done.iter().filter(|done| done.built);
         report.size_built = built.map(|done| done.record.size).sum();
         report.outcome = Outcome::Built;
-        if matches!(assessment.work, Plan::Whole { .. }) {
+        if matches!(status.work, Plan::Whole { .. }) {
             // Another process may have built it while this one waited.
             if report.chunks_built == 0 {
                 report.outcome = Outcome::Reused;

@@ -1,6 +1,6 @@
 //! Why a stage would be built: everything that has changed since it was last built or reused, not only the first thing.
 
-use super::assess::Surveyor;
+use super::planner::Planner;
 use super::event::StageReport;
 use super::execute::RunError;
 use super::plan::{digests_of, reasons, report};
@@ -41,20 +41,20 @@ pub struct Last {
 /// When there is no such stage, or the store cannot be read.
 pub fn explain(pipeline: &Pipeline, store: &Store, stage: &str) -> Result<Explanation, RunError> {
     let selection = pipeline.selection(Some(stage))?;
-    let surveyor = Surveyor::new(pipeline, store)?;
-    let assessments = surveyor.survey(&selection)?;
+    let planner = Planner::new(pipeline, store)?;
+    let statuses = planner.statuses(&selection)?;
     let at = selection.iter().position(|&index| pipeline.stages[index].name == stage);
     let at = at.unwrap_or(selection.len() - 1);
-    let (spec, assessment) = (&pipeline.stages[selection[at]], &assessments[at]);
-    let digests = digests_of(spec, &selection, &assessments);
-    let reasons = reasons(&surveyor, spec, assessment, &digests)?;
+    let (spec, status) = (&pipeline.stages[selection[at]], &statuses[at]);
+    let digests = digests_of(spec, &selection, &statuses);
+    let reasons = reasons(&planner, spec, status, &digests)?;
     let names = spec.needs.iter().map(|&need| pipeline.stages[need].name.clone());
     Ok(Explanation {
-        report: report(spec, assessment),
-        key: assessment.action.as_ref().map(|(_, key)| *key),
+        report: report(spec, status),
+        key: status.action.as_ref().map(|(_, key)| *key),
         reasons,
         inputs: names.zip(digests).collect(),
-        last: surveyor.remembered(spec).map(|(run, stage)| Last {
+        last: planner.remembered(spec).map(|(run, stage)| Last {
             created: run.created.clone(),
             key: stage.key,
             artifact: stage.artifact,

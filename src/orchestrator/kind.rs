@@ -5,7 +5,7 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use super::locked::Difference;
+use super::difference::Difference;
 use super::scratch::Scratch;
 use crate::base::{ArtifactId, Canonical, Fields, InputError, Node, NodeValue, Progress};
 use crate::store::{Artifact, Object, ObjectError, StoreError};
@@ -31,18 +31,18 @@ pub trait Kind: Sync {
         false
     }
 
-    /// The kind whose stages learn from stages of this kind, where these may be done in rounds, as `orchestrator/rounds.rs` says.
-    /// [`Kind::read`] of this kind must then allow the keys `rounds` and `update`, and leave them alone; the kind that learns must
-    /// accept stages of this kind and one of its own as needs.
-    fn teaches(&self) -> Option<&'static str> {
+    /// The kind to whose stages those of this kind are fed back, where these may be repeated in rounds, as `orchestrator/rounds.rs`
+    /// says. [`Kind::read`] of this kind must then allow the keys `rounds` and `update`, and leave them alone; the target must accept
+    /// stages of this kind and one of its own as needs.
+    fn feedback_target(&self) -> Option<&'static str> {
         None
     }
 
-    /// The keys in which a stage of this kind that learns in rounds differs from the second round on, with their values.
+    /// The keys in which a stage of this kind, as a feedback target, differs from the second round on, with their values.
     ///
     /// # Errors
     /// When a key that they depend on cannot be read.
-    fn relearns(&self, stage: &Node) -> Result<Vec<(&'static str, NodeValue)>, InputError> {
+    fn feedback_overrides(&self, stage: &Node) -> Result<Vec<(&'static str, NodeValue)>, InputError> {
         let _ = stage;
         Ok(Vec::new())
     }

@@ -1,11 +1,13 @@
 //! Knows stages, keys and chunks, and no physics: reads a pipeline, decides what is stale, builds that and no more.
 
-mod assess;
+mod planner;
 mod build;
+mod difference;
+mod entry;
 mod event;
 mod execute;
 mod explain;
-mod foresight;
+mod cost_estimate;
 mod graph;
 mod kind;
 mod locked;
@@ -22,14 +24,15 @@ pub use event::{Event, Listener, Outcome, StageReport};
 pub use execute::{Failure, RunError, RunOptions, RunOutcome, run};
 pub use explain::{Explanation, Last, explain};
 pub use kind::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
-pub use locked::Difference;
+pub use difference::Difference;
 pub use plan::plan;
 pub use price::{Bill, Estimate, Price};
 pub use provenance::Environment;
 pub use rounds::Rounds;
 pub use schema::{of_pipeline, of_scene};
 pub use scratch::Scratch;
-pub use spec::{Pipeline, Registry, StageSpec, splice_scene};
+pub use entry::Registry;
+pub use spec::{Pipeline, StageSpec, splice_scene};
 pub use staleness::Staleness;
 
 #[cfg(test)]

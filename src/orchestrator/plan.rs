@@ -1,9 +1,9 @@
 //! What a run would build and why, without building anything.
 
-use super::assess::{Assessment, State, Surveyor};
+use super::planner::{StageStatus, State, Planner};
 use super::event::{Outcome, StageReport};
 use super::execute::RunError;
-use super::foresight;
+use super::cost_estimate;
 use super::kind::Plan;
 use super::provenance::Environment;
 use super::spec::{Pipeline, StageSpec};
@@ -23,15 +23,15 @@ pub fn plan(
     environment: &Environment,
 ) -> Result<Vec<StageReport>, RunError> {
     let selection = pipeline.selection(until)?;
-    let surveyor = Surveyor::new(pipeline, store)?;
-    let assessments = surveyor.survey(&selection)?;
-    let prices = foresight::prices(pipeline, &selection, &assessments, store, environment)?;
+    let planner = Planner::new(pipeline, store)?;
+    let statuses = planner.statuses(&selection)?;
+    let prices = cost_estimate::prices(pipeline, &selection, &statuses, store, environment)?;
     let mut reports = Vec::with_capacity(selection.len());
-    for ((&index, assessment), price) in selection.iter().zip(&assessments).zip(prices) {
+    for ((&index, status), price) in selection.iter().zip(&statuses).zip(prices) {
         let spec = &pipeline.stages[index];
-        let mut report = report(spec, assessment);
-        let inputs = digests_of(spec, &selection, &assessments);
-        let reasons = reasons(&surveyor, spec, assessment, &inputs)?;
+        let mut report = report(spec, status);
+        let inputs = digests_of(spec, &selection, &statuses);
+        let reasons = reasons(&planner, spec, status, &inputs)?;
         report.reasons = reasons.iter().map(ToString::to_string).collect();
         report.price = price;
         reports.push(report);
@@ -40,10 +40,10 @@ pub fn plan(
 }
 
 /// What is known of the artifacts that a stage needs.
-pub fn digests_of(spec: &StageSpec, selection: &[usize], assessments: &[Assessment]) -> Vec<Option<ArtifactId>> {
+pub fn digests_of(spec: &StageSpec, selection: &[usize], statuses: &[StageStatus]) -> Vec<Option<ArtifactId>> {
     let digest = |need: &usize| {
         let at = selection.iter().position(|index| index == need);
-        at.and_then(|at| assessments[at].artifact())
+        at.and_then(|at| statuses[at].artifact())
     };
     spec.needs.iter().map(digest).collect()
 }
@@ -53,27 +53,27 @@ pub fn digests_of(spec: &StageSpec, selection: &[usize], assessments: &[Assessme
 /// # Errors
 /// When the store cannot be read.
 pub fn reasons(
-    surveyor: &Surveyor<'_>,
+    planner: &Planner<'_>,
     spec: &StageSpec,
-    assessment: &Assessment,
+    status: &StageStatus,
     inputs: &[Option<ArtifactId>],
 ) -> Result<Vec<Staleness>, StoreError> {
-    match &assessment.state {
+    match &status.state {
         State::Fresh { .. } => Ok(Vec::new()),
         State::Stale { why, .. } => match why {
             Staleness::ArtifactMissing | Staleness::ArtifactDamaged => Ok(vec![why.clone()]),
-            _ => surveyor.reasons(spec, &spec.stage.parameters(), inputs),
+            _ => planner.reasons(spec, &spec.stage.parameters(), inputs),
         },
     }
 }
 
 /// What is known of a stage before anything is built.
-pub fn report(spec: &StageSpec, assessment: &Assessment) -> StageReport {
-    let total = match &assessment.work {
+pub fn report(spec: &StageSpec, status: &StageStatus) -> StageReport {
+    let total = match &status.work {
         Plan::Whole { .. } => 1,
         Plan::Chunks(chunks) => chunks.len() as u64,
     };
-    let (outcome, reused, digest, size, staleness) = match &assessment.state {
+    let (outcome, reused, digest, size, staleness) = match &status.state {
         State::Fresh { record, size, .. } => (Outcome::Reused, total, Some(record.artifact), *size, None),
         State::Stale { why, chunks, expected } => {
             let reused = chunks.iter().filter(|chunk| chunk.intact).count() as u64;

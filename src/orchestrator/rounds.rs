@@ -1,24 +1,24 @@
-//! Unrolls stages that are done in rounds, before anything else is read: what they made teaches the stages that they came from,
-//! and these do their work again.
+//! Unrolls stages that are repeated in rounds, before anything else is read: what such a stage made is fed back to stages that it was
+//! made from, and these do their work again.
 //!
-//! A stage V with `rounds: N` needs, directly or not, stages that learn (of the kind that [`Kind::teaches`] names). Round 1 is the
-//! pipeline as it is written. Round r has a stage `NAME-r` for each stage that learns, for V, and for each stage between them:
+//! A stage V with `rounds: N` needs, directly or not, stages of the kind that [`Kind::feedback_target`] names: its targets. Round 1 is
+//! the pipeline as it is written. Round r has a stage `NAME-r` for each target, for V, and for each stage between them:
 //!
-//! - one that learns needs what it needs in round 1, itself of round r − 1, and V of all earlier rounds; it has the same keys but
-//!   for those of [`Kind::relearns`] and, before these, of `update` beside `rounds`;
+//! - a target needs what it needs in round 1, itself of round r − 1, and V of all earlier rounds; it has the same keys but
+//!   for those of [`Kind::feedback_overrides`] and, before these, of `update` beside `rounds`;
 //! - the others have the same keys and need the stages of their round where there are such, and else those of round 1.
 //!
 //! So no round changes one before it, and each stage of a round is a stage like any other: cached, planned, explained, locked.
 
 use super::graph;
 use super::kind::Kind;
-use super::spec::{Entry, Registry, read_entries};
+use super::entry::{Entry, Registry, read_entries};
 use crate::base::{Fields, InputError, Node, NodeValue, Override, Schema};
 
 /// The key that says how many rounds there are.
 pub const ROUNDS: &str = "rounds";
 
-/// The key that says in which keys the stages that learn differ from the second round on.
+/// The key that holds the keys in which targets differ from the second round on.
 pub const UPDATE: &str = "update";
 
 /// Rounds that a stage may have.
@@ -66,10 +66,10 @@ pub fn unroll(root: &mut Node, late: &[&Override], registry: &Registry) -> Resul
 
 /// The keys of a kind whose stages may be done in rounds.
 pub fn schema(kind: &dyn Kind, fields: Fields, registry: &Registry) -> Fields {
-    let Some(learner) = learner(kind, registry) else {
+    let Some(target) = target(kind, registry) else {
         return fields;
     };
-    let word = learner.name();
+    let word = target.name();
     let rounds = Schema::whole(1, MOST_ROUNDS)
         .says(&format!(
             "Rounds: from the second on, the stages of kind {word} that lead here learn from this stage as well, and the \
@@ -77,7 +77,7 @@ pub fn schema(kind: &dyn Kind, fields: Fields, registry: &Registry) -> Fields {
         ))
         .default(1);
     let says = format!("Keys in which stages of kind {word} differ from the second round on.");
-    let update = Schema::any_of(learner.schema().into_iter().map(|keys| keys.all_optional(&says).into()));
+    let update = Schema::any_of(target.schema().into_iter().map(|keys| keys.all_optional(&says).into()));
     fields.optional(ROUNDS, rounds).optional(UPDATE, update)
 }
 
@@ -85,9 +85,9 @@ fn has_stage(root: &Node, name: &str) -> bool {
     root.peek("stages").is_some_and(|stages| stages.peek(name).is_some())
 }
 
-/// The kind that learns from stages of a kind.
-fn learner(kind: &dyn Kind, registry: &Registry) -> Option<&'static dyn Kind> {
-    let word = kind.teaches()?;
+/// The kind to which what stages of a kind made is fed back.
+fn target(kind: &dyn Kind, registry: &Registry) -> Option<&'static dyn Kind> {
+    let word = kind.feedback_target()?;
     registry.kinds.iter().copied().find(|other| other.name() == word)
 }
 
@@ -102,24 +102,24 @@ fn unroll_stages(root: &mut Node, registry: &Registry) -> Result<Vec<Rounds>, In
         return Ok(Vec::new());
     }
     let (mut rounds, mut more) = (Vec::new(), Vec::new());
-    for (teacher, entry) in entries.iter().enumerate() {
-        let (Some(learner), Some(node)) = (learner(entry.kind, registry), entry.node.peek(ROUNDS)) else {
+    for (source, entry) in entries.iter().enumerate() {
+        let (Some(target), Some(node)) = (target(entry.kind, registry), entry.node.peek(ROUNDS)) else {
             continue;
         };
         let last = node.whole(ROUNDS, 1, MOST_ROUNDS)?;
-        let course = Course::new(&entries, teacher, learner)?;
-        if last > 1 && !course.again[teacher] {
+        let repetition = Repetition::new(&entries, source, target)?;
+        if last > 1 && !repetition.again[source] {
             let message = format!(
                 "`{}` cannot be done in rounds: no stage that it needs is of kind {}, which could learn",
                 entry.name,
-                learner.name()
+                target.name()
             );
             return Err(node
                 .error(message)
                 .help("leave `rounds` out, or let a stage in between need one"));
         }
         for round in 2..=last {
-            for (name, stage) in course.round(round)? {
+            for (name, stage) in repetition.round(round)? {
                 refuse_clash(&entries, &more, &name, entry)?;
                 more.push((name, stage));
             }
@@ -148,15 +148,15 @@ fn refuse_clash(
     entries: &[Entry<'_>],
     more: &[(String, Node)],
     name: &str,
-    teacher: &Entry<'_>,
+    source: &Entry<'_>,
 ) -> Result<(), InputError> {
-    let what = format!("`{name}` is a stage of the rounds of `{}`", teacher.name);
+    let what = format!("`{name}` is a stage of the rounds of `{}`", source.name);
     if let Some(other) = entries.iter().find(|other| other.name == name) {
         let message = format!("{what}, and this one is named alike");
         return Err(other.key.error(message).help("rename this stage"));
     }
     match more.iter().find(|(other, _)| other == name) {
-        Some(_) => Err(teacher
+        Some(_) => Err(source
             .key
             .error(format!("{what} and of those of another stage"))
             .help("a stage is done again in the rounds of one stage only: let one stage need what both need")),
@@ -165,50 +165,50 @@ fn refuse_clash(
 }
 
 /// What is done again in the rounds of a stage.
-struct Course<'a> {
+struct Repetition<'a> {
     entries: &'a [Entry<'a>],
-    teacher: usize,
-    learner: &'static dyn Kind,
+    source: usize,
+    target: &'static dyn Kind,
     /// Of each stage, whether it is done again.
     again: Vec<bool>,
     /// Keys in which the stages that learn differ.
     update: &'a [(Node, Node)],
 }
 
-impl<'a> Course<'a> {
-    fn new(entries: &'a [Entry<'a>], teacher: usize, learner: &'static dyn Kind) -> Result<Self, InputError> {
-        let mut course = Self {
+impl<'a> Repetition<'a> {
+    fn new(entries: &'a [Entry<'a>], source: usize, target: &'static dyn Kind) -> Result<Self, InputError> {
+        let mut repetition = Self {
             entries,
-            teacher,
-            learner,
+            source,
+            target,
             again: Vec::new(),
             update: &[],
         };
-        if let Some(update) = entries[teacher].node.peek(UPDATE) {
-            let families = learner.schema();
+        if let Some(update) = entries[source].node.peek(UPDATE) {
+            let families = target.schema();
             let keys: Vec<&str> = families.iter().flat_map(Fields::keys).collect();
             update.fields(&format!("`{UPDATE}`"), &keys)?;
-            course.update = update.entries(UPDATE)?;
+            repetition.update = update.entries(UPDATE)?;
         }
-        course.again = course.done_again();
-        Ok(course)
+        repetition.again = repetition.done_again();
+        Ok(repetition)
     }
 
-    fn learns(&self, index: usize) -> bool {
-        self.entries[index].kind.name() == self.learner.name()
+    fn is_target(&self, index: usize) -> bool {
+        self.entries[index].kind.name() == self.target.name()
     }
 
-    /// The stages between the teacher and the nearest stages that learn, both included.
+    /// The stages between the source and the nearest stages that learn, both included.
     fn done_again(&self) -> Vec<bool> {
         let needs = |index: usize| self.entries[index].needs.iter().map(|(need, _)| *need);
         let mut within = vec![false; self.entries.len()];
-        let mut open = vec![self.teacher];
+        let mut open = vec![self.source];
         while let Some(index) = open.pop() {
-            if !std::mem::replace(&mut within[index], true) && !self.learns(index) {
+            if !std::mem::replace(&mut within[index], true) && !self.is_target(index) {
                 open.extend(needs(index));
             }
         }
-        let learns = |index: usize| within[index] && self.learns(index);
+        let learns = |index: usize| within[index] && self.is_target(index);
         let mut again: Vec<bool> = (0..within.len()).map(learns).collect();
         loop {
             let leads = |index: &usize| within[*index] && !again[*index] && needs(*index).any(|need| again[need]);
@@ -224,15 +224,15 @@ impl<'a> Course<'a> {
         let again = (0..self.entries.len()).filter(|&index| self.again[index]);
         let stage = |index: usize| {
             let mut stage = self.entries[index].node.clone();
-            if index == self.teacher {
+            if index == self.source {
                 stage.take_out(ROUNDS);
                 stage.take_out(UPDATE);
             }
-            if self.learns(index) {
-                self.relearn(&mut stage)?;
+            if self.is_target(index) {
+                self.override_keys(&mut stage)?;
             }
-            let needs = if self.learns(index) {
-                self.needs_of_learner(index, round)
+            let needs = if self.is_target(index) {
+                self.needs_of_target(index, round)
             } else {
                 self.needs_in(index, round)
             };
@@ -243,8 +243,8 @@ impl<'a> Course<'a> {
         again.map(stage).collect()
     }
 
-    fn relearn(&self, stage: &mut Node) -> Result<(), InputError> {
-        for (key, value) in self.learner.relearns(stage)? {
+    fn override_keys(&self, stage: &mut Node) -> Result<(), InputError> {
+        for (key, value) in self.target.feedback_overrides(stage)? {
             let value = stage.peek(key).unwrap_or(stage).with_value(value);
             stage.put(key, value);
         }
@@ -255,13 +255,13 @@ impl<'a> Course<'a> {
     }
 
     /// Needs of a stage that learns: another training that it began with has done its part.
-    fn needs_of_learner(&self, index: usize, round: u64) -> Vec<Node> {
+    fn needs_of_target(&self, index: usize, round: u64) -> Vec<Node> {
         let entry = &self.entries[index];
-        let own = entry.needs.iter().filter(|(need, _)| !self.learns(*need));
+        let own = entry.needs.iter().filter(|(need, _)| !self.is_target(*need));
         let mut needs: Vec<Node> = own.map(|(_, node)| (*node).clone()).collect();
         let text = |name: &str, round| entry.key.with_value(NodeValue::Text(name_in(name, round)));
         needs.push(text(entry.name, round - 1));
-        needs.extend((1..round).map(|earlier| text(self.entries[self.teacher].name, earlier)));
+        needs.extend((1..round).map(|earlier| text(self.entries[self.source].name, earlier)));
         needs
     }
 

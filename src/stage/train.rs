@@ -51,7 +51,7 @@ impl Kind for TrainKind {
         Ok(Box::new(TrainStage { parameters }))
     }
 
-    fn relearns(&self, stage: &Node) -> Result<Vec<(&'static str, NodeValue)>, InputError> {
+    fn feedback_overrides(&self, stage: &Node) -> Result<Vec<(&'static str, NodeValue)>, InputError> {
         let Some(epochs) = stage.peek("epochs") else {
             return Ok(Vec::new());
         };

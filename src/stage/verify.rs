@@ -46,7 +46,7 @@ impl Kind for VerifyKind {
         vec![SolverParameters::schema(fields, MESH, true)]
     }
 
-    fn teaches(&self) -> Option<&'static str> {
+    fn feedback_target(&self) -> Option<&'static str> {
         Some("train")
     }
 

@@ -10,7 +10,7 @@ use super::listing::{self, Content};
 use super::object::{Data, Dataset, Object};
 use super::provenance;
 use super::read;
-use super::seal::Seal;
+use super::header::Header;
 use super::verified::Verified;
 use crate::base::{ArtifactId, FileDigest};
 
@@ -21,7 +21,7 @@ pub struct Artifact(Arc<Inner>);
 struct Inner {
     digest: ArtifactId,
     path: PathBuf,
-    header: read::Header,
+    overview: read::Overview,
     verified: Arc<Verified>,
     chunks: OnceLock<Vec<Artifact>>,
     contents: OnceLock<Vec<Content>>,
@@ -33,23 +33,23 @@ impl Artifact {
     /// # Errors
     /// When it is not an artifact, or damaged.
     pub fn open(path: &Path) -> Result<Self, StoreError> {
-        let seal = Seal::read(path)?;
-        Self::load(path.to_owned(), seal.content, Arc::default())
+        let header = Header::read(path)?;
+        Self::load(path.to_owned(), header.content, Arc::default())
     }
 
     /// Whether the file at `path` is meant for an artifact.
     #[must_use]
     pub fn is_at(path: &Path) -> bool {
-        Seal::is_at(path)
+        Header::is_at(path)
     }
 
     pub(super) fn load(path: PathBuf, digest: ArtifactId, verified: Arc<Verified>) -> Result<Self, StoreError> {
         verified.verify(&path, &digest)?;
-        let header = read::header(&path)?;
-        verified.describe(&digest, header.listing.clone(), header.parts.clone());
+        let overview = read::overview(&path)?;
+        verified.describe(&digest, overview.listing.clone(), overview.parts.clone());
         Ok(Self(Arc::new(Inner {
             digest,
-            header,
+            overview,
             path,
             verified,
             chunks: OnceLock::new(),
@@ -80,25 +80,25 @@ impl Artifact {
     /// Kind of the stage that made it; empty where none did.
     #[must_use]
     pub fn kind(&self) -> &str {
-        stage_kind(&self.0.header.listing.kind)
+        stage_kind(&self.0.overview.listing.kind)
     }
 
     /// A content attribute.
     #[must_use]
     pub fn attribute(&self, name: &str) -> Option<&str> {
-        self.0.header.attributes.get(name).map(String::as_str)
+        self.0.overview.attributes.get(name).map(String::as_str)
     }
 
     /// All content attributes by name.
     #[must_use]
     pub fn attributes(&self) -> &BTreeMap<String, String> {
-        &self.0.header.attributes
+        &self.0.overview.attributes
     }
 
     /// Digests of the chunks, in order; none unless it is a manifest.
     #[must_use]
     pub fn parts(&self) -> &[ArtifactId] {
-        &self.0.header.parts
+        &self.0.overview.parts
     }
 
     /// Whether its datasets are those of chunks laid end to end.
@@ -136,7 +136,7 @@ impl Artifact {
     /// When a chunk is missing or damaged.
     pub fn contents(&self) -> Result<&[Content], StoreError> {
         if !self.is_manifest() {
-            return Ok(&self.0.header.listing.contents);
+            return Ok(&self.0.overview.listing.contents);
         }
         if let Some(contents) = self.0.contents.get() {
             return Ok(contents);
@@ -145,7 +145,7 @@ impl Artifact {
         let whole = listing::concatenate(
             chunks
                 .iter()
-                .map(|c| (c.digest(), c.0.header.listing.contents.as_slice())),
+                .map(|c| (c.digest(), c.0.overview.listing.contents.as_slice())),
         )?;
         Ok(self.0.contents.get_or_init(|| whole))
     }
@@ -198,12 +198,12 @@ impl Artifact {
     /// When the file is missing or damaged.
     pub fn object(&self) -> Result<Object, StoreError> {
         let mut object = Object {
-            kind: self.0.header.listing.kind.clone(),
-            attributes: self.0.header.attributes.clone(),
+            kind: self.0.overview.listing.kind.clone(),
+            attributes: self.0.overview.attributes.clone(),
             datasets: BTreeMap::new(),
-            parts: self.0.header.parts.clone(),
+            parts: self.0.overview.parts.clone(),
         };
-        for content in &self.0.header.listing.contents {
+        for content in &self.0.overview.listing.contents {
             object.datasets.insert(content.path.clone(), self.read_own(content)?);
         }
         Ok(object)

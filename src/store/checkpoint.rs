@@ -1,7 +1,7 @@
 //! What an action has come to before it ends, so that killed work is gone on with and not begun again.
 //!
 //! A checkpoint is no artifact: nothing is made from it but the rest of its own action, by the build that wrote it, and when that
-//! is recorded the checkpoint goes. It is sealed, because work that goes on from damaged numbers would end in an artifact that
+//! is recorded the checkpoint goes. It has a checksum, because work that goes on from damaged numbers would end in an artifact that
 //! looks sound.
 //!
 //! ```text
@@ -145,10 +145,10 @@ fn body(path: &Path) -> Result<Option<Vec<u8>>, StoreError> {
         }
         read => read.map_err(StoreError::io("read", path))?,
     };
-    let sealed = bytes
+    let checked = bytes
         .strip_prefix(format!("{TITLE}\n").as_bytes())
         .and_then(|rest| rest.split_at_checked(65));
-    match sealed {
+    match checked {
         Some((digest, body)) if digest == format!("{}\n", Digest::of(body)).as_bytes() => Ok(Some(body.to_vec())),
         _ => Err(StoreError::damaged(path, "its bytes are not those that were written")),
     }
@@ -253,9 +253,9 @@ mod tests {
             (2, 1, 1)
         );
         assert!(!file(&damaged).exists() && file(&sound).exists());
-        let survey = store.survey().unwrap();
+        let totals = store.totals().unwrap();
         assert_eq!(
-            (survey.checkpoints, survey.checkpoint_bytes),
+            (totals.checkpoints, totals.checkpoint_bytes),
             (1, fs::metadata(file(&sound)).unwrap().len())
         );
         drop(store);

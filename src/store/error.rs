@@ -31,12 +31,14 @@ pub enum StoreError {
     },
     /// The store was written by another version of the layout.
     #[error("{path} says {found:?}; this program knows `{known}`: use the program that made the store, or another --store",
-        path = path.display(), known = super::layout::FORMAT)]
+        path = path.display())]
     Format {
         /// The marker file.
         path: PathBuf,
         /// What it says.
         found: String,
+        /// What it should say.
+        known: &'static str,
     },
     /// A folder that holds something else, or no folder.
     #[error("{path} holds something else than an artifact store: name an empty or a new folder with --store", path = path.display())]

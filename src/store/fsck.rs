@@ -1,4 +1,4 @@
-//! Checks everything: every byte of every artifact against its seal, its content against its name, every record and run
+//! Checks everything: every byte of every artifact against its header, its content against its name, every record and run
 //! against itself, every manifest and record against what it names. Damaged files are quarantined, so that the next run
 //! rebuilds them.
 

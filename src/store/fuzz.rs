@@ -66,7 +66,7 @@ fn edited(sound: &[u8], (bytes, left, more): &(Vec<(usize, u8)>, usize, Vec<u8>)
     out
 }
 
-fn sealed(mut body: Vec<u8>) -> Vec<u8> {
+fn with_checksum(mut body: Vec<u8>) -> Vec<u8> {
     let digest = Digest::of(&body);
     body.extend_from_slice(digest.as_bytes());
     body
@@ -82,7 +82,7 @@ fn a_broken_record_is_damage() {
     let body = sound[..sound.len() - 32].to_vec();
     proptest!(config(600), |(edits in edits(), forged in any::<bool>())| {
         // Forged: the digest at the end fits whatever stands before it.
-        let bytes = if forged { sealed(edited(&body, &edits)) } else { edited(&sound, &edits) };
+        let bytes = if forged { with_checksum(edited(&body, &edits)) } else { edited(&sound, &edits) };
         fs::write(&path, &bytes).unwrap();
         match store.record(&key).unwrap() {
             Lookup::Found(found, _) => prop_assert!(forged || bytes == sound, "{found:?}"),
@@ -112,7 +112,7 @@ fn a_record_that_claims_too_much_or_is_nested_without_end_is_damage() {
         [&head[..], &list[..4], &(1u64 << 40).to_le_bytes()].concat(),
         vec![255; 100],
     ] {
-        fs::write(&path, sealed(body)).unwrap();
+        fs::write(&path, with_checksum(body)).unwrap();
         assert!(matches!(store.record(&key).unwrap(), Lookup::Damaged(_)));
     }
     fs::File::create(&path).unwrap().set_len(1 << 40).unwrap();

@@ -21,7 +21,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::listing::Listing;
-use super::seal::Seal;
+use super::header::Header;
 use super::stamp::{Stamp, Time};
 use crate::base::{ArtifactId, Digest, FileDigest, decode, encode, read_bounded};
 
@@ -33,7 +33,7 @@ const LONG: u64 = 1 << 30;
 
 /// What stands in an artifact, apart from elements and attributes.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Outline {
+pub struct Structure {
     /// Its kind and datasets. Chunks that differ in nothing share one listing.
     pub listing: Arc<Listing>,
     /// The chunks of a manifest; of another artifact none.
@@ -50,13 +50,13 @@ pub struct Entry {
     /// When that was, by the clock of the file system.
     pub noted: Time,
     /// What stands in it, where anybody has looked.
-    pub outline: Option<Outline>,
+    pub structure: Option<Structure>,
 }
 
 impl Entry {
-    /// The seal of the file.
-    pub fn seal(&self, content: ArtifactId) -> Seal {
-        Seal {
+    /// The header of the file.
+    pub fn header(&self, content: ArtifactId) -> Header {
+        Header {
             content,
             file: self.file,
             size: self.stamp.size,
@@ -88,15 +88,15 @@ fn parse(bytes: &[u8]) -> Option<Entries> {
     }
     let mut rows = Vec::new();
     for _ in 0..reader.number()? {
-        rows.push(reader.row()?);
+        rows.push(reader.entry()?);
     }
     let mut entries = Entries::with_capacity(rows.len());
     let no_parts = Arc::new(Vec::new());
     for (digest, file, stamp, noted, (listing, parts)) in rows {
-        let outline = match (listing.checked_sub(1), parts) {
+        let structure = match (listing.checked_sub(1), parts) {
             (None, 0) => None,
             (None, _) => return None,
-            (Some(at), parts) => Some(Outline {
+            (Some(at), parts) => Some(Structure {
                 listing: listings.get(usize::try_from(at).ok()?)?.clone(),
                 parts: match parts {
                     0 => no_parts.clone(),
@@ -108,14 +108,14 @@ fn parse(bytes: &[u8]) -> Option<Entries> {
             file,
             stamp,
             noted,
-            outline,
+            structure,
         };
         entries.insert(digest, entry);
     }
     reader.0.is_empty().then_some(entries)
 }
 
-type Row = (ArtifactId, FileDigest, Stamp, Time, (u64, u64));
+type EncodedEntry = (ArtifactId, FileDigest, Stamp, Time, (u64, u64));
 
 /// The bytes that are still to be read.
 struct Reader<'a>(&'a [u8]);
@@ -143,7 +143,7 @@ impl<'a> Reader<'a> {
         Some((self.number()?.cast_signed(), self.number()?.cast_signed()))
     }
 
-    fn row(&mut self) -> Option<Row> {
+    fn entry(&mut self) -> Option<EncodedEntry> {
         let (digest, file) = (self.artifact()?, self.digest()?.into());
         let stamp = Stamp {
             size: self.number()?,
@@ -162,8 +162,8 @@ pub fn write(entries: &Entries) -> Vec<u8> {
     sorted.sort_unstable_by_key(|(digest, _)| **digest);
     let (mut rows, mut parts) = (Vec::<u8>::new(), Vec::<u8>::new());
     for (digest, entry) in sorted {
-        let known = entry.outline.as_ref();
-        let known = known.and_then(|outline| Some((listings.number(&outline.listing)?, &outline.parts)));
+        let known = entry.structure.as_ref();
+        let known = known.and_then(|structure| Some((listings.number(&structure.listing)?, &structure.parts)));
         let (listing, count) = known.map_or((0, 0), |(listing, chunks)| {
             chunks.iter().for_each(|chunk| parts.extend(chunk.as_bytes()));
             (listing, chunks.len() as u64)
@@ -216,7 +216,8 @@ impl Listings {
 mod tests {
     use std::fs;
 
-    use super::super::listing::{Content, ElementType};
+    use super::super::element_type::ElementType;
+    use super::super::listing::Content;
     use super::*;
 
     const NOW: Time = (1000, 0);
@@ -230,23 +231,23 @@ mod tests {
             description: "d".into(),
             axes: vec!["row".into(), "column".into()],
         };
-        let outline = |contents, parts| Outline {
+        let structure = |contents, parts| Structure {
             listing: Arc::new(Listing {
                 kind: "solve".into(),
                 contents,
             }),
             parts: Arc::new(parts),
         };
-        let listing = |n| outline(vec![content(n)], Vec::new());
+        let listing = |n| structure(vec![content(n)], Vec::new());
         let digest = |i: u8| ArtifactId::of(&[i]);
         let outlines = [
             Some(listing(1)),
             Some(listing(2)),
             Some(listing(1)),
-            Some(outline(Vec::new(), vec![digest(0), digest(1)])),
+            Some(structure(Vec::new(), vec![digest(0), digest(1)])),
             None,
         ];
-        let entry = |(i, outline)| {
+        let entry = |(i, structure)| {
             let i = i as u8;
             let entry = Entry {
                 file: FileDigest::of(&[i + 100]),
@@ -257,7 +258,7 @@ mod tests {
                     inode: 3,
                 },
                 noted: (950, 0),
-                outline,
+                structure,
             };
             (digest(i), entry)
         };

@@ -46,7 +46,7 @@ impl Store {
             Effort::Thorough => self.verified.verify(&path, digest),
         };
         match looked {
-            Ok(seal) => Ok(Condition::Intact { size: seal.size }),
+            Ok(header) => Ok(Condition::Intact { size: header.size }),
             Err(StoreError::Missing { .. }) => Ok(Condition::Missing),
             Err(StoreError::Damaged { reason, .. }) => Ok(Condition::Damaged(reason)),
             Err(error) => Err(error),
@@ -63,7 +63,7 @@ impl Store {
             return Ok(condition);
         }
         let path = self.layout.object(&record.artifact);
-        let found = self.verified.outline(&path, &record.artifact)?;
+        let found = self.verified.structure(&path, &record.artifact)?;
         Ok(match found.listing.kind == record.action.kind {
             true => condition,
             false => Condition::OtherKind(found.listing.kind.clone()),
@@ -75,8 +75,8 @@ impl Store {
     /// # Errors
     /// When it has become unreadable since.
     pub fn parts(&self, digest: &ArtifactId) -> Result<Vec<ArtifactId>, StoreError> {
-        let outline = self.verified.outline(&self.layout.object(digest), digest)?;
-        Ok(outline.parts.to_vec())
+        let structure = self.verified.structure(&self.layout.object(digest), digest)?;
+        Ok(structure.parts.to_vec())
     }
 
     /// Moves an artifact's file aside.

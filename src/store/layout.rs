@@ -57,6 +57,7 @@ impl Layout {
             ErrorKind::InvalidInput | ErrorKind::FileTooLarge => StoreError::Format {
                 path: marker.clone(),
                 found: error.to_string(),
+                known: FORMAT,
             },
             _ => StoreError::io("read", &marker)(error),
         })?;
@@ -65,6 +66,7 @@ impl Layout {
             return Err(StoreError::Format {
                 path: marker,
                 found: text.trim_end().chars().take(80).collect(),
+                known: FORMAT,
             });
         }
         for folder in FOLDERS {

@@ -2,41 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::element_type::ElementType;
 use super::error::StoreError;
 use super::object::{Dataset, Object};
 use crate::base::ArtifactId;
-
-/// The element types of datasets.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-pub enum ElementType {
-    /// Bytes.
-    U8,
-    /// 32-bit whole numbers.
-    U32,
-    /// 64-bit whole numbers.
-    U64,
-    /// Single precision.
-    F32,
-    /// Double precision.
-    F64,
-    /// Texts of at most 64 bytes.
-    Text,
-}
-
-impl ElementType {
-    /// The name in digests and listings.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::U8 => "u8",
-            Self::U32 => "u32",
-            Self::U64 => "u64",
-            Self::F32 => "f32",
-            Self::F64 => "f64",
-            Self::Text => "text",
-        }
-    }
-}
 
 /// What is known of an artifact without its elements and attributes.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]

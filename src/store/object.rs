@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::listing::ElementType;
+use super::element_type::ElementType;
 use crate::base::{ArtifactId, DigestWriter};
 
 /// Bytes of one text element. Texts have a fixed width in files, so that virtual datasets can show chunks as one array.

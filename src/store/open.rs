@@ -16,7 +16,7 @@ use super::listing::{self, Content};
 use super::lock::{self, Guard};
 use super::object::Object;
 use super::provenance::Provenance;
-use super::seal::Seal;
+use super::header::Header;
 use super::verified::Verified;
 use super::write::{self, Part};
 use crate::base::{ArtifactId, FileDigest};
@@ -41,12 +41,12 @@ pub struct Stored {
     pub size: u64,
 }
 
-impl From<Seal> for Stored {
-    fn from(seal: Seal) -> Self {
+impl From<Header> for Stored {
+    fn from(header: Header) -> Self {
         Self {
-            digest: seal.content,
-            file_digest: seal.file,
-            size: seal.size,
+            digest: header.content,
+            file_digest: header.file,
+            size: header.size,
         }
     }
 }
@@ -144,8 +144,8 @@ impl Store {
         let temporary = self.temporary_file()?;
         write::write(&temporary, object, &parts, contents, provenance)
             .map_err(StoreError::hdf5("write", &temporary))?;
-        let seal = Seal::write(&temporary, digest)?;
-        let stored = self.publish(&temporary, seal)?;
+        let header = Header::write(&temporary, digest)?;
+        let stored = self.publish(&temporary, header)?;
         self.verified.describe(&digest, listing, object.parts.clone());
         Ok(stored)
     }
@@ -176,7 +176,7 @@ impl Store {
 
     fn existing(&self, digest: &ArtifactId) -> Result<Option<Stored>, StoreError> {
         match self.verified.verify(&self.layout.object(digest), digest) {
-            Ok(seal) => Ok(Some(seal.into())),
+            Ok(header) => Ok(Some(header.into())),
             Err(StoreError::Missing { .. }) => Ok(None),
             Err(error) if error.is_damage() => Ok(None),
             Err(error) => Err(error),
@@ -184,16 +184,16 @@ impl Store {
     }
 
     /// The file's rename is what makes it visible.
-    fn publish(&self, temporary: &Path, seal: Seal) -> Result<Stored, StoreError> {
+    fn publish(&self, temporary: &Path, header: Header) -> Result<Stored, StoreError> {
         let _publishing = lock::exclusive(&self.layout.publish_lock())?;
-        if let Some(stored) = self.existing(&seal.content)? {
+        if let Some(stored) = self.existing(&header.content)? {
             return Ok(stored);
         }
-        let target = self.layout.object(&seal.content);
+        let target = self.layout.object(&header.content);
         self.quarantine(&target)?;
         atomic::rename(temporary, &target)?;
-        self.verified.remember(&target, seal);
-        Ok(seal.into())
+        self.verified.remember(&target, header);
+        Ok(header.into())
     }
 
     /// Moves a file aside, keeping it for whoever wants to know what happened. Nothing happens where there is none.
@@ -215,8 +215,8 @@ impl Store {
     fn chunks_of(&self, object: &Object) -> Result<(Vec<Part>, Vec<Content>), StoreError> {
         let mut parts = Vec::with_capacity(object.parts.len());
         for digest in &object.parts {
-            let outline = self.verified.outline(&self.layout.object(digest), digest)?;
-            if !outline.parts.is_empty() {
+            let structure = self.verified.structure(&self.layout.object(digest), digest)?;
+            if !structure.parts.is_empty() {
                 return Err(StoreError::Parts {
                     digest: *digest,
                     reason: "it is a manifest itself".into(),
@@ -224,7 +224,7 @@ impl Store {
             }
             parts.push(Part {
                 digest: *digest,
-                listing: outline.listing,
+                listing: structure.listing,
             });
         }
         let shown = listing::concatenate(parts.iter().map(|part| (part.digest, part.listing.contents.as_slice())))?;

@@ -1,5 +1,5 @@
 //! Files that are no artifacts: results that somebody asked for by name. They look like artifacts to HDF5 tools, but have
-//! no seal, may hold NaN, and are wherever the user wants them.
+//! no header, may hold NaN, and are wherever the user wants them.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! Reads artifact files whose seal has been verified.
+//! Reads artifact files whose header has been verified.
 //!
 //! Virtual datasets are for others: a manifest is read by the digests of its chunks, each of them verified.
 
@@ -9,8 +9,9 @@ use hdf5::dataset::Layout;
 use hdf5::types::{FloatSize, IntSize, TypeDescriptor, VarLenUnicode};
 use hdf5::{File, Group, LinkType};
 
+use super::element_type::ElementType;
 use super::error::StoreError;
-use super::listing::{Content, ElementType, Listing};
+use super::listing::{Content, Listing};
 use super::object::{Data, Dataset, KIND, TEXT_WIDTH};
 use super::scales;
 use super::write::{AXES, TextCell};
@@ -20,7 +21,7 @@ use crate::base::ArtifactId;
 const DEEPEST: u32 = 16;
 
 /// What a file says about itself, without the elements of its datasets.
-pub struct Header {
+pub struct Overview {
     /// Content attributes.
     pub attributes: BTreeMap<String, String>,
     /// Digests of the chunks of a manifest.
@@ -33,7 +34,7 @@ pub struct Header {
 ///
 /// # Errors
 /// When the file is not as this program writes it.
-pub fn header(path: &Path) -> Result<Header, StoreError> {
+pub fn overview(path: &Path) -> Result<Overview, StoreError> {
     let file = open(path)?;
     let failed = StoreError::hdf5("read", path);
     check(path, &file)?;
@@ -43,7 +44,7 @@ pub fn header(path: &Path) -> Result<Header, StoreError> {
     if names.iter().any(|name| name == "parts") {
         let parts = texts(&file.dataset("parts").map_err(&failed)?).map_err(&failed)?;
         let parts: Result<Vec<ArtifactId>, _> = parts.iter().map(|text| text.parse()).collect();
-        return Ok(Header {
+        return Ok(Overview {
             attributes,
             parts: parts.map_err(|error| StoreError::damaged(path, error.to_string()))?,
             listing: Listing {
@@ -55,7 +56,7 @@ pub fn header(path: &Path) -> Result<Header, StoreError> {
     let mut contents = Vec::new();
     list(&file, "", &mut contents).map_err(&failed)?;
     contents.sort_by(|a, b| a.path.cmp(&b.path));
-    Ok(Header {
+    Ok(Overview {
         attributes,
         parts: Vec::new(),
         listing: Listing { kind, contents },
@@ -105,7 +106,7 @@ fn open(path: &Path) -> Result<File, StoreError> {
 }
 
 /// Refuses what this program never writes and what could hold a reader up: links to elsewhere, groups without end, and
-/// elements that are not in the file. The seal does not say who wrote it.
+/// elements that are not in the file. The header does not say who wrote it.
 fn check(path: &Path, file: &File) -> Result<(), StoreError> {
     let length = std::fs::metadata(path).map_err(StoreError::io("read", path))?.len();
     let refused = match check_group(file, length, 0, file.link_exists("parts")) {

@@ -357,10 +357,10 @@ fn a_seal_that_was_forged_does_not_deceive_fsck() {
     let (one, two) = (put(&store, &chunk(1, 1)), put(&store, &chunk(2, 1)));
     let path = object_path(&store, &one);
     fs::copy(object_path(&store, &two), &path).unwrap();
-    super::seal::Seal::write(&path, one).unwrap();
+    super::header::Header::write(&path, one).unwrap();
     assert!(
         Store::open(store.root()).unwrap().artifact(&one).is_ok(),
-        "the seal fits the file"
+        "the header fits the file"
     );
     let report = store.fsck(&|_, _| ()).unwrap();
     assert!(report.damaged[0].reason.contains(&two.short()), "{:?}", report.damaged);

@@ -12,46 +12,46 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::atomic::temporary_file;
 use super::error::StoreError;
-use super::index::{self, Entries, Entry, Outline};
+use super::index::{self, Entries, Entry, Structure};
 use super::layout::Layout;
 use super::listing::Listing;
 use super::read;
-use super::seal::Seal;
+use super::header::Header;
 use super::stamp::{Stamp, Time, file_system_time, machine_time};
 use crate::base::ArtifactId;
 
 /// How a file is known to be sound.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Witness {
+enum Check {
     /// This process wrote it.
     Written,
     /// This process has digested it, after this time; none where the file system's clock cannot be read.
-    Digested(Option<Time>),
+    Read(Option<Time>),
 }
 
 struct Known {
-    witness: Witness,
+    check: Check,
     stamp: Stamp,
-    seal: Seal,
-    outline: Option<Outline>,
+    header: Header,
+    structure: Option<Structure>,
 }
 
 /// The memory of sound files, by artifact: in one store each has one file.
 #[derive(Default)]
 pub struct Verified {
     /// Where the index is and where files may be made; none outside a store.
-    place: Option<Place>,
+    folders: Option<Folders>,
     indexed: Entries,
     memory: Mutex<Memory>,
 }
 
-struct Place {
+struct Folders {
     index: PathBuf,
     temporary: PathBuf,
     quarantine: PathBuf,
 }
 
-impl Place {
+impl Folders {
     fn of(layout: &Layout) -> Self {
         Self {
             index: layout.index(),
@@ -84,7 +84,7 @@ impl Verified {
     /// The memory of a store whose index is written but not believed.
     pub fn without_trust(layout: &Layout) -> Self {
         let mut known = Self::default();
-        known.place = Some(Place::of(layout));
+        known.folders = Some(Folders::of(layout));
         known
     }
 
@@ -93,31 +93,31 @@ impl Verified {
     ///
     /// # Errors
     /// When it is missing, damaged, or another artifact.
-    pub fn verify(&self, path: &Path, digest: &ArtifactId) -> Result<Seal, StoreError> {
+    pub fn verify(&self, path: &Path, digest: &ArtifactId) -> Result<Header, StoreError> {
         let before = stamp(path, digest)?;
-        if let Some(seal) = self.known(digest, &before) {
-            return Ok(seal);
+        if let Some(header) = self.known(digest, &before) {
+            return Ok(header);
         }
         let began = self.began();
-        let seal = Seal::verify(path).and_then(|seal| named(path, digest, seal));
-        let seal = seal.inspect_err(|_| self.forget(digest))?;
+        let header = Header::verify(path).and_then(|header| named(path, digest, header));
+        let header = header.inspect_err(|_| self.forget(digest))?;
         let after = stamp(path, digest)?;
         let mut memory = self.lock();
         // A file that was written meanwhile is looked at again next time.
         if before == after {
-            let outline = memory.known.remove(digest).and_then(|known| known.outline);
-            memory.insert(digest, Witness::Digested(began), after, seal, outline);
+            let structure = memory.known.remove(digest).and_then(|known| known.structure);
+            memory.insert(digest, Check::Read(began), after, header, structure);
         }
-        Ok(seal)
+        Ok(header)
     }
 
     /// As [`Verified::verify`], but believing the index where the file's stamp is the one that it knows.
     ///
     /// # Errors
     /// When it is missing, damaged, or another artifact.
-    pub fn glance(&self, path: &Path, digest: &ArtifactId) -> Result<Seal, StoreError> {
+    pub fn glance(&self, path: &Path, digest: &ArtifactId) -> Result<Header, StoreError> {
         match self.indexed(path, digest)? {
-            Some(entry) => Ok(entry.seal(*digest)),
+            Some(entry) => Ok(entry.header(*digest)),
             None => self.verify(path, digest),
         }
     }
@@ -126,39 +126,39 @@ impl Verified {
     ///
     /// # Errors
     /// When it is missing, damaged, or another artifact.
-    pub fn outline(&self, path: &Path, digest: &ArtifactId) -> Result<Outline, StoreError> {
+    pub fn structure(&self, path: &Path, digest: &ArtifactId) -> Result<Structure, StoreError> {
         let indexed = self.indexed(path, digest)?;
-        if let Some(outline) = indexed.and_then(|entry| entry.outline.clone()) {
-            return Ok(outline);
+        if let Some(structure) = indexed.and_then(|entry| entry.structure.clone()) {
+            return Ok(structure);
         }
         self.verify(path, digest)?;
-        if let Some(outline) = self.lock().known.get(digest).and_then(|known| known.outline.clone()) {
-            return Ok(outline);
+        if let Some(structure) = self.lock().known.get(digest).and_then(|known| known.structure.clone()) {
+            return Ok(structure);
         }
-        let header = read::header(path)?;
-        Ok(self.describe(digest, header.listing, header.parts))
+        let overview = read::overview(path)?;
+        Ok(self.describe(digest, overview.listing, overview.parts))
     }
 
     /// Takes note of what stands in an artifact that has been verified.
-    pub fn describe(&self, digest: &ArtifactId, listing: Listing, parts: Vec<ArtifactId>) -> Outline {
+    pub fn describe(&self, digest: &ArtifactId, listing: Listing, parts: Vec<ArtifactId>) -> Structure {
         let mut memory = self.lock();
         let listing = Arc::new(listing);
         memory.listings.insert(listing.clone());
-        let outline = Outline {
+        let structure = Structure {
             listing: memory.listings.get(&listing).cloned().unwrap_or(listing),
             parts: Arc::new(parts),
         };
-        if let Some(known) = memory.known.get_mut(digest).filter(|known| known.outline.is_none()) {
-            known.outline = Some(outline.clone());
+        if let Some(known) = memory.known.get_mut(digest).filter(|known| known.structure.is_none()) {
+            known.structure = Some(structure.clone());
             memory.changed = true;
         }
-        outline
+        structure
     }
 
     /// Takes note of a file that this process has just written.
-    pub fn remember(&self, path: &Path, seal: Seal) {
-        if let Ok(stamp) = stamp(path, &seal.content) {
-            self.lock().insert(&seal.content, Witness::Written, stamp, seal, None);
+    pub fn remember(&self, path: &Path, header: Header) {
+        if let Ok(stamp) = stamp(path, &header.content) {
+            self.lock().insert(&header.content, Check::Written, stamp, header, None);
         }
     }
 
@@ -173,16 +173,16 @@ impl Verified {
     /// Writes the index, where anything has been learnt that it does not know. It is a cache: where it cannot be written the
     /// next process verifies more, and that is all, so nothing is said of it.
     pub fn keep(&self) {
-        let Some(place) = &self.place else { return };
+        let Some(folders) = &self.folders else { return };
         if std::mem::take(&mut self.lock().changed) {
-            let _ = self.write(place);
+            let _ = self.write(folders);
         }
     }
 
     /// Stamps are young when the files have just been written: they are let settle first, which takes some milliseconds.
-    fn write(&self, place: &Place) -> Option<()> {
-        let now = file_system_time(&place.temporary)?;
-        let unsettled = |known: &&Known| known.witness == Witness::Written && !known.stamp.is_settled(now);
+    fn write(&self, folders: &Folders) -> Option<()> {
+        let now = file_system_time(&folders.temporary)?;
+        let unsettled = |known: &&Known| known.check == Check::Written && !known.stamp.is_settled(now);
         let wait = self
             .lock()
             .known
@@ -194,20 +194,20 @@ impl Verified {
             // A coarse clock is not waited for: those files are verified by the next process.
             Some(wait) if wait.as_millis() < 100 => {
                 std::thread::sleep(wait);
-                file_system_time(&place.temporary)?
+                file_system_time(&folders.temporary)?
             }
             _ => now,
         };
-        let mut entries = index::read(&place.index, machine_time());
+        let mut entries = index::read(&folders.index, machine_time());
         self.add_to(&mut entries, now);
-        let mut file = temporary_file(&place.temporary).ok()?;
+        let mut file = temporary_file(&folders.temporary).ok()?;
         file.write_all(&index::write(&entries)).ok()?;
-        if place.index.is_dir() {
+        if folders.index.is_dir() {
             // Nobody knows whose it is: it is moved aside and not removed.
-            let aside = tempfile::Builder::new().prefix("index.").tempdir_in(&place.quarantine);
-            fs::rename(&place.index, aside.ok()?.keep().join("index")).ok()?;
+            let aside = tempfile::Builder::new().prefix("index.").tempdir_in(&folders.quarantine);
+            fs::rename(&folders.index, aside.ok()?.keep().join("index")).ok()?;
         }
-        file.persist(&place.index).ok()?;
+        file.persist(&folders.index).ok()?;
         Some(())
     }
 
@@ -228,9 +228,9 @@ impl Verified {
             entries.remove(digest);
         }
         for (digest, known) in &memory.known {
-            let noted = match known.witness {
-                Witness::Written => Some(now),
-                Witness::Digested(began) => began,
+            let noted = match known.check {
+                Check::Written => Some(now),
+                Check::Read(began) => began,
             };
             let noted = noted.filter(|noted| known.stamp.is_settled(*noted));
             if let Some(noted) = noted {
@@ -238,15 +238,15 @@ impl Verified {
                     entries
                         .get(digest)
                         .filter(|other| other.stamp == known.stamp)?
-                        .outline
+                        .structure
                         .clone()
                 };
-                let outline = known.outline.clone().or_else(of_others);
+                let structure = known.structure.clone().or_else(of_others);
                 let entry = Entry {
-                    file: known.seal.file,
+                    file: known.header.file,
                     stamp: known.stamp,
                     noted,
-                    outline,
+                    structure,
                 };
                 entries.insert(*digest, entry);
             }
@@ -266,23 +266,23 @@ impl Verified {
 
     /// What this process knows of a file with this stamp. One that it has digested within a tick of its last change may
     /// have changed again in that tick.
-    fn known(&self, digest: &ArtifactId, stamp: &Stamp) -> Option<Seal> {
+    fn known(&self, digest: &ArtifactId, stamp: &Stamp) -> Option<Header> {
         let memory = self.lock();
         let known = memory.known.get(digest).filter(|known| known.stamp == *stamp)?;
-        let settled = match known.witness {
-            Witness::Written => true,
-            Witness::Digested(began) => began.is_none_or(|began| known.stamp.is_settled(began)),
+        let settled = match known.check {
+            Check::Written => true,
+            Check::Read(began) => began.is_none_or(|began| known.stamp.is_settled(began)),
         };
-        settled.then_some(known.seal)
+        settled.then_some(known.header)
     }
 
     /// The file system's clock before the first file was digested: a file that has changed since is not settled.
     fn began(&self) -> Option<Time> {
-        let place = self.place.as_ref()?;
+        let folders = self.folders.as_ref()?;
         *self
             .lock()
             .began
-            .get_or_insert_with(|| file_system_time(&place.temporary))
+            .get_or_insert_with(|| file_system_time(&folders.temporary))
     }
 
     fn lock(&self) -> MutexGuard<'_, Memory> {
@@ -301,14 +301,14 @@ impl Drop for Verified {
 }
 
 impl Memory {
-    fn insert(&mut self, digest: &ArtifactId, witness: Witness, stamp: Stamp, seal: Seal, outline: Option<Outline>) {
+    fn insert(&mut self, digest: &ArtifactId, check: Check, stamp: Stamp, header: Header, structure: Option<Structure>) {
         self.changed = true;
         self.forgotten.remove(digest);
         let known = Known {
-            witness,
+            check,
             stamp,
-            seal,
-            outline,
+            header,
+            structure,
         };
         self.known.insert(*digest, known);
     }
@@ -325,11 +325,11 @@ fn stamp(path: &Path, digest: &ArtifactId) -> Result<Stamp, StoreError> {
     }
 }
 
-fn named(path: &Path, digest: &ArtifactId, seal: Seal) -> Result<Seal, StoreError> {
-    if seal.content == *digest {
-        Ok(seal)
+fn named(path: &Path, digest: &ArtifactId, header: Header) -> Result<Header, StoreError> {
+    if header.content == *digest {
+        Ok(header)
     } else {
-        let reason = format!("it holds artifact {}", seal.content.short());
+        let reason = format!("it holds artifact {}", header.content.short());
         Err(StoreError::damaged(path, reason))
     }
 }

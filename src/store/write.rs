@@ -9,11 +9,12 @@ use std::sync::Arc;
 use hdf5::types::{FixedUnicode, VarLenUnicode};
 use hdf5::{Extents, Group, H5Type, Hyperslab, SliceOrIndex};
 
-use super::listing::{Content, ElementType, Listing};
+use super::element_type::ElementType;
+use super::listing::{Content, Listing};
 use super::object::{Data, Dataset, KIND, Object, TEXT_WIDTH};
 use super::provenance::Provenance;
 use super::scales;
-use super::seal::BLOCK;
+use super::header::BLOCK;
 use crate::base::ArtifactId;
 
 /// One element of a text dataset.
@@ -52,7 +53,7 @@ pub fn write(
         attribute(&file, KIND, &object.kind)?;
     }
     // Small arrays wait in a buffer of their dataset. Closing it writes them and keeps a failure to itself, so that on a
-    // full disk zeros would be sealed in their place: all stay open until the file has been flushed.
+    // full disk zeros would stand in their place: all stay open until the file has been flushed.
     let mut open = Vec::with_capacity(object.datasets.len());
     for (name, dataset) in &object.datasets {
         open.push(write_dataset(&file, name, dataset)?);

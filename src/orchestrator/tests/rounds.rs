@@ -9,7 +9,7 @@ use crate::base::NodeValue;
 struct Toy {
     name: &'static str,
     needs: &'static [&'static str],
-    teaches: Option<&'static str>,
+    feedback_target: Option<&'static str>,
     /// What it adds from the second round on.
     again: Option<&'static str>,
 }
@@ -18,19 +18,19 @@ const TOYS: [Toy; 3] = [
     Toy {
         name: "learn",
         needs: &["count", "check", "learn"],
-        teaches: None,
+        feedback_target: None,
         again: Some("1"),
     },
     Toy {
         name: "guess",
         needs: &["learn", "count"],
-        teaches: None,
+        feedback_target: None,
         again: None,
     },
     Toy {
         name: "check",
         needs: &["guess"],
-        teaches: Some("learn"),
+        feedback_target: Some("learn"),
         again: None,
     },
 ];
@@ -58,17 +58,17 @@ impl Kind for Toy {
         vec![Fields::new("A toy.").optional("add", Schema::whole(0, 1000))]
     }
 
-    fn teaches(&self) -> Option<&'static str> {
-        self.teaches
+    fn feedback_target(&self) -> Option<&'static str> {
+        self.feedback_target
     }
 
-    fn relearns(&self, _: &Node) -> Result<Vec<(&'static str, NodeValue)>, InputError> {
+    fn feedback_overrides(&self, _: &Node) -> Result<Vec<(&'static str, NodeValue)>, InputError> {
         let add = self.again.map(|add| ("add", NodeValue::Number(add.to_owned())));
         Ok(add.into_iter().collect())
     }
 
     fn read(&self, stage: &Node, _: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
-        let keys: &[&str] = match self.teaches {
+        let keys: &[&str] = match self.feedback_target {
             Some(_) => &["kind", "needs", "add", "rounds", "update"],
             None => &["kind", "needs", "add"],
         };

@@ -55,9 +55,9 @@ fn the_index_knows_what_was_put() {
     assert!(entry.stamp.is_settled(entry.noted), "noted once its tick was over");
     let manifest = put(&store, &Object::manifest(Default::default(), vec![digest]));
     store.keep_index();
-    let outline = indexed(&store)[&manifest].outline.clone().unwrap();
-    assert_eq!((*outline.parts).as_slice(), [digest]);
-    assert_eq!(indexed(&store)[&digest].outline.as_ref().unwrap().listing.kind, "count");
+    let structure = indexed(&store)[&manifest].structure.clone().unwrap();
+    assert_eq!((*structure.parts).as_slice(), [digest]);
+    assert_eq!(indexed(&store)[&digest].structure.as_ref().unwrap().listing.kind, "count");
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Prices for the stages of a pipeline, and the costs that later prices are made of.
 
-use super::assess::{Assessment, State};
+use super::planner::{StageStatus, State};
 use super::event::StageReport;
 use super::kind::{Chunk, Plan};
 use super::price::{Leaves, Price, Work, leaves, price};
@@ -15,41 +15,41 @@ use crate::store::{Cost, Store, StoreError};
 pub fn prices(
     pipeline: &Pipeline,
     selection: &[usize],
-    assessments: &[Assessment],
+    statuses: &[StageStatus],
     store: &Store,
     environment: &Environment,
 ) -> Result<Vec<Option<Price>>, StoreError> {
-    if !assessments.iter().any(Assessment::is_stale) {
+    if !statuses.iter().any(StageStatus::is_stale) {
         return Ok(vec![None; selection.len()]);
     }
     let costs = store.costs();
     let mut lengths: Vec<Option<u64>> = vec![None; pipeline.stages.len()];
     let mut prices = Vec::with_capacity(selection.len());
-    for (&index, assessment) in selection.iter().zip(assessments) {
+    for (&index, status) in selection.iter().zip(statuses) {
         let spec = &pipeline.stages[index];
         let input_bytes = spec.needs.iter().map(|&need| lengths[need]).sum();
-        let price = match assessment.is_stale() {
-            true => price(&costs, &work(spec, assessment, input_bytes, environment)),
+        let price = match status.is_stale() {
+            true => price(&costs, &work(spec, status, input_bytes, environment)),
             false => None,
         };
-        lengths[index] = length(assessment, price.as_ref());
+        lengths[index] = length(status, price.as_ref());
         prices.push(price);
     }
     Ok(prices)
 }
 
 /// What building a stale stage takes. `input_bytes` is the length of its inputs, where that is known.
-fn work(spec: &StageSpec, assessment: &Assessment, input_bytes: Option<u64>, environment: &Environment) -> Work {
+fn work(spec: &StageSpec, status: &StageStatus, input_bytes: Option<u64>, environment: &Environment) -> Work {
     Work {
         kind: spec.kind.name().to_owned(),
         recipe: spec.kind.recipe(),
-        parameters: parameters(spec, &assessment.work),
+        parameters: parameters(spec, &status.work),
         host: environment.host.clone(),
         jobs: rayon::current_num_threads() as u64,
-        steps: steps(assessment),
+        steps: steps(status),
         weight: spec.stage.weight(),
-        chunks: match &assessment.work {
-            Plan::Chunks(_) => Some(missing(assessment).count() as u64),
+        chunks: match &status.work {
+            Plan::Chunks(_) => Some(missing(status).count() as u64),
             Plan::Whole { .. } => None,
         },
         input_bytes,
@@ -57,9 +57,9 @@ fn work(spec: &StageSpec, assessment: &Assessment, input_bytes: Option<u64>, env
 }
 
 /// How many steps building takes: samples in the chunks that are not there, or the stage's own measure.
-pub fn steps(assessment: &Assessment) -> u64 {
-    match &assessment.work {
-        Plan::Chunks(_) => missing(assessment).map(|chunk| chunk.samples).sum(),
+pub fn steps(status: &StageStatus) -> u64 {
+    match &status.work {
+        Plan::Chunks(_) => missing(status).map(|chunk| chunk.samples).sum(),
         Plan::Whole { steps } => *steps,
     }
 }
@@ -67,12 +67,12 @@ pub fn steps(assessment: &Assessment) -> u64 {
 /// The cost of a stage that was built here and now, for the memory of the store; `None` where another process had a share.
 pub fn cost(
     spec: &StageSpec,
-    assessment: &Assessment,
+    status: &StageStatus,
     report: &StageReport,
     input_bytes: u64,
     environment: &Environment,
 ) -> Option<Cost> {
-    let work = work(spec, assessment, Some(input_bytes), environment);
+    let work = work(spec, status, Some(input_bytes), environment);
     let chunks = work.chunks.unwrap_or(1);
     if report.chunks_built != chunks {
         return None;
@@ -93,8 +93,8 @@ pub fn cost(
     })
 }
 
-fn missing(assessment: &Assessment) -> impl Iterator<Item = &Chunk> {
-    let (chunks, states) = match (&assessment.work, &assessment.state) {
+fn missing(status: &StageStatus) -> impl Iterator<Item = &Chunk> {
+    let (chunks, states) = match (&status.work, &status.state) {
         (Plan::Chunks(chunks), State::Stale { chunks: states, .. }) => (chunks.as_slice(), states.as_slice()),
         _ => (&[][..], &[][..]),
     };
@@ -120,8 +120,8 @@ fn parameters(spec: &StageSpec, work: &Plan) -> Leaves {
 }
 
 /// The length of a stage's files, now or once it has been built.
-fn length(assessment: &Assessment, price: Option<&Price>) -> Option<u64> {
-    match &assessment.state {
+fn length(status: &StageStatus, price: Option<&Price>) -> Option<u64> {
+    match &status.state {
         State::Fresh { size, .. } => Some(*size),
         State::Stale { chunks, .. } => {
             let there = chunks.iter().filter(|chunk| chunk.intact);

@@ -8,7 +8,7 @@ use super::lock;
 use super::open::Store;
 /// What is in a store.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Survey {
+pub struct Totals {
     /// Artifacts.
     pub objects: u64,
     /// Length of their files, bytes.
@@ -34,29 +34,29 @@ impl Store {
     ///
     /// # Errors
     /// When the system refuses.
-    pub fn survey(&self) -> Result<Survey, StoreError> {
-        let mut survey = Survey {
+    pub fn totals(&self) -> Result<Totals, StoreError> {
+        let mut totals = Totals {
             records: files(&self.layout.records())?.len() as u64,
             pins: count(&self.layout.pins())?,
             lock_files: count(&self.layout.lock_files())?,
             quarantined: count(&self.layout.quarantine())?,
-            ..Survey::default()
+            ..Totals::default()
         };
         for path in files(&self.layout.objects())? {
             // Another process may have just replaced it.
             if let Ok(metadata) = fs::metadata(&path) {
-                survey.objects += 1;
-                survey.bytes += metadata.len();
+                totals.objects += 1;
+                totals.bytes += metadata.len();
             }
         }
         for checkpoints in self.checkpoints()?.iter().filter(|checkpoints| checkpoints.size > 0) {
-            survey.checkpoints += 1;
-            survey.checkpoint_bytes += checkpoints.size;
+            totals.checkpoints += 1;
+            totals.checkpoint_bytes += checkpoints.size;
         }
         for path in files_in(&self.layout.action_locks())? {
-            survey.in_flight += u64::from(lock::is_held(&path)?);
+            totals.in_flight += u64::from(lock::is_held(&path)?);
         }
-        Ok(survey)
+        Ok(totals)
     }
 }
 
@@ -77,7 +77,7 @@ mod tests {
     fn everything_is_counted() {
         let folder = tempfile::tempdir().unwrap();
         let store = Store::open(folder.path()).unwrap();
-        assert_eq!(store.survey().unwrap(), Survey::default());
+        assert_eq!(store.totals().unwrap(), Totals::default());
         let object = Object::default().attribute("a", "b");
         let stored = store.put(&object, &Provenance::default()).unwrap();
         let (label, created) = (String::new(), String::new());
@@ -86,16 +86,16 @@ mod tests {
         fs::write(store.layout.quarantine().join("x"), "").unwrap();
         let key = ActionKey::of(b"key");
         let held = store.lock_action(&key).unwrap();
-        let expected = Survey {
+        let expected = Totals {
             objects: 1,
             bytes: stored.size,
             pins: 1,
             quarantined: 1,
             in_flight: 1,
-            ..Survey::default()
+            ..Totals::default()
         };
-        assert_eq!(store.survey().unwrap(), expected);
+        assert_eq!(store.totals().unwrap(), expected);
         drop(held);
-        assert_eq!(store.survey().unwrap().in_flight, 0);
+        assert_eq!(store.totals().unwrap().in_flight, 0);
     }
 }

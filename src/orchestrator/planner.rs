@@ -17,8 +17,8 @@ use crate::store::{Action, Condition, Effort, Lookup, Object, Record, Run, RunSt
 /// Files that one thread looks at sooner than another could be woken.
 const FEW: usize = 64;
 
-/// What a stage would take.
-pub struct Assessment {
+/// How a stage stands and what it would take.
+pub struct StageStatus {
     /// Its action and key; unknown while an input has yet to be built.
     pub action: Option<(Action, ActionKey)>,
     /// How its work divides.
@@ -60,13 +60,13 @@ pub struct ChunkState {
 }
 
 /// Looks at the stages of one pipeline in one store.
-pub struct Surveyor<'a> {
+pub struct Planner<'a> {
     pipeline: &'a Pipeline,
     store: &'a Store,
     runs: Vec<Run>,
 }
 
-impl Assessment {
+impl StageStatus {
     /// What later stages can know of this one.
     #[must_use]
     pub fn as_input(&self) -> Input {
@@ -118,8 +118,8 @@ pub fn known(work: &Plan, digest: Option<ArtifactId>, parts: &[Option<ArtifactId
     Input { digest, parts }
 }
 
-impl<'a> Surveyor<'a> {
-    /// A surveyor who remembers the last runs.
+impl<'a> Planner<'a> {
+    /// A planner that knows the last runs.
     ///
     /// # Errors
     /// When the store cannot be read.
@@ -129,30 +129,30 @@ impl<'a> Surveyor<'a> {
         Ok(Self { pipeline, store, runs })
     }
 
-    /// Assesses stages, given by their places in topological order.
+    /// The status of stages, given by their places in topological order.
     ///
     /// # Errors
     /// When the store cannot be read.
-    pub fn survey(&self, selection: &[usize]) -> Result<Vec<Assessment>, StoreError> {
+    pub fn statuses(&self, selection: &[usize]) -> Result<Vec<StageStatus>, StoreError> {
         let mut inputs: BTreeMap<usize, Input> = BTreeMap::new();
         let mut out = Vec::with_capacity(selection.len());
         let effort = Effort::Quick;
         for &index in selection {
             let needs = &self.pipeline.stages[index].needs;
             let given: Vec<Input> = needs.iter().filter_map(|need| inputs.get(need).cloned()).collect();
-            let assessment = self.assess(index, &given, effort)?;
-            inputs.insert(index, assessment.as_input());
-            out.push(assessment);
+            let status = self.status(index, &given, effort)?;
+            inputs.insert(index, status.as_input());
+            out.push(status);
         }
         self.store.keep_index();
         Ok(out)
     }
 
-    /// Assesses one stage, given what is known of the stages that it needs.
+    /// The status of one stage, given what is known of the stages that it needs.
     ///
     /// # Errors
     /// When the store cannot be read.
-    pub fn assess(&self, index: usize, inputs: &[Input], effort: Effort) -> Result<Assessment, StoreError> {
+    pub fn status(&self, index: usize, inputs: &[Input], effort: Effort) -> Result<StageStatus, StoreError> {
         let spec = &self.pipeline.stages[index];
         let digests: Vec<Option<ArtifactId>> = inputs.iter().map(|input| input.digest).collect();
         let parameters = spec.stage.parameters();
@@ -167,7 +167,7 @@ impl<'a> Surveyor<'a> {
             Some((record, condition)) => match self.examine(&record, &condition, &work, effort)? {
                 Ok((parts, size)) => {
                     let state = State::Fresh { record, parts, size };
-                    return Ok(Assessment { action, work, state });
+                    return Ok(StageStatus { action, work, state });
                 }
                 Err(why) => (why, Some(record.artifact)),
             },
@@ -179,7 +179,7 @@ impl<'a> Surveyor<'a> {
             some => some,
         };
         let state = State::Stale { why, chunks, expected };
-        Ok(Assessment { action, work, state })
+        Ok(StageStatus { action, work, state })
     }
 
     /// The record of an action, and the condition of what it made. A record that names an artifact of another kind is none.

@@ -1,7 +1,7 @@
-//! The seal at the head of every artifact file: which artifact it is, its length, and a digest of every byte.
+//! The header of every artifact file: which artifact it is, its length, and a digest of every byte.
 //!
 //! It stands in the HDF5 *user block* (HDF5 File Format Specification 3.0, §II.A: bytes before the superblock belong to
-//! the user), so every HDF5 tool still reads the file. A file is handed to the HDF5 library only after its seal has been
+//! the user), so every HDF5 tool still reads the file. A file is handed to the HDF5 library only after its header has been
 //! verified: the library is not made to survive damaged files.
 
 use std::fs::File;
@@ -16,9 +16,9 @@ pub const BLOCK: usize = 512;
 
 const TITLE: &str = "deaflow-artifact 1";
 
-/// What a seal says.
+/// What a header says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Seal {
+pub struct Header {
     /// The artifact: the digest of the logical content.
     pub content: ArtifactId,
     /// BLAKE3 of all bytes after the user block.
@@ -27,7 +27,7 @@ pub struct Seal {
     pub size: u64,
 }
 
-impl Seal {
+impl Header {
     fn block(&self) -> [u8; BLOCK] {
         let text = format!("{TITLE}\n{}\n{}\n{}\n", self.content, self.file, self.size);
         let mut block = [0; BLOCK];
@@ -39,43 +39,43 @@ impl Seal {
         let text = std::str::from_utf8(block).ok()?;
         let mut lines = text.lines();
         (lines.next()? == TITLE).then_some(())?;
-        let seal = Self {
+        let header = Self {
             content: lines.next()?.parse().ok()?,
             file: lines.next()?.parse().ok()?,
             size: lines.next()?.parse().ok()?,
         };
         // Byte for byte: padding and spelling are covered too.
-        (seal.block() == *block).then_some(seal)
+        (header.block() == *block).then_some(header)
     }
 
     /// Seals a finished HDF5 file with an empty user block, and syncs it to disk.
     pub fn write(path: &Path, content: ArtifactId) -> Result<Self, StoreError> {
-        let refused = |error| StoreError::io("seal", path)(error);
+        let refused = |error| StoreError::io("write the header of", path)(error);
         let mut file = File::options().read(true).write(true).open(path).map_err(refused)?;
         let (digest, rest) = digest_rest(&mut file).map_err(refused)?;
-        let seal = Self {
+        let header = Self {
             content,
             file: digest,
             size: BLOCK as u64 + rest,
         };
         file.seek(SeekFrom::Start(0)).map_err(refused)?;
-        file.write_all(&seal.block()).map_err(refused)?;
+        file.write_all(&header.block()).map_err(refused)?;
         file.sync_data().map_err(refused)?;
-        Ok(seal)
+        Ok(header)
     }
 
-    /// Reads the seal and compares the length of the file, but not its bytes.
+    /// Reads the header and compares the length of the file, but not its bytes.
     pub fn read(path: &Path) -> Result<Self, StoreError> {
         Self::read_open(path, &mut open(path)?)
     }
 
-    /// Reads the seal and digests the whole file.
+    /// Reads the header and digests the whole file.
     pub fn verify(path: &Path) -> Result<Self, StoreError> {
         let mut file = open(path)?;
-        let seal = Self::read_open(path, &mut file)?;
+        let header = Self::read_open(path, &mut file)?;
         let (digest, _) = digest_rest(&mut file).map_err(StoreError::io("read", path))?;
-        if digest == seal.file {
-            Ok(seal)
+        if digest == header.file {
+            Ok(header)
         } else {
             Err(StoreError::damaged(path, "its bytes are not those that were written"))
         }
@@ -88,19 +88,19 @@ impl Seal {
         }
         let mut block = [0; BLOCK];
         file.read_exact(&mut block).map_err(StoreError::io("read", path))?;
-        let seal = Self::parse(&block).ok_or_else(|| StoreError::damaged(path, "its seal cannot be read"))?;
-        if seal.size == size {
-            Ok(seal)
+        let header = Self::parse(&block).ok_or_else(|| StoreError::damaged(path, "its header cannot be read"))?;
+        if header.size == size {
+            Ok(header)
         } else {
             Err(StoreError::damaged(
                 path,
-                format!("{size} bytes, {} were written", seal.size),
+                format!("{size} bytes, {} were written", header.size),
             ))
         }
     }
 }
 
-impl Seal {
+impl Header {
     /// Whether a file begins as an artifact does, whatever has become of the rest of it.
     pub fn is_at(path: &Path) -> bool {
         let mut begin = [0; TITLE.len()];
