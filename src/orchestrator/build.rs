@@ -6,9 +6,9 @@ use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 
-use super::planner::{ChunkState, manifest};
 use super::event::{Event, Listener};
 use super::kind::{Chunk, Job, StageError};
+use super::planner::{ChunkState, manifest};
 use super::provenance::{Environment, Took};
 use super::scratch::Scratch;
 use super::spec::StageSpec;

@@ -1,8 +1,8 @@
 //! Prices for the stages of a pipeline, and the costs that later prices are made of.
 
-use super::planner::{StageStatus, State};
 use super::event::StageReport;
 use super::kind::{Chunk, Plan};
+use super::planner::{StageStatus, State};
 use super::price::{Leaves, Price, Work, leaves, price};
 use super::provenance::Environment;
 use super::spec::{Pipeline, StageSpec};

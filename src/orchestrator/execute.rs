@@ -4,14 +4,14 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::SystemTime;
 
-use super::planner::{self, StageStatus, State, Planner};
 use super::build::{Builder, Done};
-use super::event::{Event, Listener, Outcome, StageReport};
 use super::cost_estimate;
-use super::kind::{Input, Plan, StageError};
 use super::difference::Difference;
+use super::event::{Event, Listener, Outcome, StageReport};
+use super::kind::{Input, Plan, StageError};
 use super::locked;
 use super::plan;
+use super::planner::{self, Planner, StageStatus, State};
 use super::price::{Bill, Price};
 use super::provenance::Environment;
 use super::spec::{Pipeline, StageSpec};
@@ -104,9 +104,7 @@ pub fn run(
         0
     };
     let before = || selection.iter().zip(&statuses).take(first);
-    let known = before()
-        .map(|(&index, status)| (index, status.as_input()))
-        .collect();
+    let known = before().map(|(&index, status)| (index, status.as_input())).collect();
     let remembered = before()
         .filter_map(|(&index, status)| remembered(&pipeline.stages[index], status))
         .collect();
@@ -175,10 +173,7 @@ fn remembered(spec: &StageSpec, status: &StageStatus) -> Option<RunStage> {
 }
 
 fn started(pipeline: &Pipeline, statuses: &[StageStatus], prices: &[Option<Price>]) -> Event {
-    let stale = statuses
-        .iter()
-        .zip(prices)
-        .filter(|(status, _)| status.is_stale());
+    let stale = statuses.iter().zip(prices).filter(|(status, _)| status.is_stale());
     let bill = Bill::of(stale.map(|(_, price)| *price));
     Event::RunStarted {
         pipeline: pipeline.name.clone(),
@@ -192,10 +187,7 @@ fn started(pipeline: &Pipeline, statuses: &[StageStatus], prices: &[Option<Price
 /// The stages whose artifacts are going to be read. They are verified in full beforehand, so that damage is found while
 /// they can still be rebuilt, and not by the stage that reads them.
 fn read_closely(pipeline: &Pipeline, selection: &[usize], statuses: &[StageStatus]) -> BTreeSet<usize> {
-    let stale = selection
-        .iter()
-        .zip(statuses)
-        .filter(|(_, status)| status.is_stale());
+    let stale = selection.iter().zip(statuses).filter(|(_, status)| status.is_stale());
     stale
         .flat_map(|(&index, _)| pipeline.stages[index].needs.iter().copied())
         .collect()

@@ -1,9 +1,9 @@
 //! Why a stage would be built: everything that has changed since it was last built or reused, not only the first thing.
 
-use super::planner::Planner;
 use super::event::StageReport;
 use super::execute::RunError;
 use super::plan::{digests_of, reasons, report};
+use super::planner::Planner;
 use super::spec::Pipeline;
 use super::staleness::Staleness;
 use crate::base::{ActionKey, ArtifactId};

@@ -1,17 +1,17 @@
 //! Knows stages, keys and chunks, and no physics: reads a pipeline, decides what is stale, builds that and no more.
 
-mod planner;
 mod build;
+mod cost_estimate;
 mod difference;
 mod entry;
 mod event;
 mod execute;
 mod explain;
-mod cost_estimate;
 mod graph;
 mod kind;
 mod locked;
 mod plan;
+mod planner;
 mod price;
 mod provenance;
 mod rounds;
@@ -20,18 +20,18 @@ mod scratch;
 mod spec;
 mod staleness;
 
+pub use difference::Difference;
+pub use entry::Registry;
 pub use event::{Event, Listener, Outcome, StageReport};
 pub use execute::{Failure, RunError, RunOptions, RunOutcome, run};
 pub use explain::{Explanation, Last, explain};
 pub use kind::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
-pub use difference::Difference;
 pub use plan::plan;
 pub use price::{Bill, Estimate, Price};
 pub use provenance::Environment;
 pub use rounds::Rounds;
 pub use schema::{of_pipeline, of_scene};
 pub use scratch::Scratch;
-pub use entry::Registry;
 pub use spec::{Pipeline, StageSpec, splice_scene};
 pub use staleness::Staleness;
 

@@ -1,10 +1,10 @@
 //! What a run would build and why, without building anything.
 
-use super::planner::{StageStatus, State, Planner};
+use super::cost_estimate;
 use super::event::{Outcome, StageReport};
 use super::execute::RunError;
-use super::cost_estimate;
 use super::kind::Plan;
+use super::planner::{Planner, StageStatus, State};
 use super::provenance::Environment;
 use super::spec::{Pipeline, StageSpec};
 use super::staleness::Staleness;

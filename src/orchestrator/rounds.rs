@@ -10,9 +10,9 @@
 //!
 //! So no round changes one before it, and each stage of a round is a stage like any other: cached, planned, explained, locked.
 
+use super::entry::{Entry, Registry, read_entries};
 use super::graph;
 use super::kind::Kind;
-use super::entry::{Entry, Registry, read_entries};
 use crate::base::{Fields, InputError, Node, NodeValue, Override, Schema};
 
 /// The key that says how many rounds there are.

@@ -2,9 +2,9 @@
 
 use serde_json::{Map, Value, json};
 
+use super::entry::Registry;
 use super::kind::Kind;
 use super::rounds;
-use super::entry::Registry;
 use crate::base::{Fields, Schema};
 
 const DIALECT: &str = "https://json-schema.org/draft/2020-12/schema";

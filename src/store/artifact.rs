@@ -6,11 +6,11 @@ use std::sync::{Arc, OnceLock};
 
 use super::action::stage_kind;
 use super::error::StoreError;
+use super::header::Header;
 use super::listing::{self, Content};
 use super::object::{Data, Dataset, Object};
 use super::provenance;
 use super::read;
-use super::header::Header;
 use super::verified::Verified;
 use crate::base::{ArtifactId, FileDigest};
 

@@ -20,8 +20,8 @@ use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use super::listing::Listing;
 use super::header::Header;
+use super::listing::Listing;
 use super::stamp::{Stamp, Time};
 use crate::base::{ArtifactId, Digest, FileDigest, decode, encode, read_bounded};
 

@@ -12,11 +12,11 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::atomic::temporary_file;
 use super::error::StoreError;
+use super::header::Header;
 use super::index::{self, Entries, Entry, Structure};
 use super::layout::Layout;
 use super::listing::Listing;
 use super::read;
-use super::header::Header;
 use super::stamp::{Stamp, Time, file_system_time, machine_time};
 use crate::base::ArtifactId;
 
@@ -204,7 +204,9 @@ impl Verified {
         file.write_all(&index::write(&entries)).ok()?;
         if folders.index.is_dir() {
             // Nobody knows whose it is: it is moved aside and not removed.
-            let aside = tempfile::Builder::new().prefix("index.").tempdir_in(&folders.quarantine);
+            let aside = tempfile::Builder::new()
+                .prefix("index.")
+                .tempdir_in(&folders.quarantine);
             fs::rename(&folders.index, aside.ok()?.keep().join("index")).ok()?;
         }
         file.persist(&folders.index).ok()?;
@@ -301,7 +303,14 @@ impl Drop for Verified {
 }
 
 impl Memory {
-    fn insert(&mut self, digest: &ArtifactId, check: Check, stamp: Stamp, header: Header, structure: Option<Structure>) {
+    fn insert(
+        &mut self,
+        digest: &ArtifactId,
+        check: Check,
+        stamp: Stamp,
+        header: Header,
+        structure: Option<Structure>,
+    ) {
         self.changed = true;
         self.forgotten.remove(digest);
         let known = Known {

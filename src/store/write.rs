@@ -10,11 +10,11 @@ use hdf5::types::{FixedUnicode, VarLenUnicode};
 use hdf5::{Extents, Group, H5Type, Hyperslab, SliceOrIndex};
 
 use super::element_type::ElementType;
+use super::header::BLOCK;
 use super::listing::{Content, Listing};
 use super::object::{Data, Dataset, KIND, Object, TEXT_WIDTH};
 use super::provenance::Provenance;
 use super::scales;
-use super::header::BLOCK;
 use crate::base::ArtifactId;
 
 /// One element of a text dataset.

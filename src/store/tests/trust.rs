@@ -57,7 +57,10 @@ fn the_index_knows_what_was_put() {
     store.keep_index();
     let structure = indexed(&store)[&manifest].structure.clone().unwrap();
     assert_eq!((*structure.parts).as_slice(), [digest]);
-    assert_eq!(indexed(&store)[&digest].structure.as_ref().unwrap().listing.kind, "count");
+    assert_eq!(
+        indexed(&store)[&digest].structure.as_ref().unwrap().listing.kind,
+        "count"
+    );
 }
 
 #[test]
