@@ -1,6 +1,7 @@
 //! The artifacts of design and verify stages: a row for each pattern.
 
 use super::element::{Packed, PerUnit};
+use super::error::{ContentError, Fault};
 use super::macros::arrays;
 use super::part::LongTexts;
 use crate::field::{Field, Outcome};
@@ -200,14 +201,22 @@ arrays! {
     }
 }
 
-/// The row of the simulated arrays that belongs to each pattern; none where it has no field.
-#[must_use]
-pub fn simulated_rows(outcomes: &[String]) -> Vec<Option<usize>> {
-    let mut next = 0;
-    let row = |outcome: &String| {
-        let row = Outcome::names_field(outcome).then_some(next);
-        next += usize::from(row.is_some());
-        row
-    };
-    outcomes.iter().map(row).collect()
+impl VerificationView<'_> {
+    /// The row of the simulated arrays that belongs to each pattern; none where it has no field.
+    ///
+    /// # Errors
+    /// When they do not have a row for each pattern with a field.
+    pub fn simulated_rows(&self) -> Result<Vec<Option<usize>>, ContentError> {
+        let mut next = 0;
+        let row = |outcome: &String| {
+            let row = Outcome::names_field(outcome).then_some(next);
+            next += usize::from(row.is_some());
+            row
+        };
+        let rows = self.outcome().read()?.iter().map(row).collect();
+        match self.component().simulated().len()? == next {
+            true => Ok(rows),
+            false => Err(Fault::Simulated.of(self.artifact().digest())),
+        }
+    }
 }

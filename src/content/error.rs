@@ -70,9 +70,9 @@ pub enum Fault {
         /// What is wrong.
         source: ElementError,
     },
-    /// Arrays contradict each other.
-    #[error("{0}")]
-    Inconsistent(&'static str),
+    /// What was simulated does not belong to the patterns.
+    #[error("its arrays differ in length: those of simulations do not have a row for each pattern with a field")]
+    Simulated,
 }
 
 impl Fault {

@@ -35,11 +35,12 @@ pub use balanced::{BalanceCounts, Balanced, BalancedView, Histograms};
 pub use calibration::{Calibration, Difficulty, Novelty};
 pub use declared::Declared;
 pub use designs::{
-    Candidates, Components, DesignRows, Designs, GENOME_UNITS, GradientSteps, History, Verification, simulated_rows,
+    Candidates, Components, DesignRows, DesignRowsView, Designs, DesignsView, GENOME_UNITS, GradientSteps, History,
+    Verification, VerificationView,
 };
 pub use element::{Packed, PerCell, PerUnit, Row, SingleField};
 pub use error::{AttributeError, ContentError, ElementError, Fault};
-pub use evaluation::{Coverage, Evaluation, PatternScores, Scores};
+pub use evaluation::{Coverage, CoverageView, Evaluation, PatternScores, Scores};
 pub use load_paths::LoadPaths;
 pub use observations::{Meshes, NO_STATE, Observations};
 pub use part::LongTexts;

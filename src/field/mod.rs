@@ -10,4 +10,6 @@ pub use displacement::{CORNERS, Field, FieldError};
 pub use feasibility::Feasibility;
 pub use mesh::{Mesh, Order};
 pub use observation::Observation;
-pub use simulate::{Differentiable, Evaluator, Outcome, PredictError, Predictor, Simulation, Simulator, WithGradient};
+pub use simulate::{
+    Differentiable, Evaluator, NO_FIELD, Outcome, PredictError, Predictor, Simulation, Simulator, WithGradient,
+};

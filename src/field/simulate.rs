@@ -8,6 +8,9 @@ use super::displacement::Field;
 use super::observation::Observation;
 use crate::pattern::Pattern;
 
+/// The status in artifacts of a pattern whose evaluator has no field of it.
+pub const NO_FIELD: &str = "no stable field";
+
 /// How a simulation ended. There is no NaN: what is not converged has no field.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Outcome {

@@ -1,7 +1,10 @@
 //! What a pattern is among those of a target.
 
+use serde::Serialize;
+
 /// How a pattern of a target came about, from the one that is to be made to those that it is compared with.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Role {
     /// The best of the genetic algorithm, improved along the gradient.
     Refined,

@@ -5,6 +5,7 @@ use std::fmt;
 use serde::Serialize;
 
 use super::gather::{Made, ReportError, Source, each};
+use crate::content::{self, CoverageView};
 use crate::store::Store;
 
 /// The result of an evaluate stage.
@@ -102,106 +103,82 @@ fn called(source: &Source<'_>, name: &str, digest: &str) -> String {
     }
 }
 
-/// Rows of a table of `width` columns.
-fn rows<T: Clone>(
-    source: &Source<'_>,
-    values: Vec<T>,
-    [height, width]: [usize; 2],
-) -> Result<Vec<Vec<T>>, ReportError> {
-    if values.len() != height * width || width == 0 {
-        return Err(source.wrong("its arrays differ in length"));
-    }
-    Ok(values.chunks_exact(width).map(<[T]>::to_vec).collect())
+/// The row of a table that belongs to one of several: `k` of `n`.
+fn row<T: Clone>(values: &[T], k: usize, n: usize) -> Vec<T> {
+    let width = values.len() / n;
+    values[k * width..][..width].to_vec()
 }
 
 pub(super) fn read(source: &Source<'_>) -> Result<Evaluation, ReportError> {
-    let texts = |path: &str| -> Result<Vec<String>, ReportError> { Ok(source.artifact.texts(path)?.1) };
-    let (names, digests, families) = (texts("predictors")?, texts("predictor_digests")?, texts("families")?);
-    if names.len() != digests.len() {
-        return Err(source.wrong("its arrays differ in length"));
-    }
-    let centres = source.reals("area/centre")?;
-    let shape = [names.len(), families.len()];
-    let bins = [names.len(), centres.len()];
-    let table = |name: &str| rows(source, source.reals(name)?, shape);
-    let samples = rows(source, source.counts("score/samples")?, shape)?;
-    let area_samples = rows(source, source.counts("area/samples")?, bins)?;
-    let area_rmse = rows(source, source.reals("area/rmse")?, bins)?;
-    let area_max = rows(source, source.reals("area/max_error")?, bins)?;
-    let (rmse, r2, max_r2) = (
-        table("score/rmse")?,
-        table("score/r2")?,
-        table("score/max_displacement_r2")?,
+    let view = source.of(content::Evaluation::open(source.artifact))?;
+    let (names, digests) = (
+        source.of(view.predictors().read())?,
+        source.of(view.predictor_digests().read())?,
     );
-    let (max_error, quantile) = (table("score/max_error")?, table("score/quantile95")?);
-    let max_displacement_error = table("score/max_displacement_error")?;
+    let centres = source.of(view.area_centre().read())?;
+    let (score, area) = (source.of(view.score().read())?, view.area());
+    let area_samples = source.of(area.samples().read())?;
+    let (area_rmse, area_max) = (source.of(area.rmse().read())?, source.of(area.max_error().read())?);
     let by_area = |k: usize| {
-        let bin = |b: usize| AreaError {
-            area: centres[b],
-            samples: area_samples[k][b],
-            rmse_mm: area_rmse[k][b],
-            max_error_mm: area_max[k][b],
+        let bin = |(b, &area): (usize, &f64)| AreaError {
+            area,
+            samples: area_samples[k * centres.len() + b],
+            rmse_mm: area_rmse[k * centres.len() + b],
+            max_error_mm: area_max[k * centres.len() + b],
         };
-        (0..centres.len()).map(bin).collect()
+        centres.iter().enumerate().map(bin).collect()
     };
+    let n = names.len();
     let predictor = |k: usize| Predicted {
         name: called(source, &names[k], &digests[k]),
         digest: digests[k].clone(),
-        samples: samples[k].clone(),
-        rmse_mm: rmse[k].clone(),
-        r2: r2[k].clone(),
-        max_displacement_r2: max_r2[k].clone(),
-        max_error_mm: max_error[k].clone(),
-        max_displacement_error_mm: max_displacement_error[k].clone(),
-        quantile95_mm: quantile[k].clone(),
+        samples: row(&score.samples, k, n),
+        rmse_mm: row(&score.rmse, k, n),
+        r2: row(&score.r2, k, n),
+        max_displacement_r2: row(&score.max_displacement_r2, k, n),
+        max_error_mm: row(&score.max_error, k, n),
+        max_displacement_error_mm: row(&score.max_displacement_error, k, n),
+        quantile95_mm: row(&score.quantile95, k, n),
         by_area: by_area(k),
     };
     Ok(Evaluation {
         stage: source.stage.stage.clone(),
-        predictors: (0..names.len()).map(predictor).collect(),
-        calibrations: coverage(source, families.len())?,
-        families,
+        predictors: (0..n).map(predictor).collect(),
+        calibrations: coverage(source, &view.coverage())?,
+        families: source.of(view.families().read())?,
     })
 }
 
-fn coverage(source: &Source<'_>, families: usize) -> Result<Vec<Coverage>, ReportError> {
-    let contents = source.artifact.contents()?;
-    if contents.iter().all(|content| content.path != "coverage/calibrations") {
+fn coverage(source: &Source<'_>, view: &CoverageView<'_>) -> Result<Vec<Coverage>, ReportError> {
+    if !source.of(view.is_there())? {
         return Ok(Vec::new());
     }
-    let digests = source.artifact.texts("coverage/calibrations")?.1;
-    let objectives = source.artifact.texts("coverage/objectives")?.1;
-    let shape = [digests.len(), families];
-    let table = |name: &str| rows(source, source.reals(name)?, shape);
-    let cube = |name: &str| {
-        rows(
-            source,
-            source.reals(name)?,
-            [objectives.len() * digests.len(), families],
-        )
-    };
-    let (field, radius, unlike) = (
-        table("coverage/field")?,
-        table("coverage/radius")?,
-        table("coverage/unlike")?,
+    let digests = source.of(view.calibrations().read())?;
+    let objectives = source.of(view.objectives().read())?;
+    let (field, radius) = (source.of(view.field().read())?, source.of(view.radius().read())?);
+    let unlike = source.of(view.out_of_distribution().read())?;
+    let (objective, half_width) = (
+        source.of(view.objective().read())?,
+        source.of(view.objective_half_width().read())?,
     );
-    let (objective, half_width) = (cube("coverage/objective")?, cube("coverage/objective_half_width")?);
+    let n = digests.len();
+    let of_objective = |k: usize, (o, name): (usize, &String)| ObjectiveCoverage {
+        objective: name.clone(),
+        covered: row(&objective, o * n + k, objectives.len() * n),
+        half_width_mm: row(&half_width, o * n + k, objectives.len() * n),
+    };
     let of_one = |k: usize| Coverage {
         name: called(source, "calibration", &digests[k]),
-        field: field[k].clone(),
-        radius_mm: radius[k].clone(),
-        unlike: unlike[k].clone(),
+        field: row(&field, k, n),
+        radius_mm: row(&radius, k, n),
+        unlike: row(&unlike, k, n),
         objectives: objectives
             .iter()
             .enumerate()
-            .map(|(o, name)| ObjectiveCoverage {
-                objective: name.clone(),
-                covered: objective[o * digests.len() + k].clone(),
-                half_width_mm: half_width[o * digests.len() + k].clone(),
-            })
+            .map(|named| of_objective(k, named))
             .collect(),
     };
-    Ok((0..digests.len()).map(of_one).collect())
+    Ok((0..n).map(of_one).collect())
 }
 
 /// Two significant digits, at most five decimals.

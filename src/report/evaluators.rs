@@ -5,6 +5,7 @@ use std::fmt;
 use serde::Serialize;
 
 use super::gather::{Made, ReportError, Source, each};
+use crate::content::Designs;
 use crate::store::Store;
 
 /// What judged the patterns of a design stage.
@@ -42,28 +43,18 @@ pub fn evaluators(store: &Store, made: &[Made]) -> Result<Vec<Evaluators>, Repor
 }
 
 fn read(source: &Source<'_>) -> Result<Vec<Evaluators>, ReportError> {
-    let artifact = source.artifact;
-    let (rows, used) = (artifact.texts("name")?.1, artifact.texts("evaluator")?.1);
-    let names = artifact.texts("probe/name")?.1;
-    let settings = artifact.texts("probe/candidates")?.1;
-    let (errors, known) = (source.reals("probe/rmse")?, source.counts("probe/known")?);
-    let disagree = source.counts("probe/disagree")?;
-    let design_error = source.reals("probe/design_error")?;
-    let lengths = [
-        settings.len(),
-        errors.len(),
-        known.len(),
-        disagree.len(),
-        design_error.len(),
-    ];
-    if lengths != [names.len(); 5] || used.len() != rows.len() {
-        return Err(source.wrong("its arrays of evaluators differ in length"));
-    }
+    let view = source.of(Designs::open(source.artifact))?;
+    let (rows, used) = (
+        source.of(view.rows().name().read())?,
+        source.of(view.rows().evaluator().read())?,
+    );
+    let found = source.of(view.candidates().read())?;
+    let names = found.name;
     let candidate = |k: usize| Candidate {
-        settings: settings[k].clone(),
-        rmse_mm: (known[k] > 0).then_some(errors[k]),
-        disagree: disagree[k],
-        design_error: design_error[k],
+        settings: found.settings[k].clone(),
+        rmse_mm: (found.known[k] > 0).then_some(found.rmse[k]),
+        disagree: found.disagree[k],
+        design_error: found.design_error[k],
     };
     let mut targets: Vec<(String, String)> = rows.into_iter().zip(used).collect();
     targets.dedup();

@@ -7,13 +7,19 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use super::designs::Wanted;
 use super::figures::{
     Case, Cost, Evaluated, EvaluatedPredictor, Evolution, FamilyCosts, FamilyDeformation, FigureError, Histogram,
     Membrane, Training, draw_accuracy, draw_agreement, draw_audit, draw_deformation, draw_evaluation, draw_evolution,
     draw_gallery, draw_histogram, draw_membrane, draw_training,
 };
-use crate::base::{ArtifactId, Dimension, Document, InputError, Node};
-use crate::content::{Audit, ContentError};
+use crate::base::ArtifactId;
+use crate::content::{
+    self, Accuracy, Audit, Balanced, ContentError, DesignRowsView, Designs, Evaluation, Solutions, StoredAttribute,
+    Verification,
+};
+use crate::field::Field;
+use crate::scene::Scene;
 use crate::store::{Artifact, Store, StoreError};
 
 /// What one stage of a run made.
@@ -186,56 +192,6 @@ impl Source<'_> {
             source,
         })
     }
-
-    pub(super) fn reals(&self, path: &str) -> Result<Vec<f64>, ReportError> {
-        Ok(self.artifact.f64s(path)?.1)
-    }
-
-    pub(super) fn counts(&self, path: &str) -> Result<Vec<u64>, ReportError> {
-        Ok(self.artifact.u64s(path)?.1)
-    }
-
-    /// A content attribute in YAML.
-    fn attribute(&self, name: &str) -> Result<Document, ReportError> {
-        let text = self
-            .artifact
-            .attribute(name)
-            .ok_or_else(|| self.wrong(format!("no attribute `{name}`")))?;
-        Document::from_text(Path::new(name), text).map_err(|e| self.wrong(e.to_string()))
-    }
-
-    /// Side of the membrane in mm.
-    pub(super) fn side(&self) -> Result<f64, ReportError> {
-        let scene = self.attribute("scene")?;
-        let side = scene.root.peek("geometry").and_then(|geometry| geometry.peek("side"));
-        let side = side.ok_or_else(|| self.wrong("its scene has no `geometry.side`"))?;
-        self.length(side)
-    }
-
-    /// The points of an objective in mm: one `point`, or `points` with a `point` each.
-    fn points(&self, objective: &str) -> Result<Vec<[f64; 2]>, ReportError> {
-        let refused = |e: InputError| self.wrong(e.to_string());
-        let objective = Document::from_text(Path::new("objective"), objective).map_err(refused)?;
-        let aims = match objective.root.peek("points") {
-            Some(aims) => aims.list("points").map_err(refused)?,
-            None => std::slice::from_ref(&objective.root),
-        };
-        let point = |aim: &Node| {
-            let point = aim
-                .peek("point")
-                .ok_or_else(|| self.wrong("its objective has no point"))?;
-            match point.list("point").map_err(refused)? {
-                [x, y] => Ok([self.length(x)?, self.length(y)?]),
-                _ => Err(self.wrong("the point of its objective has not two coordinates")),
-            }
-        };
-        aims.iter().map(point).collect()
-    }
-
-    fn length(&self, node: &Node) -> Result<f64, ReportError> {
-        let quantity = node.quantity("length", Dimension::Length);
-        quantity.map(|q| q.value()).map_err(|e| self.wrong(e.to_string()))
-    }
 }
 
 /// Where no sample has a field there is nothing to draw; the run says so.
@@ -249,9 +205,10 @@ fn deformation(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
 
 /// The largest displacements of the samples of a solve stage, by family.
 pub(super) fn families(source: &Source<'_>) -> Result<Vec<FamilyDeformation>, ReportError> {
-    let names = source.artifact.texts("family")?.1;
+    let view = source.of(Solutions::open(source.artifact))?;
+    let names = source.of(view.rows().family().read())?;
     let mut families: BTreeMap<String, Vec<f64>> = BTreeMap::new();
-    for (family, peak) in names.into_iter().zip(source.reals("max_displacement")?) {
+    for (family, peak) in names.into_iter().zip(source.of(view.max_displacement().read())?) {
         families.entry(family).or_default().push(peak);
     }
     let family = |(family, peaks)| FamilyDeformation { family, peaks };
@@ -264,23 +221,21 @@ fn histogram(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
 
 /// The histograms of a balance stage.
 pub(super) fn counts_by_bin(source: &Source<'_>) -> Result<Histogram, ReportError> {
-    let after = source.counts("histogram/after")?;
+    let view = source.of(Balanced::open(source.artifact))?;
+    let histogram = view.histogram();
+    let after = source.of(histogram.after().read())?;
     // Rows that are no images are samples as they were drawn.
     let mut levelled = vec![0; after.len()];
-    let as_drawn = source.counts("symmetry")?.into_iter().map(|symmetry| symmetry == 0);
-    for (bin, _) in source
-        .counts("bin")?
-        .into_iter()
-        .zip(as_drawn)
-        .filter(|(_, drawn)| *drawn)
-    {
+    let (bins, symmetries) = (source.of(view.bin().read())?, source.of(view.symmetry().read())?);
+    let drawn = bins.into_iter().zip(symmetries).filter(|(_, symmetry)| *symmetry == 0);
+    for (bin, _) in drawn {
         let count = usize::try_from(bin).ok().and_then(|bin| levelled.get_mut(bin));
         *count.ok_or_else(|| source.wrong(format!("it has no bin {bin}")))? += 1;
     }
     Ok(Histogram {
-        edges: source.reals("histogram/edges")?,
-        before: source.counts("histogram/before")?,
-        augmented: source.counts("histogram/augmented")?,
+        edges: source.of(histogram.edges().read())?,
+        before: source.of(histogram.before().read())?,
+        augmented: source.of(histogram.augmented().read())?,
         levelled,
         after,
     })
@@ -292,63 +247,67 @@ fn training(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
 
 /// The curves of a train stage.
 pub(super) fn curves(source: &Source<'_>) -> Result<Training, ReportError> {
+    let view = source.of(content::Training::open(source.artifact))?;
+    let curves = source.of(view.curves().read())?;
+    let [kept] = source.of(view.best_epoch().read())?;
     Ok(Training {
-        train_loss: source.reals("curves/train_loss")?,
-        validation_loss: source.reals("curves/validation_loss")?,
-        validation_rmse: source.reals("curves/validation_rmse")?,
-        learning_rate: source.reals("curves/learning_rate")?,
-        kept: source.counts("best_epoch")?.first().copied().unwrap_or_default(),
+        train_loss: curves.train_loss,
+        validation_loss: curves.validation_loss,
+        validation_rmse: curves.validation_rmse,
+        learning_rate: curves.learning_rate,
+        kept,
     })
 }
 
 /// How a search went, where the stage has one alone; a page tells of all.
 fn evolution(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
-    let mut names = source.artifact.texts("history/name")?.1;
+    let history = source.of(Designs::open(source.artifact))?.history();
+    let mut names = source.of(history.name().read())?;
     names.dedup();
     if names.len() != 1 {
         return Ok(());
     }
     let data = Evolution {
-        best: source.reals("history/best")?,
-        mean: source.reals("history/mean")?,
-        value: source.reals("history/value")?,
-        area: source.reals("history/area")?,
+        best: source.of(history.best().read())?,
+        mean: source.of(history.mean().read())?,
+        value: source.of(history.value().read())?,
+        area: source.of(history.area().read())?,
     };
     source.drawn(draw_evolution(path, &data))
 }
 
-/// The patterns of an artifact of a design or its verification, with some of its fields.
-fn membranes(source: &Source<'_>, rows: &[usize], field: &str, fields: &[usize]) -> Result<Vec<Membrane>, ReportError> {
-    let (patterns, values) = (source.artifact.u8s("patterns")?.1, source.reals(field)?);
-    let objectives = source.artifact.long_texts("objective")?;
-    let (cells, of_field) = (CELLS * CELLS, (CELLS + 1) * (CELLS + 1) * 2);
-    let side = source.side()?;
-    let membrane = |(&row, &at): (&usize, &usize)| {
-        let (pattern, displacement) = (
-            patterns.get(row * cells..(row + 1) * cells),
-            values.get(at * of_field..(at + 1) * of_field),
-        );
-        let (Some(pattern), Some(displacement), Some(objective)) = (pattern, displacement, objectives.get(row)) else {
-            return Err(source.wrong("its arrays differ in length"));
-        };
+/// The patterns of some rows of a design or its verification, each with a field.
+fn membranes<'f>(
+    source: &Source<'_>,
+    rows: &DesignRowsView<'_>,
+    scene: &StoredAttribute<'_, Scene>,
+    wanted: impl Iterator<Item = (usize, &'f Field)>,
+) -> Result<Vec<Membrane>, ReportError> {
+    let (patterns, objectives) = (source.of(rows.patterns().read())?, source.of(rows.objective().read())?);
+    let side = source.of(scene.read())?.side_mm();
+    let membrane = |(row, field): (usize, &Field)| {
+        let objective = Wanted::read(&objectives.0[row]).map_err(|e| source.wrong(e.to_string()))?;
         Ok(Membrane {
-            pattern: pattern.to_vec(),
-            displacement: displacement.to_vec(),
+            pattern: patterns[row].cells().to_vec(),
+            displacement: field.values().to_vec(),
             side,
-            points: source.points(objective)?,
+            points: objective.aims.iter().map(|aim| aim.point).collect(),
         })
     };
-    rows.iter().zip(fields).map(membrane).collect()
+    wanted.map(membrane).collect()
 }
 
 /// The last design of a stage that has one target: the refined one where there is one.
 fn best(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
-    let (names, roles) = (source.artifact.texts("name")?.1, source.artifact.texts("role")?.1);
-    let last = roles.iter().rposition(|role| !role.starts_with("intuitive"));
+    let view = source.of(Designs::open(source.artifact))?;
+    let rows = view.rows();
+    let (names, roles) = (source.of(rows.name().read())?, source.of(rows.role().read())?);
+    let last = roles.iter().rposition(|role| role.is_found());
     let Some(last) = last.filter(|_| names.iter().all(|name| *name == names[0])) else {
         return Ok(());
     };
-    for data in membranes(source, &[last], "predicted", &[last])? {
+    let predicted = source.of(rows.predicted().read())?;
+    for data in membranes(source, &rows, &view.scene(), std::iter::once((last, &predicted[last])))? {
         source.drawn(draw_membrane(path, "Best design, as predicted", &data))?;
     }
     Ok(())
@@ -367,9 +326,11 @@ fn verification(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
     if rows.len() > MOST_COMPARED {
         rows = best_of_targets(&summary, &rows);
     }
-    let (of_patterns, of_fields): (Vec<usize>, Vec<usize>) = rows.iter().copied().unzip();
-    let drawn = membranes(source, &of_patterns, "displacement", &of_fields)?;
-    let case = |(&row, membrane): (&usize, Membrane)| {
+    let view = source.of(Verification::open(source.artifact))?;
+    let fields = source.of(view.displacement().read())?;
+    let wanted = rows.iter().map(|&(row, at)| (row, &fields[at]));
+    let drawn = membranes(source, &view.rows(), &view.scene(), wanted)?;
+    let case = |(&(row, _), membrane): (&(usize, usize), Membrane)| {
         let summary = &summary.rows[row];
         Case {
             name: summary.title(),
@@ -378,7 +339,7 @@ fn verification(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
             simulated: summary.simulated_mm.unwrap_or(0.0),
         }
     };
-    let cases: Vec<Case> = of_patterns.iter().zip(drawn).map(case).collect();
+    let cases: Vec<Case> = rows.iter().zip(drawn).map(case).collect();
     match cases.len() {
         0 => Ok(()),
         1..=MOST_COMPARED => source.drawn(draw_agreement(path, &cases)),
@@ -389,16 +350,14 @@ fn verification(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
 /// Patterns that are drawn beside each other with their numbers as bars.
 const MOST_COMPARED: usize = 6;
 
-/// Cells along a side of the membrane.
-const CELLS: usize = 50;
-
 /// The refined design of each target and member where there is one, else the genetic algorithm's, else the optimum.
 fn best_of_targets(summary: &super::Summary, rows: &[(usize, usize)]) -> Vec<(usize, usize)> {
-    let rank = |role: &str| ["refined", "ga", "optimum"].iter().position(|other| *other == role);
     let mut best: Vec<(usize, usize)> = Vec::new();
     for &(row, field) in rows {
         let case = &summary.rows[row];
-        let Some(own) = rank(&case.role) else { continue };
+        if !case.role.is_found() {
+            continue;
+        }
         let identity = |case: &super::RowSummary| (case.case.clone(), case.name.clone(), case.member);
         let place = best
             .iter()
@@ -406,7 +365,7 @@ fn best_of_targets(summary: &super::Summary, rows: &[(usize, usize)]) -> Vec<(us
         match place {
             None => best.push((row, field)),
             Some(place) => {
-                if rank(&summary.rows[best[place].0].role).is_none_or(|other| own < other) {
+                if case.role < summary.rows[best[place].0].role {
                     best[place] = (row, field);
                 }
             }
@@ -430,14 +389,9 @@ fn accuracy(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
 
 /// Error and time of the methods of an accuracy stage, by family. Times are no content: they stand in the provenance.
 pub(super) fn costs(source: &Source<'_>) -> Result<Vec<FamilyCosts>, ReportError> {
-    let (methods, families) = (
-        source.artifact.texts("methods")?.1,
-        source.artifact.texts("families")?.1,
-    );
-    let errors = source.reals("error/rms")?;
-    if errors.len() != methods.len() * families.len() {
-        return Err(source.wrong("its errors are not those of its methods and families"));
-    }
+    let view = source.of(Accuracy::open(source.artifact))?;
+    let (methods, families) = (source.of(view.methods().read())?, source.of(view.families().read())?);
+    let errors = source.of(view.error().rms().read())?;
     let times: BTreeMap<String, f64> = source.artifact.measurements()?.into_iter().collect();
     let cost = |(m, settings): (usize, &String), f: usize| {
         Some(Cost {
@@ -472,13 +426,11 @@ fn evaluation(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
 /// The errors of an evaluate stage by family, and the peaks of its patterns.
 pub(super) fn evaluated(source: &Source<'_>) -> Result<Evaluated, ReportError> {
     let found = super::evaluation::read(source)?;
-    let simulated = source.reals("pattern/simulated_max")?;
-    let predicted = source.reals("pattern/predicted_max")?;
-    let known = source.artifact.u8s("pattern/predicted")?.1;
+    let patterns = source.of(Evaluation::open(source.artifact))?.pattern();
+    let simulated = source.of(patterns.simulated_max().read())?;
+    let predicted = source.of(patterns.predicted_max().read())?;
+    let known = source.of(patterns.predicted().read())?;
     let n = simulated.len();
-    if [predicted.len(), known.len()] != [n * found.predictors.len(); 2] {
-        return Err(source.wrong("its arrays differ in length"));
-    }
     let predictor = |(k, predictor): (usize, &super::Predicted)| {
         let rmse = predictor.rmse_mm.iter().zip(&predictor.samples);
         let rows = (0..n).filter(|row| known[k * n + row] == 1);

@@ -151,13 +151,8 @@ impl Design {
     }
 }
 
-/// Whether a design was searched by what predicted it.
-fn is_searched(row: &RowSummary) -> bool {
-    row.role == "ga" || row.role == "refined"
-}
-
 fn designs(summary: &Summary) -> Vec<Design> {
-    let searched = summary.rows.iter().filter(|row| is_searched(row));
+    let searched = summary.rows.iter().filter(|row| row.role.is_searched());
     let both = searched.filter_map(|row| {
         Some(Design {
             predicted: row.predicted_mm?,
@@ -190,7 +185,7 @@ fn rms(values: &[f64]) -> Option<f64> {
 
 fn best(summary: &Summary) -> Vec<BestOfTarget> {
     let mut best: Vec<(&RowSummary, f64)> = Vec::new();
-    for row in summary.rows.iter().filter(|row| is_searched(row)) {
+    for row in summary.rows.iter().filter(|row| row.role.is_searched()) {
         let Some(simulated_mm) = row.simulated_mm else { continue };
         let same = |other: &RowSummary| (&other.case, &other.name) == (&row.case, &row.name);
         match best.iter_mut().find(|(other, _)| same(other)) {
@@ -275,12 +270,13 @@ impl fmt::Display for RoundsSummary {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pattern::Role;
 
-    fn row(name: &str, role: &str, predicted: f64, simulated: Option<f64>, distance: Option<f64>) -> RowSummary {
+    fn row(name: &str, role: Role, predicted: f64, simulated: Option<f64>, distance: Option<f64>) -> RowSummary {
         RowSummary {
             case: "I".into(),
             name: name.into(),
-            role: role.into(),
+            role,
             member: 0,
             units: 20,
             area: 0.5,
@@ -308,18 +304,18 @@ mod tests {
 
     fn summaries() -> [Summary; 2] {
         let first = vec![
-            row("a", "ga", 2.5, Some(2.0), None),
-            row("a", "refined", 2.2, Some(2.2), None),
-            row("b", "ga", 1.3, Some(1.0), Some(0.0)),
-            row("b", "refined", 1.0, None, None),
+            row("a", Role::Ga, 2.5, Some(2.0), None),
+            row("a", Role::Refined, 2.2, Some(2.2), None),
+            row("b", Role::Ga, 1.3, Some(1.0), Some(0.0)),
+            row("b", Role::Refined, 1.0, None, None),
             // Neither is searched by what predicts it.
-            row("a", "intuitive", 9.0, Some(1.0), None),
-            row("a", "optimum", 9.0, Some(3.0), None),
+            row("a", Role::Intuitive, 9.0, Some(1.0), None),
+            row("a", Role::Optimum, 9.0, Some(3.0), None),
         ];
         let second = vec![
-            row("a", "ga", 2.31, Some(2.3), None),
-            row("b", "ga", 1.2, Some(1.1), Some(0.1)),
-            row("b", "refined", 1.0, Some(1.01), Some(0.01)),
+            row("a", Role::Ga, 2.31, Some(2.3), None),
+            row("b", Role::Ga, 1.2, Some(1.1), Some(0.1)),
+            row("b", Role::Refined, 1.0, Some(1.01), Some(0.01)),
         ];
         [summary("v", first), summary("v-2", second)]
     }

@@ -6,7 +6,10 @@ use std::fmt;
 use serde::Serialize;
 
 use super::gather::{Made, ReportError, Source, each};
-use crate::store::Store;
+use crate::content::{ContentError, Verification};
+use crate::field::NO_FIELD;
+use crate::pattern::Role;
+use crate::store::{Artifact, Store};
 
 /// A design whose prediction differs from the simulation by more than this fraction was judged by an evaluator that is wrong.
 pub(super) const TRUSTED: f64 = 0.05;
@@ -33,7 +36,7 @@ pub struct RowSummary {
     /// Name of the target.
     pub name: String,
     /// `ga`, `refined`, `optimum`, `intuitive` or `intuitive-equal-area`.
-    pub role: String,
+    pub role: Role,
     /// Which of several designs of the target.
     pub member: u64,
     /// Units along a side by which it was searched.
@@ -66,7 +69,7 @@ impl RowSummary {
     /// Whether it was searched, and not drawn for comparison.
     #[must_use]
     pub fn is_design(&self) -> bool {
-        !self.role.starts_with("intuitive")
+        self.role.is_found()
     }
 
     /// What it is called: its case, target and member where there are several, and its role.
@@ -83,10 +86,10 @@ impl RowSummary {
         if self.member > 0 {
             words.push((self.member + 1).to_string());
         }
-        let role = match self.role.as_str() {
-            "ga" => "genetic algorithm",
-            "intuitive-equal-area" => "intuitive, equal area",
-            other => other,
+        let role = match self.role {
+            Role::Ga => "genetic algorithm",
+            Role::IntuitiveEqualArea => "intuitive, equal area",
+            other => other.name(),
         };
         format!("{}: {role}", words.join(" "))
     }
@@ -104,66 +107,10 @@ pub fn summarise(store: &Store, made: &[Made]) -> Result<Vec<Summary>, ReportErr
     each(store, made, "verify", read)
 }
 
-/// Whether a case that ended so has simulated numbers.
-pub(super) fn has_field(outcome: &str) -> bool {
-    matches!(outcome, "converged" | "estimated")
-}
-
 pub(super) fn read(source: &Source<'_>) -> Result<Summary, ReportError> {
-    let text = |path: &str| -> Result<Vec<String>, ReportError> { Ok(source.artifact.texts(path)?.1) };
-    let (cases, names, roles) = (text("case")?, text("name")?, text("role")?);
-    let (outcomes, statuses) = (text("outcome")?, source.artifact.long_texts("status")?);
-    let (members, units) = (source.counts("member")?, source.counts("units")?);
-    let (area, predicted) = (source.reals("area")?, source.reals("component/predicted")?);
-    let simulated = source.reals("component/simulated")?;
-    let (errors, known) = (
-        source.reals("component/error")?,
-        source.counts("component/error_known")?,
-    );
-    let distances = source.reals("component/distance")?;
-    let n = names.len();
-    // Simulated arrays have a row for each pattern with a field only.
-    let solved = outcomes.iter().filter(|o| has_field(o)).count();
-    let lengths = [
-        cases.len(),
-        roles.len(),
-        outcomes.len(),
-        statuses.len(),
-        members.len(),
-        units.len(),
-        area.len(),
-    ];
-    let of_solved = [simulated.len(), errors.len(), known.len(), distances.len()];
-    if n == 0 || lengths != [n; 7] || predicted.len() != n || of_solved != [solved; 4] {
-        return Err(source.wrong("its arrays differ in length"));
-    }
-    let mut at = 0;
-    let mut rows = Vec::with_capacity(n);
-    for k in 0..n {
-        let row = has_field(&outcomes[k]).then_some(at);
-        at += usize::from(row.is_some());
-        let predicted_mm = (statuses[k] != "no stable field").then_some(predicted[k]);
-        let simulated_mm = row.map(|row| simulated[row]);
-        rows.push(RowSummary {
-            case: cases[k].clone(),
-            name: names[k].clone(),
-            role: roles[k].clone(),
-            member: members[k],
-            units: units[k],
-            area: area[k],
-            predicted_mm,
-            simulated_mm,
-            simulated_error_mm: row.filter(|&row| known[row] == 1).map(|row| errors[row]),
-            difference_mm: predicted_mm
-                .zip(simulated_mm)
-                .map(|(predicted, simulated)| predicted - simulated),
-            distance_mm: row.map(|row| distances[row]).filter(|&distance| distance > 0.0),
-            outcome: outcomes[k].clone(),
-            status: statuses[k].clone(),
-            gain_own_area: None,
-            gain_equal_area: None,
-            ratio_to_optimum: None,
-        });
+    let rows = source.of(rows(source.artifact))?;
+    if rows.is_empty() {
+        return Err(source.wrong("it verifies no designs"));
     }
     let compared: Vec<RowSummary> = rows.iter().map(|row| compared(row, &rows)).collect();
     Ok(Summary {
@@ -176,24 +123,60 @@ pub(super) fn read(source: &Source<'_>) -> Result<Summary, ReportError> {
     })
 }
 
+fn rows(artifact: &Artifact) -> Result<Vec<RowSummary>, ContentError> {
+    let view = Verification::open(artifact)?;
+    let (rows, component) = (view.rows(), view.component().read()?);
+    let (cases, names, roles) = (rows.case().read()?, rows.name().read()?, rows.role().read()?);
+    let (members, units, areas) = (rows.member().read()?, rows.units().read()?, rows.area().read()?);
+    let (outcomes, statuses) = (view.outcome().read()?, rows.status().read()?.0);
+    let simulated = view.simulated_rows()?;
+    let row = |k: usize| {
+        let predicted_mm = (statuses[k] != NO_FIELD).then_some(component.predicted[k]);
+        let simulated_mm = simulated[k].map(|row| component.simulated[row]);
+        let known = simulated[k].filter(|&row| component.error_known[row] == 1);
+        let distance_mm = simulated[k].map(|row| component.distance[row]);
+        RowSummary {
+            case: cases[k].clone(),
+            name: names[k].clone(),
+            role: roles[k],
+            member: members[k],
+            units: units[k],
+            area: areas[k],
+            predicted_mm,
+            simulated_mm,
+            simulated_error_mm: known.map(|row| component.error[row]),
+            difference_mm: predicted_mm
+                .zip(simulated_mm)
+                .map(|(predicted, simulated)| predicted - simulated),
+            distance_mm: distance_mm.filter(|&distance| distance > 0.0),
+            outcome: outcomes[k].clone(),
+            status: statuses[k].clone(),
+            gain_own_area: None,
+            gain_equal_area: None,
+            ratio_to_optimum: None,
+        }
+    };
+    Ok((0..names.len()).map(row).collect())
+}
+
 /// A row with what others of its target make of it.
 fn compared(row: &RowSummary, rows: &[RowSummary]) -> RowSummary {
     let others: Vec<&RowSummary> = rows.iter().filter(|other| other.same_target(row)).collect();
-    let gain = |role: &str| {
+    let gain = |role: Role| {
         let mut of_role: Vec<&&RowSummary> = others.iter().filter(|other| other.role == role).collect();
         of_role.sort_by(|a, b| (a.area - row.area).abs().total_cmp(&(b.area - row.area).abs()));
         let other = of_role.first()?.simulated_mm.filter(|mm| mm.abs() > 1e-9)?;
         Some((row.simulated_mm? - other) / other.abs())
     };
     let best = |same_units: bool| {
-        let optima = others.iter().filter(|other| other.role == "optimum");
+        let optima = others.iter().filter(|other| other.role == Role::Optimum);
         let fitting = optima.filter(|other| !same_units || other.units == row.units);
         fitting.filter_map(|other| other.simulated_mm).reduce(f64::max)
     };
     let optimum = best(true).or_else(|| best(false)).filter(|mm| mm.abs() > 1e-9);
     let mut row = row.clone();
     if row.is_design() {
-        (row.gain_own_area, row.gain_equal_area) = (gain("intuitive"), gain("intuitive-equal-area"));
+        (row.gain_own_area, row.gain_equal_area) = (gain(Role::Intuitive), gain(Role::IntuitiveEqualArea));
         row.ratio_to_optimum = row.simulated_mm.zip(optimum).map(|(own, optimum)| own / optimum);
     }
     row
@@ -201,7 +184,7 @@ fn compared(row: &RowSummary, rows: &[RowSummary]) -> RowSummary {
 
 /// The rows whose evaluator led the search to them.
 fn searched(rows: &[RowSummary]) -> impl Iterator<Item = &RowSummary> {
-    rows.iter().filter(|row| row.role == "ga" || row.role == "refined")
+    rows.iter().filter(|row| row.role.is_searched())
 }
 
 fn largest_difference(rows: &[RowSummary]) -> Option<f64> {
@@ -280,7 +263,7 @@ impl fmt::Display for Line<'_> {
             (None, Some(equal)) => write!(f, "  gain over the intuitive design {} at equal area", percent(equal))?,
             (None, None) => {}
         }
-        if let Some(ratio) = row.ratio_to_optimum.filter(|_| row.role != "optimum") {
+        if let Some(ratio) = row.ratio_to_optimum.filter(|_| row.role != Role::Optimum) {
             write!(f, "  {:.2} % of the optimum", 100.0 * ratio)?;
         }
         if row.status != "met" {

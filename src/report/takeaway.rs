@@ -5,7 +5,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::course::Course;
-use super::designs::{Design, Found, designs};
+use super::designs::{Design, Found, designs, role_word};
 use super::gather::ReportError;
 use super::page::report_page;
 use crate::store::Store;
@@ -146,7 +146,7 @@ fn row(design: &Design) -> [String; COLUMNS.len()] {
     [
         design.name.clone(),
         design.case.clone(),
-        design.role.name().to_owned(),
+        role_word(design.role).to_owned(),
         design.units.to_string(),
         design.wanted.list(|aim| aim.point[0]),
         design.wanted.list(|aim| aim.point[1]),

@@ -1,6 +1,7 @@
 //! What the trainings of a run came to: a line each, and what they warn of.
 
-use super::gather::{Made, ReportError, Source};
+use super::gather::{Made, ReportError, Source, each};
+use crate::content::{ALL_FAMILIES, Training};
 use crate::store::Store;
 
 /// A training in words.
@@ -17,40 +18,29 @@ pub struct TrainingSummary {
 /// # Errors
 /// When an artifact cannot be read or does not hold what its kind promises.
 pub fn trainings(store: &Store, made: &[Made]) -> Result<Vec<TrainingSummary>, ReportError> {
-    let trained = made.iter().filter(|stage| stage.kind == "train");
-    trained
-        .map(|stage| {
-            let artifact = &store.artifact(&stage.digest)?;
-            read(&Source {
-                stage,
-                artifact,
-                run: made,
-            })
-        })
-        .collect()
+    each(store, made, "train", read)
 }
 
 fn read(source: &Source<'_>) -> Result<TrainingSummary, ReportError> {
-    let (artifact, stage) = (source.artifact, &source.stage.stage);
-    let (families, splits) = (artifact.texts("metrics/family")?.1, artifact.texts("metrics/split")?.1);
-    let errors = source.reals("metrics/rmse")?;
+    let stage = &source.stage.stage;
+    let view = source.of(Training::open(source.artifact))?;
+    let metrics = view.metrics();
+    let (families, splits) = (source.of(metrics.family().read())?, source.of(metrics.split().read())?);
+    let errors = source.of(metrics.rmse().read())?;
     let rows = families.iter().zip(&splits).zip(&errors);
-    let of_all = rows.filter(|((family, _), _)| *family == "all");
+    let of_all = rows.filter(|((family, _), _)| *family == ALL_FAMILIES);
     let errors: Vec<String> = of_all
         .map(|((_, split), rmse)| format!("{split} {rmse:.4} mm"))
         .collect();
-    let epochs = source.reals("curves/train_loss")?.len();
-    let kept = artifact.u64s("best_epoch")?.1;
-    let kept = kept
-        .first()
-        .ok_or_else(|| source.wrong("it does not say which epoch is kept"))?;
-    let network = artifact.attribute("network").unwrap_or_default();
-    let warnings = artifact.attribute("warnings").unwrap_or_default().lines();
+    let epochs = source.of(view.curves().train_loss().len())?;
+    let [kept] = source.of(view.best_epoch().read())?;
+    let network = source.of(view.network().read())?;
+    let warnings = source.of(view.warnings().read())?.unwrap_or_default().0;
     Ok(TrainingSummary {
         line: format!(
             "{stage}: {network}, epoch {kept} of {epochs} kept; RMSE of a component: {}",
             errors.join(", ")
         ),
-        warnings: warnings.map(|warning| format!("{stage}: {warning}")).collect(),
+        warnings: warnings.iter().map(|warning| format!("{stage}: {warning}")).collect(),
     })
 }

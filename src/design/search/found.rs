@@ -6,11 +6,8 @@ use super::{Search, SearchError};
 use crate::design::evolve::GenerationReport;
 use crate::design::intuitive::Intuitive;
 use crate::design::local_search::{LocalOptimum, SearchStep};
-use crate::field::{Field, Predictor};
+use crate::field::{Field, NO_FIELD, Predictor};
 use crate::pattern::{CELLS, Pattern, Role};
-
-/// The status of a pattern without a field.
-pub(super) const NO_FIELD: &str = "no stable field";
 
 /// One pattern of a target.
 #[derive(Clone, Debug)]

@@ -1,6 +1,7 @@
 //! What is said where a target has fewer designs than were asked for.
 
-use super::found::{FoundDesign, NO_FIELD};
+use super::found::FoundDesign;
+use crate::field::NO_FIELD;
 use crate::pattern::Role;
 
 /// Adds to the status of the last design of each role that there are fewer than `wanted` which differ in a share of the cells.

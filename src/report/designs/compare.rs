@@ -57,12 +57,12 @@ fn optimum(design: &Design, optima: &[&Design]) -> Option<f64> {
 #[cfg(test)]
 pub(in crate::report) mod tests {
     use super::*;
-    use crate::report::designs::Wanted;
+    use crate::report::designs::{Wanted, role_word};
 
     /// A design of case `I` without fields.
     pub(in crate::report) fn design(role: Role, units: u64, simulated_mm: Option<f64>) -> Design {
         Design {
-            name: format!("I-centre-{}", role.name()),
+            name: format!("I-centre-{}", role_word(role)),
             case: "I".into(),
             target: "centre".into(),
             role,

@@ -10,67 +10,28 @@ mod wanted;
 #[cfg(test)]
 pub(super) use compare::tests;
 
+pub use crate::pattern::Role;
 pub use compare::Compared;
 pub use found::{Extreme, Found};
 pub use read::designs;
 pub use wanted::{Aim, Wanted};
 
-/// What a pattern is among those of a target.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Role {
-    /// The best of the genetic algorithm, finished by gradients.
-    Refined,
-    /// The best of the genetic algorithm.
-    Ga,
-    /// The best that gradients find from several starts: the reference.
-    Optimum,
-    /// The region behind the line through the point, at its own area.
-    Intuitive,
-    /// The same, at the area of the design.
-    IntuitiveEqualArea,
+/// The role in tables and files: both intuitive designs have the same word.
+pub(super) fn role_word(role: Role) -> &'static str {
+    match role {
+        Role::IntuitiveEqualArea => Role::Intuitive.name(),
+        other => other.name(),
+    }
 }
 
-impl Role {
-    /// The role of that name in an artifact.
-    #[must_use]
-    pub fn named(name: &str) -> Option<Self> {
-        match name {
-            "refined" => Some(Self::Refined),
-            "ga" => Some(Self::Ga),
-            "optimum" => Some(Self::Optimum),
-            "intuitive" => Some(Self::Intuitive),
-            "intuitive-equal-area" => Some(Self::IntuitiveEqualArea),
-            _ => None,
-        }
-    }
-
-    /// Its name in files: both intuitive designs have the same.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Refined => "refined",
-            Self::Ga => "ga",
-            Self::Optimum => "optimum",
-            Self::Intuitive | Self::IntuitiveEqualArea => "intuitive",
-        }
-    }
-
-    /// Its name as a title.
-    #[must_use]
-    pub fn title(self) -> &'static str {
-        match self {
-            Self::Refined => "Refined",
-            Self::Ga => "Genetic algorithm",
-            Self::Optimum => "Optimum",
-            Self::Intuitive => "Intuitive, own area",
-            Self::IntuitiveEqualArea => "Intuitive, equal area",
-        }
-    }
-
-    /// Whether it is what a search found.
-    #[must_use]
-    pub fn is_found(self) -> bool {
-        !matches!(self, Self::Intuitive | Self::IntuitiveEqualArea)
+/// The role as a title.
+pub(super) fn role_title(role: Role) -> &'static str {
+    match role {
+        Role::Refined => "Refined",
+        Role::Ga => "Genetic algorithm",
+        Role::Optimum => "Optimum",
+        Role::Intuitive => "Intuitive, own area",
+        Role::IntuitiveEqualArea => "Intuitive, equal area",
     }
 }
 

@@ -1,19 +1,14 @@
 //! Designs as they stand in the artifacts of design and verify stages.
 
+use super::Design;
 use super::compare::{Compared, compare};
 use super::names::name;
 use super::wanted::Wanted;
-use super::{Design, Role};
+use crate::content::{DesignRowsView, Designs, StoredAttribute, Verification};
+use crate::field::NO_FIELD;
 use crate::report::gather::{Made, ReportError, Source, each};
-use crate::report::summary::has_field;
+use crate::scene::Scene;
 use crate::store::Store;
-
-/// Cells of a pattern, and numbers of a field.
-const CELLS: usize = 50 * 50;
-const FIELD: usize = 51 * 51 * 2;
-
-/// The status of a design of which the evaluator has no field, and so no value.
-const NO_FIELD: &str = "no stable field";
 
 /// The designs of a run, each once, named and compared: those that were verified, and those that were not as predicted. What
 /// was verified by the stages named in `superseded` alone, the earlier rounds, is left out.
@@ -23,7 +18,7 @@ const NO_FIELD: &str = "no stable field";
 pub fn designs(store: &Store, made: &[Made], superseded: &[&str]) -> Result<Vec<Design>, ReportError> {
     let (mut all, mut earlier): (Vec<Design>, Vec<Design>) = Default::default();
     let verified = each(store, made, "verify", |source| {
-        Ok((source.stage.stage.clone(), read(source)?))
+        Ok((source.stage.stage.clone(), verified(source)?))
     })?;
     for (stage, designs) in verified {
         if superseded.contains(&stage.as_str()) {
@@ -38,7 +33,7 @@ pub fn designs(store: &Store, made: &[Made], superseded: &[&str]) -> Result<Vec<
             }
         }
     }
-    for design in each(store, made, "design", read)?.into_iter().flatten() {
+    for design in each(store, made, "design", searched)?.into_iter().flatten() {
         if !all.iter().chain(&earlier).any(|known| same(known, &design)) {
             all.push(design);
         }
@@ -83,128 +78,72 @@ fn sort(designs: &mut [Design]) {
     designs.sort_by_key(place);
 }
 
-/// The rows of one artifact.
-fn read(source: &Source<'_>) -> Result<Vec<Design>, ReportError> {
-    let texts = |path: &str| -> Result<Vec<String>, ReportError> { Ok(source.artifact.texts(path)?.1) };
-    let (cases, names, roles) = (texts("case")?, texts("name")?, texts("role")?);
-    let (objectives, targets) = (source.artifact.long_texts("objective")?, texts("area_target")?);
-    let states = source.artifact.long_texts("status")?;
-    let constraints = source.artifact.long_texts("constraints")?;
-    let (members, units) = (source.counts("member")?, source.counts("units")?);
-    let (areas, patterns, predicted) = (
-        source.reals("area")?,
-        source.artifact.u8s("patterns")?.1,
-        source.reals("predicted")?,
+/// The designs of a verify stage.
+fn verified(source: &Source<'_>) -> Result<Vec<Design>, ReportError> {
+    let view = source.of(Verification::open(source.artifact))?;
+    let predicted = source.of(view.component().predicted().read())?;
+    let mut designs = read(source, &view.rows(), &view.scene(), &predicted)?;
+    let (rows, outcomes) = (source.of(view.simulated_rows())?, source.of(view.outcome().read())?);
+    let (fields, component) = (
+        source.of(view.displacement().read())?,
+        source.of(view.component().read())?,
     );
-    let n = names.len();
-    let lengths = [
-        cases.len(),
-        roles.len(),
-        objectives.len(),
-        targets.len(),
-        states.len(),
-        constraints.len(),
-        members.len(),
-    ];
-    let fits = lengths == [n; 7] && [units.len(), areas.len()] == [n; 2];
-    if !fits || patterns.len() != n * CELLS || predicted.len() != n * FIELD {
-        return Err(source.wrong("its arrays differ in length"));
-    }
-    let values = match source.stage.kind.as_str() {
-        "verify" => source.reals("component/predicted")?,
-        _ => source.reals("value")?,
-    };
-    if values.len() != n {
-        return Err(source.wrong("it has not a value for each design"));
-    }
-    let side = source.side()?;
-    let mut simulations = simulations(source, n)?.into_iter();
-    let mut designs = Vec::with_capacity(n);
-    for k in 0..n {
-        let role = Role::named(&roles[k]).ok_or_else(|| source.wrong(format!("it has no role `{}`", roles[k])))?;
-        let wanted = Wanted::read(&objectives[k]).map_err(|e| source.wrong(e.to_string()))?;
-        let Simulated {
-            field,
-            value,
-            error,
-            outcome,
-        } = simulations.next().unwrap_or_default();
-        designs.push(Design {
-            name: String::new(),
-            case: cases[k].clone(),
-            target: names[k].clone(),
-            role,
-            member: members[k],
-            units: units[k],
-            wanted,
-            area_target: area_target(&targets[k]),
-            area: areas[k],
-            constraints: constraints[k].clone(),
-            status: states[k].clone(),
-            side,
-            pattern: patterns[k * CELLS..][..CELLS].to_vec(),
-            predicted: predicted[k * FIELD..][..FIELD].to_vec(),
-            simulated: field,
-            predicted_mm: (states[k] != NO_FIELD).then_some(values[k]),
-            simulated_mm: value,
-            error_mm: error,
-            outcome,
-            compared: Compared::default(),
-        });
+    for ((design, row), outcome) in designs.iter_mut().zip(rows).zip(outcomes) {
+        design.outcome = Some(outcome);
+        let Some(row) = row else { continue };
+        design.simulated = Some(fields[row].values().to_vec());
+        design.simulated_mm = Some(component.simulated[row]);
+        // An error that is not known is not zero.
+        design.error_mm = Some(component.error[row]).filter(|error| *error >= 0.0);
     }
     Ok(designs)
+}
+
+/// The designs of a design stage.
+fn searched(source: &Source<'_>) -> Result<Vec<Design>, ReportError> {
+    let view = source.of(Designs::open(source.artifact))?;
+    let predicted = source.of(view.value().read())?;
+    read(source, &view.rows(), &view.scene(), &predicted)
+}
+
+/// The rows of one artifact with their predicted displacements, without what verification found.
+fn read(
+    source: &Source<'_>,
+    rows: &DesignRowsView<'_>,
+    scene: &StoredAttribute<'_, Scene>,
+    predicted_mm: &[f64],
+) -> Result<Vec<Design>, ReportError> {
+    let rows = source.of(rows.read())?;
+    let side = source.of(scene.read())?.side_mm();
+    let design = |k: usize| {
+        Ok(Design {
+            name: String::new(),
+            case: rows.case[k].clone(),
+            target: rows.name[k].clone(),
+            role: rows.role[k],
+            member: rows.member[k],
+            units: rows.units[k],
+            wanted: Wanted::read(&rows.objective.0[k]).map_err(|e| source.wrong(e.to_string()))?,
+            area_target: area_target(&rows.area_target[k]),
+            area: rows.area[k],
+            constraints: rows.constraints.0[k].clone(),
+            status: rows.status.0[k].clone(),
+            side,
+            pattern: rows.patterns[k].cells().to_vec(),
+            predicted: rows.predicted[k].values().to_vec(),
+            simulated: None,
+            predicted_mm: (rows.status.0[k] != NO_FIELD).then_some(predicted_mm[k]),
+            simulated_mm: None,
+            error_mm: None,
+            outcome: None,
+            compared: Compared::default(),
+        })
+    };
+    (0..rows.len()).map(design).collect()
 }
 
 /// The number as short as it can be, or the word.
 fn area_target(text: &str) -> String {
     text.parse::<f64>()
         .map_or_else(|_| text.to_owned(), |area| area.to_string())
-}
-
-/// What verification found of a row.
-#[derive(Default)]
-struct Simulated {
-    field: Option<Vec<f64>>,
-    value: Option<f64>,
-    error: Option<f64>,
-    outcome: Option<String>,
-}
-
-/// What verification found of each row; nothing in a design stage. Its arrays have a row for each pattern with a field only.
-fn simulations(source: &Source<'_>, n: usize) -> Result<Vec<Simulated>, ReportError> {
-    if source.stage.kind != "verify" {
-        return Ok(Vec::new());
-    }
-    let outcomes = source.artifact.texts("outcome")?.1;
-    let (fields, values, errors) = (
-        source.reals("displacement")?,
-        source.reals("component/simulated")?,
-        source.reals("component/error")?,
-    );
-    let estimated = source.counts("component/error_known")?;
-    let solved = outcomes.iter().filter(|o| has_field(o)).count();
-    if outcomes.len() != n
-        || [values.len(), errors.len(), estimated.len()] != [solved; 3]
-        || fields.len() != solved * FIELD
-    {
-        return Err(source.wrong("its arrays differ in length"));
-    }
-    let mut row = 0;
-    let mut found = Vec::with_capacity(n);
-    for outcome in outcomes {
-        let known = has_field(&outcome).then(|| {
-            row += 1;
-            row - 1
-        });
-        found.push(Simulated {
-            field: known.map(|row| fields[row * FIELD..][..FIELD].to_vec()),
-            value: known.map(|row| values[row]),
-            // An error that is not known is not zero.
-            error: known
-                .map(|row| errors[row])
-                .filter(|error| error.is_finite() && *error >= 0.0),
-            outcome: Some(outcome),
-        });
-    }
-    Ok(found)
 }

@@ -2,7 +2,7 @@
 
 use super::membrane::{deformed, pattern};
 use super::words::{gain, mm, percent};
-use crate::report::designs::{Design, Role};
+use crate::report::designs::{Design, Role, role_title};
 use crate::report::html::escaped;
 
 /// The cards of a target's designs.
@@ -18,8 +18,8 @@ fn card(design: &Design, several: bool, scale: f64) -> String {
         role => role.name(),
     };
     let title = match several && design.role.is_found() {
-        true => format!("{} {}", design.role.title(), design.member + 1),
-        false => design.role.title().to_owned(),
+        true => format!("{} {}", role_title(design.role), design.member + 1),
+        false => role_title(design.role).to_owned(),
     };
     let units = match design.role.is_found() {
         true => format!("{0} × {0} units", design.units),

@@ -4,7 +4,7 @@ use super::cards::cards;
 use super::chart::{Chart, Mark, Series};
 use super::membrane::{exaggeration, shared};
 use super::words::{gain, mm, percent};
-use crate::report::designs::{Design, Role};
+use crate::report::designs::{Design, Role, role_title};
 use crate::report::figures::Axis;
 use crate::report::html::{Column, Page};
 
@@ -127,7 +127,7 @@ fn row(design: &Design) -> Vec<String> {
     };
     vec![
         design.target.clone(),
-        format!("{}{number}", design.role.title()),
+        format!("{}{number}", role_title(design.role)),
         design.units.to_string(),
         percent(design.area, 2),
         text(design.predicted_mm.map(mm)),
@@ -168,7 +168,7 @@ fn curve(case: &[&Design]) -> Option<String> {
             } else {
                 Mark::LineAndDots
             };
-            Series::new(role.title(), colour, mark, points(role))
+            Series::new(role_title(role), colour, mark, points(role))
         })
         .filter(|series| !series.points.is_empty())
         .collect();
@@ -216,7 +216,7 @@ pub fn agreement(page: &mut Page, designs: &[Design]) {
                 .filter_map(|design| Some((of(design)?, design.name.clone())))
                 .collect();
             let (points, words) = points.into_iter().unzip();
-            Series::new(role.title(), colour, Mark::Dots, points).saying(words)
+            Series::new(role_title(role), colour, Mark::Dots, points).saying(words)
         };
         ROLES
             .into_iter()

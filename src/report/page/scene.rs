@@ -2,6 +2,7 @@
 
 use super::words::cut;
 use crate::base::Document;
+use crate::content::StoredAttribute;
 use crate::report::course::Course;
 use crate::report::gather::{ReportError, Source, each};
 use crate::report::html::{Column, Page};
@@ -60,17 +61,12 @@ pub fn section(page: &mut Page, store: &Store, course: &Course, others: &[String
     Ok(())
 }
 
-/// Stage, scene and effects; all chunks of a stage are simulated alike.
+/// Stage, scene and effects.
 fn simulated(source: &Source<'_>) -> Result<(String, String, String), ReportError> {
-    let artifact = source.artifact;
-    let scene = artifact.attribute("scene").unwrap_or_default().to_owned();
-    let own = artifact.attribute("effects").map(str::to_owned);
-    let effects = match (own, artifact.chunks()?.first()) {
-        (Some(effects), _) => effects,
-        (None, Some(chunk)) => chunk.attribute("effects").unwrap_or_default().to_owned(),
-        (None, None) => String::new(),
-    };
-    Ok((source.stage.stage.clone(), scene, effects))
+    let text = |name| source.of(StoredAttribute::<String>::new(source.artifact, name).text());
+    let (scene, effects) = (text("scene")?, text("effects")?);
+    let owned = |text: Option<&str>| text.unwrap_or_default().to_owned();
+    Ok((source.stage.stage.clone(), owned(scene), owned(effects)))
 }
 
 /// The parts of a scene, each on a line of its own; as it stands where it cannot be read.

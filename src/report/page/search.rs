@@ -2,9 +2,10 @@
 
 use super::chart::{Chart, Mark, Series};
 use super::words::mm;
+use crate::content::{ContentError, Designs, DesignsView};
 use crate::report::evaluators::{Evaluators, evaluators};
 use crate::report::figures::Axis;
-use crate::report::gather::{Made, ReportError, Source, each};
+use crate::report::gather::{Made, ReportError, each};
 use crate::report::html::{Column, Page};
 use crate::store::Store;
 
@@ -23,8 +24,8 @@ struct Course {
 /// Adds a section where something was searched.
 pub fn section(page: &mut Page, store: &Store, made: &[Made]) -> Result<(), ReportError> {
     let searched = each(store, made, "design", |source| {
-        let generations = courses(source, "history", "generation")?;
-        let steps = courses(source, "climb", "step")?;
+        let view = source.of(Designs::open(source.artifact))?;
+        let (generations, steps) = (source.of(generations(&view))?, source.of(steps(&view))?);
         Ok((source.stage.stage.clone(), generations, steps))
     })?;
     let searched: Vec<_> = searched
@@ -80,29 +81,30 @@ fn judges(page: &mut Page, evaluators: &[Evaluators]) {
     page.columns("What judged the patterns", &columns, &rows);
 }
 
-/// The lines of a group of datasets; none where the artifact has no such group.
-fn courses(source: &Source<'_>, group: &str, count: &str) -> Result<Vec<Course>, ReportError> {
-    let path = |name: &str| format!("{group}/{name}");
-    let contents = source.artifact.contents()?;
-    if contents.iter().all(|content| content.path != path("value")) {
-        return Ok(Vec::new());
+/// The displacement of the best of each generation.
+fn generations(view: &DesignsView<'_>) -> Result<Vec<Course>, ContentError> {
+    let history = view.history();
+    let labels = history.name().read()?;
+    Ok(courses(labels, &history.generation().read()?, &history.value().read()?))
+}
+
+/// The displacement after each step along the gradient.
+fn steps(view: &DesignsView<'_>) -> Result<Vec<Course>, ContentError> {
+    let steps = view.steps();
+    let (mut labels, members) = (steps.name().read()?, steps.member().read()?);
+    // Of one design the number says nothing.
+    let several = members.iter().any(|member| *member > 0);
+    for (label, member) in labels.iter_mut().zip(members).filter(|_| several) {
+        *label += &format!(" {}", member + 1);
     }
-    let (counts, values) = (source.counts(&path(count))?, source.reals(&path("value"))?);
-    let mut labels = source.artifact.texts(&path("name"))?.1;
-    if contents.iter().any(|content| content.path == path("member")) {
-        let members = source.counts(&path("member"))?;
-        // Of one design the number says nothing.
-        let several = members.iter().any(|member| *member > 0);
-        for (label, member) in labels.iter_mut().zip(members).filter(|_| several) {
-            *label += &format!(" {}", member + 1);
-        }
-    }
-    if [counts.len(), labels.len()] != [values.len(); 2] {
-        return Err(source.wrong(format!("its arrays in `{group}` differ in length")));
-    }
+    Ok(courses(labels, &steps.step().read()?, &steps.value().read()?))
+}
+
+/// A line for each label.
+fn courses(labels: Vec<String>, counts: &[u64], values: &[f64]) -> Vec<Course> {
     let mut courses: Vec<Course> = Vec::new();
     for ((label, count), value) in labels.into_iter().zip(counts).zip(values) {
-        let point = (count as f64, value);
+        let point = (*count as f64, *value);
         match courses.last_mut().filter(|course| course.name == label) {
             Some(course) => course.points.push(point),
             None => courses.push(Course {
@@ -111,7 +113,7 @@ fn courses(source: &Source<'_>, group: &str, count: &str) -> Result<Vec<Course>,
             }),
         }
     }
-    Ok(courses)
+    courses
 }
 
 fn chart(stage: &str, what: &str, count: &str, courses: &[Course]) -> String {
