@@ -1,9 +1,8 @@
 use std::collections::BTreeMap;
 
 use super::*;
+use crate::scene::Scene;
 use crate::store::{Data, Dataset, Object, Provenance, Store};
-
-const SCENE: &str = "{ geometry: { side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 50 } }";
 
 struct Bench {
     _folder: tempfile::TempDir,
@@ -34,7 +33,7 @@ fn reals(units: &str, values: &[f64]) -> Dataset {
 fn object(datasets: Vec<(&str, Dataset)>) -> Object {
     Object {
         attributes: BTreeMap::from([
-            ("scene".to_owned(), SCENE.to_owned()),
+            ("scene".to_owned(), Scene::vhb4910().to_text()),
             (
                 "objective".to_owned(),
                 "{ point: [25 mm, 2.5 cm], direction: 0 deg }".to_owned(),
@@ -458,7 +457,8 @@ fn an_evaluation_names_models_by_their_stages() {
     );
 
     let mut broken = evaluated(&model);
-    broken.datasets.insert("score/r2".into(), reals("1", &[0.5]));
+    let short = Dataset::new("1", "d", &[2, 1], Data::F64(vec![0.5; 2]));
+    broken.datasets.insert("score/r2".into(), short);
     let made = [bench.made("judged", "evaluate", &broken)];
     let error = evaluations(&bench.store, &made).unwrap_err().to_string();
     assert!(error.contains("differ in length"), "{error}");

@@ -11,7 +11,9 @@ use crate::store::Store;
 pub fn warnings(store: &Store, made: &[Made]) -> Result<Vec<String>, ReportError> {
     let warning = each(store, made, "solve", |source| {
         let view = source.of(Solutions::open(source.artifact))?;
-        let ratios = source.of(view.observations().breakdown_ratio().read())?.unwrap_or_default();
+        let ratios = source
+            .of(view.observations().breakdown_ratio().read())?
+            .unwrap_or_default();
         let (n, beyond) = (ratios.len(), ratios.iter().filter(|ratio| **ratio >= 1.0).count());
         let stage = &source.stage.stage;
         Ok((beyond > 0).then(|| format!("{stage}: {beyond} of {n} samples exceed the breakdown field")))

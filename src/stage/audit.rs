@@ -19,7 +19,7 @@ use crate::base::{
     Canonical, Declared as _, Fields, InputError, Length, Node, NodeValue, Parameter, Progress, Quantity, Schema, Seed,
     parameters, words,
 };
-use crate::content::Audit;
+use crate::content::{Audit, ContentError};
 use crate::dataset::audit::{Dataset, Declared, Options, Report, Rows, audit};
 use crate::fem::screening::resolve;
 use crate::fem::{Method, SetupError};
@@ -230,7 +230,7 @@ impl Stage for AuditStage {
 /// When one of the files cannot be read, or a simulator not be set up.
 pub fn audit_file(file: &Path, scene: &Path, request: &Request, progress: &dyn Progress) -> Result<Audit, DirectError> {
     let scene = read_scene(scene)?;
-    let unreadable = |e: StoreError| InputError::new(e.to_string());
+    let unreadable = |e: ContentError| InputError::new(e.to_string());
     let refused = |why: String| {
         let help = "copy the arrays into the file, or name the stage: deaflow audit PIPELINE.yaml:STAGE";
         InputError::new(format!("{}: {why}", file.display())).help(help)
@@ -268,7 +268,7 @@ impl SourceRows {
 ///
 /// # Errors
 /// When they cannot be read.
-pub fn rows(dataset: Audited<'_>, audit: &Audit) -> Result<SourceRows, StoreError> {
+pub fn rows(dataset: Audited<'_>, audit: &Audit) -> Result<SourceRows, ContentError> {
     let source = match dataset {
         Audited::File(path) => Source::of_file(path),
         Audited::Artifact(artifact) => Source::of_artifact(artifact),

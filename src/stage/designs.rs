@@ -2,16 +2,13 @@
 
 use std::path::Path;
 
-use super::arrays;
 use super::direct::{self, read_scene};
 use crate::base::InputError;
+use crate::content::{DesignRows, StoredAttribute};
 use crate::orchestrator::StageError;
-use crate::pattern::Pattern;
+use crate::pattern::{Pattern, Role};
 use crate::scene::Scene;
 use crate::store::Artifact;
-
-/// From the one that is to be made to those that it is compared with.
-const ROLES: [&str; 5] = ["refined", "ga", "optimum", "intuitive", "intuitive-equal-area"];
 
 /// The most designs that an error lists.
 const LISTED: usize = 24;
@@ -39,7 +36,7 @@ pub struct Label {
     /// The name of its target.
     pub name: String,
     /// Its role.
-    pub role: String,
+    pub role: Role,
     /// Its number among the different designs of a target.
     pub member: u64,
     /// Its units along a side of the membrane.
@@ -49,7 +46,12 @@ pub struct Label {
 impl Label {
     fn words(&self) -> String {
         let target = self.target_words();
-        format!("{target} ({}, member {}, {} units)", self.role, self.member, self.units)
+        format!(
+            "{target} ({}, member {}, {} units)",
+            self.role.name(),
+            self.member,
+            self.units
+        )
     }
 
     fn target(&self) -> (&str, &str) {
@@ -62,11 +64,6 @@ impl Label {
         } else {
             format!("case {}, {}", self.case, self.name)
         }
-    }
-
-    /// Its place in the order of roles.
-    fn rank(&self) -> usize {
-        ROLES.iter().position(|role| *role == self.role).unwrap_or(ROLES.len())
     }
 }
 
@@ -110,18 +107,22 @@ impl Designs {
         if !matches!(artifact.kind(), "design" | "verify") {
             return Ok(None);
         }
-        let input = |what: String| StageError::Input(format!("artifact {}: {what}", artifact.digest().short()));
-        let scene = artifact.attribute("scene").unwrap_or_default();
-        let designs = Self {
-            labels: labels(artifact)?,
-            patterns: arrays::read_patterns(artifact, "patterns")?,
-            scene: Scene::from_text(scene).map_err(|e| input(format!("its scene cannot be read: {e}")))?,
-            source: format!("artifact {}", artifact.digest()),
+        let rows = DesignRows::open(artifact)?;
+        let (case, name, role) = (rows.case().read()?, rows.name().read()?, rows.role().read()?);
+        let (member, units) = (rows.member().read()?, rows.units().read()?);
+        let label = |i: usize| Label {
+            case: case[i].clone(),
+            name: name[i].clone(),
+            role: role[i],
+            member: member[i],
+            units: units[i],
         };
-        if designs.labels.len() != designs.patterns.len() {
-            return Err(input("its arrays differ in length".to_owned()));
-        }
-        Ok(Some(designs))
+        Ok(Some(Self {
+            labels: (0..case.len()).map(label).collect(),
+            patterns: rows.patterns().read()?,
+            scene: StoredAttribute::new(artifact, "scene").read()?,
+            source: format!("artifact {}", artifact.digest()),
+        }))
     }
 
     /// The one that is wanted. Where only the target is known, that of the first role of refined, ga, optimum, intuitive
@@ -164,34 +165,13 @@ pub fn of_file(file: &str, scene: &Path) -> Result<Design, InputError> {
     })
 }
 
-fn labels(artifact: &Artifact) -> Result<Vec<Label>, StageError> {
-    let [case, name, role] = ["case", "name", "role"].map(|path| artifact.texts(path));
-    let [member, units] = ["member", "units"].map(|path| artifact.u64s(path));
-    let (case, name, role) = (case?.1, name?.1, role?.1);
-    let (member, units) = (member?.1, units?.1);
-    if [name.len(), role.len(), member.len(), units.len()] != [case.len(); 4] {
-        let digest = artifact.digest().short();
-        return Err(StageError::Input(format!(
-            "artifact {digest}: its arrays differ in length"
-        )));
-    }
-    let each = |i: usize| Label {
-        case: case[i].clone(),
-        name: name[i].clone(),
-        role: role[i].clone(),
-        member: member[i],
-        units: units[i],
-    };
-    Ok((0..case.len()).map(each).collect())
-}
-
 /// The row that is wanted, or why there is not one.
 fn choose(labels: &[Label], wanted: &Wanted<'_>) -> Result<usize, InputError> {
     let is = |word: Option<&str>, found: &str| word.is_none_or(|word| word == found);
     let as_wanted = |label: &&Label| {
         is(wanted.name, &label.name)
             && is(wanted.case, &label.case)
-            && is(wanted.role, &label.role)
+            && is(wanted.role, label.role.name())
             && wanted.member.is_none_or(|member| member == label.member)
             && wanted.units.is_none_or(|units| units == label.units)
     };
@@ -205,7 +185,7 @@ fn choose(labels: &[Label], wanted: &Wanted<'_>) -> Result<usize, InputError> {
         return Err(InputError::new("there are designs of several targets")
             .help(format!("give --design, and --case where two share a name: {targets}")));
     }
-    let place = |label: &Label| (label.rank(), label.member);
+    let place = |label: &Label| (label.role, label.member);
     let least = found.iter().map(|label| place(label)).min();
     let best = |label: &Label| as_wanted(&label) && Some(place(label)) == least;
     let mut rows = (0..labels.len()).filter(|&row| best(&labels[row]));
@@ -238,11 +218,11 @@ fn list(words: impl Iterator<Item = String>) -> String {
 mod tests {
     use super::*;
 
-    fn label(case: &str, name: &str, role: &str, member: u64, units: u64) -> Label {
+    fn label(case: &str, name: &str, role: Role, member: u64, units: u64) -> Label {
         Label {
             case: case.into(),
             name: name.into(),
-            role: role.into(),
+            role,
             member,
             units,
         }
@@ -250,12 +230,12 @@ mod tests {
 
     fn labels() -> Vec<Label> {
         vec![
-            label("I", "a", "ga", 0, 20),
-            label("I", "a", "refined", 1, 20),
-            label("I", "a", "refined", 0, 20),
-            label("I", "a", "optimum", 0, 20),
-            label("I", "a", "optimum", 0, 50),
-            label("II", "b", "ga", 0, 20),
+            label("I", "a", Role::Ga, 0, 20),
+            label("I", "a", Role::Refined, 1, 20),
+            label("I", "a", Role::Refined, 0, 20),
+            label("I", "a", Role::Optimum, 0, 20),
+            label("I", "a", Role::Optimum, 0, 50),
+            label("II", "b", Role::Ga, 0, 20),
         ]
     }
 
@@ -313,7 +293,7 @@ mod tests {
             "{none}"
         );
         assert!(refused(&[], Wanted::default()).ends_with("there are: none"));
-        let many: Vec<Label> = (0..40).map(|member| label("", "a", "ga", member, 20)).collect();
+        let many: Vec<Label> = (0..40).map(|member| label("", "a", Role::Ga, member, 20)).collect();
         assert!(
             refused(
                 &many,

@@ -5,9 +5,9 @@ use std::time::Instant;
 
 use super::cells::{self, States};
 use super::screening::Screened;
-use super::{arrays, solution};
+use super::solution;
 use crate::base::{Document, InputError, Progress};
-use crate::content::{Lines, Observations, Packed, SolveFile};
+use crate::content::{Lines, Observations, Packed, SolveFile, named_patterns};
 use crate::fem::{AccurateSimulation, SetupError, SolverParameters, wrinkled_fraction};
 use crate::field::{CORNERS, Field, PredictError, Predictor};
 use crate::orchestrator::splice_scene;
@@ -65,7 +65,7 @@ impl From<PredictError> for DirectError {
 pub fn patterns(arguments: &[String]) -> Result<Vec<Pattern>, InputError> {
     let mut all = Vec::new();
     for argument in arguments {
-        all.extend(arrays::named_patterns(argument)?);
+        all.extend(named_patterns(argument)?);
     }
     Ok(all)
 }

@@ -1,7 +1,7 @@
 //! Labelled patterns for judging a model: solved samples, or the test rows of a balanced set, a batch at a time, since the
 //! fields of all together may be larger than memory.
 
-use super::arrays;
+use crate::content::{Labelled, files};
 use crate::dataset::Split;
 use crate::field::{CORNERS, Field, Outcome};
 use crate::orchestrator::StageError;
@@ -58,22 +58,29 @@ pub fn for_each(
     artifact: &Artifact,
     each: &mut dyn FnMut(Batch) -> Result<(), StageError>,
 ) -> Result<usize, StageError> {
-    let chunks = match artifact.is_manifest() {
-        true => artifact.chunks()?,
-        false => std::slice::from_ref(artifact),
-    };
-    chunks.iter().map(|chunk| of_chunk(chunk, each)).sum()
+    files(artifact)?.iter().map(|chunk| of_chunk(chunk, each)).sum()
 }
 
 fn of_chunk(chunk: &Artifact, each: &mut dyn FnMut(Batch) -> Result<(), StageError>) -> Result<usize, StageError> {
-    let wrong = |why: String| StageError::Input(format!("artifact {}: {why}", chunk.digest().short()));
-    let patterns = arrays::read_patterns(chunk, "patterns")?;
-    let families = chunk.texts("family")?.1;
-    let (shape, values) = chunk.f64s("displacement")?;
-    if families.len() != patterns.len() || shape != [patterns.len(), CORNERS, CORNERS, 2] {
-        return Err(wrong("its arrays differ in length".to_owned()));
-    }
-    let rows = chosen(chunk, patterns.len())?;
+    let wrong = |why: &str| StageError::Input(format!("artifact {}: {why}", chunk.digest().short()));
+    let labelled = Labelled::open(chunk)?.ok_or_else(|| wrong("it holds no labelled patterns"))?;
+    let (patterns, families) = (labelled.patterns()?, labelled.families()?.unwrap_or_default());
+    let rows = match &labelled {
+        Labelled::Balanced(view) => {
+            let splits = view.split().read()?.into_iter().enumerate();
+            let test = splits.filter(|(_, split)| split == Split::Test.name());
+            test.map(|(row, _)| row).collect()
+        }
+        Labelled::Solved(view) => {
+            let estimated = Outcome::Estimated.name();
+            if view.outcome().read()?.iter().any(|outcome| outcome == estimated) {
+                return Err(wrong("its fields are estimates, and no model can be judged by them"));
+            }
+            (0..patterns.len()).collect()
+        }
+        Labelled::Verified(_) => Vec::new(),
+    };
+    let values = labelled.displacement(0..patterns.len())?;
     for rows in rows.chunks(BATCH) {
         let field = |&row: &usize| Field::from_values(values[row * VALUES..][..VALUES].to_vec());
         each(Batch {
@@ -82,24 +89,9 @@ fn of_chunk(chunk: &Artifact, each: &mut dyn FnMut(Batch) -> Result<(), StageErr
                 .iter()
                 .map(field)
                 .collect::<Result<_, _>>()
-                .map_err(|e| wrong(e.to_string()))?,
+                .map_err(|e| wrong(&e.to_string()))?,
             families: rows.iter().map(|&row| families[row].clone()).collect(),
         })?;
     }
     Ok(rows.len())
-}
-
-/// The rows that a model is judged by: all that were solved, or those that are kept for tests.
-fn chosen(chunk: &Artifact, count: usize) -> Result<Vec<usize>, StageError> {
-    let wrong = |why: &str| StageError::Input(format!("artifact {}: {why}", chunk.digest().short()));
-    if is_balanced(chunk) {
-        let splits = chunk.texts("split")?.1;
-        let test = |row: &usize| splits.get(*row).is_some_and(|split| split == Split::Test.name());
-        return Ok((0..count).filter(test).collect());
-    }
-    let estimated = chunk.texts("outcome")?.1.iter().any(|o| o == Outcome::Estimated.name());
-    if estimated {
-        return Err(wrong("its fields are estimates, and no model can be judged by them"));
-    }
-    Ok((0..count).collect())
 }

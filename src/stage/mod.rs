@@ -1,7 +1,6 @@
 //! One file per stage kind: binds a domain function to the orchestrator, no more.
 
 pub mod accuracy;
-mod arrays;
 pub mod audit;
 mod balance;
 mod calibrate;

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use super::arrays;
 use super::direct::{DirectError, read_scene};
 use crate::base::InputError;
+use crate::content::named_patterns;
 use crate::fem::SetupError;
 use crate::fem::screening;
 use crate::orchestrator::{Pipeline, StageSpec};
@@ -96,7 +96,7 @@ pub fn screen(scene: &Path, patterns: &[String]) -> Result<Screening, DirectErro
 fn named(arguments: &[String]) -> Result<Vec<Trial>, InputError> {
     let mut all = Vec::new();
     for argument in arguments {
-        let patterns = arrays::named_patterns(argument)?;
+        let patterns = named_patterns(argument)?;
         let several = patterns.len() > 1;
         all.extend(patterns.into_iter().enumerate().map(|(i, pattern)| {
             let name = if several {

@@ -246,7 +246,7 @@ fn path(arguments: &ExportDesignArguments, design: &Design, format: DesignFormat
         return arguments.output.clone();
     }
     let name = match &design.label {
-        Some(label) => format!("{}-{}-{}", label.name, label.role, label.member),
+        Some(label) => format!("{}-{}-{}", label.name, label.role.name(), label.member),
         None => design.title.clone(),
     };
     let fit = |c: char| {

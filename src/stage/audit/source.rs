@@ -4,6 +4,7 @@
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+use crate::content::{BalancedView, ContentError, Labelled, StoredAttribute, files};
 use crate::dataset::audit::{Batch, Columns, Declared, Finding, Level, Rows, Severity};
 use crate::fem::SolverParameters;
 use crate::field::{CORNERS, Mesh, Outcome};
@@ -113,7 +114,7 @@ impl Source {
     ///
     /// # Errors
     /// When it is no HDF5 file, or a column cannot be read.
-    pub fn of_file(path: &Path) -> Result<Self, StoreError> {
+    pub fn of_file(path: &Path) -> Result<Self, ContentError> {
         if Artifact::is_at(path) {
             return Self::of_artifact(&Artifact::open(path)?);
         }
@@ -131,36 +132,32 @@ impl Source {
     ///
     /// # Errors
     /// When it, or one of its chunks, is missing or damaged, or a column cannot be read.
-    pub fn of_artifact(artifact: &Artifact) -> Result<Self, StoreError> {
-        let chunks = artifact.chunks()?;
-        let files = if chunks.is_empty() {
-            std::slice::from_ref(artifact)
-        } else {
-            chunks
-        };
+    pub fn of_artifact(artifact: &Artifact) -> Result<Self, ContentError> {
+        let files = files(artifact)?;
         // Every byte is verified before the library reads it.
         files.iter().try_for_each(|file| file.file_digest().map(drop))?;
         let mut source = Self::open(files.iter().map(Artifact::path))?;
-        source.scene = artifact.attribute("scene").map(str::to_owned);
-        // All chunks of a stage are simulated alike.
-        source.effects = files
-            .first()
-            .and_then(|first| first.attribute("effects"))
-            .map(str::to_owned);
-        let solver = artifact.attribute("solver");
-        source.solver = solver.and_then(|text| SolverParameters::from_text(text).ok());
+        let text = |name| StoredAttribute::<String>::new(artifact, name).text();
+        source.scene = text("scene")?.map(str::to_owned);
+        source.effects = text("effects")?.map(str::to_owned);
+        source.solver = text("solver")?.and_then(|text| SolverParameters::from_text(text).ok());
         source.declared = source.declaration();
-        if artifact.kind() == "solve" {
-            source.findings.extend(unstable(&artifact.texts("unstable/outcome")?.1));
-        }
-        if artifact.kind() == "balance" {
-            source.level = Some(Level {
-                edges: artifact.f64s("histogram/edges")?.1,
-                available: artifact.u64s("histogram/augmented")?.1,
-                counts: artifact.u64s("histogram/after")?.1,
-                level: artifact.f64s("histogram/level")?.1.first().copied().unwrap_or(0.0),
-            });
-            source.inherit(artifact)?;
+        match Labelled::open(artifact)? {
+            Some(Labelled::Solved(view)) => {
+                source.findings.extend(unstable(&view.unstable().outcome().read()?));
+            }
+            Some(Labelled::Balanced(view)) => {
+                let histogram = view.histogram().read()?;
+                let [level] = histogram.level;
+                source.level = Some(Level {
+                    edges: histogram.edges,
+                    available: histogram.augmented,
+                    counts: histogram.after,
+                    level,
+                });
+                source.inherit(&view)?;
+            }
+            _ => {}
         }
         Ok(source)
     }
@@ -190,13 +187,11 @@ impl Source {
 
     /// A balanced dataset does not repeat how its samples were solved: they stand beside it in the store. Where they do not
     /// any more, the mesh is found out as for a file from elsewhere.
-    fn inherit(&mut self, balanced: &Artifact) -> Result<(), StoreError> {
-        let Ok(from) = balanced.u64s("source") else {
-            return Ok(());
-        };
+    fn inherit(&mut self, balanced: &BalancedView<'_>) -> Result<(), ContentError> {
+        let from = balanced.source().read()?;
         let (mut meshes, mut errors) = (Vec::new(), Vec::new());
         let (mut estimates, mut solvers) = (Vec::new(), Vec::new());
-        for solved in super::lineage::inputs(balanced)? {
+        for solved in super::lineage::inputs(balanced.artifact())? {
             let Ok(solved) = solved else { return Ok(()) };
             let solved = Self::of_artifact(&solved)?;
             let n = solved.len();
@@ -216,13 +211,13 @@ impl Source {
         }
         self.solver = solvers.pop().flatten();
         self.declared = estimates.pop().unwrap_or(Declared::Unknown);
-        let of_rows = |len: usize| from.1.iter().all(|&row| (row as usize) < len);
+        let of_rows = |len: usize| from.iter().all(|&row| (row as usize) < len);
         if self.declared == Declared::Unknown && of_rows(meshes.len()) {
             self.declared = Declared::PerRow;
-            self.columns.mesh = Some(from.1.iter().map(|&row| meshes[row as usize]).collect());
+            self.columns.mesh = Some(from.iter().map(|&row| meshes[row as usize]).collect());
         }
         if of_rows(errors.len()) && errors.len() == meshes.len() {
-            self.columns.error = Some(from.1.iter().map(|&row| errors[row as usize]).collect());
+            self.columns.error = Some(from.iter().map(|&row| errors[row as usize]).collect());
         }
         Ok(())
     }

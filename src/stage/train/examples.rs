@@ -2,13 +2,13 @@
 
 use rayon::prelude::*;
 
-use crate::content::files;
+use crate::content::{Labelled, VerificationView, files};
 use crate::dataset::Split;
 use crate::field::{CORNERS, Outcome};
 use crate::orchestrator::StageError;
 use crate::pattern::Pattern;
-use crate::stage::{arrays, model};
-use crate::store::{Artifact, RowFile};
+use crate::stage::model;
+use crate::store::Artifact;
 use crate::surrogate::{Collector, Examples, Label, LabelError, LabelledRow, Origin};
 
 /// Rows that are read together: some tens of megabytes.
@@ -28,8 +28,8 @@ pub fn read(inputs: &[Artifact], side_mm: f64, verified_weight: u32) -> Result<E
         .enumerate()
         .filter(|(_, artifact)| !model::is_in(artifact));
     for (input, artifact) in datasets {
-        if artifact.kind() == "verify" {
-            read_verified(artifact, input, &mut collector)?;
+        if let Some(Labelled::Verified(view)) = Labelled::open(artifact)? {
+            read_verified(&view, input, &mut collector)?;
             continue;
         }
         collector.begin(unstable(artifact)?);
@@ -43,68 +43,61 @@ pub fn read(inputs: &[Artifact], side_mm: f64, verified_weight: u32) -> Result<E
         .map_err(|e| StageError::Input(e.to_string()))
 }
 
-/// Solved samples have no split.
-fn is_balanced(artifact: &Artifact) -> bool {
-    artifact.kind() == "balance"
-}
-
 /// How many samples have no stable solution.
 fn unstable(artifact: &Artifact) -> Result<u64, StageError> {
-    match is_balanced(artifact) {
-        true => Ok(0),
-        false => Ok(artifact
-            .content("unstable/outcome")?
-            .shape
-            .first()
-            .copied()
-            .unwrap_or_default() as u64),
+    match Labelled::open(artifact)? {
+        Some(Labelled::Solved(view)) => Ok(view.unstable().outcome().len()? as u64),
+        _ => Ok(0),
     }
 }
 
 /// Reads one file, whose rows begin at a place in an input; gives how many there are.
 fn read_file(file: &Artifact, (input, first): (usize, usize), collector: &mut Collector) -> Result<usize, StageError> {
-    let patterns = arrays::read_patterns(file, "patterns")?;
-    let families = file.texts("family")?.1;
-    let balanced = is_balanced(file);
-    let words = file.texts(if balanced { "split" } else { "outcome" })?.1;
-    let count = patterns.len();
-    if [families.len(), words.len()] != [count; 2] {
-        return Err(wrong(file, LENGTHS));
-    }
-    let mut described = patterns.into_iter().zip(families).zip(words).enumerate();
-    for_each_label(file, count, |label| {
-        let Some((at, ((pattern, family), word))) = described.next() else {
-            return Ok(());
-        };
-        let origin = match (balanced, Split::from_name(&word)) {
-            (true, Some(split)) => Origin::Balanced(split),
-            (true, None) => return Err(wrong(file, &format!("unknown split {word:?}"))),
-            (false, _) => Origin::Solved {
-                converged: Outcome::names_field(&word),
-            },
-        };
-        add(collector, file, (input, first + at), (pattern, family), origin, label)
+    let labelled = Labelled::open(file)?.ok_or_else(|| wrong(file, "it holds no labelled patterns"))?;
+    let patterns = labelled.patterns()?;
+    let (count, families) = (patterns.len(), labelled.families()?.unwrap_or_default());
+    let origins: Vec<Origin> = match &labelled {
+        Labelled::Balanced(view) => {
+            let unknown = |word: &str| wrong(file, &format!("unknown split {word:?}"));
+            let split = |word: String| {
+                Split::from_name(&word)
+                    .map(Origin::Balanced)
+                    .ok_or_else(|| unknown(&word))
+            };
+            view.split().read()?.into_iter().map(split).collect::<Result<_, _>>()?
+        }
+        Labelled::Solved(view) => {
+            let converged = |word: String| Outcome::names_field(&word);
+            let outcomes = view.outcome().read()?.into_iter().map(converged);
+            outcomes.map(|converged| Origin::Solved { converged }).collect()
+        }
+        Labelled::Verified(_) => Vec::new(),
+    };
+    let mut described = patterns.into_iter().zip(families).zip(origins).enumerate();
+    for_each_label(&labelled, |label| match described.next() {
+        Some((at, (described, origin))) => add(collector, file, (input, first + at), described, origin, label),
+        None => Ok(()),
     })?;
     Ok(count)
 }
 
 /// Reads the designs of a verify stage that have a field; fields stand in the order of these.
-fn read_verified(artifact: &Artifact, input: usize, collector: &mut Collector) -> Result<(), StageError> {
-    let patterns = arrays::read_patterns(artifact, "patterns")?;
-    let outcomes = artifact.texts("outcome")?.1;
-    if outcomes.len() != patterns.len() {
-        return Err(wrong(artifact, LENGTHS));
-    }
-    let all = patterns.len();
-    let mut solved: Vec<(usize, Pattern)> = patterns.into_iter().enumerate().collect();
-    solved.retain(|(row, _)| Outcome::names_field(&outcomes[*row]));
-    let count = solved.len();
-    collector.begin((all - count) as u64);
-    let mut solved = solved.into_iter();
-    for_each_label(artifact, count, |label| match solved.next() {
+fn read_verified(view: &VerificationView<'_>, input: usize, collector: &mut Collector) -> Result<(), StageError> {
+    let fields = view.simulated_rows()?;
+    collector.begin(fields.iter().filter(|field| field.is_none()).count() as u64);
+    let patterns = view.rows().patterns().read()?.into_iter().enumerate();
+    let mut solved = patterns.filter(|(row, _)| fields[*row].is_some());
+    for_each_label(&Labelled::Verified(view.clone()), |label| match solved.next() {
         Some((row, pattern)) => {
             let described = (pattern, VERIFIED.to_owned());
-            add(collector, artifact, (input, row), described, Origin::Verified, label)
+            add(
+                collector,
+                view.artifact(),
+                (input, row),
+                described,
+                Origin::Verified,
+                label,
+            )
         }
         None => Ok(()),
     })
@@ -129,19 +122,14 @@ fn add(
     collector.add(row).map_err(|e| wrong(file, &e.to_string()))
 }
 
-/// Calls a function with the labels of a file, which has so many, in order.
+/// Calls a function with the label of each field of a file, in order.
 fn for_each_label(
-    file: &Artifact,
-    count: usize,
+    file: &Labelled<'_>,
     mut each: impl FnMut(Result<Label, LabelError>) -> Result<(), StageError>,
 ) -> Result<(), StageError> {
-    if file.content("displacement")?.shape != [count, CORNERS, CORNERS, 2] {
-        return Err(wrong(file, LENGTHS));
-    }
-    // The file is an artifact's, whose bytes were verified when it was opened.
-    let rows = RowFile::open(file.path())?;
+    let count = file.fields()?;
     for first in (0..count).step_by(BLOCK) {
-        let values = rows.numbers("displacement", first..count.min(first + BLOCK))?;
+        let values = file.displacement(first..count.min(first + BLOCK))?;
         let labels: Vec<Result<Label, LabelError>> = values
             .par_chunks_exact(CORNERS * CORNERS * 2)
             .map(Label::from_values)
@@ -150,8 +138,6 @@ fn for_each_label(
     }
     Ok(())
 }
-
-const LENGTHS: &str = "its arrays differ in length";
 
 fn wrong(artifact: &Artifact, reason: &str) -> StageError {
     StageError::Input(format!("artifact {}: {reason}", artifact.digest().short()))

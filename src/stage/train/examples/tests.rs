@@ -1,7 +1,13 @@
 use super::*;
+use crate::content::{
+    BalanceCounts, Balanced, Components, DesignRows, Histograms, LongTexts, Observations, Packed, SampleRows,
+    Solutions, Unstable, Verification,
+};
 use crate::field::Field;
+use crate::pattern::Role;
 use crate::pattern::Symmetry;
-use crate::store::{Object, Provenance, Store};
+use crate::scene::Scene;
+use crate::store::{Data, Dataset, Object, Provenance, Store};
 use crate::surrogate::{Example, LeftOut, SPLIT_SEED, Why};
 
 const SIDE_MM: f64 = 50.0;
@@ -18,25 +24,64 @@ fn field(mm: f64) -> Field {
     Field::from_values(values).unwrap()
 }
 
-/// A dataset whose rows differ in the word beside them only.
-fn object(patterns: &[Pattern], fields: &[Field], word: &str, words: &[&str]) -> Object {
-    Object::default()
-        .with("patterns", arrays::patterns("d", patterns))
-        .with("displacement", arrays::fields("d", fields.iter()))
-        .with("family", arrays::texts("d", patterns.iter().map(|_| "bezier")))
-        .with(word, arrays::texts("d", words.iter().copied()))
-}
-
 fn balanced(patterns: &[Pattern], fields: &[Field], splits: &[Split]) -> Object {
     let words: Vec<&str> = splits.iter().map(|split| split.name()).collect();
-    object(patterns, fields, "split", &words).of_kind("balance")
+    balanced_into(patterns, fields, &words)
+}
+
+fn balanced_into(patterns: &[Pattern], fields: &[Field], splits: &[&str]) -> Object {
+    let n = patterns.len();
+    let content = Balanced {
+        patterns: patterns.to_vec(),
+        displacement: Packed(fields.iter().flat_map(Field::values).copied().collect()),
+        family: vec!["bezier".into(); n],
+        split: words(splits),
+        orbit: vec![String::new(); n],
+        source: vec![0; n],
+        symmetry: vec![0; n],
+        bin: vec![0; n],
+        max_displacement: vec![0.0; n],
+        histogram: Histograms::default(),
+        counts: BalanceCounts::default(),
+        scene: Scene::vhb4910(),
+    };
+    content.object().of_kind("balance")
+}
+
+fn sample_rows(patterns: &[Pattern]) -> SampleRows {
+    SampleRows {
+        patterns: patterns.to_vec(),
+        family: vec!["bezier".into(); patterns.len()],
+        index: vec![0; patterns.len()],
+        units: vec![0; patterns.len()],
+    }
+}
+
+fn words(words: &[&str]) -> Vec<String> {
+    words.iter().map(|word| (*word).to_owned()).collect()
 }
 
 fn solved(patterns: &[Pattern], outcomes: &[&str], unstable: &[&str]) -> Object {
-    let fields: Vec<Field> = patterns.iter().map(|_| field(1.0)).collect();
-    object(patterns, &fields, "outcome", outcomes)
-        .with("unstable/outcome", arrays::texts("d", unstable.iter().copied()))
-        .of_kind("solve chunk")
+    let n = patterns.len();
+    let content = Solutions {
+        rows: sample_rows(patterns),
+        outcome: words(outcomes),
+        displacement: vec![field(1.0); n],
+        max_displacement: vec![1.0; n],
+        newton_iterations: vec![1; n],
+        residual: vec![0.0; n],
+        observations: Observations::default(),
+        meshes: None,
+        unstable: Unstable {
+            rows: sample_rows(&vec![pattern(0); unstable.len()]),
+            outcome: words(unstable),
+            voltage_bracket: vec![[0.0; 2]; unstable.len()],
+        },
+        scene: Scene::vhb4910(),
+        solver: String::new(),
+        effects: String::new(),
+    };
+    content.object().of_kind("solve chunk")
 }
 
 struct Bench {
@@ -181,22 +226,52 @@ fn inputs_without_any_label_to_learn_from_are_refused_with_the_reason() {
     let unstable = bench.manifest(&[solved(&[], &[], &["pull-in", "slack"])]);
     let error = read(&[unstable], SIDE_MM, 8).err().unwrap().to_string();
     assert!(error.contains("2 samples have no stable solution"), "{error}");
-    let torn = object(&[pattern(0)], &[field(1.0)], "split", &[]);
+    let mut torn = balanced(&[pattern(0)], &[field(1.0)], &[Split::Train]);
+    torn.datasets.remove("split");
+    let none = Dataset::new("", "d", &[0], Data::Text(Vec::new()));
+    let torn = torn.with("split", none);
     let error = read(&[bench.put(&torn)], SIDE_MM, 8).err().unwrap().to_string();
     assert!(error.contains("differ in length"), "{error}");
-    let odd = object(&[pattern(0)], &[field(1.0)], "split", &["elsewhere"]);
+    let odd = balanced_into(&[pattern(0)], &[field(1.0)], &["elsewhere"]);
     let error = read(&[bench.put(&odd)], SIDE_MM, 8).err().unwrap().to_string();
     assert!(error.contains("unknown split \"elsewhere\""), "{error}");
 }
 
 /// A verify stage's artifact: fields of the rows that have one.
 fn verified(patterns: &[Pattern], outcomes: &[&str], fields: &[Field]) -> Object {
-    Object::default()
-        .of_kind("verify")
-        .with("patterns", arrays::patterns("d", patterns))
-        .with("outcome", arrays::texts("d", outcomes.iter().copied()))
-        .with("displacement", arrays::fields("d", fields.iter()))
-        .with("component/simulated", arrays::reals("mm", "d", vec![1.0; fields.len()]))
+    let (n, m) = (patterns.len(), fields.len());
+    let text = || vec![String::new(); n];
+    let content = Verification {
+        rows: DesignRows {
+            case: text(),
+            name: text(),
+            role: vec![Role::Ga; n],
+            area_target: text(),
+            evaluator: text(),
+            member: vec![0; n],
+            units: vec![0; n],
+            patterns: patterns.to_vec(),
+            area: vec![0.5; n],
+            predicted: vec![field(1.0); n],
+            objective: LongTexts(text()),
+            constraints: LongTexts(text()),
+            status: LongTexts(text()),
+        },
+        outcome: words(outcomes),
+        displacement: fields.to_vec(),
+        difference: fields.to_vec(),
+        component: Components {
+            predicted: vec![1.0; n],
+            simulated: vec![1.0; m],
+            error: vec![0.0; m],
+            error_known: vec![1; m],
+            distance: vec![0.0; m],
+        },
+        scene: Scene::vhb4910(),
+        solver: String::new(),
+        effects: String::new(),
+    };
+    content.object().of_kind("verify")
 }
 
 #[test]

@@ -1,0 +1,83 @@
+//! Artifacts whose rows are patterns with simulated fields.
+
+use std::ops::Range;
+
+use super::balanced::{Balanced, BalancedView};
+use super::designs::{Verification, VerificationView};
+use super::error::ContentError;
+use super::solutions::{Solutions, SolutionsView};
+use crate::pattern::Pattern;
+use crate::store::Artifact;
+
+/// Rows with fields, by the kind of stage that made them.
+pub enum Labelled<'a> {
+    /// Samples that were solved.
+    Solved(SolutionsView<'a>),
+    /// Rows of a balanced set, split into parts.
+    Balanced(BalancedView<'a>),
+    /// Designs that were simulated; some have no field.
+    Verified(VerificationView<'a>),
+}
+
+impl<'a> Labelled<'a> {
+    /// The view of an artifact, or of one of its chunks; none where it is of another kind.
+    ///
+    /// # Errors
+    /// When its arrays do not fit together.
+    pub fn open(artifact: &'a Artifact) -> Result<Option<Self>, ContentError> {
+        Ok(match artifact.kind() {
+            "solve" => Some(Self::Solved(Solutions::open(artifact)?)),
+            "balance" => Some(Self::Balanced(Balanced::open(artifact)?)),
+            "verify" => Some(Self::Verified(Verification::open(artifact)?)),
+            _ => None,
+        })
+    }
+
+    /// The patterns.
+    ///
+    /// # Errors
+    /// When they cannot be read.
+    pub fn patterns(&self) -> Result<Vec<Pattern>, ContentError> {
+        match self {
+            Self::Solved(view) => view.rows().patterns().read(),
+            Self::Balanced(view) => view.patterns().read(),
+            Self::Verified(view) => view.rows().patterns().read(),
+        }
+    }
+
+    /// The family of each pattern; none for designs.
+    ///
+    /// # Errors
+    /// When they cannot be read.
+    pub fn families(&self) -> Result<Option<Vec<String>>, ContentError> {
+        match self {
+            Self::Solved(view) => view.rows().family().read().map(Some),
+            Self::Balanced(view) => view.family().read().map(Some),
+            Self::Verified(_) => Ok(None),
+        }
+    }
+
+    /// How many fields there are.
+    ///
+    /// # Errors
+    /// When there are no fields.
+    pub fn fields(&self) -> Result<usize, ContentError> {
+        match self {
+            Self::Solved(view) => view.displacement().len(),
+            Self::Balanced(view) => view.displacement().len(),
+            Self::Verified(view) => view.displacement().len(),
+        }
+    }
+
+    /// The numbers of some fields, end to end, in mm, out of an artifact that is no manifest.
+    ///
+    /// # Errors
+    /// When they cannot be read.
+    pub fn displacement(&self, fields: Range<usize>) -> Result<Vec<f64>, ContentError> {
+        match self {
+            Self::Solved(view) => view.displacement().numbers(fields),
+            Self::Balanced(view) => view.displacement().numbers(fields),
+            Self::Verified(view) => view.displacement().numbers(fields),
+        }
+    }
+}

@@ -1,0 +1,25 @@
+//! Patterns that an argument of a command names.
+
+use std::path::Path;
+
+use super::part::At;
+use super::view::Stored;
+use crate::base::InputError;
+use crate::pattern::{self, Pattern, split_h5};
+use crate::store::Artifact;
+
+/// Reads the patterns that an argument names: a file of patterns, or a dataset of an artifact, of a manifest too. Artifacts are
+/// read by their headers and not by what HDF5 shows of them: a manifest shows fill values where its chunks are missing.
+///
+/// # Errors
+/// When the file cannot be read, is damaged, or holds no patterns there.
+pub fn named_patterns(argument: &str) -> Result<Vec<Pattern>, InputError> {
+    let named = split_h5(argument).map(|(file, dataset)| (Path::new(file), dataset));
+    let Some((path, dataset)) = named.filter(|(path, _)| Artifact::is_at(path)) else {
+        return pattern::read_patterns(argument);
+    };
+    let refused = |why: String| InputError::new(format!("{argument}: {why}"));
+    let artifact = Artifact::open(path).map_err(|e| refused(e.to_string()))?;
+    let at = At::default().array(dataset.trim_start_matches('/'), "1", &["n", "y", "x"], "");
+    Stored::new(&artifact, at).read().map_err(|e| refused(e.to_string()))
+}
