@@ -13,6 +13,7 @@ mod operators;
 mod options;
 mod search;
 mod target;
+mod text;
 
 pub use constraint::{ConstraintError, ConstraintParameters, Constraints, Limits, Region, Sides, Violations};
 pub use evolve::{
@@ -31,4 +32,4 @@ pub use search::{
     Elements, Evaluator, Evaluators, FoundDesign, Probe, Progress, References, Refinement, Search, SearchError,
     SearchResult, cheapest_evaluator,
 };
-pub use target::{Area, Target};
+pub use target::{Area, Target, Targets};

@@ -3,47 +3,144 @@
 use std::collections::HashSet;
 use std::fmt;
 
+use serde_json::json;
+
 use super::objective::{Goal, Objective};
-use crate::base::{Canonical, Decimal, Fields, InputError, Map, Node, NodeValue, Schema};
+use crate::base::{
+    Canonical, Decimal, Declared, Fields, InputError, Map, Node, NodeValue, Parameter, Schema, parameters,
+};
 
 /// The name of an objective that stands by itself.
-pub const ALONE: &str = "design";
+const ALONE: &str = "design";
 
 /// Characters in a name: it is part of the names of files.
 const LONGEST: usize = 60;
-
-/// Targets of one stage.
-const MOST: usize = 10_000;
 
 /// A wanted area fraction; `None` where any will do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Area(pub Option<Decimal>);
 
-impl Area {
-    /// Reads a fraction, or `free`; `default` where there is none.
-    ///
-    /// # Errors
-    /// When it is neither.
-    pub fn read(map: &Map<'_>, default: Self) -> Result<Self, InputError> {
-        match map.optional("area") {
-            None => Ok(default),
-            Some(node) if node.is_text("free") => Ok(Self(None)),
-            Some(node) => match map.number("area", 0.5, 0.0, 1.0) {
-                Ok(area) => Ok(Self(Some(area))),
-                Err(_) => Err(node
-                    .error(format!("`area` is {}", node.found()))
-                    .help("allowed: an area fraction from 0 to 1, or `free`")),
-            },
+/// A name that can be part of the name of a file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Name(String);
+
+parameters! {
+    /// One of several things to design.
+    struct NamedTarget as "a target" {
+        /// Its name.
+        name: Name,
+        /// What the design is for.
+        objective: Objective,
+        /// Wanted area fraction of the electrode, or `free` where any will do.
+        area: Option<Area>,
+    }
+}
+
+parameters! {
+    /// What is designed.
+    pub struct Targets as "a design stage" {
+        /// What the design is for.
+        objective: Option<Objective>,
+        /// Several designs in one stage, each with a name of its own.
+        targets: Option<Vec<NamedTarget>> [((), 1..=10_000)],
+        /// Wanted area fraction of the electrode, or `free` where any will do.
+        area: Area = 0.5,
+    }
+    rules(either)
+    check(Targets::check)
+}
+
+/// One thing to design.
+#[derive(Clone, Debug)]
+pub struct Target {
+    /// Its name.
+    pub name: String,
+    /// What it is for.
+    pub objective: Objective,
+    /// Its area.
+    pub area: Area,
+    /// Both, on the membrane of the scene.
+    pub goal: Goal,
+}
+
+fn either(fields: Fields) -> Fields {
+    fields.rule(json!({ "oneOf": [{ "required": ["objective"] }, { "required": ["targets"] }] }))
+}
+
+impl Targets {
+    fn check(&self, map: &Map<'_>) -> Result<(), InputError> {
+        match (map.optional("objective"), map.optional("targets")) {
+            (Some(node), Some(_)) => Err(node
+                .error("`objective` cannot stand beside `targets`, each of which has its own")
+                .help("give either")),
+            (None, None) => map.required(Self::WHAT, "objective").map(|_| ()),
+            (_, None) => Ok(()),
+            (None, Some(list)) => {
+                let mut names = HashSet::new();
+                for (target, item) in self.targets.iter().flatten().zip(list.list("targets")?) {
+                    if !names.insert(&target.name.0) {
+                        let node = item.peek("name").unwrap_or(item);
+                        return Err(node.error(format!("two targets are named `{}`", target.name.0)));
+                    }
+                }
+                Ok(())
+            }
         }
     }
 
-    /// What [`Area::read`] accepts.
-    pub fn schema() -> Schema {
-        Schema::any_of([Schema::number(0.0, 1.0), Schema::word(&["free"])])
-            .says("Wanted area fraction of the electrode, or `free` where any will do.")
+    /// The targets on a membrane of `side_mm`, with the weight of the area in the fitness; areas are those of the stage unless a
+    /// target has its own. `map` is what they were read from.
+    ///
+    /// # Errors
+    /// When an objective is none on that membrane.
+    pub fn on_membrane(self, map: &Map<'_>, side_mm: f64, penalty: f64) -> Result<Vec<Target>, InputError> {
+        let target = |name: String, objective: Objective, area: Area, node: Option<&Node>| {
+            let goal = objective
+                .goal(side_mm, area.fraction(), penalty)
+                .map_err(|e| match node {
+                    Some(node) => node.error(e.to_string()),
+                    None => InputError::new(e.to_string()),
+                })?;
+            Ok(Target {
+                name,
+                objective,
+                area,
+                goal,
+            })
+        };
+        if let Some(objective) = self.objective {
+            let node = map.optional("objective");
+            return Ok(vec![target(ALONE.to_owned(), objective, self.area, node)?]);
+        }
+        let items = map
+            .optional("targets")
+            .map_or(Ok(&[][..]), |list| list.list("targets"))?;
+        let targets = self.targets.unwrap_or_default().into_iter().zip(items);
+        targets
+            .map(|(one, item)| {
+                let area = one.area.unwrap_or(self.area);
+                target(one.name.0, one.objective, area, item.peek("objective"))
+            })
+            .collect()
     }
+}
 
+impl Target {
+    /// The canonical value.
+    #[must_use]
+    pub fn canonical(&self) -> Canonical {
+        let entries = [
+            ("name", Some(Canonical::from(self.name.as_str()))),
+            ("objective", self.objective.canonical()),
+            ("area", self.area.canonical()),
+        ];
+        Canonical::map(entries.into_iter().filter_map(|(key, value)| Some((key, value?))))
+    }
+}
+
+impl Area {
     /// As a number.
+    #[must_use]
     pub fn fraction(self) -> Option<f64> {
         self.0.map(Decimal::to_f64)
     }
@@ -58,102 +155,62 @@ impl fmt::Display for Area {
     }
 }
 
-/// One thing to design.
-pub struct Target {
-    /// Its name.
-    pub name: String,
-    /// What it is for.
-    pub objective: Objective,
-    /// Its area.
-    pub area: Area,
-    /// Both, on the membrane of the scene.
-    pub goal: Goal,
+impl Parameter for Area {
+    type Limits = ();
+    type Literal = f64;
+
+    fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
+        if node.is_text("free") {
+            return Ok(Self(None));
+        }
+        match Decimal::read(node, key, &(0.0..=1.0)) {
+            Ok(area) => Ok(Self(Some(area))),
+            Err(_) => Err(node
+                .error(format!("`{key}` is {}", node.found()))
+                .help("allowed: an area fraction from 0 to 1, or `free`")),
+        }
+    }
+
+    fn canonical(&self) -> Option<Canonical> {
+        Some(self.0.map_or(Canonical::from("free"), Canonical::from))
+    }
+
+    fn schema((): &()) -> Schema {
+        Schema::any_of([Schema::number(0.0, 1.0), Schema::word(&["free"])])
+    }
+
+    fn literal(literal: f64) -> Self {
+        Self(Decimal::from_f64(literal))
+    }
 }
 
-impl Target {
-    /// Reads `objective`, or `targets: [{ name, objective, area }, …]`, of a stage; areas are those of the stage unless a target has
-    /// its own.
-    ///
-    /// # Errors
-    /// When there is neither, both, two of the same name, or an objective that is none on a membrane of `side_mm`.
-    pub fn read_all(what: &str, map: &Map<'_>, side_mm: f64, penalty: f64) -> Result<Vec<Self>, InputError> {
-        let area = Area::read(map, Area(Decimal::from_f64(0.5)))?;
-        let target = |name: String, node: &Node, area: Area| {
-            let objective = Objective::read(node)?;
-            let goal = objective.goal(side_mm, area.fraction(), penalty);
-            Ok(Self {
-                name,
-                goal: goal.map_err(|e| node.error(e.to_string()))?,
-                objective,
-                area,
-            })
-        };
-        let Some(list) = map.optional("targets") else {
-            return Ok(vec![target(ALONE.to_owned(), map.required(what, "objective")?, area)?]);
-        };
-        if let Some(node) = map.optional("objective") {
+impl Parameter for Name {
+    type Limits = ();
+    type Literal = &'static str;
+
+    fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
+        let name = node.text(key)?;
+        let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+        let is_text = matches!(node.value(), NodeValue::Text(_));
+        if !is_text || name.is_empty() || name.len() > LONGEST || !name.chars().all(plain) {
             return Err(node
-                .error("`objective` cannot stand beside `targets`, each of which has its own")
-                .help("give either"));
+                .error(format!("a target cannot be named {}", node.found()))
+                .help(format!(
+                    "allowed: up to {LONGEST} letters, digits, '_' and '-'; a number in quotes"
+                )));
         }
-        let items = list.list("targets")?;
-        if items.is_empty() || items.len() > MOST {
-            return Err(list
-                .error(format!("`targets` has {} items", items.len()))
-                .help(format!("allowed: 1 to {MOST}")));
-        }
-        let mut names = HashSet::new();
-        let mut targets = Vec::with_capacity(items.len());
-        for item in items {
-            let what = "a target";
-            let map = item.fields(what, &["name", "objective", "area"])?;
-            let node = map.required(what, "name")?;
-            let name = checked_name(node)?;
-            if !names.insert(name.clone()) {
-                return Err(node.error(format!("two targets are named `{name}`")));
-            }
-            targets.push(target(name, map.required(what, "objective")?, Area::read(&map, area)?)?);
-        }
-        Ok(targets)
+        Ok(Self(name.to_owned()))
     }
 
-    /// Adds what [`Target::read_all`] accepts to the schema of a stage.
-    #[must_use]
-    pub fn schema(fields: Fields) -> Fields {
-        let target = Fields::new("One of several things to design.")
-            .required("name", Schema::matching("^[A-Za-z0-9_-]{1,60}$").says("Its name."))
-            .required("objective", Objective::schema())
-            .optional("area", Area::schema());
-        let targets =
-            Schema::list(target.into(), 1, MOST).says("Several designs in one stage, each with a name of its own.");
-        fields
-            .optional("objective", Objective::schema())
-            .optional("targets", targets)
-            .optional("area", Area::schema().default(0.5))
-            .rule(serde_json::json!({ "oneOf": [{ "required": ["objective"] }, { "required": ["targets"] }] }))
+    fn canonical(&self) -> Option<Canonical> {
+        Some(self.0.as_str().into())
     }
 
-    /// The canonical value.
-    pub fn canonical(&self) -> Canonical {
-        Canonical::map([
-            ("name", Canonical::from(self.name.as_str())),
-            ("objective", self.objective.canonical()),
-            ("area", self.area.0.map_or(Canonical::Null, Canonical::from)),
-        ])
+    fn schema((): &()) -> Schema {
+        Schema::matching("^[A-Za-z0-9_-]{1,60}$")
     }
-}
 
-/// A name that can be part of the name of a file.
-fn checked_name(node: &Node) -> Result<String, InputError> {
-    let name = node.text("name")?;
-    let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
-    let is_text = matches!(node.value(), NodeValue::Text(_));
-    if !is_text || name.is_empty() || name.len() > LONGEST || !name.chars().all(plain) {
-        return Err(node
-            .error(format!("a target cannot be named {}", node.found()))
-            .help(format!(
-                "allowed: up to {LONGEST} letters, digits, '_' and '-'; a number in quotes"
-            )));
+    fn literal(literal: &'static str) -> Self {
+        Self(literal.to_owned())
     }
-    Ok(name.to_owned())
 }

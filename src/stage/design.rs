@@ -11,10 +11,10 @@ use std::time::Instant;
 use serde_json::json;
 
 use super::model;
-use crate::base::{Canonical, Fields, InputError, Node, NodeValue, Schema};
+use crate::base::{Canonical, Declared, Fields, InputError, Map, Node, NodeValue, Parameter, Schema, parameters};
 use crate::design::{
     ConstraintParameters, Elements, GenerationReport, Method, Progress, Search, SearchError, SearchOptions, SearchStep,
-    StateError, Target, Watch,
+    StateError, Target, Targets, Watch,
 };
 use crate::fem::screening::resolve;
 use crate::fem::{GradientEvaluator, SafetyMargins, SetupError, breakdown_strength};
@@ -29,16 +29,81 @@ use evaluators::{EvaluatorChoice, evaluators};
 /// The kind `design`.
 pub struct DesignKind;
 
-const KEYS: [&str; 8] = [
-    "kind",
-    "needs",
-    "case",
-    "targets",
-    "objective",
-    "area",
-    "constraints",
-    "evaluator",
-];
+parameters! {
+    /// Searches patterns that move points where they should go.
+    struct DesignParameters as "a design stage" {
+        /// A label for tables.
+        case: Option<Case>,
+        /// What judges patterns: the network, an estimate, Newton's method, or of these the cheapest that is accurate enough.
+        evaluator: EvaluatorChoice = EvaluatorChoice::Auto,
+    }
+    include {
+        /// What is designed.
+        targets: Targets,
+        /// How it is searched.
+        options: SearchOptions,
+    }
+    rules(rules)
+    check(DesignParameters::check)
+}
+
+/// Constraints are read for the membrane of the scene; a named network must be there.
+fn rules(fields: Fields) -> Fields {
+    let constraints = ConstraintParameters::schema().says("What designs must keep to.");
+    fields.optional("constraints", constraints).rule(json!({
+        "if": { "required": ["evaluator"], "properties": { "evaluator": { "const": "surrogate" } } },
+        "then": { "required": ["needs"] },
+    }))
+}
+
+impl DesignParameters {
+    fn check(&self, map: &Map<'_>) -> Result<(), InputError> {
+        let network = map.optional("needs");
+        if self.evaluator == EvaluatorChoice::Surrogate && network.is_none() {
+            return Err(map
+                .error("`evaluator: surrogate` judges by a network, and the stage needs none")
+                .help("add `needs: [STAGE]` with a stage of kind `train`, or take another evaluator"));
+        }
+        match network.filter(|_| self.options.method == Method::Adjoint) {
+            Some(node) => Err(node
+                .error("`method: adjoint` uses finite elements alone, and the stage needs a network")
+                .help("leave `needs` out")),
+            None => Ok(()),
+        }
+    }
+}
+
+/// A label on one line.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Case(String);
+
+impl Parameter for Case {
+    type Limits = ();
+    type Literal = &'static str;
+
+    fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
+        let label = node.text(key)?;
+        // Text in artifacts is as short as that in bytes.
+        match label.len() {
+            1..=60 if !label.contains('\n') && matches!(node.value(), NodeValue::Text(_)) => Ok(Self(label.to_owned())),
+            _ => Err(node
+                .error(format!("`{key}` is no label"))
+                .help("allowed: 1 to 60 letters on one line; a number in quotes")),
+        }
+    }
+
+    fn canonical(&self) -> Option<Canonical> {
+        Some(self.0.as_str().into())
+    }
+
+    fn schema((): &()) -> Schema {
+        Schema::matching("^[^\\n]{1,60}$")
+    }
+
+    fn literal(literal: &'static str) -> Self {
+        Self(literal.to_owned())
+    }
+}
 
 impl Kind for DesignKind {
     fn name(&self) -> &'static str {
@@ -58,49 +123,30 @@ impl Kind for DesignKind {
     }
 
     fn schema(&self) -> Vec<Fields> {
-        let fields = Fields::new("Searches patterns that move points where they should go.")
-            .optional("case", Schema::matching("^[^\\n]{1,60}$").says("A label for tables."));
-        let fields = fields.optional("constraints", ConstraintParameters::schema());
-        let fields = SearchOptions::schema(Target::schema(fields), super::seed())
-            .optional("evaluator", EvaluatorChoice::schema())
-            .rule(json!({
-                "if": { "required": ["evaluator"], "properties": { "evaluator": { "const": "surrogate" } } },
-                "then": { "required": ["needs"] },
-            }));
-        vec![fields]
+        vec![DesignParameters::fields()]
     }
 
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
-        let what = "a design stage";
-        let map = stage.fields(what, &[&KEYS[..], &SearchOptions::KEYS[..]].concat())?;
+        let keys = [&["kind", "needs", "constraints"][..], &DesignParameters::keys()].concat();
+        let map = stage.fields(DesignParameters::WHAT, &keys)?;
         let scene = super::scene_of(stage, scene)?;
-        let options = SearchOptions::read(what, &map)?;
-        let evaluator = map.optional("evaluator");
-        let evaluator = evaluator.map_or(Ok(EvaluatorChoice::Auto), EvaluatorChoice::read)?;
-        let network = map.optional("needs");
-        if evaluator == EvaluatorChoice::Surrogate && network.is_none() {
-            return Err(stage
-                .error("`evaluator: surrogate` judges by a network, and the stage needs none")
-                .help("add `needs: [STAGE]` with a stage of kind `train`, or take another evaluator"));
-        }
-        if let Some(node) = network.filter(|_| options.method == Method::Adjoint) {
-            return Err(node
-                .error("`method: adjoint` uses finite elements alone, and the stage needs a network")
-                .help("leave `needs` out"));
-        }
-        let side = scene.geometry.side.value();
-        let constraints = map.optional("constraints");
-        let constraints = constraints.map(|node| read_constraints(node, &scene)).transpose()?;
-        let targets = Target::read_all(what, &map, side, options.penalty.to_f64())?;
-        let constraints = constraints.unwrap_or_else(ConstraintParameters::none);
-        for target in &targets {
-            if let Some(area) = target.area.fraction() {
-                let node = map.optional("area").or(map.optional("constraints")).unwrap_or(stage);
-                constraints.check_area(node, area, options.tolerance.to_f64())?;
-            }
+        let DesignParameters {
+            case,
+            evaluator,
+            targets,
+            options,
+        } = DesignParameters::read_map(&map)?;
+        let constraints = match map.optional("constraints") {
+            Some(node) => read_constraints(node, &scene)?,
+            None => ConstraintParameters::none(),
+        };
+        let targets = targets.on_membrane(&map, scene.geometry.side.value(), options.area_penalty.to_f64())?;
+        for area in targets.iter().filter_map(|target| target.area.fraction()) {
+            let node = map.optional("area").or(map.optional("constraints")).unwrap_or(stage);
+            constraints.check_area(node, area, options.area_tolerance.to_f64())?;
         }
         Ok(Box::new(DesignStage {
-            case: map.optional("case").map_or(Ok(String::new()), read_case)?,
+            case,
             targets,
             options,
             evaluator,
@@ -134,20 +180,8 @@ fn read_constraints(node: &Node, scene: &Scene) -> Result<ConstraintParameters, 
     Ok(constraints)
 }
 
-/// A label on one line.
-fn read_case(node: &Node) -> Result<String, InputError> {
-    let label = node.text("case")?;
-    // Text in artifacts is as short as that in bytes.
-    match label.len() {
-        1..=60 if !label.contains('\n') && matches!(node.value(), NodeValue::Text(_)) => Ok(label.to_owned()),
-        _ => Err(node
-            .error("`case` is no label")
-            .help("allowed: 1 to 60 letters on one line; a number in quotes")),
-    }
-}
-
 struct DesignStage {
-    case: String,
+    case: Option<Case>,
     targets: Vec<Target>,
     constraints: ConstraintParameters,
     options: SearchOptions,
@@ -166,22 +200,19 @@ struct Ready {
 impl DesignStage {
     /// Everything but the targets.
     fn common(&self) -> Canonical {
-        let mut more = vec![
-            ("case", Canonical::from(self.case.as_str())),
+        let mut entries = self.options.used();
+        if self.evaluator != EvaluatorChoice::Auto {
+            entries.retain(|(key, _)| *key != "evaluator_accuracy");
+        }
+        if self.options.method == Method::Ga {
+            entries.extend(self.evaluator.canonical().map(|evaluator| ("evaluator", evaluator)));
+        }
+        entries.extend(self.case.canonical().map(|case| ("case", case)));
+        entries.extend([
             ("constraints", self.constraints.canonical()),
             ("scene", self.scene.canonical()),
-        ];
-        if self.options.method == Method::Ga {
-            let accuracy = match self.evaluator {
-                EvaluatorChoice::Auto => Canonical::from(&self.options.accuracy),
-                EvaluatorChoice::Surrogate | EvaluatorChoice::Elements(_) => Canonical::Null,
-            };
-            more.extend([
-                ("evaluator", Canonical::from(self.evaluator.to_string().as_str())),
-                ("evaluator_accuracy", accuracy),
-            ]);
-        }
-        self.options.canonical(more)
+        ]);
+        Canonical::map(entries)
     }
 
     fn chunk(&self, target: &Target) -> Canonical {
@@ -206,7 +237,7 @@ impl DesignStage {
 
     fn heading(&self, target: &Target) -> Heading {
         Heading {
-            case: self.case.clone(),
+            case: self.case.as_ref().map_or(String::new(), |case| case.0.clone()),
             name: target.name.clone(),
             objective: target.objective.to_text(),
             area: target.area.to_string(),

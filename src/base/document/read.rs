@@ -149,6 +149,12 @@ impl<'a> Map<'a> {
         self.entries
     }
 
+    /// A refusal of the mapping as a whole.
+    #[must_use]
+    pub fn error(&self, message: impl Into<String>) -> InputError {
+        self.node.error(message)
+    }
+
     /// The value of a key that must be there.
     ///
     /// # Errors

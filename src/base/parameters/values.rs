@@ -133,6 +133,10 @@ impl<T: Parameter> Parameter for [T; 2] {
     fn literal(literal: [T::Literal; 2]) -> Self {
         literal.map(T::literal)
     }
+
+    fn example() -> String {
+        format!("[{0}, {0}]", T::example())
+    }
 }
 
 /// A list of values of a kind.

@@ -1,28 +1,83 @@
 //! The constraints of a design as they stand in a pipeline and, word for word the same, in an artifact.
 
-use super::{ConstraintError, Constraints, Limits, Region, Sides};
-use crate::base::{Canonical, Decimal, Dimension, Fields, InputError, Map, Node, NodeValue, Quantity, Schema};
+use std::fmt;
 
-const KEYS: [&str; 6] = [
-    "min_feature",
-    "islands",
-    "leads",
-    "keep_out",
-    "breakdown_margin",
-    "pull_in_margin",
-];
+use super::{ConstraintError, Constraints, Limits, Region, Sides};
+use crate::base::{
+    Canonical, Decimal, Declared, InputError, Length, Map, Node, NodeValue, Parameter, Schema, parameters,
+};
+use crate::design::text::{flow_mapping, flow_value};
 
 /// No pattern has more islands: every other cell.
 const MOST_ISLANDS: u64 = 1250;
 
-/// Bounds of a place in mm.
-const PLACES: [f64; 2] = [-1e4, 1e4];
+/// Largest coordinate in mm.
+const FARTHEST: f64 = 1e4;
 
-/// Bounds of a length in mm.
-const LENGTHS: [f64; 2] = [1e-6, 1e4];
+/// Smallest and largest length in mm.
+const LENGTHS: std::ops::RangeInclusive<f64> = 1e-6..=1e4;
 
-/// Bounds of a margin.
-const MARGINS: [f64; 2] = [1.0, 1e3];
+/// A place on the membrane.
+type Place = [Length; 2];
+
+parameters! {
+    /// What designs must keep to.
+    struct Written as "`constraints`" {
+        /// Least width of electrodes and gaps.
+        min_feature: Option<Length> [LENGTHS],
+        /// Pieces of electrode at most.
+        islands: Option<u64> [1..=MOST_ISLANDS],
+        /// Whether every piece touches the frame, or one of these sides of it.
+        leads: Option<Leads>,
+        /// Where no cell is active.
+        keep_out: KeepOut = KeepOut(Vec::new()),
+        /// How many times the largest electric field is below breakdown.
+        breakdown_margin: Option<Decimal> [1.0..=1e3],
+        /// How many times the voltage is below that of pull-in.
+        pull_in_margin: Option<Decimal> [1.0..=1e3],
+    }
+}
+
+parameters! {
+    /// A rectangle.
+    struct Rectangle as "a region of `keep_out`" {
+        /// Two opposite corners, such as [[0 mm, 0 mm], [5 mm, 5 mm]].
+        rectangle: [Place; 2] [-FARTHEST..=FARTHEST],
+    }
+}
+
+parameters! {
+    /// A disc.
+    struct Disc as "a region of `keep_out`" {
+        /// Its centre and radius.
+        disc: Circle,
+    }
+}
+
+parameters! {
+    /// A circle.
+    struct Circle as "`disc`" {
+        /// Its centre, such as [25 mm, 25 mm].
+        centre: Place [-FARTHEST..=FARTHEST],
+        /// Its radius.
+        radius: Length [LENGTHS],
+    }
+}
+
+/// A region that is kept out.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Shape {
+    Rectangle(Rectangle),
+    Disc(Disc),
+}
+
+/// All regions that are kept out, in the order in which they are written.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct KeepOut(Vec<Shape>);
+
+/// Sides of the frame that a piece must touch; `None` where `false` is written.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Leads(Option<Sides>);
 
 /// What is asked of a design, as it was written, and what it means for the membrane.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,29 +86,19 @@ pub struct ConstraintParameters {
     constraints: Constraints,
 }
 
-#[derive(Clone, Debug, Default, PartialEq)]
-struct Written {
-    min_feature: Option<Quantity>,
-    islands: Option<u64>,
-    leads: Option<Sides>,
-    keep_out: Vec<Shape>,
-    breakdown_margin: Option<Decimal>,
-    pull_in_margin: Option<Decimal>,
-}
-
-type Place = [Quantity; 2];
-
-#[derive(Clone, Debug, PartialEq)]
-enum Shape {
-    Rectangle([Place; 2]),
-    Disc(Place, Quantity),
-}
-
 impl ConstraintParameters {
     /// Nothing asked.
+    #[must_use]
     pub fn none() -> Self {
         Self {
-            written: Written::default(),
+            written: Written {
+                min_feature: None,
+                islands: None,
+                leads: None,
+                keep_out: KeepOut(Vec::new()),
+                breakdown_margin: None,
+                pull_in_margin: None,
+            },
             constraints: Constraints::default(),
         }
     }
@@ -63,27 +108,9 @@ impl ConstraintParameters {
     /// # Errors
     /// When a key is unknown, a value is out of range, or the constraints contradict each other.
     pub fn read(node: &Node, side_mm: f64) -> Result<Self, InputError> {
-        let map = node.fields("`constraints`", &KEYS)?;
-        let length = |n: &Node| n.quantity_in("min_feature", Dimension::Length, LENGTHS[0], LENGTHS[1]);
-        let written = Written {
-            min_feature: map.optional("min_feature").map(length).transpose()?,
-            islands: map
-                .optional("islands")
-                .map(|n| n.whole("islands", 1, MOST_ISLANDS))
-                .transpose()?,
-            leads: map.optional("leads").map_or(Ok(None), read_leads)?,
-            keep_out: match map.optional("keep_out") {
-                Some(list) => list
-                    .list("keep_out")?
-                    .iter()
-                    .map(read_shape)
-                    .collect::<Result<_, _>>()?,
-                None => Vec::new(),
-            },
-            breakdown_margin: read_margin(&map, "breakdown_margin")?,
-            pull_in_margin: read_margin(&map, "pull_in_margin")?,
-        };
-        let constraints = Constraints::new(written.limits(), side_mm).map_err(|e| placed(node, &map, &e))?;
+        let map = node.fields(Written::WHAT, &Written::keys())?;
+        let written = Written::read_map(&map)?;
+        let constraints = Constraints::new(written.limits(), side_mm).map_err(|e| at_its_key(node, &map, &e))?;
         Ok(Self { written, constraints })
     }
 
@@ -102,96 +129,32 @@ impl ConstraintParameters {
     }
 
     /// What [`ConstraintParameters::read`] accepts.
+    #[must_use]
     pub fn schema() -> Schema {
-        let length = || Schema::quantity(Dimension::Length, LENGTHS[0], LENGTHS[1]);
-        let place = || Schema::list(Schema::quantity(Dimension::Length, PLACES[0], PLACES[1]), 2, 2);
-        let margin = |says: &str| Schema::number(MARGINS[0], MARGINS[1]).says(says);
-        let disc = Fields::new("A disc.")
-            .required("centre", place().says("Its centre, such as [25 mm, 25 mm]."))
-            .required("radius", length().says("Its radius."));
-        let corners = Schema::list(place(), 2, 2).says("Two opposite corners.");
-        let shapes = [
-            Fields::new("A rectangle.").required("rectangle", corners).into(),
-            Fields::new("A disc.").required("disc", disc.into()).into(),
-        ];
-        let sides = Schema::list(Schema::word(&Sides::NAMES), 1, Sides::NAMES.len());
-        let leads = Schema::any_of([Schema::new(serde_json::json!({ "type": "boolean" })), sides]);
-        let islands = Schema::whole(1, MOST_ISLANDS).says("Pieces of electrode at most.");
-        Fields::new("What designs must keep to.")
-            .optional("min_feature", length().says("Least width of electrodes and gaps."))
-            .optional("islands", islands)
-            .optional(
-                "leads",
-                leads.says("Whether every piece touches the frame, or one of these sides of it."),
-            )
-            .optional(
-                "keep_out",
-                Schema::list(Schema::any_of(shapes), 0, usize::MAX).says("Where no cell is active."),
-            )
-            .optional(
-                "breakdown_margin",
-                margin("How many times the largest electric field is below breakdown."),
-            )
-            .optional(
-                "pull_in_margin",
-                margin("How many times the voltage is below that of pull-in."),
-            )
-            .into()
+        Written::schema(&())
     }
 
     /// The canonical value: the same however it is written.
+    #[must_use]
     pub fn canonical(&self) -> Canonical {
-        let w = &self.written;
-        let sides = |sides: Sides| {
-            let wanted = sides.named().into_iter().filter(|(_, wanted)| *wanted);
-            Canonical::List(wanted.map(|(name, _)| name.into()).collect())
-        };
-        let mut keep_out: Vec<Canonical> = w.keep_out.iter().map(Shape::canonical).collect();
-        keep_out.sort();
-        keep_out.dedup();
-        let or_null = |value: Option<Canonical>| value.unwrap_or(Canonical::Null);
-        Canonical::map([
-            ("min_feature", or_null(w.min_feature.as_ref().map(Canonical::from))),
-            ("islands", or_null(w.islands.map(Canonical::from))),
-            ("leads", or_null(w.leads.map(sides))),
-            ("keep_out", Canonical::List(keep_out)),
-            ("breakdown_margin", or_null(w.breakdown_margin.map(Canonical::from))),
-            ("pull_in_margin", or_null(w.pull_in_margin.map(Canonical::from))),
-        ])
+        self.written.to_canonical()
     }
 
     /// The constraints in their own YAML syntax on one line; `{}` where there are none.
+    #[must_use]
     pub fn to_text(&self) -> String {
-        let w = &self.written;
-        let mut keys = Vec::new();
-        if let Some(width) = &w.min_feature {
-            keys.push(format!("min_feature: {width}"));
-        }
-        if let Some(islands) = w.islands {
-            keys.push(format!("islands: {islands}"));
-        }
-        match w.leads {
-            None => {}
-            Some(Sides::ALL) => keys.push("leads: true".to_owned()),
-            Some(sides) => keys.push(format!("leads: [{sides}]")),
-        }
-        if !w.keep_out.is_empty() {
-            let shapes: Vec<String> = w.keep_out.iter().map(Shape::to_text).collect();
-            keys.push(format!("keep_out: [{}]", shapes.join(", ")));
-        }
-        for (name, margin) in [
-            ("breakdown_margin", w.breakdown_margin),
-            ("pull_in_margin", w.pull_in_margin),
-        ] {
-            keys.extend(margin.map(|margin| format!("{name}: {margin}")));
-        }
-        match keys.is_empty() {
-            true => "{}".to_owned(),
-            false => format!("{{ {} }}", keys.join(", ")),
-        }
+        let mut entries = Vec::new();
+        self.written.entries(&mut entries);
+        let text = |(key, value): (&'static str, Canonical)| match key {
+            // Canonically the regions are sorted.
+            "keep_out" => (key, self.written.keep_out.to_string()),
+            key => (key, flow_value(&value)),
+        };
+        flow_mapping(entries.into_iter().map(text))
     }
 
     /// What they mean for the membrane.
+    #[must_use]
     pub fn constraints(&self) -> &Constraints {
         &self.constraints
     }
@@ -202,8 +165,8 @@ impl Written {
         Limits {
             min_feature_mm: self.min_feature.map(|width| width.value()),
             islands: self.islands.map(|n| n as usize),
-            leads: self.leads,
-            keep_out: self.keep_out.iter().map(Shape::region).collect(),
+            leads: self.leads.as_ref().and_then(|leads| leads.0),
+            keep_out: self.keep_out.0.iter().map(Shape::region).collect(),
             breakdown_margin: self.breakdown_margin.map(Decimal::to_f64),
             pull_in_margin: self.pull_in_margin.map(Decimal::to_f64),
         }
@@ -212,112 +175,137 @@ impl Written {
 
 impl Shape {
     fn region(&self) -> Region {
-        let place = |place: &Place| [place[0].value(), place[1].value()];
+        let place = |place: &Place| place.each_ref().map(|c| c.value());
         match self {
-            Self::Rectangle([from, to]) => Region::Rectangle([place(from), place(to)]),
-            Self::Disc(centre, radius) => Region::Disc {
-                centre: place(centre),
-                radius: radius.value(),
+            Self::Rectangle(Rectangle { rectangle }) => Region::Rectangle(rectangle.each_ref().map(place)),
+            Self::Disc(Disc { disc }) => Region::Disc {
+                centre: place(&disc.centre),
+                radius: disc.radius.value(),
             },
         }
     }
+}
 
-    fn canonical(&self) -> Canonical {
-        let place = |place: &Place| place.iter().collect::<Canonical>();
-        match self {
-            Self::Rectangle(corners) => {
-                let corners = Canonical::List(corners.iter().map(place).collect());
-                Canonical::map([("rectangle", corners)])
+impl Parameter for Shape {
+    type Limits = ();
+    type Literal = Self;
+
+    fn read(node: &Node, _key: &str, (): &()) -> Result<Self, InputError> {
+        match (node.peek("rectangle").is_some(), node.peek("disc").is_some()) {
+            (true, false) => Rectangle::read_with(node, &[]).map(Self::Rectangle),
+            (false, true) => Disc::read_with(node, &[]).map(Self::Disc),
+            _ => {
+                node.fields(Rectangle::WHAT, &["rectangle", "disc"])?;
+                Err(node
+                    .error("a region of `keep_out` is either a `rectangle` or a `disc`")
+                    .help(
+                        "for example { rectangle: [[0 mm, 0 mm], [5 mm, 5 mm]] } or { disc: { centre: [25 mm, 25 mm], \
+                         radius: 3 mm } }",
+                    ))
             }
-            Self::Disc(centre, radius) => {
-                let disc = Canonical::map([("centre", place(centre)), ("radius", Canonical::from(radius))]);
-                Canonical::map([("disc", disc)])
+        }
+    }
+
+    fn canonical(&self) -> Option<Canonical> {
+        Some(match self {
+            Self::Rectangle(shape) => shape.to_canonical(),
+            Self::Disc(shape) => shape.to_canonical(),
+        })
+    }
+
+    fn schema((): &()) -> Schema {
+        Schema::any_of([Rectangle::schema(&()), Disc::schema(&())])
+    }
+
+    fn literal(literal: Self) -> Self {
+        literal
+    }
+}
+
+impl Parameter for KeepOut {
+    type Limits = ();
+    type Literal = Self;
+
+    fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
+        let shapes = node.list(key)?.iter();
+        shapes
+            .map(|shape| Shape::read(shape, key, &()))
+            .collect::<Result<_, _>>()
+            .map(Self)
+    }
+
+    /// Sorted, and each region once: their order means nothing.
+    fn canonical(&self) -> Option<Canonical> {
+        let mut shapes: Vec<Canonical> = self.0.iter().filter_map(Shape::canonical).collect();
+        shapes.sort();
+        shapes.dedup();
+        (!shapes.is_empty()).then_some(Canonical::List(shapes))
+    }
+
+    fn schema((): &()) -> Schema {
+        Schema::list(Shape::schema(&()), 0, usize::MAX)
+    }
+
+    fn literal(literal: Self) -> Self {
+        literal
+    }
+}
+
+impl fmt::Display for KeepOut {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let shapes = self.0.iter().filter_map(Shape::canonical);
+        f.write_str(&flow_value(&Canonical::List(shapes.collect())))
+    }
+}
+
+impl Parameter for Leads {
+    type Limits = ();
+    type Literal = Self;
+
+    /// `true` is the whole frame, `false` is none.
+    fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
+        match node.value() {
+            NodeValue::Bool(wanted) => return Ok(Self(wanted.then_some(Sides::ALL))),
+            NodeValue::List(_) => {}
+            _ => {
+                let message = format!("`{key}` must be true, false or a list of sides, found {}", node.found());
+                let help = format!("sides: {}", Sides::NAMES.join(", "));
+                return Err(node.error(message).help(help));
             }
         }
+        let mut sides = Sides::default();
+        for side in node.list(key)? {
+            match side.word(key, &Sides::NAMES)? {
+                "left" => sides.left = true,
+                "right" => sides.right = true,
+                "bottom" => sides.bottom = true,
+                _ => sides.top = true,
+            }
+        }
+        Ok(Self(Some(sides)))
     }
 
-    fn to_text(&self) -> String {
-        match self {
-            Self::Rectangle([[a, b], [c, d]]) => format!("{{ rectangle: [[{a}, {b}], [{c}, {d}]] }}"),
-            Self::Disc([x, y], radius) => format!("{{ disc: {{ centre: [{x}, {y}], radius: {radius} }} }}"),
+    fn canonical(&self) -> Option<Canonical> {
+        let sides = self.0?;
+        if sides == Sides::ALL {
+            return Some(Canonical::Bool(true));
         }
+        let wanted = sides.named().into_iter().filter(|(_, wanted)| *wanted);
+        Some(Canonical::List(wanted.map(|(name, _)| name.into()).collect()))
     }
-}
 
-fn read_margin(map: &Map<'_>, key: &str) -> Result<Option<Decimal>, InputError> {
-    let read = |node: &Node| {
-        let margin = node.quantity_in(key, Dimension::Number, MARGINS[0], MARGINS[1])?;
-        Ok(margin.base())
-    };
-    map.optional(key).map(read).transpose()
-}
-
-/// `true` is the whole frame, `false` is none.
-fn read_leads(node: &Node) -> Result<Option<Sides>, InputError> {
-    match node.value() {
-        NodeValue::Bool(wanted) => return Ok(wanted.then_some(Sides::ALL)),
-        NodeValue::List(_) => {}
-        _ => {
-            let message = format!("`leads` must be true, false or a list of sides, found {}", node.found());
-            let help = format!("sides: {}", Sides::NAMES.join(", "));
-            return Err(node.error(message).help(help));
-        }
+    fn schema((): &()) -> Schema {
+        let sides = Schema::list(Schema::word(&Sides::NAMES), 1, Sides::NAMES.len());
+        Schema::any_of([Schema::bool(), sides])
     }
-    let mut sides = Sides::default();
-    for side in node.list("leads")? {
-        match side.word("leads", &Sides::NAMES)? {
-            "left" => sides.left = true,
-            "right" => sides.right = true,
-            "bottom" => sides.bottom = true,
-            _ => sides.top = true,
-        }
-    }
-    Ok(Some(sides))
-}
 
-fn read_shape(node: &Node) -> Result<Shape, InputError> {
-    let shapes = ["rectangle", "disc"];
-    let own = shapes.iter().position(|shape| node.peek(shape).is_some());
-    let map = node.fields(
-        "a region of `keep_out`",
-        own.map_or(&shapes[..], |own| &shapes[own..=own]),
-    )?;
-    match (map.optional("rectangle"), map.optional("disc")) {
-        (Some(corners), None) => {
-            let [from, to] = corners.list("rectangle")? else {
-                return Err(corners
-                    .error(format!("`rectangle` must be two opposite corners, found {}", corners.found()))
-                    .help("for example [[0 mm, 0 mm], [5 mm, 5 mm]]"));
-            };
-            Ok(Shape::Rectangle([read_place(from, "rectangle")?, read_place(to, "rectangle")?]))
-        }
-        (None, Some(disc)) => {
-            let what = "`disc`";
-            let map = disc.fields(what, &["centre", "radius"])?;
-            let radius = map.required(what, "radius")?;
-            Ok(Shape::Disc(
-                read_place(map.required(what, "centre")?, "centre")?,
-                radius.quantity_in("radius", Dimension::Length, LENGTHS[0], LENGTHS[1])?,
-            ))
-        }
-        _ => Err(node
-            .error("a region of `keep_out` is either a `rectangle` or a `disc`")
-            .help("for example { rectangle: [[0 mm, 0 mm], [5 mm, 5 mm]] } or { disc: { centre: [25 mm, 25 mm], radius: 3 mm } }")),
+    fn literal(literal: Self) -> Self {
+        literal
     }
-}
-
-fn read_place(node: &Node, field: &str) -> Result<Place, InputError> {
-    let [x, y] = node.list(field)? else {
-        return Err(node
-            .error(format!("a place in `{field}` must have two coordinates"))
-            .help("for example [25 mm, 25 mm]"));
-    };
-    let read = |node: &Node| node.quantity_in(field, Dimension::Length, PLACES[0], PLACES[1]);
-    Ok([read(x)?, read(y)?])
 }
 
 /// The refusal at the key that it is about.
-fn placed(node: &Node, map: &Map<'_>, error: &ConstraintError) -> InputError {
+fn at_its_key(node: &Node, map: &Map<'_>, error: &ConstraintError) -> InputError {
     let at = match error {
         ConstraintError::Number { name, .. } => map.optional(name),
         ConstraintError::Feature { .. } => map.optional("min_feature"),
@@ -412,8 +400,14 @@ mod tests {
             ("{ leads: [] }", "names no side"),
             ("{ keep_out: [{ square: 1 }] }", "unknown key `square`"),
             ("{ keep_out: [{}] }", "either a `rectangle` or a `disc`"),
-            ("{ keep_out: [{ rectangle: [[0, 0]] }] }", "two opposite corners"),
-            ("{ keep_out: [{ rectangle: [[0, 0], [1]] }] }", "two coordinates"),
+            (
+                "{ keep_out: [{ rectangle: [[0, 0]] }] }",
+                "`rectangle` must have two values",
+            ),
+            (
+                "{ keep_out: [{ rectangle: [[0, 0], [1]] }] }",
+                "must have two values, found 1",
+            ),
             ("{ keep_out: [{ disc: { centre: [1, 1] } }] }", "`radius` is missing"),
             (
                 "{ keep_out: [{ rectangle: [[60, 0], [70, 5]] }] }",

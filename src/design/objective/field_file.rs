@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use super::parameters::{AimText, LONGEST_MM, MotionText};
-use crate::base::{Decimal, Dimension, InputError, Node, Quantity, read_bounded};
+use super::parameters::{LONGEST_MM, PointParameters};
+use crate::base::{Decimal, Dimension, InputError, Length, Node, Quantity, read_bounded};
 use crate::field::CORNERS;
 
 const COLUMNS: [&str; 4] = ["x_mm", "y_mm", "ux_mm", "uy_mm"];
@@ -18,7 +18,7 @@ const MAX_BYTES: u64 = 1 << 20;
 ///
 /// # Errors
 /// When the file does not exist, lies outside the folder of the pipeline, or has something else in it; with its line.
-pub(super) fn read(node: &Node) -> Result<Vec<AimText>, InputError> {
+pub(super) fn read(node: &Node) -> Result<Vec<PointParameters>, InputError> {
     let named = Path::new(node.text("field")?);
     let folder = node.file().parent().unwrap_or(Path::new(""));
     let path = folder.join(named);
@@ -33,43 +33,59 @@ pub(super) fn read(node: &Node) -> Result<Vec<AimText>, InputError> {
     }
     let bytes = read_bounded(&found, MAX_BYTES).map_err(|e| refused(&e.to_string()))?;
     let text = String::from_utf8(bytes).map_err(|_| refused("it is not text"))?;
-    points(&text).map_err(|why| refused(&why).help(format!("the first line is {}", COLUMNS.join(","))))
+    points(&text).map_err(|why| refused(&why.to_string()).help(format!("the first line is {}", COLUMNS.join(","))))
 }
 
-fn points(text: &str) -> Result<Vec<AimText>, String> {
+/// What is wrong with a file of points.
+#[derive(Debug, thiserror::Error)]
+enum FieldFileError {
+    #[error("its columns are {0}")]
+    Columns(String),
+    #[error("line {line}: {why}")]
+    Line { line: usize, why: LineError },
+    #[error("it has no points")]
+    Empty,
+    #[error("{0} points; allowed: at most {MOST}")]
+    Points(usize),
+}
+
+/// What is wrong with one of its lines.
+#[derive(Debug, thiserror::Error)]
+enum LineError {
+    #[error("{0:?} is no length in mm up to {LONGEST_MM}")]
+    Length(String),
+    #[error("{0} numbers where 4 belong")]
+    Numbers(usize),
+}
+
+fn points(text: &str) -> Result<Vec<PointParameters>, FieldFileError> {
     let mut lines = text.lines().zip(1..).filter(|(line, _)| !line.trim().is_empty());
-    let header: Vec<&str> = lines
-        .next()
-        .map_or("", |(line, _)| line)
-        .split(',')
-        .map(str::trim)
-        .collect();
+    let header = lines.next().map_or("", |(line, _)| line);
+    let header: Vec<&str> = header.split(',').map(str::trim).collect();
     if header != COLUMNS {
-        return Err(format!("its columns are {}", header.join(",")));
+        return Err(FieldFileError::Columns(header.join(",")));
     }
-    let points: Vec<AimText> = lines
-        .map(|(line, number)| point(line).map_err(|why| format!("line {number}: {why}")))
+    let points: Vec<PointParameters> = lines
+        .map(|(text, line)| point(text).map_err(|why| FieldFileError::Line { line, why }))
         .collect::<Result<_, _>>()?;
     match points.len() {
-        0 => Err("it has no points".to_owned()),
+        0 => Err(FieldFileError::Empty),
         1..=MOST => Ok(points),
-        more => Err(format!("{more} points; allowed: at most {MOST}")),
+        more => Err(FieldFileError::Points(more)),
     }
 }
 
-fn point(line: &str) -> Result<AimText, String> {
-    let numbers: Vec<Quantity> = line
-        .split(',')
-        .map(|cell| match Quantity::parse(cell.trim(), Dimension::Length) {
-            Ok(length) if length.value().abs() <= LONGEST_MM => Ok(length),
-            _ => Err(format!("{:?} is no length in mm up to {LONGEST_MM}", cell.trim())),
-        })
-        .collect::<Result<_, _>>()?;
-    let found = numbers.len();
-    let [x, y, ux, uy] = <[Quantity; 4]>::try_from(numbers).map_err(|_| format!("{found} numbers where 4 belong"))?;
-    Ok(AimText {
+fn point(line: &str) -> Result<PointParameters, LineError> {
+    let length = |cell: &str| match Quantity::parse(cell.trim(), Dimension::Length) {
+        Ok(length) if length.value().abs() <= LONGEST_MM => Ok(Length::from_base(length.base())),
+        _ => Err(LineError::Length(cell.trim().to_owned())),
+    };
+    let numbers: Vec<Length> = line.split(',').map(length).collect::<Result<_, _>>()?;
+    let [x, y, ux, uy] = <[Length; 4]>::try_from(numbers).map_err(|found| LineError::Numbers(found.len()))?;
+    Ok(PointParameters {
         point: [x, y],
-        motion: MotionText::Displacement([ux, uy]),
+        direction: None,
+        displacement: Some([ux, uy]),
         weight: Decimal::from(1),
     })
 }
@@ -82,11 +98,8 @@ mod tests {
     fn a_line_is_a_point_with_its_displacement() {
         let read = points("x_mm,y_mm,ux_mm,uy_mm\n25, 25, 0.5, -0.25\n\n10,20,0,1e-3\n").unwrap();
         assert_eq!(read.len(), 2);
-        assert_eq!(read[0].point.each_ref().map(Quantity::value), [25.0, 25.0]);
-        let MotionText::Displacement(vector) = &read[0].motion else {
-            panic!("a displacement is wanted")
-        };
-        assert_eq!(vector.each_ref().map(Quantity::value), [0.5, -0.25]);
+        assert_eq!(read[0].point.map(|c| c.value()), [25.0, 25.0]);
+        assert_eq!(read[0].displacement.unwrap().map(|c| c.value()), [0.5, -0.25]);
     }
 
     #[test]
@@ -101,7 +114,7 @@ mod tests {
             (format!("{header}\n1,2,NaN,4"), "line 2: \"NaN\""),
             (format!("{header}\n{}", "1,2,3,4\n".repeat(2602)), "2602 points"),
         ] {
-            let error = points(&text).unwrap_err();
+            let error = points(&text).unwrap_err().to_string();
             assert!(error.contains(why), "{error}");
         }
     }

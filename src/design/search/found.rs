@@ -125,8 +125,7 @@ impl Search<'_> {
         let mut designs: Vec<FoundDesign> = rows
             .map(|((found, field), feasible)| self.design(found, field, feasible))
             .collect();
-        let options = &self.options.evolve;
-        report_shortage(&mut designs, options.designs, options.distance);
+        report_shortage(&mut designs, self.options.designs, self.options.distance.to_f64());
         Ok(SearchResult {
             evaluator,
             designs,
@@ -162,7 +161,7 @@ impl Search<'_> {
         let area = found.pattern.area_fraction();
         let mut lines = Vec::new();
         if found.role != Role::Intuitive && !(low - 1e-9..=high + 1e-9).contains(&area) {
-            let (wanted, tolerance) = (self.target.area, self.options.tolerance);
+            let (wanted, tolerance) = (self.target.area, self.options.area_tolerance);
             lines.push(format!("area {area:.4}, wanted {wanted} within {tolerance}"));
         }
         lines.extend(self.constraints.violations(&found.pattern).lines());

@@ -25,7 +25,7 @@ impl Search<'_> {
             feasibility: self.feasibility()?,
         };
         let evolution =
-            evolve(&setting, &self.options.evolve, self.progress).map_err(|source| SearchError::Evolve {
+            evolve(&setting, &self.options.evolve(), self.progress).map_err(|source| SearchError::Evolve {
                 target: self.target.name.clone(),
                 source,
             })?;
@@ -51,9 +51,13 @@ impl Search<'_> {
 
     /// The cheapest evaluator that is accurate enough, and what each said of the patterns.
     fn cheapest(&self, candidates: Vec<Evaluator>) -> Result<(Evaluator, Vec<Probe>), SearchError> {
-        let options = &self.options.evolve;
-        let count = options.population.min(PATTERNS);
-        let genomes = first_generation(self.target.area.fraction(), self.constraints, options.seed, count);
+        let count = self.options.population.min(PATTERNS);
+        let genomes = first_generation(
+            self.target.area.fraction(),
+            self.constraints,
+            self.options.seed.0,
+            count,
+        );
         let patterns: Vec<Pattern> = genomes.iter().map(Genome::pattern).collect();
         let (similar, values_mm) = self.similar_designs()?;
         let references = References {
@@ -61,7 +65,7 @@ impl Search<'_> {
             values_mm: &values_mm,
             value_mm: &|field| self.target.goal.value_mm(field),
         };
-        let accuracy_mm = self.options.accuracy.value();
+        let accuracy_mm = self.options.evaluator_accuracy.value();
         Ok(cheapest_evaluator(candidates, &patterns, &references, accuracy_mm)?)
     }
 

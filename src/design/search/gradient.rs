@@ -19,7 +19,7 @@ impl Search<'_> {
         let mut findings = Findings::default();
         let starts = self.starts();
         let mut optima: Vec<Pattern> = Vec::new();
-        for member in 0..self.options.evolve.designs {
+        for member in 0..self.options.designs {
             let Some(best) = self.best_of(&self.problem(&optima)?, &starts)? else {
                 if member > 0 {
                     break;
@@ -65,7 +65,7 @@ impl Search<'_> {
             0 => self.intuitive_start(),
             1 => Pattern::from_fn(|_, _| false),
             _ => {
-                let mut stream = Stream::new(self.options.evolve.seed, "start of a climb", index as u64);
+                let mut stream = Stream::new(self.options.seed.0, "start of a climb", index as u64);
                 let area = area.unwrap_or_else(|| stream.uniform());
                 Genome::random(area, START_GRAIN, &mut stream).pattern()
             }

@@ -134,7 +134,7 @@ impl<'a> Search<'a> {
         let problem = self.problem_on(self.options.units)?;
         Ok(problem
             .with_feasibility(self.feasibility()?)
-            .distant_from(others, self.options.evolve.distance))
+            .distant_from(others, self.options.distance.to_f64()))
     }
 
     /// The same without margins and other designs, on so many units along a side.
@@ -150,7 +150,7 @@ impl<'a> Search<'a> {
 
     /// The area fractions that a design may have.
     fn area_range(&self) -> (f64, f64) {
-        let tolerance = self.options.tolerance.to_f64();
+        let tolerance = self.options.area_tolerance.to_f64();
         let around = |area: f64| (area - tolerance, area + tolerance);
         self.target.area.fraction().map_or((0.0, 1.0), around)
     }

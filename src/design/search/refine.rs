@@ -64,7 +64,7 @@ impl Search<'_> {
             let mut starts = vec![leader.clone()];
             for draw in 0..PERTURBATIONS {
                 let index = (refined[at].0 as u64) * PERTURBATIONS + draw;
-                let mut stream = Stream::new(self.options.evolve.seed, "spread design", index);
+                let mut stream = Stream::new(self.options.seed.0, "spread design", index);
                 starts.extend(problem.perturb(leader, &mut stream)?);
             }
             for start in starts {

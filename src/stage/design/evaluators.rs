@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::base::{InputError, Node, Schema};
+use crate::base::{Canonical, InputError, Node, Parameter, Schema};
 use crate::design::{Evaluator, Evaluators};
 use crate::fem::{Method, SolverParameters, UnknownMethod};
 use crate::field::{Evaluator as _, Mesh, Predictor};
@@ -25,28 +25,32 @@ pub enum EvaluatorChoice {
     Elements(Method),
 }
 
-impl EvaluatorChoice {
-    /// Reads a word.
-    ///
-    /// # Errors
-    /// When it is none of them.
-    pub fn read(node: &Node) -> Result<Self, InputError> {
-        let text = node.text("evaluator")?;
+impl Parameter for EvaluatorChoice {
+    type Limits = ();
+    type Literal = Self;
+
+    fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
+        let text = node.text(key)?;
         match text {
             "auto" => Ok(Self::Auto),
             "surrogate" => Ok(Self::Surrogate),
             other => other.parse().map(Self::Elements).map_err(|_: UnknownMethod| {
-                let message = format!("`evaluator` cannot be {text:?}");
+                let message = format!("`{key}` cannot be {text:?}");
                 node.error(message).help(ALLOWED)
             }),
         }
     }
 
-    /// What [`EvaluatorChoice::read`] accepts.
-    pub fn schema() -> Schema {
+    fn canonical(&self) -> Option<Canonical> {
+        Some(self.to_string().as_str().into())
+    }
+
+    fn schema((): &()) -> Schema {
         Schema::any_of([Schema::word(&["auto", "surrogate"]), Method::schema()])
-            .says("What judges patterns: the network, an estimate, Newton's method, or of these the cheapest that is accurate enough.")
-            .default("auto")
+    }
+
+    fn literal(literal: Self) -> Self {
+        literal
     }
 }
 
@@ -123,7 +127,13 @@ mod tests {
 
     #[test]
     fn evaluators_are_read_as_they_are_written() {
-        let read = |text: &str| EvaluatorChoice::read(&Document::from_text(Path::new("e"), text).unwrap().root);
+        let read = |text: &str| {
+            EvaluatorChoice::read(
+                &Document::from_text(Path::new("e"), text).unwrap().root,
+                "evaluator",
+                &(),
+            )
+        };
         for text in ["auto", "surrogate", "linear", "chord:2", "newton"] {
             assert_eq!(read(text).unwrap().to_string(), text);
         }
