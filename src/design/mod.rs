@@ -29,7 +29,7 @@ pub use objective::{
 };
 pub use options::{Method, SearchOptions};
 pub use search::{
-    Elements, Evaluator, Evaluators, FoundDesign, Probe, Progress, References, Refinement, Search, SearchError,
+    Candidate, Cause, Elements, Evaluators, FoundDesign, Probe, Progress, References, Refinement, Search, SearchError,
     SearchResult, cheapest_evaluator,
 };
 pub use target::{Area, Target, Targets};

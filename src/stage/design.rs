@@ -231,7 +231,7 @@ impl DesignStage {
                 margins: SafetyMargins::new(&scene, limits.pull_in_margin, limits.breakdown_margin)?,
             })
         };
-        let ready = ready().map_err(|e| SearchError::Setup(e.to_string()))?;
+        let ready = ready().map_err(|e| SearchError::Setup(e.into()))?;
         Ok(self.ready.get_or_init(|| ready))
     }
 

@@ -1,7 +1,7 @@
 //! By the genetic algorithm, judged by one evaluator.
 
 use super::found::{Findings, FoundPattern};
-use super::probe::{Evaluator, PATTERNS, Probe, References, cheapest_evaluator};
+use super::probe::{Candidate, PATTERNS, Probe, References, cheapest_evaluator};
 use super::{Evaluators, Search, SearchError, SearchResult};
 use crate::design::evolve::{Setting, evolve, first_generation};
 use crate::design::genome::{Genome, UNITS};
@@ -14,12 +14,12 @@ impl Search<'_> {
             Evaluators::Cheapest(candidates) => self.cheapest(candidates)?,
         };
         let settings = candidate.settings;
-        let predictor = match candidate.predictor {
-            Ok(predictor) => predictor,
+        let evaluator = match candidate.evaluator {
+            Ok(evaluator) => evaluator,
             Err(why) => return Err(SearchError::Evaluator { settings, why }),
         };
         let setting = Setting {
-            predictor: predictor.as_ref(),
+            predictor: evaluator.as_ref(),
             goal: &self.target.goal,
             constraints: self.constraints,
             feasibility: self.feasibility()?,
@@ -46,11 +46,11 @@ impl Search<'_> {
         if self.options.refine {
             self.refine(&mut findings)?;
         }
-        self.result(settings, predictor.as_ref(), findings, probes)
+        self.result(settings, evaluator.as_ref(), findings, probes)
     }
 
     /// The cheapest evaluator that is accurate enough, and what each said of the patterns.
-    fn cheapest(&self, candidates: Vec<Evaluator>) -> Result<(Evaluator, Vec<Probe>), SearchError> {
+    fn cheapest(&self, candidates: Vec<Candidate>) -> Result<(Candidate, Vec<Probe>), SearchError> {
         let count = self.options.population.min(PATTERNS);
         let genomes = first_generation(
             self.target.area.fraction(),

@@ -9,7 +9,7 @@ mod refine;
 mod shortage;
 
 pub use found::{FoundDesign, Refinement, SearchResult};
-pub use probe::{Evaluator, Probe, References, cheapest_evaluator};
+pub use probe::{Candidate, Probe, References, cheapest_evaluator};
 
 use super::constraint::Constraints;
 use super::evolve::{EvolveError, Watch};
@@ -58,12 +58,15 @@ pub trait Progress: Watch {
     fn searched(&self);
 }
 
+/// What keeps an evaluator from being set up.
+pub type Cause = Box<dyn std::error::Error + Send + Sync>;
+
 /// What judges the patterns of the genetic algorithm.
 pub enum Evaluators {
     /// This one.
-    Named(Evaluator),
+    Named(Candidate),
     /// The cheapest of these that is accurate enough: from the cheapest to the most expensive, the last being the reference.
-    Cheapest(Vec<Evaluator>),
+    Cheapest(Vec<Candidate>),
 }
 
 /// Why a search has no result.
@@ -75,11 +78,11 @@ pub enum SearchError {
         /// Its settings.
         settings: String,
         /// What is wrong with it.
-        why: String,
+        why: Cause,
     },
     /// The finite elements cannot be set up.
-    #[error("{0}")]
-    Setup(String),
+    #[error(transparent)]
+    Setup(Cause),
     /// The genetic algorithm found nothing.
     #[error("`{target}`: {source}")]
     Evolve {

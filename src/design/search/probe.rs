@@ -3,18 +3,19 @@
 //! Times differ from run to run, so none is measured here: candidates stand in the order of their cost as `deaflow accuracy`
 //! measured it. Errors are reproducible, and so is the choice.
 
-use crate::field::{Field, PredictError, Predictor};
+use super::Cause;
+use crate::field::{Evaluator, Field, PredictError};
 use crate::pattern::Pattern;
 
 /// Patterns of the first generation on which evaluators are compared.
 pub(super) const PATTERNS: usize = 32;
 
-/// A predictor with its settings.
-pub struct Evaluator {
+/// An evaluator, or what keeps it from being used.
+pub struct Candidate {
     /// Its settings on one line, as in an accuracy stage.
     pub settings: String,
-    /// Predicts fields; or why it cannot be used.
-    pub predictor: Result<Box<dyn Predictor>, String>,
+    /// The evaluator, or why it cannot be used.
+    pub evaluator: Result<Box<dyn Evaluator>, Cause>,
 }
 
 /// What an evaluator said of the patterns.
@@ -55,8 +56,8 @@ impl Probe {
 
 impl References<'_> {
     /// The largest error of an evaluator; more than any where it has no field.
-    fn error_of(&self, evaluator: &Evaluator) -> Result<f64, PredictError> {
-        let Ok(predictor) = &evaluator.predictor else {
+    fn error_of(&self, evaluator: &Candidate) -> Result<f64, PredictError> {
+        let Ok(predictor) = &evaluator.evaluator else {
             return Ok(1.0);
         };
         let fields = predictor.predict_some(self.patterns)?;
@@ -77,12 +78,12 @@ const SMALL_MM: f64 = 0.05;
 /// # Errors
 /// When one fails as a whole.
 pub fn cheapest_evaluator(
-    mut candidates: Vec<Evaluator>,
+    mut candidates: Vec<Candidate>,
     patterns: &[Pattern],
     designs: &References<'_>,
     accuracy_mm: f64,
-) -> Result<(Evaluator, Vec<Probe>), PredictError> {
-    let fields = |evaluator: &Evaluator| match &evaluator.predictor {
+) -> Result<(Candidate, Vec<Probe>), PredictError> {
+    let fields = |evaluator: &Candidate| match &evaluator.evaluator {
         Ok(predictor) => predictor.predict_some(patterns),
         Err(_) => Ok(vec![None; patterns.len()]),
     };

@@ -3,9 +3,9 @@
 use std::fmt;
 
 use crate::base::{Canonical, InputError, Node, Parameter, Schema};
-use crate::design::{Evaluator, Evaluators};
+use crate::design::{Candidate, Evaluators};
 use crate::fem::{Method, SolverParameters, UnknownMethod};
-use crate::field::{Evaluator as _, Mesh, Predictor};
+use crate::field::{Evaluator, Mesh};
 use crate::scene::Scene;
 use crate::surrogate::{NetworkKind, Surrogate};
 
@@ -65,20 +65,20 @@ impl fmt::Display for EvaluatorChoice {
 }
 
 /// A network as an evaluator.
-fn network(surrogate: Surrogate) -> Evaluator {
-    Evaluator {
+fn network(surrogate: Surrogate) -> Candidate {
+    Candidate {
         settings: surrogate.settings(),
-        predictor: Ok(Box::new(surrogate)),
+        evaluator: Ok(Box::new(surrogate)),
     }
 }
 
 /// A method on bilinear elements as an evaluator.
-fn elements(scene: &Scene, method: Method, elements_per_cell: usize) -> Evaluator {
+fn elements(scene: &Scene, method: Method, elements_per_cell: usize) -> Candidate {
     let parameters = SolverParameters::new(method, Mesh::bilinear(elements_per_cell));
-    let ready = |solver| Box::new(solver) as Box<dyn Predictor>;
-    Evaluator {
+    let ready = |solver| Box::new(solver) as Box<dyn Evaluator>;
+    Candidate {
         settings: parameters.to_string(),
-        predictor: parameters.build(scene).map(ready).map_err(|e| e.to_string()),
+        evaluator: parameters.build(scene).map(ready).map_err(Into::into),
     }
 }
 
@@ -88,15 +88,15 @@ pub fn evaluators(choice: EvaluatorChoice, scene: &Scene, surrogate: Option<Surr
     match (choice, surrogate) {
         (EvaluatorChoice::Elements(method), _) => Evaluators::Named(elements(scene, method, 1)),
         (EvaluatorChoice::Surrogate, Some(surrogate)) => Evaluators::Named(network(surrogate)),
-        (EvaluatorChoice::Surrogate, None) => Evaluators::Named(Evaluator {
+        (EvaluatorChoice::Surrogate, None) => Evaluators::Named(Candidate {
             settings: choice.to_string(),
-            predictor: Err("the stage needs no network".to_owned()),
+            evaluator: Err("the stage needs no network".into()),
         }),
         (EvaluatorChoice::Auto, surrogate) => Evaluators::Cheapest(by_cost(scene, surrogate)),
     }
 }
 
-fn by_cost(scene: &Scene, surrogate: Option<Surrogate>) -> Vec<Evaluator> {
+fn by_cost(scene: &Scene, surrogate: Option<Surrogate>) -> Vec<Candidate> {
     let coarse = |method| elements(scene, method, 1);
     let mut all = vec![
         coarse(Method::Linear),
@@ -144,7 +144,7 @@ mod tests {
     fn estimates_give_no_field_where_there_is_none() {
         let scene = Scene::vhb4910().at_voltage(10e3);
         let patterns = [25, 0].map(|width| Pattern::from_fn(|x, _| x < width));
-        let linear = elements(&scene, Method::Linear, 1).predictor.unwrap();
+        let linear = elements(&scene, Method::Linear, 1).evaluator.ok().unwrap();
         let fields = linear.predict_some(&patterns).unwrap();
         assert!(fields[0].is_none() && fields[1].is_some());
         assert!(
@@ -155,7 +155,7 @@ mod tests {
                 .contains("pattern 0 has no field")
         );
         let hot = elements(&Scene::vhb4910().at_voltage(20e3), Method::Linear, 1);
-        assert!(hot.predictor.err().unwrap().contains("not stable"));
+        assert!(hot.evaluator.err().unwrap().to_string().contains("not stable"));
     }
 
     fn chosen(volts: f64, accuracy_mm: f64) -> (String, Vec<Probe>) {
