@@ -12,6 +12,7 @@ mod objective;
 mod operators;
 mod options;
 mod search;
+mod selection;
 mod target;
 mod text;
 
@@ -32,4 +33,5 @@ pub use search::{
     Candidate, Cause, Elements, Evaluators, FoundDesign, Probe, Progress, References, Refinement, Search, SearchError,
     SearchResult, cheapest_evaluator,
 };
+pub use selection::{DesignFilter, DesignLabel};
 pub use target::{Area, Target, Targets};

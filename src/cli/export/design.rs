@@ -10,10 +10,11 @@ use crate::cli::arguments::{StoreArguments, TOLERANCE, number};
 use crate::cli::error::CliError;
 use crate::cli::output::{Exit, Output};
 use crate::cli::{locate, solve, write};
+use crate::design::DesignFilter;
 use crate::fem::SolveOptions;
 use crate::field::Mesh;
 use crate::report::export::{self, Drawing, MOST_PIXELS, Shape, Surface};
-use crate::stage::designs::{self, Design, Designs, Wanted};
+use crate::stage::designs::{self, Design, Designs};
 use crate::stage::mask::{Mask, Size};
 use crate::stage::membrane;
 use crate::store::Artifact;
@@ -159,7 +160,7 @@ fn labelled(design: &Design) -> Value {
         json!({
             "case": label.case,
             "name": label.name,
-            "role": label.role,
+            "role": label.role.name(),
             "member": label.member,
             "units": label.units,
         })
@@ -226,7 +227,7 @@ fn design(arguments: &ExportDesignArguments) -> Result<Design, CliError> {
         }
         _ => locate::artifact(&locate::existing_store(&arguments.store.folder())?, source)?,
     };
-    let wanted = Wanted {
+    let wanted = DesignFilter {
         name: arguments.design.as_deref(),
         case: arguments.case.as_deref(),
         role: arguments.role.as_deref(),
