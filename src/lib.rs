@@ -10,7 +10,7 @@
 //!
 //! ```text
 //! cli          → every domain room, stage, content, orchestrator, store, report
-//! report       → content, orchestrator, store
+//! report       → content, orchestrator, store, pattern, field, scene
 //! stage        → every domain room, content, orchestrator, store
 //! orchestrator → store
 //! content      → store, pattern, field, scene

@@ -150,7 +150,7 @@ fn write(
     let moved = measured.iter().any(|method| method.rms() > 0.0);
     // Patterns that do not move have no error to draw.
     if moved {
-        draw_accuracy(&figure, &costs(benchmark, measured)).map_err(|e| CliError::failure(e.to_string()))?;
+        draw_accuracy(&figure, &costs(benchmark, measured))?;
         files.push(figure);
     }
     Ok(files)

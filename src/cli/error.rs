@@ -12,6 +12,7 @@ use crate::base::InputError;
 use crate::content::ContentError;
 use crate::orchestrator::{RunError, StageError};
 use crate::report::ReportError;
+use crate::report::figures::FigureError;
 use crate::stage::direct::DirectError;
 use crate::store::StoreError;
 
@@ -245,6 +246,12 @@ impl From<ReportError> for CliError {
             ReportError::Store(error) => error.into(),
             other => Self::failure(other.to_string()),
         }
+    }
+}
+
+impl From<FigureError> for CliError {
+    fn from(error: FigureError) -> Self {
+        Self::failure(error.to_string())
     }
 }
 

@@ -45,7 +45,7 @@ pub fn execute(arguments: &SolveArguments, scene: &str, output: &Output) -> Resu
     write_file(file, &answer.content, &provenance("solve", parameters, seconds))?;
     write::file(&values, path::table(&answer.paths).as_bytes())?;
     let branches: Vec<Branch> = answer.paths.iter().enumerate().map(branch).collect();
-    draw_paths(&figure, &branches).map_err(|e| CliError::failure(e.to_string()))?;
+    draw_paths(&figure, &branches)?;
     if output.is_json() {
         output.document(&json!({
             "file": file,

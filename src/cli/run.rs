@@ -113,7 +113,7 @@ pub fn execute(arguments: &RunArguments, output: &Output) -> Result<Exit, CliErr
     } else if arguments.quiet {
         warnings
             .iter()
-            .for_each(|warning| output.complain(&format!("warning: not simulated although it matters: {warning}")));
+            .for_each(|warning| output.complain(&format!("model warning: {warning}")));
         let of_trainings = trainings.iter().flat_map(|training| &training.warnings);
         of_trainings.for_each(|warning| output.complain(&format!("warning: {warning}")));
     } else {
@@ -246,7 +246,7 @@ fn found(
     parts.extend((!audits.is_empty()).then(|| audits.join("\n")));
     if !warnings.is_empty() {
         parts.push(format!(
-            "not simulated although it matters:\n  {}",
+            "model warnings:\n  {}",
             warnings.join("\n  ")
         ));
     }

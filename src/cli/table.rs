@@ -1,6 +1,6 @@
 //! Tables and the way numbers are written for people.
 
-pub use crate::report::bytes;
+pub use crate::report::{bytes, seconds};
 use comfy_table::{CellAlignment, Table, TableComponent, presets::UTF8_HORIZONTAL_ONLY};
 
 use crate::orchestrator::{Estimate, Outcome, Price, StageReport};
@@ -115,44 +115,5 @@ fn chunks(stage: &StageReport, built: &str, reused: &str) -> String {
         (n, 0) => format!("{n} {built}"),
         (0, n) => format!("{n} {reused}"),
         (n, m) => format!("{n} {built}, {m} {reused}"),
-    }
-}
-
-/// A duration.
-pub fn seconds(seconds: f64) -> String {
-    match seconds {
-        s if s < 0.0095 => format!("{:.0} ms", 1e3 * s),
-        s if s < 9.95 => format!("{s:.2} s"),
-        s if s < 59.95 => format!("{s:.1} s"),
-        s => format!("{} min {:02.0} s", (s.round() / 60.0).floor(), s.round() % 60.0),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn durations_and_sizes_are_written_for_people() {
-        for (value, text) in [
-            (0.0, "0 ms"),
-            (0.0094, "9 ms"),
-            (0.01, "0.01 s"),
-            (3.456, "3.46 s"),
-            (59.94, "59.9 s"),
-            (59.97, "1 min 00 s"),
-            (125.2, "2 min 05 s"),
-        ] {
-            assert_eq!(seconds(value), text);
-        }
-        for (value, text) in [
-            (0, "0 B"),
-            (999, "999 B"),
-            (1_500, "1.5 kB"),
-            (999_990, "1.0 MB"),
-            (2_340_000_000, "2.3 GB"),
-        ] {
-            assert_eq!(bytes(value), text);
-        }
     }
 }

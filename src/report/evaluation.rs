@@ -4,6 +4,7 @@ use std::fmt;
 
 use serde::Serialize;
 
+use super::format::two_digits;
 use super::gather::{Made, ReportError, Source, each};
 use crate::content::{self, CoverageView};
 use crate::store::Store;
@@ -181,16 +182,6 @@ fn coverage(source: &Source<'_>, view: &CoverageView<'_>) -> Result<Vec<Coverage
     Ok((0..n).map(of_one).collect())
 }
 
-/// Two significant digits, at most five decimals.
-pub(super) fn short(value: f64) -> String {
-    let digits = if value > 0.0 {
-        (1.0 - value.log10().floor()).clamp(0.0, 5.0)
-    } else {
-        1.0
-    };
-    format!("{value:.*}", digits as usize)
-}
-
 impl Evaluation {
     fn line(&self, f: &mut fmt::Formatter<'_>, width: usize, name: &str, cells: &[String]) -> fmt::Result {
         write!(f, "  {name:<width$}")?;
@@ -212,7 +203,7 @@ impl fmt::Display for Evaluation {
         let extra = ["R² of max", "max error"].map(str::to_owned);
         self.line(f, width, "", &[&self.families[..], &extra].concat())?;
         for predictor in &self.predictors {
-            let mut cells: Vec<String> = predictor.rmse_mm.iter().map(|rmse| short(*rmse)).collect();
+            let mut cells: Vec<String> = predictor.rmse_mm.iter().map(|rmse| two_digits(*rmse)).collect();
             for (cell, samples) in cells.iter_mut().zip(&predictor.samples) {
                 if *samples == 0 {
                     *cell = "none".to_owned();
@@ -220,7 +211,7 @@ impl fmt::Display for Evaluation {
             }
             let last = self.families.len().saturating_sub(1);
             cells.push(format!("{:.5}", predictor.max_displacement_r2[last]));
-            cells.push(short(predictor.max_error_mm[last]));
+            cells.push(two_digits(predictor.max_error_mm[last]));
             self.line(f, width, &predictor.name, &cells)?;
         }
         let samples = self.predictors.first().map_or(&[][..], |p| &p.samples);
@@ -238,7 +229,7 @@ impl fmt::Display for Evaluation {
                 f,
                 width,
                 "radius mm",
-                &coverage.radius_mm.iter().map(|r| short(*r)).collect::<Vec<_>>(),
+                &coverage.radius_mm.iter().map(|r| two_digits(*r)).collect::<Vec<_>>(),
             )?;
             let points: Vec<f64> = (0..self.families.len())
                 .map(|k| {
@@ -252,24 +243,5 @@ impl fmt::Display for Evaluation {
             f,
             "  max: largest displacement of each pattern; max error: largest of a component, mm"
         )
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn numbers_have_two_digits() {
-        for (value, text) in [
-            (0.0, "0.0"),
-            (0.00321, "0.0032"),
-            (0.0567, "0.057"),
-            (1.234, "1.2"),
-            (23.4, "23"),
-            (2e-7, "0.00000"),
-        ] {
-            assert_eq!(short(value), text);
-        }
     }
 }

@@ -186,7 +186,7 @@ impl Source<'_> {
         })
     }
 
-    fn drawn(&self, outcome: Result<(), FigureError>) -> Result<(), ReportError> {
+    pub(super) fn drawn<T>(&self, outcome: Result<T, FigureError>) -> Result<T, ReportError> {
         outcome.map_err(|source| ReportError::Figure {
             stage: self.stage.stage.clone(),
             source,
@@ -287,12 +287,8 @@ fn membranes<'f>(
     let side = source.of(scene.read())?.side_mm();
     let membrane = |(row, field): (usize, &Field)| {
         let objective = Wanted::read(&objectives.0[row]).map_err(|e| source.wrong(e.to_string()))?;
-        Ok(Membrane {
-            pattern: patterns[row].cells().to_vec(),
-            displacement: field.values().to_vec(),
-            side,
-            points: objective.aims.iter().map(|aim| aim.point).collect(),
-        })
+        let points = objective.aims.iter().map(|aim| aim.point).collect();
+        source.drawn(Membrane::new(patterns[row].cells(), field.values(), side, points))
     };
     wanted.map(membrane).collect()
 }
@@ -376,15 +372,15 @@ fn best_of_targets(summary: &super::Summary, rows: &[(usize, usize)]) -> Vec<(us
 
 fn accuracy(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
     let costs = costs(source)?;
-    // Patterns that do not move have no error to draw.
-    if costs
-        .iter()
-        .flat_map(|family| &family.costs)
-        .all(|cost| cost.error == 0.0)
-    {
-        return Ok(());
+    match moves(&costs) {
+        true => source.drawn(draw_accuracy(path, &costs)),
+        false => Ok(()),
     }
-    source.drawn(draw_accuracy(path, &costs))
+}
+
+/// Whether there is an error to draw: patterns that do not move have none.
+pub(super) fn moves(costs: &[FamilyCosts]) -> bool {
+    costs.iter().flat_map(|family| &family.costs).any(|cost| cost.error > 0.0)
 }
 
 /// Error and time of the methods of an accuracy stage, by family. Times are no content: they stand in the provenance.

@@ -1,23 +1,22 @@
-//! One page that needs nothing else: figures are within it, and nothing is fetched.
+//! One page that needs nothing else: drawings are within it, and nothing is fetched.
 
-use std::fmt::Write;
+use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use base64::prelude::{BASE64_STANDARD, Engine};
+use super::drawing::{Chart, DRAWING_STYLE, PAGE_STYLE};
 
 /// A page.
 pub struct Page {
     title: String,
-    lead: String,
-    head: String,
+    head: Vec<Markup>,
     contents: Vec<Entry>,
-    body: String,
+    body: Vec<Markup>,
 }
 
-/// A line of the list of contents.
+/// A section in the list of contents, with its parts.
 struct Entry {
     id: String,
     title: String,
-    within: bool,
+    parts: Vec<(String, String)>,
 }
 
 /// How the cells of a column stand.
@@ -33,80 +32,86 @@ pub enum Column {
     Number,
 }
 
-const STYLE: &str = include_str!("html/style.css");
+impl Column {
+    fn class(self) -> Option<&'static str> {
+        match self {
+            Self::Text => None,
+            Self::Key => Some("key"),
+            Self::Wide => Some("wide"),
+            Self::Number => Some("number"),
+        }
+    }
+}
 
 impl Page {
     /// An empty page.
     #[must_use]
     pub fn new(title: &str) -> Self {
         Self {
-            title: escaped(title),
-            lead: String::new(),
-            head: String::new(),
+            title: title.to_owned(),
+            head: Vec::new(),
             contents: Vec::new(),
-            body: String::new(),
+            body: Vec::new(),
         }
     }
 
     /// Says under the title what the page is about.
     pub fn lead(&mut self, text: &str) {
-        self.lead = format!("<p class=\"lead\">{}</p>\n", escaped(text));
+        self.head.push(html! { p.lead { (text) } });
     }
 
     /// Puts numbers with what they are at the top.
     pub fn tiles(&mut self, tiles: &[(String, String)]) {
-        let tile = |(number, what): &(String, String)| {
-            format!("<li><b>{}</b><span>{}</span></li>\n", escaped(number), escaped(what))
-        };
-        self.head += &format!(
-            "<ul class=\"tiles\">\n{}</ul>\n",
-            tiles.iter().map(tile).collect::<String>()
-        );
+        self.head.push(html! {
+            ul.tiles { @for (number, what) in tiles { li { b { (number) } span { (what) } } } }
+        });
     }
 
     /// Puts something that nobody should overlook at the top.
     pub fn notice(&mut self, lines: &[String]) {
-        let lines: String = lines.iter().map(|line| format!("<p>{}</p>", escaped(line))).collect();
-        self.head += &format!("<div class=\"box\" role=\"note\">{lines}</div>\n");
+        self.head.push(html! { div.box role="note" { @for line in lines { p { (line) } } } });
     }
 
     /// Begins a section, which the list of contents names.
     pub fn section(&mut self, title: &str) {
-        let id = self.entry(title, false);
-        self.put(&format!("<h2 id=\"{id}\">{}</h2>\n", escaped(title)));
+        let id = format!("s{}", self.contents.len() + 1);
+        self.add(html! { h2 id=(id) { (title) } });
+        self.contents.push(Entry {
+            id,
+            title: title.to_owned(),
+            parts: Vec::new(),
+        });
     }
 
     /// Begins a part of a section, which the list of contents names.
     pub fn part(&mut self, title: &str) {
-        let id = self.entry(title, true);
-        self.put(&format!("<h3 id=\"{id}\">{}</h3>\n", escaped(title)));
+        let section = self.contents.last_mut();
+        let id = section.map(|section| {
+            let id = format!("{}-{}", section.id, section.parts.len() + 1);
+            section.parts.push((id.clone(), title.to_owned()));
+            id
+        });
+        self.add(html! { h3 id=[id] { (title) } });
     }
 
     /// The title of something smaller, which the list of contents does not name.
     pub fn title(&mut self, title: &str) {
-        self.put(&format!("<h4>{}</h4>\n", escaped(title)));
+        self.add(html! { h4 { (title) } });
     }
 
-    fn entry(&mut self, title: &str, within: bool) -> String {
-        let id = format!("s{}", self.contents.len() + 1);
-        self.contents.push(Entry {
-            id: id.clone(),
-            title: escaped(title),
-            within,
-        });
-        id
+    /// Adds a paragraph.
+    pub fn line(&mut self, text: &str) {
+        self.add(html! { p { (text) } });
     }
 
     /// Adds a paragraph for each line.
     pub fn lines(&mut self, lines: &[String]) {
-        for line in lines {
-            self.put(&format!("<p>{}</p>\n", escaped(line)));
-        }
+        lines.iter().for_each(|line| self.line(line));
     }
 
     /// Adds a remark.
     pub fn note(&mut self, text: &str) {
-        self.put(&format!("<p class=\"note\">{}</p>\n", escaped(text)));
+        self.add(html! { p.note { (text) } });
     }
 
     /// Adds a table. Cells of the first column give their rows' class.
@@ -117,119 +122,93 @@ impl Page {
 
     /// Adds a table, which scrolls within its own box where it is wider than the page.
     pub fn columns(&mut self, what: &str, columns: &[(&str, Column)], rows: &[Vec<String>]) {
-        let class = |k: usize| match columns.get(k).map(|c| c.1) {
-            Some(Column::Number) => " class=\"number\"",
-            Some(Column::Key) => " class=\"key\"",
-            Some(Column::Wide) => " class=\"wide\"",
-            Some(Column::Text) | None => "",
-        };
-        let head = columns.iter().enumerate();
-        let head: String = head
-            .map(|(k, (title, _))| format!("<th scope=\"col\"{}>{}</th>", class(k), escaped(title)))
-            .collect();
+        let class = |k: usize| columns.get(k).and_then(|(_, column)| column.class());
         let cell = |(k, text): (usize, &String)| match (k, mark(text)) {
-            (0, Some(mark)) => format!("<td><span class=\"{mark}\">{}</span></td>", escaped(text)),
-            _ => format!("<td{}>{}</td>", class(k), escaped(text)),
+            (0, Some(mark)) => html! { td { span class=(mark) { (text) } } },
+            _ => html! { td class=[class(k)] { (text) } },
         };
-        let rows: String = rows
-            .iter()
-            .map(|row| format!("<tr>{}</tr>\n", row.iter().enumerate().map(cell).collect::<String>()))
-            .collect();
-        self.scrolled(
-            what,
-            &format!("<table>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{rows}</tbody>\n</table>\n"),
-        );
+        let table = html! {
+            table {
+                thead { tr { @for (k, (title, _)) in columns.iter().enumerate() { th scope="col" class=[class(k)] { (title) } } } }
+                tbody { @for row in rows { tr { @for entry in row.iter().enumerate() { (cell(entry)) } } "\n" } }
+            }
+        };
+        self.scrolled(what, &table);
     }
 
     /// Adds markup in a box of its own, within which it scrolls where it is wider than the page.
-    pub fn scrolled(&mut self, what: &str, markup: &str) {
+    pub fn scrolled(&mut self, what: &str, markup: &Markup) {
         // Only what can be reached by the keyboard can be scrolled by it.
-        self.put(&format!(
-            "<div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"{}\">{markup}</div>\n",
-            escaped(what)
-        ));
+        self.add(html! { div.scroll tabindex="0" role="region" aria-label=(what) { (markup) } });
     }
 
-    /// Adds markup as it is.
-    pub fn markup(&mut self, markup: &str) {
-        self.put(markup);
+    /// Adds charts beside each other, as many as there is room for.
+    pub fn charts<'c>(&mut self, charts: impl IntoIterator<Item = &'c Chart>) {
+        self.add(html! { div.charts { @for chart in charts { (chart.figure()) } } });
     }
 
-    /// Adds a PNG with a caption.
-    pub fn figure(&mut self, caption: &str, png: &[u8]) {
-        let caption = escaped(caption);
-        let data = BASE64_STANDARD.encode(png);
-        self.put(&format!(
-            "<figure><img alt=\"{caption}\" src=\"data:image/png;base64,{data}\"><figcaption>{caption}</figcaption></figure>\n"
-        ));
+    /// Adds a drawing with a caption.
+    pub fn figure(&mut self, caption: &str, drawing: &Markup) {
+        self.add(html! { figure { (drawing) figcaption { (caption) } } });
+    }
+
+    /// Adds markup.
+    pub fn add(&mut self, markup: Markup) {
+        self.body.push(markup);
     }
 
     /// The text of the page.
     #[must_use]
     pub fn finish(self) -> String {
-        let list = self.list();
-        let class = if list.is_empty() { "sheet" } else { "sheet listed" };
-        let Self {
-            title,
-            lead,
-            head,
-            body,
-            ..
-        } = self;
-        format!(
-            "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-             <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-             <meta name=\"color-scheme\" content=\"light dark\">\n<link rel=\"icon\" href=\"data:,\">\n<title>{title}</title>\n\
-             <style>\n{STYLE}</style>\n</head>\n<body>\n<div class=\"{class}\">\n<header>\n<h1>{title}</h1>\n{lead}{head}</header>\n\
-             {list}<main>\n{body}</main>\n</div>\n</body>\n</html>\n"
-        )
+        let class = if self.contents.is_empty() { "sheet" } else { "sheet listed" };
+        let page = html! {
+            (DOCTYPE)
+            html lang="en" {
+                head {
+                    meta charset="utf-8";
+                    meta name="viewport" content="width=device-width, initial-scale=1";
+                    meta name="color-scheme" content="light dark";
+                    link rel="icon" href="data:,";
+                    title { (self.title) }
+                    style { (PreEscaped(PAGE_STYLE)) (PreEscaped(DRAWING_STYLE)) }
+                }
+                body {
+                    div class=(class) {
+                        header { h1 { (self.title) } @for part in &self.head { (part) } }
+                        (self.list())
+                        main { @for part in &self.body { (part) "\n" } }
+                    }
+                }
+            }
+        };
+        page.into_string()
     }
 
     /// The list of contents; empty where there are no sections.
-    fn list(&self) -> String {
-        let Some(_) = self.contents.first() else {
-            return String::new();
-        };
-        let mut out = String::from("<nav aria-label=\"Contents\">\n<ol>\n");
-        let (mut open, mut inner) = (false, false);
-        for entry in &self.contents {
-            if inner && !entry.within {
-                out += "</ol>";
+    fn list(&self) -> Markup {
+        let link = |id: &str, title: &str| html! { a href={ "#" (id) } { (title) } };
+        html! {
+            @if !self.contents.is_empty() {
+                nav aria-label="Contents" {
+                    ol {
+                        @for section in &self.contents {
+                            li {
+                                (link(&section.id, &section.title))
+                                @if !section.parts.is_empty() {
+                                    ol { @for (id, title) in &section.parts { li { (link(id, title)) } } }
+                                }
+                            }
+                        }
+                    }
+                }
             }
-            if open && !entry.within {
-                out += "</li>\n";
-            }
-            if entry.within && !inner {
-                out += "<ol>";
-            }
-            let end = if entry.within { "</li>" } else { "" };
-            out += &format!("<li><a href=\"#{}\">{}</a>{end}", entry.id, entry.title);
-            (open, inner) = (true, entry.within);
         }
-        out + if inner { "</ol>" } else { "" } + "</li>\n</ol>\n</nav>\n"
-    }
-
-    fn put(&mut self, text: &str) {
-        // Writing to a text cannot fail.
-        let _ = self.body.write_str(text);
     }
 }
 
 /// The class of a word that is to be seen.
 fn mark(word: &str) -> Option<&'static str> {
-    match word {
-        "error" => Some("error"),
-        "warning" => Some("warning"),
-        _ => None,
-    }
-}
-
-/// A text as it stands in a page.
-pub(super) fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('>', "&gt;")
-        .replace('"', "&quot;")
+    ["error", "warning"].into_iter().find(|class| *class == word)
 }
 
 #[cfg(test)]
@@ -243,5 +222,16 @@ mod tests {
         let text = page.finish();
         assert!(text.contains("&lt;b&gt;") && text.contains("a&quot;&amp;"));
         assert!(!text.contains("http"), "nothing is fetched");
+    }
+
+    #[test]
+    fn the_list_of_contents_has_sections_with_their_parts() {
+        let mut page = Page::new("t");
+        page.section("One");
+        page.part("first");
+        page.section("Two");
+        let text = page.finish();
+        assert!(text.contains("<a href=\"#s1\">One</a><ol><li><a href=\"#s1-1\">first</a></li></ol></li>"));
+        assert!(text.contains("<h2 id=\"s2\">Two</h2>"));
     }
 }

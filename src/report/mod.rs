@@ -3,10 +3,12 @@
 mod audit;
 mod course;
 mod designs;
+mod drawing;
 mod evaluation;
 mod evaluators;
 pub mod export;
 pub mod figures;
+mod format;
 mod gather;
 mod html;
 mod page;
@@ -23,7 +25,7 @@ pub use evaluation::{AreaError, Coverage, Evaluation, ObjectiveCoverage, Predict
 pub use evaluators::{Candidate, Evaluators, evaluators};
 pub use gather::{Made, ReportError, draw_figures};
 pub use html::{Column, Page};
-pub use page::bytes;
+pub use format::{bytes, seconds};
 pub use rounds::{BestOfTarget, RoundSummary, RoundsSummary, by_round, draw_by_round};
 pub use summary::{RowSummary, Summary, summarise};
 pub use takeaway::{COLUMNS, Written, write_report};

@@ -117,7 +117,8 @@ pub fn draw_by_round(
     Ok(paths)
 }
 
-fn drawn(of_stage: &RoundsSummary, summaries: &[Summary]) -> Vec<Round> {
+/// What is drawn of the rounds of a stage.
+pub(super) fn drawn(of_stage: &RoundsSummary, summaries: &[Summary]) -> Vec<Round> {
     let relative = |round: &RoundSummary| -> Vec<f64> {
         let summary = summaries.iter().find(|summary| summary.stage == round.stage);
         let designs = summary.map(designs).unwrap_or_default();

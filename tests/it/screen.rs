@@ -34,7 +34,7 @@ fn a_scene_is_screened_with_number_threshold_and_verdict() {
     assert_eq!(document["simulated"].as_array().unwrap().len(), 0);
     assert_eq!(
         document["warnings"][0],
-        "strain_stiffening is called for but off: (I1 − 3)/Jm = 0.120 > 0.05"
+        "strain stiffening is neglected and changes the stress of the prestretched membrane by +14 % ((I1 − 3)/Jm = 0.120 > 0.05)"
     );
 }
 
@@ -57,7 +57,7 @@ fn a_run_warns_of_what_it_left_out() {
     workspace.write("tiny.yaml", TINY);
     let first = workspace.run(&["run", "tiny.yaml", "--until", "solved", "--json"]);
     let warnings = first.json()["warnings"].clone();
-    let warning = "solved: fringe_field is called for but off: h/cell = 0.111 > 0.05";
+    let warning = "solved: fringe field is neglected and lets electrodes act 24.5 µm beyond their edges (h/cell = 0.111 > 0.05)";
     assert_eq!(warnings[0], warning);
     // What is reused still lacks it.
     let again = workspace.run(&["run", "tiny.yaml", "--until", "solved"]);

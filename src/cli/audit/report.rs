@@ -8,7 +8,7 @@ use crate::base::ArtifactId;
 use crate::cli::error::CliError;
 use crate::cli::table;
 use crate::content::{AttributeError, Audit};
-use crate::report::figures::{Membrane, draw_audit, draw_membrane};
+use crate::report::figures::{Membrane, draw_audit, membrane_drawing};
 use crate::report::{Page, audited};
 use crate::stage::audit::{Audited, Finding, Lineage, Severity, SourceRows, Summary, rows, sort};
 
@@ -190,21 +190,18 @@ impl Answer {
         let mut page = Page::new(&format!("Audit of {}", self.dataset));
         let rows: Vec<Vec<String>> = self.findings.iter().map(|finding| cells(finding).to_vec()).collect();
         if rows.is_empty() {
-            page.lines(&["No findings.".to_owned()]);
+            page.line("No findings.");
         } else {
             page.table(&HEADER, &rows);
         }
         page.lines(&self.lines());
         let mut files = Vec::new();
-        let mut add = |path: PathBuf, caption: &str| -> Result<(), CliError> {
-            page.figure(caption, &std::fs::read(&path).map_err(|e| cannot_write(&path, &e))?);
-            files.push(path);
-            Ok(())
-        };
         if let Some(figure) = self.audit.as_ref().and_then(audited) {
             let path = folder.join("audit.png");
-            draw_audit(&path, &figure).map_err(|e| CliError::failure(e.to_string()))?;
-            add(path, "What the dataset covers, and its errors against a finer mesh")?;
+            draw_audit(&path, &figure)?;
+            page.charts(&figure.charts()?);
+            page.note("What the dataset covers, and its errors against a finer mesh");
+            files.push(path);
         }
         for finding in &self.findings {
             let Some((row, membrane)) = self.example(finding) else {
@@ -212,8 +209,10 @@ impl Answer {
             };
             let path = folder.join(format!("{}-{row}.png", finding.check));
             let title = format!("{}: row {row}, as stored", finding.check);
-            draw_membrane(&path, &title, &membrane).map_err(|e| CliError::failure(e.to_string()))?;
-            add(path, &title)?;
+            let drawing = membrane_drawing(&title, &membrane);
+            drawing.write_png(&path)?;
+            page.figure(&title, &drawing.svg(&title));
+            files.push(path);
         }
         let path = folder.join("audit.html");
         std::fs::write(&path, page.finish()).map_err(|e| cannot_write(&path, &e))?;
@@ -228,13 +227,8 @@ impl Answer {
         let examples = finding.examples.iter().filter(|_| finding.check != "not-converged");
         examples.copied().find_map(|row| {
             let (pattern, displacement) = rows.row(usize::try_from(row).ok()?)?;
-            let membrane = Membrane {
-                pattern,
-                displacement,
-                side: rows.side_mm,
-                points: Vec::new(),
-            };
-            Some((row, membrane))
+            let membrane = Membrane::new(&pattern, &displacement, rows.side_mm, Vec::new());
+            Some((row, membrane.ok()?))
         })
     }
 }

@@ -29,7 +29,7 @@ pub struct Row {
     pub verdict: Verdict,
     /// Whether it is simulated.
     pub status: Status,
-    /// What it would change, in words.
+    /// What it does, in words that follow its name: `changes the electric stress by -3.0 %`.
     pub change: String,
     /// What it would cost, in words.
     pub cost: &'static str,
@@ -82,19 +82,22 @@ impl Status {
 }
 
 impl Row {
-    /// The warning that belongs to an effect that is called for and not simulated.
+    /// The warning that belongs to an effect that is called for and not simulated: what it does, its number and the threshold.
     #[must_use]
     pub fn warning(&self) -> Option<String> {
         let number = self.number?;
         let state = match self.status {
             Status::On => return None,
-            Status::Off => "off",
-            Status::NotAvailable => "not available",
+            Status::Off => "is neglected",
+            Status::NotAvailable => "cannot be simulated yet",
         };
         (self.verdict == Verdict::CalledFor).then(|| {
             format!(
-                "{} is called for but {state}: {} = {number:.3} > {}",
-                self.effect, self.quantity, self.threshold
+                "{} {state} and {} ({} = {number:.3} > {})",
+                self.effect.replace('_', " "),
+                self.change,
+                self.quantity,
+                self.threshold
             )
         })
     }

@@ -78,7 +78,7 @@ fn stiffening(scene: &Scene) -> Row {
         Stiffening::Ogden(law) => ("|σ/σ(neo-Hookean) − 1|", ogden_deviation(&law.terms, scene)),
     };
     let change = format!(
-        "stress of the prestretched membrane {:+.0} %",
+        "changes the stress of the prestretched membrane by {:+.0} %",
         100.0 * stress_change(law, number, scene)
     );
     known(effect, quantity.to_owned(), number, THRESHOLD, change)
@@ -131,7 +131,7 @@ fn electrode(scene: &Scene) -> Row {
         }
         Some(layer) => {
             let ratio = layer.shear_modulus.value() * layer.thickness.value() / membrane;
-            let change = format!("active membrane {:+.1} % stiffer", 100.0 * ratio);
+            let change = format!("makes the active membrane {:.1} % stiffer", 100.0 * ratio);
             known(effect, quantity.to_owned(), ratio, SMALL, change)
         }
     }
@@ -151,7 +151,7 @@ fn permittivity(scene: &Scene) -> Row {
                 PermittivityReference::Prestretched => "s/2",
                 PermittivityReference::Undeformed => "|1 − (1 − s/2) λp^(−2s)|",
             };
-            let change = format!("electric stress {:+.1} %", 100.0 * (factor - 1.0));
+            let change = format!("changes the electric stress by {:+.1} %", 100.0 * (factor - 1.0));
             known(effect, quantity.to_owned(), (factor - 1.0).abs(), SMALL, change)
         }
     }
@@ -185,9 +185,9 @@ fn fringe_shift(scene: &Scene) -> f64 {
 fn fringe(scene: &Scene) -> Row {
     let (shift, cell) = (fringe_shift(scene), cell(scene));
     let change = if shift > 0.5 * cell {
-        "thicker than cells are wide: no membrane theory".to_owned()
+        "is beyond membrane theory: the membrane is thicker than cells are wide".to_owned()
     } else {
-        format!("electrodes act {} beyond their edges", length(shift))
+        format!("lets electrodes act {} beyond their edges", length(shift))
     };
     known(
         names::FRINGE,
@@ -238,14 +238,14 @@ fn viscoelasticity(scene: &Scene) -> Row {
         .filter(|branch| time / branch.time.value() < 0.01)
         .map(|branch| branch.modulus.value())
         .sum();
-    let mut change = "displacement creeps over the time of the drive".to_owned();
+    let mut change = "lets the displacement creep over the time of the drive".to_owned();
     if frozen > 0.0 {
         change = format!(
-            "branches of {:.0} % of μ are too slow to relax: is `shear_modulus` that of the drive?",
+            "has branches of {:.0} % of μ that are too slow to relax: is `shear_modulus` that of the drive?",
             100.0 * frozen / scene.shear_modulus_pa()
         );
     } else if number == 0.0 {
-        change = "all branches have relaxed".to_owned();
+        change = "has relaxed in all branches".to_owned();
     }
     known(effect, quantity.to_owned(), number + 0.0, SMALL, change)
 }
@@ -266,7 +266,7 @@ fn inertia(scene: &Scene) -> Row {
     // f₁₁ = (λp/2L) √(μ/ρ) √2, in the limit of large prestretch.
     let speed = (scene.shear_modulus_pa() / density).sqrt();
     let first = scene.prestretch() / (2e-3 * scene.side_mm()) * speed * SQRT_2;
-    let change = format!("the first mode is at {first:.0} Hz");
+    let change = format!("grows towards the first mode, at {first:.0} Hz");
     known(effect, "f/f1".to_owned(), frequency / first, THRESHOLD, change)
 }
 
@@ -283,13 +283,13 @@ fn resistance(scene: &Scene) -> Row {
     };
     match &scene.properties.sheet_resistance {
         None => {
-            let change = "no sheet resistance given: judged by 1 kHz".to_owned();
+            let change = "delays the voltage by a time that needs `sheet_resistance`: judged by 1 kHz".to_owned();
             known(effect, "f/(1 kHz)".to_owned(), frequency / 1e3, 1.0, change)
         }
         Some(resistance) => {
             let capacitance = scene.permittivity() / (1e-3 * thickness(scene));
             let time = resistance.value() * capacitance * (1e-3 * scene.side_mm()).powi(2);
-            let change = format!("the voltage reaches the far end after {time:.1e} s");
+            let change = format!("delays the voltage at the far end by {time:.1e} s");
             known(
                 effect,
                 "2πf R c L²".to_owned(),

@@ -132,7 +132,7 @@ fn worst(patterns: &[&str], found: &[Found], number: impl Fn(&Found) -> f64, uns
     let pairs = patterns.iter().zip(found);
     let (name, worst) = pairs.max_by(|a, b| number(a.1).total_cmp(&number(b.1)))?;
     let state = if worst.stable { "" } else { unstable };
-    Some((format!("largest for `{name}`{state}"), number(worst)))
+    Some((format!("is largest for `{name}`{state}"), number(worst)))
 }
 
 fn wrinkling(patterns: &[&str], found: &[Found]) -> Row {
@@ -164,7 +164,7 @@ fn stability(patterns: &[&str], found: &[Found], scene: &Scene, reach: f64) -> R
         .filter_map(|(name, f)| Some((name, f.limit?)));
     match limits.min_by(|a, b| a.1.total_cmp(&b.1)) {
         Some((pattern, limit)) => {
-            let change = format!("`{pattern}` is lost at {}", voltage(limit));
+            let change = format!("ends the stability of `{pattern}` at {}", voltage(limit));
             let ratio = (scene.voltage_v() / limit).powi(2);
             known(effect, quantity.to_owned(), ratio, NEAR, change)
         }

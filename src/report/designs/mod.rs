@@ -10,6 +10,8 @@ mod wanted;
 #[cfg(test)]
 pub(super) use compare::tests;
 
+use super::drawing::Membrane;
+
 pub use crate::pattern::Role;
 pub use compare::Compared;
 pub use found::{Extreme, Found};
@@ -85,6 +87,14 @@ impl Design {
     #[must_use]
     pub fn is_beside(&self, other: &Self) -> bool {
         self.case == other.case && self.target == other.target
+    }
+
+    /// The membrane as simulated, or as predicted where it was not; none where no finite field is known.
+    #[must_use]
+    pub fn membrane(&self) -> Option<Membrane> {
+        let field = self.simulated.as_ref().unwrap_or(&self.predicted);
+        let points = self.wanted.points().iter().map(|aim| aim.point).collect();
+        Membrane::new(&self.pattern, field, self.side, points).ok()
     }
 
     /// Predicted less simulated, a share of what is simulated.

@@ -2,12 +2,7 @@
 
 use std::path::Path;
 
-use plotters::prelude::*;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
-
-use super::axes::{Axis, Entry, Panel, legend, panel};
-use super::canvas::{Area, FigureError, draw, palette, px, text};
-use super::labels::{Labels, Spot};
+use crate::report::drawing::{Axis, Chart, Colour, Drawing, FigureError, Mark, Series};
 
 /// The methods on one family of patterns.
 #[derive(Clone, Debug)]
@@ -29,47 +24,39 @@ pub struct Cost {
     pub error: f64,
 }
 
-/// Panels beside each other.
+/// Charts beside each other.
 const COLUMNS: usize = 3;
 
 /// What a method is drawn as: the start of its settings, its name in the legend, and a colour. The first that fits counts.
-type Group = (&'static [&'static str], &'static str, RGBColor);
+type Group = (&'static [&'static str], &'static str, Colour);
 
 const GROUPS: [Group; 7] = [
-    (&["method: linear"], "linear response", palette::VERMILLION),
-    (&["method: chord"], "chord steps", palette::ORANGE),
+    (&["method: linear"], "linear response", Colour::Vermillion),
+    (&["method: chord"], "chord steps", Colour::Orange),
     (
         &["method: newton", "accuracy:"],
         "Newton, mesh by accuracy",
-        palette::GREEN,
+        Colour::Green,
     ),
-    (&["method: newton", "order: 1"], "Newton, bilinear", palette::SKY),
-    (&["method: newton", "order: 2"], "Newton, biquadratic", palette::BLUE),
-    (&["network:"], "surrogates", palette::PURPLE),
-    (&[], "other", palette::GREY),
+    (&["method: newton", "order: 1"], "Newton, bilinear", Colour::Sky),
+    (&["method: newton", "order: 2"], "Newton, biquadratic", Colour::Blue),
+    (&["network:"], "surrogates", Colour::Purple),
+    (&[], "other", Colour::Grey),
 ];
 
 impl Cost {
-    /// What the method is drawn as: its place among [`Cost::kinds`].
-    pub(in crate::report) fn kind(&self) -> usize {
-        GROUPS
-            .iter()
-            .position(|group| group.1 == self.group().1)
-            .unwrap_or(GROUPS.len() - 1)
-    }
-
-    /// What methods are drawn as, for a legend.
-    pub(in crate::report) fn kinds() -> impl Iterator<Item = &'static str> {
-        GROUPS.iter().map(|group| group.1)
-    }
-
     fn group(&self) -> &'static Group {
         let fits = |group: &&Group| group.0.iter().all(|part| self.settings.contains(part));
         GROUPS.iter().find(fits).unwrap_or(&GROUPS[GROUPS.len() - 1])
     }
 
+    /// Whether it can stand on logarithmic axes.
+    fn is_drawn(&self) -> bool {
+        self.error > 0.0 && self.seconds > 0.0
+    }
+
     /// A few words beside the point: the legend says the rest.
-    pub(in crate::report) fn label(&self) -> String {
+    fn label(&self) -> String {
         let value = |key: &str| {
             let pairs = self.settings.split(", ").filter_map(|pair| pair.split_once(": "));
             pairs.into_iter().find(|(k, _)| *k == key).map(|(_, v)| v.to_owned())
@@ -104,95 +91,58 @@ pub fn pareto_front(points: &[(f64, f64)]) -> Vec<usize> {
     order
 }
 
-/// Draws the error of each method over its time, one panel for each family, with the front of those that no other beats.
+/// The error of each method over its time, one chart for each family, with the front of those that no other beats; all on the
+/// same axes.
+///
+/// # Errors
+/// When there is nothing to draw.
+pub fn accuracy_charts(families: &[FamilyCosts]) -> Result<Vec<Chart>, FigureError> {
+    let costs = families.iter().flat_map(|family| &family.costs);
+    let drawn: Vec<&Cost> = costs.filter(|cost| cost.is_drawn()).collect();
+    if drawn.is_empty() {
+        return Err(FigureError::Data("no method has both an error and a time".into()));
+    }
+    let times: Vec<f64> = drawn.iter().map(|cost| 1e3 * cost.seconds).collect();
+    let largest = drawn.iter().map(|cost| cost.error).fold(0.0, f64::max);
+    // Labels need room above the highest point.
+    let errors: Vec<f64> = drawn.iter().map(|cost| cost.error).chain([2.0 * largest]).collect();
+    let x = Axis::logarithmic("Time of one core per pattern [ms]", &times);
+    let y = Axis::logarithmic("RMS error of a component [mm]", &errors);
+    let chart = |family: &FamilyCosts| Chart::new(family.family.clone(), [x.clone(), y.clone()], series(family));
+    Ok(families.iter().map(chart).collect())
+}
+
+fn series(family: &FamilyCosts) -> Vec<Series> {
+    let costs: Vec<&Cost> = family.costs.iter().filter(|cost| cost.is_drawn()).collect();
+    let points: Vec<(f64, f64)> = costs.iter().map(|c| (1e3 * c.seconds, c.error)).collect();
+    let front = pareto_front(&points);
+    let best: Vec<(f64, f64)> = front.iter().map(|&k| points[k]).collect();
+    let labels = front.iter().map(|&k| costs[k].label()).collect();
+    let mut series = vec![Series::new("", Colour::Grey, Mark::Dashed, best.clone())];
+    for (_, name, colour) in GROUPS {
+        let own: Vec<usize> = (0..costs.len()).filter(|k| costs[*k].group().1 == name).collect();
+        if own.is_empty() {
+            continue;
+        }
+        let words = own.iter().map(|&k| {
+            let (time, error) = points[k];
+            format!("{}: {time:.3} ms, {error:.2e} mm", costs[k].settings)
+        });
+        let words = words.collect();
+        let dots = own.iter().map(|&k| points[k]).collect();
+        series.push(Series::new(name, colour, Mark::Dots, dots).with_words(words));
+    }
+    series.push(Series::new("", Colour::Grey, Mark::Labelled, best).with_words(labels));
+    series
+}
+
+/// Draws the charts.
 ///
 /// # Errors
 /// When there is nothing to draw, or the file cannot be written.
 pub fn draw_accuracy(path: &Path, families: &[FamilyCosts]) -> Result<(), FigureError> {
-    let costs = || families.iter().flat_map(|family| &family.costs);
-    let drawn: Vec<&Cost> = costs().filter(|cost| cost.error > 0.0 && cost.seconds > 0.0).collect();
-    if drawn.is_empty() {
-        return Err(FigureError::Data("no method has both an error and a time".into()));
-    }
-    let x = Axis::logarithmic("Time of one core per pattern [ms]", &times(drawn.iter().copied()));
-    let largest = drawn.iter().map(|cost| cost.error).fold(0.0, f64::max);
-    // Labels need room above the highest point.
-    let errors: Vec<f64> = drawn.iter().map(|cost| cost.error).chain([2.0 * largest]).collect();
-    let y = Axis::logarithmic("RMS error of a component [mm]", &errors);
-    let shown: Vec<Entry<'_>> = GROUPS
-        .iter()
-        .filter(|group| drawn.iter().any(|cost| cost.group().1 == group.1))
-        .map(|group| (group.1, group.2))
-        .collect();
-    let columns = COLUMNS.min(families.len());
-    let rows = families.len().div_ceil(columns);
-    let size = ((640 * columns as u32).max(1150), 96 + 600 * rows as u32);
-    draw(path, size, |sheet| {
-        let (head, body) = sheet.split_vertically(px(96));
-        heading(&head, &shown)?;
-        for (area, family) in body.split_evenly((rows, columns)).iter().zip(families) {
-            one_family(area, family, &x, &y)?;
-        }
-        Ok(())
-    })
-}
-
-fn times<'c>(costs: impl Iterator<Item = &'c Cost>) -> Vec<f64> {
-    costs.map(|cost| 1e3 * cost.seconds).collect()
-}
-
-fn heading(head: &Area<'_>, shown: &[Entry<'_>]) -> Result<(), FigureError> {
-    let middle = (head.dim_in_pixel().0 / 2) as i32;
-    legend(head, shown, middle, px(20) as i32)?;
-    let note = "ringed and labelled: no other method is both faster and more accurate; 2² Q1: 2 × 2 bilinear elements per cell, Q2: biquadratic";
-    let style = text(19, palette::INK).pos(Pos::new(HPos::Center, VPos::Top));
-    head.draw(&Text::new(note, (middle, px(58) as i32), style))?;
-    Ok(())
-}
-
-fn one_family(area: &Area<'_>, family: &FamilyCosts, x: &Axis, y: &Axis) -> Result<(), FigureError> {
-    let mut panel = panel(area, &family.family, &[], x, y)?;
-    let costs: Vec<&Cost> = family
-        .costs
-        .iter()
-        .filter(|c| c.error > 0.0 && c.seconds > 0.0)
-        .collect();
-    let points: Vec<(f64, f64)> = costs.iter().map(|c| (1e3 * c.seconds, c.error)).collect();
-    let front = pareto_front(&points);
-    let line: Vec<(f64, f64)> = front.iter().map(|&i| points[i]).collect();
-    panel.draw_series(LineSeries::new(line, palette::GREY.stroke_width(px(2))))?;
-    let dots = costs.iter().zip(&points);
-    panel.draw_series(dots.map(|(cost, at)| Circle::new(*at, px(6), cost.group().2.filled())))?;
-    panel.draw_series(
-        front
-            .iter()
-            .map(|&i| Circle::new(points[i], px(8), palette::INK.stroke_width(px(2)))),
-    )?;
-    label(&mut panel, &costs, &points, &front)
-}
-
-/// Writes the labels of the front where they cover neither points nor each other.
-fn label(panel: &mut Panel<'_>, costs: &[&Cost], points: &[(f64, f64)], front: &[usize]) -> Result<(), FigureError> {
-    let style = text(18, palette::INK);
-    let (wide, high) = panel.plotting_area().get_pixel_range();
-    let mut labels = Labels::new([wide, high]);
-    points
-        .iter()
-        .for_each(|at| labels.avoid_point(panel.backend_coord(at), px(9) as i32));
-    let line: Vec<(i32, i32)> = front.iter().map(|&i| panel.backend_coord(&points[i])).collect();
-    labels.avoid_line(&line);
-    for &i in front {
-        let words = costs[i].label();
-        let size = panel.plotting_area().estimate_text_size(&words, &style)?;
-        let Spot { x, y } = labels.place(
-            panel.backend_coord(&points[i]),
-            (size.0 as i32, size.1 as i32),
-            px(14) as i32,
-        );
-        let mark = EmptyElement::at(points[i]) + Text::new(words, (x, y), style.clone());
-        panel.draw_series(std::iter::once(mark))?;
-    }
-    Ok(())
+    let charts = accuracy_charts(families)?;
+    Drawing::charts(COLUMNS.min(charts.len()), &charts).write_png(path)
 }
 
 #[cfg(test)]

@@ -2,16 +2,16 @@
 
 use std::path::Path;
 
-use plotters::prelude::*;
-
-use super::axes::{Axis, panel};
-use super::canvas::{FigureError, draw, palette};
+use crate::report::drawing::{Axis, Chart, Colour, Drawing, FigureError, Series};
 
 /// Bins over the common range.
 const BINS: usize = 100;
 
 /// The range in mm unless something moves farther: that of the source paper.
 const RANGE: f64 = 2.5;
+
+/// Width and height of a histogram on a sheet of its own.
+const SIZE: [f64; 2] = [716.0, 190.0];
 
 /// The largest displacements of the samples of one family.
 #[derive(Clone, Debug)]
@@ -23,8 +23,8 @@ pub struct FamilyDeformation {
 }
 
 impl FamilyDeformation {
-    /// Family, number, range and mean.
-    fn title(&self) -> String {
+    /// Number, range and mean.
+    fn numbers(&self) -> String {
         let (low, high) = self
             .peaks
             .iter()
@@ -32,8 +32,7 @@ impl FamilyDeformation {
         let mean = self.peaks.iter().sum::<f64>() / self.peaks.len() as f64;
         let samples = if self.peaks.len() == 1 { "sample" } else { "samples" };
         format!(
-            "{}: {} {samples}, {low:.2} to {high:.2} mm, mean {mean:.2} mm",
-            self.family,
+            "{} {samples}, {low:.2} to {high:.2} mm, mean {mean:.2} mm",
             self.peaks.len()
         )
     }
@@ -47,11 +46,11 @@ impl FamilyDeformation {
     }
 }
 
-/// Draws one histogram per family, one below the other, over the same range.
+/// One histogram per family, over the same range.
 ///
 /// # Errors
-/// When there is no family, one has no sample or a displacement that is no length, or the file cannot be written.
-pub fn draw_deformation(path: &Path, families: &[FamilyDeformation]) -> Result<(), FigureError> {
+/// When there is no family, one has no sample or a displacement that is no length.
+pub fn deformation_charts(families: &[FamilyDeformation]) -> Result<Vec<Chart>, FigureError> {
     let peaks = || families.iter().flat_map(|family| &family.peaks);
     if families.is_empty() || families.iter().any(|family| family.peaks.is_empty()) {
         return Err(FigureError::Data("a family has no sample".into()));
@@ -62,24 +61,25 @@ pub fn draw_deformation(path: &Path, families: &[FamilyDeformation]) -> Result<(
     // Half millimetres above the farthest, so that the axis ends at a round number.
     let farthest = peaks().fold(0.0, |a: f64, b| a.max(*b));
     let top = RANGE.max((2.0 * farthest).ceil() / 2.0);
-    draw(path, (1200, 400 * families.len() as u32), |sheet| {
-        for (area, family) in sheet.split_evenly((families.len(), 1)).iter().zip(families) {
-            let counts = family.counts(top);
-            let most = counts.iter().max().copied().unwrap_or(0);
-            let x = Axis::linear("Largest displacement [mm]", 0.0, top);
-            let y = Axis::counting("Samples per bin", 0.0, (1.08 * most as f64).max(1.0));
-            let mut panel = panel(area, &family.title(), &[], &x, &y)?;
-            let edge = |bin: usize| top * bin as f64 / BINS as f64;
-            let bars = counts.iter().enumerate().filter(|(_, count)| **count > 0);
-            panel.draw_series(bars.map(|(bin, count)| {
-                Rectangle::new(
-                    [(edge(bin), 0.0), (edge(bin + 1), *count as f64)],
-                    palette::SKY.filled(),
-                )
-            }))?;
-        }
-        Ok(())
-    })
+    let edges: Vec<f64> = (0..=BINS).map(|bin| top * bin as f64 / BINS as f64).collect();
+    let chart = |family: &FamilyDeformation| {
+        let counts = family.counts(top);
+        let x = Axis::linear("Largest displacement [mm]", 0.0, top);
+        let y = Axis::counts("Samples per bin", &counts);
+        let bars = Series::bars("", Colour::Sky, &edges, &counts);
+        Chart::new(family.family.clone(), [x, y], vec![bars]).with_note(family.numbers())
+    };
+    Ok(families.iter().map(chart).collect())
+}
+
+/// Draws the histograms one below the other.
+///
+/// # Errors
+/// When the numbers do not make them, or the file cannot be written.
+pub fn draw_deformation(path: &Path, families: &[FamilyDeformation]) -> Result<(), FigureError> {
+    let charts = deformation_charts(families)?.into_iter();
+    let charts: Vec<Chart> = charts.map(|chart| chart.with_size(SIZE)).collect();
+    Drawing::charts(1, &charts).write_png(path)
 }
 
 #[cfg(test)]
@@ -92,7 +92,9 @@ mod tests {
             family: "bezier".into(),
             peaks: vec![1.5, 2.0, 1.75, 1.951],
         };
-        assert_eq!(family.title(), "bezier: 4 samples, 1.50 to 2.00 mm, mean 1.80 mm");
+        let chart = &deformation_charts(&[family]).unwrap()[0];
+        let title = format!("{}: {}", chart.title, chart.note);
+        assert_eq!(title, "bezier: 4 samples, 1.50 to 2.00 mm, mean 1.80 mm");
     }
 
     #[test]

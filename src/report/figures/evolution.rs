@@ -2,8 +2,7 @@
 
 use std::path::Path;
 
-use super::axes::{Axis, line, panel};
-use super::canvas::{FigureError, draw, palette, px};
+use crate::report::drawing::{Axis, Chart, Colour, Drawing, FigureError, Mark, Series};
 
 /// One value per generation of each curve, the first population included.
 #[derive(Clone, Debug)]
@@ -18,6 +17,11 @@ pub struct Evolution {
     pub area: Vec<f64>,
 }
 
+/// Width of a chart, and heights of the first and of the others.
+const WIDTH: f64 = 716.0;
+const HIGH: f64 = 250.0;
+const LOW: f64 = 190.0;
+
 /// Draws the fitness of the best and of the mean individual, and displacement and area of the best, over the generations.
 ///
 /// # Errors
@@ -29,49 +33,39 @@ pub fn draw_evolution(path: &Path, data: &Evolution) -> Result<(), FigureError> 
             "an evolution needs one value per generation each".into(),
         ));
     }
-    draw(path, (1200, 1160), |sheet| {
-        let parts = sheet.split_by_breakpoints::<u32, u32, _, _>([], [px(440), px(800)]);
-        let x = || Axis::counting("Generation", 0.0, (n - 1).max(1) as f64);
-        let all: Vec<f64> = data.best.iter().chain(&data.mean).copied().collect();
-        let title = format!("Genetic algorithm, {} generations", n - 1);
-        let entries = [("best", palette::BLUE), ("mean", palette::ORANGE)];
-        let mut fitness = panel(
-            &parts[0],
-            &title,
-            &entries,
-            &x(),
-            &around("Fitness (smaller is better)", &all),
-        )?;
-        line(&mut fitness, palette::BLUE, points(&data.best))?;
-        line(&mut fitness, palette::ORANGE, points(&data.mean))?;
-
-        let title = format!(
-            "Predicted displacement of the best individual: {:.3} mm",
-            data.value[n - 1]
-        );
-        let mut value = panel(&parts[1], &title, &[], &x(), &around("Displacement [mm]", &data.value))?;
-        line(&mut value, palette::BLUE, points(&data.value))?;
-
-        let percent: Vec<f64> = data.area.iter().map(|a| 100.0 * a).collect();
-        let title = format!("Electrode area of the best individual: {:.1} %", percent[n - 1]);
-        let mut area = panel(&parts[2], &title, &[], &x(), &around("Area [%]", &percent))?;
-        line(&mut area, palette::GREEN, points(&percent))
-    })
-}
-
-fn points(values: &[f64]) -> Vec<(f64, f64)> {
-    values.iter().enumerate().map(|(i, v)| (i as f64, *v)).collect()
-}
-
-/// An axis with a margin around some values, so that a flat curve has an axis too.
-fn around(label: &str, values: &[f64]) -> Axis {
-    let (low, high) = bounds(values);
-    Axis::linear(label, low, high)
-}
-
-fn bounds(values: &[f64]) -> (f64, f64) {
-    let low = values.iter().copied().fold(f64::INFINITY, f64::min);
-    let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let margin = (0.08 * (high - low)).max(0.01 * high.abs()).max(1e-6);
-    (low - margin, high + margin)
+    let chart = |title: String, label: &str, curves: &[(&str, Colour, &[f64])], height: f64| {
+        let x = Axis::counting("Generation", 0.0, (n - 1).max(1) as f64);
+        let y = Axis::between(label, curves.iter().flat_map(|(_, _, values)| values.iter()));
+        let series = curves.iter().map(|(name, colour, values)| {
+            let points = values.iter().enumerate().map(|(i, v)| (i as f64, *v)).collect();
+            Series::new(name, *colour, Mark::LineAndDots, points)
+        });
+        let chart = Chart::new(title, [x, y], series.collect()).with_size([WIDTH, height]);
+        Drawing::charts(1, &[chart])
+    };
+    let percent: Vec<f64> = data.area.iter().map(|a| 100.0 * a).collect();
+    let sheet = Drawing::below(vec![
+        chart(
+            format!("Genetic algorithm, {} generations", n - 1),
+            "Fitness (smaller is better)",
+            &[("best", Colour::Blue, &data.best), ("mean", Colour::Orange, &data.mean)],
+            HIGH,
+        ),
+        chart(
+            format!(
+                "Predicted displacement of the best individual: {:.3} mm",
+                data.value[n - 1]
+            ),
+            "Displacement [mm]",
+            &[("", Colour::Blue, &data.value)],
+            LOW,
+        ),
+        chart(
+            format!("Electrode area of the best individual: {:.1} %", percent[n - 1]),
+            "Area [%]",
+            &[("", Colour::Green, &percent)],
+            LOW,
+        ),
+    ]);
+    sheet.write_png(path)
 }

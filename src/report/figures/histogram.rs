@@ -2,10 +2,7 @@
 
 use std::path::Path;
 
-use plotters::prelude::*;
-
-use super::axes::{Axis, Panel, panel};
-use super::canvas::{FigureError, draw, palette, px};
+use crate::report::drawing::{Axis, Chart, Colour, Drawing, FigureError, Series};
 
 /// Counts of samples by their largest displacement.
 #[derive(Clone, Debug)]
@@ -23,6 +20,42 @@ pub struct Histogram {
 }
 
 impl Histogram {
+    /// The histograms as solved, levelled, and levelled with images.
+    ///
+    /// # Errors
+    /// When the counts do not fit the edges.
+    pub fn charts(&self) -> Result<Vec<Chart>, FigureError> {
+        self.validate()?;
+        let bars = |name, colour, counts: &[u64]| Series::bars(name, colour, &self.edges, counts);
+        let images = "with rotated and mirrored images";
+        Ok(vec![
+            self.chart(
+                "As solved",
+                &self.before,
+                vec![
+                    bars("solved", Colour::Sky, &self.before),
+                    Series::outline(images, Colour::Vermillion, &self.edges, &self.augmented),
+                ],
+                &self.augmented,
+            ),
+            self.chart(
+                "Levelled",
+                &self.levelled,
+                vec![bars("as drawn", Colour::Blue, &self.levelled)],
+                &self.after,
+            ),
+            self.chart(
+                "Augmented and levelled",
+                &self.after,
+                vec![
+                    bars("images", Colour::Orange, &self.after),
+                    bars("as drawn", Colour::Blue, &self.levelled),
+                ],
+                &self.after,
+            ),
+        ])
+    }
+
     fn validate(&self) -> Result<(), FigureError> {
         let bins = self.before.len();
         let counts = [&self.augmented, &self.levelled, &self.after];
@@ -36,62 +69,23 @@ impl Histogram {
         ))
     }
 
-    fn axes(&self, counts: &[&[u64]]) -> (Axis, Axis) {
-        let most = counts.iter().copied().flatten().max().copied().unwrap_or(0);
+    /// A chart of so many samples, whose axis reaches the highest of these bins and of others.
+    fn chart(&self, title: &str, counts: &[u64], series: Vec<Series>, others: &[u64]) -> Chart {
         let x = Axis::linear(
             "Largest displacement [mm]",
             self.edges[0],
             self.edges[self.before.len()],
         );
-        (x, Axis::counting("Samples per bin", 0.0, (1.08 * most as f64).max(1.0)))
-    }
-
-    fn bars(&self, panel: &mut Panel<'_>, counts: &[u64], colour: RGBColor) -> Result<(), FigureError> {
-        let bars = counts.iter().zip(self.edges.windows(2));
-        let bars = bars.filter(|(count, _)| **count > 0);
-        panel.draw_series(
-            bars.map(|(count, edge)| Rectangle::new([(edge[0], 0.0), (edge[1], *count as f64)], colour.filled())),
-        )?;
-        Ok(())
-    }
-
-    fn outline(&self, counts: &[u64]) -> Vec<(f64, f64)> {
-        let tops = counts.iter().zip(self.edges.windows(2));
-        tops.flat_map(|(count, edge)| [(edge[0], *count as f64), (edge[1], *count as f64)])
-            .collect()
+        let y = Axis::counts("Samples per bin", counts.iter().chain(others));
+        let title = format!("{title}: {} samples", counts.iter().sum::<u64>());
+        Chart::new(title, [x, y], series)
     }
 }
 
-/// Draws the histograms as solved, levelled, and levelled with images, side by side.
+/// Draws the histograms side by side.
 ///
 /// # Errors
 /// When the counts do not fit the edges, or the file cannot be written.
 pub fn draw_histogram(path: &Path, data: &Histogram) -> Result<(), FigureError> {
-    data.validate()?;
-    let total = |counts: &[u64]| counts.iter().sum::<u64>();
-    draw(path, (1800, 620), |sheet| {
-        let thirds = sheet.split_evenly((1, 3));
-        let (x, y) = data.axes(&[&data.before, &data.augmented]);
-        let title = format!("As solved: {} samples", total(&data.before));
-        let images = palette::VERMILLION;
-        let entries = [("solved", palette::SKY), ("with rotated and mirrored images", images)];
-        let mut left = panel(&thirds[0], &title, &entries, &x, &y)?;
-        data.bars(&mut left, &data.before, palette::SKY)?;
-        left.draw_series(LineSeries::new(
-            data.outline(&data.augmented),
-            images.stroke_width(px(2)),
-        ))?;
-
-        let (x, y) = data.axes(&[&data.after]);
-        let title = format!("Levelled: {} samples", total(&data.levelled));
-        let entries = [("as drawn", palette::BLUE)];
-        let mut middle = panel(&thirds[1], &title, &entries, &x, &y)?;
-        data.bars(&mut middle, &data.levelled, palette::BLUE)?;
-
-        let title = format!("Augmented and levelled: {} samples", total(&data.after));
-        let entries = [("as drawn", palette::BLUE), ("images", palette::ORANGE)];
-        let mut right = panel(&thirds[2], &title, &entries, &x, &y)?;
-        data.bars(&mut right, &data.after, palette::ORANGE)?;
-        data.bars(&mut right, &data.levelled, palette::BLUE)
-    })
+    Drawing::charts(3, &data.charts()?).write_png(path)
 }

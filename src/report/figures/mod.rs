@@ -1,37 +1,34 @@
-//! Figures of finished runs, as PNG files. They take plain numbers and know no artifacts.
+//! Figures of finished runs: what a page shows and what stands in a PNG are the same drawings. They take plain numbers and
+//! know no artifacts.
 
 mod accuracy;
-mod agreement;
 mod audit;
-mod axes;
-mod canvas;
-mod curves;
 mod deformation;
 mod evaluation;
 mod evolution;
-mod gallery;
 mod histogram;
-mod labels;
 mod membrane;
 mod path;
 mod rounds;
+mod training;
+mod verification;
 
+pub(in crate::report) use accuracy::accuracy_charts;
+pub(in crate::report) use deformation::deformation_charts;
+pub(in crate::report) use rounds::rounds_charts;
+
+pub use super::drawing::{FigureError, Membrane};
 pub use accuracy::{Cost, FamilyCosts, draw_accuracy, pareto_front};
-pub(in crate::report) use axes::Axis;
-pub(in crate::report) use labels::{Labels, Spot};
-
-pub use agreement::{Case, draw_agreement};
 pub use audit::{Audited, Counts, draw_audit};
-pub use canvas::FigureError;
-pub use curves::{Training, draw_training};
 pub use deformation::{FamilyDeformation, draw_deformation};
 pub use evaluation::{Evaluated, EvaluatedPredictor, draw_evaluation};
 pub use evolution::{Evolution, draw_evolution};
-pub use gallery::draw_gallery;
 pub use histogram::{Histogram, draw_histogram};
-pub use membrane::{Membrane, draw_membrane};
+pub use membrane::{draw_membrane, membrane_drawing};
 pub use path::{Branch, Limit, draw_paths};
 pub use rounds::{Round, draw_rounds};
+pub use training::{Training, draw_training};
+pub use verification::{Case, draw_agreement, draw_gallery};
 
 #[cfg(test)]
 mod tests;

@@ -2,11 +2,7 @@
 
 use std::path::Path;
 
-use plotters::prelude::*;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
-
-use super::axes::{Axis, Entry, Panel, panel};
-use super::canvas::{FigureError, draw, palette, px, text};
+use crate::report::drawing::{Axis, Chart, Colour, Drawing, FigureError, Mark, Series};
 
 /// The path of one pattern. The curves have one value per point, from rest on.
 #[derive(Clone, Debug)]
@@ -34,19 +30,17 @@ pub struct Limit {
     pub displacement: f64,
 }
 
-const COLOURS: [RGBColor; 5] = [
-    palette::BLUE,
-    palette::VERMILLION,
-    palette::GREEN,
-    palette::ORANGE,
-    palette::SKY,
-];
+/// Width and height of the chart.
+const SIZE: [f64; 2] = [708.0, 410.0];
 
-/// Draws displacement against voltage, solid where stable and dashed where not, with the limits marked.
+/// Names of more branches would fill the chart.
+const NAMED: usize = 7;
+
+/// Displacement against voltage, solid where stable and dashed where not, with the limits marked.
 ///
 /// # Errors
-/// When there are no branches or their data are incomplete, or the file cannot be written.
-pub fn draw_paths(path: &Path, branches: &[Branch]) -> Result<(), FigureError> {
+/// When there are no branches or their data are incomplete.
+pub fn paths_chart(branches: &[Branch]) -> Result<Chart, FigureError> {
     let incomplete = |b: &Branch| {
         let n = b.voltage.len();
         let numbers = b.voltage.iter().chain(&b.displacement);
@@ -58,69 +52,67 @@ pub fn draw_paths(path: &Path, branches: &[Branch]) -> Result<(), FigureError> {
         ));
     }
     let kilovolts: Vec<f64> = branches.iter().flat_map(|b| &b.voltage).map(|v| 1e-3 * v).collect();
-    let millimetres: Vec<f64> = branches.iter().flat_map(|b| &b.displacement).copied().collect();
-    let (x, y) = (
+    let millimetres = branches.iter().flat_map(|b| &b.displacement);
+    let axes = [
         Axis::above("Voltage [kV]", &kilovolts),
-        Axis::above("Displacement of the point that moves most [mm]", &millimetres),
-    );
-    draw(path, (1200, 760), |sheet| {
-        let title = match branches {
-            [one] => one
-                .limit
-                .as_ref()
-                .map_or("Load path without a limit".to_owned(), |limit| {
-                    format!("Load path: {} at {:.3} kV", limit.name, 1e-3 * limit.voltage)
-                }),
-            _ => "Load paths: stable solid, unstable dashed".to_owned(),
-        };
-        let entries: Vec<Entry<'_>> = match branches {
-            [_] => Vec::new(),
-            _ if branches.len() > COLOURS.len() => Vec::new(),
-            _ => branches.iter().map(|b| b.name.as_str()).zip(COLOURS).collect(),
-        };
-        let mut panel = panel(sheet, &title, &entries, &x, &y)?;
-        for (branch, colour) in branches.iter().zip(COLOURS.into_iter().cycle()) {
-            curve(&mut panel, branch, colour)?;
-            mark(&mut panel, branch, colour, branches.len() == 1)?;
-        }
-        Ok(())
-    })
-}
-
-/// Runs of stable and of unstable points.
-fn curve(panel: &mut Panel<'_>, branch: &Branch, colour: RGBColor) -> Result<(), FigureError> {
-    let point = |k: usize| (1e-3 * branch.voltage[k], branch.displacement[k]);
-    let n = branch.stable.len();
-    let mut first = 0;
-    while first < n {
-        let same = branch.stable[first..]
-            .iter()
-            .take_while(|s| **s == branch.stable[first])
-            .count();
-        // A run begins where the last one ends, so that no gap shows.
-        let run: Vec<(f64, f64)> = (first.saturating_sub(1)..first + same).map(point).collect();
-        if branch.stable[first] {
-            panel.draw_series(LineSeries::new(run, colour.stroke_width(px(2))))?;
-        } else {
-            let style = colour.stroke_width(px(2));
-            panel.draw_series(DashedLineSeries::new(run, px(9), px(6), style))?;
-        }
-        first += same;
-    }
-    Ok(())
-}
-
-/// The limit, with its name where there is room.
-fn mark(panel: &mut Panel<'_>, branch: &Branch, colour: RGBColor, named: bool) -> Result<(), FigureError> {
-    let Some(limit) = &branch.limit else {
-        return Ok(());
+        Axis::above("Displacement of the point that moves most [mm]", millimetres),
+    ];
+    let title = match branches {
+        [one] => one
+            .limit
+            .as_ref()
+            .map_or("Load path without a limit".to_owned(), |limit| {
+                format!("Load path: {} at {:.3} kV", limit.name, 1e-3 * limit.voltage)
+            }),
+        _ => "Load paths: stable solid, unstable dashed".to_owned(),
     };
-    let at = (1e-3 * limit.voltage, limit.displacement);
-    panel.draw_series([Circle::new(at, px(6), colour.filled())])?;
-    if named {
-        let style = text(20, palette::INK).pos(Pos::new(HPos::Right, VPos::Center));
-        let place = |dx: i32| EmptyElement::at(at) + Text::new(limit.name.clone(), (-dx, 0), style);
-        panel.draw_series([place(px(14) as i32)])?;
+    let named = (2..=NAMED).contains(&branches.len());
+    let mut series = Vec::new();
+    for (branch, colour) in branches.iter().zip(Colour::ALL.into_iter().cycle()) {
+        let name = if named { branch.name.as_str() } else { "" };
+        series.extend(branch.curve(name, colour));
+        series.extend(branch.mark(colour, branches.len() == 1));
     }
-    Ok(())
+    Ok(Chart::new(title, axes, series).with_size(SIZE))
+}
+
+impl Branch {
+    /// Runs of stable and of unstable points; the first carries the name.
+    fn curve(&self, name: &str, colour: Colour) -> Vec<Series> {
+        let point = |k: usize| (1e-3 * self.voltage[k], self.displacement[k]);
+        let n = self.stable.len();
+        let mut runs = Vec::new();
+        let mut first = 0;
+        while first < n {
+            let stable = self.stable[first];
+            let same = self.stable[first..].iter().take_while(|s| **s == stable).count();
+            // A run begins where the last one ends, so that no gap shows.
+            let points = (first.saturating_sub(1)..first + same).map(point).collect();
+            let mark = if stable { Mark::Line } else { Mark::Dashed };
+            runs.push(Series::new(if first == 0 { name } else { "" }, colour, mark, points));
+            first += same;
+        }
+        runs
+    }
+
+    /// The limit, with its name where there is room.
+    fn mark(&self, colour: Colour, named: bool) -> Vec<Series> {
+        let Some(limit) = &self.limit else {
+            return Vec::new();
+        };
+        let at = vec![(1e-3 * limit.voltage, limit.displacement)];
+        let mut marks = vec![Series::new("", colour, Mark::Dots, at.clone())];
+        if named {
+            marks.push(Series::new("", colour, Mark::Labelled, at).with_words(vec![limit.name.clone()]));
+        }
+        marks
+    }
+}
+
+/// Draws the paths.
+///
+/// # Errors
+/// When there are no branches or their data are incomplete, or the file cannot be written.
+pub fn draw_paths(path: &Path, branches: &[Branch]) -> Result<(), FigureError> {
+    Drawing::charts(1, &[paths_chart(branches)?]).write_png(path)
 }

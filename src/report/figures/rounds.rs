@@ -2,10 +2,7 @@
 
 use std::path::Path;
 
-use plotters::prelude::*;
-
-use super::axes::{Axis, Entry, line, panel};
-use super::canvas::{Area, FigureError, draw, palette, px};
+use crate::report::drawing::{Axis, Chart, Colour, Drawing, FigureError, Mark, Series};
 
 /// What one round came to.
 #[derive(Clone, Debug)]
@@ -16,20 +13,11 @@ pub struct Round {
     pub best: Vec<(String, f64)>,
 }
 
-const COLOURS: [RGBColor; 6] = [
-    palette::BLUE,
-    palette::VERMILLION,
-    palette::GREEN,
-    palette::ORANGE,
-    palette::SKY,
-    palette::PURPLE,
-];
-
-/// Draws the differences of all designs and their root mean square, and the best of each target, over the rounds.
+/// The differences of all designs and their root mean square, and the best of each target, over the rounds.
 ///
 /// # Errors
-/// When there is no round, a number is not finite, or the file cannot be written.
-pub fn draw_rounds(path: &Path, rounds: &[Round]) -> Result<(), FigureError> {
+/// When there is no round, or a number is not finite.
+pub fn rounds_charts(rounds: &[Round]) -> Result<Vec<Chart>, FigureError> {
     let numbers = |round: &Round| {
         let best = round.best.iter().map(|(_, mm)| *mm);
         round.differences.iter().copied().chain(best).collect::<Vec<f64>>()
@@ -37,37 +25,36 @@ pub fn draw_rounds(path: &Path, rounds: &[Round]) -> Result<(), FigureError> {
     if rounds.is_empty() || rounds.iter().flat_map(numbers).any(|value| !value.is_finite()) {
         return Err(FigureError::Data("rounds need finite numbers".into()));
     }
-    draw(path, (1500, 620), |sheet| {
-        let halves = sheet.split_evenly((1, 2));
-        differences(&halves[0], rounds)?;
-        best(&halves[1], rounds)
-    })
+    Ok(vec![differences(rounds), best(rounds)])
 }
 
 fn over_rounds(rounds: &[Round]) -> Axis {
     Axis::counting("Round", 0.5, rounds.len() as f64 + 0.5)
 }
 
-fn differences(area: &Area<'_>, rounds: &[Round]) -> Result<(), FigureError> {
-    let percent: Vec<Vec<f64>> = rounds
-        .iter()
-        .map(|round| round.differences.iter().map(|share| 100.0 * share).collect())
-        .collect();
-    let y = Axis::logarithmic("|predicted − simulated| / simulated [%]", percent.iter().flatten());
-    let entries = [("each design", palette::SKY), ("root mean square", palette::BLUE)];
-    let mut panel = panel(area, "Predicted against simulated", &entries, &over_rounds(rounds), &y)?;
-    let mut means = Vec::new();
-    for (round, values) in (1..).map(f64::from).zip(&percent) {
-        let dots = values.iter().filter(|value| y.shows(**value));
-        panel.draw_series(dots.map(|value| Circle::new((round, *value), px(4), palette::SKY.filled())))?;
-        let squares: f64 = values.iter().map(|value| value * value).sum();
-        let rms = (squares / values.len().max(1) as f64).sqrt();
-        means.extend(y.shows(rms).then_some((round, rms)));
+fn differences(rounds: &[Round]) -> Chart {
+    let (mut points, mut means) = (Vec::new(), Vec::new());
+    for (round, found) in (1..).map(f64::from).zip(rounds) {
+        let percent = || found.differences.iter().map(|share| 100.0 * share);
+        points.extend(percent().map(|value| (round, value)));
+        let squares: f64 = percent().map(|value| value * value).sum();
+        means.push((round, (squares / found.differences.len().max(1) as f64).sqrt()));
     }
-    line(&mut panel, palette::BLUE, means)
+    let y = Axis::logarithmic(
+        "|predicted − simulated| / simulated [%]",
+        points.iter().map(|(_, value)| value),
+    );
+    let series = vec![
+        Series::new("each design", Colour::Sky, Mark::Dots, points),
+        Series::new("root mean square", Colour::Blue, Mark::LineAndDots, means),
+    ];
+    Chart::new("Predicted against simulated", [over_rounds(rounds), y], series)
 }
 
-fn best(area: &Area<'_>, rounds: &[Round]) -> Result<(), FigureError> {
+/// Names of more targets would fill the chart.
+const NAMED: usize = 8;
+
+fn best(rounds: &[Round]) -> Chart {
     let mut targets: Vec<&str> = Vec::new();
     for (name, _) in rounds.iter().flat_map(|round| &round.best) {
         if !targets.contains(&name.as_str()) {
@@ -75,21 +62,24 @@ fn best(area: &Area<'_>, rounds: &[Round]) -> Result<(), FigureError> {
         }
     }
     let values: Vec<f64> = rounds.iter().flat_map(|round| &round.best).map(|(_, mm)| *mm).collect();
-    let y = Axis::above("Displacement [mm]", &values);
-    // Names of more targets than there are colours would fill the panel.
-    let entries: Vec<Entry<'_>> = match targets.len() {
-        2..=4 => targets.iter().copied().zip(COLOURS).collect(),
-        _ => Vec::new(),
-    };
-    let title = "Best design of each target, simulated";
-    let mut panel = panel(area, title, &entries, &over_rounds(rounds), &y)?;
-    for (target, colour) in targets.iter().zip(COLOURS.into_iter().cycle()) {
+    let line = |(target, colour): (&&str, Colour)| {
         let of_round = |(round, found): (f64, &Round)| {
             let best = found.best.iter().find(|(name, _)| name == target)?;
             Some((round, best.1))
         };
         let points = (1..).map(f64::from).zip(rounds).filter_map(of_round).collect();
-        line(&mut panel, colour, points)?;
-    }
-    Ok(())
+        let name = if targets.len() <= NAMED { *target } else { "" };
+        Series::new(name, colour, Mark::LineAndDots, points)
+    };
+    let series = targets.iter().zip(Colour::ALL.into_iter().cycle()).map(line).collect();
+    let axes = [over_rounds(rounds), Axis::above("Displacement [mm]", &values)];
+    Chart::new("Best design of each target, simulated", axes, series)
+}
+
+/// Draws the rounds.
+///
+/// # Errors
+/// When there is no round, a number is not finite, or the file cannot be written.
+pub fn draw_rounds(path: &Path, rounds: &[Round]) -> Result<(), FigureError> {
+    Drawing::charts(2, &rounds_charts(rounds)?).write_png(path)
 }

@@ -3,19 +3,21 @@ use std::path::Path;
 
 use super::*;
 
+/// A membrane with a wanted point.
 fn membrane(direction: f64) -> Membrane {
+    let cell = |at: usize| u8::from(at % 50 < 25 || (at / 50) > 40 && at % 50 < 34);
+    with(cell, direction, vec![[25.0, 25.0]])
+}
+
+fn with(cell: impl Fn(usize) -> u8, direction: f64, points: Vec<[f64; 2]>) -> Membrane {
     let bump = |t: f64| (std::f64::consts::PI * t).sin();
     let corner = |at: usize| {
         let (x, y) = ((at % 51) as f64 / 50.0, (at / 51) as f64 / 50.0);
         [2.1 * direction * bump(x) * bump(y), 0.6 * bump(2.0 * x) * bump(y)]
     };
-    let cell = |at: usize| u8::from(at % 50 < 25 || (at / 50) > 40 && at % 50 < 34);
-    Membrane {
-        pattern: (0..2500).map(cell).collect(),
-        displacement: (0..51 * 51).flat_map(corner).collect(),
-        side: 50.0,
-        points: vec![[25.0, 25.0]],
-    }
+    let pattern: Vec<u8> = (0..2500).map(cell).collect();
+    let displacement: Vec<f64> = (0..51 * 51).flat_map(corner).collect();
+    Membrane::new(&pattern, &displacement, 50.0, points).unwrap()
 }
 
 fn histogram() -> Histogram {
@@ -189,10 +191,8 @@ fn the_electrode_is_drawn_where_it_has_moved_to() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("m.png");
     let share = |direction: f64| {
-        let mut data = membrane(direction);
-        data.points.clear();
         // A half plane, so that the exact area between its moved edge and the frame is known.
-        data.pattern = (0..2500).map(|at| u8::from(at % 50 < 25)).collect();
+        let data = with(|at| u8::from(at % 50 < 25), direction, Vec::new());
         draw_membrane(&path, "t", &data).unwrap();
         let (_, _, pixels) = pixels(&path);
         pixels.iter().filter(|p| **p == SKY).count() as f64 / (594.0 * 594.0)
@@ -224,8 +224,12 @@ fn numbers_that_make_no_figure_are_refused_and_odd_ones_drawn() {
         Err(FigureError::Data(_))
     ));
     assert!(matches!(draw_agreement(&path, &[]), Err(FigureError::Data(_))));
-    let mut bad = membrane(1.0);
-    bad.displacement[7] = f64::NAN;
+    let mut field = [0.0; 5202];
+    field[7] = f64::NAN;
+    assert!(matches!(
+        Membrane::new(&[1; 2500], &field, 50.0, Vec::new()),
+        Err(FigureError::Data(_))
+    ));
     let mut none = deformations();
     none[1].peaks.clear();
     let mut odd = deformations();
@@ -234,7 +238,6 @@ fn numbers_that_make_no_figure_are_refused_and_odd_ones_drawn() {
         assert!(matches!(draw_deformation(&path, bad), Err(FigureError::Data(_))));
     }
     assert!(matches!(draw_accuracy(&path, &[]), Err(FigureError::Data(_))));
-    assert!(matches!(draw_membrane(&path, "t", &bad), Err(FigureError::Data(_))));
     let mut bad = branches(2);
     bad[1].stable.pop();
     assert!(matches!(draw_paths(&path, &bad), Err(FigureError::Data(_))));
@@ -248,10 +251,7 @@ fn numbers_that_make_no_figure_are_refused_and_odd_ones_drawn() {
     draw_paths(&path, &still).unwrap();
     draw_evolution(&path, &evolution(1)).unwrap();
     draw_training(&path, &training(1)).unwrap();
-    let still = Membrane {
-        displacement: vec![0.0; 51 * 51 * 2],
-        ..membrane(1.0)
-    };
+    let still = Membrane::new(&[1; 2500], &[0.0; 5202], 50.0, Vec::new()).unwrap();
     draw_membrane(&path, "t", &still).unwrap();
     let empty = Histogram {
         before: vec![0; 100],

@@ -1,18 +1,29 @@
 //! Every design of a target beside the others: its pattern, the deformed membrane, and its numbers.
 
-use super::membrane::{deformed, pattern};
-use super::words::{gain, mm, percent};
-use crate::report::designs::{Design, Role, role_title};
-use crate::report::html::escaped;
+use maud::{Markup, html};
 
-/// The cards of a target's designs.
-pub fn cards(designs: &[&Design], scale: f64) -> String {
-    let several = designs.iter().any(|design| design.member > 0);
-    let cards: String = designs.iter().map(|design| card(design, several, scale)).collect();
-    format!("<div class=\"cards\">\n{cards}</div>\n")
+use crate::pattern::Pattern;
+use crate::report::designs::{Design, Role, role_title};
+use crate::report::drawing::{direction, electrode_at_rest, frame, grid};
+use crate::report::format::{gain, mm, percent};
+
+/// Length of the arrow of a wanted direction, in thousandths of the membrane's side.
+const ARROW: f64 = 110.0;
+
+/// What all drawings of membranes have in common: the grid at rest.
+pub fn shared() -> Markup {
+    html! {
+        svg width="0" height="0" style="position:absolute" aria-hidden="true" { defs { g #rest .membrane { (grid()) } } }
+    }
 }
 
-fn card(design: &Design, several: bool, scale: f64) -> String {
+/// The cards of a target's designs.
+pub fn cards(designs: &[&Design], scale: f64) -> Markup {
+    let several = designs.iter().any(|design| design.member > 0);
+    html! { div.cards { @for design in designs { (card(design, several, scale)) "\n" } } }
+}
+
+fn card(design: &Design, several: bool, scale: f64) -> Markup {
     let class = match design.role {
         Role::IntuitiveEqualArea => "intuitive",
         role => role.name(),
@@ -21,39 +32,72 @@ fn card(design: &Design, several: bool, scale: f64) -> String {
         true => format!("{} {}", role_title(design.role), design.member + 1),
         false => role_title(design.role).to_owned(),
     };
-    let units = match design.role.is_found() {
-        true => format!("{0} × {0} units", design.units),
-        false => String::new(),
+    html! {
+        article class={ "card " (class) } id=(design.name) {
+            h5 { (title) span { @if design.role.is_found() { (design.units) " × " (design.units) " units" } } }
+            div.pair { (pattern(design)) (deformed(design, scale)) }
+            (numbers(design))
+            @for (class, remark) in remarks(design) { p class={ "status " (class) } { (remark) } }
+        }
+    }
+}
+
+/// The electrode at rest, with the wanted points and directions.
+fn pattern(design: &Design) -> Markup {
+    let says = format!(
+        "Electrode pattern of {}: {:.1} % active",
+        design.name,
+        100.0 * design.area
+    );
+    let aims = design.wanted.points().iter();
+    let content = html! {
+        @if let Ok(pattern) = Pattern::from_cells(&design.pattern) { (electrode_at_rest(&pattern)) }
+        @for aim in aims { (direction(aim.point, design.side, aim.direction, ARROW)) }
     };
-    format!(
-        "<article class=\"card {class}\" id=\"{}\"><h5>{title}<span>{units}</span></h5><div class=\"pair\">{}{}</div>\n{}{}</article>\n",
-        escaped(&design.name),
-        pattern(design),
-        deformed(design, scale),
-        numbers(design),
-        remarks(design)
-    )
+    drawing(&says, &content)
+}
+
+/// The electrode where it has moved to over the grid at rest, with the displacements of the wanted points.
+fn deformed(design: &Design, scale: f64) -> Markup {
+    let how = if design.simulated.is_some() { "simulated" } else { "predicted" };
+    let says = format!(
+        "Deformed membrane of {}, {how}, displacements drawn {scale} times",
+        design.name
+    );
+    let content = html! {
+        @if let Some(membrane) = design.membrane() {
+            (membrane.electrode(scale)) (membrane.mesh(scale)) (membrane.arrows(scale))
+        }
+    };
+    drawing(&says, &content)
+}
+
+fn drawing(says: &str, content: &Markup) -> Markup {
+    html! {
+        svg.membrane viewBox="-12 -12 1024 1024" width="240" height="240" role="img" aria-label=(says) {
+            title { (says) }
+            (frame())
+            use href="#rest" {}
+            (content)
+        }
+    }
 }
 
 /// The value that counts, then what it is compared with.
-fn numbers(design: &Design) -> String {
+fn numbers(design: &Design) -> Markup {
     let ratio = design
         .compared
         .ratio
         .filter(|_| shows_optimum(design) && !design.wanted.is_met());
-    let ratio = ratio.map_or_else(String::new, |ratio| {
-        format!("<span>{} of the optimum</span>", percent(ratio, 2))
-    });
     let value = match (simulated(design), design.predicted_mm) {
         (Some(simulated), _) => simulated,
         (None, Some(predicted)) => format!("{} mm predicted", mm(predicted)),
         (None, None) => "no value".to_owned(),
     };
-    format!(
-        "<p class=\"value\"><b>{}</b>{ratio}</p><dl>{}</dl>",
-        escaped(&value),
-        rows(design)
-    )
+    html! {
+        p.value { b { (value) } @if let Some(ratio) = ratio { span { (percent(ratio, 2)) " of the optimum" } } }
+        dl { (rows(design)) }
+    }
 }
 
 /// An intuitive design at its own area may have more of it than the optimum was allowed.
@@ -62,7 +106,7 @@ fn shows_optimum(design: &Design) -> bool {
 }
 
 /// Lines of a name, a number in mm, and what this design has more or less than that.
-fn rows(design: &Design) -> String {
+fn rows(design: &Design) -> Markup {
     let compared = &design.compared;
     let found = design.role.is_found();
     let over = |other: f64| {
@@ -91,10 +135,11 @@ fn rows(design: &Design) -> String {
         other("intuitive, own area", compared.intuitive_own, found),
         other("intuitive, equal area", compared.intuitive_equal_area, found),
     ];
-    let row = |(name, value, more): (&str, String, String)| {
-        format!("<dt>{name}</dt><dd>{}</dd><dd>{}</dd>", escaped(&value), escaped(&more))
-    };
-    rows.into_iter().flatten().map(row).collect()
+    html! {
+        @for (name, value, more) in rows.into_iter().flatten() {
+            dt { (name) } dd { (value) } dd { (more) }
+        }
+    }
 }
 
 /// The simulated value with its estimated error; none where nothing was simulated.
@@ -107,25 +152,23 @@ fn simulated(design: &Design) -> Option<String> {
     }
 }
 
-fn remarks(design: &Design) -> String {
-    let mut out = String::new();
-    let mut remark = |class: &str, text: &str| {
-        out += &format!("<p class=\"status {class}\">{}</p>", escaped(text));
-    };
+/// Classes and words of what should be known of a design beside its numbers.
+fn remarks(design: &Design) -> Vec<(&'static str, String)> {
+    let mut remarks = Vec::new();
     match (design.simulated_mm, design.outcome.as_deref()) {
-        (None, Some(outcome)) => remark("warning", &format!("Simulation ended: {outcome}")),
-        (None, None) => remark("note", "Not verified: the membrane is drawn as predicted"),
-        (Some(_), Some("estimated")) => remark("note", "Estimated, no equilibrium"),
+        (None, Some(outcome)) => remarks.push(("warning", format!("Simulation ended: {outcome}"))),
+        (None, None) => remarks.push(("note", "Not verified: the membrane is drawn as predicted".to_owned())),
+        (Some(_), Some("estimated")) => remarks.push(("note", "Estimated, no equilibrium".to_owned())),
         (Some(_), _) => {}
     }
     match design.status.as_str() {
         "" => {}
-        "met" if design.role.is_found() => remark("good", "Constraints met"),
+        "met" if design.role.is_found() => remarks.push(("good", "Constraints met".to_owned())),
         "met" => {}
-        "no stable field" => remark("warning", "The evaluator finds no stable field"),
+        "no stable field" => remarks.push(("warning", "The evaluator finds no stable field".to_owned())),
         // The intuitive designs were never asked to meet any.
-        status if design.role.is_found() => remark("warning", &format!("Not met: {status}")),
-        status => remark("note", &format!("Would not meet: {status}")),
+        status if design.role.is_found() => remarks.push(("warning", format!("Not met: {status}"))),
+        status => remarks.push(("note", format!("Would not meet: {status}"))),
     }
-    out
+    remarks
 }

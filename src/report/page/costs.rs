@@ -1,16 +1,17 @@
 //! What the stages cost, and where everything comes from.
 
 use super::dag::fate;
-use super::words::{bytes, percent, seconds, time};
 use crate::report::course::{Course, Origin, StageFacts};
+use crate::report::format::{bytes, percent, seconds, time};
 use crate::report::html::{Column, Page};
 
 /// Adds the table of costs.
 pub fn section(page: &mut Page, course: &Course) {
     page.section("Costs");
-    page.lines(&["Time is from the beginning to the end of the stage when it was built; work is the sum over its chunks, several of \
-                  which run at a time."
-        .to_owned()]);
+    page.line(
+        "Time is from the beginning to the end of the stage when it was built; work is the sum over its chunks, several of \
+         which run at a time.",
+    );
     let took = |stage: &StageFacts| stage.origin.as_ref().map(took);
     let total: f64 = course.stages.iter().filter_map(took).sum();
     let row = |stage: &StageFacts| {

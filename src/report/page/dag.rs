@@ -1,10 +1,12 @@
 //! The pipeline drawn: each stage with its kind, its digest, what the last run did with it and what it cost.
 
+use maud::{Markup, html};
+
 use super::layout::{BOX, Layout, layout};
-use super::svg::number;
-use super::words::{bytes, cut, seconds};
 use crate::report::course::{Course, StageFacts};
-use crate::report::html::{Page, escaped};
+use crate::report::drawing::{Colour, number};
+use crate::report::format::{bytes, cut, seconds, time};
+use crate::report::html::Page;
 
 /// Widths in units of the page: of a box, and of the room between two layers.
 const WIDTH: f64 = 184.0;
@@ -38,13 +40,14 @@ impl Fate {
         }
     }
 
-    fn colour(self) -> &'static str {
-        match self {
-            Self::Built => "blue",
-            Self::Partly => "orange",
-            Self::Reused => "green",
-            Self::Missing => "grey",
-        }
+    fn class(self) -> &'static str {
+        let colour = match self {
+            Self::Built => Colour::Blue,
+            Self::Partly => Colour::Orange,
+            Self::Reused => Colour::Green,
+            Self::Missing => Colour::Grey,
+        };
+        colour.class()
     }
 }
 
@@ -69,63 +72,54 @@ pub fn cost(stage: &StageFacts) -> String {
 /// Adds the drawing and what its colours mean.
 pub fn section(page: &mut Page, course: &Course) {
     page.section("Pipeline");
-    let fates: Vec<Fate> = course.stages.iter().map(Fate::of).collect();
-    let entry = |fate: Fate, words: &str| {
-        let n = fates.iter().filter(|f| **f == fate).count();
-        let text = format!("<li class=\"{}\"><i></i>{n} {words}</li>", fate.colour());
-        if n > 0 { text } else { String::new() }
+    let run = match &course.last_run {
+        Some(ended) => format!("The last run that changed anything ended {}.", time(ended)),
+        None => "No run of this pipeline is remembered in the store.".to_owned(),
     };
-    let run = course.last_run.as_ref().map_or_else(
-        || "No run of this pipeline is remembered in the store.".to_owned(),
-        |ended| {
-            format!(
-                "The last run that changed anything ended {}.",
-                super::words::time(ended)
-            )
-        },
-    );
-    page.lines(&[format!(
+    page.line(&format!(
         "{run} Each box names a stage, its kind and digest, what that run did with it, and what it took when it was built."
-    )]);
-    page.markup(&format!(
-        "<ul class=\"legend\">{}{}{}{}</ul>\n",
-        entry(Fate::Built, "built"),
-        entry(Fate::Partly, "built in part"),
-        entry(Fate::Reused, "reused"),
-        entry(Fate::Missing, "not built")
     ));
+    let fates: Vec<Fate> = course.stages.iter().map(Fate::of).collect();
+    let counts = [
+        (Fate::Built, "built"),
+        (Fate::Partly, "built in part"),
+        (Fate::Reused, "reused"),
+        (Fate::Missing, "not built"),
+    ]
+    .map(|(fate, words)| (fate, fates.iter().filter(|f| **f == fate).count(), words));
+    page.add(html! {
+        ul.legend {
+            @for (fate, n, words) in counts.iter().filter(|(_, n, _)| *n > 0) {
+                li class=(fate.class()) { i {} (n) " " (words) }
+            }
+        }
+    });
     page.scrolled("The stages of the pipeline and what they need", &draw(course));
 }
 
-fn draw(course: &Course) -> String {
+fn draw(course: &Course) -> Markup {
     let needs: Vec<Vec<usize>> = course.stages.iter().map(|stage| stage.needs.clone()).collect();
     let placed = layout(&needs);
     let width = placed.layers as f64 * (WIDTH + BETWEEN) - BETWEEN + 4.0;
-    let height = placed.height + 4.0;
-    let (names, smallest) = (names(course), SMALLEST * width);
-    let mut out = format!(
-        "<svg class=\"dag\" viewBox=\"-2 -2 {width} {0}\" width=\"{width}\" height=\"{0}\" style=\"width:100%;min-width:{1}px;max-width:{width}px\" \
-         role=\"img\" aria-label=\"{names}\"><title>{names}</title>\n",
-        number(height, 0),
-        number(smallest, 0)
-    );
-    out += &lines(&placed);
-    for (stage, place) in course.stages.iter().zip(&placed.stages) {
-        out += &boxed(stage, *place);
-    }
-    out + "</svg>"
-}
-
-fn names(course: &Course) -> String {
+    let height = number(placed.height + 4.0, 0);
+    let smallest = number(SMALLEST * width, 0);
     let names: Vec<&str> = course.stages.iter().map(|stage| stage.name.as_str()).collect();
-    escaped(&format!("Pipeline of {} stages: {}", names.len(), names.join(", ")))
+    let says = format!("Pipeline of {} stages: {}", names.len(), names.join(", "));
+    html! {
+        svg.dag viewBox={ "-2 -2 " (width) " " (height) } width=(width) height=(height)
+            style={ "width:100%;min-width:" (smallest) "px;max-width:" (width) "px" } role="img" aria-label=(says) {
+            title { (says) }
+            (lines(&placed))
+            @for (stage, place) in course.stages.iter().zip(&placed.stages) { (boxed(stage, *place)) }
+        }
+    }
 }
 
 fn left(layer: usize) -> f64 {
     layer as f64 * (WIDTH + BETWEEN)
 }
 
-fn lines(placed: &Layout) -> String {
+fn lines(placed: &Layout) -> Markup {
     let mut path = String::new();
     for line in &placed.lines {
         for (k, pair) in line.windows(2).enumerate() {
@@ -140,12 +134,10 @@ fn lines(placed: &Layout) -> String {
             path += &format!("C{} {y} {} {end} {right} {end}", x + half, right - half);
         }
     }
-    format!("<path d=\"{path}\"/>\n")
+    html! { path d=(path) {} }
 }
 
-fn boxed(stage: &StageFacts, (layer, middle): (usize, f64)) -> String {
-    let fate_of = Fate::of(stage);
-    let [name, kind] = [cut(&stage.name, NAME), stage.kind.clone()].map(|text| escaped(&text));
+fn boxed(stage: &StageFacts, (layer, middle): (usize, f64)) -> Markup {
     let digest = stage
         .digest
         .map_or_else(|| "no artifact".to_owned(), |digest| digest.to_string()[..8].to_owned());
@@ -157,24 +149,21 @@ fn boxed(stage: &StageFacts, (layer, middle): (usize, f64)) -> String {
         cost if cost.is_empty() => String::new(),
         cost => format!(" · {cost}"),
     };
-    let fate = escaped(&cut(&format!("{}{cost}{size}", short(stage)), LINE));
-    let says = escaped(&format!(
-        "{}: {}, {}{}",
-        stage.name,
-        stage.kind,
-        self::fate(stage),
-        stage.why.as_ref().map_or_else(String::new, |why| format!(": {why}"))
-    ));
-    let digest_at = 10.0 + 6.4 * (kind.chars().count() + 2) as f64;
-    format!(
-        "<g transform=\"translate({} {})\"><title>{says}</title><rect width=\"{WIDTH}\" height=\"{BOX}\" rx=\"6\"/>\
-         <rect class=\"bar {}\" x=\"0\" y=\"0\" width=\"5\" height=\"{BOX}\" rx=\"2.5\"/>\
-         <text class=\"name\" x=\"13\" y=\"21\">{name}</text><text x=\"13\" y=\"39\">{kind}</text>\
-         <text class=\"mono\" x=\"{digest_at}\" y=\"39\">{digest}</text><text x=\"13\" y=\"56\">{fate}</text></g>\n",
-        left(layer),
-        number(middle - 0.5 * BOX, 1),
-        fate_of.colour(),
-    )
+    let why = stage.why.as_ref().map_or_else(String::new, |why| format!(": {why}"));
+    let says = format!("{}: {}, {}{why}", stage.name, stage.kind, fate(stage));
+    let digest_at = 10.0 + 6.4 * (stage.kind.chars().count() + 2) as f64;
+    let top = number(middle - 0.5 * BOX, 1);
+    html! {
+        g transform={ "translate(" (left(layer)) " " (top) ")" } {
+            title { (says) }
+            rect width=(WIDTH) height=(BOX) rx="6" {}
+            rect class={ "bar " (Fate::of(stage).class()) } x="0" y="0" width="5" height=(BOX) rx="2.5" {}
+            text.name x="13" y="21" { (cut(&stage.name, NAME)) }
+            text x="13" y="39" { (stage.kind) }
+            text.mono x=(digest_at) y="39" { (digest) }
+            text x="13" y="56" { (cut(&format!("{}{cost}{size}", short(stage)), LINE)) }
+        }
+    }
 }
 
 fn short(stage: &StageFacts) -> String {

@@ -1,23 +1,21 @@
 //! The designs case by case: a table, the curve over the area where targets differ in that alone, and every pattern.
 
-use super::cards::cards;
-use super::chart::{Chart, Mark, Series};
-use super::membrane::{exaggeration, shared};
-use super::words::{gain, mm, percent};
+use super::cards::{cards, shared};
 use crate::report::designs::{Design, Role, role_title};
-use crate::report::figures::Axis;
+use crate::report::drawing::{Axis, Chart, Colour, Mark, Membrane, Series, exaggeration};
+use crate::report::format::{gain, mm, percent};
 use crate::report::html::{Column, Page};
 
 /// Targets of different areas that make a curve.
 const CURVE: usize = 3;
 
 /// Roles with their colours.
-pub const ROLES: [(Role, &str); 5] = [
-    (Role::Ga, "orange"),
-    (Role::Refined, "blue"),
-    (Role::Optimum, "green"),
-    (Role::IntuitiveEqualArea, "purple"),
-    (Role::Intuitive, "grey"),
+const ROLES: [(Role, Colour); 5] = [
+    (Role::Ga, Colour::Orange),
+    (Role::Refined, Colour::Blue),
+    (Role::Optimum, Colour::Green),
+    (Role::IntuitiveEqualArea, Colour::Purple),
+    (Role::Intuitive, Colour::Grey),
 ];
 
 /// Adds a section where there are designs.
@@ -26,7 +24,8 @@ pub fn section(page: &mut Page, designs: &[Design]) {
         return;
     }
     page.section("Designs");
-    let scale = exaggeration(designs);
+    let membranes: Vec<Membrane> = designs.iter().filter_map(Design::membrane).collect();
+    let scale = exaggeration(&membranes);
     let times = match scale {
         1.0 => "true to scale".to_owned(),
         scale => format!("{scale} times as large as they are"),
@@ -41,7 +40,7 @@ pub fn section(page: &mut Page, designs: &[Design]) {
              search finds from several starts: how far a design is from it is how far it is from what the physics allows."
         ),
     ]);
-    page.markup(&shared());
+    page.add(shared());
     for case in by(designs.iter(), |design| &design.case) {
         let Some(first) = case.first() else { continue };
         page.part(&match first.case.as_str() {
@@ -52,7 +51,7 @@ pub fn section(page: &mut Page, designs: &[Design]) {
         let rows: Vec<Vec<String>> = found.map(|design| row(design)).collect();
         page.columns("Designs of the case", &COLUMNS, &rows);
         if let Some(curve) = curve(&case) {
-            page.markup(&format!("<div class=\"charts\">\n{curve}</div>\n"));
+            page.charts([&curve]);
         }
         for target in by(case.iter().copied(), |design| &design.target) {
             let Some(first) = target.first() else { continue };
@@ -72,7 +71,7 @@ pub fn section(page: &mut Page, designs: &[Design]) {
                 "Wanted: displacement of {}, {area}{constraints}",
                 first.wanted.words()
             ));
-            page.markup(&cards(&target, scale));
+            page.add(cards(&target, scale));
         }
     }
 }
@@ -141,7 +140,7 @@ fn row(design: &Design) -> Vec<String> {
 }
 
 /// Displacement over the area, where at least three targets of the same objective differ in it.
-fn curve(case: &[&Design]) -> Option<String> {
+fn curve(case: &[&Design]) -> Option<Chart> {
     let first = case.first()?;
     let mut areas: Vec<f64> = case
         .iter()
@@ -173,14 +172,12 @@ fn curve(case: &[&Design]) -> Option<String> {
         .filter(|series| !series.points.is_empty())
         .collect();
     let values: Vec<f64> = series.iter().flat_map(|s| &s.points).map(|(_, mm)| *mm).collect();
-    let chart = Chart {
-        title: "Displacement over electrode area",
-        note: &first.wanted.words(),
-        x: Axis::linear("Area [%]", 0.0, 100.0),
-        y: Axis::above("Simulated displacement [mm]", &values),
-        series,
-    };
-    (!values.is_empty()).then(|| chart.figure())
+    let axes = [
+        Axis::linear("Area [%]", 0.0, 100.0),
+        Axis::above("Simulated displacement [mm]", &values),
+    ];
+    let chart = Chart::new("Displacement over electrode area", axes, series);
+    (!values.is_empty()).then(|| chart.with_note(first.wanted.words()))
 }
 
 /// Adds what was predicted beside what was simulated.
@@ -193,10 +190,7 @@ pub fn agreement(page: &mut Page, designs: &[Design]) {
         return;
     }
     page.section("Predicted against simulated");
-    page.lines(&[
-        "Every verified design: the search believed the prediction, the simulation on a finer mesh says what is true."
-            .to_owned(),
-    ]);
+    page.line("Every verified design: the search believed the prediction, the simulation on a finer mesh says what is true.");
     let values = known.iter().flat_map(|d| [d.predicted_mm, d.simulated_mm]).flatten();
     let values: Vec<f64> = values.collect();
     let (x, y) = (
@@ -209,14 +203,14 @@ pub fn agreement(page: &mut Page, designs: &[Design]) {
         values.iter().fold(0.0, |a: f64, b| a.max(*b)),
     ];
     let series = |of: &dyn Fn(&Design) -> Option<(f64, f64)>| {
-        let one = |(role, colour): (Role, &'static str)| {
+        let one = |(role, colour): (Role, Colour)| {
             let own: Vec<&&Design> = known.iter().filter(|design| design.role == role).collect();
             let points: Vec<((f64, f64), String)> = own
                 .iter()
                 .filter_map(|design| Some((of(design)?, design.name.clone())))
                 .collect();
             let (points, words) = points.into_iter().unzip();
-            Series::new(role_title(role), colour, Mark::Dots, points).saying(words)
+            Series::new(role_title(role), colour, Mark::Dots, points).with_words(words)
         };
         ROLES
             .into_iter()
@@ -225,27 +219,16 @@ pub fn agreement(page: &mut Page, designs: &[Design]) {
             .collect::<Vec<_>>()
     };
     let both = |design: &Design| Some((design.simulated_mm?, design.predicted_mm?));
-    let diagonal = Series::new("", "grey", Mark::Dashed, ends.map(|end| (end, end)).to_vec());
-    let scatter = Chart {
-        title: "Predicted and simulated",
-        note: "on the dashed line both agree",
-        x: x.clone(),
-        y,
-        series: [vec![diagonal], series(&both)].concat(),
-    };
+    let diagonal = Series::new("", Colour::Grey, Mark::Dashed, ends.map(|end| (end, end)).to_vec());
+    let series_of_both = [vec![diagonal], series(&both)].concat();
+    let scatter = Chart::new("Predicted and simulated", [x.clone(), y], series_of_both);
     let error = |design: &Design| Some((design.simulated_mm?, 100.0 * design.prediction_error()?));
     let errors: Vec<f64> = known.iter().filter_map(|d| Some(error(d)?.1)).collect();
-    let zero = Series::new("", "grey", Mark::Dashed, ends.map(|end| (end, 0.0)).to_vec());
-    let differences = Chart {
-        title: "Difference",
-        note: "predicted less simulated, in percent of what is simulated",
-        x,
-        y: Axis::around("Difference [%]", &errors),
-        series: [vec![zero], series(&error)].concat(),
-    };
-    page.markup(&format!(
-        "<div class=\"charts\">\n{}{}</div>\n",
-        scatter.figure(),
-        differences.figure()
-    ));
+    let zero = Series::new("", Colour::Grey, Mark::Dashed, ends.map(|end| (end, 0.0)).to_vec());
+    let axes = [x, Axis::around("Difference [%]", &errors)];
+    let differences = Chart::new("Difference", axes, [vec![zero], series(&error)].concat());
+    page.charts(&[
+        scatter.with_note("on the dashed line both agree"),
+        differences.with_note("predicted less simulated, in percent of what is simulated"),
+    ]);
 }

@@ -1,15 +1,13 @@
 //! Surrogates judged by patterns that none of them has seen.
 
-use super::chart::{Chart, Mark, Series};
-use super::words::percent;
-use crate::report::evaluation::{Coverage, Evaluation, read, short};
-use crate::report::figures::{Axis, Evaluated};
-use crate::report::gather::{Made, ReportError, each, evaluated};
-use crate::report::html::{Column, Page, escaped};
-use crate::store::Store;
+use maud::{Markup, html};
 
-/// Dots in one chart: more only cover each other.
-const MOST_DOTS: usize = 1500;
+use crate::report::evaluation::{Coverage, Evaluation, read};
+use crate::report::figures::Evaluated;
+use crate::report::format::{percent, two_digits};
+use crate::report::gather::{Made, ReportError, each, evaluated};
+use crate::report::html::{Column, Page};
+use crate::store::Store;
 
 /// Adds a section where surrogates were evaluated.
 pub fn section(page: &mut Page, store: &Store, made: &[Made]) -> Result<(), ReportError> {
@@ -22,60 +20,45 @@ pub fn section(page: &mut Page, store: &Store, made: &[Made]) -> Result<(), Repo
     page.section("Surrogates");
     for (evaluation, data) in &found {
         page.part(&evaluation.stage);
-        page.lines(&[
-            "Root mean square error of a displacement component in mm, by family of patterns; dark cells err more."
-                .to_owned(),
-        ]);
-        page.scrolled("Errors by family", &matrix(evaluation));
+        page.line("Root mean square error of a displacement component in mm, by family of patterns; dark cells err more.");
+        page.scrolled("Errors by family", &matrix(evaluation, data));
         if !evaluation.calibrations.is_empty() {
-            page.lines(&["Intervals of 95 %, and how often they cover:".to_owned()]);
+            page.line("Intervals of 95 %, and how often they cover:");
             intervals(page, evaluation);
         }
-        page.markup(&format!("<div class=\"charts\">\n{}</div>\n", scatter(data)));
+        page.charts(&data.charts());
     }
     Ok(())
 }
 
-/// Errors with their shades, from the smallest to the largest of all on a logarithmic scale.
-fn matrix(evaluation: &Evaluation) -> String {
-    let all = || {
-        evaluation
-            .predictors
-            .iter()
-            .flat_map(|p| &p.rmse_mm)
-            .filter(|e| **e > 0.0)
-    };
-    let (low, high) = all().fold((f64::INFINITY, 0.0), |(l, h): (f64, f64), e| (l.min(*e), h.max(*e)));
-    let shade = |error: f64| match error > 0.0 && high > low {
-        true => 0.05 + 0.4 * (error / low).ln() / (high / low).ln(),
-        false => 0.0,
-    };
+/// Errors with their shades.
+fn matrix(evaluation: &Evaluation, data: &Evaluated) -> Markup {
     let titles = evaluation.families.iter().map(String::as_str);
-    let titles = titles.chain(["R² of the largest", "largest error"]);
-    let head: String = titles
-        .map(|t| format!("<th scope=\"col\" class=\"number\">{}</th>", escaped(t)))
-        .collect();
-    let mut rows = String::new();
-    for predictor in &evaluation.predictors {
-        rows += &format!("<tr><th scope=\"row\">{}</th>", escaped(&predictor.name));
-        for (error, samples) in predictor.rmse_mm.iter().zip(&predictor.samples) {
-            rows += &match samples {
-                0 => "<td class=\"heat\">none</td>".to_owned(),
-                _ => format!(
-                    "<td class=\"heat\" style=\"background:rgba(var(--heat),{:.2})\">{}</td>",
-                    shade(*error),
-                    short(*error)
-                ),
-            };
+    let shaded = |error: f64| format!("background:rgba(var(--heat),{:.2})", 0.05 + 0.4 * data.shade(error));
+    let last = |values: &[f64]| values.last().copied().unwrap_or_default();
+    html! {
+        table {
+            thead {
+                tr {
+                    th scope="col" {}
+                    @for title in titles.chain(["R² of the largest", "largest error"]) { th.number scope="col" { (title) } }
+                }
+            }
+            tbody {
+                @for (predictor, drawn) in evaluation.predictors.iter().zip(&data.predictors) {
+                    tr {
+                        th scope="row" { (predictor.name) }
+                        @for error in &drawn.rmse {
+                            @if let Some(error) = error { td.heat style=(shaded(*error)) { (two_digits(*error)) } }
+                            @else { td.heat { "none" } }
+                        }
+                        td.heat { (format!("{:.5}", last(&predictor.max_displacement_r2))) }
+                        td.heat { (two_digits(last(&predictor.max_error_mm))) }
+                    }
+                }
+            }
         }
-        let r2 = predictor.max_displacement_r2.last().copied().unwrap_or_default();
-        let largest = predictor.max_error_mm.last().copied().unwrap_or_default();
-        rows += &format!(
-            "<td class=\"heat\">{r2:.5}</td><td class=\"heat\">{}</td></tr>\n",
-            short(largest)
-        );
     }
-    format!("<table>\n<thead><tr><th scope=\"col\"></th>{head}</tr></thead>\n<tbody>\n{rows}</tbody>\n</table>\n")
 }
 
 fn intervals(page: &mut Page, evaluation: &Evaluation) {
@@ -99,7 +82,7 @@ fn intervals(page: &mut Page, evaluation: &Evaluation) {
             row(
                 "",
                 "half width of the band, mm",
-                c.radius_mm.iter().map(|r| short(*r)).collect(),
+                c.radius_mm.iter().map(|r| two_digits(*r)).collect(),
             ),
             row(
                 "",
@@ -111,32 +94,4 @@ fn intervals(page: &mut Page, evaluation: &Evaluation) {
     };
     let rows: Vec<Vec<String>> = evaluation.calibrations.iter().flat_map(of).collect();
     page.columns("Coverage of intervals", &columns, &rows);
-}
-
-fn scatter(data: &Evaluated) -> String {
-    let peaks = data.predictors.iter().flat_map(|p| &p.peaks);
-    let largest = peaks.fold(0.0, |l: f64, (a, b)| l.max(*a).max(*b));
-    let end = if largest > 0.0 { 1.06 * largest } else { 1.0 };
-    let mut out = String::new();
-    for predictor in data.predictors.iter().filter(|p| !p.peaks.is_empty()) {
-        let n = predictor.peaks.len();
-        let dots = predictor
-            .peaks
-            .iter()
-            .step_by(n.div_ceil(MOST_DOTS).max(1))
-            .copied()
-            .collect();
-        let chart = Chart {
-            title: &predictor.name,
-            note: &format!("R² {:.5}, {n} patterns", predictor.peak_r2),
-            x: Axis::linear("Largest displacement, simulated [mm]", 0.0, end),
-            y: Axis::linear("Predicted [mm]", 0.0, end),
-            series: vec![
-                Series::new("", "grey", Mark::Dashed, vec![(0.0, 0.0), (end, end)]),
-                Series::new("", "blue", Mark::Cloud, dots),
-            ],
-        };
-        out += &chart.figure();
-    }
-    out
 }

@@ -2,30 +2,25 @@
 
 mod accuracy;
 mod cards;
-mod chart;
 mod costs;
 mod dag;
 mod dataset;
 mod designs;
 mod evaluation;
 mod layout;
-mod membrane;
 mod rounds;
 mod scene;
 mod search;
-mod svg;
 mod training;
-mod words;
 
 use super::course::Course;
 use super::designs::{Design, Extreme, Found};
+use super::format::{bytes, counted, gain, percent, seconds};
 use super::gather::{Made, ReportError};
 use super::html::Page;
 use super::summary::TRUSTED;
 use super::training::trainings;
 use crate::store::Store;
-pub use words::bytes;
-use words::{counted, gain, percent, seconds};
 
 /// The page of a pipeline.
 ///

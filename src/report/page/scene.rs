@@ -1,9 +1,9 @@
 //! The scene: what was simulated, which effects, and what was left out although it matters.
 
-use super::words::cut;
 use crate::base::Document;
 use crate::content::StoredAttribute;
 use crate::report::course::Course;
+use crate::report::format::cut;
 use crate::report::gather::{ReportError, Source, each};
 use crate::report::html::{Column, Page};
 use crate::report::warnings::warnings;
@@ -38,19 +38,18 @@ pub fn section(page: &mut Page, store: &Store, course: &Course, others: &[String
     }
     page.section("Scene, effects and warnings");
     for simulated in &scenes {
-        page.lines(&[format!("Simulated in {}:", cut(&simulated.stages.join(", "), 300))]);
+        page.line(&format!("Simulated in {}:", cut(&simulated.stages.join(", "), 300)));
         page.columns("The scene", &[("", Column::Key), ("", Column::Wide)], &rows(simulated));
     }
     match warnings.is_empty() && others.is_empty() {
-        true => page.lines(&[
-            "No warnings: screening found no effect that matters and was left out, and no stage warned of anything."
-                .to_owned(),
-        ]),
+        true => page.line(
+            "No warnings: screening found no effect that matters and was left out, and no stage warned of anything.",
+        ),
         false => {
             let warned = warnings.iter().map(|text| {
                 vec![
                     "warning".to_owned(),
-                    format!("not simulated although it matters: {text}"),
+                    format!("model warning: {text}"),
                 ]
             });
             let others = others.iter().map(|text| vec!["warning".to_owned(), text.clone()]);

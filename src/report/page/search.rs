@@ -1,16 +1,12 @@
 //! The course of each search: the displacement of the best pattern by generation, and by step of what gradients did.
 
-use super::chart::{Chart, Mark, Series};
-use super::words::mm;
 use crate::content::{ContentError, Designs, DesignsView};
+use crate::report::drawing::{Axis, Chart, Colour, Mark, Series};
 use crate::report::evaluators::{Evaluators, evaluators};
-use crate::report::figures::Axis;
+use crate::report::format::mm;
 use crate::report::gather::{Made, ReportError, each};
 use crate::report::html::{Column, Page};
 use crate::store::Store;
-
-/// Colours of targets, in their order.
-const COLOURS: [&str; 7] = ["blue", "orange", "green", "vermillion", "purple", "sky", "grey"];
 
 /// Targets that a legend can tell apart.
 const NAMED: usize = 8;
@@ -37,15 +33,13 @@ pub fn section(page: &mut Page, store: &Store, made: &[Made]) -> Result<(), Repo
     }
     page.section("Search");
     judges(page, &evaluators(store, made)?);
-    page.lines(&[
-        "How the displacement of the best pattern grew while it was searched, as the search judged it.".to_owned(),
-    ]);
-    let mut charts = String::new();
-    for (stage, generations, steps) in &searched {
-        charts += &chart(stage, "genetic algorithm", "Generation", generations);
-        charts += &chart(stage, "by gradients", "Step", steps);
-    }
-    page.markup(&format!("<div class=\"charts\">\n{charts}</div>\n"));
+    page.line("How the displacement of the best pattern grew while it was searched, as the search judged it.");
+    let charts = searched.iter().flat_map(|(stage, generations, steps)| {
+        let by_generation = chart(stage, "genetic algorithm", "Generation", generations);
+        [by_generation, chart(stage, "by gradients", "Step", steps)]
+    });
+    let charts: Vec<Chart> = charts.flatten().collect();
+    page.charts(&charts);
     Ok(())
 }
 
@@ -116,30 +110,23 @@ fn courses(labels: Vec<String>, counts: &[u64], values: &[f64]) -> Vec<Course> {
     courses
 }
 
-fn chart(stage: &str, what: &str, count: &str, courses: &[Course]) -> String {
-    if courses.is_empty() {
-        return String::new();
-    }
+/// A line for each search; none where there was none.
+fn chart(stage: &str, what: &str, count: &str, courses: &[Course]) -> Option<Chart> {
     let few = courses.len() <= NAMED;
-    let series = |(course, colour): (&Course, &&'static str)| {
+    let series = |(course, colour): (&Course, Colour)| {
         let name = if few { course.name.as_str() } else { "" };
         Series::new(name, colour, Mark::Line, course.points.clone())
     };
-    let last = courses
-        .iter()
-        .flat_map(|c| &c.points)
-        .fold(0.0, |a: f64, (n, _)| a.max(*n));
-    let values: Vec<f64> = courses.iter().flat_map(|c| &c.points).map(|(_, mm)| *mm).collect();
+    let points = || courses.iter().flat_map(|course| &course.points);
+    let last = points().fold(0.0, |a: f64, (n, _)| a.max(*n));
     let note = match few {
         true => what.to_owned(),
         false => format!("{what}, {} lines", courses.len()),
     };
-    let chart = Chart {
-        title: stage,
-        note: &note,
-        x: Axis::counting(count, 0.0, last.max(1.0)),
-        y: Axis::above("Displacement [mm]", &values),
-        series: courses.iter().zip(COLOURS.iter().cycle()).map(series).collect(),
-    };
-    chart.figure()
+    let axes = [
+        Axis::counting(count, 0.0, last.max(1.0)),
+        Axis::above("Displacement [mm]", points().map(|(_, mm)| mm)),
+    ];
+    let series = courses.iter().zip(Colour::ALL.into_iter().cycle()).map(series).collect();
+    (!courses.is_empty()).then(|| Chart::new(stage, axes, series).with_note(note))
 }

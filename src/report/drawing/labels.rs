@@ -7,13 +7,13 @@ type Rect = [i32; 4];
 
 /// Where a label's upper left corner stands, from its point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::report) struct Spot {
-    pub(in crate::report) x: i32,
-    pub(in crate::report) y: i32,
+pub struct Spot {
+    pub x: i32,
+    pub y: i32,
 }
 
 /// What has been placed so far.
-pub(in crate::report) struct Labels {
+pub struct Labels {
     frame: Rect,
     /// Points and labels, which are not to be covered.
     taken: Vec<Rect>,
@@ -23,7 +23,7 @@ pub(in crate::report) struct Labels {
 
 impl Labels {
     /// Within a frame given by its ranges of columns and rows.
-    pub(in crate::report) fn new([x, y]: [Range<i32>; 2]) -> Self {
+    pub fn new([x, y]: [Range<i32>; 2]) -> Self {
         Self {
             frame: [x.start, y.start, x.end, y.end],
             taken: Vec::new(),
@@ -32,12 +32,12 @@ impl Labels {
     }
 
     /// Keeps a point of a radius free.
-    pub(in crate::report) fn avoid_point(&mut self, (x, y): (i32, i32), radius: i32) {
+    pub fn avoid_point(&mut self, (x, y): (i32, i32), radius: i32) {
         self.taken.push([x - radius, y - radius, x + radius, y + radius]);
     }
 
     /// Keeps a line free where that can be had.
-    pub(in crate::report) fn avoid_line(&mut self, points: &[(i32, i32)]) {
+    pub fn avoid_line(&mut self, points: &[(i32, i32)]) {
         const BITS: i32 = 24;
         for pair in points.windows(2) {
             let ((x0, y0), (x1, y1)) = (pair[0], pair[1]);
@@ -49,7 +49,7 @@ impl Labels {
     }
 
     /// The best place for a label of a size beside a point, `gap` pixels away or a little more.
-    pub(in crate::report) fn place(&mut self, (x, y): (i32, i32), (width, height): (i32, i32), gap: i32) -> Spot {
+    pub fn place(&mut self, (x, y): (i32, i32), (width, height): (i32, i32), gap: i32) -> Spot {
         let candidates = [1, 2, 3, 4].into_iter().flat_map(|far| {
             let (gap, low, middle) = (far * gap, -height - far * gap, -height / 2);
             [

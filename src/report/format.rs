@@ -65,6 +65,16 @@ pub fn counted(n: usize, one: &str, many: &str) -> String {
     }
 }
 
+/// Two significant digits, at most five decimals.
+pub fn two_digits(value: f64) -> String {
+    let digits = if value > 0.0 {
+        (1.0 - value.log10().floor()).clamp(0.0, 5.0)
+    } else {
+        1.0
+    };
+    format!("{value:.*}", digits as usize)
+}
+
 /// No more than `most` letters.
 pub fn cut(text: &str, most: usize) -> String {
     match text.chars().count() > most {
@@ -84,7 +94,17 @@ mod tests {
             times,
             ["4 ms", "3.46 s", "1 min 00 s", "2 min 05 s", "1 h 00 min", "2 h 03 min"]
         );
-        assert_eq!([999, 1_500, 999_990].map(bytes), ["999 B", "1.5 kB", "1.0 MB"]);
+        for (value, text) in [
+            (0.0, "0 ms"),
+            (0.0094, "9 ms"),
+            (0.01, "0.01 s"),
+            (59.94, "59.9 s"),
+            (59.97, "1 min 00 s"),
+        ] {
+            assert_eq!(seconds(value), text);
+        }
+        let sizes = [0, 999, 1_500, 999_990, 2_340_000_000].map(bytes);
+        assert_eq!(sizes, ["0 B", "999 B", "1.5 kB", "1.0 MB", "2.3 GB"]);
         assert_eq!(time("2026-01-02T03:04:05.678Z"), "2026-01-02 03:04:05 UTC");
         assert_eq!((mm(-1.23456), percent(0.9912, 1)), ("−1.2346".into(), "99.1 %".into()));
         assert_eq!(
@@ -92,5 +112,7 @@ mod tests {
             ["+5.00 %", "−5.12 %", "0.00 %"]
         );
         assert_eq!(cut("abcdef", 4), "abc…");
+        let texts = [0.0, 0.0031, 0.00052, 0.0567, 1.26, 23.4, 2e-7].map(two_digits);
+        assert_eq!(texts, ["0.0", "0.0031", "0.00052", "0.057", "1.3", "23", "0.00000"]);
     }
 }

@@ -1,0 +1,209 @@
+//! Axes with round ticks.
+
+/// Where numbers stand along one side of a panel, and what is written there.
+#[derive(Clone)]
+pub struct Axis {
+    label: String,
+    low: f64,
+    high: f64,
+    ticks: Vec<f64>,
+    logarithmic: bool,
+    writing: Writing,
+}
+
+#[derive(Clone)]
+enum Writing {
+    Decimals(usize),
+    Shortest,
+    Names(Vec<String>),
+}
+
+impl Axis {
+    /// From `low` to `high`, with about seven round ticks.
+    pub fn linear(label: &str, low: f64, high: f64) -> Self {
+        let high = if high > low { high } else { low + 1.0 };
+        let step = round_step((high - low) / 6.0);
+        let (first, last) = ((low / step - 1e-9).ceil() as i64, (high / step + 1e-9).floor() as i64);
+        Self {
+            label: label.to_owned(),
+            low,
+            high,
+            ticks: (first..=last).map(|k| k as f64 * step).collect(),
+            logarithmic: false,
+            writing: Writing::Decimals((-step.log10().floor()).max(0.0) as usize),
+        }
+    }
+
+    /// For counts: ticks on whole numbers only, on each where there are few.
+    pub fn counting(label: &str, low: f64, high: f64) -> Self {
+        let mut axis = Self::linear(label, low, high);
+        if axis.high - axis.low <= 12.0 {
+            axis.ticks = (axis.low.ceil() as i64..=axis.high.floor() as i64)
+                .map(|k| k as f64)
+                .collect();
+        }
+        axis.writing = Writing::Decimals(0);
+        axis
+    }
+
+    /// For the counts of bins: from zero to a little above the largest.
+    pub fn counts<'v>(label: &str, counts: impl IntoIterator<Item = &'v u64>) -> Self {
+        let most = counts.into_iter().max().copied().unwrap_or(0);
+        Self::counting(label, 0.0, (1.08 * most as f64).max(1.0))
+    }
+
+    /// Between the smallest and the largest of some values, with a margin, so that a flat curve has an axis too.
+    pub fn between<'v>(label: &str, values: impl IntoIterator<Item = &'v f64>) -> Self {
+        let ends = (f64::INFINITY, f64::NEG_INFINITY);
+        let (low, high) = values.into_iter().fold(ends, |(l, h): (f64, f64), v| (l.min(*v), h.max(*v)));
+        let margin = (0.08 * (high - low)).max(0.01 * high.abs()).max(1e-6);
+        Self::linear(label, low - margin, high + margin)
+    }
+
+    /// From zero, or below if need be, to a little above the largest of some values.
+    pub fn above<'v>(label: &str, values: impl IntoIterator<Item = &'v f64>) -> Self {
+        let (low, high) = values
+            .into_iter()
+            .fold((0.0, 0.0), |(l, h): (f64, f64), v| (l.min(*v), h.max(*v)));
+        let margin = if high > low { 0.15 * (high - low) } else { 1.0 };
+        Self::linear(label, if low < 0.0 { low - margin } else { 0.0 }, high + margin)
+    }
+
+    /// Around some values and zero, with as much room above as below.
+    pub fn around<'v>(label: &str, values: impl IntoIterator<Item = &'v f64>) -> Self {
+        let largest = values.into_iter().fold(0.0, |a: f64, v| a.max(v.abs()));
+        let end = if largest > 0.0 { 1.15 * largest } else { 1.0 };
+        Self::linear(label, -end, end)
+    }
+
+    /// Logarithmic around some positive values; others do not count.
+    pub fn logarithmic<'v>(label: &str, values: impl IntoIterator<Item = &'v f64>) -> Self {
+        let logs = values.into_iter().filter(|v| **v > 0.0).map(|v| v.log10());
+        let (low, high) = logs.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+        let (low, high) = if low <= high { (low, high) } else { (-1.0, 0.0) };
+        let margin = (0.06 * (high - low)).max(0.05);
+        let (low, high) = (low - margin, high + margin);
+        let axis = Self {
+            logarithmic: true,
+            ..Self::linear(label, 10f64.powf(low), 10f64.powf(high))
+        };
+        if high - low < 1.0 {
+            // Within a decade the round numbers of a linear axis are as good, and there are enough of them.
+            return axis;
+        }
+        let within: &[f64] = if high - low < 2.0 { &[1.0, 2.0, 5.0] } else { &[1.0] };
+        let ticks = (low.floor() as i32..=high.ceil() as i32)
+            .flat_map(|decade| within.iter().map(move |m| m * 10f64.powi(decade)))
+            .filter(|t| (low..=high).contains(&t.log10()))
+            .collect();
+        Self {
+            ticks,
+            writing: Writing::Shortest,
+            ..axis
+        }
+    }
+
+    /// One tick per name, at 0, 1, 2, …
+    pub fn names(names: Vec<String>) -> Self {
+        Self {
+            ticks: (0..names.len()).map(|k| k as f64).collect(),
+            writing: Writing::Names(names.clone()),
+            ..Self::linear("", -0.5, names.len() as f64 - 0.5)
+        }
+    }
+
+    /// Its beginning and its end.
+    pub fn ends(&self) -> [f64; 2] {
+        [self.low, self.high]
+    }
+
+    /// Whether a value stands anywhere: on a logarithmic axis only positive ones do.
+    pub fn shows(&self, value: f64) -> bool {
+        !self.logarithmic || value > 0.0
+    }
+
+    /// What is measured along it.
+    pub fn label(&self) -> &str {
+        &self.label
+    }
+
+    /// Where numbers are written, with what is written there.
+    pub fn ticks(&self) -> impl Iterator<Item = (f64, String)> {
+        self.ticks.iter().map(|tick| (*tick, self.write(*tick)))
+    }
+
+    /// How far along the axis a value stands: 0 at its beginning, 1 at its end.
+    pub fn share(&self, value: f64) -> f64 {
+        if self.logarithmic {
+            (value / self.low).log10() / (self.high / self.low).log10()
+        } else {
+            (value - self.low) / (self.high - self.low)
+        }
+    }
+
+    fn write(&self, tick: f64) -> String {
+        match &self.writing {
+            // −0.0 would be written with its sign.
+            Writing::Decimals(decimals) => format!("{:.*}", decimals, tick + 0.0),
+            Writing::Names(names) => names.get(tick.round() as usize).cloned().unwrap_or_default(),
+            Writing::Shortest => {
+                let digits = (-(tick.log10() + 1e-9).floor()).max(0.0) as usize;
+                if digits <= 4 && tick < 99_999.0 {
+                    format!("{tick:.digits$}")
+                } else {
+                    format!("{tick:.0e}")
+                }
+            }
+        }
+    }
+}
+
+/// The nearest of 1, 2, 5 times a power of ten that is not below `rough`.
+fn round_step(rough: f64) -> f64 {
+    let power = 10f64.powf(rough.log10().floor());
+    let factor = [1.0, 2.0, 5.0].into_iter().find(|f| f * power >= rough * (1.0 - 1e-9));
+    power * factor.unwrap_or(10.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ticks_are_round_and_inside() {
+        let axis = Axis::linear("x", 0.0, 2.5);
+        let texts: Vec<String> = axis.ticks.iter().map(|t| axis.write(*t)).collect();
+        assert_eq!(texts, ["0.0", "0.5", "1.0", "1.5", "2.0", "2.5"]);
+        let axis = Axis::counting("n", 0.0, 3.0);
+        let texts: Vec<String> = axis.ticks.iter().map(|t| axis.write(*t)).collect();
+        assert_eq!(texts, ["0", "1", "2", "3"]);
+        assert_eq!(
+            Axis::counting("n", 0.0, 60.0).ticks,
+            [0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0]
+        );
+    }
+
+    #[test]
+    fn logarithmic_axes_have_ticks_even_within_a_decade() {
+        let texts = |values: &[f64]| {
+            let axis = Axis::logarithmic("loss", values);
+            axis.ticks.iter().map(|t| axis.write(*t)).collect::<Vec<_>>()
+        };
+        assert_eq!(
+            texts(&[0.0153, 0.11, 0.0]),
+            ["0.02", "0.04", "0.06", "0.08", "0.10", "0.12"]
+        );
+        assert_eq!(texts(&[0.0153, 0.3]), ["0.02", "0.05", "0.1", "0.2"]);
+        assert_eq!(texts(&[1e-5, 1.0]), ["1e-5", "0.0001", "0.001", "0.01", "0.1", "1"]);
+        assert!(texts(&[0.5]).len() > 2 && !texts(&[]).is_empty());
+        assert!(!Axis::logarithmic("loss", &[1.0]).shows(0.0));
+    }
+
+    #[test]
+    fn equal_ratios_are_equal_distances_on_a_logarithmic_axis() {
+        let axis = Axis::logarithmic("loss", &[0.01, 1.0]);
+        let place = |value: f64| axis.share(value);
+        assert!((place(0.1) - place(0.01) - (place(1.0) - place(0.1))).abs() < 1e-9);
+        assert!(place(0.01) < place(1.0));
+    }
+}

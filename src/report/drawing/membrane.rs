@@ -1,0 +1,292 @@
+//! Membranes: a pattern at rest, and the same where its displacement takes it.
+//!
+//! Everything is drawn in thousandths of the membrane's side from its upper left corner. Only the edge of the electrode is
+//! written, not its cells: hundreds of membranes fit in one page.
+
+use std::collections::BTreeMap;
+
+use maud::{Markup, html};
+
+use super::chart::THOUSAND;
+use super::path::{number, path};
+use super::sheet::FigureError;
+use crate::field::Field;
+use crate::pattern::{CELLS, Corners, Pattern, Point, outlines};
+
+/// Cells between two lines of the grid, and between two points of a line that has moved.
+const GRID: usize = 5;
+const STEP: usize = 2;
+
+/// The largest displacement that is drawn, a share of the side.
+const FARTHEST: f64 = 0.1;
+
+/// A pattern with its displacement field.
+#[derive(Clone, Debug)]
+pub struct Membrane {
+    pattern: Pattern,
+    displacement: Field,
+    side: f64,
+    points: Vec<[f64; 2]>,
+}
+
+impl Membrane {
+    /// From 50 × 50 cells and displacements in mm at the 51 × 51 cell corners, both from the lower left corner; the side of
+    /// the membrane in mm, and the points whose displacements are wanted, in mm from the lower left corner.
+    ///
+    /// # Errors
+    /// When a number is missing, not finite, or no cell.
+    pub fn new(cells: &[u8], displacement: &[f64], side: f64, points: Vec<[f64; 2]>) -> Result<Self, FigureError> {
+        let incomplete = |e: String| FigureError::Data(format!("a membrane needs a pattern and a finite field: {e}"));
+        if !(side.is_finite() && side > 0.0) {
+            return Err(incomplete(format!("its side is {side} mm")));
+        }
+        Ok(Self {
+            pattern: Pattern::from_cells(cells).map_err(|e| incomplete(e.to_string()))?,
+            displacement: Field::from_values(displacement.to_vec()).map_err(|e| incomplete(e.to_string()))?,
+            side,
+            points,
+        })
+    }
+
+    /// Side of the membrane in mm.
+    pub fn side(&self) -> f64 {
+        self.side
+    }
+
+    /// The points whose displacements are wanted, in mm.
+    pub fn points(&self) -> &[[f64; 2]] {
+        &self.points
+    }
+
+    /// Electrode area, a fraction of the membrane.
+    pub fn area(&self) -> f64 {
+        self.pattern.area_fraction()
+    }
+
+    /// Largest displacement over the corners, in mm.
+    pub fn largest(&self) -> f64 {
+        self.displacement.max_magnitude()
+    }
+
+    /// Displacement in mm at a point given in mm.
+    pub fn at(&self, point: [f64; 2]) -> [f64; 2] {
+        self.displacement.at(point.map(|c| c / self.side * CELLS as f64))
+    }
+
+    /// The electrode where it has moved to, displacements drawn `scale` times.
+    pub fn electrode(&self, scale: f64) -> Markup {
+        html! { path class="moved" d=(edge(&self.pattern, |at| self.moved(at, scale))) {} }
+    }
+
+    /// The outline of the electrode: at rest where `scale` is zero.
+    pub fn outline(&self, class: &str, scale: f64) -> Markup {
+        html! { path class=(class) d=(edge(&self.pattern, |at| self.moved(at, scale))) {} }
+    }
+
+    /// The grid where it has moved to.
+    pub fn mesh(&self, scale: f64) -> Markup {
+        let along = || (0..=CELLS).step_by(STEP);
+        let moved = |x: usize, y: usize| self.moved([x as f64, y as f64], scale);
+        let lines = (GRID..CELLS).step_by(GRID).map(|k| {
+            let across = path(&along().map(|x| moved(x, k)).collect::<Vec<_>>(), false);
+            across + &path(&along().map(|y| moved(k, y)).collect::<Vec<_>>(), false)
+        });
+        html! { path class="mesh" d=(lines.collect::<String>()) {} }
+    }
+
+    /// The displacements of the wanted points.
+    pub fn arrows(&self, scale: f64) -> Markup {
+        let unit = THOUSAND * scale / self.side;
+        html! {
+            @for point in &self.points {
+                @let [x, y] = self.at(*point);
+                (arrow(to_drawing(*point, self.side), (unit * x, -unit * y)))
+            }
+        }
+    }
+
+    /// All cells where they have moved to, with the colours of the magnitudes of their displacements: those of the
+    /// largest have the last colour.
+    pub fn magnitudes(&self, scale: f64) -> Markup {
+        let largest = self.largest().max(f64::MIN_POSITIVE);
+        let mut by_colour: BTreeMap<u8, String> = BTreeMap::new();
+        for (x, y) in (0..CELLS * CELLS).map(|at| (at % CELLS, at / CELLS)) {
+            let corners = [(x, y), (x + 1, y), (x + 1, y + 1), (x, y + 1)];
+            let magnitudes = corners.map(|(x, y)| self.displacement.at_corner(x, y)).map(|u| u[0].hypot(u[1]));
+            let share = magnitudes.iter().sum::<f64>() / 4.0 / largest;
+            let cell = corners.map(|(x, y)| self.moved([x as f64, y as f64], scale));
+            *by_colour.entry((share * f64::from(u8::MAX)).round() as u8).or_default() += &path(&cell, true);
+        }
+        html! {
+            // Smooth edges would show as seams between the cells.
+            g stroke="none" shape-rendering="crispEdges" {
+                @for (share, cells) in &by_colour { path fill=(viridis(f64::from(*share) / 255.0)) d=(cells) {} }
+            }
+        }
+    }
+
+    fn moved(&self, corner: [f64; 2], scale: f64) -> (f64, f64) {
+        let u = self.displacement.at(corner);
+        let at = |k: usize| corner[k] * self.side / CELLS as f64 + scale * u[k];
+        to_drawing([at(0), at(1)], self.side)
+    }
+}
+
+/// How many times too large displacements are drawn, the same for all membranes so that they can be compared.
+pub fn exaggeration<'m>(membranes: impl IntoIterator<Item = &'m Membrane>) -> f64 {
+    let largest = membranes.into_iter().map(|m| m.largest() / m.side).fold(0.0, f64::max);
+    let factors = [100.0, 50.0, 20.0, 10.0, 5.0, 2.0];
+    factors.into_iter().find(|f| f * largest <= FARTHEST).unwrap_or(1.0)
+}
+
+/// The lines of the grid at rest.
+pub fn grid() -> Markup {
+    let line = |k: usize| {
+        let at = number(THOUSAND * k as f64 / CELLS as f64, 1);
+        format!("M{at} 0V{THOUSAND}M0 {at}H{THOUSAND}")
+    };
+    html! { path class="rest" d=((GRID..CELLS).step_by(GRID).map(line).collect::<String>()) {} }
+}
+
+/// The edge of the membrane.
+pub fn frame() -> Markup {
+    html! { path class="frame" d="M0 0h1000v1000h-1000z" {} }
+}
+
+/// The electrode at rest.
+pub fn electrode_at_rest(pattern: &Pattern) -> Markup {
+    let to = |corner: Point| to_drawing(corner, CELLS as f64);
+    let rings = rings(pattern).map(|ring| path(&ring.iter().map(|at| to(*at)).collect::<Vec<_>>(), true));
+    html! { path class="on" d=(rings.collect::<String>()) {} }
+}
+
+/// An arrow from a point in mm in a direction in degrees, counterclockwise from the x axis, `length` thousandths long.
+pub fn direction(point: [f64; 2], side: f64, degrees: f64, length: f64) -> Markup {
+    let (sin, cos) = degrees.to_radians().sin_cos();
+    arrow(to_drawing(point, side), (length * cos, -length * sin))
+}
+
+fn rings(pattern: &Pattern) -> impl Iterator<Item = Vec<Point>> {
+    let islands = outlines(pattern, Corners::Square).into_iter();
+    islands.flat_map(|island| std::iter::once(island.outer).chain(island.holes))
+}
+
+/// The edge of an electrode, each side of a cell by itself, since it may have moved.
+fn edge(pattern: &Pattern, to: impl Fn(Point) -> (f64, f64)) -> String {
+    let drawn = |ring: Vec<Point>| {
+        let pairs = ring.iter().zip(ring.iter().cycle().skip(1));
+        let sides = pairs.flat_map(|(a, b)| {
+            let cells = (b[0] - a[0]).abs().max((b[1] - a[1]).abs());
+            let at = move |k: usize, c: usize| a[c] + (b[c] - a[c]) * k as f64 / cells;
+            (0..cells.round() as usize).map(move |k| [at(k, 0), at(k, 1)])
+        });
+        path(&sides.map(&to).collect::<Vec<_>>(), true)
+    };
+    rings(pattern).map(drawn).collect()
+}
+
+/// From a point with the origin at the lower left to one with the origin at the upper left.
+fn to_drawing(point: Point, side: f64) -> (f64, f64) {
+    (THOUSAND * point[0] / side, THOUSAND * (1.0 - point[1] / side))
+}
+
+/// A point with an arrow; only the point where the arrow would be too short to be seen.
+fn arrow((x, y): (f64, f64), (dx, dy): (f64, f64)) -> Markup {
+    let length = dx.hypot(dy);
+    let point = html! { circle class="point" cx=(number(x, 0)) cy=(number(y, 0)) r="13" {} };
+    if !length.is_finite() || length < 12.0 {
+        return point;
+    }
+    let (ux, uy) = (dx / length, dy / length);
+    let head = (0.5 * length).min(42.0);
+    let tip = (x + dx, y + dy);
+    let wing = |side: f64| {
+        (
+            tip.0 - head * (ux - 0.5 * side * uy),
+            tip.1 - head * (uy + 0.5 * side * ux),
+        )
+    };
+    let base = (tip.0 - 0.8 * head * ux, tip.1 - 0.8 * head * uy);
+    html! {
+        path class="arrow" d=(path(&[(x, y), base], false)) {}
+        path class="head" d=(path(&[tip, wing(1.0), wing(-1.0)], true)) {}
+        (point)
+    }
+}
+
+/// The colour map viridis by S. van der Walt and N. Smith (matplotlib), between nine of its colours; `#rrggbb`.
+pub fn viridis(t: f64) -> String {
+    const COLOURS: [[f64; 3]; 9] = [
+        [68.0, 1.0, 84.0],
+        [71.0, 44.0, 122.0],
+        [59.0, 81.0, 139.0],
+        [44.0, 113.0, 142.0],
+        [33.0, 144.0, 141.0],
+        [39.0, 173.0, 129.0],
+        [92.0, 200.0, 99.0],
+        [170.0, 220.0, 50.0],
+        [253.0, 231.0, 37.0],
+    ];
+    let at = t.clamp(0.0, 1.0) * 8.0;
+    let low = (at.floor() as usize).min(7);
+    let [r, g, b]: [u8; 3] = std::array::from_fn(|k| {
+        let (a, b) = (COLOURS[low][k], COLOURS[low + 1][k]);
+        (a + (b - a) * (at - low as f64)).round() as u8
+    });
+    format!("#{r:02x}{g:02x}{b:02x}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn membrane(u: [f64; 2]) -> Membrane {
+        Membrane::new(&[1; 2500], &u.repeat(2601), 50.0, vec![[25.0, 25.0]]).unwrap()
+    }
+
+    #[test]
+    fn the_lower_edge_of_the_membrane_is_the_lower_edge_of_the_drawing() {
+        let corner = Pattern::from_fn(|x, y| x == 0 && y == 0);
+        // The cell is 20 × 20 units in the lower left corner.
+        let text = electrode_at_rest(&corner).into_string();
+        assert!(
+            text.contains("<path class=\"on\" d=\"M0 1000h20v-20h-20z\">"),
+            "{text}"
+        );
+    }
+
+    #[test]
+    fn an_edge_goes_around_holes_and_bends_from_cell_to_cell() {
+        let ring = Pattern::from_fn(|x, y| (10..13).contains(&x) && (20..23).contains(&y) && (x, y) != (11, 21));
+        assert_eq!(electrode_at_rest(&ring).into_string().matches('z').count(), 2);
+        let membrane = Membrane::new(ring.cells(), &[0.0; 5202], 50.0, Vec::new()).unwrap();
+        let text = membrane.electrode(1.0).into_string();
+        assert_eq!(text.matches(['h', 'v']).count(), 11 + 3 + 1, "the last side closes: {text}");
+    }
+
+    #[test]
+    fn displacements_are_drawn_so_large_that_they_are_seen_and_no_larger() {
+        let far = membrane([2.1, 0.0]);
+        assert_eq!(exaggeration([&far]), 2.0);
+        let text = far.arrows(2.0).into_string();
+        // 2 · 2.1 mm of 50 mm are 84 of 1000 units; the arrow begins in the middle.
+        assert!(text.contains("<path class=\"arrow\" d=\"M500 500h"), "{text}");
+        assert!(text.contains("M584 500l-42"), "{text}");
+        assert_eq!(exaggeration([&membrane([0.1, 0.0])]), 50.0);
+        assert_eq!(exaggeration([]), 100.0);
+    }
+
+    #[test]
+    fn what_is_no_membrane_is_refused() {
+        let new = |cells: &[u8], u: f64, side| Membrane::new(cells, &[u; 5202], side, Vec::new());
+        assert!(new(&[1; 2500], 0.0, 50.0).is_ok());
+        for bad in [
+            new(&[1; 10], 0.0, 50.0),
+            new(&[2; 2500], 0.0, 50.0),
+            new(&[1; 2500], f64::NAN, 50.0),
+            new(&[1; 2500], 0.0, 0.0),
+        ] {
+            assert!(matches!(bad, Err(FigureError::Data(_))));
+        }
+    }
+}

@@ -1,0 +1,16 @@
+//! Drawings as SVG, for pages as they are and for figures as PNG: charts, membranes, and sheets of several of them.
+
+mod axis;
+mod chart;
+mod labels;
+mod membrane;
+mod path;
+mod raster;
+mod sheet;
+
+pub use axis::Axis;
+pub use chart::{Chart, Colour, Mark, Series};
+pub use membrane::{Membrane, direction, electrode_at_rest, exaggeration, frame, grid, viridis};
+pub use path::number;
+pub use raster::{DRAWING_STYLE, PAGE_STYLE};
+pub use sheet::{Drawing, FigureError};

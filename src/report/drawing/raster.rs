@@ -1,0 +1,97 @@
+//! SVG to pixels.
+//!
+//! The font is compiled in, so a figure needs no font of the system and has the same bytes everywhere.
+
+use std::sync::{Arc, OnceLock};
+
+use maud::html;
+use resvg::tiny_skia::{Color, Pixmap, Transform};
+use resvg::usvg::{self, Tree, fontdb};
+
+use super::sheet::{Drawing, FigureError};
+
+/// The style sheet of pages, which names the colours, and that of drawings, on pages and in figures.
+pub const PAGE_STYLE: &str = include_str!("../html/page.css");
+pub const DRAWING_STYLE: &str = include_str!("../html/drawing.css");
+
+/// Pixels of a figure for one of a page: figures are shown smaller than they are, or printed.
+const SCALE: f64 = 5.0 / 3.0;
+
+/// A drawing on white, as a PNG.
+pub fn png(drawing: &Drawing) -> Result<Vec<u8>, FigureError> {
+    let failed = |e: &dyn std::fmt::Display| FigureError::Draw(e.to_string());
+    let [width, height] = drawing.size.map(|length| (SCALE * length).round() as u32);
+    let mut pixels = Pixmap::new(width, height).ok_or_else(|| failed(&"it is too large"))?;
+    pixels.fill(Color::WHITE);
+    let tree = Tree::from_str(&document(drawing), &options()).map_err(|e| failed(&e))?;
+    resvg::render(&tree, Transform::from_scale(SCALE as f32, SCALE as f32), &mut pixels.as_mut());
+    let colours: Vec<u8> = pixels.data().chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, width, height);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    let written = encoder.write_header().and_then(|mut writer| writer.write_image_data(&colours));
+    written.map_err(|e| failed(&e))?;
+    Ok(bytes)
+}
+
+/// The drawing as a document of its own.
+fn document(drawing: &Drawing) -> String {
+    let [width, height] = drawing.size;
+    let svg = html! {
+        svg xmlns="http://www.w3.org/2000/svg" width=(width) height=(height) viewBox={ "0 0 " (width) " " (height) } {
+            (drawing.markup)
+        }
+    };
+    svg.into_string()
+}
+
+fn options() -> usvg::Options<'static> {
+    static FONTS: OnceLock<Arc<fontdb::Database>> = OnceLock::new();
+    let fonts = FONTS.get_or_init(|| {
+        let mut fonts = fontdb::Database::new();
+        fonts.load_font_data(epaint_default_fonts::UBUNTU_LIGHT.to_vec());
+        Arc::new(fonts)
+    });
+    let family = fonts.faces().next().and_then(|face| face.families.first());
+    usvg::Options {
+        font_family: family.map_or_else(String::new, |(name, _)| name.clone()),
+        style_sheet: Some(plain_style(DRAWING_STYLE, PAGE_STYLE)),
+        fontdb: Arc::clone(fonts),
+        ..usvg::Options::default()
+    }
+}
+
+/// The style of drawings with colours in place of their names: those of pages on white, which come first.
+fn plain_style(drawings: &str, pages: &str) -> String {
+    let mut style = drawings.to_owned();
+    let first = pages.split('}').next().unwrap_or_default();
+    for declaration in first.split(['{', ';']) {
+        if let Some((name, value)) = declaration.split_once(':').filter(|(name, _)| name.trim().starts_with("--")) {
+            style = style.replace(&format!("var({})", name.trim()), value.trim());
+        }
+    }
+    style
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_colour_of_drawings_is_one_of_pages() {
+        let style = plain_style(DRAWING_STYLE, PAGE_STYLE);
+        assert!(style.contains("#0072b2") && !style.contains("var("), "{style}");
+    }
+
+    #[test]
+    fn the_font_has_what_figures_write() {
+        let options = options();
+        let face = options.fontdb.faces().next().unwrap().id;
+        let missing = options.fontdb.with_face_data(face, |data, index| {
+            let face = usvg::fontdb::ID::dummy();
+            let _ = (face, index, data);
+        });
+        assert!(missing.is_some());
+    }
+}

@@ -1,0 +1,169 @@
+//! Drawings beside and below each other, and how they become a file.
+
+use std::io::Write;
+use std::path::Path;
+
+use maud::{Markup, html};
+
+use super::chart::{Chart, LEFT, LETTER};
+use super::path::number;
+use super::raster::png;
+
+/// A figure that could not be made.
+#[derive(Debug, thiserror::Error)]
+pub enum FigureError {
+    /// The numbers do not make a figure.
+    #[error("no figure can be drawn: {0}")]
+    Data(String),
+    /// The drawing cannot be turned into pixels.
+    #[error("the figure could not be drawn: {0}")]
+    Draw(String),
+    /// The file could not be written.
+    #[error("cannot write {path}: {source}")]
+    Write {
+        /// The file.
+        path: String,
+        /// Why.
+        source: std::io::Error,
+    },
+}
+
+/// A piece of SVG with its width and height, in pixels of a page.
+pub struct Drawing {
+    /// Width and height.
+    pub size: [f64; 2],
+    /// What is drawn, from the upper left corner.
+    pub markup: Markup,
+}
+
+/// Room above a chart on a sheet: down to the base lines of title, note and lines of the legend, and between these.
+const TITLE: f64 = 27.0;
+const NOTE: f64 = 17.0;
+const LEGEND: f64 = 18.0;
+
+/// Room left and right of a chart on a sheet.
+const MARGIN: f64 = 6.0;
+
+impl Drawing {
+    /// From left to right.
+    pub fn beside(drawings: Vec<Self>) -> Self {
+        Self::grid(drawings.len(), drawings)
+    }
+
+    /// From above to below.
+    pub fn below(drawings: Vec<Self>) -> Self {
+        Self::grid(1, drawings)
+    }
+
+    /// In rows of so many; columns are as wide and rows as high as their largest.
+    pub fn grid(columns: usize, drawings: Vec<Self>) -> Self {
+        let columns = columns.max(1);
+        let mut widths = vec![0.0_f64; columns.min(drawings.len())];
+        let mut heights = vec![0.0_f64; drawings.len().div_ceil(columns)];
+        for (k, drawing) in drawings.iter().enumerate() {
+            let (column, row) = (k % columns, k / columns);
+            widths[column] = widths[column].max(drawing.size[0]);
+            heights[row] = heights[row].max(drawing.size[1]);
+        }
+        let before = |sizes: &[f64], k: usize| number(sizes[..k].iter().sum(), 1);
+        let placed = drawings.iter().enumerate().map(|(k, drawing)| {
+            let (x, y) = (before(&widths, k % columns), before(&heights, k / columns));
+            html! { g transform={ "translate(" (x) " " (y) ")" } { (drawing.markup) } }
+        });
+        Self {
+            markup: html! { @for drawing in placed { (drawing) } },
+            size: [widths.iter().sum(), heights.iter().sum()],
+        }
+    }
+
+    /// Charts in rows of so many, each below its title, note and legend.
+    pub fn charts(columns: usize, charts: &[Chart]) -> Self {
+        let head = charts.iter().map(head).fold(0.0, f64::max);
+        let drawn = |chart: &Chart| {
+            let [width, height] = chart.size;
+            Self {
+                size: [width + 2.0 * MARGIN, head + height + MARGIN],
+                markup: html! {
+                    g.chart transform={ "translate(" (MARGIN) " 0)" } {
+                        (heading(chart))
+                        g transform={ "translate(0 " (number(head, 1)) ")" } { (chart.plot()) }
+                    }
+                },
+            }
+        };
+        Self::grid(columns, charts.iter().map(drawn).collect())
+    }
+
+    /// As an element of a page.
+    pub fn svg(&self, says: &str) -> Markup {
+        let [width, height] = self.size.map(|v| number(v, 1));
+        html! {
+            svg viewBox={ "0 0 " (width) " " (height) } width=(width) height=(height) role="img" aria-label=(says) {
+                title { (says) }
+                (self.markup)
+            }
+        }
+    }
+
+    /// Writes it as a PNG, which appears complete or not at all.
+    ///
+    /// # Errors
+    /// When it cannot be drawn or written.
+    pub fn write_png(&self, path: &Path) -> Result<(), FigureError> {
+        let failed = |source: std::io::Error| FigureError::Write {
+            path: path.display().to_string(),
+            source,
+        };
+        let bytes = png(self)?;
+        let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
+        let mut file = tempfile::NamedTempFile::new_in(folder.unwrap_or(Path::new("."))).map_err(failed)?;
+        file.write_all(&bytes).map_err(failed)?;
+        // Temporary files are private to their owner; figures are for everybody who may read the folder.
+        let readable = std::os::unix::fs::PermissionsExt::from_mode(0o644);
+        file.as_file().set_permissions(readable).map_err(failed)?;
+        file.persist(path).map_err(|e| failed(e.error))?;
+        Ok(())
+    }
+}
+
+/// Room for what stands above a chart.
+fn head(chart: &Chart) -> f64 {
+    let note = if chart.note.is_empty() { 0.0 } else { NOTE };
+    TITLE + note + LEGEND * legend(chart).len() as f64 + 2.0
+}
+
+fn heading(chart: &Chart) -> Markup {
+    let note = if chart.note.is_empty() { 0.0 } else { NOTE };
+    // A title that is wider than the frame begins farther left.
+    let wide = 1.2 * LETTER * chart.title.chars().count() as f64;
+    let left = LEFT.min(chart.size[0] - wide).max(0.0);
+    html! {
+        text class="title" x=(number(left, 1)) y="20" { (chart.title) }
+        @if note > 0.0 { text x=(LEFT.min(left)) y="37" { (chart.note) } }
+        @for (line, entries) in legend(chart).iter().enumerate() {
+            @let y = TITLE + note + LEGEND * line as f64 + 9.0;
+            @for (x, class, name) in entries {
+                rect class={ "bars " (class) } x=(number(*x, 1)) y=(number(y - 9.0, 1)) width="11" height="11" rx="2" {}
+                text class="ink" x=(number(x + 15.0, 1)) y=(number(y + 1.0, 1)) { (name) }
+            }
+        }
+    }
+}
+
+/// The lines of the legend: place, class and name of each entry.
+fn legend(chart: &Chart) -> Vec<Vec<(f64, &'static str, &str)>> {
+    let mut lines: Vec<Vec<(f64, &'static str, &str)>> = Vec::new();
+    let mut x = f64::INFINITY;
+    for (colour, name) in chart.legend() {
+        let wide = 15.0 + LETTER * name.chars().count() as f64;
+        if x + wide > chart.size[0] {
+            lines.push(Vec::new());
+            x = LEFT;
+        }
+        if let Some(line) = lines.last_mut() {
+            line.push((x, colour.class(), name));
+        }
+        x += wide + 16.0;
+    }
+    lines
+}

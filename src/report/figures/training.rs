@@ -1,0 +1,81 @@
+//! How training went, epoch by epoch.
+
+use std::path::Path;
+
+use crate::report::drawing::{Axis, Chart, Colour, Drawing, FigureError, Mark, Series};
+
+/// One value per epoch of each curve.
+#[derive(Clone, Debug)]
+pub struct Training {
+    /// Loss on the training samples.
+    pub train_loss: Vec<f64>,
+    /// Loss on the validation samples.
+    pub validation_loss: Vec<f64>,
+    /// Root mean square error on the validation samples, in mm.
+    pub validation_rmse: Vec<f64>,
+    /// Learning rate at the end of each epoch.
+    pub learning_rate: Vec<f64>,
+    /// The epoch whose weights are kept, from 1.
+    pub kept: u64,
+}
+
+/// A curve with its name in the legend and its colour.
+type Curve<'a> = (&'a str, Colour, &'a [f64]);
+
+impl Training {
+    /// The losses, the validation error and the learning rate over the epochs, all on logarithmic axes.
+    ///
+    /// # Errors
+    /// When the curves are empty or differ in length, or no epoch of theirs is kept.
+    pub fn charts(&self) -> Result<Vec<Chart>, FigureError> {
+        let epochs = self.train_loss.len();
+        let others = [&self.validation_loss, &self.validation_rmse, &self.learning_rate];
+        if epochs == 0 || others.iter().any(|curve| curve.len() != epochs) {
+            return Err(FigureError::Data(
+                "training curves need one value per epoch each".into(),
+            ));
+        }
+        let kept = usize::try_from(self.kept).ok().and_then(|kept| kept.checked_sub(1));
+        let Some(error) = kept.and_then(|kept| self.validation_rmse.get(kept)) else {
+            return Err(FigureError::Data(format!("epoch {} is kept, of {epochs}", self.kept)));
+        };
+        let losses: [Curve<'_>; 2] = [
+            ("training", Colour::Blue, &self.train_loss),
+            ("validation", Colour::Vermillion, &self.validation_loss),
+        ];
+        let errors: [Curve<'_>; 1] = [("validation", Colour::Vermillion, &self.validation_rmse)];
+        let rates: [Curve<'_>; 1] = [("at the end of the epoch", Colour::Green, &self.learning_rate)];
+        Ok(vec![
+            self.over_epochs("Loss", "Loss per sample", &losses),
+            self.over_epochs(
+                &format!("Validation error, {error:.4} mm kept"),
+                "RMSE of a displacement component [mm]",
+                &errors,
+            ),
+            self.over_epochs("Learning rate", "Learning rate", &rates),
+        ])
+    }
+
+    /// Curves on a logarithmic axis, behind them a line at the kept epoch.
+    fn over_epochs(&self, title: &str, label: &str, curves: &[Curve<'_>]) -> Chart {
+        let epochs = curves.iter().map(|(_, _, values)| values.len()).max().unwrap_or_default();
+        let x = Axis::counting("Epoch", 0.5, epochs as f64 + 0.5);
+        let y = Axis::logarithmic(label, curves.iter().flat_map(|(_, _, values)| values.iter()));
+        let kept = y.ends().map(|value| (self.kept as f64, value)).to_vec();
+        let kept = Series::new("epoch that is kept", Colour::Grey, Mark::Line, kept);
+        let curve = |(name, colour, values): &Curve<'_>| {
+            let points = (1..).map(f64::from).zip(values.iter().copied()).collect();
+            Series::new(name, *colour, Mark::LineAndDots, points)
+        };
+        let series = std::iter::once(kept).chain(curves.iter().map(curve)).collect();
+        Chart::new(title, [x, y], series)
+    }
+}
+
+/// Draws the charts of a training.
+///
+/// # Errors
+/// When the numbers do not make them, or the file cannot be written.
+pub fn draw_training(path: &Path, data: &Training) -> Result<(), FigureError> {
+    Drawing::charts(3, &data.charts()?).write_png(path)
+}
