@@ -11,7 +11,7 @@ use super::locate;
 use super::output::{Exit, Output};
 use super::run;
 use crate::orchestrator::{Environment, plan};
-use crate::report::{Course, write_report};
+use crate::report::{History, write_report};
 use crate::stage::screening::neglected;
 
 /// Write a report of a pipeline: one page with every design, and the designs as files
@@ -39,16 +39,16 @@ pub fn execute(arguments: &ReportArguments, output: &Output) -> Result<Exit, Cli
     pipeline.selection(arguments.until.as_deref())?;
     let store = locate::existing_store(&arguments.store.folder())?;
     let stages = plan(&pipeline, &store, arguments.until.as_deref(), &Environment::system())?;
-    let mut course = Course::of(&pipeline, &stages, &store)?;
+    let mut history = History::of(&pipeline, &stages, &store)?;
     let names: Vec<&str> = stages.iter().map(|stage| stage.name.as_str()).collect();
-    course.neglected = neglected(&pipeline, &names).map_err(|e| CliError::bad_input(e.to_string()))?;
-    check(&course, arguments)?;
+    history.neglected = neglected(&pipeline, &names).map_err(|e| CliError::bad_input(e.to_string()))?;
+    check(&history, arguments)?;
     check_folder(&arguments.output)?;
-    let written = write_report(&store, &course, &arguments.output)?;
-    let missing: Vec<&str> = course.missing().iter().map(|stage| stage.name.as_str()).collect();
+    let written = write_report(&store, &history, &arguments.output)?;
+    let missing: Vec<&str> = history.missing().iter().map(|stage| stage.name.as_str()).collect();
     if output.is_json() {
         output.document(&json!({
-            "pipeline": course.pipeline,
+            "pipeline": history.pipeline,
             "store": store.root(),
             "page": written.page,
             "designs": written.designs,
@@ -69,9 +69,9 @@ pub fn execute(arguments: &ReportArguments, output: &Output) -> Result<Exit, Cli
 }
 
 /// A report of half a pipeline is one only where that was asked for.
-fn check(course: &Course, arguments: &ReportArguments) -> Result<(), CliError> {
-    let missing: Vec<&str> = course.missing().iter().map(|stage| stage.name.as_str()).collect();
-    let (of, all) = (missing.len(), course.stages.len());
+fn check(history: &History, arguments: &ReportArguments) -> Result<(), CliError> {
+    let missing: Vec<&str> = history.missing().iter().map(|stage| stage.name.as_str()).collect();
+    let (of, all) = (missing.len(), history.stages.len());
     if missing.is_empty() || (arguments.partial && of < all) {
         return Ok(());
     }

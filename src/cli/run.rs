@@ -13,10 +13,7 @@ use super::progress::{RunProgress, Shown};
 use super::table;
 use crate::base::Override;
 use crate::orchestrator::{Environment, Pipeline, RunOptions, RunOutcome, run};
-use crate::report::{
-    Evaluation, Evaluators, Made, RoundsSummary, Summary, TrainingSummary, audits, by_round, draw_by_round,
-    draw_figures, evaluations, evaluators, summarise, trainings, warnings,
-};
+use crate::report::{Made, RunArtifacts, RunResults};
 use crate::stage;
 use crate::stage::screening::neglected;
 use crate::store::{LockFile, Store};
@@ -83,50 +80,31 @@ pub fn execute(arguments: &RunArguments, output: &Output) -> Result<Exit, CliErr
         output.text(&table::of_run(&outcome.stages))?;
     }
     let made = made(&outcome);
-    let summaries = summarise(&store, &made)?;
-    let evaluations = evaluations(&store, &made)?;
-    let evaluators = evaluators(&store, &made)?;
-    let audits = audits(&store, &made)?;
-    let trainings = trainings(&store, &made)?;
     let names: Vec<&str> = made.iter().map(|made| made.stage.as_str()).collect();
-    let mut neglected = neglected(&pipeline, &names).map_err(|e| CliError::bad_input(e.to_string()))?;
-    neglected.extend(warnings(&store, &made)?);
-    let warnings = neglected;
-    let rounds = by_round(&pipeline.rounds, &summaries);
-    let mut figures = draw_figures(&store, &pipeline.name, &made)?;
-    figures.extend(draw_by_round(&store, &pipeline.name, &made, &rounds, &summaries)?);
-    let figures: Vec<String> = figures.iter().map(|path| path.display().to_string()).collect();
+    let neglected = neglected(&pipeline, &names).map_err(|e| CliError::bad_input(e.to_string()))?;
+    let artifacts = RunArtifacts {
+        store: &store,
+        made: &made,
+        rounds: &pipeline.rounds,
+    };
+    let results = RunResults::of(&artifacts, &pipeline.name, neglected)?;
     if output.is_json() {
         let mut document = document(&outcome);
         document["pipeline"] = json!(pipeline.name);
         document["store"] = json!(store.root());
-        document["results"] = json!(summaries);
-        document["rounds"] = json!(rounds);
-        document["evaluations"] = json!(evaluations);
-        document["evaluators"] = json!(evaluators);
-        document["audits"] = json!(audits);
-        document["trainings"] = trainings.iter().map(|training| training.line.as_str()).collect();
-        let of_trainings = trainings.iter().flat_map(|training| &training.warnings);
-        document["warnings"] = warnings.iter().chain(of_trainings).map(String::as_str).collect();
-        document["figures"] = json!(figures);
+        for (key, value) in results.document() {
+            document[key] = value;
+        }
         output.document(&document)?;
     } else if arguments.quiet {
-        warnings
-            .iter()
-            .for_each(|warning| output.complain(&format!("model warning: {warning}")));
-        let of_trainings = trainings.iter().flat_map(|training| &training.warnings);
-        of_trainings.for_each(|warning| output.complain(&format!("warning: {warning}")));
+        results.warning_lines().for_each(|line| output.complain(&line));
     } else {
-        let told = told(&evaluators, &summaries, &rounds);
-        output.text(&found(
-            &outcome,
-            &evaluations,
-            &told,
-            &audits,
-            &trainings,
-            &warnings,
-            &figures,
-        ))?;
+        let unstable = (outcome.unstable > 0).then(|| {
+            let n = outcome.unstable;
+            format!("{n} samples have no stable solution; their outcomes stand in the artifacts under `unstable/`")
+        });
+        let parts = unstable.into_iter().chain(results.text());
+        output.text(&parts.map(|part| format!("\n{part}\n")).collect::<String>())?;
     }
     Ok(if outcome.unstable > 0 {
         Exit::Unstable
@@ -210,48 +188,4 @@ fn failed(outcome: &mut RunOutcome, arguments: &RunArguments, output: &Output) -
     errors.iter().for_each(|error| output.complain(&error.render(false)));
     // The exit code of the gravest failure would depend on taste: that of the first one it is.
     Ok(errors.first().map_or(Exit::Failure, CliError::exit))
-}
-
-/// What judged designs, and what came of them.
-fn told(evaluators: &[Evaluators], summaries: &[Summary], rounds: &[RoundsSummary]) -> Vec<String> {
-    let judged = evaluators.iter().map(ToString::to_string);
-    let verified = summaries.iter().map(ToString::to_string);
-    let by_round = rounds.iter().map(ToString::to_string);
-    judged.chain(verified).chain(by_round).collect()
-}
-
-/// What was found, each part after an empty line.
-fn found(
-    outcome: &RunOutcome,
-    evaluations: &[Evaluation],
-    told: &[String],
-    audits: &[String],
-    trainings: &[TrainingSummary],
-    warnings: &[String],
-    figures: &[String],
-) -> String {
-    let mut parts = Vec::new();
-    if outcome.unstable > 0 {
-        let n = outcome.unstable;
-        parts.push(format!(
-            "{n} samples have no stable solution; their outcomes stand in the artifacts under `unstable/`"
-        ));
-    }
-    parts.extend(evaluations.iter().map(ToString::to_string));
-    parts.extend_from_slice(told);
-    let lines: Vec<&str> = trainings.iter().map(|training| training.line.as_str()).collect();
-    parts.extend((!lines.is_empty()).then(|| lines.join("\n")));
-    let of_trainings: Vec<&str> = trainings.iter().flat_map(|t| &t.warnings).map(String::as_str).collect();
-    parts.extend((!of_trainings.is_empty()).then(|| format!("warnings:\n  {}", of_trainings.join("\n  "))));
-    parts.extend((!audits.is_empty()).then(|| audits.join("\n")));
-    if !warnings.is_empty() {
-        parts.push(format!(
-            "model warnings:\n  {}",
-            warnings.join("\n  ")
-        ));
-    }
-    if !figures.is_empty() {
-        parts.push(format!("figures:\n  {}", figures.join("\n  ")));
-    }
-    parts.iter().map(|part| format!("\n{part}\n")).collect()
 }

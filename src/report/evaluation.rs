@@ -5,9 +5,9 @@ use std::fmt;
 use serde::Serialize;
 
 use super::format::two_digits;
-use super::gather::{Made, ReportError, Source, each};
+use super::artifacts::Source;
+use super::error::ReportError;
 use crate::content::{self, CoverageView};
-use crate::store::Store;
 
 /// The result of an evaluate stage.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -86,14 +86,6 @@ pub struct ObjectiveCoverage {
     pub half_width_mm: Vec<f64>,
 }
 
-/// The results of all evaluate stages of a run.
-///
-/// # Errors
-/// When an artifact cannot be read or does not hold what its kind promises.
-pub fn evaluations(store: &Store, made: &[Made]) -> Result<Vec<Evaluation>, ReportError> {
-    each(store, made, "evaluate", read)
-}
-
 /// What an artifact is called: the name of the stage of this run that made it, or its network and digest.
 fn called(source: &Source<'_>, name: &str, digest: &str) -> String {
     let maker = source.run.iter().find(|made| made.digest.to_string() == digest);
@@ -110,7 +102,11 @@ fn row<T: Clone>(values: &[T], k: usize, n: usize) -> Vec<T> {
     values[k * width..][..width].to_vec()
 }
 
-pub(super) fn read(source: &Source<'_>) -> Result<Evaluation, ReportError> {
+/// The result of an evaluate stage.
+///
+/// # Errors
+/// When the artifact does not hold what its kind promises.
+pub fn read(source: &Source<'_>) -> Result<Evaluation, ReportError> {
     let view = source.of(content::Evaluation::open(source.artifact))?;
     let (names, digests) = (
         source.of(view.predictors().read())?,

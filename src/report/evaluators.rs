@@ -4,9 +4,9 @@ use std::fmt;
 
 use serde::Serialize;
 
-use super::gather::{Made, ReportError, Source, each};
+use super::artifacts::Source;
+use super::error::ReportError;
 use crate::content::Designs;
-use crate::store::Store;
 
 /// What judged the patterns of a design stage.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -34,15 +34,11 @@ pub struct Candidate {
     pub design_error: f64,
 }
 
-/// The evaluators of all design stages of a run.
+/// The evaluators of a design stage.
 ///
 /// # Errors
-/// When an artifact cannot be read or does not hold what its kind promises.
-pub fn evaluators(store: &Store, made: &[Made]) -> Result<Vec<Evaluators>, ReportError> {
-    Ok(each(store, made, "design", read)?.into_iter().flatten().collect())
-}
-
-fn read(source: &Source<'_>) -> Result<Vec<Evaluators>, ReportError> {
+/// When the artifact does not hold what its kind promises.
+pub fn read(source: &Source<'_>) -> Result<Vec<Evaluators>, ReportError> {
     let view = source.of(Designs::open(source.artifact))?;
     let (rows, used) = (
         source.of(view.rows().name().read())?,

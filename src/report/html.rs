@@ -83,6 +83,17 @@ impl Page {
         });
     }
 
+    /// Begins a section with what it is about, unless the last one is that section already.
+    pub fn open(&mut self, title: &str, about: &str) {
+        if self.contents.last().is_some_and(|section| section.title == title) {
+            return;
+        }
+        self.section(title);
+        if !about.is_empty() {
+            self.line(about);
+        }
+    }
+
     /// Begins a part of a section, which the list of contents names.
     pub fn part(&mut self, title: &str) {
         let section = self.contents.last_mut();

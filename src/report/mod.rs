@@ -1,36 +1,33 @@
-//! Figures and summaries of finished runs.
+//! Figures, summaries and pages of finished runs. Each stage kind has a presenter; `presenter.rs` holds the table of them.
 
-mod audit;
-mod course;
+mod artifacts;
 mod designs;
 mod drawing;
+mod error;
 mod evaluation;
 mod evaluators;
 pub mod export;
 pub mod figures;
 mod format;
-mod gather;
+mod history;
 mod html;
+mod kinds;
 mod page;
+mod presenter;
+mod results;
 mod rounds;
 mod summary;
-mod takeaway;
-mod training;
 mod warnings;
+mod write_report;
 
-pub use audit::{audited, audits};
-pub use course::{Course, Origin, StageFacts};
-pub use designs::{Aim, Compared, Design, Found, Role, Wanted, designs};
-pub use evaluation::{AreaError, Coverage, Evaluation, ObjectiveCoverage, Predicted, evaluations};
-pub use evaluators::{Candidate, Evaluators, evaluators};
-pub use gather::{Made, ReportError, draw_figures};
-pub use html::{Column, Page};
+pub use artifacts::{Made, RunArtifacts, Source};
+pub use error::ReportError;
 pub use format::{bytes, seconds};
-pub use rounds::{BestOfTarget, RoundSummary, RoundsSummary, by_round, draw_by_round};
-pub use summary::{RowSummary, Summary, summarise};
-pub use takeaway::{COLUMNS, Written, write_report};
-pub use training::{TrainingSummary, trainings};
-pub use warnings::warnings;
+pub use history::{History, Origin, StageFacts};
+pub use html::{Column, Page};
+pub use kinds::audit::audited;
+pub use results::{RunResults, draw_figures};
+pub use write_report::{COLUMNS, Written, write_report};
 
 #[cfg(test)]
 mod tests;

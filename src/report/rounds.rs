@@ -3,16 +3,17 @@
 
 use std::fmt;
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
 use super::figures::{Round, draw_rounds};
-use super::gather::{Made, ReportError, file_name};
+use super::artifacts::Made;
+use super::error::ReportError;
+use super::results::figure_name;
 use super::summary::{RowSummary, Summary};
 use crate::base::Digest;
 use crate::orchestrator::Rounds;
-use crate::store::Store;
 
 /// The rounds of a verify stage.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -75,36 +76,25 @@ pub fn by_round(rounds: &[Rounds], summaries: &[Summary]) -> Vec<RoundsSummary> 
 }
 
 /// Draws the rounds of each stage where the figure is not there yet, and returns the paths of all:
-/// `<store>/figures/<pipeline>/<stage>-<digest>-rounds.png`, the digest made of those of all rounds.
+/// `<stage>-<digest>-rounds.png` in the folder, the digest made of those of all rounds.
 ///
 /// # Errors
 /// When a figure cannot be written.
 pub fn draw_by_round(
-    store: &Store,
-    pipeline: &str,
+    folder: &Path,
     made: &[Made],
     found: &[RoundsSummary],
     summaries: &[Summary],
 ) -> Result<Vec<PathBuf>, ReportError> {
-    let folder = store.root().join("figures").join(file_name(pipeline));
     let mut paths = Vec::new();
     for of_stage in found {
-        let digest = |round: &RoundSummary| {
-            made.iter()
-                .find(|made| made.stage == round.stage)
-                .map(|made| made.digest)
-        };
-        let digests: Vec<String> = of_stage
-            .rounds
-            .iter()
-            .filter_map(digest)
-            .map(|d| d.to_string())
-            .collect();
+        let own = |made: &&Made| of_stage.rounds.iter().any(|round| round.stage == made.stage);
+        let digests: Vec<String> = made.iter().filter(own).map(|made| made.digest.to_string()).collect();
         let digest = Digest::of(digests.concat().as_bytes()).to_string();
-        let path = folder.join(format!("{}-{}-rounds.png", file_name(&of_stage.stage), &digest[..8]));
+        let path = folder.join(figure_name(&of_stage.stage, &digest, "rounds"));
         if !path.exists() {
-            fs::create_dir_all(&folder).map_err(|source| ReportError::Folder {
-                path: folder.clone(),
+            fs::create_dir_all(folder).map_err(|source| ReportError::Folder {
+                path: folder.to_owned(),
                 source,
             })?;
             draw_rounds(&path, &drawn(of_stage, summaries)).map_err(|source| ReportError::Figure {
@@ -118,7 +108,7 @@ pub fn draw_by_round(
 }
 
 /// What is drawn of the rounds of a stage.
-pub(super) fn drawn(of_stage: &RoundsSummary, summaries: &[Summary]) -> Vec<Round> {
+pub fn drawn(of_stage: &RoundsSummary, summaries: &[Summary]) -> Vec<Round> {
     let relative = |round: &RoundSummary| -> Vec<f64> {
         let summary = summaries.iter().find(|summary| summary.stage == round.stage);
         let designs = summary.map(designs).unwrap_or_default();
@@ -221,7 +211,7 @@ impl BestOfTarget {
 
 impl RoundsSummary {
     /// The best of a target in each round.
-    fn course(&self, target: &BestOfTarget) -> String {
+    fn best_by_round(&self, target: &BestOfTarget) -> String {
         let same = |best: &&BestOfTarget| (&best.case, &best.name) == (&target.case, &target.name);
         let of_round = |round: &RoundSummary| match round.best.iter().find(same) {
             Some(best) => format!("{:.3}", best.simulated_mm),
@@ -261,8 +251,8 @@ impl fmt::Display for RoundsSummary {
         }
         let width = targets.iter().map(|t| t.title().chars().count()).max().unwrap_or(0);
         for target in targets {
-            let (title, course) = (target.title(), self.course(target));
-            write!(f, "\n  best of {title:<width$}  {course} mm simulated")?;
+            let (title, values) = (target.title(), self.best_by_round(target));
+            write!(f, "\n  best of {title:<width$}  {values} mm simulated")?;
         }
         Ok(())
     }
@@ -367,7 +357,6 @@ mod tests {
     #[test]
     fn the_figure_is_drawn_once_for_what_all_rounds_made() {
         let folder = tempfile::tempdir().unwrap();
-        let store = Store::open(folder.path()).unwrap();
         let summaries = summaries();
         let found = by_round(&rounds(&["v", "v-2"]), &summaries);
         let draw = |first: &[u8]| {
@@ -376,7 +365,7 @@ mod tests {
                 kind: "verify".into(),
                 digest: crate::base::ArtifactId::of(bytes),
             });
-            draw_by_round(&store, "p", &made, &found, &summaries).unwrap()
+            draw_by_round(folder.path(), &made, &found, &summaries).unwrap()
         };
         let paths = draw(b"1");
         assert!(paths.len() == 1 && paths[0].exists() && paths == draw(b"1"));

@@ -5,11 +5,12 @@ use std::fmt;
 
 use serde::Serialize;
 
-use super::gather::{Made, ReportError, Source, each};
+use super::artifacts::Source;
+use super::error::ReportError;
 use crate::content::{ContentError, Verification};
 use crate::field::NO_FIELD;
 use crate::pattern::Role;
-use crate::store::{Artifact, Store};
+use crate::store::Artifact;
 
 /// A design whose prediction differs from the simulation by more than this fraction was judged by an evaluator that is wrong.
 pub(super) const TRUSTED: f64 = 0.05;
@@ -99,15 +100,11 @@ impl RowSummary {
     }
 }
 
-/// The results of all verify stages of a run.
+/// The result of a verify stage.
 ///
 /// # Errors
-/// When an artifact cannot be read or does not hold what its kind promises.
-pub fn summarise(store: &Store, made: &[Made]) -> Result<Vec<Summary>, ReportError> {
-    each(store, made, "verify", read)
-}
-
-pub(super) fn read(source: &Source<'_>) -> Result<Summary, ReportError> {
+/// When the artifact does not hold what its kind promises.
+pub fn read(source: &Source<'_>) -> Result<Summary, ReportError> {
     let rows = source.of(rows(source.artifact))?;
     if rows.is_empty() {
         return Err(source.wrong("it verifies no designs"));

@@ -16,6 +16,14 @@ impl Bench {
         Self { _folder: folder, store }
     }
 
+    fn run<'a>(&'a self, made: &'a [Made]) -> RunArtifacts<'a> {
+        RunArtifacts {
+            store: &self.store,
+            made,
+            rounds: &[],
+        }
+    }
+
     fn made(&self, stage: &str, kind: &str, object: &Object) -> Made {
         let stored = self.store.put(object, &Provenance::default()).unwrap();
         Made {
@@ -171,7 +179,7 @@ fn figures_are_drawn_once_and_named_by_their_artifact() {
         bench.made("design", "design", &designed()),
         bench.made("verified", "verify", &verified(["converged"; 4])),
     ];
-    let paths = draw_figures(&bench.store, "../quick start", &made).unwrap();
+    let paths = draw_figures(&bench.run(&made), "../quick start").unwrap();
     let folder = bench.store.root().join("figures/---quick-start");
     let names: Vec<String> = paths
         .iter()
@@ -191,11 +199,11 @@ fn figures_are_drawn_once_and_named_by_their_artifact() {
     // What is there is neither drawn nor even opened again.
     let written = std::fs::metadata(&paths[0]).unwrap().modified().unwrap();
     std::fs::remove_file(bench.store.artifact(&made[1].digest).unwrap().path()).unwrap();
-    assert_eq!(draw_figures(&bench.store, "../quick start", &made).unwrap(), paths);
+    assert_eq!(draw_figures(&bench.run(&made), "../quick start").unwrap(), paths);
     assert_eq!(std::fs::metadata(&paths[0]).unwrap().modified().unwrap(), written);
     std::fs::remove_file(&paths[0]).unwrap();
     assert!(matches!(
-        draw_figures(&bench.store, "../quick start", &made),
+        draw_figures(&bench.run(&made), "../quick start"),
         Err(ReportError::Store(_))
     ));
 }
@@ -222,7 +230,7 @@ fn errors_are_drawn_over_the_times_in_the_provenance() {
             kind: "accuracy".into(),
             digest: bench.store.put(object, provenance).unwrap().digest,
         };
-        draw_figures(&bench.store, "p", &[made]).map(|paths| paths.len())
+        draw_figures(&bench.run(&[made]), "p").map(|paths| paths.len())
     };
     let known = times(["method: linear; bezier", "method: newton; stripes"]);
     assert_eq!(figures("a", &measured([0.1, 0.2, 0.3, 0.4]), &known).unwrap(), 1);
@@ -239,7 +247,7 @@ fn errors_are_drawn_over_the_times_in_the_provenance() {
 fn the_summary_says_what_was_predicted_simulated_and_gained() {
     let bench = Bench::new();
     let made = [bench.made("verified", "verify", &verified(["converged"; 4]))];
-    let summaries = summarise(&bench.store, &made).unwrap();
+    let summaries = bench.run(&made).each("verify", summary::read).unwrap();
     let text = summaries[0].to_string();
     for part in [
         "genetic algorithm",
@@ -268,7 +276,7 @@ fn an_evaluator_that_is_wrong_is_exposed() {
         .datasets
         .insert("component/predicted".into(), reals("mm", &[2.8, 2.5, 1.9, 2.0]));
     let made = [bench.made("verified", "verify", &wrong)];
-    let summary = &summarise(&bench.store, &made).unwrap()[0];
+    let summary = &bench.run(&made).each("verify", summary::read).unwrap()[0];
     assert!((summary.largest_difference.unwrap() - 0.4).abs() < 1e-12);
     assert!(
         summary
@@ -282,15 +290,15 @@ fn a_pattern_without_a_stable_solution_shows_no_numbers() {
     let bench = Bench::new();
     let outcomes = ["converged", "converged", "converged", "pull-in"];
     let made = [bench.made("verified", "verify", &verified(outcomes))];
-    let summary = &summarise(&bench.store, &made).unwrap()[0];
-    let gains = |row: &super::RowSummary| (row.gain_own_area, row.gain_equal_area);
+    let summary = &bench.run(&made).each("verify", summary::read).unwrap()[0];
+    let gains = |row: &summary::RowSummary| (row.gain_own_area, row.gain_equal_area);
     let (own, equal) = gains(&summary.rows[0]);
     assert!((own.unwrap() - 0.25).abs() < 1e-12 && equal.is_none());
     assert_eq!(summary.rows[3].simulated_mm, None);
     assert!(summary.to_string().contains("no stable solution: pull-in"));
-    assert_eq!(draw_figures(&bench.store, "p", &made).unwrap().len(), 1);
+    assert_eq!(draw_figures(&bench.run(&made), "p").unwrap().len(), 1);
     let none = [bench.made("verified", "verify", &verified(["pull-in"; 4]))];
-    assert_eq!(draw_figures(&bench.store, "p", &none).unwrap().len(), 0);
+    assert_eq!(draw_figures(&bench.run(&none), "p").unwrap().len(), 0);
 }
 
 #[test]
@@ -327,11 +335,11 @@ fn many_targets_are_drawn_at_a_glance() {
     let many = many.with_long_texts("objective", "d", [OBJECTIVE; 8]);
     let many = many.with_long_texts("status", "d", ["met"; 8]);
     let made = [bench.made("verified", "verify", &many)];
-    let figures = draw_figures(&bench.store, "p", &made).unwrap();
+    let figures = draw_figures(&bench.run(&made), "p").unwrap();
     let decoder = png::Decoder::new(std::io::BufReader::new(std::fs::File::open(&figures[0]).unwrap()));
     let size = decoder.read_info().unwrap().info().size();
     assert_eq!(size, (8 * 240, 300));
-    let text = summarise(&bench.store, &made).unwrap()[0].to_string();
+    let text = bench.run(&made).each("verify", summary::read).unwrap()[0].to_string();
     assert!(text.contains("I t7: refined") && !text.contains("±"), "{text}");
 }
 
@@ -341,14 +349,14 @@ fn artifacts_that_lack_something_are_named() {
     let mut short = verified(["converged"; 4]);
     short.datasets.insert("area".into(), reals("1", &[0.5]));
     let made = [bench.made("verified", "verify", &short)];
-    let error = summarise(&bench.store, &made).unwrap_err().to_string();
+    let error = bench.run(&made).each("verify", summary::read).unwrap_err().to_string();
     assert!(
         error.contains("verified") && error.contains("differ in length"),
         "{error}"
     );
     let mut lost = designed();
     lost.attributes.clear();
-    let error = draw_figures(&bench.store, "p", &[bench.made("d", "design", &lost)])
+    let error = draw_figures(&bench.run(&[bench.made("d", "design", &lost)]), "p")
         .unwrap_err()
         .to_string();
     assert!(error.contains("no attribute `scene`"), "{error}");
@@ -361,8 +369,8 @@ fn a_training_is_told_in_a_line_with_its_warnings_after_it() {
         bench.made("solved", "solve", &solved(&[1.7])),
         bench.made("surrogate", "train", &trained()),
     ];
-    let found = trainings(&bench.store, &made).unwrap();
-    let expected = TrainingSummary {
+    let found = bench.run(&made).each("train", kinds::train::read).unwrap();
+    let expected = kinds::train::TrainingSummary {
         line: "surrogate: qin2024, epoch 2 of 2 kept; RMSE of a component: train 0.0100 mm, test 0.0345 mm".to_owned(),
         warnings: vec![
             "surrogate: 3 samples are left out".to_owned(),
@@ -430,7 +438,7 @@ fn an_evaluation_names_models_by_their_stages() {
     let model = bench.made("surrogate", "train", &trained());
     let stage = bench.made("judged", "evaluate", &evaluated(&model));
     let made = [model.clone(), stage.clone()];
-    let found = &evaluations(&bench.store, &made).unwrap()[0];
+    let found = &bench.run(&made).each("evaluate", evaluation::read).unwrap()[0];
     assert_eq!(found.predictors[0].name, "surrogate");
     assert_eq!(found.calibrations[0].name, "calibration 01234567");
     assert_eq!(found.calibrations[0].objectives[1].covered, [0.8, 0.9, 0.85]);
@@ -449,8 +457,8 @@ fn an_evaluation_names_models_by_their_stages() {
         serde_json::to_value(found).unwrap()["predictors"][0]["by_area"][0]["area"],
         0.5
     );
-    assert_eq!(draw_figures(&bench.store, "p", &made).unwrap().len(), 2);
-    let alone = &evaluations(&bench.store, &made[1..]).unwrap()[0];
+    assert_eq!(draw_figures(&bench.run(&made), "p").unwrap().len(), 2);
+    let alone = &bench.run(&made[1..]).each("evaluate", evaluation::read).unwrap()[0];
     assert_eq!(
         alone.predictors[0].name,
         format!("qin2024 {}", &model.digest.to_string()[..8])
@@ -460,6 +468,6 @@ fn an_evaluation_names_models_by_their_stages() {
     let short = Dataset::new("1", "d", &[2, 1], Data::F64(vec![0.5; 2]));
     broken.datasets.insert("score/r2".into(), short);
     let made = [bench.made("judged", "evaluate", &broken)];
-    let error = evaluations(&bench.store, &made).unwrap_err().to_string();
+    let error = bench.run(&made).each("evaluate", evaluation::read).unwrap_err().to_string();
     assert!(error.contains("differ in length"), "{error}");
 }

@@ -1,15 +1,15 @@
 //! What the artifacts of a run warn of: samples that fail.
 
-use super::gather::{Made, ReportError, each};
+use super::artifacts::RunArtifacts;
+use super::error::ReportError;
 use crate::content::Solutions;
-use crate::store::Store;
 
 /// The warnings of all stages that simulate, after the name of the stage. Estimates and verified designs say nothing of breakdown.
 ///
 /// # Errors
 /// When an artifact cannot be read.
-pub fn warnings(store: &Store, made: &[Made]) -> Result<Vec<String>, ReportError> {
-    let warning = each(store, made, "solve", |source| {
+pub fn warnings(run: &RunArtifacts<'_>) -> Result<Vec<String>, ReportError> {
+    let warning = run.each("solve", |source| {
         let view = source.of(Solutions::open(source.artifact))?;
         let ratios = source
             .of(view.observations().breakdown_ratio().read())?

@@ -3,6 +3,7 @@
 
 mod compare;
 mod found;
+mod membranes;
 mod names;
 mod read;
 mod wanted;
@@ -15,8 +16,9 @@ use super::drawing::Membrane;
 pub use crate::pattern::Role;
 pub use compare::Compared;
 pub use found::{Extreme, Found};
+pub(super) use membranes::membranes;
 pub use read::designs;
-pub use wanted::{Aim, Wanted};
+pub use wanted::Wanted;
 
 /// The role in tables and files: both intuitive designs have the same word.
 pub(super) fn role_word(role: Role) -> &'static str {

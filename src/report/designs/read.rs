@@ -6,18 +6,18 @@ use super::names::name;
 use super::wanted::Wanted;
 use crate::content::{DesignRowsView, Designs, StoredAttribute, Verification};
 use crate::field::NO_FIELD;
-use crate::report::gather::{Made, ReportError, Source, each};
+use crate::report::artifacts::{RunArtifacts, Source};
+use crate::report::error::ReportError;
 use crate::scene::Scene;
-use crate::store::Store;
 
 /// The designs of a run, each once, named and compared: those that were verified, and those that were not as predicted. What
 /// was verified by the stages named in `superseded` alone, the earlier rounds, is left out.
 ///
 /// # Errors
 /// When an artifact cannot be read or does not hold what its kind promises.
-pub fn designs(store: &Store, made: &[Made], superseded: &[&str]) -> Result<Vec<Design>, ReportError> {
+pub fn designs(run: &RunArtifacts<'_>, superseded: &[&str]) -> Result<Vec<Design>, ReportError> {
     let (mut all, mut earlier): (Vec<Design>, Vec<Design>) = Default::default();
-    let verified = each(store, made, "verify", |source| {
+    let verified = run.each("verify", |source| {
         Ok((source.stage.stage.clone(), verified(source)?))
     })?;
     for (stage, designs) in verified {
@@ -33,7 +33,7 @@ pub fn designs(store: &Store, made: &[Made], superseded: &[&str]) -> Result<Vec<
             }
         }
     }
-    for design in each(store, made, "design", searched)?.into_iter().flatten() {
+    for design in run.each("design", searched)?.into_iter().flatten() {
         if !all.iter().chain(&earlier).any(|known| same(known, &design)) {
             all.push(design);
         }

@@ -1,19 +1,19 @@
 //! What the stages cost, and where everything comes from.
 
 use super::dag::fate;
-use crate::report::course::{Course, Origin, StageFacts};
+use crate::report::history::{History, Origin, StageFacts};
 use crate::report::format::{bytes, percent, seconds, time};
 use crate::report::html::{Column, Page};
 
 /// Adds the table of costs.
-pub fn section(page: &mut Page, course: &Course) {
+pub fn section(page: &mut Page, history: &History) {
     page.section("Costs");
     page.line(
         "Time is from the beginning to the end of the stage when it was built; work is the sum over its chunks, several of \
          which run at a time.",
     );
     let took = |stage: &StageFacts| stage.origin.as_ref().map(took);
-    let total: f64 = course.stages.iter().filter_map(took).sum();
+    let total: f64 = history.stages.iter().filter_map(took).sum();
     let row = |stage: &StageFacts| {
         let origin = stage.origin.as_ref();
         let text = |of: &dyn Fn(&Origin) -> String| origin.map_or_else(String::new, of);
@@ -30,9 +30,9 @@ pub fn section(page: &mut Page, course: &Course) {
             text(&size),
         ]
     };
-    let mut rows: Vec<Vec<String>> = course.stages.iter().map(row).collect();
-    let work: f64 = course.stages.iter().filter_map(|s| Some(s.origin.as_ref()?.work)).sum();
-    let size: u64 = course.stages.iter().map(|stage| stage.bytes).sum();
+    let mut rows: Vec<Vec<String>> = history.stages.iter().map(row).collect();
+    let work: f64 = history.stages.iter().filter_map(|s| Some(s.origin.as_ref()?.work)).sum();
+    let size: u64 = history.stages.iter().map(|stage| stage.bytes).sum();
     let blank = String::new;
     rows.push(vec![
         "all".to_owned(),
@@ -63,10 +63,10 @@ pub fn took(origin: &Origin) -> f64 {
 }
 
 /// Adds the table of artifacts, and the machines and versions that made them.
-pub fn provenance(page: &mut Page, course: &Course) {
+pub fn provenance(page: &mut Page, history: &History) {
     page.section("Provenance");
     let mut lines: Vec<String> = Vec::new();
-    for origin in course.stages.iter().filter_map(|stage| stage.origin.as_ref()) {
+    for origin in history.stages.iter().filter_map(|stage| stage.origin.as_ref()) {
         let line = format!(
             "Made by deaflow {} on {} ({}).",
             origin.version, origin.host, origin.target
@@ -75,11 +75,11 @@ pub fn provenance(page: &mut Page, course: &Course) {
             lines.push(line);
         }
     }
-    lines.push(format!("Pipeline file: {}", course.path));
+    lines.push(format!("Pipeline file: {}", history.path));
     page.lines(&lines);
     let row = |stage: &StageFacts| {
         let origin = stage.origin.as_ref();
-        let needs: Vec<&str> = stage.needs.iter().map(|k| course.stages[*k].name.as_str()).collect();
+        let needs: Vec<&str> = stage.needs.iter().map(|k| history.stages[*k].name.as_str()).collect();
         vec![
             stage.name.clone(),
             stage
@@ -90,7 +90,7 @@ pub fn provenance(page: &mut Page, course: &Course) {
             needs.join(", "),
         ]
     };
-    let rows: Vec<Vec<String>> = course.stages.iter().map(row).collect();
+    let rows: Vec<Vec<String>> = history.stages.iter().map(row).collect();
     let columns = [
         ("stage", Column::Key),
         ("digest of its artifact (BLAKE3 of the content)", Column::Key),

@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 use super::layout::{BOX, Layout, layout};
-use crate::report::course::{Course, StageFacts};
+use crate::report::history::{History, StageFacts};
 use crate::report::drawing::{Colour, number};
 use crate::report::format::{bytes, cut, seconds, time};
 use crate::report::html::Page;
@@ -70,16 +70,16 @@ pub fn cost(stage: &StageFacts) -> String {
 }
 
 /// Adds the drawing and what its colours mean.
-pub fn section(page: &mut Page, course: &Course) {
+pub fn section(page: &mut Page, history: &History) {
     page.section("Pipeline");
-    let run = match &course.last_run {
+    let run = match &history.last_run {
         Some(ended) => format!("The last run that changed anything ended {}.", time(ended)),
         None => "No run of this pipeline is remembered in the store.".to_owned(),
     };
     page.line(&format!(
         "{run} Each box names a stage, its kind and digest, what that run did with it, and what it took when it was built."
     ));
-    let fates: Vec<Fate> = course.stages.iter().map(Fate::of).collect();
+    let fates: Vec<Fate> = history.stages.iter().map(Fate::of).collect();
     let counts = [
         (Fate::Built, "built"),
         (Fate::Partly, "built in part"),
@@ -94,23 +94,23 @@ pub fn section(page: &mut Page, course: &Course) {
             }
         }
     });
-    page.scrolled("The stages of the pipeline and what they need", &draw(course));
+    page.scrolled("The stages of the pipeline and what they need", &draw(history));
 }
 
-fn draw(course: &Course) -> Markup {
-    let needs: Vec<Vec<usize>> = course.stages.iter().map(|stage| stage.needs.clone()).collect();
+fn draw(history: &History) -> Markup {
+    let needs: Vec<Vec<usize>> = history.stages.iter().map(|stage| stage.needs.clone()).collect();
     let placed = layout(&needs);
     let width = placed.layers as f64 * (WIDTH + BETWEEN) - BETWEEN + 4.0;
     let height = number(placed.height + 4.0, 0);
     let smallest = number(SMALLEST * width, 0);
-    let names: Vec<&str> = course.stages.iter().map(|stage| stage.name.as_str()).collect();
+    let names: Vec<&str> = history.stages.iter().map(|stage| stage.name.as_str()).collect();
     let says = format!("Pipeline of {} stages: {}", names.len(), names.join(", "));
     html! {
         svg.dag viewBox={ "-2 -2 " (width) " " (height) } width=(width) height=(height)
             style={ "width:100%;min-width:" (smallest) "px;max-width:" (width) "px" } role="img" aria-label=(says) {
             title { (says) }
             (lines(&placed))
-            @for (stage, place) in course.stages.iter().zip(&placed.stages) { (boxed(stage, *place)) }
+            @for (stage, place) in history.stages.iter().zip(&placed.stages) { (boxed(stage, *place)) }
         }
     }
 }

@@ -1,70 +1,60 @@
 //! The report of a pipeline as one page: what was found at the top, then everything that it stands on.
 
-mod accuracy;
 mod cards;
 mod costs;
 mod dag;
-mod dataset;
 mod designs;
-mod evaluation;
 mod layout;
-mod rounds;
 mod scene;
-mod search;
-mod training;
 
-use super::course::Course;
+use super::history::History;
 use super::designs::{Design, Extreme, Found};
 use super::format::{bytes, counted, gain, percent, seconds};
-use super::gather::{Made, ReportError};
+use super::artifacts::RunArtifacts;
+use super::error::ReportError;
 use super::html::Page;
+use super::presenter::by_section;
 use super::summary::TRUSTED;
-use super::training::trainings;
-use crate::store::Store;
 
 /// The page of a pipeline.
 ///
 /// # Errors
 /// When an artifact cannot be read or does not hold what its kind promises.
-pub fn report_page(store: &Store, course: &Course, designs: &[Design]) -> Result<String, ReportError> {
-    let made = course.made();
-    let mut page = Page::new(&course.pipeline);
-    head(&mut page, course, designs);
-    dag::section(&mut page, course);
+pub fn report_page(run: &RunArtifacts<'_>, history: &History, designs: &[Design]) -> Result<String, ReportError> {
+    let mut page = Page::new(&history.pipeline);
+    head(&mut page, history, designs);
+    dag::section(&mut page, history);
     designs::section(&mut page, designs);
     designs::agreement(&mut page, designs);
-    rounds::section(&mut page, store, course)?;
-    search::section(&mut page, store, &made)?;
-    dataset::section(&mut page, store, &made)?;
-    training::section(&mut page, store, &made)?;
-    evaluation::section(&mut page, store, &made)?;
-    accuracy::section(&mut page, store, &made)?;
-    scene::section(&mut page, store, course, &others(store, &made)?)?;
-    costs::section(&mut page, course);
-    costs::provenance(&mut page, course);
+    for presenter in by_section() {
+        presenter.section(&mut page, run)?;
+    }
+    scene::section(&mut page, run, history)?;
+    costs::section(&mut page, history);
+    costs::provenance(&mut page, history);
     Ok(page.finish())
 }
 
 /// Title, what is missing, and the numbers that matter.
-fn head(page: &mut Page, course: &Course, designs: &[Design]) {
+fn head(page: &mut Page, history: &History, designs: &[Design]) {
     page.lead(&format!(
         "Report of the pipeline {}: {} from {}.",
-        course.pipeline,
-        counted(course.stages.len(), "stage", "stages"),
-        course.path
+        history.pipeline,
+        counted(history.stages.len(), "stage", "stages"),
+        history.path
     ));
-    let missing: Vec<&str> = course.missing().iter().map(|stage| stage.name.as_str()).collect();
+    let missing: Vec<&str> = history.missing().iter().map(|stage| stage.name.as_str()).collect();
     if !missing.is_empty() {
         page.notice(&[
             format!(
                 "This report is not complete: {} of {} stages are not built.",
                 missing.len(),
-                course.stages.len()
+                history.stages.len()
             ),
             format!(
                 "Missing: {}. Build them: deaflow run {}",
                 missing.join(", "),
-                course.path
+                history.path
             ),
         ]);
     }
@@ -78,13 +68,13 @@ fn head(page: &mut Page, course: &Course, designs: &[Design]) {
         )]);
     }
     let mut tiles = of_designs(&found);
-    let took: f64 = course
+    let took: f64 = history
         .stages
         .iter()
         .filter_map(|s| s.origin.as_ref())
         .map(costs::took)
         .sum();
-    let size: u64 = course.stages.iter().map(|stage| stage.bytes).sum();
+    let size: u64 = history.stages.iter().map(|stage| stage.bytes).sum();
     tiles.push((seconds(took), "to build all stages once".to_owned()));
     tiles.push((bytes(size), "in the store".to_owned()));
     page.tiles(&tiles);
@@ -141,10 +131,4 @@ fn of_designs(found: &Found) -> Vec<(String, String)> {
         tiles.push((found.not_met.to_string(), what.to_owned()));
     }
     tiles
-}
-
-/// What stages warn of beside effects that were left out.
-fn others(store: &Store, made: &[Made]) -> Result<Vec<String>, ReportError> {
-    let trainings = trainings(store, made)?;
-    Ok(trainings.into_iter().flat_map(|training| training.warnings).collect())
 }

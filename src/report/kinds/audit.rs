@@ -1,15 +1,58 @@
-//! The figure of an audit and a line of what it found, from what its artifact says.
+//! Audit stages: a line of what each found, and what a dataset covers.
 
-use serde_json::Value;
+use std::path::Path;
 
-use super::figures::{Audited, Counts};
-use super::gather::{Made, ReportError, each};
-use crate::content::{Audit, Json, StoredAttribute};
-use crate::store::Store;
+use serde_json::{Value, json};
+
+use crate::content::{self, Json, StoredAttribute};
+use crate::report::artifacts::{RunArtifacts, Source};
+use crate::report::error::ReportError;
+use crate::report::figures::{Audited, Counts, draw_audit};
+use crate::report::html::Page;
+use crate::report::presenter::{DrawFigure, Presenter, Results};
+
+/// Shows audit stages.
+pub struct Audit;
+
+impl Presenter for Audit {
+    fn kind(&self) -> &'static str {
+        "audit"
+    }
+
+    fn results(&self, run: &RunArtifacts<'_>) -> Result<Vec<Results>, ReportError> {
+        let lines = run.each(self.kind(), line)?;
+        Ok(vec![Results {
+            key: "audits",
+            value: json!(lines),
+            text: (!lines.is_empty()).then(|| lines.join("\n")).into_iter().collect(),
+            warnings: Vec::new(),
+        }])
+    }
+
+    fn figures(&self) -> &'static [(&'static str, DrawFigure)] {
+        &[("audit", figure)]
+    }
+
+    fn section(&self, page: &mut Page, run: &RunArtifacts<'_>) -> Result<(), ReportError> {
+        for line in run.each(self.kind(), line)? {
+            super::dataset(page);
+            page.line(&format!("Audit {line}."));
+        }
+        Ok(())
+    }
+}
+
+/// An audit that ended before it looked at rows has nothing to draw.
+fn figure(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
+    match audited(&source.of(content::Audit::read(source.artifact))?) {
+        Some(figure) => source.drawn(draw_audit(path, &figure)),
+        None => Ok(()),
+    }
+}
 
 /// The numbers of the figure; `None` where the audit ended before it had any.
 #[must_use]
-pub fn audited(audit: &Audit) -> Option<Audited> {
+pub fn audited(audit: &content::Audit) -> Option<Audited> {
     let by_peak = |values: &[f64]| -> Option<Vec<(f64, f64)>> {
         let pairs = audit.resimulated.row.iter().zip(values);
         // What is not known is negative.
@@ -33,20 +76,15 @@ pub fn audited(audit: &Audit) -> Option<Audited> {
     (!figure.area.counts.is_empty()).then_some(figure)
 }
 
-/// What the audits of a run found, one line for each.
-///
-/// # Errors
-/// When an artifact cannot be read.
-pub fn audits(store: &Store, made: &[Made]) -> Result<Vec<String>, ReportError> {
-    each(store, made, "audit", |source| {
-        let view = source.of(Audit::open(source.artifact))?;
-        let value = |attribute: StoredAttribute<'_, Json>| -> Result<Value, ReportError> {
-            let json = source.of(attribute.read())?;
-            json.value().map_err(|e| source.wrong(e.to_string()))
-        };
-        let told = told(&value(view.findings())?, &value(view.summary())?);
-        Ok(format!("{}: {told}", source.stage.stage))
-    })
+/// What an audit found.
+fn line(source: &Source<'_>) -> Result<String, ReportError> {
+    let view = source.of(content::Audit::open(source.artifact))?;
+    let value = |attribute: StoredAttribute<'_, Json>| -> Result<Value, ReportError> {
+        let json = source.of(attribute.read())?;
+        json.value().map_err(|e| source.wrong(e.to_string()))
+    };
+    let told = told(&value(view.findings())?, &value(view.summary())?);
+    Ok(format!("{}: {told}", source.stage.stage))
 }
 
 fn told(findings: &Value, summary: &Value) -> String {

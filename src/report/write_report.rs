@@ -4,9 +4,9 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::course::Course;
+use super::history::History;
 use super::designs::{Design, Found, designs, role_word};
-use super::gather::ReportError;
+use super::error::ReportError;
 use super::page::report_page;
 use crate::store::Store;
 
@@ -52,9 +52,11 @@ pub struct Written {
 ///
 /// # Errors
 /// When an artifact cannot be read, or a file cannot be written.
-pub fn write_report(store: &Store, course: &Course, folder: &Path) -> Result<Written, ReportError> {
-    let designs = designs(store, &course.made(), &course.superseded())?;
-    let page = report_page(store, course, &designs)?;
+pub fn write_report(store: &Store, history: &History, folder: &Path) -> Result<Written, ReportError> {
+    let made = history.made();
+    let run = history.run(store, &made);
+    let designs = designs(&run, &history.superseded())?;
+    let page = report_page(&run, history, &designs)?;
     let (path, data) = (folder.join("index.html"), folder.join("data"));
     let (table, patterns) = (data.join("designs.csv"), data.join("patterns"));
     forget(&table, &data)?;

@@ -3,14 +3,15 @@
 
 use std::collections::BTreeMap;
 
-use super::gather::{Made, ReportError};
+use super::artifacts::{Made, RunArtifacts};
+use super::error::ReportError;
 use crate::base::ArtifactId;
 use crate::orchestrator::{Pipeline, Rounds, StageReport};
 use crate::store::{Artifact, Cost, Run, Store};
 
 /// A pipeline with what has been built of it.
 #[derive(Clone, Debug)]
-pub struct Course {
+pub struct History {
     /// Name of the pipeline.
     pub pipeline: String,
     /// Its file.
@@ -67,7 +68,7 @@ pub struct Origin {
     pub built: Option<usize>,
 }
 
-impl Course {
+impl History {
     /// What is known of the stages of a plan.
     ///
     /// # Errors
@@ -105,6 +106,16 @@ impl Course {
             neglected: Vec::new(),
             last_run: last.map(|run| run.created.clone()),
         })
+    }
+
+    /// What has been made, to be read.
+    #[must_use]
+    pub fn run<'a>(&'a self, store: &'a Store, made: &'a [Made]) -> RunArtifacts<'a> {
+        RunArtifacts {
+            store,
+            made,
+            rounds: &self.rounds,
+        }
     }
 
     /// What has been made.

@@ -1,0 +1,26 @@
+//! The membranes of designs, for figures.
+
+use super::Wanted;
+use crate::content::{DesignRowsView, StoredAttribute};
+use crate::field::Field;
+use crate::report::artifacts::Source;
+use crate::report::drawing::Membrane;
+use crate::report::error::ReportError;
+use crate::scene::Scene;
+
+/// The patterns of some rows of a design or its verification, each with a field.
+pub(in crate::report) fn membranes<'f>(
+    source: &Source<'_>,
+    rows: &DesignRowsView<'_>,
+    scene: &StoredAttribute<'_, Scene>,
+    wanted: impl Iterator<Item = (usize, &'f Field)>,
+) -> Result<Vec<Membrane>, ReportError> {
+    let (patterns, objectives) = (source.of(rows.patterns().read())?, source.of(rows.objective().read())?);
+    let side = source.of(scene.read())?.side_mm();
+    let membrane = |(row, field): (usize, &Field)| {
+        let objective = Wanted::read(&objectives.0[row]).map_err(|e| source.wrong(e.to_string()))?;
+        let points = objective.aims.iter().map(|aim| aim.point).collect();
+        source.drawn(Membrane::new(patterns[row].cells(), field.values(), side, points))
+    };
+    wanted.map(membrane).collect()
+}

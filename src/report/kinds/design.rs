@@ -1,0 +1,188 @@
+//! Design stages: what judged the patterns, and how each search went.
+
+use std::path::Path;
+
+use serde_json::json;
+
+use crate::content::{ContentError, Designs, DesignsView};
+use crate::report::artifacts::{RunArtifacts, Source};
+use crate::report::designs::membranes;
+use crate::report::drawing::{Axis, Chart, Colour, Mark, Series};
+use crate::report::error::ReportError;
+use crate::report::evaluators::{Evaluators, read};
+use crate::report::figures::{Evolution, draw_evolution, draw_membrane};
+use crate::report::format::mm;
+use crate::report::html::{Column, Page};
+use crate::report::presenter::{DrawFigure, Presenter, Results};
+
+/// Shows design stages.
+pub struct Design;
+
+/// Targets that a legend can tell apart.
+const NAMED: usize = 8;
+
+/// A line for each target or start.
+struct Search {
+    name: String,
+    points: Vec<(f64, f64)>,
+}
+
+impl Presenter for Design {
+    fn kind(&self) -> &'static str {
+        "design"
+    }
+
+    fn results(&self, run: &RunArtifacts<'_>) -> Result<Vec<Results>, ReportError> {
+        let evaluators = run.each(self.kind(), read)?.concat();
+        Ok(vec![Results {
+            key: "evaluators",
+            value: json!(evaluators),
+            text: evaluators.iter().map(ToString::to_string).collect(),
+            warnings: Vec::new(),
+        }])
+    }
+
+    fn figures(&self) -> &'static [(&'static str, DrawFigure)] {
+        &[("evolution", evolution), ("best", best)]
+    }
+
+    fn section(&self, page: &mut Page, run: &RunArtifacts<'_>) -> Result<(), ReportError> {
+        let charts = run.each(self.kind(), |source| {
+            let view = source.of(Designs::open(source.artifact))?;
+            let (generations, steps) = (source.of(generations(&view))?, source.of(steps(&view))?);
+            let stage = &source.stage.stage;
+            let by_generation = chart(stage, "genetic algorithm", "Generation", &generations);
+            Ok([by_generation, chart(stage, "by gradients", "Step", &steps)])
+        })?;
+        let charts: Vec<Chart> = charts.into_iter().flatten().flatten().collect();
+        if charts.is_empty() {
+            return Ok(());
+        }
+        page.section("Search");
+        judges(page, &run.each(self.kind(), read)?.concat());
+        page.line("How the displacement of the best pattern grew while it was searched, as the search judged it.");
+        page.charts(&charts);
+        Ok(())
+    }
+}
+
+/// How a search went, where the stage has one alone; a page tells of all.
+fn evolution(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
+    let history = source.of(Designs::open(source.artifact))?.history();
+    let mut names = source.of(history.name().read())?;
+    names.dedup();
+    if names.len() != 1 {
+        return Ok(());
+    }
+    let data = Evolution {
+        best: source.of(history.best().read())?,
+        mean: source.of(history.mean().read())?,
+        value: source.of(history.value().read())?,
+        area: source.of(history.area().read())?,
+    };
+    source.drawn(draw_evolution(path, &data))
+}
+
+/// The last design of a stage that has one target: the refined one where there is one.
+fn best(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
+    let view = source.of(Designs::open(source.artifact))?;
+    let rows = view.rows();
+    let (names, roles) = (source.of(rows.name().read())?, source.of(rows.role().read())?);
+    let last = roles.iter().rposition(|role| role.is_found());
+    let Some(last) = last.filter(|_| names.iter().all(|name| *name == names[0])) else {
+        return Ok(());
+    };
+    let predicted = source.of(rows.predicted().read())?;
+    for data in membranes(source, &rows, &view.scene(), std::iter::once((last, &predicted[last])))? {
+        source.drawn(draw_membrane(path, "Best design, as predicted", &data))?;
+    }
+    Ok(())
+}
+
+/// What judged the patterns, a row for each stage and judge.
+fn judges(page: &mut Page, evaluators: &[Evaluators]) {
+    let mut rows: Vec<Vec<String>> = Vec::new();
+    for judge in evaluators {
+        let own = judge.candidates.iter().find(|c| c.settings == judge.used);
+        let error = own.and_then(|candidate| candidate.rmse_mm);
+        let row = vec![
+            judge.stage.clone(),
+            judge.used.clone(),
+            match judge.candidates.len() {
+                0 => "as named, or the reference".to_owned(),
+                n => format!("the cheapest of {n} that suffices"),
+            },
+            error.map_or_else(String::new, mm),
+            judge.name.clone(),
+        ];
+        // The error is of each target's own patterns: with the same judge, targets still differ in it.
+        match rows.last_mut().filter(|last| last[..4] == row[..4]) {
+            Some(last) => last[4] = format!("{}, {}", last[4], judge.name),
+            None => rows.push(row),
+        }
+    }
+    let columns = [
+        ("stage", Column::Key),
+        ("patterns judged by", Column::Key),
+        ("why", Column::Key),
+        ("RMS error, mm", Column::Number),
+        ("targets", Column::Wide),
+    ];
+    page.columns("What judged the patterns", &columns, &rows);
+}
+
+/// The displacement of the best of each generation.
+fn generations(view: &DesignsView<'_>) -> Result<Vec<Search>, ContentError> {
+    let history = view.history();
+    let labels = history.name().read()?;
+    Ok(searches(labels, &history.generation().read()?, &history.value().read()?))
+}
+
+/// The displacement after each step along the gradient.
+fn steps(view: &DesignsView<'_>) -> Result<Vec<Search>, ContentError> {
+    let steps = view.steps();
+    let (mut labels, members) = (steps.name().read()?, steps.member().read()?);
+    // Of one design the number says nothing.
+    let several = members.iter().any(|member| *member > 0);
+    for (label, member) in labels.iter_mut().zip(members).filter(|_| several) {
+        *label += &format!(" {}", member + 1);
+    }
+    Ok(searches(labels, &steps.step().read()?, &steps.value().read()?))
+}
+
+/// A line for each label.
+fn searches(labels: Vec<String>, counts: &[u64], values: &[f64]) -> Vec<Search> {
+    let mut searches: Vec<Search> = Vec::new();
+    for ((label, count), value) in labels.into_iter().zip(counts).zip(values) {
+        let point = (*count as f64, *value);
+        match searches.last_mut().filter(|search| search.name == label) {
+            Some(search) => search.points.push(point),
+            None => searches.push(Search {
+                name: label,
+                points: vec![point],
+            }),
+        }
+    }
+    searches
+}
+
+/// A line for each search; none where there was none.
+fn chart(stage: &str, what: &str, count: &str, searches: &[Search]) -> Option<Chart> {
+    let few = searches.len() <= NAMED;
+    let series = |(search, colour): (&Search, Colour)| {
+        let name = if few { search.name.as_str() } else { "" };
+        Series::new(name, colour, Mark::Line, search.points.clone())
+    };
+    let points = || searches.iter().flat_map(|search| &search.points);
+    let last = points().fold(0.0, |a: f64, (n, _)| a.max(*n));
+    let note = match few {
+        true => what.to_owned(),
+        false => format!("{what}, {} lines", searches.len()),
+    };
+    let axes = [
+        Axis::counting(count, 0.0, last.max(1.0)),
+        Axis::above("Displacement [mm]", points().map(|(_, mm)| mm)),
+    ];
+    let series = searches.iter().zip(Colour::ALL.into_iter().cycle()).map(series).collect();
+    (!searches.is_empty()).then(|| Chart::new(stage, axes, series).with_note(note))
+}

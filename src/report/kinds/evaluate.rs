@@ -1,0 +1,149 @@
+//! Evaluate stages: surrogates judged by patterns that none of them has seen.
+
+use std::path::Path;
+
+use maud::{Markup, html};
+use serde_json::json;
+
+use crate::content;
+use crate::report::artifacts::{RunArtifacts, Source};
+use crate::report::error::ReportError;
+use crate::report::evaluation::{Coverage, Evaluation, Predicted, read};
+use crate::report::figures::{Evaluated, EvaluatedPredictor, draw_evaluation};
+use crate::report::format::{percent, two_digits};
+use crate::report::html::{Column, Page};
+use crate::report::presenter::{DrawFigure, Presenter, Results};
+
+/// Shows evaluate stages.
+pub struct Evaluate;
+
+impl Presenter for Evaluate {
+    fn kind(&self) -> &'static str {
+        "evaluate"
+    }
+
+    fn results(&self, run: &RunArtifacts<'_>) -> Result<Vec<Results>, ReportError> {
+        let evaluations = run.each(self.kind(), read)?;
+        Ok(vec![Results {
+            key: "evaluations",
+            value: json!(evaluations),
+            text: evaluations.iter().map(ToString::to_string).collect(),
+            warnings: Vec::new(),
+        }])
+    }
+
+    fn figures(&self) -> &'static [(&'static str, DrawFigure)] {
+        &[("evaluation", figure)]
+    }
+
+    fn section(&self, page: &mut Page, run: &RunArtifacts<'_>) -> Result<(), ReportError> {
+        let found = run.each(self.kind(), |source| Ok((read(source)?, evaluated(source)?)))?;
+        for (evaluation, data) in &found {
+            page.open("Surrogates", "");
+            page.part(&evaluation.stage);
+            page.line(
+                "Root mean square error of a displacement component in mm, by family of patterns; dark cells err more.",
+            );
+            page.scrolled("Errors by family", &matrix(evaluation, data));
+            if !evaluation.calibrations.is_empty() {
+                page.line("Intervals of 95 %, and how often they cover:");
+                intervals(page, evaluation);
+            }
+            page.charts(&data.charts());
+        }
+        Ok(())
+    }
+}
+
+fn figure(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
+    source.drawn(draw_evaluation(path, &evaluated(source)?))
+}
+
+/// The errors of an evaluate stage by family, and the peaks of its patterns.
+fn evaluated(source: &Source<'_>) -> Result<Evaluated, ReportError> {
+    let found = read(source)?;
+    let patterns = source.of(content::Evaluation::open(source.artifact))?.pattern();
+    let simulated = source.of(patterns.simulated_max().read())?;
+    let predicted = source.of(patterns.predicted_max().read())?;
+    let known = source.of(patterns.predicted().read())?;
+    let n = simulated.len();
+    let predictor = |(k, predictor): (usize, &Predicted)| {
+        let rmse = predictor.rmse_mm.iter().zip(&predictor.samples);
+        let rows = (0..n).filter(|row| known[k * n + row] == 1);
+        EvaluatedPredictor {
+            name: predictor.name.clone(),
+            rmse: rmse.map(|(rmse, samples)| (*samples > 0).then_some(*rmse)).collect(),
+            peaks: rows.map(|row| (simulated[row], predicted[k * n + row])).collect(),
+            peak_r2: predictor.max_displacement_r2.last().copied().unwrap_or_default(),
+        }
+    };
+    Ok(Evaluated {
+        predictors: found.predictors.iter().enumerate().map(predictor).collect(),
+        families: found.families,
+    })
+}
+
+/// Errors with their shades.
+fn matrix(evaluation: &Evaluation, data: &Evaluated) -> Markup {
+    let titles = evaluation.families.iter().map(String::as_str);
+    let shaded = |error: f64| format!("background:rgba(var(--heat),{:.2})", 0.05 + 0.4 * data.shade(error));
+    let last = |values: &[f64]| values.last().copied().unwrap_or_default();
+    html! {
+        table {
+            thead {
+                tr {
+                    th scope="col" {}
+                    @for title in titles.chain(["R² of the largest", "largest error"]) { th.number scope="col" { (title) } }
+                }
+            }
+            tbody {
+                @for (predictor, drawn) in evaluation.predictors.iter().zip(&data.predictors) {
+                    tr {
+                        th scope="row" { (predictor.name) }
+                        @for error in &drawn.rmse {
+                            @if let Some(error) = error { td.heat style=(shaded(*error)) { (two_digits(*error)) } }
+                            @else { td.heat { "none" } }
+                        }
+                        td.heat { (format!("{:.5}", last(&predictor.max_displacement_r2))) }
+                        td.heat { (two_digits(last(&predictor.max_error_mm))) }
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn intervals(page: &mut Page, evaluation: &Evaluation) {
+    let families = evaluation
+        .families
+        .iter()
+        .map(|family| (family.as_str(), Column::Number));
+    let columns: Vec<(&str, Column)> = [("", Column::Key), ("", Column::Key)]
+        .into_iter()
+        .chain(families)
+        .collect();
+    let row = |name: &str, what: &str, values: Vec<String>| [vec![name.to_owned(), what.to_owned()], values].concat();
+    let shares = |values: &[f64]| values.iter().map(|v| percent(*v, 1)).collect::<Vec<_>>();
+    let of = |c: &Coverage| {
+        let points = (0..evaluation.families.len()).map(|k| {
+            let covered: f64 = c.objectives.iter().map(|o| o.covered[k]).sum();
+            covered / c.objectives.len().max(1) as f64
+        });
+        vec![
+            row(&c.name, "whole field lies in its band", shares(&c.field)),
+            row(
+                "",
+                "half width of the band, mm",
+                c.radius_mm.iter().map(|r| two_digits(*r)).collect(),
+            ),
+            row(
+                "",
+                "displacement of a point lies in its interval",
+                shares(&points.collect::<Vec<_>>()),
+            ),
+            row("", "flagged as unlike the training", shares(&c.unlike)),
+        ]
+    };
+    let rows: Vec<Vec<String>> = evaluation.calibrations.iter().flat_map(of).collect();
+    page.columns("Coverage of intervals", &columns, &rows);
+}

@@ -1,0 +1,62 @@
+//! Solve stages: how far samples move, family by family.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use crate::content::Solutions;
+use crate::report::artifacts::{RunArtifacts, Source};
+use crate::report::error::ReportError;
+use crate::report::figures::{FamilyDeformation, deformation_charts, draw_deformation};
+use crate::report::html::Page;
+use crate::report::presenter::{DrawFigure, Presenter};
+
+/// Shows solve stages.
+pub struct Solve;
+
+impl Presenter for Solve {
+    fn kind(&self) -> &'static str {
+        "solve"
+    }
+
+    fn figures(&self) -> &'static [(&'static str, DrawFigure)] {
+        &[("deformation", deformation)]
+    }
+
+    fn section(&self, page: &mut Page, run: &RunArtifacts<'_>) -> Result<(), ReportError> {
+        let solved = run.each(self.kind(), |source| {
+            let families = families(source)?;
+            let charts = match families.is_empty() {
+                true => Vec::new(),
+                false => source.drawn(deformation_charts(&families))?,
+            };
+            Ok((source.stage.stage.clone(), charts))
+        })?;
+        for (stage, charts) in solved.iter().filter(|(_, charts)| !charts.is_empty()) {
+            super::dataset(page);
+            page.part(&format!("{stage}: samples by family"));
+            page.charts(charts);
+        }
+        Ok(())
+    }
+}
+
+/// Where no sample has a field there is nothing to draw; the run says so.
+fn deformation(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
+    let families = families(source)?;
+    if families.is_empty() {
+        return Ok(());
+    }
+    source.drawn(draw_deformation(path, &families))
+}
+
+/// The largest displacements of the samples of a solve stage, by family.
+fn families(source: &Source<'_>) -> Result<Vec<FamilyDeformation>, ReportError> {
+    let view = source.of(Solutions::open(source.artifact))?;
+    let names = source.of(view.rows().family().read())?;
+    let mut families: BTreeMap<String, Vec<f64>> = BTreeMap::new();
+    for (family, peak) in names.into_iter().zip(source.of(view.max_displacement().read())?) {
+        families.entry(family).or_default().push(peak);
+    }
+    let family = |(family, peaks)| FamilyDeformation { family, peaks };
+    Ok(families.into_iter().map(family).collect())
+}

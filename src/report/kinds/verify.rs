@@ -1,0 +1,161 @@
+//! Verify stages: designs as predicted and as simulated, and what rounds made of them.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::json;
+
+use crate::content::Verification;
+use crate::report::artifacts::{RunArtifacts, Source};
+use crate::report::designs::membranes;
+use crate::report::drawing::Membrane;
+use crate::report::error::ReportError;
+use crate::report::figures::{Case, draw_agreement, draw_gallery, rounds_charts};
+use crate::report::format::{mm, percent};
+use crate::report::html::{Column, Page};
+use crate::report::presenter::{DrawFigure, Presenter, Results};
+use crate::report::rounds::{RoundSummary, by_round, draw_by_round, drawn};
+use crate::report::summary::{RowSummary, Summary, read};
+
+/// Shows verify stages.
+pub struct Verify;
+
+impl Presenter for Verify {
+    fn kind(&self) -> &'static str {
+        "verify"
+    }
+
+    fn results(&self, run: &RunArtifacts<'_>) -> Result<Vec<Results>, ReportError> {
+        let summaries = run.each(self.kind(), read)?;
+        let rounds = by_round(run.rounds, &summaries);
+        let results = |key, value, text| Results {
+            key,
+            value,
+            text,
+            warnings: Vec::new(),
+        };
+        Ok(vec![
+            results(
+                "results",
+                json!(summaries),
+                summaries.iter().map(ToString::to_string).collect(),
+            ),
+            results("rounds", json!(rounds), rounds.iter().map(ToString::to_string).collect()),
+        ])
+    }
+
+    fn figures(&self) -> &'static [(&'static str, DrawFigure)] {
+        &[("verification", verification)]
+    }
+
+    fn common_figures(&self, run: &RunArtifacts<'_>, folder: &Path) -> Result<Vec<PathBuf>, ReportError> {
+        if run.rounds.is_empty() {
+            return Ok(Vec::new());
+        }
+        let summaries = run.each(self.kind(), read)?;
+        draw_by_round(folder, run.made, &by_round(run.rounds, &summaries), &summaries)
+    }
+
+    fn section(&self, page: &mut Page, run: &RunArtifacts<'_>) -> Result<(), ReportError> {
+        if run.rounds.is_empty() {
+            return Ok(());
+        }
+        let summaries = run.each(self.kind(), read)?;
+        for rounds in &by_round(run.rounds, &summaries) {
+            page.open(
+                "Rounds",
+                "Designs that were verified taught the surrogate that had predicted them, and the search began anew.",
+            );
+            page.part(&rounds.stage);
+            let rows: Vec<Vec<String>> = rounds.rounds.iter().enumerate().map(row).collect();
+            page.columns("Rounds", &COLUMNS, &rows);
+            let charts = rounds_charts(&drawn(rounds, &summaries)).map_err(|source| ReportError::Figure {
+                stage: rounds.stage.clone(),
+                source,
+            })?;
+            page.charts(&charts);
+        }
+        Ok(())
+    }
+}
+
+/// Patterns without a stable solution have no field to draw, and without any there is no figure; the summary names them. Of many
+/// targets each one's best design is drawn.
+fn verification(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
+    let summary = read(source)?;
+    let mut rows: Vec<(usize, usize)> = Vec::new();
+    for (row, case) in summary.rows.iter().enumerate() {
+        if case.simulated_mm.is_some() {
+            rows.push((row, rows.len()));
+        }
+    }
+    if rows.len() > MOST_COMPARED {
+        rows = best_of_targets(&summary, &rows);
+    }
+    let view = source.of(Verification::open(source.artifact))?;
+    let fields = source.of(view.displacement().read())?;
+    let wanted = rows.iter().map(|&(row, at)| (row, &fields[at]));
+    let drawn = membranes(source, &view.rows(), &view.scene(), wanted)?;
+    let case = |(&(row, _), membrane): (&(usize, usize), Membrane)| {
+        let summary = &summary.rows[row];
+        Case {
+            name: summary.title(),
+            membrane,
+            predicted: summary.predicted_mm.unwrap_or(0.0),
+            simulated: summary.simulated_mm.unwrap_or(0.0),
+        }
+    };
+    let cases: Vec<Case> = rows.iter().zip(drawn).map(case).collect();
+    match cases.len() {
+        0 => Ok(()),
+        1..=MOST_COMPARED => source.drawn(draw_agreement(path, &cases)),
+        _ => source.drawn(draw_gallery(path, &cases)),
+    }
+}
+
+/// Patterns that are drawn beside each other with their numbers as bars.
+const MOST_COMPARED: usize = 6;
+
+/// The refined design of each target and member where there is one, else the genetic algorithm's, else the optimum.
+fn best_of_targets(summary: &Summary, rows: &[(usize, usize)]) -> Vec<(usize, usize)> {
+    let mut best: Vec<(usize, usize)> = Vec::new();
+    for &(row, field) in rows {
+        let case = &summary.rows[row];
+        if !case.role.is_found() {
+            continue;
+        }
+        let identity = |case: &RowSummary| (case.case.clone(), case.name.clone(), case.member);
+        let place = best
+            .iter()
+            .position(|&(other, _)| identity(&summary.rows[other]) == identity(case));
+        match place {
+            None => best.push((row, field)),
+            Some(place) => {
+                if case.role < summary.rows[best[place].0].role {
+                    best[place] = (row, field);
+                }
+            }
+        }
+    }
+    best
+}
+
+const COLUMNS: [(&str, Column); 6] = [
+    ("round", Column::Number),
+    ("stage", Column::Key),
+    ("designs", Column::Number),
+    ("RMS difference, mm", Column::Number),
+    ("RMS difference", Column::Number),
+    ("largest difference", Column::Number),
+];
+
+fn row((k, round): (usize, &RoundSummary)) -> Vec<String> {
+    let share = |value: Option<f64>| value.map_or_else(String::new, |value| percent(value, 2));
+    vec![
+        (k + 1).to_string(),
+        round.stage.clone(),
+        round.designs.to_string(),
+        round.rms_mm.map_or_else(String::new, mm),
+        share(round.rms_relative),
+        share(round.largest_relative),
+    ]
+}

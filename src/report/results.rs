@@ -1,0 +1,132 @@
+//! What a run of a pipeline found: as JSON, in words, and as figures.
+
+use std::fs;
+use std::path::PathBuf;
+
+use serde_json::{Map, Value, json};
+
+use super::artifacts::{Made, RunArtifacts, Source};
+use super::error::ReportError;
+use super::presenter::{DrawFigure, PRESENTERS, Results};
+use super::warnings::warnings;
+
+/// What a run found.
+pub struct RunResults {
+    of_kinds: Vec<Results>,
+    model_warnings: Vec<String>,
+    figures: Vec<String>,
+}
+
+impl RunResults {
+    /// Reads the artifacts of a run and draws the figures that are not there yet. Effects that were neglected although they
+    /// matter are told with the warnings.
+    ///
+    /// # Errors
+    /// When an artifact cannot be read or does not hold what its kind promises, or a figure cannot be written.
+    pub fn of(run: &RunArtifacts<'_>, pipeline: &str, neglected: Vec<String>) -> Result<Self, ReportError> {
+        let mut of_kinds = Vec::new();
+        for presenter in PRESENTERS {
+            of_kinds.extend(presenter.results(run)?);
+        }
+        let figures = draw_figures(run, pipeline)?;
+        Ok(Self {
+            of_kinds,
+            model_warnings: neglected.into_iter().chain(warnings(run)?).collect(),
+            figures: figures.iter().map(|path| path.display().to_string()).collect(),
+        })
+    }
+
+    /// For programs.
+    #[must_use]
+    pub fn document(&self) -> Map<String, Value> {
+        let of_kinds = self.of_kinds.iter();
+        let mut document: Map<String, Value> = of_kinds
+            .map(|results| (results.key.to_owned(), results.value.clone()))
+            .collect();
+        let warnings: Vec<&String> = self.model_warnings.iter().chain(self.warnings()).collect();
+        document.insert("warnings".to_owned(), json!(warnings));
+        document.insert("figures".to_owned(), json!(self.figures));
+        document
+    }
+
+    /// For people: paragraphs.
+    #[must_use]
+    pub fn text(&self) -> Vec<String> {
+        let mut parts: Vec<String> = self.of_kinds.iter().flat_map(|results| &results.text).cloned().collect();
+        for (title, lines) in [("model warnings", &self.model_warnings), ("figures", &self.figures)] {
+            if !lines.is_empty() {
+                parts.push(format!("{title}:\n  {}", lines.join("\n  ")));
+            }
+        }
+        parts
+    }
+
+    /// The warnings alone, a line for each.
+    pub fn warning_lines(&self) -> impl Iterator<Item = String> {
+        let of_model = self.model_warnings.iter().map(|text| format!("model warning: {text}"));
+        of_model.chain(self.warnings().map(|text| format!("warning: {text}")))
+    }
+
+    fn warnings(&self) -> impl Iterator<Item = &String> {
+        self.of_kinds.iter().flat_map(|results| &results.warnings)
+    }
+}
+
+/// Draws every figure of a run that is not there yet, and returns the paths of all, in the order of the stages:
+/// `<store>/figures/<pipeline>/<stage>-<digest>-<figure>.png`.
+///
+/// A figure's file carries the digest of its artifact in its name: one that is there need not be drawn again, and a rerun that
+/// builds nothing opens no artifact for figures either.
+///
+/// # Errors
+/// When an artifact cannot be read or a figure not be written.
+pub fn draw_figures(run: &RunArtifacts<'_>, pipeline: &str) -> Result<Vec<PathBuf>, ReportError> {
+    let folder = run.store.root().join("figures").join(file_name(pipeline));
+    let mut paths = Vec::new();
+    for stage in run.made {
+        let presenter = PRESENTERS.iter().find(|presenter| presenter.kind() == stage.kind);
+        let path = |figure: &str| folder.join(figure_name(&stage.stage, &stage.digest.to_string(), figure));
+        let figures = presenter.map_or(&[][..], |presenter| presenter.figures());
+        let wanted: Vec<(PathBuf, DrawFigure)> = figures.iter().map(|(name, draw)| (path(name), *draw)).collect();
+        if wanted.iter().any(|(path, _)| !path.exists()) {
+            fs::create_dir_all(&folder).map_err(|source| ReportError::Folder {
+                path: folder.clone(),
+                source,
+            })?;
+            draw(run, stage, &wanted)?;
+        }
+        paths.extend(wanted.into_iter().map(|(path, _)| path).filter(|path| path.exists()));
+    }
+    for presenter in PRESENTERS {
+        paths.extend(presenter.common_figures(run, &folder)?);
+    }
+    Ok(paths)
+}
+
+fn draw(run: &RunArtifacts<'_>, stage: &Made, wanted: &[(PathBuf, DrawFigure)]) -> Result<(), ReportError> {
+    let source = Source {
+        stage,
+        artifact: &run.store.artifact(&stage.digest)?,
+        run: run.made,
+    };
+    let missing = wanted.iter().filter(|(path, _)| !path.exists());
+    missing.into_iter().try_for_each(|(path, draw)| draw(path, &source))
+}
+
+/// The name of a figure's file.
+pub fn figure_name(stage: &str, digest: &str, figure: &str) -> String {
+    format!("{}-{digest:.8}-{figure}.png", file_name(stage))
+}
+
+/// Names are free in a pipeline; in the name of a file they must not lead elsewhere.
+fn file_name(name: &str) -> String {
+    let safe = |c: char| {
+        if c.is_alphanumeric() || c == '-' || c == '_' {
+            c
+        } else {
+            '-'
+        }
+    };
+    let safe: String = name.chars().take(60).map(safe).collect();
+    if safe.is_empty() { "unnamed".into() } else { safe }
+}
