@@ -4,9 +4,9 @@ use std::fmt;
 
 use serde::Serialize;
 
-use super::format::two_digits;
 use super::artifacts::Source;
 use super::error::ReportError;
+use super::format::two_digits;
 use crate::content::{self, CoverageView};
 
 /// The result of an evaluate stage.

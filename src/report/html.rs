@@ -69,7 +69,8 @@ impl Page {
 
     /// Puts something that nobody should overlook at the top.
     pub fn notice(&mut self, lines: &[String]) {
-        self.head.push(html! { div.box role="note" { @for line in lines { p { (line) } } } });
+        self.head
+            .push(html! { div.box role="note" { @for line in lines { p { (line) } } } });
     }
 
     /// Begins a section, which the list of contents names.
@@ -171,7 +172,11 @@ impl Page {
     /// The text of the page.
     #[must_use]
     pub fn finish(self) -> String {
-        let class = if self.contents.is_empty() { "sheet" } else { "sheet listed" };
+        let class = if self.contents.is_empty() {
+            "sheet"
+        } else {
+            "sheet listed"
+        };
         let page = html! {
             (DOCTYPE)
             html lang="en" {

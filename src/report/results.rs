@@ -52,7 +52,12 @@ impl RunResults {
     /// For people: paragraphs.
     #[must_use]
     pub fn text(&self) -> Vec<String> {
-        let mut parts: Vec<String> = self.of_kinds.iter().flat_map(|results| &results.text).cloned().collect();
+        let mut parts: Vec<String> = self
+            .of_kinds
+            .iter()
+            .flat_map(|results| &results.text)
+            .cloned()
+            .collect();
         for (title, lines) in [("model warnings", &self.model_warnings), ("figures", &self.figures)] {
             if !lines.is_empty() {
                 parts.push(format!("{title}:\n  {}", lines.join("\n  ")));

@@ -7,9 +7,9 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::figures::{Round, draw_rounds};
 use super::artifacts::Made;
 use super::error::ReportError;
+use super::figures::{Round, draw_rounds};
 use super::results::figure_name;
 use super::summary::{RowSummary, Summary};
 use crate::base::Digest;

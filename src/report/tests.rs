@@ -468,6 +468,10 @@ fn an_evaluation_names_models_by_their_stages() {
     let short = Dataset::new("1", "d", &[2, 1], Data::F64(vec![0.5; 2]));
     broken.datasets.insert("score/r2".into(), short);
     let made = [bench.made("judged", "evaluate", &broken)];
-    let error = bench.run(&made).each("evaluate", evaluation::read).unwrap_err().to_string();
+    let error = bench
+        .run(&made)
+        .each("evaluate", evaluation::read)
+        .unwrap_err()
+        .to_string();
     assert!(error.contains("differ in length"), "{error}");
 }

@@ -4,9 +4,9 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::history::History;
 use super::designs::{Design, Found, designs, role_word};
 use super::error::ReportError;
+use super::history::History;
 use super::page::report_page;
 use crate::store::Store;
 

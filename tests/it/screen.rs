@@ -57,7 +57,8 @@ fn a_run_warns_of_what_it_left_out() {
     workspace.write("tiny.yaml", TINY);
     let first = workspace.run(&["run", "tiny.yaml", "--until", "solved", "--json"]);
     let warnings = first.json()["warnings"].clone();
-    let warning = "solved: fringe field is neglected and lets electrodes act 24.5 µm beyond their edges (h/cell = 0.111 > 0.05)";
+    let warning =
+        "solved: fringe field is neglected and lets electrodes act 24.5 µm beyond their edges (h/cell = 0.111 > 0.05)";
     assert_eq!(warnings[0], warning);
     // What is reused still lacks it.
     let again = workspace.run(&["run", "tiny.yaml", "--until", "solved"]);

@@ -157,6 +157,7 @@ fn auto_leaves_a_fringe_alone_that_is_wider_than_theory_bears() {
 #[test]
 fn an_effect_that_is_called_for_and_off_is_a_warning_with_its_number() {
     let warnings = screen_by_references(&Scene::vhb4910()).unwrap().warnings();
-    let expected = "fringe field is neglected and lets electrodes act 24.5 µm beyond their edges (h/cell = 0.111 > 0.05)";
+    let expected =
+        "fringe field is neglected and lets electrodes act 24.5 µm beyond their edges (h/cell = 0.111 > 0.05)";
     assert_eq!(warnings[0], expected);
 }

@@ -17,9 +17,7 @@ use crate::scene::Scene;
 /// When an artifact cannot be read or does not hold what its kind promises.
 pub fn designs(run: &RunArtifacts<'_>, superseded: &[&str]) -> Result<Vec<Design>, ReportError> {
     let (mut all, mut earlier): (Vec<Design>, Vec<Design>) = Default::default();
-    let verified = run.each("verify", |source| {
-        Ok((source.stage.stage.clone(), verified(source)?))
-    })?;
+    let verified = run.each("verify", |source| Ok((source.stage.stage.clone(), verified(source)?)))?;
     for (stage, designs) in verified {
         if superseded.contains(&stage.as_str()) {
             earlier.extend(designs);

@@ -55,7 +55,9 @@ impl Axis {
     /// Between the smallest and the largest of some values, with a margin, so that a flat curve has an axis too.
     pub fn between<'v>(label: &str, values: impl IntoIterator<Item = &'v f64>) -> Self {
         let ends = (f64::INFINITY, f64::NEG_INFINITY);
-        let (low, high) = values.into_iter().fold(ends, |(l, h): (f64, f64), v| (l.min(*v), h.max(*v)));
+        let (low, high) = values
+            .into_iter()
+            .fold(ends, |(l, h): (f64, f64), v| (l.min(*v), h.max(*v)));
         let margin = (0.08 * (high - low)).max(0.01 * high.abs()).max(1e-6);
         Self::linear(label, low - margin, high + margin)
     }

@@ -264,7 +264,11 @@ impl Chart {
             .map(|(tick, text)| (bottom - (bottom - top) * self.y.share(tick), text))
             .collect();
         let grid = across.iter().map(|(x, _)| format!("M{x} {top}V{bottom}"));
-        let grid = grid.chain(upwards.iter().map(|(y, _)| format!("M{left} {}H{right}", number(*y, 1))));
+        let grid = grid.chain(
+            upwards
+                .iter()
+                .map(|(y, _)| format!("M{left} {}H{right}", number(*y, 1))),
+        );
         let (x, y) = (number(0.5 * (left + right), 1), number(0.5 * (top + bottom), 1));
         html! {
             path class="grid" d=(grid.collect::<String>()) {}

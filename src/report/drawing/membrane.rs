@@ -112,7 +112,9 @@ impl Membrane {
         let mut by_colour: BTreeMap<u8, String> = BTreeMap::new();
         for (x, y) in (0..CELLS * CELLS).map(|at| (at % CELLS, at / CELLS)) {
             let corners = [(x, y), (x + 1, y), (x + 1, y + 1), (x, y + 1)];
-            let magnitudes = corners.map(|(x, y)| self.displacement.at_corner(x, y)).map(|u| u[0].hypot(u[1]));
+            let magnitudes = corners
+                .map(|(x, y)| self.displacement.at_corner(x, y))
+                .map(|u| u[0].hypot(u[1]));
             let share = magnitudes.iter().sum::<f64>() / 4.0 / largest;
             let cell = corners.map(|(x, y)| self.moved([x as f64, y as f64], scale));
             *by_colour.entry((share * f64::from(u8::MAX)).round() as u8).or_default() += &path(&cell, true);
@@ -249,10 +251,7 @@ mod tests {
         let corner = Pattern::from_fn(|x, y| x == 0 && y == 0);
         // The cell is 20 × 20 units in the lower left corner.
         let text = electrode_at_rest(&corner).into_string();
-        assert!(
-            text.contains("<path class=\"on\" d=\"M0 1000h20v-20h-20z\">"),
-            "{text}"
-        );
+        assert!(text.contains("<path class=\"on\" d=\"M0 1000h20v-20h-20z\">"), "{text}");
     }
 
     #[test]
@@ -261,7 +260,11 @@ mod tests {
         assert_eq!(electrode_at_rest(&ring).into_string().matches('z').count(), 2);
         let membrane = Membrane::new(ring.cells(), &[0.0; 5202], 50.0, Vec::new()).unwrap();
         let text = membrane.electrode(1.0).into_string();
-        assert_eq!(text.matches(['h', 'v']).count(), 11 + 3 + 1, "the last side closes: {text}");
+        assert_eq!(
+            text.matches(['h', 'v']).count(),
+            11 + 3 + 1,
+            "the last side closes: {text}"
+        );
     }
 
     #[test]

@@ -24,13 +24,19 @@ pub fn png(drawing: &Drawing) -> Result<Vec<u8>, FigureError> {
     let mut pixels = Pixmap::new(width, height).ok_or_else(|| failed(&"it is too large"))?;
     pixels.fill(Color::WHITE);
     let tree = Tree::from_str(&document(drawing), &options()).map_err(|e| failed(&e))?;
-    resvg::render(&tree, Transform::from_scale(SCALE as f32, SCALE as f32), &mut pixels.as_mut());
+    resvg::render(
+        &tree,
+        Transform::from_scale(SCALE as f32, SCALE as f32),
+        &mut pixels.as_mut(),
+    );
     let colours: Vec<u8> = pixels.data().chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, width, height);
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_depth(png::BitDepth::Eight);
-    let written = encoder.write_header().and_then(|mut writer| writer.write_image_data(&colours));
+    let written = encoder
+        .write_header()
+        .and_then(|mut writer| writer.write_image_data(&colours));
     written.map_err(|e| failed(&e))?;
     Ok(bytes)
 }
@@ -67,7 +73,10 @@ fn plain_style(drawings: &str, pages: &str) -> String {
     let mut style = drawings.to_owned();
     let first = pages.split('}').next().unwrap_or_default();
     for declaration in first.split(['{', ';']) {
-        if let Some((name, value)) = declaration.split_once(':').filter(|(name, _)| name.trim().starts_with("--")) {
+        if let Some((name, value)) = declaration
+            .split_once(':')
+            .filter(|(name, _)| name.trim().starts_with("--"))
+        {
             style = style.replace(&format!("var({})", name.trim()), value.trim());
         }
     }

@@ -23,7 +23,11 @@ impl Counts {
         // All values may be zero: an axis needs a length.
         let x = Axis::linear(label, ends[0], ends[1].max(ends[0] + 1e-6));
         let y = Axis::counts("Rows per bin", &self.counts);
-        Chart::new(title, [x, y], vec![Series::bars("", Colour::Blue, &self.edges, &self.counts)])
+        Chart::new(
+            title,
+            [x, y],
+            vec![Series::bars("", Colour::Blue, &self.edges, &self.counts)],
+        )
     }
 }
 
@@ -73,7 +77,10 @@ fn against_finer(errors: Vec<(f64, f64)>, allowed: Vec<(f64, f64)>) -> Chart {
     let y = Axis::logarithmic("Error [mm]", all().map(|(_, error)| error));
     let mut series = vec![Series::new("measured", Colour::Blue, Mark::Dots, errors.clone())];
     if !allowed.is_empty() {
-        series.insert(0, Series::new("allowed", Colour::Vermillion, Mark::Dots, allowed.clone()));
+        series.insert(
+            0,
+            Series::new("allowed", Colour::Vermillion, Mark::Dots, allowed.clone()),
+        );
     }
     Chart::new("Against a finer mesh", [x, y], series)
 }

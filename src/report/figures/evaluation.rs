@@ -134,7 +134,9 @@ pub fn draw_evaluation(path: &Path, data: &Evaluated) -> Result<(), FigureError>
     }
     let charts = data.charts();
     let charts = Drawing::charts(COLUMNS.min(charts.len()), &charts);
-    let width = (LEFT + 78.0 * data.families.len() as f64).max(charts.size[0]).max(540.0);
+    let width = (LEFT + 78.0 * data.families.len() as f64)
+        .max(charts.size[0])
+        .max(540.0);
     Drawing::below(vec![data.matrix(width), charts]).write_png(path)
 }
 

@@ -13,7 +13,11 @@ const BAR: f64 = 24.0;
 /// The electrode at rest and deformed, and the magnitude of the displacement.
 pub fn membrane_drawing(title: &str, data: &Membrane) -> Drawing {
     let scale = exaggeration([data]);
-    let charts = [electrode(title, data, scale), magnitude(data, scale), colour_bar(data.largest())];
+    let charts = [
+        electrode(title, data, scale),
+        magnitude(data, scale),
+        colour_bar(data.largest()),
+    ];
     Drawing::charts(3, &charts)
 }
 
@@ -57,7 +61,9 @@ fn magnitude(data: &Membrane, scale: f64) -> Chart {
 
 fn on_membrane(title: &str, note: String, side: f64, inside: Markup) -> Chart {
     let axis = |name: &str| Axis::linear(&format!("{name} [mm]"), 0.0, side);
-    let mut chart = Chart::new(title, [axis("x"), axis("y")], Vec::new()).with_note(note).square(SIDE);
+    let mut chart = Chart::new(title, [axis("x"), axis("y")], Vec::new())
+        .with_note(note)
+        .square(SIDE);
     chart.inside = Some(html! { g.membrane { (frame()) (inside) } });
     chart
 }

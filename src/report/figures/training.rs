@@ -58,7 +58,11 @@ impl Training {
 
     /// Curves on a logarithmic axis, behind them a line at the kept epoch.
     fn over_epochs(&self, title: &str, label: &str, curves: &[Curve<'_>]) -> Chart {
-        let epochs = curves.iter().map(|(_, _, values)| values.len()).max().unwrap_or_default();
+        let epochs = curves
+            .iter()
+            .map(|(_, _, values)| values.len())
+            .max()
+            .unwrap_or_default();
         let x = Axis::counting("Epoch", 0.5, epochs as f64 + 0.5);
         let y = Axis::logarithmic(label, curves.iter().flat_map(|(_, _, values)| values.iter()));
         let kept = y.ends().map(|value| (self.kept as f64, value)).to_vec();

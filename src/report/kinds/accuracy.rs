@@ -54,7 +54,10 @@ fn figure(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
 
 /// Whether there is an error to draw: patterns that do not move have none.
 fn moves(costs: &[FamilyCosts]) -> bool {
-    costs.iter().flat_map(|family| &family.costs).any(|cost| cost.error > 0.0)
+    costs
+        .iter()
+        .flat_map(|family| &family.costs)
+        .any(|cost| cost.error > 0.0)
 }
 
 /// Error and time of the methods of an accuracy stage, by family. Times are no content: they stand in the provenance.

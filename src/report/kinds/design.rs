@@ -135,7 +135,11 @@ fn judges(page: &mut Page, evaluators: &[Evaluators]) {
 fn generations(view: &DesignsView<'_>) -> Result<Vec<Search>, ContentError> {
     let history = view.history();
     let labels = history.name().read()?;
-    Ok(searches(labels, &history.generation().read()?, &history.value().read()?))
+    Ok(searches(
+        labels,
+        &history.generation().read()?,
+        &history.value().read()?,
+    ))
 }
 
 /// The displacement after each step along the gradient.
@@ -183,6 +187,10 @@ fn chart(stage: &str, what: &str, count: &str, searches: &[Search]) -> Option<Ch
         Axis::counting(count, 0.0, last.max(1.0)),
         Axis::above("Displacement [mm]", points().map(|(_, mm)| mm)),
     ];
-    let series = searches.iter().zip(Colour::ALL.into_iter().cycle()).map(series).collect();
+    let series = searches
+        .iter()
+        .zip(Colour::ALL.into_iter().cycle())
+        .map(series)
+        .collect();
     (!searches.is_empty()).then(|| Chart::new(stage, axes, series).with_note(note))
 }

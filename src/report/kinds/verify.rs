@@ -39,7 +39,11 @@ impl Presenter for Verify {
                 json!(summaries),
                 summaries.iter().map(ToString::to_string).collect(),
             ),
-            results("rounds", json!(rounds), rounds.iter().map(ToString::to_string).collect()),
+            results(
+                "rounds",
+                json!(rounds),
+                rounds.iter().map(ToString::to_string).collect(),
+            ),
         ])
     }
 

@@ -59,7 +59,11 @@ fn pattern(design: &Design) -> Markup {
 
 /// The electrode where it has moved to over the grid at rest, with the displacements of the wanted points.
 fn deformed(design: &Design, scale: f64) -> Markup {
-    let how = if design.simulated.is_some() { "simulated" } else { "predicted" };
+    let how = if design.simulated.is_some() {
+        "simulated"
+    } else {
+        "predicted"
+    };
     let says = format!(
         "Deformed membrane of {}, {how}, displacements drawn {scale} times",
         design.name

@@ -1,8 +1,8 @@
 //! What the stages cost, and where everything comes from.
 
 use super::dag::fate;
-use crate::report::history::{History, Origin, StageFacts};
 use crate::report::format::{bytes, percent, seconds, time};
+use crate::report::history::{History, Origin, StageFacts};
 use crate::report::html::{Column, Page};
 
 /// Adds the table of costs.
@@ -31,7 +31,11 @@ pub fn section(page: &mut Page, history: &History) {
         ]
     };
     let mut rows: Vec<Vec<String>> = history.stages.iter().map(row).collect();
-    let work: f64 = history.stages.iter().filter_map(|s| Some(s.origin.as_ref()?.work)).sum();
+    let work: f64 = history
+        .stages
+        .iter()
+        .filter_map(|s| Some(s.origin.as_ref()?.work))
+        .sum();
     let size: u64 = history.stages.iter().map(|stage| stage.bytes).sum();
     let blank = String::new;
     rows.push(vec![

@@ -3,9 +3,9 @@
 use maud::{Markup, html};
 
 use super::layout::{BOX, Layout, layout};
-use crate::report::history::{History, StageFacts};
 use crate::report::drawing::{Colour, number};
 use crate::report::format::{bytes, cut, seconds, time};
+use crate::report::history::{History, StageFacts};
 use crate::report::html::Page;
 
 /// Widths in units of the page: of a box, and of the room between two layers.

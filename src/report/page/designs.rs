@@ -190,7 +190,9 @@ pub fn agreement(page: &mut Page, designs: &[Design]) {
         return;
     }
     page.section("Predicted against simulated");
-    page.line("Every verified design: the search believed the prediction, the simulation on a finer mesh says what is true.");
+    page.line(
+        "Every verified design: the search believed the prediction, the simulation on a finer mesh says what is true.",
+    );
     let values = known.iter().flat_map(|d| [d.predicted_mm, d.simulated_mm]).flatten();
     let values: Vec<f64> = values.collect();
     let (x, y) = (

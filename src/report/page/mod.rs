@@ -7,11 +7,11 @@ mod designs;
 mod layout;
 mod scene;
 
-use super::history::History;
-use super::designs::{Design, Extreme, Found};
-use super::format::{bytes, counted, gain, percent, seconds};
 use super::artifacts::RunArtifacts;
+use super::designs::{Design, Extreme, Found};
 use super::error::ReportError;
+use super::format::{bytes, counted, gain, percent, seconds};
+use super::history::History;
 use super::html::Page;
 use super::presenter::by_section;
 use super::summary::TRUSTED;

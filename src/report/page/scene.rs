@@ -2,10 +2,10 @@
 
 use crate::base::Canonical;
 use crate::content::{Solutions, StoredAttribute, Verification};
-use crate::report::history::History;
-use crate::report::format::cut;
 use crate::report::artifacts::{RunArtifacts, Source};
 use crate::report::error::ReportError;
+use crate::report::format::cut;
+use crate::report::history::History;
 use crate::report::html::{Column, Page};
 use crate::report::presenter::PRESENTERS;
 use crate::report::warnings::warnings;
@@ -30,7 +30,10 @@ pub fn section(page: &mut Page, run: &RunArtifacts<'_>, history: &History) -> Re
     })?;
     let mut scenes: Vec<Simulated> = Vec::new();
     for one in solved.into_iter().chain(verified) {
-        match scenes.iter_mut().find(|s| s.scene == one.scene && s.effects == one.effects) {
+        match scenes
+            .iter_mut()
+            .find(|s| s.scene == one.scene && s.effects == one.effects)
+        {
             Some(known) => known.stages.extend(one.stages),
             None => scenes.push(one),
         }
@@ -49,7 +52,9 @@ pub fn section(page: &mut Page, run: &RunArtifacts<'_>, history: &History) -> Re
         page.columns("The scene", &[("", Column::Key), ("", Column::Wide)], &rows(simulated));
     }
     if warned.is_empty() {
-        page.line("No warnings: screening found no effect that matters and was left out, and no stage warned of anything.");
+        page.line(
+            "No warnings: screening found no effect that matters and was left out, and no stage warned of anything.",
+        );
     } else {
         let row = |text| vec!["warning".to_owned(), text];
         let rows: Vec<Vec<String>> = warned.into_iter().map(row).collect();
@@ -106,7 +111,10 @@ mod tests {
         });
         let names: Vec<&str> = told.iter().map(|row| row[0].as_str()).collect();
         assert_eq!(names[..3], ["drive", "geometry", "material"]);
-        assert!(told[1][1].contains("side: 50 mm") && !told[1][1].starts_with('{'), "{told:?}");
+        assert!(
+            told[1][1].contains("side: 50 mm") && !told[1][1].starts_with('{'),
+            "{told:?}"
+        );
         assert_eq!(told[told.len() - 1], ["effects simulated", "none beyond the model"]);
     }
 }
