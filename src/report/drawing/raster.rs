@@ -92,15 +92,4 @@ mod tests {
         let style = plain_style(DRAWING_STYLE, PAGE_STYLE);
         assert!(style.contains("#0072b2") && !style.contains("var("), "{style}");
     }
-
-    #[test]
-    fn the_font_has_what_figures_write() {
-        let options = options();
-        let face = options.fontdb.faces().next().unwrap().id;
-        let missing = options.fontdb.with_face_data(face, |data, index| {
-            let face = usvg::fontdb::ID::dummy();
-            let _ = (face, index, data);
-        });
-        assert!(missing.is_some());
-    }
 }
