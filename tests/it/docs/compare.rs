@@ -1,5 +1,5 @@
 //! Whether something was printed as it is shown: words are equal, numbers are close, and what differs from run to run (times,
-//! digests, the width of columns) is not looked at. A line with `…` alone stands for any lines.
+//! digests, the width of columns) is not looked at. A line with `…` alone stands for any lines, at the end of a line for any words.
 
 /// Numbers may differ by this share, or by two units of the last place shown.
 const TOLERANCE: f64 = 0.05;
