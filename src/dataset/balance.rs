@@ -49,7 +49,7 @@ pub struct Candidate<'a> {
 
 /// One row of the balanced set: an image of a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Row {
+pub struct BalancedRow {
     /// Index of the sample among the candidates.
     pub source: usize,
     /// What carries the sample, pattern and field alike, to the row.
@@ -62,7 +62,7 @@ pub struct Row {
     pub bin: usize,
 }
 
-impl Row {
+impl BalancedRow {
     /// The row's pattern, from that of its source.
     #[must_use]
     pub fn pattern(&self, source: &Pattern) -> Pattern {
@@ -80,7 +80,7 @@ impl Row {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Balanced {
     /// The rows, ordered by source and symmetry.
-    pub rows: Vec<Row>,
+    pub rows: Vec<BalancedRow>,
     /// Every solved candidate, repeats included; what lies outside the range is not in the balanced set.
     pub before: Histogram,
     /// Distinct patterns once sparse bins have all their images.
@@ -165,8 +165,8 @@ fn checked_peaks(candidates: &[Candidate<'_>]) -> Result<Vec<(usize, f64)>, Bala
 /// The rows that a bin can give, each with the random number by which it is chosen.
 #[derive(Clone, Default)]
 struct BinContent {
-    sampled: Vec<(u64, Row)>,
-    images: Vec<(u64, Row)>,
+    sampled: Vec<(u64, BalancedRow)>,
+    images: Vec<(u64, BalancedRow)>,
 }
 
 impl BinContent {
@@ -189,8 +189,8 @@ impl BinContent {
     }
 
     /// `quota` rows: samples as they were drawn as far as there are enough, then images.
-    fn choose(self, quota: usize) -> impl Iterator<Item = Row> {
-        let ordered = |mut rows: Vec<(u64, Row)>| {
+    fn choose(self, quota: usize) -> impl Iterator<Item = BalancedRow> {
+        let ordered = |mut rows: Vec<(u64, BalancedRow)>| {
             rows.sort_by_key(|(chosen_by, row)| (*chosen_by, row.orbit, row.symmetry));
             rows
         };
@@ -199,8 +199,8 @@ impl BinContent {
     }
 }
 
-fn row(orbit: &Orbit, image: &Image, bin: usize, seed: u64) -> Row {
-    Row {
+fn row(orbit: &Orbit, image: &Image, bin: usize, seed: u64) -> BalancedRow {
+    BalancedRow {
         source: image.source,
         symmetry: image.symmetry,
         orbit: orbit.digest,
@@ -209,7 +209,7 @@ fn row(orbit: &Orbit, image: &Image, bin: usize, seed: u64) -> Row {
     }
 }
 
-fn levelled(content: Vec<BinContent>, options: &BalanceOptions) -> (f64, Histogram, Vec<Row>) {
+fn levelled(content: Vec<BinContent>, options: &BalanceOptions) -> (f64, Histogram, Vec<BalancedRow>) {
     let capacities: Vec<u64> = content.iter().map(BinContent::capacity).collect();
     let order: Vec<u64> = (0..content.len() as u64)
         .map(|bin| Stream::new(options.seed, "balance remainder", bin).next_u64())

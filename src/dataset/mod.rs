@@ -8,6 +8,6 @@ mod level;
 mod orbits;
 mod split;
 
-pub use balance::{BalanceError, BalanceOptions, Balanced, Candidate, Row, SymmetryGroup, balance};
+pub use balance::{BalanceError, BalanceOptions, Balanced, BalancedRow, Candidate, SymmetryGroup, balance};
 pub use histogram::{Bins, BinsError, Histogram, Place};
 pub use split::Split;

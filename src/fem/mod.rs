@@ -4,7 +4,7 @@
 //! scene, a = λp⁻⁶ and b = κλp² with κ = ε(V/H)²/μ. The modules are the method, from the point to the answer:
 //! kinematics, energy and effects; element, layout and lanes; operator; gemm, modes and precondition; krylov, newton and
 //! direct; eigenvalue, stability and continuation; solver, and on it accurate, adjoint, cells, response, margin, path,
-//! observable, gradient_evaluator and safety_margins; evaluator, which puts every method behind the traits of `field`, and screening.
+//! observable, gradient_evaluator and safety_margins; evaluator, which puts every method behind the traits of `field`, simulators, and screening.
 
 mod accurate;
 mod adjoint;
@@ -34,6 +34,7 @@ pub mod precondition;
 mod response;
 mod safety_margins;
 pub mod screening;
+mod simulators;
 mod solver;
 mod stability;
 
@@ -47,6 +48,7 @@ pub use observable::{CellState, Survey, Tension, cell_states};
 pub use path::{EventKind, LoadPath, PathEnd, PathEvent, PathPoint};
 pub use response::{Estimator, LinearResponse};
 pub use safety_margins::{SafetyMargins, breakdown_strength};
+pub use simulators::{SceneSimulators, decided};
 pub use solver::{MembraneSolver, MeshSolution, SolveOptions};
 
 #[cfg(test)]

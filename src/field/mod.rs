@@ -5,6 +5,7 @@ mod feasibility;
 mod mesh;
 mod observation;
 mod simulate;
+mod simulators;
 
 pub use displacement::{CORNERS, Field, FieldError};
 pub use feasibility::Feasibility;
@@ -13,3 +14,4 @@ pub use observation::Observation;
 pub use simulate::{
     Differentiable, Evaluator, NO_FIELD, Outcome, PredictError, Predictor, Simulation, Simulator, WithGradient,
 };
+pub use simulators::{SharedSimulator, SimulatorError, SimulatorKind, Simulators};

@@ -3,7 +3,6 @@
 //! What follows a stage that needs an audit waits for it, and with `fail_on: error` does not run where the audit has found
 //! errors. The audit itself is no input of what follows: a surrogate is none the other for having been audited.
 
-mod bench;
 mod content;
 mod lineage;
 mod source;
@@ -11,7 +10,6 @@ mod source;
 use std::path::Path;
 use std::time::Instant;
 
-use bench::{Workbench, decided};
 use source::Source;
 
 use super::direct::{DirectError, read_scene};
@@ -20,9 +18,10 @@ use crate::base::{
     parameters, words,
 };
 use crate::content::{Audit, ContentError};
-use crate::dataset::audit::{Dataset, Declared, Options, Report, Rows, audit};
+use crate::dataset::audit::{AuditError, Dataset, Declared, Options, Report, Rows, audit};
 use crate::fem::screening::resolve;
-use crate::fem::{Method, SetupError};
+use crate::fem::{Method, SceneSimulators, SetupError, decided};
+use crate::field::SimulatorError;
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::scene::Scene;
 use crate::store::{Artifact, Object, StoreError};
@@ -205,8 +204,8 @@ impl Stage for AuditStage {
         // Solved samples are drawn with repeats, which balancing leaves out.
         let is_raw = source.level.is_none();
         let start = Instant::now();
-        let report =
-            carry_out(&source, &scene, &self.parameters.request(), is_raw, job.progress).map_err(StageError::Failed)?;
+        let report = carry_out(&source, &scene, &self.parameters.request(), is_raw, job.progress)
+            .map_err(|e| StageError::Failed(e.to_string()))?;
         job.measure("audit", start.elapsed().as_secs_f64());
         let audit = content::content(report, scene).map_err(|e| StageError::Failed(e.to_string()))?;
         Ok(audit.object())
@@ -241,7 +240,8 @@ pub fn audit_file(file: &Path, scene: &Path, request: &Request, progress: &dyn P
     let mut source = Source::of_file(file).map_err(unreadable)?;
     let other = other_scene(&source, &scene).map_err(|e| DirectError::Failed(e.to_string()))?;
     source.findings.extend(other);
-    let report = carry_out(&source, &scene, request, false, progress).map_err(DirectError::Failed)?;
+    let report =
+        carry_out(&source, &scene, request, false, progress).map_err(|e| DirectError::Failed(e.to_string()))?;
     content::content(report, scene).map_err(|e| DirectError::Failed(e.to_string()))
 }
 
@@ -327,7 +327,7 @@ fn carry_out(
     request: &Request,
     repeats_are_usual: bool,
     progress: &dyn Progress,
-) -> Result<Report, String> {
+) -> Result<Report, AuditError> {
     if !source.is_readable() {
         return Ok(Report {
             findings: source.findings.clone(),
@@ -338,7 +338,8 @@ fn carry_out(
         .solver
         .as_ref()
         .map_or((Method::Newton, 1e-8), |solver| (solver.method(), solver.tolerance()));
-    let bench = Workbench::new(scene, source.effects.as_deref(), method, tolerance).map_err(|e| e.to_string())?;
+    let simulators =
+        SceneSimulators::new(scene, source.effects.as_deref(), method, tolerance).map_err(SimulatorError::new)?;
     let dataset = Dataset {
         len: source.len(),
         rows: source,
@@ -368,7 +369,7 @@ fn carry_out(
         progress.advance(now - told);
         shown.set((done, now));
     };
-    let mut report = audit(&dataset, &bench, &options, &advance)?;
+    let mut report = audit(&dataset, &simulators, &options, &advance)?;
     report.findings.extend(source.findings.iter().cloned());
     sort(&mut report.findings);
     Ok(report)

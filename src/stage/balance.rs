@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use crate::base::{Canonical, Declared, Fields, InputError, Length, Node, Seed, parameters};
 use crate::content::{self, BalanceCounts, Histograms, Packed, Solutions, files};
-use crate::dataset::{BalanceOptions, Balanced, Bins, Candidate, Row, SymmetryGroup, balance};
+use crate::dataset::{BalanceOptions, Balanced, BalancedRow, Bins, Candidate, SymmetryGroup, balance};
 use crate::field::{CORNERS, Field};
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::pattern::Pattern;
@@ -134,7 +134,7 @@ impl Stage for BalanceStage {
 
 /// The fields of rows in the order of their sources, `[row][y][x][component]`. They are read chunk by chunk: those of all
 /// samples together are larger than all else that a run holds in memory.
-fn fields(inputs: &[Artifact], rows: &[Row]) -> Result<Vec<f64>, StageError> {
+fn fields(inputs: &[Artifact], rows: &[BalancedRow]) -> Result<Vec<f64>, StageError> {
     let mut values = Vec::with_capacity(rows.len() * CORNERS * CORNERS * 2);
     let (mut rest, mut first) = (rows, 0);
     for input in inputs {

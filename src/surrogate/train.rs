@@ -356,7 +356,7 @@ impl<'a> Trainer<'a> {
         let trained = self.vars.iter();
         let trained = trained.map(|(name, var)| (name.clone(), var.as_tensor().clone()));
         let header = Header::new(self.options.network.name(), self.scale_mm);
-        to_bytes(&header, &trained.collect(), &self.constants).map_err(TrainError::Failed)
+        to_bytes(&header, &trained.collect(), &self.constants).map_err(|e| TrainError::Failed(e.to_string()))
     }
 }
 

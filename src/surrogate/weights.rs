@@ -31,26 +31,40 @@ pub enum LoadError {
     Unsuitable(String),
 }
 
+/// A network that cannot be written.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum WriteError {
+    /// A tensor of two kinds.
+    #[error("tensor {0} is both trained and constant")]
+    Ambiguous(String),
+    /// The header.
+    #[error(transparent)]
+    Header(#[from] serde_json::Error),
+    /// The tensors.
+    #[error(transparent)]
+    Tensors(#[from] safetensors::SafeTensorError),
+}
+
 /// The bytes of a network: its trained tensors, and those that are part of the network and were not trained.
 pub(crate) fn to_bytes(
     header: &Header,
     trained: &BTreeMap<String, Tensor>,
     constant: &BTreeMap<String, Tensor>,
-) -> Result<Vec<u8>, String> {
+) -> Result<Vec<u8>, WriteError> {
     let mut header = header.clone();
     header.tensors.trained = trained.keys().cloned().collect();
     header.tensors.constant = constant.keys().cloned().collect();
     if let Some(name) = header.tensors.trained.intersection(&header.tensors.constant).next() {
-        return Err(format!("tensor {name} is both trained and constant"));
+        return Err(WriteError::Ambiguous(name.clone()));
     }
     let tensors: BTreeMap<&String, Tensor> = trained.iter().chain(constant).map(|(n, t)| (n, t.clone())).collect();
-    let text = serde_json::to_string(&header).map_err(|e| e.to_string())?;
+    let text = serde_json::to_string(&header)?;
     let body = text.strip_prefix('{').unwrap_or(&text);
-    let bare = safetensors::serialize(&tensors, None).map_err(|e| e.to_string())?;
-    let written = SafeTensors::deserialize(&bare).map_err(|e| e.to_string())?;
+    let bare = safetensors::serialize(&tensors, None)?;
+    let written = SafeTensors::deserialize(&bare)?;
     let text = format!("{}{body}", opening(&digest(body, written.tensors())));
     let metadata = HashMap::from([(KEY.to_owned(), text)]);
-    safetensors::serialize(&tensors, Some(metadata)).map_err(|e| e.to_string())
+    Ok(safetensors::serialize(&tensors, Some(metadata))?)
 }
 
 /// The header and the tensors of a network.
@@ -78,7 +92,7 @@ pub fn annotated(bytes: &[u8], scene: &str, record: Record) -> Result<Vec<u8>, L
     let (trained, constant) = tensors
         .into_iter()
         .partition(|(name, _)| header.tensors.trained.contains(name));
-    to_bytes(&header, &trained, &constant).map_err(LoadError::Damaged)
+    to_bytes(&header, &trained, &constant).map_err(|e| LoadError::Damaged(e.to_string()))
 }
 
 impl Record {

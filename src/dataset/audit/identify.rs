@@ -1,9 +1,9 @@
 //! Finds out on which mesh fields were solved, where the dataset does not say: on that mesh they come out the same.
 
+use super::error::AuditError;
 use super::facts::Row;
 use super::labels::Tolerance;
-use super::rows::{Bench, Wanted};
-use crate::field::Mesh;
+use crate::field::{Mesh, SimulatorKind, Simulators};
 
 /// The meshes that are tried, cheapest first.
 pub const TRIED: [Mesh; 12] = [
@@ -40,14 +40,14 @@ struct Trial {
 ///
 /// # Errors
 /// When a simulator cannot be set up; why.
-pub fn mesh(bench: &dyn Bench, rows: &[Row], tolerance: Tolerance) -> Result<Option<Mesh>, String> {
+pub fn mesh(simulators: &dyn Simulators, rows: &[Row], tolerance: Tolerance) -> Result<Option<Mesh>, AuditError> {
     // A field of zeros is the same on every mesh.
     let moving = |(_, field): &(_, &crate::field::Field)| field.max_magnitude() > MOVING;
     let rows: Vec<_> = rows.iter().filter_map(Row::usable).filter(moving).collect();
     let patterns: Vec<_> = rows.iter().map(|(pattern, _)| (*pattern).clone()).collect();
     let mut best: Option<Trial> = None;
     for mesh in TRIED {
-        let found = bench.simulator(Wanted::Newton(mesh))?.simulate(&patterns);
+        let found = simulators.simulator(SimulatorKind::Newton(mesh))?.simulate(&patterns);
         let mut trial = Trial {
             mesh,
             same: 0,

@@ -9,9 +9,10 @@
 use std::collections::BTreeMap;
 
 use super::diagnosis::{Fault, diagnose, fit, inside};
+use super::error::AuditError;
 use super::facts::Row;
-use super::rows::{Bench, Columns, Declared, Wanted};
-use crate::field::{Field, Mesh};
+use super::rows::{Columns, Declared};
+use crate::field::{Field, Mesh, SimulatorKind, Simulators};
 use crate::pattern::Pattern;
 
 /// What a solution of the full pass may cost, in solutions with one bilinear element per cell.
@@ -70,7 +71,7 @@ pub enum Label {
 /// By what labels are judged.
 pub struct Judge<'a> {
     /// Simulators.
-    pub bench: &'a dyn Bench,
+    pub simulators: &'a dyn Simulators,
     /// How the fields were found.
     pub declared: Declared,
     /// How exactly.
@@ -101,15 +102,15 @@ impl Judge<'_> {
 
     /// What a label is solved again by, so that it has to come out the same.
     #[must_use]
-    pub fn own(&self, mesh: Option<Mesh>) -> Wanted {
-        mesh.map_or(Wanted::Newton(REFERENCE), Wanted::Own)
+    pub fn own(&self, mesh: Option<Mesh>) -> SimulatorKind {
+        mesh.map_or(SimulatorKind::Newton(REFERENCE), SimulatorKind::AsDeclared)
     }
 
-    fn in_full_pass(&self, mesh: Option<Mesh>) -> Wanted {
+    fn in_full_pass(&self, mesh: Option<Mesh>) -> SimulatorKind {
         let estimates = matches!(self.declared, Declared::Estimates(_));
         match mesh {
-            Some(mesh) if estimates || mesh.cost() <= CHEAP => Wanted::Own(mesh),
-            _ => Wanted::Newton(SCREEN),
+            Some(mesh) if estimates || mesh.cost() <= CHEAP => SimulatorKind::AsDeclared(mesh),
+            _ => SimulatorKind::Newton(SCREEN),
         }
     }
 
@@ -117,7 +118,7 @@ impl Judge<'_> {
     ///
     /// # Errors
     /// When a simulator cannot be set up.
-    pub fn pass(&self, rows: &[Row], start: usize, columns: &Columns) -> Result<Vec<Label>, String> {
+    pub fn pass(&self, rows: &[Row], start: usize, columns: &Columns) -> Result<Vec<Label>, AuditError> {
         let mut labels = vec![Label::Absent; rows.len()];
         let mut groups: BTreeMap<Option<Mesh>, Vec<usize>> = BTreeMap::new();
         for (at, _) in rows.iter().enumerate().filter(|(_, row)| row.usable().is_some()) {
@@ -129,7 +130,7 @@ impl Judge<'_> {
             let found = self.against(wanted, &pairs)?;
             for ((at, (_, stored)), truth) in members.into_iter().zip(pairs).zip(found) {
                 labels[at] = match (wanted, truth) {
-                    (Wanted::Newton(_), truth) => compared(stored, truth.as_ref()),
+                    (SimulatorKind::Newton(_), truth) => compared(stored, truth.as_ref()),
                     (_, truth) => self.verdict(stored, truth.as_ref()),
                 };
             }
@@ -142,7 +143,7 @@ impl Judge<'_> {
     ///
     /// # Errors
     /// When a simulator cannot be set up.
-    pub fn again(&self, row: &Row, mesh: Option<Mesh>) -> Result<Solved, String> {
+    pub fn again(&self, row: &Row, mesh: Option<Mesh>) -> Result<Solved, AuditError> {
         let plain = |label| Solved { label, otherwise: None };
         let Some((pattern, stored)) = row.usable() else {
             let is_stable = match &row.pattern {
@@ -161,13 +162,16 @@ impl Judge<'_> {
         Ok(Solved { label, otherwise })
     }
 
-    fn is_stable(&self, pattern: &Pattern, mesh: Option<Mesh>) -> Result<bool, String> {
+    fn is_stable(&self, pattern: &Pattern, mesh: Option<Mesh>) -> Result<bool, AuditError> {
         let mut wanted = vec![self.own(mesh)];
         if self.found_out || self.declared == Declared::PerRow {
-            wanted.push(Wanted::Newton(REFERENCE));
+            wanted.push(SimulatorKind::Newton(REFERENCE));
         }
         for wanted in wanted {
-            let found = self.bench.simulator(wanted)?.simulate(std::slice::from_ref(pattern));
+            let found = self
+                .simulators
+                .simulator(wanted)?
+                .simulate(std::slice::from_ref(pattern));
             if found.iter().all(|simulation| simulation.field.is_none()) {
                 return Ok(false);
             }
@@ -175,9 +179,9 @@ impl Judge<'_> {
         Ok(true)
     }
 
-    fn against(&self, wanted: Wanted, pairs: &[(&Pattern, &Field)]) -> Result<Vec<Option<Field>>, String> {
+    fn against(&self, wanted: SimulatorKind, pairs: &[(&Pattern, &Field)]) -> Result<Vec<Option<Field>>, AuditError> {
         let patterns: Vec<Pattern> = pairs.iter().map(|(pattern, _)| (*pattern).clone()).collect();
-        let simulations = self.bench.simulator(wanted)?.simulate(&patterns);
+        let simulations = self.simulators.simulator(wanted)?.simulate(&patterns);
         Ok(simulations.into_iter().map(|simulation| simulation.field).collect())
     }
 

@@ -5,14 +5,15 @@
 //! Memory is bounded: of a row some hundred bytes are kept.
 
 mod confidence;
-mod course;
 mod diagnosis;
+mod error;
 mod facts;
 mod finding;
 mod identify;
 mod images;
 mod kinds;
 mod labels;
+mod recheck;
 mod report;
 mod resimulate;
 mod rows;
@@ -24,11 +25,12 @@ mod verdicts;
 
 pub use confidence::excluded_above;
 pub use diagnosis::Fault;
+pub use error::AuditError;
 pub use finding::{EXAMPLES, Finding, Severity, sort};
 pub use labels::{Label, SCREEN};
 pub use report::{Report, Resimulation, Summary};
 pub use resimulate::Resimulated;
-pub use rows::{Batch, Bench, Columns, Dataset, Declared, Ready, Rows, Wanted};
+pub use rows::{Batch, Columns, Dataset, Declared, Rows};
 pub use run::{Options, audit};
 pub use spread::{Level, Spread};
 

@@ -1,9 +1,10 @@
 //! Random rows, simulated again as they were made and on a finer mesh.
 
+use super::error::AuditError;
 use super::facts::Row;
 use super::labels::{Judge, Label, REFERENCE};
-use super::rows::{Dataset, Wanted};
-use crate::field::Mesh;
+use super::rows::Dataset;
+use crate::field::{Mesh, SimulatorKind};
 
 /// A row that was simulated again.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,13 +44,13 @@ pub fn resimulate(
     (index, row): (usize, &Row),
     mesh: Option<Mesh>,
     accuracy: Option<f64>,
-) -> Result<Option<Resimulated>, String> {
+) -> Result<Option<Resimulated>, AuditError> {
     let Some((pattern, stored)) = row.usable() else {
         return Ok(None);
     };
     let wanted = match mesh {
-        Some(mesh) => mesh.finer().map(Wanted::Newton),
-        None => Some(Wanted::Newton(REFERENCE)),
+        Some(mesh) => mesh.finer().map(SimulatorKind::Newton),
+        None => Some(SimulatorKind::Newton(REFERENCE)),
     };
     let declared = dataset.columns.error.as_ref().map(|errors| errors[index]);
     let mut result = Resimulated {
@@ -59,7 +60,10 @@ pub fn resimulate(
         is_finest: wanted.is_none(),
     };
     if let Some(wanted) = wanted {
-        let finer = judge.bench.simulator(wanted)?.simulate(std::slice::from_ref(pattern));
+        let finer = judge
+            .simulators
+            .simulator(wanted)?
+            .simulate(std::slice::from_ref(pattern));
         let finer = finer.into_iter().next().and_then(|simulation| simulation.field);
         result.error = finer.map(|finer| stored.max_difference(&finer));
     }

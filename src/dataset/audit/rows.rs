@@ -1,9 +1,9 @@
 //! What an audit reads: rows by ranges, so that a dataset need not fit into memory, and columns of one value per row.
 
 use std::ops::Range;
-use std::sync::Arc;
 
-use crate::field::{Mesh, Simulator};
+use super::error::AuditError;
+use crate::field::Mesh;
 
 /// Rows as they stand in the file: nothing is known of them yet.
 pub struct Batch {
@@ -18,8 +18,8 @@ pub trait Rows: Sync {
     /// The rows of a range.
     ///
     /// # Errors
-    /// When they cannot be read; why.
-    fn read(&self, range: Range<usize>) -> Result<Batch, String>;
+    /// When they cannot be read.
+    fn read(&self, range: Range<usize>) -> Result<Batch, AuditError>;
 }
 
 /// One value per row each; what a dataset does not say is `None`.
@@ -84,25 +84,4 @@ pub struct Dataset<'a> {
     pub columns: Columns,
     /// How the fields were found.
     pub declared: Declared,
-}
-
-/// Which simulator is wanted.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Wanted {
-    /// The method that the dataset declares, on this mesh.
-    Own(Mesh),
-    /// Newton's method on this mesh.
-    Newton(Mesh),
-}
-
-/// A simulator that is set up.
-pub type Ready = Arc<dyn Simulator + Send>;
-
-/// Where simulators come from, ready for the scene of the dataset.
-pub trait Bench: Sync {
-    /// A simulator.
-    ///
-    /// # Errors
-    /// When it cannot be set up; why.
-    fn simulator(&self, wanted: Wanted) -> Result<Ready, String>;
 }

@@ -4,17 +4,18 @@ use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
-use super::course::{Course, row};
+use super::error::AuditError;
 use super::facts::{Facts, Row, claims_field};
 use super::finding::{self, EXAMPLES};
 use super::labels::{Judge, Label, Tolerance};
+use super::recheck::{Recheck, row};
 use super::report::{Report, Resimulation, Summary};
 use super::resimulate::{Resimulated, is_wrong, resimulate};
-use super::rows::{Bench, Columns, Dataset, Declared};
+use super::rows::{Columns, Dataset, Declared};
 use super::spread::{Level, Spread};
 use super::{identify, images, values, verdicts};
 use crate::base::Stream;
-use crate::field::Mesh;
+use crate::field::{Mesh, Simulators};
 
 /// Rows that are held in memory at a time.
 const BATCH: usize = 256;
@@ -54,31 +55,31 @@ pub struct Options {
 /// When rows cannot be read or a simulator cannot be set up; why.
 pub fn audit(
     dataset: &Dataset<'_>,
-    bench: &dyn Bench,
+    simulators: &dyn Simulators,
     options: &Options,
     advance: &dyn Fn(usize),
-) -> Result<Report, String> {
+) -> Result<Report, AuditError> {
     if let Some(finding) = values::lengths(dataset) {
         return Ok(Report {
             findings: vec![finding],
             ..Report::default()
         });
     }
-    let judge = judge(dataset, bench, options)?;
+    let judge = judge(dataset, simulators, options)?;
     let (facts, mut labels) = pass(dataset, &judge, advance)?;
     let compared = labels.iter().filter(|l| matches!(l, Label::Compared { .. })).count();
-    let course = Course {
+    let recheck = Recheck {
         dataset,
         judge: &judge,
         seed: options.seed,
     };
-    let (suspects, unsolved) = course.confirm(&facts, &mut labels)?;
-    course.absent(&facts, &mut labels)?;
+    let (suspects, unsolved) = recheck.confirm(&facts, &mut labels)?;
+    recheck.absent(&facts, &mut labels)?;
     let chosen = chosen(options, &facts);
     let is_unsure = |index: &&usize| matches!(labels[**index], Label::Compared { .. });
     let unsure: Vec<usize> = chosen.iter().filter(is_unsure).copied().collect();
-    course.again(&unsure, &mut labels)?;
-    let moved = course.elsewhere(&mut labels)?;
+    recheck.again(&unsure, &mut labels)?;
+    let moved = recheck.elsewhere(&mut labels)?;
     let (judge, columns) = on_their_meshes(judge, dataset, &moved);
     let known = Dataset { columns, ..*dataset };
     let resimulated = on_finer_meshes(&known, &judge, options, &chosen)?;
@@ -126,13 +127,17 @@ pub fn audit(
 }
 
 /// By what the labels of a dataset are judged; where it does not say how they were found, that is looked for first.
-fn judge<'a>(dataset: &Dataset<'_>, bench: &'a dyn Bench, options: &Options) -> Result<Judge<'a>, String> {
+fn judge<'a>(
+    dataset: &Dataset<'_>,
+    simulators: &'a dyn Simulators,
+    options: &Options,
+) -> Result<Judge<'a>, AuditError> {
     let found_out = Tolerance {
         relative: options.tolerance,
         absolute: options.rounding,
         part: ROUNDED,
     };
-    let declared = declared(dataset, bench, options, found_out)?;
+    let declared = declared(dataset, simulators, options, found_out)?;
     let accuracy = options.accuracy.unwrap_or(options.usual_accuracy);
     // The reference has an error of its own.
     let near = accuracy / 4.0;
@@ -150,7 +155,7 @@ fn judge<'a>(dataset: &Dataset<'_>, bench: &'a dyn Bench, options: &Options) -> 
         },
     };
     Ok(Judge {
-        bench,
+        simulators,
         declared,
         tolerance,
         found_out: dataset.declared == Declared::Unknown && declared != Declared::Unknown,
@@ -175,10 +180,10 @@ fn on_their_meshes<'a>(judge: Judge<'a>, dataset: &Dataset<'_>, moved: &BTreeMap
 /// What the dataset says, or what can be found out.
 fn declared(
     dataset: &Dataset<'_>,
-    bench: &dyn Bench,
+    simulators: &dyn Simulators,
     options: &Options,
     found_out: Tolerance,
-) -> Result<Declared, String> {
+) -> Result<Declared, AuditError> {
     if let (Declared::PerRow, Some([first, rest @ ..])) = (dataset.declared, dataset.columns.mesh.as_deref())
         && rest.iter().all(|mesh| mesh == first)
     {
@@ -197,10 +202,14 @@ fn declared(
             probes.push(row);
         }
     }
-    Ok(identify::mesh(bench, &probes, found_out)?.map_or(Declared::Unknown, Declared::Mesh))
+    Ok(identify::mesh(simulators, &probes, found_out)?.map_or(Declared::Unknown, Declared::Mesh))
 }
 
-fn pass(dataset: &Dataset<'_>, judge: &Judge<'_>, advance: &dyn Fn(usize)) -> Result<(Vec<Facts>, Vec<Label>), String> {
+fn pass(
+    dataset: &Dataset<'_>,
+    judge: &Judge<'_>,
+    advance: &dyn Fn(usize),
+) -> Result<(Vec<Facts>, Vec<Label>), AuditError> {
     let (mut facts, mut labels) = (Vec::with_capacity(dataset.len), Vec::with_capacity(dataset.len));
     for start in (0..dataset.len).step_by(BATCH) {
         let range = start..(start + BATCH).min(dataset.len);
@@ -238,7 +247,7 @@ fn on_finer_meshes(
     judge: &Judge<'_>,
     options: &Options,
     chosen: &[usize],
-) -> Result<Vec<Resimulated>, String> {
+) -> Result<Vec<Resimulated>, AuditError> {
     let accuracy = match judge.declared {
         Declared::Unknown => Some(judge.tolerance.absolute),
         _ => options.accuracy,
@@ -247,7 +256,7 @@ fn on_finer_meshes(
         let mesh = judge.mesh(&dataset.columns, index);
         resimulate(judge, dataset, (index, &row(dataset, index)?), mesh, accuracy)
     };
-    let found: Result<Vec<Option<Resimulated>>, String> = chosen.par_iter().map(solved).collect();
+    let found: Result<Vec<Option<Resimulated>>, AuditError> = chosen.par_iter().map(solved).collect();
     Ok(found?.into_iter().flatten().collect())
 }
 

@@ -6,7 +6,10 @@ use std::sync::Arc;
 
 use super::*;
 use crate::base::Stream;
-use crate::field::{CORNERS, Field, Mesh, Observation, Outcome, Simulation, Simulator};
+use crate::field::{
+    CORNERS, Field, Mesh, Observation, Outcome, SharedSimulator, Simulation, Simulator, SimulatorError, SimulatorKind,
+    Simulators,
+};
 use crate::pattern::{CELLS, Pattern, Symmetry};
 
 /// Coarser meshes are too stiff, and see corners less.
@@ -56,16 +59,16 @@ impl Simulator for Membrane {
     }
 }
 
-struct Workbench;
+struct Membranes;
 
 fn coarseness(mesh: Mesh) -> f64 {
     0.02 / mesh.cost() as f64
 }
 
-impl Bench for Workbench {
-    fn simulator(&self, wanted: Wanted) -> Result<Ready, String> {
+impl Simulators for Membranes {
+    fn simulator(&self, wanted: SimulatorKind) -> Result<SharedSimulator, SimulatorError> {
         Ok(Arc::new(match wanted {
-            Wanted::Own(mesh) | Wanted::Newton(mesh) => Membrane(coarseness(mesh)),
+            SimulatorKind::AsDeclared(mesh) | SimulatorKind::Newton(mesh) => Membrane(coarseness(mesh)),
         }))
     }
 }
@@ -78,7 +81,7 @@ struct Memory {
 }
 
 impl Rows for Memory {
-    fn read(&self, range: Range<usize>) -> Result<Batch, String> {
+    fn read(&self, range: Range<usize>) -> Result<Batch, AuditError> {
         let cells = |row: usize| {
             let own = self.patterns[row].cells().iter().enumerate();
             own.map(move |(at, &cell)| match (self.odd_cell, at) {
@@ -138,7 +141,7 @@ fn audited(memory: &Memory, columns: Columns, declared: Declared) -> Report {
         tolerance: 1e-5,
         ..Options::default()
     };
-    audit(&dataset, &Workbench, &options, &|_| {}).unwrap()
+    audit(&dataset, &Membranes, &options, &|_| {}).unwrap()
 }
 
 fn checks(report: &Report) -> Vec<(&str, &[u64])> {
@@ -338,7 +341,7 @@ fn what_is_wrong_altogether_is_found_without_random_rows() {
             tolerance: 1e-5,
             ..Options::default()
         };
-        let report = audit(&dataset, &Workbench, &options, &|_| {}).unwrap();
+        let report = audit(&dataset, &Membranes, &options, &|_| {}).unwrap();
         let found: Vec<(&str, u64)> = report.findings.iter().map(|f| (f.check.as_str(), f.count)).collect();
         assert_eq!(found, [(check, 32)]);
     }
@@ -365,7 +368,7 @@ fn rounding_of_a_file_that_declares_nothing_is_no_fault() {
             rounding: 1e-4,
             ..Options::default()
         };
-        let report = audit(&dataset, &Workbench, &options, &|_| {}).unwrap();
+        let report = audit(&dataset, &Membranes, &options, &|_| {}).unwrap();
         assert_eq!(checks(&report), [], "{digits}");
     }
 }
@@ -426,7 +429,7 @@ fn an_accuracy_that_is_not_kept_is_found_in_the_random_rows() {
         usual_accuracy: 0.01,
         ..Options::default()
     };
-    let report = audit(&dataset, &Workbench, &options, &|_| {}).unwrap();
+    let report = audit(&dataset, &Membranes, &options, &|_| {}).unwrap();
     assert_eq!(
         report
             .findings

@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use crate::content::{BalancedView, ContentError, Labelled, StoredAttribute, files};
-use crate::dataset::audit::{Batch, Columns, Declared, Finding, Level, Rows, Severity};
+use crate::dataset::audit::{AuditError, Batch, Columns, Declared, Finding, Level, Rows, Severity};
 use crate::fem::SolverParameters;
 use crate::field::{CORNERS, Mesh, Outcome};
 use crate::pattern::{CELLS, check_contained};
@@ -51,7 +51,7 @@ struct Segment {
 }
 
 impl Rows for Source {
-    fn read(&self, range: Range<usize>) -> Result<Batch, String> {
+    fn read(&self, range: Range<usize>) -> Result<Batch, AuditError> {
         let mut batch = Batch {
             cells: Vec::new(),
             displacement: Vec::new(),
@@ -62,8 +62,8 @@ impl Rows for Source {
                 continue;
             }
             let own = start - segment.rows.start..end - segment.rows.start;
-            let file = RowFile::open(&segment.path).map_err(|e| e.to_string())?;
-            let read = |path: &str| file.numbers(path, own.clone()).map_err(|e| e.to_string());
+            let file = RowFile::open(&segment.path).map_err(AuditError::read)?;
+            let read = |path: &str| file.numbers(path, own.clone()).map_err(AuditError::read);
             batch.cells.extend(read("patterns")?);
             batch.displacement.extend(read("displacement")?);
         }

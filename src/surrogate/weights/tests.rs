@@ -144,7 +144,7 @@ fn versions_and_headers_of_others_are_refused_with_the_reason() {
 #[test]
 fn tensors_have_one_role_each_and_are_named() {
     let both = to_bytes(&Header::new("qin2024", 1.0), &tensors(), &tensors());
-    assert!(both.unwrap_err().contains("both trained and constant"));
+    assert!(both.unwrap_err().to_string().contains("both trained and constant"));
     let (header, _) = from_bytes(&model()).unwrap();
     let mut more: BTreeMap<_, _> = tensors().into_iter().chain(constants()).collect();
     more.insert("e".to_owned(), Tensor::zeros(1, DType::F32, &Device::Cpu).unwrap());

@@ -1,22 +1,25 @@
-//! The simulators that an audit asks for, each set up once.
+//! The simulators of one scene, each set up once.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use crate::dataset::audit::{Bench, Ready, Wanted};
-use crate::fem::screening::resolve;
-use crate::fem::{Estimator, LinearResponse, MembraneSolver, Method, SetupError, SolveOptions};
+use super::error::SetupError;
+use super::evaluator::Method;
+use super::response::{Estimator, LinearResponse};
+use super::screening::resolve;
+use super::solver::{MembraneSolver, SolveOptions};
+use crate::field::{SharedSimulator, SimulatorError, SimulatorKind, Simulators};
 use crate::scene::{Effects, Scene};
 
 /// Simulators for a scene.
-pub struct Workbench {
+pub struct SceneSimulators {
     scene: Scene,
     method: Method,
     tolerance: f64,
-    ready: Mutex<BTreeMap<Wanted, Ready>>,
+    ready: Mutex<BTreeMap<SimulatorKind, SharedSimulator>>,
 }
 
-impl Workbench {
+impl SceneSimulators {
     /// For a scene, and the method and tolerance that the dataset declares. Effects that the scene leaves open are
     /// decided as [`decided`] says. Those that leave the displacement alone are not simulated.
     ///
@@ -37,10 +40,10 @@ impl Workbench {
         })
     }
 
-    fn set_up(&self, wanted: Wanted) -> Result<Ready, SetupError> {
-        let (mesh, method, tolerance) = match wanted {
-            Wanted::Own(mesh) => (mesh, self.method, self.tolerance),
-            Wanted::Newton(mesh) => (mesh, Method::Newton, SolveOptions::default().tolerance),
+    fn set_up(&self, kind: SimulatorKind) -> Result<SharedSimulator, SetupError> {
+        let (mesh, method, tolerance) = match kind {
+            SimulatorKind::AsDeclared(mesh) => (mesh, self.method, self.tolerance),
+            SimulatorKind::Newton(mesh) => (mesh, Method::Newton, SolveOptions::default().tolerance),
         };
         Ok(match method.chord_steps() {
             None => Arc::new(MembraneSolver::new(&self.scene, SolveOptions { mesh, tolerance })?),
@@ -52,14 +55,14 @@ impl Workbench {
     }
 }
 
-impl Bench for Workbench {
-    fn simulator(&self, wanted: Wanted) -> Result<Ready, String> {
+impl Simulators for SceneSimulators {
+    fn simulator(&self, kind: SimulatorKind) -> Result<SharedSimulator, SimulatorError> {
         let mut ready = self.ready.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(simulator) = ready.get(&wanted) {
+        if let Some(simulator) = ready.get(&kind) {
             return Ok(Arc::clone(simulator));
         }
-        let simulator = self.set_up(wanted).map_err(|e| e.to_string())?;
-        ready.insert(wanted, Arc::clone(&simulator));
+        let simulator = self.set_up(kind).map_err(SimulatorError::new)?;
+        ready.insert(kind, Arc::clone(&simulator));
         Ok(simulator)
     }
 }

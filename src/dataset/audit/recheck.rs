@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 
 use super::diagnosis::Fault;
+use super::error::AuditError;
 use super::facts::{Facts, Row, claims_field};
 use super::identify::TRIED;
 use super::kinds::{Comparison, FEWEST, kinds, suspects, usual};
@@ -30,15 +31,15 @@ const ABSENT_ROUND: usize = 64;
 
 /// Nothing is declared, and a label agrees with the finest mesh to the accuracy: it is wrong all the same where its ratio to
 /// that differs from its kind's by more than so much, and so many of the kind's deviations, while these are small.
-const UNLIKE: f64 = 0.015;
-const UNLIKE_DEVIATIONS: f64 = 5.0;
+const OUTLYING: f64 = 0.015;
+const OUTLYING_DEVIATIONS: f64 = 5.0;
 const ALIKE: f64 = 0.005;
 
 /// Ratios of a label to the solution on another mesh that the mesh may explain.
 const EXPLAINED: std::ops::Range<f64> = 0.7..1.4;
 
 /// A dataset, and by what its labels are judged.
-pub struct Course<'a> {
+pub struct Recheck<'a> {
     /// The rows.
     pub dataset: &'a Dataset<'a>,
     /// The judge.
@@ -47,12 +48,12 @@ pub struct Course<'a> {
     pub seed: u64,
 }
 
-impl Course<'_> {
+impl Recheck<'_> {
     /// One row.
     ///
     /// # Errors
     /// When it cannot be read; why.
-    pub fn row(&self, index: usize) -> Result<Row, String> {
+    pub fn row(&self, index: usize) -> Result<Row, AuditError> {
         row(self.dataset, index)
     }
 
@@ -60,12 +61,12 @@ impl Course<'_> {
     ///
     /// # Errors
     /// When rows cannot be read or a simulator cannot be set up; why.
-    pub fn again(&self, rows: &[usize], labels: &mut [Label]) -> Result<BTreeMap<usize, Solved>, String> {
-        let solved = |&index: &usize| -> Result<(usize, Solved), String> {
+    pub fn again(&self, rows: &[usize], labels: &mut [Label]) -> Result<BTreeMap<usize, Solved>, AuditError> {
+        let solved = |&index: &usize| -> Result<(usize, Solved), AuditError> {
             let mesh = self.judge.mesh(&self.dataset.columns, index);
             Ok((index, self.judge.again(&self.row(index)?, mesh)?))
         };
-        let found: Result<BTreeMap<usize, Solved>, String> = rows.par_iter().map(solved).collect();
+        let found: Result<BTreeMap<usize, Solved>, AuditError> = rows.par_iter().map(solved).collect();
         let found = found?;
         for (&index, solved) in &found {
             labels[index] = solved.label;
@@ -74,7 +75,7 @@ impl Course<'_> {
     }
 
     /// The same in rounds, as long as enough of them are wrong; gives what was solved.
-    fn rounds(&self, rows: &[usize], most: usize, labels: &mut [Label]) -> Result<BTreeMap<usize, Solved>, String> {
+    fn rounds(&self, rows: &[usize], most: usize, labels: &mut [Label]) -> Result<BTreeMap<usize, Solved>, AuditError> {
         let mut solved = BTreeMap::new();
         for round in rows.chunks(most) {
             solved.extend(self.again(round, labels)?);
@@ -90,8 +91,8 @@ impl Course<'_> {
     /// many suspects there were, and how many of them were not solved.
     ///
     /// # Errors
-    /// As of [`Course::again`].
-    pub fn confirm(&self, facts: &[Facts], labels: &mut [Label]) -> Result<(usize, usize), String> {
+    /// As of [`Recheck::again`].
+    pub fn confirm(&self, facts: &[Facts], labels: &mut [Label]) -> Result<(usize, usize), AuditError> {
         let most = ROUND.max(self.dataset.len / ROUND_PART);
         let kinds = kinds(labels, facts, self.dataset.columns.family.as_deref());
         let suspects = suspects(&kinds);
@@ -105,7 +106,7 @@ impl Course<'_> {
                 self.rounds(rest, most, labels)?;
             }
             if self.judge.declared == Declared::Unknown && kind.len() >= FEWEST {
-                unlike(kind, &found, &solved, labels);
+                mark_outliers(kind, &found, &solved, labels);
             }
         }
         let unsolved = suspects.iter().filter(|&&index| is_open(labels[index])).count();
@@ -115,8 +116,8 @@ impl Course<'_> {
     /// Solves the patterns of rows that claim to have no field.
     ///
     /// # Errors
-    /// As of [`Course::again`].
-    pub fn absent(&self, facts: &[Facts], labels: &mut [Label]) -> Result<(), String> {
+    /// As of [`Recheck::again`].
+    pub fn absent(&self, facts: &[Facts], labels: &mut [Label]) -> Result<(), AuditError> {
         let absent = (0..facts.len()).filter(|&index| facts[index].is_pattern && !facts[index].claims_field);
         self.rounds(&self.shuffled(absent), ABSENT_ROUND, labels).map(drop)
     }
@@ -125,8 +126,8 @@ impl Course<'_> {
     /// the meshes of these.
     ///
     /// # Errors
-    /// As of [`Course::again`].
-    pub fn elsewhere(&self, labels: &mut [Label]) -> Result<BTreeMap<usize, Mesh>, String> {
+    /// As of [`Recheck::again`].
+    pub fn elsewhere(&self, labels: &mut [Label]) -> Result<BTreeMap<usize, Mesh>, AuditError> {
         let mut moved = BTreeMap::new();
         if !self.judge.found_out {
             return Ok(moved);
@@ -138,7 +139,7 @@ impl Course<'_> {
         };
         let rows = self.shuffled((0..labels.len()).filter(explained));
         for round in rows.chunks(ROUND) {
-            let found: Result<Vec<Option<(usize, Mesh)>>, String> =
+            let found: Result<Vec<Option<(usize, Mesh)>>, AuditError> =
                 round.par_iter().map(|&index| self.mesh_of(index)).collect();
             let found: Vec<(usize, Mesh)> = found?.into_iter().flatten().collect();
             for (index, mesh) in &found {
@@ -152,7 +153,7 @@ impl Course<'_> {
         Ok(moved)
     }
 
-    fn mesh_of(&self, index: usize) -> Result<Option<(usize, Mesh)>, String> {
+    fn mesh_of(&self, index: usize) -> Result<Option<(usize, Mesh)>, AuditError> {
         let row = self.row(index)?;
         let own = self.judge.mesh(&self.dataset.columns, index);
         for mesh in TRIED.into_iter().filter(|mesh| Some(*mesh) != own) {
@@ -174,7 +175,7 @@ impl Course<'_> {
 ///
 /// # Errors
 /// When it cannot be read; why.
-pub fn row(dataset: &Dataset<'_>, index: usize) -> Result<Row, String> {
+pub fn row(dataset: &Dataset<'_>, index: usize) -> Result<Row, AuditError> {
     let batch = dataset.rows.read(index..index + 1)?;
     Ok(Row::of(&batch, 0, claims_field(&dataset.columns, index)))
 }
@@ -184,7 +185,7 @@ fn is_open(label: Label) -> bool {
 }
 
 /// Calls suspects wrong whose ratio to the finest mesh is not that of their kind, told by the rows in `spots`.
-fn unlike(
+fn mark_outliers(
     kind: &[Comparison],
     spots: &BTreeMap<usize, Solved>,
     suspects: &BTreeMap<usize, Solved>,
@@ -203,7 +204,8 @@ fn unlike(
         let Some((ratio, wrong)) = suspects.get(index).and_then(|solved| solved.otherwise) else {
             continue;
         };
-        if labels[*index] == Label::Agrees && (ratio / middle - 1.0).abs() > UNLIKE.max(UNLIKE_DEVIATIONS * spread) {
+        if labels[*index] == Label::Agrees && (ratio / middle - 1.0).abs() > OUTLYING.max(OUTLYING_DEVIATIONS * spread)
+        {
             labels[*index] = wrong;
         }
     }
