@@ -5,6 +5,7 @@
 //! know. Whatever is read as an input is verified in full, and so is all by `fsck`.
 
 use super::error::StoreError;
+use super::index::Structure;
 use super::open::Store;
 use super::record::Record;
 use crate::base::ArtifactId;
@@ -40,17 +41,17 @@ impl Store {
     /// # Errors
     /// When the system refuses, for instance for want of permission.
     pub fn inspect(&self, digest: &ArtifactId, effort: Effort) -> Result<Condition, StoreError> {
+        condition(self.look(digest, effort).map(|(size, _)| Condition::Intact { size }))
+    }
+
+    /// Length of an intact file, and what stands in it where that is known without opening it.
+    fn look(&self, digest: &ArtifactId, effort: Effort) -> Result<(u64, Option<Structure>), StoreError> {
         let path = self.layout.object(digest);
-        let looked = match effort {
-            Effort::Quick => self.verified.glance(&path, digest),
-            Effort::Thorough => self.verified.verify(&path, digest),
+        let (header, structure) = match effort {
+            Effort::Quick => self.verified.glance(&path, digest)?,
+            Effort::Thorough => (self.verified.verify(&path, digest)?, None),
         };
-        match looked {
-            Ok(header) => Ok(Condition::Intact { size: header.size }),
-            Err(StoreError::Missing { .. }) => Ok(Condition::Missing),
-            Err(StoreError::Damaged { reason, .. }) => Ok(Condition::Damaged(reason)),
-            Err(error) => Err(error),
-        }
+        Ok((header.size, structure))
     }
 
     /// The condition of what a record says was made: as [`Store::inspect`], and it must be of the record's kind.
@@ -58,16 +59,19 @@ impl Store {
     /// # Errors
     /// As [`Store::inspect`].
     pub fn inspect_made(&self, record: &Record, effort: Effort) -> Result<Condition, StoreError> {
-        let condition = self.inspect(&record.artifact, effort)?;
-        if !matches!(condition, Condition::Intact { .. }) {
-            return Ok(condition);
-        }
-        let path = self.layout.object(&record.artifact);
-        let found = self.verified.structure(&path, &record.artifact)?;
-        Ok(match found.listing.kind == record.action.kind {
-            true => condition,
-            false => Condition::OtherKind(found.listing.kind.clone()),
-        })
+        let look = || {
+            let (size, known) = self.look(&record.artifact, effort)?;
+            let structure = match known {
+                Some(structure) => structure,
+                None => self.verified.structure(&self.layout.object(&record.artifact), &record.artifact)?,
+            };
+            let kind = &structure.listing.kind;
+            Ok(match *kind == record.action.kind {
+                true => Condition::Intact { size },
+                false => Condition::OtherKind(kind.clone()),
+            })
+        };
+        condition(look())
     }
 
     /// The chunks of a manifest that is known to be intact; none of another artifact.
@@ -86,5 +90,14 @@ impl Store {
     pub fn quarantine_artifact(&self, digest: &ArtifactId) -> Result<(), StoreError> {
         self.verified.forget(digest);
         self.quarantine(&self.layout.object(digest)).map(|_| ())
+    }
+}
+
+/// What is missing or damaged is a condition and no error.
+fn condition(looked: Result<Condition, StoreError>) -> Result<Condition, StoreError> {
+    match looked {
+        Err(StoreError::Missing { .. }) => Ok(Condition::Missing),
+        Err(StoreError::Damaged { reason, .. }) => Ok(Condition::Damaged(reason)),
+        looked => looked,
     }
 }

@@ -111,15 +111,21 @@ impl Verified {
         Ok(header)
     }
 
-    /// As [`Verified::verify`], but believing the index where the file's stamp is the one that it knows.
+    /// As [`Verified::verify`], but believing the index where the file's stamp is the one that it knows; and what stands in the file,
+    /// where that is known without opening it.
     ///
     /// # Errors
     /// When it is missing, damaged, or another artifact.
-    pub fn glance(&self, path: &Path, digest: &ArtifactId) -> Result<Header, StoreError> {
-        match self.indexed(path, digest)? {
-            Some(entry) => Ok(entry.header(*digest)),
-            None => self.verify(path, digest),
+    pub fn glance(&self, path: &Path, digest: &ArtifactId) -> Result<(Header, Option<Structure>), StoreError> {
+        if let Some(entry) = self.indexed(path, digest)? {
+            return Ok((entry.header(*digest), entry.structure.clone()));
         }
+        let header = self.verify(path, digest)?;
+        Ok((header, self.known_structure(digest)))
+    }
+
+    fn known_structure(&self, digest: &ArtifactId) -> Option<Structure> {
+        self.lock().known.get(digest).and_then(|known| known.structure.clone())
     }
 
     /// What stands in an artifact, whose file is opened only where neither this process nor the index knows.
@@ -132,7 +138,7 @@ impl Verified {
             return Ok(structure);
         }
         self.verify(path, digest)?;
-        if let Some(structure) = self.lock().known.get(digest).and_then(|known| known.structure.clone()) {
+        if let Some(structure) = self.known_structure(digest) {
             return Ok(structure);
         }
         let overview = read::overview(path)?;
