@@ -63,7 +63,9 @@ impl Store {
             let (size, known) = self.look(&record.artifact, effort)?;
             let structure = match known {
                 Some(structure) => structure,
-                None => self.verified.structure(&self.layout.object(&record.artifact), &record.artifact)?,
+                None => self
+                    .verified
+                    .structure(&self.layout.object(&record.artifact), &record.artifact)?,
             };
             let kind = &structure.listing.kind;
             Ok(match *kind == record.action.kind {
