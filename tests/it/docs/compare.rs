@@ -52,11 +52,18 @@ pub fn check(shown: &str, printed: &str) -> Result<(), String> {
         }
         let is_wanted = |found: &&str| {
             let found = pieces(found);
-            if cut { found.starts_with(&wanted) } else { found == wanted }
+            if cut {
+                found.starts_with(&wanted)
+            } else {
+                found == wanted
+            }
         };
         let found = if gap { printed.find(is_wanted) } else { printed.next() };
         if !found.as_ref().is_some_and(is_wanted) {
-            return Err(format!("`{line}` is shown, `{}` was printed", found.unwrap_or_default()));
+            return Err(format!(
+                "`{line}` is shown, `{}` was printed",
+                found.unwrap_or_default()
+            ));
         }
         gap = false;
     }
