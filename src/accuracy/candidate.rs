@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::error::AccuracyError;
 use super::network::Network;
-use crate::base::{Canonical, Dimension, Fields, InputError, Node, NodeValue, Quantity, Schema};
+use crate::base::{Canonical, Dimension, Fields, InputError, Node, NodeValue, Parameter, Quantity, Schema};
 use crate::fem::{MeshRequest, Method, SolverParameters};
 use crate::field::{Evaluator, Mesh};
 use crate::scene::Scene;
@@ -57,8 +57,8 @@ impl Candidate {
     #[must_use]
     pub fn schema() -> Schema {
         let settings = Fields::new("A method with its mesh, or an accuracy.");
-        let settings = SolverParameters::schema(settings, Mesh::bilinear(2), false);
-        let list = Schema::list(Schema::any_of([Method::schema(), settings.into()]), 1, usize::MAX);
+        let settings = SolverParameters::schema(settings, Mesh::bilinear(2)).without("tolerance");
+        let list = Schema::list(Schema::any_of([Method::schema(&()), settings.into()]), 1, usize::MAX);
         list.distinct()
             .says("What is measured: words, or mappings with the keys of a solve stage.")
     }
@@ -172,7 +172,7 @@ fn read_items<'a>(node: &Node, items: impl Iterator<Item = &'a Node>) -> Result<
 fn read_elements(node: &Node) -> Result<SolverParameters, InputError> {
     let usual = Mesh::bilinear(2);
     match node.value() {
-        NodeValue::Text(_) => Ok(SolverParameters::new(Method::read(node)?, usual)),
+        NodeValue::Text(_) => Ok(SolverParameters::new(Method::read(node, "method", &())?, usual)),
         _ => SolverParameters::read(&node.fields("a method", &KEYS)?, usual),
     }
 }

@@ -30,7 +30,7 @@ impl Reference {
     /// # Errors
     /// As a solve stage refuses them, or when they cannot be those of a reference.
     pub fn read(node: &Node) -> Result<Self, InputError> {
-        let map = node.fields("the reference", &SolverParameters::KEYS)?;
+        let map = node.fields("the reference", &SolverParameters::keys())?;
         let parameters = SolverParameters::read(&map, Mesh::bilinear(2))?;
         Self::new(parameters).map_err(|why| node.error(why.to_string()))
     }

@@ -215,6 +215,14 @@ impl Fields {
         self.properties.iter().map(|(key, _)| key.as_str())
     }
 
+    /// The same without a key.
+    #[must_use]
+    pub fn without(mut self, key: &str) -> Self {
+        self.properties.retain(|(other, _)| other != key);
+        self.required.retain(|other| other != key);
+        self
+    }
+
     /// The same keys with none that must be there and no rules: what stands beside a mapping that is complete.
     #[must_use]
     pub fn all_optional(self, description: &str) -> Self {

@@ -65,7 +65,7 @@ impl Parameter for Estimates {
     fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
         let mut estimates = Vec::new();
         for node in node.list(key)? {
-            let method = Method::read(node)?;
+            let method = Method::read(node, "method", &())?;
             if method == Method::Newton {
                 return Err(node
                     .error("`newton` is no estimate")

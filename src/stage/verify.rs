@@ -43,7 +43,7 @@ impl Kind for VerifyKind {
 
     fn schema(&self) -> Vec<Fields> {
         let fields = Fields::new("Simulates designs on two meshes, beside the intuitive ones.");
-        vec![SolverParameters::schema(fields, MESH, true)]
+        vec![SolverParameters::schema(fields, MESH)]
     }
 
     fn feedback_target(&self) -> Option<&'static str> {
@@ -53,7 +53,7 @@ impl Kind for VerifyKind {
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
         let map = stage.fields(
             "a verify stage",
-            &[&["kind", "needs", "rounds", "update"], &SolverParameters::KEYS[..]].concat(),
+            &[&["kind", "needs", "rounds", "update"], &SolverParameters::keys()[..]].concat(),
         )?;
         let scene = super::simulated_scene_of(stage, scene)?;
         Ok(Box::new(VerifyStage {

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-use crate::base::{InputError, Node, Schema, nearest};
+use crate::base::{Canonical, InputError, Node, Parameter, Schema, nearest};
 
 /// How a field is found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,27 +22,6 @@ const MOST_STEPS: u32 = 50;
 const ALLOWED: &str = "allowed: newton, linear, chord:N with N from 1 to 50";
 
 impl Method {
-    /// Reads a method.
-    ///
-    /// # Errors
-    /// When it is none; the nearest spelling is named.
-    pub fn read(node: &Node) -> Result<Self, InputError> {
-        let text = node.text("method")?;
-        text.parse().map_err(|unknown: UnknownMethod| {
-            node.error(format!("`method` cannot be {text:?}"))
-                .help(unknown.to_string())
-        })
-    }
-
-    /// What [`Method::read`] accepts.
-    #[must_use]
-    pub fn schema() -> Schema {
-        let words = Schema::word(&["newton", "linear"]);
-        let chord = Schema::matching("^chord:\\+?0*([1-9]|[1-4][0-9]|50)$");
-        Schema::any_of([words, chord])
-            .says("How fields are found: newton, or estimates by linear or chord:N, N from 1 to 50.")
-    }
-
     /// Chord steps beyond the linear response; `None` for Newton's method.
     #[must_use]
     pub fn chord_steps(self) -> Option<u32> {
@@ -51,6 +30,33 @@ impl Method {
             Self::Chord(steps) => Some(steps),
             Self::Newton => None,
         }
+    }
+}
+
+impl Parameter for Method {
+    type Limits = ();
+    type Literal = Self;
+
+    fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
+        let text = node.text(key)?;
+        text.parse().map_err(|unknown: UnknownMethod| {
+            node.error(format!("`{key}` cannot be {text:?}"))
+                .help(unknown.to_string())
+        })
+    }
+
+    fn canonical(&self) -> Option<Canonical> {
+        Some(Canonical::from(self.to_string().as_str()))
+    }
+
+    fn schema((): &()) -> Schema {
+        let words = Schema::word(&["newton", "linear"]);
+        let chord = Schema::matching("^chord:\\+?0*([1-9]|[1-4][0-9]|50)$");
+        Schema::any_of([words, chord])
+    }
+
+    fn literal(literal: Self) -> Self {
+        literal
     }
 }
 

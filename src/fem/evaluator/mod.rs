@@ -2,7 +2,6 @@
 
 mod method;
 mod parameters;
-mod schema;
 mod solver;
 
 pub use method::{Method, UnknownMethod};

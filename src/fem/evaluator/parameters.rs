@@ -3,9 +3,11 @@
 use std::fmt;
 use std::path::Path;
 
+use serde_json::json;
+
 use super::method::Method;
 use super::solver::Solver;
-use crate::base::{Canonical, Decimal, Dimension, Document, InputError, Map, Node, Quantity};
+use crate::base::{Canonical, Decimal, Declared, Document, Fields, InputError, Length, Map, Quantity, Schema, parameters};
 use crate::fem::error::SetupError;
 use crate::field::{Mesh, Order};
 use crate::scene::Scene;
@@ -35,7 +37,21 @@ pub struct SolverParameters {
 
 impl SolverParameters {
     /// The keys that [`SolverParameters::read`] looks for.
-    pub const KEYS: [&str; 5] = ["method", "elements_per_cell", "order", "accuracy", "tolerance"];
+    #[must_use]
+    pub fn keys() -> Vec<&'static str> {
+        SolverKeys::keys()
+    }
+
+    /// Adds the keys that [`SolverParameters::read`] looks for, with the mesh where nothing is said.
+    #[must_use]
+    pub fn schema(fields: Fields, usual: Mesh) -> Fields {
+        let with_mesh = |key: &str, schema: Schema| match key {
+            "elements_per_cell" => schema.default(usual.elements_per_cell()),
+            "order" => schema.default(usual.order().degree()),
+            _ => schema,
+        };
+        SolverKeys::add_to(fields).map_schemas(with_mesh)
+    }
 
     /// A method on a mesh or to an accuracy, with the usual tolerance.
     #[must_use]
@@ -62,43 +78,19 @@ impl SolverParameters {
     /// # Errors
     /// When one is out of range, `accuracy` stands beside a mesh, or a method takes no accuracy or tolerance.
     pub fn read(map: &Map<'_>, usual: Mesh) -> Result<Self, InputError> {
-        let method = map.optional("method").map_or(Ok(Method::Newton), Method::read)?;
-        if method.chord_steps().is_some() {
-            refuse_beside(map, method)?;
-        }
-        let (elements, order) = (map.optional("elements_per_cell"), map.optional("order"));
-        let mesh = match map.optional("accuracy") {
-            Some(node) if elements.is_some() || order.is_some() => {
-                return Err(node
-                    .error("`accuracy` picks the mesh, so `elements_per_cell` and `order` cannot stand beside it")
-                    .help("give either `accuracy` or a mesh"));
-            }
-            Some(node) => MeshRequest::Accuracy(node.quantity_in("accuracy", Dimension::Length, 1e-9, 1e3)?),
-            None => {
-                let number = |node: Option<&Node>, key, most, usual: usize| {
-                    node.map_or(Ok(usual), |node| node.whole(key, 1, most as u64).map(|n| n as usize))
-                };
-                let elements = number(
-                    elements,
-                    "elements_per_cell",
-                    Mesh::MOST_ELEMENTS,
-                    usual.elements_per_cell(),
-                )?;
-                let order = match number(order, "order", 2, usual.order().degree())? {
-                    1 => Order::Bilinear,
-                    _ => Order::Biquadratic,
-                };
-                MeshRequest::Fixed(Mesh::new(elements, order))
-            }
+        let keys = SolverKeys::read_map(map)?;
+        let order = match keys.order.unwrap_or(usual.order().degree()) {
+            1 => Order::Bilinear,
+            _ => Order::Biquadratic,
         };
-        let tolerance = map
-            .optional("tolerance")
-            .map(|n| n.quantity_in("tolerance", Dimension::Number, 1e-12, 1e-3));
-        let tolerance = tolerance.transpose()?.map_or_else(usual_tolerance, |t| t.base());
+        let elements = keys.elements_per_cell.unwrap_or(usual.elements_per_cell());
         Ok(Self {
-            method,
-            mesh,
-            tolerance,
+            method: keys.method,
+            mesh: match keys.accuracy {
+                Some(accuracy) => MeshRequest::Accuracy(*accuracy),
+                None => MeshRequest::Fixed(Mesh::new(elements, order)),
+            },
+            tolerance: keys.tolerance,
         })
     }
 
@@ -133,7 +125,7 @@ impl SolverParameters {
     /// When it is not understood.
     pub fn from_text(text: &str) -> Result<Self, InputError> {
         let document = Document::from_text(Path::new("solver"), text)?;
-        Self::read(&document.root.fields("the solver", &Self::KEYS)?, Mesh::bilinear(2))
+        Self::read(&document.root.fields("the solver", &Self::keys())?, Mesh::bilinear(2))
     }
 
     /// Relative residual at which Newton's method ends.
@@ -218,22 +210,66 @@ fn usual_tolerance() -> Decimal {
     Decimal::from(1).scaled(-8)
 }
 
-/// Methods that look for no equilibrium have neither an accuracy nor a tolerance.
-fn refuse_beside(map: &Map<'_>, method: Method) -> Result<(), InputError> {
-    if let Some(node) = map.optional("accuracy") {
-        return Err(node
-            .error(format!(
-                "`accuracy` cannot stand beside `method: {method}`, whose error is not that of the mesh alone"
-            ))
-            .help("give a mesh by `elements_per_cell` and `order`, or `method: newton`"));
+parameters! {
+    /// How fields are found.
+    struct SolverKeys as "the solver" {
+        /// How fields are found: newton, or estimates by linear or chord:N, N from 1 to 50.
+        method: Method = Method::Newton,
+        /// Elements along one side of a cell.
+        elements_per_cell: Option<usize> [1..=Mesh::MOST_ELEMENTS as u64],
+        /// Polynomial order of the elements.
+        order: Option<usize> [1..=2],
+        /// Instead of a mesh: the mesh of each pattern is picked so that its displacement is this accurate.
+        accuracy: Option<Length> [1e-9..=1e3],
+        /// Relative residual at which an equilibrium is accepted.
+        tolerance: Decimal [1e-12..=1e-3] = 1e-8,
     }
-    map.optional("tolerance").map_or(Ok(()), |node| {
-        Err(node
-            .error(format!(
-                "`tolerance` means nothing beside `method: {method}`, which looks for no equilibrium"
-            ))
-            .help("leave it out, or take `method: newton`"))
-    })
+    rules(exclusive)
+    check(SolverKeys::check)
+}
+
+/// An accuracy picks the mesh, and methods that look for no equilibrium have neither an accuracy nor a tolerance.
+fn exclusive(fields: Fields) -> Fields {
+    let estimates_lack = |key: &str| {
+        json!({
+            "if": { "required": ["method"], "properties": { "method": { "not": { "const": "newton" } } } },
+            "then": { "not": { "required": [key] } },
+        })
+    };
+    fields
+        .apart("accuracy", "elements_per_cell")
+        .apart("accuracy", "order")
+        .rule(estimates_lack("accuracy"))
+        .rule(estimates_lack("tolerance"))
+}
+
+impl SolverKeys {
+    fn check(&self, map: &Map<'_>) -> Result<(), InputError> {
+        let method = self.method;
+        if method.chord_steps().is_some() {
+            if let Some(node) = map.optional("accuracy") {
+                return Err(node
+                    .error(format!(
+                        "`accuracy` cannot stand beside `method: {method}`, whose error is not that of the mesh alone"
+                    ))
+                    .help("give a mesh by `elements_per_cell` and `order`, or `method: newton`"));
+            }
+            if let Some(node) = map.optional("tolerance") {
+                return Err(node
+                    .error(format!(
+                        "`tolerance` means nothing beside `method: {method}`, which looks for no equilibrium"
+                    ))
+                    .help("leave it out, or take `method: newton`"));
+            }
+        }
+        let mesh = self.elements_per_cell.is_some() || self.order.is_some();
+        match map.optional("accuracy").filter(|_| mesh) {
+            Some(node) => Err(node
+                .error("`accuracy` picks the mesh, so `elements_per_cell` and `order` cannot stand beside it")
+                .help("give either `accuracy` or a mesh")),
+            None => Ok(()),
+        }
+    }
 }
 
 #[cfg(test)]
@@ -242,7 +278,7 @@ mod tests {
 
     fn read(text: &str) -> Result<SolverParameters, InputError> {
         let document = Document::from_text(Path::new("t"), text).unwrap();
-        SolverParameters::read(&document.root.fields("t", &SolverParameters::KEYS)?, Mesh::bilinear(2))
+        SolverParameters::read(&document.root.fields("t", &SolverParameters::keys())?, Mesh::bilinear(2))
     }
 
     #[test]

@@ -46,7 +46,7 @@ impl Parameter for EvaluatorChoice {
     }
 
     fn schema((): &()) -> Schema {
-        Schema::any_of([Schema::word(&["auto", "surrogate"]), Method::schema()])
+        Schema::any_of([Schema::word(&["auto", "surrogate"]), Method::schema(&())])
     }
 
     fn literal(literal: Self) -> Self {
