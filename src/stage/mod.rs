@@ -21,7 +21,7 @@ mod solve;
 mod train;
 mod verify;
 
-use crate::base::{InputError, Node, Schema};
+use crate::base::{InputError, Node};
 use crate::content::{ContentError, StoredAttribute};
 use crate::fem::effects::Model;
 use crate::orchestrator::{Registry, StageError};
@@ -47,11 +47,6 @@ pub fn registry() -> Registry {
         check_scene: |node| checked_scene(node).map(|_| ()),
         scene_schema: Scene::schema,
     }
-}
-
-/// What a `seed` may be.
-fn seed() -> Schema {
-    Schema::whole(0, i64::MAX as u64).says("Names the random numbers.")
 }
 
 /// The scene of the pipeline, for a stage that cannot do without.
