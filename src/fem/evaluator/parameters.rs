@@ -7,7 +7,9 @@ use serde_json::json;
 
 use super::method::Method;
 use super::solver::Solver;
-use crate::base::{Canonical, Decimal, Declared, Document, Fields, InputError, Length, Map, Quantity, Schema, parameters};
+use crate::base::{
+    Canonical, Decimal, Declared, Document, Fields, InputError, Length, Map, Quantity, Schema, parameters,
+};
 use crate::fem::error::SetupError;
 use crate::field::{Mesh, Order};
 use crate::scene::Scene;
@@ -278,7 +280,10 @@ mod tests {
 
     fn read(text: &str) -> Result<SolverParameters, InputError> {
         let document = Document::from_text(Path::new("t"), text).unwrap();
-        SolverParameters::read(&document.root.fields("t", &SolverParameters::keys())?, Mesh::bilinear(2))
+        SolverParameters::read(
+            &document.root.fields("t", &SolverParameters::keys())?,
+            Mesh::bilinear(2),
+        )
     }
 
     #[test]
