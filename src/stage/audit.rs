@@ -18,7 +18,7 @@ use crate::base::{
     parameters, words,
 };
 use crate::content::{Audit, ContentError};
-use crate::dataset::audit::{AuditError, Dataset, Declared, Options, Report, Rows, audit};
+use crate::dataset::audit::{AuditError, Dataset, Discretisation, Options, Report, RowSource, audit};
 use crate::fem::screening::resolve;
 use crate::fem::{Method, SceneSimulators, SetupError, decided};
 use crate::field::SimulatorError;
@@ -355,7 +355,7 @@ fn carry_out(
         accuracy: accuracy.map(|accuracy| accuracy.value()),
         usual_accuracy: USUAL_ACCURACY * scene.side_mm(),
         tolerance: match source.declared {
-            Declared::Estimates(_) => SAME_ESTIMATE,
+            Discretisation::Estimates(_) => SAME_ESTIMATE,
             _ => (PER_RESIDUAL * tolerance).max(SAME),
         },
         rounding: ROUNDING * scene.side_mm(),

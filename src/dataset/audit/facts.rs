@@ -12,7 +12,7 @@ const CELL_VALUES: usize = CELLS * CELLS;
 const FIELD_VALUES: usize = CORNERS * CORNERS * 2;
 
 /// A row as far as it can be used.
-pub struct Row {
+pub struct CheckedRow {
     /// Its pattern, where it is one.
     pub pattern: Option<Pattern>,
     /// Its field, where it claims to have one and all values are numbers.
@@ -23,7 +23,7 @@ pub struct Row {
     pub is_hidden: bool,
 }
 
-impl Row {
+impl CheckedRow {
     /// Row `at` of a batch; `has_field` is what the dataset claims.
     #[must_use]
     pub fn of(batch: &Batch, at: usize, has_field: bool) -> Self {
@@ -76,7 +76,7 @@ pub struct Facts {
 impl Facts {
     /// What is to be kept of row `index` of the dataset.
     #[must_use]
-    pub fn of(row: &Row, index: usize, columns: &Columns) -> Self {
+    pub fn of(row: &CheckedRow, index: usize, columns: &Columns) -> Self {
         let standing = row.pattern.as_ref().map(Standing::of);
         let field = row.field.as_ref();
         let mut facts = Self {
@@ -137,11 +137,11 @@ mod tests {
             cells: vec![0.0; CELL_VALUES],
             displacement: vec![0.0; FIELD_VALUES],
         };
-        assert!(Row::of(&batch, 0, true).usable().is_some());
-        assert!(Row::of(&batch, 0, false).usable().is_none());
+        assert!(CheckedRow::of(&batch, 0, true).usable().is_some());
+        assert!(CheckedRow::of(&batch, 0, false).usable().is_none());
         batch.displacement[3] = f64::NAN;
         batch.cells[7] = 0.5;
-        let row = Row::of(&batch, 0, true);
+        let row = CheckedRow::of(&batch, 0, true);
         assert!(row.pattern.is_none() && row.field.is_none());
     }
 }

@@ -1,7 +1,7 @@
 //! Finds out on which mesh fields were solved, where the dataset does not say: on that mesh they come out the same.
 
 use super::error::AuditError;
-use super::facts::Row;
+use super::facts::CheckedRow;
 use super::labels::Tolerance;
 use crate::field::{Mesh, SimulatorKind, Simulators};
 
@@ -40,10 +40,14 @@ struct Trial {
 ///
 /// # Errors
 /// When a simulator cannot be set up; why.
-pub fn mesh(simulators: &dyn Simulators, rows: &[Row], tolerance: Tolerance) -> Result<Option<Mesh>, AuditError> {
+pub fn mesh(
+    simulators: &dyn Simulators,
+    rows: &[CheckedRow],
+    tolerance: Tolerance,
+) -> Result<Option<Mesh>, AuditError> {
     // A field of zeros is the same on every mesh.
     let moving = |(_, field): &(_, &crate::field::Field)| field.max_magnitude() > MOVING;
-    let rows: Vec<_> = rows.iter().filter_map(Row::usable).filter(moving).collect();
+    let rows: Vec<_> = rows.iter().filter_map(CheckedRow::usable).filter(moving).collect();
     let patterns: Vec<_> = rows.iter().map(|(pattern, _)| (*pattern).clone()).collect();
     let mut best: Option<Trial> = None;
     for mesh in TRIED {

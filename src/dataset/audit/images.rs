@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use super::facts::Facts;
 use super::finding::{Finding, Severity};
-use super::labels::{Judge, Label};
+use super::labels::{Judge, LabelCheck};
 use super::rows::Columns;
 use super::symmetric::{PROJECTIONS, distance};
 use crate::base::{Digest, OrbitId};
@@ -80,7 +80,7 @@ fn leaks(facts: &[Facts], split: &[String]) -> Option<Finding> {
 /// Rows whose field does not have the symmetry of its pattern, or does not move with it. Of two that contradict each other,
 /// the one is named that is wrong for itself, where that is known.
 #[must_use]
-pub fn asymmetric(facts: &[Facts], labels: &[Label], judge: &Judge<'_>, columns: &Columns) -> Option<Finding> {
+pub fn asymmetric(facts: &[Facts], labels: &[LabelCheck], judge: &Judge<'_>, columns: &Columns) -> Option<Finding> {
     let tolerance = judge.tolerance;
     let usable = |&index: &usize| facts[index].is_usable();
     let mut found: Vec<usize> = (0..facts.len())
@@ -100,7 +100,7 @@ pub fn asymmetric(facts: &[Facts], labels: &[Label], judge: &Judge<'_>, columns:
         let off: Vec<usize> = members.iter().filter(off).copied().collect();
         let wrong: Vec<usize> = off
             .iter()
-            .filter(|&&index| matches!(labels[index], Label::Wrong(..)))
+            .filter(|&&index| matches!(labels[index], LabelCheck::Wrong(..)))
             .copied()
             .collect();
         found.extend(if wrong.is_empty() { off } else { wrong });

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::facts::Facts;
-use super::labels::Label;
+use super::labels::LabelCheck;
 
 /// Fewer rows of a kind than this say nothing of what is usual among them: all of them are suspects.
 pub const FEWEST: usize = 12;
@@ -32,10 +32,10 @@ pub fn suspects(kinds: &[Vec<Comparison>]) -> Vec<usize> {
 
 /// The rows that have been compared with estimates, by kind.
 #[must_use]
-pub fn kinds(labels: &[Label], facts: &[Facts], families: Option<&[String]>) -> Vec<Vec<Comparison>> {
+pub fn kinds(labels: &[LabelCheck], facts: &[Facts], families: Option<&[String]>) -> Vec<Vec<Comparison>> {
     let mut kinds: BTreeMap<(&str, u32), Vec<Comparison>> = BTreeMap::new();
     for (index, label) in labels.iter().enumerate() {
-        if let Label::Compared { ratio, rest } = label {
+        if let LabelCheck::Compared { ratio, rest } = label {
             let kind = match families {
                 Some(families) => (families[index].as_str(), 0),
                 None => ("", facts[index].edges.max(1).ilog2()),

@@ -10,8 +10,8 @@ use std::collections::BTreeMap;
 
 use super::diagnosis::{Fault, diagnose, fit, inside};
 use super::error::AuditError;
-use super::facts::Row;
-use super::rows::{Columns, Declared};
+use super::facts::CheckedRow;
+use super::rows::{Columns, Discretisation};
 use crate::field::{Field, Mesh, SimulatorKind, Simulators};
 use crate::pattern::Pattern;
 
@@ -48,7 +48,7 @@ impl Tolerance {
 
 /// What is known of a label.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Label {
+pub enum LabelCheck {
     /// Nothing: the row has no pattern or no field.
     Absent,
     /// It is what its own mesh gives.
@@ -73,7 +73,7 @@ pub struct Judge<'a> {
     /// Simulators.
     pub simulators: &'a dyn Simulators,
     /// How the fields were found.
-    pub declared: Declared,
+    pub declared: Discretisation,
     /// How exactly.
     pub tolerance: Tolerance,
     /// Whether how they were found was found out.
@@ -84,9 +84,9 @@ pub struct Judge<'a> {
 #[derive(Clone, Copy, Debug)]
 pub struct Solved {
     /// What comes of it.
-    pub label: Label,
+    pub label: LabelCheck,
     /// The stored field over the solution, and the label if that ratio were wrong; `None` without a solution.
-    pub otherwise: Option<(f64, Label)>,
+    pub otherwise: Option<(f64, LabelCheck)>,
 }
 
 impl Judge<'_> {
@@ -94,9 +94,9 @@ impl Judge<'_> {
     #[must_use]
     pub fn mesh(&self, columns: &Columns, index: usize) -> Option<Mesh> {
         match self.declared {
-            Declared::Mesh(mesh) | Declared::Estimates(mesh) => Some(mesh),
-            Declared::PerRow => columns.mesh.as_ref().map(|meshes| meshes[index]),
-            Declared::Unknown => None,
+            Discretisation::Mesh(mesh) | Discretisation::Estimates(mesh) => Some(mesh),
+            Discretisation::PerRow => columns.mesh.as_ref().map(|meshes| meshes[index]),
+            Discretisation::Unknown => None,
         }
     }
 
@@ -107,7 +107,7 @@ impl Judge<'_> {
     }
 
     fn in_full_pass(&self, mesh: Option<Mesh>) -> SimulatorKind {
-        let estimates = matches!(self.declared, Declared::Estimates(_));
+        let estimates = matches!(self.declared, Discretisation::Estimates(_));
         match mesh {
             Some(mesh) if estimates || mesh.cost() <= CHEAP => SimulatorKind::AsDeclared(mesh),
             _ => SimulatorKind::Newton(SCREEN),
@@ -118,8 +118,8 @@ impl Judge<'_> {
     ///
     /// # Errors
     /// When a simulator cannot be set up.
-    pub fn pass(&self, rows: &[Row], start: usize, columns: &Columns) -> Result<Vec<Label>, AuditError> {
-        let mut labels = vec![Label::Absent; rows.len()];
+    pub fn pass(&self, rows: &[CheckedRow], start: usize, columns: &Columns) -> Result<Vec<LabelCheck>, AuditError> {
+        let mut labels = vec![LabelCheck::Absent; rows.len()];
         let mut groups: BTreeMap<Option<Mesh>, Vec<usize>> = BTreeMap::new();
         for (at, _) in rows.iter().enumerate().filter(|(_, row)| row.usable().is_some()) {
             groups.entry(self.mesh(columns, start + at)).or_default().push(at);
@@ -143,28 +143,32 @@ impl Judge<'_> {
     ///
     /// # Errors
     /// When a simulator cannot be set up.
-    pub fn again(&self, row: &Row, mesh: Option<Mesh>) -> Result<Solved, AuditError> {
+    pub fn again(&self, row: &CheckedRow, mesh: Option<Mesh>) -> Result<Solved, AuditError> {
         let plain = |label| Solved { label, otherwise: None };
         let Some((pattern, stored)) = row.usable() else {
             let is_stable = match &row.pattern {
                 Some(pattern) if row.claims_none => self.is_stable(pattern, mesh)?,
                 _ => false,
             };
-            return Ok(plain(if is_stable { Label::Stable } else { Label::Absent }));
+            return Ok(plain(if is_stable {
+                LabelCheck::Stable
+            } else {
+                LabelCheck::Absent
+            }));
         };
         let truth = self.against(self.own(mesh), &[(pattern, stored)])?.pop().flatten();
         let label = self.verdict(stored, truth.as_ref());
         let otherwise = truth.map(|truth| {
             let inner = inside(stored);
             let off = inner.max_difference(&inside(&truth));
-            (fit(&inner, &truth).0, Label::Wrong(diagnose(&inner, &truth), off))
+            (fit(&inner, &truth).0, LabelCheck::Wrong(diagnose(&inner, &truth), off))
         });
         Ok(Solved { label, otherwise })
     }
 
     fn is_stable(&self, pattern: &Pattern, mesh: Option<Mesh>) -> Result<bool, AuditError> {
         let mut wanted = vec![self.own(mesh)];
-        if self.found_out || self.declared == Declared::PerRow {
+        if self.found_out || self.declared == Discretisation::PerRow {
             wanted.push(SimulatorKind::Newton(REFERENCE));
         }
         for wanted in wanted {
@@ -186,27 +190,27 @@ impl Judge<'_> {
     }
 
     /// The frame has a check of its own, so it does not count here.
-    fn verdict(&self, stored: &Field, truth: Option<&Field>) -> Label {
+    fn verdict(&self, stored: &Field, truth: Option<&Field>) -> LabelCheck {
         let Some(truth) = truth else {
-            return Label::NoSolution;
+            return LabelCheck::NoSolution;
         };
         let stored = inside(stored);
         let off = stored.max_difference(&inside(truth));
         if off <= self.tolerance.of(truth.max_magnitude()) {
-            return Label::Agrees;
+            return LabelCheck::Agrees;
         }
-        Label::Wrong(diagnose(&stored, truth), off)
+        LabelCheck::Wrong(diagnose(&stored, truth), off)
     }
 }
 
 /// A field beside an estimate of it.
-fn compared(stored: &Field, estimate: Option<&Field>) -> Label {
+fn compared(stored: &Field, estimate: Option<&Field>) -> LabelCheck {
     let Some(estimate) = estimate else {
-        return Label::Compared { ratio: 0.0, rest: 1.0 };
+        return LabelCheck::Compared { ratio: 0.0, rest: 1.0 };
     };
     if stored.max_magnitude().max(estimate.max_magnitude()) <= ROUNDING {
-        return Label::Agrees;
+        return LabelCheck::Agrees;
     }
     let (ratio, rest) = fit(&inside(stored), estimate);
-    Label::Compared { ratio, rest }
+    LabelCheck::Compared { ratio, rest }
 }

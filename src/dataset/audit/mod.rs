@@ -27,10 +27,10 @@ pub use confidence::excluded_above;
 pub use diagnosis::Fault;
 pub use error::AuditError;
 pub use finding::{EXAMPLES, Finding, Severity, sort};
-pub use labels::{Label, SCREEN};
+pub use labels::{LabelCheck, SCREEN};
 pub use report::{Report, Resimulation, Summary};
 pub use resimulate::Resimulated;
-pub use rows::{Batch, Columns, Dataset, Declared, Rows};
+pub use rows::{Batch, Columns, Dataset, Discretisation, RowSource};
 pub use run::{Options, audit};
 pub use spread::{Level, Spread};
 

@@ -7,12 +7,12 @@ use rayon::prelude::*;
 
 use super::diagnosis::Fault;
 use super::error::AuditError;
-use super::facts::{Facts, Row, claims_field};
+use super::facts::{CheckedRow, Facts, claims_field};
 use super::identify::TRIED;
 use super::kinds::{Comparison, FEWEST, kinds, suspects, usual};
-use super::labels::{Judge, Label, Solved};
+use super::labels::{Judge, LabelCheck, Solved};
 use super::resimulate::is_wrong;
-use super::rows::{Dataset, Declared};
+use super::rows::{Dataset, Discretisation};
 use crate::base::Stream;
 use crate::field::Mesh;
 
@@ -53,7 +53,7 @@ impl Recheck<'_> {
     ///
     /// # Errors
     /// When it cannot be read; why.
-    pub fn row(&self, index: usize) -> Result<Row, AuditError> {
+    pub fn row(&self, index: usize) -> Result<CheckedRow, AuditError> {
         row(self.dataset, index)
     }
 
@@ -61,7 +61,7 @@ impl Recheck<'_> {
     ///
     /// # Errors
     /// When rows cannot be read or a simulator cannot be set up; why.
-    pub fn again(&self, rows: &[usize], labels: &mut [Label]) -> Result<BTreeMap<usize, Solved>, AuditError> {
+    pub fn again(&self, rows: &[usize], labels: &mut [LabelCheck]) -> Result<BTreeMap<usize, Solved>, AuditError> {
         let solved = |&index: &usize| -> Result<(usize, Solved), AuditError> {
             let mesh = self.judge.mesh(&self.dataset.columns, index);
             Ok((index, self.judge.again(&self.row(index)?, mesh)?))
@@ -75,7 +75,12 @@ impl Recheck<'_> {
     }
 
     /// The same in rounds, as long as enough of them are wrong; gives what was solved.
-    fn rounds(&self, rows: &[usize], most: usize, labels: &mut [Label]) -> Result<BTreeMap<usize, Solved>, AuditError> {
+    fn rounds(
+        &self,
+        rows: &[usize],
+        most: usize,
+        labels: &mut [LabelCheck],
+    ) -> Result<BTreeMap<usize, Solved>, AuditError> {
         let mut solved = BTreeMap::new();
         for round in rows.chunks(most) {
             solved.extend(self.again(round, labels)?);
@@ -92,7 +97,7 @@ impl Recheck<'_> {
     ///
     /// # Errors
     /// As of [`Recheck::again`].
-    pub fn confirm(&self, facts: &[Facts], labels: &mut [Label]) -> Result<(usize, usize), AuditError> {
+    pub fn confirm(&self, facts: &[Facts], labels: &mut [LabelCheck]) -> Result<(usize, usize), AuditError> {
         let most = ROUND.max(self.dataset.len / ROUND_PART);
         let kinds = kinds(labels, facts, self.dataset.columns.family.as_deref());
         let suspects = suspects(&kinds);
@@ -105,7 +110,7 @@ impl Recheck<'_> {
             if spots.iter().any(|&index| is_wrong(labels[index])) {
                 self.rounds(rest, most, labels)?;
             }
-            if self.judge.declared == Declared::Unknown && kind.len() >= FEWEST {
+            if self.judge.declared == Discretisation::Unknown && kind.len() >= FEWEST {
                 mark_outliers(kind, &found, &solved, labels);
             }
         }
@@ -117,7 +122,7 @@ impl Recheck<'_> {
     ///
     /// # Errors
     /// As of [`Recheck::again`].
-    pub fn absent(&self, facts: &[Facts], labels: &mut [Label]) -> Result<(), AuditError> {
+    pub fn absent(&self, facts: &[Facts], labels: &mut [LabelCheck]) -> Result<(), AuditError> {
         let absent = (0..facts.len()).filter(|&index| facts[index].is_pattern && !facts[index].claims_field);
         self.rounds(&self.shuffled(absent), ABSENT_ROUND, labels).map(drop)
     }
@@ -127,14 +132,14 @@ impl Recheck<'_> {
     ///
     /// # Errors
     /// As of [`Recheck::again`].
-    pub fn elsewhere(&self, labels: &mut [Label]) -> Result<BTreeMap<usize, Mesh>, AuditError> {
+    pub fn elsewhere(&self, labels: &mut [LabelCheck]) -> Result<BTreeMap<usize, Mesh>, AuditError> {
         let mut moved = BTreeMap::new();
         if !self.judge.found_out {
             return Ok(moved);
         }
         let explained = |&index: &usize| match labels[index] {
-            Label::Wrong(Fault::Scale(ratio), _) => EXPLAINED.contains(&ratio),
-            Label::Wrong(Fault::Other, _) | Label::NoSolution => true,
+            LabelCheck::Wrong(Fault::Scale(ratio), _) => EXPLAINED.contains(&ratio),
+            LabelCheck::Wrong(Fault::Other, _) | LabelCheck::NoSolution => true,
             _ => false,
         };
         let rows = self.shuffled((0..labels.len()).filter(explained));
@@ -143,7 +148,7 @@ impl Recheck<'_> {
                 round.par_iter().map(|&index| self.mesh_of(index)).collect();
             let found: Vec<(usize, Mesh)> = found?.into_iter().flatten().collect();
             for (index, mesh) in &found {
-                labels[*index] = Label::Agrees;
+                labels[*index] = LabelCheck::Agrees;
                 moved.insert(*index, *mesh);
             }
             if WORTH * found.len() < round.len() {
@@ -157,7 +162,7 @@ impl Recheck<'_> {
         let row = self.row(index)?;
         let own = self.judge.mesh(&self.dataset.columns, index);
         for mesh in TRIED.into_iter().filter(|mesh| Some(*mesh) != own) {
-            if self.judge.again(&row, Some(mesh))?.label == Label::Agrees {
+            if self.judge.again(&row, Some(mesh))?.label == LabelCheck::Agrees {
                 return Ok(Some((index, mesh)));
             }
         }
@@ -175,13 +180,13 @@ impl Recheck<'_> {
 ///
 /// # Errors
 /// When it cannot be read; why.
-pub fn row(dataset: &Dataset<'_>, index: usize) -> Result<Row, AuditError> {
+pub fn row(dataset: &Dataset<'_>, index: usize) -> Result<CheckedRow, AuditError> {
     let batch = dataset.rows.read(index..index + 1)?;
-    Ok(Row::of(&batch, 0, claims_field(&dataset.columns, index)))
+    Ok(CheckedRow::of(&batch, 0, claims_field(&dataset.columns, index)))
 }
 
-fn is_open(label: Label) -> bool {
-    matches!(label, Label::Compared { .. })
+fn is_open(label: LabelCheck) -> bool {
+    matches!(label, LabelCheck::Compared { .. })
 }
 
 /// Calls suspects wrong whose ratio to the finest mesh is not that of their kind, told by the rows in `spots`.
@@ -189,7 +194,7 @@ fn mark_outliers(
     kind: &[Comparison],
     spots: &BTreeMap<usize, Solved>,
     suspects: &BTreeMap<usize, Solved>,
-    labels: &mut [Label],
+    labels: &mut [LabelCheck],
 ) {
     let ratios = |solved: &Solved| solved.otherwise.map(|(ratio, _)| ratio);
     let estimated: Vec<f64> = kind.iter().map(|(_, numbers)| numbers[0]).collect();
@@ -204,7 +209,8 @@ fn mark_outliers(
         let Some((ratio, wrong)) = suspects.get(index).and_then(|solved| solved.otherwise) else {
             continue;
         };
-        if labels[*index] == Label::Agrees && (ratio / middle - 1.0).abs() > OUTLYING.max(OUTLYING_DEVIATIONS * spread)
+        if labels[*index] == LabelCheck::Agrees
+            && (ratio / middle - 1.0).abs() > OUTLYING.max(OUTLYING_DEVIATIONS * spread)
         {
             labels[*index] = wrong;
         }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::finding::{Finding, Severity};
-use super::labels::Label;
+use super::labels::LabelCheck;
 use super::resimulate::Resimulated;
 use super::spread::Spread;
 
@@ -17,7 +17,7 @@ pub struct Report {
     /// What was looked at, and what it says.
     pub summary: Summary,
     /// What is known of each label.
-    pub labels: Vec<Label>,
+    pub labels: Vec<LabelCheck>,
     /// Largest displacement of each row, mm; 0 without a field.
     pub peaks: Vec<f64>,
     /// The rows that were simulated on a finer mesh.

@@ -1,8 +1,8 @@
 //! Random rows, simulated again as they were made and on a finer mesh.
 
 use super::error::AuditError;
-use super::facts::Row;
-use super::labels::{Judge, Label, REFERENCE};
+use super::facts::CheckedRow;
+use super::labels::{Judge, LabelCheck, REFERENCE};
 use super::rows::Dataset;
 use crate::field::{Mesh, SimulatorKind};
 
@@ -41,7 +41,7 @@ impl Resimulated {
 pub fn resimulate(
     judge: &Judge<'_>,
     dataset: &Dataset<'_>,
-    (index, row): (usize, &Row),
+    (index, row): (usize, &CheckedRow),
     mesh: Option<Mesh>,
     accuracy: Option<f64>,
 ) -> Result<Option<Resimulated>, AuditError> {
@@ -72,6 +72,9 @@ pub fn resimulate(
 
 /// Whether a label is known to be wrong.
 #[must_use]
-pub fn is_wrong(label: Label) -> bool {
-    matches!(label, Label::Wrong(..) | Label::NoSolution | Label::Stable)
+pub fn is_wrong(label: LabelCheck) -> bool {
+    matches!(
+        label,
+        LabelCheck::Wrong(..) | LabelCheck::NoSolution | LabelCheck::Stable
+    )
 }

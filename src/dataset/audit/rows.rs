@@ -14,7 +14,7 @@ pub struct Batch {
 }
 
 /// Gives rows.
-pub trait Rows: Sync {
+pub trait RowSource: Sync {
     /// The rows of a range.
     ///
     /// # Errors
@@ -63,7 +63,7 @@ impl Columns {
 
 /// What is known of how the fields were found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Declared {
+pub enum Discretisation {
     /// On one mesh, by Newton's method.
     Mesh(Mesh),
     /// Each row on a mesh of its own (the column), by Newton's method.
@@ -79,9 +79,9 @@ pub struct Dataset<'a> {
     /// How many rows.
     pub len: usize,
     /// The rows.
-    pub rows: &'a dyn Rows,
+    pub rows: &'a dyn RowSource,
     /// Their columns.
     pub columns: Columns,
     /// How the fields were found.
-    pub declared: Declared,
+    pub declared: Discretisation,
 }

@@ -5,13 +5,13 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 
 use super::error::AuditError;
-use super::facts::{Facts, Row, claims_field};
+use super::facts::{CheckedRow, Facts, claims_field};
 use super::finding::{self, EXAMPLES};
-use super::labels::{Judge, Label, Tolerance};
+use super::labels::{Judge, LabelCheck, Tolerance};
 use super::recheck::{Recheck, row};
 use super::report::{Report, Resimulation, Summary};
 use super::resimulate::{Resimulated, is_wrong, resimulate};
-use super::rows::{Columns, Dataset, Declared};
+use super::rows::{Columns, Dataset, Discretisation};
 use super::spread::{Level, Spread};
 use super::{identify, images, values, verdicts};
 use crate::base::Stream;
@@ -67,7 +67,10 @@ pub fn audit(
     }
     let judge = judge(dataset, simulators, options)?;
     let (facts, mut labels) = pass(dataset, &judge, advance)?;
-    let compared = labels.iter().filter(|l| matches!(l, Label::Compared { .. })).count();
+    let compared = labels
+        .iter()
+        .filter(|l| matches!(l, LabelCheck::Compared { .. }))
+        .count();
     let recheck = Recheck {
         dataset,
         judge: &judge,
@@ -76,14 +79,14 @@ pub fn audit(
     let (suspects, unsolved) = recheck.confirm(&facts, &mut labels)?;
     recheck.absent(&facts, &mut labels)?;
     let chosen = chosen(options, &facts);
-    let is_unsure = |index: &&usize| matches!(labels[**index], Label::Compared { .. });
+    let is_unsure = |index: &&usize| matches!(labels[**index], LabelCheck::Compared { .. });
     let unsure: Vec<usize> = chosen.iter().filter(is_unsure).copied().collect();
     recheck.again(&unsure, &mut labels)?;
     let moved = recheck.elsewhere(&mut labels)?;
     let (judge, columns) = on_their_meshes(judge, dataset, &moved);
     let known = Dataset { columns, ..*dataset };
     let resimulated = on_finer_meshes(&known, &judge, options, &chosen)?;
-    let rounding = if dataset.declared == Declared::Unknown {
+    let rounding = if dataset.declared == Discretisation::Unknown {
         options.rounding
     } else {
         0.0
@@ -105,9 +108,12 @@ pub fn audit(
     let faults = |row: &&Resimulated| row.exceeds() || row.is_unstable() || is_wrong(labels[row.index]);
     let faults = resimulated.iter().filter(faults).count();
     let usable = facts.iter().filter(|facts| facts.is_usable()).count();
-    let again = labels
-        .iter()
-        .filter(|l| matches!(l, Label::Agrees | Label::Wrong(..) | Label::NoSolution | Label::Stable));
+    let again = labels.iter().filter(|l| {
+        matches!(
+            l,
+            LabelCheck::Agrees | LabelCheck::Wrong(..) | LabelCheck::NoSolution | LabelCheck::Stable
+        )
+    });
     let summary = Summary {
         made_by: made_by(judge.declared, dataset.declared),
         solved_again: again.count(),
@@ -142,12 +148,12 @@ fn judge<'a>(
     // The reference has an error of its own.
     let near = accuracy / 4.0;
     let tolerance = match (declared, dataset.declared) {
-        (Declared::Unknown, _) => Tolerance {
+        (Discretisation::Unknown, _) => Tolerance {
             relative: 0.0,
             absolute: accuracy + near,
             part: ROUGH,
         },
-        (_, Declared::Unknown) => found_out,
+        (_, Discretisation::Unknown) => found_out,
         _ => Tolerance {
             relative: options.tolerance,
             absolute: 0.0,
@@ -158,14 +164,14 @@ fn judge<'a>(
         simulators,
         declared,
         tolerance,
-        found_out: dataset.declared == Declared::Unknown && declared != Declared::Unknown,
+        found_out: dataset.declared == Discretisation::Unknown && declared != Discretisation::Unknown,
     })
 }
 
 /// What is known once some rows have come out on other meshes than the one that was found out.
 fn on_their_meshes<'a>(judge: Judge<'a>, dataset: &Dataset<'_>, moved: &BTreeMap<usize, Mesh>) -> (Judge<'a>, Columns) {
     let mut columns = dataset.columns.clone();
-    let Declared::Mesh(usual) = judge.declared else {
+    let Discretisation::Mesh(usual) = judge.declared else {
         return (judge, columns);
     };
     if moved.is_empty() {
@@ -173,7 +179,7 @@ fn on_their_meshes<'a>(judge: Judge<'a>, dataset: &Dataset<'_>, moved: &BTreeMap
     }
     let mesh = |index| moved.get(&index).copied().unwrap_or(usual);
     columns.mesh = Some((0..dataset.len).map(mesh).collect());
-    let declared = Declared::PerRow;
+    let declared = Discretisation::PerRow;
     (Judge { declared, ..judge }, columns)
 }
 
@@ -183,13 +189,13 @@ fn declared(
     simulators: &dyn Simulators,
     options: &Options,
     found_out: Tolerance,
-) -> Result<Declared, AuditError> {
-    if let (Declared::PerRow, Some([first, rest @ ..])) = (dataset.declared, dataset.columns.mesh.as_deref())
+) -> Result<Discretisation, AuditError> {
+    if let (Discretisation::PerRow, Some([first, rest @ ..])) = (dataset.declared, dataset.columns.mesh.as_deref())
         && rest.iter().all(|mesh| mesh == first)
     {
-        return Ok(Declared::Mesh(*first));
+        return Ok(Discretisation::Mesh(*first));
     }
-    if dataset.declared != Declared::Unknown {
+    if dataset.declared != Discretisation::Unknown {
         return Ok(dataset.declared);
     }
     let mut order: Vec<usize> = (0..dataset.len).collect();
@@ -202,25 +208,25 @@ fn declared(
             probes.push(row);
         }
     }
-    Ok(identify::mesh(simulators, &probes, found_out)?.map_or(Declared::Unknown, Declared::Mesh))
+    Ok(identify::mesh(simulators, &probes, found_out)?.map_or(Discretisation::Unknown, Discretisation::Mesh))
 }
 
 fn pass(
     dataset: &Dataset<'_>,
     judge: &Judge<'_>,
     advance: &dyn Fn(usize),
-) -> Result<(Vec<Facts>, Vec<Label>), AuditError> {
+) -> Result<(Vec<Facts>, Vec<LabelCheck>), AuditError> {
     let (mut facts, mut labels) = (Vec::with_capacity(dataset.len), Vec::with_capacity(dataset.len));
     for start in (0..dataset.len).step_by(BATCH) {
         let range = start..(start + BATCH).min(dataset.len);
         let count = range.len();
         let batch = dataset.rows.read(range)?;
         let read = |at| {
-            let row = Row::of(&batch, at, claims_field(&dataset.columns, start + at));
+            let row = CheckedRow::of(&batch, at, claims_field(&dataset.columns, start + at));
             let facts = Facts::of(&row, start + at, &dataset.columns);
             (row, facts)
         };
-        let (rows, found): (Vec<Row>, Vec<Facts>) = (0..count).into_par_iter().map(read).unzip();
+        let (rows, found): (Vec<CheckedRow>, Vec<Facts>) = (0..count).into_par_iter().map(read).unzip();
         labels.extend(judge.pass(&rows, start, &dataset.columns)?);
         facts.extend(found);
         advance(count);
@@ -249,7 +255,7 @@ fn on_finer_meshes(
     chosen: &[usize],
 ) -> Result<Vec<Resimulated>, AuditError> {
     let accuracy = match judge.declared {
-        Declared::Unknown => Some(judge.tolerance.absolute),
+        Discretisation::Unknown => Some(judge.tolerance.absolute),
         _ => options.accuracy,
     };
     let solved = |&index: &usize| {
@@ -260,14 +266,14 @@ fn on_finer_meshes(
     Ok(found?.into_iter().flatten().collect())
 }
 
-fn made_by(found: Declared, said: Declared) -> String {
+fn made_by(found: Discretisation, said: Discretisation) -> String {
     match (found, said) {
-        (Declared::Mesh(mesh), Declared::Unknown) => format!("{mesh} (found out)"),
-        (Declared::Mesh(mesh), _) => mesh.to_string(),
-        (Declared::Estimates(mesh), _) => format!("estimates, {mesh}"),
-        (Declared::PerRow, Declared::Unknown) => "a mesh for each row (found out)".to_owned(),
-        (Declared::PerRow, _) => "a mesh for each row".to_owned(),
-        (Declared::Unknown, _) => "not known".to_owned(),
+        (Discretisation::Mesh(mesh), Discretisation::Unknown) => format!("{mesh} (found out)"),
+        (Discretisation::Mesh(mesh), _) => mesh.to_string(),
+        (Discretisation::Estimates(mesh), _) => format!("estimates, {mesh}"),
+        (Discretisation::PerRow, Discretisation::Unknown) => "a mesh for each row (found out)".to_owned(),
+        (Discretisation::PerRow, _) => "a mesh for each row".to_owned(),
+        (Discretisation::Unknown, _) => "not known".to_owned(),
     }
 }
 

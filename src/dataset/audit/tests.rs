@@ -80,7 +80,7 @@ struct Memory {
     odd_cell: Option<usize>,
 }
 
-impl Rows for Memory {
+impl RowSource for Memory {
     fn read(&self, range: Range<usize>) -> Result<Batch, AuditError> {
         let cells = |row: usize| {
             let own = self.patterns[row].cells().iter().enumerate();
@@ -128,7 +128,7 @@ fn sound(mesh: Mesh) -> (Memory, Columns) {
     (memory, columns)
 }
 
-fn audited(memory: &Memory, columns: Columns, declared: Declared) -> Report {
+fn audited(memory: &Memory, columns: Columns, declared: Discretisation) -> Report {
     let dataset = Dataset {
         len: memory.patterns.len(),
         rows: memory,
@@ -154,13 +154,22 @@ const MESHES: [Mesh; 2] = [Mesh::bilinear(2), Mesh::biquadratic(2)];
 #[test]
 fn a_sound_dataset_gives_no_finding_whatever_it_declares() {
     for mesh in MESHES {
-        for declared in [Declared::Mesh(mesh), Declared::Unknown, Declared::Estimates(mesh)] {
+        for declared in [
+            Discretisation::Mesh(mesh),
+            Discretisation::Unknown,
+            Discretisation::Estimates(mesh),
+        ] {
             let (memory, columns) = sound(mesh);
             let report = audited(&memory, columns, declared);
             assert_eq!(checks(&report), [], "{mesh:?} {declared:?}");
             assert_eq!((report.summary.samples, report.summary.orbits), (32, 30));
             let found_out = report.summary.made_by.contains("found out");
-            assert_eq!(found_out, declared == Declared::Unknown, "{}", report.summary.made_by);
+            assert_eq!(
+                found_out,
+                declared == Discretisation::Unknown,
+                "{}",
+                report.summary.made_by
+            );
             assert_eq!(report.summary.resimulated.faults, 0);
         }
     }
@@ -171,7 +180,7 @@ fn planted(plant: impl Fn(&mut Memory, &mut Columns)) -> Vec<Vec<String>> {
     let found = MESHES.map(|mesh| {
         let (mut memory, mut columns) = sound(mesh);
         plant(&mut memory, &mut columns);
-        let report = audited(&memory, columns, Declared::Mesh(mesh));
+        let report = audited(&memory, columns, Discretisation::Mesh(mesh));
         let named = report
             .findings
             .iter()
@@ -235,17 +244,21 @@ fn a_boundary_alone_is_no_wrong_label() {
 fn images_that_leak_or_contradict_each_other_are_found() {
     let (memory, mut columns) = sound(MESHES[0]);
     columns.split.as_mut().unwrap()[31] = "test".into();
-    let report = audited(&memory, columns, Declared::Mesh(MESHES[0]));
+    let report = audited(&memory, columns, Discretisation::Mesh(MESHES[0]));
     assert_eq!(checks(&report), [("leak", &[1, 31][..])]);
     let (mut memory, columns) = sound(MESHES[0]);
     change(&mut memory.fields[31], |u| 1.03 * u);
-    let report = audited(&memory, Columns { peak: None, ..columns }, Declared::Mesh(MESHES[0]));
+    let report = audited(
+        &memory,
+        Columns { peak: None, ..columns },
+        Discretisation::Mesh(MESHES[0]),
+    );
     assert_eq!(checks(&report), [("scale", &[31][..]), ("symmetry", &[31])]);
     let (mut memory, mut columns) = sound(MESHES[0]);
     (memory.patterns[5], memory.fields[5]) = (memory.patterns[4].clone(), memory.fields[4].clone());
     columns.peak.as_mut().unwrap()[5] = columns.peak.as_ref().unwrap()[4];
     columns.orbit.as_mut().unwrap()[5] = columns.orbit.as_ref().unwrap()[4].clone();
-    let report = audited(&memory, columns, Declared::Mesh(MESHES[0]));
+    let report = audited(&memory, columns, Discretisation::Mesh(MESHES[0]));
     assert_eq!(checks(&report), [("duplicate", &[5][..])]);
     assert_eq!(report.findings[0].severity, Severity::Warning);
 }
@@ -257,7 +270,7 @@ fn rows_without_a_solution_are_listed_and_may_be_nan() {
     memory.patterns[3] = Pattern::from_fn(|_, _| true);
     columns.has_field = Some((0..32).map(|i| i != 3).collect());
     columns.orbit = None;
-    let report = audited(&memory, columns, Declared::Mesh(MESHES[0]));
+    let report = audited(&memory, columns, Discretisation::Mesh(MESHES[0]));
     assert_eq!(checks(&report), [("not-converged", &[3][..])]);
     assert_eq!(report.summary.not_converged, [3]);
     assert!(!report.has_errors());
@@ -265,7 +278,7 @@ fn rows_without_a_solution_are_listed_and_may_be_nan() {
 
 #[test]
 fn rows_that_claim_no_field_have_none_and_no_solution() {
-    for declared in [Declared::Mesh(MESHES[0]), Declared::Unknown] {
+    for declared in [Discretisation::Mesh(MESHES[0]), Discretisation::Unknown] {
         let (mut memory, mut columns) = sound(MESHES[0]);
         columns.has_field = Some((0..32).map(|i| ![3, 4].contains(&i)).collect());
         change(&mut memory.fields[4], |_| f64::NAN);
@@ -286,7 +299,7 @@ fn patterns_without_a_solution_are_found_even_where_most_are() {
         memory.patterns[row] = Pattern::from_fn(|x, y| (x, y) != (row, 0));
     }
     columns.orbit = None;
-    let report = audited(&memory, columns, Declared::Mesh(MESHES[1]));
+    let report = audited(&memory, columns, Discretisation::Mesh(MESHES[1]));
     let outcome = report.findings.iter().find(|f| f.check == "outcome").unwrap();
     assert_eq!(outcome.count, 20);
 }
@@ -308,12 +321,12 @@ fn rows_on_several_meshes_are_held_each_to_its_own() {
     memory.patterns.truncate(30);
     memory.fields.truncate(30);
     let columns = Columns::default();
-    let report = audited(&memory, columns.clone(), Declared::Unknown);
+    let report = audited(&memory, columns.clone(), Discretisation::Unknown);
     assert_eq!(checks(&report), []);
     assert_eq!(report.summary.made_by, "a mesh for each row (found out)");
     change(&mut memory.fields[7], |u| 1.03 * u);
     assert_eq!(
-        checks(&audited(&memory, columns, Declared::Unknown)),
+        checks(&audited(&memory, columns, Discretisation::Unknown)),
         [("scale", &[7][..])]
     );
 }
@@ -334,7 +347,7 @@ fn what_is_wrong_altogether_is_found_without_random_rows() {
             len: 32,
             rows: &memory,
             columns,
-            declared: Declared::Mesh(MESHES[1]),
+            declared: Discretisation::Mesh(MESHES[1]),
         };
         let options = Options {
             samples: Some(0),
@@ -359,7 +372,7 @@ fn rounding_of_a_file_that_declares_nothing_is_no_fault() {
             len: 32,
             rows: &memory,
             columns,
-            declared: Declared::Unknown,
+            declared: Discretisation::Unknown,
         };
         let options = Options {
             samples: Some(2),
@@ -385,7 +398,7 @@ fn a_label_unlike_its_kind_is_found_although_it_is_near_enough() {
     };
     columns.peak = None;
     change(&mut memory.fields[8], |u| 1.03 * u);
-    let report = audited(&memory, columns, Declared::Unknown);
+    let report = audited(&memory, columns, Discretisation::Unknown);
     assert_eq!(checks(&report), [("scale", &[8][..])]);
 }
 
@@ -397,9 +410,9 @@ fn labels_of_no_known_mesh_are_judged_by_an_accuracy() {
         *field = Membrane(0.0031).field(pattern).values().to_vec();
     }
     columns.peak = None;
-    assert_eq!(checks(&audited(&memory, columns.clone(), Declared::Unknown)), []);
+    assert_eq!(checks(&audited(&memory, columns.clone(), Discretisation::Unknown)), []);
     change(&mut memory.fields[7], |u| 1.5 * u);
-    let report = audited(&memory, columns, Declared::Unknown);
+    let report = audited(&memory, columns, Discretisation::Unknown);
     assert_eq!(checks(&report), [("scale", &[7][..])]);
     assert_eq!(report.summary.made_by, "not known");
 }
@@ -408,7 +421,7 @@ fn labels_of_no_known_mesh_are_judged_by_an_accuracy() {
 fn columns_of_other_lengths_end_the_audit() {
     let (memory, mut columns) = sound(MESHES[0]);
     columns.split.as_mut().unwrap().pop();
-    let report = audited(&memory, columns, Declared::Mesh(MESHES[0]));
+    let report = audited(&memory, columns, Discretisation::Mesh(MESHES[0]));
     assert_eq!(checks(&report), [("shape", &[][..])]);
     assert!(report.findings[0].message.contains("`split` has 31"));
 }
@@ -420,7 +433,7 @@ fn an_accuracy_that_is_not_kept_is_found_in_the_random_rows() {
         len: 32,
         rows: &memory,
         columns,
-        declared: Declared::Mesh(MESHES[0]),
+        declared: Discretisation::Mesh(MESHES[0]),
     };
     let options = Options {
         samples: None,

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::diagnosis::Fault;
 use super::finding::{Finding, Severity};
-use super::labels::Label;
+use super::labels::LabelCheck;
 use super::resimulate::{Resimulated, is_wrong};
 
 /// Rows whose labels are wrong in the same way.
@@ -18,12 +18,12 @@ struct Wrong {
 
 /// Wrong labels, by what is wrong with them.
 #[must_use]
-pub fn of_labels(labels: &[Label]) -> Vec<Finding> {
+pub fn of_labels(labels: &[LabelCheck]) -> Vec<Finding> {
     let mut wrong: BTreeMap<&str, Wrong> = BTreeMap::new();
     let (mut unstable, mut stable) = (Vec::new(), Vec::new());
     for (index, label) in labels.iter().enumerate() {
         match *label {
-            Label::Wrong(fault, off) => {
+            LabelCheck::Wrong(fault, off) => {
                 let own = wrong.entry(fault.check()).or_default();
                 own.rows.push(index);
                 own.off = own.off.max(off);
@@ -31,9 +31,9 @@ pub fn of_labels(labels: &[Label]) -> Vec<Finding> {
                     own.ratios.push(ratio);
                 }
             }
-            Label::NoSolution => unstable.push(index),
-            Label::Stable => stable.push(index),
-            Label::Absent | Label::Agrees | Label::Compared { .. } => {}
+            LabelCheck::NoSolution => unstable.push(index),
+            LabelCheck::Stable => stable.push(index),
+            LabelCheck::Absent | LabelCheck::Agrees | LabelCheck::Compared { .. } => {}
         }
     }
     let mut findings: Vec<Finding> = wrong
@@ -79,7 +79,7 @@ fn told(check: &str, ratios: &[f64], off: f64) -> String {
 
 /// What finer meshes say of labels that are right on their own.
 #[must_use]
-pub fn of_accuracy(resimulated: &[Resimulated], labels: &[Label]) -> Vec<Finding> {
+pub fn of_accuracy(resimulated: &[Resimulated], labels: &[LabelCheck]) -> Vec<Finding> {
     let right = |row: &&Resimulated| !is_wrong(labels[row.index]);
     let resimulated: Vec<Resimulated> = resimulated.iter().filter(right).copied().collect();
     let rows = |wanted: fn(&Resimulated) -> bool| -> Vec<usize> {

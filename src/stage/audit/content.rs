@@ -1,7 +1,7 @@
 //! What the artifact of an audit stage says, and reads back.
 
 use crate::content::{AreaHistogram, AttributeError, Audit, DisplacementHistogram, Json, ResimulatedRows};
-use crate::dataset::audit::{Finding, Label, Report, Severity};
+use crate::dataset::audit::{Finding, LabelCheck, Report, Severity};
 use crate::scene::Scene;
 
 /// The content of the artifact.
@@ -36,20 +36,20 @@ pub fn content(report: Report, scene: Scene) -> Result<Audit, AttributeError> {
     })
 }
 
-fn state(label: &Label) -> u8 {
+fn state(label: &LabelCheck) -> u8 {
     match label {
-        Label::Absent => 0,
-        Label::Agrees => 1,
-        Label::Compared { .. } => 2,
-        Label::Wrong(..) => 3,
-        Label::NoSolution => 4,
-        Label::Stable => 5,
+        LabelCheck::Absent => 0,
+        LabelCheck::Agrees => 1,
+        LabelCheck::Compared { .. } => 2,
+        LabelCheck::Wrong(..) => 3,
+        LabelCheck::NoSolution => 4,
+        LabelCheck::Stable => 5,
     }
 }
 
-fn compared(label: &Label) -> [f64; 2] {
+fn compared(label: &LabelCheck) -> [f64; 2] {
     match label {
-        Label::Compared { ratio, rest } => [*ratio, *rest],
+        LabelCheck::Compared { ratio, rest } => [*ratio, *rest],
         _ => [0.0, 0.0],
     }
 }

@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use crate::content::{BalancedView, ContentError, Labelled, StoredAttribute, files};
-use crate::dataset::audit::{AuditError, Batch, Columns, Declared, Finding, Level, Rows, Severity};
+use crate::dataset::audit::{AuditError, Batch, Columns, Discretisation, Finding, Level, RowSource, Severity};
 use crate::fem::SolverParameters;
 use crate::field::{CORNERS, Mesh, Outcome};
 use crate::pattern::{CELLS, check_contained};
@@ -31,7 +31,7 @@ pub struct Source {
     /// What the dataset says of its rows.
     pub columns: Columns,
     /// How its fields were found.
-    pub declared: Declared,
+    pub declared: Discretisation,
     /// How they were solved, where that is said.
     pub solver: Option<SolverParameters>,
     /// What a balanced dataset says of its level.
@@ -50,7 +50,7 @@ struct Segment {
     rows: Range<usize>,
 }
 
-impl Rows for Source {
+impl RowSource for Source {
     fn read(&self, range: Range<usize>) -> Result<Batch, AuditError> {
         let mut batch = Batch {
             cells: Vec::new(),
@@ -77,7 +77,7 @@ impl Source {
         let mut source = Self {
             segments: Vec::new(),
             columns: Columns::default(),
-            declared: Declared::Unknown,
+            declared: Discretisation::Unknown,
             solver: None,
             level: None,
             findings: Vec::new(),
@@ -172,16 +172,16 @@ impl Source {
         self.findings.iter().all(|finding| finding.check != "shape")
     }
 
-    fn declaration(&self) -> Declared {
+    fn declaration(&self) -> Discretisation {
         if self.columns.mesh.is_some() {
-            return Declared::PerRow;
+            return Discretisation::PerRow;
         }
         let Some((solver, mesh)) = self.solver.as_ref().and_then(|solver| Some((solver, solver.mesh()?))) else {
-            return Declared::Unknown;
+            return Discretisation::Unknown;
         };
         match solver.method().chord_steps() {
-            None => Declared::Mesh(mesh),
-            Some(_) => Declared::Estimates(mesh),
+            None => Discretisation::Mesh(mesh),
+            Some(_) => Discretisation::Estimates(mesh),
         }
     }
 
@@ -196,9 +196,9 @@ impl Source {
             let solved = Self::of_artifact(&solved)?;
             let n = solved.len();
             match (solved.declared, &solved.columns.mesh) {
-                (Declared::Mesh(mesh), _) => meshes.extend(std::iter::repeat_n(mesh, n)),
-                (Declared::PerRow, Some(own)) => meshes.extend(own),
-                (Declared::Estimates(_), _) => estimates.push(solved.declared),
+                (Discretisation::Mesh(mesh), _) => meshes.extend(std::iter::repeat_n(mesh, n)),
+                (Discretisation::PerRow, Some(own)) => meshes.extend(own),
+                (Discretisation::Estimates(_), _) => estimates.push(solved.declared),
                 _ => return Ok(()),
             }
             errors.extend(solved.columns.error.unwrap_or_default());
@@ -210,10 +210,10 @@ impl Source {
             return Ok(());
         }
         self.solver = solvers.pop().flatten();
-        self.declared = estimates.pop().unwrap_or(Declared::Unknown);
+        self.declared = estimates.pop().unwrap_or(Discretisation::Unknown);
         let of_rows = |len: usize| from.iter().all(|&row| (row as usize) < len);
-        if self.declared == Declared::Unknown && of_rows(meshes.len()) {
-            self.declared = Declared::PerRow;
+        if self.declared == Discretisation::Unknown && of_rows(meshes.len()) {
+            self.declared = Discretisation::PerRow;
             self.columns.mesh = Some(from.iter().map(|&row| meshes[row as usize]).collect());
         }
         if of_rows(errors.len()) && errors.len() == meshes.len() {
