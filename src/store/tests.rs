@@ -173,9 +173,9 @@ fn a_file_under_the_name_of_another_artifact_is_damage() {
 #[test]
 fn only_a_store_of_this_version_or_an_empty_folder_is_opened() {
     let (folder, store) = store();
-    fs::write(store.root().join("format"), "deaflow-store 2\n").unwrap();
+    fs::write(store.root().join("format"), "deaflow-store 3\n").unwrap();
     let error = Store::open(store.root()).err().unwrap();
-    assert!(error.to_string().contains("deaflow-store 2"), "{error}");
+    assert!(error.to_string().contains("deaflow-store 3"), "{error}");
     fs::write(folder.path().join("thesis.tex"), "").unwrap();
     assert!(matches!(Store::open(folder.path()), Err(StoreError::NotAStore { .. })));
     let error = Store::open(&folder.path().join("thesis.tex/store")).err().unwrap();

@@ -105,7 +105,7 @@ fn an_index_that_is_not_whole_is_quietly_made_anew() {
     let whole = fs::read(&path).unwrap();
     let other_version = || {
         let mut bytes = whole[..whole.len() - 32].to_vec();
-        bytes[14] = b'2';
+        bytes[14] = b'1';
         let trailer = Digest::of(&bytes);
         bytes.extend(trailer.as_bytes());
         bytes
