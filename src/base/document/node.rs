@@ -82,6 +82,40 @@ impl Node {
         }
     }
 
+    /// The node at another place of its source.
+    #[must_use]
+    pub(super) fn at(self, span: (usize, usize)) -> Self {
+        Self { span, ..self }
+    }
+
+    /// The node of a text that stands within another, from a byte on: its places are those of the whole.
+    #[must_use]
+    pub(super) fn inside(self, name: &str, whole: &str, from: usize) -> Self {
+        let source = Arc::new(Source {
+            name: name.to_owned(),
+            text: whole.to_owned(),
+        });
+        self.moved(&source, from)
+    }
+
+    fn moved(self, source: &Arc<Source>, by: usize) -> Self {
+        let value = match self.value {
+            NodeValue::List(items) => NodeValue::List(items.into_iter().map(|item| item.moved(source, by)).collect()),
+            NodeValue::Map(entries) => NodeValue::Map(
+                entries
+                    .into_iter()
+                    .map(|(key, value)| (key.moved(source, by), value.moved(source, by)))
+                    .collect(),
+            ),
+            plain => plain,
+        };
+        Self {
+            value,
+            span: (self.span.0 + by, self.span.1),
+            source: source.clone(),
+        }
+    }
+
     pub(super) fn keys(&self) -> Vec<String> {
         match &self.value {
             NodeValue::Map(entries) => entries.iter().map(|(k, _)| k.describe_plain()).collect(),

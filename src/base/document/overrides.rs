@@ -7,6 +7,8 @@ use super::node::{Node, NodeValue};
 #[derive(Clone, Debug)]
 pub struct Override {
     path: Vec<String>,
+    /// The steps of the path as they stand in the argument, where a caret points that is about one.
+    keys: Vec<Node>,
     value: Node,
 }
 
@@ -24,10 +26,17 @@ impl Override {
         if path.iter().any(String::is_empty) || path.len() < 2 {
             return Err(InputError::new(format!("--set {text}: the path is incomplete")).help(form));
         }
-        Ok(Self {
-            value: Node::parse(&format!("--set {}", path.join(".")), value.to_owned())?,
-            path,
-        })
+        let name = format!("--set {}", path.join("."));
+        let before = text.len() - value.len();
+        let value = Node::parse(&name, value.to_owned())?.inside(&name, text, before);
+        let mut from = 0;
+        let mut key = |step: &String| {
+            let start = from + text[from..].find(step.as_str()).unwrap_or_default();
+            from = start + step.len();
+            value.with_value(NodeValue::Text(step.clone())).at((start, step.len()))
+        };
+        let keys = path.iter().map(&mut key).collect();
+        Ok(Self { keys, value, path })
     }
 
     /// The path of the field.
@@ -52,8 +61,7 @@ impl Override {
                 } else {
                     format!("`{place}`")
                 };
-                return Err(self
-                    .value
+                return Err(self.keys[depth]
                     .error(format!("--set {}: no `{step}` in {place}", self.path.join(".")))
                     .help(suggestion(step, &known.iter().map(String::as_str).collect::<Vec<_>>())));
             };
@@ -68,7 +76,7 @@ impl Override {
         };
         match entries.iter_mut().find(|(key, _)| key.is_text(last)) {
             Some((_, value)) => *value = self.value.clone(),
-            None => entries.push((self.value.with_value(NodeValue::Text(last.clone())), self.value.clone())),
+            None => entries.push((self.keys[steps.len()].clone(), self.value.clone())),
         }
         Ok(())
     }

@@ -175,6 +175,9 @@ fn overrides_are_held_to_the_same_rules_and_underlined_in_themselves() {
         ("`voltage` must be a whole number from 0 to 9000, found 10000", "10000")
     );
     assert_eq!(refusal(PIPELINE, &["stages.small.needs=[total]"]).1, "total");
+    // A misspelt key is underlined itself, not its value.
+    assert_eq!(refusal(PIPELINE, &["stages.small.cuont=3"]).1, "cuont");
+    assert_eq!(refusal(PIPELINE, &["stages.smal.count=3"]).1, "smal");
 }
 
 #[test]
