@@ -8,9 +8,9 @@ use deaflow::base::{Decimal, Length, Stream, Stress, thread_seconds};
 use deaflow::fem::{MembraneSolver, SolveOptions};
 use deaflow::field::Simulator;
 use deaflow::pattern::{CELLS, Pattern};
+use deaflow::scene::laws::{ArrudaBoyce, Gent, Ogden, OgdenTerm, Yeoh};
 use deaflow::scene::{
-    ArrudaBoyce, Effects, Electrode, Gent, Ogden, OgdenTerm, On, PermittivityDecay, PermittivityReference, Scene,
-    Stiffening, Yeoh,
+    Effects, Electrode, On, PermittivityDecay, PermittivityReference, Scene, Stiffening,
 };
 
 const PATTERNS: u64 = 24;

@@ -35,11 +35,11 @@ fn report(order: Order, per_cell: usize, double: f64, single: f64) {
     let mesh = Mesh::new(per_cell, order);
     let scene = Scene::vhb4910();
     let pattern = Pattern::from_fn(|x, y| (x * x * 7 + y * y * 13 + x * y * (x + 3)) % 17 < 8);
-    let law = NeoHookean::new(scene.prestretch(), scene.kappa());
+    let material = NeoHookean::new(scene.prestretch(), scene.kappa());
     let activity = Activity::new(mesh, &pattern);
     let operator = Operator {
         mesh,
-        law: &law,
+        material: &material,
         activity: &activity,
     };
     let laplacian = Laplacian::new(mesh).expect("the eigenvectors converge");

@@ -8,7 +8,7 @@ use crate::field::{Field, Order};
 use crate::pattern::CELLS;
 
 use super::element::{Bilinear, Biquadratic, Element};
-use super::energy::Law;
+use super::energy::Material;
 use super::newton::{self, Trouble, Workspace};
 use super::operator::Operator;
 use super::precondition::Laplacian;
@@ -17,7 +17,7 @@ use super::precondition::Laplacian;
 ///
 /// # Errors
 /// When the tangent at `u` is not positive definite.
-pub fn gradient<L: Law>(
+pub fn gradient<L: Material>(
     operator: &Operator<'_, L>,
     laplacian: &Laplacian,
     tolerance: f64,
@@ -34,7 +34,7 @@ pub fn gradient<L: Law>(
 }
 
 /// −ψ · ∂R/∂S, added up over the elements of each cell.
-fn cells<E: Element<N>, L: Law, const N: usize>(operator: &Operator<'_, L>, u: &[f64], adjoint: &[f64]) -> Vec<f64> {
+fn cells<E: Element<N>, L: Material, const N: usize>(operator: &Operator<'_, L>, u: &[f64], adjoint: &[f64]) -> Vec<f64> {
     let (mesh, side) = (operator.mesh, E::DEGREE + 1);
     let (n, per_cell) = (mesh.elements(), mesh.elements_per_cell());
     let mut gradient = vec![0.0; CELLS * CELLS];
@@ -47,7 +47,7 @@ fn cells<E: Element<N>, L: Law, const N: usize>(operator: &Operator<'_, L>, u: &
             })
         };
         let pull = E::gradients(&local(u)).map(|gradient| {
-            let (active, bare) = (operator.law.stress(gradient, 1.0), operator.law.stress(gradient, 0.0));
+            let (active, bare) = (operator.material.stress(gradient, 1.0), operator.material.stress(gradient, 0.0));
             std::array::from_fn(|i| std::array::from_fn(|k| active[i][k] - bare[i][k]))
         });
         let (forces, adjoint) = (E::forces(&pull), local(adjoint));
@@ -80,7 +80,7 @@ mod tests {
             let weights = (0..CORNERS * CORNERS * 2).map(|i| if i % 97 == 5 { stream.normal() } else { 0.0 });
             let weights = Field::from_values(weights.collect()).unwrap();
             let load = mesh.spread(&weights);
-            let law = NeoHookean::new(3.0, 0.0255);
+            let material = NeoHookean::new(3.0, 0.0255);
             let mut solve = |shares: &[f64]| {
                 let activity = Activity::from_shares(mesh, |x, y| shares[y * CELLS + x]);
                 let mut u = vec![0.0; mesh.vector_len()];
@@ -88,7 +88,7 @@ mod tests {
                     mesh,
                     activity: &activity,
                     laplacian: &laplacian,
-                    law: |_| law,
+                    material: |_| material,
                     tolerance: 1e-12,
                 };
                 assert_eq!(problem.load(&mut u, &mut workspace).ending, Ending::Stable);
@@ -112,7 +112,7 @@ mod tests {
             let activity = Activity::from_shares(mesh, |x, y| shares[y * CELLS + x]);
             let operator = Operator {
                 mesh,
-                law: &law,
+                material: &material,
                 activity: &activity,
             };
             let gradient = gradient(&operator, &laplacian, 1e-10, &u, &weights, &mut workspace).unwrap();

@@ -4,7 +4,7 @@
 //! to V², is raised in steps from the last stable state; steps that fail are halved until the loss of stability lies
 //! between two voltages one part in a thousand apart.
 
-use super::energy::Law;
+use super::energy::Material;
 use super::newton::{self, Trouble, Workspace};
 use super::operator::{Activity, Operator};
 use super::precondition::Laplacian;
@@ -95,12 +95,12 @@ pub struct Problem<'a, F> {
     /// The preconditioner.
     pub laplacian: &'a Laplacian,
     /// The law at a share of the full load.
-    pub law: F,
+    pub material: F,
     /// Relative residual at which an equilibrium counts as found.
     pub tolerance: f64,
 }
 
-impl<L: Law, F: Fn(f64) -> L> Problem<'_, F> {
+impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
     /// Moves `u`, whatever it was, from rest to the full load, or to the last stable state on the way there.
     pub fn load(&self, u: &mut [f64], workspace: &mut Workspace) -> Loading {
         u.fill(0.0);
@@ -158,16 +158,16 @@ impl<L: Law, F: Fn(f64) -> L> Problem<'_, F> {
     /// from somewhere, and there is no first stable state to look for.
     fn is_loose_at_rest(&self) -> bool {
         let identity = [[1.0, 0.0], [0.0, 1.0]];
-        L::WRINKLES && (self.law)(0.0).self_stress(identity)[0][0].abs() < LOOSE
+        L::WRINKLES && (self.material)(0.0).self_stress(identity)[0][0].abs() < LOOSE
     }
 
     /// The largest step worth a try from rest; huge voltages come down to it at once.
     fn largest_step(&self, stable: f64) -> f64 {
-        let law = (self.law)(1.0);
+        let material = (self.material)(1.0);
         if stable > 0.0 {
             f64::INFINITY
         } else {
-            law.largest_load() / law.load()
+            material.largest_load() / material.load()
         }
     }
 
@@ -179,10 +179,10 @@ impl<L: Law, F: Fn(f64) -> L> Problem<'_, F> {
         workspace: &mut Workspace,
         total: &mut Loading,
     ) -> Result<(), Refusal> {
-        let law = (self.law)(share);
+        let material = (self.material)(share);
         let operator = Operator {
             mesh: self.mesh,
-            law: &law,
+            material: &material,
             activity: self.activity,
         };
         let result = newton::solve(&operator, self.laplacian, self.tolerance, u, workspace);

@@ -13,7 +13,7 @@ use faer::sparse::{Argsort, Pair, SparseColMat, SymbolicSparseColMat};
 use faer::{Conj, MatMut, Par, Side};
 
 use super::element::{Bilinear, Biquadratic, Element};
-use super::energy::Law;
+use super::energy::Material;
 use super::kinematics::Tensor;
 use super::operator::Operator;
 use crate::field::{Mesh, Order};
@@ -55,7 +55,7 @@ impl Structure {
     }
 
     /// The factors of the tangent at `u`; `None` when a pivot is exactly zero or memory is short.
-    pub fn factorise<L: Law>(self: &Arc<Self>, operator: &Operator<'_, L>, u: &[f64]) -> Option<Factorisation> {
+    pub fn factorise<L: Material>(self: &Arc<Self>, operator: &Operator<'_, L>, u: &[f64]) -> Option<Factorisation> {
         let entries = match self.mesh.order() {
             Order::Bilinear => assemble::<Bilinear, L, 4>(operator, u),
             Order::Biquadratic => assemble::<Biquadratic, L, 9>(operator, u),
@@ -93,7 +93,7 @@ pub struct Factorisation {
 impl Factorisation {
     /// The tangent at `u`; `None` when a pivot is exactly zero or memory is short. Where many tangents of a mesh are
     /// factorised, [`Structure::factorise`] saves most of the time.
-    pub fn new<L: Law>(operator: &Operator<'_, L>, u: &[f64]) -> Option<Self> {
+    pub fn new<L: Material>(operator: &Operator<'_, L>, u: &[f64]) -> Option<Self> {
         Structure::new(operator.mesh)?.factorise(operator, u)
     }
 
@@ -177,7 +177,7 @@ fn for_each_entry<const N: usize>(
 }
 
 /// The entries of the tangent in the order of [`for_each_entry`].
-fn assemble<E: Element<N>, L: Law, const N: usize>(operator: &Operator<'_, L>, u: &[f64]) -> Vec<f64> {
+fn assemble<E: Element<N>, L: Material, const N: usize>(operator: &Operator<'_, L>, u: &[f64]) -> Vec<f64> {
     let mesh = operator.mesh;
     let side = E::DEGREE + 1;
     let units = unit_gradients::<E, N>();
@@ -193,7 +193,7 @@ fn assemble<E: Element<N>, L: Law, const N: usize>(operator: &Operator<'_, L>, u
         let active = operator.activity.elements()[row * mesh.part() + column];
         let changes = &units[c][node];
         let forces = E::forces(&std::array::from_fn(|q| {
-            operator.law.tangent(gradients[q], active, changes[q])
+            operator.material.tangent(gradients[q], active, changes[q])
         }));
         entries.extend(rows.map(|(at, _)| forces[at / N][at % N]));
     });

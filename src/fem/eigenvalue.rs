@@ -9,7 +9,7 @@ use faer::{Mat, Side};
 use crate::base::Stream;
 use crate::field::{CORNERS, Field};
 
-use super::energy::{Law, NeoHookean};
+use super::energy::{Material, NeoHookean};
 use super::operator::Operator;
 use super::precondition::{Laplacian, LaplacianScratch};
 
@@ -46,13 +46,13 @@ struct Direction {
 }
 
 impl Direction {
-    fn new<L: Law>(operator: &Operator<'_, L>, u: &[f64], vector: Vec<f64>) -> Self {
+    fn new<L: Material>(operator: &Operator<'_, L>, u: &[f64], vector: Vec<f64>) -> Self {
         let mut stiff = vec![0.0; vector.len()];
         operator.tangent(u, &vector, &mut stiff);
         let mut harmonic = vec![0.0; vector.len()];
         let flat = Operator {
             mesh: operator.mesh,
-            law: &WITHOUT_THICKNESS,
+            material: &WITHOUT_THICKNESS,
             activity: operator.activity,
         };
         flat.tangent(u, &vector, &mut harmonic);
@@ -103,7 +103,7 @@ impl Direction {
 ///
 /// Its relative error is about 1e-5, absolutely 1e-8 where it is near zero.
 #[must_use]
-pub fn smallest<L: Law>(
+pub fn smallest<L: Material>(
     operator: &Operator<'_, L>,
     laplacian: &Laplacian,
     u: &[f64],
@@ -173,7 +173,7 @@ fn ritz(x: &Direction, w: Direction, p: Option<Direction>) -> Option<(Direction,
 }
 
 /// A smooth vector that has a part along every mode.
-fn start<L: Law>(operator: &Operator<'_, L>, laplacian: &Laplacian, scratch: &mut LaplacianScratch) -> Vec<f64> {
+fn start<L: Material>(operator: &Operator<'_, L>, laplacian: &Laplacian, scratch: &mut LaplacianScratch) -> Vec<f64> {
     let mut stream = Stream::new(0, "smallest eigenvalue", 0);
     let forces = (0..CORNERS * CORNERS * 2).map(|_| stream.normal()).collect();
     let load = operator
@@ -215,14 +215,14 @@ mod tests {
     use crate::field::{Mesh, Order};
 
     fn at<R>(mesh: Mesh, pull: f64, work: impl FnOnce(&Operator<'_, NeoHookean>, &Laplacian, &[f64]) -> R) -> R {
-        let law = NeoHookean {
+        let material = NeoHookean {
             thickness: 1.0 / 729.0,
             pull,
         };
         let activity = Activity::from_shares(mesh, |x, y| if (x / 10 + y / 10) % 2 == 0 { 1.0 } else { 0.2 });
         let operator = Operator {
             mesh,
-            law: &law,
+            material: &material,
             activity: &activity,
         };
         work(&operator, &Laplacian::new(mesh).unwrap(), &vec![0.0; mesh.vector_len()])

@@ -3,9 +3,9 @@
 use crate::pattern::Pattern;
 
 use super::continuation::{Climb, Ending};
-use super::effects::{Model, WithLaw};
+use super::effects::{Model, WithMaterial};
 use super::eigenvalue::smallest;
-use super::energy::Law;
+use super::energy::Material;
 use super::newton::Workspace;
 use super::operator::{Activity, Operator};
 use super::solver::{MembraneSolver, MeshSolution};
@@ -81,13 +81,13 @@ struct Smallest<'a> {
     u: &'a [f64],
 }
 
-impl WithLaw for Smallest<'_> {
+impl WithMaterial for Smallest<'_> {
     type Output = Option<f64>;
 
-    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, law: F) -> Option<f64> {
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<f64> {
         let operator = Operator {
             mesh: self.solver.mesh,
-            law: &law(1.0),
+            material: &material(1.0),
             activity: self.activity,
         };
         smallest(&operator, &self.solver.laplacian, self.u, None).map(|pair| pair.value)
@@ -106,10 +106,10 @@ struct Onward<'a> {
 struct FromRest<'a>(Onward<'a>);
 
 impl Onward<'_> {
-    fn climb<L: Law, F: Fn(f64) -> L>(self, law: F, from: f64) -> Option<[f64; 2]> {
-        let full = law(1.0);
+    fn climb<L: Material, F: Fn(f64) -> L>(self, material: F, from: f64) -> Option<[f64; 2]> {
+        let full = material(1.0);
         let unit = 0.5 * full.largest_load() / full.load();
-        let problem = self.solver.problem(self.activity, law);
+        let problem = self.solver.problem(self.activity, material);
         // Towards a fold the eigenvalue falls like the root of the distance to it.
         let guess = self.eigenvalue.clamp(1e-2, 1.0).powi(2);
         let climb = Climb {
@@ -125,18 +125,18 @@ impl Onward<'_> {
     }
 }
 
-impl WithLaw for Onward<'_> {
+impl WithMaterial for Onward<'_> {
     type Output = Option<[f64; 2]>;
 
-    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, law: F) -> Self::Output {
-        self.climb(law, 1.0)
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Self::Output {
+        self.climb(material, 1.0)
     }
 }
 
-impl WithLaw for FromRest<'_> {
+impl WithMaterial for FromRest<'_> {
     type Output = Option<[f64; 2]>;
 
-    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, law: F) -> Self::Output {
-        self.0.climb(law, 0.0)
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Self::Output {
+        self.0.climb(material, 0.0)
     }
 }

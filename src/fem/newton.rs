@@ -10,7 +10,7 @@ use crate::base::Stream;
 use crate::field::{CORNERS, Field};
 
 use super::direct::Factorisation;
-use super::energy::Law;
+use super::energy::Material;
 use super::krylov::{self, Ending, conjugate_gradients};
 use super::operator::Operator;
 use super::precondition::{Laplacian, LaplacianScratch};
@@ -91,7 +91,7 @@ const ROUNDING: f64 = 1e-14;
 ///
 /// # Errors
 /// With the progress made until then, when it does not get there; `u` is then where it got to.
-pub fn solve<L: Law>(
+pub fn solve<L: Material>(
     operator: &Operator<'_, L>,
     laplacian: &Laplacian,
     tolerance: f64,
@@ -100,7 +100,7 @@ pub fn solve<L: Law>(
 ) -> Result<Progress, (Trouble, Progress)> {
     workspace.trial.fill(0.0);
     operator.residual(&workspace.trial, &mut workspace.residual);
-    if largest(&workspace.residual) <= ROUNDING * operator.law.load() {
+    if largest(&workspace.residual) <= ROUNDING * operator.material.load() {
         u.fill(0.0);
         return Ok(Progress {
             steps: 0,
@@ -148,7 +148,7 @@ pub fn solve<L: Law>(
 ///
 /// # Errors
 /// With the progress made until then, when A is not positive definite, or a step turns an element over.
-pub fn chord<L: Law>(
+pub fn chord<L: Material>(
     [actual, linear]: [&Operator<'_, L>; 2],
     laplacian: &Laplacian,
     (steps, inner): (u32, f64),
@@ -162,7 +162,7 @@ pub fn chord<L: Law>(
         steps: 0,
         residual: 0.0,
     };
-    if largest(&workspace.residual) <= ROUNDING * actual.law.load() {
+    if largest(&workspace.residual) <= ROUNDING * actual.material.load() {
         return Ok(progress);
     }
     let reference = norm(&workspace.residual);
@@ -187,7 +187,7 @@ pub fn chord<L: Law>(
 ///
 /// # Errors
 /// When the tangent is not positive definite, or single precision makes no headway on it.
-pub fn solve_tangent<L: Law>(
+pub fn solve_tangent<L: Material>(
     operator: &Operator<'_, L>,
     laplacian: &Laplacian,
     tolerance: f64,
@@ -219,7 +219,7 @@ pub fn solve_tangent<L: Law>(
 
 /// The Newton step −A⁻¹R, divided by −‖R‖, into the solution of the Krylov workspace: by conjugate gradients, and by factors of the
 /// matrix where those take too long, which they do next to a loss of stability.
-fn find_step<L: Law>(
+fn find_step<L: Material>(
     operator: &Operator<'_, L>,
     laplacian: &Laplacian,
     goal: f64,
@@ -260,7 +260,7 @@ fn find_step<L: Law>(
 
 /// How conjugate gradients end with the tangent at `u` on a random load, which has a part along every mode: a negative
 /// eigenvalue cannot hide from them, and they end well only where there is none.
-pub fn probe<L: Law>(
+pub fn probe<L: Material>(
     operator: &Operator<'_, L>,
     laplacian: &Laplacian,
     u: &[f64],
@@ -290,7 +290,7 @@ pub fn probe<L: Law>(
 }
 
 /// Moves `u` along the step as far as the residual falls; returns its new norm.
-fn line_search<L: Law>(operator: &Operator<'_, L>, size: f64, u: &mut [f64], workspace: &mut Workspace) -> Option<f64> {
+fn line_search<L: Material>(operator: &Operator<'_, L>, size: f64, u: &mut [f64], workspace: &mut Workspace) -> Option<f64> {
     let Workspace {
         residual,
         trial,

@@ -7,8 +7,8 @@ use crate::field::Mesh;
 use crate::pattern::{CELLS, Pattern};
 use crate::scene::Scene;
 
-use super::effects::{Model, WithLaw};
-use super::energy::Law;
+use super::effects::{Model, WithMaterial};
+use super::energy::Material;
 use super::error::SetupError;
 use super::kinematics::{Tensor, determinant, squared_stretches};
 use super::operator::Activity;
@@ -124,13 +124,13 @@ struct States<'a> {
     u: &'a [f64],
 }
 
-impl WithLaw for States<'_> {
+impl WithMaterial for States<'_> {
     type Output = Vec<CellState>;
 
-    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, law: F) -> Vec<CellState> {
-        let law = law(1.0);
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Vec<CellState> {
+        let material = material(1.0);
         let cells = (0..CELLS * CELLS).map(|i| (i % CELLS, i / CELLS));
-        cells.map(|(x, y)| self.state(&law, x, y)).collect()
+        cells.map(|(x, y)| self.state(&material, x, y)).collect()
     }
 }
 
@@ -138,11 +138,11 @@ impl WithLaw for States<'_> {
 const ROUNDING: f64 = 1e-9;
 
 impl States<'_> {
-    fn state<L: Law>(&self, law: &L, x: usize, y: usize) -> CellState {
+    fn state<L: Material>(&self, material: &L, x: usize, y: usize) -> CellState {
         let (prestretch, modulus) = (self.scene.prestretch(), self.scene.shear_modulus_pa());
         let f = mean_deformation(self.mesh, self.u, x, y);
-        let stress = law.stress([[f[0][0] - 1.0, f[0][1]], [f[1][0], f[1][1] - 1.0]], self.share(x, y));
-        let rest = law.self_stress(f);
+        let stress = material.stress([[f[0][0] - 1.0, f[0][1]], [f[1][0], f[1][1] - 1.0]], self.share(x, y));
+        let rest = material.self_stress(f);
         let scale = modulus * prestretch;
         let piola = std::array::from_fn(|i| std::array::from_fn(|k| scale * (stress[i][k] + rest[i][k])));
         let stresses = principal_stresses(piola, f.map(|row| row.map(|v| prestretch * v)));

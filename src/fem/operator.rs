@@ -15,7 +15,7 @@ use crate::field::{Mesh, Order};
 use crate::pattern::Pattern;
 
 use super::element::{Bilinear, Biquadratic, Element};
-use super::energy::{Law, MODULI};
+use super::energy::{Material, MODULI};
 use super::lanes::{Real, Value, WIDEST, Wide};
 use point::{Point, StressAt, TangentAt, TangentFrom};
 use survey::{Store, Survey, place};
@@ -90,7 +90,7 @@ pub struct Operator<'a, L> {
     /// Where.
     pub mesh: Mesh,
     /// What the membrane is made of, at its load.
-    pub law: &'a L,
+    pub material: &'a L,
     /// Where it is active.
     pub activity: &'a Activity,
 }
@@ -98,24 +98,24 @@ pub struct Operator<'a, L> {
 /// The least favourable values over all quadrature points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Margins {
-    /// Of [`Law::ellipticity`].
+    /// Of [`Material::ellipticity`].
     pub ellipticity: f64,
-    /// Of [`Law::convexity`].
+    /// Of [`Material::convexity`].
     pub convexity: f64,
-    /// Of [`Law::tension`]; infinite where the law does not wrinkle.
+    /// Of [`Material::tension`]; infinite where the law does not wrinkle.
     pub tension: f64,
 }
 
-impl<L: Law> Operator<'_, L> {
-    /// The residual at interior nodes, zero on the frame, into `out`. Returns the smallest [`Law::admissible`]; the
+impl<L: Material> Operator<'_, L> {
+    /// The residual at interior nodes, zero on the frame, into `out`. Returns the smallest [`Material::admissible`]; the
     /// residual means something only where that is positive.
     pub fn residual<T: Precision>(&self, u: &[T], out: &mut [T]) -> f64 {
-        self.sweep([u], &[], out, StressAt(self.law))
+        self.sweep([u], &[], out, StressAt(self.material))
     }
 
     /// The tangent at `u` times `du`, at interior nodes, into `out`.
     pub fn tangent<T: Precision>(&self, u: &[T], du: &[T], out: &mut [T]) {
-        self.sweep([u, du], &[], out, TangentAt(self.law));
+        self.sweep([u, du], &[], out, TangentAt(self.material));
     }
 
     /// What [`Operator::tangent_at`] wants to be kept of `u`: nothing, for laws that are quick to evaluate.
@@ -131,7 +131,7 @@ impl<L: Law> Operator<'_, L> {
     /// The tangent at a `u` that was linearised, times `du`, at interior nodes, into `out`.
     pub fn tangent_at<T: Precision>(&self, u: &[T], moduli: &[T], du: &[T], out: &mut [T]) {
         if L::STORES {
-            self.sweep([u, du], moduli, out, TangentFrom(self.law));
+            self.sweep([u, du], moduli, out, TangentFrom(self.material));
         } else {
             self.tangent(u, du, out);
         }
@@ -154,7 +154,7 @@ impl<L: Law> Operator<'_, L> {
     fn survey<'a, E: Element<N>, T: Precision, const N: usize>(&'a self, u: &'a [T]) -> Survey<'a, E, L, T, N> {
         Survey {
             mesh: self.mesh,
-            law: self.law,
+            material: self.material,
             activity: T::of(self.activity),
             u,
             element: PhantomData,

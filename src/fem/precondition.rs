@@ -336,7 +336,7 @@ mod tests {
     #[test]
     fn it_inverts_the_tangent_of_a_membrane_without_thickness_and_voltage() {
         // With a = b = 0 the energy is ½|∇u|² and the tangent is the Laplacian.
-        let law = NeoHookean {
+        let material = NeoHookean {
             thickness: 0.0,
             pull: 0.0,
         };
@@ -345,7 +345,7 @@ mod tests {
             let activity = Activity::new(mesh, &Pattern::from_fn(|_, _| false));
             let operator = Operator {
                 mesh,
-                law: &law,
+                material: &material,
                 activity: &activity,
             };
             let laplacian = Laplacian::new(mesh).unwrap();

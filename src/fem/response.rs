@@ -10,8 +10,8 @@ use crate::field::{Field, Mesh, Observation, Outcome, Simulation, Simulator};
 use crate::pattern::Pattern;
 use crate::scene::Scene;
 
-use super::effects::{Model, WithLaw};
-use super::energy::Law;
+use super::effects::{Model, WithMaterial};
+use super::energy::Material;
 use super::error::SetupError;
 use super::newton::{self, Workspace};
 use super::operator::{Activity, Operator};
@@ -126,10 +126,10 @@ impl LinearResponse {
         }
     }
 
-    fn operator<'a, L>(&self, law: &'a L, activity: &'a Activity) -> Operator<'a, L> {
+    fn operator<'a, L>(&self, material: &'a L, activity: &'a Activity) -> Operator<'a, L> {
         Operator {
             mesh: self.mesh,
-            law,
+            material,
             activity,
         }
     }
@@ -152,13 +152,13 @@ impl Simulator for Estimator {
 /// The smallest ellipticity margin of the half-active membrane at rest.
 struct Ellipticity<'a>(&'a LinearResponse);
 
-impl WithLaw for Ellipticity<'_> {
+impl WithMaterial for Ellipticity<'_> {
     type Output = f64;
 
-    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, law: F) -> f64 {
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> f64 {
         let response = self.0;
         let margins = response
-            .operator(&law(1.0), &response.half_active)
+            .operator(&material(1.0), &response.half_active)
             .margins(&response.rest);
         margins.ellipticity
     }
@@ -180,16 +180,16 @@ struct Estimate {
     sound: bool,
 }
 
-impl WithLaw for Steps<'_> {
+impl WithMaterial for Steps<'_> {
     type Output = Estimate;
 
-    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, law: F) -> Estimate {
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Estimate {
         let Self {
             response, u, workspace, ..
         } = self;
-        let law = law(1.0);
-        let actual = response.operator(&law, self.activity);
-        let linear = response.operator(&law, &response.half_active);
+        let material = material(1.0);
+        let actual = response.operator(&material, self.activity);
+        let linear = response.operator(&material, &response.half_active);
         let ended = newton::chord(
             [&actual, &linear],
             &response.laplacian,
@@ -217,18 +217,18 @@ struct ToActivity<'a> {
     workspace: &'a mut Workspace,
 }
 
-impl WithLaw for ToActivity<'_> {
+impl WithMaterial for ToActivity<'_> {
     type Output = Option<Field>;
 
-    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, law: F) -> Option<Field> {
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<Field> {
         let Self { response, .. } = self;
-        let law = law(1.0);
+        let material = material(1.0);
         let mut load = vec![0.0; response.mesh.vector_len()];
         response
-            .operator(&law, self.activity)
+            .operator(&material, self.activity)
             .residual(&response.rest, &mut load);
         load.iter_mut().for_each(|force| *force = -*force);
-        let linear = response.operator(&law, &response.half_active);
+        let linear = response.operator(&material, &response.half_active);
         let solution = newton::solve_tangent(
             &linear,
             &response.laplacian,

@@ -5,11 +5,12 @@ use rayon::prelude::*;
 use crate::field::{Field, Mesh, Observation, Outcome, Simulation, Simulator};
 use crate::pattern::Pattern;
 use crate::scene::Scene;
+use crate::scene::laws::StiffeningLaw;
 
 use super::adjoint;
 use super::continuation::{Ending, Loading, Loss, Problem};
-use super::effects::{Model, WithLaw, breakdown_ratio};
-use super::energy::Law;
+use super::effects::{Model, WithMaterial, breakdown_ratio};
+use super::energy::Material;
 use super::error::SetupError;
 use super::newton::Workspace;
 use super::observable::{CellState, Survey, states};
@@ -87,6 +88,18 @@ impl MembraneSolver {
     /// # Errors
     /// When an option is out of range.
     pub fn new(scene: &Scene, options: SolveOptions) -> Result<Self, SetupError> {
+        Self::of_model(scene, Model::new(scene)?, options)
+    }
+
+    /// A solver for a scene whose elastomer stiffens by a law that the scene does not know, in place of its own.
+    ///
+    /// # Errors
+    /// As [`MembraneSolver::new`].
+    pub fn with_law(scene: &Scene, law: &dyn StiffeningLaw, options: SolveOptions) -> Result<Self, SetupError> {
+        Self::of_model(scene, Model::with_law(scene, Some(law))?, options)
+    }
+
+    fn of_model(scene: &Scene, model: Model, options: SolveOptions) -> Result<Self, SetupError> {
         let SolveOptions { mesh, tolerance } = options;
         if !(1e-12..=1e-2).contains(&tolerance) {
             return Err(SetupError::Tolerance { found: tolerance });
@@ -94,7 +107,7 @@ impl MembraneSolver {
         let mesh = checked(mesh)?;
         Ok(Self {
             scene: scene.clone(),
-            model: Model::new(scene)?,
+            model,
             mesh,
             tolerance,
             laplacian: Laplacian::new(mesh)?,
@@ -206,12 +219,12 @@ impl MembraneSolver {
     }
 
     /// The equilibrium of an activity under a law, as continuation and paths take it.
-    pub(super) fn problem<'a, F>(&'a self, activity: &'a Activity, law: F) -> Problem<'a, F> {
+    pub(super) fn problem<'a, F>(&'a self, activity: &'a Activity, material: F) -> Problem<'a, F> {
         Problem {
             mesh: self.mesh,
             activity,
             laplacian: &self.laplacian,
-            law,
+            material,
             tolerance: self.tolerance,
         }
     }
@@ -269,11 +282,11 @@ struct Load<'a> {
     room: &'a mut Room,
 }
 
-impl WithLaw for Load<'_> {
+impl WithMaterial for Load<'_> {
     type Output = Loading;
 
-    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, law: F) -> Loading {
-        let problem = self.solver.problem(self.activity, law);
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Loading {
+        let problem = self.solver.problem(self.activity, material);
         problem.load(&mut self.room.displacement, &mut self.room.workspace)
     }
 }
@@ -286,13 +299,13 @@ struct Gradient<'a> {
     weights: &'a Field,
 }
 
-impl WithLaw for Gradient<'_> {
+impl WithMaterial for Gradient<'_> {
     type Output = Option<Vec<f64>>;
 
-    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, law: F) -> Option<Vec<f64>> {
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<Vec<f64>> {
         let operator = Operator {
             mesh: self.solver.mesh,
-            law: &law(1.0),
+            material: &material(1.0),
             activity: self.activity,
         };
         let mut workspace = self.solver.room().workspace;

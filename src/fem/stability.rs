@@ -7,7 +7,7 @@
 //! of inertia).
 
 use super::direct::Factorisation;
-use super::energy::Law;
+use super::energy::Material;
 use super::krylov::Ending;
 use super::newton::{Workspace, probe};
 use super::operator::Operator;
@@ -35,7 +35,7 @@ const CLEAR: f64 = 1e-3;
 pub(super) const LOOSE: f64 = 1e-9;
 
 /// Judges the equilibrium `u`.
-pub fn judge<L: Law>(
+pub fn judge<L: Material>(
     operator: &Operator<'_, L>,
     laplacian: &Laplacian,
     u: &[f64],
@@ -69,7 +69,7 @@ pub fn judge<L: Law>(
 /// Whether the energy is convex along the segment from the last stable state, the one at rest where there is none, to an
 /// equilibrium: then both lie in one basin, and the membrane goes from one to the other without a snap. It is looked at
 /// in three places between them.
-pub fn same_basin<L: Law>(
+pub fn same_basin<L: Material>(
     operator: &Operator<'_, L>,
     laplacian: &Laplacian,
     before: Option<&[f64]>,
@@ -106,13 +106,13 @@ mod tests {
         let activity = Activity::from_shares(mesh, |x, y| if (x / 10 + y / 10) % 2 == 0 { 1.0 } else { 0.2 });
         let mut seen = [false, false];
         for step in 0..16 {
-            let law = NeoHookean {
+            let material = NeoHookean {
                 thickness: 1.0 / 729.0,
                 pull: 0.6 + 0.05 * f64::from(step),
             };
             let operator = Operator {
                 mesh,
-                law: &law,
+                material: &material,
                 activity: &activity,
             };
             let positive = Factorisation::new(&operator, &u).unwrap().negative_pivots() == 0;

@@ -9,8 +9,8 @@ mod tests;
 
 pub use difference::Difference;
 pub use effects::{
-    ArrudaBoyce, Breakdown, ConstantStrength, Effects, Electrode, Gent, HuangStrength, Ogden, OgdenTerm, On,
-    PermittivityDecay, PermittivityReference, Stiffening, Yeoh,
+    Breakdown, ConstantStrength, Effects, Electrode, HuangStrength, On, PermittivityDecay, PermittivityReference,
+    Stiffening, laws,
 };
 pub use model::{Drive, ElasticModel, Geometry, Material, Scene, VACUUM_PERMITTIVITY};
 pub use properties::{Branch, Properties};

@@ -2,6 +2,7 @@ use std::path::Path;
 
 use super::*;
 use crate::base::{Document, InputError};
+use crate::scene::laws::Yeoh;
 
 #[test]
 fn kappa_of_the_default_scene_is_the_published_value() {

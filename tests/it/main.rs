@@ -1,6 +1,7 @@
 //! One binary for all tests of behaviour: linking is the dear part.
 
 mod accuracy;
+mod additions;
 mod audit;
 mod browser;
 mod cli;

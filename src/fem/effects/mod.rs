@@ -9,13 +9,11 @@ mod electrode;
 mod fringe;
 mod model;
 mod permittivity;
-mod stiffening;
 mod wrinkling;
 
 pub use breakdown::breakdown_ratio;
 pub use electrode::Stiff;
 pub use fringe::Fringe;
-pub use model::{Model, WithLaw};
+pub use model::{Model, WithMaterial};
 pub use permittivity::Decaying;
-pub use stiffening::stiffened;
 pub use wrinkling::{RESIDUAL, TensionField};

@@ -1,19 +1,20 @@
 //! From a scene to the law of a point of its membrane.
 
-use super::{Decaying, Fringe, Stiff, TensionField, stiffened};
-use crate::fem::energy::{Compound, Elasticity, Isotropic, Law, Neo, NeoHookean, Stiffening};
+use super::{Decaying, Fringe, Stiff, TensionField};
+use crate::fem::energy::{Compound, Elasticity, Isotropic, Material, Neo, NeoHookean, Stiffened};
 use crate::fem::error::SetupError;
 use crate::fem::operator::Activity;
 use crate::field::Mesh;
 use crate::pattern::Pattern;
-use crate::scene::{PermittivityDecay, Scene};
+use crate::scene::laws::StiffeningLaw;
+use crate::scene::{PermittivityDecay, Scene, Stiffening};
 
 /// The physics of a scene, ready for any pattern.
 #[derive(Clone, Debug)]
 pub struct Model {
     prestretch: f64,
     kappa: f64,
-    stiffening: Option<Stiffening>,
+    stiffening: Option<Stiffened>,
     electrode: Option<Stiff>,
     decay: Option<PermittivityDecay>,
     fringe: Option<Fringe>,
@@ -21,21 +22,21 @@ pub struct Model {
 }
 
 /// Work that is the same under every law.
-pub trait WithLaw {
+pub trait WithMaterial {
     /// What comes of it.
     type Output;
     /// Does it. `law` is the law at a share of the full load, which is proportional to V².
-    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, law: F) -> Self::Output;
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Self::Output;
 }
 
 /// The margin of ellipticity at rest, without voltage.
 struct AtRest;
 
-impl WithLaw for AtRest {
+impl WithMaterial for AtRest {
     type Output = f64;
 
-    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, law: F) -> f64 {
-        law(0.0).ellipticity([[1.0, 0.0], [0.0, 1.0]], 0.0)
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> f64 {
+        material(0.0).ellipticity([[1.0, 0.0], [0.0, 1.0]], 0.0)
     }
 }
 
@@ -45,15 +46,21 @@ impl Model {
     /// # Errors
     /// When its effects cannot be simulated together, or not at its measures.
     pub fn new(scene: &Scene) -> Result<Self, SetupError> {
+        Self::with_law(scene, scene.effects.strain_stiffening.as_ref().map(Stiffening::law))
+    }
+
+    /// The physics of a scene whose elastomer stiffens by any law, whatever the scene says of that.
+    ///
+    /// # Errors
+    /// As [`Model::new`].
+    pub fn with_law(scene: &Scene, law: Option<&dyn StiffeningLaw>) -> Result<Self, SetupError> {
         let effects = &scene.effects;
+        let prestretch = scene.prestretch();
+        let stiffened = |law: &dyn StiffeningLaw| Stiffened::new(&law.form(scene.shear_modulus_pa()), prestretch);
         let model = Self {
-            prestretch: scene.prestretch(),
+            prestretch,
             kappa: scene.kappa(),
-            stiffening: effects
-                .strain_stiffening
-                .as_ref()
-                .map(|s| stiffened(scene, s))
-                .transpose()?,
+            stiffening: law.map(stiffened).transpose()?,
             electrode: effects.electrode_stiffness.as_ref().map(|e| Stiff::new(scene, e)),
             decay: effects.stretch_dependent_permittivity.clone(),
             fringe: effects.fringe_field.as_ref().map(|_| Fringe::new(scene)).transpose()?,
@@ -67,7 +74,7 @@ impl Model {
     }
 
     /// Does work under the law of the scene. Here, and only here, the type of the law is put together.
-    pub fn with<W: WithLaw>(&self, work: W) -> W::Output {
+    pub fn with<W: WithMaterial>(&self, work: W) -> W::Output {
         let (prestretch, kappa) = (self.prestretch, self.kappa);
         match self.stiffening {
             None if self.is_base_law() => work.run(|share: f64| NeoHookean::new(prestretch, share * kappa)),
@@ -81,7 +88,7 @@ impl Model {
         self.electrode.is_none() && self.decay.is_none() && !self.wrinkles
     }
 
-    fn with_elasticity<M: Elasticity, W: WithLaw>(&self, elasticity: M, work: W) -> W::Output {
+    fn with_elasticity<M: Elasticity, W: WithMaterial>(&self, elasticity: M, work: W) -> W::Output {
         let (prestretch, kappa) = (self.prestretch, self.kappa);
         let electrode = self.electrode.unwrap_or(Stiff { ratio: 0.0 });
         let potential = |share: f64| {

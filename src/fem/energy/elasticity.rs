@@ -1,9 +1,12 @@
 //! The elastic part of an energy: neo-Hookean, or one of those that stiffen.
 
 use super::first_invariant::FirstInvariant;
-use super::ogden::Ogden;
+use super::ogden::{MOST_TERMS, Ogden};
 use super::potential::{Invariants, Rest, Slopes};
+use super::second_invariant::SecondInvariant;
+use crate::fem::error::SetupError;
 use crate::fem::lanes::Value;
+use crate::scene::laws::Form;
 
 /// An elastic energy per prestretched area, in units of μH.
 pub trait Elasticity: Sync + Copy {
@@ -75,50 +78,81 @@ pub fn relief<V: Value>(at: &Invariants<V>) -> V {
     at.dilation * at.area.madd(at.area + one, one)
 }
 
-/// An elastic law that stiffens.
+/// An elastic energy that stiffens, of any form that a law may have.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[expect(
     clippy::large_enum_variant,
     reason = "one is made per load step and read at every point: no indirection"
 )]
-pub enum Stiffening {
+pub enum Stiffened {
     /// Gent, Yeoh, Arruda–Boyce.
     FirstInvariant(FirstInvariant),
+    /// With a share of the second invariant.
+    BothInvariants(FirstInvariant, SecondInvariant),
     /// Ogden.
-    Ogden(Ogden),
+    Stretches(Ogden),
 }
 
-impl Elasticity for Stiffening {
+impl Stiffened {
+    /// The energy of a form at prestretch λp.
+    ///
+    /// # Errors
+    /// When the prestretch is beyond a limiting stretch, or there are no terms.
+    pub fn new(form: &Form, prestretch: f64) -> Result<Self, SetupError> {
+        let limited =
+            |response| FirstInvariant::new(response, prestretch).ok_or(SetupError::LimitingStretch { prestretch });
+        match form {
+            Form::FirstInvariant(response) => limited(*response).map(Self::FirstInvariant),
+            Form::BothInvariants(response, second) => Ok(Self::BothInvariants(
+                limited(*response)?,
+                SecondInvariant::new(*second, prestretch),
+            )),
+            Form::Stretches(terms) => {
+                let some = (1..=MOST_TERMS).contains(&terms.len());
+                if some && terms.iter().all(|(_, exponent)| *exponent != 0.0) {
+                    Ok(Self::Stretches(Ogden::new(terms, prestretch)))
+                } else {
+                    Err(SetupError::OgdenTerms)
+                }
+            }
+        }
+    }
+}
+
+impl Elasticity for Stiffened {
     const STIFFENS: bool = true;
 
     #[inline(always)]
     fn energy<V: Value>(&self, at: &Invariants<V>) -> V {
         match self {
-            Self::FirstInvariant(law) => law.energy(at),
-            Self::Ogden(law) => law.energy(at),
+            Self::FirstInvariant(energy) => energy.energy(at),
+            Self::BothInvariants(first, second) => first.energy(at) + second.energy(at),
+            Self::Stretches(energy) => energy.energy(at),
         }
     }
 
     #[inline(always)]
     fn slopes<V: Value>(&self, at: &Invariants<V>) -> Slopes<V> {
         match self {
-            Self::FirstInvariant(law) => law.slopes(at),
-            Self::Ogden(law) => law.slopes(at),
+            Self::FirstInvariant(energy) => energy.slopes(at),
+            Self::BothInvariants(first, second) => first.slopes(at) + second.slopes(at),
+            Self::Stretches(energy) => energy.slopes(at),
         }
     }
 
     fn rest(&self) -> Rest {
         match self {
-            Self::FirstInvariant(law) => law.rest(),
-            Self::Ogden(law) => law.rest(),
+            Self::FirstInvariant(energy) => energy.rest(),
+            Self::BothInvariants(first, second) => first.rest() + second.rest(),
+            Self::Stretches(energy) => energy.rest(),
         }
     }
 
     #[inline(always)]
     fn admissible<V: Value>(&self, at: &Invariants<V>) -> V {
         match self {
-            Self::FirstInvariant(law) => law.admissible(at),
-            Self::Ogden(_) => at.area,
+            Self::FirstInvariant(energy) | Self::BothInvariants(energy, _) => energy.admissible(at),
+            Self::Stretches(_) => at.area,
         }
     }
 }

@@ -17,19 +17,7 @@ use super::elasticity::relief;
 use super::potential::{Invariants, Rest, Slopes};
 use crate::fem::lanes::Value;
 use crate::fem::powers::logarithm_of_one_plus;
-
-/// 2ψ′/μ as a function of I₁.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Response {
-    /// c₀, c₁ and c₂.
-    pub polynomial: [f64; 3],
-    /// r.
-    pub pole: f64,
-    /// I⁰.
-    pub origin: f64,
-    /// s.
-    pub scale: f64,
-}
+use crate::scene::laws::Response;
 
 /// The energy of a response at a prestretch.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,7 +1,7 @@
 //! The law of an isotropic potential: stress, tangent and the margins of stability, in closed form.
 
 use super::potential::{Invariants, Potential, Slopes, slopes_apart};
-use super::{Law, MODULI, Rest};
+use super::{Material, MODULI, Rest};
 use crate::fem::kinematics::{Tensor, add_scaled, cofactor, conformal_split, contract, deformation};
 use crate::fem::lanes::Value;
 
@@ -58,7 +58,7 @@ fn smallest_on_edge<V: Value>(a: V, b: V, c: V) -> V {
     inside.min(a - (size + size) + c)
 }
 
-impl<P: Potential> Law for Isotropic<P> {
+impl<P: Potential> Material for Isotropic<P> {
     const SEVERAL_BRANCHES: bool = P::SEVERAL_BRANCHES;
     const WRINKLES: bool = P::WRINKLES;
     const STORES: bool = true;
@@ -174,14 +174,26 @@ fn displacement<V: Value>(f: Tensor<V>) -> Tensor<V> {
 mod tests {
     use super::*;
     use crate::fem::effects::{Decaying, Stiff};
-    use crate::fem::energy::{Compound, FirstInvariant, Neo, Ogden, Stiffening, arruda_boyce, gent};
+    use crate::base::Decimal;
+    use crate::fem::energy::{Compound, Neo, Ogden, Stiffened};
+    use crate::scene::laws::{ArrudaBoyce, Gent, StiffeningLaw};
+
+    fn decimal(value: f64) -> Decimal {
+        Decimal::from_f64(value).unwrap()
+    }
+
+    fn stiffened(law: &dyn StiffeningLaw) -> Stiffened {
+        Stiffened::new(&law.form(1.0), 3.0).unwrap()
+    }
 
     /// Laws from the neo-Hookean one to stiff ones, with electrodes.
-    fn laws(kappa: f64) -> [Isotropic<Compound<Stiffening>>; 3] {
+    fn laws(kappa: f64) -> [Isotropic<Compound<Stiffened>>; 3] {
         let elastic = [
-            Stiffening::FirstInvariant(FirstInvariant::new(gent(25.0), 3.0).unwrap()),
-            Stiffening::FirstInvariant(FirstInvariant::new(arruda_boyce(3.5), 3.0).unwrap()),
-            Stiffening::Ogden(Ogden::new(&[(1.0, 1.3), (0.01, 4.0), (-0.1, -2.0)], 3.0)),
+            stiffened(&Gent { jm: decimal(25.0) }),
+            stiffened(&ArrudaBoyce {
+                locking_stretch: decimal(3.5),
+            }),
+            Stiffened::Stretches(Ogden::new(&[(1.0, 1.3), (0.01, 4.0), (-0.1, -2.0)], 3.0)),
         ];
         elastic.map(|e| Isotropic::new(Compound::new(3.0, e, Decaying::ideal(3.0, kappa), Stiff { ratio: 0.1 })))
     }
@@ -197,7 +209,7 @@ mod tests {
 
     #[test]
     fn ellipticity_is_the_smallest_acoustic_eigenvalue() {
-        for (law, gradient) in [0.02, 0.12, 0.3]
+        for (material, gradient) in [0.02, 0.12, 0.3]
             .iter()
             .flat_map(|&k| laws(k))
             .flat_map(|l| gradients().map(|g| (l, g)))
@@ -207,9 +219,9 @@ mod tests {
                 let (sm, cm) = m.to_radians().sin_cos();
                 let (sn, cn) = n.to_radians().sin_cos();
                 let d = [[cm * cn, cm * sn], [sm * cn, sm * sn]];
-                smallest = smallest.min(contract(d, law.tangent(gradient, 1.0, d)));
+                smallest = smallest.min(contract(d, material.tangent(gradient, 1.0, d)));
             }
-            let found = law.ellipticity(deformation(gradient), 1.0);
+            let found = material.ellipticity(deformation(gradient), 1.0);
             assert!(
                 found < smallest + 1e-9 && smallest < found + 3e-3 * (1.0 + found.abs()),
                 "{found} {smallest}"
@@ -220,7 +232,7 @@ mod tests {
     #[test]
     fn convexity_is_the_smallest_eigenvalue_of_the_shifted_tangent() {
         let mut seen = [0, 0];
-        for (law, gradient) in [0.01, 0.04, 0.08, 0.2]
+        for (material, gradient) in [0.01, 0.04, 0.08, 0.2]
             .iter()
             .flat_map(|&k| laws(k))
             .flat_map(|l| gradients().map(|g| (l, g)))
@@ -232,12 +244,12 @@ mod tests {
                     d
                 });
                 let shifted = |a: usize, b: usize| {
-                    let tangent = contract(units[a], law.tangent(gradient, active, units[b]));
-                    tangent - law.weight * contract(units[a], cofactor(units[b]))
+                    let tangent = contract(units[a], material.tangent(gradient, active, units[b]));
+                    tangent - material.weight * contract(units[a], cofactor(units[b]))
                 };
                 let matrix = faer::Mat::from_fn(4, 4, shifted);
                 let eigenvalues = matrix.self_adjoint_eigenvalues(faer::Side::Lower).unwrap();
-                let found = law.convexity(deformation(gradient), active);
+                let found = material.convexity(deformation(gradient), active);
                 assert!(
                     (found - eigenvalues[0]).abs() < 1e-11 * (1.0 + found.abs()),
                     "{found} {eigenvalues:?}"
@@ -253,11 +265,11 @@ mod tests {
         for kappa in [0.0255, 0.1, 0.15] {
             let base = super::super::NeoHookean::new(3.0, kappa);
             let compound = Compound::new(3.0, Neo::new(3.0), Decaying::ideal(3.0, kappa), Stiff { ratio: 0.0 });
-            let law = Isotropic::new(compound);
-            assert!((law.largest_load() - base.largest_load()).abs() < 1e-14);
+            let material = Isotropic::new(compound);
+            assert!((material.largest_load() - base.largest_load()).abs() < 1e-14);
             for f in gradients().map(deformation) {
-                assert!((law.ellipticity(f, 1.0) - base.ellipticity(f, 1.0)).abs() < 1e-13);
-                assert_eq!(law.convexity(f, 1.0) > 0.0, base.convexity(f, 1.0) > 0.0);
+                assert!((material.ellipticity(f, 1.0) - base.ellipticity(f, 1.0)).abs() < 1e-13);
+                assert_eq!(material.convexity(f, 1.0) > 0.0, base.convexity(f, 1.0) > 0.0);
             }
         }
     }

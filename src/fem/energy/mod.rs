@@ -1,31 +1,28 @@
-//! Elastic and electric energy of a point of the membrane, one law per file.
+//! Elastic and electric energy of a point of the membrane, one form per file; the laws that have these forms are those of
+//! [`crate::scene::laws`].
 //!
 //! [`NeoHookean`] is the base model, and nothing else is compiled into its kernels. With effects the law is that of an
 //! [`Isotropic`] potential, put together of an elastomer, a dielectric and electrodes. A type of its own for every combination
 //! would make the program take five times as long to build, so a [`Compound`] carries what is off as a number that makes it
-//! vanish, and picks its elastic law by a branch that is the same at all points.
+//! vanish, and picks its elastic form by a branch that is the same at all points.
 
-mod arruda_boyce;
 mod compound;
 mod elasticity;
 mod first_invariant;
-mod gent;
 mod isotropic;
 mod neo_hookean;
 mod ogden;
 mod potential;
-mod yeoh;
+mod second_invariant;
 
-pub use arruda_boyce::arruda_boyce;
 pub use compound::Compound;
-pub use elasticity::{Elasticity, Neo, Stiffening, relief};
-pub use first_invariant::{FirstInvariant, Response};
-pub use gent::gent;
+pub use elasticity::{Elasticity, Neo, Stiffened, relief};
+pub use first_invariant::FirstInvariant;
 pub use isotropic::Isotropic;
 pub use neo_hookean::NeoHookean;
 pub use ogden::{MOST_TERMS, Ogden};
 pub use potential::{Invariants, Potential, Rest, Slopes, slopes_apart};
-pub use yeoh::yeoh;
+pub use second_invariant::SecondInvariant;
 
 use super::kinematics::{Tensor, deformation, determinant};
 use super::lanes::Value;
@@ -36,13 +33,13 @@ pub const MODULI: usize = 5;
 /// An energy density per area of the prestretched membrane, in units of μH, as a function of f = I + ∇u.
 ///
 /// `active` is 1 where the membrane carries an electrode and 0 where it is bare.
-pub trait Law: Sync {
+pub trait Material: Sync {
     /// Whether a pattern can have several stable equilibria at one load, as where the elastomer stiffens after a snap. The
     /// loading then takes care to stay on the branch that begins at rest.
     const SEVERAL_BRANCHES: bool = false;
     /// Whether the membrane bears no compression, so that it can lose its tension.
     const WRINKLES: bool = false;
-    /// Whether it is worth while to keep [`Law::moduli`] at all points.
+    /// Whether it is worth while to keep [`Material::moduli`] at all points.
     const STORES: bool = false;
 
     /// w(f).
@@ -52,8 +49,8 @@ pub trait Law: Sync {
     fn stress<V: Value>(&self, gradient: Tensor<V>, active: V) -> Tensor<V>;
     /// The derivative of `stress` along `df`.
     fn tangent<V: Value>(&self, gradient: Tensor<V>, active: V, df: Tensor<V>) -> Tensor<V>;
-    /// The numbers that [`Law::tangent`] takes more time to find than to read again, for conjugate gradients that ask for it
-    /// in many directions at one place. Asked for only where [`Law::STORES`].
+    /// The numbers that [`Material::tangent`] takes more time to find than to read again, for conjugate gradients that ask for it
+    /// in many directions at one place. Asked for only where [`Material::STORES`].
     #[inline(always)]
     fn moduli<V: Value>(&self, _gradient: Tensor<V>, active: V) -> [V; MODULI] {
         [active.constant(0.0); MODULI]
@@ -71,7 +68,7 @@ pub trait Law: Sync {
     /// A stress of the form αI + β cof f with uniform α and β: free of divergence whatever f, because the cofactor of a
     /// gradient is.
     fn self_stress(&self, f: Tensor<f64>) -> Tensor<f64>;
-    /// A load, in the unit of [`Law::load`], beyond which it is not worth looking for an equilibrium from rest: twice that
+    /// A load, in the unit of [`Material::load`], beyond which it is not worth looking for an equilibrium from rest: twice that
     /// at which a membrane that is active everywhere loses stability.
     fn largest_load(&self) -> f64;
     /// The size of the load, the stress that the voltage causes in an undisplaced active cell.

@@ -11,7 +11,7 @@
 //!
 //! Taking I − a cof f out of p leaves ∇u + (g′ + a) cof f, which is zero at rest and without voltage.
 
-use super::Law;
+use super::Material;
 use crate::fem::kinematics::{
     Tensor, add_scaled, cofactor, conformal_split, contract, deformation, determinant, squared_stretches,
 };
@@ -54,14 +54,14 @@ impl NeoHookean {
         (pull.madd(j, relief), (active.constant(3.0) * inverse).madd(cubic, pull))
     }
 
-    /// The weight of the null Lagrangian det ∇w in [`Law::convexity`]: found by hand to be near the best for patterns of
+    /// The weight of the null Lagrangian det ∇w in [`Material::convexity`]: found by hand to be near the best for patterns of
     /// active and bare cells, for which it must serve both.
     fn null_weight(&self) -> f64 {
         -(2.0 * self.pull).min(0.9)
     }
 }
 
-impl Law for NeoHookean {
+impl Material for NeoHookean {
     #[inline(always)]
     fn energy<V: Value>(&self, f: Tensor<V>, active: V) -> V {
         let j = determinant(f);
@@ -143,17 +143,17 @@ mod tests {
     #[test]
     fn stress_and_tangent_are_derivatives_of_the_energy() {
         for (prestretch, kappa) in [(1.0, 0.1), (3.0, 0.0255), (3.0, 0.1), (6.0, 0.0)] {
-            let law = NeoHookean::new(prestretch, kappa);
+            let material = NeoHookean::new(prestretch, kappa);
             for (active, (i, k)) in [0.0, 1.0].into_iter().flat_map(|s| ENTRIES.map(|at| (s, at))) {
                 let (up, down) = (nudged(i, k, STEP), nudged(i, k, -STEP));
-                let energy = |gradient| law.energy(deformation(gradient), active);
+                let energy = |gradient| material.energy(deformation(gradient), active);
                 let slope = (energy(up) - energy(down)) / (2.0 * STEP);
-                let piola = law.stress(GRADIENT, active)[i][k] + law.self_stress(F)[i][k];
+                let piola = material.stress(GRADIENT, active)[i][k] + material.self_stress(F)[i][k];
                 assert!((slope - piola).abs() < 1e-8);
                 let mut direction = [[0.0; 2]; 2];
                 direction[i][k] = 1.0;
-                let tangent = law.tangent(GRADIENT, active, direction);
-                let (p, m) = (law.stress(up, active), law.stress(down, active));
+                let tangent = material.tangent(GRADIENT, active, direction);
+                let (p, m) = (material.stress(up, active), material.stress(down, active));
                 for (r, c) in ENTRIES {
                     assert!(((p[r][c] - m[r][c]) / (2.0 * STEP) - tangent[r][c]).abs() < 1e-8);
                 }
@@ -168,24 +168,24 @@ mod tests {
         let scaled = F.map(|row| row.map(|v| prestretch * v));
         let j = determinant(scaled);
         let w = 0.5 * (contract(scaled, scaled) + j.powi(-2) - 3.0) - 0.5 * kappa * j * j;
-        let law = NeoHookean::new(prestretch, kappa);
-        assert!((law.energy(F, 1.0) - w / (prestretch * prestretch)).abs() < 1e-14);
+        let material = NeoHookean::new(prestretch, kappa);
+        assert!((material.energy(F, 1.0) - w / (prestretch * prestretch)).abs() < 1e-14);
     }
 
     #[test]
     fn ellipticity_is_the_smallest_acoustic_eigenvalue() {
         for kappa in [0.0255, 0.1, 0.15] {
-            let law = NeoHookean::new(3.0, kappa);
+            let material = NeoHookean::new(3.0, kappa);
             let mut smallest = f64::INFINITY;
             for m in 0..360 {
                 for n in 0..360 {
                     let (sm, cm) = f64::from(m).to_radians().sin_cos();
                     let (sn, cn) = f64::from(n).to_radians().sin_cos();
                     let d = [[cm * cn, cm * sn], [sm * cn, sm * sn]];
-                    smallest = smallest.min(contract(d, law.tangent(GRADIENT, 1.0, d)));
+                    smallest = smallest.min(contract(d, material.tangent(GRADIENT, 1.0, d)));
                 }
             }
-            assert!((law.ellipticity(F, 1.0) - smallest).abs() < 1e-3);
+            assert!((material.ellipticity(F, 1.0) - smallest).abs() < 1e-3);
         }
     }
 
@@ -201,18 +201,18 @@ mod tests {
     #[test]
     fn convexity_implies_a_positive_shifted_tangent() {
         for kappa in [0.01, 0.0255, 0.04, 0.06, 0.09] {
-            let law = NeoHookean::new(3.0, kappa);
+            let material = NeoHookean::new(3.0, kappa);
             for active in [0.0, 1.0] {
                 let mut smallest = f64::INFINITY;
                 for trial in 0..20_000_i32 {
                     let angle = |k: f64| (f64::from(trial) * k).sin();
                     let d = [[angle(1.0), angle(2.3)], [angle(3.7), angle(5.9)]];
                     let shifted =
-                        contract(d, law.tangent(GRADIENT, active, d)) - 2.0 * law.null_weight() * determinant(d);
+                        contract(d, material.tangent(GRADIENT, active, d)) - 2.0 * material.null_weight() * determinant(d);
                     smallest = smallest.min(shifted / contract(d, d));
                 }
                 assert_eq!(
-                    law.convexity(F, active) > 0.0,
+                    material.convexity(F, active) > 0.0,
                     smallest > 0.0,
                     "κ = {kappa}, S = {active}"
                 );

@@ -87,7 +87,7 @@ impl Ogden {
     /// The energy of terms (μₚ/μ, αₚ) at prestretch λp. Terms beyond [`MOST_TERMS`] are left out.
     #[must_use]
     pub fn new(terms: &[(f64, f64)], prestretch: f64) -> Self {
-        let mut law = Self {
+        let mut material = Self {
             terms: [Term::default(); MOST_TERMS],
             count: terms.len().min(MOST_TERMS),
             undeformed: terms
@@ -95,10 +95,10 @@ impl Ogden {
                 .map(|(modulus, alpha)| 3.0 * modulus / alpha / (prestretch * prestretch))
                 .sum(),
         };
-        for (term, &(modulus, alpha)) in law.terms.iter_mut().zip(terms) {
+        for (term, &(modulus, alpha)) in material.terms.iter_mut().zip(terms) {
             *term = Term::new(modulus, alpha, prestretch);
         }
-        law
+        material
     }
 }
 

@@ -155,6 +155,16 @@ pub struct Rest {
     pub j: f64,
 }
 
+impl Add for Rest {
+    type Output = Self;
+    fn add(self, other: Self) -> Self {
+        Self {
+            i: self.i + other.i,
+            j: self.j + other.j,
+        }
+    }
+}
+
 /// An isotropic energy per prestretched area, in units of μH.
 pub trait Potential: Sync {
     /// Whether there can be several stable equilibria at one load.

@@ -1,6 +1,6 @@
 //! What an operator does at a quadrature point.
 
-use crate::fem::energy::{Law, MODULI};
+use crate::fem::energy::{Material, MODULI};
 use crate::fem::kinematics::Tensor;
 use crate::fem::lanes::Value;
 
@@ -48,7 +48,7 @@ impl<L> Clone for TangentFrom<'_, L> {
 
 impl<L> Copy for TangentFrom<'_, L> {}
 
-impl<L: Law> Point<1> for StressAt<'_, L> {
+impl<L: Material> Point<1> for StressAt<'_, L> {
     const WATCHED: bool = true;
     #[inline(always)]
     fn watched<V: Value>(self, gradient: Tensor<V>) -> V {
@@ -60,7 +60,7 @@ impl<L: Law> Point<1> for StressAt<'_, L> {
     }
 }
 
-impl<L: Law> Point<2> for TangentAt<'_, L> {
+impl<L: Material> Point<2> for TangentAt<'_, L> {
     const WATCHED: bool = false;
     #[inline(always)]
     fn watched<V: Value>(self, gradient: Tensor<V>) -> V {
@@ -72,7 +72,7 @@ impl<L: Law> Point<2> for TangentAt<'_, L> {
     }
 }
 
-impl<L: Law> Point<2> for TangentFrom<'_, L> {
+impl<L: Material> Point<2> for TangentFrom<'_, L> {
     const WATCHED: bool = false;
     const STORED: bool = true;
     #[inline(always)]

@@ -6,7 +6,7 @@ use pulp::{Simd, WithSimd};
 
 use super::{Margins, Precision, gather};
 use crate::fem::element::Element;
-use crate::fem::energy::{Law, MODULI};
+use crate::fem::energy::{Material, MODULI};
 use crate::fem::kinematics::deformation;
 use crate::fem::lanes::{Value, Wide};
 use crate::field::Mesh;
@@ -14,13 +14,13 @@ use crate::field::Mesh;
 /// One pass over the quadrature points that finds the smallest margins.
 pub(super) struct Survey<'a, E, L, T, const N: usize> {
     pub mesh: Mesh,
-    pub law: &'a L,
+    pub material: &'a L,
     pub activity: &'a [T],
     pub u: &'a [T],
     pub element: PhantomData<E>,
 }
 
-impl<E: Element<N>, L: Law, T: Precision, const N: usize> WithSimd for Survey<'_, E, L, T, N> {
+impl<E: Element<N>, L: Material, T: Precision, const N: usize> WithSimd for Survey<'_, E, L, T, N> {
     type Output = Margins;
 
     #[inline(always)]
@@ -33,10 +33,10 @@ impl<E: Element<N>, L: Law, T: Precision, const N: usize> WithSimd for Survey<'_
                 let active = Wide::load(simd, &self.activity[row * self.mesh.part() + first..]);
                 for gradient in E::gradients(&nodal) {
                     let f = deformation(gradient);
-                    ellipticity = ellipticity.min(self.law.ellipticity(f, active));
-                    convexity = convexity.min(self.law.convexity(f, active));
+                    ellipticity = ellipticity.min(self.material.ellipticity(f, active));
+                    convexity = convexity.min(self.material.convexity(f, active));
                     if L::WRINKLES {
-                        tension = tension.min(self.law.tension(f, active));
+                        tension = tension.min(self.material.tension(f, active));
                     }
                 }
             }
@@ -61,13 +61,13 @@ pub(super) struct Store<'a, E, L, T, const N: usize> {
     pub moduli: &'a mut [T],
 }
 
-impl<E: Element<N>, L: Law, T: Precision, const N: usize> WithSimd for Store<'_, E, L, T, N> {
+impl<E: Element<N>, L: Material, T: Precision, const N: usize> WithSimd for Store<'_, E, L, T, N> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let Survey {
-            mesh, law, activity, u, ..
+            mesh, material, activity, u, ..
         } = self.survey;
         let lanes = T::lanes::<S>();
         for row in 0..mesh.elements() {
@@ -76,7 +76,7 @@ impl<E: Element<N>, L: Law, T: Precision, const N: usize> WithSimd for Store<'_,
                 let active = Wide::load(simd, &activity[row * mesh.part() + first..]);
                 for (q, gradient) in E::gradients(&nodal).into_iter().enumerate() {
                     let start = place(mesh, first, row, lanes, N, q);
-                    for (at, value) in law.moduli(gradient, active).into_iter().enumerate() {
+                    for (at, value) in material.moduli(gradient, active).into_iter().enumerate() {
                         value.store(&mut self.moduli[start + at * lanes..]);
                     }
                 }

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use crate::fem::continuation::Problem;
 use crate::fem::direct::{Factorisation, Structure};
 use crate::fem::eigenvalue::{Eigenpair, dot, smallest};
-use crate::fem::energy::Law;
+use crate::fem::energy::Material;
 use crate::fem::newton::norm;
 use crate::fem::operator::Operator;
 use crate::fem::stability::LOOSE;
@@ -95,11 +95,11 @@ pub struct Curve<'a, F> {
     reference: f64,
 }
 
-impl<'a, L: Law, F: Fn(f64) -> L> Curve<'a, F> {
+impl<'a, L: Material, F: Fn(f64) -> L> Curve<'a, F> {
     /// The curve through the state at rest; `None` when memory is short.
     pub fn new(problem: &'a Problem<'a, F>) -> Option<Self> {
-        let law = (problem.law)(1.0);
-        let unit = 0.5 * law.largest_load() / law.load();
+        let material = (problem.material)(1.0);
+        let unit = 0.5 * material.largest_load() / material.load();
         let structure = Structure::new(problem.mesh)?;
         let mut curve = Self {
             problem,
@@ -111,7 +111,7 @@ impl<'a, L: Law, F: Fn(f64) -> L> Curve<'a, F> {
         let rest = vec![0.0; problem.mesh.vector_len()];
         let (force, _) = curve.residual(&rest, unit);
         let reference = norm(&force);
-        if reference > ROUNDING * (force.len() as f64).sqrt() * law.load() * unit {
+        if reference > ROUNDING * (force.len() as f64).sqrt() * material.load() * unit {
             let slope = curve.slope(&curve.factors(&rest, 0.0)?, &rest, 0.0);
             curve.movement = unit * norm(&slope);
             curve.reference = reference;
@@ -201,7 +201,7 @@ impl<'a, L: Law, F: Fn(f64) -> L> Curve<'a, F> {
     /// The residual that counts as rounding or as small enough.
     fn goal(&self, share: f64) -> f64 {
         let relative = (share / self.unit).abs();
-        let load = (self.problem.law)(1.0).load() * self.unit;
+        let load = (self.problem.material)(1.0).load() * self.unit;
         let rounding = ROUNDING * (self.problem.mesh.vector_len() as f64).sqrt() * load;
         (self.problem.tolerance * self.reference + rounding) * relative.max(1e-6)
     }
@@ -240,10 +240,10 @@ impl<'a, L: Law, F: Fn(f64) -> L> Curve<'a, F> {
     }
 
     fn with_operator<R>(&self, share: f64, work: impl FnOnce(&Operator<'_, L>) -> R) -> R {
-        let law = (self.problem.law)(share);
+        let material = (self.problem.material)(share);
         work(&Operator {
             mesh: self.problem.mesh,
-            law: &law,
+            material: &material,
             activity: self.problem.activity,
         })
     }

@@ -10,8 +10,8 @@ pub(super) mod trace;
 use crate::field::Field;
 use crate::pattern::Pattern;
 
-use super::effects::{Model, WithLaw};
-use super::energy::Law;
+use super::effects::{Model, WithMaterial};
+use super::energy::Material;
 use super::margin::SOME_VOLTAGE;
 use super::operator::Activity;
 use super::solver::MembraneSolver;
@@ -201,11 +201,11 @@ impl Follow<'_> {
     }
 }
 
-impl WithLaw for Follow<'_> {
+impl WithMaterial for Follow<'_> {
     type Output = Option<LoadPath>;
 
-    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, law: F) -> Option<LoadPath> {
-        let problem = self.solver.problem(self.activity, law);
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<LoadPath> {
+        let problem = self.solver.problem(self.activity, material);
         let curve = Curve::new(&problem)?;
         let trace = follow(&curve, |mark| self.keep(mark));
         self.finish(trace)

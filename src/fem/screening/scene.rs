@@ -5,7 +5,8 @@ use std::f64::consts::{PI, SQRT_2};
 use super::{Row, Verdict, known, length, open};
 use crate::pattern::CELLS;
 use crate::scene::effects::names;
-use crate::scene::{Effects, OgdenTerm, On, PermittivityDecay, PermittivityReference, Scene, Stiffening};
+use crate::scene::laws::AtRest;
+use crate::scene::{Effects, On, PermittivityDecay, PermittivityReference, Scene};
 
 /// Relative change of stiffness or force that is worth an effect.
 const SMALL: f64 = 0.02;
@@ -50,73 +51,24 @@ fn does_not_arise(effect: &'static str, why: &str) -> Row {
     open(effect, "–", Verdict::NotCalledFor, 0.0, why.to_owned())
 }
 
-/// I₁ − 3 of the prestretched membrane at rest.
-fn invariant(scene: &Scene) -> f64 {
-    let stretch = scene.prestretch();
-    2.0 * stretch.powi(2) + stretch.powi(-4) - 3.0
-}
-
 fn stiffening(scene: &Scene) -> Row {
     const THRESHOLD: f64 = 0.05;
-    let (effect, i) = (names::STIFFENING, invariant(scene));
+    let effect = names::STIFFENING;
+    let at = AtRest {
+        prestretch: scene.prestretch(),
+        shear_modulus_pa: scene.shear_modulus_pa(),
+    };
     let law = scene.effects.strain_stiffening.as_ref();
     let Some(law) = law.or(scene.properties.strain_stiffening.as_ref()) else {
-        let change = format!("no data: matters if Jm < {:.0}", i / THRESHOLD);
+        let change = format!("no data: matters if Jm < {:.0}", at.invariant() / THRESHOLD);
         return open(effect, "(I1 − 3)/Jm", Verdict::Unknown, THRESHOLD, change);
     };
-    let (quantity, number) = match law {
-        Stiffening::Gent(law) => ("(I1 − 3)/Jm", i / law.jm.to_f64()),
-        // A network of such chains locks at I₁ = 3λL².
-        Stiffening::ArrudaBoyce(law) => (
-            "(I1 − 3)/(3λL² − 3)",
-            i / (3.0 * (law.locking_stretch.to_f64().powi(2) - 1.0)),
-        ),
-        Stiffening::Yeoh(law) => {
-            let rise = 2.0 * (2.0 * law.c2.value() * i + 3.0 * law.c3.value() * i * i) / scene.shear_modulus_pa();
-            ("|2ψ′/μ − 1|", rise.abs())
-        }
-        Stiffening::Ogden(law) => ("|σ/σ(neo-Hookean) − 1|", ogden_deviation(&law.terms, scene)),
-    };
+    let significance = law.law().significance(&at);
     let change = format!(
         "changes the stress of the prestretched membrane by {:+.0} %",
-        100.0 * stress_change(law, number, scene)
+        100.0 * significance.stress_change
     );
-    known(effect, quantity.to_owned(), number, THRESHOLD, change)
-}
-
-/// How far the stress under the prestretch is from that of the neo-Hookean law.
-fn stress_change(law: &Stiffening, number: f64, scene: &Scene) -> f64 {
-    match law {
-        Stiffening::Gent(_) => number / (1.0 - number).max(1e-3),
-        Stiffening::ArrudaBoyce(law) => {
-            let y = (invariant(scene) + 3.0) / (3.0 * law.locking_stretch.to_f64().powi(2));
-            (1.0 - (6.0 * y + y * y - 2.0 * y.powi(3)) / 15.0) / (1.0 - y).max(1e-3) - 1.0
-        }
-        Stiffening::Yeoh(law) => {
-            let i = invariant(scene);
-            2.0 * (2.0 * law.c2.value() * i + 3.0 * law.c3.value() * i * i) / scene.shear_modulus_pa()
-        }
-        Stiffening::Ogden(law) => ogden_ratio(&law.terms, scene) - 1.0,
-    }
-}
-
-fn ogden_deviation(terms: &[OgdenTerm], scene: &Scene) -> f64 {
-    (ogden_ratio(terms, scene) - 1.0).abs()
-}
-
-/// Equibiaxial stress over that of the neo-Hookean law; 1 without prestretch, where both vanish.
-fn ogden_ratio(terms: &[OgdenTerm], scene: &Scene) -> f64 {
-    let stretch = scene.prestretch();
-    let stress = |mu: f64, alpha: f64| mu * (stretch.powf(alpha) - stretch.powf(-2.0 * alpha));
-    let base = stress(scene.shear_modulus_pa(), 2.0);
-    if base <= 0.0 {
-        return 1.0;
-    }
-    terms
-        .iter()
-        .map(|term| stress(term.mu.value(), term.alpha.to_f64()))
-        .sum::<f64>()
-        / base
+    known(effect, significance.quantity.to_owned(), significance.number, THRESHOLD, change)
 }
 
 fn electrode(scene: &Scene) -> Row {

@@ -2,8 +2,9 @@
 
 use super::*;
 use crate::base::{Decimal, Declared, Density, ElectricField, Frequency, Length, Parameter, Resistance, Stress, Time};
+use crate::scene::laws::Gent;
 use crate::scene::{
-    Branch, Breakdown, ConstantStrength, Electrode, Gent, PermittivityDecay, PermittivityReference, Stiffening,
+    Branch, Breakdown, ConstantStrength, Electrode, PermittivityDecay, PermittivityReference, Stiffening,
 };
 
 fn decimal(text: &str) -> Decimal {

@@ -69,12 +69,12 @@ fn manufactured(x: f64, y: f64) -> ([f64; 2], [[f64; 2]; 2]) {
 
 /// The Rayleigh quotient of u = sin(πx)sin(πy) e₁ under the tangent at rest and the mass of the mesh, lengths in units of
 /// the side.
-fn rayleigh_quotient(mesh: Mesh, law: &NeoHookean) -> f64 {
+fn rayleigh_quotient(mesh: Mesh, material: &NeoHookean) -> f64 {
     use std::f64::consts::PI;
     let activity = Activity::from_shares(mesh, |_, _| 1.0);
     let operator = Operator {
         mesh,
-        law,
+        material,
         activity: &activity,
     };
     let (mut mode, mut image) = (vec![0.0; mesh.vector_len()], vec![0.0; mesh.vector_len()]);
@@ -96,30 +96,30 @@ fn rayleigh_quotient(mesh: Mesh, law: &NeoHookean) -> f64 {
 #[test]
 fn the_lowest_mode_about_rest_has_the_closed_form_frequency() {
     // H9: at κ = 3λ⁻⁸ exactly, f = (λ/2L)√(μ/ρ)√(m² + n²) = 216.50635 Hz for m = n = 1, μ = 25 kPa, ρ = 960 kg/m³, λ = 3.
-    let law = NeoHookean::new(3.0, 3.0 * 3.0_f64.powi(-8));
+    let material = NeoHookean::new(3.0, 3.0 * 3.0_f64.powi(-8));
     for (mesh, precision) in [
         (Mesh::new(2, Order::Bilinear), 2e-4),
         (Mesh::new(1, Order::Biquadratic), 1e-7),
     ] {
         let speed = 3.0 * (25e3_f64 / 960.0).sqrt();
-        let frequency = rayleigh_quotient(mesh, &law).sqrt() * speed / 0.05 / (2.0 * std::f64::consts::PI);
+        let frequency = rayleigh_quotient(mesh, &material).sqrt() * speed / 0.05 / (2.0 * std::f64::consts::PI);
         assert!((frequency / 216.50635 - 1.0).abs() < precision, "{frequency}");
     }
 }
 
 /// The L² error of the solution under the load ∫ p(∇u) : ∇N of a known smooth u, integrated by a finer rule.
 fn manufactured_error(mesh: Mesh) -> f64 {
-    let law = NeoHookean::new(2.0, 0.05);
+    let material = NeoHookean::new(2.0, 0.05);
     let activity = Activity::new(mesh, &Pattern::from_fn(|_, _| true));
     let operator = Operator {
         mesh,
-        law: &law,
+        material: &material,
         activity: &activity,
     };
     let mut load = vec![0.0; mesh.vector_len()];
     each_point(mesh, |place, weight, shapes| {
         let (_, gradient) = manufactured(place[0], place[1]);
-        let p = law.stress(gradient, 1.0);
+        let p = material.stress(gradient, 1.0);
         for &(column, row, _, slopes) in shapes {
             for c in 0..2 {
                 load[mesh.index(c, column, row)] += weight * (p[c][0] * slopes[0] + p[c][1] * slopes[1]);

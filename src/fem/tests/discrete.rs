@@ -8,11 +8,11 @@ use crate::fem::kinematics::deformation;
 fn residual_and_tangent_are_derivatives_of_the_energy() {
     for order in [Order::Bilinear, Order::Biquadratic] {
         let mesh = Mesh::new(1, order);
-        let law = NeoHookean::new(3.0, 0.0255);
+        let material = NeoHookean::new(3.0, 0.0255);
         let activity = Activity::new(mesh, &random(4));
         let operator = Operator {
             mesh,
-            law: &law,
+            material: &material,
             activity: &activity,
         };
         let wave = |phase: f64, size: f64| {
@@ -44,14 +44,14 @@ fn residual_and_tangent_are_derivatives_of_the_energy() {
 }
 
 /// The total energy in units of μH times the area of an element.
-fn energy<L: Law>(operator: &Operator<'_, L>, u: &[f64]) -> f64 {
+fn energy<L: Material>(operator: &Operator<'_, L>, u: &[f64]) -> f64 {
     match operator.mesh.order() {
         Order::Bilinear => energy_of::<Bilinear, L, 4>(operator, u),
         Order::Biquadratic => energy_of::<Biquadratic, L, 9>(operator, u),
     }
 }
 
-fn energy_of<E: Element<N>, L: Law, const N: usize>(operator: &Operator<'_, L>, u: &[f64]) -> f64 {
+fn energy_of<E: Element<N>, L: Material, const N: usize>(operator: &Operator<'_, L>, u: &[f64]) -> f64 {
     let (mesh, side) = (operator.mesh, E::DEGREE + 1);
     let element = |row: usize, column: usize| -> f64 {
         let nodal = std::array::from_fn(|c| {
@@ -60,7 +60,7 @@ fn energy_of<E: Element<N>, L: Law, const N: usize>(operator: &Operator<'_, L>, 
             })
         });
         let active = operator.activity.elements()[row * mesh.part() + column];
-        let densities = E::gradients(&nodal).map(|gradient| operator.law.energy(deformation(gradient), active));
+        let densities = E::gradients(&nodal).map(|gradient| operator.material.energy(deformation(gradient), active));
         densities
             .iter()
             .zip(E::WEIGHTS)
@@ -75,11 +75,11 @@ fn energy_of<E: Element<N>, L: Law, const N: usize>(operator: &Operator<'_, L>, 
 fn affine_displacements_of_a_uniform_membrane_are_in_equilibrium() {
     for order in [Order::Bilinear, Order::Biquadratic] {
         let mesh = Mesh::new(1, order);
-        let law = NeoHookean::new(2.0, 0.05);
+        let material = NeoHookean::new(2.0, 0.05);
         let activity = Activity::new(mesh, &Pattern::from_fn(|_, _| true));
         let operator = Operator {
             mesh,
-            law: &law,
+            material: &material,
             activity: &activity,
         };
         let mut u = vec![0.0; mesh.vector_len()];
@@ -98,13 +98,13 @@ fn affine_displacements_of_a_uniform_membrane_are_in_equilibrium() {
 fn conjugate_gradients_and_factors_find_the_same_solution() {
     let scene = Scene::vhb4910();
     let mesh = Mesh::new(1, Order::Bilinear);
-    let law = NeoHookean::new(scene.prestretch(), scene.kappa());
+    let material = NeoHookean::new(scene.prestretch(), scene.kappa());
     let activity = Activity::new(mesh, &random(5));
     let mut u = vec![0.0; mesh.vector_len()];
     newton_by_factors(
         &Operator {
             mesh,
-            law: &law,
+            material: &material,
             activity: &activity,
         },
         &vec![0.0; mesh.vector_len()],

@@ -132,12 +132,12 @@ struct StripResidual(f64);
 
 impl PointWork for StripResidual {
     type Output = f64;
-    fn run<L: Law>(self, law: &L) -> f64 {
+    fn run<L: Material>(self, material: &L) -> f64 {
         let mesh = Mesh::new(1, Order::Biquadratic);
         let activity = Activity::new(mesh, &half());
         let operator = Operator {
             mesh,
-            law,
+            material,
             activity: &activity,
         };
         let mut residual = vec![0.0; mesh.vector_len()];
@@ -271,9 +271,9 @@ fn gradients_are_given_where_the_energy_is_linear_in_the_activity() {
     struct Linear;
     impl PointWork for Linear {
         type Output = bool;
-        fn run<L: Law>(self, law: &L) -> bool {
+        fn run<L: Material>(self, material: &L) -> bool {
             let gradient = [[0.12, 0.07], [-0.11, -0.17]];
-            let [bare, half, full] = [0.0, 0.5, 1.0].map(|active| law.stress(gradient, active));
+            let [bare, half, full] = [0.0, 0.5, 1.0].map(|active| material.stress(gradient, active));
             let gap = |i: usize, k: usize| (0.5 * (bare[i][k] + full[i][k]) - half[i][k]).abs();
             gap(0, 0).max(gap(0, 1)).max(gap(1, 0)).max(gap(1, 1)) < 1e-14
         }

@@ -49,16 +49,16 @@ fn check(scene: &Scene, pattern: &Pattern) -> Result<Outcome, String> {
     if !solution.outcome.is_converged() {
         return Err(format!("{} at {voltage} V", solution.outcome));
     }
-    let law = NeoHookean::new(scene.prestretch(), scene.kappa());
+    let material = NeoHookean::new(scene.prestretch(), scene.kappa());
     let operator = Operator {
         mesh,
-        law: &law,
+        material: &material,
         activity: &Activity::new(mesh, pattern),
     };
     let (mut rest, mut force) = (vec![0.0; mesh.vector_len()], vec![0.0; mesh.vector_len()]);
     operator.residual(&vec![0.0; mesh.vector_len()], &mut rest);
     let smallest_det = operator.residual(&solution.displacement, &mut force);
-    let rounding = 1e-13 * law.load() * (force.len() as f64).sqrt();
+    let rounding = 1e-13 * material.load() * (force.len() as f64).sqrt();
     let problem = if solution.displacement.iter().any(|u| !u.is_finite()) {
         "a displacement is no number"
     } else if norm(&force) > 1e-10 * norm(&rest) * (1.0 + 1e-6) + rounding {

@@ -18,11 +18,11 @@ fn strip_stretch(kappa: f64) -> f64 {
 /// state is not a stable one of the square and others lie nearby, so there the start is the closed form itself.
 fn solve_strip(scene: &Scene, mesh: Mesh) -> Vec<f64> {
     let e = strip_stretch(scene.kappa());
-    let law = NeoHookean::new(scene.prestretch(), scene.kappa());
+    let material = NeoHookean::new(scene.prestretch(), scene.kappa());
     let activity = Activity::new(mesh, &half());
     let operator = Operator {
         mesh,
-        law: &law,
+        material: &material,
         activity: &activity,
     };
     let (last, degree) = (mesh.nodes() - 1, mesh.order().degree() as f64);

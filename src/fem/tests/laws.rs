@@ -1,9 +1,12 @@
 //! Every law and combination of effects, at a point.
 
+use std::path::Path;
+
 use super::scenes::{
     Piola, PointWork, arruda_boyce, combinations, decay, electrode, gent, ogden, scene, with_law, yeoh,
 };
 use super::*;
+use crate::base::Document;
 use crate::fem::effects::Model;
 use crate::fem::kinematics::{Tensor, contract, deformation, determinant};
 use crate::scene::{Effects, On, PermittivityReference, Stiffening};
@@ -18,40 +21,40 @@ struct Derivatives {
 
 impl PointWork for Derivatives {
     type Output = usize;
-    fn run<L: Law>(self, law: &L) -> usize {
-        let mut stream = Stream::new(11, "law test", 0);
+    fn run<L: Material>(self, material: &L) -> usize {
+        let mut stream = Stream::new(11, "material test", 0);
         let mut wrinkled = 0;
         for _ in 0..40 {
             let mut entry = || stream.range(-self.size, self.size);
             let gradient = [[entry(), entry()], [entry(), entry()]];
-            if determinant(deformation(gradient)) < 0.2 || law.admissible(gradient) < 0.05 {
+            if determinant(deformation(gradient)) < 0.2 || material.admissible(gradient) < 0.05 {
                 continue;
             }
             let f = deformation(gradient);
-            let wrinkles = L::WRINKLES && law.tension(f, self.active) != 1.0;
+            let wrinkles = L::WRINKLES && material.tension(f, self.active) != 1.0;
             // Without natural width there is no energy.
-            if wrinkles && law.ellipticity(f, self.active) <= 0.0 {
+            if wrinkles && material.ellipticity(f, self.active) <= 0.0 {
                 continue;
             }
             wrinkled += usize::from(wrinkles);
-            check_derivatives(law, gradient, self.active);
+            check_derivatives(material, gradient, self.active);
         }
         wrinkled
     }
 }
 
-fn check_derivatives<L: Law>(law: &L, gradient: Tensor<f64>, active: f64) {
+fn check_derivatives<L: Material>(material: &L, gradient: Tensor<f64>, active: f64) {
     let step = 1e-5;
     let nudged = |i: usize, k: usize, by: f64| {
         let mut moved = gradient;
         moved[i][k] += by;
         moved
     };
-    let rest = law.self_stress(deformation(gradient));
-    let stress = law.stress(gradient, active);
+    let rest = material.self_stress(deformation(gradient));
+    let stress = material.stress(gradient, active);
     for (i, k) in ENTRIES {
         let (up, down) = (nudged(i, k, step), nudged(i, k, -step));
-        let slope = (law.energy(deformation(up), active) - law.energy(deformation(down), active)) / (2.0 * step);
+        let slope = (material.energy(deformation(up), active) - material.energy(deformation(down), active)) / (2.0 * step);
         let piola = stress[i][k] + rest[i][k];
         assert!(
             (slope - piola).abs() < 1e-7 * (1.0 + piola.abs()),
@@ -59,8 +62,8 @@ fn check_derivatives<L: Law>(law: &L, gradient: Tensor<f64>, active: f64) {
         );
         let mut direction = [[0.0; 2]; 2];
         direction[i][k] = 1.0;
-        let tangent = law.tangent(gradient, active, direction);
-        let (p, m) = (law.stress(up, active), law.stress(down, active));
+        let tangent = material.tangent(gradient, active, direction);
+        let (p, m) = (material.stress(up, active), material.stress(down, active));
         let size = contract(tangent, tangent).sqrt();
         for (r, c) in ENTRIES {
             let slope = (p[r][c] - m[r][c]) / (2.0 * step);
@@ -87,6 +90,26 @@ fn stress_and_tangent_are_derivatives_of_the_energy_in_every_combination() {
     }
 }
 
+/// The effects of a scene whose elastomer stiffens by a law that is given in YAML.
+fn effects_with(law: &str) -> Effects {
+    let document = Document::from_text(Path::new("law"), law).unwrap();
+    Effects {
+        strain_stiffening: Some(Stiffening::read_with(&document.root, &[]).unwrap()),
+        ..Effects::default()
+    }
+}
+
+#[test]
+fn every_law_of_the_table_has_the_derivatives_of_its_energy_and_its_stress_at_rest() {
+    for example in Stiffening::EXAMPLES {
+        let effects = effects_with(example);
+        for (prestretch, active) in [(1.3, 1.0), (3.0, 0.0), (3.0, 1.0)] {
+            let scene = scene(prestretch, 5.25e3, effects.clone());
+            with_law(&scene, Derivatives { active, size: 0.35 });
+        }
+    }
+}
+
 #[test]
 fn only_the_voltage_stresses_an_undisplaced_membrane() {
     for effects in combinations() {
@@ -94,11 +117,11 @@ fn only_the_voltage_stresses_an_undisplaced_membrane() {
         struct AtRest;
         impl PointWork for AtRest {
             type Output = ();
-            fn run<L: Law>(self, law: &L) {
-                let (bare, active) = (law.stress([[0.0; 2]; 2], 0.0), law.stress([[0.0; 2]; 2], 1.0));
+            fn run<L: Material>(self, material: &L) {
+                let (bare, active) = (material.stress([[0.0; 2]; 2], 0.0), material.stress([[0.0; 2]; 2], 1.0));
                 assert!(contract(bare, bare) < 1e-30);
                 for (i, k) in ENTRIES {
-                    let expected = if i == k { -law.load() } else { 0.0 };
+                    let expected = if i == k { -material.load() } else { 0.0 };
                     assert!((active[i][k] - expected).abs() < 1e-15);
                 }
             }
@@ -112,16 +135,16 @@ fn law_gap(one: &Scene, other: &Scene) -> f64 {
     struct Samples;
     impl PointWork for Samples {
         type Output = Vec<f64>;
-        fn run<L: Law>(self, law: &L) -> Vec<f64> {
+        fn run<L: Material>(self, material: &L) -> Vec<f64> {
             let mut values = Vec::new();
             for (gradient, active) in [[[0.12, 0.07], [-0.11, -0.07]], [[0.0; 2]; 2], [[0.2, 0.0], [0.1, 0.2]]]
                 .into_iter()
                 .flat_map(|g| [0.0, 1.0].map(|s| (g, s)))
             {
-                let stress = law.stress(gradient, active);
-                let tangent = law.tangent(gradient, active, [[0.3, -0.2], [0.5, 0.7]]);
+                let stress = material.stress(gradient, active);
+                let tangent = material.tangent(gradient, active, [[0.3, -0.2], [0.5, 0.7]]);
                 values.extend(stress.iter().chain(&tangent).flatten());
-                values.push(law.ellipticity(deformation(gradient), active));
+                values.push(material.ellipticity(deformation(gradient), active));
             }
             values
         }
@@ -212,8 +235,8 @@ fn a_state_beyond_the_limiting_stretch_is_not_admissible() {
     struct Admissible(Tensor<f64>);
     impl PointWork for Admissible {
         type Output = bool;
-        fn run<L: Law>(self, law: &L) -> bool {
-            law.admissible(self.0) > 0.0
+        fn run<L: Material>(self, material: &L) -> bool {
+            material.admissible(self.0) > 0.0
         }
     }
     let effects = Effects {
@@ -314,8 +337,8 @@ fn ogdens_energy_is_the_sum_of_powers_at_equal_and_unequal_stretches() {
     struct Energy(Tensor<f64>);
     impl PointWork for Energy {
         type Output = f64;
-        fn run<L: Law>(self, law: &L) -> f64 {
-            law.energy(self.0, 0.0)
+        fn run<L: Material>(self, material: &L) -> f64 {
+            material.energy(self.0, 0.0)
         }
     }
     for prestretch in [1.0, 3.0] {

@@ -1,13 +1,13 @@
 //! Homogeneous states of a free membrane: what the law says without any mesh.
 
-use crate::fem::energy::{Law, NeoHookean};
+use crate::fem::energy::{Material, NeoHookean};
 use crate::fem::kinematics::Tensor;
 
 /// P₁₁/μ of the active membrane at F = diag(a, b).
 fn stress(kappa: f64, a: f64, b: f64) -> f64 {
-    let law = NeoHookean::new(1.0, kappa);
+    let material = NeoHookean::new(1.0, kappa);
     let f = [[a, 0.0], [0.0, b]];
-    law.stress([[a - 1.0, 0.0], [0.0, b - 1.0]], 1.0)[0][0] + law.self_stress(f)[0][0]
+    material.stress([[a - 1.0, 0.0], [0.0, b - 1.0]], 1.0)[0][0] + material.self_stress(f)[0][0]
 }
 
 /// κ at which P₁₁/μ is `dead`: the stress is linear in κ.
@@ -18,10 +18,10 @@ fn kappa_at(dead: f64, a: f64, b: f64) -> f64 {
 
 /// The tangent along equal stretching, in the direction of P₁₁.
 fn stiffness(kappa: f64, stretch: f64) -> f64 {
-    let law = NeoHookean::new(1.0, kappa);
+    let material = NeoHookean::new(1.0, kappa);
     let at = |s: f64| -> Tensor<f64> { [[s, 0.0], [0.0, s]] };
-    let null = law.self_stress(at(stretch + 1.0))[0][0] - law.self_stress(at(stretch))[0][0];
-    law.tangent(at(stretch - 1.0), 1.0, at(1.0))[0][0] + null
+    let null = material.self_stress(at(stretch + 1.0))[0][0] - material.self_stress(at(stretch))[0][0];
+    material.tangent(at(stretch - 1.0), 1.0, at(1.0))[0][0] + null
 }
 
 /// The stretch at which a membrane under an equal dead load snaps, and √κ there.

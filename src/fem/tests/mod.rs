@@ -13,7 +13,7 @@ mod paths;
 mod scenes;
 
 use super::direct::Factorisation;
-use super::energy::{Law, NeoHookean};
+use super::energy::{Material, NeoHookean};
 use super::newton::norm;
 use super::operator::{Activity, Operator};
 use super::*;
@@ -60,7 +60,7 @@ fn places(mesh: Mesh) -> impl Iterator<Item = (usize, usize)> {
 }
 
 /// Full Newton steps with the factorised tangent, whatever its inertia, until the residual is the given load.
-fn newton_by_factors<L: Law>(operator: &Operator<'_, L>, load: &[f64], u: &mut [f64]) {
+fn newton_by_factors<L: Material>(operator: &Operator<'_, L>, load: &[f64], u: &mut [f64]) {
     let mut r = vec![0.0; u.len()];
     for _ in 0..12 {
         operator.residual(u, &mut r);

@@ -80,10 +80,10 @@ fn the_inertia_counts_the_unstable_modes() {
     let activity = Activity::new(mesh, &Pattern::from_fn(|_, _| true));
     let u = vec![0.0; mesh.vector_len()];
     let negative = |kappa: f64| {
-        let law = NeoHookean::new(3.0, kappa);
+        let material = NeoHookean::new(3.0, kappa);
         let operator = Operator {
             mesh,
-            law: &law,
+            material: &material,
             activity: &activity,
         };
         Factorisation::new(&operator, &u).unwrap().negative_pivots()

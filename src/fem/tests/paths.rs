@@ -159,7 +159,7 @@ impl Stiffening {
     }
 }
 
-impl Law for Stiffening {
+impl Material for Stiffening {
     const SEVERAL_BRANCHES: bool = true;
 
     fn energy<V: Value>(&self, f: Tensor<V>, active: V) -> V {
@@ -221,7 +221,7 @@ fn with_stiffening<R>(work: impl FnOnce(&Problem<'_, fn(f64) -> Stiffening>) -> 
         mesh,
         activity: &activity,
         laplacian: &Laplacian::new(mesh).unwrap(),
-        law: Stiffening::new as fn(f64) -> Stiffening,
+        material: Stiffening::new as fn(f64) -> Stiffening,
         tolerance: 1e-10,
     };
     work(&problem)
@@ -238,10 +238,10 @@ fn a_stiffening_membrane_snaps_to_another_stable_branch() {
         assert!(trace.marks.last().unwrap().stable);
         // Every state on the way is an equilibrium.
         for mark in &trace.marks {
-            let law = Stiffening::new(mark.share);
+            let material = Stiffening::new(mark.share);
             let operator = Operator {
                 mesh: problem.mesh,
-                law: &law,
+                material: &material,
                 activity: problem.activity,
             };
             let mut force = vec![0.0; mark.u.len()];
@@ -257,7 +257,7 @@ fn loading_does_not_jump_to_the_branch_beyond_a_snap() {
         let first = follow(&Curve::new(problem).unwrap(), |_| ()).happenings[0].share;
         for share in [0.98, 1.02, 1.3, 2.0] {
             let problem = Problem {
-                law: |part: f64| Stiffening::new(part * share * first),
+                material: |part: f64| Stiffening::new(part * share * first),
                 mesh: problem.mesh,
                 activity: problem.activity,
                 laplacian: problem.laplacian,

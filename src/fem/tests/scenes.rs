@@ -2,12 +2,10 @@
 
 use super::*;
 use crate::base::{Decimal, Length, Stress};
-use crate::fem::effects::{Model, WithLaw};
+use crate::fem::effects::{Model, WithMaterial};
 use crate::fem::kinematics::{Tensor, deformation};
-use crate::scene::{
-    ArrudaBoyce, Effects, Electrode, Gent, Ogden, OgdenTerm, On, PermittivityDecay, PermittivityReference, Stiffening,
-    Yeoh,
-};
+use crate::scene::laws::{ArrudaBoyce, Gent, Ogden, OgdenTerm, Yeoh};
+use crate::scene::{Effects, Electrode, On, PermittivityDecay, PermittivityReference, Stiffening};
 
 pub fn decimal(value: f64) -> Decimal {
     Decimal::from_f64(value).unwrap()
@@ -95,10 +93,10 @@ pub fn combinations() -> Vec<Effects> {
 /// Does something with the law of a scene at full load.
 pub fn with_law<T>(scene: &Scene, work: impl PointWork<Output = T>) -> T {
     struct AtFullLoad<W>(W);
-    impl<W: PointWork> WithLaw for AtFullLoad<W> {
+    impl<W: PointWork> WithMaterial for AtFullLoad<W> {
         type Output = W::Output;
-        fn run<L: Law, F: Fn(f64) -> L + Sync>(self, law: F) -> W::Output {
-            self.0.run(&law(1.0))
+        fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> W::Output {
+            self.0.run(&material(1.0))
         }
     }
     Model::new(scene).unwrap().with(AtFullLoad(work))
@@ -106,7 +104,7 @@ pub fn with_law<T>(scene: &Scene, work: impl PointWork<Output = T>) -> T {
 
 pub trait PointWork {
     type Output;
-    fn run<L: Law>(self, law: &L) -> Self::Output;
+    fn run<L: Material>(self, material: &L) -> Self::Output;
 }
 
 /// p at a gradient.
@@ -114,8 +112,8 @@ pub struct Piola(pub Tensor<f64>, pub f64);
 
 impl PointWork for Piola {
     type Output = Tensor<f64>;
-    fn run<L: Law>(self, law: &L) -> Tensor<f64> {
-        let (stress, rest) = (law.stress(self.0, self.1), law.self_stress(deformation(self.0)));
+    fn run<L: Material>(self, material: &L) -> Tensor<f64> {
+        let (stress, rest) = (material.stress(self.0, self.1), material.self_stress(deformation(self.0)));
         std::array::from_fn(|i| std::array::from_fn(|k| stress[i][k] + rest[i][k]))
     }
 }

@@ -5,14 +5,14 @@
 
 mod breakdown;
 mod electrode;
+pub mod laws;
 mod permittivity;
-mod stiffening;
 mod switch;
 
 pub use breakdown::{Breakdown, ConstantStrength, HuangStrength};
 pub use electrode::Electrode;
 pub use permittivity::{PermittivityDecay, PermittivityReference};
-pub use stiffening::{ArrudaBoyce, Gent, Ogden, OgdenTerm, Stiffening, Yeoh};
+pub use laws::Stiffening;
 pub(super) use switch::switched_on;
 
 use crate::base::{Declared, Fields, parameters};

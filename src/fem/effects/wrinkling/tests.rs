@@ -1,14 +1,19 @@
 use super::*;
 use crate::fem::effects::{Decaying, Stiff};
-use crate::fem::energy::{Compound, Elasticity, FirstInvariant, Isotropic, Law, Neo, Stiffening, gent};
+use crate::base::Decimal;
+use crate::fem::energy::{Compound, Elasticity, Isotropic, Material, Neo, Stiffened};
+use crate::scene::laws::{Gent, StiffeningLaw};
 
 fn field<M: Elasticity>(prestretch: f64, kappa: f64, elasticity: M) -> TensionField<Compound<M>> {
     let dielectric = Decaying::ideal(prestretch, kappa);
     TensionField::new(Compound::new(prestretch, elasticity, dielectric, Stiff { ratio: 0.0 }))
 }
 
-fn stiff(jm: f64, prestretch: f64) -> Stiffening {
-    Stiffening::FirstInvariant(FirstInvariant::new(gent(jm), prestretch).unwrap())
+fn stiff(jm: f64, prestretch: f64) -> Stiffened {
+    let gent = Gent {
+        jm: Decimal::from_f64(jm).unwrap(),
+    };
+    Stiffened::new(&gent.form(1.0), prestretch).unwrap()
 }
 
 #[test]
@@ -53,9 +58,9 @@ fn natural_widths_of_stiffening_membranes_are_found() {
 
 #[test]
 fn stress_is_continuous_from_taut_to_wrinkled_to_slack() {
-    let law = Isotropic::new(field(1.2, 0.1, Neo::new(1.2)));
-    let flat = law.potential.flat;
-    let stress = |l1: f64, l2: f64| law.stress([[l1 - 1.0, 0.0], [0.0, l2 - 1.0]], 1.0);
+    let material = Isotropic::new(field(1.2, 0.1, Neo::new(1.2)));
+    let flat = material.potential.flat;
+    let stress = |l1: f64, l2: f64| material.stress([[l1 - 1.0, 0.0], [0.0, l2 - 1.0]], 1.0);
     let gap = |a: [[f64; 2]; 2], b: [[f64; 2]; 2]| {
         (0..4)
             .map(|i| (a[i / 2][i % 2] - b[i / 2][i % 2]).abs())
@@ -63,7 +68,7 @@ fn stress_is_continuous_from_taut_to_wrinkled_to_slack() {
     };
     let width = flat.natural_width(1.1 * 1.1, 1.0)[1].sqrt();
     assert!(gap(stress(1.1, width * (1.0 + 1e-9)), stress(1.1, width * (1.0 - 1e-9))) < 1e-7);
-    let unloaded = law.potential.unloaded(1.0).area.sqrt();
+    let unloaded = material.potential.unloaded(1.0).area.sqrt();
     let loose = |by: f64| stress(unloaded * (1.0 + by), 0.9 * unloaded);
     assert!(gap(loose(1e-9), loose(-1e-9)) < 1e-7);
     assert!(gap(loose(1e-3), loose(-1e-3)) > 1e-4);
@@ -73,12 +78,12 @@ fn stress_is_continuous_from_taut_to_wrinkled_to_slack() {
 fn a_strip_loses_ellipticity_where_its_tension_falls_with_its_length() {
     // dP₁/dλ₁ = 1 + 2λ₁⁻³s + κλ₁⁻¹/s − κ²λ₁/s³; at κ = 0.16 there is no natural width from λ₁ = 2.5 on.
     let kappa = 0.16;
-    let law = Isotropic::new(field(1.0, kappa, Neo::new(1.0)));
+    let material = Isotropic::new(field(1.0, kappa, Neo::new(1.0)));
     for step in 0..40 {
         let l1 = 1.3 + 0.04 * f64::from(step);
         let s = (1.0 - kappa * l1 * l1).sqrt();
         let slope = 1.0 + 2.0 * l1.powi(-3) * s + kappa / l1 / s - kappa * kappa * l1 / s.powi(3);
-        let margin = law.ellipticity([[l1, 0.0], [0.0, 0.45]], 1.0);
+        let margin = material.ellipticity([[l1, 0.0], [0.0, 0.45]], 1.0);
         assert_eq!(margin > 0.0, slope > 0.0, "{l1}: {margin} {slope}");
     }
 }

@@ -1,0 +1,50 @@
+//! The eight-chain law (Arruda and Boyce, J. Mech. Phys. Solids 41 (1993) 389).
+//!
+//! With μ = nkT, locking stretch λL and y = √(I₁/3)/λL, 2ψ′/μ = 𝓛⁻¹(y)/(3y), where 𝓛⁻¹ inverts 𝓛(x) = coth x − 1/x. Kröger's
+//! approximant (J. Non-Newtonian Fluid Mech. 223 (2015) 77), 𝓛⁻¹(y) ≈ (3y − (y/5)(6y² + y⁴ − 2y⁶))/(1 − y²), is within 3e-3 of
+//! it; with Y = y² it gives
+//!
+//! ```text
+//! 2ψ′/μ = [1 − (6Y + Y² − 2Y³)/15]/(1 − Y) = 1/3 − Y/15 − 2Y²/15 + (2/3)/(1 − Y)
+//! ```
+//!
+//! Neo-Hookean as λL → ∞. At finite λL the modulus of the undeformed elastomer is larger than μ, by 3/(5λL²) at first order.
+
+use super::{AtRest, Form, Response, Significance, StiffeningLaw};
+use crate::base::{Decimal, parameters};
+
+parameters! {
+    /// Eight chains of limited extensibility (Arruda and Boyce, J. Mech. Phys. Solids 41 (1993) 389); μ is the modulus n k T of the network.
+    pub struct ArrudaBoyce as "an arruda-boyce model" {
+        /// Stretch of a chain at which it locks.
+        pub locking_stretch: Decimal [1.0..=1e6],
+    }
+}
+
+impl ArrudaBoyce {
+    /// An example.
+    pub const EXAMPLE: &str = "{ model: arruda-boyce, locking_stretch: 4 }";
+}
+
+impl StiffeningLaw for ArrudaBoyce {
+    fn form(&self, _shear_modulus_pa: f64) -> Form {
+        let locking = self.locking_stretch.to_f64();
+        Form::FirstInvariant(Response {
+            polynomial: [1.0 / 3.0, -1.0 / 15.0, -2.0 / 15.0],
+            pole: 2.0 / 3.0,
+            origin: 0.0,
+            scale: 3.0 * locking * locking,
+        })
+    }
+
+    fn significance(&self, at: &AtRest) -> Significance {
+        let (i, locking) = (at.invariant(), self.locking_stretch.to_f64());
+        let y = (i + 3.0) / (3.0 * locking.powi(2));
+        Significance {
+            // A network of such chains locks at I₁ = 3λL².
+            quantity: "(I1 − 3)/(3λL² − 3)",
+            number: i / (3.0 * (locking.powi(2) - 1.0)),
+            stress_change: (1.0 - (6.0 * y + y * y - 2.0 * y.powi(3)) / 15.0) / (1.0 - y).max(1e-3) - 1.0,
+        }
+    }
+}

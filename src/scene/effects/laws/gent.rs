@@ -1,0 +1,39 @@
+//! Gent's law of limited extensibility (Rubber Chem. Technol. 69 (1996) 59).
+//!
+//! W = −½μ Jm ln(1 − (I₁ − 3)/Jm), so 2ψ′/μ = 1/(1 − (I₁ − 3)/Jm). Neo-Hookean as Jm → ∞.
+
+use super::{AtRest, Form, Response, Significance, StiffeningLaw};
+use crate::base::{Decimal, parameters};
+
+parameters! {
+    /// W = −½μ Jm ln(1 − (I1 − 3)/Jm) (Gent, Rubber Chem. Technol. 69 (1996) 59).
+    pub struct Gent as "a gent model" {
+        /// Limit of I1 − 3.
+        pub jm: Decimal [1e-3..=1e12],
+    }
+}
+
+impl Gent {
+    /// An example.
+    pub const EXAMPLE: &str = "{ model: gent, jm: 125 }";
+}
+
+impl StiffeningLaw for Gent {
+    fn form(&self, _shear_modulus_pa: f64) -> Form {
+        Form::FirstInvariant(Response {
+            polynomial: [0.0; 3],
+            pole: 1.0,
+            origin: 3.0,
+            scale: self.jm.to_f64(),
+        })
+    }
+
+    fn significance(&self, at: &AtRest) -> Significance {
+        let number = at.invariant() / self.jm.to_f64();
+        Significance {
+            quantity: "(I1 − 3)/Jm",
+            number,
+            stress_change: number / (1.0 - number).max(1e-3),
+        }
+    }
+}

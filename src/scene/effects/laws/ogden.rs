@@ -1,0 +1,86 @@
+//! Ogden's law in principal stretches (Proc. R. Soc. A 326 (1972) 565).
+//!
+//! W = Σ (μₚ/αₚ)(λ₁^αₚ + λ₂^αₚ + λ₃^αₚ − 3) with ½ Σ μₚαₚ = μ. Neo-Hookean with the single exponent 2.
+
+use super::{AtRest, Form, Significance, StiffeningLaw};
+use crate::base::{Decimal, InputError, Map, Node, Stress, parameters};
+
+parameters! {
+    /// W = Σ (mu/alpha)(λ1^alpha + λ2^alpha + λ3^alpha − 3) (Ogden, Proc. R. Soc. A 326 (1972) 565).
+    pub struct Ogden as "an ogden model" {
+        /// One to three terms; half of the sum of mu · alpha is the shear modulus.
+        pub terms: Vec<OgdenTerm> [((), 1..=3)],
+    }
+}
+
+parameters! {
+    /// A term of Ogden's model.
+    pub struct OgdenTerm as "a term" {
+        /// Modulus.
+        pub mu: Stress [-1e9..=1e9],
+        /// Exponent; not zero.
+        pub alpha: Decimal [-15.0..=15.0],
+    }
+    check(OgdenTerm::is_regular)
+}
+
+impl OgdenTerm {
+    fn is_regular(&self, map: &Map<'_>) -> Result<(), InputError> {
+        match map.optional("alpha").filter(|_| self.alpha.to_f64().abs() < 1e-3) {
+            Some(node) => Err(node.error("`alpha` is zero or nearly so: the term would be singular")),
+            None => Ok(()),
+        }
+    }
+}
+
+impl Ogden {
+    /// An example.
+    pub const EXAMPLE: &str = "{ model: ogden, terms: [ { mu: 45 kPa, alpha: 2 } ] }";
+
+    /// Equibiaxial stress over that of the neo-Hookean law; 1 without prestretch, where both vanish.
+    fn stress_ratio(&self, at: &AtRest) -> f64 {
+        let stretch = at.prestretch;
+        let stress = |mu: f64, alpha: f64| mu * (stretch.powf(alpha) - stretch.powf(-2.0 * alpha));
+        let base = stress(at.shear_modulus_pa, 2.0);
+        if base <= 0.0 {
+            return 1.0;
+        }
+        let terms = self.terms.iter();
+        terms.map(|term| stress(term.mu.value(), term.alpha.to_f64())).sum::<f64>() / base
+    }
+}
+
+impl StiffeningLaw for Ogden {
+    fn form(&self, shear_modulus_pa: f64) -> Form {
+        let term = |term: &OgdenTerm| (term.mu.value() / shear_modulus_pa, term.alpha.to_f64());
+        Form::Stretches(self.terms.iter().map(term).collect())
+    }
+
+    fn significance(&self, at: &AtRest) -> Significance {
+        let change = self.stress_ratio(at) - 1.0;
+        Significance {
+            quantity: "|σ/σ(neo-Hookean) − 1|",
+            number: change.abs(),
+            stress_change: change,
+        }
+    }
+
+    /// The two moduli must agree to 1 %.
+    fn check_modulus(&self, node: &Node, modulus: f64) -> Result<(), InputError> {
+        let own: f64 = self
+            .terms
+            .iter()
+            .map(|term| 0.5 * term.mu.value() * term.alpha.to_f64())
+            .sum();
+        if (own / modulus - 1.0).abs() <= 1e-2 {
+            return Ok(());
+        }
+        Err(node
+            .peek("terms")
+            .unwrap_or(node)
+            .error(format!(
+                "the terms have the small-strain shear modulus ½ Σ mu alpha = {own:.6} Pa, but `shear_modulus` is {modulus} Pa"
+            ))
+            .help("the two must agree to 1 %"))
+    }
+}

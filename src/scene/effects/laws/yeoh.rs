@@ -1,0 +1,39 @@
+//! Yeoh's cubic law (Rubber Chem. Technol. 66 (1993) 754).
+//!
+//! W = ½μ(I₁ − 3) + C₂(I₁ − 3)² + C₃(I₁ − 3)³, so 2ψ′/μ = 1 + 4(C₂/μ)(I₁ − 3) + 6(C₃/μ)(I₁ − 3)². Neo-Hookean where both
+//! are zero.
+
+use super::{AtRest, Form, Response, Significance, StiffeningLaw};
+use crate::base::{Stress, parameters};
+
+parameters! {
+    /// W = C1(I1 − 3) + C2(I1 − 3)² + C3(I1 − 3)³ with C1 = ½μ (Yeoh, Rubber Chem. Technol. 66 (1993) 754).
+    pub struct Yeoh as "a yeoh model" {
+        /// C2.
+        pub c2: Stress [-1e9..=1e9],
+        /// C3.
+        pub c3: Stress [-1e9..=1e9],
+    }
+}
+
+impl Yeoh {
+    /// An example.
+    pub const EXAMPLE: &str = "{ model: yeoh, c2: -150 Pa, c3: 4 Pa }";
+}
+
+impl StiffeningLaw for Yeoh {
+    fn form(&self, shear_modulus_pa: f64) -> Form {
+        let [second, third] = [self.c2, self.c3].map(|c| c.value() / shear_modulus_pa);
+        Form::FirstInvariant(Response::polynomial([1.0, 4.0 * second, 6.0 * third]))
+    }
+
+    fn significance(&self, at: &AtRest) -> Significance {
+        let (i, c2, c3) = (at.invariant(), self.c2.value(), self.c3.value());
+        let rise = 2.0 * (2.0 * c2 * i + 3.0 * c3 * i * i) / at.shear_modulus_pa;
+        Significance {
+            quantity: "|2ψ′/μ − 1|",
+            number: rise.abs(),
+            stress_change: rise,
+        }
+    }
+}
