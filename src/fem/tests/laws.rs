@@ -3,12 +3,13 @@
 use std::path::Path;
 
 use super::scenes::{
-    Piola, PointWork, arruda_boyce, combinations, decay, electrode, gent, ogden, scene, with_law, yeoh,
+    Piola, PointWork, arruda_boyce, combinations, decay, electrode, gent, ogden, scene, stress, with_law, yeoh,
 };
 use super::*;
 use crate::base::Document;
 use crate::fem::effects::Model;
 use crate::fem::kinematics::{Tensor, contract, deformation, determinant};
+use crate::scene::laws::MooneyRivlin;
 use crate::scene::{Effects, On, PermittivityReference, Stiffening};
 
 const ENTRIES: [(usize, usize); 4] = [(0, 0), (0, 1), (1, 0), (1, 1)];
@@ -196,6 +197,30 @@ fn every_effect_reduces_to_the_base_model() {
             ..Effects::default()
         }) < 1e-14
     );
+}
+
+#[test]
+fn mooney_and_rivlins_law_is_the_sum_of_two_powers_and_reduces_to_the_base_model() {
+    let mooney = |c2: f64| {
+        let c2 = stress(c2);
+        Effects {
+            strain_stiffening: Some(Stiffening::MooneyRivlin(MooneyRivlin { c2 })),
+            ..Effects::default()
+        }
+    };
+    let base = scene(3.0, 5.25e3, Effects::default());
+    assert!(law_gap(&base, &scene(3.0, 5.25e3, mooney(0.0))) < 1e-13);
+    // C₁ = μ/2 − C₂ multiplies I₁ − 3 and C₂ I₂ − 3: Ogden's terms 2C₁ with exponent 2 and −2C₂ with exponent −2.
+    for c2 in [800.0, -50.0] {
+        let powers = Effects {
+            strain_stiffening: Some(ogden(&[(45e3 - 2.0 * c2, 2.0), (-2.0 * c2, -2.0)])),
+            ..Effects::default()
+        };
+        for prestretch in [1.0, 1.5, 3.0] {
+            let [one, other] = [mooney(c2), powers.clone()].map(|effects| scene(prestretch, 3e3, effects));
+            assert!(law_gap(&one, &other) < 1e-11, "{c2} {prestretch}: {:e}", law_gap(&one, &other));
+        }
+    }
 }
 
 #[test]

@@ -6,12 +6,14 @@
 mod arruda_boyce;
 mod form;
 mod gent;
+mod mooney_rivlin;
 mod ogden;
 mod yeoh;
 
 pub use arruda_boyce::ArrudaBoyce;
 pub use form::{Form, Response};
 pub use gent::Gent;
+pub use mooney_rivlin::MooneyRivlin;
 pub use ogden::{Ogden, OgdenTerm};
 pub use yeoh::Yeoh;
 
@@ -93,4 +95,5 @@ laws! {
     "yeoh" => Yeoh,
     "ogden" => Ogden,
     "arruda-boyce" => ArrudaBoyce,
+    "mooney-rivlin" => MooneyRivlin,
 }
