@@ -9,9 +9,7 @@ use deaflow::fem::{MembraneSolver, SolveOptions};
 use deaflow::field::Simulator;
 use deaflow::pattern::{CELLS, Pattern};
 use deaflow::scene::laws::{ArrudaBoyce, Gent, Ogden, OgdenTerm, Yeoh};
-use deaflow::scene::{
-    Effects, Electrode, On, PermittivityDecay, PermittivityReference, Scene, Stiffening,
-};
+use deaflow::scene::{Effects, Electrode, On, PermittivityDecay, PermittivityReference, Scene, Stiffening};
 
 const PATTERNS: u64 = 24;
 

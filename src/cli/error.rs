@@ -10,6 +10,8 @@ use serde_json::{Value, json};
 use super::output::Exit;
 use crate::base::InputError;
 use crate::content::ContentError;
+use crate::fem::SetupError;
+use crate::field::PredictError;
 use crate::orchestrator::{RunError, StageError};
 use crate::report::ReportError;
 use crate::report::figures::FigureError;
@@ -255,11 +257,22 @@ impl From<FigureError> for CliError {
     }
 }
 
+impl From<SetupError> for CliError {
+    fn from(error: SetupError) -> Self {
+        Self::failure(error.to_string())
+    }
+}
+
+impl From<PredictError> for CliError {
+    fn from(error: PredictError) -> Self {
+        Self::failure(error.to_string())
+    }
+}
+
 impl From<DirectError> for CliError {
     fn from(error: DirectError) -> Self {
         match error {
             DirectError::Input(error) => error.into(),
-            DirectError::Model(_) => Self::bad_input(error.to_string()),
             DirectError::Failed(_) => Self::failure(error.to_string()),
         }
     }

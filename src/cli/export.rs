@@ -1,6 +1,7 @@
 //! `deaflow export`: writes what was made in the formats of other programs; one file for each thing that can be exported.
 
 mod design;
+mod membrane;
 mod model;
 
 use clap::{Args, Subcommand};

@@ -4,6 +4,7 @@
 mod accuracy;
 mod arguments;
 mod audit;
+mod cells;
 mod commands;
 mod dag;
 mod error;
@@ -24,6 +25,7 @@ mod run;
 mod schema;
 mod screen;
 mod show;
+mod simulate;
 mod solve;
 mod statistics;
 mod status;

@@ -1,7 +1,9 @@
 //! `deaflow solve --path`: how patterns get from rest to the loss of stability, and what lies beyond.
 
+use std::path::Path;
 use std::time::Instant;
 
+use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use super::error::CliError;
@@ -9,9 +11,14 @@ use super::output::{Exit, Output};
 use super::progress::Bar;
 use super::solve::{SolveArguments, check_file, provenance};
 use super::{table, write};
+use crate::base::Progress;
+use crate::content::LoadPaths;
+use crate::fem::screening::resolve;
+use crate::fem::{LoadPath, MembraneSolver, PathEvent, SolveOptions};
+use crate::pattern::Pattern;
 use crate::report::figures::{Branch, Limit, draw_paths};
+use crate::scene::Scene;
 use crate::stage::direct;
-use crate::stage::path::{self, LoadPath, PathAnswer};
 use crate::store::write_file;
 
 /// Follows the paths of patterns and writes them as arrays, as a table and as a figure.
@@ -33,7 +40,7 @@ pub fn execute(arguments: &SolveArguments, scene: &str, output: &Output) -> Resu
     let patterns = direct::patterns(&arguments.patterns.patterns)?;
     let options = arguments.options();
     let (bar, start) = (Bar::new("path", "patterns", patterns.len() as u64), Instant::now());
-    let answer = path::paths(&arguments.scene, &patterns, options, &bar)?;
+    let (content, paths) = paths(&arguments.scene, &patterns, options, &bar)?;
     bar.finish("done");
     let seconds = start.elapsed().as_secs_f64();
     let parameters = format!(
@@ -42,31 +49,31 @@ pub fn execute(arguments: &SolveArguments, scene: &str, output: &Output) -> Resu
         options.mesh,
         options.tolerance
     );
-    write_file(file, &answer.content, &provenance("solve", parameters, seconds))?;
-    write::file(&values, path::table(&answer.paths).as_bytes())?;
-    let branches: Vec<Branch> = answer.paths.iter().enumerate().map(branch).collect();
+    write_file(file, &content.object(), &provenance("solve", parameters, seconds))?;
+    write::file(&values, points_table(&paths).as_bytes())?;
+    let branches: Vec<Branch> = paths.iter().enumerate().map(branch).collect();
     draw_paths(&figure, &branches)?;
     if output.is_json() {
         output.document(&json!({
             "file": file,
             "table": values,
             "figure": figure,
-            "paths": answer.paths.iter().map(document).collect::<Vec<_>>(),
+            "paths": paths.iter().map(document).collect::<Vec<_>>(),
             "seconds": seconds,
         }))?;
     } else {
         let files = [file, &values, &figure].map(|path| path.display().to_string());
         let time = table::seconds(seconds);
-        output.text(&format!("{}\n{} in {time}", overview(&answer), files.join(", ")))?;
+        output.text(&format!("{}\n{} in {time}", overview(&paths), files.join(", ")))?;
     }
     Ok(Exit::Done)
 }
 
 /// One line per pattern.
-fn overview(answer: &PathAnswer) -> String {
+fn overview(paths: &[LoadPath]) -> String {
     let header = ["pattern", "limit", "voltage", "displacement", "points", "end"];
     let mut table = table::table(&header, &["voltage", "displacement", "points"]);
-    for (index, path) in answer.paths.iter().enumerate() {
+    for (index, path) in paths.iter().enumerate() {
         let limit = path.limit();
         let displacement = limit
             .and_then(|limit| path.points.get(limit.point))
@@ -126,4 +133,94 @@ fn branch((index, path): (usize, &LoadPath)) -> Branch {
         stable: path.points.iter().map(|p| p.stable).collect(),
         limit,
     }
+}
+
+/// Follows the paths of patterns in a scene read from `scene`: a scene, or a pipeline whose scene is used. Its voltage does
+/// not matter.
+///
+/// # Errors
+/// When the scene cannot be read, the solver cannot be set up, or memory is short.
+fn paths(
+    scene: &Path,
+    patterns: &[Pattern],
+    options: SolveOptions,
+    progress: &dyn Progress,
+) -> Result<(LoadPaths, Vec<LoadPath>), CliError> {
+    let scene = resolve(&direct::read_scene(scene)?)?;
+    let solver = MembraneSolver::new(&scene, options)?;
+    let follow = |pattern: &Pattern| one(&solver, pattern, progress);
+    let paths = patterns.par_iter().map(follow).collect::<Result<Vec<_>, _>>()?;
+    Ok((load_paths(patterns, &paths, scene), paths))
+}
+
+fn one(solver: &MembraneSolver, pattern: &Pattern, progress: &dyn Progress) -> Result<LoadPath, CliError> {
+    let path = solver.path(pattern);
+    progress.advance(1);
+    path.ok_or_else(|| CliError::failure("the factors of the tangent do not fit into memory"))
+}
+
+fn load_paths(patterns: &[Pattern], paths: &[LoadPath], scene: Scene) -> LoadPaths {
+    let points = || paths.iter().flat_map(|path| &path.points);
+    let point_offsets = offsets(paths.iter().map(|path| path.points.len()));
+    let with_offset = |(path, &offset): (&LoadPath, &u64)| {
+        let moved = |event: &PathEvent| (*event, offset + event.point as u64);
+        path.events.iter().map(moved).collect::<Vec<_>>()
+    };
+    let events: Vec<(PathEvent, u64)> = paths.iter().zip(&point_offsets).flat_map(with_offset).collect();
+    let limit = |path: &LoadPath| path.limit().map_or("none", |limit| limit.kind.name()).to_owned();
+    let limit_voltage = |path: &LoadPath| path.limit().map_or(f64::NAN, |limit| limit.voltage);
+    LoadPaths {
+        patterns: patterns.to_vec(),
+        event_offsets: offsets(paths.iter().map(|path| path.events.len())),
+        point_offsets,
+        voltage: points().map(|p| p.voltage).collect(),
+        max_displacement: points().map(|p| p.max_displacement).collect(),
+        displacement: points().map(|p| p.displacement).collect(),
+        smallest_eigenvalue: points().map(|p| p.smallest_eigenvalue).collect(),
+        negative_eigenvalues: points().map(|p| p.negative_eigenvalues as u64).collect(),
+        stable: points().map(|p| u8::from(p.stable)).collect(),
+        event_kind: events.iter().map(|(event, _)| event.kind.name().to_owned()).collect(),
+        event_voltage: events.iter().map(|(event, _)| event.voltage).collect(),
+        event_point: events.iter().map(|(_, row)| *row).collect(),
+        limit_kind: paths.iter().map(limit).collect(),
+        limit_voltage: paths.iter().map(limit_voltage).collect(),
+        limit_displacement: paths.iter().map(|path| path.limit_field.clone()).collect(),
+        watched_corner: paths
+            .iter()
+            .map(|path| path.watched.map(|corner| corner as u64))
+            .collect(),
+        end: paths.iter().map(|path| path.end.name().to_owned()).collect(),
+        scene,
+    }
+}
+
+fn offsets(lengths: impl Iterator<Item = usize>) -> Vec<u64> {
+    let sums = lengths.scan(0, |sum, length| {
+        *sum += length as u64;
+        Some(*sum)
+    });
+    std::iter::once(0).chain(sums).collect()
+}
+
+/// All points as comma-separated values with a header.
+fn points_table(paths: &[LoadPath]) -> String {
+    let header =
+        "pattern,voltage_V,max_displacement_mm,displacement_mm,smallest_eigenvalue,negative_eigenvalues,stable,event";
+    let mut text = format!("{header}\n");
+    for (index, path) in paths.iter().enumerate() {
+        for (row, p) in path.points.iter().enumerate() {
+            let event = path.events.iter().find(|event| event.point == row);
+            text += &format!(
+                "{index},{},{},{},{},{},{},{}\n",
+                p.voltage,
+                p.max_displacement,
+                p.displacement,
+                p.smallest_eigenvalue,
+                p.negative_eigenvalues,
+                u8::from(p.stable),
+                event.map_or("", |event| event.kind.name())
+            );
+        }
+    }
+    text
 }

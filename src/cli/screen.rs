@@ -1,6 +1,6 @@
 //! `deaflow screen`: which effects a scene calls for.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde_json::{Value, json};
@@ -8,7 +8,10 @@ use serde_json::{Value, json};
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::table;
-use crate::stage::screening::{self, Row, Screening, Status};
+use crate::base::InputError;
+use crate::content::named_patterns;
+use crate::fem::screening::{self, Row, Screening, Status, Trial};
+use crate::stage::direct;
 
 /// Say which effects a scene calls for, by number, threshold and cost
 #[derive(Debug, Args)]
@@ -21,7 +24,7 @@ pub struct ScreenArguments {
 }
 
 pub fn execute(arguments: &ScreenArguments, output: &Output) -> Result<Exit, CliError> {
-    let screening = screening::screen(&arguments.scene, &arguments.patterns)?;
+    let screening = screen(&arguments.scene, &arguments.patterns)?;
     if output.is_json() {
         output.document(&document(&screening))?;
     } else {
@@ -94,4 +97,37 @@ fn text(screening: &Screening) -> String {
         .map(|warning| format!("warning: {warning}"));
     let lines: Vec<String> = [legend, simulated].into_iter().chain(warnings).collect();
     format!("{}\n\n{}", table.trim_fmt(), lines.join("\n"))
+}
+
+/// Screens the scene of a file, or of a pipeline, with the patterns that the arguments name or, where there are none, with
+/// reference patterns.
+///
+/// # Errors
+/// When the scene or a pattern cannot be read, or the effects cannot be simulated.
+fn screen(scene: &Path, patterns: &[String]) -> Result<Screening, CliError> {
+    let scene = direct::read_scene(scene)?;
+    let patterns = if patterns.is_empty() {
+        screening::reference_patterns()
+    } else {
+        named(patterns)?
+    };
+    Ok(screening::screen(&scene, &patterns)?)
+}
+
+/// The patterns of each argument, named after it.
+fn named(arguments: &[String]) -> Result<Vec<Trial>, InputError> {
+    let mut all = Vec::new();
+    for argument in arguments {
+        let patterns = named_patterns(argument)?;
+        let several = patterns.len() > 1;
+        all.extend(patterns.into_iter().enumerate().map(|(i, pattern)| {
+            let name = if several {
+                format!("{argument}[{i}]")
+            } else {
+                argument.clone()
+            };
+            Trial::new(&name, pattern)
+        }));
+    }
+    Ok(all)
 }

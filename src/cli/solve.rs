@@ -11,12 +11,13 @@ use super::arguments::{PatternArguments, TOLERANCE, accuracy, number};
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::progress::Bar;
+use super::simulate::{self, Answer};
 use super::{path, table};
 use crate::base::Quantity;
 use crate::fem::{MeshRequest, Method, SolveOptions, SolverParameters};
 use crate::field::{Mesh, Order};
 use crate::orchestrator::Environment;
-use crate::stage::direct::{self, Answer};
+use crate::stage::direct;
 use crate::store::{Provenance, write_file};
 
 /// Simulate patterns with finite elements
@@ -89,7 +90,7 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
     let patterns = direct::patterns(&arguments.patterns.patterns)?;
     let request = arguments.parameters();
     let (bar, start) = (Bar::new("solve", "patterns", patterns.len() as u64), Instant::now());
-    let answer = direct::solve(&arguments.scene, &patterns, &request, arguments.cells, &bar)?;
+    let answer = simulate::solve(&arguments.scene, &patterns, &request, arguments.cells, &bar)?;
     bar.finish("done");
     let parameters = format!("scene {}, {request}", arguments.scene.display());
     conclude(&arguments.patterns, &answer, ("solve", parameters), start, output)

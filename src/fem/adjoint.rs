@@ -34,7 +34,11 @@ pub fn gradient<L: Material>(
 }
 
 /// −ψ · ∂R/∂S, added up over the elements of each cell.
-fn cells<E: Element<N>, L: Material, const N: usize>(operator: &Operator<'_, L>, u: &[f64], adjoint: &[f64]) -> Vec<f64> {
+fn cells<E: Element<N>, L: Material, const N: usize>(
+    operator: &Operator<'_, L>,
+    u: &[f64],
+    adjoint: &[f64],
+) -> Vec<f64> {
     let (mesh, side) = (operator.mesh, E::DEGREE + 1);
     let (n, per_cell) = (mesh.elements(), mesh.elements_per_cell());
     let mut gradient = vec![0.0; CELLS * CELLS];
@@ -47,7 +51,10 @@ fn cells<E: Element<N>, L: Material, const N: usize>(operator: &Operator<'_, L>,
             })
         };
         let pull = E::gradients(&local(u)).map(|gradient| {
-            let (active, bare) = (operator.material.stress(gradient, 1.0), operator.material.stress(gradient, 0.0));
+            let (active, bare) = (
+                operator.material.stress(gradient, 1.0),
+                operator.material.stress(gradient, 0.0),
+            );
             std::array::from_fn(|i| std::array::from_fn(|k| active[i][k] - bare[i][k]))
         });
         let (forces, adjoint) = (E::forces(&pull), local(adjoint));

@@ -6,9 +6,20 @@ use crate::field::Simulation;
 use crate::pattern::Pattern;
 
 use super::observable::{CellState, Tension};
-use super::solver::MembraneSolver;
+use super::solver::{MembraneSolver, MeshSolution};
 
 impl MembraneSolver {
+    /// The displacement in mm of the (elements + 1)² corners of elements, `[y][x]`.
+    #[must_use]
+    pub fn corner_displacements(&self, solution: &MeshSolution) -> Vec<[f64; 2]> {
+        let (mesh, side) = (self.mesh(), self.element_side_mm());
+        let (row, degree) = (mesh.elements() + 1, mesh.order().degree());
+        let at = |corner: usize, c: usize| mesh.index(c, corner % row * degree, corner / row * degree);
+        (0..row * row)
+            .map(|corner| [0, 1].map(|c| side * solution.displacement[at(corner, c)]))
+            .collect()
+    }
+
     /// Simulates patterns and keeps the states of their cells, `[y][x]`; `None` where there is no stable solution.
     #[must_use]
     pub fn simulate_cells(&self, patterns: &[Pattern]) -> Vec<(Simulation, Option<Vec<CellState>>)> {

@@ -290,7 +290,12 @@ pub fn probe<L: Material>(
 }
 
 /// Moves `u` along the step as far as the residual falls; returns its new norm.
-fn line_search<L: Material>(operator: &Operator<'_, L>, size: f64, u: &mut [f64], workspace: &mut Workspace) -> Option<f64> {
+fn line_search<L: Material>(
+    operator: &Operator<'_, L>,
+    size: f64,
+    u: &mut [f64],
+    workspace: &mut Workspace,
+) -> Option<f64> {
     let Workspace {
         residual,
         trial,

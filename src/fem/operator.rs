@@ -15,7 +15,7 @@ use crate::field::{Mesh, Order};
 use crate::pattern::Pattern;
 
 use super::element::{Bilinear, Biquadratic, Element};
-use super::energy::{Material, MODULI};
+use super::energy::{MODULI, Material};
 use super::lanes::{Real, Value, WIDEST, Wide};
 use point::{Point, StressAt, TangentAt, TangentFrom};
 use survey::{Store, Survey, place};

@@ -2,6 +2,7 @@
 
 mod difference;
 pub mod effects;
+mod mask;
 mod model;
 mod properties;
 #[cfg(test)]
@@ -12,5 +13,6 @@ pub use effects::{
     Breakdown, ConstantStrength, Effects, Electrode, HuangStrength, On, PermittivityDecay, PermittivityReference,
     Stiffening, laws,
 };
+pub use mask::{Mask, Point, Size};
 pub use model::{Drive, ElasticModel, Geometry, Material, Scene, VACUUM_PERMITTIVITY};
 pub use properties::{Branch, Properties};

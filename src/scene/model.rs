@@ -153,7 +153,8 @@ impl Scene {
             ("properties", &properties.strain_stiffening),
         ] {
             if let (Some(law), Some(at)) = (law, map.optional(section)) {
-                law.law().check_modulus(at.peek("strain_stiffening").unwrap_or(at), modulus)?;
+                law.law()
+                    .check_modulus(at.peek("strain_stiffening").unwrap_or(at), modulus)?;
             }
         }
         refuse_charge(&map)?;

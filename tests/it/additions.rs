@@ -7,7 +7,9 @@ use deaflow::fem::{MembraneSolver, SolveOptions};
 use deaflow::field::{Mesh, Simulator};
 use deaflow::parameters;
 use deaflow::pattern::Pattern;
-use deaflow::sample::{Entry, FAMILIES, Family, FamilyEntry, FamilyParameters, Group, Refusal, SampleError, read_family};
+use deaflow::sample::{
+    Entry, FAMILIES, Family, FamilyEntry, FamilyParameters, Group, Refusal, SampleError, read_family,
+};
 use deaflow::scene::Scene;
 use deaflow::scene::laws::{AtRest, Form, Response, Significance, StiffeningLaw};
 
@@ -55,8 +57,15 @@ fn a_family_is_added_to_the_table_by_value() {
     let pattern = groups[0].family.sample(1, 2).unwrap();
     assert_eq!((groups[0].count, groups[0].family.name()), (3, "bars"));
     assert!((0..50).all(|x| pattern.is_active(x, 0) == pattern.is_active(x, 49)));
-    assert_eq!(read("{ family: blobs, count: 3, seed: 1 }").unwrap()[0].family.name(), "blobs");
-    assert!(read("{ family: bras, count: 3, seed: 1 }").unwrap_err().contains("bras"));
+    assert_eq!(
+        read("{ family: blobs, count: 3, seed: 1 }").unwrap()[0].family.name(),
+        "blobs"
+    );
+    assert!(
+        read("{ family: bras, count: 3, seed: 1 }")
+            .unwrap_err()
+            .contains("bras")
+    );
 }
 
 /// A law that stiffens with the square of I₁ − 3: 2ψ′/μ = 1 + c(I₁ − 3)².

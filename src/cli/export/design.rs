@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use serde_json::{Map, Value, json};
 
+use super::membrane;
 use crate::cli::arguments::{StoreArguments, TOLERANCE, number};
 use crate::cli::error::CliError;
 use crate::cli::output::{Exit, Output};
@@ -14,9 +15,8 @@ use crate::design::DesignFilter;
 use crate::fem::SolveOptions;
 use crate::field::Mesh;
 use crate::report::export::{self, Drawing, MOST_PIXELS, Shape, Surface};
+use crate::scene::{Mask, Size};
 use crate::stage::designs::{self, Design, Designs};
-use crate::stage::mask::{Mask, Size};
-use crate::stage::membrane;
 use crate::store::Artifact;
 
 #[derive(Debug, Args)]
@@ -283,7 +283,7 @@ fn write_mask(
         Some(DesignSize::Undeformed) => Size::Undeformed,
         Some(DesignSize::Prestretched) | None => Size::Prestretched,
     };
-    let mask = Mask::new(design, size, arguments.smooth);
+    let mask = Mask::new(&design.pattern, &design.scene, size, arguments.smooth);
     let mut facts = facts(&mask);
     let mut notes = notes(&mask);
     if format == DesignFormat::Png {

@@ -1,7 +1,7 @@
 //! The law of an isotropic potential: stress, tangent and the margins of stability, in closed form.
 
 use super::potential::{Invariants, Potential, Slopes, slopes_apart};
-use super::{Material, MODULI, Rest};
+use super::{MODULI, Material, Rest};
 use crate::fem::kinematics::{Tensor, add_scaled, cofactor, conformal_split, contract, deformation};
 use crate::fem::lanes::Value;
 
@@ -173,8 +173,8 @@ fn displacement<V: Value>(f: Tensor<V>) -> Tensor<V> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fem::effects::{Decaying, Stiff};
     use crate::base::Decimal;
+    use crate::fem::effects::{Decaying, Stiff};
     use crate::fem::energy::{Compound, Neo, Ogden, Stiffened};
     use crate::scene::laws::{ArrudaBoyce, Gent, StiffeningLaw};
 

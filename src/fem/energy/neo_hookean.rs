@@ -207,8 +207,8 @@ mod tests {
                 for trial in 0..20_000_i32 {
                     let angle = |k: f64| (f64::from(trial) * k).sin();
                     let d = [[angle(1.0), angle(2.3)], [angle(3.7), angle(5.9)]];
-                    let shifted =
-                        contract(d, material.tangent(GRADIENT, active, d)) - 2.0 * material.null_weight() * determinant(d);
+                    let shifted = contract(d, material.tangent(GRADIENT, active, d))
+                        - 2.0 * material.null_weight() * determinant(d);
                     smallest = smallest.min(shifted / contract(d, d));
                 }
                 assert_eq!(

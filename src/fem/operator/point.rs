@@ -1,6 +1,6 @@
 //! What an operator does at a quadrature point.
 
-use crate::fem::energy::{Material, MODULI};
+use crate::fem::energy::{MODULI, Material};
 use crate::fem::kinematics::Tensor;
 use crate::fem::lanes::Value;
 

@@ -6,7 +6,7 @@ use pulp::{Simd, WithSimd};
 
 use super::{Margins, Precision, gather};
 use crate::fem::element::Element;
-use crate::fem::energy::{Material, MODULI};
+use crate::fem::energy::{MODULI, Material};
 use crate::fem::kinematics::deformation;
 use crate::fem::lanes::{Value, Wide};
 use crate::field::Mesh;
@@ -67,7 +67,11 @@ impl<E: Element<N>, L: Material, T: Precision, const N: usize> WithSimd for Stor
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let Survey {
-            mesh, material, activity, u, ..
+            mesh,
+            material,
+            activity,
+            u,
+            ..
         } = self.survey;
         let lanes = T::lanes::<S>();
         for row in 0..mesh.elements() {

@@ -213,6 +213,39 @@ pub fn screen_by_references(scene: &Scene) -> Result<Screening, SetupError> {
     screen(scene, &reference_patterns())
 }
 
+/// A scene as it is simulated, with what it lacks.
+pub struct Screened {
+    /// The scene with its effects decided.
+    pub scene: Scene,
+    /// One line for each effect that is called for and not simulated.
+    pub warnings: Vec<String>,
+}
+
+impl Screened {
+    /// Screens a scene with [`watch_patterns`]; where its effects are yet to be decided, the screening that
+    /// decides them tells of both.
+    ///
+    /// # Errors
+    /// When its effects cannot be simulated.
+    pub fn new(scene: &Scene) -> Result<Self, SetupError> {
+        let screening = if scene.auto {
+            screen_by_references(scene)?
+        } else {
+            screen(scene, &watch_patterns())?
+        };
+        Ok(Self {
+            warnings: screening.warnings(),
+            scene: screening.scene,
+        })
+    }
+
+    /// The effects that are simulated, as artifacts name them.
+    #[must_use]
+    pub fn effects(&self) -> String {
+        self.scene.effects.to_text()
+    }
+}
+
 /// The scene with its effects decided: unchanged unless it says `effects: auto`.
 ///
 /// # Errors

@@ -68,7 +68,13 @@ fn stiffening(scene: &Scene) -> Row {
         "changes the stress of the prestretched membrane by {:+.0} %",
         100.0 * significance.stress_change
     );
-    known(effect, significance.quantity.to_owned(), significance.number, THRESHOLD, change)
+    known(
+        effect,
+        significance.quantity.to_owned(),
+        significance.number,
+        THRESHOLD,
+        change,
+    )
 }
 
 fn electrode(scene: &Scene) -> Row {

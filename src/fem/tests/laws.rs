@@ -55,7 +55,8 @@ fn check_derivatives<L: Material>(material: &L, gradient: Tensor<f64>, active: f
     let stress = material.stress(gradient, active);
     for (i, k) in ENTRIES {
         let (up, down) = (nudged(i, k, step), nudged(i, k, -step));
-        let slope = (material.energy(deformation(up), active) - material.energy(deformation(down), active)) / (2.0 * step);
+        let slope =
+            (material.energy(deformation(up), active) - material.energy(deformation(down), active)) / (2.0 * step);
         let piola = stress[i][k] + rest[i][k];
         assert!(
             (slope - piola).abs() < 1e-7 * (1.0 + piola.abs()),
@@ -218,7 +219,11 @@ fn mooney_and_rivlins_law_is_the_sum_of_two_powers_and_reduces_to_the_base_model
         };
         for prestretch in [1.0, 1.5, 3.0] {
             let [one, other] = [mooney(c2), powers.clone()].map(|effects| scene(prestretch, 3e3, effects));
-            assert!(law_gap(&one, &other) < 1e-11, "{c2} {prestretch}: {:e}", law_gap(&one, &other));
+            assert!(
+                law_gap(&one, &other) < 1e-11,
+                "{c2} {prestretch}: {:e}",
+                law_gap(&one, &other)
+            );
         }
     }
 }

@@ -113,7 +113,10 @@ pub struct Piola(pub Tensor<f64>, pub f64);
 impl PointWork for Piola {
     type Output = Tensor<f64>;
     fn run<L: Material>(self, material: &L) -> Tensor<f64> {
-        let (stress, rest) = (material.stress(self.0, self.1), material.self_stress(deformation(self.0)));
+        let (stress, rest) = (
+            material.stress(self.0, self.1),
+            material.self_stress(deformation(self.0)),
+        );
         std::array::from_fn(|i| std::array::from_fn(|k| stress[i][k] + rest[i][k]))
     }
 }

@@ -11,8 +11,8 @@ mod switch;
 
 pub use breakdown::{Breakdown, ConstantStrength, HuangStrength};
 pub use electrode::Electrode;
-pub use permittivity::{PermittivityDecay, PermittivityReference};
 pub use laws::Stiffening;
+pub use permittivity::{PermittivityDecay, PermittivityReference};
 pub(super) use switch::switched_on;
 
 use crate::base::{Declared, Fields, parameters};

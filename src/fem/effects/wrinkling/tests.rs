@@ -1,6 +1,6 @@
 use super::*;
-use crate::fem::effects::{Decaying, Stiff};
 use crate::base::Decimal;
+use crate::fem::effects::{Decaying, Stiff};
 use crate::fem::energy::{Compound, Elasticity, Isotropic, Material, Neo, Stiffened};
 use crate::scene::laws::{Gent, StiffeningLaw};
 

@@ -46,7 +46,10 @@ impl Ogden {
             return 1.0;
         }
         let terms = self.terms.iter();
-        terms.map(|term| stress(term.mu.value(), term.alpha.to_f64())).sum::<f64>() / base
+        terms
+            .map(|term| stress(term.mu.value(), term.alpha.to_f64()))
+            .sum::<f64>()
+            / base
     }
 }
 

@@ -1,10 +1,10 @@
 //! The deformed membrane of a design, with what an engineer asks of it, for programs that draw in three dimensions.
 
-use super::designs::Design;
-use super::direct::DirectError;
-use super::screening::Screened;
-use crate::fem::{CellState, MembraneSolver, SetupError, SolveOptions};
+use crate::cli::error::CliError;
+use crate::fem::screening::Screened;
+use crate::fem::{CellState, MembraneSolver, SolveOptions};
 use crate::pattern::CELLS;
+use crate::stage::designs::Design;
 use crate::store::{Data, Dataset};
 
 /// A membrane in equilibrium at the voltage of its scene.
@@ -29,18 +29,17 @@ pub struct Membrane {
 ///
 /// # Errors
 /// When the solver cannot be set up, or the membrane has no stable state at this voltage.
-pub fn simulate(design: &Design, options: SolveOptions) -> Result<Membrane, DirectError> {
-    let failed = |e: SetupError| DirectError::Failed(e.to_string());
-    let screened = Screened::new(&design.scene).map_err(failed)?;
-    let solver = MembraneSolver::new(&screened.scene, options).map_err(failed)?;
+pub fn simulate(design: &Design, options: SolveOptions) -> Result<Membrane, CliError> {
+    let screened = Screened::new(&design.scene)?;
+    let solver = MembraneSolver::new(&screened.scene, options)?;
     let solution = solver.solve(&design.pattern);
     if !solution.outcome.is_converged() {
         let outcome = &solution.outcome;
-        return Err(DirectError::Failed(format!(
+        return Err(CliError::failure(format!(
             "there is no stable solution to draw: {outcome}"
         )));
     }
-    let displacement = corners(&solver, &solution.displacement);
+    let displacement = solver.corner_displacements(&solution);
     let largest = displacement.iter().map(|[x, y]| x.hypot(*y)).fold(0.0, f64::max);
     let states = solver.cell_states(&design.pattern, &solution);
     Ok(Membrane {
@@ -52,17 +51,6 @@ pub fn simulate(design: &Design, options: SolveOptions) -> Result<Membrane, Dire
         scene: screened.scene.to_text(),
         warnings: screened.warnings,
     })
-}
-
-/// Nodal values at the corners of elements, in mm.
-fn corners(solver: &MembraneSolver, nodal: &[f64]) -> Vec<[f64; 2]> {
-    let mesh = solver.mesh();
-    let (side, degree) = (solver.element_side_mm(), mesh.order().degree());
-    let row = mesh.elements() + 1;
-    let at = |corner: usize, c: usize| mesh.index(c, corner % row * degree, corner / row * degree);
-    (0..row * row)
-        .map(|corner| [0, 1].map(|c| side * nodal[at(corner, c)]))
-        .collect()
 }
 
 fn cells(design: &Design, states: &[CellState], thickness: f64) -> Vec<(&'static str, Dataset)> {

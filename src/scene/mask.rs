@@ -1,7 +1,7 @@
-//! The electrode of a design as polygons in mm, at the size at which it is to be made.
+//! An electrode as polygons in mm, at the size at which it is to be made.
 
-use super::designs::Design;
-use crate::pattern::{CELLS, Corners, outlines, total_area};
+use super::model::Scene;
+use crate::pattern::{CELLS, Corners, Pattern, outlines, total_area};
 
 /// A point in mm, the origin at the lower left corner of the membrane.
 pub type Point = [f64; 2];
@@ -50,26 +50,26 @@ pub struct Mask {
 }
 
 impl Mask {
-    /// The mask of a design.
+    /// The mask of a pattern on the membrane of a scene.
     #[must_use]
-    pub fn new(design: &Design, size: Size, rounded: bool) -> Self {
-        let prestretch = design.scene.prestretch();
+    pub fn new(pattern: &Pattern, scene: &Scene, size: Size, rounded: bool) -> Self {
+        let prestretch = scene.prestretch();
         let scale = match size {
             Size::Prestretched => 1.0,
             Size::Undeformed => prestretch.recip(),
         };
-        let side = design.scene.side_mm() * scale;
+        let side = scene.side_mm() * scale;
         let cell = side / CELLS as f64;
         let corners = if rounded { Corners::Rounded } else { Corners::Square };
-        let islands = outlines(&design.pattern, corners);
+        let islands = outlines(pattern, corners);
         let ring = |ring: &Vec<Point>| -> Vec<Point> { ring.iter().map(|p| p.map(|v| v * cell)).collect() };
         Self {
             size,
             side,
             scale,
             prestretch,
-            electrode_area: design.pattern.active_cells() as f64 * cell * cell,
-            area_fraction: design.pattern.area_fraction(),
+            electrode_area: pattern.active_cells() as f64 * cell * cell,
+            area_fraction: pattern.area_fraction(),
             outline_area: total_area(&islands) * cell * cell,
             rounded,
             islands: islands
@@ -95,25 +95,17 @@ impl Mask {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pattern::Pattern;
-    use crate::scene::Scene;
 
     #[test]
     fn the_undeformed_mask_is_smaller_by_the_prestretch() {
-        let design = Design {
-            label: None,
-            title: String::new(),
-            source: String::new(),
-            pattern: Pattern::from_fn(|x, y| x < 10 && y < 20),
-            scene: Scene::vhb4910(),
-        };
-        let mask = Mask::new(&design, Size::Prestretched, false);
+        let (pattern, scene) = (Pattern::from_fn(|x, y| x < 10 && y < 20), Scene::vhb4910());
+        let mask = Mask::new(&pattern, &scene, Size::Prestretched, false);
         assert_eq!(
             (mask.side, mask.electrode_area, mask.outline_area),
             (50.0, 200.0, 200.0)
         );
         assert_eq!(mask.islands[0].0, [[0.0, 0.0], [10.0, 0.0], [10.0, 20.0], [0.0, 20.0]]);
-        let small = Mask::new(&design, Size::Undeformed, false);
+        let small = Mask::new(&pattern, &scene, Size::Undeformed, false);
         assert!((small.side - 50.0 / 3.0).abs() < 1e-12 && (small.outline_area - 200.0 / 9.0).abs() < 1e-12);
         assert!((small.islands[0].0[2][1] - 20.0 / 3.0).abs() < 1e-12);
     }
