@@ -109,16 +109,16 @@ fn allowed_units(constraints: &Constraints) -> Genome {
 pub fn evolve(setting: &Setting<'_>, options: &EvolveOptions, watch: &dyn Watch) -> Result<Evolution, EvolveError> {
     options.validate()?;
     let mut search = Search::new(setting, options);
-    let mut history = match resumed(&mut search, options, watch) {
+    let mut history = match resume(&mut search, options, watch) {
         Some(history) => history,
-        None => begun(&mut search, setting, options, watch)?,
+        None => start(&mut search, setting, options, watch)?,
     };
     let stop = loop {
         if let Some(stop) = history.end(options) {
             break stop;
         }
-        let population = search.judged(search.bred(&history))?;
-        told(&mut history, population, &search, watch);
+        let population = search.evaluated(search.next_generation(&history))?;
+        record(&mut history, population, &search, watch);
     };
     let winners = search.winners(&history)?;
     Ok(Evolution {
@@ -130,7 +130,7 @@ pub fn evolve(setting: &Setting<'_>, options: &EvolveOptions, watch: &dyn Watch)
 }
 
 /// What a search had come to when its state was kept, if it was.
-fn resumed(search: &mut Search<'_>, options: &EvolveOptions, watch: &dyn Watch) -> Option<History> {
+fn resume(search: &mut Search<'_>, options: &EvolveOptions, watch: &dyn Watch) -> Option<History> {
     let bytes = watch.kept()?;
     match State::from_bytes(&bytes, options) {
         Ok(state) => {
@@ -148,7 +148,7 @@ fn resumed(search: &mut Search<'_>, options: &EvolveOptions, watch: &dyn Watch) 
 }
 
 /// The first generation.
-fn begun(
+fn start(
     search: &mut Search<'_>,
     setting: &Setting<'_>,
     options: &EvolveOptions,
@@ -160,7 +160,7 @@ fn begun(
         options.seed,
         options.population,
     );
-    let population = search.judged(genomes)?;
+    let population = search.evaluated(genomes)?;
     if population[0].known.fitness.is_infinite() {
         return Err(match population.iter().any(|i| i.known.feasible == Some(false)) {
             true => EvolveError::NotFeasible,
@@ -168,12 +168,12 @@ fn begun(
         });
     }
     let mut history = History::default();
-    told(&mut history, population, search, watch);
+    record(&mut history, population, search, watch);
     Ok(history)
 }
 
-/// Adds a generation to the history and tells of it.
-fn told(history: &mut History, population: Vec<Individual>, search: &Search<'_>, watch: &dyn Watch) {
+/// Adds a generation to the history and reports it.
+fn record(history: &mut History, population: Vec<Individual>, search: &Search<'_>, watch: &dyn Watch) {
     history.add(population);
     if let Some(report) = history.reports.last() {
         watch.generation(report);

@@ -38,19 +38,19 @@ parameters! {
         /// Patterns from which the gradient is followed.
         pub starts: usize [1..=1000] = 6,
         /// So many different designs of each target.
-        pub designs: usize [1..=1000] = 1,
+        pub designs: usize [1..=1000] = EvolveOptions::PAPER.designs,
         /// Share of the cells in which two of them differ at least, whichever way they are turned.
-        pub distance: Decimal [0.0..=1.0] = 0.05,
+        pub distance: Decimal [0.0..=1.0] = EvolveOptions::PAPER.distance,
         /// Individuals.
-        pub population: usize [2..=1_000_000] = 1000,
+        pub population: usize [2..=1_000_000] = EvolveOptions::PAPER.population,
         /// Generations at most.
-        pub generations: usize [0..=1_000_000] = 60,
+        pub generations: usize [0..=1_000_000] = EvolveOptions::PAPER.generations,
         /// Best individuals that stay.
-        pub elite: Decimal [0.0..=1.0] = 0.02,
+        pub elite: Decimal [0.0..=1.0] = EvolveOptions::PAPER.elite,
         /// Probability of a crossover.
-        pub crossover: Decimal [0.0..=1.0] = 0.7,
+        pub crossover: Decimal [0.0..=1.0] = EvolveOptions::PAPER.crossover,
         /// Probability of a mutation.
-        pub mutation: Decimal [0.0..=1.0] = 0.3,
+        pub mutation: Decimal [0.0..=1.0] = EvolveOptions::PAPER.mutation,
         /// Generations without gain after which the search ends.
         pub stagnation: Option<usize> [1..=1_000_000],
         /// Names the random numbers.

@@ -49,11 +49,11 @@ parameters! {
 
 /// Constraints are read for the membrane of the scene; a named network must be there.
 fn rules(fields: Fields) -> Fields {
-    let constraints = ConstraintParameters::schema().says("What designs must keep to.");
-    fields.optional("constraints", constraints).rule(json!({
-        "if": { "required": ["evaluator"], "properties": { "evaluator": { "const": "surrogate" } } },
-        "then": { "required": ["needs"] },
-    }))
+    let is = |key: &str, word: &str| json!({ "required": [key], "properties": { key: { "const": word } } });
+    fields
+        .optional("constraints", ConstraintParameters::schema())
+        .rule(json!({ "if": is("evaluator", "surrogate"), "then": { "required": ["needs"] } }))
+        .rule(json!({ "if": is("method", "adjoint"), "then": { "not": { "required": ["needs"] } } }))
 }
 
 impl DesignParameters {

@@ -1,7 +1,7 @@
 //! What is asked of a pattern, in the terms in which people ask it.
 
-use super::ground::Ground;
 use super::morphology::{flooded, opened};
+use super::raster::RasterConstraints;
 use crate::pattern::{Bits, CELLS};
 
 /// Widths within this part of a cell are equal: rounding must not widen a feature by a cell.
@@ -176,7 +176,7 @@ impl Limits {
     }
 
     /// What the limits mean for the cells of a membrane.
-    pub(super) fn ground(&self, side: f64) -> Result<Ground, ConstraintError> {
+    pub(super) fn raster(&self, side: f64) -> Result<RasterConstraints, ConstraintError> {
         let feature = self.feature(side)?;
         self.check_numbers()?;
         let mut free = Bits::FULL;
@@ -196,8 +196,8 @@ impl Limits {
         if let Some(leads) = &leads {
             room = flooded(leads, &room);
         }
-        Ok(Ground {
-            room,
+        Ok(RasterConstraints {
+            allowed: room,
             feature,
             islands: self.islands,
             leads,

@@ -5,10 +5,10 @@
 //! square of as many cells (Serra, Image Analysis and Mathematical Morphology, 1982).
 
 mod blocks;
-mod ground;
 mod limits;
 mod morphology;
 mod parameters;
+mod raster;
 mod repair;
 mod violations;
 
@@ -20,7 +20,7 @@ pub use parameters::ConstraintParameters;
 pub use violations::Violations;
 
 use crate::pattern::{Bits, CELLS, Pattern};
-use ground::Ground;
+use raster::RasterConstraints;
 
 /// All cells of the membrane.
 const ALL: f64 = (CELLS * CELLS) as f64;
@@ -30,8 +30,8 @@ const ALL: f64 = (CELLS * CELLS) as f64;
 pub struct Constraints {
     limits: Limits,
     side_mm: f64,
-    ground: Ground,
-    /// The cells of the ground, row by row from below.
+    raster: RasterConstraints,
+    /// The cells of the raster, row by row from below.
     allowed: Box<[bool]>,
 }
 
@@ -41,7 +41,7 @@ impl Default for Constraints {
         Self {
             limits: Limits::default(),
             side_mm: CELLS as f64,
-            ground: Ground::default(),
+            raster: RasterConstraints::default(),
             allowed: vec![true; CELLS * CELLS].into(),
         }
     }
@@ -53,13 +53,13 @@ impl Constraints {
     /// # Errors
     /// When a number is out of range, or the constraints contradict each other.
     pub fn new(limits: Limits, side_mm: f64) -> Result<Self, ConstraintError> {
-        let ground = limits.ground(side_mm)?;
-        let allowed = (0..CELLS * CELLS).map(|cell| ground.room.has(cell % CELLS, cell / CELLS));
+        let raster = limits.raster(side_mm)?;
+        let allowed = (0..CELLS * CELLS).map(|cell| raster.allowed.has(cell % CELLS, cell / CELLS));
         Ok(Self {
             allowed: allowed.collect(),
             limits,
             side_mm,
-            ground,
+            raster,
         })
     }
 
@@ -72,13 +72,13 @@ impl Constraints {
     /// Whether nothing is asked of the pattern itself; margins may be.
     #[must_use]
     pub fn is_free(&self) -> bool {
-        self.ground == Ground::default()
+        self.raster == RasterConstraints::default()
     }
 
     /// Side in cells of the square that electrodes and gaps are at least as wide as; 1 where nothing is asked.
     #[must_use]
     pub fn feature_cells(&self) -> usize {
-        self.ground.feature
+        self.raster.feature
     }
 
     /// For each cell, row by row from below, whether any pattern that keeps the constraints may have it active: it is not kept
@@ -91,7 +91,7 @@ impl Constraints {
     /// The largest area fraction that a pattern within the constraints has at most.
     #[must_use]
     pub fn largest_area(&self) -> f64 {
-        self.ground.most_cells() as f64 / ALL
+        self.raster.most_cells() as f64 / ALL
     }
 
     /// Whether some pattern may have an area fraction within a tolerance, as far as can be told without searching.
@@ -103,7 +103,7 @@ impl Constraints {
         if area > largest + tolerance {
             return Err(ConstraintError::TooMuchArea { area, largest });
         }
-        let smallest = (self.ground.feature * self.ground.feature) as f64 / ALL;
+        let smallest = (self.raster.feature * self.raster.feature) as f64 / ALL;
         if area > tolerance && area + tolerance < smallest {
             return Err(ConstraintError::TooLittleArea { area, smallest });
         }
@@ -113,7 +113,7 @@ impl Constraints {
     /// The pattern without the cells that are not [allowed](Self::allowed).
     #[must_use]
     pub fn masked(&self, pattern: &Pattern) -> Pattern {
-        Bits::of(pattern).and(&self.ground.room).pattern()
+        Bits::of(pattern).and(&self.raster.allowed).pattern()
     }
 
     /// Whether a pattern keeps all that can be told from the pattern alone: all but the margins.
@@ -125,7 +125,7 @@ impl Constraints {
     /// The same of a pattern as bits.
     #[must_use]
     pub fn hold_bits(&self, bits: &Bits) -> bool {
-        self.ground.holds(bits)
+        self.raster.holds(bits)
     }
 
     /// What of a pattern does not keep the constraints, margins aside.
@@ -145,6 +145,6 @@ impl Constraints {
     /// The same of a pattern as bits.
     #[must_use]
     pub fn repaired_bits(&self, bits: &Bits) -> Option<Bits> {
-        repair::repaired(&self.ground, bits)
+        repair::repaired(&self.raster, bits)
     }
 }

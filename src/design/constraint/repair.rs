@@ -1,46 +1,46 @@
 //! A pattern nearby that keeps the constraints.
 
 use super::blocks;
-use super::ground::Ground;
 use super::morphology::{closed, components, dilated, eroded, grown, opened, spread};
+use super::raster::RasterConstraints;
 use crate::pattern::{Bits, CELLS};
 
 /// How often widths and connections are mended in turn before it is done on blocks instead.
 const ROUNDS: usize = 4;
 
 /// What mending cell by cell gives, or on blocks of the least width where that fails.
-pub(super) fn repaired(ground: &Ground, given: &Bits) -> Option<Bits> {
-    let start = given.and(&ground.room);
+pub(super) fn repaired(raster: &RasterConstraints, given: &Bits) -> Option<Bits> {
+    let start = given.and(&raster.allowed);
     if given.is_empty() {
         return Some(*given);
     }
-    let by_cells = mended(ground, &start);
-    let found = by_cells.or_else(|| match ground.feature {
+    let by_cells = mended(raster, &start);
+    let found = by_cells.or_else(|| match raster.feature {
         1 => None,
-        _ => blocks::repaired(ground, &start),
+        _ => blocks::repaired(raster, &start),
     });
     found.filter(|bits| !bits.is_empty())
 }
 
 /// Mends widths and connections in turn; none where that does not end, as strips may come too near to other electrodes.
-fn mended(ground: &Ground, start: &Bits) -> Option<Bits> {
+fn mended(raster: &RasterConstraints, start: &Bits) -> Option<Bits> {
     let mut bits = *start;
     for _ in 0..ROUNDS {
-        bits = connected(ground, &regular(ground, &bits));
-        if bits.is_empty() || ground.is_regular(&bits) {
-            return (!bits.is_empty() && ground.holds(&bits)).then_some(bits);
+        bits = connected(raster, &regular(raster, &bits));
+        if bits.is_empty() || raster.is_regular(&bits) {
+            return (!bits.is_empty() && raster.holds(&bits)).then_some(bits);
         }
     }
     None
 }
 
 /// Closes narrow gaps and removes thin electrodes. A gap that cannot be closed so is widened until it is wide enough.
-fn regular(ground: &Ground, bits: &Bits) -> Bits {
-    let n = ground.feature;
-    if n == 1 || ground.is_regular(bits) {
+fn regular(raster: &RasterConstraints, bits: &Bits) -> Bits {
+    let n = raster.feature;
+    if n == 1 || raster.is_regular(bits) {
         return *bits;
     }
-    let mut bits = opened(&closed(bits, n).and(&ground.room), n);
+    let mut bits = opened(&closed(bits, n).and(&raster.allowed), n);
     loop {
         let mut gaps = closed(&bits, n).without(&bits);
         if gaps.is_empty() {
@@ -56,11 +56,11 @@ fn regular(ground: &Ground, bits: &Bits) -> Bits {
 
 /// Keeps the largest pieces, led out and as many as allowed; joins another one, or leads it out, by the shortest strip that is
 /// not larger than the piece, and drops it where there is none.
-pub(super) fn connected(ground: &Ground, bits: &Bits) -> Bits {
-    if ground.islands.is_none() && ground.leads.is_none() {
+pub(super) fn connected(raster: &RasterConstraints, bits: &Bits) -> Bits {
+    if raster.islands.is_none() && raster.leads.is_none() {
         return *bits;
     }
-    let most = ground.islands.unwrap_or(usize::MAX);
+    let most = raster.islands.unwrap_or(usize::MAX);
     let (mut kept, mut count) = (Bits::EMPTY, 0);
     for piece in components(bits) {
         if spread(&piece).meets(&kept) {
@@ -68,13 +68,13 @@ pub(super) fn connected(ground: &Ground, bits: &Bits) -> Bits {
             kept = kept.or(&piece);
             continue;
         }
-        if count < most && ground.is_led(&piece) {
+        if count < most && raster.is_led(&piece) {
             kept = kept.or(&piece);
             count += 1;
             continue;
         }
-        let leads = if count < most { ground.leads } else { None };
-        let Some(strip) = strip(ground, &piece, &kept, leads.as_ref()) else {
+        let leads = if count < most { raster.leads } else { None };
+        let Some(strip) = strip(raster, &piece, &kept, leads.as_ref()) else {
             continue;
         };
         if strip.without(bits).count() <= piece.count() {
@@ -86,9 +86,9 @@ pub(super) fn connected(ground: &Ground, bits: &Bits) -> Bits {
 }
 
 /// The shortest way of a square of the least width from a piece to what is kept or to a lead, through the room.
-fn strip(ground: &Ground, piece: &Bits, kept: &Bits, leads: Option<&Bits>) -> Option<Bits> {
-    let n = ground.feature;
-    let places = eroded(&ground.room, n);
+fn strip(raster: &RasterConstraints, piece: &Bits, kept: &Bits, leads: Option<&Bits>) -> Option<Bits> {
+    let n = raster.feature;
+    let places = eroded(&raster.allowed, n);
     let mut goal = eroded(kept, n);
     if let Some(leads) = leads {
         goal = goal.or(&touching(leads, &places, n));

@@ -35,27 +35,27 @@ struct Asked {
 
 impl Violations {
     pub(super) fn of(constraints: &Constraints, bits: &Bits) -> Self {
-        let (ground, limits) = (&constraints.ground, &constraints.limits);
-        let n = ground.feature;
+        let (raster, limits) = (&constraints.raster, &constraints.limits);
+        let n = raster.feature;
         let mut found = Self {
-            kept_out: bits.without(&ground.room).count(),
+            kept_out: bits.without(&raster.allowed).count(),
             ..Self::default()
         };
         if n > 1 {
             found.thin = bits.without(&opened(bits, n)).count();
             found.narrow = closed(bits, n).without(bits).count();
         }
-        if ground.islands.is_some() || ground.leads.is_some() {
+        if raster.islands.is_some() || raster.leads.is_some() {
             let pieces = components(bits);
-            let most = ground.islands.unwrap_or(pieces.len());
+            let most = raster.islands.unwrap_or(pieces.len());
             found.surplus = pieces.len().saturating_sub(most);
-            let loose = |(index, piece): &(usize, &Bits)| *index >= most || !ground.is_led(piece);
+            let loose = |(index, piece): &(usize, &Bits)| *index >= most || !raster.is_led(piece);
             found.loose = pieces.iter().enumerate().filter(loose).map(|(_, p)| p.count()).sum();
-            found.unled = pieces.iter().filter(|piece| !ground.is_led(piece)).count();
+            found.unled = pieces.iter().filter(|piece| !raster.is_led(piece)).count();
             found.asked.pieces = pieces.len();
         }
         found.asked = Asked {
-            islands: ground.islands.unwrap_or_default(),
+            islands: raster.islands.unwrap_or_default(),
             feature_mm: limits.min_feature_mm.unwrap_or(constraints.side_mm / CELLS as f64),
             sides: limits.leads,
             ..found.asked

@@ -24,19 +24,8 @@ pub struct EvolveOptions {
 }
 
 impl Default for EvolveOptions {
-    /// The paper's: 1000 individuals, 60 generations, 2 % elite, crossover 0.7, mutation 0.3; one design.
     fn default() -> Self {
-        Self {
-            population: 1000,
-            generations: 60,
-            elite: 0.02,
-            crossover: 0.7,
-            mutation: 0.3,
-            stagnation: None,
-            designs: 1,
-            distance: 0.05,
-            seed: 0,
-        }
+        Self::PAPER
     }
 }
 
@@ -63,6 +52,19 @@ pub enum OptionsError {
 }
 
 impl EvolveOptions {
+    /// The paper's: 1000 individuals, 60 generations, 2 % elite, crossover 0.7, mutation 0.3; one design.
+    pub const PAPER: Self = Self {
+        population: 1000,
+        generations: 60,
+        elite: 0.02,
+        crossover: 0.7,
+        mutation: 0.3,
+        stagnation: None,
+        designs: 1,
+        distance: 0.05,
+        seed: 0,
+    };
+
     pub(super) fn validate(&self) -> Result<(), OptionsError> {
         if self.population < 2 {
             return Err(OptionsError::Population(self.population));

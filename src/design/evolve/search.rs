@@ -53,7 +53,7 @@ impl<'a> Search<'a> {
     }
 
     /// The next generation of a sorted one.
-    pub fn bred(&self, history: &History) -> Vec<Genome> {
+    pub fn next_generation(&self, history: &History) -> Vec<Genome> {
         let (size, population) = (self.options.population, &history.population);
         let mut stream = Stream::new(self.options.seed, "generation", history.reports.len() as u64);
         let elites = population[..self.options.elites()].iter();
@@ -75,7 +75,7 @@ impl<'a> Search<'a> {
     }
 
     /// The individuals of these genomes in their order.
-    pub fn judged(&mut self, genomes: Vec<Genome>) -> Result<Vec<Individual>, PredictError> {
+    pub fn evaluated(&mut self, genomes: Vec<Genome>) -> Result<Vec<Individual>, PredictError> {
         let mut unknown: Vec<&Genome> = genomes.iter().filter(|g| !self.known.contains_key(*g)).collect();
         unknown.sort_unstable();
         unknown.dedup();
@@ -174,7 +174,7 @@ impl<'a> Search<'a> {
         let mut refused = false;
         for (genome, feasible) in genomes.iter().zip(self.feasible(&genomes)?) {
             if let Some(entry) = self.known.get_mut(genome) {
-                entry.known = entry.known.judged(feasible);
+                entry.known = entry.known.with_verdict(feasible);
             }
             refused |= !feasible;
         }
@@ -307,7 +307,7 @@ impl<'a> Search<'a> {
 
 impl Known {
     /// With the verdict on it: what is not feasible is worse than any other.
-    fn judged(self, feasible: bool) -> Self {
+    fn with_verdict(self, feasible: bool) -> Self {
         Self {
             fitness: if feasible { self.fitness } else { f64::INFINITY },
             feasible: Some(feasible),

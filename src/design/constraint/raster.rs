@@ -1,13 +1,13 @@
-//! The constraints in terms of cells.
+//! The constraints in terms of the cells of the raster.
 
 use super::morphology::{closed, components, opened};
 use crate::pattern::Bits;
 
 /// Where electrodes may lie, and how.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Ground {
+pub(super) struct RasterConstraints {
     /// Cells that may be active: squares of the least width within it cover it.
-    pub room: Bits,
+    pub allowed: Bits,
     /// Side in cells of the square of the least width.
     pub feature: usize,
     /// The largest number of pieces.
@@ -16,11 +16,11 @@ pub(super) struct Ground {
     pub leads: Option<Bits>,
 }
 
-impl Default for Ground {
+impl Default for RasterConstraints {
     /// Everything is allowed.
     fn default() -> Self {
         Self {
-            room: Bits::FULL,
+            allowed: Bits::FULL,
             feature: 1,
             islands: None,
             leads: None,
@@ -28,10 +28,10 @@ impl Default for Ground {
     }
 }
 
-impl Ground {
+impl RasterConstraints {
     /// Whether a pattern keeps to it.
     pub fn holds(&self, bits: &Bits) -> bool {
-        if !bits.without(&self.room).is_empty() || !self.is_regular(bits) {
+        if !bits.without(&self.allowed).is_empty() || !self.is_regular(bits) {
             return false;
         }
         if self.islands.is_none() && self.leads.is_none() {
@@ -54,7 +54,7 @@ impl Ground {
 
     /// How many cells a pattern within it has at most.
     pub fn most_cells(&self) -> usize {
-        let pieces = components(&self.room);
+        let pieces = components(&self.allowed);
         let most = self.islands.unwrap_or(usize::MAX);
         pieces.iter().take(most).map(Bits::count).sum()
     }
