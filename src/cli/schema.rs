@@ -1,13 +1,16 @@
-//! `deaflow schema`: the JSON Schema of pipelines or scenes, with which editors complete and check files.
+//! `deaflow schema`: the JSON Schema of pipelines or scenes, with which editors complete and check files; and the arrays of
+//! artifacts.
 
 use clap::{Args, ValueEnum};
+use serde_json::{Value, json};
 
 use super::error::CliError;
 use super::output::{Exit, Output};
+use crate::content::{ContentOfKind, Declared, catalogue};
 use crate::orchestrator::{of_pipeline, of_scene};
 use crate::stage;
 
-/// Print the JSON Schema of pipelines or scenes, with which editors complete and check files
+/// Print the JSON Schema of pipelines or scenes, with which editors complete and check files; or the arrays of artifacts
 #[derive(Debug, Args)]
 pub struct SchemaArguments {
     /// Of what
@@ -21,6 +24,8 @@ pub enum SchemaOf {
     Pipeline,
     /// Scenes in files of their own
     Scene,
+    /// Arrays and attributes of artifacts
+    Artifacts,
 }
 
 pub fn execute(arguments: &SchemaArguments, output: &Output) -> Result<Exit, CliError> {
@@ -28,6 +33,29 @@ pub fn execute(arguments: &SchemaArguments, output: &Output) -> Result<Exit, Cli
     output.document(&match arguments.of {
         SchemaOf::Pipeline => of_pipeline(&registry),
         SchemaOf::Scene => of_scene(&registry),
+        SchemaOf::Artifacts => catalogue().iter().map(of_kind).collect(),
     })?;
     Ok(Exit::Done)
+}
+
+fn of_kind(kind: &ContentOfKind) -> Value {
+    let attribute = |(name, description): &(&str, &str)| json!({ "name": name, "description": description });
+    json!({
+        "kind": kind.name,
+        "arrays": kind.arrays.iter().map(of_array).collect::<Vec<_>>(),
+        "attributes": kind.attributes.iter().map(attribute).collect::<Vec<_>>(),
+    })
+}
+
+/// The extents of an array are those of its last axes; the others differ from artifact to artifact.
+fn of_array(array: &Declared) -> Value {
+    json!({
+        "path": array.path,
+        "type": array.element.name(),
+        "units": array.units,
+        "axes": array.axes,
+        "extents": array.extents,
+        "description": array.description,
+        "optional": array.optional,
+    })
 }

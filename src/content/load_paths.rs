@@ -20,23 +20,23 @@ arrays! {
         max_displacement: Vec<f64> = array("max_displacement", "mm", [point]),
         /// Displacement magnitude at the watched corner.
         displacement: Vec<f64> = array("displacement", "mm", [point]),
-        /// Smallest eigenvalue of the tangent against the Laplacian.
+        /// Smallest eigenvalue of the tangent against the Laplacian: near 1 at rest, zero where stability is lost.
         smallest_eigenvalue: Vec<f64> = array("smallest_eigenvalue", "1", [point]),
         /// Negative eigenvalues of the tangent.
         negative_eigenvalues: Vec<u64> = array("negative_eigenvalues", "1", [point]),
-        /// 1 where a membrane can be found in this state.
+        /// 1 where a membrane can be found in this state: no negative eigenvalue, and elliptic everywhere.
         stable: Vec<u8> = array("stable", "1", [point]),
-        /// What happens: fold, bifurcation or not-elliptic.
+        /// What happens: `fold`, `bifurcation` or `not-elliptic`.
         event_kind: Vec<String> = array("event_kind", "", [event]),
         /// Where it happens.
         event_voltage: Vec<f64> = array("event_voltage", "V", [event]),
         /// Row of the point just before it.
         event_point: Vec<u64> = array("event_point", "1", [event]),
-        /// What ends the stable part that begins at rest.
+        /// What ends the stable part that begins at rest: the kind of the first event, or `none`.
         limit_kind: Vec<String> = array("limit_kind", "", [path]),
         /// Highest voltage of that part; NaN where it has no end.
         limit_voltage: Vec<f64> = array("limit_voltage", "V", [path]),
-        /// Displacement at that limit, at the cell corners.
+        /// Displacement at that limit, at the cell corners; that of the last point where there is no limit.
         limit_displacement: Vec<Field> = array("limit_displacement", "mm", [path, corner_y, corner_x, xy]),
         /// Column and row of the corner that moves most at that limit.
         watched_corner: Vec<[u64; 2]> = array("watched_corner", "1", [path, xy]),

@@ -16,6 +16,7 @@ mod accuracy;
 mod audit;
 mod balanced;
 mod calibration;
+mod catalogue;
 mod designs;
 mod evaluation;
 mod labelled;
@@ -35,6 +36,7 @@ pub use attribute::{Attribute, Json, Lines};
 pub use audit::{AreaHistogram, Audit, DisplacementHistogram, ResimulatedRows};
 pub use balanced::{BalanceCounts, Balanced, BalancedView, Histograms};
 pub use calibration::{Calibration, Difficulty, Novelty};
+pub use catalogue::{ContentOfKind, catalogue};
 pub use declared::Declared;
 pub use designs::{
     Candidates, Components, DesignRows, DesignRowsView, Designs, DesignsView, GENOME_UNITS, GradientSteps, History,

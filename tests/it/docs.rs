@@ -31,18 +31,29 @@ fn the_tutorial_is_true() {
 
 #[test]
 fn the_reference_says_what_the_program_reads() {
+    is_written_by(&["schema"], "docs/tools/reference.py", "docs/reference.md");
+}
+
+#[test]
+fn the_tables_of_arrays_say_what_the_program_writes() {
+    is_written_by(&["schema", "artifacts"], "docs/tools/arrays.py", "docs/arrays.md");
+}
+
+/// Holds a page to what a tool makes of what the program prints.
+fn is_written_by(arguments: &[&str], tool: &str, page: &str) {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let workspace = Workspace::new();
-    workspace.write("schema.json", &workspace.run(&["schema"]).stdout);
+    workspace.write("printed.json", &workspace.run(arguments).stdout);
     let written = Command::new(super::h5py::python())
-        .arg(root.join("docs/tools/reference.py"))
-        .stdin(std::fs::File::open(workspace.path("schema.json")).unwrap())
+        .arg(root.join(tool))
+        .stdin(std::fs::File::open(workspace.path("printed.json")).unwrap())
         .output()
         .unwrap();
-    let stands = std::fs::read_to_string(root.join("docs/reference.md")).unwrap();
+    let stands = std::fs::read_to_string(root.join(page)).unwrap();
     assert!(
         String::from_utf8_lossy(&written.stdout) == stands,
-        "deaflow schema | python3 docs/tools/reference.py > docs/reference.md writes it anew"
+        "deaflow {} | python3 {tool} > {page} writes it anew",
+        arguments.join(" ")
     );
 }
 

@@ -1,0 +1,50 @@
+#!/usr/bin/env python3
+"""The tables of docs/arrays.md, from what the program declares of its artifacts:
+
+    deaflow schema artifacts | python3 docs/tools/arrays.py > docs/arrays.md
+"""
+
+import json
+import sys
+
+HEAD = """# Arrays of artifacts
+
+Written by `deaflow schema artifacts | python3 docs/tools/arrays.py > docs/arrays.md`; a test holds it to the program. Arrays that share
+an axis are equally long along it, and axes with a number are as long in every artifact. Arrays in *italics* stand only where what
+they tell of is there. Times are no content: they stand in the attribute `measurements` of `/provenance`.
+"""
+
+
+def axes(array):
+    """The axes, slowest first, with their extents where these are fixed."""
+    free = len(array["axes"]) - len(array["extents"])
+    fixed = [f"{name} {extent}" for name, extent in zip(array["axes"][free:], array["extents"])]
+    return ", ".join(array["axes"][:free] + fixed)
+
+
+def row(array):
+    """A line of the table."""
+    path = f"`{array['path']}`"
+    if array["optional"]:
+        path = f"*{path}*"
+    return f"| {path} | {array['type']} | {axes(array)} | {array['units']} | {array['description']} |"
+
+
+def main():
+    """Writes the page."""
+    print(HEAD)
+    parts = []
+    for kind in json.load(sys.stdin):
+        name = kind["kind"]
+        title = f"`{name}`" if " " not in name else name[0].upper() + name[1:]
+        lines = [f"## {title}", "", "| array | type | axes | unit | |", "|---|---|---|---|---|"]
+        lines += [row(array) for array in kind["arrays"]]
+        if kind["attributes"]:
+            lines += ["", "| attribute | |", "|---|---|"]
+            lines += [f"| `{a['name']}` | {a['description']} |" for a in kind["attributes"]]
+        parts.append("\n".join(lines))
+    print("\n\n".join(parts))
+
+
+if __name__ == "__main__":
+    main()
