@@ -108,3 +108,34 @@ fn what_does_not_fit_its_axes_cannot_be_stored() {
     wrong.residual.pop();
     assert!(wrong.object().digest().is_err());
 }
+
+#[test]
+fn every_array_is_declared_once_with_its_axes_and_a_sentence() {
+    for kind in catalogue() {
+        let mut paths: Vec<&str> = kind.arrays.iter().map(|array| array.path.as_str()).collect();
+        paths.sort_unstable();
+        assert!(
+            paths.windows(2).all(|pair| pair[0] != pair[1]),
+            "{}: {paths:?}",
+            kind.name
+        );
+        for array in &kind.arrays {
+            let place = format!("{}: {}", kind.name, array.path);
+            assert!(array.axes.len() >= array.extents.len().max(1), "{place}");
+            assert!(array.description.ends_with('.'), "{place}: {}", array.description);
+        }
+    }
+}
+
+#[test]
+fn axes_of_a_group_can_be_called_otherwise() {
+    let axes = |path: &str| {
+        let declared = Evaluation::declared();
+        declared.into_iter().find(|array| array.path == path).unwrap().axes
+    };
+    assert_eq!(axes("score/rmse"), ["predictors", "families"]);
+    assert_eq!(axes("area/rmse"), ["predictors", "area_bin"]);
+    let unstable = Solutions::declared();
+    let unstable = unstable.iter().find(|array| array.path == "unstable/family").unwrap();
+    assert_eq!(unstable.axes, ["unstable_sample"]);
+}
