@@ -3,6 +3,8 @@
 //!
 //! The step is scaled as by Liu et al. ("Muon is scalable for LLM training", arXiv 2502.16982, eq. 4) to the usual size
 //! of Adam's, so that both rules share one learning rate.
+//!
+//! candle-nn has no such rule.
 
 use faer::Accum;
 
