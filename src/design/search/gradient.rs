@@ -65,6 +65,7 @@ impl Search<'_> {
             0 => self.intuitive_start(),
             1 => Pattern::from_fn(|_, _| false),
             _ => {
+                // The words name the random numbers: others would find other designs.
                 let mut stream = Stream::new(self.options.seed.0, "start of a climb", index as u64);
                 let area = area.unwrap_or_else(|| stream.uniform());
                 Genome::random(area, START_GRAIN, &mut stream).pattern()

@@ -64,6 +64,7 @@ impl Search<'_> {
             let mut starts = vec![leader.clone()];
             for draw in 0..PERTURBATIONS {
                 let index = (refined[at].0 as u64) * PERTURBATIONS + draw;
+                // The words name the random numbers: others would find other designs.
                 let mut stream = Stream::new(self.options.seed.0, "spread design", index);
                 starts.extend(problem.perturb(leader, &mut stream)?);
             }
