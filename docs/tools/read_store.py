@@ -69,8 +69,8 @@ WORDING = {"warnings"}
 TYPES = {"uint8": "u8", "uint32": "u32", "uint64": "u64", "float32": "f32", "float64": "f64"}
 
 
-def check_seal(path):
-    """The seal in the first 512 bytes: content digest, digest of all that follows, length."""
+def check_header(path):
+    """The header in the first 512 bytes: content digest, digest of all that follows, length."""
     data = path.read_bytes()
     title, content, file, size = data[:512].split(b"\0")[0].decode().splitlines()
     assert title == "deaflow-artifact 1", f"{path}: not an artifact"
@@ -207,7 +207,7 @@ def main(store, key=None):
         return
     objects = {}
     for path in sorted((store / "objects").glob("??/*.h5")):
-        check_seal(path)
+        check_header(path)
         found, kind, parts = content_digest(path)
         assert found == path.stem, f"{path}: its content has the digest {found}"
         objects[found] = kind, parts

@@ -11,6 +11,9 @@ pub const TEXT_WIDTH: usize = 64;
 /// Attributes that only tell people what the content means: to mend their English changes no digest.
 pub const WORDING: [&str; 1] = ["warnings"];
 
+/// What the store itself keeps in files.
+const OWN: [&str; 2] = ["parts", "provenance"];
+
 /// The attribute of a file that holds the kind.
 pub const KIND: &str = "kind";
 
@@ -84,7 +87,7 @@ pub enum ObjectError {
     },
     /// Axes that cannot be named so.
     #[error(
-        "dataset `{path}` has {extents} axes, and the names {axes:?} do not fit: one for each, all different, none empty"
+        "dataset `{path}` has {extents} axes, and the names {axes:?} do not fit: one for each, all different, none empty or the store's own"
     )]
     Axes {
         /// Path of the dataset.
@@ -207,7 +210,8 @@ impl Dataset {
 
     fn validate_axes(&self, path: &str) -> Result<(), ObjectError> {
         let wrong = |(at, axis): (usize, &String)| {
-            axis.is_empty() || axis.contains(['/', '\0']) || self.axes[..at].contains(axis)
+            let reserved = axis.is_empty() || OWN.contains(&axis.as_str());
+            reserved || axis.contains(['/', '\0']) || self.axes[..at].contains(axis)
         };
         let count = self.axes.len();
         if count > 0 && (count != self.shape.len() || self.axes.iter().enumerate().any(wrong)) {
@@ -339,7 +343,7 @@ impl Object {
         if steps.clone().any(|step| step.is_empty() || step == "." || step == "..") || path.contains('\0') {
             return refuse("it is not a path of names joined by '/'");
         }
-        if matches!(steps.next(), Some("parts" | "provenance")) {
+        if steps.next().is_some_and(|step| OWN.contains(&step)) {
             return refuse("the store itself uses it");
         }
         let inside = format!("{path}/");
@@ -442,7 +446,7 @@ mod tests {
         assert!(matches!(bad.digest(), Err(ObjectError::Shape { .. })));
         let long = Object::default().with("x", Dataset::new("", "", &[1], Data::Text(vec!["é".repeat(33)])));
         assert!(matches!(long.digest(), Err(ObjectError::Text { .. })));
-        for axes in [&["x"][..], &["x", "x"], &["x", ""], &["x", "a/b"]] {
+        for axes in [&["x"][..], &["x", "x"], &["x", ""], &["x", "a/b"], &["x", "parts"]] {
             let data = Dataset::new("", "", &[1, 2], Data::U8(vec![1, 2]));
             let named = Object::default().with("x", data.with_axes(axes));
             assert!(matches!(named.digest(), Err(ObjectError::Axes { .. })), "{axes:?}");

@@ -48,10 +48,9 @@ pub fn attach(file: &File, folder: &Path, arrays: &[Content]) -> hdf5::Result<()
     let mut names = BTreeMap::new();
     for (axis, length) in lengths(arrays) {
         // An array of this name may stand there.
-        let name = if file.link_exists(axis) {
-            format!("{axis}_axis")
-        } else {
-            axis.to_owned()
+        let free = [axis.to_owned(), format!("{axis}_axis")];
+        let Some(name) = free.into_iter().find(|name| !file.link_exists(name)) else {
+            continue;
         };
         template.dataset(SCALE)?.copy_to(file, &name)?;
         let scale = file.dataset(&name)?;
