@@ -14,6 +14,7 @@ mod fsck;
 mod gc;
 mod locate;
 mod model;
+mod neglected;
 mod output;
 mod path;
 mod pin;

@@ -8,11 +8,11 @@ use serde_json::json;
 use super::arguments::{SetArguments, StoreArguments};
 use super::error::CliError;
 use super::locate;
+use super::neglected::neglected;
 use super::output::{Exit, Output};
 use super::run;
 use crate::orchestrator::{Environment, plan};
 use crate::report::{History, write_report};
-use crate::stage::screening::neglected;
 
 /// Write a report of a pipeline: one page with every design, and the designs as files
 #[derive(Debug, Args)]

@@ -8,6 +8,7 @@ use tempfile::TempDir;
 
 use super::arguments::{PipelineArguments, StoreArguments};
 use super::error::CliError;
+use super::neglected::neglected;
 use super::output::{Exit, Output};
 use super::progress::{RunProgress, Shown};
 use super::table;
@@ -15,7 +16,6 @@ use crate::base::Override;
 use crate::orchestrator::{Environment, Pipeline, RunOptions, RunOutcome, run};
 use crate::report::{Made, RunArtifacts, RunResults};
 use crate::stage;
-use crate::stage::screening::neglected;
 use crate::store::{LockFile, Store};
 
 /// Build what is stale in a pipeline, then print what was found and where the figures are

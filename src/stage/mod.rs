@@ -11,7 +11,6 @@ mod evaluate;
 mod labelled;
 mod model;
 mod sample;
-pub mod screening;
 pub mod solution;
 mod solve;
 mod train;
