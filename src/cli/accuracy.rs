@@ -143,9 +143,9 @@ fn write(
         ..solve::provenance("accuracy", parameters, start.elapsed().as_secs_f64())
     };
     write_file(&file, &content(benchmark, measured).object(), &provenance)?;
-    let failed = |e: String| CliError::failure(format!("cannot write {}: {e}", rows.display()));
-    let text = csv(benchmark, measured).map_err(failed)?;
-    std::fs::write(&rows, text).map_err(|e| failed(e.to_string()))?;
+    let failed = |e: csv::Error| CliError::failure(format!("cannot write {}: {e}", rows.display()));
+    let text = table_text(benchmark, measured).map_err(failed)?;
+    std::fs::write(&rows, text).map_err(|e| failed(e.into()))?;
     let mut files = vec![file, rows];
     let moved = measured.iter().any(|method| method.rms() > 0.0);
     // Patterns that do not move have no error to draw.
@@ -173,10 +173,10 @@ fn costs(benchmark: &Benchmark, measured: &[Measured]) -> Vec<FamilyCosts> {
 }
 
 /// One row for each method and family.
-fn csv(benchmark: &Benchmark, measured: &[Measured]) -> Result<Vec<u8>, String> {
+fn table_text(benchmark: &Benchmark, measured: &[Measured]) -> Result<Vec<u8>, csv::Error> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     let header = "settings,family,patterns,rms_mm,max_mm,bound_mm,seconds_per_pattern,missed,false_alarms";
-    writer.write_record(header.split(',')).map_err(|e| e.to_string())?;
+    writer.write_record(header.split(','))?;
     for method in measured {
         for (k, family) in benchmark.families.iter().enumerate() {
             let (error, [patterns, _]) = (&method.families[k], benchmark.counts(k));
@@ -184,8 +184,8 @@ fn csv(benchmark: &Benchmark, measured: &[Measured]) -> Result<Vec<u8>, String> 
             let counts = [error.missed, error.false_alarms].map(|n| n.to_string());
             let row = [method.settings.clone(), family.clone(), patterns.to_string()];
             let row = row.into_iter().chain(numbers).chain(counts);
-            writer.write_record(row).map_err(|e| e.to_string())?;
+            writer.write_record(row)?;
         }
     }
-    writer.into_inner().map_err(|e| e.to_string())
+    Ok(writer.into_inner().map_err(|e| e.into_error())?)
 }

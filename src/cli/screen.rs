@@ -94,7 +94,7 @@ fn text(screening: &Screening) -> String {
     let warnings = screening
         .warnings()
         .into_iter()
-        .map(|warning| format!("warning: {warning}"));
+        .map(|warning| format!("model warning: {warning}"));
     let lines: Vec<String> = [legend, simulated].into_iter().chain(warnings).collect();
     format!("{}\n\n{}", table.trim_fmt(), lines.join("\n"))
 }

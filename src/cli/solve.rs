@@ -209,7 +209,12 @@ pub fn conclude(
                 "pattern {index}: the finest mesh leaves an estimated error of {error:.2e} mm, more than was asked for"
             )
         }));
-        lines.extend(answer.warnings.iter().map(|warning| format!("warning: {warning}")));
+        lines.extend(
+            answer
+                .warnings
+                .iter()
+                .map(|warning| format!("model warning: {warning}")),
+        );
         let wrinkled = answer.wrinkled.iter();
         lines.extend(wrinkled.map(|(index, fraction)| {
             format!(

@@ -1,4 +1,4 @@
-//! Numbers as people read them.
+//! Numbers as people read them, and names as files bear them.
 
 /// A duration.
 pub fn seconds(seconds: f64) -> String {
@@ -81,6 +81,24 @@ pub fn cut(text: &str, most: usize) -> String {
         true => text.chars().take(most - 1).chain(['…']).collect(),
         false => text.to_owned(),
     }
+}
+
+/// The name of a figure's file.
+pub fn figure_name(stage: &str, digest: &str, figure: &str) -> String {
+    format!("{}-{digest:.8}-{figure}.png", file_name(stage))
+}
+
+/// Names are free in a pipeline; in the name of a file they must not lead elsewhere.
+pub fn file_name(name: &str) -> String {
+    let safe = |c: char| {
+        if c.is_alphanumeric() || c == '-' || c == '_' {
+            c
+        } else {
+            '-'
+        }
+    };
+    let safe: String = name.chars().take(60).map(safe).collect();
+    if safe.is_empty() { "unnamed".into() } else { safe }
 }
 
 #[cfg(test)]

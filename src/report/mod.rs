@@ -2,7 +2,7 @@
 
 mod artifacts;
 mod designs;
-mod drawing;
+pub mod drawing;
 mod error;
 mod evaluation;
 mod evaluators;
@@ -25,7 +25,9 @@ pub use error::ReportError;
 pub use format::{bytes, seconds};
 pub use history::{History, Origin, StageFacts};
 pub use html::{Column, Page};
+pub use kinds::PRESENTERS;
 pub use kinds::audit::audited;
+pub use presenter::{DrawFigure, Presenter, Results};
 pub use results::{RunResults, draw_figures};
 pub use write_report::{COLUMNS, Written, write_report};
 

@@ -7,7 +7,9 @@ use serde_json::{Map, Value, json};
 
 use super::artifacts::{Made, RunArtifacts, Source};
 use super::error::ReportError;
-use super::presenter::{DrawFigure, PRESENTERS, Results};
+use super::format::{figure_name, file_name};
+use super::kinds::PRESENTERS;
+use super::presenter::{DrawFigure, Presenter, Results};
 use super::warnings::warnings;
 
 /// What a run found.
@@ -28,7 +30,7 @@ impl RunResults {
         for presenter in PRESENTERS {
             of_kinds.extend(presenter.results(run)?);
         }
-        let figures = draw_figures(run, pipeline)?;
+        let figures = draw_figures(PRESENTERS, run, pipeline)?;
         Ok(Self {
             of_kinds,
             model_warnings: neglected.into_iter().chain(warnings(run)?).collect(),
@@ -77,7 +79,7 @@ impl RunResults {
     }
 }
 
-/// Draws every figure of a run that is not there yet, and returns the paths of all, in the order of the stages:
+/// Draws every figure of a run that its presenters have and that is not there yet, and returns the paths of all, in the order of the stages:
 /// `<store>/figures/<pipeline>/<stage>-<digest>-<figure>.png`.
 ///
 /// A figure's file carries the digest of its artifact in its name: one that is there need not be drawn again, and a rerun that
@@ -85,11 +87,15 @@ impl RunResults {
 ///
 /// # Errors
 /// When an artifact cannot be read or a figure not be written.
-pub fn draw_figures(run: &RunArtifacts<'_>, pipeline: &str) -> Result<Vec<PathBuf>, ReportError> {
+pub fn draw_figures(
+    presenters: &[&dyn Presenter],
+    run: &RunArtifacts<'_>,
+    pipeline: &str,
+) -> Result<Vec<PathBuf>, ReportError> {
     let folder = run.store.root().join("figures").join(file_name(pipeline));
     let mut paths = Vec::new();
     for stage in run.made {
-        let presenter = PRESENTERS.iter().find(|presenter| presenter.kind() == stage.kind);
+        let presenter = presenters.iter().find(|presenter| presenter.kind() == stage.kind);
         let path = |figure: &str| folder.join(figure_name(&stage.stage, &stage.digest.to_string(), figure));
         let figures = presenter.map_or(&[][..], |presenter| presenter.figures());
         let wanted: Vec<(PathBuf, DrawFigure)> = figures.iter().map(|(name, draw)| (path(name), *draw)).collect();
@@ -102,7 +108,7 @@ pub fn draw_figures(run: &RunArtifacts<'_>, pipeline: &str) -> Result<Vec<PathBu
         }
         paths.extend(wanted.into_iter().map(|(path, _)| path).filter(|path| path.exists()));
     }
-    for presenter in PRESENTERS {
+    for presenter in presenters {
         paths.extend(presenter.common_figures(run, &folder)?);
     }
     Ok(paths)
@@ -116,22 +122,4 @@ fn draw(run: &RunArtifacts<'_>, stage: &Made, wanted: &[(PathBuf, DrawFigure)]) 
     };
     let missing = wanted.iter().filter(|(path, _)| !path.exists());
     missing.into_iter().try_for_each(|(path, draw)| draw(path, &source))
-}
-
-/// The name of a figure's file.
-pub fn figure_name(stage: &str, digest: &str, figure: &str) -> String {
-    format!("{}-{digest:.8}-{figure}.png", file_name(stage))
-}
-
-/// Names are free in a pipeline; in the name of a file they must not lead elsewhere.
-fn file_name(name: &str) -> String {
-    let safe = |c: char| {
-        if c.is_alphanumeric() || c == '-' || c == '_' {
-            c
-        } else {
-            '-'
-        }
-    };
-    let safe: String = name.chars().take(60).map(safe).collect();
-    if safe.is_empty() { "unnamed".into() } else { safe }
 }

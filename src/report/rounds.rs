@@ -10,7 +10,7 @@ use serde::Serialize;
 use super::artifacts::Made;
 use super::error::ReportError;
 use super::figures::{Round, draw_rounds};
-use super::results::figure_name;
+use super::format::figure_name;
 use super::summary::{RowSummary, Summary};
 use crate::base::Digest;
 use crate::orchestrator::Rounds;

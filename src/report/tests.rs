@@ -179,7 +179,7 @@ fn figures_are_drawn_once_and_named_by_their_artifact() {
         bench.made("design", "design", &designed()),
         bench.made("verified", "verify", &verified(["converged"; 4])),
     ];
-    let paths = draw_figures(&bench.run(&made), "../quick start").unwrap();
+    let paths = draw_figures(PRESENTERS, &bench.run(&made), "../quick start").unwrap();
     let folder = bench.store.root().join("figures/---quick-start");
     let names: Vec<String> = paths
         .iter()
@@ -199,11 +199,14 @@ fn figures_are_drawn_once_and_named_by_their_artifact() {
     // What is there is neither drawn nor even opened again.
     let written = std::fs::metadata(&paths[0]).unwrap().modified().unwrap();
     std::fs::remove_file(bench.store.artifact(&made[1].digest).unwrap().path()).unwrap();
-    assert_eq!(draw_figures(&bench.run(&made), "../quick start").unwrap(), paths);
+    assert_eq!(
+        draw_figures(PRESENTERS, &bench.run(&made), "../quick start").unwrap(),
+        paths
+    );
     assert_eq!(std::fs::metadata(&paths[0]).unwrap().modified().unwrap(), written);
     std::fs::remove_file(&paths[0]).unwrap();
     assert!(matches!(
-        draw_figures(&bench.run(&made), "../quick start"),
+        draw_figures(PRESENTERS, &bench.run(&made), "../quick start"),
         Err(ReportError::Store(_))
     ));
 }
@@ -230,7 +233,7 @@ fn errors_are_drawn_over_the_times_in_the_provenance() {
             kind: "accuracy".into(),
             digest: bench.store.put(object, provenance).unwrap().digest,
         };
-        draw_figures(&bench.run(&[made]), "p").map(|paths| paths.len())
+        draw_figures(PRESENTERS, &bench.run(&[made]), "p").map(|paths| paths.len())
     };
     let known = times(["method: linear; bezier", "method: newton; stripes"]);
     assert_eq!(figures("a", &measured([0.1, 0.2, 0.3, 0.4]), &known).unwrap(), 1);
@@ -296,9 +299,9 @@ fn a_pattern_without_a_stable_solution_shows_no_numbers() {
     assert!((own.unwrap() - 0.25).abs() < 1e-12 && equal.is_none());
     assert_eq!(summary.rows[3].simulated_mm, None);
     assert!(summary.to_string().contains("no stable solution: pull-in"));
-    assert_eq!(draw_figures(&bench.run(&made), "p").unwrap().len(), 1);
+    assert_eq!(draw_figures(PRESENTERS, &bench.run(&made), "p").unwrap().len(), 1);
     let none = [bench.made("verified", "verify", &verified(["pull-in"; 4]))];
-    assert_eq!(draw_figures(&bench.run(&none), "p").unwrap().len(), 0);
+    assert_eq!(draw_figures(PRESENTERS, &bench.run(&none), "p").unwrap().len(), 0);
 }
 
 #[test]
@@ -335,7 +338,7 @@ fn many_targets_are_drawn_at_a_glance() {
     let many = many.with_long_texts("objective", "d", [OBJECTIVE; 8]);
     let many = many.with_long_texts("status", "d", ["met"; 8]);
     let made = [bench.made("verified", "verify", &many)];
-    let figures = draw_figures(&bench.run(&made), "p").unwrap();
+    let figures = draw_figures(PRESENTERS, &bench.run(&made), "p").unwrap();
     let decoder = png::Decoder::new(std::io::BufReader::new(std::fs::File::open(&figures[0]).unwrap()));
     let size = decoder.read_info().unwrap().info().size();
     assert_eq!(size, (8 * 240, 300));
@@ -356,7 +359,7 @@ fn artifacts_that_lack_something_are_named() {
     );
     let mut lost = designed();
     lost.attributes.clear();
-    let error = draw_figures(&bench.run(&[bench.made("d", "design", &lost)]), "p")
+    let error = draw_figures(PRESENTERS, &bench.run(&[bench.made("d", "design", &lost)]), "p")
         .unwrap_err()
         .to_string();
     assert!(error.contains("no attribute `scene`"), "{error}");
@@ -457,7 +460,7 @@ fn an_evaluation_names_models_by_their_stages() {
         serde_json::to_value(found).unwrap()["predictors"][0]["by_area"][0]["area"],
         0.5
     );
-    assert_eq!(draw_figures(&bench.run(&made), "p").unwrap().len(), 2);
+    assert_eq!(draw_figures(PRESENTERS, &bench.run(&made), "p").unwrap().len(), 2);
     let alone = &bench.run(&made[1..]).each("evaluate", evaluation::read).unwrap()[0];
     assert_eq!(
         alone.predictors[0].name,

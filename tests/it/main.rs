@@ -13,6 +13,7 @@ mod design;
 mod docs;
 mod evaluate;
 mod export;
+mod figure;
 mod full_disk;
 mod golden;
 mod h5py;

@@ -8,8 +8,8 @@ use std::collections::BTreeMap;
 use maud::{Markup, html};
 
 use super::chart::THOUSAND;
+use super::error::FigureError;
 use super::path::{number, path};
-use super::sheet::FigureError;
 use crate::field::Field;
 use crate::pattern::{CELLS, Corners, Pattern, Point, outlines};
 

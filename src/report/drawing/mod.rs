@@ -2,6 +2,7 @@
 
 mod axis;
 mod chart;
+mod error;
 mod labels;
 mod membrane;
 mod path;
@@ -10,7 +11,8 @@ mod sheet;
 
 pub use axis::Axis;
 pub use chart::{Chart, Colour, Mark, Series};
+pub use error::FigureError;
 pub use membrane::{Membrane, direction, electrode_at_rest, exaggeration, frame, grid, viridis};
 pub use path::number;
 pub use raster::{DRAWING_STYLE, PAGE_STYLE};
-pub use sheet::{Drawing, FigureError};
+pub use sheet::Sheet;

@@ -4,11 +4,11 @@
 
 use std::sync::{Arc, OnceLock};
 
-use maud::html;
+use maud::{Markup, html};
 use resvg::tiny_skia::{Color, Pixmap, Transform};
 use resvg::usvg::{self, Tree, fontdb};
 
-use super::sheet::{Drawing, FigureError};
+use super::error::FigureError;
 
 /// The style sheet of pages, which names the colours, and that of drawings, on pages and in figures.
 pub const PAGE_STYLE: &str = include_str!("../html/page.css");
@@ -17,13 +17,13 @@ pub const DRAWING_STYLE: &str = include_str!("../html/drawing.css");
 /// Pixels of a figure for one of a page: figures are shown smaller than they are, or printed.
 const SCALE: f64 = 5.0 / 3.0;
 
-/// A drawing on white, as a PNG.
-pub fn png(drawing: &Drawing) -> Result<Vec<u8>, FigureError> {
+/// A drawing of a width and height on white, as a PNG.
+pub fn png(size: [f64; 2], drawing: &Markup) -> Result<Vec<u8>, FigureError> {
     let failed = |e: &dyn std::fmt::Display| FigureError::Draw(e.to_string());
-    let [width, height] = drawing.size.map(|length| (SCALE * length).round() as u32);
+    let [width, height] = size.map(|length| (SCALE * length).round() as u32);
     let mut pixels = Pixmap::new(width, height).ok_or_else(|| failed(&"it is too large"))?;
     pixels.fill(Color::WHITE);
-    let tree = Tree::from_str(&document(drawing), &options()).map_err(|e| failed(&e))?;
+    let tree = Tree::from_str(&document(size, drawing), &options()).map_err(|e| failed(&e))?;
     resvg::render(
         &tree,
         Transform::from_scale(SCALE as f32, SCALE as f32),
@@ -42,11 +42,10 @@ pub fn png(drawing: &Drawing) -> Result<Vec<u8>, FigureError> {
 }
 
 /// The drawing as a document of its own.
-fn document(drawing: &Drawing) -> String {
-    let [width, height] = drawing.size;
+fn document([width, height]: [f64; 2], drawing: &Markup) -> String {
     let svg = html! {
         svg xmlns="http://www.w3.org/2000/svg" width=(width) height=(height) viewBox={ "0 0 " (width) " " (height) } {
-            (drawing.markup)
+            (drawing)
         }
     };
     svg.into_string()

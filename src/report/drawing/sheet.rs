@@ -6,30 +6,12 @@ use std::path::Path;
 use maud::{Markup, html};
 
 use super::chart::{Chart, LEFT, LETTER};
+use super::error::FigureError;
 use super::path::number;
 use super::raster::png;
 
-/// A figure that could not be made.
-#[derive(Debug, thiserror::Error)]
-pub enum FigureError {
-    /// The numbers do not make a figure.
-    #[error("no figure can be drawn: {0}")]
-    Data(String),
-    /// The drawing cannot be turned into pixels.
-    #[error("the figure could not be drawn: {0}")]
-    Draw(String),
-    /// The file could not be written.
-    #[error("cannot write {path}: {source}")]
-    Write {
-        /// The file.
-        path: String,
-        /// Why.
-        source: std::io::Error,
-    },
-}
-
-/// A piece of SVG with its width and height, in pixels of a page.
-pub struct Drawing {
+/// Drawings placed on a sheet of a width and height, in pixels of a page.
+pub struct Sheet {
     /// Width and height.
     pub size: [f64; 2],
     /// What is drawn, from the upper left corner.
@@ -44,12 +26,7 @@ const LEGEND: f64 = 18.0;
 /// Room left and right of a chart on a sheet.
 const MARGIN: f64 = 6.0;
 
-impl Drawing {
-    /// From left to right.
-    pub fn beside(drawings: Vec<Self>) -> Self {
-        Self::grid(drawings.len(), drawings)
-    }
-
+impl Sheet {
     /// From above to below.
     pub fn below(drawings: Vec<Self>) -> Self {
         Self::grid(1, drawings)
@@ -114,7 +91,7 @@ impl Drawing {
             path: path.display().to_string(),
             source,
         };
-        let bytes = png(self)?;
+        let bytes = png(self.size, &self.markup)?;
         let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
         let mut file = tempfile::NamedTempFile::new_in(folder.unwrap_or(Path::new("."))).map_err(failed)?;
         file.write_all(&bytes).map_err(failed)?;

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::report::drawing::{Axis, Chart, Colour, Drawing, FigureError, Mark, Series};
+use crate::report::drawing::{Axis, Chart, Colour, FigureError, Mark, Series, Sheet};
 
 /// The methods on one family of patterns.
 #[derive(Clone, Debug)]
@@ -142,7 +142,7 @@ fn series(family: &FamilyCosts) -> Vec<Series> {
 /// When there is nothing to draw, or the file cannot be written.
 pub fn draw_accuracy(path: &Path, families: &[FamilyCosts]) -> Result<(), FigureError> {
     let charts = accuracy_charts(families)?;
-    Drawing::charts(COLUMNS.min(charts.len()), &charts).write_png(path)
+    Sheet::charts(COLUMNS.min(charts.len()), &charts).write_png(path)
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::report::drawing::{Axis, Chart, Colour, Drawing, FigureError, Mark, Series};
+use crate::report::drawing::{Axis, Chart, Colour, FigureError, Mark, Series, Sheet};
 
 /// Counts by bins.
 #[derive(Clone, Debug, Default)]
@@ -90,5 +90,5 @@ fn against_finer(errors: Vec<(f64, f64)>, allowed: Vec<(f64, f64)>) -> Chart {
 /// # Errors
 /// When the counts do not fit the edges, or the file cannot be written.
 pub fn draw_audit(path: &Path, data: &Audited) -> Result<(), FigureError> {
-    Drawing::charts(3, &data.charts()?).write_png(path)
+    Sheet::charts(3, &data.charts()?).write_png(path)
 }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::report::drawing::{Axis, Chart, Colour, Drawing, FigureError, Series};
+use crate::report::drawing::{Axis, Chart, Colour, FigureError, Series, Sheet};
 
 /// Bins over the common range.
 const BINS: usize = 100;
@@ -79,7 +79,7 @@ pub fn deformation_charts(families: &[FamilyDeformation]) -> Result<Vec<Chart>, 
 pub fn draw_deformation(path: &Path, families: &[FamilyDeformation]) -> Result<(), FigureError> {
     let charts = deformation_charts(families)?.into_iter();
     let charts: Vec<Chart> = charts.map(|chart| chart.with_size(SIZE)).collect();
-    Drawing::charts(1, &charts).write_png(path)
+    Sheet::charts(1, &charts).write_png(path)
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use maud::{Markup, html};
 
-use crate::report::drawing::{Axis, Chart, Colour, Drawing, FigureError, Mark, Series};
+use crate::report::drawing::{Axis, Chart, Colour, FigureError, Mark, Series, Sheet};
 use crate::report::format::{cut, two_digits};
 
 /// What an evaluation found.
@@ -80,7 +80,7 @@ impl Evaluated {
         }
     }
 
-    fn matrix(&self, width: f64) -> Drawing {
+    fn matrix(&self, width: f64) -> Sheet {
         let column = (width - LEFT - 14.0) / self.families.len() as f64;
         let left = |k: usize| LEFT + column * k as f64;
         let markup = html! {
@@ -96,7 +96,7 @@ impl Evaluated {
                 }
             }
         };
-        Drawing {
+        Sheet {
             size: [width, ABOVE + ROW * self.predictors.len() as f64 + 6.0],
             markup,
         }
@@ -133,11 +133,11 @@ pub fn draw_evaluation(path: &Path, data: &Evaluated) -> Result<(), FigureError>
         ));
     }
     let charts = data.charts();
-    let charts = Drawing::charts(COLUMNS.min(charts.len()), &charts);
+    let charts = Sheet::charts(COLUMNS.min(charts.len()), &charts);
     let width = (LEFT + 78.0 * data.families.len() as f64)
         .max(charts.size[0])
         .max(540.0);
-    Drawing::below(vec![data.matrix(width), charts]).write_png(path)
+    Sheet::below(vec![data.matrix(width), charts]).write_png(path)
 }
 
 #[cfg(test)]

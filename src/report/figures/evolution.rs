@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::report::drawing::{Axis, Chart, Colour, Drawing, FigureError, Mark, Series};
+use crate::report::drawing::{Axis, Chart, Colour, FigureError, Mark, Series, Sheet};
 
 /// One value per generation of each curve, the first population included.
 #[derive(Clone, Debug)]
@@ -41,10 +41,10 @@ pub fn draw_evolution(path: &Path, data: &Evolution) -> Result<(), FigureError> 
             Series::new(name, *colour, Mark::LineAndDots, points)
         });
         let chart = Chart::new(title, [x, y], series.collect()).with_size([WIDTH, height]);
-        Drawing::charts(1, &[chart])
+        Sheet::charts(1, &[chart])
     };
     let percent: Vec<f64> = data.area.iter().map(|a| 100.0 * a).collect();
-    let sheet = Drawing::below(vec![
+    let sheet = Sheet::below(vec![
         chart(
             format!("Genetic algorithm, {} generations", n - 1),
             "Fitness (smaller is better)",

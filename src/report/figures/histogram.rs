@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::report::drawing::{Axis, Chart, Colour, Drawing, FigureError, Series};
+use crate::report::drawing::{Axis, Chart, Colour, FigureError, Series, Sheet};
 
 /// Counts of samples by their largest displacement.
 #[derive(Clone, Debug)]
@@ -87,5 +87,5 @@ impl Histogram {
 /// # Errors
 /// When the counts do not fit the edges, or the file cannot be written.
 pub fn draw_histogram(path: &Path, data: &Histogram) -> Result<(), FigureError> {
-    Drawing::charts(3, &data.charts()?).write_png(path)
+    Sheet::charts(3, &data.charts()?).write_png(path)
 }

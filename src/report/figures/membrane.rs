@@ -4,21 +4,21 @@ use std::path::Path;
 
 use maud::{Markup, html};
 
-use crate::report::drawing::{Axis, Chart, Drawing, FigureError, Membrane, exaggeration, frame, viridis};
+use crate::report::drawing::{Axis, Chart, FigureError, Membrane, Sheet, exaggeration, frame, viridis};
 
 /// Side of the membrane, and width of the frame of the colour bar.
 const SIDE: f64 = 356.4;
 const BAR: f64 = 24.0;
 
 /// The electrode at rest and deformed, and the magnitude of the displacement.
-pub fn membrane_drawing(title: &str, data: &Membrane) -> Drawing {
+pub fn membrane_drawing(title: &str, data: &Membrane) -> Sheet {
     let scale = exaggeration([data]);
     let charts = [
         electrode(title, data, scale),
         magnitude(data, scale),
         colour_bar(data.largest()),
     ];
-    Drawing::charts(3, &charts)
+    Sheet::charts(3, &charts)
 }
 
 /// Draws a membrane.

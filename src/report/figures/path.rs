@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::report::drawing::{Axis, Chart, Colour, Drawing, FigureError, Mark, Series};
+use crate::report::drawing::{Axis, Chart, Colour, FigureError, Mark, Series, Sheet};
 
 /// The path of one pattern. The curves have one value per point, from rest on.
 #[derive(Clone, Debug)]
@@ -114,5 +114,5 @@ impl Branch {
 /// # Errors
 /// When there are no branches or their data are incomplete, or the file cannot be written.
 pub fn draw_paths(path: &Path, branches: &[Branch]) -> Result<(), FigureError> {
-    Drawing::charts(1, &[paths_chart(branches)?]).write_png(path)
+    Sheet::charts(1, &[paths_chart(branches)?]).write_png(path)
 }

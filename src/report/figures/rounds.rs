@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::report::drawing::{Axis, Chart, Colour, Drawing, FigureError, Mark, Series};
+use crate::report::drawing::{Axis, Chart, Colour, FigureError, Mark, Series, Sheet};
 
 /// What one round came to.
 #[derive(Clone, Debug)]
@@ -81,5 +81,5 @@ fn best(rounds: &[Round]) -> Chart {
 /// # Errors
 /// When there is no round, a number is not finite, or the file cannot be written.
 pub fn draw_rounds(path: &Path, rounds: &[Round]) -> Result<(), FigureError> {
-    Drawing::charts(2, &rounds_charts(rounds)?).write_png(path)
+    Sheet::charts(2, &rounds_charts(rounds)?).write_png(path)
 }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::report::drawing::{Axis, Chart, Colour, Drawing, FigureError, Mark, Series};
+use crate::report::drawing::{Axis, Chart, Colour, FigureError, Mark, Series, Sheet};
 
 /// One value per epoch of each curve.
 #[derive(Clone, Debug)]
@@ -81,5 +81,5 @@ impl Training {
 /// # Errors
 /// When the numbers do not make them, or the file cannot be written.
 pub fn draw_training(path: &Path, data: &Training) -> Result<(), FigureError> {
-    Drawing::charts(3, &data.charts()?).write_png(path)
+    Sheet::charts(3, &data.charts()?).write_png(path)
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 use maud::html;
 
 use super::membrane::electrode;
-use crate::report::drawing::{Axis, Chart, Colour, Drawing, FigureError, Mark, Membrane, Series, exaggeration, frame};
+use crate::report::drawing::{Axis, Chart, Colour, FigureError, Mark, Membrane, Series, Sheet, exaggeration, frame};
 
 /// One pattern, predicted and simulated.
 #[derive(Clone, Debug)]
@@ -47,9 +47,9 @@ pub fn draw_agreement(path: &Path, cases: &[Case]) -> Result<(), FigureError> {
         .iter()
         .map(|case| electrode(&case.name, &case.membrane, scale).square(SIDE))
         .collect();
-    let membranes = Drawing::charts(cases.len(), &electrodes);
+    let membranes = Sheet::charts(cases.len(), &electrodes);
     let bars = bars(cases).with_size([(membranes.size[0] - 12.0).max(708.0), BARS]);
-    Drawing::below(vec![membranes, Drawing::charts(1, &[bars])]).write_png(path)
+    Sheet::below(vec![membranes, Sheet::charts(1, &[bars])]).write_png(path)
 }
 
 fn bars(cases: &[Case]) -> Chart {
@@ -87,7 +87,7 @@ pub fn draw_gallery(path: &Path, cases: &[Case]) -> Result<(), FigureError> {
     let tile = |case: &Case| {
         let name = case.name.split_once(": ").map_or(case.name.as_str(), |(name, _)| name);
         let membrane = &case.membrane;
-        Drawing {
+        Sheet {
             size: TILE,
             markup: html! {
                 g.chart {
@@ -100,5 +100,5 @@ pub fn draw_gallery(path: &Path, cases: &[Case]) -> Result<(), FigureError> {
             },
         }
     };
-    Drawing::grid(COLUMNS, cases.iter().map(tile).collect()).write_png(path)
+    Sheet::grid(COLUMNS, cases.iter().map(tile).collect()).write_png(path)
 }

@@ -13,7 +13,7 @@ use super::error::ReportError;
 use super::format::{bytes, counted, gain, percent, seconds};
 use super::history::History;
 use super::html::Page;
-use super::presenter::by_section;
+use super::kinds::by_section;
 use super::summary::TRUSTED;
 
 /// The page of a pipeline.

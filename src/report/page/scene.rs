@@ -7,7 +7,7 @@ use crate::report::error::ReportError;
 use crate::report::format::cut;
 use crate::report::history::History;
 use crate::report::html::{Column, Page};
-use crate::report::presenter::PRESENTERS;
+use crate::report::kinds::PRESENTERS;
 use crate::report::warnings::warnings;
 use crate::scene::Scene;
 
