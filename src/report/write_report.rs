@@ -150,9 +150,9 @@ fn row(design: &Design) -> [String; COLUMNS.len()] {
         design.case.clone(),
         role_word(design.role).to_owned(),
         design.units.to_string(),
-        design.wanted.list(|aim| aim.point[0]),
-        design.wanted.list(|aim| aim.point[1]),
-        design.wanted.list(|aim| aim.direction),
+        design.objective.list(|aim| aim.point[0]),
+        design.objective.list(|aim| aim.point[1]),
+        design.objective.list(|aim| aim.direction),
         design.area_target.clone(),
         number(design.area),
         known(design.predicted_mm),
@@ -168,7 +168,7 @@ fn row(design: &Design) -> [String; COLUMNS.len()] {
 
 #[cfg(test)]
 mod tests {
-    use super::super::designs::{Role, Wanted, tests::design};
+    use super::super::designs::{Objective, Role, tests::design};
     use super::*;
 
     #[test]
@@ -185,7 +185,7 @@ mod tests {
     #[test]
     fn a_row_has_numbers_of_six_decimals_lists_of_points_and_nothing_for_what_is_not_known() {
         let mut of_four = design(Role::Refined, 50, Some(0.987_654_32));
-        of_four.wanted = Wanted::read(
+        of_four.objective = Objective::read(
             "{ points: [{ point: [12.5, 25], direction: 0 }, { point: [37.5, 25], direction: 180 deg }] }",
         )
         .unwrap();

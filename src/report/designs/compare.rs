@@ -45,7 +45,7 @@ fn of(design: &Design, all: &[Design]) -> Compared {
 
 /// The best of the optima: the largest displacement, or the nearest to the one that is to be met.
 fn optimum(design: &Design, optima: &[&Design]) -> Option<f64> {
-    let badness = |mm: f64| design.wanted.value_mm.map_or(-mm, |value| (mm - value).abs());
+    let badness = |mm: f64| design.objective.value_mm.map_or(-mm, |value| (mm - value).abs());
     let best = |same_units: bool| {
         let fitting = optima.iter().filter(|other| !same_units || other.units == design.units);
         let values = fitting.filter_map(|other| other.simulated_mm);
@@ -57,7 +57,7 @@ fn optimum(design: &Design, optima: &[&Design]) -> Option<f64> {
 #[cfg(test)]
 pub(in crate::report) mod tests {
     use super::*;
-    use crate::report::designs::{Wanted, role_word};
+    use crate::report::designs::{Objective, role_word};
 
     /// A design of case `I` without fields.
     pub(in crate::report) fn design(role: Role, units: u64, simulated_mm: Option<f64>) -> Design {
@@ -68,7 +68,7 @@ pub(in crate::report) mod tests {
             role,
             member: 0,
             units,
-            wanted: Wanted::read("{ point: [25, 25], direction: 0 }").unwrap(),
+            objective: Objective::read("{ point: [25, 25], direction: 0 }").unwrap(),
             area_target: "0.5".into(),
             area: 0.5,
             constraints: "{}".into(),
@@ -117,7 +117,7 @@ pub(in crate::report) mod tests {
             design(Role::Optimum, 50, Some(1.2)),
             design(Role::Optimum, 50, Some(1.001)),
         ];
-        designs[0].wanted.value_mm = Some(1.0);
+        designs[0].objective.value_mm = Some(1.0);
         compare(&mut designs);
         assert_eq!(designs[0].compared.optimum, Some(1.001));
     }

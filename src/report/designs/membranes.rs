@@ -1,6 +1,6 @@
 //! The membranes of designs, for figures.
 
-use super::Wanted;
+use super::Objective;
 use crate::content::{DesignRowsView, StoredAttribute};
 use crate::field::Field;
 use crate::report::artifacts::Source;
@@ -18,7 +18,7 @@ pub(in crate::report) fn membranes<'f>(
     let (patterns, objectives) = (source.of(rows.patterns().read())?, source.of(rows.objective().read())?);
     let side = source.of(scene.read())?.side_mm();
     let membrane = |(row, field): (usize, &Field)| {
-        let objective = Wanted::read(&objectives.0[row]).map_err(|e| source.wrong(e.to_string()))?;
+        let objective = Objective::read(&objectives.0[row]).map_err(|e| source.wrong(e.to_string()))?;
         let points = objective.aims.iter().map(|aim| aim.point).collect();
         source.drawn(Membrane::new(patterns[row].cells(), field.values(), side, points))
     };

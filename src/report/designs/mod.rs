@@ -5,8 +5,8 @@ mod compare;
 mod found;
 mod membranes;
 mod names;
+mod objective;
 mod read;
-mod wanted;
 
 #[cfg(test)]
 pub(super) use compare::tests;
@@ -17,8 +17,8 @@ pub use crate::pattern::Role;
 pub use compare::Compared;
 pub use found::{Extreme, Found};
 pub(super) use membranes::membranes;
+pub use objective::Objective;
 pub use read::designs;
-pub use wanted::Wanted;
 
 /// The role in tables and files: both intuitive designs have the same word.
 pub(super) fn role_word(role: Role) -> &'static str {
@@ -55,7 +55,7 @@ pub struct Design {
     /// Units along the membrane that could be chosen one by one.
     pub units: u64,
     /// What it is for.
-    pub wanted: Wanted,
+    pub objective: Objective,
     /// The area fraction that was asked for, or `free`.
     pub area_target: String,
     /// Its area fraction.
@@ -95,7 +95,7 @@ impl Design {
     #[must_use]
     pub fn membrane(&self) -> Option<Membrane> {
         let field = self.simulated.as_ref().unwrap_or(&self.predicted);
-        let points = self.wanted.points().iter().map(|aim| aim.point).collect();
+        let points = self.objective.points().iter().map(|aim| aim.point).collect();
         Membrane::new(&self.pattern, field, self.side, points).ok()
     }
 

@@ -3,7 +3,7 @@
 use super::Design;
 use super::compare::{Compared, compare};
 use super::names::name;
-use super::wanted::Wanted;
+use super::objective::Objective;
 use crate::content::{DesignRowsView, Designs, StoredAttribute, Verification};
 use crate::field::NO_FIELD;
 use crate::report::artifacts::{RunArtifacts, Source};
@@ -121,7 +121,7 @@ fn read(
             role: rows.role[k],
             member: rows.member[k],
             units: rows.units[k],
-            wanted: Wanted::read(&rows.objective.0[k]).map_err(|e| source.wrong(e.to_string()))?,
+            objective: Objective::read(&rows.objective.0[k]).map_err(|e| source.wrong(e.to_string()))?,
             area_target: area_target(&rows.area_target[k]),
             area: rows.area[k],
             constraints: rows.constraints.0[k].clone(),

@@ -205,7 +205,7 @@ impl Chart {
 
     /// The chart with its title and legend, for a page.
     pub fn figure(&self) -> Markup {
-        let says = format!("{}: {} over {}", self.title, self.y.label(), self.x.label());
+        let description = format!("{}: {} over {}", self.title, self.y.label(), self.x.label());
         let [width, height] = self.size.map(|v| number(v, 1));
         html! {
             figure {
@@ -213,8 +213,8 @@ impl Chart {
                 @if self.legend().next().is_some() {
                     ul.legend { @for (colour, name) in self.legend() { li class=(colour.class()) { i {} (name) } } }
                 }
-                svg.chart viewBox={ "0 0 " (width) " " (height) } width=(width) height=(height) role="img" aria-label=(says) {
-                    title { (says) }
+                svg.chart viewBox={ "0 0 " (width) " " (height) } width=(width) height=(height) role="img" aria-label=(description) {
+                    title { (description) }
                     (self.plot())
                 }
             }

@@ -10,8 +10,9 @@ use resvg::usvg::{self, Tree, fontdb};
 
 use super::error::FigureError;
 
-/// The style sheet of pages, which names the colours, and that of drawings, on pages and in figures.
+/// The style sheet of pages, which names the colours.
 pub const PAGE_STYLE: &str = include_str!("../html/page.css");
+/// The style sheet of drawings, on pages and in figures.
 pub const DRAWING_STYLE: &str = include_str!("../html/drawing.css");
 
 /// Pixels of a figure for one of a page: figures are shown smaller than they are, or printed.

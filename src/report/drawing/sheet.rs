@@ -72,11 +72,11 @@ impl Sheet {
     }
 
     /// As an element of a page.
-    pub fn svg(&self, says: &str) -> Markup {
+    pub fn svg(&self, description: &str) -> Markup {
         let [width, height] = self.size.map(|v| number(v, 1));
         html! {
-            svg viewBox={ "0 0 " (width) " " (height) } width=(width) height=(height) role="img" aria-label=(says) {
-                title { (says) }
+            svg viewBox={ "0 0 " (width) " " (height) } width=(width) height=(height) role="img" aria-label=(description) {
+                title { (description) }
                 (self.markup)
             }
         }

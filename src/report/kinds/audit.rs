@@ -83,11 +83,11 @@ fn line(source: &Source<'_>) -> Result<String, ReportError> {
         let json = source.of(attribute.read())?;
         json.value().map_err(|e| source.wrong(e.to_string()))
     };
-    let told = told(&value(view.findings())?, &value(view.summary())?);
-    Ok(format!("{}: {told}", source.stage.stage))
+    let text = describe(&value(view.findings())?, &value(view.summary())?);
+    Ok(format!("{}: {text}", source.stage.stage))
 }
 
-fn told(findings: &Value, summary: &Value) -> String {
+fn describe(findings: &Value, summary: &Value) -> String {
     let samples = &summary["samples"];
     let Some(findings) = findings.as_array() else {
         return "what it found cannot be read".to_owned();
@@ -122,7 +122,7 @@ mod tests {
     fn an_audit_is_told_in_one_line() {
         let summary = json!({ "samples": 40, "resimulated": { "samples": 8, "excluded_above": 0.312 } });
         assert_eq!(
-            told(&json!([]), &summary),
+            describe(&json!([]), &summary),
             "no findings in 40 samples; 8 on a finer mesh exclude a rate of faults above 31.2 % at 95 %"
         );
         let findings = json!([
@@ -130,7 +130,7 @@ mod tests {
             { "check": "duplicate", "severity": "warning", "count": 1 },
         ]);
         assert_eq!(
-            told(&findings, &json!({ "samples": 40 })),
+            describe(&findings, &json!({ "samples": 40 })),
             "in 40 samples: error sign (2), warning duplicate (1)"
         );
     }

@@ -59,7 +59,7 @@ impl Presenter for Design {
             return Ok(());
         }
         page.section("Search");
-        judges(page, &run.each(self.kind(), read)?.concat());
+        evaluators_table(page, &run.each(self.kind(), read)?.concat());
         page.line("How the displacement of the best pattern grew while it was searched, as the search judged it.");
         page.charts(&charts);
         Ok(())
@@ -100,7 +100,7 @@ fn best(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
 }
 
 /// What judged the patterns, a row for each stage and judge.
-fn judges(page: &mut Page, evaluators: &[Evaluators]) {
+fn evaluators_table(page: &mut Page, evaluators: &[Evaluators]) {
     let mut rows: Vec<Vec<String>> = Vec::new();
     for judge in evaluators {
         let own = judge.candidates.iter().find(|c| c.settings == judge.used);

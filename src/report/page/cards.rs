@@ -44,17 +44,17 @@ fn card(design: &Design, several: bool, scale: f64) -> Markup {
 
 /// The electrode at rest, with the wanted points and directions.
 fn pattern(design: &Design) -> Markup {
-    let says = format!(
+    let description = format!(
         "Electrode pattern of {}: {:.1} % active",
         design.name,
         100.0 * design.area
     );
-    let aims = design.wanted.points().iter();
+    let aims = design.objective.points().iter();
     let content = html! {
         @if let Ok(pattern) = Pattern::from_cells(&design.pattern) { (electrode_at_rest(&pattern)) }
         @for aim in aims { (direction(aim.point, design.side, aim.direction, ARROW)) }
     };
-    drawing(&says, &content)
+    drawing(&description, &content)
 }
 
 /// The electrode where it has moved to over the grid at rest, with the displacements of the wanted points.
@@ -64,7 +64,7 @@ fn deformed(design: &Design, scale: f64) -> Markup {
     } else {
         "predicted"
     };
-    let says = format!(
+    let description = format!(
         "Deformed membrane of {}, {how}, displacements drawn {scale} times",
         design.name
     );
@@ -73,13 +73,13 @@ fn deformed(design: &Design, scale: f64) -> Markup {
             (membrane.electrode(scale)) (membrane.mesh(scale)) (membrane.arrows(scale))
         }
     };
-    drawing(&says, &content)
+    drawing(&description, &content)
 }
 
-fn drawing(says: &str, content: &Markup) -> Markup {
+fn drawing(description: &str, content: &Markup) -> Markup {
     html! {
-        svg.membrane viewBox="-12 -12 1024 1024" width="240" height="240" role="img" aria-label=(says) {
-            title { (says) }
+        svg.membrane viewBox="-12 -12 1024 1024" width="240" height="240" role="img" aria-label=(description) {
+            title { (description) }
             (frame())
             use href="#rest" {}
             (content)
@@ -92,7 +92,7 @@ fn numbers(design: &Design) -> Markup {
     let ratio = design
         .compared
         .ratio
-        .filter(|_| shows_optimum(design) && !design.wanted.is_met());
+        .filter(|_| shows_optimum(design) && !design.objective.is_met());
     let value = match (simulated(design), design.predicted_mm) {
         (Some(simulated), _) => simulated,
         (None, Some(predicted)) => format!("{} mm predicted", mm(predicted)),
@@ -125,7 +125,7 @@ fn rows(design: &Design) -> Markup {
         .prediction_error()
         .map_or_else(String::new, |error| gain(error, 2));
     let predicted = design.predicted_mm.map(|value| ("predicted", mm(value), error));
-    let wanted = design.wanted.value_mm.map(|value| {
+    let wanted = design.objective.value_mm.map(|value| {
         let off = design
             .simulated_mm
             .map_or_else(String::new, |own| format!("{:+.4}", own - value).replace('-', "−"));

@@ -1,6 +1,6 @@
 //! What the stages cost, and where everything comes from.
 
-use super::dag::fate;
+use super::dag::build_state;
 use crate::report::format::{bytes, percent, seconds, time};
 use crate::report::history::{History, Origin, StageFacts};
 use crate::report::html::{Column, Page};
@@ -22,7 +22,7 @@ pub fn section(page: &mut Page, history: &History) {
         vec![
             stage.name.clone(),
             stage.kind.clone(),
-            fate(stage),
+            build_state(stage),
             text(&|origin| origin.chunks.to_string()),
             text(&|origin| origin.elapsed.map_or_else(|| "-".to_owned(), seconds)),
             text(&|origin| seconds(origin.work)),

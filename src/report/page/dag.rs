@@ -21,14 +21,14 @@ const SMALLEST: f64 = 0.72;
 
 /// What became of a stage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Fate {
+enum BuildState {
     Built,
     Partly,
     Reused,
     Missing,
 }
 
-impl Fate {
+impl BuildState {
     fn of(stage: &StageFacts) -> Self {
         match &stage.origin {
             None => Self::Missing,
@@ -52,14 +52,14 @@ impl Fate {
 }
 
 /// What the last run did with a stage.
-pub fn fate(stage: &StageFacts) -> String {
-    match (&stage.origin, Fate::of(stage)) {
-        (Some(origin), Fate::Partly) => {
+pub fn build_state(stage: &StageFacts) -> String {
+    match (&stage.origin, BuildState::of(stage)) {
+        (Some(origin), BuildState::Partly) => {
             format!("built {} of {} chunks", origin.built.unwrap_or(0), origin.chunks)
         }
-        (_, Fate::Built) => "built".to_owned(),
-        (_, Fate::Missing) => "not built".to_owned(),
-        (_, Fate::Reused | Fate::Partly) => "reused".to_owned(),
+        (_, BuildState::Built) => "built".to_owned(),
+        (_, BuildState::Missing) => "not built".to_owned(),
+        (_, BuildState::Reused | BuildState::Partly) => "reused".to_owned(),
     }
 }
 
@@ -79,18 +79,18 @@ pub fn section(page: &mut Page, history: &History) {
     page.line(&format!(
         "{run} Each box names a stage, its kind and digest, what that run did with it, and what it took when it was built."
     ));
-    let fates: Vec<Fate> = history.stages.iter().map(Fate::of).collect();
+    let states: Vec<BuildState> = history.stages.iter().map(BuildState::of).collect();
     let counts = [
-        (Fate::Built, "built"),
-        (Fate::Partly, "built in part"),
-        (Fate::Reused, "reused"),
-        (Fate::Missing, "not built"),
+        (BuildState::Built, "built"),
+        (BuildState::Partly, "built in part"),
+        (BuildState::Reused, "reused"),
+        (BuildState::Missing, "not built"),
     ]
-    .map(|(fate, words)| (fate, fates.iter().filter(|f| **f == fate).count(), words));
+    .map(|(build_state, words)| (build_state, states.iter().filter(|f| **f == build_state).count(), words));
     page.add(html! {
         ul.legend {
-            @for (fate, n, words) in counts.iter().filter(|(_, n, _)| *n > 0) {
-                li class=(fate.class()) { i {} (n) " " (words) }
+            @for (build_state, n, words) in counts.iter().filter(|(_, n, _)| *n > 0) {
+                li class=(build_state.class()) { i {} (n) " " (words) }
             }
         }
     });
@@ -104,11 +104,11 @@ fn draw(history: &History) -> Markup {
     let height = number(placed.height + 4.0, 0);
     let smallest = number(SMALLEST * width, 0);
     let names: Vec<&str> = history.stages.iter().map(|stage| stage.name.as_str()).collect();
-    let says = format!("Pipeline of {} stages: {}", names.len(), names.join(", "));
+    let description = format!("Pipeline of {} stages: {}", names.len(), names.join(", "));
     html! {
         svg.dag viewBox={ "-2 -2 " (width) " " (height) } width=(width) height=(height)
-            style={ "width:100%;min-width:" (smallest) "px;max-width:" (width) "px" } role="img" aria-label=(says) {
-            title { (says) }
+            style={ "width:100%;min-width:" (smallest) "px;max-width:" (width) "px" } role="img" aria-label=(description) {
+            title { (description) }
             (lines(&placed))
             @for (stage, place) in history.stages.iter().zip(&placed.stages) { (boxed(stage, *place)) }
         }
@@ -150,14 +150,14 @@ fn boxed(stage: &StageFacts, (layer, middle): (usize, f64)) -> Markup {
         cost => format!(" · {cost}"),
     };
     let why = stage.why.as_ref().map_or_else(String::new, |why| format!(": {why}"));
-    let says = format!("{}: {}, {}{why}", stage.name, stage.kind, fate(stage));
+    let description = format!("{}: {}, {}{why}", stage.name, stage.kind, build_state(stage));
     let digest_at = 10.0 + 6.4 * (stage.kind.chars().count() + 2) as f64;
     let top = number(middle - 0.5 * BOX, 1);
     html! {
         g transform={ "translate(" (left(layer)) " " (top) ")" } {
-            title { (says) }
+            title { (description) }
             rect width=(WIDTH) height=(BOX) rx="6" {}
-            rect class={ "bar " (Fate::of(stage).class()) } x="0" y="0" width="5" height=(BOX) rx="2.5" {}
+            rect class={ "bar " (BuildState::of(stage).class()) } x="0" y="0" width="5" height=(BOX) rx="2.5" {}
             text.name x="13" y="21" { (cut(&stage.name, NAME)) }
             text x="13" y="39" { (stage.kind) }
             text.mono x=(digest_at) y="39" { (digest) }
@@ -167,8 +167,8 @@ fn boxed(stage: &StageFacts, (layer, middle): (usize, f64)) -> Markup {
 }
 
 fn short(stage: &StageFacts) -> String {
-    match (&stage.origin, Fate::of(stage)) {
-        (Some(origin), Fate::Partly) => format!("{}/{} built", origin.built.unwrap_or(0), origin.chunks),
-        _ => fate(stage),
+    match (&stage.origin, BuildState::of(stage)) {
+        (Some(origin), BuildState::Partly) => format!("{}/{} built", origin.built.unwrap_or(0), origin.chunks),
+        _ => build_state(stage),
     }
 }

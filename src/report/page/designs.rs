@@ -68,8 +68,8 @@ pub fn section(page: &mut Page, designs: &[Design]) {
                 some => format!(", within {some}"),
             };
             page.note(&format!(
-                "Wanted: displacement of {}, {area}{constraints}",
-                first.wanted.words()
+                "Objective: displacement of {}, {area}{constraints}",
+                first.objective.description()
             ));
             page.add(cards(&target, scale));
         }
@@ -148,7 +148,7 @@ fn curve(case: &[&Design]) -> Option<Chart> {
         .collect();
     areas.sort_by(f64::total_cmp);
     areas.dedup();
-    if areas.len() < CURVE || case.iter().any(|design| design.wanted != first.wanted) {
+    if areas.len() < CURVE || case.iter().any(|design| design.objective != first.objective) {
         return None;
     }
     let points = |role: Role| {
@@ -177,7 +177,7 @@ fn curve(case: &[&Design]) -> Option<Chart> {
         Axis::above("Simulated displacement [mm]", &values),
     ];
     let chart = Chart::new("Displacement over electrode area", axes, series);
-    (!values.is_empty()).then(|| chart.with_note(first.wanted.words()))
+    (!values.is_empty()).then(|| chart.with_note(first.objective.description()))
 }
 
 /// Adds what was predicted beside what was simulated.

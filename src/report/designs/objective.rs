@@ -6,7 +6,7 @@ use crate::base::{Dimension, Document, InputError, Node};
 
 /// An objective.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Wanted {
+pub struct Objective {
     /// Points and directions; of a wanted field, all that it is given at.
     pub aims: Vec<Aim>,
     /// The displacement in mm that is to be met along each direction, where one is.
@@ -27,7 +27,7 @@ pub struct Aim {
 /// More points than these are a field: nobody reads them one by one.
 const FEW: usize = 16;
 
-impl Wanted {
+impl Objective {
     /// Reads `{ point, direction }` or `{ points: [{ point, direction }, …] }`, with a `displacement` in place of a direction
     /// where one is wanted; other keys do not matter here.
     ///
@@ -74,7 +74,7 @@ impl Wanted {
 
     /// In words, on one line.
     #[must_use]
-    pub fn words(&self) -> String {
+    pub fn description(&self) -> String {
         let one = |aim: &Aim| format!("({}, {}) mm at {:.4}", aim.point[0], aim.point[1], aim.direction + 0.0);
         let one = |aim: &Aim| format!("{}°", one(aim).trim_end_matches('0').trim_end_matches('.'));
         let what = match self.points() {
@@ -119,29 +119,29 @@ mod tests {
 
     #[test]
     fn points_and_directions_are_read_in_mm_and_degrees() {
-        let one = Wanted::read("{ point: [2.5 cm, 37.5], direction: 45 deg, measure: displacement }").unwrap();
+        let one = Objective::read("{ point: [2.5 cm, 37.5], direction: 45 deg, measure: displacement }").unwrap();
         assert_eq!(one.list(|aim| aim.point[0]), "25");
-        assert_eq!(one.words(), "(25, 37.5) mm at 45°");
-        let two = Wanted::read(
+        assert_eq!(one.description(), "(25, 37.5) mm at 45°");
+        let two = Objective::read(
             "{ points: [{ point: [1, 2], direction: 0, weight: 2 }, { point: [3, 4], direction: -90 deg }], value: 1.00 mm }",
         )
         .unwrap();
         assert_eq!(two.list(|aim| aim.direction), "0 -90");
         assert_eq!(two.value_mm, Some(1.0));
-        assert!(two.words().ends_with("by 1 mm"), "{}", two.words());
-        let vector = Wanted::read("{ point: [1, 2], displacement: [1 mm, 1 mm] }").unwrap();
+        assert!(two.description().ends_with("by 1 mm"), "{}", two.description());
+        let vector = Objective::read("{ point: [1, 2], displacement: [1 mm, 1 mm] }").unwrap();
         assert_eq!(
             (vector.list(|aim| aim.direction).as_str(), vector.is_met()),
             ("45", true)
         );
         let field = vec!["{ point: [1, 2], displacement: [0, 1] }"; 17].join(", ");
-        let field = Wanted::read(&format!("{{ points: [{field}] }}")).unwrap();
+        let field = Objective::read(&format!("{{ points: [{field}] }}")).unwrap();
         assert_eq!(field.list(|aim| aim.direction), "");
         assert!(
-            field.words().starts_with("a field, given at 17 points"),
+            field.description().starts_with("a field, given at 17 points"),
             "{}",
-            field.words()
+            field.description()
         );
-        assert!(Wanted::read("{ point: [1, 2] }").is_err());
+        assert!(Objective::read("{ point: [1, 2] }").is_err());
     }
 }
