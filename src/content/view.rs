@@ -144,18 +144,18 @@ impl<'a, A: Attribute> StoredAttribute<'a, A> {
     /// When it is missing although it is needed, or cannot be read.
     pub fn read(&self) -> Result<A, ContentError> {
         let text = self.text()?;
-        A::from_text(self.name, text).map_err(|fault| fault.of(self.artifact.digest()))
+        A::from_text(self.name, text.as_deref()).map_err(|fault| fault.of(self.artifact.digest()))
     }
 
     /// Its text; none where it is missing.
     ///
     /// # Errors
-    /// When a chunk is missing or damaged.
-    pub fn text(&self) -> Result<Option<&'a str>, ContentError> {
+    /// When the first chunk is missing or damaged.
+    pub fn text(&self) -> Result<Option<String>, ContentError> {
         if let Some(own) = self.artifact.attribute(self.name) {
-            return Ok(Some(own));
+            return Ok(Some(own.to_owned()));
         }
-        let first = self.artifact.chunks()?.first();
-        Ok(first.and_then(|chunk| chunk.attribute(self.name)))
+        let first = self.artifact.first_chunk()?;
+        Ok(first.and_then(|chunk| chunk.attribute(self.name).map(str::to_owned)))
     }
 }

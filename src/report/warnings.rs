@@ -4,12 +4,20 @@ use super::artifacts::RunArtifacts;
 use super::error::ReportError;
 use crate::content::Solutions;
 
+/// The effect under which simulated samples carry a ratio to breakdown.
+const BREAKDOWN: &str = "dielectric_breakdown";
+
 /// The warnings of all stages that simulate, after the name of the stage. Estimates and verified designs say nothing of breakdown.
 ///
 /// # Errors
 /// When an artifact cannot be read.
 pub fn warnings(run: &RunArtifacts<'_>) -> Result<Vec<String>, ReportError> {
     let warning = run.each("solve", |source| {
+        // Where the effect is off no chunk but the first is opened.
+        let effects = source.of(Solutions::unchecked(source.artifact).effects().text())?;
+        if !effects.is_some_and(|effects| effects.contains(BREAKDOWN)) {
+            return Ok(None);
+        }
         let view = source.of(Solutions::open(source.artifact))?;
         let ratios = source
             .of(view.observations().breakdown_ratio().read())?

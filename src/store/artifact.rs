@@ -115,19 +115,25 @@ impl Artifact {
         if let Some(chunks) = self.0.chunks.get() {
             return Ok(chunks);
         }
-        let folder = self.0.path.parent().and_then(Path::parent).unwrap_or(Path::new(".."));
-        let chunks: Result<Vec<Self>, StoreError> = self
-            .parts()
-            .iter()
-            .map(|digest| {
-                let name = digest.to_string();
-                let path = folder.join(&name[..2]).join(format!("{name}.h5"));
-                Self::load(path, *digest, self.0.verified.clone())
-            })
-            .collect();
+        let chunks: Result<Vec<Self>, StoreError> = self.parts().iter().map(|digest| self.chunk(digest)).collect();
         let chunks = chunks?;
         // Another thread may have been faster, with the same chunks.
         Ok(self.0.chunks.get_or_init(|| chunks))
+    }
+
+    /// The first chunk, without opening the others; none unless it is a manifest.
+    ///
+    /// # Errors
+    /// When it is missing or damaged.
+    pub fn first_chunk(&self) -> Result<Option<Self>, StoreError> {
+        self.parts().first().map(|digest| self.chunk(digest)).transpose()
+    }
+
+    fn chunk(&self, digest: &ArtifactId) -> Result<Self, StoreError> {
+        let folder = self.0.path.parent().and_then(Path::parent).unwrap_or(Path::new(".."));
+        let name = digest.to_string();
+        let path = folder.join(&name[..2]).join(format!("{name}.h5"));
+        Self::load(path, *digest, self.0.verified.clone())
     }
 
     /// The datasets in the order of their paths, without their elements.

@@ -138,9 +138,9 @@ impl Source {
         files.iter().try_for_each(|file| file.file_digest().map(drop))?;
         let mut source = Self::open(files.iter().map(Artifact::path))?;
         let text = |name| StoredAttribute::<String>::new(artifact, name).text();
-        source.scene = text("scene")?.map(str::to_owned);
-        source.effects = text("effects")?.map(str::to_owned);
-        source.solver = text("solver")?.and_then(|text| SolverParameters::from_text(text).ok());
+        source.scene = text("scene")?;
+        source.effects = text("effects")?;
+        source.solver = text("solver")?.and_then(|text| SolverParameters::from_text(&text).ok());
         source.declared = source.declaration();
         match Labelled::open(artifact)? {
             Some(Labelled::Solved(view)) => {
