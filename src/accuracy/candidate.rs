@@ -60,7 +60,7 @@ impl Candidate {
         let settings = SolverParameters::schema(settings, Mesh::bilinear(2)).without("tolerance");
         let list = Schema::list(Schema::any_of([Method::schema(&()), settings.into()]), 1, usize::MAX);
         list.distinct()
-            .says("What is measured: words, or mappings with the keys of a solve stage.")
+            .description("What is measured: words, or mappings with the keys of a solve stage.")
     }
 
     /// What is measured unless a list is given: estimates, Newton's method on meshes of both orders, and accuracies.

@@ -63,7 +63,7 @@ impl Schema {
 
     /// A whole number within bounds, both included.
     #[must_use]
-    pub fn whole(low: u64, high: u64) -> Self {
+    pub fn integer(low: u64, high: u64) -> Self {
         Self::new(json!({ "type": "integer", "minimum": low, "maximum": high }))
     }
 
@@ -132,7 +132,7 @@ impl Schema {
 
     /// Says what the value means, before what is allowed.
     #[must_use]
-    pub fn says(mut self, meaning: &str) -> Self {
+    pub fn description(mut self, meaning: &str) -> Self {
         let whole = match self.0.get("description").and_then(Value::as_str) {
             Some(allowed) => format!("{meaning} {allowed}"),
             None => meaning.to_owned(),
@@ -204,7 +204,7 @@ impl Fields {
     /// The mapping whose key `tag` is `word`: one of several that are told apart by it.
     #[must_use]
     pub fn tagged(mut self, tag: &str, word: &str) -> Self {
-        let schema = Schema::word(&[word]).says(&self.description);
+        let schema = Schema::word(&[word]).description(&self.description);
         self.required.insert(0, tag.to_owned());
         self.properties.insert(0, (tag.to_owned(), schema));
         self
@@ -234,7 +234,7 @@ impl Fields {
 
     /// Forbids two keys to stand beside each other.
     #[must_use]
-    pub fn apart(self, one: &str, other: &str) -> Self {
+    pub fn mutually_exclusive(self, one: &str, other: &str) -> Self {
         self.rule(json!({ "not": { "required": [one, other] } }))
     }
 
@@ -271,7 +271,7 @@ mod tests {
 
     #[test]
     fn a_quantity_has_the_units_of_its_dimension() {
-        let schema = Value::from(Schema::quantity(Dimension::Voltage, 0.0, 1e6).says("How much."));
+        let schema = Value::from(Schema::quantity(Dimension::Voltage, 0.0, 1e6).description("How much."));
         let pattern = r"^\s*[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?\s*(V|kV|MV|mV)?\s*$";
         assert_eq!(schema["pattern"], pattern);
         let said = "How much. From 0 to 1e6 V, in V, kV, MV, mV; a bare number is in V.";
@@ -285,9 +285,9 @@ mod tests {
     #[test]
     fn a_mapping_allows_its_keys_and_no_others() {
         let fields = Fields::new("Two keys.")
-            .required("a", Schema::whole(1, 2))
+            .required("a", Schema::integer(1, 2))
             .optional("b", Schema::word(&["x"]).default("x"))
-            .apart("a", "b");
+            .mutually_exclusive("a", "b");
         let expected = json!({
             "type": "object",
             "description": "Two keys.",

@@ -70,8 +70,8 @@ pub fn schema(kind: &dyn Kind, fields: Fields, registry: &Registry) -> Fields {
         return fields;
     };
     let word = target.name();
-    let rounds = Schema::whole(1, MOST_ROUNDS)
-        .says(&format!(
+    let rounds = Schema::integer(1, MOST_ROUNDS)
+        .description(&format!(
             "Rounds: from the second on, the stages of kind {word} that lead here learn from this stage as well, and the \
              stages in between are done again, as NAME-2, NAME-3, …"
         ))
@@ -106,7 +106,7 @@ fn unroll_stages(root: &mut Node, registry: &Registry) -> Result<Vec<Rounds>, In
         let (Some(target), Some(node)) = (target(entry.kind, registry), entry.node.peek(ROUNDS)) else {
             continue;
         };
-        let last = node.whole(ROUNDS, 1, MOST_ROUNDS)?;
+        let last = node.integer(ROUNDS, 1, MOST_ROUNDS)?;
         let repetition = Repetition::new(&entries, source, target)?;
         if last > 1 && !repetition.again[source] {
             let message = format!(

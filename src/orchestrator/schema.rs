@@ -27,12 +27,12 @@ pub fn of_pipeline(registry: &Registry) -> Value {
     let pipeline = Fields::new("A pipeline of deaflow: stages that need each other, and the scene that they share.")
         .required(
             "version",
-            Schema::new(json!({ "const": 1 })).says("The version of this format."),
+            Schema::new(json!({ "const": 1 })).description("The version of this format."),
         )
-        .required("name", Schema::text().says("The name of the pipeline."))
+        .required("name", Schema::text().description("The name of the pipeline."))
         .optional(
             "scene",
-            scene.says("The scene of all stages: a file, or the mapping itself."),
+            scene.description("The scene of all stages: a file, or the mapping itself."),
         )
         .required("stages", Schema::new(stages));
     let mut definitions = Map::new();
@@ -65,11 +65,11 @@ fn of_kind(kind: &dyn Kind, gated: bool, registry: &Registry) -> Schema {
     let most = if gated { usize::MAX } else { needs.most };
     let with_frame = |fields: Fields| {
         let fields = rounds::schema(kind, fields, registry);
-        let fields = fields.required("kind", Schema::word(&[kind.name()]).says("What the stage does."));
+        let fields = fields.required("kind", Schema::word(&[kind.name()]).description("What the stage does."));
         let list = || {
             let meaning = format!("Stages of kind {}.", needs.kinds.join(" or "));
             let list = Schema::list(Schema::text(), needs.least, most);
-            list.distinct().says(&meaning)
+            list.distinct().description(&meaning)
         };
         Schema::from(match (needs.most, needs.least) {
             (0, _) => fields,

@@ -146,7 +146,7 @@ pub fn splice_scene(root: &mut Node, path: &Path) -> Result<(), InputError> {
 fn read_frame(root: &Node, registry: &Registry) -> Result<String, InputError> {
     let map = root.fields(WHAT, &KEYS)?;
     let version = map.required(WHAT, "version")?;
-    if version.whole("version", 0, u64::MAX)? != 1 {
+    if version.integer("version", 0, u64::MAX)? != 1 {
         return Err(version.error(format!(
             "`version` is {}: this deaflow reads version 1",
             version.found()

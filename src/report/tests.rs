@@ -34,7 +34,7 @@ impl Bench {
     }
 }
 
-fn reals(units: &str, values: &[f64]) -> Dataset {
+fn floats(units: &str, values: &[f64]) -> Dataset {
     Dataset::new(units, "d", &[values.len()], Data::F64(values.to_vec()))
 }
 
@@ -55,7 +55,7 @@ fn object(datasets: Vec<(&str, Dataset)>) -> Object {
 fn balanced() -> Object {
     let counts = |n: u64| Dataset::new("1", "d", &[2], Data::U64(vec![n, 2 * n]));
     object(vec![
-        ("histogram/edges", reals("mm", &[0.0, 1.0, 2.0])),
+        ("histogram/edges", floats("mm", &[0.0, 1.0, 2.0])),
         ("histogram/before", counts(5)),
         ("histogram/augmented", counts(8)),
         ("histogram/after", counts(3)),
@@ -68,12 +68,12 @@ fn solved(peaks: &[f64]) -> Object {
     let families = vec!["bezier".to_owned(); peaks.len()];
     object(vec![
         ("family", Dataset::new("", "d", &[peaks.len()], Data::Text(families))),
-        ("max_displacement", reals("mm", peaks)),
+        ("max_displacement", floats("mm", peaks)),
     ])
 }
 
 fn trained() -> Object {
-    let curve = || reals("1", &[0.3, 0.1]);
+    let curve = || floats("1", &[0.3, 0.1]);
     let texts = |texts: &[&str]| {
         let texts: Vec<String> = texts.iter().map(|text| (*text).to_owned()).collect();
         Dataset::new("", "d", &[texts.len()], Data::Text(texts))
@@ -86,7 +86,7 @@ fn trained() -> Object {
         ("best_epoch", Dataset::new("1", "d", &[1], Data::U64(vec![2]))),
         ("metrics/family", texts(&["all", "bezier", "all"])),
         ("metrics/split", texts(&["train", "train", "test"])),
-        ("metrics/rmse", reals("mm", &[0.01, 0.02, 0.0345])),
+        ("metrics/rmse", floats("mm", &[0.01, 0.02, 0.0345])),
     ]);
     let content = content.attribute("network", "qin2024");
     content.attribute("warnings", "3 samples are left out\nthe training diverged")
@@ -97,29 +97,29 @@ fn words(texts: &[&str]) -> Dataset {
     Dataset::new("", "d", &[texts.len()], Data::Text(texts))
 }
 
-fn wholes(values: &[u64]) -> Dataset {
+fn integers(values: &[u64]) -> Dataset {
     Dataset::new("1", "d", &[values.len()], Data::U64(values.to_vec()))
 }
 
 const OBJECTIVE: &str = "{ point: [25 mm, 25 mm], direction: 0 deg }";
 
 fn designed() -> Object {
-    let curve = || reals("1", &[1.5, 1.7, 1.8]);
+    let curve = || floats("1", &[1.5, 1.7, 1.8]);
     object(vec![
         ("name", words(&["design"; 2])),
         ("role", words(&["ga", "intuitive"])),
         ("evaluator", words(&["method: linear"; 2])),
         ("probe/name", words(&["design"])),
         ("probe/candidates", words(&["method: linear"])),
-        ("probe/rmse", reals("mm", &[0.002])),
-        ("probe/design_error", reals("1", &[0.001])),
-        ("probe/known", wholes(&[32])),
-        ("probe/disagree", wholes(&[0])),
+        ("probe/rmse", floats("mm", &[0.002])),
+        ("probe/design_error", floats("1", &[0.001])),
+        ("probe/known", integers(&[32])),
+        ("probe/disagree", integers(&[0])),
         ("history/name", words(&["design"; 3])),
         ("history/best", curve()),
         ("history/mean", curve()),
-        ("history/value", reals("mm", &[1.1, 1.3, 1.4])),
-        ("history/area", reals("1", &[0.5, 0.51, 0.5])),
+        ("history/value", floats("mm", &[1.1, 1.3, 1.4])),
+        ("history/area", floats("1", &[0.5, 0.51, 0.5])),
         (
             "patterns",
             Dataset::new("1", "d", &[2, 50, 50], Data::U8(vec![1; 5000])),
@@ -145,8 +145,8 @@ fn verified(outcomes: [&str; 4]) -> Object {
         ("case", words(&[""; 4])),
         ("name", words(&["design"; 4])),
         ("role", words(&["ga", "optimum", "intuitive", "intuitive-equal-area"])),
-        ("member", wholes(&[0; 4])),
-        ("units", wholes(&[20, 20, 50, 50])),
+        ("member", integers(&[0; 4])),
+        ("units", integers(&[20, 20, 50, 50])),
         ("outcome", words(&outcomes)),
         (
             "patterns",
@@ -156,12 +156,12 @@ fn verified(outcomes: [&str; 4]) -> Object {
             "displacement",
             Dataset::new("mm", "d", &[n, 51, 51, 2], Data::F64(vec![0.1; n * 5202])),
         ),
-        ("component/predicted", reals("mm", &[2.1, 2.5, 1.9, 2.0])),
-        ("component/simulated", reals("mm", &simulated)),
-        ("component/error", reals("mm", &vec![0.01; n])),
-        ("component/error_known", wholes(&vec![1; n])),
-        ("component/distance", reals("mm", &vec![0.0; n])),
-        ("area", reals("1", &[0.5, 0.5, 0.4, 0.5])),
+        ("component/predicted", floats("mm", &[2.1, 2.5, 1.9, 2.0])),
+        ("component/simulated", floats("mm", &simulated)),
+        ("component/error", floats("mm", &vec![0.01; n])),
+        ("component/error_known", integers(&vec![1; n])),
+        ("component/distance", floats("mm", &vec![0.0; n])),
+        ("area", floats("1", &[0.5, 0.5, 0.4, 0.5])),
     ])
     .with_long_texts("objective", "d", [OBJECTIVE; 4])
     .with_long_texts("status", "d", ["met", "met", "met", "area 0.4, wanted 0.5"])
@@ -171,7 +171,7 @@ fn verified(outcomes: [&str; 4]) -> Object {
 fn figures_are_drawn_once_and_named_by_their_artifact() {
     let bench = Bench::new();
     let made = [
-        bench.made("small", "sample", &Object::default().with("x", reals("1", &[1.0]))),
+        bench.made("small", "sample", &Object::default().with("x", floats("1", &[1.0]))),
         bench.made("solved", "solve", &solved(&[1.7, 1.8])),
         bench.made("fallen", "solve", &solved(&[])),
         bench.made("balanced", "balance", &balanced()),
@@ -277,7 +277,7 @@ fn an_evaluator_that_is_wrong_is_exposed() {
     let mut wrong = verified(["converged"; 4]);
     wrong
         .datasets
-        .insert("component/predicted".into(), reals("mm", &[2.8, 2.5, 1.9, 2.0]));
+        .insert("component/predicted".into(), floats("mm", &[2.8, 2.5, 1.9, 2.0]));
     let made = [bench.made("verified", "verify", &wrong)];
     let summary = &bench.run(&made).each("verify", summary::read).unwrap()[0];
     assert!((summary.largest_difference.unwrap() - 0.4).abs() < 1e-12);
@@ -316,14 +316,14 @@ fn many_targets_are_drawn_at_a_glance() {
         ("case", words(&["I"; 8])),
         ("role", words(&["refined"; 8])),
         ("outcome", words(&["converged"; 8])),
-        ("member", wholes(&[0; 8])),
-        ("units", wholes(&[50; 8])),
-        ("area", reals("1", &[0.5; 8])),
-        ("component/predicted", reals("mm", &[1.0; 8])),
-        ("component/simulated", reals("mm", &[1.0; 8])),
-        ("component/error", reals("mm", &[0.0; 8])),
-        ("component/error_known", wholes(&[0; 8])),
-        ("component/distance", reals("mm", &[0.0; 8])),
+        ("member", integers(&[0; 8])),
+        ("units", integers(&[50; 8])),
+        ("area", floats("1", &[0.5; 8])),
+        ("component/predicted", floats("mm", &[1.0; 8])),
+        ("component/simulated", floats("mm", &[1.0; 8])),
+        ("component/error", floats("mm", &[0.0; 8])),
+        ("component/error_known", integers(&[0; 8])),
+        ("component/distance", floats("mm", &[0.0; 8])),
         (
             "patterns",
             Dataset::new("1", "d", &[8, 50, 50], Data::U8(vec![1; 20000])),
@@ -350,7 +350,7 @@ fn many_targets_are_drawn_at_a_glance() {
 fn artifacts_that_lack_something_are_named() {
     let bench = Bench::new();
     let mut short = verified(["converged"; 4]);
-    short.datasets.insert("area".into(), reals("1", &[0.5]));
+    short.datasets.insert("area".into(), floats("1", &[0.5]));
     let made = [bench.made("verified", "verify", &short)];
     let error = bench.run(&made).each("verify", summary::read).unwrap_err().to_string();
     assert!(
@@ -402,11 +402,11 @@ fn evaluated(model: &Made) -> Object {
         ("predictor_digests", texts(&[&digest, ""])),
         ("families", texts(&["blobs", "curves", "all"])),
         ("score/samples", counts(&[1, 1, 2, 0, 0, 0], &[2, 3])),
-        ("area/centre", reals("1", &[0.5])),
+        ("area/centre", floats("1", &[0.5])),
         ("area/samples", counts(&[2, 0], &[2, 1])),
         ("area/rmse", table(&[0.02, 0.0], &[2, 1])),
         ("area/max_error", table(&[0.1, 0.0], &[2, 1])),
-        ("pattern/simulated_max", reals("mm", &[1.0, 2.0])),
+        ("pattern/simulated_max", floats("mm", &[1.0, 2.0])),
         ("pattern/predicted_max", table(&[1.1, 1.9, 0.0, 0.0], &[2, 2])),
         (
             "pattern/predicted",

@@ -21,7 +21,7 @@ impl Parameter for UnitNumbers {
     fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
         let mut numbers = Vec::new();
         for item in node.list(key)? {
-            let n = item.whole(key, 2, CELLS as u64)?;
+            let n = item.integer(key, 2, CELLS as u64)?;
             if numbers.contains(&n) {
                 return Err(item.error(format!("`{key}` names {n} twice")));
             }
@@ -39,7 +39,7 @@ impl Parameter for UnitNumbers {
     }
 
     fn schema((): &()) -> Schema {
-        Schema::list(Schema::whole(2, CELLS as u64), 1, usize::MAX).distinct()
+        Schema::list(Schema::integer(2, CELLS as u64), 1, usize::MAX).distinct()
     }
 
     fn literal(literal: Vec<u64>) -> Self {

@@ -36,7 +36,7 @@ impl Parameter for Cells {
     type Literal = Self;
 
     fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
-        if node.whole(key, 1, 100_000)? == CELLS as u64 {
+        if node.integer(key, 1, 100_000)? == CELLS as u64 {
             return Ok(Self);
         }
         Err(node
@@ -172,7 +172,7 @@ impl Scene {
     #[must_use]
     pub fn schema() -> Schema {
         let effects = Schema::any_of([Schema::word(&[AUTO]), Effects::schema(&())])
-            .says("What is simulated beyond the base model; auto: what is called for.");
+            .description("What is simulated beyond the base model; auto: what is called for.");
         Fields::new("A membrane on a frame, its drive, and the effects that are simulated.")
             .required("geometry", Geometry::schema(&()))
             .required("material", Material::schema(&()))

@@ -128,7 +128,7 @@ impl Parameter for Count {
     fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
         match node.value() {
             NodeValue::Text(text) if text == "all" => Ok(Self::All),
-            NodeValue::Number(_) => node.whole(key, 0, MAX_SAMPLES).map(Self::Some),
+            NodeValue::Number(_) => node.integer(key, 0, MAX_SAMPLES).map(Self::Some),
             _ => Err(node
                 .error(format!("`{key}` cannot be {}", node.found()))
                 .help("allowed: a whole number, or all")),
@@ -143,7 +143,7 @@ impl Parameter for Count {
     }
 
     fn schema((): &()) -> Schema {
-        Schema::any_of([Schema::whole(0, MAX_SAMPLES), Schema::word(&["all"])])
+        Schema::any_of([Schema::integer(0, MAX_SAMPLES), Schema::word(&["all"])])
     }
 
     fn literal(literal: Self) -> Self {

@@ -55,7 +55,7 @@ impl Kind for TrainKind {
         let Some(epochs) = stage.peek("epochs") else {
             return Ok(Vec::new());
         };
-        let epochs = epochs.whole("epochs", 1, 100_000)?.div_ceil(EPOCHS_OF_UPDATE);
+        let epochs = epochs.integer("epochs", 1, 100_000)?.div_ceil(EPOCHS_OF_UPDATE);
         Ok(vec![("epochs", NodeValue::Number(epochs.to_string()))])
     }
 }

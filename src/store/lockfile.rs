@@ -61,7 +61,7 @@ impl LockFile {
             .root
             .fields(WHAT, &["version", "pipeline", "target", "stages"])?;
         let version = map.required(WHAT, "version")?;
-        if version.whole("version", 0, u64::MAX)? != 1 {
+        if version.integer("version", 0, u64::MAX)? != 1 {
             return Err(version.error(format!(
                 "`version` is {}: this deaflow reads version 1",
                 version.found()

@@ -94,7 +94,7 @@ impl Node {
     ///
     /// # Errors
     /// When it is none, or outside.
-    pub fn whole(&self, field: &str, low: u64, high: u64) -> Result<u64, InputError> {
+    pub fn integer(&self, field: &str, low: u64, high: u64) -> Result<u64, InputError> {
         let range = if high >= i64::MAX as u64 {
             format!("a whole number from {low}")
         } else {

@@ -29,7 +29,7 @@ fn numbers_keep_their_decimal_text_and_values_their_place() {
     assert_eq!(v.quantity("v", Dimension::Voltage).unwrap().base().to_string(), "5.25");
     assert_eq!(v.place(), "t.yaml:1");
     assert!(
-        map.required("it", "w").unwrap().whole("w", 0, 9).is_err(),
+        map.required("it", "w").unwrap().integer("w", 0, 9).is_err(),
         "a quoted 7 is a text"
     );
     let error = map.required("it", "x").unwrap().list("x").unwrap()[1]
@@ -50,8 +50,8 @@ fn overrides_replace_and_add_and_point_at_themselves() {
         .apply(&mut node)
         .unwrap();
     let small = node.peek("stages").unwrap().peek("small").unwrap();
-    assert_eq!(small.peek("count").unwrap().whole("count", 1, 1000).unwrap(), 400);
-    let error = small.peek("seed").unwrap().whole("seed", 0, u64::MAX).unwrap_err();
+    assert_eq!(small.peek("count").unwrap().integer("count", 1, 1000).unwrap(), 400);
+    let error = small.peek("seed").unwrap().integer("seed", 0, u64::MAX).unwrap_err();
     assert_eq!(underlined(&error), "-1");
     assert_eq!(error.source_code.unwrap().name(), "--set stages.small.seed");
     let missing = Override::parse("stages.smal.count=4")

@@ -105,7 +105,7 @@ impl Parameter for Seed {
     type Literal = u64;
 
     fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
-        node.whole(key, 0, LARGEST_SEED).map(Self)
+        node.integer(key, 0, LARGEST_SEED).map(Self)
     }
 
     fn canonical(&self) -> Option<Canonical> {
@@ -113,7 +113,7 @@ impl Parameter for Seed {
     }
 
     fn schema((): &()) -> Schema {
-        Schema::whole(0, LARGEST_SEED)
+        Schema::integer(0, LARGEST_SEED)
     }
 
     fn literal(literal: u64) -> Self {

@@ -54,7 +54,7 @@ parameters! {
 }
 
 fn distinct(fields: Fields) -> Fields {
-    fields.apart("patience", "share")
+    fields.mutually_exclusive("patience", "share")
 }
 
 impl All {

@@ -38,7 +38,7 @@ macro_rules! integers {
             fn read(node: &Node, key: &str, limits: &RangeInclusive<u64>) -> Result<Self, InputError> {
                 // A limit beyond the type would be a slip of the declaration; the value is refused then, not cut.
                 let high = (*limits.end()).min(Self::MAX as u64);
-                Ok(node.whole(key, *limits.start(), high)? as Self)
+                Ok(node.integer(key, *limits.start(), high)? as Self)
             }
 
             fn canonical(&self) -> Option<Canonical> {
@@ -46,7 +46,7 @@ macro_rules! integers {
             }
 
             fn schema(limits: &RangeInclusive<u64>) -> Schema {
-                Schema::whole(*limits.start(), *limits.end())
+                Schema::integer(*limits.start(), *limits.end())
             }
 
             fn literal(literal: Self) -> Self {
@@ -246,7 +246,7 @@ impl Fields {
     /// Adds a key with its sentence, its limits and its default.
     #[must_use]
     pub fn declare<T: Parameter>(self, key: &str, doc: &str, limits: &T::Limits, default: Option<T>) -> Self {
-        let schema = T::schema(limits).says(doc.trim());
+        let schema = T::schema(limits).description(doc.trim());
         match default {
             Some(value) => match value.canonical() {
                 Some(canonical) => self.optional(key, schema.default(canonical.to_json())),

@@ -239,8 +239,8 @@ fn exclusive(fields: Fields) -> Fields {
         })
     };
     fields
-        .apart("accuracy", "elements_per_cell")
-        .apart("accuracy", "order")
+        .mutually_exclusive("accuracy", "elements_per_cell")
+        .mutually_exclusive("accuracy", "order")
         .rule(estimates_lack("accuracy"))
         .rule(estimates_lack("tolerance"))
 }

@@ -53,8 +53,8 @@ impl Kind for &'static Count {
     fn schema(&self) -> Vec<Fields> {
         vec![
             Fields::new("A toy.")
-                .required("count", Schema::whole(1, 1000))
-                .optional("offset", Schema::whole(0, 1000)),
+                .required("count", Schema::integer(1, 1000))
+                .optional("offset", Schema::integer(0, 1000)),
         ]
     }
 
@@ -62,9 +62,9 @@ impl Kind for &'static Count {
         let map = stage.fields("a `count` stage", &["kind", "needs", "count", "offset"])?;
         let offset = map
             .optional("offset")
-            .map_or(Ok(0), |node| node.whole("offset", 0, 1000))?;
+            .map_or(Ok(0), |node| node.integer("offset", 0, 1000))?;
         Ok(Box::new(CountStage {
-            count: map.required("a `count` stage", "count")?.whole("count", 1, 100_000)?,
+            count: map.required("a `count` stage", "count")?.integer("count", 1, 100_000)?,
             offset,
             fails: &self.fails,
         }))
@@ -144,13 +144,13 @@ impl Kind for Divide {
     }
 
     fn schema(&self) -> Vec<Fields> {
-        vec![Fields::new("A toy.").required("by", Schema::whole(1, 100))]
+        vec![Fields::new("A toy.").required("by", Schema::integer(1, 100))]
     }
 
     fn read(&self, stage: &Node, _: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
         let map = stage.fields("a `divide` stage", &["kind", "needs", "by"])?;
         Ok(Box::new(DivideStage(
-            map.required("a `divide` stage", "by")?.whole("by", 1, 100)?,
+            map.required("a `divide` stage", "by")?.integer("by", 1, 100)?,
         )))
     }
 }
@@ -212,7 +212,7 @@ impl Kind for Sum {
     fn read(&self, stage: &Node, _: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
         let map = stage.fields("a `sum` stage", &["kind", "needs", "power", "padding"])?;
         let optional =
-            |key: &str, default, most| map.optional(key).map_or(Ok(default), |node| node.whole(key, 0, most));
+            |key: &str, default, most| map.optional(key).map_or(Ok(default), |node| node.integer(key, 0, most));
         Ok(Box::new(SumStage {
             power: optional("power", 1, 5)?,
             padding: optional("padding", 0, 1 << 30)?,
@@ -252,7 +252,7 @@ fn check_scene(scene: &Node) -> Result<(), InputError> {
     let drive = scene.required("the scene", "drive")?.fields("`drive`", &["voltage"])?;
     drive
         .required("`drive`", "voltage")?
-        .whole("voltage", 0, 9000)
+        .integer("voltage", 0, 9000)
         .map(|_| ())
 }
 

@@ -55,7 +55,7 @@ impl Kind for Toy {
     }
 
     fn schema(&self) -> Vec<Fields> {
-        vec![Fields::new("A toy.").optional("add", Schema::whole(0, 1000))]
+        vec![Fields::new("A toy.").optional("add", Schema::integer(0, 1000))]
     }
 
     fn feedback_target(&self) -> Option<&'static str> {
@@ -73,7 +73,7 @@ impl Kind for Toy {
             None => &["kind", "needs", "add"],
         };
         let map = stage.fields("a toy", keys)?;
-        let add = map.optional("add").map_or(Ok(0), |node| node.whole("add", 0, 1000))?;
+        let add = map.optional("add").map_or(Ok(0), |node| node.integer("add", 0, 1000))?;
         Ok(Box::new(ToyStage(add)))
     }
 }

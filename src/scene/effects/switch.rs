@@ -39,13 +39,13 @@ pub fn switched_on(effects: &Node, properties: Option<&Node>) -> Result<Node, In
 
 /// What may stand after the name of an effect, given what its parameters may be.
 pub fn schema(name: &str, parameters: Schema) -> Schema {
-    let bare = Schema::new(json!({ "type": ["boolean", "null"] })).says("Whether it is on; nothing means on.");
+    let bare = Schema::new(json!({ "type": ["boolean", "null"] })).description("Whether it is on; nothing means on.");
     let empty = Schema::new(json!({ "type": "object", "maxProperties": 0 }));
     match Properties::keys().contains(&name) {
         true => Schema::any_of([
             parameters,
             bare,
-            empty.says("With the parameters that stand in `properties`."),
+            empty.description("With the parameters that stand in `properties`."),
         ]),
         false => Schema::any_of([parameters, bare]),
     }
