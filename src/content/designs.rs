@@ -214,7 +214,7 @@ impl VerificationView<'_> {
             row
         };
         let rows = self.outcome().read()?.iter().map(row).collect();
-        match self.component().simulated().len()? == next {
+        match self.component().simulated().rows()? == next {
             true => Ok(rows),
             false => Err(Fault::Simulated.of(self.artifact().digest())),
         }

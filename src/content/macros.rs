@@ -73,6 +73,8 @@ macro_rules! arrays {
 
             /// What is declared of its attributes: their names and what they are.
             #[must_use]
+            // Whether a field is an attribute is known as the macro expands, after a list would have been written.
+            #[allow(clippy::vec_init_then_push)]
             pub fn attributes() -> Vec<(&'static str, &'static str)> {
                 let mut _attributes = Vec::new();
                 $( $crate::content::macros::field!(describe $kind $args, $type, _attributes, concat!($doc $(, $more)*)); )*

@@ -63,7 +63,7 @@ fn a_view_reads_one_array_and_knows_what_is_there() {
     let (_folder, artifact) = stored(&solutions().object());
     let view = Solutions::open(&artifact).unwrap();
     assert_eq!(view.unstable().rows().index().read().unwrap(), [0]);
-    assert_eq!(view.displacement().len().unwrap(), 2);
+    assert_eq!(view.displacement().rows().unwrap(), 2);
     assert_eq!(view.displacement().numbers(1..2).unwrap(), vec![0.0; 51 * 51 * 2]);
     assert!(!view.meshes().is_there().unwrap() && view.observations().is_there().unwrap());
     assert_eq!(view.observations().breakdown_ratio().read().unwrap(), None);

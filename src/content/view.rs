@@ -100,7 +100,7 @@ impl<'a, P: Part> Stored<'a, P> {
     ///
     /// # Errors
     /// When it is missing, or a chunk is missing or damaged.
-    pub fn len(&self) -> Result<usize, ContentError> {
+    pub fn rows(&self) -> Result<usize, ContentError> {
         Ok(self
             .artifact
             .content(self.path())?

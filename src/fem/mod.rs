@@ -41,7 +41,7 @@ mod stability;
 pub use accurate::{AccurateSimulation, AccurateSolver};
 pub use cells::wrinkled_fraction;
 pub use error::SetupError;
-pub use evaluator::{MeshRequest, Method, Solver, SolverParameters, UnknownMethod};
+pub use evaluator::{CellStates, MeshRequest, Method, Solver, SolverParameters, UnknownMethod};
 pub use gradient_evaluator::GradientEvaluator;
 pub use margin::StabilityReport;
 pub use observable::{CellState, Survey, Tension, cell_states};

@@ -101,7 +101,7 @@ impl Stage for BalanceStage {
             solved.patterns.extend(view.rows().patterns().read()?);
             solved.family.extend(view.rows().family().read()?);
             solved.max_displacement.extend(view.max_displacement().read()?);
-            solved.unstable += view.unstable().outcome().len()? as u64;
+            solved.unstable += view.unstable().outcome().rows()? as u64;
         }
         if solved.patterns.is_empty() {
             return Err(StageError::Input(format!(
@@ -140,7 +140,7 @@ fn fields(inputs: &[Artifact], rows: &[BalancedRow]) -> Result<Vec<f64>, StageEr
     for input in inputs {
         for chunk in files(input)? {
             let displacement = Solutions::open(chunk)?.displacement();
-            let count = displacement.len()?;
+            let count = displacement.rows()?;
             let (here, after) = rest.split_at(rest.partition_point(|row| row.source < first + count));
             if !here.is_empty() {
                 let fields = displacement.read()?;

@@ -134,6 +134,6 @@ impl Stage for SolveStage {
     }
 
     fn unstable(&self, artifact: &Artifact) -> Result<u64, StageError> {
-        Ok(Solutions::open(artifact)?.unstable().outcome().len()? as u64)
+        Ok(Solutions::open(artifact)?.unstable().outcome().rows()? as u64)
     }
 }

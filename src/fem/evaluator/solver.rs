@@ -107,12 +107,15 @@ impl Solver {
     pub fn simulate_cells(
         &self,
         patterns: &[Pattern],
-    ) -> Result<(Vec<AccurateSimulation>, Vec<Option<Vec<CellState>>>), SetupError> {
+    ) -> Result<(Vec<AccurateSimulation>, CellStates), SetupError> {
         let solver = self.on_one_mesh()?;
         let (simulations, states) = solver.simulate_cells(patterns).into_iter().unzip();
         Ok((on(solver.mesh(), simulations), states))
     }
 }
+
+/// The state of every cell of each pattern; `None` where there is no stable solution.
+pub type CellStates = Vec<Option<Vec<CellState>>>;
 
 /// Results on one mesh, without estimates of their errors.
 fn on(mesh: Mesh, simulations: Vec<Simulation>) -> Vec<AccurateSimulation> {

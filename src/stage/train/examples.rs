@@ -46,7 +46,7 @@ pub fn read(inputs: &[Artifact], side_mm: f64, verified_weight: u32) -> Result<E
 /// How many samples have no stable solution.
 fn unstable(artifact: &Artifact) -> Result<u64, StageError> {
     match Labelled::open(artifact)? {
-        Some(Labelled::Solved(view)) => Ok(view.unstable().outcome().len()? as u64),
+        Some(Labelled::Solved(view)) => Ok(view.unstable().outcome().rows()? as u64),
         _ => Ok(0),
     }
 }
