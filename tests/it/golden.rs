@@ -38,6 +38,10 @@ fn fingerprint(path: &Path) -> BTreeMap<String, Value> {
     let mut groups = vec![(String::new(), file.as_group().unwrap())];
     while let Some((prefix, group)) = groups.pop() {
         for dataset in group.datasets().unwrap() {
+            // Scales name axes and hold nothing.
+            if dataset.attr("CLASS").is_ok() {
+                continue;
+            }
             let name = dataset.name().trim_start_matches('/').to_owned();
             found.insert(name, describe(&dataset));
         }
