@@ -104,10 +104,7 @@ impl Solver {
     ///
     /// # Errors
     /// As [`Solver::on_one_mesh`].
-    pub fn simulate_cells(
-        &self,
-        patterns: &[Pattern],
-    ) -> Result<(Vec<AccurateSimulation>, CellStates), SetupError> {
+    pub fn simulate_cells(&self, patterns: &[Pattern]) -> Result<(Vec<AccurateSimulation>, CellStates), SetupError> {
         let solver = self.on_one_mesh()?;
         let (simulations, states) = solver.simulate_cells(patterns).into_iter().unzip();
         Ok((on(solver.mesh(), simulations), states))
