@@ -179,7 +179,7 @@ impl<P: Potential> TensionField<P> {
     /// [`TensionField::strip`], compiled once.
     #[inline(never)]
     fn strip_apart<V: Value>(&self, first: V, active: V) -> Strip<V> {
-        active.mutually_exclusive(StripAt {
+        active.apart(StripAt {
             field: self,
             first,
             active,

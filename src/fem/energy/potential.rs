@@ -209,7 +209,7 @@ pub trait Potential: Sync {
 /// times as long to build.
 #[inline(never)]
 pub fn slopes_apart<P: Potential, V: Value>(potential: &P, at: &Invariants<V>, active: V) -> Slopes<V> {
-    active.mutually_exclusive(SlopesAt { potential, at, active })
+    active.apart(SlopesAt { potential, at, active })
 }
 
 struct SlopesAt<'a, P, V> {
