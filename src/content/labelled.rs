@@ -63,9 +63,9 @@ impl<'a> Labelled<'a> {
     /// When there are no fields.
     pub fn fields(&self) -> Result<usize, ContentError> {
         match self {
-            Self::Solved(view) => view.displacement().len(),
-            Self::Balanced(view) => view.displacement().len(),
-            Self::Verified(view) => view.displacement().len(),
+            Self::Solved(view) => view.displacement().rows(),
+            Self::Balanced(view) => view.displacement().rows(),
+            Self::Verified(view) => view.displacement().rows(),
         }
     }
 
