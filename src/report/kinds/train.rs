@@ -92,7 +92,7 @@ pub fn read(source: &Source<'_>) -> Result<TrainingSummary, ReportError> {
     let errors: Vec<String> = of_all
         .map(|((_, split), rmse)| format!("{split} {rmse:.4} mm"))
         .collect();
-    let epochs = source.of(view.curves().train_loss().len())?;
+    let epochs = source.of(view.curves().train_loss().rows())?;
     let [kept] = source.of(view.best_epoch().read())?;
     let network = source.of(view.network().read())?;
     let warnings = source.of(view.warnings().read())?.unwrap_or_default().0;
