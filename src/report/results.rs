@@ -70,7 +70,7 @@ impl RunResults {
 
     /// The warnings alone, a line for each.
     pub fn warning_lines(&self) -> impl Iterator<Item = String> {
-        let of_model = self.model_warnings.iter().map(|text| format!("model warning: {text}"));
+        let of_model = self.model_warnings.iter().map(|text| format!("warning: {text}"));
         of_model.chain(self.warnings().map(|text| format!("warning: {text}")))
     }
 

@@ -334,7 +334,12 @@ impl Scene {
     /// The scene in its own YAML syntax on one line: what artifacts carry, and [`Scene::from_text`] reads.
     #[must_use]
     pub fn to_text(&self) -> String {
-        self.canonical().to_string()
+        let Canonical::Map(sections) = self.canonical() else {
+            return String::new();
+        };
+        // In the order in which people write them.
+        let written = SECTIONS.iter().filter_map(|name| Some(format!("{name}: {}", sections.get(*name)?)));
+        format!("{{ {} }}", written.collect::<Vec<_>>().join(", "))
     }
 }
 

@@ -3,6 +3,9 @@
 use super::error::{InputError, suggestion};
 use super::node::{Node, NodeValue};
 
+/// A path of more bytes than a person reads is not shown under a refusal: its value is.
+const LONGEST: usize = 500;
+
 /// One `--set path.to.field=VALUE`.
 #[derive(Clone, Debug)]
 pub struct Override {
@@ -28,9 +31,16 @@ impl Override {
         }
         let name = format!("--set {}", path.join("."));
         let before = text.len() - value.len();
-        let value = Node::parse(&name, value.to_owned())?.inside(&name, text, before);
+        let value = Node::parse(&name, value.to_owned())?;
+        let value = match before <= LONGEST {
+            true => value.inside(&name, text, before),
+            false => value,
+        };
         let mut from = 0;
         let mut key = |step: &String| {
+            if before > LONGEST {
+                return value.with_value(NodeValue::Text(step.clone()));
+            }
             let start = from + text[from..].find(step.as_str()).unwrap_or_default();
             from = start + step.len();
             value.with_value(NodeValue::Text(step.clone())).at((start, step.len()))

@@ -150,7 +150,7 @@ macro_rules! variants {
                         _ => Vec::new(),
                     }
                 };
-                map.refuse_keys_of_others($tag, word, Self::WORDS, &own)?;
+                map.refuse_keys_of_others($tag, word, Self::WORDS, &own, &others)?;
                 $(if word == $word {
                     return <$type as $crate::base::Declared>::read_with(node, &others).map(Self::$variant);
                 })+

@@ -208,6 +208,7 @@ impl Map<'_> {
         word: &str,
         words: &[&str],
         keys: &dyn Fn(&str) -> Vec<&'static str>,
+        beside: &[&str],
     ) -> Result<(), InputError> {
         let own = keys(word);
         for (key, _) in self.entries() {
@@ -221,11 +222,6 @@ impl Map<'_> {
                 .map(|other| format!("`{tag}: {other}`"))
                 .collect();
             if !owners.is_empty() {
-                let own = if own.is_empty() {
-                    "none".to_owned()
-                } else {
-                    own.join(", ")
-                };
                 return Err(key
                     .error_labelled(
                         format!(
@@ -235,7 +231,7 @@ impl Map<'_> {
                         ),
                         "not known here",
                     )
-                    .help(format!("allowed beside `{tag}`: {own}")));
+                    .help(format!("allowed: {}", [&own[..], beside].concat().join(", "))));
             }
         }
         Ok(())
