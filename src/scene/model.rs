@@ -338,7 +338,9 @@ impl Scene {
             return String::new();
         };
         // In the order in which people write them.
-        let written = SECTIONS.iter().filter_map(|name| Some(format!("{name}: {}", sections.get(*name)?)));
+        let written = SECTIONS
+            .iter()
+            .filter_map(|name| Some(format!("{name}: {}", sections.get(*name)?)));
         format!("{{ {} }}", written.collect::<Vec<_>>().join(", "))
     }
 }
