@@ -189,7 +189,7 @@ impl Kind for Toy {
     }
 
     fn schema(&self) -> Vec<Fields> {
-        let whole = || Schema::whole(0, u64::MAX);
+        let whole = || Schema::integer(0, u64::MAX);
         let fields = Fields::new("A toy.");
         vec![
             ["chunks", "values", "salt"]
@@ -200,7 +200,7 @@ impl Kind for Toy {
 
     fn read(&self, stage: &Node, _: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
         let map = stage.fields("a toy", &["kind", "needs", "chunks", "values", "salt"])?;
-        let whole = |key: &str| map.required("a toy", key)?.whole(key, 0, u64::MAX);
+        let whole = |key: &str| map.required("a toy", key)?.integer(key, 0, u64::MAX);
         Ok(Box::new(ToyStage {
             chunks: whole("chunks")?,
             values: whole("values")?,

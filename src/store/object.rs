@@ -56,7 +56,7 @@ pub struct Object {
     /// Kind of the action that makes it; empty where none does.
     pub kind: String,
     /// Content attributes: texts that belong to the content (a scene, the names of columns), never times or hosts. Those that
-    /// [`WORDING`] names stand in the file and are no part of the identity.
+    /// `WORDING` names stand in the file and are no part of the identity.
     pub attributes: BTreeMap<String, String>,
     /// Arrays by path ("patterns", "unstable/patterns").
     pub datasets: BTreeMap<String, Dataset>,
@@ -354,7 +354,7 @@ impl Object {
     }
 
     /// The identity: a digest of kind, attributes, paths, types, shapes, units and little-endian bytes. Descriptions, names of
-    /// axes and attributes of [`WORDING`] are no part of it.
+    /// axes and attributes of `WORDING` are no part of it.
     ///
     /// # Errors
     /// When the content cannot be an artifact.

@@ -1,6 +1,6 @@
 //! The macros that declare parameters. What they expand to is as short as can be: all logic is in functions.
 
-/// Declares a mapping; see [`base::parameters`](crate::base::parameters).
+/// Declares a mapping; see `base::parameters`.
 #[macro_export]
 macro_rules! parameters {
     (
@@ -102,7 +102,7 @@ macro_rules! parameters {
     (@default $type:ty, $default:expr) => { Some(<$type as $crate::base::Parameter>::literal($default)) };
 }
 
-/// Declares an enum of mappings, told apart by the word under a key; see [`base::parameters`](crate::base::parameters).
+/// Declares an enum of mappings, told apart by the word under a key; see `base::parameters`.
 #[macro_export]
 macro_rules! variants {
     (
@@ -191,7 +191,7 @@ macro_rules! variants {
     };
 }
 
-/// Declares an enum of words; see [`base::parameters`](crate::base::parameters).
+/// Declares an enum of words; see `base::parameters`.
 #[macro_export]
 macro_rules! words {
     (

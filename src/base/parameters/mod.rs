@@ -1,7 +1,7 @@
 //! A parameter is declared once: name, type with unit, range, default and sentence stand in one place, and reader, JSON Schema, canonical
 //! value, `--set`, lock files and the tables in docs/reference.md follow from it.
 //!
-//! [`parameters!`](crate::base::parameters) declares a mapping:
+//! [`parameters!`](crate::base::parameters!) declares a mapping:
 //!
 //! ```text
 //! parameters! {
@@ -76,7 +76,7 @@ pub trait Parameter: Sized {
     }
 }
 
-/// A mapping that [`parameters!`](crate::base::parameters) declares.
+/// A mapping that [`parameters!`](crate::base::parameters!) declares.
 pub trait Declared: Sized {
     /// What it is, in messages: "a balance stage".
     const WHAT: &'static str;
