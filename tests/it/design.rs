@@ -180,7 +180,7 @@ fn a_refined_design_reaches_the_optimum_and_a_target_is_rebuilt_alone() {
 fn several_designs_of_one_value_differ() {
     let workspace = alone();
     let more = "stages.design={ kind: design, evaluator: chord:2, seed: 3, population: 80, generations: 4, designs: 3, distance: 0.05, \
-                refine: true, units: 50, area: 0.5, objective: { point: [25 mm, 25 mm], direction: 0 deg, value: 0.8 mm } }";
+                refine: true, units: 20, area: 0.5, objective: { point: [25 mm, 25 mm], direction: 0 deg, value: 0.8 mm } }";
     let ended = workspace.run(&["run", "alone.yaml", "--set", more, "--json"]);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     let document = ended.json();
