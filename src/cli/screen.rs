@@ -37,12 +37,12 @@ fn document(screening: &Screening) -> Value {
     let row = |row: &Row| {
         json!({
             "effect": row.effect,
-            "quantity": row.quantity,
-            "number": row.number,
-            "threshold": row.threshold,
-            "called_for": row.verdict.name(),
+            "quantity": row.assessment.quantity,
+            "number": row.assessment.number,
+            "threshold": row.assessment.threshold,
+            "called_for": row.assessment.verdict.name(),
             "status": row.status.name(),
-            "change": row.change,
+            "change": row.assessment.change,
             "cost": row.cost,
         })
     };
@@ -66,27 +66,28 @@ fn text(screening: &Screening) -> String {
     ];
     let mut table = table::table(&header, &["value", "above"]);
     for row in &screening.rows {
-        let arises = row.quantity != "–";
+        let arises = row.assessment.quantity != "–";
         let formula = if arises {
-            format!("\n  {}", row.quantity)
+            format!("\n  {}", row.assessment.quantity)
         } else {
             String::new()
         };
         table.add_row([
             format!("{}{formula}", row.effect),
-            row.number
+            row.assessment
+                .number
                 .map_or_else(|| "–".to_owned(), |number| format!("{number:.3}")),
             if arises {
-                row.threshold.to_string()
+                row.assessment.threshold.to_string()
             } else {
                 "–".to_owned()
             },
-            row.verdict.name().to_owned(),
+            row.assessment.verdict.name().to_owned(),
             match row.status {
                 Status::NotAvailable => "–".to_owned(),
                 known => known.name().to_owned(),
             },
-            format!("{}\n{}", row.change, row.cost),
+            format!("{}\n{}", row.assessment.change, row.cost),
         ]);
     }
     let simulated = format!("simulated: effects: {}", screening.scene.effects.to_text());

@@ -40,6 +40,7 @@ mod stability;
 
 pub use accurate::{AccurateSimulation, AccurateSolver};
 pub use cells::wrinkled_fraction;
+pub use effects::breakdown_strength;
 pub use error::SetupError;
 pub use evaluator::{CellStates, MeshRequest, Method, Solver, SolverParameters, UnknownMethod};
 pub use gradient_evaluator::GradientEvaluator;
@@ -47,7 +48,7 @@ pub use margin::StabilityReport;
 pub use observable::{CellState, Survey, Tension, cell_states};
 pub use path::{EventKind, LoadPath, PathEnd, PathEvent, PathPoint};
 pub use response::{Estimator, LinearResponse};
-pub use safety_margins::{SafetyMargins, breakdown_strength};
+pub use safety_margins::SafetyMargins;
 pub use simulators::{SceneSimulators, decided};
 pub use solver::{MembraneSolver, MeshSolution, SolveOptions};
 

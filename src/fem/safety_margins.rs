@@ -1,9 +1,10 @@
 //! Margins from pull-in and breakdown, which take a simulation to know.
 
+use super::effects::breakdown_strength;
 use super::{MembraneSolver, SetupError, SolveOptions};
 use crate::field::{Feasibility, Mesh, PredictError, Simulator};
 use crate::pattern::Pattern;
-use crate::scene::{Breakdown, Scene};
+use crate::scene::Scene;
 
 /// Says which patterns keep their margins.
 pub struct SafetyMargins {
@@ -39,13 +40,6 @@ impl SafetyMargins {
         };
         Ok((margins.pull_in.is_some() || margins.breakdown.is_some()).then_some(margins))
     }
-}
-
-/// The breakdown strength of a scene: that of its effect, or what is known of the material.
-#[must_use]
-pub fn breakdown_strength(scene: &Scene) -> Option<Breakdown> {
-    let known = &scene.properties.dielectric_breakdown;
-    scene.effects.dielectric_breakdown.clone().or_else(|| known.clone())
 }
 
 impl Feasibility for SafetyMargins {

@@ -1,10 +1,17 @@
-//! A family of patterns and a material law from outside: what a program adds to the tables through the public interface.
+//! A family of patterns, a material law, an effect and a kind of stage from outside: what a program adds to the tables through
+//! the public interface. A figure and what a kind says are in figure.rs.
 
 use std::path::Path;
 
-use deaflow::base::{Document, Stream};
+use deaflow::base::{Canonical, Declared, Document, Fields, InputError, Node, Stream};
+use deaflow::fem::effects::{Assessment, EFFECTS, Effect, Solutions};
+use deaflow::fem::screening::{Status, Trial, screen_for};
 use deaflow::fem::{MembraneSolver, SolveOptions};
 use deaflow::field::{Mesh, Simulator};
+use deaflow::orchestrator::{
+    Environment, Input, Job, Kind, Needs, Outcome, Pipeline, Plan, Registry, RunOptions, Stage, StageError,
+    of_pipeline, run,
+};
 use deaflow::parameters;
 use deaflow::pattern::Pattern;
 use deaflow::sample::{
@@ -12,6 +19,8 @@ use deaflow::sample::{
 };
 use deaflow::scene::Scene;
 use deaflow::scene::laws::{AtRest, Form, Response, Significance, StiffeningLaw};
+use deaflow::stage::registry;
+use deaflow::store::{Data, Dataset, Object, Store};
 
 parameters! {
     /// Bars of one width.
@@ -99,4 +108,126 @@ fn a_law_is_handed_to_the_solver_by_value() {
     let base = base.simulate(&half).remove(0).field.unwrap().max_magnitude();
     assert!((moved(0.0) / base - 1.0).abs() < 1e-6, "{} {base}", moved(0.0));
     assert!(moved(1e-3) < 0.9 * base && moved(1e-2) < moved(1e-3));
+}
+
+/// A membrane that sags under its weight: ρgL/μ, and by a solution whether it is taut.
+struct Sag;
+
+impl Effect for Sag {
+    fn name(&self) -> &'static str {
+        "sag_under_weight"
+    }
+
+    fn cost(&self) -> &'static str {
+        "one more solve"
+    }
+
+    fn assess_solutions(&self, scene: &Scene, solutions: &Solutions<'_>) -> Option<Assessment> {
+        let taut = solutions.examined.iter().all(|one| one.compression < 0.0);
+        let number = 1000.0 * 9.81 * 1e-3 * scene.side_mm() / scene.shear_modulus_pa();
+        Some(Assessment::known(
+            "ρgL/μ",
+            number,
+            if taut { 0.01 } else { 0.0 },
+            "sags".to_owned(),
+        ))
+    }
+}
+
+#[test]
+fn an_effect_is_screened_beside_those_of_the_table() {
+    let table: Vec<&dyn Effect> = EFFECTS.iter().copied().chain([&Sag as _]).collect();
+    let scene = Scene::vhb4910();
+    let half = Trial {
+        to_the_limit: false,
+        ..Trial::new("half", Pattern::from_fn(|x, _| x < 25))
+    };
+    let screening = screen_for(&table, &scene, &[half]).unwrap();
+    assert_eq!(screening.rows.len(), EFFECTS.len() + 1);
+    let row = screening.rows.last().unwrap();
+    assert_eq!((row.effect, row.status), ("sag_under_weight", Status::NotAvailable));
+    let warning = "sag under weight cannot be simulated yet and sags (ρgL/μ = 0.011 > 0.01)";
+    assert_eq!(screening.warnings().last().unwrap(), warning);
+}
+
+parameters! {
+    /// Counts up.
+    struct CountParameters as "a count stage" {
+        /// The last number.
+        to: u64 [1..=100],
+    }
+}
+
+struct CountKind;
+
+impl Kind for CountKind {
+    fn name(&self) -> &'static str {
+        "count"
+    }
+
+    fn recipe(&self) -> u32 {
+        1
+    }
+
+    fn needs(&self) -> Needs {
+        Needs {
+            kinds: &[],
+            least: 0,
+            most: 0,
+        }
+    }
+
+    fn schema(&self) -> Vec<Fields> {
+        vec![CountParameters::fields()]
+    }
+
+    fn read(&self, stage: &Node, _scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
+        Ok(Box::new(CountParameters::read_with(stage, &["kind", "needs"])?))
+    }
+}
+
+impl Stage for CountParameters {
+    fn parameters(&self) -> Canonical {
+        self.to_canonical()
+    }
+
+    fn plan(&self, _inputs: &[Input]) -> Plan {
+        Plan::Whole { steps: 1 }
+    }
+
+    fn build(&self, _job: &Job<'_>) -> Result<Object, StageError> {
+        let numbers: Vec<u64> = (1..=self.to).collect();
+        let shape = [numbers.len()];
+        Ok(Object::default().with("numbers", Dataset::new("1", "Numbers", &shape, Data::U64(numbers))))
+    }
+}
+
+#[test]
+fn a_kind_of_stage_is_read_run_kept_and_told_in_the_schema() {
+    let mut kinds = registry();
+    kinds.kinds.push(&CountKind);
+    let folder = tempfile::tempdir().unwrap();
+    let store = Store::open(folder.path()).unwrap();
+    let read = |kinds: &Registry, stage: &str| {
+        let text = format!("version: 1\nname: counting\nstages:\n  mine: {stage}\n");
+        let document = Document::from_text(Path::new("counting.yaml"), &text).unwrap();
+        Pipeline::read(document, &[], kinds).map_err(|e| e.to_string())
+    };
+    let built = |stage: &str| {
+        let pipeline = read(&kinds, stage).unwrap();
+        let (options, environment) = (RunOptions::default(), Environment::system());
+        let report = run(&pipeline, &store, &options, &environment, &|_| {}).unwrap();
+        assert!(report.failures.is_empty(), "{:?}", report.failures);
+        report.stages[0].clone()
+    };
+    let first = built("{ kind: count, to: 3 }");
+    let numbers = store.artifact(&first.digest.unwrap()).unwrap().read("numbers").unwrap();
+    assert_eq!(numbers.data, Data::U64(vec![1, 2, 3]));
+    let again = built("{ kind: count, to: 3 }");
+    assert_eq!((again.digest, again.outcome), (first.digest, Outcome::Reused));
+    assert_ne!(built("{ kind: count, to: 4 }").digest, first.digest);
+    let refused = read(&kinds, "{ kind: count, too: 4 }").err().unwrap();
+    assert!(refused.contains("too"), "{refused}");
+    assert!(read(&registry(), "{ kind: count, to: 3 }").is_err());
+    assert!(of_pipeline(&kinds).to_string().contains("The last number."));
 }

@@ -2,8 +2,10 @@
 //!
 //! It changes no displacement: it is read off a solution.
 
+use super::effect::{Assessment, Effect, Solutions, Verdict};
 use crate::fem::CellState;
-use crate::scene::Breakdown;
+use crate::scene::effects::names;
+use crate::scene::{Breakdown, Effects, HuangStrength, Scene};
 
 /// The largest E/E_B over the cells; `thickness` is the undeformed one in mm.
 #[must_use]
@@ -15,6 +17,61 @@ pub fn breakdown_ratio(law: &Breakdown, thickness: f64, states: &[CellState]) ->
         .fold(0.0, f64::max)
 }
 
+/// E/E_B of an active cell that has not moved: what a membrane that snaps has at least.
+#[must_use]
+pub fn breakdown_ratio_at_rest(law: &Breakdown, scene: &Scene) -> f64 {
+    let area = scene.prestretch().powi(2);
+    let field = 1e3 * scene.voltage_v() * area / scene.thickness_mm();
+    field / law.strength(scene.thickness_mm(), area)
+}
+
+/// The strength of a scene: that of its effect, or what is known of the material.
+#[must_use]
+pub fn breakdown_strength(scene: &Scene) -> Option<Breakdown> {
+    let known = &scene.properties.dielectric_breakdown;
+    scene.effects.dielectric_breakdown.clone().or_else(|| known.clone())
+}
+
+/// The strength of a scene, or that of the acrylic elastomer that most such membranes are made of.
+#[must_use]
+pub fn breakdown_strength_or_usual(scene: &Scene) -> Breakdown {
+    breakdown_strength(scene).unwrap_or(Breakdown::Huang(HuangStrength {}))
+}
+
+/// The effect.
+pub struct DielectricBreakdown;
+
+const THRESHOLD: f64 = 0.8;
+
+impl Effect for DielectricBreakdown {
+    fn name(&self) -> &'static str {
+        names::BREAKDOWN
+    }
+
+    fn cost(&self) -> &'static str {
+        "a pass over the cells"
+    }
+
+    fn is_on(&self, effects: &Effects) -> Option<bool> {
+        Some(effects.dielectric_breakdown.is_some())
+    }
+
+    fn turn_on(&self, effects: &mut Effects, scene: &Scene) {
+        effects.dielectric_breakdown = Some(breakdown_strength_or_usual(scene));
+    }
+
+    fn assess_solutions(&self, scene: &Scene, solutions: &Solutions<'_>) -> Option<Assessment> {
+        let quantity = match breakdown_strength(scene) {
+            Some(_) => "max E/E_B",
+            None => "max E/E_B (Huang's law assumed)",
+        };
+        Some(match solutions.worst(|one| one.field, ", at rest: it is not stable") {
+            None => Assessment::open(quantity, Verdict::Unknown, THRESHOLD, "no patterns".to_owned()),
+            Some((worst, number)) => Assessment::known(quantity, number, THRESHOLD, worst),
+        })
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -22,7 +79,7 @@ mod tests {
     use crate::fem::{MembraneSolver, SolveOptions};
     use crate::field::Simulator;
     use crate::pattern::Pattern;
-    use crate::scene::{ConstantStrength, Effects, HuangStrength, Scene};
+    use crate::scene::ConstantStrength;
 
     fn constant(megavolts_per_metre: f64) -> Breakdown {
         Breakdown::Constant(ConstantStrength {

@@ -4,9 +4,11 @@
 //! active; in units of μH that is χ = μₑHₑ/μH times ½(i + j⁻² − 3). (It is the composite membrane of, for instance,
 //! Bozlar et al., Appl. Phys. Lett. 101 (2012) 091907, with thin electrodes.) Without effect as χ → 0.
 
+use super::effect::{Assessment, Effect, SMALL, Verdict};
 use crate::fem::energy::{Invariants, Slopes, relief};
 use crate::fem::lanes::Value;
-use crate::scene::{Electrode, Scene};
+use crate::scene::effects::names;
+use crate::scene::{Effects, Electrode, Scene};
 
 /// Electrodes that resist stretching, if χ is not zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,5 +45,40 @@ impl Stiff {
             i: stiffness,
             ..Slopes::of_area(-cubic, at.area.constant(3.0) * at.inverse * cubic)
         }
+    }
+}
+
+/// The effect.
+pub struct ElectrodeStiffness;
+
+impl Effect for ElectrodeStiffness {
+    fn name(&self) -> &'static str {
+        names::ELECTRODE
+    }
+
+    fn cost(&self) -> &'static str {
+        "1.4× a solve"
+    }
+
+    fn is_on(&self, effects: &Effects) -> Option<bool> {
+        Some(effects.electrode_stiffness.is_some())
+    }
+
+    fn turn_on(&self, effects: &mut Effects, scene: &Scene) {
+        effects.electrode_stiffness = scene.properties.electrode_stiffness.clone();
+    }
+
+    fn assess(&self, scene: &Scene) -> Option<Assessment> {
+        let quantity = "μe He/(μ H)";
+        let layer = scene.effects.electrode_stiffness.as_ref();
+        let Some(layer) = layer.or(scene.properties.electrode_stiffness.as_ref()) else {
+            // Pa·mm are mN/m.
+            let least = 1e-3 * SMALL * scene.shear_modulus_pa() * scene.thickness_mm();
+            let change = format!("no data: matters if μe He > {least:.3} N/m");
+            return Some(Assessment::open(quantity, Verdict::Unknown, SMALL, change));
+        };
+        let ratio = Stiff::new(scene, layer).ratio;
+        let change = format!("makes the active membrane {:.1} % stiffer", 100.0 * ratio);
+        Some(Assessment::known(quantity, ratio, SMALL, change))
     }
 }

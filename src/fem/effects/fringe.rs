@@ -11,11 +11,13 @@
 
 use std::f64::consts::{LN_2, PI};
 
+use super::effect::{Assessment, Effect};
 use crate::fem::error::SetupError;
 use crate::fem::operator::Activity;
 use crate::field::Mesh;
 use crate::pattern::{CELLS, Pattern};
-use crate::scene::Scene;
+use crate::scene::effects::names;
+use crate::scene::{Effects, On, Scene};
 
 /// How far edges move.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,8 +32,7 @@ impl Fringe {
     /// # Errors
     /// When it reaches further than half a cell.
     pub fn new(scene: &Scene) -> Result<Self, SetupError> {
-        let reach_mm = LN_2 / PI * scene.thickness_mm() / (scene.prestretch() * scene.prestretch());
-        let cell_mm = scene.side_mm() / CELLS as f64;
+        let (reach_mm, cell_mm) = (LN_2 / PI * thickness_mm(scene), cell_mm(scene));
         if reach_mm > 0.5 * cell_mm {
             return Err(SetupError::FringeField { reach_mm, cell_mm });
         }
@@ -71,6 +72,55 @@ fn zones(pattern: &Pattern, x: usize, y: usize) -> [[bool; 3]; 3] {
         (1..=CELLS).contains(&x) && (1..=CELLS).contains(&y) && pattern.is_active(x - 1, y - 1)
     };
     std::array::from_fn(|dy| std::array::from_fn(|dx| active(1, 1) || active(dx, 1) || active(1, dy) || active(dx, dy)))
+}
+
+/// Thickness of the prestretched membrane, mm.
+fn thickness_mm(scene: &Scene) -> f64 {
+    scene.thickness_mm() / (scene.prestretch() * scene.prestretch())
+}
+
+/// Side of a cell, mm.
+fn cell_mm(scene: &Scene) -> f64 {
+    scene.side_mm() / CELLS as f64
+}
+
+/// The effect.
+pub struct FringeField;
+
+impl Effect for FringeField {
+    fn name(&self) -> &'static str {
+        names::FRINGE
+    }
+
+    fn cost(&self) -> &'static str {
+        "1.3× a solve"
+    }
+
+    fn is_on(&self, effects: &Effects) -> Option<bool> {
+        Some(effects.fringe_field.is_some())
+    }
+
+    fn turn_on(&self, effects: &mut Effects, scene: &Scene) {
+        effects.fringe_field = Fringe::new(scene).is_ok().then_some(On {});
+    }
+
+    fn assess(&self, scene: &Scene) -> Option<Assessment> {
+        let cell = cell_mm(scene);
+        let change = match Fringe::new(scene) {
+            Err(_) => "is beyond membrane theory: the membrane is thicker than cells are wide".to_owned(),
+            Ok(fringe) => format!("lets electrodes act {} beyond their edges", length(fringe.shift * cell)),
+        };
+        Some(Assessment::known("h/cell", thickness_mm(scene) / cell, 0.05, change))
+    }
+}
+
+/// A length as people say it.
+fn length(mm: f64) -> String {
+    if mm < 0.1 {
+        format!("{:.1} µm", 1e3 * mm)
+    } else {
+        format!("{mm:.3} mm")
+    }
 }
 
 #[cfg(test)]

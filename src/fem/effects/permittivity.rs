@@ -5,10 +5,12 @@
 //! Where ε was measured on the undeformed elastomer, J = λp²j makes b = κλp²·λp^(−2s); where it was measured on the
 //! prestretched membrane, J counts from there and b = κλp². Without effect as s → 0.
 
+use super::effect::{Assessment, Effect, SMALL, Verdict};
 use crate::fem::energy::{Invariants, Slopes};
 use crate::fem::lanes::Value;
 use crate::fem::powers::power_minus_one;
-use crate::scene::{PermittivityDecay, PermittivityReference};
+use crate::scene::effects::names;
+use crate::scene::{Effects, PermittivityDecay, PermittivityReference, Scene};
 
 /// A dielectric whose permittivity falls with the stretch, or an ideal one with s = 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -83,5 +85,43 @@ impl Decaying {
     #[must_use]
     pub fn softening(&self) -> f64 {
         1.0 - self.exponent
+    }
+}
+
+/// The effect.
+pub struct StretchDependentPermittivity;
+
+impl Effect for StretchDependentPermittivity {
+    fn name(&self) -> &'static str {
+        names::PERMITTIVITY
+    }
+
+    fn cost(&self) -> &'static str {
+        "3× a solve"
+    }
+
+    fn is_on(&self, effects: &Effects) -> Option<bool> {
+        Some(effects.stretch_dependent_permittivity.is_some())
+    }
+
+    fn turn_on(&self, effects: &mut Effects, scene: &Scene) {
+        effects.stretch_dependent_permittivity = scene.properties.stretch_dependent_permittivity.clone();
+    }
+
+    fn assess(&self, scene: &Scene) -> Option<Assessment> {
+        let decay = scene.effects.stretch_dependent_permittivity.as_ref();
+        let Some(decay) = decay.or(scene.properties.stretch_dependent_permittivity.as_ref()) else {
+            let change = format!("no data: matters if s > {}", 2.0 * SMALL);
+            return Some(Assessment::open("s/2", Verdict::Unknown, SMALL, change));
+        };
+        let quantity = match decay.reference {
+            PermittivityReference::Prestretched => "s/2",
+            PermittivityReference::Undeformed => "|1 − (1 − s/2) λp^(−2s)|",
+        };
+        // The electric stress at rest, over that at a constant permittivity.
+        let prestretch = scene.prestretch();
+        let factor = Decaying::new(decay, prestretch, 1.0).load() / Decaying::ideal(prestretch, 1.0).load();
+        let change = format!("changes the electric stress by {:+.1} %", 100.0 * (factor - 1.0));
+        Some(Assessment::known(quantity, (factor - 1.0).abs(), SMALL, change))
     }
 }

@@ -29,8 +29,11 @@
 
 use pulp::{Simd, WithSimd};
 
+use super::effect::{Assessment, Effect, Solutions, Verdict};
 use crate::fem::energy::{Invariants, Potential, Rest, Slopes, slopes_apart};
 use crate::fem::lanes::Value;
+use crate::scene::effects::names;
+use crate::scene::{Effects, On, Scene};
 
 /// The share of the flat potential in wrinkled membrane.
 pub const RESIDUAL: f64 = 1e-3;
@@ -302,6 +305,44 @@ impl<P: Potential> Potential for TensionField<P> {
         // What is left of the flat potential in slack membrane says nothing.
         let relaxed = strip.stress.choose(least.min(width), width);
         principal.compression.choose(relaxed, least)
+    }
+}
+
+/// The effect.
+pub struct Wrinkling;
+
+impl Effect for Wrinkling {
+    fn name(&self) -> &'static str {
+        names::WRINKLING
+    }
+
+    fn cost(&self) -> &'static str {
+        "2.3× a solve, more where it wrinkles"
+    }
+
+    fn is_on(&self, effects: &Effects) -> Option<bool> {
+        Some(effects.wrinkling.is_some())
+    }
+
+    fn turn_on(&self, effects: &mut Effects, _scene: &Scene) {
+        effects.wrinkling = Some(On {});
+    }
+
+    fn assess_solutions(&self, _scene: &Scene, solutions: &Solutions<'_>) -> Option<Assessment> {
+        let quantity = "−min σ/μ";
+        let Some((worst, number)) = solutions.worst(|one| one.compression, ", just before it is lost") else {
+            return Some(Assessment::open(
+                quantity,
+                Verdict::Unknown,
+                0.0,
+                "no patterns".to_owned(),
+            ));
+        };
+        let meaning = match number > 0.0 {
+            true => "it wrinkles there",
+            false => "all cells are in tension",
+        };
+        Some(Assessment::known(quantity, number, 0.0, format!("{worst}; {meaning}")))
     }
 }
 

@@ -1,49 +1,32 @@
 //! Which effects a scene calls for.
 //!
-//! Each effect has a number without unit that says how much it matters, and a threshold above which it is called for. Most
-//! follow from the scene alone. Wrinkling, breakdown and the distance to pull-in depend on the solution, which is computed
-//! on a coarse mesh for a few patterns between them as extreme as patterns are.
+//! Each of the [effects](super::effects) says how much it matters, most by the scene alone. The rest ask for solutions, which
+//! are computed on a coarse mesh for a few patterns, between them as extreme as patterns are.
 
-mod scene;
 mod solution;
 #[cfg(test)]
 mod tests;
 
 use crate::fem::SetupError;
+use crate::fem::effects::{Assessment, EFFECTS, Effect, NEAR, Solutions, Verdict};
 use crate::pattern::{CELLS, Pattern};
-use crate::scene::effects::names;
 use crate::scene::{Effects, Scene};
+
+/// The end of the stable branch is searched for up to the voltage of the scene over the root of this share of κ: what is
+/// further away does not matter, and stiffening laws make it dear to find.
+const FAR: f64 = 0.1;
 
 /// What is known about an effect in a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
-    /// Its name in a scene, from [`names`].
+    /// Its name in a scene.
     pub effect: &'static str,
-    /// What the number is, as a formula.
-    pub quantity: String,
-    /// The number; `None` where it cannot be computed or does not arise.
-    pub number: Option<f64>,
-    /// Above it the effect is called for.
-    pub threshold: f64,
-    /// Whether it is called for.
-    pub verdict: Verdict,
+    /// How much it matters.
+    pub assessment: Assessment,
     /// Whether it is simulated.
     pub status: Status,
-    /// What it does, in words that follow its name: `changes the electric stress by -3.0 %`.
-    pub change: String,
     /// What it would cost, in words.
     pub cost: &'static str,
-}
-
-/// Whether an effect is called for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verdict {
-    /// The number is above the threshold.
-    CalledFor,
-    /// It is not, or the question does not arise.
-    NotCalledFor,
-    /// A property that is not given decides.
-    Unknown,
 }
 
 /// Whether an effect is simulated.
@@ -55,18 +38,6 @@ pub enum Status {
     Off,
     /// It cannot be simulated yet.
     NotAvailable,
-}
-
-impl Verdict {
-    /// `yes`, `no` or `unknown`.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::CalledFor => "yes",
-            Self::NotCalledFor => "no",
-            Self::Unknown => "unknown",
-        }
-    }
 }
 
 impl Status {
@@ -82,24 +53,39 @@ impl Status {
 }
 
 impl Row {
+    fn new(effect: &dyn Effect, assessment: Assessment, effects: &Effects) -> Self {
+        let status = match effect.is_on(effects) {
+            Some(true) => Status::On,
+            Some(false) => Status::Off,
+            None => Status::NotAvailable,
+        };
+        Self {
+            effect: effect.name(),
+            assessment,
+            status,
+            cost: effect.cost(),
+        }
+    }
+
     /// The warning that belongs to an effect that is called for and not simulated: what it does, its number and the threshold.
     #[must_use]
     pub fn warning(&self) -> Option<String> {
-        let number = self.number?;
+        let Assessment {
+            quantity,
+            threshold,
+            verdict,
+            change,
+            number,
+        } = &self.assessment;
+        let number = (*number)?;
         let state = match self.status {
             Status::On => return None,
             Status::Off => "is neglected",
             Status::NotAvailable => "cannot be simulated yet",
         };
-        (self.verdict == Verdict::CalledFor).then(|| {
-            format!(
-                "{} {state} and {} ({} = {number:.3} > {})",
-                self.effect.replace('_', " "),
-                self.change,
-                self.quantity,
-                self.threshold
-            )
-        })
+        let name = self.effect.replace('_', " ");
+        (*verdict == Verdict::CalledFor)
+            .then(|| format!("{name} {state} and {change} ({quantity} = {number:.3} > {threshold})"))
     }
 }
 
@@ -178,31 +164,66 @@ pub fn watch_patterns() -> Vec<Trial> {
     vec![half, one_cell()]
 }
 
-/// Screens a scene with named patterns.
+/// Screens a scene for all effects with named patterns.
 ///
 /// # Errors
 /// When the scene's effects cannot be simulated.
 pub fn screen(scene: &Scene, patterns: &[Trial]) -> Result<Screening, SetupError> {
-    let fixed = scene::rows(scene);
+    screen_for(&EFFECTS, scene, patterns)
+}
+
+/// Screens a scene for some effects.
+///
+/// # Errors
+/// As [`screen`].
+pub fn screen_for(effects: &[&dyn Effect], scene: &Scene, patterns: &[Trial]) -> Result<Screening, SetupError> {
+    let by_scene: Vec<Assessed> = effects.iter().filter_map(|e| Some((*e, e.assess(scene)?))).collect();
     // What is called for by the scene alone takes part in the solution that the rest is judged by.
     let mut chosen = scene.effects.clone();
     if scene.auto {
-        chosen = scene::called_for(scene, &fixed);
+        turn_on(&mut chosen, scene, &by_scene);
     }
     let trial = scene.with_effects(Effects {
         wrinkling: None,
         ..chosen.clone()
     });
-    let found = solution::rows(&trial, patterns)?;
+    // A run need only know whether stability is near; a table may look further.
+    let reach = match patterns.iter().all(|trial| trial.to_the_limit) {
+        true => FAR,
+        false => NEAR,
+    };
+    let examined = solution::examine(&trial, patterns, reach)?;
+    let solutions = Solutions {
+        examined: &examined,
+        reach,
+    };
+    let by_solutions: Vec<Assessed> = effects
+        .iter()
+        .filter_map(|e| Some((*e, e.assess_solutions(&trial, &solutions)?)))
+        .collect();
     if scene.auto {
-        solution::turn_on(&mut chosen, &trial, &found);
+        turn_on(&mut chosen, &trial, &by_solutions);
     }
-    let simulated = scene.with_effects(chosen);
-    let mut rows: Vec<Row> = fixed.into_iter().chain(found).collect();
-    for row in &mut rows {
-        row.status = status(&simulated.effects, row.effect);
+    let rows = by_scene.into_iter().chain(by_solutions);
+    let rows = rows
+        .map(|(effect, assessment)| Row::new(effect, assessment, &chosen))
+        .collect();
+    Ok(Screening {
+        scene: scene.with_effects(chosen),
+        rows,
+    })
+}
+
+/// An effect and how much it matters.
+type Assessed<'a> = (&'a dyn Effect, Assessment);
+
+/// Turns on what is called for, with the parameters that the scene knows.
+fn turn_on(effects: &mut Effects, scene: &Scene, assessed: &[Assessed]) {
+    for (effect, assessment) in assessed {
+        if assessment.verdict == Verdict::CalledFor {
+            effect.turn_on(effects, scene);
+        }
     }
-    Ok(Screening { scene: simulated, rows })
 }
 
 /// Screens a scene with [`reference_patterns`].
@@ -255,86 +276,5 @@ pub fn resolve(scene: &Scene) -> Result<Scene, SetupError> {
         Ok(screen_by_references(scene)?.scene)
     } else {
         Ok(scene.clone())
-    }
-}
-
-fn status(effects: &Effects, name: &str) -> Status {
-    let on = match name {
-        names::STIFFENING => effects.strain_stiffening.is_some(),
-        names::ELECTRODE => effects.electrode_stiffness.is_some(),
-        names::PERMITTIVITY => effects.stretch_dependent_permittivity.is_some(),
-        names::FRINGE => effects.fringe_field.is_some(),
-        names::WRINKLING => effects.wrinkling.is_some(),
-        names::BREAKDOWN => effects.dielectric_breakdown.is_some(),
-        names::STABILITY => effects.electromechanical_stability.is_some(),
-        _ => return Status::NotAvailable,
-    };
-    if on { Status::On } else { Status::Off }
-}
-
-/// A length as people say it.
-fn length(mm: f64) -> String {
-    if mm < 0.1 {
-        format!("{:.1} µm", 1e3 * mm)
-    } else {
-        format!("{mm:.3} mm")
-    }
-}
-
-/// A voltage as people say it.
-fn voltage(volts: f64) -> String {
-    if volts < 1e3 {
-        format!("{volts:.1} V")
-    } else {
-        format!("{:.2} kV", 1e-3 * volts)
-    }
-}
-
-/// A row whose number is known.
-fn known(effect: &'static str, quantity: String, number: f64, threshold: f64, change: String) -> Row {
-    // Rounding alone is no reason.
-    let called_for = number > threshold + 1e-9;
-    Row {
-        effect,
-        quantity,
-        number: Some(number),
-        threshold,
-        verdict: if called_for {
-            Verdict::CalledFor
-        } else {
-            Verdict::NotCalledFor
-        },
-        status: Status::Off,
-        change,
-        cost: cost(effect),
-    }
-}
-
-/// A row without a number.
-fn open(effect: &'static str, quantity: &str, verdict: Verdict, threshold: f64, change: String) -> Row {
-    Row {
-        effect,
-        quantity: quantity.to_owned(),
-        number: None,
-        threshold,
-        verdict,
-        status: Status::Off,
-        change,
-        cost: cost(effect),
-    }
-}
-
-/// What an effect costs over the base model; `benches/effects.rs` measures it.
-fn cost(effect: &str) -> &'static str {
-    match effect {
-        names::STIFFENING => "1.8× a solve, Ogden 4 to 6×",
-        names::ELECTRODE => "1.4× a solve",
-        names::PERMITTIVITY => "3× a solve",
-        names::FRINGE => "1.3× a solve",
-        names::WRINKLING => "2.3× a solve, more where it wrinkles",
-        names::BREAKDOWN => "a pass over the cells",
-        names::STABILITY => "20 to 100 solves",
-        names::INERTIA | names::VISCOELASTICITY | names::RESISTANCE => "a solve for each time step",
-        _ => "one more solve",
     }
 }

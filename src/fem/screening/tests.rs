@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::base::{Decimal, Declared, Density, ElectricField, Frequency, Length, Parameter, Resistance, Stress, Time};
+use crate::scene::effects::names;
 use crate::scene::laws::Gent;
 use crate::scene::{
     Branch, Breakdown, ConstantStrength, Electrode, PermittivityDecay, PermittivityReference, Stiffening,
@@ -64,15 +65,30 @@ fn numbers_of_the_scene_are_the_closed_forms() {
     ];
     for (name, number) in expected {
         let row = screening.rows.iter().find(|row| row.effect == name).unwrap();
-        assert!((row.number.unwrap() / number - 1.0).abs() < 1e-9, "{row:?} {number}");
-        assert_eq!(row.verdict == Verdict::CalledFor, number > row.threshold, "{row:?}");
+        assert!(
+            (row.assessment.number.unwrap() / number - 1.0).abs() < 1e-9,
+            "{row:?} {number}"
+        );
+        assert_eq!(
+            row.assessment.verdict == Verdict::CalledFor,
+            number > row.assessment.threshold,
+            "{row:?}"
+        );
     }
 }
 
 #[test]
 fn what_is_not_known_is_not_screened_and_what_does_not_arise_is_not_called_for() {
     let screening = screen_by_references(&Scene::vhb4910()).unwrap();
-    let verdict = |name: &str| screening.rows.iter().find(|row| row.effect == name).unwrap().verdict;
+    let verdict = |name: &str| {
+        screening
+            .rows
+            .iter()
+            .find(|row| row.effect == name)
+            .unwrap()
+            .assessment
+            .verdict
+    };
     for name in [names::STIFFENING, names::ELECTRODE, names::PERMITTIVITY] {
         assert_eq!(verdict(name), Verdict::Unknown);
     }
@@ -90,14 +106,17 @@ fn what_is_not_known_is_not_screened_and_what_does_not_arise_is_not_called_for()
 
 #[test]
 fn wrinkling_is_called_for_where_the_prestretch_cannot_hold_the_membrane_taut() {
-    assert_eq!(row(&Scene::vhb4910(), names::WRINKLING).verdict, Verdict::NotCalledFor);
+    assert_eq!(
+        row(&Scene::vhb4910(), names::WRINKLING).assessment.verdict,
+        Verdict::NotCalledFor
+    );
     // Without prestretch anything that expands presses on something.
     let slack = Scene::with_values(50.0, 1.0, 1.0, 45e3, 4.7, 500.0);
-    assert_eq!(row(&slack, names::WRINKLING).verdict, Verdict::CalledFor);
+    assert_eq!(row(&slack, names::WRINKLING).assessment.verdict, Verdict::CalledFor);
     // At rest it is free of stress, and not compressed.
     let rest = row(&slack.at_voltage(0.0), names::WRINKLING);
     assert_eq!(
-        (rest.verdict, rest.number.unwrap().abs() < 1e-12),
+        (rest.assessment.verdict, rest.assessment.number.unwrap().abs() < 1e-12),
         (Verdict::NotCalledFor, true)
     );
 }
@@ -106,15 +125,21 @@ fn wrinkling_is_called_for_where_the_prestretch_cannot_hold_the_membrane_taut() 
 fn the_distance_to_pull_in_grows_with_the_voltage_squared() {
     // The single cell is lost first, at 4.55 kV at 25 kPa.
     let soft = |voltage| Scene::with_values(50.0, 1.0, 3.0, 25e3, 4.7, voltage);
-    let [low, high] = [2e3, 4e3].map(|v| row(&soft(v), names::STABILITY).number.unwrap());
+    let [low, high] = [2e3, 4e3].map(|v| row(&soft(v), names::STABILITY).assessment.number.unwrap());
     assert!((high / low - 4.0).abs() < 1e-9);
     let limit = 2e3 / low.sqrt();
     assert!((limit / 4.55e3 - 1.0).abs() < 5e-3, "{limit}");
     // Far from it the number is not searched for.
     let far = row(&soft(1e3), names::STABILITY);
-    assert_eq!((far.number, far.verdict), (None, Verdict::NotCalledFor));
-    assert_eq!(row(&soft(3e3), names::STABILITY).verdict, Verdict::NotCalledFor);
-    assert_eq!(row(&soft(4e3), names::STABILITY).verdict, Verdict::CalledFor);
+    assert_eq!(
+        (far.assessment.number, far.assessment.verdict),
+        (None, Verdict::NotCalledFor)
+    );
+    assert_eq!(
+        row(&soft(3e3), names::STABILITY).assessment.verdict,
+        Verdict::NotCalledFor
+    );
+    assert_eq!(row(&soft(4e3), names::STABILITY).assessment.verdict, Verdict::CalledFor);
 }
 
 #[test]
@@ -124,7 +149,7 @@ fn breakdown_compares_the_true_field() {
     scene.properties.dielectric_breakdown = Some(Breakdown::Constant(ConstantStrength {
         field: ElectricField::literal("47.25 MV/m"),
     }));
-    let number = row(&scene, names::BREAKDOWN).number.unwrap();
+    let number = row(&scene, names::BREAKDOWN).assessment.number.unwrap();
     assert!((1.0..1.6).contains(&number), "{number}");
 }
 

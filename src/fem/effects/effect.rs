@@ -1,0 +1,147 @@
+//! What screening asks of an effect.
+//!
+//! An effect has a number without unit that says how much it matters, and a threshold above which it is called for. Most
+//! numbers follow from the scene alone; some need the solution for a few patterns.
+
+use crate::scene::{Effects, Scene};
+
+/// An effect beyond the base model.
+pub trait Effect: Sync {
+    /// Its name in a scene.
+    fn name(&self) -> &'static str;
+
+    /// What it costs over the base model, in words; `benches/effects.rs` measures it.
+    fn cost(&self) -> &'static str;
+
+    /// Whether it is among these; `None` where it cannot be simulated yet.
+    fn is_on(&self, effects: &Effects) -> Option<bool> {
+        let _ = effects;
+        None
+    }
+
+    /// Turns it on with the parameters that the scene knows; does nothing where it cannot be simulated.
+    fn turn_on(&self, effects: &mut Effects, scene: &Scene) {
+        let _ = (effects, scene);
+    }
+
+    /// How much it matters; `None` where a solution tells.
+    fn assess(&self, scene: &Scene) -> Option<Assessment> {
+        let _ = scene;
+        None
+    }
+
+    /// How much it matters by solutions of the scene; `None` where the scene tells.
+    fn assess_solutions(&self, scene: &Scene, solutions: &Solutions<'_>) -> Option<Assessment> {
+        let _ = (scene, solutions);
+        None
+    }
+}
+
+/// How much an effect matters.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Assessment {
+    /// What the number is, as a formula.
+    pub quantity: String,
+    /// The number; `None` where it cannot be computed or does not arise.
+    pub number: Option<f64>,
+    /// Above it the effect is called for.
+    pub threshold: f64,
+    /// Whether it is called for.
+    pub verdict: Verdict,
+    /// What it does, in words that follow its name: `changes the electric stress by -3.0 %`.
+    pub change: String,
+}
+
+/// Whether an effect is called for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// The number is above the threshold.
+    CalledFor,
+    /// It is not, or the question does not arise.
+    NotCalledFor,
+    /// A property that is not given decides.
+    Unknown,
+}
+
+impl Verdict {
+    /// `yes`, `no` or `unknown`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::CalledFor => "yes",
+            Self::NotCalledFor => "no",
+            Self::Unknown => "unknown",
+        }
+    }
+}
+
+impl Assessment {
+    /// One by a number.
+    #[must_use]
+    pub fn known(quantity: &str, number: f64, threshold: f64, change: String) -> Self {
+        // Rounding alone is no reason.
+        let verdict = match number > threshold + 1e-9 {
+            true => Verdict::CalledFor,
+            false => Verdict::NotCalledFor,
+        };
+        Self {
+            // No negative zero.
+            number: Some(number + 0.0),
+            ..Self::open(quantity, verdict, threshold, change)
+        }
+    }
+
+    /// One without a number.
+    #[must_use]
+    pub fn open(quantity: &str, verdict: Verdict, threshold: f64, change: String) -> Self {
+        Self {
+            quantity: quantity.to_owned(),
+            number: None,
+            threshold,
+            verdict,
+            change,
+        }
+    }
+
+    /// One of a question that does not arise.
+    pub(super) fn does_not_arise(why: &str) -> Self {
+        Self::open("–", Verdict::NotCalledFor, 0.0, why.to_owned())
+    }
+}
+
+/// What the solutions for a few patterns say, on a coarse mesh.
+#[derive(Clone, Copy, Debug)]
+pub struct Solutions<'a> {
+    /// One for each pattern.
+    pub examined: &'a [Examined],
+    /// The loss of stability was searched for up to the voltage of the scene over the root of this share of κ.
+    pub reach: f64,
+}
+
+/// What the solution for a pattern says.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Examined {
+    /// Name of the pattern.
+    pub pattern: String,
+    /// Largest −σ/μ over the cells.
+    pub compression: f64,
+    /// Largest E/E_B over the cells.
+    pub field: f64,
+    /// The voltage at which stability is lost; `None` where it is not within reach.
+    pub limit: Option<f64>,
+    /// Whether there is a stable state at the voltage of the scene. Where not, the compression is that of the last one before,
+    /// and the field that of the membrane at rest.
+    pub stable: bool,
+}
+
+impl Solutions<'_> {
+    /// The largest of some numbers, and in words the pattern that has it; `unstable` is added where that one has no stable state.
+    pub(super) fn worst(&self, number: impl Fn(&Examined) -> f64, unstable: &str) -> Option<(String, f64)> {
+        let worst = self.examined.iter().max_by(|a, b| number(a).total_cmp(&number(b)))?;
+        let state = if worst.stable { "" } else { unstable };
+        Some((format!("is largest for `{}`{state}", worst.pattern), number(worst)))
+    }
+}
+
+/// Relative change of stiffness or force that is worth an effect.
+pub(super) const SMALL: f64 = 0.02;

@@ -1,0 +1,44 @@
+//! Inertia: screened by the frequency of the drive over that of the first mode, not simulated yet.
+
+use std::f64::consts::{PI, SQRT_2};
+
+use super::effect::{Assessment, Effect, Verdict};
+use crate::scene::Scene;
+use crate::scene::effects::names;
+
+/// The effect.
+pub struct Inertia;
+
+const THRESHOLD: f64 = 0.1;
+/// The density of elastomers in kg/m³, near enough for a frequency where none is given.
+const USUAL_DENSITY: f64 = 1000.0;
+
+impl Effect for Inertia {
+    fn name(&self) -> &'static str {
+        names::INERTIA
+    }
+
+    fn cost(&self) -> &'static str {
+        "a solve for each time step"
+    }
+
+    fn assess(&self, scene: &Scene) -> Option<Assessment> {
+        let Some(frequency) = frequency(scene) else {
+            let change = "the drive is static".to_owned();
+            return Some(Assessment::open("f/f1", Verdict::NotCalledFor, THRESHOLD, change));
+        };
+        let density = scene.properties.density.as_ref().map_or(USUAL_DENSITY, |d| d.value());
+        // f₁₁ = (λp/2L) √(μ/ρ) √2, in the limit of large prestretch.
+        let speed = (scene.shear_modulus_pa() / density).sqrt();
+        let first = scene.prestretch() / (2e-3 * scene.side_mm()) * speed * SQRT_2;
+        let change = format!("grows towards the first mode, at {first:.0} Hz");
+        Some(Assessment::known("f/f1", frequency / first, THRESHOLD, change))
+    }
+}
+
+/// The frequency of the drive in Hz, or that of which its duration is the time.
+pub(super) fn frequency(scene: &Scene) -> Option<f64> {
+    let drive = &scene.drive;
+    let frequency = drive.frequency.as_ref().map(|f| f.value());
+    frequency.or_else(|| drive.duration.as_ref().map(|t| 1.0 / (2.0 * PI * t.value())))
+}

@@ -1,0 +1,45 @@
+//! Resistance of the electrodes: screened by the time in which they charge, not simulated yet.
+
+use std::f64::consts::PI;
+
+use super::effect::{Assessment, Effect, Verdict};
+use super::inertia::frequency;
+use crate::scene::Scene;
+use crate::scene::effects::names;
+
+/// The effect.
+pub struct ElectrodeResistance;
+
+const QUANTITY: &str = "2πf R c L²";
+const THRESHOLD: f64 = 0.1;
+
+impl Effect for ElectrodeResistance {
+    fn name(&self) -> &'static str {
+        names::RESISTANCE
+    }
+
+    fn cost(&self) -> &'static str {
+        "a solve for each time step"
+    }
+
+    fn assess(&self, scene: &Scene) -> Option<Assessment> {
+        let Some(frequency) = frequency(scene) else {
+            let change = "the drive is static".to_owned();
+            return Some(Assessment::open(QUANTITY, Verdict::NotCalledFor, THRESHOLD, change));
+        };
+        let Some(resistance) = &scene.properties.sheet_resistance else {
+            let change = "delays the voltage by a time that needs `sheet_resistance`: judged by 1 kHz".to_owned();
+            return Some(Assessment::known("f/(1 kHz)", frequency / 1e3, 1.0, change));
+        };
+        let thickness_mm = scene.thickness_mm() / scene.prestretch().powi(2);
+        let capacitance = scene.permittivity() / (1e-3 * thickness_mm);
+        let time = resistance.value() * capacitance * (1e-3 * scene.side_mm()).powi(2);
+        let change = format!("delays the voltage at the far end by {time:.1e} s");
+        Some(Assessment::known(
+            QUANTITY,
+            2.0 * PI * frequency * time,
+            THRESHOLD,
+            change,
+        ))
+    }
+}
