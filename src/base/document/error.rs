@@ -82,7 +82,14 @@ pub(super) fn suggestion(word: &str, allowed: &[&str]) -> String {
     let list = if allowed.is_empty() {
         "nothing".to_owned()
     } else {
-        allowed.join(", ")
+        // Variants of a mapping share keys; each is told once.
+        let mut told: Vec<&str> = Vec::with_capacity(allowed.len());
+        for word in allowed {
+            if !told.contains(word) {
+                told.push(word);
+            }
+        }
+        told.join(", ")
     };
     match nearest(word, allowed) {
         Some(near) => format!("did you mean `{near}`? allowed: {list}"),

@@ -23,7 +23,10 @@ pub fn switched_on(effects: &Node, properties: Option<&Node>) -> Result<Node, In
             NodeValue::Null | NodeValue::Bool(true) => &value.with_value(NodeValue::Map(Vec::new())),
             _ => value,
         };
-        let parametric = Properties::keys().into_iter().find(|name| key.is_text(name));
+        // A property that is no effect is refused with the other unknown keys.
+        let parametric = Properties::keys()
+            .into_iter()
+            .find(|name| Effects::keys().contains(name) && key.is_text(name));
         let parameters = match parametric.filter(|_| value.is_empty_map()) {
             Some(name) => properties.and_then(|known| known.peek(name)).ok_or_else(|| {
                 value
