@@ -1,5 +1,6 @@
 //! The valid scene. Construction is the only validation: a `Scene` at hand can be simulated.
 
+use std::f64::consts::TAU;
 use std::path::Path;
 
 use super::effects::{Effects, switched_on};
@@ -89,6 +90,22 @@ parameters! {
         pub frequency: Option<Frequency> [1e-9..=1e9],
         /// How long the voltage is held. Only screening looks at it.
         pub duration: Option<Time> [1e-9..=1e9],
+    }
+}
+
+impl Drive {
+    /// The frequency in Hz, or that of which the duration is the time; none where the drive is static.
+    #[must_use]
+    pub fn frequency_hz(&self) -> Option<f64> {
+        let frequency = self.frequency.as_ref().map(|f| f.value());
+        frequency.or_else(|| self.duration.as_ref().map(|t| 1.0 / (TAU * t.value())))
+    }
+
+    /// The time in s over which the voltage changes: the duration, or that of the frequency; none where the drive is static.
+    #[must_use]
+    pub fn time_s(&self) -> Option<f64> {
+        let duration = self.duration.as_ref().map(|t| t.value());
+        duration.or_else(|| self.frequency.as_ref().map(|f| 1.0 / (TAU * f.value())))
     }
 }
 
@@ -261,6 +278,12 @@ impl Scene {
     #[must_use]
     pub fn thickness_mm(&self) -> f64 {
         self.geometry.thickness.value()
+    }
+
+    /// Thickness of the prestretched membrane, H/λp², in mm.
+    #[must_use]
+    pub fn prestretched_thickness_mm(&self) -> f64 {
+        self.thickness_mm() / self.prestretch().powi(2)
     }
 
     /// Prestretch λp.

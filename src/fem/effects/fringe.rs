@@ -32,7 +32,7 @@ impl Fringe {
     /// # Errors
     /// When it reaches further than half a cell.
     pub fn new(scene: &Scene) -> Result<Self, SetupError> {
-        let (reach_mm, cell_mm) = (LN_2 / PI * thickness_mm(scene), cell_mm(scene));
+        let (reach_mm, cell_mm) = (LN_2 / PI * scene.prestretched_thickness_mm(), cell_mm(scene));
         if reach_mm > 0.5 * cell_mm {
             return Err(SetupError::FringeField { reach_mm, cell_mm });
         }
@@ -74,11 +74,6 @@ fn zones(pattern: &Pattern, x: usize, y: usize) -> [[bool; 3]; 3] {
     std::array::from_fn(|dy| std::array::from_fn(|dx| active(1, 1) || active(dx, 1) || active(1, dy) || active(dx, dy)))
 }
 
-/// Thickness of the prestretched membrane, mm.
-fn thickness_mm(scene: &Scene) -> f64 {
-    scene.thickness_mm() / (scene.prestretch() * scene.prestretch())
-}
-
 /// Side of a cell, mm.
 fn cell_mm(scene: &Scene) -> f64 {
     scene.side_mm() / CELLS as f64
@@ -110,7 +105,12 @@ impl Effect for FringeField {
             Err(_) => "is beyond membrane theory: the membrane is thicker than cells are wide".to_owned(),
             Ok(fringe) => format!("lets electrodes act {} beyond their edges", length(fringe.shift * cell)),
         };
-        Some(Assessment::known("h/cell", thickness_mm(scene) / cell, 0.05, change))
+        Some(Assessment::known(
+            "h/cell",
+            scene.prestretched_thickness_mm() / cell,
+            0.05,
+            change,
+        ))
     }
 }
 

@@ -1,6 +1,6 @@
 //! Inertia: screened by the frequency of the drive over that of the first mode, not simulated yet.
 
-use std::f64::consts::{PI, SQRT_2};
+use std::f64::consts::SQRT_2;
 
 use super::effect::{Assessment, Effect, Verdict};
 use crate::scene::Scene;
@@ -23,7 +23,7 @@ impl Effect for Inertia {
     }
 
     fn assess(&self, scene: &Scene) -> Option<Assessment> {
-        let Some(frequency) = frequency(scene) else {
+        let Some(frequency) = scene.drive.frequency_hz() else {
             let change = "the drive is static".to_owned();
             return Some(Assessment::open("f/f1", Verdict::NotCalledFor, THRESHOLD, change));
         };
@@ -34,11 +34,4 @@ impl Effect for Inertia {
         let change = format!("grows towards the first mode, at {first:.0} Hz");
         Some(Assessment::known("f/f1", frequency / first, THRESHOLD, change))
     }
-}
-
-/// The frequency of the drive in Hz, or that of which its duration is the time.
-pub(super) fn frequency(scene: &Scene) -> Option<f64> {
-    let drive = &scene.drive;
-    let frequency = drive.frequency.as_ref().map(|f| f.value());
-    frequency.or_else(|| drive.duration.as_ref().map(|t| 1.0 / (2.0 * PI * t.value())))
 }

@@ -3,7 +3,6 @@
 use std::f64::consts::PI;
 
 use super::effect::{Assessment, Effect, Verdict};
-use super::inertia::frequency;
 use crate::scene::Scene;
 use crate::scene::effects::names;
 
@@ -23,7 +22,7 @@ impl Effect for ElectrodeResistance {
     }
 
     fn assess(&self, scene: &Scene) -> Option<Assessment> {
-        let Some(frequency) = frequency(scene) else {
+        let Some(frequency) = scene.drive.frequency_hz() else {
             let change = "the drive is static".to_owned();
             return Some(Assessment::open(QUANTITY, Verdict::NotCalledFor, THRESHOLD, change));
         };
@@ -31,8 +30,7 @@ impl Effect for ElectrodeResistance {
             let change = "delays the voltage by a time that needs `sheet_resistance`: judged by 1 kHz".to_owned();
             return Some(Assessment::known("f/(1 kHz)", frequency / 1e3, 1.0, change));
         };
-        let thickness_mm = scene.thickness_mm() / scene.prestretch().powi(2);
-        let capacitance = scene.permittivity() / (1e-3 * thickness_mm);
+        let capacitance = scene.permittivity() / (1e-3 * scene.prestretched_thickness_mm());
         let time = resistance.value() * capacitance * (1e-3 * scene.side_mm()).powi(2);
         let change = format!("delays the voltage at the far end by {time:.1e} s");
         Some(Assessment::known(

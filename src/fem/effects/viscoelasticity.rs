@@ -1,7 +1,5 @@
 //! Finite viscoelasticity: screened by the branches of a generalised Maxwell model, not simulated yet.
 
-use std::f64::consts::PI;
-
 use super::effect::{Assessment, Effect, SMALL, Verdict};
 use crate::scene::Scene;
 use crate::scene::effects::names;
@@ -21,7 +19,7 @@ impl Effect for Viscoelasticity {
     fn assess(&self, scene: &Scene) -> Option<Assessment> {
         let quantity = "4G/(μ λp²), t/τ in 0.01 … 100";
         let open = |verdict, why: &str| Some(Assessment::open(quantity, verdict, SMALL, why.to_owned()));
-        let Some(time) = time(scene) else {
+        let Some(time) = scene.drive.time_s() else {
             return open(Verdict::NotCalledFor, "the drive has no time");
         };
         let branches = scene.properties.viscoelasticity.as_deref().unwrap_or_default();
@@ -50,11 +48,4 @@ impl Effect for Viscoelasticity {
         }
         Some(Assessment::known(quantity, number, SMALL, change))
     }
-}
-
-/// The time over which the drive changes, s.
-fn time(scene: &Scene) -> Option<f64> {
-    let drive = &scene.drive;
-    let duration = drive.duration.as_ref().map(|t| t.value());
-    duration.or_else(|| drive.frequency.as_ref().map(|f| 1.0 / (2.0 * PI * f.value())))
 }
