@@ -14,12 +14,18 @@ use super::{table, write};
 use crate::base::Progress;
 use crate::content::LoadPaths;
 use crate::fem::screening::resolve;
-use crate::fem::{LoadPath, MembraneSolver, PathEvent, SolveOptions};
+use crate::fem::{CriticalSearch, CriticalVoltage, LoadPath, MembraneSolver, MeshLimit, PathEvent, SolveOptions};
 use crate::pattern::Pattern;
 use crate::report::figures::{Branch, Limit, draw_paths};
 use crate::scene::Scene;
 use crate::stage::direct;
 use crate::store::write_file;
+
+/// A path, and where stability is lost once the error of its mesh is reckoned with.
+struct Followed {
+    path: LoadPath,
+    critical: Option<CriticalVoltage>,
+}
 
 /// Follows the paths of patterns and writes them as arrays, as a table and as a figure.
 ///
@@ -70,10 +76,10 @@ pub fn execute(arguments: &SolveArguments, scene: &str, output: &Output) -> Resu
 }
 
 /// One line per pattern.
-fn overview(paths: &[LoadPath]) -> String {
-    let header = ["pattern", "limit", "voltage", "displacement", "points", "end"];
-    let mut table = table::table(&header, &["voltage", "displacement", "points"]);
-    for (index, path) in paths.iter().enumerate() {
+fn overview(paths: &[Followed]) -> String {
+    let header = ["pattern", "limit", "voltage", "this mesh", "displacement", "points", "end"];
+    let mut table = table::table(&header, &["voltage", "this mesh", "displacement", "points"]);
+    for (index, Followed { path, critical }) in paths.iter().enumerate() {
         let limit = path.limit();
         let displacement = limit
             .and_then(|limit| path.points.get(limit.point))
@@ -82,6 +88,7 @@ fn overview(paths: &[LoadPath]) -> String {
         table.add_row([
             index.to_string(),
             limit.map_or("none", |limit| limit.kind.name()).to_owned(),
+            or_dash(critical.map(|critical| with_error(&critical))),
             or_dash(limit.map(|limit| format!("{:.1} V", limit.voltage))),
             or_dash(displacement.map(|mm| format!("{mm:.4} mm"))),
             path.points.len().to_string(),
@@ -91,7 +98,15 @@ fn overview(paths: &[LoadPath]) -> String {
     table.trim_fmt()
 }
 
-fn document(path: &LoadPath) -> Value {
+/// A voltage with its error, as people write it.
+fn with_error(critical: &CriticalVoltage) -> String {
+    match critical.error {
+        Some(error) => format!("{:.0} ± {error:.0} V", critical.voltage),
+        None => format!("{:.0} V, error not known", critical.voltage),
+    }
+}
+
+fn document(Followed { path, critical }: &Followed) -> Value {
     let points = path.points.iter().map(|p| {
         json!({
             "voltage": p.voltage,
@@ -107,8 +122,18 @@ fn document(path: &LoadPath) -> Value {
         .iter()
         .map(|event| json!({ "kind": event.kind.name(), "voltage": event.voltage, "point": event.point }))
         .collect();
+    let limit = path.limit().zip(*critical).map(|(limit, critical)| {
+        let meshes: Vec<Value> = std::iter::once(critical.coarse).chain(critical.fine).map(on_mesh).collect();
+        json!({
+            "kind": limit.kind.name(),
+            "voltage": critical.voltage,
+            "error": critical.error,
+            "point": limit.point,
+            "meshes": meshes,
+        })
+    });
     json!({
-        "limit": events.first(),
+        "limit": limit,
         "watched_corner": path.watched,
         "points": points.collect::<Vec<_>>(),
         "events": events,
@@ -116,13 +141,22 @@ fn document(path: &LoadPath) -> Value {
     })
 }
 
+fn on_mesh(limit: MeshLimit) -> Value {
+    json!({
+        "elements_per_cell": limit.mesh.elements_per_cell(),
+        "order": limit.mesh.order().degree(),
+        "voltage": limit.voltage,
+    })
+}
+
 /// What the figure shows of a path.
-fn branch((index, path): (usize, &LoadPath)) -> Branch {
-    let limit = path.limit().and_then(|limit| {
+fn branch((index, Followed { path, critical }): (usize, &Followed)) -> Branch {
+    let limit = path.limit().zip(*critical).and_then(|(limit, critical)| {
         let at = path.points.get(limit.point)?;
         Some(Limit {
             name: limit.kind.name().to_owned(),
-            voltage: limit.voltage,
+            voltage: critical.voltage,
+            error: critical.error,
             displacement: at.displacement,
         })
     });
@@ -145,30 +179,43 @@ fn paths(
     patterns: &[Pattern],
     options: SolveOptions,
     progress: &dyn Progress,
-) -> Result<(LoadPaths, Vec<LoadPath>), CliError> {
+) -> Result<(LoadPaths, Vec<Followed>), CliError> {
     let scene = resolve(&direct::read_scene(scene)?)?;
     let solver = MembraneSolver::new(&scene, options)?;
-    let follow = |pattern: &Pattern| one(&solver, pattern, progress);
+    let search = CriticalSearch::new(&scene, options)?;
+    let follow = |pattern: &Pattern| one(&solver, &search, pattern, progress);
     let paths = patterns.par_iter().map(follow).collect::<Result<Vec<_>, _>>()?;
     Ok((load_paths(patterns, &paths, scene), paths))
 }
 
-fn one(solver: &MembraneSolver, pattern: &Pattern, progress: &dyn Progress) -> Result<LoadPath, CliError> {
+fn one(
+    solver: &MembraneSolver,
+    search: &CriticalSearch,
+    pattern: &Pattern,
+    progress: &dyn Progress,
+) -> Result<Followed, CliError> {
     let path = solver.path(pattern);
+    let limit = path.as_ref().and_then(LoadPath::limit);
+    let critical = limit.map(|limit| search.from(pattern, solver.mesh(), limit.voltage));
     progress.advance(1);
-    path.ok_or_else(|| CliError::failure("the factors of the tangent do not fit into memory"))
+    let path = path.ok_or_else(|| CliError::failure("the factors of the tangent do not fit into memory"))?;
+    Ok(Followed { path, critical })
 }
 
-fn load_paths(patterns: &[Pattern], paths: &[LoadPath], scene: Scene) -> LoadPaths {
+fn load_paths(patterns: &[Pattern], followed: &[Followed], scene: Scene) -> LoadPaths {
+    let paths: Vec<&LoadPath> = followed.iter().map(|one| &one.path).collect();
+    let critical = |value: fn(&CriticalVoltage) -> Option<f64>| {
+        let value = |one: &Followed| one.critical.as_ref().and_then(value).unwrap_or(f64::NAN);
+        followed.iter().map(value).collect()
+    };
     let points = || paths.iter().flat_map(|path| &path.points);
     let point_offsets = offsets(paths.iter().map(|path| path.points.len()));
-    let with_offset = |(path, &offset): (&LoadPath, &u64)| {
+    let with_offset = |(path, &offset): (&&LoadPath, &u64)| {
         let moved = |event: &PathEvent| (*event, offset + event.point as u64);
         path.events.iter().map(moved).collect::<Vec<_>>()
     };
     let events: Vec<(PathEvent, u64)> = paths.iter().zip(&point_offsets).flat_map(with_offset).collect();
-    let limit = |path: &LoadPath| path.limit().map_or("none", |limit| limit.kind.name()).to_owned();
-    let limit_voltage = |path: &LoadPath| path.limit().map_or(f64::NAN, |limit| limit.voltage);
+    let limit = |path: &&LoadPath| path.limit().map_or("none", |limit| limit.kind.name()).to_owned();
     LoadPaths {
         patterns: patterns.to_vec(),
         event_offsets: offsets(paths.iter().map(|path| path.events.len())),
@@ -183,7 +230,10 @@ fn load_paths(patterns: &[Pattern], paths: &[LoadPath], scene: Scene) -> LoadPat
         event_voltage: events.iter().map(|(event, _)| event.voltage).collect(),
         event_point: events.iter().map(|(_, row)| *row).collect(),
         limit_kind: paths.iter().map(limit).collect(),
-        limit_voltage: paths.iter().map(limit_voltage).collect(),
+        limit_voltage: critical(|found| Some(found.voltage)),
+        limit_error: critical(|found| found.error),
+        limit_coarse: critical(|found| Some(found.coarse.voltage)),
+        limit_fine: critical(|found| Some(found.fine?.voltage)),
         limit_displacement: paths.iter().map(|path| path.limit_field.clone()).collect(),
         watched_corner: paths
             .iter()
@@ -203,11 +253,11 @@ fn offsets(lengths: impl Iterator<Item = usize>) -> Vec<u64> {
 }
 
 /// All points as comma-separated values with a header.
-fn points_table(paths: &[LoadPath]) -> String {
+fn points_table(paths: &[Followed]) -> String {
     let header =
         "pattern,voltage_V,max_displacement_mm,displacement_mm,smallest_eigenvalue,negative_eigenvalues,stable,event";
     let mut text = format!("{header}\n");
-    for (index, path) in paths.iter().enumerate() {
+    for (index, Followed { path, .. }) in paths.iter().enumerate() {
         for (row, p) in path.points.iter().enumerate() {
             let event = path.events.iter().find(|event| event.point == row);
             text += &format!(

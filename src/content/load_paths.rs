@@ -34,8 +34,14 @@ arrays! {
         event_point: Vec<u64> = array("event_point", "1", [event]),
         /// What ends the stable part that begins at rest: the kind of the first event, or `none`.
         limit_kind: Vec<String> = array("limit_kind", "", [path]),
-        /// Highest voltage of that part; NaN where it has no end.
+        /// Highest voltage of that part, extrapolated from two meshes; NaN where it has no end.
         limit_voltage: Vec<f64> = array("limit_voltage", "V", [path]),
+        /// How far the truth may lie on either side of it; NaN where that is not known.
+        limit_error: Vec<f64> = array("limit_error", "V", [path]),
+        /// The limit on the coarser of the two meshes; NaN where there is none.
+        limit_coarse: Vec<f64> = array("limit_coarse", "V", [path]),
+        /// The limit on the finer one, half as wide; NaN where none was found.
+        limit_fine: Vec<f64> = array("limit_fine", "V", [path]),
         /// Displacement at that limit, at the cell corners; that of the last point where there is no limit.
         limit_displacement: Vec<Field> = array("limit_displacement", "mm", [path, corner_y, corner_x, xy]),
         /// Column and row of the corner that moves most at that limit.

@@ -67,6 +67,9 @@ const LOOSE: f64 = 1e-9;
 /// Load steps before the loading is given up.
 const MAX_LOAD_STEPS: u32 = 200;
 
+/// The first step of a search for a loss between two loads, in units of their difference.
+const FIRST: f64 = 0.25;
+
 /// Where loading begins and ends, as shares of the full load.
 #[derive(Clone, Copy, Debug)]
 pub struct Climb {
@@ -105,6 +108,35 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
     pub fn load(&self, u: &mut [f64], workspace: &mut Workspace) -> Loading {
         u.fill(0.0);
         self.climb(Climb::FROM_REST, u, workspace)
+    }
+
+    /// The shares between which stability is lost, from rest, where that is expected between two shares. `None` where it is
+    /// not lost up to the higher one, or nothing is known. `u` is then the last stable state.
+    pub fn loss_between(
+        &self,
+        [low, high]: [f64; 2],
+        u: &mut [f64],
+        workspace: &mut Workspace,
+    ) -> Option<[f64; 2]> {
+        u.fill(0.0);
+        let approach = Climb {
+            from: 0.0,
+            to: low,
+            step: low,
+        };
+        let mut ending = self.climb(approach, u, workspace).ending;
+        if ending == Ending::Stable {
+            let search = Climb {
+                from: low,
+                to: high,
+                step: FIRST * (high - low),
+            };
+            ending = self.climb(search, u, workspace).ending;
+        }
+        match ending {
+            Ending::Lost { stable, unstable, .. } => Some([stable, unstable]),
+            Ending::Stable | Ending::Unknown => None,
+        }
     }
 
     /// Moves `u` on from a stable state, to a higher load or to the last stable state on the way there.

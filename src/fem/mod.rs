@@ -3,7 +3,7 @@
 //! Everything is dimensionless: stress is divided by μλp², lengths by the side of an element, so two numbers describe a
 //! scene, a = λp⁻⁶ and b = κλp² with κ = ε(V/H)²/μ. The modules are the method, from the point to the answer:
 //! kinematics, energy and effects; element, layout and lanes; operator; gemm, modes and precondition; krylov, newton and
-//! direct; eigenvalue, stability and continuation; solver, and on it accurate, adjoint, cells, response, margin, path,
+//! direct; eigenvalue, stability and continuation; solver, and on it accurate, adjoint, cells, response, margin, path, limit,
 //! observable, gradient_evaluator and safety_margins; evaluator, which puts every method behind the traits of `field`, simulators, and screening.
 
 mod accurate;
@@ -23,6 +23,7 @@ pub mod kinematics;
 mod krylov;
 pub mod lanes;
 mod layout;
+mod limit;
 mod margin;
 mod modes;
 mod newton;
@@ -44,6 +45,7 @@ pub use effects::breakdown_strength;
 pub use error::SetupError;
 pub use evaluator::{CellStates, MeshRequest, Method, Solver, SolverParameters, UnknownMethod};
 pub use gradient_evaluator::GradientEvaluator;
+pub use limit::{CriticalSearch, CriticalVoltage, MeshLimit};
 pub use margin::StabilityReport;
 pub use observable::{CellState, Survey, Tension, cell_states};
 pub use path::{EventKind, LoadPath, PathEnd, PathEvent, PathPoint};

@@ -7,6 +7,7 @@ mod hard;
 mod invariance;
 mod known;
 mod laws;
+mod limits;
 mod material;
 mod outcome;
 mod paths;

@@ -26,8 +26,18 @@ pub struct Limit {
     pub name: String,
     /// Voltage in V.
     pub voltage: f64,
+    /// How far the truth may lie on either side, in V, where that is known.
+    pub error: Option<f64>,
     /// Displacement in mm.
     pub displacement: f64,
+}
+
+impl Limit {
+    /// The voltage in kV, with its error.
+    fn kilovolts(&self) -> String {
+        let error = self.error.map(|error| format!(" ± {:.3}", 1e-3 * error));
+        format!("{:.3}{} kV", 1e-3 * self.voltage, error.unwrap_or_default())
+    }
 }
 
 /// Width and height of the chart.
@@ -62,7 +72,7 @@ pub fn paths_chart(branches: &[Branch]) -> Result<Chart, FigureError> {
             .limit
             .as_ref()
             .map_or("Load path without a limit".to_owned(), |limit| {
-                format!("Load path: {} at {:.3} kV", limit.name, 1e-3 * limit.voltage)
+                format!("Load path: {} at {}", limit.name, limit.kilovolts())
             }),
         _ => "Load paths: stable solid, unstable dashed".to_owned(),
     };
@@ -95,13 +105,18 @@ impl Branch {
         runs
     }
 
-    /// The limit, with its name where there is room.
+    /// The limit with its error, and with its name where there is room.
     fn mark(&self, colour: Colour, named: bool) -> Vec<Series> {
         let Some(limit) = &self.limit else {
             return Vec::new();
         };
         let at = vec![(1e-3 * limit.voltage, limit.displacement)];
         let mut marks = vec![Series::new("", colour, Mark::Dots, at.clone())];
+        if let Some(error) = limit.error {
+            let ends = [limit.voltage - error, limit.voltage + error];
+            let bar = ends.map(|voltage| (1e-3 * voltage, limit.displacement)).to_vec();
+            marks.push(Series::new("", colour, Mark::Line, bar));
+        }
         if named {
             marks.push(Series::new("", colour, Mark::Labelled, at).with_words(vec![limit.name.clone()]));
         }

@@ -75,6 +75,7 @@ fn branches(n: usize) -> Vec<Branch> {
         limit: Some(Limit {
             name: "fold".into(),
             voltage: top,
+            error: Some(0.01 * top),
             displacement: 1.0,
         }),
     };
