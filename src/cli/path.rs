@@ -99,7 +99,7 @@ fn overview(paths: &[Followed]) -> String {
 }
 
 /// A voltage with its error, as people write it.
-fn with_error(critical: &CriticalVoltage) -> String {
+pub fn with_error(critical: &CriticalVoltage) -> String {
     match critical.error {
         Some(error) => format!("{:.0} ± {error:.0} V", critical.voltage),
         None => format!("{:.0} V, error not known", critical.voltage),

@@ -84,6 +84,7 @@ fn predict(
         unstable: Vec::new(),
         missed: Vec::new(),
         warnings: Vec::new(),
+        near_limit: Vec::new(),
         wrinkled: Vec::new(),
     })
 }

@@ -39,6 +39,7 @@ fn document(screening: &Screening) -> Value {
             "effect": row.effect,
             "quantity": row.assessment.quantity,
             "number": row.assessment.number,
+            "error": row.assessment.error,
             "threshold": row.assessment.threshold,
             "called_for": row.assessment.verdict.name(),
             "status": row.status.name(),

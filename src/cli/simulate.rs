@@ -3,14 +3,20 @@
 use std::path::Path;
 use std::time::Instant;
 
+use rayon::prelude::*;
+
 use super::cells::{self, States};
 use super::error::CliError;
 use crate::base::Progress;
 use crate::content::{Lines, Observations, Packed, SolveFile};
 use crate::fem::screening::Screened;
-use crate::fem::{AccurateSimulation, SolverParameters, wrinkled_fraction};
+use crate::fem::{
+    AccurateSimulation, CriticalSearch, CriticalVoltage, MeshRequest, Method, SolveOptions, SolverParameters,
+    wrinkled_fraction,
+};
 use crate::field::{CORNERS, Field};
 use crate::pattern::Pattern;
+use crate::scene::Scene;
 use crate::stage::direct;
 use crate::stage::solution;
 use crate::store::Object;
@@ -32,6 +38,9 @@ pub struct Answer {
     pub missed: Vec<(usize, f64)>,
     /// Effects that are called for and were not simulated, a line for each.
     pub warnings: Vec<String>,
+    /// Patterns that are so close to their critical voltage that a finer mesh could find them beyond it: position and, where it was
+    /// found, that voltage.
+    pub near_limit: Vec<(usize, Option<CriticalVoltage>)>,
     /// Patterns of which cells would wrinkle, where that was asked for: position and part of the membrane.
     pub wrinkled: Vec<(usize, f64)>,
 }
@@ -68,6 +77,7 @@ pub fn solve(
         seconds.extend(seconds_each(start, batch.len(), threads));
         progress.advance(batch.len() as u64);
     }
+    let near_limit = near_limit(scene, patterns, &results, parameters)?;
     let observed: Vec<_> = results.iter().map(|r| Some(&r.simulation.observation)).collect();
     let mut observations = Observations::of(&solver.observed(&scene.effects), &observed);
     if with_cells {
@@ -100,8 +110,30 @@ pub fn solve(
         unstable,
         missed,
         warnings: screened.warnings,
+        near_limit,
         wrinkled: wrinkled.filter(|(_, fraction)| *fraction > 0.0).collect(),
     })
+}
+
+/// The stable solutions that a finer mesh could refuse. An estimate is no equilibrium, and `--accuracy` asks finer meshes itself.
+fn near_limit(
+    scene: &Scene,
+    patterns: &[Pattern],
+    results: &[AccurateSimulation],
+    parameters: &SolverParameters,
+) -> Result<Vec<(usize, Option<CriticalVoltage>)>, CliError> {
+    let (Method::Newton, MeshRequest::Fixed(mesh)) = (parameters.method(), parameters.mesh_request()) else {
+        return Ok(Vec::new());
+    };
+    if CriticalSearch::is_far_from_any(scene)? {
+        return Ok(Vec::new());
+    }
+    let tolerance = parameters.tolerance();
+    let search = CriticalSearch::beside(scene, SolveOptions { mesh, tolerance })?;
+    let solved = patterns.par_iter().zip(results).enumerate();
+    let doubtful = solved.filter(|(_, (pattern, result))| result.simulation.field.is_some() && !search.keeps(pattern));
+    let near = doubtful.map(|(at, (pattern, _))| (at, search.near(pattern, scene.voltage_v())));
+    Ok(near.collect())
 }
 
 /// The time since `start`, shared out evenly; threads beyond the number of samples stood idle.

@@ -181,12 +181,20 @@ pub fn conclude(
             .wrinkled
             .iter()
             .map(|(index, fraction)| json!({ "index": index, "wrinkled_fraction": fraction }));
+        let near = answer.near_limit.iter().map(|(index, found)| {
+            json!({
+                "index": index,
+                "critical_voltage": found.map(|found| found.voltage),
+                "error": found.and_then(|found| found.error),
+            })
+        });
         output.document(&json!({
             "file": arguments.output,
             "samples": n,
             "unstable": unstable,
             "unstable_samples": outcomes.collect::<Vec<_>>(),
             "accuracy_missed": missed.collect::<Vec<_>>(),
+            "near_limit": near.collect::<Vec<_>>(),
             "warnings": answer.warnings,
             "wrinkled": wrinkled.collect::<Vec<_>>(),
             "seconds": seconds,
@@ -202,6 +210,11 @@ pub fn conclude(
         lines.extend(outcomes.map(|(index, outcome)| match outcome.as_str() {
             "no-estimate" => format!("pattern {index} has no estimate: the steps lead to no state of the membrane"),
             outcome => format!("pattern {index} has no stable solution: {outcome}"),
+        }));
+        let near = answer.near_limit.iter();
+        lines.extend(near.map(|(index, found)| {
+            let limit = found.map_or("where is not known".to_owned(), |found| format!("at {}", path::with_error(&found)));
+            format!("pattern {index}: a finer mesh could refuse it: stability is lost {limit}")
         }));
         let missed = answer.missed.iter();
         lines.extend(missed.map(|(index, error)| {

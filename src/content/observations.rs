@@ -18,7 +18,7 @@ arrays! {
         wrinkled_fraction: Option<Vec<f64>> = array("wrinkled_fraction", "1", [sample]),
         /// Smallest eigenvalue of the tangent relative to the Laplacian; zero where stability is lost.
         smallest_eigenvalue: Option<Vec<f64>> = array("smallest_eigenvalue", "1", [sample]),
-        /// Voltages between which stability is lost; 0, 0 where it is not lost up to 3 times the limit of a fully active membrane.
+        /// Voltages between which stability is lost on the mesh of the solution, a finer one loses it earlier; 0, 0 where it is not lost up to 3 times the limit of a fully active membrane.
         critical_voltage: Option<Vec<[f64; 2]>> = array("critical_voltage", "V", [sample, bound]),
     }
 }

@@ -68,7 +68,7 @@ const LOOSE: f64 = 1e-9;
 const MAX_LOAD_STEPS: u32 = 200;
 
 /// The first step of a search for a loss between two loads, in units of their difference.
-const FIRST: f64 = 0.25;
+const FIRST: f64 = 0.5;
 
 /// Where loading begins and ends, as shares of the full load.
 #[derive(Clone, Copy, Debug)]
@@ -110,33 +110,25 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
         self.climb(Climb::FROM_REST, u, workspace)
     }
 
-    /// The shares between which stability is lost, from rest, where that is expected between two shares. `None` where it is
-    /// not lost up to the higher one, or nothing is known. `u` is then the last stable state.
-    pub fn loss_between(
-        &self,
-        [low, high]: [f64; 2],
-        u: &mut [f64],
-        workspace: &mut Workspace,
-    ) -> Option<[f64; 2]> {
+    /// How loading to a share ends, from rest, where stability is expected to be lost between a lower share and that one. `u` is
+    /// then the last stable state.
+    pub fn load_through(&self, [low, high]: [f64; 2], u: &mut [f64], workspace: &mut Workspace) -> Ending {
         u.fill(0.0);
         let approach = Climb {
             from: 0.0,
             to: low,
             step: low,
         };
-        let mut ending = self.climb(approach, u, workspace).ending;
-        if ending == Ending::Stable {
-            let search = Climb {
-                from: low,
-                to: high,
-                step: FIRST * (high - low),
-            };
-            ending = self.climb(search, u, workspace).ending;
+        let ending = self.climb(approach, u, workspace).ending;
+        if ending != Ending::Stable {
+            return ending;
         }
-        match ending {
-            Ending::Lost { stable, unstable, .. } => Some([stable, unstable]),
-            Ending::Stable | Ending::Unknown => None,
-        }
+        let search = Climb {
+            from: low,
+            to: high,
+            step: FIRST * (high - low),
+        };
+        self.climb(search, u, workspace).ending
     }
 
     /// Moves `u` on from a stable state, to a higher load or to the last stable state on the way there.

@@ -23,7 +23,7 @@ pub struct Eigenpair {
 }
 
 /// Energy and stiffness of a membrane without thickness and voltage: its tangent is the Laplacian.
-const WITHOUT_THICKNESS: NeoHookean = NeoHookean {
+pub(super) const WITHOUT_THICKNESS: NeoHookean = NeoHookean {
     thickness: 0.0,
     pull: 0.0,
 };

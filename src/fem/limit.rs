@@ -1,87 +1,36 @@
-//! Where stability is lost, with an error: the losses on two meshes, extrapolated.
-//!
-//! A mesh makes a membrane too stiff, and it loses stability too late: smooth displacements by next to nothing, those around
-//! the corners of electrodes by some per cent, because a corner is singular and the error there falls hardly faster than the
-//! side of an element. How much of the difference of two meshes is still to come therefore depends on the pattern, from a
-//! hundredth to nearly all of it. The estimate takes a middle share of it away, and its error spans the rest; `docs/effects.md` has the
-//! patterns that the shares were found with, on eight biquadratic elements per cell.
+//! The search for critical voltages on two meshes, and whether a pattern surely keeps a voltage.
+
+use std::sync::OnceLock;
 
 use crate::field::{Mesh, Order};
 use crate::pattern::Pattern;
 use crate::scene::Scene;
 
+use super::continuation::Ending;
+use super::critical::{CriticalVoltage, MeshLimit};
 use super::effects::{Model, WithMaterial};
 use super::energy::Material;
 use super::error::SetupError;
+use super::krylov;
 use super::margin::SOME_VOLTAGE;
-use super::newton::Workspace;
-use super::operator::Activity;
-use super::solver::{MembraneSolver, SolveOptions};
+use super::newton::{Workspace, probe};
+use super::operator::{Activity, Operator};
+use super::solver::{MembraneSolver, MeshSolution, SolveOptions};
 
-/// What a mesh of half the side takes away from the voltage of the finer mesh, in units of what it took from the coarser one:
-/// the middle, and how far the truth may lie on either side of it.
-const STILL_TO_COME: f64 = 0.45;
-const EITHER_SIDE: f64 = 0.5;
-/// The part of a voltage that the searches leave open.
-const SEARCHED: f64 = 1e-3;
-/// The part of a voltage by which the loss on a coarse mesh alone may lie too high.
-const COARSE: f64 = 0.12;
-
-/// The voltage at which stability is lost, and how sure it is.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct CriticalVoltage {
-    /// The estimate in V.
-    pub voltage: f64,
-    /// How far the truth may lie on either side, in V; `None` where no finer mesh says anything.
-    pub error: Option<f64>,
-    /// The loss on the coarser mesh, in V.
-    pub coarse: MeshLimit,
-    /// That on the finer one; `None` where it was not found.
-    pub fine: Option<MeshLimit>,
-}
-
-/// The loss of stability on one mesh.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MeshLimit {
-    /// The mesh.
-    pub mesh: Mesh,
-    /// In V, the middle of the two voltages between which it lies.
-    pub voltage: f64,
-}
-
-impl CriticalVoltage {
-    fn new(coarse: MeshLimit, fine: Option<MeshLimit>) -> Self {
-        let estimate = |fine: MeshLimit| {
-            let fall = coarse.voltage - fine.voltage;
-            let error = EITHER_SIDE * fall.abs() + SEARCHED * fine.voltage;
-            (fine.voltage - STILL_TO_COME * fall, error)
-        };
-        let (voltage, error) = fine
-            .map(estimate)
-            .map_or((coarse.voltage, None), |(voltage, error)| (voltage, Some(error)));
-        Self {
-            voltage,
-            error,
-            coarse,
-            fine,
-        }
-    }
-
-    /// The voltages in V between which the truth is expected. Where the error is not known the lower one is that of the
-    /// worst pattern that is known.
-    #[must_use]
-    pub fn interval(&self) -> [f64; 2] {
-        match self.error {
-            Some(error) => [self.voltage - error, self.voltage + error],
-            None => [(1.0 - COARSE) * self.voltage, (1.0 + SEARCHED) * self.voltage],
-        }
-    }
-}
+/// The smallest eigenvalue of the tangent against the Laplacian, on one biquadratic element per cell, above which no pattern was
+/// found to be within a tenth of its critical voltage: 0.40 was the largest at it, 0.29 the smallest a tenth below it.
+const CLEAR: f32 = 0.5;
+/// The load in units of the critical one of a membrane that is active everywhere, below which no pattern is within a tenth of
+/// its critical voltage: a single cell, which goes first, is lost at 0.30.
+const FAR: f64 = 0.24;
+/// How far above a voltage the finer mesh must be stable for the voltage to be kept beyond doubt.
+const ROOM: f64 = 1.08;
 
 /// Finds critical voltages on two meshes.
 pub struct CriticalSearch {
     coarse: MembraneSolver,
-    fine: MembraneSolver,
+    /// Set up when it is first needed; `None` where it cannot be.
+    fine: OnceLock<Option<MembraneSolver>>,
 }
 
 impl CriticalSearch {
@@ -91,18 +40,47 @@ impl CriticalSearch {
     /// # Errors
     /// When an option is out of range.
     pub fn new(scene: &Scene, options: SolveOptions) -> Result<Self, SetupError> {
-        let on = |mesh| MembraneSolver::new(scene, SolveOptions { mesh, ..options });
-        let [coarse, fine] = meshes(options.mesh);
+        let side = match options.mesh.order() {
+            Order::Bilinear => 1,
+            Order::Biquadratic => options.mesh.elements_per_cell().min(Mesh::MOST_ELEMENTS / 2),
+        };
+        let mesh = Mesh::biquadratic(side);
         Ok(Self {
-            coarse: on(coarse)?,
-            fine: on(fine)?,
+            coarse: MembraneSolver::new(scene, SolveOptions { mesh, ..options })?,
+            fine: OnceLock::new(),
         })
     }
 
-    /// The mesh on which a loss is to be found before it can be refined.
-    #[must_use]
-    pub fn coarse_mesh(&self) -> Mesh {
-        self.coarse.mesh()
+    /// The solver on half the side.
+    fn fine(&self) -> Option<&MembraneSolver> {
+        let set_up = || {
+            let options = SolveOptions {
+                mesh: Mesh::biquadratic(2 * self.coarse.mesh().elements_per_cell()),
+                tolerance: self.coarse.tolerance,
+            };
+            MembraneSolver::new(&self.coarse.scene, options).ok()
+        };
+        self.fine.get_or_init(set_up).as_ref()
+    }
+
+    /// The search that watches over solutions on a mesh: on at most two biquadratic elements per cell and four.
+    ///
+    /// # Errors
+    /// When an option is out of range.
+    pub fn beside(scene: &Scene, options: SolveOptions) -> Result<Self, SetupError> {
+        let mesh = match options.mesh.order() {
+            Order::Bilinear => options.mesh,
+            Order::Biquadratic => Mesh::biquadratic(options.mesh.elements_per_cell().min(2)),
+        };
+        Self::new(scene, SolveOptions { mesh, ..options })
+    }
+
+    /// Whether no pattern loses stability anywhere near the voltage of a scene: nothing need be solved to know that all keep it.
+    ///
+    /// # Errors
+    /// When the effects of the scene cannot be simulated.
+    pub fn is_far_from_any(scene: &Scene) -> Result<bool, SetupError> {
+        Ok(scene.voltage_v() <= 0.0 || Model::new(scene)?.with(Load))
     }
 
     /// The critical voltage of a pattern that loses stability on the coarser mesh at a voltage in V.
@@ -112,7 +90,19 @@ impl CriticalSearch {
             mesh: self.coarse.mesh(),
             voltage: on_coarse,
         };
-        CriticalVoltage::new(coarse, self.fine.limit_between(pattern, around(on_coarse)))
+        let fine = self.fine();
+        CriticalVoltage::new(coarse, fine.and_then(|fine| fine.limit_between(pattern, around(on_coarse))))
+    }
+
+    /// What the coarser mesh alone says of a pattern that has no stable state on it at the voltage of the scene.
+    #[must_use]
+    pub fn unrefined(&self, pattern: &Pattern) -> Option<CriticalVoltage> {
+        let [stable, unstable] = self.coarse.solve(pattern).outcome.bracket()?;
+        let coarse = MeshLimit {
+            mesh: self.coarse.mesh(),
+            voltage: 0.5 * (stable + unstable),
+        };
+        (stable > 0.0).then(|| CriticalVoltage::new(coarse, None))
     }
 
     /// The critical voltage of a pattern that loses stability on some mesh at a voltage in V: another than the coarser one serves to
@@ -130,8 +120,31 @@ impl CriticalSearch {
     /// The critical voltage of a pattern that has no stable state on the coarser mesh at the voltage of the scene.
     #[must_use]
     pub fn below_scene(&self, pattern: &Pattern) -> Option<CriticalVoltage> {
-        let [stable, unstable] = self.coarse.solve(pattern).outcome.bracket()?;
-        (stable > 0.0).then(|| self.refine(pattern, 0.5 * (stable + unstable)))
+        let found = self.unrefined(pattern)?;
+        Some(self.refine(pattern, found.voltage))
+    }
+
+    /// Whether a pattern is stable at the voltage of the scene whatever the mesh: that voltage lies below the
+    /// [interval](CriticalVoltage::interval) of its critical one. Far below it, this takes one solution on the coarser mesh.
+    #[must_use]
+    pub fn keeps(&self, pattern: &Pattern) -> bool {
+        let solution = self.coarse.solve(pattern);
+        if !solution.outcome.is_converged() {
+            return false;
+        }
+        if self.coarse.is_clear_of_loss(pattern, &solution) {
+            return true;
+        }
+        let voltage = self.coarse.scene.voltage_v();
+        match self.fine().map(|fine| fine.search(pattern, [voltage, ROOM * voltage])) {
+            Some(Found::NoLoss) => true,
+            Some(Found::Nothing) | None => false,
+            Some(Found::Limit(fine)) => {
+                let coarse = self.coarse.limit_between(pattern, around(fine.voltage));
+                let found = coarse.map(|coarse| CriticalVoltage::new(coarse, Some(fine)));
+                found.is_some_and(|found| voltage < found.interval()[0])
+            }
+        }
     }
 
     /// The critical voltage of a pattern where it is expected near a voltage in V; `None` where it is not found within a fifth above.
@@ -147,34 +160,89 @@ fn around(voltage: f64) -> [f64; 2] {
     [0.9 * voltage, 1.2 * voltage]
 }
 
-/// The meshes of the search that belongs to a mesh.
-fn meshes(mesh: Mesh) -> [Mesh; 2] {
-    let side = match mesh.order() {
-        Order::Bilinear => 1,
-        Order::Biquadratic => mesh.elements_per_cell().min(Mesh::MOST_ELEMENTS / 2),
-    };
-    [side, 2 * side].map(Mesh::biquadratic)
-}
-
 impl MembraneSolver {
     /// The loss of stability on this mesh, where it is expected between two voltages in V, whatever the voltage of the scene. `None`
     /// where it is not lost up to the higher one, or nothing is known.
     #[must_use]
     pub fn limit_between(&self, pattern: &Pattern, expected: [f64; 2]) -> Option<MeshLimit> {
+        match self.search(pattern, expected) {
+            Found::Limit(limit) => Some(limit),
+            Found::NoLoss | Found::Nothing => None,
+        }
+    }
+
+    fn search(&self, pattern: &Pattern, expected: [f64; 2]) -> Found {
         let (model, voltage) = match self.scene.voltage_v() {
-            0.0 => (Model::new(&self.scene.at_voltage(SOME_VOLTAGE)).ok()?, SOME_VOLTAGE),
+            0.0 => match Model::new(&self.scene.at_voltage(SOME_VOLTAGE)) {
+                Ok(model) => (model, SOME_VOLTAGE),
+                Err(_) => return Found::Nothing,
+            },
             voltage => (self.model.clone(), voltage),
         };
-        let shares: [f64; 2] = model.with(Between {
+        let ending = model.with(Between {
             solver: self,
             activity: &model.activity(self.mesh, pattern),
             expected: expected.map(|expected| (expected / voltage).powi(2)),
-        })?;
-        let [stable, unstable] = shares.map(|share| share.sqrt() * voltage);
-        Some(MeshLimit {
-            mesh: self.mesh,
-            voltage: 0.5 * (stable + unstable),
+        });
+        match ending {
+            Ending::Stable => Found::NoLoss,
+            Ending::Unknown => Found::Nothing,
+            Ending::Lost { stable, unstable, .. } => Found::Limit(MeshLimit {
+                mesh: self.mesh,
+                voltage: 0.5 * voltage * (stable.sqrt() + unstable.sqrt()),
+            }),
+        }
+    }
+
+    /// Whether the tangent at a solution is positive definite by so much that no mesh comes near a loss of stability there.
+    fn is_clear_of_loss(&self, pattern: &Pattern, solution: &MeshSolution) -> bool {
+        self.model.with(Clear {
+            solver: self,
+            activity: &self.model.activity(self.mesh, pattern),
+            u: &solution.displacement,
         })
+    }
+}
+
+/// Whether the load at the scene's voltage is far below that of any loss.
+struct Load;
+
+impl WithMaterial for Load {
+    type Output = bool;
+
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> bool {
+        let full = material(1.0);
+        !L::WRINKLES && full.load() < FAR * 0.5 * full.largest_load()
+    }
+}
+
+/// What a search for a loss of stability ends with.
+enum Found {
+    Limit(MeshLimit),
+    /// Stable up to the end.
+    NoLoss,
+    /// Nothing is known.
+    Nothing,
+}
+
+struct Clear<'a> {
+    solver: &'a MembraneSolver,
+    activity: &'a Activity,
+    u: &'a [f64],
+}
+
+impl WithMaterial for Clear<'_> {
+    type Output = bool;
+
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> bool {
+        let operator = Operator {
+            mesh: self.solver.mesh,
+            material: &material(1.0),
+            activity: self.activity,
+        };
+        let laplacian = &self.solver.laplacian;
+        let mut workspace = Workspace::new(self.u.len(), laplacian);
+        probe(&operator, laplacian, CLEAR, self.u, &mut workspace) == krylov::Ending::Converged
     }
 }
 
@@ -186,12 +254,12 @@ struct Between<'a> {
 }
 
 impl WithMaterial for Between<'_> {
-    type Output = Option<[f64; 2]>;
+    type Output = Ending;
 
-    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Self::Output {
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Ending {
         let mut u = vec![0.0; self.solver.mesh.vector_len()];
         let mut workspace = Workspace::new(u.len(), &self.solver.laplacian);
         let problem = self.solver.problem(self.activity, material);
-        problem.loss_between(self.expected, &mut u, &mut workspace)
+        problem.load_through(self.expected, &mut u, &mut workspace)
     }
 }

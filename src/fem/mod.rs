@@ -3,13 +3,14 @@
 //! Everything is dimensionless: stress is divided by μλp², lengths by the side of an element, so two numbers describe a
 //! scene, a = λp⁻⁶ and b = κλp² with κ = ε(V/H)²/μ. The modules are the method, from the point to the answer:
 //! kinematics, energy and effects; element, layout and lanes; operator; gemm, modes and precondition; krylov, newton and
-//! direct; eigenvalue, stability and continuation; solver, and on it accurate, adjoint, cells, response, margin, path, limit,
+//! direct; eigenvalue, stability and continuation; solver, and on it accurate, adjoint, cells, response, margin, path, critical, limit,
 //! observable, gradient_evaluator and safety_margins; evaluator, which puts every method behind the traits of `field`, simulators, and screening.
 
 mod accurate;
 mod adjoint;
 mod cells;
 mod continuation;
+mod critical;
 mod direct;
 pub mod effects;
 mod eigenvalue;
@@ -45,7 +46,8 @@ pub use effects::breakdown_strength;
 pub use error::SetupError;
 pub use evaluator::{CellStates, MeshRequest, Method, Solver, SolverParameters, UnknownMethod};
 pub use gradient_evaluator::GradientEvaluator;
-pub use limit::{CriticalSearch, CriticalVoltage, MeshLimit};
+pub use critical::{CriticalVoltage, MeshLimit};
+pub use limit::CriticalSearch;
 pub use margin::StabilityReport;
 pub use observable::{CellState, Survey, Tension, cell_states};
 pub use path::{EventKind, LoadPath, PathEnd, PathEvent, PathPoint};

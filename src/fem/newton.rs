@@ -10,6 +10,7 @@ use crate::base::Stream;
 use crate::field::{CORNERS, Field};
 
 use super::direct::Factorisation;
+use super::eigenvalue::WITHOUT_THICKNESS;
 use super::energy::Material;
 use super::krylov::{self, Ending, conjugate_gradients};
 use super::operator::Operator;
@@ -258,11 +259,12 @@ fn find_step<L: Material>(
     }
 }
 
-/// How conjugate gradients end with the tangent at `u` on a random load, which has a part along every mode: a negative
-/// eigenvalue cannot hide from them, and they end well only where there is none.
+/// How conjugate gradients end with the tangent at `u`, less `shift` times the Laplacian, on a random load, which has a part
+/// along every mode: a negative eigenvalue cannot hide from them, and they end well only where there is none.
 pub fn probe<L: Material>(
     operator: &Operator<'_, L>,
     laplacian: &Laplacian,
+    shift: f32,
     u: &[f64],
     workspace: &mut Workspace,
 ) -> Ending {
@@ -281,10 +283,22 @@ pub fn probe<L: Material>(
     narrow(u, 1.0, single);
     operator.linearise(single, moduli);
     narrow(&load, 1.0 / norm(&load), &mut krylov.residual);
+    let flat = Operator {
+        mesh: operator.mesh,
+        material: &WITHOUT_THICKNESS,
+        activity: operator.activity,
+    };
+    let mut harmonic = vec![0.0; if shift > 0.0 { single.len() } else { 0 }];
     conjugate_gradients(
         PROBED,
         krylov,
-        |p, image| operator.tangent_at(single, moduli, p, image),
+        |p, image| {
+            operator.tangent_at(single, moduli, p, image);
+            if shift > 0.0 {
+                flat.tangent(single, p, &mut harmonic);
+                image.iter_mut().zip(&harmonic).for_each(|(k, l)| *k -= shift * l);
+            }
+        },
         |r, z| laplacian.solve(r, z, scratch),
     )
 }

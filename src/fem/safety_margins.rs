@@ -1,15 +1,17 @@
 //! Margins from pull-in and breakdown, which take a simulation to know.
 
+use rayon::prelude::*;
+
 use super::effects::breakdown_strength;
-use super::{MembraneSolver, SetupError, SolveOptions};
+use super::{CriticalSearch, MembraneSolver, SetupError, SolveOptions};
 use crate::field::{Feasibility, Mesh, PredictError, Simulator};
 use crate::pattern::Pattern;
 use crate::scene::Scene;
 
 /// Says which patterns keep their margins.
 pub struct SafetyMargins {
-    /// At the voltage times the margin, where every pattern must be stable.
-    pull_in: Option<MembraneSolver>,
+    /// At the voltage times the margin, which every pattern must keep whatever the mesh.
+    pull_in: Option<CriticalSearch>,
     /// With the field compared with the breakdown strength, and the largest ratio allowed.
     breakdown: Option<(MembraneSolver, f64)>,
 }
@@ -24,7 +26,7 @@ impl SafetyMargins {
         let options = SolveOptions::on(Mesh::biquadratic(1));
         let pull_in = pull_in.map(|margin| {
             let driven = scene.at_voltage(scene.voltage_v() * margin);
-            MembraneSolver::new(&driven, options)
+            CriticalSearch::new(&driven, options)
         });
         let breakdown = breakdown.map(|margin| {
             let mut effects = scene.effects.clone();
@@ -45,10 +47,8 @@ impl SafetyMargins {
 impl Feasibility for SafetyMargins {
     fn feasible(&self, patterns: &[Pattern]) -> Result<Vec<bool>, PredictError> {
         let mut verdicts = vec![true; patterns.len()];
-        if let Some(solver) = &self.pull_in {
-            for (verdict, result) in verdicts.iter_mut().zip(solver.simulate(patterns)) {
-                *verdict &= result.outcome.is_converged();
-            }
+        if let Some(search) = &self.pull_in {
+            verdicts = patterns.par_iter().map(|pattern| search.keeps(pattern)).collect();
         }
         if let Some((solver, most)) = &self.breakdown {
             for (verdict, result) in verdicts.iter_mut().zip(solver.simulate(patterns)) {

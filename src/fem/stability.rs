@@ -56,7 +56,7 @@ pub fn judge<L: Material>(
     if margins.convexity > 0.0 {
         return Stability::Stable { pointwise: true };
     }
-    match probe(operator, laplacian, u, workspace) {
+    match probe(operator, laplacian, 0.0, u, workspace) {
         Ending::Converged => Stability::Stable { pointwise: false },
         Ending::NegativeCurvature => Stability::Unstable,
         Ending::Limit => match Factorisation::new(operator, u) {
@@ -121,7 +121,7 @@ mod tests {
             } else {
                 Ending::NegativeCurvature
             };
-            assert_eq!(probe(&operator, &laplacian, &u, &mut workspace), expected, "{step}");
+            assert_eq!(probe(&operator, &laplacian, 0.0, &u, &mut workspace), expected, "{step}");
             seen[usize::from(positive)] = true;
         }
         assert_eq!(seen, [true, true]);

@@ -208,6 +208,10 @@ impl DesignStage {
             entries.extend(self.evaluator.canonical().map(|evaluator| ("evaluator", evaluator)));
         }
         entries.extend(self.case.canonical().map(|case| ("case", case)));
+        if self.constraints.constraints().limits().pull_in_margin.is_some() {
+            // Kept on every mesh, which designs of one mesh alone did not promise.
+            entries.push(("pull_in_meshes", 2_u64.into()));
+        }
         entries.extend([
             ("constraints", self.constraints.canonical()),
             ("scene", self.scene.canonical()),

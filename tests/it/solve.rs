@@ -251,6 +251,12 @@ fn a_path_finds_the_voltage_at_which_stability_is_lost() {
     // 5.50 kV by an independent analysis.
     let limit = half["limit"]["voltage"].as_f64().unwrap();
     assert!((limit / 5.5e3 - 1.0).abs() < 0.005, "{limit}");
+    let error = half["limit"]["error"].as_f64().unwrap();
+    assert!(error > 0.0 && error < 0.01 * limit, "{error}");
+    let meshes = half["limit"]["meshes"].as_array().unwrap();
+    assert_eq!(meshes.len(), 2);
+    assert_eq!(meshes[0]["voltage"], half["events"][0]["voltage"], "the path is on the coarser mesh");
+    assert_eq!(column(&workspace, "out.h5", "limit_error")[0], error);
     assert!(report["paths"][1]["limit"].is_null(), "a bare membrane has no limit");
     let voltages = column(&workspace, "out.h5", "voltage");
     let points = half["points"].as_array().unwrap();
@@ -277,6 +283,26 @@ fn a_path_finds_the_voltage_at_which_stability_is_lost() {
         solve(&[&path[..], &["-o", "x.h5", "--accuracy", "1 mm"]].concat()).code,
         Some(2)
     );
+}
+
+#[test]
+fn a_solution_that_a_finer_mesh_could_refuse_is_named() {
+    // A single cell is lost at 6.02 kV; two bilinear elements per cell have a stable state up to 6.25 kV.
+    for (voltage, near) in [("6.05 kV", true), ("5.42 kV", false), ("2 kV", false)] {
+        let workspace = workspace(voltage);
+        workspace.write("scene.yaml", &SCENE.replace("VOLTAGE", voltage));
+        workspace.write("cell.csv", &csv(|x, y| (x, y) == (25, 25)));
+        let ended = workspace.run(&["solve", "scene.yaml", "cell.csv", "-o", "out.h5", "--json"]);
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+        let named = ended.json()["near_limit"].as_array().unwrap().clone();
+        assert_eq!(named.len(), usize::from(near), "{voltage}: {named:?}");
+        if near {
+            let [found, error] = ["critical_voltage", "error"].map(|key| named[0][key].as_f64().unwrap());
+            assert!((found - 6023.0).abs() < error, "{found} {error}");
+            let said = workspace.run(&["solve", "scene.yaml", "cell.csv", "-o", "out.h5"]).stdout;
+            assert!(said.contains("pattern 0: a finer mesh could refuse it"), "{said}");
+        }
+    }
 }
 
 #[test]

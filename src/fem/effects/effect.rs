@@ -3,6 +3,7 @@
 //! An effect has a number without unit that says how much it matters, and a threshold above which it is called for. Most
 //! numbers follow from the scene alone; some need the solution for a few patterns.
 
+use crate::fem::critical::CriticalVoltage;
 use crate::scene::{Effects, Scene};
 
 /// An effect beyond the base model.
@@ -46,6 +47,8 @@ pub struct Assessment {
     pub number: Option<f64>,
     /// Above it the effect is called for.
     pub threshold: f64,
+    /// How far the true number may lie on either side, where that is known.
+    pub error: Option<f64>,
     /// Whether it is called for.
     pub verdict: Verdict,
     /// What it does, in words that follow its name: `changes the electric stress by -3.0 %`.
@@ -97,6 +100,7 @@ impl Assessment {
         Self {
             quantity: quantity.to_owned(),
             number: None,
+            error: None,
             threshold,
             verdict,
             change,
@@ -128,7 +132,7 @@ pub struct Examined {
     /// Largest E/E_B over the cells.
     pub field: f64,
     /// The voltage at which stability is lost; `None` where it is not within reach.
-    pub limit: Option<f64>,
+    pub limit: Option<CriticalVoltage>,
     /// Whether there is a stable state at the voltage of the scene. Where not, the compression is that of the last one before,
     /// and the field that of the membrane at rest.
     pub stable: bool,

@@ -2,6 +2,7 @@
 //! its modules stability, continuation and margin.
 
 use super::effect::{Assessment, Effect, Solutions, Verdict};
+use crate::fem::critical::CriticalVoltage;
 use crate::scene::effects::names;
 use crate::scene::{Effects, On, Scene};
 
@@ -34,22 +35,26 @@ impl Effect for ElectromechanicalStability {
             .examined
             .iter()
             .filter_map(|one| Some((&one.pattern, one.limit?)));
-        let Some((pattern, limit)) = limits.min_by(|a, b| a.1.total_cmp(&b.1)) else {
+        let Some((pattern, limit)) = limits.min_by(|a, b| a.1.voltage.total_cmp(&b.1.voltage)) else {
             let reach = solutions.reach;
             let change = format!("below {reach}: stable at {:.1} times the voltage", reach.sqrt().recip());
             return Some(Assessment::open(quantity, Verdict::NotCalledFor, NEAR, change));
         };
-        let change = format!("ends the stability of `{pattern}` at {}", voltage(limit));
-        let ratio = (scene.voltage_v() / limit).powi(2);
-        Some(Assessment::known(quantity, ratio, NEAR, change))
+        let change = format!("ends the stability of `{pattern}` at {}", voltage(&limit));
+        let ratio = (scene.voltage_v() / limit.voltage).powi(2);
+        Some(Assessment {
+            error: limit.error.map(|error| 2.0 * ratio * error / limit.voltage),
+            ..Assessment::known(quantity, ratio, NEAR, change)
+        })
     }
 }
 
-/// A voltage as people say it.
-fn voltage(volts: f64) -> String {
-    if volts < 1e3 {
-        format!("{volts:.1} V")
-    } else {
-        format!("{:.2} kV", 1e-3 * volts)
+/// A voltage with its error as people say it.
+fn voltage(limit: &CriticalVoltage) -> String {
+    let (unit, scale) = if limit.voltage < 1e3 { ("V", 1.0) } else { ("kV", 1e-3) };
+    let volts = scale * limit.voltage;
+    match limit.error {
+        Some(error) => format!("{volts:.2} ± {:.2} {unit}", scale * error),
+        None => format!("{volts:.2} {unit} on a coarse mesh"),
     }
 }

@@ -76,6 +76,7 @@ impl Row {
             verdict,
             change,
             number,
+            ..
         } = &self.assessment;
         let number = (*number)?;
         let state = match self.status {

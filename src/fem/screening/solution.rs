@@ -3,10 +3,9 @@
 use rayon::prelude::*;
 
 use super::Trial;
-use crate::fem::effects::{Examined, breakdown_ratio, breakdown_ratio_at_rest, breakdown_strength_or_usual};
-use crate::fem::{MembraneSolver, SetupError, SolveOptions, Survey, cell_states};
+use crate::fem::effects::{Examined, NEAR, breakdown_ratio, breakdown_ratio_at_rest, breakdown_strength_or_usual};
+use crate::fem::{CriticalSearch, MembraneSolver, SetupError, SolveOptions, Survey, cell_states};
 use crate::field::Mesh;
-use crate::pattern::Pattern;
 use crate::scene::{Breakdown, Scene};
 
 /// A mesh on which the loss of stability comes out a few per cent high; bilinear elements of the same size would place that
@@ -16,24 +15,25 @@ const MESH: SolveOptions = SolveOptions {
     tolerance: 1e-8,
 };
 
-/// Examines the solutions for patterns, and searches for the loss of stability up to the voltage of the scene over the root of `reach`.
+/// Examines the solutions for patterns, and searches for the loss of stability up to the voltage of the scene over the root of `reach`;
+/// on two meshes where it is searched for far from that voltage, which is for a table, and on one for a run.
 ///
 /// # Errors
 /// When the scene cannot be simulated.
 pub fn examine(scene: &Scene, patterns: &[Trial], reach: f64) -> Result<Vec<Examined>, SetupError> {
     let breakdown = breakdown_strength_or_usual(scene);
     let solver = MembraneSolver::new(scene, MESH)?;
-    let search = MembraneSolver::new(&scene.at_voltage(scene.voltage_v() / reach.sqrt()), MESH)?;
+    let search = CriticalSearch::new(&scene.at_voltage(scene.voltage_v() / reach.sqrt()), MESH)?;
     patterns
         .par_iter()
-        .map(|trial| examine_one(scene, &solver, &search, trial, &breakdown))
+        .map(|trial| examine_one(scene, &solver, (&search, reach), trial, &breakdown))
         .collect()
 }
 
 fn examine_one(
     scene: &Scene,
     solver: &MembraneSolver,
-    search: &MembraneSolver,
+    (search, reach): (&CriticalSearch, f64),
     trial: &Trial,
     breakdown: &Breakdown,
 ) -> Result<Examined, SetupError> {
@@ -56,17 +56,11 @@ fn examine_one(
             false if active => breakdown_ratio_at_rest(breakdown, scene),
             false => 0.0,
         },
-        limit: if trial.to_the_limit {
-            limit(search, pattern)
-        } else {
-            None
+        limit: match trial.to_the_limit {
+            true if reach < NEAR => search.below_scene(pattern),
+            true => search.unrefined(pattern),
+            false => None,
         },
         stable,
     })
-}
-
-/// The voltage at which stability is lost, if it is within reach.
-fn limit(search: &MembraneSolver, pattern: &Pattern) -> Option<f64> {
-    let [stable, _] = search.solve(pattern).outcome.bracket()?;
-    (stable > 0.0).then_some(stable)
 }

@@ -3,7 +3,8 @@
 use std::time::Instant;
 
 use super::*;
-use crate::fem::{CriticalSearch, CriticalVoltage};
+use crate::fem::{CriticalSearch, CriticalVoltage, SafetyMargins};
+use crate::field::Feasibility;
 use crate::scene::laws::Gent;
 use crate::scene::{Effects, Stiffening};
 
@@ -165,6 +166,20 @@ fn a_stated_error_covers_what_a_finer_mesh_finds() {
         assert!((found.coarse.voltage / one - 1.0).abs() < 1e-3, "{found:?}");
         assert!(low < four && four < high && high < 0.99 * one, "{found:?}");
         assert!(found.error.unwrap() < 0.02 * found.voltage, "{found:?}");
+    }
+}
+
+#[test]
+fn a_margin_from_pull_in_holds_on_finer_meshes_too() {
+    // The limits are those of eight elements per cell; one element bears 6 % more of the rings.
+    for (pattern, truth) in [(rings(0), 6776.0), (one_cell(), 6023.0)] {
+        let scene = Scene::vhb4910().at_voltage(truth / 1.2);
+        let verdict = |margin| {
+            let margins = SafetyMargins::new(&scene, Some(margin), None).unwrap().unwrap();
+            margins.feasible(std::slice::from_ref(&pattern)).unwrap()[0]
+        };
+        let verdicts = [0.6, 1.08, 1.2, 1.22, 1.3].map(verdict);
+        assert_eq!(verdicts, [true, true, false, false, false], "{truth}");
     }
 }
 

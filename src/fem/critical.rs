@@ -1,0 +1,70 @@
+//! Where stability is lost, with an error: the losses on two meshes, extrapolated.
+//!
+//! A mesh makes a membrane too stiff, and it loses stability too late: smooth displacements by next to nothing, those around
+//! the corners of electrodes by some per cent, because a corner is singular and the error there falls hardly faster than the
+//! side of an element. How much of the difference of two meshes is still to come therefore depends on the pattern, from a
+//! hundredth to nearly all of it. The estimate takes a middle share of it away, and its error spans the rest; `docs/effects.md` has the
+//! patterns that the shares were found with, on eight biquadratic elements per cell.
+
+use crate::field::Mesh;
+
+/// What a mesh of half the side takes away from the voltage of the finer mesh, in units of what it took from the coarser one:
+/// the middle, and how far the truth may lie on either side of it.
+const STILL_TO_COME: f64 = 0.45;
+const EITHER_SIDE: f64 = 0.5;
+/// The part of a voltage that the searches leave open.
+const SEARCHED: f64 = 1e-3;
+/// The part of a voltage by which the loss on a coarse mesh alone may lie too high.
+const COARSE: f64 = 0.12;
+
+/// The voltage at which stability is lost, and how sure it is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CriticalVoltage {
+    /// The estimate in V.
+    pub voltage: f64,
+    /// How far the truth may lie on either side, in V; `None` where no finer mesh says anything.
+    pub error: Option<f64>,
+    /// The loss on the coarser mesh, in V.
+    pub coarse: MeshLimit,
+    /// That on the finer one; `None` where it was not found.
+    pub fine: Option<MeshLimit>,
+}
+
+/// The loss of stability on one mesh.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MeshLimit {
+    /// The mesh.
+    pub mesh: Mesh,
+    /// In V, the middle of the two voltages between which it lies.
+    pub voltage: f64,
+}
+
+impl CriticalVoltage {
+    /// The estimate from the losses on two meshes, the finer of half the side.
+    pub(super) fn new(coarse: MeshLimit, fine: Option<MeshLimit>) -> Self {
+        let estimate = |fine: MeshLimit| {
+            let fall = coarse.voltage - fine.voltage;
+            let error = EITHER_SIDE * fall.abs() + SEARCHED * fine.voltage;
+            (fine.voltage - STILL_TO_COME * fall, error)
+        };
+        let (voltage, error) = fine
+            .map(estimate)
+            .map_or((coarse.voltage, None), |(voltage, error)| (voltage, Some(error)));
+        Self {
+            voltage,
+            error,
+            coarse,
+            fine,
+        }
+    }
+
+    /// The voltages in V between which the truth is expected. Where the error is not known the lower one is that of the
+    /// worst pattern that is known.
+    #[must_use]
+    pub fn interval(&self) -> [f64; 2] {
+        match self.error {
+            Some(error) => [self.voltage - error, self.voltage + error],
+            None => [(1.0 - COARSE) * self.voltage, (1.0 + SEARCHED) * self.voltage],
+        }
+    }
+}
