@@ -118,7 +118,12 @@ fn cases() -> Vec<(String, Scene, Pattern)> {
 /// The critical voltage in V on a mesh, looked for about an estimate.
 fn on_mesh(scene: &Scene, mesh: Mesh, pattern: &Pattern, found: &CriticalVoltage) -> Option<f64> {
     let [low, high] = found.interval();
-    let solver = MembraneSolver::new(scene, SolveOptions::on(mesh)).unwrap();
+    // Far closer than the search goes.
+    let options = SolveOptions {
+        tolerance: 1e-6,
+        ..SolveOptions::on(mesh)
+    };
+    let solver = MembraneSolver::new(scene, options).unwrap();
     Some(solver.limit_between(pattern, [0.995 * low, 1.01 * high])?.voltage)
 }
 
