@@ -77,7 +77,15 @@ pub fn execute(arguments: &SolveArguments, scene: &str, output: &Output) -> Resu
 
 /// One line per pattern.
 fn overview(paths: &[Followed]) -> String {
-    let header = ["pattern", "limit", "voltage", "this mesh", "displacement", "points", "end"];
+    let header = [
+        "pattern",
+        "limit",
+        "voltage",
+        "this mesh",
+        "displacement",
+        "points",
+        "end",
+    ];
     let mut table = table::table(&header, &["voltage", "this mesh", "displacement", "points"]);
     for (index, Followed { path, critical }) in paths.iter().enumerate() {
         let limit = path.limit();
@@ -123,7 +131,10 @@ fn document(Followed { path, critical }: &Followed) -> Value {
         .map(|event| json!({ "kind": event.kind.name(), "voltage": event.voltage, "point": event.point }))
         .collect();
     let limit = path.limit().zip(*critical).map(|(limit, critical)| {
-        let meshes: Vec<Value> = std::iter::once(critical.coarse).chain(critical.fine).map(on_mesh).collect();
+        let meshes: Vec<Value> = std::iter::once(critical.coarse)
+            .chain(critical.fine)
+            .map(on_mesh)
+            .collect();
         json!({
             "kind": limit.kind.name(),
             "voltage": critical.voltage,

@@ -213,7 +213,9 @@ pub fn conclude(
         }));
         let near = answer.near_limit.iter();
         lines.extend(near.map(|(index, found)| {
-            let limit = found.map_or("where is not known".to_owned(), |found| format!("at {}", path::with_error(&found)));
+            let limit = found.map_or("where is not known".to_owned(), |found| {
+                format!("at {}", path::with_error(&found))
+            });
             format!("pattern {index}: a finer mesh could refuse it: stability is lost {limit}")
         }));
         let missed = answer.missed.iter();

@@ -12,8 +12,8 @@ use crate::field::Mesh;
 /// the middle, and how far the truth may lie on either side of it.
 const STILL_TO_COME: f64 = 0.45;
 const EITHER_SIDE: f64 = 0.5;
-/// The part of a voltage that the searches leave open.
-const SEARCHED: f64 = 1e-3;
+/// The part of a voltage that the searches leave open, and what meshes do to a limit that hardly changes.
+const SEARCHED: f64 = 2e-3;
 /// The part of a voltage by which the loss on a coarse mesh alone may lie too high.
 const COARSE: f64 = 0.12;
 

@@ -91,7 +91,10 @@ impl CriticalSearch {
             voltage: on_coarse,
         };
         let fine = self.fine();
-        CriticalVoltage::new(coarse, fine.and_then(|fine| fine.limit_between(pattern, around(on_coarse))))
+        CriticalVoltage::new(
+            coarse,
+            fine.and_then(|fine| fine.limit_between(pattern, around(on_coarse))),
+        )
     }
 
     /// What the coarser mesh alone says of a pattern that has no stable state on it at the voltage of the scene.

@@ -42,11 +42,11 @@ mod stability;
 
 pub use accurate::{AccurateSimulation, AccurateSolver};
 pub use cells::wrinkled_fraction;
+pub use critical::{CriticalVoltage, MeshLimit};
 pub use effects::breakdown_strength;
 pub use error::SetupError;
 pub use evaluator::{CellStates, MeshRequest, Method, Solver, SolverParameters, UnknownMethod};
 pub use gradient_evaluator::GradientEvaluator;
-pub use critical::{CriticalVoltage, MeshLimit};
 pub use limit::CriticalSearch;
 pub use margin::StabilityReport;
 pub use observable::{CellState, Survey, Tension, cell_states};

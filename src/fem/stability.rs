@@ -121,7 +121,11 @@ mod tests {
             } else {
                 Ending::NegativeCurvature
             };
-            assert_eq!(probe(&operator, &laplacian, 0.0, &u, &mut workspace), expected, "{step}");
+            assert_eq!(
+                probe(&operator, &laplacian, 0.0, &u, &mut workspace),
+                expected,
+                "{step}"
+            );
             seen[usize::from(positive)] = true;
         }
         assert_eq!(seen, [true, true]);

@@ -255,7 +255,10 @@ fn a_path_finds_the_voltage_at_which_stability_is_lost() {
     assert!(error > 0.0 && error < 0.01 * limit, "{error}");
     let meshes = half["limit"]["meshes"].as_array().unwrap();
     assert_eq!(meshes.len(), 2);
-    assert_eq!(meshes[0]["voltage"], half["events"][0]["voltage"], "the path is on the coarser mesh");
+    assert_eq!(
+        meshes[0]["voltage"], half["events"][0]["voltage"],
+        "the path is on the coarser mesh"
+    );
     assert_eq!(column(&workspace, "out.h5", "limit_error")[0], error);
     assert!(report["paths"][1]["limit"].is_null(), "a bare membrane has no limit");
     let voltages = column(&workspace, "out.h5", "voltage");
@@ -299,7 +302,9 @@ fn a_solution_that_a_finer_mesh_could_refuse_is_named() {
         if near {
             let [found, error] = ["critical_voltage", "error"].map(|key| named[0][key].as_f64().unwrap());
             assert!((found - 6023.0).abs() < error, "{found} {error}");
-            let said = workspace.run(&["solve", "scene.yaml", "cell.csv", "-o", "out.h5"]).stdout;
+            let said = workspace
+                .run(&["solve", "scene.yaml", "cell.csv", "-o", "out.h5"])
+                .stdout;
             assert!(said.contains("pattern 0: a finer mesh could refuse it"), "{said}");
         }
     }

@@ -30,10 +30,17 @@ fn curve(width: f64, seed: u64) -> Pattern {
     let mut stream = Stream::new(seed, "limits", 0);
     let corners: [[f64; 2]; 4] = std::array::from_fn(|_| std::array::from_fn(|_| stream.range(4.0, 46.0)));
     let at = |t: f64, axis: usize| {
-        let weights = [(1.0 - t).powi(3), 3.0 * t * (1.0 - t).powi(2), 3.0 * t * t * (1.0 - t), t.powi(3)];
+        let weights = [
+            (1.0 - t).powi(3),
+            3.0 * t * (1.0 - t).powi(2),
+            3.0 * t * t * (1.0 - t),
+            t.powi(3),
+        ];
         weights.iter().zip(&corners).map(|(w, c)| w * c[axis]).sum::<f64>()
     };
-    let points: Vec<[f64; 2]> = (0..400).map(|k| [0, 1].map(|axis| at(f64::from(k) / 399.0, axis))).collect();
+    let points: Vec<[f64; 2]> = (0..400)
+        .map(|k| [0, 1].map(|axis| at(f64::from(k) / 399.0, axis)))
+        .collect();
     Pattern::from_fn(|x, y| {
         let near = |p: &[f64; 2]| (x as f64 + 0.5 - p[0]).hypot(y as f64 + 0.5 - p[1]) < width;
         points.iter().any(near)
@@ -59,7 +66,10 @@ fn patterns() -> Vec<(&'static str, Pattern)> {
         ("90 % at random", chance(1, 0.9, 4)),
         ("diagonal stripes", of(|x, y| (x + y) / 2 % 2 == 0)),
         ("edge cell", of(|x, y| (x, y) == (25, 0))),
-        ("two cells that touch", of(|x, y| (x, y) == (25, 25) || (x, y) == (26, 26))),
+        (
+            "two cells that touch",
+            of(|x, y| (x, y) == (25, 25) || (x, y) == (26, 26)),
+        ),
         ("every ninth cell", of(|x, y| x % 3 == 1 && y % 3 == 1)),
         ("knight's moves", of(|x, y| (x + 2 * y) % 5 == 0)),
         ("three of four cells", of(|x, y| x % 2 == 1 || y % 2 == 1)),
@@ -79,7 +89,10 @@ fn patterns() -> Vec<(&'static str, Pattern)> {
         ("curve, wider", curve(4.0, 13)),
         ("cross", of(|x, y| (22..28).contains(&x) || (22..28).contains(&y))),
         ("waves", of(|x, y| (y as f64) < 25.0 + 8.0 * (x as f64 / 5.0).sin())),
-        ("blobs", of(|x, y| (x as f64 / 4.0).sin() + (y as f64 / 5.0).cos() + ((x + y) as f64 / 7.0).sin() > 0.3)),
+        (
+            "blobs",
+            of(|x, y| (x as f64 / 4.0).sin() + (y as f64 / 5.0).cos() + ((x + y) as f64 / 7.0).sin() > 0.3),
+        ),
         ("lattice", of(|x, y| x % 4 == 0 || y % 4 == 0)),
         ("block", of(|x, y| (10..40).contains(&x) && (10..40).contains(&y))),
         ("line", of(|x, _| x == 25)),
@@ -92,7 +105,9 @@ fn patterns() -> Vec<(&'static str, Pattern)> {
 fn cases() -> Vec<(String, Scene, Pattern)> {
     let base = Scene::vhb4910().at_voltage(11.5e3);
     let gent = |jm: &str| {
-        let law = Gent { jm: jm.parse().unwrap() };
+        let law = Gent {
+            jm: jm.parse().unwrap(),
+        };
         base.with_effects(Effects {
             strain_stiffening: Some(Stiffening::Gent(law)),
             ..Effects::default()
@@ -109,10 +124,16 @@ fn cases() -> Vec<(String, Scene, Pattern)> {
     let name = |scene: &str, pattern: &str| format!("{pattern}, {scene}");
     let of = |scene: &Scene, title: &str| -> Vec<_> {
         let chosen = patterns().into_iter().filter(|(pattern, _)| few.contains(pattern));
-        chosen.map(|(pattern, cells)| (name(title, pattern), scene.clone(), cells)).collect()
+        chosen
+            .map(|(pattern, cells)| (name(title, pattern), scene.clone(), cells))
+            .collect()
     };
-    let plain = patterns().into_iter().map(|(pattern, cells)| (pattern.to_owned(), base.clone(), cells));
-    plain.chain(others.iter().flat_map(|(title, scene)| of(scene, title))).collect()
+    let plain = patterns()
+        .into_iter()
+        .map(|(pattern, cells)| (pattern.to_owned(), base.clone(), cells));
+    plain
+        .chain(others.iter().flat_map(|(title, scene)| of(scene, title)))
+        .collect()
 }
 
 /// The critical voltage in V on a mesh, looked for about an estimate.
@@ -139,7 +160,10 @@ fn stated_errors_cover_the_limits_of_eight_elements_per_cell() {
         let start = Instant::now();
         let search = CriticalSearch::new(&scene, SolveOptions::on(Mesh::biquadratic(1))).unwrap();
         let Some(found) = search.below_scene(&pattern) else {
-            println!("| {name} | – | – | none below {} | – | – | – | – | – |", scene.voltage_v());
+            println!(
+                "| {name} | – | – | none below {} | – | – | – | – | – |",
+                scene.voltage_v()
+            );
             continue;
         };
         let stated = start.elapsed().as_secs_f64();
@@ -196,7 +220,10 @@ fn a_membrane_that_never_moves_has_a_sharp_limit() {
     let search = CriticalSearch::new(&scene, SolveOptions::on(Mesh::biquadratic(1))).unwrap();
     let found = search.below_scene(&Pattern::from_fn(|_, _| true)).unwrap();
     let [low, high] = found.interval();
-    assert!(low < exact && exact < high && high - low < 5e-3 * exact, "{found:?} {exact}");
+    assert!(
+        low < exact && exact < high && high - low < 5e-3 * exact,
+        "{found:?} {exact}"
+    );
     assert_eq!(search.below_scene(&Pattern::from_fn(|_, _| false)), None);
 }
 
