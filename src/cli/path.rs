@@ -109,8 +109,8 @@ fn overview(paths: &[Followed]) -> String {
 /// A voltage with its error, as people write it.
 pub fn with_error(critical: &CriticalVoltage) -> String {
     match critical.error {
-        Some(error) => format!("{:.0} ± {error:.0} V", critical.voltage),
-        None => format!("{:.0} V, error not known", critical.voltage),
+        Some(error) => format!("{:.1} ± {error:.1} V", critical.voltage),
+        None => format!("{:.1} V, error not known", critical.voltage),
     }
 }
 
