@@ -39,6 +39,22 @@ fn a_scene_is_screened_with_number_threshold_and_verdict() {
 }
 
 #[test]
+fn the_scene_near_pull_in_is_below_it() {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+    let workspace = Workspace::new();
+    let scene = std::fs::read_to_string(root.join("pipelines/scenes/near-pull-in.yaml")).unwrap();
+    workspace.write("scene.yaml", &scene);
+    let document = workspace.run(&["screen", "scene.yaml", "--json"]).json();
+    let rows = document["effects"].as_array().unwrap();
+    let row = rows
+        .iter()
+        .find(|row| row["effect"] == "electromechanical_stability")
+        .unwrap();
+    let [number, error] = ["number", "error"].map(|key| row[key].as_f64().unwrap());
+    assert!(number > 0.9 && number + error < 1.0, "{number} {error}");
+}
+
+#[test]
 fn auto_simulates_what_is_called_for() {
     let document = screened("auto");
     let simulated: Vec<&str> = document["simulated"]

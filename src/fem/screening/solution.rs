@@ -24,16 +24,32 @@ pub fn examine(scene: &Scene, patterns: &[Trial], reach: f64) -> Result<Vec<Exam
     let breakdown = breakdown_strength_or_usual(scene);
     let solver = MembraneSolver::new(scene, MESH)?;
     let search = CriticalSearch::new(&scene.at_voltage(scene.voltage_v() / reach.sqrt()), MESH)?;
-    patterns
+    let mut examined: Vec<Examined> = patterns
         .par_iter()
-        .map(|trial| examine_one(scene, &solver, (&search, reach), trial, &breakdown))
-        .collect()
+        .map(|trial| examine_one(scene, &solver, &search, trial, &breakdown))
+        .collect::<Result<_, _>>()?;
+    if reach < NEAR {
+        refine_the_first(&search, patterns, &mut examined);
+    }
+    Ok(examined)
+}
+
+/// Refines the limits of those patterns that could be the first to lose stability.
+fn refine_the_first(search: &CriticalSearch, patterns: &[Trial], examined: &mut [Examined]) {
+    let limits = examined.iter().filter_map(|one| one.limit);
+    let lowest = limits.map(|limit| limit.voltage).fold(f64::INFINITY, f64::min);
+    examined.par_iter_mut().zip(patterns).for_each(|(one, trial)| {
+        let candidate = one.limit.filter(|limit| limit.interval()[0] <= lowest);
+        if let Some(limit) = candidate {
+            one.limit = Some(search.refine(&trial.pattern, limit.voltage));
+        }
+    });
 }
 
 fn examine_one(
     scene: &Scene,
     solver: &MembraneSolver,
-    (search, reach): (&CriticalSearch, f64),
+    search: &CriticalSearch,
     trial: &Trial,
     breakdown: &Breakdown,
 ) -> Result<Examined, SetupError> {
@@ -56,10 +72,10 @@ fn examine_one(
             false if active => breakdown_ratio_at_rest(breakdown, scene),
             false => 0.0,
         },
-        limit: match trial.to_the_limit {
-            true if reach < NEAR => search.below_scene(pattern),
-            true => search.unrefined(pattern),
-            false => None,
+        limit: if trial.to_the_limit {
+            search.unrefined(pattern)
+        } else {
+            None
         },
         stable,
     })

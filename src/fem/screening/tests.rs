@@ -123,12 +123,12 @@ fn wrinkling_is_called_for_where_the_prestretch_cannot_hold_the_membrane_taut() 
 
 #[test]
 fn the_distance_to_pull_in_grows_with_the_voltage_squared() {
-    // The single cell is lost first, at 4.489 kV at 25 kPa on eight elements per cell; two meshes tell to 1 %.
+    // The single cell is lost first, at 4.489 kV at 25 kPa on eight elements per cell; two meshes tell to 1.2 %.
     let soft = |voltage| Scene::with_values(50.0, 1.0, 3.0, 25e3, 4.7, voltage);
     let [low, high] = [2e3, 4e3].map(|v| row(&soft(v), names::STABILITY).assessment.number.unwrap());
     assert!((high / low - 4.0).abs() < 1e-9);
     let limit = 2e3 / low.sqrt();
-    assert!((limit / 4.489e3 - 1.0).abs() < 8e-3, "{limit}");
+    assert!((limit / 4.489e3 - 1.0).abs() < 1.2e-2, "{limit}");
     // Far from it the number is not searched for.
     let far = row(&soft(1e3), names::STABILITY);
     assert_eq!(
