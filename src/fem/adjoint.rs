@@ -70,6 +70,7 @@ mod tests {
     use crate::base::Stream;
     use crate::fem::continuation::{Ending, Problem};
     use crate::fem::energy::NeoHookean;
+    use crate::fem::grid::Grid;
     use crate::fem::operator::Activity;
     use crate::field::CORNERS;
     use crate::field::Mesh;
@@ -89,7 +90,7 @@ mod tests {
             let load = mesh.spread(&weights);
             let material = NeoHookean::new(3.0, 0.0255);
             let mut solve = |shares: &[f64]| {
-                let activity = Activity::from_shares(mesh, |x, y| shares[y * CELLS + x]);
+                let activity = Activity::from_shares(Grid::uniform(mesh), |x, y| shares[y * CELLS + x]);
                 let mut u = vec![0.0; mesh.vector_len()];
                 let problem = Problem {
                     mesh,
@@ -116,7 +117,7 @@ mod tests {
                     (cell, slope / (12.0 * step))
                 })
                 .into();
-            let activity = Activity::from_shares(mesh, |x, y| shares[y * CELLS + x]);
+            let activity = Activity::from_shares(Grid::uniform(mesh), |x, y| shares[y * CELLS + x]);
             let operator = Operator {
                 mesh,
                 material: &material,

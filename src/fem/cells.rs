@@ -20,6 +20,13 @@ impl MembraneSolver {
             .collect()
     }
 
+    /// Where the corners of elements lie along a side of the membrane, in mm.
+    #[must_use]
+    pub fn corner_places(&self) -> Vec<f64> {
+        let corners = 0..=self.mesh().elements();
+        corners.map(|at| self.element_side_mm() * self.grid.start(at)).collect()
+    }
+
     /// Simulates patterns and keeps the states of their cells, `[y][x]`; `None` where there is no stable solution.
     #[must_use]
     pub fn simulate_cells(&self, patterns: &[Pattern]) -> Vec<(Simulation, Option<Vec<CellState>>)> {

@@ -15,7 +15,7 @@ use faer::{Conj, MatMut, Par, Side};
 use super::element::{Bilinear, Biquadratic, Element};
 use super::energy::Material;
 use super::kinematics::Tensor;
-use super::operator::Operator;
+use super::operator::{Operator, on_sides, per_side};
 use crate::field::{Mesh, Order};
 
 /// Where the entries of the tangent stand, and an order of the unknowns in which its factors stay sparse: the same for all
@@ -181,6 +181,8 @@ fn assemble<E: Element<N>, L: Material, const N: usize>(operator: &Operator<'_, 
     let mesh = operator.mesh;
     let side = E::DEGREE + 1;
     let units = unit_gradients::<E, N>();
+    let grid = operator.activity.grid();
+    let sides = |column: usize, row: usize| [column, row].map(|at| grid.size(at));
     let mut entries = Vec::new();
     let mut gradients = [[[0.0; 2]; 2]; N];
     let mut current = None;
@@ -189,12 +191,14 @@ fn assemble<E: Element<N>, L: Material, const N: usize>(operator: &Operator<'_, 
             let place = |node: usize| (column * E::DEGREE + node % side, row * E::DEGREE + node / side);
             let value = |c, node| u[mesh.index(c, place(node).0, place(node).1)];
             gradients = E::gradients(&std::array::from_fn(|c| std::array::from_fn(|node| value(c, node))));
+            per_side(&mut gradients, sides(column, row));
         }
+        let mut changes = units[c][node];
+        per_side(&mut changes, sides(column, row));
         let active = operator.activity.elements()[row * mesh.part() + column];
-        let changes = &units[c][node];
-        let forces = E::forces(&std::array::from_fn(|q| {
-            operator.material.tangent(gradients[q], active, changes[q])
-        }));
+        let mut stresses = std::array::from_fn(|q| operator.material.tangent(gradients[q], active, changes[q]));
+        on_sides(&mut stresses, sides(column, row));
+        let forces = E::forces(&stresses);
         entries.extend(rows.map(|(at, _)| forces[at / N][at % N]));
     });
     entries

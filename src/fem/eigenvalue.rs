@@ -211,6 +211,7 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
 mod tests {
     use super::*;
     use crate::fem::direct::Factorisation;
+    use crate::fem::grid::Grid;
     use crate::fem::operator::Activity;
     use crate::field::{Mesh, Order};
 
@@ -219,7 +220,10 @@ mod tests {
             thickness: 1.0 / 729.0,
             pull,
         };
-        let activity = Activity::from_shares(mesh, |x, y| if (x / 10 + y / 10) % 2 == 0 { 1.0 } else { 0.2 });
+        let activity = Activity::from_shares(
+            Grid::uniform(mesh),
+            |x, y| if (x / 10 + y / 10) % 2 == 0 { 1.0 } else { 0.2 },
+        );
         let operator = Operator {
             mesh,
             material: &material,

@@ -35,7 +35,7 @@ impl MembraneSolver {
     /// How far a solution of [`MembraneSolver::solve`] for this pattern is from losing stability.
     #[must_use]
     pub fn stability(&self, pattern: &Pattern, solution: &MeshSolution) -> StabilityReport {
-        let activity = self.model.activity(self.mesh, pattern);
+        let activity = self.model.activity(self.grid, pattern);
         let (mut smallest_eigenvalue, mut critical) = (None, solution.outcome.bracket());
         if solution.outcome.is_converged() {
             let mut u = solution.displacement.clone();

@@ -7,6 +7,7 @@
 //! observable, gradient_evaluator and safety_margins; evaluator, which puts every method behind the traits of `field`, simulators, and screening.
 
 mod accurate;
+pub mod activity;
 mod adjoint;
 mod cells;
 mod continuation;
@@ -20,6 +21,7 @@ mod error;
 mod evaluator;
 mod gemm;
 mod gradient_evaluator;
+pub mod grid;
 pub mod kinematics;
 mod krylov;
 pub mod lanes;

@@ -4,8 +4,12 @@ use faer::{Mat, Side};
 
 use super::element::Line;
 
-/// Stiffness and mass of a line of elements of unit length, at the interior nodes.
-pub fn line_matrices<const A: usize>(elements: usize, line: &Line<A>) -> (Mat<f64>, Mat<f64>) {
+/// Stiffness and mass of a line of elements, at the interior nodes; `size` is the length of an element.
+pub fn line_matrices<const A: usize>(
+    elements: usize,
+    line: &Line<A>,
+    size: impl Fn(usize) -> f64,
+) -> (Mat<f64>, Mat<f64>) {
     let degree = A - 1;
     let nodes = elements * degree + 1;
     let (mut stiffness, mut mass) = (Mat::zeros(nodes, nodes), Mat::zeros(nodes, nodes));
@@ -13,8 +17,8 @@ pub fn line_matrices<const A: usize>(elements: usize, line: &Line<A>) -> (Mat<f6
         for (a, b) in (0..A * A).map(|i| (i / A, i % A)) {
             let at = (element * degree + a, element * degree + b);
             for q in 0..A {
-                stiffness[at] += line.weights[q] * line.slopes[q][a] * line.slopes[q][b];
-                mass[at] += line.weights[q] * line.values[q][a] * line.values[q][b];
+                stiffness[at] += line.weights[q] * line.slopes[q][a] * line.slopes[q][b] / size(element);
+                mass[at] += line.weights[q] * line.values[q][a] * line.values[q][b] * size(element);
             }
         }
     }
@@ -61,7 +65,7 @@ mod tests {
     fn modes_of_linear_elements_are_sines() {
         // KQ = MQΛ on a uniform line: q ∝ sin(kπi/n), λ = 6(1 − cos θ)/(2 + cos θ) with θ = kπ/n and unit elements.
         let n = 10;
-        let (stiffness, mass) = line_matrices(n, &Line::LINEAR);
+        let (stiffness, mass) = line_matrices(n, &Line::LINEAR, |_| 1.0);
         for (odd, first) in [(false, 1), (true, 2)] {
             let (vectors, values) = half_modes(&stiffness, &mass, odd).unwrap();
             for (mode, value) in values.iter().enumerate() {

@@ -10,6 +10,7 @@ use crate::scene::Scene;
 use super::effects::{Model, WithMaterial};
 use super::energy::Material;
 use super::error::SetupError;
+use super::grid::Grid;
 use super::kinematics::{Tensor, determinant, squared_stretches};
 use super::operator::Activity;
 
@@ -96,20 +97,20 @@ impl Survey {
     }
 }
 
-/// The state of each cell, `[y][x]`, from nodal displacements in units of an element's side.
-///
+/// The state of each cell, `[y][x]`, from nodal displacements on a mesh that was asked for, in units of an element's side.
 /// # Errors
 /// When the effects of the scene cannot be simulated.
 pub fn cell_states(scene: &Scene, mesh: Mesh, pattern: &Pattern, u: &[f64]) -> Result<Vec<CellState>, SetupError> {
-    Ok(states(scene, &Model::new(scene)?, mesh, pattern, u))
+    let model = Model::new(scene)?;
+    Ok(states(scene, &model, model.grid(mesh), pattern, u))
 }
 
 /// The same for a model at hand.
-pub(super) fn states(scene: &Scene, model: &Model, mesh: Mesh, pattern: &Pattern, u: &[f64]) -> Vec<CellState> {
-    let activity = model.activity(mesh, pattern);
+pub(super) fn states(scene: &Scene, model: &Model, grid: Grid, pattern: &Pattern, u: &[f64]) -> Vec<CellState> {
+    let activity = model.activity(grid, pattern);
     model.with(States {
         scene,
-        mesh,
+        mesh: grid.mesh(),
         pattern,
         activity: &activity,
         u,
@@ -140,7 +141,7 @@ const ROUNDING: f64 = 1e-9;
 impl States<'_> {
     fn state<L: Material>(&self, material: &L, x: usize, y: usize) -> CellState {
         let (prestretch, modulus) = (self.scene.prestretch(), self.scene.shear_modulus_pa());
-        let f = mean_deformation(self.mesh, self.u, x, y);
+        let f = mean_deformation(self.activity.grid(), self.u, x, y);
         let stress = material.stress([[f[0][0] - 1.0, f[0][1]], [f[1][0], f[1][1] - 1.0]], self.share(x, y));
         let rest = material.self_stress(f);
         let scale = modulus * prestretch;
@@ -167,9 +168,9 @@ impl States<'_> {
     /// The mean activity of a cell.
     fn share(&self, x: usize, y: usize) -> f64 {
         let n = self.mesh.elements_per_cell();
-        let row = |at: usize| &self.activity.elements()[(y * n + at) * self.mesh.part() + x * n..][..n];
-        let sum: f64 = (0..n).map(|at| row(at).iter().sum::<f64>()).sum();
-        sum / (n * n) as f64
+        let elements = (0..n * n).map(|i| [x * n + i % n, y * n + i / n]);
+        let area: f64 = elements.map(|element| self.activity.area(element)).sum();
+        area / (n * n) as f64
     }
 }
 
@@ -182,7 +183,8 @@ fn principal_stresses(piola: Tensor<f64>, f: Tensor<f64>) -> [f64; 2] {
 }
 
 /// I + the mean of ∇u over a cell: by the divergence theorem an integral of u along its sides.
-fn mean_deformation(mesh: Mesh, u: &[f64], x: usize, y: usize) -> Tensor<f64> {
+fn mean_deformation(grid: Grid, u: &[f64], x: usize, y: usize) -> Tensor<f64> {
+    let mesh = grid.mesh();
     let degree = mesh.order().degree();
     let steps = mesh.elements_per_cell() * degree;
     let weights: &[f64] = if degree == 1 {
@@ -191,8 +193,12 @@ fn mean_deformation(mesh: Mesh, u: &[f64], x: usize, y: usize) -> Tensor<f64> {
         &[1.0 / 6.0, 4.0 / 6.0, 1.0 / 6.0]
     };
     let along = |value: &dyn Fn(usize) -> f64| -> f64 {
-        let side = (0..mesh.elements_per_cell())
-            .flat_map(|e| weights.iter().enumerate().map(move |(a, w)| (e * degree + a, w)));
+        let side = (0..mesh.elements_per_cell()).flat_map(|e| {
+            weights
+                .iter()
+                .enumerate()
+                .map(move |(a, w)| (e * degree + a, w * grid.size(e)))
+        });
         side.map(|(at, w)| w * value(at)).sum::<f64>()
     };
     let area = (mesh.elements_per_cell() as f64).powi(2);

@@ -12,77 +12,15 @@ use std::marker::PhantomData;
 use pulp::{Arch, Simd, WithSimd};
 
 use crate::field::{Mesh, Order};
-use crate::pattern::Pattern;
 
+use super::activity::View;
+pub use super::activity::{Activity, Precision};
 use super::element::{Bilinear, Biquadratic, Element};
 use super::energy::{MODULI, Material};
+use super::kinematics::Tensor;
 use super::lanes::{Real, Value, WIDEST, Wide};
 use point::{Point, StressAt, TangentAt, TangentFrom};
 use survey::{Store, Survey, place};
-
-/// Where a pattern is active on a mesh, in both precisions.
-#[derive(Clone, Debug)]
-pub struct Activity {
-    double: Vec<f64>,
-    single: Vec<f32>,
-}
-
-impl Activity {
-    /// The activity of a pattern.
-    #[must_use]
-    pub fn new(mesh: Mesh, pattern: &Pattern) -> Self {
-        Self::from_shares(mesh, |x, y| f64::from(u8::from(pattern.is_active(x, y))))
-    }
-
-    /// Cells (column, row) that are active to a share: what derivatives with respect to the pattern are derivatives of.
-    #[must_use]
-    pub fn from_shares(mesh: Mesh, share: impl Fn(usize, usize) -> f64) -> Self {
-        let len = mesh.elements() * mesh.part();
-        let mut activity = Self {
-            double: vec![0.0; len],
-            single: vec![0.0; len],
-        };
-        mesh.write_activity(&share, &mut activity.double);
-        mesh.write_activity(&share, &mut activity.single);
-        activity
-    }
-
-    /// Elements (column, row) that are active to a share.
-    #[must_use]
-    pub fn from_elements(mesh: Mesh, share: impl Fn(usize, usize) -> f64) -> Self {
-        let mut double = vec![0.0; mesh.elements() * mesh.part()];
-        for (row, shares) in double.chunks_exact_mut(mesh.part()).enumerate() {
-            let elements = shares[..mesh.elements()].iter_mut().enumerate();
-            elements.for_each(|(column, value)| *value = share(column, row));
-        }
-        let single = double.iter().map(|&share| share as f32).collect();
-        Self { double, single }
-    }
-
-    /// The activity of each element, in rows of [`Mesh::part`] numbers.
-    #[must_use]
-    pub fn elements(&self) -> &[f64] {
-        &self.double
-    }
-}
-
-/// A precision that operators work in.
-pub trait Precision: Real {
-    /// The activity in this precision.
-    fn of(activity: &Activity) -> &[Self];
-}
-
-impl Precision for f64 {
-    fn of(activity: &Activity) -> &[Self] {
-        &activity.double
-    }
-}
-
-impl Precision for f32 {
-    fn of(activity: &Activity) -> &[Self] {
-        &activity.single
-    }
-}
 
 /// The discrete equilibrium of one pattern under one law.
 #[derive(Clone, Copy)]
@@ -155,7 +93,7 @@ impl<L: Material> Operator<'_, L> {
         Survey {
             mesh: self.mesh,
             material: self.material,
-            activity: T::of(self.activity),
+            activity: self.activity.view(),
             u,
             element: PhantomData,
         }
@@ -183,7 +121,7 @@ impl<L: Material> Operator<'_, L> {
     ) -> f64 {
         let sweep = Sweep::<E, T, P, N, M> {
             mesh: self.mesh,
-            activity: T::of(self.activity),
+            activity: self.activity.view(),
             inputs,
             moduli,
             lines: vec![T::default(); 2 * N * (WIDEST + self.mesh.part())],
@@ -200,7 +138,7 @@ impl<L: Material> Operator<'_, L> {
 /// One pass over the elements that turns nodal fields into nodal forces.
 struct Sweep<'a, E, T, P, const N: usize, const M: usize> {
     mesh: Mesh,
-    activity: &'a [T],
+    activity: View<'a, T>,
     inputs: [&'a [T]; M],
     /// Moduli of the points, if they are used, as [`Store`] writes them.
     moduli: &'a [T],
@@ -219,11 +157,18 @@ impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize> W
         let mut smallest = Wide::<S, T>::splat(simd, f64::INFINITY);
         for row in 0..self.mesh.elements() {
             for first in (0..self.mesh.elements()).step_by(T::lanes::<S>()) {
-                let active = Wide::load(simd, &self.activity[row * self.mesh.part() + first..]);
+                let active = Wide::load(simd, &self.activity.values[row * self.mesh.part() + first..]);
                 let zero = active.constant(0.0);
+                let sides = match self.activity.sizes {
+                    Some(sizes) => Some(sides(simd, sizes, first, row)),
+                    None => None,
+                };
                 let mut gradients = [[[[zero; 2]; 2]; N]; M];
                 for (gradients, input) in gradients.iter_mut().zip(self.inputs) {
                     *gradients = E::gradients(&gather::<E, S, T, N>(simd, self.mesh, input, first, row));
+                    if let Some(sides) = sides {
+                        per_side(gradients, sides);
+                    }
                 }
                 let mut stresses = [[[zero; 2]; 2]; N];
                 for (q, stress) in stresses.iter_mut().enumerate() {
@@ -242,6 +187,9 @@ impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize> W
                         }
                     }
                     *stress = self.point.stress(here, active, moduli);
+                }
+                if let Some(sides) = sides {
+                    on_sides(&mut stresses, sides);
                 }
                 self.write(&E::forces(&stresses), first);
             }
@@ -289,6 +237,36 @@ impl<E: Element<N>, T: Precision, P, const N: usize, const M: usize> Sweep<'_, E
                     sum.store(&mut target[at..]);
                 }
             }
+        }
+    }
+}
+
+/// The widths of as many elements as a register holds, and their height.
+#[inline(always)]
+fn sides<S: Simd, T: Real>(simd: S, sizes: &[T], first: usize, row: usize) -> [Wide<S, T>; 2] {
+    [
+        Wide::load(simd, &sizes[first..]),
+        Wide::splat(simd, sizes[row].to_f64()),
+    ]
+}
+
+/// Gradients on elements of sides 1 as gradients on elements of these sides.
+#[inline(always)]
+pub(super) fn per_side<V: Value, const N: usize>(gradients: &mut [Tensor<V>; N], [width, height]: [V; 2]) {
+    let (along, across) = (width.recip(), height.recip());
+    for gradient in gradients {
+        for row in gradient {
+            *row = [row[0] * along, row[1] * across];
+        }
+    }
+}
+
+/// Stresses of which the forces on an element of sides 1 are those of the given stresses on an element of these sides.
+#[inline(always)]
+pub(super) fn on_sides<V: Value, const N: usize>(stresses: &mut [Tensor<V>; N], [width, height]: [V; 2]) {
+    for stress in stresses {
+        for row in stress {
+            *row = [row[0] * height, row[1] * width];
         }
     }
 }

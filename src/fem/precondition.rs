@@ -1,4 +1,4 @@
-//! The componentwise Laplacian of the uniform mesh, inverted by fast diagonalisation.
+//! The componentwise Laplacian of a mesh, inverted by fast diagonalisation.
 //!
 //! On a tensor-product mesh the Laplacian is K⊗M + M⊗K with the one-dimensional stiffness K and mass M. With Q the
 //! generalised eigenvectors, KQ = MQΛ and QᵀMQ = I, a transform by Q along x leaves one banded system K + λM along y for
@@ -13,6 +13,7 @@ use pulp::{Arch, Simd, WithSimd};
 use super::element::Line;
 use super::error::SetupError;
 use super::gemm::{Layout, Product};
+use super::grid::Grid;
 use super::lanes::{Value, WIDEST, Wide};
 use super::modes::{half_modes, line_matrices};
 use crate::field::{Mesh, Order};
@@ -38,14 +39,23 @@ pub struct LaplacianScratch {
 }
 
 impl Laplacian {
-    /// The Laplacian of a mesh.
+    /// The Laplacian of a uniform mesh.
     ///
     /// # Errors
     /// When the eigenvectors cannot be computed.
     pub fn new(mesh: Mesh) -> Result<Self, SetupError> {
+        Self::of_grid(Grid::uniform(mesh))
+    }
+
+    /// The Laplacian of elements that may differ in size.
+    ///
+    /// # Errors
+    /// As [`Laplacian::new`].
+    pub fn of_grid(grid: Grid) -> Result<Self, SetupError> {
+        let (mesh, size) = (grid.mesh(), |element: usize| grid.size(element));
         let (stiffness, mass) = match mesh.order() {
-            Order::Bilinear => line_matrices(mesh.elements(), &Line::LINEAR),
-            Order::Biquadratic => line_matrices(mesh.elements(), &Line::QUADRATIC),
+            Order::Bilinear => line_matrices(mesh.elements(), &Line::LINEAR, size),
+            Order::Biquadratic => line_matrices(mesh.elements(), &Line::QUADRATIC, size),
         };
         let half = (mesh.nodes() - 1) / 2;
         let width = half.next_multiple_of(WIDEST);

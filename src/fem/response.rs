@@ -45,12 +45,15 @@ impl LinearResponse {
     /// When the mesh is out of range, or when the half-active membrane is not stable at the scene's voltage.
     pub fn new(scene: &Scene, mesh: Mesh) -> Result<Self, SetupError> {
         let mesh = checked(mesh)?;
+        let model = Model::new(scene)?;
+        let grid = model.grid(mesh);
+        let mesh = grid.mesh();
         let response = Self {
             mesh,
             side_mm: scene.side_mm() / mesh.elements() as f64,
-            model: Model::new(scene)?,
-            half_active: Activity::from_shares(mesh, |_, _| 0.5),
-            laplacian: Laplacian::new(mesh)?,
+            model,
+            half_active: Activity::from_shares(grid, |_, _| 0.5),
+            laplacian: Laplacian::of_grid(grid)?,
             rest: vec![0.0; mesh.vector_len()],
         };
         if response.model.with(Ellipticity(&response)) > 0.0 {
@@ -73,7 +76,7 @@ impl LinearResponse {
         patterns
             .par_iter()
             .map_init(workspace, |(u, workspace), pattern| {
-                let activity = self.model.activity(self.mesh, pattern);
+                let activity = self.model.activity(self.half_active.grid(), pattern);
                 let estimate = self.model.with(Steps {
                     response: self,
                     activity: &activity,
@@ -101,7 +104,7 @@ impl LinearResponse {
         let workspace = || Workspace::new(self.mesh.vector_len(), &self.laplacian);
         let fields = cells.par_iter().map_init(workspace, |workspace, &cell| {
             let one = |x: usize, y: usize| if (x, y) == cell { 1.0 } else { 0.0 };
-            let activity = Activity::from_shares(self.mesh, one);
+            let activity = Activity::from_shares(self.half_active.grid(), one);
             self.model.with(ToActivity {
                 response: self,
                 activity: &activity,

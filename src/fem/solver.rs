@@ -12,6 +12,7 @@ use super::continuation::{Ending, Loading, Loss, Problem};
 use super::effects::{Model, WithMaterial, breakdown_ratio};
 use super::energy::Material;
 use super::error::SetupError;
+use super::grid::Grid;
 use super::newton::Workspace;
 use super::observable::{CellState, Survey, states};
 use super::operator::{Activity, Operator};
@@ -77,6 +78,7 @@ pub struct MeshSolution {
 pub struct MembraneSolver {
     pub(super) scene: Scene,
     pub(super) model: Model,
+    pub(super) grid: Grid,
     pub(super) mesh: Mesh,
     pub(super) tolerance: f64,
     pub(super) laplacian: Laplacian,
@@ -104,23 +106,24 @@ impl MembraneSolver {
         if !(1e-12..=1e-2).contains(&tolerance) {
             return Err(SetupError::Tolerance { found: tolerance });
         }
-        let mesh = checked(mesh)?;
+        let grid = model.grid(checked(mesh)?);
         Ok(Self {
             scene: scene.clone(),
             model,
-            mesh,
+            grid,
+            mesh: grid.mesh(),
             tolerance,
-            laplacian: Laplacian::new(mesh)?,
+            laplacian: Laplacian::of_grid(grid)?,
         })
     }
 
-    /// The mesh.
+    /// The mesh of solutions. With a fringe field it has up to two elements more along a cell than was asked for.
     #[must_use]
     pub fn mesh(&self) -> Mesh {
         self.mesh
     }
 
-    /// The side of an element in mm.
+    /// The side of an element in mm; the mean where they differ in size.
     #[must_use]
     pub fn element_side_mm(&self) -> f64 {
         self.scene.side_mm() / self.mesh.elements() as f64
@@ -167,7 +170,7 @@ impl MembraneSolver {
         }
         let gradient = self.model.with(Gradient {
             solver: self,
-            activity: &self.model.activity(self.mesh, pattern),
+            activity: &self.model.activity(self.grid, pattern),
             u: &solution.displacement,
             weights,
         })?;
@@ -177,7 +180,7 @@ impl MembraneSolver {
     /// The state of each cell, `[y][x]`, in a solution of this pattern.
     #[must_use]
     pub fn cell_states(&self, pattern: &Pattern, solution: &MeshSolution) -> Vec<CellState> {
-        states(&self.scene, &self.model, self.mesh, pattern, &solution.displacement)
+        states(&self.scene, &self.model, self.grid, pattern, &solution.displacement)
     }
 
     /// The least favourable states of the cells in a solution of this pattern.
@@ -205,7 +208,7 @@ impl MembraneSolver {
         let before = room.workspace.krylov_iterations();
         let loading = self.model.with(Load {
             solver: self,
-            activity: &self.model.activity(self.mesh, pattern),
+            activity: &self.model.activity(self.grid, pattern),
             room,
         });
         let solution = MeshSolution {

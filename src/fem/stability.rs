@@ -92,6 +92,7 @@ pub fn same_basin<L: Material>(
 mod tests {
     use super::*;
     use crate::fem::energy::NeoHookean;
+    use crate::fem::grid::Grid;
     use crate::fem::operator::Activity;
     use crate::field::{Mesh, Order};
 
@@ -103,7 +104,10 @@ mod tests {
         let laplacian = Laplacian::new(mesh).unwrap();
         let mut workspace = Workspace::new(mesh.vector_len(), &laplacian);
         let u = vec![0.0; mesh.vector_len()];
-        let activity = Activity::from_shares(mesh, |x, y| if (x / 10 + y / 10) % 2 == 0 { 1.0 } else { 0.2 });
+        let activity = Activity::from_shares(
+            Grid::uniform(mesh),
+            |x, y| if (x / 10 + y / 10) % 2 == 0 { 1.0 } else { 0.2 },
+        );
         let mut seen = [false, false];
         for step in 0..16 {
             let material = NeoHookean {

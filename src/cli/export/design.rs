@@ -419,8 +419,7 @@ fn write_membrane(arguments: &ExportDesignArguments, design: &Design, path: &Pat
     };
     let membrane = membrane::simulate(design, options)?;
     let surface = Surface {
-        elements: membrane.elements,
-        side: membrane.side,
+        places: &membrane.places,
         displacement: &membrane.displacement,
         cells: &membrane.cells,
         cells_along_side: Mask::cells_along_side(),

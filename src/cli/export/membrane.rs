@@ -11,6 +11,8 @@ use crate::store::{Data, Dataset};
 pub struct Membrane {
     /// Elements along one side.
     pub elements: usize,
+    /// Where their corners lie along a side, in mm.
+    pub places: Vec<f64>,
     /// Side of the membrane in mm.
     pub side: f64,
     /// Displacement in mm of the (elements + 1)² corners of elements, `[y][x]`.
@@ -44,6 +46,7 @@ pub fn simulate(design: &Design, options: SolveOptions) -> Result<Membrane, CliE
     let states = solver.cell_states(&design.pattern, &solution);
     Ok(Membrane {
         elements: solver.mesh().elements(),
+        places: solver.corner_places(),
         side: screened.scene.side_mm(),
         displacement,
         largest,

@@ -6,13 +6,16 @@
 //! (2/π) ln 2 · h/2 = (ln 2/π)h = 0.2206 h (the end correction of a strip that is wide on one side; Maxwell, Treatise on
 //! Electricity and Magnetism, vol. 1, chapter XII, for the edge of a plate between two planes, which is the same problem).
 //! The edge of an active region therefore moves outward by d = 0.2206 H/λp², with H/λp² the thickness of the prestretched
-//! membrane: the region is dilated by a square of half-width d, and an element is active to the share of it that is covered.
-//! Nothing is active beyond the frame. Without effect as H → 0.
+//! membrane: the region is dilated by a square of half-width d. Nothing is active beyond the frame. Without effect as H → 0.
+//!
+//! Elements end where the strip ends, so that errors of a mesh are those without a fringe field. That takes up to two elements
+//! more along a cell: nine times the work on the coarsest mesh, 1.3 times on the finest.
 
 use std::f64::consts::{LN_2, PI};
 
 use super::effect::{Assessment, Effect};
 use crate::fem::error::SetupError;
+use crate::fem::grid::{Grid, THINNEST};
 use crate::fem::operator::Activity;
 use crate::field::Mesh;
 use crate::pattern::{CELLS, Pattern};
@@ -41,26 +44,32 @@ impl Fringe {
         })
     }
 
-    /// The dilated pattern on a mesh.
+    /// Elements that end where the electrodes act no more.
     #[must_use]
-    pub fn activity(&self, mesh: Mesh, pattern: &Pattern) -> Activity {
-        let per_cell = mesh.elements_per_cell();
-        let overlaps: Vec<[f64; 3]> = (0..per_cell).map(|at| self.overlaps(at, per_cell)).collect();
-        Activity::from_elements(mesh, |column, row| {
-            let zones = zones(pattern, column / per_cell, row / per_cell);
-            let (across, along) = (overlaps[column % per_cell], overlaps[row % per_cell]);
-            let covered = |(y, x): (usize, usize)| if zones[y][x] { across[x] * along[y] } else { 0.0 };
-            (0..9).map(|zone| covered((zone / 3, zone % 3))).sum()
-        })
+    pub fn grid(&self, mesh: Mesh) -> Grid {
+        Grid::along_strips(mesh, self.shift)
     }
 
-    /// The shares of an element's side that lie within the shift of the cell's first edge, of none, and of its second edge.
-    fn overlaps(&self, at: usize, per_cell: usize) -> [f64; 3] {
-        let n = per_cell as f64;
-        let (start, end) = (at as f64 / n, (at + 1) as f64 / n);
-        let below = |place: f64| (place.clamp(start, end) - start) * n;
-        let (first, second) = (below(self.shift), below(1.0 - self.shift));
-        [first, second - first, 1.0 - second]
+    /// The dilated pattern on a grid of [`Fringe::grid`].
+    #[must_use]
+    pub fn activity(&self, grid: Grid, pattern: &Pattern) -> Activity {
+        let per_cell = grid.mesh().elements_per_cell();
+        let strip = self.shift.max(THINNEST);
+        // A strip that is too thin for an element is a thin one that is active in part.
+        let strength = self.shift / strip;
+        let zone_of: Vec<usize> = (0..per_cell)
+            .map(|at| grid.middle_in_cell(at))
+            .map(|middle| usize::from(middle > strip) + usize::from(middle > 1.0 - strip))
+            .collect();
+        Activity::from_elements(grid, |column, row| {
+            let zones = zones(pattern, column / per_cell, row / per_cell);
+            let [x, y] = [column, row].map(|at| zone_of[at % per_cell]);
+            match (zones[1][1], zones[y][x]) {
+                (true, _) => 1.0,
+                (false, true) => strength,
+                (false, false) => 0.0,
+            }
+        })
     }
 }
 
@@ -88,7 +97,7 @@ impl Effect for FringeField {
     }
 
     fn cost(&self) -> &'static str {
-        "1.3× a solve"
+        "4× a solve"
     }
 
     fn is_on(&self, effects: &Effects) -> Option<bool> {
@@ -126,11 +135,19 @@ fn length(mm: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::field::Order;
     use crate::pattern::Symmetry;
 
-    fn total(activity: &Activity, mesh: Mesh) -> f64 {
-        activity.elements().iter().sum::<f64>() / (mesh.elements_per_cell() as f64).powi(2)
+    /// The areas of elements that are active, in cells.
+    fn areas(fringe: &Fringe, per_cell: usize, pattern: &Pattern) -> Vec<f64> {
+        let grid = fringe.grid(Mesh::bilinear(per_cell));
+        let activity = fringe.activity(grid, pattern);
+        let n = grid.mesh().elements();
+        let cell = (grid.mesh().elements_per_cell() as f64).powi(2);
+        (0..n * n).map(|i| activity.area([i % n, i / n]) / cell).collect()
+    }
+
+    fn total(fringe: &Fringe, per_cell: usize, pattern: &Pattern) -> f64 {
+        areas(fringe, per_cell, pattern).iter().sum()
     }
 
     #[test]
@@ -139,14 +156,8 @@ mod tests {
         let fringe = Fringe::new(&scene).unwrap();
         let d = LN_2 / PI * 1.25;
         assert!((fringe.shift - d).abs() < 1e-15);
-        for per_cell in 1..=4 {
-            let mesh = Mesh::new(per_cell, Order::Bilinear);
-            let at = |cx, cy| {
-                total(
-                    &fringe.activity(mesh, &Pattern::from_fn(|x, y| (x, y) == (cx, cy))),
-                    mesh,
-                )
-            };
+        for per_cell in 1..=8 {
+            let at = |cx, cy| total(&fringe, per_cell, &Pattern::from_fn(|x, y| (x, y) == (cx, cy)));
             assert!((at(20, 31) - (1.0 + 2.0 * d).powi(2)).abs() < 1e-12);
             assert!((at(0, 31) - (1.0 + d) * (1.0 + 2.0 * d)).abs() < 1e-12);
             assert!((at(49, 0) - (1.0 + d).powi(2)).abs() < 1e-12);
@@ -157,37 +168,44 @@ mod tests {
     fn overlapping_fringes_count_once() {
         // Two cells with a bare one between them, and two that touch at a corner: areas by hand.
         let fringe = Fringe { shift: 0.3 };
-        let mesh = Mesh::new(3, Order::Biquadratic);
-        let gap = fringe.activity(mesh, &Pattern::from_fn(|x, y| y == 10 && (x == 10 || x == 12)));
-        assert!((total(&gap, mesh) - 2.0 * 1.6 * 1.6).abs() < 1e-12);
-        let touching = fringe.activity(mesh, &Pattern::from_fn(|x, y| (x, y) == (10, 10) || (x, y) == (11, 11)));
-        assert!((total(&touching, mesh) - (2.0 * 1.6 * 1.6 - 0.6 * 0.6)).abs() < 1e-12);
-        let all = fringe.activity(mesh, &Pattern::from_fn(|_, _| true));
-        assert!((total(&all, mesh) - 2500.0).abs() < 1e-9);
+        let gap = Pattern::from_fn(|x, y| y == 10 && (x == 10 || x == 12));
+        assert!((total(&fringe, 3, &gap) - 2.0 * 1.6 * 1.6).abs() < 1e-12);
+        let touching = Pattern::from_fn(|x, y| (x, y) == (10, 10) || (x, y) == (11, 11));
+        assert!((total(&fringe, 3, &touching) - (2.0 * 1.6 * 1.6 - 0.6 * 0.6)).abs() < 1e-12);
+        assert!((total(&fringe, 3, &Pattern::from_fn(|_, _| true)) - 2500.0).abs() < 1e-7);
     }
 
     #[test]
-    fn it_follows_the_symmetries_and_vanishes_with_the_thickness() {
-        let mesh = Mesh::new(1, Order::Bilinear);
+    fn strips_too_thin_for_elements_keep_their_area() {
+        // To first order: the corners of the strip are smaller by a thousandth than they should be.
+        for shift in [1e-3, 1e-4, 1e-7, 0.0] {
+            let area = total(&Fringe { shift }, 1, &Pattern::from_fn(|x, y| (x, y) == (20, 31)));
+            assert!(
+                (area - (1.0 + 4.0 * shift)).abs() < 4.1 * THINNEST * shift + 1e-12,
+                "{shift}: {area}"
+            );
+        }
+    }
+
+    #[test]
+    fn it_follows_the_symmetries() {
         let pattern = Pattern::from_fn(|x, y| (x * x + 3 * y + x * y) % 7 < 3);
         let fringe = Fringe { shift: 0.2 };
-        let reference = fringe.activity(mesh, &pattern);
-        let sorted = |activity: &Activity| {
-            let mut shares = activity.elements().to_vec();
-            shares.sort_by(f64::total_cmp);
-            shares
+        let sorted = |pattern: &Pattern| {
+            let mut areas = areas(&fringe, 1, pattern);
+            areas.sort_by(f64::total_cmp);
+            areas
         };
+        let reference = sorted(&pattern);
         for g in Symmetry::ALL {
-            let image = fringe.activity(mesh, &pattern.transformed(g));
-            let gap = sorted(&image)
+            let image = sorted(&pattern.transformed(g));
+            let gap = image
                 .iter()
-                .zip(sorted(&reference))
+                .zip(&reference)
                 .map(|(a, b)| (a - b).abs())
                 .fold(0.0, f64::max);
-            assert!(gap < 1e-15);
+            assert!(gap < 1e-14);
         }
-        let none = Fringe { shift: 0.0 }.activity(mesh, &pattern);
-        assert_eq!(none.elements(), Activity::new(mesh, &pattern).elements());
     }
 
     #[test]

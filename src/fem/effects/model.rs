@@ -3,6 +3,7 @@
 use super::{Decaying, Fringe, Stiff, TensionField};
 use crate::fem::energy::{Compound, Elasticity, Isotropic, Material, Neo, NeoHookean, Stiffened};
 use crate::fem::error::SetupError;
+use crate::fem::grid::Grid;
 use crate::fem::operator::Activity;
 use crate::field::Mesh;
 use crate::pattern::Pattern;
@@ -105,12 +106,21 @@ impl Model {
         }
     }
 
-    /// Where a pattern is active on a mesh.
+    /// The elements that a mesh has here: a fringe field wants some to end where it ends.
     #[must_use]
-    pub fn activity(&self, mesh: Mesh, pattern: &Pattern) -> Activity {
+    pub fn grid(&self, mesh: Mesh) -> Grid {
         match &self.fringe {
-            None => Activity::new(mesh, pattern),
-            Some(fringe) => fringe.activity(mesh, pattern),
+            None => Grid::uniform(mesh),
+            Some(fringe) => fringe.grid(mesh),
+        }
+    }
+
+    /// Where a pattern is active on a grid of [`Model::grid`].
+    #[must_use]
+    pub fn activity(&self, grid: Grid, pattern: &Pattern) -> Activity {
+        match &self.fringe {
+            None => Activity::new(grid.mesh(), pattern),
+            Some(fringe) => fringe.activity(grid, pattern),
         }
     }
 

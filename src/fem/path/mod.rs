@@ -141,7 +141,7 @@ impl MembraneSolver {
         };
         model.with(Follow {
             solver: self,
-            activity: &model.activity(self.mesh, pattern),
+            activity: &model.activity(self.grid, pattern),
             voltage,
         })
     }

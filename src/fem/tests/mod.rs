@@ -3,6 +3,7 @@
 mod convergence;
 mod discrete;
 mod effects;
+mod fringe;
 mod hard;
 mod invariance;
 mod known;

@@ -7,11 +7,9 @@ use crate::store::{Data, Dataset, Grid, StoreError, write_grid};
 
 /// A deformed membrane on a square raster of elements, `[y][x]`.
 pub struct Surface<'a> {
-    /// Elements along one side.
-    pub elements: usize,
-    /// Side of the membrane in mm, without displacement.
-    pub side: f64,
-    /// Displacement in mm of the (elements + 1)² corners of elements.
+    /// Where the corners of elements lie along a side of the membrane without displacement, in mm.
+    pub places: &'a [f64],
+    /// Displacement in mm of these corners in both directions.
     pub displacement: &'a [[f64; 2]],
     /// What is known of each pattern cell, a number of elements along each of its sides; first dimension: cells `[y][x]`.
     pub cells: &'a [(&'static str, Dataset)],
@@ -29,10 +27,9 @@ pub fn write_vtkhdf(
     surface: &Surface<'_>,
     attributes: BTreeMap<String, String>,
 ) -> Result<(), StoreError> {
-    let corners = surface.elements + 1;
-    let step = surface.side / surface.elements as f64;
+    let corners = surface.places.len();
     let reference: Vec<[f64; 3]> = (0..corners * corners)
-        .map(|at| [(at % corners) as f64 * step, (at / corners) as f64 * step, 0.0])
+        .map(|at| [surface.places[at % corners], surface.places[at / corners], 0.0])
         .collect();
     let displacement: Vec<[f64; 3]> = surface.displacement.iter().map(|[x, y]| [*x, *y, 0.0]).collect();
     let vectors = |description: &str, values: &[[f64; 3]]| {
@@ -42,7 +39,7 @@ pub fn write_vtkhdf(
     let points = reference.iter().zip(&displacement);
     let grid = Grid {
         points: points.map(|(x, u)| [x[0] + u[0], x[1] + u[1], 0.0]).collect(),
-        quadrilaterals: quadrilaterals(surface.elements),
+        quadrilaterals: quadrilaterals(corners - 1),
         point_data: vec![
             (
                 "displacement",
@@ -74,7 +71,7 @@ fn quadrilaterals(elements: usize) -> Vec<[i64; 4]> {
 
 /// The rows of cells as rows of elements.
 fn spread(surface: &Surface<'_>, dataset: &Dataset) -> Dataset {
-    let (elements, cells) = (surface.elements, surface.cells_along_side);
+    let (elements, cells) = (surface.places.len() - 1, surface.cells_along_side);
     let per_cell = elements / cells;
     let width = dataset.shape.iter().skip(1).product::<usize>();
     let cell = |at: usize| at / elements / per_cell * cells + at % elements / per_cell;
