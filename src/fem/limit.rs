@@ -184,14 +184,14 @@ impl MembraneSolver {
         };
         let ending = model.with(Between {
             solver: self,
-            activity: &model.activity(self.mesh, pattern),
+            activity: &model.activity(self.grid, pattern),
             expected: expected.map(|expected| (expected / voltage).powi(2)),
         });
         match ending {
             Ending::Stable => Found::NoLoss,
             Ending::Unknown => Found::Nothing,
             Ending::Lost { stable, unstable, .. } => Found::Limit(MeshLimit {
-                mesh: self.mesh,
+                mesh: self.mesh(),
                 voltage: 0.5 * voltage * (stable.sqrt() + unstable.sqrt()),
             }),
         }
@@ -201,7 +201,7 @@ impl MembraneSolver {
     fn is_clear_of_loss(&self, pattern: &Pattern, solution: &MeshSolution) -> bool {
         self.model.with(Clear {
             solver: self,
-            activity: &self.model.activity(self.mesh, pattern),
+            activity: &self.model.activity(self.grid, pattern),
             u: &solution.displacement,
         })
     }

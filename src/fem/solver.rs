@@ -63,7 +63,7 @@ pub(super) fn checked(mesh: Mesh) -> Result<Mesh, SetupError> {
 pub struct MeshSolution {
     /// How it ended.
     pub outcome: Outcome,
-    /// Nodal displacements in units of an element's side, laid out as [`Mesh`] says; those of the last stable state
+    /// Nodal displacements in units of an element's side, laid out as [`Mesh`] says of the elements there are; those of the last stable state
     /// where the outcome is not converged.
     pub displacement: Vec<f64>,
     /// Newton steps over all load steps.
@@ -78,7 +78,9 @@ pub struct MeshSolution {
 pub struct MembraneSolver {
     pub(super) scene: Scene,
     pub(super) model: Model,
+    asked: Mesh,
     pub(super) grid: Grid,
+    /// The elements of solutions: up to two more along a cell than was asked for.
     pub(super) mesh: Mesh,
     pub(super) tolerance: f64,
     pub(super) laplacian: Laplacian,
@@ -110,6 +112,7 @@ impl MembraneSolver {
         Ok(Self {
             scene: scene.clone(),
             model,
+            asked: mesh,
             grid,
             mesh: grid.mesh(),
             tolerance,
@@ -117,10 +120,10 @@ impl MembraneSolver {
         })
     }
 
-    /// The mesh of solutions. With a fringe field it has up to two elements more along a cell than was asked for.
+    /// The mesh that was asked for. With a fringe field solutions have up to two elements more along a cell.
     #[must_use]
     pub fn mesh(&self) -> Mesh {
-        self.mesh
+        self.asked
     }
 
     /// The side of an element in mm; the mean where they differ in size.

@@ -30,7 +30,7 @@ impl Kind for AccuracyKind {
     }
 
     fn recipe(&self) -> u32 {
-        2
+        3
     }
 
     fn needs(&self) -> Needs {

@@ -65,7 +65,7 @@ impl Kind for AuditKind {
     }
 
     fn recipe(&self) -> u32 {
-        3
+        4
     }
 
     fn needs(&self) -> Needs {

@@ -27,7 +27,7 @@ impl Kind for SolveKind {
     }
 
     fn recipe(&self) -> u32 {
-        3
+        4
     }
 
     fn needs(&self) -> Needs {

@@ -30,7 +30,7 @@ impl Kind for VerifyKind {
     }
 
     fn recipe(&self) -> u32 {
-        4
+        5
     }
 
     fn needs(&self) -> Needs {

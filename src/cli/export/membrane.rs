@@ -44,9 +44,10 @@ pub fn simulate(design: &Design, options: SolveOptions) -> Result<Membrane, CliE
     let displacement = solver.corner_displacements(&solution);
     let largest = displacement.iter().map(|[x, y]| x.hypot(*y)).fold(0.0, f64::max);
     let states = solver.cell_states(&design.pattern, &solution);
+    let places = solver.corner_places();
     Ok(Membrane {
-        elements: solver.mesh().elements(),
-        places: solver.corner_places(),
+        elements: places.len() - 1,
+        places,
         side: screened.scene.side_mm(),
         displacement,
         largest,
