@@ -97,7 +97,10 @@ fn an_accuracy_that_is_stated_is_met() {
             for (at, (result, truth)) in results.iter().zip(&truth).enumerate() {
                 let stated = result.discretisation_error.unwrap();
                 let error = result.simulation.field.as_ref().unwrap().max_difference(truth);
-                assert!(error <= stated && stated <= accuracy, "{thickness} {at}: {error} {stated}");
+                assert!(
+                    error <= stated && stated <= accuracy,
+                    "{thickness} {at}: {error} {stated}"
+                );
             }
         }
     }
