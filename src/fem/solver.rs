@@ -122,6 +122,7 @@ impl MembraneSolver {
 
     /// The mesh that was asked for. With a fringe field solutions have up to two elements more along a cell.
     #[must_use]
+    #[expect(clippy::misnamed_getters, reason = "the elements of solutions are a matter of this room")]
     pub fn mesh(&self) -> Mesh {
         self.asked
     }
