@@ -122,7 +122,10 @@ impl MembraneSolver {
 
     /// The mesh that was asked for. With a fringe field solutions have up to two elements more along a cell.
     #[must_use]
-    #[expect(clippy::misnamed_getters, reason = "the elements of solutions are a matter of this room")]
+    #[expect(
+        clippy::misnamed_getters,
+        reason = "the elements of solutions are a matter of this room"
+    )]
     pub fn mesh(&self) -> Mesh {
         self.asked
     }
