@@ -55,7 +55,7 @@ pub use observable::{CellState, Survey, Tension, cell_states};
 pub use path::{EventKind, LoadPath, PathEnd, PathEvent, PathPoint};
 pub use response::{Estimator, LinearResponse};
 pub use safety_margins::SafetyMargins;
-pub use simulators::{SceneSimulators, decided};
+pub use simulators::SceneSimulators;
 pub use solver::{MembraneSolver, MeshSolution, SolveOptions};
 
 #[cfg(test)]

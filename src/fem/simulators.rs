@@ -20,13 +20,13 @@ pub struct SceneSimulators {
 }
 
 impl SceneSimulators {
-    /// For a scene, and the method and tolerance that the dataset declares. Effects that the scene leaves open are
-    /// decided as [`decided`] says. Those that leave the displacement alone are not simulated.
+    /// For a scene, and the method and tolerance of labels. Effects that the scene leaves open are those of the screening,
+    /// whatever a dataset says of them. Those that leave the displacement alone are not simulated.
     ///
     /// # Errors
     /// When the effects cannot be simulated.
-    pub fn new(scene: &Scene, effects: Option<&str>, method: Method, tolerance: f64) -> Result<Self, SetupError> {
-        let scene = decided(scene, effects)?;
+    pub fn new(scene: &Scene, method: Method, tolerance: f64) -> Result<Self, SetupError> {
+        let scene = resolve(scene)?;
         let effects = Effects {
             dielectric_breakdown: None,
             electromechanical_stability: None,
@@ -64,20 +64,5 @@ impl Simulators for SceneSimulators {
         let simulator = self.set_up(kind).map_err(SimulatorError::new)?;
         ready.insert(kind, Arc::clone(&simulator));
         Ok(simulator)
-    }
-}
-
-/// A scene whose effects are decided. Those that it leaves open are `effects` or, without that, those of the screening.
-///
-/// # Errors
-/// When the effects cannot be simulated.
-pub fn decided(scene: &Scene, effects: Option<&str>) -> Result<Scene, SetupError> {
-    let known = || {
-        let text = scene.to_text();
-        Scene::from_text(&text.replace("effects: auto", &format!("effects: {}", effects?))).ok()
-    };
-    match scene.auto.then(known).flatten() {
-        Some(scene) => Ok(scene),
-        None => resolve(scene),
     }
 }

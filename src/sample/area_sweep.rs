@@ -13,12 +13,16 @@ use super::bezier::{Bezier, Ends};
 use super::error::SampleError;
 use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
 use super::large_grid::pattern_of_units;
+use super::membership::is_grid_of;
 use super::small_grid::SmallGrid;
 use crate::base::{Decimal, Stream, parameters};
 use crate::pattern::Pattern;
 
 /// Grids drawn before single cells are taken instead: a range narrower than the steps of all grids has none.
 const MOST_DRAWS: u32 = 100;
+
+/// Units across the grids that are drawn.
+const GRIDS: std::ops::RangeInclusive<usize> = 2..=10;
 
 parameters! {
     /// Cells, grids of units and curves at drawn area fractions.
@@ -37,6 +41,14 @@ impl FamilyParameters for Parameters {
         let [low, high] = self.area.map(Decimal::to_f64);
         let family = AreaSweep::new(low, high).map_err(Refusal::of("area"))?;
         Ok(self.one_group(self.count, Box::new(family)))
+    }
+
+    /// One of the three forms.
+    fn admits(pattern: &Pattern) -> bool {
+        let is_curve = super::bezier::Parameters::admits(pattern);
+        is_curve
+            || super::small_grid::Parameters::admits(pattern)
+            || GRIDS.into_iter().any(|units| is_grid_of(units, pattern))
     }
 }
 

@@ -21,6 +21,7 @@ use std::f64::consts::TAU;
 use super::curve::{Cubic, on_frame};
 use super::error::{SampleError, cells_at};
 use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
+use super::membership::edges;
 use crate::base::{Decimal, Stream, parameters, words};
 use crate::pattern::{CELLS, Pattern};
 
@@ -58,6 +59,11 @@ impl FamilyParameters for Parameters {
     fn groups(&self) -> Result<Vec<Group>, Refusal> {
         let family = Bezier::new(self.area.map(Decimal::to_f64), self.ends).map_err(Refusal::of("area"))?;
         Ok(self.one_group(self.count, Box::new(family)))
+    }
+
+    /// A straight line meets a cubic curve three times at the most.
+    fn admits(pattern: &Pattern) -> bool {
+        edges(pattern) <= 2 * 3 * CELLS
     }
 }
 

@@ -73,6 +73,12 @@ pub trait FamilyParameters: Declared {
     /// When a value leaves nothing to draw.
     fn groups(&self) -> Result<Vec<Group>, Refusal>;
 
+    /// Whether the family may have drawn a pattern, with whatever parameters: false only where it cannot.
+    #[must_use]
+    fn admits(_pattern: &Pattern) -> bool {
+        true
+    }
+
     /// A single group: all parameters but the count distinguish it.
     fn one_group(&self, count: u64, family: Box<dyn Family>) -> Vec<Group> {
         let mut parameters = Vec::new();
@@ -96,6 +102,9 @@ pub trait FamilyEntry: Sync {
 
     /// What its keys may hold.
     fn fields(&self) -> Fields;
+
+    /// Whether the family may have drawn a pattern, with whatever parameters: false only where it cannot.
+    fn admits(&self, pattern: &Pattern) -> bool;
 
     /// Reads its keys from a mapping that may have `others` beside them.
     ///
@@ -123,6 +132,10 @@ impl<P: FamilyParameters> FamilyEntry for Entry<P> {
 
     fn fields(&self) -> Fields {
         P::fields()
+    }
+
+    fn admits(&self, pattern: &Pattern) -> bool {
+        P::admits(pattern)
     }
 
     fn read(&self, node: &Node, others: &[&str]) -> Result<Vec<Group>, InputError> {

@@ -7,6 +7,7 @@
 use super::combination::{binomial, permuted, subset};
 use super::error::SampleError;
 use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
+use super::membership::{is_grid_of, units_on};
 use crate::base::{Canonical, InputError, Node, Parameter, Schema, Stream, parameters};
 use crate::pattern::{CELLS, Pattern};
 
@@ -71,6 +72,15 @@ impl FamilyParameters for Parameters {
             })
         };
         self.units.0.iter().map(group).collect()
+    }
+
+    /// Some number of units, half of them on.
+    fn admits(pattern: &Pattern) -> bool {
+        let is_half = |units: usize| {
+            let (on, half) = (units_on(units, pattern), units * units / 2);
+            on == half || units % 2 == 1 && on == half + 1
+        };
+        (2..=CELLS).any(|units| is_half(units) && is_grid_of(units, pattern))
     }
 }
 

@@ -14,6 +14,7 @@ mod curves;
 mod error;
 mod family;
 mod large_grid;
+mod membership;
 mod small_grid;
 mod stripes;
 
@@ -26,5 +27,6 @@ pub use curves::Curves;
 pub use error::SampleError;
 pub use family::{Entry, FAMILIES, Family, FamilyEntry, FamilyParameters, Group, MOST_SAMPLES, Refusal, read_family};
 pub use large_grid::LargeGrid;
+pub use membership::admits;
 pub use small_grid::SmallGrid;
 pub use stripes::Stripes;

@@ -5,6 +5,7 @@
 
 use super::error::{SampleError, cells_at};
 use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
+use super::membership::is_grid_of;
 use crate::base::{Decimal, Stream, parameters};
 use crate::pattern::{CELLS, Pattern};
 
@@ -24,6 +25,11 @@ impl FamilyParameters for Parameters {
     fn groups(&self) -> Result<Vec<Group>, Refusal> {
         let family = SmallGrid::new(self.area.to_f64()).map_err(Refusal::of("area"))?;
         Ok(self.one_group(self.count, Box::new(family)))
+    }
+
+    /// Every cell is on or off by chance.
+    fn admits(pattern: &Pattern) -> bool {
+        is_grid_of(CELLS, pattern)
     }
 }
 

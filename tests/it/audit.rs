@@ -5,7 +5,9 @@ use std::path::Path;
 
 use serde_json::Value;
 
+use super::common::bounded::pipe;
 use super::common::{Ended, Workspace, files};
+use super::h5py::python;
 
 const SCENE: &str = "geometry: { side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50 }
 material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
@@ -249,11 +251,11 @@ fn rewrite(path: &Path, change: impl Fn(&mut [f64])) {
 #[test]
 fn sound_files_give_no_finding_in_any_scene_and_by_any_method() {
     let workspace = workspace();
-    for scene in ["scene.yaml", "film.yaml"] {
+    for (scene, usual) in [("scene.yaml", "0.02 mm"), ("film.yaml", "0.008 mm")] {
         for method in [
             &["--elements-per-cell", "1"][..],
             &["--elements-per-cell", "1", "--method", "chord:1"],
-            &["--accuracy", "0.02 mm"],
+            &["--accuracy", usual],
         ] {
             solved(&workspace, scene, "out.h5", method);
             let ended = workspace.run(&["audit", "out.h5", "--scene", scene, "--samples", "2", "--json"]);
@@ -287,12 +289,240 @@ fn a_loose_solver_hides_no_wrong_label() {
     let loose = ["--elements-per-cell", "1", "--tolerance", "1e-3"];
     solved(&workspace, "scene.yaml", "out.h5", &loose);
     let audit = || workspace.run(&["audit", "out.h5", "--scene", "scene.yaml", "--samples", "0", "--json"]);
-    assert_eq!(checks(&audit().json()), []);
-    rewrite(&workspace.path("out.h5"), |all| {
-        all[9 * FIELD..10 * FIELD].iter_mut().for_each(|u| *u *= 1.03);
-    });
-    let found = checks(&audit().json());
-    assert!(found.contains(&("scale".to_owned(), vec![9])), "{found:?}");
+    let declared = ("declared".to_owned(), vec![]);
+    assert!(
+        checks(&audit().json()).contains(&declared),
+        "a tolerance above the usual is told"
+    );
+    for by in [0.9905, 1.03] {
+        solved(&workspace, "scene.yaml", "out.h5", &loose);
+        rewrite(&workspace.path("out.h5"), |all| {
+            all[9 * FIELD..10 * FIELD].iter_mut().for_each(|u| *u *= by);
+        });
+        let ended = audit();
+        let found = checks(&ended.json());
+        let names_it = |(check, rows): &(String, Vec<u64>)| check == "scale" && rows.contains(&9);
+        assert!(found.iter().any(names_it), "{by}: {found:?}");
+        assert_eq!(ended.code, Some(5));
+    }
+    // All of them, which nothing stands out from; and estimates.
+    for method in [&loose[..], &["--elements-per-cell", "1", "--method", "chord:3"]] {
+        solved(&workspace, "scene.yaml", "out.h5", method);
+        rewrite(&workspace.path("out.h5"), |all| {
+            all.iter_mut().for_each(|u| *u *= 0.9905)
+        });
+        let ended = audit();
+        let scale = |f: &Value| f["check"] == "scale" && f["count"].as_u64() >= Some(20);
+        let found = ended.json();
+        assert!(
+            found["findings"].as_array().unwrap().iter().any(scale),
+            "{}",
+            ended.stdout
+        );
+    }
+}
+
+/// Has another program write a file.
+fn h5py(workspace: &Workspace, script: &str) {
+    let script = format!("import h5py, numpy as np\n{script}\n");
+    let ended = workspace.dressed(&python()).args(["-c", &script]).output().unwrap();
+    assert!(ended.status.success(), "{}", String::from_utf8_lossy(&ended.stderr));
+}
+
+/// Writes one of the file's own texts anew.
+fn restate(path: &Path, attribute: &str, text: &str) {
+    let folder = tempfile::tempdir().unwrap();
+    let aside = folder.path().join("aside.h5");
+    std::fs::copy(path, &aside).unwrap();
+    let file = hdf5::File::open_rw(&aside).unwrap();
+    file.delete_attr(attribute).unwrap();
+    let value: hdf5::types::VarLenUnicode = text.parse().unwrap();
+    let new = file.new_attr::<hdf5::types::VarLenUnicode>();
+    new.create(attribute).unwrap().write_scalar(&value).unwrap();
+    file.close().unwrap();
+    std::fs::copy(&aside, path).unwrap();
+}
+
+#[test]
+fn a_file_that_states_other_effects_is_told_whatever_its_scene_says() {
+    let workspace = workspace();
+    let open = FILM.split("effects:").next().unwrap().to_owned() + "effects: auto\n";
+    workspace.write("open.yaml", &open);
+    let audit = |scene: &str| workspace.run(&["audit", "out.h5", "--scene", scene, "--samples", "0", "--json"]);
+    // Screening calls for nothing in the open scene.
+    for (scene, other) in [
+        ("film.yaml", "{}"),
+        ("open.yaml", "{ strain_stiffening: { model: gent, jm: 30.04 } }"),
+    ] {
+        solved(&workspace, scene, "out.h5", &["--elements-per-cell", "1"]);
+        assert_eq!(checks(&audit(scene).json()), [], "{scene}");
+        restate(&workspace.path("out.h5"), "effects", other);
+        let ended = audit(scene);
+        assert!(
+            names(&ended).contains(&"provenance".to_owned()),
+            "{scene}: {}",
+            ended.stdout
+        );
+        assert_eq!(ended.code, Some(5), "{scene}");
+        restate(&workspace.path("out.h5"), "effects", "{ strain_stiffening: maybe }");
+        assert!(
+            names(&audit(scene)).contains(&"provenance".to_owned()),
+            "{scene}: no effects"
+        );
+    }
+    restate(&workspace.path("out.h5"), "solver", "{ method: prayer }");
+    assert!(
+        names(&audit("open.yaml")).contains(&"provenance".to_owned()),
+        "no solver"
+    );
+}
+
+#[test]
+fn an_error_that_a_file_declares_for_itself_is_bounded() {
+    let workspace = workspace();
+    solved(&workspace, "scene.yaml", "out.h5", &["--accuracy", "0.02 mm"]);
+    h5py(
+        &workspace,
+        "file = h5py.File('out.h5', 'r+'); file['discretisation_error'][...] = 10.0; file.close()",
+    );
+    let ended = workspace.run(&["audit", "out.h5", "--scene", "scene.yaml", "--samples", "2", "--json"]);
+    let declared = checks(&ended.json()).into_iter().find(|(check, _)| check == "declared");
+    assert_eq!(declared.map(|(_, rows)| rows.len()), Some(20), "{}", ended.stdout);
+    let allowed = ended.json()["summary"]["resimulated"]["allowed"].as_f64().unwrap();
+    assert!(allowed <= 0.02 + 1e-12, "{allowed}");
+    let strict = [
+        "audit",
+        "out.h5",
+        "--scene",
+        "scene.yaml",
+        "--samples",
+        "2",
+        "--accuracy",
+        "1e-6 mm",
+        "--json",
+    ];
+    assert!(names(&workspace.run(&strict)).contains(&"accuracy".to_owned()));
+}
+
+#[test]
+fn a_pipe_is_refused_and_not_waited_on() {
+    let workspace = workspace();
+    pipe(&workspace.path("pipe.h5"));
+    for file in ["pipe.h5", "/dev/zero", "."] {
+        let told = workspace.refused(&["audit", file, "--scene", "scene.yaml"]);
+        assert!(told.contains("not a regular file"), "{file}: {told}");
+    }
+    pipe(&workspace.path("scene-pipe.yaml"));
+    workspace.write("none.h5", "");
+    workspace.refused(&["audit", "none.h5", "--scene", "scene-pipe.yaml"]);
+}
+
+#[test]
+fn lengths_that_no_file_holds_are_refused_before_they_are_read() {
+    let workspace = workspace();
+    solved(&workspace, "scene.yaml", "own.h5", &["--elements-per-cell", "1"]);
+    let audit = || {
+        let start = std::time::Instant::now();
+        let ended = workspace.run(&[
+            "audit",
+            "foreign.h5",
+            "--scene",
+            "scene.yaml",
+            "--samples",
+            "0",
+            "--json",
+        ]);
+        assert!(start.elapsed().as_secs() < 60, "{:?}", start.elapsed());
+        assert_eq!(
+            (ended.code, names(&ended)),
+            (Some(5), vec!["shape".to_owned()]),
+            "{}",
+            ended.stderr
+        );
+        ended.stdout
+    };
+    h5py(
+        &workspace,
+        "file = h5py.File('foreign.h5', 'w'); n = 10**9\n\
+         file.create_dataset('patterns', shape=(n, 50, 50), chunks=(1, 50, 50), dtype='u1')\n\
+         file.create_dataset('displacement', shape=(n, 51, 51, 2), chunks=(1, 51, 51, 2), dtype='f8')\n\
+         file.close()",
+    );
+    assert!(audit().contains("more than a file of"));
+    for column in ["split", "family", "max_displacement", "orbit", "source", "bin", "order"] {
+        let script = format!(
+            "own, file = h5py.File('own.h5'), h5py.File('foreign.h5', 'w')\n\
+             for name in ['patterns', 'displacement']: file[name] = own[name][:3]\n\
+             file.create_dataset('{column}', shape=(10**12,), chunks=(1024,), dtype='u1')\n\
+             file.close()"
+        );
+        h5py(&workspace, &script);
+        assert!(audit().contains(&format!("`{column}` has 1000000000000")), "{column}");
+    }
+}
+
+#[test]
+fn what_columns_claim_of_their_rows_is_checked_in_a_file_of_its_own() {
+    let workspace = workspace();
+    let digests = workspace.stages(&["run", "p.yaml", "--until", "balanced"]).digests();
+    let objects = files(&workspace.path("store/objects"));
+    let balanced = objects
+        .iter()
+        .find(|f| f.to_string_lossy().contains(&digests["balanced"]))
+        .unwrap();
+    let audit = |change: &str| {
+        let script = format!(
+            "source, out = h5py.File({balanced:?}), h5py.File('claims.h5', 'w')\n\
+             names = ['patterns', 'displacement', 'split', 'orbit', 'source', 'symmetry', 'bin', 'max_displacement', 'histogram/edges']\n\
+             data = {{name: source[name][()] for name in names}}\n\
+             data['family'] = np.array([f.decode() if isinstance(f, bytes) else f for f in source['family'][()]], dtype='S16')\n\
+             last = len(data['bin']) - 1\n\
+             {change}\n\
+             [out.create_dataset(name, data=value) for name, value in data.items()]\n"
+        );
+        h5py(&workspace, &script);
+        let ended = workspace.run(&[
+            "audit",
+            "claims.h5",
+            "--scene",
+            "scene.yaml",
+            "--samples",
+            "0",
+            "--json",
+        ]);
+        let found = ended.json();
+        let findings = found["findings"].as_array().unwrap().clone();
+        findings
+            .iter()
+            .map(|f| (f["check"].as_str().unwrap().to_owned(), f["message"].to_string()))
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(audit(""), []);
+    let finds = |change: &str, what: &str| {
+        let found = audit(change);
+        let is_it = |(check, message): &(String, String)| check == "derived" && message.contains(what);
+        assert!(found.iter().any(is_it), "{change}: {found:?}");
+    };
+    finds("data['bin'][last] += 1", "`bin` is not");
+    finds(
+        "del data['histogram/edges']; data['bin'][np.argmax(data['max_displacement'])] = 0",
+        "`bin` is not",
+    );
+    finds("data['symmetry'][3] = 8", "none of 0 to 7");
+    finds(
+        "data['source'][:] = np.roll(data['source'], 5)",
+        "do not lead to the pattern",
+    );
+    finds(
+        "n = np.bincount(data['source'].astype(int)); s = int(np.argmax(n)); i = int(np.argmax(data['source'] == s)); \
+         data['symmetry'][i] = (data['symmetry'][i] + 1) % 8",
+        "do not lead to the pattern",
+    );
+    finds("data['family'][:] = b'no-such-family'", "none that deaflow knows");
+    finds(
+        "names = data['family'].copy(); data['family'][names == b'small-grid'] = b'bezier'",
+        "none that its `family` draws",
+    );
 }
 
 #[test]

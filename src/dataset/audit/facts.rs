@@ -1,11 +1,11 @@
 //! What a row says about itself, without any simulation.
 
 use super::diagnosis::on_the_frame;
-use super::rows::{Batch, Columns};
+use super::rows::{Batch, Columns, Dataset};
 use super::symmetric::{PROJECTIONS, Standing, asymmetry, projections};
 use crate::base::{Digest, OrbitId};
 use crate::field::{CORNERS, Field};
-use crate::pattern::{CELLS, Pattern};
+use crate::pattern::{CELLS, Pattern, Symmetry};
 
 /// Values of a row: cells, displacements.
 const CELL_VALUES: usize = CELLS * CELLS;
@@ -67,6 +67,10 @@ pub struct Facts {
     pub edges: usize,
     /// Identity of the pattern, and the one that it shares with its images.
     pub identity: Option<(Digest, OrbitId)>,
+    /// Identity of the pattern that the declared symmetry carries to this one.
+    pub unturned: Option<Digest>,
+    /// Whether the pattern may be of the declared family; `None` where that is not known.
+    pub fits_family: Option<bool>,
     /// How far the field is from having the symmetries of its pattern, mm.
     pub asymmetry: f64,
     /// Projections of the field in the frame of the smallest image, mm.
@@ -76,7 +80,8 @@ pub struct Facts {
 impl Facts {
     /// What is to be kept of row `index` of the dataset.
     #[must_use]
-    pub fn of(row: &CheckedRow, index: usize, columns: &Columns) -> Self {
+    pub fn of(row: &CheckedRow, index: usize, dataset: &Dataset<'_>) -> Self {
+        let columns = &dataset.columns;
         let standing = row.pattern.as_ref().map(Standing::of);
         let field = row.field.as_ref();
         let mut facts = Self {
@@ -89,6 +94,14 @@ impl Facts {
             area: row.pattern.as_ref().map_or(0.0, Pattern::area_fraction),
             edges: row.pattern.as_ref().map_or(0, edges),
             identity: standing.as_ref().map(|standing| (standing.pattern, standing.orbit)),
+            unturned: row
+                .pattern
+                .as_ref()
+                .and_then(|pattern| unturned(pattern, columns, index)),
+            fits_family: row.pattern.as_ref().and_then(|pattern| {
+                let family = &columns.family.as_ref()?[index];
+                dataset.families.admits(family, pattern)
+            }),
             asymmetry: 0.0,
             projections: [0.0; PROJECTIONS],
         };
@@ -110,6 +123,12 @@ impl Facts {
 #[must_use]
 pub fn claims_field(columns: &Columns, index: usize) -> bool {
     columns.has_field.as_ref().is_none_or(|claims| claims[index])
+}
+
+fn unturned(pattern: &Pattern, columns: &Columns, index: usize) -> Option<Digest> {
+    let symmetry = usize::try_from(columns.symmetry.as_ref()?[index]).ok()?;
+    let turned = pattern.transformed(Symmetry::ALL.get(symmetry)?.inverse());
+    Some(Digest::of(turned.cells()))
 }
 
 fn edges(pattern: &Pattern) -> usize {

@@ -4,6 +4,7 @@
 //! are simulated on a finer mesh too. A sound dataset gives no finding; what only describes it stands in the summary.
 //! Memory is bounded: of a row some hundred bytes are kept.
 
+mod claims;
 mod confidence;
 mod diagnosis;
 mod error;
@@ -23,6 +24,7 @@ mod symmetric;
 mod values;
 mod verdicts;
 
+pub use claims::{Families, Origin};
 pub use confidence::excluded_above;
 pub use diagnosis::Fault;
 pub use error::AuditError;
@@ -30,7 +32,7 @@ pub use finding::{EXAMPLES, Finding, Severity, sort};
 pub use labels::{LabelCheck, SCREEN};
 pub use report::{Report, Resimulation, Summary};
 pub use resimulate::Resimulated;
-pub use rows::{Batch, Columns, Dataset, Discretisation, RowSource};
+pub use rows::{Batch, Columns, Dataset, Discretisation, NO_NUMBER, RowSource};
 pub use run::{Options, audit};
 pub use spread::{Level, Spread};
 

@@ -3,7 +3,6 @@
 use super::error::AuditError;
 use super::facts::CheckedRow;
 use super::labels::{Judge, LabelCheck, REFERENCE};
-use super::rows::Dataset;
 use crate::field::{Mesh, SimulatorKind};
 
 /// A row that was simulated again.
@@ -34,16 +33,15 @@ impl Resimulated {
     }
 }
 
-/// Simulates one usable row on a finer mesh. `accuracy` is what is allowed where the dataset says nothing, in mm.
+/// Simulates one usable row on a finer mesh; `allowed` is the error that it may have, in mm.
 ///
 /// # Errors
 /// When a simulator cannot be set up; why.
 pub fn resimulate(
     judge: &Judge<'_>,
-    dataset: &Dataset<'_>,
     (index, row): (usize, &CheckedRow),
     mesh: Option<Mesh>,
-    accuracy: Option<f64>,
+    allowed: Option<f64>,
 ) -> Result<Option<Resimulated>, AuditError> {
     let Some((pattern, stored)) = row.usable() else {
         return Ok(None);
@@ -52,11 +50,10 @@ pub fn resimulate(
         Some(mesh) => mesh.finer().map(SimulatorKind::Newton),
         None => Some(SimulatorKind::Newton(REFERENCE)),
     };
-    let declared = dataset.columns.error.as_ref().map(|errors| errors[index]);
     let mut result = Resimulated {
         index,
         error: None,
-        allowed: accuracy.or(declared),
+        allowed,
         is_finest: wanted.is_none(),
     };
     if let Some(wanted) = wanted {

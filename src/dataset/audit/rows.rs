@@ -2,7 +2,9 @@
 
 use std::ops::Range;
 
+use super::claims::{Families, Origin};
 use super::error::AuditError;
+use crate::dataset::Bins;
 use crate::field::Mesh;
 
 /// Rows as they stand in the file: nothing is known of them yet.
@@ -39,7 +41,16 @@ pub struct Columns {
     pub mesh: Option<Vec<Mesh>>,
     /// Estimated largest error in mm.
     pub error: Option<Vec<f64>>,
+    /// The sample that the row was made from; [`NO_NUMBER`] where it is no whole number.
+    pub source: Option<Vec<u64>>,
+    /// The symmetry that carries the sample to the row; likewise.
+    pub symmetry: Option<Vec<u64>>,
+    /// Bin of the largest displacement; likewise.
+    pub bin: Option<Vec<u64>>,
 }
+
+/// Stands for what is no whole number, in columns of these.
+pub const NO_NUMBER: u64 = u64::MAX;
 
 impl Columns {
     /// Names and lengths of the columns that are there.
@@ -56,6 +67,9 @@ impl Columns {
             length("orbit", &self.orbit),
             length("elements_per_cell", &self.mesh),
             length("discretisation_error", &self.error),
+            length("source", &self.source),
+            length("symmetry", &self.symmetry),
+            length("bin", &self.bin),
         ];
         all.into_iter().flatten().collect()
     }
@@ -84,4 +98,10 @@ pub struct Dataset<'a> {
     pub columns: Columns,
     /// How the fields were found.
     pub declared: Discretisation,
+    /// The samples that `source` counts, where they are at hand.
+    pub origins: Option<&'a [Origin]>,
+    /// The bins that `bin` counts, where they are known.
+    pub bins: Option<Bins>,
+    /// Tells what patterns a family has.
+    pub families: &'a dyn Families,
 }

@@ -13,7 +13,7 @@ use super::report::{Report, Resimulation, Summary};
 use super::resimulate::{Resimulated, is_wrong, resimulate};
 use super::rows::{Columns, Dataset, Discretisation};
 use super::spread::{Level, Spread};
-use super::{identify, images, values, verdicts};
+use super::{claims, identify, images, values, verdicts};
 use crate::base::Stream;
 use crate::field::{Mesh, Simulators};
 
@@ -41,6 +41,8 @@ pub struct Options {
     pub usual_accuracy: f64,
     /// How exactly a label comes out when it is solved again, relative to its largest displacement.
     pub tolerance: f64,
+    /// The largest error in mm that a row may declare for itself; `None` where any may.
+    pub most_declared: Option<f64>,
     /// What is taken for rounding where nothing is declared, mm.
     pub rounding: f64,
     /// What a balanced dataset says of its level.
@@ -92,6 +94,7 @@ pub fn audit(
         0.0
     };
     let mut findings = values::findings(&facts, &dataset.columns, rounding);
+    findings.extend(claims::findings(&facts, dataset));
     findings.extend(images::findings(
         &facts,
         dataset.columns.split.as_deref(),
@@ -223,7 +226,7 @@ fn pass(
         let batch = dataset.rows.read(range)?;
         let read = |at| {
             let row = CheckedRow::of(&batch, at, claims_field(&dataset.columns, start + at));
-            let facts = Facts::of(&row, start + at, &dataset.columns);
+            let facts = Facts::of(&row, start + at, dataset);
             (row, facts)
         };
         let (rows, found): (Vec<CheckedRow>, Vec<Facts>) = (0..count).into_par_iter().map(read).unzip();
@@ -260,10 +263,18 @@ fn on_finer_meshes(
     };
     let solved = |&index: &usize| {
         let mesh = judge.mesh(&dataset.columns, index);
-        resimulate(judge, dataset, (index, &row(dataset, index)?), mesh, accuracy)
+        let allowed = accuracy.or_else(|| declared_error(&dataset.columns, index, options));
+        resimulate(judge, (index, &row(dataset, index)?), mesh, allowed)
     };
     let found: Result<Vec<Option<Resimulated>>, AuditError> = chosen.par_iter().map(solved).collect();
     Ok(found?.into_iter().flatten().collect())
+}
+
+/// The error that a row declares, as far as it may; what is no length allows nothing.
+fn declared_error(columns: &Columns, index: usize, options: &Options) -> Option<f64> {
+    let declared = columns.error.as_ref()?[index];
+    let declared = if declared >= 0.0 { declared } else { 0.0 };
+    Some(options.most_declared.map_or(declared, |most| declared.min(most)))
 }
 
 fn made_by(found: Discretisation, said: Discretisation) -> String {

@@ -5,7 +5,8 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::*;
-use crate::base::Stream;
+use crate::base::{Digest, Stream};
+use crate::dataset::{Bins, Place};
 use crate::field::{
     CORNERS, Field, Mesh, Observation, Outcome, SharedSimulator, Simulation, Simulator, SimulatorError, SimulatorKind,
     Simulators,
@@ -128,13 +129,33 @@ fn sound(mesh: Mesh) -> (Memory, Columns) {
     (memory, columns)
 }
 
-fn audited(memory: &Memory, columns: Columns, declared: Discretisation) -> Report {
-    let dataset = Dataset {
+/// Knows two families of all patterns, and one of patterns that are symmetric about the middle.
+struct ThreeFamilies;
+
+impl Families for ThreeFamilies {
+    fn admits(&self, family: &str, pattern: &Pattern) -> Option<bool> {
+        match family {
+            "a" | "b" => Some(true),
+            "even" => Some(*pattern == pattern.transformed(Symmetry::ALL[4])),
+            _ => None,
+        }
+    }
+}
+
+fn dataset(memory: &Memory, columns: Columns, declared: Discretisation) -> Dataset<'_> {
+    Dataset {
         len: memory.patterns.len(),
         rows: memory,
         columns,
         declared,
-    };
+        origins: None,
+        bins: None,
+        families: &ThreeFamilies,
+    }
+}
+
+fn audited(memory: &Memory, columns: Columns, declared: Discretisation) -> Report {
+    let dataset = dataset(memory, columns, declared);
     let options = Options {
         samples: Some(4),
         usual_accuracy: 0.01,
@@ -343,12 +364,7 @@ fn what_is_wrong_altogether_is_found_without_random_rows() {
         let (mut memory, mut columns) = sound(MESHES[1]);
         memory.fields.iter_mut().for_each(|field| *field = fault(field));
         columns.peak = None;
-        let dataset = Dataset {
-            len: 32,
-            rows: &memory,
-            columns,
-            declared: Discretisation::Mesh(MESHES[1]),
-        };
+        let dataset = dataset(&memory, columns, Discretisation::Mesh(MESHES[1]));
         let options = Options {
             samples: Some(0),
             tolerance: 1e-5,
@@ -368,12 +384,7 @@ fn rounding_of_a_file_that_declares_nothing_is_no_fault() {
         for field in &mut memory.fields {
             change(field, |u| (u * digits).round() / digits + 0.1 / digits);
         }
-        let dataset = Dataset {
-            len: 32,
-            rows: &memory,
-            columns,
-            declared: Discretisation::Unknown,
-        };
+        let dataset = dataset(&memory, columns, Discretisation::Unknown);
         let options = Options {
             samples: Some(2),
             usual_accuracy: 0.01,
@@ -429,12 +440,7 @@ fn columns_of_other_lengths_end_the_audit() {
 #[test]
 fn an_accuracy_that_is_not_kept_is_found_in_the_random_rows() {
     let (memory, columns) = sound(MESHES[0]);
-    let dataset = Dataset {
-        len: 32,
-        rows: &memory,
-        columns,
-        declared: Discretisation::Mesh(MESHES[0]),
-    };
+    let dataset = dataset(&memory, columns, Discretisation::Mesh(MESHES[0]));
     let options = Options {
         samples: None,
         accuracy: Some(1e-7),
@@ -453,4 +459,132 @@ fn an_accuracy_that_is_not_kept_is_found_in_the_random_rows() {
     );
     assert_eq!(report.summary.resimulated.samples, 32);
     assert_eq!(report.summary.resimulated.excluded_above, 1.0);
+}
+
+/// The dataset of [`sound`] as somebody balanced it: its last rows are images of its first.
+fn balanced() -> (Memory, Columns) {
+    let (memory, columns) = sound(MESHES[0]);
+    let bins = Bins::new(0.0, 1.0, 1000).unwrap();
+    let bin = |peak: &f64| match bins.place(*peak) {
+        Place::Bin(bin) => bin as u64,
+        _ => panic!("{peak}"),
+    };
+    let number = |last: [u64; 2], of: &dyn Fn(u64) -> u64| Some((0..30).map(of).chain(last).collect::<Vec<u64>>());
+    let columns = Columns {
+        source: number([0, 1], &|row| row),
+        symmetry: number([1, 6], &|_| 0),
+        bin: columns.peak.as_ref().map(|peaks| peaks.iter().map(bin).collect()),
+        ..columns
+    };
+    (memory, columns)
+}
+
+/// The rows that are not what their columns claim, where the samples and bins are at hand and where they are not.
+fn claimed(change: impl Fn(&mut Columns)) -> [Vec<(String, Vec<u64>)>; 2] {
+    [true, false].map(|at_hand| {
+        let (memory, mut columns) = balanced();
+        change(&mut columns);
+        let origin = |pattern: &Pattern| Origin {
+            pattern: Digest::of(pattern.cells()),
+            family: String::new(),
+        };
+        let origins: Vec<Origin> = memory.patterns[..30].iter().map(origin).collect();
+        let dataset = Dataset {
+            origins: at_hand.then_some(&origins),
+            bins: at_hand.then(|| Bins::new(0.0, 1.0, 1000).unwrap()),
+            ..dataset(&memory, columns, Discretisation::Mesh(MESHES[0]))
+        };
+        let options = Options {
+            samples: Some(0),
+            tolerance: 1e-5,
+            ..Options::default()
+        };
+        let report = audit(&dataset, &Membranes, &options, &|_| {}).unwrap();
+        let found = report.findings.into_iter();
+        found
+            .map(|f| (f.message.split(' ').next().unwrap().to_owned(), f.examples))
+            .collect()
+    })
+}
+
+#[test]
+fn rows_are_made_as_their_columns_claim() {
+    assert_eq!(claimed(|_| {}), [vec![], vec![]]);
+    let both = |what: &str, row: u64| [vec![(what.to_owned(), vec![row])], vec![(what.to_owned(), vec![row])]];
+    let set = |column: &mut Option<Vec<u64>>, row: usize, value| column.as_mut().unwrap()[row] = value;
+    // Rows 0 and 30 are images of one pattern: alone, either may be the wrong one.
+    let [known, alone] = claimed(|c| set(&mut c.source, 30, 7));
+    assert_eq!(known, [("`source`".to_owned(), vec![30])]);
+    assert_eq!(alone, [("`source`".to_owned(), vec![7, 30])]);
+    let [known, alone] = claimed(|c| set(&mut c.symmetry, 30, 2));
+    assert_eq!(known, [("`source`".to_owned(), vec![30])]);
+    assert_eq!(alone, [("`source`".to_owned(), vec![0, 30])]);
+    let [known, _] = claimed(|c| set(&mut c.source, 4, NO_NUMBER));
+    assert_eq!(known, [("`source`".to_owned(), vec![4])]);
+    let [_, alone] = claimed(|c| set(&mut c.symmetry, 4, 8));
+    assert_eq!(alone, [("`symmetry`".to_owned(), vec![4])]);
+    let (_, columns) = balanced();
+    let peaks = columns.peak.unwrap();
+    let highest = (0..30).max_by(|a, b| peaks[*a].total_cmp(&peaks[*b])).unwrap();
+    assert_eq!(claimed(|c| set(&mut c.bin, highest, 0)), both("`bin`", highest as u64));
+    assert_eq!(
+        claimed(|c| set(&mut c.bin, highest, NO_NUMBER)),
+        both("`bin`", highest as u64)
+    );
+}
+
+#[test]
+fn a_family_is_one_that_has_the_pattern() {
+    let family = |name: &str, row: usize| {
+        claimed(|c| {
+            let mut names = vec![String::new(); 32];
+            names[row] = name.to_owned();
+            c.family = Some(names);
+        })
+    };
+    let all_but = |row: u64| (0..20).filter(|other| *other != row).collect::<Vec<u64>>();
+    let [known, alone] = family("even", 3);
+    assert!(
+        known.contains(&("`family`".to_owned(), vec![3])),
+        "not that of its sample: {known:?}"
+    );
+    let impossible = ("the".to_owned(), vec![3]);
+    assert!(
+        known.contains(&impossible) && alone.contains(&impossible),
+        "{known:?} {alone:?}"
+    );
+    let rest = all_but(3).into_iter().chain([20]).take(20).collect();
+    assert!(alone.contains(&("`family`".to_owned(), rest)), "unknown: {alone:?}");
+}
+
+#[test]
+fn an_error_that_a_row_declares_for_itself_is_bounded() {
+    let found = |declared: f64, most: Option<f64>| {
+        let (memory, columns) = sound(MESHES[0]);
+        let columns = Columns {
+            error: Some(vec![declared; 32]),
+            ..columns
+        };
+        let options = Options {
+            samples: None,
+            tolerance: 1e-5,
+            most_declared: most,
+            ..Options::default()
+        };
+        let dataset = dataset(&memory, columns, Discretisation::Mesh(MESHES[0]));
+        let report = audit(&dataset, &Membranes, &options, &|_| {}).unwrap();
+        checks(&report)
+            .iter()
+            .map(|(check, _)| (*check).to_owned())
+            .collect::<Vec<_>>()
+    };
+    assert!(found(10.0, None).is_empty() && found(10.0, Some(10.0)).is_empty());
+    for (declared, most) in [
+        (10.0, Some(1e-7)),
+        (1e-7, Some(10.0)),
+        (f64::NAN, Some(10.0)),
+        (-1.0, None),
+    ] {
+        assert_eq!(found(declared, most), ["accuracy"], "{declared} {most:?}");
+    }
 }

@@ -15,7 +15,9 @@ pub use laws::Stiffening;
 pub use permittivity::{PermittivityDecay, PermittivityReference};
 pub(super) use switch::switched_on;
 
-use crate::base::{Declared, Fields, parameters};
+use std::path::Path;
+
+use crate::base::{Declared, Document, Fields, InputError, parameters};
 
 parameters! {
     /// Effects beyond the base model; each is off unless it is named.
@@ -60,6 +62,14 @@ impl Effects {
     #[must_use]
     pub fn to_text(&self) -> String {
         self.to_canonical().to_string()
+    }
+
+    /// Reads what [`Effects::to_text`] writes.
+    ///
+    /// # Errors
+    /// When the text does not name effects with their parameters.
+    pub fn from_text(text: &str) -> Result<Self, InputError> {
+        Self::read_with(&Document::from_text(Path::new("effects"), text)?.root, &[])
     }
 }
 

@@ -4,15 +4,19 @@
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+use crate::base::Digest;
 use crate::content::{BalancedView, ContentError, Labelled, StoredAttribute, files};
-use crate::dataset::audit::{AuditError, Batch, Columns, Discretisation, Finding, Level, RowSource, Severity};
+use crate::dataset::Bins;
+use crate::dataset::audit::{
+    AuditError, Batch, Columns, Discretisation, Finding, Level, NO_NUMBER, Origin, RowSource, Severity,
+};
 use crate::fem::SolverParameters;
 use crate::field::{CORNERS, Mesh, Outcome};
 use crate::pattern::{CELLS, check_contained};
 use crate::store::{Artifact, RowFile, StoreError};
 
 /// The arrays that are read.
-const ARRAYS: [&str; 10] = [
+const ARRAYS: [&str; 14] = [
     "patterns",
     "displacement",
     "split",
@@ -23,7 +27,26 @@ const ARRAYS: [&str; 10] = [
     "elements_per_cell",
     "order",
     "discretisation_error",
+    "source",
+    "symmetry",
+    "bin",
+    EDGES,
 ];
+
+/// Edges of the bins.
+const EDGES: &str = "histogram/edges";
+
+/// The most bins that are read.
+const MOST_BINS: usize = 100_000;
+
+/// A file holds fewer rows than this many bytes to each: DEFLATE, the densest filter, makes a thousandth of the 20 kB of a row.
+const BYTES_OF_ROW: u64 = 16;
+
+/// Patterns that are read at a time.
+const AT_A_TIME: usize = 1024;
+
+/// Whole numbers from here on are not exact in columns of floating point.
+const MOST_WHOLE: f64 = 9e15;
 
 /// Files whose rows stand end to end.
 pub struct Source {
@@ -36,6 +59,10 @@ pub struct Source {
     pub solver: Option<SolverParameters>,
     /// What a balanced dataset says of its level.
     pub level: Option<Level>,
+    /// The samples that `source` counts, where they are at hand.
+    pub origins: Option<Vec<Origin>>,
+    /// The bins of the largest displacement, where they are known.
+    pub bins: Option<Bins>,
     /// What is wrong already.
     pub findings: Vec<Finding>,
     /// The scene that it says it was made with.
@@ -80,16 +107,21 @@ impl Source {
             declared: Discretisation::Unknown,
             solver: None,
             level: None,
+            origins: None,
+            bins: None,
             findings: Vec::new(),
             scene: None,
             effects: None,
         };
-        let mut start = 0;
+        let mut start = 0_usize;
         for path in paths {
             let file = RowFile::open(path)?;
-            source.findings.extend(misshapen(&file));
+            let shapes = misshapen(&file)
+                .or_else(|| overlong(&file, path))
+                .or_else(|| misfitting(&file));
+            source.findings.extend(shapes);
             let len = file.shape("patterns").and_then(|shape| shape.first().copied());
-            let rows = start..start + len.unwrap_or(0);
+            let rows = start..start.saturating_add(len.unwrap_or(0));
             start = rows.end;
             source.segments.push(Segment {
                 path: path.to_owned(),
@@ -98,6 +130,7 @@ impl Source {
         }
         if source.is_readable() {
             source.columns = source.read_columns()?;
+            source.findings.extend(meshless(&source)?);
         }
         Ok(source)
     }
@@ -122,9 +155,13 @@ impl Source {
         let file = RowFile::open(path)?;
         source.scene = file.attribute("scene");
         source.effects = file.attribute("effects");
-        let solver = file.attribute("solver");
-        source.solver = solver.and_then(|text| SolverParameters::from_text(&text).ok());
+        source.take_solver(file.attribute("solver").as_deref());
         source.declared = source.declaration();
+        if let Some([count]) = file.shape(EDGES).as_deref()
+            && *count <= MOST_BINS
+        {
+            source.bins = bins(&file.numbers(EDGES, 0..*count)?);
+        }
         Ok(source)
     }
 
@@ -140,7 +177,7 @@ impl Source {
         let text = |name| StoredAttribute::<String>::new(artifact, name).text();
         source.scene = text("scene")?;
         source.effects = text("effects")?;
-        source.solver = text("solver")?.and_then(|text| SolverParameters::from_text(&text).ok());
+        source.take_solver(text("solver")?.as_deref());
         source.declared = source.declaration();
         match Labelled::open(artifact)? {
             Some(Labelled::Solved(view)) => {
@@ -149,6 +186,7 @@ impl Source {
             Some(Labelled::Balanced(view)) => {
                 let histogram = view.histogram().read()?;
                 let [level] = histogram.level;
+                source.bins = bins(&histogram.edges);
                 source.level = Some(Level {
                     edges: histogram.edges,
                     available: histogram.augmented,
@@ -160,6 +198,18 @@ impl Source {
             _ => {}
         }
         Ok(source)
+    }
+
+    /// How fields were solved, as a file says.
+    fn take_solver(&mut self, said: Option<&str>) {
+        match said.map(SolverParameters::from_text).transpose() {
+            Ok(solver) => self.solver = solver,
+            Err(error) => {
+                let message = format!("what the file says of its solver cannot be read: {error}");
+                self.findings
+                    .push(Finding::whole("provenance", Severity::Error, message));
+            }
+        }
     }
 
     /// How many rows there are.
@@ -191,10 +241,12 @@ impl Source {
         let from = balanced.source().read()?;
         let (mut meshes, mut errors) = (Vec::new(), Vec::new());
         let (mut estimates, mut solvers) = (Vec::new(), Vec::new());
+        let mut origins = Vec::new();
         for solved in super::lineage::inputs(balanced.artifact())? {
             let Ok(solved) = solved else { return Ok(()) };
             let solved = Self::of_artifact(&solved)?;
             let n = solved.len();
+            origins.extend(solved.as_origins()?);
             match (solved.declared, &solved.columns.mesh) {
                 (Discretisation::Mesh(mesh), _) => meshes.extend(std::iter::repeat_n(mesh, n)),
                 (Discretisation::PerRow, Some(own)) => meshes.extend(own),
@@ -205,6 +257,7 @@ impl Source {
             solvers.push(solved.solver);
             self.effects = solved.effects;
         }
+        self.origins = Some(origins);
         if solvers.windows(2).any(|pair| pair[0] != pair[1]) && !estimates.is_empty() {
             // Estimates by several methods have no common measure.
             return Ok(());
@@ -222,13 +275,41 @@ impl Source {
         Ok(())
     }
 
+    /// Its rows, as what others are made from.
+    fn as_origins(&self) -> Result<Vec<Origin>, ContentError> {
+        let mut origins = Vec::with_capacity(self.len());
+        for segment in &self.segments {
+            let file = RowFile::open(&segment.path)?;
+            let families = self.columns.family.as_deref().unwrap_or_default();
+            let families = families.get(segment.rows.clone()).unwrap_or_default();
+            for start in (0..segment.rows.len()).step_by(AT_A_TIME) {
+                let end = (start + AT_A_TIME).min(segment.rows.len());
+                let cells = file.numbers("patterns", start..end)?;
+                origins.extend(cells.chunks(CELLS * CELLS).zip(start..).map(|(cells, row)| {
+                    let cells: Vec<u8> = cells.iter().map(|&cell| u8::from(cell == 1.0)).collect();
+                    Origin {
+                        pattern: Digest::of(&cells),
+                        family: families.get(row).cloned().unwrap_or_default(),
+                    }
+                }));
+            }
+        }
+        Ok(origins)
+    }
+
     fn read_columns(&self) -> Result<Columns, StoreError> {
         let texts = |path: &str| self.column(path, |file, _| file.texts(path));
         let words = |path: &str| self.column(path, |file, _| file.words(path));
         let numbers = |path: &str| self.column(path, |file, n| file.numbers(path, 0..n));
+        let whole = |path: &str| {
+            let exact =
+                |number: f64| (number.fract() == 0.0 && (0.0..MOST_WHOLE).contains(&number)).then_some(number as u64);
+            let all = numbers(path)?;
+            Ok::<_, StoreError>(all.map(|all| all.into_iter().map(|n| exact(n).unwrap_or(NO_NUMBER)).collect()))
+        };
         let outcomes = texts("outcome")?;
         let (elements, order) = (numbers("elements_per_cell")?, numbers("order")?);
-        let mesh = |(elements, order): (&f64, &f64)| Mesh::from_numbers(*elements as u64, *order as u64);
+        let mesh = |(elements, order): (&f64, &f64)| mesh(*elements, *order);
         let meshes = elements
             .zip(order)
             .and_then(|(elements, order)| elements.iter().zip(&order).map(mesh).collect());
@@ -240,6 +321,9 @@ impl Source {
             orbit: texts("orbit")?,
             mesh: meshes,
             error: numbers("discretisation_error")?,
+            source: whole("source")?,
+            symmetry: whole("symmetry")?,
+            bin: whole("bin")?,
         })
     }
 
@@ -288,6 +372,60 @@ fn misshapen(file: &RowFile) -> Option<Finding> {
         wrong.push(format!("there are {patterns} patterns and {fields} fields"));
     }
     (!wrong.is_empty()).then(|| Finding::whole("shape", Severity::Error, wrong.join("; ")))
+}
+
+/// Whether a file declares more rows than its bytes can hold: somebody would wait for ever, or for memory that is not there.
+fn overlong(file: &RowFile, path: &Path) -> Option<Finding> {
+    let rows = *file.shape("patterns")?.first()? as u64;
+    let bytes = std::fs::metadata(path).map_or(0, |found| found.len());
+    let message = format!("`patterns` is said to have {rows} rows, more than a file of {bytes} bytes holds");
+    (rows > bytes / BYTES_OF_ROW).then(|| Finding::whole("shape", Severity::Error, message))
+}
+
+/// Columns that have not one value for each pattern. They are looked at before they are read: a few bytes can declare
+/// terabytes.
+fn misfitting(file: &RowFile) -> Option<Finding> {
+    let rows = *file.shape("patterns")?.first()?;
+    let columns = ARRAYS
+        .iter()
+        .filter(|name| !["patterns", "displacement", EDGES].contains(name));
+    let wrong: Vec<String> = columns
+        .filter_map(|name| match file.shape(name)?.as_slice() {
+            [length] if *length == rows => None,
+            [length] => Some(format!("`{name}` has {length}")),
+            shape => Some(format!("`{name}` has the shape {shape:?}")),
+        })
+        .collect();
+    let message = || format!("there are {rows} patterns, and {}", wrong.join(", "));
+    (!wrong.is_empty()).then(|| Finding::whole("shape", Severity::Error, message()))
+}
+
+/// Whether a dataset names a mesh for each row, and one is none.
+fn meshless(source: &Source) -> Result<Option<Finding>, StoreError> {
+    let numbers = |path: &str| source.column(path, |file, n| file.numbers(path, 0..n));
+    let (Some(elements), Some(order)) = (numbers("elements_per_cell")?, numbers("order")?) else {
+        return Ok(None);
+    };
+    let pairs = elements.iter().zip(&order).enumerate();
+    let none = pairs.filter(|(_, (elements, order))| mesh(**elements, **order).is_none());
+    let rows: Vec<usize> = none.map(|(row, _)| row).collect();
+    let message = "`elements_per_cell` and `order` name no mesh";
+    Ok((!rows.is_empty()).then(|| Finding::rows("derived", Severity::Error, &rows, message)))
+}
+
+fn mesh(elements: f64, order: f64) -> Option<Mesh> {
+    let is_whole = elements.fract() == 0.0 && order.fract() == 0.0;
+    is_whole
+        .then(|| Mesh::from_numbers(elements as u64, order as u64))
+        .flatten()
+}
+
+/// The bins between edges; `None` unless they are equal.
+fn bins(edges: &[f64]) -> Option<Bins> {
+    let (first, last) = (*edges.first()?, *edges.last()?);
+    let bins = Bins::new(first, last, edges.len() - 1).ok()?;
+    let is_equal = |(at, edge): (usize, &f64)| (edge - bins.edge(at)).abs() <= 1e-9 * (last - first);
+    edges.iter().enumerate().all(is_equal).then_some(bins)
 }
 
 /// The samples that a solve stage has set aside.

@@ -1,0 +1,54 @@
+//! What a dataset says of the scene and the effects that it was simulated with, against those of the audit.
+
+use super::source::Source;
+use crate::dataset::audit::{Finding, Severity};
+use crate::fem::SetupError;
+use crate::fem::screening::resolve;
+use crate::scene::{Effects, Scene};
+
+/// What a file says of its scene that contradicts the scene at hand. What is only known of a material changes no label.
+pub fn other_scene(source: &Source, scene: &Scene) -> Result<Option<Finding>, SetupError> {
+    let Some(said) = source.scene.as_deref() else {
+        return Ok(None);
+    };
+    let said = match Scene::from_text(said) {
+        Ok(said) => said,
+        Err(error) => {
+            let message = format!("the scene that the file says it was made with cannot be read: {error}");
+            return Ok(Some(Finding::whole("provenance", Severity::Error, message)));
+        }
+    };
+    // What a scene leaves open a file states beside it.
+    let effects = !said.auto && said.effects != resolve(scene)?.effects;
+    let parts = [
+        ("geometry", said.geometry != scene.geometry),
+        ("material", said.material != scene.material),
+        ("drive", said.drive.voltage != scene.drive.voltage),
+        ("effects", effects),
+    ];
+    let differing = parts.iter().filter(|(_, differs)| *differs).map(|(name, _)| *name);
+    let differing: Vec<&str> = differing.collect();
+    let message = format!(
+        "the file says that it was made with another scene: {} differ",
+        differing.join(", ")
+    );
+    Ok((!differing.is_empty()).then(|| Finding::whole("provenance", Severity::Error, message)))
+}
+
+/// Whether other effects were simulated, as a dataset says, than those of the scene.
+pub fn other_effects(source: &Source, scene: &Scene) -> Result<Option<Finding>, SetupError> {
+    let Some(said) = source.effects.as_deref() else {
+        return Ok(None);
+    };
+    let wanted = resolve(scene)?.effects;
+    let message = match Effects::from_text(said) {
+        Ok(said) if said == wanted => return Ok(None),
+        Ok(said) => format!(
+            "the dataset says that it was simulated with the effects {}, and those of the scene are {}",
+            said.to_text(),
+            wanted.to_text()
+        ),
+        Err(error) => format!("the effects that the dataset says it was simulated with cannot be read: {error}"),
+    };
+    Ok(Some(Finding::whole("provenance", Severity::Error, message)))
+}
