@@ -3,7 +3,7 @@
 //! A pipe blocks whoever opens it, a device may never end, and a file may be larger than memory. All of them are refused
 //! before a byte is read.
 
-use std::fs::{self, File};
+use std::fs::{self, File, Metadata};
 use std::io::{Error, ErrorKind, Read, Result};
 use std::path::Path;
 
@@ -20,12 +20,48 @@ pub fn open_regular(path: &Path) -> Result<File> {
     }
 }
 
+/// What the system says of a file of our own, or of a link in its place. Where something else than a folder stands in the place of
+/// its folder, there is no such file.
+///
+/// # Errors
+/// When the system refuses.
+pub fn look_at_own(path: &Path) -> Result<Metadata> {
+    fs::symlink_metadata(path).map_err(|error| match path.parent().map(fs::symlink_metadata) {
+        Some(Ok(folder)) if !folder.is_dir() => ErrorKind::NotFound.into(),
+        _ => error,
+    })
+}
+
+/// Opens a file of our own for reading. We make no links: one in its place was put there by somebody else and is not followed.
+///
+/// # Errors
+/// As [`look_at_own`], or it is anything but a file ([`ErrorKind::InvalidInput`]).
+pub fn open_own(path: &Path) -> Result<File> {
+    if look_at_own(path)?.is_symlink() {
+        Err(Error::new(ErrorKind::InvalidInput, "it is a link"))
+    } else {
+        open_regular(path)
+    }
+}
+
 /// All bytes of a file, of which there may be at most `limit`.
 ///
 /// # Errors
-/// As [`open_regular`], or when there are more ([`ErrorKind::FileTooLarge`]).
+/// As [`open_regular`], or when there are more ([`ErrorKind::FileTooLarge`]) than that or than memory holds
+/// ([`ErrorKind::OutOfMemory`]).
 pub fn read_bounded(path: &Path, limit: u64) -> Result<Vec<u8>> {
-    let file = open_regular(path)?;
+    read_all(open_regular(path)?, limit)
+}
+
+/// As [`read_bounded`], of a file of our own.
+///
+/// # Errors
+/// As [`open_own`] and [`read_bounded`].
+pub fn read_own(path: &Path, limit: u64) -> Result<Vec<u8>> {
+    read_all(open_own(path)?, limit)
+}
+
+fn read_all(file: File, limit: u64) -> Result<Vec<u8>> {
     let size = file.metadata()?.len();
     let too_large = |size: u64| {
         Error::new(
@@ -36,7 +72,10 @@ pub fn read_bounded(path: &Path, limit: u64) -> Result<Vec<u8>> {
     if size > limit {
         return Err(too_large(size));
     }
-    let mut bytes = Vec::with_capacity(size as usize);
+    let mut bytes = Vec::new();
+    bytes
+        .try_reserve_exact(size as usize)
+        .map_err(|error| Error::new(ErrorKind::OutOfMemory, error))?;
     // Some files (those of /proc) hold more than they say.
     file.take(limit + 1).read_to_end(&mut bytes)?;
     match bytes.len() as u64 {
@@ -48,6 +87,22 @@ pub fn read_bounded(path: &Path, limit: u64) -> Result<Vec<u8>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_link_is_no_file_of_ours() {
+        let folder = tempfile::tempdir().unwrap();
+        let (file, link) = (folder.path().join("file"), folder.path().join("link"));
+        fs::write(&file, "12345").unwrap();
+        std::os::unix::fs::symlink("file", &link).unwrap();
+        assert_eq!(read_own(&file, 5).unwrap(), b"12345");
+        assert_eq!(read_own(&link, 5).unwrap_err().kind(), ErrorKind::InvalidInput);
+        assert_eq!(read_bounded(&link, 5).unwrap(), b"12345");
+        for in_its_place in [&file, &folder.path().join("circle")] {
+            let _ = std::os::unix::fs::symlink("circle", in_its_place);
+            let error = read_own(&in_its_place.join("file"), 5).unwrap_err();
+            assert_eq!(error.kind(), ErrorKind::NotFound, "{}", in_its_place.display());
+        }
+    }
 
     #[test]
     fn only_files_are_read_and_only_up_to_the_limit() {

@@ -7,7 +7,9 @@ mod document;
 mod encoding;
 mod file;
 mod ids;
+mod output_file;
 mod parameters;
+mod printable;
 mod progress;
 mod quantity;
 mod schema;
@@ -19,11 +21,13 @@ pub use clock::thread_seconds;
 pub use digest::{Digest, DigestWriter, ParseDigestError};
 pub use document::{Document, InputError, Map, Node, NodeValue, Override, Source, nearest};
 pub use encoding::{EncodingError, decode, encode};
-pub use file::{open_regular, read_bounded};
+pub use file::{look_at_own, open_own, open_regular, read_bounded, read_own};
 pub use ids::{ActionKey, ArtifactId, FileDigest, OrbitId};
+pub use output_file::{OutputError, OutputFile, aside, kind_of, leads_nowhere_at, output_folder, write_output};
 pub use parameters::{
     Angle, Declared, Density, ElectricField, Frequency, Length, Parameter, Resistance, Seed, Stress, Time, Voltage,
 };
+pub use printable::{is_unprintable, printable, printable_json};
 pub use progress::Progress;
 pub use quantity::{Decimal, Dimension, Quantity, QuantityError};
 pub use schema::{Fields, Schema};

@@ -13,7 +13,7 @@ use super::arguments::{StoreArguments, accuracy};
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::progress::Bar;
-use super::{model, solve};
+use super::{model, solve, write};
 use crate::accuracy::{AccuracyError, Benchmark, Candidate, Families, Measured, Network, Reference, drawn, given};
 use crate::base::{Document, Quantity};
 use crate::report::figures::{Cost, FamilyCosts, draw_accuracy};
@@ -59,6 +59,9 @@ pub struct AccuracyArguments {
     pub reference: String,
 }
 
+/// What is written: arrays, a table and a figure.
+const FILES: [&str; 3] = ["accuracy.h5", "accuracy.csv", "accuracy.png"];
+
 pub fn execute(arguments: &AccuracyArguments, output: &Output) -> Result<Exit, CliError> {
     let methods = methods(arguments)?;
     let methods: Vec<&Candidate> = methods.iter().collect();
@@ -73,7 +76,11 @@ pub fn execute(arguments: &AccuracyArguments, output: &Output) -> Result<Exit, C
         method.check_scene(&scene).map_err(bad_input)?;
     }
     let families = families(arguments)?;
-    folder(&arguments.output)?;
+    // What cannot be written has to be known before minutes of work, not after.
+    write::folder(&arguments.output)?;
+    for name in FILES {
+        write::check_file(&arguments.output.join(name))?;
+    }
     let start = Instant::now();
     let count: usize = families.values().map(Vec::len).sum();
     let bar = Bar::new("reference", "patterns", count as u64);
@@ -82,7 +89,7 @@ pub fn execute(arguments: &AccuracyArguments, output: &Output) -> Result<Exit, C
     let bar = Bar::new("measure", "methods", methods.len() as u64);
     let measured = benchmark.measure(&methods, &bar).map_err(failed)?;
     bar.finish("done");
-    let files = write(arguments, &benchmark, &measured, start)?;
+    let files = write_files(arguments, &benchmark, &measured, start)?;
     let findings = Findings::new(arguments, &benchmark, &measured);
     if output.is_json() {
         output.document(&findings.document(&files))?;
@@ -122,21 +129,13 @@ fn families(arguments: &AccuracyArguments) -> Result<Families, CliError> {
     Ok(given(patterns))
 }
 
-/// What cannot be written has to be known before minutes of work, not after.
-fn folder(path: &Path) -> Result<(), CliError> {
-    let failed = |e: std::io::Error| CliError::failure(format!("cannot write in {}: {e}", path.display()));
-    std::fs::create_dir_all(path).map_err(failed)?;
-    tempfile::tempfile_in(path).map(drop).map_err(failed)
-}
-
-fn write(
+fn write_files(
     arguments: &AccuracyArguments,
     benchmark: &Benchmark,
     measured: &[Measured],
     start: Instant,
 ) -> Result<Vec<PathBuf>, CliError> {
-    let at = |name: &str| arguments.output.join(name);
-    let (file, rows, figure) = (at("accuracy.h5"), at("accuracy.csv"), at("accuracy.png"));
+    let [file, rows, figure] = FILES.map(|name| arguments.output.join(name));
     let parameters = format!("scene {}, reference {}", arguments.scene.display(), arguments.reference);
     let provenance = Provenance {
         measurements: benchmark.measurements(measured),
@@ -145,7 +144,7 @@ fn write(
     write_file(&file, &content(benchmark, measured).object(), &provenance)?;
     let failed = |e: csv::Error| CliError::failure(format!("cannot write {}: {e}", rows.display()));
     let text = table_text(benchmark, measured).map_err(failed)?;
-    std::fs::write(&rows, text).map_err(|e| failed(e.into()))?;
+    write::file(&rows, &text)?;
     let mut files = vec![file, rows];
     let moved = measured.iter().any(|method| method.rms() > 0.0);
     // Patterns that do not move have no error to draw.

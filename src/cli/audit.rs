@@ -12,7 +12,7 @@ use super::error::CliError;
 use super::locate;
 use super::output::{Exit, Output};
 use super::progress::{Bar, RunProgress, Shown};
-use super::run;
+use super::{run, write};
 use crate::base::{ArtifactId, Override, Quantity};
 use crate::content::{AttributeError, Audit};
 use crate::orchestrator::{Environment, Pipeline, RunOptions, Staleness, plan, run as run_pipeline};
@@ -68,7 +68,11 @@ fn samples(text: &str) -> Result<Samples, String> {
 
 pub fn execute(arguments: &AuditArguments, output: &Output) -> Result<Exit, CliError> {
     if let Some(folder) = &arguments.output {
-        report::check_folder(folder)?;
+        write::folder(folder)?;
+        // What is in the way has to be known before minutes of work, not after.
+        for name in ["audit.html", "audit.png"] {
+            write::check_file(&folder.join(name))?;
+        }
     }
     let answer = match (locate::split(&arguments.dataset), &arguments.scene) {
         (Some((pipeline, stage)), None) => of_stage(arguments, Path::new(pipeline), stage)?,

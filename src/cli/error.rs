@@ -8,7 +8,7 @@ use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme, ThemeCharacters
 use serde_json::{Value, json};
 
 use super::output::Exit;
-use crate::base::InputError;
+use crate::base::{InputError, OutputError, is_unprintable, printable};
 use crate::content::ContentError;
 use crate::fem::SetupError;
 use crate::field::PredictError;
@@ -30,15 +30,6 @@ pub struct CliError {
 
 /// The longest line of a file, in bytes, that is quoted in a message.
 const LONGEST_LINE: usize = 1000;
-
-fn unprintable(c: char) -> bool {
-    c.is_control() && !matches!(c, '\n' | '\r' | '\t')
-}
-
-/// A text that changes nothing about a terminal.
-fn printable(text: &str) -> String {
-    text.replace(unprintable, "\u{fffd}")
-}
 
 /// Where in a file the mistake is.
 struct Place {
@@ -106,24 +97,11 @@ impl CliError {
 
     /// For people: with the words of the file and a caret under them where there is a place.
     pub fn render(&self, coloured: bool) -> String {
-        if let Some(input) = self.input.as_ref().filter(|_| self.can_be_quoted()) {
+        let quoted = self.quoted(ThemeStyles::none());
+        if let Some(text) = quoted.filter(|text| !text.contains(is_unprintable)) {
             let coloured = coloured && std::env::var_os("NO_COLOR").is_none();
-            let styles = if coloured {
-                ThemeStyles::ansi()
-            } else {
-                ThemeStyles::none()
-            };
-            let characters = ThemeCharacters {
-                error: "error:".into(),
-                underbar: '^',
-                ..ThemeCharacters::ascii()
-            };
-            let theme = GraphicalTheme { characters, styles };
-            let mut text = String::new();
-            let handler = GraphicalReportHandler::new_themed(theme).with_width(120);
-            if handler.render_report(&mut text, input.as_ref()).is_ok() {
-                return text.trim_start().to_owned();
-            }
+            let colours = coloured.then(|| self.quoted(ThemeStyles::ansi())).flatten();
+            return colours.unwrap_or(text);
         }
         let place = self.place().map_or(String::new(), |place| {
             format!("\n  at {}:{}:{}", place.file, place.line, place.column)
@@ -132,21 +110,40 @@ impl CliError {
             .help
             .as_ref()
             .map_or(String::new(), |help| format!("\n  help: {help}"));
-        printable(&format!("error: {}{place}{help}", self.message))
+        printable(&format!("error: {}{place}{help}", self.message)).into_owned()
     }
 
-    /// Whether the lines around the place are fit for a terminal. A line of megabytes would bury the message (and miette
-    /// counts columns in 16 bits); control characters could do anything.
+    /// With the lines around the place; none where there is no place, or the lines are not fit for a terminal.
+    fn quoted(&self, styles: ThemeStyles) -> Option<String> {
+        let input = self.input.as_ref().filter(|_| self.can_be_quoted())?;
+        let characters = ThemeCharacters {
+            error: "error:".into(),
+            underbar: '^',
+            ..ThemeCharacters::ascii()
+        };
+        let theme = GraphicalTheme { characters, styles };
+        let handler = GraphicalReportHandler::new_themed(theme).with_width(120);
+        let mut text = String::new();
+        handler.render_report(&mut text, input.as_ref()).ok()?;
+        // Lines may end as those of other systems.
+        Some(text.trim_start().replace('\r', ""))
+    }
+
+    /// Whether the message and the lines around the place are fit for a terminal. A line of megabytes would bury the message (and
+    /// miette counts columns in 16 bits); control characters could do anything.
     fn can_be_quoted(&self) -> bool {
-        let context = self.input.as_ref().and_then(|input| {
+        let shown = self.input.as_ref().and_then(|input| {
             let label = input.labels()?.next()?;
             let contents = input.source_code()?.read_span(label.inner(), 1, 1).ok()?;
-            Some(String::from_utf8_lossy(contents.data()).into_owned())
+            let lines = String::from_utf8_lossy(contents.data()).into_owned();
+            let words = [label.label().unwrap_or_default(), contents.name().unwrap_or_default()];
+            Some((lines, words.concat()))
         });
-        let lines = context.as_deref().unwrap_or_default();
-        lines.lines().all(|line| line.len() <= LONGEST_LINE)
-            && !lines.contains(unprintable)
-            && !self.message.contains(unprintable)
+        let (lines, words) = shown.unwrap_or_default();
+        let help = self.help.as_deref().unwrap_or_default();
+        // The ends of lines of other systems are not among what is shown.
+        let shown: [&str; 4] = [&lines.replace("\r\n", "\n"), &words, help, &self.message];
+        lines.lines().all(|line| line.len() <= LONGEST_LINE) && !shown.iter().any(|text| text.contains(is_unprintable))
     }
 
     /// For programs.
@@ -197,10 +194,14 @@ impl CliError {
 impl From<StoreError> for CliError {
     fn from(error: StoreError) -> Self {
         let message = error.to_string();
-        match &error {
+        match error {
+            StoreError::Output(error) => error.into(),
             e if e.is_damage() => Self::new(Exit::Damaged, message)
                 .help("`deaflow fsck` tells what else is damaged; `deaflow run` builds it again"),
+            StoreError::Marker { .. } => Self::new(Exit::Damaged, message)
+                .help("`deaflow fsck --repair` writes it anew and keeps all else as it is"),
             StoreError::Format { .. }
+            | StoreError::Foreign { .. }
             | StoreError::NotAStore { .. }
             | StoreError::NoStore { .. }
             | StoreError::PathNotUtf8 { .. } => Self::bad_input(message),
@@ -246,14 +247,28 @@ impl From<ReportError> for CliError {
     fn from(error: ReportError) -> Self {
         match error {
             ReportError::Store(error) => error.into(),
+            ReportError::Output(error) => error.into(),
             other => Self::failure(other.to_string()),
+        }
+    }
+}
+
+impl From<OutputError> for CliError {
+    fn from(error: OutputError) -> Self {
+        match error {
+            OutputError::Io { .. } => Self::failure(error.to_string()),
+            _ => Self::bad_input(error.to_string())
+                .help("-o names a new file, a regular one to be replaced, or a link to one"),
         }
     }
 }
 
 impl From<FigureError> for CliError {
     fn from(error: FigureError) -> Self {
-        Self::failure(error.to_string())
+        match error {
+            FigureError::Output(error) => error.into(),
+            other => Self::failure(other.to_string()),
+        }
     }
 }
 

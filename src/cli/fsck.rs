@@ -24,16 +24,20 @@ pub struct FsckArguments {
 
 pub fn execute(arguments: &FsckArguments, output: &Output) -> Result<Exit, CliError> {
     let folder = arguments.store.folder();
-    let store = match arguments.repair {
-        true => locate::of_folder(Store::open_alone(&folder))?,
-        false => locate::existing_store(&folder)?,
+    let (marker, store) = match arguments.repair {
+        true => (
+            locate::of_folder(Store::repair_marker(&folder))?,
+            locate::of_folder(Store::open_alone(&folder))?,
+        ),
+        false => (None, locate::existing_store(&folder)?),
     };
     let bar = Bar::new("fsck", "files", 0);
     let progress = |done, total| bar.set(done, total);
-    let report = match arguments.repair {
+    let mut report = match arguments.repair {
         true => store.repair(&progress)?,
         false => store.fsck(&progress)?,
     };
+    report.damaged.splice(..0, marker);
     bar.finish("checked");
     if output.is_json() {
         output.document(&document(&report))?;

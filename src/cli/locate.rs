@@ -16,8 +16,8 @@ pub fn existing_store(path: &Path) -> Result<Store, CliError> {
     of_folder(Store::open_existing(path))
 }
 
-/// A store that was looked for in a folder, or what to do where there is none.
-pub fn of_folder(opened: Result<Store, StoreError>) -> Result<Store, CliError> {
+/// What was looked for in the folder of a store, or what to do where there is none.
+pub fn of_folder<T>(opened: Result<T, StoreError>) -> Result<T, CliError> {
     opened.map_err(|error| match error {
         StoreError::NoStore { .. } => {
             CliError::from(error).help("name it with --store or DEAFLOW_STORE; `deaflow run` makes one")

@@ -26,6 +26,7 @@ mod run;
 mod schema;
 mod screen;
 mod show;
+mod signals;
 mod simulate;
 mod solve;
 mod statistics;
@@ -46,6 +47,7 @@ pub use output::Exit;
 
 /// Runs a command line and says how it ended.
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> Exit {
+    signals::prepare();
     let arguments: Vec<OsString> = arguments.into_iter().collect();
     match Cli::try_parse_from(&arguments) {
         Ok(cli) => {
@@ -58,9 +60,12 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> Exit {
     }
 }
 
+/// Started here, since a pool that starts by itself panics where the system has no more threads to give.
 fn start_threads(jobs: Option<u16>) -> Result<(), CliError> {
-    let Some(jobs) = jobs else { return Ok(()) };
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(usize::from(jobs));
-    pool.build_global()
-        .map_err(|e| CliError::failure(format!("cannot start {jobs} threads: {e}")))
+    // Zero stands for one per core.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(usize::from(jobs.unwrap_or(0)));
+    pool.build_global().map_err(|e| {
+        let threads = jobs.map_or("one thread per core".to_owned(), |jobs| format!("{jobs} threads"));
+        CliError::failure(format!("cannot start {threads}: {e}")).help("--jobs N asks for fewer")
+    })
 }

@@ -8,6 +8,7 @@ use serde::Serialize;
 use serde_json::json;
 
 use super::error::CliError;
+use crate::base::{is_unprintable, printable, printable_json};
 
 /// How a command ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -73,8 +74,7 @@ impl Output {
         if text.is_empty() {
             return Ok(());
         }
-        let mut out = io::stdout().lock();
-        Ok(writeln!(out, "{}", text.trim_end_matches('\n')).and_then(|()| out.flush())?)
+        Self::print(&printable(text))
     }
 
     /// Prints the document.
@@ -83,7 +83,13 @@ impl Output {
     /// When stdout refuses.
     pub fn document(&self, document: &impl Serialize) -> Result<(), CliError> {
         let text = serde_json::to_string_pretty(document).map_err(io::Error::from)?;
-        self.text(&text)
+        Self::print(&printable_json(&text))
+    }
+
+    /// The only way to stdout.
+    fn print(text: &str) -> Result<(), CliError> {
+        let mut out = io::stdout().lock();
+        Ok(writeln!(out, "{}", text.trim_end_matches('\n')).and_then(|()| out.flush())?)
     }
 
     /// Reports how a command ended.
@@ -98,21 +104,22 @@ impl Output {
             self.complain(&error.render(false));
             return Exit::Failure;
         }
-        self.complain(&error.render(io::stderr().is_terminal()));
+        // Its colours are for the terminal; that nothing else in it is, `render` sees to.
+        write_line(&error.render(io::stderr().is_terminal()));
         error.exit()
     }
 
     /// Reports an error beside a document that has been printed already.
     pub fn complain(&self, text: &str) {
-        // There is nowhere left to say that stderr is closed.
-        let _ = writeln!(io::stderr().lock(), "{}", text.trim_end_matches('\n'));
+        tell(text);
     }
 
     /// Reports what clap has to say: an error of usage, or the help that was asked for.
     pub fn usage(&self, error: &clap::Error) -> Exit {
         let asked_for = !error.use_stderr();
-        if self.json && !asked_for {
-            let text = error.render().to_string();
+        let text = error.render().to_string();
+        // What is quoted may be the name of a file that somebody else gave it.
+        if !asked_for && (self.json || text.contains(is_unprintable)) {
             let text = text.trim().trim_start_matches("error: ");
             return self.end(Err(CliError::bad_input(text)));
         }
@@ -122,4 +129,15 @@ impl Output {
             _ => Exit::BadInput,
         }
     }
+}
+
+/// Writes lines to stderr for whoever watches.
+pub fn tell(text: &str) {
+    write_line(&printable(text));
+}
+
+/// The only way to stderr, but for a bar of progress.
+fn write_line(text: &str) {
+    // There is nowhere left to say that stderr is closed.
+    let _ = writeln!(io::stderr().lock(), "{}", text.trim_end_matches('\n'));
 }

@@ -2,14 +2,15 @@
 //! every ten seconds, and when it ends; for programs every event as a line of JSON.
 
 use std::fmt;
-use std::io::{self, IsTerminal, Write};
+use std::io::{self, IsTerminal};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 
+use super::output::tell;
 use super::table;
-use crate::base::Progress;
+use crate::base::{Progress, printable, printable_json};
 use crate::orchestrator::{Event, Outcome, StageReport};
 
 /// Time between two plain lines.
@@ -60,7 +61,7 @@ impl Bar {
         let form = if terminal {
             let bar = ProgressBar::new(length)
                 .with_style(style())
-                .with_prefix(name.to_owned());
+                .with_prefix(printable(name).into_owned());
             bar.enable_steady_tick(Duration::from_millis(200));
             Form::Terminal(bar)
         } else {
@@ -101,7 +102,7 @@ impl Bar {
         if let Form::Terminal(bar) = &self.form {
             bar.finish_and_clear();
         }
-        line(&format!("{}: {outcome}", self.name));
+        tell(&format!("{}: {outcome}", self.name));
     }
 
     fn say_now_and_then(&self, plain: &mut Plain) {
@@ -119,7 +120,7 @@ impl Bar {
         if !plain.note.is_empty() {
             text += &format!(", {}", plain.note);
         }
-        line(&text);
+        tell(&text);
     }
 }
 
@@ -151,7 +152,7 @@ impl Progress for Bar {
 
     fn note(&self, text: &str) {
         match &self.form {
-            Form::Terminal(bar) => bar.set_message(text.to_owned()),
+            Form::Terminal(bar) => bar.set_message(printable(text).into_owned()),
             Form::Plain(plain) => text.clone_into(&mut locked(plain).note),
         }
     }
@@ -175,8 +176,10 @@ impl RunProgress {
     /// Shows an event.
     pub fn tell(&self, event: &Event) {
         match (self.shown, event) {
-            (Shown::Json, _) => line(&serde_json::to_string(event).unwrap_or_else(|error| error.to_string())),
-            (_, Event::Warning { text }) => line(&format!("warning: {text}")),
+            (Shown::Json, _) => tell(&printable_json(
+                &serde_json::to_string(event).unwrap_or_else(|error| error.to_string()),
+            )),
+            (_, Event::Warning { text }) => tell(&format!("warning: {text}")),
             (Shown::Warnings, _) => {}
             (Shown::Bars | Shown::Lines, _) => self.show(event),
         }
@@ -199,7 +202,7 @@ impl RunProgress {
                 if price.is_some() {
                     text += &format!(": {}", table::price(price.as_ref(), *unpriced));
                 }
-                line(&text);
+                tell(&text);
             }
             Event::StageStarted {
                 name,
@@ -212,7 +215,7 @@ impl RunProgress {
                 if !terminal {
                     let price =
                         price.map_or_else(String::new, |price| format!(", about {}", table::time(&price.seconds)));
-                    line(&format!("{name}: {} to do ({why}){price}", counted(*steps, unit(kind))));
+                    tell(&format!("{name}: {} to do ({why}){price}", counted(*steps, unit(kind))));
                 }
                 *current = Some(Bar::on(terminal, name, unit(kind), *steps));
             }
@@ -225,7 +228,7 @@ impl RunProgress {
             | Event::StageFailed(report)
             | Event::StageSkipped(report) => match current.take() {
                 Some(bar) => bar.finish(&ended(report)),
-                None => line(&format!("{}: {}", report.name, ended(report))),
+                None => tell(&format!("{}: {}", report.name, ended(report))),
             },
         }
     }
@@ -290,11 +293,6 @@ fn rate(per_second: f64) -> String {
 /// A panic in another thread must not silence the rest of the run.
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-fn line(text: &str) {
-    // Progress that cannot be shown is no reason to stop the work.
-    let _ = writeln!(io::stderr().lock(), "{text}");
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! `deaflow report`: one page that tells what a pipeline found, and its designs as files.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use serde_json::json;
@@ -10,7 +10,7 @@ use super::error::CliError;
 use super::locate;
 use super::neglected::neglected;
 use super::output::{Exit, Output};
-use super::run;
+use super::{run, write};
 use crate::orchestrator::{Environment, plan};
 use crate::report::{History, write_report};
 
@@ -43,7 +43,8 @@ pub fn execute(arguments: &ReportArguments, output: &Output) -> Result<Exit, Cli
     let names: Vec<&str> = stages.iter().map(|stage| stage.name.as_str()).collect();
     history.neglected = neglected(&pipeline, &names).map_err(|e| CliError::bad_input(e.to_string()))?;
     check(&history, arguments)?;
-    check_folder(&arguments.output)?;
+    // What cannot be written is found before the report is made.
+    write::folder(&arguments.output)?;
     let written = write_report(&store, &history, &arguments.output)?;
     let missing: Vec<&str> = history.missing().iter().map(|stage| stage.name.as_str()).collect();
     if output.is_json() {
@@ -93,11 +94,4 @@ fn check(history: &History, arguments: &ReportArguments) -> Result<(), CliError>
         true => build,
         false => format!("{build}; `--partial` reports what is there"),
     }))
-}
-
-/// What cannot be written is found before the report is made.
-fn check_folder(path: &Path) -> Result<(), CliError> {
-    let failed = |e: std::io::Error| CliError::failure(format!("cannot write {}: {e}", path.display()));
-    std::fs::create_dir_all(path).map_err(failed)?;
-    tempfile::tempfile_in(path).map(drop).map_err(failed)
 }

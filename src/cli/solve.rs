@@ -12,7 +12,7 @@ use super::error::CliError;
 use super::output::{Exit, Output};
 use super::progress::Bar;
 use super::simulate::{self, Answer};
-use super::{path, table};
+use super::{path, table, write};
 use crate::base::Quantity;
 use crate::fem::{MeshRequest, Method, SolveOptions, SolverParameters};
 use crate::field::{Mesh, Order};
@@ -119,19 +119,6 @@ pub fn check_output(arguments: &PatternArguments, other: &str) -> Result<(), Cli
 /// The same for a file that is written beside the one that `-o` names.
 pub fn check_file(path: &Path, arguments: &PatternArguments, other: &str) -> Result<(), CliError> {
     let shown = path.display();
-    let folder = path
-        .parent()
-        .filter(|p| !p.as_os_str().is_empty())
-        .unwrap_or(Path::new("."));
-    if path.is_dir() || path.file_name().is_none() {
-        return Err(CliError::bad_input(format!("{shown} is a folder")).help("-o names the file to write"));
-    }
-    if !folder.is_dir() {
-        return Err(CliError::bad_input(format!(
-            "no folder {} to write in",
-            folder.display()
-        )));
-    }
     let inputs = arguments.patterns.iter().map(String::as_str).chain([other]);
     if inputs.flat_map(files_named).any(|input| is_same_file(&input, path)) {
         return Err(
@@ -139,10 +126,7 @@ pub fn check_file(path: &Path, arguments: &PatternArguments, other: &str) -> Res
                 .help("-o must name another file"),
         );
     }
-    // Created and removed again: permissions alone do not tell whether a folder can be written in.
-    tempfile::tempfile_in(folder)
-        .map(drop)
-        .map_err(|e| CliError::failure(format!("cannot write in {}: {e}", folder.display())))
+    write::check_file(path)
 }
 
 /// The files that an argument may mean: itself, and what stands before each colon (`FILE.h5:/dataset`, `PIPELINE:STAGE`).

@@ -1,25 +1,31 @@
-//! Writes a file that is no HDF5 file.
+//! Writes a file that is no HDF5 file, and looks beforehand whether one can be written.
 
-use std::io::Write;
 use std::path::Path;
 
 use super::error::CliError;
+use crate::base::{OutputFile, output_folder, write_output};
 
 /// Writes bytes as a file that appears complete or not at all.
 ///
 /// # Errors
-/// When the folder does not exist, or cannot be written in.
+/// When something is there that is not to be replaced, the folder does not exist, or the system refuses.
 pub fn file(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
-    let folder = path
-        .parent()
-        .filter(|p| !p.as_os_str().is_empty())
-        .unwrap_or(Path::new("."));
-    let failed = |e: std::io::Error| CliError::failure(format!("cannot write {}: {e}", path.display()));
-    let mut file = tempfile::NamedTempFile::new_in(folder).map_err(failed)?;
-    file.write_all(bytes).map_err(failed)?;
-    // Temporary files are private to their owner; these are for everybody who may read the folder.
-    let readable = std::os::unix::fs::PermissionsExt::from_mode(0o644);
-    file.as_file().set_permissions(readable).map_err(failed)?;
-    file.persist(path).map_err(|e| failed(e.error))?;
-    Ok(())
+    Ok(write_output(path, bytes)?)
+}
+
+/// What cannot be written has to be known before hours of work, not after.
+///
+/// # Errors
+/// As [`file`].
+pub fn check_file(path: &Path) -> Result<(), CliError> {
+    // Created and removed again: permissions alone do not tell whether a folder can be written in.
+    Ok(output_folder(OutputFile::at(path)?.folder())?)
+}
+
+/// Makes a folder for several files, or sees that they can be written there.
+///
+/// # Errors
+/// When something else is there, or the system refuses.
+pub fn folder(path: &Path) -> Result<(), CliError> {
+    Ok(output_folder(path)?)
 }

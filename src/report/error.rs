@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use super::drawing::FigureError;
-use crate::base::ArtifactId;
+use crate::base::{ArtifactId, OutputError};
 use crate::store::StoreError;
 
 /// A figure or summary that could not be made.
@@ -23,8 +23,11 @@ pub enum ReportError {
         reason: String,
     },
     /// A file of a report cannot be written.
-    #[error("cannot write {path}: {source}", path = path.display())]
-    Write {
+    #[error(transparent)]
+    Output(#[from] OutputError),
+    /// A file of an earlier report cannot be replaced.
+    #[error("cannot replace {path}: {source}", path = path.display())]
+    Replace {
         /// Which.
         path: PathBuf,
         /// Why.

@@ -3,6 +3,7 @@
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::drawing::{Chart, DRAWING_STYLE, PAGE_STYLE};
+use crate::base::printable;
 
 /// A page.
 pub struct Page {
@@ -197,7 +198,7 @@ impl Page {
                 }
             }
         };
-        page.into_string()
+        printable(&page.into_string()).into_owned()
     }
 
     /// The list of contents; empty where there are no sections.

@@ -1,7 +1,7 @@
 //! What a run of a pipeline found: as JSON, in words, and as figures.
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value, json};
 
@@ -11,6 +11,7 @@ use super::format::{figure_name, file_name};
 use super::kinds::PRESENTERS;
 use super::presenter::{DrawFigure, Presenter, Results};
 use super::warnings::warnings;
+use crate::base::leads_nowhere_at;
 
 /// What a run found.
 pub struct RunResults {
@@ -99,7 +100,7 @@ pub fn draw_figures(
         let path = |figure: &str| folder.join(figure_name(&stage.stage, &stage.digest.to_string(), figure));
         let figures = presenter.map_or(&[][..], |presenter| presenter.figures());
         let wanted: Vec<(PathBuf, DrawFigure)> = figures.iter().map(|(name, draw)| (path(name), *draw)).collect();
-        if wanted.iter().any(|(path, _)| !path.exists()) {
+        if wanted.iter().any(|(path, _)| is_missing(path)) {
             fs::create_dir_all(&folder).map_err(|source| ReportError::Folder {
                 path: folder.clone(),
                 source,
@@ -120,6 +121,11 @@ fn draw(run: &RunArtifacts<'_>, stage: &Made, wanted: &[(PathBuf, DrawFigure)]) 
         artifact: &run.store.artifact(&stage.digest)?,
         run: run.made,
     };
-    let missing = wanted.iter().filter(|(path, _)| !path.exists());
+    let missing = wanted.iter().filter(|(path, _)| is_missing(path));
     missing.into_iter().try_for_each(|(path, draw)| draw(path, &source))
+}
+
+/// Whether a figure has to be drawn. A link that leads nowhere is passed over: it is not ours.
+fn is_missing(figure: &Path) -> bool {
+    !figure.exists() && !leads_nowhere_at(figure)
 }

@@ -1,5 +1,6 @@
 //! The files of a report: the page, the table of designs, and each pattern.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -8,6 +9,7 @@ use super::designs::{Design, Found, designs, role_word};
 use super::error::ReportError;
 use super::history::History;
 use super::page::report_page;
+use crate::base::{OutputFile, read_bounded};
 use crate::store::Store;
 
 /// The columns of the table of designs.
@@ -30,6 +32,9 @@ pub const COLUMNS: [&str; 17] = [
     "ratio_to_optimum",
     "pattern_file",
 ];
+
+/// A table of a million designs takes less, bytes.
+const LONGEST_TABLE: u64 = 1 << 30;
 
 /// Cells along one side of a pattern.
 const CELLS: usize = 50;
@@ -59,19 +64,32 @@ pub fn write_report(store: &Store, history: &History, folder: &Path) -> Result<W
     let page = report_page(&run, history, &designs)?;
     let (path, data) = (folder.join("index.html"), folder.join("data"));
     let (table, patterns) = (data.join("designs.csv"), data.join("patterns"));
-    forget(&table, &data)?;
+    // What is in the way is found before anything of an earlier report goes.
+    let page_file = OutputFile::at(&path)?;
+    let of_design = |design: &Design| data.join(design.pattern_file());
+    let earlier = earlier_files(&table, &data);
     let mut written = Vec::new();
     if !designs.is_empty() {
         fs::create_dir_all(&patterns).map_err(failed(&patterns))?;
-        for design in &designs {
-            let path = data.join(design.pattern_file());
-            fs::write(&path, pattern_text(&design.pattern)).map_err(failed(&path))?;
-            written.push(path);
+        let table_file = OutputFile::at(&table)?;
+        let files: Result<Vec<_>, _> = designs
+            .iter()
+            .map(|design| OutputFile::at(&of_design(design)))
+            .collect();
+        for (design, file) in designs.iter().zip(files?) {
+            file.write(pattern_text(&design.pattern).as_bytes())?;
+            written.push(of_design(design));
         }
-        fs::write(&table, table_text(&designs).map_err(failed(&table))?).map_err(failed(&table))?;
+        table_file.write(&table_text(&designs).map_err(failed(&table))?)?;
+        written.push(table.clone());
     }
+    let stale = earlier.iter().filter(|path| !written.contains(path));
+    stale
+        .into_iter()
+        .try_for_each(|path| fs::remove_file(path).map_err(failed(path)))?;
+    written.retain(|path| *path != table);
     // The page last: where it stands, what it stands for does too.
-    fs::write(&path, page).map_err(failed(&path))?;
+    page_file.write(page.as_bytes())?;
     Ok(Written {
         page: path,
         designs: (!designs.is_empty()).then_some(table),
@@ -96,31 +114,29 @@ impl Written {
 }
 
 fn failed(path: &Path) -> impl Fn(io::Error) -> ReportError + '_ {
-    |source| ReportError::Write {
+    |source| ReportError::Replace {
         path: path.to_owned(),
         source,
     }
 }
 
-/// Removes the table of an earlier report and the patterns that it names: what else is in the folder is not ours.
-fn forget(table: &Path, data: &Path) -> Result<(), ReportError> {
-    let Ok(text) = fs::read(table) else {
-        return Ok(());
+/// The table of an earlier report and the patterns that it names: what else is in the folder is not ours.
+fn earlier_files(table: &Path, data: &Path) -> Vec<PathBuf> {
+    let Ok(text) = read_bounded(table, LONGEST_TABLE) else {
+        return Vec::new();
     };
     let mut reader = csv::Reader::from_reader(text.as_slice());
     let ours = reader.headers().is_ok_and(|header| header.iter().eq(COLUMNS));
     if !ours {
-        return Ok(());
+        return Vec::new();
     }
-    for record in reader.records().flatten() {
-        let name = record.get(COLUMNS.len() - 1).unwrap_or_default();
+    let pattern = |record: csv::StringRecord| {
+        let name = record.get(COLUMNS.len() - 1)?;
         let plain = name.strip_prefix("patterns/").is_some_and(|name| !name.contains('/'));
-        let path = data.join(name);
-        if plain && path.is_file() {
-            fs::remove_file(&path).map_err(failed(&path))?;
-        }
-    }
-    fs::remove_file(table).map_err(failed(table))
+        Some(data.join(name)).filter(|path| plain && path.is_file())
+    };
+    let patterns: BTreeSet<PathBuf> = reader.records().flatten().filter_map(pattern).collect();
+    patterns.into_iter().chain([table.to_owned()]).collect()
 }
 
 /// 50 lines of 50 values, the first line at the lower edge.
@@ -220,12 +236,10 @@ mod tests {
             .unwrap()
             .replace("patterns/I-centre-ga.csv", "patterns/../precious.csv");
         fs::write(&table, text).unwrap();
-        forget(&table, data).unwrap();
-        assert!(!own.exists() && !table.exists());
+        assert_eq!(earlier_files(&table, data), [own, table.clone()]);
         assert!(other.exists() && data.join("precious.csv").exists());
 
         fs::write(&table, "a,b\n1,patterns/mine.csv\n").unwrap();
-        forget(&table, data).unwrap();
-        assert!(table.exists() && other.exists());
+        assert_eq!(earlier_files(&table, data), [] as [PathBuf; 0]);
     }
 }

@@ -33,8 +33,13 @@ impl Artifact {
     /// # Errors
     /// When it is not an artifact, or damaged.
     pub fn open(path: &Path) -> Result<Self, StoreError> {
-        let header = Header::read(path)?;
-        Self::load(path.to_owned(), header.content, Arc::default())
+        // Its chunks are looked for beside the file and not beside a link to it.
+        let path = match path.is_symlink() {
+            true => std::fs::canonicalize(path).map_err(StoreError::io("open", path))?,
+            false => path.to_owned(),
+        };
+        let header = Header::read(&path)?;
+        Self::load(path, header.content, Arc::default())
     }
 
     /// Whether the file at `path` is meant for an artifact.

@@ -4,11 +4,8 @@
 //! may point to missing bytes after a crash, without the second the name itself may be lost.
 
 use std::fs::{self, File};
-use std::io::{self, Write};
-use std::os::unix::fs::PermissionsExt;
+use std::io::Write;
 use std::path::Path;
-
-use tempfile::NamedTempFile;
 
 use super::error::StoreError;
 
@@ -51,14 +48,6 @@ fn place(temporary: &Path, target: &Path) -> Result<(), StoreError> {
         sync_folder(folder.parent().unwrap_or(Path::new(".")))?;
     }
     fs::rename(temporary, target).map_err(StoreError::io("write", target))
-}
-
-/// An empty file with a random name, removed when dropped. Who may read it is for the user's mask to say, as with any other
-/// file.
-pub fn temporary_file(folder: &Path) -> io::Result<NamedTempFile> {
-    tempfile::Builder::new()
-        .permissions(fs::Permissions::from_mode(0o666))
-        .tempfile_in(folder)
 }
 
 /// Makes the names in a folder survive a crash of the machine.

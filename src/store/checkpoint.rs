@@ -19,10 +19,10 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
 use super::atomic;
+use super::entries::{files_in_optional, is_folder, is_hidden};
 use super::error::StoreError;
-use super::layout::{files_in_optional, is_hidden};
 use super::open::Store;
-use crate::base::{ActionKey, Digest, open_regular};
+use crate::base::{ActionKey, Digest, open_own};
 
 const TITLE: &str = "deaflow-checkpoint 1";
 
@@ -57,7 +57,9 @@ impl Store {
         let body = [origin(key, name, build).as_bytes(), content].concat();
         let head = format!("{TITLE}\n{}\n", Digest::of(&body));
         let temporary = self.temporary_file()?;
-        let target = self.layout.checkpoints_of(key).join(name);
+        let folder = self.layout.checkpoints_of(key);
+        self.clear_folder(&folder)?;
+        let target = folder.join(name);
         atomic::write(&temporary, &target, &[head.as_bytes(), &body].concat())
     }
 
@@ -119,11 +121,14 @@ pub(super) fn check(path: &Path) -> Result<(), StoreError> {
     body(path).map(|_| ())
 }
 
-/// Removes a folder of checkpoints. Nothing happens where there is none.
+/// Removes a folder of checkpoints. Nothing happens where there is none, or a link in its place.
 ///
 /// # Errors
 /// When the system refuses.
 pub(super) fn remove(folder: &Path) -> Result<(), StoreError> {
+    if !is_folder(folder) {
+        return Ok(());
+    }
     match fs::remove_dir_all(folder) {
         Err(error) if error.kind() != ErrorKind::NotFound => Err(StoreError::io("remove", folder)(error)),
         _ => Ok(()),
@@ -137,7 +142,7 @@ fn origin(key: &ActionKey, name: &str, build: &str) -> String {
 /// All that the digest covers; none where there is no such file.
 fn body(path: &Path) -> Result<Option<Vec<u8>>, StoreError> {
     let mut bytes = Vec::new();
-    let read = open_regular(path).and_then(|mut file| std::io::Read::read_to_end(&mut file, &mut bytes));
+    let read = open_own(path).and_then(|mut file| std::io::Read::read_to_end(&mut file, &mut bytes));
     match read {
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
         Err(error) if error.kind() == ErrorKind::InvalidInput => {
@@ -155,7 +160,7 @@ fn body(path: &Path) -> Result<Option<Vec<u8>>, StoreError> {
 }
 
 fn key_of(path: &Path) -> Option<ActionKey> {
-    path.file_name()?.to_str()?.parse().ok().filter(|_| path.is_dir())
+    path.file_name()?.to_str()?.parse().ok().filter(|_| is_folder(path))
 }
 
 fn weigh(key: ActionKey, path: PathBuf) -> Result<Checkpoints, StoreError> {
@@ -167,7 +172,7 @@ fn weigh(key: ActionKey, path: PathBuf) -> Result<Checkpoints, StoreError> {
     };
     for file in files_in_optional(&checkpoints.path)? {
         // It may be replaced just now.
-        if let Ok(metadata) = fs::metadata(&file) {
+        if let Ok(metadata) = fs::symlink_metadata(&file) {
             checkpoints.size += metadata.len();
             checkpoints.written = checkpoints.written.max(metadata.modified().ok());
         }
@@ -179,7 +184,7 @@ fn weigh(key: ActionKey, path: PathBuf) -> Result<Checkpoints, StoreError> {
 mod tests {
     use super::*;
     use crate::store::Retention;
-    use crate::store::layout::files_in;
+    use crate::store::entries::files_in;
 
     fn store() -> (tempfile::TempDir, Store) {
         let folder = tempfile::tempdir().unwrap();

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::atomic;
 use super::error::StoreError;
 use super::open::Store;
-use crate::base::read_bounded;
+use crate::base::read_own;
 
 /// When the file is longer than this, the older half of its lines goes, bytes.
 const LONG: usize = 1 << 20;
@@ -91,7 +91,7 @@ impl Store {
     fn cost_lines(&self) -> Vec<u8> {
         let path = self.layout.costs();
         // Nothing, or nothing that this program wrote, or nothing that can be read: no run fails for want of a price.
-        read_bounded(&path, 4 * LONG as u64).unwrap_or_default()
+        read_own(&path, 4 * LONG as u64).unwrap_or_default()
     }
 }
 

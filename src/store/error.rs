@@ -4,7 +4,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::object::ObjectError;
-use crate::base::{ArtifactId, EncodingError};
+use crate::base::{ArtifactId, EncodingError, OutputError};
 
 /// A refusal by the store.
 #[derive(Debug, thiserror::Error)]
@@ -39,6 +39,25 @@ pub enum StoreError {
         found: String,
         /// What it should say.
         known: &'static str,
+    },
+    /// The marker of the store is not what was written.
+    #[error("{path} is damaged: {reason}", path = path.display())]
+    Marker {
+        /// The marker file.
+        path: PathBuf,
+        /// How that shows.
+        reason: String,
+    },
+    /// Something else stands in the place of a folder or a lock of the store.
+    #[error("{path} is {found} and not {wanted} of the store: move it away, or name another --store; nothing was touched",
+        path = path.display())]
+    Foreign {
+        /// Where it stands.
+        path: PathBuf,
+        /// What it is.
+        found: &'static str,
+        /// What it should be.
+        wanted: &'static str,
     },
     /// A folder that holds something else, or no folder.
     #[error("{path} holds something else than an artifact store: name an empty or a new folder with --store", path = path.display())]
@@ -126,6 +145,9 @@ pub enum StoreError {
         /// How.
         reason: String,
     },
+    /// A file that was asked for by name cannot be written.
+    #[error(transparent)]
+    Output(#[from] OutputError),
     /// Content that cannot be an artifact.
     #[error(transparent)]
     Object(#[from] ObjectError),
@@ -140,6 +162,13 @@ pub enum StoreError {
 /// The number of the system's refusal, where HDF5 reports one among addresses and counters.
 fn errno(message: &str) -> Option<i32> {
     message.split("errno = ").nth(1)?.split(',').next()?.trim().parse().ok()
+}
+
+/// Where HDF5 had no memory: that says nothing of the file.
+fn out_of_memory(message: &str) -> Option<io::Error> {
+    let says = |words: &&str| message.contains(*words);
+    let short = ["memory allocation failed", "No space available for allocation"];
+    short.iter().any(says).then(|| io::ErrorKind::OutOfMemory.into())
 }
 
 impl StoreError {
@@ -160,12 +189,9 @@ impl StoreError {
         let path = path.to_owned();
         move |error| {
             let (path, message) = (path.clone(), error.to_string());
-            match errno(&message) {
-                Some(number) => Self::Io {
-                    action,
-                    path,
-                    source: io::Error::from_raw_os_error(number),
-                },
+            let refused = errno(&message).map(io::Error::from_raw_os_error);
+            match refused.or_else(|| out_of_memory(&message)) {
+                Some(source) => Self::Io { action, path, source },
                 None => Self::Hdf5 { action, path, message },
             }
         }

@@ -9,9 +9,10 @@ use std::sync::Arc;
 
 use super::artifact::Artifact;
 use super::checkpoint;
+use super::entries::{files, files_in, is_hidden, is_temporary};
 use super::error::StoreError;
 use super::history;
-use super::layout::{files, files_in};
+use super::links::links;
 use super::open::Store;
 use super::record::{self, Lookup};
 use crate::base::{ArtifactId, FileDigest};
@@ -139,9 +140,7 @@ impl Store {
         }
         self.check_runs(&mut report)?;
         self.check_checkpoints(&mut report)?;
-        report.strays.extend(self.stray_pins()?);
-        report.strays.extend(self.stray_lock_files()?);
-        report.unfinished = files_in(&self.layout.temporary())?.len() as u64;
+        self.check_strays(&mut report)?;
         progress(total, total);
         Ok(report)
     }
@@ -161,10 +160,7 @@ impl Store {
                 report.repaired.push(path.clone());
             }
             // A manifest that goes leaves a record behind that promises it.
-            let digest = path
-                .file_stem()
-                .and_then(|stem| stem.to_str()?.parse::<ArtifactId>().ok());
-            gone.extend(digest.filter(|digest| self.layout.object(digest) == path));
+            gone.extend(self.layout.artifact_at(&path));
             if open.is_empty() {
                 open = self.records_of(&std::mem::take(&mut gone))?;
             }
@@ -195,11 +191,7 @@ impl Store {
         sound: &mut BTreeMap<ArtifactId, Sound>,
         report: &mut Report,
     ) -> Result<(), StoreError> {
-        let name = path
-            .file_stem()
-            .and_then(|stem| stem.to_str())
-            .and_then(|stem| stem.parse().ok());
-        let Some(digest) = name.filter(|digest| self.layout.object(digest) == path) else {
+        let Some(digest) = self.layout.artifact_at(path) else {
             report.strays.push(path.to_owned());
             return Ok(());
         };
@@ -225,11 +217,7 @@ impl Store {
     }
 
     fn check_record(&self, path: &Path, report: &mut Report) -> Result<Option<record::Record>, StoreError> {
-        let name = path
-            .file_name()
-            .and_then(|name| name.to_str())
-            .and_then(|name| name.parse().ok());
-        let Some(key) = name.filter(|key| self.layout.record(key) == path) else {
+        let Some(key) = self.layout.action_at(path) else {
             report.strays.push(path.to_owned());
             return Ok(None);
         };
@@ -248,6 +236,26 @@ impl Store {
                 self.condemn(&path, "it is not the file of a run".into(), report)?;
             }
         }
+        Ok(())
+    }
+
+    /// What was left where others leave nothing, and links, which are none of ours wherever they are.
+    fn check_strays(&self, report: &mut Report) -> Result<(), StoreError> {
+        let (unfinished, others): (Vec<PathBuf>, Vec<PathBuf>) = files_in(&self.layout.temporary())?
+            .into_iter()
+            .partition(|path| is_temporary(path));
+        report.unfinished = unfinished.len() as u64;
+        // What has gone meanwhile was being written.
+        let is_stray = |path: &PathBuf| !is_hidden(path) && fs::symlink_metadata(path).is_ok();
+        report.strays.extend(others.into_iter().filter(is_stray));
+        report.strays.extend(self.stray_runs()?);
+        report.strays.extend(self.stray_pins()?);
+        report.strays.extend(self.stray_lock_files()?);
+        let mut links = links(&self.layout);
+        report.strays.iter().for_each(|stray| {
+            links.remove(stray);
+        });
+        report.strays.extend(links);
         Ok(())
     }
 

@@ -10,9 +10,9 @@ use std::path::Path;
 use std::time::{Duration, SystemTime};
 
 use super::checkpoint::{self, Checkpoints};
+use super::entries::files;
 use super::error::StoreError;
 use super::history;
-use super::layout::files;
 use super::open::Store;
 use super::record::{self, Lookup};
 use crate::base::{ActionKey, ArtifactId};
@@ -126,10 +126,7 @@ impl Store {
         }
         let mut collection = Collection::default();
         for path in files(&self.layout.objects())? {
-            let name = path.file_stem().and_then(|stem| stem.to_str());
-            let digest = name.and_then(|name| name.parse::<ArtifactId>().ok());
-            // A copy that somebody left beside an artifact is not that artifact.
-            let Some(digest) = digest.filter(|digest| self.layout.object(digest) == path) else {
+            let Some(digest) = self.layout.artifact_at(&path) else {
                 continue;
             };
             let metadata = fs::symlink_metadata(&path).map_err(StoreError::io("read", &path))?;
@@ -285,11 +282,9 @@ impl Store {
     fn known_records(&self) -> Result<Records, StoreError> {
         let mut known = Records::new();
         for path in files(&self.layout.records())? {
-            let key = path
-                .file_name()
-                .and_then(|name| name.to_str())
-                .and_then(|name| name.parse().ok());
-            let Some(key) = key else { continue };
+            let Some(key) = self.layout.action_at(&path) else {
+                continue;
+            };
             if let Lookup::Found(record, _) = record::read(&path, &key)? {
                 known.entry(record.artifact).or_default().push(Known {
                     key,

@@ -10,9 +10,10 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use super::atomic;
+use super::entries::{files_in, is_file, is_hidden};
 use super::error::StoreError;
 use super::open::Store;
-use crate::base::{ActionKey, ArtifactId, Digest, read_bounded};
+use crate::base::{ActionKey, ArtifactId, Digest, read_own};
 
 /// How many runs are remembered.
 const KEPT: usize = 50;
@@ -79,13 +80,13 @@ impl Store {
             .join(format!("{name}-{}.json", Digest::of(&text).short()));
         let folder = self.temporary()?;
         atomic::write(&folder.path().join("run"), &target, &text)?;
-        let mut kept = 0;
-        for path in self.run_files()? {
-            let same = path != target && read(&path)?.is_some_and(|other| other.says_the_same(run));
-            if same || kept >= KEPT {
-                remove(&path)?;
-            } else {
+        let mut kept = 1;
+        for path in self.run_files()?.into_iter().filter(|path| *path != target) {
+            let same = read(&path)?.is_some_and(|other| other.says_the_same(run));
+            if !same && kept < KEPT {
                 kept += 1;
+            } else if is_file(&path) {
+                remove(&path)?;
             }
         }
         Ok(())
@@ -113,15 +114,21 @@ impl Store {
         Ok(runs.iter().find_map(|run| run.stage(stage)).cloned())
     }
 
-    /// Files of runs, newest first, as their names say.
+    /// Files of runs, newest first, as their names say. What is named otherwise is none.
     pub(super) fn run_files(&self) -> Result<Vec<PathBuf>, StoreError> {
-        let folder = self.layout.runs();
-        let mut files = Vec::new();
-        for entry in fs::read_dir(&folder).map_err(StoreError::io("read", &folder))? {
-            files.push(entry.map_err(StoreError::io("read", &folder))?.path());
-        }
+        let named = |path: PathBuf| Some((stamp(path.file_name()?.to_str()?)?, path));
+        let mut files: Vec<_> = files_in(&self.layout.runs())?.into_iter().filter_map(named).collect();
         files.sort_unstable_by(|a, b| b.cmp(a));
-        Ok(files)
+        Ok(files.into_iter().map(|(_, path)| path).collect())
+    }
+
+    /// What lies among the files of runs and is none.
+    pub(super) fn stray_runs(&self) -> Result<Vec<PathBuf>, StoreError> {
+        let is_stray = |path: &PathBuf| {
+            let name = path.file_name().and_then(|name| name.to_str());
+            !is_hidden(path) && name.and_then(stamp).is_none()
+        };
+        Ok(files_in(&self.layout.runs())?.into_iter().filter(is_stray).collect())
     }
 }
 
@@ -131,13 +138,12 @@ fn after_newest(run: &Run, newest_first: &[PathBuf]) -> String {
     let time: String = run.created.chars().map(|c| if c == ':' { '-' } else { c }).collect();
     let named = |path: &PathBuf| stamp(path.file_name()?.to_str()?);
     match newest_first.iter().find_map(named) {
-        // '.' sorts after the '-' that follows a time without a number.
-        Some((newest, number)) if newest >= time => format!("{newest}.{:06}", number + 1),
+        Some((newest, number)) if newest >= time => format!("{newest}.{:06}", number.saturating_add(1)),
         _ => time,
     }
 }
 
-/// Time and number in the name of a run's file; none where it is named otherwise.
+/// Time and number in the name of a run's file: `TIME-DIGEST.json` or `TIME.NUMBER-DIGEST.json`; none where it is named otherwise.
 fn stamp(name: &str) -> Option<(String, u64)> {
     let (time, rest) = name.split_at_checked("2026-01-01T00-00-01.000Z".len())?;
     let form = |(at, c): (usize, char)| match at {
@@ -147,16 +153,19 @@ fn stamp(name: &str) -> Option<(String, u64)> {
         23 => c == 'Z',
         _ => c.is_ascii_digit(),
     };
-    let well_formed = time.chars().enumerate().all(form) && rest.ends_with(".json");
-    let number = rest
-        .strip_prefix('.')
-        .and_then(|rest| rest.split('-').next()?.parse().ok());
-    well_formed.then(|| (time.to_owned(), number.unwrap_or(0)))
+    let (number, digest) = rest.strip_suffix(".json")?.split_once('-')?;
+    let is_digest = digest.len() == 12 && digest.bytes().all(|byte| byte.is_ascii_hexdigit());
+    let number = match number.strip_prefix('.') {
+        Some(digits) => digits.parse().ok()?,
+        None if number.is_empty() => 0,
+        None => return None,
+    };
+    (is_digest && time.chars().enumerate().all(form)).then(|| (time.to_owned(), number))
 }
 
 /// `None` where the file is no run, or another process has just removed it.
 pub(super) fn read(path: &std::path::Path) -> Result<Option<Run>, StoreError> {
-    match read_bounded(path, MAX_BYTES) {
+    match read_own(path, MAX_BYTES) {
         Ok(bytes) => Ok(serde_json::from_slice(&bytes).ok()),
         Err(error)
             if matches!(
@@ -190,5 +199,67 @@ mod hexadecimal {
 
     pub fn deserialize<'de, T: FromStr<Err: Display>, D: Deserializer<'de>>(deserializer: D) -> Result<T, D::Error> {
         String::deserialize(deserializer)?.parse().map_err(D::Error::custom)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn run(created: &str, pipeline: &str) -> Run {
+        Run {
+            pipeline: pipeline.to_owned(),
+            path: "p.yaml".into(),
+            created: created.to_owned(),
+            stages: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn only_names_of_ours_are_runs() {
+        let time = "2026-01-01T00-00-01.000Z";
+        let digest = "0123456789ab";
+        assert_eq!(stamp(&format!("{time}-{digest}.json")), Some((time.to_owned(), 0)));
+        assert_eq!(
+            stamp(&format!("{time}.000012-{digest}.json")),
+            Some((time.to_owned(), 12))
+        );
+        for other in [
+            format!("{time}-{digest}.json~"),
+            format!("{time}-{digest} copy.json"),
+            format!("{time}-note-{digest}.json"),
+            format!("{time}-.json"),
+            format!("{time}.json"),
+            format!("{time}.99999999999999999999999-{digest}.json"),
+            format!("{time}x-{digest}.json"),
+            format!("._{time}-{digest}.json"),
+            "é026-01-01T00-00-01.000Z-0123456789ab.json".into(),
+        ] {
+            assert_eq!(stamp(&other), None, "{other}");
+        }
+    }
+
+    #[test]
+    fn the_new_run_is_the_newest_whatever_numbers_are_there() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::open(folder.path()).unwrap();
+        let runs = store.layout.runs();
+        let last = |store: &Store| store.runs().unwrap()[0].pipeline.clone();
+        store.put_run(&run("2026-01-01T00:00:01.000Z", "first")).unwrap();
+        for number in ["999999", "1000000"] {
+            let name = format!("2999-01-01T00-00-01.000Z.{number}-0123456789ab.json");
+            let text = serde_json::to_vec(&run("2999-01-01T00:00:01.000Z", number)).unwrap();
+            fs::write(runs.join(name), text).unwrap();
+        }
+        assert_eq!(last(&store), "1000000");
+        store.put_run(&run("2026-01-01T00:00:02.000Z", "second")).unwrap();
+        assert_eq!(last(&store), "second");
+        let highest = format!("2999-01-01T00-00-01.000Z.{}-0123456789ab.json", u64::MAX);
+        fs::write(runs.join(highest), "{}").unwrap();
+        store.put_run(&run("2026-01-01T00:00:03.000Z", "third")).unwrap();
+        assert!(
+            store.runs().unwrap().iter().any(|run| run.pipeline == "third"),
+            "it does not go"
+        );
     }
 }

@@ -23,7 +23,7 @@ use std::sync::Arc;
 use super::header::Header;
 use super::listing::Listing;
 use super::stamp::{Stamp, Time};
-use crate::base::{ArtifactId, Digest, FileDigest, decode, encode, read_bounded};
+use crate::base::{ArtifactId, Digest, FileDigest, decode, encode, read_own};
 
 const TITLE: &[u8; 16] = b"deaflow-index 2\n";
 const TRAILER: usize = 32;
@@ -70,7 +70,7 @@ pub type Entries = HashMap<ArtifactId, Entry>;
 /// The index in a file. Where there is none that is whole, nothing is known, and nothing is lost. Entries noted in the future
 /// are left out: the clock has been set back since, and what has changed since might carry the very time of before.
 pub fn read(path: &Path, now: Time) -> Entries {
-    let bytes = read_bounded(path, LONG).unwrap_or_default();
+    let bytes = read_own(path, LONG).unwrap_or_default();
     let mut entries = parse(&bytes).unwrap_or_default();
     entries.retain(|_, entry| entry.noted <= now && entry.stamp.is_settled(entry.noted));
     entries

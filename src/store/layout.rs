@@ -16,19 +16,20 @@
 //! ```
 
 use std::fs;
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use super::atomic;
+use super::entries::files_in;
 use super::error::StoreError;
-use crate::base::{ActionKey, ArtifactId, read_bounded};
-
-/// The line in the marker file.
-pub const FORMAT: &str = "deaflow-store 2";
+use super::marker;
+use crate::base::{ActionKey, ArtifactId, kind_of};
 
 const MARKER: &str = "format";
 
+/// The folders that every store has.
 const FOLDERS: [&str; 6] = ["objects", "records", "runs", "locks/actions", "tmp", "quarantine"];
+
+/// Those that are made when they are needed.
+const LATER: [&str; 4] = ["checkpoints", "pins", "lock-files", "figures"];
 
 /// The paths of one store.
 #[derive(Clone, Debug)]
@@ -40,57 +41,102 @@ impl Layout {
     /// Opens the folder as a store; an empty or absent folder becomes one.
     ///
     /// # Errors
-    /// When the folder holds something else, a store of an unknown version, or cannot be created.
+    /// When the folder holds something else, a damaged store or one of an unknown version, something else stands in the place of a
+    /// folder of the store, or one cannot be created.
     pub fn open(root: &Path) -> Result<Self, StoreError> {
+        let layout = Self::of(root)?;
+        if !Self::is_store(root) {
+            layout.create()?;
+        }
+        layout.look()?;
+        layout.make_folders()?;
+        Ok(layout)
+    }
+
+    /// The paths of a folder that may be a store.
+    ///
+    /// # Errors
+    /// When it is no folder, or its path is not UTF-8.
+    pub fn of(root: &Path) -> Result<Self, StoreError> {
+        let root = root.to_owned();
+        match () {
+            () if root.to_str().is_none() => Err(StoreError::PathNotUtf8 { path: root }),
+            () if root.exists() && !root.is_dir() => Err(StoreError::NotAStore { path: root }),
+            () => Ok(Self { root }),
+        }
+    }
+
+    /// Whether the folder has a store's marker, or all else that every store has: its marker is lost then.
+    pub fn is_store(root: &Path) -> bool {
         let layout = Self { root: root.to_owned() };
-        if root.to_str().is_none() {
-            return Err(StoreError::PathNotUtf8 { path: layout.root });
+        fs::symlink_metadata(layout.marker()).is_ok() || layout.has_folders()
+    }
+
+    /// Whether this is a store that may be written in. Nothing is touched.
+    ///
+    /// # Errors
+    /// When it has no sound marker of this version, or something else stands in the place of a folder of it.
+    pub fn look(&self) -> Result<(), StoreError> {
+        let marker = self.marker();
+        if fs::symlink_metadata(&marker).is_ok() {
+            self.check_folders()?;
+            return marker::check(&marker);
         }
-        if root.exists() && !root.is_dir() {
-            return Err(StoreError::NotAStore { path: layout.root });
-        }
-        let marker = root.join(MARKER);
-        if !marker.exists() {
-            layout.create(&marker)?;
-        }
-        let bytes = read_bounded(&marker, 4096).map_err(|error| match error.kind() {
-            ErrorKind::InvalidInput | ErrorKind::FileTooLarge => StoreError::Format {
-                path: marker.clone(),
-                found: error.to_string(),
-                known: FORMAT,
-            },
-            _ => StoreError::io("read", &marker)(error),
-        })?;
-        let text = String::from_utf8_lossy(&bytes);
-        if text.trim_end() != FORMAT {
-            return Err(StoreError::Format {
+        match self.has_folders() {
+            true => self.check_folders().and(Err(StoreError::Marker {
                 path: marker,
-                found: text.trim_end().chars().take(80).collect(),
-                known: FORMAT,
-            });
+                reason: "it is not there".to_owned(),
+            })),
+            false => Err(StoreError::NotAStore {
+                path: self.root.clone(),
+            }),
         }
+    }
+
+    /// Makes the folders that every store has.
+    ///
+    /// # Errors
+    /// When the system refuses.
+    pub fn make_folders(&self) -> Result<(), StoreError> {
         for folder in FOLDERS {
-            let path = root.join(folder);
+            let path = self.root.join(folder);
             if !path.is_dir() {
                 fs::create_dir_all(&path).map_err(StoreError::io("create", &path))?;
             }
         }
-        Ok(layout)
+        Ok(())
     }
 
-    /// Whether the folder has a store's marker.
-    pub fn is_store(root: &Path) -> bool {
-        root.join(MARKER).exists()
+    /// Whether the folders are there without which a store is none.
+    fn has_folders(&self) -> bool {
+        [self.objects(), self.records(), self.action_locks()]
+            .iter()
+            .all(|folder| folder.is_dir())
     }
 
-    fn create(&self, marker: &Path) -> Result<(), StoreError> {
+    /// Through a link, what is written or removed here would be so elsewhere.
+    fn check_folders(&self) -> Result<(), StoreError> {
+        let refuse = |path: PathBuf, wanted: &'static str| match fs::symlink_metadata(&path) {
+            Ok(metadata) if kind_of(&metadata) != wanted => Err(StoreError::Foreign {
+                found: kind_of(&metadata),
+                path,
+                wanted,
+            }),
+            _ => Ok(()),
+        };
+        self.own_folders().try_for_each(|folder| refuse(folder, "a folder"))?;
+        let mut locks = [self.run_lock(), self.publish_lock()].into_iter();
+        locks.try_for_each(|file| refuse(file, "a regular file"))
+    }
+
+    fn create(&self) -> Result<(), StoreError> {
         fs::create_dir_all(&self.root).map_err(StoreError::io("create", &self.root))?;
         // A README and dot files may stand in a store's folder; a marker may have been left half-written.
         let expected = |name: &str| ["README", ".", MARKER].iter().any(|start| name.starts_with(start));
         for path in files_in(&self.root)? {
             if !expected(&path.file_name().unwrap_or_default().to_string_lossy()) {
                 // Unless another process has just made it a store.
-                return if marker.exists() {
+                return if self.marker().exists() {
                     Ok(())
                 } else {
                     Err(StoreError::NotAStore {
@@ -101,12 +147,38 @@ impl Layout {
         }
         let folder = tempfile::Builder::new().prefix("format-").tempdir_in(&self.root);
         let folder = folder.map_err(StoreError::io("write in", &self.root))?;
-        atomic::write(&folder.path().join("format"), marker, format!("{FORMAT}\n").as_bytes())
+        marker::write(folder.path(), &self.marker())
+    }
+
+    /// The folders of a store, whether they are there or not.
+    pub fn own_folders(&self) -> impl Iterator<Item = PathBuf> {
+        let own = ["locks"].into_iter().chain(FOLDERS).chain(LATER);
+        own.map(|folder| self.root.join(folder))
+    }
+
+    pub fn marker(&self) -> PathBuf {
+        self.root.join(MARKER)
+    }
+
+    pub fn figures(&self) -> PathBuf {
+        self.root.join("figures")
     }
 
     pub fn object(&self, digest: &ArtifactId) -> PathBuf {
         let name = digest.to_string();
         self.root.join("objects").join(&name[..2]).join(format!("{name}.h5"))
+    }
+
+    /// The artifact whose file this is by its place. A copy that somebody left beside it is not that artifact.
+    pub fn artifact_at(&self, path: &Path) -> Option<ArtifactId> {
+        let digest = path.file_stem()?.to_str()?.parse().ok()?;
+        (self.object(&digest) == path).then_some(digest)
+    }
+
+    /// The action whose record this is by its place.
+    pub fn action_at(&self, path: &Path) -> Option<ActionKey> {
+        let key = path.file_name()?.to_str()?.parse().ok()?;
+        (self.record(&key) == path).then_some(key)
     }
 
     pub fn objects(&self) -> PathBuf {
@@ -179,42 +251,4 @@ impl Layout {
     pub fn root(&self) -> &Path {
         &self.root
     }
-}
-
-/// Everything in a folder that need not be there, in order. Only where there is nothing at all of its name there is nothing in
-/// it: a folder that cannot be read, or something else in its place, may hide what was in it.
-pub fn files_in_optional(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
-    match fs::symlink_metadata(folder) {
-        Err(error) if error.kind() == ErrorKind::NotFound => Ok(Vec::new()),
-        _ => files_in(folder),
-    }
-}
-
-/// Whether a name is one of those that file systems and their viewers leave everywhere.
-pub fn is_hidden(path: &Path) -> bool {
-    path.file_name()
-        .is_some_and(|name| name.as_encoded_bytes().starts_with(b"."))
-}
-
-/// Everything two levels down, in order.
-pub fn files(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
-    let mut out = Vec::new();
-    for path in files_in(folder)? {
-        if path.is_dir() {
-            out.extend(files_in(&path)?);
-        } else {
-            out.push(path);
-        }
-    }
-    Ok(out)
-}
-
-/// Everything in a folder, in order.
-pub fn files_in(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
-    let mut out = Vec::new();
-    for entry in fs::read_dir(folder).map_err(StoreError::io("read", folder))? {
-        out.push(entry.map_err(StoreError::io("read", folder))?.path());
-    }
-    out.sort_unstable();
-    Ok(out)
 }

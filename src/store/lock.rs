@@ -9,7 +9,7 @@ use std::io::ErrorKind;
 use std::path::Path;
 
 use super::error::StoreError;
-use crate::base::open_regular;
+use crate::base::open_own;
 
 /// A lock that is released when this is dropped.
 #[derive(Debug)]
@@ -55,7 +55,7 @@ pub fn try_exclusive(path: &Path) -> Result<Option<Guard>, StoreError> {
 /// # Errors
 /// When the lock file cannot be opened or locked.
 pub fn is_held(path: &Path) -> Result<bool, StoreError> {
-    let file = match open_regular(path) {
+    let file = match open_own(path) {
         Ok(file) => file,
         Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::InvalidInput) => return Ok(false),
         Err(error) => return Err(StoreError::io("open", path)(error)),

@@ -11,10 +11,10 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use super::atomic;
+use super::entries::{files_in_optional, is_hidden};
 use super::error::StoreError;
-use super::layout::{files_in_optional, is_hidden};
 use super::open::Store;
-use crate::base::{ActionKey, ArtifactId, Digest, Document, InputError, Node, ParseDigestError, read_bounded};
+use crate::base::{ActionKey, ArtifactId, Digest, Document, InputError, Node, OutputFile, ParseDigestError, read_own};
 
 const WHAT: &str = "a lock file";
 
@@ -125,13 +125,10 @@ impl Store {
     /// # Errors
     /// When the system refuses.
     pub fn put_lock_file(&self, path: &Path, lock: &LockFile) -> Result<(), StoreError> {
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-        let folder = folder.unwrap_or(Path::new("."));
-        let aside = tempfile::NamedTempFile::new_in(folder).map_err(StoreError::io("write in", folder))?;
-        // With its folder named, even where that is the one at hand.
-        let target = folder.join(path.file_name().unwrap_or_default());
-        atomic::write(aside.path(), &target, lock.text().as_bytes())?;
-        self.remember_lock_file(&target)
+        let output = OutputFile::at(path)?;
+        output.write(lock.text().as_bytes())?;
+        atomic::sync_folder(output.folder())?;
+        self.remember_lock_file(path)
     }
 
     /// Remembers where a lock file is, so that what it names is kept.
@@ -145,7 +142,7 @@ impl Store {
             reason: "its path is not UTF-8".into(),
         })?;
         let target = self.layout.lock_files().join(Digest::of(text.as_bytes()).to_string());
-        if read_bounded(&target, MAX_PATH).is_ok_and(|known| known == text.as_bytes()) {
+        if read_own(&target, MAX_PATH).is_ok_and(|known| known == text.as_bytes()) {
             return Ok(());
         }
         let folder = self.temporary()?;
@@ -158,9 +155,8 @@ impl Store {
     /// When one is there and cannot be read: what it needs is then not known.
     pub fn lock_files(&self) -> Result<Vec<(PathBuf, LockFile)>, StoreError> {
         let mut found = Vec::new();
-        let entries = files_in_optional(&self.layout.lock_files())?;
-        for entry in entries.into_iter().filter(|entry| !is_hidden(entry)) {
-            let bytes = read_bounded(&entry, MAX_PATH).map_err(|error| match error.kind() {
+        for entry in self.remembered_lock_files()? {
+            let bytes = read_own(&entry, MAX_PATH).map_err(|error| match error.kind() {
                 ErrorKind::InvalidInput | ErrorKind::FileTooLarge => StoreError::damaged(&entry, error.to_string()),
                 _ => StoreError::io("read", &entry)(error),
             })?;
@@ -209,11 +205,21 @@ impl Store {
         whole.into_iter().chain(relative).collect()
     }
 
+    /// The files that say where a lock file is, as their names say.
+    pub(super) fn remembered_lock_files(&self) -> Result<Vec<PathBuf>, StoreError> {
+        let is_named = |entry: &PathBuf| {
+            let name = entry.file_name().and_then(|name| name.to_str());
+            name.is_some_and(|name| name.parse::<Digest>().is_ok())
+        };
+        let entries = files_in_optional(&self.layout.lock_files())?;
+        Ok(entries.into_iter().filter(is_named).collect())
+    }
+
     /// What lies among the places of lock files and is none.
     pub(super) fn stray_lock_files(&self) -> Result<Vec<PathBuf>, StoreError> {
         let is_stray = |entry: &PathBuf| {
             let named = entry.file_name().and_then(|name| name.to_str());
-            let bytes = read_bounded(entry, MAX_PATH).ok();
+            let bytes = read_own(entry, MAX_PATH).ok();
             let says = bytes.map(|bytes| Digest::of(&bytes).to_string());
             !is_hidden(entry) && (says.is_none() || says.as_deref() != named)
         };

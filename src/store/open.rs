@@ -10,16 +10,18 @@ use tempfile::{TempDir, TempPath};
 
 use super::artifact::Artifact;
 use super::atomic;
+use super::entries::{files, files_in, is_file, is_folder, is_temporary};
 use super::error::StoreError;
 use super::header::Header;
-use super::layout::{Layout, files, files_in};
+use super::layout::Layout;
 use super::listing::{self, Content};
 use super::lock::{self, Guard};
 use super::object::Object;
 use super::provenance::Provenance;
+use super::quarantine::quarantine;
 use super::verified::Verified;
 use super::write::{self, Part};
-use crate::base::{ArtifactId, FileDigest};
+use crate::base::{ArtifactId, FileDigest, aside};
 
 /// An open store. Cheap to clone; while one is open, no collection runs.
 #[derive(Clone)]
@@ -165,10 +167,11 @@ impl Store {
     pub fn find(&self, prefix: &str) -> Result<Vec<ArtifactId>, StoreError> {
         let mut found = Vec::new();
         for path in files(&self.layout.objects())? {
-            let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-            if stem.starts_with(prefix) {
-                found.extend(stem.parse::<ArtifactId>());
-            }
+            found.extend(
+                self.layout
+                    .artifact_at(&path)
+                    .filter(|digest| digest.to_string().starts_with(prefix)),
+            );
         }
         found.sort_unstable();
         Ok(found)
@@ -190,6 +193,7 @@ impl Store {
             return Ok(stored);
         }
         let target = self.layout.object(&header.content);
+        self.clear_folder(target.parent().unwrap_or(self.root()))?;
         self.quarantine(&target)?;
         atomic::rename(temporary, &target)?;
         self.verified.remember(&target, header);
@@ -198,16 +202,24 @@ impl Store {
 
     /// Moves a file aside, keeping it for whoever wants to know what happened. Nothing happens where there is none.
     pub(super) fn quarantine(&self, path: &Path) -> Result<Option<PathBuf>, StoreError> {
-        if fs::symlink_metadata(path).is_err() {
-            return Ok(None);
+        quarantine(&self.layout, path)
+    }
+
+    /// Moves aside whatever stands in the place of a folder of ours and is none: through a link, what is written there would be
+    /// written elsewhere.
+    pub(super) fn clear_folder(&self, folder: &Path) -> Result<(), StoreError> {
+        if !is_folder(folder) {
+            self.quarantine(folder)?;
         }
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        let aside = (0..u32::MAX)
-            .map(|n| self.layout.quarantine().join(format!("{name}.{n}")))
-            .find(|aside| !aside.exists())
-            .unwrap_or_else(|| self.layout.quarantine().join(&*name));
-        fs::rename(path, &aside).map_err(StoreError::io("quarantine", path))?;
-        Ok(Some(aside))
+        Ok(())
+    }
+
+    /// Moves aside whatever stands in the place of a file of ours and is none.
+    pub(super) fn clear_file(&self, path: &Path) -> Result<(), StoreError> {
+        if !is_file(path) {
+            self.quarantine(path)?;
+        }
+        Ok(())
     }
 
     /// The chunks of a manifest, which need not be opened where it is known what stands in them, and their datasets laid end to
@@ -247,14 +259,15 @@ impl Store {
     /// An empty file to be written and moved into place, removed when dropped before that.
     pub(super) fn temporary_file(&self) -> Result<TempPath, StoreError> {
         let folder = self.layout.temporary();
-        let file = atomic::temporary_file(&folder).map_err(StoreError::io("write in", &folder))?;
+        let file = aside(&folder).map_err(StoreError::io("write in", &folder))?;
         Ok(file.into_temp_path())
     }
 }
 
+/// Removes what dead processes were writing. What is named otherwise is not ours.
 fn clear(folder: &Path) -> Result<(), StoreError> {
-    for path in files_in(folder)? {
-        let removed = if path.is_dir() {
+    for path in files_in(folder)?.into_iter().filter(|path| is_temporary(path)) {
+        let removed = if is_folder(&path) {
             fs::remove_dir_all(&path)
         } else {
             fs::remove_file(&path)

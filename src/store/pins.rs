@@ -7,10 +7,10 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use super::atomic;
+use super::entries::{files_in_optional, is_hidden};
 use super::error::StoreError;
-use super::layout::{files_in_optional, is_hidden};
 use super::open::Store;
-use crate::base::{ArtifactId, read_bounded};
+use crate::base::{ArtifactId, read_own};
 
 /// A label comes from the command line, which has at most so many bytes.
 const MAX_BYTES: u64 = 4 << 20;
@@ -62,22 +62,19 @@ impl Store {
         }
     }
 
-    /// All pins, in the order of their digests. What a file says may be lost to damage, but not that it is a pin.
+    /// All pins, in the order of their digests. What a file says may be lost to damage, but not that it is a pin. One that is
+    /// named by no digest is none.
     ///
     /// # Errors
-    /// When the system refuses, or a file among the pins is named by no digest.
+    /// When the system refuses.
     pub fn pins(&self) -> Result<Vec<Pin>, StoreError> {
         let mut pins = Vec::new();
-        let files = files_in_optional(&self.layout.pins())?;
-        for path in files.into_iter().filter(|path| !is_hidden(path)) {
+        for path in files_in_optional(&self.layout.pins())? {
             let name = path.file_name().and_then(|name| name.to_str());
             let Some(digest) = name.and_then(|name| name.parse().ok()) else {
-                return Err(StoreError::damaged(
-                    &path,
-                    "a pin is named by the digest of an artifact",
-                ));
+                continue;
             };
-            let content = match read_bounded(&path, MAX_BYTES) {
+            let content = match read_own(&path, MAX_BYTES) {
                 Ok(bytes) => serde_json::from_slice(&bytes).ok(),
                 Err(error) if matches!(error.kind(), ErrorKind::InvalidInput | ErrorKind::FileTooLarge) => None,
                 Err(error) => return Err(StoreError::io("read", &path)(error)),

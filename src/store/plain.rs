@@ -9,6 +9,7 @@ use super::listing;
 use super::object::Object;
 use super::provenance::Provenance;
 use super::write;
+use crate::base::OutputFile;
 
 /// Writes arrays as an HDF5 file at `path`, which appears complete or not at all and replaces what was there.
 ///
@@ -24,17 +25,14 @@ pub fn write_file(path: &Path, object: &Object, provenance: &Provenance) -> Resu
 /// # Errors
 /// When the folder does not exist or cannot be written in, or the library refuses.
 pub(super) fn place(path: &Path, write: impl FnOnce(&Path) -> hdf5::Result<()>) -> Result<(), StoreError> {
-    let folder = path
-        .parent()
-        .filter(|p| !p.as_os_str().is_empty())
-        .unwrap_or(Path::new("."));
-    // A bare name has an empty parent, which the system does not open.
-    let target = folder.join(path.file_name().unwrap_or_default());
+    let output = OutputFile::at(path)?;
     // In the same folder, so that the rename crosses no file system.
+    let folder = output.folder();
     let temporary = tempfile::tempdir_in(folder).map_err(StoreError::io("write in", folder))?;
     let file = temporary.path().join("result.h5");
     write(&file).map_err(StoreError::hdf5("write", path))?;
-    atomic::rename(&file, &target)
+    output.look_again()?;
+    atomic::rename(&file, output.target())
 }
 
 #[cfg(test)]

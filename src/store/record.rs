@@ -16,7 +16,7 @@ use super::atomic;
 use super::error::StoreError;
 use super::lock::{self, Guard};
 use super::open::Store;
-use crate::base::{ActionKey, ArtifactId, Digest, FileDigest, decode, encode, read_bounded};
+use crate::base::{ActionKey, ArtifactId, Digest, FileDigest, decode, encode, read_own};
 
 /// What an action made.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -91,6 +91,7 @@ impl Store {
         let mut bytes = encode(record)?;
         bytes.extend_from_slice(Digest::of(&bytes).as_bytes());
         let target = self.layout.record(&record.key);
+        self.clear_folder(target.parent().unwrap_or(self.root()))?;
         if matches!(self.record(&record.key)?, Lookup::Damaged(_)) {
             self.quarantine(&target)?;
         }
@@ -116,7 +117,9 @@ impl Store {
     /// # Errors
     /// When the lock cannot be had.
     pub fn lock_action(&self, key: &ActionKey) -> Result<Guard, StoreError> {
-        lock::exclusive(&self.layout.action_lock(key))
+        let path = self.layout.action_lock(key);
+        self.clear_file(&path)?;
+        lock::exclusive(&path)
     }
 
     /// Takes the lock of an action unless another process or thread is doing it, or one that shares its lock file.
@@ -124,12 +127,14 @@ impl Store {
     /// # Errors
     /// When the lock file cannot be opened.
     pub fn try_lock_action(&self, key: &ActionKey) -> Result<Option<Guard>, StoreError> {
-        lock::try_exclusive(&self.layout.action_lock(key))
+        let path = self.layout.action_lock(key);
+        self.clear_file(&path)?;
+        lock::try_exclusive(&path)
     }
 }
 
 pub(super) fn read(path: &Path, key: &ActionKey) -> Result<Lookup, StoreError> {
-    let bytes = match read_bounded(path, MAX_BYTES) {
+    let bytes = match read_own(path, MAX_BYTES) {
         Ok(bytes) => bytes,
         Err(error) => {
             return match error.kind() {

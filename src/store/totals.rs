@@ -1,11 +1,13 @@
 //! What is in a store, counted and weighed without reading it.
 
 use std::fs;
+use std::path::PathBuf;
 
+use super::entries::{files, files_in};
 use super::error::StoreError;
-use super::layout::{files, files_in};
 use super::lock;
 use super::open::Store;
+
 /// What is in a store.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Totals {
@@ -36,15 +38,18 @@ impl Store {
     /// When the system refuses.
     pub fn totals(&self) -> Result<Totals, StoreError> {
         let mut totals = Totals {
-            records: files(&self.layout.records())?.len() as u64,
-            pins: count(&self.layout.pins())?,
-            lock_files: count(&self.layout.lock_files())?,
-            quarantined: count(&self.layout.quarantine())?,
+            records: count(files(&self.layout.records())?, |path| {
+                self.layout.action_at(path).is_some()
+            }),
+            pins: self.pins()?.len() as u64,
+            lock_files: self.remembered_lock_files()?.len() as u64,
+            quarantined: files_in(&self.layout.quarantine())?.len() as u64,
             ..Totals::default()
         };
-        for path in files(&self.layout.objects())? {
+        let objects = files(&self.layout.objects())?;
+        for path in objects.iter().filter(|path| self.layout.artifact_at(path).is_some()) {
             // Another process may have just replaced it.
-            if let Ok(metadata) = fs::metadata(&path) {
+            if let Ok(metadata) = fs::symlink_metadata(path) {
                 totals.objects += 1;
                 totals.bytes += metadata.len();
             }
@@ -60,11 +65,8 @@ impl Store {
     }
 }
 
-fn count(folder: &std::path::Path) -> Result<u64, StoreError> {
-    match folder.is_dir() {
-        true => Ok(files_in(folder)?.len() as u64),
-        false => Ok(0),
-    }
+fn count(paths: Vec<PathBuf>, is_ours: impl Fn(&PathBuf) -> bool) -> u64 {
+    paths.iter().filter(|path| is_ours(path)).count() as u64
 }
 
 #[cfg(test)]

@@ -10,7 +10,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use super::atomic::temporary_file;
+use super::entries::is_file;
 use super::error::StoreError;
 use super::header::Header;
 use super::index::{self, Entries, Entry, Structure};
@@ -18,7 +18,7 @@ use super::layout::Layout;
 use super::listing::Listing;
 use super::read;
 use super::stamp::{Stamp, Time, file_system_time, machine_time};
-use crate::base::ArtifactId;
+use crate::base::{ArtifactId, aside, look_at_own};
 
 /// How a file is known to be sound.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -206,14 +206,14 @@ impl Verified {
         };
         let mut entries = index::read(&folders.index, machine_time());
         self.add_to(&mut entries, now);
-        let mut file = temporary_file(&folders.temporary).ok()?;
+        let mut file = aside(&folders.temporary).ok()?;
         file.write_all(&index::write(&entries)).ok()?;
-        if folders.index.is_dir() {
+        if !is_file(&folders.index) && fs::symlink_metadata(&folders.index).is_ok() {
             // Nobody knows whose it is: it is moved aside and not removed.
-            let aside = tempfile::Builder::new()
+            let own = tempfile::Builder::new()
                 .prefix("index.")
                 .tempdir_in(&folders.quarantine);
-            fs::rename(&folders.index, aside.ok()?.keep().join("index")).ok()?;
+            fs::rename(&folders.index, own.ok()?.keep().join("index")).ok()?;
         }
         file.persist(&folders.index).ok()?;
         Some(())
@@ -330,7 +330,8 @@ impl Memory {
 }
 
 fn stamp(path: &Path, digest: &ArtifactId) -> Result<Stamp, StoreError> {
-    match fs::metadata(path) {
+    match look_at_own(path) {
+        Ok(metadata) if metadata.is_symlink() => Err(StoreError::damaged(path, "it is a link")),
         Ok(metadata) => Ok(Stamp::of(&metadata)),
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Err(StoreError::Missing {
             digest: *digest,

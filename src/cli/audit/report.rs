@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use crate::base::ArtifactId;
 use crate::cli::error::CliError;
-use crate::cli::table;
+use crate::cli::{table, write};
 use crate::content::{AttributeError, Audit};
 use crate::report::figures::{Membrane, draw_audit, membrane_drawing};
 use crate::report::{Page, audited};
@@ -215,7 +215,7 @@ impl Answer {
             files.push(path);
         }
         let path = folder.join("audit.html");
-        std::fs::write(&path, page.finish()).map_err(|e| cannot_write(&path, &e))?;
+        write::file(&path, page.finish().as_bytes())?;
         files.insert(0, path);
         Ok(files)
     }
@@ -252,16 +252,4 @@ fn cells(finding: &Finding) -> [String; 5] {
 
 fn counted(n: usize, unit: &str) -> String {
     format!("{n} {unit}{}", if n == 1 { "" } else { "s" })
-}
-
-fn cannot_write(path: &Path, error: &std::io::Error) -> CliError {
-    CliError::failure(format!("cannot write {}: {error}", path.display()))
-}
-
-/// What cannot be written has to be known before minutes of work, not after.
-pub fn check_folder(path: &Path) -> Result<(), CliError> {
-    std::fs::create_dir_all(path).map_err(|e| cannot_write(path, &e))?;
-    tempfile::tempfile_in(path)
-        .map(drop)
-        .map_err(|e| cannot_write(path, &e))
 }

@@ -129,6 +129,7 @@ pub fn execute(arguments: &ExportDesignArguments, output: &Output) -> Result<Exi
     let design = design(arguments)?;
     let path = path(arguments, &design, format);
     check_inputs(arguments, &path)?;
+    write::check_file(&path)?;
     let written = if format == DesignFormat::Vtkhdf {
         write_membrane(arguments, &design, &path)?
     } else {

@@ -1,5 +1,7 @@
 //! What can go wrong with a figure.
 
+use crate::base::OutputError;
+
 /// A figure that could not be made.
 #[derive(Debug, thiserror::Error)]
 pub enum FigureError {
@@ -10,11 +12,6 @@ pub enum FigureError {
     #[error("the figure could not be drawn: {0}")]
     Draw(String),
     /// The file could not be written.
-    #[error("cannot write {path}: {source}")]
-    Write {
-        /// The file.
-        path: String,
-        /// Why.
-        source: std::io::Error,
-    },
+    #[error(transparent)]
+    Output(#[from] OutputError),
 }

@@ -9,6 +9,7 @@ use resvg::tiny_skia::{Color, Pixmap, Transform};
 use resvg::usvg::{self, Tree, fontdb};
 
 use super::error::FigureError;
+use crate::base::printable;
 
 /// The style sheet of pages, which names the colours.
 pub const PAGE_STYLE: &str = include_str!("../html/page.css");
@@ -49,7 +50,8 @@ fn document([width, height]: [f64; 2], drawing: &Markup) -> String {
             (drawing)
         }
     };
-    svg.into_string()
+    // XML has no place for control characters.
+    printable(&svg.into_string()).into_owned()
 }
 
 fn options() -> usvg::Options<'static> {
@@ -86,6 +88,13 @@ fn plain_style(drawings: &str, pages: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn words_that_xml_has_no_place_for_are_drawn() {
+        let drawing = html! { text x="1" y="9" { "a\u{1b}[2J\u{7}\u{9b}\u{ffff}b" } };
+        assert!(!document([20.0, 10.0], &drawing).contains('\u{1b}'));
+        assert!(png([20.0, 10.0], &drawing).is_ok());
+    }
 
     #[test]
     fn every_colour_of_drawings_is_one_of_pages() {

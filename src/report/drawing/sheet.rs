@@ -1,6 +1,5 @@
 //! Drawings beside and below each other, and how they become a file.
 
-use std::io::Write;
 use std::path::Path;
 
 use maud::{Markup, html};
@@ -9,6 +8,7 @@ use super::chart::{Chart, LEFT, LETTER};
 use super::error::FigureError;
 use super::path::number;
 use super::raster::png;
+use crate::base::write_output;
 
 /// Drawings placed on a sheet of a width and height, in pixels of a page.
 pub struct Sheet {
@@ -87,19 +87,7 @@ impl Sheet {
     /// # Errors
     /// When it cannot be drawn or written.
     pub fn write_png(&self, path: &Path) -> Result<(), FigureError> {
-        let failed = |source: std::io::Error| FigureError::Write {
-            path: path.display().to_string(),
-            source,
-        };
-        let bytes = png(self.size, &self.markup)?;
-        let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
-        let mut file = tempfile::NamedTempFile::new_in(folder.unwrap_or(Path::new("."))).map_err(failed)?;
-        file.write_all(&bytes).map_err(failed)?;
-        // Temporary files are private to their owner; figures are for everybody who may read the folder.
-        let readable = std::os::unix::fs::PermissionsExt::from_mode(0o644);
-        file.as_file().set_permissions(readable).map_err(failed)?;
-        file.persist(path).map_err(|e| failed(e.error))?;
-        Ok(())
+        Ok(write_output(path, &png(self.size, &self.markup)?)?)
     }
 }
 

@@ -274,7 +274,7 @@ fn numbers_that_make_no_figure_are_refused_and_odd_ones_drawn() {
     draw_accuracy(&path, &odd).unwrap();
     assert!(matches!(
         draw_training(Path::new("/nonexistent/x.png"), &training(1)),
-        Err(FigureError::Write { .. })
+        Err(FigureError::Output(_))
     ));
 }
 
