@@ -186,4 +186,6 @@ fn check_names(header: &Header, tensors: &BTreeMap<String, Tensor>) -> Result<()
 }
 
 #[cfg(test)]
+mod fuzz;
+#[cfg(test)]
 mod tests;

@@ -16,6 +16,7 @@ mod export;
 mod figure;
 mod foreign;
 mod full_disk;
+mod fuzz;
 mod golden;
 mod h5py;
 mod hostile;

@@ -29,7 +29,7 @@ fn record() -> Record {
     }
 }
 
-fn model() -> Vec<u8> {
+pub(super) fn model() -> Vec<u8> {
     annotated(
         &to_bytes(&Header::new("qin2024", 0.375), &tensors(), &constants()).unwrap(),
         "{ drive: { voltage: 5.25 kV } }",
