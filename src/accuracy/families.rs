@@ -1,10 +1,14 @@
-//! Patterns to measure methods on: those of the pipelines, and two families that are hard on coarse meshes.
+//! Patterns to measure methods on: those of the pipelines, what people draw, and families that are hard on coarse meshes. A bound
+//! holds for families that were measured, so single cells and one-cell dithers are among them.
 
 use std::collections::BTreeMap;
 
 use crate::base::Stream;
 use crate::pattern::{CELLS, Pattern};
-use crate::sample::{Areas, Bezier, Ends, Family, LargeGrid, SampleError, SmallGrid, Stripes};
+use crate::sample::{
+    Areas, Bezier, Blobs, Checker, Diagonals, Dithers, Ends, Family, Glyphs, LargeGrid, Mazes, SampleError, SmallGrid,
+    Spirals, Stripes,
+};
 
 /// Patterns by the name of their family.
 pub type Families = BTreeMap<String, Vec<Pattern>>;
@@ -21,8 +25,8 @@ const UNITS: [usize; 9] = [2, 3, 4, 5, 6, 7, 8, 9, 10];
 /// Area fractions of stripes.
 const STRIPED: [f64; 2] = [0.4, 0.6];
 
-/// So many patterns of each family under a seed: small grids, large grids of 2 to 10 units, Bézier curves, stripes, and single
-/// cells. Of large grids there may be fewer, since not all have so many patterns.
+/// So many patterns of each family under a seed: small grids, large grids of 2 to 10 units, Bézier curves, stripes, blobs, checkers,
+/// dithers, mazes, diagonals, spirals, glyphs, and single cells. Of large grids there may be fewer, since not all have so many patterns.
 ///
 /// # Errors
 /// When a family refuses, which it does not for these parameters.
@@ -38,6 +42,13 @@ pub fn drawn(count: u64, seed: u64) -> Result<Families, SampleError> {
             "stripes",
             of_family(&Stripes::new(Areas::new(STRIPED[0], STRIPED[1])?))?,
         ),
+        ("blobs", of_family(&Blobs::new(Areas::new(0.3, 0.7)?))?),
+        ("checker", of_family(&Checker::new(Areas::new(0.3, 0.7)?))?),
+        ("dithers", of_family(&Dithers::new(Areas::new(0.3, 0.7)?))?),
+        ("mazes", of_family(&Mazes)?),
+        ("diagonals", of_family(&Diagonals)?),
+        ("spirals", of_family(&Spirals::new(Areas::new(0.2, 0.8)?))?),
+        ("glyphs", of_family(&Glyphs)?),
         ("single-cell", (0..count).map(|i| single_cell(seed, i)).collect()),
     ];
     Ok(families
@@ -72,7 +83,21 @@ mod tests {
     fn families_are_complete_and_a_function_of_the_seed() {
         let families = drawn(20, 1).unwrap();
         let counts: Vec<(&str, usize)> = families.iter().map(|(name, p)| (name.as_str(), p.len())).collect();
-        let expected = ["bezier", "large-grid", "single-cell", "small-grid", "stripes"].map(|name| (name, 20));
+        let expected = [
+            "bezier",
+            "blobs",
+            "checker",
+            "diagonals",
+            "dithers",
+            "glyphs",
+            "large-grid",
+            "mazes",
+            "single-cell",
+            "small-grid",
+            "spirals",
+            "stripes",
+        ];
+        let expected = expected.map(|name| (name, 20));
         assert_eq!(counts, expected);
         assert!(families["single-cell"].iter().all(|p| p.active_cells() == 1));
         assert!(

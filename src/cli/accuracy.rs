@@ -30,7 +30,8 @@ pub struct AccuracyArguments {
     /// Measure on these patterns: FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset
     #[arg(long, value_name = "PATTERN", num_args = 1.., conflicts_with_all = ["families", "count", "seed"])]
     pub patterns: Vec<String>,
-    /// Measure on patterns drawn from small grids, large grids, Bézier curves, stripes and single cells; the default
+    /// Measure on patterns drawn from small and large grids, Bézier curves, stripes, blobs, checkers, dithers, mazes, diagonals,
+    /// spirals, glyphs and single cells; the default
     #[arg(long)]
     pub families: bool,
     /// Patterns of each family

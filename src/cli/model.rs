@@ -16,21 +16,41 @@ const MAX_BYTES: u64 = 4 << 30;
 /// # Errors
 /// When there is none of that name, it cannot be read, or it holds no model.
 pub fn weights(model: &str, store: &Path) -> Result<Vec<u8>, CliError> {
-    let path = Path::new(model);
-    let artifact = match path.extension().and_then(|e| e.to_str()) {
-        Some("safetensors") => return read(path),
+    if extension(model) == Some("safetensors") {
+        return read(Path::new(model));
+    }
+    let artifact = of_kind(model, store, "train", "model")?;
+    Ok(Training::unchecked(&artifact).weights().read()?)
+}
+
+/// Whether a file is meant, and not what a store has.
+pub fn is_file(reference: &str) -> bool {
+    matches!(extension(reference), Some("safetensors" | "h5"))
+}
+
+fn extension(reference: &str) -> Option<&str> {
+    Path::new(reference).extension()?.to_str()
+}
+
+/// The artifact of a kind in a file or in the store.
+///
+/// # Errors
+/// When there is none of that name, it cannot be read, or it is of another kind.
+pub fn of_kind(reference: &str, store: &Path, kind: &str, what: &str) -> Result<Artifact, CliError> {
+    let path = Path::new(reference);
+    let artifact = match extension(reference) {
         Some("h5") if path.is_file() => Artifact::open(path)?,
         Some("h5") => return Err(CliError::bad_input(format!("no file {}", path.display()))),
-        _ => locate::artifact(&locate::existing_store(store)?, model)?,
+        _ => locate::artifact(&locate::existing_store(store)?, reference)?,
     };
-    if artifact.kind() != "train" {
-        let (digest, kind) = (artifact.digest().short(), artifact.kind());
-        return Err(
-            CliError::bad_input(format!("artifact {digest} is no model: it is of kind `{kind}`"))
-                .help("a model is what a stage of kind `train` makes"),
-        );
+    if artifact.kind() == kind {
+        return Ok(artifact);
     }
-    Ok(Training::unchecked(&artifact).weights().read()?)
+    let (digest, found) = (artifact.digest().short(), artifact.kind());
+    Err(
+        CliError::bad_input(format!("artifact {digest} is no {what}: it is of kind `{found}`"))
+            .help(format!("a {what} is what a stage of kind `{kind}` makes")),
+    )
 }
 
 fn read(path: &Path) -> Result<Vec<u8>, CliError> {

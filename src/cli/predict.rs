@@ -1,4 +1,7 @@
-//! `deaflow predict`: predicts the fields of patterns with a trained model.
+//! `deaflow predict`: predicts the fields of patterns with a trained model, and says how far they may be off.
+
+mod calibration;
+mod intervals;
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -9,17 +12,19 @@ use super::arguments::{PatternArguments, StoreArguments};
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::progress::Bar;
-use super::simulate::{Answer, seconds_each};
-use super::{model, solve};
+use super::simulate::{Answer, Statement, seconds_each};
+use super::{model, solve, write};
 use crate::base::Progress;
 use crate::content::{Packed, SolveFile};
 use crate::field::{Field, Predictor};
 use crate::pattern::Pattern;
 use crate::scene::Scene;
 use crate::stage::direct;
-use crate::surrogate::Surrogate;
+use crate::surrogate::{COVERAGE, Surrogate};
 
-/// Predict the fields of patterns with a trained model
+use intervals::Intervals;
+
+/// Predict the fields of patterns with a trained model, with their intervals where it has a calibration
 #[derive(Debug, Args)]
 pub struct PredictArguments {
     /// A digest or its beginning, a stage of the last run, PIPELINE.yaml:STAGE, or a file
@@ -29,6 +34,13 @@ pub struct PredictArguments {
     /// Refuse a model for another scene than this one, or than that of a pipeline; a YAML file
     #[arg(long, value_name = "SCENE")]
     pub scene: Option<PathBuf>,
+    /// What a stage of kind `calibrate` made for the model, named like a model [default: of a model in the store what the last
+    /// run that calibrated it made from the most patterns]; OUT.csv is written beside OUT.h5
+    #[arg(long, value_name = "CALIBRATION")]
+    pub calibration: Option<String>,
+    /// State the interval of a displacement too, as in "{ point: [25 mm, 25 mm], direction: 0 deg }"; may be given again
+    #[arg(long, value_name = "YAML")]
+    pub objective: Vec<String>,
     #[command(flatten)]
     pub store: StoreArguments,
 }
@@ -38,28 +50,71 @@ pub fn execute(arguments: &PredictArguments, output: &Output) -> Result<Exit, Cl
     let scene = arguments.scene.as_deref().map(direct::read_scene).transpose()?;
     let patterns = direct::patterns(&arguments.patterns.patterns)?;
     let weights = model::weights(&arguments.model, &arguments.store.folder())?;
+    let surrogate = surrogate(&weights, scene.as_ref())?;
+    let calibration = calibration::find(arguments, &weights)?;
+    if calibration.is_some() {
+        check_table(arguments)?;
+    } else if !arguments.objective.is_empty() {
+        return Err(
+            CliError::bad_input("--objective states an interval, and this model has no calibration")
+                .help("name one with --calibration: what a stage of kind `calibrate` made for the model"),
+        );
+    }
     let (bar, start) = (Bar::new("predict", "patterns", patterns.len() as u64), Instant::now());
-    let answer = predict(&weights, &patterns, scene.as_ref(), &bar)?;
+    let (fields, seconds) = predict(&surrogate, &patterns, &bar)?;
+    let of = |calibration| Intervals::of(calibration, &arguments.objective, &patterns, &fields);
+    let intervals = calibration.map(of).transpose()?;
     bar.finish("done");
+    if let Some(intervals) = &intervals {
+        let rows = intervals.csv().map_err(|e| CliError::failure(e.to_string()))?;
+        write::file(&table(arguments), &rows)?;
+    }
+    let answer = Answer {
+        content: content(&surrogate, &patterns, &fields, seconds, intervals.as_ref()).object(),
+        samples: patterns.len(),
+        statement: statement(intervals.as_ref(), arguments),
+        ..Answer::default()
+    };
     let parameters = format!("model {}", arguments.model);
     solve::conclude(&arguments.patterns, &answer, ("predict", parameters), start, output)
 }
 
-/// Predicts patterns with a model given as the bytes of a safetensors file, which must be one for the scene if that is given.
-///
-/// # Errors
-/// When the bytes are no model or one for another scene, or it cannot be evaluated.
-fn predict(
-    weights: &[u8],
-    patterns: &[Pattern],
-    scene: Option<&Scene>,
-    progress: &dyn Progress,
-) -> Result<Answer, CliError> {
+/// Where intervals go as comma-separated values.
+fn table(arguments: &PredictArguments) -> PathBuf {
+    arguments.patterns.output.with_extension("csv")
+}
+
+fn check_table(arguments: &PredictArguments) -> Result<(), CliError> {
+    let (file, table) = (&arguments.patterns.output, table(arguments));
+    if *file == table {
+        return Err(
+            CliError::bad_input(format!("{} would be written twice", file.display()))
+                .help("-o names the HDF5 file, as in OUT.h5; OUT.csv is written beside it"),
+        );
+    }
+    for read in std::iter::once(&arguments.model).chain(&arguments.calibration) {
+        solve::check_file(&table, &arguments.patterns, read)?;
+        solve::check_file(file, &arguments.patterns, read)?;
+    }
+    Ok(())
+}
+
+/// The network in the bytes of a safetensors file, which must be one for the scene if that is given.
+fn surrogate(weights: &[u8], scene: Option<&Scene>) -> Result<Surrogate, CliError> {
     let refused = |e: &dyn std::fmt::Display| CliError::bad_input(format!("cannot use the model: {e}"));
     let surrogate = Surrogate::load(weights).map_err(|e| refused(&e))?;
     if let Some(scene) = scene {
         surrogate.check_scene(scene).map_err(|e| refused(&e))?;
     }
+    Ok(surrogate)
+}
+
+/// The fields of patterns with the seconds that each took.
+fn predict(
+    surrogate: &Surrogate,
+    patterns: &[Pattern],
+    progress: &dyn Progress,
+) -> Result<(Vec<Field>, Vec<f64>), CliError> {
     let threads = rayon::current_num_threads();
     let (mut fields, mut seconds) = (Vec::with_capacity(patterns.len()), Vec::with_capacity(patterns.len()));
     for batch in patterns.chunks(256) {
@@ -68,7 +123,17 @@ fn predict(
         seconds.extend(seconds_each(start, batch.len(), threads));
         progress.advance(batch.len() as u64);
     }
-    let content = SolveFile {
+    Ok((fields, seconds))
+}
+
+fn content(
+    surrogate: &Surrogate,
+    patterns: &[Pattern],
+    fields: &[Field],
+    seconds: Vec<f64>,
+    intervals: Option<&Intervals>,
+) -> SolveFile {
+    SolveFile {
         patterns: patterns.to_vec(),
         outcome: vec!["predicted".to_owned(); patterns.len()],
         max_displacement: fields.iter().map(Field::max_magnitude).collect(),
@@ -76,15 +141,28 @@ fn predict(
         solve_seconds: seconds,
         scene: surrogate.scene().unwrap_or_default().to_owned(),
         network: Some(surrogate.kind().name().to_owned()),
+        intervals: intervals.map(Intervals::content),
+        coverage: intervals.map(|_| COVERAGE.to_string()),
+        calibration: intervals.map(Intervals::digest),
+        basis: intervals.map(Intervals::basis),
         ..SolveFile::default()
-    };
-    Ok(Answer {
-        content: content.object(),
-        samples: patterns.len(),
-        unstable: Vec::new(),
-        missed: Vec::new(),
-        warnings: Vec::new(),
-        near_limit: Vec::new(),
-        wrinkled: Vec::new(),
-    })
+    }
+}
+
+/// What is said of the errors of the predictions.
+fn statement(intervals: Option<&Intervals>, arguments: &PredictArguments) -> Statement {
+    let table = table(arguments);
+    Statement {
+        key: "intervals",
+        document: intervals.map(|intervals| intervals.document(&table)),
+        lines: intervals.map_or_else(
+            || {
+                vec![
+                    "nothing is said of the errors: the model has no calibration here; name one with --calibration"
+                        .to_owned(),
+                ]
+            },
+            |intervals| intervals.lines(&table),
+        ),
+    }
 }

@@ -4,6 +4,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use rayon::prelude::*;
+use serde_json::Value;
 
 use super::cells::{self, States};
 use super::error::CliError;
@@ -25,7 +26,7 @@ use crate::store::Object;
 const BATCH: usize = 8;
 
 /// What goes into the file, and how many samples have no stable solution.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Answer {
     /// The arrays. Unlike an artifact it may hold NaN: in the rows of unstable samples.
     pub content: Object,
@@ -43,6 +44,19 @@ pub struct Answer {
     pub near_limit: Vec<(usize, Option<CriticalVoltage>)>,
     /// Patterns of which cells would wrinkle, where that was asked for: position and part of the membrane.
     pub wrinkled: Vec<(usize, f64)>,
+    /// What else is said.
+    pub statement: Statement,
+}
+
+/// What a command says besides, for people and for programs.
+#[derive(Debug, Default)]
+pub struct Statement {
+    /// The key in the document; none is written where it is empty.
+    pub key: &'static str,
+    /// What stands there.
+    pub document: Option<Value>,
+    /// The same in words.
+    pub lines: Vec<String>,
 }
 
 /// Simulates patterns in a scene read from `scene`, a scene or a pipeline whose scene is used; with the state of every cell
@@ -112,6 +126,7 @@ pub fn solve(
         warnings: screened.warnings,
         near_limit,
         wrinkled: wrinkled.filter(|(_, fraction)| *fraction > 0.0).collect(),
+        statement: Statement::default(),
     })
 }
 

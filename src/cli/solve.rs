@@ -172,7 +172,7 @@ pub fn conclude(
                 "error": found.and_then(|found| found.error),
             })
         });
-        output.document(&json!({
+        let mut document = json!({
             "file": arguments.output,
             "samples": n,
             "unstable": unstable,
@@ -182,7 +182,11 @@ pub fn conclude(
             "warnings": answer.warnings,
             "wrinkled": wrinkled.collect::<Vec<_>>(),
             "seconds": seconds,
-        }))?;
+        });
+        if !answer.statement.key.is_empty() {
+            document[answer.statement.key] = json!(answer.statement.document);
+        }
+        output.document(&document)?;
     } else {
         let mut lines = vec![format!(
             "{}: {n} {} in {}",
@@ -221,6 +225,7 @@ pub fn conclude(
                 100.0 * fraction
             )
         }));
+        lines.extend(answer.statement.lines.iter().cloned());
         output.text(&lines.join("\n"))?;
     }
     Ok(if unstable > 0 { Exit::Unstable } else { Exit::Done })

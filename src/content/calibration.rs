@@ -25,6 +25,8 @@ arrays! {
         false_alarm: String = attribute("false_alarm"),
         /// The artifact of the model.
         model: String = attribute("model"),
+        /// BLAKE3 of the bytes of the model, by which a file of it is known.
+        weights: String = attribute("weights"),
         /// The network.
         network: String = attribute("network"),
         /// The scene of the patterns.

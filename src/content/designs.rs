@@ -2,6 +2,7 @@
 
 use super::element::{Packed, PerUnit};
 use super::error::{ContentError, Fault};
+use super::intervals::DesignIntervals;
 use super::macros::arrays;
 use super::part::LongTexts;
 use crate::field::{Field, Outcome};
@@ -41,6 +42,8 @@ arrays! {
         constraints: LongTexts = array("constraints", "", [row]),
         /// `met`, or which constraints are not, as the search knew it.
         status: LongTexts = array("status", "", [row]),
+        /// Where a calibrated network was asked, what it says of them.
+        interval: Option<DesignIntervals> = group("interval"),
     }
 }
 
@@ -72,6 +75,13 @@ impl DesignRows {
         self.objective.0.push(others.objective.0[row].clone());
         self.constraints.0.push(others.constraints.0[row].clone());
         self.status.0.push(others.status.0[row].clone());
+        let interval = others.interval.as_ref().and_then(|intervals| intervals.of_row(row));
+        if interval.is_some() && self.interval.is_none() {
+            self.interval = Some(DesignIntervals::none(self.len() - 1));
+        }
+        if let Some(intervals) = &mut self.interval {
+            intervals.push(interval);
+        }
     }
 }
 

@@ -12,6 +12,8 @@ arrays! {
         predictor_digests: Vec<String> = array("predictor_digests", "", [predictors]),
         /// Families of the patterns, at last all together.
         families: Vec<String> = array("families", "", [families]),
+        /// 1 where a model learned from the family; for all together where it learned from each.
+        trained: Vec<u64> = array("trained", "1", [predictors, families]),
         /// Scores by family.
         score: Scores = group("score", [(group, families)]),
         /// Middle of each bin of the area fraction, 5 % wide.
@@ -77,6 +79,8 @@ arrays! {
         calibrations: Vec<String> = array("calibrations", "", [calibrations]),
         /// Artifact of its model.
         models: Vec<String> = array("models", "", [calibrations]),
+        /// Patterns of each family that the calibration was made from.
+        calibrated: Vec<u64> = array("calibrated", "1", [calibrations, families]),
         /// Points and directions.
         objectives: Vec<String> = array("objectives", "", [objectives]),
         /// Share of patterns whose whole field lies in its band.
@@ -85,6 +89,10 @@ arrays! {
         radius: Vec<f64> = array("radius", "mm", [calibrations, families]),
         /// Share of patterns flagged as out of distribution.
         out_of_distribution: Vec<f64> = array("unlike", "1", [calibrations, families]),
+        /// Patterns that are not flagged.
+        unflagged: Vec<u64> = array("unflagged", "1", [calibrations, families]),
+        /// Share of these whose whole field lies in its band; 0 where there are none.
+        unflagged_field: Vec<f64> = array("unflagged_field", "1", [calibrations, families]),
         /// Share of patterns whose objective lies in its interval.
         objective: Vec<f64> = array("objective", "1", [objectives, calibrations, families]),
         /// Median half-width of the interval of an objective.

@@ -19,6 +19,7 @@ mod calibration;
 mod catalogue;
 mod designs;
 mod evaluation;
+mod intervals;
 mod labelled;
 mod load_paths;
 mod observations;
@@ -35,7 +36,7 @@ pub use accuracy::{Accuracy, FamilyErrors, Mismatches, PatternErrors, ReferenceE
 pub use attribute::{Attribute, Json, Lines};
 pub use audit::{AreaHistogram, Audit, DisplacementHistogram, ResimulatedRows};
 pub use balanced::{BalanceCounts, Balanced, BalancedView, Histograms};
-pub use calibration::{Calibration, Difficulty, Novelty};
+pub use calibration::{Calibration, CalibrationView, Difficulty, Novelty};
 pub use catalogue::{ContentOfKind, catalogue};
 pub use declared::Declared;
 pub use designs::{
@@ -45,6 +46,7 @@ pub use designs::{
 pub use element::{Packed, PerCell, PerUnit, Row, SingleField};
 pub use error::{AttributeError, ContentError, ElementError, Fault};
 pub use evaluation::{Coverage, CoverageView, Evaluation, PatternScores, Scores};
+pub use intervals::{DesignInterval, DesignIntervals, ObjectiveIntervals, PredictionIntervals};
 pub use labelled::Labelled;
 pub use load_paths::LoadPaths;
 pub use observations::{Meshes, NO_STATE, Observations};

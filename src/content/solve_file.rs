@@ -2,6 +2,7 @@
 
 use super::attribute::Lines;
 use super::element::{Packed, PerCell};
+use super::intervals::PredictionIntervals;
 use super::macros::arrays;
 use super::observations::{Meshes, Observations};
 use crate::field::Field;
@@ -30,6 +31,8 @@ arrays! {
         meshes: Option<Meshes> = group(""),
         /// Where they were asked for, the states of the cells.
         cells: Option<CellFields> = group("cells"),
+        /// Of predictions, where the model has a calibration, how far they may be off.
+        intervals: Option<PredictionIntervals> = group("interval"),
         /// The scene; of a prediction the one that the model was trained in.
         scene: String = attribute("scene"),
         /// How it was solved, in the keys of a solve stage.
@@ -40,6 +43,12 @@ arrays! {
         warnings: Option<Lines> = attribute("warnings"),
         /// The network that predicted.
         network: Option<String> = attribute("network"),
+        /// Probability that the intervals cover, for patterns like those of the calibration.
+        coverage: Option<String> = attribute("coverage"),
+        /// The artifact of the calibration.
+        calibration: Option<String> = attribute("calibration"),
+        /// The families that the calibration was made from.
+        basis: Option<String> = attribute("calibrated_on"),
     }
 }
 

@@ -9,6 +9,9 @@ use super::error::ReportError;
 use super::format::two_digits;
 use crate::content::{self, CoverageView};
 
+/// The share that intervals are to cover.
+const STATED: f64 = 0.95;
+
 /// The result of an evaluate stage.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Evaluation {
@@ -29,6 +32,8 @@ pub struct Predicted {
     pub name: String,
     /// Digest of the model; empty for an estimate.
     pub digest: String,
+    /// Whether it learned from the family.
+    pub trained: Vec<bool>,
     /// Patterns with a prediction.
     pub samples: Vec<u64>,
     /// Root mean square error of a component in mm.
@@ -71,6 +76,12 @@ pub struct Coverage {
     pub radius_mm: Vec<f64>,
     /// Share of patterns that are flagged as unlike the training.
     pub unlike: Vec<f64>,
+    /// Patterns that the calibration was made from.
+    pub calibrated: Vec<u64>,
+    /// Patterns that are not flagged.
+    pub unflagged: Vec<u64>,
+    /// Share of these whose whole field lies in its band; 0 where there are none.
+    pub unflagged_field: Vec<f64>,
     /// Objectives, each with the share of patterns whose value lies in its interval.
     pub objectives: Vec<ObjectiveCoverage>,
 }
@@ -113,6 +124,7 @@ pub fn read(source: &Source<'_>) -> Result<Evaluation, ReportError> {
         source.of(view.predictor_digests().read())?,
     );
     let centres = source.of(view.area_centre().read())?;
+    let trained = source.of(view.trained().read())?;
     let (score, area) = (source.of(view.score().read())?, view.area());
     let area_samples = source.of(area.samples().read())?;
     let (area_rmse, area_max) = (source.of(area.rmse().read())?, source.of(area.max_error().read())?);
@@ -129,6 +141,7 @@ pub fn read(source: &Source<'_>) -> Result<Evaluation, ReportError> {
     let predictor = |k: usize| Predicted {
         name: called(source, &names[k], &digests[k]),
         digest: digests[k].clone(),
+        trained: row(&trained, k, n).iter().map(|learned| *learned == 1).collect(),
         samples: row(&score.samples, k, n),
         rmse_mm: row(&score.rmse, k, n),
         r2: row(&score.r2, k, n),
@@ -154,6 +167,11 @@ fn coverage(source: &Source<'_>, view: &CoverageView<'_>) -> Result<Vec<Coverage
     let objectives = source.of(view.objectives().read())?;
     let (field, radius) = (source.of(view.field().read())?, source.of(view.radius().read())?);
     let unlike = source.of(view.out_of_distribution().read())?;
+    let calibrated = source.of(view.calibrated().read())?;
+    let (unflagged, unflagged_field) = (
+        source.of(view.unflagged().read())?,
+        source.of(view.unflagged_field().read())?,
+    );
     let (objective, half_width) = (
         source.of(view.objective().read())?,
         source.of(view.objective_half_width().read())?,
@@ -169,6 +187,9 @@ fn coverage(source: &Source<'_>, view: &CoverageView<'_>) -> Result<Vec<Coverage
         field: row(&field, k, n),
         radius_mm: row(&radius, k, n),
         unlike: row(&unlike, k, n),
+        calibrated: row(&calibrated, k, n),
+        unflagged: row(&unflagged, k, n),
+        unflagged_field: row(&unflagged_field, k, n),
         objectives: objectives
             .iter()
             .enumerate()
@@ -179,11 +200,174 @@ fn coverage(source: &Source<'_>, view: &CoverageView<'_>) -> Result<Vec<Coverage
 }
 
 impl Evaluation {
+    /// The names of the families for which something holds, without that of all together.
+    fn named(&self, holds: impl Fn(usize) -> bool) -> String {
+        let single = 0..self.families.len().saturating_sub(1);
+        let named: Vec<&str> = single
+            .filter(|&k| holds(k))
+            .map(|k| self.families[k].as_str())
+            .collect();
+        named.join(", ")
+    }
+
+    /// For which families an error was measured that a model did not learn from: its own test says nothing of these.
+    #[must_use]
+    pub fn scope(&self, predictor: &Predicted) -> Option<String> {
+        let (own, others) = (
+            self.named(|k| predictor.trained[k]),
+            self.named(|k| !predictor.trained[k]),
+        );
+        if predictor.digest.is_empty() {
+            return None;
+        }
+        Some(match (own.as_str(), others.as_str()) {
+            (own, "") => format!("{} learned from all of these families: {own}", predictor.name),
+            ("", others) => format!("{} learned from none of these families: {others}", predictor.name),
+            (own, others) => {
+                let worst = self.worst(predictor).map_or_else(String::new, |(family, ratio)| {
+                    format!(": the error on {family} is {ratio:.1} times that on its own")
+                });
+                format!("{} learned from {own}; not from {others}{worst}", predictor.name)
+            }
+        })
+    }
+
+    /// The family outside its training on which a model errs most, and by how much more than on those of its training.
+    fn worst(&self, predictor: &Predicted) -> Option<(&str, f64)> {
+        let single = 0..self.families.len().saturating_sub(1);
+        let (own, others): (Vec<usize>, Vec<usize>) = single
+            .filter(|&k| predictor.samples[k] > 0)
+            .partition(|&k| predictor.trained[k]);
+        let squares: f64 = own.iter().map(|&k| predictor.rmse_mm[k].powi(2)).sum();
+        let usual = (squares / own.len().max(1) as f64).sqrt();
+        let error = |k: &usize| predictor.rmse_mm[*k];
+        let worst = others.into_iter().max_by(|a, b| error(a).total_cmp(&error(b)))?;
+        (usual > 0.0).then(|| (self.families[worst].as_str(), error(&worst) / usual))
+    }
+
+    /// What the intervals of a calibration were made from, and where they hold less often than they say.
+    #[must_use]
+    pub fn validity(&self, coverage: &Coverage) -> [String; 2] {
+        let samples = |k: usize| self.predictors.first().map_or(0, |p| p.samples[k]);
+        let (own, others) = (
+            self.named(|k| coverage.calibrated[k] > 0),
+            self.named(|k| coverage.calibrated[k] == 0),
+        );
+        let basis = match others.as_str() {
+            "" => format!("calibrated on all of these families: {own}"),
+            others => format!("calibrated on {own}; not on {others}"),
+        };
+        let short = (0..self.families.len() - 1).filter(|&k| is_short(coverage.field[k], samples(k)));
+        let short: Vec<String> = short
+            .map(|k| {
+                format!(
+                    "{} ({} covered, {} flagged)",
+                    self.families[k],
+                    percent(coverage.field[k]),
+                    percent(coverage.unlike[k])
+                )
+            })
+            .collect();
+        let verdict = match &short[..] {
+            [] => "on each family the share covered is 95 % as nearly as so many patterns can tell".to_owned(),
+            some => format!("fewer are covered than the 95 % that is said: {}", some.join(", ")),
+        };
+        [basis, verdict]
+    }
+
+    /// Where patterns that are not flagged lie outside their bands more often than is said.
+    #[must_use]
+    pub fn warnings(&self) -> Vec<String> {
+        let of_one = |coverage: &Coverage| {
+            let families = 0..self.families.len().saturating_sub(1);
+            let short = families.filter(|&k| is_short(coverage.unflagged_field[k], coverage.unflagged[k]));
+            let warning = |k: usize| {
+                format!(
+                    "intervals of {}: of {} patterns of {} that are not flagged {} lie in their band, fewer than 95 %",
+                    coverage.name,
+                    coverage.unflagged[k],
+                    self.families[k],
+                    percent(coverage.unflagged_field[k])
+                )
+            };
+            short.map(warning).collect::<Vec<_>>()
+        };
+        self.calibrations.iter().flat_map(of_one).collect()
+    }
+
     fn line(&self, f: &mut fmt::Formatter<'_>, width: usize, name: &str, cells: &[String]) -> fmt::Result {
         write!(f, "  {name:<width$}")?;
         cells.iter().try_for_each(|cell| write!(f, "  {cell:>10}"))?;
         writeln!(f)
     }
+
+    /// The rows of a model or an estimate.
+    fn errors(&self, f: &mut fmt::Formatter<'_>, width: usize) -> fmt::Result {
+        for predictor in &self.predictors {
+            let mut cells: Vec<String> = predictor.rmse_mm.iter().map(|rmse| two_digits(*rmse)).collect();
+            for (cell, samples) in cells.iter_mut().zip(&predictor.samples) {
+                if *samples == 0 {
+                    *cell = "none".to_owned();
+                }
+            }
+            let last = self.families.len().saturating_sub(1);
+            cells.push(format!("{:.5}", predictor.max_displacement_r2[last]));
+            cells.push(two_digits(predictor.max_error_mm[last]));
+            self.line(f, width, &predictor.name, &cells)?;
+        }
+        let samples = self.predictors.first().map_or(&[][..], |p| &p.samples);
+        let samples: Vec<String> = samples.iter().map(ToString::to_string).collect();
+        self.line(f, width, "patterns", &samples)?;
+        let scopes = self.predictors.iter().filter_map(|predictor| self.scope(predictor));
+        scopes.into_iter().try_for_each(|scope| writeln!(f, "  {scope}"))
+    }
+
+    /// The rows of a calibration.
+    fn coverage(&self, f: &mut fmt::Formatter<'_>, width: usize, coverage: &Coverage) -> fmt::Result {
+        let shares = |shares: &[f64]| shares.iter().map(|share| percent(*share)).collect::<Vec<_>>();
+        writeln!(f, "  {}: intervals of 95 %", coverage.name)?;
+        self.line(f, width, "whole field", &shares(&coverage.field))?;
+        let radius: Vec<String> = coverage.radius_mm.iter().map(|r| two_digits(*r)).collect();
+        self.line(f, width, "radius mm", &radius)?;
+        self.line(f, width, "points", &shares(&coverage.points()))?;
+        self.line(f, width, "flagged", &shares(&coverage.unlike))?;
+        self.line(f, width, "unflagged", &coverage.unflagged_covered())?;
+        self.validity(coverage)
+            .iter()
+            .try_for_each(|line| writeln!(f, "  {line}"))
+    }
+}
+
+impl Coverage {
+    /// Share of objectives in their intervals, the mean over them, for each family.
+    #[must_use]
+    pub fn points(&self) -> Vec<f64> {
+        let n = self.objectives.len().max(1) as f64;
+        let mean = |k: usize| self.objectives.iter().map(|o| o.covered[k]).sum::<f64>() / n;
+        (0..self.field.len()).map(mean).collect()
+    }
+
+    /// The share covered of patterns that are not flagged, in words.
+    #[must_use]
+    pub fn unflagged_covered(&self) -> Vec<String> {
+        let pairs = self.unflagged_field.iter().zip(&self.unflagged);
+        pairs
+            .map(|(share, n)| match n {
+                0 => "none".to_owned(),
+                _ => percent(*share),
+            })
+            .collect()
+    }
+}
+
+/// Whether a share counted on so many patterns is below the stated one by more than two deviations of the count.
+fn is_short(share: f64, patterns: u64) -> bool {
+    let deviation = (STATED * (1.0 - STATED) / patterns.max(1) as f64).sqrt();
+    patterns > 0 && share < STATED - 2.0 * deviation
+}
+
+fn percent(share: f64) -> String {
+    format!("{:.1} %", 100.0 * share)
 }
 
 impl fmt::Display for Evaluation {
@@ -198,46 +382,99 @@ impl fmt::Display for Evaluation {
         )?;
         let extra = ["R² of max", "max error"].map(str::to_owned);
         self.line(f, width, "", &[&self.families[..], &extra].concat())?;
-        for predictor in &self.predictors {
-            let mut cells: Vec<String> = predictor.rmse_mm.iter().map(|rmse| two_digits(*rmse)).collect();
-            for (cell, samples) in cells.iter_mut().zip(&predictor.samples) {
-                if *samples == 0 {
-                    *cell = "none".to_owned();
-                }
-            }
-            let last = self.families.len().saturating_sub(1);
-            cells.push(format!("{:.5}", predictor.max_displacement_r2[last]));
-            cells.push(two_digits(predictor.max_error_mm[last]));
-            self.line(f, width, &predictor.name, &cells)?;
-        }
-        let samples = self.predictors.first().map_or(&[][..], |p| &p.samples);
-        self.line(
-            f,
-            width,
-            "patterns",
-            &samples.iter().map(ToString::to_string).collect::<Vec<_>>(),
-        )?;
-        for coverage in &self.calibrations {
-            let percent = |shares: &[f64]| shares.iter().map(|s| format!("{:.1} %", 100.0 * s)).collect::<Vec<_>>();
-            writeln!(f, "  {}: intervals of 95 %", coverage.name)?;
-            self.line(f, width, "whole field", &percent(&coverage.field))?;
-            self.line(
-                f,
-                width,
-                "radius mm",
-                &coverage.radius_mm.iter().map(|r| two_digits(*r)).collect::<Vec<_>>(),
-            )?;
-            let points: Vec<f64> = (0..self.families.len())
-                .map(|k| {
-                    coverage.objectives.iter().map(|o| o.covered[k]).sum::<f64>() / coverage.objectives.len() as f64
-                })
-                .collect();
-            self.line(f, width, "points", &percent(&points))?;
-            self.line(f, width, "flagged", &percent(&coverage.unlike))?;
-        }
+        self.errors(f, width)?;
+        let calibrations = self.calibrations.iter();
+        calibrations
+            .into_iter()
+            .try_for_each(|coverage| self.coverage(f, width, coverage))?;
         write!(
             f,
             "  max: largest displacement of each pattern; max error: largest of a component, mm"
-        )
+        )?;
+        match self.calibrations.is_empty() {
+            true => Ok(()),
+            false => write!(
+                f,
+                "\n  unflagged: whole fields covered among patterns that are not flagged as out of distribution; \
+                 errors and shares are of these families and say nothing of others"
+            ),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Three hundred patterns of each of two families, of which the model learned from the first.
+    fn evaluation() -> Evaluation {
+        let three = || vec![0.0; 3];
+        Evaluation {
+            stage: "judged".into(),
+            families: ["bezier", "dithers", "all"].map(str::to_owned).into(),
+            predictors: vec![Predicted {
+                name: "surrogate".into(),
+                digest: "0123".into(),
+                trained: vec![true, false, false],
+                samples: vec![300, 300, 600],
+                rmse_mm: vec![0.001, 0.0046, 0.0033],
+                r2: three(),
+                max_displacement_r2: three(),
+                max_error_mm: three(),
+                max_displacement_error_mm: three(),
+                quantile95_mm: three(),
+                by_area: Vec::new(),
+            }],
+            calibrations: vec![Coverage {
+                name: "intervals".into(),
+                field: vec![0.93, 0.59, 0.76],
+                radius_mm: three(),
+                unlike: vec![0.01, 0.9, 0.45],
+                calibrated: vec![500, 0, 500],
+                unflagged: vec![297, 30, 327],
+                unflagged_field: vec![0.93, 0.6, 0.9],
+                objectives: Vec::new(),
+            }],
+        }
+    }
+
+    #[test]
+    fn errors_and_coverage_outside_the_training_are_told() {
+        let found = evaluation();
+        assert_eq!(
+            found.scope(&found.predictors[0]).as_deref(),
+            Some("surrogate learned from bezier; not from dithers: the error on dithers is 4.6 times that on its own")
+        );
+        let [basis, verdict] = found.validity(&found.calibrations[0]);
+        assert_eq!(basis, "calibrated on bezier; not on dithers");
+        // 93 % of 300 is within two deviations, 2.5 %, of 95 %.
+        assert_eq!(
+            verdict,
+            "fewer are covered than the 95 % that is said: dithers (59.0 % covered, 90.0 % flagged)"
+        );
+        let warnings = found.warnings();
+        assert_eq!(warnings.len(), 1);
+        assert!(
+            warnings[0].contains("of 30 patterns of dithers that are not flagged 60.0 % lie"),
+            "{warnings:?}"
+        );
+    }
+
+    #[test]
+    fn what_is_met_or_flagged_is_no_warning() {
+        let mut found = evaluation();
+        found.calibrations[0].field = vec![0.94, 0.96, 0.95];
+        (
+            found.calibrations[0].unflagged[1],
+            found.calibrations[0].unflagged_field[1],
+        ) = (0, 0.0);
+        assert!(found.warnings().is_empty());
+        let [_, verdict] = found.validity(&found.calibrations[0]);
+        assert!(
+            verdict.starts_with("on each family the share covered is 95 %"),
+            "{verdict}"
+        );
+        found.predictors[0].digest.clear();
+        assert_eq!(found.scope(&found.predictors[0]), None, "an estimate learns nothing");
     }
 }

@@ -276,6 +276,7 @@ mod tests {
             simulated_error_mm: None,
             difference_mm: simulated.map(|simulated| predicted - simulated),
             distance_mm: distance,
+            interval: None,
             outcome: "converged".into(),
             status: "met".into(),
             gain_own_area: None,

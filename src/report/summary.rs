@@ -7,6 +7,7 @@ use serde::Serialize;
 
 use super::artifacts::Source;
 use super::error::ReportError;
+use super::intervals::{self, NetworkInterval};
 use crate::content::{ContentError, Verification};
 use crate::field::NO_FIELD;
 use crate::pattern::Role;
@@ -54,6 +55,8 @@ pub struct RowSummary {
     pub difference_mm: Option<f64>,
     /// Distance from a wanted displacement, in mm, where one is wanted.
     pub distance_mm: Option<f64>,
+    /// What a calibrated network says, where one was asked.
+    pub interval: Option<NetworkInterval>,
     /// How the simulation ended.
     pub outcome: String,
     /// `met`, or which constraints are not.
@@ -105,10 +108,15 @@ impl RowSummary {
 /// # Errors
 /// When the artifact does not hold what its kind promises.
 pub fn read(source: &Source<'_>) -> Result<Summary, ReportError> {
-    let rows = source.of(rows(source.artifact))?;
+    let mut rows = source.of(rows(source.artifact))?;
     if rows.is_empty() {
         return Err(source.wrong("it verifies no designs"));
     }
+    let view = source.of(Verification::open(source.artifact))?.rows();
+    let intervals = intervals::of_rows(source, &view, rows.len())?;
+    rows.iter_mut()
+        .zip(intervals)
+        .for_each(|(row, interval)| row.interval = interval);
     let compared: Vec<RowSummary> = rows.iter().map(|row| compared(row, &rows)).collect();
     Ok(Summary {
         stage: source.stage.stage.clone(),
@@ -146,6 +154,7 @@ fn rows(artifact: &Artifact) -> Result<Vec<RowSummary>, ContentError> {
                 .zip(simulated_mm)
                 .map(|(predicted, simulated)| predicted - simulated),
             distance_mm: distance_mm.filter(|&distance| distance > 0.0),
+            interval: None,
             outcome: outcomes[k].clone(),
             status: statuses[k].clone(),
             gain_own_area: None,
@@ -211,6 +220,10 @@ impl fmt::Display for Summary {
                 self.not_stable
             )?;
         }
+        let stated = searched(&self.rows).filter_map(|row| Some((row.interval.as_ref()?, row.simulated_mm)));
+        if let Some(verdict) = intervals::verdict(stated) {
+            writeln!(f, "  {verdict}")?;
+        }
         match self.largest_difference {
             Some(share) if share > TRUSTED => write!(
                 f,
@@ -247,6 +260,9 @@ impl fmt::Display for Line<'_> {
         }
         if let Some(error) = row.simulated_error_mm {
             write!(f, " ± {error:.4}")?;
+        }
+        if let Some(interval) = &row.interval {
+            write!(f, "  {interval}")?;
         }
         let percent = |gain: f64| format!("{:+.2} %", 100.0 * gain);
         match (row.gain_own_area, row.gain_equal_area) {

@@ -401,6 +401,7 @@ fn evaluated(model: &Made) -> Object {
         ("predictors", texts(&["qin2024", "linear"])),
         ("predictor_digests", texts(&[&digest, ""])),
         ("families", texts(&["blobs", "curves", "all"])),
+        ("trained", counts(&[1, 0, 0, 0, 0, 0], &[2, 3])),
         ("score/samples", counts(&[1, 1, 2, 0, 0, 0], &[2, 3])),
         ("area/centre", floats("1", &[0.5])),
         ("area/samples", counts(&[2, 0], &[2, 1])),
@@ -417,6 +418,9 @@ fn evaluated(model: &Made) -> Object {
         ("coverage/field", table(&[1.0, 0.9, 0.95], &[1, 3])),
         ("coverage/radius", table(&[0.004, 0.1, 0.05], &[1, 3])),
         ("coverage/unlike", table(&[0.0, 1.0, 0.5], &[1, 3])),
+        ("coverage/calibrated", counts(&[80, 0, 80], &[1, 3])),
+        ("coverage/unflagged", counts(&[1, 0, 1], &[1, 3])),
+        ("coverage/unflagged_field", table(&[1.0, 0.0, 1.0], &[1, 3])),
         (
             "coverage/objective",
             table(&[1.0, 0.9, 0.95, 0.8, 0.9, 0.85], &[2, 1, 3]),
@@ -453,6 +457,8 @@ fn an_evaluation_names_models_by_their_stages() {
         "90.0 %",
         "0.0040",
         "judged: root mean square",
+        "surrogate learned from blobs; not from curves: the error on curves is 28.8 times that on its own",
+        "calibrated on blobs; not on curves",
     ] {
         assert!(text.contains(part), "{part}: {text}");
     }

@@ -8,12 +8,13 @@ use std::path::{Path, PathBuf};
 use super::designs::{Design, Found, designs, role_word};
 use super::error::ReportError;
 use super::history::History;
+use super::intervals::NetworkInterval;
 use super::page::report_page;
 use crate::base::{OutputFile, read_bounded};
 use crate::store::Store;
 
 /// The columns of the table of designs.
-pub const COLUMNS: [&str; 17] = [
+pub const COLUMNS: [&str; 22] = [
     "name",
     "case",
     "role",
@@ -30,6 +31,11 @@ pub const COLUMNS: [&str; 17] = [
     "intuitive_equal_area_mm",
     "optimum_mm",
     "ratio_to_optimum",
+    "network_mm",
+    "interval_lower_mm",
+    "interval_upper_mm",
+    "novelty",
+    "out_of_distribution",
     "pattern_file",
 ];
 
@@ -160,7 +166,8 @@ fn table_text(designs: &[Design]) -> io::Result<Vec<u8>> {
 fn row(design: &Design) -> [String; COLUMNS.len()] {
     let number = |value: f64| format!("{:.6}", value + 0.0);
     let known = |value: Option<f64>| value.map_or_else(String::new, number);
-    let compared = &design.compared;
+    let (compared, interval) = (&design.compared, design.interval.as_ref());
+    let of_interval = |of: fn(&NetworkInterval) -> f64| known(interval.map(of));
     [
         design.name.clone(),
         design.case.clone(),
@@ -178,6 +185,13 @@ fn row(design: &Design) -> [String; COLUMNS.len()] {
         known(compared.intuitive_equal_area),
         known(compared.optimum),
         known(compared.ratio),
+        of_interval(|interval| interval.predicted_mm),
+        of_interval(|interval| interval.lower_mm),
+        of_interval(|interval| interval.upper_mm),
+        of_interval(|interval| interval.novelty),
+        interval.map_or_else(String::new, |interval| {
+            u8::from(interval.out_of_distribution).to_string()
+        }),
         design.pattern_file(),
     ]
 }
@@ -185,6 +199,7 @@ fn row(design: &Design) -> [String; COLUMNS.len()] {
 #[cfg(test)]
 mod tests {
     use super::super::designs::{Objective, Role, tests::design};
+    use super::super::intervals::tests::interval;
     use super::*;
 
     #[test]
@@ -205,15 +220,17 @@ mod tests {
             "{ points: [{ point: [12.5, 25], direction: 0 }, { point: [37.5, 25], direction: 180 deg }] }",
         )
         .unwrap();
+        of_four.interval = Some(interval(1.0, 1.5));
         let text = String::from_utf8(table_text(&[of_four, design(Role::Intuitive, 50, None)]).unwrap()).unwrap();
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!(lines[0], COLUMNS.join(","));
         assert_eq!(
             lines[1],
-            "I-centre-refined,I,refined,50,12.5 37.5,25 25,0 180,0.5,0.500000,1.000000,0.987654,,,,,,patterns/I-centre-refined.csv"
+            "I-centre-refined,I,refined,50,12.5 37.5,25 25,0 180,0.5,0.500000,1.000000,0.987654,,,,,,1.000000,0.950000,1.050000,1.500000,1,\
+             patterns/I-centre-refined.csv"
         );
         assert!(
-            lines[2].contains(",intuitive,50,25,25,0,0.5,0.500000,1.000000,,,,,,,"),
+            lines[2].contains(",intuitive,50,25,25,0,0.5,0.500000,1.000000,,,,,,,,,,,,"),
             "{}",
             lines[2]
         );

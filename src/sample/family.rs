@@ -156,6 +156,11 @@ pub static FAMILIES: &[&dyn FamilyEntry] = &[
     &Entry::<super::blobs::Parameters>::NEW,
     &Entry::<super::curves::Parameters>::NEW,
     &Entry::<super::checker::Parameters>::NEW,
+    &Entry::<super::dithers::Parameters>::NEW,
+    &Entry::<super::mazes::Parameters>::NEW,
+    &Entry::<super::diagonals::Parameters>::NEW,
+    &Entry::<super::spirals::Parameters>::NEW,
+    &Entry::<super::glyphs::Parameters>::NEW,
 ];
 
 /// Reads the samples that a mapping with the key `family` asks for, from a table of families, and gives the mapping too:

@@ -5,17 +5,15 @@ mod content;
 use std::collections::BTreeSet;
 
 use super::{labelled, model};
-use crate::base::{Canonical, Declared, Fields, InputError, Node, Seed, parameters};
+use crate::base::{Canonical, Declared, Digest, Fields, InputError, Node, Seed, parameters};
 use content::Origin;
 
-use crate::content::{ALL_FAMILIES, Training};
-use crate::dataset::Split;
 use crate::field::Predictor;
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::store::{Artifact, Object};
 use crate::surrogate::{Calibration, CalibrationError, Observed, Surrogate};
 
-pub(super) use content::read;
+pub use content::{CalibratedFamily, CalibratedModel, read};
 
 /// The kind `calibrate`.
 pub struct CalibrateKind;
@@ -26,7 +24,7 @@ impl Kind for CalibrateKind {
     }
 
     fn recipe(&self) -> u32 {
-        2
+        3
     }
 
     fn needs(&self) -> Needs {
@@ -68,7 +66,7 @@ impl Stage for CalibrateStage {
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
         let scene = super::scene_of_inputs(job.inputs)?;
         let (artifact, surrogate) = the_model(job.inputs)?;
-        let trained = families_of(artifact)?;
+        let trained = model::families(artifact)?;
         let (mut observed, mut families) = (Vec::new(), Vec::new());
         for input in job.inputs {
             if labelled::is_labelled(input) {
@@ -91,6 +89,7 @@ impl Stage for CalibrateStage {
             families: &families,
             trained: &trained,
             model: artifact.digest().to_string(),
+            weights: Digest::of(&model::weights(artifact)?).to_string(),
             network: surrogate.kind().name(),
             scene,
         };
@@ -121,12 +120,4 @@ fn the_model(inputs: &[Artifact]) -> Result<(&Artifact, Surrogate), StageError> 
         )));
     };
     Ok((*artifact, model::of_artifact(artifact)?))
-}
-
-/// The families that a model learned from: those that its training was measured on.
-fn families_of(model: &Artifact) -> Result<BTreeSet<String>, StageError> {
-    let metrics = Training::open(model)?.metrics();
-    let pairs = metrics.family().read()?.into_iter().zip(metrics.split().read()?);
-    let trained = pairs.filter(|(family, split)| split == Split::Train.name() && family != ALL_FAMILIES);
-    Ok(trained.map(|(family, _)| family).collect())
 }

@@ -4,6 +4,7 @@
 
 mod content;
 mod evaluators;
+mod intervals;
 
 use std::sync::OnceLock;
 use std::time::Instant;
@@ -21,10 +22,12 @@ use crate::fem::{GradientEvaluator, SafetyMargins, SetupError, breakdown_strengt
 use crate::field::{Differentiable, Feasibility};
 use crate::orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::scene::Scene;
-use crate::store::Object;
+use crate::store::{Artifact, Object};
+use crate::surrogate::Surrogate;
 
 use content::Heading;
 use evaluators::{EvaluatorChoice, evaluators};
+use intervals::Calibrated;
 
 /// The kind `design`.
 pub struct DesignKind;
@@ -116,9 +119,9 @@ impl Kind for DesignKind {
 
     fn needs(&self) -> Needs {
         Needs {
-            kinds: &["train"],
+            kinds: &["train", "calibrate"],
             least: 0,
-            most: 1,
+            most: 2,
         }
     }
 
@@ -239,6 +242,17 @@ impl DesignStage {
         Ok(self.ready.get_or_init(|| ready))
     }
 
+    /// The network among the inputs, if there is one.
+    fn surrogate(&self, inputs: &[Artifact]) -> Result<Option<Surrogate>, StageError> {
+        let network = inputs.iter().find(|input| model::is_in(input));
+        if network.is_none() && self.evaluator == EvaluatorChoice::Surrogate {
+            return Err(StageError::Input(
+                "`evaluator: surrogate` judges by a network, and `needs` names no stage of kind `train`".to_owned(),
+            ));
+        }
+        network.map(|input| model::in_scene(input, &self.scene)).transpose()
+    }
+
     fn heading(&self, target: &Target) -> Heading {
         Heading {
             case: self.case.as_ref().map_or(String::new(), |case| case.0.clone()),
@@ -289,8 +303,8 @@ impl Stage for DesignStage {
         let target = self.targets.iter().find(|target| Some(&self.chunk(target)) == wanted);
         let target = target.ok_or_else(|| StageError::Failed("a chunk of a design stage has one target".to_owned()))?;
         let start = Instant::now();
-        let surrogate = job.inputs.first().map(|input| model::in_scene(input, &self.scene));
-        let surrogate = surrogate.transpose()?;
+        let surrogate = self.surrogate(job.inputs)?;
+        let calibrated = Calibrated::of(job.inputs, &self.scene)?;
         let search = Search {
             target,
             constraints: self.constraints.constraints(),
@@ -302,7 +316,12 @@ impl Stage for DesignStage {
         let found = found.map_err(|e| StageError::Failed(e.to_string()))?;
         job.measure(format!("search; {}", target.name), start.elapsed().as_secs_f64());
         let method = self.options.method.name();
-        Ok(content::designs(self.heading(target), found, self.scene.clone(), method).object())
+        let mut designs = content::designs(self.heading(target), found, self.scene.clone(), method);
+        if let Some(calibrated) = calibrated {
+            let intervals = calibrated.intervals(&target.goal, &designs.rows.patterns)?;
+            designs.rows.interval = Some(intervals);
+        }
+        Ok(designs.object())
     }
 
     fn attributes(&self) -> Vec<(String, String)> {

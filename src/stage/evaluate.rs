@@ -7,13 +7,14 @@
 mod content;
 mod predictors;
 
-use super::{calibrate, labelled};
+use super::calibrate::{self, CalibratedModel};
+use super::labelled;
 use crate::base::{Canonical, Declared, Fields, InputError, Node, Parameter, Schema, parameters};
 use crate::fem::Method;
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::scene::Scene;
 use crate::store::{Artifact, Object};
-use crate::surrogate::{Calibration, Judge, Judged};
+use crate::surrogate::{Judge, Judged};
 
 use predictors::NamedPredictor;
 
@@ -26,7 +27,7 @@ impl Kind for EvaluateKind {
     }
 
     fn recipe(&self) -> u32 {
-        2
+        3
     }
 
     fn needs(&self) -> Needs {
@@ -111,7 +112,7 @@ struct Row {
 /// A calibration with the place of its model among the predictors.
 struct Calibrated {
     digest: String,
-    calibration: Calibration,
+    model: CalibratedModel,
     predictor: usize,
 }
 
@@ -135,7 +136,7 @@ impl Stage for EvaluateStage {
             ));
         }
         let calibrated = calibrations(job.inputs, &predictors)?;
-        let calibrations = calibrated.iter().map(|c| (c.predictor, &c.calibration));
+        let calibrations = calibrated.iter().map(|c| (c.predictor, &c.model.calibration));
         let judge = Judge::new(predictors.iter().map(NamedPredictor::predictor).collect(), calibrations);
         let models: Vec<_> = predictors.iter().filter_map(NamedPredictor::surrogate).collect();
         let mut rows = Vec::new();
@@ -178,20 +179,22 @@ impl EvaluateStage {
 fn calibrations(inputs: &[Artifact], predictors: &[NamedPredictor]) -> Result<Vec<Calibrated>, StageError> {
     let mut found = Vec::new();
     for input in inputs {
-        let Some((model, calibration)) = calibrate::read(input)? else {
+        let Some(model) = calibrate::read(input)? else {
             continue;
         };
-        let place = predictors.iter().position(|predictor| predictor.digest() == model);
+        let place = predictors
+            .iter()
+            .position(|predictor| predictor.digest() == model.model);
         found.push(Calibrated {
             digest: input.digest().to_string(),
-            calibration,
             predictor: place.ok_or_else(|| {
                 StageError::Input(format!(
                     "the calibration {} is of the model {:.12}, which is not among the models here",
                     input.digest().short(),
-                    model
+                    model.model
                 ))
             })?,
+            model,
         });
     }
     Ok(found)

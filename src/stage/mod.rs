@@ -3,7 +3,7 @@
 pub mod accuracy;
 pub mod audit;
 mod balance;
-mod calibrate;
+pub mod calibrate;
 mod design;
 pub mod designs;
 pub mod direct;

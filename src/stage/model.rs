@@ -1,6 +1,9 @@
 //! Trained networks as stages read them, held to the scene that they serve in.
 
-use crate::content::Training;
+use std::collections::BTreeSet;
+
+use crate::content::{ALL_FAMILIES, Training};
+use crate::dataset::Split;
 use crate::orchestrator::StageError;
 use crate::scene::Scene;
 use crate::store::Artifact;
@@ -39,4 +42,15 @@ pub fn in_scene(artifact: &Artifact, scene: &Scene) -> Result<Surrogate, StageEr
         .check_scene(scene)
         .map_err(|why| StageError::Input(format!("artifact {}: {why}", artifact.digest().short())))?;
     Ok(surrogate)
+}
+
+/// The families that a model learned from: those that its training was measured on.
+///
+/// # Errors
+/// When the artifact does not hold what its kind promises.
+pub fn families(model: &Artifact) -> Result<BTreeSet<String>, StageError> {
+    let metrics = Training::open(model)?.metrics();
+    let pairs = metrics.family().read()?.into_iter().zip(metrics.split().read()?);
+    let trained = pairs.filter(|(family, split)| split == Split::Train.name() && family != ALL_FAMILIES);
+    Ok(trained.map(|(family, _)| family).collect())
 }

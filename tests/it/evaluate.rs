@@ -76,6 +76,29 @@ fn a_model_stands_beside_what_it_has_to_beat() {
             .all(|share| (0.0..=1.0).contains(share))
     );
     assert_eq!(numbers(&coverage["unlike"])[blobs], 1.0, "blobs are unlike small grids");
+    assert_eq!(
+        (&coverage["unflagged"][blobs], &coverage["calibrated"][blobs]),
+        (&0.into(), &0.into())
+    );
+    let small = families.iter().position(|family| *family == "small-grid").unwrap();
+    assert_eq!(coverage["calibrated"][small], 90);
+    let trained = &evaluation["predictors"][0]["trained"];
+    assert_eq!((&trained[blobs], &trained[small]), (&false.into(), &true.into()));
+    assert_eq!(
+        evaluation["predictors"][1]["trained"][small], false,
+        "an estimate learns nothing"
+    );
+    // People are told for which families the errors and the intervals were measured.
+    let mut for_people = arguments("tiny.yaml", "evaluated", &stages);
+    for_people.retain(|argument| *argument != "--json");
+    let said = workspace.run(&for_people).stdout;
+    let scope = "small-grid; not from blobs: the error on blobs is ";
+    assert!(
+        said.contains("surrogate learned from ") && said.contains(scope) && said.contains(" times that on its own"),
+        "{said}"
+    );
+    assert!(said.contains("calibrated on small-grid; not on "), "{said}");
+    assert!(said.contains("say nothing of others"), "{said}");
     assert!(document["figures"].to_string().contains("evaluation.png"));
 
     // Another name of the model is another name in the report, and no other artifact.

@@ -131,7 +131,7 @@ impl<'a> Findings<'a> {
         let meaning = if few {
             "with fewer than five stable patterns in a family the bound speaks of these patterns alone"
         } else {
-            "99 % of patterns stay below the bound (95 % confidence)"
+            "99 % of patterns of these families stay below the bound (95 % confidence); it says nothing of others"
         };
         format!(
             "patterns: {}\nreference: {}, itself within {} mm\nmax and bound: displacement errors at the corners, the worst \
@@ -151,18 +151,20 @@ impl<'a> Findings<'a> {
         let target = self.arguments.target?;
         Some(match self.chosen? {
             Some(method) => format!(
-                "{target} is reached by {{ {} }}: bound {} mm, {:.2} ms per pattern\n  deaflow solve {} PATTERN… -o OUT.h5 {}\n  \
+                "{target} is reached by {{ {} }}: bound {} mm, {:.2} ms per pattern, as measured on {}\n  deaflow solve {} PATTERN… -o OUT.h5 {}\n  \
                  {{ kind: solve, needs: […], {} }}\n",
                 method.settings,
                 millimetres(bound(method)),
                 1e3 * method.seconds_per_pattern(),
+                self.benchmark.families.join(", "),
                 self.arguments.scene.display(),
                 flags(&method.settings),
                 method.settings
             ),
             None => match self.best() {
                 Some(best) => format!(
-                    "nothing that was measured reaches {target}; the best is {{ {} }} with a bound of {} mm\n",
+                    "nothing that was measured reaches {target} on {}; the best is {{ {} }} with a bound of {} mm\n",
+                    self.benchmark.families.join(", "),
                     best.settings,
                     millimetres(bound(best))
                 ),
@@ -218,6 +220,7 @@ impl<'a> Findings<'a> {
             .collect();
         json!({
             "beaten_by": beaten,
+            "measured_on": self.benchmark.families,
             "reference": { "settings": self.benchmark.reference.settings().to_string(), "error_mm": self.reference_error() },
             "methods": methods,
             "target": target,

@@ -80,6 +80,7 @@ pub(in crate::report) mod tests {
             predicted_mm: Some(1.0),
             simulated_mm,
             error_mm: None,
+            interval: None,
             outcome: None,
             compared: Compared::default(),
         }

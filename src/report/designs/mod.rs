@@ -12,6 +12,7 @@ mod read;
 pub(super) use compare::tests;
 
 use super::drawing::Membrane;
+use super::intervals::NetworkInterval;
 
 pub use crate::pattern::Role;
 pub use compare::Compared;
@@ -78,6 +79,8 @@ pub struct Design {
     pub simulated_mm: Option<f64>,
     /// Estimated error of the simulation, mm.
     pub error_mm: Option<f64>,
+    /// What a calibrated network says, where one was asked.
+    pub interval: Option<NetworkInterval>,
     /// How the simulation ended; none where there was none.
     pub outcome: Option<String>,
     /// What it is compared with.

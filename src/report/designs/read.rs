@@ -8,6 +8,7 @@ use crate::content::{DesignRowsView, Designs, StoredAttribute, Verification};
 use crate::field::NO_FIELD;
 use crate::report::artifacts::{RunArtifacts, Source};
 use crate::report::error::ReportError;
+use crate::report::intervals;
 use crate::scene::Scene;
 
 /// The designs of a run, each once, named and compared: those that were verified, and those that were not as predicted. What
@@ -111,7 +112,9 @@ fn read(
     scene: &StoredAttribute<'_, Scene>,
     predicted_mm: &[f64],
 ) -> Result<Vec<Design>, ReportError> {
-    let rows = source.of(rows.read())?;
+    let view = rows;
+    let rows = source.of(view.read())?;
+    let intervals = intervals::of_rows(source, view, rows.len())?;
     let side = source.of(scene.read())?.side_mm();
     let design = |k: usize| {
         Ok(Design {
@@ -133,6 +136,7 @@ fn read(
             predicted_mm: (rows.status.0[k] != NO_FIELD).then_some(predicted_mm[k]),
             simulated_mm: None,
             error_mm: None,
+            interval: intervals[k].clone(),
             outcome: None,
             compared: Compared::default(),
         })

@@ -13,6 +13,7 @@ use crate::report::evaluators::{Evaluators, read};
 use crate::report::figures::{Evolution, draw_evolution, draw_membrane};
 use crate::report::format::mm;
 use crate::report::html::{Column, Page};
+use crate::report::intervals::{StageIntervals, of_stage};
 use crate::report::presenter::{DrawFigure, Presenter, Results};
 
 /// Shows design stages.
@@ -34,12 +35,26 @@ impl Presenter for Design {
 
     fn results(&self, run: &RunArtifacts<'_>) -> Result<Vec<Results>, ReportError> {
         let evaluators = run.each(self.kind(), read)?.concat();
-        Ok(vec![Results {
-            key: "evaluators",
-            value: json!(evaluators),
-            text: evaluators.iter().map(ToString::to_string).collect(),
+        let intervals = run.each(self.kind(), of_stage)?;
+        let intervals: Vec<StageIntervals> = intervals.into_iter().flatten().collect();
+        let results = |key, value, text| Results {
+            key,
+            value,
+            text,
             warnings: Vec::new(),
-        }])
+        };
+        Ok(vec![
+            results(
+                "evaluators",
+                json!(evaluators),
+                evaluators.iter().map(ToString::to_string).collect(),
+            ),
+            results(
+                "design_intervals",
+                json!(intervals),
+                intervals.iter().map(ToString::to_string).collect(),
+            ),
+        ])
     }
 
     fn figures(&self) -> &'static [(&'static str, DrawFigure)] {

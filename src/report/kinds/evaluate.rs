@@ -28,7 +28,7 @@ impl Presenter for Evaluate {
             key: "evaluations",
             value: json!(evaluations),
             text: evaluations.iter().map(ToString::to_string).collect(),
-            warnings: Vec::new(),
+            warnings: evaluations.iter().flat_map(Evaluation::warnings).collect(),
         }])
     }
 
@@ -45,9 +45,13 @@ impl Presenter for Evaluate {
                 "Root mean square error of a displacement component in mm, by family of patterns; dark cells err more.",
             );
             page.scrolled("Errors by family", &matrix(evaluation, data));
+            let scopes = evaluation.predictors.iter().filter_map(|p| evaluation.scope(p));
+            page.lines(&scopes.collect::<Vec<_>>());
             if !evaluation.calibrations.is_empty() {
                 page.line("Intervals of 95 %, and how often they cover:");
                 intervals(page, evaluation);
+                let validity = |c: &Coverage| evaluation.validity(c).map(|line| format!("{}: {line}.", c.name));
+                page.lines(&evaluation.calibrations.iter().flat_map(validity).collect::<Vec<_>>());
             }
             page.charts(&data.charts());
         }
@@ -125,10 +129,6 @@ fn intervals(page: &mut Page, evaluation: &Evaluation) {
     let row = |name: &str, what: &str, values: Vec<String>| [vec![name.to_owned(), what.to_owned()], values].concat();
     let shares = |values: &[f64]| values.iter().map(|v| percent(*v, 1)).collect::<Vec<_>>();
     let of = |c: &Coverage| {
-        let points = (0..evaluation.families.len()).map(|k| {
-            let covered: f64 = c.objectives.iter().map(|o| o.covered[k]).sum();
-            covered / c.objectives.len().max(1) as f64
-        });
         vec![
             row(&c.name, "whole field lies in its band", shares(&c.field)),
             row(
@@ -136,12 +136,9 @@ fn intervals(page: &mut Page, evaluation: &Evaluation) {
                 "half width of the band, mm",
                 c.radius_mm.iter().map(|r| two_digits(*r)).collect(),
             ),
-            row(
-                "",
-                "displacement of a point lies in its interval",
-                shares(&points.collect::<Vec<_>>()),
-            ),
-            row("", "flagged as unlike the training", shares(&c.unlike)),
+            row("", "displacement of a point lies in its interval", shares(&c.points())),
+            row("", "flagged as out of distribution", shares(&c.unlike)),
+            row("", "whole field, where it is not flagged", c.unflagged_covered()),
         ]
     };
     let rows: Vec<Vec<String>> = evaluation.calibrations.iter().flat_map(of).collect();

@@ -131,8 +131,17 @@ fn rows(design: &Design) -> Markup {
             .map_or_else(String::new, |own| format!("{:+.4}", own - value).replace('-', "−"));
         ("wanted", mm(value), off)
     });
+    let interval = design.interval.as_ref().map(|interval| {
+        let name = if interval.out_of_distribution {
+            "95 %, not to be relied on"
+        } else {
+            "95 % interval"
+        };
+        (name, interval.ends(), String::new())
+    });
     let rows = [
         predicted,
+        interval,
         wanted,
         Some(("area", percent(design.area, 2), String::new())),
         other("optimum", compared.optimum, shows_optimum(design)).map(|(name, value, _)| (name, value, String::new())),
@@ -164,6 +173,13 @@ fn remarks(design: &Design) -> Vec<(&'static str, String)> {
         (None, None) => remarks.push(("note", "Not verified: the membrane is drawn as predicted".to_owned())),
         (Some(_), Some("estimated")) => remarks.push(("note", "Estimated, no equilibrium".to_owned())),
         (Some(_), _) => {}
+    }
+    if let Some(interval) = design.interval.as_ref().filter(|interval| interval.out_of_distribution) {
+        let novelty = format!(
+            "Out of the distribution of the training (novelty {:.1}): no interval is promised",
+            interval.novelty
+        );
+        remarks.push(("warning", novelty));
     }
     match design.status.as_str() {
         "" => {}

@@ -5,6 +5,7 @@ use crate::report::designs::{Design, Role, role_title};
 use crate::report::drawing::{Axis, Chart, Colour, Mark, Membrane, Series, exaggeration};
 use crate::report::format::{gain, mm, percent};
 use crate::report::html::{Column, Page};
+use crate::report::intervals::verdict;
 
 /// Targets of different areas that make a curve.
 const CURVE: usize = 3;
@@ -88,7 +89,7 @@ fn by<'d>(designs: impl Iterator<Item = &'d Design>, name: impl Fn(&Design) -> &
     groups
 }
 
-const COLUMNS: [(&str, Column); 11] = [
+const COLUMNS: [(&str, Column); 12] = [
     ("target", Column::Key),
     ("design", Column::Key),
     ("units", Column::Number),
@@ -96,6 +97,7 @@ const COLUMNS: [(&str, Column); 11] = [
     ("predicted, mm", Column::Number),
     ("off by", Column::Number),
     ("simulated, mm", Column::Number),
+    ("network, 95 %", Column::Number),
     ("of optimum", Column::Number),
     ("gain, own area", Column::Number),
     ("gain, equal area", Column::Number),
@@ -132,6 +134,7 @@ fn row(design: &Design) -> Vec<String> {
         text(design.predicted_mm.map(mm)),
         text(design.prediction_error().map(|error| gain(error, 2))),
         simulated,
+        text(design.interval.as_ref().map(|interval| interval.ends())),
         text(compared.ratio.map(|ratio| percent(ratio, 2))),
         text(over(compared.intuitive_own)),
         text(over(compared.intuitive_equal_area)),
@@ -193,6 +196,11 @@ pub fn agreement(page: &mut Page, designs: &[Design]) {
     page.line(
         "Every verified design: the search believed the prediction, the simulation on a finer mesh says what is true.",
     );
+    let stated = known.iter().filter(|design| design.role.is_found());
+    let stated = stated.filter_map(|design| Some((design.interval.as_ref()?, design.simulated_mm)));
+    if let Some(verdict) = verdict(stated) {
+        page.line(&format!("Of the designs that were found, {verdict}."));
+    }
     let values = known.iter().flat_map(|d| [d.predicted_mm, d.simulated_mm]).flatten();
     let values: Vec<f64> = values.collect();
     let (x, y) = (

@@ -2,20 +2,22 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::content::{self, Difficulty, Novelty, Packed};
+use crate::content::{self, ContentError, Difficulty, Novelty, Packed};
 use crate::orchestrator::StageError;
 use crate::scene::Scene;
 use crate::store::Artifact;
 use crate::surrogate::{COVERAGE, Calibration, CalibrationParts, DifficultyParts, FALSE_ALARM, NoveltyParts};
 
 /// What a calibration is of.
-pub struct Origin<'a> {
+pub(super) struct Origin<'a> {
     /// Family of each pattern.
     pub families: &'a [String],
     /// Families that the model learned from.
     pub trained: &'a BTreeSet<String>,
     /// The artifact of the model.
     pub model: String,
+    /// BLAKE3 of the bytes of the model.
+    pub weights: String,
     /// The network.
     pub network: &'a str,
     /// The scene of the patterns.
@@ -23,7 +25,7 @@ pub struct Origin<'a> {
 }
 
 /// The content of the artifact.
-pub fn content(calibration: &Calibration, origin: Origin<'_>) -> content::Calibration {
+pub(super) fn content(calibration: &Calibration, origin: Origin<'_>) -> content::Calibration {
     let mut counts: BTreeMap<&String, u64> = BTreeMap::new();
     for family in origin.families {
         *counts.entry(family).or_default() += 1;
@@ -60,23 +62,83 @@ pub fn content(calibration: &Calibration, origin: Origin<'_>) -> content::Calibr
         coverage: COVERAGE.to_string(),
         false_alarm: FALSE_ALARM.to_string(),
         model: origin.model,
+        weights: origin.weights,
         network: origin.network.to_owned(),
         scene: origin.scene,
     }
 }
 
-/// The digest of the model that a calibration is of, and the calibration; none where the artifact is of another kind.
+/// A calibration with what it is of.
+pub struct CalibratedModel {
+    /// The artifact of the model.
+    pub model: String,
+    /// BLAKE3 of the bytes of the model.
+    pub weights: String,
+    /// What it was calibrated on.
+    pub families: Vec<CalibratedFamily>,
+    /// The scene of both.
+    pub scene: Scene,
+    /// Its intervals and flags.
+    pub calibration: Calibration,
+}
+
+/// Patterns of a calibration.
+pub struct CalibratedFamily {
+    /// The family.
+    pub name: String,
+    /// How many patterns.
+    pub samples: u64,
+    /// Whether the model learned from the family.
+    pub familiar: bool,
+}
+
+impl CalibratedModel {
+    /// The families on whose patterns the intervals were made, with how many there were.
+    #[must_use]
+    pub fn basis(&self) -> String {
+        let list = |familiar: bool| {
+            let named = self.families.iter().filter(|family| family.familiar == familiar);
+            let named = named.map(|family| format!("{} {}", family.name, family.samples));
+            named.collect::<Vec<_>>().join(", ")
+        };
+        match (list(true), list(false)) {
+            (learned, others) if others.is_empty() => format!("{learned} (families of its training)"),
+            (learned, others) => format!("{learned} (families of its training), {others} (families outside it)"),
+        }
+    }
+}
+
+/// What a calibrate stage made; none where the artifact is of another kind.
 ///
 /// # Errors
 /// When its arrays do not fit together.
-pub fn read(artifact: &Artifact) -> Result<Option<(String, Calibration)>, StageError> {
+pub fn read(artifact: &Artifact) -> Result<Option<CalibratedModel>, StageError> {
     if artifact.kind() != "calibrate" {
         return Ok(None);
     }
     let view = content::Calibration::open(artifact)?;
+    let (names, samples) = (view.families().read()?, view.samples().read()?);
+    let families = names.into_iter().zip(samples).zip(view.familiar().read()?);
+    let family = |((name, samples), familiar): ((String, u64), u64)| CalibratedFamily {
+        name,
+        samples,
+        familiar: familiar == 1,
+    };
+    let wrong = |e| StageError::Input(format!("artifact {}: {e}", artifact.digest().short()));
+    Ok(Some(CalibratedModel {
+        model: view.model().read()?,
+        weights: view.weights().read()?,
+        families: families.map(family).collect(),
+        scene: view.scene().read()?,
+        calibration: Calibration::from_parts(parts(&view)?).map_err(wrong)?,
+    }))
+}
+
+/// The arrays of the calibration itself.
+fn parts(view: &content::CalibrationView<'_>) -> Result<CalibrationParts, ContentError> {
     let (difficulty, novelty) = (view.difficulty().read()?, view.novelty().read()?);
     let [threshold] = novelty.threshold;
-    let parts = CalibrationParts {
+    Ok(CalibrationParts {
         difficulty: DifficultyParts {
             centre: difficulty.centre,
             deviation: difficulty.deviation,
@@ -94,8 +156,5 @@ pub fn read(artifact: &Artifact) -> Result<Option<(String, Calibration)>, StageE
             spreads: novelty.spreads,
             threshold,
         },
-    };
-    let wrong = |e| StageError::Input(format!("artifact {}: {e}", artifact.digest().short()));
-    let calibration = Calibration::from_parts(parts).map_err(wrong)?;
-    Ok(Some((view.model().read()?, calibration)))
+    })
 }

@@ -28,14 +28,26 @@ pub fn evaluation(predictors: &[NamedPredictor], calibrated: &[Calibrated], rows
     Evaluation {
         predictors: predictors.iter().map(|c| c.name().to_owned()).collect(),
         predictor_digests: predictors.iter().map(|c| c.digest().to_owned()).collect(),
+        trained: trained(predictors, &families),
         score: scores(predictors.len(), &groups),
         area_centre: bins.iter().map(|&k| k as f64 / BINS).collect(),
         area: scores(predictors.len(), &binned),
         pattern: pattern_scores(predictors.len(), rows),
-        coverage: (!calibrated.is_empty()).then(|| coverage(predictors, calibrated, &groups)),
+        coverage: (!calibrated.is_empty()).then(|| coverage(predictors, calibrated, &families, &groups)),
         families: families.into_iter().map(str::to_owned).collect(),
         scene,
     }
+}
+
+/// Whether each predictor learned from each family; from all of them in the end.
+fn trained(predictors: &[NamedPredictor], families: &[&str]) -> Vec<u64> {
+    let of_one = |predictor: &NamedPredictor| {
+        let (_, single) = families.split_last().unwrap_or((&ALL_FAMILIES, &[]));
+        let learned: Vec<bool> = single.iter().map(|family| predictor.learned_from(family)).collect();
+        let every = learned.iter().all(|learned| *learned);
+        learned.into_iter().chain([every]).map(u64::from).collect::<Vec<_>>()
+    };
+    predictors.iter().flat_map(of_one).collect()
 }
 
 fn scores(predictors: usize, groups: &[Vec<&Row>]) -> Scores {
@@ -76,18 +88,28 @@ fn pattern_scores(predictors: usize, rows: &[Row]) -> PatternScores {
     }
 }
 
-fn coverage(predictors: &[NamedPredictor], calibrated: &[Calibrated], groups: &[Vec<&Row>]) -> content::Coverage {
-    let of_groups = |value: &dyn Fn(&[Coverage]) -> f64| -> Vec<f64> {
-        let each = (0..calibrated.len()).flat_map(|k| {
-            groups.iter().map(move |group| {
-                let covered: Vec<Coverage> = group.iter().map(|row| row.judged.coverage[k]).collect();
-                value(&covered)
-            })
-        });
-        each.collect()
-    };
+fn coverage(
+    predictors: &[NamedPredictor],
+    calibrated: &[Calibrated],
+    families: &[&str],
+    groups: &[Vec<&Row>],
+) -> content::Coverage {
+    let n = calibrated.len();
+    let of_groups = |value: &dyn Fn(&[Coverage]) -> f64| by_group(n, groups, value);
     let share = |covered: &[Coverage], of: &dyn Fn(&Coverage) -> bool| {
         covered.iter().filter(|c| of(c)).count() as f64 / covered.len() as f64
+    };
+    let patterns = |c: &Calibrated| {
+        let of_family = |family: &str| {
+            let all = c.model.families.iter();
+            let fitting = all.filter(|known| family == ALL_FAMILIES || known.name == family);
+            fitting.map(|known| known.samples).sum::<u64>()
+        };
+        families.iter().map(|family| of_family(family)).collect::<Vec<_>>()
+    };
+    let unflagged = |covered: &[Coverage]| {
+        let unflagged = covered.iter().filter(|c| !c.out_of_distribution);
+        unflagged.copied().collect::<Vec<Coverage>>()
     };
     let by_objective = |value: &dyn Fn(&[Coverage], usize) -> f64| -> Vec<f64> {
         let objectives = 0..OBJECTIVES.len();
@@ -99,13 +121,30 @@ fn coverage(predictors: &[NamedPredictor], calibrated: &[Calibrated], groups: &[
     content::Coverage {
         calibrations: calibrated.iter().map(|c| c.digest.clone()).collect(),
         models: calibrated.iter().map(model).collect(),
+        calibrated: calibrated.iter().flat_map(patterns).collect(),
         objectives: OBJECTIVES.iter().map(|(name, _, _)| (*name).to_owned()).collect(),
         field: of_groups(&|c| share(c, &|c| c.field)),
         radius: of_groups(&|c| median(c.iter().map(|c| c.radius_mm))),
         out_of_distribution: of_groups(&|c| share(c, &|c| c.out_of_distribution)),
+        unflagged: by_group(n, groups, &|c| unflagged(c).len() as u64),
+        unflagged_field: of_groups(&|c| match &unflagged(c)[..] {
+            [] => 0.0,
+            some => share(some, &|c| c.field),
+        }),
         objective: by_objective(&|covered, o| share(covered, &|c| c.objectives[o])),
         objective_half_width: by_objective(&|covered, o| median(covered.iter().map(|c| c.half_widths_mm[o]))),
     }
+}
+
+/// A number of each group of patterns by each of `n` calibrations.
+fn by_group<T>(n: usize, groups: &[Vec<&Row>], value: &dyn Fn(&[Coverage]) -> T) -> Vec<T> {
+    let of_one = |k: usize| {
+        groups.iter().map(move |group| {
+            let covered: Vec<Coverage> = group.iter().map(|row| row.judged.coverage[k]).collect();
+            value(&covered)
+        })
+    };
+    (0..n).flat_map(of_one).collect()
 }
 
 fn median(values: impl Iterator<Item = f64>) -> f64 {

@@ -1,5 +1,7 @@
 //! What is evaluated: a trained model, or an estimate that is to be beaten.
 
+use std::collections::BTreeSet;
+
 use crate::fem::{Method, Solver, SolverParameters};
 use crate::field::{Mesh, Predictor};
 use crate::orchestrator::StageError;
@@ -11,6 +13,7 @@ use crate::surrogate::Surrogate;
 /// A predictor with what it is called.
 pub struct NamedPredictor {
     name: String,
+    families: BTreeSet<String>,
     digest: String,
     answers: Answers,
 }
@@ -32,6 +35,7 @@ impl NamedPredictor {
         let surrogate = model::of_artifact(artifact)?;
         Ok(Some(Self {
             name: surrogate.kind().name().to_owned(),
+            families: model::families(artifact)?,
             digest: artifact.digest().to_string(),
             answers: Answers::Model(Box::new(surrogate)),
         }))
@@ -46,6 +50,7 @@ impl NamedPredictor {
         let solver = parameters.build(scene).map_err(|e| StageError::Failed(e.to_string()))?;
         Ok(Self {
             name: method.to_string(),
+            families: BTreeSet::new(),
             digest: String::new(),
             answers: Answers::Estimate(Box::new(solver)),
         })
@@ -62,6 +67,11 @@ impl NamedPredictor {
     /// The network or the method.
     pub fn name(&self) -> &str {
         &self.name
+    }
+
+    /// Whether it learned from a family.
+    pub fn learned_from(&self, family: &str) -> bool {
+        self.families.contains(family)
     }
 
     /// The digest of the artifact of a model; empty for an estimate.

@@ -75,6 +75,11 @@ stages:
   blobs: { kind: sample, family: blobs, count: 2, area: [0.05, 0.95], seed: 6 }
   curves: { kind: sample, family: curves, count: 2, area: [0.3, 0.7], seed: 7 }
   checker: { kind: sample, family: checker, count: 2, area: 0.5, seed: 8 }
+  dithers: { kind: sample, family: dithers, count: 2, area: [0.4, 0.6], seed: 9 }
+  mazes: { kind: sample, family: mazes, count: 2, seed: 10 }
+  diagonals: { kind: sample, family: diagonals, count: 2, seed: 11 }
+  spirals: { kind: sample, family: spirals, count: 2, area: 0.3, seed: 12 }
+  glyphs: { kind: sample, family: glyphs, count: 2, seed: 13 }
   solved: { kind: solve, needs: [small, large, bezier], method: newton, elements_per_cell: 2, order: 1, tolerance: 1e-6 }
   refined: { kind: solve, needs: [small], accuracy: 0.01 mm }
   guessed: { kind: solve, needs: [small], method: chord:2, order: 2 }
@@ -90,7 +95,7 @@ stages:
   design: { kind: design, needs: [surrogate], evaluator: auto, evaluator_accuracy: 0.01 mm, objective: { point: [25 mm, 25 mm], direction: 0 deg, measure: qin2024 },
     area: 0.5, area_penalty: 5, population: 20, generations: 2, elite: 0.02, crossover: 0.7, mutation: 0.3,
     stagnation: 5, seed: 6 }
-  judged: { kind: design, needs: [surrogate], evaluator: surrogate, objective: { point: [20, 20], direction: 0 }, seed: 8 }
+  judged: { kind: design, needs: [surrogate, intervals], evaluator: surrogate, objective: { point: [20, 20], direction: 0 }, seed: 8 }
   rotation: { kind: design, evaluator: chord:2, seed: 7, objective: { points: [{ point: [12, 25], direction: 90 },
     { point: [38, 25], direction: -90 }], measure: displacement } }
   wanted: { kind: design, case: 'IV, 1 mm', evaluator: linear, seed: 9, designs: 3, distance: 0.05, refine: true, units: 50, area_tolerance: 0.01,

@@ -256,6 +256,7 @@ fn verified(patterns: &[Pattern], outcomes: &[&str], fields: &[Field]) -> Object
             objective: LongTexts(text()),
             constraints: LongTexts(text()),
             status: LongTexts(text()),
+            interval: None,
         },
         outcome: words(outcomes),
         displacement: fields.to_vec(),

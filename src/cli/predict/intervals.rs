@@ -1,0 +1,248 @@
+//! What a calibration says of predictions: in the file, as rows of a table, for programs and for people.
+
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+use serde_json::{Value, json};
+
+use super::calibration::NamedCalibration;
+use crate::base::Document;
+use crate::cli::error::CliError;
+use crate::cli::table;
+use crate::content::{LongTexts, ObjectiveIntervals, PredictionIntervals};
+use crate::design::{Goal, Objective};
+use crate::field::Field;
+use crate::pattern::Pattern;
+use crate::surrogate::{COVERAGE, Interval};
+
+/// Predictions that are told one by one; the table has all.
+const SHOWN: usize = 20;
+
+/// A number that is asked for beside the field.
+struct Wanted {
+    text: String,
+    goal: Goal,
+}
+
+/// Intervals of some predictions.
+pub struct Intervals {
+    calibration: NamedCalibration,
+    objectives: Vec<String>,
+    rows: Vec<Row>,
+}
+
+/// What is said of one prediction; numbers with the lower and the upper end of their interval.
+struct Row {
+    interval: Interval,
+    /// The largest displacement magnitude, mm.
+    largest: [f64; 3],
+    /// By objective, mm.
+    objectives: Vec<[f64; 3]>,
+}
+
+impl Intervals {
+    /// Of predictions of the calibrated model, with objectives in YAML.
+    ///
+    /// # Errors
+    /// When an objective cannot be read, or lies outside the membrane.
+    pub fn of(
+        calibration: NamedCalibration,
+        objectives: &[String],
+        patterns: &[Pattern],
+        fields: &[Field],
+    ) -> Result<Self, CliError> {
+        let side = calibration.of.scene.side_mm();
+        let wanted = objectives
+            .iter()
+            .map(|text| wanted(text, side))
+            .collect::<Result<Vec<_>, _>>()?;
+        let own = &calibration.of.calibration;
+        let half_widths: Vec<_> = wanted
+            .iter()
+            .map(|wanted| own.objective(&|field| wanted.goal.value_mm(field)))
+            .collect();
+        let row = |(pattern, field): (&Pattern, &Field)| {
+            let interval = own.interval(pattern, field);
+            // A vector whose components are off by at most r is off by at most √2 r.
+            let off = std::f64::consts::SQRT_2 * interval.radius_mm;
+            let largest = field.max_magnitude();
+            let objectives = wanted.iter().zip(&half_widths).map(|(wanted, intervals)| {
+                let (value, off) = (wanted.goal.value_mm(field), intervals.half_width(pattern, field));
+                [value, value - off, value + off]
+            });
+            Row {
+                interval,
+                largest: [largest, (largest - off).max(0.0), largest + off],
+                objectives: objectives.collect(),
+            }
+        };
+        let rows = patterns.par_iter().zip(fields).map(row).collect();
+        drop(half_widths);
+        Ok(Self {
+            calibration,
+            objectives: wanted.into_iter().map(|wanted| wanted.text).collect(),
+            rows,
+        })
+    }
+
+    /// Digest of the calibration.
+    pub fn digest(&self) -> String {
+        self.calibration.digest.clone()
+    }
+
+    /// The families that it was made from.
+    pub fn basis(&self) -> String {
+        self.calibration.of.basis()
+    }
+
+    /// As arrays.
+    pub fn content(&self) -> PredictionIntervals {
+        let rows = || self.rows.iter();
+        let of_objectives = |end: usize| {
+            let each = (0..self.objectives.len()).flat_map(|k| rows().map(move |row| row.objectives[k][end]));
+            each.collect::<Vec<f64>>()
+        };
+        PredictionIntervals {
+            radius: rows().map(|row| row.interval.radius_mm).collect(),
+            max_displacement_lower: rows().map(|row| row.largest[1]).collect(),
+            max_displacement_upper: rows().map(|row| row.largest[2]).collect(),
+            novelty: rows().map(|row| row.interval.novelty).collect(),
+            out_of_distribution: rows().map(|row| u8::from(row.interval.out_of_distribution)).collect(),
+            objective: (!self.objectives.is_empty()).then(|| ObjectiveIntervals {
+                text: LongTexts(self.objectives.clone()),
+                predicted: of_objectives(0),
+                lower: of_objectives(1),
+                upper: of_objectives(2),
+            }),
+        }
+    }
+
+    /// As comma-separated values with a header, one row for each prediction.
+    ///
+    /// # Errors
+    /// When a row cannot be written.
+    pub fn csv(&self) -> Result<Vec<u8>, csv::Error> {
+        let mut writer = csv::Writer::from_writer(Vec::new());
+        let mut header: Vec<String> = [
+            "pattern",
+            "max_displacement_mm",
+            "max_displacement_lower_mm",
+            "max_displacement_upper_mm",
+            "radius_mm",
+            "coverage",
+            "novelty",
+            "out_of_distribution",
+        ]
+        .map(str::to_owned)
+        .into();
+        for k in 1..=self.objectives.len() {
+            let names = ["", "_lower", "_upper"].map(|end| format!("objective_{k}{end}_mm"));
+            header.extend(names);
+        }
+        writer.write_record(&header)?;
+        for (index, row) in self.rows.iter().enumerate() {
+            let numbers = row.largest.into_iter().chain([row.interval.radius_mm]);
+            let mut cells = vec![index.to_string()];
+            cells.extend(numbers.map(|mm| mm.to_string()));
+            cells.push(COVERAGE.to_string());
+            cells.push(row.interval.novelty.to_string());
+            cells.push(u8::from(row.interval.out_of_distribution).to_string());
+            cells.extend(row.objectives.iter().flatten().map(|mm| mm.to_string()));
+            writer.write_record(&cells)?;
+        }
+        Ok(writer.into_inner().map_err(|e| e.into_error())?)
+    }
+
+    /// For programs.
+    pub fn document(&self, table: &Path) -> Value {
+        let ends =
+            |[value, lower, upper]: [f64; 3]| json!({ "predicted_mm": value, "lower_mm": lower, "upper_mm": upper });
+        let row = |(index, row): (usize, &Row)| {
+            json!({
+                "index": index,
+                "max_displacement": ends(row.largest),
+                "radius_mm": row.interval.radius_mm,
+                "novelty": row.interval.novelty,
+                "out_of_distribution": row.interval.out_of_distribution,
+                "objectives": row.objectives.iter().copied().map(ends).collect::<Vec<_>>(),
+            })
+        };
+        json!({
+            "coverage": COVERAGE,
+            "calibration": self.calibration.digest,
+            "calibrated_on": self.basis(),
+            "objectives": self.objectives,
+            "out_of_distribution": self.flagged(),
+            "table": table,
+            "predictions": self.rows.iter().enumerate().map(row).collect::<Vec<_>>(),
+        })
+    }
+
+    /// For people.
+    pub fn lines(&self, table: &Path) -> Vec<String> {
+        let mut lines = vec![self.overview()];
+        let more = self.rows.len().saturating_sub(SHOWN);
+        if more > 0 {
+            lines.push(format!("and {more} more in {}", table.display()));
+        }
+        lines.extend(
+            self.objectives
+                .iter()
+                .enumerate()
+                .map(|(k, text)| format!("objective {}: {text}", k + 1)),
+        );
+        let (name, digest) = (&self.calibration.name, &self.calibration.digest);
+        lines.push(format!(
+            "{:.0} % of patterns like those of the calibration lie wholly within the radius, each component at each corner; the \
+             interval of an objective covers as often",
+            100.0 * COVERAGE
+        ));
+        lines.push(format!("calibration {name} ({digest:.12}), on {}", self.basis()));
+        lines.push(match self.flagged() {
+            0 => "no pattern is out of distribution".to_owned(),
+            n => format!(
+                "{n} of {} patterns are out of distribution (novelty above 1): of these nothing is promised; simulate them with \
+                 `deaflow solve`",
+                self.rows.len()
+            ),
+        });
+        lines.push(PathBuf::from(table).display().to_string());
+        lines
+    }
+
+    fn flagged(&self) -> usize {
+        self.rows.iter().filter(|row| row.interval.out_of_distribution).count()
+    }
+
+    fn overview(&self) -> String {
+        let objectives: Vec<String> = (1..=self.objectives.len())
+            .map(|k| format!("objective {k} mm"))
+            .collect();
+        let mut header = vec!["pattern", "largest mm", "radius mm"];
+        header.extend(objectives.iter().map(String::as_str));
+        header.extend(["novelty", ""]);
+        let mut table = table::table(&header, &header[..header.len() - 1]);
+        for (index, row) in self.rows.iter().enumerate().take(SHOWN) {
+            let ends = |[value, lower, upper]: [f64; 3]| format!("{value:.4} [{lower:.4}, {upper:.4}]");
+            let mut cells = vec![index.to_string(), ends(row.largest)];
+            cells.push(format!("{:.4}", row.interval.radius_mm));
+            cells.extend(row.objectives.iter().copied().map(ends));
+            cells.push(format!("{:.2}", row.interval.novelty));
+            let flagged = row.interval.out_of_distribution;
+            cells.push(if flagged { "out of distribution" } else { "" }.to_owned());
+            table.add_row(cells);
+        }
+        table.trim_fmt()
+    }
+}
+
+/// An objective in the syntax of a design stage, on a membrane of a side in mm.
+fn wanted(text: &str, side_mm: f64) -> Result<Wanted, CliError> {
+    let document = Document::from_text(Path::new("--objective"), text)?;
+    let objective = Objective::read(&document.root)?;
+    let goal = objective.goal(side_mm, None, 0.0);
+    Ok(Wanted {
+        text: objective.to_text(),
+        goal: goal.map_err(|e| document.root.error(e.to_string()))?,
+    })
+}

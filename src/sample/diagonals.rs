@@ -1,0 +1,184 @@
+//! Diagonals: bands at 45 degrees, whose edges are staircases of single cells.
+//!
+//! Stripes come at any angle and hardly ever at this one, where a band of one cell holds together by corners alone. The period
+//! across a row is 2 to 12 cells and the band 1 to period − 1 of them, both uniform and whole. Bands are parallel, are
+//! mirrored at a line of cells (chevrons), or cross, each as likely; crossing ones have a period of at least 3 and bands of at
+//! most half of it, so that bare cells are left.
+
+use super::error::SampleError;
+use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
+use crate::base::{Stream, parameters};
+use crate::pattern::{CELLS, Pattern};
+
+/// Longest period along a row, in cells.
+const PERIOD: usize = 12;
+
+parameters! {
+    /// Bands, chevrons and lattices at 45 degrees.
+    pub struct Parameters as "a diagonals sample" {
+        /// Patterns to draw.
+        pub count: u64 [1..=MOST_SAMPLES],
+    }
+}
+
+impl FamilyParameters for Parameters {
+    const NAME: &'static str = "diagonals";
+
+    fn groups(&self) -> Result<Vec<Group>, Refusal> {
+        Ok(self.one_group(self.count, Box::new(Diagonals)))
+    }
+}
+
+/// How bands lie.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Lie {
+    Parallel,
+    /// Mirrored at a column.
+    Chevrons(usize),
+    /// A second set of bands with a phase of its own.
+    Crossing(usize),
+}
+
+/// One drawing of bands.
+#[derive(Clone, Copy, Debug)]
+struct Bands {
+    period: usize,
+    width: usize,
+    phase: usize,
+    lie: Lie,
+    /// Whether rows and columns change places.
+    turned: bool,
+    /// Whether bands fall from left to right.
+    falling: bool,
+}
+
+impl Bands {
+    fn drawn(stream: &mut Stream) -> Self {
+        let lie = stream.index(3);
+        let least = if lie == 2 { 3 } else { 2 };
+        let period = least + stream.index(PERIOD + 1 - least);
+        let widest = if lie == 2 { period / 2 } else { period - 1 };
+        let width = 1 + stream.index(widest);
+        Self {
+            period,
+            width,
+            phase: stream.index(period),
+            lie: match lie {
+                0 => Lie::Parallel,
+                1 => Lie::Chevrons(stream.index(CELLS)),
+                _ => Lie::Crossing(stream.index(period)),
+            },
+            turned: stream.chance(0.5),
+            falling: stream.chance(0.5),
+        }
+    }
+
+    fn is_active(&self, x: usize, y: usize) -> bool {
+        let (x, y) = if self.turned { (y, x) } else { (x, y) };
+        // A whole number of periods keeps numbers positive.
+        let around = CELLS.next_multiple_of(self.period);
+        let rising = |x: usize, phase: usize| (x + around - y + phase) % self.period < self.width;
+        let falling = |x: usize, phase: usize| (x + y + phase) % self.period < self.width;
+        let own = |x: usize| {
+            if self.falling {
+                falling(x, self.phase)
+            } else {
+                rising(x, self.phase)
+            }
+        };
+        match self.lie {
+            Lie::Parallel => own(x),
+            Lie::Chevrons(column) => own(x.abs_diff(column)),
+            Lie::Crossing(phase) => rising(x, self.phase) || falling(x, phase),
+        }
+    }
+}
+
+/// Patterns of diagonal bands.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Diagonals;
+
+impl Family for Diagonals {
+    fn name(&self) -> &'static str {
+        Parameters::NAME
+    }
+
+    fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {
+        let bands = Bands::drawn(&mut Stream::new(seed, "diagonals", index));
+        Ok(Pattern::from_fn(|x, y| bands.is_active(x, y)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn drawn(seed: u64, index: u64) -> (Bands, Pattern) {
+        let bands = Bands::drawn(&mut Stream::new(seed, "diagonals", index));
+        (bands, Diagonals.sample(seed, index).unwrap())
+    }
+
+    #[test]
+    fn a_step_along_a_diagonal_keeps_the_state() {
+        let mut kinds = [0; 3];
+        for index in 0..150 {
+            let (bands, pattern) = drawn(2, index);
+            let inner = || (1..CELLS - 1).flat_map(|y| (1..CELLS - 1).map(move |x| (x, y)));
+            let up = inner().all(|(x, y)| pattern.is_active(x, y) == pattern.is_active(x + 1, y + 1));
+            let down = inner().all(|(x, y)| pattern.is_active(x, y) == pattern.is_active(x + 1, y - 1));
+            let ahead = |x: usize, y: usize| pattern.is_active(x, y) == pattern.is_active(x + bands.period, y);
+            let whole = (0..CELLS).all(|y| (0..CELLS - bands.period).all(|x| ahead(x, y)));
+            match bands.lie {
+                Lie::Parallel => assert!(whole && (up || down), "sample {index}: {bands:?}"),
+                Lie::Chevrons(_) => {}
+                Lie::Crossing(_) => assert!(whole, "sample {index}: {bands:?}"),
+            }
+            kinds[match bands.lie {
+                Lie::Parallel => 0,
+                Lie::Chevrons(_) => 1,
+                Lie::Crossing(_) => 2,
+            }] += 1;
+        }
+        // A third each: 50 ± 6.
+        assert!(kinds.iter().all(|n| (26..=74).contains(n)), "{kinds:?}");
+    }
+
+    #[test]
+    fn chevrons_are_their_own_image() {
+        let mut seen = 0;
+        for index in 0..200 {
+            let (bands, pattern) = drawn(4, index);
+            let Lie::Chevrons(line) = bands.lie else { continue };
+            let state = |a: usize, b: usize| match bands.turned {
+                true => pattern.is_active(b, a),
+                false => pattern.is_active(a, b),
+            };
+            for step in 1..=line.min(CELLS - 1 - line) {
+                assert!((0..CELLS).all(|k| state(line - step, k) == state(line + step, k)));
+            }
+            seen += 1;
+        }
+        assert!(seen > 30, "{seen}");
+    }
+
+    #[test]
+    fn parallel_bands_have_their_share_and_none_is_empty_or_full() {
+        for index in 0..300 {
+            let (bands, pattern) = drawn(6, index);
+            let area = pattern.area_fraction();
+            assert!((0.04..=0.96).contains(&area), "sample {index}: {area}");
+            if bands.lie == Lie::Parallel {
+                let expected = bands.width as f64 / bands.period as f64;
+                assert!((area - expected).abs() < 0.03, "sample {index}: {area} {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_sample_is_named_by_seed_and_index() {
+        let sample = |seed, index| drawn(seed, index).1;
+        assert_eq!(sample(1, 7), sample(1, 7));
+        assert_ne!(sample(1, 7), sample(1, 8));
+        assert_ne!(sample(1, 7), sample(2, 7));
+    }
+}

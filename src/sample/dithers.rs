@@ -1,0 +1,196 @@
+//! Dithers: grey made of single cells, as a printer makes it.
+//!
+//! No other family alternates from cell to cell in an ordered way: small grids do at random, checkers with a period of two cells at
+//! the least and seldom with that. A network that has never seen such patterns errs on them several times more than on its own,
+//! and so do coarse meshes. The grey is a plane: its mean is the area fraction, from a range, [0.3, 0.7] unless another is
+//! given, and it falls by 0 to 0.6 over the side along a uniform direction. It is dithered in one of four ways, each as likely:
+//! against the threshold matrices of 2 × 2, 4 × 4 and 8 × 8 cells (Bayer, IEEE Int. Conf. Communications 1 (1973) 26-11), or by
+//! error diffusion along alternating rows (Floyd and Steinberg, Proc. SID 17 (1976) 75). The cells that are furthest above
+//! their threshold are active, as many as the area asks for, and the whole is turned and mirrored at random.
+
+use std::f64::consts::TAU;
+
+use super::areas::{AreaFractions, Areas, highest};
+use super::error::SampleError;
+use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
+use crate::base::{Stream, parameters};
+use crate::pattern::{CELLS, Pattern, Symmetry};
+
+/// By how much the grey falls over the side at most.
+const FALL: f64 = 0.6;
+
+/// Side of the largest threshold matrix, as a power of two.
+const LARGEST: usize = 3;
+
+parameters! {
+    /// Grey made of single cells: ordered dithers and error diffusion.
+    pub struct Parameters as "a dithers sample" {
+        /// Patterns to draw.
+        pub count: u64 [1..=MOST_SAMPLES],
+        /// Area fraction of the electrode, or smallest and largest to draw from.
+        pub area: AreaFractions = [0.3, 0.7],
+    }
+}
+
+impl FamilyParameters for Parameters {
+    const NAME: &'static str = "dithers";
+
+    fn groups(&self) -> Result<Vec<Group>, Refusal> {
+        let family = Dithers::new(self.area.areas()?);
+        Ok(self.one_group(self.count, Box::new(family)))
+    }
+}
+
+/// Dithered planes of grey.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Dithers {
+    areas: Areas,
+}
+
+impl Dithers {
+    /// The family at area fractions of a range.
+    #[must_use]
+    pub fn new(areas: Areas) -> Self {
+        Self { areas }
+    }
+}
+
+impl Family for Dithers {
+    fn name(&self) -> &'static str {
+        Parameters::NAME
+    }
+
+    fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {
+        let mut stream = Stream::new(seed, "dithers", index);
+        let way = stream.index(LARGEST + 1);
+        let area = self.areas.drawn(&mut stream);
+        let fall = stream.range(0.0, FALL) / CELLS as f64;
+        let (sine, cosine) = stream.range(0.0, TAU).sin_cos();
+        let [right, up] = [stream.index(1 << LARGEST), stream.index(1 << LARGEST)];
+        let image = Symmetry::ALL[stream.index(Symmetry::ALL.len())];
+        let middle = 0.5 * CELLS as f64;
+        let grey = |x: f64, y: f64| area + fall * (cosine * (x - middle) + sine * (y - middle));
+        let pattern = if way < LARGEST {
+            let order = way + 1;
+            highest(area, |x, y| {
+                grey(x, y) - threshold(order, x as usize + right, y as usize + up)
+            })
+        } else {
+            let levels = diffused(grey);
+            highest(area, |x, y| levels[y as usize * CELLS + x as usize])
+        };
+        Ok(pattern.transformed(image))
+    }
+}
+
+/// The threshold of a cell in Bayer's matrix of 2ⁿ × 2ⁿ cells, between 0 and 1.
+fn threshold(order: usize, x: usize, y: usize) -> f64 {
+    let digit = |bit: usize| {
+        let (x, y) = (x >> bit & 1, y >> bit & 1);
+        (2 * (x ^ y) + y) << (2 * (order - 1 - bit))
+    };
+    let place: usize = (0..order).map(digit).sum();
+    (place as f64 + 0.5) / (1 << (2 * order)) as f64
+}
+
+/// Grey with what was carried from the cells before, `[y][x]`: Floyd and Steinberg's weights, every other row backwards.
+fn diffused(grey: impl Fn(f64, f64) -> f64) -> Vec<f64> {
+    let centre = |k: usize| k as f64 + 0.5;
+    let mut levels: Vec<f64> = (0..CELLS * CELLS)
+        .map(|cell| grey(centre(cell % CELLS), centre(cell / CELLS)))
+        .collect();
+    for y in 0..CELLS {
+        let ahead: isize = if y % 2 == 0 { 1 } else { -1 };
+        for step in 0..CELLS {
+            let x = if ahead > 0 { step } else { CELLS - 1 - step };
+            let level = levels[y * CELLS + x];
+            let error = level - f64::from(u8::from(level >= 0.5));
+            for (dx, dy, weight) in [(ahead, 0, 7.0), (-ahead, 1, 3.0), (0, 1, 5.0), (ahead, 1, 1.0)] {
+                if let Some(u) = x.checked_add_signed(dx).filter(|u| *u < CELLS)
+                    && y + dy < CELLS
+                {
+                    levels[(y + dy) * CELLS + u] += error * weight / 16.0;
+                }
+            }
+        }
+    }
+    levels
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn usual() -> Dithers {
+        Dithers::new(Areas::new(0.3, 0.7).unwrap())
+    }
+
+    fn drawn(family: &Dithers, seed: u64, index: u64) -> Pattern {
+        family.sample(seed, index).unwrap()
+    }
+
+    #[test]
+    fn areas_cover_the_range_and_a_single_one_is_met_exactly() {
+        let areas: Vec<f64> = (0..300).map(|i| drawn(&usual(), 5, i).area_fraction()).collect();
+        assert!(areas.iter().all(|area| (0.3..=0.7).contains(area)));
+        let mean = areas.iter().sum::<f64>() / 300.0;
+        // Uniform: mean 0.5, standard deviation 0.1155.
+        assert!((mean - 0.5).abs() < 4.0 * 0.1155 / 300f64.sqrt(), "{mean}");
+        let fifth = Dithers::new(Areas::new(0.2, 0.2).unwrap());
+        assert!((0..40).all(|i| drawn(&fifth, 1, i).active_cells() == 500));
+    }
+
+    #[test]
+    fn thresholds_are_those_of_the_known_matrices() {
+        let matrix = |order: usize| -> Vec<usize> {
+            let side = 1 << order;
+            let place = |cell: usize| threshold(order, cell % side, cell / side) * (side * side) as f64;
+            (0..side * side).map(|cell| place(cell) as usize).collect()
+        };
+        assert_eq!(matrix(1), [0, 2, 3, 1]);
+        assert_eq!(matrix(2), [0, 8, 2, 10, 12, 4, 14, 6, 3, 11, 1, 9, 15, 7, 13, 5]);
+        let mut all = matrix(3);
+        all.sort_unstable();
+        assert!(all.into_iter().eq(0..64));
+    }
+
+    #[test]
+    fn the_edge_is_far_longer_than_that_of_random_cells() {
+        let edge = |pattern: &Pattern| {
+            let differs = |x: usize, y: usize| {
+                let here = pattern.is_active(x, y);
+                let right = x + 1 < CELLS && pattern.is_active(x + 1, y) != here;
+                let above = y + 1 < CELLS && pattern.is_active(x, y + 1) != here;
+                usize::from(right) + usize::from(above)
+            };
+            (0..CELLS * CELLS).map(|i| differs(i % CELLS, i / CELLS)).sum::<usize>() as f64
+        };
+        let half = Dithers::new(Areas::new(0.5, 0.5).unwrap());
+        let mean = (0..60).map(|i| edge(&drawn(&half, 4, i))).sum::<f64>() / 60.0;
+        // Of random cells every other side is an edge.
+        let random = 0.5 * (2 * CELLS * (CELLS - 1)) as f64;
+        assert!(mean > 1.3 * random, "{mean} {random}");
+    }
+
+    #[test]
+    fn grey_is_kept_on_average() {
+        // The mean of error diffusion over blocks follows the plane.
+        let levels = diffused(|x, _| x / CELLS as f64);
+        let share = |from: usize| {
+            let cells = (0..CELLS).flat_map(|y| (from..from + 10).map(move |x| y * CELLS + x));
+            cells.filter(|&cell| levels[cell] >= 0.5).count() as f64 / (10 * CELLS) as f64
+        };
+        for block in 0..5 {
+            let expected = (10.0 * f64::from(block) + 5.0) / 50.0;
+            let found = share(10 * block as usize);
+            assert!((found - expected).abs() < 0.03, "block {block}: {found}");
+        }
+    }
+
+    #[test]
+    fn a_sample_is_named_by_seed_and_index() {
+        assert_eq!(drawn(&usual(), 1, 7), drawn(&usual(), 1, 7));
+        assert_ne!(drawn(&usual(), 1, 7), drawn(&usual(), 1, 8));
+        assert_ne!(drawn(&usual(), 1, 7), drawn(&usual(), 2, 7));
+    }
+}

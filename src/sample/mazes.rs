@@ -1,0 +1,192 @@
+//! Mazes: one winding corridor that branches and never closes.
+//!
+//! Rooms on a square lattice, joined by a random tree over all of them: a depth-first walk that turns back where it has been
+//! everywhere. Corridors are 1 to 4 cells wide and so are the walls, both uniform; as many rooms as fit stand in the membrane, at a
+//! uniform offset. The corridors are active, or the walls with what is left around them, each as likely. Electrode and bare
+//! membrane are both connected over the whole, by paths far longer than its side.
+
+use super::error::SampleError;
+use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
+use crate::base::{Stream, parameters};
+use crate::pattern::{CELLS, Pattern};
+
+/// Cells across the widest corridor, and the widest wall.
+const WIDEST: usize = 4;
+
+parameters! {
+    /// Winding corridors that branch and never close, or the walls between them.
+    pub struct Parameters as "a mazes sample" {
+        /// Patterns to draw.
+        pub count: u64 [1..=MOST_SAMPLES],
+    }
+}
+
+impl FamilyParameters for Parameters {
+    const NAME: &'static str = "mazes";
+
+    fn groups(&self) -> Result<Vec<Group>, Refusal> {
+        Ok(self.one_group(self.count, Box::new(Mazes)))
+    }
+}
+
+/// Mazes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Mazes;
+
+/// Rooms with what stands between them.
+struct Maze {
+    corridor: usize,
+    wall: usize,
+    /// Rooms along a side.
+    rooms: usize,
+    /// Whether a room is joined to the one on its right, and to the one above.
+    joined: Vec<[bool; 2]>,
+}
+
+impl Maze {
+    /// As many rooms as fit.
+    fn drawn(corridor: usize, wall: usize, stream: &mut Stream) -> Self {
+        let rooms = (CELLS + wall) / (corridor + wall);
+        let joined = vec![[false; 2]; rooms * rooms];
+        let mut maze = Self {
+            corridor,
+            wall,
+            rooms,
+            joined,
+        };
+        maze.join(stream);
+        maze
+    }
+
+    /// Joins all rooms by a walk that goes on to a random room that it has not seen, and back where there is none.
+    fn join(&mut self, stream: &mut Stream) {
+        let mut seen = vec![false; self.rooms * self.rooms];
+        let mut path = vec![stream.index(self.rooms * self.rooms)];
+        while let Some(&here) = path.last() {
+            seen[here] = true;
+            let next: Vec<usize> = self.neighbours(here).filter(|&room| !seen[room]).collect();
+            if next.is_empty() {
+                path.pop();
+                continue;
+            }
+            let there = next[stream.index(next.len())];
+            let upwards = usize::from(here.abs_diff(there) == self.rooms);
+            self.joined[here.min(there)][upwards] = true;
+            path.push(there);
+        }
+    }
+
+    fn neighbours(&self, room: usize) -> impl Iterator<Item = usize> {
+        let n = self.rooms;
+        let (x, y) = (room % n, room / n);
+        let sides = [
+            (x + 1 < n).then_some(room + 1),
+            (x > 0).then(|| room.wrapping_sub(1)),
+            (y + 1 < n).then_some(room + n),
+            (y > 0).then(|| room.wrapping_sub(n)),
+        ];
+        sides.into_iter().flatten()
+    }
+
+    /// Cells along its side.
+    fn side(&self) -> usize {
+        self.rooms * (self.corridor + self.wall) - self.wall
+    }
+
+    /// Whether a cell belongs to a corridor; counted from the lower left cell of the first room.
+    fn is_open(&self, x: usize, y: usize) -> bool {
+        if x >= self.side() || y >= self.side() {
+            return false;
+        }
+        let pitch = self.corridor + self.wall;
+        let joined = self.joined[y / pitch * self.rooms + x / pitch];
+        match (x % pitch < self.corridor, y % pitch < self.corridor) {
+            (true, true) => true,
+            (false, true) => joined[0],
+            (true, false) => joined[1],
+            (false, false) => false,
+        }
+    }
+}
+
+impl Family for Mazes {
+    fn name(&self) -> &'static str {
+        Parameters::NAME
+    }
+
+    fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {
+        let mut stream = Stream::new(seed, "mazes", index);
+        let [corridor, wall] = [1 + stream.index(WIDEST), 1 + stream.index(WIDEST)];
+        let inside = stream.chance(0.5);
+        let maze = Maze::drawn(corridor, wall, &mut stream);
+        let rest = CELLS - maze.side();
+        let [left, below] = [stream.index(rest + 1), stream.index(rest + 1)];
+        let open = |x: usize, y: usize| x >= left && y >= below && maze.is_open(x - left, y - below);
+        Ok(Pattern::from_fn(|x, y| open(x, y) == inside))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn drawn(seed: u64, index: u64) -> Pattern {
+        Mazes.sample(seed, index).unwrap()
+    }
+
+    /// Whether the corridors are active, and how wide they and the walls are.
+    fn widths(seed: u64, index: u64) -> (bool, usize, usize) {
+        let mut stream = Stream::new(seed, "mazes", index);
+        let [corridor, wall] = [1 + stream.index(WIDEST), 1 + stream.index(WIDEST)];
+        (stream.chance(0.5), corridor, wall)
+    }
+
+    #[test]
+    fn corridors_are_one_tree() {
+        for index in 0..60 {
+            let (inside, corridor, wall) = widths(3, index);
+            let pattern = drawn(3, index);
+            let open = |cell: usize| pattern.is_active(cell % CELLS, cell / CELLS) == inside;
+            let cells: Vec<usize> = (0..CELLS * CELLS).filter(|&cell| open(cell)).collect();
+            // A tree over n² rooms has n² − 1 passages.
+            let rooms = (CELLS + wall) / (corridor + wall);
+            let expected = rooms * rooms * corridor * corridor + (rooms * rooms - 1) * corridor * wall;
+            assert_eq!(cells.len(), expected, "sample {index}");
+            let (mut seen, mut rest) = (vec![false; CELLS * CELLS], vec![cells[0]]);
+            let mut reached = 0;
+            while let Some(cell) = rest.pop() {
+                if std::mem::replace(&mut seen[cell], true) {
+                    continue;
+                }
+                reached += 1;
+                let (x, y) = (cell % CELLS, cell / CELLS);
+                let sides = [
+                    (x + 1 < CELLS).then(|| cell + 1),
+                    (x > 0).then(|| cell - 1),
+                    (y + 1 < CELLS).then(|| cell + CELLS),
+                    (y > 0).then(|| cell - CELLS),
+                ];
+                rest.extend(sides.into_iter().flatten().filter(|&side| open(side)));
+            }
+            assert_eq!(reached, expected, "sample {index}: corridors are connected");
+        }
+    }
+
+    #[test]
+    fn corridors_and_walls_are_active_as_often() {
+        let inside = (0..400).filter(|&i| widths(1, i).0).count();
+        // Binomial: 200 ± 10.
+        assert!((160..=240).contains(&inside), "{inside}");
+        let areas: Vec<f64> = (0..400).map(|i| drawn(1, i).area_fraction()).collect();
+        let mean = areas.iter().sum::<f64>() / 400.0;
+        assert!((0.45..0.55).contains(&mean), "{mean}");
+        assert!(areas.iter().all(|area| (0.1..=0.9).contains(area)));
+    }
+
+    #[test]
+    fn a_sample_is_named_by_seed_and_index() {
+        assert_eq!(drawn(1, 7), drawn(1, 7));
+        assert_ne!(drawn(1, 7), drawn(1, 8));
+        assert_ne!(drawn(1, 7), drawn(2, 7));
+    }
+}

@@ -1,0 +1,76 @@
+//! What a calibrated network says of designs, whatever judged them: its own prediction with the interval of the displacement along
+//! the wanted directions.
+
+use crate::content::{DesignInterval, DesignIntervals};
+use crate::design::Goal;
+use crate::field::Predictor;
+use crate::orchestrator::StageError;
+use crate::pattern::Pattern;
+use crate::scene::Scene;
+use crate::stage::calibrate::{self, CalibratedModel};
+use crate::stage::model;
+use crate::store::Artifact;
+use crate::surrogate::{COVERAGE, Surrogate};
+
+/// A network with its calibration.
+pub struct Calibrated {
+    surrogate: Surrogate,
+    calibration: CalibratedModel,
+}
+
+impl Calibrated {
+    /// The calibration among the inputs with its network, if there is one.
+    ///
+    /// # Errors
+    /// When there are several, it is of no network among the inputs or of another scene, or an artifact is damaged.
+    pub fn of(inputs: &[Artifact], scene: &Scene) -> Result<Option<Self>, StageError> {
+        let mut found = None;
+        for input in inputs {
+            let Some(calibration) = calibrate::read(input)? else {
+                continue;
+            };
+            let own = |other: &&Artifact| other.digest().to_string() == calibration.model;
+            let network = inputs.iter().find(own).ok_or_else(|| {
+                StageError::Input(format!(
+                    "the calibration {} is of the model {:.12}, which `needs` does not name",
+                    input.digest().short(),
+                    calibration.model
+                ))
+            })?;
+            if found.is_some() {
+                return Err(StageError::Input("a design stage takes one calibration".to_owned()));
+            }
+            found = Some(Self {
+                surrogate: model::in_scene(network, scene)?,
+                calibration,
+            });
+        }
+        Ok(found)
+    }
+
+    /// What is said of patterns.
+    ///
+    /// # Errors
+    /// When the network cannot be evaluated.
+    pub fn intervals(&self, goal: &Goal, patterns: &[Pattern]) -> Result<DesignIntervals, StageError> {
+        let fields = self.surrogate.predict(patterns);
+        let fields = fields.map_err(|e| StageError::Failed(e.to_string()))?;
+        let calibration = &self.calibration.calibration;
+        let half_widths = calibration.objective(&|field| goal.value_mm(field));
+        let basis = self.calibration.basis();
+        let mut intervals = DesignIntervals::default();
+        for (pattern, field) in patterns.iter().zip(&fields) {
+            let (value, off) = (goal.value_mm(field), half_widths.half_width(pattern, field));
+            let interval = calibration.interval(pattern, field);
+            intervals.push(Some(DesignInterval {
+                coverage: COVERAGE,
+                predicted_mm: value,
+                ends_mm: [value - off, value + off],
+                novelty: interval.novelty,
+                out_of_distribution: interval.out_of_distribution,
+                basis: basis.clone(),
+            }));
+        }
+        Ok(intervals)
+    }
+}
