@@ -1,6 +1,6 @@
 //! What a calibration says of predictions: in the file, as rows of a table, for programs and for people.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -206,7 +206,7 @@ impl Intervals {
                 self.rows.len()
             ),
         });
-        lines.push(PathBuf::from(table).display().to_string());
+        lines.push(table.display().to_string());
         lines
     }
 
