@@ -9,12 +9,12 @@
 //! other arrow. `base` may be imported by every room.
 //!
 //! ```text
-//! cli          → every domain room, stage, content, orchestrator, store, report
+//! cli          → every domain room, stage, content, orchestrator, store, report, hdf
 //! report       → content, orchestrator, store, pattern, field, scene
 //! stage        → every domain room, content, orchestrator, store
 //! orchestrator → store
 //! content      → store, pattern, field, scene
-//! store        →
+//! store        → hdf
 //!
 //! design       → pattern, field, scene
 //! accuracy     → scene, sample, pattern, field, fem, surrogate
@@ -24,7 +24,8 @@
 //! sample       → pattern
 //! field        → pattern
 //! scene        → pattern
-//! pattern      →
+//! pattern      → hdf
+//! hdf          →
 //! base         →
 //! ```
 //!
@@ -41,6 +42,7 @@ pub mod dataset;
 pub mod design;
 pub mod fem;
 pub mod field;
+pub mod hdf;
 pub mod orchestrator;
 pub mod pattern;
 pub mod report;

@@ -200,6 +200,7 @@ impl From<StoreError> for CliError {
                 .help("`deaflow fsck` tells what else is damaged; `deaflow run` builds it again"),
             StoreError::Marker { .. } => Self::new(Exit::Damaged, message)
                 .help("`deaflow fsck --repair` writes it anew and keeps all else as it is"),
+            StoreError::Hdf(error) if error.is_of_the_file() => Self::bad_input(message),
             StoreError::Format { .. }
             | StoreError::Foreign { .. }
             | StoreError::NotAStore { .. }

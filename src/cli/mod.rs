@@ -21,6 +21,7 @@ mod pin;
 mod plan;
 mod predict;
 mod progress;
+mod reader;
 mod report;
 mod run;
 mod schema;
@@ -43,12 +44,18 @@ use commands::Cli;
 use error::CliError;
 use output::Output;
 
+use crate::hdf;
+
 pub use output::Exit;
 
 /// Runs a command line and says how it ended.
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> Exit {
     signals::prepare();
     let arguments: Vec<OsString> = arguments.into_iter().collect();
+    if arguments.get(1).is_some_and(|word| word == hdf::COMMAND) {
+        return reader::execute();
+    }
+    hdf::set_reader(reader::command);
     match Cli::try_parse_from(&arguments) {
         Ok(cli) => {
             let output = Output::new(cli.json);

@@ -7,7 +7,7 @@ use super::attribute::Attribute;
 use super::declared::{Declared, check};
 use super::error::ContentError;
 use super::part::{At, Part};
-use crate::store::{Artifact, RowFile};
+use crate::store::Artifact;
 
 /// A struct whose fields are arrays, and the view that reads them one by one.
 pub trait Group: Part {
@@ -115,8 +115,7 @@ impl<'a, P: Part> Stored<'a, P> {
     /// # Errors
     /// When they cannot be read.
     pub fn numbers(&self, rows: Range<usize>) -> Result<Vec<f64>, ContentError> {
-        // Every byte of the file was verified when the artifact was opened.
-        Ok(RowFile::open(self.artifact.path())?.numbers(self.path(), rows)?)
+        Ok(self.artifact.rows()?.numbers(self.path(), rows)?)
     }
 }
 

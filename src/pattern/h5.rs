@@ -1,20 +1,13 @@
 //! A dataset of any HDF5 file, also of this program's own artifacts: `FILE.h5:/dataset`.
 
-use std::collections::BTreeSet;
 use std::path::Path;
 
-use hdf5::dataset::Layout;
-use hdf5::types::TypeDescriptor;
-use hdf5::{Dataset, File, Group, IndexType, IterationOrder, LinkType};
+use super::raster::{CELLS, Pattern};
+use super::read::{Refusal, count, patterns, patterns_from};
+use crate::hdf::{Element, Failure, HdfError, HdfFile};
 
-use super::raster::Pattern;
-use super::read::{MOST, Refusal, count, patterns};
-
-/// Groups inside each other on the way to a dataset.
-const DEEPEST: usize = 100;
-
-/// Bytes of a chunk: the largest stack in one.
-const MAX_CHUNK: u64 = MOST * 2500 * 8;
+/// Patterns that are asked for at a time: 8 MB of numbers.
+const SLICE: usize = 400;
 
 /// `FILE.h5` and `/dataset`; both may hold colons, so the split is after the file's extension.
 pub fn split(spec: &str) -> Option<(&str, &str)> {
@@ -25,137 +18,44 @@ pub fn split(spec: &str) -> Option<(&str, &str)> {
 }
 
 pub(super) fn read(path: &Path, dataset: &str) -> Result<Vec<Pattern>, Refusal> {
-    let file = File::open(path).map_err(|e| Refusal::new(format!("not a readable HDF5 file ({e})")))?;
-    let found = open(&file, dataset).map_err(|problem| match problem {
-        Problem::Absent => Refusal::new(format!("no dataset {dataset:?} in the file")).help(advice(path)),
-        Problem::Refused(what) => {
-            Refusal::new(what).help("copy the dataset itself into the file, for example with h5py")
-        }
+    let file = HdfFile::apart(path).map_err(refused)?;
+    let found = file.find(dataset).map_err(|error| match error {
+        HdfError::Failed {
+            failure: Failure::Refused(why),
+            ..
+        } => Refusal::new(why).help("copy the dataset itself into the file, for example with h5py"),
+        other => refused(other),
     })?;
-    let broken = |e: hdf5::Error| Refusal::new(format!("the dataset cannot be read ({e})"));
-    let shape: Vec<u64> = found.shape().iter().map(|&n| n as u64).collect();
-    count(&shape)?;
-    check_storage(path, &found, true).map_err(Refusal::new)?;
-    let element = found.dtype().map_err(broken)?;
-    // The size is checked first: the library describes enumerations of wider integers wrongly.
-    let described = if element.size() <= 8 {
-        element.to_descriptor().ok()
-    } else {
-        None
+    let Some(found) = found else {
+        return Err(Refusal::new(format!("no dataset {dataset:?} in the file")).help(advice(path)));
     };
-    match described {
-        Some(
-            TypeDescriptor::Integer(_)
-            | TypeDescriptor::Unsigned(_)
-            | TypeDescriptor::Float(_)
-            | TypeDescriptor::Boolean,
-        ) => patterns(&found.read_raw::<f64>().map_err(broken)?),
-        Some(other) => Err(Refusal::new(format!("elements of type {other}")).help(TYPES)),
-        None => Err(Refusal::new(format!("elements of an unknown type of {} bytes", element.size())).help(TYPES)),
+    let n = count(&found.shape)?;
+    match found.element {
+        Element::Other(what) => return Err(Refusal::new(format!("elements of type {what}")).help(TYPES)),
+        element if !element.is_number() => return Err(Refusal::new("elements of type text").help(TYPES)),
+        _ => {}
     }
+    if found.shape.len() == 2 {
+        return patterns(&file.numbers(dataset, 0..CELLS).map_err(refused)?);
+    }
+    let mut all = Vec::with_capacity(n);
+    while all.len() < n {
+        let rows = all.len()..n.min(all.len() + SLICE);
+        let values = file.numbers(dataset, rows.clone()).map_err(refused)?;
+        all.extend(patterns_from(&values, rows.start, n > 1)?);
+    }
+    Ok(all)
 }
 
-/// Refuses a dataset of a file whose elements stand in other files: behind links, in external storage, or in sources of a
-/// virtual dataset that are missing, for which the library shows zeros. A dataset that is not there is none of these.
-///
-/// # Errors
-/// Why it is refused.
-pub fn check_contained(path: &Path, dataset: &str) -> Result<(), String> {
-    let file = File::open(path).map_err(|e| format!("not a readable HDF5 file ({e})"))?;
-    match open(&file, dataset) {
-        Ok(found) => check_storage(path, &found, true).map_err(|why| format!("`{dataset}`: {why}")),
-        Err(Problem::Absent) => Ok(()),
-        Err(Problem::Refused(why)) => Err(why),
-    }
-}
-
-/// Why there is no dataset to read.
-enum Problem {
-    Absent,
-    Refused(String),
-}
-
-/// Opens a dataset that lies in the file itself. The library would follow a link into any other file, and wait for a pipe
-/// there.
-fn open(file: &File, dataset: &str) -> Result<Dataset, Problem> {
-    let broken = |e: hdf5::Error| Problem::Refused(format!("{dataset:?} cannot be opened ({e})"));
-    let mut steps: Vec<&str> = dataset.split('/').filter(|step| !step.is_empty()).collect();
-    let last = steps.pop().ok_or(Problem::Absent)?;
-    if steps.len() >= DEEPEST {
-        return Err(Problem::Refused(format!("{} groups inside each other", steps.len())));
-    }
-    let mut group = file.as_group().map_err(broken)?;
-    for step in steps {
-        check_link(&group, step)?;
-        group = group.group(step).map_err(|_| Problem::Absent)?;
-    }
-    check_link(&group, last)?;
-    // A group of that name is no dataset; a dataset that needs a filter or a format which is not there is one.
-    match group.dataset(last) {
-        Err(_) if group.group(last).is_ok() => Err(Problem::Absent),
-        opened => opened.map_err(broken),
-    }
-}
-
-fn check_link(group: &Group, name: &str) -> Result<(), Problem> {
-    let found = group.find_link(IndexType::Name, IterationOrder::Native, |other, info| {
-        Ok((other == name).then_some(info.link_type))
-    });
-    match found {
-        Ok(Some(LinkType::Hard)) => Ok(()),
-        Ok(Some(_)) => Err(Problem::Refused(format!("{name:?} is a link to another place"))),
-        Ok(None) => Err(Problem::Absent),
-        Err(error) => Err(Problem::Refused(format!("the file cannot be read ({error})"))),
-    }
-}
-
-/// Refuses elements that stand in files which are not HDF5, and chunks that would not fit into memory. A virtual dataset
-/// shows zeros where its sources are missing, so they are looked for; sources are not virtual themselves.
-fn check_storage(path: &Path, dataset: &Dataset, may_be_virtual: bool) -> Result<(), String> {
-    let broken = |e: hdf5::Error| format!("the dataset cannot be read ({e})");
-    let list = dataset.create_plist().map_err(broken)?;
-    if !list.get_external().map_err(broken)?.is_empty() {
-        return Err("its elements stand in another file".into());
-    }
-    let size = dataset.dtype().map_err(broken)?.size() as u64;
-    let chunk = dataset.chunk().unwrap_or_default();
-    if chunk.iter().fold(size, |bytes, &n| bytes.saturating_mul(n as u64)) > MAX_CHUNK {
-        return Err(format!("its chunks have more than {MAX_CHUNK} bytes"));
-    }
-    if dataset.layout() != Layout::Virtual {
-        return Ok(());
-    }
-    if !may_be_virtual {
-        return Err("it is a virtual dataset of virtual datasets".into());
-    }
-    let untold = |e: hdf5::Error| format!("it shows what stands in other files, and its parts cannot be told ({e})");
-    let sources = list.get_virtual_map().map_err(untold)?;
-    let places: BTreeSet<(String, String)> = sources.into_iter().map(|s| (s.src_filename, s.src_dataset)).collect();
-    places
-        .iter()
-        .try_for_each(|(name, inside)| check_source(path, name, inside))
-}
-
-/// One source of a virtual dataset in the file at `path`; "." is that file.
-fn check_source(path: &Path, name: &str, inside: &str) -> Result<(), String> {
-    let source = match name {
-        "." => path.to_owned(),
-        _ => path.parent().unwrap_or(Path::new("")).join(name),
-    };
-    let missing = |why: &str| format!("it shows what stands in {}, which {why}", source.display());
-    if !source.is_file() {
-        return Err(missing("is not there"));
-    }
-    let file = File::open(&source).map_err(|e| missing(&format!("is not a readable HDF5 file ({e})")))?;
-    let dataset = open(&file, inside).map_err(|_| missing(&format!("has no dataset {inside:?} of its own")))?;
-    check_storage(&source, &dataset, false)
+fn refused(error: HdfError) -> Refusal {
+    Refusal::new(error.reason())
 }
 
 const TYPES: &str = "allowed: booleans, integers (1 to 8 bytes), floats (4 or 8 bytes)";
 
 /// How to name a dataset, with those at the top of the file.
 pub(super) fn advice(path: &Path) -> String {
-    let names = File::open(path).and_then(|f| f.member_names()).unwrap_or_default();
+    let names = HdfFile::apart(path).and_then(|file| file.names()).unwrap_or_default();
     let mut text = "name a dataset, such as FILE.h5:/patterns".to_owned();
     if !names.is_empty() {
         let shown: Vec<String> = names.iter().take(12).map(|n| format!("/{n}")).collect();

@@ -13,7 +13,7 @@ mod role;
 mod symmetry;
 
 pub use bits::{Bits, distance};
-pub use h5::{check_contained, split as split_h5};
+pub use h5::split as split_h5;
 pub use outline::{Corners, Island, Point, area as ring_area, outlines, total_area};
 pub use raster::{CELLS, Pattern, PatternError};
 pub use read::read_patterns;

@@ -23,7 +23,7 @@ const FORMS: &str = "a pattern is one of FILE.npy, FILE.csv, FILE.png, FILE.h5:/
 /// - `FILE.csv`: 50 lines of 50 values; the first line is row y = 0, the lower edge, as `numpy.savetxt(…, delimiter=",")`
 ///   writes the array.
 /// - `FILE.png`: 50 × 50 pixels or a whole multiple, dark = electrode; the top of the image is the upper edge (largest y).
-/// - `FILE.h5:/dataset` (or `.hdf5`): as `.npy`.
+/// - `FILE.h5:/dataset` (or `.hdf5`): as `.npy`. Another process reads the file.
 ///
 /// # Errors
 /// When the file cannot be read, has another shape, holds no pattern, or holds a value other than 0 and 1.
@@ -125,8 +125,13 @@ fn shape_text(shape: &[u64]) -> String {
 
 /// The patterns that `values`, row by row from below, pattern after pattern, stand for.
 pub(super) fn patterns(values: &[f64]) -> Result<Vec<Pattern>, Refusal> {
-    let several = values.len() > CELLS * CELLS;
+    patterns_from(values, 0, values.len() > CELLS * CELLS)
+}
+
+/// The same of some patterns out of several, which begin at the pattern of that number.
+pub(super) fn patterns_from(values: &[f64], first: usize, several: bool) -> Result<Vec<Pattern>, Refusal> {
     let one = |(index, values): (usize, &[f64])| {
+        let index = first + index;
         if let Some(at) = values.iter().position(|v| *v != 0.0 && *v != 1.0) {
             let place = if several { format!("[{index}]") } else { String::new() };
             return Err(Refusal::new(format!(

@@ -239,14 +239,12 @@ impl Stage for AuditStage {
 /// When one of the files cannot be read, or a simulator not be set up.
 pub fn audit_file(file: &Path, scene: &Path, request: &Request, progress: &dyn Progress) -> Result<Audit, DirectError> {
     let scene = read_scene(scene)?;
-    let unreadable = |e: ContentError| InputError::new(e.to_string());
-    let refused = |why: String| {
-        let help = "copy the arrays into the file, or name the stage: deaflow audit PIPELINE.yaml:STAGE";
-        InputError::new(format!("{}: {why}", file.display())).help(help)
+    let unreadable = |e: ContentError| {
+        let help = "the arrays must stand in the file itself; or name the stage: deaflow audit PIPELINE.yaml:STAGE";
+        InputError::new(e.to_string()).help(help)
     };
     // A pipe would keep who opens it waiting, and a device may have no end.
     open_regular(file).map_err(|e| InputError::new(format!("cannot read {}: {e}", file.display())))?;
-    Source::check_file(file).map_err(refused)?;
     let mut source = Source::of_file(file).map_err(unreadable)?;
     let failed = |e: SetupError| DirectError::Failed(e.to_string());
     source.findings.extend(other_scene(&source, &scene).map_err(failed)?);

@@ -10,7 +10,8 @@ use super::header::Header;
 use super::listing::{self, Content};
 use super::object::{Data, Dataset, Object};
 use super::provenance;
-use super::read;
+use super::read::{self, Access};
+use super::row_file::RowFile;
 use super::verified::Verified;
 use crate::base::{ArtifactId, FileDigest};
 
@@ -23,12 +24,14 @@ struct Inner {
     path: PathBuf,
     overview: read::Overview,
     verified: Arc<Verified>,
+    access: Access,
     chunks: OnceLock<Vec<Artifact>>,
     contents: OnceLock<Vec<Content>>,
 }
 
 impl Artifact {
-    /// Opens the file of an artifact wherever it stands; the chunks of a manifest are looked for as in a store.
+    /// Opens the file of an artifact wherever it stands; the chunks of a manifest are looked for as in a store. Anybody may have
+    /// made it: it is read in another process.
     ///
     /// # Errors
     /// When it is not an artifact, or damaged.
@@ -39,7 +42,7 @@ impl Artifact {
             false => path.to_owned(),
         };
         let header = Header::read(&path)?;
-        Self::load(path, header.content, Arc::default())
+        Self::load_as(Access::Apart, path, header.content, Arc::default())
     }
 
     /// Whether the file at `path` is meant for an artifact.
@@ -48,15 +51,24 @@ impl Artifact {
         Header::is_at(path)
     }
 
+    /// Opens the file of an artifact of a store.
     pub(super) fn load(path: PathBuf, digest: ArtifactId, verified: Arc<Verified>) -> Result<Self, StoreError> {
+        Self::load_as(Access::Here, path, digest, verified)
+    }
+
+    fn load_as(access: Access, path: PathBuf, digest: ArtifactId, verified: Arc<Verified>) -> Result<Self, StoreError> {
         verified.verify(&path, &digest)?;
-        let overview = read::overview(&path)?;
+        if access == Access::Here {
+            verified.look(&path, &digest)?;
+        }
+        let overview = read::overview(access, &path)?;
         verified.describe(&digest, overview.listing.clone(), overview.parts.clone());
         Ok(Self(Arc::new(Inner {
             digest,
             overview,
             path,
             verified,
+            access,
             chunks: OnceLock::new(),
             contents: OnceLock::new(),
         })))
@@ -120,7 +132,7 @@ impl Artifact {
         if let Some(chunks) = self.0.chunks.get() {
             return Ok(chunks);
         }
-        let chunks: Result<Vec<Self>, StoreError> = self.parts().iter().map(|digest| self.chunk(digest)).collect();
+        let chunks: Result<Vec<Self>, StoreError> = self.parts().iter().map(|digest| self.beside(digest)).collect();
         let chunks = chunks?;
         // Another thread may have been faster, with the same chunks.
         Ok(self.0.chunks.get_or_init(|| chunks))
@@ -131,14 +143,26 @@ impl Artifact {
     /// # Errors
     /// When it is missing or damaged.
     pub fn first_chunk(&self) -> Result<Option<Self>, StoreError> {
-        self.parts().first().map(|digest| self.chunk(digest)).transpose()
+        self.parts().first().map(|digest| self.beside(digest)).transpose()
     }
 
-    fn chunk(&self, digest: &ArtifactId) -> Result<Self, StoreError> {
+    /// Opens another artifact of the store that it stands in.
+    ///
+    /// # Errors
+    /// When it is missing or damaged.
+    pub fn beside(&self, digest: &ArtifactId) -> Result<Self, StoreError> {
         let folder = self.0.path.parent().and_then(Path::parent).unwrap_or(Path::new(".."));
         let name = digest.to_string();
         let path = folder.join(&name[..2]).join(format!("{name}.h5"));
-        Self::load(path, *digest, self.0.verified.clone())
+        Self::load_as(self.0.access, path, *digest, self.0.verified.clone())
+    }
+
+    /// Opens its file to read rows of its own datasets. Every byte was verified when the artifact was opened.
+    ///
+    /// # Errors
+    /// When it cannot be opened.
+    pub fn rows(&self) -> Result<RowFile, StoreError> {
+        RowFile::of(self.0.access, &self.0.path)
     }
 
     /// The datasets in the order of their paths, without their elements.
@@ -200,7 +224,7 @@ impl Artifact {
     /// Verified anew, since the file may have changed after it was opened; a glance unless it did.
     fn read_own(&self, content: &Content) -> Result<Dataset, StoreError> {
         self.0.verified.verify(&self.0.path, &self.0.digest)?;
-        read::dataset(&self.0.path, content)
+        read::dataset(self.0.access, &self.0.path, content)
     }
 
     /// Everything: what was put, as it was put.
@@ -226,7 +250,7 @@ impl Artifact {
     /// When the file is missing or damaged.
     pub fn provenance(&self) -> Result<BTreeMap<String, String>, StoreError> {
         self.0.verified.verify(&self.0.path, &self.0.digest)?;
-        read::provenance(&self.0.path)
+        read::provenance(self.0.access, &self.0.path)
     }
 
     /// What the action that made it measured by name, s; none where nothing was.

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::object::ObjectError;
 use crate::base::{ArtifactId, EncodingError, OutputError};
+use crate::hdf::HdfError;
 
 /// A refusal by the store.
 #[derive(Debug, thiserror::Error)]
@@ -29,6 +30,9 @@ pub enum StoreError {
         /// The library's own message.
         message: String,
     },
+    /// A file that somebody has named cannot be read.
+    #[error(transparent)]
+    Hdf(#[from] HdfError),
     /// The store was written by another version of the layout.
     #[error("{path} says {found:?}; this program knows `{known}`: use the program that made the store, or another --store",
         path = path.display())]
@@ -159,9 +163,10 @@ pub enum StoreError {
     Encoding(#[from] EncodingError),
 }
 
-/// The number of the system's refusal, where HDF5 reports one among addresses and counters.
+/// The number of the system's refusal, where HDF5 reports one among addresses and counters, or the standard library in its words.
 fn errno(message: &str) -> Option<i32> {
-    message.split("errno = ").nth(1)?.split(',').next()?.trim().parse().ok()
+    let after = |mark: &str, end: char| message.split(mark).nth(1)?.split(end).next()?.trim().parse().ok();
+    after("errno = ", ',').or_else(|| after("(os error ", ')'))
 }
 
 /// Where HDF5 had no memory: that says nothing of the file.
@@ -187,13 +192,21 @@ impl StoreError {
     /// For `map_err` on calls of the HDF5 library.
     pub(super) fn hdf5(action: &'static str, path: &Path) -> impl Fn(hdf5::Error) -> Self {
         let path = path.to_owned();
-        move |error| {
-            let (path, message) = (path.clone(), error.to_string());
-            let refused = errno(&message).map(io::Error::from_raw_os_error);
-            match refused.or_else(|| out_of_memory(&message)) {
-                Some(source) => Self::Io { action, path, source },
-                None => Self::Hdf5 { action, path, message },
-            }
+        move |error| Self::of_library(action, &path, error.to_string())
+    }
+
+    /// Whether the HDF5 library passes on a refusal of the system.
+    pub(super) fn is_of_the_system(message: &str) -> bool {
+        errno(message).is_some() || out_of_memory(message).is_some()
+    }
+
+    /// A refusal of the HDF5 library in its words.
+    pub(super) fn of_library(action: &'static str, path: &Path, message: String) -> Self {
+        let path = path.to_owned();
+        let refused = errno(&message).map(io::Error::from_raw_os_error);
+        match refused.or_else(|| out_of_memory(&message)) {
+            Some(source) => Self::Io { action, path, source },
+            None => Self::Hdf5 { action, path, message },
         }
     }
 

@@ -5,20 +5,59 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use hdf5::dataset::Layout;
-use hdf5::types::{FloatSize, IntSize, TypeDescriptor, VarLenUnicode};
-use hdf5::{File, Group, LinkType};
-
 use super::element_type::ElementType;
 use super::error::StoreError;
 use super::listing::{Content, Listing};
 use super::object::{Data, Dataset, KIND, TEXT_WIDTH};
-use super::scales;
-use super::write::{AXES, TextCell};
 use crate::base::ArtifactId;
+use crate::hdf::{Array, Element, Elements, HdfError, HdfFile, Tree};
 
-/// Groups inside each other.
-const DEEPEST: u32 = 16;
+/// The dataset of a manifest.
+const PARTS: &str = "parts";
+
+/// Where a file is read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Access {
+    /// In this process: it stands in a store, and another process has looked at it.
+    Here,
+    /// In another process: somebody has named it, and anybody may have made it.
+    Apart,
+}
+
+impl Access {
+    /// Opens a file.
+    ///
+    /// # Errors
+    /// When it cannot be opened.
+    pub fn open(self, path: &Path) -> Result<HdfFile, StoreError> {
+        let opened = match self {
+            Self::Here => HdfFile::here(path),
+            Self::Apart => HdfFile::apart(path),
+        };
+        opened.map_err(|error| self.error("open", path, error))
+    }
+
+    /// What a file of a store is found to be when it is read is damage; a file that somebody has named is refused.
+    fn error(self, action: &'static str, path: &Path, error: HdfError) -> StoreError {
+        match self {
+            Self::Here => damage(action, path, error),
+            Self::Apart => error.into(),
+        }
+    }
+}
+
+fn damage(action: &'static str, path: &Path, error: HdfError) -> StoreError {
+    use crate::hdf::Failure;
+    match error {
+        // What the library says of the system is no damage.
+        HdfError::Failed {
+            failure: Failure::Unopened(ref words) | Failure::Library(ref words),
+            ..
+        } if StoreError::is_of_the_system(words) => StoreError::of_library(action, path, words.clone()),
+        error if error.is_of_the_file() => StoreError::damaged(path, error.reason()),
+        error => error.into(),
+    }
+}
 
 /// What a file says about itself, without the elements of its datasets.
 pub struct Overview {
@@ -30,215 +69,113 @@ pub struct Overview {
     pub listing: Listing,
 }
 
+/// Has another process look at a file of a store.
+///
+/// # Errors
+/// When the file is not as this program writes it.
+pub fn look(path: &Path) -> Result<(), StoreError> {
+    HdfFile::look(path).map_err(|error| damage("read", path, error))
+}
+
 /// Reads all but the elements.
 ///
 /// # Errors
 /// When the file is not as this program writes it.
-pub fn overview(path: &Path) -> Result<Overview, StoreError> {
-    let file = open(path)?;
-    let failed = StoreError::hdf5("read", path);
-    check(path, &file)?;
-    let mut attributes = attributes(&file).map_err(&failed)?;
+pub fn overview(access: Access, path: &Path) -> Result<Overview, StoreError> {
+    let file = access.open(path)?;
+    let failed = |error| access.error("read", path, error);
+    let Tree {
+        mut attributes, arrays, ..
+    } = file.tree().map_err(failed)?;
     let kind = attributes.remove(KIND).unwrap_or_default();
-    let names = file.member_names().map_err(&failed)?;
-    if names.iter().any(|name| name == "parts") {
-        let parts = texts(&file.dataset("parts").map_err(&failed)?).map_err(&failed)?;
-        let parts: Result<Vec<ArtifactId>, _> = parts.iter().map(|text| text.parse()).collect();
-        return Ok(Overview {
-            attributes,
-            parts: parts.map_err(|error| StoreError::damaged(path, error.to_string()))?,
-            listing: Listing {
-                kind,
-                contents: Vec::new(),
-            },
-        });
-    }
-    let mut contents = Vec::new();
-    list(&file, "", &mut contents).map_err(&failed)?;
-    contents.sort_by(|a, b| a.path.cmp(&b.path));
+    let is_manifest = arrays.iter().any(|array| array.path == PARTS);
+    let (parts, contents) = match is_manifest {
+        true => (parts(path, file.elements(PARTS).map_err(failed)?)?, Vec::new()),
+        false => {
+            let contents: Result<Vec<Content>, StoreError> =
+                arrays.into_iter().map(|array| content(path, array)).collect();
+            (Vec::new(), contents?)
+        }
+    };
     Ok(Overview {
         attributes,
-        parts: Vec::new(),
+        parts,
         listing: Listing { kind, contents },
     })
+}
+
+fn parts(path: &Path, elements: Elements) -> Result<Vec<ArtifactId>, StoreError> {
+    let Elements::Text(texts) = elements else {
+        return Err(StoreError::damaged(path, "its parts are no texts"));
+    };
+    let parts: Result<Vec<ArtifactId>, _> = texts.iter().map(|text| text.parse()).collect();
+    parts.map_err(|error| StoreError::damaged(path, error.to_string()))
+}
+
+fn content(path: &Path, array: Array) -> Result<Content, StoreError> {
+    let kind = element_type(&array.element).ok_or_else(|| {
+        let reason = format!("dataset `{}` has a type that artifacts do not use", array.path);
+        StoreError::damaged(path, reason)
+    })?;
+    Ok(Content {
+        kind,
+        shape: array.shape,
+        units: array.units,
+        description: array.description,
+        axes: array.axes,
+        path: array.path,
+    })
+}
+
+fn element_type(element: &Element) -> Option<ElementType> {
+    match element {
+        Element::U8 => Some(ElementType::U8),
+        Element::U32 => Some(ElementType::U32),
+        Element::U64 => Some(ElementType::U64),
+        Element::F32 => Some(ElementType::F32),
+        Element::F64 => Some(ElementType::F64),
+        Element::Text(width) if *width == TEXT_WIDTH as u64 => Some(ElementType::Text),
+        _ => None,
+    }
 }
 
 /// Reads one dataset.
 ///
 /// # Errors
 /// When the file is not as this program writes it.
-pub fn dataset(path: &Path, content: &Content) -> Result<Dataset, StoreError> {
-    let file = open(path)?;
-    let read = || -> hdf5::Result<Dataset> {
-        let found = file.dataset(&content.path)?;
-        let data = match content.kind {
-            ElementType::U8 => Data::U8(found.read_raw()?),
-            ElementType::U32 => Data::U32(found.read_raw()?),
-            ElementType::U64 => Data::U64(found.read_raw()?),
-            ElementType::F32 => Data::F32(found.read_raw()?),
-            ElementType::F64 => Data::F64(found.read_raw()?),
-            ElementType::Text => Data::Text(texts(&found)?),
-        };
-        Ok(Dataset {
-            units: content.units.clone(),
-            description: content.description.clone(),
-            axes: content.axes.clone(),
-            shape: content.shape.clone(),
-            data,
-        })
+pub fn dataset(access: Access, path: &Path, content: &Content) -> Result<Dataset, StoreError> {
+    let file = access.open(path)?;
+    let elements = file
+        .elements(&content.path)
+        .map_err(|error| access.error("read", path, error))?;
+    let data = match elements {
+        Elements::U8(v) => Data::U8(v),
+        Elements::U32(v) => Data::U32(v),
+        Elements::U64(v) => Data::U64(v),
+        Elements::F32(v) => Data::F32(v),
+        Elements::F64(v) => Data::F64(v),
+        Elements::Text(v) => Data::Text(v),
     };
-    read().map_err(StoreError::hdf5("read", path))
+    let expected: usize = content.shape.iter().product();
+    if data.element_type() != content.kind || data.len() != expected {
+        return Err(StoreError::damaged(path, format!("`{}` has changed", content.path)));
+    }
+    Ok(Dataset {
+        units: content.units.clone(),
+        description: content.description.clone(),
+        axes: content.axes.clone(),
+        shape: content.shape.clone(),
+        data,
+    })
 }
 
 /// Reads the attributes of `/provenance`.
 ///
 /// # Errors
 /// When the file is not as this program writes it.
-pub fn provenance(path: &Path) -> Result<BTreeMap<String, String>, StoreError> {
-    let file = open(path)?;
-    file.group("provenance")
-        .and_then(|group| attributes(&group))
-        .map_err(StoreError::hdf5("read", path))
-}
-
-fn open(path: &Path) -> Result<File, StoreError> {
-    File::open(path).map_err(StoreError::hdf5("open", path))
-}
-
-/// Refuses what this program never writes and what could hold a reader up: links to elsewhere, groups without end, and
-/// elements that are not in the file. The header does not say who wrote it.
-fn check(path: &Path, file: &File) -> Result<(), StoreError> {
-    let length = std::fs::metadata(path).map_err(StoreError::io("read", path))?.len();
-    let refused = match check_group(file, length, 0, file.link_exists("parts")) {
-        Ok(found) => found,
-        Err(error) => return Err(StoreError::hdf5("read", path)(error)),
-    };
-    refused.map_or(Ok(()), |reason| Err(StoreError::damaged(path, reason)))
-}
-
-/// Why a group is refused, if it is.
-fn check_group(group: &Group, length: u64, depth: u32, manifest: bool) -> hdf5::Result<Option<String>> {
-    if depth > DEEPEST {
-        return Ok(Some(format!("its groups are nested more than {DEEPEST} deep")));
-    }
-    let mut names = Vec::new();
-    let mut elsewhere = None;
-    group.iter_visit_default(|name, link| {
-        match link.link_type {
-            LinkType::Hard => names.push(name.to_owned()),
-            LinkType::Soft | LinkType::External => elsewhere = Some(format!("`{name}` is a link to another place")),
-        }
-        Ok(())
-    })?;
-    if elsewhere.is_some() {
-        return Ok(elsewhere);
-    }
-    for name in names {
-        let refused = match group.dataset(&name) {
-            Ok(dataset) => check_elements(&dataset, &name, length, manifest)?,
-            Err(_) => check_group(&group.group(&name)?, length, depth + 1, manifest)?,
-        };
-        if refused.is_some() {
-            return Ok(refused);
-        }
-    }
-    Ok(None)
-}
-
-/// The virtual datasets of a manifest are never read here, nor are the scales of axes.
-fn check_elements(dataset: &hdf5::Dataset, name: &str, length: u64, manifest: bool) -> hdf5::Result<Option<String>> {
-    let is_shown = manifest && name != "parts" && dataset.layout() == Layout::Virtual;
-    if is_shown || scales::is_scale(&dataset.attr_names()?) {
-        return Ok(None);
-    }
-    let size = dataset.dtype()?.size() as u64;
-    let bytes = dataset
-        .get_shape()?
-        .iter()
-        .fold(size, |bytes, &n| bytes.saturating_mul(n as u64));
-    let inside = matches!(dataset.layout(), Layout::Contiguous | Layout::Compact) && bytes <= length;
-    if bytes > 0 && (!inside || !dataset.create_plist()?.get_external()?.is_empty()) {
-        return Ok(Some(format!("the elements of `{name}` are not in the file")));
-    }
-    Ok(None)
-}
-
-fn list(group: &Group, prefix: &str, contents: &mut Vec<Content>) -> hdf5::Result<()> {
-    for name in group.member_names()? {
-        let path = format!("{prefix}{name}");
-        if path == "provenance" {
-            continue;
-        }
-        match group.dataset(&name) {
-            Ok(dataset) if scales::is_scale(&dataset.attr_names()?) => {}
-            Ok(dataset) => contents.push(describe(&dataset, path)?),
-            Err(_) => list(&group.group(&name)?, &format!("{path}/"), contents)?,
-        }
-    }
-    Ok(())
-}
-
-fn describe(dataset: &hdf5::Dataset, path: String) -> hdf5::Result<Content> {
-    let names = dataset.attr_names()?;
-    let text = |name: &str| match names.iter().any(|other| other == name) {
-        true => attribute(dataset, name),
-        false => Ok(String::new()),
-    };
-    let axes = match names.iter().any(|name| name == AXES) {
-        true => axes(dataset)?,
-        false => Vec::new(),
-    };
-    Ok(Content {
-        kind: element_type(&dataset.dtype()?.to_descriptor()?)
-            .ok_or_else(|| format!("dataset `{path}` has a type that artifacts do not use"))?,
-        shape: dataset.get_shape()?,
-        units: text("units")?,
-        description: text("description")?,
-        axes,
-        path,
-    })
-}
-
-fn element_type(descriptor: &TypeDescriptor) -> Option<ElementType> {
-    match descriptor {
-        TypeDescriptor::Unsigned(IntSize::U1) => Some(ElementType::U8),
-        TypeDescriptor::Unsigned(IntSize::U4) => Some(ElementType::U32),
-        TypeDescriptor::Unsigned(IntSize::U8) => Some(ElementType::U64),
-        TypeDescriptor::Float(FloatSize::U4) => Some(ElementType::F32),
-        TypeDescriptor::Float(FloatSize::U8) => Some(ElementType::F64),
-        TypeDescriptor::FixedUnicode(TEXT_WIDTH) => Some(ElementType::Text),
-        _ => None,
-    }
-}
-
-fn attributes(location: &hdf5::Location) -> hdf5::Result<BTreeMap<String, String>> {
-    let mut out = BTreeMap::new();
-    for name in location.attr_names()? {
-        let value = attribute(location, &name)?;
-        out.insert(name, value);
-    }
-    Ok(out)
-}
-
-fn attribute(location: &hdf5::Location, name: &str) -> hdf5::Result<String> {
-    let value: VarLenUnicode = location.attr(name)?.read_scalar()?;
-    utf8(value.as_bytes(), name)
-}
-
-fn axes(dataset: &hdf5::Dataset) -> hdf5::Result<Vec<String>> {
-    let labels: Vec<VarLenUnicode> = dataset.attr(AXES)?.read_raw()?;
-    if labels.len() != dataset.ndim() {
-        return Err(format!("`{AXES}` has {} names for {} axes", labels.len(), dataset.ndim()).into());
-    }
-    labels.iter().map(|label| utf8(label.as_bytes(), AXES)).collect()
-}
-
-fn texts(dataset: &hdf5::Dataset) -> hdf5::Result<Vec<String>> {
-    let cells: Vec<TextCell> = dataset.read_raw()?;
-    cells.iter().map(|cell| utf8(cell.as_bytes(), "text")).collect()
-}
-
-/// The library's own conversion takes the bytes on trust.
-fn utf8(bytes: &[u8], name: &str) -> hdf5::Result<String> {
-    String::from_utf8(bytes.to_vec()).map_err(|_| format!("`{name}` is not UTF-8").into())
+pub fn provenance(access: Access, path: &Path) -> Result<BTreeMap<String, String>, StoreError> {
+    let tree = access.open(path)?.tree();
+    let tree = tree.map_err(|error| access.error("read", path, error))?;
+    tree.provenance
+        .ok_or_else(|| StoreError::damaged(path, "it does not say how it was made"))
 }

@@ -2,39 +2,36 @@
 //! taken for granted, since whoever looks into a strange file wants to know what is wrong with it.
 
 use std::ops::Range;
-use std::path::{Path, PathBuf};
-
-use hdf5::types::{FixedAscii, FixedUnicode, TypeDescriptor, VarLenAscii, VarLenUnicode};
-use hdf5::{Dataset, File, Hyperslab, SliceOrIndex};
-use ndarray::IxDyn;
+use std::path::Path;
 
 use super::error::StoreError;
-
-/// Longest texts of fixed length that are read, bytes.
-const WIDTH: usize = 1024;
+use super::read::Access;
+use crate::hdf::HdfFile;
 
 /// An open HDF5 file.
-pub struct RowFile {
-    file: File,
-    path: PathBuf,
-}
+pub struct RowFile(HdfFile);
 
 impl RowFile {
-    /// Opens a file. That of an artifact is not verified here.
+    /// Opens a file of others, which another process reads.
     ///
     /// # Errors
     /// When it is no HDF5 file.
     pub fn open(path: &Path) -> Result<Self, StoreError> {
-        Ok(Self {
-            file: File::open(path).map_err(StoreError::hdf5("open", path))?,
-            path: path.to_owned(),
-        })
+        Self::of(Access::Apart, path)
     }
 
-    /// The extents of a dataset; `None` where there is none of that path.
-    #[must_use]
-    pub fn shape(&self, dataset: &str) -> Option<Vec<usize>> {
-        self.file.dataset(dataset).ok().map(|found| found.shape())
+    /// Opens a file here or apart.
+    pub(super) fn of(access: Access, path: &Path) -> Result<Self, StoreError> {
+        Ok(Self(access.open(path)?))
+    }
+
+    /// The extents of a dataset, whose elements are in the file; `None` where there is none of that path.
+    ///
+    /// # Errors
+    /// When it stands in another file, the file has no room for as many elements, or it cannot be read.
+    pub fn shape(&self, dataset: &str) -> Result<Option<Vec<usize>>, StoreError> {
+        let found = self.0.find_stored(dataset)?;
+        Ok(found.map(|found| found.shape.iter().map(|&n| n as usize).collect()))
     }
 
     /// Some rows of a dataset of numbers, whatever their type.
@@ -42,23 +39,7 @@ impl RowFile {
     /// # Errors
     /// When there is none of that path, it does not hold numbers, or the rows cannot be read.
     pub fn numbers(&self, dataset: &str, rows: Range<usize>) -> Result<Vec<f64>, StoreError> {
-        let read = || -> hdf5::Result<Vec<f64>> {
-            let found = self.file.dataset(dataset)?;
-            numeric(&found, dataset)?;
-            if rows.is_empty() {
-                return Ok(Vec::new());
-            }
-            let slab: Vec<SliceOrIndex> = found
-                .shape()
-                .iter()
-                .enumerate()
-                .map(|(axis, &extent)| if axis == 0 { rows.clone() } else { 0..extent }.into())
-                .collect();
-            let slice = found.read_slice::<f64, _, IxDyn>(Hyperslab::new(slab))?;
-            // Read into a fresh array, row by row: its memory is the answer.
-            Ok(slice.into_raw_vec_and_offset().0)
-        };
-        read().map_err(StoreError::hdf5("read", &self.path))
+        Ok(self.0.numbers(dataset, rows)?)
     }
 
     /// A whole dataset of texts.
@@ -66,21 +47,7 @@ impl RowFile {
     /// # Errors
     /// When there is none of that path, or it does not hold texts.
     pub fn texts(&self, dataset: &str) -> Result<Vec<String>, StoreError> {
-        let read = || -> hdf5::Result<Vec<String>> {
-            let found = self.file.dataset(dataset)?;
-            match found.dtype()?.to_descriptor()? {
-                TypeDescriptor::VarLenUnicode => owned(&found.read_raw::<VarLenUnicode>()?, |t| t.as_bytes()),
-                TypeDescriptor::VarLenAscii => owned(&found.read_raw::<VarLenAscii>()?, |t| t.as_bytes()),
-                TypeDescriptor::FixedUnicode(n) if n <= WIDTH => {
-                    owned(&found.read_raw::<FixedUnicode<WIDTH>>()?, |t| t.as_bytes())
-                }
-                TypeDescriptor::FixedAscii(n) if n <= WIDTH => {
-                    owned(&found.read_raw::<FixedAscii<WIDTH>>()?, |t| t.as_bytes())
-                }
-                other => Err(format!("`{dataset}` holds {other}, not texts").into()),
-            }
-        };
-        read().map_err(StoreError::hdf5("read", &self.path))
+        Ok(self.0.texts(dataset)?)
     }
 
     /// A whole dataset of texts, or of whole numbers, which are given as decimal texts.
@@ -88,59 +55,22 @@ impl RowFile {
     /// # Errors
     /// When there is none of that path, or it holds neither.
     pub fn words(&self, dataset: &str) -> Result<Vec<String>, StoreError> {
-        let read = || -> hdf5::Result<Option<Vec<String>>> {
-            let found = self.file.dataset(dataset)?;
-            let element = found.dtype()?;
-            if element.size() > 8 {
-                return Ok(None);
-            }
-            match element.to_descriptor()? {
-                TypeDescriptor::Integer(_) => Ok(Some(decimal(&found.read_raw::<i64>()?))),
-                TypeDescriptor::Unsigned(_) => Ok(Some(decimal(&found.read_raw::<u64>()?))),
-                _ => Ok(None),
-            }
-        };
-        match read().map_err(StoreError::hdf5("read", &self.path))? {
-            Some(words) => Ok(words),
-            None => self.texts(dataset),
-        }
+        Ok(self.0.words(dataset)?)
     }
 
     /// A text attribute of the file; `None` where there is none of that name, or it is no text.
-    #[must_use]
-    pub fn attribute(&self, name: &str) -> Option<String> {
-        let value: VarLenUnicode = self.file.attr(name).ok()?.read_scalar().ok()?;
-        String::from_utf8(value.as_bytes().to_vec()).ok()
+    ///
+    /// # Errors
+    /// When the file cannot be read.
+    pub fn attribute(&self, name: &str) -> Result<Option<String>, StoreError> {
+        Ok(self.0.attribute(name)?)
     }
-}
-
-fn numeric(found: &Dataset, name: &str) -> hdf5::Result<()> {
-    let element = found.dtype()?;
-    // The size is checked first: the library describes enumerations of wider integers wrongly.
-    let described = (element.size() <= 8).then(|| element.to_descriptor()).transpose()?;
-    match described {
-        Some(
-            TypeDescriptor::Integer(_)
-            | TypeDescriptor::Unsigned(_)
-            | TypeDescriptor::Float(_)
-            | TypeDescriptor::Boolean,
-        ) => Ok(()),
-        _ => Err(format!("`{name}` does not hold numbers").into()),
-    }
-}
-
-fn decimal<T: ToString>(numbers: &[T]) -> Vec<String> {
-    numbers.iter().map(ToString::to_string).collect()
-}
-
-/// The library's own conversion takes the bytes on trust.
-fn owned<T>(texts: &[T], bytes: fn(&T) -> &[u8]) -> hdf5::Result<Vec<String>> {
-    let read = |text| String::from_utf8(bytes(text).to_vec()).map_err(|_| "a text is not UTF-8".into());
-    texts.iter().map(read).collect()
 }
 
 #[cfg(test)]
 mod tests {
+    use hdf5::types::{FixedAscii, VarLenUnicode};
+
     use super::*;
     use crate::store::{Data, Object, Provenance, write_file};
 
@@ -157,7 +87,7 @@ mod tests {
             .attribute("s", "é");
         write_file(&path, &object, &Provenance::default()).unwrap();
         {
-            let file = File::open_rw(&path).unwrap();
+            let file = hdf5::File::open_rw(&path).unwrap();
             let texts: Vec<VarLenUnicode> = ["x", "yy"].map(|t| t.parse().unwrap()).to_vec();
             let variable = file.new_dataset::<VarLenUnicode>().shape([2]).create("v").unwrap();
             variable.write_raw(&texts).unwrap();
@@ -189,8 +119,10 @@ mod tests {
             (vec!["-3".into(), "4".into()], vec!["x".into(), "yy".into()])
         );
         assert!(file.words("n").is_err() && file.texts("i").is_err());
-        assert_eq!((file.shape("n"), file.shape("none")), (Some(vec![3, 2]), None));
-        assert_eq!((file.attribute("s"), file.attribute("none")), (Some("é".into()), None));
+        assert_eq!(file.shape("n").unwrap(), Some(vec![3, 2]));
+        assert_eq!(file.shape("none").unwrap(), None);
+        assert_eq!(file.attribute("s").unwrap().as_deref(), Some("é"));
+        assert_eq!(file.attribute("none").unwrap(), None);
         assert!(file.texts("n").is_err() && file.numbers("t", 0..1).is_err() && file.numbers("n", 2..9).is_err());
         assert!(RowFile::open(&folder.path().join("gone.h5")).is_err());
     }

@@ -16,7 +16,7 @@ use super::header::Header;
 use super::index::{self, Entries, Entry, Structure};
 use super::layout::Layout;
 use super::listing::Listing;
-use super::read;
+use super::read::{self, Access};
 use super::stamp::{Stamp, Time, file_system_time, machine_time};
 use crate::base::{ArtifactId, aside, look_at_own};
 
@@ -141,8 +141,24 @@ impl Verified {
         if let Some(structure) = self.known_structure(digest) {
             return Ok(structure);
         }
-        let overview = read::overview(path)?;
+        read::look(path)?;
+        let overview = read::overview(Access::Here, path)?;
         Ok(self.describe(digest, overview.listing, overview.parts))
+    }
+
+    /// Has another process look at a file that has been verified, unless it is known what stands in it: then this process wrote
+    /// it, or one has looked at it before.
+    ///
+    /// # Errors
+    /// When it is not as this program writes it.
+    pub fn look(&self, path: &Path, digest: &ArtifactId) -> Result<(), StoreError> {
+        let indexed = self
+            .indexed(path, digest)?
+            .is_some_and(|entry| entry.structure.is_some());
+        match indexed || self.known_structure(digest).is_some() {
+            true => Ok(()),
+            false => read::look(path),
+        }
     }
 
     /// Takes note of what stands in an artifact that has been verified.

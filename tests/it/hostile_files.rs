@@ -232,7 +232,7 @@ fn files_that_are_no_models_are_refused() {
 
 /// Puts the seal of an artifact at the head of a file, as docs/file-formats.md describes it: the seal does not say who
 /// wrote the rest.
-fn seal(path: &std::path::Path, content: &str) {
+pub fn seal(path: &std::path::Path, content: &str) {
     let mut bytes = fs::read(path).unwrap();
     let rest = blake3::hash(&bytes[512..]);
     let text = format!("deaflow-artifact 1\n{content}\n{rest}\n{}\n", bytes.len());

@@ -21,6 +21,7 @@ mod golden;
 mod h5py;
 mod hostile;
 mod hostile_files;
+mod hostile_hdf5;
 mod intervals;
 mod keeping;
 mod killed;

@@ -12,11 +12,10 @@ use crate::store::{Artifact, Lookup, Store, StoreError};
 /// When the artifact itself cannot be read.
 pub fn inputs(artifact: &Artifact) -> Result<Vec<Result<Artifact, StoreError>>, StoreError> {
     let provenance = artifact.provenance()?;
-    let folder = artifact.path().parent().and_then(std::path::Path::parent);
-    let folder = folder.map(std::path::Path::to_owned).unwrap_or_default();
-    let open = |name: &str| Artifact::open(&folder.join(name.get(..2).unwrap_or(name)).join(format!("{name}.h5")));
     let names = provenance.get("inputs").map_or("", String::as_str).lines();
-    Ok(names.filter(|name| !name.is_empty()).map(open).collect())
+    // What is no digest names no artifact.
+    let inputs = names.filter_map(|name| name.parse::<ArtifactId>().ok());
+    Ok(inputs.map(|digest| artifact.beside(&digest)).collect())
 }
 
 /// Everything that an artifact was made from.

@@ -12,7 +12,7 @@ use crate::dataset::audit::{
 };
 use crate::fem::SolverParameters;
 use crate::field::{CORNERS, Mesh, Outcome};
-use crate::pattern::{CELLS, check_contained};
+use crate::pattern::CELLS;
 use crate::store::{Artifact, RowFile, StoreError};
 
 /// The arrays that are read.
@@ -73,8 +73,31 @@ pub struct Source {
 
 /// One file. It is opened when it is read: there may be more of them than a process may hold open.
 struct Segment {
-    path: PathBuf,
+    file: RowsOf,
     rows: Range<usize>,
+}
+
+/// Whose rows they are.
+#[derive(Clone)]
+enum RowsOf {
+    File(PathBuf),
+    Artifact(Artifact),
+}
+
+impl RowsOf {
+    fn open(&self) -> Result<RowFile, StoreError> {
+        match self {
+            Self::File(path) => RowFile::open(path),
+            Self::Artifact(artifact) => artifact.rows(),
+        }
+    }
+
+    fn path(&self) -> &Path {
+        match self {
+            Self::File(path) => path,
+            Self::Artifact(artifact) => artifact.path(),
+        }
+    }
 }
 
 impl RowSource for Source {
@@ -89,7 +112,7 @@ impl RowSource for Source {
                 continue;
             }
             let own = start - segment.rows.start..end - segment.rows.start;
-            let file = RowFile::open(&segment.path).map_err(AuditError::read)?;
+            let file = segment.file.open().map_err(AuditError::read)?;
             let read = |path: &str| file.numbers(path, own.clone()).map_err(AuditError::read);
             batch.cells.extend(read("patterns")?);
             batch.displacement.extend(read("displacement")?);
@@ -100,7 +123,7 @@ impl RowSource for Source {
 
 impl Source {
     /// The rows of some files.
-    fn open<'a>(paths: impl Iterator<Item = &'a Path>) -> Result<Self, StoreError> {
+    fn open(files: impl Iterator<Item = RowsOf>) -> Result<Self, StoreError> {
         let mut source = Self {
             segments: Vec::new(),
             columns: Columns::default(),
@@ -114,33 +137,19 @@ impl Source {
             effects: None,
         };
         let mut start = 0_usize;
-        for path in paths {
-            let file = RowFile::open(path)?;
-            let shapes = misshapen(&file)
-                .or_else(|| overlong(&file, path))
-                .or_else(|| misfitting(&file));
-            source.findings.extend(shapes);
-            let len = file.shape("patterns").and_then(|shape| shape.first().copied());
+        for rows_of in files {
+            let file = rows_of.open()?;
+            source.findings.extend(wrong_shapes(&file, rows_of.path())?);
+            let len = file.shape("patterns")?.and_then(|shape| shape.first().copied());
             let rows = start..start.saturating_add(len.unwrap_or(0));
             start = rows.end;
-            source.segments.push(Segment {
-                path: path.to_owned(),
-                rows,
-            });
+            source.segments.push(Segment { file: rows_of, rows });
         }
         if source.is_readable() {
             source.columns = source.read_columns()?;
             source.findings.extend(meshless(&source)?);
         }
         Ok(source)
-    }
-
-    /// Refuses a file that shows what stands in other files.
-    ///
-    /// # Errors
-    /// Where it does; why.
-    pub fn check_file(path: &Path) -> Result<(), String> {
-        ARRAYS.iter().try_for_each(|name| check_contained(path, name))
     }
 
     /// A file from elsewhere.
@@ -151,13 +160,13 @@ impl Source {
         if Artifact::is_at(path) {
             return Self::of_artifact(&Artifact::open(path)?);
         }
-        let mut source = Self::open(std::iter::once(path))?;
+        let mut source = Self::open(std::iter::once(RowsOf::File(path.to_owned())))?;
         let file = RowFile::open(path)?;
-        source.scene = file.attribute("scene");
-        source.effects = file.attribute("effects");
-        source.take_solver(file.attribute("solver").as_deref());
+        source.scene = file.attribute("scene")?;
+        source.effects = file.attribute("effects")?;
+        source.take_solver(file.attribute("solver")?.as_deref());
         source.declared = source.declaration();
-        if let Some([count]) = file.shape(EDGES).as_deref()
+        if let Some([count]) = file.shape(EDGES)?.as_deref()
             && *count <= MOST_BINS
         {
             source.bins = bins(&file.numbers(EDGES, 0..*count)?);
@@ -173,7 +182,7 @@ impl Source {
         let files = files(artifact)?;
         // Every byte is verified before the library reads it.
         files.iter().try_for_each(|file| file.file_digest().map(drop))?;
-        let mut source = Self::open(files.iter().map(Artifact::path))?;
+        let mut source = Self::open(files.iter().cloned().map(RowsOf::Artifact))?;
         let text = |name| StoredAttribute::<String>::new(artifact, name).text();
         source.scene = text("scene")?;
         source.effects = text("effects")?;
@@ -279,7 +288,7 @@ impl Source {
     fn as_origins(&self) -> Result<Vec<Origin>, ContentError> {
         let mut origins = Vec::with_capacity(self.len());
         for segment in &self.segments {
-            let file = RowFile::open(&segment.path)?;
+            let file = segment.file.open()?;
             let families = self.columns.family.as_deref().unwrap_or_default();
             let families = families.get(segment.rows.clone()).unwrap_or_default();
             for start in (0..segment.rows.len()).step_by(AT_A_TIME) {
@@ -335,8 +344,8 @@ impl Source {
     ) -> Result<Option<Vec<T>>, StoreError> {
         let mut all = Vec::with_capacity(self.len());
         for segment in &self.segments {
-            let file = RowFile::open(&segment.path)?;
-            let Some(shape) = file.shape(path) else {
+            let file = segment.file.open()?;
+            let Some(shape) = file.shape(path)? else {
                 return Ok(None);
             };
             all.extend(read(&file, shape.first().copied().unwrap_or(0))?);
@@ -352,7 +361,7 @@ fn has_field(word: &str) -> bool {
 }
 
 /// What is wrong with the shapes of a file; no row can be read then.
-fn misshapen(file: &RowFile) -> Option<Finding> {
+fn misshapen(file: &RowFile) -> Result<Option<Finding>, StoreError> {
     let wanted = [
         ("patterns", vec![CELLS, CELLS]),
         ("displacement", vec![CORNERS, CORNERS, 2]),
@@ -360,7 +369,7 @@ fn misshapen(file: &RowFile) -> Option<Finding> {
     let mut lengths = Vec::new();
     let mut wrong = Vec::new();
     for (name, row) in wanted {
-        match file.shape(name) {
+        match file.shape(name)? {
             Some(shape) if shape.get(1..) == Some(&row) => lengths.push(shape[0]),
             Some(shape) => wrong.push(format!("`{name}` has the shape {shape:?}, not (n, {row:?})")),
             None => wrong.push(format!("there is no `{name}`")),
@@ -371,12 +380,25 @@ fn misshapen(file: &RowFile) -> Option<Finding> {
     {
         wrong.push(format!("there are {patterns} patterns and {fields} fields"));
     }
-    (!wrong.is_empty()).then(|| Finding::whole("shape", Severity::Error, wrong.join("; ")))
+    Ok((!wrong.is_empty()).then(|| Finding::whole("shape", Severity::Error, wrong.join("; "))))
+}
+
+/// What is wrong with the shapes of a file, as far as that can be told from what was found before.
+fn wrong_shapes(file: &RowFile, path: &Path) -> Result<Option<Finding>, StoreError> {
+    if let Some(finding) = misshapen(file)? {
+        return Ok(Some(finding));
+    }
+    let Some(rows) = file.shape("patterns")?.and_then(|shape| shape.first().copied()) else {
+        return Ok(None);
+    };
+    match overlong(rows as u64, path) {
+        Some(finding) => Ok(Some(finding)),
+        None => misfitting(file, rows),
+    }
 }
 
 /// Whether a file declares more rows than its bytes can hold: somebody would wait for ever, or for memory that is not there.
-fn overlong(file: &RowFile, path: &Path) -> Option<Finding> {
-    let rows = *file.shape("patterns")?.first()? as u64;
+fn overlong(rows: u64, path: &Path) -> Option<Finding> {
     let bytes = std::fs::metadata(path).map_or(0, |found| found.len());
     let message = format!("`patterns` is said to have {rows} rows, more than a file of {bytes} bytes holds");
     (rows > bytes / BYTES_OF_ROW).then(|| Finding::whole("shape", Severity::Error, message))
@@ -384,20 +406,21 @@ fn overlong(file: &RowFile, path: &Path) -> Option<Finding> {
 
 /// Columns that have not one value for each pattern. They are looked at before they are read: a few bytes can declare
 /// terabytes.
-fn misfitting(file: &RowFile) -> Option<Finding> {
-    let rows = *file.shape("patterns")?.first()?;
-    let columns = ARRAYS
-        .iter()
-        .filter(|name| !["patterns", "displacement", EDGES].contains(name));
-    let wrong: Vec<String> = columns
-        .filter_map(|name| match file.shape(name)?.as_slice() {
-            [length] if *length == rows => None,
-            [length] => Some(format!("`{name}` has {length}")),
-            shape => Some(format!("`{name}` has the shape {shape:?}")),
-        })
-        .collect();
+fn misfitting(file: &RowFile, rows: usize) -> Result<Option<Finding>, StoreError> {
+    let mut wrong = Vec::new();
+    for name in ARRAYS {
+        if ["patterns", "displacement", EDGES].contains(&name) {
+            continue;
+        }
+        match file.shape(name)?.as_deref() {
+            None => {}
+            Some([length]) if *length == rows => {}
+            Some([length]) => wrong.push(format!("`{name}` has {length}")),
+            Some(shape) => wrong.push(format!("`{name}` has the shape {shape:?}")),
+        }
+    }
     let message = || format!("there are {rows} patterns, and {}", wrong.join(", "));
-    (!wrong.is_empty()).then(|| Finding::whole("shape", Severity::Error, message()))
+    Ok((!wrong.is_empty()).then(|| Finding::whole("shape", Severity::Error, message())))
 }
 
 /// Whether a dataset names a mesh for each row, and one is none.

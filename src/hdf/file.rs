@@ -1,0 +1,302 @@
+//! An HDF5 file that is read, here or apart.
+
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use super::elements::{Element, Elements};
+use super::error::{Failure, HdfError};
+use super::limits::{CALL, ROW, SLICE, TEXTS};
+use super::message::{Answer, Form, Found, Request};
+use super::open::OpenFile;
+use super::pool::{self, Key};
+use super::session::{Told, has_reader};
+use super::tree::Tree;
+
+/// A file that can be read.
+pub struct HdfFile {
+    path: PathBuf,
+    place: Place,
+}
+
+enum Place {
+    Here(Box<OpenFile>),
+    Apart(Key),
+}
+
+impl HdfFile {
+    /// Opens a file of ours, whose bytes have been compared with a checksum, in this process.
+    ///
+    /// # Errors
+    /// When the library cannot open it.
+    pub fn here(path: &Path) -> Result<Self, HdfError> {
+        let open = OpenFile::open(path).map_err(|failure| HdfError::failed(path, failure))?;
+        Ok(Self {
+            path: path.to_owned(),
+            place: Place::Here(Box::new(open)),
+        })
+    }
+
+    /// Opens a file of others, in a process of its own.
+    ///
+    /// # Errors
+    /// When it cannot be opened, or the process breaks down or does not end.
+    pub fn apart(path: &Path) -> Result<Self, HdfError> {
+        let file = Self::keyed(path, Key::File(path.to_owned()));
+        match file.told(Request::Open)? {
+            Told::Plain(Answer::Opened) => Ok(file),
+            _ => Err(file.nonsense()),
+        }
+    }
+
+    /// Looks at a file of a store in another process: a checksum does not say who wrote it. Where that goes well, this process can
+    /// look at it too. A program that has named no such process does without.
+    ///
+    /// # Errors
+    /// As [`HdfFile::tree`].
+    pub fn look(path: &Path) -> Result<(), HdfError> {
+        match has_reader() {
+            true => Self::keyed(path, Key::Stores).tree().map(drop),
+            false => Ok(()),
+        }
+    }
+
+    fn keyed(path: &Path, key: Key) -> Self {
+        Self {
+            path: path.to_owned(),
+            place: Place::Apart(key),
+        }
+    }
+
+    /// What stands at the top of the file: at most 1000 names.
+    ///
+    /// # Errors
+    /// When the file cannot be read.
+    pub fn names(&self) -> Result<Vec<String>, HdfError> {
+        match &self.place {
+            Place::Here(open) => open.names().map_err(self.failed()),
+            Place::Apart(_) => match self.told(Request::Names)? {
+                Told::Plain(Answer::Names(names)) => Ok(names),
+                _ => Err(self.nonsense()),
+            },
+        }
+    }
+
+    /// A dataset without its elements; none where there is none of that path.
+    ///
+    /// # Errors
+    /// When it lies elsewhere, or cannot be read.
+    pub fn find(&self, dataset: &str) -> Result<Option<Found>, HdfError> {
+        self.found(dataset, false)
+    }
+
+    /// The same, and its elements are in the file, as many as it says.
+    ///
+    /// # Errors
+    /// As [`HdfFile::find`], or when they are not.
+    pub fn find_stored(&self, dataset: &str) -> Result<Option<Found>, HdfError> {
+        self.found(dataset, true)
+    }
+
+    fn found(&self, dataset: &str, stored: bool) -> Result<Option<Found>, HdfError> {
+        let request = Request::Find {
+            dataset: dataset.to_owned(),
+            stored,
+        };
+        match &self.place {
+            Place::Here(open) => open.find(dataset, stored).map_err(self.failed()),
+            Place::Apart(_) => match self.told(request)? {
+                Told::Plain(Answer::Found(found)) => Ok(found),
+                _ => Err(self.nonsense()),
+            },
+        }
+    }
+
+    /// Everything but elements.
+    ///
+    /// # Errors
+    /// When the file is not as this program writes it.
+    pub fn tree(&self) -> Result<Tree, HdfError> {
+        match &self.place {
+            Place::Here(open) => open.tree().map_err(self.failed()),
+            Place::Apart(_) => match self.told(Request::Tree)? {
+                Told::Plain(Answer::Tree(tree)) => Ok(*tree),
+                _ => Err(self.nonsense()),
+            },
+        }
+    }
+
+    /// A text attribute of the file; none where there is none of that name, or it is no text.
+    ///
+    /// # Errors
+    /// When the file cannot be read.
+    pub fn attribute(&self, name: &str) -> Result<Option<String>, HdfError> {
+        match &self.place {
+            Place::Here(open) => open.attribute(name).map_err(self.failed()),
+            Place::Apart(_) => match self.told(Request::Attribute(name.to_owned()))? {
+                Told::Plain(Answer::Attribute(text)) => Ok(text),
+                _ => Err(self.nonsense()),
+            },
+        }
+    }
+
+    /// All elements of a dataset, as artifacts hold them.
+    ///
+    /// # Errors
+    /// When there is none of that path, they are of another kind, or they are not in the file.
+    pub fn elements(&self, dataset: &str) -> Result<Elements, HdfError> {
+        let found = self.wanted(dataset)?;
+        let rows = found.shape.first().copied().unwrap_or(1);
+        self.read(dataset, &found, 0..rows, Form::Own, u64::MAX)
+    }
+
+    /// Some rows of a dataset of numbers, whatever their type; of a file of others at most 256 MiB of them.
+    ///
+    /// # Errors
+    /// When there is none of that path, it does not hold numbers, or the rows cannot be read.
+    pub fn numbers(&self, dataset: &str, rows: Range<usize>) -> Result<Vec<f64>, HdfError> {
+        let found = self.wanted(dataset)?;
+        let rows = rows.start as u64..rows.end as u64;
+        match self.read(dataset, &found, rows, Form::Numbers, CALL)? {
+            Elements::F64(numbers) => Ok(numbers),
+            _ => Err(self.nonsense()),
+        }
+    }
+
+    /// A whole dataset of texts; of a file of others at most 256 MiB of them.
+    ///
+    /// # Errors
+    /// When there is none of that path, or it does not hold texts.
+    pub fn texts(&self, dataset: &str) -> Result<Vec<String>, HdfError> {
+        self.all_texts(dataset, Form::Texts)
+    }
+
+    /// A whole dataset of texts, or of whole numbers, which are given as decimal texts.
+    ///
+    /// # Errors
+    /// When there is none of that path, or it holds neither.
+    pub fn words(&self, dataset: &str) -> Result<Vec<String>, HdfError> {
+        self.all_texts(dataset, Form::Words)
+    }
+
+    fn all_texts(&self, dataset: &str, form: Form) -> Result<Vec<String>, HdfError> {
+        let found = self.wanted(dataset)?;
+        let rows = found.shape.first().copied().unwrap_or(1);
+        match self.read(dataset, &found, 0..rows, form, CALL)? {
+            Elements::Text(texts) => Ok(texts),
+            _ => Err(self.nonsense()),
+        }
+    }
+
+    fn wanted(&self, dataset: &str) -> Result<Found, HdfError> {
+        let found = self.find(dataset)?;
+        found.ok_or_else(|| HdfError::refused(&self.path, format!("no dataset {dataset:?} in the file")))
+    }
+
+    fn read(
+        &self,
+        dataset: &str,
+        found: &Found,
+        rows: Range<u64>,
+        form: Form,
+        most: u64,
+    ) -> Result<Elements, HdfError> {
+        match &self.place {
+            Place::Here(open) => open.rows(dataset, rows, form).map_err(self.failed()),
+            Place::Apart(_) => self.slices(dataset, found, rows, form, most),
+        }
+    }
+
+    /// Rows are asked for a few at a time, so that what comes is bounded whatever the file claims.
+    fn slices(
+        &self,
+        dataset: &str,
+        found: &Found,
+        rows: Range<u64>,
+        form: Form,
+        most: u64,
+    ) -> Result<Elements, HdfError> {
+        let refused = |why: String| HdfError::refused(&self.path, format!("`{dataset}`: {why}"));
+        let width = width(found, form);
+        let row = found.shape.iter().skip(1).fold(width, |row, &n| row.saturating_mul(n));
+        if row > ROW {
+            return Err(refused(format!("a row has more than {} MiB", ROW >> 20)));
+        }
+        let count = rows.end.saturating_sub(rows.start);
+        let length = std::fs::metadata(&self.path).map_or(0, |found| found.len());
+        // Elements of artifacts stand in their file as they are.
+        let most = if form == Form::Own { most.min(length) } else { most };
+        if row.saturating_mul(count) > most {
+            return Err(refused(format!("{count} rows have more than {} MiB", most >> 20)));
+        }
+        let step = match (form, &found.element) {
+            (Form::Texts | Form::Words, _) | (_, Element::Text(_)) => TEXTS,
+            (Form::Own | Form::Numbers, _) => (SLICE / row.max(1)).max(1),
+        };
+        let mut all: Option<Elements> = None;
+        let (mut next, mut texts) = (rows.start, 0);
+        while next < rows.end || all.is_none() {
+            let slice = next..rows.end.min(next.saturating_add(step));
+            next = slice.end;
+            let part = self.slice(dataset, slice, (form, row / width))?;
+            if let Elements::Text(part) = &part {
+                texts += part.iter().map(|text| text.len() as u64).sum::<u64>();
+            }
+            if texts > CALL {
+                return Err(refused(format!("its texts have more than {} MiB", CALL >> 20)));
+            }
+            let appended = match &mut all {
+                Some(all) => all.append(part),
+                None => all.replace(part).is_none(),
+            };
+            if !appended {
+                return Err(self.nonsense());
+            }
+        }
+        all.ok_or_else(|| self.nonsense())
+    }
+
+    /// As many elements as the rows have, or none.
+    fn slice(&self, dataset: &str, rows: Range<u64>, (form, per_row): (Form, u64)) -> Result<Elements, HdfError> {
+        let count = (rows.end - rows.start) * per_row;
+        let request = Request::Rows {
+            dataset: dataset.to_owned(),
+            rows,
+            form,
+        };
+        match self.told(request)? {
+            Told::Elements(elements) if elements.len() as u64 == count => Ok(elements),
+            _ => Err(self.nonsense()),
+        }
+    }
+
+    fn told(&self, request: Request) -> Result<Told, HdfError> {
+        match &self.place {
+            Place::Apart(key) => pool::ask(key, &self.path, request),
+            Place::Here(_) => Err(self.nonsense()),
+        }
+    }
+
+    fn failed(&self) -> impl Fn(Failure) -> HdfError {
+        |failure| HdfError::failed(&self.path, failure)
+    }
+
+    fn nonsense(&self) -> HdfError {
+        HdfError::Broken {
+            path: self.path.clone(),
+            how: "its answer makes no sense".to_owned(),
+        }
+    }
+}
+
+/// Bytes of one element as it comes.
+fn width(found: &Found, form: Form) -> u64 {
+    match (form, &found.element) {
+        (Form::Numbers, _) => 8,
+        (Form::Own, Element::U8) => 1,
+        (Form::Own, Element::U32 | Element::F32) => 4,
+        (Form::Own, Element::Text(width)) => (*width).max(1),
+        (Form::Own, _) => 8,
+        // A text in memory, whatever its length.
+        (Form::Texts | Form::Words, _) => 32,
+    }
+}

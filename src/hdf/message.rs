@@ -1,0 +1,150 @@
+//! What this process asks of the one that reads a file, and what it answers.
+//!
+//! A message is a length of four bytes, so many bytes in the encoding of records, which bounds every length in them, and, of an
+//! answer, so many bytes of elements as it says. Nothing is allocated for a length that is not allowed.
+
+use std::io::{Error, ErrorKind, Read, Result, Write};
+use std::ops::Range;
+
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
+
+use super::elements::Element;
+use super::error::Failure;
+use super::limits::ROW;
+use super::tree::Tree;
+use crate::base::{decode, encode};
+
+/// The longest message without its elements, bytes.
+const MOST: u32 = 16 << 20;
+
+/// What is asked of one file.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct Question {
+    /// The file.
+    pub path: String,
+    /// What is asked.
+    pub request: Request,
+}
+
+/// What can be asked.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) enum Request {
+    /// Whether it can be opened.
+    Open,
+    /// What stands at the top.
+    Names,
+    /// A dataset without its elements; whether these must be in the file.
+    Find { dataset: String, stored: bool },
+    /// All but elements.
+    Tree,
+    /// A text attribute of the file.
+    Attribute(String),
+    /// Rows of a dataset.
+    Rows {
+        dataset: String,
+        rows: Range<u64>,
+        form: Form,
+    },
+}
+
+/// How elements are wanted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) enum Form {
+    /// As artifacts hold them.
+    Own,
+    /// Any numbers, as double precision.
+    Numbers,
+    /// Texts of any form.
+    Texts,
+    /// Texts of any form, or whole numbers as decimal texts.
+    Words,
+}
+
+/// What is answered.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) enum Answer {
+    Opened,
+    Names(Vec<String>),
+    Found(Option<Found>),
+    Tree(Box<Tree>),
+    Attribute(Option<String>),
+    Texts(Vec<String>),
+    /// Numbers of this kind, in so many bytes, which follow.
+    Numbers(Element, u64),
+}
+
+/// An answer, or why there is none.
+pub(super) type Reply = std::result::Result<Answer, Failure>;
+
+/// A dataset without its elements.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Found {
+    /// Extents, slowest first.
+    pub shape: Vec<u64>,
+    /// What its elements are.
+    pub element: Element,
+}
+
+/// Sends a message, and the bytes that belong to it.
+pub(super) fn send<T: Serialize>(to: &mut impl Write, message: &T, bytes: &[u8]) -> Result<()> {
+    let encoded = encode(message).map_err(|e| Error::new(ErrorKind::InvalidData, e))?;
+    let length = u32::try_from(encoded.len()).map_err(|e| Error::new(ErrorKind::InvalidData, e))?;
+    let mut whole = length.to_le_bytes().to_vec();
+    whole.extend(encoded);
+    to.write_all(&whole)?;
+    to.write_all(bytes)
+}
+
+/// Receives a message; none where the other side has ended.
+pub(super) fn receive<T: DeserializeOwned>(from: &mut impl Read) -> Result<Option<T>> {
+    let mut length = [0; 4];
+    match from.read_exact(&mut length) {
+        Err(error) if error.kind() == ErrorKind::UnexpectedEof => return Ok(None),
+        read => read?,
+    }
+    let length = u32::from_le_bytes(length);
+    if length > MOST {
+        return Err(Error::new(
+            ErrorKind::InvalidData,
+            format!("a message of {length} bytes"),
+        ));
+    }
+    let encoded = bytes(from, u64::from(length))?;
+    let message = decode(&encoded).map_err(|e| Error::new(ErrorKind::InvalidData, e))?;
+    Ok(Some(message))
+}
+
+/// Receives so many bytes.
+pub(super) fn bytes(from: &mut impl Read, count: u64) -> Result<Vec<u8>> {
+    if count > ROW {
+        return Err(Error::new(ErrorKind::InvalidData, format!("{count} bytes of elements")));
+    }
+    let mut received = Vec::new();
+    from.take(count).read_to_end(&mut received)?;
+    match received.len() as u64 == count {
+        true => Ok(received),
+        false => Err(ErrorKind::UnexpectedEof.into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_message_arrives_and_one_that_claims_too_much_does_not() {
+        let mut sent = Vec::new();
+        send(&mut sent, &Request::Attribute("a/b".into()), b"more").unwrap();
+        let mut rest = &sent[..];
+        let arrived: Request = receive(&mut rest).unwrap().unwrap();
+        assert!(matches!(arrived, Request::Attribute(name) if name == "a/b"));
+        assert_eq!(bytes(&mut rest, 4).unwrap(), b"more");
+        assert!(receive::<Request>(&mut rest).unwrap().is_none(), "the end");
+        for claimed in [MOST + 1, u32::MAX, 100] {
+            let mut claim = claimed.to_le_bytes().to_vec();
+            claim.extend([0; 50]);
+            assert!(receive::<Request>(&mut &claim[..]).is_err());
+        }
+        assert!(bytes(&mut &[0; 8][..], ROW + 1).is_err() && bytes(&mut &[0; 8][..], 9).is_err());
+    }
+}

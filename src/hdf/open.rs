@@ -1,0 +1,182 @@
+//! An open file, in whichever process.
+
+use std::collections::BTreeSet;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+use hdf5::types::{FixedAscii, FixedUnicode, TypeDescriptor, VarLenAscii, VarLenUnicode};
+use hdf5::{Dataset, File};
+
+use super::attributes::{self, utf8};
+use super::elements::{Element, Elements};
+use super::error::Failure;
+use super::limits::{CHUNK, ROW};
+use super::message::{Form, Found};
+use super::storage;
+use super::tree::{self, Tree};
+
+/// Longest texts of fixed length that are read, bytes.
+const WIDTH: usize = 1024;
+
+/// Names at the top of a file that are told.
+const NAMES: usize = 1000;
+
+/// An open HDF5 file.
+pub(super) struct OpenFile {
+    path: PathBuf,
+    file: File,
+    /// Datasets whose elements are known to be in the file.
+    checked: Mutex<BTreeSet<String>>,
+}
+
+impl OpenFile {
+    /// Opens a file. A chunk that is read in slices is unpacked once, where it fits.
+    pub fn open(path: &Path) -> Result<Self, Failure> {
+        let words = |words: String| Failure::Unopened(words);
+        // A pipe or a device would block or never end.
+        crate::base::open_regular(path).map_err(|e| words(e.to_string()))?;
+        let mut builder = File::with_options();
+        builder.with_fapl(|access| access.chunk_cache(521, CHUNK as usize, 0.75));
+        Ok(Self {
+            file: builder.open(path).map_err(|e| words(e.to_string()))?,
+            path: path.to_owned(),
+            checked: Mutex::default(),
+        })
+    }
+
+    /// What stands at the top, as far as it is told.
+    pub fn names(&self) -> Result<Vec<String>, Failure> {
+        let mut names = self.file.member_names()?;
+        names.truncate(NAMES);
+        Ok(names)
+    }
+
+    /// A dataset without its elements, which must be in the file where that is wanted; none where there is none.
+    pub fn find(&self, dataset: &str, stored: bool) -> Result<Option<Found>, Failure> {
+        let Some(found) = storage::find(&self.file, dataset)? else {
+            return Ok(None);
+        };
+        if stored {
+            self.check(dataset, &found)?;
+        }
+        Ok(Some(Found {
+            shape: found.get_shape()?.iter().map(|&n| n as u64).collect(),
+            element: storage::element(&found)?,
+        }))
+    }
+
+    /// All but elements.
+    pub fn tree(&self) -> Result<Tree, Failure> {
+        tree::read(&self.path, &self.file)
+    }
+
+    /// A text attribute of the file; none where there is none of that name, or it is no text.
+    pub fn attribute(&self, name: &str) -> Result<Option<String>, Failure> {
+        if self.file.attr_names()?.iter().any(|other| other == name) {
+            return Ok(attributes::one(&self.file, name).ok());
+        }
+        let long = storage::find(&self.file, &format!("{}/{name}", attributes::LONG))?;
+        let Some(long) = long else { return Ok(None) };
+        storage::check(&self.path, &long)?;
+        Ok(storage::whole(&long).and_then(|bytes| utf8(bytes, name)).ok())
+    }
+
+    /// Some rows of a dataset.
+    pub fn rows(&self, dataset: &str, rows: Range<u64>, form: Form) -> Result<Elements, Failure> {
+        let found = storage::find(&self.file, dataset)?;
+        let found = found.ok_or_else(|| Failure::Refused(format!("no dataset {dataset:?} in the file")))?;
+        self.check(dataset, &found)?;
+        let extent = found.get_shape()?.first().map_or(1, |&n| n as u64);
+        if rows.start > rows.end || rows.end > extent {
+            let why = format!(
+                "`{dataset}` has {extent} rows, and {} to {} are asked for",
+                rows.start, rows.end
+            );
+            return Err(Failure::Refused(why));
+        }
+        let read = match form {
+            Form::Own => own(&found, dataset, rows),
+            Form::Numbers => numbers(&found, dataset, rows),
+            Form::Texts => texts(&found, dataset, rows),
+            Form::Words => words(&found, dataset, rows),
+        };
+        read.map_err(|why| match why {
+            Failure::Library(words) => Failure::Library(format!("`{dataset}`: {words}")),
+            other => other,
+        })
+    }
+
+    fn check(&self, name: &str, dataset: &Dataset) -> Result<(), Failure> {
+        // Names are inserted in one step: a panic elsewhere leaves a set that is right.
+        let mut checked = self.checked.lock().unwrap_or_else(PoisonError::into_inner);
+        if !checked.contains(name) {
+            storage::check(&self.path, dataset).map_err(|failure| match failure {
+                Failure::Refused(why) => Failure::Refused(format!("`{name}`: {why}")),
+                other => other,
+            })?;
+            checked.insert(name.to_owned());
+        }
+        Ok(())
+    }
+}
+
+fn own(found: &Dataset, name: &str, rows: Range<u64>) -> Result<Elements, Failure> {
+    Ok(match storage::element(found)? {
+        Element::U8 => Elements::U8(storage::rows(found, rows)?),
+        Element::U32 => Elements::U32(storage::rows(found, rows)?),
+        Element::U64 => Elements::U64(storage::rows(found, rows)?),
+        Element::F32 => Elements::F32(storage::rows(found, rows)?),
+        Element::F64 => Elements::F64(storage::rows(found, rows)?),
+        Element::Text(_) => return texts(found, name, rows),
+        other => return Err(Failure::Refused(format!("`{name}` holds {other:?}"))),
+    })
+}
+
+fn numbers(found: &Dataset, name: &str, rows: Range<u64>) -> Result<Elements, Failure> {
+    match storage::element(found)?.is_number() {
+        true => Ok(Elements::F64(storage::rows(found, rows)?)),
+        false => Err(Failure::Refused(format!("`{name}` does not hold numbers"))),
+    }
+}
+
+fn texts(found: &Dataset, name: &str, rows: Range<u64>) -> Result<Elements, Failure> {
+    let texts = match found.dtype()?.to_descriptor()? {
+        TypeDescriptor::VarLenUnicode => owned(storage::rows::<VarLenUnicode>(found, rows)?, |t| t.as_bytes()),
+        TypeDescriptor::VarLenAscii => owned(storage::rows::<VarLenAscii>(found, rows)?, |t| t.as_bytes()),
+        TypeDescriptor::FixedUnicode(n) if n <= 64 => {
+            owned(storage::rows::<FixedUnicode<64>>(found, rows)?, |t| t.as_bytes())
+        }
+        TypeDescriptor::FixedUnicode(n) if n <= WIDTH => {
+            owned(storage::rows::<FixedUnicode<WIDTH>>(found, rows)?, |t| t.as_bytes())
+        }
+        TypeDescriptor::FixedAscii(n) if n <= WIDTH => {
+            owned(storage::rows::<FixedAscii<WIDTH>>(found, rows)?, |t| t.as_bytes())
+        }
+        other => return Err(Failure::Refused(format!("`{name}` holds {other}, not texts"))),
+    };
+    Ok(Elements::Text(texts?))
+}
+
+fn words(found: &Dataset, name: &str, rows: Range<u64>) -> Result<Elements, Failure> {
+    let element = found.dtype()?;
+    let described = (element.size() <= 8).then(|| element.to_descriptor()).transpose()?;
+    match described {
+        Some(TypeDescriptor::Integer(_)) => Ok(decimal(&storage::rows::<i64>(found, rows)?)),
+        Some(TypeDescriptor::Unsigned(_)) => Ok(decimal(&storage::rows::<u64>(found, rows)?)),
+        _ => texts(found, name, rows),
+    }
+}
+
+fn decimal<T: ToString>(numbers: &[T]) -> Elements {
+    Elements::Text(numbers.iter().map(ToString::to_string).collect())
+}
+
+/// Texts of variable length may be as long as the file, however often.
+fn owned<T>(texts: Vec<T>, bytes: fn(&T) -> &[u8]) -> hdf5::Result<Vec<String>> {
+    let length: usize = texts.iter().map(|text| bytes(text).len()).sum();
+    if length as u64 > ROW {
+        return Err(format!("texts of {length} bytes").into());
+    }
+    texts.iter().map(|text| utf8(bytes(text).to_vec(), "text")).collect()
+}

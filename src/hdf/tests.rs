@@ -1,0 +1,124 @@
+//! Files that harm libhdf5, and sound ones, read in another process.
+
+use std::path::Path;
+
+use super::*;
+
+/// Serves the tests beside it, which start the program of the tests anew with this one alone.
+#[test]
+#[ignore = "the process that other tests start"]
+fn the_process_that_other_tests_start() {
+    serve().unwrap();
+}
+
+fn write(path: &Path, write: impl Fn(&hdf5::File)) {
+    write(&hdf5::File::create(path).unwrap());
+}
+
+/// A file with an array of each form that is read.
+fn sound(path: &Path) {
+    use hdf5::types::{FixedAscii, VarLenUnicode};
+    write(path, |file| {
+        let new = |name: &str| file.new_dataset::<f64>().shape([5, 2]).create(name).unwrap();
+        new("plain")
+            .write_raw(&(0..10).map(f64::from).collect::<Vec<_>>())
+            .unwrap();
+        new("unwritten");
+        let packed = file.new_dataset::<i16>().chunk([2, 2]).deflate(4).shape([5, 2]);
+        packed.create("group/packed").unwrap().write_raw(&[-3_i16; 10]).unwrap();
+        let flags = file.new_dataset::<bool>().shape([2]).create("flags").unwrap();
+        flags.write_raw(&[true, false]).unwrap();
+        let texts: Vec<VarLenUnicode> = ["x", "yé"].map(|t| t.parse().unwrap()).to_vec();
+        let variable = file
+            .new_dataset::<VarLenUnicode>()
+            .shape([2])
+            .create("variable")
+            .unwrap();
+        variable.write_raw(&texts).unwrap();
+        let fixed = [FixedAscii::<4>::from_ascii("four").unwrap()];
+        let ascii = file.new_dataset::<FixedAscii<4>>().shape([1]).create("fixed").unwrap();
+        ascii.write_raw(&fixed).unwrap();
+        file.new_dataset::<u8>().shape([0, 3]).create("none").unwrap();
+        file.new_attr::<VarLenUnicode>()
+            .create("said")
+            .unwrap()
+            .write_scalar(&texts[1])
+            .unwrap();
+    });
+}
+
+#[test]
+fn another_process_reads_what_this_one_would() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("x.h5");
+    sound(&path);
+    for file in [HdfFile::here(&path).unwrap(), HdfFile::apart(&path).unwrap()] {
+        assert_eq!(file.numbers("plain", 1..3).unwrap(), [2.0, 3.0, 4.0, 5.0]);
+        assert_eq!(file.numbers("group/packed", 0..5).unwrap(), [-3.0; 10]);
+        assert_eq!(file.numbers("flags", 0..2).unwrap(), [1.0, 0.0]);
+        assert_eq!(file.numbers("none", 0..0).unwrap(), Vec::<f64>::new());
+        assert_eq!(file.numbers("unwritten", 0..5).unwrap(), [0.0; 10]);
+        assert_eq!(file.texts("variable").unwrap(), ["x", "yé"]);
+        assert_eq!(
+            (file.texts("fixed").unwrap(), file.words("fixed").unwrap()),
+            (vec!["four".into()], vec!["four".into()])
+        );
+        assert_eq!(
+            file.elements("plain").unwrap(),
+            Elements::F64((0..10).map(f64::from).collect())
+        );
+        assert_eq!(file.attribute("said").unwrap().as_deref(), Some("yé"));
+        assert_eq!(
+            (file.attribute("none").unwrap(), file.find("none at all").unwrap()),
+            (None, None)
+        );
+        assert_eq!(file.names().unwrap().len(), 7);
+        assert_eq!(file.find("plain").unwrap().unwrap().shape, [5, 2]);
+        for (dataset, rows) in [("plain", 4..6), ("variable", 0..1), ("gone", 0..1), ("group", 0..1)] {
+            let error = file.numbers(dataset, rows).unwrap_err();
+            assert!(error.is_of_the_file() && error.to_string().contains("x.h5"), "{error}");
+        }
+    }
+}
+
+#[test]
+fn a_small_file_that_claims_much_is_refused_before_anything_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("x.h5");
+    write(&path, |file| {
+        let vast = file.new_dataset::<f64>().shape([1_000_000_000_usize]);
+        vast.create("plain").unwrap();
+        let chunked = file.new_dataset::<u8>().chunk([1, 50, 50]).shape([1 << 40, 50, 50]);
+        chunked.create("chunked").unwrap();
+    });
+    let file = HdfFile::apart(&path).unwrap();
+    for dataset in ["plain", "chunked"] {
+        let error = file.numbers(dataset, 0..10).unwrap_err().to_string();
+        assert!(error.contains("has room for"), "{error}");
+    }
+}
+
+#[test]
+fn a_file_that_is_none_is_refused_and_the_next_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let [noise, pipe, good] = ["noise.h5", "pipe.h5", "x.h5"].map(|name| folder.path().join(name));
+    std::fs::write(&noise, b"\x89HDF\r\n\x1a\n and then nothing").unwrap();
+    assert!(
+        std::process::Command::new("mkfifo")
+            .arg(&pipe)
+            .status()
+            .unwrap()
+            .success()
+    );
+    for path in [&noise, &pipe, &folder.path().join("gone.h5")] {
+        let error = HdfFile::apart(path).err().unwrap();
+        assert!(error.to_string().contains("not a readable HDF5 file"), "{error}");
+    }
+    sound(&good);
+    assert_eq!(HdfFile::apart(&good).unwrap().texts("variable").unwrap().len(), 2);
+    // Another file in its place is another file.
+    write(&good, |file| {
+        file.create_group("other").unwrap();
+    });
+    assert_eq!(HdfFile::apart(&good).unwrap().names().unwrap(), ["other"]);
+}
