@@ -64,6 +64,8 @@ except ImportError:
 
 
 TEXT_WIDTH = 64
+# The group of texts that are too long for attributes.
+LONG = "long_attributes"
 # Attributes that tell people what the content means: no part of it.
 WORDING = {"warnings"}
 TYPES = {"uint8": "u8", "uint32": "u32", "uint64": "u64", "float32": "f32", "float64": "f64"}
@@ -77,6 +79,17 @@ def check_header(path):
     assert len(data) == int(size), f"{path}: {len(data)} bytes, {size} were written"
     assert digest(data[512:]).hex() == file, f"{path}: its bytes are not those that were written"
     assert content == path.stem, f"{path}: it holds artifact {content}"
+
+
+def text_of(value):
+    """Attributes are texts of fixed length; earlier builds wrote them at variable lengths."""
+    return value if isinstance(value, bytes) else value.encode()
+
+
+def attributes_of(group):
+    """Texts by name; those that are too long for attributes are datasets of bytes."""
+    texts = {name: text_of(value) for name, value in group.attrs.items()}
+    return texts | {name: item[()].tobytes() for name, item in group.get(LONG, {}).items()}
 
 
 def write(out, data):
@@ -93,7 +106,8 @@ def content_digest(path):
         datasets, parts = {}, []
 
         def visit(name, item):
-            if isinstance(item, h5py.Dataset) and not name.startswith("provenance") and "CLASS" not in item.attrs:
+            own = name.split("/")[0] in ("provenance", LONG)
+            if isinstance(item, h5py.Dataset) and not own and "CLASS" not in item.attrs:
                 datasets[name] = item
 
         file.visititems(visit)
@@ -102,21 +116,22 @@ def content_digest(path):
             # The arrays of a manifest are those of its chunks, shown as one: no content of its own.
             datasets = {}
         out = bytearray()
-        kind = file.attrs.get("kind", "")
-        attributes = sorted(set(file.attrs) - {"kind"} - WORDING, key=str.encode)
+        texts = attributes_of(file)
+        kind = texts.pop("kind", b"")
+        attributes = sorted(set(texts) - WORDING, key=str.encode)
         write(out, b"deaflow object 2")
-        write(out, kind.encode())
+        write(out, kind)
         write_number(out, len(attributes))
         for name in attributes:
             write(out, name.encode())
-            write(out, file.attrs[name].encode())
+            write(out, texts[name])
         write_number(out, len(datasets))
         for name in sorted(datasets, key=str.encode):
             dataset = datasets[name]
             text = dataset.dtype.kind == "S"
             values = dataset[()]
             write(out, name.encode())
-            write(out, dataset.attrs["units"].encode())
+            write(out, text_of(dataset.attrs["units"]))
             write(out, b"text" if text else TYPES[dataset.dtype.name].encode())
             write_number(out, len(dataset.shape))
             for extent in dataset.shape:
@@ -128,7 +143,7 @@ def content_digest(path):
         write_number(out, len(parts))
         for part in parts:
             write(out, bytes.fromhex(part))
-        return digest(bytes(out)).hex(), kind, parts
+        return digest(bytes(out)).hex(), kind.decode(), parts
 
 
 class Reader:

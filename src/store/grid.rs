@@ -8,7 +8,7 @@ use hdf5::{Group, H5Type};
 
 use super::error::StoreError;
 use super::object::Dataset;
-use super::{plain, write};
+use super::{create, plain, texts, write};
 
 /// VTK's number for a quadrilateral with four corners.
 const QUADRILATERAL: u8 = 9;
@@ -37,10 +37,13 @@ pub fn write_grid(path: &Path, grid: &Grid) -> Result<(), StoreError> {
 }
 
 fn write_to(path: &Path, grid: &Grid) -> hdf5::Result<()> {
-    let file = hdf5::File::create(path)?;
-    for (name, value) in &grid.attributes {
-        write::attribute(&file, name, value)?;
-    }
+    let file = create::new_file().create(path)?;
+    texts::attributes(
+        &file,
+        grid.attributes
+            .iter()
+            .map(|(name, value)| (name.as_str(), value.as_str())),
+    )?;
     let root = file.create_group("VTKHDF")?;
     root.new_attr::<i64>()
         .shape(2)

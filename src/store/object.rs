@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use super::element_type::ElementType;
 use crate::base::{ArtifactId, DigestWriter};
+use crate::hdf::LONG;
 
 /// Bytes of one text element. Texts have a fixed width in files, so that virtual datasets can show chunks as one array.
 pub const TEXT_WIDTH: usize = 64;
@@ -12,7 +13,7 @@ pub const TEXT_WIDTH: usize = 64;
 pub const WORDING: [&str; 1] = ["warnings"];
 
 /// What the store itself keeps in files.
-const OWN: [&str; 2] = ["parts", "provenance"];
+const OWN: [&str; 3] = ["parts", "provenance", LONG];
 
 /// The attribute of a file that holds the kind.
 pub const KIND: &str = "kind";

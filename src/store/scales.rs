@@ -1,16 +1,19 @@
 //! Names of axes as other programs read them: HDF5 dimension scales (HDF Group, *HDF5 Dimension Scale Specification and Design
-//! Notes*), named as netCDF-4 names dimensions without coordinates, so that xarray opens `displacement (sample, corner_y, …)`.
+//! Notes*), named and numbered as netCDF-4 names and numbers dimensions without coordinates, so that xarray opens `displacement
+//! (sample, corner_y, …)`. Arrays tell the numbers of their scales as netCDF-4 does for variables of several axes, and not by lists of
+//! references, which would stand in the global heap.
 //!
 //! A scale is a dataset without elements beside the arrays. It is wording: it stands in no digest, and this program reads the
-//! names back from the labels of the axes.
+//! names back from the attribute `axes`.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::OnceLock;
 
-use hdf5::types::{FixedAscii, VarLenArray};
-use hdf5::{Extent, File, ObjectReference1, SimpleExtents};
+use hdf5::types::FixedAscii;
+use hdf5::{Extent, File, SimpleExtents};
 
+use super::create::new_file;
 use super::listing::Content;
 
 /// The attribute that makes a dataset a scale.
@@ -19,8 +22,11 @@ const CLASS: &str = "CLASS";
 /// What it says there. Readers ask for 16 bytes that end with a zero.
 const SCALE: &str = "DIMENSION_SCALE";
 
-/// The attribute of an array that holds references to the scales of its axes.
-const LIST: &str = "DIMENSION_LIST";
+/// The attribute of a scale that holds its number.
+const NUMBER: &str = "_Netcdf4Dimid";
+
+/// The attribute of an array that holds the numbers of the scales of its axes.
+const AXES: &str = "_Netcdf4Coordinates";
 
 /// The longest axis.
 const LONGEST: usize = 1 << 62;
@@ -32,11 +38,6 @@ const FILLED: [u8; 8] = [0x13, 1, 0, 0, 16, 0, 0, 0];
 /// The same for text that ends with a zero.
 const ENDED: [u8; 8] = [0x13, 0, 0, 0, 16, 0, 0, 0];
 
-/// Whether a dataset is a scale: its attributes by name.
-pub fn is_scale(attributes: &[String]) -> bool {
-    attributes.iter().any(|name| name == CLASS)
-}
-
 /// Gives each named axis of the arrays in a file a scale. Without a library that can make scales they have labels only.
 ///
 /// # Errors
@@ -45,7 +46,7 @@ pub fn attach(file: &File, folder: &Path, arrays: &[Content]) -> hdf5::Result<()
     let Some(template) = template(folder) else {
         return Ok(());
     };
-    let mut names = BTreeMap::new();
+    let mut numbers = BTreeMap::new();
     for (axis, length) in lengths(arrays) {
         // An array of this name may stand there.
         let free = [axis.to_owned(), format!("{axis}_axis")];
@@ -61,15 +62,19 @@ pub fn attach(file: &File, folder: &Path, arrays: &[Content]) -> hdf5::Result<()
             .new_attr::<FixedAscii<64>>()
             .create("NAME")?
             .write_scalar(&described)?;
-        names.insert(axis, name);
+        let number = numbers.len() as i32;
+        scale.new_attr::<i32>().create(NUMBER)?.write_scalar(&number)?;
+        numbers.insert(axis, number);
     }
     for array in arrays.iter().filter(|array| !array.axes.is_empty()) {
-        let known: Option<Vec<&String>> = array.axes.iter().map(|axis| names.get(axis.as_str())).collect();
+        let known: Option<Vec<i32>> = array
+            .axes
+            .iter()
+            .map(|axis| numbers.get(axis.as_str()).copied())
+            .collect();
         let Some(known) = known else { continue };
-        let refer = |name: &String| Ok(VarLenArray::from_slice(&[file.reference::<ObjectReference1>(name)?]));
-        let list: Vec<VarLenArray<ObjectReference1>> = known.into_iter().map(refer).collect::<hdf5::Result<_>>()?;
-        let attribute = file.dataset(&array.path)?.new_attr::<VarLenArray<ObjectReference1>>();
-        attribute.shape(list.len()).create(LIST)?.write_raw(&list)?;
+        let attribute = file.dataset(&array.path)?.new_attr::<i32>();
+        attribute.shape(known.len()).create(AXES)?.write_raw(&known)?;
     }
     Ok(())
 }
@@ -103,7 +108,7 @@ fn template(folder: &Path) -> Option<&'static File> {
 /// zero: its type is corrected in the file. The early version of the format keeps no checksum of it.
 fn make_template(folder: &Path) -> Option<File> {
     let temporary = tempfile::NamedTempFile::new_in(folder).ok()?;
-    let mut builder = hdf5::FileBuilder::new();
+    let mut builder = new_file();
     let file = builder
         .with_fapl(|access| access.libver_earliest())
         .create(temporary.path())

@@ -4,6 +4,7 @@ mod trust;
 
 use std::fs;
 use std::path::Path;
+use std::sync::Arc;
 
 use tempfile::TempDir;
 
@@ -591,4 +592,29 @@ fn axes_have_scales_that_are_no_datasets_of_the_artifact() {
     let reals = file.dataset("deep/er/field").unwrap().read_raw::<f64>().unwrap();
     assert!(reals.len() == 6 && reals.iter().all(|x| x.is_nan()));
     assert_eq!(file.dataset("patterns").unwrap().read_raw::<u8>().unwrap(), [255; 6]);
+}
+
+#[test]
+fn attributes_of_any_length_come_back_and_nothing_stands_in_the_global_heap() {
+    let (_folder, store) = store();
+    let mut object = Object::default().of_kind("sample").with(
+        "a/b",
+        Dataset::new("", "", &[1, 2], Data::F64(vec![1.0, 2.0])).with_axes(&["row", "é and more"]),
+    );
+    for length in [0_usize, 1, 64, 65, 1024, 1025, 60_000, 60_001, 1 << 20] {
+        object = object.attribute(
+            &format!("of {length}"),
+            "é".repeat(length / 2) + &"x".repeat(length % 2),
+        );
+    }
+    let provenance = Provenance {
+        parameters: "p".repeat(100_000),
+        ..Provenance::default()
+    };
+    let stored = store.put(&object, &provenance).unwrap();
+    let artifact = Artifact::load(store.layout.object(&stored.digest), stored.digest, Arc::default()).unwrap();
+    assert_eq!(artifact.object().unwrap(), object);
+    assert_eq!(artifact.provenance().unwrap()["parameters"].len(), 100_000);
+    let bytes = fs::read(artifact.path()).unwrap();
+    assert!(!bytes.windows(4).any(|window| window == b"GCOL"));
 }

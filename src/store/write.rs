@@ -2,11 +2,14 @@
 //!
 //! A manifest's file shows its chunks as whole arrays by virtual datasets (HDF5 ≥ 1.10), whose sources are named relative
 //! to the file's own folder, so that a store can be moved.
+//!
+//! Nothing that this program reads stands in the global heap of a file, where libhdf5 is easily led astray: texts have fixed
+//! lengths, and names of axes are no references. Only the parts of virtual datasets stand there, which it never opens.
 
 use std::path::Path;
 use std::sync::Arc;
 
-use hdf5::types::{FixedUnicode, VarLenUnicode};
+use hdf5::types::FixedUnicode;
 use hdf5::{Extents, Group, H5Type, Hyperslab, SliceOrIndex};
 
 use super::element_type::ElementType;
@@ -14,14 +17,12 @@ use super::header::BLOCK;
 use super::listing::{Content, Listing};
 use super::object::{Data, Dataset, KIND, Object, TEXT_WIDTH};
 use super::provenance::Provenance;
-use super::scales;
+use super::{create, scales, texts};
 use crate::base::ArtifactId;
+use crate::hdf::AXES;
 
 /// One element of a text dataset.
 pub type TextCell = FixedUnicode<TEXT_WIDTH>;
-
-/// The attribute of a dataset that names its axes.
-pub const AXES: &str = "DIMENSION_LABELS";
 
 /// A chunk as a manifest sees it: its digest and what it holds.
 pub struct Part {
@@ -43,15 +44,15 @@ pub fn write(
     contents: &[Content],
     provenance: &Provenance,
 ) -> hdf5::Result<()> {
-    let file = hdf5::FileBuilder::new()
+    let file = create::new_file()
         .with_fcpl(|plist| plist.userblock(BLOCK as u64))
         .create(path)?;
-    for (name, value) in &object.attributes {
-        attribute(&file, name, value)?;
-    }
-    if !object.kind.is_empty() {
-        attribute(&file, KIND, &object.kind)?;
-    }
+    let attributes = object
+        .attributes
+        .iter()
+        .map(|(name, value)| (name.as_str(), value.as_str()));
+    let kind = Some((KIND, object.kind.as_str())).filter(|(_, kind)| !kind.is_empty());
+    texts::attributes(&file, attributes.chain(kind))?;
     // Small arrays wait in a buffer of their dataset. Closing it writes them and keeps a failure to itself, so that on a
     // full disk zeros would stand in their place: all stay open until the file has been flushed.
     let mut open = Vec::with_capacity(object.datasets.len());
@@ -66,9 +67,8 @@ pub fn write(
     }
     scales::attach(&file, path.parent().unwrap_or(Path::new(".")), contents)?;
     let group = file.create_group("provenance")?;
-    for (name, value) in provenance.entries() {
-        attribute(&group, name, &value)?;
-    }
+    let entries = provenance.entries();
+    texts::attributes(&group, entries.iter().map(|(name, value)| (*name, value.as_str())))?;
     drop(group);
     // Closing alone would hide a full disk: the library reports it on flushing.
     file.flush()?;
@@ -82,31 +82,10 @@ fn digests(parts: &[ArtifactId]) -> Dataset {
     Dataset::new("", description, &[texts.len()], Data::Text(texts))
 }
 
-pub(super) fn attribute(location: &hdf5::Location, name: &str, value: &str) -> hdf5::Result<()> {
-    let value: VarLenUnicode = value
-        .parse()
-        .map_err(|_| hdf5::Error::from(format!("attribute `{name}` contains NUL")))?;
-    location.new_attr::<VarLenUnicode>().create(name)?.write_scalar(&value)
-}
-
 fn describe(dataset: &hdf5::Dataset, units: &str, description: &str, axes: &[String]) -> hdf5::Result<()> {
-    attribute(dataset, "units", units)?;
-    attribute(dataset, "description", description)?;
-    label(dataset, axes)
-}
-
-/// Names the axes as the specification of HDF5 dimension scales has it: one label for each.
-fn label(dataset: &hdf5::Dataset, axes: &[String]) -> hdf5::Result<()> {
-    if axes.is_empty() {
-        return Ok(());
-    }
-    let labels: Result<Vec<VarLenUnicode>, _> = axes.iter().map(|axis| axis.parse()).collect();
-    let labels = labels.map_err(|_| hdf5::Error::from("the name of an axis contains NUL"))?;
-    dataset
-        .new_attr::<VarLenUnicode>()
-        .shape(labels.len())
-        .create(AXES)?
-        .write_raw(&labels)
+    texts::attribute(dataset, "units", units)?;
+    texts::attribute(dataset, "description", description)?;
+    texts::names(dataset, AXES, axes)
 }
 
 pub(super) fn write_dataset(group: &Group, name: &str, dataset: &Dataset) -> hdf5::Result<hdf5::Dataset> {
