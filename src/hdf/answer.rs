@@ -51,7 +51,7 @@ fn reply(file: &OpenFile, request: &Request) -> Result<(Answer, Vec<u8>), Failur
     let plain = match request {
         Request::Open => Answer::Opened,
         Request::Names => Answer::Names(file.names()?),
-        Request::Find { dataset, stored } => Answer::Found(file.find(dataset, *stored)?),
+        Request::Find(dataset) => Answer::Found(file.find(dataset)?),
         Request::Tree => Answer::Tree(Box::new(file.tree()?)),
         Request::Attribute(name) => Answer::Attribute(file.attribute(name)?),
         Request::Rows { dataset, rows, form } => {

@@ -86,25 +86,9 @@ impl HdfFile {
     /// # Errors
     /// When it lies elsewhere, or cannot be read.
     pub fn find(&self, dataset: &str) -> Result<Option<Found>, HdfError> {
-        self.found(dataset, false)
-    }
-
-    /// The same, and its elements are in the file, as many as it says.
-    ///
-    /// # Errors
-    /// As [`HdfFile::find`], or when they are not.
-    pub fn find_stored(&self, dataset: &str) -> Result<Option<Found>, HdfError> {
-        self.found(dataset, true)
-    }
-
-    fn found(&self, dataset: &str, stored: bool) -> Result<Option<Found>, HdfError> {
-        let request = Request::Find {
-            dataset: dataset.to_owned(),
-            stored,
-        };
         match &self.place {
-            Place::Here(open) => open.find(dataset, stored).map_err(self.failed()),
-            Place::Apart(_) => match self.told(request)? {
+            Place::Here(open) => open.find(dataset).map_err(self.failed()),
+            Place::Apart(_) => match self.told(Request::Find(dataset.to_owned()))? {
                 Told::Plain(Answer::Found(found)) => Ok(found),
                 _ => Err(self.nonsense()),
             },

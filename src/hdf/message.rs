@@ -33,8 +33,8 @@ pub(super) enum Request {
     Open,
     /// What stands at the top.
     Names,
-    /// A dataset without its elements; whether these must be in the file.
-    Find { dataset: String, stored: bool },
+    /// A dataset without its elements.
+    Find(String),
     /// All but elements.
     Tree,
     /// A text attribute of the file.

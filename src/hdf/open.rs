@@ -52,14 +52,11 @@ impl OpenFile {
         Ok(names)
     }
 
-    /// A dataset without its elements, which must be in the file where that is wanted; none where there is none.
-    pub fn find(&self, dataset: &str, stored: bool) -> Result<Option<Found>, Failure> {
+    /// A dataset without its elements; none where there is none.
+    pub fn find(&self, dataset: &str) -> Result<Option<Found>, Failure> {
         let Some(found) = storage::find(&self.file, dataset)? else {
             return Ok(None);
         };
-        if stored {
-            self.check(dataset, &found)?;
-        }
         Ok(Some(Found {
             shape: found.get_shape()?.iter().map(|&n| n as u64).collect(),
             element: storage::element(&found)?,

@@ -38,7 +38,7 @@ impl Access {
     }
 
     /// What a file of a store is found to be when it is read is damage; a file that somebody has named is refused.
-    fn error(self, action: &'static str, path: &Path, error: HdfError) -> StoreError {
+    pub(super) fn error(self, action: &'static str, path: &Path, error: HdfError) -> StoreError {
         match self {
             Self::Here => damage(action, path, error),
             Self::Apart => error.into(),

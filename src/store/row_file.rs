@@ -2,14 +2,18 @@
 //! taken for granted, since whoever looks into a strange file wants to know what is wrong with it.
 
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::error::StoreError;
 use super::read::Access;
-use crate::hdf::HdfFile;
+use crate::hdf::{HdfError, HdfFile};
 
 /// An open HDF5 file.
-pub struct RowFile(HdfFile);
+pub struct RowFile {
+    file: HdfFile,
+    access: Access,
+    path: PathBuf,
+}
 
 impl RowFile {
     /// Opens a file of others, which another process reads.
@@ -22,15 +26,23 @@ impl RowFile {
 
     /// Opens a file here or apart.
     pub(super) fn of(access: Access, path: &Path) -> Result<Self, StoreError> {
-        Ok(Self(access.open(path)?))
+        Ok(Self {
+            file: access.open(path)?,
+            access,
+            path: path.to_owned(),
+        })
     }
 
-    /// The extents of a dataset, whose elements are in the file; `None` where there is none of that path.
+    fn failed(&self) -> impl Fn(HdfError) -> StoreError {
+        |error| self.access.error("read", &self.path, error)
+    }
+
+    /// The extents that a dataset claims; `None` where there is none of that path.
     ///
     /// # Errors
-    /// When it stands in another file, the file has no room for as many elements, or it cannot be read.
+    /// When it lies behind a link to another file, or cannot be read.
     pub fn shape(&self, dataset: &str) -> Result<Option<Vec<usize>>, StoreError> {
-        let found = self.0.find_stored(dataset)?;
+        let found = self.file.find(dataset).map_err(self.failed())?;
         Ok(found.map(|found| found.shape.iter().map(|&n| n as usize).collect()))
     }
 
@@ -39,7 +51,7 @@ impl RowFile {
     /// # Errors
     /// When there is none of that path, it does not hold numbers, or the rows cannot be read.
     pub fn numbers(&self, dataset: &str, rows: Range<usize>) -> Result<Vec<f64>, StoreError> {
-        Ok(self.0.numbers(dataset, rows)?)
+        self.file.numbers(dataset, rows).map_err(self.failed())
     }
 
     /// A whole dataset of texts.
@@ -47,7 +59,7 @@ impl RowFile {
     /// # Errors
     /// When there is none of that path, or it does not hold texts.
     pub fn texts(&self, dataset: &str) -> Result<Vec<String>, StoreError> {
-        Ok(self.0.texts(dataset)?)
+        self.file.texts(dataset).map_err(self.failed())
     }
 
     /// A whole dataset of texts, or of whole numbers, which are given as decimal texts.
@@ -55,7 +67,7 @@ impl RowFile {
     /// # Errors
     /// When there is none of that path, or it holds neither.
     pub fn words(&self, dataset: &str) -> Result<Vec<String>, StoreError> {
-        Ok(self.0.words(dataset)?)
+        self.file.words(dataset).map_err(self.failed())
     }
 
     /// A text attribute of the file; `None` where there is none of that name, or it is no text.
@@ -63,7 +75,7 @@ impl RowFile {
     /// # Errors
     /// When the file cannot be read.
     pub fn attribute(&self, name: &str) -> Result<Option<String>, StoreError> {
-        Ok(self.0.attribute(name)?)
+        self.file.attribute(name).map_err(self.failed())
     }
 }
 

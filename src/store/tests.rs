@@ -573,8 +573,13 @@ fn axes_have_scales_that_are_no_datasets_of_the_artifact() {
         let file = hdf5::File::open(object_path(&store, &digest)).unwrap();
         assert_eq!(file.dataset("sample").unwrap().shape(), [length]);
         assert_eq!(file.dataset("x").unwrap().shape(), [2]);
-        let list = file.dataset("patterns").unwrap().attr("DIMENSION_LIST").unwrap();
-        assert_eq!(list.shape(), [2]);
+        let named = file.dataset("patterns").unwrap().attr("_Netcdf4Coordinates").unwrap();
+        let numbers = ["sample", "x"].map(|axis| {
+            let number = file.dataset(axis).unwrap().attr("_Netcdf4Dimid").unwrap();
+            number.read_scalar::<i32>().unwrap()
+        });
+        assert_eq!(named.read_raw::<i32>().unwrap(), numbers);
+        assert_ne!(numbers[0], numbers[1]);
         let artifact = store.artifact(&digest).unwrap();
         let contents = artifact.contents().unwrap();
         assert!(

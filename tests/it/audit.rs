@@ -537,7 +537,7 @@ fn what_stands_in_other_files_is_not_audited() {
     std::fs::copy(solved, workspace.path("copied.h5")).unwrap();
     let ended = workspace.run(&["audit", "copied.h5", "--scene", "scene.yaml"]);
     assert_eq!(ended.code, Some(2), "{}\n{}", ended.stdout, ended.stderr);
-    assert!(ended.stderr.contains("it shows what stands in"), "{}", ended.stderr);
+    assert!(ended.stderr.contains("is missing"), "{}", ended.stderr);
     let path = workspace.path("linked.h5");
     let file = hdf5::File::create(&path).unwrap();
     for name in ["patterns", "displacement"] {

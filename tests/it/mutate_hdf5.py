@@ -276,7 +276,7 @@ def main():
     parser.add_argument("--count", type=int, default=2000)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("formats", nargs="*", default=["patterns", "solution", "model", "store"])
-    arguments = parser.parse_args()
+    arguments = parser.parse_intermixed_args()
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     arguments.folder.mkdir(parents=True, exist_ok=True)
     program = Program(arguments.binary.resolve(), arguments.folder.resolve())

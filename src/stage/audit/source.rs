@@ -162,6 +162,12 @@ impl Source {
         }
         let mut source = Self::open(std::iter::once(RowsOf::File(path.to_owned())))?;
         let file = RowFile::open(path)?;
+        if source.is_readable() {
+            // Elements that stand in other files, or not at all, are refused before work is done on the others.
+            for name in ["patterns", "displacement"] {
+                file.numbers(name, 0..0)?;
+            }
+        }
         source.scene = file.attribute("scene")?;
         source.effects = file.attribute("effects")?;
         source.take_solver(file.attribute("solver")?.as_deref());
