@@ -27,7 +27,7 @@ pub enum OutputError {
         path: PathBuf,
     },
     /// The folder of the file is not there.
-    #[error("no folder {folder} to write in", folder = folder.display())]
+    #[error("cannot write in {folder}: there is no folder of that name", folder = folder.display())]
     NoFolder {
         /// The folder.
         folder: PathBuf,

@@ -12,7 +12,7 @@ use super::neglected::neglected;
 use super::output::{Exit, Output};
 use super::progress::{RunProgress, Shown};
 use super::table;
-use crate::base::Override;
+use crate::base::{OutputFile, Override};
 use crate::orchestrator::{Environment, Pipeline, RunOptions, RunOutcome, run};
 use crate::report::{Made, RunArtifacts, RunResults};
 use crate::stage;
@@ -54,6 +54,10 @@ pub fn execute(arguments: &RunArguments, output: &Output) -> Result<Exit, CliErr
     let pipeline = load(&arguments.of)?;
     let lock_path = LockFile::beside(&pipeline.path);
     let lock = arguments.locked.then(|| read_lock(&lock_path)).transpose()?;
+    if arguments.lock {
+        // Before the work, not after it.
+        OutputFile::at(&lock_path)?;
+    }
     let store = arguments.of.trust(Store::open(&arguments.of.store.folder())?);
     let progress = RunProgress::new(shown(arguments));
     let listener = |event: &_| progress.tell(event);

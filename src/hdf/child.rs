@@ -17,8 +17,10 @@ pub const COMMAND: &str = "read-hdf5";
 /// # Errors
 /// When standard input is no socket of this program, or the system refuses limits.
 pub fn serve() -> io::Result<()> {
-    limits::apply()?;
     let mut socket = UnixStream::from(io::stdin().as_fd().try_clone_to_owned()?);
+    // Whoever starts it by hand has no socket there, and is told while writing is still allowed.
+    socket.peer_addr()?;
+    limits::apply()?;
     let mut answers = Answers::default();
     while let Some(question) = message::receive::<Question>(&mut socket)? {
         limits::allow_seconds()?;

@@ -11,8 +11,11 @@ fn the_process_that_other_tests_start() {
     serve().unwrap();
 }
 
+/// Writes a file without a lock, which a process that starts meanwhile would inherit and keep.
 fn write(path: &Path, write: impl Fn(&hdf5::File)) {
-    write(&hdf5::File::create(path).unwrap());
+    let mut builder = hdf5::FileBuilder::new();
+    builder.with_fapl(|access| access.file_locking(false));
+    write(&builder.create(path).unwrap());
 }
 
 /// A file with an array of each form that is read.

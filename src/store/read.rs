@@ -54,6 +54,11 @@ fn damage(action: &'static str, path: &Path, error: HdfError) -> StoreError {
             failure: Failure::Unopened(ref words) | Failure::Library(ref words),
             ..
         } if StoreError::is_of_the_system(words) => StoreError::of_library(action, path, words.clone()),
+        HdfError::Process { path, source } => StoreError::Io {
+            action: "start the process that reads",
+            path,
+            source,
+        },
         error if error.is_of_the_file() => StoreError::damaged(path, error.reason()),
         error => error.into(),
     }

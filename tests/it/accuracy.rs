@@ -247,7 +247,7 @@ fn a_model_is_measured_beside_the_methods_and_refused_in_another_scene() {
     let rows = std::fs::read_to_string(workspace.path("out/accuracy.csv")).unwrap();
     assert_eq!(
         rows.lines().filter(|row| row.starts_with("network: qin2024,")).count(),
-        5,
+        12,
         "{rows}"
     );
 

@@ -259,7 +259,9 @@ fn a_path_finds_the_voltage_at_which_stability_is_lost() {
         meshes[0]["voltage"], half["events"][0]["voltage"],
         "the path is on the coarser mesh"
     );
-    assert_eq!(column(&workspace, "out.h5", "limit_error")[0], error);
+    // Reading a number of a document may miss its last digit.
+    let same = |a: f64, b: f64| (a - b).abs() <= 1e-12 * b.abs();
+    assert!(same(column(&workspace, "out.h5", "limit_error")[0], error));
     assert!(report["paths"][1]["limit"].is_null(), "a bare membrane has no limit");
     let voltages = column(&workspace, "out.h5", "voltage");
     let points = half["points"].as_array().unwrap();
@@ -267,9 +269,9 @@ fn a_path_finds_the_voltage_at_which_stability_is_lost() {
         voltages.len(),
         points.len() + report["paths"][1]["points"].as_array().unwrap().len()
     );
-    assert_eq!(voltages[1], points[1]["voltage"].as_f64().unwrap());
+    assert!(same(voltages[1], points[1]["voltage"].as_f64().unwrap()));
     let found = column(&workspace, "out.h5", "limit_voltage");
-    assert!(found[0] == limit && found[1].is_nan());
+    assert!(same(found[0], limit) && found[1].is_nan());
     let rows = std::fs::read_to_string(workspace.path("out.csv")).unwrap();
     assert_eq!(rows.lines().count(), 1 + voltages.len());
     assert!(
