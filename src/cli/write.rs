@@ -16,7 +16,7 @@ pub fn file(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
 /// What cannot be written has to be known before hours of work, not after.
 ///
 /// # Errors
-/// As [`file`].
+/// As [`file()`].
 pub fn check_file(path: &Path) -> Result<(), CliError> {
     // Created and removed again: permissions alone do not tell whether a folder can be written in.
     Ok(output_folder(OutputFile::at(path)?.folder())?)
