@@ -119,24 +119,41 @@ impl<L: Material> Operator<'_, L> {
         out: &mut [T],
         point: P,
     ) -> f64 {
-        let sweep = Sweep::<E, T, P, N, M> {
-            mesh: self.mesh,
-            activity: self.activity.view(),
-            inputs,
-            moduli,
-            lines: vec![T::default(); 2 * N * (WIDEST + self.mesh.part())],
-            out,
-            point,
-            element: PhantomData,
+        let activity = self.activity.view();
+        let graded = activity.sizes.is_some();
+        let lines = vec![T::default(); 2 * N * (WIDEST + self.mesh.part())];
+        let mesh = self.mesh;
+        // Two kernels: where all elements have one size, none of its numbers wait for a branch.
+        let smallest = if graded {
+            Arch::new().dispatch(Sweep::<E, T, P, N, M, true> {
+                mesh,
+                activity,
+                inputs,
+                moduli,
+                lines,
+                out,
+                point,
+                element: PhantomData,
+            })
+        } else {
+            Arch::new().dispatch(Sweep::<E, T, P, N, M, false> {
+                mesh,
+                activity,
+                inputs,
+                moduli,
+                lines,
+                out,
+                point,
+                element: PhantomData,
+            })
         };
-        let smallest = Arch::new().dispatch(sweep);
         self.mesh.clear_frame(out);
         smallest
     }
 }
 
-/// One pass over the elements that turns nodal fields into nodal forces.
-struct Sweep<'a, E, T, P, const N: usize, const M: usize> {
+/// One pass over the elements that turns nodal fields into nodal forces; `GRADED` where elements differ in size.
+struct Sweep<'a, E, T, P, const N: usize, const M: usize, const GRADED: bool> {
     mesh: Mesh,
     activity: View<'a, T>,
     inputs: [&'a [T]; M],
@@ -149,7 +166,9 @@ struct Sweep<'a, E, T, P, const N: usize, const M: usize> {
     element: PhantomData<E>,
 }
 
-impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize> WithSimd for Sweep<'_, E, T, P, N, M> {
+impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, const GRADED: bool> WithSimd
+    for Sweep<'_, E, T, P, N, M, GRADED>
+{
     type Output = f64;
 
     #[inline(always)]
@@ -160,13 +179,13 @@ impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize> W
                 let active = Wide::load(simd, &self.activity.values[row * self.mesh.part() + first..]);
                 let zero = active.constant(0.0);
                 let sides = match self.activity.sizes {
-                    Some(sizes) => Some(sides(simd, sizes, first, row)),
-                    None => None,
+                    Some(sizes) if GRADED => sides(simd, sizes, first, row),
+                    _ => [zero; 2],
                 };
                 let mut gradients = [[[[zero; 2]; 2]; N]; M];
                 for (gradients, input) in gradients.iter_mut().zip(self.inputs) {
                     *gradients = E::gradients(&gather::<E, S, T, N>(simd, self.mesh, input, first, row));
-                    if let Some(sides) = sides {
+                    if GRADED {
                         per_side(gradients, sides);
                     }
                 }
@@ -188,7 +207,7 @@ impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize> W
                     }
                     *stress = self.point.stress(here, active, moduli);
                 }
-                if let Some(sides) = sides {
+                if GRADED {
                     on_sides(&mut stresses, sides);
                 }
                 self.write(&E::forces(&stresses), first);
@@ -199,7 +218,9 @@ impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize> W
     }
 }
 
-impl<E: Element<N>, T: Precision, P, const N: usize, const M: usize> Sweep<'_, E, T, P, N, M> {
+impl<E: Element<N>, T: Precision, P, const N: usize, const M: usize, const GRADED: bool>
+    Sweep<'_, E, T, P, N, M, GRADED>
+{
     /// Where the line of a node of the element begins.
     #[inline(always)]
     fn line(&self, c: usize, node: usize) -> usize {
