@@ -97,7 +97,7 @@ impl Effect for FringeField {
     }
 
     fn cost(&self) -> &'static str {
-        "4× a solve"
+        "6× a solve"
     }
 
     fn is_on(&self, effects: &Effects) -> Option<bool> {
