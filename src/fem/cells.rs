@@ -12,7 +12,7 @@ impl MembraneSolver {
     /// The displacement in mm of the (elements + 1)² corners of elements, `[y][x]`.
     #[must_use]
     pub fn corner_displacements(&self, solution: &MeshSolution) -> Vec<[f64; 2]> {
-        let (mesh, side) = (self.mesh, self.element_side_mm());
+        let (mesh, side) = (self.grid.mesh(), self.element_side_mm());
         let (row, degree) = (mesh.elements() + 1, mesh.order().degree());
         let at = |corner: usize, c: usize| mesh.index(c, corner % row * degree, corner / row * degree);
         (0..row * row)
@@ -23,7 +23,7 @@ impl MembraneSolver {
     /// Where the corners of elements lie along a side of the membrane, in mm.
     #[must_use]
     pub fn corner_places(&self) -> Vec<f64> {
-        let corners = 0..=self.mesh.elements();
+        let corners = 0..=self.grid.mesh().elements();
         corners.map(|at| self.element_side_mm() * self.grid.start(at)).collect()
     }
 

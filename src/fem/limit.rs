@@ -12,7 +12,6 @@ use super::effects::{Model, WithMaterial};
 use super::energy::Material;
 use super::error::SetupError;
 use super::krylov;
-use super::margin::SOME_VOLTAGE;
 use super::newton::{Workspace, probe};
 use super::operator::{Activity, Operator};
 use super::solver::{MembraneSolver, MeshSolution, SolveOptions};
@@ -175,12 +174,8 @@ impl MembraneSolver {
     }
 
     fn search(&self, pattern: &Pattern, expected: [f64; 2]) -> Found {
-        let (model, voltage) = match self.scene.voltage_v() {
-            0.0 => match Model::new(&self.scene.at_voltage(SOME_VOLTAGE)) {
-                Ok(model) => (model, SOME_VOLTAGE),
-                Err(_) => return Found::Nothing,
-            },
-            voltage => (self.model.clone(), voltage),
+        let Ok((model, voltage)) = self.driven() else {
+            return Found::Nothing;
         };
         let ending = model.with(Between {
             solver: self,
@@ -239,7 +234,7 @@ impl WithMaterial for Clear<'_> {
 
     fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> bool {
         let operator = Operator {
-            mesh: self.solver.mesh,
+            mesh: self.solver.grid.mesh(),
             material: &material(1.0),
             activity: self.activity,
         };
@@ -260,7 +255,7 @@ impl WithMaterial for Between<'_> {
     type Output = Ending;
 
     fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Ending {
-        let mut u = vec![0.0; self.solver.mesh.vector_len()];
+        let mut u = vec![0.0; self.solver.grid.mesh().vector_len()];
         let mut workspace = Workspace::new(u.len(), &self.solver.laplacian);
         let problem = self.solver.problem(self.activity, material);
         problem.load_through(self.expected, &mut u, &mut workspace)

@@ -6,6 +6,7 @@ use super::continuation::{Climb, Ending};
 use super::effects::{Model, WithMaterial};
 use super::eigenvalue::smallest;
 use super::energy::Material;
+use super::error::SetupError;
 use super::newton::Workspace;
 use super::operator::{Activity, Operator};
 use super::solver::{MembraneSolver, MeshSolution};
@@ -16,7 +17,7 @@ pub(super) const HIGHEST: f64 = 2500.0;
 /// lost far below; with it, every step beyond is dear and says little.
 const REACH: f64 = 9.0;
 /// Where the scene has no voltage, one to measure the load by.
-pub(super) const SOME_VOLTAGE: f64 = 1e3;
+const SOME_VOLTAGE: f64 = 1e3;
 
 /// How far a solution is from losing stability.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,6 +33,14 @@ pub struct StabilityReport {
 }
 
 impl MembraneSolver {
+    /// The physics with the voltage in V of its full load: those of the scene, or at some voltage where the scene has none.
+    pub(super) fn driven(&self) -> Result<(Model, f64), SetupError> {
+        match self.scene.voltage_v() {
+            0.0 => Ok((Model::new(&self.scene.at_voltage(SOME_VOLTAGE))?, SOME_VOLTAGE)),
+            voltage => Ok((self.model.clone(), voltage)),
+        }
+    }
+
     /// How far a solution of [`MembraneSolver::solve`] for this pattern is from losing stability.
     #[must_use]
     pub fn stability(&self, pattern: &Pattern, solution: &MeshSolution) -> StabilityReport {
@@ -63,12 +72,12 @@ impl MembraneSolver {
             eigenvalue,
             u,
         };
-        let (voltage, shares) = if self.scene.voltage_v() > 0.0 {
-            (self.scene.voltage_v(), self.model.with(onward)?)
+        let (model, voltage) = self.driven().ok()?;
+        let shares = if self.scene.voltage_v() > 0.0 {
+            model.with(onward)?
         } else {
-            // Nothing has moved at this voltage or at any share of it, so the scale is another one.
-            let model = Model::new(&self.scene.at_voltage(SOME_VOLTAGE)).ok()?;
-            (SOME_VOLTAGE, model.with(FromRest(onward))?)
+            // Nothing has moved at no voltage or at any share of it, so the scale is another one.
+            model.with(FromRest(onward))?
         };
         Some(shares.map(|share| share.sqrt() * voltage))
     }
@@ -86,7 +95,7 @@ impl WithMaterial for Smallest<'_> {
 
     fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<f64> {
         let operator = Operator {
-            mesh: self.solver.mesh,
+            mesh: self.solver.grid.mesh(),
             material: &material(1.0),
             activity: self.activity,
         };

@@ -110,7 +110,6 @@ pub(super) fn states(scene: &Scene, model: &Model, grid: Grid, pattern: &Pattern
     let activity = model.activity(grid, pattern);
     model.with(States {
         scene,
-        mesh: grid.mesh(),
         pattern,
         activity: &activity,
         u,
@@ -119,7 +118,6 @@ pub(super) fn states(scene: &Scene, model: &Model, grid: Grid, pattern: &Pattern
 
 struct States<'a> {
     scene: &'a Scene,
-    mesh: Mesh,
     pattern: &'a Pattern,
     activity: &'a Activity,
     u: &'a [f64],
@@ -167,7 +165,7 @@ impl States<'_> {
 
     /// The mean activity of a cell.
     fn share(&self, x: usize, y: usize) -> f64 {
-        let n = self.mesh.elements_per_cell();
+        let n = self.activity.grid().mesh().elements_per_cell();
         let elements = (0..n * n).map(|i| [x * n + i % n, y * n + i / n]);
         let area: f64 = elements.map(|element| self.activity.area(element)).sum();
         area / (n * n) as f64

@@ -106,47 +106,37 @@ impl<L: Material> Operator<'_, L> {
         out: &mut [T],
         point: P,
     ) -> f64 {
-        match self.mesh.order() {
-            Order::Bilinear => self.sweep_elements::<Bilinear, T, P, 4, M>(inputs, moduli, out, point),
-            Order::Biquadratic => self.sweep_elements::<Biquadratic, T, P, 9, M>(inputs, moduli, out, point),
+        // Kernels of their own where all elements have one size: no number waits for a branch there.
+        match (self.mesh.order(), self.activity.grid().is_uniform()) {
+            (Order::Bilinear, true) => self.sweep_elements::<Bilinear, T, P, 4, M, false>(inputs, moduli, out, point),
+            (Order::Bilinear, false) => self.sweep_elements::<Bilinear, T, P, 4, M, true>(inputs, moduli, out, point),
+            (Order::Biquadratic, true) => {
+                self.sweep_elements::<Biquadratic, T, P, 9, M, false>(inputs, moduli, out, point)
+            }
+            (Order::Biquadratic, false) => {
+                self.sweep_elements::<Biquadratic, T, P, 9, M, true>(inputs, moduli, out, point)
+            }
         }
     }
 
-    fn sweep_elements<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize>(
+    fn sweep_elements<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, const GRADED: bool>(
         &self,
         inputs: [&[T]; M],
         moduli: &[T],
         out: &mut [T],
         point: P,
     ) -> f64 {
-        let activity = self.activity.view();
-        let graded = activity.sizes.is_some();
-        let lines = vec![T::default(); 2 * N * (WIDEST + self.mesh.part())];
-        let mesh = self.mesh;
-        // Two kernels: where all elements have one size, none of its numbers wait for a branch.
-        let smallest = if graded {
-            Arch::new().dispatch(Sweep::<E, T, P, N, M, true> {
-                mesh,
-                activity,
-                inputs,
-                moduli,
-                lines,
-                out,
-                point,
-                element: PhantomData,
-            })
-        } else {
-            Arch::new().dispatch(Sweep::<E, T, P, N, M, false> {
-                mesh,
-                activity,
-                inputs,
-                moduli,
-                lines,
-                out,
-                point,
-                element: PhantomData,
-            })
+        let sweep = Sweep::<E, T, P, N, M, GRADED> {
+            mesh: self.mesh,
+            activity: self.activity.view(),
+            inputs,
+            moduli,
+            lines: vec![T::default(); 2 * N * (WIDEST + self.mesh.part())],
+            out,
+            point,
+            element: PhantomData,
         };
+        let smallest = Arch::new().dispatch(sweep);
         self.mesh.clear_frame(out);
         smallest
     }

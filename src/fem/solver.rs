@@ -78,10 +78,9 @@ pub struct MeshSolution {
 pub struct MembraneSolver {
     pub(super) scene: Scene,
     pub(super) model: Model,
-    asked: Mesh,
-    pub(super) grid: Grid,
+    mesh: Mesh,
     /// The elements of solutions: up to two more along a cell than was asked for.
-    pub(super) mesh: Mesh,
+    pub(super) grid: Grid,
     pub(super) tolerance: f64,
     pub(super) laplacian: Laplacian,
 }
@@ -112,9 +111,8 @@ impl MembraneSolver {
         Ok(Self {
             scene: scene.clone(),
             model,
-            asked: mesh,
+            mesh,
             grid,
-            mesh: grid.mesh(),
             tolerance,
             laplacian: Laplacian::of_grid(grid)?,
         })
@@ -122,18 +120,14 @@ impl MembraneSolver {
 
     /// The mesh that was asked for. With a fringe field solutions have up to two elements more along a cell.
     #[must_use]
-    #[expect(
-        clippy::misnamed_getters,
-        reason = "the elements of solutions are a matter of this room"
-    )]
     pub fn mesh(&self) -> Mesh {
-        self.asked
+        self.mesh
     }
 
     /// The side of an element in mm; the mean where they differ in size.
     #[must_use]
     pub fn element_side_mm(&self) -> f64 {
-        self.scene.side_mm() / self.mesh.elements() as f64
+        self.scene.side_mm() / self.grid.mesh().elements() as f64
     }
 
     /// Simulates one pattern and keeps the whole nodal solution.
@@ -146,7 +140,7 @@ impl MembraneSolver {
     #[must_use]
     pub fn simulation(&self, pattern: &Pattern, solution: &MeshSolution) -> Simulation {
         let converged = solution.outcome.is_converged();
-        let sample = || self.mesh.sample(&solution.displacement, self.element_side_mm());
+        let sample = || self.grid.mesh().sample(&solution.displacement, self.element_side_mm());
         Simulation {
             outcome: solution.outcome,
             field: converged.then(sample),
@@ -205,8 +199,8 @@ impl MembraneSolver {
 
     fn room(&self) -> Room {
         Room {
-            displacement: vec![0.0; self.mesh.vector_len()],
-            workspace: Workspace::new(self.mesh.vector_len(), &self.laplacian),
+            displacement: vec![0.0; self.grid.mesh().vector_len()],
+            workspace: Workspace::new(self.grid.mesh().vector_len(), &self.laplacian),
         }
     }
 
@@ -231,7 +225,7 @@ impl MembraneSolver {
     /// The equilibrium of an activity under a law, as continuation and paths take it.
     pub(super) fn problem<'a, F>(&'a self, activity: &'a Activity, material: F) -> Problem<'a, F> {
         Problem {
-            mesh: self.mesh,
+            mesh: self.grid.mesh(),
             activity,
             laplacian: &self.laplacian,
             material,
@@ -314,7 +308,7 @@ impl WithMaterial for Gradient<'_> {
 
     fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<Vec<f64>> {
         let operator = Operator {
-            mesh: self.solver.mesh,
+            mesh: self.solver.grid.mesh(),
             material: &material(1.0),
             activity: self.activity,
         };

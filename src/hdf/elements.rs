@@ -33,10 +33,10 @@ impl Element {
     }
 }
 
-/// Elements, row-major.
+/// The elements of an array, row-major.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Elements {
-    /// Bytes.
+    /// Bytes; also patterns and flags.
     U8(Vec<u8>),
     /// 32-bit whole numbers.
     U32(Vec<u32>),
@@ -46,7 +46,7 @@ pub enum Elements {
     F32(Vec<f32>),
     /// Double precision.
     F64(Vec<f64>),
-    /// Texts.
+    /// UTF-8 texts; in artifacts of at most 64 bytes.
     Text(Vec<String>),
 }
 
@@ -78,15 +78,22 @@ macro_rules! numbers {
 
         impl Elements {
             /// How many there are.
-            pub(super) fn len(&self) -> usize {
+            #[must_use]
+            pub fn len(&self) -> usize {
                 match self {
                     $(Self::$variant(v) => v.len(),)*
                     Self::Text(v) => v.len(),
                 }
             }
 
-            /// Appends elements of the same kind; `false` where they are of another.
-            pub(super) fn append(&mut self, more: Self) -> bool {
+            /// Whether there are none.
+            #[must_use]
+            pub fn is_empty(&self) -> bool {
+                self.len() == 0
+            }
+
+            /// Appends elements of the same kind; `false`, and nothing appended, where they are of another.
+            pub(crate) fn append(&mut self, more: Self) -> bool {
                 match (self, more) {
                     $((Self::$variant(all), Self::$variant(mut more)) => all.append(&mut more),)*
                     (Self::Text(all), Self::Text(mut more)) => all.append(&mut more),

@@ -72,13 +72,14 @@ impl HdfFile {
     /// # Errors
     /// When the file cannot be read.
     pub fn names(&self) -> Result<Vec<String>, HdfError> {
-        match &self.place {
-            Place::Here(open) => open.names().map_err(self.failed()),
-            Place::Apart(_) => match self.told(Request::Names)? {
-                Told::Plain(Answer::Names(names)) => Ok(names),
-                _ => Err(self.nonsense()),
+        self.plain(
+            |open| open.names(),
+            || Request::Names,
+            |answer| match answer {
+                Answer::Names(names) => Some(names),
+                _ => None,
             },
-        }
+        )
     }
 
     /// A dataset without its elements; none where there is none of that path.
@@ -86,13 +87,14 @@ impl HdfFile {
     /// # Errors
     /// When it lies elsewhere, or cannot be read.
     pub fn find(&self, dataset: &str) -> Result<Option<Found>, HdfError> {
-        match &self.place {
-            Place::Here(open) => open.find(dataset).map_err(self.failed()),
-            Place::Apart(_) => match self.told(Request::Find(dataset.to_owned()))? {
-                Told::Plain(Answer::Found(found)) => Ok(found),
-                _ => Err(self.nonsense()),
+        self.plain(
+            |open| open.find(dataset),
+            || Request::Find(dataset.to_owned()),
+            |answer| match answer {
+                Answer::Found(found) => Some(found),
+                _ => None,
             },
-        }
+        )
     }
 
     /// Everything but elements.
@@ -100,13 +102,14 @@ impl HdfFile {
     /// # Errors
     /// When the file is not as this program writes it.
     pub fn tree(&self) -> Result<Tree, HdfError> {
-        match &self.place {
-            Place::Here(open) => open.tree().map_err(self.failed()),
-            Place::Apart(_) => match self.told(Request::Tree)? {
-                Told::Plain(Answer::Tree(tree)) => Ok(*tree),
-                _ => Err(self.nonsense()),
+        self.plain(
+            |open| open.tree(),
+            || Request::Tree,
+            |answer| match answer {
+                Answer::Tree(tree) => Some(*tree),
+                _ => None,
             },
-        }
+        )
     }
 
     /// A text attribute of the file; none where there is none of that name, or it is no text.
@@ -114,13 +117,14 @@ impl HdfFile {
     /// # Errors
     /// When the file cannot be read.
     pub fn attribute(&self, name: &str) -> Result<Option<String>, HdfError> {
-        match &self.place {
-            Place::Here(open) => open.attribute(name).map_err(self.failed()),
-            Place::Apart(_) => match self.told(Request::Attribute(name.to_owned()))? {
-                Told::Plain(Answer::Attribute(text)) => Ok(text),
-                _ => Err(self.nonsense()),
+        self.plain(
+            |open| open.attribute(name),
+            || Request::Attribute(name.to_owned()),
+            |answer| match answer {
+                Answer::Attribute(text) => Some(text),
+                _ => None,
             },
-        }
+        )
     }
 
     /// All elements of a dataset, as artifacts hold them.
@@ -250,6 +254,22 @@ impl HdfFile {
         match self.told(request)? {
             Told::Elements(elements) if elements.len() as u64 == count => Ok(elements),
             _ => Err(self.nonsense()),
+        }
+    }
+
+    /// What the file says without elements: read here, or picked from the answer of the other process.
+    fn plain<T>(
+        &self,
+        here: impl FnOnce(&OpenFile) -> Result<T, Failure>,
+        request: impl FnOnce() -> Request,
+        pick: impl FnOnce(Answer) -> Option<T>,
+    ) -> Result<T, HdfError> {
+        match &self.place {
+            Place::Here(open) => here(open).map_err(self.failed()),
+            Place::Apart(_) => match self.told(request())? {
+                Told::Plain(answer) => pick(answer).ok_or_else(|| self.nonsense()),
+                Told::Elements(_) => Err(self.nonsense()),
+            },
         }
     }
 

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use super::element_type::ElementType;
 use crate::base::{ArtifactId, DigestWriter};
+pub use crate::hdf::Elements as Data;
 use crate::hdf::LONG;
 
 /// Bytes of one text element. Texts have a fixed width in files, so that virtual datasets can show chunks as one array.
@@ -17,23 +18,6 @@ const OWN: [&str; 3] = ["parts", "provenance", LONG];
 
 /// The attribute of a file that holds the kind.
 pub const KIND: &str = "kind";
-
-/// The elements of an array, row-major.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Data {
-    /// Bytes; also patterns and flags.
-    U8(Vec<u8>),
-    /// 32-bit whole numbers.
-    U32(Vec<u32>),
-    /// 64-bit whole numbers.
-    U64(Vec<u64>),
-    /// Single precision.
-    F32(Vec<f32>),
-    /// Double precision.
-    F64(Vec<f64>),
-    /// UTF-8 texts of at most 64 bytes.
-    Text(Vec<String>),
-}
 
 /// A named array as it stands in an artifact.
 #[derive(Clone, Debug, PartialEq)]
@@ -122,25 +106,6 @@ pub enum ObjectError {
 }
 
 impl Data {
-    /// How many elements.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        match self {
-            Self::U8(v) => v.len(),
-            Self::U32(v) => v.len(),
-            Self::U64(v) => v.len(),
-            Self::F32(v) => v.len(),
-            Self::F64(v) => v.len(),
-            Self::Text(v) => v.len(),
-        }
-    }
-
-    /// Whether there are none.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
     /// The type of the elements.
     #[must_use]
     pub fn element_type(&self) -> ElementType {
@@ -152,20 +117,6 @@ impl Data {
             Self::F64(_) => ElementType::F64,
             Self::Text(_) => ElementType::Text,
         }
-    }
-
-    /// Appends elements of the same type; `false`, and nothing appended, where the types differ.
-    pub(super) fn append(&mut self, other: Self) -> bool {
-        match (self, other) {
-            (Self::U8(a), Self::U8(mut b)) => a.append(&mut b),
-            (Self::U32(a), Self::U32(mut b)) => a.append(&mut b),
-            (Self::U64(a), Self::U64(mut b)) => a.append(&mut b),
-            (Self::F32(a), Self::F32(mut b)) => a.append(&mut b),
-            (Self::F64(a), Self::F64(mut b)) => a.append(&mut b),
-            (Self::Text(a), Self::Text(mut b)) => a.append(&mut b),
-            _ => return false,
-        }
-        true
     }
 
     /// The little-endian bytes of all elements.

@@ -10,7 +10,7 @@ use super::error::StoreError;
 use super::listing::{Content, Listing};
 use super::object::{Data, Dataset, KIND, TEXT_WIDTH};
 use crate::base::ArtifactId;
-use crate::hdf::{Array, Element, Elements, HdfError, HdfFile, Tree};
+use crate::hdf::{Array, Element, HdfError, HdfFile, Tree};
 
 /// The dataset of a manifest.
 const PARTS: &str = "parts";
@@ -109,8 +109,8 @@ pub fn overview(access: Access, path: &Path) -> Result<Overview, StoreError> {
     })
 }
 
-fn parts(path: &Path, elements: Elements) -> Result<Vec<ArtifactId>, StoreError> {
-    let Elements::Text(texts) = elements else {
+fn parts(path: &Path, elements: Data) -> Result<Vec<ArtifactId>, StoreError> {
+    let Data::Text(texts) = elements else {
         return Err(StoreError::damaged(path, "its parts are no texts"));
     };
     let parts: Result<Vec<ArtifactId>, _> = texts.iter().map(|text| text.parse()).collect();
@@ -150,17 +150,9 @@ fn element_type(element: &Element) -> Option<ElementType> {
 /// When the file is not as this program writes it.
 pub fn dataset(access: Access, path: &Path, content: &Content) -> Result<Dataset, StoreError> {
     let file = access.open(path)?;
-    let elements = file
+    let data = file
         .elements(&content.path)
         .map_err(|error| access.error("read", path, error))?;
-    let data = match elements {
-        Elements::U8(v) => Data::U8(v),
-        Elements::U32(v) => Data::U32(v),
-        Elements::U64(v) => Data::U64(v),
-        Elements::F32(v) => Data::F32(v),
-        Elements::F64(v) => Data::F64(v),
-        Elements::Text(v) => Data::Text(v),
-    };
     let expected: usize = content.shape.iter().product();
     if data.element_type() != content.kind || data.len() != expected {
         return Err(StoreError::damaged(path, format!("`{}` has changed", content.path)));

@@ -61,8 +61,11 @@ impl Fringe {
             .map(|at| grid.middle_in_cell(at))
             .map(|middle| usize::from(middle > strip) + usize::from(middle > 1.0 - strip))
             .collect();
+        let cells: Vec<_> = (0..CELLS * CELLS)
+            .map(|i| zones(pattern, i % CELLS, i / CELLS))
+            .collect();
         Activity::from_elements(grid, |column, row| {
-            let zones = zones(pattern, column / per_cell, row / per_cell);
+            let zones = &cells[row / per_cell * CELLS + column / per_cell];
             let [x, y] = [column, row].map(|at| zone_of[at % per_cell]);
             match (zones[1][1], zones[y][x]) {
                 (true, _) => 1.0,

@@ -10,9 +10,8 @@ pub(super) mod trace;
 use crate::field::Field;
 use crate::pattern::Pattern;
 
-use super::effects::{Model, WithMaterial};
+use super::effects::WithMaterial;
 use super::energy::Material;
-use super::margin::SOME_VOLTAGE;
 use super::operator::Activity;
 use super::solver::MembraneSolver;
 
@@ -135,10 +134,7 @@ impl MembraneSolver {
     /// The path of one pattern. Whatever the voltage of the scene, it begins at rest. `None` where memory is short.
     #[must_use]
     pub fn path(&self, pattern: &Pattern) -> Option<LoadPath> {
-        let (model, voltage) = match self.scene.voltage_v() {
-            0.0 => (Model::new(&self.scene.at_voltage(SOME_VOLTAGE)).ok()?, SOME_VOLTAGE),
-            voltage => (self.model.clone(), voltage),
-        };
+        let (model, voltage) = self.driven().ok()?;
         model.with(Follow {
             solver: self,
             activity: &model.activity(self.grid, pattern),
@@ -160,7 +156,7 @@ type Kept = (PathPoint, Field);
 impl Follow<'_> {
     fn keep(&self, mark: Mark) -> Kept {
         let solver = self.solver;
-        let field = solver.mesh.sample(&mark.u, solver.element_side_mm());
+        let field = solver.grid.mesh().sample(&mark.u, solver.element_side_mm());
         let point = PathPoint {
             voltage: mark.share.max(0.0).sqrt() * self.voltage,
             max_displacement: field.max_magnitude(),
