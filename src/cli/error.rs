@@ -257,7 +257,8 @@ impl From<ReportError> for CliError {
 impl From<OutputError> for CliError {
     fn from(error: OutputError) -> Self {
         match error {
-            OutputError::Io { .. } | OutputError::NoFolder { .. } => Self::failure(error.to_string()),
+            OutputError::Io { .. } => Self::failure(error.to_string()),
+            OutputError::NoFolder { .. } => Self::bad_input(error.to_string()),
             _ => Self::bad_input(error.to_string())
                 .help("-o names a new file, a regular one to be replaced, or a link to one"),
         }

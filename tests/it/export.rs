@@ -379,7 +379,7 @@ fn what_cannot_be_exported_is_refused_and_nothing_is_written() {
         ),
         (
             &["hard.csv", "-o", "none/x.svg", "--scene", "scene.yaml"],
-            Some(1),
+            Some(2),
             "cannot write",
         ),
         (
