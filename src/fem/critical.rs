@@ -72,3 +72,38 @@ impl CriticalVoltage {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn found(on_one: f64, on_two: Option<f64>) -> CriticalVoltage {
+        let limit = |elements, voltage| MeshLimit {
+            mesh: Mesh::biquadratic(elements),
+            voltage,
+        };
+        CriticalVoltage::new(limit(1, on_one), on_two.map(|voltage| limit(2, voltage)))
+    }
+
+    #[test]
+    fn the_estimate_and_its_error_are_those_of_the_formula() {
+        // V₂ − 0.45 (V₁ − V₂) − s and 0.5 |V₁ − V₂| + s + 0.002 V₂ by hand, with s = 0.003 V₂ where the meshes differ by more
+        // than that, else all of the difference.
+        for (on_one, on_two, voltage, error) in [
+            (7100.0, 7000.0, 6934.0, 85.0),
+            (7010.0, 7000.0, 6985.5, 29.0),
+            (6990.0, 7000.0, 6994.5, 29.0),
+        ] {
+            let limit = found(on_one, Some(on_two));
+            assert!((limit.voltage - voltage).abs() < 1e-9, "{limit:?}");
+            assert!((limit.error.unwrap() - error).abs() < 1e-9, "{limit:?}");
+            let [low, high] = limit.interval();
+            assert!((low - voltage + error).abs() < 1e-9 && (high - voltage - error).abs() < 1e-9);
+        }
+        // One mesh alone: 12 % too high at the worst.
+        let alone = found(5000.0, None);
+        let [low, high] = alone.interval();
+        assert_eq!((alone.voltage, alone.error), (5000.0, None));
+        assert!((low - 4400.0).abs() < 1e-9 && (high - 5010.0).abs() < 1e-9);
+    }
+}

@@ -234,12 +234,36 @@ mod tests {
 
     #[test]
     fn a_membrane_at_rest_is_as_stiff_as_the_laplacian() {
-        // K = L + 4a (div)² at rest without voltage, and fields without divergence are among the modes.
+        // K = L + 3a (div)² at rest without voltage but for a null Lagrangian, and fields without divergence are among the modes.
         for (per_cell, order) in [(1, Order::Bilinear), (1, Order::Biquadratic)] {
             let value = at(Mesh::new(per_cell, order), 0.0, |operator, laplacian, u| {
                 smallest(operator, laplacian, u, None).unwrap().value
             });
             assert!((1.0..1.0001).contains(&value), "{value}");
+        }
+    }
+
+    #[test]
+    fn a_membrane_that_is_active_everywhere_has_the_closed_form_value() {
+        // K = L + (3a − b)(div)² but for a null Lagrangian: 1 + 3a − b where that is less than 1, which meshes approach from
+        // above, since fields without rotation are among the modes.
+        let mesh = Mesh::new(1, Order::Biquadratic);
+        let activity = Activity::from_shares(Grid::uniform(mesh), |_, _| 1.0);
+        let (laplacian, u) = (Laplacian::new(mesh).unwrap(), vec![0.0; mesh.vector_len()]);
+        let thickness = 1.0 / 729.0;
+        for (pull, exact) in [
+            (2.0 * thickness, 1.0),
+            (0.2, 0.8 + 3.0 * thickness),
+            (0.9, 0.1 + 3.0 * thickness),
+        ] {
+            let material = NeoHookean { thickness, pull };
+            let operator = Operator {
+                mesh,
+                material: &material,
+                activity: &activity,
+            };
+            let value = smallest(&operator, &laplacian, &u, None).unwrap().value;
+            assert!((-1e-6..2e-4).contains(&(value - exact)), "{pull}: {value} {exact}");
         }
     }
 

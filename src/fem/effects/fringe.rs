@@ -9,7 +9,7 @@
 //! membrane: the region is dilated by a square of half-width d. Nothing is active beyond the frame. Without effect as H → 0.
 //!
 //! Elements end where the strip ends, so that errors of a mesh are those without a fringe field. That takes up to two elements
-//! more along a cell: nine times the work on the coarsest mesh, 1.3 times on the finest.
+//! more along a cell: nine times the work on the coarsest mesh, 1.6 times on the finest.
 
 use std::f64::consts::{LN_2, PI};
 

@@ -277,6 +277,54 @@ fn surveys_tell_the_homogeneous_state() {
 }
 
 #[test]
+fn states_of_cells_are_the_closed_forms_at_any_deformation() {
+    // P = μ(F − J⁻²F⁻ᵀ) − ε(V/H)²J²F⁻ᵀ, principal values of σ = PFᵀ, and E = VJ/H, at 45 kPa, 1 mm, λp = 3 and 5.25 kV, by
+    // mpmath; electrodes with χ = 0.3 add μλpχ(f − j⁻²f⁻ᵀ) to P.
+    let coated = Effects {
+        electrode_stiffness: Some(electrode(0.3)),
+        ..Effects::default()
+    };
+    let mesh = Mesh::new(1, Order::Bilinear);
+    let mut u = vec![0.0; mesh.vector_len()];
+    for (row, column) in places(mesh) {
+        let (x, y) = (column as f64, row as f64);
+        u[mesh.index(0, column, row)] = 0.12 * x + 0.07 * y;
+        u[mesh.index(1, column, row)] = -0.11 * x - 0.07 * y;
+    }
+    let close = |found: f64, exact: f64| assert!((found / exact - 1.0).abs() < 1e-11, "{found} {exact}");
+    for (effects, piola, stresses) in [
+        (
+            Effects::default(),
+            [
+                [120_829.738_71, 5_857.818_557_092],
+                [-12_564.066_354_51, 88_975.061_672_21],
+            ],
+            [410_715.123_691_9, 248_889.504_233],
+        ),
+        (
+            coated,
+            [
+                [133_588.135_814_6, 4_836.714_988_827],
+                [-14_565.182_265_62, 87_377.916_249_87],
+            ],
+            [454_418.024_133_1, 244_044.718_836_5],
+        ),
+    ] {
+        let all = Pattern::from_fn(|_, _| true);
+        for cell in cell_states(&scene(3.0, 5.25e3, effects), mesh, &all, &u).unwrap() {
+            for k in 0..2 {
+                close(cell.stretches[k], [3.378_078_216_743, 2.795_583_581_574][k]);
+                close(cell.stresses[k], stresses[k]);
+                close(cell.piola[k][0], piola[k][0]);
+                close(cell.piola[k][1], piola[k][1]);
+            }
+            close(cell.electric_field, 49_579_425.0);
+            assert_eq!(cell.tension, Tension::Taut);
+        }
+    }
+}
+
+#[test]
 fn gradients_are_given_where_the_energy_is_linear_in_the_activity() {
     struct Linear;
     impl PointWork for Linear {

@@ -112,6 +112,120 @@ fn every_law_of_the_table_has_the_derivatives_of_its_energy_and_its_stress_at_re
     }
 }
 
+/// w at f = I + ∇u, per prestretched area and in units of μH.
+struct EnergyAt(Tensor<f64>, f64);
+
+impl PointWork for EnergyAt {
+    type Output = f64;
+    fn run<L: Material>(self, material: &L) -> f64 {
+        material.energy(self.0, self.1)
+    }
+}
+
+#[test]
+fn energies_are_those_of_the_published_laws() {
+    // W/μ per undeformed volume at λp = 1.3 and 3, by mpmath with 40 digits from the principal stretches of λp f: the laws of
+    // docs/effects.md, that of Arruda and Boyce by quadrature of ½m from I₁ = 3. κ = 0.0254889931661.
+    let law = |law| Effects {
+        strain_stiffening: Some(law),
+        ..Effects::default()
+    };
+    let mooney = Stiffening::MooneyRivlin(MooneyRivlin { c2: stress(800.0) });
+    let coated = Effects {
+        electrode_stiffness: Some(electrode(0.3)),
+        ..Effects::default()
+    };
+    let decaying = |reference| Effects {
+        stretch_dependent_permittivity: Some(decay(0.4, reference)),
+        ..Effects::default()
+    };
+    let rubber = ogden(&[(40e3, 1.3), (300.0, 5.0), (-2e3, -2.0)]);
+    let rows = [
+        ("base", Effects::default(), 0.0, [0.464_173_545_787, 8.118_956_420_133]),
+        (
+            "voltage",
+            Effects::default(),
+            1.0,
+            [0.424_096_524_047_9, 6.982_357_995_404],
+        ),
+        ("Gent", law(gent(60.0)), 0.0, [0.467_801_972_898_5, 9.467_301_289_183]),
+        (
+            "Yeoh",
+            law(yeoh(-150.0, 4.0)),
+            0.0,
+            [0.461_371_902_562_6, 7.620_630_148_66],
+        ),
+        (
+            "Arruda–Boyce",
+            law(arruda_boyce(4.0)),
+            0.0,
+            [0.485_698_210_570_3, 9.674_196_557_304],
+        ),
+        (
+            "Mooney–Rivlin",
+            law(mooney),
+            0.0,
+            [0.470_651_710_543_1, 9.366_265_624_856],
+        ),
+        ("Ogden", law(rubber), 0.0, [0.310_171_223_968, 6.645_807_395_238]),
+        ("electrodes", coated, 1.0, [0.435_387_429_649_4, 7.042_487_078_489]),
+        (
+            "ε of the prestretched membrane",
+            decaying(PermittivityReference::Prestretched),
+            1.0,
+            [0.424_860_601_491_3, 7.004_027_500_294],
+        ),
+        (
+            "ε of the undeformed elastomer",
+            decaying(PermittivityReference::Undeformed),
+            1.0,
+            [0.432_303_631_962_3, 7.655_989_269_828],
+        ),
+    ];
+    for (name, effects, active, energies) in rows {
+        for (prestretch, exact) in [1.3, 3.0].into_iter().zip(energies) {
+            let at = EnergyAt([[1.12, 0.07], [-0.11, 0.93]], active);
+            let found = with_law(&scene(prestretch, 5.25e3, effects.clone()), at) * prestretch * prestretch;
+            assert!(
+                (found / exact - 1.0).abs() < 1e-11,
+                "{name}, {prestretch}: {found} {exact}"
+            );
+        }
+    }
+}
+
+#[test]
+fn ellipticity_and_tension_are_lost_at_unequal_stretches_where_the_closed_forms_say() {
+    // εE² = μ(λmin² + 3J⁻²) and μ(λmin² − J⁻²), with εE²/μ = κJ².
+    let (prestretch, f) = (1.3, [[1.12, 0.0], [0.0, 0.93]]);
+    let (least, area) = (prestretch * 0.93, prestretch * prestretch * 1.12 * 0.93);
+    let unit = scene(prestretch, 1.0, Effects::default()).kappa();
+    let voltage = |room: f64| ((least * least + room / (area * area)) / (area * area * unit)).sqrt();
+    struct Margins(Tensor<f64>);
+    impl PointWork for Margins {
+        type Output = [f64; 2];
+        fn run<L: Material>(self, material: &L) -> [f64; 2] {
+            let [[_, _], [_, across]] = Piola(self.0, 1.0).run(material);
+            [material.ellipticity(deformation(self.0), 1.0), across]
+        }
+    }
+    // The base law, and that of isotropic energies.
+    let isotropic = Effects {
+        strain_stiffening: Some(yeoh(0.0, 0.0)),
+        ..Effects::default()
+    };
+    for effects in [Effects::default(), isotropic] {
+        let at = |voltage: f64| {
+            let gradient = [[f[0][0] - 1.0, 0.0], [0.0, f[1][1] - 1.0]];
+            with_law(&scene(prestretch, voltage, effects.clone()), Margins(gradient))
+        };
+        for (margin, critical) in [voltage(3.0), voltage(-1.0)].into_iter().enumerate() {
+            let [below, above] = [1.0 - 1e-9, 1.0 + 1e-9].map(|share| at(share * critical)[margin]);
+            assert!(below > 0.0 && above < 0.0, "{margin}: {below:e} {above:e}");
+        }
+    }
+}
+
 #[test]
 fn only_the_voltage_stresses_an_undisplaced_membrane() {
     for effects in combinations() {
@@ -358,19 +472,25 @@ fn arruda_and_boyces_response_is_the_inverse_langevin_function() {
 }
 
 #[test]
+fn a_locking_stretch_raises_the_modulus_of_the_undeformed_elastomer() {
+    // By 3/(5λL²) and terms in λL⁻⁴: at λL = 30 the second are 1e-6. The modulus is that of a small shear.
+    let effects = Effects {
+        strain_stiffening: Some(arruda_boyce(30.0)),
+        ..Effects::default()
+    };
+    let shear = 1e-6;
+    let p = with_law(&scene(1.0, 0.0, effects), Piola([[0.0, shear], [0.0, 0.0]], 0.0));
+    let rise = p[0][1] / shear - 1.0;
+    assert!((rise - 0.6 / 900.0).abs() < 2e-6, "{rise}");
+}
+
+#[test]
 fn ogdens_energy_is_the_sum_of_powers_at_equal_and_unequal_stretches() {
     let terms = [(40e3, 1.3), (300.0, 5.0), (-2e3, -2.0)];
     let effects = Effects {
         strain_stiffening: Some(ogden(&terms)),
         ..Effects::default()
     };
-    struct Energy(Tensor<f64>);
-    impl PointWork for Energy {
-        type Output = f64;
-        fn run<L: Material>(self, material: &L) -> f64 {
-            material.energy(self.0, 0.0)
-        }
-    }
     for prestretch in [1.0, 3.0] {
         for (a, b) in [(1.1, 1.1), (1.1, 1.1 + 1e-7), (0.8, 1.2), (1.5, 0.5), (2.0, 0.4)] {
             let third = 1.0 / (prestretch * prestretch * a * b);
@@ -385,7 +505,7 @@ fn ogdens_energy_is_the_sum_of_powers_at_equal_and_unequal_stretches() {
                 std::array::from_fn(|i| std::array::from_fn(|k| p[i][0] * q[0][k] + p[i][1] * q[1][k]))
             };
             let f = product(turn(0.4), product([[a, 0.0], [0.0, b]], turn(-1.1)));
-            let found = with_law(&scene(prestretch, 0.0, effects.clone()), Energy(f)) * prestretch * prestretch;
+            let found = with_law(&scene(prestretch, 0.0, effects.clone()), EnergyAt(f, 0.0)) * prestretch * prestretch;
             assert!(
                 (found - exact).abs() < 1e-13 * (1.0 + exact.abs()),
                 "{a} {b}: {found} {exact}"

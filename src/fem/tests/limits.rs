@@ -148,7 +148,7 @@ fn on_mesh(scene: &Scene, mesh: Mesh, pattern: &Pattern, found: &CriticalVoltage
     Some(solver.limit_between(pattern, [0.995 * low, 1.01 * high])?.voltage)
 }
 
-/// Writes the table of docs/hard-cases.md: an hour of one core.
+/// Prints what docs/effects.md says of critical voltages, for other patterns and scenes: an hour of one core.
 /// `cargo test --release --lib stated_errors_cover_the_limits_of_eight_elements -- --ignored --nocapture`
 #[test]
 #[ignore = "an hour of one core"]

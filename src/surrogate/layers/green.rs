@@ -1,5 +1,5 @@
 //! The displacement that forces on the corners cause in a membrane held at its frame, if each component obeyed Laplace's
-//! equation: what the elastic tangent of a highly prestretched membrane is but for a term 1/λp⁴ as large.
+//! equation: what the elastic tangent of a highly prestretched membrane is but for terms λp⁻⁶ as large.
 
 use std::f64::consts::PI;
 use std::sync::LazyLock;

@@ -39,6 +39,24 @@ fn a_wrinkled_strip_has_the_closed_form_width_energy_and_stress() {
 }
 
 #[test]
+fn a_thousandth_of_the_flat_energy_is_left_to_wrinkled_and_slack_membrane() {
+    // W/μ at κ = 0.1: flat ½(λ₁² + λ₂² + J⁻² − 3 − κJ²), wrinkled ½(λ₁² + 2λ₁⁻¹s − 3), slack the flat one at equal stretches λ
+    // with λ⁻² − λ⁻⁸ = κ, 1.018417469132: −0.05181180781512 there. By mpmath.
+    for prestretch in [1.0, 1.2] {
+        let field = field(prestretch, 0.1, Neo::new(prestretch));
+        for (l1, l2, energy) in [
+            (1.5, 1.1, 0.277_529_729_109_3),
+            (1.5, 0.5, 0.212_292_765_382_1),
+            (0.9, 0.8, -0.051_596_409_834_47),
+        ] {
+            let [first, second] = [l1, l2].map(|l: f64| (l / prestretch).powi(2));
+            let found = field.energy(&Invariants::of_squares(first, second), 1.0) * prestretch * prestretch;
+            assert!((found - energy).abs() < 1e-11, "{prestretch} {l1} {l2}: {found}");
+        }
+    }
+}
+
+#[test]
 fn natural_widths_of_stiffening_membranes_are_found() {
     for (jm, kappa) in [(30.0, 0.05), (30.0, 0.4), (8.0, 0.02), (8.0, 1.0), (70.0, 0.01)] {
         let field = field(1.5, kappa, stiff(jm, 1.5));

@@ -110,6 +110,44 @@ fn a_rotated_or_mirrored_pattern_has_the_rotated_or_mirrored_displacement() {
 }
 
 #[test]
+fn the_unit_of_strain_is_the_root_mean_square_of_random_cells() {
+    let (response, constants) = constants(5250.0);
+    let mut stream = Stream::new(6, "physics test", 1);
+    let random = |_| {
+        let bits: Vec<bool> = (0..2500).map(|_| stream.chance(0.5)).collect();
+        Pattern::from_fn(|x, y| bits[50 * y + x])
+    };
+    let patterns: Vec<Pattern> = (0..12).map(random).collect();
+    let mut squares = Vec::new();
+    for field in response.predict(&patterns, 0).into_iter().flatten() {
+        for (x, y) in (0..2500).map(|i| (i % 50, i / 50)) {
+            let corner = |i: usize, j: usize, k: usize| field.at_corner(x + i, y + j)[k];
+            // Cells are 1 mm wide: derivatives at the middle.
+            for k in 0..2 {
+                squares.push((0.5 * (corner(1, 0, k) + corner(1, 1, k) - corner(0, 0, k) - corner(0, 1, k))).powi(2));
+                squares.push((0.5 * (corner(0, 1, k) + corner(1, 1, k) - corner(0, 0, k) - corner(1, 0, k))).powi(2));
+            }
+        }
+    }
+    let found = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
+    let unit = f64::from(constants.tensors["response.strain"].to_vec1::<f32>().unwrap()[0]);
+    assert!((found / unit - 1.0).abs() < 0.02, "{found} {unit}");
+}
+
+#[test]
+fn few_numbers_are_learned_beside_a_large_matrix() {
+    let constants = constants(5250.0).1;
+    let learned = network(&constants).1;
+    assert_eq!(learned.iter().map(|(_, var)| var.elem_count()).sum::<usize>(), 364);
+    // Four parities, 25² cells of a quadrant, two components of the displacement of 25² corners.
+    let blocks = constants.tensors.iter().filter(|(name, _)| *name != "response.strain");
+    assert_eq!(
+        blocks.map(|(_, block)| block.elem_count()).sum::<usize>(),
+        4 * 625 * 1250
+    );
+}
+
+#[test]
 fn corrections_scale_with_the_square_of_the_load() {
     // With a quarter of the load the linear response is a quarter, and what corrects it a sixteenth: with the same weights,
     // since these know no units. The next order is a quarter smaller again.
