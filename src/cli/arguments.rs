@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::error::CliError;
-use crate::base::{Dimension, Override, Quantity};
+use crate::base::{Dimension, Override, Quantity, Time};
+use crate::fem::WorkLimit;
 use crate::store::Store;
 
 #[derive(Debug, Args)]
@@ -86,6 +87,31 @@ pub fn accuracy(text: &str) -> Result<Quantity, String> {
         Ok(length)
     } else {
         Err("allowed: 1e-9 mm to 1000 mm".to_owned())
+    }
+}
+
+#[derive(Debug, Args)]
+pub struct TimeArguments {
+    /// About how long a pattern may take before it ends as work-limit, as in "60 s" [default: 5 s]; work is counted, not
+    /// time, so that results do not depend on the machine
+    #[arg(long, value_name = "TIME", value_parser = time_limit)]
+    pub time_limit: Option<Time>,
+}
+
+impl TimeArguments {
+    /// How much work a pattern may take.
+    pub fn work_limit(&self) -> WorkLimit {
+        let time = self.time_limit.as_ref();
+        time.map_or_else(WorkLimit::default, |time| WorkLimit::of_seconds(time.value()))
+    }
+}
+
+/// Reads a time for which patterns may be worked on.
+fn time_limit(text: &str) -> Result<Time, String> {
+    let time = Quantity::parse(text, Dimension::Time).map_err(|e| e.to_string())?;
+    match Time::from_f64(time.value()) {
+        Some(time) if (1e-3..=1e6).contains(&time.value()) => Ok(time),
+        _ => Err("allowed: 1 ms to 1e6 s".to_owned()),
     }
 }
 

@@ -5,12 +5,14 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::{Value, json};
 
+use super::arguments::TimeArguments;
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::table;
 use crate::base::InputError;
 use crate::content::named_patterns;
-use crate::fem::screening::{self, Row, Screening, Status, Trial};
+use crate::fem::WorkLimit;
+use crate::fem::screening::{self, Comparison, Row, Screening, Status, Trial};
 use crate::stage::direct;
 
 /// Say which effects a scene calls for, by number, threshold and cost
@@ -21,10 +23,12 @@ pub struct ScreenArguments {
     /// Patterns to judge by, FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset [default: extreme patterns]
     #[arg(value_name = "PATTERN")]
     pub patterns: Vec<String>,
+    #[command(flatten)]
+    pub time: TimeArguments,
 }
 
 pub fn execute(arguments: &ScreenArguments, output: &Output) -> Result<Exit, CliError> {
-    let screening = screen(&arguments.scene, &arguments.patterns)?;
+    let screening = screen(&arguments.scene, &arguments.patterns, arguments.time.work_limit())?;
     if output.is_json() {
         output.document(&document(&screening))?;
     } else {
@@ -45,6 +49,7 @@ fn document(screening: &Screening) -> Value {
             "status": row.status.name(),
             "change": row.assessment.change,
             "cost": row.cost,
+            "patterns": row.comparisons.iter().map(comparison).collect::<Vec<_>>(),
         })
     };
     let on = screening.rows.iter().filter(|row| row.status == Status::On);
@@ -52,6 +57,19 @@ fn document(screening: &Screening) -> Value {
         "effects": screening.rows.iter().map(row).collect::<Vec<_>>(),
         "simulated": on.map(|row| row.effect).collect::<Vec<_>>(),
         "warnings": screening.warnings(),
+    })
+}
+
+/// What an effect does to one pattern.
+fn comparison(one: &Comparison) -> Value {
+    let [without, with] = one.outcomes.map(|outcome| outcome.name());
+    json!({
+        "pattern": one.pattern,
+        "without": without,
+        "with": with,
+        "voltage": one.displacement.map(|d| d.voltage),
+        "difference": one.displacement.map(|d| d.difference),
+        "change": one.displacement.map(|d| d.change),
     })
 }
 
@@ -106,14 +124,14 @@ fn text(screening: &Screening) -> String {
 ///
 /// # Errors
 /// When the scene or a pattern cannot be read, or the effects cannot be simulated.
-fn screen(scene: &Path, patterns: &[String]) -> Result<Screening, CliError> {
+fn screen(scene: &Path, patterns: &[String], limit: WorkLimit) -> Result<Screening, CliError> {
     let scene = direct::read_scene(scene)?;
     let patterns = if patterns.is_empty() {
         screening::reference_patterns()
     } else {
         named(patterns)?
     };
-    Ok(screening::screen(&scene, &patterns)?)
+    Ok(screening::screen_within(&scene, &patterns, limit)?)
 }
 
 /// The patterns of each argument, named after it.

@@ -72,7 +72,7 @@ pub fn solve(
     progress: &dyn Progress,
 ) -> Result<Answer, CliError> {
     let scene = direct::read_scene(scene)?;
-    let screened = Screened::new(&scene)?;
+    let screened = Screened::for_patterns(&scene, patterns, parameters.work_limit())?;
     let scene = &screened.scene;
     let solver = parameters.build(scene)?;
     let threads = rayon::current_num_threads();

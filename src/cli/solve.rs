@@ -7,7 +7,7 @@ use std::time::Instant;
 use clap::Args;
 use serde_json::json;
 
-use super::arguments::{PatternArguments, TOLERANCE, accuracy, number};
+use super::arguments::{PatternArguments, TOLERANCE, TimeArguments, accuracy, number};
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::progress::Bar;
@@ -43,6 +43,8 @@ pub struct SolveArguments {
     /// Relative residual at which an equilibrium is accepted [default: 1e-8]
     #[arg(long, value_name = "R", value_parser = number(1e-12..=1e-3, "1e-12 to 1e-3"))]
     pub tolerance: Option<f64>,
+    #[command(flatten)]
+    pub time: TimeArguments,
     /// Write stretches, field, stresses and tension of every cell too
     #[arg(long, conflicts_with_all = ["accuracy", "path"])]
     pub cells: bool,
@@ -76,7 +78,9 @@ impl SolveArguments {
         let request = self
             .accuracy
             .map_or(MeshRequest::Fixed(self.mesh()), MeshRequest::Accuracy);
-        SolverParameters::new(self.method, request).with_tolerance(self.options().tolerance)
+        SolverParameters::new(self.method, request)
+            .with_tolerance(self.options().tolerance)
+            .with_time_limit(self.time.time_limit.clone())
     }
 }
 
@@ -84,6 +88,10 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
     let scene = arguments.scene.display().to_string();
     check_output(&arguments.patterns, &scene)?;
     check_method(arguments)?;
+    if arguments.path && arguments.time.time_limit.is_some() {
+        let refusal = CliError::bad_input("--time-limit cannot stand beside --path");
+        return Err(refusal.help("a path ends where its branch does, or after a number of points"));
+    }
     if arguments.path {
         return path::execute(arguments, &scene, output);
     }
@@ -102,6 +110,7 @@ fn check_method(arguments: &SolveArguments) -> Result<(), CliError> {
         a if a.method == Method::Newton => return Ok(()),
         a if a.accuracy.is_some() => "--accuracy",
         a if a.tolerance.is_some() => "--tolerance",
+        a if a.time.time_limit.is_some() => "--time-limit",
         a if a.cells => "--cells",
         a if a.path => "--path",
         _ => return Ok(()),

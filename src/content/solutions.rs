@@ -47,7 +47,7 @@ arrays! {
         rows: SampleRows = group(""),
         /// How the simulation ended.
         outcome: Vec<String> = array("outcome", "", [sample]),
-        /// Highest voltage with a stable equilibrium and lowest without; 0, 0 where the outcome is `iteration-limit` or `no-estimate`.
+        /// Highest voltage with a stable equilibrium and lowest without; 0, 0 where the outcome is `iteration-limit`, `work-limit` or `no-estimate`.
         voltage_bracket: Vec<[f64; 2]> = array("voltage_bracket", "V", [sample, bound]),
     }
 }

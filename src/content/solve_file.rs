@@ -16,7 +16,7 @@ arrays! {
         patterns: Vec<Pattern> = array("patterns", "1", [sample, y, x]),
         /// Displacement at the cell corners; NaN where the outcome is none of `converged`, `estimated` and `predicted`.
         displacement: Packed<Field> = array("displacement", "mm", [sample, corner_y, corner_x, xy]),
-        /// How the simulation ended: `converged`, `pull-in`, `not-elliptic`, `slack` or `iteration-limit`; of estimates `estimated` or
+        /// How the simulation ended: `converged`, `pull-in`, `not-elliptic`, `slack`, `iteration-limit` or `work-limit`; of estimates `estimated` or
         /// `no-estimate`; `predicted` where nothing was simulated, so that nothing is known of stability.
         outcome: Vec<String> = array("outcome", "", [sample]),
         /// Largest displacement magnitude over the corners; NaN where there is none.

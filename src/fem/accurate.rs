@@ -19,6 +19,7 @@ use crate::scene::Scene;
 
 use super::error::SetupError;
 use super::solver::{MembraneSolver, SolveOptions};
+use super::work::WorkLimit;
 
 /// A mesh of the ladder, and the ratio of the true error to the difference from the next one
 /// that is reckoned with.
@@ -51,6 +52,7 @@ pub struct AccurateSolver {
     scene: Scene,
     accuracy_mm: f64,
     tolerance: f64,
+    limit: WorkLimit,
     rungs: [OnceLock<MembraneSolver>; LADDER.len()],
 }
 
@@ -67,10 +69,21 @@ impl AccurateSolver {
             scene: scene.clone(),
             accuracy_mm,
             tolerance,
+            limit: WorkLimit::default(),
             rungs: Default::default(),
         };
         solver.rung(0)?;
         Ok(solver)
+    }
+
+    /// The same with another limit of work for each pattern on each mesh.
+    #[must_use]
+    pub fn within(self, limit: WorkLimit) -> Self {
+        Self {
+            limit,
+            rungs: Default::default(),
+            ..self
+        }
     }
 
     /// One result per pattern, in order, whatever the company and the number of threads.
@@ -133,7 +146,7 @@ impl AccurateSolver {
             mesh: LADDER[rung].0,
             tolerance: self.tolerance,
         };
-        let solver = MembraneSolver::new(&self.scene, options)?;
+        let solver = MembraneSolver::new(&self.scene, options)?.within(self.limit);
         Ok(self.rungs[rung].get_or_init(|| solver))
     }
 }

@@ -27,6 +27,8 @@ pub enum Ending {
     },
     /// The iteration did not end; nothing is known.
     Unknown,
+    /// The work that is allowed is done; nothing is known.
+    WorkLimit,
 }
 
 /// What an equilibrium can lose on the way.
@@ -58,6 +60,7 @@ pub struct Loading {
 enum Refusal {
     Lost(Loss),
     Limit,
+    Work,
 }
 
 /// Relative width of the bracket in load: one part in a thousand of voltage.
@@ -142,6 +145,7 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
         let (mut stable, mut step) = (climb.from, climb.step.min(climb.to - climb.from));
         let mut failed = false;
         let mut reached: Option<Vec<f64>> = (climb.from > 0.0).then(|| u.to_vec());
+        workspace.begin_again();
         for _ in 0..MAX_LOAD_STEPS {
             let share: f64 = stable + step;
             match self.attempt(share, reached.as_deref(), u, workspace, &mut total) {
@@ -161,6 +165,10 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
                     match &reached {
                         Some(reached) => u.copy_from_slice(reached),
                         None => u.fill(0.0),
+                    }
+                    if refusal == Refusal::Work {
+                        total.ending = Ending::WorkLimit;
+                        return total;
                     }
                     if stable == 0.0 && refusal != Refusal::Limit && self.is_loose_at_rest() {
                         let loss = Loss::Tension;
@@ -228,6 +236,7 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
             },
             Err((Trouble::NegativeCurvature | Trouble::LineSearch, _)) => Err(Refusal::Lost(Loss::Stability)),
             Err((Trouble::Limit, _)) => Err(Refusal::Limit),
+            Err((Trouble::Work, _)) => Err(Refusal::Work),
         }
     }
 }
@@ -235,6 +244,7 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
 fn ending(refusal: Refusal, stable: f64, unstable: f64) -> Ending {
     match refusal {
         Refusal::Limit => Ending::Unknown,
+        Refusal::Work => Ending::WorkLimit,
         Refusal::Lost(loss) => Ending::Lost { stable, unstable, loss },
     }
 }

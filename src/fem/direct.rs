@@ -91,8 +91,8 @@ pub struct Factorisation {
 }
 
 impl Factorisation {
-    /// The tangent at `u`; `None` when a pivot is exactly zero or memory is short. Where many tangents of a mesh are
-    /// factorised, [`Structure::factorise`] saves most of the time.
+    /// The tangent at `u`; `None` when a pivot is exactly zero or memory is short.
+    #[cfg(test)]
     pub fn new<L: Material>(operator: &Operator<'_, L>, u: &[f64]) -> Option<Self> {
         Structure::new(operator.mesh)?.factorise(operator, u)
     }

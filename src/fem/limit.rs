@@ -2,7 +2,7 @@
 
 use std::sync::OnceLock;
 
-use crate::field::{Mesh, Order};
+use crate::field::{Mesh, Order, Outcome};
 use crate::pattern::Pattern;
 use crate::scene::Scene;
 
@@ -15,6 +15,7 @@ use super::krylov;
 use super::newton::{Workspace, probe};
 use super::operator::{Activity, Operator};
 use super::solver::{MembraneSolver, MeshSolution, SolveOptions};
+use super::work::WorkLimit;
 
 /// The smallest eigenvalue of the tangent against the Laplacian, on one biquadratic element per cell, above which no pattern was
 /// found to be within a tenth of its critical voltage: 0.40 was the largest at it, 0.29 the smallest a tenth below it.
@@ -57,7 +58,8 @@ impl CriticalSearch {
                 mesh: Mesh::biquadratic(2 * self.coarse.mesh().elements_per_cell()),
                 tolerance: self.coarse.tolerance,
             };
-            MembraneSolver::new(&self.coarse.scene, options).ok()
+            let fine = MembraneSolver::new(&self.coarse.scene, options).ok()?;
+            Some(fine.within(self.coarse.limit.part(0.5)))
         };
         self.fine.get_or_init(set_up).as_ref()
     }
@@ -96,15 +98,30 @@ impl CriticalSearch {
         )
     }
 
-    /// What the coarser mesh alone says of a pattern that has no stable state on it at the voltage of the scene.
+    /// The same with another limit of work for a pattern on the coarser mesh, of which each search on the finer one may take half.
     #[must_use]
-    pub fn unrefined(&self, pattern: &Pattern) -> Option<CriticalVoltage> {
-        let [stable, unstable] = self.coarse.solve(pattern).outcome.bracket()?;
+    pub fn within(self, limit: WorkLimit) -> Self {
+        Self {
+            coarse: self.coarse.within(limit),
+            fine: OnceLock::new(),
+        }
+    }
+
+    /// How the simulation of a pattern on the coarser mesh ends at the voltage of the scene.
+    #[must_use]
+    pub fn outcome(&self, pattern: &Pattern) -> Outcome {
+        self.coarse.solve(pattern).outcome
+    }
+
+    /// What [`CriticalSearch::outcome`], the coarser mesh alone, says of a critical voltage; `None` where nothing is lost.
+    #[must_use]
+    pub fn of_outcome(&self, outcome: Outcome) -> Option<CriticalVoltage> {
+        let [stable, unstable] = outcome.bracket().filter(|[stable, _]| *stable > 0.0)?;
         let coarse = MeshLimit {
             mesh: self.coarse.mesh(),
             voltage: 0.5 * (stable + unstable),
         };
-        (stable > 0.0).then(|| CriticalVoltage::new(coarse, None))
+        Some(CriticalVoltage::new(coarse, None))
     }
 
     /// The critical voltage of a pattern that loses stability on some mesh at a voltage in V: another than the coarser one serves to
@@ -122,7 +139,7 @@ impl CriticalSearch {
     /// The critical voltage of a pattern that has no stable state on the coarser mesh at the voltage of the scene.
     #[must_use]
     pub fn below_scene(&self, pattern: &Pattern) -> Option<CriticalVoltage> {
-        let found = self.unrefined(pattern)?;
+        let found = self.of_outcome(self.outcome(pattern))?;
         Some(self.refine(pattern, found.voltage))
     }
 
@@ -184,7 +201,7 @@ impl MembraneSolver {
         });
         match ending {
             Ending::Stable => Found::NoLoss,
-            Ending::Unknown => Found::Nothing,
+            Ending::Unknown | Ending::WorkLimit => Found::Nothing,
             Ending::Lost { stable, unstable, .. } => Found::Limit(MeshLimit {
                 mesh: self.mesh(),
                 voltage: 0.5 * voltage * (stable.sqrt() + unstable.sqrt()),
@@ -257,6 +274,7 @@ impl WithMaterial for Between<'_> {
     fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Ending {
         let mut u = vec![0.0; self.solver.grid.mesh().vector_len()];
         let mut workspace = Workspace::new(u.len(), &self.solver.laplacian);
+        workspace.begin(self.solver.limit);
         let problem = self.solver.problem(self.activity, material);
         problem.load_through(self.expected, &mut u, &mut workspace)
     }

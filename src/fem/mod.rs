@@ -2,7 +2,7 @@
 //!
 //! Everything is dimensionless: stress is divided by μλp², lengths by the side of an element, so two numbers describe a
 //! scene, a = λp⁻⁶ and b = κλp² with κ = ε(V/H)²/μ. The modules are the method, from the point to the answer:
-//! kinematics, energy and effects; element, layout and lanes; operator; gemm, modes and precondition; krylov, newton and
+//! kinematics, energy and effects; element, layout and lanes; operator; gemm, modes and precondition; krylov, work, newton and
 //! direct; eigenvalue, stability and continuation; solver, and on it accurate, adjoint, cells, response, margin, path, critical, limit,
 //! observable, gradient_evaluator and safety_margins; evaluator, which puts every method behind the traits of `field`, simulators, and screening.
 
@@ -41,6 +41,7 @@ pub mod screening;
 mod simulators;
 mod solver;
 mod stability;
+mod work;
 
 pub use accurate::{AccurateSimulation, AccurateSolver};
 pub use cells::wrinkled_fraction;
@@ -57,6 +58,7 @@ pub use response::{Estimator, LinearResponse};
 pub use safety_margins::SafetyMargins;
 pub use simulators::SceneSimulators;
 pub use solver::{MembraneSolver, MeshSolution, SolveOptions};
+pub use work::{USUAL_SECONDS, WorkLimit};
 
 #[cfg(test)]
 mod tests;

@@ -4,17 +4,20 @@
 //! were the fastest of fifteen pairs, by little. A step is halved until no element is turned over and the residual falls.
 //! Residuals are in double precision, steps in single: rounding in a step is one more part of its inexactness.
 
+use std::sync::Arc;
+
 use pulp::Arch;
 
 use crate::base::Stream;
 use crate::field::{CORNERS, Field};
 
-use super::direct::Factorisation;
+use super::direct::{Factorisation, Structure};
 use super::eigenvalue::WITHOUT_THICKNESS;
 use super::energy::Material;
 use super::krylov::{self, Ending, conjugate_gradients};
 use super::operator::Operator;
 use super::precondition::{Laplacian, LaplacianScratch};
+use super::work::{SWEEP, WorkLimit, factors};
 
 /// What stopped the iteration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,6 +28,8 @@ pub enum Trouble {
     LineSearch,
     /// Too many steps.
     Limit,
+    /// More work than is allowed.
+    Work,
 }
 
 /// Newton steps made and the relative residual reached.
@@ -47,10 +52,16 @@ pub struct Workspace {
     moduli: Vec<f32>,
     krylov: krylov::Scratch,
     laplacian: LaplacianScratch,
+    /// The structure of the tangent, once it has been factorised.
+    structure: Option<Arc<Structure>>,
+    limit: WorkLimit,
+    /// Work other than conjugate gradients, and their iterations before the count began.
+    other_work: u64,
+    iterations_before: u32,
 }
 
 impl Workspace {
-    /// Room for vectors of a length.
+    /// Room for vectors of a length, with the usual limit of work.
     #[must_use]
     pub fn new(len: usize, laplacian: &Laplacian) -> Self {
         Self {
@@ -61,7 +72,44 @@ impl Workspace {
             moduli: Vec::new(),
             krylov: krylov::Scratch::new(len),
             laplacian: laplacian.scratch(),
+            structure: None,
+            limit: WorkLimit::default(),
+            other_work: 0,
+            iterations_before: 0,
         }
+    }
+
+    /// Counts work from here on, against another limit than before.
+    pub fn begin(&mut self, limit: WorkLimit) {
+        self.limit = limit;
+        self.begin_again();
+    }
+
+    /// Counts work from here on.
+    pub fn begin_again(&mut self) {
+        self.other_work = 0;
+        self.iterations_before = self.krylov.iterations;
+    }
+
+    /// Work since the count began, in the units of [`WorkLimit`].
+    #[must_use]
+    pub fn work(&self) -> u64 {
+        self.other_work + u64::from(self.krylov.iterations - self.iterations_before)
+    }
+
+    /// Whether no more work is allowed.
+    #[must_use]
+    pub fn is_spent(&self) -> bool {
+        self.limit.is_spent(self.work())
+    }
+
+    /// The factors of the tangent at `u`; `None` when a pivot is exactly zero or memory is short.
+    pub fn factorise<L: Material>(&mut self, operator: &Operator<'_, L>, u: &[f64]) -> Option<Factorisation> {
+        self.other_work += factors(u.len());
+        if self.structure.is_none() {
+            self.structure = Structure::new(operator.mesh);
+        }
+        self.structure.as_ref()?.factorise(operator, u)
     }
 
     /// Conjugate-gradient iterations of all that was solved in this room.
@@ -123,6 +171,9 @@ pub fn solve<L: Material>(
         };
         if size <= goal {
             return Ok(progress);
+        }
+        if workspace.is_spent() {
+            return Err((Trouble::Work, progress));
         }
         // A last step need not do better than the goal.
         let inner = forcing.max(0.5 * goal / size).clamp(TIGHTEST, LOOSEST);
@@ -234,8 +285,10 @@ fn find_step<L: Material>(
         moduli,
         krylov,
         laplacian: scratch,
+        other_work,
         ..
     } = workspace;
+    *other_work += SWEEP;
     narrow(u, 1.0, single);
     operator.linearise(single, moduli);
     narrow(residual, 1.0 / size, &mut krylov.residual);
@@ -249,11 +302,12 @@ fn find_step<L: Material>(
         Ending::Converged => Ok(()),
         Ending::NegativeCurvature => Err(Trouble::NegativeCurvature),
         Ending::Limit => {
-            let factors = Factorisation::new(operator, u).ok_or(Trouble::NegativeCurvature)?;
+            let factors = workspace.factorise(operator, u).ok_or(Trouble::NegativeCurvature)?;
             if factors.negative_pivots() > 0 {
                 return Err(Trouble::NegativeCurvature);
             }
-            narrow(&factors.solve(residual), 1.0 / size, &mut krylov.solution);
+            let step = factors.solve(&workspace.residual);
+            narrow(&step, 1.0 / size, &mut workspace.krylov.solution);
             Ok(())
         }
     }
@@ -315,10 +369,12 @@ fn line_search<L: Material>(
         trial,
         trial_residual,
         krylov,
+        other_work,
         ..
     } = workspace;
     let mut length = 1.0;
     for _ in 0..=MAX_HALVINGS {
+        *other_work += SWEEP;
         advance(u, -length * size, &krylov.solution, trial);
         let smallest = operator.residual(trial, trial_residual);
         let new_size = norm(trial_residual);

@@ -17,6 +17,7 @@ use super::newton::Workspace;
 use super::observable::{CellState, Survey, states};
 use super::operator::{Activity, Operator};
 use super::precondition::Laplacian;
+use super::work::WorkLimit;
 
 /// Mesh and tolerance of a solve.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -70,6 +71,8 @@ pub struct MeshSolution {
     pub newton_iterations: u32,
     /// Conjugate-gradient iterations within them.
     pub krylov_iterations: u32,
+    /// Work in the units of [`WorkLimit`].
+    pub work: u64,
     /// Relative residual at the end.
     pub residual: f64,
 }
@@ -83,6 +86,7 @@ pub struct MembraneSolver {
     pub(super) grid: Grid,
     pub(super) tolerance: f64,
     pub(super) laplacian: Laplacian,
+    pub(super) limit: WorkLimit,
 }
 
 impl MembraneSolver {
@@ -115,7 +119,20 @@ impl MembraneSolver {
             grid,
             tolerance,
             laplacian: Laplacian::of_grid(grid)?,
+            limit: WorkLimit::default(),
         })
+    }
+
+    /// The same with another limit of work for each pattern.
+    #[must_use]
+    pub fn within(self, limit: WorkLimit) -> Self {
+        Self { limit, ..self }
+    }
+
+    /// The scene.
+    #[must_use]
+    pub fn scene(&self) -> &Scene {
+        &self.scene
     }
 
     /// The mesh that was asked for. With a fringe field solutions have up to two elements more along a cell.
@@ -136,14 +153,27 @@ impl MembraneSolver {
         self.solve_in(pattern, &mut self.room()).0
     }
 
+    /// The same with a limit of work of its own.
+    #[must_use]
+    pub fn solve_within(&self, pattern: &Pattern, limit: WorkLimit) -> MeshSolution {
+        let mut room = self.room();
+        room.workspace.begin(limit);
+        self.solve_in(pattern, &mut room).0
+    }
+
+    /// The displacement of a solution at the cell corners, in mm.
+    #[must_use]
+    pub fn field(&self, solution: &MeshSolution) -> Field {
+        self.grid.mesh().sample(&solution.displacement, self.element_side_mm())
+    }
+
     /// What [`Simulator::simulate`] keeps of a solution of this pattern.
     #[must_use]
     pub fn simulation(&self, pattern: &Pattern, solution: &MeshSolution) -> Simulation {
         let converged = solution.outcome.is_converged();
-        let sample = || self.grid.mesh().sample(&solution.displacement, self.element_side_mm());
         Simulation {
             outcome: solution.outcome,
-            field: converged.then(sample),
+            field: converged.then(|| self.field(solution)),
             newton_iterations: solution.newton_iterations,
             residual: solution.residual,
             observation: if converged {
@@ -198,9 +228,12 @@ impl MembraneSolver {
     }
 
     fn room(&self) -> Room {
+        let len = self.grid.mesh().vector_len();
+        let mut workspace = Workspace::new(len, &self.laplacian);
+        workspace.begin(self.limit);
         Room {
-            displacement: vec![0.0; self.grid.mesh().vector_len()],
-            workspace: Workspace::new(self.grid.mesh().vector_len(), &self.laplacian),
+            displacement: vec![0.0; len],
+            workspace,
         }
     }
 
@@ -217,6 +250,7 @@ impl MembraneSolver {
             displacement: std::mem::take(&mut room.displacement),
             newton_iterations: loading.steps,
             krylov_iterations: room.workspace.krylov_iterations() - before,
+            work: room.workspace.work(),
             residual: loading.residual,
         };
         (solution, loading.pointwise)
@@ -254,6 +288,7 @@ impl MembraneSolver {
                 }
             }
             Ending::Unknown => Outcome::IterationLimit,
+            Ending::WorkLimit => Outcome::WorkLimit,
         }
     }
 

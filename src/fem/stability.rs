@@ -6,7 +6,6 @@
 //! tangent; and where these take too long, the matrix is factorised and its negative pivots are counted (Sylvester's law
 //! of inertia).
 
-use super::direct::Factorisation;
 use super::energy::Material;
 use super::krylov::Ending;
 use super::newton::{Workspace, probe};
@@ -59,7 +58,7 @@ pub fn judge<L: Material>(
     match probe(operator, laplacian, 0.0, u, workspace) {
         Ending::Converged => Stability::Stable { pointwise: false },
         Ending::NegativeCurvature => Stability::Unstable,
-        Ending::Limit => match Factorisation::new(operator, u) {
+        Ending::Limit => match workspace.factorise(operator, u) {
             Some(factors) if factors.negative_pivots() == 0 => Stability::Stable { pointwise: false },
             _ => Stability::Unstable,
         },
@@ -91,6 +90,7 @@ pub fn same_basin<L: Material>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fem::direct::Factorisation;
     use crate::fem::energy::NeoHookean;
     use crate::fem::grid::Grid;
     use crate::fem::operator::Activity;

@@ -47,11 +47,13 @@ pub enum Outcome {
     },
     /// The iteration did not end within its limits; nothing is known about stability.
     IterationLimit,
+    /// The work that a pattern is allowed was done before it ended; nothing is known about stability.
+    WorkLimit,
 }
 
 impl Outcome {
     /// The word that stands in files: `converged`, `estimated`, `no-estimate`, `pull-in`, `not-elliptic`, `slack`,
-    /// `iteration-limit`.
+    /// `iteration-limit`, `work-limit`.
     #[must_use]
     pub fn name(&self) -> &'static str {
         match self {
@@ -62,6 +64,7 @@ impl Outcome {
             Self::NotElliptic { .. } => "not-elliptic",
             Self::Slack { .. } => "slack",
             Self::IterationLimit => "iteration-limit",
+            Self::WorkLimit => "work-limit",
         }
     }
 
@@ -81,7 +84,7 @@ impl Outcome {
                 last_stable,
                 first_unstable,
             } => Some([last_stable, first_unstable]),
-            Self::Converged | Self::Estimated | Self::NoEstimate | Self::IterationLimit => None,
+            Self::Converged | Self::Estimated | Self::NoEstimate | Self::IterationLimit | Self::WorkLimit => None,
         }
     }
 
@@ -110,6 +113,9 @@ impl fmt::Display for Outcome {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.bracket() {
             Some([stable, unstable]) => write!(f, "{} between {stable:.1} V and {unstable:.1} V", self.name()),
+            None if *self == Self::WorkLimit => {
+                write!(f, "{}: a longer time limit may tell more", self.name())
+            }
             None => f.write_str(self.name()),
         }
     }

@@ -18,7 +18,7 @@ use deaflow::sample::{
     Entry, FAMILIES, Family, FamilyEntry, FamilyParameters, Group, Refusal, SampleError, read_family,
 };
 use deaflow::scene::Scene;
-use deaflow::scene::laws::{AtRest, Form, Response, Significance, StiffeningLaw};
+use deaflow::scene::laws::{Form, Response, StiffeningLaw};
 use deaflow::stage::registry;
 use deaflow::store::{Data, Dataset, Object, Store};
 
@@ -83,15 +83,6 @@ struct Cubic(f64);
 impl StiffeningLaw for Cubic {
     fn form(&self, _shear_modulus_pa: f64) -> Form {
         Form::FirstInvariant(Response::polynomial([1.0, 0.0, self.0]))
-    }
-
-    fn significance(&self, at: &AtRest) -> Significance {
-        let rise = self.0 * at.invariant().powi(2);
-        Significance {
-            quantity: "c(I1 − 3)²",
-            number: rise,
-            stress_change: rise,
-        }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::cli::error::CliError;
 use crate::fem::screening::Screened;
-use crate::fem::{CellState, MembraneSolver, SolveOptions};
+use crate::fem::{CellState, MembraneSolver, SolveOptions, WorkLimit};
 use crate::pattern::CELLS;
 use crate::stage::designs::Design;
 use crate::store::{Data, Dataset};
@@ -32,7 +32,7 @@ pub struct Membrane {
 /// # Errors
 /// When the solver cannot be set up, or the membrane has no stable state at this voltage.
 pub fn simulate(design: &Design, options: SolveOptions) -> Result<Membrane, CliError> {
-    let screened = Screened::new(&design.scene)?;
+    let screened = Screened::for_patterns(&design.scene, std::slice::from_ref(&design.pattern), WorkLimit::default())?;
     let solver = MembraneSolver::new(&screened.scene, options)?;
     let solution = solver.solve(&design.pattern);
     if !solution.outcome.is_converged() {

@@ -1,9 +1,11 @@
 //! What screening asks of an effect.
 //!
-//! An effect has a number without unit that says how much it matters, and a threshold above which it is called for. Most
-//! numbers follow from the scene alone; some need the solution for a few patterns.
+//! An effect has a number without unit that says how much it matters, and a threshold above which it is called for. The number
+//! of an effect that moves the membrane is how much: solutions with it are compared with solutions without it. Others follow from the
+//! scene alone, or from solutions for a few patterns.
 
 use crate::fem::critical::CriticalVoltage;
+use crate::field::Mesh;
 use crate::scene::{Effects, Scene};
 
 /// An effect beyond the base model.
@@ -23,6 +25,17 @@ pub trait Effect: Sync {
     /// Turns it on with the parameters that the scene knows; does nothing where it cannot be simulated.
     fn turn_on(&self, effects: &mut Effects, scene: &Scene) {
         let _ = (effects, scene);
+    }
+
+    /// Turns it off.
+    fn turn_off(&self, effects: &mut Effects) {
+        let _ = effects;
+    }
+
+    /// The mesh on which solutions with it are compared with solutions without it, where it is judged by what it does to the
+    /// displacement.
+    fn compared_on(&self) -> Option<Mesh> {
+        None
     }
 
     /// How much it matters; `None` where a solution tells.
@@ -54,6 +67,10 @@ pub struct Assessment {
     /// What it does, in words that follow its name: `changes the electric stress by -3.0 %`.
     pub change: String,
 }
+
+/// The number of an effect that moves the membrane: the largest difference over the cell corners, over the largest displacement
+/// without it.
+pub const DISPLACED: &str = "max |Δu|/max |u|";
 
 /// Whether an effect is called for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -107,6 +124,12 @@ impl Assessment {
         }
     }
 
+    /// One of an effect that moves the membrane and lacks data.
+    pub(super) fn lacks_data(matters_if: &str) -> Self {
+        let change = format!("no data: matters from about {matters_if}");
+        Self::open(DISPLACED, Verdict::Unknown, SMALL, change)
+    }
+
     /// One of a question that does not arise.
     pub(super) fn does_not_arise(why: &str) -> Self {
         Self::open("–", Verdict::NotCalledFor, 0.0, why.to_owned())
@@ -136,16 +159,26 @@ pub struct Examined {
     /// Whether there is a stable state at the voltage of the scene. Where not, the compression is that of the last one before,
     /// and the field that of the membrane at rest.
     pub stable: bool,
+    /// The work that a pattern is allowed was done before its state or its loss of stability was found. Of a state that was not found, the
+    /// compression and the field are those of unstable ones.
+    pub given_up: bool,
 }
 
 impl Solutions<'_> {
     /// The largest of some numbers, and in words the pattern that has it; `unstable` is added where that one has no stable state.
     pub(super) fn worst(&self, number: impl Fn(&Examined) -> f64, unstable: &str) -> Option<(String, f64)> {
         let worst = self.examined.iter().max_by(|a, b| number(a).total_cmp(&number(b)))?;
-        let state = if worst.stable { "" } else { unstable };
+        let state = match worst {
+            Examined { stable: true, .. } => "",
+            Examined { given_up: true, .. } => ", whose state took more work than is allowed",
+            _ => unstable,
+        };
         Some((format!("is largest for `{}`{state}", worst.pattern), number(worst)))
     }
 }
 
-/// Relative change of stiffness or force that is worth an effect.
-pub(super) const SMALL: f64 = 0.02;
+/// Change of displacement, as a share of the largest, that is worth an effect; and of stiffness, where an effect cannot be
+/// simulated yet.
+pub const SMALL: f64 = 0.02;
+/// The mesh on which solutions are compared unless an effect says otherwise.
+pub(super) const USUAL_MESH: Mesh = Mesh::biquadratic(1);

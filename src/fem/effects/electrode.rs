@@ -4,9 +4,11 @@
 //! active; in units of μH that is χ = μₑHₑ/μH times ½(i + j⁻² − 3). (It is the composite membrane of, for instance,
 //! Bozlar et al., Appl. Phys. Lett. 101 (2012) 091907, with thin electrodes.) Without effect as χ → 0.
 
-use super::effect::{Assessment, Effect, SMALL, Verdict};
+use super::effect::{Assessment, Effect, USUAL_MESH};
+use super::strip::Strip;
 use crate::fem::energy::{Invariants, Slopes, relief};
 use crate::fem::lanes::Value;
+use crate::field::Mesh;
 use crate::scene::effects::names;
 use crate::scene::{Effects, Electrode, Scene};
 
@@ -68,17 +70,20 @@ impl Effect for ElectrodeStiffness {
         effects.electrode_stiffness = scene.properties.electrode_stiffness.clone();
     }
 
+    fn turn_off(&self, effects: &mut Effects) {
+        effects.electrode_stiffness = None;
+    }
+
+    fn compared_on(&self) -> Option<Mesh> {
+        Some(USUAL_MESH)
+    }
+
     fn assess(&self, scene: &Scene) -> Option<Assessment> {
-        let quantity = "μe He/(μ H)";
-        let layer = scene.effects.electrode_stiffness.as_ref();
-        let Some(layer) = layer.or(scene.properties.electrode_stiffness.as_ref()) else {
+        let known = [&scene.effects.electrode_stiffness, &scene.properties.electrode_stiffness];
+        known.iter().all(|layer| layer.is_none()).then(|| {
             // Pa·mm are mN/m.
-            let least = 1e-3 * SMALL * scene.shear_modulus_pa() * scene.thickness_mm();
-            let change = format!("no data: matters if μe He > {least:.3} N/m");
-            return Some(Assessment::open(quantity, Verdict::Unknown, SMALL, change));
-        };
-        let ratio = Stiff::new(scene, layer).ratio;
-        let change = format!("makes the active membrane {:.1} % stiffer", 100.0 * ratio);
-        Some(Assessment::known(quantity, ratio, SMALL, change))
+            let least = 1e-3 * Strip::new(scene).least_electrode() * scene.shear_modulus_pa() * scene.thickness_mm();
+            Assessment::lacks_data(&format!("μe He > {least:.3} N/m"))
+        })
     }
 }

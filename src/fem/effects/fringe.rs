@@ -13,7 +13,7 @@
 
 use std::f64::consts::{LN_2, PI};
 
-use super::effect::{Assessment, Effect};
+use super::effect::{Assessment, DISPLACED, Effect, SMALL, USUAL_MESH, Verdict};
 use crate::fem::error::SetupError;
 use crate::fem::grid::{Grid, THINNEST};
 use crate::fem::operator::Activity;
@@ -111,27 +111,18 @@ impl Effect for FringeField {
         effects.fringe_field = Fringe::new(scene).is_ok().then_some(On {});
     }
 
-    fn assess(&self, scene: &Scene) -> Option<Assessment> {
-        let cell = cell_mm(scene);
-        let change = match Fringe::new(scene) {
-            Err(_) => "is beyond membrane theory: the membrane is thicker than cells are wide".to_owned(),
-            Ok(fringe) => format!("lets electrodes act {} beyond their edges", length(fringe.shift * cell)),
-        };
-        Some(Assessment::known(
-            "h/cell",
-            scene.prestretched_thickness_mm() / cell,
-            0.05,
-            change,
-        ))
+    fn turn_off(&self, effects: &mut Effects) {
+        effects.fringe_field = None;
     }
-}
 
-/// A length as people say it.
-fn length(mm: f64) -> String {
-    if mm < 0.1 {
-        format!("{:.1} µm", 1e3 * mm)
-    } else {
-        format!("{mm:.3} mm")
+    fn compared_on(&self) -> Option<Mesh> {
+        Some(USUAL_MESH)
+    }
+
+    fn assess(&self, scene: &Scene) -> Option<Assessment> {
+        let refusal = Fringe::new(scene).err()?;
+        let change = format!("is more than can be simulated: {refusal}");
+        Some(Assessment::open(DISPLACED, Verdict::CalledFor, SMALL, change))
     }
 }
 

@@ -5,10 +5,12 @@
 //! Where ε was measured on the undeformed elastomer, J = λp²j makes b = κλp²·λp^(−2s); where it was measured on the
 //! prestretched membrane, J counts from there and b = κλp². Without effect as s → 0.
 
-use super::effect::{Assessment, Effect, SMALL, Verdict};
+use super::effect::{Assessment, Effect, USUAL_MESH};
+use super::strip::Strip;
 use crate::fem::energy::{Invariants, Slopes};
 use crate::fem::lanes::Value;
 use crate::fem::powers::power_minus_one;
+use crate::field::Mesh;
 use crate::scene::effects::names;
 use crate::scene::{Effects, PermittivityDecay, PermittivityReference, Scene};
 
@@ -108,20 +110,22 @@ impl Effect for StretchDependentPermittivity {
         effects.stretch_dependent_permittivity = scene.properties.stretch_dependent_permittivity.clone();
     }
 
+    fn turn_off(&self, effects: &mut Effects) {
+        effects.stretch_dependent_permittivity = None;
+    }
+
+    fn compared_on(&self) -> Option<Mesh> {
+        Some(USUAL_MESH)
+    }
+
     fn assess(&self, scene: &Scene) -> Option<Assessment> {
-        let decay = scene.effects.stretch_dependent_permittivity.as_ref();
-        let Some(decay) = decay.or(scene.properties.stretch_dependent_permittivity.as_ref()) else {
-            let change = format!("no data: matters if s > {}", 2.0 * SMALL);
-            return Some(Assessment::open("s/2", Verdict::Unknown, SMALL, change));
-        };
-        let quantity = match decay.reference {
-            PermittivityReference::Prestretched => "s/2",
-            PermittivityReference::Undeformed => "|1 − (1 − s/2) λp^(−2s)|",
-        };
-        // The electric stress at rest, over that at a constant permittivity.
-        let prestretch = scene.prestretch();
-        let factor = Decaying::new(decay, prestretch, 1.0).load() / Decaying::ideal(prestretch, 1.0).load();
-        let change = format!("changes the electric stress by {:+.1} %", 100.0 * (factor - 1.0));
-        Some(Assessment::known(quantity, (factor - 1.0).abs(), SMALL, change))
+        let known = [
+            &scene.effects.stretch_dependent_permittivity,
+            &scene.properties.stretch_dependent_permittivity,
+        ];
+        known
+            .iter()
+            .all(|decay| decay.is_none())
+            .then(|| Assessment::lacks_data(&format!("s > {:.3}", Strip::new(scene).least_decay())))
     }
 }

@@ -36,6 +36,10 @@ impl Effect for ElectromechanicalStability {
             .iter()
             .filter_map(|one| Some((&one.pattern, one.limit?)));
         let Some((pattern, limit)) = limits.min_by(|a, b| a.1.voltage.total_cmp(&b.1.voltage)) else {
+            if let Some(one) = solutions.examined.iter().find(|one| one.given_up) {
+                let change = format!("was not found for `{}` with the work that is allowed", one.pattern);
+                return Some(Assessment::open(quantity, Verdict::Unknown, NEAR, change));
+            }
             let reach = solutions.reach;
             let change = format!("below {reach}: stable at {:.1} times the voltage", reach.sqrt().recip());
             return Some(Assessment::open(quantity, Verdict::NotCalledFor, NEAR, change));

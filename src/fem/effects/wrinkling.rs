@@ -29,9 +29,10 @@
 
 use pulp::{Simd, WithSimd};
 
-use super::effect::{Assessment, Effect, Solutions, Verdict};
+use super::effect::{Effect, USUAL_MESH};
 use crate::fem::energy::{Invariants, Potential, Rest, Slopes, slopes_apart};
 use crate::fem::lanes::Value;
+use crate::field::Mesh;
 use crate::scene::effects::names;
 use crate::scene::{Effects, On, Scene};
 
@@ -328,21 +329,12 @@ impl Effect for Wrinkling {
         effects.wrinkling = Some(On {});
     }
 
-    fn assess_solutions(&self, _scene: &Scene, solutions: &Solutions<'_>) -> Option<Assessment> {
-        let quantity = "−min σ/μ";
-        let Some((worst, number)) = solutions.worst(|one| one.compression, ", just before it is lost") else {
-            return Some(Assessment::open(
-                quantity,
-                Verdict::Unknown,
-                0.0,
-                "no patterns".to_owned(),
-            ));
-        };
-        let meaning = match number > 0.0 {
-            true => "it wrinkles there",
-            false => "all cells are in tension",
-        };
-        Some(Assessment::known(quantity, number, 0.0, format!("{worst}; {meaning}")))
+    fn turn_off(&self, effects: &mut Effects) {
+        effects.wrinkling = None;
+    }
+
+    fn compared_on(&self) -> Option<Mesh> {
+        Some(USUAL_MESH)
     }
 }
 

@@ -8,9 +8,10 @@ use serde_json::json;
 use super::method::Method;
 use super::solver::Solver;
 use crate::base::{
-    Canonical, Decimal, Declared, Document, Fields, InputError, Length, Map, Quantity, Schema, parameters,
+    Canonical, Decimal, Declared, Document, Fields, InputError, Length, Map, Quantity, Schema, Time, parameters,
 };
 use crate::fem::error::SetupError;
+use crate::fem::work::WorkLimit;
 use crate::field::{Mesh, Order};
 use crate::scene::Scene;
 
@@ -35,6 +36,7 @@ pub struct SolverParameters {
     method: Method,
     mesh: MeshRequest,
     tolerance: Decimal,
+    time_limit: Option<Time>,
 }
 
 impl SolverParameters {
@@ -62,7 +64,14 @@ impl SolverParameters {
             method,
             mesh: mesh.into(),
             tolerance: usual_tolerance(),
+            time_limit: None,
         }
+    }
+
+    /// The same with work for about so long on each pattern, where a time is given.
+    #[must_use]
+    pub fn with_time_limit(self, time_limit: Option<Time>) -> Self {
+        Self { time_limit, ..self }
     }
 
     /// The same with another relative residual; one that is not finite is left out.
@@ -93,6 +102,7 @@ impl SolverParameters {
                 None => MeshRequest::Fixed(Mesh::new(elements, order)),
             },
             tolerance: keys.tolerance,
+            time_limit: keys.time_limit,
         })
     }
 
@@ -102,6 +112,9 @@ impl SolverParameters {
         let mut own = vec![("method", Canonical::from(self.method.to_string().as_str()))];
         if self.method == Method::Newton {
             own.push(("tolerance", self.tolerance.into()));
+        }
+        if let Some(time) = &self.time_limit {
+            own.push(("time_limit", (&**time).into()));
         }
         match &self.mesh {
             MeshRequest::Fixed(mesh) => own.extend([
@@ -134,6 +147,13 @@ impl SolverParameters {
     #[must_use]
     pub fn tolerance(&self) -> f64 {
         self.tolerance.to_f64()
+    }
+
+    /// How much work a pattern may take.
+    #[must_use]
+    pub fn work_limit(&self) -> WorkLimit {
+        let time = self.time_limit.as_ref();
+        time.map_or_else(WorkLimit::default, |time| WorkLimit::of_seconds(time.value()))
     }
 
     /// The method.
@@ -204,6 +224,9 @@ impl fmt::Display for SolverParameters {
         if self.method == Method::Newton && self.tolerance != usual_tolerance() {
             write!(f, ", tolerance: {:e}", self.tolerance.to_f64())?;
         }
+        if let Some(time) = &self.time_limit {
+            write!(f, ", time_limit: {}", **time)?;
+        }
         Ok(())
     }
 }
@@ -225,6 +248,8 @@ parameters! {
         accuracy: Option<Length> [1e-9..=1e3],
         /// Relative residual at which an equilibrium is accepted.
         tolerance: Decimal [1e-12..=1e-3] = 1e-8,
+        /// About how long a pattern may take before it ends as work-limit; 5 s unless said otherwise. Work is counted, not time.
+        time_limit: Option<Time> [1e-3..=1e6],
     }
     rules(exclusive)
     check(SolverKeys::check)
@@ -243,6 +268,7 @@ fn exclusive(fields: Fields) -> Fields {
         .mutually_exclusive("accuracy", "order")
         .rule(estimates_lack("accuracy"))
         .rule(estimates_lack("tolerance"))
+        .rule(estimates_lack("time_limit"))
 }
 
 impl SolverKeys {
@@ -256,10 +282,11 @@ impl SolverKeys {
                     ))
                     .help("give a mesh by `elements_per_cell` and `order`, or `method: newton`"));
             }
-            if let Some(node) = map.optional("tolerance") {
+            for key in ["tolerance", "time_limit"] {
+                let Some(node) = map.optional(key) else { continue };
                 return Err(node
                     .error(format!(
-                        "`tolerance` means nothing beside `method: {method}`, which looks for no equilibrium"
+                        "`{key}` means nothing beside `method: {method}`, which looks for no equilibrium"
                     ))
                     .help("leave it out, or take `method: newton`"));
             }
@@ -293,6 +320,7 @@ mod tests {
             "{ method: chord:3, elements_per_cell: 1, order: 2 }",
             "{ accuracy: 10 um }",
             "{ elements_per_cell: 4, tolerance: 1e-6 }",
+            "{ time_limit: 60 s }",
             "{}",
         ] {
             let parameters = read(text).unwrap();
@@ -320,6 +348,7 @@ mod tests {
                 "`accuracy` cannot stand beside",
             ),
             ("{ method: chord:2, tolerance: 1e-6 }", "`tolerance` means nothing"),
+            ("{ method: linear, time_limit: 9 s }", "`time_limit` means nothing"),
             ("{ accuracy: 0.01 mm, order: 2 }", "picks the mesh"),
         ] {
             assert!(read(text).unwrap_err().to_string().contains(said), "{text}");
@@ -332,5 +361,8 @@ mod tests {
             ["{}", "{ method: linear }", "{ method: chord:1 }"].map(|text| read(text).unwrap().canonical([]));
         assert!(newton != linear && linear != chord);
         assert!(linear.leaves().iter().all(|(path, _)| path != "tolerance"));
+        // The usual limit of work is in no key, so that what was simulated before it could be set keeps its own.
+        let limited = read("{ time_limit: 60 s }").unwrap().canonical([]);
+        assert!(newton != limited && newton.leaves().iter().all(|(path, _)| path != "time_limit"));
     }
 }

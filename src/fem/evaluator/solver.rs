@@ -8,7 +8,7 @@ use crate::fem::accurate::{AccurateSimulation, AccurateSolver};
 use crate::fem::error::SetupError;
 use crate::fem::observable::CellState;
 use crate::fem::response::{Estimator, LinearResponse};
-use crate::fem::screening::resolve;
+use crate::fem::screening::resolve_within;
 use crate::fem::solver::{MembraneSolver, SolveOptions};
 use crate::field::{Evaluator, Field, Mesh, PredictError, Predictor, Simulation, Simulator};
 use crate::pattern::Pattern;
@@ -35,15 +35,17 @@ impl Solver {
     /// # Errors
     /// When the mesh or the tolerance is out of range, the membrane has no linear response, or its effects cannot be simulated.
     pub fn new(scene: &Scene, parameters: &SolverParameters) -> Result<Self, SetupError> {
-        let scene = &resolve(scene)?;
+        let limit = parameters.work_limit();
+        let scene = &resolve_within(scene, limit)?;
         let tolerance = parameters.tolerance();
         let engine = match (parameters.mesh_request(), parameters.method().chord_steps()) {
             (MeshRequest::Accuracy(accuracy), _) => {
-                Engine::Accurate(Box::new(AccurateSolver::new(scene, accuracy.value(), tolerance)?))
+                let solver = AccurateSolver::new(scene, accuracy.value(), tolerance)?;
+                Engine::Accurate(Box::new(solver.within(limit)))
             }
             (MeshRequest::Fixed(mesh), None) => {
                 let options = SolveOptions { mesh, tolerance };
-                Engine::Fixed(Box::new(MembraneSolver::new(scene, options)?))
+                Engine::Fixed(Box::new(MembraneSolver::new(scene, options)?.within(limit)))
             }
             (MeshRequest::Fixed(mesh), Some(chord_steps)) => {
                 let response = LinearResponse::new(scene, mesh)?;

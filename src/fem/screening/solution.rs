@@ -2,10 +2,10 @@
 
 use rayon::prelude::*;
 
-use super::Trial;
+use super::trial::Trial;
 use crate::fem::effects::{Examined, NEAR, breakdown_ratio, breakdown_ratio_at_rest, breakdown_strength_or_usual};
-use crate::fem::{CriticalSearch, MembraneSolver, SetupError, SolveOptions, Survey, cell_states};
-use crate::field::Mesh;
+use crate::fem::{CriticalSearch, MembraneSolver, SetupError, SolveOptions, Survey, WorkLimit, cell_states};
+use crate::field::{Mesh, Outcome};
 use crate::scene::{Breakdown, Scene};
 
 /// A mesh on which the loss of stability comes out a few per cent high; bilinear elements of the same size would place that
@@ -15,15 +15,27 @@ const MESH: SolveOptions = SolveOptions {
     tolerance: 1e-8,
 };
 
+/// The parts of the work for a pattern that its solution and a search on one mesh may take; a finer mesh has four times as many unknowns and
+/// is searched in two climbs.
+const SOLVING: f64 = 0.5;
+const SEARCHING: f64 = 0.4;
+
 /// Examines the solutions for patterns, and searches for the loss of stability up to the voltage of the scene over the root of `reach`;
-/// on two meshes where it is searched for far from that voltage, which is for a table, and on one for a run.
+/// on two meshes where it is searched for far from that voltage, which is for a table, and on one for a run. `limit` is the work for a
+/// pattern.
 ///
 /// # Errors
 /// When the scene cannot be simulated.
-pub fn examine(scene: &Scene, patterns: &[Trial], reach: f64) -> Result<Vec<Examined>, SetupError> {
+pub fn examine(
+    scene: &Scene,
+    patterns: &[Trial],
+    reach: f64,
+    limit: WorkLimit,
+) -> Result<Vec<Examined>, SetupError> {
     let breakdown = breakdown_strength_or_usual(scene);
-    let solver = MembraneSolver::new(scene, MESH)?;
+    let solver = MembraneSolver::new(scene, MESH)?.within(limit.part(SOLVING));
     let search = CriticalSearch::new(&scene.at_voltage(scene.voltage_v() / reach.sqrt()), MESH)?;
+    let search = search.within(limit.part(SEARCHING));
     let mut examined: Vec<Examined> = patterns
         .par_iter()
         .map(|trial| examine_one(scene, &solver, &search, trial, &breakdown))
@@ -64,6 +76,7 @@ fn examine_one(
     )?;
     let stable = solution.outcome.is_converged();
     let active = pattern.cells().contains(&1);
+    let searched = trial.to_the_limit.then(|| search.outcome(pattern));
     Ok(Examined {
         pattern: trial.name.clone(),
         compression: -Survey::of(&states, scene.shear_modulus_pa()).smallest_stress,
@@ -72,11 +85,8 @@ fn examine_one(
             false if active => breakdown_ratio_at_rest(breakdown, scene),
             false => 0.0,
         },
-        limit: if trial.to_the_limit {
-            search.unrefined(pattern)
-        } else {
-            None
-        },
+        limit: searched.and_then(|outcome| search.of_outcome(outcome)),
         stable,
+        given_up: [Some(solution.outcome), searched].contains(&Some(Outcome::WorkLimit)),
     })
 }

@@ -10,7 +10,7 @@
 //!
 //! Neo-Hookean as λL → ∞. At finite λL the modulus of the undeformed elastomer is larger than μ, by 3/(5λL²) at first order.
 
-use super::{AtRest, Form, Response, Significance, StiffeningLaw};
+use super::{Form, Response, StiffeningLaw};
 use crate::base::{Decimal, parameters};
 
 parameters! {
@@ -35,16 +35,5 @@ impl StiffeningLaw for ArrudaBoyce {
             origin: 0.0,
             scale: 3.0 * locking * locking,
         })
-    }
-
-    fn significance(&self, at: &AtRest) -> Significance {
-        let (i, locking) = (at.invariant(), self.locking_stretch.to_f64());
-        let y = (i + 3.0) / (3.0 * locking.powi(2));
-        Significance {
-            // A network of such chains locks at I₁ = 3λL².
-            quantity: "(I1 − 3)/(3λL² − 3)",
-            number: i / (3.0 * (locking.powi(2) - 1.0)),
-            stress_change: (1.0 - (6.0 * y + y * y - 2.0 * y.powi(3)) / 15.0) / (1.0 - y).max(1e-3) - 1.0,
-        }
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! W = −½μ Jm ln(1 − (I₁ − 3)/Jm), so 2ψ′/μ = 1/(1 − (I₁ − 3)/Jm). Neo-Hookean as Jm → ∞.
 
-use super::{AtRest, Form, Response, Significance, StiffeningLaw};
+use super::{Form, Response, StiffeningLaw};
 use crate::base::{Decimal, parameters};
 
 parameters! {
@@ -26,14 +26,5 @@ impl StiffeningLaw for Gent {
             origin: 3.0,
             scale: self.jm.to_f64(),
         })
-    }
-
-    fn significance(&self, at: &AtRest) -> Significance {
-        let number = at.invariant() / self.jm.to_f64();
-        Significance {
-            quantity: "(I1 − 3)/Jm",
-            number,
-            stress_change: number / (1.0 - number).max(1e-3),
-        }
     }
 }

@@ -1,6 +1,6 @@
 //! Strain stiffening: the laws by which an elastomer stiffens at large strains, one per file, and the table of them.
 //!
-//! A law states its parameters, its energy as one of the forms that kernels are compiled for, and what screening compares. It
+//! A law states its parameters, and its energy as one of the forms that kernels are compiled for. It
 //! is normalised by the shear modulus μ of the material. A program may hand a law of its own to the solver.
 
 mod arruda_boyce;
@@ -24,9 +24,6 @@ pub trait StiffeningLaw {
     /// The energy, in a form that kernels are compiled for, at a shear modulus in Pa.
     fn form(&self, shear_modulus_pa: f64) -> Form;
 
-    /// How much it matters in the prestretched membrane at rest.
-    fn significance(&self, at: &AtRest) -> Significance;
-
     /// Refuses a law that contradicts the shear modulus of the material, in Pa; `node` is its mapping.
     ///
     /// # Errors
@@ -35,34 +32,6 @@ pub trait StiffeningLaw {
         let _ = (node, shear_modulus_pa);
         Ok(())
     }
-}
-
-/// The prestretched membrane at rest.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct AtRest {
-    /// Equibiaxial prestretch λp.
-    pub prestretch: f64,
-    /// Shear modulus μ of the material, Pa.
-    pub shear_modulus_pa: f64,
-}
-
-impl AtRest {
-    /// I₁ − 3.
-    #[must_use]
-    pub fn invariant(&self) -> f64 {
-        2.0 * self.prestretch.powi(2) + self.prestretch.powi(-4) - 3.0
-    }
-}
-
-/// How much a law matters.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Significance {
-    /// What the number is, as a formula.
-    pub quantity: &'static str,
-    /// The number that screening compares.
-    pub number: f64,
-    /// How far the stress is from that of the neo-Hookean law, as a share of that.
-    pub stress_change: f64,
 }
 
 /// Declares the table: the word after `model:`, and the parameters of the law.

@@ -3,7 +3,7 @@
 //! W = C₁(I₁ − 3) + C₂(I₂ − 3) with C₁ + C₂ = ½μ, so 2ψ′/μ = 1 − 2C₂/μ with (C₂/μ)(I₂ − 3) beside it. Neo-Hookean where C₂ is
 //! zero. Under equibiaxial stress σ = 2(λ² − λ⁻⁴)(C₁ + C₂λ²): a positive C₂ stiffens what is stretched in both directions.
 
-use super::{AtRest, Form, Response, Significance, StiffeningLaw};
+use super::{Form, Response, StiffeningLaw};
 use crate::base::{Stress, parameters};
 
 parameters! {
@@ -23,15 +23,5 @@ impl StiffeningLaw for MooneyRivlin {
     fn form(&self, shear_modulus_pa: f64) -> Form {
         let second = self.c2.value() / shear_modulus_pa;
         Form::BothInvariants(Response::polynomial([1.0 - 2.0 * second, 0.0, 0.0]), second)
-    }
-
-    fn significance(&self, at: &AtRest) -> Significance {
-        let second = self.c2.value() / at.shear_modulus_pa;
-        let change = 2.0 * second * (at.prestretch.powi(2) - 1.0);
-        Significance {
-            quantity: "|σ/σ(neo-Hookean) − 1|",
-            number: change.abs(),
-            stress_change: change,
-        }
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! W = Σ (μₚ/αₚ)(λ₁^αₚ + λ₂^αₚ + λ₃^αₚ − 3) with ½ Σ μₚαₚ = μ. Neo-Hookean with the single exponent 2.
 
-use super::{AtRest, Form, Significance, StiffeningLaw};
+use super::{Form, StiffeningLaw};
 use crate::base::{Decimal, InputError, Map, Node, Stress, parameters};
 
 parameters! {
@@ -36,36 +36,12 @@ impl OgdenTerm {
 impl Ogden {
     /// An example.
     pub const EXAMPLE: &str = "{ model: ogden, terms: [ { mu: 45 kPa, alpha: 2 } ] }";
-
-    /// Equibiaxial stress over that of the neo-Hookean law; 1 without prestretch, where both vanish.
-    fn stress_ratio(&self, at: &AtRest) -> f64 {
-        let stretch = at.prestretch;
-        let stress = |mu: f64, alpha: f64| mu * (stretch.powf(alpha) - stretch.powf(-2.0 * alpha));
-        let base = stress(at.shear_modulus_pa, 2.0);
-        if base <= 0.0 {
-            return 1.0;
-        }
-        let terms = self.terms.iter();
-        terms
-            .map(|term| stress(term.mu.value(), term.alpha.to_f64()))
-            .sum::<f64>()
-            / base
-    }
 }
 
 impl StiffeningLaw for Ogden {
     fn form(&self, shear_modulus_pa: f64) -> Form {
         let term = |term: &OgdenTerm| (term.mu.value() / shear_modulus_pa, term.alpha.to_f64());
         Form::Stretches(self.terms.iter().map(term).collect())
-    }
-
-    fn significance(&self, at: &AtRest) -> Significance {
-        let change = self.stress_ratio(at) - 1.0;
-        Significance {
-            quantity: "|σ/σ(neo-Hookean) − 1|",
-            number: change.abs(),
-            stress_change: change,
-        }
     }
 
     /// The two moduli must agree to 1 %.

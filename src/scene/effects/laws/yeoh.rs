@@ -3,7 +3,7 @@
 //! W = ½μ(I₁ − 3) + C₂(I₁ − 3)² + C₃(I₁ − 3)³, so 2ψ′/μ = 1 + 4(C₂/μ)(I₁ − 3) + 6(C₃/μ)(I₁ − 3)². Neo-Hookean where both
 //! are zero.
 
-use super::{AtRest, Form, Response, Significance, StiffeningLaw};
+use super::{Form, Response, StiffeningLaw};
 use crate::base::{Stress, parameters};
 
 parameters! {
@@ -25,15 +25,5 @@ impl StiffeningLaw for Yeoh {
     fn form(&self, shear_modulus_pa: f64) -> Form {
         let [second, third] = [self.c2, self.c3].map(|c| c.value() / shear_modulus_pa);
         Form::FirstInvariant(Response::polynomial([1.0, 4.0 * second, 6.0 * third]))
-    }
-
-    fn significance(&self, at: &AtRest) -> Significance {
-        let (i, c2, c3) = (at.invariant(), self.c2.value(), self.c3.value());
-        let rise = 2.0 * (2.0 * c2 * i + 3.0 * c3 * i * i) / at.shear_modulus_pa;
-        Significance {
-            quantity: "|2ψ′/μ − 1|",
-            number: rise.abs(),
-            stress_change: rise,
-        }
     }
 }

@@ -1,0 +1,55 @@
+//! The half-active strip in closed form, to first order: how much of a material property would matter where it is not known.
+//!
+//! Half of a membrane is active and moves along one direction alone. In units of μ per prestretched area, and with a = λp⁻⁶, either half has the
+//! stiffness C = 1 + 3a, and voltage takes b = κλp² from the active one: the displacement is proportional to b/(2C − b).
+
+use super::effect::SMALL;
+use crate::scene::Scene;
+
+/// The strip of a scene.
+pub struct Strip {
+    /// λp.
+    prestretch: f64,
+    /// C.
+    stiffness: f64,
+    /// b.
+    load: f64,
+}
+
+impl Strip {
+    pub fn new(scene: &Scene) -> Self {
+        let prestretch = scene.prestretch();
+        Self {
+            prestretch,
+            stiffness: 1.0 + 3.0 * prestretch.powi(-6),
+            load: scene.kappa() * prestretch.powi(2),
+        }
+    }
+
+    /// 2C − b; what is left of it where the strip is lost.
+    fn remaining(&self) -> f64 {
+        let both = 2.0 * self.stiffness;
+        (both - self.load).max(0.1 * both)
+    }
+
+    /// Jm of Gent's law below which strain stiffening matters. With I₁ along the strip, I′ = 2λp² − 2λp⁻⁴ and I″ = 2λp² + 6λp⁻⁴, both
+    /// halves are stiffer by C (I₁ − 3 + I′²/I″)/Jm.
+    pub fn least_jm(&self) -> f64 {
+        let (square, fourth) = (self.prestretch.powi(2), self.prestretch.powi(-4));
+        let invariant = 2.0 * square + fourth - 3.0;
+        let (first, second) = (2.0 * (square - fourth), 2.0 * square + 6.0 * fourth);
+        let rise = 2.0 * self.stiffness * (invariant + first * first / second);
+        rise / (SMALL * self.remaining())
+    }
+
+    /// χ above which stiff electrodes matter: the active half is stiffer by 4χ.
+    pub fn least_electrode(&self) -> f64 {
+        SMALL * self.remaining() / 4.0
+    }
+
+    /// s above which a falling permittivity matters, where it was measured on the prestretched membrane: b is less by s/2, and takes less by
+    /// 3s/2 from the stiffness.
+    pub fn least_decay(&self) -> f64 {
+        SMALL / (0.5 + 1.5 * self.load / self.remaining())
+    }
+}

@@ -1,0 +1,112 @@
+//! What is known about an effect in a scene.
+
+use super::comparison::Comparison;
+use crate::fem::effects::{Assessment, Effect, Verdict};
+use crate::scene::Effects;
+
+/// What is known about an effect in a scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Row {
+    /// Its name in a scene.
+    pub effect: &'static str,
+    /// How much it matters.
+    pub assessment: Assessment,
+    /// Whether it is simulated.
+    pub status: Status,
+    /// What it would cost, in words.
+    pub cost: &'static str,
+    /// What it does to the displacement of each pattern; none where it is judged otherwise.
+    pub comparisons: Vec<Comparison>,
+}
+
+/// Whether an effect is simulated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Status {
+    /// The scene names it, or screening turned it on.
+    On,
+    /// It could be simulated and is not.
+    Off,
+    /// It cannot be simulated yet.
+    NotAvailable,
+}
+
+impl Status {
+    /// `on`, `off` or `not available`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::On => "on",
+            Self::Off => "off",
+            Self::NotAvailable => "not available",
+        }
+    }
+}
+
+impl Row {
+    pub(super) fn new(effect: &dyn Effect, judged: Judged, effects: &Effects) -> Self {
+        let status = match effect.is_on(effects) {
+            Some(true) => Status::On,
+            Some(false) => Status::Off,
+            None => Status::NotAvailable,
+        };
+        Self {
+            effect: effect.name(),
+            assessment: judged.assessment,
+            status,
+            cost: effect.cost(),
+            comparisons: judged.comparisons,
+        }
+    }
+
+    /// The warning that belongs to an effect that is called for and not simulated: what it does, its number and the threshold. So
+    /// does one to an effect whose comparison took more work than is allowed.
+    #[must_use]
+    pub fn warning(&self) -> Option<String> {
+        let Assessment {
+            quantity,
+            threshold,
+            verdict,
+            change,
+            number,
+            ..
+        } = &self.assessment;
+        let state = match self.status {
+            Status::On => return None,
+            Status::Off => "is neglected",
+            Status::NotAvailable => "cannot be simulated yet",
+        };
+        let given_up = *verdict == Verdict::Unknown && self.comparisons.iter().any(Comparison::is_unknown);
+        if *verdict != Verdict::CalledFor && !given_up {
+            return None;
+        }
+        let name = self.effect.replace('_', " ");
+        let compared = number.filter(|_| !given_up);
+        let compared = compared.map(|number| format!(" ({quantity} = {number:.3} > {threshold})"));
+        Some(format!("{name} {state} and {change}{}", compared.unwrap_or_default()))
+    }
+}
+
+/// How much an effect matters, and the comparisons that say so.
+pub(super) struct Judged {
+    pub assessment: Assessment,
+    pub comparisons: Vec<Comparison>,
+}
+
+impl Judged {
+    /// By its comparisons.
+    pub fn by(comparisons: Vec<Comparison>) -> Self {
+        Self {
+            assessment: super::comparison::assess(&comparisons),
+            comparisons,
+        }
+    }
+}
+
+impl From<Assessment> for Judged {
+    fn from(assessment: Assessment) -> Self {
+        Self {
+            assessment,
+            comparisons: Vec::new(),
+        }
+    }
+}

@@ -1,0 +1,179 @@
+//! Screening a scene for effects.
+
+use super::bench::Bench;
+use super::row::{Judged, Row};
+use super::solution;
+use super::trial::{Trial, reference_patterns};
+use crate::fem::effects::{Assessment, DISPLACED, EFFECTS, Effect, NEAR, SMALL, Solutions, Verdict};
+use crate::fem::{SetupError, WorkLimit};
+use crate::field::Mesh;
+use crate::scene::{Effects, Scene};
+
+/// The end of the stable branch is searched for up to the voltage of the scene over the root of this share of κ: what is
+/// further away does not matter, and stiffening laws make it dear to find.
+const FAR: f64 = 0.1;
+/// The part of all work of a pattern that its comparisons may take; the rest goes to its solution and its loss of stability.
+const COMPARING: f64 = 0.5;
+
+/// All effects that are known, screened for a scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Screening {
+    /// The scene with the effects that are simulated: those that it names, or those that were found to be called for
+    /// where it says `effects: auto`.
+    pub scene: Scene,
+    /// One row for each effect.
+    pub rows: Vec<Row>,
+}
+
+impl Screening {
+    /// The warnings, in the order of the rows.
+    #[must_use]
+    pub fn warnings(&self) -> Vec<String> {
+        self.rows.iter().filter_map(Row::warning).collect()
+    }
+}
+
+/// Screens a scene for all effects with named patterns.
+///
+/// # Errors
+/// When the scene's effects cannot be simulated.
+pub fn screen(scene: &Scene, patterns: &[Trial]) -> Result<Screening, SetupError> {
+    screen_within(scene, patterns, WorkLimit::default())
+}
+
+/// The same with another limit of work for each pattern.
+///
+/// # Errors
+/// As [`screen`].
+pub fn screen_within(scene: &Scene, patterns: &[Trial], limit: WorkLimit) -> Result<Screening, SetupError> {
+    Run::new(&EFFECTS, scene, patterns, limit).finish()
+}
+
+/// Screens a scene for some effects.
+///
+/// # Errors
+/// As [`screen`].
+pub fn screen_for(effects: &[&dyn Effect], scene: &Scene, patterns: &[Trial]) -> Result<Screening, SetupError> {
+    Run::new(effects, scene, patterns, WorkLimit::default()).finish()
+}
+
+/// Screens a scene with [`reference_patterns`].
+///
+/// # Errors
+/// As [`screen`].
+pub fn screen_by_references(scene: &Scene) -> Result<Screening, SetupError> {
+    screen(scene, &reference_patterns())
+}
+
+/// A screening on the way. Effects are taken one after the other, and each is compared beside those that are simulated: the ones
+/// that the scene names or, where it leaves them open, the ones before it that are called for.
+struct Run<'a> {
+    effects: &'a [&'a dyn Effect],
+    scene: &'a Scene,
+    patterns: &'a [Trial],
+    limit: WorkLimit,
+    /// What is simulated.
+    chosen: Effects,
+    bench: Bench,
+}
+
+impl<'a> Run<'a> {
+    fn new(effects: &'a [&'a dyn Effect], scene: &'a Scene, patterns: &'a [Trial], limit: WorkLimit) -> Self {
+        Self {
+            effects,
+            scene,
+            patterns,
+            limit,
+            chosen: scene.effects.clone(),
+            bench: Bench::new(patterns, limit.part(COMPARING)),
+        }
+    }
+
+    fn finish(mut self) -> Result<Screening, SetupError> {
+        let mut judged = Vec::with_capacity(self.effects.len());
+        for effect in self.effects {
+            judged.push(self.before_solutions(*effect)?);
+        }
+        let trial = self.scene.with_effects(Effects {
+            wrinkling: None,
+            ..self.chosen.clone()
+        });
+        let reach = self.reach();
+        let examined = solution::examine(&trial, self.patterns, reach, self.limit.part(1.0 - COMPARING))?;
+        let solutions = Solutions {
+            examined: &examined,
+            reach,
+        };
+        for (effect, judged) in self.effects.iter().zip(&mut judged) {
+            if judged.is_some() {
+                continue;
+            }
+            let Some(assessment) = effect.assess_solutions(&trial, &solutions) else {
+                continue;
+            };
+            self.turn_on_if_called_for(*effect, &assessment);
+            *judged = Some(assessment.into());
+        }
+        let rows = self.effects.iter().zip(judged);
+        let rows = rows.filter_map(|(effect, judged)| Some(Row::new(*effect, judged?, &self.chosen)));
+        Ok(Screening {
+            rows: rows.collect(),
+            scene: self.scene.with_effects(self.chosen),
+        })
+    }
+
+    /// How far the loss of stability is searched for: a run need only know whether it is near; a table may look further.
+    fn reach(&self) -> f64 {
+        match self.patterns.iter().all(|trial| trial.to_the_limit) {
+            true => FAR,
+            false => NEAR,
+        }
+    }
+
+    /// Judges an effect by the scene alone or by what it does to the displacement; `None` where solutions are to tell.
+    fn before_solutions(&mut self, effect: &dyn Effect) -> Result<Option<Judged>, SetupError> {
+        if let Some(assessment) = effect.assess(self.scene) {
+            self.turn_on_if_called_for(effect, &assessment);
+            return Ok(Some(assessment.into()));
+        }
+        let Some(mesh) = effect.compared_on() else {
+            return Ok(None);
+        };
+        self.bench.prepare(&self.scene.with_effects(self.chosen.clone()), mesh)?;
+        self.compare(effect, mesh).map(Some)
+    }
+
+    fn compare(&mut self, effect: &dyn Effect, mesh: Mesh) -> Result<Judged, SetupError> {
+        let is_on = effect.is_on(&self.chosen) == Some(true);
+        let mut others = self.chosen.clone();
+        if is_on {
+            effect.turn_off(&mut others);
+        } else {
+            effect.turn_on(&mut others, self.scene);
+        }
+        let other = match self.bench.solve(&self.scene.with_effects(others.clone()), mesh) {
+            Ok(other) => other,
+            Err(refusal) if self.scene.auto => return Err(refusal),
+            Err(refusal) => return Ok(refused(&refusal).into()),
+        };
+        let judged = Judged::by(self.bench.compare(&other, !is_on)?);
+        if self.scene.auto && judged.assessment.verdict == Verdict::CalledFor {
+            self.chosen = others;
+            self.bench.adopt(other);
+        }
+        Ok(judged)
+    }
+
+    /// Turns on what is called for, with the parameters that the scene knows, where the scene leaves it open.
+    fn turn_on_if_called_for(&mut self, effect: &dyn Effect, assessment: &Assessment) {
+        if self.scene.auto && assessment.verdict == Verdict::CalledFor {
+            effect.turn_on(&mut self.chosen, self.scene);
+        }
+    }
+}
+
+/// An effect that the scene has data for and that cannot be simulated with them.
+fn refused(refusal: &SetupError) -> Assessment {
+    let change = format!("cannot be compared: {refusal}");
+    Assessment::open(DISPLACED, Verdict::CalledFor, SMALL, change)
+}
