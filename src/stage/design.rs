@@ -114,7 +114,7 @@ impl Kind for DesignKind {
     }
 
     fn recipe(&self) -> u32 {
-        4
+        5
     }
 
     fn needs(&self) -> Needs {
