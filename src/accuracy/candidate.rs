@@ -57,7 +57,9 @@ impl Candidate {
     #[must_use]
     pub fn schema() -> Schema {
         let settings = Fields::new("A method with its mesh, or an accuracy.");
-        let settings = SolverParameters::schema(settings, Mesh::bilinear(2)).without("tolerance").without("time_limit");
+        let settings = SolverParameters::schema(settings, Mesh::bilinear(2))
+            .without("tolerance")
+            .without("time_limit");
         let list = Schema::list(Schema::any_of([Method::schema(&()), settings.into()]), 1, usize::MAX);
         list.distinct()
             .description("What is measured: words, or mappings with the keys of a solve stage.")

@@ -80,7 +80,7 @@ impl SolveArguments {
             .map_or(MeshRequest::Fixed(self.mesh()), MeshRequest::Accuracy);
         SolverParameters::new(self.method, request)
             .with_tolerance(self.options().tolerance)
-            .with_time_limit(self.time.time_limit.clone())
+            .with_time_limit(self.time.time_limit)
     }
 }
 

@@ -32,7 +32,11 @@ pub struct Membrane {
 /// # Errors
 /// When the solver cannot be set up, or the membrane has no stable state at this voltage.
 pub fn simulate(design: &Design, options: SolveOptions) -> Result<Membrane, CliError> {
-    let screened = Screened::for_patterns(&design.scene, std::slice::from_ref(&design.pattern), WorkLimit::default())?;
+    let screened = Screened::for_patterns(
+        &design.scene,
+        std::slice::from_ref(&design.pattern),
+        WorkLimit::default(),
+    )?;
     let solver = MembraneSolver::new(&screened.scene, options)?;
     let solution = solver.solve(&design.pattern);
     if !solution.outcome.is_converged() {

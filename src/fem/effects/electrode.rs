@@ -79,7 +79,10 @@ impl Effect for ElectrodeStiffness {
     }
 
     fn assess(&self, scene: &Scene) -> Option<Assessment> {
-        let known = [&scene.effects.electrode_stiffness, &scene.properties.electrode_stiffness];
+        let known = [
+            &scene.effects.electrode_stiffness,
+            &scene.properties.electrode_stiffness,
+        ];
         known.iter().all(|layer| layer.is_none()).then(|| {
             // Pa·mm are mN/m.
             let least = 1e-3 * Strip::new(scene).least_electrode() * scene.shear_modulus_pa() * scene.thickness_mm();

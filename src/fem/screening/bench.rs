@@ -89,7 +89,11 @@ impl Bench {
         let Some(current) = &self.current else {
             return Ok(Vec::new());
         };
-        let sides = if other_has_it { [current, other] } else { [other, current] };
+        let sides = if other_has_it {
+            [current, other]
+        } else {
+            [other, current]
+        };
         let all = self.patterns.par_iter().zip(&self.left).enumerate();
         let found: Vec<(Comparison, u64)> = all
             .map(|(at, ((name, pattern), left))| {
@@ -125,7 +129,11 @@ fn displacement(
         return Ok((Some(Displacement::between(before, after, scene.voltage_v())), 0));
     }
     let losses = solutions.iter().filter_map(|solution| solution.outcome.bracket());
-    let Some(lowest) = losses.map(|[stable, _]| stable).reduce(f64::min).filter(|low| *low > 0.0) else {
+    let Some(lowest) = losses
+        .map(|[stable, _]| stable)
+        .reduce(f64::min)
+        .filter(|low| *low > 0.0)
+    else {
         return Ok((None, 0));
     };
     let voltage = BELOW * lowest;

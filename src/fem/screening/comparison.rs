@@ -202,11 +202,19 @@ mod tests {
         for outcomes in [[Outcome::Converged, lost()], [lost(), Outcome::Converged]] {
             let found = assess(&[one(outcomes, Some(0.001))]);
             assert_eq!(found.verdict, Verdict::CalledFor);
-            assert!(found.change.starts_with("decides whether `p` is stable"), "{}", found.change);
+            assert!(
+                found.change.starts_with("decides whether `p` is stable"),
+                "{}",
+                found.change
+            );
         }
         let found = assess(&[one([lost(), lost()], Some(0.01))]);
         assert_eq!(found.verdict, Verdict::NotCalledFor);
-        assert!(found.change.ends_with("just below its loss of stability"), "{}", found.change);
+        assert!(
+            found.change.ends_with("just below its loss of stability"),
+            "{}",
+            found.change
+        );
     }
 
     #[test]

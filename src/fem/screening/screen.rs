@@ -139,7 +139,8 @@ impl<'a> Run<'a> {
         let Some(mesh) = effect.compared_on() else {
             return Ok(None);
         };
-        self.bench.prepare(&self.scene.with_effects(self.chosen.clone()), mesh)?;
+        self.bench
+            .prepare(&self.scene.with_effects(self.chosen.clone()), mesh)?;
         self.compare(effect, mesh).map(Some)
     }
 

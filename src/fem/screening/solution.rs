@@ -26,12 +26,7 @@ const SEARCHING: f64 = 0.4;
 ///
 /// # Errors
 /// When the scene cannot be simulated.
-pub fn examine(
-    scene: &Scene,
-    patterns: &[Trial],
-    reach: f64,
-    limit: WorkLimit,
-) -> Result<Vec<Examined>, SetupError> {
+pub fn examine(scene: &Scene, patterns: &[Trial], reach: f64, limit: WorkLimit) -> Result<Vec<Examined>, SetupError> {
     let breakdown = breakdown_strength_or_usual(scene);
     let solver = MembraneSolver::new(scene, MESH)?.within(limit.part(SOLVING));
     let search = CriticalSearch::new(&scene.at_voltage(scene.voltage_v() / reach.sqrt()), MESH)?;

@@ -179,9 +179,14 @@ fn auto_leaves_a_fringe_alone_that_is_wider_than_theory_bears() {
 fn an_effect_that_is_called_for_and_off_is_a_warning_with_its_number() {
     let warnings = screen_by_references(&Scene::vhb4910()).unwrap().warnings();
     let (words, number) = warnings[0].split_once(" (").unwrap();
-    assert!(words.starts_with("fringe field is neglected and changes displacement by "), "{words}");
+    assert!(
+        words.starts_with("fringe field is neglected and changes displacement by "),
+        "{words}"
+    );
     assert!(words.ends_with(" % for `one cell`"), "{words}");
-    let number = number.strip_prefix("max |Δu|/max |u| = ").and_then(|rest| rest.strip_suffix(" > 0.02)"));
+    let number = number
+        .strip_prefix("max |Δu|/max |u| = ")
+        .and_then(|rest| rest.strip_suffix(" > 0.02)"));
     assert!(number.unwrap().parse::<f64>().unwrap() > 0.02, "{warnings:?}");
 }
 
@@ -258,10 +263,18 @@ fn patterns_of_somebody_are_not_warned_of_what_changes_others() {
     // A fringe field moves the edge of half a membrane by a few micrometres in fifty millimetres.
     let half = Pattern::from_fn(|x, _| x < 25);
     let screened = Screened::for_patterns(&Scene::vhb4910(), &[half], WorkLimit::default()).unwrap();
-    assert!(!screened.warnings.iter().any(|w| w.starts_with("fringe")), "{:?}", screened.warnings);
+    assert!(
+        !screened.warnings.iter().any(|w| w.starts_with("fringe")),
+        "{:?}",
+        screened.warnings
+    );
     let cell = Pattern::from_fn(|x, y| (x, y) == (25, 25));
     let screened = Screened::for_patterns(&Scene::vhb4910(), &[cell], WorkLimit::default()).unwrap();
-    assert!(screened.warnings[0].contains("for `pattern 0`"), "{:?}", screened.warnings);
+    assert!(
+        screened.warnings[0].contains("for `pattern 0`"),
+        "{:?}",
+        screened.warnings
+    );
 }
 
 #[test]
@@ -286,9 +299,16 @@ fn an_effect_that_saves_a_membrane_from_its_loss_decides() {
     let row = row(&scene, names::STIFFENING);
     let cell = row.comparisons.iter().find(|one| one.pattern == "one cell").unwrap();
     let found = cell.displacement.unwrap();
-    assert!(cell.is_decisive() && found.voltage < 6100.0 && found.change < -0.02, "{cell:?}");
+    assert!(
+        cell.is_decisive() && found.voltage < 6100.0 && found.change < -0.02,
+        "{cell:?}"
+    );
     assert_eq!(row.assessment.verdict, Verdict::CalledFor);
-    assert!(row.assessment.change.starts_with("decides whether "), "{}", row.assessment.change);
+    assert!(
+        row.assessment.change.starts_with("decides whether "),
+        "{}",
+        row.assessment.change
+    );
 }
 
 #[test]
@@ -296,10 +316,16 @@ fn what_cannot_be_simulated_with_the_data_at_hand_says_so() {
     let mut scene = Scene::vhb4910();
     scene.properties.strain_stiffening = Some(gent("10"));
     let beyond = row(&scene, names::STIFFENING);
-    assert_eq!((beyond.assessment.number, beyond.assessment.verdict), (None, Verdict::CalledFor));
+    assert_eq!(
+        (beyond.assessment.number, beyond.assessment.verdict),
+        (None, Verdict::CalledFor)
+    );
     assert!(beyond.warning().unwrap().contains("beyond its limiting stretch"));
     scene.auto = true;
-    assert!(matches!(screen_by_references(&scene), Err(SetupError::LimitingStretch { .. })));
+    assert!(matches!(
+        screen_by_references(&scene),
+        Err(SetupError::LimitingStretch { .. })
+    ));
 }
 
 #[test]
@@ -312,6 +338,50 @@ fn a_screening_does_not_depend_on_threads() {
         pool.install(|| screen_by_references(&scene).unwrap())
     };
     assert_eq!(with(1), with(3));
+}
+
+/// A number of the table in docs/effects.md.
+fn shown(row: &Row) -> String {
+    let digits = |number: f64| match number.abs() {
+        small if small < 1e-3 => format!("{number:.5}"),
+        small if small < 0.1 => format!("{number:.4}"),
+        _ => format!("{number:.3}"),
+    };
+    match (row.assessment.number, row.assessment.verdict) {
+        (Some(number), Verdict::CalledFor) => format!("**{}**", digits(number)),
+        (Some(number), Verdict::NotCalledFor) => digits(number),
+        (None, Verdict::CalledFor) => "**–**".to_owned(),
+        (None, Verdict::NotCalledFor) => "–".to_owned(),
+        (_, Verdict::Unknown) => "?".to_owned(),
+    }
+}
+
+#[test]
+fn the_table_of_five_scenes_is_that_of_the_documentation() {
+    let scenes = [
+        "vhb4910",
+        "thin-film",
+        "low-prestretch",
+        "near-pull-in",
+        "stiff-electrodes",
+    ];
+    let screened = scenes.map(|name| screen_by_references(&scene_of(&format!("{name}.yaml"))).unwrap());
+    let row = |at: usize| {
+        let numbers = screened.each_ref().map(|one| shown(&one.rows[at]));
+        format!("| {} | {} |", screened[0].rows[at].effect, numbers.join(" | "))
+    };
+    let simulated = |(name, one): (&str, &Screening)| {
+        let on = one.rows.iter().filter(|row| row.status == Status::On);
+        format!(
+            "| {name} | {} |",
+            on.map(|row| row.effect).collect::<Vec<_>>().join(", ")
+        )
+    };
+    let rows = (0..screened[0].rows.len()).map(row);
+    let lines: Vec<String> = rows.chain(scenes.into_iter().zip(&screened).map(simulated)).collect();
+    let page = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/effects.md")).unwrap();
+    let missing = lines.iter().any(|line| !page.contains(line.as_str()));
+    assert!(!missing, "docs/effects.md should hold\n{}", lines.join("\n"));
 }
 
 /// A single cell at several times the voltage at which it would snap without stiffening, whose stable states are far away.
@@ -362,6 +432,11 @@ fn a_screening_far_beyond_the_loss_of_stability_ends_and_says_what_it_does_not_k
     let rows = screen(&on, &cell).unwrap().rows;
     let row = |name: &str| rows.iter().find(|row| row.effect == name).unwrap();
     assert_eq!(row(names::FRINGE).assessment.verdict, Verdict::Unknown);
-    assert!(row(names::FRINGE).warning().unwrap().contains("a longer time limit may tell more"));
+    assert!(
+        row(names::FRINGE)
+            .warning()
+            .unwrap()
+            .contains("a longer time limit may tell more")
+    );
     assert_eq!(row(names::STABILITY).assessment.verdict, Verdict::Unknown);
 }

@@ -362,7 +362,14 @@ impl Source {
 
 /// Words of other programs stand for fields unless they are known to stand for none.
 fn has_field(word: &str) -> bool {
-    let without = ["no-estimate", "pull-in", "not-elliptic", "slack", "iteration-limit", "work-limit"];
+    let without = [
+        "no-estimate",
+        "pull-in",
+        "not-elliptic",
+        "slack",
+        "iteration-limit",
+        "work-limit",
+    ];
     Outcome::names_field(word) || !without.contains(&word)
 }
 

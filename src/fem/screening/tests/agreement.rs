@@ -30,7 +30,11 @@ fn number(value: f64) -> Decimal {
 }
 
 fn pattern(stream: &mut Stream) -> (&'static str, Pattern) {
-    let (cx, cy, r) = (stream.range(15.0, 35.0), stream.range(15.0, 35.0), stream.range(4.0, 14.0));
+    let (cx, cy, r) = (
+        stream.range(15.0, 35.0),
+        stream.range(15.0, 35.0),
+        stream.range(4.0, 14.0),
+    );
     let distance = move |x: usize, y: usize| (x as f64 + 0.5 - cx).hypot(y as f64 + 0.5 - cy);
     let (width, level) = (2 + stream.index(12), stream.range(0.2, 0.8));
     let bits: Vec<bool> = (0..2500).map(|_| stream.chance(level)).collect();
@@ -41,7 +45,10 @@ fn pattern(stream: &mut Stream) -> (&'static str, Pattern) {
         3 => ("stripes", Pattern::from_fn(|x, _| (x / width) % 2 == 0)),
         4 => ("blocks", Pattern::from_fn(|x, y| (x / width + y / width) % 2 == 0)),
         5 => ("dither", Pattern::from_fn(|x, y| bits[50 * y + x])),
-        _ => ("one cell", Pattern::from_fn(|x, y| (x, y) == (cx as usize, cy as usize))),
+        _ => (
+            "one cell",
+            Pattern::from_fn(|x, y| (x, y) == (cx as usize, cy as usize)),
+        ),
     }
 }
 
@@ -63,7 +70,10 @@ fn stiffening(law: &str, scene: &Scene, stream: &mut Stream) -> Stiffening {
             let mu = |share: f64, alpha: Decimal| Stress::from_f64(2.0 * modulus * share / alpha.to_f64()).unwrap();
             Stiffening::Ogden(Ogden {
                 terms: [(share, one), (1.0 - share, other)]
-                    .map(|(share, alpha)| OgdenTerm { mu: mu(share, alpha), alpha })
+                    .map(|(share, alpha)| OgdenTerm {
+                        mu: mu(share, alpha),
+                        alpha,
+                    })
                     .to_vec(),
             })
         }
@@ -79,7 +89,11 @@ fn stiffening(law: &str, scene: &Scene, stream: &mut Stream) -> Stiffening {
 /// A scene without effects that knows what it takes to simulate one.
 fn scene(effect: &str, law: &str, stream: &mut Stream) -> Scene {
     let low = effect == names::WRINKLING;
-    let prestretch = if low { stream.range(1.02, 1.3) } else { stream.range(1.1, 4.0) };
+    let prestretch = if low {
+        stream.range(1.02, 1.3)
+    } else {
+        stream.range(1.1, 4.0)
+    };
     let prestretch = number(prestretch).to_f64();
     let side = number(stream.range(20.0, 100.0)).to_f64();
     // The fringe reaches 0.2206 of the thickness of the prestretched membrane.
@@ -189,7 +203,13 @@ fn report(count: usize) -> (String, usize) {
             ]
             .map(|share| format!("{:.2}", 100.0 * share));
             let mark = if missed(&d) { " ✗" } else { "" };
-            writeln!(text, "| {effect} | {law} | {}{mark} | {} |", d.pattern, values.join(" | ")).unwrap();
+            writeln!(
+                text,
+                "| {effect} | {law} | {}{mark} | {} |",
+                d.pattern,
+                values.join(" | ")
+            )
+            .unwrap();
         }
         failed += drawn.iter().filter(missed).count();
     }
