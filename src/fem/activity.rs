@@ -1,6 +1,5 @@
 //! Where a pattern is active on a mesh, element by element.
 
-use crate::field::Mesh;
 use crate::pattern::Pattern;
 
 use super::grid::Grid;
@@ -42,18 +41,18 @@ impl Precision for f32 {
 #[derive(Clone, Debug)]
 pub struct Activity {
     grid: Grid,
-    /// Of each element, in rows of [`Mesh::part`] numbers.
+    /// Of each element, in rows of [`crate::field::Mesh::part`] numbers.
     values: Both,
     /// The size of each column or row of elements; where they differ.
     sizes: Option<Both>,
 }
 
 impl Activity {
-    /// The activity of a pattern on a uniform mesh.
+    /// The activity of a pattern; a mesh has elements of one size.
     #[must_use]
-    pub fn new(mesh: Mesh, pattern: &Pattern) -> Self {
+    pub fn new(grid: impl Into<Grid>, pattern: &Pattern) -> Self {
         let share = |x: usize, y: usize| f64::from(u8::from(pattern.is_active(x, y)));
-        Self::from_shares(Grid::uniform(mesh), share)
+        Self::from_shares(grid.into(), share)
     }
 
     /// Cells (column, row) that are active to a share: what derivatives with respect to the pattern are derivatives of.
@@ -94,7 +93,7 @@ impl Activity {
         self.grid
     }
 
-    /// The activity of each element, in rows of [`Mesh::part`] numbers.
+    /// The activity of each element, in rows of [`crate::field::Mesh::part`] numbers.
     #[must_use]
     pub fn elements(&self) -> &[f64] {
         &self.values.double

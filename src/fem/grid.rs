@@ -84,6 +84,12 @@ impl Grid {
     }
 }
 
+impl From<Mesh> for Grid {
+    fn from(mesh: Mesh) -> Self {
+        Self::uniform(mesh)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -23,6 +23,8 @@ const CLEAR: f32 = 0.5;
 /// The load in units of the critical one of a membrane that is active everywhere, below which no pattern is within a tenth of
 /// its critical voltage: a single cell, which goes first, is lost at 0.30.
 const FAR: f64 = 0.24;
+/// The part of the usual work for a pattern that a look at whether a finer mesh could refuse it may take on each mesh.
+const WATCHING: f64 = 0.4;
 /// How far above a voltage the finer mesh must be stable for the voltage to be kept beyond doubt.
 const ROOM: f64 = 1.08;
 
@@ -59,7 +61,7 @@ impl CriticalSearch {
                 tolerance: self.coarse.tolerance,
             };
             let fine = MembraneSolver::new(&self.coarse.scene, options).ok()?;
-            Some(fine.within(self.coarse.limit.part(0.5)))
+            Some(fine.within_iterations(self.coarse.limit.part(0.5)))
         };
         self.fine.get_or_init(set_up).as_ref()
     }
@@ -73,7 +75,8 @@ impl CriticalSearch {
             Order::Bilinear => options.mesh,
             Order::Biquadratic => Mesh::biquadratic(options.mesh.elements_per_cell().min(2)),
         };
-        Self::new(scene, SolveOptions { mesh, ..options })
+        let search = Self::new(scene, SolveOptions { mesh, ..options })?;
+        Ok(search.within(WorkLimit::default().part(WATCHING)))
     }
 
     /// Whether no pattern loses stability anywhere near the voltage of a scene: nothing need be solved to know that all keep it.
@@ -102,7 +105,7 @@ impl CriticalSearch {
     #[must_use]
     pub fn within(self, limit: WorkLimit) -> Self {
         Self {
-            coarse: self.coarse.within(limit),
+            coarse: self.coarse.within_iterations(limit),
             fine: OnceLock::new(),
         }
     }
@@ -169,8 +172,15 @@ impl CriticalSearch {
     /// The critical voltage of a pattern where it is expected near a voltage in V; `None` where it is not found within a fifth above.
     #[must_use]
     pub fn near(&self, pattern: &Pattern, expected: f64) -> Option<CriticalVoltage> {
-        let coarse = self.coarse.limit_between(pattern, around(expected))?;
+        let coarse = self.near_on_coarse(pattern, expected)?;
         Some(self.refine(pattern, coarse.voltage))
+    }
+
+    /// The same by the coarser mesh alone.
+    #[must_use]
+    pub fn near_on_coarse(&self, pattern: &Pattern, expected: f64) -> Option<CriticalVoltage> {
+        let coarse = self.coarse.limit_between(pattern, around(expected))?;
+        Some(CriticalVoltage::new(coarse, None))
     }
 }
 

@@ -98,6 +98,15 @@ impl MembraneSolver {
         Self::of_model(scene, Model::new(scene)?, options)
     }
 
+    /// A solver on elements of another solver for the scene with a fringe field, so that solutions with it and without it differ by nothing
+    /// else.
+    ///
+    /// # Errors
+    /// As [`MembraneSolver::new`].
+    pub(super) fn on_grid(scene: &Scene, grid: Grid, tolerance: f64) -> Result<Self, SetupError> {
+        Self::of_grid(scene, Model::new(scene)?, grid.mesh(), grid, tolerance)
+    }
+
     /// A solver for a scene whose elastomer stiffens by a law that the scene does not know, in place of its own.
     ///
     /// # Errors
@@ -112,27 +121,35 @@ impl MembraneSolver {
             return Err(SetupError::Tolerance { found: tolerance });
         }
         let grid = model.grid(checked(mesh)?);
-        Ok(Self {
+        Self::of_grid(scene, model, mesh, grid, tolerance)
+    }
+
+    fn of_grid(scene: &Scene, model: Model, mesh: Mesh, grid: Grid, tolerance: f64) -> Result<Self, SetupError> {
+        let limit = WorkLimit::default();
+        let solver = Self {
             scene: scene.clone(),
             model,
             mesh,
             grid,
             tolerance,
             laplacian: Laplacian::of_grid(grid)?,
-            limit: WorkLimit::default(),
-        })
+            limit,
+        };
+        Ok(solver.within(limit))
     }
 
-    /// The same with another limit of work for each pattern.
+    /// The same with another limit of work for each pattern. Where a fringe field adds elements, it is less by half their ratio on a
+    /// logarithmic scale: an iteration takes longer, and as many are needed.
     #[must_use]
     pub fn within(self, limit: WorkLimit) -> Self {
-        Self { limit, ..self }
+        let [asked, all] = [self.mesh, self.grid.mesh()].map(|mesh| mesh.vector_len() as f64);
+        self.within_iterations(limit.part((asked / all).sqrt()))
     }
 
-    /// The scene.
+    /// The same with a limit of work on the elements that there are.
     #[must_use]
-    pub fn scene(&self) -> &Scene {
-        &self.scene
+    pub(super) fn within_iterations(self, limit: WorkLimit) -> Self {
+        Self { limit, ..self }
     }
 
     /// The mesh that was asked for. With a fringe field solutions have up to two elements more along a cell.

@@ -101,7 +101,7 @@ fn a_law_is_handed_to_the_solver_by_value() {
     assert!(moved(1e-3) < 0.9 * base && moved(1e-2) < moved(1e-3));
 }
 
-/// A membrane that sags under its weight: ρgL/μ, and by a solution whether it is taut.
+/// A membrane that sags under its weight: ρgL/μ, and by a solution whether it is stable.
 struct Sag;
 
 impl Effect for Sag {
@@ -114,12 +114,12 @@ impl Effect for Sag {
     }
 
     fn assess_solutions(&self, scene: &Scene, solutions: &Solutions<'_>) -> Option<Assessment> {
-        let taut = solutions.examined.iter().all(|one| one.compression < 0.0);
+        let stable = solutions.examined.iter().all(|one| one.stable);
         let number = 1000.0 * 9.81 * 1e-3 * scene.side_mm() / scene.shear_modulus_pa();
         Some(Assessment::known(
             "ρgL/μ",
             number,
-            if taut { 0.01 } else { 0.0 },
+            if stable { 0.01 } else { 0.0 },
             "sags".to_owned(),
         ))
     }

@@ -5,7 +5,6 @@
 //! scene alone, or from solutions for a few patterns.
 
 use crate::fem::critical::CriticalVoltage;
-use crate::field::Mesh;
 use crate::scene::{Effects, Scene};
 
 /// An effect beyond the base model.
@@ -32,10 +31,9 @@ pub trait Effect: Sync {
         let _ = effects;
     }
 
-    /// The mesh on which solutions with it are compared with solutions without it, where it is judged by what it does to the
-    /// displacement.
-    fn compared_on(&self) -> Option<Mesh> {
-        None
+    /// Whether it is judged by what it does to the displacement: solutions with it are compared with solutions without it.
+    fn moves_membrane(&self) -> bool {
+        false
     }
 
     /// How much it matters; `None` where a solution tells.
@@ -150,17 +148,14 @@ pub struct Solutions<'a> {
 pub struct Examined {
     /// Name of the pattern.
     pub pattern: String,
-    /// Largest −σ/μ over the cells.
-    pub compression: f64,
     /// Largest E/E_B over the cells.
     pub field: f64,
     /// The voltage at which stability is lost; `None` where it is not within reach.
     pub limit: Option<CriticalVoltage>,
-    /// Whether there is a stable state at the voltage of the scene. Where not, the compression is that of the last one before,
-    /// and the field that of the membrane at rest.
+    /// Whether there is a stable state at the voltage of the scene. Where not, the field is that of the membrane at rest.
     pub stable: bool,
-    /// The work that a pattern is allowed was done before its state or its loss of stability was found. Of a state that was not found, the
-    /// compression and the field are those of unstable ones.
+    /// The work that a pattern is allowed was done before its state or its loss of stability was found. Of a state
+    /// that was not found the field is that at rest too.
     pub given_up: bool,
 }
 
@@ -170,7 +165,7 @@ impl Solutions<'_> {
         let worst = self.examined.iter().max_by(|a, b| number(a).total_cmp(&number(b)))?;
         let state = match worst {
             Examined { stable: true, .. } => "",
-            Examined { given_up: true, .. } => ", whose state took more work than is allowed",
+            Examined { given_up: true, .. } => ", at rest: its state took more work than is allowed",
             _ => unstable,
         };
         Some((format!("is largest for `{}`{state}", worst.pattern), number(worst)))
@@ -180,5 +175,3 @@ impl Solutions<'_> {
 /// Change of displacement, as a share of the largest, that is worth an effect; and of stiffness, where an effect cannot be
 /// simulated yet.
 pub const SMALL: f64 = 0.02;
-/// The mesh on which solutions are compared unless an effect says otherwise.
-pub(super) const USUAL_MESH: Mesh = Mesh::biquadratic(1);

@@ -4,11 +4,10 @@
 //! active; in units of μH that is χ = μₑHₑ/μH times ½(i + j⁻² − 3). (It is the composite membrane of, for instance,
 //! Bozlar et al., Appl. Phys. Lett. 101 (2012) 091907, with thin electrodes.) Without effect as χ → 0.
 
-use super::effect::{Assessment, Effect, USUAL_MESH};
+use super::effect::{Assessment, Effect};
 use super::strip::Strip;
 use crate::fem::energy::{Invariants, Slopes, relief};
 use crate::fem::lanes::Value;
-use crate::field::Mesh;
 use crate::scene::effects::names;
 use crate::scene::{Effects, Electrode, Scene};
 
@@ -74,8 +73,8 @@ impl Effect for ElectrodeStiffness {
         effects.electrode_stiffness = None;
     }
 
-    fn compared_on(&self) -> Option<Mesh> {
-        Some(USUAL_MESH)
+    fn moves_membrane(&self) -> bool {
+        true
     }
 
     fn assess(&self, scene: &Scene) -> Option<Assessment> {

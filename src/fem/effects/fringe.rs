@@ -13,7 +13,7 @@
 
 use std::f64::consts::{LN_2, PI};
 
-use super::effect::{Assessment, DISPLACED, Effect, SMALL, USUAL_MESH, Verdict};
+use super::effect::{Assessment, DISPLACED, Effect, SMALL, Verdict};
 use crate::fem::error::SetupError;
 use crate::fem::grid::{Grid, THINNEST};
 use crate::fem::operator::Activity;
@@ -115,8 +115,8 @@ impl Effect for FringeField {
         effects.fringe_field = None;
     }
 
-    fn compared_on(&self) -> Option<Mesh> {
-        Some(USUAL_MESH)
+    fn moves_membrane(&self) -> bool {
+        true
     }
 
     fn assess(&self, scene: &Scene) -> Option<Assessment> {

@@ -115,11 +115,11 @@ impl Model {
         }
     }
 
-    /// Where a pattern is active on a grid of [`Model::grid`].
+    /// Where a pattern is active; with a fringe field on a grid of [`Model::grid`].
     #[must_use]
     pub fn activity(&self, grid: Grid, pattern: &Pattern) -> Activity {
         match &self.fringe {
-            None => Activity::new(grid.mesh(), pattern),
+            None => Activity::new(grid, pattern),
             Some(fringe) => fringe.activity(grid, pattern),
         }
     }

@@ -5,12 +5,11 @@
 //! Where ε was measured on the undeformed elastomer, J = λp²j makes b = κλp²·λp^(−2s); where it was measured on the
 //! prestretched membrane, J counts from there and b = κλp². Without effect as s → 0.
 
-use super::effect::{Assessment, Effect, USUAL_MESH};
+use super::effect::{Assessment, Effect};
 use super::strip::Strip;
 use crate::fem::energy::{Invariants, Slopes};
 use crate::fem::lanes::Value;
 use crate::fem::powers::power_minus_one;
-use crate::field::Mesh;
 use crate::scene::effects::names;
 use crate::scene::{Effects, PermittivityDecay, PermittivityReference, Scene};
 
@@ -114,8 +113,8 @@ impl Effect for StretchDependentPermittivity {
         effects.stretch_dependent_permittivity = None;
     }
 
-    fn compared_on(&self) -> Option<Mesh> {
-        Some(USUAL_MESH)
+    fn moves_membrane(&self) -> bool {
+        true
     }
 
     fn assess(&self, scene: &Scene) -> Option<Assessment> {

@@ -1,9 +1,8 @@
 //! Strain stiffening: elastomers of finite chains. The laws are in [`crate::scene::laws`];
 //! their kernels are in [`crate::fem::energy`].
 
-use super::effect::{Assessment, Effect, USUAL_MESH};
+use super::effect::{Assessment, Effect};
 use super::strip::Strip;
-use crate::field::Mesh;
 use crate::scene::effects::names;
 use crate::scene::{Effects, Scene};
 
@@ -31,8 +30,8 @@ impl Effect for StrainStiffening {
         effects.strain_stiffening = None;
     }
 
-    fn compared_on(&self) -> Option<Mesh> {
-        Some(USUAL_MESH)
+    fn moves_membrane(&self) -> bool {
+        true
     }
 
     fn assess(&self, scene: &Scene) -> Option<Assessment> {

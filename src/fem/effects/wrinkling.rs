@@ -29,10 +29,9 @@
 
 use pulp::{Simd, WithSimd};
 
-use super::effect::{Effect, USUAL_MESH};
+use super::effect::Effect;
 use crate::fem::energy::{Invariants, Potential, Rest, Slopes, slopes_apart};
 use crate::fem::lanes::Value;
-use crate::field::Mesh;
 use crate::scene::effects::names;
 use crate::scene::{Effects, On, Scene};
 
@@ -333,8 +332,8 @@ impl Effect for Wrinkling {
         effects.wrinkling = None;
     }
 
-    fn compared_on(&self) -> Option<Mesh> {
-        Some(USUAL_MESH)
+    fn moves_membrane(&self) -> bool {
+        true
     }
 }
 

@@ -4,7 +4,9 @@ use rayon::prelude::*;
 
 use super::comparison::{Comparison, Displacement};
 use super::trial::Trial;
-use crate::fem::{MembraneSolver, MeshSolution, SetupError, SolveOptions, WorkLimit};
+use crate::fem::effects::Model;
+use crate::fem::grid::Grid;
+use crate::fem::{MembraneSolver, MeshSolution, SetupError, WorkLimit};
 use crate::field::Mesh;
 use crate::pattern::Pattern;
 use crate::scene::Scene;
@@ -29,9 +31,19 @@ pub struct Side {
     solutions: Vec<MeshSolution>,
 }
 
-/// The mesh and tolerance of solutions that are compared.
-fn on(mesh: Mesh) -> SolveOptions {
-    SolveOptions { mesh, tolerance: 1e-7 }
+/// The residual of solutions that are compared.
+const TOLERANCE: f64 = 1e-7;
+
+/// The elements on which two scenes are compared: those that the one with a fringe field wants. It has up to three for one along a cell, of
+/// which bilinear ones are enough.
+fn elements([current, other]: [&Scene; 2]) -> Result<Grid, SetupError> {
+    let fringed = [current, other]
+        .into_iter()
+        .find(|scene| scene.effects.fringe_field.is_some());
+    match fringed {
+        Some(scene) => Ok(Model::new(scene)?.grid(Mesh::bilinear(1))),
+        None => Ok(Grid::uniform(Mesh::biquadratic(1))),
+    }
 }
 
 impl Bench {
@@ -49,12 +61,8 @@ impl Bench {
         }
     }
 
-    /// Solves for all patterns in a scene.
-    ///
-    /// # Errors
-    /// When the scene cannot be simulated.
-    pub fn solve(&mut self, scene: &Scene, mesh: Mesh) -> Result<Side, SetupError> {
-        let solver = MembraneSolver::new(scene, on(mesh))?;
+    fn solve(&mut self, scene: &Scene, grid: Grid) -> Result<Side, SetupError> {
+        let solver = MembraneSolver::on_grid(scene, grid, TOLERANCE)?;
         let work = self.patterns.par_iter().zip(&self.left);
         let solutions: Vec<MeshSolution> = work
             .map(|((_, pattern), left)| solver.solve_within(pattern, self.each.min(*left)))
@@ -65,15 +73,16 @@ impl Bench {
         Ok(Side { solver, solutions })
     }
 
-    /// Sees to it that the solutions of the scene as it stands are known on a mesh.
+    /// Solves for all patterns in another scene than that as it stands, whose solutions are known on the same elements from then on.
     ///
     /// # Errors
-    /// When the scene cannot be simulated.
-    pub fn prepare(&mut self, scene: &Scene, mesh: Mesh) -> Result<(), SetupError> {
-        if self.current.as_ref().is_none_or(|side| side.solver.mesh() != mesh) {
-            self.current = Some(self.solve(scene, mesh)?);
+    /// When a scene cannot be simulated.
+    pub fn prepare(&mut self, current: &Scene, other: &Scene) -> Result<Side, SetupError> {
+        let grid = elements([current, other])?;
+        if self.current.as_ref().is_none_or(|side| side.solver.grid != grid) {
+            self.current = Some(self.solve(current, grid)?);
         }
-        Ok(())
+        self.solve(other, grid)
     }
 
     /// Takes a side for that of the scene as it stands from here on.
@@ -124,9 +133,9 @@ fn displacement(
 ) -> Result<(Option<Displacement>, u64), SetupError> {
     let fields = [without.solver.field(solutions[0]), with.solver.field(solutions[1])];
     let [before, after] = &fields;
-    let scene = without.solver.scene();
     if solutions.iter().all(|solution| solution.outcome.is_converged()) {
-        return Ok((Some(Displacement::between(before, after, scene.voltage_v())), 0));
+        let voltage = without.solver.scene.voltage_v();
+        return Ok((Some(Displacement::between(before, after, voltage)), 0));
     }
     let losses = solutions.iter().filter_map(|solution| solution.outcome.bracket());
     let Some(lowest) = losses
@@ -139,7 +148,8 @@ fn displacement(
     let voltage = BELOW * lowest;
     let mut work = 0;
     let mut at = |side: &Side| {
-        let solver = MembraneSolver::new(&side.solver.scene().at_voltage(voltage), on(side.solver.mesh()))?;
+        let scene = side.solver.scene.at_voltage(voltage);
+        let solver = MembraneSolver::on_grid(&scene, side.solver.grid, TOLERANCE)?;
         let solution = solver.solve_within(pattern, limit);
         work += solution.work;
         Ok(solution.outcome.is_converged().then(|| solver.field(&solution)))

@@ -2,16 +2,12 @@
 
 use super::bench::Bench;
 use super::row::{Judged, Row};
-use super::solution;
-use super::trial::{Trial, reference_patterns};
-use crate::fem::effects::{Assessment, DISPLACED, EFFECTS, Effect, NEAR, SMALL, Solutions, Verdict};
+use super::solution::{self, Purpose};
+use super::trial::Trial;
+use crate::fem::effects::{Assessment, DISPLACED, EFFECTS, Effect, SMALL, Solutions, Verdict};
 use crate::fem::{SetupError, WorkLimit};
-use crate::field::Mesh;
 use crate::scene::{Effects, Scene};
 
-/// The end of the stable branch is searched for up to the voltage of the scene over the root of this share of κ: what is
-/// further away does not matter, and stiffening laws make it dear to find.
-const FAR: f64 = 0.1;
 /// The part of all work of a pattern that its comparisons may take; the rest goes to its solution and its loss of stability.
 const COMPARING: f64 = 0.5;
 
@@ -46,7 +42,20 @@ pub fn screen(scene: &Scene, patterns: &[Trial]) -> Result<Screening, SetupError
 /// # Errors
 /// As [`screen`].
 pub fn screen_within(scene: &Scene, patterns: &[Trial], limit: WorkLimit) -> Result<Screening, SetupError> {
-    Run::new(&EFFECTS, scene, patterns, limit).finish()
+    screen_to(Purpose::Table, scene, patterns, limit)
+}
+
+/// The same for another purpose.
+///
+/// # Errors
+/// As [`screen`].
+pub(super) fn screen_to(
+    purpose: Purpose,
+    scene: &Scene,
+    patterns: &[Trial],
+    limit: WorkLimit,
+) -> Result<Screening, SetupError> {
+    Run::new(&EFFECTS, scene, patterns, limit).finish(purpose)
 }
 
 /// Screens a scene for some effects.
@@ -54,15 +63,7 @@ pub fn screen_within(scene: &Scene, patterns: &[Trial], limit: WorkLimit) -> Res
 /// # Errors
 /// As [`screen`].
 pub fn screen_for(effects: &[&dyn Effect], scene: &Scene, patterns: &[Trial]) -> Result<Screening, SetupError> {
-    Run::new(effects, scene, patterns, WorkLimit::default()).finish()
-}
-
-/// Screens a scene with [`reference_patterns`].
-///
-/// # Errors
-/// As [`screen`].
-pub fn screen_by_references(scene: &Scene) -> Result<Screening, SetupError> {
-    screen(scene, &reference_patterns())
+    Run::new(effects, scene, patterns, WorkLimit::default()).finish(Purpose::Table)
 }
 
 /// A screening on the way. Effects are taken one after the other, and each is compared beside those that are simulated: the ones
@@ -89,30 +90,13 @@ impl<'a> Run<'a> {
         }
     }
 
-    fn finish(mut self) -> Result<Screening, SetupError> {
+    fn finish(mut self, purpose: Purpose) -> Result<Screening, SetupError> {
         let mut judged = Vec::with_capacity(self.effects.len());
         for effect in self.effects {
             judged.push(self.before_solutions(*effect)?);
         }
-        let trial = self.scene.with_effects(Effects {
-            wrinkling: None,
-            ..self.chosen.clone()
-        });
-        let reach = self.reach();
-        let examined = solution::examine(&trial, self.patterns, reach, self.limit.part(1.0 - COMPARING))?;
-        let solutions = Solutions {
-            examined: &examined,
-            reach,
-        };
-        for (effect, judged) in self.effects.iter().zip(&mut judged) {
-            if judged.is_some() {
-                continue;
-            }
-            let Some(assessment) = effect.assess_solutions(&trial, &solutions) else {
-                continue;
-            };
-            self.turn_on_if_called_for(*effect, &assessment);
-            *judged = Some(assessment.into());
+        if judged.iter().any(Option::is_none) {
+            self.by_solutions(purpose, &mut judged)?;
         }
         let rows = self.effects.iter().zip(judged);
         let rows = rows.filter_map(|(effect, judged)| Some(Row::new(*effect, judged?, &self.chosen)));
@@ -122,12 +106,28 @@ impl<'a> Run<'a> {
         })
     }
 
-    /// How far the loss of stability is searched for: a run need only know whether it is near; a table may look further.
-    fn reach(&self) -> f64 {
-        match self.patterns.iter().all(|trial| trial.to_the_limit) {
-            true => FAR,
-            false => NEAR,
+    /// Judges by solutions of the scene as it stands what is not judged yet.
+    fn by_solutions(&mut self, purpose: Purpose, judged: &mut [Option<Judged>]) -> Result<(), SetupError> {
+        let trial = self.scene.with_effects(Effects {
+            wrinkling: None,
+            ..self.chosen.clone()
+        });
+        let examined = solution::examine(&trial, self.patterns, purpose, self.limit.part(1.0 - COMPARING))?;
+        let solutions = Solutions {
+            examined: &examined,
+            reach: purpose.reach(),
+        };
+        for (effect, judged) in self.effects.iter().zip(judged) {
+            if judged.is_some() {
+                continue;
+            }
+            let Some(assessment) = effect.assess_solutions(&trial, &solutions) else {
+                continue;
+            };
+            self.turn_on_if_called_for(*effect, &assessment);
+            *judged = Some(assessment.into());
         }
+        Ok(())
     }
 
     /// Judges an effect by the scene alone or by what it does to the displacement; `None` where solutions are to tell.
@@ -136,15 +136,13 @@ impl<'a> Run<'a> {
             self.turn_on_if_called_for(effect, &assessment);
             return Ok(Some(assessment.into()));
         }
-        let Some(mesh) = effect.compared_on() else {
+        if !effect.moves_membrane() {
             return Ok(None);
-        };
-        self.bench
-            .prepare(&self.scene.with_effects(self.chosen.clone()), mesh)?;
-        self.compare(effect, mesh).map(Some)
+        }
+        self.compare(effect).map(Some)
     }
 
-    fn compare(&mut self, effect: &dyn Effect, mesh: Mesh) -> Result<Judged, SetupError> {
+    fn compare(&mut self, effect: &dyn Effect) -> Result<Judged, SetupError> {
         let is_on = effect.is_on(&self.chosen) == Some(true);
         let mut others = self.chosen.clone();
         if is_on {
@@ -152,7 +150,8 @@ impl<'a> Run<'a> {
         } else {
             effect.turn_on(&mut others, self.scene);
         }
-        let other = match self.bench.solve(&self.scene.with_effects(others.clone()), mesh) {
+        let [current, other] = [&self.chosen, &others].map(|effects| self.scene.with_effects(effects.clone()));
+        let other = match self.bench.prepare(&current, &other) {
             Ok(other) => other,
             Err(refusal) if self.scene.auto => return Err(refusal),
             Err(refusal) => return Ok(refused(&refusal).into()),

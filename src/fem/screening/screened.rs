@@ -1,6 +1,7 @@
 //! A scene as it is simulated.
 
-use super::screen::{Screening, screen_within};
+use super::screen::{Screening, screen_to};
+use super::solution::Purpose;
 use super::trial::{Trial, reference_patterns, watch_patterns, watch_patterns_with};
 use crate::fem::{SetupError, WorkLimit};
 use crate::pattern::Pattern;
@@ -36,7 +37,7 @@ impl Screened {
         let screening = if scene.auto {
             decide(scene, limit)?
         } else {
-            screen_within(scene, patterns, limit)?
+            screen_to(Purpose::Watch, scene, patterns, limit)?
         };
         Ok(Self {
             warnings: screening.warnings(),
@@ -53,7 +54,7 @@ impl Screened {
 
 /// The screening that decides about the effects of a scene: it looks at the scene alone, not at the patterns to come.
 fn decide(scene: &Scene, limit: WorkLimit) -> Result<Screening, SetupError> {
-    screen_within(scene, &reference_patterns(), limit)
+    screen_to(Purpose::Decision, scene, &reference_patterns(), limit)
 }
 
 /// The scene with its effects decided: unchanged unless it says `effects: auto`.

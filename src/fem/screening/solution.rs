@@ -1,12 +1,14 @@
-//! Solutions for a few patterns: compression, field, and the distance to the loss of stability.
+//! Solutions for a few patterns: the electric field, and the distance to the loss of stability.
 
 use rayon::prelude::*;
 
 use super::trial::Trial;
+use crate::fem::critical::CriticalVoltage;
 use crate::fem::effects::{Examined, NEAR, breakdown_ratio, breakdown_ratio_at_rest, breakdown_strength_or_usual};
-use crate::fem::{CriticalSearch, MembraneSolver, SetupError, SolveOptions, Survey, WorkLimit, cell_states};
+use crate::fem::{CriticalSearch, MembraneSolver, SetupError, SolveOptions, WorkLimit, cell_states};
 use crate::field::{Mesh, Outcome};
-use crate::scene::{Breakdown, Scene};
+use crate::pattern::Pattern;
+use crate::scene::{Breakdown, Effects, Scene};
 
 /// A mesh on which the loss of stability comes out a few per cent high; bilinear elements of the same size would place that
 /// of a single cell 12 % too high.
@@ -20,35 +22,89 @@ const MESH: SolveOptions = SolveOptions {
 const SOLVING: f64 = 0.5;
 const SEARCHING: f64 = 0.4;
 
-/// Examines the solutions for patterns, and searches for the loss of stability up to the voltage of the scene over the root of `reach`;
-/// on two meshes where it is searched for far from that voltage, which is for a table, and on one for a run. `limit` is the work for a
-/// pattern.
+/// What a screening is for: it says how far the loss of stability is searched for, and how well.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Purpose {
+    /// A table for people.
+    Table,
+    /// The effects of a scene that leaves them open.
+    Decision,
+    /// The warnings of a run, on one mesh.
+    Watch,
+}
+
+impl Purpose {
+    /// Stability is searched for up to the voltage of the scene over the root of this share of κ: what is further away does not matter,
+    /// and stiffening laws make it dear to find. A loss that a coarse mesh has beyond the reach of a decision is
+    /// beyond [`NEAR`] on every mesh.
+    #[must_use]
+    pub fn reach(self) -> f64 {
+        match self {
+            Self::Table => 0.1,
+            Self::Decision => 0.75 * NEAR,
+            Self::Watch => NEAR,
+        }
+    }
+
+    /// Whether limits are sought on two meshes.
+    fn wants_an_error(self) -> bool {
+        self != Self::Watch
+    }
+}
+
+/// Examines the solutions for patterns, and searches for the loss of stability within reach. `limit` is the work for a pattern.
+///
+/// Where patterns are lost without a fringe field is known in a ninth of the time, and near enough to tell which of them go first: only
+/// these are searched with it.
 ///
 /// # Errors
 /// When the scene cannot be simulated.
-pub fn examine(scene: &Scene, patterns: &[Trial], reach: f64, limit: WorkLimit) -> Result<Vec<Examined>, SetupError> {
+pub fn examine(
+    scene: &Scene,
+    patterns: &[Trial],
+    purpose: Purpose,
+    limit: WorkLimit,
+) -> Result<Vec<Examined>, SetupError> {
     let breakdown = breakdown_strength_or_usual(scene);
     let solver = MembraneSolver::new(scene, MESH)?.within(limit.part(SOLVING));
-    let search = CriticalSearch::new(&scene.at_voltage(scene.voltage_v() / reach.sqrt()), MESH)?;
-    let search = search.within(limit.part(SEARCHING));
+    let far = scene.at_voltage(scene.voltage_v() / purpose.reach().sqrt());
+    let without_fringe = Effects {
+        fringe_field: None,
+        ..scene.effects.clone()
+    };
+    let searching = limit.part(SEARCHING);
+    let search = CriticalSearch::new(&far.with_effects(without_fringe), MESH)?.within(searching);
     let mut examined: Vec<Examined> = patterns
         .par_iter()
         .map(|trial| examine_one(scene, &solver, &search, trial, &breakdown))
         .collect::<Result<_, _>>()?;
-    if reach < NEAR {
-        refine_the_first(&search, patterns, &mut examined);
+    if scene.effects.fringe_field.is_some() {
+        let search = CriticalSearch::new(&far, MESH)?.within(searching);
+        let near = |pattern: &Pattern, voltage: f64| match purpose.wants_an_error() {
+            true => search.near(pattern, voltage),
+            false => search.near_on_coarse(pattern, voltage),
+        };
+        look_again_at_the_first(patterns, &mut examined, near);
+    } else if purpose.wants_an_error() {
+        look_again_at_the_first(patterns, &mut examined, |pattern, voltage| {
+            Some(search.refine(pattern, voltage))
+        });
     }
     Ok(examined)
 }
 
-/// Refines the limits of those patterns that could be the first to lose stability.
-fn refine_the_first(search: &CriticalSearch, patterns: &[Trial], examined: &mut [Examined]) {
+/// Searches again for the limits of those patterns that could be the first to lose stability; what is not found is as before.
+fn look_again_at_the_first(
+    patterns: &[Trial],
+    examined: &mut [Examined],
+    near: impl Fn(&Pattern, f64) -> Option<CriticalVoltage> + Sync,
+) {
     let limits = examined.iter().filter_map(|one| one.limit);
     let lowest = limits.map(|limit| limit.voltage).fold(f64::INFINITY, f64::min);
     examined.par_iter_mut().zip(patterns).for_each(|(one, trial)| {
         let candidate = one.limit.filter(|limit| limit.interval()[0] <= lowest);
-        if let Some(limit) = candidate {
-            one.limit = Some(search.refine(&trial.pattern, limit.voltage));
+        if let Some(found) = candidate.and_then(|limit| near(&trial.pattern, limit.voltage)) {
+            one.limit = Some(found);
         }
     });
 }
@@ -62,23 +118,18 @@ fn examine_one(
 ) -> Result<Examined, SetupError> {
     let pattern = &trial.pattern;
     let solution = solver.solve(pattern);
-    let reached = solution.outcome.bracket().map(|[stable, _]| scene.at_voltage(stable));
-    let states = cell_states(
-        reached.as_ref().unwrap_or(scene),
-        solver.mesh(),
-        pattern,
-        &solution.displacement,
-    )?;
     let stable = solution.outcome.is_converged();
     let active = pattern.cells().contains(&1);
     let searched = trial.to_the_limit.then(|| search.outcome(pattern));
     Ok(Examined {
         pattern: trial.name.clone(),
-        compression: -Survey::of(&states, scene.shear_modulus_pa()).smallest_stress,
-        field: match stable {
-            true => breakdown_ratio(breakdown, scene.thickness_mm(), &states),
-            false if active => breakdown_ratio_at_rest(breakdown, scene),
-            false => 0.0,
+        field: if stable {
+            let states = cell_states(scene, solver.mesh(), pattern, &solution.displacement)?;
+            breakdown_ratio(breakdown, scene.thickness_mm(), &states)
+        } else if active {
+            breakdown_ratio_at_rest(breakdown, scene)
+        } else {
+            0.0
         },
         limit: searched.and_then(|outcome| search.of_outcome(outcome)),
         stable,

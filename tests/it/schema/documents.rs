@@ -80,7 +80,7 @@ stages:
   diagonals: { kind: sample, family: diagonals, count: 2, seed: 11 }
   spirals: { kind: sample, family: spirals, count: 2, area: 0.3, seed: 12 }
   glyphs: { kind: sample, family: glyphs, count: 2, seed: 13 }
-  solved: { kind: solve, needs: [small, large, bezier], method: newton, elements_per_cell: 2, order: 1, tolerance: 1e-6 }
+  solved: { kind: solve, needs: [small, large, bezier], method: newton, elements_per_cell: 2, order: 1, tolerance: 1e-6, time_limit: 60 s }
   refined: { kind: solve, needs: [small], accuracy: 0.01 mm }
   guessed: { kind: solve, needs: [small], method: chord:2, order: 2 }
   balanced: { kind: balance, needs: [solved], bins: 20, range: [0 mm, 2.5 mm], target: 60, symmetry: d4, seed: 4 }
@@ -114,7 +114,7 @@ stages:
     constraints: { breakdown_margin: 1.5 } }
   highest: { kind: design, method: adjoint, units: 20, starts: 2, seed: 1, objective: { point: [25, 25], direction: 0 },
     constraints: { leads: true } }
-  verified: { kind: verify, needs: [design, highest], method: newton, elements_per_cell: 1, order: 2, tolerance: 1e-6 }
+  verified: { kind: verify, needs: [design, highest], method: newton, elements_per_cell: 1, order: 2, tolerance: 1e-6, time_limit: 60 s }
   taught: { kind: verify, needs: [judged], rounds: 3, update: { network: qin2024, epochs: 2, patience: 1, batch: 4, optimizer: muon,
     learning_rate: 0.001, weight_decay: 0, gradient_norm: 1, symmetry: none, max_weight: 0.2, auxiliary_weight: 0.1, verified_weight: 16, seed: 9 } }
   exact: { kind: verify, needs: [rotation], accuracy: 10 um }

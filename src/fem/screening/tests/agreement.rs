@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::*;
 use crate::base::Stream;
-use crate::fem::effects::{EFFECTS, Effect};
+use crate::fem::effects::Effect;
 use crate::fem::screening::Displacement;
 use crate::field::Simulator;
 use crate::scene::laws::{ArrudaBoyce, MooneyRivlin};
