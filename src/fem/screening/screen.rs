@@ -108,11 +108,8 @@ impl<'a> Run<'a> {
 
     /// Judges by solutions of the scene as it stands what is not judged yet.
     fn by_solutions(&mut self, purpose: Purpose, judged: &mut [Option<Judged>]) -> Result<(), SetupError> {
-        let trial = self.scene.with_effects(Effects {
-            wrinkling: None,
-            ..self.chosen.clone()
-        });
-        let examined = solution::examine(&trial, self.patterns, purpose, self.limit.part(1.0 - COMPARING))?;
+        let scene = self.scene.with_effects(self.chosen.clone());
+        let examined = solution::examine(&scene, self.patterns, purpose, self.limit.part(1.0 - COMPARING))?;
         let solutions = Solutions {
             examined: &examined,
             reach: purpose.reach(),
@@ -121,7 +118,7 @@ impl<'a> Run<'a> {
             if judged.is_some() {
                 continue;
             }
-            let Some(assessment) = effect.assess_solutions(&trial, &solutions) else {
+            let Some(assessment) = effect.assess_solutions(&scene, &solutions) else {
                 continue;
             };
             self.turn_on_if_called_for(*effect, &assessment);

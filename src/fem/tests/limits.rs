@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use super::*;
-use crate::fem::{CriticalSearch, CriticalVoltage, SafetyMargins};
+use crate::fem::{CriticalSearch, CriticalVoltage, SafetyMargins, WorkLimit};
 use crate::field::Feasibility;
 use crate::scene::laws::Gent;
 use crate::scene::{Effects, Stiffening};
@@ -145,7 +145,8 @@ fn on_mesh(scene: &Scene, mesh: Mesh, pattern: &Pattern, found: &CriticalVoltage
         ..SolveOptions::on(mesh)
     };
     let solver = MembraneSolver::new(scene, options).unwrap();
-    Some(solver.limit_between(pattern, [0.995 * low, 1.01 * high])?.voltage)
+    let patient = solver.within(WorkLimit::of_seconds(1e4));
+    Some(patient.limit_between(pattern, [0.995 * low, 1.01 * high])?.voltage)
 }
 
 /// Prints what docs/effects.md says of critical voltages, for other patterns and scenes: an hour of one core.
