@@ -103,8 +103,8 @@ impl MembraneSolver {
     ///
     /// # Errors
     /// As [`MembraneSolver::new`].
-    pub(super) fn on_grid(scene: &Scene, grid: Grid, tolerance: f64) -> Result<Self, SetupError> {
-        Self::of_grid(scene, Model::new(scene)?, grid.mesh(), grid, tolerance)
+    pub(super) fn on_grid(scene: &Scene, options: SolveOptions, grid: Grid) -> Result<Self, SetupError> {
+        Self::of_grid(scene, Model::new(scene)?, options.mesh, grid, options.tolerance)
     }
 
     /// A solver for a scene whose elastomer stiffens by a law that the scene does not know, in place of its own.
@@ -142,8 +142,13 @@ impl MembraneSolver {
     /// logarithmic scale: an iteration takes longer, and as many are needed.
     #[must_use]
     pub fn within(self, limit: WorkLimit) -> Self {
+        let limit = self.scaled(limit);
+        self.within_iterations(limit)
+    }
+
+    fn scaled(&self, limit: WorkLimit) -> WorkLimit {
         let [asked, all] = [self.mesh, self.grid.mesh()].map(|mesh| mesh.vector_len() as f64);
-        self.within_iterations(limit.part((asked / all).sqrt()))
+        limit.part((asked / all).sqrt())
     }
 
     /// The same with a limit of work on the elements that there are.
@@ -170,11 +175,11 @@ impl MembraneSolver {
         self.solve_in(pattern, &mut self.room()).0
     }
 
-    /// The same with a limit of work of its own.
+    /// The same with a limit of work of its own, as [`MembraneSolver::within`] takes it.
     #[must_use]
     pub fn solve_within(&self, pattern: &Pattern, limit: WorkLimit) -> MeshSolution {
         let mut room = self.room();
-        room.workspace.begin(limit);
+        room.workspace.begin(self.scaled(limit));
         self.solve_in(pattern, &mut room).0
     }
 

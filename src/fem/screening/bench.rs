@@ -6,7 +6,7 @@ use super::comparison::{Comparison, Displacement};
 use super::trial::Trial;
 use crate::fem::effects::Model;
 use crate::fem::grid::Grid;
-use crate::fem::{MembraneSolver, MeshSolution, SetupError, WorkLimit};
+use crate::fem::{MembraneSolver, MeshSolution, SetupError, SolveOptions, WorkLimit};
 use crate::field::Mesh;
 use crate::pattern::Pattern;
 use crate::scene::Scene;
@@ -31,18 +31,20 @@ pub struct Side {
     solutions: Vec<MeshSolution>,
 }
 
-/// The residual of solutions that are compared.
-const TOLERANCE: f64 = 1e-7;
+/// How solutions that are compared are found. Bilinear elements would get the effect of a fringe field on a single cell wrong by half.
+const OPTIONS: SolveOptions = SolveOptions {
+    mesh: Mesh::biquadratic(1),
+    tolerance: 1e-7,
+};
 
-/// The elements on which two scenes are compared: those that the one with a fringe field wants. It has up to three for one along a cell, of
-/// which bilinear ones are enough.
+/// The elements on which two scenes are compared: those that the one with a fringe field wants.
 fn elements([current, other]: [&Scene; 2]) -> Result<Grid, SetupError> {
     let fringed = [current, other]
         .into_iter()
         .find(|scene| scene.effects.fringe_field.is_some());
     match fringed {
-        Some(scene) => Ok(Model::new(scene)?.grid(Mesh::bilinear(1))),
-        None => Ok(Grid::uniform(Mesh::biquadratic(1))),
+        Some(scene) => Ok(Model::new(scene)?.grid(OPTIONS.mesh)),
+        None => Ok(Grid::uniform(OPTIONS.mesh)),
     }
 }
 
@@ -62,7 +64,7 @@ impl Bench {
     }
 
     fn solve(&mut self, scene: &Scene, grid: Grid) -> Result<Side, SetupError> {
-        let solver = MembraneSolver::on_grid(scene, grid, TOLERANCE)?;
+        let solver = MembraneSolver::on_grid(scene, OPTIONS, grid)?;
         let work = self.patterns.par_iter().zip(&self.left);
         let solutions: Vec<MeshSolution> = work
             .map(|((_, pattern), left)| solver.solve_within(pattern, self.each.min(*left)))
@@ -149,7 +151,7 @@ fn displacement(
     let mut work = 0;
     let mut at = |side: &Side| {
         let scene = side.solver.scene.at_voltage(voltage);
-        let solver = MembraneSolver::on_grid(&scene, side.solver.grid, TOLERANCE)?;
+        let solver = MembraneSolver::on_grid(&scene, OPTIONS, side.solver.grid)?;
         let solution = solver.solve_within(pattern, limit);
         work += solution.work;
         Ok(solution.outcome.is_converged().then(|| solver.field(&solution)))
