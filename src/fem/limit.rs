@@ -24,7 +24,7 @@ const CLEAR: f32 = 0.5;
 /// its critical voltage: a single cell, which goes first, is lost at 0.30.
 const FAR: f64 = 0.24;
 /// The part of the usual work for a pattern that a look at whether a finer mesh could refuse it may take on each mesh.
-const WATCHING: f64 = 0.4;
+const WATCHING: f64 = 0.25;
 /// How far above a voltage the finer mesh must be stable for the voltage to be kept beyond doubt.
 const ROOM: f64 = 1.08;
 

@@ -7,6 +7,9 @@ use crate::fem::{SetupError, WorkLimit};
 use crate::pattern::Pattern;
 use crate::scene::Scene;
 
+/// The part of the work for a pattern that a run's warnings may take beside it.
+const WATCHING: f64 = 0.4;
+
 /// A scene as it is simulated, with what it lacks.
 pub struct Screened {
     /// The scene with its effects decided.
@@ -37,7 +40,7 @@ impl Screened {
         let screening = if scene.auto {
             decide(scene, limit)?
         } else {
-            screen_to(Purpose::Watch, scene, patterns, limit)?
+            screen_to(Purpose::Watch, scene, patterns, limit.part(WATCHING))?
         };
         Ok(Self {
             warnings: screening.warnings(),
