@@ -13,7 +13,7 @@ const LEAST: usize = 4;
 
 /// Opens a store that must be there already: looking into one must not make one.
 pub fn existing_store(path: &Path) -> Result<Store, CliError> {
-    of_folder(Store::open_existing(path))
+    of_folder(Store::open_existing(path).map(Store::guarded))
 }
 
 /// What was looked for in the folder of a store, or what to do where there is none.

@@ -48,15 +48,15 @@ impl HdfFile {
         }
     }
 
-    /// Looks at a file of a store in another process: a checksum does not say who wrote it. Where that goes well, this process can
-    /// look at it too. A program that has named no such process does without.
+    /// Opens a file of a store in a process that serves for all of them: a checksum does not say who wrote it. A program that
+    /// has named no such process opens it in this one.
     ///
     /// # Errors
-    /// As [`HdfFile::tree`].
-    pub fn look(path: &Path) -> Result<(), HdfError> {
+    /// When the library cannot open it.
+    pub fn guarded(path: &Path) -> Result<Self, HdfError> {
         match has_reader() {
-            true => Self::keyed(path, Key::Stores).tree().map(drop),
-            false => Ok(()),
+            true => Ok(Self::keyed(path, Key::Stores)),
+            false => Self::here(path),
         }
     }
 

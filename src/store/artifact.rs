@@ -42,7 +42,7 @@ impl Artifact {
             false => path.to_owned(),
         };
         let header = Header::read(&path)?;
-        Self::load_as(Access::Apart, path, header.content, Arc::default())
+        Self::load(Access::Apart, path, header.content, Arc::default())
     }
 
     /// Whether the file at `path` is meant for an artifact.
@@ -51,17 +51,19 @@ impl Artifact {
         Header::is_at(path)
     }
 
-    /// Opens the file of an artifact of a store.
-    pub(super) fn load(path: PathBuf, digest: ArtifactId, verified: Arc<Verified>) -> Result<Self, StoreError> {
-        Self::load_as(Access::Here, path, digest, verified)
-    }
-
-    fn load_as(access: Access, path: PathBuf, digest: ArtifactId, verified: Arc<Verified>) -> Result<Self, StoreError> {
+    /// Opens the file of an artifact, verified. What is not known to stand in it is read in another process.
+    pub(super) fn load(
+        access: Access,
+        path: PathBuf,
+        digest: ArtifactId,
+        verified: Arc<Verified>,
+    ) -> Result<Self, StoreError> {
         verified.verify(&path, &digest)?;
-        if access == Access::Here {
-            verified.look(&path, &digest)?;
-        }
-        let overview = read::overview(access, &path)?;
+        let first = match access {
+            Access::Here if !verified.is_described(&path, &digest)? => Access::Guarded,
+            access => access,
+        };
+        let overview = read::overview(first, &path)?;
         verified.describe(&digest, overview.listing.clone(), overview.parts.clone());
         Ok(Self(Arc::new(Inner {
             digest,
@@ -154,7 +156,7 @@ impl Artifact {
         let folder = self.0.path.parent().and_then(Path::parent).unwrap_or(Path::new(".."));
         let name = digest.to_string();
         let path = folder.join(&name[..2]).join(format!("{name}.h5"));
-        Self::load_as(self.0.access, path, *digest, self.0.verified.clone())
+        Self::load(self.0.access, path, *digest, self.0.verified.clone())
     }
 
     /// Opens its file to read rows of its own datasets. Every byte was verified when the artifact was opened.

@@ -14,6 +14,7 @@ use super::error::StoreError;
 use super::history;
 use super::links::links;
 use super::open::Store;
+use super::read::Access;
 use super::record::{self, Lookup};
 use crate::base::{ArtifactId, FileDigest};
 
@@ -289,7 +290,7 @@ impl Store {
 
 /// Reads an artifact whole and digests its content anew, trusting nothing that this process has seen before.
 fn redigest(path: &Path, digest: &ArtifactId) -> Result<Sound, StoreError> {
-    let artifact = Artifact::load(path.to_owned(), *digest, Arc::default())?;
+    let artifact = Artifact::load(Access::Guarded, path.to_owned(), *digest, Arc::default())?;
     let object = artifact.object()?;
     let found = object.digest()?;
     if found != *digest {

@@ -19,6 +19,7 @@ use super::lock::{self, Guard};
 use super::object::Object;
 use super::provenance::Provenance;
 use super::quarantine::quarantine;
+use super::read::Access;
 use super::verified::Verified;
 use super::write::{self, Part};
 use crate::base::{ArtifactId, FileDigest, aside};
@@ -28,6 +29,7 @@ use crate::base::{ArtifactId, FileDigest, aside};
 pub struct Store {
     pub(super) layout: Layout,
     pub(super) verified: Arc<Verified>,
+    access: Access,
     unsettled: Arc<Mutex<BTreeSet<PathBuf>>>,
     _run: Arc<Guard>,
 }
@@ -70,9 +72,20 @@ impl Store {
     fn held(layout: Layout, run: Guard) -> Self {
         Self {
             verified: Arc::new(Verified::with_index(&layout)),
+            access: Access::Here,
             unsettled: Arc::default(),
             _run: Arc::new(run),
             layout,
+        }
+    }
+
+    /// The same store, whose artifacts are all read in another process, whoever wrote them: slower where they are large, and
+    /// no file can bring this process down.
+    #[must_use]
+    pub fn guarded(self) -> Self {
+        Self {
+            access: Access::Guarded,
+            ..self
         }
     }
 
@@ -157,7 +170,7 @@ impl Store {
     /// # Errors
     /// When it is missing or damaged.
     pub fn artifact(&self, digest: &ArtifactId) -> Result<Artifact, StoreError> {
-        Artifact::load(self.layout.object(digest), *digest, self.verified.clone())
+        Artifact::load(self.access, self.layout.object(digest), *digest, self.verified.clone())
     }
 
     /// The artifacts whose digests begin with these hexadecimal digits, in order.

@@ -18,8 +18,10 @@ const PARTS: &str = "parts";
 /// Where a file is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
-    /// In this process: it stands in a store, and another process has looked at it.
+    /// In this process: it stands in a store, and it is known what stands in it.
     Here,
+    /// In another process: it stands in a store, and a checksum does not say who wrote it.
+    Guarded,
     /// In another process: somebody has named it, and anybody may have made it.
     Apart,
 }
@@ -32,6 +34,7 @@ impl Access {
     pub fn open(self, path: &Path) -> Result<HdfFile, StoreError> {
         let opened = match self {
             Self::Here => HdfFile::here(path),
+            Self::Guarded => HdfFile::guarded(path),
             Self::Apart => HdfFile::apart(path),
         };
         opened.map_err(|error| self.error("open", path, error))
@@ -40,7 +43,7 @@ impl Access {
     /// What a file of a store is found to be when it is read is damage; a file that somebody has named is refused.
     pub(super) fn error(self, action: &'static str, path: &Path, error: HdfError) -> StoreError {
         match self {
-            Self::Here => damage(action, path, error),
+            Self::Here | Self::Guarded => damage(action, path, error),
             Self::Apart => error.into(),
         }
     }
@@ -72,14 +75,6 @@ pub struct Overview {
     pub parts: Vec<ArtifactId>,
     /// Kind and datasets.
     pub listing: Listing,
-}
-
-/// Has another process look at a file of a store.
-///
-/// # Errors
-/// When the file is not as this program writes it.
-pub fn look(path: &Path) -> Result<(), StoreError> {
-    HdfFile::look(path).map_err(|error| damage("read", path, error))
 }
 
 /// Reads all but the elements.

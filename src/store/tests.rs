@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 use tempfile::TempDir;
 
+use super::read::Access;
 use super::*;
 use crate::base::{ActionKey, ArtifactId, Canonical, Digest};
 
@@ -617,7 +618,13 @@ fn attributes_of_any_length_come_back_and_nothing_stands_in_the_global_heap() {
         ..Provenance::default()
     };
     let stored = store.put(&object, &provenance).unwrap();
-    let artifact = Artifact::load(store.layout.object(&stored.digest), stored.digest, Arc::default()).unwrap();
+    let artifact = Artifact::load(
+        Access::Here,
+        store.layout.object(&stored.digest),
+        stored.digest,
+        Arc::default(),
+    )
+    .unwrap();
     assert_eq!(artifact.object().unwrap(), object);
     assert_eq!(artifact.provenance().unwrap()["parameters"].len(), 100_000);
     let bytes = fs::read(artifact.path()).unwrap();

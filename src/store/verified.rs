@@ -141,24 +141,17 @@ impl Verified {
         if let Some(structure) = self.known_structure(digest) {
             return Ok(structure);
         }
-        read::look(path)?;
-        let overview = read::overview(Access::Here, path)?;
+        let overview = read::overview(Access::Guarded, path)?;
         Ok(self.describe(digest, overview.listing, overview.parts))
     }
 
-    /// Has another process look at a file that has been verified, unless it is known what stands in it: then this process wrote
-    /// it, or one has looked at it before.
+    /// Whether it is known what stands in a file that has been verified: this process wrote it, or another one has read it.
     ///
     /// # Errors
-    /// When it is not as this program writes it.
-    pub fn look(&self, path: &Path, digest: &ArtifactId) -> Result<(), StoreError> {
-        let indexed = self
-            .indexed(path, digest)?
-            .is_some_and(|entry| entry.structure.is_some());
-        match indexed || self.known_structure(digest).is_some() {
-            true => Ok(()),
-            false => read::look(path),
-        }
+    /// When it is missing.
+    pub fn is_described(&self, path: &Path, digest: &ArtifactId) -> Result<bool, StoreError> {
+        let indexed = self.indexed(path, digest)?;
+        Ok(indexed.is_some_and(|entry| entry.structure.is_some()) || self.known_structure(digest).is_some())
     }
 
     /// Takes note of what stands in an artifact that has been verified.
