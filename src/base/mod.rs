@@ -3,6 +3,7 @@
 mod canonical;
 mod clock;
 mod digest;
+mod digits;
 mod document;
 mod encoding;
 mod file;
@@ -19,6 +20,7 @@ pub use crate::{parameters, variants, words};
 pub use canonical::Canonical;
 pub use clock::thread_seconds;
 pub use digest::{Digest, DigestWriter, ParseDigestError};
+pub use digits::two_digits;
 pub use document::{Document, InputError, Map, Node, NodeValue, Override, Source, nearest};
 pub use encoding::{EncodingError, decode, encode};
 pub use file::{look_at_own, open_own, open_regular, read_bounded, read_own};

@@ -94,15 +94,14 @@ pub fn accuracy(text: &str) -> Result<Quantity, String> {
 pub struct TimeArguments {
     /// About how long a pattern may take before it ends as work-limit, as in "60 s" [default: 5 s]; work is counted, not
     /// time, so that results do not depend on the machine
-    #[arg(long, value_name = "TIME", value_parser = time_limit)]
+    #[arg(long, value_name = "TIME", value_parser = time_limit, allow_hyphen_values = true)]
     pub time_limit: Option<Time>,
 }
 
 impl TimeArguments {
     /// How much work a pattern may take.
     pub fn work_limit(&self) -> WorkLimit {
-        let time = self.time_limit.as_ref();
-        time.map_or_else(WorkLimit::default, |time| WorkLimit::of_seconds(time.value()))
+        WorkLimit::of_time(self.time_limit.as_ref())
     }
 }
 

@@ -19,7 +19,7 @@ pub enum Exit {
     Failure,
     /// The input cannot be used.
     BadInput,
-    /// Done, but some samples have no stable solution.
+    /// Done, but for some samples no stable solution was found.
     Unstable,
     /// The store is damaged.
     Damaged,
@@ -120,8 +120,9 @@ impl Output {
         let text = error.render().to_string();
         // What is quoted may be the name of a file that somebody else gave it.
         if !asked_for && (self.json || text.contains(is_unprintable)) {
-            let text = text.trim().trim_start_matches("error: ");
-            return self.end(Err(CliError::bad_input(text)));
+            // Where people find more is no part of what is wrong.
+            let text = text.split("\n\nFor more information").next().unwrap_or_default();
+            return self.end(Err(CliError::bad_input(text.trim().trim_start_matches("error: "))));
         }
         match error.print() {
             Err(e) if e.kind() != ErrorKind::BrokenPipe => Exit::Failure,

@@ -105,7 +105,9 @@ pub fn execute(arguments: &RunArguments, output: &Output) -> Result<Exit, CliErr
     } else {
         let unstable = (outcome.unstable > 0).then(|| {
             let n = outcome.unstable;
-            format!("{n} samples have no stable solution; their outcomes stand in the artifacts under `unstable/`")
+            format!(
+                "no stable solution was found for {n} samples; their outcomes stand in the artifacts under `unstable/`"
+            )
         });
         let parts = unstable.into_iter().chain(results.text());
         output.text(&parts.map(|part| format!("\n{part}\n")).collect::<String>())?;

@@ -38,7 +38,7 @@ pub struct SolveArguments {
     order: Option<u64>,
     /// Pick mesh and order for each pattern so that the displacement is this accurate, as in "0.005 mm"; the estimated
     /// error of each pattern is written too
-    #[arg(long, value_name = "LENGTH", value_parser = accuracy, conflicts_with_all = ["elements_per_cell", "order"])]
+    #[arg(long, value_name = "LENGTH", value_parser = accuracy, allow_hyphen_values = true, conflicts_with_all = ["elements_per_cell", "order"])]
     pub accuracy: Option<Quantity>,
     /// Relative residual at which an equilibrium is accepted [default: 1e-8]
     #[arg(long, value_name = "R", value_parser = number(1e-12..=1e-3, "1e-12 to 1e-3"))]
@@ -50,7 +50,7 @@ pub struct SolveArguments {
     pub cells: bool,
     /// Follow each pattern from rest past the voltage at which it loses stability, whatever the voltage of the scene;
     /// OUT.csv and OUT.png are written beside OUT.h5
-    #[arg(long, conflicts_with_all = ["accuracy"])]
+    #[arg(long, conflicts_with_all = ["accuracy", "time_limit"])]
     pub path: bool,
 }
 
@@ -88,10 +88,6 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
     let scene = arguments.scene.display().to_string();
     check_output(&arguments.patterns, &scene)?;
     check_method(arguments)?;
-    if arguments.path && arguments.time.time_limit.is_some() {
-        let refusal = CliError::bad_input("--time-limit cannot stand beside --path");
-        return Err(refusal.help("a path ends where its branch does, or after a number of points"));
-    }
     if arguments.path {
         return path::execute(arguments, &scene, output);
     }
@@ -116,7 +112,7 @@ fn check_method(arguments: &SolveArguments) -> Result<(), CliError> {
         _ => return Ok(()),
     };
     let message = format!("{beside} cannot stand beside --method {}", arguments.method);
-    Err(CliError::bad_input(message).help("an estimate is no equilibrium; give a mesh, or take --method newton"))
+    Err(CliError::bad_input(message).help("an estimate is no equilibrium: take --method newton, or leave it out"))
 }
 
 /// What cannot be written, or must not be, has to be known before hours of work, not after. `other` is the scene or the
@@ -206,14 +202,14 @@ pub fn conclude(
         let outcomes = answer.unstable.iter();
         lines.extend(outcomes.map(|(index, outcome)| match outcome.as_str() {
             "no-estimate" => format!("pattern {index} has no estimate: the steps lead to no state of the membrane"),
-            outcome => format!("pattern {index} has no stable solution: {outcome}"),
+            outcome => format!("pattern {index}: no stable solution was found: {outcome}"),
         }));
         let near = answer.near_limit.iter();
         lines.extend(near.map(|(index, found)| {
-            let limit = found.map_or("where is not known".to_owned(), |found| {
-                format!("at {}", path::with_error(&found))
+            let limit = found.map_or("; where stability is lost was not found".to_owned(), |found| {
+                format!(": stability is lost at {}", path::with_error(&found))
             });
-            format!("pattern {index}: a finer mesh could refuse it: stability is lost {limit}")
+            format!("pattern {index}: a finer mesh could refuse it{limit}")
         }));
         let missed = answer.missed.iter();
         lines.extend(missed.map(|(index, error)| {

@@ -25,10 +25,26 @@ pub enum Ending {
         /// What went first.
         loss: Loss,
     },
-    /// The iteration did not end; nothing is known.
-    Unknown,
-    /// The work that is allowed is done; nothing is known.
-    WorkLimit,
+    /// The iteration did not end; nothing is known beyond a stable equilibrium.
+    Unknown {
+        /// The share at which that was found; 0 is rest.
+        stable: f64,
+    },
+    /// The work that is allowed is done; nothing is known beyond a stable equilibrium.
+    WorkLimit {
+        /// The share at which that was found; 0 is rest.
+        stable: f64,
+    },
+}
+
+impl Ending {
+    /// The highest share of the full load at which a stable equilibrium was found; 0 is rest.
+    pub fn stable(self) -> f64 {
+        match self {
+            Self::Stable => 1.0,
+            Self::Lost { stable, .. } | Self::Unknown { stable } | Self::WorkLimit { stable } => stable,
+        }
+    }
 }
 
 /// What an equilibrium can lose on the way.
@@ -137,7 +153,7 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
     /// Moves `u` on from a stable state, to a higher load or to the last stable state on the way there.
     pub fn climb(&self, climb: Climb, u: &mut [f64], workspace: &mut Workspace) -> Loading {
         let mut total = Loading {
-            ending: Ending::Unknown,
+            ending: Ending::Unknown { stable: climb.from },
             steps: 0,
             residual: 0.0,
             pointwise: false,
@@ -167,7 +183,7 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
                         None => u.fill(0.0),
                     }
                     if refusal == Refusal::Work {
-                        total.ending = Ending::WorkLimit;
+                        total.ending = ending(refusal, stable, share);
                         return total;
                     }
                     if stable == 0.0 && refusal != Refusal::Limit && self.is_loose_at_rest() {
@@ -183,6 +199,7 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
                 }
             }
         }
+        total.ending = Ending::Unknown { stable };
         total
     }
 
@@ -243,8 +260,8 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
 
 fn ending(refusal: Refusal, stable: f64, unstable: f64) -> Ending {
     match refusal {
-        Refusal::Limit => Ending::Unknown,
-        Refusal::Work => Ending::WorkLimit,
+        Refusal::Limit => Ending::Unknown { stable },
+        Refusal::Work => Ending::WorkLimit { stable },
         Refusal::Lost(loss) => Ending::Lost { stable, unstable, loss },
     }
 }

@@ -2,13 +2,13 @@
 
 use std::sync::OnceLock;
 
-use crate::field::{Mesh, Order, Outcome};
+use crate::field::{Mesh, Order};
 use crate::pattern::Pattern;
 use crate::scene::Scene;
 
 use super::continuation::Ending;
 use super::critical::{CriticalVoltage, MeshLimit};
-use super::effects::{Model, WithMaterial};
+use super::effects::{Model, Stability, WithMaterial};
 use super::energy::Material;
 use super::error::SetupError;
 use super::krylov;
@@ -110,21 +110,10 @@ impl CriticalSearch {
         }
     }
 
-    /// How the simulation of a pattern on the coarser mesh ends at the voltage of the scene.
+    /// How far a pattern is stable up to the voltage of the scene by the coarser mesh alone.
     #[must_use]
-    pub fn outcome(&self, pattern: &Pattern) -> Outcome {
-        self.coarse.solve(pattern).outcome
-    }
-
-    /// What [`CriticalSearch::outcome`], the coarser mesh alone, says of a critical voltage; `None` where nothing is lost.
-    #[must_use]
-    pub fn of_outcome(&self, outcome: Outcome) -> Option<CriticalVoltage> {
-        let [stable, unstable] = outcome.bracket().filter(|[stable, _]| *stable > 0.0)?;
-        let coarse = MeshLimit {
-            mesh: self.coarse.mesh(),
-            voltage: 0.5 * (stable + unstable),
-        };
-        Some(CriticalVoltage::new(coarse, None))
+    pub fn look(&self, pattern: &Pattern) -> Stability {
+        self.coarse.solve(pattern).stability(self.coarse.mesh())
     }
 
     /// The critical voltage of a pattern that loses stability on some mesh at a voltage in V: another than the coarser one serves to
@@ -142,8 +131,10 @@ impl CriticalSearch {
     /// The critical voltage of a pattern that has no stable state on the coarser mesh at the voltage of the scene.
     #[must_use]
     pub fn below_scene(&self, pattern: &Pattern) -> Option<CriticalVoltage> {
-        let found = self.of_outcome(self.outcome(pattern))?;
-        Some(self.refine(pattern, found.voltage))
+        match self.look(pattern) {
+            Stability::Lost(found) => Some(self.refine(pattern, found.voltage)),
+            Stability::Never | Stability::UpTo(_) => None,
+        }
     }
 
     /// Whether a pattern is stable at the voltage of the scene whatever the mesh: that voltage lies below the
@@ -189,6 +180,21 @@ fn around(voltage: f64) -> [f64; 2] {
     [0.9 * voltage, 1.2 * voltage]
 }
 
+impl MeshSolution {
+    /// How far a pattern is stable by this solution of it.
+    #[must_use]
+    pub(super) fn stability(&self, mesh: Mesh) -> Stability {
+        match self.outcome.bracket() {
+            None => Stability::UpTo(self.last_stable),
+            Some([stable, _]) if stable <= 0.0 => Stability::Never,
+            Some([stable, unstable]) => {
+                let voltage = 0.5 * (stable + unstable);
+                Stability::Lost(CriticalVoltage::new(MeshLimit { mesh, voltage }, None))
+            }
+        }
+    }
+}
+
 impl MembraneSolver {
     /// The loss of stability on this mesh, where it is expected between two voltages in V, whatever the voltage of the scene. `None`
     /// where it is not lost up to the higher one, or nothing is known.
@@ -211,7 +217,7 @@ impl MembraneSolver {
         });
         match ending {
             Ending::Stable => Found::NoLoss,
-            Ending::Unknown | Ending::WorkLimit => Found::Nothing,
+            Ending::Unknown { .. } | Ending::WorkLimit { .. } => Found::Nothing,
             Ending::Lost { stable, unstable, .. } => Found::Limit(MeshLimit {
                 mesh: self.mesh(),
                 voltage: 0.5 * voltage * (stable.sqrt() + unstable.sqrt()),

@@ -129,7 +129,7 @@ impl Onward<'_> {
         let mut workspace = Workspace::new(self.u.len(), &self.solver.laplacian);
         match problem.climb(climb, self.u, &mut workspace).ending {
             Ending::Lost { stable, unstable, .. } => Some([stable, unstable]),
-            Ending::Stable | Ending::Unknown | Ending::WorkLimit => None,
+            Ending::Stable | Ending::Unknown { .. } | Ending::WorkLimit { .. } => None,
         }
     }
 }

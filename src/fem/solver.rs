@@ -64,6 +64,8 @@ pub(super) fn checked(mesh: Mesh) -> Result<Mesh, SetupError> {
 pub struct MeshSolution {
     /// How it ended.
     pub outcome: Outcome,
+    /// The highest voltage in V at which a stable equilibrium was found; 0 is rest.
+    pub last_stable: f64,
     /// Nodal displacements in units of an element's side, laid out as [`Mesh`] says of the elements there are; those of the last stable state
     /// where the outcome is not converged.
     pub displacement: Vec<f64>,
@@ -138,8 +140,8 @@ impl MembraneSolver {
         Ok(solver.within(limit))
     }
 
-    /// The same with another limit of work for each pattern. Where a fringe field adds elements, it is less by half their ratio on a
-    /// logarithmic scale: an iteration takes longer, and as many are needed.
+    /// The same with another limit of work for each pattern. Where a fringe field adds elements, it is divided by the root of the
+    /// ratio of unknowns: an iteration takes longer, and as many are needed.
     #[must_use]
     pub fn within(self, limit: WorkLimit) -> Self {
         let limit = self.scaled(limit);
@@ -172,15 +174,13 @@ impl MembraneSolver {
     /// Simulates one pattern and keeps the whole nodal solution.
     #[must_use]
     pub fn solve(&self, pattern: &Pattern) -> MeshSolution {
-        self.solve_in(pattern, &mut self.room()).0
+        self.solve_in(pattern, &mut self.room(self.limit)).0
     }
 
     /// The same with a limit of work of its own, as [`MembraneSolver::within`] takes it.
     #[must_use]
     pub fn solve_within(&self, pattern: &Pattern, limit: WorkLimit) -> MeshSolution {
-        let mut room = self.room();
-        room.workspace.begin(self.scaled(limit));
-        self.solve_in(pattern, &mut room).0
+        self.solve_in(pattern, &mut self.room(self.scaled(limit))).0
     }
 
     /// The displacement of a solution at the cell corners, in mm.
@@ -245,14 +245,14 @@ impl MembraneSolver {
     /// Simulates one pattern, and says whether the stability of the result is beyond doubt: a pointwise condition that is
     /// sufficient holds everywhere. It stops to hold well before stability is lost.
     pub(super) fn simulate_surely(&self, pattern: &Pattern) -> (Simulation, bool) {
-        let (solution, sure) = self.solve_in(pattern, &mut self.room());
+        let (solution, sure) = self.solve_in(pattern, &mut self.room(self.limit));
         (self.simulation(pattern, &solution), sure)
     }
 
-    fn room(&self) -> Room {
+    fn room(&self, limit: WorkLimit) -> Room {
         let len = self.grid.mesh().vector_len();
         let mut workspace = Workspace::new(len, &self.laplacian);
-        workspace.begin(self.limit);
+        workspace.begin(limit);
         Room {
             displacement: vec![0.0; len],
             workspace,
@@ -269,6 +269,7 @@ impl MembraneSolver {
         });
         let solution = MeshSolution {
             outcome: self.outcome(loading.ending),
+            last_stable: loading.ending.stable().sqrt() * self.scene.voltage_v(),
             displacement: std::mem::take(&mut room.displacement),
             newton_iterations: loading.steps,
             krylov_iterations: room.workspace.krylov_iterations() - before,
@@ -309,8 +310,8 @@ impl MembraneSolver {
                     },
                 }
             }
-            Ending::Unknown => Outcome::IterationLimit,
-            Ending::WorkLimit => Outcome::WorkLimit,
+            Ending::Unknown { .. } => Outcome::IterationLimit,
+            Ending::WorkLimit { .. } => Outcome::WorkLimit,
         }
     }
 
@@ -369,7 +370,7 @@ impl WithMaterial for Gradient<'_> {
             material: &material(1.0),
             activity: self.activity,
         };
-        let mut workspace = self.solver.room().workspace;
+        let mut workspace = self.solver.room(self.solver.limit).workspace;
         let laplacian = &self.solver.laplacian;
         adjoint::gradient(&operator, laplacian, 1e-9, self.u, self.weights, &mut workspace).ok()
     }
@@ -386,7 +387,7 @@ impl Simulator for MembraneSolver {
         patterns
             .par_iter()
             .map_init(
-                || self.room(),
+                || self.room(self.limit),
                 |room, pattern| {
                     let (solution, _) = self.solve_in(pattern, room);
                     let simulation = self.simulation(pattern, &solution);

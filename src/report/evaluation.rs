@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::artifacts::Source;
 use super::error::ReportError;
-use super::format::two_digits;
+use crate::base::two_digits;
 use crate::content::{self, CoverageView};
 
 /// The share that intervals are to cover.

@@ -65,16 +65,6 @@ pub fn counted(n: usize, one: &str, many: &str) -> String {
     }
 }
 
-/// Two significant digits, at most five decimals.
-pub fn two_digits(value: f64) -> String {
-    let digits = if value > 0.0 {
-        (1.0 - value.log10().floor()).clamp(0.0, 5.0)
-    } else {
-        1.0
-    };
-    format!("{value:.*}", digits as usize)
-}
-
 /// No more than `most` letters.
 pub fn cut(text: &str, most: usize) -> String {
     match text.chars().count() > most {
@@ -130,7 +120,5 @@ mod tests {
             ["+5.00 %", "−5.12 %", "0.00 %"]
         );
         assert_eq!(cut("abcdef", 4), "abc…");
-        let texts = [0.0, 0.0031, 0.00052, 0.0567, 1.26, 23.4, 2e-7].map(two_digits);
-        assert_eq!(texts, ["0.0", "0.0031", "0.00052", "0.057", "1.3", "23", "0.00000"]);
     }
 }

@@ -216,7 +216,7 @@ impl fmt::Display for Summary {
         if self.not_stable > 0 {
             writeln!(
                 f,
-                "  {} designs that were predicted have no stable solution: the evaluator is not to be trusted here",
+                "  no stable solution was found for {} designs that were predicted: the evaluator is not to be trusted here",
                 self.not_stable
             )?;
         }
@@ -256,7 +256,7 @@ impl fmt::Display for Line<'_> {
                 };
                 write!(f, "  {word} {mm:>7.3} mm")?;
             }
-            None => write!(f, "  no stable solution: {}", row.outcome)?,
+            None => write!(f, "  no stable solution was found: {}", row.outcome)?,
         }
         if let Some(error) = row.simulated_error_mm {
             write!(f, " ± {error:.4}")?;

@@ -298,7 +298,7 @@ fn a_pattern_without_a_stable_solution_shows_no_numbers() {
     let (own, equal) = gains(&summary.rows[0]);
     assert!((own.unwrap() - 0.25).abs() < 1e-12 && equal.is_none());
     assert_eq!(summary.rows[3].simulated_mm, None);
-    assert!(summary.to_string().contains("no stable solution: pull-in"));
+    assert!(summary.to_string().contains("no stable solution was found: pull-in"));
     assert_eq!(draw_figures(PRESENTERS, &bench.run(&made), "p").unwrap().len(), 1);
     let none = [bench.made("verified", "verify", &verified(["pull-in"; 4]))];
     assert_eq!(draw_figures(PRESENTERS, &bench.run(&none), "p").unwrap().len(), 0);

@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 use super::solution;
 use crate::base::{Canonical, Fields, InputError, Node};
 use crate::content::{Samples, Solutions};
-use crate::fem::screening::resolve_within;
+use crate::fem::screening::resolve;
 use crate::fem::{SetupError, Solver, SolverParameters};
 use crate::field::Mesh;
 use crate::orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
@@ -77,7 +77,7 @@ impl SolveStage {
         if let Some(ready) = self.ready.get() {
             return Ok(ready);
         }
-        let scene = resolve_within(&self.scene, self.solver.work_limit())?;
+        let scene = resolve(&self.scene)?;
         let solver = self.solver.build(&scene)?;
         Ok(self.ready.get_or_init(|| Ready {
             effects: scene.effects,

@@ -5,7 +5,7 @@ use std::ops::Range;
 use crate::base::{Canonical, Document, Fields, InputError, Node};
 use crate::content::{Components, DesignRows, Designs, Verification};
 use crate::design::{Goal, Objective};
-use crate::fem::screening::resolve_within;
+use crate::fem::screening::resolve;
 use crate::fem::{AccurateSimulation, SetupError, Solver, SolverParameters};
 use crate::field::{Field, Mesh, Outcome};
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
@@ -101,7 +101,7 @@ impl Stage for VerifyStage {
 
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
         let failed = |e: SetupError| StageError::Failed(e.to_string());
-        let scene = resolve_within(&self.scene, self.solver.work_limit()).map_err(failed)?;
+        let scene = resolve(&self.scene).map_err(failed)?;
         let solver = self.solver.build(&scene).map_err(failed)?;
         let beside = self.solver.beside().map(|other| other.build(&scene));
         let beside = beside.transpose().map_err(failed)?;

@@ -114,7 +114,7 @@ impl Effect for Sag {
     }
 
     fn assess_solutions(&self, scene: &Scene, solutions: &Solutions<'_>) -> Option<Assessment> {
-        let stable = solutions.examined.iter().all(|one| one.stable);
+        let stable = solutions.examined.iter().all(|one| one.outcome.is_converged());
         let number = 1000.0 * 9.81 * 1e-3 * scene.side_mm() / scene.shear_modulus_pa();
         Some(Assessment::known(
             "ρgL/μ",

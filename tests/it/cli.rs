@@ -415,7 +415,7 @@ fn unstable_samples_are_told_by_the_exit_code_and_counted() {
     assert!(
         again
             .stdout
-            .contains(&format!("{unstable} samples have no stable solution")),
+            .contains(&format!("no stable solution was found for {unstable} samples")),
         "{}",
         again.stdout
     );

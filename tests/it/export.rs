@@ -4,20 +4,10 @@ use std::process::Command;
 
 use serde_json::Value;
 
-use super::common::{Workspace, files, readers, scene_file};
+use super::common::{Workspace, csv, files, readers, scene_file};
 
 const READER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/it/export.py");
 const SIDE: f64 = 50.0;
-
-fn cells(active: impl Fn(usize, usize) -> bool) -> String {
-    let row = |y: usize| {
-        (0..50)
-            .map(|x| u8::from(active(x, y)).to_string())
-            .collect::<Vec<_>>()
-            .join(",")
-    };
-    (0..50).map(|y| row(y) + "\n").collect()
-}
 
 /// Rings in rings, islands that touch at corners, an electrode at the frame and in a corner of it.
 fn hard(x: usize, y: usize) -> bool {
@@ -31,10 +21,10 @@ fn hard(x: usize, y: usize) -> bool {
 fn workspace() -> Workspace {
     let workspace = Workspace::new();
     workspace.write("scene.yaml", &scene_file());
-    workspace.write("hard.csv", &cells(hard));
-    workspace.write("empty.csv", &cells(|_, _| false));
-    workspace.write("full.csv", &cells(|_, _| true));
-    workspace.write("dots.csv", &cells(|x, y| (x + y) % 2 == 0));
+    workspace.write("hard.csv", &csv(hard));
+    workspace.write("empty.csv", &csv(|_, _| false));
+    workspace.write("full.csv", &csv(|_, _| true));
+    workspace.write("dots.csv", &csv(|x, y| (x + y) % 2 == 0));
     workspace
 }
 
@@ -340,7 +330,7 @@ stages:
 fn what_cannot_be_exported_is_refused_and_nothing_is_written() {
     let workspace = workspace();
     workspace.write("high.yaml", &scene_file().replace("5.25 kV", "9 kV"));
-    workspace.write("half.csv", &cells(|x, _| x < 25));
+    workspace.write("half.csv", &csv(|x, _| x < 25));
     let scene = ["--scene", "scene.yaml"];
     let before = files(&workspace.path(""));
     let cases: [(&[&str], Option<i32>, &str); 12] = [

@@ -1,6 +1,6 @@
 //! Screening as a user meets it: the table, `effects: auto`, and the warnings of a run.
 
-use super::common::{TINY, Workspace};
+use super::common::{TINY, Workspace, csv};
 
 const SCENE: &str = "\
 geometry: { side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50 }
@@ -56,8 +56,7 @@ fn a_scene_is_screened_with_number_threshold_and_verdict() {
 fn half_moves(effects: &str) -> f64 {
     let workspace = Workspace::new();
     workspace.write("scene.yaml", &SCENE.replace("EFFECTS", effects));
-    let row = format!("{}{}\n", "1,".repeat(25), vec!["0"; 25].join(","));
-    workspace.write("half.csv", &row.repeat(50));
+    workspace.write("half.csv", &csv(|x, _| x < 25));
     let ended = workspace.run(&["solve", "scene.yaml", "half.csv", "-o", "out.h5", "--order", "2"]);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     let file = hdf5::File::open(workspace.path("out.h5")).unwrap();
@@ -172,9 +171,7 @@ effects: { strain_stiffening: { model: yeoh, c2: -150 Pa, c3: 4 Pa } }
 fn a_pattern_that_takes_too_long_ends_with_an_outcome_and_more_time_may_be_given() {
     let workspace = Workspace::new();
     workspace.write("scene.yaml", FAR_BEYOND);
-    let cells = |x: usize, y: usize| if (x, y) == (25, 25) { "1" } else { "0" };
-    let row = |y: usize| (0..50).map(|x| cells(x, y)).collect::<Vec<_>>().join(",") + "\n";
-    workspace.write("cell.csv", &(0..50).map(row).collect::<String>());
+    workspace.write("cell.csv", &csv(|x, y| (x, y) == (25, 25)));
     let solve = |time: &[&str]| {
         let plain = [
             "solve",

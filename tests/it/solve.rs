@@ -2,23 +2,13 @@
 
 use std::process::Command;
 
-use super::common::Workspace;
+use super::common::{Workspace, csv};
 
 const SCENE: &str = "geometry: { side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50 }
 material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
 drive: { voltage: VOLTAGE }
 effects: {}
 ";
-
-fn csv(active: impl Fn(usize, usize) -> bool) -> String {
-    let row = |y| {
-        (0..50)
-            .map(|x| if active(x, y) { "1" } else { "0" })
-            .collect::<Vec<_>>()
-            .join(",")
-    };
-    (0..50).map(|y| row(y) + "\n").collect()
-}
 
 fn workspace(voltage: &str) -> Workspace {
     let workspace = Workspace::new();

@@ -2,7 +2,7 @@
 //!
 //! It changes no displacement: it is read off a solution.
 
-use super::effect::{Assessment, Effect, Solutions, Verdict};
+use super::effect::{Assessment, Effect, Examined, Solutions, Verdict};
 use crate::fem::CellState;
 use crate::scene::effects::names;
 use crate::scene::{Breakdown, Effects, HuangStrength, Scene};
@@ -65,10 +65,38 @@ impl Effect for DielectricBreakdown {
             Some(_) => "max E/E_B",
             None => "max E/E_B (Huang's law assumed)",
         };
-        Some(match solutions.worst(|one| one.field, ", at rest: it is not stable") {
-            None => Assessment::open(quantity, Verdict::Unknown, THRESHOLD, "no patterns".to_owned()),
-            Some((worst, number)) => Assessment::known(quantity, number, THRESHOLD, worst),
-        })
+        let open = |verdict, change| Some(Assessment::open(quantity, verdict, THRESHOLD, change));
+        let Some(worst) = solutions.worst(|one| one.field) else {
+            return open(Verdict::Unknown, "no patterns".to_owned());
+        };
+        let unsettled = |one: &Examined| !one.outcome.is_converged();
+        let state = if unsettled(worst) { ", at rest" } else { "" };
+        let known = Assessment::known(
+            quantity,
+            worst.field,
+            THRESHOLD,
+            format!("is largest for `{}`{state}", worst.pattern),
+        );
+        // A membrane that snaps gets thinner: at rest it has the least.
+        let Some(one) = solutions.examined.iter().find(|one| unsettled(one)) else {
+            return Some(known);
+        };
+        let (pattern, field) = (&one.pattern, one.field);
+        match (known.verdict, one.outcome.bracket()) {
+            (Verdict::CalledFor, _) => Some(known),
+            (_, Some(_)) => open(
+                Verdict::Unknown,
+                format!(
+                    "is not known for `{pattern}`, which is not stable: it has {field:.2} at rest, and more as it snaps"
+                ),
+            ),
+            (_, None) => open(
+                Verdict::GivenUp,
+                format!(
+                    "is not known for `{pattern}`, which takes more work than is allowed: it has {field:.2} at rest"
+                ),
+            ),
+        }
     }
 }
 
@@ -77,7 +105,7 @@ mod tests {
     use super::*;
     use crate::base::ElectricField;
     use crate::fem::{MembraneSolver, SolveOptions};
-    use crate::field::Simulator;
+    use crate::field::{Outcome, Simulator};
     use crate::pattern::Pattern;
     use crate::scene::ConstantStrength;
 
@@ -101,6 +129,36 @@ mod tests {
         let bare = Pattern::from_fn(|_, _| false);
         let states = solver.cell_states(&bare, &solver.solve(&bare));
         assert_eq!(breakdown_ratio(&constant(47.25), 1.0, &states), 0.0);
+    }
+
+    #[test]
+    fn what_the_field_of_a_lost_state_is_is_not_known() {
+        let lost = Outcome::PullIn {
+            last_stable: 990.0,
+            first_unstable: 991.0,
+        };
+        for (fields, outcome, verdict, number) in [
+            ([0.5, 0.4], Outcome::Converged, Verdict::NotCalledFor, Some(0.5)),
+            ([0.5, 0.4], lost, Verdict::Unknown, None),
+            ([0.5, 0.4], Outcome::WorkLimit, Verdict::GivenUp, None),
+            ([0.9, 0.4], lost, Verdict::CalledFor, Some(0.9)),
+            ([0.5, 0.9], lost, Verdict::CalledFor, Some(0.9)),
+        ] {
+            let one = |pattern: &str, field, outcome| Examined {
+                pattern: pattern.to_owned(),
+                outcome,
+                field,
+                stability: None,
+            };
+            let examined = [one("a", fields[0], Outcome::Converged), one("b", fields[1], outcome)];
+            let solutions = Solutions { examined: &examined };
+            let found = DielectricBreakdown
+                .assess_solutions(&Scene::vhb4910(), &solutions)
+                .unwrap();
+            assert_eq!((found.verdict, found.number), (verdict, number), "{found:?}");
+            let doubted = matches!(verdict, Verdict::Unknown | Verdict::GivenUp);
+            assert_eq!(found.change.starts_with("is not known for `b`"), doubted, "{found:?}");
+        }
     }
 
     #[test]

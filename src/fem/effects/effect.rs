@@ -5,6 +5,7 @@
 //! scene alone, or from solutions for a few patterns.
 
 use crate::fem::critical::CriticalVoltage;
+use crate::field::Outcome;
 use crate::scene::{Effects, Scene};
 
 /// An effect beyond the base model.
@@ -77,8 +78,10 @@ pub enum Verdict {
     CalledFor,
     /// It is not, or the question does not arise.
     NotCalledFor,
-    /// A property that is not given decides.
+    /// What is not given, or a state that there is none of, decides.
     Unknown,
+    /// The work that is allowed was done before it was known.
+    GivenUp,
 }
 
 impl Verdict {
@@ -88,7 +91,7 @@ impl Verdict {
         match self {
             Self::CalledFor => "yes",
             Self::NotCalledFor => "no",
-            Self::Unknown => "unknown",
+            Self::Unknown | Self::GivenUp => "unknown",
         }
     }
 }
@@ -139,8 +142,6 @@ impl Assessment {
 pub struct Solutions<'a> {
     /// One for each pattern.
     pub examined: &'a [Examined],
-    /// The loss of stability was searched for up to the voltage of the scene over the root of this share of κ.
-    pub reach: f64,
 }
 
 /// What the solution for a pattern says.
@@ -148,27 +149,29 @@ pub struct Solutions<'a> {
 pub struct Examined {
     /// Name of the pattern.
     pub pattern: String,
-    /// Largest E/E_B over the cells.
+    /// How its simulation ends at the voltage of the scene.
+    pub outcome: Outcome,
+    /// Largest E/E_B over the cells; where there is no stable state, that of the membrane at rest.
     pub field: f64,
-    /// The voltage at which stability is lost; `None` where it is not within reach.
-    pub limit: Option<CriticalVoltage>,
-    /// Whether there is a stable state at the voltage of the scene. Where not, the field is that of the membrane at rest.
-    pub stable: bool,
-    /// The work that a pattern is allowed was done before its state or its loss of stability was found. Of a state
-    /// that was not found the field is that at rest too.
-    pub given_up: bool,
+    /// Where it loses stability; `None` where that was not asked and it has a stable state at the voltage of the scene.
+    pub stability: Option<Stability>,
+}
+
+/// How far a pattern is stable.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Stability {
+    /// Up to a voltage at which it is lost.
+    Lost(CriticalVoltage),
+    /// Nowhere.
+    Never,
+    /// At least up to this voltage in V: the search ended there.
+    UpTo(f64),
 }
 
 impl Solutions<'_> {
-    /// The largest of some numbers, and in words the pattern that has it; `unstable` is added where that one has no stable state.
-    pub(super) fn worst(&self, number: impl Fn(&Examined) -> f64, unstable: &str) -> Option<(String, f64)> {
-        let worst = self.examined.iter().max_by(|a, b| number(a).total_cmp(&number(b)))?;
-        let state = match worst {
-            Examined { stable: true, .. } => "",
-            Examined { given_up: true, .. } => ", at rest: its state took more work than is allowed",
-            _ => unstable,
-        };
-        Some((format!("is largest for `{}`{state}", worst.pattern), number(worst)))
+    /// The largest of some numbers, and the pattern that has it.
+    pub(super) fn worst(&self, number: impl Fn(&Examined) -> f64) -> Option<&Examined> {
+        self.examined.iter().max_by(|a, b| number(a).total_cmp(&number(b)))
     }
 }
 

@@ -6,6 +6,7 @@
 
 use super::effect::{Assessment, Effect};
 use super::strip::Strip;
+use crate::base::two_digits;
 use crate::fem::energy::{Invariants, Slopes, relief};
 use crate::fem::lanes::Value;
 use crate::scene::effects::names;
@@ -78,14 +79,11 @@ impl Effect for ElectrodeStiffness {
     }
 
     fn assess(&self, scene: &Scene) -> Option<Assessment> {
-        let known = [
-            &scene.effects.electrode_stiffness,
-            &scene.properties.electrode_stiffness,
-        ];
-        known.iter().all(|layer| layer.is_none()).then(|| {
+        let unknown = scene.effects.electrode_stiffness.is_none() && scene.properties.electrode_stiffness.is_none();
+        unknown.then(|| {
             // Pa·mm are mN/m.
             let least = 1e-3 * Strip::new(scene).least_electrode() * scene.shear_modulus_pa() * scene.thickness_mm();
-            Assessment::lacks_data(&format!("μe He > {least:.3} N/m"))
+            Assessment::lacks_data(&format!("μe He > {} N/m", two_digits(least)))
         })
     }
 }

@@ -7,6 +7,7 @@
 
 use super::effect::{Assessment, Effect};
 use super::strip::Strip;
+use crate::base::two_digits;
 use crate::fem::energy::{Invariants, Slopes};
 use crate::fem::lanes::Value;
 use crate::fem::powers::power_minus_one;
@@ -118,13 +119,11 @@ impl Effect for StretchDependentPermittivity {
     }
 
     fn assess(&self, scene: &Scene) -> Option<Assessment> {
-        let known = [
+        let [on, known] = [
             &scene.effects.stretch_dependent_permittivity,
             &scene.properties.stretch_dependent_permittivity,
         ];
-        known
-            .iter()
-            .all(|decay| decay.is_none())
-            .then(|| Assessment::lacks_data(&format!("s > {:.3}", Strip::new(scene).least_decay())))
+        (on.is_none() && known.is_none())
+            .then(|| Assessment::lacks_data(&format!("s > {}", two_digits(Strip::new(scene).least_decay()))))
     }
 }

@@ -1,7 +1,7 @@
 //! Electromechanical stability: how far the voltage is from the one at which stability is lost. [`crate::fem`] computes it in
 //! its modules stability, continuation and margin.
 
-use super::effect::{Assessment, Effect, Solutions, Verdict};
+use super::effect::{Assessment, Effect, Solutions, Stability, Verdict};
 use crate::fem::critical::CriticalVoltage;
 use crate::scene::effects::names;
 use crate::scene::{Effects, On, Scene};
@@ -29,27 +29,63 @@ impl Effect for ElectromechanicalStability {
         effects.electromechanical_stability = Some(On {});
     }
 
+    fn assess(&self, scene: &Scene) -> Option<Assessment> {
+        (scene.voltage_v() <= 0.0).then(|| Assessment::does_not_arise("there is no voltage"))
+    }
+
     fn assess_solutions(&self, scene: &Scene, solutions: &Solutions<'_>) -> Option<Assessment> {
         let quantity = "κ/κ(critical)";
-        let limits = solutions
-            .examined
-            .iter()
-            .filter_map(|one| Some((&one.pattern, one.limit?)));
-        let Some((pattern, limit)) = limits.min_by(|a, b| a.1.voltage.total_cmp(&b.1.voltage)) else {
-            if let Some(one) = solutions.examined.iter().find(|one| one.given_up) {
-                let change = format!("was not found for `{}` with the work that is allowed", one.pattern);
-                return Some(Assessment::open(quantity, Verdict::Unknown, NEAR, change));
-            }
-            let reach = solutions.reach;
-            let change = format!("below {reach}: stable at {:.1} times the voltage", reach.sqrt().recip());
-            return Some(Assessment::open(quantity, Verdict::NotCalledFor, NEAR, change));
+        let open = |verdict, change| Some(Assessment::open(quantity, verdict, NEAR, change));
+        let share = |voltage: f64| (scene.voltage_v() / voltage).powi(2);
+        let known = || {
+            solutions
+                .examined
+                .iter()
+                .filter_map(|one| Some((&one.pattern, one.stability?)))
         };
-        let change = format!("ends the stability of `{pattern}` at {}", voltage(&limit));
-        let ratio = (scene.voltage_v() / limit.voltage).powi(2);
-        Some(Assessment {
-            error: limit.error.map(|error| 2.0 * ratio * error / limit.voltage),
-            ..Assessment::known(quantity, ratio, NEAR, change)
-        })
+        if let Some((pattern, _)) = known().find(|(_, stability)| *stability == Stability::Never) {
+            let change = format!("leaves `{pattern}` without a stable state at any voltage: it has no tension to lose");
+            return open(Verdict::CalledFor, change);
+        }
+        let lost = known().filter_map(|(pattern, stability)| match stability {
+            Stability::Lost(limit) => Some((pattern, limit)),
+            _ => None,
+        });
+        let first = lost.min_by(|a, b| a.1.voltage.total_cmp(&b.1.voltage));
+        let searched = known().filter_map(|(pattern, stability)| match stability {
+            Stability::UpTo(voltage) => Some((pattern, voltage)),
+            _ => None,
+        });
+        let least = searched.min_by(|a, b| a.1.total_cmp(&b.1));
+        let by_first = first.map(|(pattern, limit)| {
+            let ratio = share(limit.voltage);
+            let change = format!("ends the stability of `{pattern}` at {}", voltage(&limit));
+            Assessment {
+                error: limit.error.map(|error| 2.0 * ratio * error / limit.voltage),
+                ..Assessment::known(quantity, ratio, NEAR, change)
+            }
+        });
+        match (by_first, least) {
+            (Some(found), _) if found.verdict == Verdict::CalledFor => Some(found),
+            // Rounding alone is no reason.
+            (_, Some((pattern, reached))) if share(reached) > NEAR + 1e-9 => {
+                let change = format!("was not found for `{pattern}` with the work that is allowed: it is stable up to");
+                open(
+                    Verdict::GivenUp,
+                    format!("{change} {:.1} times the voltage", reached / scene.voltage_v()),
+                )
+            }
+            (Some(found), _) => Some(found),
+            (None, Some((_, reached))) => {
+                let below = (100.0 * share(reached) - 1e-6).ceil() / 100.0;
+                let change = format!("below {below}: stable at");
+                open(
+                    Verdict::NotCalledFor,
+                    format!("{change} {:.1} times the voltage", reached / scene.voltage_v()),
+                )
+            }
+            (None, None) => open(Verdict::Unknown, "no patterns".to_owned()),
+        }
     }
 }
 
@@ -60,5 +96,91 @@ fn voltage(limit: &CriticalVoltage) -> String {
     match limit.error {
         Some(error) => format!("{volts:.2} ± {:.2} {unit}", scale * error),
         None => format!("{volts:.2} {unit} on a coarse mesh"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fem::critical::MeshLimit;
+    use crate::fem::effects::Examined;
+    use crate::field::{Mesh, Outcome};
+
+    fn assess(found: &[Stability]) -> Assessment {
+        let one = |(i, stability): (usize, &Stability)| Examined {
+            pattern: format!("p{i}"),
+            outcome: Outcome::Converged,
+            field: 0.5,
+            stability: Some(*stability),
+        };
+        let examined: Vec<Examined> = found.iter().enumerate().map(one).collect();
+        let solutions = Solutions { examined: &examined };
+        let scene = Scene::vhb4910().at_voltage(1000.0);
+        ElectromechanicalStability.assess_solutions(&scene, &solutions).unwrap()
+    }
+
+    fn lost(voltage: f64) -> Stability {
+        let mesh = Mesh::biquadratic(1);
+        Stability::Lost(CriticalVoltage::new(MeshLimit { mesh, voltage }, None))
+    }
+
+    #[test]
+    fn a_search_that_was_given_up_is_no_reason_for_no() {
+        // √(1/0.6) = 1.291: what is stable up to there is far enough from a loss.
+        for (found, verdict, number) in [
+            (vec![lost(2000.0), Stability::UpTo(1280.0)], Verdict::GivenUp, None),
+            (
+                vec![Stability::UpTo(0.0), Stability::UpTo(3000.0)],
+                Verdict::GivenUp,
+                None,
+            ),
+            (
+                vec![lost(2000.0), Stability::UpTo(1300.0)],
+                Verdict::NotCalledFor,
+                Some(0.25),
+            ),
+            (
+                vec![lost(1250.0), Stability::UpTo(500.0)],
+                Verdict::CalledFor,
+                Some(0.64),
+            ),
+            (
+                vec![Stability::UpTo(1300.0), Stability::UpTo(3000.0)],
+                Verdict::NotCalledFor,
+                None,
+            ),
+            (
+                vec![Stability::UpTo(3000.0), Stability::Never],
+                Verdict::CalledFor,
+                None,
+            ),
+        ] {
+            let assessment = assess(&found);
+            let rounded = assessment.number.map(|number| (1e9 * number).round() / 1e9);
+            assert_eq!(
+                (assessment.verdict, rounded),
+                (verdict, number),
+                "{found:?}: {assessment:?}"
+            );
+        }
+        let far = assess(&[Stability::UpTo(3_162.277_660_168)]);
+        assert_eq!(far.change, "below 0.1: stable at 3.2 times the voltage");
+        let given_up = assess(&[lost(2000.0), Stability::UpTo(1230.0)]).change;
+        assert!(
+            given_up.starts_with("was not found for `p1`") && given_up.ends_with("1.2 times the voltage"),
+            "{given_up}"
+        );
+        let never = assess(&[Stability::Never]).change;
+        assert!(never.contains("`p0` without a stable state at any voltage"), "{never}");
+    }
+
+    #[test]
+    fn without_a_voltage_the_question_does_not_arise() {
+        let scene = Scene::vhb4910().at_voltage(0.0);
+        assert_eq!(
+            ElectromechanicalStability.assess(&scene).unwrap().change,
+            "there is no voltage"
+        );
+        assert_eq!(ElectromechanicalStability.assess(&Scene::vhb4910()), None);
     }
 }

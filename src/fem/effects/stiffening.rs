@@ -35,10 +35,7 @@ impl Effect for StrainStiffening {
     }
 
     fn assess(&self, scene: &Scene) -> Option<Assessment> {
-        let known = [&scene.effects.strain_stiffening, &scene.properties.strain_stiffening];
-        known
-            .iter()
-            .all(|law| law.is_none())
-            .then(|| Assessment::lacks_data(&format!("Jm < {:.0}", Strip::new(scene).least_jm())))
+        let unknown = scene.effects.strain_stiffening.is_none() && scene.properties.strain_stiffening.is_none();
+        unknown.then(|| Assessment::lacks_data(&format!("Jm < {:.0}", Strip::new(scene).least_jm())))
     }
 }

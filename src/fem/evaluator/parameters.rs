@@ -152,8 +152,7 @@ impl SolverParameters {
     /// How much work a pattern may take.
     #[must_use]
     pub fn work_limit(&self) -> WorkLimit {
-        let time = self.time_limit.as_ref();
-        time.map_or_else(WorkLimit::default, |time| WorkLimit::of_seconds(time.value()))
+        WorkLimit::of_time(self.time_limit.as_ref())
     }
 
     /// The method.

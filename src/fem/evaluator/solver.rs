@@ -8,7 +8,7 @@ use crate::fem::accurate::{AccurateSimulation, AccurateSolver};
 use crate::fem::error::SetupError;
 use crate::fem::observable::CellState;
 use crate::fem::response::{Estimator, LinearResponse};
-use crate::fem::screening::resolve_within;
+use crate::fem::screening::resolve;
 use crate::fem::solver::{MembraneSolver, SolveOptions};
 use crate::field::{Evaluator, Field, Mesh, PredictError, Predictor, Simulation, Simulator};
 use crate::pattern::Pattern;
@@ -36,7 +36,7 @@ impl Solver {
     /// When the mesh or the tolerance is out of range, the membrane has no linear response, or its effects cannot be simulated.
     pub fn new(scene: &Scene, parameters: &SolverParameters) -> Result<Self, SetupError> {
         let limit = parameters.work_limit();
-        let scene = &resolve_within(scene, limit)?;
+        let scene = &resolve(scene)?;
         let tolerance = parameters.tolerance();
         let engine = match (parameters.mesh_request(), parameters.method().chord_steps()) {
             (MeshRequest::Accuracy(accuracy), _) => {

@@ -133,11 +133,10 @@ fn displacement(
     pattern: &Pattern,
     limit: WorkLimit,
 ) -> Result<(Option<Displacement>, u64), SetupError> {
-    let fields = [without.solver.field(solutions[0]), with.solver.field(solutions[1])];
-    let [before, after] = &fields;
     if solutions.iter().all(|solution| solution.outcome.is_converged()) {
+        let (before, after) = (without.solver.field(solutions[0]), with.solver.field(solutions[1]));
         let voltage = without.solver.scene.voltage_v();
-        return Ok((Some(Displacement::between(before, after, voltage)), 0));
+        return Ok((Some(Displacement::between(&before, &after, voltage)), 0));
     }
     let losses = solutions.iter().filter_map(|solution| solution.outcome.bracket());
     let Some(lowest) = losses

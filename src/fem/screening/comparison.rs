@@ -61,7 +61,7 @@ impl Comparison {
     #[must_use]
     pub fn is_unknown(&self) -> bool {
         let ends = |outcome: &Outcome| outcome.is_converged() || outcome.bracket().is_some();
-        self.displacement.is_none() && !self.outcomes.iter().all(ends)
+        !self.outcomes.iter().all(ends)
     }
 
     fn difference(&self) -> f64 {
@@ -95,9 +95,10 @@ pub fn assess(comparisons: &[Comparison]) -> Assessment {
     }
     match comparisons.iter().find(|one| one.is_unknown()) {
         Some(unknown) if by_number.verdict != Verdict::CalledFor => Assessment {
-            verdict: Verdict::Unknown,
+            number: None,
+            verdict: Verdict::GivenUp,
             change: format!(
-                "could not be judged by `{}`: it takes more work than is allowed, and a longer time limit may tell more",
+                "could not be judged by `{}`: it takes more work than is allowed, and a screening with a longer time limit may tell more",
                 unknown.pattern
             ),
             ..by_number
@@ -221,7 +222,7 @@ mod tests {
     fn what_was_given_up_is_not_known_unless_another_pattern_says_so() {
         let given_up = one([Outcome::Converged, Outcome::WorkLimit], None);
         let found = assess(&[given_up.clone(), one([Outcome::Converged; 2], Some(0.01))]);
-        assert_eq!(found.verdict, Verdict::Unknown);
+        assert_eq!((found.verdict, found.number), (Verdict::GivenUp, None));
         assert!(found.change.contains("a longer time limit"), "{}", found.change);
         let found = assess(&[given_up, one([Outcome::Converged; 2], Some(0.03))]);
         assert_eq!(found.verdict, Verdict::CalledFor);

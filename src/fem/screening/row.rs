@@ -75,13 +75,12 @@ impl Row {
             Status::Off => "is neglected",
             Status::NotAvailable => "cannot be simulated yet",
         };
-        let given_up = *verdict == Verdict::Unknown && self.comparisons.iter().any(Comparison::is_unknown);
-        if *verdict != Verdict::CalledFor && !given_up {
-            return None;
-        }
+        let compared = match verdict {
+            Verdict::CalledFor => number.map(|number| format!(" ({quantity} = {number:.3} > {threshold})")),
+            Verdict::GivenUp => None,
+            Verdict::NotCalledFor | Verdict::Unknown => return None,
+        };
         let name = self.effect.replace('_', " ");
-        let compared = number.filter(|_| !given_up);
-        let compared = compared.map(|number| format!(" ({quantity} = {number:.3} > {threshold})"));
         Some(format!("{name} {state} and {change}{}", compared.unwrap_or_default()))
     }
 }

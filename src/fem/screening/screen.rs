@@ -55,7 +55,19 @@ pub(super) fn screen_to(
     patterns: &[Trial],
     limit: WorkLimit,
 ) -> Result<Screening, SetupError> {
-    Run::new(&EFFECTS, scene, patterns, limit).finish(purpose)
+    if purpose != Purpose::Watch {
+        return Run::new(&EFFECTS, scene, patterns, limit).finish(purpose);
+    }
+    // What is simulated is no warning.
+    let off = |effect: &&dyn Effect| effect.is_on(&scene.effects) != Some(true);
+    let effects: Vec<&dyn Effect> = EFFECTS.into_iter().filter(off).collect();
+    let stability = scene.effects.electromechanical_stability.is_some();
+    let searched = |trial: &Trial| Trial {
+        to_the_limit: trial.to_the_limit && !stability,
+        ..trial.clone()
+    };
+    let patterns: Vec<Trial> = patterns.iter().map(searched).collect();
+    Run::new(&effects, scene, &patterns, limit).finish(purpose)
 }
 
 /// Screens a scene for some effects.
@@ -110,10 +122,7 @@ impl<'a> Run<'a> {
     fn by_solutions(&mut self, purpose: Purpose, judged: &mut [Option<Judged>]) -> Result<(), SetupError> {
         let scene = self.scene.with_effects(self.chosen.clone());
         let examined = solution::examine(&scene, self.patterns, purpose, self.limit.part(1.0 - COMPARING))?;
-        let solutions = Solutions {
-            examined: &examined,
-            reach: purpose.reach(),
-        };
+        let solutions = Solutions { examined: &examined };
         for (effect, judged) in self.effects.iter().zip(judged) {
             if judged.is_some() {
                 continue;

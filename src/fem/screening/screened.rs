@@ -1,5 +1,7 @@
 //! A scene as it is simulated.
 
+use std::sync::{Mutex, PoisonError};
+
 use super::screen::{Screening, screen_to};
 use super::solution::Purpose;
 use super::trial::{Trial, reference_patterns, watch_patterns, watch_patterns_with};
@@ -9,6 +11,8 @@ use crate::scene::Scene;
 
 /// The part of the work for a pattern that a run's warnings may take beside it.
 const WATCHING: f64 = 0.4;
+/// Decisions that a process remembers.
+const KEPT: usize = 16;
 
 /// A scene as it is simulated, with what it lacks.
 pub struct Screened {
@@ -38,7 +42,7 @@ impl Screened {
 
     fn with(scene: &Scene, patterns: &[Trial], limit: WorkLimit) -> Result<Self, SetupError> {
         let screening = if scene.auto {
-            decide(scene, limit)?
+            decide(scene)?
         } else {
             screen_to(Purpose::Watch, scene, patterns, limit.part(WATCHING))?
         };
@@ -55,9 +59,26 @@ impl Screened {
     }
 }
 
-/// The screening that decides about the effects of a scene: it looks at the scene alone, not at the patterns to come.
-fn decide(scene: &Scene, limit: WorkLimit) -> Result<Screening, SetupError> {
-    screen_to(Purpose::Decision, scene, &reference_patterns(), limit)
+/// The screening that decides about the effects of a scene: it looks at the scene alone, not at the patterns to come or the work that
+/// they are allowed, so that all stages of a pipeline simulate the same.
+fn decide(scene: &Scene) -> Result<Screening, SetupError> {
+    /// What this process has decided: each stage of a pipeline asks again.
+    static DECIDED: Mutex<Vec<(Scene, Screening)>> = Mutex::new(Vec::new());
+    // It is pushed to in one step: a panic elsewhere leaves a list that is right.
+    let decided = || DECIDED.lock().unwrap_or_else(PoisonError::into_inner);
+    let known = decided()
+        .iter()
+        .find(|(other, _)| other == scene)
+        .map(|(_, known)| known.clone());
+    if let Some(known) = known {
+        return Ok(known);
+    }
+    let screening = screen_to(Purpose::Decision, scene, &reference_patterns(), WorkLimit::default())?;
+    let mut decided = decided();
+    if decided.len() < KEPT {
+        decided.push((scene.clone(), screening.clone()));
+    }
+    Ok(screening)
 }
 
 /// The scene with its effects decided: unchanged unless it says `effects: auto`.
@@ -65,16 +86,8 @@ fn decide(scene: &Scene, limit: WorkLimit) -> Result<Screening, SetupError> {
 /// # Errors
 /// When its effects cannot be simulated.
 pub fn resolve(scene: &Scene) -> Result<Scene, SetupError> {
-    resolve_within(scene, WorkLimit::default())
-}
-
-/// The same within a limit of work for each pattern.
-///
-/// # Errors
-/// As [`resolve`].
-pub fn resolve_within(scene: &Scene, limit: WorkLimit) -> Result<Scene, SetupError> {
     if scene.auto {
-        Ok(decide(scene, limit)?.scene)
+        Ok(decide(scene)?.scene)
     } else {
         Ok(scene.clone())
     }

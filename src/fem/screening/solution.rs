@@ -4,9 +4,11 @@ use rayon::prelude::*;
 
 use super::trial::Trial;
 use crate::fem::critical::CriticalVoltage;
-use crate::fem::effects::{Examined, NEAR, breakdown_ratio, breakdown_ratio_at_rest, breakdown_strength_or_usual};
+use crate::fem::effects::{
+    Examined, NEAR, Stability, breakdown_ratio, breakdown_ratio_at_rest, breakdown_strength_or_usual,
+};
 use crate::fem::{CriticalSearch, MembraneSolver, SetupError, SolveOptions, WorkLimit, cell_states};
-use crate::field::{Mesh, Outcome};
+use crate::field::Mesh;
 use crate::pattern::Pattern;
 use crate::scene::{Breakdown, Effects, Scene};
 
@@ -27,7 +29,7 @@ const SEARCHING: f64 = 0.4;
 pub enum Purpose {
     /// A table for people.
     Table,
-    /// The effects of a scene that leaves them open.
+    /// The effects of a scene that leaves them open: on two meshes where one leaves the verdict open.
     Decision,
     /// The warnings of a run, on one mesh.
     Watch,
@@ -44,11 +46,6 @@ impl Purpose {
             Self::Decision => 0.75 * NEAR,
             Self::Watch => NEAR,
         }
-    }
-
-    /// Whether limits are sought on two meshes.
-    fn wants_an_error(self) -> bool {
-        self != Self::Watch
     }
 }
 
@@ -78,33 +75,51 @@ pub fn examine(
         .par_iter()
         .map(|trial| examine_one(scene, &solver, &search, trial, &breakdown))
         .collect::<Result<_, _>>()?;
+    let enough = |limit: &CriticalVoltage| match purpose {
+        Purpose::Table => false,
+        Purpose::Decision => is_decided(scene, limit),
+        Purpose::Watch => true,
+    };
     if scene.effects.fringe_field.is_some() {
         let search = CriticalSearch::new(&far, MESH)?.within(searching);
-        let near = |pattern: &Pattern, voltage: f64| match purpose.wants_an_error() {
-            true => search.near(pattern, voltage),
-            false => search.near_on_coarse(pattern, voltage),
+        let refined = |pattern: &Pattern, coarse: CriticalVoltage| match enough(&coarse) {
+            true => coarse,
+            false => search.refine(pattern, coarse.voltage),
         };
-        look_again_at_the_first(patterns, &mut examined, near);
-    } else if purpose.wants_an_error() {
-        look_again_at_the_first(patterns, &mut examined, |pattern, voltage| {
-            Some(search.refine(pattern, voltage))
+        look_again_at_the_first(patterns, &mut examined, |pattern, limit| {
+            let coarse = search.near_on_coarse(pattern, limit.voltage)?;
+            Some(refined(pattern, coarse))
+        });
+    } else {
+        look_again_at_the_first(patterns, &mut examined, |pattern, limit| {
+            (!enough(&limit)).then(|| search.refine(pattern, limit.voltage))
         });
     }
     Ok(examined)
+}
+
+/// Whether the verdict on stability is the same at both ends of the interval of a limit.
+fn is_decided(scene: &Scene, limit: &CriticalVoltage) -> bool {
+    let [most, least] = limit.interval().map(|voltage| (scene.voltage_v() / voltage).powi(2));
+    most < NEAR || least > NEAR
 }
 
 /// Searches again for the limits of those patterns that could be the first to lose stability; what is not found is as before.
 fn look_again_at_the_first(
     patterns: &[Trial],
     examined: &mut [Examined],
-    near: impl Fn(&Pattern, f64) -> Option<CriticalVoltage> + Sync,
+    near: impl Fn(&Pattern, CriticalVoltage) -> Option<CriticalVoltage> + Sync,
 ) {
-    let limits = examined.iter().filter_map(|one| one.limit);
+    let lost = |one: &Examined| match one.stability {
+        Some(Stability::Lost(limit)) => Some(limit),
+        _ => None,
+    };
+    let limits = examined.iter().filter_map(lost);
     let lowest = limits.map(|limit| limit.voltage).fold(f64::INFINITY, f64::min);
     examined.par_iter_mut().zip(patterns).for_each(|(one, trial)| {
-        let candidate = one.limit.filter(|limit| limit.interval()[0] <= lowest);
-        if let Some(found) = candidate.and_then(|limit| near(&trial.pattern, limit.voltage)) {
-            one.limit = Some(found);
+        let candidate = lost(one).filter(|limit| limit.interval()[0] <= lowest);
+        if let Some(found) = candidate.and_then(|limit| near(&trial.pattern, limit)) {
+            one.stability = Some(Stability::Lost(found));
         }
     });
 }
@@ -120,7 +135,6 @@ fn examine_one(
     let solution = solver.solve(pattern);
     let stable = solution.outcome.is_converged();
     let active = pattern.cells().contains(&1);
-    let searched = trial.to_the_limit.then(|| search.outcome(pattern));
     Ok(Examined {
         pattern: trial.name.clone(),
         field: if stable {
@@ -131,8 +145,11 @@ fn examine_one(
         } else {
             0.0
         },
-        limit: searched.and_then(|outcome| search.of_outcome(outcome)),
-        stable,
-        given_up: [Some(solution.outcome), searched].contains(&Some(Outcome::WorkLimit)),
+        stability: match trial.to_the_limit {
+            true => Some(search.look(pattern)),
+            false if stable => None,
+            false => Some(solution.stability(solver.mesh())),
+        },
+        outcome: solution.outcome,
     })
 }

@@ -362,7 +362,7 @@ fn shown(row: &Row) -> String {
         (Some(number), Verdict::NotCalledFor) => digits(number),
         (None, Verdict::CalledFor) => "**–**".to_owned(),
         (None, Verdict::NotCalledFor) => "–".to_owned(),
-        (_, Verdict::Unknown) => "?".to_owned(),
+        (_, Verdict::Unknown | Verdict::GivenUp) => "?".to_owned(),
     }
 }
 
@@ -444,12 +444,19 @@ fn a_screening_far_beyond_the_loss_of_stability_ends_and_says_what_it_does_not_k
     });
     let rows = screen(&on, &cell).unwrap().rows;
     let row = |name: &str| rows.iter().find(|row| row.effect == name).unwrap();
-    assert_eq!(row(names::WRINKLING).assessment.verdict, Verdict::Unknown);
+    assert_eq!(row(names::WRINKLING).assessment.verdict, Verdict::GivenUp);
+    assert_eq!(row(names::WRINKLING).assessment.number, None);
     assert!(
         row(names::WRINKLING)
             .warning()
             .unwrap()
             .contains("a longer time limit may tell more")
     );
-    assert_eq!(row(names::STABILITY).assessment.verdict, Verdict::Unknown);
+    assert_eq!(row(names::STABILITY).assessment.verdict, Verdict::GivenUp);
+    assert!(
+        row(names::STABILITY)
+            .warning()
+            .unwrap()
+            .contains("is neglected and was not found for `one cell`")
+    );
 }

@@ -273,7 +273,7 @@ fn loading_does_not_jump_to_the_branch_beyond_a_snap() {
                         "{share}: {stable} {unstable}"
                     );
                 }
-                Ending::Unknown | Ending::WorkLimit => panic!("{share}"),
+                Ending::Unknown { .. } | Ending::WorkLimit { .. } => panic!("{share}"),
             }
         }
     });

@@ -4,8 +4,9 @@ use std::path::Path;
 
 use maud::{Markup, html};
 
+use crate::base::two_digits;
 use crate::report::drawing::{Axis, Chart, Colour, FigureError, Mark, Series, Sheet};
-use crate::report::format::{cut, two_digits};
+use crate::report::format::cut;
 
 /// What an evaluation found.
 #[derive(Clone, Debug)]

@@ -5,12 +5,13 @@ use std::path::Path;
 use maud::{Markup, html};
 use serde_json::json;
 
+use crate::base::two_digits;
 use crate::content;
 use crate::report::artifacts::{RunArtifacts, Source};
 use crate::report::error::ReportError;
 use crate::report::evaluation::{Coverage, Evaluation, Predicted, read};
 use crate::report::figures::{Evaluated, EvaluatedPredictor, draw_evaluation};
-use crate::report::format::{percent, two_digits};
+use crate::report::format::percent;
 use crate::report::html::{Column, Page};
 use crate::report::presenter::{DrawFigure, Presenter, Results};
 

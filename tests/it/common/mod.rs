@@ -229,3 +229,14 @@ pub fn files(folder: &Path) -> Vec<PathBuf> {
     found.sort();
     found
 }
+
+/// A pattern as a table: a row of `0` and `1` a line.
+pub fn csv(active: impl Fn(usize, usize) -> bool) -> String {
+    let row = |y| {
+        (0..50)
+            .map(|x| if active(x, y) { "1" } else { "0" })
+            .collect::<Vec<_>>()
+            .join(",")
+    };
+    (0..50).map(|y| row(y) + "\n").collect()
+}
