@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::error::CliError;
 use crate::base::{ArtifactId, nearest};
-use crate::orchestrator::{Environment, Pipeline, plan};
+use crate::orchestrator::{Environment, Pipeline, StageReport, Staleness, plan};
 use crate::stage;
 use crate::store::{Artifact, Lookup, Store, StoreError};
 
@@ -51,10 +51,17 @@ pub fn split(reference: &str) -> Option<(&str, &str)> {
 fn of_pipeline(store: &Store, path: &Path, name: &str) -> Result<ArtifactId, CliError> {
     let pipeline = Pipeline::load(path, &[], &stage::registry())?;
     let stages = plan(&pipeline, store, Some(name), &Environment::system())?;
-    let built = stages
-        .iter()
-        .find(|stage| stage.name == name)
-        .filter(|stage| stage.why.is_none());
+    let found = stages.iter().find(|stage| stage.name == name);
+    if let Some(StageReport {
+        staleness: Some(Staleness::ArtifactDamaged),
+        digest: Some(digest),
+        ..
+    }) = found
+    {
+        // Opening it says what is wrong, unless a chunk of it is damaged.
+        store.artifact(digest)?.chunks()?;
+    }
+    let built = found.filter(|stage| stage.why.is_none());
     built.and_then(|stage| stage.digest).ok_or_else(|| {
         CliError::bad_input(format!("stage `{name}` of {} is not built", path.display()))
             .help(format!("build it: deaflow run {} --until {name}", path.display()))

@@ -12,7 +12,7 @@ use super::neglected::neglected;
 use super::output::{Exit, Output};
 use super::{run, write};
 use crate::orchestrator::{Environment, plan};
-use crate::report::{History, write_report};
+use crate::report::{History, StageFacts, write_report};
 
 /// Write a report of a pipeline: one page with every design, and the designs as files
 #[derive(Debug, Args)]
@@ -71,7 +71,11 @@ pub fn execute(arguments: &ReportArguments, output: &Output) -> Result<Exit, Cli
 
 /// A report of half a pipeline is one only where that was asked for.
 fn check(history: &History, arguments: &ReportArguments) -> Result<(), CliError> {
-    let missing: Vec<&str> = history.missing().iter().map(|stage| stage.name.as_str()).collect();
+    let named = |stage: &&StageFacts| match &stage.why {
+        Some(why) if why.starts_with("artifact") => format!("{} ({why})", stage.name),
+        _ => stage.name.clone(),
+    };
+    let missing: Vec<String> = history.missing().iter().map(named).collect();
     let (of, all) = (missing.len(), history.stages.len());
     if missing.is_empty() || (arguments.partial && of < all) {
         return Ok(());

@@ -126,10 +126,15 @@ fn text(screening: &Screening) -> String {
 /// When the scene or a pattern cannot be read, or the effects cannot be simulated.
 fn screen(scene: &Path, patterns: &[String], limit: WorkLimit) -> Result<Screening, CliError> {
     let scene = direct::read_scene(scene)?;
-    let patterns = if patterns.is_empty() {
-        screening::reference_patterns()
-    } else {
-        named(patterns)?
+    let own = !patterns.is_empty();
+    let patterns = match own {
+        true => named(patterns)?,
+        false => screening::reference_patterns(),
+    };
+    // `auto` is decided by reference patterns and with the usual limit, whatever else is looked at.
+    let scene = match own || limit != WorkLimit::default() {
+        true => screening::resolve(&scene)?,
+        false => scene,
     };
     Ok(screening::screen_within(&scene, &patterns, limit)?)
 }

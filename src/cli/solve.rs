@@ -41,7 +41,7 @@ pub struct SolveArguments {
     #[arg(long, value_name = "LENGTH", value_parser = accuracy, allow_hyphen_values = true, conflicts_with_all = ["elements_per_cell", "order"])]
     pub accuracy: Option<Quantity>,
     /// Relative residual at which an equilibrium is accepted [default: 1e-8]
-    #[arg(long, value_name = "R", value_parser = number(1e-12..=1e-3, "1e-12 to 1e-3"))]
+    #[arg(long, value_name = "R", value_parser = number(1e-12..=1e-3, "1e-12 to 1e-3"), allow_hyphen_values = true)]
     pub tolerance: Option<f64>,
     #[command(flatten)]
     pub time: TimeArguments,

@@ -9,7 +9,7 @@ use super::arguments::StoreArguments;
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::{locate, run, table};
-use crate::orchestrator::{Bill, Environment, Outcome, StageReport, plan};
+use crate::orchestrator::{Bill, Environment, Outcome, StageReport, Staleness, plan};
 use crate::store::{LockFile, Run, Store, Totals};
 
 /// Say what is in a store, what is at work in it, and which pipelines are up to date
@@ -165,7 +165,11 @@ fn state(stages: &Result<Vec<StageReport>, String>) -> String {
     if stale.is_empty() {
         return format!("up to date ({} stages)", stages.len());
     }
-    let names: Vec<&str> = stale.iter().map(|stage| stage.name.as_str()).collect();
+    let named = |stage: &&StageReport| match &stage.staleness {
+        Some(why @ (Staleness::ArtifactDamaged | Staleness::ArtifactMissing)) => format!("{}: {why}", stage.name),
+        _ => stage.name.clone(),
+    };
+    let names: Vec<String> = stale.iter().map(named).collect();
     let bill = Bill::of(stale.iter().map(|stage| stage.price));
     format!(
         "{} of {} stages to build ({}): {}",

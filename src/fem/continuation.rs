@@ -198,6 +198,11 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
                     step = (0.5 * step).min(self.largest_step(stable));
                 }
             }
+            // A membrane that does not move takes no Newton step that would notice.
+            if workspace.is_spent() {
+                total.ending = Ending::WorkLimit { stable };
+                return total;
+            }
         }
         total.ending = Ending::Unknown { stable };
         total

@@ -18,7 +18,7 @@ const SLOW: f64 = 3e-3;
 /// The part of a voltage that the searches leave open, and what meshes do to a limit that hardly changes.
 const SEARCHED: f64 = 2e-3;
 /// The part of a voltage by which the loss on a coarse mesh alone may lie too high.
-const COARSE: f64 = 0.12;
+pub(super) const COARSE: f64 = 0.12;
 
 /// The voltage at which stability is lost, and how sure it is.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -317,8 +317,13 @@ fn damage_is_told_from_other_failures() {
     std::fs::set_permissions(&file, permissions).unwrap();
     std::fs::write(&file, bytes).unwrap();
 
-    let show = workspace.run(&["show", "small"]);
-    assert_eq!(show.code, Some(4), "{}", show.stderr);
+    for named in ["small", "tiny.yaml:small"] {
+        let show = workspace.run(&["show", named]);
+        assert_eq!(show.code, Some(4), "{}", show.stderr);
+        assert!(show.stderr.contains("damaged"), "{}", show.stderr);
+    }
+    let status = workspace.run(&["status"]).stdout;
+    assert!(status.contains("small: artifact damaged"), "{status}");
     let fsck = workspace.run(&["fsck", "--json"]);
     assert_eq!(fsck.code, Some(4), "{}", fsck.stderr);
     let report = fsck.json();

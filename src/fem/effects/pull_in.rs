@@ -2,7 +2,7 @@
 //! its modules stability, continuation and margin.
 
 use super::effect::{Assessment, Effect, Solutions, Stability, Verdict};
-use crate::fem::critical::CriticalVoltage;
+use crate::fem::critical::{COARSE, CriticalVoltage};
 use crate::scene::effects::names;
 use crate::scene::{Effects, On, Scene};
 
@@ -60,29 +60,43 @@ impl Effect for ElectromechanicalStability {
         let by_first = first.map(|(pattern, limit)| {
             let ratio = share(limit.voltage);
             let change = format!("ends the stability of `{pattern}` at {}", voltage(&limit));
-            Assessment {
-                error: limit.error.map(|error| 2.0 * ratio * error / limit.voltage),
-                ..Assessment::known(quantity, ratio, NEAR, change)
+            let known = Assessment::known(quantity, ratio, NEAR, change.clone());
+            match limit.error {
+                Some(error) => Assessment {
+                    error: Some(2.0 * ratio * error / limit.voltage),
+                    ..known
+                },
+                // A finer mesh, for which there was no more work, could say otherwise.
+                None if known.verdict == Verdict::NotCalledFor && share(limit.interval()[0]) > NEAR => {
+                    let more = ", and a finer mesh takes more work than is allowed";
+                    Assessment::open(quantity, Verdict::GivenUp, NEAR, change + more)
+                }
+                None => known,
             }
         });
+        // What a coarse mesh bears a finer one may not.
+        let surely = |reached: f64| (1.0 - COARSE) * reached;
         match (by_first, least) {
             (Some(found), _) if found.verdict == Verdict::CalledFor => Some(found),
-            // Rounding alone is no reason.
-            (_, Some((pattern, reached))) if share(reached) > NEAR + 1e-9 => {
-                let change = format!("was not found for `{pattern}` with the work that is allowed: it is stable up to");
-                open(
-                    Verdict::GivenUp,
-                    format!("{change} {:.1} times the voltage", reached / scene.voltage_v()),
-                )
+            (_, Some((pattern, reached))) if share(surely(reached)) > NEAR => {
+                let known = match reached > 0.0 {
+                    true => format!(
+                        ": it is stable up to {:.1} times the voltage",
+                        reached / scene.voltage_v()
+                    ),
+                    false => String::new(),
+                };
+                let change = format!("was not found for `{pattern}` with the work that is allowed{known}");
+                open(Verdict::GivenUp, change)
             }
             (Some(found), _) => Some(found),
             (None, Some((_, reached))) => {
-                let below = (100.0 * share(reached) - 1e-6).ceil() / 100.0;
-                let change = format!("below {below}: stable at");
-                open(
-                    Verdict::NotCalledFor,
-                    format!("{change} {:.1} times the voltage", reached / scene.voltage_v()),
-                )
+                let below = (100.0 * share(surely(reached)) - 1e-6).ceil() / 100.0;
+                let change = format!(
+                    "below {below}: stable at {:.1} times the voltage on a coarse mesh",
+                    reached / scene.voltage_v()
+                );
+                open(Verdict::NotCalledFor, change)
             }
             (None, None) => open(Verdict::Unknown, "no patterns".to_owned()),
         }
@@ -119,33 +133,33 @@ mod tests {
         ElectromechanicalStability.assess_solutions(&scene, &solutions).unwrap()
     }
 
-    fn lost(voltage: f64) -> Stability {
+    fn found_at(voltage: f64) -> Stability {
         let mesh = Mesh::biquadratic(1);
         Stability::Lost(CriticalVoltage::new(MeshLimit { mesh, voltage }, None))
     }
 
     #[test]
     fn a_search_that_was_given_up_is_no_reason_for_no() {
-        // √(1/0.6) = 1.291: what is stable up to there is far enough from a loss.
+        // √(1/0.6) = 1.291, and 1.291/0.88 = 1.467: what a coarse mesh bears up to there is far enough from a loss.
         for (found, verdict, number) in [
-            (vec![lost(2000.0), Stability::UpTo(1280.0)], Verdict::GivenUp, None),
+            (vec![found_at(2000.0), Stability::UpTo(1460.0)], Verdict::GivenUp, None),
             (
                 vec![Stability::UpTo(0.0), Stability::UpTo(3000.0)],
                 Verdict::GivenUp,
                 None,
             ),
             (
-                vec![lost(2000.0), Stability::UpTo(1300.0)],
+                vec![found_at(2000.0), Stability::UpTo(1470.0)],
                 Verdict::NotCalledFor,
                 Some(0.25),
             ),
             (
-                vec![lost(1250.0), Stability::UpTo(500.0)],
+                vec![found_at(1250.0), Stability::UpTo(500.0)],
                 Verdict::CalledFor,
                 Some(0.64),
             ),
             (
-                vec![Stability::UpTo(1300.0), Stability::UpTo(3000.0)],
+                vec![Stability::UpTo(1470.0), Stability::UpTo(3000.0)],
                 Verdict::NotCalledFor,
                 None,
             ),
@@ -154,6 +168,9 @@ mod tests {
                 Verdict::CalledFor,
                 None,
             ),
+            // By a coarse mesh alone: a finer one could have it at 0.88 of the voltage.
+            (vec![found_at(1460.0)], Verdict::GivenUp, None),
+            (vec![found_at(1600.0)], Verdict::NotCalledFor, Some(0.390_625)),
         ] {
             let assessment = assess(&found);
             let rounded = assessment.number.map(|number| (1e9 * number).round() / 1e9);
@@ -164,12 +181,17 @@ mod tests {
             );
         }
         let far = assess(&[Stability::UpTo(3_162.277_660_168)]);
-        assert_eq!(far.change, "below 0.1: stable at 3.2 times the voltage");
-        let given_up = assess(&[lost(2000.0), Stability::UpTo(1230.0)]).change;
+        assert_eq!(
+            far.change,
+            "below 0.13: stable at 3.2 times the voltage on a coarse mesh"
+        );
+        let given_up = assess(&[found_at(2000.0), Stability::UpTo(1230.0)]).change;
         assert!(
             given_up.starts_with("was not found for `p1`") && given_up.ends_with("1.2 times the voltage"),
             "{given_up}"
         );
+        let nothing = assess(&[Stability::UpTo(0.0)]).change;
+        assert!(nothing.ends_with("with the work that is allowed"), "{nothing}");
         let never = assess(&[Stability::Never]).change;
         assert!(never.contains("`p0` without a stable state at any voltage"), "{never}");
     }

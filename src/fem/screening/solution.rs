@@ -31,7 +31,7 @@ pub enum Purpose {
     Table,
     /// The effects of a scene that leaves them open: on two meshes where one leaves the verdict open.
     Decision,
-    /// The warnings of a run, on one mesh.
+    /// The warnings of a run, likewise.
     Watch,
 }
 
@@ -43,8 +43,7 @@ impl Purpose {
     pub fn reach(self) -> f64 {
         match self {
             Self::Table => 0.1,
-            Self::Decision => 0.75 * NEAR,
-            Self::Watch => NEAR,
+            Self::Decision | Self::Watch => 0.75 * NEAR,
         }
     }
 }
@@ -77,8 +76,7 @@ pub fn examine(
         .collect::<Result<_, _>>()?;
     let enough = |limit: &CriticalVoltage| match purpose {
         Purpose::Table => false,
-        Purpose::Decision => is_decided(scene, limit),
-        Purpose::Watch => true,
+        Purpose::Decision | Purpose::Watch => is_decided(scene, limit),
     };
     if scene.effects.fringe_field.is_some() {
         let search = CriticalSearch::new(&far, MESH)?.within(searching);

@@ -431,6 +431,19 @@ fn a_pattern_that_takes_too_much_work_ends_with_a_typed_outcome() {
 }
 
 #[test]
+fn a_membrane_that_does_not_move_takes_no_more_work_than_others() {
+    // All active: rest is an equilibrium at any voltage, and what takes time is to judge its stability at one load after the other.
+    let solver = MembraneSolver::new(&Scene::vhb4910().at_voltage(1e6), SolveOptions::default()).unwrap();
+    let full = Pattern::from_fn(|_, _| true);
+    let limit = WorkLimit::of_seconds(0.1);
+    let solution = solver.solve_within(&full, limit);
+    assert_eq!(solution.outcome, Outcome::WorkLimit);
+    assert!(limit.is_spent(solution.work) && !limit.is_spent(solution.work.saturating_sub(2000)), "{}", solution.work);
+    assert!(solution.last_stable < 1e6);
+    assert!(solver.solve(&full).outcome.bracket().is_some());
+}
+
+#[test]
 fn a_screening_far_beyond_the_loss_of_stability_ends_and_says_what_it_does_not_know() {
     let scene = far_beyond();
     let cell = [Trial::new("one cell", Pattern::from_fn(|x, y| (x, y) == (25, 25)))];

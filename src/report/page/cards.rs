@@ -160,7 +160,7 @@ fn simulated(design: &Design) -> Option<String> {
     match (design.simulated_mm, &design.outcome, design.error_mm) {
         (Some(value), _, Some(error)) => Some(format!("{} ± {error:.4} mm", mm(value))),
         (Some(value), _, None) => Some(format!("{} mm", mm(value))),
-        (None, Some(_), _) => Some("no stable solution found".to_owned()),
+        (None, Some(outcome), _) => Some(format!("no stable solution found ({outcome})")),
         (None, None, _) => None,
     }
 }
