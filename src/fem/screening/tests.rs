@@ -438,7 +438,11 @@ fn a_membrane_that_does_not_move_takes_no_more_work_than_others() {
     let limit = WorkLimit::of_seconds(0.1);
     let solution = solver.solve_within(&full, limit);
     assert_eq!(solution.outcome, Outcome::WorkLimit);
-    assert!(limit.is_spent(solution.work) && !limit.is_spent(solution.work.saturating_sub(2000)), "{}", solution.work);
+    assert!(
+        limit.is_spent(solution.work) && !limit.is_spent(solution.work.saturating_sub(2000)),
+        "{}",
+        solution.work
+    );
     assert!(solution.last_stable < 1e6);
     assert!(solver.solve(&full).outcome.bracket().is_some());
 }
