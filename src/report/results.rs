@@ -1,17 +1,19 @@
 //! What a run of a pipeline found: as JSON, in words, and as figures.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value, json};
 
 use super::artifacts::{Made, RunArtifacts, Source};
+use super::drawing::{FigureError, with_texts};
 use super::error::ReportError;
 use super::format::{figure_name, file_name};
 use super::kinds::PRESENTERS;
 use super::presenter::{DrawFigure, Presenter, Results};
 use super::warnings::warnings;
-use crate::base::leads_nowhere_at;
+use crate::base::{leads_nowhere_at, write_output};
 
 /// What a run found.
 pub struct RunResults {
@@ -105,24 +107,78 @@ pub fn draw_figures(
                 path: folder.clone(),
                 source,
             })?;
-            draw(run, stage, &wanted)?;
+            draw(run, stage, &wanted, pipeline)?;
         }
         paths.extend(wanted.into_iter().map(|(path, _)| path).filter(|path| path.exists()));
     }
     for presenter in presenters {
-        paths.extend(presenter.common_figures(run, &folder)?);
+        let before = if run.rounds.is_empty() {
+            BTreeSet::new()
+        } else {
+            files(&folder)
+        };
+        let common = presenter.common_figures(run, &folder)?;
+        for path in common.iter().filter(|path| !before.contains(*path)) {
+            let made = run.made.iter().map(|made| made.digest.to_string());
+            say_where_from(path, pipeline, "all stages", &made.collect::<Vec<_>>().join(" "))?;
+        }
+        paths.extend(common);
     }
     Ok(paths)
 }
 
-fn draw(run: &RunArtifacts<'_>, stage: &Made, wanted: &[(PathBuf, DrawFigure)]) -> Result<(), ReportError> {
+/// What stands in the folder of figures; nothing where it cannot be read, and figures are then written as new ones.
+fn files(folder: &Path) -> BTreeSet<PathBuf> {
+    let entries = fs::read_dir(folder).into_iter().flatten();
+    entries.filter_map(|entry| Some(entry.ok()?.path())).collect()
+}
+
+/// Writes into a figure where it comes from: a figure in somebody's slides leads back to its artifact.
+fn say_where_from(path: &Path, pipeline: &str, stage: &str, digests: &str) -> Result<(), ReportError> {
+    let said = |source: FigureError| ReportError::Figure {
+        stage: stage.to_owned(),
+        source,
+    };
+    let image = fs::read(path).map_err(|error| said(FigureError::Draw(error.to_string())))?;
+    let texts = [
+        ("Title", format!("{pipeline}: {stage}")),
+        ("Source", digests.to_owned()),
+        (
+            "Software",
+            concat!(
+                "deaflow ",
+                env!("CARGO_PKG_VERSION"),
+                " (build ",
+                env!("DEAFLOW_BUILD_SHORT"),
+                ")"
+            )
+            .to_owned(),
+        ),
+    ];
+    let stamped = with_texts(&image, &texts).map_err(said)?;
+    write_output(path, &stamped).map_err(|error| said(error.into()))
+}
+
+fn draw(
+    run: &RunArtifacts<'_>,
+    stage: &Made,
+    wanted: &[(PathBuf, DrawFigure)],
+    pipeline: &str,
+) -> Result<(), ReportError> {
     let source = Source {
         stage,
         artifact: &run.store.artifact(&stage.digest)?,
         run: run.made,
     };
     let missing = wanted.iter().filter(|(path, _)| is_missing(path));
-    missing.into_iter().try_for_each(|(path, draw)| draw(path, &source))
+    for (path, draw) in missing {
+        draw(path, &source)?;
+        // Of some artifacts there is nothing to draw.
+        if path.is_file() {
+            say_where_from(path, pipeline, &stage.stage, &stage.digest.to_string())?;
+        }
+    }
+    Ok(())
 }
 
 /// Whether a figure has to be drawn. A link that leads nowhere is passed over: it is not ours.

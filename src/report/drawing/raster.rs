@@ -43,6 +43,32 @@ pub fn png(size: [f64; 2], drawing: &Markup) -> Result<Vec<u8>, FigureError> {
     Ok(bytes)
 }
 
+/// The PNG with texts by their keywords, as [PNG names them](https://www.w3.org/TR/png-3/#11keywords): `Title`, `Source`, `Software`.
+///
+/// # Errors
+/// When it is no PNG, or cannot be written.
+pub fn with_texts(image: &[u8], texts: &[(&str, String)]) -> Result<Vec<u8>, FigureError> {
+    let failed = |e: &dyn std::fmt::Display| FigureError::Draw(e.to_string());
+    let mut reader = png::Decoder::new(std::io::Cursor::new(image))
+        .read_info()
+        .map_err(|e| failed(&e))?;
+    let mut pixels = vec![0; reader.output_buffer_size()];
+    let frame = reader.next_frame(&mut pixels).map_err(|e| failed(&e))?;
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, frame.width, frame.height);
+    encoder.set_color(frame.color_type);
+    encoder.set_depth(frame.bit_depth);
+    for (keyword, text) in texts {
+        let added = encoder.add_itxt_chunk((*keyword).to_owned(), text.clone());
+        added.map_err(|e| failed(&e))?;
+    }
+    let written = encoder
+        .write_header()
+        .and_then(|mut writer| writer.write_image_data(&pixels[..frame.buffer_size()]));
+    written.map_err(|e| failed(&e))?;
+    Ok(bytes)
+}
+
 /// The drawing as a document of its own.
 fn document([width, height]: [f64; 2], drawing: &Markup) -> String {
     let svg = html! {
@@ -94,6 +120,29 @@ mod tests {
         let drawing = html! { text x="1" y="9" { "a\u{1b}[2J\u{7}\u{9b}\u{ffff}b" } };
         assert!(!document([20.0, 10.0], &drawing).contains('\u{1b}'));
         assert!(png([20.0, 10.0], &drawing).is_ok());
+    }
+
+    #[test]
+    fn texts_are_added_and_no_pixel_changes() {
+        let drawing = html! { rect x="2" y="3" width="5" height="4" fill="#0072b2" {} };
+        let plain = png([20.0, 10.0], &drawing).unwrap();
+        let texts = [("Title", "λ: a figure".to_owned()), ("Source", "ab12".to_owned())];
+        let said = with_texts(&plain, &texts).unwrap();
+        let read = |bytes: &[u8]| {
+            let mut reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().unwrap();
+            let mut pixels = vec![0; reader.output_buffer_size()];
+            reader.next_frame(&mut pixels).unwrap();
+            let texts = reader.info().utf8_text.iter();
+            let texts: Vec<_> = texts
+                .map(|text| (text.keyword.clone(), text.get_text().unwrap()))
+                .collect();
+            (pixels, texts)
+        };
+        let (before, none) = read(&plain);
+        let (after, found) = read(&said);
+        assert!(before == after && none.is_empty());
+        assert!(with_texts(b"no figure", &texts).is_err());
+        assert_eq!(found, texts.map(|(keyword, text)| (keyword.to_owned(), text)));
     }
 
     #[test]
