@@ -17,7 +17,7 @@ use crate::base::{ArtifactId, Override, Quantity};
 use crate::content::{AttributeError, Audit};
 use crate::orchestrator::{Environment, Pipeline, RunOptions, Staleness, plan, run as run_pipeline};
 use crate::stage::audit::{self, Audited, Finding, Request, Severity};
-use crate::store::{Artifact, Store, StoreError};
+use crate::store::{Artifact, Run, Store, StoreError};
 use report::Answer;
 
 /// Check a dataset: provenance, values, symmetries, leaks, and every label against a simulation
@@ -217,11 +217,10 @@ fn current(pipeline: &Pipeline, store: &Store, name: &str) -> Result<Result<Arti
             finding("integrity", format!("the dataset in the store is not whole: {why}"))
         }
         (why, _) => {
-            let runs = store.runs()?;
-            let built = runs
-                .iter()
-                .any(|run| run.pipeline == pipeline.name && run.stage(name).is_some());
-            if !built {
+            let file = pipeline.file();
+            let has = |run: &Run| run.is_of(&file, &pipeline.name) && run.stage(name).is_some();
+            let built = store.runs()?.find(|run| !run.as_ref().is_ok_and(|run| !has(run)));
+            if built.transpose()?.is_none() {
                 let path = pipeline.path.display();
                 return Err(CliError::bad_input(format!("stage `{name}` of {path} is not built"))
                     .help(format!("build it: deaflow run {path} --until {name}")));

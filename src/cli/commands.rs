@@ -5,8 +5,8 @@ use clap::{Parser, Subcommand};
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::{
-    accuracy, audit, dag, explain, export, fsck, gc, pin, plan, predict, report, run, schema, screen, show, solve,
-    status, unpin,
+    accuracy, audit, dag, diff, explain, export, fsck, gc, log, pin, plan, predict, report, run, schema, screen, show,
+    solve, status, unpin,
 };
 
 /// The version, and which build of it: two builds of other sources are told apart.
@@ -49,6 +49,8 @@ commands! {
     Run => run::RunArguments,
     Plan => plan::PlanArguments,
     Status => status::StatusArguments,
+    Log => log::LogArguments,
+    Diff => diff::DiffArguments,
     Explain => explain::ExplainArguments,
     Dag => dag::DagArguments,
     Schema => schema::SchemaArguments,

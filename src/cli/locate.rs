@@ -1,6 +1,6 @@
 //! Finds the artifact that somebody means: by a stage of the last run, by `PIPELINE.yaml:STAGE`, or by its digest.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::error::CliError;
 use crate::base::{ArtifactId, nearest};
@@ -9,7 +9,7 @@ use crate::stage;
 use crate::store::{Artifact, Lookup, Store, StoreError};
 
 /// The fewest digits that name a digest.
-const LEAST: usize = 4;
+pub const LEAST: usize = 4;
 
 /// Opens a store that must be there already: looking into one must not make one.
 pub fn existing_store(path: &Path) -> Result<Store, CliError> {
@@ -24,6 +24,11 @@ pub fn of_folder<T>(opened: Result<T, StoreError>) -> Result<T, CliError> {
         }
         other => other.into(),
     })
+}
+
+/// A path that is the same wherever the next command is given.
+pub fn absolute(path: &Path) -> PathBuf {
+    std::path::absolute(path).unwrap_or_else(|_| path.to_owned())
 }
 
 /// The artifact that `reference` names.
@@ -108,10 +113,8 @@ fn of_digits(store: &Store, digits: &str) -> Result<ArtifactId, CliError> {
 }
 
 fn unknown(store: &Store, reference: &str) -> Result<CliError, CliError> {
-    let runs = store.runs()?;
-    let names: Vec<&str> = runs
-        .first()
-        .map_or(Vec::new(), |run| run.stages.iter().map(|s| s.name.as_str()).collect());
+    let last = store.runs()?.next().transpose()?.unwrap_or_default();
+    let names: Vec<&str> = last.stages.iter().map(|s| s.name.as_str()).collect();
     let root = store.root().display();
     let error = CliError::bad_input(format!(
         "no stage of a run in {root} is named {reference:?}, and no digest begins so"

@@ -188,34 +188,11 @@ impl RunProgress {
     fn show(&self, event: &Event) {
         let mut current = locked(&self.current);
         match event {
-            Event::RunStarted {
-                pipeline,
-                stages,
-                stale,
-                price,
-                unpriced,
-            } => {
-                let mut text = format!("{pipeline}: {}", counted(*stages as u64, "stages"));
-                if *stale > 0 {
-                    text += &format!(", {stale} to build");
-                }
-                if price.is_some() {
-                    text += &format!(": {}", table::price(price.as_ref(), *unpriced));
-                }
-                tell(&text);
-            }
-            Event::StageStarted {
-                name,
-                kind,
-                steps,
-                why,
-                price,
-            } => {
+            Event::RunStarted { .. } => line(event).iter().for_each(|text| tell(text)),
+            Event::StageStarted { name, kind, steps, .. } => {
                 let terminal = self.shown == Shown::Bars && io::stderr().is_terminal();
                 if !terminal {
-                    let price =
-                        price.map_or_else(String::new, |price| format!(", about {}", table::time(&price.seconds)));
-                    tell(&format!("{name}: {} to do ({why}){price}", counted(*steps, unit(kind))));
+                    line(event).iter().for_each(|text| tell(text));
                 }
                 *current = Some(Bar::on(terminal, name, unit(kind), *steps));
             }
@@ -232,6 +209,44 @@ impl RunProgress {
             },
         }
     }
+}
+
+/// An event in one line; none for those that only move a bar.
+pub fn line(event: &Event) -> Option<String> {
+    Some(match event {
+        Event::RunStarted {
+            pipeline,
+            stages,
+            stale,
+            price,
+            unpriced,
+        } => {
+            let mut text = format!("{pipeline}: {}", counted(*stages as u64, "stages"));
+            if *stale > 0 {
+                text += &format!(", {stale} to build");
+            }
+            if price.is_some() {
+                text += &format!(": {}", table::price(price.as_ref(), *unpriced));
+            }
+            text
+        }
+        Event::StageStarted {
+            name,
+            kind,
+            steps,
+            why,
+            price,
+        } => {
+            let price = price.map_or_else(String::new, |price| format!(", about {}", table::time(&price.seconds)));
+            format!("{name}: {} to do ({why}){price}", counted(*steps, unit(kind)))
+        }
+        Event::StageReused(report)
+        | Event::StageFinished(report)
+        | Event::StageFailed(report)
+        | Event::StageSkipped(report) => format!("{}: {}", report.name, ended(report)),
+        Event::Warning { text } => format!("warning: {text}"),
+        Event::Progress { .. } | Event::Resumed { .. } | Event::Note { .. } | Event::ChunkBuilt { .. } => return None,
+    })
 }
 
 fn ended(report: &StageReport) -> String {

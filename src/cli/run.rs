@@ -11,6 +11,7 @@ use super::error::CliError;
 use super::neglected::neglected;
 use super::output::{Exit, Output};
 use super::progress::{RunProgress, Shown};
+use super::run_log::RunLog;
 use super::table;
 use crate::base::{OutputFile, Override};
 use crate::orchestrator::{Environment, Pipeline, RunOptions, RunOutcome, run};
@@ -60,14 +61,22 @@ pub fn execute(arguments: &RunArguments, output: &Output) -> Result<Exit, CliErr
     }
     let store = arguments.of.trust(Store::open(&arguments.of.store.folder())?);
     let progress = RunProgress::new(shown(arguments));
-    let listener = |event: &_| progress.tell(event);
+    let log = RunLog::new(&store);
+    let listener = |event: &_| {
+        log.tell(event);
+        progress.tell(event);
+    };
     let options = RunOptions {
+        log: Some(&log.name),
         until: arguments.of.until.as_deref(),
         keep_going: arguments.keep_going,
         lock: lock.as_ref(),
         only: false,
     };
     let mut outcome = run(&pipeline, &store, &options, &Environment::system(), &listener)?;
+    if let Some(why) = log.trouble() {
+        output.complain(&format!("warning: the log file of this run is not whole: {why}"));
+    }
     if !outcome.failures.is_empty() {
         return failed(&mut outcome, arguments, output);
     }

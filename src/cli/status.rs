@@ -1,6 +1,6 @@
 //! `deaflow status`: what is in a store, what is at work in it, and which pipelines are up to date.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use serde_json::{Value, json};
@@ -10,7 +10,7 @@ use super::error::CliError;
 use super::output::{Exit, Output};
 use super::{locate, run, table};
 use crate::orchestrator::{Bill, Environment, Outcome, StageReport, Staleness, plan};
-use crate::store::{LockFile, Run, Store, Totals};
+use crate::store::{Command, LockFile, Run, Store, Totals};
 
 /// Say what is in a store, what is at work in it, and which pipelines are up to date
 #[derive(Debug, Args)]
@@ -34,7 +34,7 @@ struct Standing {
 
 pub fn execute(arguments: &StatusArguments, output: &Output) -> Result<Exit, CliError> {
     let store = locate::existing_store(&arguments.store.folder())?;
-    let runs = store.runs()?;
+    let runs = store.runs()?.collect::<Result<Vec<Run>, _>>()?;
     let absolute = |path: &PathBuf| std::path::absolute(path).unwrap_or_else(|_| path.clone());
     let mut paths: Vec<PathBuf> = arguments.pipelines.iter().map(absolute).collect();
     if paths.is_empty() {
@@ -61,8 +61,8 @@ pub fn execute(arguments: &StatusArguments, output: &Output) -> Result<Exit, Cli
 /// A pipeline that somebody names must be there; one that only a run remembers may be gone.
 fn standing(store: &Store, runs: &[Run], path: PathBuf, named: bool) -> Result<Standing, CliError> {
     let last = |name: Option<&str>| {
-        let same = |run: &&Run| Path::new(&run.path) == path || name == Some(run.pipeline.as_str());
-        runs.iter().find(same).cloned()
+        let of = |run: &&Run| run.is_of(&path, name.unwrap_or_default());
+        runs.iter().filter(|run| run.command == Command::Run).find(of).cloned()
     };
     let (stages, last) = match run::load_file(&path, &[]) {
         Ok(pipeline) => {

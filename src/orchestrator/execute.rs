@@ -17,7 +17,7 @@ use super::provenance::Environment;
 use super::spec::{Pipeline, StageSpec};
 use super::staleness::Staleness;
 use crate::base::{ArtifactId, InputError};
-use crate::store::{Effort, LockFile, LockedStage, Record, Run, RunStage, Store, StoreError};
+use crate::store::{Command, Effort, Ended, LockFile, LockedStage, Record, Run, RunStage, Store, StoreError};
 
 /// How to run.
 #[derive(Clone, Copy, Debug, Default)]
@@ -30,6 +30,8 @@ pub struct RunOptions<'a> {
     pub keep_going: bool,
     /// What every stage must be and make.
     pub lock: Option<&'a LockFile>,
+    /// Where the listener writes what is built, in the folder of the store.
+    pub log: Option<&'a str>,
 }
 
 /// Why a run or a plan could not be made.
@@ -87,6 +89,7 @@ pub fn run(
     environment: &Environment,
     listener: Listener<'_>,
 ) -> Result<RunOutcome, RunError> {
+    let began = (environment.clock)();
     let selection = pipeline.selection(options.until)?;
     if let Some(lock) = options.lock {
         let differences = locked::differences(pipeline, &selection, store, lock)?;
@@ -135,15 +138,17 @@ pub fn run(
     let (stages, failures) = execution.stages(selection.get(first..).unwrap_or_default());
     let lock = execution.lock_file();
     store.keep_index();
-    let logged = store.put_run(&Run {
-        pipeline: pipeline.name.clone(),
-        // Wherever the next command is given, it is the same file.
-        path: std::path::absolute(&pipeline.path)
-            .unwrap_or_else(|_| pipeline.path.clone())
-            .display()
-            .to_string(),
-        created: environment.now(),
-        stages: execution.remembered,
+    let stages_done = std::mem::take(&mut execution.remembered);
+    let logged = execution.log(Run {
+        command: match options.only {
+            true => Command::Audit,
+            false => Command::Run,
+        },
+        seconds: environment.seconds_since(began),
+        log: options.log.filter(|_| stages.iter().any(is_work)).map(str::to_owned),
+        stages: stages_done,
+        failures: failures.iter().map(|failure| failure.stage.clone()).collect(),
+        ..Run::default()
     });
     let not_logged = execution.not_logged.or(logged.err());
     if let Some(reason) = &not_logged {
@@ -159,6 +164,11 @@ pub fn run(
     })
 }
 
+/// Whether anything was done for a stage.
+fn is_work(report: &StageReport) -> bool {
+    matches!(report.outcome, Outcome::Built | Outcome::Failed)
+}
+
 /// A stage that is there and is not looked at any more.
 fn remembered(spec: &StageSpec, status: &StageStatus) -> Option<RunStage> {
     match &status.state {
@@ -167,6 +177,7 @@ fn remembered(spec: &StageSpec, status: &StageStatus) -> Option<RunStage> {
             kind: spec.kind.name().to_owned(),
             key: record.key,
             artifact: record.artifact,
+            outcome: Ended::Reused,
         }),
         State::Stale { .. } => None,
     }
@@ -289,8 +300,70 @@ impl Execution<'_> {
             kind: spec.kind.name().to_owned(),
             key: record.key,
             artifact: record.artifact,
+            outcome: match report.outcome {
+                Outcome::Built => Ended::Built,
+                _ => Ended::Reused,
+            },
         });
         Ok(report)
+    }
+
+    /// Remembers what has been run, where that is news.
+    fn log(&self, run: Run) -> Result<(), StoreError> {
+        let environment = self.builder.environment;
+        let run = Run {
+            pipeline: self.pipeline.name.clone(),
+            path: self.pipeline.file().display().to_string(),
+            created: environment.now(),
+            host: environment.host.clone(),
+            version: format!("{} (build {})", environment.version, environment.build),
+            overrides: self.pipeline.overrides.clone(),
+            ..run
+        };
+        if !self.builder.store.is_news(&run)? {
+            return Ok(());
+        }
+        let mut results = BTreeMap::new();
+        for stage in &run.stages {
+            results.extend(self.results(stage)?);
+        }
+        self.builder.store.put_run(&Run { results, ..run })
+    }
+
+    /// What the artifact of a stage is worth in numbers: what the last run that had it said, or what stands in it. What cannot be read is
+    /// damage that the next run finds, and no reason not to remember this one.
+    fn results(&self, stage: &RunStage) -> Result<Vec<(String, f64)>, StoreError> {
+        let Some(spec) = self.pipeline.stage(&stage.name) else {
+            return Ok(Vec::new());
+        };
+        let prefix = format!("{}.", stage.name);
+        if let Some((run, _)) = self
+            .planner
+            .remembered(spec)?
+            .filter(|(_, then)| then.artifact == stage.artifact)
+        {
+            let known = run
+                .results
+                .range(prefix.clone()..)
+                .take_while(|(name, _)| name.starts_with(&prefix));
+            let known: Vec<(String, f64)> = known.map(|(name, value)| (name.clone(), *value)).collect();
+            if !known.is_empty() {
+                return Ok(known);
+            }
+        }
+        let found = self.builder.store.artifact(&stage.artifact).map_err(StageError::from);
+        match found.and_then(|artifact| spec.kind.results(&artifact)) {
+            Ok(results) => {
+                // Of nothing there is no mean.
+                let finite = results.into_iter().filter(|(_, value)| value.is_finite());
+                Ok(finite.map(|(name, value)| (prefix.clone() + &name, value)).collect())
+            }
+            Err(error) => {
+                let text = format!("the results of `{}` are not remembered: {error}", stage.name);
+                (self.builder.listener)(&Event::Warning { text });
+                Ok(Vec::new())
+            }
+        }
     }
 
     /// Why nothing that needs a stage may run, although the stage is there.

@@ -54,7 +54,7 @@ pub fn explain(pipeline: &Pipeline, store: &Store, stage: &str) -> Result<Explan
         key: status.action.as_ref().map(|(_, key)| *key),
         reasons,
         inputs: names.zip(digests).collect(),
-        last: planner.remembered(spec).map(|(run, stage)| Last {
+        last: planner.remembered(spec)?.map(|(run, stage)| Last {
             created: run.created.clone(),
             key: stage.key,
             artifact: stage.artifact,

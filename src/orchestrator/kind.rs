@@ -47,6 +47,16 @@ pub trait Kind: Sync {
         Ok(Vec::new())
     }
 
+    /// What a finished artifact is worth in numbers, by names of one word, or of a word and what it is of: `max_displacement`,
+    /// `rmse.physics`. They stand in the history of runs, are compared between runs, and tables collect them.
+    ///
+    /// # Errors
+    /// When the artifact cannot be read.
+    fn results(&self, artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {
+        let _ = artifact;
+        Ok(Vec::new())
+    }
+
     /// Reads a stage from its mapping, which includes `kind` and `needs`, and from the pipeline's scene, already one
     /// mapping even where the pipeline names a file.
     ///

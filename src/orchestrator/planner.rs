@@ -5,6 +5,7 @@
 //! artifact does not make everything after it stale.
 
 use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use rayon::prelude::*;
 
@@ -12,7 +13,7 @@ use super::kind::{Chunk, Input, Plan};
 use super::spec::{Pipeline, StageSpec};
 use super::staleness::{Current, Staleness};
 use crate::base::{ActionKey, ArtifactId, Canonical};
-use crate::store::{Action, Condition, Effort, Lookup, Object, Record, Run, RunStage, Store, StoreError};
+use crate::store::{Action, Condition, Effort, Lookup, Object, Record, Run, RunStage, Runs, Store, StoreError};
 
 /// Files that one thread looks at sooner than another could be woken.
 const FEW: usize = 64;
@@ -63,8 +64,17 @@ pub struct ChunkState {
 pub struct Planner<'a> {
     pipeline: &'a Pipeline,
     store: &'a Store,
-    runs: Vec<Run>,
+    runs: Mutex<PastRuns>,
 }
+
+/// The past runs of a pipeline, read as far back as somebody asked.
+struct PastRuns {
+    unread: std::iter::Take<Runs>,
+    read: Vec<Arc<Run>>,
+}
+
+/// How many of the last runs of a store are looked through for those of a pipeline.
+const LOOKED_THROUGH: usize = 1000;
 
 impl StageStatus {
     /// What later stages can know of this one.
@@ -124,9 +134,15 @@ impl<'a> Planner<'a> {
     /// # Errors
     /// When the store cannot be read.
     pub fn new(pipeline: &'a Pipeline, store: &'a Store) -> Result<Self, StoreError> {
-        let mut runs = store.runs()?;
-        runs.retain(|run| run.pipeline == pipeline.name);
-        Ok(Self { pipeline, store, runs })
+        let runs = PastRuns {
+            unread: store.runs()?.take(LOOKED_THROUGH),
+            read: Vec::new(),
+        };
+        Ok(Self {
+            pipeline,
+            store,
+            runs: Mutex::new(runs),
+        })
     }
 
     /// The status of stages, given by their places in topological order.
@@ -251,17 +267,36 @@ impl<'a> Planner<'a> {
             parameters,
             inputs: &inputs,
         };
-        let Some((run, stage)) = self.remembered(spec) else {
+        let Some((run, stage)) = self.remembered(spec)? else {
             return Ok(Staleness::all_since(&current, None, None));
         };
         let previous = self.store.record(&stage.key)?.record();
-        Ok(Staleness::all_since(&current, previous.as_ref(), Some(run)))
+        Ok(Staleness::all_since(&current, previous.as_ref(), Some(&run)))
     }
 
     /// The last run that had the stage.
-    #[must_use]
-    pub fn remembered(&self, spec: &StageSpec) -> Option<(&Run, &RunStage)> {
-        self.runs.iter().find_map(|run| Some((run, run.stage(&spec.name)?)))
+    ///
+    /// # Errors
+    /// When the store cannot be read.
+    pub fn remembered(&self, spec: &StageSpec) -> Result<Option<(Arc<Run>, RunStage)>, StoreError> {
+        let with_stage = |run: &Arc<Run>| Some((run.clone(), run.stage(&spec.name)?.clone()));
+        // A run is pushed in one step: a panic elsewhere leaves a list that is right.
+        let mut runs = self.runs.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(found) = runs.read.iter().find_map(with_stage) {
+            return Ok(Some(found));
+        }
+        let file = self.pipeline.file();
+        while let Some(run) = runs.unread.next().transpose()? {
+            if !run.is_of(&file, &self.pipeline.name) {
+                continue;
+            }
+            let run = Arc::new(run);
+            runs.read.push(run.clone());
+            if let Some(found) = with_stage(&run) {
+                return Ok(Some(found));
+            }
+        }
+        Ok(None)
     }
 
     /// Looks at each chunk of a stale stage. Those that are there go into its manifest by what is known of them.

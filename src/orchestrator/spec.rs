@@ -1,5 +1,6 @@
 //! Reads a pipeline from YAML, refusing what cannot run before any work is done.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::entry::{Entry, Registry, check_length, check_needs, read_entries, suggestion};
@@ -27,6 +28,8 @@ pub struct Pipeline {
     pub stages: Vec<StageSpec>,
     /// Those that are done in more than one round, in the order of the file.
     pub rounds: Vec<Rounds>,
+    /// What stood on the command line in place of the file's: values in YAML by their dotted paths.
+    pub overrides: BTreeMap<String, String>,
 }
 
 /// One stage of a pipeline.
@@ -80,7 +83,14 @@ impl Pipeline {
             scene: map.optional("scene").cloned(),
             stages,
             rounds,
+            overrides: overrides.iter().map(Override::said).collect(),
         })
+    }
+
+    /// Its file, wherever the next command is given: by this path its runs are known.
+    #[must_use]
+    pub fn file(&self) -> PathBuf {
+        std::path::absolute(&self.path).unwrap_or_else(|_| self.path.clone())
     }
 
     /// The stage of that name.

@@ -2,12 +2,13 @@
 //! built of it.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use super::artifacts::{Made, RunArtifacts};
 use super::error::ReportError;
 use crate::base::ArtifactId;
 use crate::orchestrator::{Pipeline, Rounds, StageReport};
-use crate::store::{Artifact, Cost, Run, Store};
+use crate::store::{Artifact, Command, Cost, Run, Store};
 
 /// A pipeline with what has been built of it.
 #[derive(Clone, Debug)]
@@ -74,11 +75,13 @@ impl History {
     /// # Errors
     /// When the store cannot be read.
     pub fn of(pipeline: &Pipeline, plan: &[StageReport], store: &Store) -> Result<Self, ReportError> {
-        let runs = store.runs()?;
-        let last = runs.iter().position(|run| run.pipeline == pipeline.name);
+        let file = pipeline.file();
+        let mut runs = store.runs()?;
+        let last = runs.find(|run| !run.as_ref().is_ok_and(|run| !dates(run, &file, &pipeline.name)));
+        let last = last.transpose()?;
         // What was made after the end of the run before was made by the last one, or by one that was killed since.
-        let since = last.and_then(|last| runs.get(last + 1)).map(|run| run.created.as_str());
-        let last = last.map(|last| &runs[last]);
+        let since = runs.next().transpose()?.map(|run| run.created);
+        let (last, since) = (last.as_ref(), since.as_deref());
         let costs = store.costs();
         let mut stages = Vec::new();
         for report in plan {
@@ -148,6 +151,11 @@ impl History {
     pub fn missing(&self) -> Vec<&StageFacts> {
         self.stages.iter().filter(|stage| stage.digest.is_none()).collect()
     }
+}
+
+/// Whether a run is one of the pipeline: an audit runs a stage of it, and builds nothing else.
+fn dates(run: &Run, file: &Path, name: &str) -> bool {
+    run.command == Command::Run && run.is_of(file, name)
 }
 
 fn has(run: &Run, report: &StageReport, digest: &ArtifactId) -> bool {

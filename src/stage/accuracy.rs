@@ -9,9 +9,10 @@ mod content;
 use std::collections::BTreeSet;
 
 use super::model;
+use super::results::most;
 use crate::accuracy::{AccuracyError, Benchmark, Candidate, Network, Reference};
 use crate::base::{Canonical, Fields, InputError, Node};
-use crate::content::Solutions;
+use crate::content::{Accuracy, Solutions};
 use crate::field::Field;
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::store::{Artifact, Object};
@@ -31,6 +32,19 @@ impl Kind for AccuracyKind {
 
     fn recipe(&self) -> u32 {
         3
+    }
+
+    fn results(&self, artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {
+        let view = Accuracy::open(artifact)?;
+        let (methods, families) = (view.methods().read()?, view.families().rows()?);
+        let largest = view.error().max().read()?;
+        let of = |(row, name): (usize, &String)| {
+            (
+                format!("max_error.{name}"),
+                most(&largest[row * families..(row + 1) * families]),
+            )
+        };
+        Ok(methods.iter().enumerate().map(of).collect())
     }
 
     fn needs(&self) -> Needs {

@@ -17,6 +17,7 @@ use held::held;
 use source::Source;
 
 use super::direct::{DirectError, read_scene};
+use super::results::named;
 use crate::base::{
     Canonical, Declared as _, Fields, InputError, Length, Node, NodeValue, Parameter, Progress, Quantity, Schema, Seed,
     open_regular, parameters, words,
@@ -69,6 +70,18 @@ impl Kind for AuditKind {
 
     fn recipe(&self) -> u32 {
         4
+    }
+
+    fn results(&self, artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {
+        let view = Audit::open(artifact)?;
+        let findings = view.findings().read()?.value::<Vec<Finding>>();
+        let findings = findings.map_err(|e| StageError::Input(e.to_string()))?;
+        let count = |severity| findings.iter().filter(|finding| finding.severity == severity).count() as f64;
+        Ok(named([
+            ("rows", view.max_displacement().rows()? as f64),
+            ("errors", count(Severity::Error)),
+            ("warnings", count(Severity::Warning)),
+        ]))
     }
 
     fn needs(&self) -> Needs {

@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::results::{most, named};
 use crate::base::{Canonical, Declared, Fields, InputError, Length, Node, Seed, parameters};
 use crate::content::{self, BalanceCounts, Histograms, Packed, Solutions, files};
 use crate::dataset::{BalanceOptions, Balanced, BalancedRow, Bins, Candidate, SymmetryGroup, balance};
@@ -21,6 +22,14 @@ impl Kind for BalanceKind {
 
     fn recipe(&self) -> u32 {
         2
+    }
+
+    fn results(&self, artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {
+        let view = content::Balanced::open(artifact)?;
+        Ok(named([
+            ("rows", view.family().rows()? as f64),
+            ("max_displacement", most(&view.max_displacement().read()?)),
+        ]))
     }
 
     fn needs(&self) -> Needs {

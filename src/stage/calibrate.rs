@@ -4,6 +4,7 @@ mod content;
 
 use std::collections::BTreeSet;
 
+use super::results::named;
 use super::{labelled, model};
 use crate::base::{Canonical, Declared, Digest, Fields, InputError, Node, Seed, parameters};
 use content::Origin;
@@ -25,6 +26,13 @@ impl Kind for CalibrateKind {
 
     fn recipe(&self) -> u32 {
         3
+    }
+
+    fn results(&self, artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {
+        let view = crate::content::Calibration::open(artifact)?;
+        let [threshold] = view.novelty().threshold().read()?;
+        let samples: u64 = view.samples().read()?.iter().sum();
+        Ok(named([("samples", samples as f64), ("novelty_threshold", threshold)]))
     }
 
     fn needs(&self) -> Needs {

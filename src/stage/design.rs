@@ -12,7 +12,9 @@ use std::time::Instant;
 use serde_json::json;
 
 use super::model;
+use super::results::of_targets;
 use crate::base::{Canonical, Declared, Fields, InputError, Map, Node, NodeValue, Parameter, Schema, parameters};
+use crate::content::Designs;
 use crate::design::{
     ConstraintParameters, Elements, GenerationReport, Method, Progress, Search, SearchError, SearchOptions, SearchStep,
     StateError, Target, Targets, Watch,
@@ -115,6 +117,22 @@ impl Kind for DesignKind {
 
     fn recipe(&self) -> u32 {
         5
+    }
+
+    fn results(&self, artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {
+        let view = Designs::open(artifact)?;
+        let rows = view.rows();
+        let (names, roles) = (rows.name().read()?, rows.role().read()?);
+        let found = names
+            .iter()
+            .zip(&roles)
+            .enumerate()
+            .filter(|(_, (_, role))| role.is_found());
+        let found: Vec<(&str, usize)> = found.map(|(row, (name, _))| (name.as_str(), row)).collect();
+        Ok(of_targets(
+            &found,
+            &[("predicted", &view.value().read()?), ("area", &rows.area().read()?)],
+        ))
     }
 
     fn needs(&self) -> Needs {

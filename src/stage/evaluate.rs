@@ -10,6 +10,7 @@ mod predictors;
 use super::calibrate::{self, CalibratedModel};
 use super::labelled;
 use crate::base::{Canonical, Declared, Fields, InputError, Node, Parameter, Schema, parameters};
+use crate::content::Evaluation;
 use crate::fem::Method;
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::scene::Scene;
@@ -28,6 +29,23 @@ impl Kind for EvaluateKind {
 
     fn recipe(&self) -> u32 {
         3
+    }
+
+    fn results(&self, artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {
+        let view = Evaluation::open(artifact)?;
+        let (predictors, families, score) = (view.predictors().read()?, view.families().rows()?, view.score());
+        let (samples, rmse, largest) = (score.samples().read()?, score.rmse().read()?, score.max_error().read()?);
+        // The last of the families is all of them.
+        let of = |numbers: &[f64], row: usize| numbers[(row + 1) * families - 1];
+        let known = (0..predictors.len()).filter(|row| samples[(row + 1) * families - 1] > 0);
+        let both = known.flat_map(|row| {
+            let name = &predictors[row];
+            [
+                (format!("rmse.{name}"), of(&rmse, row)),
+                (format!("max_error.{name}"), of(&largest, row)),
+            ]
+        });
+        Ok(both.collect())
     }
 
     fn needs(&self) -> Needs {

@@ -10,6 +10,7 @@ pub mod direct;
 mod evaluate;
 mod labelled;
 mod model;
+mod results;
 mod sample;
 pub mod solution;
 mod solve;

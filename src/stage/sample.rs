@@ -4,12 +4,13 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::results::{mean, named};
 use crate::base::{Canonical, Fields, InputError, Node, Parameter, Seed};
 use crate::content::{SampleRows, Samples};
 use crate::orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::pattern::Pattern;
 use crate::sample::{FAMILIES, FamilyEntry, Group, read_family};
-use crate::store::Object;
+use crate::store::{Artifact, Object};
 
 /// Samples in a chunk: small enough that a killed run loses seconds, large enough that a file is worth opening.
 const CHUNK: u64 = 50;
@@ -24,6 +25,11 @@ impl Kind for SampleKind {
 
     fn recipe(&self) -> u32 {
         2
+    }
+
+    fn results(&self, artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {
+        let area = Samples::open(artifact)?.area().read()?;
+        Ok(named([("samples", area.len() as f64), ("area", mean(&area))]))
     }
 
     fn needs(&self) -> Needs {

@@ -2,6 +2,7 @@
 
 use std::sync::OnceLock;
 
+use super::results::{mean, most, named};
 use super::solution;
 use crate::base::{Canonical, Fields, InputError, Node};
 use crate::content::{Samples, Solutions};
@@ -28,6 +29,17 @@ impl Kind for SolveKind {
 
     fn recipe(&self) -> u32 {
         4
+    }
+
+    fn results(&self, artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {
+        let view = Solutions::open(artifact)?;
+        let largest = view.max_displacement().read()?;
+        Ok(named([
+            ("samples", largest.len() as f64),
+            ("unstable", view.unstable().outcome().rows()? as f64),
+            ("max_displacement", most(&largest)),
+            ("mean_displacement", mean(&largest)),
+        ]))
     }
 
     fn needs(&self) -> Needs {

@@ -6,9 +6,11 @@ mod examples;
 mod follow;
 
 use super::model;
+use super::results::named;
 use follow::Follow;
 
 use crate::base::{Canonical, Decimal, Declared, Fields, InputError, Node, NodeValue, Seed, parameters};
+use crate::content::{ALL_FAMILIES, Training};
 use crate::dataset::SymmetryGroup;
 use crate::fem::LinearResponse;
 use crate::field::Mesh;
@@ -30,6 +32,24 @@ impl Kind for TrainKind {
 
     fn recipe(&self) -> u32 {
         3
+    }
+
+    fn results(&self, artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {
+        let view = Training::open(artifact)?;
+        let [best] = view.best_epoch().read()?;
+        let metrics = view.metrics();
+        let (families, splits, rmse) = (
+            metrics.family().read()?,
+            metrics.split().read()?,
+            metrics.rmse().read()?,
+        );
+        let of_all = families
+            .iter()
+            .zip(splits)
+            .zip(rmse)
+            .filter(|((family, _), _)| *family == ALL_FAMILIES);
+        let errors = of_all.map(|((_, split), rmse)| (format!("rmse.{split}"), rmse));
+        Ok(errors.chain(named([("best_epoch", best as f64)])).collect())
     }
 
     fn needs(&self) -> Needs {

@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use super::results::of_targets;
 use crate::base::{Canonical, Document, Fields, InputError, Node};
 use crate::content::{Components, DesignRows, Designs, Verification};
 use crate::design::{Goal, Objective};
@@ -31,6 +32,25 @@ impl Kind for VerifyKind {
 
     fn recipe(&self) -> u32 {
         5
+    }
+
+    fn results(&self, artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {
+        let view = Verification::open(artifact)?;
+        let rows = view.rows();
+        let (names, roles) = (rows.name().read()?, rows.role().read()?);
+        let (simulated, area) = (view.component().simulated().read()?, rows.area().read()?);
+        let found = names.iter().zip(&roles).zip(view.simulated_rows()?).enumerate();
+        let found = found.filter(|(_, ((_, role), _))| role.is_found());
+        let found = found.filter_map(|(row, ((name, _), at))| Some((name.as_str(), row, at?)));
+        let found: Vec<(&str, usize, usize)> = found.collect();
+        let by_row: Vec<(&str, usize)> = found.iter().map(|(name, row, _)| (*name, *row)).collect();
+        let by_field: Vec<(&str, usize)> = found.iter().map(|(name, _, at)| (*name, *at)).collect();
+        let mut results = of_targets(&by_field, &[("displacement", &simulated)]);
+        results.extend(of_targets(
+            &by_row,
+            &[("area", &area), ("predicted", &view.component().predicted().read()?)],
+        ));
+        Ok(results)
     }
 
     fn needs(&self) -> Needs {

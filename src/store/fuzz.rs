@@ -144,7 +144,9 @@ fn broken_files_of_runs_and_pins_are_passed_over() {
             kind: "sample".into(),
             key: ActionKey::of(b"key"),
             artifact: ArtifactId::of(b"artifact"),
+            outcome: Ended::Built,
         }],
+        ..Run::default()
     };
     store.put_run(&run).unwrap();
     let path = store.run_files().unwrap().remove(0);
@@ -155,11 +157,11 @@ fn broken_files_of_runs_and_pins_are_passed_over() {
         let bytes = edited(&sound, &edits);
         fs::write(&path, &bytes).unwrap();
         fs::write(&pin, &bytes).unwrap();
-        prop_assert!(store.runs().unwrap().len() <= 1);
+        prop_assert!(store.runs().unwrap().map(Result::unwrap).count() <= 1);
         prop_assert_eq!(store.pins().unwrap()[0].digest, ArtifactId::of(b"artifact"));
     });
     fs::write(&path, "[".repeat(1 << 20)).unwrap();
-    assert!(store.runs().unwrap().is_empty());
+    assert!(store.runs().unwrap().next().is_none());
 }
 
 #[test]

@@ -20,7 +20,7 @@ use crate::base::{ActionKey, ArtifactId};
 /// What to keep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Retention {
-    /// How many of the last runs are roots.
+    /// How many of the last runs are roots, those that made the same counted once.
     pub runs: usize,
     /// What was written less than this ago stays.
     pub grace: Duration,
@@ -195,12 +195,19 @@ impl Store {
     /// The roots by name, with the artifacts that they hold.
     fn roots(&self, retention: &Retention) -> Result<Vec<Root>, StoreError> {
         let mut runs = Vec::new();
-        for path in self.run_files()?.iter().take(retention.runs) {
+        for path in &self.run_files()? {
+            if runs.len() == retention.runs {
+                break;
+            }
             let Some(run) = history::read(path)? else {
                 let reason = "nobody knows what this run needs; `deaflow fsck` moves its file aside";
                 return Err(StoreError::damaged(path, reason));
             };
-            let artifacts = run.stages.iter().map(|stage| stage.artifact).collect();
+            let artifacts: Vec<ArtifactId> = run.stages.iter().map(|stage| stage.artifact).collect();
+            // Runs that take turns count once each.
+            if runs.iter().any(|root: &Root| root.artifacts == artifacts) {
+                continue;
+            }
             runs.push(Root {
                 name: format!("run of {} at {}", run.pipeline, run.created),
                 artifacts,

@@ -1,11 +1,12 @@
-//! The last runs: what each stage was made by and what it made.
+//! Past runs: when, where, with which overrides, what each stage was made by and what it made, and what that is worth in numbers.
 //!
-//! They explain the next run ("parameter changed: …"), let a stage be shown by its name, and are what a collection must
-//! keep. They decide nothing: a run is found by its keys whether or not its file is there.
+//! They explain the next run ("parameter changed: …"), let a stage be shown by its name, can be listed and compared, and the last of
+//! them are what a collection must keep. They decide nothing: a run is found by its keys whether or not its file is there.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::io::ErrorKind;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
@@ -16,22 +17,82 @@ use super::open::Store;
 use crate::base::{ActionKey, ArtifactId, Digest, read_own};
 
 /// How many runs are remembered.
-const KEPT: usize = 50;
+const KEPT: usize = 10_000;
 
 /// A run of as many stages as a pipeline may have takes less.
 const MAX_BYTES: u64 = 32 << 20;
 
 /// One run of a pipeline.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Run {
+    /// By which it is named: the digits in the name of its file. Empty before it is put.
+    #[serde(skip)]
+    pub id: String,
     /// Name of the pipeline.
     pub pipeline: String,
-    /// Its file.
+    /// Its file, by which runs belong together.
     pub path: String,
-    /// When it ended, in UTC, RFC 3339; of runs in a row that say the same, the first.
+    /// The command that ran it.
+    #[serde(default)]
+    pub command: Command,
+    /// When it ended, in UTC, RFC 3339.
     pub created: String,
-    /// The stages that were built or reused, in topological order.
+    /// What it took from its beginning to its end, s.
+    #[serde(default)]
+    pub seconds: f64,
+    /// Name of the machine.
+    #[serde(default)]
+    pub host: String,
+    /// Version of this program, and which build of it.
+    #[serde(default)]
+    pub version: String,
+    /// What `--set` changed: values in YAML by their dotted paths.
+    #[serde(default)]
+    pub overrides: BTreeMap<String, String>,
+    /// Its log file, in the folder of the store; none where nothing was built.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub log: Option<String>,
+    /// The stages that were reached, in topological order.
     pub stages: Vec<RunStage>,
+    /// Names of the stages that failed.
+    #[serde(default)]
+    pub failures: Vec<String>,
+    /// What artifacts are worth in numbers: `STAGE.NAME`.
+    #[serde(default)]
+    pub results: BTreeMap<String, f64>,
+}
+
+/// What ran a pipeline.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Command {
+    /// `deaflow run`.
+    #[default]
+    Run,
+    /// `deaflow audit`, which builds one stage and no more.
+    Audit,
+}
+
+/// How a stage of a run ended.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Ended {
+    /// It was built.
+    Built,
+    /// It was there.
+    #[default]
+    Reused,
+}
+
+impl Ended {
+    /// The word in files and documents.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Built => "built",
+            Self::Reused => "reused",
+        }
+    }
 }
 
 /// One stage of a run.
@@ -47,6 +108,9 @@ pub struct RunStage {
     /// Its artifact.
     #[serde(with = "hexadecimal")]
     pub artifact: ArtifactId,
+    /// How it ended.
+    #[serde(default)]
+    pub outcome: Ended,
 }
 
 impl Run {
@@ -56,52 +120,84 @@ impl Run {
         self.stages.iter().find(|stage| stage.name == name)
     }
 
+    /// Whether it is one of the pipeline in a file: of that path, or of that name where its own file is gone, as when it was moved.
+    #[must_use]
+    pub fn is_of(&self, path: &Path, name: &str) -> bool {
+        let own = Path::new(&self.path);
+        own == path || (self.pipeline == name && !own.exists())
+    }
+
+    /// Whether it is the same pipeline, with the same overrides and the same artifacts.
     fn says_the_same(&self, other: &Self) -> bool {
-        (&self.pipeline, &self.path, &self.stages) == (&other.pipeline, &other.path, &other.stages)
+        let made = |run: &Self| -> Vec<(String, ActionKey, ArtifactId)> {
+            let stages = run.stages.iter();
+            stages
+                .map(|stage| (stage.name.clone(), stage.key, stage.artifact))
+                .collect()
+        };
+        (&self.pipeline, &self.path, &self.overrides) == (&other.pipeline, &other.path, &other.overrides)
+            && made(self) == made(other)
+    }
+}
+
+/// Runs that are read as they are asked for, newest first. A file that cannot be understood is passed over; `fsck` names it.
+pub struct Runs {
+    files: std::vec::IntoIter<PathBuf>,
+}
+
+impl Iterator for Runs {
+    type Item = Result<Run, StoreError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        self.files.find_map(|path| read(&path).transpose())
     }
 }
 
 impl Store {
-    /// Remembers a run in place of an earlier one that says the same, and forgets all but the last fifty. The last run said
-    /// again is no news: nothing is written.
+    /// Whether something was built or failed in a run, or it says anything else than the last one of its pipeline.
+    ///
+    /// # Errors
+    /// When the system refuses.
+    pub fn is_news(&self, run: &Run) -> Result<bool, StoreError> {
+        let built = |stage: &RunStage| stage.outcome == Ended::Built;
+        if run.stages.iter().any(built) || !run.failures.is_empty() {
+            return Ok(true);
+        }
+        let last = self
+            .runs()?
+            .find(|other| !other.as_ref().is_ok_and(|other| other.path != run.path));
+        Ok(!last.transpose()?.is_some_and(|last| last.says_the_same(run)))
+    }
+
+    /// Remembers a run that is news, and forgets all but the last ten thousand.
     ///
     /// # Errors
     /// When the system refuses.
     pub fn put_run(&self, run: &Run) -> Result<(), StoreError> {
-        let last = self.run_files()?.first().map(|path| read(path)).transpose()?;
-        if last.flatten().is_some_and(|last| last.says_the_same(run)) {
+        if !self.is_news(run)? {
             return Ok(());
         }
+        let files = self.run_files()?;
         let text = serde_json::to_vec_pretty(run).map_err(|error| StoreError::Json(error.to_string()))?;
-        let name = after_newest(run, &self.run_files()?);
+        let name = after_newest(run, &files);
         let target = self
             .layout
             .runs()
             .join(format!("{name}-{}.json", Digest::of(&text).short()));
         let folder = self.temporary()?;
         atomic::write(&folder.path().join("run"), &target, &text)?;
-        let mut kept = 1;
-        for path in self.run_files()?.into_iter().filter(|path| *path != target) {
-            let same = read(&path)?.is_some_and(|other| other.says_the_same(run));
-            if !same && kept < KEPT {
-                kept += 1;
-            } else if is_file(&path) {
-                remove(&path)?;
-            }
-        }
-        Ok(())
+        let older = files.iter().skip(KEPT - 1);
+        older.filter(|path| is_file(path)).try_for_each(|path| remove(path))
     }
 
-    /// The remembered runs, newest first. A file that cannot be understood is passed over; `fsck` names it.
+    /// The remembered runs, newest first.
     ///
     /// # Errors
     /// When the system refuses.
-    pub fn runs(&self) -> Result<Vec<Run>, StoreError> {
-        let mut runs = Vec::new();
-        for path in self.run_files()? {
-            runs.extend(read(&path)?);
-        }
-        Ok(runs)
+    pub fn runs(&self) -> Result<Runs, StoreError> {
+        Ok(Runs {
+            files: self.run_files()?.into_iter(),
+        })
     }
 
     /// What the last run that had a stage of this name made there. `pipeline` narrows to a pipeline by name or file.
@@ -109,9 +205,14 @@ impl Store {
     /// # Errors
     /// When the system refuses.
     pub fn last_made(&self, stage: &str, pipeline: Option<&str>) -> Result<Option<RunStage>, StoreError> {
-        let mut runs = self.runs()?;
-        runs.retain(|run| pipeline.is_none_or(|wanted| run.pipeline == wanted || run.path == wanted));
-        Ok(runs.iter().find_map(|run| run.stage(stage)).cloned())
+        for run in self.runs()? {
+            let run = run?;
+            let wanted = pipeline.is_none_or(|wanted| run.pipeline == wanted || run.path == wanted);
+            if let Some(found) = run.stage(stage).filter(|_| wanted) {
+                return Ok(Some(found.clone()));
+            }
+        }
+        Ok(None)
     }
 
     /// Files of runs, newest first, as their names say. What is named otherwise is none.
@@ -164,9 +265,11 @@ fn stamp(name: &str) -> Option<(String, u64)> {
 }
 
 /// `None` where the file is no run, or another process has just removed it.
-pub(super) fn read(path: &std::path::Path) -> Result<Option<Run>, StoreError> {
+pub(super) fn read(path: &Path) -> Result<Option<Run>, StoreError> {
     match read_own(path, MAX_BYTES) {
-        Ok(bytes) => Ok(serde_json::from_slice(&bytes).ok()),
+        Ok(bytes) => Ok(serde_json::from_slice(&bytes)
+            .ok()
+            .map(|run| Run { id: id(path), ..run })),
         Err(error)
             if matches!(
                 error.kind(),
@@ -179,7 +282,14 @@ pub(super) fn read(path: &std::path::Path) -> Result<Option<Run>, StoreError> {
     }
 }
 
-fn remove(path: &std::path::Path) -> Result<(), StoreError> {
+/// The digits in the name of a run's file.
+fn id(path: &Path) -> String {
+    let name = path.file_stem().and_then(|name| name.to_str());
+    let digits = name.and_then(|name| name.rsplit_once('-'));
+    digits.map_or_else(String::new, |(_, digits)| digits.to_owned())
+}
+
+fn remove(path: &Path) -> Result<(), StoreError> {
     match fs::remove_file(path) {
         Err(error) if error.kind() != ErrorKind::NotFound => Err(StoreError::io("remove", path)(error)),
         _ => Ok(()),
@@ -211,7 +321,7 @@ mod tests {
             pipeline: pipeline.to_owned(),
             path: "p.yaml".into(),
             created: created.to_owned(),
-            stages: Vec::new(),
+            ..Run::default()
         }
     }
 
@@ -244,7 +354,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let store = Store::open(folder.path()).unwrap();
         let runs = store.layout.runs();
-        let last = |store: &Store| store.runs().unwrap()[0].pipeline.clone();
+        let last = |store: &Store| store.runs().unwrap().next().unwrap().unwrap().pipeline;
         store.put_run(&run("2026-01-01T00:00:01.000Z", "first")).unwrap();
         for number in ["999999", "1000000"] {
             let name = format!("2999-01-01T00-00-01.000Z.{number}-0123456789ab.json");
@@ -258,7 +368,7 @@ mod tests {
         fs::write(runs.join(highest), "{}").unwrap();
         store.put_run(&run("2026-01-01T00:00:03.000Z", "third")).unwrap();
         assert!(
-            store.runs().unwrap().iter().any(|run| run.pipeline == "third"),
+            store.runs().unwrap().any(|run| run.unwrap().pipeline == "third"),
             "it does not go"
         );
     }

@@ -5,7 +5,8 @@
 //! DIR/objects/ab/<digest>.h5   artifacts by the digest of their content
 //! DIR/records/ab/<key>  what an action made
 //! DIR/checkpoints/<key>/  what unfinished actions have come to
-//! DIR/runs/             the last runs: roots, and the memory behind "parameter changed"
+//! DIR/runs/             past runs: the last are roots; the memory behind "parameter changed"
+//! DIR/logs/              what runs said, for people
 //! DIR/pins/              artifacts that a collection keeps
 //! DIR/lock-files/        where lock files of pipelines are: a collection keeps what they name
 //! DIR/costs.jsonl        what stages have cost
@@ -25,11 +26,14 @@ use crate::base::{ActionKey, ArtifactId, kind_of};
 
 const MARKER: &str = "format";
 
+/// The folder of log files.
+pub const LOGS: &str = "logs";
+
 /// The folders that every store has.
 const FOLDERS: [&str; 6] = ["objects", "records", "runs", "locks/actions", "tmp", "quarantine"];
 
 /// Those that are made when they are needed.
-const LATER: [&str; 4] = ["checkpoints", "pins", "lock-files", "figures"];
+const LATER: [&str; 5] = ["checkpoints", "pins", "lock-files", "figures", LOGS];
 
 /// The paths of one store.
 #[derive(Clone, Debug)]

@@ -381,32 +381,92 @@ fn run_at(second: u32, pipeline: &str, stage: &str, artifact: &str) -> Run {
             kind: "count".into(),
             key: ActionKey::of(b"key"),
             artifact: ArtifactId::of(artifact.as_bytes()),
+            outcome: Ended::Reused,
         }],
+        ..Run::default()
     }
 }
 
 #[test]
-fn the_last_fifty_runs_are_remembered_and_none_twice() {
+fn every_run_is_remembered_but_the_last_of_a_pipeline_said_again() {
     let (_folder, store) = store();
-    for second in 0..55 {
-        store.put_run(&run_at(second, "p", "s", &second.to_string())).unwrap();
-    }
-    let runs = store.runs().unwrap();
-    assert_eq!(runs.len(), 50);
-    assert_eq!(runs[0].created, "2026-01-01T00:00:54.000Z");
-    assert_eq!(runs[49].created, "2026-01-01T00:00:05.000Z");
-    let again = Run {
-        created: "2026-01-01T00:00:59.000Z".into(),
-        ..runs[20].clone()
+    let created = || {
+        let runs = store.runs().unwrap();
+        runs.map(|run| run.unwrap().created[17..19].to_owned())
+            .collect::<Vec<_>>()
     };
-    store.put_run(&again).unwrap();
-    let runs = store.runs().unwrap();
-    assert_eq!((runs.len(), &runs[0]), (50, &again));
-    assert_eq!(runs.iter().filter(|run| run.stages == again.stages).count(), 1);
+    for (second, pipeline, artifact) in [
+        (1, "p", "a"),
+        (2, "q", "b"),
+        (3, "p", "a"),
+        (4, "p", "c"),
+        (5, "p", "a"),
+    ] {
+        store.put_run(&run_at(second, pipeline, "s", artifact)).unwrap();
+    }
+    // The third says what the first did, with another pipeline's between them; the fifth is a return to it.
+    assert_eq!(created(), ["05", "04", "02", "01"]);
+    // What was built again, or failed again, is news.
+    let mut built = run_at(7, "p", "s", "a");
+    assert!(!store.is_news(&built).unwrap());
+    built.stages[0].outcome = Ended::Built;
+    assert!(store.is_news(&built).unwrap());
+    let failed = Run {
+        failures: vec!["t".into()],
+        ..run_at(8, "p", "s", "a")
+    };
+    assert!(store.is_news(&failed).unwrap());
+    let overridden = Run {
+        overrides: [("stages.s.count".to_owned(), "4".to_owned())].into(),
+        ..run_at(6, "p", "s", "a")
+    };
+    assert!(store.is_news(&overridden).unwrap());
+    store.put_run(&overridden).unwrap();
+    let last = store.runs().unwrap().next().unwrap().unwrap();
+    assert_eq!(last.id.len(), 12);
     assert_eq!(
-        runs[49].created, "2026-01-01T00:00:05.000Z",
-        "none was forgotten for it"
+        Run {
+            id: String::new(),
+            ..last
+        },
+        overridden
     );
+}
+
+#[test]
+fn a_run_without_what_later_versions_say_can_be_read() {
+    let (_folder, store) = store();
+    let digest = "0".repeat(64);
+    let text = format!(
+        r#"{{ "pipeline": "p", "path": "/p.yaml", "created": "2026-01-01T00:00:01.000Z",
+             "stages": [{{ "name": "s", "kind": "count", "key": "{digest}", "artifact": "{digest}" }}] }}"#
+    );
+    fs::write(
+        store.layout.runs().join("2026-01-01T00-00-01.000Z-0123456789ab.json"),
+        text,
+    )
+    .unwrap();
+    let run = store.runs().unwrap().next().unwrap().unwrap();
+    assert_eq!(
+        (run.id.as_str(), run.command, run.stages[0].outcome),
+        ("0123456789ab", Command::Run, Ended::Reused)
+    );
+    assert!(run.results.is_empty() && run.overrides.is_empty());
+}
+
+#[test]
+fn of_ten_thousand_runs_the_oldest_are_forgotten() {
+    let (_folder, store) = store();
+    for number in 0..10_004 {
+        let name = format!("2026-01-01T00-00-00.000Z.{number:06}-0123456789ab.json");
+        fs::write(store.layout.runs().join(name), "{}").unwrap();
+    }
+    store.put_run(&run_at(1, "p", "s", "a")).unwrap();
+    let files = store.run_files().unwrap();
+    assert_eq!(files.len(), 10_000);
+    let oldest = files.last().unwrap().file_name().unwrap().to_str().unwrap().to_owned();
+    assert!(oldest.starts_with("2026-01-01T00-00-00.000Z.000005"), "{oldest}");
+    assert_eq!(store.runs().unwrap().next().unwrap().unwrap().pipeline, "p");
 }
 
 #[test]

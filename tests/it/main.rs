@@ -27,6 +27,7 @@ mod keeping;
 mod killed;
 mod layering;
 mod limits;
+mod log;
 mod model;
 mod moved;
 mod outputs;

@@ -13,6 +13,8 @@ pub struct Override {
     /// The steps of the path as they stand in the argument, where a caret points that is about one.
     keys: Vec<Node>,
     value: Node,
+    /// The value as it was said, in YAML.
+    text: String,
 }
 
 impl Override {
@@ -31,6 +33,7 @@ impl Override {
         }
         let name = format!("--set {}", path.join("."));
         let before = text.len() - value.len();
+        let said = value.trim().to_owned();
         let value = Node::parse(&name, value.to_owned())?;
         let value = match before <= LONGEST {
             true => value.inside(&name, text, before),
@@ -46,7 +49,18 @@ impl Override {
             value.with_value(NodeValue::Text(step.clone())).at((start, step.len()))
         };
         let keys = path.iter().map(&mut key).collect();
-        Ok(Self { keys, value, path })
+        Ok(Self {
+            keys,
+            value,
+            path,
+            text: said,
+        })
+    }
+
+    /// The dotted path, and the value as it was said.
+    #[must_use]
+    pub fn said(&self) -> (String, String) {
+        (self.path.join("."), self.text.clone())
     }
 
     /// The path of the field.

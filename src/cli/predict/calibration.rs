@@ -65,7 +65,7 @@ fn of_runs(store: &Path, weights: &str) -> Result<Option<(String, Artifact)>, Cl
     let store = locate::existing_store(store)?;
     for run in store.runs()? {
         let mut found: Vec<(u64, String, Artifact)> = Vec::new();
-        for stage in run.stages.iter().filter(|stage| stage.kind == "calibrate") {
+        for stage in run?.stages.iter().filter(|stage| stage.kind == "calibrate") {
             // What old runs made may have been removed since.
             if store.find(&stage.artifact.to_string())?.is_empty() {
                 continue;

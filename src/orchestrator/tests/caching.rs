@@ -236,7 +236,7 @@ fn provenance_leads_back_to_the_seeds() {
     assert_eq!((total["kind"].as_str(), total["host"].as_str()), ("sum", "laboratory"));
     assert_eq!(total["inputs"], digests[2].unwrap().to_string());
     assert_eq!(total["parameters"], "{padding: 0, power: 1}");
-    let run = &store.runs().unwrap()[0];
+    let run = &store.runs().unwrap().next().unwrap().unwrap();
     assert_eq!(run.stage("total").unwrap().artifact, digests[3].unwrap());
     assert_eq!(total["action"], run.stage("total").unwrap().key.to_string());
 }

@@ -48,13 +48,13 @@ fn a_held_action_is_waited_for_and_then_found() {
     let lab = Laboratory::new();
     let donor = Laboratory::new();
     donor.run(&[]);
-    let done = donor.store().runs().unwrap().remove(0);
+    let done = donor.store().runs().unwrap().next().unwrap().unwrap();
     let key = done.stage("total").unwrap().key;
     let store = lab.store();
     let guard = store.lock_action(&key).unwrap();
     std::thread::scope(|scope| {
         let waiting = scope.spawn(|| lab.run(&[]));
-        while store.runs().unwrap().is_empty() && !has_stage(&store, &done, "halved") {
+        while store.runs().unwrap().next().is_none() && !has_stage(&store, &done, "halved") {
             std::thread::sleep(Duration::from_millis(5));
         }
         // Another process finishes the action while the run waits for it.

@@ -122,7 +122,16 @@ fn a_damaged_record_is_no_record() {
     let lab = Laboratory::new();
     let before = lab.digests(&[]);
     let store = lab.store();
-    let key = store.runs().unwrap()[0].stage("total").unwrap().key.to_string();
+    let key = store
+        .runs()
+        .unwrap()
+        .next()
+        .unwrap()
+        .unwrap()
+        .stage("total")
+        .unwrap()
+        .key
+        .to_string();
     let record = store.root().join("records").join(&key[..2]).join(&key);
     let whole = fs::read(&record).unwrap();
     for broken in [&whole[..whole.len() - 5], &whole[..10], &[]] {
@@ -160,7 +169,16 @@ fn with_other_total(lab: &Laboratory) -> (Record, [&'static str; 1]) {
     lab.run(&[]);
     let donor = Laboratory::new();
     donor.run(&sets);
-    let key = donor.store().runs().unwrap()[0].stage("total").unwrap().key;
+    let key = donor
+        .store()
+        .runs()
+        .unwrap()
+        .next()
+        .unwrap()
+        .unwrap()
+        .stage("total")
+        .unwrap()
+        .key;
     (donor.store().record(&key).unwrap().record().unwrap(), sets)
 }
 
@@ -185,7 +203,16 @@ fn is_not_believed(lab: &Laboratory, forged: &Record, sets: &[&str], reason: &st
 fn a_record_copied_under_another_key_is_not_believed() {
     let lab = Laboratory::new();
     let (sound, sets) = with_other_total(&lab);
-    let key = lab.store().runs().unwrap()[0].stage("total").unwrap().key;
+    let key = lab
+        .store()
+        .runs()
+        .unwrap()
+        .next()
+        .unwrap()
+        .unwrap()
+        .stage("total")
+        .unwrap()
+        .key;
     let other = lab.store().record(&key).unwrap().record().unwrap();
     let forged = Record {
         key: sound.key,
@@ -198,7 +225,16 @@ fn a_record_copied_under_another_key_is_not_believed() {
 fn a_record_that_names_an_artifact_of_another_kind_is_not_believed() {
     let lab = Laboratory::new();
     let (sound, sets) = with_other_total(&lab);
-    let other = lab.store().runs().unwrap()[0].stage("halved").unwrap().artifact;
+    let other = lab
+        .store()
+        .runs()
+        .unwrap()
+        .next()
+        .unwrap()
+        .unwrap()
+        .stage("halved")
+        .unwrap()
+        .artifact;
     let forged = Record {
         artifact: other,
         ..sound.clone()

@@ -84,6 +84,8 @@ fn pieces(line: &str) -> Vec<Piece> {
             if !matches!(found.last(), Some(Piece::Time)) {
                 found.push(Piece::Time);
             }
+        } else if is_clock(word) {
+            found.push(Piece::Time);
         } else {
             split(word, &mut found);
         }
@@ -109,6 +111,16 @@ fn split(word: &str, found: &mut Vec<Piece>) {
         };
         rest = &rest[taken..];
     }
+}
+
+/// A date, a time of day, or both: `2026-01-31`, `12:00:01`, `2026-01-31T12:00:01.000Z`.
+fn is_clock(word: &str) -> bool {
+    let separators = word.chars().filter(|c| matches!(c, '-' | ':')).count();
+    let digits = word.chars().filter(char::is_ascii_digit).count();
+    let others = word
+        .chars()
+        .all(|c| c.is_ascii_digit() || matches!(c, '-' | ':' | 'T' | '.' | 'Z'));
+    others && separators >= 2 && digits >= 6
 }
 
 /// At least eight hexadecimal digits, with a decimal one among them.

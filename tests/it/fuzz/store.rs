@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use bolero::check;
 use deaflow::base::{ActionKey, ArtifactId, Canonical, FileDigest};
 use deaflow::store::{
-    Action, Cost, Data, Dataset, LockFile, LockedStage, Lookup, Object, Pin, Provenance, Record, Run, RunStage, Store,
-    StoreError,
+    Action, Cost, Data, Dataset, Ended, LockFile, LockedStage, Lookup, Object, Pin, Provenance, Record, Run, RunStage,
+    Store, StoreError,
 };
 
 use super::checked::{in_time, is_told};
@@ -53,6 +53,7 @@ fn fill(root: &Path) -> ActionKey {
         kind: "sample".into(),
         key: record.key,
         artifact,
+        outcome: Ended::Built,
     };
     store
         .put_run(&Run {
@@ -60,6 +61,7 @@ fn fill(root: &Path) -> ActionKey {
             path: "p.yaml".into(),
             created: record.created.clone(),
             stages: vec![stage],
+            ..Run::default()
         })
         .unwrap();
     store

@@ -1,0 +1,18 @@
+//! Tables in CSV.
+
+use super::error::CliError;
+
+/// A header and rows, with the last line ended.
+///
+/// # Errors
+/// When memory is short.
+pub fn text(header: &[String], rows: impl Iterator<Item = Vec<String>>) -> Result<String, CliError> {
+    let failed = |e: String| CliError::failure(format!("cannot write CSV: {e}"));
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    writer.write_record(header).map_err(|e| failed(e.to_string()))?;
+    for row in rows {
+        writer.write_record(row).map_err(|e| failed(e.to_string()))?;
+    }
+    let bytes = writer.into_inner().map_err(|e| failed(e.to_string()))?;
+    String::from_utf8(bytes).map_err(|e| failed(e.to_string()))
+}

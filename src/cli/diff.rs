@@ -1,0 +1,182 @@
+//! `deaflow diff`: what two runs did differently, and what came of it.
+
+use clap::Args;
+use serde_json::{Value, json};
+
+use super::arguments::{SetArguments, StoreArguments};
+use super::error::CliError;
+use super::output::{Exit, Output};
+use super::side::{Places, Side};
+use super::{csv, locate, table};
+use crate::base::Canonical;
+
+/// Compare two runs: parameters that differ, and results that differ with them
+#[derive(Debug, Args)]
+pub struct DiffArguments {
+    /// A run (@1 is the last one in `deaflow log`, @2 the one before, PIPELINE.yaml@1 the last of a pipeline, or its digits), a pipeline as
+    /// it stands, a lock file, or an artifact by its digits
+    #[arg(value_name = "A")]
+    pub from: String,
+    /// The same; a pipeline alone is compared with itself as --set changes it
+    #[arg(value_name = "B")]
+    pub to: Option<String>,
+    #[command(flatten)]
+    pub set: SetArguments,
+    /// Print CSV: what it is, its name, and both values
+    #[arg(long, conflicts_with = "json")]
+    pub csv: bool,
+    #[command(flatten)]
+    pub store: StoreArguments,
+}
+
+/// A value that differs.
+struct Change<T> {
+    name: String,
+    from: Option<T>,
+    to: Option<T>,
+}
+
+pub fn execute(arguments: &DiffArguments, output: &Output) -> Result<Exit, CliError> {
+    let store = locate::existing_store(&arguments.store.folder())?;
+    let places = Places::new(&store);
+    let sets = arguments.set.overrides()?;
+    let (from, to) = match &arguments.to {
+        Some(to) => (places.side(&arguments.from, &[])?, places.side(to, &sets)?),
+        None if sets.is_empty() => {
+            return Err(CliError::bad_input("there is nothing to compare it with")
+                .help("give two runs, as in `deaflow diff @2 @1`, or a pipeline and --set"));
+        }
+        None => (places.side(&arguments.from, &[])?, places.side(&arguments.from, &sets)?),
+    };
+    if !sets.is_empty() && !to.can_be_set {
+        return Err(
+            CliError::bad_input(format!("--set changes a pipeline, and {} is none", to.title))
+                .help("as in `deaflow diff @1 PIPELINE.yaml --set PATH=VALUE`"),
+        );
+    }
+    let parameters = parameters(&from, &to);
+    let results = results(&from, &to);
+    if output.is_json() {
+        output.document(&document(&from, &to, &parameters, &results))?;
+    } else if arguments.csv {
+        output.text(&rows(&parameters, &results)?)?;
+    } else {
+        output.text(&text(&from, &to, &parameters, &results))?;
+    }
+    Ok(Exit::Done)
+}
+
+/// All parameters that differ, by the paths that `--set` takes. What all stages have from the scene alike is told once.
+fn parameters(from: &Side, to: &Side) -> Vec<Change<Canonical>> {
+    let (before, after) = (from.parameters(), to.parameters());
+    let names = before
+        .keys()
+        .chain(after.keys().filter(|name| !before.contains_key(*name)));
+    let mut changes: Vec<Change<Canonical>> = names
+        .filter(|name| before.get(*name) != after.get(*name))
+        .map(|name| Change {
+            name: name.clone(),
+            from: before.get(name).cloned(),
+            to: after.get(name).cloned(),
+        })
+        .collect();
+    changes.sort_by(|a, b| a.name.cmp(&b.name));
+    changes
+}
+
+fn results(from: &Side, to: &Side) -> Vec<Change<f64>> {
+    let names = from
+        .results
+        .keys()
+        .chain(to.results.keys().filter(|name| !from.results.contains_key(*name)));
+    let mut changes: Vec<Change<f64>> = names
+        .map(|name| Change {
+            name: name.clone(),
+            from: from.results.get(name).copied(),
+            to: to.results.get(name).copied(),
+        })
+        .filter(|change| change.from != change.to)
+        .collect();
+    changes.sort_by(|a, b| a.name.cmp(&b.name));
+    changes
+}
+
+fn document(from: &Side, to: &Side, parameters: &[Change<Canonical>], results: &[Change<f64>]) -> Value {
+    let value = |value: &Option<Canonical>| value.as_ref().map(Canonical::to_json);
+    let parameters = parameters
+        .iter()
+        .map(|change| json!({ "path": change.name, "from": value(&change.from), "to": value(&change.to) }));
+    let results = results
+        .iter()
+        .map(|change| json!({ "name": change.name, "from": change.from, "to": change.to }));
+    json!({
+        "from": from.title,
+        "to": to.title,
+        "parameters": parameters.collect::<Vec<_>>(),
+        "results": results.collect::<Vec<_>>(),
+        "unknown": from.unknown.iter().chain(&to.unknown).collect::<Vec<_>>(),
+    })
+}
+
+fn rows(parameters: &[Change<Canonical>], results: &[Change<f64>]) -> Result<String, CliError> {
+    let header = ["what", "name", "from", "to"].map(str::to_owned);
+    let said = |value: &Option<Canonical>| value.as_ref().map_or_else(String::new, Canonical::to_string);
+    let number = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
+    let parameters = parameters.iter().map(|change| {
+        vec![
+            "parameter".to_owned(),
+            change.name.clone(),
+            said(&change.from),
+            said(&change.to),
+        ]
+    });
+    let results = results.iter().map(|change| {
+        vec![
+            "result".to_owned(),
+            change.name.clone(),
+            number(change.from),
+            number(change.to),
+        ]
+    });
+    csv::text(&header, parameters.chain(results))
+}
+
+fn text(from: &Side, to: &Side, parameters: &[Change<Canonical>], results: &[Change<f64>]) -> String {
+    let mut parts = vec![format!("from {}\nto   {}", from.title, to.title)];
+    if parameters.is_empty() {
+        parts.push("no parameter differs".to_owned());
+    } else {
+        let mut table = table::table(&["parameter", "from", "to"], &[]);
+        let said = |value: &Option<Canonical>| value.as_ref().map_or_else(|| "–".to_owned(), Canonical::to_string);
+        for change in parameters {
+            table.add_row([change.name.clone(), said(&change.from), said(&change.to)]);
+        }
+        parts.push(table.trim_fmt());
+    }
+    if results.is_empty() {
+        parts.push("no result that both have differs".to_owned());
+    } else {
+        let mut table = table::table(&["result", "from", "to", "change"], &["from", "to", "change"]);
+        let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), table::number);
+        for change in results {
+            table.add_row([
+                change.name.clone(),
+                number(change.from),
+                number(change.to),
+                relative(change.from, change.to),
+            ]);
+        }
+        parts.push(table.trim_fmt());
+    }
+    let unknown = from.unknown.iter().chain(&to.unknown);
+    parts.extend(unknown.map(|why| format!("not compared: {why}")));
+    parts.join("\n\n")
+}
+
+/// A change in per cent of what was; nothing where there was none.
+fn relative(from: Option<f64>, to: Option<f64>) -> String {
+    match from.zip(to) {
+        Some((from, to)) if from != 0.0 => format!("{:+.1} %", 100.0 * (to - from) / from.abs()).replace('-', "−"),
+        _ => String::new(),
+    }
+}

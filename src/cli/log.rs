@@ -1,0 +1,248 @@
+//! `deaflow log`: past runs.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use serde_json::{Value, json};
+
+use super::arguments::StoreArguments;
+use super::error::CliError;
+use super::output::{Exit, Output};
+use super::{csv, locate, run, table};
+use crate::store::{Command, Ended, Run, Store};
+
+/// Runs that people are shown unless they ask for others.
+const SHOWN: usize = 20;
+
+/// Results of a run that people are shown.
+const RESULTS: usize = 4;
+
+/// List past runs: when, where, with which overrides, what was built, and the results
+#[derive(Debug, Args)]
+pub struct LogArguments {
+    /// The runs of this pipeline alone; a YAML file
+    pub pipeline: Option<PathBuf>,
+    /// The last N runs alone [default: 20 in words, all in JSON and CSV]
+    #[arg(short = 'n', long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    pub last: Option<u64>,
+    /// Print a table in CSV: a row for each run, a column for each result
+    #[arg(long, conflicts_with = "json")]
+    pub csv: bool,
+    #[command(flatten)]
+    pub store: StoreArguments,
+}
+
+pub fn execute(arguments: &LogArguments, output: &Output) -> Result<Exit, CliError> {
+    let store = locate::existing_store(&arguments.store.folder())?;
+    let in_words = !output.is_json() && !arguments.csv;
+    let most = arguments.last.map(|last| last as usize).or(in_words.then_some(SHOWN));
+    let (runs, more) = past(&store, arguments.pipeline.as_deref(), most)?;
+    if output.is_json() {
+        output.document(&json!({ "runs": runs.iter().map(document).collect::<Vec<_>>() }))?;
+    } else if arguments.csv {
+        output.text(&csv::text(
+            &header(&runs),
+            runs.iter().map(|run| row(run, &names(&runs))),
+        )?)?;
+    } else {
+        output.text(&text(&runs, more, arguments.pipeline.is_none()))?;
+    }
+    Ok(Exit::Done)
+}
+
+/// The last runs, of one pipeline or of all, newest first; and whether there are more.
+fn past(store: &Store, pipeline: Option<&Path>, most: Option<usize>) -> Result<(Vec<Run>, bool), CliError> {
+    let wanted = pipeline.map(|path| (locate::absolute(path), name_in(path)));
+    let mut runs = Vec::new();
+    for run in store.runs()? {
+        let run = run?;
+        if wanted.as_ref().is_some_and(|(path, name)| !run.is_of(path, name)) {
+            continue;
+        }
+        if most.is_some_and(|most| runs.len() == most) {
+            return Ok((runs, true));
+        }
+        runs.push(run);
+    }
+    match pipeline {
+        Some(path) if runs.is_empty() => Err(CliError::bad_input(format!(
+            "no run of {} is remembered in {}",
+            path.display(),
+            store.root().display()
+        ))
+        .help("`deaflow log` lists the runs of all pipelines")),
+        _ => Ok((runs, false)),
+    }
+}
+
+/// The name in a pipeline's file, where that can be read: its runs are then found although it was moved.
+fn name_in(path: &Path) -> String {
+    run::load_file(path, &[]).map_or_else(|_| String::new(), |pipeline| pipeline.name)
+}
+
+/// One run.
+fn document(run: &Run) -> Value {
+    let stage = |name: &str, outcome: &str, digest: Option<String>| json!({ "name": name, "outcome": outcome, "digest": digest });
+    let done = run
+        .stages
+        .iter()
+        .map(|done| stage(&done.name, done.outcome.name(), Some(done.artifact.to_string())));
+    let failed = run.failures.iter().map(|name| stage(name, "failed", None));
+    let overrides = run.overrides.iter().map(|(path, value)| (path.clone(), typed(value)));
+    json!({
+        "id": run.id,
+        "created": run.created,
+        "pipeline": run.pipeline,
+        "path": run.path,
+        "command": command(run),
+        "host": run.host,
+        "version": run.version,
+        "seconds": run.seconds,
+        "log": run.log,
+        "overrides": overrides.collect::<serde_json::Map<_, _>>(),
+        "stages": done.chain(failed).collect::<Vec<_>>(),
+        "results": run.results,
+    })
+}
+
+/// A number or a truth value as such, and all else as it was said.
+fn typed(value: &str) -> Value {
+    match serde_json::from_str(value) {
+        Ok(plain @ (Value::Number(_) | Value::Bool(_))) => plain,
+        _ => json!(value),
+    }
+}
+
+fn command(run: &Run) -> &'static str {
+    match run.command {
+        Command::Run => "run",
+        Command::Audit => "audit",
+    }
+}
+
+fn names(runs: &[Run]) -> BTreeSet<&str> {
+    runs.iter()
+        .flat_map(|run| run.results.keys().map(String::as_str))
+        .collect()
+}
+
+fn header(runs: &[Run]) -> Vec<String> {
+    let fixed = [
+        "id",
+        "created",
+        "pipeline",
+        "path",
+        "command",
+        "host",
+        "seconds",
+        "overrides",
+        "built",
+        "failed",
+    ];
+    let fixed = fixed.iter().map(|title| (*title).to_owned());
+    fixed.chain(names(runs).into_iter().map(str::to_owned)).collect()
+}
+
+fn row(run: &Run, results: &BTreeSet<&str>) -> Vec<String> {
+    let fixed = [
+        run.id.clone(),
+        run.created.clone(),
+        run.pipeline.clone(),
+        run.path.clone(),
+        command(run).to_owned(),
+        run.host.clone(),
+        run.seconds.to_string(),
+        overrides(run, "; "),
+        built(run).join("; "),
+        run.failures.join("; "),
+    ];
+    let value = |name: &&str| run.results.get(*name).map_or_else(String::new, f64::to_string);
+    fixed.into_iter().chain(results.iter().map(value)).collect()
+}
+
+fn overrides(run: &Run, between: &str) -> String {
+    let said = run.overrides.iter().map(|(path, value)| format!("{path}={value}"));
+    said.collect::<Vec<_>>().join(between)
+}
+
+fn built(run: &Run) -> Vec<&str> {
+    let built = run.stages.iter().filter(|stage| stage.outcome == Ended::Built);
+    built.map(|stage| stage.name.as_str()).collect()
+}
+
+fn text(runs: &[Run], more: bool, of_all: bool) -> String {
+    if runs.is_empty() {
+        return "no run is remembered".to_owned();
+    }
+    let mut header = vec![
+        "run",
+        "ended",
+        "pipeline",
+        "took",
+        "built and overrides",
+        "results",
+        "host",
+    ];
+    if !of_all {
+        header.remove(2);
+    }
+    let mut table = table::table(&header, &["took"]);
+    for (at, run) in runs.iter().enumerate() {
+        let mut cells = vec![
+            format!("@{}\n{}", at + 1, run.id),
+            run.created.replace('T', " ").chars().take(19).collect(),
+            match run.command {
+                Command::Run => run.pipeline.clone(),
+                Command::Audit => format!("{}\n(audit)", run.pipeline),
+            },
+            table::seconds(run.seconds),
+            what(run),
+            results(run),
+            run.host.clone(),
+        ];
+        if !of_all {
+            cells.remove(2);
+        }
+        table.add_row(cells);
+    }
+    let note = match more {
+        true => "\n\nthere are older ones: -n N shows the last N, --json and --csv all",
+        false => "",
+    };
+    format!("{}{note}", table.trim_fmt())
+}
+
+/// What was built, what failed, and what was overridden.
+fn what(run: &Run) -> String {
+    let built = built(run);
+    let all = run.stages.len();
+    let mut lines = vec![match built.len() {
+        0 => format!("none of {all}"),
+        n if n > RESULTS => format!("{n} of {all}"),
+        n => format!("{n} of {all}: {}", built.join(", ")),
+    }];
+    lines.extend(run.failures.iter().map(|name| format!("failed: {name}")));
+    if !run.overrides.is_empty() {
+        lines.push(overrides(run, "\n"));
+    }
+    lines.join("\n")
+}
+
+/// Results of the last stages of a run: what it was made for.
+fn results(run: &Run) -> String {
+    let of = |name: &str| {
+        let prefix = format!("{name}.");
+        let all = run.results.range(prefix.clone()..);
+        all.take_while(move |(name, _)| name.starts_with(&prefix))
+            .map(|(name, value)| format!("{name} {}", table::number(*value)))
+            .collect::<Vec<_>>()
+    };
+    let mut lines: Vec<String> = run.stages.iter().rev().flat_map(|stage| of(&stage.name)).collect();
+    if lines.len() > RESULTS {
+        let more = lines.len() - RESULTS;
+        lines.truncate(RESULTS);
+        lines.push(format!("and {more} more"));
+    }
+    lines.join("\n")
+}

@@ -1,0 +1,218 @@
+//! Past runs, and what differs between two of them.
+
+use serde_json::{Value, json};
+
+use super::common::{SHORT, Workspace};
+
+/// Two runs of one pipeline, the second with other values.
+fn two_runs() -> Workspace {
+    let workspace = Workspace::new();
+    workspace.write("short.yaml", SHORT);
+    workspace.stages(&["run", "short.yaml"]);
+    workspace.stages(&SECOND);
+    workspace
+}
+
+const SECOND: [&str; 6] = [
+    "run",
+    "short.yaml",
+    "--set",
+    "scene.drive.voltage=4 kV",
+    "--set",
+    "stages.small.count=61",
+];
+
+fn log(workspace: &Workspace, arguments: &[&str]) -> Vec<Value> {
+    let log = workspace.run(&[&["log", "--json"], arguments].concat()).json();
+    log["runs"].as_array().unwrap().clone()
+}
+
+fn diff(workspace: &Workspace, arguments: &[&str]) -> (Vec<Value>, Vec<Value>) {
+    let ended = workspace.run(&[&["diff", "--json"], arguments].concat());
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let list = |key: &str| ended.json()[key].as_array().unwrap().clone();
+    (list("parameters"), list("results"))
+}
+
+#[test]
+fn runs_are_listed_with_what_was_changed_built_and_found() {
+    let workspace = two_runs();
+    let runs = log(&workspace, &[]);
+    assert_eq!(runs.len(), 2);
+    let (last, first) = (&runs[0], &runs[1]);
+    assert_eq!(first["overrides"], json!({}));
+    assert_eq!(
+        last["overrides"],
+        json!({ "scene.drive.voltage": "4 kV", "stages.small.count": 61 })
+    );
+    let stage = |run: &Value, at: usize| {
+        let stage = &run["stages"][at];
+        (stage["name"].clone(), stage["outcome"].clone())
+    };
+    assert_eq!(stage(first, 0), (json!("small"), json!("built")));
+    assert_eq!(stage(last, 1), (json!("solved"), json!("built")));
+    assert_eq!(last["stages"][1]["digest"].as_str().unwrap().len(), 64);
+    let found = |run: &Value, name: &str| run["results"][name].as_f64().unwrap();
+    assert_eq!(
+        (found(first, "solved.samples"), found(last, "solved.samples")),
+        (60.0, 61.0)
+    );
+    // The displacement goes with the square of the voltage, and somewhat faster.
+    let ratio = found(last, "solved.max_displacement") / found(first, "solved.max_displacement");
+    assert!(ratio > 0.4 && ratio < (4.0_f64 / 5.25).powi(2), "{ratio}");
+    for key in ["created", "host", "version", "pipeline", "path"] {
+        assert!(!last[key].as_str().unwrap().is_empty(), "{key}");
+    }
+    assert!(last["created"].as_str() > first["created"].as_str());
+    // Said again it is no news; said as before it is.
+    workspace.stages(&SECOND);
+    assert_eq!(log(&workspace, &[]), runs);
+    workspace.stages(&["run", "short.yaml"]);
+    let runs = log(&workspace, &[]);
+    assert_eq!(runs.len(), 3);
+    assert_eq!(stage(&runs[0], 1), (json!("solved"), json!("reused")));
+    assert_eq!(runs[0]["results"], first["results"]);
+    assert_eq!(log(&workspace, &["-n", "1"]).len(), 1);
+
+    let csv = workspace.run(&["log", "--csv"]).stdout;
+    let lines: Vec<&str> = csv.lines().collect();
+    assert_eq!(lines.len(), 4, "{csv}");
+    assert!(
+        lines[0].starts_with("id,created,pipeline,") && lines[0].ends_with("solved.unstable"),
+        "{csv}"
+    );
+    let text = workspace.run(&["log", "short.yaml"]).stdout;
+    assert!(
+        text.contains("scene.drive.voltage=4 kV") && text.contains("@3"),
+        "{text}"
+    );
+}
+
+#[test]
+fn a_failed_stage_stands_in_the_list() {
+    let workspace = Workspace::new();
+    let broken = SHORT.replace("{ kind: solve, needs: [small], elements_per_cell: 1 }", "{ kind: solve, needs: [small], elements_per_cell: 1 }\n  none: { kind: balance, needs: [solved], bins: 5, range: [90 mm, 99 mm], target: 4, seed: 4 }");
+    workspace.write("short.yaml", &broken);
+    assert_eq!(workspace.run(&["run", "short.yaml"]).code, Some(1));
+    let stages = log(&workspace, &[])[0]["stages"].clone();
+    assert_eq!(
+        stages[2],
+        json!({ "name": "none", "outcome": "failed", "digest": null })
+    );
+    assert_eq!(stages[1]["outcome"], "built");
+}
+
+#[test]
+fn two_runs_are_compared_by_parameters_and_results() {
+    let workspace = two_runs();
+    let change = |path: &str, from: Value, to: Value| json!({ "path": path, "from": from, "to": to });
+    let expected = vec![
+        change("scene.drive.voltage", json!("5250 V"), json!("4000 V")),
+        change("stages.small.count", json!(60), json!(61)),
+    ];
+    let (parameters, results) = diff(&workspace, &["@2", "@1"]);
+    assert_eq!(parameters, expected);
+    let names: Vec<&str> = results.iter().map(|change| change["name"].as_str().unwrap()).collect();
+    assert!(
+        names.contains(&"solved.max_displacement") && names.contains(&"small.samples"),
+        "{names:?}"
+    );
+    assert!(!names.contains(&"solved.unstable"), "it does not differ");
+    let runs = log(&workspace, &[]);
+    let moved = results
+        .iter()
+        .find(|change| change["name"] == "solved.max_displacement")
+        .unwrap();
+    assert_eq!(moved["from"], runs[1]["results"]["solved.max_displacement"]);
+    assert_eq!(moved["to"], runs[0]["results"]["solved.max_displacement"]);
+
+    // A pipeline as it stands, with and without overrides; runs by their digits and as those of a pipeline; lock files.
+    let sets = ["--set", "scene.drive.voltage=4 kV", "--set", "stages.small.count=61"];
+    let same = (parameters, results);
+    assert_eq!(diff(&workspace, &[&["short.yaml"], &sets[..]].concat()), same);
+    assert_eq!(diff(&workspace, &[&["@2", "short.yaml"], &sets[..]].concat()), same);
+    let id = |at: usize| runs[at]["id"].as_str().unwrap();
+    assert_eq!(diff(&workspace, &[id(1), id(0)]), same);
+    assert_eq!(diff(&workspace, &["short.yaml@2", "short.yaml@1"]), same);
+    workspace.stages(&["run", "short.yaml", "--lock"]);
+    assert_eq!(diff(&workspace, &["short.yaml.lock", id(0)]), same);
+    assert_eq!(diff(&workspace, &["@1", "short.yaml.lock"]), (vec![], vec![]));
+    // Artifacts.
+    let digest = |at: usize| runs[at]["stages"][1]["digest"].as_str().unwrap();
+    let (parameters, results) = diff(&workspace, &[digest(1), digest(0)]);
+    assert_eq!(
+        parameters,
+        vec![change("scene.drive.voltage", json!("5250 V"), json!("4000 V"))]
+    );
+    assert!(results.iter().any(|change| change["name"] == "solve.samples"));
+
+    let text = workspace.run(&["diff", "short.yaml@3", "short.yaml@2"]).stdout;
+    for words in ["scene.drive.voltage", "5250 V", "4000 V", "solved.samples", "+1.7 %"] {
+        assert!(text.contains(words), "{words}: {text}");
+    }
+    let csv = workspace.run(&["diff", "short.yaml@3", "short.yaml@2", "--csv"]).stdout;
+    assert!(
+        csv.starts_with("what,name,from,to\nparameter,scene.drive.voltage,5250 V,4000 V\n"),
+        "{csv}"
+    );
+}
+
+#[test]
+fn what_cannot_be_compared_is_refused() {
+    let workspace = two_runs();
+    for (arguments, words) in [
+        (vec!["@1"], "nothing to compare it with"),
+        (vec!["@1", "@9"], "there is no run @9: 2 are remembered"),
+        (vec!["@1", "@x"], "is no number from 1"),
+        (vec!["@1", "@0"], "is no number from 1"),
+        (vec!["@1", "nowhere"], "nowhere"),
+        (vec!["@1", "nowhere.yaml"], "nowhere.yaml"),
+        (
+            vec!["@2", "@1", "--set", "stages.small.count=5"],
+            "--set changes a pipeline",
+        ),
+    ] {
+        let ended = workspace.run(&[&["diff"], &arguments[..]].concat());
+        assert_eq!(ended.code, Some(2), "{arguments:?}: {}", ended.stderr);
+        assert!(ended.stderr.contains(words), "{arguments:?}: {}", ended.stderr);
+    }
+    let ended = workspace.run(&["log", "other.yaml"]);
+    assert_eq!(ended.code, Some(2));
+    assert!(
+        ended.stderr.contains("no run of other.yaml is remembered"),
+        "{}",
+        ended.stderr
+    );
+}
+
+#[test]
+fn history_belongs_to_the_file_and_not_to_its_name() {
+    let workspace = two_runs();
+    workspace.write("copy.yaml", &SHORT.replace("seed: 1", "seed: 7"));
+    workspace.stages(&["run", "copy.yaml"]);
+    assert_eq!(log(&workspace, &["copy.yaml"]).len(), 1);
+    assert_eq!(log(&workspace, &["short.yaml"]).len(), 2);
+    assert_eq!(log(&workspace, &[]).len(), 3);
+    // Compared with its own last run, not with that of the copy.
+    let plan = workspace
+        .run(&["plan", "short.yaml", "--set", "stages.small.seed=9", "--json"])
+        .json();
+    let reasons = plan["stages"][0]["reasons"].to_string();
+    assert!(reasons.contains("seed from 1 to 9"), "{reasons}");
+    // A file that was moved takes its history along.
+    std::fs::rename(workspace.path("short.yaml"), workspace.path("moved.yaml")).unwrap();
+    assert_eq!(log(&workspace, &["moved.yaml"]).len(), 2);
+}
+
+#[test]
+fn an_audit_is_in_the_list_and_dates_no_report() {
+    let workspace = two_runs();
+    workspace.stages(&["run", "short.yaml"]);
+    let last = |workspace: &Workspace| workspace.run(&["status", "--json"]).json()["pipelines"][0]["last_run"].clone();
+    let before = last(&workspace);
+    let audit = workspace.run(&["audit", "short.yaml:solved", "--samples", "0", "--json"]);
+    assert_eq!(audit.code, Some(0), "{}", audit.stderr);
+    let runs = log(&workspace, &[]);
+    assert_eq!(runs[0]["command"], "audit");
+    assert_eq!(last(&workspace), before);
+}
