@@ -14,7 +14,8 @@ use std::time::Instant;
 
 use deaflow::base::{Canonical, Document, Fields, InputError, Node, Schema};
 use deaflow::orchestrator::{
-    Chunk, Environment, Event, Input, Job, Kind, Needs, Pipeline, Plan, Registry, RunOptions, Stage, StageError, run,
+    Chunk, Environment, Event, Input, Job, Kind, MOST_STAGES, Needs, Pipeline, Plan, Registry, RunOptions, Stage,
+    StageError, run,
 };
 use deaflow::store::{Data, Dataset, Object, Store};
 use rayon::prelude::*;
@@ -51,6 +52,7 @@ fn case(name: &str, chunks: u64, values: u64) {
         kinds: vec![&Toy],
         check_scene: |_| Ok(()),
         scene_schema: Schema::text,
+        most_stages: MOST_STAGES,
     };
     let text = match name {
         "7 stages" => chain(chunks),

@@ -16,6 +16,23 @@ required (**!**) or may be left out. Keys of a mapping that stands here twice ar
 """
 
 
+# Keys that all stages have; they are listed once.
+SWEEPS = ("foreach", "gather")
+
+
+def plain(schema):
+    """Without the axes of sweeps, which may stand in place of any value."""
+    if isinstance(schema, list):
+        return [plain(item) for item in schema]
+    if not isinstance(schema, dict):
+        return schema
+    choices = schema.get("anyOf", [])
+    if {"$ref": "#/$defs/axis"} in choices:
+        hoisted = {key: value for key, value in schema.items() if key != "anyOf"}
+        return plain({**choices[0], **hoisted})
+    return {key: plain(value) for key, value in schema.items()}
+
+
 def sentence(schema):
     """What a value is, in as few words as hold its range."""
     text = schema.get("description", "")
@@ -71,7 +88,7 @@ def is_new(mapping, shown=[]):
 
 def rows(mapping, prefix="", choice=None):
     required = mapping.get("required", [])
-    keys = [key for key in mapping["properties"] if key not in ("kind", choice)]
+    keys = [key for key in mapping["properties"] if key not in ("kind", choice, *SWEEPS)]
     for key in sorted(keys, key=lambda key: (key not in required, key == "needs", key)):
         value = mapping["properties"][key]
         name = f"{prefix}{key}"
@@ -117,12 +134,17 @@ def section(title, schema):
     return "\n\n".join(part for part in parts if part)
 
 
+def sweeps(kind):
+    keys = [(key, "", kind["properties"][key]["description"]) for key in SWEEPS]
+    return "\n\n".join(["## All stages", "[Sweeps](runs.md#sweep) tell what they do.", table(keys)])
+
+
 def main():
-    schema = json.load(sys.stdin)
+    schema = plain(json.load(sys.stdin))
     kinds = schema["$defs"]
     order = ["sample", "solve", "balance", "train", "calibrate", "evaluate", "design", "verify", "accuracy", "audit"]
-    order += [kind for kind in kinds if kind not in order and kind != "scene"]
-    parts = [HEAD.strip(), section("Scene", kinds["scene"])]
+    order += [kind for kind in kinds if kind not in order and kind not in ("scene", "axis")]
+    parts = [HEAD.strip(), section("Scene", kinds["scene"]), sweeps(kinds["solve"])]
     parts += [section(f"kind: {kind}", kinds[kind]) for kind in order if kind in kinds]
     print("\n\n".join(parts))
 

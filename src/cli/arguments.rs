@@ -9,7 +9,7 @@ use crate::base::{Dimension, Override, Quantity, Time};
 use crate::fem::WorkLimit;
 use crate::store::Store;
 
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub struct StoreArguments {
     /// The artifact store [default: $DEAFLOW_STORE, or else ./store]
     #[arg(long, value_name = "DIR")]
@@ -32,6 +32,9 @@ pub struct SetArguments {
     /// Change a value for this call, such as stages.small.count=400 or scene.drive.voltage="5 kV"
     #[arg(long = "set", value_name = "PATH=VALUE")]
     pub sets: Vec<String>,
+    /// Allow a sweep of more than 1000 stages
+    #[arg(long)]
+    pub many: bool,
 }
 
 impl SetArguments {

@@ -17,7 +17,7 @@ use crate::base::{ArtifactId, Override, Quantity};
 use crate::content::{AttributeError, Audit};
 use crate::orchestrator::{Environment, Pipeline, RunOptions, Staleness, plan, run as run_pipeline};
 use crate::stage::audit::{self, Audited, Finding, Request, Severity};
-use crate::store::{Artifact, Run, Store, StoreError};
+use crate::store::{Artifact, Command, Run, Store, StoreError};
 use report::Answer;
 
 /// Check a dataset: provenance, values, symmetries, leaks, and every label against a simulation
@@ -131,7 +131,7 @@ fn unreadable(error: AttributeError) -> CliError {
 /// The dataset of a stage as the pipeline is now. What is known without it is told even where it is not there any more.
 fn of_stage(arguments: &AuditArguments, path: &Path, name: &str) -> Result<Answer, CliError> {
     let mut sets = arguments.set.overrides()?;
-    let pipeline = run::load_file(path, &sets)?;
+    let pipeline = run::load_file(path, &sets, arguments.set.many)?;
     check_kind(&pipeline, name)?;
     let store = locate::existing_store(&arguments.store.folder())?;
     let artifact = match current(&pipeline, &store, name)? {
@@ -144,13 +144,14 @@ fn of_stage(arguments: &AuditArguments, path: &Path, name: &str) -> Result<Answe
         "stages.{own}={}",
         stage_text(arguments, name)
     ))?);
-    let pipeline = run::load_file(path, &sets)?;
+    let pipeline = run::load_file(path, &sets, arguments.set.many)?;
     let progress = RunProgress::new(Shown::Bars);
     let listener = |event: &_| progress.tell(event);
     let options = RunOptions {
         until: Some(&own),
         // What is missing before it is what an audit is to tell.
         only: true,
+        command: Command::Audit,
         ..RunOptions::default()
     };
     let outcome = run_pipeline(&pipeline, &store, &options, &Environment::system(), &listener)?;

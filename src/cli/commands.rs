@@ -6,7 +6,7 @@ use super::error::CliError;
 use super::output::{Exit, Output};
 use super::{
     accuracy, audit, dag, diff, explain, export, fsck, gc, log, pin, plan, predict, report, run, schema, screen, show,
-    solve, status, unpin,
+    solve, status, sweep, unpin,
 };
 
 /// The version, and which build of it: two builds of other sources are told apart.
@@ -47,6 +47,7 @@ macro_rules! commands {
 
 commands! {
     Run => run::RunArguments,
+    Sweep => sweep::SweepArguments,
     Plan => plan::PlanArguments,
     Status => status::StatusArguments,
     Log => log::LogArguments,

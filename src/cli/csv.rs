@@ -1,6 +1,19 @@
 //! Tables in CSV.
 
 use super::error::CliError;
+use crate::report::Collected;
+
+/// The table of a table stage.
+///
+/// # Errors
+/// When memory is short.
+pub fn of_table(table: &Collected) -> Result<String, CliError> {
+    let rows = table
+        .rows
+        .iter()
+        .map(|row| row.iter().map(|(text, _)| text.clone()).collect());
+    text(&table.columns, rows)
+}
 
 /// A header and rows, with the last line ended.
 ///

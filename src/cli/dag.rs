@@ -8,8 +8,8 @@ use serde_json::json;
 
 use super::error::CliError;
 use super::output::{Exit, Output};
-use crate::orchestrator::{Pipeline, StageSpec};
-use crate::stage;
+use super::run;
+use crate::orchestrator::StageSpec;
 
 /// Draw the stages of a pipeline and what they need
 #[derive(Debug, Args)]
@@ -32,7 +32,7 @@ pub enum DagFormat {
 }
 
 pub fn execute(arguments: &DagArguments, output: &Output) -> Result<Exit, CliError> {
-    let pipeline = Pipeline::load(&arguments.pipeline, &[], &stage::registry())?;
+    let pipeline = run::load_plain(&arguments.pipeline)?;
     let waits: Vec<Vec<usize>> = pipeline.stages.iter().map(StageSpec::waits_for).collect();
     let stages: Vec<Node<'_>> = pipeline
         .stages

@@ -26,7 +26,7 @@ pub struct ExplainArguments {
 }
 
 pub fn execute(arguments: &ExplainArguments, output: &Output) -> Result<Exit, CliError> {
-    let pipeline = run::load_file(&arguments.pipeline, &arguments.set.overrides()?)?;
+    let pipeline = run::load_with(&arguments.pipeline, &arguments.set)?;
     let (_scratch, store) = run::store_to_look_into(&arguments.store)?;
     let found = explain(&pipeline, &store, &arguments.stage)?;
     if output.is_json() {

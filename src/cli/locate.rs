@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use super::error::CliError;
+use super::run;
 use crate::base::{ArtifactId, nearest};
-use crate::orchestrator::{Environment, Pipeline, StageReport, Staleness, plan};
-use crate::stage;
+use crate::orchestrator::{Environment, StageReport, Staleness, plan};
 use crate::store::{Artifact, Lookup, Store, StoreError};
 
 /// The fewest digits that name a digest.
@@ -54,7 +54,7 @@ pub fn split(reference: &str) -> Option<(&str, &str)> {
 }
 
 fn of_pipeline(store: &Store, path: &Path, name: &str) -> Result<ArtifactId, CliError> {
-    let pipeline = Pipeline::load(path, &[], &stage::registry())?;
+    let pipeline = run::load_plain(path)?;
     let stages = plan(&pipeline, store, Some(name), &Environment::system())?;
     let found = stages.iter().find(|stage| stage.name == name);
     if let Some(StageReport {

@@ -78,7 +78,7 @@ fn past(store: &Store, pipeline: Option<&Path>, most: Option<usize>) -> Result<(
 
 /// The name in a pipeline's file, where that can be read: its runs are then found although it was moved.
 fn name_in(path: &Path) -> String {
-    run::load_file(path, &[]).map_or_else(|_| String::new(), |pipeline| pipeline.name)
+    run::load_plain(path).map_or_else(|_| String::new(), |pipeline| pipeline.name)
 }
 
 /// One run.
@@ -118,6 +118,7 @@ fn command(run: &Run) -> &'static str {
     match run.command {
         Command::Run => "run",
         Command::Audit => "audit",
+        Command::Sweep => "sweep",
     }
 }
 
@@ -195,6 +196,7 @@ fn text(runs: &[Run], more: bool, of_all: bool) -> String {
             match run.command {
                 Command::Run => run.pipeline.clone(),
                 Command::Audit => format!("{}\n(audit)", run.pipeline),
+                Command::Sweep => format!("{}\n(sweep)", run.pipeline),
             },
             table::seconds(run.seconds),
             what(run),

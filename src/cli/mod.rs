@@ -37,6 +37,7 @@ mod simulate;
 mod solve;
 mod statistics;
 mod status;
+mod sweep;
 mod table;
 mod unpin;
 mod write;

@@ -35,7 +35,7 @@ pub struct ReportArguments {
 }
 
 pub fn execute(arguments: &ReportArguments, output: &Output) -> Result<Exit, CliError> {
-    let pipeline = run::load_file(&arguments.pipeline, &arguments.set.overrides()?)?;
+    let pipeline = run::load_with(&arguments.pipeline, &arguments.set)?;
     pipeline.selection(arguments.until.as_deref())?;
     let store = locate::existing_store(&arguments.store.folder())?;
     let stages = plan(&pipeline, &store, arguments.until.as_deref(), &Environment::system())?;

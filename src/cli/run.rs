@@ -6,7 +6,7 @@ use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use super::arguments::{PipelineArguments, StoreArguments};
+use super::arguments::{PipelineArguments, SetArguments, StoreArguments};
 use super::error::CliError;
 use super::neglected::neglected;
 use super::output::{Exit, Output};
@@ -14,10 +14,10 @@ use super::progress::{RunProgress, Shown};
 use super::run_log::RunLog;
 use super::table;
 use crate::base::{OutputFile, Override};
-use crate::orchestrator::{Environment, Pipeline, RunOptions, RunOutcome, run};
+use crate::orchestrator::{Environment, MANY_STAGES, Pipeline, RunOptions, RunOutcome, StageReport, run};
 use crate::report::{Made, RunArtifacts, RunResults};
 use crate::stage;
-use crate::store::{LockFile, Store};
+use crate::store::{Command, LockFile, Store};
 
 /// Build what is stale in a pipeline, then print what was found and where the figures are
 #[derive(Debug, Args)]
@@ -53,6 +53,16 @@ pub enum ProgressForm {
 
 pub fn execute(arguments: &RunArguments, output: &Output) -> Result<Exit, CliError> {
     let pipeline = load(&arguments.of)?;
+    Ok(of_pipeline(&pipeline, arguments, Command::Run, output)?.0)
+}
+
+/// Runs a pipeline and tells of it; also gives what each stage made.
+pub fn of_pipeline(
+    pipeline: &Pipeline,
+    arguments: &RunArguments,
+    command: Command,
+    output: &Output,
+) -> Result<(Exit, Vec<StageReport>), CliError> {
     let lock_path = LockFile::beside(&pipeline.path);
     let lock = arguments.locked.then(|| read_lock(&lock_path)).transpose()?;
     if arguments.lock {
@@ -72,13 +82,15 @@ pub fn execute(arguments: &RunArguments, output: &Output) -> Result<Exit, CliErr
         keep_going: arguments.keep_going,
         lock: lock.as_ref(),
         only: false,
+        command,
     };
-    let mut outcome = run(&pipeline, &store, &options, &Environment::system(), &listener)?;
+    let mut outcome = run(pipeline, &store, &options, &Environment::system(), &listener)?;
     if let Some(why) = log.trouble() {
         output.complain(&format!("warning: the log file of this run is not whole: {why}"));
     }
     if !outcome.failures.is_empty() {
-        return failed(&mut outcome, arguments, output);
+        let exit = failed(&mut outcome, arguments, output)?;
+        return Ok((exit, outcome.stages));
     }
     if arguments.lock {
         store.put_lock_file(&lock_path, &outcome.lock)?;
@@ -94,9 +106,11 @@ pub fn execute(arguments: &RunArguments, output: &Output) -> Result<Exit, CliErr
     }
     let made = made(&outcome);
     let names: Vec<&str> = made.iter().map(|made| made.stage.as_str()).collect();
-    let neglected = neglected(&pipeline, &names).map_err(|e| CliError::bad_input(e.to_string()))?;
+    let neglected = neglected(pipeline, &names).map_err(|e| CliError::bad_input(e.to_string()))?;
+    let file = pipeline.file();
     let artifacts = RunArtifacts {
         store: &store,
+        file: &file,
         made: &made,
         rounds: &pipeline.rounds,
     };
@@ -121,11 +135,11 @@ pub fn execute(arguments: &RunArguments, output: &Output) -> Result<Exit, CliErr
         let parts = unstable.into_iter().chain(results.text());
         output.text(&parts.map(|part| format!("\n{part}\n")).collect::<String>())?;
     }
-    Ok(if outcome.unstable > 0 {
-        Exit::Unstable
-    } else {
-        Exit::Done
-    })
+    let exit = match outcome.unstable {
+        0 => Exit::Done,
+        _ => Exit::Unstable,
+    };
+    Ok((exit, outcome.stages))
 }
 
 fn shown(arguments: &RunArguments) -> Shown {
@@ -148,14 +162,28 @@ fn read_lock(path: &Path) -> Result<LockFile, CliError> {
 
 /// Everything that can be wrong with the arguments is found before a store is opened.
 pub fn load(arguments: &PipelineArguments) -> Result<Pipeline, CliError> {
-    let pipeline = load_file(&arguments.pipeline, &arguments.set.overrides()?)?;
+    let pipeline = load_with(&arguments.pipeline, &arguments.set)?;
     pipeline.selection(arguments.until.as_deref())?;
     Ok(pipeline)
 }
 
 /// A pipeline with what stands on the command line for it.
-pub fn load_file(path: &Path, overrides: &[Override]) -> Result<Pipeline, CliError> {
-    Ok(Pipeline::load(path, overrides, &stage::registry())?)
+pub fn load_with(path: &Path, set: &SetArguments) -> Result<Pipeline, CliError> {
+    load_file(path, &set.overrides()?, set.many)
+}
+
+/// A pipeline with some changes; `many`: of more stages than a pipeline usually has.
+pub fn load_file(path: &Path, overrides: &[Override], many: bool) -> Result<Pipeline, CliError> {
+    let mut registry = stage::registry();
+    if many {
+        registry.most_stages = MANY_STAGES;
+    }
+    Ok(Pipeline::load(path, overrides, &registry)?)
+}
+
+/// A pipeline as it stands in its file, for a command that only looks at it.
+pub fn load_plain(path: &Path) -> Result<Pipeline, CliError> {
+    load_file(path, &[], true)
 }
 
 /// The store, for a command that writes nothing: where there is none yet, an empty one elsewhere stands in for it, as long

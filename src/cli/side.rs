@@ -141,7 +141,7 @@ impl<'a> Places<'a> {
     }
 
     fn of_pipeline(&self, path: &Path, sets: &[Override]) -> Result<Side, CliError> {
-        let pipeline = run::load_file(path, sets)?;
+        let pipeline = run::load_file(path, sets, true)?;
         let reports = plan(&pipeline, self.store, None, &Environment::system())?;
         let sets: Vec<String> = pipeline
             .overrides

@@ -64,7 +64,7 @@ fn standing(store: &Store, runs: &[Run], path: PathBuf, named: bool) -> Result<S
         let of = |run: &&Run| run.is_of(&path, name.unwrap_or_default());
         runs.iter().filter(|run| run.command == Command::Run).find(of).cloned()
     };
-    let (stages, last) = match run::load_file(&path, &[]) {
+    let (stages, last) = match run::load_plain(&path) {
         Ok(pipeline) => {
             let stages = plan(&pipeline, store, None, &Environment::system())?;
             (Ok(stages), last(Some(&pipeline.name)))

@@ -1,9 +1,9 @@
 //! Tables and the way numbers are written for people.
 
-pub use crate::report::{bytes, seconds};
+pub use crate::report::{bytes, number, seconds};
 use comfy_table::{CellAlignment, Table, TableComponent, presets::UTF8_HORIZONTAL_ONLY};
 
-use crate::orchestrator::{Estimate, Outcome, Price, StageReport};
+use crate::orchestrator::{Bill, Estimate, Outcome, Price, StageReport};
 
 /// An empty table with a header; the columns named in `numbers` are flush right.
 pub fn table(header: &[&str], numbers: &[&str]) -> Table {
@@ -31,19 +31,23 @@ pub fn of_run(stages: &[StageReport]) -> String {
         header.retain(|title| *title != "foretold");
     }
     let mut table = table(&header, &["time", "foretold", "size"]);
-    for stage in stages {
+    for lines in lines(stages) {
         let mut row = vec![
-            stage.name.clone(),
-            stage.kind.clone(),
-            outcome(stage.outcome).to_owned(),
-            chunks(stage, "built", "reused"),
-            seconds(stage.seconds),
+            name(lines),
+            lines[0].kind.clone(),
+            outcomes(lines),
+            chunks(lines, "built", "reused"),
+            seconds(lines.iter().map(|stage| stage.seconds).sum()),
         ];
         if foretold {
-            row.push(stage.price.map_or_else(String::new, |price| time(&price.seconds)));
+            let price = Bill::of(lines.iter().map(|stage| stage.price)).price;
+            row.push(price.map_or_else(String::new, |price| time(&price.seconds)));
         }
-        row.push(stage.digest.map_or_else(|| "-".to_owned(), |digest| digest.short()));
-        row.push(match stage.size {
+        row.push(match lines {
+            [stage] => stage.digest.map_or_else(|| "-".to_owned(), |digest| digest.short()),
+            _ => "-".to_owned(),
+        });
+        row.push(match lines.iter().map(|stage| stage.size).sum() {
             0 => "-".to_owned(),
             size => bytes(size),
         });
@@ -56,34 +60,82 @@ pub fn of_run(stages: &[StageReport]) -> String {
 pub fn of_plan(stages: &[StageReport]) -> String {
     let header = ["stage", "kind", "outcome", "chunks", "time", "disk", "why"];
     let mut table = table(&header, &["time", "disk"]);
-    for stage in stages {
-        let (time, disk) = match (&stage.price, stage.outcome) {
-            (Some(price), _) => (time(&price.seconds), bytes(price.bytes.likely as u64)),
-            (None, Outcome::Stale) => ("?".to_owned(), "?".to_owned()),
-            (None, _) => (String::new(), String::new()),
+    for lines in lines(stages) {
+        let bill = Bill::of(lines.iter().filter(|stage| is_stale(stage)).map(|stage| stage.price));
+        let (time, disk) = match &bill.price {
+            Some(price) => (time(&price.seconds), bytes(price.bytes.likely as u64)),
+            None if lines.iter().any(is_stale) => ("?".to_owned(), "?".to_owned()),
+            None => (String::new(), String::new()),
         };
+        let mut reasons: Vec<&str> = Vec::new();
+        for reason in lines.iter().flat_map(|stage| &stage.reasons) {
+            if !reasons.contains(&reason.as_str()) && reasons.len() < MOST_REASONS {
+                reasons.push(reason);
+            }
+        }
         table.add_row([
-            stage.name.clone(),
-            stage.kind.clone(),
-            outcome(stage.outcome).to_owned(),
-            chunks(stage, "to build", "there"),
+            name(lines),
+            lines[0].kind.clone(),
+            outcomes(lines),
+            chunks(lines, "to build", "there"),
             time,
             disk,
-            stage.reasons.join("\n"),
+            reasons.join("\n"),
         ]);
     }
     table.trim_fmt()
 }
 
-/// A number with as many digits as people compare: whole ones in full, others with five.
-pub fn number(value: f64) -> String {
-    let whole = value.fract() == 0.0 && value.abs() < 1e15;
-    let decimals = match value.abs() {
-        _ if whole => 0,
-        size if size >= 1e-4 => (4.0 - size.log10().floor()).clamp(0.0, 8.0) as usize,
-        _ => return format!("{value:.4e}"),
-    };
-    format!("{value:.decimals$}")
+fn is_stale(stage: &StageReport) -> bool {
+    stage.outcome == Outcome::Stale
+}
+
+/// Stages of a sweep that stand on lines of their own; more of them stand on one together.
+const MOST_LINES: usize = 12;
+
+/// Reasons that are told of several stages together.
+const MOST_REASONS: usize = 10;
+
+/// The stages line by line: each alone, but for those of one large sweep that follow each other.
+fn lines(stages: &[StageReport]) -> Vec<&[StageReport]> {
+    let sweep = |stage: &StageReport| stage.name.split_once('@').map(|(sweep, _)| sweep.to_owned());
+    let together = stages.chunk_by(|a, b| sweep(a).is_some() && sweep(a) == sweep(b));
+    let one_or_all = |lines: &'_ [StageReport]| lines.len() > MOST_LINES;
+    together
+        .flat_map(|own| {
+            if one_or_all(own) {
+                vec![own]
+            } else {
+                own.chunks(1).collect()
+            }
+        })
+        .collect()
+}
+
+fn name(lines: &[StageReport]) -> String {
+    let sweep = lines[0].name.split_once('@').map_or("", |(sweep, _)| sweep);
+    match lines {
+        [stage] => stage.name.clone(),
+        _ => format!("{sweep}@… ({})", lines.len()),
+    }
+}
+
+/// How the stages of a line ended.
+fn outcomes(lines: &[StageReport]) -> String {
+    let mut counts: Vec<(Outcome, usize)> = Vec::new();
+    for stage in lines {
+        match counts.iter_mut().find(|(known, _)| *known == stage.outcome) {
+            Some((_, count)) => *count += 1,
+            None => counts.push((stage.outcome, 1)),
+        }
+    }
+    match counts[..] {
+        [(one, _)] => outcome(one).to_owned(),
+        _ => {
+            let counts = counts.iter().map(|(of, count)| format!("{count} {}", outcome(*of)));
+            counts.collect::<Vec<_>>().join(", ")
+        }
+    }
 }
 
 /// A foretold duration with its range.
@@ -120,8 +172,9 @@ pub fn outcome(outcome: Outcome) -> &'static str {
     }
 }
 
-fn chunks(stage: &StageReport, built: &str, reused: &str) -> String {
-    match (stage.chunks_built, stage.chunks_reused) {
+fn chunks(lines: &[StageReport], built: &str, reused: &str) -> String {
+    let sum = |of: fn(&StageReport) -> u64| lines.iter().map(of).sum::<u64>();
+    match (sum(|stage| stage.chunks_built), sum(|stage| stage.chunks_reused)) {
         (0, 0) => "-".into(),
         (n, 0) => format!("{n} {built}"),
         (0, n) => format!("{n} {reused}"),

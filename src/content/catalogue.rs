@@ -2,8 +2,8 @@
 
 use super::declared::Declared;
 use super::{
-    Accuracy, Audit, Balanced, Calibration, Designs, Evaluation, LoadPaths, Samples, Solutions, SolveFile, Training,
-    Verification,
+    Accuracy, Audit, Balanced, Calibration, Designs, Evaluation, LoadPaths, Samples, Solutions, SolveFile, Table,
+    Training, Verification,
 };
 
 /// The content of a kind of artifact or file.
@@ -40,6 +40,7 @@ pub fn catalogue() -> Vec<ContentOfKind> {
         "verify": Verification,
         "accuracy": Accuracy,
         "audit": Audit,
+        "table": Table,
         "the file of `deaflow solve` and `deaflow predict`": SolveFile,
         "the file of `deaflow solve --path`": LoadPaths,
     }

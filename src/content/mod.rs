@@ -27,6 +27,7 @@ mod patterns;
 mod samples;
 mod solutions;
 mod solve_file;
+mod table;
 mod training;
 
 #[cfg(test)]
@@ -55,5 +56,6 @@ pub use patterns::named_patterns;
 pub use samples::{SampleRows, Samples};
 pub use solutions::{Solutions, Unstable};
 pub use solve_file::{CellFields, SolveFile};
+pub use table::Table;
 pub use training::{ALL_FAMILIES, Curves, LeftOutLabels, Metrics, Training};
 pub use view::{Stored, StoredAttribute, files};

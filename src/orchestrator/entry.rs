@@ -1,5 +1,7 @@
 //! The stages of a pipeline as they stand in the file: name, kind and needs, before their own keys are read.
 
+use std::collections::{HashMap, HashSet};
+
 use super::kind::Kind;
 use crate::base::{InputError, Node, Schema, nearest};
 
@@ -14,6 +16,8 @@ pub struct Registry {
     pub check_scene: fn(&Node) -> Result<(), InputError>,
     /// What a scene may look like.
     pub scene_schema: fn() -> Schema,
+    /// Stages that a pipeline with sweeps may have.
+    pub most_stages: usize,
 }
 
 /// A stage whose name, kind and needs have been read.
@@ -46,17 +50,13 @@ pub fn read_entries<'a>(stages: &'a Node, registry: &Registry) -> Result<Vec<Ent
     if entries.is_empty() {
         return Err(stages.error("a pipeline has at least one stage"));
     }
-    let mut names = Vec::new();
+    let mut names = Vec::with_capacity(entries.len());
     for (key, _) in entries {
         let name = key.text("a stage's name")?;
-        let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
-        if name.is_empty() || !name.chars().all(plain) {
-            let message = format!("a stage cannot be named {name:?}");
-            return Err(key.error(message).help("allowed: letters, digits, '_' and '-'"));
-        }
         check_length(key, name)?;
         names.push(name);
     }
+    let places: HashMap<&str, usize> = names.iter().enumerate().map(|(place, name)| (*name, place)).collect();
     let kinds: Vec<&'static str> = registry.kinds.iter().map(|kind| kind.name()).collect();
     let mut out = Vec::new();
     for ((key, node), name) in entries.iter().zip(&names) {
@@ -70,7 +70,7 @@ pub fn read_entries<'a>(stages: &'a Node, registry: &Registry) -> Result<Vec<Ent
         let Some(kind) = registry.kinds.iter().find(|kind| kind.name() == word) else {
             return Err(kind.error(format!("no kind `{word}`")));
         };
-        let needs = read_needs(node, &names)?;
+        let needs = read_needs(node, &names, &places)?;
         out.push(Entry {
             name,
             key,
@@ -80,6 +80,23 @@ pub fn read_entries<'a>(stages: &'a Node, registry: &Registry) -> Result<Vec<Ent
         });
     }
     Ok(out)
+}
+
+/// Refuses names that a stage cannot have in a file.
+///
+/// # Errors
+/// With the place.
+pub fn check_names(stages: &Node) -> Result<(), InputError> {
+    for (key, _) in stages.entries("stages")? {
+        let name = key.text("a stage's name")?;
+        let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+        if name.is_empty() || !name.chars().all(plain) {
+            let message = format!("a stage cannot be named {name:?}");
+            return Err(key.error(message).help("allowed: letters, digits, '_' and '-'"));
+        }
+        check_length(key, name)?;
+    }
+    Ok(())
 }
 
 /// Refuses needs that the kind of a stage does not allow.
@@ -135,23 +152,41 @@ pub fn check_needs(entry: &Entry<'_>, entries: &[Entry<'_>]) -> Result<(), Input
     Err(node.error(message).help(fitting()))
 }
 
-fn read_needs<'a>(node: &'a Node, names: &[&str]) -> Result<Vec<(usize, &'a Node)>, InputError> {
+fn read_needs<'a>(
+    node: &'a Node,
+    names: &[&str],
+    places: &HashMap<&str, usize>,
+) -> Result<Vec<(usize, &'a Node)>, InputError> {
     let mut out: Vec<(usize, &Node)> = Vec::new();
+    let mut seen = HashSet::new();
     let Some(needs) = node.peek("needs") else {
         return Ok(out);
     };
     for item in needs.list("needs")? {
         let name = item.text("needs")?;
-        let Some(index) = names.iter().position(|other| *other == name) else {
+        let Some(&index) = places.get(name) else {
             let message = format!("no stage is named `{name}`");
             return Err(item.error(message).help(suggestion(name, names)));
         };
-        if out.iter().any(|(other, _)| *other == index) {
+        if !seen.insert(index) {
             return Err(item.error(format!("`{name}` is needed twice")));
         }
         out.push((index, item));
     }
     Ok(out)
+}
+
+/// A refusal of stages that need each other in a circle, each the next and the last the first.
+pub fn refuse_cycle_of(cycle: &[(&str, &Node)]) -> InputError {
+    let mut message = "the stages need each other in a circle:".to_owned();
+    let Some(((first, place), others)) = cycle.split_first() else {
+        return InputError::new(message);
+    };
+    message += &format!(" `{first}`");
+    for (name, _) in others {
+        message += &format!(" needs `{name}`");
+    }
+    place.error(message + &format!(" needs `{first}`"))
 }
 
 /// Refuses a name that is too long.
@@ -167,9 +202,15 @@ pub fn check_length(node: &Node, name: &str) -> Result<(), InputError> {
     }
 }
 
+/// Names that are listed in advice.
+const LISTED: usize = 30;
+
 /// What to write instead of a name that is not there.
 pub fn suggestion(word: &str, allowed: &[&str]) -> String {
-    let list = allowed.join(", ");
+    let mut list = allowed.iter().take(LISTED).copied().collect::<Vec<_>>().join(", ");
+    if allowed.len() > LISTED {
+        list += &format!(", and {} more", allowed.len() - LISTED);
+    }
     match nearest(word, allowed) {
         Some(near) => format!("did you mean `{near}`? there are: {list}"),
         None => format!("there are: {list}"),

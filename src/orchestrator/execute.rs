@@ -26,6 +26,8 @@ pub struct RunOptions<'a> {
     pub until: Option<&'a str>,
     /// Whether to build that stage alone, from what is there: stages before it are left as they are, missing or not.
     pub only: bool,
+    /// By which the history knows it.
+    pub command: Command,
     /// Whether to build all that can be built although something failed.
     pub keep_going: bool,
     /// What every stage must be and make.
@@ -140,10 +142,7 @@ pub fn run(
     store.keep_index();
     let stages_done = std::mem::take(&mut execution.remembered);
     let logged = execution.log(Run {
-        command: match options.only {
-            true => Command::Audit,
-            false => Command::Run,
-        },
+        command: options.command,
         seconds: environment.seconds_since(began),
         log: options.log.filter(|_| stages.iter().any(is_work)).map(str::to_owned),
         stages: stages_done,

@@ -1,22 +1,37 @@
 //! The order in which stages run: what is needed comes first, and among those that are ready the order of the file, so
 //! that a pipeline runs the same way every time.
 
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
 /// Orders the nodes `0..needs.len()`, where node `i` needs the nodes `needs[i]`.
 ///
 /// # Errors
 /// The nodes of a cycle, each needing the next and the last the first, where there is one.
 pub fn order(needs: &[Vec<usize>]) -> Result<Vec<usize>, Vec<usize>> {
+    let mut users = vec![Vec::new(); needs.len()];
+    let mut open: Vec<usize> = needs.iter().map(Vec::len).collect();
+    for (node, own) in needs.iter().enumerate() {
+        own.iter().for_each(|&need| users[need].push(node));
+    }
+    let without = (0..needs.len()).filter(|&node| open[node] == 0);
+    let mut ready: BinaryHeap<Reverse<usize>> = without.map(Reverse).collect();
     let mut placed = vec![false; needs.len()];
     let mut out = Vec::with_capacity(needs.len());
-    while out.len() < needs.len() {
-        let ready = (0..needs.len()).find(|&i| !placed[i] && needs[i].iter().all(|&n| placed[n]));
-        let Some(next) = ready else {
-            return Err(cycle(needs, &placed));
-        };
+    while let Some(Reverse(next)) = ready.pop() {
         placed[next] = true;
         out.push(next);
+        for &user in &users[next] {
+            open[user] -= 1;
+            if open[user] == 0 {
+                ready.push(Reverse(user));
+            }
+        }
     }
-    Ok(out)
+    match out.len() == needs.len() {
+        true => Ok(out),
+        false => Err(cycle(needs, &placed)),
+    }
 }
 
 /// Every node that is not placed needs another such node: following them must come back somewhere.
@@ -33,11 +48,11 @@ fn cycle(needs: &[Vec<usize>], placed: &[bool]) -> Vec<usize> {
     path
 }
 
-/// A node and everything that it needs, directly or not, in the order of `needs`, which must be topological.
-pub fn closure(needs: &[&[usize]], target: usize) -> Vec<usize> {
+/// Some nodes and everything that they need, directly or not, in the order of `needs`, which must be topological.
+pub fn closure(needs: &[&[usize]], targets: &[usize]) -> Vec<usize> {
     let mut wanted = vec![false; needs.len()];
-    wanted[target] = true;
-    for node in (0..=target).rev() {
+    targets.iter().for_each(|&target| wanted[target] = true);
+    for node in (0..needs.len()).rev() {
         if wanted[node] {
             needs[node].iter().for_each(|&n| wanted[n] = true);
         }
@@ -64,6 +79,7 @@ mod tests {
 
     #[test]
     fn the_closure_leaves_out_what_is_not_needed() {
-        assert_eq!(closure(&[&[], &[], &[0], &[1], &[2]], 2), [0, 2]);
+        assert_eq!(closure(&[&[], &[], &[0], &[1], &[2]], &[2]), [0, 2]);
+        assert_eq!(closure(&[&[], &[], &[0], &[1], &[2]], &[2, 3]), [0, 1, 2, 3]);
     }
 }

@@ -31,6 +31,17 @@ pub trait Kind: Sync {
         false
     }
 
+    /// Whether its stages depend on the scene: of a scene that is swept they get their own.
+    fn reads_scene(&self) -> bool {
+        false
+    }
+
+    /// Whether its stages collect what all stages of sweeps made. [`Kind::read`] then finds which needs belong together under
+    /// `rows`: a list of pairs, the values of the axes by their names, and the numbers of needs by the names of the file.
+    fn collects(&self) -> bool {
+        false
+    }
+
     /// The kind to whose stages those of this kind are fed back, where these may be repeated in rounds, as `orchestrator/rounds.rs`
     /// says. [`Kind::read`] of this kind must then allow the keys `rounds` and `update`, and leave them alone; the target must accept
     /// stages of this kind and one of its own as needs.

@@ -19,6 +19,7 @@ mod schema;
 mod scratch;
 mod spec;
 mod staleness;
+mod sweep;
 
 pub use difference::Difference;
 pub use entry::Registry;
@@ -34,6 +35,7 @@ pub use schema::{of_pipeline, of_scene};
 pub use scratch::Scratch;
 pub use spec::{Pipeline, StageSpec, splice_scene};
 pub use staleness::Staleness;
+pub use sweep::{MANY_STAGES, MOST_STAGES, Sweep};
 
 #[cfg(test)]
 mod tests;

@@ -5,6 +5,7 @@ use serde_json::{Map, Value, json};
 use super::entry::Registry;
 use super::kind::Kind;
 use super::rounds;
+use super::sweep;
 use crate::base::{Fields, Schema};
 
 const DIALECT: &str = "https://json-schema.org/draft/2020-12/schema";
@@ -41,6 +42,8 @@ pub fn of_pipeline(registry: &Registry) -> Value {
     for kind in &registry.kinds {
         definitions.insert(kind.name().to_owned(), of_kind(*kind, gated, registry).into());
     }
+    definitions.values_mut().for_each(allow_axes);
+    definitions.insert("axis".to_owned(), axis());
     let mut root = titled("deaflow pipeline", pipeline.into());
     root["$defs"] = Value::Object(definitions);
     root
@@ -49,7 +52,53 @@ pub fn of_pipeline(registry: &Registry) -> Value {
 /// The JSON Schema of scenes in files of their own.
 #[must_use]
 pub fn of_scene(registry: &Registry) -> Value {
-    titled("deaflow scene", (registry.scene_schema)())
+    let mut root = titled("deaflow scene", (registry.scene_schema)());
+    allow_axes(&mut root);
+    root["$defs"] = json!({ "axis": axis() });
+    root
+}
+
+/// The value of an axis, which may stand in place of any value.
+fn axis() -> Value {
+    json!({
+        "type": "string",
+        "pattern": "\\$\\{[A-Za-z0-9_-]+\\}",
+        "description": "The value that an axis of the stage has: \"${axis}\".",
+    })
+}
+
+/// Allows `"${axis}"` in place of each value, and items of lists that stand for several.
+fn allow_axes(schema: &mut Value) {
+    let Value::Object(keys) = schema else { return };
+    if let Some(Value::Object(properties)) = keys.get_mut("properties") {
+        let values = properties.iter_mut().filter(|(key, _)| !PLAIN.contains(&key.as_str()));
+        values.for_each(|(_, value)| or_axis(value, None));
+    }
+    for key in ["anyOf", "oneOf", "prefixItems"] {
+        if let Some(Value::Array(schemas)) = keys.get_mut(key) {
+            schemas.iter_mut().for_each(allow_axes);
+        }
+    }
+    if let Some(items @ Value::Object(_)) = keys.get_mut("items") {
+        or_axis(items, Some(json!({ "type": "object", "required": [sweep::FOREACH] })));
+    }
+}
+
+/// Keys that say what the others may be.
+const PLAIN: [&str; 3] = ["kind", sweep::FOREACH, sweep::GATHER];
+
+/// A value, or that of an axis, or another form of it.
+fn or_axis(schema: &mut Value, other: Option<Value>) {
+    allow_axes(schema);
+    let mut keys = Map::new();
+    if let Value::Object(own) = schema {
+        for word in ["description", "default"] {
+            keys.extend(own.remove(word).map(|value| (word.to_owned(), value)));
+        }
+    }
+    let forms = [Some(schema.take()), Some(json!({ "$ref": "#/$defs/axis" })), other];
+    keys.insert("anyOf".to_owned(), forms.into_iter().flatten().collect());
+    *schema = Value::Object(keys);
 }
 
 fn titled(title: &str, schema: Schema) -> Value {
@@ -64,7 +113,7 @@ fn of_kind(kind: &dyn Kind, gated: bool, registry: &Registry) -> Schema {
     let needs = kind.needs();
     let most = if gated { usize::MAX } else { needs.most };
     let with_frame = |fields: Fields| {
-        let fields = rounds::schema(kind, fields, registry);
+        let fields = sweep::schema(rounds::schema(kind, fields, registry));
         let fields = fields.required("kind", Schema::word(&[kind.name()]).description("What the stage does."));
         let list = || {
             let meaning = format!("Stages of kind {}.", needs.kinds.join(" or "));

@@ -3,10 +3,13 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use super::entry::{Entry, Registry, check_length, check_needs, read_entries, suggestion};
+use super::entry::{
+    Entry, Registry, check_length, check_names, check_needs, read_entries, refuse_cycle_of, suggestion,
+};
 use super::graph;
 use super::kind::{Kind, Stage};
 use super::rounds::{self, Rounds};
+use super::sweep::{self, Sweep};
 use crate::base::{Document, InputError, Node, NodeValue, Override};
 
 const WHAT: &str = "the pipeline";
@@ -26,6 +29,8 @@ pub struct Pipeline {
     pub scene: Option<Node>,
     /// Its stages in topological order.
     pub stages: Vec<StageSpec>,
+    /// Those that stand for several, in the order of the file.
+    pub sweeps: Vec<Sweep>,
     /// Those that are done in more than one round, in the order of the file.
     pub rounds: Vec<Rounds>,
     /// What stood on the command line in place of the file's: values in YAML by their dotted paths.
@@ -42,6 +47,8 @@ pub struct StageSpec {
     pub needs: Vec<usize>,
     /// The stages that it waits for and does not read, likewise.
     pub gates: Vec<usize>,
+    /// Its scene, where that is not the one of all stages.
+    pub scene: Option<Node>,
     /// What it does.
     pub stage: Box<dyn Stage>,
 }
@@ -73,15 +80,17 @@ impl Pipeline {
         splice_scene(&mut root, &path)?;
         let late = rounds::apply(&mut root, overrides)?;
         let name = read_frame(&root, registry)?;
+        let sweeps = sweep::unroll(&mut root, registry, registry.most_stages)?;
         let rounds = rounds::unroll(&mut root, &late, registry)?;
         let map = root.fields(WHAT, &KEYS)?;
         let entries = read_entries(map.required(WHAT, "stages")?, registry)?;
-        let stages = read_stages(&entries, map.optional("scene"))?;
+        let stages = read_stages(&entries, map.optional("scene"), !sweeps.is_empty())?;
         Ok(Self {
             name,
             path,
             scene: map.optional("scene").cloned(),
             stages,
+            sweeps,
             rounds,
             overrides: overrides.iter().map(Override::said).collect(),
         })
@@ -99,7 +108,8 @@ impl Pipeline {
         self.stages.iter().find(|stage| stage.name == name)
     }
 
-    /// Places of the stages to look at, in topological order: all, or `until` and what it needs.
+    /// Places of the stages to look at, in topological order: all, or `until` and what it needs. The name of a sweep means all its
+    /// stages.
     ///
     /// # Errors
     /// When there is no stage of that name.
@@ -107,14 +117,19 @@ impl Pipeline {
         let Some(until) = until else {
             return Ok((0..self.stages.len()).collect());
         };
-        let Some(target) = self.stages.iter().position(|stage| stage.name == until) else {
+        let sweep = self.sweeps.iter().find(|sweep| sweep.name == until);
+        let wanted = |name: &String| sweep.map_or(name == until, |sweep| sweep.stages.contains(name));
+        let targets: Vec<usize> = (0..self.stages.len())
+            .filter(|&at| wanted(&self.stages[at].name))
+            .collect();
+        if targets.is_empty() {
             let names: Vec<&str> = self.stages.iter().map(|stage| stage.name.as_str()).collect();
             let message = format!("no stage `{until}` in {}", self.path.display());
             return Err(InputError::new(message).help(suggestion(until, &names)));
-        };
+        }
         let needs: Vec<Vec<usize>> = self.stages.iter().map(StageSpec::waits_for).collect();
         let needs: Vec<&[usize]> = needs.iter().map(Vec::as_slice).collect();
-        Ok(graph::closure(&needs, target))
+        Ok(graph::closure(&needs, &targets))
     }
 }
 
@@ -164,14 +179,14 @@ fn read_frame(root: &Node, registry: &Registry) -> Result<String, InputError> {
     }
     let name = map.required(WHAT, "name")?;
     check_length(name, name.text("name")?)?;
-    if let Some(scene) = map.optional("scene") {
+    if let Some(scene) = map.optional("scene").filter(|scene| sweep::axes_in(scene).is_empty()) {
         (registry.check_scene)(scene)?;
     }
-    map.required(WHAT, "stages")?;
+    check_names(map.required(WHAT, "stages")?)?;
     Ok(name.text("name")?.to_owned())
 }
 
-fn read_stages(entries: &[Entry<'_>], scene: Option<&Node>) -> Result<Vec<StageSpec>, InputError> {
+fn read_stages(entries: &[Entry<'_>], scene: Option<&Node>, swept: bool) -> Result<Vec<StageSpec>, InputError> {
     let needs: Vec<Vec<usize>> = entries
         .iter()
         .map(|entry| entry.needs.iter().map(|(index, _)| *index).collect())
@@ -192,12 +207,22 @@ fn read_stages(entries: &[Entry<'_>], scene: Option<&Node>) -> Result<Vec<StageS
                 .filter(|(index, _)| entry.is_gate(&entries[*index]) == gates);
             wanted.map(|(index, _)| place[*index]).collect()
         };
+        let own_scene = entry.node.peek(sweep::SCENE).filter(|_| swept);
+        let stage = match own_scene {
+            Some(scene) => {
+                let mut node = entry.node.clone();
+                node.take_out(sweep::SCENE);
+                entry.kind.read(&node, Some(scene))?
+            }
+            None => entry.kind.read(entry.node, scene)?,
+        };
         stages.push(Some(StageSpec {
             name: entry.name.to_owned(),
             kind: entry.kind,
             needs: places(false),
             gates: places(true),
-            stage: entry.kind.read(entry.node, scene)?,
+            scene: own_scene.cloned(),
+            stage,
         }));
     }
     let stages: Vec<StageSpec> = order.iter().filter_map(|&index| stages[index].take()).collect();
@@ -230,10 +255,11 @@ fn check_pieces(stages: &[StageSpec], order: &[usize], entries: &[Entry<'_>]) ->
 
 fn refuse_cycle(entries: &[Entry<'_>], cycle: &[usize]) -> InputError {
     let (first, second) = (cycle[0], cycle[1 % cycle.len()]);
-    let mut message = format!("the stages need each other in a circle: `{}`", entries[first].name);
-    for &index in cycle[1..].iter().chain(&cycle[..1]) {
-        message += &format!(" needs `{}`", entries[index].name);
-    }
     let item = entries[first].needs.iter().find(|(index, _)| *index == second);
-    item.map_or(entries[first].key, |(_, node)| node).error(message)
+    let mut names: Vec<(&str, &Node)> = cycle
+        .iter()
+        .map(|&index| (entries[index].name, entries[index].key))
+        .collect();
+    names[0].1 = item.map_or(entries[first].key, |(_, node)| node);
+    refuse_cycle_of(&names)
 }

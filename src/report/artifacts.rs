@@ -1,5 +1,7 @@
 //! The artifacts of a run, and how they are read for people.
 
+use std::path::Path;
+
 use super::drawing::FigureError;
 use super::error::ReportError;
 use crate::base::ArtifactId;
@@ -22,6 +24,8 @@ pub struct Made {
 pub struct RunArtifacts<'a> {
     /// Where its artifacts are.
     pub store: &'a Store,
+    /// File of the pipeline.
+    pub file: &'a Path,
     /// Its stages.
     pub made: &'a [Made],
     /// Stages that are done in rounds.

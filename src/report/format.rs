@@ -37,6 +37,17 @@ pub fn mm(value: f64) -> String {
     signed(&format!("{:.4}", value + 0.0))
 }
 
+/// A number with as many digits as people compare: whole ones in full, others with five.
+pub fn number(value: f64) -> String {
+    let whole = value.fract() == 0.0 && value.abs() < 1e15;
+    let decimals = match value.abs() {
+        _ if whole => 0,
+        size if size >= 1e-4 => (4.0 - size.log10().floor()).clamp(0.0, 8.0) as usize,
+        _ => return format!("{value:.4e}"),
+    };
+    format!("{value:.decimals$}")
+}
+
 /// A share in percent.
 pub fn percent(share: f64, decimals: usize) -> String {
     format!("{:.*} %", decimals, 100.0 * share)

@@ -116,6 +116,7 @@ impl History {
     pub fn run<'a>(&'a self, store: &'a Store, made: &'a [Made]) -> RunArtifacts<'a> {
         RunArtifacts {
             store,
+            file: Path::new(&self.path),
             made,
             rounds: &self.rounds,
         }

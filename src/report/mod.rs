@@ -18,18 +18,20 @@ mod presenter;
 mod results;
 mod rounds;
 mod summary;
+mod tables;
 mod warnings;
 mod write_report;
 
 pub use artifacts::{Made, RunArtifacts, Source};
 pub use error::ReportError;
-pub use format::{bytes, seconds};
+pub use format::{bytes, number, seconds};
 pub use history::{History, Origin, StageFacts};
 pub use html::{Column, Page};
 pub use kinds::PRESENTERS;
 pub use kinds::audit::audited;
 pub use presenter::{DrawFigure, Presenter, Results};
 pub use results::{RunResults, draw_figures};
+pub use tables::Collected;
 pub use write_report::{COLUMNS, Written, write_report};
 
 #[cfg(test)]

@@ -13,7 +13,7 @@ use super::format::{figure_name, file_name};
 use super::kinds::PRESENTERS;
 use super::presenter::{DrawFigure, Presenter, Results};
 use super::warnings::warnings;
-use crate::base::{leads_nowhere_at, write_output};
+use crate::base::{Digest, leads_nowhere_at, read_own, write_output};
 
 /// What a run found.
 pub struct RunResults {
@@ -83,7 +83,7 @@ impl RunResults {
 }
 
 /// Draws every figure of a run that its presenters have and that is not there yet, and returns the paths of all, in the order of the stages:
-/// `<store>/figures/<pipeline>/<stage>-<digest>-<figure>.png`.
+/// `<store>/figures/<pipeline>/<stage>-<digest>-<figure>.png`. Of two files with one name the second has a folder `<pipeline>-<digits>`.
 ///
 /// A figure's file carries the digest of its artifact in its name: one that is there need not be drawn again, and a rerun that
 /// builds nothing opens no artifact for figures either.
@@ -95,7 +95,7 @@ pub fn draw_figures(
     run: &RunArtifacts<'_>,
     pipeline: &str,
 ) -> Result<Vec<PathBuf>, ReportError> {
-    let folder = run.store.root().join("figures").join(file_name(pipeline));
+    let folder = folder_of(run, pipeline);
     let mut paths = Vec::new();
     for stage in run.made {
         let presenter = presenters.iter().find(|presenter| presenter.kind() == stage.kind);
@@ -107,6 +107,7 @@ pub fn draw_figures(
                 path: folder.clone(),
                 source,
             })?;
+            say_whose(&folder, run.file)?;
             draw(run, stage, &wanted, pipeline)?;
         }
         paths.extend(wanted.into_iter().map(|(path, _)| path).filter(|path| path.exists()));
@@ -125,6 +126,37 @@ pub fn draw_figures(
         paths.extend(common);
     }
     Ok(paths)
+}
+
+/// The file in a folder of figures that says whose they are.
+const WHOSE: &str = "pipeline.txt";
+
+/// The folder of a pipeline's name, unless another file that is still there has it.
+fn folder_of(run: &RunArtifacts<'_>, pipeline: &str) -> PathBuf {
+    let named = run.store.root().join("figures").join(file_name(pipeline));
+    let Ok(owner) = read_own(&named.join(WHOSE), LONGEST_PATH) else {
+        return named;
+    };
+    let own = run.file.as_os_str().as_encoded_bytes();
+    match String::from_utf8(owner) {
+        Ok(owner) if owner.trim_end().as_bytes() != own && Path::new(owner.trim_end()).exists() => {
+            let digits = Digest::of(own).short();
+            named.with_file_name(format!("{}-{}", file_name(pipeline), &digits[..6]))
+        }
+        _ => named,
+    }
+}
+
+/// Bytes of a path.
+const LONGEST_PATH: u64 = 1 << 16;
+
+fn say_whose(folder: &Path, file: &Path) -> Result<(), ReportError> {
+    let path = folder.join(WHOSE);
+    let text = format!("{}\n", file.display());
+    if read_own(&path, LONGEST_PATH).is_ok_and(|there| there == text.as_bytes()) {
+        return Ok(());
+    }
+    Ok(write_output(&path, text.as_bytes())?)
 }
 
 /// What stands in the folder of figures; nothing where it cannot be read, and figures are then written as new ones.

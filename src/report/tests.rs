@@ -1,11 +1,12 @@
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use super::*;
 use crate::scene::Scene;
 use crate::store::{Data, Dataset, Object, Provenance, Store};
 
 struct Bench {
-    _folder: tempfile::TempDir,
+    folder: tempfile::TempDir,
     store: Store,
 }
 
@@ -13,12 +14,13 @@ impl Bench {
     fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
         let store = Store::open(&folder.path().join("store")).unwrap();
-        Self { _folder: folder, store }
+        Self { folder, store }
     }
 
     fn run<'a>(&'a self, made: &'a [Made]) -> RunArtifacts<'a> {
         RunArtifacts {
             store: &self.store,
+            file: Path::new("/p.yaml"),
             made,
             rounds: &[],
         }
@@ -165,6 +167,35 @@ fn verified(outcomes: [&str; 4]) -> Object {
     ])
     .with_long_texts("objective", "d", [OBJECTIVE; 4])
     .with_long_texts("status", "d", ["met", "met", "met", "area 0.4, wanted 0.5"])
+}
+
+#[test]
+fn two_files_with_one_name_have_folders_of_their_own() {
+    let bench = Bench::new();
+    let made = [bench.made("solved", "solve", &solved(&[1.7, 1.8]))];
+    let files = ["one.yaml", "two.yaml"].map(|name| bench.folder.path().join(name));
+    files.iter().for_each(|file| std::fs::write(file, "").unwrap());
+    let folder = |file: &Path| {
+        let run = RunArtifacts {
+            file,
+            ..bench.run(&made)
+        };
+        let paths = draw_figures(PRESENTERS, &run, "p").unwrap();
+        paths[0]
+            .parent()
+            .unwrap()
+            .file_name()
+            .unwrap()
+            .to_str()
+            .unwrap()
+            .to_owned()
+    };
+    assert_eq!(folder(&files[0]), "p");
+    assert_eq!(folder(&files[1]).len(), "p-123456".len());
+    assert_eq!(folder(&files[0]), "p");
+    // A file that was moved takes its figures along.
+    std::fs::remove_file(&files[0]).unwrap();
+    assert_eq!(folder(&bench.folder.path().join("moved.yaml")), "p");
 }
 
 #[test]

@@ -143,6 +143,10 @@ impl Kind for DesignKind {
         }
     }
 
+    fn reads_scene(&self) -> bool {
+        true
+    }
+
     fn schema(&self) -> Vec<Fields> {
         vec![DesignParameters::fields()]
     }

@@ -14,13 +14,14 @@ mod results;
 mod sample;
 pub mod solution;
 mod solve;
+mod table;
 mod train;
 mod verify;
 
 use crate::base::{InputError, Node};
 use crate::content::{ContentError, StoredAttribute};
 use crate::fem::effects::Model;
-use crate::orchestrator::{Registry, StageError};
+use crate::orchestrator::{MOST_STAGES, Registry, StageError};
 use crate::scene::{Difference, Scene};
 use crate::store::Artifact;
 
@@ -39,9 +40,11 @@ pub fn registry() -> Registry {
             &audit::AuditKind,
             &calibrate::CalibrateKind,
             &evaluate::EvaluateKind,
+            &table::TableKind,
         ],
         check_scene: |node| checked_scene(node).map(|_| ()),
         scene_schema: Scene::schema,
+        most_stages: MOST_STAGES,
     }
 }
 

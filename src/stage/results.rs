@@ -5,6 +5,21 @@ pub fn named<const N: usize>(results: [(&str, f64); N]) -> Vec<(String, f64)> {
     results.map(|(name, value)| (name.to_owned(), value)).into()
 }
 
+/// The unit of a result, by its first word.
+pub fn unit(name: &str) -> &'static str {
+    const LENGTHS: [&str; 7] = [
+        "max_displacement",
+        "mean_displacement",
+        "displacement",
+        "predicted",
+        "rmse",
+        "max_error",
+        "error",
+    ];
+    let word = name.split('.').next().unwrap_or(name);
+    if LENGTHS.contains(&word) { "mm" } else { "1" }
+}
+
 /// The mean; not a number where there is nothing.
 pub fn mean(numbers: &[f64]) -> f64 {
     numbers.iter().sum::<f64>() / numbers.len() as f64

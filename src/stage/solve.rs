@@ -50,6 +50,10 @@ impl Kind for SolveKind {
         }
     }
 
+    fn reads_scene(&self) -> bool {
+        true
+    }
+
     fn schema(&self) -> Vec<Fields> {
         let fields = Fields::new("Simulates every sample with finite elements.");
         vec![SolverParameters::schema(fields, MESH)]

@@ -61,6 +61,10 @@ impl Kind for VerifyKind {
         }
     }
 
+    fn reads_scene(&self) -> bool {
+        true
+    }
+
     fn schema(&self) -> Vec<Fields> {
         let fields = Fields::new("Simulates designs on two meshes, beside the intuitive ones.");
         vec![SolverParameters::schema(fields, MESH)]

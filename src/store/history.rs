@@ -71,6 +71,8 @@ pub enum Command {
     Run,
     /// `deaflow audit`, which builds one stage and no more.
     Audit,
+    /// `deaflow sweep`, whose stages are not those of the file.
+    Sweep,
 }
 
 /// How a stage of a run ended.

@@ -42,6 +42,7 @@ fn a_presenter_from_outside_draws_a_figure() {
     }];
     let run = RunArtifacts {
         store: &store,
+        file: Path::new("/p.yaml"),
         made: &made,
         rounds: &[],
     };

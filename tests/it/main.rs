@@ -40,6 +40,7 @@ mod rounds;
 mod schema;
 mod screen;
 mod solve;
+mod sweep;
 mod terminal;
 mod training;
 mod two_runs;

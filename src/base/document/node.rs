@@ -172,6 +172,20 @@ impl Node {
         }
     }
 
+    /// The truth value that it is, if it is one: `true`, or a word that YAML 1.1 reads so.
+    #[must_use]
+    pub fn truth(&self) -> Option<bool> {
+        match &self.value {
+            NodeValue::Bool(value) => Some(*value),
+            NodeValue::Text(word) => match word.as_str() {
+                "on" | "On" | "ON" | "yes" | "Yes" | "YES" => Some(true),
+                "off" | "Off" | "OFF" | "no" | "No" | "NO" => Some(false),
+                _ => None,
+            },
+            _ => None,
+        }
+    }
+
     /// Whether it is this text, or a number written so.
     #[must_use]
     pub fn is_text(&self, text: &str) -> bool {

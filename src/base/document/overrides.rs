@@ -63,6 +63,12 @@ impl Override {
         (self.path.join("."), self.text.clone())
     }
 
+    /// The value.
+    #[must_use]
+    pub fn value(&self) -> &NodeValue {
+        self.value.value()
+    }
+
     /// The path of the field.
     #[must_use]
     pub fn path(&self) -> &[String] {

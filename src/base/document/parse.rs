@@ -65,6 +65,8 @@ impl Node {
         });
         let options = serde_saphyr::options! {
             duplicate_keys: DuplicateKeyPolicy::Error,
+            // As in YAML 1.2: a key `y` or a stage `on` is no truth value.
+            strict_booleans: true,
         };
         let parsed: Spanned<Raw> = serde_saphyr::from_str_with_options(&source.text, options).map_err(|error| {
             let plain = error.without_snippet();

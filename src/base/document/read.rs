@@ -84,10 +84,7 @@ impl Node {
     /// # Errors
     /// When it is none.
     pub fn bool(&self, field: &str) -> Result<bool, InputError> {
-        match self.value {
-            NodeValue::Bool(value) => Ok(value),
-            _ => Err(self.wanted(field, "true or false")),
-        }
+        self.truth().ok_or_else(|| self.wanted(field, "true or false"))
     }
 
     /// The node as a whole number within bounds, both included.

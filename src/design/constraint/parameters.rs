@@ -264,9 +264,9 @@ impl Parameter for Leads {
 
     /// `true` is the whole frame, `false` is none.
     fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
-        match node.value() {
-            NodeValue::Bool(wanted) => return Ok(Self(wanted.then_some(Sides::ALL))),
-            NodeValue::List(_) => {}
+        match (node.truth(), node.value()) {
+            (Some(wanted), _) => return Ok(Self(wanted.then_some(Sides::ALL))),
+            (None, NodeValue::List(_)) => {}
             _ => {
                 let message = format!("`{key}` must be true, false or a list of sides, found {}", node.found());
                 let help = format!("sides: {}", Sides::NAMES.join(", "));

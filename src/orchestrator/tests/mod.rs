@@ -6,6 +6,7 @@ mod keeping;
 mod recovery;
 mod refusals;
 mod rounds;
+mod sweeps;
 
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -293,6 +294,7 @@ impl Laboratory {
                 kinds,
                 check_scene,
                 scene_schema: Schema::text,
+                most_stages: MOST_STAGES,
             },
         }
     }

@@ -114,6 +114,14 @@ impl Axis {
         }
     }
 
+    /// Says what is measured along it.
+    pub fn with_label(self, label: &str) -> Self {
+        Self {
+            label: label.to_owned(),
+            ..self
+        }
+    }
+
     /// Its beginning and its end.
     pub fn ends(&self) -> [f64; 2] {
         [self.low, self.high]

@@ -3,6 +3,7 @@
 
 mod accuracy;
 mod audit;
+mod curves;
 mod deformation;
 mod evaluation;
 mod evolution;
@@ -14,12 +15,14 @@ mod training;
 mod verification;
 
 pub(in crate::report) use accuracy::accuracy_charts;
+pub(in crate::report) use curves::curves_chart;
 pub(in crate::report) use deformation::deformation_charts;
 pub(in crate::report) use rounds::rounds_charts;
 
 pub use super::drawing::{FigureError, Membrane};
 pub use accuracy::{Cost, FamilyCosts, draw_accuracy, pareto_front};
 pub use audit::{Audited, Counts, draw_audit};
+pub use curves::{Curve, Curves, draw_curves};
 pub use deformation::{FamilyDeformation, draw_deformation};
 pub use evaluation::{Evaluated, EvaluatedPredictor, draw_evaluation};
 pub use evolution::{Evolution, draw_evolution};

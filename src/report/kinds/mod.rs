@@ -6,6 +6,7 @@ pub mod balance;
 pub mod design;
 pub mod evaluate;
 pub mod solve;
+pub mod table;
 pub mod train;
 pub mod verify;
 
@@ -22,10 +23,13 @@ pub const PRESENTERS: &[&dyn Presenter] = &[
     &balance::Balance,
     &solve::Solve,
     &accuracy::Accuracy,
+    &table::Table,
 ];
 
 /// The kinds that have sections of a page, in the order of these; kinds that are not among them come last.
-const PAGE_ORDER: &[&str] = &["verify", "design", "audit", "balance", "solve", "train", "evaluate"];
+const PAGE_ORDER: &[&str] = &[
+    "table", "verify", "design", "audit", "balance", "solve", "train", "evaluate",
+];
 
 /// All presenters, in the order of their sections.
 pub fn by_section() -> Vec<&'static dyn Presenter> {
@@ -54,7 +58,7 @@ mod tests {
         kinds.dedup();
         assert_eq!(kinds.len(), PRESENTERS.len());
         assert!(PAGE_ORDER.iter().all(|kind| kinds.contains(kind)));
-        assert_eq!(by_section()[0].kind(), "verify");
-        assert_eq!(by_section()[7].kind(), "accuracy");
+        assert_eq!(by_section()[0].kind(), "table");
+        assert_eq!(by_section()[8].kind(), "accuracy");
     }
 }

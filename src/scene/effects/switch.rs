@@ -18,9 +18,9 @@ pub fn switched_on(effects: &Node, properties: Option<&Node>) -> Result<Node, In
                 .error(format!("the effect `{name}` is not available yet"))
                 .help(format!("available: {}", Effects::keys().join(", "))));
         }
-        let value = match value.value() {
-            NodeValue::Bool(false) => continue,
-            NodeValue::Null | NodeValue::Bool(true) => &value.with_value(NodeValue::Map(Vec::new())),
+        let value = match (value.truth(), value.value()) {
+            (Some(false), _) => continue,
+            (Some(true), _) | (None, NodeValue::Null) => &value.with_value(NodeValue::Map(Vec::new())),
             _ => value,
         };
         // A property that is no effect is refused with the other unknown keys.

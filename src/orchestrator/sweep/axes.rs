@@ -1,0 +1,162 @@
+//! The axes that a stage, or an item of a list, declares by `foreach`.
+
+use std::collections::BTreeSet;
+use std::rc::Rc;
+
+use super::settings::{AxisValue, Setting, Settings, text_of};
+use crate::base::{InputError, Node, NodeValue};
+
+/// The key of the axes.
+pub const FOREACH: &str = "foreach";
+
+/// The key of axes that go in step.
+const ZIP: &str = "zip";
+
+/// Axes that go in step: one alone, or those of a `zip`. Each holds its settings in order.
+struct Group {
+    steps: Vec<Settings>,
+}
+
+/// The combinations of values that a mapping asks for by `foreach`; one without any axis where it asks for none.
+///
+/// # Errors
+/// When the axes cannot be read, or are more than `most` combinations.
+pub fn combinations(node: &Node, most: usize) -> Result<Vec<Settings>, InputError> {
+    let Some(foreach) = node.peek(FOREACH) else {
+        return Ok(vec![Vec::new()]);
+    };
+    let groups = groups(foreach)?;
+    let count = groups
+        .iter()
+        .try_fold(1usize, |n, group| n.checked_mul(group.steps.len()));
+    if count.is_none_or(|count| count > most) {
+        return Err(too_many(foreach, most));
+    }
+    let mut all: Vec<Settings> = vec![Vec::new()];
+    for group in &groups {
+        let longer = |own: Settings| group.steps.iter().map(move |step| [&own[..], step].concat());
+        all = all.into_iter().flat_map(longer).collect();
+    }
+    Ok(all)
+}
+
+/// A refusal of more stages than are allowed.
+pub fn too_many(node: &Node, most: usize) -> InputError {
+    let help = match most {
+        super::MOST_STAGES => format!("allowed: at most {most}, and {} with `--many`", super::MANY_STAGES),
+        _ => format!("allowed: at most {most}"),
+    };
+    node.error(format!("a sweep of more than {most} stages")).help(help)
+}
+
+fn groups(foreach: &Node) -> Result<Vec<Group>, InputError> {
+    let entries = foreach.entries(FOREACH)?;
+    let mut groups = Vec::new();
+    for (key, values) in entries {
+        if !key.is_text(ZIP) {
+            groups.push(zipped(&[(key, values)], key)?);
+            continue;
+        }
+        let zips = match values.value() {
+            NodeValue::List(zips) => zips.iter().collect(),
+            _ => vec![values],
+        };
+        for zip in zips {
+            let axes: Vec<(&Node, &Node)> = zip.entries(ZIP)?.iter().map(|(key, values)| (key, values)).collect();
+            groups.push(zipped(&axes, zip)?);
+        }
+    }
+    if groups.is_empty() {
+        return Err(foreach
+            .error("`foreach` has no axis")
+            .help("write it as foreach: { voltage: [3 kV, 4 kV] }"));
+    }
+    let mut seen = BTreeSet::new();
+    for setting in groups.iter().flat_map(|group| &group.steps[0]) {
+        if !seen.insert(setting.axis.clone()) {
+            return Err(foreach.error(format!("the axis `{}` is there twice", setting.axis)));
+        }
+    }
+    Ok(groups)
+}
+
+/// Axes in step. Names carry the first axis alone where that tells the steps apart.
+fn zipped(axes: &[(&Node, &Node)], place: &Node) -> Result<Group, InputError> {
+    let mut steps: Vec<Settings> = Vec::new();
+    let Some(((_, first), others)) = axes.split_first() else {
+        return Err(place.error("`zip` has no axes"));
+    };
+    let count = first.list("the values of an axis")?.len();
+    for (key, values) in others {
+        let found = values.list("the values of an axis")?.len();
+        if found != count {
+            let message = format!(
+                "{} has {found} values, and {} has {count}",
+                key.found_key(),
+                axes[0].0.found_key()
+            );
+            return Err(values.error(message).help("axes under `zip` have as many values each"));
+        }
+    }
+    for (at, (key, values)) in axes.iter().enumerate() {
+        let axis = axis_name(key)?;
+        for (step, node) in values.list("the values of an axis")?.iter().enumerate() {
+            if at == 0 {
+                steps.push(Vec::new());
+            }
+            steps[step].push(Setting {
+                axis: axis.clone(),
+                value: Rc::new(AxisValue {
+                    text: text_of(node),
+                    node: node.clone(),
+                }),
+                shown: true,
+            });
+        }
+    }
+    if steps.is_empty() {
+        return Err(first.error("an axis has at least one value"));
+    }
+    name_by(&mut steps, axes)?;
+    Ok(Group { steps })
+}
+
+/// Decides which axes names carry: the first where its values are all different; else all of one word each.
+fn name_by(steps: &mut [Settings], axes: &[(&Node, &Node)]) -> Result<(), InputError> {
+    let is_word = |setting: &Setting| !matches!(setting.value.node.value(), NodeValue::List(_) | NodeValue::Map(_));
+    let of_first = steps.iter().map(|step| &step[0]);
+    let different: BTreeSet<&str> = of_first.clone().map(|setting| setting.value.text.as_str()).collect();
+    let first_is_enough = different.len() == steps.len() && (axes.len() == 1 || of_first.clone().all(is_word));
+    if !first_is_enough && axes.len() == 1 {
+        let mut seen = BTreeSet::new();
+        let twice = of_first
+            .clone()
+            .find(|setting| !seen.insert(setting.value.text.clone()));
+        let place = twice.map_or(axes[0].1, |setting| &setting.value.node);
+        return Err(place.error(format!("{} has this value twice", axes[0].0.found_key())));
+    }
+    for step in steps.iter_mut() {
+        for (at, setting) in step.iter_mut().enumerate() {
+            setting.shown = match first_is_enough {
+                true => at == 0,
+                false => is_word(setting),
+            };
+        }
+    }
+    let names: BTreeSet<String> = steps.iter().map(|step| super::settings::name("", step)).collect();
+    if names.len() < steps.len() {
+        let help = "zip them with an axis of different words, which names the stages";
+        return Err(axes[0].1.error("the values give stages of one name").help(help));
+    }
+    Ok(())
+}
+
+fn axis_name(key: &Node) -> Result<Rc<str>, InputError> {
+    let name = key.text("the name of an axis")?;
+    let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+    if name.is_empty() || !name.chars().all(plain) || name.chars().count() > 60 {
+        let help = "allowed: at most 60 letters, digits, '_' and '-'";
+        return Err(key.error(format!("an axis cannot be named {name:?}")).help(help));
+    }
+    Ok(name.into())
+}

@@ -1,0 +1,470 @@
+//! One stage for each combination of values, with the needs that belong to it.
+
+use std::collections::BTreeMap;
+
+use super::axes::{FOREACH, combinations, too_many};
+use super::matching::{Matching, combined, projected};
+use super::settings::{Setting, Settings, joined, key, name};
+use super::substitute::{Substitution, axes_in, is_template};
+use super::{MANY_STAGES, Sweep};
+use crate::base::{InputError, Node, NodeValue};
+use crate::orchestrator::entry::{Registry, refuse_cycle_of, suggestion};
+use crate::orchestrator::graph;
+use crate::orchestrator::kind::Kind;
+
+/// The key that ends axes.
+pub const GATHER: &str = "gather";
+
+/// Where a stage whose kind collects finds which of its needs belong together. No file may have it.
+pub const ROWS: &str = "rows";
+
+/// Where a stage finds its own scene, where scenes differ. No file may have it.
+pub const SCENE: &str = "scene";
+
+const NEEDS: &str = "needs";
+
+/// Unrolls the sweeps of a pipeline of at most `most` stages.
+///
+/// # Errors
+/// When axes cannot be read, stages need each other in a circle, values contradict each other, or there are too many stages.
+pub fn unroll(root: &mut Node, registry: &Registry, most: usize) -> Result<Vec<Sweep>, InputError> {
+    let Some(stages) = root.peek("stages") else {
+        return Ok(Vec::new());
+    };
+    let entries = stages.entries("stages")?;
+    let scene_axes = root.peek(SCENE).map(axes_in).unwrap_or_default();
+    let sweeps = entries.iter().any(|(_, node)| is_swept(node, registry)) || !scene_axes.is_empty();
+    if !sweeps {
+        return Ok(Vec::new());
+    }
+    let mut expansion = Expansion {
+        templates: templates(entries, registry, most)?,
+        registry,
+        most,
+        count: 0,
+        scene: root.peek(SCENE).filter(|_| !scene_axes.is_empty()),
+        scene_axes,
+        substitution: Substitution::default(),
+        scenes: BTreeMap::new(),
+        instances: entries.iter().map(|_| Vec::new()).collect(),
+    };
+    for place in expansion.order()? {
+        expansion.expand(place)?;
+    }
+    let (sweeps, unrolled) = expansion.unrolled();
+    let list = stages.with_value(NodeValue::Map(unrolled));
+    root.replace("stages", list);
+    Ok(sweeps)
+}
+
+/// Whether a stage cannot be read as it stands in the file.
+fn is_swept(node: &Node, registry: &Registry) -> bool {
+    let own = [FOREACH, GATHER].into_iter().any(|key| node.peek(key).is_some());
+    own || is_template(node) || kind_of(node, registry).is_some_and(Kind::collects)
+}
+
+fn kind_of(node: &Node, registry: &Registry) -> Option<&'static dyn Kind> {
+    let word = node.peek("kind")?.text("kind").ok()?;
+    registry.kinds.iter().copied().find(|kind| kind.name() == word)
+}
+
+/// A stage as it stands in the file.
+struct Template<'a> {
+    name: &'a str,
+    key: &'a Node,
+    node: &'a Node,
+    /// Its own axes, and what it needs with each of their combinations.
+    own: Vec<(Settings, Vec<Need>)>,
+    gather: Gather,
+}
+
+/// What a stage needs.
+#[derive(Clone)]
+struct Need {
+    template: usize,
+    /// The one stage of a sweep that is meant, where one is named.
+    stage: Option<String>,
+    node: Node,
+}
+
+/// Which axes of its needs end at a stage.
+enum Gather {
+    None,
+    All,
+    Axes(Vec<String>),
+}
+
+impl Gather {
+    fn read(node: &Node, kind: Option<&'static dyn Kind>) -> Result<Self, InputError> {
+        let collects = kind.is_some_and(Kind::collects);
+        Ok(match node.peek(GATHER) {
+            None if collects => Self::All,
+            None => Self::None,
+            Some(axes) if matches!(axes.value(), NodeValue::List(_)) => {
+                let axes = axes.list(GATHER)?.iter();
+                Self::Axes(
+                    axes.map(|axis| Ok(axis.text(GATHER)?.to_owned()))
+                        .collect::<Result<_, InputError>>()?,
+                )
+            }
+            Some(all) => match all.bool(GATHER)? {
+                true => Self::All,
+                false => Self::None,
+            },
+        })
+    }
+
+    fn ends(&self, axis: &str) -> bool {
+        match self {
+            Self::None => false,
+            Self::All => true,
+            Self::Axes(axes) => axes.iter().any(|other| other == axis),
+        }
+    }
+}
+
+fn templates<'a>(
+    entries: &'a [(Node, Node)],
+    registry: &Registry,
+    most: usize,
+) -> Result<Vec<Template<'a>>, InputError> {
+    let mut names = Vec::with_capacity(entries.len());
+    for (key, _) in entries {
+        names.push(key.text("a stage's name")?);
+    }
+    let places: BTreeMap<&str, usize> = names.iter().enumerate().map(|(place, name)| (*name, place)).collect();
+    let template = |((key, node), name): (&'a (Node, Node), &&'a str)| {
+        node.entries(&format!("stages.{name}"))?;
+        for hidden in [ROWS, SCENE] {
+            if let Some(value) = node.peek(hidden) {
+                let help = match hidden {
+                    SCENE => {
+                        "the scene stands at the top of the file; \"${axis}\" in it is the value of a stage's axis"
+                    }
+                    _ => "rows follow from the axes of what the stage needs",
+                };
+                return Err(value
+                    .error(format!("unknown key `{hidden}` in stage `{name}`"))
+                    .help(help));
+            }
+        }
+        let with_needs = |settings: Settings| {
+            let needs = needs(node, &settings, &places, &names)?;
+            Ok((settings, needs))
+        };
+        let own = combinations(node, most)?.into_iter().map(with_needs);
+        Ok(Template {
+            name,
+            key,
+            node,
+            own: own.collect::<Result<_, InputError>>()?,
+            gather: Gather::read(node, kind_of(node, registry))?,
+        })
+    };
+    entries.iter().zip(&names).map(template).collect()
+}
+
+fn needs(
+    node: &Node,
+    own: &[Setting],
+    places: &BTreeMap<&str, usize>,
+    names: &[&str],
+) -> Result<Vec<Need>, InputError> {
+    let Some(list) = node.peek(NEEDS) else {
+        return Ok(Vec::new());
+    };
+    let mut needs = Vec::new();
+    for item in Substitution::default().of(list, own)?.list(NEEDS)? {
+        let name = item.text(NEEDS)?;
+        let base = name.split_once('@').map_or(name, |(base, _)| base);
+        let Some(&template) = places.get(base) else {
+            let message = format!("no stage is named `{name}`");
+            return Err(item.error(message).help(suggestion(name, names)));
+        };
+        needs.push(Need {
+            template,
+            stage: (base != name).then(|| name.to_owned()),
+            node: item.clone(),
+        });
+    }
+    Ok(needs)
+}
+
+/// A stage of a sweep.
+struct Instance {
+    name: String,
+    settings: Settings,
+    node: Node,
+}
+
+struct Expansion<'a> {
+    templates: Vec<Template<'a>>,
+    registry: &'a Registry,
+    most: usize,
+    count: usize,
+    /// The scene of the file, where it has axes.
+    scene: Option<&'a Node>,
+    scene_axes: Vec<String>,
+    substitution: Substitution,
+    /// Scenes by the values of its axes.
+    scenes: BTreeMap<String, Node>,
+    instances: Vec<Vec<Instance>>,
+}
+
+/// The stages that one need of a template may mean.
+struct Candidates<'i> {
+    template: usize,
+    /// All stages of that template.
+    instances: &'i [Instance],
+    /// The one that is named; its axes are not those of the stage that needs it.
+    named: Option<usize>,
+}
+
+/// The stages of each template that is needed, to be found by their values.
+type Matchings<'i> = BTreeMap<usize, Matching<'i>>;
+
+impl<'i> Candidates<'i> {
+    /// Those that contradict no value.
+    fn of(&self, settings: &[Setting], matchings: &mut Matchings<'i>) -> Vec<&'i Instance> {
+        let places = match self.named {
+            Some(place) => vec![place],
+            None => matchings
+                .entry(self.template)
+                .or_insert_with(|| {
+                    Matching::new(self.instances.iter().map(|instance| &instance.settings[..]).collect())
+                })
+                .of(settings),
+        };
+        places.into_iter().map(|place| &self.instances[place]).collect()
+    }
+
+    /// The values that count of one of them.
+    fn settings(&self, instance: &'i Instance) -> &'i [Setting] {
+        match self.named {
+            Some(_) => &[],
+            None => &instance.settings,
+        }
+    }
+}
+
+impl<'a> Expansion<'a> {
+    /// The templates, what is needed first.
+    fn order(&self) -> Result<Vec<usize>, InputError> {
+        let needs = |template: &Template<'_>| {
+            let needs = template.own.iter().flat_map(|(_, needs)| needs);
+            let mut places: Vec<usize> = needs.map(|need| need.template).collect();
+            places.sort_unstable();
+            places.dedup();
+            places
+        };
+        graph::order(&self.templates.iter().map(needs).collect::<Vec<_>>()).map_err(|cycle| {
+            let keys: Vec<(&str, &Node)> = cycle
+                .iter()
+                .map(|&at| (self.templates[at].name, self.templates[at].key))
+                .collect();
+            refuse_cycle_of(&keys)
+        })
+    }
+
+    fn expand(&mut self, place: usize) -> Result<(), InputError> {
+        let own = std::mem::take(&mut self.templates[place].own);
+        let mut substitution = std::mem::take(&mut self.substitution);
+        let mut made = Vec::new();
+        let mut matchings = Matchings::new();
+        for (settings, needs) in &own {
+            let template = &self.templates[place];
+            made.extend(self.of_combination(template, settings, needs, &mut matchings, &mut substitution)?);
+            if self.count + made.len() > self.most {
+                return Err(too_many(template.key, self.most));
+            }
+        }
+        self.substitution = substitution;
+        self.count += made.len();
+        for instance in &mut made {
+            self.put_scene(place, instance)?;
+        }
+        self.instances[place] = made;
+        Ok(())
+    }
+
+    /// The stages of a template with one combination of its own axes.
+    fn of_combination<'i>(
+        &'i self,
+        template: &Template<'_>,
+        own: &Settings,
+        needs: &[Need],
+        matchings: &mut Matchings<'i>,
+        substitution: &mut Substitution,
+    ) -> Result<Vec<Instance>, InputError> {
+        let (mut candidates, mut lists) = (Vec::with_capacity(needs.len()), Vec::with_capacity(needs.len()));
+        for need in needs {
+            let these = self.candidates(need)?;
+            let found = these.of(own, matchings);
+            if found.is_empty() {
+                let needed = self.templates[need.template].name;
+                let message = format!(
+                    "no stage of `{needed}` has the values of the axes of `{}`",
+                    template.name
+                );
+                return Err(need.node.error(message));
+            }
+            let settings: Vec<&[Setting]> = found.into_iter().map(|instance| these.settings(instance)).collect();
+            lists.push(projected(&settings, &|axis| !template.gather.ends(axis)));
+            candidates.push(these);
+        }
+        let lists: Vec<Vec<&[Setting]>> = lists
+            .iter()
+            .map(|list| list.iter().map(Vec::as_slice).collect())
+            .collect();
+        let rows = combined(&lists, self.most).ok_or_else(|| too_many(template.key, self.most))?;
+        if rows.is_empty() {
+            let message = format!(
+                "the needs of `{}` have no values of their axes in common",
+                template.name
+            );
+            return Err(template.key.error(message));
+        }
+        let mut stripped = template.node.clone();
+        [FOREACH, GATHER, NEEDS].iter().for_each(|key| stripped.take_out(key));
+        let mut instances = Vec::with_capacity(rows.len());
+        for row in rows {
+            let settings = joined(own, &row);
+            let needed = candidates.iter().map(|these| these.of(&settings, matchings)).collect();
+            let node = substitution.of(&stripped, &settings)?;
+            instances.push(self.instance(template, node, settings, &candidates, needed)?);
+        }
+        Ok(instances)
+    }
+
+    fn candidates(&self, need: &Need) -> Result<Candidates<'_>, InputError> {
+        let instances = &self.instances[need.template][..];
+        let named = match &need.stage {
+            None => None,
+            Some(name) => Some(
+                instances
+                    .iter()
+                    .position(|instance| instance.name == *name)
+                    .ok_or_else(|| {
+                        let names: Vec<&str> = instances.iter().map(|instance| instance.name.as_str()).collect();
+                        let refused = need.node.error(format!("no stage is named `{name}`"));
+                        refused.help(suggestion(name, &names))
+                    })?,
+            ),
+        };
+        Ok(Candidates {
+            template: need.template,
+            instances,
+            named,
+        })
+    }
+
+    fn instance(
+        &self,
+        template: &Template<'_>,
+        mut node: Node,
+        settings: Settings,
+        candidates: &[Candidates<'_>],
+        needed: Vec<Vec<&Instance>>,
+    ) -> Result<Instance, InputError> {
+        let text = |instance: &&Instance| template.key.with_value(NodeValue::Text(instance.name.clone()));
+        if let Some(list) = template.node.peek(NEEDS) {
+            let names = needed.iter().flatten().map(text);
+            node.put(NEEDS, list.with_value(NodeValue::List(names.collect())));
+        }
+        if kind_of(&node, self.registry).is_some_and(Kind::collects) {
+            node.put(ROWS, self.rows(template, candidates, &needed)?);
+        }
+        Ok(Instance {
+            name: name(template.name, &settings),
+            settings,
+            node,
+        })
+    }
+
+    /// Which of the needs of a collecting stage belong together: a list of pairs, the values of axes by their names, and the numbers
+    /// of needs by the names of the file.
+    fn rows(
+        &self,
+        template: &Template<'_>,
+        candidates: &[Candidates<'_>],
+        needed: &[Vec<&Instance>],
+    ) -> Result<Node, InputError> {
+        let at = |value: NodeValue| template.key.with_value(value);
+        let text = |text: &str| at(NodeValue::Text(text.to_owned()));
+        let settings = |(these, found): (&Candidates<'_>, &Vec<&Instance>)| -> Vec<Settings> {
+            found.iter().map(|instance| these.settings(instance).to_vec()).collect()
+        };
+        let lists: Vec<Vec<Settings>> = candidates.iter().zip(needed).map(settings).collect();
+        let lists: Vec<Vec<&[Setting]>> = lists
+            .iter()
+            .map(|list| list.iter().map(Vec::as_slice).collect())
+            .collect();
+        let rows = combined(&lists, MANY_STAGES).ok_or_else(|| too_many(template.key, MANY_STAGES))?;
+        let mut matchings: Vec<Matching<'_>> = lists.iter().map(|list| Matching::new(list.clone())).collect();
+        let row = |row: Settings| {
+            let axes = row.iter().map(|s| (text(&s.axis), s.value.node.clone())).collect();
+            let (mut first, mut own) = (0, Vec::new());
+            for (k, matching) in matchings.iter_mut().enumerate() {
+                if let Some(place) = matching.of(&row).first() {
+                    let name = text(self.templates[candidates[k].template].name);
+                    own.push((name, at(NodeValue::Number((first + place).to_string()))));
+                }
+                first += lists[k].len();
+            }
+            at(NodeValue::List(vec![at(NodeValue::Map(axes)), at(NodeValue::Map(own))]))
+        };
+        Ok(at(NodeValue::List(rows.into_iter().map(row).collect())))
+    }
+
+    /// Gives a stage that reads the scene the scene with its own values.
+    fn put_scene(&mut self, place: usize, instance: &mut Instance) -> Result<(), InputError> {
+        let Some(scene) = self.scene else { return Ok(()) };
+        if !kind_of(&instance.node, self.registry).is_some_and(Kind::reads_scene) {
+            return Ok(());
+        }
+        let own = instance
+            .settings
+            .iter()
+            .filter(|s| self.scene_axes.iter().any(|axis| **axis == *s.axis));
+        let own: Settings = own.cloned().collect();
+        if let Some(missing) = self
+            .scene_axes
+            .iter()
+            .find(|axis| own.iter().all(|s| *s.axis != ***axis))
+        {
+            let message = format!(
+                "the scene has the axis `{missing}`, and stage `{}` has not",
+                self.templates[place].name
+            );
+            let help = format!("add foreach: {{ {missing}: [ … ] }} to the stage or to one that it needs");
+            return Err(self.templates[place].key.error(message).help(help));
+        }
+        let known = key(&own);
+        if !self.scenes.contains_key(&known) {
+            let scene = self.substitution.of(scene, &own)?;
+            self.scenes.insert(known.clone(), scene);
+        }
+        if let Some(scene) = self.scenes.get(&known) {
+            instance.node.put(SCENE, scene.clone());
+        }
+        Ok(())
+    }
+
+    /// The sweeps, and the stages by their names in the order of the file.
+    fn unrolled(self) -> (Vec<Sweep>, Vec<(Node, Node)>) {
+        let (mut sweeps, mut stages) = (Vec::new(), Vec::new());
+        for (template, instances) in self.templates.iter().zip(self.instances) {
+            if instances.iter().any(|instance| !instance.settings.is_empty()) {
+                sweeps.push(Sweep {
+                    name: template.name.to_owned(),
+                    stages: instances.iter().map(|instance| instance.name.clone()).collect(),
+                });
+            }
+            for instance in instances {
+                let key = template.key.with_value(NodeValue::Text(instance.name));
+                stages.push((key, instance.node));
+            }
+        }
+        (sweeps, stages)
+    }
+}

@@ -1,0 +1,85 @@
+//! Table stages: results of sweeps, as a table and as curves.
+
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use crate::content;
+use crate::report::artifacts::{RunArtifacts, Source};
+use crate::report::error::ReportError;
+use crate::report::figures::{Curves, curves_chart, draw_curves};
+use crate::report::format::counted;
+use crate::report::html::Page;
+use crate::report::presenter::{DrawFigure, Presenter, Results};
+use crate::report::tables::Collected;
+
+/// Shows table stages.
+pub struct Table;
+
+/// Rows that a run tells of.
+const TOLD: usize = 40;
+
+impl Presenter for Table {
+    fn kind(&self) -> &'static str {
+        "table"
+    }
+
+    fn results(&self, run: &RunArtifacts<'_>) -> Result<Vec<Results>, ReportError> {
+        let tables = run.each(self.kind(), |source| Ok((source.stage.stage.clone(), read(source)?)))?;
+        if tables.is_empty() {
+            return Ok(Vec::new());
+        }
+        let value = |(stage, table): &(String, Collected)| {
+            let mut value = table.document();
+            value["stage"] = json!(stage);
+            value
+        };
+        let text = |(stage, table): &(String, Collected)| {
+            let mut text = format!("{stage}\n{}", table.text(TOLD));
+            if table.rows.len() > TOLD {
+                let more = counted(table.rows.len() - TOLD, "row", "rows");
+                text += &format!("\nand {more} more: `deaflow show {stage} --csv`");
+            }
+            text
+        };
+        Ok(vec![Results {
+            key: "tables",
+            value: tables.iter().map(value).collect::<Value>(),
+            text: tables.iter().map(text).collect(),
+            warnings: Vec::new(),
+        }])
+    }
+
+    fn figures(&self) -> &'static [(&'static str, DrawFigure)] {
+        &[("table", figure)]
+    }
+
+    fn section(&self, page: &mut Page, run: &RunArtifacts<'_>) -> Result<(), ReportError> {
+        let tables = run.each(self.kind(), |source| {
+            let table = read(source)?;
+            let chart = table
+                .curves()
+                .map(|curves| source.drawn(curves_chart(&curves)))
+                .transpose()?;
+            Ok((source.stage.stage.clone(), table, chart))
+        })?;
+        for (stage, table, chart) in &tables {
+            page.open("Tables", "Results of sweeps: a row for each combination of values.");
+            page.part(stage);
+            page.charts(chart);
+            let header = table.header();
+            page.table(&header.iter().map(String::as_str).collect::<Vec<_>>(), &table.shown());
+        }
+        Ok(())
+    }
+}
+
+fn read(source: &Source<'_>) -> Result<Collected, ReportError> {
+    let table = source.of(content::Table::read(source.artifact))?;
+    Ok(Collected::new(table))
+}
+
+fn figure(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
+    let curves: Option<Curves> = read(source)?.curves();
+    curves.map_or(Ok(()), |curves| source.drawn(draw_curves(path, &curves)))
+}

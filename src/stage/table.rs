@@ -1,0 +1,177 @@
+//! `kind: table` collects results of the stages of sweeps by their names: a row for each combination of values.
+
+mod cells;
+mod columns;
+
+use std::collections::BTreeMap;
+
+use super::results::unit;
+use crate::base::{Canonical, Fields, InputError, Map, Node, Schema};
+use crate::content::{Lines, Table};
+use crate::orchestrator::{Input, Job, Kind, MANY_STAGES, Needs, Plan, Stage, StageError};
+use crate::store::{Artifact, Object};
+
+use cells::Cells;
+use columns::Column;
+
+/// Columns that a table may have.
+const MOST_COLUMNS: usize = 100;
+
+/// The kind `table`.
+pub struct TableKind;
+
+impl Kind for TableKind {
+    fn name(&self) -> &'static str {
+        "table"
+    }
+
+    fn recipe(&self) -> u32 {
+        1
+    }
+
+    fn results(&self, artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {
+        let view = Table::open(artifact)?;
+        let cells = view.text().read()?.len();
+        let rows = cells.checked_div(view.columns().rows()?).unwrap_or_default();
+        Ok(super::results::named([("rows", rows as f64)]))
+    }
+
+    fn needs(&self) -> Needs {
+        Needs {
+            kinds: &[
+                "sample",
+                "solve",
+                "balance",
+                "train",
+                "calibrate",
+                "evaluate",
+                "design",
+                "verify",
+                "accuracy",
+                "audit",
+            ],
+            least: 1,
+            most: MANY_STAGES,
+        }
+    }
+
+    fn collects(&self) -> bool {
+        true
+    }
+
+    fn schema(&self) -> Vec<Fields> {
+        let plot = Fields::new("What a figure shows.")
+            .required("x", Schema::text().description("The column from left to right."))
+            .required("y", Schema::text().description("The column from below."))
+            .optional(
+                "series",
+                Schema::text().description("The column that tells curves apart."),
+            );
+        let columns = Schema::list(Schema::text(), 1, MOST_COLUMNS).distinct();
+        vec![
+            Fields::new("Collects results of the stages of sweeps: a row for each combination of values.")
+                .required(
+                    "columns",
+                    columns.description(
+                        "Axes, and results by the names that `deaflow log` gives them: RESULT or STAGE.RESULT.",
+                    ),
+                )
+                .optional("plot", plot.into()),
+        ]
+    }
+
+    fn read(&self, stage: &Node, _scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
+        let what = "a table stage";
+        let map = stage.fields(what, &["kind", "needs", "columns", "plot", "rows"])?;
+        let rows = columns::rows(&map)?;
+        let columns = columns::columns(map.required(what, "columns")?, &rows)?;
+        Ok(Box::new(TableStage {
+            plot: plot(&map, &columns)?,
+            cells: Cells::new(&columns, &rows),
+            columns,
+        }))
+    }
+}
+
+/// The columns that a figure shows: of x, of y and of series, where there are some.
+fn plot(map: &Map<'_>, columns: &[Column]) -> Result<Vec<String>, InputError> {
+    let Some(plot) = map.optional("plot") else {
+        return Ok(Vec::new());
+    };
+    let what = "the plot of a table";
+    let keys = plot.fields(what, &["x", "y", "series"])?;
+    let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
+    let nodes = [
+        Some(keys.required(what, "x")?),
+        Some(keys.required(what, "y")?),
+        keys.optional("series"),
+    ];
+    let column = |node: &Node| Ok(node.word("a column", &names)?.to_owned());
+    nodes.into_iter().flatten().map(column).collect()
+}
+
+struct TableStage {
+    columns: Vec<Column>,
+    cells: Cells,
+    plot: Vec<String>,
+}
+
+impl Stage for TableStage {
+    fn parameters(&self) -> Canonical {
+        let columns = self.columns.iter().map(|column| Canonical::from(column.name.as_str()));
+        Canonical::map([
+            ("columns", columns.collect::<Canonical>()),
+            ("rows", self.cells.canonical()),
+            (
+                "plot",
+                self.plot.iter().map(|name| Canonical::from(name.as_str())).collect(),
+            ),
+        ])
+    }
+
+    fn plan(&self, inputs: &[Input]) -> Plan {
+        Plan::Whole {
+            steps: inputs.len() as u64,
+        }
+    }
+
+    fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
+        let mut results = Vec::with_capacity(job.inputs.len());
+        for input in job.inputs {
+            results.push(results_of(input)?);
+            job.progress.advance(1);
+        }
+        let mut table = Table {
+            columns: Vec::new(),
+            units: Vec::new(),
+            text: Vec::new(),
+            value: Vec::new(),
+            is_number: Vec::new(),
+            plot: Lines(self.plot.clone()),
+        };
+        let mut typed = Vec::with_capacity(self.columns.len());
+        for (at, column) in self.columns.iter().enumerate() {
+            let (own, unit) = self.cells.column(at, column, &results)?;
+            table.columns.push(column.name.clone());
+            table.units.push(unit.to_owned());
+            typed.push(own);
+        }
+        for row in 0..self.cells.rows() {
+            for own in &typed {
+                let cell = &own[row];
+                table.text.push(cell.text());
+                table.value.push(cell.number().unwrap_or_default());
+                table.is_number.push(u8::from(cell.number().is_some()));
+            }
+        }
+        Ok(table.object())
+    }
+}
+
+/// What an artifact is worth, by name.
+fn results_of(artifact: &Artifact) -> Result<BTreeMap<String, f64>, StageError> {
+    let kinds = super::registry().kinds;
+    let kind = kinds.into_iter().find(|kind| kind.name() == artifact.kind());
+    let results = kind.map(|kind| kind.results(artifact)).transpose()?.unwrap_or_default();
+    Ok(results.into_iter().filter(|(_, value)| value.is_finite()).collect())
+}

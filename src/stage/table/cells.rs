@@ -1,0 +1,211 @@
+//! What stands in the cells of a table: values of axes, and results of stages.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::columns::{Column, Row, What};
+use super::unit;
+use crate::base::{Canonical, Dimension, NodeValue, Quantity};
+use crate::orchestrator::StageError;
+
+/// Dimensions that values of axes are tried as, a pure number first.
+const DIMENSIONS: [Dimension; 10] = [
+    Dimension::Number,
+    Dimension::Length,
+    Dimension::Voltage,
+    Dimension::Stress,
+    Dimension::Angle,
+    Dimension::Field,
+    Dimension::Frequency,
+    Dimension::Time,
+    Dimension::Density,
+    Dimension::Resistance,
+];
+
+/// Longest word in a cell, in bytes: that of texts in artifacts.
+const LONGEST: usize = crate::store::TEXT_WIDTH;
+
+/// Where each cell comes from: rows of columns.
+pub struct Cells(Vec<Vec<Cell>>);
+
+enum Cell {
+    /// The value of an axis as it stands in the file, where the row has it.
+    Axis(String),
+    /// One of these needs has the result.
+    Needs(Vec<usize>),
+}
+
+/// What stands in a cell.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Typed {
+    /// Nothing.
+    Empty,
+    /// A number.
+    Number(f64),
+    /// A word.
+    Word(String),
+}
+
+impl Typed {
+    /// As CSV has it.
+    pub fn text(&self) -> String {
+        match self {
+            Self::Empty => String::new(),
+            Self::Number(number) => number.to_string(),
+            Self::Word(word) => word.clone(),
+        }
+    }
+
+    /// The number, if it is one.
+    pub fn number(&self) -> Option<f64> {
+        match self {
+            Self::Number(number) => Some(*number),
+            _ => None,
+        }
+    }
+}
+
+impl Cells {
+    pub fn new(columns: &[Column], rows: &[Row]) -> Self {
+        let cell = |column: &Column, row: &Row| match &column.what {
+            What::Axis => Cell::Axis(
+                row.axes
+                    .get(&column.name)
+                    .map_or_else(String::new, |node| match node.value() {
+                        NodeValue::Number(text) | NodeValue::Text(text) => text.clone(),
+                        NodeValue::Bool(value) => value.to_string(),
+                        _ => String::new(),
+                    }),
+            ),
+            What::Result { stage, .. } => {
+                let own = row
+                    .needs
+                    .iter()
+                    .filter(|(name, _)| stage.as_ref().is_none_or(|stage| stage == name));
+                Cell::Needs(own.map(|(_, place)| *place).collect())
+            }
+        };
+        Self(
+            rows.iter()
+                .map(|row| columns.iter().map(|column| cell(column, row)).collect())
+                .collect(),
+        )
+    }
+
+    /// How many rows there are.
+    pub fn rows(&self) -> usize {
+        self.0.len()
+    }
+
+    /// The cells by where they come from, and no names of stages.
+    pub fn canonical(&self) -> Canonical {
+        let cell = |cell: &Cell| match cell {
+            Cell::Axis(text) => Canonical::from(text.as_str()),
+            Cell::Needs(places) => places.iter().map(|&place| Canonical::from(place as u64)).collect(),
+        };
+        self.0
+            .iter()
+            .map(|row| row.iter().map(cell).collect::<Canonical>())
+            .collect()
+    }
+
+    /// A column with its unit, given what each need is worth.
+    ///
+    /// # Errors
+    /// When no stage has the result, or several of a row have it.
+    pub fn column(
+        &self,
+        at: usize,
+        column: &Column,
+        results: &[BTreeMap<String, f64>],
+    ) -> Result<(Vec<Typed>, &'static str), StageError> {
+        let What::Result { result, .. } = &column.what else {
+            let texts = self.0.iter().filter_map(|row| match row.get(at) {
+                Some(Cell::Axis(text)) => Some(text.as_str()),
+                _ => None,
+            });
+            return typed(&column.name, &texts.collect::<Vec<_>>());
+        };
+        let mut cells = Vec::with_capacity(self.rows());
+        for row in &self.0 {
+            let Some(Cell::Needs(places)) = row.get(at) else {
+                continue;
+            };
+            let mut values = places.iter().filter_map(|&place| results.get(place)?.get(result));
+            let value = values.next();
+            if values.next().is_some() {
+                return Err(StageError::Input(format!(
+                    "`{}` is a result of several stages that the table needs: write STAGE.{result}",
+                    column.name
+                )));
+            }
+            cells.push(value.map_or(Typed::Empty, |value| Typed::Number(*value)));
+        }
+        match cells.iter().any(|cell| *cell != Typed::Empty) {
+            true => Ok((cells, unit(result))),
+            false => Err(self.no_such_result(at, column, results)),
+        }
+    }
+
+    fn no_such_result(&self, at: usize, column: &Column, results: &[BTreeMap<String, f64>]) -> StageError {
+        let places = self.0.iter().filter_map(|row| match row.get(at) {
+            Some(Cell::Needs(places)) => Some(places),
+            _ => None,
+        });
+        let names: BTreeSet<&str> = places
+            .flatten()
+            .filter_map(|&place| results.get(place))
+            .flat_map(|results| results.keys().map(String::as_str))
+            .collect();
+        let names: Vec<&str> = names.into_iter().take(40).collect();
+        StageError::Input(format!(
+            "no stage that the table needs has a result `{}`, and there is no such axis; results are {}",
+            column.name,
+            names.join(", ")
+        ))
+    }
+}
+
+/// Values of an axis as numbers in one unit, if all are; else as words.
+fn typed(name: &str, texts: &[&str]) -> Result<(Vec<Typed>, &'static str), StageError> {
+    for dimension in DIMENSIONS {
+        let number = |text: &&str| match text.is_empty() {
+            true => Some(Typed::Empty),
+            false => Some(Typed::Number(Quantity::parse(text, dimension).ok()?.value())),
+        };
+        if let Some(cells) = texts.iter().map(number).collect::<Option<Vec<_>>>() {
+            let unit = match dimension.base_unit() {
+                "" => "1",
+                unit => unit,
+            };
+            return Ok((cells, unit));
+        }
+    }
+    if let Some(long) = texts.iter().find(|text| text.len() > LONGEST) {
+        return Err(StageError::Input(format!(
+            "the column `{name}`: {long:?} is longer than {LONGEST} bytes; zip the axis with one of short words, and name that"
+        )));
+    }
+    let word = |text: &&str| match text.is_empty() {
+        true => Typed::Empty,
+        false => Typed::Word((*text).to_owned()),
+    };
+    Ok((texts.iter().map(word).collect(), ""))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_of_an_axis_have_one_unit() {
+        let numbers = |texts: &[&str]| {
+            let (cells, unit) = typed("x", texts).unwrap();
+            (cells.iter().map(Typed::number).collect::<Vec<_>>(), unit)
+        };
+        assert_eq!(numbers(&["3 kV", "500 V"]), (vec![Some(3000.0), Some(500.0)], "V"));
+        assert_eq!(numbers(&["0.3", "1"]), (vec![Some(0.3), Some(1.0)], "1"));
+        assert_eq!(numbers(&["0.3", ""]), (vec![Some(0.3), None], "1"));
+        assert_eq!(numbers(&["3 kV", "4 mm"]), (vec![None, None], ""));
+        assert!(typed("x", &[&"a".repeat(65)]).is_err());
+    }
+}

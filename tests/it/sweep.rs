@@ -1,0 +1,250 @@
+//! Sweeps: in a file, on the command line, as tables, and as large as anybody makes them.
+
+use std::fs;
+
+use serde_json::{Value, json};
+
+use super::common::Workspace;
+
+const SWEEP: &str = r#"version: 1
+name: sweep
+scene:
+  geometry: { side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50 }
+  material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
+  drive: { voltage: "${voltage}" }
+  effects: {}
+stages:
+  drawn:
+    foreach: { area: [0.3, 0.5] }
+    kind: sample
+    family: blobs
+    area: "${area}"
+    count: 4
+    seed: 1
+  solved: { kind: solve, needs: [drawn], foreach: { voltage: [3 kV, 4 kV] }, elements_per_cell: 1 }
+  table:
+    kind: table
+    needs: [solved]
+    columns: [voltage, area, max_displacement, solved.samples]
+    plot: { x: voltage, y: max_displacement, series: area }
+"#;
+
+fn built(workspace: &Workspace, arguments: &[&str]) -> Vec<String> {
+    let document = workspace.run(&[arguments, &["--json"]].concat()).json();
+    let stages = document["stages"].as_array().unwrap_or_else(|| panic!("{document}"));
+    let built = stages.iter().filter(|stage| stage["outcome"] == "built");
+    built.map(|stage| stage["name"].as_str().unwrap().to_owned()).collect()
+}
+
+#[test]
+fn a_sweep_of_scene_and_samples_ends_in_a_table_and_a_figure() {
+    let workspace = Workspace::new();
+    workspace.write("sweep.yaml", SWEEP);
+    let run = workspace.run(&["run", "sweep.yaml", "--json"]);
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let table = run.json()["tables"][0].clone();
+    let unit = |at: usize| table["columns"][at]["unit"].as_str().unwrap().to_owned();
+    assert_eq!([unit(0), unit(1), unit(2), unit(3)], ["V", "1", "mm", "1"]);
+    let rows: Vec<Vec<f64>> = serde_json::from_value(table["rows"].clone()).unwrap();
+    let axes: Vec<[f64; 2]> = rows.iter().map(|row| [row[0], row[1]]).collect();
+    assert_eq!(axes, [[3000.0, 0.3], [3000.0, 0.5], [4000.0, 0.3], [4000.0, 0.5]]);
+    // Displacement goes with the square of the voltage, and somewhat faster.
+    for at in [0, 1] {
+        let ratio = rows[at + 2][2] / rows[at][2];
+        assert!(ratio > 16.0 / 9.0 && ratio < 2.2, "{ratio}");
+    }
+    let figures = run.json()["figures"].clone();
+    let figure = figures
+        .as_array()
+        .unwrap()
+        .iter()
+        .find(|path| path.as_str().unwrap().contains("table"));
+    assert!(
+        fs::metadata(workspace.path(figure.unwrap().as_str().unwrap()))
+            .unwrap()
+            .len()
+            > 5000
+    );
+
+    // What it made is what plain stages make.
+    let plain = SWEEP
+        .replace("foreach: { voltage: [3 kV, 4 kV] }, ", "")
+        .replace("    foreach: { area: [0.3, 0.5] }\n", "")
+        .replace("\"${voltage}\"", "4 kV")
+        .replace("\"${area}\"", "0.5");
+    workspace.write(
+        "plain.yaml",
+        &plain
+            .replace(
+                "[voltage, area, max_displacement, solved.samples]",
+                "[max_displacement]",
+            )
+            .replace("    plot: { x: voltage, y: max_displacement, series: area }\n", ""),
+    );
+    assert_eq!(built(&workspace, &["run", "plain.yaml"]), ["table"]);
+    // One more value is one more stage each.
+    workspace.write("sweep.yaml", &SWEEP.replace("[3 kV, 4 kV]", "[3 kV, 3.5 kV, 4 kV]"));
+    assert_eq!(
+        built(&workspace, &["run", "sweep.yaml"]),
+        [
+            "solved@voltage=3.5kV,area=0.3",
+            "solved@voltage=3.5kV,area=0.5",
+            "table"
+        ]
+    );
+    assert!(built(&workspace, &["run", "sweep.yaml"]).is_empty());
+    // A stage of a sweep is found by its name, in the last run and in the pipeline.
+    for name in ["solved@voltage=4kV,area=0.5", "sweep.yaml:solved@voltage=4kV,area=0.5"] {
+        let shown = workspace.run(&["show", name]);
+        assert_eq!(shown.code, Some(0), "{}", shown.stderr);
+    }
+    let locked = workspace.run(&["run", "sweep.yaml", "--lock", "--quiet"]);
+    assert_eq!(locked.code, Some(0), "{}", locked.stderr);
+    assert_eq!(
+        workspace.run(&["run", "sweep.yaml", "--locked", "--quiet"]).code,
+        Some(0)
+    );
+    let dag = workspace.run(&["dag", "sweep.yaml", "--format", "dot"]);
+    assert_eq!(dag.code, Some(0), "{}", dag.stderr);
+}
+
+#[test]
+fn a_pipeline_is_swept_without_editing_it() {
+    let workspace = Workspace::new();
+    let plain = SWEEP
+        .split("  table:")
+        .next()
+        .unwrap()
+        .replace("foreach: { voltage: [3 kV, 4 kV] }, ", "")
+        .replace("    foreach: { area: [0.3, 0.5] }\n", "")
+        .replace("\"${voltage}\"", "4 kV")
+        .replace("\"${area}\"", "0.5");
+    workspace.write("plain.yaml", &plain);
+    let sweep = [
+        "sweep",
+        "plain.yaml",
+        "--set",
+        "scene.drive.voltage=3 kV, 4 kV",
+        "--set",
+        "stages.drawn.area=0.3,0.5",
+        "--set",
+        "stages.drawn.count=3",
+        "--table",
+        "max_displacement,drawn.samples",
+        "--plot",
+        "voltage,max_displacement,area",
+        "--csv",
+        "-o",
+        "table.csv",
+    ];
+    let run = workspace.run(&sweep);
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let lines: Vec<&str> = run.stdout.lines().collect();
+    assert_eq!(lines[0], "voltage,area,max_displacement,drawn.samples");
+    assert_eq!(lines.len(), 5, "{}", run.stdout);
+    assert!(
+        lines[1].starts_with("3000,0.3,0.") && lines[4].ends_with(",3"),
+        "{}",
+        run.stdout
+    );
+    assert_eq!(fs::read_to_string(workspace.path("table.csv")).unwrap(), run.stdout);
+    let log = workspace.run(&["log", "plain.yaml", "--json"]).json();
+    assert_eq!(
+        log["runs"][0]["overrides"],
+        json!({ "scene.drive.voltage": "3 kV, 4 kV", "stages.drawn.area": "0.3,0.5", "stages.drawn.count": 3 })
+    );
+    assert_eq!(log["runs"][0]["command"], "sweep");
+    for (arguments, why) in [
+        (
+            &["--set", "stages.drawn.count=3"][..],
+            "no field has more than one value",
+        ),
+        (&["--set", "stages.none.count=3,4"], "no `none`"),
+        (&["--set", "name=3,4"], "path is incomplete"),
+        (
+            &["--set", "stages.drawn.count=3,4", "--table", "nothing"],
+            "no stage that the table needs has a result `nothing`",
+        ),
+        (
+            &["--set", "stages.drawn.count=3,4", "--table", "samples", "--plot", "a"],
+            "--plot has 1 columns",
+        ),
+        (&["--set", "stages.drawn.count=3,x", "--table", "samples"], "`count`"),
+    ] {
+        let ended = workspace.run(&[&["sweep", "plain.yaml"], arguments].concat());
+        assert!(
+            matches!(ended.code, Some(1 | 2)) && ended.stderr.contains(why),
+            "{why}: {}",
+            ended.stderr
+        );
+    }
+}
+
+#[test]
+fn a_table_says_which_results_there_are() {
+    let workspace = Workspace::new();
+    for (columns, why) in [
+        (
+            "[voltage, displacement]",
+            "no stage that the table needs has a result `displacement`",
+        ),
+        ("[voltage, voltage]", "names voltage twice"),
+        ("[]", "0 names"),
+        ("[voltage], plot: { x: voltage, y: area }", "cannot be \"area\""),
+    ] {
+        let start = SWEEP.find("    columns:").unwrap();
+        let text = format!("{}    columns: COLUMNS\n", &SWEEP[..start]);
+        let text = match columns.split_once("], ") {
+            Some((columns, rest)) => text.replace("COLUMNS", &format!("{columns}]\n    {rest}")),
+            None => text.replace("COLUMNS", columns),
+        };
+        workspace.write("sweep.yaml", &text);
+        let ended = workspace.run(&["run", "sweep.yaml"]);
+        assert!(
+            matches!(ended.code, Some(1 | 2)) && ended.stderr.contains(why),
+            "{why}: {}",
+            ended.stderr
+        );
+    }
+    let both = SWEEP
+        .replace("needs: [solved]\n", "needs: [solved, drawn]\n")
+        .replace("solved.samples", "samples");
+    workspace.write("sweep.yaml", &both);
+    let ended = workspace.run(&["run", "sweep.yaml"]);
+    assert!(ended.stderr.contains("write STAGE.samples"), "{}", ended.stderr);
+}
+
+#[test]
+fn more_than_a_thousand_stages_have_to_be_asked_for() {
+    let workspace = Workspace::new();
+    let values: Vec<String> = (1..=600).map(|n| format!("{}", f64::from(n) / 1000.0)).collect();
+    workspace.write(
+        "sweep.yaml",
+        &SWEEP.replace("[0.3, 0.5]", &format!("[{}]", values.join(", "))),
+    );
+    let refused = workspace.run(&["plan", "sweep.yaml"]);
+    assert_eq!(refused.code, Some(2));
+    assert!(
+        refused.stderr.contains("--many") && refused.stderr.contains("sweep.yaml:"),
+        "{}",
+        refused.stderr
+    );
+    let plan = workspace.run(&["plan", "sweep.yaml", "--many", "--json"]).json();
+    assert_eq!(plan["stages"].as_array().map(Vec::len), Some(1801));
+    let vast: Value = workspace
+        .run(&[
+            "sweep",
+            "sweep.yaml",
+            "--set",
+            "stages.drawn.seed=1,2,3,4,5,6,7,8,9",
+            "--json",
+        ])
+        .json();
+    assert!(
+        vast["error"]["message"]
+            .as_str()
+            .unwrap()
+            .contains("more than 1000 stages"),
+        "{vast}"
+    );
+}
