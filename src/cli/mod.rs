@@ -6,6 +6,7 @@ mod arguments;
 mod audit;
 mod cells;
 mod commands;
+mod copy;
 mod csv;
 mod dag;
 mod diff;
