@@ -27,6 +27,7 @@ mod predict;
 mod progress;
 mod reader;
 mod report;
+mod rows;
 mod run;
 mod run_log;
 mod schema;
