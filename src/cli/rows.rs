@@ -63,7 +63,7 @@ impl Rows {
 
     /// Whether an array has a value for each row: on the same axis, or on that of some of the rows where these are all.
     fn has(&self, array: &Content, length: usize) -> bool {
-        let is_same = |axis: &str| axis == self.axis || axis.ends_with(&format!("_{}", self.axis));
+        let is_same = |axis: &String| *axis == self.axis || axis.ends_with(&format!("_{}", self.axis));
         array.shape.first() == Some(&length) && first_axis(array).is_some_and(is_same)
     }
 
