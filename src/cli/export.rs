@@ -4,6 +4,7 @@ mod artifact;
 mod design;
 mod membrane;
 mod model;
+mod research_object;
 
 use clap::{Args, Subcommand};
 
@@ -21,6 +22,8 @@ pub struct ExportArguments {
 pub enum Exported {
     /// An artifact as one HDF5 file that needs no store
     Artifact(artifact::ExportArtifactArguments),
+    /// A pipeline with all that it made as a research object (Workflow Run RO-Crate)
+    Crate(research_object::ExportCrateArguments),
     /// A design as a mask in mm (svg, dxf, gerber, png, csv) or as a deformed membrane (vtkhdf)
     Design(design::ExportDesignArguments),
     /// A trained model as a safetensors or an ONNX file
@@ -30,6 +33,7 @@ pub enum Exported {
 pub fn execute(arguments: &ExportArguments, output: &Output) -> Result<Exit, CliError> {
     match &arguments.what {
         Exported::Artifact(arguments) => artifact::execute(arguments, output),
+        Exported::Crate(arguments) => research_object::execute(arguments, output),
         Exported::Design(arguments) => design::execute(arguments, output),
         Exported::Model(arguments) => model::execute(arguments, output),
     }

@@ -14,6 +14,7 @@ use super::kinds::PRESENTERS;
 use super::presenter::{DrawFigure, Presenter, Results};
 use super::warnings::warnings;
 use crate::base::{leads_nowhere_at, write_output};
+use crate::store::Store;
 
 /// What a run found.
 pub struct RunResults {
@@ -125,6 +126,20 @@ pub fn draw_figures(
         paths.extend(common);
     }
     Ok(paths)
+}
+
+/// The figures of one stage that are drawn already, in the order of their names. Links are passed over: they are not ours.
+#[must_use]
+pub fn figure_files(store: &Store, pipeline: &str, stage: &str, digest: &str) -> Vec<PathBuf> {
+    let folder = store.root().join("figures").join(file_name(pipeline));
+    let begin = figure_name(stage, digest, "");
+    let begin = begin.trim_end_matches(".png");
+    let is_figure = |path: &PathBuf| {
+        let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+        let is_file = fs::symlink_metadata(path).is_ok_and(|metadata| metadata.is_file());
+        name.starts_with(begin) && name.ends_with(".png") && is_file
+    };
+    files(&folder).into_iter().filter(is_figure).collect()
 }
 
 /// What stands in the folder of figures; nothing where it cannot be read, and figures are then written as new ones.

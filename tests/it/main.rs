@@ -36,6 +36,7 @@ mod read_only;
 mod rebuild;
 mod report;
 mod reproducible;
+mod research_object;
 mod reuse;
 mod rounds;
 mod schema;
