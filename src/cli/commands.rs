@@ -5,8 +5,8 @@ use clap::{Parser, Subcommand};
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::{
-    accuracy, audit, dag, diff, explain, export, fsck, gc, log, pin, plan, predict, report, run, schema, screen, show,
-    solve, status, sweep, unpin,
+    accuracy, audit, copy, dag, diff, explain, export, fsck, gc, log, pin, plan, predict, report, run, schema, screen,
+    show, solve, status, sweep, unpin,
 };
 
 /// The version, and which build of it: two builds of other sources are told apart.
@@ -60,6 +60,7 @@ commands! {
     Gc => gc::GcArguments,
     Pin => pin::PinArguments,
     Unpin => unpin::UnpinArguments,
+    Copy => copy::CopyArguments,
     Screen => screen::ScreenArguments,
     Solve => solve::SolveArguments,
     Predict => predict::PredictArguments,

@@ -8,8 +8,11 @@ use serde::Serialize;
 use super::arguments::StoreArguments;
 use super::error::CliError;
 use super::output::{Exit, Output};
+use super::rows::Rows;
 use super::statistics::{self, Statistics};
-use super::{locate, table};
+use super::{csv, locate, table};
+use crate::content::Table;
+use crate::report::Collected;
 use crate::store::{Artifact, Content, Lookup, Store};
 
 /// Show what is in an artifact: datasets, statistics, provenance
@@ -18,6 +21,12 @@ pub struct ShowArguments {
     /// A stage of the last run, PIPELINE.yaml:STAGE, or a digest or at least its first 4 digits
     #[arg(value_name = "STAGE-OR-DIGEST")]
     pub artifact: String,
+    /// Print what it has for each row as a table in CSV
+    #[arg(long)]
+    pub csv: bool,
+    /// The axis of which each place is a row [default: the one that most arrays have]
+    #[arg(long, value_name = "AXIS", requires = "csv")]
+    pub along: Option<String>,
     #[command(flatten)]
     pub store: StoreArguments,
 }
@@ -28,11 +37,29 @@ const SHOWN_TEXTS: usize = 6;
 pub fn execute(arguments: &ShowArguments, output: &Output) -> Result<Exit, CliError> {
     let store = locate::existing_store(&arguments.store.folder())?;
     let artifact = locate::artifact(&store, &arguments.artifact)?;
+    if arguments.csv && !output.is_json() {
+        return show_rows(&artifact, arguments, output);
+    }
     let shown = Shown::of(&artifact, record(&store, &artifact)?)?;
     if output.is_json() {
         output.document(&shown)?;
     } else {
         output.text(&shown.text())?;
+    }
+    Ok(Exit::Done)
+}
+
+fn show_rows(artifact: &Artifact, arguments: &ShowArguments, output: &Output) -> Result<Exit, CliError> {
+    if artifact.kind() == "table" && arguments.along.is_none() {
+        let table = Table::read(artifact)?;
+        output.text(&csv::of_table(&Collected::new(table))?)?;
+        return Ok(Exit::Done);
+    }
+    let rows = Rows::of(artifact, arguments.along.as_deref())?;
+    output.text(&rows.csv()?)?;
+    if !rows.left_out.is_empty() {
+        let list = rows.left_out.join(", ");
+        output.complain(&format!("no columns of `{}`, left out: {list}", rows.axis));
     }
     Ok(Exit::Done)
 }

@@ -119,7 +119,7 @@ fn collected(store: &Store, stages: &[StageReport], name: &str) -> Result<Option
         .and_then(|stage| stage.digest);
     let Some(digest) = digest else { return Ok(None) };
     let artifact = store.artifact(&digest)?;
-    let table = Table::read(&artifact).map_err(|error| CliError::failure(error.to_string()))?;
+    let table = Table::read(&artifact)?;
     Ok(Some(csv::of_table(&Collected::new(table))?))
 }
 

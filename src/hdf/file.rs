@@ -137,6 +137,15 @@ impl HdfFile {
         self.read(dataset, &found, 0..rows, Form::Own, u64::MAX)
     }
 
+    /// Some rows of a dataset, as artifacts hold them.
+    ///
+    /// # Errors
+    /// As [`HdfFile::elements`], or when it has no such rows.
+    pub fn rows(&self, dataset: &str, rows: Range<usize>) -> Result<Elements, HdfError> {
+        let found = self.wanted(dataset)?;
+        self.read(dataset, &found, rows.start as u64..rows.end as u64, Form::Own, u64::MAX)
+    }
+
     /// Some rows of a dataset of numbers, whatever their type; of a file of others at most 256 MiB of them.
     ///
     /// # Errors

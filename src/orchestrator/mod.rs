@@ -1,6 +1,7 @@
 //! Knows stages, keys and chunks, and no physics: reads a pipeline, decides what is stale, builds that and no more.
 
 mod build;
+mod built;
 mod cost_estimate;
 mod difference;
 mod entry;
@@ -21,6 +22,7 @@ mod spec;
 mod staleness;
 mod sweep;
 
+pub use built::{Built, BuiltStage, built};
 pub use difference::Difference;
 pub use entry::Registry;
 pub use event::{Event, Listener, Outcome, StageReport};

@@ -15,6 +15,7 @@ mod intervals;
 mod kinds;
 mod page;
 mod presenter;
+mod research_object;
 mod results;
 mod rounds;
 mod summary;
@@ -24,13 +25,14 @@ mod write_report;
 
 pub use artifacts::{Made, RunArtifacts, Source};
 pub use error::ReportError;
-pub use format::{bytes, number, seconds};
+pub use format::{bytes, file_name, number, seconds};
 pub use history::{History, Origin, StageFacts};
 pub use html::{Column, Page};
 pub use kinds::PRESENTERS;
 pub use kinds::audit::audited;
 pub use presenter::{DrawFigure, Presenter, Results};
-pub use results::{RunResults, draw_figures};
+pub use research_object::{CrateFile, CrateStage, METADATA, ResearchObject};
+pub use results::{RunResults, draw_figures, figure_files};
 pub use tables::Collected;
 pub use write_report::{COLUMNS, Written, write_report};
 

@@ -14,6 +14,7 @@ use super::kinds::PRESENTERS;
 use super::presenter::{DrawFigure, Presenter, Results};
 use super::warnings::warnings;
 use crate::base::{Digest, leads_nowhere_at, read_own, write_output};
+use crate::store::Store;
 
 /// What a run found.
 pub struct RunResults {
@@ -95,7 +96,7 @@ pub fn draw_figures(
     run: &RunArtifacts<'_>,
     pipeline: &str,
 ) -> Result<Vec<PathBuf>, ReportError> {
-    let folder = folder_of(run, pipeline);
+    let folder = folder_of(run.store, run.file, pipeline);
     let mut paths = Vec::new();
     for stage in run.made {
         let presenter = presenters.iter().find(|presenter| presenter.kind() == stage.kind);
@@ -132,12 +133,12 @@ pub fn draw_figures(
 const WHOSE: &str = "pipeline.txt";
 
 /// The folder of a pipeline's name, unless another file that is still there has it.
-fn folder_of(run: &RunArtifacts<'_>, pipeline: &str) -> PathBuf {
-    let named = run.store.root().join("figures").join(file_name(pipeline));
+fn folder_of(store: &Store, file: &Path, pipeline: &str) -> PathBuf {
+    let named = store.root().join("figures").join(file_name(pipeline));
     let Ok(owner) = read_own(&named.join(WHOSE), LONGEST_PATH) else {
         return named;
     };
-    let own = run.file.as_os_str().as_encoded_bytes();
+    let own = file.as_os_str().as_encoded_bytes();
     match String::from_utf8(owner) {
         Ok(owner) if owner.trim_end().as_bytes() != own && Path::new(owner.trim_end()).exists() => {
             let digits = Digest::of(own).short();
@@ -157,6 +158,20 @@ fn say_whose(folder: &Path, file: &Path) -> Result<(), ReportError> {
         return Ok(());
     }
     Ok(write_output(&path, text.as_bytes())?)
+}
+
+/// The figures of one stage that are drawn already, in the order of their names. Links are passed over: they are not ours.
+#[must_use]
+pub fn figure_files(store: &Store, file: &Path, pipeline: &str, stage: &str, digest: &str) -> Vec<PathBuf> {
+    let folder = folder_of(store, file, pipeline);
+    let begin = figure_name(stage, digest, "");
+    let begin = begin.trim_end_matches(".png");
+    let is_figure = |path: &PathBuf| {
+        let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+        let is_file = fs::symlink_metadata(path).is_ok_and(|metadata| metadata.is_file());
+        name.starts_with(begin) && name.ends_with(".png") && is_file
+    };
+    files(&folder).into_iter().filter(is_figure).collect()
 }
 
 /// What stands in the folder of figures; nothing where it cannot be read, and figures are then written as new ones.

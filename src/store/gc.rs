@@ -14,8 +14,8 @@ use super::entries::files;
 use super::error::StoreError;
 use super::history;
 use super::open::Store;
-use super::record::{self, Lookup};
-use crate::base::{ActionKey, ArtifactId};
+use super::reach::Records;
+use crate::base::ArtifactId;
 
 /// What to keep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -72,13 +72,6 @@ impl Collection {
     }
 }
 
-/// A record, as far as it matters here.
-struct Known {
-    key: ActionKey,
-    kind: String,
-    inputs: Vec<ArtifactId>,
-}
-
 /// Something that holds artifacts.
 struct Root {
     name: String,
@@ -96,9 +89,6 @@ enum Hold {
     /// For good, but it may name what was never built in this store.
     LockFile,
 }
-
-/// Records by what they made.
-type Records = BTreeMap<ArtifactId, Vec<Known>>;
 
 impl Store {
     /// Says what stays and what goes. The store must have been opened by [`Store::open_alone`] for the answer to hold.
@@ -238,39 +228,6 @@ impl Store {
         Ok(runs.into_iter().chain(pins).chain(lock_files).collect())
     }
 
-    /// Everything that some artifacts need, themselves included, and what of it is missing: what that would need is not known.
-    fn reach(
-        &self,
-        artifacts: Vec<ArtifactId>,
-        records: &Records,
-    ) -> Result<(BTreeSet<ArtifactId>, Vec<ArtifactId>), StoreError> {
-        let mut reached = BTreeSet::new();
-        let mut missing = Vec::new();
-        let mut open = artifacts;
-        while let Some(digest) = open.pop() {
-            if !reached.insert(digest) {
-                continue;
-            }
-            let made = records.get(&digest).into_iter().flatten();
-            open.extend(made.flat_map(|record| record.inputs.iter().copied()));
-            match self.parts(&digest) {
-                Ok(parts) => open.extend(parts),
-                Err(StoreError::Missing { .. }) => {
-                    missing.push(digest);
-                    continue;
-                }
-                Err(error) => return Err(error),
-            }
-            if !records.contains_key(&digest) {
-                // Its record is lost or damaged; what it was made from stands in itself too.
-                let provenance = self.artifact(&digest)?.provenance()?;
-                let inputs = provenance.get("inputs").map_or("", String::as_str).lines();
-                open.extend(inputs.filter_map(|input| input.parse::<ArtifactId>().ok()));
-            }
-        }
-        Ok((reached, missing))
-    }
-
     fn keep_reached_by_young(&self, collection: &mut Collection, records: &Records) -> Result<(), StoreError> {
         let young = collection.kept.iter().filter(|judged| judged.held_by == ["its age"]);
         let (reached, _) = self.reach(young.map(|judged| judged.digest).collect(), records)?;
@@ -283,24 +240,6 @@ impl Store {
         collection.kept.append(&mut saved);
         collection.removed = gone;
         Ok(())
-    }
-
-    /// The records that can be read; damaged ones hold nothing.
-    fn known_records(&self) -> Result<Records, StoreError> {
-        let mut known = Records::new();
-        for path in files(&self.layout.records())? {
-            let Some(key) = self.layout.action_at(&path) else {
-                continue;
-            };
-            if let Lookup::Found(record, _) = record::read(&path, &key)? {
-                known.entry(record.artifact).or_default().push(Known {
-                    key,
-                    kind: record.action.kind,
-                    inputs: record.action.inputs,
-                });
-            }
-        }
-        Ok(known)
     }
 }
 

@@ -33,7 +33,9 @@ pub struct Grid {
 /// # Errors
 /// When the folder does not exist or cannot be written in, or the library refuses (disk full).
 pub fn write_grid(path: &Path, grid: &Grid) -> Result<(), StoreError> {
-    plain::place(path, |file| write_to(file, grid))
+    plain::place(path, |file| {
+        write_to(file, grid).map_err(StoreError::hdf5("write", path))
+    })
 }
 
 fn write_to(path: &Path, grid: &Grid) -> hdf5::Result<()> {

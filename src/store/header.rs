@@ -14,6 +14,9 @@ use crate::base::{ArtifactId, Digest, FileDigest, open_regular};
 /// Length of the user block in bytes: the least that HDF5 allows.
 pub const BLOCK: usize = 512;
 
+/// Bytes that are copied at a time.
+const PIECE: usize = 1 << 20;
+
 const TITLE: &str = "deaflow-artifact 1";
 
 /// What a header says.
@@ -77,8 +80,36 @@ impl Header {
         if digest == header.file {
             Ok(header)
         } else {
-            Err(StoreError::damaged(path, "its bytes are not those that were written"))
+            Err(altered(path))
         }
+    }
+
+    /// Copies the file of an artifact, comparing every byte on its way with the header, and syncs the copy.
+    ///
+    /// # Errors
+    /// When the file is damaged: the copy is worth nothing then; or the system refuses.
+    pub fn copy(from: &Path, to: &Path) -> Result<Self, StoreError> {
+        let refused = |error| StoreError::io("write", to)(error);
+        let mut source = open(from)?;
+        let header = Self::read_open(from, &mut source)?;
+        let mut copy = File::create(to).map_err(refused)?;
+        copy.write_all(&header.block()).map_err(refused)?;
+        let mut hasher = blake3::Hasher::new();
+        let mut buffer = vec![0; PIECE];
+        loop {
+            let length = source.read(&mut buffer).map_err(StoreError::io("read", from))?;
+            if length == 0 {
+                break;
+            }
+            hasher.update(&buffer[..length]);
+            copy.write_all(&buffer[..length]).map_err(refused)?;
+        }
+        let digest = FileDigest::from(Digest::from_bytes(*hasher.finalize().as_bytes()));
+        if digest != header.file {
+            return Err(altered(from));
+        }
+        copy.sync_data().map_err(refused)?;
+        Ok(header)
     }
 
     fn read_open(path: &Path, file: &mut File) -> Result<Self, StoreError> {
@@ -107,6 +138,10 @@ impl Header {
         let read = open_regular(path).and_then(|mut file| file.read_exact(&mut begin));
         read.is_ok() && begin == *TITLE.as_bytes()
     }
+}
+
+fn altered(path: &Path) -> StoreError {
+    StoreError::damaged(path, "its bytes are not those that were written")
 }
 
 fn open(path: &Path) -> Result<File, StoreError> {

@@ -2,9 +2,11 @@
 //! that made them, locks, the check of the whole, and the collection of what nothing needs.
 
 mod action;
+mod ancestry;
 mod artifact;
 mod atomic;
 mod checkpoint;
+mod copy;
 mod costs;
 mod create;
 mod element_type;
@@ -31,19 +33,23 @@ mod pins;
 mod plain;
 mod provenance;
 mod quarantine;
+mod reach;
 mod read;
 mod record;
 mod row_file;
 mod scales;
 mod stamp;
+mod standalone;
 mod texts;
 mod totals;
 mod verified;
 mod write;
 
 pub use action::Action;
+pub use ancestry::Ancestor;
 pub use artifact::Artifact;
 pub use checkpoint::Checkpoints;
+pub use copy::Copied;
 pub use costs::Cost;
 pub use element_type::ElementType;
 pub use error::StoreError;
@@ -63,6 +69,7 @@ pub use plain::write_file;
 pub use provenance::Provenance;
 pub use record::{Lookup, Record};
 pub use row_file::RowFile;
+pub use standalone::write_standalone;
 pub use totals::Totals;
 
 #[cfg(test)]

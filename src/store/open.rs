@@ -200,7 +200,7 @@ impl Store {
     }
 
     /// The file's rename is what makes it visible.
-    fn publish(&self, temporary: &Path, header: Header) -> Result<Stored, StoreError> {
+    pub(super) fn publish(&self, temporary: &Path, header: Header) -> Result<Stored, StoreError> {
         let _publishing = lock::exclusive(&self.layout.publish_lock())?;
         if let Some(stored) = self.existing(&header.content)? {
             return Ok(stored);

@@ -1,6 +1,7 @@
 //! Files that are no artifacts: results that somebody asked for by name. They look like artifacts to HDF5 tools, but have
 //! no header, may hold NaN, and are wherever the user wants them.
 
+use std::fs::File;
 use std::path::Path;
 
 use super::atomic;
@@ -17,20 +18,25 @@ use crate::base::OutputFile;
 /// When the folder does not exist or cannot be written in, or the library refuses (disk full).
 pub fn write_file(path: &Path, object: &Object, provenance: &Provenance) -> Result<(), StoreError> {
     let contents = listing::of_object(object).contents;
-    place(path, |file| write::write(file, object, &[], &contents, provenance))
+    place(path, |file| {
+        write::write(file, object, &[], &contents, provenance).map_err(StoreError::hdf5("write", path))
+    })
 }
 
 /// Lets `write` make a file aside and moves it to `path`.
 ///
 /// # Errors
-/// When the folder does not exist or cannot be written in, or the library refuses.
-pub(super) fn place(path: &Path, write: impl FnOnce(&Path) -> hdf5::Result<()>) -> Result<(), StoreError> {
+/// When the folder does not exist or cannot be written in, or `write` fails.
+pub(super) fn place(path: &Path, write: impl FnOnce(&Path) -> Result<(), StoreError>) -> Result<(), StoreError> {
     let output = OutputFile::at(path)?;
     // In the same folder, so that the rename crosses no file system.
     let folder = output.folder();
     let temporary = tempfile::tempdir_in(folder).map_err(StoreError::io("write in", folder))?;
     let file = temporary.path().join("result.h5");
-    write(&file).map_err(StoreError::hdf5("write", path))?;
+    write(&file)?;
+    // A disk that turns out to be full later must not have cost what was there.
+    let synced = File::open(&file).and_then(|file| file.sync_all());
+    synced.map_err(StoreError::io("write", path))?;
     output.look_again()?;
     atomic::rename(&file, output.target())
 }

@@ -5,6 +5,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use super::error::StoreError;
+use super::object::Data;
 use super::read::Access;
 use crate::hdf::{HdfError, HdfFile};
 
@@ -46,6 +47,14 @@ impl RowFile {
         Ok(found.map(|found| found.shape.iter().map(|&n| n as usize).collect()))
     }
 
+    /// Some rows of a dataset of an artifact, as it holds them.
+    ///
+    /// # Errors
+    /// When there is none of that path, or the rows cannot be read.
+    pub fn elements(&self, dataset: &str, rows: Range<usize>) -> Result<Data, StoreError> {
+        self.file.rows(dataset, rows).map_err(self.failed())
+    }
+
     /// Some rows of a dataset of numbers, whatever their type.
     ///
     /// # Errors
@@ -84,7 +93,7 @@ mod tests {
     use hdf5::types::{FixedAscii, VarLenUnicode};
 
     use super::*;
-    use crate::store::{Data, Object, Provenance, write_file};
+    use crate::store::{Object, Provenance, write_file};
 
     #[test]
     fn rows_are_read_by_ranges_and_texts_whatever_their_form() {

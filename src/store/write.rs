@@ -82,7 +82,7 @@ fn digests(parts: &[ArtifactId]) -> Dataset {
     Dataset::new("", description, &[texts.len()], Data::Text(texts))
 }
 
-fn describe(dataset: &hdf5::Dataset, units: &str, description: &str, axes: &[String]) -> hdf5::Result<()> {
+pub(super) fn describe(dataset: &hdf5::Dataset, units: &str, description: &str, axes: &[String]) -> hdf5::Result<()> {
     texts::attribute(dataset, "units", units)?;
     texts::attribute(dataset, "description", description)?;
     texts::names(dataset, AXES, axes)
@@ -169,7 +169,7 @@ fn source(digest: &ArtifactId) -> String {
     format!("../{}/{name}.h5", &name[..2])
 }
 
-fn slab(start: usize, shape: &[usize]) -> Hyperslab {
+pub(super) fn slab(start: usize, shape: &[usize]) -> Hyperslab {
     let mut ranges: Vec<SliceOrIndex> = shape.iter().map(|&n| SliceOrIndex::from(0..n)).collect();
     ranges[0] = SliceOrIndex::from(start..start + shape[0]);
     Hyperslab::from(ranges)

@@ -35,6 +35,16 @@ fn the_page_on_runs_is_true() {
 }
 
 #[test]
+fn the_page_on_sharing_is_true() {
+    run("docs/sharing.md");
+}
+
+#[test]
+fn the_page_on_python_is_true() {
+    run("docs/python.md");
+}
+
+#[test]
 fn the_reference_says_what_the_program_reads() {
     is_written_by(&["schema"], "docs/tools/reference.py", "docs/reference.md");
 }
@@ -121,6 +131,8 @@ impl Session {
             &Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines"),
             &workspace.path("pipelines"),
         );
+        let module = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/deaflow.py");
+        std::fs::copy(module, workspace.path("deaflow.py")).unwrap();
         let programs = workspace.path("bin");
         std::fs::create_dir(&programs).unwrap();
         std::os::unix::fs::symlink(env!("CARGO_BIN_EXE_deaflow"), programs.join("deaflow")).unwrap();

@@ -41,7 +41,8 @@ fn copied() -> Workspace {
 }
 
 /// Every command that writes one file, with the name of that file.
-const FILES: [(&str, &[&str]); 7] = [
+const FILES: [(&str, &[&str]); 8] = [
+    ("a.h5", &["export", "artifact", "solved", "-o", "a.h5"]),
     (
         "out.h5",
         &[

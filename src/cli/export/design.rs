@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use serde_json::{Map, Value, json};
 
+use super::artifact::writer;
 use super::membrane;
 use crate::cli::arguments::{StoreArguments, TOLERANCE, number};
 use crate::cli::error::CliError;
@@ -294,14 +295,13 @@ fn write_mask(
         facts.insert("pixels".to_owned(), json!(pixels));
         facts.insert("pixels_per_mm".to_owned(), json!(per_mm));
     }
-    notes.push(format!(
-        "from {}, by deaflow {}",
-        design.source,
-        env!("CARGO_PKG_VERSION")
-    ));
+    let source = source(arguments, design);
+    notes.push(format!("from {source}, by deaflow {}", env!("CARGO_PKG_VERSION")));
     let drawing = Drawing {
         title: format!("electrode {}", design.title),
         notes,
+        source,
+        program: writer(),
         side: mask.side,
         shapes: mask
             .islands
@@ -329,6 +329,22 @@ fn write_mask(
         lines: drawing.notes[..drawing.notes.len() - 1].to_vec(),
         facts,
     })
+}
+
+/// The artifact, with the stage by which it was asked for; or the file.
+fn source(arguments: &ExportDesignArguments, design: &Design) -> String {
+    let asked = arguments.source.as_str();
+    let name = |path: &str| {
+        Path::new(path)
+            .file_name()
+            .map(|name| name.to_string_lossy().into_owned())
+    };
+    let stage = match locate::split(asked) {
+        Some((pipeline, stage)) => name(pipeline).map(|file| format!("{file}:{stage}")),
+        None if design.label.is_none() || design.source.contains(asked) || Path::new(asked).is_file() => None,
+        None => Some(asked.to_owned()),
+    };
+    stage.map_or_else(|| design.source.clone(), |stage| format!("{}, {stage}", design.source))
 }
 
 /// Pixels along a side: a whole number for each cell, so that the edges of cells are the edges of pixels.

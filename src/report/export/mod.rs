@@ -35,6 +35,10 @@ pub struct Drawing {
     pub title: String,
     /// What must be known of it: size, scale, areas; a line each.
     pub notes: Vec<String>,
+    /// Where it comes from: an artifact and its stage, or a file.
+    pub source: String,
+    /// The program that draws it.
+    pub program: String,
     /// Side of the membrane in mm: its lower left corner is the origin.
     pub side: f64,
     /// The electrode. A shape within a hole comes after the one that has the hole.

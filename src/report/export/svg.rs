@@ -16,11 +16,16 @@ pub fn svg(drawing: &Drawing) -> Vec<u8> {
         "<svg xmlns=\"http://www.w3.org/2000/svg\" version=\"1.1\" width=\"{side}mm\" height=\"{side}mm\" \
          viewBox=\"0 0 {side} {side}\">\n\
          <title>{}</title>\n<desc>{}</desc>\n\
+         <metadata><rdf:RDF xmlns:rdf=\"http://www.w3.org/1999/02/22-rdf-syntax-ns#\" \
+         xmlns:dc=\"http://purl.org/dc/elements/1.1/\"><rdf:Description rdf:about=\"\">\
+         <dc:source>{}</dc:source><dc:creator>{}</dc:creator></rdf:Description></rdf:RDF></metadata>\n\
          <path id=\"electrode\" fill=\"#000000\" fill-rule=\"evenodd\" stroke=\"none\" d=\"{}\"/>\n\
          <rect id=\"frame\" x=\"0\" y=\"0\" width=\"{side}\" height=\"{side}\" fill=\"none\" stroke=\"#808080\" \
          stroke-width=\"{line}\"/>\n</svg>\n",
         escaped(&drawing.title),
         escaped(&drawing.notes.join("\n")),
+        escaped(&drawing.source),
+        escaped(&drawing.program),
         path.join(" ")
     );
     text.into_bytes()

@@ -7,6 +7,8 @@ fn drawing() -> Drawing {
     Drawing {
         title: "ü <*%>".to_owned(),
         notes: vec!["a & b\nc".to_owned()],
+        source: "artifact 12 & 3".to_owned(),
+        program: "deaflow 1".to_owned(),
         side: 10.0,
         shapes: vec![
             Shape {
@@ -35,6 +37,7 @@ fn lengths_have_no_zeros_that_say_nothing() {
 fn an_svg_points_upwards_and_names_survive() {
     let svg = text(svg(&drawing()));
     assert!(svg.contains("<title>ü &lt;*%&gt;</title>") && svg.contains("<desc>a &amp; b\nc</desc>"));
+    assert!(svg.contains("<dc:source>artifact 12 &amp; 3</dc:source><dc:creator>deaflow 1</dc:creator>"));
     assert!(svg.contains("M1,9 L9,9 L9,1 L1,1 Z M2,2 L8,2 L8,8 L2,8 Z"), "{svg}");
 }
 

@@ -1,0 +1,343 @@
+"""Reads artifacts of a deaflow store: named numpy arrays with units, descriptions, axes and provenance.
+
+One file, to be copied wherever it is needed; Python 3.9 or later with h5py and numpy. xarray and pandas are used where they are installed.
+
+    >>> import deaflow
+    >>> solved = deaflow.open("store", "quickstart:solved")
+    >>> solved["displacement"].shape[1:], solved.units["displacement"], solved.dims["displacement"]
+    ((51, 51, 2), 'mm', ('sample', 'corner_y', 'corner_x', 'xy'))
+    >>> solved.provenance["kind"]
+    'solve'
+    >>> largest = solved.to_pandas()["max_displacement"].max()
+
+The formats are those of docs/store.md and docs/runs.md. Nothing is written, and no store is locked: a run may go on meanwhile.
+"""
+
+from __future__ import annotations
+
+import difflib
+import json
+import os
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Optional, Union
+
+import h5py
+import numpy as np
+
+__all__ = ["Artifact", "NotFound", "Run", "StoreError", "load", "open", "runs"]
+
+FORMAT = "deaflow-store 2"
+TITLE = "deaflow-artifact 1"
+HEADER = 512
+# What the store itself keeps in files.
+OWN = ("parts", "provenance", "long_attributes")
+# Arrays with more values for each row are no columns of a table.
+MOST_COLUMNS = 16
+RUN_FILE = re.compile(r"(\d{4}-\d\d-\d\dT\d\d-\d\d-\d\d\.\d{3}Z)(?:\.(\d+))?-([0-9a-f]{12})\.json")
+
+PathLike = Union[str, "os.PathLike[str]"]
+
+
+class StoreError(Exception):
+    """The folder is no store of this format, or a file in it is damaged or missing."""
+
+
+class NotFound(LookupError):
+    """No run, stage, artifact or array has the name that was asked for."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """One remembered run of a pipeline."""
+
+    id: str
+    pipeline: str
+    path: str
+    command: str
+    created: str
+    seconds: float
+    host: str
+    version: str
+    overrides: dict[str, str]
+    """What `--set` changed."""
+    stages: dict[str, str]
+    """Digest of the artifact of each stage that was reached."""
+    failures: list[str]
+    results: dict[str, float]
+    """What artifacts are worth in numbers, as STAGE.RESULT."""
+
+
+class Artifact(Mapping[str, np.ndarray]):
+    """The arrays of an artifact by their paths, read when they are asked for; those of chunks are laid end to end.
+
+    Texts are arrays of `str`. Texts of any length, which stand in a file as bytes and lengths (`objective/text` and
+    `objective/length`), are one array (`objective`).
+    """
+
+    def __init__(self, path: PathLike, digest: str) -> None:
+        self.path = Path(path)
+        self.digest = digest
+        """Of its content, by which the store names it."""
+        self.units: dict[str, str] = {}
+        self.descriptions: dict[str, str] = {}
+        self.dims: dict[str, tuple[str, ...]] = {}
+        """Names of the axes, slowest first."""
+        self.shapes: dict[str, tuple[int, ...]] = {}
+        self._long: set[str] = set()
+        with h5py.File(self.path, "r") as file:
+            attributes = _texts(file)
+            self.kind: str = attributes.pop("kind", "").removesuffix(" chunk")
+            self.attributes: dict[str, str] = attributes
+            """What belongs to the content: the scene, the solver, …"""
+            self.provenance: dict[str, str] = _texts(file["provenance"]) if "provenance" in file else {}
+            """How it was made: kind, parameters, inputs, created, host, version, …"""
+            file.visititems(self._visit)
+        self._join_long_texts()
+
+    def _visit(self, name: str, item: Any) -> None:
+        if not isinstance(item, h5py.Dataset) or name.split("/")[0] in OWN or "CLASS" in item.attrs:
+            return
+        self.units[name] = _text(item.attrs.get("units", b""))
+        self.descriptions[name] = _text(item.attrs.get("description", b""))
+        self.shapes[name] = item.shape
+        axes = item.attrs.get("axes", item.attrs.get("DIMENSION_LABELS", ()))
+        self.dims[name] = tuple(_text(axis) for axis in axes) or tuple(f"{name}_{k}" for k in range(item.ndim))
+
+    def _join_long_texts(self) -> None:
+        for length in [name for name in self.shapes if name.endswith("/length")]:
+            path = length[: -len("/length")]
+            if self.units.get(f"{path}/text") == "" and len(self.shapes[f"{path}/text"]) == 1:
+                self._long.add(path)
+                description = re.sub(r"[.;] UTF-8, one .*", "", self.descriptions[f"{path}/text"])
+                self.units[path], self.descriptions[path] = "", description
+                self.dims[path], self.shapes[path] = self.dims[length], self.shapes[length]
+                for table in (self.units, self.descriptions, self.dims, self.shapes):
+                    del table[length], table[f"{path}/text"]
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        if name not in self.shapes:
+            raise NotFound(f"artifact {self.digest[:12]} has no array {name!r}{_near(name, self.shapes)}")
+        with h5py.File(self.path, "r") as file:
+            if name in self._long:
+                lengths = file[f"{name}/length"][...].astype(int)
+                whole = file[f"{name}/text"][...].tobytes()
+                ends = np.cumsum(lengths)
+                return np.array([whole[end - n : end].decode() for end, n in zip(ends, lengths)], dtype=str)
+            values = file[name][...]
+        return np.char.decode(values, "utf-8") if values.dtype.kind == "S" else values
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(sorted(self.shapes))
+
+    def __len__(self) -> int:
+        return len(self.shapes)
+
+    def __repr__(self) -> str:
+        lines = [f"<deaflow {self.kind} {self.digest[:12]}>"]
+        for name in self:
+            axes = ", ".join(f"{axis}: {n}" for axis, n in zip(self.dims[name], self.shapes[name]))
+            unit = f" {self.units[name]}" if self.units[name] not in ("", "1") else ""
+            lines.append(f"  {name} ({axes}){unit}")
+        return "\n".join(lines)
+
+    def to_xarray(self) -> Any:
+        """An `xarray.Dataset` with named dimensions; units and descriptions are attributes of its variables."""
+        xarray = _needed("xarray")
+        lengths: dict[str, int] = {}
+        variables = {}
+        for name in self:
+            dims = []
+            for axis, n in zip(self.dims[name], self.shapes[name]):
+                # An axis has one length in a Dataset.
+                dims.append(axis if lengths.setdefault(axis, n) == n else f"{axis}_{n}")
+            about = {"units": self.units[name], "description": self.descriptions[name]}
+            variables[name] = (dims, self[name], about)
+        about = dict(self.attributes, kind=self.kind, digest=self.digest)
+        return xarray.Dataset(variables, attrs=about)
+
+    def to_pandas(self, along: Optional[str] = None) -> Any:
+        """A `pandas.DataFrame` with a row for each place of an axis, by default the one that most arrays of one dimension have.
+
+        Columns are as in `deaflow show --csv`, without units in their names: those stand in `frame.attrs["units"]`.
+        """
+        pandas = _needed("pandas")
+        axis = along if along is not None else self._main_axis()
+        lengths = [self.shapes[name][0] for name in self if self.dims[name][:1] == (axis,)]
+        if not lengths:
+            known = sorted({dims[0] for dims in self.dims.values() if dims})
+            raise NotFound(f"no array of artifact {self.digest[:12]} has the axis {axis!r}: there are {', '.join(known)}")
+        columns: dict[str, np.ndarray] = {}
+        units: dict[str, str] = {}
+        for name in self:
+            first = self.dims[name][0] if self.dims[name] else ""
+            is_same = first == axis or first.endswith(f"_{axis}")
+            shape = self.shapes[name]
+            if not is_same or shape[0] != lengths[0] or int(np.prod(shape[1:])) > MOST_COLUMNS:
+                continue
+            values = self[name]
+            for place in np.ndindex(*shape[1:]):
+                column = ".".join([name, *(self._step(name, k, at) for k, at in enumerate(place, 1))])
+                columns[column], units[column] = values[(slice(None), *place)], self.units[name]
+        frame = pandas.DataFrame(columns)
+        frame.index.name = axis
+        frame.attrs = {"units": units, "digest": self.digest}
+        return frame
+
+    def _main_axis(self) -> str:
+        firsts = [self.dims[name][0] for name in self if len(self.shapes[name]) == 1]
+        return max(firsts, key=firsts.count, default="")
+
+    def _step(self, name: str, axis: int, at: int) -> str:
+        is_vector = self.dims[name][axis] == "xy" and self.shapes[name][axis] == 2
+        return "xy"[at] if is_vector else str(at)
+
+
+def open(store: PathLike, name: str) -> Artifact:
+    """Opens an artifact of a store.
+
+    `name` is a stage of the last run that has one of that name (`solved`), the same of a pipeline by its name (`quickstart:solved`)
+    or its file (`pipelines/quickstart.yaml:solved`), or the first four or more digits of a digest.
+
+    Raises NotFound where there is none, and StoreError where the store or a file in it is not what it should be.
+    """
+    root = _root(store)
+    pipeline, colon, stage = name.rpartition(":")
+    digest = _of_runs(root, stage, pipeline if colon else None)
+    if digest is None and not colon:
+        digest = _of_digits(root, name)
+    if digest is None:
+        raise NotFound(_unknown(root, name, stage, pipeline if colon else None))
+    path = _object(root, digest)
+    _check(path, digest)
+    with h5py.File(path, "r") as file:
+        parts = [_text(part) for part in file["parts"][...]] if "parts" in file else []
+    for part in parts:
+        # Where a chunk is missing, HDF5 would show what no array holds.
+        _check(_object(root, part), part)
+    return Artifact(path, digest)
+
+
+def load(path: PathLike) -> Artifact:
+    """Opens a file that `deaflow export artifact` has written."""
+    with h5py.File(path, "r") as file:
+        texts = _texts(file["provenance"]) if "provenance" in file else {}
+    if "artifact" not in texts:
+        raise StoreError(f"{path} was not written by `deaflow export artifact`: of a store, name the stage with `open`")
+    return Artifact(path, texts["artifact"])
+
+
+def runs(store: PathLike, pipeline: Optional[str] = None) -> list[Run]:
+    """The remembered runs, newest first; those of one pipeline by its name or its file."""
+    return [run for run in _runs(_root(store)) if pipeline is None or _is_of(run, pipeline)]
+
+
+def _root(store: PathLike) -> Path:
+    root = Path(store)
+    try:
+        found = (root / "format").read_text().strip()
+    except OSError as error:
+        raise StoreError(f"there is no artifact store at {root}") from error
+    if found != FORMAT:
+        raise StoreError(f"{root / 'format'} says {found!r}; this reader knows {FORMAT!r}")
+    return root
+
+
+def _runs(root: Path) -> Iterator[Run]:
+    files = []
+    for path in (root / "runs").glob("*.json"):
+        named = RUN_FILE.fullmatch(path.name)
+        if named and path.is_file() and not path.is_symlink():
+            files.append((named[1], int(named[2] or 0), named[3], path))
+    for _, _, digits, path in sorted(files, reverse=True):
+        try:
+            run = json.loads(path.read_text())
+            yield Run(
+                id=digits,
+                pipeline=run["pipeline"],
+                path=run["path"],
+                command=run.get("command", "run"),
+                created=run["created"],
+                seconds=run.get("seconds", 0.0),
+                host=run.get("host", ""),
+                version=run.get("version", ""),
+                overrides=run.get("overrides", {}),
+                stages={stage["name"]: stage["artifact"] for stage in run["stages"]},
+                failures=run.get("failures", []),
+                results=run.get("results", {}),
+            )
+        except (OSError, ValueError, KeyError, TypeError):
+            continue  # As in deaflow: what cannot be understood is passed over; `deaflow fsck` names it.
+
+
+def _is_of(run: Run, pipeline: str) -> bool:
+    return pipeline == run.pipeline or os.path.abspath(pipeline) == run.path
+
+
+def _of_runs(root: Path, stage: str, pipeline: Optional[str]) -> Optional[str]:
+    for run in _runs(root):
+        if stage in run.stages and (pipeline is None or _is_of(run, pipeline)):
+            return run.stages[stage]
+    return None
+
+
+def _of_digits(root: Path, digits: str) -> Optional[str]:
+    digits = digits.lower()
+    if not re.fullmatch("[0-9a-f]{4,64}", digits):
+        return None
+    found = [path.stem for path in (root / "objects" / digits[:2]).glob("*.h5") if path.stem.startswith(digits)]
+    if len(found) > 1:
+        raise NotFound(f"{len(found)} artifacts begin with {digits}")
+    return found[0] if found else None
+
+
+def _unknown(root: Path, name: str, stage: str, pipeline: Optional[str]) -> str:
+    known = list(_runs(root))
+    if not known:
+        return f"{name!r} is not found: no run is remembered in {root}"
+    if pipeline is not None and not any(_is_of(run, pipeline) for run in known):
+        names = sorted({run.pipeline for run in known})
+        return f"no pipeline {pipeline!r} has been run in {root}{_near(pipeline, names)}"
+    last = next(run for run in known if pipeline is None or _is_of(run, pipeline))
+    return f"no run in {root} has a stage {stage!r}, and no digest begins so{_near(stage, last.stages)}"
+
+
+def _near(name: str, known: Any) -> str:
+    close = difflib.get_close_matches(name, list(known), 1)
+    return f": did you mean {close[0]!r}?" if close else f"; there are: {', '.join(sorted(known))}"
+
+
+def _object(root: Path, digest: str) -> Path:
+    if not re.fullmatch("[0-9a-f]{64}", digest):
+        raise StoreError(f"{digest!r} is no digest")
+    return root / "objects" / digest[:2] / f"{digest}.h5"
+
+
+def _check(path: Path, digest: str) -> None:
+    """Compares the header of an artifact with its name and length; `deaflow fsck` compares every byte."""
+    if not path.is_file():
+        raise StoreError(f"artifact {digest[:12]} is missing: no {path}")
+    with path.open("rb") as file:
+        lines = file.read(HEADER).split(b"\0")[0].decode(errors="replace").splitlines()
+    if len(lines) != 4 or lines[0] != TITLE or lines[1] != digest or lines[3] != str(path.stat().st_size):
+        raise StoreError(f"{path} is damaged: `deaflow fsck` says what else is")
+
+
+def _text(value: Any) -> str:
+    return value.decode() if isinstance(value, bytes) else str(value)
+
+
+def _texts(group: Any) -> dict[str, str]:
+    """The attributes of a group; those that are too long for attributes are datasets of bytes."""
+    texts = {name: _text(value) for name, value in group.attrs.items()}
+    long = group.get("long_attributes", {})
+    return {**texts, **{name: item[()].tobytes().decode() for name, item in long.items()}}
+
+
+def _needed(package: str) -> Any:
+    try:
+        return __import__(package)
+    except ImportError as error:
+        raise ImportError(f"this needs {package}: pip install {package}") from error

@@ -1,0 +1,109 @@
+//! `deaflow copy`: an artifact with all that it needs, from one store into another.
+
+use std::cell::OnceCell;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use clap::Args;
+use serde_json::json;
+
+use super::arguments::StoreArguments;
+use super::error::CliError;
+use super::output::{Exit, Output};
+use super::progress::Bar;
+use super::{locate, table};
+use crate::store::{Artifact, Copied, Store};
+
+/// Copy an artifact, and all that it was made from, into another store, where a run reuses them
+#[derive(Debug, Args)]
+pub struct CopyArguments {
+    /// A stage of the last run, PIPELINE.yaml:STAGE, or a digest or at least its first 4 digits
+    #[arg(value_name = "STAGE-OR-DIGEST")]
+    pub artifact: String,
+    /// The other store; it is made where there is none
+    #[arg(long, value_name = "STORE")]
+    pub to: PathBuf,
+    #[command(flatten)]
+    pub store: StoreArguments,
+}
+
+/// A copy that takes longer shows its progress.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+pub fn execute(arguments: &CopyArguments, output: &Output) -> Result<Exit, CliError> {
+    let folder = arguments.store.folder();
+    let store = locate::existing_store(&folder)?;
+    let artifact = locate::artifact(&store, &arguments.artifact)?;
+    if is_same(&folder, &arguments.to) {
+        return Err(
+            CliError::bad_input(format!("{} is the store that is copied from", arguments.to.display()))
+                .help("--to must name another one"),
+        );
+    }
+    let target = Store::open(&arguments.to)?;
+    let copied = copy(&store, &target, &artifact)?;
+    if output.is_json() {
+        output.document(&document(arguments, &artifact, &copied))?;
+    } else {
+        output.text(&text(arguments, &artifact, &copied))?;
+    }
+    for digest in &copied.without_record {
+        output.complain(&format!(
+            "warning: no record speaks of artifact {}: a run there cannot reuse it",
+            digest.short()
+        ));
+    }
+    Ok(Exit::Done)
+}
+
+fn copy(store: &Store, target: &Store, artifact: &Artifact) -> Result<Copied, CliError> {
+    let begun = Instant::now();
+    let bar = OnceCell::new();
+    let progress = |done, total| {
+        if begun.elapsed() > PATIENCE {
+            bar.get_or_init(|| Bar::new("copy", "artifacts", total))
+                .set(done, total);
+        }
+    };
+    let copied = store.copy_to(target, artifact.digest(), &progress);
+    if let Some(bar) = bar.get() {
+        bar.finish(if copied.is_ok() { "done" } else { "failed" });
+    }
+    Ok(copied?)
+}
+
+fn is_same(a: &Path, b: &Path) -> bool {
+    match (a.canonicalize(), b.canonicalize()) {
+        (Ok(a), Ok(b)) => a == b,
+        _ => false,
+    }
+}
+
+fn document(arguments: &CopyArguments, artifact: &Artifact, copied: &Copied) -> serde_json::Value {
+    json!({
+        "artifact": artifact.digest().to_string(),
+        "from": arguments.store.folder(),
+        "to": arguments.to,
+        "artifacts": copied.artifacts,
+        "bytes": copied.bytes,
+        "records": copied.records,
+        "artifacts_there": copied.artifacts_there,
+        "records_there": copied.records_there,
+        "without_record": copied.without_record.iter().map(ToString::to_string).collect::<Vec<_>>(),
+    })
+}
+
+fn text(arguments: &CopyArguments, artifact: &Artifact, copied: &Copied) -> String {
+    let there = match (copied.artifacts_there, copied.records_there) {
+        (0, 0) => String::new(),
+        (artifacts, records) => format!("; {artifacts} artifacts and {records} records were there"),
+    };
+    format!(
+        "{} to {}: copied {} artifacts ({}) and {} records{there}",
+        artifact.digest().short(),
+        arguments.to.display(),
+        copied.artifacts,
+        table::bytes(copied.bytes),
+        copied.records
+    )
+}

@@ -1,0 +1,83 @@
+//! `deaflow export artifact`: an artifact as one HDF5 file that needs no store.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use serde_json::json;
+
+use crate::cli::arguments::StoreArguments;
+use crate::cli::error::CliError;
+use crate::cli::output::{Exit, Output};
+use crate::cli::{locate, solve, table, write};
+use crate::store::{Ancestor, write_standalone};
+
+#[derive(Debug, Args)]
+pub struct ExportArtifactArguments {
+    /// A stage of the last run, PIPELINE.yaml:STAGE, or a digest or at least its first 4 digits
+    #[arg(value_name = "STAGE-OR-DIGEST")]
+    pub artifact: String,
+    /// Where it goes; an existing file is replaced
+    #[arg(short, long, value_name = "FILE.h5")]
+    pub output: PathBuf,
+    #[command(flatten)]
+    pub store: StoreArguments,
+}
+
+pub fn execute(arguments: &ExportArtifactArguments, output: &Output) -> Result<Exit, CliError> {
+    write::check_file(&arguments.output)?;
+    let store = locate::existing_store(&arguments.store.folder())?;
+    let artifact = locate::artifact(&store, &arguments.artifact)?;
+    if solve::is_same_file(artifact.path(), &arguments.output) {
+        let path = arguments.output.display();
+        return Err(
+            CliError::bad_input(format!("{path} is read here: writing it would lose it"))
+                .help("-o must name another file"),
+        );
+    }
+    let ancestry = store.ancestry(&artifact)?;
+    write_standalone(&arguments.output, &artifact, &ancestry, &writer())?;
+    let bytes = std::fs::metadata(&arguments.output).map_or(0, |metadata| metadata.len());
+    let unknown: Vec<String> = ancestry
+        .iter()
+        .filter(|action| is_unknown(action))
+        .map(Ancestor::name)
+        .collect();
+    if output.is_json() {
+        output.document(&json!({
+            "file": arguments.output,
+            "artifact": artifact.digest().to_string(),
+            "kind": artifact.kind(),
+            "bytes": bytes,
+            "chunks": artifact.parts().len(),
+            "actions": ancestry.iter().map(Ancestor::name).collect::<Vec<_>>(),
+            "unknown": unknown,
+        }))?;
+    } else {
+        output.text(&format!(
+            "{}: artifact {} ({}), made by {} actions",
+            arguments.output.display(),
+            artifact.digest().short(),
+            table::bytes(bytes),
+            ancestry.len()
+        ))?;
+    }
+    for name in unknown {
+        output.complain(&format!(
+            "warning: {name} is not in the store: nothing is said of how it was made"
+        ));
+    }
+    Ok(Exit::Done)
+}
+
+/// This program, as files name it.
+pub fn writer() -> String {
+    format!(
+        "deaflow {} (build {})",
+        env!("CARGO_PKG_VERSION"),
+        env!("DEAFLOW_BUILD_SHORT")
+    )
+}
+
+fn is_unknown(action: &Ancestor) -> bool {
+    action.entries.is_empty()
+}

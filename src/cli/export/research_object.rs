@@ -1,0 +1,345 @@
+//! `deaflow export crate`: a pipeline with all that it made, as a research object that others can check and run again.
+
+use std::fs;
+use std::path::{Component, Path, PathBuf};
+
+use clap::Args;
+use serde_json::json;
+
+use super::artifact::writer;
+use crate::base::{Document, NodeValue, kind_of, leads_nowhere_at, read_bounded};
+use crate::cli::arguments::{SetArguments, StoreArguments};
+use crate::cli::error::CliError;
+use crate::cli::output::{Exit, Output};
+use crate::cli::{locate, run, table};
+use crate::orchestrator::{Built, BuiltStage, Pipeline, built};
+use crate::report::{CrateFile, CrateStage, METADATA, ResearchObject, figure_files, file_name};
+use crate::store::{LockFile, Store, write_standalone};
+
+/// The longest file of a pipeline or a scene, bytes, as they are read.
+const LONGEST: u64 = 4 << 20;
+
+#[derive(Debug, Args)]
+pub struct ExportCrateArguments {
+    /// The pipeline, a YAML file; all of its stages must be built
+    pub pipeline: PathBuf,
+    /// The folder to make; an empty one may be there
+    #[arg(short, long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// The licence of the data: an address, such as https://spdx.org/licenses/CC-BY-4.0, or words
+    #[arg(long, value_name = "TEXT", default_value = "not stated")]
+    pub license: String,
+    #[command(flatten)]
+    pub store: StoreArguments,
+    #[command(flatten)]
+    pub set: SetArguments,
+}
+
+pub fn execute(arguments: &ExportCrateArguments, output: &Output) -> Result<Exit, CliError> {
+    let pipeline = run::load_file(&arguments.pipeline, &arguments.set.overrides()?)?;
+    let folder = empty_folder(&arguments.output)?;
+    let store = locate::existing_store(&arguments.store.folder())?;
+    let built = built(&pipeline, &store)?;
+    if !built.missing.is_empty() {
+        let path = pipeline.path.display();
+        return Err(CliError::bad_input(format!("not built: {}", built.missing.join(", ")))
+            .help(format!("build the rest first: deaflow run {path}")));
+    }
+    // All of it appears at once: what is made aside goes where anything fails.
+    let aside = aside_of(&folder)?;
+    let mut writing = Writing {
+        root: aside.path(),
+        files: Vec::new(),
+    };
+    let object = write(arguments, &pipeline, &built, &store, &mut writing)?;
+    let bytes = writing.files.iter().map(|file| file.size).sum();
+    fs::rename(aside.path(), &folder).map_err(failed(&folder))?;
+    if output.is_json() {
+        output.document(&json!({
+            "folder": arguments.output,
+            "pipeline": object.name,
+            "files": object.files.iter().map(|file| &file.path).collect::<Vec<_>>(),
+            "bytes": bytes,
+            "stages": object.stages.iter().map(|stage| json!({ "name": stage.name, "digest": stage.digest, "file": stage.file }))
+                .collect::<Vec<_>>(),
+        }))?;
+    } else {
+        let (files, stages) = (object.files.len() + 1, object.stages.len());
+        output.text(&format!(
+            "{}: a research object of {stages} stages, {files} files ({})",
+            arguments.output.display(),
+            table::bytes(bytes)
+        ))?;
+    }
+    Ok(Exit::Done)
+}
+
+/// Where the crate will be, links followed.
+fn empty_folder(path: &Path) -> Result<PathBuf, CliError> {
+    let refuse = |found: &str| {
+        CliError::bad_input(format!("{} is {found}", path.display())).help("-o names a new or an empty folder")
+    };
+    if leads_nowhere_at(path) {
+        return Err(refuse("a link that leads nowhere"));
+    }
+    let Ok(metadata) = fs::metadata(path) else {
+        return match parent(path).is_dir() {
+            true => Ok(path.to_owned()),
+            false => Err(CliError::bad_input(format!(
+                "there is no folder {}",
+                parent(path).display()
+            ))),
+        };
+    };
+    if !metadata.is_dir() {
+        return Err(refuse(kind_of(&metadata)));
+    }
+    if fs::read_dir(path).map_err(failed(path))?.next().is_some() {
+        return Err(refuse("a folder that is not empty"));
+    }
+    fs::canonicalize(path).map_err(failed(path))
+}
+
+fn parent(path: &Path) -> &Path {
+    let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty());
+    parent.unwrap_or(Path::new("."))
+}
+
+/// A folder in the same file system. Who may read it is for the user's mask to say.
+fn aside_of(folder: &Path) -> Result<tempfile::TempDir, CliError> {
+    use std::os::unix::fs::PermissionsExt;
+    let mut builder = tempfile::Builder::new();
+    let builder = builder.permissions(fs::Permissions::from_mode(0o777));
+    builder.tempdir_in(parent(folder)).map_err(failed(folder))
+}
+
+fn failed(path: &Path) -> impl Fn(std::io::Error) -> CliError + '_ {
+    |error| CliError::failure(format!("cannot write {}: {error}", path.display()))
+}
+
+/// The files of a crate, as they are written.
+struct Writing<'a> {
+    root: &'a Path,
+    files: Vec<CrateFile>,
+}
+
+impl Writing<'_> {
+    /// Where a file goes, in a folder that is made; `path` has names only.
+    fn place(&self, path: &str) -> Result<PathBuf, CliError> {
+        let target = self.root.join(path);
+        fs::create_dir_all(parent(&target)).map_err(failed(&target))?;
+        Ok(target)
+    }
+
+    /// Takes note of a file that stands there.
+    fn note(&mut self, path: &str, description: String, format: &'static str) -> Result<(), CliError> {
+        let target = self.root.join(path);
+        let size = fs::metadata(&target).map_err(failed(&target))?.len();
+        self.files.push(CrateFile {
+            path: path.to_owned(),
+            description,
+            format,
+            size,
+        });
+        Ok(())
+    }
+
+    fn put(&mut self, path: &str, bytes: &[u8], description: &str, format: &'static str) -> Result<(), CliError> {
+        let target = self.place(path)?;
+        let mut file = fs::File::create_new(&target).map_err(failed(&target))?;
+        std::io::Write::write_all(&mut file, bytes).map_err(failed(&target))?;
+        file.sync_data().map_err(failed(&target))?;
+        self.note(path, description.to_owned(), format)
+    }
+}
+
+fn write(
+    arguments: &ExportCrateArguments,
+    pipeline: &Pipeline,
+    built: &Built,
+    store: &Store,
+    writing: &mut Writing<'_>,
+) -> Result<ResearchObject, CliError> {
+    let (workflow, sources) = write_sources(pipeline, built, writing)?;
+    let stages: Result<Vec<CrateStage>, CliError> = built
+        .stages
+        .iter()
+        .map(|stage| write_stage(stage, &pipeline.name, store, writing))
+        .collect();
+    let mut object = ResearchObject {
+        name: pipeline.name.clone(),
+        license: arguments.license.clone(),
+        workflow,
+        sources,
+        overrides: pipeline.overrides.clone(),
+        stages: stages?,
+        files: Vec::new(),
+    };
+    writing.put(
+        "README.md",
+        object.readme().as_bytes(),
+        "What is in this folder",
+        "text/markdown",
+    )?;
+    object.files = writing.files.clone();
+    let metadata = serde_json::to_string_pretty(&object.metadata()).map_err(|e| CliError::failure(e.to_string()))?;
+    let target = writing.place(METADATA)?;
+    fs::write(&target, metadata + "\n").map_err(failed(&target))?;
+    Ok(object)
+}
+
+/// The pipeline, the scene that it names, and the lock file; gives the paths of the first and of the others that are read.
+fn write_sources(
+    pipeline: &Pipeline,
+    built: &Built,
+    writing: &mut Writing<'_>,
+) -> Result<(String, Vec<String>), CliError> {
+    const YAML: &str = "application/yaml";
+    let read = |path: &Path| {
+        let bytes = read_bounded(path, LONGEST);
+        bytes.map_err(|error| CliError::failure(format!("cannot read {}: {error}", path.display())))
+    };
+    let name = pipeline
+        .path
+        .file_name()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .into_owned();
+    let workflow = format!("workflow/{name}");
+    writing.put(&workflow, &read(&pipeline.path)?, "The pipeline", YAML)?;
+    let mut sources = Vec::new();
+    if let Some(scene) = scene_file(pipeline)? {
+        let path = format!("workflow/{scene}");
+        writing.put(
+            &path,
+            &read(&parent(&pipeline.path).join(&scene))?,
+            "The scene of the pipeline",
+            YAML,
+        )?;
+        sources.push(path);
+    }
+    let lock = built.lock_file(&pipeline.name).text();
+    let beside = LockFile::beside(Path::new(&workflow)).to_string_lossy().into_owned();
+    writing.put(
+        &beside,
+        lock.as_bytes(),
+        "Keys and digests of all stages, to which `deaflow run --locked` holds a rerun",
+        YAML,
+    )?;
+    Ok((workflow, sources))
+}
+
+/// The file of the scene, where the pipeline names one: a path below its own folder.
+fn scene_file(pipeline: &Pipeline) -> Result<Option<String>, CliError> {
+    let document = Document::load(&pipeline.path)?;
+    let Some(node) = document
+        .root
+        .peek("scene")
+        .filter(|node| matches!(node.value(), NodeValue::Text(_)))
+    else {
+        return Ok(None);
+    };
+    let named = node.text("scene")?;
+    let steps: Vec<Component<'_>> = Path::new(named)
+        .components()
+        .filter(|step| *step != Component::CurDir)
+        .collect();
+    if steps.iter().any(|step| !matches!(step, Component::Normal(_))) {
+        return Err(CliError::bad_input(format!(
+            "the scene's file {named} is not named by folders and a name alone"
+        ))
+        .help("name it without `..`: a crate holds it in the same place"));
+    }
+    let steps: Vec<_> = steps.iter().map(|step| step.as_os_str().to_string_lossy()).collect();
+    Ok(Some(steps.join("/")))
+}
+
+fn write_stage(
+    stage: &BuiltStage,
+    pipeline: &Pipeline,
+    store: &Store,
+    writing: &mut Writing<'_>,
+) -> Result<CrateStage, CliError> {
+    let artifact = store.artifact(&stage.record.artifact)?;
+    let ancestry = store.ancestry(&artifact)?;
+    let digest = stage.record.artifact.to_string();
+    let path = format!("artifacts/{}-{digest:.12}.h5", file_name(&stage.name));
+    if !writing.files.iter().any(|file| file.path == path) {
+        write_standalone(&writing.place(&path)?, &artifact, &ancestry, &writer())?;
+        writing.note(
+            &path,
+            format!("What the stage {} of kind {} made", stage.name, stage.kind),
+            "application/x-hdf5",
+        )?;
+    }
+    let mut figures = Vec::new();
+    for figure in figure_files(store, &pipeline.file(), &pipeline.name, &stage.name, &digest) {
+        let name = figure.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let path = format!("figures/{name}");
+        fs::copy(&figure, writing.place(&path)?).map_err(failed(&figure))?;
+        writing.note(&path, format!("Figure of the stage {}", stage.name), "image/png")?;
+        figures.push(path);
+    }
+    let own = artifact.provenance()?;
+    let told = |name: &str| own.get(name).cloned().unwrap_or_default();
+    Ok(CrateStage {
+        name: stage.name.clone(),
+        kind: stage.kind.to_owned(),
+        needs: stage.needs.clone(),
+        file: path,
+        digest,
+        key: stage.record.key.to_string(),
+        parameters: stage.record.action.parameters.to_string(),
+        times: [
+            began(&stage.record.created, stage.record.seconds),
+            stage.record.created.clone(),
+        ],
+        host: told("host"),
+        program: [stage.record.version.clone(), told("build")],
+        figures,
+    })
+}
+
+/// When work began that ended at a time and took so many seconds; the end where that cannot be said.
+fn began(ended: &str, seconds: f64) -> String {
+    let begin = || {
+        let ended = humantime::parse_rfc3339(ended).ok()?;
+        let took = std::time::Duration::try_from_secs_f64(seconds).ok()?;
+        Some(humantime::format_rfc3339_millis(ended.checked_sub(took)?).to_string())
+    };
+    begin().unwrap_or_else(|| ended.to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn work_began_before_it_ended() {
+        assert_eq!(began("2026-01-01T00:00:01.500Z", 1.25), "2026-01-01T00:00:00.250Z");
+        assert_eq!(began("2026-01-01T00:00:01.500Z", f64::NAN), "2026-01-01T00:00:01.500Z");
+        assert_eq!(began("noon", 1.0), "noon");
+    }
+
+    #[test]
+    fn only_new_and_empty_folders_are_filled() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::create_dir(at("empty")).unwrap();
+        fs::create_dir(at("full")).unwrap();
+        fs::write(at("full/note"), "").unwrap();
+        fs::write(at("file"), "").unwrap();
+        std::os::unix::fs::symlink("nothing", at("dangling")).unwrap();
+        assert_eq!(empty_folder(&at("new")).unwrap(), at("new"));
+        assert!(empty_folder(&at("empty")).is_ok());
+        for (name, said) in [
+            ("full", "not empty"),
+            ("file", "a regular file"),
+            ("dangling", "leads nowhere"),
+            ("none/new", "no folder"),
+        ] {
+            let error = empty_folder(&at(name)).unwrap_err();
+            assert!(error.message().contains(said), "{name}: {}", error.message());
+        }
+    }
+}

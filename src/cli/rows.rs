@@ -1,0 +1,199 @@
+//! The rows of an artifact as a table: a line for each sample, design or epoch, a column for each array that has one value or a few
+//! for each of them.
+
+use std::collections::BTreeMap;
+
+use super::csv;
+use super::error::CliError;
+use crate::store::{Artifact, Content, Data, ElementType};
+
+/// Arrays with more values for each row than this are no columns.
+const MOST_COLUMNS: usize = 16;
+
+/// A table.
+pub struct Rows {
+    /// The axis of which each place has a line.
+    pub axis: String,
+    header: Vec<String>,
+    columns: Vec<Vec<String>>,
+    /// Arrays that are no columns, and why not.
+    pub left_out: Vec<String>,
+}
+
+impl Rows {
+    /// The rows along an axis; unless one is named, along the one that most arrays of single values have.
+    ///
+    /// # Errors
+    /// When no array has it, or one cannot be read.
+    pub fn of(artifact: &Artifact, along: Option<&str>) -> Result<Self, CliError> {
+        let contents = artifact.contents()?;
+        let axis = match along {
+            Some(axis) => axis.to_owned(),
+            None => main_axis(contents).unwrap_or_default(),
+        };
+        let length = contents.iter().find(|array| first_axis(array) == Some(&axis));
+        let length = length
+            .map(|array| array.shape[0])
+            .ok_or_else(|| no_axis(artifact, contents, along))?;
+        let mut rows = Self {
+            axis,
+            header: Vec::new(),
+            columns: Vec::new(),
+            left_out: Vec::new(),
+        };
+        for array in contents {
+            match text_of(contents, array) {
+                Some(_) if array.path.ends_with("/text") => {}
+                Some(path) if rows.has(array, length) => rows.push(path.to_owned(), artifact.long_texts(path)?),
+                _ => rows.add(artifact, array, length)?,
+            }
+        }
+        Ok(rows)
+    }
+
+    /// As comma-separated values with a header.
+    ///
+    /// # Errors
+    /// When memory is short.
+    pub fn csv(&self) -> Result<String, CliError> {
+        let count = self.columns.first().map_or(0, Vec::len);
+        let row = |at: usize| self.columns.iter().map(|column| column[at].clone()).collect();
+        csv::text(&self.header, (0..count).map(row))
+    }
+
+    /// Whether an array has a value for each row: on the same axis, or on that of some of the rows where these are all.
+    fn has(&self, array: &Content, length: usize) -> bool {
+        let is_same = |axis: &String| *axis == self.axis || axis.ends_with(&format!("_{}", self.axis));
+        array.shape.first() == Some(&length) && first_axis(array).is_some_and(is_same)
+    }
+
+    fn add(&mut self, artifact: &Artifact, array: &Content, length: usize) -> Result<(), CliError> {
+        let width: usize = array.shape.iter().skip(1).product();
+        if !self.has(array, length) || width > MOST_COLUMNS {
+            let shape: Vec<String> = array.shape.iter().map(ToString::to_string).collect();
+            self.left_out.push(format!("{} ({})", array.path, shape.join(" × ")));
+            return Ok(());
+        }
+        let cells = cells(&artifact.read(&array.path)?.data);
+        for (at, name) in names(array).into_iter().enumerate() {
+            self.push(name, cells.iter().skip(at).step_by(width.max(1)).cloned().collect());
+        }
+        Ok(())
+    }
+
+    fn push(&mut self, name: String, column: Vec<String>) {
+        self.header.push(name);
+        self.columns.push(column);
+    }
+}
+
+fn first_axis(array: &Content) -> Option<&String> {
+    array.axes.first()
+}
+
+/// The axis that most arrays of one dimension have; of several, the one that is named first.
+fn main_axis(contents: &[Content]) -> Option<String> {
+    let mut counts: BTreeMap<&String, (usize, usize)> = BTreeMap::new();
+    for (at, array) in contents.iter().enumerate().filter(|(_, array)| array.shape.len() == 1) {
+        let Some(axis) = first_axis(array) else { continue };
+        counts.entry(axis).or_insert((0, usize::MAX - at)).0 += 1;
+    }
+    counts
+        .into_iter()
+        .max_by_key(|(_, count)| *count)
+        .map(|(axis, _)| axis.clone())
+}
+
+fn no_axis(artifact: &Artifact, contents: &[Content], along: Option<&str>) -> CliError {
+    let digest = artifact.digest().short();
+    let mut known: Vec<&str> = contents.iter().filter_map(first_axis).map(String::as_str).collect();
+    known.sort_unstable();
+    known.dedup();
+    match along {
+        Some(axis) => CliError::bad_input(format!("no array of artifact {digest} has the axis {axis:?}"))
+            .help(format!("axes that arrays begin with: {}", known.join(", "))),
+        None => CliError::bad_input(format!("artifact {digest} has no rows: its axes have no names"))
+            .help("artifacts of this build have; `deaflow run` on a new store makes them"),
+    }
+}
+
+/// Where texts of any length stand as bytes and lengths, the path of both.
+fn text_of<'a>(contents: &[Content], array: &'a Content) -> Option<&'a str> {
+    let (path, name) = array.path.rsplit_once('/')?;
+    let has = |name: &str, kind: ElementType| {
+        let path = format!("{path}/{name}");
+        contents.iter().any(|other| other.path == path && other.kind == kind)
+    };
+    let is_half = ["text", "length"].contains(&name);
+    (is_half && has("text", ElementType::U8) && has("length", ElementType::U64)).then_some(path)
+}
+
+/// Names of the columns of an array, with its unit: `name_mm`, `name.x_mm`, `name.0`.
+fn names(array: &Content) -> Vec<String> {
+    let unit = match array.units.as_str() {
+        "" | "1" => String::new(),
+        unit => format!("_{unit}"),
+    };
+    let mut names = vec![array.path.clone()];
+    for (axis, &extent) in array.shape.iter().enumerate().skip(1) {
+        let letters = array.axes.get(axis).filter(|name| **name == "xy" && extent == 2);
+        let step = |at: usize| letters.map_or_else(|| at.to_string(), |_| ["x", "y"][at].to_owned());
+        let each = |name: &String| (0..extent).map(|at| format!("{name}.{}", step(at))).collect::<Vec<_>>();
+        names = names.iter().flat_map(each).collect();
+    }
+    names.into_iter().map(|name| name + &unit).collect()
+}
+
+/// Elements as text, numbers with all digits that tell them apart.
+fn cells(data: &Data) -> Vec<String> {
+    fn each<T: ToString>(values: &[T]) -> Vec<String> {
+        values.iter().map(ToString::to_string).collect()
+    }
+    match data {
+        Data::U8(v) => each(v),
+        Data::U32(v) => each(v),
+        Data::U64(v) => each(v),
+        Data::F32(v) => each(v),
+        Data::F64(v) => each(v),
+        Data::Text(v) => v.clone(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn array(path: &str, units: &str, shape: &[usize], axes: &[&str]) -> Content {
+        Content {
+            path: path.to_owned(),
+            kind: ElementType::F64,
+            shape: shape.to_vec(),
+            units: units.to_owned(),
+            description: String::new(),
+            axes: axes.iter().map(|&axis| axis.to_owned()).collect(),
+        }
+    }
+
+    #[test]
+    fn columns_are_named_with_their_units() {
+        assert_eq!(names(&array("a", "1", &[3], &["row"])), ["a"]);
+        assert_eq!(names(&array("u", "mm", &[3, 2], &["row", "xy"])), ["u.x_mm", "u.y_mm"]);
+        let bounds = array("v", "V", &[3, 2, 2], &["row", "bound", "xy"]);
+        assert_eq!(names(&bounds), ["v.0.x_V", "v.0.y_V", "v.1.x_V", "v.1.y_V"]);
+        assert_eq!(names(&array("none", "", &[3, 0], &["row", "x"])), [""; 0]);
+    }
+
+    #[test]
+    fn rows_are_those_of_most_arrays() {
+        let contents = [
+            array("a", "", &[2], &["epoch"]),
+            array("b", "", &[3], &["row"]),
+            array("c", "", &[3], &["row"]),
+            array("d", "", &[2, 9], &["epoch", "x"]),
+            array("e", "", &[2, 9], &["epoch", "x"]),
+        ];
+        assert_eq!(main_axis(&contents).unwrap(), "row");
+        assert_eq!(main_axis(&contents[..2]).unwrap(), "epoch");
+        assert_eq!(main_axis(&contents[3..]), None);
+    }
+}

@@ -1,0 +1,76 @@
+//! What stands of a pipeline in a store, for those who give it away.
+
+use super::planner::{Planner, State};
+use super::spec::Pipeline;
+use crate::store::{LockFile, LockedStage, Record, Store, StoreError};
+
+/// A stage that is built.
+pub struct BuiltStage {
+    /// Its name.
+    pub name: String,
+    /// Its kind.
+    pub kind: &'static str,
+    /// Names of the stages that it reads.
+    pub needs: Vec<String>,
+    /// What says that it is built.
+    pub record: Record,
+}
+
+/// The stages of a pipeline.
+pub struct Built {
+    /// Those that are built, in topological order.
+    pub stages: Vec<BuiltStage>,
+    /// Names of those that are not.
+    pub missing: Vec<String>,
+}
+
+/// Looks which stages of a pipeline are built.
+///
+/// # Errors
+/// When the store cannot be read.
+pub fn built(pipeline: &Pipeline, store: &Store) -> Result<Built, StoreError> {
+    let selection: Vec<usize> = (0..pipeline.stages.len()).collect();
+    let statuses = Planner::new(pipeline, store)?.statuses(&selection)?;
+    let mut built = Built {
+        stages: Vec::new(),
+        missing: Vec::new(),
+    };
+    for (spec, status) in pipeline.stages.iter().zip(statuses) {
+        let State::Fresh { record, .. } = status.state else {
+            built.missing.push(spec.name.clone());
+            continue;
+        };
+        let needs = spec.needs.iter().map(|&need| pipeline.stages[need].name.clone());
+        built.stages.push(BuiltStage {
+            name: spec.name.clone(),
+            kind: spec.kind.name(),
+            needs: needs.collect(),
+            record: *record,
+        });
+    }
+    Ok(built)
+}
+
+impl Built {
+    /// The lock file of what is built, on the machine that made the last of it.
+    #[must_use]
+    pub fn lock_file(&self, pipeline: &str) -> LockFile {
+        let last = self
+            .stages
+            .iter()
+            .max_by(|a, b| a.record.created.cmp(&b.record.created));
+        let locked = |stage: &BuiltStage| LockedStage {
+            key: stage.record.key,
+            artifact: stage.record.artifact,
+        };
+        LockFile {
+            pipeline: pipeline.to_owned(),
+            target: last.map_or_else(String::new, |stage| stage.record.target.clone()),
+            stages: self
+                .stages
+                .iter()
+                .map(|stage| (stage.name.clone(), locked(stage)))
+                .collect(),
+        }
+    }
+}

@@ -1,0 +1,127 @@
+//! Copies artifacts into another store, with all that they need: a run there reuses them.
+//!
+//! Artifacts come before manifests that lay them end to end, and both before the records that promise them, so that the other store
+//! is sound at any moment.
+
+use std::collections::BTreeSet;
+
+use super::error::StoreError;
+use super::header::Header;
+use super::inspect::{Condition, Effort};
+use super::open::Store;
+use super::reach::Records;
+use super::record::Lookup;
+use crate::base::{ActionKey, ArtifactId};
+
+/// What a copy came to.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Copied {
+    /// Artifacts that were copied.
+    pub artifacts: u64,
+    /// Bytes of their files.
+    pub bytes: u64,
+    /// Records that were copied.
+    pub records: u64,
+    /// Artifacts that were there.
+    pub artifacts_there: u64,
+    /// Records that were there.
+    pub records_there: u64,
+    /// Artifacts that no sound record speaks of: no run can reuse them.
+    pub without_record: Vec<ArtifactId>,
+}
+
+impl Store {
+    /// Copies an artifact, its chunks and all that it was made from into another store, then their records. What is there already
+    /// stays as it is. `progress` is told how many artifacts of how many are done.
+    ///
+    /// # Errors
+    /// When something that is needed is missing or damaged, or the system refuses. The other store is sound even then, and a further
+    /// copy goes on.
+    pub fn copy_to(
+        &self,
+        target: &Self,
+        artifact: ArtifactId,
+        progress: &dyn Fn(u64, u64),
+    ) -> Result<Copied, StoreError> {
+        let known = self.known_records()?;
+        let (reached, missing) = self.reach(vec![artifact], &known)?;
+        if let Some(missing) = missing.first() {
+            let path = self.layout.object(missing);
+            return Err(StoreError::Missing { digest: *missing, path });
+        }
+        let mut copied = Copied::default();
+        let total = reached.len() as u64;
+        for (done, digest) in self.manifests_last(&reached)?.iter().enumerate() {
+            progress(done as u64, total);
+            self.copy_artifact(target, digest, &mut copied)?;
+        }
+        progress(total, total);
+        for digest in &reached {
+            self.copy_records(target, digest, &known, &mut copied)?;
+        }
+        target.settle_records()?;
+        target.keep_index();
+        Ok(copied)
+    }
+
+    /// A manifest without its chunks would be a hole in the store if the copy ended half-way.
+    fn manifests_last(&self, reached: &BTreeSet<ArtifactId>) -> Result<Vec<ArtifactId>, StoreError> {
+        let (mut plain, mut manifests) = (Vec::new(), Vec::new());
+        for digest in reached {
+            match self.parts(digest)?.is_empty() {
+                true => plain.push(*digest),
+                false => manifests.push(*digest),
+            }
+        }
+        plain.append(&mut manifests);
+        Ok(plain)
+    }
+
+    fn copy_artifact(&self, target: &Self, digest: &ArtifactId, copied: &mut Copied) -> Result<(), StoreError> {
+        if let Condition::Intact { .. } = target.inspect(digest, Effort::Quick)? {
+            copied.artifacts_there += 1;
+            return Ok(());
+        }
+        let source = self.layout.object(digest);
+        let temporary = target.temporary_file()?;
+        let header = Header::copy(&source, &temporary)?;
+        if header.content != *digest {
+            return Err(StoreError::damaged(
+                &source,
+                format!("it holds artifact {}", header.content.short()),
+            ));
+        }
+        target.publish(&temporary, header)?;
+        copied.artifacts += 1;
+        copied.bytes += header.size;
+        Ok(())
+    }
+
+    /// The records of the actions that made an artifact.
+    fn copy_records(
+        &self,
+        target: &Self,
+        digest: &ArtifactId,
+        known: &Records,
+        copied: &mut Copied,
+    ) -> Result<(), StoreError> {
+        let keys: Vec<ActionKey> = known
+            .get(digest)
+            .into_iter()
+            .flatten()
+            .map(|record| record.key)
+            .collect();
+        if keys.is_empty() {
+            copied.without_record.push(*digest);
+        }
+        for key in keys {
+            if let Lookup::Found(..) = target.record(&key)? {
+                copied.records_there += 1;
+            } else if let Lookup::Found(record, _) = self.record(&key)? {
+                target.put_record(&record)?;
+                copied.records += 1;
+            }
+        }
+        Ok(())
+    }
+}

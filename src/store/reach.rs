@@ -1,0 +1,75 @@
+//! What artifacts need: their chunks, and all that they were made from, back to the seeds.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::entries::files;
+use super::error::StoreError;
+use super::open::Store;
+use super::record::{self, Lookup};
+use crate::base::{ActionKey, ArtifactId};
+
+/// A record, as far as it matters here.
+pub struct Known {
+    /// Its key.
+    pub key: ActionKey,
+    /// Kind of its action.
+    pub kind: String,
+    /// What the action read.
+    inputs: Vec<ArtifactId>,
+}
+
+/// Records by what they made.
+pub type Records = BTreeMap<ArtifactId, Vec<Known>>;
+
+impl Store {
+    /// Everything that some artifacts need, themselves included, and what of it is missing: what that would need is not known.
+    pub(super) fn reach(
+        &self,
+        artifacts: Vec<ArtifactId>,
+        records: &Records,
+    ) -> Result<(BTreeSet<ArtifactId>, Vec<ArtifactId>), StoreError> {
+        let mut reached = BTreeSet::new();
+        let mut missing = Vec::new();
+        let mut open = artifacts;
+        while let Some(digest) = open.pop() {
+            if !reached.insert(digest) {
+                continue;
+            }
+            let made = records.get(&digest).into_iter().flatten();
+            open.extend(made.flat_map(|record| record.inputs.iter().copied()));
+            match self.parts(&digest) {
+                Ok(parts) => open.extend(parts),
+                Err(StoreError::Missing { .. }) => {
+                    missing.push(digest);
+                    continue;
+                }
+                Err(error) => return Err(error),
+            }
+            if !records.contains_key(&digest) {
+                // Its record is lost or damaged; what it was made from stands in itself too.
+                let provenance = self.artifact(&digest)?.provenance()?;
+                let inputs = provenance.get("inputs").map_or("", String::as_str).lines();
+                open.extend(inputs.filter_map(|input| input.parse::<ArtifactId>().ok()));
+            }
+        }
+        Ok((reached, missing))
+    }
+
+    /// The records that can be read; damaged ones hold nothing.
+    pub(super) fn known_records(&self) -> Result<Records, StoreError> {
+        let mut known = Records::new();
+        for path in files(&self.layout.records())? {
+            let Some(key) = self.layout.action_at(&path) else {
+                continue;
+            };
+            if let Lookup::Found(record, _) = record::read(&path, &key)? {
+                known.entry(record.artifact).or_default().push(Known {
+                    key,
+                    kind: record.action.kind,
+                    inputs: record.action.inputs,
+                });
+            }
+        }
+        Ok(known)
+    }
+}
