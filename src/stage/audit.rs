@@ -22,7 +22,7 @@ use crate::base::{
     Canonical, Declared as _, Fields, InputError, Length, Node, NodeValue, Parameter, Progress, Quantity, Schema, Seed,
     open_regular, parameters, words,
 };
-use crate::content::{Audit, ContentError};
+use crate::content::{Audit, ContentError, FROM_FILE};
 use crate::dataset::audit::{AuditError, Dataset, Families, Options, Report, RowSource, audit};
 use crate::fem::{SceneSimulators, SetupError};
 use crate::field::SimulatorError;
@@ -330,12 +330,15 @@ struct Terms {
     repeats_are_usual: bool,
 }
 
-/// The families that there are.
+/// The families that there are. Any pattern may come from a file.
 struct KnownFamilies;
 
 impl Families for KnownFamilies {
     fn admits(&self, family: &str, pattern: &Pattern) -> Option<bool> {
-        sample::admits(family, pattern)
+        match family {
+            FROM_FILE => Some(true),
+            drawn => sample::admits(drawn, pattern),
+        }
     }
 }
 

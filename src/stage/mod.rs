@@ -8,8 +8,10 @@ mod design;
 pub mod designs;
 pub mod direct;
 mod evaluate;
+mod files;
 mod labelled;
 mod model;
+mod patterns;
 mod results;
 mod sample;
 pub mod solution;
@@ -30,6 +32,7 @@ pub fn registry() -> Registry {
     Registry {
         kinds: vec![
             &sample::SampleKind,
+            &patterns::PatternsKind,
             &solve::SolveKind,
             &balance::BalanceKind,
             &train::TrainKind,
