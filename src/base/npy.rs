@@ -258,8 +258,18 @@ mod tests {
     #[test]
     fn a_header_says_where_the_elements_begin_and_how_many_there_are() {
         let text = "{'descr': '<f4', 'fortran_order': True, 'shape': (3, 2), }\n";
-        let old = [b"\x93NUMPY\x01\x00", &(text.len() as u16).to_le_bytes()[..], text.as_bytes()].concat();
-        let new = [b"\x93NUMPY\x03\x00", &(text.len() as u32).to_le_bytes()[..], text.as_bytes()].concat();
+        let old = [
+            b"\x93NUMPY\x01\x00",
+            &(text.len() as u16).to_le_bytes()[..],
+            text.as_bytes(),
+        ]
+        .concat();
+        let new = [
+            b"\x93NUMPY\x03\x00",
+            &(text.len() as u32).to_le_bytes()[..],
+            text.as_bytes(),
+        ]
+        .concat();
         for file in [old, new] {
             let header = NpyHeader::read(&mut &file[..]).unwrap();
             assert_eq!((header.fortran, header.shape.clone()), (true, vec![3, 2]));
@@ -268,7 +278,8 @@ mod tests {
         }
         let vast = NpyHeader {
             shape: vec![1 << 40, 1 << 40],
-            ..NpyHeader::read(&mut &[b"\x93NUMPY\x01\x00", &[text.len() as u8, 0][..], text.as_bytes()].concat()[..]).unwrap()
+            ..NpyHeader::read(&mut &[b"\x93NUMPY\x01\x00", &[text.len() as u8, 0][..], text.as_bytes()].concat()[..])
+                .unwrap()
         };
         assert_eq!(vast.data_bytes(), None);
         let long = b"\x93NUMPY\x02\x00\xff\xff\xff\xff";

@@ -54,7 +54,10 @@ impl Kind for PatternsKind {
             patterns.extend(read.map_err(|refusal| file.refused(&refusal, refusal.advice()))?);
             if patterns.len() > MOST {
                 let why = format!("with it the stage has {} patterns", patterns.len());
-                return Err(file.refused(&why, &format!("allowed: at most {MOST}; use another stage for the others")));
+                return Err(file.refused(
+                    &why,
+                    &format!("allowed: at most {MOST}; use another stage for the others"),
+                ));
             }
         }
         Ok(Box::new(PatternsStage::new(patterns)))
@@ -111,7 +114,13 @@ impl Stage for PatternsStage {
             inputs: Vec::new(),
             samples: patterns.len() as u64,
         };
-        Plan::Chunks(self.chunks.iter().zip(self.patterns.chunks(CHUNK as usize)).map(chunk).collect())
+        Plan::Chunks(
+            self.chunks
+                .iter()
+                .zip(self.patterns.chunks(CHUNK as usize))
+                .map(chunk)
+                .collect(),
+        )
     }
 
     fn pieces(&self, _inputs: u64) -> u64 {
@@ -119,7 +128,11 @@ impl Stage for PatternsStage {
     }
 
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
-        let own = |chunk: &Chunk| self.chunks.iter().position(|parameters| *parameters == chunk.parameters);
+        let own = |chunk: &Chunk| {
+            self.chunks
+                .iter()
+                .position(|parameters| *parameters == chunk.parameters)
+        };
         let index = job.chunk.and_then(own);
         let index = index.ok_or_else(|| StageError::Failed("the chunk is not one of this stage's".to_owned()))?;
         let first = index * CHUNK as usize;
