@@ -53,7 +53,7 @@ pub use observations::{Meshes, NO_STATE, Observations};
 pub use part::LongTexts;
 pub use patterns::named_patterns;
 pub use samples::{FROM_FILE, SAMPLED, SampleRows, Samples};
-pub use solutions::{Solutions, Unstable};
+pub use solutions::{SOLVED, Solutions, Unstable};
 pub use solve_file::{CellFields, SolveFile};
 pub use training::{ALL_FAMILIES, Curves, LeftOutLabels, Metrics, Training};
 pub use view::{Stored, StoredAttribute, files};

@@ -9,8 +9,10 @@ pub mod designs;
 pub mod direct;
 mod evaluate;
 mod files;
+mod import;
 mod labelled;
 mod model;
+mod needs;
 mod patterns;
 mod results;
 mod sample;
@@ -34,6 +36,7 @@ pub fn registry() -> Registry {
             &sample::SampleKind,
             &patterns::PatternsKind,
             &solve::SolveKind,
+            &import::ImportKind,
             &balance::BalanceKind,
             &train::TrainKind,
             &design::DesignKind,

@@ -11,6 +11,7 @@ pub mod verify;
 
 use super::html::Page;
 use super::presenter::Presenter;
+use crate::content::SOLVED;
 
 /// All presenters, in the order of what they say at the end of a run.
 pub const PRESENTERS: &[&dyn Presenter] = &[
@@ -20,12 +21,15 @@ pub const PRESENTERS: &[&dyn Presenter] = &[
     &train::Train,
     &audit::Audit,
     &balance::Balance,
-    &solve::Solve,
+    &solve::Solve(SOLVED[0]),
+    &solve::Solve(SOLVED[1]),
     &accuracy::Accuracy,
 ];
 
 /// The kinds that have sections of a page, in the order of these; kinds that are not among them come last.
-const PAGE_ORDER: &[&str] = &["verify", "design", "audit", "balance", "solve", "train", "evaluate"];
+const PAGE_ORDER: &[&str] = &[
+    "verify", "design", "audit", "balance", "solve", "import", "train", "evaluate",
+];
 
 /// All presenters, in the order of their sections.
 pub fn by_section() -> Vec<&'static dyn Presenter> {
@@ -55,6 +59,6 @@ mod tests {
         assert_eq!(kinds.len(), PRESENTERS.len());
         assert!(PAGE_ORDER.iter().all(|kind| kinds.contains(kind)));
         assert_eq!(by_section()[0].kind(), "verify");
-        assert_eq!(by_section()[7].kind(), "accuracy");
+        assert_eq!(by_section()[8].kind(), "accuracy");
     }
 }
