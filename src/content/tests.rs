@@ -105,7 +105,7 @@ fn other_axes_and_missing_attributes_are_named() {
 #[test]
 fn what_does_not_fit_its_axes_cannot_be_stored() {
     let mut wrong = solutions();
-    wrong.residual.pop();
+    wrong.max_displacement.pop();
     assert!(wrong.object().digest().is_err());
 }
 
