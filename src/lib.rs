@@ -19,7 +19,7 @@
 //! design       → pattern, field, scene
 //! accuracy     → scene, sample, pattern, field, fem, surrogate
 //! surrogate    → dataset, scene, pattern, field, fem
-//! dataset      → pattern, field
+//! dataset      → pattern, field, hdf
 //! fem          → scene, pattern, field
 //! sample       → pattern
 //! field        → pattern

@@ -2,12 +2,14 @@
 
 mod canonical;
 mod clock;
+mod confined;
 mod digest;
 mod digits;
 mod document;
 mod encoding;
 mod file;
 mod ids;
+mod npy;
 mod output_file;
 mod parameters;
 mod printable;
@@ -19,12 +21,14 @@ mod stream;
 pub use crate::{parameters, variants, words};
 pub use canonical::Canonical;
 pub use clock::thread_seconds;
+pub use confined::{ConfinedError, confined};
 pub use digest::{Digest, DigestWriter, ParseDigestError};
 pub use digits::two_digits;
 pub use document::{Document, InputError, Map, Node, NodeValue, Override, Source, nearest};
 pub use encoding::{EncodingError, decode, encode};
 pub use file::{look_at_own, open_own, open_regular, read_bounded, read_own};
 pub use ids::{ActionKey, ArtifactId, FileDigest, OrbitId};
+pub use npy::{NpyElement, NpyError, NpyHeader};
 pub use output_file::{OutputError, OutputFile, aside, kind_of, leads_nowhere_at, output_folder, write_output};
 pub use parameters::{
     Angle, Declared, Density, ElectricField, Frequency, Length, Parameter, Resistance, Seed, Stress, Time, Voltage,

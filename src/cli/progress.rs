@@ -265,7 +265,7 @@ fn ended(report: &StageReport) -> String {
 /// What the steps of a kind are.
 fn unit(kind: &str) -> &'static str {
     match kind {
-        "sample" | "solve" => "samples",
+        "sample" | "patterns" | "solve" | "import" => "samples",
         "train" => "epochs",
         "design" => "generations",
         _ => "steps",

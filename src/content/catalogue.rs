@@ -30,8 +30,8 @@ pub fn catalogue() -> Vec<ContentOfKind> {
         };
     }
     kinds! {
-        "sample": Samples,
-        "solve": Solutions,
+        "sample and patterns": Samples,
+        "solve and import": Solutions,
         "balance": Balanced,
         "train": Training,
         "calibrate": Calibration,

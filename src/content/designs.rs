@@ -2,11 +2,11 @@
 
 use super::element::{Packed, PerUnit};
 use super::error::{ContentError, Fault};
-use super::intervals::DesignIntervals;
+use super::intervals::{DesignInterval, DesignIntervals};
 use super::macros::arrays;
 use super::part::LongTexts;
 use crate::field::{Field, Outcome};
-use crate::pattern::{Pattern, Role};
+use crate::pattern::{CELLS, Pattern, Role};
 use crate::scene::Scene;
 
 /// Units along a side of the membrane that a genome of the genetic algorithm has.
@@ -20,7 +20,7 @@ arrays! {
         case: Vec<String> = array("case", "", [row]),
         /// Name of the target.
         name: Vec<String> = array("name", "", [row]),
-        /// How the pattern came about: ga, refined along the gradient, optimum of gradients alone, intuitive, intuitive-equal-area.
+        /// How the pattern came about: ga, refined along the gradient, optimum of gradients alone, intuitive, intuitive-equal-area, own.
         role: Vec<Role> = array("role", "", [row]),
         /// Wanted area fraction, or free.
         area_target: Vec<String> = array("area_target", "", [row]),
@@ -34,8 +34,8 @@ arrays! {
         patterns: Vec<Pattern> = array("patterns", "1", [row, y, x]),
         /// Area fraction of the electrode.
         area: Vec<f64> = array("area", "1", [row]),
-        /// Predicted displacement at the cell corners.
-        predicted: Vec<Field> = array("predicted", "mm", [row, corner_y, corner_x, xy]),
+        /// Predicted displacement at the cell corners; one row for each pattern that is not `own`, in their order.
+        predicted: Vec<Field> = array("predicted", "mm", [predicted_row, corner_y, corner_x, xy]),
         /// The objective in YAML.
         objective: LongTexts = array("objective", "", [row]),
         /// The constraints in YAML.
@@ -60,22 +60,36 @@ impl DesignRows {
         self.patterns.is_empty()
     }
 
-    /// Adds one of the rows of others.
+    /// Adds one of the rows of a design stage, which all have a prediction.
     pub fn push(&mut self, others: &Self, row: usize) {
-        self.case.push(others.case[row].clone());
-        self.name.push(others.name[row].clone());
+        self.predicted.push(others.predicted[row].clone());
         self.role.push(others.role[row]);
-        self.area_target.push(others.area_target[row].clone());
-        self.evaluator.push(others.evaluator[row].clone());
         self.member.push(others.member[row]);
         self.units.push(others.units[row]);
-        self.patterns.push(others.patterns[row].clone());
-        self.area.push(others.area[row]);
-        self.predicted.push(others.predicted[row].clone());
-        self.objective.0.push(others.objective.0[row].clone());
-        self.constraints.0.push(others.constraints.0[row].clone());
+        self.evaluator.push(others.evaluator[row].clone());
         self.status.0.push(others.status.0[row].clone());
         let interval = others.interval.as_ref().and_then(|intervals| intervals.of_row(row));
+        self.push_common(others, row, &others.patterns[row], interval);
+    }
+
+    /// Adds a person's own pattern for the target of one of the rows of others. Nothing has predicted it.
+    pub fn push_own(&mut self, (others, row): (&Self, usize), (member, pattern): (u64, &Pattern), status: String) {
+        self.role.push(Role::Own);
+        self.member.push(member);
+        self.units.push(CELLS as u64);
+        self.evaluator.push(String::new());
+        self.status.0.push(status);
+        self.push_common(others, row, pattern, None);
+    }
+
+    fn push_common(&mut self, others: &Self, row: usize, pattern: &Pattern, interval: Option<DesignInterval>) {
+        self.case.push(others.case[row].clone());
+        self.name.push(others.name[row].clone());
+        self.area_target.push(others.area_target[row].clone());
+        self.area.push(pattern.area_fraction());
+        self.patterns.push(pattern.clone());
+        self.objective.0.push(others.objective.0[row].clone());
+        self.constraints.0.push(others.constraints.0[row].clone());
         if interval.is_some() && self.interval.is_none() {
             self.interval = Some(DesignIntervals::none(self.len() - 1));
         }
@@ -83,6 +97,18 @@ impl DesignRows {
             intervals.push(interval);
         }
     }
+}
+
+/// Of each row the one of the arrays of predictions that belongs to it; none where nothing was predicted.
+#[must_use]
+pub fn predicted_rows(roles: &[Role]) -> Vec<Option<usize>> {
+    let mut next = 0;
+    let row = |role: &Role| {
+        let row = role.is_predicted().then_some(next);
+        next += usize::from(row.is_some());
+        row
+    };
+    roles.iter().map(row).collect()
 }
 
 arrays! {
@@ -179,8 +205,8 @@ arrays! {
         outcome: Vec<String> = array("outcome", "", [row]),
         /// Simulated displacement at the cell corners; one row for each pattern with a field, in their order.
         displacement: Vec<Field> = array("displacement", "mm", [simulated_row, corner_y, corner_x, xy]),
-        /// Predicted minus simulated displacement; one row for each pattern with a field, in their order.
-        difference: Vec<Field> = array("difference", "mm", [simulated_row, corner_y, corner_x, xy]),
+        /// Predicted minus simulated displacement; one row for each pattern with a field that is not `own`, in their order.
+        difference: Vec<Field> = array("difference", "mm", [compared_row, corner_y, corner_x, xy]),
         /// Displacements along the wanted directions.
         component: Components = group("component"),
         /// The scene of the simulations.
@@ -196,8 +222,8 @@ arrays! {
     /// Displacements along the wanted directions.
     #[derive(Default)]
     pub struct Components, ComponentsView {
-        /// Predicted mean displacement along the wanted directions.
-        predicted: Vec<f64> = array("predicted", "mm", [row]),
+        /// Predicted mean displacement along the wanted directions; one row for each pattern that is not `own`, in their order.
+        predicted: Vec<f64> = array("predicted", "mm", [predicted_row]),
         /// Simulated mean displacement along the wanted directions; one row for each pattern with a field, in their order.
         simulated: Vec<f64> = array("simulated", "mm", [simulated_row]),
         /// What a mesh of half the elements per cell says otherwise, or the estimated error where an accuracy was asked for; 0 where

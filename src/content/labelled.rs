@@ -5,13 +5,13 @@ use std::ops::Range;
 use super::balanced::{Balanced, BalancedView};
 use super::designs::{Verification, VerificationView};
 use super::error::ContentError;
-use super::solutions::{Solutions, SolutionsView};
+use super::solutions::{SOLVED, Solutions, SolutionsView};
 use crate::pattern::Pattern;
 use crate::store::Artifact;
 
 /// Rows with fields, by the kind of stage that made them.
 pub enum Labelled<'a> {
-    /// Samples that were solved.
+    /// Samples that were solved or imported.
     Solved(SolutionsView<'a>),
     /// Rows of a balanced set, split into parts.
     Balanced(BalancedView<'a>),
@@ -26,7 +26,7 @@ impl<'a> Labelled<'a> {
     /// When its arrays do not fit together.
     pub fn open(artifact: &'a Artifact) -> Result<Option<Self>, ContentError> {
         Ok(match artifact.kind() {
-            "solve" => Some(Self::Solved(Solutions::open(artifact)?)),
+            kind if SOLVED.contains(&kind) => Some(Self::Solved(Solutions::open(artifact)?)),
             "balance" => Some(Self::Balanced(Balanced::open(artifact)?)),
             "verify" => Some(Self::Verified(Verification::open(artifact)?)),
             _ => None,

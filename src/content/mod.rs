@@ -42,7 +42,7 @@ pub use catalogue::{ContentOfKind, catalogue};
 pub use declared::Declared;
 pub use designs::{
     Candidates, Components, DesignRows, DesignRowsView, Designs, DesignsView, GENOME_UNITS, GradientSteps, History,
-    Verification, VerificationView,
+    Verification, VerificationView, predicted_rows,
 };
 pub use element::{Packed, PerCell, PerUnit, Row, SingleField};
 pub use error::{AttributeError, ContentError, ElementError, Fault};
@@ -53,8 +53,8 @@ pub use load_paths::LoadPaths;
 pub use observations::{Meshes, NO_STATE, Observations};
 pub use part::LongTexts;
 pub use patterns::named_patterns;
-pub use samples::{SampleRows, Samples};
-pub use solutions::{Solutions, Unstable};
+pub use samples::{FROM_FILE, SAMPLED, SampleRows, Samples};
+pub use solutions::{SOLVED, Solutions, Unstable};
 pub use solve_file::{CellFields, SolveFile};
 pub use table::Table;
 pub use training::{ALL_FAMILIES, Curves, LeftOutLabels, Metrics, Training};

@@ -1,10 +1,16 @@
-//! The artifact of a sample stage.
+//! The artifact of a sample or a patterns stage.
 
 use super::macros::arrays;
 use crate::pattern::Pattern;
 
+/// The kinds of stages whose artifacts these are.
+pub const SAMPLED: [&str; 2] = ["sample", "patterns"];
+
+/// The family of patterns that no family has drawn: they come from a file.
+pub const FROM_FILE: &str = "file";
+
 arrays! {
-    /// Patterns that were drawn.
+    /// Patterns that were drawn, or read from files.
     #[derive(Default)]
     pub struct Samples, SamplesView {
         /// The patterns and where they come from.
@@ -20,9 +26,9 @@ arrays! {
     pub struct SampleRows, SampleRowsView {
         /// Electrode patterns, origin lower left, 1 = electrode.
         patterns: Vec<Pattern> = array("patterns", "1", [sample, y, x]),
-        /// Family that the pattern was drawn from.
+        /// Family that the pattern was drawn from; `file` where it was read from one.
         family: Vec<String> = array("family", "", [sample]),
-        /// Number of the sample within its family, parameters and seed.
+        /// Number of the sample within its family, parameters and seed; of one from a file its place among all of the stage.
         index: Vec<u64> = array("index", "1", [sample]),
         /// Units across the membrane (large-grid), 0 elsewhere.
         units: Vec<u64> = array("units", "1", [sample]),

@@ -1,4 +1,4 @@
-//! The artifact of a solve stage.
+//! The artifact of a solve or an import stage.
 //!
 //! Samples with a field stand at the root, the others under `unstable/` with the reason: no row holds numbers that only look
 //! valid.
@@ -9,21 +9,24 @@ use super::samples::SampleRows;
 use crate::field::Field;
 use crate::scene::Scene;
 
+/// The kinds of stages whose artifacts these are.
+pub const SOLVED: [&str; 2] = ["solve", "import"];
+
 arrays! {
-    /// Simulated samples.
+    /// Simulated samples, or such as were imported.
     pub struct Solutions, SolutionsView {
         /// The patterns that have a field.
         rows: SampleRows = group(""),
-        /// How the simulation ended.
+        /// How the simulation ended; `converged` of what was imported.
         outcome: Vec<String> = array("outcome", "", [sample]),
         /// Displacement at the cell corners.
         displacement: Vec<Field> = array("displacement", "mm", [sample, corner_y, corner_x, xy]),
         /// Largest displacement magnitude over the corners.
         max_displacement: Vec<f64> = array("max_displacement", "mm", [sample]),
         /// Newton steps over all load steps, or steps of an estimate.
-        newton_iterations: Vec<u32> = array("newton_iterations", "1", [sample]),
+        newton_iterations: Option<Vec<u32>> = array("newton_iterations", "1", [sample]),
         /// Relative residual of the equilibrium.
-        residual: Vec<f64> = array("residual", "1", [sample]),
+        residual: Option<Vec<f64>> = array("residual", "1", [sample]),
         /// What effects say.
         observations: Observations = group(""),
         /// Where an accuracy was asked for, the meshes that reach it.
@@ -32,10 +35,10 @@ arrays! {
         unstable: Unstable = group("unstable", [(sample, unstable_sample)]),
         /// The scene as the pipeline states it.
         scene: Scene = attribute("scene"),
-        /// How it was solved, in the keys of a solve stage.
-        solver: String = attribute("solver"),
-        /// The effects that were simulated.
-        effects: String = attribute("effects"),
+        /// How it was solved, in the keys of a solve stage; not known of what was imported.
+        solver: Option<String> = attribute("solver"),
+        /// The effects that were simulated; not known of what was imported.
+        effects: Option<String> = attribute("effects"),
     }
 }
 

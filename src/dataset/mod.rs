@@ -4,6 +4,7 @@
 pub mod audit;
 mod balance;
 mod histogram;
+pub mod import;
 mod level;
 mod orbits;
 mod split;

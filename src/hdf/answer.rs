@@ -54,6 +54,7 @@ fn reply(file: &OpenFile, request: &Request) -> Result<(Answer, Vec<u8>), Failur
         Request::Find(dataset) => Answer::Found(file.find(dataset)?),
         Request::Tree => Answer::Tree(Box::new(file.tree()?)),
         Request::Attribute(name) => Answer::Attribute(file.attribute(name)?),
+        Request::Units(dataset) => Answer::Attribute(file.units(dataset)?),
         Request::Rows { dataset, rows, form } => {
             let elements = file.rows(dataset, rows.clone(), *form)?;
             return Ok(match (elements::to_bytes(&elements), elements) {

@@ -127,6 +127,21 @@ impl HdfFile {
         )
     }
 
+    /// The unit of a dataset; none where it names none, or not by a text.
+    ///
+    /// # Errors
+    /// When the file cannot be read.
+    pub fn units(&self, dataset: &str) -> Result<Option<String>, HdfError> {
+        self.plain(
+            |open| open.units(dataset),
+            || Request::Units(dataset.to_owned()),
+            |answer| match answer {
+                Answer::Attribute(text) => Some(text),
+                _ => None,
+            },
+        )
+    }
+
     /// All elements of a dataset, as artifacts hold them.
     ///
     /// # Errors

@@ -39,6 +39,8 @@ pub(super) enum Request {
     Tree,
     /// A text attribute of the file.
     Attribute(String),
+    /// The text attribute `units` of a dataset.
+    Units(String),
     /// Rows of a dataset.
     Rows {
         dataset: String,

@@ -19,6 +19,9 @@ use super::tree::{self, Tree};
 /// Longest texts of fixed length that are read, bytes.
 const WIDTH: usize = 1024;
 
+/// The attribute of a dataset that names its unit.
+const UNITS: &str = "units";
+
 /// Names at the top of a file that are told.
 const NAMES: usize = 1000;
 
@@ -77,6 +80,17 @@ impl OpenFile {
         let Some(long) = long else { return Ok(None) };
         storage::check(&self.path, &long)?;
         Ok(storage::whole(&long).and_then(|bytes| utf8(bytes, name)).ok())
+    }
+
+    /// The unit of a dataset; none where it names none, or not by a text.
+    pub fn units(&self, dataset: &str) -> Result<Option<String>, Failure> {
+        let Some(found) = storage::find(&self.file, dataset)? else {
+            return Ok(None);
+        };
+        match found.attr_names()?.iter().any(|name| name == UNITS) {
+            true => Ok(attributes::one(&found, UNITS).ok()),
+            false => Ok(None),
+        }
     }
 
     /// Some rows of a dataset.

@@ -37,7 +37,17 @@ pub struct Entry<'a> {
 impl Entry<'_> {
     /// Whether a stage that it needs is one that it only waits for.
     pub fn is_gate(&self, other: &Entry<'_>) -> bool {
-        other.kind.gates() && !self.kind.needs().kinds.contains(&other.kind.name())
+        other.kind.gates() && !self.counts(other) && !self.may_need(other)
+    }
+
+    /// Whether a stage is one of those of which it needs so many.
+    fn counts(&self, other: &Entry<'_>) -> bool {
+        self.kind.needs().kinds.contains(&other.kind.name())
+    }
+
+    /// Whether a stage is one that it reads beside these.
+    fn may_need(&self, other: &Entry<'_>) -> bool {
+        self.kind.may_need().contains(&other.kind.name())
     }
 }
 
@@ -119,23 +129,21 @@ pub fn check_needs(entry: &Entry<'_>, entries: &[Entry<'_>]) -> Result<(), Input
     };
     for (index, node) in &entry.needs {
         let found = entries[*index].kind.name();
-        if !needs.kinds.contains(&found) && !entry.is_gate(&entries[*index]) {
+        let other = &entries[*index];
+        if !entry.counts(other) && !entry.may_need(other) && !entry.is_gate(other) {
             let message = match needs.kinds {
                 [] => format!("{article} `{kind}` stage needs nothing"),
                 kinds => format!(
                     "{article} `{kind}` stage needs {}, and `{}` is {found}",
                     kinds.join(" or "),
-                    entries[*index].name
+                    other.name
                 ),
             };
             return Err(node.error(message).help(fitting()));
         }
     }
-    let count = entry
-        .needs
-        .iter()
-        .filter(|(index, _)| !entry.is_gate(&entries[*index]))
-        .count();
+    let counted = |(index, _): &&(usize, &Node)| entry.counts(&entries[*index]);
+    let count = entry.needs.iter().filter(counted).count();
     if (needs.least..=needs.most).contains(&count) {
         return Ok(());
     }
@@ -149,7 +157,17 @@ pub fn check_needs(entry: &Entry<'_>, entries: &[Entry<'_>]) -> Result<(), Input
         needs.kinds.join(" or ")
     );
     let node = entry.node.peek("needs").unwrap_or(entry.key);
-    Err(node.error(message).help(fitting()))
+    let beside = entry.needs.iter().find(|(index, _)| entry.may_need(&entries[*index]));
+    let advice = match beside {
+        None => fitting(),
+        Some((index, _)) => format!(
+            "`{}` ({}) is taken beside them and not alone; {}",
+            entries[*index].name,
+            entries[*index].kind.name(),
+            fitting()
+        ),
+    };
+    Err(node.error(message).help(advice))
 }
 
 fn read_needs<'a>(

@@ -21,6 +21,11 @@ pub trait Kind: Sync {
     /// What `needs` must name.
     fn needs(&self) -> Needs;
 
+    /// Kinds that `needs` may name too, without being counted: there must be enough of [`Kind::needs`] beside them.
+    fn may_need(&self) -> &'static [&'static str] {
+        &[]
+    }
+
     /// The keys that [`Kind::read`] accepts beside `kind` and `needs`: one mapping, or one for each family where families have
     /// keys of their own.
     fn schema(&self) -> Vec<Fields>;

@@ -111,12 +111,20 @@ fn titled(title: &str, schema: Schema) -> Value {
 /// `gated`: any stage that needs others may also wait for some that it does not read.
 fn of_kind(kind: &dyn Kind, gated: bool, registry: &Registry) -> Schema {
     let needs = kind.needs();
-    let most = if gated { usize::MAX } else { needs.most };
+    let most = if gated || !kind.may_need().is_empty() {
+        usize::MAX
+    } else {
+        needs.most
+    };
     let with_frame = |fields: Fields| {
         let fields = sweep::schema(rounds::schema(kind, fields, registry));
         let fields = fields.required("kind", Schema::word(&[kind.name()]).description("What the stage does."));
         let list = || {
-            let meaning = format!("Stages of kind {}.", needs.kinds.join(" or "));
+            let beside = match kind.may_need() {
+                [] => String::new(),
+                kinds => format!(" Beside them also of kind {}.", kinds.join(" or ")),
+            };
+            let meaning = format!("Stages of kind {}.{beside}", needs.kinds.join(" or "));
             let list = Schema::list(Schema::text(), needs.least, most);
             list.distinct().description(&meaning)
         };

@@ -16,6 +16,6 @@ pub use bits::{Bits, distance};
 pub use h5::split as split_h5;
 pub use outline::{Corners, Island, Point, area as ring_area, outlines, total_area};
 pub use raster::{CELLS, Pattern, PatternError};
-pub use read::read_patterns;
+pub use read::{Refusal, read_patterns, read_patterns_of};
 pub use role::Role;
 pub use symmetry::Symmetry;

@@ -29,32 +29,42 @@ const FORMS: &str = "a pattern is one of FILE.npy, FILE.csv, FILE.png, FILE.h5:/
 /// When the file cannot be read, has another shape, holds no pattern, or holds a value other than 0 and 1.
 pub fn read_patterns(spec: &str) -> Result<Vec<Pattern>, InputError> {
     let found = match h5::split(spec) {
-        Some((path, dataset)) => check_file(path).and_then(|_| h5::read(Path::new(path), dataset)),
-        None => read_plain(spec),
+        Some((path, dataset)) => read_patterns_of(Path::new(path), Some(dataset)),
+        None => read_patterns_of(Path::new(spec), None),
     };
-    found.map_err(|refusal| InputError::new(format!("{spec}: {}", refusal.what)).help(refusal.help))
+    found.map_err(|refusal| InputError::new(format!("{spec}: {refusal}")).help(refusal.help))
 }
 
-fn read_plain(spec: &str) -> Result<Vec<Pattern>, Refusal> {
-    let path = Path::new(spec);
+/// Reads the patterns of a file; of HDF5 those of a dataset.
+///
+/// # Errors
+/// As [`read_patterns`].
+pub fn read_patterns_of(path: &Path, dataset: Option<&str>) -> Result<Vec<Pattern>, Refusal> {
+    match dataset {
+        Some(dataset) => check_file(path).and_then(|()| h5::read(path, dataset)),
+        None => read_plain(path),
+    }
+}
+
+fn read_plain(path: &Path) -> Result<Vec<Pattern>, Refusal> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("");
     let read = match extension.to_ascii_lowercase().as_str() {
         "npy" => npy::read,
         "csv" => csv::read,
         "png" => png::read,
         "h5" | "hdf5" => {
-            check_file(spec)?;
+            check_file(path)?;
             return Err(Refusal::new("an HDF5 file holds many datasets; none is named").help(h5::advice(path)));
         }
         "" => return Err(Refusal::new("no extension tells the format").help(FORMS)),
         other => return Err(Refusal::new(format!("`.{other}` is not a pattern format")).help(FORMS)),
     };
-    check_file(spec)?;
+    check_file(path)?;
     read(path)
 }
 
 /// A pipe or a device would block or never end, and has no size to check headers against.
-fn check_file(path: &str) -> Result<(), Refusal> {
+fn check_file(path: &Path) -> Result<(), Refusal> {
     let metadata = fs::metadata(path).map_err(|e| Refusal::new(e.to_string()).help(FORMS))?;
     if !metadata.is_file() {
         return Err(Refusal::new("not a file").help(FORMS));
@@ -66,8 +76,9 @@ fn check_file(path: &str) -> Result<(), Refusal> {
 }
 
 /// Why a file is not patterns, and what would be.
-#[derive(Debug)]
-pub(super) struct Refusal {
+#[derive(Debug, thiserror::Error)]
+#[error("{what}")]
+pub struct Refusal {
     what: String,
     help: String,
 }
@@ -78,6 +89,12 @@ impl Refusal {
             what: what.into(),
             help: "a pattern has 50 × 50 cells, each 0 (bare) or 1 (electrode)".into(),
         }
+    }
+
+    /// What would be.
+    #[must_use]
+    pub fn advice(&self) -> &str {
+        &self.help
     }
 
     pub(super) fn help(mut self, help: impl Into<String>) -> Self {

@@ -16,16 +16,19 @@ pub enum Role {
     Intuitive,
     /// The same, its line moved until its area is that of the design.
     IntuitiveEqualArea,
+    /// A person's own, from a file, at the area that it has.
+    Own,
 }
 
 impl Role {
     /// Every role, in order.
-    pub const ALL: [Self; 5] = [
+    pub const ALL: [Self; 6] = [
         Self::Refined,
         Self::Ga,
         Self::Optimum,
         Self::Intuitive,
         Self::IntuitiveEqualArea,
+        Self::Own,
     ];
 
     /// The word that stands in files.
@@ -37,6 +40,7 @@ impl Role {
             Self::Optimum => "optimum",
             Self::Intuitive => "intuitive",
             Self::IntuitiveEqualArea => "intuitive-equal-area",
+            Self::Own => "own",
         }
     }
 
@@ -49,7 +53,19 @@ impl Role {
     /// Whether a search found it, and nobody drew it for comparison.
     #[must_use]
     pub fn is_found(self) -> bool {
-        !matches!(self, Self::Intuitive | Self::IntuitiveEqualArea)
+        matches!(self, Self::Refined | Self::Ga | Self::Optimum)
+    }
+
+    /// Whether it is measured against the optimum and the intuitive designs, which are there to be compared with.
+    #[must_use]
+    pub fn is_compared(self) -> bool {
+        self.is_found() || self == Self::Own
+    }
+
+    /// Whether its displacement was predicted before it was simulated. Nobody predicted that of a person's own pattern.
+    #[must_use]
+    pub fn is_predicted(self) -> bool {
+        self != Self::Own
     }
 
     /// Whether what predicts the displacement led the search to it.

@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::artifacts::Source;
 use super::error::ReportError;
 use super::intervals::{self, NetworkInterval};
-use crate::content::{ContentError, Verification};
+use crate::content::{ContentError, Verification, predicted_rows};
 use crate::field::NO_FIELD;
 use crate::pattern::Role;
 use crate::store::Artifact;
@@ -37,7 +37,7 @@ pub struct RowSummary {
     pub case: String,
     /// Name of the target.
     pub name: String,
-    /// `ga`, `refined`, `optimum`, `intuitive` or `intuitive-equal-area`.
+    /// `ga`, `refined`, `optimum`, `intuitive`, `intuitive-equal-area` or `own`.
     pub role: Role,
     /// Which of several designs of the target.
     pub member: u64,
@@ -45,7 +45,7 @@ pub struct RowSummary {
     pub units: u64,
     /// Electrode area, a fraction of the membrane.
     pub area: f64,
-    /// By the evaluator, in mm; none where it has no field.
+    /// By the evaluator, in mm; none where it has no field, or was not asked.
     pub predicted_mm: Option<f64>,
     /// By finite elements, in mm; none where there is no stable solution.
     pub simulated_mm: Option<f64>,
@@ -134,9 +134,10 @@ fn rows(artifact: &Artifact) -> Result<Vec<RowSummary>, ContentError> {
     let (cases, names, roles) = (rows.case().read()?, rows.name().read()?, rows.role().read()?);
     let (members, units, areas) = (rows.member().read()?, rows.units().read()?, rows.area().read()?);
     let (outcomes, statuses) = (view.outcome().read()?, rows.status().read()?.0);
-    let simulated = view.simulated_rows()?;
+    let (simulated, predictions) = (view.simulated_rows()?, predicted_rows(&roles));
     let row = |k: usize| {
-        let predicted_mm = (statuses[k] != NO_FIELD).then_some(component.predicted[k]);
+        let prediction = predictions[k].filter(|_| statuses[k] != NO_FIELD);
+        let predicted_mm = prediction.map(|at| component.predicted[at]);
         let simulated_mm = simulated[k].map(|row| component.simulated[row]);
         let known = simulated[k].filter(|&row| component.error_known[row] == 1);
         let distance_mm = simulated[k].map(|row| component.distance[row]);
@@ -181,7 +182,7 @@ fn compared(row: &RowSummary, rows: &[RowSummary]) -> RowSummary {
     };
     let optimum = best(true).or_else(|| best(false)).filter(|mm| mm.abs() > 1e-9);
     let mut row = row.clone();
-    if row.is_design() {
+    if row.role.is_compared() {
         (row.gain_own_area, row.gain_equal_area) = (gain(Role::Intuitive), gain(Role::IntuitiveEqualArea));
         row.ratio_to_optimum = row.simulated_mm.zip(optimum).map(|(own, optimum)| own / optimum);
     }

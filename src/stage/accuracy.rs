@@ -118,7 +118,8 @@ fn benchmark(solved: &Artifact) -> Result<Benchmark, StageError> {
     let wrong = |e: InputError| StageError::Input(format!("artifact {}: {e}", solved.digest().short()));
     let view = Solutions::open(solved)?;
     let scene = view.scene().read()?;
-    let reference = Reference::from_text(&view.solver().read()?).map_err(wrong)?;
+    let solver = view.solver().read()?.unwrap_or_default();
+    let reference = Reference::from_text(&solver).map_err(wrong)?;
     let (rows, unstable) = (view.rows(), view.unstable().rows());
     let mut patterns = rows.patterns().read()?;
     patterns.extend(unstable.patterns().read()?);

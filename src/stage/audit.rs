@@ -1,4 +1,4 @@
-//! `kind: audit` audits the dataset of a solve or balance stage; `deaflow audit` also audits files from elsewhere.
+//! `kind: audit` audits the dataset of a solve, import or balance stage; `deaflow audit` also audits files from elsewhere.
 //!
 //! What follows a stage that needs an audit waits for it, and with `fail_on: error` does not run where the audit has found
 //! errors. The audit itself is no input of what follows: a surrogate is none the other for having been audited.
@@ -17,12 +17,13 @@ use held::held;
 use source::Source;
 
 use super::direct::{DirectError, read_scene};
+use super::needs;
 use super::results::named;
 use crate::base::{
     Canonical, Declared as _, Fields, InputError, Length, Node, NodeValue, Parameter, Progress, Quantity, Schema, Seed,
     open_regular, parameters, words,
 };
-use crate::content::{Audit, ContentError};
+use crate::content::{Audit, ContentError, FROM_FILE, SOLVED};
 use crate::dataset::audit::{AuditError, Dataset, Families, Options, Report, RowSource, audit};
 use crate::fem::{SceneSimulators, SetupError};
 use crate::field::SimulatorError;
@@ -55,7 +56,7 @@ const USUAL_ACCURACY: f64 = 4e-4;
 const ROUNDING: f64 = 2e-6;
 
 /// The kinds of stages that hold a dataset.
-pub const AUDITED: [&str; 2] = ["solve", "balance"];
+pub const AUDITED: [&str; 3] = needs::joined(SOLVED, ["balance"]);
 
 /// More rows than this have no dataset.
 const MAX_SAMPLES: u64 = 100_000_000;
@@ -217,15 +218,15 @@ impl Stage for AuditStage {
         let scene = source.scene.as_deref();
         let scene = scene.ok_or_else(|| wrong("it does not say which scene it was made with".to_owned()))?;
         let scene = Scene::from_text(scene).map_err(|e| wrong(e.to_string()))?;
-        // Solved samples are drawn with repeats, which balancing leaves out.
-        let is_raw = source.level.is_none();
+        // Samples are drawn with repeats, which balancing leaves out. Nothing is known of how others were chosen.
+        let is_drawn = source.level.is_none() && source.solver.is_some();
         let start = Instant::now();
         source
             .findings
             .extend(other_effects(&source, &scene).map_err(|e| StageError::Failed(e.to_string()))?);
         let terms = Terms {
             trust: Trust::Pipeline,
-            repeats_are_usual: is_raw,
+            repeats_are_usual: is_drawn,
         };
         let report = carry_out(&source, &scene, &self.parameters.request(), terms, job.progress)
             .map_err(|e| StageError::Failed(e.to_string()))?;
@@ -330,12 +331,15 @@ struct Terms {
     repeats_are_usual: bool,
 }
 
-/// The families that there are.
+/// The families that there are. Any pattern may come from a file.
 struct KnownFamilies;
 
 impl Families for KnownFamilies {
     fn admits(&self, family: &str, pattern: &Pattern) -> Option<bool> {
-        sample::admits(family, pattern)
+        match family {
+            FROM_FILE => Some(true),
+            drawn => sample::admits(drawn, pattern),
+        }
     }
 }
 

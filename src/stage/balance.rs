@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::results::{most, named};
 use crate::base::{Canonical, Declared, Fields, InputError, Length, Node, Seed, parameters};
-use crate::content::{self, BalanceCounts, Histograms, Packed, Solutions, files};
+use crate::content::{self, BalanceCounts, Histograms, Packed, SOLVED, Solutions, files};
 use crate::dataset::{BalanceOptions, Balanced, BalancedRow, Bins, Candidate, SymmetryGroup, balance};
 use crate::field::{CORNERS, Field};
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
@@ -34,7 +34,7 @@ impl Kind for BalanceKind {
 
     fn needs(&self) -> Needs {
         Needs {
-            kinds: &["solve"],
+            kinds: &SOLVED,
             least: 1,
             most: 100,
         }

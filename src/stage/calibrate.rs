@@ -5,8 +5,9 @@ mod content;
 use std::collections::BTreeSet;
 
 use super::results::named;
-use super::{labelled, model};
+use super::{labelled, model, needs};
 use crate::base::{Canonical, Declared, Digest, Fields, InputError, Node, Seed, parameters};
+use crate::content::SOLVED;
 use content::Origin;
 
 use crate::field::Predictor;
@@ -15,6 +16,9 @@ use crate::store::{Artifact, Object};
 use crate::surrogate::{Calibration, CalibrationError, Observed, Surrogate};
 
 pub use content::{CalibratedFamily, CalibratedModel, read};
+
+/// What it needs: a model and labelled patterns.
+const KINDS: [&str; 4] = needs::joined(needs::joined::<1, 2, 3>(["train"], SOLVED), ["balance"]);
 
 /// The kind `calibrate`.
 pub struct CalibrateKind;
@@ -37,7 +41,7 @@ impl Kind for CalibrateKind {
 
     fn needs(&self) -> Needs {
         Needs {
-            kinds: &["train", "solve", "balance"],
+            kinds: &KINDS,
             least: 2,
             most: 1000,
         }

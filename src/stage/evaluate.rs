@@ -8,9 +8,9 @@ mod content;
 mod predictors;
 
 use super::calibrate::{self, CalibratedModel};
-use super::labelled;
+use super::{labelled, needs};
 use crate::base::{Canonical, Declared, Fields, InputError, Node, Parameter, Schema, parameters};
-use crate::content::Evaluation;
+use crate::content::{Evaluation, SOLVED};
 use crate::fem::Method;
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::scene::Scene;
@@ -18,6 +18,9 @@ use crate::store::{Artifact, Object};
 use crate::surrogate::{Judge, Judged};
 
 use predictors::NamedPredictor;
+
+/// What it needs: models, labelled patterns and calibrations.
+const KINDS: [&str; 5] = needs::joined(needs::joined::<1, 2, 3>(["train"], SOLVED), ["balance", "calibrate"]);
 
 /// The kind `evaluate`.
 pub struct EvaluateKind;
@@ -50,7 +53,7 @@ impl Kind for EvaluateKind {
 
     fn needs(&self) -> Needs {
         Needs {
-            kinds: &["train", "solve", "balance", "calibrate"],
+            kinds: &KINDS,
             least: 1,
             most: 1000,
         }

@@ -1,7 +1,7 @@
-//! Labelled patterns for judging a model: solved samples, or the test rows of a balanced set, a batch at a time, since the
+//! Labelled patterns for judging a model: solved or imported samples, or the test rows of a balanced set, a batch at a time, since the
 //! fields of all together may be larger than memory.
 
-use crate::content::{Labelled, files};
+use crate::content::{Labelled, SOLVED, files};
 use crate::dataset::Split;
 use crate::field::{CORNERS, Field, Outcome};
 use crate::orchestrator::StageError;
@@ -26,7 +26,7 @@ pub struct Batch {
 
 /// Whether an artifact has labelled patterns.
 pub fn is_labelled(artifact: &Artifact) -> bool {
-    is_balanced(artifact) || artifact.kind() == "solve"
+    is_balanced(artifact) || SOLVED.contains(&artifact.kind())
 }
 
 fn is_balanced(artifact: &Artifact) -> bool {

@@ -8,8 +8,12 @@ mod design;
 pub mod designs;
 pub mod direct;
 mod evaluate;
+mod files;
+mod import;
 mod labelled;
 mod model;
+mod needs;
+mod patterns;
 mod results;
 mod sample;
 pub mod solution;
@@ -31,7 +35,9 @@ pub fn registry() -> Registry {
     Registry {
         kinds: vec![
             &sample::SampleKind,
+            &patterns::PatternsKind,
             &solve::SolveKind,
+            &import::ImportKind,
             &balance::BalanceKind,
             &train::TrainKind,
             &design::DesignKind,

@@ -1,5 +1,9 @@
 //! The numbers that artifacts are worth, as kinds of stages name them.
 
+use crate::content::{Samples, Solutions};
+use crate::orchestrator::StageError;
+use crate::store::Artifact;
+
 /// Results by their names.
 pub fn named<const N: usize>(results: [(&str, f64); N]) -> Vec<(String, f64)> {
     results.map(|(name, value)| (name.to_owned(), value)).into()
@@ -18,6 +22,30 @@ pub fn unit(name: &str) -> &'static str {
     ];
     let word = name.split('.').next().unwrap_or(name);
     if LENGTHS.contains(&word) { "mm" } else { "1" }
+}
+
+/// What samples are worth: how many there are, and their mean area.
+///
+/// # Errors
+/// When the artifact cannot be read.
+pub fn of_samples(artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {
+    let area = Samples::open(artifact)?.area().read()?;
+    Ok(named([("samples", area.len() as f64), ("area", mean(&area))]))
+}
+
+/// What samples with fields are worth: how many there are with and without, and how far they move.
+///
+/// # Errors
+/// When the artifact cannot be read.
+pub fn of_solutions(artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {
+    let view = Solutions::open(artifact)?;
+    let largest = view.max_displacement().read()?;
+    Ok(named([
+        ("samples", largest.len() as f64),
+        ("unstable", view.unstable().outcome().rows()? as f64),
+        ("max_displacement", most(&largest)),
+        ("mean_displacement", mean(&largest)),
+    ]))
 }
 
 /// The mean; not a number where there is nothing.

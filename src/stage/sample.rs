@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::results::{mean, named};
+use super::results;
 use crate::base::{Canonical, Fields, InputError, Node, Parameter, Seed};
 use crate::content::{SampleRows, Samples};
 use crate::orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
@@ -13,7 +13,7 @@ use crate::sample::{FAMILIES, FamilyEntry, Group, read_family};
 use crate::store::{Artifact, Object};
 
 /// Samples in a chunk: small enough that a killed run loses seconds, large enough that a file is worth opening.
-const CHUNK: u64 = 50;
+pub const CHUNK: u64 = 50;
 
 /// The kind `sample`.
 pub struct SampleKind;
@@ -28,8 +28,7 @@ impl Kind for SampleKind {
     }
 
     fn results(&self, artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {
-        let area = Samples::open(artifact)?.area().read()?;
-        Ok(named([("samples", area.len() as f64), ("area", mean(&area))]))
+        results::of_samples(artifact)
     }
 
     fn needs(&self) -> Needs {

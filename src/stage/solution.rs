@@ -24,8 +24,8 @@ pub fn solutions(
         outcome: outcomes(results, &stable),
         max_displacement: fields.iter().map(Field::max_magnitude).collect(),
         displacement: fields,
-        newton_iterations: solved.iter().map(|r| r.simulation.newton_iterations).collect(),
-        residual: solved.iter().map(|r| r.simulation.residual).collect(),
+        newton_iterations: Some(solved.iter().map(|r| r.simulation.newton_iterations).collect()),
+        residual: Some(solved.iter().map(|r| r.simulation.residual).collect()),
         observations: Observations::of(&solver.observed(effects), &observed),
         meshes: solver.estimates_errors().then(|| meshes(solved.iter().copied())),
         unstable: Unstable {
@@ -34,8 +34,8 @@ pub fn solutions(
             voltage_bracket: brackets(results, &unstable),
         },
         scene: scene.clone(),
-        solver: settings,
-        effects: effects.to_text(),
+        solver: Some(settings),
+        effects: Some(effects.to_text()),
     }
 }
 

@@ -2,10 +2,9 @@
 
 use std::sync::OnceLock;
 
-use super::results::{mean, most, named};
-use super::solution;
+use super::{results, solution};
 use crate::base::{Canonical, Fields, InputError, Node};
-use crate::content::{Samples, Solutions};
+use crate::content::{SAMPLED, Samples, Solutions};
 use crate::fem::screening::resolve;
 use crate::fem::{SetupError, Solver, SolverParameters};
 use crate::field::Mesh;
@@ -32,19 +31,12 @@ impl Kind for SolveKind {
     }
 
     fn results(&self, artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {
-        let view = Solutions::open(artifact)?;
-        let largest = view.max_displacement().read()?;
-        Ok(named([
-            ("samples", largest.len() as f64),
-            ("unstable", view.unstable().outcome().rows()? as f64),
-            ("max_displacement", most(&largest)),
-            ("mean_displacement", mean(&largest)),
-        ]))
+        results::of_solutions(artifact)
     }
 
     fn needs(&self) -> Needs {
         Needs {
-            kinds: &["sample"],
+            kinds: &SAMPLED,
             least: 1,
             most: 1000,
         }

@@ -39,6 +39,8 @@ impl Kind for TableKind {
     fn needs(&self) -> Needs {
         Needs {
             kinds: &[
+                "patterns",
+                "import",
                 "sample",
                 "solve",
                 "balance",

@@ -5,12 +5,12 @@ mod content;
 mod examples;
 mod follow;
 
-use super::model;
 use super::results::named;
+use super::{model, needs};
 use follow::Follow;
 
 use crate::base::{Canonical, Decimal, Declared, Fields, InputError, Node, NodeValue, Seed, parameters};
-use crate::content::{ALL_FAMILIES, Training};
+use crate::content::{ALL_FAMILIES, SOLVED, Training};
 use crate::dataset::SymmetryGroup;
 use crate::fem::LinearResponse;
 use crate::field::Mesh;
@@ -18,6 +18,9 @@ use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::scene::Scene;
 use crate::store::{Artifact, Object};
 use crate::surrogate::{Constants, NetworkKind, OptimizerKind, Record, TrainOptions, annotated, train, update};
+
+/// What it needs: labelled patterns, and a training to begin with.
+const KINDS: [&str; 5] = needs::joined(needs::joined::<1, 2, 3>(["balance"], SOLVED), ["verify", "train"]);
 
 /// The kind `train`.
 pub struct TrainKind;
@@ -54,7 +57,7 @@ impl Kind for TrainKind {
 
     fn needs(&self) -> Needs {
         Needs {
-            kinds: &["balance", "solve", "verify", "train"],
+            kinds: &KINDS,
             least: 1,
             most: 100,
         }

@@ -1,17 +1,21 @@
-//! `kind: verify` simulates designs on two finer meshes, beside the intuitive ones.
+//! `kind: verify` simulates designs on two finer meshes, beside the intuitive ones and a person's own.
 
-use std::ops::Range;
+mod own;
 
+use super::patterns;
 use super::results::of_targets;
 use crate::base::{Canonical, Document, Fields, InputError, Node};
-use crate::content::{Components, DesignRows, Designs, Verification};
+use crate::content::{Components, DesignRows, Designs, Verification, predicted_rows};
 use crate::design::{Goal, Objective};
 use crate::fem::screening::resolve;
 use crate::fem::{AccurateSimulation, SetupError, Solver, SolverParameters};
 use crate::field::{Field, Mesh, Outcome};
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
+use crate::pattern::Pattern;
 use crate::scene::{Effects, Scene};
 use crate::store::{Artifact, Object};
+
+use own::{OwnCase, OwnPatterns};
 
 /// The mesh unless a stage says otherwise.
 const MESH: Mesh = Mesh::bilinear(4);
@@ -44,12 +48,16 @@ impl Kind for VerifyKind {
         let found = found.filter_map(|(row, ((name, _), at))| Some((name.as_str(), row, at?)));
         let found: Vec<(&str, usize, usize)> = found.collect();
         let by_row: Vec<(&str, usize)> = found.iter().map(|(name, row, _)| (*name, *row)).collect();
+        let predicted = predicted_rows(&roles);
+        let by_prediction: Vec<(&str, usize)> = by_row
+            .iter()
+            .filter_map(|(name, row)| Some((*name, predicted[*row]?)))
+            .collect();
         let by_field: Vec<(&str, usize)> = found.iter().map(|(name, _, at)| (*name, *at)).collect();
         let mut results = of_targets(&by_field, &[("displacement", &simulated)]);
-        results.extend(of_targets(
-            &by_row,
-            &[("area", &area), ("predicted", &view.component().predicted().read()?)],
-        ));
+        results.extend(of_targets(&by_row, &[("area", &area)]));
+        let predicted = view.component().predicted().read()?;
+        results.extend(of_targets(&by_prediction, &[("predicted", &predicted)]));
         Ok(results)
     }
 
@@ -65,8 +73,13 @@ impl Kind for VerifyKind {
         true
     }
 
+    fn may_need(&self) -> &'static [&'static str] {
+        &[patterns::NAME]
+    }
+
     fn schema(&self) -> Vec<Fields> {
-        let fields = Fields::new("Simulates designs on two meshes, beside the intuitive ones.");
+        let fields =
+            Fields::new("Simulates designs on two meshes, beside the intuitive ones and those of patterns stages.");
         vec![SolverParameters::schema(fields, MESH)]
     }
 
@@ -100,7 +113,19 @@ struct Cases {
     goals: Vec<Goal>,
 }
 
-/// What two meshes say.
+/// A solver, and the one on the other mesh.
+struct Solvers {
+    own: Solver,
+    beside: Option<Solver>,
+}
+
+/// What two meshes say of a pattern.
+struct Solved {
+    result: AccurateSimulation,
+    other: Option<Field>,
+}
+
+/// The same for a goal.
 struct Simulated {
     outcome: Outcome,
     field: Option<Field>,
@@ -126,20 +151,34 @@ impl Stage for VerifyStage {
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
         let failed = |e: SetupError| StageError::Failed(e.to_string());
         let scene = resolve(&self.scene).map_err(failed)?;
-        let solver = self.solver.build(&scene).map_err(failed)?;
         let beside = self.solver.beside().map(|other| other.build(&scene));
-        let beside = beside.transpose().map_err(failed)?;
-        let steps = targets(job.inputs)?;
-        let cases = self.cases(job.inputs)?;
-        let count = cases.rows.len();
-        let mut simulated = Vec::with_capacity(count);
-        let mut told = 0;
-        for start in (0..count).step_by(BATCH) {
-            let end = (start + BATCH).min(count);
-            simulated.extend(cases.simulate(start..end, &solver, beside.as_ref()).map_err(failed)?);
-            let reached = steps * end as u64 / count as u64;
+        let solvers = Solvers {
+            own: self.solver.build(&scene).map_err(failed)?,
+            beside: beside.transpose().map_err(failed)?,
+        };
+        let (own, designs): (Vec<&Artifact>, Vec<&Artifact>) =
+            job.inputs.iter().partition(|input| input.kind() == patterns::NAME);
+        let own = OwnPatterns::read(&own)?;
+        let mut cases = self.cases(&designs)?;
+        let patterns = [&cases.rows.patterns, own.patterns()].concat();
+        let (count, steps) = (patterns.len(), targets(&designs)?);
+        let (mut solved, mut told) = (Vec::with_capacity(count), 0);
+        for batch in patterns.chunks(BATCH) {
+            solved.extend(solvers.solve(batch).map_err(failed)?);
+            let reached = steps * solved.len() as u64 / count as u64;
             job.progress.advance(reached - told);
             told = reached;
+        }
+        let of_own = solved.split_off(cases.rows.len());
+        let mut simulated: Vec<Simulated> = solved
+            .iter()
+            .zip(&cases.goals)
+            .map(|(solved, goal)| solved.judged(goal))
+            .collect();
+        for OwnCase { target, pattern } in own.add_to(&mut cases.rows, self.scene.side_mm())? {
+            let goal = cases.goals[target].clone();
+            simulated.push(of_own[pattern].judged(&goal));
+            cases.goals.push(goal);
         }
         Ok(self.verification(cases, &simulated, &scene.effects).object())
     }
@@ -153,7 +192,7 @@ impl Stage for VerifyStage {
 impl VerifyStage {
     /// The rows of all designs. Intuitive ones that several designs of a target were compared with are there once. What stands
     /// under one case and name is compared, so it must be for the same objective at the same area.
-    fn cases(&self, designs: &[Artifact]) -> Result<Cases, StageError> {
+    fn cases(&self, designs: &[&Artifact]) -> Result<Cases, StageError> {
         let mut cases = Cases::default();
         for design in designs {
             let rows = Designs::open(design)?.rows().read()?;
@@ -172,18 +211,18 @@ impl VerifyStage {
     fn verification(&self, cases: Cases, simulated: &[Simulated], effects: &Effects) -> Verification {
         let Cases { rows, goals } = cases;
         let solved = || (0..rows.len()).filter_map(|row| Some((row, simulated[row].field.as_ref()?)));
+        let predicted = predicted_rows(&rows.role);
+        let prediction = |row: usize| predicted[row].map(|at| &rows.predicted[at]);
         let errors = || solved().map(|(row, _)| simulated[row].error);
         Verification {
             outcome: simulated.iter().map(|s| s.outcome.name().to_owned()).collect(),
             displacement: solved().map(|(_, field)| field.clone()).collect(),
             difference: solved()
-                .filter_map(|(row, field)| difference(&rows.predicted[row], field))
+                .filter_map(|(row, field)| difference(prediction(row)?, field))
                 .collect(),
             component: Components {
-                predicted: goals
-                    .iter()
-                    .zip(&rows.predicted)
-                    .map(|(goal, field)| goal.value_mm(field))
+                predicted: (0..rows.len())
+                    .filter_map(|row| Some(goals[row].value_mm(prediction(row)?)))
                     .collect(),
                 simulated: solved().map(|(row, field)| goals[row].value_mm(field)).collect(),
                 error: errors().map(Option::unwrap_or_default).collect(),
@@ -231,38 +270,36 @@ impl Cases {
         }
         Ok(false)
     }
+}
 
-    fn simulate(
-        &self,
-        rows: Range<usize>,
-        solver: &Solver,
-        beside: Option<&Solver>,
-    ) -> Result<Vec<Simulated>, SetupError> {
-        let patterns = &self.rows.patterns[rows.clone()];
-        let results = solver.simulate(patterns)?;
-        let others = beside.map(|other| other.simulate(patterns)).transpose()?;
-        let simulated = |(k, result): (usize, AccurateSimulation)| {
-            let goal = &self.goals[rows.start + k];
-            let AccurateSimulation {
-                simulation,
-                discretisation_error,
-                ..
-            } = result;
-            let other = others.as_ref().and_then(|others| others[k].simulation.field.as_ref());
-            let fields = simulation.field.as_ref().zip(other);
-            let between = fields.map(|(field, other)| (goal.value_mm(field) - goal.value_mm(other)).abs());
-            Simulated {
-                outcome: simulation.outcome,
-                error: discretisation_error.or(between),
-                field: simulation.field,
-            }
+impl Solvers {
+    fn solve(&self, patterns: &[Pattern]) -> Result<Vec<Solved>, SetupError> {
+        let results = self.own.simulate(patterns)?;
+        let others = self.beside.as_ref().map(|other| other.simulate(patterns)).transpose()?;
+        let mut others = others.unwrap_or_default().into_iter();
+        let solved = |result| Solved {
+            result,
+            other: others.next().and_then(|other| other.simulation.field),
         };
-        Ok(results.into_iter().enumerate().map(simulated).collect())
+        Ok(results.into_iter().map(solved).collect())
+    }
+}
+
+impl Solved {
+    fn judged(&self, goal: &Goal) -> Simulated {
+        let simulation = &self.result.simulation;
+        let fields = simulation.field.as_ref().zip(self.other.as_ref());
+        let between = fields.map(|(field, other)| (goal.value_mm(field) - goal.value_mm(other)).abs());
+        Simulated {
+            outcome: simulation.outcome,
+            error: self.result.discretisation_error.or(between),
+            field: simulation.field.clone(),
+        }
     }
 }
 
 /// How many targets the designs have together: the length of the progress bar.
-fn targets(designs: &[Artifact]) -> Result<u64, StageError> {
+fn targets(designs: &[&Artifact]) -> Result<u64, StageError> {
     let mut sum = 0;
     for design in designs {
         let mut names = Designs::open(design)?.rows().name().read()?;

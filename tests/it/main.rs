@@ -22,6 +22,7 @@ mod h5py;
 mod hostile;
 mod hostile_files;
 mod hostile_hdf5;
+mod import;
 mod intervals;
 mod keeping;
 mod killed;

@@ -37,7 +37,7 @@ pub struct ExportDesignArguments {
     /// The case of that target
     #[arg(long, value_name = "TEXT", conflicts_with = "scene")]
     pub case: Option<String>,
-    /// refined, ga, optimum, intuitive or intuitive-equal-area [default: the first of these that there is]
+    /// refined, ga, optimum, intuitive, intuitive-equal-area or own [default: the first of these that there is]
     #[arg(long, conflicts_with = "scene")]
     pub role: Option<String>,
     /// Which of the different designs of the target [default: the best, 0]

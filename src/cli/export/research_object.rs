@@ -36,7 +36,7 @@ pub struct ExportCrateArguments {
 }
 
 pub fn execute(arguments: &ExportCrateArguments, output: &Output) -> Result<Exit, CliError> {
-    let pipeline = run::load_file(&arguments.pipeline, &arguments.set.overrides()?)?;
+    let pipeline = run::load_with(&arguments.pipeline, &arguments.set)?;
     let folder = empty_folder(&arguments.output)?;
     let store = locate::existing_store(&arguments.store.folder())?;
     let built = built(&pipeline, &store)?;
@@ -164,7 +164,7 @@ fn write(
     let stages: Result<Vec<CrateStage>, CliError> = built
         .stages
         .iter()
-        .map(|stage| write_stage(stage, &pipeline.name, store, writing))
+        .map(|stage| write_stage(stage, pipeline, store, writing))
         .collect();
     let mut object = ResearchObject {
         name: pipeline.name.clone(),

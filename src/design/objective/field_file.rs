@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::parameters::{LONGEST_MM, PointParameters};
-use crate::base::{Decimal, Dimension, InputError, Length, Node, Quantity, read_bounded};
+use crate::base::{Decimal, Dimension, InputError, Length, Node, Quantity, confined, read_bounded};
 use crate::field::CORNERS;
 
 const COLUMNS: [&str; 4] = ["x_mm", "y_mm", "ux_mm", "uy_mm"];
@@ -23,14 +23,7 @@ pub(super) fn read(node: &Node) -> Result<Vec<PointParameters>, InputError> {
     let folder = node.file().parent().unwrap_or(Path::new(""));
     let path = folder.join(named);
     let refused = |why: &str| node.error(format!("the file {}: {why}", path.display()));
-    let (Ok(within), Ok(found)) = (Path::new(".").join(folder).canonicalize(), path.canonicalize()) else {
-        return Err(refused("it does not exist").help("it is named relative to the pipeline's file"));
-    };
-    // Whoever runs a pipeline of somebody else's must not be made to read what lies elsewhere.
-    if named.is_absolute() || !found.starts_with(&within) {
-        return Err(refused("it lies outside the folder of the pipeline")
-            .help("put it beside the pipeline or in a folder below, without a link that leads out"));
-    }
+    let found = confined(folder, named).map_err(|why| refused(&why.to_string()).help(why.help()))?;
     let bytes = read_bounded(&found, MAX_BYTES).map_err(|e| refused(&e.to_string()))?;
     let text = String::from_utf8(bytes).map_err(|_| refused("it is not text"))?;
     points(&text).map_err(|why| refused(&why.to_string()).help(format!("the first line is {}", COLUMNS.join(","))))

@@ -75,7 +75,7 @@ pub(in crate::report) mod tests {
             status: "met".into(),
             side: 50.0,
             pattern: vec![1; 2500],
-            predicted: vec![0.0; 5202],
+            predicted: Some(vec![0.0; 5202]),
             simulated: None,
             predicted_mm: Some(1.0),
             simulated_mm,

@@ -37,6 +37,7 @@ pub(super) fn role_title(role: Role) -> &'static str {
         Role::Optimum => "Optimum",
         Role::Intuitive => "Intuitive, own area",
         Role::IntuitiveEqualArea => "Intuitive, equal area",
+        Role::Own => "Own pattern",
     }
 }
 
@@ -69,8 +70,8 @@ pub struct Design {
     pub side: f64,
     /// 50 × 50 cells, `[y][x]` from the lower left, 1 = electrode.
     pub pattern: Vec<u8>,
-    /// Predicted displacement in mm at the 51 × 51 cell corners, `[y][x][component]`.
-    pub predicted: Vec<f64>,
+    /// Predicted displacement in mm at the 51 × 51 cell corners, `[y][x][component]`; none where nothing was predicted.
+    pub predicted: Option<Vec<f64>>,
     /// The same as simulated; none where it was not, or there is no stable solution.
     pub simulated: Option<Vec<f64>>,
     /// Predicted mean displacement along the wanted directions, mm; none where the evaluator has no field.
@@ -97,7 +98,7 @@ impl Design {
     /// The membrane as simulated, or as predicted where it was not; none where no finite field is known.
     #[must_use]
     pub fn membrane(&self) -> Option<Membrane> {
-        let field = self.simulated.as_ref().unwrap_or(&self.predicted);
+        let field = self.simulated.as_ref().or(self.predicted.as_ref())?;
         let points = self.objective.points().iter().map(|aim| aim.point).collect();
         Membrane::new(&self.pattern, field, self.side, points).ok()
     }

@@ -6,15 +6,17 @@ use super::{Design, Role};
 
 /// Names all designs: `I-centre-0-refined`, `IV-max-3-refined`, `I-centre-0-intuitive-equal-area`.
 pub fn name(designs: &mut [Design]) {
-    let mut largest: BTreeMap<(String, String), u64> = BTreeMap::new();
+    // A person's own patterns of a target are counted apart from its designs.
+    let counted = |design: &Design| (design.case.clone(), design.target.clone(), design.role.is_found());
+    let mut largest: BTreeMap<(String, String, bool), u64> = BTreeMap::new();
     for design in designs.iter() {
-        let most = largest.entry((design.case.clone(), design.target.clone())).or_default();
+        let most = largest.entry(counted(design)).or_default();
         *most = design.member.max(*most);
     }
     let wanted: Vec<String> = designs
         .iter()
         .map(|design| {
-            let members = largest.get(&(design.case.clone(), design.target.clone()));
+            let members = largest.get(&counted(design));
             plain(design, members.is_some_and(|most| *most > 0))
         })
         .collect();
@@ -45,7 +47,7 @@ fn plain(design: &Design, several: bool) -> String {
         Role::IntuitiveEqualArea => "intuitive-equal-area",
         other => other.name(),
     };
-    let number = (several && design.role.is_found()).then(|| (design.member + 1).to_string());
+    let number = (several && design.role.is_compared()).then(|| (design.member + 1).to_string());
     let parts = [
         (!case.is_empty()).then_some(case),
         (!target.is_empty() && !said).then_some(target),

@@ -4,7 +4,7 @@ use super::Design;
 use super::compare::{Compared, compare};
 use super::names::name;
 use super::objective::Objective;
-use crate::content::{DesignRowsView, Designs, StoredAttribute, Verification};
+use crate::content::{DesignRowsView, Designs, StoredAttribute, Verification, predicted_rows};
 use crate::field::NO_FIELD;
 use crate::report::artifacts::{RunArtifacts, Source};
 use crate::report::error::ReportError;
@@ -116,7 +116,9 @@ fn read(
     let rows = source.of(view.read())?;
     let intervals = intervals::of_rows(source, view, rows.len())?;
     let side = source.of(scene.read())?.side_mm();
+    let predictions = predicted_rows(&rows.role);
     let design = |k: usize| {
+        let prediction = predictions[k].filter(|_| rows.status.0[k] != NO_FIELD);
         Ok(Design {
             name: String::new(),
             case: rows.case[k].clone(),
@@ -131,9 +133,9 @@ fn read(
             status: rows.status.0[k].clone(),
             side,
             pattern: rows.patterns[k].cells().to_vec(),
-            predicted: rows.predicted[k].values().to_vec(),
+            predicted: predictions[k].map(|at| rows.predicted[at].values().to_vec()),
             simulated: None,
-            predicted_mm: (rows.status.0[k] != NO_FIELD).then_some(predicted_mm[k]),
+            predicted_mm: prediction.map(|at| predicted_mm[at]),
             simulated_mm: None,
             error_mm: None,
             interval: intervals[k].clone(),

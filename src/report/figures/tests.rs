@@ -59,7 +59,7 @@ fn cases() -> Vec<Case> {
         .map(|(name, factor)| Case {
             name: name.into(),
             membrane: membrane(factor),
-            predicted: 2.08 * factor,
+            predicted: Some(2.08 * factor),
             simulated: 2.1 * factor,
         })
         .into()

@@ -5,6 +5,7 @@ use std::path::Path;
 use maud::html;
 
 use super::membrane::electrode;
+use crate::pattern::Role;
 use crate::report::drawing::{Axis, Chart, Colour, FigureError, Mark, Membrane, Series, Sheet, exaggeration, frame};
 
 /// One pattern, predicted and simulated.
@@ -14,8 +15,8 @@ pub struct Case {
     pub name: String,
     /// The pattern with its simulated field.
     pub membrane: Membrane,
-    /// Predicted displacement of the wanted point along the wanted direction, in mm.
-    pub predicted: f64,
+    /// Predicted displacement of the wanted point along the wanted direction, in mm; none where nothing was predicted.
+    pub predicted: Option<f64>,
     /// The same, simulated.
     pub simulated: f64,
 }
@@ -36,7 +37,7 @@ pub fn draw_agreement(path: &Path, cases: &[Case]) -> Result<(), FigureError> {
     if cases.is_empty()
         || cases
             .iter()
-            .any(|c| !c.predicted.is_finite() || !c.simulated.is_finite())
+            .any(|c| !c.predicted.is_none_or(f64::is_finite) || !c.simulated.is_finite())
     {
         return Err(FigureError::Data(
             "a verification needs cases with finite displacements".into(),
@@ -53,20 +54,25 @@ pub fn draw_agreement(path: &Path, cases: &[Case]) -> Result<(), FigureError> {
 }
 
 fn bars(cases: &[Case]) -> Chart {
-    let values: Vec<f64> = cases.iter().flat_map(|c| [c.predicted, c.simulated]).collect();
+    let values = cases.iter().flat_map(|c| [c.predicted, Some(c.simulated)]);
+    let values: Vec<f64> = values.flatten().collect();
     let x = Axis::names(cases.iter().map(|c| c.name.clone()).collect());
-    let series = |name: &str, colour, side: f64, value: fn(&Case) -> f64| {
-        let corners = (0..).map(f64::from).zip(cases).flat_map(|(k, case)| {
+    let series = |name: &str, colour, side: f64, value: fn(&Case) -> Option<f64>| {
+        let known = (0..)
+            .map(f64::from)
+            .zip(cases)
+            .filter_map(|(k, case)| Some((k, value(case)?)));
+        let corners = known.clone().flat_map(|(k, value)| {
             let left = k + side;
-            [(left, 0.0), (left + 0.3, value(case))]
+            [(left, 0.0), (left + 0.3, value)]
         });
-        let words = cases.iter().map(|case| format!("{:.3}", value(case))).collect();
+        let words = known.clone().map(|(_, value)| format!("{value:.3}")).collect();
         Series::new(name, colour, Mark::Bars, corners.collect()).with_words(words)
     };
     let series = vec![
         series("predicted by the evaluator", Colour::Sky, -0.32, |case| case.predicted),
         series("simulated by finite elements", Colour::Blue, 0.02, |case| {
-            case.simulated
+            Some(case.simulated)
         }),
     ];
     let axes = [x, Axis::above("Displacement [mm]", &values)];
@@ -85,7 +91,11 @@ pub fn draw_gallery(path: &Path, cases: &[Case]) -> Result<(), FigureError> {
     }
     let scale = exaggeration(cases.iter().map(|case| &case.membrane));
     let tile = |case: &Case| {
-        let name = case.name.split_once(": ").map_or(case.name.as_str(), |(name, _)| name);
+        // A person's own pattern is beside the designs of its target, which are not told by their roles.
+        let name = match case.name.split_once(": ") {
+            Some((name, role)) if role != Role::Own.name() => name,
+            _ => case.name.as_str(),
+        };
         let membrane = &case.membrane;
         Sheet {
             size: TILE,

@@ -12,6 +12,7 @@ pub mod verify;
 
 use super::html::Page;
 use super::presenter::Presenter;
+use crate::content::SOLVED;
 
 /// All presenters, in the order of what they say at the end of a run.
 pub const PRESENTERS: &[&dyn Presenter] = &[
@@ -21,14 +22,15 @@ pub const PRESENTERS: &[&dyn Presenter] = &[
     &train::Train,
     &audit::Audit,
     &balance::Balance,
-    &solve::Solve,
+    &solve::Solve(SOLVED[0]),
+    &solve::Solve(SOLVED[1]),
     &accuracy::Accuracy,
     &table::Table,
 ];
 
 /// The kinds that have sections of a page, in the order of these; kinds that are not among them come last.
 const PAGE_ORDER: &[&str] = &[
-    "table", "verify", "design", "audit", "balance", "solve", "train", "evaluate",
+    "table", "verify", "design", "audit", "balance", "solve", "import", "train", "evaluate",
 ];
 
 /// All presenters, in the order of their sections.
@@ -59,6 +61,6 @@ mod tests {
         assert_eq!(kinds.len(), PRESENTERS.len());
         assert!(PAGE_ORDER.iter().all(|kind| kinds.contains(kind)));
         assert_eq!(by_section()[0].kind(), "table");
-        assert_eq!(by_section()[8].kind(), "accuracy");
+        assert_eq!(by_section()[9].kind(), "accuracy");
     }
 }

@@ -1,4 +1,4 @@
-//! Solve stages: how far samples move, family by family.
+//! Solve and import stages: how far samples move, family by family.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -10,12 +10,12 @@ use crate::report::figures::{FamilyDeformation, deformation_charts, draw_deforma
 use crate::report::html::Page;
 use crate::report::presenter::{DrawFigure, Presenter};
 
-/// Shows solve stages.
-pub struct Solve;
+/// Shows stages of a kind whose artifacts are samples with fields.
+pub struct Solve(pub &'static str);
 
 impl Presenter for Solve {
     fn kind(&self) -> &'static str {
-        "solve"
+        self.0
     }
 
     fn figures(&self) -> &'static [(&'static str, DrawFigure)] {

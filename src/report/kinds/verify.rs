@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use serde_json::json;
 
 use crate::content::Verification;
+use crate::pattern::Role;
 use crate::report::artifacts::{RunArtifacts, Source};
 use crate::report::designs::membranes;
 use crate::report::drawing::Membrane;
@@ -104,7 +105,7 @@ fn verification(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
         Case {
             name: summary.title(),
             membrane,
-            predicted: summary.predicted_mm.unwrap_or(0.0),
+            predicted: summary.predicted_mm,
             simulated: summary.simulated_mm.unwrap_or(0.0),
         }
     };
@@ -119,18 +120,23 @@ fn verification(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
 /// Patterns that are drawn beside each other with their numbers as bars.
 const MOST_COMPARED: usize = 6;
 
-/// The refined design of each target and member where there is one, else the genetic algorithm's, else the optimum.
+/// The refined design of each target and member where there is one, else the genetic algorithm's, else the optimum; and a person's own
+/// patterns.
 fn best_of_targets(summary: &Summary, rows: &[(usize, usize)]) -> Vec<(usize, usize)> {
     let mut best: Vec<(usize, usize)> = Vec::new();
     for &(row, field) in rows {
         let case = &summary.rows[row];
+        if case.role == Role::Own {
+            best.push((row, field));
+            continue;
+        }
         if !case.role.is_found() {
             continue;
         }
         let identity = |case: &RowSummary| (case.case.clone(), case.name.clone(), case.member);
-        let place = best
-            .iter()
-            .position(|&(other, _)| identity(&summary.rows[other]) == identity(case));
+        let place = best.iter().position(|&(other, _)| {
+            summary.rows[other].is_design() && identity(&summary.rows[other]) == identity(case)
+        });
         match place {
             None => best.push((row, field)),
             Some(place) => {

@@ -19,8 +19,11 @@ pub fn shared() -> Markup {
 
 /// The cards of a target's designs.
 pub fn cards(designs: &[&Design], scale: f64) -> Markup {
-    let several = designs.iter().any(|design| design.member > 0);
-    html! { div.cards { @for design in designs { (card(design, several, scale)) "\n" } } }
+    let several = |role: Role| {
+        let alike = |other: &&&Design| other.role.is_found() == role.is_found();
+        designs.iter().filter(alike).any(|design| design.member > 0)
+    };
+    html! { div.cards { @for design in designs { (card(design, several(design.role), scale)) "\n" } } }
 }
 
 fn card(design: &Design, several: bool, scale: f64) -> Markup {
@@ -28,7 +31,7 @@ fn card(design: &Design, several: bool, scale: f64) -> Markup {
         Role::IntuitiveEqualArea => "intuitive",
         role => role.name(),
     };
-    let title = match several && design.role.is_found() {
+    let title = match several && design.role.is_compared() {
         true => format!("{} {}", role_title(design.role), design.member + 1),
         false => role_title(design.role).to_owned(),
     };
@@ -112,7 +115,7 @@ fn shows_optimum(design: &Design) -> bool {
 /// Lines of a name, a number in mm, and what this design has more or less than that.
 fn rows(design: &Design) -> Markup {
     let compared = &design.compared;
-    let found = design.role.is_found();
+    let found = design.role.is_compared();
     let over = |other: f64| {
         let own = design.simulated_mm.filter(|_| found && other.abs() > 1e-9);
         own.map_or_else(String::new, |own| gain((own - other) / other.abs(), 1))
@@ -186,7 +189,7 @@ fn remarks(design: &Design) -> Vec<(&'static str, String)> {
         "met" if design.role.is_found() => remarks.push(("good", "Constraints met".to_owned())),
         "met" => {}
         "no stable field" => remarks.push(("warning", "The evaluator finds no stable field".to_owned())),
-        // The intuitive designs were never asked to meet any.
+        // The intuitive designs and a person's own were never asked to meet any.
         status if design.role.is_found() => remarks.push(("warning", format!("Not met: {status}"))),
         status => remarks.push(("note", format!("Would not meet: {status}"))),
     }

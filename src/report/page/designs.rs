@@ -11,12 +11,13 @@ use crate::report::intervals::verdict;
 const CURVE: usize = 3;
 
 /// Roles with their colours.
-const ROLES: [(Role, Colour); 5] = [
+const ROLES: [(Role, Colour); 6] = [
     (Role::Ga, Colour::Orange),
     (Role::Refined, Colour::Blue),
     (Role::Optimum, Colour::Green),
     (Role::IntuitiveEqualArea, Colour::Purple),
     (Role::Intuitive, Colour::Grey),
+    (Role::Own, Colour::Vermillion),
 ];
 
 /// Adds a section where there are designs.
@@ -48,8 +49,8 @@ pub fn section(page: &mut Page, designs: &[Design]) {
             "" => "All targets".to_owned(),
             name => format!("Case {name}"),
         });
-        let found = case.iter().filter(|design| design.role.is_found());
-        let rows: Vec<Vec<String>> = found.map(|design| row(design)).collect();
+        let compared = case.iter().filter(|design| design.role.is_compared());
+        let rows: Vec<Vec<String>> = compared.map(|design| row(design)).collect();
         page.columns("Designs of the case", &COLUMNS, &rows);
         if let Some(curve) = curve(&case) {
             page.charts([&curve]);
@@ -124,6 +125,8 @@ fn row(design: &Design) -> Vec<String> {
     };
     let met = match design.status.as_str() {
         "met" | "" => design.status.clone(),
+        // It was made for an area of its own, and for no constraints.
+        status if design.role == Role::Own => status.to_owned(),
         _ => "not met".to_owned(),
     };
     vec![

@@ -22,11 +22,11 @@ struct Simulated {
 pub fn section(page: &mut Page, run: &RunArtifacts<'_>, history: &History) -> Result<(), ReportError> {
     let solved = run.each("solve", |source| {
         let view = source.of(Solutions::open(source.artifact))?;
-        simulated(source, &view.scene(), &view.effects())
+        simulated(source, &view.scene(), source.of(view.effects().text())?)
     })?;
     let verified = run.each("verify", |source| {
         let view = source.of(Verification::open(source.artifact))?;
-        simulated(source, &view.scene(), &view.effects())
+        simulated(source, &view.scene(), source.of(view.effects().text())?)
     })?;
     let mut scenes: Vec<Simulated> = Vec::new();
     for one in solved.into_iter().chain(verified) {
@@ -66,11 +66,11 @@ pub fn section(page: &mut Page, run: &RunArtifacts<'_>, history: &History) -> Re
 fn simulated(
     source: &Source<'_>,
     scene: &StoredAttribute<'_, Scene>,
-    effects: &StoredAttribute<'_, String>,
+    effects: Option<String>,
 ) -> Result<Simulated, ReportError> {
     Ok(Simulated {
         scene: source.of(scene.read())?,
-        effects: source.of(effects.read())?,
+        effects: effects.ok_or_else(|| source.wrong("it does not say which effects were simulated"))?,
         stages: vec![source.stage.stage.clone()],
     })
 }

@@ -1,10 +1,14 @@
-//! Where an artifact comes from: back to the sample stages and their seeds.
+//! Where an artifact comes from: back to the sample stages and their seeds, or to files.
 
 use std::collections::BTreeMap;
 
 use crate::base::{ActionKey, ArtifactId};
 use crate::dataset::audit::{Finding, Severity};
+use crate::stage::{import, patterns};
 use crate::store::{Artifact, Lookup, Store, StoreError};
+
+/// The kinds of stages that read files of a person.
+const FROM_FILES: [&str; 2] = [patterns::NAME, import::NAME];
 
 /// The artifacts that an artifact was made from, as its provenance names them, out of the store that it stands in.
 ///
@@ -25,6 +29,8 @@ pub struct Lineage {
     pub artifacts: usize,
     /// Seeds by the digest of the samples that they gave.
     pub seeds: BTreeMap<ArtifactId, String>,
+    /// Artifacts that were made from files, which no seed gives.
+    pub from_files: usize,
     /// What is wrong with it.
     pub findings: Vec<Finding>,
 }
@@ -56,8 +62,9 @@ pub fn trace(store: &Store, artifact: &Artifact) -> Result<Lineage, StoreError> 
         open.extend(ancestor.parts());
         open.extend(step(store, &ancestor, &mut lineage)?);
     }
-    if lineage.seeds.is_empty() {
-        let message = "it does not go back to a seed: no sample stage is among what it was made from";
+    if lineage.seeds.is_empty() && lineage.from_files == 0 {
+        let message =
+            "it goes back to no seed and no file: no stage that draws or reads is among what it was made from";
         lineage
             .findings
             .push(Finding::whole("provenance", Severity::Error, message));
@@ -89,6 +96,9 @@ fn step(store: &Store, artifact: &Artifact, lineage: &mut Lineage) -> Result<Vec
             "its record says that the action made {}",
             record.artifact.short()
         ));
+    }
+    if record.action.inputs.is_empty() && FROM_FILES.contains(&artifact.kind()) {
+        lineage.from_files += 1;
     }
     if artifact.kind() == "sample" {
         let leaves = record.action.parameters.leaves();

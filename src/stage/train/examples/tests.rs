@@ -68,8 +68,8 @@ fn solved(patterns: &[Pattern], outcomes: &[&str], unstable: &[&str]) -> Object 
         outcome: words(outcomes),
         displacement: vec![field(1.0); n],
         max_displacement: vec![1.0; n],
-        newton_iterations: vec![1; n],
-        residual: vec![0.0; n],
+        newton_iterations: Some(vec![1; n]),
+        residual: Some(vec![0.0; n]),
         observations: Observations::default(),
         meshes: None,
         unstable: Unstable {
@@ -78,8 +78,8 @@ fn solved(patterns: &[Pattern], outcomes: &[&str], unstable: &[&str]) -> Object 
             voltage_bracket: vec![[0.0; 2]; unstable.len()],
         },
         scene: Scene::vhb4910(),
-        solver: String::new(),
-        effects: String::new(),
+        solver: None,
+        effects: None,
     };
     content.object().of_kind("solve chunk")
 }

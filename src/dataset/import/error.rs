@@ -1,0 +1,196 @@
+//! Why a file is no dataset.
+
+use super::MOST;
+
+/// Why a file is not taken as patterns with fields.
+#[derive(Debug, thiserror::Error)]
+pub enum ImportError {
+    /// No format that is read.
+    #[error("`.{0}` is not a format of patterns with displacements")]
+    Extension(String),
+    /// The system, or what reads the format, refused it.
+    #[error("{0}")]
+    Unreadable(String),
+    /// An array is not there; what is.
+    #[error("there is no `{name}`, only {}", listed(.there))]
+    Missing {
+        /// The array.
+        name: &'static str,
+        /// What there is.
+        there: Vec<String>,
+    },
+    /// An array of another shape.
+    #[error("`{name}` has the shape {}", shape(.found))]
+    Shape {
+        /// The array.
+        name: &'static str,
+        /// Its shape.
+        found: Vec<u64>,
+        /// That of a row.
+        wanted: Vec<u64>,
+    },
+    /// Arrays of different lengths.
+    #[error("there are {patterns} patterns and {fields} displacement fields")]
+    Lengths {
+        /// Patterns.
+        patterns: u64,
+        /// Fields.
+        fields: u64,
+    },
+    /// No row.
+    #[error("it has no rows")]
+    Empty,
+    /// Too many rows.
+    #[error("it has {0} rows")]
+    Rows(u64),
+    /// More than is there.
+    #[error("`{name}` is said to have {claimed} bytes, more than a file of {bytes} bytes holds")]
+    Overlong {
+        /// The array.
+        name: &'static str,
+        /// Bytes of its elements.
+        claimed: u64,
+        /// Bytes of the file.
+        bytes: u64,
+    },
+    /// Elements that are no numbers.
+    #[error("`{name}`: {why}")]
+    Elements {
+        /// The array.
+        name: &'static str,
+        /// What is wrong with them.
+        why: String,
+    },
+    /// A unit other than mm.
+    #[error("the attribute `units` of `displacement` is {0:?}")]
+    Units(String),
+    /// A row that is no simulation.
+    #[error("row {row} is no simulation: its `outcome` is {outcome}")]
+    Estimate {
+        /// Which.
+        row: usize,
+        /// What it is.
+        outcome: String,
+    },
+    /// A cell other than 0 and 1.
+    #[error("row {row}: `patterns` [y={y}][x={x}] is {found}")]
+    Cell {
+        /// Which row.
+        row: usize,
+        /// From below.
+        y: usize,
+        /// From the left.
+        x: usize,
+        /// What stands there.
+        found: f64,
+    },
+    /// A displacement that is no number.
+    #[error("row {row}: `displacement` [y={y}][x={x}] is {found}")]
+    NotFinite {
+        /// Which row.
+        row: usize,
+        /// From below.
+        y: usize,
+        /// From the left.
+        x: usize,
+        /// What stands there.
+        found: f64,
+    },
+    /// A corner of the frame that moves.
+    #[error("row {row}: the frame moves by {found_mm:.3e} mm at [y={y}][x={x}]")]
+    Frame {
+        /// Which row.
+        row: usize,
+        /// From below.
+        y: usize,
+        /// From the left.
+        x: usize,
+        /// How far.
+        found_mm: f64,
+    },
+    /// A displacement out of the membrane.
+    #[error("row {row}: `displacement` [y={y}][x={x}] is {found_mm} mm on a membrane of {side_mm} mm")]
+    Far {
+        /// Which row.
+        row: usize,
+        /// From below.
+        y: usize,
+        /// From the left.
+        x: usize,
+        /// How far.
+        found_mm: f64,
+        /// The side of the membrane.
+        side_mm: f64,
+    },
+    /// Columns of other names.
+    #[error("its columns are {0}")]
+    Columns(String),
+    /// A line of separated values.
+    #[error("line {line}: {why}")]
+    Line {
+        /// From 1.
+        line: u64,
+        /// What is wrong with it.
+        why: String,
+    },
+    /// A sample without all corners.
+    #[error("sample {sample} has no line for the corner x = {x_mm} mm, y = {y_mm} mm")]
+    Corner {
+        /// Its number.
+        sample: u64,
+        /// The corner.
+        x_mm: f64,
+        /// The corner.
+        y_mm: f64,
+    },
+}
+
+impl ImportError {
+    /// What to do about it.
+    #[must_use]
+    pub fn help(&self) -> String {
+        match self {
+            Self::Extension(_) => "allowed: FILE.npz, FILE.h5, FILE.hdf5, FILE.csv".to_owned(),
+            Self::Unreadable(_) | Self::Overlong { .. } => "it is cut off, damaged or something else; write it again".to_owned(),
+            Self::Missing { .. } => "needed: `patterns` (n, 50, 50) of 0 and 1, and `displacement` (n, 51, 51, 2) in mm".to_owned(),
+            Self::Shape { wanted, .. } => {
+                let row: Vec<String> = wanted.iter().map(u64::to_string).collect();
+                format!("allowed: (n, {})", row.join(", "))
+            }
+            Self::Lengths { .. } => "each pattern has one field, in the same order".to_owned(),
+            Self::Empty | Self::Rows(_) => format!("allowed: 1 to {MOST} rows"),
+            Self::Elements { .. } => "allowed: booleans, integers, floats".to_owned(),
+            Self::Units(_) => "displacements are taken in mm: convert them, and say so by `units`".to_owned(),
+            Self::Estimate { .. } => "labels that a model learns from have to be simulated or measured".to_owned(),
+            Self::Cell { .. } => "a cell is 0 (bare) or 1 (electrode)".to_owned(),
+            Self::NotFinite { .. } => "leave out what has no displacement: a row has one at each of its 51 × 51 corners".to_owned(),
+            Self::Frame { .. } => "the membrane is clamped: its edges stay where they are, but for 1e-6 mm of rounding".to_owned(),
+            Self::Far { .. } => "displacements are taken in mm: divide µm by 1000, multiply m by 1000".to_owned(),
+            Self::Columns(_) => format!("the first line is {}", super::csv::COLUMNS.join(",")),
+            Self::Line { .. } | Self::Corner { .. } => {
+                "a sample has a line for each of its 51 × 51 corners; `electrode` is 0 or 1 of the cell to the upper right, empty on the \
+                 right and upper edges"
+                    .to_owned()
+            }
+        }
+    }
+}
+
+fn shape(extents: &[u64]) -> String {
+    match extents {
+        [one] => format!("({one},)"),
+        _ => format!(
+            "({})",
+            extents.iter().map(u64::to_string).collect::<Vec<_>>().join(", ")
+        ),
+    }
+}
+
+/// At most a dozen names.
+fn listed(names: &[String]) -> String {
+    let shown: Vec<&str> = names.iter().take(12).map(String::as_str).collect();
+    match shown.is_empty() {
+        true => "nothing".to_owned(),
+        false => shown.join(", "),
+    }
+}

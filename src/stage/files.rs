@@ -1,0 +1,87 @@
+//! The files that a stage names: relative to the pipeline's file, and in its folder or below.
+
+use std::path::{Path, PathBuf};
+
+use crate::base::{Canonical, InputError, Node, Parameter, Schema, confined};
+use crate::pattern::split_h5;
+
+/// The key under which they stand.
+const KEY: &str = "files";
+
+/// The name of a file, with a dataset in it where that is to be named: `own.h5:/patterns`. What a stage makes depends on what is in the
+/// file and not on its name, so a name has no canonical value.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FileName(String);
+
+impl Parameter for FileName {
+    type Limits = ();
+    type Literal = Self;
+
+    fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
+        node.text(key).map(|name| Self(name.to_owned()))
+    }
+
+    fn canonical(&self) -> Option<Canonical> {
+        None
+    }
+
+    fn schema((): &()) -> Schema {
+        Schema::text()
+    }
+
+    fn literal(literal: Self) -> Self {
+        literal
+    }
+}
+
+/// A file that a stage names, where it is.
+pub struct NamedFile<'a> {
+    node: &'a Node,
+    name: &'a str,
+    /// The file, links followed.
+    pub path: PathBuf,
+    /// The dataset in it, where one is named.
+    pub dataset: Option<&'a str>,
+}
+
+impl<'a> NamedFile<'a> {
+    /// The files of a stage, in order.
+    ///
+    /// # Errors
+    /// When one does not exist, or is outside the folder of the pipeline.
+    pub fn of_stage(stage: &'a Node) -> Result<Vec<Self>, InputError> {
+        let folder = stage.file().parent().unwrap_or(Path::new(""));
+        let names = stage.peek(KEY).map(|names| names.list(KEY)).transpose()?;
+        names
+            .unwrap_or_default()
+            .iter()
+            .map(|node| Self::find(node, folder))
+            .collect()
+    }
+
+    fn find(node: &'a Node, folder: &Path) -> Result<Self, InputError> {
+        let name = node.text(KEY)?;
+        let (file, dataset) = match split_h5(name) {
+            Some((file, dataset)) => (file, Some(dataset)),
+            None => (name, None),
+        };
+        let found = confined(folder, Path::new(file));
+        let mut named = Self {
+            node,
+            name,
+            path: PathBuf::new(),
+            dataset,
+        };
+        named.path = found.map_err(|why| named.refused(&why, why.help()))?;
+        Ok(named)
+    }
+
+    /// The refusal of the file, with advice.
+    pub fn refused(&self, why: &dyn std::fmt::Display, help: &str) -> InputError {
+        let refusal = self.node.error(format!("the file {}: {why}", self.name));
+        match help {
+            "" => refusal,
+            help => refusal.help(help),
+        }
+    }
+}

@@ -1,0 +1,153 @@
+//! `kind: patterns` takes the electrode patterns of a person from files.
+//!
+//! They are known by their cells. The same patterns under another name or in another format are the same artifact, and the files are read
+//! once, so that what is built is what was planned even where a file changes meanwhile.
+
+use super::files::{FileName, NamedFile};
+use super::results;
+use super::sample::CHUNK;
+use crate::base::{Canonical, Declared, DigestWriter, Fields, InputError, Node, parameters};
+use crate::content::{FROM_FILE, SampleRows, Samples};
+use crate::orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
+use crate::pattern::{Pattern, read_patterns_of};
+use crate::store::{Artifact, Object};
+
+/// The name of the kind.
+pub const NAME: &str = "patterns";
+
+/// The most patterns of a stage.
+const MOST: usize = 20_000;
+
+/// The kind `patterns`.
+pub struct PatternsKind;
+
+impl Kind for PatternsKind {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn recipe(&self) -> u32 {
+        1
+    }
+
+    fn results(&self, artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {
+        results::of_samples(artifact)
+    }
+
+    fn needs(&self) -> Needs {
+        Needs {
+            kinds: &[],
+            least: 0,
+            most: 0,
+        }
+    }
+
+    fn schema(&self) -> Vec<Fields> {
+        vec![PatternsParameters::fields()]
+    }
+
+    fn read(&self, stage: &Node, _scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
+        PatternsParameters::read_with(stage, &["kind"])?;
+        let mut patterns = Vec::new();
+        for file in NamedFile::of_stage(stage)? {
+            let read = read_patterns_of(&file.path, file.dataset);
+            patterns.extend(read.map_err(|refusal| file.refused(&refusal, refusal.advice()))?);
+            if patterns.len() > MOST {
+                let why = format!("with it the stage has {} patterns", patterns.len());
+                return Err(file.refused(
+                    &why,
+                    &format!("allowed: at most {MOST}; use another stage for the others"),
+                ));
+            }
+        }
+        Ok(Box::new(PatternsStage::new(patterns)))
+    }
+}
+
+parameters! {
+    /// Takes electrode patterns from files, to be simulated beside others.
+    struct PatternsParameters as "a patterns stage" {
+        /// FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset, relative to the pipeline's file; their patterns stand end to end.
+        files: Vec<FileName> [((), 1..=1000)],
+    }
+}
+
+struct PatternsStage {
+    patterns: Vec<Pattern>,
+    /// The parameters of each chunk.
+    chunks: Vec<Canonical>,
+}
+
+impl PatternsStage {
+    fn new(patterns: Vec<Pattern>) -> Self {
+        let starts = (0_u64..).step_by(CHUNK as usize);
+        let chunk = |(patterns, start): (&[Pattern], u64)| {
+            Canonical::map(described(patterns).into_iter().chain([("start", start.into())]))
+        };
+        Self {
+            chunks: patterns.chunks(CHUNK as usize).zip(starts).map(chunk).collect(),
+            patterns,
+        }
+    }
+}
+
+/// What patterns are known by.
+fn described(patterns: &[Pattern]) -> [(&'static str, Canonical); 2] {
+    let mut digest = DigestWriter::new();
+    for pattern in patterns {
+        digest.bytes(pattern.cells());
+    }
+    [
+        ("patterns", digest.finish().to_string().as_str().into()),
+        ("count", (patterns.len() as u64).into()),
+    ]
+}
+
+impl Stage for PatternsStage {
+    fn parameters(&self) -> Canonical {
+        Canonical::map(described(&self.patterns))
+    }
+
+    fn plan(&self, _inputs: &[Input]) -> Plan {
+        let chunk = |(parameters, patterns): (&Canonical, &[Pattern])| Chunk {
+            parameters: parameters.clone(),
+            inputs: Vec::new(),
+            samples: patterns.len() as u64,
+        };
+        Plan::Chunks(
+            self.chunks
+                .iter()
+                .zip(self.patterns.chunks(CHUNK as usize))
+                .map(chunk)
+                .collect(),
+        )
+    }
+
+    fn pieces(&self, _inputs: u64) -> u64 {
+        self.chunks.len() as u64
+    }
+
+    fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
+        let own = |chunk: &Chunk| {
+            self.chunks
+                .iter()
+                .position(|parameters| *parameters == chunk.parameters)
+        };
+        let index = job.chunk.and_then(own);
+        let index = index.ok_or_else(|| StageError::Failed("the chunk is not one of this stage's".to_owned()))?;
+        let first = index * CHUNK as usize;
+        let patterns: Vec<Pattern> = self.patterns.iter().skip(first).take(CHUNK as usize).cloned().collect();
+        job.progress.advance(patterns.len() as u64);
+        let n = patterns.len();
+        let samples = Samples {
+            area: patterns.iter().map(Pattern::area_fraction).collect(),
+            rows: SampleRows {
+                family: vec![FROM_FILE.to_owned(); n],
+                index: (first as u64..).take(n).collect(),
+                units: vec![0; n],
+                patterns,
+            },
+        };
+        Ok(samples.object())
+    }
+}
