@@ -161,9 +161,12 @@ class Artifact(Mapping[str, np.ndarray]):
     def to_pandas(self, along: Optional[str] = None) -> Any:
         """A `pandas.DataFrame` with a row for each place of an axis, by default the one that most arrays of one dimension have.
 
-        Columns are as in `deaflow show --csv`, without units in their names: those stand in `frame.attrs["units"]`.
+        Columns are as in `deaflow show --csv`, without units in their names: those stand in `frame.attrs["units"]`. A table is what it
+        says, with NaN where a stage has no such result.
         """
         pandas = _needed("pandas")
+        if self.kind == "table" and along is None:
+            return self._table(pandas)
         axis = along if along is not None else self._main_axis()
         lengths = [self.shapes[name][0] for name in self if self.dims[name][:1] == (axis,)]
         if not lengths:
@@ -184,6 +187,17 @@ class Artifact(Mapping[str, np.ndarray]):
         frame = pandas.DataFrame(columns)
         frame.index.name = axis
         frame.attrs = {"units": units, "digest": self.digest}
+        return frame
+
+    def _table(self, pandas: Any) -> Any:
+        text, value, is_number = self["text"], self["value"], self["is_number"] == 1
+        columns = {}
+        for k, name in enumerate(self["columns"]):
+            words = self["units"][k] == ""
+            columns[name] = text[:, k] if words else np.where(is_number[:, k], value[:, k], np.nan)
+        frame = pandas.DataFrame(columns)
+        frame.index.name = "row"
+        frame.attrs = {"units": dict(zip(self["columns"], self["units"])), "digest": self.digest}
         return frame
 
     def _main_axis(self) -> str:
