@@ -144,10 +144,10 @@ fn names(array: &Content) -> Vec<String> {
     names.into_iter().map(|name| name + &unit).collect()
 }
 
-/// Elements as text, numbers with all digits that tell them apart.
+/// Elements as text, numbers with all digits that tell them apart and no zeros beyond.
 fn cells(data: &Data) -> Vec<String> {
-    fn each<T: ToString>(values: &[T]) -> Vec<String> {
-        values.iter().map(ToString::to_string).collect()
+    fn each<T: std::fmt::Debug>(values: &[T]) -> Vec<String> {
+        values.iter().map(|value| format!("{value:?}")).collect()
     }
     match data {
         Data::U8(v) => each(v),
@@ -181,6 +181,12 @@ mod tests {
         let bounds = array("v", "V", &[3, 2, 2], &["row", "bound", "xy"]);
         assert_eq!(names(&bounds), ["v.0.x_V", "v.0.y_V", "v.1.x_V", "v.1.y_V"]);
         assert_eq!(names(&array("none", "", &[3, 0], &["row", "x"])), [""; 0]);
+    }
+
+    #[test]
+    fn numbers_have_their_digits_and_no_more() {
+        assert_eq!(cells(&Data::F64(vec![0.1, 2.0, 1.5e-9])), ["0.1", "2.0", "1.5e-9"]);
+        assert_eq!(cells(&Data::U64(vec![3])), ["3"]);
     }
 
     #[test]

@@ -192,7 +192,6 @@ impl ResearchObject {
                 "@id": program_id(program),
                 "@type": "SoftwareApplication",
                 "name": "deaflow",
-                "version": program[0],
                 "softwareVersion": format!("{} (build {})", program[0], program[1]),
                 "identifier": program[1],
             })

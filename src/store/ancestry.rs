@@ -1,5 +1,6 @@
 //! The actions that an artifact goes back to, as records and provenance tell them.
 
+use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::artifact::Artifact;
@@ -47,10 +48,10 @@ impl Store {
         let mut found = BTreeMap::new();
         let mut open = vec![artifact.digest()];
         while let Some(digest) = open.pop() {
-            if !found.contains_key(&digest) {
+            if let Entry::Vacant(free) = found.entry(digest) {
                 let ancestor = self.ancestor(digest)?;
                 open.extend(&ancestor.inputs);
-                found.insert(digest, ancestor);
+                free.insert(ancestor);
             }
         }
         let order = inputs_last(artifact.digest(), &found);
