@@ -265,6 +265,7 @@ fn an_audit_says_whether_imported_labels_agree_with_the_model() {
     };
     let sound = audit("a.npz");
     assert_eq!(sound.code, Some(0), "{}{}", sound.stdout, sound.stderr);
+    assert_eq!(sound.json()["provenance"]["from_files"], true);
     fields[3 * 5202..4 * 5202].iter_mut().for_each(|value| *value *= 1.2);
     npz(&workspace.path("b.npz"), &cells, &fields);
     let wrong = audit("b.npz");
