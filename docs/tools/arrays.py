@@ -30,13 +30,26 @@ def row(array):
     return f"| {path} | {array['type']} | {axes(array)} | {array['units']} | {array['description']} |"
 
 
+def heading(name):
+    """The name of a kind, or a description of a file."""
+    return f"`{name}`" if " " not in name else name[0].upper() + name[1:]
+
+
 def main():
     """Writes the page."""
     print(HEAD)
     parts = []
-    for kind in json.load(sys.stdin):
-        name = kind["kind"]
-        title = f"`{name}`" if " " not in name else name[0].upper() + name[1:]
+    kinds = json.load(sys.stdin)
+    # Kinds with the same content stand together.
+    contents = []
+    for kind in kinds:
+        content = (kind["arrays"], kind["attributes"])
+        if content not in contents:
+            contents.append(content)
+    for content in contents:
+        alike = [kind for kind in kinds if (kind["arrays"], kind["attributes"]) == content]
+        kind = alike[0]
+        title = ", ".join(heading(other["kind"]) for other in alike)
         lines = [f"## {title}", "", "| array | type | axes | unit | |", "|---|---|---|---|---|"]
         lines += [row(array) for array in kind["arrays"]]
         if kind["attributes"]:

@@ -30,8 +30,10 @@ pub fn catalogue() -> Vec<ContentOfKind> {
         };
     }
     kinds! {
-        "sample and patterns": Samples,
-        "solve and import": Solutions,
+        "sample": Samples,
+        "patterns": Samples,
+        "solve": Solutions,
+        "import": Solutions,
         "balance": Balanced,
         "train": Training,
         "calibrate": Calibration,

@@ -70,7 +70,7 @@ impl DesignFilter<'_> {
     }
 
     /// The row of the design that is wanted. Where only the target is known, that of the first role of refined, ga, optimum,
-    /// intuitive that it has, and of that role the first.
+    /// intuitive, own that it has, and of that role the first.
     ///
     /// # Errors
     /// When none is as wanted, or several targets or kinds of designs are: with a list of them.

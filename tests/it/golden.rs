@@ -11,7 +11,7 @@ use std::path::Path;
 use hdf5::types::{FixedUnicode, TypeDescriptor};
 use serde_json::{Value, json};
 
-use super::common::{Workspace, files};
+use super::common::{Workspace, csv, files};
 
 const GOLDEN: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/it/golden.json");
 
@@ -30,6 +30,28 @@ const JUDGED: [&str; 8] = [
     "stages.intervals={ kind: calibrate, needs: [surrogate, unseen], seed: 1 }",
     "stages.evaluated={ kind: evaluate, needs: [surrogate, fresh], estimates: [linear] }",
 ];
+
+/// Stages that read files of a person.
+const OWN: [&str; 3] = [
+    "stages.own={ kind: patterns, files: [own.csv] }",
+    "stages.beside={ kind: verify, needs: [climbed, own], elements_per_cell: 1 }",
+    "stages.labels={ kind: import, files: [labels.csv] }",
+];
+
+/// A pattern with a field, as an import stage reads it.
+fn labels() -> String {
+    let line = |x: u32, y: u32| {
+        let [sx, sy] = [x, y].map(|place| f64::from(place * (50 - place)) / 625.0);
+        let electrode = if x < 50 && y < 50 {
+            u32::from(x < 25).to_string()
+        } else {
+            String::new()
+        };
+        format!("0,{x},{y},{},{},{electrode}\n", 0.5 * sx * sy, -0.25 * sx * sy)
+    };
+    let lines: String = (0..51).flat_map(|y| (0..51).map(move |x| line(x, y))).collect();
+    format!("sample,x_mm,y_mm,ux_mm,uy_mm,electrode\n{lines}")
+}
 
 /// Every dataset of an artifact: exact for whole numbers and texts, (mean, rms) for reals.
 fn fingerprint(path: &Path) -> BTreeMap<String, Value> {
@@ -105,6 +127,9 @@ fn an_output_changes_only_with_its_recipe() {
     let mut arguments = vec!["run", "tiny.yaml", "--set", audited];
     JUDGED.iter().for_each(|stage| arguments.extend(["--set", stage]));
     arguments.extend(["--set", CLIMBED]);
+    workspace.write("own.csv", &csv(|x, y| x < 20 && y > 3));
+    workspace.write("labels.csv", &labels());
+    OWN.iter().for_each(|stage| arguments.extend(["--set", stage]));
     let digests = workspace.stages(&arguments).digests();
     let artifacts = files(&workspace.path("store/objects"));
     let mut found = serde_json::Map::new();
@@ -126,6 +151,9 @@ fn an_output_changes_only_with_its_recipe() {
         "intervals",
         "evaluated",
         "climbed",
+        "own",
+        "beside",
+        "labels",
     ] {
         let path = artifacts
             .iter()

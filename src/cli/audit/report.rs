@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use serde::Serialize;
 use serde_json::{Value, json};
 
 use crate::base::ArtifactId;
@@ -12,6 +13,17 @@ use crate::report::figures::{Membrane, draw_audit, membrane_drawing};
 use crate::report::{Page, audited};
 use crate::stage::audit::{Audited, Finding, Lineage, Severity, SourceRows, Summary, rows, sort};
 
+/// What a dataset goes back to.
+#[derive(Debug, Serialize)]
+struct Origins {
+    /// Artifacts that it was made from, chunks included.
+    artifacts: usize,
+    /// The seeds of its samples, each once.
+    seeds: Vec<String>,
+    /// Whether any of it was read from files of a person.
+    from_files: bool,
+}
+
 /// An audit that has been carried out.
 pub struct Answer {
     dataset: String,
@@ -20,7 +32,7 @@ pub struct Answer {
     /// What is wrong.
     pub findings: Vec<Finding>,
     summary: Summary,
-    lineage: Option<(usize, Vec<String>)>,
+    lineage: Option<Origins>,
     /// The audit's artifact.
     pub digest: Option<ArtifactId>,
     /// What it took, s.
@@ -69,7 +81,11 @@ impl Answer {
         let mut seeds: Vec<String> = lineage.seeds.values().cloned().collect();
         seeds.sort_unstable();
         seeds.dedup();
-        self.lineage = Some((lineage.artifacts, seeds));
+        self.lineage = Some(Origins {
+            artifacts: lineage.artifacts,
+            seeds,
+            from_files: lineage.from_files,
+        });
         self.findings.extend(lineage.findings.iter().cloned());
         sort(&mut self.findings);
     }
@@ -80,7 +96,7 @@ impl Answer {
             "dataset": self.dataset,
             "findings": self.findings,
             "summary": self.summary,
-            "provenance": self.lineage.as_ref().map(|(artifacts, seeds)| json!({ "artifacts": artifacts, "seeds": seeds })),
+            "provenance": self.lineage,
             "artifact": self.digest.map(|digest| digest.to_string()),
             "seconds": self.seconds,
             "files": files,
@@ -127,12 +143,14 @@ impl Answer {
             let parts: Vec<String> = summary.splits.iter().map(|(name, n)| format!("{name} {n}")).collect();
             lines.push(format!("parts: {}", parts.join(", ")));
         }
-        if let Some((artifacts, seeds)) = &self.lineage {
-            lines.push(format!(
-                "made from {} artifacts, back to {} of samples",
-                artifacts,
-                counted(seeds.len(), "seed")
-            ));
+        if let Some(origins) = &self.lineage {
+            let seeds = counted(origins.seeds.len(), "seed");
+            let back_to = match (origins.seeds.is_empty(), origins.from_files) {
+                (true, true) => "files".to_owned(),
+                (false, true) => format!("{seeds} of samples and to files"),
+                (_, false) => format!("{seeds} of samples"),
+            };
+            lines.push(format!("made from {} artifacts, back to {back_to}", origins.artifacts));
         }
         lines
     }

@@ -159,7 +159,7 @@ impl ImportError {
             }
             Self::Lengths { .. } => "each pattern has one field, in the same order".to_owned(),
             Self::Empty | Self::Rows(_) => format!("allowed: 1 to {MOST} rows"),
-            Self::Elements { .. } => "allowed: booleans, integers, floats".to_owned(),
+            Self::Elements { .. } => "allowed: booleans, integers and floats in C or Fortran order, as numpy.savez writes them".to_owned(),
             Self::Units(_) => "displacements are taken in mm: convert them, and say so by `units`".to_owned(),
             Self::Estimate { .. } => "labels that a model learns from have to be simulated or measured".to_owned(),
             Self::Cell { .. } => "a cell is 0 (bare) or 1 (electrode)".to_owned(),

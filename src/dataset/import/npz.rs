@@ -34,11 +34,12 @@ struct Member {
     header: NpyHeader,
 }
 
-/// Where the bytes of a member begin in the file, how many there are, and how many are packed in them.
+/// Where the bytes of a member begin in the file, how many there are, and how many are packed in them, with what checksum.
 struct Place {
     start: u64,
     packed: u64,
     size: u64,
+    checksum: u32,
     is_deflated: bool,
 }
 
@@ -50,11 +51,15 @@ impl Npz {
             .map_err(|e| ImportError::Unreadable(format!("not a NumPy archive: {e}")))?;
         let patterns = Member::find(&mut archive, path, PATTERNS.0)?;
         let displacement = Member::find(&mut archive, path, DISPLACEMENT.0)?;
+        // What is unpacked is bounded by then.
+        let len = count(&patterns.header.shape, &displacement.header.shape)?;
+        patterns.check(path)?;
+        displacement.check(path)?;
         Ok(Self {
-            len: count(&patterns.header.shape, &displacement.header.shape)?,
             path: path.to_owned(),
             patterns,
             displacement,
+            len,
         })
     }
 
@@ -71,72 +76,38 @@ impl Npz {
 }
 
 impl Member {
+    /// An array whose length is that of its shape.
     fn find(archive: &mut ZipArchive<BufReader<File>>, path: &Path, name: &'static str) -> Result<Self, ImportError> {
-        let there = || archive.file_names().map(|name| name.unwrap_or_default().into_owned());
-        let index = archive.index_for_name(&format!("{name}.npy"));
-        let index = index.ok_or_else(|| ImportError::Missing {
-            name,
-            there: there().collect(),
-        })?;
-        let elements = |why: String| ImportError::Elements { name, why };
-        let member = archive.by_index_raw(index).map_err(|e| elements(e.to_string()))?;
-        let method = member.compression();
-        let is_deflated = method == CompressionMethod::DEFLATE;
-        if member.encrypted() || !(is_deflated || method == CompressionMethod::STORE) {
-            return Err(elements(
-                "it is neither stored nor deflated, but packed in another way".to_owned(),
-            ));
-        }
-        let (packed, size, checksum) = (member.compressed_size(), member.size(), member.crc32());
-        let start = member
-            .data_start()
-            .ok_or_else(|| elements("it has no place in the file".to_owned()))?;
         let bytes = std::fs::metadata(path).map_err(unreadable)?.len();
-        let most = if is_deflated {
-            packed.saturating_mul(PACKED)
-        } else {
-            packed
-        };
-        if start.checked_add(packed).is_none_or(|end| end > bytes) || size > most {
-            return Err(ImportError::Overlong {
-                name,
-                claimed: size.max(packed),
-                bytes,
-            });
-        }
-        let place = Place {
-            start,
-            packed,
-            size,
-            is_deflated,
-        };
+        let place = Place::find(archive, name, bytes)?;
+        let elements = |why: String| ImportError::Elements { name, why };
         let header = NpyHeader::read(&mut place.read(path, 0)?).map_err(|e| elements(e.to_string()))?;
-        let found = Self { name, place, header };
-        found.check(path, checksum, bytes)?;
-        Ok(found)
+        let data = header.data_bytes().and_then(|data| data.checked_add(header.bytes));
+        let size = place.size;
+        match data {
+            Some(data) if data == size => {}
+            Some(data) => return Err(elements(format!("its shape takes {data} bytes, and it has {size}"))),
+            None => return Err(elements("its shape takes more bytes than can be counted".to_owned())),
+        }
+        if header.fortran && size > MOST_FORTRAN {
+            return Err(elements(format!(
+                "it has {size} bytes in Fortran order; write it in C order"
+            )));
+        }
+        Ok(Self { name, place, header })
     }
 
-    /// Refuses an array of another length than its shape says, or other bytes than were written.
-    fn check(&self, path: &Path, checksum: u32, bytes: u64) -> Result<(), ImportError> {
-        let (name, size) = (self.name, self.place.size);
-        let data = self.header.data_bytes();
-        let claimed = data
-            .and_then(|data| data.checked_add(self.header.bytes))
-            .unwrap_or(u64::MAX);
-        if claimed != size {
-            return Err(ImportError::Overlong { name, claimed, bytes });
-        }
-        if self.header.fortran && size > MOST_FORTRAN {
-            let why = format!("it has {size} bytes in Fortran order; write it in C order");
-            return Err(ImportError::Elements { name, why });
-        }
+    /// Refuses other bytes than were written.
+    fn check(&self, path: &Path) -> Result<(), ImportError> {
         let mut whole = CrcReader::new(self.place.read(path, 0)?);
         let read = io::copy(&mut whole, &mut io::sink()).map_err(unreadable)?;
-        if read != size || whole.crc().sum() != checksum {
-            let why = "its bytes are not those that were written".to_owned();
-            return Err(ImportError::Elements { name, why });
+        match read == self.place.size && whole.crc().sum() == self.place.checksum {
+            true => Ok(()),
+            false => Err(ImportError::Elements {
+                name: self.name,
+                why: "its bytes are not those that were written".to_owned(),
+            }),
         }
-        Ok(())
     }
 
     fn numbers(&self, path: &Path, rows: Range<usize>) -> Result<Vec<f64>, ImportError> {
@@ -186,6 +157,40 @@ impl Member {
 }
 
 impl Place {
+    /// Where an array is in a file of so many bytes.
+    fn find(archive: &mut ZipArchive<BufReader<File>>, name: &'static str, bytes: u64) -> Result<Self, ImportError> {
+        let Some(index) = archive.index_for_name(&format!("{name}.npy")) else {
+            let there = archive.file_names().map(|name| name.unwrap_or_default().into_owned());
+            let there = there.collect();
+            return Err(ImportError::Missing { name, there });
+        };
+        let elements = |why: &str| ImportError::Elements {
+            name,
+            why: why.to_owned(),
+        };
+        let member = archive.by_index_raw(index).map_err(|e| elements(&e.to_string()))?;
+        let method = member.compression();
+        let is_deflated = method == CompressionMethod::DEFLATE;
+        if member.encrypted() || !(is_deflated || method == CompressionMethod::STORE) {
+            return Err(elements("it is neither stored nor deflated, but packed in another way"));
+        }
+        let found = Self {
+            start: member
+                .data_start()
+                .ok_or_else(|| elements("it has no place in the file"))?,
+            packed: member.compressed_size(),
+            size: member.size(),
+            checksum: member.crc32(),
+            is_deflated,
+        };
+        let most = found.packed.saturating_mul(if is_deflated { PACKED } else { 1 });
+        if found.start.checked_add(found.packed).is_none_or(|end| end > bytes) || found.size > most {
+            let claimed = found.size.max(found.packed);
+            return Err(ImportError::Overlong { name, claimed, bytes });
+        }
+        Ok(found)
+    }
+
     /// The bytes of the member from some place on, and no more than there should be.
     fn read(&self, path: &Path, place: u64) -> Result<Box<dyn Read>, ImportError> {
         let mut file = open_regular(path).map_err(unreadable)?;

@@ -29,8 +29,8 @@ pub struct Lineage {
     pub artifacts: usize,
     /// Seeds by the digest of the samples that they gave.
     pub seeds: BTreeMap<ArtifactId, String>,
-    /// Artifacts that were made from files, which no seed gives.
-    pub from_files: usize,
+    /// Whether any of it was read from files of a person, which no seed gives.
+    pub from_files: bool,
     /// What is wrong with it.
     pub findings: Vec<Finding>,
 }
@@ -62,7 +62,7 @@ pub fn trace(store: &Store, artifact: &Artifact) -> Result<Lineage, StoreError> 
         open.extend(ancestor.parts());
         open.extend(step(store, &ancestor, &mut lineage)?);
     }
-    if lineage.seeds.is_empty() && lineage.from_files == 0 {
+    if lineage.seeds.is_empty() && !lineage.from_files {
         let message =
             "it goes back to no seed and no file: no stage that draws or reads is among what it was made from";
         lineage
@@ -97,9 +97,7 @@ fn step(store: &Store, artifact: &Artifact, lineage: &mut Lineage) -> Result<Vec
             record.artifact.short()
         ));
     }
-    if record.action.inputs.is_empty() && FROM_FILES.contains(&artifact.kind()) {
-        lineage.from_files += 1;
-    }
+    lineage.from_files |= FROM_FILES.contains(&artifact.kind());
     if artifact.kind() == "sample" {
         let leaves = record.action.parameters.leaves();
         let seed = leaves
