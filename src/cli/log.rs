@@ -10,7 +10,7 @@ use super::arguments::StoreArguments;
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::{csv, locate, run, table};
-use crate::store::{Command, Ended, Run, Store};
+use crate::store::{Command, Ended, Run, Store, StoreError};
 
 /// Runs that people are shown unless they ask for others.
 const SHOWN: usize = 20;
@@ -41,10 +41,8 @@ pub fn execute(arguments: &LogArguments, output: &Output) -> Result<Exit, CliErr
     if output.is_json() {
         output.document(&json!({ "runs": runs.iter().map(document).collect::<Vec<_>>() }))?;
     } else if arguments.csv {
-        output.text(&csv::text(
-            &header(&runs),
-            runs.iter().map(|run| row(run, &names(&runs))),
-        )?)?;
+        let names = names(&runs);
+        output.text(&csv::text(&header(&names), runs.iter().map(|run| row(run, &names)))?)?;
     } else {
         output.text(&text(&runs, more, arguments.pipeline.is_none()))?;
     }
@@ -54,8 +52,12 @@ pub fn execute(arguments: &LogArguments, output: &Output) -> Result<Exit, CliErr
 /// The last runs, of one pipeline or of all, newest first; and whether there are more.
 fn past(store: &Store, pipeline: Option<&Path>, most: Option<usize>) -> Result<(Vec<Run>, bool), CliError> {
     let wanted = pipeline.map(|path| (locate::absolute(path), name_in(path)));
+    let all: Box<dyn Iterator<Item = Result<Run, StoreError>>> = match most {
+        None => Box::new(store.runs()?.all()?.into_iter().map(Ok)),
+        Some(_) => Box::new(store.runs()?),
+    };
     let mut runs = Vec::new();
-    for run in store.runs()? {
+    for run in all {
         let run = run?;
         if wanted.as_ref().is_some_and(|(path, name)| !run.is_of(path, name)) {
             continue;
@@ -128,7 +130,7 @@ fn names(runs: &[Run]) -> BTreeSet<&str> {
         .collect()
 }
 
-fn header(runs: &[Run]) -> Vec<String> {
+fn header(results: &BTreeSet<&str>) -> Vec<String> {
     let fixed = [
         "id",
         "created",
@@ -142,7 +144,7 @@ fn header(runs: &[Run]) -> Vec<String> {
         "failed",
     ];
     let fixed = fixed.iter().map(|title| (*title).to_owned());
-    fixed.chain(names(runs).into_iter().map(str::to_owned)).collect()
+    fixed.chain(results.iter().map(|name| (*name).to_owned())).collect()
 }
 
 fn row(run: &Run, results: &BTreeSet<&str>) -> Vec<String> {

@@ -1,16 +1,19 @@
 //! What a pipeline leaves out of its simulations.
 
-use crate::fem::SetupError;
+use super::error::CliError;
+use crate::base::Digest;
+use crate::content::SOLVED;
 use crate::fem::screening::Screened;
-use crate::orchestrator::Pipeline;
+use crate::orchestrator::{Pipeline, StageSpec};
 use crate::scene::Scene;
+use crate::store::Store;
 
 /// What stages of a pipeline neglect although it matters, after the names of those among `stages` that simulate. It depends on parts of the
 /// scene that decide about no result (how the drive goes on in time, what is known of the material), so it stands in no artifact.
 ///
 /// # Errors
 /// When the effects of the scene cannot be simulated.
-pub fn neglected(pipeline: &Pipeline, stages: &[&str]) -> Result<Vec<String>, SetupError> {
+pub fn neglected(pipeline: &Pipeline, stages: &[&str], store: &Store) -> Result<Vec<String>, CliError> {
     let mut scenes: Vec<(Scene, Vec<&str>)> = Vec::new();
     for stage in &pipeline.stages {
         if !SIMULATING.contains(&stage.kind.name()) || !stages.contains(&stage.name.as_str()) {
@@ -29,7 +32,7 @@ pub fn neglected(pipeline: &Pipeline, stages: &[&str]) -> Result<Vec<String>, Se
     let mut warnings = Vec::new();
     let looked_at = scenes.len().min(MOST_SCENES);
     for (scene, names) in &scenes[..looked_at] {
-        let found = Screened::new(scene)?.warnings;
+        let found = screened(scene, store)?;
         warnings.extend(found.iter().map(|warning| format!("{}: {warning}", list(names))));
     }
     if looked_at < scenes.len() {
@@ -39,6 +42,38 @@ pub fn neglected(pipeline: &Pipeline, stages: &[&str]) -> Result<Vec<String>, Se
         ));
     }
     Ok(warnings)
+}
+
+/// The warnings of a scene. They follow from it and from this program alone, and take the time of some solutions, so a store keeps them.
+fn screened(scene: &Scene, store: &Store) -> Result<Vec<String>, CliError> {
+    let of = Digest::of(format!("warnings of {}\n{}", env!("DEAFLOW_BUILD"), scene.to_text()).as_bytes());
+    if let Some(known) = store.memo(&of) {
+        return Ok(known);
+    }
+    let found = Screened::new(scene)
+        .map_err(|e| CliError::bad_input(e.to_string()))?
+        .warnings;
+    let found: Vec<String> = found.iter().map(ToString::to_string).collect();
+    // In a store that cannot be written they are found again the next time.
+    store.put_memo(&of, &found).ok();
+    Ok(found)
+}
+
+/// The stages that solve with an effect that tells of breakdown, or may: others need not be looked into for it.
+pub fn may_break_down(pipeline: &Pipeline) -> Vec<String> {
+    let may = |stage: &&StageSpec| {
+        let node = stage.scene.as_ref().or(pipeline.scene.as_ref());
+        let Some(Ok(scene)) = node.map(Scene::read) else {
+            return false;
+        };
+        SOLVED.contains(&stage.kind.name()) && (scene.auto || scene.effects.dielectric_breakdown.is_some())
+    };
+    pipeline
+        .stages
+        .iter()
+        .filter(may)
+        .map(|stage| stage.name.clone())
+        .collect()
 }
 
 /// Scenes of a sweep that are screened: each takes about as long as solving a few patterns.

@@ -41,7 +41,7 @@ pub fn execute(arguments: &ReportArguments, output: &Output) -> Result<Exit, Cli
     let stages = plan(&pipeline, &store, arguments.until.as_deref(), &Environment::system())?;
     let mut history = History::of(&pipeline, &stages, &store)?;
     let names: Vec<&str> = stages.iter().map(|stage| stage.name.as_str()).collect();
-    history.neglected = neglected(&pipeline, &names).map_err(|e| CliError::bad_input(e.to_string()))?;
+    history.neglected = neglected(&pipeline, &names, &store)?;
     check(&history, arguments)?;
     // What cannot be written is found before the report is made.
     write::folder(&arguments.output)?;

@@ -8,7 +8,7 @@ use tempfile::TempDir;
 
 use super::arguments::{PipelineArguments, SetArguments, StoreArguments};
 use super::error::CliError;
-use super::neglected::neglected;
+use super::neglected::{may_break_down, neglected};
 use super::output::{Exit, Output};
 use super::progress::{RunProgress, Shown};
 use super::run_log::RunLog;
@@ -106,7 +106,7 @@ pub fn of_pipeline(
     }
     let made = made(&outcome);
     let names: Vec<&str> = made.iter().map(|made| made.stage.as_str()).collect();
-    let neglected = neglected(pipeline, &names).map_err(|e| CliError::bad_input(e.to_string()))?;
+    let neglected = neglected(pipeline, &names, &store)?;
     let file = pipeline.file();
     let artifacts = RunArtifacts {
         store: &store,
@@ -114,7 +114,7 @@ pub fn of_pipeline(
         made: &made,
         rounds: &pipeline.rounds,
     };
-    let results = RunResults::of(&artifacts, &pipeline.name, neglected)?;
+    let results = RunResults::of(&artifacts, &pipeline.name, neglected, &may_break_down(pipeline))?;
     if output.is_json() {
         let mut document = document(&outcome);
         document["pipeline"] = json!(pipeline.name);

@@ -34,7 +34,7 @@ struct Standing {
 
 pub fn execute(arguments: &StatusArguments, output: &Output) -> Result<Exit, CliError> {
     let store = locate::existing_store(&arguments.store.folder())?;
-    let runs = store.runs()?.collect::<Result<Vec<Run>, _>>()?;
+    let runs = store.runs()?.all()?;
     let absolute = |path: &PathBuf| std::path::absolute(path).unwrap_or_else(|_| path.clone());
     let mut paths: Vec<PathBuf> = arguments.pipelines.iter().map(absolute).collect();
     if paths.is_empty() {

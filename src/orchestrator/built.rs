@@ -30,7 +30,7 @@ pub struct Built {
 /// When the store cannot be read.
 pub fn built(pipeline: &Pipeline, store: &Store) -> Result<Built, StoreError> {
     let selection: Vec<usize> = (0..pipeline.stages.len()).collect();
-    let statuses = Planner::new(pipeline, store)?.statuses(&selection)?;
+    let statuses = Planner::new(pipeline, store).statuses(&selection)?;
     let mut built = Built {
         stages: Vec::new(),
         missing: Vec::new(),

@@ -99,7 +99,7 @@ pub fn run(
             return Err(RunError::Locked(differences));
         }
     }
-    let planner = Planner::new(pipeline, store)?;
+    let planner = Planner::new(pipeline, store);
     let statuses = planner.statuses(&selection)?;
     let prices = cost_estimate::prices(pipeline, &selection, &statuses, store, environment)?;
     listener(&started(pipeline, &statuses, &prices));

@@ -41,7 +41,7 @@ pub struct Last {
 /// When there is no such stage, or the store cannot be read.
 pub fn explain(pipeline: &Pipeline, store: &Store, stage: &str) -> Result<Explanation, RunError> {
     let selection = pipeline.selection(Some(stage))?;
-    let planner = Planner::new(pipeline, store)?;
+    let planner = Planner::new(pipeline, store);
     let statuses = planner.statuses(&selection)?;
     let at = selection.iter().position(|&index| pipeline.stages[index].name == stage);
     let at = at.unwrap_or(selection.len() - 1);

@@ -23,7 +23,7 @@ pub fn plan(
     environment: &Environment,
 ) -> Result<Vec<StageReport>, RunError> {
     let selection = pipeline.selection(until)?;
-    let planner = Planner::new(pipeline, store)?;
+    let planner = Planner::new(pipeline, store);
     let statuses = planner.statuses(&selection)?;
     let prices = cost_estimate::prices(pipeline, &selection, &statuses, store, environment)?;
     let mut reports = Vec::with_capacity(selection.len());

@@ -68,8 +68,10 @@ pub struct Planner<'a> {
 }
 
 /// The past runs of a pipeline, read as far back as somebody asked.
+#[derive(Default)]
 struct PastRuns {
-    unread: std::iter::Take<Runs>,
+    /// None before anybody asked.
+    unread: Option<std::iter::Take<Runs>>,
     read: Vec<Arc<Run>>,
 }
 
@@ -129,20 +131,13 @@ pub fn known(work: &Plan, digest: Option<ArtifactId>, parts: &[Option<ArtifactId
 }
 
 impl<'a> Planner<'a> {
-    /// A planner that knows the last runs.
-    ///
-    /// # Errors
-    /// When the store cannot be read.
-    pub fn new(pipeline: &'a Pipeline, store: &'a Store) -> Result<Self, StoreError> {
-        let runs = PastRuns {
-            unread: store.runs()?.take(LOOKED_THROUGH),
-            read: Vec::new(),
-        };
-        Ok(Self {
+    /// A planner that looks past runs up where it needs them.
+    pub fn new(pipeline: &'a Pipeline, store: &'a Store) -> Self {
+        Self {
             pipeline,
             store,
-            runs: Mutex::new(runs),
-        })
+            runs: Mutex::default(),
+        }
     }
 
     /// The status of stages, given by their places in topological order.
@@ -286,12 +281,17 @@ impl<'a> Planner<'a> {
             return Ok(Some(found));
         }
         let file = self.pipeline.file();
-        while let Some(run) = runs.unread.next().transpose()? {
+        let PastRuns { unread, read } = &mut *runs;
+        let unread = match unread {
+            Some(unread) => unread,
+            None => unread.insert(self.store.runs()?.take(LOOKED_THROUGH)),
+        };
+        while let Some(run) = unread.next().transpose()? {
             if !run.is_of(&file, &self.pipeline.name) {
                 continue;
             }
             let run = Arc::new(run);
-            runs.read.push(run.clone());
+            read.push(run.clone());
             if let Some(found) = with_stage(&run) {
                 return Ok(Some(found));
             }

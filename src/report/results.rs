@@ -16,28 +16,48 @@ use super::warnings::warnings;
 use crate::base::{Digest, leads_nowhere_at, read_own, write_output};
 use crate::store::Store;
 
+/// Figures of sweeps that are told one by one.
+const MOST_OF_SWEEPS: usize = 8;
+
 /// What a run found.
 pub struct RunResults {
     of_kinds: Vec<Results>,
     model_warnings: Vec<String>,
     figures: Vec<String>,
+    /// Those of stages of sweeps among them.
+    of_sweeps: BTreeSet<String>,
 }
 
 impl RunResults {
     /// Reads the artifacts of a run and draws the figures that are not there yet. Effects that were neglected although they
-    /// matter are told with the warnings.
+    /// matter are told with the warnings; `may_break_down` are the stages whose scene may have dielectric breakdown.
     ///
     /// # Errors
     /// When an artifact cannot be read or does not hold what its kind promises, or a figure cannot be written.
-    pub fn of(run: &RunArtifacts<'_>, pipeline: &str, neglected: Vec<String>) -> Result<Self, ReportError> {
+    pub fn of(
+        run: &RunArtifacts<'_>,
+        pipeline: &str,
+        neglected: Vec<String>,
+        may_break_down: &[String],
+    ) -> Result<Self, ReportError> {
         let mut of_kinds = Vec::new();
         for presenter in PRESENTERS {
             of_kinds.extend(presenter.results(run)?);
         }
         let figures = draw_figures(PRESENTERS, run, pipeline)?;
+        let swept = run.made.iter().filter(|made| made.stage.contains('@'));
+        let swept: BTreeSet<String> = swept
+            .map(|made| figure_name(&made.stage, &made.digest.to_string(), "").replace("-.png", ""))
+            .collect();
+        let is_swept = |path: &&PathBuf| {
+            let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+            name.rsplit_once('-').is_some_and(|(stage, _)| swept.contains(stage))
+        };
+        let of_sweeps = figures.iter().filter(is_swept).map(|path| path.display().to_string());
         Ok(Self {
+            of_sweeps: of_sweeps.collect(),
             of_kinds,
-            model_warnings: neglected.into_iter().chain(warnings(run)?).collect(),
+            model_warnings: neglected.into_iter().chain(warnings(run, may_break_down)?).collect(),
             figures: figures.iter().map(|path| path.display().to_string()).collect(),
         })
     }
@@ -64,12 +84,27 @@ impl RunResults {
             .flat_map(|results| &results.text)
             .cloned()
             .collect();
-        for (title, lines) in [("model warnings", &self.model_warnings), ("figures", &self.figures)] {
+        for (title, lines) in [
+            ("model warnings", &self.model_warnings),
+            ("figures", &self.told_figures()),
+        ] {
             if !lines.is_empty() {
                 parts.push(format!("{title}:\n  {}", lines.join("\n  ")));
             }
         }
         parts
+    }
+
+    /// The paths of figures; of many of a sweep, how many there are.
+    fn told_figures(&self) -> Vec<String> {
+        if self.of_sweeps.len() <= MOST_OF_SWEEPS {
+            return self.figures.clone();
+        }
+        let others = self.figures.iter().filter(|path| !self.of_sweeps.contains(*path));
+        let folder = self.of_sweeps.first().and_then(|path| Path::new(path).parent());
+        let folder = folder.map_or_else(String::new, |folder| folder.display().to_string());
+        let many = format!("and {} of the stages of sweeps in {folder}", self.of_sweeps.len());
+        others.cloned().chain([many]).collect()
     }
 
     /// The warnings alone, a line for each.

@@ -6,6 +6,9 @@ use serde_json::{Value, json};
 use super::figures::{Curve, Curves};
 use crate::content;
 
+/// Letters of a number that is shown as it is.
+const SHORT: usize = 8;
+
 /// A table that was collected.
 #[derive(Clone, Debug)]
 pub struct Collected {
@@ -45,7 +48,10 @@ impl Collected {
     /// The cells for people.
     #[must_use]
     pub fn shown(&self) -> Vec<Vec<String>> {
-        let shown = |(text, number): &(String, Option<f64>)| number.map_or_else(|| text.clone(), super::format::number);
+        let shown = |(text, number): &(String, Option<f64>)| match number {
+            Some(number) if text.len() > SHORT => super::format::number(*number),
+            _ => text.clone(),
+        };
         self.rows.iter().map(|row| row.iter().map(shown).collect()).collect()
     }
 
@@ -115,7 +121,7 @@ impl Collected {
             .iter_mut()
             .for_each(|curve| curve.points.sort_by(|a, b| a.0.total_cmp(&b.0)));
         (!curves.is_empty()).then(|| Curves {
-            labels: [x, y].map(|at| labelled(&self.columns[at], &self.units[at])),
+            labels: [x, y].map(|at| labelled(&self.columns[at].replace('_', " "), &self.units[at])),
             words: words.unwrap_or_default(),
             curves,
         })

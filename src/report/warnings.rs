@@ -1,17 +1,25 @@
 //! What the artifacts of a run warn of: samples that fail.
 
-use super::artifacts::RunArtifacts;
+use super::artifacts::{Made, RunArtifacts};
 use super::error::ReportError;
 use crate::content::Solutions;
 
 /// The effect under which simulated samples carry a ratio to breakdown.
 const BREAKDOWN: &str = "dielectric_breakdown";
 
-/// The warnings of all stages that simulate, after the name of the stage. Estimates and verified designs say nothing of breakdown.
+/// The warnings of stages that simulate, after the name of the stage; only those are opened whose scene may have the effect. Estimates
+/// and verified designs say nothing of breakdown.
 ///
 /// # Errors
 /// When an artifact cannot be read.
-pub fn warnings(run: &RunArtifacts<'_>) -> Result<Vec<String>, ReportError> {
+pub fn warnings(run: &RunArtifacts<'_>, may_break_down: &[String]) -> Result<Vec<String>, ReportError> {
+    let named: Vec<Made> = run
+        .made
+        .iter()
+        .filter(|made| may_break_down.contains(&made.stage))
+        .cloned()
+        .collect();
+    let run = RunArtifacts { made: &named, ..*run };
     let warning = run.each("solve", |source| {
         // Where the effect is off no chunk but the first is opened.
         let effects = source.of(Solutions::unchecked(source.artifact).effects().text())?;

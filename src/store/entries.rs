@@ -30,6 +30,17 @@ pub fn files_in(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
     Ok(out)
 }
 
+/// Names of everything in a folder, in no order; those that are no text are left out.
+///
+/// # Errors
+/// When the system refuses.
+pub fn names_in(folder: &Path) -> Result<Vec<String>, StoreError> {
+    let names = entries(folder)?
+        .into_iter()
+        .filter_map(|entry| entry.file_name().into_string().ok());
+    Ok(names.collect())
+}
+
 /// Everything in a folder that need not be there, in order. Only where there is nothing at all of its name there is nothing in
 /// it: a folder that cannot be read, or something else in its place, may hide what was in it.
 ///

@@ -3,15 +3,16 @@
 //! They explain the next run ("parameter changed: …"), let a stage be shown by its name, can be listed and compared, and the last of
 //! them are what a collection must keep. They decide nothing: a run is found by its keys whether or not its file is there.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BinaryHeap};
 use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::atomic;
-use super::entries::{files_in, is_file, is_hidden};
+use super::entries::{files_in, is_file, is_hidden, names_in};
 use super::error::StoreError;
 use super::open::Store;
 use crate::base::{ActionKey, ArtifactId, Digest, read_own};
@@ -144,16 +145,39 @@ impl Run {
 
 /// Runs that are read as they are asked for, newest first. A file that cannot be understood is passed over; `fsck` names it.
 pub struct Runs {
-    files: std::vec::IntoIter<PathBuf>,
+    folder: PathBuf,
+    /// Names with what orders them. Most readers want the newest alone, so nothing is sorted beforehand.
+    names: BinaryHeap<(Stamp, String)>,
 }
 
 impl Iterator for Runs {
     type Item = Result<Run, StoreError>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        self.files.find_map(|path| read(&path).transpose())
+        std::iter::from_fn(|| self.names.pop()).find_map(|(_, name)| read(&self.folder.join(name)).transpose())
     }
 }
+
+impl Runs {
+    /// All of them, newest first, read by several threads.
+    ///
+    /// # Errors
+    /// When the system refuses.
+    pub fn all(self) -> Result<Vec<Run>, StoreError> {
+        let paths = self.paths();
+        let runs = paths.par_iter().map(|path| read(path)).collect::<Result<Vec<_>, _>>()?;
+        Ok(runs.into_iter().flatten().collect())
+    }
+
+    /// The files, newest first.
+    fn paths(self) -> Vec<PathBuf> {
+        let sorted = self.names.into_sorted_vec().into_iter().rev();
+        sorted.map(|(_, name)| self.folder.join(name)).collect()
+    }
+}
+
+/// What orders runs: a time, and a number where there are several of one time.
+type Stamp = (String, u64);
 
 impl Store {
     /// Whether something was built or failed in a run, or it says anything else than the last one of its pipeline.
@@ -197,8 +221,12 @@ impl Store {
     /// # Errors
     /// When the system refuses.
     pub fn runs(&self) -> Result<Runs, StoreError> {
+        let folder = self.layout.runs();
+        let named = |name: String| Some((stamp(&name)?, name));
+        let names = names_in(&folder)?.into_iter().filter_map(named).collect::<Vec<_>>();
         Ok(Runs {
-            files: self.run_files()?.into_iter(),
+            folder,
+            names: names.into(),
         })
     }
 
@@ -219,10 +247,7 @@ impl Store {
 
     /// Files of runs, newest first, as their names say. What is named otherwise is none.
     pub(super) fn run_files(&self) -> Result<Vec<PathBuf>, StoreError> {
-        let named = |path: PathBuf| Some((stamp(path.file_name()?.to_str()?)?, path));
-        let mut files: Vec<_> = files_in(&self.layout.runs())?.into_iter().filter_map(named).collect();
-        files.sort_unstable_by(|a, b| b.cmp(a));
-        Ok(files.into_iter().map(|(_, path)| path).collect())
+        Ok(self.runs()?.paths())
     }
 
     /// What lies among the files of runs and is none.
@@ -247,7 +272,7 @@ fn after_newest(run: &Run, newest_first: &[PathBuf]) -> String {
 }
 
 /// Time and number in the name of a run's file: `TIME-DIGEST.json` or `TIME.NUMBER-DIGEST.json`; none where it is named otherwise.
-fn stamp(name: &str) -> Option<(String, u64)> {
+fn stamp(name: &str) -> Option<Stamp> {
     let (time, rest) = name.split_at_checked("2026-01-01T00-00-01.000Z".len())?;
     let form = |(at, c): (usize, char)| match at {
         4 | 7 | 13 | 16 => c == '-',

@@ -7,6 +7,7 @@
 //! DIR/checkpoints/<key>/  what unfinished actions have come to
 //! DIR/runs/             past runs: the last are roots; the memory behind "parameter changed"
 //! DIR/logs/              what runs said, for people
+//! DIR/memos/             answers that are dear to find and may be deleted
 //! DIR/pins/              artifacts that a collection keeps
 //! DIR/lock-files/        where lock files of pipelines are: a collection keeps what they name
 //! DIR/costs.jsonl        what stages have cost
@@ -29,11 +30,14 @@ const MARKER: &str = "format";
 /// The folder of log files.
 pub const LOGS: &str = "logs";
 
+/// The folder of answers that are dear to find.
+pub const MEMOS: &str = "memos";
+
 /// The folders that every store has.
 const FOLDERS: [&str; 6] = ["objects", "records", "runs", "locks/actions", "tmp", "quarantine"];
 
 /// Those that are made when they are needed.
-const LATER: [&str; 5] = ["checkpoints", "pins", "lock-files", "figures", LOGS];
+const LATER: [&str; 6] = ["checkpoints", "pins", "lock-files", "figures", LOGS, MEMOS];
 
 /// The paths of one store.
 #[derive(Clone, Debug)]

@@ -27,6 +27,7 @@ mod lockfile;
 mod logs;
 mod marker;
 mod marker_repair;
+mod memos;
 mod object;
 mod open;
 mod pins;

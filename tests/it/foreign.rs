@@ -311,20 +311,18 @@ fn only_runs_are_forgotten_and_never_the_last_one() {
     mine.iter().for_each(|path| fs::write(path, "mine").unwrap());
     // Runs of ours that a clock far ahead has named.
     let own = fs::read(files(&runs).iter().find(|path| !mine.contains(path)).unwrap()).unwrap();
-    for n in 0..60 {
-        fs::write(
-            runs.join(format!("2999-01-01T00-00-{n:02}.000Z-{n:012x}.json")),
-            own.replace(n),
-        )
-        .unwrap();
+    for n in 0..10_020 {
+        let (hour, minute, second) = (n / 3600, n / 60 % 60, n % 60);
+        let name = format!("2999-01-01T{hour:02}-{minute:02}-{second:02}.000Z-{n:012x}.json");
+        fs::write(runs.join(name), own.replace(n)).unwrap();
     }
     workspace.stages(&["run", "small.yaml", "--set", "stages.small.count=3"]);
     assert!(mine.iter().all(|path| path.exists()));
     let left: Vec<PathBuf> = files(&runs).into_iter().filter(|path| !mine.contains(path)).collect();
-    assert_eq!(left.len(), 50);
+    assert_eq!(left.len(), 10_000);
     let newest = fs::read_to_string(left.last().unwrap()).unwrap();
     let status = workspace.run(&["status", "--json"]).json();
-    assert_eq!(status["runs"], 50);
+    assert_eq!(status["runs"], 10_000);
     let shown = workspace.run(&["show", "small", "--json"]).json();
     assert!(
         newest.contains(shown["digest"].as_str().unwrap()),

@@ -111,8 +111,8 @@ fn long_words_and_messages_take_no_memory_and_no_screen() {
 fn words_are_truth_values_only_where_one_is_wanted() {
     let document = Document::from_text(Path::new("x.yaml"), "y: on\nn: No\ntrue: y\n").unwrap();
     let root = document.root;
-    assert_eq!(root.peek("y").unwrap().bool("y").unwrap(), true);
-    assert_eq!(root.peek("n").unwrap().bool("n").unwrap(), false);
+    assert!(root.peek("y").unwrap().bool("y").unwrap());
+    assert!(!root.peek("n").unwrap().bool("n").unwrap());
     assert_eq!(root.peek("y").unwrap().text("y").unwrap(), "on");
     let (_, last) = &root.entries("it").unwrap()[2];
     assert_eq!(last.text("it").unwrap(), "y");

@@ -38,7 +38,8 @@ pub fn section(page: &mut Page, run: &RunArtifacts<'_>, history: &History) -> Re
             None => scenes.push(one),
         }
     }
-    let of_model = history.neglected.iter().cloned().chain(warnings(run)?);
+    let all: Vec<String> = run.made.iter().map(|made| made.stage.clone()).collect();
+    let of_model = history.neglected.iter().cloned().chain(warnings(run, &all)?);
     let mut warned: Vec<String> = of_model.map(|text| format!("model warning: {text}")).collect();
     for presenter in PRESENTERS {
         warned.extend(presenter.results(run)?.into_iter().flat_map(|results| results.warnings));
