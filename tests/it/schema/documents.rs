@@ -81,6 +81,8 @@ stages:
   spirals: { kind: sample, family: spirals, count: 2, area: 0.3, seed: 12 }
   glyphs: { kind: sample, family: glyphs, count: 2, seed: 13 }
   solved: { kind: solve, needs: [small, large, bezier], method: newton, elements_per_cell: 2, order: 1, tolerance: 1e-6, time_limit: 60 s }
+  own: { kind: patterns, files: [tests/it/schema/own.csv] }
+  labels: { kind: import, files: [tests/it/schema/labels.npz] }
   refined: { kind: solve, needs: [small], accuracy: 0.01 mm }
   guessed: { kind: solve, needs: [small], method: chord:2, order: 2 }
   balanced: { kind: balance, needs: [solved], bins: 20, range: [0 mm, 2.5 mm], target: 60, symmetry: d4, seed: 4 }
@@ -117,7 +119,7 @@ stages:
   verified: { kind: verify, needs: [design, highest], method: newton, elements_per_cell: 1, order: 2, tolerance: 1e-6, time_limit: 60 s }
   taught: { kind: verify, needs: [judged], rounds: 3, update: { network: qin2024, epochs: 2, patience: 1, batch: 4, optimizer: muon,
     learning_rate: 0.001, weight_decay: 0, gradient_norm: 1, symmetry: none, max_weight: 0.2, auxiliary_weight: 0.1, verified_weight: 16, seed: 9 } }
-  exact: { kind: verify, needs: [rotation], accuracy: 10 um }
+  exact: { kind: verify, needs: [rotation, own], accuracy: 10 um }
   accuracy: { kind: accuracy, needs: [solved, surrogate], methods: [linear, { method: chord:3, elements_per_cell: 1, order: 2 },
     { accuracy: 0.03 mm }] }
 ";
