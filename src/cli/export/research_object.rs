@@ -26,7 +26,7 @@ pub struct ExportCrateArguments {
     /// The folder to make; an empty one may be there
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
-    /// The licence of the data: an address, such as https://spdx.org/licenses/CC-BY-4.0, or words
+    /// The licence of the data: an address, such as spdx.org/licenses/CC-BY-4.0, or words
     #[arg(long, value_name = "TEXT", default_value = "not stated")]
     pub license: String,
     #[command(flatten)]
