@@ -30,15 +30,14 @@ pub fn files_in(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
     Ok(out)
 }
 
-/// Names of everything in a folder, in no order; those that are no text are left out.
+/// Names of everything in a folder, in no order, but for links that lead nowhere and names that are no text.
 ///
 /// # Errors
 /// When the system refuses.
 pub fn names_in(folder: &Path) -> Result<Vec<String>, StoreError> {
-    let names = entries(folder)?
-        .into_iter()
-        .filter_map(|entry| entry.file_name().into_string().ok());
-    Ok(names.collect())
+    let found = entries(folder)?.into_iter();
+    let found = found.filter(|entry| !(is_link(entry) && leads_nowhere_at(&entry.path())));
+    Ok(found.filter_map(|entry| entry.file_name().into_string().ok()).collect())
 }
 
 /// Everything in a folder that need not be there, in order. Only where there is nothing at all of its name there is nothing in
