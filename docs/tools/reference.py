@@ -134,8 +134,8 @@ def section(title, schema):
     return "\n\n".join(part for part in parts if part)
 
 
-def sweeps(kind):
-    keys = [(key, "", kind["properties"][key]["description"]) for key in SWEEPS]
+def sweeps(definitions):
+    keys = [(key, "", definitions[key]["description"]) for key in SWEEPS]
     return "\n\n".join(["## All stages", "[Sweeps](runs.md#sweep) tell what they do.", table(keys)])
 
 
@@ -143,8 +143,8 @@ def main():
     schema = plain(json.load(sys.stdin))
     kinds = schema["$defs"]
     order = ["sample", "solve", "balance", "train", "calibrate", "evaluate", "design", "verify", "accuracy", "audit"]
-    order += [kind for kind in kinds if kind not in order and kind not in ("scene", "axis")]
-    parts = [HEAD.strip(), section("Scene", kinds["scene"]), sweeps(kinds["solve"])]
+    order += [kind for kind in kinds if kind not in order and kind not in ("scene", "axis", *SWEEPS)]
+    parts = [HEAD.strip(), section("Scene", kinds["scene"]), sweeps(kinds)]
     parts += [section(f"kind: {kind}", kinds[kind]) for kind in order if kind in kinds]
     print("\n\n".join(parts))
 

@@ -44,6 +44,7 @@ pub fn of_pipeline(registry: &Registry) -> Value {
     }
     definitions.values_mut().for_each(allow_axes);
     definitions.insert("axis".to_owned(), axis());
+    definitions.extend(sweep::definitions());
     let mut root = titled("deaflow pipeline", pipeline.into());
     root["$defs"] = Value::Object(definitions);
     root
@@ -71,19 +72,16 @@ fn axis() -> Value {
 fn allow_axes(schema: &mut Value) {
     let Value::Object(keys) = schema else { return };
     if let Some(Value::Object(properties)) = keys.get_mut("properties") {
-        // A word that tells mappings apart is no value.
-        let is_value = |key: &str, value: &Value| !PLAIN.contains(&key) && value.get("const").is_none();
-        let values = properties.iter_mut().filter(|(key, value)| is_value(key, value));
+        let values = properties.iter_mut().filter(|(key, _)| !PLAIN.contains(&key.as_str()));
         values.for_each(|(_, value)| or_axis(value, None));
     }
-    for key in ["anyOf", "oneOf", "prefixItems"] {
+    for key in ["allOf", "anyOf", "oneOf", "prefixItems"] {
         if let Some(Value::Array(schemas)) = keys.get_mut(key) {
             schemas.iter_mut().for_each(allow_axes);
         }
     }
-    if let Some(Value::Array(rules)) = keys.get_mut("allOf") {
-        let consequences = rules.iter_mut().filter_map(|rule| rule.get_mut("then"));
-        consequences.for_each(allow_axes);
+    for key in ["then", "else"] {
+        keys.get_mut(key).into_iter().for_each(allow_axes);
     }
     if let Some(items @ Value::Object(_)) = keys.get_mut("items") {
         or_axis(items, Some(json!({ "type": "object", "required": [sweep::FOREACH] })));

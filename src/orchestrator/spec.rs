@@ -82,6 +82,9 @@ impl Pipeline {
         let name = read_frame(&root, registry)?;
         let sweeps = sweep::unroll(&mut root, registry, registry.most_stages)?;
         let rounds = rounds::unroll(&mut root, &late, registry)?;
+        root.child_mut("stages")
+            .into_iter()
+            .for_each(|stages| stages.tell_allowed(&sweep::KEYS));
         let map = root.fields(WHAT, &KEYS)?;
         let entries = read_entries(map.required(WHAT, "stages")?, registry)?;
         let stages = read_stages(&entries, map.optional("scene"), !sweeps.is_empty())?;
@@ -209,11 +212,7 @@ fn read_stages(entries: &[Entry<'_>], scene: Option<&Node>, swept: bool) -> Resu
         };
         let own_scene = entry.node.peek(sweep::SCENE).filter(|_| swept);
         let stage = match own_scene {
-            Some(scene) => {
-                let mut node = entry.node.clone();
-                node.take_out(sweep::SCENE);
-                entry.kind.read(&node, Some(scene))?
-            }
+            Some(scene) => entry.kind.read(&entry.node.without(sweep::SCENE), Some(scene))?,
             None => entry.kind.read(entry.node, scene)?,
         };
         stages.push(Some(StageSpec {

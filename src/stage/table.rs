@@ -84,8 +84,10 @@ impl Kind for TableKind {
 
     fn read(&self, stage: &Node, _scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
         let what = "a table stage";
-        let map = stage.fields(what, &["kind", "needs", "columns", "plot", "rows"])?;
-        let rows = columns::rows(&map)?;
+        let rows = columns::rows(stage.peek("rows"))?;
+        // Nobody writes rows: they follow from the axes of what the stage needs.
+        let own = stage.without("rows");
+        let map = own.fields(what, &["kind", "needs", "columns", "plot"])?;
         let columns = columns::columns(map.required(what, "columns")?, &rows)?;
         Ok(Box::new(TableStage {
             plot: plot(&map, &columns)?,
@@ -104,12 +106,12 @@ fn plot(map: &Map<'_>, columns: &[Column]) -> Result<Vec<String>, InputError> {
     let keys = plot.fields(what, &["x", "y", "series"])?;
     let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
     let nodes = [
-        Some(keys.required(what, "x")?),
-        Some(keys.required(what, "y")?),
-        keys.optional("series"),
+        ("plot.x", Some(keys.required(what, "x")?)),
+        ("plot.y", Some(keys.required(what, "y")?)),
+        ("plot.series", keys.optional("series")),
     ];
-    let column = |node: &Node| Ok(node.word("a column", &names)?.to_owned());
-    nodes.into_iter().flatten().map(column).collect()
+    let column = |(key, node): (&str, Option<&Node>)| Some(node?.word(key, &names).map(str::to_owned));
+    nodes.into_iter().filter_map(column).collect()
 }
 
 struct TableStage {

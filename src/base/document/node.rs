@@ -35,6 +35,8 @@ pub struct Node {
     pub(super) value: NodeValue,
     pub(super) span: (usize, usize),
     pub(super) source: Arc<Source>,
+    /// Keys that were read before the others and are gone, told among those that are allowed.
+    pub(super) gone: &'static [&'static str],
 }
 
 impl Node {
@@ -79,6 +81,7 @@ impl Node {
             value,
             span: self.span,
             source: self.source.clone(),
+            gone: &[],
         }
     }
 
@@ -113,6 +116,7 @@ impl Node {
             value,
             span: (self.span.0 + by, self.span.1),
             source: source.clone(),
+            gone: self.gone,
         }
     }
 
@@ -153,6 +157,29 @@ impl Node {
     pub fn take_out(&mut self, key: &str) {
         if let NodeValue::Map(entries) = &mut self.value {
             entries.retain(|(k, _)| !k.is_text(key));
+        }
+    }
+
+    /// The same mapping without `key`.
+    #[must_use]
+    pub fn without(&self, key: &str) -> Self {
+        let value = match &self.value {
+            NodeValue::Map(entries) => {
+                let others = entries.iter().filter(|(k, _)| !k.is_text(key));
+                NodeValue::Map(others.cloned().collect())
+            }
+            other => other.clone(),
+        };
+        Self {
+            gone: self.gone,
+            ..self.with_value(value)
+        }
+    }
+
+    /// Says which keys the mappings in this one may have had beside those that are read later.
+    pub fn tell_allowed(&mut self, keys: &'static [&'static str]) {
+        if let NodeValue::Map(entries) = &mut self.value {
+            entries.iter_mut().for_each(|(_, value)| value.gone = keys);
         }
     }
 

@@ -135,6 +135,7 @@ fn build(spanned: Spanned<Raw>, source: &Arc<Source>) -> Node {
         value,
         span: (start, length),
         source: source.clone(),
+        gone: &[],
     }
 }
 

@@ -28,7 +28,7 @@ impl Node {
             if !allowed.contains(&name.as_str()) {
                 return Err(key
                     .error_labelled(format!("unknown key `{name}` in {what}"), "not known here")
-                    .help(suggestion(&name, allowed)));
+                    .help(suggestion(&name, &[allowed, self.gone].concat())));
             }
         }
         Ok(Map { node: self, entries })

@@ -19,9 +19,12 @@ pub use axes::FOREACH;
 pub use expansion::{GATHER, SCENE, unroll};
 pub use substitute::axes_in;
 
-use serde_json::json;
+use serde_json::{Value, json};
 
 use crate::base::{Fields, Schema};
+
+/// The keys that any stage may have beside those of its kind: they are gone when its kind reads it.
+pub const KEYS: [&str; 2] = [FOREACH, GATHER];
 
 /// Stages that a pipeline may have unless more are asked for.
 pub const MOST_STAGES: usize = 1000;
@@ -40,6 +43,13 @@ pub struct Sweep {
 
 /// The keys of stages that stand for several.
 pub fn schema(fields: Fields) -> Fields {
+    KEYS.into_iter().fold(fields, |fields, key| {
+        fields.optional(key, Schema::new(json!({ "$ref": format!("#/$defs/{key}") })))
+    })
+}
+
+/// What the keys of a stage that stands for several may hold, by the key.
+pub fn definitions() -> [(String, Value); 2] {
     let axis = json!({ "type": "array", "minItems": 1 });
     let zip = json!({ "type": "object", "minProperties": 1, "additionalProperties": axis });
     let foreach = json!({
@@ -47,18 +57,12 @@ pub fn schema(fields: Fields) -> Fields {
         "minProperties": 1,
         "properties": { "zip": { "anyOf": [zip, { "type": "array", "items": zip }] } },
         "additionalProperties": axis,
+        "description": "One stage for each combination of values: lists by the names of axes, `\"${axis}\"` in the stage's values; \
+            axes under `zip` go in step.",
     });
-    let axes = json!({ "anyOf": [{ "type": "boolean" }, { "type": "array", "items": { "type": "string" } }] });
-    fields
-        .optional(
-            FOREACH,
-            Schema::new(foreach).description(
-                "One stage for each combination of values: lists by the names of axes, `\"${axis}\"` in the stage's values; axes under \
-                 `zip` go in step.",
-            ),
-        )
-        .optional(
-            GATHER,
-            Schema::new(axes).description("The axes of its needs that end here: true for all, or their names."),
-        )
+    let gather = json!({
+        "anyOf": [{ "type": "boolean" }, { "type": "array", "items": { "type": "string" } }],
+        "description": "The axes of its needs that end here: true for all, or their names.",
+    });
+    [(FOREACH.to_owned(), foreach), (GATHER.to_owned(), gather)]
 }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::base::{InputError, Map, Node, NodeValue};
+use crate::base::{InputError, Node, NodeValue};
 
 use super::MOST_COLUMNS;
 
@@ -39,8 +39,8 @@ pub enum What {
 ///
 /// # Errors
 /// When they have another form.
-pub fn rows(map: &Map<'_>) -> Result<Vec<Row>, InputError> {
-    let Some(rows) = map.optional("rows") else {
+pub fn rows(rows: Option<&Node>) -> Result<Vec<Row>, InputError> {
+    let Some(rows) = rows else {
         return Ok(Vec::new());
     };
     let row = |node: &Node| {

@@ -81,6 +81,10 @@ stages:
   spirals: { kind: sample, family: spirals, count: 2, area: 0.3, seed: 12 }
   glyphs: { kind: sample, family: glyphs, count: 2, seed: 13 }
   solved: { kind: solve, needs: [small, large, bezier], method: newton, elements_per_cell: 2, order: 1, tolerance: 1e-6, time_limit: 60 s }
+  spread: { foreach: { area: [0.2, 0.4], zip: { seed: [1, 2], count: [2, 3] } }, kind: sample, family: blobs, count: '${count}',
+    area: '${area}', seed: '${seed}' }
+  together: { kind: solve, needs: [spread], gather: [seed, count] }
+  grown: { kind: table, needs: [together], columns: [area, max_displacement], plot: { x: area, y: max_displacement, series: area } }
   own: { kind: patterns, files: [tests/it/schema/own.csv] }
   labels: { kind: import, files: [tests/it/schema/labels.npz] }
   refined: { kind: solve, needs: [small], accuracy: 0.01 mm }
@@ -122,6 +126,15 @@ stages:
   exact: { kind: verify, needs: [rotation, own], accuracy: 10 um }
   accuracy: { kind: accuracy, needs: [solved, surrogate], methods: [linear, { method: chord:3, elements_per_cell: 1, order: 2 },
     { accuracy: 0.03 mm }] }
+";
+
+/// A word that tells mappings apart may be the value of an axis too.
+pub const SWEPT_WORDS: &str = "
+version: 1
+name: swept
+scene: pipelines/scenes/vhb4910.yaml
+stages:
+  drawn: { foreach: { family: [blobs, curves] }, kind: sample, family: '${family}', count: 2, area: 0.5, seed: 1 }
 ";
 
 const BASE: &str = "

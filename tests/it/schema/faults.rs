@@ -19,14 +19,19 @@ pub struct Fault {
     pub refusal: Option<String>,
     /// Whether the value is one that the schema cannot compare with bounds: text with a unit.
     is_text: bool,
+    /// Whether the values of an axis are meant: what they may be, the places say where they are taken.
+    is_axis: bool,
 }
 
 /// What a reader refuses for its meaning and no schema can: what was said, in part.
-pub const BEYOND: [&str; 17] = [
+pub const BEYOND: [&str; 19] = [
     // Names of other stages, and what those are.
     "no stage is named",
     "stage needs",
     "needs a scene",
+    // Names of axes and of columns.
+    "has an axis",
+    "`plot.",
     // Numbers that contradict each other.
     "does not lie inside the membrane",
     "small-strain shear modulus",
@@ -48,7 +53,7 @@ pub const BEYOND: [&str; 17] = [
 
 impl Fault {
     pub fn is_beyond_structure(&self, why: &str) -> bool {
-        (self.is_text && why.contains("out of range")) || BEYOND.iter().any(|known| why.contains(known))
+        self.is_axis || (self.is_text && why.contains("out of range")) || BEYOND.iter().any(|known| why.contains(known))
     }
 }
 
@@ -121,6 +126,7 @@ pub fn collect(kind: Kind, document: &Value, seen: &mut BTreeSet<String>, faults
             what: format!("{place}: {}", changed.pointer(place).unwrap_or(&json!("(left out)"))),
             refusal: kind.read(&changed).err().map(|e| format!("{e} {}", help(&e))),
             is_text,
+            is_axis: place.contains("/foreach/"),
         });
     };
     for place in walk::mappings(&schema, document) {

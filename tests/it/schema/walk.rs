@@ -41,7 +41,8 @@ pub fn leaves(root: &Value, document: &Value) -> Vec<Leaf> {
     found
 }
 
-/// Pointers to all properties of a schema, those of the scene in a pipeline's left out.
+/// Pointers to all properties of a schema, those of the scene in a pipeline's left out. Keys that stages of all kinds share are
+/// told once, by the place that they refer to.
 pub fn properties(root: &Value, kind: Kind) -> BTreeSet<String> {
     fn look(node: &Value, at: &str, kind: Kind, found: &mut BTreeSet<String>) {
         let Some(map) = node.as_object() else { return };
@@ -53,8 +54,8 @@ pub fn properties(root: &Value, kind: Kind) -> BTreeSet<String> {
                         if (kind, key.as_str(), name.as_str()) == (Kind::Pipeline, "$defs", "scene") {
                             continue;
                         }
-                        if key == "properties" {
-                            found.insert(format!("{here}/{name}"));
+                        if key == "properties" && is_closed(node) {
+                            found.insert(shared(schema).unwrap_or_else(|| format!("{here}/{name}")));
                         }
                         look(schema, &format!("{here}/{name}"), kind, found);
                     }
@@ -72,6 +73,18 @@ pub fn properties(root: &Value, kind: Kind) -> BTreeSet<String> {
     let mut found = BTreeSet::new();
     look(root, "", kind, &mut found);
     found
+}
+
+/// Whether a mapping has no other keys than those that the schema names.
+fn is_closed(node: &Value) -> bool {
+    node.get("additionalProperties") == Some(&Value::Bool(false))
+}
+
+/// The place of a schema that is no more than a reference.
+pub fn shared(schema: &Value) -> Option<String> {
+    let is_alone = schema.as_object().is_some_and(|keys| keys.len() == 1);
+    let reference = schema.get("$ref").and_then(Value::as_str).filter(|_| is_alone)?;
+    Some(reference.strip_prefix('#')?.to_owned())
 }
 
 /// The place of a schema once its references are followed.
@@ -136,7 +149,11 @@ fn fits(node: &Value, value: &Value) -> bool {
         return of_type;
     };
     let required = node.get("required").and_then(Value::as_array).into_iter().flatten();
-    let constant = |key: &String| node["properties"].get(key).and_then(|p| p.get("const"));
+    // A word that tells mappings apart, or the axis that has it as a value.
+    let constant = |key: &String| {
+        let property = node["properties"].get(key)?;
+        property.get("const").or_else(|| property.pointer("/anyOf/0/const"))
+    };
     of_type
         && (node.get("maxProperties").is_none() || map.is_empty())
         && required.clone().all(|key| map.contains_key(key.as_str().unwrap()))
@@ -162,7 +179,7 @@ fn walk(
     let mut children = Vec::new();
     match value {
         Value::Object(map) => {
-            if node.get("properties").is_some() {
+            if node.get("properties").is_some() && is_closed(node) {
                 on_mapping(Place {
                     document: document.to_owned(),
                     schema: at.clone(),
@@ -177,6 +194,8 @@ fn walk(
                 children.push((child, item, format!("{document}/{key}")));
             }
         }
+        // Values of axes are whatever they stand for elsewhere.
+        Value::Array(_) if node.get("items").is_none() => {}
         Value::Array(items) => {
             let child = |(i, item)| (format!("{at}/items"), item, format!("{document}/{i}"));
             children.extend(items.iter().enumerate().map(child));
