@@ -123,10 +123,9 @@ fn zipped(axes: &[(&Node, &Node)], place: &Node) -> Result<Group, InputError> {
 
 /// Decides which axes names carry: the first where its values are all different; else all of one word each.
 fn name_by(steps: &mut [Settings], axes: &[(&Node, &Node)]) -> Result<(), InputError> {
-    let is_word = |setting: &Setting| !matches!(setting.value.node.value(), NodeValue::List(_) | NodeValue::Map(_));
     let of_first = steps.iter().map(|step| &step[0]);
     let different: BTreeSet<&str> = of_first.clone().map(|setting| setting.value.text.as_str()).collect();
-    let first_is_enough = different.len() == steps.len() && (axes.len() == 1 || of_first.clone().all(is_word));
+    let first_is_enough = different.len() == steps.len() && (axes.len() == 1 || of_first.clone().all(Setting::is_word));
     if !first_is_enough && axes.len() == 1 {
         let mut seen = BTreeSet::new();
         let twice = of_first
@@ -139,7 +138,7 @@ fn name_by(steps: &mut [Settings], axes: &[(&Node, &Node)]) -> Result<(), InputE
         for (at, setting) in step.iter_mut().enumerate() {
             setting.shown = match first_is_enough {
                 true => at == 0,
-                false => is_word(setting),
+                false => setting.is_word(),
             };
         }
     }

@@ -1,6 +1,6 @@
 //! One stage for each combination of values, with the needs that belong to it.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::axes::{FOREACH, combinations, too_many};
 use super::matching::{Matching, combined, projected};
@@ -68,6 +68,19 @@ fn kind_of(node: &Node, registry: &Registry) -> Option<&'static dyn Kind> {
     registry.kinds.iter().copied().find(|kind| kind.name() == word)
 }
 
+/// Names stages by more axes where those that names carry have ended.
+fn tell_apart(stage: &str, made: &mut [Instance]) {
+    let names: BTreeSet<&str> = made.iter().map(|instance| instance.name.as_str()).collect();
+    if names.len() == made.len() {
+        return;
+    }
+    for instance in made {
+        let words = instance.settings.iter_mut().filter(|setting| setting.is_word());
+        words.for_each(|setting| setting.shown = true);
+        instance.name = name(stage, &instance.settings);
+    }
+}
+
 /// A stage as it stands in the file.
 struct Template<'a> {
     name: &'a str,
@@ -91,7 +104,7 @@ struct Need {
 enum Gather {
     None,
     All,
-    Axes(Vec<String>),
+    Axes(Vec<Node>),
 }
 
 impl Gather {
@@ -101,11 +114,9 @@ impl Gather {
             None if collects => Self::All,
             None => Self::None,
             Some(axes) if matches!(axes.value(), NodeValue::List(_)) => {
-                let axes = axes.list(GATHER)?.iter();
-                Self::Axes(
-                    axes.map(|axis| Ok(axis.text(GATHER)?.to_owned()))
-                        .collect::<Result<_, InputError>>()?,
-                )
+                let axes = axes.list(GATHER)?;
+                axes.iter().try_for_each(|axis| axis.text(GATHER).map(|_| ()))?;
+                Self::Axes(axes.to_vec())
             }
             Some(all) => match all.bool(GATHER)? {
                 true => Self::All,
@@ -118,7 +129,7 @@ impl Gather {
         match self {
             Self::None => false,
             Self::All => true,
-            Self::Axes(axes) => axes.iter().any(|other| other == axis),
+            Self::Axes(axes) => axes.iter().any(|other| other.is_text(axis)),
         }
     }
 }
@@ -268,6 +279,7 @@ impl<'a> Expansion<'a> {
 
     fn expand(&mut self, place: usize) -> Result<(), InputError> {
         let own = std::mem::take(&mut self.templates[place].own);
+        self.check_gathered(&self.templates[place], &own)?;
         let mut substitution = std::mem::take(&mut self.substitution);
         let mut made = Vec::new();
         let mut matchings = Matchings::new();
@@ -280,11 +292,29 @@ impl<'a> Expansion<'a> {
         }
         self.substitution = substitution;
         self.count += made.len();
+        tell_apart(self.templates[place].name, &mut made);
         for instance in &mut made {
             self.put_scene(place, instance)?;
         }
         self.instances[place] = made;
         Ok(())
+    }
+
+    /// Refuses axes that nothing which a stage needs has.
+    fn check_gathered(&self, template: &Template<'_>, own: &[(Settings, Vec<Need>)]) -> Result<(), InputError> {
+        let Gather::Axes(axes) = &template.gather else {
+            return Ok(());
+        };
+        let needs = own.iter().flat_map(|(_, needs)| needs);
+        let instances = needs.flat_map(|need| &self.instances[need.template]);
+        let known: BTreeSet<&str> = instances.flat_map(|of| &of.settings).map(|s| &*s.axis).collect();
+        let unknown = axes.iter().find(|axis| !known.iter().any(|name| axis.is_text(name)));
+        unknown.map_or(Ok(()), |axis| {
+            let found = axis.text(GATHER)?;
+            let known: Vec<&str> = known.into_iter().collect();
+            let message = format!("nothing that `{}` needs has an axis `{found}`", template.name);
+            Err(axis.error(message).help(suggestion(found, &known)))
+        })
     }
 
     /// The stages of a template with one combination of its own axes.

@@ -24,6 +24,13 @@ pub struct Setting {
     pub shown: bool,
 }
 
+impl Setting {
+    /// Whether the value is one word.
+    pub fn is_word(&self) -> bool {
+        !matches!(self.value.node.value(), NodeValue::List(_) | NodeValue::Map(_))
+    }
+}
+
 /// Axes with their values; no axis is there twice.
 pub type Settings = Vec<Setting>;
 

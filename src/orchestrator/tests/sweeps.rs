@@ -214,6 +214,9 @@ fn zipped_axes_go_in_step_and_the_first_names_them() {
   small: { kind: count, foreach: { zip: { n: [10, 20], from: [1, 1] } }, count: \"${n}\", offset: \"${from}\" }
   more:  { kind: count, foreach: { zip: [{ a: [1, 1], b: [2, 3] }, { c: [7, 8], d: [[1], [2]] }] }, count: \"${c}${b}\" }
   both:  { kind: sum, needs: [small] }
+  last:  { kind: sum, needs: [small], gather: [n] }
+  large: { kind: count, foreach: { zip: { n: [10, 20], m: [3, 4] } }, count: \"${n}\" }
+  late:  { kind: sum, needs: [large], gather: [n] }
 ",
     );
     assert_eq!(
@@ -227,6 +230,12 @@ fn zipped_axes_go_in_step_and_the_first_names_them() {
             "more@a=1,b=3,c=8 <-",
             "both@n=10 <- small@n=10",
             "both@n=20 <- small@n=20",
+            "last <- small@n=10 small@n=20",
+            "large@n=10 <-",
+            "large@n=20 <-",
+            // The axis that named the steps has ended: the other names them.
+            "late@m=3 <- large@n=10",
+            "late@m=4 <- large@n=20",
         ]
     );
 }
@@ -421,6 +430,11 @@ fn what_contradicts_itself_is_refused() {
             "  a: { kind: sum, needs: [b], foreach: { n: [1] } }\n  b: { kind: sum, needs: [a] }",
             "in a circle: `a` needs `b` needs `a`",
             "",
+        ),
+        (
+            "  a: { kind: count, foreach: { by: [1] }, count: 1 }\n  b: { kind: sum, needs: [a], gather: [bye] }",
+            "nothing that `b` needs has an axis `bye`",
+            "did you mean `by`? there are: by",
         ),
         (
             "  a: { kind: count, foreach: { n: [1] }, count: \"${n\" }",
