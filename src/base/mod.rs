@@ -3,6 +3,7 @@
 mod canonical;
 mod clock;
 mod confined;
+mod csvw;
 mod digest;
 mod digits;
 mod document;
@@ -22,6 +23,7 @@ pub use crate::{parameters, variants, words};
 pub use canonical::Canonical;
 pub use clock::thread_seconds;
 pub use confined::{ConfinedError, confined};
+pub use csvw::{CsvTable, SOFTWARE, csv_metadata, csv_metadata_file};
 pub use digest::{Digest, DigestWriter, ParseDigestError};
 pub use digits::two_digits;
 pub use document::{Document, InputError, Map, Node, NodeValue, Override, Source, nearest};

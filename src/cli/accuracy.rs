@@ -82,6 +82,9 @@ pub fn execute(arguments: &AccuracyArguments, output: &Output) -> Result<Exit, C
     for name in FILES {
         write::check_file(&arguments.output.join(name))?;
     }
+    for name in FILES.iter().filter(|name| name.ends_with(".csv")) {
+        write::check_csv(&arguments.output.join(name))?;
+    }
     let start = Instant::now();
     let count: usize = families.values().map(Vec::len).sum();
     let bar = Bar::new("reference", "patterns", count as u64);
@@ -140,12 +143,12 @@ fn write_files(
     let parameters = format!("scene {}, reference {}", arguments.scene.display(), arguments.reference);
     let provenance = Provenance {
         measurements: benchmark.measurements(measured),
-        ..solve::provenance("accuracy", parameters, start.elapsed().as_secs_f64())
+        ..solve::provenance("accuracy", parameters.clone(), start.elapsed().as_secs_f64())
     };
     write_file(&file, &content(benchmark, measured).object(), &provenance)?;
     let failed = |e: csv::Error| CliError::failure(format!("cannot write {}: {e}", rows.display()));
     let text = table_text(benchmark, measured).map_err(failed)?;
-    write::file(&rows, &text)?;
+    write::csv(&rows, &text, "deaflow accuracy", &parameters)?;
     let mut files = vec![file, rows];
     let moved = measured.iter().any(|method| method.rms() > 0.0);
     // Patterns that do not move have no error to draw.

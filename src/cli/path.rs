@@ -55,8 +55,18 @@ pub fn execute(arguments: &SolveArguments, scene: &str, output: &Output) -> Resu
         options.mesh,
         options.tolerance
     );
-    write_file(file, &content.object(), &provenance("solve", parameters, seconds))?;
-    write::file(&values, points_table(&paths).as_bytes())?;
+    write_file(
+        file,
+        &content.object(),
+        &provenance("solve", parameters.clone(), seconds),
+    )?;
+    let source = format!("{}; {parameters}", file.display());
+    write::csv(
+        &values,
+        points_table(&paths).as_bytes(),
+        "deaflow solve --path",
+        &source,
+    )?;
     let branches: Vec<Branch> = paths.iter().enumerate().map(branch).collect();
     draw_paths(&figure, &branches)?;
     if output.is_json() {

@@ -14,7 +14,7 @@ use super::output::{Exit, Output};
 use super::progress::Bar;
 use super::simulate::{Answer, Statement, seconds_each};
 use super::{model, solve, write};
-use crate::base::Progress;
+use crate::base::{Digest, Progress};
 use crate::content::{Packed, SolveFile};
 use crate::field::{Field, Predictor};
 use crate::pattern::Pattern;
@@ -65,9 +65,11 @@ pub fn execute(arguments: &PredictArguments, output: &Output) -> Result<Exit, Cl
     let of = |calibration| Intervals::of(calibration, &arguments.objective, &patterns, &fields);
     let intervals = calibration.map(of).transpose()?;
     bar.finish("done");
+    let parameters = format!("model {}", arguments.model);
     if let Some(intervals) = &intervals {
         let rows = intervals.csv().map_err(|e| CliError::failure(e.to_string()))?;
-        write::file(&table(arguments), &rows)?;
+        let source = format!("{parameters}, {}", Digest::of(&weights));
+        write::csv(&table(arguments), &rows, "deaflow predict", &source)?;
     }
     let answer = Answer {
         content: content(&surrogate, &patterns, &fields, seconds, intervals.as_ref()).object(),
@@ -75,7 +77,6 @@ pub fn execute(arguments: &PredictArguments, output: &Output) -> Result<Exit, Cl
         statement: statement(intervals.as_ref(), arguments),
         ..Answer::default()
     };
-    let parameters = format!("model {}", arguments.model);
     solve::conclude(&arguments.patterns, &answer, ("predict", parameters), start, output)
 }
 
@@ -92,6 +93,7 @@ fn check_table(arguments: &PredictArguments) -> Result<(), CliError> {
                 .help("-o names the HDF5 file, as in OUT.h5; OUT.csv is written beside it"),
         );
     }
+    write::check_csv(&table)?;
     for read in std::iter::once(&arguments.model).chain(&arguments.calibration) {
         solve::check_file(&table, &arguments.patterns, read)?;
         solve::check_file(file, &arguments.patterns, read)?;

@@ -10,7 +10,7 @@ use super::error::CliError;
 use super::output::{Exit, Output};
 use super::run::{self, ProgressForm, RunArguments};
 use super::{csv, write};
-use crate::base::{Document, Node, NodeValue, Override};
+use crate::base::{ArtifactId, Document, Node, NodeValue, Override};
 use crate::content::Table;
 use crate::orchestrator::StageReport;
 use crate::report::Collected;
@@ -68,7 +68,7 @@ pub fn execute(arguments: &SweepArguments, output: &Output) -> Result<Exit, CliE
     let file = Document::load(&arguments.pipeline)?;
     let swept = Swept::read(arguments, &file.root)?;
     if let Some(file) = &arguments.output {
-        write::check_file(file)?;
+        write::check_csv(file)?;
     }
     let mut pipeline = run::load_file(&arguments.pipeline, &swept.overrides()?, arguments.many)?;
     // The history tells what was asked for, not how it was put into the tree.
@@ -93,9 +93,10 @@ pub fn execute(arguments: &SweepArguments, output: &Output) -> Result<Exit, CliE
     let (exit, stages) = run::of_pipeline(&pipeline, &run, Command::Sweep, output)?;
     if arguments.csv || arguments.output.is_some() {
         let store = Store::open_existing(&arguments.store.folder())?.guarded();
-        if let Some(text) = collected(&store, &stages, &swept.table)? {
+        if let Some((digest, text)) = collected(&store, &stages, &swept.table)? {
             if let Some(file) = &arguments.output {
-                write::file(file, text.as_bytes())?;
+                let title = format!("{}: {}", pipeline.name, swept.table);
+                write::csv(file, text.as_bytes(), &title, &digest.to_string())?;
             }
             if arguments.csv {
                 output.text(&text)?;
@@ -111,8 +112,8 @@ fn said(set: &str) -> Option<(String, String)> {
     Some((path.trim().to_owned(), values.trim().to_owned()))
 }
 
-/// The table in CSV; none where a failure kept it from being made.
-fn collected(store: &Store, stages: &[StageReport], name: &str) -> Result<Option<String>, CliError> {
+/// The table in CSV, with its digest; none where a failure kept it from being made.
+fn collected(store: &Store, stages: &[StageReport], name: &str) -> Result<Option<(ArtifactId, String)>, CliError> {
     let digest = stages
         .iter()
         .find(|stage| stage.name == name)
@@ -120,7 +121,7 @@ fn collected(store: &Store, stages: &[StageReport], name: &str) -> Result<Option
     let Some(digest) = digest else { return Ok(None) };
     let artifact = store.artifact(&digest)?;
     let table = Table::read(&artifact)?;
-    Ok(Some(csv::of_table(&Collected::new(table))?))
+    Ok(Some((digest, csv::of_table(&Collected::new(table))?)))
 }
 
 /// What is to be changed in the tree of the pipeline.

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::error::CliError;
-use crate::base::{OutputFile, output_folder, write_output};
+use crate::base::{CsvTable, OutputFile, csv_metadata, csv_metadata_file, output_folder, write_output};
 
 /// Writes bytes as a file that appears complete or not at all.
 ///
@@ -11,6 +11,31 @@ use crate::base::{OutputFile, output_folder, write_output};
 /// When something is there that is not to be replaced, the folder does not exist, or the system refuses.
 pub fn file(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
     Ok(write_output(path, bytes)?)
+}
+
+/// Writes comma-separated values with a header, and beside them what they are of and made from.
+///
+/// # Errors
+/// As [`file()`].
+pub fn csv(path: &Path, rows: &[u8], title: &str, source: &str) -> Result<(), CliError> {
+    file(path, rows)?;
+    let name = path.file_name().unwrap_or_default();
+    let table = CsvTable {
+        url: name.to_string_lossy().into_owned(),
+        title: title.to_owned(),
+        source: source.to_owned(),
+        header: true,
+    };
+    file(&csv_metadata_file(path), &csv_metadata(&[table]))
+}
+
+/// As [`check_file`], of comma-separated values and what is said of them.
+///
+/// # Errors
+/// As [`file()`].
+pub fn check_csv(path: &Path) -> Result<(), CliError> {
+    check_file(path)?;
+    check_file(&csv_metadata_file(path))
 }
 
 /// What cannot be written has to be known before hours of work, not after.

@@ -13,7 +13,7 @@ use super::format::{figure_name, file_name};
 use super::kinds::PRESENTERS;
 use super::presenter::{DrawFigure, Presenter, Results};
 use super::warnings::warnings;
-use crate::base::{Digest, leads_nowhere_at, read_own, write_output};
+use crate::base::{Digest, SOFTWARE, leads_nowhere_at, read_own, write_output};
 use crate::store::Store;
 
 /// Figures of sweeps that are told one by one.
@@ -225,17 +225,7 @@ fn say_where_from(path: &Path, pipeline: &str, stage: &str, digests: &str) -> Re
     let texts = [
         ("Title", format!("{pipeline}: {stage}")),
         ("Source", digests.to_owned()),
-        (
-            "Software",
-            concat!(
-                "deaflow ",
-                env!("CARGO_PKG_VERSION"),
-                " (build ",
-                env!("DEAFLOW_BUILD_SHORT"),
-                ")"
-            )
-            .to_owned(),
-        ),
+        ("Software", SOFTWARE.to_owned()),
     ];
     let stamped = with_texts(&image, &texts).map_err(said)?;
     write_output(path, &stamped).map_err(|error| said(error.into()))

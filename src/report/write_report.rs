@@ -5,12 +5,13 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use super::artifacts::Made;
 use super::designs::{Design, Found, designs, role_word};
 use super::error::ReportError;
 use super::history::History;
 use super::intervals::NetworkInterval;
 use super::page::report_page;
-use crate::base::{OutputFile, read_bounded};
+use crate::base::{CsvTable, OutputFile, csv_metadata, read_bounded};
 use crate::store::Store;
 
 /// The columns of the table of designs.
@@ -42,6 +43,9 @@ pub const COLUMNS: [&str; 22] = [
 /// A table of a million designs takes less, bytes.
 const LONGEST_TABLE: u64 = 1 << 30;
 
+/// What the files of comma-separated values in the folder are of.
+const ABOUT: &str = "csv-metadata.json";
+
 /// Cells along one side of a pattern.
 const CELLS: usize = 50;
 
@@ -58,8 +62,8 @@ pub struct Written {
     pub found: Found,
 }
 
-/// Writes the report of a pipeline into a folder: `index.html`, and where there are designs `data/designs.csv` and
-/// `data/patterns/NAME.csv`. Patterns of an earlier report that are no longer among them are removed.
+/// Writes the report of a pipeline into a folder: `index.html`, and where there are designs `data/designs.csv`,
+/// `data/patterns/NAME.csv`, and what these are of in `data/csv-metadata.json`. Patterns of an earlier report that are no longer among them are removed.
 ///
 /// # Errors
 /// When an artifact cannot be read, or a file cannot be written.
@@ -69,7 +73,7 @@ pub fn write_report(store: &Store, history: &History, folder: &Path) -> Result<W
     let designs = designs(&run, &history.superseded())?;
     let page = report_page(&run, history, &designs)?;
     let (path, data) = (folder.join("index.html"), folder.join("data"));
-    let (table, patterns) = (data.join("designs.csv"), data.join("patterns"));
+    let (table, patterns, about) = (data.join("designs.csv"), data.join("patterns"), data.join(ABOUT));
     // What is in the way is found before anything of an earlier report goes.
     let page_file = OutputFile::at(&path)?;
     let of_design = |design: &Design| data.join(design.pattern_file());
@@ -77,7 +81,7 @@ pub fn write_report(store: &Store, history: &History, folder: &Path) -> Result<W
     let mut written = Vec::new();
     if !designs.is_empty() {
         fs::create_dir_all(&patterns).map_err(failed(&patterns))?;
-        let table_file = OutputFile::at(&table)?;
+        let (table_file, about_file) = (OutputFile::at(&table)?, OutputFile::at(&about)?);
         let files: Result<Vec<_>, _> = designs
             .iter()
             .map(|design| OutputFile::at(&of_design(design)))
@@ -87,13 +91,14 @@ pub fn write_report(store: &Store, history: &History, folder: &Path) -> Result<W
             written.push(of_design(design));
         }
         table_file.write(&table_text(&designs).map_err(failed(&table))?)?;
-        written.push(table.clone());
+        about_file.write(&csv_metadata(&described(&designs, history, &made)))?;
+        written.extend([table.clone(), about.clone()]);
     }
     let stale = earlier.iter().filter(|path| !written.contains(path));
     stale
         .into_iter()
         .try_for_each(|path| fs::remove_file(path).map_err(failed(path)))?;
-    written.retain(|path| *path != table);
+    written.retain(|path| ![&table, &about].contains(&path));
     // The page last: where it stands, what it stands for does too.
     page_file.write(page.as_bytes())?;
     Ok(Written {
@@ -142,7 +147,34 @@ fn earlier_files(table: &Path, data: &Path) -> Vec<PathBuf> {
         Some(data.join(name)).filter(|path| plain && path.is_file())
     };
     let patterns: BTreeSet<PathBuf> = reader.records().flatten().filter_map(pattern).collect();
-    patterns.into_iter().chain([table.to_owned()]).collect()
+    patterns
+        .into_iter()
+        .chain(
+            [table.to_owned(), data.join(ABOUT)]
+                .into_iter()
+                .filter(|path| path.is_file()),
+        )
+        .collect()
+}
+
+/// What the files are of: the pipeline, and the artifacts that designs are read from.
+fn described(designs: &[Design], history: &History, made: &[Made]) -> Vec<CsvTable> {
+    let of_designs = made
+        .iter()
+        .filter(|made| ["design", "verify"].contains(&made.kind.as_str()));
+    let digests: Vec<String> = of_designs.map(|made| made.digest.to_string()).collect();
+    let table = |url: String, title: &str, header: bool| CsvTable {
+        url,
+        title: format!("{}: {title}", history.pipeline),
+        source: digests.join(" "),
+        header,
+    };
+    let patterns = designs
+        .iter()
+        .map(|design| table(design.pattern_file(), &design.name, false));
+    std::iter::once(table("designs.csv".to_owned(), "designs", true))
+        .chain(patterns)
+        .collect()
 }
 
 /// 50 lines of 50 values, the first line at the lower edge.

@@ -54,7 +54,12 @@ fn the_command_measures_families_and_names_the_cheapest_setting() {
     assert_eq!(found["target"]["reached"], true);
     let flags = found["target"]["flags"].as_str().unwrap();
     assert!(flags.starts_with("--method newton --"), "{flags}");
-    for file in ["accuracy.h5", "accuracy.csv", "accuracy.png"] {
+    for file in [
+        "accuracy.h5",
+        "accuracy.csv",
+        "accuracy.csv-metadata.json",
+        "accuracy.png",
+    ] {
         assert!(workspace.path("out").join(file).exists(), "{file}");
     }
     let rows = std::fs::read_to_string(workspace.path("out/accuracy.csv")).unwrap();

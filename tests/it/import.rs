@@ -202,6 +202,21 @@ fn an_own_pattern_stands_beside_the_designs_of_each_target() {
         2,
         "{table}"
     );
+    let about = std::fs::read(workspace.path("report/data/csv-metadata.json")).unwrap();
+    let about: Value = serde_json::from_slice(&about).unwrap();
+    let tables = about["tables"].as_array().unwrap();
+    assert_eq!(tables.len(), table.lines().count(), "{about}");
+    let verified = workspace.run(&["show", "own.yaml:verified", "--json"]).json()["digest"].clone();
+    for table in tables {
+        let file = workspace.path("report/data").join(table["url"].as_str().unwrap());
+        assert!(
+            file.is_file()
+                && table["dc:source"]
+                    .as_str()
+                    .unwrap()
+                    .contains(verified.as_str().unwrap())
+        );
+    }
     let page = std::fs::read_to_string(workspace.path("report/index.html")).unwrap();
     assert!(page.contains("Own pattern 2"), "the page shows it");
 }

@@ -136,6 +136,7 @@ fn a_report_opens_anywhere_fetches_nothing_and_its_designs_are_files() {
     );
     let names: Vec<String> = contents(&workspace.path("out")).into_keys().collect();
     let expected = [
+        "data/csv-metadata.json",
         "data/designs.csv",
         "data/patterns/II-area-5-intuitive-equal-area.csv",
         "data/patterns/II-area-5-intuitive-own-area.csv",

@@ -148,6 +148,17 @@ fn a_pipeline_is_swept_without_editing_it() {
         run.stdout
     );
     assert_eq!(fs::read_to_string(workspace.path("table.csv")).unwrap(), run.stdout);
+    let about: Value = serde_json::from_slice(&fs::read(workspace.path("table.csv-metadata.json")).unwrap()).unwrap();
+    let listed = workspace.run(&["log", "plain.yaml", "--json"]).json()["runs"][0]["stages"].clone();
+    let made = listed.as_array().unwrap().iter().map(|stage| &stage["digest"]);
+    assert!(
+        made.filter(|digest| **digest == about["dc:source"]).count() == 1,
+        "{about}"
+    );
+    assert_eq!(
+        (&about["url"], &about["@context"]),
+        (&json!("table.csv"), &json!("http://www.w3.org/ns/csvw"))
+    );
     let log = workspace.run(&["log", "plain.yaml", "--json"]).json();
     assert_eq!(
         log["runs"][0]["overrides"],

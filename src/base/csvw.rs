@@ -1,0 +1,95 @@
+//! What a file of comma-separated values is of, said beside it as [CSV on the Web](https://www.w3.org/TR/tabular-data-primer/)
+//! says it: a comment within would be a row to half of the programs that read such files.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::{Value, json};
+
+/// This program, as files name it.
+pub const SOFTWARE: &str = concat!(
+    "deaflow ",
+    env!("CARGO_PKG_VERSION"),
+    " (build ",
+    env!("DEAFLOW_BUILD_SHORT"),
+    ")"
+);
+
+/// A file of comma-separated values, described.
+#[derive(Clone, Debug)]
+pub struct CsvTable {
+    /// Its path, relative to what describes it.
+    pub url: String,
+    /// What it is of: pipeline and stage, or a command.
+    pub title: String,
+    /// What it was made from: digests of artifacts, or files.
+    pub source: String,
+    /// Whether its first line has the names of columns.
+    pub header: bool,
+}
+
+/// The file that describes the table at `path` alone.
+#[must_use]
+pub fn csv_metadata_file(path: &Path) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push("-metadata.json");
+    PathBuf::from(name)
+}
+
+/// Describes tables, in JSON with the last line ended.
+#[must_use]
+pub fn csv_metadata(tables: &[CsvTable]) -> Vec<u8> {
+    let table = |table: &CsvTable| {
+        let mut described = json!({
+            "url": table.url,
+            "dc:title": table.title,
+            "dc:source": table.source,
+            "dc:creator": SOFTWARE,
+        });
+        if !table.header {
+            described["dialect"] = json!({ "header": false });
+        }
+        described
+    };
+    let mut root = json!({ "@context": "http://www.w3.org/ns/csvw" });
+    match tables {
+        [one] => {
+            if let (Value::Object(root), Value::Object(one)) = (&mut root, table(one)) {
+                root.extend(one);
+            }
+        }
+        several => root["tables"] = several.iter().map(table).collect(),
+    }
+    format!("{root:#}\n").into_bytes()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn about(url: &str, header: bool) -> CsvTable {
+        CsvTable {
+            url: url.to_owned(),
+            title: "quickstart: design".to_owned(),
+            source: "ab12".to_owned(),
+            header,
+        }
+    }
+
+    #[test]
+    fn one_table_is_described_at_the_top_and_several_in_a_list() {
+        let read = |tables: &[CsvTable]| serde_json::from_slice::<Value>(&csv_metadata(tables)).unwrap();
+        let one = read(&[about("designs.csv", true)]);
+        let wanted = json!({
+            "@context": "http://www.w3.org/ns/csvw", "url": "designs.csv", "dc:title": "quickstart: design",
+            "dc:source": "ab12", "dc:creator": SOFTWARE,
+        });
+        assert_eq!(one, wanted);
+        let two = read(&[about("designs.csv", true), about("patterns/a.csv", false)]);
+        assert_eq!(two["tables"][0]["url"], "designs.csv");
+        assert_eq!(two["tables"][1]["dialect"], json!({ "header": false }));
+        assert_eq!(
+            csv_metadata_file(Path::new("a/b.csv")),
+            Path::new("a/b.csv-metadata.json")
+        );
+    }
+}
