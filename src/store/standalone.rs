@@ -13,13 +13,14 @@ use super::listing::Content;
 use super::object::{Data, KIND, TEXT_WIDTH};
 use super::write::{TextCell, describe, slab};
 use super::{create, plain, scales, texts};
-use crate::base::ArtifactId;
+use crate::base::{ArtifactId, Progress};
 
 /// Bytes of one dataset that are in memory at a time.
 const PIECE: usize = 8 << 20;
 
 /// Writes an artifact at `path`, where the file appears complete or not at all and replaces what was there. Elements are copied some
-/// rows at a time. `ancestry` begins with the artifact itself; `writer` names this program.
+/// rows at a time. `ancestry` begins with the artifact itself; `writer` names this program. Each chunk is a step of progress, an
+/// artifact without chunks is one.
 ///
 /// # Errors
 /// When a file of the artifact is missing or damaged, the folder does not exist or cannot be written in, or the library refuses.
@@ -28,11 +29,13 @@ pub fn write_standalone(
     artifact: &Artifact,
     ancestry: &[Ancestor],
     writer: &str,
+    progress: &dyn Progress,
 ) -> Result<(), StoreError> {
     plain::place(path, |file| {
         let output = Output {
             asked_for: path,
             artifact,
+            progress,
         };
         output.write(file, ancestry, writer)
     })
@@ -42,6 +45,7 @@ struct Output<'a> {
     /// The path that is named where something fails.
     asked_for: &'a Path,
     artifact: &'a Artifact,
+    progress: &'a dyn Progress,
 }
 
 impl Output<'_> {
@@ -94,6 +98,7 @@ impl Output<'_> {
                 }
                 *start += count;
             }
+            self.progress.advance(1);
         }
         Ok(())
     }

@@ -5,9 +5,11 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
+use crate::base::SOFTWARE;
 use crate::cli::arguments::StoreArguments;
 use crate::cli::error::CliError;
 use crate::cli::output::{Exit, Output};
+use crate::cli::progress::Bar;
 use crate::cli::{locate, solve, table, write};
 use crate::store::{Ancestor, write_standalone};
 
@@ -35,7 +37,9 @@ pub fn execute(arguments: &ExportArtifactArguments, output: &Output) -> Result<E
         );
     }
     let ancestry = store.ancestry(&artifact)?;
-    write_standalone(&arguments.output, &artifact, &ancestry, &writer())?;
+    let bar = Bar::new("export", "chunks", artifact.parts().len().max(1) as u64);
+    write_standalone(&arguments.output, &artifact, &ancestry, SOFTWARE, &bar)?;
+    bar.finish("done");
     let bytes = std::fs::metadata(&arguments.output).map_or(0, |metadata| metadata.len());
     let unknown: Vec<String> = ancestry
         .iter()
@@ -67,15 +71,6 @@ pub fn execute(arguments: &ExportArtifactArguments, output: &Output) -> Result<E
         ));
     }
     Ok(Exit::Done)
-}
-
-/// This program, as files name it.
-pub fn writer() -> String {
-    format!(
-        "deaflow {} (build {})",
-        env!("CARGO_PKG_VERSION"),
-        env!("DEAFLOW_BUILD_SHORT")
-    )
 }
 
 fn is_unknown(action: &Ancestor) -> bool {

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use serde_json::{Map, Value, json};
 
-use super::artifact::writer;
 use super::membrane;
+use crate::base::SOFTWARE;
 use crate::cli::arguments::{StoreArguments, TOLERANCE, number};
 use crate::cli::error::CliError;
 use crate::cli::output::{Exit, Output};
@@ -301,7 +301,7 @@ fn write_mask(
         title: format!("electrode {}", design.title),
         notes,
         source,
-        program: writer(),
+        program: SOFTWARE.to_owned(),
         side: mask.side,
         shapes: mask
             .islands

@@ -1,16 +1,17 @@
 //! `deaflow export crate`: a pipeline with all that it made, as a research object that others can check and run again.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Component, Path, PathBuf};
 
 use clap::Args;
 use serde_json::json;
 
-use super::artifact::writer;
-use crate::base::{Document, NodeValue, kind_of, leads_nowhere_at, read_bounded};
+use crate::base::{ArtifactId, Document, NodeValue, SOFTWARE, kind_of, leads_nowhere_at, read_bounded};
 use crate::cli::arguments::{SetArguments, StoreArguments};
 use crate::cli::error::CliError;
 use crate::cli::output::{Exit, Output};
+use crate::cli::progress::Bar;
 use crate::cli::{locate, run, table};
 use crate::orchestrator::{Built, BuiltStage, Pipeline, built};
 use crate::report::{CrateFile, CrateStage, METADATA, ResearchObject, figure_files, file_name};
@@ -49,9 +50,11 @@ pub fn execute(arguments: &ExportCrateArguments, output: &Output) -> Result<Exit
     let aside = aside_of(&folder)?;
     let mut writing = Writing {
         root: aside.path(),
+        bar: Bar::new("export", "chunks", chunks(&built, &store)?),
         files: Vec::new(),
     };
     let object = write(arguments, &pipeline, &built, &store, &mut writing)?;
+    writing.bar.finish("done");
     let bytes = writing.files.iter().map(|file| file.size).sum();
     fs::rename(aside.path(), &folder).map_err(failed(&folder))?;
     if output.is_json() {
@@ -100,6 +103,13 @@ fn empty_folder(path: &Path) -> Result<PathBuf, CliError> {
     fs::canonicalize(path).map_err(failed(path))
 }
 
+/// Chunks of all artifacts, each counted once.
+fn chunks(built: &Built, store: &Store) -> Result<u64, CliError> {
+    let artifacts: BTreeSet<ArtifactId> = built.stages.iter().map(|stage| stage.record.artifact).collect();
+    let of = |id: &ArtifactId| Ok(store.artifact(id)?.parts().len().max(1) as u64);
+    artifacts.iter().map(of).sum()
+}
+
 fn parent(path: &Path) -> &Path {
     let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty());
     parent.unwrap_or(Path::new("."))
@@ -120,6 +130,8 @@ fn failed(path: &Path) -> impl Fn(std::io::Error) -> CliError + '_ {
 /// The files of a crate, as they are written.
 struct Writing<'a> {
     root: &'a Path,
+    /// Chunks of artifacts.
+    bar: Bar,
     files: Vec<CrateFile>,
 }
 
@@ -265,7 +277,7 @@ fn write_stage(
     let digest = stage.record.artifact.to_string();
     let path = format!("artifacts/{}-{digest:.12}.h5", file_name(&stage.name));
     if !writing.files.iter().any(|file| file.path == path) {
-        write_standalone(&writing.place(&path)?, &artifact, &ancestry, &writer())?;
+        write_standalone(&writing.place(&path)?, &artifact, &ancestry, SOFTWARE, &writing.bar)?;
         writing.note(
             &path,
             format!("What the stage {} of kind {} made", stage.name, stage.kind),
