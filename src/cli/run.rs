@@ -53,15 +53,19 @@ pub enum ProgressForm {
 
 pub fn execute(arguments: &RunArguments, output: &Output) -> Result<Exit, CliError> {
     let pipeline = load(&arguments.of)?;
-    Ok(of_pipeline(&pipeline, arguments, Command::Run, output)?.0)
+    Ok(of_pipeline(&pipeline, arguments, Command::Run, output, &|_, _| Ok(()))?.0)
 }
 
-/// Runs a pipeline and tells of it; also gives what each stage made.
+/// What is to be done with the stages of a run.
+pub type WhenBuilt<'a> = &'a dyn Fn(&Store, &[StageReport]) -> Result<(), CliError>;
+
+/// Runs a pipeline and tells of it; also gives what each stage made. `built` is called once all is there, before anything is told.
 pub fn of_pipeline(
     pipeline: &Pipeline,
     arguments: &RunArguments,
     command: Command,
     output: &Output,
+    built: WhenBuilt<'_>,
 ) -> Result<(Exit, Vec<StageReport>), CliError> {
     let lock_path = LockFile::beside(&pipeline.path);
     let lock = arguments.locked.then(|| read_lock(&lock_path)).transpose()?;
@@ -100,6 +104,7 @@ pub fn of_pipeline(
     {
         output.complain(&format!("warning: `gc` will not know of the lock file: {error}"));
     }
+    built(&store, &outcome.stages)?;
     if !output.is_json() && !arguments.quiet {
         // Before the figures: what was built is told even where they cannot be drawn.
         output.text(&table::of_run(&outcome.stages))?;

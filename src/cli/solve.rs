@@ -123,15 +123,28 @@ pub fn check_output(arguments: &PatternArguments, other: &str) -> Result<(), Cli
 
 /// The same for a file that is written beside the one that `-o` names.
 pub fn check_file(path: &Path, arguments: &PatternArguments, other: &str) -> Result<(), CliError> {
-    let shown = path.display();
     let inputs = arguments.patterns.iter().map(String::as_str).chain([other]);
-    if inputs.flat_map(files_named).any(|input| is_same_file(&input, path)) {
+    check_not_read(path, &inputs.collect::<Vec<_>>())?;
+    write::check_file(path)
+}
+
+/// Refuses to write a file that one of these arguments means.
+///
+/// # Errors
+/// When it would be lost.
+pub fn check_not_read(path: &Path, inputs: &[&str]) -> Result<(), CliError> {
+    let shown = path.display();
+    if inputs
+        .iter()
+        .flat_map(|input| files_named(input))
+        .any(|input| is_same_file(&input, path))
+    {
         return Err(
             CliError::bad_input(format!("{shown} is read here: writing it would lose it"))
                 .help("-o must name another file"),
         );
     }
-    write::check_file(path)
+    Ok(())
 }
 
 /// The files that an argument may mean: itself, and what stands before each colon (`FILE.h5:/dataset`, `PIPELINE:STAGE`).

@@ -1,7 +1,7 @@
 //! `deaflow sweep`: a pipeline for each combination of some values, without editing its file.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
@@ -9,7 +9,7 @@ use super::arguments::{PipelineArguments, SetArguments, StoreArguments};
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::run::{self, ProgressForm, RunArguments};
-use super::{csv, write};
+use super::{csv, solve, write};
 use crate::base::{ArtifactId, Document, Node, NodeValue, Override};
 use crate::content::Table;
 use crate::orchestrator::StageReport;
@@ -68,11 +68,21 @@ pub fn execute(arguments: &SweepArguments, output: &Output) -> Result<Exit, CliE
     let file = Document::load(&arguments.pipeline)?;
     let swept = Swept::read(arguments, &file.root)?;
     if let Some(file) = &arguments.output {
+        solve::check_not_read(file, &[arguments.pipeline.to_string_lossy().as_ref()])?;
         write::check_csv(file)?;
     }
     let mut pipeline = run::load_file(&arguments.pipeline, &swept.overrides()?, arguments.many)?;
     // The history tells what was asked for, not how it was put into the tree.
     pipeline.overrides = arguments.sets.iter().filter_map(|set| said(set)).collect();
+    let keep = |store: &Store, stages: &[StageReport]| match &arguments.output {
+        // Before anything is printed: whoever reads that may have read enough.
+        Some(file) => keep(
+            file,
+            &pipeline.name,
+            collected(&store.clone().guarded(), stages, &swept.table)?,
+        ),
+        None => Ok(()),
+    };
     let run = RunArguments {
         of: PipelineArguments {
             pipeline: arguments.pipeline.clone(),
@@ -90,20 +100,20 @@ pub fn execute(arguments: &SweepArguments, output: &Output) -> Result<Exit, CliE
         quiet: arguments.quiet || arguments.csv,
         progress: arguments.progress,
     };
-    let (exit, stages) = run::of_pipeline(&pipeline, &run, Command::Sweep, output)?;
-    if arguments.csv || arguments.output.is_some() {
+    let (exit, stages) = run::of_pipeline(&pipeline, &run, Command::Sweep, output, &keep)?;
+    if arguments.csv {
         let store = Store::open_existing(&arguments.store.folder())?.guarded();
-        if let Some((digest, text)) = collected(&store, &stages, &swept.table)? {
-            if let Some(file) = &arguments.output {
-                let title = format!("{}: {}", pipeline.name, swept.table);
-                write::csv(file, text.as_bytes(), &title, &digest.to_string())?;
-            }
-            if arguments.csv {
-                output.text(&text)?;
-            }
+        if let Some((_, text)) = collected(&store, &stages, &swept.table)? {
+            output.text(&text)?;
         }
     }
     Ok(exit)
+}
+
+fn keep(file: &Path, pipeline: &str, table: Option<(ArtifactId, String)>) -> Result<(), CliError> {
+    let Some((digest, text)) = table else { return Ok(()) };
+    let title = format!("{pipeline}: table of a sweep");
+    write::csv(file, text.as_bytes(), &title, &digest.to_string())
 }
 
 /// Path and values of a `--set` as they were given.
@@ -136,6 +146,8 @@ struct Swept<'a> {
     changes: Vec<String>,
     /// Name of the stage that collects.
     table: String,
+    /// The fields that have been given.
+    paths: BTreeSet<Vec<String>>,
 }
 
 impl<'a> Swept<'a> {
@@ -152,6 +164,7 @@ impl<'a> Swept<'a> {
             names: Vec::new(),
             changes: Vec::new(),
             table,
+            paths: BTreeSet::new(),
         };
         for set in &arguments.sets {
             swept.add(set)?;
@@ -171,11 +184,15 @@ impl<'a> Swept<'a> {
             NodeValue::List(items) => items.len() < 2,
             _ => true,
         };
+        let steps = parsed.path();
+        if !self.paths.insert(steps.to_vec()) {
+            return Err(CliError::bad_input(format!("--set {path} is given twice"))
+                .help("give all values in one: --set PATH=VALUE,VALUE"));
+        }
         if one {
             self.changes.push(set.to_owned());
             return Ok(());
         }
-        let steps = parsed.path();
         let stages = self.stages_of(steps, set)?;
         let axis = self.axis(steps);
         self.changes.push(format!("{path}=\"${{{axis}}}\""));
@@ -318,12 +335,21 @@ impl<'a> Swept<'a> {
             .root
             .peek("stages")
             .and_then(|stages| stages.entries("stages").ok());
+        // What a table collects is a result; the table itself has none.
         let nodes = entries.unwrap_or_default().iter().map(|(_, node)| node);
+        let is_table = |node: &Node| node.peek("kind").is_some_and(|kind| kind.is_text("table"));
+        let tables: BTreeSet<&str> = entries
+            .unwrap_or_default()
+            .iter()
+            .filter(|(_, node)| is_table(node))
+            .filter_map(|(key, _)| key.text("a name").ok())
+            .collect();
+        let nodes = nodes.filter(|node| !is_table(node));
         let needs = nodes.filter_map(|node| node.peek("needs")?.list("needs").ok());
         let needed: BTreeSet<&str> = needs.flatten().filter_map(|need| need.text("needs").ok()).collect();
         self.stage_names()
             .into_iter()
-            .filter(|name| !needed.contains(name))
+            .filter(|name| !needed.contains(name) && !tables.contains(name))
             .collect()
     }
 }

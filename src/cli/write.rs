@@ -5,6 +5,21 @@ use std::path::Path;
 use super::error::CliError;
 use crate::base::{CsvTable, OutputFile, csv_metadata, csv_metadata_file, output_folder, write_output};
 
+/// Refuses a path within a store, where files that are not its own would be damage.
+///
+/// # Errors
+/// When it lies in one.
+pub fn outside(path: &Path) -> Result<(), CliError> {
+    match Store::around(path) {
+        None => Ok(()),
+        Some(store) => Err(
+            CliError::bad_input(format!("{} lies in the store {}", path.display(), store.display()))
+                .help("-o names a place outside: in a store are its own files alone"),
+        ),
+    }
+}
+use crate::store::Store;
+
 /// Writes bytes as a file that appears complete or not at all.
 ///
 /// # Errors
@@ -43,6 +58,7 @@ pub fn check_csv(path: &Path) -> Result<(), CliError> {
 /// # Errors
 /// As [`file()`].
 pub fn check_file(path: &Path) -> Result<(), CliError> {
+    outside(path)?;
     // Created and removed again: permissions alone do not tell whether a folder can be written in.
     Ok(output_folder(OutputFile::at(path)?.folder())?)
 }
@@ -52,5 +68,6 @@ pub fn check_file(path: &Path) -> Result<(), CliError> {
 /// # Errors
 /// When something else is there, or the system refuses.
 pub fn folder(path: &Path) -> Result<(), CliError> {
+    outside(path)?;
     Ok(output_folder(path)?)
 }

@@ -80,6 +80,15 @@ impl Layout {
         fs::symlink_metadata(layout.marker()).is_ok() || layout.has_folders()
     }
 
+    /// The folder of the store that a path lies in, if it lies in one; the path itself need not be there.
+    pub fn around(path: &Path) -> Option<PathBuf> {
+        let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty());
+        let folder = fs::canonicalize(parent.unwrap_or(Path::new("."))).ok()?;
+        let mut folders = folder.ancestors();
+        let is_store = |folder: &&Path| marker::check(&folder.join(MARKER)).is_ok();
+        folders.find(is_store).map(Path::to_owned)
+    }
+
     /// Whether this is a store that may be written in. Nothing is touched.
     ///
     /// # Errors

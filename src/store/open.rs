@@ -105,6 +105,12 @@ impl Store {
         self.verified.keep();
     }
 
+    /// The folder of the store that a path lies in, if it lies in one: nobody else writes there.
+    #[must_use]
+    pub fn around(path: &Path) -> Option<PathBuf> {
+        Layout::around(path)
+    }
+
     /// Opens a store that must be there already: to look into a mistyped folder must not make a store of it.
     ///
     /// # Errors

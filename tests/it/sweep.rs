@@ -174,17 +174,50 @@ fn a_pipeline_is_swept_without_editing_it() {
         (&["--set", "name=3,4"], "path is incomplete"),
         (
             &["--set", "stages.drawn.count=3,4", "--table", "nothing"],
-            "no stage that the table needs has a result `nothing`",
+            "`nothing` is neither an axis nor a result",
         ),
         (
             &["--set", "stages.drawn.count=3,4", "--table", "samples", "--plot", "a"],
             "--plot has 1 columns",
         ),
         (&["--set", "stages.drawn.count=3,x", "--table", "samples"], "`count`"),
+        (
+            &[
+                "--set",
+                "stages.drawn.count=3,4",
+                "--set",
+                "stages.drawn.count=5",
+                "--table",
+                "samples",
+            ],
+            "given twice",
+        ),
+        (
+            &[
+                "--set",
+                "stages.drawn.count=3,4",
+                "--table",
+                "samples",
+                "-o",
+                "plain.yaml",
+            ],
+            "plain.yaml is read here",
+        ),
+        (
+            &[
+                "--set",
+                "stages.drawn.count=3,4",
+                "--table",
+                "samples",
+                "-o",
+                "store/objects/t.csv",
+            ],
+            "lies in the store",
+        ),
     ] {
         let ended = workspace.run(&[&["sweep", "plain.yaml"], arguments].concat());
         assert!(
-            matches!(ended.code, Some(1 | 2)) && ended.stderr.contains(why),
+            ended.code == Some(2) && ended.stderr.contains(why),
             "{why}: {}",
             ended.stderr
         );
@@ -197,7 +230,7 @@ fn a_table_says_which_results_there_are() {
     for (columns, why) in [
         (
             "[voltage, displacement]",
-            "no stage that the table needs has a result `displacement`",
+            "`displacement` is neither an axis nor a result",
         ),
         ("[voltage, voltage]", "names voltage twice"),
         ("[]", "0 names"),
@@ -222,7 +255,11 @@ fn a_table_says_which_results_there_are() {
         .replace("solved.samples", "samples");
     workspace.write("sweep.yaml", &both);
     let ended = workspace.run(&["run", "sweep.yaml"]);
-    assert!(ended.stderr.contains("write STAGE.samples"), "{}", ended.stderr);
+    assert!(
+        ended.stderr.contains("write drawn.samples or solved.samples"),
+        "{}",
+        ended.stderr
+    );
 }
 
 #[test]

@@ -26,6 +26,7 @@ pub struct ExportArtifactArguments {
 }
 
 pub fn execute(arguments: &ExportArtifactArguments, output: &Output) -> Result<Exit, CliError> {
+    solve::check_not_read(&arguments.output, &[&arguments.artifact])?;
     write::check_file(&arguments.output)?;
     let store = locate::existing_store(&arguments.store.folder())?;
     let artifact = locate::artifact(&store, &arguments.artifact)?;
