@@ -40,7 +40,7 @@ pub fn csv_metadata_file(path: &Path) -> PathBuf {
 pub fn csv_metadata(tables: &[CsvTable]) -> Vec<u8> {
     let table = |table: &CsvTable| {
         let mut described = json!({
-            "url": table.url,
+            "url": uri(&table.url),
             "dc:title": table.title,
             "dc:source": table.source,
             "dc:creator": SOFTWARE,
@@ -60,6 +60,17 @@ pub fn csv_metadata(tables: &[CsvTable]) -> Vec<u8> {
         several => root["tables"] = several.iter().map(table).collect(),
     }
     format!("{root:#}\n").into_bytes()
+}
+
+/// A path as a relative reference (RFC 3986): all bytes but letters, digits and `-._~/` are escaped.
+#[must_use]
+pub fn uri(path: &str) -> String {
+    let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-._~/".contains(&byte);
+    let each = |byte: u8| match plain(byte) {
+        true => char::from(byte).to_string(),
+        false => format!("%{byte:02X}"),
+    };
+    path.bytes().map(each).collect()
 }
 
 #[cfg(test)]
@@ -87,6 +98,7 @@ mod tests {
         let two = read(&[about("designs.csv", true), about("patterns/a.csv", false)]);
         assert_eq!(two["tables"][0]["url"], "designs.csv");
         assert_eq!(two["tables"][1]["dialect"], json!({ "header": false }));
+        assert_eq!(read(&[about("t ü,x.csv", true)])["url"], "t%20%C3%BC%2Cx.csv");
         assert_eq!(
             csv_metadata_file(Path::new("a/b.csv")),
             Path::new("a/b.csv-metadata.json")

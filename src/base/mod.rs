@@ -23,7 +23,7 @@ pub use crate::{parameters, variants, words};
 pub use canonical::Canonical;
 pub use clock::thread_seconds;
 pub use confined::{ConfinedError, confined};
-pub use csvw::{CsvTable, SOFTWARE, csv_metadata, csv_metadata_file};
+pub use csvw::{CsvTable, SOFTWARE, csv_metadata, csv_metadata_file, uri};
 pub use digest::{Digest, DigestWriter, ParseDigestError};
 pub use digits::two_digits;
 pub use document::{Document, InputError, Map, Node, NodeValue, Override, Source, nearest};

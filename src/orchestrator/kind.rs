@@ -73,6 +73,12 @@ pub trait Kind: Sync {
         Ok(Vec::new())
     }
 
+    /// The files that a stage names, as it names them: relative to that of the pipeline.
+    fn files(&self, stage: &Node) -> Vec<String> {
+        let _ = stage;
+        Vec::new()
+    }
+
     /// Reads a stage from its mapping, which includes `kind` and `needs`, and from the pipeline's scene, already one
     /// mapping even where the pipeline names a file.
     ///

@@ -49,6 +49,8 @@ pub struct StageSpec {
     pub gates: Vec<usize>,
     /// Its scene, where that is not the one of all stages.
     pub scene: Option<Node>,
+    /// The files that it names, relative to that of the pipeline.
+    pub files: Vec<String>,
     /// What it does.
     pub stage: Box<dyn Stage>,
 }
@@ -102,7 +104,7 @@ impl Pipeline {
     /// Its file, wherever the next command is given: by this path its runs are known.
     #[must_use]
     pub fn file(&self) -> PathBuf {
-        std::path::absolute(&self.path).unwrap_or_else(|_| self.path.clone())
+        file_of(&self.path)
     }
 
     /// The stage of that name.
@@ -133,6 +135,18 @@ impl Pipeline {
         let needs: Vec<Vec<usize>> = self.stages.iter().map(StageSpec::waits_for).collect();
         let needs: Vec<&[usize]> = needs.iter().map(Vec::as_slice).collect();
         Ok(graph::closure(&needs, &targets))
+    }
+}
+
+/// A file wherever the next command is given, by the folder that it is in: links to that are followed, since what it names is found from
+/// there; a link in its own place is another pipeline.
+#[must_use]
+pub fn file_of(path: &Path) -> PathBuf {
+    let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty());
+    let folder = parent.unwrap_or(Path::new(".")).canonicalize();
+    match (folder, path.file_name()) {
+        (Ok(folder), Some(name)) => folder.join(name),
+        _ => std::path::absolute(path).unwrap_or_else(|_| path.to_owned()),
     }
 }
 
@@ -221,6 +235,7 @@ fn read_stages(entries: &[Entry<'_>], scene: Option<&Node>, swept: bool) -> Resu
             needs: places(false),
             gates: places(true),
             scene: own_scene.cloned(),
+            files: entry.kind.files(entry.node),
             stage,
         }));
     }

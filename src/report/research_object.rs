@@ -5,6 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use serde_json::{Value, json};
 
+use crate::base::uri;
+
 /// The file that makes a folder a crate.
 pub const METADATA: &str = "ro-crate-metadata.json";
 
@@ -90,16 +92,6 @@ fn list(values: impl IntoIterator<Item = Value>) -> Option<Value> {
         1 => values.pop(),
         _ => Some(Value::Array(values)),
     }
-}
-
-/// A path as a relative reference (RFC 3986): all bytes but letters, digits and `-._~/` are escaped.
-fn uri(path: &str) -> String {
-    let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-._~/".contains(&byte);
-    let each = |byte: u8| match plain(byte) {
-        true => char::from(byte).to_string(),
-        false => format!("%{byte:02X}"),
-    };
-    path.bytes().map(each).collect()
 }
 
 fn link(path: &str) -> Value {

@@ -147,6 +147,13 @@ impl Kind for DesignKind {
         true
     }
 
+    fn files(&self, stage: &Node) -> Vec<String> {
+        let targets = stage.peek("targets").and_then(|targets| targets.list("targets").ok());
+        let all = std::iter::once(stage).chain(targets.unwrap_or_default());
+        let fields = all.filter_map(|of| of.peek("objective")?.peek("field")?.text("field").ok());
+        fields.map(str::to_owned).collect()
+    }
+
     fn schema(&self) -> Vec<Fields> {
         vec![DesignParameters::fields()]
     }

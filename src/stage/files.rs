@@ -34,6 +34,18 @@ impl Parameter for FileName {
     }
 }
 
+/// The files that a stage names, without the datasets in them.
+pub fn named(stage: &Node) -> Vec<String> {
+    let names = stage
+        .peek(KEY)
+        .and_then(|names| names.list(KEY).ok())
+        .unwrap_or_default();
+    let names = names.iter().filter_map(|name| name.text(KEY).ok());
+    names
+        .map(|name| split_h5(name).map_or(name, |(file, _)| file).to_owned())
+        .collect()
+}
+
 /// A file that a stage names, where it is.
 pub struct NamedFile<'a> {
     node: &'a Node,

@@ -49,6 +49,10 @@ impl Kind for ImportKind {
         true
     }
 
+    fn files(&self, stage: &Node) -> Vec<String> {
+        super::files::named(stage)
+    }
+
     fn schema(&self) -> Vec<Fields> {
         vec![ImportParameters::fields()]
     }

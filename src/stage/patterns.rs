@@ -42,6 +42,10 @@ impl Kind for PatternsKind {
         }
     }
 
+    fn files(&self, stage: &Node) -> Vec<String> {
+        super::files::named(stage)
+    }
+
     fn schema(&self) -> Vec<Fields> {
         vec![PatternsParameters::fields()]
     }

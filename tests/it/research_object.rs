@@ -5,7 +5,7 @@ use std::fs;
 
 use serde_json::Value;
 
-use super::common::{SMALL, Workspace, files, with_scene_in_a_file};
+use super::common::{SHORT, SMALL, Workspace, csv, files, with_scene_in_a_file};
 
 fn export(workspace: &Workspace, arguments: &[&str]) -> Value {
     let ended = workspace.run(&[&["export", "crate"], arguments, &["--json"]].concat());
@@ -222,4 +222,33 @@ fn what_is_not_built_and_folders_in_use_are_refused() {
         .map(|entry| entry.unwrap().file_name());
     let left: Vec<_> = left.filter(|name| name.to_string_lossy().starts_with(".tmp")).collect();
     assert!(left.is_empty(), "{left:?}");
+}
+
+#[test]
+fn a_crate_holds_the_files_that_stages_read() {
+    let workspace = Workspace::new();
+    fs::create_dir_all(workspace.path("data")).unwrap();
+    workspace.write("data/own.csv", &csv(|x, _| x < 20));
+    let own = format!("{SHORT}  own: {{ kind: patterns, files: [./data/own.csv] }}\n");
+    workspace.write("own.yaml", &own);
+    assert_eq!(workspace.run(&["run", "own.yaml", "--quiet"]).code, Some(0));
+    let said = export(&workspace, &["own.yaml", "-o", "crate"]);
+    check(&workspace, "crate");
+    assert!(
+        said["files"]
+            .as_array()
+            .unwrap()
+            .contains(&"workflow/data/own.csv".into()),
+        "{said}"
+    );
+    let rerun = [
+        "run",
+        "crate/workflow/own.yaml",
+        "--locked",
+        "--store",
+        "fresh",
+        "--quiet",
+    ];
+    let rerun = workspace.run(&rerun);
+    assert_eq!(rerun.code, Some(0), "{}", rerun.stderr);
 }

@@ -12,7 +12,7 @@ use crate::cli::arguments::{SetArguments, StoreArguments};
 use crate::cli::error::CliError;
 use crate::cli::output::{Exit, Output};
 use crate::cli::progress::Bar;
-use crate::cli::{locate, run, table};
+use crate::cli::{locate, run, table, write};
 use crate::orchestrator::{Built, BuiltStage, Pipeline, built};
 use crate::report::{CrateFile, CrateStage, METADATA, ResearchObject, figure_files, file_name};
 use crate::store::{LockFile, Store, write_standalone};
@@ -38,13 +38,19 @@ pub struct ExportCrateArguments {
 
 pub fn execute(arguments: &ExportCrateArguments, output: &Output) -> Result<Exit, CliError> {
     let pipeline = run::load_with(&arguments.pipeline, &arguments.set)?;
+    write::outside(&arguments.output)?;
     let folder = empty_folder(&arguments.output)?;
     let store = locate::existing_store(&arguments.store.folder())?;
     let built = built(&pipeline, &store)?;
     if !built.missing.is_empty() {
         let path = pipeline.path.display();
+        let sets = pipeline
+            .overrides
+            .iter()
+            .map(|(path, value)| format!(" --set {path}={value:?}"));
+        let sets: String = sets.collect();
         return Err(CliError::bad_input(format!("not built: {}", built.missing.join(", ")))
-            .help(format!("build the rest first: deaflow run {path}")));
+            .help(format!("build the rest first: deaflow run {path}{sets}")));
     }
     // All of it appears at once: what is made aside goes where anything fails.
     let aside = aside_of(&folder)?;
@@ -53,7 +59,7 @@ pub fn execute(arguments: &ExportCrateArguments, output: &Output) -> Result<Exit
         bar: Bar::new("export", "chunks", chunks(&built, &store)?),
         files: Vec::new(),
     };
-    let object = write(arguments, &pipeline, &built, &store, &mut writing)?;
+    let object = write_all(arguments, &pipeline, &built, &store, &mut writing)?;
     writing.bar.finish("done");
     let bytes = writing.files.iter().map(|file| file.size).sum();
     fs::rename(aside.path(), &folder).map_err(failed(&folder))?;
@@ -165,7 +171,7 @@ impl Writing<'_> {
     }
 }
 
-fn write(
+fn write_all(
     arguments: &ExportCrateArguments,
     pipeline: &Pipeline,
     built: &Built,
@@ -230,6 +236,18 @@ fn write_sources(
         )?;
         sources.push(path);
     }
+    for (number, file) in named_files(pipeline)?.into_iter().enumerate() {
+        let path = format!("workflow/{file}");
+        let source = parent(&pipeline.path).join(&file);
+        let target = writing.place(&path)?;
+        fs::copy(&source, &target).map_err(failed(&source))?;
+        writing.note(
+            &path,
+            format!("File {} that stages read", number + 1),
+            media_type(&file),
+        )?;
+        sources.push(path);
+    }
     let lock = built.lock_file(&pipeline.name).text();
     let beside = LockFile::beside(Path::new(&workflow)).to_string_lossy().into_owned();
     writing.put(
@@ -239,6 +257,22 @@ fn write_sources(
         YAML,
     )?;
     Ok((workflow, sources))
+}
+
+/// The files that stages read, each once: paths below the folder of the pipeline.
+fn named_files(pipeline: &Pipeline) -> Result<BTreeSet<String>, CliError> {
+    let files = pipeline.stages.iter().flat_map(|stage| &stage.files);
+    files.map(|file| below("the file", file)).collect()
+}
+
+fn media_type(file: &str) -> &'static str {
+    match Path::new(file).extension().and_then(|extension| extension.to_str()) {
+        Some("csv") => "text/csv",
+        Some("png") => "image/png",
+        Some("h5" | "hdf5") => "application/x-hdf5",
+        Some("npz") => "application/zip",
+        _ => "application/octet-stream",
+    }
 }
 
 /// The file of the scene, where the pipeline names one: a path below its own folder.
@@ -251,19 +285,23 @@ fn scene_file(pipeline: &Pipeline) -> Result<Option<String>, CliError> {
     else {
         return Ok(None);
     };
-    let named = node.text("scene")?;
+    below("the scene's file", node.text("scene")?).map(Some)
+}
+
+/// A path by folders and a name alone.
+fn below(what: &str, named: &str) -> Result<String, CliError> {
     let steps: Vec<Component<'_>> = Path::new(named)
         .components()
         .filter(|step| *step != Component::CurDir)
         .collect();
     if steps.iter().any(|step| !matches!(step, Component::Normal(_))) {
-        return Err(CliError::bad_input(format!(
-            "the scene's file {named} is not named by folders and a name alone"
-        ))
-        .help("name it without `..`: a crate holds it in the same place"));
+        return Err(
+            CliError::bad_input(format!("{what} {named} is not named by folders and a name alone"))
+                .help("name it without `..`: a crate holds it in the same place"),
+        );
     }
     let steps: Vec<_> = steps.iter().map(|step| step.as_os_str().to_string_lossy()).collect();
-    Ok(Some(steps.join("/")))
+    Ok(steps.join("/"))
 }
 
 fn write_stage(
