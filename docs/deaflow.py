@@ -236,8 +236,11 @@ def open(store: PathLike, name: str) -> Artifact:
 
 def load(path: PathLike) -> Artifact:
     """Opens a file that `deaflow export artifact` has written."""
-    with h5py.File(path, "r") as file:
-        texts = _texts(file["provenance"]) if "provenance" in file else {}
+    try:
+        with h5py.File(path, "r") as file:
+            texts = _texts(file["provenance"]) if "provenance" in file else {}
+    except OSError as error:
+        raise StoreError(f"{path} cannot be read as HDF5: {error}") from error
     if "artifact" not in texts:
         raise StoreError(f"{path} was not written by `deaflow export artifact`: of a store, name the stage with `open`")
     return Artifact(path, texts["artifact"])
@@ -251,7 +254,7 @@ def runs(store: PathLike, pipeline: Optional[str] = None) -> list[Run]:
 def _root(store: PathLike) -> Path:
     root = Path(store)
     try:
-        found = (root / "format").read_text().strip()
+        found = (root / "format").read_text(errors="replace").strip()
     except OSError as error:
         raise StoreError(f"there is no artifact store at {root}") from error
     if found != FORMAT:
@@ -287,7 +290,8 @@ def _runs(root: Path) -> Iterator[Run]:
 
 
 def _is_of(run: Run, pipeline: str) -> bool:
-    return pipeline == run.pipeline or os.path.abspath(pipeline) == run.path
+    folder, name = os.path.split(os.path.abspath(pipeline))
+    return pipeline == run.pipeline or os.path.join(os.path.realpath(folder), name) == run.path
 
 
 def _of_runs(root: Path, stage: str, pipeline: Optional[str]) -> Optional[str]:

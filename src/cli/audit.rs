@@ -17,7 +17,7 @@ use crate::base::{ArtifactId, Override, Quantity};
 use crate::content::{AttributeError, Audit};
 use crate::orchestrator::{Environment, Pipeline, RunOptions, Staleness, plan, run as run_pipeline};
 use crate::stage::audit::{self, Audited, Finding, Request, Severity};
-use crate::store::{Artifact, Command, Run, Store, StoreError};
+use crate::store::{Artifact, Command, Store, StoreError};
 use report::Answer;
 
 /// Check a dataset: provenance, values, symmetries, leaks, and every label against a simulation
@@ -139,7 +139,9 @@ fn of_stage(arguments: &AuditArguments, path: &Path, name: &str) -> Result<Answe
         Err(finding) => return Ok(Answer::only(&arguments.dataset, finding)),
     };
     let lineage = audit::trace(&store, &artifact)?;
-    let own = format!("audit-of-{name}");
+    // The name of a stage of a sweep has letters that no path of a field has.
+    let plain = |c: char| if c.is_ascii_alphanumeric() || c == '_' { c } else { '-' };
+    let own: String = format!("audit-of-{name}").chars().map(plain).take(60).collect();
     sets.push(Override::parse(&format!(
         "stages.{own}={}",
         stage_text(arguments, name)
@@ -178,11 +180,18 @@ fn stage_text(arguments: &AuditArguments, name: &str) -> String {
         .accuracy
         .map_or(String::new(), |mm| format!(", accuracy: {mm}"));
     let seed = arguments.seed;
-    format!("{{ kind: audit, needs: [{name}], samples: {samples}, seed: {seed}, fail_on: never{accuracy} }}")
+    format!("{{ kind: audit, needs: [{name:?}], samples: {samples}, seed: {seed}, fail_on: never{accuracy} }}")
 }
 
 fn check_kind(pipeline: &Pipeline, name: &str) -> Result<(), CliError> {
     pipeline.selection(Some(name))?;
+    if let Some(sweep) = pipeline
+        .sweeps
+        .iter()
+        .find(|sweep| sweep.name == name && sweep.stages != [name])
+    {
+        return Err(locate::several(&pipeline.path, name, &sweep.stages));
+    }
     let kind = pipeline.stage(name).map_or("", |stage| stage.kind.name());
     if audit::AUDITED.contains(&kind) {
         return Ok(());
@@ -219,8 +228,8 @@ fn current(pipeline: &Pipeline, store: &Store, name: &str) -> Result<Result<Arti
         }
         (why, _) => {
             let file = pipeline.file();
-            let has = |run: &Run| run.is_of(&file, &pipeline.name) && run.stage(name).is_some();
-            let built = store.runs()?.find(|run| !run.as_ref().is_ok_and(|run| !has(run)));
+            let mut own = store.runs_of(store.runs()?, &file, &pipeline.name);
+            let built = own.find(|run| !run.as_ref().is_ok_and(|run| run.stage(name).is_none()));
             if built.transpose()?.is_none() {
                 let path = pipeline.path.display();
                 return Err(CliError::bad_input(format!("stage `{name}` of {path} is not built"))

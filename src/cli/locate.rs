@@ -1,6 +1,6 @@
 //! Finds the artifact that somebody means: by a stage of the last run, by `PIPELINE.yaml:STAGE`, or by its digest.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use super::error::CliError;
 use super::run;
@@ -24,11 +24,6 @@ pub fn of_folder<T>(opened: Result<T, StoreError>) -> Result<T, CliError> {
         }
         other => other.into(),
     })
-}
-
-/// A path that is the same wherever the next command is given.
-pub fn absolute(path: &Path) -> PathBuf {
-    std::path::absolute(path).unwrap_or_else(|_| path.to_owned())
 }
 
 /// The artifact that `reference` names.
@@ -55,6 +50,13 @@ pub fn split(reference: &str) -> Option<(&str, &str)> {
 
 fn of_pipeline(store: &Store, path: &Path, name: &str) -> Result<ArtifactId, CliError> {
     let pipeline = run::load_plain(path)?;
+    if let Some(sweep) = pipeline
+        .sweeps
+        .iter()
+        .find(|sweep| sweep.name == name && sweep.stages != [name])
+    {
+        return Err(several(path, &sweep.name, &sweep.stages));
+    }
     let stages = plan(&pipeline, store, Some(name), &Environment::system())?;
     let found = stages.iter().find(|stage| stage.name == name);
     if let Some(StageReport {
@@ -71,6 +73,17 @@ fn of_pipeline(store: &Store, path: &Path, name: &str) -> Result<ArtifactId, Cli
         CliError::bad_input(format!("stage `{name}` of {} is not built", path.display()))
             .help(format!("build it: deaflow run {} --until {name}", path.display()))
     })
+}
+
+/// A refusal of a name that means several stages.
+pub fn several(path: &Path, name: &str, stages: &[String]) -> CliError {
+    const SHOWN: usize = 8;
+    let mut list: Vec<&str> = stages.iter().take(SHOWN).map(String::as_str).collect();
+    if stages.len() > SHOWN {
+        list.push("…");
+    }
+    let message = format!("`{name}` of {} stands for {} stages", path.display(), stages.len());
+    CliError::bad_input(message).help(format!("name one of them: {}", list.join(", ")))
 }
 
 /// What the newest run that has a stage of that name made there, if no record contradicts it.

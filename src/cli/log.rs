@@ -10,6 +10,7 @@ use super::arguments::StoreArguments;
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::{csv, locate, run, table};
+use crate::orchestrator::file_of;
 use crate::store::{Command, Ended, Run, Store, StoreError};
 
 /// Runs that people are shown unless they ask for others.
@@ -51,17 +52,16 @@ pub fn execute(arguments: &LogArguments, output: &Output) -> Result<Exit, CliErr
 
 /// The last runs, of one pipeline or of all, newest first; and whether there are more.
 fn past(store: &Store, pipeline: Option<&Path>, most: Option<usize>) -> Result<(Vec<Run>, bool), CliError> {
-    let wanted = pipeline.map(|path| (locate::absolute(path), name_in(path)));
     let all: Box<dyn Iterator<Item = Result<Run, StoreError>>> = match most {
         None => Box::new(store.runs()?.all()?.into_iter().map(Ok)),
         Some(_) => Box::new(store.runs()?),
     };
+    let mut wanted: Box<dyn Iterator<Item = Result<Run, StoreError>>> = match pipeline {
+        None => all,
+        Some(path) => Box::new(store.runs_of(all, &file_of(path), &name_in(path))),
+    };
     let mut runs = Vec::new();
-    for run in all {
-        let run = run?;
-        if wanted.as_ref().is_some_and(|(path, name)| !run.is_of(path, name)) {
-            continue;
-        }
+    while let Some(run) = wanted.next().transpose()? {
         if most.is_some_and(|most| runs.len() == most) {
             return Ok((runs, true));
         }
@@ -79,7 +79,7 @@ fn past(store: &Store, pipeline: Option<&Path>, most: Option<usize>) -> Result<(
 }
 
 /// The name in a pipeline's file, where that can be read: its runs are then found although it was moved.
-fn name_in(path: &Path) -> String {
+pub fn name_in(path: &Path) -> String {
     run::load_plain(path).map_or_else(|_| String::new(), |pipeline| pipeline.name)
 }
 

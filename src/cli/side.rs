@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::error::CliError;
-use super::{locate, run};
+use super::{locate, log, run};
 use crate::base::{ArtifactId, Canonical, Override};
-use crate::orchestrator::{Environment, Kind, Registry, StageError, plan};
+use crate::orchestrator::{Environment, Kind, Registry, StageError, file_of, plan};
 use crate::stage;
-use crate::store::{Artifact, LockFile, Record, Run, Store};
+use crate::store::{Artifact, LockFile, Record, Run, Store, StoreError};
 
 /// The prefix of what a stage has from the scene.
 const SCENE: &str = "scene.";
@@ -102,13 +102,15 @@ impl<'a> Places<'a> {
             return Err(CliError::bad_input(format!("{number:?} after `@` is no number from 1"))
                 .help("@1 is the last run, @2 the one before, PIPELINE.yaml@1 the last of a pipeline"));
         };
-        let file = (!pipeline.is_empty()).then(|| locate::absolute(Path::new(pipeline)));
+        let path = Path::new(pipeline);
+        let all = self.store.runs()?;
+        let runs: Box<dyn Iterator<Item = Result<Run, StoreError>>> = match pipeline.is_empty() {
+            true => Box::new(all),
+            false => Box::new(self.store.runs_of(all, &file_of(path), &log::name_in(path))),
+        };
         let mut seen = 0;
-        for run in self.store.runs()? {
+        for run in runs {
             let run = run?;
-            if file.as_ref().is_some_and(|file| Path::new(&run.path) != file) {
-                continue;
-            }
             seen += 1;
             if seen == place {
                 return self.of_run(&run);

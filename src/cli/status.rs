@@ -9,7 +9,7 @@ use super::arguments::StoreArguments;
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::{locate, run, table};
-use crate::orchestrator::{Bill, Environment, Outcome, StageReport, Staleness, plan};
+use crate::orchestrator::{Bill, Environment, Outcome, StageReport, Staleness, file_of, plan};
 use crate::store::{Command, LockFile, Run, Store, Totals};
 
 /// Say what is in a store, what is at work in it, and which pipelines are up to date
@@ -35,8 +35,7 @@ struct Standing {
 pub fn execute(arguments: &StatusArguments, output: &Output) -> Result<Exit, CliError> {
     let store = locate::existing_store(&arguments.store.folder())?;
     let runs = store.runs()?.all()?;
-    let absolute = |path: &PathBuf| std::path::absolute(path).unwrap_or_else(|_| path.clone());
-    let mut paths: Vec<PathBuf> = arguments.pipelines.iter().map(absolute).collect();
+    let mut paths: Vec<PathBuf> = arguments.pipelines.iter().map(|path| file_of(path)).collect();
     if paths.is_empty() {
         for run in &runs {
             let path = PathBuf::from(&run.path);
@@ -61,8 +60,9 @@ pub fn execute(arguments: &StatusArguments, output: &Output) -> Result<Exit, Cli
 /// A pipeline that somebody names must be there; one that only a run remembers may be gone.
 fn standing(store: &Store, runs: &[Run], path: PathBuf, named: bool) -> Result<Standing, CliError> {
     let last = |name: Option<&str>| {
-        let of = |run: &&Run| run.is_of(&path, name.unwrap_or_default());
-        runs.iter().filter(|run| run.command == Command::Run).find(of).cloned()
+        let all = runs.iter().filter(|run| run.command == Command::Run).cloned().map(Ok);
+        let mut own = store.runs_of(all, &path, name.unwrap_or_default());
+        own.next().and_then(Result::ok)
     };
     let (stages, last) = match run::load_plain(&path) {
         Ok(pipeline) => {

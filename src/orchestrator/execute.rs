@@ -313,6 +313,7 @@ impl Execution<'_> {
         let run = Run {
             pipeline: self.pipeline.name.clone(),
             path: self.pipeline.file().display().to_string(),
+            place: self.builder.store.as_seen_from_here(&self.pipeline.file()),
             created: environment.now(),
             host: environment.host.clone(),
             version: format!("{} (build {})", environment.version, environment.build),

@@ -35,7 +35,7 @@ pub use provenance::Environment;
 pub use rounds::Rounds;
 pub use schema::{of_pipeline, of_scene};
 pub use scratch::Scratch;
-pub use spec::{Pipeline, StageSpec, splice_scene};
+pub use spec::{Pipeline, StageSpec, file_of, splice_scene};
 pub use staleness::Staleness;
 pub use sweep::{MANY_STAGES, MOST_STAGES, Sweep};
 

@@ -13,7 +13,7 @@ use super::kind::{Chunk, Input, Plan};
 use super::spec::{Pipeline, StageSpec};
 use super::staleness::{Current, Staleness};
 use crate::base::{ActionKey, ArtifactId, Canonical};
-use crate::store::{Action, Condition, Effort, Lookup, Object, Record, Run, RunStage, Runs, Store, StoreError};
+use crate::store::{Action, Condition, Effort, Lookup, Object, Record, Run, RunStage, Runs, RunsOf, Store, StoreError};
 
 /// Files that one thread looks at sooner than another could be woken.
 const FEW: usize = 64;
@@ -71,7 +71,7 @@ pub struct Planner<'a> {
 #[derive(Default)]
 struct PastRuns {
     /// None before anybody asked.
-    unread: Option<std::iter::Take<Runs>>,
+    unread: Option<RunsOf<std::iter::Take<Runs>>>,
     read: Vec<Arc<Run>>,
 }
 
@@ -284,12 +284,12 @@ impl<'a> Planner<'a> {
         let PastRuns { unread, read } = &mut *runs;
         let unread = match unread {
             Some(unread) => unread,
-            None => unread.insert(self.store.runs()?.take(LOOKED_THROUGH)),
+            None => {
+                let runs = self.store.runs()?.take(LOOKED_THROUGH);
+                unread.insert(self.store.runs_of(runs, &file, &self.pipeline.name))
+            }
         };
         while let Some(run) = unread.next().transpose()? {
-            if !run.is_of(&file, &self.pipeline.name) {
-                continue;
-            }
             let run = Arc::new(run);
             read.push(run.clone());
             if let Some(found) = with_stage(&run) {

@@ -76,11 +76,14 @@ impl History {
     /// When the store cannot be read.
     pub fn of(pipeline: &Pipeline, plan: &[StageReport], store: &Store) -> Result<Self, ReportError> {
         let file = pipeline.file();
-        let mut runs = store.runs()?;
-        let last = runs.find(|run| !run.as_ref().is_ok_and(|run| !dates(run, &file, &pipeline.name)));
+        let mut own = store.runs_of(store.runs()?, &file, &pipeline.name);
+        let last = own.find(|run| !run.as_ref().is_ok_and(|run| run.command != Command::Run));
         let last = last.transpose()?;
         // What was made after the end of the run before was made by the last one, or by one that was killed since.
-        let since = runs.next().transpose()?.map(|run| run.created);
+        let mut all = store.runs()?;
+        let is_last = |run: &Run| last.as_ref().is_some_and(|last| last.id == run.id);
+        let _ = all.find(|run| run.as_ref().is_ok_and(is_last));
+        let since = all.next().transpose()?.map(|run| run.created);
         let (last, since) = (last.as_ref(), since.as_deref());
         let costs = store.costs();
         let mut stages = Vec::new();
@@ -152,11 +155,6 @@ impl History {
     pub fn missing(&self) -> Vec<&StageFacts> {
         self.stages.iter().filter(|stage| stage.digest.is_none()).collect()
     }
-}
-
-/// Whether a run is one of the pipeline: an audit runs a stage of it, and builds nothing else.
-fn dates(run: &Run, file: &Path, name: &str) -> bool {
-    run.command == Command::Run && run.is_of(file, name)
 }
 
 fn has(run: &Run, report: &StageReport, digest: &ArtifactId) -> bool {

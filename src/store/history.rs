@@ -3,10 +3,10 @@
 //! They explain the next run ("parameter changed: …"), let a stage be shown by its name, can be listed and compared, and the last of
 //! them are what a collection must keep. They decide nothing: a run is found by its keys whether or not its file is there.
 
-use std::collections::{BTreeMap, BinaryHeap};
+use std::collections::{BTreeMap, BTreeSet, BinaryHeap, VecDeque};
 use std::fs;
 use std::io::ErrorKind;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -33,6 +33,9 @@ pub struct Run {
     pub pipeline: String,
     /// Its file, by which runs belong together.
     pub path: String,
+    /// The same as seen from the store, which may be moved with its pipelines.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub place: String,
     /// The command that ran it.
     #[serde(default)]
     pub command: Command,
@@ -123,13 +126,6 @@ impl Run {
         self.stages.iter().find(|stage| stage.name == name)
     }
 
-    /// Whether it is one of the pipeline in a file: of that path, or of that name where its own file is gone, as when it was moved.
-    #[must_use]
-    pub fn is_of(&self, path: &Path, name: &str) -> bool {
-        let own = Path::new(&self.path);
-        own == path || (self.pipeline == name && !own.exists())
-    }
-
     /// Whether it is the same pipeline, with the same overrides and the same artifacts.
     fn says_the_same(&self, other: &Self) -> bool {
         let made = |run: &Self| -> Vec<(String, ActionKey, ArtifactId)> {
@@ -179,7 +175,95 @@ impl Runs {
 /// What orders runs: a time, and a number where there are several of one time.
 type Stamp = (String, u64);
 
+/// Of some runs, newest first, those of the pipeline in a file.
+///
+/// A file has the runs that were of its path. One that has none has been moved or copied, or is new: it has those of its name whose file is
+/// gone, if that stood in the same place as seen from the store, or if they are all of one file.
+pub struct RunsOf<I> {
+    runs: I,
+    file: PathBuf,
+    place: String,
+    name: String,
+    has_own: bool,
+    /// Runs of the same name whose file is gone.
+    orphans: VecDeque<Run>,
+    gone: BTreeMap<String, bool>,
+    is_sorted_out: bool,
+}
+
+impl<I> RunsOf<I> {
+    fn is_gone(&mut self, path: &str) -> bool {
+        let known = self.gone.entry(path.to_owned());
+        *known.or_insert_with(|| !Path::new(path).exists())
+    }
+
+    fn sort_out(&mut self) {
+        self.is_sorted_out = true;
+        if self.orphans.iter().any(|run| run.place == self.place) {
+            self.orphans.retain(|run| run.place == self.place);
+        }
+        let paths: BTreeSet<&str> = self.orphans.iter().map(|run| run.path.as_str()).collect();
+        if paths.len() > 1 {
+            self.orphans.clear();
+        }
+    }
+}
+
+impl<I: Iterator<Item = Result<Run, StoreError>>> Iterator for RunsOf<I> {
+    type Item = Result<Run, StoreError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        while !self.is_sorted_out {
+            match self.runs.next() {
+                Some(Ok(run)) if Path::new(&run.path) == self.file => {
+                    self.has_own = true;
+                    self.orphans.clear();
+                    return Some(Ok(run));
+                }
+                Some(Ok(run)) => {
+                    if !self.has_own && run.pipeline == self.name && self.is_gone(&run.path) {
+                        self.orphans.push_back(run);
+                    }
+                }
+                Some(Err(error)) => return Some(Err(error)),
+                None => self.sort_out(),
+            }
+        }
+        self.orphans.pop_front().map(Ok)
+    }
+}
+
 impl Store {
+    /// Of some runs of this store, newest first, those of the pipeline of that name in a file.
+    pub fn runs_of<I: Iterator<Item = Result<Run, StoreError>>>(&self, runs: I, file: &Path, name: &str) -> RunsOf<I> {
+        RunsOf {
+            runs,
+            place: self.as_seen_from_here(file),
+            file: file.to_owned(),
+            name: name.to_owned(),
+            has_own: false,
+            orphans: VecDeque::new(),
+            gone: BTreeMap::new(),
+            is_sorted_out: false,
+        }
+    }
+
+    /// A file as seen from the store: `../pipelines/sweep.yaml`.
+    #[must_use]
+    pub fn as_seen_from_here(&self, file: &Path) -> String {
+        let Ok(root) = fs::canonicalize(self.root()) else {
+            return String::new();
+        };
+        let shared = root
+            .components()
+            .zip(file.components())
+            .take_while(|(a, b)| a == b)
+            .count();
+        let up = root.components().skip(shared).map(|_| Component::ParentDir);
+        let path: PathBuf = up.chain(file.components().skip(shared)).collect();
+        path.display().to_string()
+    }
+
     /// Whether something was built or failed in a run, or it says anything else than the last one of its pipeline.
     ///
     /// # Errors

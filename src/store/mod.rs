@@ -57,7 +57,7 @@ pub use error::StoreError;
 pub use fsck::{Absence, Damage, Report};
 pub use gc::{Collection, Judged, Retention};
 pub use grid::{Grid, write_grid};
-pub use history::{Command, Ended, Run, RunStage, Runs};
+pub use history::{Command, Ended, Run, RunStage, Runs, RunsOf};
 pub use inspect::{Condition, Effort};
 pub use listing::Content;
 pub use lock::Guard;

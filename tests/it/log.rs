@@ -202,6 +202,33 @@ fn history_belongs_to_the_file_and_not_to_its_name() {
     // A file that was moved takes its history along.
     std::fs::rename(workspace.path("short.yaml"), workspace.path("moved.yaml")).unwrap();
     assert_eq!(log(&workspace, &["moved.yaml"]).len(), 2);
+    // One that has always stood in its place has its own alone.
+    assert_eq!(log(&workspace, &["copy.yaml"]).len(), 1);
+    assert_eq!(log(&workspace, &["./store/../copy.yaml"]).len(), 1);
+    let last = workspace.run(&["diff", "moved.yaml@2", "moved.yaml@1"]);
+    assert_eq!(last.code, Some(0), "{}", last.stderr);
+    // A file that nobody has run takes no part of two that are gone.
+    std::fs::rename(workspace.path("copy.yaml"), workspace.path("third.yaml")).unwrap();
+    assert_eq!(workspace.run(&["log", "third.yaml"]).code, Some(2));
+}
+
+#[test]
+fn history_is_moved_with_the_store() {
+    let workspace = Workspace::new();
+    for (folder, seed) in [("a", "seed: 1"), ("b", "seed: 7")] {
+        std::fs::create_dir_all(workspace.path(&format!("all/{folder}"))).unwrap();
+        workspace.write(&format!("all/{folder}/short.yaml"), &SHORT.replace("seed: 1", seed));
+        let file = format!("all/{folder}/short.yaml");
+        workspace.stages(&["run", &file, "--store", "all/store"]);
+    }
+    std::fs::rename(workspace.path("all"), workspace.path("elsewhere")).unwrap();
+    for folder in ["a", "b"] {
+        let file = format!("elsewhere/{folder}/short.yaml");
+        let runs = log(&workspace, &[&file, "--store", "elsewhere/store"]);
+        assert_eq!(runs.len(), 1);
+        let path = runs[0]["path"].as_str().unwrap();
+        assert!(path.ends_with(&format!("all/{folder}/short.yaml")), "{path}");
+    }
 }
 
 #[test]

@@ -138,7 +138,10 @@ fn wrong_names_and_damage_are_told() {
             "deaflow.open('nowhere', 'solved')",
             "StoreError: there is no artifact store at nowhere",
         ),
-        ("deaflow.load('small.yaml')", "OSError"),
+        (
+            "deaflow.load('small.yaml')",
+            "StoreError: small.yaml cannot be read as HDF5",
+        ),
     ] {
         let told = error(script);
         assert!(told.contains(said), "{script}: {told}");
