@@ -22,6 +22,8 @@ mod table;
 mod train;
 mod verify;
 
+pub use results::words_of as result_words;
+
 use crate::base::{InputError, Node};
 use crate::content::{ContentError, StoredAttribute};
 use crate::fem::effects::Model;

@@ -9,6 +9,23 @@ pub fn named<const N: usize>(results: [(&str, f64); N]) -> Vec<(String, f64)> {
     results.map(|(name, value)| (name.to_owned(), value)).into()
 }
 
+/// The first words of the results that an artifact of a kind may have.
+pub fn words_of(kind: &str) -> &'static [&'static str] {
+    match kind {
+        "sample" | "patterns" => &["samples", "area"],
+        "solve" | "import" => &["samples", "unstable", "max_displacement", "mean_displacement"],
+        "balance" => &["rows", "max_displacement"],
+        "train" => &["rmse", "best_epoch"],
+        "calibrate" => &["samples", "novelty_threshold"],
+        "evaluate" => &["rmse", "max_error"],
+        "design" => &["predicted", "area"],
+        "verify" => &["displacement", "area", "predicted"],
+        "accuracy" => &["max_error"],
+        "audit" => &["rows", "errors", "warnings"],
+        _ => &[],
+    }
+}
+
 /// The unit of a result, by its first word.
 pub fn unit(name: &str) -> &'static str {
     const LENGTHS: [&str; 7] = [

@@ -85,10 +85,11 @@ impl Kind for TableKind {
     fn read(&self, stage: &Node, _scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
         let what = "a table stage";
         let rows = columns::rows(stage.peek("rows"))?;
-        // Nobody writes rows: they follow from the axes of what the stage needs.
-        let own = stage.without("rows");
+        let kinds = columns::kinds(stage.peek("kinds"))?;
+        // Nobody writes these: they follow from what the stage needs and its axes.
+        let own = stage.without("rows").without("kinds");
         let map = own.fields(what, &["kind", "needs", "columns", "plot"])?;
-        let columns = columns::columns(map.required(what, "columns")?, &rows)?;
+        let columns = columns::columns(map.required(what, "columns")?, &rows, &kinds)?;
         Ok(Box::new(TableStage {
             plot: plot(&map, &columns)?,
             cells: Cells::new(&columns, &rows),

@@ -5,7 +5,7 @@
 //! last bits may differ between kinds of CPU. When an output changes on purpose: raise the recipe, run with
 //! `DEAFLOW_GOLDEN=write`, and commit `golden.json`.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use hdf5::types::{FixedUnicode, TypeDescriptor};
@@ -132,6 +132,7 @@ fn an_output_changes_only_with_its_recipe() {
     OWN.iter().for_each(|stage| arguments.extend(["--set", stage]));
     let digests = workspace.stages(&arguments).digests();
     let artifacts = files(&workspace.path("store/objects"));
+    let logged = workspace.run(&["log", "--json"]).json()["runs"][0]["results"].clone();
     let mut found = serde_json::Map::new();
     for stage in [
         "small",
@@ -162,6 +163,18 @@ fn an_output_changes_only_with_its_recipe() {
         let shown = workspace.run(&["show", stage, "--json"]).json();
         let recipe = shown["provenance"]["recipe"].clone();
         assert!(!recipe.is_null(), "{shown}");
+        // Tables are refused by these words before anything is built.
+        let known = deaflow::stage::result_words(shown["provenance"]["kind"].as_str().unwrap());
+        let own = logged
+            .as_object()
+            .unwrap()
+            .keys()
+            .filter_map(|name| name.strip_prefix(stage)?.strip_prefix('.'));
+        let own: BTreeSet<&str> = own.filter_map(|name| name.split('.').next()).collect();
+        assert!(
+            !own.is_empty() && own.iter().all(|word| known.contains(word)),
+            "{stage}: {own:?} and {known:?}"
+        );
         found.insert(
             stage.to_owned(),
             json!({ "recipe": recipe, "datasets": fingerprint(path) }),

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::rc::Rc;
 
 use super::settings::{AxisValue, Setting, Settings, text_of};
+use super::substitute::axes_in;
 use crate::base::{InputError, Node, NodeValue};
 
 /// The key of the axes.
@@ -14,6 +15,8 @@ const ZIP: &str = "zip";
 
 /// Axes that go in step: one alone, or those of a `zip`. Each holds its settings in order.
 struct Group {
+    /// Where it stands.
+    place: Node,
     steps: Vec<Settings>,
 }
 
@@ -40,6 +43,32 @@ pub fn combinations(node: &Node, most: usize) -> Result<Vec<Settings>, InputErro
     Ok(all)
 }
 
+/// Where axes stand that go in step, and their names.
+pub type Declaration = (Node, Vec<Rc<str>>);
+
+/// The axes that a mapping declares by `foreach`, with their places: those that go in step together.
+///
+/// # Errors
+/// When they cannot be read.
+pub fn declared(node: &Node) -> Result<Vec<Declaration>, InputError> {
+    let groups = node.peek(FOREACH).map_or(Ok(Vec::new()), groups)?;
+    let names = |group: &Group| group.steps[0].iter().map(|setting| setting.axis.clone()).collect();
+    Ok(groups
+        .into_iter()
+        .map(|group| (group.place.clone(), names(&group)))
+        .collect())
+}
+
+/// A refusal of axes that change nothing: their stages or items would be the same.
+pub fn unused(place: &Node, axes: &[Rc<str>], of: &str) -> InputError {
+    let axis = axes.first().map_or("", |axis| axis);
+    place
+        .error(format!("the axis `{axis}` of {of} is used nowhere"))
+        .help(format!(
+            "write \"${{{axis}}}\" for the value that it changes, or leave the axis out"
+        ))
+}
+
 /// A refusal of more stages than are allowed.
 pub fn too_many(node: &Node, most: usize) -> InputError {
     let help = match most {
@@ -54,6 +83,16 @@ fn groups(foreach: &Node) -> Result<Vec<Group>, InputError> {
     let mut groups = Vec::new();
     for (key, values) in entries {
         if !key.is_text(ZIP) {
+            if matches!(values.value(), NodeValue::Map(_)) {
+                let message = format!(
+                    "the axis {} must be a list of values, found {}",
+                    key.found_key(),
+                    values.found()
+                );
+                return Err(values
+                    .error(message)
+                    .help("axes that go in step stand under `zip`: zip: { a: [1, 2], b: [3, 4] }"));
+            }
             groups.push(zipped(&[(key, values)], key)?);
             continue;
         }
@@ -101,6 +140,10 @@ fn zipped(axes: &[(&Node, &Node)], place: &Node) -> Result<Group, InputError> {
     for (at, (key, values)) in axes.iter().enumerate() {
         let axis = axis_name(key)?;
         for (step, node) in values.list("the values of an axis")?.iter().enumerate() {
+            if let Some(other) = axes_in(node).first() {
+                let message = format!("a value of the axis `{axis}` asks for the axis `{other}`");
+                return Err(node.error(message).help("values of axes stand for themselves"));
+            }
             if at == 0 {
                 steps.push(Vec::new());
             }
@@ -118,7 +161,10 @@ fn zipped(axes: &[(&Node, &Node)], place: &Node) -> Result<Group, InputError> {
         return Err(first.error("an axis has at least one value"));
     }
     name_by(&mut steps, axes)?;
-    Ok(Group { steps })
+    Ok(Group {
+        place: place.clone(),
+        steps,
+    })
 }
 
 /// Decides which axes names carry: the first where its values are all different; else all of one word each.
@@ -144,8 +190,15 @@ fn name_by(steps: &mut [Settings], axes: &[(&Node, &Node)]) -> Result<(), InputE
     }
     let names: BTreeSet<String> = steps.iter().map(|step| super::settings::name("", step)).collect();
     if names.len() < steps.len() {
+        let mut seen = BTreeSet::new();
+        let name = |step: &Settings| super::settings::name("", step);
+        let twice = steps.iter().map(name).find(|name| !seen.insert(name.clone()));
+        let message = format!(
+            "two values give stages of one name: `STAGE{}`",
+            twice.unwrap_or_default()
+        );
         let help = "zip them with an axis of different words, which names the stages";
-        return Err(axes[0].1.error("the values give stages of one name").help(help));
+        return Err(axes[0].1.error(message).help(help));
     }
     Ok(())
 }

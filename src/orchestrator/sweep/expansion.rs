@@ -2,12 +2,12 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::axes::{FOREACH, combinations, too_many};
+use super::axes::{FOREACH, combinations, declared, too_many, unused};
 use super::matching::{Matching, combined, projected};
-use super::settings::{Setting, Settings, joined, key, name};
+use super::settings::{Setting, Settings, joined, key, name, value_of};
 use super::substitute::{Substitution, axes_in, is_template};
 use super::{MANY_STAGES, Sweep};
-use crate::base::{InputError, Node, NodeValue};
+use crate::base::{InputError, Node, NodeValue, nearest};
 use crate::orchestrator::entry::{Registry, refuse_cycle_of, suggestion};
 use crate::orchestrator::graph;
 use crate::orchestrator::kind::Kind;
@@ -17,6 +17,9 @@ pub const GATHER: &str = "gather";
 
 /// Where a stage whose kind collects finds which of its needs belong together. No file may have it.
 pub const ROWS: &str = "rows";
+
+/// Where it finds the kinds of its needs. No file may have it.
+pub const KINDS: &str = "kinds";
 
 /// Where a stage finds its own scene, where scenes differ. No file may have it.
 pub const SCENE: &str = "scene";
@@ -48,9 +51,12 @@ pub fn unroll(root: &mut Node, registry: &Registry, most: usize) -> Result<Vec<S
         scenes: BTreeMap::new(),
         instances: entries.iter().map(|_| Vec::new()).collect(),
     };
-    for place in expansion.order()? {
+    let order = expansion.order()?;
+    let used = expansion.used(&order);
+    for place in order {
         expansion.expand(place)?;
     }
+    expansion.check_used(&used)?;
     let (sweeps, unrolled) = expansion.unrolled();
     let list = stages.with_value(NodeValue::Map(unrolled));
     root.replace("stages", list);
@@ -66,6 +72,18 @@ fn is_swept(node: &Node, registry: &Registry) -> bool {
 fn kind_of(node: &Node, registry: &Registry) -> Option<&'static dyn Kind> {
     let word = node.peek("kind")?.text("kind").ok()?;
     registry.kinds.iter().copied().find(|kind| kind.name() == word)
+}
+
+/// A key that is nearly one of those of sweeps.
+fn misspelt(node: &Node) -> Option<(&Node, &'static str)> {
+    let NodeValue::Map(entries) = node.value() else {
+        return None;
+    };
+    let near = |(key, _): &'_ (Node, Node)| match key.value() {
+        NodeValue::Text(text) => nearest(text, &[FOREACH]),
+        _ => None,
+    };
+    entries.iter().find_map(|entry| Some((&entry.0, near(entry)?)))
 }
 
 /// Names stages by more axes where those that names carry have ended.
@@ -146,7 +164,7 @@ fn templates<'a>(
     let places: BTreeMap<&str, usize> = names.iter().enumerate().map(|(place, name)| (*name, place)).collect();
     let template = |((key, node), name): (&'a (Node, Node), &&'a str)| {
         node.entries(&format!("stages.{name}"))?;
-        for hidden in [ROWS, SCENE] {
+        for hidden in [ROWS, KINDS, SCENE] {
             if let Some(value) = node.peek(hidden) {
                 let help = match hidden {
                     SCENE => {
@@ -205,6 +223,8 @@ fn needs(
 struct Instance {
     name: String,
     settings: Settings,
+    /// The values that its scene may have.
+    scene: Settings,
     node: Node,
 }
 
@@ -277,6 +297,54 @@ impl<'a> Expansion<'a> {
         })
     }
 
+    /// The axes that change something in each template or in what needs it: they are asked for there, or choose among needs.
+    fn used(&self, order: &[usize]) -> Vec<BTreeSet<String>> {
+        let count = self.templates.len();
+        let (mut used, mut has): (Vec<BTreeSet<String>>, Vec<BTreeSet<String>>) =
+            (vec![BTreeSet::new(); count], vec![BTreeSet::new(); count]);
+        let needs = |template: &Template<'_>| -> BTreeSet<usize> {
+            let needs = template.own.iter().flat_map(|(_, needs)| needs);
+            needs.map(|need| need.template).collect()
+        };
+        for &place in order {
+            let template = &self.templates[place];
+            used[place].extend(axes_in(template.node));
+            if kind_of(template.node, self.registry).is_some_and(Kind::reads_scene) {
+                used[place].extend(self.scene_axes.iter().cloned());
+            }
+            let own = template.own.iter().flat_map(|(settings, _)| settings);
+            let own: BTreeSet<String> = own.map(|setting| setting.axis.to_string()).collect();
+            for need in needs(template) {
+                // An axis of both: the values here choose among those there.
+                let both: Vec<String> = own.intersection(&has[need]).cloned().collect();
+                used[place].extend(both.iter().cloned());
+                used[need].extend(both);
+                let of_need = has[need].clone();
+                has[place].extend(of_need);
+            }
+            has[place].extend(own);
+        }
+        for &place in order.iter().rev() {
+            for need in needs(&self.templates[place]) {
+                let asked = used[place].clone();
+                used[need].extend(asked);
+            }
+        }
+        used
+    }
+
+    /// Refuses axes that change nothing.
+    fn check_used(&self, used: &[BTreeSet<String>]) -> Result<(), InputError> {
+        for (template, used) in self.templates.iter().zip(used) {
+            for (place, axes) in declared(template.node)? {
+                if !axes.iter().any(|axis| used.contains(&**axis)) {
+                    return Err(unused(&place, &axes, &format!("`{}`", template.name)));
+                }
+            }
+        }
+        Ok(())
+    }
+
     fn expand(&mut self, place: usize) -> Result<(), InputError> {
         let own = std::mem::take(&mut self.templates[place].own);
         self.check_gathered(&self.templates[place], &own)?;
@@ -313,7 +381,10 @@ impl<'a> Expansion<'a> {
             let found = axis.text(GATHER)?;
             let known: Vec<&str> = known.into_iter().collect();
             let message = format!("nothing that `{}` needs has an axis `{found}`", template.name);
-            Err(axis.error(message).help(suggestion(found, &known)))
+            Err(match known.is_empty() {
+                true => axis.error(message).help("what it needs has no axes"),
+                false => axis.error(message).help(suggestion(found, &known)),
+            })
         })
     }
 
@@ -403,12 +474,37 @@ impl<'a> Expansion<'a> {
         }
         if kind_of(&node, self.registry).is_some_and(Kind::collects) {
             node.put(ROWS, self.rows(template, candidates, &needed)?);
+            node.put(KINDS, self.kinds(template, candidates));
         }
+        // A stage that needs one stage of a sweep by its name is of the scene of that one.
+        let named = candidates.iter().filter_map(|these| these.instances.get(these.named?));
+        let named: Vec<&Instance> = named.collect();
+        let mut implied = named
+            .iter()
+            .fold(Vec::new(), |all, instance| joined(&all, &instance.scene));
+        let agree = |setting: &Setting, instance: &&Instance| {
+            let other = value_of(&instance.scene, &setting.axis);
+            other.is_none_or(|other| other.text == setting.value.text)
+        };
+        implied.retain(|setting| named.iter().all(|instance| agree(setting, instance)));
         Ok(Instance {
             name: name(template.name, &settings),
+            scene: joined(&settings, &implied),
             settings,
             node,
         })
+    }
+
+    /// The kinds of what a collecting stage needs, by the names of the file.
+    fn kinds(&self, template: &Template<'_>, candidates: &[Candidates<'_>]) -> Node {
+        let at = |value: NodeValue| template.key.with_value(value);
+        let kind = |these: &Candidates<'_>| {
+            let of = &self.templates[these.template];
+            let kind = kind_of(of.node, self.registry).map_or("", Kind::name);
+            let text = |text: &str| at(NodeValue::Text(text.to_owned()));
+            (text(of.name), text(kind))
+        };
+        at(NodeValue::Map(candidates.iter().map(kind).collect()))
     }
 
     /// Which of the needs of a collecting stage belong together: a list of pairs, the values of axes by their names, and the numbers
@@ -453,7 +549,7 @@ impl<'a> Expansion<'a> {
             return Ok(());
         }
         let own = instance
-            .settings
+            .scene
             .iter()
             .filter(|s| self.scene_axes.iter().any(|axis| **axis == *s.axis));
         let own: Settings = own.cloned().collect();
@@ -466,6 +562,14 @@ impl<'a> Expansion<'a> {
                 "the scene has the axis `{missing}`, and stage `{}` has not",
                 self.templates[place].name
             );
+            if let Some((key, near)) = misspelt(self.templates[place].node) {
+                let unknown = format!(
+                    "unknown key `{}` in stage `{}`",
+                    key.found_key().trim_matches('`'),
+                    self.templates[place].name
+                );
+                return Err(key.error(unknown).help(format!("did you mean `{near}`?")));
+            }
             let help = format!("add foreach: {{ {missing}: [ … ] }} to the stage or to one that it needs");
             return Err(self.templates[place].key.error(message).help(help));
         }

@@ -1,6 +1,6 @@
 //! Puts the values of axes in place of `"${axis}"`.
 
-use super::axes::{FOREACH, combinations};
+use super::axes::{FOREACH, combinations, declared, unused};
 use super::settings::{Setting, joined, value_of};
 use crate::base::{InputError, Node, NodeValue};
 use crate::orchestrator::entry::suggestion;
@@ -100,6 +100,12 @@ impl Substitution {
         }
         let mut plain = item.clone();
         plain.take_out(FOREACH);
+        let used = axes_in(&plain);
+        for (place, axes) in declared(item)? {
+            if !axes.iter().any(|axis| used.iter().any(|name| **name == **axis)) {
+                return Err(unused(&place, &axes, "this item"));
+            }
+        }
         for own in combinations(item, MOST_ITEMS)? {
             list.push(self.of(&plain, &joined(&own, settings))?);
         }

@@ -57,7 +57,7 @@ impl Kind for Toy {
     }
 
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
-        let map = stage.fields("a toy stage", &["kind", "needs", "say", "rows"])?;
+        let map = stage.fields("a toy stage", &["kind", "needs", "say", "rows", "kinds"])?;
         let said = match (self.collects, scene) {
             (true, _) => rows(map.required("a toy stage", "rows")?),
             (_, Some(scene)) => {
@@ -430,6 +430,26 @@ fn what_contradicts_itself_is_refused() {
             "  a: { kind: sum, needs: [b], foreach: { n: [1] } }\n  b: { kind: sum, needs: [a] }",
             "in a circle: `a` needs `b` needs `a`",
             "",
+        ),
+        (
+            "  a: { kind: count, foreach: { n: [1, 2] }, count: 1 }",
+            "the axis `n` of `a` is used nowhere",
+            "\"${n}\"",
+        ),
+        (
+            "  a: { kind: count, foreach: { n: [1, 2] }, count: 3 }\n  b: { kind: sum, needs: [a], foreach: { m: [1] } }",
+            "the axis `n` of `a` is used nowhere",
+            "",
+        ),
+        (
+            "  a: { kind: count, foreach: { n: [1], m: [\"${n}\"] }, count: \"${n}${m}\" }",
+            "asks for the axis `n`",
+            "stand for themselves",
+        ),
+        (
+            "  a: { kind: count, foreach: { zipp: { n: [1], m: [2] } }, count: \"${n}\" }",
+            "`zipp` must be a list of values",
+            "`zip`",
         ),
         (
             "  a: { kind: count, foreach: { by: [1] }, count: 1 }\n  b: { kind: sum, needs: [a], gather: [bye] }",

@@ -1,10 +1,11 @@
 //! What stands in the columns of a table, and which stages belong to a row.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
-use crate::base::{InputError, Node, NodeValue};
+use crate::base::{InputError, Node, NodeValue, nearest};
 
 use super::MOST_COLUMNS;
+use crate::stage::results::words_of;
 
 /// A row: one combination of values.
 pub struct Row {
@@ -66,11 +67,23 @@ pub fn rows(rows: Option<&Node>) -> Result<Vec<Row>, InputError> {
     rows.list("rows")?.iter().map(row).collect()
 }
 
+/// The kinds of the needs by their names.
+///
+/// # Errors
+/// When they have another form.
+pub fn kinds(kinds: Option<&Node>) -> Result<BTreeMap<String, String>, InputError> {
+    let entries = kinds.map(|kinds| kinds.entries("kinds")).transpose()?;
+    let entries = entries.unwrap_or_default().iter();
+    entries
+        .map(|(name, kind)| Ok((name.text("a stage")?.to_owned(), kind.text("a kind")?.to_owned())))
+        .collect()
+}
+
 /// The columns of a list of names.
 ///
 /// # Errors
-/// When a name is there twice, or an axis has values that are no words or numbers.
-pub fn columns(node: &Node, rows: &[Row]) -> Result<Vec<Column>, InputError> {
+/// When a name is there twice, is that of no axis and no result, or an axis has values that are no words or numbers.
+pub fn columns(node: &Node, rows: &[Row], kinds: &BTreeMap<String, String>) -> Result<Vec<Column>, InputError> {
     let names = node.list("columns")?;
     if !(1..=MOST_COLUMNS).contains(&names.len()) {
         return Err(node
@@ -85,14 +98,14 @@ pub fn columns(node: &Node, rows: &[Row]) -> Result<Vec<Column>, InputError> {
         }
         columns.push(Column {
             name: name.to_owned(),
-            what: what(node, name, rows)?,
+            what: what(node, name, rows, kinds)?,
         });
     }
     Ok(columns)
 }
 
 /// An axis, or else a result. A word before a dot that is the name of a need says whose.
-fn what(node: &Node, name: &str, rows: &[Row]) -> Result<What, InputError> {
+fn what(node: &Node, name: &str, rows: &[Row], kinds: &BTreeMap<String, String>) -> Result<What, InputError> {
     let mut values = rows.iter().filter_map(|row| row.axes.get(name)).peekable();
     if values.peek().is_some() {
         return match values.find(|value| matches!(value.value(), NodeValue::List(_) | NodeValue::Map(_))) {
@@ -103,14 +116,47 @@ fn what(node: &Node, name: &str, rows: &[Row]) -> Result<What, InputError> {
         };
     }
     let is_need = |stage: &str| rows.iter().flat_map(|row| &row.needs).any(|(need, _)| need == stage);
-    Ok(match name.split_once('.').filter(|(stage, _)| is_need(stage)) {
-        Some((stage, result)) => What::Result {
-            stage: Some(stage.to_owned()),
+    let named = name.split_once('.').filter(|(stage, _)| is_need(stage));
+    let (stage, result) = named.map_or((None, name), |(stage, result)| (Some(stage), result));
+    let of = kinds
+        .iter()
+        .filter(|(need, _)| stage.is_none_or(|stage| stage == *need));
+    let of: Vec<(&str, &[&str])> = of.map(|(need, kind)| (need.as_str(), words_of(kind))).collect();
+    let word = result.split('.').next().unwrap_or(result);
+    let having: Vec<&str> = of
+        .iter()
+        .filter(|(_, words)| words.contains(&word))
+        .map(|(need, _)| *need)
+        .collect();
+    match &having[..] {
+        // Nothing is known of a kind without words.
+        [] if !of.is_empty() && of.iter().all(|(_, words)| !words.is_empty()) => {
+            let axes = rows.iter().flat_map(|row| row.axes.keys().map(String::as_str));
+            let words = of.iter().flat_map(|(_, words)| words.iter().copied());
+            let known: BTreeSet<&str> = match stage {
+                None => axes.chain(words).collect(),
+                Some(_) => words.collect(),
+            };
+            let known: Vec<&str> = known.into_iter().collect();
+            let message = format!("`{name}` is neither an axis nor a result of what the table needs");
+            Err(node.error(message).help(suggestion(result, &known)))
+        }
+        [_, _, ..] => {
+            let names: Vec<String> = having.iter().map(|need| format!("{need}.{result}")).collect();
+            let message = format!("`{name}` is a result of {}", having.join(" and "));
+            Err(node.error(message).help(format!("write {}", names.join(" or "))))
+        }
+        _ => Ok(What::Result {
+            stage: stage.map(str::to_owned),
             result: result.to_owned(),
-        },
-        None => What::Result {
-            stage: None,
-            result: name.to_owned(),
-        },
-    })
+        }),
+    }
+}
+
+fn suggestion(word: &str, known: &[&str]) -> String {
+    let list = known.join(", ");
+    nearest(word, known).map_or_else(
+        || format!("there are: {list}"),
+        |near| format!("did you mean `{near}`? there are: {list}"),
+    )
 }

@@ -24,13 +24,15 @@ pub struct Fault {
 }
 
 /// What a reader refuses for its meaning and no schema can: what was said, in part.
-pub const BEYOND: [&str; 19] = [
+pub const BEYOND: [&str; 21] = [
     // Names of other stages, and what those are.
     "no stage is named",
     "stage needs",
     "needs a scene",
     // Names of axes and of columns.
     "has an axis",
+    "is used nowhere",
+    "is neither an axis nor a result",
     "`plot.",
     // Numbers that contradict each other.
     "does not lie inside the membrane",
