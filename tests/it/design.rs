@@ -124,12 +124,12 @@ stages:
     targets: &targets
       - { name: centre, objective: { point: [25 mm, 25 mm], direction: 0 deg } }
       - { name: corner, objective: { point: [37.5 mm, 37.5 mm], direction: 45 deg }, area: 0.3 }
-    population: 60
-    generations: 3
+    population: 30
+    generations: 2
     refine: true
     units: 20
     seed: 1
-  highest: { kind: design, case: I, method: adjoint, targets: *targets, units: 20, starts: 3, seed: 2 }
+  highest: { kind: design, case: I, method: adjoint, targets: *targets, units: 20, starts: 1, seed: 2 }
   verified: { kind: verify, needs: [found, highest], elements_per_cell: 2 }
 ";
 
@@ -179,13 +179,13 @@ fn a_refined_design_reaches_the_optimum_and_a_target_is_rebuilt_alone() {
 #[test]
 fn several_designs_of_one_value_differ() {
     let workspace = alone();
-    let more = "stages.design={ kind: design, evaluator: chord:2, seed: 3, population: 80, generations: 4, designs: 3, distance: 0.05, \
+    let more = "stages.design={ kind: design, evaluator: chord:2, seed: 3, population: 40, generations: 3, designs: 2, distance: 0.05, \
                 refine: true, units: 20, area: 0.5, objective: { point: [25 mm, 25 mm], direction: 0 deg, value: 0.8 mm } }";
     let ended = workspace.run(&["run", "alone.yaml", "--set", more, "--json"]);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     let document = ended.json();
     let refined = rows(&document["results"][0], "refined");
-    assert_eq!(refined.len(), 3);
+    assert_eq!(refined.len(), 2);
     for row in &refined {
         assert!((row["simulated_mm"].as_f64().unwrap() - 0.8).abs() < 0.01, "{row}");
         assert!(row["distance_mm"].as_f64().unwrap() < 0.01, "{row}");

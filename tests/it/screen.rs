@@ -180,13 +180,13 @@ fn a_pattern_that_takes_too_long_ends_with_an_outcome_and_more_time_may_be_given
             "-o",
             "out.h5",
             "--order",
-            "2",
+            "1",
             "--json",
         ];
         let ended = workspace.run(&[&plain, time].concat());
         (ended.code, ended.json())
     };
-    let (code, document) = solve(&["--time-limit", "0.2 s"]);
+    let (code, document) = solve(&["--time-limit", "0.05 s"]);
     assert_eq!((code, &document["unstable"]), (Some(3), &1.into()), "{document}");
     let outcome = document["unstable_samples"][0]["outcome"].as_str().unwrap();
     assert!(outcome.starts_with("work-limit"), "{document}");

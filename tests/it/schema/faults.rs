@@ -24,7 +24,7 @@ pub struct Fault {
 }
 
 /// What a reader refuses for its meaning and no schema can: what was said, in part.
-pub const BEYOND: [&str; 21] = [
+pub const BEYOND: [&str; 20] = [
     // Names of other stages, and what those are.
     "no stage is named",
     "stage needs",
@@ -49,8 +49,6 @@ pub const BEYOND: [&str; 21] = [
     "more than the membrane",
     "cannot be had",
     "two targets are named",
-    // Stages that are too large together.
-    "chunks of work",
 ];
 
 impl Fault {
@@ -126,7 +124,10 @@ pub fn collect(kind: Kind, document: &Value, seen: &mut BTreeSet<String>, faults
             kind,
             local: local(&changed, place),
             what: format!("{place}: {}", changed.pointer(place).unwrap_or(&json!("(left out)"))),
-            refusal: kind.read(&changed).err().map(|e| format!("{e} {}", help(&e))),
+            refusal: kind
+                .read(&needed(&changed, place))
+                .err()
+                .map(|e| format!("{e} {}", help(&e))),
             is_text,
             is_axis: place.contains("/foreach/"),
         });
@@ -161,6 +162,27 @@ pub fn collect(kind: Kind, document: &Value, seen: &mut BTreeSet<String>, faults
             add(changed, &leaf.document, is_text);
         }
     }
+}
+
+/// The document with the stage at a place and what that needs, itself or by other stages: to read all of it for each fault takes long.
+fn needed(document: &Value, place: &str) -> Value {
+    let mut document = document.clone();
+    let stage = place.strip_prefix("/stages/").and_then(|rest| rest.split('/').next());
+    let (Some(stage), Some(Value::Object(stages))) = (stage, document.get_mut("stages")) else {
+        return document;
+    };
+    let (mut kept, mut open) = (BTreeSet::new(), vec![stage.to_owned()]);
+    while let Some(name) = open.pop() {
+        let needs = stages
+            .get(&name)
+            .and_then(|stage| stage.get("needs"))
+            .and_then(Value::as_array);
+        let needs = needs.into_iter().flatten().filter_map(Value::as_str);
+        open.extend(needs.filter(|need| !kept.contains(*need)).map(str::to_owned));
+        kept.insert(name);
+    }
+    stages.retain(|name, _| kept.contains(name));
+    document
 }
 
 /// The document with no other stage than the one at a place.
