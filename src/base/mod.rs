@@ -31,12 +31,14 @@ pub use encoding::{EncodingError, decode, encode};
 pub use file::{look_at_own, open_own, open_regular, read_bounded, read_own};
 pub use ids::{ActionKey, ArtifactId, FileDigest, OrbitId};
 pub use npy::{NpyElement, NpyError, NpyHeader};
-pub use output_file::{OutputError, OutputFile, aside, kind_of, leads_nowhere_at, output_folder, write_output};
+pub use output_file::{
+    OutputError, OutputFile, aside, folder_of, kind_of, leads_nowhere_at, output_folder, write_output,
+};
 pub use parameters::{
     Angle, Declared, Density, ElectricField, Frequency, Length, Parameter, Resistance, Seed, Stress, Time, Voltage,
 };
 pub use printable::{is_unprintable, printable, printable_json};
-pub use progress::Progress;
+pub use progress::{Progress, Stopped};
 pub use quantity::{Decimal, Dimension, Quantity, QuantityError};
 pub use schema::{Fields, Schema};
 pub use stream::Stream;

@@ -170,7 +170,9 @@ fn names_a_folder(path: &Path) -> bool {
     bytes.ends_with(b"/") || bytes.ends_with(b"/.")
 }
 
-fn folder_of(path: &Path) -> &Path {
+/// The folder that a path is in; that of a bare name is the present one.
+#[must_use]
+pub fn folder_of(path: &Path) -> &Path {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
     folder.unwrap_or(Path::new("."))
 }

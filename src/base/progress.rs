@@ -1,5 +1,10 @@
 //! How work in any room tells how far it has come.
 
+/// A piece of work was asked to stop, and what it has come to is kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("stopped; what it had come to is kept")]
+pub struct Stopped;
+
 /// Receives the progress of a piece of work.
 pub trait Progress: Sync {
     /// `steps` more are done.

@@ -79,12 +79,10 @@ pub fn execute(arguments: &AccuracyArguments, output: &Output) -> Result<Exit, C
     let families = families(arguments)?;
     // What cannot be written has to be known before minutes of work, not after.
     write::folder(&arguments.output)?;
-    for name in FILES {
-        write::check_file(&arguments.output.join(name))?;
-    }
-    for name in FILES.iter().filter(|name| name.ends_with(".csv")) {
-        write::check_csv(&arguments.output.join(name))?;
-    }
+    let [file, rows, figure] = FILES.map(|name| arguments.output.join(name));
+    write::check_file(&file)?;
+    write::check_csv(&rows)?;
+    write::check_file(&figure)?;
     let start = Instant::now();
     let count: usize = families.values().map(Vec::len).sum();
     let bar = Bar::new("reference", "patterns", count as u64);

@@ -1,6 +1,7 @@
 //! Arguments that several commands share.
 
 use std::path::PathBuf;
+use std::time::Duration;
 
 use clap::Args;
 
@@ -8,6 +9,9 @@ use super::error::CliError;
 use crate::base::{Dimension, Override, Quantity, Time};
 use crate::fem::WorkLimit;
 use crate::store::Store;
+
+/// No job takes longer.
+const LONGEST: Duration = Duration::from_secs(366 * 24 * 3600);
 
 #[derive(Clone, Debug, Args)]
 pub struct StoreArguments {
@@ -105,6 +109,16 @@ impl TimeArguments {
     /// How much work a pattern may take.
     pub fn work_limit(&self) -> WorkLimit {
         WorkLimit::of_time(self.time_limit.as_ref())
+    }
+}
+
+/// Reads a time that goes by, as in "5min" or "2 h".
+pub fn duration(text: &str) -> Result<Duration, String> {
+    let duration = humantime::parse_duration(text).map_err(|error| error.to_string())?;
+    if duration <= LONGEST {
+        Ok(duration)
+    } else {
+        Err("allowed: 0s to 366days".to_owned())
     }
 }
 

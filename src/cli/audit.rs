@@ -185,11 +185,7 @@ fn stage_text(arguments: &AuditArguments, name: &str) -> String {
 
 fn check_kind(pipeline: &Pipeline, name: &str) -> Result<(), CliError> {
     pipeline.selection(Some(name))?;
-    if let Some(sweep) = pipeline
-        .sweeps
-        .iter()
-        .find(|sweep| sweep.name == name && sweep.stages != [name])
-    {
+    if let Some(sweep) = pipeline.sweep(name) {
         return Err(locate::several(&pipeline.path, name, &sweep.stages));
     }
     let kind = pipeline.stage(name).map_or("", |stage| stage.kind.name());

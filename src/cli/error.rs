@@ -26,6 +26,8 @@ pub struct CliError {
     help: Option<String>,
     input: Option<Box<InputError>>,
     closed_pipe: bool,
+    /// Whether another machine, or this one later, may succeed.
+    may_pass: bool,
 }
 
 /// The longest line of a file, in bytes, that is quoted in a message.
@@ -47,6 +49,7 @@ impl CliError {
             help: None,
             input: None,
             closed_pipe: false,
+            may_pass: false,
         }
     }
 
@@ -74,9 +77,19 @@ impl CliError {
     pub fn of_stage(mut self, stage: &str) -> Self {
         let what = match self.exit {
             Exit::Findings => "stops the pipeline",
+            // That the work was asked to stop is all there is to say.
+            Exit::TryAgain if !self.may_pass => "did not end",
             _ => "failed",
         };
         self.message = format!("stage `{stage}` {what}: {}", self.message);
+        self
+    }
+
+    /// With the exit code that has a worker started again, where that may help.
+    pub fn tried_again(mut self) -> Self {
+        if self.may_pass {
+            self.exit = Exit::TryAgain;
+        }
         self
     }
 
@@ -193,8 +206,8 @@ impl CliError {
 
 impl From<StoreError> for CliError {
     fn from(error: StoreError) -> Self {
-        let message = error.to_string();
-        match error {
+        let (message, may_pass) = (error.to_string(), error.may_pass());
+        let error = match error {
             StoreError::Output(error) => error.into(),
             e if e.is_damage() => Self::new(Exit::Damaged, message)
                 .help("`deaflow fsck` tells what else is damaged; `deaflow run` builds it again"),
@@ -209,7 +222,8 @@ impl From<StoreError> for CliError {
             StoreError::Unreachable { .. } => Self::new(Exit::Damaged, message)
                 .help("build it again with `deaflow run`, or let it go: `deaflow unpin`, or remove the lock file"),
             _ => Self::failure(message),
-        }
+        };
+        Self { may_pass, ..error }
     }
 }
 
@@ -226,6 +240,7 @@ impl From<StageError> for CliError {
     fn from(error: StageError) -> Self {
         match error {
             StageError::Store(error) => error.into(),
+            StageError::Stopped(stopped) => Self::new(Exit::TryAgain, stopped.to_string()),
             StageError::Locked(difference) => Self::locked(difference.to_string()),
             StageError::Blocked(why) => Self::new(Exit::Findings, why)
                 .help("`deaflow show PIPELINE:STAGE` of the audit tells what they are; with `fail_on: never` the pipeline goes on"),

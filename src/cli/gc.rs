@@ -1,6 +1,6 @@
 //! `deaflow gc`: removes artifacts that no run and no pin needs.
 
-use std::time::{Duration, SystemTime};
+use std::time::Duration;
 
 use clap::Args;
 use serde_json::{Value, json};
@@ -34,7 +34,7 @@ pub fn execute(arguments: &GcArguments, output: &Output) -> Result<Exit, CliErro
         runs: arguments.keep_runs,
         grace: Duration::from_secs_f64(3600.0 * arguments.grace),
     };
-    let collection = store.judge(&retention, SystemTime::now())?;
+    let collection = store.judge(&retention, store.now())?;
     if !arguments.dry_run {
         let bar = Bar::new("gc", "artifacts", 0);
         store.remove(&collection, &|done, total| bar.set(done, total))?;

@@ -50,11 +50,7 @@ pub fn split(reference: &str) -> Option<(&str, &str)> {
 
 fn of_pipeline(store: &Store, path: &Path, name: &str) -> Result<ArtifactId, CliError> {
     let pipeline = run::load_plain(path)?;
-    if let Some(sweep) = pipeline
-        .sweeps
-        .iter()
-        .find(|sweep| sweep.name == name && sweep.stages != [name])
-    {
+    if let Some(sweep) = pipeline.sweep(name) {
         return Err(several(path, &sweep.name, &sweep.stages));
     }
     let stages = plan(&pipeline, store, Some(name), &Environment::system())?;

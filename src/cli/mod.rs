@@ -10,6 +10,7 @@ mod copy;
 mod csv;
 mod dag;
 mod diff;
+mod doctor;
 mod error;
 mod explain;
 mod export;
@@ -42,6 +43,7 @@ mod status;
 mod sweep;
 mod table;
 mod unpin;
+mod worker;
 mod write;
 
 use std::ffi::OsString;

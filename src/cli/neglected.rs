@@ -19,9 +19,8 @@ pub fn neglected(pipeline: &Pipeline, stages: &[&str], store: &Store) -> Result<
         if !SIMULATING.contains(&stage.kind.name()) || !stages.contains(&stage.name.as_str()) {
             continue;
         }
-        let node = stage.scene.as_ref().or(pipeline.scene.as_ref());
         // A pipeline is read with its scenes, so these can be read too.
-        let Some(Ok(scene)) = node.map(Scene::read) else {
+        let Some(Ok(scene)) = pipeline.scene_of(stage).map(Scene::read) else {
             continue;
         };
         match scenes.iter_mut().find(|(known, _)| *known == scene) {
@@ -62,15 +61,13 @@ fn screened(scene: &Scene, store: &Store) -> Result<Vec<String>, CliError> {
 /// The stages that solve with an effect that tells of breakdown, or may: others need not be looked into for it.
 pub fn may_break_down(pipeline: &Pipeline) -> Vec<String> {
     let may = |stage: &&StageSpec| {
-        let node = stage.scene.as_ref().or(pipeline.scene.as_ref());
-        let Some(Ok(scene)) = node.map(Scene::read) else {
-            return false;
-        };
-        SOLVED.contains(&stage.kind.name()) && (scene.auto || scene.effects.dielectric_breakdown.is_some())
+        let scene = pipeline.scene_of(stage).map(Scene::read);
+        scene.is_some_and(|scene| scene.is_ok_and(|scene| scene.auto || scene.effects.dielectric_breakdown.is_some()))
     };
     pipeline
         .stages
         .iter()
+        .filter(|stage| SOLVED.contains(&stage.kind.name()))
         .filter(may)
         .map(|stage| stage.name.clone())
         .collect()

@@ -27,6 +27,8 @@ pub enum Exit {
     Findings,
     /// The pipeline, or what it made, is not what its lock file says.
     Locked,
+    /// It was stopped, or the machine or the disk refused: to try again may help (`EX_TEMPFAIL` of `sysexits.h`).
+    TryAgain,
 }
 
 impl Exit {
@@ -40,6 +42,7 @@ impl Exit {
             Self::Damaged => 4,
             Self::Findings => 5,
             Self::Locked => 6,
+            Self::TryAgain => 75,
         }
     }
 }

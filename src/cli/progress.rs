@@ -1,12 +1,13 @@
-//! Progress on stderr: on a terminal one line per stage with rate and time left; elsewhere a plain line when a stage begins,
+//! Progress on stderr: on a terminal one line per stage at work with rate and time left; elsewhere a plain line when a stage begins,
 //! every ten seconds, and when it ends; for programs every event as a line of JSON.
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::io::{self, IsTerminal};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressState, ProgressStyle};
+use indicatif::{MultiProgress, ProgressBar, ProgressState, ProgressStyle};
 
 use super::output::tell;
 use super::table;
@@ -54,14 +55,18 @@ struct Plain {
 impl Bar {
     /// Begins to show `length` steps of work.
     pub fn new(name: &str, unit: &'static str, length: u64) -> Self {
-        Self::on(io::stderr().is_terminal(), name, unit, length)
+        let bars = io::stderr().is_terminal().then(MultiProgress::new);
+        Self::among(bars.as_ref(), name, unit, length)
     }
 
-    fn on(terminal: bool, name: &str, unit: &'static str, length: u64) -> Self {
-        let form = if terminal {
-            let bar = ProgressBar::new(length)
-                .with_style(style())
-                .with_prefix(printable(name).into_owned());
+    /// As [`Bar::new`], below other bars of a terminal; without a terminal by lines.
+    fn among(bars: Option<&MultiProgress>, name: &str, unit: &'static str, length: u64) -> Self {
+        let form = if let Some(bars) = bars {
+            let bar = bars.add(
+                ProgressBar::new(length)
+                    .with_style(style())
+                    .with_prefix(printable(name).into_owned()),
+            );
             bar.enable_steady_tick(Duration::from_millis(200));
             Form::Terminal(bar)
         } else {
@@ -97,11 +102,16 @@ impl Bar {
         }
     }
 
-    /// Ends with a line that says how.
-    pub fn finish(&self, outcome: &str) {
+    /// Is shown no more.
+    fn clear(&self) {
         if let Form::Terminal(bar) = &self.form {
             bar.finish_and_clear();
         }
+    }
+
+    /// Ends with a line that says how.
+    pub fn finish(&self, outcome: &str) {
+        self.clear();
         tell(&format!("{}: {outcome}", self.name));
     }
 
@@ -158,18 +168,30 @@ impl Progress for Bar {
     }
 }
 
-/// The progress of a run: stages follow each other, so there is one bar at a time.
+/// The progress of a run: a bar for every stage at work.
 pub struct RunProgress {
     shown: Shown,
-    current: Mutex<Option<Bar>>,
+    /// None without a terminal.
+    bars: Option<MultiProgress>,
+    current: Mutex<BTreeMap<String, Bar>>,
 }
 
 impl RunProgress {
     /// Nothing under way yet.
     pub fn new(shown: Shown) -> Self {
+        let terminal = shown == Shown::Bars && io::stderr().is_terminal();
         Self {
             shown,
-            current: Mutex::new(None),
+            bars: terminal.then(MultiProgress::new),
+            current: Mutex::default(),
+        }
+    }
+
+    /// A line above the bars.
+    fn say(&self, text: &str) {
+        match &self.bars {
+            Some(bars) => bars.suspend(|| tell(text)),
+            None => tell(text),
         }
     }
 
@@ -179,7 +201,7 @@ impl RunProgress {
             (Shown::Json, _) => tell(&printable_json(
                 &serde_json::to_string(event).unwrap_or_else(|error| error.to_string()),
             )),
-            (_, Event::Warning { text }) => tell(&format!("warning: {text}")),
+            (_, Event::Warning { text }) => self.say(&format!("warning: {text}")),
             (Shown::Warnings, _) => {}
             (Shown::Bars | Shown::Lines, _) => self.show(event),
         }
@@ -188,25 +210,27 @@ impl RunProgress {
     fn show(&self, event: &Event) {
         let mut current = locked(&self.current);
         match event {
-            Event::RunStarted { .. } => line(event).iter().for_each(|text| tell(text)),
+            Event::RunStarted { .. } => line(event).iter().for_each(|text| self.say(text)),
             Event::StageStarted { name, kind, steps, .. } => {
-                let terminal = self.shown == Shown::Bars && io::stderr().is_terminal();
-                if !terminal {
+                if self.bars.is_none() {
                     line(event).iter().for_each(|text| tell(text));
                 }
-                *current = Some(Bar::on(terminal, name, unit(kind), *steps));
+                let bar = Bar::among(self.bars.as_ref(), name, unit(kind), *steps);
+                current.insert(name.clone(), bar);
             }
-            Event::Progress { steps, .. } => current.iter().for_each(|bar| bar.advance(*steps)),
-            Event::Resumed { steps, .. } => current.iter().for_each(|bar| bar.resume(*steps)),
-            Event::Note { text, .. } => current.iter().for_each(|bar| bar.note(text)),
+            Event::Progress { name, steps } => current.get(name).iter().for_each(|bar| bar.advance(*steps)),
+            Event::Resumed { name, steps } => current.get(name).iter().for_each(|bar| bar.resume(*steps)),
+            Event::Note { name, text } => current.get(name).iter().for_each(|bar| bar.note(text)),
             Event::ChunkBuilt { .. } | Event::Warning { .. } => {}
             Event::StageReused(report)
             | Event::StageFinished(report)
             | Event::StageFailed(report)
-            | Event::StageSkipped(report) => match current.take() {
-                Some(bar) => bar.finish(&ended(report)),
-                None => tell(&format!("{}: {}", report.name, ended(report))),
-            },
+            | Event::StageSkipped(report) => {
+                if let Some(bar) = current.remove(&report.name) {
+                    bar.clear();
+                }
+                self.say(&format!("{}: {}", report.name, ended(report)));
+            }
         }
     }
 }
@@ -256,7 +280,7 @@ fn ended(report: &StageReport) -> String {
         .map_or_else(String::new, |digest| format!(" {}", digest.short()));
     match report.outcome {
         Outcome::Built => format!("{word}{digest} in {}", table::seconds(report.seconds)),
-        Outcome::Failed => format!("{word} after {}", table::seconds(report.seconds)),
+        Outcome::Failed | Outcome::Stopped => format!("{word} after {}", table::seconds(report.seconds)),
         Outcome::Skipped => format!("{word}: {}", report.why.as_deref().unwrap_or_default()),
         Outcome::Reused | Outcome::Stale => format!("{word}{digest}"),
     }

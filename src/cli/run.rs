@@ -74,7 +74,7 @@ pub fn of_pipeline(
         OutputFile::at(&lock_path)?;
     }
     let store = arguments.of.trust(Store::open(&arguments.of.store.folder())?);
-    let progress = RunProgress::new(shown(arguments));
+    let progress = RunProgress::new(ProgressForm::shown(arguments.progress, arguments.quiet));
     let log = RunLog::new(&store);
     let listener = |event: &_| {
         log.tell(event);
@@ -85,8 +85,9 @@ pub fn of_pipeline(
         until: arguments.of.until.as_deref(),
         keep_going: arguments.keep_going,
         lock: lock.as_ref(),
-        only: false,
         command,
+        abreast: rayon::current_num_threads(),
+        ..RunOptions::default()
     };
     let mut outcome = run(pipeline, &store, &options, &Environment::system(), &listener)?;
     if let Some(why) = log.trouble() {
@@ -147,13 +148,16 @@ pub fn of_pipeline(
     Ok((exit, outcome.stages))
 }
 
-fn shown(arguments: &RunArguments) -> Shown {
-    match arguments.progress {
-        _ if arguments.quiet => Shown::Warnings,
-        Some(ProgressForm::None) => Shown::Warnings,
-        Some(ProgressForm::Plain) => Shown::Lines,
-        Some(ProgressForm::Json) => Shown::Json,
-        None => Shown::Bars,
+impl ProgressForm {
+    /// How progress is shown; without a form, as suits where stderr goes.
+    pub fn shown(form: Option<Self>, quiet: bool) -> Shown {
+        match form {
+            _ if quiet => Shown::Warnings,
+            Some(Self::None) => Shown::Warnings,
+            Some(Self::Plain) => Shown::Lines,
+            Some(Self::Json) => Shown::Json,
+            None => Shown::Bars,
+        }
     }
 }
 

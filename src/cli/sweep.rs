@@ -234,14 +234,8 @@ impl<'a> Swept<'a> {
                 .iter()
                 .any(|known| Some(known.name()) == kind && known.reads_scene())
         };
-        let entries = self
-            .root
-            .peek("stages")
-            .and_then(|stages| stages.entries("stages").ok());
-        let entries = entries.unwrap_or_default().iter().filter(|(_, node)| reads(node));
-        entries
-            .filter_map(|(key, _)| Some(key.text("a name").ok()?.to_owned()))
-            .collect()
+        let readers = self.stages().into_iter().filter(|(_, node)| reads(node));
+        readers.map(|(name, _)| name.to_owned()).collect()
     }
 
     /// The last step of a path names its axis; where that is taken, as many steps as are needed.
@@ -276,7 +270,7 @@ impl<'a> Swept<'a> {
     /// The stage that collects, as an override.
     fn table_stage(&self) -> Result<String, CliError> {
         let results: Vec<&str> = self.arguments.table.iter().map(|name| name.trim()).collect();
-        let names: BTreeSet<&str> = self.stage_names().into_iter().collect();
+        let names: BTreeSet<&str> = self.stages().into_iter().map(|(name, _)| name).collect();
         let mut needs: Vec<&str> = Vec::new();
         for result in &results {
             let named = result
@@ -320,36 +314,26 @@ impl<'a> Swept<'a> {
         ))
     }
 
-    fn stage_names(&self) -> Vec<&'a str> {
-        let entries = self
-            .root
-            .peek("stages")
-            .and_then(|stages| stages.entries("stages").ok());
+    /// The stages of the file by their names.
+    fn stages(&self) -> Vec<(&'a str, &'a Node)> {
+        let stages = self.root.peek("stages");
+        let entries = stages.and_then(|stages| stages.entries("stages").ok());
         let entries = entries.unwrap_or_default().iter();
-        entries.filter_map(|(key, _)| key.text("a name").ok()).collect()
+        entries
+            .filter_map(|(key, node)| Some((key.text("a name").ok()?, node)))
+            .collect()
     }
 
-    /// The stages that no other needs.
+    /// The stages that no other needs. What a table collects is a result; the table itself has none.
     fn last_stages(&self) -> Vec<&'a str> {
-        let entries = self
-            .root
-            .peek("stages")
-            .and_then(|stages| stages.entries("stages").ok());
-        // What a table collects is a result; the table itself has none.
-        let nodes = entries.unwrap_or_default().iter().map(|(_, node)| node);
         let is_table = |node: &Node| node.peek("kind").is_some_and(|kind| kind.is_text("table"));
-        let tables: BTreeSet<&str> = entries
-            .unwrap_or_default()
+        let mut stages = self.stages();
+        stages.retain(|(_, node)| !is_table(node));
+        let needs = stages
             .iter()
-            .filter(|(_, node)| is_table(node))
-            .filter_map(|(key, _)| key.text("a name").ok())
-            .collect();
-        let nodes = nodes.filter(|node| !is_table(node));
-        let needs = nodes.filter_map(|node| node.peek("needs")?.list("needs").ok());
+            .filter_map(|(_, node)| node.peek("needs")?.list("needs").ok());
         let needed: BTreeSet<&str> = needs.flatten().filter_map(|need| need.text("needs").ok()).collect();
-        self.stage_names()
-            .into_iter()
-            .filter(|name| !needed.contains(name) && !tables.contains(name))
-            .collect()
+        let names = stages.iter().map(|(name, _)| *name);
+        names.filter(|name| !needed.contains(name)).collect()
     }
 }

@@ -1,25 +1,8 @@
 //! Tables and the way numbers are written for people.
 
-pub use crate::report::{bytes, number, seconds};
-use comfy_table::{CellAlignment, Table, TableComponent, presets::UTF8_HORIZONTAL_ONLY};
+pub use crate::report::{bytes, number, seconds, table};
 
 use crate::orchestrator::{Bill, Estimate, Outcome, Price, StageReport};
-
-/// An empty table with a header; the columns named in `numbers` are flush right.
-pub fn table(header: &[&str], numbers: &[&str]) -> Table {
-    let mut table = Table::new();
-    table.load_preset(UTF8_HORIZONTAL_ONLY).set_header(header);
-    // Between rows a line is one too many.
-    table
-        .remove_style(TableComponent::HorizontalLines)
-        .remove_style(TableComponent::MiddleIntersections);
-    for (column, title) in table.column_iter_mut().zip(header) {
-        if numbers.contains(title) {
-            column.set_cell_alignment(CellAlignment::Right);
-        }
-    }
-    table
-}
 
 /// The stages of a finished run; what was built with what was foretold beside it, where anything was.
 pub fn of_run(stages: &[StageReport]) -> String {
@@ -167,6 +150,7 @@ pub fn outcome(outcome: Outcome) -> &'static str {
         Outcome::Built => "built",
         Outcome::Reused => "reused",
         Outcome::Failed => "failed",
+        Outcome::Stopped => "stopped",
         Outcome::Skipped => "skipped",
         Outcome::Stale => "stale",
     }

@@ -26,7 +26,7 @@ pub use state::StateError;
 use super::constraint::Constraints;
 use super::genome::{Genome, UNITS};
 use super::objective::Goal;
-use crate::base::Stream;
+use crate::base::{Stopped, Stream};
 use crate::field::{Feasibility, PredictError, Predictor};
 use crate::pattern::CELLS;
 use history::{History, Individual};
@@ -65,6 +65,9 @@ pub enum EvolveError {
     /// There is nothing to choose from.
     #[error("no pattern of the first generation has a field: there is nothing to choose from")]
     NoField,
+    /// It was asked to stop.
+    #[error(transparent)]
+    Stopped(#[from] Stopped),
     /// There is nothing to choose from.
     #[error("no pattern of the first generation keeps the margins: there is nothing to choose from")]
     NotFeasible,
@@ -118,7 +121,7 @@ pub fn evolve(setting: &Setting<'_>, options: &EvolveOptions, watch: &dyn Watch)
             break stop;
         }
         let population = search.evaluated(search.next_generation(&history))?;
-        record(&mut history, population, &search, watch);
+        record(&mut history, population, &search, watch)?;
     };
     let winners = search.winners(&history)?;
     Ok(Evolution {
@@ -168,17 +171,22 @@ fn start(
         });
     }
     let mut history = History::default();
-    record(&mut history, population, search, watch);
+    record(&mut history, population, search, watch)?;
     Ok(history)
 }
 
 /// Adds a generation to the history and reports it.
-fn record(history: &mut History, population: Vec<Individual>, search: &Search<'_>, watch: &dyn Watch) {
+fn record(
+    history: &mut History,
+    population: Vec<Individual>,
+    search: &Search<'_>,
+    watch: &dyn Watch,
+) -> Result<(), Stopped> {
     history.add(population);
     if let Some(report) = history.reports.last() {
         watch.generation(report);
     }
-    watch.keep(&|| search.state(history));
+    watch.keep(&|| search.state(history))
 }
 
 #[cfg(test)]

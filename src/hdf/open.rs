@@ -40,7 +40,8 @@ impl OpenFile {
         // A pipe or a device would block or never end.
         crate::base::open_regular(path).map_err(|e| words(e.to_string()))?;
         let mut builder = File::with_options();
-        builder.with_fapl(|access| access.chunk_cache(521, CHUNK as usize, 0.75));
+        // Files of a store are never changed, and a lock may be refused or waited for on a network.
+        builder.with_fapl(|access| access.file_locking(false).chunk_cache(521, CHUNK as usize, 0.75));
         Ok(Self {
             file: builder.open(path).map_err(|e| words(e.to_string()))?,
             path: path.to_owned(),

@@ -12,7 +12,7 @@ use super::planner::{ChunkState, manifest};
 use super::provenance::{Environment, Took};
 use super::scratch::Scratch;
 use super::spec::StageSpec;
-use crate::base::{ActionKey, ArtifactId, Progress};
+use crate::base::{ActionKey, ArtifactId, Progress, Stopped};
 use crate::store::{Action, Artifact, Condition, Effort, Guard, Lookup, Object, Record, Store, StoreError, Stored};
 
 /// What building needs beside the stage.
@@ -25,9 +25,14 @@ pub struct Builder<'a> {
     pub listener: Listener<'a>,
     /// Whether the other chunks are built although one failed: the next run has less to do then.
     pub keep_going: bool,
-    /// Whether this stage has waited for another process: the time is then not its own.
-    pub waited: AtomicBool,
+    /// Once it is set nothing more is begun.
+    pub stop: Option<&'a AtomicBool>,
+    /// Of which stage only some chunks are built, and which: from the first to the last.
+    pub only: Option<(usize, (usize, usize))>,
 }
+
+/// Where it is noted that a stage has waited for another process.
+pub type Waited<'a> = &'a AtomicBool;
 
 /// One finished piece of work.
 pub struct Done {
@@ -51,7 +56,13 @@ impl Builder<'_> {
     ///
     /// # Errors
     /// When the work fails or the store refuses.
-    pub fn whole(&self, spec: &StageSpec, action: &Action, key: ActionKey) -> Result<Done, StageError> {
+    pub fn whole(
+        &self,
+        spec: &StageSpec,
+        action: &Action,
+        key: ActionKey,
+        waited: Waited<'_>,
+    ) -> Result<Done, StageError> {
         let piece = Piece {
             spec,
             action,
@@ -60,36 +71,78 @@ impl Builder<'_> {
         };
         match self.store.try_lock_action(&key)? {
             Some(guard) => self.perform(piece, &guard),
-            None => self.wait_and_perform(piece),
+            None => self.wait_and_perform(piece, waited),
         }
     }
 
-    /// Builds the chunks that are not there; gives all chunks in order.
+    /// Whether nothing more is to be begun.
+    pub fn is_stopped(&self) -> bool {
+        self.stop.is_some_and(|stop| stop.load(Ordering::Relaxed))
+    }
+
+    /// Builds the chunks that are not there; gives all chunks in order, but those that are left to others.
     ///
     /// # Errors
     /// When there are none, the work of one fails (the first of those that failed), or the store refuses.
-    pub fn chunks(&self, spec: &StageSpec, chunks: &[Chunk], states: &[ChunkState]) -> Result<Vec<Done>, StageError> {
+    pub fn chunks(
+        &self,
+        spec: &StageSpec,
+        index: usize,
+        chunks: &[Chunk],
+        states: &[ChunkState],
+        waited: Waited<'_>,
+    ) -> Result<Vec<Option<Done>>, StageError> {
         if chunks.is_empty() {
             return Err(StageError::Failed(
                 "its inputs hold no samples: there is nothing to do".into(),
             ));
         }
-        let mut done: Vec<Option<Done>> = chunks.iter().map(|_| None).collect();
+        let some = self.only.filter(|(stage, _)| *stage == index);
+        let (first, last) = some.map_or((0, usize::MAX), |(_, chunks)| chunks);
+        if first >= chunks.len() {
+            return Err(StageError::Failed(format!(
+                "there is no chunk {first}: there are {}, counted from 0",
+                chunks.len()
+            )));
+        }
+        let range = first.min(chunks.len())..last.saturating_add(1).min(chunks.len());
+        let (ours, ours_states) = (&chunks[range.clone()], &states[range.clone()]);
+        let mut done: Vec<Option<Done>> = ours.iter().map(|_| None).collect();
         // A chunk that another is building is put off rather than waited for: a thread of the pool that waited could hold
         // up, by work stealing, the very chunk that the other waits for. The other may only share a lock file, so as long
         // as anything gets done the rest is tried again.
-        while self.pass(spec, chunks, states, &mut done)? {}
-        let wait = |(index, done): (usize, Option<Done>)| match done {
-            Some(done) => Ok(done),
-            None => self.wait_and_perform(piece(spec, (index, &chunks[index]), &states[index])?),
+        while self.pass(spec, range.start, ours, ours_states, &mut done)? {}
+        let wait = |(at, done): (usize, Option<Done>)| match done {
+            Some(done) => Ok(Some(done)),
+            None => {
+                let piece = piece(spec, (range.start + at, &ours[at]), &ours_states[at])?;
+                self.wait_and_perform(piece, waited).map(Some)
+            }
         };
-        done.into_iter().enumerate().map(wait).collect()
+        let done: Vec<Option<Done>> = done.into_iter().enumerate().map(wait).collect::<Result<_, _>>()?;
+        let others = |n: usize| (0..n).map(|_| None);
+        let before = others(range.start);
+        Ok(before.chain(done).chain(others(chunks.len() - range.end)).collect())
+    }
+
+    /// Some chunks of a stage that has none are not what anybody means.
+    ///
+    /// # Errors
+    /// When such are asked for.
+    pub fn refuse_some_of_one(&self, index: usize) -> Result<(), StageError> {
+        match self.only {
+            Some((stage, _)) if stage == index => {
+                Err(StageError::Failed("it is one piece of work: it has no chunks".into()))
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Tries the chunks that are not done, in parallel. Says whether some were done and some are left.
     fn pass(
         &self,
         spec: &StageSpec,
+        first: usize,
         chunks: &[Chunk],
         states: &[ChunkState],
         done: &mut [Option<Done>],
@@ -105,7 +158,7 @@ impl Builder<'_> {
             .with_max_len(1)
             .filter(|(_, ((done, _), _))| done.is_none())
             .map(|(index, ((done, state), chunk))| {
-                let attempt = self.attempt(spec, (index, chunk), state, &stop);
+                let attempt = self.attempt(spec, (first + index, chunk), state, &stop);
                 if attempt.is_err() && !self.keep_going {
                     stop.store(true, Ordering::Relaxed);
                 }
@@ -149,7 +202,7 @@ impl Builder<'_> {
             let record = record.clone();
             return Ok(Some(Done { record, built: false }));
         }
-        if stop.load(Ordering::Relaxed) {
+        if stop.load(Ordering::Relaxed) || self.is_stopped() {
             return Ok(None);
         }
         let piece = piece(spec, chunk, state)?;
@@ -159,18 +212,29 @@ impl Builder<'_> {
         }
     }
 
-    fn wait_and_perform(&self, piece: Piece<'_>) -> Result<Done, StageError> {
+    fn wait_and_perform(&self, piece: Piece<'_>, waited: Waited<'_>) -> Result<Done, StageError> {
+        if self.is_stopped() {
+            return Err(Stopped.into());
+        }
+        let who = self.store.who_does(&piece.key)?;
         (self.listener)(&Event::Note {
             name: piece.spec.name.clone(),
-            text: "another process is building this; waiting for it".into(),
+            text: format!(
+                "{} is building this; waiting for it",
+                who.as_deref().unwrap_or("another process")
+            ),
         });
-        self.waited.store(true, Ordering::Relaxed);
-        let guard = self.store.lock_action(&piece.key)?;
+        waited.store(true, Ordering::Relaxed);
+        let stopped = || self.is_stopped();
+        let guard = self.store.lock_action(&piece.key, &stopped)?.ok_or(Stopped)?;
         self.perform(piece, &guard)
     }
 
     /// Builds a piece of work, unless it has been built since it was looked at. The guard shows that its lock is held.
     fn perform(&self, piece: Piece<'_>, _held: &Guard) -> Result<Done, StageError> {
+        if self.is_stopped() {
+            return Err(Stopped.into());
+        }
         if let Some(record) = self.built_meanwhile(&piece.key)? {
             return Ok(Done { record, built: false });
         }
@@ -187,7 +251,7 @@ impl Builder<'_> {
         let measured = Mutex::default();
         let warn = |text: String| (self.listener)(&Event::Warning { text });
         let build = format!("build {}, {}", self.environment.build, self.environment.target);
-        let scratch = Scratch::new(self.store, piece.key, build, &warn);
+        let scratch = Scratch::new(self.store, piece.key, build, &warn, self.stop);
         let start = (self.environment.clock)();
         let object = piece.spec.stage.build(&Job {
             chunk: piece.chunk.map(|(_, chunk)| chunk),
@@ -210,9 +274,13 @@ impl Builder<'_> {
         Ok(Done { record, built: true })
     }
 
-    /// A damaged artifact is moved aside here, in case the rebuilt one has another digest and does not take its place.
-    fn built_meanwhile(&self, key: &ActionKey) -> Result<Option<Record>, StageError> {
-        let Lookup::Found(record, _) = self.store.record(key)? else {
+    /// What has been made of an action since it was looked at. A damaged artifact is moved aside here, in case the rebuilt one has
+    /// another digest and does not take its place.
+    ///
+    /// # Errors
+    /// When the store cannot be read.
+    pub fn built_meanwhile(&self, key: &ActionKey) -> Result<Option<Record>, StageError> {
+        let Lookup::Found(record, _) = self.store.record_now(key)? else {
             return Ok(None);
         };
         match self.store.inspect_made(&record, Effort::Thorough)? {

@@ -64,11 +64,13 @@ pub fn steps(status: &StageStatus) -> u64 {
     }
 }
 
-/// The cost of a stage that was built here and now, for the memory of the store; `None` where another process had a share.
+/// The cost of a stage that was built here and now in so many seconds, for the memory of the store; `None` where another process had a
+/// share.
 pub fn cost(
     spec: &StageSpec,
     status: &StageStatus,
     report: &StageReport,
+    seconds: f64,
     input_bytes: u64,
     environment: &Environment,
 ) -> Option<Cost> {
@@ -87,7 +89,7 @@ pub fn cost(
         weight: work.weight,
         chunks,
         input_bytes,
-        seconds: report.seconds,
+        seconds,
         bytes: report.size_built,
         created: environment.now(),
     })

@@ -16,6 +16,8 @@ pub enum Outcome {
     Reused,
     /// It could not be built.
     Failed,
+    /// It was asked to stop, and what it had come to is kept.
+    Stopped,
     /// It was not begun, because a stage that it needs was not built.
     Skipped,
     /// In a plan: it would be built.

@@ -1,23 +1,30 @@
-//! Runs a pipeline: stage after stage in topological order, building what is stale and no more.
+//! Runs a pipeline: whatever is ready, in topological order, building what is stale and no more.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::atomic::AtomicBool;
+use std::sync::mpsc::channel;
 use std::time::SystemTime;
 
-use super::build::{Builder, Done};
+use super::build::Builder;
 use super::cost_estimate;
 use super::difference::Difference;
 use super::event::{Event, Listener, Outcome, StageReport};
-use super::kind::{Input, Plan, StageError};
+use super::kind::{Input, StageError};
 use super::locked;
 use super::plan;
 use super::planner::{self, Planner, StageStatus, State};
 use super::price::{Bill, Price};
 use super::provenance::Environment;
+use super::shares::Shares;
 use super::spec::{Pipeline, StageSpec};
 use super::staleness::Staleness;
-use crate::base::{ArtifactId, InputError};
+use super::work::{Built, Work};
+use crate::base::InputError;
 use crate::store::{Command, Effort, Ended, LockFile, LockedStage, Record, Run, RunStage, Store, StoreError};
+
+/// Stack of the thread of a stage, bytes: as much as the main thread has.
+const STACK: usize = 8 << 20;
 
 /// How to run.
 #[derive(Clone, Copy, Debug, Default)]
@@ -34,6 +41,14 @@ pub struct RunOptions<'a> {
     pub lock: Option<&'a LockFile>,
     /// Where the listener writes what is built, in the folder of the store.
     pub log: Option<&'a str>,
+    /// How many stages that do not need each other may be built at once; 0 is as 1.
+    pub abreast: usize,
+    /// Builds these chunks of the last stage and no others; the stage itself is left to whoever builds the rest.
+    pub chunks: Option<(usize, usize)>,
+    /// Once it is set nothing more is begun, and what can be gone on with later stops.
+    pub stop: Option<&'a AtomicBool>,
+    /// Whether the history is not to know of it.
+    pub unremembered: bool,
 }
 
 /// Why a run or a plan could not be made.
@@ -111,8 +126,16 @@ pub fn run(
     let before = || selection.iter().zip(&statuses).take(first);
     let known = before().map(|(&index, status)| (index, status.as_input())).collect();
     let remembered = before()
-        .filter_map(|(&index, status)| remembered(&pipeline.stages[index], status))
+        .filter_map(|(&index, status)| Some((index, remembered(&pipeline.stages[index], status)?)))
         .collect();
+    let builder = Builder {
+        store,
+        environment,
+        listener,
+        keep_going: options.keep_going,
+        stop: options.stop,
+        only: options.chunks.and_then(|chunks| Some((*selection.last()?, chunks))),
+    };
     let mut execution = Execution {
         pipeline,
         read_closely: read_closely(pipeline, &selection, &statuses),
@@ -122,13 +145,8 @@ pub fn run(
             false => selection.iter().copied().zip(statuses).collect(),
         },
         planner,
-        builder: Builder {
-            store,
-            environment,
-            listener,
-            keep_going: options.keep_going,
-            waited: AtomicBool::new(false),
-        },
+        builder: &builder,
+        abreast: options.abreast.max(1),
         lock: options.lock,
         prices: selection.iter().copied().zip(prices).collect(),
         inputs: known,
@@ -141,14 +159,18 @@ pub fn run(
     let lock = execution.lock_file();
     store.keep_index();
     let stages_done = std::mem::take(&mut execution.remembered);
-    let logged = execution.log(Run {
+    let run = Run {
         command: options.command,
         seconds: environment.seconds_since(began),
         log: options.log.filter(|_| stages.iter().any(is_work)).map(str::to_owned),
-        stages: stages_done,
+        stages: stages_done.into_values().collect(),
         failures: failures.iter().map(|failure| failure.stage.clone()).collect(),
         ..Run::default()
-    });
+    };
+    let logged = match options.unremembered {
+        true => Ok(()),
+        false => execution.log(run),
+    };
     let not_logged = execution.not_logged.or(logged.err());
     if let Some(reason) = &not_logged {
         let text = format!("the store does not remember this run: {reason}");
@@ -165,7 +187,7 @@ pub fn run(
 
 /// Whether anything was done for a stage.
 fn is_work(report: &StageReport) -> bool {
-    matches!(report.outcome, Outcome::Built | Outcome::Failed)
+    matches!(report.outcome, Outcome::Built | Outcome::Failed | Outcome::Stopped)
 }
 
 /// A stage that is there and is not looked at any more.
@@ -206,56 +228,113 @@ fn read_closely(pipeline: &Pipeline, selection: &[usize], statuses: &[StageStatu
 struct Execution<'a> {
     pipeline: &'a Pipeline,
     planner: Planner<'a>,
-    builder: Builder<'a>,
+    builder: &'a Builder<'a>,
+    abreast: usize,
     lock: Option<&'a LockFile>,
     read_closely: BTreeSet<usize>,
     known_statuses: BTreeMap<usize, StageStatus>,
     prices: BTreeMap<usize, Option<Price>>,
     inputs: BTreeMap<usize, Input>,
     sizes: BTreeMap<usize, u64>,
-    remembered: Vec<RunStage>,
+    /// By their places in the pipeline.
+    remembered: BTreeMap<usize, RunStage>,
     not_logged: Option<StoreError>,
     unstable: u64,
 }
 
-impl Execution<'_> {
-    /// Goes through the stages until one fails, or through all that can be built.
+/// What has become of the stages so far, by their places in the pipeline.
+#[derive(Default)]
+struct Concluded {
+    reports: BTreeMap<usize, StageReport>,
+    failures: BTreeMap<usize, Failure>,
+}
+
+/// A stage that is looked at.
+enum Begun {
+    /// It is there.
+    There(Box<StageReport>),
+    /// It is being built.
+    AtWork(Box<Work>),
+}
+
+impl<'a> Execution<'a> {
+    /// Builds whatever is ready, as many stages at once as are allowed, until one fails, or until all that can be built is there.
     fn stages(&mut self, selection: &[usize]) -> (Vec<StageReport>, Vec<Failure>) {
-        let mut reports = Vec::with_capacity(selection.len());
-        let mut failures = Vec::new();
-        for &index in selection {
-            if let Some(skipped) = self.skipped(index) {
-                reports.push(skipped);
-                continue;
-            }
-            let start = (self.builder.environment.clock)();
-            let failure = match self.stage(index, start) {
-                Ok(report) => {
-                    let blocked = self.blocked(index, &report);
-                    reports.push(report);
-                    blocked
+        let (builder, stages) = (self.builder, &self.pipeline.stages);
+        let mut concluded = Concluded::default();
+        let mut left: BTreeSet<usize> = selection.iter().copied().collect();
+        let mut at_work = Shares::default();
+        let (sender, receiver) = channel();
+        std::thread::scope(|scope| {
+            loop {
+                while at_work.len() < self.abreast && self.goes_on(&concluded) {
+                    let is_open = |index: &usize| left.contains(index) || at_work.contains(*index);
+                    let is_ready = |index: &&usize| !stages[**index].waits_for().iter().any(is_open);
+                    let Some(index) = left.iter().find(is_ready).copied() else {
+                        break;
+                    };
+                    left.remove(&index);
+                    if let Some(skipped) = self.skipped(index) {
+                        concluded.reports.insert(index, skipped);
+                        continue;
+                    }
+                    let start = (builder.environment.clock)();
+                    let work = match self.begin(index, start) {
+                        Ok(Begun::AtWork(work)) => work,
+                        Ok(Begun::There(report)) => {
+                            self.conclude(index, start, Ok(*report), &mut concluded);
+                            continue;
+                        }
+                        Err(error) => {
+                            self.conclude(index, start, Err(error), &mut concluded);
+                            continue;
+                        }
+                    };
+                    if self.abreast == 1 {
+                        let report = self.end(work.done(builder, &stages[index]), None);
+                        self.conclude(index, start, report, &mut concluded);
+                        continue;
+                    }
+                    at_work.begin(index, builder.environment);
+                    let sender = sender.clone();
+                    let build = move || {
+                        // Whoever waits would wait for ever for a thread that has panicked.
+                        let done = catch_unwind(AssertUnwindSafe(|| work.done(builder, &stages[index])));
+                        // Nobody listens any more where another has panicked.
+                        let _ = sender.send(done);
+                    };
+                    let thread = std::thread::Builder::new()
+                        .name(stages[index].name.clone())
+                        .stack_size(STACK);
+                    if let Err(error) = thread.spawn_scoped(scope, build) {
+                        at_work.end(index, builder.environment);
+                        let error = StageError::Failed(format!("cannot start a thread: {error}"));
+                        self.conclude(index, start, Err(error), &mut concluded);
+                    }
                 }
-                Err(error) => {
-                    reports.push(self.failed(index, start, &error));
-                    Some(error)
-                }
-            };
-            if let Some(error) = failure {
-                // It may be there, as an audit that stops what follows is: for what follows it is not.
-                self.inputs.remove(&index);
-                failures.push(Failure {
-                    stage: self.pipeline.stages[index].name.clone(),
-                    error,
-                });
-                if !self.builder.keep_going {
+                if at_work.len() == 0 {
                     break;
                 }
+                // A sender is held here, so there is always one to receive from.
+                let Ok(done) = receiver.recv() else { break };
+                let done = done.unwrap_or_else(|panic| resume_unwind(panic));
+                let (index, start) = (done.work.index, done.work.start);
+                let share = at_work.end(index, builder.environment);
+                let report = self.end(done, Some(share));
+                self.conclude(index, start, report, &mut concluded);
             }
-        }
-        (reports, failures)
+        });
+        let Concluded { reports, failures } = concluded;
+        (reports.into_values().collect(), failures.into_values().collect())
     }
 
-    fn stage(&mut self, index: usize, start: SystemTime) -> Result<StageReport, StageError> {
+    /// Whether more may be begun.
+    fn goes_on(&self, concluded: &Concluded) -> bool {
+        !self.builder.is_stopped() && (concluded.failures.is_empty() || self.builder.keep_going)
+    }
+
+    /// Looks at a stage whose needs are all there.
+    fn begin(&mut self, index: usize, start: SystemTime) -> Result<Begun, StageError> {
         let spec = &self.pipeline.stages[index];
         let needed = spec.needs.iter().filter_map(|need| self.inputs.get(need).cloned());
         let inputs: Vec<Input> = needed.collect();
@@ -267,24 +346,65 @@ impl Execution<'_> {
                 self.planner.status(index, &inputs, effort)?
             }
         };
-        let mut report = plan::report(spec, &status);
-        let (record, known) = match &status.state {
-            State::Fresh { record, .. } => ((**record).clone(), status.as_input()),
+        let report = plan::report(spec, &status);
+        match &status.state {
+            State::Fresh { record, .. } => {
+                let (record, known) = ((**record).clone(), status.as_input());
+                let report = self.take(index, start, report, &record, known)?;
+                Ok(Begun::There(Box::new(report)))
+            }
             State::Stale { why, .. } => {
                 self.announce(index, &status, why);
-                let (record, parts) = self.build(spec, &status, &mut report)?;
-                let known = planner::known(&status.work, Some(record.artifact), &parts);
-                (record, known)
+                Ok(Begun::AtWork(Box::new(Work {
+                    index,
+                    start,
+                    status,
+                    report,
+                })))
             }
+        }
+    }
+
+    /// Takes over what has been built. `share` is its part of the time, where others were built beside it, s.
+    fn end(&mut self, done: Built, share: Option<f64>) -> Result<StageReport, StageError> {
+        let Built { work, made, waited } = done;
+        let Work {
+            index,
+            start,
+            status,
+            mut report,
+        } = *work;
+        let made = made?;
+        made.tell(&mut report);
+        let spec = &self.pipeline.stages[index];
+        let Some(record) = made.record else {
+            // Its other chunks are left to others.
+            report.seconds = self.builder.environment.seconds_since(start);
+            (self.builder.listener)(&Event::StageFinished(report.clone()));
+            return Ok(report);
         };
+        let known = planner::known(&status.work, Some(record.artifact), &made.parts);
+        let report = self.take(index, start, report, &record, known)?;
+        if report.outcome == Outcome::Built && !waited {
+            self.remember_cost(spec, &status, &report, share.unwrap_or(report.seconds));
+        }
+        Ok(report)
+    }
+
+    /// Lets later stages know of a stage that is there.
+    fn take(
+        &mut self,
+        index: usize,
+        start: SystemTime,
+        mut report: StageReport,
+        record: &Record,
+        known: Input,
+    ) -> Result<StageReport, StageError> {
+        let spec = &self.pipeline.stages[index];
         report.digest = Some(record.artifact);
         report.seconds = self.builder.environment.seconds_since(start);
         report.price = self.prices.get(&index).copied().flatten();
-        let waited = self.builder.waited.swap(false, Ordering::Relaxed);
-        if report.outcome == Outcome::Built && !waited {
-            self.remember_cost(spec, &status, &report);
-        }
-        if let Some(difference) = self.lock.and_then(|lock| locked::other_artifact(spec, lock, &record)) {
+        if let Some(difference) = self.lock.and_then(|lock| locked::other_artifact(spec, lock, record)) {
             return Err(difference.into());
         }
         self.inputs.insert(index, known);
@@ -294,17 +414,42 @@ impl Execution<'_> {
             Outcome::Reused => Event::StageReused(report.clone()),
             _ => Event::StageFinished(report.clone()),
         });
-        self.remembered.push(RunStage {
+        let ended = match report.outcome {
+            Outcome::Built => Ended::Built,
+            _ => Ended::Reused,
+        };
+        let stage = RunStage {
             name: spec.name.clone(),
             kind: spec.kind.name().to_owned(),
             key: record.key,
             artifact: record.artifact,
-            outcome: match report.outcome {
-                Outcome::Built => Ended::Built,
-                _ => Ended::Reused,
-            },
-        });
+            outcome: ended,
+        };
+        self.remembered.insert(index, stage);
         Ok(report)
+    }
+
+    fn conclude(
+        &mut self,
+        index: usize,
+        start: SystemTime,
+        report: Result<StageReport, StageError>,
+        concluded: &mut Concluded,
+    ) {
+        let (report, error) = match report {
+            Ok(report) => {
+                let blocked = self.blocked(index, &report);
+                (report, blocked)
+            }
+            Err(error) => (self.failed(index, start, &error), Some(error)),
+        };
+        concluded.reports.insert(index, report);
+        if let Some(error) = error {
+            // It may be there, as an audit that stops what follows is: for what follows it is not.
+            self.inputs.remove(&index);
+            let stage = self.pipeline.stages[index].name.clone();
+            concluded.failures.insert(index, Failure { stage, error });
+        }
     }
 
     /// Remembers what has been run, where that is news.
@@ -389,10 +534,10 @@ impl Execution<'_> {
     }
 
     /// A cost that cannot be written is no reason to stop: it is told at the end.
-    fn remember_cost(&mut self, spec: &StageSpec, status: &StageStatus, report: &StageReport) {
+    fn remember_cost(&mut self, spec: &StageSpec, status: &StageStatus, report: &StageReport, seconds: f64) {
         let input_bytes = spec.needs.iter().filter_map(|need| self.sizes.get(need)).sum();
         let environment = self.builder.environment;
-        let cost = cost_estimate::cost(spec, status, report, input_bytes, environment);
+        let cost = cost_estimate::cost(spec, status, report, seconds, input_bytes, environment);
         if let Some(Err(error)) = cost.map(|cost| self.builder.store.put_cost(&cost)) {
             self.not_logged.get_or_insert(error);
         }
@@ -400,7 +545,7 @@ impl Execution<'_> {
 
     /// The lock file of what has been built or found.
     fn lock_file(&self) -> LockFile {
-        let stages = self.remembered.iter().map(|stage| {
+        let stages = self.remembered.values().map(|stage| {
             let locked = LockedStage {
                 key: stage.key,
                 artifact: stage.artifact,
@@ -414,52 +559,12 @@ impl Execution<'_> {
         }
     }
 
-    /// Builds a stale stage; gives its record and its chunks.
-    fn build(
-        &self,
-        spec: &StageSpec,
-        status: &StageStatus,
-        report: &mut StageReport,
-    ) -> Result<(Record, Vec<Option<ArtifactId>>), StageError> {
-        let (Some((action, key)), State::Stale { chunks: states, .. }) = (&status.action, &status.state) else {
-            return Err(StageError::Failed("the stage is not ready to be built".into()));
-        };
-        let done: Vec<Done> = match &status.work {
-            Plan::Whole { .. } => vec![self.builder.whole(spec, action, *key)?],
-            Plan::Chunks(chunks) => self.builder.chunks(spec, chunks, states)?,
-        };
-        report.chunks_built = done.iter().filter(|done| done.built).count() as u64;
-        report.chunks_reused = done.len() as u64 - report.chunks_built;
-        report.size = done.iter().map(|done| done.record.size).sum();
-        let built = done.iter().filter(|done| done.built);
-        report.size_built = built.map(|done| done.record.size).sum();
-        report.outcome = Outcome::Built;
-        if matches!(status.work, Plan::Whole { .. }) {
-            // Another process may have built it while this one waited.
-            if report.chunks_built == 0 {
-                report.outcome = Outcome::Reused;
-            }
-            return done
-                .into_iter()
-                .next()
-                .map(|done| (done.record, Vec::new()))
-                .ok_or_else(nothing);
-        }
-        let parts: Vec<ArtifactId> = done.iter().map(|done| done.record.artifact).collect();
-        let seconds = done
-            .iter()
-            .filter(|done| done.built)
-            .map(|done| done.record.seconds)
-            .sum();
-        let record = self.builder.manifest(spec, action, *key, parts.clone(), seconds)?;
-        report.size += record.size;
-        report.size_built += record.size;
-        Ok((record, parts.into_iter().map(Some).collect()))
-    }
-
     fn failed(&self, index: usize, start: SystemTime, error: &StageError) -> StageReport {
         let report = StageReport {
-            outcome: Outcome::Failed,
+            outcome: match error {
+                StageError::Stopped(_) => Outcome::Stopped,
+                _ => Outcome::Failed,
+            },
             seconds: self.builder.environment.seconds_since(start),
             why: Some(error.to_string()),
             ..self.unbuilt(index)
@@ -503,8 +608,4 @@ impl Execution<'_> {
             staleness: None,
         }
     }
-}
-
-fn nothing() -> StageError {
-    StageError::Failed("nothing was built".into())
 }

@@ -7,7 +7,7 @@ use std::sync::{Mutex, PoisonError};
 
 use super::difference::Difference;
 use super::scratch::Scratch;
-use crate::base::{ArtifactId, Canonical, Fields, InputError, Node, NodeValue, Progress};
+use crate::base::{ArtifactId, Canonical, Fields, InputError, Node, NodeValue, Progress, Stopped};
 use crate::store::{Artifact, Object, ObjectError, StoreError};
 
 /// A kind of stage: `sample`, `solve`, …
@@ -223,6 +223,9 @@ pub enum StageError {
     /// The artifact is there, and what it says stops the pipeline.
     #[error("{0}")]
     Blocked(String),
+    /// It was asked to stop.
+    #[error(transparent)]
+    Stopped(#[from] Stopped),
     /// The store refused.
     #[error(transparent)]
     Store(#[from] StoreError),

@@ -18,13 +18,15 @@ mod provenance;
 mod rounds;
 mod schema;
 mod scratch;
+mod shares;
 mod spec;
 mod staleness;
 mod sweep;
+mod work;
 
 pub use built::{Built, BuiltStage, built};
 pub use difference::Difference;
-pub use entry::Registry;
+pub use entry::{Registry, suggestion};
 pub use event::{Event, Listener, Outcome, StageReport};
 pub use execute::{Failure, RunError, RunOptions, RunOutcome, run};
 pub use explain::{Explanation, Last, explain};

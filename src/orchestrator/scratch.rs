@@ -2,10 +2,11 @@
 //!
 //! It is a convenience: what cannot be kept or read costs time and nothing else, so it is told and never stops the work.
 
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use crate::base::ActionKey;
+use crate::base::{ActionKey, Stopped};
 use crate::store::{Store, StoreError};
 
 /// Keeping may take this part of the time at most.
@@ -17,6 +18,7 @@ pub struct Scratch<'a> {
     key: ActionKey,
     build: String,
     warn: &'a (dyn Fn(String) + Sync),
+    stop: Option<&'a AtomicBool>,
     kept: Mutex<Kept>,
 }
 
@@ -31,12 +33,19 @@ enum Kept {
 
 impl<'a> Scratch<'a> {
     /// The scratch of an action; `build` says which program can go on from what is kept.
-    pub(super) fn new(store: &'a Store, key: ActionKey, build: String, warn: &'a (dyn Fn(String) + Sync)) -> Self {
+    pub(super) fn new(
+        store: &'a Store,
+        key: ActionKey,
+        build: String,
+        warn: &'a (dyn Fn(String) + Sync),
+        stop: Option<&'a AtomicBool>,
+    ) -> Self {
         Self {
             store,
             key,
             build,
             warn,
+            stop,
             kept: Mutex::new(Kept::NotYet),
         }
     }
@@ -59,11 +68,20 @@ impl<'a> Scratch<'a> {
 
     /// Keeps what the work has come to under a name, in place of what was kept before, unless something was kept so lately that
     /// keeping would take more than a twentieth of the time. `content` makes it when it is to be kept.
-    pub fn keep(&self, name: &str, content: &dyn Fn() -> Option<Vec<u8>>) {
+    ///
+    /// # Errors
+    /// When the work is to stop.
+    pub fn keep(&self, name: &str, content: &dyn Fn() -> Option<Vec<u8>>) -> Result<(), Stopped> {
+        let stops = self.stop.is_some_and(|stop| stop.load(Ordering::Relaxed));
+        self.keep_when_due(name, content, stops);
+        if stops { Err(Stopped) } else { Ok(()) }
+    }
+
+    fn keep_when_due(&self, name: &str, content: &dyn Fn() -> Option<Vec<u8>>, stops: bool) {
         let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         let due = match *kept {
             Kept::NotYet => true,
-            Kept::At(when, took) => when.elapsed() >= took * (SHARE - 1),
+            Kept::At(when, took) => stops || when.elapsed() >= took * (SHARE - 1),
             Kept::Refused => false,
         };
         if !due {
@@ -105,10 +123,10 @@ mod tests {
         let store = Store::open(folder.path()).unwrap();
         let warnings = Mutex::new(Vec::new());
         let warn = |text: String| warnings.lock().unwrap().push(text);
-        let scratch = |build: &str| Scratch::new(&store, ActionKey::of(b"key"), build.to_owned(), &warn);
+        let scratch = |build: &str| Scratch::new(&store, ActionKey::of(b"key"), build.to_owned(), &warn, None);
         assert_eq!(scratch("one").kept("state"), None);
         let first = scratch("one");
-        first.keep("state", &|| Some(b"content".to_vec()));
+        first.keep("state", &|| Some(b"content".to_vec())).unwrap();
         assert_eq!(scratch("one").kept("state").as_deref(), Some(&b"content"[..]));
         assert!(warnings.lock().unwrap().is_empty());
         assert_eq!(scratch("two").kept("state"), None);
@@ -122,18 +140,37 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let store = Store::open(folder.path()).unwrap();
         let warn = |text: String| panic!("{text}");
-        let scratch = Scratch::new(&store, ActionKey::of(b"key"), "build".to_owned(), &warn);
+        let scratch = Scratch::new(&store, ActionKey::of(b"key"), "build".to_owned(), &warn, None);
         let made = Mutex::new(0);
         let keep = || {
             scratch.keep("state", &|| {
                 *made.lock().unwrap() += 1;
                 std::thread::sleep(Duration::from_millis(20));
                 Some(vec![1])
-            });
+            })
         };
         // The first is kept, those right after it are not: 19 times its 20 ms have not gone by.
-        (0..5).for_each(|_| keep());
+        (0..5).for_each(|_| keep().unwrap());
         assert_eq!(*made.lock().unwrap(), 1);
+    }
+
+    #[test]
+    fn work_that_is_asked_to_stop_keeps_what_it_has_come_to() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::open(folder.path()).unwrap();
+        let warn = |text: String| panic!("{text}");
+        let stop = AtomicBool::new(false);
+        let scratch = Scratch::new(&store, ActionKey::of(b"key"), "build".to_owned(), &warn, Some(&stop));
+        let keep = |content: u8| {
+            scratch.keep("state", &|| {
+                std::thread::sleep(Duration::from_millis(20));
+                Some(vec![content])
+            })
+        };
+        assert_eq!((keep(1), keep(2)), (Ok(()), Ok(())));
+        assert_eq!(scratch.kept("state"), Some(vec![1]), "the second came too soon");
+        stop.store(true, Ordering::Relaxed);
+        assert_eq!((keep(3), scratch.kept("state")), (Err(Stopped), Some(vec![3])));
     }
 
     #[test]
@@ -143,9 +180,9 @@ mod tests {
         std::fs::write(folder.path().join("checkpoints"), "in the way").unwrap();
         let warnings = Mutex::new(Vec::new());
         let warn = |text: String| warnings.lock().unwrap().push(text);
-        let scratch = Scratch::new(&store, ActionKey::of(b"key"), "build".to_owned(), &warn);
+        let scratch = Scratch::new(&store, ActionKey::of(b"key"), "build".to_owned(), &warn, None);
         for _ in 0..2 {
-            scratch.keep("state", &|| Some(vec![1]));
+            scratch.keep("state", &|| Some(vec![1])).unwrap();
         }
         let told = warnings.lock().unwrap().clone();
         assert!(told.len() == 1 && told[0].contains("will begin again"), "{told:?}");

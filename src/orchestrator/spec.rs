@@ -10,7 +10,7 @@ use super::graph;
 use super::kind::{Kind, Stage};
 use super::rounds::{self, Rounds};
 use super::sweep::{self, Sweep};
-use crate::base::{Document, InputError, Node, NodeValue, Override};
+use crate::base::{Document, InputError, Node, NodeValue, Override, folder_of};
 
 const WHAT: &str = "the pipeline";
 
@@ -113,6 +113,19 @@ impl Pipeline {
         self.stages.iter().find(|stage| stage.name == name)
     }
 
+    /// The sweep of that name; none where that is the name of one stage.
+    #[must_use]
+    pub fn sweep(&self, name: &str) -> Option<&Sweep> {
+        let mut named = self.sweeps.iter().filter(|sweep| sweep.name == name);
+        named.find(|sweep| sweep.stages != [name])
+    }
+
+    /// The scene of a stage: its own, or that of all.
+    #[must_use]
+    pub fn scene_of<'a>(&'a self, stage: &'a StageSpec) -> Option<&'a Node> {
+        stage.scene.as_ref().or(self.scene.as_ref())
+    }
+
     /// Places of the stages to look at, in topological order: all, or `until` and what it needs. The name of a sweep means all its
     /// stages.
     ///
@@ -122,7 +135,7 @@ impl Pipeline {
         let Some(until) = until else {
             return Ok((0..self.stages.len()).collect());
         };
-        let sweep = self.sweeps.iter().find(|sweep| sweep.name == until);
+        let sweep = self.sweep(until);
         let wanted = |name: &String| sweep.map_or(name == until, |sweep| sweep.stages.contains(name));
         let targets: Vec<usize> = (0..self.stages.len())
             .filter(|&at| wanted(&self.stages[at].name))
@@ -142,9 +155,7 @@ impl Pipeline {
 /// there; a link in its own place is another pipeline.
 #[must_use]
 pub fn file_of(path: &Path) -> PathBuf {
-    let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty());
-    let folder = parent.unwrap_or(Path::new(".")).canonicalize();
-    match (folder, path.file_name()) {
+    match (folder_of(path).canonicalize(), path.file_name()) {
         (Ok(folder), Some(name)) => folder.join(name),
         _ => std::path::absolute(path).unwrap_or_else(|_| path.to_owned()),
     }

@@ -33,7 +33,7 @@ pub use kinds::audit::audited;
 pub use presenter::{DrawFigure, Presenter, Results};
 pub use research_object::{CrateFile, CrateStage, METADATA, ResearchObject};
 pub use results::{RunResults, draw_figures, figure_files};
-pub use tables::Collected;
+pub use tables::{Collected, table};
 pub use write_report::{COLUMNS, Written, write_report};
 
 #[cfg(test)]

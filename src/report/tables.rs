@@ -58,16 +58,11 @@ impl Collected {
     /// The first rows as a table for a terminal.
     #[must_use]
     pub fn text(&self, most: usize) -> String {
-        let mut table = Table::new();
-        table.load_preset(UTF8_HORIZONTAL_ONLY).set_header(self.header());
-        table
-            .remove_style(TableComponent::HorizontalLines)
-            .remove_style(TableComponent::MiddleIntersections);
-        for (column, unit) in table.column_iter_mut().zip(&self.units) {
-            if !unit.is_empty() {
-                column.set_cell_alignment(CellAlignment::Right);
-            }
-        }
+        let header = self.header();
+        let header: Vec<&str> = header.iter().map(String::as_str).collect();
+        let numbers = header.iter().zip(&self.units).filter(|(_, unit)| !unit.is_empty());
+        let numbers: Vec<&str> = numbers.map(|(title, _)| *title).collect();
+        let mut table = table(&header, &numbers);
         self.shown().into_iter().take(most).for_each(|row| {
             table.add_row(row);
         });
@@ -148,6 +143,22 @@ impl Collected {
         };
         format!("{} {text}{unit}", self.columns[column])
     }
+}
+
+/// An empty table with a header; the columns named in `numbers` are flush right.
+pub fn table(header: &[&str], numbers: &[&str]) -> Table {
+    let mut table = Table::new();
+    table.load_preset(UTF8_HORIZONTAL_ONLY).set_header(header);
+    // Between rows a line is one too many.
+    table
+        .remove_style(TableComponent::HorizontalLines)
+        .remove_style(TableComponent::MiddleIntersections);
+    for (column, title) in table.column_iter_mut().zip(header) {
+        if numbers.contains(title) {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+    table
 }
 
 /// A name with its unit, where it has one.

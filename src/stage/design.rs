@@ -13,7 +13,9 @@ use serde_json::json;
 
 use super::model;
 use super::results::of_targets;
-use crate::base::{Canonical, Declared, Fields, InputError, Map, Node, NodeValue, Parameter, Schema, parameters};
+use crate::base::{
+    Canonical, Declared, Fields, InputError, Map, Node, NodeValue, Parameter, Schema, Stopped, parameters,
+};
 use crate::content::Designs;
 use crate::design::{
     ConstraintParameters, Elements, GenerationReport, Method, Progress, Search, SearchError, SearchOptions, SearchStep,
@@ -342,7 +344,10 @@ impl Stage for DesignStage {
             progress: &Follow(job),
         };
         let found = search.run(|| evaluators(self.evaluator, &self.scene, surrogate));
-        let found = found.map_err(|e| StageError::Failed(e.to_string()))?;
+        let found = found.map_err(|error| match error {
+            SearchError::Stopped(stopped) => stopped.into(),
+            error => StageError::Failed(error.to_string()),
+        })?;
         job.measure(format!("search; {}", target.name), start.elapsed().as_secs_f64());
         let method = self.options.method.name();
         let mut designs = content::designs(self.heading(target), found, self.scene.clone(), method);
@@ -379,8 +384,8 @@ impl Watch for Follow<'_> {
         self.0.scratch.kept(STATE)
     }
 
-    fn keep(&self, state: &dyn Fn() -> Option<Vec<u8>>) {
-        self.0.scratch.keep(STATE, state);
+    fn keep(&self, state: &dyn Fn() -> Option<Vec<u8>>) -> Result<(), Stopped> {
+        self.0.scratch.keep(STATE, state)
     }
 
     fn resumed(&self, report: &GenerationReport) {

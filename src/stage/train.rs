@@ -17,7 +17,9 @@ use crate::field::Mesh;
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::scene::Scene;
 use crate::store::{Artifact, Object};
-use crate::surrogate::{Constants, NetworkKind, OptimizerKind, Record, TrainOptions, annotated, train, update};
+use crate::surrogate::{
+    Constants, NetworkKind, OptimizerKind, Record, TrainError, TrainOptions, annotated, train, update,
+};
 
 /// What it needs: labelled patterns, and a training to begin with.
 const KINDS: [&str; 5] = needs::joined(needs::joined::<1, 2, 3>(["balance"], SOLVED), ["verify", "train"]);
@@ -164,7 +166,10 @@ impl Stage for TrainStage {
             Some(weights) => update(weights, &found.examples, constants, &options, &follow),
             None => train(&found.examples, constants, &options, &follow),
         };
-        let mut trained = trained.map_err(|e| StageError::Failed(e.to_string()))?;
+        let mut trained = trained.map_err(|error| match error {
+            TrainError::Stopped(stopped) => stopped.into(),
+            error => StageError::Failed(error.to_string()),
+        })?;
         let inputs = job.inputs.iter().map(|input| input.digest().to_string()).collect();
         let annotated = annotated(
             &trained.weights,

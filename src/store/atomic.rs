@@ -4,10 +4,11 @@
 //! may point to missing bytes after a crash, without the second the name itself may be lost.
 
 use std::fs::{self, File};
-use std::io::Write;
+use std::io::{ErrorKind, Write};
 use std::path::Path;
 
 use super::error::StoreError;
+use super::late;
 
 /// Writes `bytes` as `target`, by way of the file `temporary` in the same filesystem.
 ///
@@ -32,6 +33,37 @@ pub fn write_unsettled(temporary: &Path, target: &Path, bytes: &[u8]) -> Result<
     place(temporary, target)
 }
 
+/// Gives a synced file its name, creating the folder, unless something of that name is there; says whether it was given. It keeps no
+/// other name.
+///
+/// # Errors
+/// When the system refuses.
+pub fn link(temporary: &Path, target: &Path) -> Result<bool, StoreError> {
+    make_folder_of(target)?;
+    match late::until_seen(|| fs::hard_link(temporary, target)) {
+        Ok(()) => {
+            // What is left under the other name goes with its folder.
+            let _ = fs::remove_file(temporary);
+        }
+        Err(error) if error.kind() == ErrorKind::AlreadyExists => return Ok(false),
+        // No file system of two names: then none where the locks are not to be trusted either.
+        Err(error) if is_unknown(&error) => {
+            if fs::symlink_metadata(target).is_ok() {
+                return Ok(false);
+            }
+            fs::rename(temporary, target).map_err(StoreError::io("write", target))?;
+        }
+        Err(error) => return Err(StoreError::io("write", target)(error)),
+    }
+    sync_folder(target.parent().unwrap_or(Path::new(".")))?;
+    Ok(true)
+}
+
+/// Whether the system does not know how to give a file two names here (FAT, some FUSE file systems).
+fn is_unknown(error: &std::io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::Unsupported | ErrorKind::PermissionDenied)
+}
+
 /// Moves a synced file into place, creating its folder.
 ///
 /// # Errors
@@ -42,12 +74,17 @@ pub fn rename(temporary: &Path, target: &Path) -> Result<(), StoreError> {
 }
 
 fn place(temporary: &Path, target: &Path) -> Result<(), StoreError> {
+    make_folder_of(target)?;
+    late::until_seen(|| fs::rename(temporary, target)).map_err(StoreError::io("write", target))
+}
+
+fn make_folder_of(target: &Path) -> Result<(), StoreError> {
     let folder = target.parent().unwrap_or(Path::new("."));
     if !folder.is_dir() {
-        fs::create_dir_all(folder).map_err(StoreError::io("create", folder))?;
+        late::make_folders(folder).map_err(StoreError::io("create", folder))?;
         sync_folder(folder.parent().unwrap_or(Path::new(".")))?;
     }
-    fs::rename(temporary, target).map_err(StoreError::io("write", target))
+    Ok(())
 }
 
 /// Makes the names in a folder survive a crash of the machine.

@@ -184,7 +184,7 @@ fn weigh(key: ActionKey, path: PathBuf) -> Result<Checkpoints, StoreError> {
 mod tests {
     use super::*;
     use crate::store::Retention;
-    use crate::store::entries::files_in;
+    use crate::store::entries::files;
 
     fn store() -> (tempfile::TempDir, Store) {
         let folder = tempfile::tempdir().unwrap();
@@ -209,7 +209,7 @@ mod tests {
         store.remove_checkpoints(&key).unwrap();
         store.remove_checkpoints(&key).unwrap();
         assert_eq!(store.checkpoint(&key, "state", "b").unwrap(), None);
-        assert!(files_in(&store.layout.temporary()).unwrap().is_empty());
+        assert!(files(&store.layout.temporary()).unwrap().is_empty());
     }
 
     #[test]

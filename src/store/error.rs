@@ -82,10 +82,12 @@ pub enum StoreError {
         path: PathBuf,
     },
     /// Another process works in a store that has to be held alone.
-    #[error("another process works in {path}: wait until it has ended", path = path.display())]
+    #[error("{who} works in {path}: wait until that has ended", path = path.display())]
     Busy {
         /// The folder.
         path: PathBuf,
+        /// Who works there.
+        who: String,
     },
     /// The artifact is not in the store.
     #[error("artifact {digest} is missing: no {path}", digest = digest.short(), path = path.display())]
@@ -181,6 +183,13 @@ impl StoreError {
     #[must_use]
     pub fn is_damage(&self) -> bool {
         matches!(self, Self::Missing { .. } | Self::Damaged { .. })
+    }
+
+    /// Whether it says nothing of what was asked, so that another machine, or this one later, may succeed: the system refused, a file
+    /// was damaged and can be built again, or another process was in the way.
+    #[must_use]
+    pub fn may_pass(&self) -> bool {
+        matches!(self, Self::Io { .. } | Self::Hdf5 { .. } | Self::Busy { .. }) || self.is_damage()
     }
 
     /// For `map_err` on calls of the standard library.

@@ -245,7 +245,8 @@ impl Store {
         let (unfinished, others): (Vec<PathBuf>, Vec<PathBuf>) = files_in(&self.layout.temporary())?
             .into_iter()
             .partition(|path| is_temporary(path));
-        report.unfinished = unfinished.len() as u64;
+        let of_others = unfinished.iter().filter(|path| !self.hold.workbench.is_own(path));
+        report.unfinished = of_others.count() as u64;
         // What has gone meanwhile was being written.
         let is_stray = |path: &PathBuf| !is_hidden(path) && fs::symlink_metadata(path).is_ok();
         report.strays.extend(others.into_iter().filter(is_stray));

@@ -384,7 +384,10 @@ pub(super) fn read(path: &Path) -> Result<Option<Run>, StoreError> {
         Err(error)
             if matches!(
                 error.kind(),
-                ErrorKind::NotFound | ErrorKind::InvalidInput | ErrorKind::FileTooLarge
+                ErrorKind::NotFound
+                    | ErrorKind::StaleNetworkFileHandle
+                    | ErrorKind::InvalidInput
+                    | ErrorKind::FileTooLarge
             ) =>
         {
             Ok(None)

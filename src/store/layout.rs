@@ -20,10 +20,13 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::entries::files_in;
+use super::atomic;
+use super::entries::{files_in, names_in};
 use super::error::StoreError;
+use super::late;
+use super::locking;
 use super::marker;
-use crate::base::{ActionKey, ArtifactId, kind_of};
+use crate::base::{ActionKey, ArtifactId, folder_of, kind_of};
 
 const MARKER: &str = "format";
 
@@ -37,7 +40,16 @@ pub const MEMOS: &str = "memos";
 const FOLDERS: [&str; 6] = ["objects", "records", "runs", "locks/actions", "tmp", "quarantine"];
 
 /// Those that are made when they are needed.
-const LATER: [&str; 6] = ["checkpoints", "pins", "lock-files", "figures", LOGS, MEMOS];
+const LATER: [&str; 8] = [
+    "checkpoints",
+    "pins",
+    "lock-files",
+    "figures",
+    LOGS,
+    MEMOS,
+    "locks/claims",
+    "locks/processes",
+];
 
 /// The paths of one store.
 #[derive(Clone, Debug)]
@@ -56,7 +68,13 @@ impl Layout {
         if !Self::is_store(root) {
             layout.create()?;
         }
-        layout.look()?;
+        layout.expect_late_names();
+        // A marker that another machine has just made may be listed and not be seen.
+        let looked = late::until_seen(|| match layout.look() {
+            Err(StoreError::NotAStore { .. }) if layout.lists_marker() => Err(std::io::ErrorKind::NotFound.into()),
+            looked => Ok(looked),
+        });
+        looked.map_err(StoreError::io("read", &layout.marker()))??;
         layout.make_folders()?;
         Ok(layout)
     }
@@ -82,8 +100,7 @@ impl Layout {
 
     /// The folder of the store that a path lies in, if it lies in one; the path itself need not be there.
     pub fn around(path: &Path) -> Option<PathBuf> {
-        let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty());
-        let folder = fs::canonicalize(parent.unwrap_or(Path::new("."))).ok()?;
+        let folder = fs::canonicalize(folder_of(path)).ok()?;
         let mut folders = folder.ancestors();
         let is_store = |folder: &&Path| marker::check(&folder.join(MARKER)).is_ok();
         folders.find(is_store).map(Path::to_owned)
@@ -118,7 +135,7 @@ impl Layout {
         for folder in FOLDERS {
             let path = self.root.join(folder);
             if !path.is_dir() {
-                fs::create_dir_all(&path).map_err(StoreError::io("create", &path))?;
+                late::make_folders(&path).map_err(StoreError::io("create", &path))?;
             }
         }
         Ok(())
@@ -147,13 +164,17 @@ impl Layout {
     }
 
     fn create(&self) -> Result<(), StoreError> {
-        fs::create_dir_all(&self.root).map_err(StoreError::io("create", &self.root))?;
+        late::make_folders(&self.root).map_err(StoreError::io("create", &self.root))?;
+        self.expect_late_names();
+        // Its name must survive a crash of the machine as what is in it does.
+        let above = self.root.parent().filter(|parent| !parent.as_os_str().is_empty());
+        atomic::sync_folder(above.unwrap_or(Path::new(".")))?;
         // A README and dot files may stand in a store's folder; a marker may have been left half-written.
         let expected = |name: &str| ["README", ".", MARKER].iter().any(|start| name.starts_with(start));
         for path in files_in(&self.root)? {
             if !expected(&path.file_name().unwrap_or_default().to_string_lossy()) {
                 // Unless another process has just made it a store.
-                return if self.marker().exists() {
+                return if self.marker().exists() || self.lists_marker() {
                     Ok(())
                 } else {
                     Err(StoreError::NotAStore {
@@ -165,6 +186,18 @@ impl Layout {
         let folder = tempfile::Builder::new().prefix("format-").tempdir_in(&self.root);
         let folder = folder.map_err(StoreError::io("write in", &self.root))?;
         marker::write(folder.path(), &self.marker())
+    }
+
+    /// Whether the folder lists a marker, which may be seen before it can be opened.
+    fn lists_marker(&self) -> bool {
+        let names = names_in(&self.root).unwrap_or_default();
+        names.iter().any(|name| name == MARKER)
+    }
+
+    fn expect_late_names(&self) {
+        if !locking::file_system(&self.root).1 {
+            late::expect();
+        }
     }
 
     /// The folders of a store, whether they are there or not.
@@ -253,8 +286,31 @@ impl Layout {
         self.action_locks().join(&key.to_string()[..4])
     }
 
-    pub fn index(&self) -> PathBuf {
-        self.root.join("index")
+    /// Claims on actions.
+    pub fn claims(&self) -> PathBuf {
+        self.root.join("locks/claims")
+    }
+
+    /// Who has the store open, where that is told by claims.
+    pub fn processes(&self) -> PathBuf {
+        self.root.join("locks/processes")
+    }
+
+    /// The stamps of files that are known to be sound, as one machine sees them: of `host`, where several share the store.
+    pub fn index(&self, host: Option<&str>) -> PathBuf {
+        let plain = |c: char| {
+            if c.is_ascii_alphanumeric() || "-._".contains(c) {
+                c
+            } else {
+                '_'
+            }
+        };
+        match host {
+            None => self.root.join("index"),
+            Some(host) => self
+                .root
+                .join(format!("index-{}", host.chars().map(plain).collect::<String>())),
+        }
     }
 
     pub fn temporary(&self) -> PathBuf {

@@ -4,37 +4,69 @@
 //! at work. An action's lock keeps two processes from building the same thing. Publishing an object is serialised, since
 //! two files of equal content still differ in their provenance.
 
-use std::fs::{File, TryLockError};
+use std::fs::{self, File, TryLockError};
 use std::io::ErrorKind;
+use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 
+use super::claims::Claim;
 use super::error::StoreError;
 use crate::base::open_own;
 
-/// A lock that is released when this is dropped.
-#[derive(Debug)]
+/// A lock or a claim, which ends when this is dropped.
 pub struct Guard {
-    _file: File,
+    _held: Held,
 }
 
-/// Waits for a shared lock.
+enum Held {
+    File { _file: File },
+    Claim { _claim: Claim },
+}
+
+impl Guard {
+    fn of(file: File) -> Self {
+        Self {
+            _held: Held::File { _file: file },
+        }
+    }
+}
+
+impl From<Claim> for Guard {
+    fn from(claim: Claim) -> Self {
+        Self {
+            _held: Held::Claim { _claim: claim },
+        }
+    }
+}
+
+/// Takes a shared lock unless another holds an exclusive one.
 ///
 /// # Errors
 /// When the lock file cannot be opened or locked.
-pub fn shared(path: &Path) -> Result<Guard, StoreError> {
+pub fn try_shared(path: &Path) -> Result<Option<Guard>, StoreError> {
     let file = open(path)?;
-    file.lock_shared().map_err(StoreError::io("lock", path))?;
-    Ok(Guard { _file: file })
+    match file.try_lock_shared() {
+        Ok(()) => Ok(Some(Guard::of(file))),
+        Err(TryLockError::WouldBlock) => Ok(None),
+        Err(TryLockError::Error(error)) => Err(StoreError::io("lock", path)(error)),
+    }
 }
 
-/// Waits for an exclusive lock.
+/// Whether a file can be locked here at all.
 ///
 /// # Errors
-/// When the lock file cannot be opened or locked.
-pub fn exclusive(path: &Path) -> Result<Guard, StoreError> {
-    let file = open(path)?;
-    file.lock().map_err(StoreError::io("lock", path))?;
-    Ok(Guard { _file: file })
+/// What the system says where it cannot, or the file cannot be opened.
+pub fn probe(path: &Path) -> std::io::Result<()> {
+    let file = File::options()
+        .read(true)
+        .write(true)
+        .create(true)
+        .truncate(false)
+        .open(path)?;
+    match file.try_lock_shared() {
+        Ok(()) | Err(TryLockError::WouldBlock) => Ok(()),
+        Err(TryLockError::Error(error)) => Err(error),
+    }
 }
 
 /// Takes an exclusive lock unless another holds it.
@@ -44,7 +76,7 @@ pub fn exclusive(path: &Path) -> Result<Guard, StoreError> {
 pub fn try_exclusive(path: &Path) -> Result<Option<Guard>, StoreError> {
     let file = open(path)?;
     match file.try_lock() {
-        Ok(()) => Ok(Some(Guard { _file: file })),
+        Ok(()) => Ok(Some(Guard::of(file))),
         Err(TryLockError::WouldBlock) => Ok(None),
         Err(TryLockError::Error(error)) => Err(StoreError::io("lock", path)(error)),
     }
@@ -68,6 +100,29 @@ pub fn is_held(path: &Path) -> Result<bool, StoreError> {
     }
 }
 
+/// Who of this machine holds a lock, where the system says so and it is not this process, for people.
+pub fn holder(path: &Path) -> Option<String> {
+    let metadata = fs::metadata(path).ok()?;
+    let (device, inode) = (metadata.dev(), metadata.ino());
+    let file = format!(
+        "{:02x}:{:02x}:{inode}",
+        rustix::fs::major(device),
+        rustix::fs::minor(device)
+    );
+    let locks = fs::read_to_string("/proc/locks").ok()?;
+    // `1: FLOCK  ADVISORY  WRITE 4321 fe:00:123456 0 EOF`
+    let process = |line: &str| {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let at = words.iter().position(|word| *word == file)?;
+        words.get(at.checked_sub(1)?)?.parse().ok()
+    };
+    let mut processes = locks.lines().filter_map(process);
+    let pid: u32 = processes.find(|pid| *pid > 0 && *pid != std::process::id())?;
+    let command = fs::read(format!("/proc/{pid}/cmdline")).unwrap_or_default();
+    let word = command.split(|byte| *byte == 0).nth(1).unwrap_or_default();
+    Some(format!("process {pid} (`deaflow {}`)", String::from_utf8_lossy(word)))
+}
+
 fn open(path: &Path) -> Result<File, StoreError> {
     let opened = File::options()
         .read(true)
@@ -86,5 +141,30 @@ fn open(path: &Path) -> Result<File, StoreError> {
             File::open(path).map_err(|_| StoreError::io("write", path)(error))
         }
         opened => opened.map_err(StoreError::io("open", path)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn who_holds_a_lock_is_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("lock");
+        fs::write(&path, "").unwrap();
+        assert_eq!(holder(&path), None);
+        let mut other = std::process::Command::new("flock")
+            .arg(&path)
+            .args(["sleep", "60"])
+            .spawn()
+            .unwrap();
+        while try_exclusive(&path).unwrap().is_some() {
+            std::thread::sleep(std::time::Duration::from_millis(10));
+        }
+        let told = holder(&path);
+        other.kill().unwrap();
+        other.wait().unwrap();
+        assert!(told.unwrap().starts_with(&format!("process {} (", other.id())));
     }
 }

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use super::error::StoreError;
 use super::fsck::Damage;
+use super::hold::Hold;
 use super::layout::Layout;
-use super::lock;
 use super::marker;
 use super::open::Store;
 use super::quarantine::quarantine;
@@ -26,12 +26,12 @@ impl Store {
             looked => return looked.map(|()| None),
         };
         layout.make_folders()?;
-        let alone = lock::try_exclusive(&layout.run_lock())?;
-        let _alone = alone.ok_or_else(|| StoreError::Busy { path: root.to_owned() })?;
+        let alone = Hold::alone(&layout)?;
         let quarantined = quarantine(&layout, &path)?;
-        let folder = layout.temporary();
-        let folder = tempfile::tempdir_in(&folder).map_err(StoreError::io("write in", &folder))?;
-        marker::write(folder.path(), &path)?;
+        let temporary = layout.temporary();
+        let refused = StoreError::io("write in", &temporary);
+        let folder = alone.workbench.folder().map_err(refused)?;
+        marker::write(&folder, &path)?;
         Ok(Some(Damage {
             path,
             quarantined,

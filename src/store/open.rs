@@ -1,28 +1,35 @@
 //! The store as its users hold it: opening, putting and finding artifacts.
 
 use std::collections::BTreeSet;
-use std::fs;
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant, SystemTime};
 
 use tempfile::{TempDir, TempPath};
 
 use super::artifact::Artifact;
 use super::atomic;
-use super::entries::{files, files_in, is_file, is_folder, is_temporary};
+use super::entries::{files, is_file, is_folder};
 use super::error::StoreError;
 use super::header::Header;
+use super::hold::Hold;
 use super::layout::Layout;
 use super::listing::{self, Content};
-use super::lock::{self, Guard};
+use super::locking::Choice;
 use super::object::Object;
 use super::provenance::Provenance;
 use super::quarantine::quarantine;
 use super::read::Access;
+use super::stamp::Time;
 use super::verified::Verified;
 use super::write::{self, Part};
-use crate::base::{ArtifactId, FileDigest, aside};
+use crate::base::{ArtifactId, FileDigest};
+
+/// A name that another machine has made is seen after this time.
+const UNSEEN: Duration = Duration::from_secs(90);
+
+/// Between two looks.
+const PAUSE: Duration = Duration::from_millis(50);
 
 /// An open store. Cheap to clone; while one is open, no collection runs.
 #[derive(Clone)]
@@ -31,7 +38,7 @@ pub struct Store {
     pub(super) verified: Arc<Verified>,
     access: Access,
     unsettled: Arc<Mutex<BTreeSet<PathBuf>>>,
-    _run: Arc<Guard>,
+    pub(super) hold: Arc<Hold>,
 }
 
 /// What has been put.
@@ -62,21 +69,36 @@ impl Store {
     /// When the folder is something else or of an unknown version, or the system refuses.
     pub fn open(root: &Path) -> Result<Self, StoreError> {
         let layout = Layout::open(root)?;
-        if let Some(_alone) = lock::try_exclusive(&layout.run_lock())? {
-            clear(&layout.temporary())?;
-        }
-        let run = lock::shared(&layout.run_lock())?;
-        Ok(Self::held(layout, run))
+        let hold = Hold::shared(&layout)?;
+        Ok(Self::held(layout, hold))
     }
 
-    fn held(layout: Layout, run: Guard) -> Self {
+    fn held(layout: Layout, hold: Hold) -> Self {
+        let hold = Arc::new(hold);
         Self {
-            verified: Arc::new(Verified::with_index(&layout)),
+            verified: Arc::new(Verified::with_index(&layout, hold.clone())),
             access: Access::Here,
             unsettled: Arc::default(),
-            _run: Arc::new(run),
+            hold,
             layout,
         }
+    }
+
+    /// The time by the clock of the store's file system, by which its files have their ages; that of this machine may be another.
+    #[must_use]
+    pub fn now(&self) -> SystemTime {
+        let since = |(seconds, nanoseconds): Time| {
+            let seconds = u64::try_from(seconds).ok()?;
+            SystemTime::UNIX_EPOCH.checked_add(Duration::new(seconds, u32::try_from(nanoseconds).ok()?))
+        };
+        let time = self.hold.workbench.time();
+        time.and_then(since).unwrap_or_else(SystemTime::now)
+    }
+
+    /// How processes keep out of each other's way here, and why so.
+    #[must_use]
+    pub fn locking(&self) -> &Choice {
+        &self.hold.choice
     }
 
     /// The same store, whose artifacts are all read in another process, whoever wrote them: slower where they are large, and
@@ -94,7 +116,7 @@ impl Store {
     #[must_use]
     pub fn without_trust(self) -> Self {
         Self {
-            verified: Arc::new(Verified::without_trust(&self.layout)),
+            verified: Arc::new(Verified::without_trust(&self.layout, self.hold.clone())),
             ..self
         }
     }
@@ -132,16 +154,20 @@ impl Store {
             return Err(StoreError::NoStore { path: root.to_owned() });
         }
         let layout = Layout::open(root)?;
-        let alone = lock::try_exclusive(&layout.run_lock())?;
-        let alone = alone.ok_or_else(|| StoreError::Busy { path: root.to_owned() })?;
-        clear(&layout.temporary())?;
-        Ok(Self::held(layout, alone))
+        let hold = Hold::alone(&layout)?;
+        Ok(Self::held(layout, hold))
+    }
+
+    /// Gives up what others would wait for: claims, and the sign that this process lives. For a process that is about to end without
+    /// letting go of what it has; it must not write any more.
+    pub fn leave(&self) {
+        self.hold.leave();
     }
 
     /// Has the index believe the file of an artifact as it is now, as if bytes had changed beneath the file system.
     #[cfg(test)]
     pub(crate) fn believe(&self, digest: &ArtifactId) {
-        Verified::believe(&self.layout.index(), &self.layout.object(digest), digest);
+        Verified::believe(&self.layout.index(None), &self.layout.object(digest), digest);
     }
 
     /// Its folder.
@@ -205,18 +231,30 @@ impl Store {
         }
     }
 
-    /// The file's rename is what makes it visible.
+    /// Its name is what makes the file visible, and it replaces nothing: of several who put the same content the first succeeds, and the
+    /// others find it. Files of one content differ in their provenance.
     pub(super) fn publish(&self, temporary: &Path, header: Header) -> Result<Stored, StoreError> {
-        let _publishing = lock::exclusive(&self.layout.publish_lock())?;
-        if let Some(stored) = self.existing(&header.content)? {
-            return Ok(stored);
-        }
         let target = self.layout.object(&header.content);
         self.clear_folder(target.parent().unwrap_or(self.root()))?;
-        self.quarantine(&target)?;
-        atomic::rename(temporary, &target)?;
-        self.verified.remember(&target, header);
-        Ok(header.into())
+        let start = Instant::now();
+        loop {
+            if let Some(stored) = self.existing(&header.content)? {
+                return Ok(stored);
+            }
+            if atomic::link(temporary, &target)? {
+                self.verified.remember(&target, header);
+                return Ok(header.into());
+            }
+            // Something is there. Either it cannot be seen yet, or it is not sound.
+            match self.verified.verify(&target, &header.content) {
+                Ok(header) => return Ok(header.into()),
+                Err(StoreError::Missing { .. }) if start.elapsed() < UNSEEN => std::thread::sleep(PAUSE),
+                Err(error) if error.is_damage() => {
+                    self.quarantine(&target)?;
+                }
+                Err(error) => return Err(error),
+            }
+        }
     }
 
     /// Moves a file aside, keeping it for whoever wants to know what happened. Nothing happens where there is none.
@@ -272,34 +310,19 @@ impl Store {
     /// may have the same number.
     pub(super) fn temporary(&self) -> Result<TempDir, StoreError> {
         let folder = self.layout.temporary();
-        tempfile::tempdir_in(&folder).map_err(StoreError::io("write in", &folder))
+        let refused = StoreError::io("write in", &folder);
+        self.hold
+            .workbench
+            .folder()
+            .and_then(tempfile::tempdir_in)
+            .map_err(refused)
     }
 
     /// An empty file to be written and moved into place, removed when dropped before that.
     pub(super) fn temporary_file(&self) -> Result<TempPath, StoreError> {
         let folder = self.layout.temporary();
-        let file = aside(&folder).map_err(StoreError::io("write in", &folder))?;
+        let refused = StoreError::io("write in", &folder);
+        let file = self.hold.workbench.file().map_err(refused)?;
         Ok(file.into_temp_path())
     }
-}
-
-/// Removes what dead processes were writing. What is named otherwise is not ours.
-fn clear(folder: &Path) -> Result<(), StoreError> {
-    for path in files_in(folder)?.into_iter().filter(|path| is_temporary(path)) {
-        let removed = if is_folder(&path) {
-            fs::remove_dir_all(&path)
-        } else {
-            fs::remove_file(&path)
-        };
-        match removed {
-            // In a store that may only be read, what was left is in nobody's way.
-            Err(error)
-                if matches!(
-                    error.kind(),
-                    ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem
-                ) => {}
-            removed => removed.map_err(StoreError::io("remove", &path))?,
-        }
-    }
-    Ok(())
 }

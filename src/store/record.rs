@@ -7,14 +7,15 @@
 use std::fs;
 use std::io::ErrorKind;
 use std::path::Path;
-use std::time::SystemTime;
+use std::time::{Duration, SystemTime};
 
 use serde::{Deserialize, Serialize};
 
 use super::action::Action;
 use super::atomic;
 use super::error::StoreError;
-use super::lock::{self, Guard};
+use super::late;
+use super::lock::Guard;
 use super::open::Store;
 use crate::base::{ActionKey, ArtifactId, Digest, FileDigest, decode, encode, read_own};
 
@@ -82,6 +83,21 @@ impl Store {
         read(&self.layout.record(key), key)
     }
 
+    /// As [`Store::record`], of an action that this process alone may do now: what another has just written is seen.
+    ///
+    /// # Errors
+    /// As [`Store::record`].
+    pub fn record_now(&self, key: &ActionKey) -> Result<Lookup, StoreError> {
+        let path = self.layout.record(key);
+        if let found @ (Lookup::Found(..) | Lookup::Damaged(_)) = read(&path, key)? {
+            return Ok(found);
+        }
+        late::refresh(path.parent().unwrap_or(self.root()));
+        // Whether it is there at all; where not, nothing is waited for.
+        let _ = late::if_listed(&path, || fs::symlink_metadata(&path));
+        read(&path, key)
+    }
+
     /// Writes a record. Its artifact must have been put, which makes it survive a crash of the machine; the record's own name
     /// may be lost in one until [`Store::settle_records`].
     ///
@@ -112,14 +128,30 @@ impl Store {
         folders.iter().try_for_each(|folder| atomic::sync_folder(folder))
     }
 
-    /// Waits until nobody else does this action.
+    /// Waits until nobody else does this action, or until it is to wait no longer; none then.
     ///
     /// # Errors
     /// When the lock cannot be had.
-    pub fn lock_action(&self, key: &ActionKey) -> Result<Guard, StoreError> {
-        let path = self.layout.action_lock(key);
-        self.clear_file(&path)?;
-        lock::exclusive(&path)
+    pub fn lock_action(&self, key: &ActionKey, stopped: &dyn Fn() -> bool) -> Result<Option<Guard>, StoreError> {
+        let mut pause = Duration::from_millis(5);
+        loop {
+            if let Some(guard) = self.try_lock_action(key)? {
+                return Ok(Some(guard));
+            }
+            if stopped() {
+                return Ok(None);
+            }
+            std::thread::sleep(pause);
+            pause = (2 * pause).min(Duration::from_secs(1));
+        }
+    }
+
+    /// Who does this action, where another process does and that is known.
+    ///
+    /// # Errors
+    /// When the lock file cannot be opened.
+    pub fn who_does(&self, key: &ActionKey) -> Result<Option<String>, StoreError> {
+        Ok(self.hold.try_action(&self.layout, key)?.err().flatten())
     }
 
     /// Takes the lock of an action unless another process or thread is doing it, or one that shares its lock file.
@@ -129,7 +161,7 @@ impl Store {
     pub fn try_lock_action(&self, key: &ActionKey) -> Result<Option<Guard>, StoreError> {
         let path = self.layout.action_lock(key);
         self.clear_file(&path)?;
-        lock::try_exclusive(&path)
+        Ok(self.hold.try_action(&self.layout, key)?.ok())
     }
 }
 
@@ -138,7 +170,7 @@ pub(super) fn read(path: &Path, key: &ActionKey) -> Result<Lookup, StoreError> {
         Ok(bytes) => bytes,
         Err(error) => {
             return match error.kind() {
-                ErrorKind::NotFound => Ok(Lookup::Absent),
+                ErrorKind::NotFound | ErrorKind::StaleNetworkFileHandle => Ok(Lookup::Absent),
                 ErrorKind::InvalidInput | ErrorKind::FileTooLarge => Ok(Lookup::Damaged(ALTERED)),
                 _ => Err(StoreError::io("read", path)(error)),
             };

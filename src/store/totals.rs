@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::PathBuf;
 
-use super::entries::{files, files_in};
+use super::entries::{files, files_in, files_in_optional};
 use super::error::StoreError;
 use super::lock;
 use super::open::Store;
@@ -61,6 +61,9 @@ impl Store {
         for path in files_in(&self.layout.action_locks())? {
             totals.in_flight += u64::from(lock::is_held(&path)?);
         }
+        for path in files_in_optional(&self.layout.claims())? {
+            totals.in_flight += u64::from(path.file_name().is_some_and(|name| name.len() == 64));
+        }
         Ok(totals)
     }
 }
@@ -87,7 +90,7 @@ mod tests {
         store.pin(&Pin { digest, label, created }).unwrap();
         fs::write(store.layout.quarantine().join("x"), "").unwrap();
         let key = ActionKey::of(b"key");
-        let held = store.lock_action(&key).unwrap();
+        let held = store.try_lock_action(&key).unwrap().unwrap();
         let expected = Totals {
             objects: 1,
             bytes: stored.size,

@@ -13,12 +13,14 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use super::entries::is_file;
 use super::error::StoreError;
 use super::header::Header;
+use super::hold::Hold;
 use super::index::{self, Entries, Entry, Structure};
+use super::late;
 use super::layout::Layout;
 use super::listing::Listing;
 use super::read::{self, Access};
-use super::stamp::{Stamp, Time, file_system_time, machine_time};
-use crate::base::{ArtifactId, aside, look_at_own};
+use super::stamp::{Stamp, Time, machine_time};
+use crate::base::{ArtifactId, look_at_own};
 
 /// How a file is known to be sound.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -47,17 +49,22 @@ pub struct Verified {
 
 struct Folders {
     index: PathBuf,
-    temporary: PathBuf,
+    hold: Arc<Hold>,
     quarantine: PathBuf,
 }
 
 impl Folders {
-    fn of(layout: &Layout) -> Self {
+    fn of(layout: &Layout, hold: Arc<Hold>) -> Self {
         Self {
-            index: layout.index(),
-            temporary: layout.temporary(),
+            index: layout.index(hold.host()),
+            hold,
             quarantine: layout.quarantine(),
         }
+    }
+
+    /// The time by the clock that stamps files; by that of the machine where no file can be made.
+    fn now(&self) -> Time {
+        self.hold.workbench.time().unwrap_or_else(machine_time)
     }
 }
 
@@ -75,16 +82,18 @@ struct Memory {
 
 impl Verified {
     /// The memory of a store with an index, which is read here, and written by [`Verified::keep`].
-    pub fn with_index(layout: &Layout) -> Self {
-        let mut known = Self::without_trust(layout);
-        known.indexed = index::read(&layout.index(), machine_time());
+    pub fn with_index(layout: &Layout, hold: Arc<Hold>) -> Self {
+        let mut known = Self::without_trust(layout, hold);
+        if let Some(folders) = known.folders.as_ref().filter(|folders| folders.index.exists()) {
+            known.indexed = index::read(&folders.index, folders.now());
+        }
         known
     }
 
     /// The memory of a store whose index is written but not believed.
-    pub fn without_trust(layout: &Layout) -> Self {
+    pub fn without_trust(layout: &Layout, hold: Arc<Hold>) -> Self {
         let mut known = Self::default();
-        known.folders = Some(Folders::of(layout));
+        known.folders = Some(Folders::of(layout, hold));
         known
     }
 
@@ -196,7 +205,7 @@ impl Verified {
 
     /// Stamps are young when the files have just been written: they are let settle first, which takes some milliseconds.
     fn write(&self, folders: &Folders) -> Option<()> {
-        let now = file_system_time(&folders.temporary)?;
+        let now = folders.hold.workbench.time()?;
         let unsettled = |known: &&Known| known.check == Check::Written && !known.stamp.is_settled(now);
         let wait = self
             .lock()
@@ -209,13 +218,13 @@ impl Verified {
             // A coarse clock is not waited for: those files are verified by the next process.
             Some(wait) if wait.as_millis() < 100 => {
                 std::thread::sleep(wait);
-                file_system_time(&folders.temporary)?
+                folders.hold.workbench.time()?
             }
             _ => now,
         };
-        let mut entries = index::read(&folders.index, machine_time());
+        let mut entries = index::read(&folders.index, now);
         self.add_to(&mut entries, now);
-        let mut file = aside(&folders.temporary).ok()?;
+        let mut file = folders.hold.workbench.file().ok()?;
         file.write_all(&index::write(&entries)).ok()?;
         if !is_file(&folders.index) && fs::symlink_metadata(&folders.index).is_ok() {
             // Nobody knows whose it is: it is moved aside and not removed.
@@ -233,9 +242,10 @@ impl Verified {
     pub fn believe(index: &Path, path: &Path, digest: &ArtifactId) {
         let stamp = stamp(path, digest).unwrap();
         std::thread::sleep(stamp.settles_after());
-        let mut entries = index::read(index, machine_time());
+        let now = super::stamp::file_system_time(index.parent().unwrap()).unwrap();
+        let mut entries = index::read(index, now);
         let entry = entries.get_mut(digest).unwrap();
-        (entry.stamp, entry.noted) = (stamp, machine_time());
+        (entry.stamp, entry.noted) = (stamp, now);
         fs::write(index, index::write(&entries)).unwrap();
     }
 
@@ -296,10 +306,7 @@ impl Verified {
     /// The file system's clock before the first file was digested: a file that has changed since is not settled.
     fn began(&self) -> Option<Time> {
         let folders = self.folders.as_ref()?;
-        *self
-            .lock()
-            .began
-            .get_or_insert_with(|| file_system_time(&folders.temporary))
+        *self.lock().began.get_or_insert_with(|| folders.hold.workbench.time())
     }
 
     fn lock(&self) -> MutexGuard<'_, Memory> {
@@ -339,10 +346,10 @@ impl Memory {
 }
 
 fn stamp(path: &Path, digest: &ArtifactId) -> Result<Stamp, StoreError> {
-    match look_at_own(path) {
+    match late::if_listed(path, || look_at_own(path)) {
         Ok(metadata) if metadata.is_symlink() => Err(StoreError::damaged(path, "it is a link")),
         Ok(metadata) => Ok(Stamp::of(&metadata)),
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Err(StoreError::Missing {
+        Err(error) if late::is_late(&error) => Err(StoreError::Missing {
             digest: *digest,
             path: path.to_owned(),
         }),

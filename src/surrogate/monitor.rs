@@ -1,6 +1,7 @@
 //! Who follows a training.
 
 use super::outcome::EpochReport;
+use crate::base::Stopped;
 
 /// Follows a training, and keeps what it needs to be gone on with. All that is left out does nothing.
 pub trait Monitor {
@@ -27,8 +28,12 @@ pub trait Monitor {
     }
 
     /// After each epoch: the state, for whoever wants to keep it. It is made when `state` is called.
-    fn keep(&self, state: &dyn Fn() -> Option<Vec<u8>>) {
+    ///
+    /// # Errors
+    /// When the training is to stop here.
+    fn keep(&self, state: &dyn Fn() -> Option<Vec<u8>>) -> Result<(), Stopped> {
         let _ = state;
+        Ok(())
     }
 
     /// A state that was kept, but is not one of this training: it is not used.

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::metrics::Metrics;
+use crate::base::Stopped;
 
 /// What an epoch came to.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -83,6 +84,9 @@ pub enum TrainError {
     /// The network to begin with is none, or another one.
     #[error("the training cannot begin from the model: {0}")]
     Start(String),
+    /// It was asked to stop.
+    #[error(transparent)]
+    Stopped(#[from] Stopped),
     /// What the numerical library reported.
     #[error("the training failed: {0}")]
     Failed(String),

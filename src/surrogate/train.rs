@@ -174,7 +174,7 @@ impl<'a> Trainer<'a> {
             monitor.epoch(&report);
             self.history.curves.push(report);
             let weights = self.weights()?;
-            monitor.keep(&|| self.checkpoint(&weights).to_bytes());
+            monitor.keep(&|| self.checkpoint(&weights).to_bytes())?;
         }
         Ok(Ending::Complete)
     }

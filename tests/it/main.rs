@@ -47,4 +47,6 @@ mod solve;
 mod sweep;
 mod terminal;
 mod training;
+mod two_hosts;
 mod two_runs;
+mod workers;

@@ -209,8 +209,13 @@ fn masked(workspace: &Workspace, mask: &str, arguments: &[&str]) -> Ended {
 #[test]
 fn every_file_has_the_mode_that_the_mask_leaves() {
     let workspace = copied();
-    for (mask, file, folder) in [("027", 0o640, 0o750), ("077", 0o600, 0o700), ("002", 0o664, 0o775)] {
-        for (name, arguments) in FILES.iter().chain(&FOLDERS) {
+    // Every command under one mask; under the others what all files go through.
+    for (mask, file, folder, commands, how) in [
+        ("027", 0o640, 0o750, usize::MAX, &["--lock"][..]),
+        ("077", 0o600, 0o700, 1, &["--until", "solved"]),
+        ("002", 0o664, 0o775, 1, &["--until", "solved"]),
+    ] {
+        for (name, arguments) in FILES.iter().chain(&FOLDERS).take(commands) {
             let _ = fs::remove_file(workspace.path(name));
             let _ = fs::remove_dir_all(workspace.path("out"));
             is_done(arguments, &masked(&workspace, mask, arguments));
@@ -221,7 +226,8 @@ fn every_file_has_the_mode_that_the_mask_leaves() {
         }
         // A store of its own, all files of it.
         let _ = fs::remove_dir_all(workspace.path("own"));
-        let ended = masked(&workspace, mask, &["run", "tiny.yaml", "--lock", "--store", "own"]);
+        let run = [&["run", "tiny.yaml", "--store", "own"], how].concat();
+        let ended = masked(&workspace, mask, &run);
         assert_eq!(ended.code, Some(0), "{}", ended.stderr);
         let found = files(&workspace.path("own"));
         assert!(found.iter().any(|path| path.starts_with(workspace.path("own/locks"))));

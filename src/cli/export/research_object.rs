@@ -7,7 +7,7 @@ use std::path::{Component, Path, PathBuf};
 use clap::Args;
 use serde_json::json;
 
-use crate::base::{ArtifactId, Document, NodeValue, SOFTWARE, kind_of, leads_nowhere_at, read_bounded};
+use crate::base::{ArtifactId, Document, NodeValue, SOFTWARE, folder_of, kind_of, leads_nowhere_at, read_bounded};
 use crate::cli::arguments::{SetArguments, StoreArguments};
 use crate::cli::error::CliError;
 use crate::cli::output::{Exit, Output};
@@ -92,11 +92,11 @@ fn empty_folder(path: &Path) -> Result<PathBuf, CliError> {
         return Err(refuse("a link that leads nowhere"));
     }
     let Ok(metadata) = fs::metadata(path) else {
-        return match parent(path).is_dir() {
+        return match folder_of(path).is_dir() {
             true => Ok(path.to_owned()),
             false => Err(CliError::bad_input(format!(
                 "there is no folder {}",
-                parent(path).display()
+                folder_of(path).display()
             ))),
         };
     };
@@ -116,17 +116,12 @@ fn chunks(built: &Built, store: &Store) -> Result<u64, CliError> {
     artifacts.iter().map(of).sum()
 }
 
-fn parent(path: &Path) -> &Path {
-    let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty());
-    parent.unwrap_or(Path::new("."))
-}
-
 /// A folder in the same file system. Who may read it is for the user's mask to say.
 fn aside_of(folder: &Path) -> Result<tempfile::TempDir, CliError> {
     use std::os::unix::fs::PermissionsExt;
     let mut builder = tempfile::Builder::new();
     let builder = builder.permissions(fs::Permissions::from_mode(0o777));
-    builder.tempdir_in(parent(folder)).map_err(failed(folder))
+    builder.tempdir_in(folder_of(folder)).map_err(failed(folder))
 }
 
 fn failed(path: &Path) -> impl Fn(std::io::Error) -> CliError + '_ {
@@ -145,7 +140,7 @@ impl Writing<'_> {
     /// Where a file goes, in a folder that is made; `path` has names only.
     fn place(&self, path: &str) -> Result<PathBuf, CliError> {
         let target = self.root.join(path);
-        fs::create_dir_all(parent(&target)).map_err(failed(&target))?;
+        fs::create_dir_all(folder_of(&target)).map_err(failed(&target))?;
         Ok(target)
     }
 
@@ -230,7 +225,7 @@ fn write_sources(
         let path = format!("workflow/{scene}");
         writing.put(
             &path,
-            &read(&parent(&pipeline.path).join(&scene))?,
+            &read(&folder_of(&pipeline.path).join(&scene))?,
             "The scene of the pipeline",
             YAML,
         )?;
@@ -238,7 +233,7 @@ fn write_sources(
     }
     for (number, file) in named_files(pipeline)?.into_iter().enumerate() {
         let path = format!("workflow/{file}");
-        let source = parent(&pipeline.path).join(&file);
+        let source = folder_of(&pipeline.path).join(&file);
         let target = writing.place(&path)?;
         fs::copy(&source, &target).map_err(failed(&source))?;
         writing.note(

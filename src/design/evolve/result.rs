@@ -1,5 +1,6 @@
 //! What a search tells on its way, and what it has found.
 
+use crate::base::Stopped;
 use crate::design::constraint::Violations;
 use crate::design::genome::Genome;
 use crate::pattern::Pattern;
@@ -85,8 +86,12 @@ pub trait Watch {
     }
 
     /// After each generation: the state, for whoever wants to keep it. It is made when `state` is called.
-    fn keep(&self, state: &dyn Fn() -> Option<Vec<u8>>) {
+    ///
+    /// # Errors
+    /// When the search is to stop here.
+    fn keep(&self, state: &dyn Fn() -> Option<Vec<u8>>) -> Result<(), Stopped> {
         let _ = state;
+        Ok(())
     }
 
     /// Before anything else, when the search goes on from a state that was kept: the report of the last generation that it

@@ -3,7 +3,7 @@
 use super::found::{Findings, FoundPattern};
 use super::probe::{Candidate, PATTERNS, Probe, References, cheapest_evaluator};
 use super::{Evaluators, Search, SearchError, SearchResult};
-use crate::design::evolve::{Setting, evolve, first_generation};
+use crate::design::evolve::{EvolveError, Setting, evolve, first_generation};
 use crate::design::genome::{Genome, UNITS};
 use crate::pattern::{Pattern, Role};
 
@@ -24,11 +24,13 @@ impl Search<'_> {
             constraints: self.constraints,
             feasibility: self.feasibility()?,
         };
-        let evolution =
-            evolve(&setting, &self.options.evolve(), self.progress).map_err(|source| SearchError::Evolve {
+        let evolution = evolve(&setting, &self.options.evolve(), self.progress).map_err(|source| match source {
+            EvolveError::Stopped(stopped) => stopped.into(),
+            source => SearchError::Evolve {
                 target: self.target.name.clone(),
                 source,
-            })?;
+            },
+        })?;
         let found = evolution.winners.into_iter().enumerate();
         let mut findings = Findings {
             patterns: found

@@ -17,6 +17,7 @@ use super::intuitive::Intuitive;
 use super::local_search::{SearchProblem, SearchStep};
 use super::options::{Method, SearchOptions};
 use super::target::Target;
+use crate::base::Stopped;
 use crate::field::{Differentiable, Feasibility, PredictError};
 use crate::pattern::Pattern;
 
@@ -83,6 +84,9 @@ pub enum SearchError {
     /// The finite elements cannot be set up.
     #[error(transparent)]
     Setup(Cause),
+    /// It was asked to stop.
+    #[error(transparent)]
+    Stopped(#[from] Stopped),
     /// The genetic algorithm found nothing.
     #[error("`{target}`: {source}")]
     Evolve {

@@ -98,8 +98,7 @@ impl Substitution {
             }
             return Ok(());
         }
-        let mut plain = item.clone();
-        plain.take_out(FOREACH);
+        let plain = item.without(FOREACH);
         let used = axes_in(&plain);
         for (place, axes) in declared(item)? {
             if !axes.iter().any(|axis| used.iter().any(|name| **name == **axis)) {

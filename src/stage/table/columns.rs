@@ -2,9 +2,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::base::{InputError, Node, NodeValue, nearest};
+use crate::base::{InputError, Node, NodeValue};
 
 use super::MOST_COLUMNS;
+use crate::orchestrator::suggestion;
 use crate::stage::results::words_of;
 
 /// A row: one combination of values.
@@ -151,12 +152,4 @@ fn what(node: &Node, name: &str, rows: &[Row], kinds: &BTreeMap<String, String>)
             result: result.to_owned(),
         }),
     }
-}
-
-fn suggestion(word: &str, known: &[&str]) -> String {
-    let list = known.join(", ");
-    nearest(word, known).map_or_else(
-        || format!("there are: {list}"),
-        |near| format!("did you mean `{near}`? there are: {list}"),
-    )
 }

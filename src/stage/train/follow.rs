@@ -2,6 +2,7 @@
 
 use std::cell::Cell;
 
+use crate::base::Stopped;
 use crate::orchestrator::Job;
 use crate::surrogate::{EpochReport, Monitor};
 
@@ -63,8 +64,8 @@ impl Monitor for Follow<'_, '_> {
         self.job.scratch.kept(STATE)
     }
 
-    fn keep(&self, state: &dyn Fn() -> Option<Vec<u8>>) {
-        self.job.scratch.keep(STATE, state);
+    fn keep(&self, state: &dyn Fn() -> Option<Vec<u8>>) -> Result<(), Stopped> {
+        self.job.scratch.keep(STATE, state)
     }
 
     fn unusable(&self) {

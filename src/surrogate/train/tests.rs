@@ -4,6 +4,7 @@ mod update;
 use std::cell::RefCell;
 
 use super::*;
+use crate::base::Stopped;
 use crate::pattern::Pattern;
 use crate::surrogate::testing::examples;
 use crate::surrogate::{Label, Metrics, OptimizerKind};
@@ -40,8 +41,9 @@ impl Monitor for Watch {
         self.from.clone()
     }
 
-    fn keep(&self, state: &dyn Fn() -> Option<Vec<u8>>) {
+    fn keep(&self, state: &dyn Fn() -> Option<Vec<u8>>) -> Result<(), Stopped> {
         self.states.borrow_mut().push(state().unwrap());
+        Ok(())
     }
 
     fn unusable(&self) {

@@ -1,6 +1,7 @@
 //! Searches that were stopped and are gone on with.
 
 use super::*;
+use crate::base::Stopped;
 use crate::design::{Limits, Sides};
 
 /// Keeps every state, and goes on from one.
@@ -22,8 +23,9 @@ impl Watch for Keeper {
         self.from.clone()
     }
 
-    fn keep(&self, state: &dyn Fn() -> Option<Vec<u8>>) {
+    fn keep(&self, state: &dyn Fn() -> Option<Vec<u8>>) -> Result<(), Stopped> {
         self.states.borrow_mut().push(state().unwrap());
+        Ok(())
     }
 
     fn resumed(&self, report: &GenerationReport) {

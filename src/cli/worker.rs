@@ -1,0 +1,223 @@
+//! `deaflow worker`: builds what is ready in a pipeline beside other workers, until everything is there or it is told to stop. It is
+//! what a batch system starts, as often as it likes.
+
+use std::process;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use clap::Args;
+use serde_json::json;
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::flag;
+
+use super::arguments::{PipelineArguments, duration};
+use super::error::CliError;
+use super::output::{Exit, Output};
+use super::progress::RunProgress;
+use super::run::{ProgressForm, load};
+use super::table;
+use crate::orchestrator::{Environment, Pipeline, RunOptions, run};
+use crate::store::Store;
+
+/// Batch systems kill what has not ended some 30 s after they have asked it to.
+const PATIENCE: Duration = Duration::from_secs(20);
+
+/// Between two looks at whether it was asked to stop.
+const PAUSE: Duration = Duration::from_millis(100);
+
+/// When a job has to end, s since 1970, as Slurm says it.
+const SLURM_END: &str = "SLURM_JOB_END_TIME";
+
+/// How long a job may take, s, as PBS says it.
+const PBS_TIME: &str = "PBS_WALLTIME";
+
+/// Build what is ready in a pipeline, beside other workers in the same store
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Exit codes: 0 everything is there; 75 stopped, or the machine or the disk refused: start it again; others as \
+                        everywhere: to start it again does not help."
+)]
+pub struct WorkerArguments {
+    #[command(flatten)]
+    of: PipelineArguments,
+    /// Of the stage of --until build these chunks alone, from the first to the last, counted from 0
+    #[arg(long, value_name = "FIRST-LAST", requires = "until", value_parser = range)]
+    chunks: Option<(usize, usize)>,
+    /// Stop so long before the job has to end
+    #[arg(long, value_name = "TIME", value_parser = duration)]
+    stop_before: Option<Duration>,
+    /// How long this job may take from now on, where neither SLURM_JOB_END_TIME nor PBS_WALLTIME says so
+    #[arg(long, value_name = "TIME", value_parser = duration, requires = "stop_before")]
+    time: Option<Duration>,
+    /// Say nothing but warnings and errors
+    #[arg(short, long)]
+    quiet: bool,
+    /// How progress is shown on stderr [default: bars on a terminal, or else plain lines]
+    #[arg(long, value_enum, value_name = "HOW", conflicts_with = "quiet")]
+    progress: Option<ProgressForm>,
+}
+
+pub fn execute(arguments: &WorkerArguments, output: &Output) -> Result<Exit, CliError> {
+    let pipeline = load(&arguments.of)?;
+    check_chunks(arguments, &pipeline)?;
+    let left = arguments
+        .stop_before
+        .map(|before| left(arguments.time, before))
+        .transpose()?;
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in [SIGTERM, SIGINT] {
+        // Who asks twice does not want to wait.
+        flag::register_conditional_shutdown(signal, i32::from(Exit::TryAgain.code()), stop.clone()).map_err(refused)?;
+        flag::register(signal, stop.clone()).map_err(refused)?;
+    }
+    let store = arguments.of.trust(Store::open(&arguments.of.store.folder())?);
+    let _watch = Watch::start(&stop, left, &store)?;
+    let progress = RunProgress::new(ProgressForm::shown(arguments.progress, arguments.quiet));
+    let options = RunOptions {
+        until: arguments.of.until.as_deref(),
+        chunks: arguments.chunks,
+        abreast: rayon::current_num_threads(),
+        keep_going: true,
+        stop: Some(&stop),
+        unremembered: true,
+        ..RunOptions::default()
+    };
+    let outcome = run(&pipeline, &store, &options, &Environment::system(), &|event| {
+        progress.tell(event);
+    });
+    let outcome = outcome.map_err(|error| CliError::from(error).tried_again())?;
+    let errors: Vec<CliError> = outcome
+        .failures
+        .into_iter()
+        .map(|failure| CliError::from(failure.error).tried_again().of_stage(&failure.stage))
+        .collect();
+    if output.is_json() {
+        output.document(&json!({
+            "pipeline": pipeline.name,
+            "store": store.root(),
+            "stages": outcome.stages,
+            "unstable": outcome.unstable,
+            "errors": errors.iter().map(CliError::to_json).collect::<Vec<_>>(),
+        }))?;
+    } else if !arguments.quiet {
+        output.text(&table::of_run(&outcome.stages))?;
+    }
+    errors.iter().for_each(|error| output.complain(&error.render(false)));
+    let hopeless = errors.iter().map(CliError::exit).find(|exit| *exit != Exit::TryAgain);
+    Ok(match hopeless {
+        Some(exit) => exit,
+        None if errors.is_empty() && !stop.load(Ordering::Relaxed) => Exit::Done,
+        None => Exit::TryAgain,
+    })
+}
+
+fn refused(error: std::io::Error) -> CliError {
+    CliError::failure(format!("signals cannot be heeded: {error}"))
+}
+
+/// One stage has chunks to choose from.
+fn check_chunks(arguments: &WorkerArguments, pipeline: &Pipeline) -> Result<(), CliError> {
+    match (arguments.chunks, arguments.of.until.as_deref()) {
+        (Some(_), Some(until)) if pipeline.stage(until).is_none() => Err(CliError::bad_input(format!(
+            "--chunks are those of one stage, and `{until}` names a sweep"
+        ))
+        .help("--until 'STAGE[axis=value]' names one of its stages")),
+        _ => Ok(()),
+    }
+}
+
+/// How long the job may go on.
+fn left(time: Option<Duration>, before: Duration) -> Result<Duration, CliError> {
+    let seconds = |name: &str| {
+        let value = std::env::var(name).ok()?;
+        Some(Duration::from_secs(value.trim().parse().ok()?))
+    };
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    let from_slurm = || Some(seconds(SLURM_END)?.saturating_sub(since));
+    let left = time.or_else(from_slurm).or_else(|| seconds(PBS_TIME));
+    let left = left.ok_or_else(|| {
+        CliError::bad_input("--stop-before: it is not known when this job has to end")
+            .help(format!("{SLURM_END} or {PBS_TIME} says so in a job; or give --time"))
+    })?;
+    Ok(left.saturating_sub(before))
+}
+
+/// Has the worker stop when its time is over, and the process end where what is under way does not stop: nothing of it is lost but its
+/// last piece, and others need not wait for that.
+struct Watch {
+    over: Option<Sender<()>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Watch {
+    fn start(stop: &Arc<AtomicBool>, left: Option<Duration>, store: &Store) -> Result<Self, CliError> {
+        let (stop, store) = (stop.clone(), store.clone());
+        if left.is_some_and(|left| left.is_zero()) {
+            stop.store(true, Ordering::Relaxed);
+        }
+        let end = left.and_then(|left| Instant::now().checked_add(left));
+        let (over, is_over) = channel();
+        let watch = move || {
+            let waited = |time| is_over.recv_timeout(time) == Err(RecvTimeoutError::Timeout);
+            while !stop.load(Ordering::Relaxed) {
+                if !waited(PAUSE) {
+                    return;
+                }
+                if end.is_some_and(|end| Instant::now() >= end) {
+                    stop.store(true, Ordering::Relaxed);
+                }
+            }
+            if waited(PATIENCE) {
+                store.leave();
+                process::exit(i32::from(Exit::TryAgain.code()));
+            }
+        };
+        let thread = thread::Builder::new().name("watch".to_owned()).spawn(watch);
+        Ok(Self {
+            over: Some(over),
+            thread: Some(thread.map_err(|error| CliError::failure(format!("cannot start a thread: {error}")))?),
+        })
+    }
+}
+
+impl Drop for Watch {
+    fn drop(&mut self) {
+        drop(self.over.take());
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+/// Reads `17-48`.
+fn range(text: &str) -> Result<(usize, usize), String> {
+    let parts = text.split_once('-').unwrap_or((text, text));
+    match (parts.0.trim().parse(), parts.1.trim().parse()) {
+        (Ok(first), Ok(last)) if first <= last => Ok((first, last)),
+        _ => Err("allowed: numbers FIRST-LAST such as 17-48, or one number".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranges_of_chunks_are_read() {
+        assert_eq!(range("17-48"), Ok((17, 48)));
+        assert_eq!(range("3"), Ok((3, 3)));
+        for wrong in ["", "-", "4-3", "-3", "1-2-3", "a-b"] {
+            assert!(range(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn what_is_left_of_a_job_is_its_time_less_what_is_asked_for() {
+        let minutes = |n: u64| Duration::from_secs(60 * n);
+        assert_eq!(left(Some(minutes(60)), minutes(5)).unwrap(), minutes(55));
+        assert_eq!(left(Some(minutes(1)), minutes(5)).unwrap(), minutes(0));
+    }
+}

@@ -1,0 +1,373 @@
+//! What a process has of a store while it is open: the right to work there, and a place to write.
+
+use std::fs;
+use std::io::ErrorKind;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use super::claims::{Claims, Taken};
+use super::entries::{files_in, is_folder, is_temporary, names_in};
+use super::error::StoreError;
+use super::layout::Layout;
+use super::lock::{self, Guard};
+use super::locking::{self, Choice, Manner};
+use super::presence::{ALONE, Alone, Life, Presence, Times};
+use super::stamp::Time;
+use super::workbench::{self, Workbench};
+use crate::base::{ActionKey, read_own};
+
+/// How long a process waits for another that has the store alone.
+const PATIENCE: Duration = Duration::from_secs(600);
+
+/// Between two looks at what another holds.
+const PAUSE: Duration = Duration::from_millis(100);
+
+/// What nobody is known to work at is left for so long, s by the file system's clock: names may be seen late.
+const ABANDONED: i64 = 900;
+
+/// What a process has of a store.
+pub struct Hold {
+    // In this order they end: first what was written, then the right to write.
+    pub workbench: Workbench,
+    pub claims: Option<Claims>,
+    _alone: Option<Alone>,
+    _run: Option<Guard>,
+    pub choice: Choice,
+}
+
+impl Hold {
+    /// The right to work beside others; what dead processes left is cleared.
+    ///
+    /// # Errors
+    /// When another process has the store alone for long, or the system refuses.
+    pub fn shared(layout: &Layout) -> Result<Self, StoreError> {
+        let choice = locking::choose(layout);
+        if choice.manner == Manner::Claims {
+            let Some(presence) = announce(layout)? else {
+                return Ok(Self::unseen(layout, choice));
+            };
+            wait_for_alone(layout, &presence)?;
+            return Self::by_claims(layout, choice, presence, None);
+        }
+        if let Some(_alone) = lock::try_exclusive(&layout.run_lock())? {
+            clear(&layout.temporary())?;
+        }
+        let start = Instant::now();
+        let run = loop {
+            match lock::try_shared(&layout.run_lock())? {
+                Some(run) => break run,
+                None if start.elapsed() > PATIENCE => return Err(busy(layout, &holder(layout))),
+                None => std::thread::sleep(PAUSE),
+            }
+        };
+        Ok(Self::by_locks(layout, choice, run))
+    }
+
+    /// The right to work alone.
+    ///
+    /// # Errors
+    /// When another process has the store open, or the system refuses.
+    pub fn alone(layout: &Layout) -> Result<Self, StoreError> {
+        let choice = locking::choose(layout);
+        if choice.manner == Manner::Claims {
+            let Some(presence) = announce(layout)? else {
+                return Ok(Self::unseen(layout, choice));
+            };
+            let alone = make_alone(layout, &presence)?;
+            let others = living(layout, &presence)?;
+            if !others.is_empty() {
+                return Err(busy(layout, &others));
+            }
+            return Self::by_claims(layout, choice, presence, Some(alone));
+        }
+        let run = lock::try_exclusive(&layout.run_lock())?.ok_or_else(|| busy(layout, &holder(layout)))?;
+        clear(&layout.temporary())?;
+        Ok(Self::by_locks(layout, choice, run))
+    }
+
+    fn by_locks(layout: &Layout, choice: Choice, run: Guard) -> Self {
+        Self {
+            _run: Some(run),
+            ..Self::unseen(layout, choice)
+        }
+    }
+
+    fn unseen(layout: &Layout, choice: Choice) -> Self {
+        Self {
+            workbench: Workbench::new(&layout.temporary(), None),
+            claims: None,
+            _alone: None,
+            _run: None,
+            choice,
+        }
+    }
+
+    fn by_claims(
+        layout: &Layout,
+        choice: Choice,
+        presence: Arc<Presence>,
+        alone: Option<Alone>,
+    ) -> Result<Self, StoreError> {
+        let claims = Claims::new(&layout.claims(), presence.clone())?;
+        clear_of_dead(layout, &presence, &claims)?;
+        Ok(Self {
+            workbench: Workbench::new(&layout.temporary(), Some(presence.name())),
+            claims: Some(claims),
+            _alone: alone,
+            _run: None,
+            choice,
+        })
+    }
+
+    /// Ends all claims of this process, and its sign of life.
+    pub fn leave(&self) {
+        if let Some(claims) = &self.claims {
+            claims.leave();
+        }
+    }
+
+    /// Name of this machine, where several share the store.
+    pub fn host(&self) -> Option<&str> {
+        self.claims.as_ref().map(|claims| claims.host())
+    }
+
+    /// The right to do an action, unless another has it; then who, where that is known.
+    ///
+    /// # Errors
+    /// When the system refuses.
+    pub fn try_action(&self, layout: &Layout, key: &ActionKey) -> Result<Result<Guard, Option<String>>, StoreError> {
+        match &self.claims {
+            None => Ok(
+                lock::try_exclusive(&layout.action_lock(key))?.ok_or_else(|| lock::holder(&layout.action_lock(key)))
+            ),
+            Some(claims) => Ok(match claims.try_take(&key.to_string())? {
+                Taken::Here(claim) => Ok(claim.into()),
+                Taken::Elsewhere(owner) => Err(owner.map(|owner| owner.text())),
+            }),
+        }
+    }
+}
+
+fn holder(layout: &Layout) -> Vec<String> {
+    lock::holder(&layout.run_lock()).into_iter().collect()
+}
+
+/// How often processes show themselves. `DEAFLOW_CLAIM_SECONDS` is after how long a silent one counts as dead, for tests.
+fn times() -> Times {
+    let seconds = std::env::var("DEAFLOW_CLAIM_SECONDS").ok();
+    let seconds: Option<f64> = seconds.and_then(|seconds| seconds.parse().ok());
+    match seconds.filter(|seconds| (0.1..=3600.0).contains(seconds)) {
+        None => Times::USUAL,
+        Some(seconds) => Times {
+            beat: Duration::from_secs_f64(seconds / 12.0),
+            expiry: Duration::from_secs_f64(seconds),
+        },
+    }
+}
+
+/// Shows this process; none where the store may only be read: it is read then, and nothing is claimed or removed there.
+fn announce(layout: &Layout) -> Result<Option<Arc<Presence>>, StoreError> {
+    match Presence::announce(&layout.processes(), times()) {
+        Err(StoreError::Io { source, .. }) if is_read_only(&source) => Ok(None),
+        presence => Ok(Some(Arc::new(presence?))),
+    }
+}
+
+/// Waits until nobody has the store alone.
+fn wait_for_alone(layout: &Layout, presence: &Presence) -> Result<(), StoreError> {
+    let start = Instant::now();
+    while names_in(&layout.processes())?.iter().any(|name| name == ALONE) {
+        let holder = process_alone(layout);
+        match presence.life(&holder) {
+            Life::Dead(_) => remove_alone(layout)?,
+            Life::Alive(owner) if start.elapsed() > PATIENCE => {
+                let who = owner.map(|owner| owner.text());
+                return Err(busy(layout, &who.into_iter().collect::<Vec<_>>()));
+            }
+            Life::Alive(_) => std::thread::sleep(PAUSE),
+        }
+    }
+    Ok(())
+}
+
+fn make_alone(layout: &Layout, presence: &Presence) -> Result<Alone, StoreError> {
+    loop {
+        if let Some(alone) = Alone::try_make(&layout.processes(), presence.name())? {
+            return Ok(alone);
+        }
+        match presence.life(&process_alone(layout)) {
+            Life::Dead(_) => remove_alone(layout)?,
+            Life::Alive(owner) => {
+                let who = owner.map(|owner| owner.text());
+                return Err(busy(layout, &who.into_iter().collect::<Vec<_>>()));
+            }
+        }
+    }
+}
+
+/// The process that has the store alone.
+fn process_alone(layout: &Layout) -> String {
+    let bytes = read_own(&layout.processes().join(ALONE), 64).unwrap_or_default();
+    String::from_utf8_lossy(&bytes).into_owned()
+}
+
+fn remove_alone(layout: &Layout) -> Result<(), StoreError> {
+    let path = layout.processes().join(ALONE);
+    match fs::remove_file(&path) {
+        Err(error) if error.kind() != ErrorKind::NotFound => Err(StoreError::io("remove", &path)(error)),
+        _ => Ok(()),
+    }
+}
+
+/// The other processes that may be at work, for people. One that has shown nothing for long by the clock of the file system is not.
+fn living(layout: &Layout, presence: &Presence) -> Result<Vec<String>, StoreError> {
+    let now = super::stamp::file_system_time(&layout.processes());
+    let mut found = Vec::new();
+    for name in presence.others()? {
+        let is_old = is_abandoned(&layout.processes().join(&name), now);
+        match presence.life(&name) {
+            Life::Alive(owner) if !is_old => found.push(owner.map_or(name, |owner| owner.text())),
+            _ => {}
+        }
+    }
+    Ok(found)
+}
+
+fn busy(layout: &Layout, who: &[String]) -> StoreError {
+    StoreError::Busy {
+        path: layout.root().to_owned(),
+        who: match who {
+            [] => "another process".to_owned(),
+            who => who.join(", "),
+        },
+    }
+}
+
+/// Removes what processes that are known to be dead were writing, and what nobody has been at for long.
+fn clear_of_dead(layout: &Layout, presence: &Presence, claims: &Claims) -> Result<(), StoreError> {
+    // Folders first: a process shows itself before it makes one.
+    let folders = files_in(&layout.temporary())?;
+    let now = super::stamp::file_system_time(&layout.processes());
+    let others = presence.others()?;
+    let dead = |name: &str| match others.iter().any(|other| other == name) {
+        true => matches!(presence.life(name), Life::Dead(_)),
+        false => false,
+    };
+    for folder in folders.iter().filter(|folder| is_temporary(folder)) {
+        let process = workbench::process_of(folder).unwrap_or_default();
+        let is_known = others.iter().any(|other| other == process);
+        if dead(process) || (!is_known && process != presence.name() && is_abandoned(folder, now)) {
+            remove(folder)?;
+        }
+    }
+    let dead: Vec<&str> = others.iter().map(String::as_str).filter(|name| dead(name)).collect();
+    claims.clear(&dead)?;
+    dead.iter().for_each(|name| presence.bury(name));
+    Ok(())
+}
+
+/// Whether nobody has written for long, by the clock of the file system.
+fn is_abandoned(path: &Path, now: Option<Time>) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    let written = fs::symlink_metadata(path).map(|metadata| metadata.mtime());
+    match (written, now) {
+        (Ok(written), Some((now, _))) => now.saturating_sub(written) > ABANDONED,
+        _ => false,
+    }
+}
+
+fn is_read_only(error: &std::io::Error) -> bool {
+    matches!(
+        error.kind(),
+        ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem
+    )
+}
+
+/// Removes what dead processes were writing, where nobody else is at work. What is named otherwise is not ours.
+fn clear(folder: &Path) -> Result<(), StoreError> {
+    let found = files_in(folder)?;
+    found
+        .iter()
+        .filter(|path| is_temporary(path))
+        .try_for_each(|path| remove(path))
+}
+
+fn remove(path: &Path) -> Result<(), StoreError> {
+    let removed = match is_folder(path) {
+        true => fs::remove_dir_all(path),
+        false => fs::remove_file(path),
+    };
+    match removed {
+        // In a store that may only be read, what was left is in nobody's way; another may have removed it.
+        Err(error) if is_read_only(&error) || error.kind() == ErrorKind::NotFound => Ok(()),
+        removed => removed.map_err(StoreError::io("remove", path)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::Store;
+
+    /// A store that has been opened by claims, so that all open it so.
+    fn claimed(folder: &Path) -> Layout {
+        drop(Store::open(folder).unwrap());
+        let layout = Layout::of(folder).unwrap();
+        fs::create_dir(layout.processes()).unwrap();
+        layout
+    }
+
+    #[test]
+    fn nobody_is_alone_while_another_is_there_and_nobody_comes_meanwhile() {
+        let folder = tempfile::tempdir().unwrap();
+        let layout = claimed(folder.path());
+        let other = Hold::shared(&layout).unwrap();
+        let refused = Hold::alone(&layout).err().unwrap().to_string();
+        let own = format!("process {} on ", std::process::id());
+        assert!(refused.contains(&own), "{refused}");
+        drop(other);
+        let alone = Hold::alone(&layout).unwrap();
+        assert!(Hold::alone(&layout).is_err());
+        std::thread::scope(|scope| {
+            let waits = scope.spawn(|| Hold::shared(&layout).unwrap());
+            std::thread::sleep(3 * PAUSE);
+            assert!(!waits.is_finished());
+            drop(alone);
+            waits.join().unwrap();
+        });
+        assert_eq!(names_in(&layout.processes()).unwrap(), [""; 0]);
+    }
+
+    #[test]
+    fn what_a_dead_process_left_goes_and_what_a_living_one_has_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let layout = claimed(folder.path());
+        let key = ActionKey::of(b"key");
+        let names = || {
+            let mut names = [layout.temporary(), layout.claims(), layout.processes()].map(|f| names_in(&f).unwrap());
+            names.iter_mut().for_each(|names| names.sort_unstable());
+            names
+        };
+        let living = Hold::shared(&layout).unwrap();
+        living.workbench.file().unwrap();
+        let _claim = living.try_action(&layout, &key).unwrap().unwrap();
+        let before = names();
+        // A process that was killed: its number is that of nobody, or its file says nothing any more.
+        let gone = Hold::shared(&layout).unwrap();
+        let name = gone.workbench.folder().unwrap();
+        let name = workbench::process_of(&name).unwrap().to_owned();
+        let _left = std::mem::ManuallyDrop::new(gone.workbench.file().unwrap());
+        std::mem::forget(gone.try_action(&layout, &ActionKey::of(b"other")).unwrap().unwrap());
+        let sign = fs::read_to_string(layout.processes().join(&name)).unwrap();
+        std::mem::forget(gone);
+        assert_ne!(names(), before);
+        let begun = sign.find("\"began\":").unwrap();
+        let dead = format!("{}\"began\":1}},\"beats\":0}}", &sign[..begun]);
+        fs::write(layout.processes().join(&name), dead).unwrap();
+        fs::write(layout.temporary().join("notes"), "").unwrap();
+        drop(Hold::shared(&layout).unwrap());
+        fs::remove_file(layout.temporary().join("notes")).expect("only what is named as ours is removed");
+        assert_eq!(names(), before);
+    }
+}

@@ -1,0 +1,301 @@
+//! Who has a store open, where locks of one machine are not seen by another.
+//!
+//! Each process has a file in `locks/processes`, named by six letters or digits that no other has, and rewrites it every few seconds.
+//! Whoever looks at it sees it change, whatever the clocks of the machines say; one that has not changed for long by the clock of
+//! the one who looks is dead. A process of the same machine that has ended is known to be dead at once.
+//!
+//! Who needs the store alone makes the file `alone` there. Both make their own file first and then list the folder: of two
+//! who come at once at least one sees the other. To list a folder after writing in it is what network file systems answer from the
+//! server, where the name alone may be answered from memory.
+
+use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::io::{ErrorKind, Write};
+use std::os::unix::fs::FileExt;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
+use std::sync::{Mutex, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use serde::{Deserialize, Serialize};
+
+use super::entries::names_in;
+use super::error::StoreError;
+use super::late;
+use super::owner::Owner;
+use crate::base::read_own;
+
+/// The name of the file of whoever needs the store alone.
+pub const ALONE: &str = "alone";
+
+/// Letters and digits in the name of a process.
+const NAME: usize = 6;
+
+/// Length of the file of a process, bytes: spaces follow what is said.
+const SIGN: usize = 1024;
+
+/// A file of a process is shorter, bytes.
+const LONGEST: u64 = 64 << 10;
+
+/// How often a process shows itself, and how long another waits for that.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Times {
+    /// Between two signs of life.
+    pub beat: Duration,
+    /// Without a sign of life for so long, a process is dead.
+    pub expiry: Duration,
+}
+
+impl Times {
+    /// Names may be cached for a minute at most with the usual settings of network file systems.
+    pub const USUAL: Self = Self {
+        beat: Duration::from_secs(5),
+        expiry: Duration::from_secs(60),
+    };
+}
+
+/// What stands in the file of a process.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Sign {
+    /// Who it is.
+    pub owner: Owner,
+    /// How often it has shown itself.
+    pub beats: u64,
+}
+
+/// The file of this process; it is removed when this is dropped.
+pub struct Presence {
+    folder: PathBuf,
+    owner: Owner,
+    name: String,
+    times: Times,
+    stop: Option<Sender<()>>,
+    thread: Option<JoinHandle<()>>,
+    /// What was seen of others, and since when it has not changed.
+    seen: Mutex<BTreeMap<String, (Vec<u8>, Instant)>>,
+}
+
+/// What is known of a process.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Life {
+    /// It may be at work.
+    Alive(Option<Owner>),
+    /// It has ended, or has given no sign of life for long.
+    Dead(Option<Owner>),
+}
+
+impl Presence {
+    /// Shows this process in the folder, which is made where there is none.
+    ///
+    /// # Errors
+    /// When the system refuses.
+    pub fn announce(folder: &Path, times: Times) -> Result<Self, StoreError> {
+        late::make_folders(folder).map_err(StoreError::io("create", folder))?;
+        let owner = Owner::this();
+        let sign = Sign {
+            owner: owner.clone(),
+            beats: 0,
+        };
+        // Names come from the machine's randomness: no stream of numbers of a pipeline is touched.
+        let named = || tempfile::Builder::new().prefix("").rand_bytes(NAME).tempfile_in(folder);
+        let file = late::until_seen(named).map_err(StoreError::io("write in", folder))?;
+        let (_, path) = file
+            .keep()
+            .map_err(|error| StoreError::io("write", folder)(error.error))?;
+        show(&path, &sign).map_err(StoreError::io("write", &path))?;
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let (stop, stopped) = channel();
+        let every = times.beat;
+        let beat = move || {
+            let mut sign = sign;
+            while stopped.recv_timeout(every) == Err(RecvTimeoutError::Timeout) {
+                sign.beats += 1;
+                // A sign that cannot be given is given next time; others wait for several.
+                let _ = show(&path, &sign);
+            }
+        };
+        let thread = std::thread::Builder::new()
+            .name("presence".to_owned())
+            .spawn(beat)
+            .map_err(StoreError::io("begin a thread for", folder))?;
+        Ok(Self {
+            folder: folder.to_owned(),
+            owner,
+            name,
+            times,
+            stop: Some(stop),
+            thread: Some(thread),
+            seen: Mutex::default(),
+        })
+    }
+
+    /// Who this process is.
+    pub fn owner(&self) -> &Owner {
+        &self.owner
+    }
+
+    /// The name of this process in the store.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Names of the other processes that have shown themselves.
+    ///
+    /// # Errors
+    /// When the system refuses.
+    pub fn others(&self) -> Result<Vec<String>, StoreError> {
+        let names = names_in(&self.folder)?.into_iter();
+        Ok(names.filter(|name| is_name(name) && *name != self.name).collect())
+    }
+
+    /// What is known of a process by now. One that shows nothing is watched from the first call on.
+    pub fn life(&self, name: &str) -> Life {
+        let content = read_own(&self.folder.join(name), LONGEST).unwrap_or_default();
+        self.life_of(name, content)
+    }
+
+    /// As [`Presence::life`] of something that shows itself by what is read of it.
+    pub fn life_of(&self, name: &str, content: Vec<u8>) -> Life {
+        let owner = serde_json::from_slice::<Sign>(&content).ok().map(|sign| sign.owner);
+        if owner.as_ref().is_some_and(Owner::is_gone) {
+            return Life::Dead(owner);
+        }
+        let mut seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
+        let now = Instant::now();
+        let entry = seen.entry(name.to_owned()).or_insert_with(|| (content.clone(), now));
+        if entry.0 != content {
+            *entry = (content, now);
+        }
+        match entry.1.elapsed() >= self.times.expiry {
+            true => Life::Dead(owner),
+            false => Life::Alive(owner),
+        }
+    }
+
+    /// Removes the file of a process that is dead.
+    pub fn bury(&self, name: &str) {
+        // Another may have done so; one that cannot be removed is in nobody's way.
+        let _ = fs::remove_file(self.folder.join(name));
+    }
+}
+
+impl Drop for Presence {
+    fn drop(&mut self) {
+        drop(self.stop.take());
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+        let _ = fs::remove_file(self.folder.join(&self.name));
+    }
+}
+
+/// Whether a file in the folder is that of a process.
+pub fn is_name(name: &str) -> bool {
+    name.len() == NAME && name.bytes().all(|byte| byte.is_ascii_alphanumeric())
+}
+
+/// Writes a sign over the one before, which is as long: nobody finds half of one.
+fn show(path: &Path, sign: &Sign) -> std::io::Result<()> {
+    let text = serde_json::to_string(sign)?;
+    let file = File::options().write(true).create(true).truncate(false).open(path)?;
+    file.write_all_at(format!("{text:<SIGN$}").as_bytes(), 0)
+}
+
+/// The file of whoever has the store alone; it is removed when this is dropped.
+pub struct Alone(PathBuf);
+
+impl Alone {
+    /// Makes the file; none where another has made it.
+    ///
+    /// # Errors
+    /// When the system refuses.
+    pub fn try_make(folder: &Path, process: &str) -> Result<Option<Self>, StoreError> {
+        let path = folder.join(ALONE);
+        match File::options().write(true).create_new(true).open(&path) {
+            Ok(mut file) => {
+                let made = Self(path.clone());
+                file.write_all(process.as_bytes())
+                    .map_err(StoreError::io("write", &path))?;
+                Ok(Some(made))
+            }
+            Err(error) if error.kind() == ErrorKind::AlreadyExists => Ok(None),
+            Err(error) => Err(StoreError::io("write", &path)(error)),
+        }
+    }
+}
+
+impl Drop for Alone {
+    fn drop(&mut self) {
+        let _ = fs::remove_file(&self.0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const QUICK: Times = Times {
+        beat: Duration::from_millis(20),
+        expiry: Duration::from_millis(400),
+    };
+
+    /// A process of another machine, which nobody can ask whether it lives.
+    fn foreign(beats: u64) -> Vec<u8> {
+        let mut sign = serde_json::to_value(Sign {
+            owner: Owner::this(),
+            beats,
+        })
+        .unwrap();
+        sign["owner"]["machine"] = "another".into();
+        sign["owner"]["host"] = "elsewhere".into();
+        serde_json::to_vec(&sign).unwrap()
+    }
+
+    #[test]
+    fn a_process_shows_itself_until_it_ends() {
+        let folder = tempfile::tempdir().unwrap();
+        let one = Presence::announce(folder.path(), QUICK).unwrap();
+        let two = Presence::announce(folder.path(), QUICK).unwrap();
+        assert_eq!(one.others().unwrap(), [two.name()]);
+        let path = folder.path().join(two.name());
+        let before = fs::read(&path).unwrap();
+        let until = Instant::now() + 2 * QUICK.expiry;
+        while Instant::now() < until {
+            assert!(matches!(one.life(two.name()), Life::Alive(Some(_))));
+            std::thread::sleep(QUICK.beat);
+        }
+        assert_ne!(fs::read(&path).unwrap(), before);
+        drop(two);
+        assert!(one.others().unwrap().is_empty());
+    }
+
+    #[test]
+    fn one_that_shows_nothing_is_dead_after_a_while_and_not_before() {
+        let folder = tempfile::tempdir().unwrap();
+        let own = Presence::announce(folder.path(), QUICK).unwrap();
+        fs::write(folder.path().join("abc123"), foreign(1)).unwrap();
+        let start = Instant::now();
+        while let Life::Alive(owner) = own.life("abc123") {
+            assert_eq!(owner.unwrap().host, "elsewhere");
+            std::thread::sleep(QUICK.beat);
+        }
+        assert!(start.elapsed() >= QUICK.expiry);
+        // It was only slow.
+        fs::write(folder.path().join("abc123"), foreign(2)).unwrap();
+        assert!(matches!(own.life("abc123"), Life::Alive(_)));
+        assert!(
+            matches!(own.life("nobody"), Life::Alive(None)),
+            "its name may not be seen yet"
+        );
+    }
+
+    #[test]
+    fn of_two_one_is_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let first = Alone::try_make(folder.path(), "abc123").unwrap();
+        assert!(first.is_some() && Alone::try_make(folder.path(), "def456").unwrap().is_none());
+        drop(first);
+        assert!(Alone::try_make(folder.path(), "def456").unwrap().is_some());
+    }
+}

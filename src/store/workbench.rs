@@ -1,0 +1,79 @@
+//! Where a process writes files before they are put in place: a folder of its own in `tmp`, so that what another left can be told from
+//! what another is writing.
+
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+use tempfile::{Builder, NamedTempFile, TempDir};
+
+use super::late;
+use super::stamp::{Time, file_system_time};
+use crate::base::aside;
+
+/// What names in `tmp` begin with, as [`super::entries::is_temporary`] knows them.
+const PREFIX: &str = ".tmp";
+
+/// The folder of a process, made when it is first needed and removed when this is dropped.
+pub struct Workbench {
+    folder: PathBuf,
+    /// Six letters or digits that name the process, where it has a name.
+    name: Option<String>,
+    own: Mutex<Option<TempDir>>,
+}
+
+impl Workbench {
+    /// In the folder `tmp` of a store.
+    pub fn new(folder: &Path, name: Option<&str>) -> Self {
+        Self {
+            folder: folder.to_owned(),
+            name: name.map(str::to_owned),
+            own: Mutex::default(),
+        }
+    }
+
+    /// The folder.
+    ///
+    /// # Errors
+    /// When it cannot be made.
+    pub fn folder(&self) -> io::Result<PathBuf> {
+        // A panic elsewhere leaves none or one that is right.
+        let mut own = self.own.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(folder) = own.as_ref().filter(|folder| folder.path().is_dir()) {
+            return Ok(folder.path().to_owned());
+        }
+        let make = || match &self.name {
+            None => Builder::new().prefix(PREFIX).tempdir_in(&self.folder),
+            Some(name) => Builder::new()
+                .prefix(&format!("{PREFIX}{name}"))
+                .rand_bytes(0)
+                .tempdir_in(&self.folder),
+        };
+        let made = late::until_seen(make)?;
+        Ok(own.insert(made).path().to_owned())
+    }
+
+    /// Whether this is the folder of this process.
+    pub fn is_own(&self, path: &Path) -> bool {
+        let own = self.own.lock().unwrap_or_else(PoisonError::into_inner);
+        own.as_ref().is_some_and(|own| own.path() == path)
+    }
+
+    /// An empty file, removed when dropped before it has been put in place.
+    ///
+    /// # Errors
+    /// When it cannot be made.
+    pub fn file(&self) -> io::Result<NamedTempFile> {
+        aside(&self.folder()?)
+    }
+
+    /// The time by the clock of the file system, which need not be this machine's.
+    pub fn time(&self) -> Option<Time> {
+        file_system_time(&self.folder().ok()?)
+    }
+}
+
+/// The process that a folder in `tmp` is named after.
+pub fn process_of(folder: &Path) -> Option<&str> {
+    folder.file_name()?.to_str()?.strip_prefix(PREFIX)
+}
