@@ -9,9 +9,10 @@
 //! other arrow. `base` may be imported by every room.
 //!
 //! ```text
-//! cli          → every domain room, stage, content, orchestrator, store, report, hdf
+//! cli          → every domain room, stage, content, executor, orchestrator, store, report, hdf
 //! report       → content, orchestrator, store, pattern, field, scene
 //! stage        → every domain room, content, orchestrator, store
+//! executor     → orchestrator, store
 //! orchestrator → store
 //! content      → store, pattern, field, scene
 //! store        → hdf
@@ -40,6 +41,7 @@ pub mod cli;
 pub mod content;
 pub mod dataset;
 pub mod design;
+pub mod executor;
 pub mod fem;
 pub mod field;
 pub mod hdf;

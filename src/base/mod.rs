@@ -1,14 +1,17 @@
 //! What every room stands on: digests, canonical values, quantities, random streams, documents, files.
 
+mod background;
 mod canonical;
 mod clock;
 mod confined;
+mod cpu;
 mod csvw;
 mod digest;
 mod digits;
 mod document;
 mod encoding;
 mod file;
+mod host;
 mod ids;
 mod npy;
 mod output_file;
@@ -20,15 +23,18 @@ mod schema;
 mod stream;
 
 pub use crate::{parameters, variants, words};
+pub use background::{Background, Pauses};
 pub use canonical::Canonical;
 pub use clock::thread_seconds;
 pub use confined::{ConfinedError, confined};
+pub use cpu::CpuLevel;
 pub use csvw::{CsvTable, SOFTWARE, csv_metadata, csv_metadata_file, uri};
 pub use digest::{Digest, DigestWriter, ParseDigestError};
 pub use digits::two_digits;
 pub use document::{Document, InputError, Map, Node, NodeValue, Override, Source, nearest};
 pub use encoding::{EncodingError, decode, encode};
 pub use file::{look_at_own, open_own, open_regular, read_bounded, read_own};
+pub use host::host_name;
 pub use ids::{ActionKey, ArtifactId, FileDigest, OrbitId};
 pub use npy::{NpyElement, NpyError, NpyHeader};
 pub use output_file::{

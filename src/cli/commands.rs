@@ -5,8 +5,8 @@ use clap::{Parser, Subcommand};
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::{
-    accuracy, audit, copy, dag, diff, doctor, explain, export, fsck, gc, log, pin, plan, predict, report, run, schema,
-    screen, show, solve, status, sweep, unpin, worker,
+    accuracy, attach, audit, copy, dag, diff, doctor, explain, export, fsck, gc, log, pin, plan, predict, report, run,
+    schema, screen, show, solve, status, sweep, unpin, worker,
 };
 
 /// The version, and which build of it: two builds of other sources are told apart.
@@ -47,6 +47,7 @@ macro_rules! commands {
 
 commands! {
     Run => run::RunArguments,
+    Attach => attach::AttachArguments,
     Worker => worker::WorkerArguments,
     Sweep => sweep::SweepArguments,
     Plan => plan::PlanArguments,

@@ -7,18 +7,25 @@ use super::arguments::StoreArguments;
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::{locate, table};
-use crate::store::{Manner, Store, Verdict};
+use crate::store::{Manner, Service, Store, Verdict};
 
 /// Try what a store needs of its file system: locks, links, clocks, room
 #[derive(Debug, Args)]
 pub struct DoctorArguments {
     #[command(flatten)]
     pub store: StoreArguments,
+    /// Measure how long what workers ask of the file system takes
+    #[arg(long)]
+    pub measure: bool,
 }
 
 pub fn execute(arguments: &DoctorArguments, output: &Output) -> Result<Exit, CliError> {
     let store = locate::of_folder(Store::open_existing(&arguments.store.folder()))?;
     let found = store.examine()?;
+    let services = match arguments.measure {
+        true => store.measure()?,
+        false => Vec::new(),
+    };
     let word = |verdict: Verdict| match verdict {
         Verdict::Good => "good",
         Verdict::Noted => "noted",
@@ -32,13 +39,18 @@ pub fn execute(arguments: &DoctorArguments, output: &Output) -> Result<Exit, Cli
         let trials = found.trials.iter();
         let trials =
             trials.map(|trial| json!({ "name": trial.name, "verdict": word(trial.verdict), "found": trial.found }));
-        output.document(&json!({
+        let mut document = json!({
             "store": store.root(),
             "file_system": found.file_system,
             "locking": manner,
             "why": found.choice.why,
             "trials": trials.collect::<Vec<_>>(),
-        }))?;
+        });
+        if arguments.measure {
+            let service = |service: &Service| json!({ "name": service.name, "requests": service.requests, "seconds": service.seconds });
+            document["services"] = services.iter().map(service).collect();
+        }
+        output.document(&document)?;
     } else {
         let mut trials = table::table(&["tried", "", "found"], &[]);
         for trial in &found.trials {
@@ -50,6 +62,14 @@ pub fn execute(arguments: &DoctorArguments, output: &Output) -> Result<Exit, Cli
             found.file_system,
             found.choice.why
         ))?;
+        if arguments.measure {
+            let mut rows = table::table(&["service", "requests", "median"], &["requests", "median"]);
+            for service in &services {
+                let seconds = format!("{:.0} µs", 1e6 * service.seconds);
+                rows.add_row([service.name, &service.requests.to_string(), &seconds]);
+            }
+            output.text(&format!("\n{rows}"))?;
+        }
     }
     let is_bad = found.trials.iter().any(|trial| trial.verdict == Verdict::Bad);
     Ok(if is_bad { Exit::Failure } else { Exit::Done })

@@ -10,6 +10,7 @@ use serde_json::{Value, json};
 use super::output::Exit;
 use crate::base::{InputError, OutputError, is_unprintable, printable};
 use crate::content::ContentError;
+use crate::executor::SubmitError;
 use crate::fem::SetupError;
 use crate::field::PredictError;
 use crate::orchestrator::{RunError, StageError};
@@ -91,6 +92,20 @@ impl CliError {
             self.exit = Exit::TryAgain;
         }
         self
+    }
+
+    /// Another machine may succeed.
+    pub fn elsewhere(self) -> Self {
+        Self {
+            exit: Exit::TryAgain,
+            may_pass: true,
+            ..self
+        }
+    }
+
+    /// Whether another machine, or this one later, may succeed.
+    pub fn may_pass(&self) -> bool {
+        self.may_pass
     }
 
     /// What went wrong, in one line.
@@ -255,6 +270,15 @@ impl From<RunError> for CliError {
             RunError::Input(error) => error.into(),
             RunError::Store(error) => error.into(),
             RunError::Locked(_) => Self::locked(error.to_string()),
+        }
+    }
+}
+
+impl From<SubmitError> for CliError {
+    fn from(error: SubmitError) -> Self {
+        match error {
+            SubmitError::Run(error) => error.into(),
+            SubmitError::Store(error) => error.into(),
         }
     }
 }

@@ -3,8 +3,10 @@
 
 mod accuracy;
 mod arguments;
+mod attach;
 mod audit;
 mod cells;
+mod cluster;
 mod commands;
 mod copy;
 mod csv;

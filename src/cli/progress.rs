@@ -59,6 +59,23 @@ impl Bar {
         Self::among(bars.as_ref(), name, unit, length)
     }
 
+    /// As progress is shown; none where no steps are.
+    pub fn of(shown: Shown, name: &str, unit: &'static str) -> Option<Self> {
+        match shown {
+            Shown::Bars => Some(Self::new(name, unit, 0)),
+            Shown::Lines => Some(Self::among(None, name, unit, 0)),
+            Shown::Json | Shown::Warnings => None,
+        }
+    }
+
+    /// Says a line beside it.
+    pub fn say(&self, text: &str) {
+        match &self.form {
+            Form::Terminal(bar) => bar.suspend(|| tell(text)),
+            Form::Plain(_) => tell(text),
+        }
+    }
+
     /// As [`Bar::new`], below other bars of a terminal; without a terminal by lines.
     fn among(bars: Option<&MultiProgress>, name: &str, unit: &'static str, length: u64) -> Self {
         let form = if let Some(bars) = bars {
@@ -103,7 +120,7 @@ impl Bar {
     }
 
     /// Is shown no more.
-    fn clear(&self) {
+    pub fn clear(&self) {
         if let Form::Terminal(bar) = &self.form {
             bar.finish_and_clear();
         }
@@ -282,7 +299,7 @@ fn ended(report: &StageReport) -> String {
         Outcome::Built => format!("{word}{digest} in {}", table::seconds(report.seconds)),
         Outcome::Failed | Outcome::Stopped => format!("{word} after {}", table::seconds(report.seconds)),
         Outcome::Skipped => format!("{word}: {}", report.why.as_deref().unwrap_or_default()),
-        Outcome::Reused | Outcome::Stale => format!("{word}{digest}"),
+        Outcome::Reused | Outcome::Stale | Outcome::Left => format!("{word}{digest}"),
     }
 }
 

@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use tempfile::TempDir;
 
 use super::arguments::{PipelineArguments, SetArguments, StoreArguments};
+use super::cluster::{self, ClusterArguments};
 use super::error::CliError;
 use super::neglected::{may_break_down, neglected};
 use super::output::{Exit, Output};
@@ -39,6 +40,8 @@ pub struct RunArguments {
     /// How progress is shown on stderr [default: bars on a terminal, or else plain lines]
     #[arg(long, value_enum, value_name = "HOW", conflicts_with = "quiet")]
     pub progress: Option<ProgressForm>,
+    #[command(flatten)]
+    pub cluster: ClusterArguments,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -53,6 +56,9 @@ pub enum ProgressForm {
 
 pub fn execute(arguments: &RunArguments, output: &Output) -> Result<Exit, CliError> {
     let pipeline = load(&arguments.of)?;
+    if let Some(exit) = cluster::build(&pipeline, arguments, output)? {
+        return Ok(exit);
+    }
     Ok(of_pipeline(&pipeline, arguments, Command::Run, output, &|_, _| Ok(()))?.0)
 }
 
@@ -161,7 +167,7 @@ impl ProgressForm {
     }
 }
 
-fn read_lock(path: &Path) -> Result<LockFile, CliError> {
+pub fn read_lock(path: &Path) -> Result<LockFile, CliError> {
     if !path.exists() {
         return Err(CliError::bad_input(format!("there is no lock file {}", path.display()))
             .help("`deaflow run --lock` writes it"));

@@ -9,6 +9,7 @@ use super::arguments::StoreArguments;
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::{locate, run, table};
+use crate::executor::{SILENT, Seen, workers};
 use crate::orchestrator::{Bill, Environment, Outcome, StageReport, Staleness, file_of, plan};
 use crate::store::{Command, LockFile, Run, Store, Totals};
 
@@ -49,10 +50,11 @@ pub fn execute(arguments: &StatusArguments, output: &Output) -> Result<Exit, Cli
         standings.push(standing(&store, &runs, path, !arguments.pipelines.is_empty())?);
     }
     let totals = store.totals()?;
+    let workers = workers(&store)?;
     if output.is_json() {
-        output.document(&document(&store, &totals, runs.len(), &standings))?;
+        output.document(&document(&store, &totals, runs.len(), &workers, &standings))?;
     } else {
-        output.text(&text(&store, &totals, runs.len(), &standings))?;
+        output.text(&text(&store, &totals, runs.len(), &workers, &standings))?;
     }
     Ok(Exit::Done)
 }
@@ -83,7 +85,17 @@ fn standing(store: &Store, runs: &[Run], path: PathBuf, named: bool) -> Result<S
     })
 }
 
-fn document(store: &Store, totals: &Totals, runs: usize, standings: &[Standing]) -> Value {
+fn document(store: &Store, totals: &Totals, runs: usize, workers: &[Seen], standings: &[Standing]) -> Value {
+    let workers = workers.iter().map(|seen| {
+        json!({
+            "host": seen.worker.owner.host,
+            "pid": seen.worker.owner.pid,
+            "pipeline": seen.worker.pipeline,
+            "array": seen.worker.array,
+            "since": seen.worker.owner.since,
+            "silent": seen.silent.as_secs(),
+        })
+    });
     let pipelines = standings.iter().map(|standing| {
         json!({
             "path": standing.path.display().to_string(),
@@ -105,11 +117,12 @@ fn document(store: &Store, totals: &Totals, runs: usize, standings: &[Standing])
         "checkpoint_bytes": totals.checkpoint_bytes,
         "quarantined": totals.quarantined,
         "in_flight": totals.in_flight,
+        "workers": workers.collect::<Vec<_>>(),
         "pipelines": pipelines.collect::<Vec<_>>(),
     })
 }
 
-fn text(store: &Store, totals: &Totals, runs: usize, standings: &[Standing]) -> String {
+fn text(store: &Store, totals: &Totals, runs: usize, workers: &[Seen], standings: &[Standing]) -> String {
     let mut lines = vec![format!(
         "{}: {} artifacts ({}), {} records, {runs} runs, {} pins, {} lock files",
         store.root().display(),
@@ -138,6 +151,24 @@ fn text(store: &Store, totals: &Totals, runs: usize, standings: &[Standing]) -> 
         1 => "one action is being built".to_owned(),
         n => format!("{n} actions are being built"),
     });
+    if !workers.is_empty() {
+        let mut rows = table::table(&["worker", "pipeline", "array", "since", "last sign of life"], &[]);
+        for Seen { worker, silent } in workers {
+            let last = match *silent < SILENT {
+                true => format!("{} s ago", silent.as_secs()),
+                false => format!("{} ago: perhaps dead", table::seconds(silent.as_secs_f64())),
+            };
+            rows.add_row([
+                format!("{} on {}", worker.owner.pid, worker.owner.host),
+                worker.pipeline.clone(),
+                worker.array.clone().unwrap_or_else(|| "-".to_owned()),
+                worker.owner.since.clone(),
+                last,
+            ]);
+        }
+        lines.push(String::new());
+        lines.push(rows.trim_fmt());
+    }
     if !standings.is_empty() {
         let mut rows = table::table(&["pipeline", "last run", "lock", "state"], &[]);
         for standing in standings {

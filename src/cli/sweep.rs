@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::arguments::{PipelineArguments, SetArguments, StoreArguments};
+use super::cluster::ClusterArguments;
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::run::{self, ProgressForm, RunArguments};
@@ -99,6 +100,7 @@ pub fn execute(arguments: &SweepArguments, output: &Output) -> Result<Exit, CliE
         locked: false,
         quiet: arguments.quiet || arguments.csv,
         progress: arguments.progress,
+        cluster: ClusterArguments::default(),
     };
     let (exit, stages) = run::of_pipeline(&pipeline, &run, Command::Sweep, output, &keep)?;
     if arguments.csv {

@@ -151,6 +151,7 @@ pub fn outcome(outcome: Outcome) -> &'static str {
         Outcome::Reused => "reused",
         Outcome::Failed => "failed",
         Outcome::Stopped => "stopped",
+        Outcome::Left => "left to others",
         Outcome::Skipped => "skipped",
         Outcome::Stale => "stale",
     }

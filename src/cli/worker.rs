@@ -1,11 +1,10 @@
 //! `deaflow worker`: builds what is ready in a pipeline beside other workers, until everything is there or it is told to stop. It is
 //! what a batch system starts, as often as it likes.
 
+use std::collections::BTreeSet;
 use std::process;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
-use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use clap::Args;
@@ -19,11 +18,16 @@ use super::output::{Exit, Output};
 use super::progress::RunProgress;
 use super::run::{ProgressForm, load};
 use super::table;
+use crate::base::{Background, CpuLevel, Pauses, host_name};
+use crate::executor::{Failed, Sign, report_begun, report_failures, report_trouble, topic};
 use crate::orchestrator::{Environment, Pipeline, RunOptions, run};
-use crate::store::Store;
+use crate::store::{Board, Store};
 
 /// Batch systems kill what has not ended some 30 s after they have asked it to.
 const PATIENCE: Duration = Duration::from_secs(20);
+
+/// A worker of an array waits so long for what others build: longer than a dead one keeps what it has claimed.
+const LINGER: Duration = Duration::from_secs(90);
 
 /// Between two looks at whether it was asked to stop.
 const PAUSE: Duration = Duration::from_millis(100);
@@ -46,6 +50,15 @@ pub struct WorkerArguments {
     /// Of the stage of --until build these chunks alone, from the first to the last, counted from 0
     #[arg(long, value_name = "FIRST-LAST", requires = "until", value_parser = range)]
     chunks: Option<(usize, usize)>,
+    /// Build these stages, or those of a sweep, and leave all others to other workers
+    #[arg(long = "stage", value_name = "STAGE", conflicts_with = "chunks")]
+    stages: Vec<String>,
+    /// Refuse a processor that can do less, so that all workers agree to the last bit: any, or x86-64-v3
+    #[arg(long, value_name = "LEVEL", value_parser = level)]
+    cpu: Option<CpuLevel>,
+    /// The array that it was started in by `deaflow run --executor`, which is told what becomes of it
+    #[arg(long, value_name = "NAME")]
+    array: Option<String>,
     /// Stop so long before the job has to end
     #[arg(long, value_name = "TIME", value_parser = duration)]
     stop_before: Option<Duration>,
@@ -63,6 +76,7 @@ pub struct WorkerArguments {
 pub fn execute(arguments: &WorkerArguments, output: &Output) -> Result<Exit, CliError> {
     let pipeline = load(&arguments.of)?;
     check_chunks(arguments, &pipeline)?;
+    let stages = stages(arguments, &pipeline)?;
     let left = arguments
         .stop_before
         .map(|before| left(arguments.time, before))
@@ -74,11 +88,24 @@ pub fn execute(arguments: &WorkerArguments, output: &Output) -> Result<Exit, Cli
         flag::register(signal, stop.clone()).map_err(refused)?;
     }
     let store = arguments.of.trust(Store::open(&arguments.of.store.folder())?);
-    let _watch = Watch::start(&stop, left, &store)?;
+    let array = arguments.array.as_deref();
+    let board = array.map(|_| store.board(&topic(&pipeline, arguments.of.until.as_deref())));
+    if let (Some(board), Some(array)) = (&board, array) {
+        report_begun(board, array)?;
+    }
+    if let Err(error) = check_processor(arguments.cpu) {
+        tell(board.as_ref(), &[(None, &error)])?;
+        return Err(error);
+    }
+    let sign = Arc::new(Sign::show(&store, &pipeline.name, array)?);
+    let _watch = watch(&stop, left, &store, &sign)?;
     let progress = RunProgress::new(ProgressForm::shown(arguments.progress, arguments.quiet));
     let options = RunOptions {
         until: arguments.of.until.as_deref(),
         chunks: arguments.chunks,
+        stages: stages.as_ref(),
+        // Who was started for work that is not there any more gives its place back.
+        patience: array.map(|_| LINGER),
         abreast: rayon::current_num_threads(),
         keep_going: true,
         stop: Some(&stop),
@@ -88,12 +115,28 @@ pub fn execute(arguments: &WorkerArguments, output: &Output) -> Result<Exit, Cli
     let outcome = run(&pipeline, &store, &options, &Environment::system(), &|event| {
         progress.tell(event);
     });
-    let outcome = outcome.map_err(|error| CliError::from(error).tried_again())?;
-    let errors: Vec<CliError> = outcome
+    let outcome = match outcome {
+        Ok(outcome) => outcome,
+        Err(error) => {
+            let error = CliError::from(error).tried_again();
+            tell(board.as_ref(), &[(None, &error)])?;
+            return Err(error);
+        }
+    };
+    let errors: Vec<(String, CliError)> = outcome
         .failures
         .into_iter()
-        .map(|failure| CliError::from(failure.error).tried_again().of_stage(&failure.stage))
+        .map(|failure| {
+            let error = CliError::from(failure.error).tried_again().of_stage(&failure.stage);
+            (failure.stage, error)
+        })
         .collect();
+    let told: Vec<(Option<&str>, &CliError)> = errors
+        .iter()
+        .map(|(stage, error)| (Some(stage.as_str()), error))
+        .collect();
+    tell(board.as_ref(), &told)?;
+    let errors: Vec<CliError> = errors.into_iter().map(|(_, error)| error).collect();
     if output.is_json() {
         output.document(&json!({
             "pipeline": pipeline.name,
@@ -116,6 +159,65 @@ pub fn execute(arguments: &WorkerArguments, output: &Output) -> Result<Exit, Cli
 
 fn refused(error: std::io::Error) -> CliError {
     CliError::failure(format!("signals cannot be heeded: {error}"))
+}
+
+/// Lets those who started this worker know of what it could not do. That it was stopped they know.
+fn tell(board: Option<&Board>, errors: &[(Option<&str>, &CliError)]) -> Result<(), CliError> {
+    let Some(board) = board else { return Ok(()) };
+    let is_hopeless = |error: &CliError| error.exit() != Exit::TryAgain;
+    let failed = errors.iter().filter(|(_, error)| is_hopeless(error));
+    let failed: Vec<Failed> = failed
+        .map(|(stage, error)| Failed {
+            stage: stage.map(str::to_owned),
+            exit: error.exit().code(),
+            message: error.message().to_owned(),
+        })
+        .collect();
+    report_failures(board, &failed)?;
+    let trouble = errors.iter().find(|(_, error)| !is_hopeless(error) && error.may_pass());
+    if let Some((_, error)) = trouble {
+        report_trouble(board, error.message())?;
+    }
+    Ok(())
+}
+
+fn check_processor(wanted: Option<CpuLevel>) -> Result<(), CliError> {
+    let found = CpuLevel::of_this_machine();
+    match wanted {
+        Some(wanted) if found < wanted => Err(CliError::failure(format!(
+            "the processor of {} is below {}: its results would differ in the last bits",
+            host_name(),
+            wanted.word()
+        ))
+        .help("`cpu` of the profile says what all workers must have")
+        .elsewhere()),
+        _ => Ok(()),
+    }
+}
+
+/// Places of the stages that are to be built here; all of them without.
+fn stages(arguments: &WorkerArguments, pipeline: &Pipeline) -> Result<Option<BTreeSet<usize>>, CliError> {
+    if arguments.stages.is_empty() {
+        return Ok(None);
+    }
+    let mut places = BTreeSet::new();
+    for name in &arguments.stages {
+        // A name that is none is refused there.
+        pipeline.selection(Some(name))?;
+        let sweep = pipeline.sweep(name);
+        let is_meant = |stage: &String| stage == name || sweep.is_some_and(|sweep| sweep.stages.contains(stage));
+        let named = pipeline
+            .stages
+            .iter()
+            .enumerate()
+            .filter(|(_, stage)| is_meant(&stage.name));
+        places.extend(named.map(|(place, _)| place));
+    }
+    Ok(Some(places))
+}
+
+fn level(word: &str) -> Result<CpuLevel, String> {
+    CpuLevel::of_word(word).ok_or_else(|| format!("allowed: {}", CpuLevel::WORDS.join(", ")))
 }
 
 /// One stage has chunks to choose from.
@@ -147,49 +249,33 @@ fn left(time: Option<Duration>, before: Duration) -> Result<Duration, CliError> 
 
 /// Has the worker stop when its time is over, and the process end where what is under way does not stop: nothing of it is lost but its
 /// last piece, and others need not wait for that.
-struct Watch {
-    over: Option<Sender<()>>,
-    thread: Option<JoinHandle<()>>,
-}
-
-impl Watch {
-    fn start(stop: &Arc<AtomicBool>, left: Option<Duration>, store: &Store) -> Result<Self, CliError> {
-        let (stop, store) = (stop.clone(), store.clone());
-        if left.is_some_and(|left| left.is_zero()) {
-            stop.store(true, Ordering::Relaxed);
-        }
-        let end = left.and_then(|left| Instant::now().checked_add(left));
-        let (over, is_over) = channel();
-        let watch = move || {
-            let waited = |time| is_over.recv_timeout(time) == Err(RecvTimeoutError::Timeout);
-            while !stop.load(Ordering::Relaxed) {
-                if !waited(PAUSE) {
-                    return;
-                }
-                if end.is_some_and(|end| Instant::now() >= end) {
-                    stop.store(true, Ordering::Relaxed);
-                }
-            }
-            if waited(PATIENCE) {
-                store.leave();
-                process::exit(i32::from(Exit::TryAgain.code()));
-            }
-        };
-        let thread = thread::Builder::new().name("watch".to_owned()).spawn(watch);
-        Ok(Self {
-            over: Some(over),
-            thread: Some(thread.map_err(|error| CliError::failure(format!("cannot start a thread: {error}")))?),
-        })
+fn watch(
+    stop: &Arc<AtomicBool>,
+    left: Option<Duration>,
+    store: &Store,
+    sign: &Arc<Sign>,
+) -> Result<Background, CliError> {
+    let (stop, store, sign) = (stop.clone(), store.clone(), sign.clone());
+    if left.is_some_and(|left| left.is_zero()) {
+        stop.store(true, Ordering::Relaxed);
     }
-}
-
-impl Drop for Watch {
-    fn drop(&mut self) {
-        drop(self.over.take());
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
+    let end = left.and_then(|left| Instant::now().checked_add(left));
+    let watch = move |pauses: &Pauses| {
+        while !stop.load(Ordering::Relaxed) {
+            if !pauses.wait(PAUSE) {
+                return;
+            }
+            if end.is_some_and(|end| Instant::now() >= end) {
+                stop.store(true, Ordering::Relaxed);
+            }
         }
-    }
+        if pauses.wait(PATIENCE) {
+            sign.remove();
+            store.leave();
+            process::exit(i32::from(Exit::TryAgain.code()));
+        }
+    };
+    Background::start("watch", watch).map_err(|error| CliError::failure(format!("cannot start a thread: {error}")))
 }
 
 /// Reads `17-48`.

@@ -3,6 +3,7 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
@@ -10,6 +11,7 @@ use super::event::{Event, Listener};
 use super::kind::{Chunk, Job, StageError};
 use super::planner::{ChunkState, manifest};
 use super::provenance::{Environment, Took};
+use super::reserve::{BLOCKS, Reserve};
 use super::scratch::Scratch;
 use super::spec::StageSpec;
 use crate::base::{ActionKey, ArtifactId, Progress, Stopped};
@@ -29,6 +31,8 @@ pub struct Builder<'a> {
     pub stop: Option<&'a AtomicBool>,
     /// Of which stage only some chunks are built, and which: from the first to the last.
     pub only: Option<(usize, (usize, usize))>,
+    /// How long what another is building is waited for before it is left to that; for ever without.
+    pub patience: Option<Duration>,
 }
 
 /// Where it is noted that a stage has waited for another process.
@@ -52,7 +56,7 @@ struct Piece<'a> {
 }
 
 impl Builder<'_> {
-    /// Builds a stage that is one piece of work.
+    /// Builds a stage that is one piece of work; none where it is left to another.
     ///
     /// # Errors
     /// When the work fails or the store refuses.
@@ -62,7 +66,7 @@ impl Builder<'_> {
         action: &Action,
         key: ActionKey,
         waited: Waited<'_>,
-    ) -> Result<Done, StageError> {
+    ) -> Result<Option<Done>, StageError> {
         let piece = Piece {
             spec,
             action,
@@ -70,9 +74,13 @@ impl Builder<'_> {
             chunk: None,
         };
         match self.store.try_lock_action(&key)? {
-            Some(guard) => self.perform(piece, &guard),
-            None => self.wait_and_perform(piece, waited),
+            Some(guard) => self.perform(piece, &guard).map(Some),
+            None => self.wait_and_perform(piece, waited, self.patience_ends()),
         }
+    }
+
+    fn patience_ends(&self) -> Option<Instant> {
+        Instant::now().checked_add(self.patience?)
     }
 
     /// Whether nothing more is to be begun.
@@ -111,12 +119,21 @@ impl Builder<'_> {
         // A chunk that another is building is put off rather than waited for: a thread of the pool that waited could hold
         // up, by work stealing, the very chunk that the other waits for. The other may only share a lock file, so as long
         // as anything gets done the rest is tried again.
-        while self.pass(spec, range.start, ours, ours_states, &mut done)? {}
+        let mut reserve = Reserve::of(self.store, ours_states, BLOCKS);
+        loop {
+            let goes_on = self.pass(spec, (range.start, ours, ours_states), reserve.as_ref(), &mut done)?;
+            // What others had asked for is tried too once all else has been.
+            if !goes_on && reserve.is_none() {
+                break;
+            }
+            reserve = None;
+        }
+        let end = self.patience_ends();
         let wait = |(at, done): (usize, Option<Done>)| match done {
             Some(done) => Ok(Some(done)),
             None => {
                 let piece = piece(spec, (range.start + at, &ours[at]), &ours_states[at])?;
-                self.wait_and_perform(piece, waited).map(Some)
+                self.wait_and_perform(piece, waited, end)
             }
         };
         let done: Vec<Option<Done>> = done.into_iter().enumerate().map(wait).collect::<Result<_, _>>()?;
@@ -142,22 +159,27 @@ impl Builder<'_> {
     fn pass(
         &self,
         spec: &StageSpec,
-        first: usize,
-        chunks: &[Chunk],
-        states: &[ChunkState],
+        (first, chunks, states): (usize, &[Chunk], &[ChunkState]),
+        reserve: Option<&Reserve<'_>>,
         done: &mut [Option<Done>],
     ) -> Result<bool, StageError> {
         let stop = AtomicBool::new(false);
         let left = |done: &[Option<Done>]| done.iter().filter(|done| done.is_none()).count();
         let before = left(done);
-        let attempts: Vec<Result<(), StageError>> = done
+        let begin = reserve.map_or(0, Reserve::begin);
+        let (head, tail) = done.split_at_mut(begin);
+        let places = (begin..chunks.len()).into_par_iter().chain(0..begin);
+        let attempts: Vec<Result<(), StageError>> = tail
             .par_iter_mut()
-            .zip(states)
-            .zip(chunks)
-            .enumerate()
+            .chain(head)
+            .zip(places)
             .with_max_len(1)
-            .filter(|(_, ((done, _), _))| done.is_none())
-            .map(|(index, ((done, state), chunk))| {
+            .filter(|(done, _)| done.is_none())
+            .map(|(done, index)| {
+                let (chunk, state) = (&chunks[index], &states[index]);
+                if reserve.is_some_and(|reserve| !state.intact && !reserve.is_free(index)) {
+                    return Ok(());
+                }
                 let attempt = self.attempt(spec, (first + index, chunk), state, &stop);
                 if attempt.is_err() && !self.keep_going {
                     stop.store(true, Ordering::Relaxed);
@@ -212,11 +234,17 @@ impl Builder<'_> {
         }
     }
 
-    fn wait_and_perform(&self, piece: Piece<'_>, waited: Waited<'_>) -> Result<Done, StageError> {
+    /// None where another is at it until the end of patience.
+    fn wait_and_perform(
+        &self,
+        piece: Piece<'_>,
+        waited: Waited<'_>,
+        end: Option<Instant>,
+    ) -> Result<Option<Done>, StageError> {
         if self.is_stopped() {
             return Err(Stopped.into());
         }
-        let who = self.store.who_does(&piece.key)?;
+        let who = self.store.who_does(&piece.key);
         (self.listener)(&Event::Note {
             name: piece.spec.name.clone(),
             text: format!(
@@ -225,9 +253,12 @@ impl Builder<'_> {
             ),
         });
         waited.store(true, Ordering::Relaxed);
-        let stopped = || self.is_stopped();
-        let guard = self.store.lock_action(&piece.key, &stopped)?.ok_or(Stopped)?;
-        self.perform(piece, &guard)
+        let over = || self.is_stopped() || end.is_some_and(|end| Instant::now() >= end);
+        match self.store.lock_action(&piece.key, &over)? {
+            Some(guard) => self.perform(piece, &guard).map(Some),
+            None if self.is_stopped() => Err(Stopped.into()),
+            None => Ok(None),
+        }
     }
 
     /// Builds a piece of work, unless it has been built since it was looked at. The guard shows that its lock is held.

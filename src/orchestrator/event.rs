@@ -18,6 +18,8 @@ pub enum Outcome {
     Failed,
     /// It was asked to stop, and what it had come to is kept.
     Stopped,
+    /// What is left of it others are building.
+    Left,
     /// It was not begun, because a stage that it needs was not built.
     Skipped,
     /// In a plan: it would be built.

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::channel;
-use std::time::SystemTime;
+use std::time::{Duration, SystemTime};
 
 use super::build::Builder;
 use super::cost_estimate;
@@ -45,6 +45,10 @@ pub struct RunOptions<'a> {
     pub abreast: usize,
     /// Builds these chunks of the last stage and no others; the stage itself is left to whoever builds the rest.
     pub chunks: Option<(usize, usize)>,
+    /// Builds these stages and leaves all others to others; or all.
+    pub stages: Option<&'a BTreeSet<usize>>,
+    /// How long what another process is building is waited for before it is left to that; for ever without.
+    pub patience: Option<Duration>,
     /// Once it is set nothing more is begun, and what can be gone on with later stops.
     pub stop: Option<&'a AtomicBool>,
     /// Whether the history is not to know of it.
@@ -109,10 +113,7 @@ pub fn run(
     let began = (environment.clock)();
     let selection = pipeline.selection(options.until)?;
     if let Some(lock) = options.lock {
-        let differences = locked::differences(pipeline, &selection, store, lock)?;
-        if !differences.is_empty() {
-            return Err(RunError::Locked(differences));
-        }
+        check_locked(pipeline, options.until, store, lock)?;
     }
     let planner = Planner::new(pipeline, store);
     let statuses = planner.statuses(&selection)?;
@@ -135,6 +136,7 @@ pub fn run(
         keep_going: options.keep_going,
         stop: options.stop,
         only: options.chunks.and_then(|chunks| Some((*selection.last()?, chunks))),
+        patience: options.patience,
     };
     let mut execution = Execution {
         pipeline,
@@ -147,6 +149,7 @@ pub fn run(
         planner,
         builder: &builder,
         abreast: options.abreast.max(1),
+        ours: options.stages,
         lock: options.lock,
         prices: selection.iter().copied().zip(prices).collect(),
         inputs: known,
@@ -183,6 +186,18 @@ pub fn run(
         not_logged,
         lock,
     })
+}
+
+/// Holds a pipeline to its lock file as far as that can be done before any work.
+///
+/// # Errors
+/// When there is a difference, no stage of the name to stop at, or the store cannot be read.
+pub fn check_locked(pipeline: &Pipeline, until: Option<&str>, store: &Store, lock: &LockFile) -> Result<(), RunError> {
+    let differences = locked::differences(pipeline, &pipeline.selection(until)?, store, lock)?;
+    match differences.is_empty() {
+        true => Ok(()),
+        false => Err(RunError::Locked(differences)),
+    }
 }
 
 /// Whether anything was done for a stage.
@@ -230,6 +245,8 @@ struct Execution<'a> {
     planner: Planner<'a>,
     builder: &'a Builder<'a>,
     abreast: usize,
+    /// The stages that are built here; or all.
+    ours: Option<&'a BTreeSet<usize>>,
     lock: Option<&'a LockFile>,
     read_closely: BTreeSet<usize>,
     known_statuses: BTreeMap<usize, StageStatus>,
@@ -255,6 +272,33 @@ enum Begun {
     There(Box<StageReport>),
     /// It is being built.
     AtWork(Box<Work>),
+    /// It is left to others.
+    Others,
+}
+
+/// The stages that are not done and not at work.
+struct Open {
+    /// Those that may be begun.
+    left: BTreeSet<usize>,
+    /// Those that others build.
+    others: BTreeSet<usize>,
+}
+
+impl Open {
+    fn contains(&self, index: usize) -> bool {
+        self.left.contains(&index) || self.others.contains(&index)
+    }
+
+    /// Where something has been built here, others have had time to build too.
+    fn ended(&mut self, index: usize, report: &Result<StageReport, StageError>) {
+        match report.as_ref().map(|report| report.outcome) {
+            Ok(Outcome::Left) => {
+                self.others.insert(index);
+            }
+            Ok(Outcome::Built) => self.left.append(&mut self.others),
+            _ => {}
+        }
+    }
 }
 
 impl<'a> Execution<'a> {
@@ -262,55 +306,59 @@ impl<'a> Execution<'a> {
     fn stages(&mut self, selection: &[usize]) -> (Vec<StageReport>, Vec<Failure>) {
         let (builder, stages) = (self.builder, &self.pipeline.stages);
         let mut concluded = Concluded::default();
-        let mut left: BTreeSet<usize> = selection.iter().copied().collect();
+        let mut open = Open {
+            left: selection.iter().copied().collect(),
+            others: BTreeSet::new(),
+        };
         let mut at_work = Shares::default();
         let (sender, receiver) = channel();
         std::thread::scope(|scope| {
             loop {
                 while at_work.len() < self.abreast && self.goes_on(&concluded) {
-                    let is_open = |index: &usize| left.contains(index) || at_work.contains(*index);
+                    let is_open = |index: &usize| open.contains(*index) || at_work.contains(*index);
                     let is_ready = |index: &&usize| !stages[**index].waits_for().iter().any(is_open);
-                    let Some(index) = left.iter().find(is_ready).copied() else {
+                    let Some(index) = open.left.iter().find(is_ready).copied() else {
                         break;
                     };
-                    left.remove(&index);
+                    open.left.remove(&index);
                     if let Some(skipped) = self.skipped(index) {
                         concluded.reports.insert(index, skipped);
                         continue;
                     }
                     let start = (builder.environment.clock)();
-                    let work = match self.begin(index, start) {
-                        Ok(Begun::AtWork(work)) => work,
-                        Ok(Begun::There(report)) => {
-                            self.conclude(index, start, Ok(*report), &mut concluded);
+                    let report = match self.begin(index, start) {
+                        Ok(Begun::Others) => {
+                            open.others.insert(index);
                             continue;
                         }
-                        Err(error) => {
-                            self.conclude(index, start, Err(error), &mut concluded);
-                            continue;
+                        Ok(Begun::There(report)) => Ok(*report),
+                        Ok(Begun::AtWork(work)) if self.abreast == 1 => {
+                            self.end(work.done(builder, &stages[index]), None)
                         }
+                        Ok(Begun::AtWork(work)) => {
+                            at_work.begin(index, builder.environment);
+                            let sender = sender.clone();
+                            let build = move || {
+                                // Whoever waits would wait for ever for a thread that has panicked.
+                                let done = catch_unwind(AssertUnwindSafe(|| work.done(builder, &stages[index])));
+                                // Nobody listens any more where another has panicked.
+                                let _ = sender.send(done);
+                            };
+                            let thread = std::thread::Builder::new()
+                                .name(stages[index].name.clone())
+                                .stack_size(STACK);
+                            match thread.spawn_scoped(scope, build) {
+                                Ok(_) => continue,
+                                Err(error) => {
+                                    at_work.end(index, builder.environment);
+                                    Err(StageError::Failed(format!("cannot start a thread: {error}")))
+                                }
+                            }
+                        }
+                        Err(error) => Err(error),
                     };
-                    if self.abreast == 1 {
-                        let report = self.end(work.done(builder, &stages[index]), None);
-                        self.conclude(index, start, report, &mut concluded);
-                        continue;
-                    }
-                    at_work.begin(index, builder.environment);
-                    let sender = sender.clone();
-                    let build = move || {
-                        // Whoever waits would wait for ever for a thread that has panicked.
-                        let done = catch_unwind(AssertUnwindSafe(|| work.done(builder, &stages[index])));
-                        // Nobody listens any more where another has panicked.
-                        let _ = sender.send(done);
-                    };
-                    let thread = std::thread::Builder::new()
-                        .name(stages[index].name.clone())
-                        .stack_size(STACK);
-                    if let Err(error) = thread.spawn_scoped(scope, build) {
-                        at_work.end(index, builder.environment);
-                        let error = StageError::Failed(format!("cannot start a thread: {error}"));
-                        self.conclude(index, start, Err(error), &mut concluded);
-                    }
+                    open.ended(index, &report);
+                    self.conclude(index, start, report, &mut concluded);
                 }
                 if at_work.len() == 0 {
                     break;
@@ -321,6 +369,7 @@ impl<'a> Execution<'a> {
                 let (index, start) = (done.work.index, done.work.start);
                 let share = at_work.end(index, builder.environment);
                 let report = self.end(done, Some(share));
+                open.ended(index, &report);
                 self.conclude(index, start, report, &mut concluded);
             }
         });
@@ -353,6 +402,7 @@ impl<'a> Execution<'a> {
                 let report = self.take(index, start, report, &record, known)?;
                 Ok(Begun::There(Box::new(report)))
             }
+            State::Stale { .. } if self.ours.is_some_and(|ours| !ours.contains(&index)) => Ok(Begun::Others),
             State::Stale { why, .. } => {
                 self.announce(index, &status, why);
                 Ok(Begun::AtWork(Box::new(Work {

@@ -15,12 +15,14 @@ mod plan;
 mod planner;
 mod price;
 mod provenance;
+mod reserve;
 mod rounds;
 mod schema;
 mod scratch;
 mod shares;
 mod spec;
 mod staleness;
+mod standing;
 mod sweep;
 mod work;
 
@@ -28,7 +30,7 @@ pub use built::{Built, BuiltStage, built};
 pub use difference::Difference;
 pub use entry::{Registry, suggestion};
 pub use event::{Event, Listener, Outcome, StageReport};
-pub use execute::{Failure, RunError, RunOptions, RunOutcome, run};
+pub use execute::{Failure, RunError, RunOptions, RunOutcome, check_locked, run};
 pub use explain::{Explanation, Last, explain};
 pub use kind::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
 pub use plan::plan;
@@ -39,6 +41,7 @@ pub use schema::{of_pipeline, of_scene};
 pub use scratch::Scratch;
 pub use spec::{Pipeline, StageSpec, file_of, splice_scene};
 pub use staleness::Staleness;
+pub use standing::{Standing, Stands, standings};
 pub use sweep::{MANY_STAGES, MOST_STAGES, Sweep};
 
 #[cfg(test)]

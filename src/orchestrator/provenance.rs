@@ -2,7 +2,7 @@
 
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use crate::base::ActionKey;
+use crate::base::{ActionKey, host_name};
 use crate::store::{Action, Provenance};
 
 /// Where and when a run takes place.
@@ -34,17 +34,13 @@ impl Environment {
     #[must_use]
     pub fn system() -> Self {
         let read = |path| std::fs::read_to_string(path).unwrap_or_default();
-        let host = read("/proc/sys/kernel/hostname");
         let processor = read("/proc/cpuinfo")
             .lines()
             .find_map(|line| line.strip_prefix("model name")?.split_once(':'))
             .map_or_else(|| "unknown processor".to_owned(), |(_, name)| name.trim().to_owned());
         let (architecture, system) = (std::env::consts::ARCH, std::env::consts::OS);
         Self {
-            host: match host.trim() {
-                "" => "unknown".to_owned(),
-                name => name.to_owned(),
-            },
+            host: host_name(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             build: env!("DEAFLOW_BUILD").to_owned(),
             target: format!("{architecture}-{system}, {processor}"),

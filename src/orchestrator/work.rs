@@ -65,7 +65,9 @@ impl Work {
         };
         let Plan::Chunks(chunks) = &self.status.work else {
             builder.refuse_some_of_one(self.index)?;
-            let done = builder.whole(spec, action, *key, waited)?;
+            let Some(done) = builder.whole(spec, action, *key, waited)? else {
+                return Ok(Made::of(&[], Outcome::Left, None, Vec::new()));
+            };
             // Another process may have built it while this one waited.
             let outcome = if done.built { Outcome::Built } else { Outcome::Reused };
             return Ok(Made::of(&[&done], outcome, Some(done.record.clone()), Vec::new()));
@@ -73,7 +75,9 @@ impl Work {
         let done = builder.chunks(spec, self.index, chunks, states, waited)?;
         let there: Vec<&Done> = done.iter().flatten().collect();
         if there.len() < chunks.len() {
-            return Ok(Made::of(&there, Outcome::Built, None, Vec::new()));
+            let are_some = builder.only.is_some_and(|(stage, _)| stage == self.index);
+            let outcome = if are_some { Outcome::Built } else { Outcome::Left };
+            return Ok(Made::of(&there, outcome, None, Vec::new()));
         }
         let parts: Vec<ArtifactId> = there.iter().map(|done| done.record.artifact).collect();
         let all = parts.iter().copied().map(Some).collect();

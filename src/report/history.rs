@@ -53,6 +53,8 @@ pub struct Origin {
     pub created: String,
     /// Name of the machine.
     pub host: String,
+    /// Machines, and how many of its chunks each built.
+    pub builders: BTreeMap<String, usize>,
     /// Version of this program.
     pub version: String,
     /// Architecture, operating system and processor.
@@ -180,10 +182,29 @@ fn origin(
 ) -> Result<Origin, ReportError> {
     let entries = artifact.provenance()?;
     let entry = |name: &str| entries.get(name).cloned().unwrap_or_default();
-    let built = since.map(|since| built_after(artifact, &entries, since)).transpose()?;
+    let pieces = match artifact.is_manifest() {
+        true => artifact
+            .chunks()?
+            .iter()
+            .map(Artifact::provenance)
+            .collect::<Result<_, _>>()?,
+        false => vec![entries.clone()],
+    };
+    let mut builders = BTreeMap::new();
+    for piece in &pieces {
+        *builders
+            .entry(piece.get("host").cloned().unwrap_or_default())
+            .or_default() += 1;
+    }
+    // Times are written alike, so that their order is that of their texts.
+    let is_after = |piece: &&BTreeMap<String, String>, since: Option<&str>| {
+        since.is_none_or(|since| piece.get("created").map(String::as_str) > Some(since))
+    };
+    let built = since.map(|since| pieces.iter().filter(|piece| is_after(piece, since)).count());
     let created = entry("created");
     Ok(Origin {
         host: entry("host"),
+        builders,
         version: entry("version"),
         target: entry("target"),
         recipe: entry("recipe"),
@@ -193,26 +214,6 @@ fn origin(
         built,
         created,
     })
-}
-
-fn built_after(
-    artifact: &Artifact,
-    entries: &BTreeMap<String, String>,
-    since: Option<&str>,
-) -> Result<usize, ReportError> {
-    // Times are written alike, so that their order is that of their texts.
-    let after = |entries: &BTreeMap<String, String>| {
-        let created = entries.get("created").map(String::as_str);
-        since.is_none_or(|since| created > Some(since))
-    };
-    if !artifact.is_manifest() {
-        return Ok(usize::from(after(entries)));
-    }
-    let mut built = 0;
-    for chunk in artifact.chunks()? {
-        built += usize::from(after(&chunk.provenance()?));
-    }
-    Ok(built)
 }
 
 /// The cost that was written down when the artifact had been: the first of its kind within a second.

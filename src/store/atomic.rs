@@ -9,6 +9,7 @@ use std::path::Path;
 
 use super::error::StoreError;
 use super::late;
+use crate::base::folder_of;
 
 /// Writes `bytes` as `target`, by way of the file `temporary` in the same filesystem.
 ///
@@ -16,7 +17,7 @@ use super::late;
 /// When the system refuses; nothing is visible as `target` then.
 pub fn write(temporary: &Path, target: &Path, bytes: &[u8]) -> Result<(), StoreError> {
     write_unsettled(temporary, target, bytes)?;
-    sync_folder(target.parent().unwrap_or(Path::new(".")))
+    sync_folder(folder_of(target))
 }
 
 /// As [`write()`], but a crash of the machine may yet lose the name: the folder has still to be synced.
@@ -55,7 +56,7 @@ pub fn link(temporary: &Path, target: &Path) -> Result<bool, StoreError> {
         }
         Err(error) => return Err(StoreError::io("write", target)(error)),
     }
-    sync_folder(target.parent().unwrap_or(Path::new(".")))?;
+    sync_folder(folder_of(target))?;
     Ok(true)
 }
 
@@ -70,7 +71,7 @@ fn is_unknown(error: &std::io::Error) -> bool {
 /// When the system refuses.
 pub fn rename(temporary: &Path, target: &Path) -> Result<(), StoreError> {
     place(temporary, target)?;
-    sync_folder(target.parent().unwrap_or(Path::new(".")))
+    sync_folder(folder_of(target))
 }
 
 fn place(temporary: &Path, target: &Path) -> Result<(), StoreError> {
@@ -79,10 +80,10 @@ fn place(temporary: &Path, target: &Path) -> Result<(), StoreError> {
 }
 
 fn make_folder_of(target: &Path) -> Result<(), StoreError> {
-    let folder = target.parent().unwrap_or(Path::new("."));
+    let folder = folder_of(target);
     if !folder.is_dir() {
         late::make_folders(folder).map_err(StoreError::io("create", folder))?;
-        sync_folder(folder.parent().unwrap_or(Path::new(".")))?;
+        sync_folder(folder_of(folder))?;
     }
     Ok(())
 }

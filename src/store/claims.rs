@@ -42,14 +42,6 @@ pub struct Claim {
     process: String,
 }
 
-/// What came of an attempt.
-pub enum Taken {
-    /// This process has it.
-    Here(Claim),
-    /// Another has it, or another thread of this one; who, where that is known.
-    Elsewhere(Option<Owner>),
-}
-
 impl Claims {
     /// The claims in a folder, which is made where there is none.
     ///
@@ -68,17 +60,35 @@ impl Claims {
         &self.presence.owner().host
     }
 
+    /// Name of this process in the store.
+    pub fn process(&self) -> &str {
+        self.presence.name()
+    }
+
     /// Ends all claims of this process, and its sign of life. What cannot be removed is waited for.
     pub fn leave(&self) {
         let _ = self.clear(&[self.presence.name()]);
         self.presence.bury(self.presence.name());
     }
 
-    /// Claims a piece of work unless a living process has it.
+    /// Who has a piece of work, where somebody has it and that is known.
+    pub fn owner(&self, key: &str) -> Option<Owner> {
+        let process = process_of(&self.folder.join(key));
+        match process.as_str() {
+            "" => None,
+            own if own == self.presence.name() => Some(self.presence.owner().clone()),
+            process => match self.presence.life(process) {
+                Life::Alive(owner) => owner,
+                Life::Dead(_) => None,
+            },
+        }
+    }
+
+    /// Claims a piece of work unless a living process has it, or another thread of this one.
     ///
     /// # Errors
     /// When the system refuses.
-    pub fn try_take(&self, key: &str) -> Result<Taken, StoreError> {
+    pub fn try_take(&self, key: &str) -> Result<Option<Claim>, StoreError> {
         let path = self.folder.join(key);
         for _ in 0..ATTEMPTS {
             match fs::create_dir(&path) {
@@ -89,7 +99,7 @@ impl Claims {
                     };
                     let owner = path.join(OWNER);
                     match fs::write(&owner, &claim.process) {
-                        Ok(()) => return Ok(Taken::Here(claim)),
+                        Ok(()) => return Ok(Some(claim)),
                         // Somebody has waited for the name for long, and has ended the claim.
                         Err(error) if late::is_late(&error) => std::thread::sleep(PAUSE),
                         Err(error) => {
@@ -102,7 +112,7 @@ impl Claims {
                 Err(error) if error.kind() == ErrorKind::AlreadyExists => {
                     let process = process_of(&path);
                     if process == self.presence.name() {
-                        return Ok(Taken::Elsewhere(Some(Owner::this())));
+                        return Ok(None);
                     }
                     let life = match process.as_str() {
                         // Its process may be about to write its name; the next claim on the same is another.
@@ -110,7 +120,7 @@ impl Claims {
                         process => self.presence.life(process),
                     };
                     match life {
-                        Life::Alive(owner) => return Ok(Taken::Elsewhere(owner)),
+                        Life::Alive(_) => return Ok(None),
                         Life::Dead(_) => self.evict(&path, &process)?,
                     }
                 }
@@ -122,7 +132,7 @@ impl Claims {
                 Err(error) => return Err(StoreError::io("claim", &path)(error)),
             }
         }
-        Ok(Taken::Elsewhere(None))
+        Ok(None)
     }
 
     /// Ends the claims of processes that are dead.
@@ -210,10 +220,7 @@ mod tests {
     }
 
     fn taken(claims: &Claims, key: &str) -> Option<Claim> {
-        match claims.try_take(key).unwrap() {
-            Taken::Here(claim) => Some(claim),
-            Taken::Elsewhere(_) => None,
-        }
+        claims.try_take(key).unwrap()
     }
 
     #[test]
@@ -247,6 +254,8 @@ mod tests {
         assert!(taken(&one, "key").is_none(), "another thread of the same process");
         std::thread::sleep(2 * QUICK.expiry);
         assert!(taken(&two, "key").is_none(), "it shows itself");
+        assert_eq!(two.owner("key").as_ref(), Some(one.presence.owner()));
+        assert_eq!(two.owner("other"), None);
         drop(claim);
         let claim = taken(&two, "key").unwrap();
         // A process that is killed removes nothing; that it has ended is known here at once only of the same machine.

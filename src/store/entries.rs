@@ -11,8 +11,11 @@ use std::path::{Path, PathBuf};
 use super::error::StoreError;
 use crate::base::leads_nowhere_at;
 
-/// What the names of files and folders being written begin with, and how long they are: those of the crate `tempfile`.
-const TEMPORARY: (&str, usize) = (".tmp", 10);
+/// What the names of files and folders being written begin with, as the crate `tempfile` names them.
+pub const TEMPORARY: &str = ".tmp";
+
+/// Letters and digits that follow, in the same crate and in the names of processes.
+pub const LETTERS: usize = 6;
 
 /// Everything in a folder, in order, but for links that lead nowhere.
 ///
@@ -86,9 +89,9 @@ pub fn is_hidden(path: &Path) -> bool {
 
 /// Whether a file or folder in `tmp` was made there by a process that wrote it.
 pub fn is_temporary(path: &Path) -> bool {
-    let (prefix, length) = TEMPORARY;
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
-    name.len() == length && name.starts_with(prefix) && (is_file(path) || is_folder(path))
+    let is_named = name.strip_prefix(TEMPORARY).is_some_and(|rest| rest.len() == LETTERS);
+    is_named && (is_file(path) || is_folder(path))
 }
 
 /// Whether an entry is a link.

@@ -6,11 +6,11 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::claims::{Claims, Taken};
+use super::claims::Claims;
 use super::entries::{files_in, is_folder, is_temporary, names_in};
 use super::error::StoreError;
 use super::layout::Layout;
-use super::lock::{self, Guard};
+use super::lock::{self, Guard, is_read_only};
 use super::locking::{self, Choice, Manner};
 use super::presence::{ALONE, Alone, Life, Presence, Times};
 use super::stamp::Time;
@@ -57,7 +57,7 @@ impl Hold {
         let run = loop {
             match lock::try_shared(&layout.run_lock())? {
                 Some(run) => break run,
-                None if start.elapsed() > PATIENCE => return Err(busy(layout, &holder(layout))),
+                None if start.elapsed() > PATIENCE => return Err(busy(layout, holder(layout))),
                 None => std::thread::sleep(PAUSE),
             }
         };
@@ -77,11 +77,11 @@ impl Hold {
             let alone = make_alone(layout, &presence)?;
             let others = living(layout, &presence)?;
             if !others.is_empty() {
-                return Err(busy(layout, &others));
+                return Err(busy(layout, others));
             }
             return Self::by_claims(layout, choice, presence, Some(alone));
         }
-        let run = lock::try_exclusive(&layout.run_lock())?.ok_or_else(|| busy(layout, &holder(layout)))?;
+        let run = lock::try_exclusive(&layout.run_lock())?.ok_or_else(|| busy(layout, holder(layout)))?;
         clear(&layout.temporary())?;
         Ok(Self::by_locks(layout, choice, run))
     }
@@ -132,25 +132,36 @@ impl Hold {
         self.claims.as_ref().map(|claims| claims.host())
     }
 
-    /// The right to do an action, unless another has it; then who, where that is known.
+    /// The right to do an action, unless another has it.
     ///
     /// # Errors
     /// When the system refuses.
-    pub fn try_action(&self, layout: &Layout, key: &ActionKey) -> Result<Result<Guard, Option<String>>, StoreError> {
+    pub fn try_action(&self, layout: &Layout, key: &ActionKey) -> Result<Option<Guard>, StoreError> {
+        self.try_named(&layout.action_lock(key), &key.to_string())
+    }
+
+    /// The right to what a file is locked for, or a name is claimed for, unless another has it.
+    ///
+    /// # Errors
+    /// When the system refuses.
+    pub fn try_named(&self, file: &Path, name: &str) -> Result<Option<Guard>, StoreError> {
         match &self.claims {
-            None => Ok(
-                lock::try_exclusive(&layout.action_lock(key))?.ok_or_else(|| lock::holder(&layout.action_lock(key)))
-            ),
-            Some(claims) => Ok(match claims.try_take(&key.to_string())? {
-                Taken::Here(claim) => Ok(claim.into()),
-                Taken::Elsewhere(owner) => Err(owner.map(|owner| owner.text())),
-            }),
+            None => lock::try_exclusive(file),
+            Some(claims) => Ok(claims.try_take(name)?.map(Guard::from)),
+        }
+    }
+
+    /// Who is at an action, where somebody is and that is known, for people.
+    pub fn who_does(&self, layout: &Layout, key: &ActionKey) -> Option<String> {
+        match &self.claims {
+            None => lock::holder(&layout.action_lock(key)),
+            Some(claims) => claims.owner(&key.to_string()).map(|owner| owner.text()),
         }
     }
 }
 
-fn holder(layout: &Layout) -> Vec<String> {
-    lock::holder(&layout.run_lock()).into_iter().collect()
+fn holder(layout: &Layout) -> Option<String> {
+    lock::holder(&layout.run_lock())
 }
 
 /// How often processes show themselves. `DEAFLOW_CLAIM_SECONDS` is after how long a silent one counts as dead, for tests.
@@ -182,8 +193,7 @@ fn wait_for_alone(layout: &Layout, presence: &Presence) -> Result<(), StoreError
         match presence.life(&holder) {
             Life::Dead(_) => remove_alone(layout)?,
             Life::Alive(owner) if start.elapsed() > PATIENCE => {
-                let who = owner.map(|owner| owner.text());
-                return Err(busy(layout, &who.into_iter().collect::<Vec<_>>()));
+                return Err(busy(layout, owner.map(|owner| owner.text())));
             }
             Life::Alive(_) => std::thread::sleep(PAUSE),
         }
@@ -198,10 +208,7 @@ fn make_alone(layout: &Layout, presence: &Presence) -> Result<Alone, StoreError>
         }
         match presence.life(&process_alone(layout)) {
             Life::Dead(_) => remove_alone(layout)?,
-            Life::Alive(owner) => {
-                let who = owner.map(|owner| owner.text());
-                return Err(busy(layout, &who.into_iter().collect::<Vec<_>>()));
-            }
+            Life::Alive(owner) => return Err(busy(layout, owner.map(|owner| owner.text()))),
         }
     }
 }
@@ -234,10 +241,11 @@ fn living(layout: &Layout, presence: &Presence) -> Result<Vec<String>, StoreErro
     Ok(found)
 }
 
-fn busy(layout: &Layout, who: &[String]) -> StoreError {
+fn busy(layout: &Layout, who: impl IntoIterator<Item = String>) -> StoreError {
+    let who: Vec<String> = who.into_iter().collect();
     StoreError::Busy {
         path: layout.root().to_owned(),
-        who: match who {
+        who: match who.as_slice() {
             [] => "another process".to_owned(),
             who => who.join(", "),
         },
@@ -250,18 +258,18 @@ fn clear_of_dead(layout: &Layout, presence: &Presence, claims: &Claims) -> Resul
     let folders = files_in(&layout.temporary())?;
     let now = super::stamp::file_system_time(&layout.processes());
     let others = presence.others()?;
-    let dead = |name: &str| match others.iter().any(|other| other == name) {
-        true => matches!(presence.life(name), Life::Dead(_)),
-        false => false,
-    };
+    let is_dead = |name: &str| matches!(presence.life(name), Life::Dead(_));
     for folder in folders.iter().filter(|folder| is_temporary(folder)) {
         let process = workbench::process_of(folder).unwrap_or_default();
-        let is_known = others.iter().any(|other| other == process);
-        if dead(process) || (!is_known && process != presence.name() && is_abandoned(folder, now)) {
+        let goes = match others.iter().any(|other| other == process) {
+            true => is_dead(process),
+            false => process != presence.name() && is_abandoned(folder, now),
+        };
+        if goes {
             remove(folder)?;
         }
     }
-    let dead: Vec<&str> = others.iter().map(String::as_str).filter(|name| dead(name)).collect();
+    let dead: Vec<&str> = others.iter().map(String::as_str).filter(|name| is_dead(name)).collect();
     claims.clear(&dead)?;
     dead.iter().for_each(|name| presence.bury(name));
     Ok(())
@@ -275,13 +283,6 @@ fn is_abandoned(path: &Path, now: Option<Time>) -> bool {
         (Ok(written), Some((now, _))) => now.saturating_sub(written) > ABANDONED,
         _ => false,
     }
-}
-
-fn is_read_only(error: &std::io::Error) -> bool {
-    matches!(
-        error.kind(),
-        ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem
-    )
 }
 
 /// Removes what dead processes were writing, where nobody else is at work. What is named otherwise is not ours.

@@ -9,10 +9,10 @@ use std::time::{Duration, Instant};
 use crate::base::aside;
 
 /// As long as the usual settings of network file systems remember that a name is absent, and half as long again.
-const LATEST: Duration = Duration::from_secs(90);
+pub const LATEST: Duration = Duration::from_secs(90);
 
 /// Between two looks.
-const PAUSE: Duration = Duration::from_millis(50);
+pub const PAUSE: Duration = Duration::from_millis(50);
 
 /// Whether a store has been opened where names may be seen late. On a disk an absent name is absent.
 static EXPECTED: AtomicBool = AtomicBool::new(false);
@@ -80,20 +80,16 @@ pub fn is_late(error: &io::Error) -> bool {
 /// # Errors
 /// When the system refuses.
 pub fn make_folders(path: &Path) -> io::Result<()> {
-    match fs::create_dir(path) {
-        Ok(()) => Ok(()),
+    let make = || match fs::create_dir(path) {
         Err(error) if error.kind() == ErrorKind::AlreadyExists => Ok(()),
-        Err(error) if error.kind() == ErrorKind::NotFound => {
-            let Some(parent) = path.parent().filter(|parent| !parent.as_os_str().is_empty()) else {
-                return Err(error);
-            };
+        made => made,
+    };
+    match (make(), path.parent()) {
+        (Err(error), Some(parent)) if error.kind() == ErrorKind::NotFound && !parent.as_os_str().is_empty() => {
             make_folders(parent)?;
-            until_seen(|| match fs::create_dir(path) {
-                Err(error) if error.kind() == ErrorKind::AlreadyExists => Ok(()),
-                made => made,
-            })
+            until_seen(make)
         }
-        Err(error) => Err(error),
+        (made, _) => made,
     }
 }
 

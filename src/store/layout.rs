@@ -8,11 +8,12 @@
 //! DIR/runs/             past runs: the last are roots; the memory behind "parameter changed"
 //! DIR/logs/              what runs said, for people
 //! DIR/memos/             answers that are dear to find and may be deleted
+//! DIR/cluster/           what submitters and workers of a cluster leave for each other
 //! DIR/pins/              artifacts that a collection keeps
 //! DIR/lock-files/        where lock files of pipelines are: a collection keeps what they name
 //! DIR/costs.jsonl        what stages have cost
 //! DIR/index             stamps of files known to be sound; a cache
-//! DIR/locks/            run lock, publishing lock, locks of actions in flight
+//! DIR/locks/            run lock, locks or claims of actions in flight, processes where locks are not seen by all
 //! DIR/tmp/              files being written
 //! DIR/quarantine/       damaged files, moved aside
 //! ```
@@ -36,17 +37,21 @@ pub const LOGS: &str = "logs";
 /// The folder of answers that are dear to find.
 pub const MEMOS: &str = "memos";
 
+/// The folder of what the submitters and workers of a cluster leave for each other.
+pub const CLUSTER: &str = "cluster";
+
 /// The folders that every store has.
 const FOLDERS: [&str; 6] = ["objects", "records", "runs", "locks/actions", "tmp", "quarantine"];
 
 /// Those that are made when they are needed.
-const LATER: [&str; 8] = [
+const LATER: [&str; 9] = [
     "checkpoints",
     "pins",
     "lock-files",
     "figures",
     LOGS,
     MEMOS,
+    CLUSTER,
     "locks/claims",
     "locks/processes",
 ];
@@ -167,8 +172,7 @@ impl Layout {
         late::make_folders(&self.root).map_err(StoreError::io("create", &self.root))?;
         self.expect_late_names();
         // Its name must survive a crash of the machine as what is in it does.
-        let above = self.root.parent().filter(|parent| !parent.as_os_str().is_empty());
-        atomic::sync_folder(above.unwrap_or(Path::new(".")))?;
+        atomic::sync_folder(folder_of(&self.root))?;
         // A README and dot files may stand in a store's folder; a marker may have been left half-written.
         let expected = |name: &str| ["README", ".", MARKER].iter().any(|start| name.starts_with(start));
         for path in files_in(&self.root)? {

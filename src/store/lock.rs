@@ -1,11 +1,10 @@
 //! Locks between processes (and threads), by the standard library's file locks: they vanish with their process.
 //!
 //! A run holds the store's lock shared, so that whoever takes it exclusively (cleaning, collection) knows that nobody is
-//! at work. An action's lock keeps two processes from building the same thing. Publishing an object is serialised, since
-//! two files of equal content still differ in their provenance.
+//! at work. An action's lock keeps two processes from building the same thing.
 
 use std::fs::{self, File, TryLockError};
-use std::io::ErrorKind;
+use std::io::{self, ErrorKind};
 use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 
@@ -23,14 +22,6 @@ enum Held {
     Claim { _claim: Claim },
 }
 
-impl Guard {
-    fn of(file: File) -> Self {
-        Self {
-            _held: Held::File { _file: file },
-        }
-    }
-}
-
 impl From<Claim> for Guard {
     fn from(claim: Claim) -> Self {
         Self {
@@ -44,29 +35,7 @@ impl From<Claim> for Guard {
 /// # Errors
 /// When the lock file cannot be opened or locked.
 pub fn try_shared(path: &Path) -> Result<Option<Guard>, StoreError> {
-    let file = open(path)?;
-    match file.try_lock_shared() {
-        Ok(()) => Ok(Some(Guard::of(file))),
-        Err(TryLockError::WouldBlock) => Ok(None),
-        Err(TryLockError::Error(error)) => Err(StoreError::io("lock", path)(error)),
-    }
-}
-
-/// Whether a file can be locked here at all.
-///
-/// # Errors
-/// What the system says where it cannot, or the file cannot be opened.
-pub fn probe(path: &Path) -> std::io::Result<()> {
-    let file = File::options()
-        .read(true)
-        .write(true)
-        .create(true)
-        .truncate(false)
-        .open(path)?;
-    match file.try_lock_shared() {
-        Ok(()) | Err(TryLockError::WouldBlock) => Ok(()),
-        Err(TryLockError::Error(error)) => Err(error),
-    }
+    attempt(path, open(path)?, File::try_lock_shared)
 }
 
 /// Takes an exclusive lock unless another holds it.
@@ -74,9 +43,14 @@ pub fn probe(path: &Path) -> std::io::Result<()> {
 /// # Errors
 /// When the lock file cannot be opened or locked.
 pub fn try_exclusive(path: &Path) -> Result<Option<Guard>, StoreError> {
-    let file = open(path)?;
-    match file.try_lock() {
-        Ok(()) => Ok(Some(Guard::of(file))),
+    attempt(path, open(path)?, File::try_lock)
+}
+
+fn attempt(path: &Path, file: File, lock: fn(&File) -> Result<(), TryLockError>) -> Result<Option<Guard>, StoreError> {
+    match lock(&file) {
+        Ok(()) => Ok(Some(Guard {
+            _held: Held::File { _file: file },
+        })),
         Err(TryLockError::WouldBlock) => Ok(None),
         Err(TryLockError::Error(error)) => Err(StoreError::io("lock", path)(error)),
     }
@@ -93,11 +67,7 @@ pub fn is_held(path: &Path) -> Result<bool, StoreError> {
         Err(error) => return Err(StoreError::io("open", path)(error)),
     };
     // Shared, so that two who look do not see each other.
-    match file.try_lock_shared() {
-        Ok(()) => Ok(false),
-        Err(TryLockError::WouldBlock) => Ok(true),
-        Err(TryLockError::Error(error)) => Err(StoreError::io("lock", path)(error)),
-    }
+    Ok(attempt(path, file, File::try_lock_shared)?.is_none())
 }
 
 /// Who of this machine holds a lock, where the system says so and it is not this process, for people.
@@ -132,16 +102,17 @@ fn open(path: &Path) -> Result<File, StoreError> {
         .open(path);
     match opened {
         // A store that may only be read can still be locked against collection.
-        Err(error)
-            if matches!(
-                error.kind(),
-                ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem
-            ) =>
-        {
-            File::open(path).map_err(|_| StoreError::io("write", path)(error))
-        }
+        Err(error) if is_read_only(&error) => File::open(path).map_err(|_| StoreError::io("write", path)(error)),
         opened => opened.map_err(StoreError::io("open", path)),
     }
+}
+
+/// Whether something may be read and not be written.
+pub fn is_read_only(error: &io::Error) -> bool {
+    matches!(
+        error.kind(),
+        ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem
+    )
 }
 
 #[cfg(test)]

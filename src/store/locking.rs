@@ -9,6 +9,7 @@ use std::path::Path;
 
 use rustix::fs::statfs;
 
+use super::error::StoreError;
 use super::layout::Layout;
 use super::lock;
 
@@ -69,15 +70,15 @@ pub fn choose(layout: &Layout) -> Choice {
         manner: Manner::Claims,
         why,
     };
-    if layout.processes().is_dir() {
-        return claims("others have opened the store by claims".to_owned());
-    }
     let (kind, is_local) = file_system(layout.root());
     if !is_local {
         return claims(format!("locks on {kind} may be seen by one machine alone"));
     }
-    match lock::probe(&layout.run_lock()) {
-        Err(error) if is_without_locks(&error) => claims(format!("there are no locks here: {error}")),
+    match lock::try_shared(&layout.run_lock()) {
+        Err(StoreError::Io { source, .. }) if is_without_locks(&source) => {
+            claims(format!("there are no locks here: {source}"))
+        }
+        _ if layout.processes().is_dir() => claims("others have opened the store by claims".to_owned()),
         _ => Choice {
             manner: Manner::Locks,
             why: format!("locks on {kind} are seen by all"),

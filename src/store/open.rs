@@ -13,6 +13,7 @@ use super::entries::{files, is_file, is_folder};
 use super::error::StoreError;
 use super::header::Header;
 use super::hold::Hold;
+use super::late;
 use super::layout::Layout;
 use super::listing::{self, Content};
 use super::locking::Choice;
@@ -23,13 +24,7 @@ use super::read::Access;
 use super::stamp::Time;
 use super::verified::Verified;
 use super::write::{self, Part};
-use crate::base::{ArtifactId, FileDigest};
-
-/// A name that another machine has made is seen after this time.
-const UNSEEN: Duration = Duration::from_secs(90);
-
-/// Between two looks.
-const PAUSE: Duration = Duration::from_millis(50);
+use crate::base::{ArtifactId, FileDigest, folder_of};
 
 /// An open store. Cheap to clone; while one is open, no collection runs.
 #[derive(Clone)]
@@ -235,20 +230,17 @@ impl Store {
     /// others find it. Files of one content differ in their provenance.
     pub(super) fn publish(&self, temporary: &Path, header: Header) -> Result<Stored, StoreError> {
         let target = self.layout.object(&header.content);
-        self.clear_folder(target.parent().unwrap_or(self.root()))?;
+        self.clear_folder(folder_of(&target))?;
         let start = Instant::now();
         loop {
-            if let Some(stored) = self.existing(&header.content)? {
-                return Ok(stored);
-            }
-            if atomic::link(temporary, &target)? {
-                self.verified.remember(&target, header);
-                return Ok(header.into());
-            }
-            // Something is there. Either it cannot be seen yet, or it is not sound.
             match self.verified.verify(&target, &header.content) {
                 Ok(header) => return Ok(header.into()),
-                Err(StoreError::Missing { .. }) if start.elapsed() < UNSEEN => std::thread::sleep(PAUSE),
+                Err(StoreError::Missing { .. }) if atomic::link(temporary, &target)? => {
+                    self.verified.remember(&target, header);
+                    return Ok(header.into());
+                }
+                // Something is there that cannot be seen yet.
+                Err(StoreError::Missing { .. }) if start.elapsed() < late::LATEST => std::thread::sleep(late::PAUSE),
                 Err(error) if error.is_damage() => {
                     self.quarantine(&target)?;
                 }

@@ -5,6 +5,8 @@ use std::time::SystemTime;
 
 use serde::{Deserialize, Serialize};
 
+use crate::base::host_name;
+
 /// A process.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Owner {
@@ -27,7 +29,7 @@ impl Owner {
     pub fn this() -> Self {
         let pid = std::process::id();
         Self {
-            host: word("/proc/sys/kernel/hostname"),
+            host: host_name(),
             pid,
             command: std::env::args().skip(1).take(1).collect(),
             since: humantime::format_rfc3339_seconds(SystemTime::now()).to_string(),
@@ -51,14 +53,6 @@ impl Owner {
             ..
         } = self;
         format!("process {pid} on {host} (`deaflow {command}`, since {since})")
-    }
-}
-
-fn word(path: &str) -> String {
-    let text = fs::read_to_string(path).unwrap_or_default();
-    match text.trim() {
-        "" => "unknown".to_owned(),
-        word => word.to_owned(),
     }
 }
 

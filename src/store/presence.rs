@@ -13,24 +13,19 @@ use std::fs::{self, File};
 use std::io::{ErrorKind, Write};
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::sync::{Mutex, PoisonError};
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
-use super::entries::names_in;
+use super::entries::{LETTERS, names_in};
 use super::error::StoreError;
 use super::late;
 use super::owner::Owner;
-use crate::base::read_own;
+use crate::base::{Background, Pauses, read_own};
 
 /// The name of the file of whoever needs the store alone.
 pub const ALONE: &str = "alone";
-
-/// Letters and digits in the name of a process.
-const NAME: usize = 6;
 
 /// Length of the file of a process, bytes: spaces follow what is said.
 const SIGN: usize = 1024;
@@ -70,8 +65,7 @@ pub struct Presence {
     owner: Owner,
     name: String,
     times: Times,
-    stop: Option<Sender<()>>,
-    thread: Option<JoinHandle<()>>,
+    beats: Option<Background>,
     /// What was seen of others, and since when it has not changed.
     seen: Mutex<BTreeMap<String, (Vec<u8>, Instant)>>,
 }
@@ -98,34 +92,33 @@ impl Presence {
             beats: 0,
         };
         // Names come from the machine's randomness: no stream of numbers of a pipeline is touched.
-        let named = || tempfile::Builder::new().prefix("").rand_bytes(NAME).tempfile_in(folder);
+        let named = || {
+            tempfile::Builder::new()
+                .prefix("")
+                .rand_bytes(LETTERS)
+                .tempfile_in(folder)
+        };
         let file = late::until_seen(named).map_err(StoreError::io("write in", folder))?;
         let (_, path) = file
             .keep()
             .map_err(|error| StoreError::io("write", folder)(error.error))?;
         show(&path, &sign).map_err(StoreError::io("write", &path))?;
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let (stop, stopped) = channel();
-        let every = times.beat;
-        let beat = move || {
+        let beat = move |pauses: &Pauses| {
             let mut sign = sign;
-            while stopped.recv_timeout(every) == Err(RecvTimeoutError::Timeout) {
+            while pauses.wait(times.beat) {
                 sign.beats += 1;
                 // A sign that cannot be given is given next time; others wait for several.
                 let _ = show(&path, &sign);
             }
         };
-        let thread = std::thread::Builder::new()
-            .name("presence".to_owned())
-            .spawn(beat)
-            .map_err(StoreError::io("begin a thread for", folder))?;
+        let beats = Background::start("presence", beat).map_err(StoreError::io("begin a thread for", folder))?;
         Ok(Self {
             folder: folder.to_owned(),
             owner,
             name,
             times,
-            stop: Some(stop),
-            thread: Some(thread),
+            beats: Some(beats),
             seen: Mutex::default(),
         })
     }
@@ -182,17 +175,14 @@ impl Presence {
 
 impl Drop for Presence {
     fn drop(&mut self) {
-        drop(self.stop.take());
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
+        drop(self.beats.take());
         let _ = fs::remove_file(self.folder.join(&self.name));
     }
 }
 
 /// Whether a file in the folder is that of a process.
 pub fn is_name(name: &str) -> bool {
-    name.len() == NAME && name.bytes().all(|byte| byte.is_ascii_alphanumeric())
+    name.len() == LETTERS && name.bytes().all(|byte| byte.is_ascii_alphanumeric())
 }
 
 /// Writes a sign over the one before, which is as long: nobody finds half of one.

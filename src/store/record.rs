@@ -147,11 +147,25 @@ impl Store {
     }
 
     /// Who does this action, where another process does and that is known.
+    pub fn who_does(&self, key: &ActionKey) -> Option<String> {
+        self.hold.who_does(&self.layout, key)
+    }
+
+    /// Claims a name that others look at, unless another has it. None where processes keep apart by locks.
     ///
     /// # Errors
-    /// When the lock file cannot be opened.
-    pub fn who_does(&self, key: &ActionKey) -> Result<Option<String>, StoreError> {
-        Ok(self.hold.try_action(&self.layout, key)?.err().flatten())
+    /// When the system refuses.
+    pub fn try_reserve(&self, name: &str) -> Result<Option<Guard>, StoreError> {
+        match &self.hold.claims {
+            Some(claims) => Ok(claims.try_take(name)?.map(Guard::from)),
+            None => Ok(None),
+        }
+    }
+
+    /// The name of this process in the store, where processes show themselves there.
+    #[must_use]
+    pub fn process_name(&self) -> Option<&str> {
+        self.hold.claims.as_ref().map(|claims| claims.process())
     }
 
     /// Takes the lock of an action unless another process or thread is doing it, or one that shares its lock file.
@@ -161,7 +175,7 @@ impl Store {
     pub fn try_lock_action(&self, key: &ActionKey) -> Result<Option<Guard>, StoreError> {
         let path = self.layout.action_lock(key);
         self.clear_file(&path)?;
-        Ok(self.hold.try_action(&self.layout, key)?.ok())
+        self.hold.try_action(&self.layout, key)
     }
 }
 

@@ -7,12 +7,10 @@ use std::sync::{Mutex, PoisonError};
 
 use tempfile::{Builder, NamedTempFile, TempDir};
 
+use super::entries::TEMPORARY;
 use super::late;
 use super::stamp::{Time, file_system_time};
 use crate::base::aside;
-
-/// What names in `tmp` begin with, as [`super::entries::is_temporary`] knows them.
-const PREFIX: &str = ".tmp";
 
 /// The folder of a process, made when it is first needed and removed when this is dropped.
 pub struct Workbench {
@@ -43,9 +41,9 @@ impl Workbench {
             return Ok(folder.path().to_owned());
         }
         let make = || match &self.name {
-            None => Builder::new().prefix(PREFIX).tempdir_in(&self.folder),
+            None => Builder::new().prefix(TEMPORARY).tempdir_in(&self.folder),
             Some(name) => Builder::new()
-                .prefix(&format!("{PREFIX}{name}"))
+                .prefix(&format!("{TEMPORARY}{name}"))
                 .rand_bytes(0)
                 .tempdir_in(&self.folder),
         };
@@ -75,5 +73,5 @@ impl Workbench {
 
 /// The process that a folder in `tmp` is named after.
 pub fn process_of(folder: &Path) -> Option<&str> {
-    folder.file_name()?.to_str()?.strip_prefix(PREFIX)
+    folder.file_name()?.to_str()?.strip_prefix(TEMPORARY)
 }

@@ -5,6 +5,7 @@ mod additions;
 mod audit;
 mod browser;
 mod cli;
+mod cluster;
 mod collect;
 mod common;
 mod damage;

@@ -7,20 +7,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use super::common::{Ended, Stages, Workspace, readers};
+use super::common::{Ended, Stages, Workspace, readers, started};
 
 fn scale(file: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/scale").join(file)
-}
-
-fn start(mut command: Command) -> Child {
-    command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
-}
-
-fn stages(child: Child) -> Stages {
-    let ended = Ended::from(child.wait_with_output().unwrap());
-    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
-    Stages::read(&ended.json())
 }
 
 /// Runs on both stores at once: the same digests as in a store of one's own, nothing built twice, a sound store.
@@ -29,10 +19,10 @@ fn run_on_both(workspace: &Workspace, stores: [&str; 2], prepare: &dyn Fn(&mut C
     let run = |store: &str| {
         let mut command = workspace.command(&["run", "small.yaml", "--json", "--jobs", "1", "--store", store]);
         prepare(&mut command);
-        start(command)
+        started(command)
     };
     let (first, second) = (run(stores[0]), run(stores[1]));
-    let (first, second) = (stages(first), stages(second));
+    let (first, second) = (Stages::of(first), Stages::of(second));
     assert_eq!(first.digests(), alone.digests());
     assert_eq!(second.digests(), alone.digests());
     for name in ["small", "large", "solved", "balanced"] {

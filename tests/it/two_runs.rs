@@ -1,23 +1,12 @@
 //! Two processes in one store share the work.
 
-use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
 use std::time::Duration;
 
-use super::common::{Ended, SMALL, Stages, Workspace, files};
+use super::common::{SMALL, Stages, Workspace, files, started};
 
 /// Enough chunks that two processes meet.
 const COUNT: &str = "stages.small.count=250";
-
-fn start(mut command: Command) -> Child {
-    command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
-}
-
-fn stages(child: Child) -> Stages {
-    let ended = Ended::from(child.wait_with_output().unwrap());
-    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
-    Stages::read(&ended.json())
-}
 
 fn built(stages: &Stages, name: &str) -> u64 {
     stages.chunks(name).0
@@ -28,10 +17,10 @@ fn two_runs_of_one_pipeline_build_each_chunk_once() {
     let workspace = Workspace::small();
     let arguments = ["run", "small.yaml", "--json", "--jobs", "1", "--set", COUNT];
     let (first, second) = (
-        start(workspace.command(&arguments)),
-        start(workspace.command(&arguments)),
+        started(workspace.command(&arguments)),
+        started(workspace.command(&arguments)),
     );
-    let (first, second) = (stages(first), stages(second));
+    let (first, second) = (Stages::of(first), Stages::of(second));
     assert_eq!(first.digests(), second.digests());
     for (name, pieces) in [("small", 5), ("large", 1), ("solved", 6), ("balanced", 1)] {
         let by_both = built(&first, name) + built(&second, name);
@@ -54,9 +43,9 @@ fn two_pipelines_that_overlap_share_what_they_have_in_common() {
         .replace("solved: ", "done: ")
         .replace("[solved]", "[done]");
     workspace.write("other.yaml", &other.replace("bins: 5", "bins: 6"));
-    let run = |file: &str| start(workspace.command(&["run", file, "--json", "--set", COUNT]));
+    let run = |file: &str| started(workspace.command(&["run", file, "--json", "--set", COUNT]));
     let (first, second) = (run("small.yaml"), run("other.yaml"));
-    let (first, second) = (stages(first), stages(second));
+    let (first, second) = (Stages::of(first), Stages::of(second));
     assert_eq!(first.digests()["solved"], second.digests()["done"]);
     assert_eq!(built(&first, "solved") + built(&second, "done"), 6);
     assert_eq!(built(&first, "balanced") + built(&second, "balanced"), 2);
@@ -68,8 +57,8 @@ fn a_run_takes_over_from_one_that_was_killed_beside_it() {
     let arguments = ["run", "small.yaml", "--json", "--jobs", "1", "--set", COUNT];
     let alone = workspace.stages(&["run", "small.yaml", "--store", "calm", "--set", COUNT]);
     let (mut first, second) = (
-        start(workspace.command(&arguments)),
-        start(workspace.command(&arguments)),
+        started(workspace.command(&arguments)),
+        started(workspace.command(&arguments)),
     );
     // Once eight records are there the two are in the middle of their work, whatever the machine.
     while files(&workspace.path("store/records")).len() < 8 && first.try_wait().unwrap().is_none() {
@@ -77,7 +66,7 @@ fn a_run_takes_over_from_one_that_was_killed_beside_it() {
     }
     first.kill().unwrap();
     first.wait().unwrap();
-    assert_eq!(stages(second).digests(), alone.digests());
+    assert_eq!(Stages::of(second).digests(), alone.digests());
     let again = workspace.stages(&["run", "small.yaml", "--set", COUNT]);
     assert_eq!((again.with("built"), again.digests()), (vec![], alone.digests()));
     assert_eq!(workspace.run(&["fsck"]).code, Some(0));

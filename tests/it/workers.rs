@@ -1,20 +1,11 @@
 //! Workers: what a batch system starts, kills and starts again.
 
 use std::path::PathBuf;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command};
 use std::thread::sleep;
 use std::time::{Duration, Instant, SystemTime};
 
-use super::common::{Ended, Stages, TINY, Workspace, files};
-
-fn start(workspace: &Workspace, arguments: &[&str]) -> Child {
-    let mut command = workspace.command(arguments);
-    command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
-}
-
-fn ended(child: Child) -> Ended {
-    Ended::from(child.wait_with_output().unwrap())
-}
+use super::common::{Ended, Stages, TINY, Workspace, ended, files, started};
 
 fn signal(child: &Child, name: &str) {
     let sent = Command::new("kill")
@@ -28,7 +19,7 @@ fn workers_share_what_is_to_be_done_and_leave_what_a_run_leaves() {
     let workspace = Workspace::tiny();
     let wanted = workspace.stages(&["run", "tiny.yaml", "--store", "alone"]);
     let worker = ["worker", "tiny.yaml", "--jobs", "1", "--json"];
-    let workers = [(); 2].map(|()| start(&workspace, &worker)).map(ended);
+    let workers = [(); 2].map(|()| started(workspace.command(&worker))).map(ended);
     let stages = workers.map(|ended| {
         assert_eq!(ended.code, Some(0), "{}", ended.stderr);
         Stages::read(&ended.json())
@@ -55,7 +46,7 @@ fn a_worker_that_is_asked_to_stop_keeps_what_it_has_come_to() {
     let worker = ["worker", "long.yaml", "--until", "surrogate"];
     for name in ["TERM", "INT"] {
         let (begun, start) = (SystemTime::now(), Instant::now());
-        let child = self::start(&workspace, &worker);
+        let child = started(workspace.command(&worker));
         // It has kept something, so it is in the midst of its training.
         let is_new = |path: &PathBuf| std::fs::metadata(path).is_ok_and(|found| found.modified().unwrap() > begun);
         while !files(&workspace.path("store/checkpoints")).iter().any(is_new) {
@@ -71,7 +62,7 @@ fn a_worker_that_is_asked_to_stop_keeps_what_it_has_come_to() {
         assert!(!files(&workspace.path("store/checkpoints")).is_empty());
         assert!(files(&workspace.path("store/tmp")).is_empty());
     }
-    let last = ended(start(&workspace, &[&worker[..], &["--json"]].concat()));
+    let last = ended(started(workspace.command(&[&worker[..], &["--json"]].concat())));
     assert_eq!(last.code, Some(0), "{}", last.stderr);
     assert_eq!(Stages::read(&last.json()).digests(), wanted.digests());
 }

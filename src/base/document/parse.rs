@@ -28,14 +28,17 @@ impl Document {
     /// # Errors
     /// When it cannot be read, is no regular file, is larger than 4 MiB, is not UTF-8 or not one YAML document without duplicate keys.
     pub fn load(path: &Path) -> Result<Self, InputError> {
-        let shown = path.display();
-        let fail = |what: String| InputError::new(format!("cannot read {shown}: {what}"));
+        Self::from_text(path, &Self::text(path)?)
+    }
+
+    /// The text of a file that is to be a document.
+    ///
+    /// # Errors
+    /// When it cannot be read, or is no text.
+    pub fn text(path: &Path) -> Result<String, InputError> {
+        let fail = |what: String| InputError::new(format!("cannot read {}: {what}", path.display()));
         let bytes = read_bounded(path, MAX_BYTES).map_err(|e| fail(e.to_string()))?;
-        let text = String::from_utf8(bytes).map_err(|e| fail(format!("not UTF-8 text ({e})")))?;
-        Ok(Self {
-            root: Node::parse(&shown.to_string(), text)?,
-            path: path.to_owned(),
-        })
+        String::from_utf8(bytes).map_err(|e| fail(format!("not UTF-8 text ({e})")))
     }
 
     /// A document from a text, as if it had been read from `path`.

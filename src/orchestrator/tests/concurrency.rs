@@ -16,7 +16,17 @@ fn digests_do_not_depend_on_the_number_of_threads() {
 
 #[test]
 fn two_runs_at_once_share_the_work() {
+    two_share_the_work(&Laboratory::new());
+}
+
+#[test]
+fn two_runs_share_the_work_by_claims_and_blocks_of_chunks() {
     let lab = Laboratory::new();
+    std::fs::create_dir(lab.store().root().join("locks/processes")).unwrap();
+    two_share_the_work(&lab);
+}
+
+fn two_share_the_work(lab: &Laboratory) {
     let text = PIPELINE
         .replace("count: 35", "count: 395")
         .replace("offset: 100", "offset: 500");

@@ -66,6 +66,16 @@ pub fn took(origin: &Origin) -> f64 {
     origin.elapsed.unwrap_or(origin.work)
 }
 
+/// The machines that built something, with the number of chunks where there were several.
+fn builders(origin: &Origin) -> String {
+    let builders = origin.builders.iter();
+    let told = builders.map(|(host, chunks)| match origin.builders.len() {
+        1 => host.clone(),
+        _ => format!("{host} ({chunks})"),
+    });
+    told.collect::<Vec<_>>().join(", ")
+}
+
 /// Adds the table of artifacts, and the machines and versions that made them.
 pub fn provenance(page: &mut Page, history: &History) {
     page.section("Provenance");
@@ -90,6 +100,7 @@ pub fn provenance(page: &mut Page, history: &History) {
                 .digest
                 .map_or_else(|| "not built".to_owned(), |digest| digest.to_string()),
             origin.map_or_else(String::new, |origin| time(&origin.created)),
+            origin.map_or_else(String::new, builders),
             origin.map_or_else(String::new, |origin| format!("{} {}", stage.kind, origin.recipe)),
             needs.join(", "),
         ]
@@ -99,6 +110,7 @@ pub fn provenance(page: &mut Page, history: &History) {
         ("stage", Column::Key),
         ("digest of its artifact (BLAKE3 of the content)", Column::Key),
         ("made", Column::Key),
+        ("built by", Column::Key),
         ("kind and recipe", Column::Key),
         ("needs", Column::Wide),
     ];

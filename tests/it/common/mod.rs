@@ -5,7 +5,7 @@ pub mod readers;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Child, Command, Output, Stdio};
 
 use serde_json::Value;
 
@@ -161,10 +161,27 @@ impl Ended {
     }
 }
 
+/// Starts a command whose output is wanted at its end.
+pub fn started(mut command: Command) -> Child {
+    command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
+}
+
+/// How what was started has ended.
+pub fn ended(child: Child) -> Ended {
+    child.wait_with_output().unwrap().into()
+}
+
 /// The `stages` of a run or plan.
 pub struct Stages(Vec<Value>);
 
 impl Stages {
+    /// Those of what was started with `--json`, and must have succeeded.
+    pub fn of(child: Child) -> Self {
+        let ended = ended(child);
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+        Self::read(&ended.json())
+    }
+
     pub fn read(document: &Value) -> Self {
         Self(
             document["stages"]

@@ -1,0 +1,137 @@
+"""What a thousand workers ask of one shared file system, by a discrete-event simulation.
+
+    deaflow doctor --store DIR --measure --json | python3 docs/tools/scale.py
+
+Reads how long each service takes on the file system of a store, and plays how workers build the chunks of one stage: each looks for a
+chunk that nobody has, claims it, computes, publishes the artifact and writes its record. When a worker begins, and when it has passed the
+last chunk, it looks at the records of all chunks. The file system serves some requests at a time and the others wait; a request takes at
+least the way there and back. Nothing else is in the model: no caches, no other users.
+"""
+
+import argparse
+import heapq
+import json
+import random
+import sys
+
+# Blocks of a stage at most, as in src/orchestrator/reserve.rs.
+BLOCKS = 10_000
+
+
+class Server:
+    """A file system that serves `width` services at a time."""
+
+    def __init__(self, times, requests, width, way):
+        self.times, self.requests, self.way = times, requests, way
+        self.free = [0.0] * width
+        self.busy = 0.0
+        self.asked = 0
+
+    def serve(self, now, name, count=1):
+        """When `count` services that are asked for at `now` are done."""
+        at = heapq.heappop(self.free)
+        work = count * self.times[name]
+        start = max(now, at)
+        heapq.heappush(self.free, start + work)
+        self.busy += work
+        self.asked += count * self.requests[name]
+        return start + work + count * self.requests[name] * self.way
+
+
+def free(after, at):
+    """The first block from `at` on that nobody has; their number where there is none."""
+    first = at
+    while after[first] != first:
+        first = after[first]
+    while after[at] != first and after[at] != at:
+        after[at], at = first, after[at]
+    return first
+
+
+def simulate(services, workers, chunks, seconds, block, width, way, spread, looks):
+    """Builds all chunks. `block` chunks are reserved at once; 1: each is claimed where it is met. `spread`: workers begin at different
+    places. `looks`: whether workers look at the records of all chunks. Gives the time that all took and what the server did."""
+    times = {service["name"]: service["seconds"] for service in services}
+    requests = {service["name"]: service["requests"] for service in services}
+    server = Server(times, requests, width, way)
+    draw = random.Random(1)
+    blocks = (chunks + block - 1) // block
+    place = [draw.randrange(blocks) if spread else 0 for _ in range(workers)]
+    looked = [0] * workers  # blocks that the worker has passed
+    after = list(range(blocks + 1))  # the next block from here on that nobody has
+    left = [0] * workers  # chunks of the worker's block that are not begun
+    own = [0] * workers
+    built = refused = 0
+    # What each worker does next, in the order of time: the server is asked when it is, and not before.
+    events = [(0.0, worker, "begin") for worker in range(workers)]
+    end = 0.0
+    while events:
+        now, worker, step = heapq.heappop(events)
+        if step == "begin":
+            heapq.heappush(events, (server.serve(now, "read a record", chunks) if looks else now, worker, "look"))
+        elif step == "look" and left[worker] == 0:
+            # A row of blocks that others have is refused one by one; the server sees them together.
+            at = (place[worker] + looked[worker]) % blocks
+            count = min(free(after, at) - at, blocks - looked[worker])
+            looked[worker] += count
+            if count:
+                refused += count
+                heapq.heappush(events, (server.serve(now, "claim that another has", count), worker, "look"))
+            elif looked[worker] < blocks:
+                at = (place[worker] + looked[worker]) % blocks
+                looked[worker] += 1
+                after[at] = at + 1
+                left[worker] = min(chunks, (at + 1) * block) - at * block
+                done = server.serve(now, "claim") if block > 1 else now
+                heapq.heappush(events, (done, worker, "look"))
+            elif looks:
+                # What others have built is claimed for a moment and found.
+                others = chunks - own[worker]
+                done = max(server.serve(now, "read a record", others), server.serve(now, "claim", others))
+                end = max(end, done)
+        elif step == "look":
+            left[worker] -= 1
+            heapq.heappush(events, (server.serve(now, "claim"), worker, "compute"))
+        elif step == "compute":
+            heapq.heappush(events, (now + draw.uniform(0.8, 1.2) * seconds, worker, "publish an artifact"))
+        elif step == "publish an artifact":
+            heapq.heappush(events, (server.serve(now, step), worker, "write a record"))
+        else:
+            heapq.heappush(events, (server.serve(now, step), worker, "look"))
+            built += 1
+            own[worker] += 1
+            end = max(end, now)
+    assert built == chunks, f"{built} of {chunks}"
+    return end, server, refused
+
+
+def main():
+    words = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    words.add_argument("--seconds", type=float, default=20, help="computing time of a chunk [20]")
+    words.add_argument("--chunks", type=int, default=100_000, help="chunks of the stage [100000]")
+    words.add_argument("--width", type=int, default=8, help="services at a time [8]")
+    words.add_argument("--way", type=float, default=0.5, help="way to the server and back, ms [0.5]")
+    words.add_argument("--slow", type=float, default=1, help="how much slower than measured here the file system is [1]")
+    given = words.parse_args()
+    services = json.load(sys.stdin)["services"]
+    for service in services:
+        service["seconds"] *= given.slow
+    print("workers  claims            hours  of ideal  requests/s  server busy  refused claims")
+    for workers in [10, 100, 1000]:
+        block = max(1, given.chunks // BLOCKS)
+        for told, block, spread, looks in [
+            ("chunk by chunk", 1, False, False),
+            (f"blocks of {block}", block, True, False),
+            ("... and looks", block, True, True),
+        ]:
+            end, server, refused = simulate(
+                services, workers, given.chunks, given.seconds, block, given.width, given.way / 1e3, spread, looks
+            )
+            ideal = given.chunks * given.seconds / workers
+            print(
+                f"{workers:7}  {told:15}  {end / 3600:6.2f}  {end / ideal:8.2f}  {server.asked / end:10.0f}"
+                f"  {server.busy / end / given.width:10.1%}  {refused:14}"
+            )
+
+
+main()

@@ -1,0 +1,77 @@
+//! A thread that works beside the others until it is dropped.
+
+use std::io;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::thread::{Builder, JoinHandle};
+use std::time::Duration;
+
+/// The thread; dropping this ends it at its next pause, and waits for that.
+pub struct Background {
+    end: Option<Sender<()>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// The pauses of the thread.
+pub struct Pauses(Receiver<()>);
+
+impl Pauses {
+    /// Waits so long, or until the thread is to end; whether it is to go on.
+    #[must_use]
+    pub fn wait(&self, time: Duration) -> bool {
+        self.0.recv_timeout(time) == Err(RecvTimeoutError::Timeout)
+    }
+}
+
+impl Background {
+    /// Starts a thread of a name.
+    ///
+    /// # Errors
+    /// When the system has no more threads to give.
+    pub fn start(name: &str, work: impl FnOnce(&Pauses) + Send + 'static) -> io::Result<Self> {
+        let (end, ended) = channel();
+        let thread = Builder::new().name(name.to_owned());
+        Ok(Self {
+            thread: Some(thread.spawn(move || work(&Pauses(ended)))?),
+            end: Some(end),
+        })
+    }
+}
+
+impl Drop for Background {
+    fn drop(&mut self) {
+        drop(self.end.take());
+        if let Some(thread) = self.thread.take() {
+            // One that has panicked has said so.
+            let _ = thread.join();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+    use std::time::Instant;
+
+    use super::*;
+
+    #[test]
+    fn it_works_until_it_is_dropped_and_its_pause_ends_then() {
+        let count = Arc::new(AtomicUsize::new(0));
+        let counted = count.clone();
+        let background = Background::start("count", move |pauses| {
+            while pauses.wait(Duration::from_millis(1)) {
+                counted.fetch_add(1, Ordering::SeqCst);
+            }
+        });
+        while count.load(Ordering::SeqCst) < 3 {
+            std::thread::yield_now();
+        }
+        drop(background.unwrap());
+        let (ended, start) = (count.load(Ordering::SeqCst), Instant::now());
+        let waits = Background::start("wait", |pauses| assert!(!pauses.wait(Duration::from_secs(600))));
+        drop(waits.unwrap());
+        assert!(start.elapsed() < Duration::from_secs(300));
+        assert_eq!(count.load(Ordering::SeqCst), ended);
+    }
+}

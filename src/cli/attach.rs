@@ -1,0 +1,71 @@
+//! `deaflow attach`: goes on with what has been submitted for a pipeline, shows how far it is, or cancels it.
+
+use clap::Args;
+
+use super::arguments::{PipelineArguments, SetArguments};
+use super::cluster::{ClusterArguments, Work};
+use super::error::CliError;
+use super::output::{Exit, Output};
+use super::run::{self, ProgressForm, RunArguments, load};
+use crate::store::{Command, Store};
+
+/// Go on with what `run --executor` has submitted for a pipeline, and show how far it is
+#[derive(Debug, Args)]
+pub struct AttachArguments {
+    #[command(flatten)]
+    of: PipelineArguments,
+    /// End all its workers instead
+    #[arg(long)]
+    cancel: bool,
+    /// Say nothing but warnings and errors
+    #[arg(short, long)]
+    quiet: bool,
+    /// How progress is shown on stderr [default: a bar on a terminal, or else plain lines]
+    #[arg(long, value_enum, value_name = "HOW", conflicts_with = "quiet")]
+    progress: Option<ProgressForm>,
+}
+
+pub fn execute(arguments: &AttachArguments, output: &Output) -> Result<Exit, CliError> {
+    let pipeline = load(&arguments.of)?;
+    let store = arguments.of.trust(Store::open_existing(&arguments.of.store.folder())?);
+    let work = Work {
+        pipeline: &pipeline,
+        of: &arguments.of,
+        store: &store,
+        shown: ProgressForm::shown(arguments.progress, arguments.quiet),
+    };
+    let ledger = work.ledger().ok_or_else(|| {
+        CliError::bad_input(format!(
+            "nothing has been submitted for {}",
+            arguments.of.pipeline.display()
+        ))
+        .help("`deaflow run --executor` submits; --until and --set have to be those of that")
+    })?;
+    if arguments.cancel {
+        return work.cancel(&ledger.recipe, output);
+    }
+    let keep_going = ledger.recipe.keep_going;
+    if let Some(exit) = work.submit(ledger.recipe, false, output)? {
+        return Ok(exit);
+    }
+    let of = &arguments.of;
+    let run = RunArguments {
+        of: PipelineArguments {
+            pipeline: of.pipeline.clone(),
+            store: of.store.clone(),
+            until: of.until.clone(),
+            set: SetArguments {
+                sets: of.set.sets.clone(),
+                many: of.set.many,
+            },
+            verify: of.verify,
+        },
+        keep_going,
+        lock: false,
+        locked: false,
+        quiet: arguments.quiet,
+        progress: arguments.progress,
+        cluster: ClusterArguments::default(),
+    };
+    Ok(run::of_pipeline(&pipeline, &run, Command::Run, output, &|_, _| Ok(()))?.0)
+}

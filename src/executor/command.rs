@@ -1,0 +1,203 @@
+//! Any engine, by a command of the user's that starts workers: PBS, SGE, LSF, HyperQueue, Kubernetes.
+//!
+//! What it started is not asked of it: workers show themselves in the store.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use super::engine::{Engine, EngineError, Request, ask, quoted};
+
+/// Workers of one call.
+const MOST: u32 = 100_000;
+
+/// The words that a command may have in braces.
+const PLACES: [&str; 8] = ["n", "worker", "name", "threads", "memory", "minutes", "gpus", "logs"];
+
+/// An engine that is known by its commands.
+pub struct CommandEngine {
+    submit: String,
+    cancel: Option<String>,
+    environment: Vec<String>,
+}
+
+impl CommandEngine {
+    /// With the command that submits, and the one that cancels if there is one.
+    ///
+    /// # Errors
+    /// When a word in braces is none that is filled in, or the command does not say where the worker stands.
+    pub fn new(submit: String, cancel: Option<String>, environment: Vec<String>) -> Result<Self, String> {
+        let places = places(&submit);
+        if let Some(unknown) = places.iter().find(|place| !PLACES.contains(place)) {
+            return Err(format!("unknown {{{unknown}}}; allowed: {{{}}}", PLACES.join("}, {")));
+        }
+        if !places.contains(&"worker") {
+            return Err("nothing says where the worker stands: {worker}".to_owned());
+        }
+        let cancels = cancel.as_deref().map(self::places).unwrap_or_default();
+        if let Some(unknown) = cancels.iter().find(|place| !["id", "name"].contains(place)) {
+            return Err(format!("unknown {{{unknown}}} in `cancel`; allowed: {{id}}, {{name}}"));
+        }
+        Ok(Self {
+            submit,
+            cancel,
+            environment,
+        })
+    }
+}
+
+impl Engine for CommandEngine {
+    fn name(&self) -> &'static str {
+        "the submit command"
+    }
+
+    fn submit(&self, request: &Request<'_>) -> Result<Option<String>, EngineError> {
+        let worker = quoted(request.worker);
+        let worker = match self.environment.as_slice() {
+            [] => worker,
+            lines => quoted(&[
+                "bash".to_owned(),
+                "-c".to_owned(),
+                format!("{}\nexec {worker}", lines.join("\n")),
+            ]),
+        };
+        let resources = request.resources;
+        let values = [
+            ("n", request.workers.to_string()),
+            ("worker", worker),
+            ("name", request.name.to_owned()),
+            ("threads", resources.threads.to_string()),
+            ("memory", resources.memory.unwrap_or(0).to_string()),
+            (
+                "minutes",
+                resources
+                    .time
+                    .map_or(0, |time: Duration| time.as_secs().div_ceil(60))
+                    .to_string(),
+            ),
+            ("gpus", resources.gpus.to_string()),
+            ("logs", quoted(&[request.logs.to_owned()])),
+        ];
+        let said = shell(&filled(&self.submit, &values))?;
+        let last = said.lines().map(str::trim).rfind(|line| !line.is_empty());
+        Ok(last.map(str::to_owned))
+    }
+
+    fn living(&self, _names: &[&str]) -> Result<Option<BTreeMap<String, u32>>, EngineError> {
+        Ok(None)
+    }
+
+    fn cancel(&self, arrays: &[(&str, Option<&str>)]) -> Result<(), EngineError> {
+        let Some(cancel) = &self.cancel else {
+            return Err(EngineError {
+                command: "cancel".to_owned(),
+                reason: "no command is known that cancels workers; `command: { cancel: … }` of a profile is".to_owned(),
+            });
+        };
+        let mut commands = arrays.iter().map(|(name, id)| {
+            let values = [
+                ("name", (*name).to_owned()),
+                ("id", quoted(&[id.unwrap_or_default().to_owned()])),
+            ];
+            filled(cancel, &values)
+        });
+        commands.try_for_each(|command| shell(&command).map(drop))
+    }
+
+    fn most_workers(&self) -> u32 {
+        MOST
+    }
+}
+
+fn shell(command: &str) -> Result<String, EngineError> {
+    let said = ask("sh", &["-c".to_owned(), command.to_owned()], "");
+    said.map_err(|error| EngineError {
+        command: command.to_owned(),
+        ..error
+    })
+}
+
+/// The words that stand in braces. Braces around anything else are the shell's.
+fn places(command: &str) -> Vec<&str> {
+    let opened = command
+        .split('{')
+        .skip(1)
+        .filter_map(|rest| Some(rest.split_once('}')?.0));
+    let is_word = |word: &&str| !word.is_empty() && word.bytes().all(|byte| byte.is_ascii_lowercase());
+    opened.filter(is_word).collect()
+}
+
+/// The command with values in place of the words; what stands in a value is not looked at again.
+fn filled(command: &str, values: &[(&str, String)]) -> String {
+    let mut rest = command;
+    let mut text = String::new();
+    while let Some(at) = rest.find('{') {
+        let (before, from) = rest.split_at(at);
+        text += before;
+        let found = values.iter().find_map(|(place, value)| {
+            let after = from.strip_prefix('{')?.strip_prefix(place)?.strip_prefix('}')?;
+            Some((value, after))
+        });
+        (text, rest) = match found {
+            Some((value, after)) => (text + value, after),
+            None => (text + "{", &from[1..]),
+        };
+    }
+    text + rest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::executor::profile::Resources;
+
+    #[test]
+    fn words_in_braces_are_filled_in_once() {
+        let values = [("n", "3".to_owned()), ("worker", "echo {n}".to_owned())];
+        assert_eq!(
+            filled("run {n} ${HOME} {worker} {", &values),
+            "run 3 ${HOME} echo {n} {"
+        );
+        assert_eq!(places("a {n} ${HOME} {worker} {a b}"), ["n", "worker"]);
+    }
+
+    #[test]
+    fn a_command_that_names_no_worker_or_what_is_not_known_is_refused() {
+        let new = |submit: &str, cancel: Option<&str>| {
+            CommandEngine::new(submit.to_owned(), cancel.map(str::to_owned), Vec::new()).err()
+        };
+        assert_eq!(new("submit.sh {n} {worker}", Some("qdel {id}")), None);
+        assert!(new("submit.sh {n}", None).unwrap().contains("{worker}"));
+        assert!(new("submit.sh {count} {worker}", None).unwrap().contains("{count}"));
+        assert!(new("submit.sh {worker}", Some("qdel {job}")).unwrap().contains("{job}"));
+    }
+
+    #[test]
+    fn it_is_run_by_a_shell_and_its_last_line_is_the_number() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("it's said");
+        let submit = "echo notice; for i in $(seq {n}); do {worker}; done; echo 42".to_owned();
+        let engine = CommandEngine::new(submit, None, vec!["export WHO=there".to_owned()]).unwrap();
+        let resources = Resources {
+            workers: 2,
+            threads: 1,
+            memory: None,
+            time: None,
+            partition: None,
+            gpus: 0,
+            requeue: true,
+            retries: 3,
+        };
+        let script = format!("echo $WHO >> \"{}\"", file.display());
+        let worker = ["sh".to_owned(), "-c".to_owned(), script];
+        let request = Request {
+            name: "deaflow-1",
+            workers: 2,
+            resources: &resources,
+            worker: &worker,
+            logs: "/logs",
+        };
+        assert_eq!(engine.submit(&request).unwrap().as_deref(), Some("42"));
+        assert_eq!(std::fs::read_to_string(file).unwrap(), "there\nthere\n");
+        assert!(engine.cancel(&[("deaflow-1", Some("42"))]).is_err());
+    }
+}

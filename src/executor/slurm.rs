@@ -1,0 +1,203 @@
+//! Slurm, by the commands `sbatch`, `squeue` and `scancel` alone: arrays of workers, since Slurm takes about a second for a task.
+//!
+//! Arrays are known by their names. A submitter that is killed before it has written down a number finds the array again.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use super::engine::{Engine, EngineError, Request, ask, quoted};
+use super::profile::SlurmOptions;
+
+/// Tasks of an array where the cluster does not say it: what Slurm has unless told otherwise.
+const USUAL: u32 = 1001;
+
+/// States of tasks that neither wait nor work, in short: cancelled, completed, timed out and so on.
+const ENDED: [&str; 9] = ["BF", "CA", "CD", "DL", "F", "NF", "OOM", "PR", "TO"];
+
+/// A cluster.
+pub struct SlurmEngine {
+    options: SlurmOptions,
+    /// Lines of shell before each worker.
+    environment: Vec<String>,
+    most: u32,
+}
+
+impl SlurmEngine {
+    /// Looks at the cluster.
+    ///
+    /// # Errors
+    /// When there is none here.
+    pub fn find(options: SlurmOptions, environment: Vec<String>) -> Result<Self, EngineError> {
+        ask("squeue", &["--version".to_owned()], "")?;
+        // Only asked for the length of arrays; where it is not told the usual one is kept.
+        let configuration = ask("scontrol", &["show".to_owned(), "config".to_owned()], "").unwrap_or_default();
+        Ok(Self {
+            options,
+            environment,
+            most: most_workers(&configuration),
+        })
+    }
+}
+
+impl Engine for SlurmEngine {
+    fn name(&self) -> &'static str {
+        "Slurm"
+    }
+
+    fn submit(&self, request: &Request<'_>) -> Result<Option<String>, EngineError> {
+        let said = ask(
+            "sbatch",
+            &arguments(&self.options, request),
+            &script(&self.environment, request),
+        )?;
+        // `NUMBER` or `NUMBER;CLUSTER`, after what the site has to say.
+        let last = said
+            .lines()
+            .map(str::trim)
+            .rfind(|line| !line.is_empty())
+            .unwrap_or_default();
+        let number = last.split(';').next().unwrap_or_default();
+        match !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit()) {
+            true => Ok(Some(number.to_owned())),
+            false => Ok(None),
+        }
+    }
+
+    fn living(&self, names: &[&str]) -> Result<Option<BTreeMap<String, u32>>, EngineError> {
+        let arguments = ["--me", "--noheader", "--array", "--format=%t %j"].map(str::to_owned);
+        let names = format!("--name={}", names.join(","));
+        let said = ask("squeue", &[&arguments[..], &[names]].concat(), "")?;
+        Ok(Some(counted(&said)))
+    }
+
+    fn cancel(&self, arrays: &[(&str, Option<&str>)]) -> Result<(), EngineError> {
+        // `--name` takes one name.
+        let mut names = arrays.iter().map(|(name, _)| format!("--name={name}"));
+        names.try_for_each(|name| ask("scancel", &["--me".to_owned(), name], "").map(drop))
+    }
+
+    fn most_workers(&self) -> u32 {
+        self.most
+    }
+}
+
+/// `MaxArraySize = 1001`: the largest number of a task is one less, so that many tasks can be counted from 0.
+fn most_workers(configuration: &str) -> u32 {
+    let lines = configuration.lines().filter_map(|line| line.split_once('='));
+    let mut sizes = lines.filter(|(key, _)| key.trim() == "MaxArraySize");
+    let size = sizes.next().and_then(|(_, value)| value.trim().parse().ok());
+    size.unwrap_or(USUAL).max(1)
+}
+
+fn counted(said: &str) -> BTreeMap<String, u32> {
+    let mut counts = BTreeMap::new();
+    let tasks = said.lines().filter_map(|line| line.trim().split_once(' '));
+    for (_, name) in tasks.filter(|(state, _)| !ENDED.contains(state)) {
+        *counts.entry(name.trim().to_owned()).or_default() += 1;
+    }
+    counts
+}
+
+fn arguments(options: &SlurmOptions, request: &Request<'_>) -> Vec<String> {
+    let Request {
+        name,
+        workers,
+        resources,
+        logs,
+        ..
+    } = request;
+    let mut arguments = vec![
+        "--parsable".to_owned(),
+        format!("--job-name={name}"),
+        format!("--array=0-{}", workers.saturating_sub(1)),
+        format!("--output={}/{name}-%a.log", logs.replace('%', "%%")),
+        "--open-mode=append".to_owned(),
+        format!("--cpus-per-task={}", resources.threads),
+        if resources.requeue { "--requeue" } else { "--no-requeue" }.to_owned(),
+    ];
+    let optional = [
+        resources.memory.map(|memory| format!("--mem={memory}M")),
+        resources.time.map(|time| format!("--time={}", minutes(time))),
+        resources
+            .partition
+            .as_ref()
+            .map(|partition| format!("--partition={partition}")),
+        (resources.gpus > 0).then(|| format!("--gpus={}", resources.gpus)),
+        options.account.as_ref().map(|account| format!("--account={account}")),
+    ];
+    arguments.extend(optional.into_iter().flatten());
+    arguments.extend(options.extra.iter().cloned());
+    arguments
+}
+
+fn minutes(time: Duration) -> u64 {
+    time.as_secs().div_ceil(60)
+}
+
+fn script(environment: &[String], request: &Request<'_>) -> String {
+    // `exec`: signals reach the worker and not a shell around it.
+    let lines = environment.iter().map(String::as_str);
+    let worker = format!("exec {}", quoted(request.worker));
+    let lines: Vec<&str> = ["#!/bin/bash"]
+        .into_iter()
+        .chain(lines)
+        .chain([worker.as_str()])
+        .collect();
+    lines.join("\n") + "\n"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::executor::profile::Resources;
+
+    #[test]
+    fn tasks_that_wait_or_work_are_counted_by_name() {
+        let said = "PD one\nR one\nCG two\nCD two\nTO three\n\nbroken\n";
+        let counts = counted(said);
+        assert_eq!(counts, [("one".to_owned(), 2), ("two".to_owned(), 1)].into());
+        assert_eq!(counted(""), BTreeMap::new());
+    }
+
+    #[test]
+    fn the_length_of_arrays_is_the_clusters() {
+        assert_eq!(most_workers("MaxArraySize            = 5\nMaxJobCount = 10"), 5);
+        assert_eq!(most_workers("nothing"), USUAL);
+        assert_eq!(most_workers("MaxArraySize = 0"), 1);
+    }
+
+    #[test]
+    fn a_request_says_all_that_the_profile_does() {
+        let resources = Resources {
+            workers: 8,
+            threads: 4,
+            memory: Some(7630),
+            time: Some(Duration::from_secs(90)),
+            partition: Some("main".to_owned()),
+            gpus: 1,
+            requeue: true,
+            retries: 3,
+        };
+        let worker = ["/opt/a b/deaflow".to_owned(), "worker".to_owned()];
+        let request = Request {
+            name: "deaflow-1",
+            workers: 8,
+            resources: &resources,
+            worker: &worker,
+            logs: "/logs/100%",
+        };
+        let options = SlurmOptions {
+            account: Some("lab".to_owned()),
+            extra: vec!["--qos=low".to_owned()],
+        };
+        assert_eq!(
+            arguments(&options, &request).join(" "),
+            "--parsable --job-name=deaflow-1 --array=0-7 --output=/logs/100%%/deaflow-1-%a.log --open-mode=append \
+             --cpus-per-task=4 --requeue --mem=7630M --time=2 --partition=main --gpus=1 --account=lab --qos=low"
+        );
+        assert_eq!(
+            script(&["module load hdf5".to_owned()], &request),
+            "#!/bin/bash\nmodule load hdf5\nexec '/opt/a b/deaflow' worker\n"
+        );
+    }
+}

@@ -1,0 +1,555 @@
+//! Has an engine keep as many workers as there is work, until everything is there.
+//!
+//! Nothing that an engine says decides what has been built: a stage is there when its record verifies. An engine that does not answer
+//! says nothing of its workers.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::sleep;
+use std::time::{Duration, Instant, SystemTime};
+
+use serde::{Deserialize, Serialize};
+
+use super::engine::{Engine, EngineError, Request};
+use super::ledger::{Array, LEDGER, Ledger, Recipe};
+use super::profile::{Profile, Resources};
+use super::workers::{SILENT, workers};
+use crate::base::Digest;
+use crate::orchestrator::{Pipeline, RunError, Standing, Stands, Sweep, standings};
+use crate::store::{Board, Guard, Store, StoreError};
+
+/// Between two looks at the store; longer where a look takes long.
+const LOOK: Duration = Duration::from_millis(500);
+
+/// A look takes no more than this part of the time.
+const SHARE: u32 = 20;
+
+/// An engine is asked no sooner again, and no later.
+const ASK: (Duration, Duration) = (Duration::from_secs(10), Duration::from_secs(30));
+
+/// What a note of a failure begins with.
+const FAILED: &str = "failed-";
+
+/// The note on what last ended a worker that is to be started again.
+const TROUBLE: &str = "trouble";
+
+/// The note that everything is to be cancelled.
+const CANCELLED: &str = "cancelled";
+
+/// What a note of a begun array begins with.
+const BEGAN: &str = "began-";
+
+/// A submission.
+pub struct Submission<'a> {
+    /// What is to be built.
+    pub pipeline: &'a Pipeline,
+    /// Where.
+    pub store: &'a Store,
+    /// What each stage gets.
+    pub profile: &'a Profile,
+    /// By whom.
+    pub engine: &'a dyn Engine,
+    /// The command line of a worker, but for its stages and its array.
+    pub worker: &'a [String],
+    /// How to go on with it.
+    pub recipe: Recipe,
+    /// Once it is set everything is cancelled.
+    pub cancel: &'a AtomicBool,
+    /// Whether to end once workers have been submitted.
+    pub once: bool,
+}
+
+/// A stage that no worker can build, as one of them found.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Failed {
+    /// The stage, if it is that of one.
+    pub stage: Option<String>,
+    /// The exit code of the worker.
+    pub exit: u8,
+    /// Why.
+    pub message: String,
+}
+
+/// How a submission stands.
+pub struct Standings<'a> {
+    /// Its stages.
+    pub stages: &'a [Standing],
+    /// Workers that wait or work, as far as is known.
+    pub workers: u32,
+    /// What the engine last said that was no answer.
+    pub trouble: Option<&'a str>,
+    /// Whether another submitter leads.
+    pub follows: bool,
+}
+
+/// How a submission ended.
+#[derive(Debug)]
+pub enum Ending {
+    /// Everything is there.
+    Done,
+    /// Workers have been submitted, and that is all that was asked for.
+    Submitted(Vec<String>),
+    /// Some stages cannot be built.
+    Failed(Vec<Failed>),
+    /// It was cancelled, here or by another; workers that could not be.
+    Cancelled(Option<EngineError>),
+    /// Workers end again and again without bringing anything about: on which stages, and what the last of them said.
+    GivenUp(Vec<String>, Option<String>),
+}
+
+/// Why a submission could not go on.
+#[derive(Debug, thiserror::Error)]
+pub enum SubmitError {
+    /// The pipeline or the store.
+    #[error(transparent)]
+    Run(#[from] RunError),
+    /// The store.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+}
+
+/// The topic of a pipeline in the notes of a store: what is to be built, wherever its file lies.
+#[must_use]
+pub fn topic(pipeline: &Pipeline, until: Option<&str>) -> String {
+    let mut text = format!("{}\n{}\n", pipeline.name, until.unwrap_or_default());
+    for stage in &pipeline.stages {
+        let parameters = Digest::of(stage.stage.parameters().to_string().as_bytes());
+        text += &format!("{} {} {parameters}\n", stage.name, stage.kind.name());
+    }
+    Digest::of(text.as_bytes()).short()
+}
+
+/// Lets submitters know what became of a worker that could not do all.
+///
+/// # Errors
+/// When the system refuses.
+pub fn report_failures(board: &Board, failures: &[Failed]) -> Result<(), StoreError> {
+    for failed in failures {
+        let of = failed.stage.as_deref().unwrap_or_default();
+        board.write(&format!("{FAILED}{}", Digest::of(of.as_bytes()).short()), failed)?;
+    }
+    Ok(())
+}
+
+/// Lets submitters know why a worker is to be started again.
+///
+/// # Errors
+/// When the system refuses.
+pub fn report_trouble(board: &Board, message: &str) -> Result<(), StoreError> {
+    board.write(TROUBLE, &message)
+}
+
+/// Lets submitters know that a worker of an array has begun.
+///
+/// # Errors
+/// When the system refuses.
+pub fn report_begun(board: &Board, array: &str) -> Result<(), StoreError> {
+    board.write(&format!("{BEGAN}{array}"), &true)
+}
+
+/// Stages that get the same, and so are built by the same workers.
+struct Group {
+    resources: Resources,
+    stages: Vec<String>,
+    /// How often in a row its workers brought nothing about.
+    fruitless: u32,
+}
+
+/// Has workers build all that is not there. `tell` is called at each look.
+///
+/// # Errors
+/// When the store or the pipeline cannot be read.
+pub fn supervise(submission: &Submission<'_>, tell: &dyn Fn(&Standings<'_>)) -> Result<Ending, SubmitError> {
+    let until = submission.recipe.until.as_deref();
+    let board = submission.store.board(&topic(submission.pipeline, until));
+    let mut supervisor = Supervisor {
+        submission,
+        ledger: Ledger::default(),
+        groups: groups(submission)?,
+        asked: None,
+        interval: interval().0,
+        trouble: None,
+        board,
+    };
+    let mut lead: Option<Guard> = None;
+    let mut is_first = true;
+    loop {
+        let start = Instant::now();
+        if lead.is_none() {
+            lead = supervisor.board.try_lead()?;
+            if lead.is_some() {
+                supervisor.take_over(is_first)?;
+            }
+        }
+        if lead.is_none() {
+            supervisor.ledger = supervisor.board.read(LEDGER).unwrap_or_default();
+        }
+        let stages = standings(submission.pipeline, submission.store, until)?;
+        tell(&Standings {
+            stages: &stages,
+            workers: supervisor.ledger.living().map(|array| array.living).sum(),
+            trouble: supervisor.trouble.as_deref(),
+            follows: lead.is_none(),
+        });
+        let ending = match &lead {
+            Some(_) => supervisor.act(&stages)?,
+            None => supervisor.watch(&stages, is_first)?,
+        };
+        if let Some(ending) = ending {
+            return Ok(ending);
+        }
+        is_first = false;
+        let pause = LOOK.max(start.elapsed() * SHARE).min(interval().1);
+        let end = Instant::now() + pause;
+        while Instant::now() < end && !submission.cancel.load(Ordering::Relaxed) {
+            sleep(Duration::from_millis(50).min(pause));
+        }
+    }
+}
+
+/// Cancels all that has been submitted for a pipeline, whoever leads; gives the number of arrays, or why they could not be.
+///
+/// # Errors
+/// When the store refuses.
+pub fn cancel(board: &Board, engine: &dyn Engine) -> Result<Result<usize, EngineError>, StoreError> {
+    // First, so that who leads starts no more.
+    board.write(CANCELLED, &true)?;
+    Ok(cancel_arrays(&board.read(LEDGER).unwrap_or_default(), engine))
+}
+
+fn cancel_arrays(ledger: &Ledger, engine: &dyn Engine) -> Result<usize, EngineError> {
+    let living: Vec<(&str, Option<&str>)> = ledger
+        .living()
+        .map(|array| (array.name.as_str(), array.number.as_deref()))
+        .collect();
+    match living.as_slice() {
+        [] => Ok(0),
+        living => engine.cancel(living).map(|()| living.len()),
+    }
+}
+
+/// How often an engine is asked. `DEAFLOW_ASK_SECONDS` is the shortest time, for tests.
+fn interval() -> (Duration, Duration) {
+    let seconds = std::env::var("DEAFLOW_ASK_SECONDS").ok();
+    let seconds: Option<f64> = seconds.and_then(|seconds| seconds.parse().ok());
+    match seconds.filter(|seconds| (0.05..=3600.0).contains(seconds)) {
+        None => ASK,
+        Some(seconds) => (Duration::from_secs_f64(seconds), Duration::from_secs_f64(3.0 * seconds)),
+    }
+}
+
+fn groups(submission: &Submission<'_>) -> Result<Vec<Group>, RunError> {
+    let pipeline = submission.pipeline;
+    let selection = pipeline.selection(submission.recipe.until.as_deref())?;
+    let mut groups: BTreeMap<Resources, Vec<String>> = BTreeMap::new();
+    for spec in selection.into_iter().map(|index| &pipeline.stages[index]) {
+        let resources = submission.profile.resources(pipeline, spec);
+        groups.entry(resources).or_default().push(spec.name.clone());
+    }
+    let group = |(resources, stages)| Group {
+        resources,
+        stages,
+        fruitless: 0,
+    };
+    Ok(groups.into_iter().map(group).collect())
+}
+
+struct Supervisor<'a> {
+    submission: &'a Submission<'a>,
+    board: Board,
+    ledger: Ledger,
+    groups: Vec<Group>,
+    /// When the engine was last asked.
+    asked: Option<Instant>,
+    interval: Duration,
+    trouble: Option<String>,
+}
+
+impl Supervisor<'_> {
+    /// Goes on with what is submitted already. What an earlier submission found of failures is found again if it is still true.
+    fn take_over(&mut self, is_new: bool) -> Result<(), StoreError> {
+        self.ledger = self.board.read(LEDGER).unwrap_or_default();
+        if is_new {
+            let living: BTreeSet<String> = self
+                .ledger
+                .living()
+                .map(|array| format!("{BEGAN}{}", array.name))
+                .collect();
+            let began = self
+                .board
+                .names(BEGAN)?
+                .into_iter()
+                .filter(|name| !living.contains(name));
+            let failed = self.board.names(FAILED)?;
+            for name in began.chain(failed) {
+                self.board.remove(&name)?;
+            }
+            self.board.remove(TROUBLE)?;
+            self.board.remove(CANCELLED)?;
+            self.ledger.recipe = self.submission.recipe.clone();
+            self.keep()?;
+        }
+        Ok(())
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.board.age(CANCELLED).is_some()
+    }
+
+    fn keep(&self) -> Result<(), StoreError> {
+        self.board.write(LEDGER, &self.ledger)
+    }
+
+    /// What one does who does not lead.
+    fn watch(&self, stages: &[Standing], is_first: bool) -> Result<Option<Ending>, StoreError> {
+        let failures = self.failures()?;
+        Ok(match () {
+            () if all_there(stages) => Some(Ending::Done),
+            // Another goes on with it.
+            () if self.submission.once || self.submission.cancel.load(Ordering::Relaxed) => {
+                let names = self.ledger.living().map(|array| array.name.clone());
+                Some(Ending::Submitted(names.collect()))
+            }
+            () if is_first => None,
+            () if self.is_cancelled() => Some(Ending::Cancelled(None)),
+            () if !failures.is_empty() && !self.ledger.recipe.keep_going => Some(Ending::Failed(failures)),
+            () => None,
+        })
+    }
+
+    /// What one does who leads.
+    fn act(&mut self, stages: &[Standing]) -> Result<Option<Ending>, SubmitError> {
+        if all_there(stages) {
+            // What still waits has nothing to do; where it cannot be cancelled it ends by itself.
+            if self.cancel_all().is_err() {
+                self.ledger.arrays.iter_mut().for_each(|array| array.living = 0);
+            }
+            self.keep()?;
+            return Ok(Some(Ending::Done));
+        }
+        if self.is_cancelled() || self.submission.cancel.load(Ordering::Relaxed) {
+            let cancelled = self.cancel_all();
+            // For those who follow.
+            self.board.write(CANCELLED, &true)?;
+            self.keep()?;
+            return Ok(Some(Ending::Cancelled(cancelled.err())));
+        }
+        let failures = self.failures()?;
+        if !failures.is_empty() && !self.submission.recipe.keep_going {
+            // It has failed, whether what is left can be cancelled or not.
+            let _ = self.cancel_all();
+            self.keep()?;
+            return Ok(Some(Ending::Failed(failures)));
+        }
+        self.ask(stages)?;
+        let failed: BTreeSet<&str> = failures.iter().filter_map(|failed| failed.stage.as_deref()).collect();
+        for at in 0..self.groups.len() {
+            if let Some(ending) = self.fill(at, stages, &failed)? {
+                return Ok(Some(ending));
+            }
+        }
+        let is_idle = self.ledger.living().next().is_none();
+        Ok(match () {
+            () if is_idle && !failures.is_empty() => Some(Ending::Failed(failures)),
+            () if self.submission.once && !is_idle => {
+                let names = self.ledger.living().map(|array| array.name.clone());
+                Some(Ending::Submitted(names.collect()))
+            }
+            () => None,
+        })
+    }
+
+    fn cancel_all(&mut self) -> Result<(), EngineError> {
+        cancel_arrays(&self.ledger, self.submission.engine)?;
+        self.ledger.arrays.iter_mut().for_each(|array| array.living = 0);
+        Ok(())
+    }
+
+    fn failures(&self) -> Result<Vec<Failed>, StoreError> {
+        let names = self.board.names(FAILED)?;
+        Ok(names.iter().filter_map(|name| self.board.read(name)).collect())
+    }
+
+    /// Asks the engine what waits and works, if it is time to.
+    fn ask(&mut self, stages: &[Standing]) -> Result<(), StoreError> {
+        let is_time = self.asked.is_none_or(|asked| asked.elapsed() >= self.interval);
+        if !is_time || self.ledger.living().next().is_none() {
+            return Ok(());
+        }
+        self.asked = Some(Instant::now());
+        let names: Vec<&str> = self.ledger.living().map(|array| array.name.as_str()).collect();
+        let counts = match self.submission.engine.living(&names) {
+            Ok(Some(counts)) => counts,
+            Ok(None) => self.shown()?,
+            Err(error) => {
+                self.trouble = Some(error.to_string());
+                self.interval = (2 * self.interval).min(interval().1);
+                return Ok(());
+            }
+        };
+        self.trouble = None;
+        let mut has_changed = false;
+        for at in 0..self.ledger.arrays.len() {
+            let array = &mut self.ledger.arrays[at];
+            let living = counts.get(&array.name).copied().unwrap_or(0);
+            if array.living == 0 || array.living == living {
+                continue;
+            }
+            (array.living, has_changed) = (living, true);
+            if living == 0 {
+                let array = array.clone();
+                let is_fruitless = done(stages, &array.stages) <= array.before;
+                let groups = self.groups.iter_mut().filter(|group| group.stages == array.stages);
+                groups.for_each(|group| group.fruitless = if is_fruitless { group.fruitless + 1 } else { 0 });
+            }
+        }
+        let (shortest, longest) = interval();
+        match has_changed {
+            true => {
+                self.interval = shortest;
+                self.keep()
+            }
+            false => {
+                self.interval = (self.interval * 3 / 2).min(longest);
+                Ok(())
+            }
+        }
+    }
+
+    /// What waits and works as workers show themselves: an array of which nobody has begun waits.
+    fn shown(&self) -> Result<BTreeMap<String, u32>, StoreError> {
+        let began = self.board.names(BEGAN)?;
+        let workers = workers(self.submission.store)?;
+        let count = |name: &str| {
+            let shown = workers.iter().filter(|seen| seen.worker.array.as_deref() == Some(name));
+            shown.filter(|seen| seen.silent < SILENT).count()
+        };
+        let living = self.ledger.living().map(|array| {
+            let has_begun = began.iter().any(|note| note.strip_prefix(BEGAN) == Some(&array.name));
+            let living = match count(&array.name) {
+                0 if has_begun => 0,
+                // Others of it may still wait.
+                _ => array.living,
+            };
+            (array.name.clone(), living)
+        });
+        Ok(living.collect())
+    }
+
+    /// Starts workers on a group of stages if it has more work than workers.
+    fn fill(&mut self, at: usize, stages: &[Standing], failed: &BTreeSet<&str>) -> Result<Option<Ending>, StoreError> {
+        let group = &self.groups[at];
+        let own = stages.iter().filter(|stage| group.stages.contains(&stage.name));
+        let ready: u64 = own
+            .filter(|stage| !failed.contains(stage.name.as_str()))
+            .map(Standing::ready)
+            .sum();
+        let meets = |array: &&Array| array.stages.iter().any(|stage| group.stages.contains(stage));
+        let living: u32 = self.ledger.living().filter(meets).map(|array| array.living).sum();
+        let wanted = u32::try_from(ready).unwrap_or(u32::MAX).min(group.resources.workers);
+        let missing = wanted.saturating_sub(living).min(self.submission.engine.most_workers());
+        if missing == 0 {
+            return Ok(None);
+        }
+        if group.fruitless > group.resources.retries {
+            let trouble = self.board.read(TROUBLE);
+            let stages = stages.iter().filter(|stage| stage.stands == Stands::Ready);
+            let names = stages
+                .map(|stage| stage.name.clone())
+                .filter(|name| group.stages.contains(name));
+            let names = names.collect();
+            // It has been given up, whether what is left can be cancelled or not.
+            let _ = self.cancel_all();
+            self.keep()?;
+            return Ok(Some(Ending::GivenUp(names, trouble)));
+        }
+        self.submit(at, missing, done(stages, &self.groups[at].stages))?;
+        Ok(None)
+    }
+
+    fn submit(&mut self, at: usize, workers: u32, before: u64) -> Result<(), StoreError> {
+        let group = &self.groups[at];
+        let since = humantime::format_rfc3339_seconds(SystemTime::now()).to_string();
+        let topic = topic(self.submission.pipeline, self.submission.recipe.until.as_deref());
+        let array = self.ledger.begin(&topic, group.stages.clone(), workers, since, before);
+        // Written down before: who takes over a submitter that was killed meanwhile looks for it.
+        self.keep()?;
+        let group = &self.groups[at];
+        // Workers start in folders of their own.
+        let logs = self.board.logs()?;
+        let logs = std::path::absolute(&logs).unwrap_or(logs).display().to_string();
+        let names = named(self.submission.pipeline, &group.stages, self.groups.len() == 1);
+        let stages = names.into_iter().flat_map(|name| ["--stage".to_owned(), name]);
+        let own = [
+            "--array".to_owned(),
+            array.name.clone(),
+            "--jobs".to_owned(),
+            group.resources.threads.to_string(),
+        ];
+        let own: Vec<String> = stages.chain(own).collect();
+        let time = group.resources.time.map(|time| {
+            let before = (time / 10).min(Duration::from_secs(300));
+            [
+                "--time".to_owned(),
+                humantime::format_duration(time).to_string(),
+                "--stop-before".to_owned(),
+                humantime::format_duration(before).to_string(),
+            ]
+        });
+        let worker = [
+            self.submission.worker,
+            &own,
+            time.as_ref().map_or(&[], |time| &time[..]),
+        ]
+        .concat();
+        let submitted = self.submission.engine.submit(&Request {
+            name: &array.name,
+            workers,
+            resources: &group.resources,
+            worker: &worker,
+            logs: &logs,
+        });
+        match submitted {
+            Ok(number) => {
+                self.trouble = None;
+                if let Some(last) = self.ledger.arrays.last_mut() {
+                    last.number = number;
+                }
+            }
+            Err(error) => {
+                // It may have been started all the same: the engine is asked, and it counts as begun until then.
+                self.trouble = Some(error.to_string());
+                report_trouble(&self.board, &error.to_string())?;
+                // One that cannot be asked has not begun what it refused.
+                report_begun(&self.board, &array.name)?;
+            }
+        }
+        // The answer before says nothing of this one.
+        self.asked = Some(Instant::now());
+        self.keep()
+    }
+}
+
+/// Stages as a command line names them: a sweep in place of all its stages, and none where they are all there are.
+fn named(pipeline: &Pipeline, stages: &[String], are_all: bool) -> Vec<String> {
+    if are_all {
+        return Vec::new();
+    }
+    let own: BTreeSet<&String> = stages.iter().collect();
+    let whole = |sweep: &&Sweep| sweep.stages.iter().all(|stage| own.contains(stage));
+    let sweeps: Vec<&Sweep> = pipeline.sweeps.iter().filter(whole).collect();
+    let swept: BTreeSet<&String> = sweeps.iter().flat_map(|sweep| &sweep.stages).collect();
+    let alone = stages.iter().filter(|stage| !swept.contains(stage));
+    alone.chain(sweeps.iter().map(|sweep| &sweep.name)).cloned().collect()
+}
+
+fn all_there(stages: &[Standing]) -> bool {
+    stages.iter().all(|stage| stage.stands == Stands::There)
+}
+
+/// Pieces of some stages that are there. A stage that is put together counts as one more.
+fn done(stages: &[Standing], names: &[String]) -> u64 {
+    let own = stages.iter().filter(|stage| names.contains(&stage.name));
+    own.map(|stage| stage.done + u64::from(stage.stands == Stands::There))
+        .sum()
+}
