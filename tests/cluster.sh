@@ -45,6 +45,8 @@ trap 'pkill -f "$deaflow worker"; down; cd /; mountpoint -q "$work/full" && umou
 # A command and no function: what is killed is deaflow and no shell around it.
 run=("$deaflow" run p.yaml --profile cluster.yaml --quiet --store)
 exec 2>> said
+bad=0
+# None where there is no plan.
 digests() { "$deaflow" plan p.yaml --store "$1" --json | grep -o '"digest": *"[0-9a-f]*"'; }
 # Until so many records are there.
 records() { while [ "$(find "$1/records" -type f 2>/dev/null | wc -l)" -lt "$2" ]; do sleep 0.1; done; }
@@ -53,8 +55,9 @@ begin() { store=$1; start=$(date +%s.%N); }
 # What became of a store: WORDS CODE
 tell() {
     seconds=$(echo "$(date +%s.%N) - $start" | bc)
-    same="digests differ"; [ "$(digests "$store")" = "$wanted" ] && same="same digests"
+    same="digests differ"; [ -n "$wanted" ] && [ "$(digests "$store")" = "$wanted" ] && same="same digests"
     sound="not sound"; "$deaflow" fsck --store "$store" > /dev/null 2>&1 && sound="sound"
+    if [ "$2" != 0 ] || [ "$same" != "same digests" ] || [ "$sound" != sound ]; then bad=1; fi
     printf '%-44s exit %s  %5.1f s  %s, %s\n' "$1" "$2" "$seconds" "$same" "$sound"
     while [ -n "$(squeue --noheader)" ]; do sleep 0.2; done
 }
@@ -95,3 +98,4 @@ scontrol update nodename="$(hostname)" state=resume; wait $pid; tell "node lost 
 
 down; up 1
 begin array; "${run[@]}" array; tell "arrays of one task" $?
+exit $bad

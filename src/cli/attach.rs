@@ -3,7 +3,7 @@
 use clap::Args;
 
 use super::arguments::{PipelineArguments, SetArguments};
-use super::cluster::{ClusterArguments, Work};
+use super::cluster::{ClusterArguments, How, Work};
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::run::{self, ProgressForm, RunArguments, load};
@@ -17,6 +17,9 @@ pub struct AttachArguments {
     /// End all its workers instead
     #[arg(long)]
     cancel: bool,
+    /// For another submitter: what has been cancelled stays so
+    #[arg(long, hide = true)]
+    go_on: bool,
     /// Say nothing but warnings and errors
     #[arg(short, long)]
     quiet: bool,
@@ -34,7 +37,7 @@ pub fn execute(arguments: &AttachArguments, output: &Output) -> Result<Exit, Cli
         store: &store,
         shown: ProgressForm::shown(arguments.progress, arguments.quiet),
     };
-    let ledger = work.ledger().ok_or_else(|| {
+    let ledger = work.ledger()?.ok_or_else(|| {
         CliError::bad_input(format!(
             "nothing has been submitted for {}",
             arguments.of.pipeline.display()
@@ -45,7 +48,8 @@ pub fn execute(arguments: &AttachArguments, output: &Output) -> Result<Exit, Cli
         return work.cancel(&ledger.recipe, output);
     }
     let keep_going = ledger.recipe.keep_going;
-    if let Some(exit) = work.submit(ledger.recipe, false, output)? {
+    let how = if arguments.go_on { How::GoOn } else { How::Stay };
+    if let Some(exit) = work.submit(ledger.recipe, how, output)? {
         return Ok(exit);
     }
     let of = &arguments.of;

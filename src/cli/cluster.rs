@@ -5,7 +5,7 @@ use std::io;
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf, absolute};
 use std::process::{Command, Stdio};
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use clap::{Args, ValueEnum};
@@ -42,7 +42,7 @@ pub struct ClusterArguments {
     #[arg(long, value_name = "COMMAND", help_heading = "Clusters")]
     pub submit: Option<String>,
     /// Submit and come back: `deaflow attach` shows how far they are
-    #[arg(long, help_heading = "Clusters")]
+    #[arg(long, help_heading = "Clusters", conflicts_with_all = ["lock", "locked", "verify"])]
     pub detach: bool,
 }
 
@@ -91,8 +91,6 @@ pub fn build(pipeline: &Pipeline, arguments: &RunArguments, output: &Output) -> 
         profile,
         submit: cluster.submit.clone(),
         until: arguments.of.until.clone(),
-        sets: arguments.of.set.sets.clone(),
-        many: arguments.of.set.many,
         keep_going: arguments.keep_going,
     };
     let store = arguments.of.trust(Store::open(&arguments.of.store.folder())?);
@@ -106,12 +104,24 @@ pub fn build(pipeline: &Pipeline, arguments: &RunArguments, output: &Output) -> 
         store: &store,
         shown: ProgressForm::shown(arguments.progress, arguments.quiet),
     };
-    work.submit(recipe, cluster.detach, output)
+    let how = if cluster.detach { How::Detach } else { How::Stay };
+    work.submit(recipe, how, output)
+}
+
+/// How long a submitter stays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum How {
+    /// Until all is there.
+    Stay,
+    /// Until workers have been submitted.
+    Detach,
+    /// Until all is there, for another that has submitted them.
+    GoOn,
 }
 
 impl Work<'_> {
     /// Goes on with what a recipe says until all is there, which gives none.
-    pub fn submit(&self, recipe: Recipe, detach: bool, output: &Output) -> Result<Option<Exit>, CliError> {
+    pub fn submit(&self, recipe: Recipe, how: How, output: &Output) -> Result<Option<Exit>, CliError> {
         let (profile, kind) = self.profile(&recipe)?;
         let stages = standings(self.pipeline, self.store, recipe.until.as_deref())?;
         if stages.iter().all(|stage| stage.stands == Stands::There) {
@@ -134,18 +144,33 @@ impl Work<'_> {
             worker: &self.worker(&profile)?,
             recipe,
             cancel: &cancel,
-            once: detach,
+            once: how == How::Detach,
+            goes_on: how == How::GoOn,
         };
         let ending = supervise(&submission, &|standings| display.show(standings))?;
         display.end();
         match ending {
-            Ending::Done => Ok(None),
-            Ending::Submitted(arrays) => self.detach(&arrays, output).map(Some),
-            Ending::Failed(failures) => Ok(Some(failed(&failures, output)?)),
-            Ending::Cancelled(None) => {
-                output.complain("cancelled; what has been built is kept");
-                Ok(Some(Exit::TryAgain))
+            Ending::Done => {
+                // What is left is done here: the first Ctrl-C ends it.
+                cancel.store(true, Ordering::Relaxed);
+                Ok(None)
             }
+            Ending::Refused(why) => Err(CliError::failure(format!("the workers were not taken: {why}"))),
+            Ending::Submitted(arrays) => self.detach(&arrays, output).map(Some),
+            Ending::Left(arrays) => {
+                let arrays = if arrays.is_empty() {
+                    "nothing yet".to_owned()
+                } else {
+                    arrays.join(", ")
+                };
+                output.complain(&format!(
+                    "another process has submitted {arrays} and goes on; `deaflow attach {} --cancel` ends it",
+                    self.of.pipeline.display()
+                ));
+                Ok(Some(if how == How::Detach { Exit::Done } else { Exit::TryAgain }))
+            }
+            Ending::Failed(failures) => Ok(Some(failed(&failures, output)?)),
+            Ending::Cancelled(None) => Err(CliError::failure("cancelled; what has been built is kept").elsewhere()),
             Ending::Cancelled(Some(error)) => {
                 Err(CliError::failure(format!("not everything could be cancelled: {error}"))
                     .help("`deaflow attach PIPELINE --cancel` tries again"))
@@ -168,12 +193,17 @@ impl Work<'_> {
     }
 
     /// What was last submitted for the pipeline.
-    pub fn ledger(&self) -> Option<Ledger> {
-        self.board(self.of.until.as_deref()).read(LEDGER)
+    pub fn ledger(&self) -> Result<Option<Ledger>, CliError> {
+        Ok(self.board(self.of.until.as_deref()).read(LEDGER)?)
     }
 
     /// Ends all workers that were submitted.
     pub fn cancel(&self, recipe: &Recipe, output: &Output) -> Result<Exit, CliError> {
+        if !self.board(recipe.until.as_deref()).is_own(LEDGER) {
+            return Err(CliError::failure(
+                "another user has submitted this: only that one can cancel it",
+            ));
+        }
         let (profile, kind) = self.profile(recipe)?;
         let engine = engine(&profile, kind, recipe.submit.clone())?;
         let arrays = crate::executor::cancel(&self.board(recipe.until.as_deref()), engine.as_ref())?;
@@ -260,7 +290,7 @@ impl Work<'_> {
         command
             .arg("attach")
             .args(self.arguments()?)
-            .args(["--progress", "plain"])
+            .args(["--go-on", "--progress", "plain"])
             .stdin(Stdio::null())
             .stdout(file.try_clone().map_err(refused)?)
             .stderr(file)
@@ -395,8 +425,13 @@ impl Display {
             });
             tell(&printable_json(&document.to_string()));
         }
-        if let (Some(trouble), true) = (trouble, self.shown != Shown::Json) {
-            self.say(&format!("warning: {trouble}"));
+        match (trouble, self.shown) {
+            (Some(trouble), Shown::Json) => {
+                let warning = json!({ "event": "warning", "text": trouble });
+                tell(&printable_json(&warning.to_string()));
+            }
+            (Some(trouble), _) => self.say(&format!("warning: {trouble}")),
+            (None, _) => {}
         }
         if let Some(bar) = &self.bar {
             if standings.follows && !said.follows {

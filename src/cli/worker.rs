@@ -19,15 +19,18 @@ use super::progress::RunProgress;
 use super::run::{ProgressForm, load};
 use super::table;
 use crate::base::{Background, CpuLevel, Pauses, host_name};
-use crate::executor::{Failed, Sign, report_begun, report_failures, report_trouble, topic};
-use crate::orchestrator::{Environment, Pipeline, RunOptions, run};
-use crate::store::{Board, Store};
+use crate::executor::{Failed, Sign, is_cancelled, report_begun, report_failures, report_left, report_trouble, topic};
+use crate::orchestrator::{Environment, Outcome, Pipeline, RunOptions, run};
+use crate::store::{Board, Store, StoreError};
 
 /// Batch systems kill what has not ended some 30 s after they have asked it to.
 const PATIENCE: Duration = Duration::from_secs(20);
 
 /// A worker of an array waits so long for what others build: longer than a dead one keeps what it has claimed.
 const LINGER: Duration = Duration::from_secs(90);
+
+/// Between two looks at whether its submission was cancelled.
+const LOOK: Duration = Duration::from_secs(5);
 
 /// Between two looks at whether it was asked to stop.
 const PAUSE: Duration = Duration::from_millis(100);
@@ -57,12 +60,15 @@ pub struct WorkerArguments {
     #[arg(long, value_name = "LEVEL", value_parser = level)]
     cpu: Option<CpuLevel>,
     /// The array that it was started in by `deaflow run --executor`, which is told what becomes of it
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", requires = "topic")]
     array: Option<String>,
+    /// Where `deaflow run --executor` is told
+    #[arg(long, value_name = "NAME", requires = "array")]
+    topic: Option<String>,
     /// Stop so long before the job has to end
     #[arg(long, value_name = "TIME", value_parser = duration)]
     stop_before: Option<Duration>,
-    /// How long this job may take from now on, where neither SLURM_JOB_END_TIME nor PBS_WALLTIME says so
+    /// How long this job may take from now on [default: as SLURM_JOB_END_TIME or PBS_WALLTIME says]
     #[arg(long, value_name = "TIME", value_parser = duration, requires = "stop_before")]
     time: Option<Duration>,
     /// Say nothing but warnings and errors
@@ -74,6 +80,33 @@ pub struct WorkerArguments {
 }
 
 pub fn execute(arguments: &WorkerArguments, output: &Output) -> Result<Exit, CliError> {
+    let (Some(array), Some(topic)) = (&arguments.array, &arguments.topic) else {
+        return build(arguments, None, output);
+    };
+    // Who waits for it is told of whatever it finds, be it that the pipeline cannot be read here.
+    let store = open(arguments)?;
+    let submitter = Submitter {
+        array,
+        board: store.board(topic),
+    };
+    report_begun(&submitter.board, array).map_err(again)?;
+    let done = build(arguments, Some((&submitter, &store)), output);
+    if let Err(error) = &done {
+        submitter.tell(&[(None, error)])?;
+    }
+    done
+}
+
+fn open(arguments: &WorkerArguments) -> Result<Store, CliError> {
+    let store = Store::open(&arguments.of.store.folder()).map_err(again)?;
+    Ok(arguments.of.trust(store))
+}
+
+fn build(
+    arguments: &WorkerArguments,
+    submitted: Option<(&Submitter<'_>, &Store)>,
+    output: &Output,
+) -> Result<Exit, CliError> {
     let pipeline = load(&arguments.of)?;
     check_chunks(arguments, &pipeline)?;
     let stages = stages(arguments, &pipeline)?;
@@ -87,18 +120,22 @@ pub fn execute(arguments: &WorkerArguments, output: &Output) -> Result<Exit, Cli
         flag::register_conditional_shutdown(signal, i32::from(Exit::TryAgain.code()), stop.clone()).map_err(refused)?;
         flag::register(signal, stop.clone()).map_err(refused)?;
     }
-    let store = arguments.of.trust(Store::open(&arguments.of.store.folder())?);
-    let array = arguments.array.as_deref();
-    let board = array.map(|_| store.board(&topic(&pipeline, arguments.of.until.as_deref())));
-    if let (Some(board), Some(array)) = (&board, array) {
-        report_begun(board, array)?;
+    check_processor(arguments.cpu)?;
+    if submitted.is_some() && arguments.topic != Some(topic(&pipeline, arguments.of.until.as_deref())) {
+        return Err(
+            CliError::failure("the pipeline has been changed since it was submitted")
+                .help("cancel what was submitted, and run it anew"),
+        );
     }
-    if let Err(error) = check_processor(arguments.cpu) {
-        tell(board.as_ref(), &[(None, &error)])?;
-        return Err(error);
-    }
-    let sign = Arc::new(Sign::show(&store, &pipeline.name, array)?);
-    let _watch = watch(&stop, left, &store, &sign)?;
+    let store = match submitted {
+        Some((_, store)) => store.clone(),
+        None => open(arguments)?,
+    };
+    let submitter = submitted.map(|(submitter, _)| submitter);
+    let array = submitter.map(|submitter| submitter.array);
+    let sign = Arc::new(Sign::show(&store, &pipeline.name, array).map_err(again)?);
+    let board = submitter.map(|submitter| submitter.board.clone());
+    let _watch = watch(&stop, left, &store, &sign, board)?;
     let progress = RunProgress::new(ProgressForm::shown(arguments.progress, arguments.quiet));
     let options = RunOptions {
         until: arguments.of.until.as_deref(),
@@ -115,14 +152,7 @@ pub fn execute(arguments: &WorkerArguments, output: &Output) -> Result<Exit, Cli
     let outcome = run(&pipeline, &store, &options, &Environment::system(), &|event| {
         progress.tell(event);
     });
-    let outcome = match outcome {
-        Ok(outcome) => outcome,
-        Err(error) => {
-            let error = CliError::from(error).tried_again();
-            tell(board.as_ref(), &[(None, &error)])?;
-            return Err(error);
-        }
-    };
+    let outcome = outcome.map_err(|error| CliError::from(error).tried_again())?;
     let errors: Vec<(String, CliError)> = outcome
         .failures
         .into_iter()
@@ -135,7 +165,12 @@ pub fn execute(arguments: &WorkerArguments, output: &Output) -> Result<Exit, Cli
         .iter()
         .map(|(stage, error)| (Some(stage.as_str()), error))
         .collect();
-    tell(board.as_ref(), &told)?;
+    if let Some(submitter) = submitter {
+        submitter.tell(&told)?;
+        if outcome.stages.iter().any(|stage| stage.outcome == Outcome::Left) {
+            report_left(&submitter.board, submitter.array).map_err(again)?;
+        }
+    }
     let errors: Vec<CliError> = errors.into_iter().map(|(_, error)| error).collect();
     if output.is_json() {
         output.document(&json!({
@@ -161,24 +196,38 @@ fn refused(error: std::io::Error) -> CliError {
     CliError::failure(format!("signals cannot be heeded: {error}"))
 }
 
-/// Lets those who started this worker know of what it could not do. That it was stopped they know.
-fn tell(board: Option<&Board>, errors: &[(Option<&str>, &CliError)]) -> Result<(), CliError> {
-    let Some(board) = board else { return Ok(()) };
-    let is_hopeless = |error: &CliError| error.exit() != Exit::TryAgain;
-    let failed = errors.iter().filter(|(_, error)| is_hopeless(error));
-    let failed: Vec<Failed> = failed
-        .map(|(stage, error)| Failed {
-            stage: stage.map(str::to_owned),
-            exit: error.exit().code(),
-            message: error.message().to_owned(),
-        })
-        .collect();
-    report_failures(board, &failed)?;
-    let trouble = errors.iter().find(|(_, error)| !is_hopeless(error) && error.may_pass());
-    if let Some((_, error)) = trouble {
-        report_trouble(board, error.message())?;
+/// Who started this worker.
+struct Submitter<'a> {
+    /// In which array.
+    array: &'a str,
+    /// Where it looks.
+    board: Board,
+}
+
+impl Submitter<'_> {
+    /// Lets it know of what could not be done. That a worker was stopped it knows.
+    fn tell(&self, errors: &[(Option<&str>, &CliError)]) -> Result<(), CliError> {
+        let is_hopeless = |error: &CliError| error.exit() != Exit::TryAgain;
+        let failed = errors.iter().filter(|(_, error)| is_hopeless(error));
+        let failed: Vec<Failed> = failed
+            .map(|(stage, error)| Failed {
+                stage: stage.map(str::to_owned),
+                exit: error.exit().code(),
+                message: error.message().to_owned(),
+            })
+            .collect();
+        report_failures(&self.board, &failed).map_err(again)?;
+        let trouble = errors.iter().find(|(_, error)| !is_hopeless(error) && error.may_pass());
+        if let Some((_, error)) = trouble {
+            report_trouble(&self.board, error.message()).map_err(again)?;
+        }
+        Ok(())
     }
-    Ok(())
+}
+
+/// What the store refuses a worker another may be granted.
+fn again(error: StoreError) -> CliError {
+    CliError::from(error).tried_again()
 }
 
 fn check_processor(wanted: Option<CpuLevel>) -> Result<(), CliError> {
@@ -254,6 +303,7 @@ fn watch(
     left: Option<Duration>,
     store: &Store,
     sign: &Arc<Sign>,
+    board: Option<Board>,
 ) -> Result<Background, CliError> {
     let (stop, store, sign) = (stop.clone(), store.clone(), sign.clone());
     if left.is_some_and(|left| left.is_zero()) {
@@ -261,9 +311,16 @@ fn watch(
     }
     let end = left.and_then(|left| Instant::now().checked_add(left));
     let watch = move |pauses: &Pauses| {
+        let mut looked: Option<Instant> = None;
         while !stop.load(Ordering::Relaxed) {
             if !pauses.wait(PAUSE) {
                 return;
+            }
+            if looked.is_none_or(|looked| looked.elapsed() >= LOOK) {
+                looked = Some(Instant::now());
+                if board.as_ref().is_some_and(is_cancelled) {
+                    stop.store(true, Ordering::Relaxed);
+                }
             }
             if end.is_some_and(|end| Instant::now() >= end) {
                 stop.store(true, Ordering::Relaxed);

@@ -11,7 +11,9 @@ use super::engine::{Engine, EngineError, Request, ask, quoted};
 const MOST: u32 = 100_000;
 
 /// The words that a command may have in braces.
-const PLACES: [&str; 8] = ["n", "worker", "name", "threads", "memory", "minutes", "gpus", "logs"];
+const PLACES: [&str; 9] = [
+    "n", "worker", "script", "name", "threads", "memory", "minutes", "gpus", "logs",
+];
 
 /// An engine that is known by its commands.
 pub struct CommandEngine {
@@ -30,8 +32,8 @@ impl CommandEngine {
         if let Some(unknown) = places.iter().find(|place| !PLACES.contains(place)) {
             return Err(format!("unknown {{{unknown}}}; allowed: {{{}}}", PLACES.join("}, {")));
         }
-        if !places.contains(&"worker") {
-            return Err("nothing says where the worker stands: {worker}".to_owned());
+        if !places.contains(&"worker") && !places.contains(&"script") {
+            return Err("nothing says where the worker stands: {worker}, or {script}".to_owned());
         }
         let cancels = cancel.as_deref().map(self::places).unwrap_or_default();
         if let Some(unknown) = cancels.iter().find(|place| !["id", "name"].contains(place)) {
@@ -63,6 +65,7 @@ impl Engine for CommandEngine {
         let resources = request.resources;
         let values = [
             ("n", request.workers.to_string()),
+            ("script", quoted(std::slice::from_ref(&worker))),
             ("worker", worker),
             ("name", request.name.to_owned()),
             ("threads", resources.threads.to_string()),
@@ -87,20 +90,20 @@ impl Engine for CommandEngine {
     }
 
     fn cancel(&self, arrays: &[(&str, Option<&str>)]) -> Result<(), EngineError> {
+        // Workers see in the store that they are cancelled, sooner or later.
         let Some(cancel) = &self.cancel else {
-            return Err(EngineError {
-                command: "cancel".to_owned(),
-                reason: "no command is known that cancels workers; `command: { cancel: … }` of a profile is".to_owned(),
-            });
+            return Ok(());
         };
-        let mut commands = arrays.iter().map(|(name, id)| {
+        let commands = arrays.iter().map(|(name, id)| {
             let values = [
                 ("name", (*name).to_owned()),
                 ("id", quoted(&[id.unwrap_or_default().to_owned()])),
             ];
             filled(cancel, &values)
         });
-        commands.try_for_each(|command| shell(&command).map(drop))
+        // All are tried, whatever becomes of one.
+        let tried: Vec<Result<(), EngineError>> = commands.map(|command| shell(&command).map(drop)).collect();
+        tried.into_iter().find(Result::is_err).unwrap_or(Ok(()))
     }
 
     fn most_workers(&self) -> u32 {
@@ -197,7 +200,15 @@ mod tests {
             logs: "/logs",
         };
         assert_eq!(engine.submit(&request).unwrap().as_deref(), Some("42"));
-        assert_eq!(std::fs::read_to_string(file).unwrap(), "there\nthere\n");
-        assert!(engine.cancel(&[("deaflow-1", Some("42"))]).is_err());
+        assert_eq!(std::fs::read_to_string(&file).unwrap(), "there\nthere\n");
+        engine.cancel(&[("deaflow-1", Some("42"))]).unwrap();
+        let script = "printf '%s\n' {script} | sh".to_owned();
+        let engine = CommandEngine::new(script, Some("echo {id} >> cancelled".to_owned()), Vec::new()).unwrap();
+        engine.submit(&request).unwrap();
+        assert_eq!(
+            std::fs::read_to_string(&file).unwrap(),
+            "there\nthere\n\n",
+            "$WHO is nobody here"
+        );
     }
 }

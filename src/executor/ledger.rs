@@ -1,6 +1,10 @@
 //! What has been submitted for a pipeline: a note in the store, so that whoever comes later goes on with it.
 
+use std::time::SystemTime;
+
 use serde::{Deserialize, Serialize};
+
+use crate::base::{Digest, host_name};
 
 /// Arrays that have ended are remembered that long, for people.
 const REMEMBERED: usize = 100;
@@ -13,6 +17,8 @@ pub const LEDGER: &str = "ledger";
 pub struct Ledger {
     /// How to go on with it.
     pub recipe: Recipe,
+    /// What tells its arrays from those of other stores.
+    pub mark: String,
     /// Arrays that were ever begun.
     pub begun: u32,
     /// The last of them.
@@ -30,10 +36,6 @@ pub struct Recipe {
     pub submit: Option<String>,
     /// The last stage.
     pub until: Option<String>,
-    /// Changes of the pipeline, as on the command line.
-    pub sets: Vec<String>,
-    /// Whether a sweep may have more stages than usual.
-    pub many: bool,
     /// Whether to build all that can be built although something failed.
     pub keep_going: bool,
 }
@@ -55,6 +57,10 @@ pub struct Array {
     pub since: String,
     /// Pieces of its stages that were there before it.
     pub before: u64,
+    /// When the last checkpoint of the store before it was written, s since 1970.
+    pub checkpoint: u64,
+    /// Whether the engine has not said that it took it.
+    pub refused: bool,
 }
 
 impl Ledger {
@@ -64,7 +70,14 @@ impl Ledger {
     }
 
     /// A new array; of those that have ended the oldest are forgotten.
-    pub fn begin(&mut self, topic: &str, stages: Vec<String>, workers: u32, since: String, before: u64) -> Array {
+    /// `before` and `checkpoint` as in [`Array`].
+    pub fn begin(&mut self, topic: &str, stages: Vec<String>, workers: u32, (before, checkpoint): (u64, u64)) -> Array {
+        let now = SystemTime::now();
+        if self.mark.is_empty() {
+            let since = now.duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
+            let text = format!("{} {} {}", host_name(), std::process::id(), since.as_nanos());
+            self.mark = Digest::of(text.as_bytes()).short()[..6].to_owned();
+        }
         self.begun += 1;
         let ended = self.arrays.iter().filter(|array| array.living == 0).count();
         let mut surplus = ended.saturating_sub(REMEMBERED);
@@ -74,13 +87,15 @@ impl Ledger {
             !goes
         });
         let array = Array {
-            name: format!("deaflow-{topic}-{}", self.begun),
+            name: format!("deaflow-{topic}-{}-{}", self.mark, self.begun),
             stages,
             workers,
             living: workers,
             number: None,
-            since,
+            since: humantime::format_rfc3339_seconds(now).to_string(),
             before,
+            checkpoint,
+            refused: false,
         };
         self.arrays.push(array.clone());
         array
@@ -95,14 +110,17 @@ mod tests {
     fn names_are_given_once_and_what_lives_is_kept() {
         let mut ledger = Ledger::default();
         let mut names = std::collections::BTreeSet::new();
-        let first = ledger.begin("topic", vec!["solved".to_owned()], 2, String::new(), 0);
+        let first = ledger.begin("topic", vec!["solved".to_owned()], 2, (0, 0));
         for _ in 0..2 * REMEMBERED {
-            let array = ledger.begin("topic", Vec::new(), 1, String::new(), 0);
+            let array = ledger.begin("topic", Vec::new(), 1, (0, 0));
             assert!(names.insert(array.name));
             ledger.arrays.last_mut().unwrap().living = 0;
         }
         assert_eq!(ledger.living().collect::<Vec<_>>(), [&first]);
         assert!(ledger.arrays.len() <= REMEMBERED + 2);
+        let mut elsewhere = Ledger::default();
+        let other = elsewhere.begin("topic", Vec::new(), 1, (0, 0));
+        assert_ne!(other.name, first.name, "that of another store");
         let text = serde_json::to_string(&ledger).unwrap();
         assert_eq!(serde_json::from_str::<Ledger>(&text).unwrap(), ledger);
     }

@@ -17,7 +17,7 @@ pub use ledger::{Array, LEDGER, Ledger, Recipe};
 pub use profile::{EngineKind, Profile, Resources, SlurmOptions};
 pub use slurm::SlurmEngine;
 pub use supervise::{
-    Ending, Failed, Standings, Submission, SubmitError, cancel, report_begun, report_failures, report_trouble,
-    supervise, topic,
+    Ending, Failed, Standings, Submission, SubmitError, cancel, is_cancelled, report_begun, report_failures,
+    report_left, report_trouble, supervise, topic,
 };
 pub use workers::{SILENT, Seen, Sign, Worker, workers};

@@ -72,8 +72,10 @@ impl Engine for SlurmEngine {
 
     fn cancel(&self, arrays: &[(&str, Option<&str>)]) -> Result<(), EngineError> {
         // `--name` takes one name.
-        let mut names = arrays.iter().map(|(name, _)| format!("--name={name}"));
-        names.try_for_each(|name| ask("scancel", &["--me".to_owned(), name], "").map(drop))
+        let cancel = |name: &str| ask("scancel", &["--me".to_owned(), format!("--name={name}")], "").map(drop);
+        // All are tried, whatever becomes of one.
+        let tried: Vec<Result<(), EngineError>> = arrays.iter().map(|(name, _)| cancel(name)).collect();
+        tried.into_iter().find(Result::is_err).unwrap_or(Ok(()))
     }
 
     fn most_workers(&self) -> u32 {
@@ -106,7 +108,9 @@ fn arguments(options: &SlurmOptions, request: &Request<'_>) -> Vec<String> {
         logs,
         ..
     } = request;
-    let mut arguments = vec![
+    // What the profile adds comes first: of two of a kind the last counts.
+    let mut arguments = options.extra.clone();
+    arguments.extend([
         "--parsable".to_owned(),
         format!("--job-name={name}"),
         format!("--array=0-{}", workers.saturating_sub(1)),
@@ -114,7 +118,7 @@ fn arguments(options: &SlurmOptions, request: &Request<'_>) -> Vec<String> {
         "--open-mode=append".to_owned(),
         format!("--cpus-per-task={}", resources.threads),
         if resources.requeue { "--requeue" } else { "--no-requeue" }.to_owned(),
-    ];
+    ]);
     let optional = [
         resources.memory.map(|memory| format!("--mem={memory}M")),
         resources.time.map(|time| format!("--time={}", minutes(time))),
@@ -126,7 +130,6 @@ fn arguments(options: &SlurmOptions, request: &Request<'_>) -> Vec<String> {
         options.account.as_ref().map(|account| format!("--account={account}")),
     ];
     arguments.extend(optional.into_iter().flatten());
-    arguments.extend(options.extra.iter().cloned());
     arguments
 }
 
@@ -192,8 +195,8 @@ mod tests {
         };
         assert_eq!(
             arguments(&options, &request).join(" "),
-            "--parsable --job-name=deaflow-1 --array=0-7 --output=/logs/100%%/deaflow-1-%a.log --open-mode=append \
-             --cpus-per-task=4 --requeue --mem=7630M --time=2 --partition=main --gpus=1 --account=lab --qos=low"
+            "--qos=low --parsable --job-name=deaflow-1 --array=0-7 --output=/logs/100%%/deaflow-1-%a.log --open-mode=append \
+             --cpus-per-task=4 --requeue --mem=7630M --time=2 --partition=main --gpus=1 --account=lab"
         );
         assert_eq!(
             script(&["module load hdf5".to_owned()], &request),

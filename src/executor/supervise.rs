@@ -14,15 +14,15 @@ use super::engine::{Engine, EngineError, Request};
 use super::ledger::{Array, LEDGER, Ledger, Recipe};
 use super::profile::{Profile, Resources};
 use super::workers::{SILENT, workers};
-use crate::base::Digest;
+use crate::base::{Digest, host_name};
 use crate::orchestrator::{Pipeline, RunError, Standing, Stands, Sweep, standings};
 use crate::store::{Board, Guard, Store, StoreError};
 
 /// Between two looks at the store; longer where a look takes long.
 const LOOK: Duration = Duration::from_millis(500);
 
-/// A look takes no more than this part of the time.
-const SHARE: u32 = 20;
+/// A look takes no more than about this part of the time: one in so many.
+const SHARE: u32 = 5;
 
 /// An engine is asked no sooner again, and no later.
 const ASK: (Duration, Duration) = (Duration::from_secs(10), Duration::from_secs(30));
@@ -36,8 +36,20 @@ const TROUBLE: &str = "trouble";
 /// The note that everything is to be cancelled.
 const CANCELLED: &str = "cancelled";
 
-/// What a note of a begun array begins with.
+/// What a note of a worker that has begun begins with, before its array.
 const BEGAN: &str = "began-";
+
+/// What a note of an array begins with that found only what others build.
+const LEFT: &str = "left-";
+
+/// An array of which nobody has begun for so long is worth a word.
+const WAITING: Duration = Duration::from_secs(600);
+
+/// The longest time before workers are started again after some that brought nothing about.
+const BACK_OFF: Duration = Duration::from_secs(600);
+
+/// So often in a row the store may refuse to be looked at.
+const REFUSALS: u32 = 20;
 
 /// A submission.
 pub struct Submission<'a> {
@@ -57,6 +69,8 @@ pub struct Submission<'a> {
     pub cancel: &'a AtomicBool,
     /// Whether to end once workers have been submitted.
     pub once: bool,
+    /// Whether it only goes on with what another process has submitted: then what was cancelled stays so.
+    pub goes_on: bool,
 }
 
 /// A stage that no worker can build, as one of them found.
@@ -89,6 +103,10 @@ pub enum Ending {
     Done,
     /// Workers have been submitted, and that is all that was asked for.
     Submitted(Vec<String>),
+    /// Another submitter goes on with these arrays, and this one was not to wait for it.
+    Left(Vec<String>),
+    /// The engine did not take what was submitted, and to try once was all that was asked for.
+    Refused(String),
     /// Some stages cannot be built.
     Failed(Vec<Failed>),
     /// It was cancelled, here or by another; workers that could not be.
@@ -144,21 +162,35 @@ pub fn report_trouble(board: &Board, message: &str) -> Result<(), StoreError> {
 /// # Errors
 /// When the system refuses.
 pub fn report_begun(board: &Board, array: &str) -> Result<(), StoreError> {
-    board.write(&format!("{BEGAN}{array}"), &true)
+    let since = SystemTime::now()
+        .duration_since(SystemTime::UNIX_EPOCH)
+        .unwrap_or_default();
+    let own = format!("{}-{}-{:x}", host_name(), std::process::id(), since.as_nanos());
+    board.write(&format!("{BEGAN}{array}-{}", Digest::of(own.as_bytes()).short()), &true)
+}
+
+/// Lets submitters know that what was left for a worker of an array others are building: that it has brought nothing about says nothing.
+///
+/// # Errors
+/// When the system refuses.
+pub fn report_left(board: &Board, array: &str) -> Result<(), StoreError> {
+    board.write(&format!("{LEFT}{array}"), &true)
 }
 
 /// Stages that get the same, and so are built by the same workers.
 struct Group {
     resources: Resources,
     stages: Vec<String>,
-    /// How often in a row its workers brought nothing about.
+    /// How often in a row its workers brought nothing about, or were not taken.
     fruitless: u32,
+    /// Why nothing is started before.
+    until: Option<Instant>,
 }
 
 /// Has workers build all that is not there. `tell` is called at each look.
 ///
 /// # Errors
-/// When the store or the pipeline cannot be read.
+/// When the pipeline cannot be read, or the store for long.
 pub fn supervise(submission: &Submission<'_>, tell: &dyn Fn(&Standings<'_>)) -> Result<Ending, SubmitError> {
     let until = submission.recipe.until.as_deref();
     let board = submission.store.board(&topic(submission.pipeline, until));
@@ -169,37 +201,27 @@ pub fn supervise(submission: &Submission<'_>, tell: &dyn Fn(&Standings<'_>)) -> 
         asked: None,
         interval: interval().0,
         trouble: None,
+        // What was cancelled before this was asked for is begun anew once nobody else leads.
+        is_new: !submission.goes_on,
+        lead: None,
         board,
     };
-    let mut lead: Option<Guard> = None;
-    let mut is_first = true;
+    let mut refused = 0;
     loop {
         let start = Instant::now();
-        if lead.is_none() {
-            lead = supervisor.board.try_lead()?;
-            if lead.is_some() {
-                supervisor.take_over(is_first)?;
+        match supervisor.step(tell) {
+            Ok(Some(ending)) => return Ok(ending),
+            Ok(None) => refused = 0,
+            // A network, a full disk: workers go on meanwhile.
+            Err(SubmitError::Store(error) | SubmitError::Run(RunError::Store(error)))
+                if error.may_pass() && refused < REFUSALS =>
+            {
+                refused += 1;
+                supervisor.trouble = Some(error.to_string());
             }
+            Err(error) => return Err(error),
         }
-        if lead.is_none() {
-            supervisor.ledger = supervisor.board.read(LEDGER).unwrap_or_default();
-        }
-        let stages = standings(submission.pipeline, submission.store, until)?;
-        tell(&Standings {
-            stages: &stages,
-            workers: supervisor.ledger.living().map(|array| array.living).sum(),
-            trouble: supervisor.trouble.as_deref(),
-            follows: lead.is_none(),
-        });
-        let ending = match &lead {
-            Some(_) => supervisor.act(&stages)?,
-            None => supervisor.watch(&stages, is_first)?,
-        };
-        if let Some(ending) = ending {
-            return Ok(ending);
-        }
-        is_first = false;
-        let pause = LOOK.max(start.elapsed() * SHARE).min(interval().1);
+        let pause = LOOK.max(start.elapsed() * SHARE).max(LOOK * refused);
         let end = Instant::now() + pause;
         while Instant::now() < end && !submission.cancel.load(Ordering::Relaxed) {
             sleep(Duration::from_millis(50).min(pause));
@@ -212,9 +234,25 @@ pub fn supervise(submission: &Submission<'_>, tell: &dyn Fn(&Standings<'_>)) -> 
 /// # Errors
 /// When the store refuses.
 pub fn cancel(board: &Board, engine: &dyn Engine) -> Result<Result<usize, EngineError>, StoreError> {
-    // First, so that who leads starts no more.
-    board.write(CANCELLED, &true)?;
-    Ok(cancel_arrays(&board.read(LEDGER).unwrap_or_default(), engine))
+    let mut ledger: Ledger = board.read(LEDGER)?.unwrap_or_default();
+    // First, so that who leads starts no more, and workers that nobody can end stop by themselves. Where it cannot be written, workers
+    // are ended all the same.
+    let noted = board.write(CANCELLED, &true);
+    let cancelled = cancel_arrays(&ledger, engine);
+    noted?;
+    if cancelled.is_ok()
+        && let Some(_lead) = board.try_lead()?
+    {
+        ledger.arrays.iter_mut().for_each(|array| array.living = 0);
+        board.write(LEDGER, &ledger)?;
+    }
+    Ok(cancelled)
+}
+
+/// Whether what was submitted has been cancelled.
+#[must_use]
+pub fn is_cancelled(board: &Board) -> bool {
+    board.has(CANCELLED)
 }
 
 fn cancel_arrays(ledger: &Ledger, engine: &dyn Engine) -> Result<usize, EngineError> {
@@ -250,6 +288,7 @@ fn groups(submission: &Submission<'_>) -> Result<Vec<Group>, RunError> {
         resources,
         stages,
         fruitless: 0,
+        until: None,
     };
     Ok(groups.into_iter().map(group).collect())
 }
@@ -263,37 +302,59 @@ struct Supervisor<'a> {
     asked: Option<Instant>,
     interval: Duration,
     trouble: Option<String>,
+    /// Whether this has yet to begin anew, and not to go on with what was cancelled or failed.
+    is_new: bool,
+    lead: Option<Guard>,
 }
 
 impl Supervisor<'_> {
-    /// Goes on with what is submitted already. What an earlier submission found of failures is found again if it is still true.
-    fn take_over(&mut self, is_new: bool) -> Result<(), StoreError> {
-        self.ledger = self.board.read(LEDGER).unwrap_or_default();
-        if is_new {
-            let living: BTreeSet<String> = self
-                .ledger
-                .living()
-                .map(|array| format!("{BEGAN}{}", array.name))
-                .collect();
-            let began = self
-                .board
-                .names(BEGAN)?
-                .into_iter()
-                .filter(|name| !living.contains(name));
-            let failed = self.board.names(FAILED)?;
-            for name in began.chain(failed) {
-                self.board.remove(&name)?;
+    /// One look, and what follows from it.
+    fn step(&mut self, tell: &dyn Fn(&Standings<'_>)) -> Result<Option<Ending>, SubmitError> {
+        let submission = self.submission;
+        // What another user has submitted nobody else can ask for or cancel.
+        if self.lead.is_none() && (!self.board.has(LEDGER) || self.board.is_own(LEDGER)) {
+            self.lead = self.board.try_lead()?;
+            if self.lead.is_some() {
+                self.take_over()?;
             }
+        }
+        if self.lead.is_none() {
+            self.ledger = self.board.read(LEDGER)?.unwrap_or_default();
+        }
+        let stages = standings(
+            submission.pipeline,
+            submission.store,
+            submission.recipe.until.as_deref(),
+        )?;
+        tell(&Standings {
+            stages: &stages,
+            workers: self.ledger.living().map(|array| array.living).sum(),
+            trouble: self.trouble.as_deref(),
+            follows: self.lead.is_none(),
+        });
+        match &self.lead {
+            Some(_) => self.act(&stages),
+            None => Ok(self.watch(&stages)?),
+        }
+    }
+
+    /// Goes on with what is submitted already. What an earlier submission found of failures is found again if it is still true.
+    fn take_over(&mut self) -> Result<(), StoreError> {
+        self.ledger = self.board.read(LEDGER)?.unwrap_or_default();
+        if self.is_new {
+            let living: Vec<&str> = self.ledger.living().map(|array| array.name.as_str()).collect();
+            let is_old = |name: &String| !living.iter().any(|array| name.contains(array));
+            let began = self.board.names(BEGAN)?.into_iter().filter(is_old);
+            let left = self.board.names(LEFT)?.into_iter().filter(is_old);
+            let old: Vec<String> = began.chain(left).chain(self.board.names(FAILED)?).collect();
+            old.iter().try_for_each(|name| self.board.remove(name))?;
             self.board.remove(TROUBLE)?;
             self.board.remove(CANCELLED)?;
             self.ledger.recipe = self.submission.recipe.clone();
             self.keep()?;
+            self.is_new = false;
         }
         Ok(())
-    }
-
-    fn is_cancelled(&self) -> bool {
-        self.board.age(CANCELLED).is_some()
     }
 
     fn keep(&self) -> Result<(), StoreError> {
@@ -301,17 +362,18 @@ impl Supervisor<'_> {
     }
 
     /// What one does who does not lead.
-    fn watch(&self, stages: &[Standing], is_first: bool) -> Result<Option<Ending>, StoreError> {
+    fn watch(&mut self, stages: &[Standing]) -> Result<Option<Ending>, StoreError> {
         let failures = self.failures()?;
         Ok(match () {
             () if all_there(stages) => Some(Ending::Done),
             // Another goes on with it.
             () if self.submission.once || self.submission.cancel.load(Ordering::Relaxed) => {
                 let names = self.ledger.living().map(|array| array.name.clone());
-                Some(Ending::Submitted(names.collect()))
+                Some(Ending::Left(names.collect()))
             }
-            () if is_first => None,
-            () if self.is_cancelled() => Some(Ending::Cancelled(None)),
+            // The other is about to end; then this one begins anew.
+            () if self.is_new && is_cancelled(&self.board) => None,
+            () if is_cancelled(&self.board) => Some(Ending::Cancelled(None)),
             () if !failures.is_empty() && !self.ledger.recipe.keep_going => Some(Ending::Failed(failures)),
             () => None,
         })
@@ -327,10 +389,11 @@ impl Supervisor<'_> {
             self.keep()?;
             return Ok(Some(Ending::Done));
         }
-        if self.is_cancelled() || self.submission.cancel.load(Ordering::Relaxed) {
+        if is_cancelled(&self.board) || self.submission.cancel.load(Ordering::Relaxed) {
+            // For those who follow, and workers that nobody can end. Where it cannot be written, workers are ended all the same.
+            let noted = self.board.write(CANCELLED, &true);
             let cancelled = self.cancel_all();
-            // For those who follow.
-            self.board.write(CANCELLED, &true)?;
+            noted?;
             self.keep()?;
             return Ok(Some(Ending::Cancelled(cancelled.err())));
         }
@@ -351,6 +414,7 @@ impl Supervisor<'_> {
         let is_idle = self.ledger.living().next().is_none();
         Ok(match () {
             () if is_idle && !failures.is_empty() => Some(Ending::Failed(failures)),
+            () if self.submission.once && self.trouble.is_some() => self.trouble.clone().map(Ending::Refused),
             () if self.submission.once && !is_idle => {
                 let names = self.ledger.living().map(|array| array.name.clone());
                 Some(Ending::Submitted(names.collect()))
@@ -367,7 +431,9 @@ impl Supervisor<'_> {
 
     fn failures(&self) -> Result<Vec<Failed>, StoreError> {
         let names = self.board.names(FAILED)?;
-        Ok(names.iter().filter_map(|name| self.board.read(name)).collect())
+        let failures = names.iter().map(|name| self.board.read(name));
+        let failures: Vec<Option<Failed>> = failures.collect::<Result<_, _>>()?;
+        Ok(failures.into_iter().flatten().collect())
     }
 
     /// Asks the engine what waits and works, if it is time to.
@@ -379,15 +445,20 @@ impl Supervisor<'_> {
         self.asked = Some(Instant::now());
         let names: Vec<&str> = self.ledger.living().map(|array| array.name.as_str()).collect();
         let counts = match self.submission.engine.living(&names) {
-            Ok(Some(counts)) => counts,
-            Ok(None) => self.shown()?,
+            Ok(Some(counts)) => {
+                self.trouble = None;
+                counts
+            }
+            Ok(None) => {
+                self.trouble = None;
+                self.shown()?
+            }
             Err(error) => {
                 self.trouble = Some(error.to_string());
                 self.interval = (2 * self.interval).min(interval().1);
                 return Ok(());
             }
         };
-        self.trouble = None;
         let mut has_changed = false;
         for at in 0..self.ledger.arrays.len() {
             let array = &mut self.ledger.arrays[at];
@@ -398,9 +469,7 @@ impl Supervisor<'_> {
             (array.living, has_changed) = (living, true);
             if living == 0 {
                 let array = array.clone();
-                let is_fruitless = done(stages, &array.stages) <= array.before;
-                let groups = self.groups.iter_mut().filter(|group| group.stages == array.stages);
-                groups.for_each(|group| group.fruitless = if is_fruitless { group.fruitless + 1 } else { 0 });
+                self.ended(stages, &array)?;
             }
         }
         let (shortest, longest) = interval();
@@ -416,24 +485,62 @@ impl Supervisor<'_> {
         }
     }
 
-    /// What waits and works as workers show themselves: an array of which nobody has begun waits.
-    fn shown(&self) -> Result<BTreeMap<String, u32>, StoreError> {
+    /// Learns from an array of which nobody waits or works any more.
+    fn ended(&mut self, stages: &[Standing], array: &Array) -> Result<(), StoreError> {
+        let has_built = done(stages, &array.stages) > array.before || self.last_checkpoint()? > array.checkpoint;
+        // What others build, they build: it is looked for again, and that is no failure.
+        let has_left = self.board.has(&format!("{LEFT}{}", array.name));
+        let shortest = interval().0;
+        for group in self.groups.iter_mut().filter(|group| group.stages == array.stages) {
+            group.fruitless = match has_built || has_left {
+                true => 0,
+                false => group.fruitless + 1,
+            };
+            let doubled = shortest * 2_u32.saturating_pow(group.fruitless.saturating_sub(1).min(10));
+            group.until = match (has_built, group.fruitless) {
+                (true, _) => None,
+                (false, 0 | 1) if !array.refused && !has_left => None,
+                _ => Instant::now().checked_add(doubled.min(BACK_OFF)),
+            };
+        }
+        Ok(())
+    }
+
+    /// When a checkpoint was last written in the store, s since 1970; 0 where there is none.
+    fn last_checkpoint(&self) -> Result<u64, StoreError> {
+        let checkpoints = self.submission.store.checkpoints()?;
+        let last = checkpoints.iter().filter_map(|found| found.written).max();
+        let since = last.and_then(|last| last.duration_since(SystemTime::UNIX_EPOCH).ok());
+        Ok(since.map_or(0, |since| since.as_secs()))
+    }
+
+    /// What waits and works as workers show themselves: who has not begun waits.
+    fn shown(&mut self) -> Result<BTreeMap<String, u32>, StoreError> {
         let began = self.board.names(BEGAN)?;
         let workers = workers(self.submission.store)?;
-        let count = |name: &str| {
-            let shown = workers.iter().filter(|seen| seen.worker.array.as_deref() == Some(name));
-            shown.filter(|seen| seen.silent < SILENT).count()
-        };
-        let living = self.ledger.living().map(|array| {
-            let has_begun = began.iter().any(|note| note.strip_prefix(BEGAN) == Some(&array.name));
-            let living = match count(&array.name) {
-                0 if has_begun => 0,
-                // Others of it may still wait.
-                _ => array.living,
+        let mut living = BTreeMap::new();
+        for array in self.ledger.living() {
+            let prefix = format!("{BEGAN}{}-", array.name);
+            let begun = began.iter().filter(|name| name.starts_with(&prefix)).count();
+            let shown = workers.iter().filter(|seen| seen.silent < SILENT);
+            let shown = shown.filter(|seen| seen.worker.array.as_deref() == Some(&array.name));
+            let waits = match array.refused {
+                true => 0,
+                false => usize::try_from(array.workers)
+                    .unwrap_or(usize::MAX)
+                    .saturating_sub(begun),
             };
-            (array.name.clone(), living)
-        });
-        Ok(living.collect())
+            let since = humantime::parse_rfc3339(&array.since).ok();
+            let waited = since.and_then(|since| SystemTime::now().duration_since(since).ok());
+            if begun == 0 && waited.is_some_and(|waited| waited > WAITING) {
+                self.trouble = Some(format!("no worker of {} has begun since {}", array.name, array.since));
+            }
+            living.insert(
+                array.name.clone(),
+                u32::try_from(waits + shown.count()).unwrap_or(u32::MAX),
+            );
+        }
+        Ok(living)
     }
 
     /// Starts workers on a group of stages if it has more work than workers.
@@ -448,11 +555,15 @@ impl Supervisor<'_> {
         let living: u32 = self.ledger.living().filter(meets).map(|array| array.living).sum();
         let wanted = u32::try_from(ready).unwrap_or(u32::MAX).min(group.resources.workers);
         let missing = wanted.saturating_sub(living).min(self.submission.engine.most_workers());
-        if missing == 0 {
+        if missing == 0 || group.until.is_some_and(|until| Instant::now() < until) {
             return Ok(None);
         }
         if group.fruitless > group.resources.retries {
-            let trouble = self.board.read(TROUBLE);
+            // Others of the group may bring something about yet.
+            if living > 0 {
+                return Ok(None);
+            }
+            let trouble = self.board.read(TROUBLE)?;
             let stages = stages.iter().filter(|stage| stage.stands == Stands::Ready);
             let names = stages
                 .map(|stage| stage.name.clone())
@@ -463,24 +574,32 @@ impl Supervisor<'_> {
             self.keep()?;
             return Ok(Some(Ending::GivenUp(names, trouble)));
         }
-        self.submit(at, missing, done(stages, &self.groups[at].stages))?;
+        self.submit(at, missing, done(stages, &self.groups[at].stages), failed)?;
         Ok(None)
     }
 
-    fn submit(&mut self, at: usize, workers: u32, before: u64) -> Result<(), StoreError> {
+    fn submit(&mut self, at: usize, workers: u32, before: u64, failed: &BTreeSet<&str>) -> Result<(), StoreError> {
+        let checkpoint = self.last_checkpoint()?;
         let group = &self.groups[at];
-        let since = humantime::format_rfc3339_seconds(SystemTime::now()).to_string();
         let topic = topic(self.submission.pipeline, self.submission.recipe.until.as_deref());
-        let array = self.ledger.begin(&topic, group.stages.clone(), workers, since, before);
+        let array = self
+            .ledger
+            .begin(&topic, group.stages.clone(), workers, (before, checkpoint));
         // Written down before: who takes over a submitter that was killed meanwhile looks for it.
         self.keep()?;
         let group = &self.groups[at];
         // Workers start in folders of their own.
         let logs = self.board.logs()?;
         let logs = std::path::absolute(&logs).unwrap_or(logs).display().to_string();
-        let names = named(self.submission.pipeline, &group.stages, self.groups.len() == 1);
+        // What no worker can build is not tried again.
+        let wanted = group.stages.iter().filter(|stage| !failed.contains(stage.as_str()));
+        let wanted: Vec<String> = wanted.cloned().collect();
+        let are_all = self.groups.len() == 1 && wanted.len() == group.stages.len();
+        let names = named(self.submission.pipeline, &wanted, are_all);
         let stages = names.into_iter().flat_map(|name| ["--stage".to_owned(), name]);
         let own = [
+            "--topic".to_owned(),
+            topic.clone(),
             "--array".to_owned(),
             array.name.clone(),
             "--jobs".to_owned(),
@@ -491,9 +610,9 @@ impl Supervisor<'_> {
             let before = (time / 10).min(Duration::from_secs(300));
             [
                 "--time".to_owned(),
-                humantime::format_duration(time).to_string(),
+                format!("{}s", time.as_secs()),
                 "--stop-before".to_owned(),
-                humantime::format_duration(before).to_string(),
+                format!("{}s", before.as_secs()),
             ]
         });
         let worker = [
@@ -519,9 +638,10 @@ impl Supervisor<'_> {
             Err(error) => {
                 // It may have been started all the same: the engine is asked, and it counts as begun until then.
                 self.trouble = Some(error.to_string());
+                if let Some(last) = self.ledger.arrays.last_mut() {
+                    last.refused = true;
+                }
                 report_trouble(&self.board, &error.to_string())?;
-                // One that cannot be asked has not begun what it refused.
-                report_begun(&self.board, &array.name)?;
             }
         }
         // The answer before says nothing of this one.

@@ -11,10 +11,13 @@ use crate::store::{Board, Owner, Store, StoreError};
 const TOPIC: &str = "workers";
 
 /// Between two signs of life.
-const BEAT: Duration = Duration::from_secs(5);
+const BEAT: Duration = Duration::from_secs(15);
 
 /// A worker that is silent for so long is not counted any more.
-pub const SILENT: Duration = Duration::from_secs(60);
+pub const SILENT: Duration = Duration::from_secs(90);
+
+/// So many notes a worker looks at when it begins.
+const MANY: usize = 20;
 
 /// What is silent for so long is forgotten.
 const FORGOTTEN: Duration = Duration::from_secs(24 * 3600);
@@ -55,8 +58,11 @@ impl Sign {
     /// When the system refuses.
     pub fn show(store: &Store, pipeline: &str, array: Option<&str>) -> Result<Self, StoreError> {
         let board = store.board(TOPIC);
-        for name in board.names("")? {
-            let is_gone = board.read(&name).is_some_and(|worker: Worker| worker.owner.is_gone());
+        // Where there are many, others have done so.
+        for name in board.names("")?.into_iter().take(MANY) {
+            // Of another version it is not known; it grows old.
+            let worker: Option<Worker> = board.read(&name).unwrap_or_default();
+            let is_gone = worker.is_some_and(|worker| worker.owner.is_gone());
             if is_gone || board.age(&name).is_some_and(|age| age > FORGOTTEN) {
                 board.remove(&name)?;
             }
@@ -107,7 +113,7 @@ impl Drop for Sign {
 pub fn workers(store: &Store) -> Result<Vec<Seen>, StoreError> {
     let board = store.board(TOPIC);
     let seen = |name: &String| {
-        let worker: Worker = board.read(name)?;
+        let worker: Worker = board.read(name).ok()??;
         let silent = board.age(name)?;
         (!worker.owner.is_gone()).then_some(Seen { worker, silent })
     };

@@ -56,7 +56,7 @@ struct Piece<'a> {
 }
 
 impl Builder<'_> {
-    /// Builds a stage that is one piece of work; none where it is left to another.
+    /// Builds a stage that is one piece of work; none where it is left to another. `waits`: whether it is waited for if another builds it.
     ///
     /// # Errors
     /// When the work fails or the store refuses.
@@ -65,6 +65,7 @@ impl Builder<'_> {
         spec: &StageSpec,
         action: &Action,
         key: ActionKey,
+        waits: bool,
         waited: Waited<'_>,
     ) -> Result<Option<Done>, StageError> {
         let piece = Piece {
@@ -75,7 +76,8 @@ impl Builder<'_> {
         };
         match self.store.try_lock_action(&key)? {
             Some(guard) => self.perform(piece, &guard).map(Some),
-            None => self.wait_and_perform(piece, waited, self.patience_ends()),
+            None if waits => self.wait_and_perform(piece, waited, self.patience_ends()),
+            None => Ok(None),
         }
     }
 

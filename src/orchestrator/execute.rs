@@ -10,7 +10,7 @@ use super::build::Builder;
 use super::cost_estimate;
 use super::difference::Difference;
 use super::event::{Event, Listener, Outcome, StageReport};
-use super::kind::{Input, StageError};
+use super::kind::{Input, Plan, StageError};
 use super::locked;
 use super::plan;
 use super::planner::{self, Planner, StageStatus, State};
@@ -274,28 +274,43 @@ enum Begun {
     AtWork(Box<Work>),
     /// It is left to others.
     Others,
+    /// Another process builds it.
+    Busy,
 }
 
 /// The stages that are not done and not at work.
 struct Open {
     /// Those that may be begun.
     left: BTreeSet<usize>,
-    /// Those that others build.
+    /// Those that others build, and that are waited for once there is nothing else to do.
+    busy: BTreeSet<usize>,
+    /// Those that are left to others.
     others: BTreeSet<usize>,
+    /// Whether there is nothing else to do.
+    is_patient: bool,
 }
 
 impl Open {
     fn contains(&self, index: usize) -> bool {
-        self.left.contains(&index) || self.others.contains(&index)
+        [&self.left, &self.busy, &self.others]
+            .iter()
+            .any(|stages| stages.contains(&index))
     }
 
     /// Where something has been built here, others have had time to build too.
     fn ended(&mut self, index: usize, report: &Result<StageReport, StageError>) {
         match report.as_ref().map(|report| report.outcome) {
-            Ok(Outcome::Left) => {
+            Ok(Outcome::Left) if self.is_patient => {
                 self.others.insert(index);
             }
-            Ok(Outcome::Built) => self.left.append(&mut self.others),
+            Ok(Outcome::Left) => {
+                self.busy.insert(index);
+            }
+            Ok(Outcome::Built) => {
+                self.left.append(&mut self.busy);
+                self.left.append(&mut self.others);
+                self.is_patient = false;
+            }
             _ => {}
         }
     }
@@ -308,7 +323,9 @@ impl<'a> Execution<'a> {
         let mut concluded = Concluded::default();
         let mut open = Open {
             left: selection.iter().copied().collect(),
+            busy: BTreeSet::new(),
             others: BTreeSet::new(),
+            is_patient: false,
         };
         let mut at_work = Shares::default();
         let (sender, receiver) = channel();
@@ -318,7 +335,12 @@ impl<'a> Execution<'a> {
                     let is_open = |index: &usize| open.contains(*index) || at_work.contains(*index);
                     let is_ready = |index: &&usize| !stages[**index].waits_for().iter().any(is_open);
                     let Some(index) = open.left.iter().find(is_ready).copied() else {
-                        break;
+                        if open.busy.is_empty() {
+                            break;
+                        }
+                        open.left.append(&mut open.busy);
+                        open.is_patient = true;
+                        continue;
                     };
                     open.left.remove(&index);
                     if let Some(skipped) = self.skipped(index) {
@@ -326,9 +348,13 @@ impl<'a> Execution<'a> {
                         continue;
                     }
                     let start = (builder.environment.clock)();
-                    let report = match self.begin(index, start) {
+                    let report = match self.begin(index, start, open.is_patient) {
                         Ok(Begun::Others) => {
                             open.others.insert(index);
+                            continue;
+                        }
+                        Ok(Begun::Busy) => {
+                            open.busy.insert(index);
                             continue;
                         }
                         Ok(Begun::There(report)) => Ok(*report),
@@ -382,8 +408,8 @@ impl<'a> Execution<'a> {
         !self.builder.is_stopped() && (concluded.failures.is_empty() || self.builder.keep_going)
     }
 
-    /// Looks at a stage whose needs are all there.
-    fn begin(&mut self, index: usize, start: SystemTime) -> Result<Begun, StageError> {
+    /// Looks at a stage whose needs are all there. `waits`: whether it is begun although another process builds it.
+    fn begin(&mut self, index: usize, start: SystemTime, waits: bool) -> Result<Begun, StageError> {
         let spec = &self.pipeline.stages[index];
         let needed = spec.needs.iter().filter_map(|need| self.inputs.get(need).cloned());
         let inputs: Vec<Input> = needed.collect();
@@ -403,15 +429,25 @@ impl<'a> Execution<'a> {
                 Ok(Begun::There(Box::new(report)))
             }
             State::Stale { .. } if self.ours.is_some_and(|ours| !ours.contains(&index)) => Ok(Begun::Others),
+            State::Stale { .. } if !waits && self.is_busy(&status)? => Ok(Begun::Busy),
             State::Stale { why, .. } => {
                 self.announce(index, &status, why);
                 Ok(Begun::AtWork(Box::new(Work {
                     index,
                     start,
+                    waits,
                     status,
                     report,
                 })))
             }
+        }
+    }
+
+    /// Whether another process builds a stage that is one piece of work.
+    fn is_busy(&self, status: &StageStatus) -> Result<bool, StoreError> {
+        match (&status.work, &status.action) {
+            (Plan::Whole { .. }, Some((_, key))) => self.builder.store.is_busy(key),
+            _ => Ok(false),
         }
     }
 
@@ -423,6 +459,7 @@ impl<'a> Execution<'a> {
             start,
             status,
             mut report,
+            ..
         } = *work;
         let made = made?;
         made.tell(&mut report);

@@ -17,6 +17,8 @@ pub struct Work {
     pub index: usize,
     /// When it was begun.
     pub start: SystemTime,
+    /// Whether it is waited for if another process builds it: there is nothing else to do.
+    pub waits: bool,
     /// What is there of it and what is not.
     pub status: StageStatus,
     /// What is said of it.
@@ -65,7 +67,7 @@ impl Work {
         };
         let Plan::Chunks(chunks) = &self.status.work else {
             builder.refuse_some_of_one(self.index)?;
-            let Some(done) = builder.whole(spec, action, *key, waited)? else {
+            let Some(done) = builder.whole(spec, action, *key, self.waits, waited)? else {
                 return Ok(Made::of(&[], Outcome::Left, None, Vec::new()));
             };
             // Another process may have built it while this one waited.

@@ -4,6 +4,7 @@
 
 use std::fs;
 use std::io::ErrorKind;
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -78,12 +79,33 @@ impl Board {
         atomic::write(&temporary, &self.folder.join(name), &text)
     }
 
-    /// Reads a note; none where there is none, or it is not understood: another version may have written it.
-    #[must_use]
-    pub fn read<T: DeserializeOwned>(&self, name: &str) -> Option<T> {
+    /// Reads a note; none where there is none.
+    ///
+    /// # Errors
+    /// When the system refuses, or it is not understood: another version may have written it.
+    pub fn read<T: DeserializeOwned>(&self, name: &str) -> Result<Option<T>, StoreError> {
         let path = self.folder.join(name);
-        let bytes = late::if_listed(&path, || read_own(&path, LONGEST)).ok()?;
-        serde_json::from_slice(&bytes).ok()
+        let bytes = match read_own(&path, LONGEST) {
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+            bytes => bytes.map_err(StoreError::io("read", &path))?,
+        };
+        let note = serde_json::from_slice(&bytes);
+        note.map(Some)
+            .map_err(|error| StoreError::damaged(&path, format!("it is no note of this version: {error}")))
+    }
+
+    /// Whether a note is there and was written by the user of this process.
+    #[must_use]
+    pub fn is_own(&self, name: &str) -> bool {
+        let written = fs::symlink_metadata(self.folder.join(name));
+        written.is_ok_and(|written| written.uid() == rustix::process::getuid().as_raw())
+    }
+
+    /// Whether there is a note of that name. Its folder is asked, which knows of what other machines have just written.
+    #[must_use]
+    pub fn has(&self, name: &str) -> bool {
+        let names = self.names(name);
+        names.is_ok_and(|names| names.iter().any(|found| found == name))
     }
 
     /// Removes a note; one that is gone is none.
@@ -103,11 +125,11 @@ impl Board {
     /// # Errors
     /// When the system refuses.
     pub fn names(&self, prefix: &str) -> Result<Vec<String>, StoreError> {
-        let found = files_in_optional(&self.folder)?
-            .into_iter()
-            .filter(|path| is_file(path));
-        let names = found.filter_map(|path| Some(path.file_name()?.to_str()?.to_owned()));
-        Ok(names.filter(|name| name.starts_with(prefix)).collect())
+        let name = |path: &PathBuf| Some(path.file_name()?.to_str()?.to_owned());
+        let found = files_in_optional(&self.folder)?.into_iter();
+        let named = found.filter_map(|path| Some((name(&path)?, path)));
+        let meant = named.filter(|(name, path)| name.starts_with(prefix) && is_file(path));
+        Ok(meant.map(|(name, _)| name).collect())
     }
 
     /// How long ago a note was written, by the clock of the file system.
@@ -137,23 +159,24 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let one = Store::open(folder.path()).unwrap().board("topic");
         let two = Store::open(folder.path()).unwrap().board("topic");
-        assert_eq!(two.read::<u32>("note"), None);
+        assert_eq!(two.read::<u32>("note").unwrap(), None);
         one.write("note", &1_u32).unwrap();
         one.write("note", &2_u32).unwrap();
         one.write("other", &3_u32).unwrap();
         assert_eq!(
-            (two.read("note"), two.names("no").unwrap()),
+            (two.read("note").unwrap(), two.names("no").unwrap()),
             (Some(2_u32), vec!["note".to_owned()])
         );
         assert!(two.age("note").unwrap() < Duration::from_secs(60));
-        assert_eq!(
-            two.read::<String>("note"),
-            None,
-            "what is not understood is as good as none"
+        assert!(two.has("note") && !two.has("no"));
+        assert!(
+            two.read::<String>("note").is_err(),
+            "what is not understood is not taken for none"
         );
+        assert!(two.is_own("note") && !two.is_own("no"));
         two.remove("note").unwrap();
         two.remove("note").unwrap();
-        assert_eq!((one.read::<u32>("note"), one.age("note")), (None, None));
+        assert_eq!((one.read::<u32>("note").unwrap(), one.age("note")), (None, None));
         let left = fs::read_dir(folder.path().join("tmp")).unwrap().flatten();
         let left = left.flat_map(|own| fs::read_dir(own.path()).unwrap());
         assert_eq!(left.count(), 0, "nothing is left of writing");

@@ -15,7 +15,7 @@ use super::action::Action;
 use super::atomic;
 use super::error::StoreError;
 use super::late;
-use super::lock::Guard;
+use super::lock::{self, Guard};
 use super::open::Store;
 use crate::base::{ActionKey, ArtifactId, Digest, FileDigest, decode, encode, read_own};
 
@@ -143,6 +143,17 @@ impl Store {
             }
             std::thread::sleep(pause);
             pause = (2 * pause).min(Duration::from_secs(1));
+        }
+    }
+
+    /// Whether another process or thread seems to be at this action, or at one that shares its lock file. It may be over when this is told.
+    ///
+    /// # Errors
+    /// When the lock file cannot be opened.
+    pub fn is_busy(&self, key: &ActionKey) -> Result<bool, StoreError> {
+        match &self.hold.claims {
+            Some(claims) => Ok(claims.owner(&key.to_string()).is_some()),
+            None => lock::is_held(&self.layout.action_lock(key)),
         }
     }
 

@@ -11,8 +11,8 @@ use std::time::{Duration, Instant};
 
 use super::common::{Ended, SHORT, SMALL, Stages, Workspace, ended, files, started};
 
-/// Eight chunks of samples and eight of solutions.
-const COUNT: &str = "stages.small.count=400";
+/// Thirty chunks of samples and thirty of solutions.
+const COUNT: &str = "stages.small.count=1500";
 
 const PROFILE: &str = "version: 1
 executor: slurm
@@ -103,7 +103,7 @@ impl Cluster {
 
     /// Waits until some solutions are there, and not all.
     fn wait_for_work(&self) {
-        self.until("some work", || files(&self.workspace.path("store/records")).len() > 10);
+        self.until("some work", || files(&self.workspace.path("store/records")).len() > 33);
     }
 
     /// What the pipeline makes on one machine, and a store that is sound and has no worker any more.
@@ -178,15 +178,17 @@ fn what_is_killed_or_cancelled_is_gone_on_with() {
     let second = cluster.run(&[]);
     sleep(Duration::from_millis(500));
     assert_eq!(cluster.submitted(), submitted);
-    // Its workers, one after another and then all of them.
-    if let Some(process) = cluster.tasks().first() {
-        signal(process, "KILL");
-    }
+    // Its workers, one and then all of them.
+    signal(
+        cluster.tasks().first().expect("workers live on without a submitter"),
+        "KILL",
+    );
     sleep(Duration::from_millis(500));
-    for process in cluster.tasks() {
-        signal(&process, "TERM");
-    }
+    let left = cluster.tasks();
+    assert!(!left.is_empty());
+    left.iter().for_each(|process| signal(process, "TERM"));
     cluster.is_as_alone(&Stages::of(second));
+    assert!(cluster.submitted() > submitted);
 }
 
 #[test]
@@ -209,7 +211,10 @@ fn an_interrupt_cancels_and_what_was_built_is_kept() {
     let cluster = Cluster::new();
     let run = cluster.run(&[]);
     cluster.wait_for_work();
+    // A terminal that is closed is no wish to cancel.
     signal(&run.id().to_string(), "HUP");
+    sleep(Duration::from_millis(700));
+    assert!(!cluster.tasks().is_empty());
     signal(&run.id().to_string(), "INT");
     let ended = ended(run);
     assert_eq!(ended.code, Some(75), "{}", ended.stderr);
@@ -235,8 +240,11 @@ fn a_controller_that_does_not_answer_says_nothing_of_its_workers() {
     let run = cluster.run(&[]);
     cluster.until("samples", || cluster.submitted() > 1);
     let submitted = cluster.submitted();
+    let asked = || fs::read_to_string(cluster.workspace.path("slurm/calls")).unwrap().len();
+    let before = asked();
     fs::write(cluster.workspace.path("slurm/down"), "").unwrap();
-    sleep(Duration::from_millis(1500));
+    cluster.until("a question", || asked() > before);
+    sleep(Duration::from_millis(1000));
     fs::remove_file(cluster.workspace.path("slurm/down")).unwrap();
     let ended = ended(run);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
@@ -305,6 +313,61 @@ fn any_engine_starts_workers_by_a_command() {
         cluster.workspace.run(&["status", "--json"]).json()["workers"] == serde_json::json!([])
     });
     cluster.is_as_alone(&stages);
+}
+
+#[test]
+fn whoever_attaches_may_cancel_what_no_engine_can() {
+    const LONG: &str = "stages.small.count=6000";
+    let cluster = Cluster::new();
+    let submit = "for i in $(seq {n}); do {worker} > /dev/null 2>&1 & done";
+    cluster
+        .workspace
+        .write("cluster.yaml", &PROFILE.replace("executor: slurm", "executor: command"));
+    let run = [
+        "run",
+        "short.yaml",
+        "--profile",
+        "cluster.yaml",
+        "--submit",
+        submit,
+        "--set",
+        LONG,
+    ];
+    let run = started(cluster.command(&run));
+    cluster.until("solutions", || {
+        files(&cluster.workspace.path("store/records")).len() > 125
+    });
+    // Who only follows leaves the workers to the other.
+    let follower = started(cluster.command(&["attach", "short.yaml", "--set", LONG]));
+    sleep(Duration::from_millis(1500));
+    signal(&follower.id().to_string(), "INT");
+    let left = ended(follower);
+    assert_eq!(
+        (left.code, left.stderr.contains("goes on")),
+        (Some(75), true),
+        "{}",
+        left.stderr
+    );
+    let workers = || {
+        cluster.workspace.run(&["status", "--json"]).json()["workers"]
+            .as_array()
+            .unwrap()
+            .len()
+    };
+    assert!(workers() > 0);
+    let cancelled = cluster
+        .workspace
+        .run(&["attach", "short.yaml", "--set", LONG, "--cancel"]);
+    assert_eq!(cancelled.code, Some(0), "{}", cancelled.stderr);
+    let run = ended(run);
+    assert_eq!(
+        (run.code, run.stderr.contains("cancelled")),
+        (Some(75), true),
+        "{}",
+        run.stderr
+    );
+    cluster.until("the end of all workers", || workers() == 0);
+    assert_eq!(cluster.workspace.run(&["fsck"]).code, Some(0));
 }
 
 #[test]
