@@ -18,7 +18,7 @@ scene:
   drive: { voltage: 5.25 kV }
   effects: {}
 stages:
-  small:    { kind: sample, family: small-grid, count: 5000, seed: 1 }
+  small:    { kind: sample, family: small-grid, count: 3000, seed: 1 }
   solved:   { kind: solve, needs: [small], elements_per_cell: 2 }
   balanced: { kind: balance, needs: [solved], bins: 20, range: [0 mm, 2.5 mm], target: 100, symmetry: d4, seed: 4 }
 END
