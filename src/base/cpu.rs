@@ -15,21 +15,17 @@ pub enum CpuLevel {
 
 impl CpuLevel {
     /// The levels in words.
-    pub const WORDS: [&'static str; 2] = ["any", "x86-64-v3"];
+    pub const WORDS: [&'static str; 2] = [Self::Any.word(), Self::V3.word()];
 
     /// The level of a word.
     #[must_use]
     pub fn of_word(word: &str) -> Option<Self> {
-        match word {
-            "any" => Some(Self::Any),
-            "x86-64-v3" => Some(Self::V3),
-            _ => None,
-        }
+        [Self::Any, Self::V3].into_iter().find(|level| level.word() == word)
     }
 
     /// In words.
     #[must_use]
-    pub fn word(self) -> &'static str {
+    pub const fn word(self) -> &'static str {
         match self {
             Self::Any => "any",
             Self::V3 => "x86-64-v3",

@@ -31,7 +31,7 @@ impl StoreArguments {
     }
 }
 
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub struct SetArguments {
     /// Change a value for this call, such as stages.small.count=400 or scene.drive.voltage="5 kV"
     #[arg(long = "set", value_name = "PATH=VALUE")]
@@ -51,7 +51,7 @@ impl SetArguments {
     }
 }
 
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub struct PipelineArguments {
     /// The pipeline, a YAML file
     pub pipeline: PathBuf,

@@ -2,7 +2,7 @@
 
 use clap::Args;
 
-use super::arguments::{PipelineArguments, SetArguments};
+use super::arguments::PipelineArguments;
 use super::cluster::{ClusterArguments, How, Work};
 use super::error::CliError;
 use super::output::{Exit, Output};
@@ -52,18 +52,8 @@ pub fn execute(arguments: &AttachArguments, output: &Output) -> Result<Exit, Cli
     if let Some(exit) = work.submit(ledger.recipe, how, output)? {
         return Ok(exit);
     }
-    let of = &arguments.of;
     let run = RunArguments {
-        of: PipelineArguments {
-            pipeline: of.pipeline.clone(),
-            store: of.store.clone(),
-            until: of.until.clone(),
-            set: SetArguments {
-                sets: of.set.sets.clone(),
-                many: of.set.many,
-            },
-            verify: of.verify,
-        },
+        of: arguments.of.clone(),
         keep_going,
         lock: false,
         locked: false,

@@ -11,13 +11,13 @@ use std::sync::{Arc, Mutex, PoisonError};
 use clap::{Args, ValueEnum};
 use serde_json::json;
 use signal_hook::consts::{SIGHUP, SIGINT};
-use signal_hook::flag;
 
 use super::arguments::PipelineArguments;
 use super::error::CliError;
 use super::output::{Exit, Output, tell};
 use super::progress::{Bar, Shown};
 use super::run::{ProgressForm, RunArguments, read_lock};
+use super::signals;
 use crate::base::{Document, Progress, printable_json};
 use crate::executor::{
     CommandEngine, Ending, Engine, EngineKind, Failed, LEDGER, Ledger, Profile, Recipe, SlurmEngine, Standings,
@@ -25,7 +25,7 @@ use crate::executor::{
 };
 use crate::orchestrator::{Pipeline, Stands, check_locked, standings};
 use crate::stage;
-use crate::store::{LockFile, Store};
+use crate::store::{Board, LockFile, Store};
 
 /// Where a detached submitter writes, among the logs of its workers.
 const LOG: &str = "submitter.log";
@@ -129,12 +129,9 @@ impl Work<'_> {
         }
         let engine = engine(&profile, kind, recipe.submit.clone())?;
         let cancel = Arc::new(AtomicBool::new(false));
-        // Who asks twice does not want to wait until all is cancelled.
-        let code = i32::from(Exit::TryAgain.code());
-        flag::register_conditional_shutdown(SIGINT, code, cancel.clone()).map_err(unheard)?;
-        flag::register(SIGINT, cancel.clone()).map_err(unheard)?;
+        signals::heed(SIGINT, &cancel)?;
         // A terminal that is closed is no wish to cancel.
-        flag::register(SIGHUP, Arc::default()).map_err(unheard)?;
+        signals::ignore(SIGHUP)?;
         let display = Display::new(self.shown, &self.pipeline.name);
         let submission = Submission {
             pipeline: self.pipeline,
@@ -188,7 +185,7 @@ impl Work<'_> {
         }
     }
 
-    fn board(&self, until: Option<&str>) -> crate::store::Board {
+    fn board(&self, until: Option<&str>) -> Board {
         self.store.board(&topic(self.pipeline, until))
     }
 
@@ -314,10 +311,6 @@ impl Work<'_> {
         }
         Ok(Exit::Done)
     }
-}
-
-fn unheard(error: io::Error) -> CliError {
-    CliError::failure(format!("signals cannot be heeded: {error}"))
 }
 
 fn full(path: &Path) -> Result<PathBuf, CliError> {

@@ -10,14 +10,13 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use clap::Args;
 use serde_json::json;
 use signal_hook::consts::{SIGINT, SIGTERM};
-use signal_hook::flag;
 
 use super::arguments::{PipelineArguments, duration};
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::progress::RunProgress;
 use super::run::{ProgressForm, load};
-use super::table;
+use super::{signals, table};
 use crate::base::{Background, CpuLevel, Pauses, host_name};
 use crate::executor::{Failed, Sign, is_cancelled, report_begun, report_failures, report_left, report_trouble, topic};
 use crate::orchestrator::{Environment, Outcome, Pipeline, RunOptions, run};
@@ -116,9 +115,7 @@ fn build(
         .transpose()?;
     let stop = Arc::new(AtomicBool::new(false));
     for signal in [SIGTERM, SIGINT] {
-        // Who asks twice does not want to wait.
-        flag::register_conditional_shutdown(signal, i32::from(Exit::TryAgain.code()), stop.clone()).map_err(refused)?;
-        flag::register(signal, stop.clone()).map_err(refused)?;
+        signals::heed(signal, &stop)?;
     }
     check_processor(arguments.cpu)?;
     if submitted.is_some() && arguments.topic != Some(topic(&pipeline, arguments.of.until.as_deref())) {
@@ -190,10 +187,6 @@ fn build(
         None if errors.is_empty() && !stop.load(Ordering::Relaxed) => Exit::Done,
         None => Exit::TryAgain,
     })
-}
-
-fn refused(error: std::io::Error) -> CliError {
-    CliError::failure(format!("signals cannot be heeded: {error}"))
 }
 
 /// Who started this worker.

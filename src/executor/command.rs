@@ -3,9 +3,8 @@
 //! What it started is not asked of it: workers show themselves in the store.
 
 use std::collections::BTreeMap;
-use std::time::Duration;
 
-use super::engine::{Engine, EngineError, Request, ask, quoted};
+use super::engine::{Engine, EngineError, Request, all_tried, ask, last_line, quoted};
 
 /// Workers of one call.
 const MOST: u32 = 100_000;
@@ -48,10 +47,6 @@ impl CommandEngine {
 }
 
 impl Engine for CommandEngine {
-    fn name(&self) -> &'static str {
-        "the submit command"
-    }
-
     fn submit(&self, request: &Request<'_>) -> Result<Option<String>, EngineError> {
         let worker = quoted(request.worker);
         let worker = match self.environment.as_slice() {
@@ -70,19 +65,12 @@ impl Engine for CommandEngine {
             ("name", request.name.to_owned()),
             ("threads", resources.threads.to_string()),
             ("memory", resources.memory.unwrap_or(0).to_string()),
-            (
-                "minutes",
-                resources
-                    .time
-                    .map_or(0, |time: Duration| time.as_secs().div_ceil(60))
-                    .to_string(),
-            ),
+            ("minutes", resources.minutes().unwrap_or(0).to_string()),
             ("gpus", resources.gpus.to_string()),
             ("logs", quoted(&[request.logs.to_owned()])),
         ];
         let said = shell(&filled(&self.submit, &values))?;
-        let last = said.lines().map(str::trim).rfind(|line| !line.is_empty());
-        Ok(last.map(str::to_owned))
+        Ok(last_line(&said).map(str::to_owned))
     }
 
     fn living(&self, _names: &[&str]) -> Result<Option<BTreeMap<String, u32>>, EngineError> {
@@ -101,9 +89,7 @@ impl Engine for CommandEngine {
             ];
             filled(cancel, &values)
         });
-        // All are tried, whatever becomes of one.
-        let tried: Vec<Result<(), EngineError>> = commands.map(|command| shell(&command).map(drop)).collect();
-        tried.into_iter().find(Result::is_err).unwrap_or(Ok(()))
+        all_tried(commands.map(|command| shell(&command)))
     }
 
     fn most_workers(&self) -> u32 {

@@ -45,9 +45,6 @@ pub struct Request<'a> {
 
 /// An engine.
 pub trait Engine: Sync {
-    /// Its name, for people.
-    fn name(&self) -> &'static str;
-
     /// Starts an array of workers; gives the number of it, where the engine tells it.
     ///
     /// # Errors
@@ -140,6 +137,23 @@ pub fn ask(program: &str, arguments: &[String], input: &str) -> Result<String, E
             Err(failed(format!("{last} ({status})")))
         }
     }
+}
+
+/// Runs all commands, whatever becomes of one.
+///
+/// # Errors
+/// The first of those that failed.
+pub fn all_tried(tried: impl Iterator<Item = Result<String, EngineError>>) -> Result<(), EngineError> {
+    let tried: Vec<Result<String, EngineError>> = tried.collect();
+    tried
+        .into_iter()
+        .find(Result::is_err)
+        .map_or(Ok(()), |failed| failed.map(drop))
+}
+
+/// The last line that says something.
+pub fn last_line(said: &str) -> Option<&str> {
+    said.lines().map(str::trim).rfind(|line| !line.is_empty())
 }
 
 /// A command line as a shell reads it.

@@ -118,6 +118,14 @@ const MOST_MEMORY: f64 = 1_073_741_824.0;
 /// No worker gets more time.
 const LONGEST: Duration = Duration::from_secs(366 * 24 * 3600);
 
+impl Resources {
+    /// How long one may take, in whole minutes, as engines count.
+    #[must_use]
+    pub fn minutes(&self) -> Option<u64> {
+        self.time.map(|time| time.as_secs().div_ceil(60))
+    }
+}
+
 impl Default for Profile {
     fn default() -> Self {
         Self {

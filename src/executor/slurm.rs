@@ -3,9 +3,8 @@
 //! Arrays are known by their names. A submitter that is killed before it has written down a number finds the array again.
 
 use std::collections::BTreeMap;
-use std::time::Duration;
 
-use super::engine::{Engine, EngineError, Request, ask, quoted};
+use super::engine::{Engine, EngineError, Request, all_tried, ask, last_line, quoted};
 use super::profile::SlurmOptions;
 
 /// Tasks of an array where the cluster does not say it: what Slurm has unless told otherwise.
@@ -40,10 +39,6 @@ impl SlurmEngine {
 }
 
 impl Engine for SlurmEngine {
-    fn name(&self) -> &'static str {
-        "Slurm"
-    }
-
     fn submit(&self, request: &Request<'_>) -> Result<Option<String>, EngineError> {
         let said = ask(
             "sbatch",
@@ -51,11 +46,7 @@ impl Engine for SlurmEngine {
             &script(&self.environment, request),
         )?;
         // `NUMBER` or `NUMBER;CLUSTER`, after what the site has to say.
-        let last = said
-            .lines()
-            .map(str::trim)
-            .rfind(|line| !line.is_empty())
-            .unwrap_or_default();
+        let last = last_line(&said).unwrap_or_default();
         let number = last.split(';').next().unwrap_or_default();
         match !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit()) {
             true => Ok(Some(number.to_owned())),
@@ -72,10 +63,8 @@ impl Engine for SlurmEngine {
 
     fn cancel(&self, arrays: &[(&str, Option<&str>)]) -> Result<(), EngineError> {
         // `--name` takes one name.
-        let cancel = |name: &str| ask("scancel", &["--me".to_owned(), format!("--name={name}")], "").map(drop);
-        // All are tried, whatever becomes of one.
-        let tried: Vec<Result<(), EngineError>> = arrays.iter().map(|(name, _)| cancel(name)).collect();
-        tried.into_iter().find(Result::is_err).unwrap_or(Ok(()))
+        let cancel = |name: &str| ask("scancel", &["--me".to_owned(), format!("--name={name}")], "");
+        all_tried(arrays.iter().map(|(name, _)| cancel(name)))
     }
 
     fn most_workers(&self) -> u32 {
@@ -121,7 +110,7 @@ fn arguments(options: &SlurmOptions, request: &Request<'_>) -> Vec<String> {
     ]);
     let optional = [
         resources.memory.map(|memory| format!("--mem={memory}M")),
-        resources.time.map(|time| format!("--time={}", minutes(time))),
+        resources.minutes().map(|minutes| format!("--time={minutes}")),
         resources
             .partition
             .as_ref()
@@ -131,10 +120,6 @@ fn arguments(options: &SlurmOptions, request: &Request<'_>) -> Vec<String> {
     ];
     arguments.extend(optional.into_iter().flatten());
     arguments
-}
-
-fn minutes(time: Duration) -> u64 {
-    time.as_secs().div_ceil(60)
 }
 
 fn script(environment: &[String], request: &Request<'_>) -> String {
@@ -151,6 +136,8 @@ fn script(environment: &[String], request: &Request<'_>) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use super::*;
     use crate::executor::profile::Resources;
 

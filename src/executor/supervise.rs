@@ -192,8 +192,8 @@ struct Group {
 /// # Errors
 /// When the pipeline cannot be read, or the store for long.
 pub fn supervise(submission: &Submission<'_>, tell: &dyn Fn(&Standings<'_>)) -> Result<Ending, SubmitError> {
-    let until = submission.recipe.until.as_deref();
-    let board = submission.store.board(&topic(submission.pipeline, until));
+    let topic = topic(submission.pipeline, submission.recipe.until.as_deref());
+    let board = submission.store.board(&topic);
     let mut supervisor = Supervisor {
         submission,
         ledger: Ledger::default(),
@@ -205,6 +205,7 @@ pub fn supervise(submission: &Submission<'_>, tell: &dyn Fn(&Standings<'_>)) -> 
         is_new: !submission.goes_on,
         lead: None,
         board,
+        topic,
     };
     let mut refused = 0;
     loop {
@@ -295,6 +296,7 @@ fn groups(submission: &Submission<'_>) -> Result<Vec<Group>, RunError> {
 
 struct Supervisor<'a> {
     submission: &'a Submission<'a>,
+    topic: String,
     board: Board,
     ledger: Ledger,
     groups: Vec<Group>,
@@ -581,10 +583,9 @@ impl Supervisor<'_> {
     fn submit(&mut self, at: usize, workers: u32, before: u64, failed: &BTreeSet<&str>) -> Result<(), StoreError> {
         let checkpoint = self.last_checkpoint()?;
         let group = &self.groups[at];
-        let topic = topic(self.submission.pipeline, self.submission.recipe.until.as_deref());
         let array = self
             .ledger
-            .begin(&topic, group.stages.clone(), workers, (before, checkpoint));
+            .begin(&self.topic, group.stages.clone(), workers, (before, checkpoint));
         // Written down before: who takes over a submitter that was killed meanwhile looks for it.
         self.keep()?;
         let group = &self.groups[at];
@@ -599,7 +600,7 @@ impl Supervisor<'_> {
         let stages = names.into_iter().flat_map(|name| ["--stage".to_owned(), name]);
         let own = [
             "--topic".to_owned(),
-            topic.clone(),
+            self.topic.clone(),
             "--array".to_owned(),
             array.name.clone(),
             "--jobs".to_owned(),

@@ -58,12 +58,13 @@ impl Sign {
     /// When the system refuses.
     pub fn show(store: &Store, pipeline: &str, array: Option<&str>) -> Result<Self, StoreError> {
         let board = store.board(TOPIC);
+        let now = store.now();
         // Where there are many, others have done so.
         for name in board.names("")?.into_iter().take(MANY) {
             // Of another version it is not known; it grows old.
             let worker: Option<Worker> = board.read(&name).unwrap_or_default();
             let is_gone = worker.is_some_and(|worker| worker.owner.is_gone());
-            if is_gone || board.age(&name).is_some_and(|age| age > FORGOTTEN) {
+            if is_gone || board.age(&name, now).is_some_and(|age| age > FORGOTTEN) {
                 board.remove(&name)?;
             }
         }
@@ -111,10 +112,10 @@ impl Drop for Sign {
 /// # Errors
 /// When the system refuses.
 pub fn workers(store: &Store) -> Result<Vec<Seen>, StoreError> {
-    let board = store.board(TOPIC);
+    let (board, now) = (store.board(TOPIC), store.now());
     let seen = |name: &String| {
         let worker: Worker = board.read(name).ok()??;
-        let silent = board.age(name)?;
+        let silent = board.age(name, now)?;
         (!worker.owner.is_gone()).then_some(Seen { worker, silent })
     };
     Ok(board.names("")?.iter().filter_map(seen).collect())

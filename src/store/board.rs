@@ -6,7 +6,7 @@ use std::fs;
 use std::io::ErrorKind;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -132,11 +132,11 @@ impl Board {
         Ok(meant.map(|(name, _)| name).collect())
     }
 
-    /// How long ago a note was written, by the clock of the file system.
+    /// How long before `now` a note was written; both are by the clock of the file system ([`Store::now`]).
     #[must_use]
-    pub fn age(&self, name: &str) -> Option<Duration> {
+    pub fn age(&self, name: &str, now: SystemTime) -> Option<Duration> {
         let written = fs::symlink_metadata(self.folder.join(name)).ok()?.modified().ok()?;
-        Some(self.store.now().duration_since(written).unwrap_or_default())
+        Some(now.duration_since(written).unwrap_or_default())
     }
 
     /// The right to act on the topic, which one process has at a time; none where another has it.
@@ -167,7 +167,7 @@ mod tests {
             (two.read("note").unwrap(), two.names("no").unwrap()),
             (Some(2_u32), vec!["note".to_owned()])
         );
-        assert!(two.age("note").unwrap() < Duration::from_secs(60));
+        assert!(two.age("note", two.store.now()).unwrap() < Duration::from_secs(60));
         assert!(two.has("note") && !two.has("no"));
         assert!(
             two.read::<String>("note").is_err(),
@@ -176,7 +176,10 @@ mod tests {
         assert!(two.is_own("note") && !two.is_own("no"));
         two.remove("note").unwrap();
         two.remove("note").unwrap();
-        assert_eq!((one.read::<u32>("note").unwrap(), one.age("note")), (None, None));
+        assert_eq!(
+            (one.read::<u32>("note").unwrap(), one.age("note", one.store.now())),
+            (None, None)
+        );
         let left = fs::read_dir(folder.path().join("tmp")).unwrap().flatten();
         let left = left.flat_map(|own| fs::read_dir(own.path()).unwrap());
         assert_eq!(left.count(), 0, "nothing is left of writing");
