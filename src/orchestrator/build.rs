@@ -222,7 +222,7 @@ impl Builder<'_> {
         state: &ChunkState,
         stop: &AtomicBool,
     ) -> Result<Option<Done>, StageError> {
-        if let (Some(record), true) = (&state.record, state.intact) {
+        if let (Some(record), true, false) = (&state.record, state.intact, state.elsewhere) {
             let record = record.clone();
             return Ok(Some(Done { record, built: false }));
         }
@@ -318,7 +318,8 @@ impl Builder<'_> {
         };
         match self.store.inspect_made(&record, Effort::Thorough)? {
             Condition::Intact { .. } => Ok(Some(*record)),
-            Condition::Missing | Condition::OtherKind(_) => Ok(None),
+            // Looked at with all effort, what is elsewhere has been brought.
+            Condition::Elsewhere { .. } | Condition::Missing | Condition::OtherKind(_) => Ok(None),
             Condition::Damaged(_) => {
                 self.store.quarantine_artifact(&record.artifact)?;
                 Ok(None)

@@ -156,7 +156,7 @@ pub fn run(
         sizes: BTreeMap::new(),
         remembered,
         not_logged: None,
-        unstable: 0,
+        unstable: BTreeMap::new(),
     };
     let (stages, failures) = execution.stages(selection.get(first..).unwrap_or_default());
     let lock = execution.lock_file();
@@ -181,7 +181,7 @@ pub fn run(
     }
     Ok(RunOutcome {
         stages,
-        unstable: execution.unstable,
+        unstable: execution.unstable.values().sum(),
         failures,
         not_logged,
         lock,
@@ -256,7 +256,8 @@ struct Execution<'a> {
     /// By their places in the pipeline.
     remembered: BTreeMap<usize, RunStage>,
     not_logged: Option<StoreError>,
-    unstable: u64,
+    /// Samples without a stable solution, by stages.
+    unstable: BTreeMap<usize, u64>,
 }
 
 /// What has become of the stages so far, by their places in the pipeline.
@@ -276,6 +277,8 @@ enum Begun {
     Others,
     /// Another process builds it.
     Busy,
+    /// It has to be built, and these that it needs as well: they were elsewhere, and cannot be had.
+    After(Vec<usize>),
 }
 
 /// The stages that are not done and not at work.
@@ -357,6 +360,19 @@ impl<'a> Execution<'a> {
                             open.busy.insert(index);
                             continue;
                         }
+                        Ok(Begun::After(lost)) => {
+                            // What was made from them is looked at again, too: it may be made otherwise.
+                            for again in self.with_dependants(lost) {
+                                if concluded.reports.remove(&again).is_some() {
+                                    self.inputs.remove(&again);
+                                    self.unstable.remove(&again);
+                                    self.remembered.remove(&again);
+                                    open.left.insert(again);
+                                }
+                            }
+                            open.left.insert(index);
+                            continue;
+                        }
                         Ok(Begun::There(report)) => Ok(*report),
                         Ok(Begun::AtWork(work)) if self.abreast == 1 => {
                             self.end(work.done(builder, &stages[index]), None)
@@ -431,6 +447,10 @@ impl<'a> Execution<'a> {
             State::Stale { .. } if self.ours.is_some_and(|ours| !ours.contains(&index)) => Ok(Begun::Others),
             State::Stale { .. } if !waits && self.is_busy(&status)? => Ok(Begun::Busy),
             State::Stale { why, .. } => {
+                let lost = self.lost(index)?;
+                if !lost.is_empty() {
+                    return Ok(Begun::After(lost));
+                }
                 self.announce(index, &status, why);
                 Ok(Begun::AtWork(Box::new(Work {
                     index,
@@ -441,6 +461,37 @@ impl<'a> Execution<'a> {
                 })))
             }
         }
+    }
+
+    /// Stages, and those that need them, directly or not.
+    fn with_dependants(&self, stages: Vec<usize>) -> BTreeSet<usize> {
+        let mut found: BTreeSet<usize> = stages.into_iter().collect();
+        // They stand in topological order.
+        for (index, stage) in self.pipeline.stages.iter().enumerate() {
+            if stage.waits_for().iter().any(|need| found.contains(need)) {
+                found.insert(index);
+            }
+        }
+        found
+    }
+
+    /// What a stage that was not expected to be built needs and what is not here: it is brought, or has to be built first.
+    fn lost(&mut self, index: usize) -> Result<Vec<usize>, StoreError> {
+        let mut lost = Vec::new();
+        if !self.builder.store.reads_through() {
+            return Ok(lost);
+        }
+        for &need in &self.pipeline.stages[index].needs {
+            if !self.read_closely.insert(need) {
+                continue;
+            }
+            let needed = self.pipeline.stages[need].needs.iter();
+            let inputs: Vec<Input> = needed.filter_map(|need| self.inputs.get(need).cloned()).collect();
+            if self.planner.status(need, &inputs, Effort::Thorough)?.is_stale() {
+                lost.push(need);
+            }
+        }
+        Ok(lost)
     }
 
     /// Whether another process builds a stage that is one piece of work.
@@ -496,7 +547,7 @@ impl<'a> Execution<'a> {
         }
         self.inputs.insert(index, known);
         self.sizes.insert(index, report.size);
-        self.unstable += record.unstable;
+        self.unstable.insert(index, record.unstable);
         (self.builder.listener)(&match report.outcome {
             Outcome::Reused => Event::StageReused(report.clone()),
             _ => Event::StageFinished(report.clone()),
@@ -582,6 +633,10 @@ impl<'a> Execution<'a> {
             if !known.is_empty() {
                 return Ok(known);
             }
+        }
+        // What nothing needed is not brought from elsewhere to be told of.
+        if self.builder.store.reads_through() && !self.builder.store.has(&stage.artifact) {
+            return Ok(Vec::new());
         }
         let found = self.builder.store.artifact(&stage.artifact).map_err(StageError::from);
         match found.and_then(|artifact| spec.kind.results(&artifact)) {

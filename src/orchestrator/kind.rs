@@ -141,6 +141,11 @@ pub trait Stage: Send + Sync {
         Ok(0)
     }
 
+    /// Whether [`Stage::blocks`] looks into the artifact, which has to be here then even where nothing is to be built.
+    fn is_judged(&self) -> bool {
+        false
+    }
+
     /// Why stages that need this one must not run although its artifact is there, if they must not; `open` opens the
     /// artifact.
     ///

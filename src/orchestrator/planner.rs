@@ -56,8 +56,10 @@ pub struct ChunkState {
     pub action: Option<(Action, ActionKey)>,
     /// Its record, if it has been built before.
     pub record: Option<Record>,
-    /// Whether what the record names is there and whole.
+    /// Whether what the record names is there and whole, here or elsewhere.
     pub intact: bool,
+    /// Whether it is elsewhere, and has yet to be brought.
+    pub elsewhere: bool,
 }
 
 /// Looks at the stages of one pipeline in one store.
@@ -174,6 +176,10 @@ impl<'a> Planner<'a> {
             &digests,
         ))?;
         let work = spec.stage.plan(inputs);
+        let effort = match spec.stage.is_judged() {
+            true => Effort::Thorough,
+            false => effort,
+        };
         let (why, expected) = match self.made(action.as_ref(), effort)? {
             Some((record, condition)) => match self.examine(&record, &condition, &work, effort)? {
                 Ok((parts, size)) => {
@@ -314,7 +320,8 @@ impl<'a> Planner<'a> {
         let made = self.made(action.as_ref(), effort)?;
         Ok(ChunkState {
             action,
-            intact: matches!(made, Some((_, Condition::Intact { .. }))),
+            intact: matches!(made, Some((_, Condition::Intact { .. } | Condition::Elsewhere { .. }))),
+            elsewhere: matches!(made, Some((_, Condition::Elsewhere { .. }))),
             record: made.map(|(record, _)| *record),
         })
     }
@@ -324,7 +331,7 @@ impl<'a> Planner<'a> {
 fn size_of(condition: &Condition) -> Result<u64, Staleness> {
     match (condition, Staleness::of_artifact(condition)) {
         (_, Some(why)) => Err(why),
-        (Condition::Intact { size }, None) => Ok(*size),
+        (Condition::Intact { size } | Condition::Elsewhere { size }, None) => Ok(*size),
         (_, None) => Ok(0),
     }
 }

@@ -84,6 +84,7 @@ mod tests {
                 action: Some((action, key)),
                 record: None,
                 intact: false,
+                elsewhere: false,
             }
         };
         (0..count).map(chunk).collect()

@@ -118,7 +118,10 @@ impl Store {
             if let Lookup::Found(..) = target.record(&key)? {
                 copied.records_there += 1;
             } else if let Lookup::Found(record, _) = self.record(&key)? {
-                target.put_record(&record)?;
+                match self.origin_of(&record) {
+                    Some(origin) => target.put_record_of(&record, &origin)?,
+                    None => target.put_record(&record)?,
+                }
                 copied.records += 1;
             }
         }

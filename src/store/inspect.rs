@@ -18,6 +18,11 @@ pub enum Condition {
         /// Length of the file in bytes.
         size: u64,
     },
+    /// It is not here, and another store is known to have it.
+    Elsewhere {
+        /// Length of the file in bytes, as it is there.
+        size: u64,
+    },
     /// There is no file.
     Missing,
     /// The file is not what was written; why.
@@ -41,7 +46,16 @@ impl Store {
     /// # Errors
     /// When the system refuses, for instance for want of permission.
     pub fn inspect(&self, digest: &ArtifactId, effort: Effort) -> Result<Condition, StoreError> {
-        condition(self.look(digest, effort).map(|(size, _)| Condition::Intact { size }))
+        let looked = condition(self.look(digest, effort).map(|(size, _)| Condition::Intact { size }))?;
+        self.or_elsewhere(looked, digest, effort)
+    }
+
+    /// What is missing or damaged here may be elsewhere.
+    fn or_elsewhere(&self, looked: Condition, digest: &ArtifactId, effort: Effort) -> Result<Condition, StoreError> {
+        match looked {
+            Condition::Missing | Condition::Damaged(_) => Ok(self.look_elsewhere(digest, effort)?.unwrap_or(looked)),
+            looked => Ok(looked),
+        }
     }
 
     /// Length of an intact file, and what stands in it where that is known without opening it.
@@ -73,7 +87,15 @@ impl Store {
                 false => Condition::OtherKind(kind.clone()),
             })
         };
-        condition(look())
+        let looked = condition(look())?;
+        if matches!(looked, Condition::Intact { .. } | Condition::OtherKind(_)) {
+            return Ok(looked);
+        }
+        match self.or_elsewhere(looked, &record.artifact, effort)? {
+            // It has been brought: of which kind it is has yet to be seen.
+            Condition::Intact { .. } => condition(look()),
+            looked => Ok(looked),
+        }
     }
 
     /// The chunks of a manifest that is known to be intact; none of another artifact.
@@ -81,8 +103,17 @@ impl Store {
     /// # Errors
     /// When it has become unreadable since.
     pub fn parts(&self, digest: &ArtifactId) -> Result<Vec<ArtifactId>, StoreError> {
-        let structure = self.verified.structure(&self.layout.object(digest), digest)?;
-        Ok(structure.parts.to_vec())
+        let here = || {
+            let structure = self.verified.structure(&self.layout.object(digest), digest)?;
+            Ok::<_, StoreError>(structure.parts.to_vec())
+        };
+        match here() {
+            Err(error) if error.is_damage() && self.upward.is_some() => match self.parts_elsewhere(digest) {
+                Some(parts) => Ok(parts),
+                None => self.fetch(digest).and_then(|_| here()),
+            },
+            parts => parts,
+        }
     }
 
     /// Moves an artifact's file aside.

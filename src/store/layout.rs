@@ -9,6 +9,8 @@
 //! DIR/logs/              what runs said, for people
 //! DIR/memos/             answers that are dear to find and may be deleted
 //! DIR/cluster/           what submitters and workers of a cluster leave for each other
+//! DIR/remotes/            what was read of remotes: signed records, and notes on interrupted uploads; may be deleted
+//! DIR/origins/ab/<key>  who has signed a record that was brought from a remote: to sign it again would be to vouch for it
 //! DIR/pins/              artifacts that a collection keeps
 //! DIR/lock-files/        where lock files of pipelines are: a collection keeps what they name
 //! DIR/costs.jsonl        what stages have cost
@@ -40,11 +42,17 @@ pub const MEMOS: &str = "memos";
 /// The folder of what the submitters and workers of a cluster leave for each other.
 pub const CLUSTER: &str = "cluster";
 
+/// The folder of who has said what records say that were brought from other stores.
+pub const ORIGINS: &str = "origins";
+
+/// The folder of what was read of remotes.
+pub const REMOTES: &str = "remotes";
+
 /// The folders that every store has.
 const FOLDERS: [&str; 6] = ["objects", "records", "runs", "locks/actions", "tmp", "quarantine"];
 
 /// Those that are made when they are needed.
-const LATER: [&str; 9] = [
+const LATER: [&str; 11] = [
     "checkpoints",
     "pins",
     "lock-files",
@@ -52,6 +60,8 @@ const LATER: [&str; 9] = [
     LOGS,
     MEMOS,
     CLUSTER,
+    REMOTES,
+    ORIGINS,
     "locks/claims",
     "locks/processes",
 ];

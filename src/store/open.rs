@@ -22,6 +22,7 @@ use super::provenance::Provenance;
 use super::quarantine::quarantine;
 use super::read::Access;
 use super::stamp::Time;
+use super::upstream::Upward;
 use super::verified::Verified;
 use super::write::{self, Part};
 use crate::base::{ArtifactId, FileDigest, folder_of};
@@ -31,9 +32,10 @@ use crate::base::{ArtifactId, FileDigest, folder_of};
 pub struct Store {
     pub(super) layout: Layout,
     pub(super) verified: Arc<Verified>,
-    access: Access,
-    unsettled: Arc<Mutex<BTreeSet<PathBuf>>>,
+    pub(super) access: Access,
+    pub(super) unsettled: Arc<Mutex<BTreeSet<PathBuf>>>,
     pub(super) hold: Arc<Hold>,
+    pub(super) upward: Option<Upward>,
 }
 
 /// What has been put.
@@ -76,6 +78,7 @@ impl Store {
             unsettled: Arc::default(),
             hold,
             layout,
+            upward: None,
         }
     }
 
@@ -192,11 +195,20 @@ impl Store {
         Ok(stored)
     }
 
-    /// Opens an artifact, verifying every byte of its file.
+    /// Opens an artifact, verifying every byte of its file. One that is not here is brought from the store behind this one.
     ///
     /// # Errors
     /// When it is missing or damaged.
     pub fn artifact(&self, digest: &ArtifactId) -> Result<Artifact, StoreError> {
+        match self.artifact_here(digest) {
+            Err(error) if error.is_damage() && self.upward.is_some() && self.fetch(digest)? => {
+                self.artifact_here(digest)
+            }
+            found => found,
+        }
+    }
+
+    fn artifact_here(&self, digest: &ArtifactId) -> Result<Artifact, StoreError> {
         Artifact::load(self.access, self.layout.object(digest), *digest, self.verified.clone())
     }
 

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use super::record::Record;
 use crate::base::{ActionKey, ArtifactId};
 
 /// The circumstances in which an artifact was made.
@@ -34,6 +35,44 @@ pub struct Provenance {
 }
 
 impl Provenance {
+    /// What a record says of the circumstances, and nothing else.
+    #[must_use]
+    pub fn of_record(record: &Record) -> Self {
+        let action = &record.action;
+        Self {
+            created: record.created.clone(),
+            version: record.version.clone(),
+            target: record.target.clone(),
+            seconds: record.seconds,
+            action: Some(record.key),
+            kind: action.kind.clone(),
+            recipe: action.recipe,
+            parameters: action.parameters.to_string(),
+            inputs: action.inputs.clone(),
+            ..Self::default()
+        }
+    }
+
+    /// What the attributes of `/provenance` say; what is not there or cannot be read is left empty.
+    #[must_use]
+    pub fn of_entries(entries: &BTreeMap<String, String>) -> Self {
+        let text = |name: &str| entries.get(name).cloned().unwrap_or_default();
+        Self {
+            created: text("created"),
+            host: text("host"),
+            version: text("version"),
+            build: text("build"),
+            target: text("target"),
+            seconds: text("seconds").parse().unwrap_or_default(),
+            action: text("action").parse().ok(),
+            kind: text("kind"),
+            recipe: text("recipe").parse().unwrap_or_default(),
+            parameters: text("parameters"),
+            inputs: text("inputs").lines().filter_map(|input| input.parse().ok()).collect(),
+            measurements: measurements(entries),
+        }
+    }
+
     /// The attributes of `/provenance`.
     #[must_use]
     pub fn entries(&self) -> Vec<(&'static str, String)> {
@@ -78,6 +117,27 @@ pub(super) fn measurements(entries: &BTreeMap<String, String>) -> Vec<(String, f
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_written_is_read_again() {
+        let provenance = Provenance {
+            created: "2026-01-02T03:04:05Z".to_owned(),
+            host: "a".to_owned(),
+            version: "1".to_owned(),
+            build: "b".to_owned(),
+            target: "t".to_owned(),
+            seconds: 1.25,
+            action: Some(ActionKey::of(b"x")),
+            kind: "solve".to_owned(),
+            recipe: 3,
+            parameters: "{a: 1}".to_owned(),
+            inputs: vec![ArtifactId::of(b"1"), ArtifactId::of(b"2")],
+            measurements: vec![("m".to_owned(), 2.0)],
+        };
+        let entries = |p: &Provenance| p.entries().into_iter().map(|(k, v)| (k.to_owned(), v)).collect();
+        assert_eq!(Provenance::of_entries(&entries(&provenance)), provenance);
+        assert_eq!(Provenance::of_entries(&BTreeMap::new()), Provenance::default());
+    }
 
     #[test]
     fn measurements_survive_their_attribute() {

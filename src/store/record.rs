@@ -80,7 +80,7 @@ impl Store {
     /// # Errors
     /// When the system refuses; a damaged record is [`Lookup::Damaged`].
     pub fn record(&self, key: &ActionKey) -> Result<Lookup, StoreError> {
-        read(&self.layout.record(key), key)
+        Ok(self.or_record_elsewhere(read(&self.layout.record(key), key)?, key))
     }
 
     /// As [`Store::record`], of an action that this process alone may do now: what another has just written is seen.
@@ -95,7 +95,7 @@ impl Store {
         late::refresh(path.parent().unwrap_or(self.root()));
         // Whether it is there at all; where not, nothing is waited for.
         let _ = late::if_listed(&path, || fs::symlink_metadata(&path));
-        read(&path, key)
+        Ok(self.or_record_elsewhere(read(&path, key)?, key))
     }
 
     /// Writes a record. Its artifact must have been put, which makes it survive a crash of the machine; the record's own name
@@ -219,5 +219,13 @@ fn parse(bytes: &[u8]) -> Option<Record> {
 
 /// Whether a record is that of a key: whoever can write a file can write any key into it, but not an action that has it.
 fn is_of(record: &Record, key: &ActionKey) -> bool {
-    record.key == *key && record.action.key().is_ok_and(|own| own == *key)
+    record.key == *key && record.is_of_its_action()
+}
+
+impl Record {
+    /// Whether its key is that of the action that it says.
+    #[must_use]
+    pub fn is_of_its_action(&self) -> bool {
+        self.action.key().is_ok_and(|own| own == self.key)
+    }
 }

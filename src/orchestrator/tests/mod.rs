@@ -2,6 +2,7 @@
 
 mod caching;
 mod concurrency;
+mod elsewhere;
 mod keeping;
 mod recovery;
 mod refusals;
