@@ -9,11 +9,12 @@
 //! other arrow. `base` may be imported by every room.
 //!
 //! ```text
-//! cli          → every domain room, stage, content, executor, orchestrator, store, report, hdf
+//! cli          → every domain room, stage, content, executor, orchestrator, remote, store, report, hdf
 //! report       → content, orchestrator, store, pattern, field, scene
 //! stage        → every domain room, content, orchestrator, store
 //! executor     → orchestrator, store
 //! orchestrator → store
+//! remote       → store
 //! content      → store, pattern, field, scene
 //! store        → hdf
 //!
@@ -47,6 +48,7 @@ pub mod field;
 pub mod hdf;
 pub mod orchestrator;
 pub mod pattern;
+pub mod remote;
 pub mod report;
 pub mod sample;
 pub mod scene;

@@ -6,6 +6,8 @@ use std::time::Duration;
 use clap::Args;
 
 use super::error::CliError;
+use super::output::Output;
+use super::upstream::{Reading, RemoteArguments};
 use crate::base::{Dimension, Override, Quantity, Time};
 use crate::fem::WorkLimit;
 use crate::store::Store;
@@ -65,12 +67,18 @@ pub struct PipelineArguments {
     /// Rehash every file; ignore cached sizes and times
     #[arg(long)]
     pub verify: bool,
+    #[command(flatten)]
+    pub remote: RemoteArguments,
 }
 
 impl PipelineArguments {
     /// The store as it is to be looked at.
-    pub fn trust(&self, store: Store) -> Store {
-        if self.verify { store.without_trust() } else { store }
+    ///
+    /// # Errors
+    /// When the remote that is to be read through cannot be.
+    pub fn read(&self, store: Store, output: &Output) -> Result<Reading, CliError> {
+        let store = if self.verify { store.without_trust() } else { store };
+        Reading::of(store, &self.remote, output)
     }
 }
 

@@ -30,11 +30,13 @@ pub struct AttachArguments {
 
 pub fn execute(arguments: &AttachArguments, output: &Output) -> Result<Exit, CliError> {
     let pipeline = load(&arguments.of)?;
-    let store = arguments.of.trust(Store::open_existing(&arguments.of.store.folder())?);
+    let reading = arguments
+        .of
+        .read(Store::open_existing(&arguments.of.store.folder())?, output)?;
     let work = Work {
         pipeline: &pipeline,
         of: &arguments.of,
-        store: &store,
+        store: reading.store(),
         shown: ProgressForm::shown(arguments.progress, arguments.quiet),
     };
     let ledger = work.ledger()?.ok_or_else(|| {

@@ -93,15 +93,16 @@ pub fn build(pipeline: &Pipeline, arguments: &RunArguments, output: &Output) -> 
         until: arguments.of.until.clone(),
         keep_going: arguments.keep_going,
     };
-    let store = arguments.of.trust(Store::open(&arguments.of.store.folder())?);
+    let reading = arguments.of.read(Store::open(&arguments.of.store.folder())?, output)?;
+    let store = reading.store();
     if arguments.locked {
         let lock = read_lock(&LockFile::beside(&pipeline.path))?;
-        check_locked(pipeline, arguments.of.until.as_deref(), &store, &lock)?;
+        check_locked(pipeline, arguments.of.until.as_deref(), store, &lock)?;
     }
     let work = Work {
         pipeline,
         of: &arguments.of,
-        store: &store,
+        store,
         shown: ProgressForm::shown(arguments.progress, arguments.quiet),
     };
     let how = if cluster.detach { How::Detach } else { How::Stay };
@@ -259,6 +260,7 @@ impl Work<'_> {
             store,
             until,
             set,
+            remote,
             ..
         } = self.of;
         let mut words = vec![
@@ -270,6 +272,7 @@ impl Work<'_> {
         words.extend(until.iter().flat_map(|until| pair("--until", until)));
         words.extend(set.sets.iter().flat_map(|set| pair("--set", set)));
         words.extend(set.many.then(|| "--many".to_owned()));
+        words.extend(remote.name().iter().flat_map(|name| pair("--remote", name)));
         Ok(words)
     }
 

@@ -5,8 +5,8 @@ use clap::{Parser, Subcommand};
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::{
-    accuracy, attach, audit, copy, dag, diff, doctor, explain, export, fsck, gc, log, pin, plan, predict, report, run,
-    schema, screen, show, solve, status, sweep, unpin, worker,
+    accuracy, attach, audit, copy, dag, diff, doctor, explain, export, fsck, gc, log, pin, plan, predict, pull, push,
+    remote, report, run, schema, screen, show, solve, status, sweep, unpin, worker,
 };
 
 /// The version, and which build of it: two builds of other sources are told apart.
@@ -64,6 +64,9 @@ commands! {
     Pin => pin::PinArguments,
     Unpin => unpin::UnpinArguments,
     Copy => copy::CopyArguments,
+    Remote => remote::RemoteCommand,
+    Push => push::PushArguments,
+    Pull => pull::PullArguments,
     Screen => screen::ScreenArguments,
     Solve => solve::SolveArguments,
     Predict => predict::PredictArguments,

@@ -1,8 +1,6 @@
 //! `deaflow copy`: an artifact with all that it needs, from one store into another.
 
-use std::cell::OnceCell;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
 
 use clap::Args;
 use serde_json::json;
@@ -10,7 +8,7 @@ use serde_json::json;
 use super::arguments::StoreArguments;
 use super::error::CliError;
 use super::output::{Exit, Output};
-use super::progress::Bar;
+use super::progress::Lazy;
 use super::{locate, table};
 use crate::store::{Artifact, Copied, Store};
 
@@ -26,9 +24,6 @@ pub struct CopyArguments {
     #[command(flatten)]
     pub store: StoreArguments,
 }
-
-/// A copy that takes longer shows its progress.
-const PATIENCE: Duration = Duration::from_secs(2);
 
 pub fn execute(arguments: &CopyArguments, output: &Output) -> Result<Exit, CliError> {
     let folder = arguments.store.folder();
@@ -57,18 +52,9 @@ pub fn execute(arguments: &CopyArguments, output: &Output) -> Result<Exit, CliEr
 }
 
 fn copy(store: &Store, target: &Store, artifact: &Artifact) -> Result<Copied, CliError> {
-    let begun = Instant::now();
-    let bar = OnceCell::new();
-    let progress = |done, total| {
-        if begun.elapsed() > PATIENCE {
-            bar.get_or_init(|| Bar::new("copy", "artifacts", total))
-                .set(done, total);
-        }
-    };
-    let copied = store.copy_to(target, artifact.digest(), &progress);
-    if let Some(bar) = bar.get() {
-        bar.finish(if copied.is_ok() { "done" } else { "failed" });
-    }
+    let bar = Lazy::new("copy", "artifacts");
+    let copied = store.copy_to(target, artifact.digest(), &|done, total| bar.set(done, total));
+    bar.finish(if copied.is_ok() { "done" } else { "failed" });
     Ok(copied?)
 }
 

@@ -14,6 +14,7 @@ use crate::executor::SubmitError;
 use crate::fem::SetupError;
 use crate::field::PredictError;
 use crate::orchestrator::{RunError, StageError};
+use crate::remote::RemoteError;
 use crate::report::ReportError;
 use crate::report::figures::FigureError;
 use crate::stage::direct::DirectError;
@@ -270,6 +271,24 @@ impl From<RunError> for CliError {
             RunError::Input(error) => error.into(),
             RunError::Store(error) => error.into(),
             RunError::Locked(_) => Self::locked(error.to_string()),
+        }
+    }
+}
+
+impl From<RemoteError> for CliError {
+    fn from(error: RemoteError) -> Self {
+        let (message, help, may_pass) = (error.to_string(), error.help(), error.may_pass());
+        let error = match error {
+            RemoteError::Input(error) => return error.into(),
+            RemoteError::Store(error) => return error.into(),
+            RemoteError::Unreachable { .. } => Self::failure(message).elsewhere(),
+            RemoteError::Refused { .. } if may_pass => Self::failure(message).elsewhere(),
+            RemoteError::Format { .. } => Self::bad_input(message),
+            _ => Self::failure(message),
+        };
+        match help {
+            Some(help) => error.help(help),
+            None => error,
         }
     }
 }

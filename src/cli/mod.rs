@@ -28,7 +28,10 @@ mod pin;
 mod plan;
 mod predict;
 mod progress;
+mod pull;
+mod push;
 mod reader;
+mod remote;
 mod report;
 mod rows;
 mod run;
@@ -45,6 +48,7 @@ mod status;
 mod sweep;
 mod table;
 mod unpin;
+mod upstream;
 mod worker;
 mod write;
 

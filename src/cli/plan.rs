@@ -20,8 +20,14 @@ pub fn execute(arguments: &PlanArguments, output: &Output) -> Result<Exit, CliEr
     let arguments = &arguments.of;
     let pipeline = run::load(arguments)?;
     let (_scratch, store) = run::store_to_look_into(&arguments.store)?;
-    let store = arguments.trust(store);
-    let stages = plan(&pipeline, &store, arguments.until.as_deref(), &Environment::system())?;
+    let reading = arguments.read(store, output)?;
+    let stages = plan(
+        &pipeline,
+        reading.store(),
+        arguments.until.as_deref(),
+        &Environment::system(),
+    )?;
+    reading.end(output, true);
     let stale = stages.iter().filter(|stage| stage.outcome == Outcome::Stale);
     let bill = Bill::of(stale.map(|stage| stage.price));
     if output.is_json() {

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::fmt;
 use std::io::{self, IsTerminal};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 use indicatif::{MultiProgress, ProgressBar, ProgressState, ProgressStyle};
@@ -29,6 +29,44 @@ pub enum Shown {
     /// Warnings only.
     Warnings,
 }
+
+/// A bar that is shown once the work has taken longer than people wait without a word.
+pub struct Lazy {
+    name: &'static str,
+    unit: &'static str,
+    begun: Instant,
+    bar: OnceLock<Bar>,
+}
+
+impl Lazy {
+    /// Work that begins now.
+    pub fn new(name: &'static str, unit: &'static str) -> Self {
+        Self {
+            name,
+            unit,
+            begun: Instant::now(),
+            bar: OnceLock::new(),
+        }
+    }
+
+    /// Sets how much of how much is done.
+    pub fn set(&self, done: u64, length: u64) {
+        if self.begun.elapsed() > PATIENCE {
+            let bar = self.bar.get_or_init(|| Bar::new(self.name, self.unit, length));
+            bar.set(done, length);
+        }
+    }
+
+    /// Ends it.
+    pub fn finish(&self, outcome: &str) {
+        if let Some(bar) = self.bar.get() {
+            bar.finish(outcome);
+        }
+    }
+}
+
+/// Work that takes longer shows its progress.
+const PATIENCE: Duration = Duration::from_secs(2);
 
 /// One piece of work under way.
 pub struct Bar {
@@ -201,6 +239,13 @@ impl RunProgress {
             shown,
             bars: terminal.then(MultiProgress::new),
             current: Mutex::default(),
+        }
+    }
+
+    /// A line for people, where they are told more than warnings.
+    pub fn note(&self, text: &str) {
+        if matches!(self.shown, Shown::Bars | Shown::Lines) {
+            self.say(text);
         }
     }
 

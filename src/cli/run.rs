@@ -1,6 +1,7 @@
 //! `deaflow run`: builds what is stale, then says what was built, what was found and where the figures are.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
@@ -14,8 +15,9 @@ use super::output::{Exit, Output};
 use super::progress::{RunProgress, Shown};
 use super::run_log::RunLog;
 use super::table;
-use crate::base::{OutputFile, Override};
+use crate::base::{ArtifactId, OutputFile, Override};
 use crate::orchestrator::{Environment, MANY_STAGES, Pipeline, RunOptions, RunOutcome, StageReport, run};
+use crate::remote::Remote;
 use crate::report::{Made, RunArtifacts, RunResults};
 use crate::stage;
 use crate::store::{Command, LockFile, Store};
@@ -79,9 +81,13 @@ pub fn of_pipeline(
         // Before the work, not after it.
         OutputFile::at(&lock_path)?;
     }
-    let store = arguments.of.trust(Store::open(&arguments.of.store.folder())?);
-    let progress = RunProgress::new(ProgressForm::shown(arguments.progress, arguments.quiet));
-    let log = RunLog::new(&store);
+    let reading = arguments.of.read(Store::open(&arguments.of.store.folder())?, output)?;
+    let store = reading.store();
+    let shown = ProgressForm::shown(arguments.progress, arguments.quiet);
+    let progress = Arc::new(RunProgress::new(shown));
+    let told = progress.clone();
+    let watch = reading.watch(move |text| told.note(text));
+    let log = RunLog::new(store);
     let listener = |event: &_| {
         log.tell(event);
         progress.tell(event);
@@ -95,7 +101,10 @@ pub fn of_pipeline(
         abreast: rayon::current_num_threads(),
         ..RunOptions::default()
     };
-    let mut outcome = run(pipeline, &store, &options, &Environment::system(), &listener)?;
+    let done = run(pipeline, store, &options, &Environment::system(), &listener);
+    drop(watch);
+    reading.end(output, arguments.quiet);
+    let mut outcome = done?;
     if let Some(why) = log.trouble() {
         output.complain(&format!("warning: the log file of this run is not whole: {why}"));
     }
@@ -111,17 +120,22 @@ pub fn of_pipeline(
     {
         output.complain(&format!("warning: `gc` will not know of the lock file: {error}"));
     }
-    built(&store, &outcome.stages)?;
+    built(store, &outcome.stages)?;
     if !output.is_json() && !arguments.quiet {
         // Before the figures: what was built is told even where they cannot be drawn.
         output.text(&table::of_run(&outcome.stages))?;
     }
-    let made = made(&outcome);
+    let (made, elsewhere): (Vec<Made>, Vec<Made>) = made(&outcome)
+        .into_iter()
+        .partition(|made| reading.remote().is_none() || is_here(store, &made.digest));
+    // What nothing needed is not brought to be told of.
+    let here = store.alone();
+    let store = &here;
     let names: Vec<&str> = made.iter().map(|made| made.stage.as_str()).collect();
-    let neglected = neglected(pipeline, &names, &store)?;
+    let neglected = neglected(pipeline, &names, store)?;
     let file = pipeline.file();
     let artifacts = RunArtifacts {
-        store: &store,
+        store,
         file: &file,
         made: &made,
         rounds: &pipeline.rounds,
@@ -131,6 +145,10 @@ pub fn of_pipeline(
         let mut document = document(&outcome);
         document["pipeline"] = json!(pipeline.name);
         document["store"] = json!(store.root());
+        if reading.remote().is_some() {
+            document["remote"] = reading.document();
+            document["elsewhere"] = elsewhere.iter().map(|made| made.stage.as_str()).collect();
+        }
         for (key, value) in results.document() {
             document[key] = value;
         }
@@ -144,7 +162,8 @@ pub fn of_pipeline(
                 "no stable solution was found for {n} samples; their outcomes stand in the artifacts under `unstable/`"
             )
         });
-        let parts = unstable.into_iter().chain(results.text());
+        let elsewhere = (!elsewhere.is_empty()).then(|| not_here(&elsewhere, reading.remote(), arguments));
+        let parts = unstable.into_iter().chain(results.text()).chain(elsewhere);
         output.text(&parts.map(|part| format!("\n{part}\n")).collect::<String>())?;
     }
     let exit = match outcome.unstable {
@@ -209,6 +228,26 @@ pub fn store_to_look_into(arguments: &StoreArguments) -> Result<(Option<TempDir>
     let scratch = scratch.map_err(|e| CliError::failure(format!("cannot make a temporary folder: {e}")))?;
     let store = Store::open(scratch.as_ref().map_or(&folder, |s| s.path()))?;
     Ok((scratch, store))
+}
+
+/// Whether an artifact is here with all its chunks.
+fn is_here(store: &Store, digest: &ArtifactId) -> bool {
+    let here = store.alone();
+    here.has(digest)
+        && here
+            .parts(digest)
+            .is_ok_and(|parts| parts.iter().all(|part| here.has(part)))
+}
+
+/// What is told of stages whose artifacts are on a remote.
+fn not_here(stages: &[Made], remote: Option<&Remote>, arguments: &RunArguments) -> String {
+    let names: Vec<&str> = stages.iter().map(|made| made.stage.as_str()).collect();
+    let name = remote.map_or("the remote", Remote::name);
+    format!(
+        "on {name} and not here: {}; `deaflow pull {} --remote {name}` brings what they found",
+        names.join(", "),
+        arguments.of.pipeline.display()
+    )
 }
 
 fn made(outcome: &RunOutcome) -> Vec<Made> {

@@ -10,6 +10,7 @@ use super::cluster::ClusterArguments;
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::run::{self, ProgressForm, RunArguments};
+use super::upstream::RemoteArguments;
 use super::{csv, solve, write};
 use crate::base::{ArtifactId, Document, Node, NodeValue, Override};
 use crate::content::Table;
@@ -54,6 +55,8 @@ pub struct SweepArguments {
     pub many: bool,
     #[command(flatten)]
     pub store: StoreArguments,
+    #[command(flatten)]
+    pub remote: RemoteArguments,
     /// When a stage fails, go on with all that does not need it
     #[arg(short, long)]
     pub keep_going: bool,
@@ -94,6 +97,7 @@ pub fn execute(arguments: &SweepArguments, output: &Output) -> Result<Exit, CliE
                 many: arguments.many,
             },
             verify: false,
+            remote: arguments.remote.clone(),
         },
         keep_going: arguments.keep_going,
         lock: false,

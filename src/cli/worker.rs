@@ -16,6 +16,7 @@ use super::error::CliError;
 use super::output::{Exit, Output};
 use super::progress::RunProgress;
 use super::run::{ProgressForm, load};
+use super::upstream::Reading;
 use super::{signals, table};
 use crate::base::{Background, CpuLevel, Pauses, host_name};
 use crate::executor::{Failed, Sign, is_cancelled, report_begun, report_failures, report_left, report_trouble, topic};
@@ -83,27 +84,27 @@ pub fn execute(arguments: &WorkerArguments, output: &Output) -> Result<Exit, Cli
         return build(arguments, None, output);
     };
     // Who waits for it is told of whatever it finds, be it that the pipeline cannot be read here.
-    let store = open(arguments)?;
+    let reading = open(arguments, output)?;
     let submitter = Submitter {
         array,
-        board: store.board(topic),
+        board: reading.store().board(topic),
     };
     report_begun(&submitter.board, array).map_err(again)?;
-    let done = build(arguments, Some((&submitter, &store)), output);
+    let done = build(arguments, Some((&submitter, &reading)), output);
     if let Err(error) = &done {
         submitter.tell(&[(None, error)])?;
     }
     done
 }
 
-fn open(arguments: &WorkerArguments) -> Result<Store, CliError> {
+fn open(arguments: &WorkerArguments, output: &Output) -> Result<Reading, CliError> {
     let store = Store::open(&arguments.of.store.folder()).map_err(again)?;
-    Ok(arguments.of.trust(store))
+    arguments.of.read(store, output)
 }
 
 fn build(
     arguments: &WorkerArguments,
-    submitted: Option<(&Submitter<'_>, &Store)>,
+    submitted: Option<(&Submitter<'_>, &Reading)>,
     output: &Output,
 ) -> Result<Exit, CliError> {
     let pipeline = load(&arguments.of)?;
@@ -124,15 +125,20 @@ fn build(
                 .help("cancel what was submitted, and run it anew"),
         );
     }
-    let store = match submitted {
-        Some((_, store)) => store.clone(),
-        None => open(arguments)?,
+    let own;
+    let reading = match submitted {
+        Some((_, reading)) => reading,
+        None => {
+            own = open(arguments, output)?;
+            &own
+        }
     };
+    let store = reading.store();
     let submitter = submitted.map(|(submitter, _)| submitter);
     let array = submitter.map(|submitter| submitter.array);
-    let sign = Arc::new(Sign::show(&store, &pipeline.name, array).map_err(again)?);
+    let sign = Arc::new(Sign::show(store, &pipeline.name, array).map_err(again)?);
     let board = submitter.map(|submitter| submitter.board.clone());
-    let _watch = watch(&stop, left, &store, &sign, board)?;
+    let _watch = watch(&stop, left, store, &sign, board)?;
     let progress = RunProgress::new(ProgressForm::shown(arguments.progress, arguments.quiet));
     let options = RunOptions {
         until: arguments.of.until.as_deref(),
@@ -146,9 +152,10 @@ fn build(
         unremembered: true,
         ..RunOptions::default()
     };
-    let outcome = run(&pipeline, &store, &options, &Environment::system(), &|event| {
+    let outcome = run(&pipeline, store, &options, &Environment::system(), &|event| {
         progress.tell(event);
     });
+    reading.end(output, arguments.quiet);
     let outcome = outcome.map_err(|error| CliError::from(error).tried_again())?;
     let errors: Vec<(String, CliError)> = outcome
         .failures

@@ -36,6 +36,7 @@ mod outputs;
 mod python;
 mod read_only;
 mod rebuild;
+mod remote;
 mod report;
 mod reproducible;
 mod research_object;

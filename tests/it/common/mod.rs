@@ -125,7 +125,13 @@ impl Workspace {
     pub fn command(&self, arguments: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_deaflow"));
         command.args(arguments).current_dir(self.folder.path());
-        for setting in ["DEAFLOW_STORE", "RAYON_NUM_THREADS", "RUST_BACKTRACE", "NO_COLOR"] {
+        for setting in [
+            "DEAFLOW_STORE",
+            "DEAFLOW_REMOTE",
+            "RAYON_NUM_THREADS",
+            "RUST_BACKTRACE",
+            "NO_COLOR",
+        ] {
             command.env_remove(setting);
         }
         // What the tests themselves have open is inherited, with its locks, by whatever they start meanwhile.

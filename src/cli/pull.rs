@@ -1,0 +1,130 @@
+//! `deaflow pull`: brings what a remote has into a store.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use serde_json::json;
+
+use super::arguments::{SetArguments, StoreArguments};
+use super::error::CliError;
+use super::output::{Exit, Output};
+use super::progress::Lazy;
+use super::upstream;
+use super::{run, table};
+use crate::base::ArtifactId;
+use crate::orchestrator::built;
+use crate::remote::{Foreign, Pulled, Remote, pull_all, pull_some};
+use crate::store::Store;
+
+/// Bring what a remote has into a store; all of it is verified
+#[derive(Debug, Args)]
+pub struct PullArguments {
+    /// Bring only what this pipeline makes [default: all that trusted keys have signed]
+    #[arg(conflicts_with = "records_only")]
+    pub pipeline: Option<PathBuf>,
+    /// The remote [default: $DEAFLOW_REMOTE, or the only one]
+    #[arg(long, value_name = "NAME")]
+    pub remote: Option<String>,
+    /// Bring no artifacts: a run with --remote brings those that it needs
+    #[arg(long)]
+    pub records_only: bool,
+    #[command(flatten)]
+    pub store: StoreArguments,
+    /// Stop after this stage
+    #[arg(long, value_name = "STAGE", requires = "pipeline")]
+    pub until: Option<String>,
+    #[command(flatten)]
+    pub set: SetArguments,
+}
+
+pub fn execute(arguments: &PullArguments, output: &Output) -> Result<Exit, CliError> {
+    let pipeline = arguments
+        .pipeline
+        .as_ref()
+        .map(|path| {
+            let pipeline = run::load_with(path, &arguments.set)?;
+            let selection = pipeline.selection(arguments.until.as_deref())?;
+            Ok::<_, CliError>((pipeline, selection))
+        })
+        .transpose()?;
+    let store = Store::open(&arguments.store.folder())?;
+    let remote = upstream::open(upstream::named(arguments.remote.as_deref()).as_deref(), &store)?;
+    let foreign = remote.refresh()?;
+    upstream::complain(&remote, &foreign, output);
+    let remote = std::sync::Arc::new(remote);
+    let store = store.with_upstream(remote.clone());
+    let mut missing = Vec::new();
+    let bar = Lazy::new("pull", "artifacts");
+    let progress = |done, total| bar.set(done, total);
+    let done = match &pipeline {
+        _ if arguments.records_only => Ok(Pulled {
+            records: remote.with_known(|known| known.records().count() as u64),
+            ..Pulled::default()
+        }),
+        None => pull_all(&store, &remote, &progress),
+        Some((pipeline, selection)) => {
+            let wanted: Vec<&str> = selection
+                .iter()
+                .map(|&index| pipeline.stages[index].name.as_str())
+                .collect();
+            let built = built(pipeline, &store)?;
+            let stages = built
+                .stages
+                .iter()
+                .filter(|stage| wanted.contains(&stage.name.as_str()));
+            let artifacts: Vec<ArtifactId> = stages.map(|stage| stage.record.artifact).collect();
+            missing = built
+                .missing
+                .into_iter()
+                .filter(|name| wanted.contains(&name.as_str()))
+                .collect();
+            pull_some(&store, &remote, &artifacts, &progress)
+        }
+    };
+    bar.finish(if done.is_ok() { "done" } else { "failed" });
+    let pulled = done?;
+    upstream::tell(&remote, output);
+    if output.is_json() {
+        output.document(&document(&remote, &pulled, &missing, &foreign))?;
+    } else {
+        output.text(&text(arguments, remote.name(), &pulled, &missing))?;
+    }
+    Ok(match pulled.left.is_empty() {
+        true => Exit::Done,
+        false if remote.is_off() => Exit::TryAgain,
+        false => Exit::Failure,
+    })
+}
+
+fn document(remote: &Remote, pulled: &Pulled, missing: &[String], foreign: &Foreign) -> serde_json::Value {
+    json!({
+        "remote": remote.name(),
+        "place": remote.place(),
+        "artifacts": pulled.artifacts,
+        "bytes": pulled.bytes,
+        "artifacts_here": pulled.artifacts_here,
+        "records": pulled.records,
+        "left": pulled.left.iter().map(ToString::to_string).collect::<Vec<_>>(),
+        "not_built": missing,
+        "passed_over": upstream::foreign_document(remote, foreign),
+    })
+}
+
+fn text(arguments: &PullArguments, name: &str, pulled: &Pulled, missing: &[String]) -> String {
+    if arguments.records_only {
+        return format!("from {name}: {} records are known", pulled.records);
+    }
+    let mut text = format!(
+        "from {name}: {} artifacts ({}) brought; {} were here",
+        pulled.artifacts,
+        table::bytes(pulled.bytes),
+        pulled.artifacts_here
+    );
+    if !pulled.left.is_empty() {
+        text += &format!("; {} could not be had", pulled.left.len());
+    }
+    if !missing.is_empty() {
+        text += &format!("\nneither here nor there: {}", missing.join(", "));
+    }
+    text
+}

@@ -1,0 +1,128 @@
+//! `deaflow push`: sends what a store has to a remote, signed.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use clap::Args;
+use serde_json::json;
+
+use super::arguments::{SetArguments, StoreArguments};
+use super::error::CliError;
+use super::output::{Exit, Output};
+use super::progress::Lazy;
+use super::{locate, run, table, upstream};
+use crate::base::ArtifactId;
+use crate::orchestrator::{Pipeline, built};
+use crate::remote::{Configuration, Push, Pushed, Remote, SigningKey, push};
+use crate::store::Store;
+
+/// Send what a store has to a remote, so that others take it instead of building it
+#[derive(Debug, Args)]
+pub struct PushArguments {
+    /// Send only what is built of this pipeline, and what that was made from [default: all that the store has]
+    pub pipeline: Option<PathBuf>,
+    /// The remote [default: $DEAFLOW_REMOTE, or the only one]
+    #[arg(long, value_name = "NAME")]
+    pub remote: Option<String>,
+    /// Send objects and records although the remote has them: those there may be damaged, or near the end of their age
+    #[arg(long)]
+    pub again: bool,
+    #[command(flatten)]
+    pub store: StoreArguments,
+    #[command(flatten)]
+    pub set: SetArguments,
+}
+
+pub fn execute(arguments: &PushArguments, output: &Output) -> Result<Exit, CliError> {
+    let store = locate::existing_store(&arguments.store.folder())?;
+    let pipeline = arguments
+        .pipeline
+        .as_ref()
+        .map(|path| run::load_with(path, &arguments.set))
+        .transpose()?;
+    let configuration = Configuration::of_user()?;
+    let key = SigningKey::read(&configuration.signing_key())?.ok_or_else(|| {
+        CliError::bad_input("there is no key of yours to sign records with")
+            .help("`deaflow remote key` makes one, and prints the line by which others trust it")
+    })?;
+    let remote = upstream::open(upstream::named(arguments.remote.as_deref()).as_deref(), &store)?;
+    let foreign = remote.refresh()?;
+    upstream::complain(&remote, &foreign, output);
+    let remote = Arc::new(remote);
+    let roots = pipeline
+        .as_ref()
+        .map(|pipeline| roots(pipeline, &store, &remote))
+        .transpose()?;
+    let bar = Lazy::new("push", "artifacts");
+    let all = Push {
+        store: &store,
+        remote: &remote,
+        key: &key,
+        roots,
+        again: arguments.again,
+    };
+    let done = push(&all, &|done, total| bar.set(done, total));
+    bar.finish(if done.is_ok() { "done" } else { "failed" });
+    let pushed = done?;
+    store.keep_index();
+    upstream::tell(&remote, output);
+    if output.is_json() {
+        output.document(&json!({
+            "remote": remote.name(),
+            "place": remote.place(),
+            "key": key.public().to_string(),
+            "objects": pushed.objects,
+            "bytes": pushed.bytes,
+            "records": pushed.records,
+            "objects_there": pushed.objects_there,
+            "records_there": pushed.records_there,
+            "records_of_others": pushed.records_of_others,
+            "left": left(&pushed.left),
+            "passed_over": upstream::foreign_document(&remote, &foreign),
+        }))?;
+    } else {
+        output.text(&text(remote.name(), &pushed))?;
+    }
+    for (artifact, why) in &pushed.left {
+        output.complain(&format!("warning: artifact {} was not sent: {why}", artifact.short()));
+    }
+    Ok(match pushed.left.is_empty() {
+        true => Exit::Done,
+        false => Exit::Damaged,
+    })
+}
+
+fn left(left: &[(ArtifactId, String)]) -> Vec<serde_json::Value> {
+    let document = |(artifact, why): &(ArtifactId, String)| json!({ "artifact": artifact.to_string(), "why": why });
+    left.iter().map(document).collect()
+}
+
+/// The artifacts of the stages that are built and here; others may be there.
+fn roots(pipeline: &Pipeline, store: &Store, remote: &Arc<Remote>) -> Result<Vec<ArtifactId>, CliError> {
+    let built = built(pipeline, &store.clone().with_upstream(remote.clone()))?;
+    let artifacts = built.stages.iter().map(|stage| stage.record.artifact);
+    let here: Vec<ArtifactId> = artifacts.filter(|artifact| store.has(artifact)).collect();
+    match here.is_empty() {
+        true => Err(
+            CliError::bad_input(format!("nothing of {} is built here", pipeline.name)).help("deaflow run builds it"),
+        ),
+        false => Ok(here),
+    }
+}
+
+fn text(name: &str, pushed: &Pushed) -> String {
+    let there = match (pushed.objects_there, pushed.records_there) {
+        (0, 0) => String::new(),
+        (objects, records) => format!("; {objects} artifacts and {records} records were there"),
+    };
+    let others = match pushed.records_of_others {
+        0 => String::new(),
+        n => format!("; {n} records were brought here and are not yours to sign"),
+    };
+    format!(
+        "to {name}: sent {} artifacts ({}) and {} records{there}{others}",
+        pushed.objects,
+        table::bytes(pushed.bytes),
+        pushed.records
+    )
+}

@@ -1,0 +1,351 @@
+//! What the user has told of remotes: `remotes/NAME.yaml` and `remotes/NAME.pub` in the folder of the user's configuration, and
+//! the private key `signing.key` beside them. No pipeline says whom to trust.
+
+use std::fs;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+
+use super::error::RemoteError;
+use super::key::{Named, read_public};
+use crate::base::{Digest, Document, InputError, Map, write_output};
+
+/// Where a remote is.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Address {
+    /// Name of the bucket.
+    pub bucket: String,
+    /// Before the names of all objects, without `/` at its ends; may be empty.
+    pub prefix: String,
+    /// The server, where it is not that of Amazon or of the environment.
+    pub endpoint: Option<String>,
+    /// The region, where it is not that of the environment.
+    pub region: Option<String>,
+}
+
+/// The user's configuration.
+#[derive(Clone, Debug)]
+pub struct Configuration {
+    folder: PathBuf,
+}
+
+/// A remote as it is configured.
+#[derive(Clone, Debug)]
+pub struct Configured {
+    /// Its name.
+    pub name: String,
+    /// Where it is.
+    pub address: Address,
+    /// Whose records count.
+    pub trusted: Vec<Named>,
+}
+
+/// Letters of a name of a remote.
+const LONGEST_NAME: usize = 64;
+
+impl Address {
+    /// Reads `s3://BUCKET/PREFIX`.
+    ///
+    /// # Errors
+    /// When it is none, or the endpoint is no address of a server.
+    pub fn parse(url: &str, endpoint: Option<&str>, region: Option<&str>) -> Result<Self, InputError> {
+        let wrong = |what: String| {
+            InputError::new(what).help("allowed: s3://BUCKET or s3://BUCKET/PREFIX of letters, digits, `-`, `_`, `.`")
+        };
+        let rest = url
+            .strip_prefix("s3://")
+            .ok_or_else(|| wrong(format!("{url:?} is no address of a remote")))?;
+        let (bucket, prefix) = rest.split_once('/').unwrap_or((rest, ""));
+        let prefix = prefix.trim_end_matches('/');
+        let plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
+        let is_segment = |part: &str| !part.is_empty() && part.chars().all(plain) && ![".", ".."].contains(&part);
+        if !is_segment(bucket) || bucket.len() > 255 {
+            return Err(wrong(format!("{url:?} names no bucket")));
+        }
+        if !prefix.is_empty() && !prefix.split('/').all(is_segment) || prefix.len() > 512 {
+            return Err(wrong(format!("the prefix of {url:?} cannot be used")));
+        }
+        if let Some(endpoint) = endpoint {
+            check_endpoint(endpoint)?;
+        }
+        if let Some(region) = region.filter(|region| !is_segment(region)) {
+            return Err(InputError::new(format!("{region:?} is no region")).help("such as eu-west-1"));
+        }
+        Ok(Self {
+            bucket: bucket.to_owned(),
+            prefix: prefix.to_owned(),
+            endpoint: endpoint.map(|endpoint| endpoint.trim_end_matches('/').to_owned()),
+            region: region.map(str::to_owned),
+        })
+    }
+
+    /// As it is written.
+    #[must_use]
+    pub fn url(&self) -> String {
+        match self.prefix.as_str() {
+            "" => format!("s3://{}", self.bucket),
+            prefix => format!("s3://{}/{prefix}", self.bucket),
+        }
+    }
+
+    /// What tells this place from all others: what was read there is kept under it.
+    #[must_use]
+    pub fn digest(&self) -> Digest {
+        let endpoint = self.endpoint.as_deref().unwrap_or_default();
+        Digest::of(format!("{}\n{endpoint}", self.url()).as_bytes())
+    }
+}
+
+/// Whether this is the address of a server; what stands before an `@` may be a password and is not repeated.
+///
+/// # Errors
+/// When it is none.
+pub fn check_endpoint(endpoint: &str) -> Result<(), InputError> {
+    let help = "such as https://minio.lab.org:9000";
+    if endpoint.contains('@') {
+        return Err(InputError::new("an address of a server takes no name and no password").help(help));
+    }
+    let rest = endpoint
+        .strip_prefix("https://")
+        .or_else(|| endpoint.strip_prefix("http://"));
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-._:[]/".contains(c);
+    let is_host = |host: &str| !host.is_empty() && host.chars().all(plain);
+    let parsed = endpoint.parse::<ureq::http::Uri>().ok();
+    let has_host = parsed.is_some_and(|uri| uri.host().is_some_and(|host| !host.is_empty()));
+    match rest {
+        Some(host) if is_host(host) && has_host => Ok(()),
+        _ => Err(InputError::new(format!("{endpoint:?} is no address of a server")).help(help)),
+    }
+}
+
+impl Configuration {
+    /// That of the user: `$DEAFLOW_CONFIG`, or `deaflow` in `$XDG_CONFIG_HOME` or `~/.config`.
+    ///
+    /// # Errors
+    /// When the environment names none of these folders.
+    pub fn of_user() -> Result<Self, InputError> {
+        let set = |name: &str| {
+            std::env::var_os(name)
+                .filter(|value| !value.is_empty())
+                .map(PathBuf::from)
+        };
+        let folder = set("DEAFLOW_CONFIG")
+            .or_else(|| Some(set("XDG_CONFIG_HOME")?.join("deaflow")))
+            .or_else(|| Some(set("HOME")?.join(".config/deaflow")));
+        let folder = folder.ok_or_else(|| {
+            InputError::new("there is no folder for your configuration").help("set HOME, or DEAFLOW_CONFIG to a folder")
+        })?;
+        Ok(Self { folder })
+    }
+
+    /// That of a folder.
+    #[must_use]
+    pub fn of(folder: &Path) -> Self {
+        Self {
+            folder: folder.to_owned(),
+        }
+    }
+
+    /// Where the private key is.
+    #[must_use]
+    pub fn signing_key(&self) -> PathBuf {
+        self.folder.join("signing.key")
+    }
+
+    /// Makes the folder.
+    ///
+    /// # Errors
+    /// When the system refuses.
+    pub fn make(&self) -> Result<(), RemoteError> {
+        let folder = self.remotes();
+        fs::create_dir_all(&folder).map_err(RemoteError::io("make", &folder))
+    }
+
+    fn remotes(&self) -> PathBuf {
+        self.folder.join("remotes")
+    }
+
+    /// The file that says where a remote is.
+    #[must_use]
+    pub fn file(&self, name: &str) -> PathBuf {
+        self.remotes().join(format!("{name}.yaml"))
+    }
+
+    /// The file of the keys that are trusted there.
+    #[must_use]
+    pub fn keys(&self, name: &str) -> PathBuf {
+        self.remotes().join(format!("{name}.pub"))
+    }
+
+    /// Adds a remote.
+    ///
+    /// # Errors
+    /// When the name cannot be one, there is one of that name elsewhere, or the system refuses.
+    pub fn add(&self, name: &str, address: &Address, trusted: &[Named]) -> Result<(), RemoteError> {
+        check_name(name)?;
+        if let Some(there) = self.find(name)?
+            && there.address != *address
+        {
+            return Err(
+                InputError::new(format!("there is a remote `{name}` at {}", there.address.url()))
+                    .help(format!("deaflow remote remove {name}, or take another name"))
+                    .into(),
+            );
+        }
+        self.make()?;
+        let mut text = format!("version: 1\nurl: \"{}\"\n", address.url());
+        for (key, value) in [("endpoint", &address.endpoint), ("region", &address.region)] {
+            if let Some(value) = value {
+                text += &format!("{key}: \"{value}\"\n");
+            }
+        }
+        let lines: String = trusted.iter().map(|named| named.key.line(&named.whose)).collect();
+        let keys = format!("# whose records of {name} count, a line for each: ed25519 DIGITS NAME\n{lines}");
+        let refused = |error| RemoteError::Store(crate::store::StoreError::Output(error));
+        write_output(&self.keys(name), keys.as_bytes()).map_err(refused)?;
+        write_output(&self.file(name), text.as_bytes()).map_err(refused)
+    }
+
+    /// Forgets a remote; says whether there was one.
+    ///
+    /// # Errors
+    /// When the name cannot be one, or the system refuses.
+    pub fn remove(&self, name: &str) -> Result<bool, RemoteError> {
+        check_name(name)?;
+        let mut removed = false;
+        for path in [self.file(name), self.keys(name)] {
+            match fs::remove_file(&path) {
+                Ok(()) => removed = true,
+                Err(error) if error.kind() == ErrorKind::NotFound => {}
+                Err(error) => return Err(RemoteError::io("remove", &path)(error)),
+            }
+        }
+        Ok(removed)
+    }
+
+    /// The names of all remotes, in order.
+    ///
+    /// # Errors
+    /// When the folder cannot be read.
+    pub fn names(&self) -> Result<Vec<String>, RemoteError> {
+        let folder = self.remotes();
+        let entries = match fs::read_dir(&folder) {
+            Ok(entries) => entries,
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
+            Err(error) => return Err(RemoteError::io("read", &folder)(error)),
+        };
+        let mut names = Vec::new();
+        for entry in entries {
+            let name = entry.map_err(RemoteError::io("read", &folder))?.file_name();
+            let name = name.to_str().and_then(|name| name.strip_suffix(".yaml"));
+            names.extend(name.filter(|name| check_name(name).is_ok()).map(str::to_owned));
+        }
+        names.sort_unstable();
+        Ok(names)
+    }
+
+    /// A remote by its name; none where there is none.
+    ///
+    /// # Errors
+    /// When its files cannot be read.
+    pub fn find(&self, name: &str) -> Result<Option<Configured>, RemoteError> {
+        check_name(name)?;
+        let path = self.file(name);
+        if !path.exists() {
+            return Ok(None);
+        }
+        const WHAT: &str = "the remote";
+        let document = Document::load(&path)?;
+        let map = document.root.fields(WHAT, &["version", "url", "endpoint", "region"])?;
+        map.required(WHAT, "version")?.integer("version", 1, 1)?;
+        let url = map.required(WHAT, "url")?.text("url")?;
+        let address = Address::parse(url, text_of(&map, "endpoint")?, text_of(&map, "region")?)
+            .map_err(|error| map.error(error.to_string()))?;
+        Ok(Some(Configured {
+            name: name.to_owned(),
+            address,
+            trusted: read_public(&self.keys(name))?,
+        }))
+    }
+}
+
+fn text_of<'a>(map: &Map<'a>, key: &str) -> Result<Option<&'a str>, InputError> {
+    map.optional(key).map(|node| node.text(key)).transpose()
+}
+
+fn check_name(name: &str) -> Result<(), InputError> {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_".contains(c);
+    match !name.is_empty() && name.len() <= LONGEST_NAME && name.chars().all(plain) {
+        true => Ok(()),
+        false => {
+            Err(InputError::new(format!("{name:?} cannot name a remote")).help("allowed: letters, digits, `-` and `_`"))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::key::PublicKey;
+    use super::*;
+
+    #[test]
+    fn addresses_are_those_of_buckets() {
+        let address = |url: &str| Address::parse(url, None, None);
+        assert_eq!(address("s3://lab").unwrap().prefix, "");
+        let deep = address("s3://lab-1/a/b_c.d/").unwrap();
+        assert_eq!((deep.bucket.as_str(), deep.prefix.as_str()), ("lab-1", "a/b_c.d"));
+        assert_eq!(deep.url(), "s3://lab-1/a/b_c.d");
+        for wrong in [
+            "lab",
+            "http://lab",
+            "s3://",
+            "s3:///a",
+            "s3://lab/../x",
+            "s3://lab/a//b",
+            "s3://lab/a b",
+            "s3://l?b",
+        ] {
+            assert!(address(wrong).is_err(), "{wrong}");
+        }
+        for endpoint in [
+            "minio:9000",
+            "https://",
+            "https://a b",
+            "ftp://a",
+            "https://u@h",
+            "http://h?x",
+        ] {
+            assert!(Address::parse("s3://lab", Some(endpoint), None).is_err(), "{endpoint}");
+        }
+        let there = Address::parse("s3://lab", Some("http://127.0.0.1:9000/"), Some("eu-west-1")).unwrap();
+        assert_eq!(there.endpoint.as_deref(), Some("http://127.0.0.1:9000"));
+        assert_ne!(there.digest(), address("s3://lab").unwrap().digest());
+    }
+
+    #[test]
+    fn a_remote_is_remembered_until_it_is_removed() {
+        let folder = tempfile::tempdir().unwrap();
+        let configuration = Configuration::of(&folder.path().join("new"));
+        assert!(configuration.names().unwrap().is_empty() && configuration.find("lab").unwrap().is_none());
+        let address = Address::parse("s3://lab/store", Some("https://h:1"), None).unwrap();
+        let key: PublicKey = "3d4017c3e843895a92b70aa74d1b7ebc9c982ccf2ec4968cc0cd55f12af4660c"
+            .parse()
+            .unwrap();
+        let named = Named {
+            key,
+            whose: "anna".to_owned(),
+        };
+        configuration
+            .add("lab", &address, std::slice::from_ref(&named))
+            .unwrap();
+        configuration
+            .add("lab", &address, std::slice::from_ref(&named))
+            .unwrap();
+        let found = configuration.find("lab").unwrap().unwrap();
+        assert_eq!((found.address, found.trusted), (address.clone(), vec![named.clone()]));
+        assert_eq!(configuration.names().unwrap(), ["lab"]);
+        let other = Address::parse("s3://other", None, None).unwrap();
+        assert!(configuration.add("lab", &other, std::slice::from_ref(&named)).is_err());
+        assert!(configuration.add("a/b", &other, &[named]).is_err());
+        assert!(configuration.remove("lab").unwrap() && !configuration.remove("lab").unwrap());
+    }
+}
