@@ -30,7 +30,9 @@ test-all:
 	@.ci/install-missing test-all
 	DEAFLOW_READERS=all cargo test --locked
 
+# All tests are built here: the library and its own tests are compiled side by side so, and not one after the other.
 check: fmt clippy doc deny
+	cargo test --locked --no-run
 	cargo test --locked --test it layering
 
 fmt:

@@ -311,16 +311,16 @@ impl Remote {
         }
     }
 
-    /// Writes statements there, signed.
+    /// Writes statements there, signed; gives the digest that names their file.
     ///
     /// # Errors
     /// When the remote cannot be written.
-    pub fn state(&self, statements: &[Statement], key: &SigningKey) -> Result<(), RemoteError> {
+    pub fn state(&self, statements: &[Statement], key: &SigningKey) -> Result<Digest, RemoteError> {
         let (digest, file) = pack::write(statements, key)?;
         let signer = key.public();
         self.bucket.put(&pack::name(&signer, &digest), &file)?;
         self.keep(&signer, &digest, &file);
-        Ok(())
+        Ok(digest)
     }
 
     /// Where an upload that was interrupted is noted. Where it cannot be, it begins anew the next time.
