@@ -4,8 +4,9 @@
 
 Reads how long each service takes on the file system of a store, and plays how workers build the chunks of one stage: each looks for a
 chunk that nobody has, claims it, computes, publishes the artifact and writes its record. When a worker begins, and when it has passed the
-last chunk, it looks at the records of all chunks. The file system serves some requests at a time and the others wait; a request takes at
-least the way there and back. Nothing else is in the model: no caches, no other users.
+last chunk, it looks at what there is: at the records of all chunks, or at their names, and then one of the workers reads the records and
+puts the stage together. The file system serves some requests at a time and the others wait; a request takes at least the way there and
+back. Nothing else is in the model: no caches, no other users.
 """
 
 import argparse
@@ -37,6 +38,10 @@ class Server:
         self.asked += count * self.requests[name]
         return start + work + count * self.requests[name] * self.way
 
+    def names(self, now, count):
+        """When `count` names in 256 folders are listed; a folder of few names counts as one of a thousand."""
+        return self.serve(now, "list 1000 names", max(256, count // 1000))
+
 
 def free(after, at):
     """The first block from `at` on that nobody has; their number where there is none."""
@@ -48,9 +53,10 @@ def free(after, at):
     return first
 
 
-def simulate(services, workers, chunks, seconds, block, width, way, spread, looks):
+def simulate(services, workers, chunks, seconds, block, width, way, spread, looks, threads):
     """Builds all chunks. `block` chunks are reserved at once; 1: each is claimed where it is met. `spread`: workers begin at different
-    places. `looks`: whether workers look at the records of all chunks. Gives the time that all took and what the server did."""
+    places. `looks`: what workers look at: "none", "records" of all chunks, or their "names". Gives the time that all took and what the
+    server did."""
     times = {service["name"]: service["seconds"] for service in services}
     requests = {service["name"]: service["requests"] for service in services}
     server = Server(times, requests, width, way)
@@ -62,13 +68,19 @@ def simulate(services, workers, chunks, seconds, block, width, way, spread, look
     left = [0] * workers  # chunks of the worker's block that are not begun
     own = [0] * workers
     built = refused = 0
+    chosen = None  # who puts the stage together
+    complete = None  # since when it is
     # What each worker does next, in the order of time: the server is asked when it is, and not before.
     events = [(0.0, worker, "begin") for worker in range(workers)]
     end = 0.0
     while events:
         now, worker, step = heapq.heappop(events)
         if step == "begin":
-            heapq.heappush(events, (server.serve(now, "read a record", chunks) if looks else now, worker, "look"))
+            if looks == "records":
+                now = server.serve(now, "read a record", chunks)
+            elif looks == "names":
+                now = server.names(now, built)
+            heapq.heappush(events, (now, worker, "look"))
         elif step == "look" and left[worker] == 0:
             # A row of blocks that others have is refused one by one; the server sees them together.
             at = (place[worker] + looked[worker]) % blocks
@@ -84,11 +96,32 @@ def simulate(services, workers, chunks, seconds, block, width, way, spread, look
                 left[worker] = min(chunks, (at + 1) * block) - at * block
                 done = server.serve(now, "claim") if block > 1 else now
                 heapq.heappush(events, (done, worker, "look"))
-            elif looks:
+            elif looks == "records":
                 # What others have built is claimed for a moment and found.
                 others = chunks - own[worker]
                 done = max(server.serve(now, "read a record", others), server.serve(now, "claim", others))
                 end = max(end, done)
+            elif looks == "names":
+                heapq.heappush(events, (server.names(now, built), worker, "wait"))
+        elif step == "wait" and chosen is None:
+            chosen = worker
+            heapq.heappush(events, (server.serve(now, "claim"), worker, "put together"))
+        elif step == "wait" and complete is None:
+            # How long depends on how long it has waited already; this is the most.
+            heapq.heappush(events, (server.serve(now, "claim that another has") + 5, worker, step))
+        elif step == "wait":
+            # The manifest: 32 bytes a chunk, as one artifact in so many.
+            size = max(1, chunks * 32 // 200_000)
+            end = max(end, server.serve(server.serve(now, "claim"), "publish an artifact", size))
+        elif step == "put together" and built < chunks:
+            heapq.heappush(events, (now + 1, worker, step))
+        elif step == "put together":
+            # Each of its threads reads some: the record, and half as much again to see whether the artifact is there.
+            others = 3 * (chunks - own[worker]) // (2 * threads)
+            done = max(server.serve(now, "read a record", others) for _ in range(threads))
+            heapq.heappush(events, (done, worker, "complete"))
+        elif step == "complete":
+            complete = end = now
         elif step == "look":
             left[worker] -= 1
             heapq.heappush(events, (server.serve(now, "claim"), worker, "compute"))
@@ -111,21 +144,25 @@ def main():
     words.add_argument("--chunks", type=int, default=100_000, help="chunks of the stage [100000]")
     words.add_argument("--width", type=int, default=8, help="services at a time [8]")
     words.add_argument("--way", type=float, default=0.5, help="way to the server and back, ms [0.5]")
+    words.add_argument("--threads", type=int, default=4, help="threads of a worker that read [4]")
+    words.add_argument("--workers", type=int, nargs="+", default=[10, 100, 1000], help="how many [10 100 1000]")
     words.add_argument("--slow", type=float, default=1, help="how much slower than measured here the file system is [1]")
     given = words.parse_args()
     services = json.load(sys.stdin)["services"]
     for service in services:
         service["seconds"] *= given.slow
     print("workers  claims            hours  of ideal  requests/s  server busy  refused claims")
-    for workers in [10, 100, 1000]:
+    for workers in given.workers:
         block = max(1, given.chunks // BLOCKS)
         for told, block, spread, looks in [
-            ("chunk by chunk", 1, False, False),
-            (f"blocks of {block}", block, True, False),
-            ("... and looks", block, True, True),
+            ("chunk by chunk", 1, False, "none"),
+            (f"blocks of {block}", block, True, "none"),
+            ("... and records", block, True, "records"),
+            ("... and names", block, True, "names"),
         ]:
+            width, way = given.width, given.way / 1e3
             end, server, refused = simulate(
-                services, workers, given.chunks, given.seconds, block, given.width, given.way / 1e3, spread, looks
+                services, workers, given.chunks, given.seconds, block, width, way, spread, looks, given.threads
             )
             ideal = given.chunks * given.seconds / workers
             print(

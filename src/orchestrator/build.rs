@@ -9,13 +9,16 @@ use rayon::prelude::*;
 
 use super::event::{Event, Listener};
 use super::kind::{Chunk, Job, StageError};
-use super::planner::{ChunkState, manifest};
+use super::planner::{ChunkState, MANY, manifest};
 use super::provenance::{Environment, Took};
 use super::reserve::{BLOCKS, Reserve};
 use super::scratch::Scratch;
 use super::spec::StageSpec;
+use super::work::Work;
 use crate::base::{ActionKey, ArtifactId, Progress, Stopped};
-use crate::store::{Action, Artifact, Condition, Effort, Guard, Lookup, Object, Record, Store, StoreError, Stored};
+use crate::store::{
+    Action, Artifact, Condition, Effort, Guard, Lookup, Object, Record, Recorded, Store, StoreError, Stored,
+};
 
 /// What building needs beside the stage.
 pub struct Builder<'a> {
@@ -35,6 +38,10 @@ pub struct Builder<'a> {
     pub patience: Option<Duration>,
 }
 
+/// Between two looks at what another process does.
+const SHORTEST: Duration = Duration::from_millis(5);
+const LONGEST: Duration = Duration::from_secs(5);
+
 /// Where it is noted that a stage has waited for another process.
 pub type Waited<'a> = &'a AtomicBool;
 
@@ -44,6 +51,26 @@ pub struct Done {
     pub record: Record,
     /// Whether it was built here and now.
     pub built: bool,
+}
+
+/// What has become of a stage's chunks.
+pub struct Chunks {
+    /// Each in order; none where it is left to others, or was built by them.
+    pub done: Vec<Option<Done>>,
+    /// The stage, where another process has put it together.
+    pub whole: Option<Record>,
+    /// While it is held, others leave it to this process to put the stage together.
+    _turn: Option<Guard>,
+}
+
+/// Whose it is to put a stage together.
+enum Turn {
+    /// This process; others wait while the guard is held.
+    Ours(Option<Guard>),
+    /// Another has done it.
+    Done(Box<Record>),
+    /// Another is at it, and is not waited for any longer.
+    Others,
 }
 
 /// One piece of work with its identity.
@@ -90,24 +117,23 @@ impl Builder<'_> {
         self.stop.is_some_and(|stop| stop.load(Ordering::Relaxed))
     }
 
-    /// Builds the chunks that are not there; gives all chunks in order, but those that are left to others.
+    /// Builds the chunks that are not there.
     ///
     /// # Errors
     /// When there are none, the work of one fails (the first of those that failed), or the store refuses.
     pub fn chunks(
         &self,
         spec: &StageSpec,
-        index: usize,
-        chunks: &[Chunk],
-        states: &[ChunkState],
+        work: &Work,
+        (key, chunks, states): (&ActionKey, &[Chunk], &[ChunkState]),
         waited: Waited<'_>,
-    ) -> Result<Vec<Option<Done>>, StageError> {
+    ) -> Result<Chunks, StageError> {
         if chunks.is_empty() {
             return Err(StageError::Failed(
                 "its inputs hold no samples: there is nothing to do".into(),
             ));
         }
-        let some = self.only.filter(|(stage, _)| *stage == index);
+        let some = self.only.filter(|(stage, _)| *stage == work.index);
         let (first, last) = some.map_or((0, usize::MAX), |(_, chunks)| chunks);
         if first >= chunks.len() {
             return Err(StageError::Failed(format!(
@@ -116,32 +142,154 @@ impl Builder<'_> {
             )));
         }
         let range = first.min(chunks.len())..last.saturating_add(1).min(chunks.len());
-        let (ours, ours_states) = (&chunks[range.clone()], &states[range.clone()]);
-        let mut done: Vec<Option<Done>> = ours.iter().map(|_| None).collect();
+        let ours = Ours {
+            spec,
+            first: range.start,
+            chunks: &chunks[range.clone()],
+            states: &states[range.clone()],
+        };
+        let mut done: Vec<Option<Done>> = ours.chunks.iter().map(|_| None).collect();
         // A chunk that another is building is put off rather than waited for: a thread of the pool that waited could hold
         // up, by work stealing, the very chunk that the other waits for. The other may only share a lock file, so as long
         // as anything gets done the rest is tried again.
-        let mut reserve = Reserve::of(self.store, ours_states, BLOCKS);
+        let mut reserve = Reserve::of(self.store, ours.states, BLOCKS);
+        let mut listed = None;
         loop {
-            let goes_on = self.pass(spec, (range.start, ours, ours_states), reserve.as_ref(), &mut done)?;
+            let goes_on = self.pass(ours, reserve.as_ref(), listed.as_ref(), &mut done)?;
             // What others had asked for is tried too once all else has been.
             if !goes_on && reserve.is_none() {
                 break;
             }
             reserve = None;
+            listed = self.listed(ours)?;
         }
-        let end = self.patience_ends();
-        let wait = |(at, done): (usize, Option<Done>)| match done {
-            Some(done) => Ok(Some(done)),
-            None => {
-                let piece = piece(spec, (range.start + at, &ours[at]), &ours_states[at])?;
-                self.wait_and_perform(piece, waited, end)
+        let turn = match done.iter().all(Option::is_some) || some.is_some() {
+            true => Turn::Ours(None),
+            false => self.turn(spec, key, (work.was_put_together(), chunks.len()), waited)?,
+        };
+        let of = |done: Vec<Option<Done>>, whole, turn| {
+            let others = |n: usize| (0..n).map(|_| None);
+            let (before, after) = (others(range.start), others(chunks.len() - range.end));
+            Chunks {
+                done: before.chain(done).chain(after).collect(),
+                whole,
+                _turn: turn,
             }
         };
-        let done: Vec<Option<Done>> = done.into_iter().enumerate().map(wait).collect::<Result<_, _>>()?;
-        let others = |n: usize| (0..n).map(|_| None);
-        let before = others(range.start);
-        Ok(before.chain(done).chain(others(chunks.len() - range.end)).collect())
+        Ok(match turn {
+            Turn::Ours(guard) => {
+                self.rest(ours, &mut done, waited)?;
+                of(done, None, guard)
+            }
+            Turn::Done(record) => of(done, Some(*record), None),
+            Turn::Others => of(done, None, None),
+        })
+    }
+
+    /// The records there, where so many chunks are worth it.
+    fn listed(&self, ours: Ours<'_>) -> Result<Option<Recorded>, StoreError> {
+        let is_worth_it = ours.chunks.len() >= MANY && !self.store.reads_through();
+        is_worth_it.then(|| self.store.recorded()).transpose()
+    }
+
+    /// Whether this process puts a stage together. Where processes share a store by claims one does, and the others need not look at
+    /// what has been built: a thousand that read a million records each would keep the file system from all else.
+    fn turn(
+        &self,
+        spec: &StageSpec,
+        key: &ActionKey,
+        (was_there, chunks): (bool, usize),
+        waited: Waited<'_>,
+    ) -> Result<Turn, StageError> {
+        if self.store.process_name().is_none() {
+            return Ok(Turn::Ours(None));
+        }
+        let name = format!("whole-{key}");
+        let (start, end) = (Instant::now(), self.patience_ends());
+        // What is put together from now on is looked at in every part. What was there lacks one.
+        let mut may_be_done = !was_there;
+        loop {
+            if let Some(guard) = self.store.try_reserve(&name)? {
+                if !may_be_done || self.store.record_now(key)?.record().is_none() {
+                    return Ok(Turn::Ours(Some(guard)));
+                }
+                drop(guard);
+                if let Some(record) = self.built_meanwhile(key)?
+                    && self.store.parts(&record.artifact)?.len() == chunks
+                {
+                    return Ok(Turn::Done(Box::new(record)));
+                }
+                may_be_done = false;
+                continue;
+            }
+            if !waited.swap(true, Ordering::Relaxed) {
+                (self.listener)(&Event::Note {
+                    name: spec.name.clone(),
+                    text: "another process puts this together; waiting for it".to_owned(),
+                });
+            }
+            if self.is_stopped() {
+                return Err(Stopped.into());
+            }
+            if end.is_some_and(|end| Instant::now() >= end) {
+                return Ok(Turn::Others);
+            }
+            // A tenth of what has been waited already, so that many who wait long do not ask often.
+            std::thread::sleep((start.elapsed() / 10).clamp(SHORTEST, LONGEST));
+        }
+    }
+
+    /// Finds what others have built, waits for what they are building, and builds what they have left.
+    fn rest(&self, ours: Ours<'_>, done: &mut [Option<Done>], waited: Waited<'_>) -> Result<(), StageError> {
+        if let Some(listed) = self.listed(ours)? {
+            let looked: Vec<Result<(), StageError>> = done
+                .par_iter_mut()
+                .zip(ours.states)
+                .filter(|(done, state)| done.is_none() && state.is_in(&listed))
+                .map(|(done, state)| {
+                    *done = self.found(state)?;
+                    Ok(())
+                })
+                .collect();
+            looked.into_iter().collect::<Result<(), _>>()?;
+            // A record that names nothing whole is none.
+            while self.pass(ours, None, Some(&Recorded::default()), done)? {}
+        }
+        let end = self.patience_ends();
+        for (at, done) in done.iter_mut().enumerate().filter(|(_, done)| done.is_none()) {
+            let piece = piece(ours.spec, (ours.first + at, &ours.chunks[at]), &ours.states[at])?;
+            *done = self.wait_and_perform(piece, waited, end)?;
+        }
+        Ok(())
+    }
+
+    /// A chunk that has been built, if it is there and whole.
+    fn found(&self, state: &ChunkState) -> Result<Option<Done>, StageError> {
+        let Some((_, key)) = &state.action else { return Ok(None) };
+        let Lookup::Found(record, _) = self.store.record(key)? else {
+            return Ok(None);
+        };
+        let condition = self.store.inspect_made(&record, Effort::Quick)?;
+        let is_intact = matches!(condition, Condition::Intact { .. });
+        Ok(is_intact.then_some(Done {
+            record: *record,
+            built: false,
+        }))
+    }
+
+    /// Length of the files of chunks together, bytes; none where one is not whole.
+    ///
+    /// # Errors
+    /// When the store cannot be read.
+    pub fn sizes(&self, parts: &[ArtifactId]) -> Result<Option<u64>, StoreError> {
+        let mut sizes = 0;
+        for part in parts {
+            match self.store.inspect(part, Effort::Quick)? {
+                Condition::Intact { size } => sizes += size,
+                _ => return Ok(None),
+            }
+        }
+        Ok(Some(sizes))
     }
 
     /// Some chunks of a stage that has none are not what anybody means.
@@ -157,14 +305,20 @@ impl Builder<'_> {
         }
     }
 
-    /// Tries the chunks that are not done, in parallel. Says whether some were done and some are left.
+    /// Tries the chunks that are not done and not listed, in parallel. Says whether some were done and some are left.
     fn pass(
         &self,
-        spec: &StageSpec,
-        (first, chunks, states): (usize, &[Chunk], &[ChunkState]),
+        ours: Ours<'_>,
         reserve: Option<&Reserve<'_>>,
+        listed: Option<&Recorded>,
         done: &mut [Option<Done>],
     ) -> Result<bool, StageError> {
+        let Ours {
+            spec,
+            first,
+            chunks,
+            states,
+        } = ours;
         let stop = AtomicBool::new(false);
         let left = |done: &[Option<Done>]| done.iter().filter(|done| done.is_none()).count();
         let before = left(done);
@@ -179,7 +333,10 @@ impl Builder<'_> {
             .filter(|(done, _)| done.is_none())
             .map(|(done, index)| {
                 let (chunk, state) = (&chunks[index], &states[index]);
-                if reserve.is_some_and(|reserve| !state.intact && !reserve.is_free(index)) {
+                let is_known = state.intact && state.record.is_some();
+                let is_listed = listed.map_or_else(|| state.is_listed(), |listed| state.is_in(listed));
+                let is_of_others = || reserve.is_some_and(|reserve| !reserve.is_free(index));
+                if !is_known && (is_listed || is_of_others()) {
                     return Ok(());
                 }
                 let attempt = self.attempt(spec, (first + index, chunk), state, &stop);
@@ -369,6 +526,16 @@ impl Builder<'_> {
             target: self.environment.target.clone(),
         }
     }
+}
+
+/// The chunks of a stage that this process is to see to.
+#[derive(Clone, Copy)]
+struct Ours<'a> {
+    spec: &'a StageSpec,
+    /// Place of the first in the stage.
+    first: usize,
+    chunks: &'a [Chunk],
+    states: &'a [ChunkState],
 }
 
 fn piece<'a>(spec: &'a StageSpec, chunk: (usize, &'a Chunk), state: &'a ChunkState) -> Result<Piece<'a>, StageError> {

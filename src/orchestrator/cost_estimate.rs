@@ -2,7 +2,7 @@
 
 use super::event::StageReport;
 use super::kind::{Chunk, Plan};
-use super::planner::{StageStatus, State};
+use super::planner::{ChunkState, StageStatus, State};
 use super::price::{Leaves, Price, Work, leaves, price};
 use super::provenance::Environment;
 use super::spec::{Pipeline, StageSpec};
@@ -128,7 +128,11 @@ fn length(status: &StageStatus, price: Option<&Price>) -> Option<u64> {
         State::Stale { chunks, .. } => {
             let there = chunks.iter().filter(|chunk| chunk.intact);
             let there: u64 = there.filter_map(|chunk| Some(chunk.record.as_ref()?.size)).sum();
-            price.map(|price| there + price.bytes.likely as u64)
+            // Chunks of which only the name is known are as long as those that are built.
+            let [listed, missing] = [ChunkState::is_listed, |chunk: &ChunkState| !chunk.intact]
+                .map(|is| chunks.iter().filter(|chunk| is(chunk)).count());
+            let share = 1.0 + listed as f64 / missing.max(1) as f64;
+            price.map(|price| there + (share * price.bytes.likely) as u64)
         }
     }
 }

@@ -129,6 +129,11 @@ pub fn run(
     let remembered = before()
         .filter_map(|(&index, status)| Some((index, remembered(&pipeline.stages[index], status)?)))
         .collect();
+    let sizes = before().filter_map(|(&index, status)| match &status.state {
+        State::Fresh { size, .. } => Some((index, *size)),
+        State::Stale { .. } => None,
+    });
+    let sizes = sizes.collect();
     let builder = Builder {
         store,
         environment,
@@ -153,7 +158,7 @@ pub fn run(
         lock: options.lock,
         prices: selection.iter().copied().zip(prices).collect(),
         inputs: known,
-        sizes: BTreeMap::new(),
+        sizes,
         remembered,
         not_logged: None,
         unstable: BTreeMap::new(),
@@ -523,6 +528,9 @@ impl<'a> Execution<'a> {
         };
         let known = planner::known(&status.work, Some(record.artifact), &made.parts);
         let report = self.take(index, start, report, &record, known)?;
+        if !made.is_sized {
+            self.sizes.remove(&index);
+        }
         if report.outcome == Outcome::Built && !waited {
             self.remember_cost(spec, &status, &report, share.unwrap_or(report.seconds));
         }
@@ -677,7 +685,8 @@ impl<'a> Execution<'a> {
 
     /// A cost that cannot be written is no reason to stop: it is told at the end.
     fn remember_cost(&mut self, spec: &StageSpec, status: &StageStatus, report: &StageReport, seconds: f64) {
-        let input_bytes = spec.needs.iter().filter_map(|need| self.sizes.get(need)).sum();
+        let input_bytes: Option<u64> = spec.needs.iter().map(|need| self.sizes.get(need)).sum();
+        let Some(input_bytes) = input_bytes else { return };
         let environment = self.builder.environment;
         let cost = cost_estimate::cost(spec, status, report, seconds, input_bytes, environment);
         if let Some(Err(error)) = cost.map(|cost| self.builder.store.put_cost(&cost)) {

@@ -13,10 +13,18 @@ use super::kind::{Chunk, Input, Plan};
 use super::spec::{Pipeline, StageSpec};
 use super::staleness::{Current, Staleness};
 use crate::base::{ActionKey, ArtifactId, Canonical};
-use crate::store::{Action, Condition, Effort, Lookup, Object, Record, Run, RunStage, Runs, RunsOf, Store, StoreError};
+use crate::store::{
+    Action, Condition, Effort, Lookup, Object, Record, Recorded, Run, RunStage, Runs, RunsOf, Store, StoreError,
+};
 
 /// Files that one thread looks at sooner than another could be woken.
 const FEW: usize = 64;
+
+/// From so many chunks on a stage's records are listed, and not each asked for.
+#[cfg(not(test))]
+pub const MANY: usize = 10_000;
+#[cfg(test)]
+pub const MANY: usize = 20;
 
 /// How a stage stands and what it would take.
 pub struct StageStatus {
@@ -54,9 +62,10 @@ pub enum State {
 pub struct ChunkState {
     /// Its action and key; unknown while an input has yet to be built.
     pub action: Option<(Action, ActionKey)>,
-    /// Its record, if it has been built before.
+    /// Its record, if it has been built before; none either where only the name of the record was seen.
     pub record: Option<Record>,
-    /// Whether what the record names is there and whole, here or elsewhere.
+    /// Whether what the record names is there and whole, here or elsewhere; where only its name was seen, that is believed until the stage
+    /// is put together.
     pub intact: bool,
     /// Whether it is elsewhere, and has yet to be brought.
     pub elsewhere: bool,
@@ -113,6 +122,16 @@ impl StageStatus {
 }
 
 impl ChunkState {
+    /// Whether there is a record that has not been opened.
+    pub fn is_listed(&self) -> bool {
+        self.intact && self.record.is_none()
+    }
+
+    /// Whether it is among what has been recorded.
+    pub fn is_in(&self, recorded: &Recorded) -> bool {
+        self.action.as_ref().is_some_and(|(_, key)| recorded.contains(key))
+    }
+
     /// What the chunk is, or will be once it has been built again.
     fn artifact(&self) -> Option<ArtifactId> {
         self.record.as_ref().map(|record| record.artifact)
@@ -310,13 +329,33 @@ impl<'a> Planner<'a> {
         let Plan::Chunks(chunks) = work else {
             return Ok(Vec::new());
         };
+        let (kind, recipe) = (spec.kind.name(), spec.kind.recipe());
         let chunks = chunks.par_iter().with_min_len(FEW);
-        chunks.map(|chunk| self.chunk(spec, chunk, effort)).collect()
+        let keyed = |chunk: &Chunk| keyed(Action::of_chunk(kind, recipe, &chunk.parameters, &chunk.inputs));
+        let actions: Vec<Option<(Action, ActionKey)>> = chunks.map(keyed).collect::<Result<_, _>>()?;
+        let listed = self.listed(&actions)?;
+        let states = actions.into_par_iter().with_min_len(FEW);
+        states
+            .map(|action| match &listed {
+                Some(listed) => Ok(listed_chunk(action, listed)),
+                None => self.chunk(action, effort),
+            })
+            .collect()
     }
 
-    fn chunk(&self, spec: &StageSpec, chunk: &Chunk, effort: Effort) -> Result<ChunkState, StoreError> {
-        let (kind, recipe) = (spec.kind.name(), spec.kind.recipe());
-        let action = keyed(Action::of_chunk(kind, recipe, &chunk.parameters, &chunk.inputs))?;
+    /// The records in the store, where a stage has very many chunks and some have yet to be built.
+    fn listed(&self, actions: &[Option<(Action, ActionKey)>]) -> Result<Option<Recorded>, StoreError> {
+        if actions.len() < MANY || self.store.reads_through() {
+            return Ok(None);
+        }
+        let recorded = self.store.recorded()?;
+        let is_there =
+            |action: &Option<(Action, ActionKey)>| action.as_ref().is_some_and(|(_, key)| recorded.contains(key));
+        let is_complete = actions.par_iter().all(is_there);
+        Ok((!is_complete).then_some(recorded))
+    }
+
+    fn chunk(&self, action: Option<(Action, ActionKey)>, effort: Effort) -> Result<ChunkState, StoreError> {
         let made = self.made(action.as_ref(), effort)?;
         Ok(ChunkState {
             action,
@@ -324,6 +363,15 @@ impl<'a> Planner<'a> {
             elsewhere: matches!(made, Some((_, Condition::Elsewhere { .. }))),
             record: made.map(|(record, _)| *record),
         })
+    }
+}
+
+fn listed_chunk(action: Option<(Action, ActionKey)>, listed: &Recorded) -> ChunkState {
+    ChunkState {
+        intact: action.as_ref().is_some_and(|(_, key)| listed.contains(key)),
+        action,
+        record: None,
+        elsewhere: false,
     }
 }
 

@@ -6,8 +6,9 @@ use std::time::SystemTime;
 use super::build::{Builder, Done, Waited};
 use super::event::{Outcome, StageReport};
 use super::kind::{Plan, StageError};
-use super::planner::{self, StageStatus, State};
+use super::planner::{self, MANY, StageStatus, State};
 use super::spec::StageSpec;
+use super::staleness::Staleness;
 use crate::base::ArtifactId;
 use crate::store::Record;
 
@@ -46,6 +47,8 @@ pub struct Made {
     chunks_reused: u64,
     size: u64,
     size_built: u64,
+    /// Whether the size is that of all its files, and not only of those that were looked at here.
+    pub is_sized: bool,
 }
 
 impl Work {
@@ -74,8 +77,16 @@ impl Work {
             let outcome = if done.built { Outcome::Built } else { Outcome::Reused };
             return Ok(Made::of(&[&done], outcome, Some(done.record.clone()), Vec::new()));
         };
-        let done = builder.chunks(spec, self.index, chunks, states, waited)?;
-        let there: Vec<&Done> = done.iter().flatten().collect();
+        let built = builder.chunks(spec, self, (key, chunks, states), waited)?;
+        let there: Vec<&Done> = built.done.iter().flatten().collect();
+        if let Some(record) = built.whole {
+            let parts = builder.store.parts(&record.artifact)?;
+            let sizes = match parts.len() < MANY {
+                true => builder.sizes(&parts)?,
+                false => None,
+            };
+            return Ok(Made::by_others(&there, record, parts, sizes));
+        }
         if there.len() < chunks.len() {
             let are_some = builder.only.is_some_and(|(stage, _)| stage == self.index);
             let outcome = if are_some { Outcome::Built } else { Outcome::Left };
@@ -102,9 +113,31 @@ impl Work {
         made.size_built += size;
         Ok(made)
     }
+
+    /// Whether its manifest was there and lacked a chunk.
+    pub fn was_put_together(&self) -> bool {
+        let why = match &self.status.state {
+            State::Stale { why, .. } => Some(why),
+            State::Fresh { .. } => None,
+        };
+        matches!(why, Some(Staleness::ArtifactMissing | Staleness::ArtifactDamaged))
+    }
 }
 
 impl Made {
+    /// Of a stage that another process has put together.
+    fn by_others(done: &[&Done], record: Record, parts: Vec<ArtifactId>, sizes: Option<u64>) -> Self {
+        let own = done.iter().filter(|done| done.built).count();
+        let outcome = if own > 0 { Outcome::Built } else { Outcome::Reused };
+        let size = record.size;
+        let chunks = parts.len();
+        let mut made = Self::of(done, outcome, Some(record), parts.into_iter().map(Some).collect());
+        made.chunks_reused = (chunks - own) as u64;
+        made.is_sized = sizes.is_some();
+        made.size = size + sizes.unwrap_or(made.size);
+        made
+    }
+
     fn of(done: &[&Done], outcome: Outcome, record: Option<Record>, parts: Vec<Option<ArtifactId>>) -> Self {
         let built = || done.iter().filter(|done| done.built);
         Self {
@@ -112,6 +145,7 @@ impl Made {
             parts,
             outcome,
             chunks_built: built().count() as u64,
+            is_sized: true,
             chunks_reused: done.iter().filter(|done| !done.built).count() as u64,
             size: done.iter().map(|done| done.record.size).sum(),
             size_built: built().map(|done| done.record.size).sum(),

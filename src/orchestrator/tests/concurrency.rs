@@ -4,6 +4,8 @@ use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use super::*;
+use crate::base::ActionKey;
+use crate::store::Action;
 
 #[test]
 fn digests_do_not_depend_on_the_number_of_threads() {
@@ -189,4 +191,157 @@ fn some_chunks_of_a_stage_are_built_and_the_stage_is_left_to_others() {
             .any(|line| line.starts_with("built halved built 1+5") || line == "reused halved"),
         "{log:?}"
     );
+}
+
+/// Chunks of the stage `small` in a pipeline, with their keys.
+fn chunk_keys(lab: &Laboratory, text: &str) -> Vec<ActionKey> {
+    let pipeline = lab.pipeline(text, &[]);
+    let spec = pipeline.stage("small").unwrap();
+    let Plan::Chunks(chunks) = spec.stage.plan(&[]) else {
+        panic!("it has chunks");
+    };
+    let key = |chunk: &Chunk| {
+        let action = Action::of_chunk(spec.kind.name(), spec.kind.recipe(), &chunk.parameters, &chunk.inputs);
+        action.unwrap().key().unwrap()
+    };
+    chunks.iter().map(key).collect()
+}
+
+#[test]
+fn records_of_many_chunks_are_listed_and_opened_when_the_stage_is_put_together() {
+    let (lab, donor) = (Laboratory::new(), Laboratory::new());
+    let text = PIPELINE.replace("count: 35", "count: 395");
+    let expected: Vec<_> = donor.run_text(&text, &[]).0.stages.iter().map(|s| s.digest).collect();
+    let some = RunOptions {
+        until: Some("small"),
+        chunks: Some((0, 29)),
+        ..RunOptions::default()
+    };
+    lab.run_with(&text, &[], &some).0.unwrap();
+    // The object of one is lost, the record of another is damaged, and one is as if nobody had built it.
+    let keys = chunk_keys(&lab, &text);
+    let store = lab.store();
+    let record = |at: usize| {
+        let key = keys[at].to_string();
+        store.root().join("records").join(&key[..2]).join(key)
+    };
+    std::fs::remove_file(lab.object(&store.record(&keys[7]).unwrap().record().unwrap().artifact)).unwrap();
+    std::fs::write(record(3), "no record").unwrap();
+    std::fs::remove_file(record(11)).unwrap();
+    let planned = plan(&lab.pipeline(&text, &[]), &store, None, &environment()).unwrap();
+    assert_eq!(
+        (planned[0].chunks_built, planned[0].chunks_reused),
+        (11, 29),
+        "by names"
+    );
+    let (outcome, _) = lab.run_text(&text, &[]);
+    assert_eq!(
+        (outcome.stages[0].chunks_built, outcome.stages[0].chunks_reused),
+        (13, 27)
+    );
+    let digests: Vec<_> = outcome.stages.iter().map(|stage| stage.digest).collect();
+    assert_eq!(digests, expected);
+    // Where all have been built before, what will come of them is known.
+    let small = lab.run_text(&text, &["stages.small.count=394"]).0.stages[0].digest;
+    let whole = outcome.lock.stages["small"].key.to_string();
+    std::fs::remove_file(store.root().join("records").join(&whole[..2]).join(&whole)).unwrap();
+    let planned = plan(&lab.pipeline(&text, &[]), &store, None, &environment()).unwrap();
+    assert_eq!((planned[0].chunks_reused, planned[0].digest), (40, expected[0]));
+    assert_ne!(small, expected[0]);
+}
+
+#[test]
+fn one_process_puts_a_stage_together_and_others_wait_for_it() {
+    // With few chunks, of which all sizes are looked up, and with many.
+    for (text, few) in [
+        (PIPELINE.to_owned(), true),
+        (PIPELINE.replace("count: 35", "count: 395"), false),
+    ] {
+        let (lab, donor) = (Laboratory::new(), Laboratory::new());
+        let expected = donor.run_text(&text, &[]).0;
+        let source = donor.store();
+        let store = lab.store();
+        std::fs::create_dir(store.root().join("locks/processes")).unwrap();
+        drop(store);
+        let store = lab.store();
+        let keys = chunk_keys(&lab, &text);
+        let whole = expected.lock.stages["small"].key;
+        // Another process is at a chunk, and has been chosen.
+        let chunk = store.try_lock_action(&keys[1]).unwrap().unwrap();
+        let chosen = store.try_reserve(&format!("whole-{whole}")).unwrap().unwrap();
+        let options = RunOptions {
+            until: Some("small"),
+            ..RunOptions::default()
+        };
+        let give = |key: &ActionKey| {
+            let record = source.record(key).unwrap().record().unwrap();
+            let object = source.artifact(&record.artifact).unwrap().object().unwrap();
+            store.put(&object, &Default::default()).unwrap();
+            store.put_record(&record).unwrap();
+        };
+        // It is not waited for longer than one likes.
+        let patience = Some(Duration::from_millis(20));
+        let (outcome, _) = lab.run_with(&text, &[], &RunOptions { patience, ..options });
+        assert_eq!(outcome.unwrap().stages[0].outcome, Outcome::Left);
+        let last = keys.last().unwrap();
+        std::fs::remove_file(
+            store
+                .root()
+                .join("records")
+                .join(&last.to_string()[..2])
+                .join(last.to_string()),
+        )
+        .unwrap();
+        let (outcome, _) = std::thread::scope(|scope| {
+            let waiting = scope.spawn(|| lab.run_with(&text, &[], &options));
+            while !store.recorded().unwrap().contains(last) {
+                std::thread::sleep(Duration::from_millis(5));
+            }
+            give(&keys[1]);
+            drop(chunk);
+            give(&whole);
+            drop(chosen);
+            waiting.join().unwrap()
+        });
+        let stages = outcome.unwrap().stages;
+        let (small, reference) = (&stages[0], &expected.stages[0]);
+        assert_eq!((small.outcome, small.digest), (Outcome::Built, reference.digest));
+        assert_eq!(
+            (small.chunks_built, small.chunks_reused),
+            (1, reference.chunks_built - 1)
+        );
+        let digest = reference.digest.unwrap();
+        let lengths = store.parts(&digest).unwrap();
+        let lengths = lengths
+            .iter()
+            .map(|part| std::fs::metadata(lab.object(part)).unwrap().len());
+        let size = lengths.sum::<u64>() + source.record(&whole).unwrap().record().unwrap().size;
+        assert_eq!(small.size == size, few, "many are not looked at one by one");
+    }
+}
+
+#[test]
+fn who_was_chosen_and_is_gone_is_replaced() {
+    let lab = Laboratory::new();
+    std::fs::create_dir(lab.store().root().join("locks/processes")).unwrap();
+    let store = lab.store();
+    let keys = chunk_keys(&lab, PIPELINE);
+    let chunk = store.try_lock_action(&keys[1]).unwrap().unwrap();
+    let expected = Laboratory::new().digests(&[]);
+    let whole = {
+        let donor = Laboratory::new();
+        donor.run_text(PIPELINE, &[]).0.lock.stages["small"].key
+    };
+    let chosen = store.try_reserve(&format!("whole-{whole}")).unwrap().unwrap();
+    let (outcome, log) = std::thread::scope(|scope| {
+        let waiting = scope.spawn(|| lab.run_text(PIPELINE, &[]));
+        while !store.recorded().unwrap().contains(&keys[3]) {
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        drop((chunk, chosen));
+        waiting.join().unwrap()
+    });
+    let digests: Vec<_> = outcome.stages.iter().map(|stage| stage.digest).collect();
+    assert_eq!(digests, expected);
+    assert!(log.contains(&"chunk small 1".to_owned()), "{log:?}");
 }
