@@ -18,6 +18,7 @@ use super::work::Work;
 use crate::base::{ActionKey, ArtifactId, Progress, Stopped};
 use crate::store::{
     Action, Artifact, Condition, Effort, Guard, Lookup, Object, Record, Recorded, Store, StoreError, Stored,
+    side_by_side,
 };
 
 /// What building needs beside the stage.
@@ -58,9 +59,19 @@ pub struct Chunks {
     /// Each in order; none where it is left to others, or was built by them.
     pub done: Vec<Option<Done>>,
     /// The stage, where another process has put it together.
-    pub whole: Option<Record>,
+    pub whole: Option<Whole>,
     /// While it is held, others leave it to this process to put the stage together.
     _turn: Option<Guard>,
+}
+
+/// A stage that another process has put together.
+pub struct Whole {
+    /// Its record.
+    pub record: Record,
+    /// Its chunks.
+    pub parts: Vec<ArtifactId>,
+    /// Length of their files, bytes; none where there are too many to look at each.
+    pub sizes: Option<u64>,
 }
 
 /// Whose it is to put a stage together.
@@ -68,7 +79,7 @@ enum Turn {
     /// This process; others wait while the guard is held.
     Ours(Option<Guard>),
     /// Another has done it.
-    Done(Box<Record>),
+    Done(Box<Whole>),
     /// Another is at it, and is not waited for any longer.
     Others,
 }
@@ -147,6 +158,7 @@ impl Builder<'_> {
             first: range.start,
             chunks: &chunks[range.clone()],
             states: &states[range.clone()],
+            are_listed: chunks.len() >= MANY && !self.store.reads_through(),
         };
         let mut done: Vec<Option<Done>> = ours.chunks.iter().map(|_| None).collect();
         // A chunk that another is building is put off rather than waited for: a thread of the pool that waited could hold
@@ -163,7 +175,11 @@ impl Builder<'_> {
             reserve = None;
             listed = self.listed(ours)?;
         }
-        let turn = match done.iter().all(Option::is_some) || some.is_some() {
+        let is_complete = done.iter().all(Option::is_some);
+        if !is_complete && self.is_stopped() {
+            return Err(Stopped.into());
+        }
+        let turn = match is_complete || some.is_some() {
             true => Turn::Ours(None),
             false => self.turn(spec, key, (work.was_put_together(), chunks.len()), waited)?,
         };
@@ -181,15 +197,14 @@ impl Builder<'_> {
                 self.rest(ours, &mut done, waited)?;
                 of(done, None, guard)
             }
-            Turn::Done(record) => of(done, Some(*record), None),
+            Turn::Done(whole) => of(done, Some(*whole), None),
             Turn::Others => of(done, None, None),
         })
     }
 
     /// The records there, where so many chunks are worth it.
     fn listed(&self, ours: Ours<'_>) -> Result<Option<Recorded>, StoreError> {
-        let is_worth_it = ours.chunks.len() >= MANY && !self.store.reads_through();
-        is_worth_it.then(|| self.store.recorded()).transpose()
+        ours.are_listed.then(|| self.store.recorded()).transpose()
     }
 
     /// Whether this process puts a stage together. Where processes share a store by claims one does, and the others need not look at
@@ -209,18 +224,21 @@ impl Builder<'_> {
         // What is put together from now on is looked at in every part. What was there lacks one.
         let mut may_be_done = !was_there;
         loop {
-            if let Some(guard) = self.store.try_reserve(&name)? {
-                if !may_be_done || self.store.record_now(key)?.record().is_none() {
-                    return Ok(Turn::Ours(Some(guard)));
-                }
+            if self.is_stopped() {
+                return Err(Stopped.into());
+            }
+            let guard = self.store.try_reserve(&name)?;
+            let is_over = end.is_some_and(|end| Instant::now() >= end);
+            if may_be_done && (guard.is_some() || is_over) && self.store.record_now(key)?.record().is_some() {
                 drop(guard);
-                if let Some(record) = self.built_meanwhile(key)?
-                    && self.store.parts(&record.artifact)?.len() == chunks
-                {
-                    return Ok(Turn::Done(Box::new(record)));
+                if let Some(whole) = self.put_together(key, chunks)? {
+                    return Ok(Turn::Done(Box::new(whole)));
                 }
                 may_be_done = false;
                 continue;
+            }
+            if guard.is_some() {
+                return Ok(Turn::Ours(guard));
             }
             if !waited.swap(true, Ordering::Relaxed) {
                 (self.listener)(&Event::Note {
@@ -228,10 +246,7 @@ impl Builder<'_> {
                     text: "another process puts this together; waiting for it".to_owned(),
                 });
             }
-            if self.is_stopped() {
-                return Err(Stopped.into());
-            }
-            if end.is_some_and(|end| Instant::now() >= end) {
+            if is_over {
                 return Ok(Turn::Others);
             }
             // A tenth of what has been waited already, so that many who wait long do not ask often.
@@ -239,57 +254,81 @@ impl Builder<'_> {
         }
     }
 
+    /// A stage that another process has put together of so many chunks; none where one of them is not there.
+    fn put_together(&self, key: &ActionKey, chunks: usize) -> Result<Option<Whole>, StageError> {
+        let Some(record) = self.built_meanwhile(key)? else {
+            return Ok(None);
+        };
+        let parts = self.store.parts(&record.artifact)?;
+        if parts.len() != chunks {
+            return Ok(None);
+        }
+        if chunks >= MANY {
+            return Ok(Some(Whole {
+                record,
+                parts,
+                sizes: None,
+            }));
+        }
+        let sizes: Result<Option<u64>, StageError> = parts.par_iter().map(|part| self.size(part)).sum();
+        Ok(sizes?.map(|sizes| Whole {
+            record,
+            parts,
+            sizes: Some(sizes),
+        }))
+    }
+
+    /// Length of the file of a chunk, bytes; none where it is not whole.
+    fn size(&self, part: &ArtifactId) -> Result<Option<u64>, StageError> {
+        if self.is_stopped() {
+            return Err(Stopped.into());
+        }
+        Ok(match self.store.inspect(part, Effort::Quick)? {
+            Condition::Intact { size } | Condition::Elsewhere { size } => Some(size),
+            _ => None,
+        })
+    }
+
     /// Finds what others have built, waits for what they are building, and builds what they have left.
     fn rest(&self, ours: Ours<'_>, done: &mut [Option<Done>], waited: Waited<'_>) -> Result<(), StageError> {
+        let open = |done: &[Option<Done>]| -> Vec<usize> { (0..done.len()).filter(|at| done[*at].is_none()).collect() };
+        let left = open(done);
+        if left.is_empty() {
+            return Ok(());
+        }
         if let Some(listed) = self.listed(ours)? {
-            let looked: Vec<Result<(), StageError>> = done
-                .par_iter_mut()
-                .zip(ours.states)
-                .filter(|(done, state)| done.is_none() && state.is_in(&listed))
-                .map(|(done, state)| {
-                    *done = self.found(state)?;
-                    Ok(())
-                })
-                .collect();
-            looked.into_iter().collect::<Result<(), _>>()?;
-            // A record that names nothing whole is none.
-            while self.pass(ours, None, Some(&Recorded::default()), done)? {}
+            // On threads of their own: those of the pool may be at another stage, and others wait meanwhile.
+            let find =
+                |at: &usize| Ok::<_, StageError>(self.found(&ours.states[*at], &listed)?.map(|done| (*at, done)));
+            for (at, found) in side_by_side(&left, find)? {
+                done[at] = Some(found);
+            }
+            // A record that names nothing is none.
+            while !open(done).is_empty() && self.pass(ours, None, Some(&Recorded::default()), done)? {}
         }
         let end = self.patience_ends();
-        for (at, done) in done.iter_mut().enumerate().filter(|(_, done)| done.is_none()) {
+        for at in open(done) {
             let piece = piece(ours.spec, (ours.first + at, &ours.chunks[at]), &ours.states[at])?;
-            *done = self.wait_and_perform(piece, waited, end)?;
+            done[at] = self.wait_and_perform(piece, waited, end)?;
         }
         Ok(())
     }
 
-    /// A chunk that has been built, if it is there and whole.
-    fn found(&self, state: &ChunkState) -> Result<Option<Done>, StageError> {
-        let Some((_, key)) = &state.action else { return Ok(None) };
+    /// A chunk that has been recorded, if its file is there.
+    fn found(&self, state: &ChunkState, listed: &Recorded) -> Result<Option<Done>, StageError> {
+        if self.is_stopped() {
+            return Err(Stopped.into());
+        }
+        let Some((_, key)) = state.action.as_ref().filter(|_| state.is_in(listed)) else {
+            return Ok(None);
+        };
         let Lookup::Found(record, _) = self.store.record(key)? else {
             return Ok(None);
         };
-        let condition = self.store.inspect_made(&record, Effort::Quick)?;
-        let is_intact = matches!(condition, Condition::Intact { .. });
-        Ok(is_intact.then_some(Done {
+        Ok(self.store.has_made(&record).then_some(Done {
             record: *record,
             built: false,
         }))
-    }
-
-    /// Length of the files of chunks together, bytes; none where one is not whole.
-    ///
-    /// # Errors
-    /// When the store cannot be read.
-    pub fn sizes(&self, parts: &[ArtifactId]) -> Result<Option<u64>, StoreError> {
-        let mut sizes = 0;
-        for part in parts {
-            match self.store.inspect(part, Effort::Quick)? {
-                Condition::Intact { size } => sizes += size,
-                _ => return Ok(None),
-            }
-        }
-        Ok(Some(sizes))
     }
 
     /// Some chunks of a stage that has none are not what anybody means.
@@ -318,6 +357,7 @@ impl Builder<'_> {
             first,
             chunks,
             states,
+            ..
         } = ours;
         let stop = AtomicBool::new(false);
         let left = |done: &[Option<Done>]| done.iter().filter(|done| done.is_none()).count();
@@ -536,6 +576,8 @@ struct Ours<'a> {
     first: usize,
     chunks: &'a [Chunk],
     states: &'a [ChunkState],
+    /// Whether the stage has so many that names of records are looked at.
+    are_listed: bool,
 }
 
 fn piece<'a>(spec: &'a StageSpec, chunk: (usize, &'a Chunk), state: &'a ChunkState) -> Result<Piece<'a>, StageError> {

@@ -115,7 +115,7 @@ pub fn run(
     if let Some(lock) = options.lock {
         check_locked(pipeline, options.until, store, lock)?;
     }
-    let planner = Planner::new(pipeline, store);
+    let planner = Planner::beside_others(pipeline, store);
     let statuses = planner.statuses(&selection)?;
     let prices = cost_estimate::prices(pipeline, &selection, &statuses, store, environment)?;
     listener(&started(pipeline, &statuses, &prices));

@@ -76,6 +76,8 @@ pub struct Planner<'a> {
     pipeline: &'a Pipeline,
     store: &'a Store,
     runs: Mutex<PastRuns>,
+    /// Whether of very many chunks only the names of their records are looked at.
+    by_names: bool,
 }
 
 /// The past runs of a pipeline, read as far back as somebody asked.
@@ -129,7 +131,7 @@ impl ChunkState {
 
     /// Whether it is among what has been recorded.
     pub fn is_in(&self, recorded: &Recorded) -> bool {
-        self.action.as_ref().is_some_and(|(_, key)| recorded.contains(key))
+        is_in(self.action.as_ref(), recorded)
     }
 
     /// What the chunk is, or will be once it has been built again.
@@ -158,6 +160,16 @@ impl<'a> Planner<'a> {
             pipeline,
             store,
             runs: Mutex::default(),
+            by_names: false,
+        }
+    }
+
+    /// One for a process that builds beside many others: of a stage of very many chunks it opens no record, so that what comes of a stage
+    /// that is built in part is not known beforehand.
+    pub fn beside_others(pipeline: &'a Pipeline, store: &'a Store) -> Self {
+        Self {
+            by_names: store.process_name().is_some(),
+            ..Self::new(pipeline, store)
         }
     }
 
@@ -337,22 +349,16 @@ impl<'a> Planner<'a> {
         let states = actions.into_par_iter().with_min_len(FEW);
         states
             .map(|action| match &listed {
-                Some(listed) => Ok(listed_chunk(action, listed)),
-                None => self.chunk(action, effort),
+                Some(listed) if self.by_names || !is_in(action.as_ref(), listed) => Ok(listed_chunk(action, listed)),
+                _ => self.chunk(action, effort),
             })
             .collect()
     }
 
-    /// The records in the store, where a stage has very many chunks and some have yet to be built.
+    /// The records in the store, where a stage has very many chunks.
     fn listed(&self, actions: &[Option<(Action, ActionKey)>]) -> Result<Option<Recorded>, StoreError> {
-        if actions.len() < MANY || self.store.reads_through() {
-            return Ok(None);
-        }
-        let recorded = self.store.recorded()?;
-        let is_there =
-            |action: &Option<(Action, ActionKey)>| action.as_ref().is_some_and(|(_, key)| recorded.contains(key));
-        let is_complete = actions.par_iter().all(is_there);
-        Ok((!is_complete).then_some(recorded))
+        let is_worth_it = actions.len() >= MANY && !self.store.reads_through() && actions.iter().any(Option::is_some);
+        is_worth_it.then(|| self.store.recorded()).transpose()
     }
 
     fn chunk(&self, action: Option<(Action, ActionKey)>, effort: Effort) -> Result<ChunkState, StoreError> {
@@ -366,9 +372,13 @@ impl<'a> Planner<'a> {
     }
 }
 
+fn is_in(action: Option<&(Action, ActionKey)>, recorded: &Recorded) -> bool {
+    action.is_some_and(|(_, key)| recorded.contains(key))
+}
+
 fn listed_chunk(action: Option<(Action, ActionKey)>, listed: &Recorded) -> ChunkState {
     ChunkState {
-        intact: action.as_ref().is_some_and(|(_, key)| listed.contains(key)),
+        intact: is_in(action.as_ref(), listed),
         action,
         record: None,
         elsewhere: false,

@@ -52,7 +52,7 @@ impl Standing {
 /// When there is no such stage, or the store cannot be read.
 pub fn standings(pipeline: &Pipeline, store: &Store, until: Option<&str>) -> Result<Vec<Standing>, RunError> {
     let selection = pipeline.selection(until)?;
-    let statuses = Planner::new(pipeline, store).statuses(&selection)?;
+    let statuses = Planner::beside_others(pipeline, store).statuses(&selection)?;
     let stale = selection.iter().zip(&statuses).filter(|(_, status)| status.is_stale());
     let stale: BTreeSet<usize> = stale.map(|(&index, _)| index).collect();
     let standing = |(&index, status): (&usize, &StageStatus)| {

@@ -3,10 +3,10 @@
 use std::sync::atomic::AtomicBool;
 use std::time::SystemTime;
 
-use super::build::{Builder, Done, Waited};
+use super::build::{Builder, Done, Waited, Whole};
 use super::event::{Outcome, StageReport};
 use super::kind::{Plan, StageError};
-use super::planner::{self, MANY, StageStatus, State};
+use super::planner::{self, StageStatus, State};
 use super::spec::StageSpec;
 use super::staleness::Staleness;
 use crate::base::ArtifactId;
@@ -79,13 +79,8 @@ impl Work {
         };
         let built = builder.chunks(spec, self, (key, chunks, states), waited)?;
         let there: Vec<&Done> = built.done.iter().flatten().collect();
-        if let Some(record) = built.whole {
-            let parts = builder.store.parts(&record.artifact)?;
-            let sizes = match parts.len() < MANY {
-                true => builder.sizes(&parts)?,
-                false => None,
-            };
-            return Ok(Made::by_others(&there, record, parts, sizes));
+        if let Some(whole) = built.whole {
+            return Ok(Made::by_others(&there, whole));
         }
         if there.len() < chunks.len() {
             let are_some = builder.only.is_some_and(|(stage, _)| stage == self.index);
@@ -126,7 +121,8 @@ impl Work {
 
 impl Made {
     /// Of a stage that another process has put together.
-    fn by_others(done: &[&Done], record: Record, parts: Vec<ArtifactId>, sizes: Option<u64>) -> Self {
+    fn by_others(done: &[&Done], whole: Whole) -> Self {
+        let Whole { record, parts, sizes } = whole;
         let own = done.iter().filter(|done| done.built).count();
         let outcome = if own > 0 { Outcome::Built } else { Outcome::Reused };
         let size = record.size;

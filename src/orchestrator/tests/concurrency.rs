@@ -41,6 +41,8 @@ fn two_share_the_work(lab: &Laboratory) {
         let other = scope.spawn(run);
         (run(), other.join().unwrap())
     });
+    assert!(one.failures.is_empty(), "{:?}", one.failures);
+    assert!(two.failures.is_empty(), "{:?}", two.failures);
     let digests = |outcome: &RunOutcome| outcome.stages.iter().map(|stage| stage.digest).collect::<Vec<_>>();
     assert_eq!(digests(&one), digests(&two));
     let mut chunks: Vec<&String> = log_one
@@ -209,53 +211,102 @@ fn chunk_keys(lab: &Laboratory, text: &str) -> Vec<ActionKey> {
 
 #[test]
 fn records_of_many_chunks_are_listed_and_opened_when_the_stage_is_put_together() {
-    let (lab, donor) = (Laboratory::new(), Laboratory::new());
     let text = PIPELINE.replace("count: 35", "count: 395");
-    let expected: Vec<_> = donor.run_text(&text, &[]).0.stages.iter().map(|s| s.digest).collect();
-    let some = RunOptions {
-        until: Some("small"),
-        chunks: Some((0, 29)),
+    let expected: Vec<_> = Laboratory::new()
+        .run_text(&text, &[])
+        .0
+        .stages
+        .iter()
+        .map(|s| s.digest)
+        .collect();
+    for by_claims in [false, true] {
+        let lab = Laboratory::new();
+        if by_claims {
+            std::fs::create_dir(lab.store().root().join("locks/processes")).unwrap();
+        }
+        let some = |chunks| RunOptions {
+            until: Some("small"),
+            chunks: Some(chunks),
+            ..RunOptions::default()
+        };
+        lab.run_with(&text, &[], &some((0, 29))).0.unwrap();
+        // The object of one is lost, the record of another is damaged, and one is as if nobody had built it.
+        let keys = chunk_keys(&lab, &text);
+        let store = lab.store();
+        let record = |at: usize| {
+            let key = keys[at].to_string();
+            store.root().join("records").join(&key[..2]).join(key)
+        };
+        std::fs::remove_file(lab.object(&store.record(&keys[7]).unwrap().record().unwrap().artifact)).unwrap();
+        std::fs::write(record(3), "no record").unwrap();
+        std::fs::remove_file(record(11)).unwrap();
+        // A plan is of what is there. Names of others that nothing was asked of are no reason to wait for anybody.
+        let planned = plan(&lab.pipeline(&text, &[]), &store, None, &environment()).unwrap();
+        assert_eq!((planned[0].chunks_built, planned[0].chunks_reused), (13, 27));
+        let (outcome, _) = lab.run_with(&text, &[], &some((2, 5)));
+        let small = &outcome.unwrap().stages[0];
+        assert_eq!((small.chunks_built, small.chunks_reused), (1, 3));
+        let (outcome, _) = lab.run_text(&text, &[]);
+        assert_eq!(
+            (outcome.stages[0].chunks_built, outcome.stages[0].chunks_reused),
+            (12, 28)
+        );
+        let digests: Vec<_> = outcome.stages.iter().map(|stage| stage.digest).collect();
+        assert_eq!(digests, expected);
+        // Where all have been built before, what will come of them is known.
+        let whole = outcome.lock.stages["small"].key.to_string();
+        std::fs::remove_file(store.root().join("records").join(&whole[..2]).join(&whole)).unwrap();
+        let planned = plan(&lab.pipeline(&text, &[]), &store, None, &environment()).unwrap();
+        assert_eq!((planned[0].chunks_reused, planned[0].digest), (40, expected[0]));
+        let (outcome, _) = lab.run_text(&text, &[]);
+        let small = &outcome.stages[0];
+        assert_eq!(
+            (small.chunks_built, small.chunks_reused, small.digest),
+            (0, 40, expected[0])
+        );
+    }
+}
+
+#[test]
+fn a_run_that_is_stopped_neither_waits_for_its_turn_nor_reads_what_others_built() {
+    let lab = Laboratory::new();
+    std::fs::create_dir(lab.store().root().join("locks/processes")).unwrap();
+    let store = lab.store();
+    let keys = chunk_keys(&lab, PIPELINE);
+    let _chunk = store.try_lock_action(&keys[1]).unwrap().unwrap();
+    let whole = Laboratory::new().run_text(PIPELINE, &[]).0.lock.stages["small"].key;
+    let _chosen = store.try_reserve(&format!("whole-{whole}")).unwrap().unwrap();
+    let stop = AtomicBool::new(false);
+    let listener = |event: &Event| {
+        if matches!(event, Event::Note { text, .. } if text.contains("puts this together")) {
+            stop.store(true, Ordering::SeqCst);
+        }
+    };
+    let options = RunOptions {
+        stop: Some(&stop),
         ..RunOptions::default()
     };
-    lab.run_with(&text, &[], &some).0.unwrap();
-    // The object of one is lost, the record of another is damaged, and one is as if nobody had built it.
-    let keys = chunk_keys(&lab, &text);
-    let store = lab.store();
-    let record = |at: usize| {
-        let key = keys[at].to_string();
-        store.root().join("records").join(&key[..2]).join(key)
-    };
-    std::fs::remove_file(lab.object(&store.record(&keys[7]).unwrap().record().unwrap().artifact)).unwrap();
-    std::fs::write(record(3), "no record").unwrap();
-    std::fs::remove_file(record(11)).unwrap();
-    let planned = plan(&lab.pipeline(&text, &[]), &store, None, &environment()).unwrap();
-    assert_eq!(
-        (planned[0].chunks_built, planned[0].chunks_reused),
-        (11, 29),
-        "by names"
-    );
-    let (outcome, _) = lab.run_text(&text, &[]);
-    assert_eq!(
-        (outcome.stages[0].chunks_built, outcome.stages[0].chunks_reused),
-        (13, 27)
-    );
-    let digests: Vec<_> = outcome.stages.iter().map(|stage| stage.digest).collect();
-    assert_eq!(digests, expected);
-    // Where all have been built before, what will come of them is known.
-    let small = lab.run_text(&text, &["stages.small.count=394"]).0.stages[0].digest;
-    let whole = outcome.lock.stages["small"].key.to_string();
-    std::fs::remove_file(store.root().join("records").join(&whole[..2]).join(&whole)).unwrap();
-    let planned = plan(&lab.pipeline(&text, &[]), &store, None, &environment()).unwrap();
-    assert_eq!((planned[0].chunks_reused, planned[0].digest), (40, expected[0]));
-    assert_ne!(small, expected[0]);
+    let outcome = run(
+        &lab.pipeline(PIPELINE, &[]),
+        &store,
+        &options,
+        &environment(),
+        &listener,
+    )
+    .unwrap();
+    assert!(stop.load(Ordering::SeqCst) && matches!(outcome.failures[0].error, StageError::Stopped(_)));
+    // And one that was stopped before.
+    let outcome = run(&lab.pipeline(PIPELINE, &[]), &store, &options, &environment(), &|_| {}).unwrap();
+    assert!(outcome.stages.is_empty() || matches!(outcome.failures[0].error, StageError::Stopped(_)));
 }
 
 #[test]
 fn one_process_puts_a_stage_together_and_others_wait_for_it() {
-    // With few chunks, of which all sizes are looked up, and with many.
-    for (text, few) in [
-        (PIPELINE.to_owned(), true),
-        (PIPELINE.replace("count: 35", "count: 395"), false),
+    // With few chunks, of which each is looked at, one of them altered or none, and with many.
+    for (text, few, is_altered) in [
+        (PIPELINE.to_owned(), true, false),
+        (PIPELINE.to_owned(), true, true),
+        (PIPELINE.replace("count: 35", "count: 395"), false, false),
     ] {
         let (lab, donor) = (Laboratory::new(), Laboratory::new());
         let expected = donor.run_text(&text, &[]).0;
@@ -300,15 +351,21 @@ fn one_process_puts_a_stage_together_and_others_wait_for_it() {
             give(&keys[1]);
             drop(chunk);
             give(&whole);
+            if is_altered {
+                // What lacks a chunk is not taken.
+                let lost = lab.object(&store.record(&keys[1]).unwrap().record().unwrap().artifact);
+                std::fs::write(lost, "no artifact").unwrap();
+            }
             drop(chosen);
             waiting.join().unwrap()
         });
         let stages = outcome.unwrap().stages;
         let (small, reference) = (&stages[0], &expected.stages[0]);
         assert_eq!((small.outcome, small.digest), (Outcome::Built, reference.digest));
+        let built = 1 + u64::from(is_altered);
         assert_eq!(
             (small.chunks_built, small.chunks_reused),
-            (1, reference.chunks_built - 1)
+            (built, reference.chunks_built - built)
         );
         let digest = reference.digest.unwrap();
         let lengths = store.parts(&digest).unwrap();
@@ -316,7 +373,9 @@ fn one_process_puts_a_stage_together_and_others_wait_for_it() {
             .iter()
             .map(|part| std::fs::metadata(lab.object(part)).unwrap().len());
         let size = lengths.sum::<u64>() + source.record(&whole).unwrap().record().unwrap().size;
-        assert_eq!(small.size == size, few, "many are not looked at one by one");
+        if !is_altered {
+            assert_eq!(small.size == size, few, "many are not looked at one by one");
+        }
     }
 }
 
