@@ -20,6 +20,7 @@ mod printable;
 mod progress;
 mod quantity;
 mod schema;
+mod side_by_side;
 mod stream;
 
 pub use crate::{parameters, variants, words};
@@ -47,4 +48,5 @@ pub use printable::{is_unprintable, printable, printable_json};
 pub use progress::{Progress, Stopped};
 pub use quantity::{Decimal, Dimension, Quantity, QuantityError};
 pub use schema::{Fields, Schema};
+pub use side_by_side::side_by_side;
 pub use stream::Stream;

@@ -54,7 +54,7 @@ pub fn execute(arguments: &CopyArguments, output: &Output) -> Result<Exit, CliEr
 fn copy(store: &Store, target: &Store, artifact: &Artifact) -> Result<Copied, CliError> {
     let bar = Lazy::new("copy", "artifacts");
     let copied = store.copy_to(target, artifact.digest(), &|done, total| bar.set(done, total));
-    bar.finish(if copied.is_ok() { "done" } else { "failed" });
+    bar.finish(copied.is_ok());
     Ok(copied?)
 }
 

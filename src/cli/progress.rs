@@ -57,10 +57,10 @@ impl Lazy {
         }
     }
 
-    /// Ends it.
-    pub fn finish(&self, outcome: &str) {
+    /// Ends it; whether what it showed is done.
+    pub fn finish(&self, is_done: bool) {
         if let Some(bar) = self.bar.get() {
-            bar.finish(outcome);
+            bar.finish(if is_done { "done" } else { "failed" });
         }
     }
 }

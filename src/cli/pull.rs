@@ -48,9 +48,7 @@ pub fn execute(arguments: &PullArguments, output: &Output) -> Result<Exit, CliEr
         })
         .transpose()?;
     let store = Store::open(&arguments.store.folder())?;
-    let remote = upstream::open(upstream::named(arguments.remote.as_deref()).as_deref(), &store)?;
-    let foreign = remote.refresh()?;
-    upstream::complain(&remote, &foreign, output);
+    let (remote, foreign) = upstream::open_fresh(arguments.remote.as_deref(), &store, output)?;
     let remote = std::sync::Arc::new(remote);
     let store = store.with_upstream(remote.clone());
     let mut missing = Vec::new();
@@ -58,7 +56,7 @@ pub fn execute(arguments: &PullArguments, output: &Output) -> Result<Exit, CliEr
     let progress = |done, total| bar.set(done, total);
     let done = match &pipeline {
         _ if arguments.records_only => Ok(Pulled {
-            records: remote.with_known(|known| known.records().count() as u64),
+            records: remote.count_records(),
             ..Pulled::default()
         }),
         None => pull_all(&store, &remote, &progress),
@@ -81,7 +79,7 @@ pub fn execute(arguments: &PullArguments, output: &Output) -> Result<Exit, CliEr
             pull_some(&store, &remote, &artifacts, &progress)
         }
     };
-    bar.finish(if done.is_ok() { "done" } else { "failed" });
+    bar.finish(done.is_ok());
     let pulled = done?;
     upstream::tell(&remote, output);
     if output.is_json() {

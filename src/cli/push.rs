@@ -45,9 +45,7 @@ pub fn execute(arguments: &PushArguments, output: &Output) -> Result<Exit, CliEr
         CliError::bad_input("there is no key of yours to sign records with")
             .help("`deaflow remote key` makes one, and prints the line by which others trust it")
     })?;
-    let remote = upstream::open(upstream::named(arguments.remote.as_deref()).as_deref(), &store)?;
-    let foreign = remote.refresh()?;
-    upstream::complain(&remote, &foreign, output);
+    let (remote, foreign) = upstream::open_fresh(arguments.remote.as_deref(), &store, output)?;
     let remote = Arc::new(remote);
     let roots = pipeline
         .as_ref()
@@ -62,7 +60,7 @@ pub fn execute(arguments: &PushArguments, output: &Output) -> Result<Exit, CliEr
         again: arguments.again,
     };
     let done = push(&all, &|done, total| bar.set(done, total));
-    bar.finish(if done.is_ok() { "done" } else { "failed" });
+    bar.finish(done.is_ok());
     let pushed = done?;
     store.keep_index();
     upstream::tell(&remote, output);

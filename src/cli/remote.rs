@@ -162,7 +162,7 @@ fn list(configuration: &Configuration, output: &Output) -> Result<Exit, CliError
     if output.is_json() {
         output.document(&json!({ "remotes": documents }))?;
     } else if documents.is_empty() {
-        output.text("there is no remote; deaflow remote add NAME s3://BUCKET/PREFIX --key FILE.pub")?;
+        output.text(&format!("there is no remote; {}", upstream::HOW_TO_ADD))?;
     } else {
         output.text(&table.to_string())?;
     }
@@ -227,10 +227,7 @@ fn gc(configuration: &Configuration, arguments: &GcArguments, output: &Output) -
         Some(scratch) => crate::store::Store::open(scratch.path())?,
         None => locate::existing_store(&folder)?,
     };
-    let name = upstream::named(arguments.name.as_deref());
-    let remote = upstream::open(name.as_deref(), &store)?;
-    let foreign = remote.refresh()?;
-    upstream::complain(&remote, &foreign, output);
+    let (remote, _) = upstream::open_fresh(arguments.name.as_deref(), &store, output)?;
     let key = SigningKey::read(&configuration.signing_key())?;
     let retention = Retention {
         grace: arguments.grace,
@@ -240,7 +237,7 @@ fn gc(configuration: &Configuration, arguments: &GcArguments, output: &Output) -
     let done = sweep(&remote, retention, key.as_ref(), arguments.dry_run, &|done, total| {
         bar.set(done, total);
     });
-    bar.finish(if done.is_ok() { "done" } else { "failed" });
+    bar.finish(done.is_ok());
     let swept = done?;
     if output.is_json() {
         output.document(&json!({

@@ -43,7 +43,7 @@ pub fn named(name: Option<&str>) -> Option<String> {
 }
 
 /// Opens a remote by its name, or the only one there is.
-pub fn open(name: Option<&str>, store: &Store) -> Result<Remote, CliError> {
+fn open(name: Option<&str>, store: &Store) -> Result<Remote, CliError> {
     let configuration = Configuration::of_user()?;
     let names = configuration.names()?;
     let name = match (name, names.as_slice()) {
@@ -65,7 +65,16 @@ pub fn open(name: Option<&str>, store: &Store) -> Result<Remote, CliError> {
     Ok(Remote::open(&configured, own.as_ref(), store)?)
 }
 
-const HOW_TO_ADD: &str = "deaflow remote add NAME s3://BUCKET/PREFIX --key FILE.pub";
+/// How a remote is made known.
+pub const HOW_TO_ADD: &str = "deaflow remote add NAME s3://BUCKET/PREFIX --key FILE.pub";
+
+/// Opens a remote that is named here or in the environment, or the only one there is; asks it what there is, and says what does not count.
+pub fn open_fresh(name: Option<&str>, store: &Store, output: &Output) -> Result<(Remote, Foreign), CliError> {
+    let remote = open(named(name).as_deref(), store)?;
+    let foreign = remote.refresh()?;
+    complain(&remote, &foreign, output);
+    Ok((remote, foreign))
+}
 
 /// A store, and the remote that is read through it.
 pub struct Reading {

@@ -9,16 +9,15 @@ use rayon::prelude::*;
 
 use super::event::{Event, Listener};
 use super::kind::{Chunk, Job, StageError};
-use super::planner::{ChunkState, MANY, manifest};
+use super::planner::{ChunkState, MANY, are_listed, manifest, size_of};
 use super::provenance::{Environment, Took};
 use super::reserve::{BLOCKS, Reserve};
 use super::scratch::Scratch;
 use super::spec::StageSpec;
 use super::work::Work;
-use crate::base::{ActionKey, ArtifactId, Progress, Stopped};
+use crate::base::{ActionKey, ArtifactId, Progress, Stopped, side_by_side};
 use crate::store::{
     Action, Artifact, Condition, Effort, Guard, Lookup, Object, Record, Recorded, Store, StoreError, Stored,
-    side_by_side,
 };
 
 /// What building needs beside the stage.
@@ -158,7 +157,7 @@ impl Builder<'_> {
             first: range.start,
             chunks: &chunks[range.clone()],
             states: &states[range.clone()],
-            are_listed: chunks.len() >= MANY && !self.store.reads_through(),
+            are_listed: are_listed(self.store, chunks.len()),
         };
         let mut done: Vec<Option<Done>> = ours.chunks.iter().map(|_| None).collect();
         // A chunk that another is building is put off rather than waited for: a thread of the pool that waited could hold
@@ -183,22 +182,20 @@ impl Builder<'_> {
             true => Turn::Ours(None),
             false => self.turn(spec, key, (work.was_put_together(), chunks.len()), waited)?,
         };
-        let of = |done: Vec<Option<Done>>, whole, turn| {
-            let others = |n: usize| (0..n).map(|_| None);
-            let (before, after) = (others(range.start), others(chunks.len() - range.end));
-            Chunks {
-                done: before.chain(done).chain(after).collect(),
-                whole,
-                _turn: turn,
-            }
-        };
-        Ok(match turn {
+        let (whole, turn) = match turn {
             Turn::Ours(guard) => {
                 self.rest(ours, &mut done, waited)?;
-                of(done, None, guard)
+                (None, guard)
             }
-            Turn::Done(whole) => of(done, Some(*whole), None),
-            Turn::Others => of(done, None, None),
+            Turn::Done(whole) => (Some(*whole), None),
+            Turn::Others => (None, None),
+        };
+        let others = |n: usize| (0..n).map(|_| None);
+        let (before, after) = (others(range.start), others(chunks.len() - range.end));
+        Ok(Chunks {
+            done: before.chain(done).chain(after).collect(),
+            whole,
+            _turn: turn,
         })
     }
 
@@ -263,19 +260,15 @@ impl Builder<'_> {
         if parts.len() != chunks {
             return Ok(None);
         }
-        if chunks >= MANY {
-            return Ok(Some(Whole {
-                record,
-                parts,
-                sizes: None,
-            }));
-        }
-        let sizes: Result<Option<u64>, StageError> = parts.par_iter().map(|part| self.size(part)).sum();
-        Ok(sizes?.map(|sizes| Whole {
-            record,
-            parts,
-            sizes: Some(sizes),
-        }))
+        let sizes = match chunks < MANY {
+            true => {
+                let sizes: Result<Option<u64>, StageError> = parts.par_iter().map(|part| self.size(part)).sum();
+                let Some(sizes) = sizes? else { return Ok(None) };
+                Some(sizes)
+            }
+            false => None,
+        };
+        Ok(Some(Whole { record, parts, sizes }))
     }
 
     /// Length of the file of a chunk, bytes; none where it is not whole.
@@ -283,10 +276,7 @@ impl Builder<'_> {
         if self.is_stopped() {
             return Err(Stopped.into());
         }
-        Ok(match self.store.inspect(part, Effort::Quick)? {
-            Condition::Intact { size } | Condition::Elsewhere { size } => Some(size),
-            _ => None,
-        })
+        Ok(size_of(&self.store.inspect(part, Effort::Quick)?).ok())
     }
 
     /// Finds what others have built, waits for what they are building, and builds what they have left.
@@ -304,7 +294,7 @@ impl Builder<'_> {
                 done[at] = Some(found);
             }
             // A record that names nothing is none.
-            while !open(done).is_empty() && self.pass(ours, None, Some(&Recorded::default()), done)? {}
+            while self.pass(ours, None, Some(&Recorded::default()), done)? {}
         }
         let end = self.patience_ends();
         for at in open(done) {
@@ -362,6 +352,9 @@ impl Builder<'_> {
         let stop = AtomicBool::new(false);
         let left = |done: &[Option<Done>]| done.iter().filter(|done| done.is_none()).count();
         let before = left(done);
+        if before == 0 {
+            return Ok(false);
+        }
         let begin = reserve.map_or(0, Reserve::begin);
         let (head, tail) = done.split_at_mut(begin);
         let places = (begin..chunks.len()).into_par_iter().chain(0..begin);

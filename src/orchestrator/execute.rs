@@ -432,14 +432,12 @@ impl<'a> Execution<'a> {
     /// Looks at a stage whose needs are all there. `waits`: whether it is begun although another process builds it.
     fn begin(&mut self, index: usize, start: SystemTime, waits: bool) -> Result<Begun, StageError> {
         let spec = &self.pipeline.stages[index];
-        let needed = spec.needs.iter().filter_map(|need| self.inputs.get(need).cloned());
-        let inputs: Vec<Input> = needed.collect();
         let status = match self.known_statuses.remove(&index) {
             Some(status) => status,
             None => {
                 let closely = self.read_closely.contains(&index);
                 let effort = if closely { Effort::Thorough } else { Effort::Quick };
-                self.planner.status(index, &inputs, effort)?
+                self.planner.status(index, &self.inputs_of(index), effort)?
             }
         };
         let report = plan::report(spec, &status);
@@ -468,6 +466,12 @@ impl<'a> Execution<'a> {
         }
     }
 
+    /// What is known of the stages that a stage needs.
+    fn inputs_of(&self, index: usize) -> Vec<Input> {
+        let needs = self.pipeline.stages[index].needs.iter();
+        needs.filter_map(|need| self.inputs.get(need).cloned()).collect()
+    }
+
     /// Stages, and those that need them, directly or not.
     fn with_dependants(&self, stages: Vec<usize>) -> BTreeSet<usize> {
         let mut found: BTreeSet<usize> = stages.into_iter().collect();
@@ -490,9 +494,11 @@ impl<'a> Execution<'a> {
             if !self.read_closely.insert(need) {
                 continue;
             }
-            let needed = self.pipeline.stages[need].needs.iter();
-            let inputs: Vec<Input> = needed.filter_map(|need| self.inputs.get(need).cloned()).collect();
-            if self.planner.status(need, &inputs, Effort::Thorough)?.is_stale() {
+            if self
+                .planner
+                .status(need, &self.inputs_of(need), Effort::Thorough)?
+                .is_stale()
+            {
                 lost.push(need);
             }
         }

@@ -131,7 +131,21 @@ impl ChunkState {
 
     /// Whether it is among what has been recorded.
     pub fn is_in(&self, recorded: &Recorded) -> bool {
-        is_in(self.action.as_ref(), recorded)
+        self.action.as_ref().is_some_and(|(_, key)| recorded.contains(key))
+    }
+
+    /// A chunk of whose record only the name is looked at.
+    fn listed(action: Option<(Action, ActionKey)>, recorded: &Recorded) -> Self {
+        let unseen = Self {
+            action,
+            record: None,
+            intact: false,
+            elsewhere: false,
+        };
+        Self {
+            intact: unseen.is_in(recorded),
+            ..unseen
+        }
     }
 
     /// What the chunk is, or will be once it has been built again.
@@ -348,16 +362,22 @@ impl<'a> Planner<'a> {
         let listed = self.listed(&actions)?;
         let states = actions.into_par_iter().with_min_len(FEW);
         states
-            .map(|action| match &listed {
-                Some(listed) if self.by_names || !is_in(action.as_ref(), listed) => Ok(listed_chunk(action, listed)),
-                _ => self.chunk(action, effort),
+            .map(|action| {
+                let Some(listed) = &listed else {
+                    return self.chunk(action, effort);
+                };
+                let state = ChunkState::listed(action, listed);
+                match state.is_listed() && !self.by_names {
+                    true => self.chunk(state.action, effort),
+                    false => Ok(state),
+                }
             })
             .collect()
     }
 
     /// The records in the store, where a stage has very many chunks.
     fn listed(&self, actions: &[Option<(Action, ActionKey)>]) -> Result<Option<Recorded>, StoreError> {
-        let is_worth_it = actions.len() >= MANY && !self.store.reads_through() && actions.iter().any(Option::is_some);
+        let is_worth_it = are_listed(self.store, actions.len()) && actions.iter().any(Option::is_some);
         is_worth_it.then(|| self.store.recorded()).transpose()
     }
 
@@ -372,21 +392,13 @@ impl<'a> Planner<'a> {
     }
 }
 
-fn is_in(action: Option<&(Action, ActionKey)>, recorded: &Recorded) -> bool {
-    action.is_some_and(|(_, key)| recorded.contains(key))
-}
-
-fn listed_chunk(action: Option<(Action, ActionKey)>, listed: &Recorded) -> ChunkState {
-    ChunkState {
-        intact: is_in(action.as_ref(), listed),
-        action,
-        record: None,
-        elsewhere: false,
-    }
+/// Whether names of records are looked at where a stage has so many chunks.
+pub fn are_listed(store: &Store, chunks: usize) -> bool {
+    chunks >= MANY && !store.reads_through()
 }
 
 /// Length of an intact file in bytes, or why there is none.
-fn size_of(condition: &Condition) -> Result<u64, Staleness> {
+pub fn size_of(condition: &Condition) -> Result<u64, Staleness> {
     match (condition, Staleness::of_artifact(condition)) {
         (_, Some(why)) => Err(why),
         (Condition::Intact { size } | Condition::Elsewhere { size }, None) => Ok(*size),

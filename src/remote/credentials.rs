@@ -115,7 +115,7 @@ fn of_file() -> Option<Credentials> {
 }
 
 /// The region that the user's file gives.
-pub fn region_of_file() -> Option<String> {
+fn region_of_file() -> Option<String> {
     section_of("AWS_CONFIG_FILE", "config", &profile_sections())?.remove("region")
 }
 

@@ -60,7 +60,7 @@ pub fn pull_some(
         artifacts: brought.artifacts - before.artifacts,
         bytes: brought.bytes - before.bytes,
         artifacts_here: here,
-        records: remote.with_known(|known| known.records().count() as u64),
+        records: remote.count_records(),
         left,
     })
 }

@@ -9,8 +9,8 @@ use super::error::RemoteError;
 use super::key::SigningKey;
 use super::pack::{self, MOST_RECORDS, Statement};
 use super::upstream::{OBJECTS, Remote, object_name, object_of};
-use crate::base::ArtifactId;
-use crate::store::{Holding, Store, side_by_side};
+use crate::base::{ArtifactId, side_by_side};
+use crate::store::{Holding, Store};
 
 /// What to push.
 pub struct Push<'a> {
@@ -46,11 +46,6 @@ pub struct Pushed {
 }
 
 impl Push<'_> {
-    /// What is sent: artifacts with their records, chunks before manifests.
-    fn held(&self) -> Result<Vec<Holding>, RemoteError> {
-        Ok(self.store.holdings(self.roots.as_deref())?)
-    }
-
     /// Sends the file of an artifact, every byte of which is compared with its header before; why not, where it is damaged.
     fn send(&self, digest: &ArtifactId) -> Result<Result<u64, String>, RemoteError> {
         let (path, file, size) = match self.store.file_of(digest) {
@@ -75,7 +70,7 @@ impl Push<'_> {
 /// When the remote cannot be reached or refuses, or the store cannot be read.
 pub fn push(push: &Push<'_>, progress: &(dyn Fn(u64, u64) + Sync)) -> Result<Pushed, RemoteError> {
     let remote = push.remote;
-    let held = push.held()?;
+    let held = push.store.holdings(push.roots.as_deref())?;
     remote.mark()?;
     let signer = push.key.public();
     let there = if push.again { HashSet::new() } else { objects(remote)? };

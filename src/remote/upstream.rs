@@ -13,8 +13,8 @@ use super::key::{PublicKey, SigningKey};
 use super::known::{Disagreement, Foreign, Known};
 use super::pack::{self, NoPack, RECORDS, Statement};
 use super::s3::S3;
-use crate::base::{ActionKey, ArtifactId, Digest, read_own, write_output};
-use crate::store::{Promise, Record, Store, StoreError, Upstream, side_by_side};
+use crate::base::{ActionKey, ArtifactId, Digest, read_own, side_by_side, write_output};
+use crate::store::{Promise, Record, Store, StoreError, Upstream};
 
 /// The marker, and what it says.
 pub const MARKER: &str = "format";
@@ -45,7 +45,7 @@ pub fn object_of(name: &str) -> Option<ArtifactId> {
 }
 
 /// What became of a file of records.
-enum Said {
+enum Pack {
     Statements(Vec<Statement>),
     /// It has gone.
     Nothing,
@@ -189,9 +189,9 @@ impl Remote {
             read.sort_unstable_by_key(|(pack, _)| *pack);
             for ((signer, digest), said) in read {
                 match said {
-                    Said::Statements(statements) => statements.into_iter().for_each(|said| known.add(signer, said)),
-                    Said::Nothing => {}
-                    Said::Rejected(why) => foreign.rejected.push((pack::name(&signer, &digest), why)),
+                    Pack::Statements(statements) => statements.into_iter().for_each(|said| known.add(signer, said)),
+                    Pack::Nothing => {}
+                    Pack::Rejected(why) => foreign.rejected.push((pack::name(&signer, &digest), why)),
                 }
             }
         }
@@ -275,24 +275,24 @@ impl Remote {
     }
 
     /// What a pack says, asked for unless it has been read before.
-    fn read(&self, (signer, digest): &(PublicKey, Digest)) -> Result<Said, RemoteError> {
+    fn read(&self, (signer, digest): &(PublicKey, Digest)) -> Result<Pack, RemoteError> {
         let kept = self.read_kept(signer, digest);
         if let Some(Ok(statements)) = kept.map(|file| pack::read(&file, signer, digest)) {
-            return Ok(Said::Statements(statements));
+            return Ok(Pack::Statements(statements));
         }
         let Some(file) = self.bucket.get(&pack::name(signer, digest), pack::LONGEST)? else {
             // It has been removed meanwhile.
-            return Ok(Said::Nothing);
+            return Ok(Pack::Nothing);
         };
         Ok(match pack::read(&file, signer, digest) {
             Ok(statements) => {
                 self.keep(signer, digest, &file);
-                Said::Statements(statements)
+                Pack::Statements(statements)
             }
-            Err(NoPack::Altered) => Said::Rejected("its bytes are not those that were written"),
-            Err(NoPack::Unsigned) => Said::Rejected("it is not signed by the key under which it stands"),
+            Err(NoPack::Altered) => Pack::Rejected("its bytes are not those that were written"),
+            Err(NoPack::Unsigned) => Pack::Rejected("it is not signed by the key under which it stands"),
             Err(NoPack::Unreadable | NoPack::OtherVersion) => {
-                Said::Rejected("it does not hold records that this program can read")
+                Pack::Rejected("it does not hold records that this program can read")
             }
         })
     }
@@ -335,6 +335,12 @@ impl Remote {
     /// Looks at what is known.
     pub fn with_known<T>(&self, look: impl FnOnce(&Known) -> T) -> T {
         look(&self.known.read().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// How many records are known.
+    #[must_use]
+    pub fn count_records(&self) -> u64 {
+        self.with_known(|known| known.records().count() as u64)
     }
 
     /// What trusted signers disagree on.

@@ -76,6 +76,21 @@ impl Artifact {
         })))
     }
 
+    /// Reads a file whole and digests what stands in it anew, trusting nothing that this process has seen before.
+    ///
+    /// # Errors
+    /// When it is not the artifact that it should be.
+    pub(super) fn read_anew(path: &Path, digest: &ArtifactId) -> Result<(Self, Object), StoreError> {
+        let artifact = Self::load(Access::Guarded, path.to_owned(), *digest, Arc::default())?;
+        let object = artifact.object()?;
+        let found = object.digest()?;
+        if found != *digest {
+            let reason = format!("its content has the digest {}", found.short());
+            return Err(StoreError::damaged(path, reason));
+        }
+        Ok((artifact, object))
+    }
+
     /// Its digest.
     #[must_use]
     pub fn digest(&self) -> ArtifactId {

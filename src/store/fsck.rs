@@ -5,7 +5,6 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use super::artifact::Artifact;
 use super::checkpoint;
@@ -14,7 +13,6 @@ use super::error::StoreError;
 use super::history;
 use super::links::links;
 use super::open::Store;
-use super::read::Access;
 use super::record::{self, Lookup};
 use crate::base::{ArtifactId, FileDigest};
 
@@ -198,7 +196,7 @@ impl Store {
         };
         report.objects += 1;
         report.bytes += fs::symlink_metadata(path).map_err(StoreError::io("read", path))?.len();
-        match redigest(path, &digest) {
+        match self::sound(path, &digest) {
             Ok(object) => {
                 sound.insert(digest, object);
             }
@@ -289,15 +287,8 @@ impl Store {
     }
 }
 
-/// Reads an artifact whole and digests its content anew, trusting nothing that this process has seen before.
-fn redigest(path: &Path, digest: &ArtifactId) -> Result<Sound, StoreError> {
-    let artifact = Artifact::load(Access::Guarded, path.to_owned(), *digest, Arc::default())?;
-    let object = artifact.object()?;
-    let found = object.digest()?;
-    if found != *digest {
-        let reason = format!("its content has the digest {}", found.short());
-        return Err(StoreError::damaged(path, reason));
-    }
+fn sound(path: &Path, digest: &ArtifactId) -> Result<Sound, StoreError> {
+    let (artifact, object) = Artifact::read_anew(path, digest)?;
     Ok(Sound {
         file: Some(artifact.file_digest()?),
         kind: Some(object.kind),

@@ -3,12 +3,12 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
-use super::entries::files;
 use super::error::StoreError;
 use super::header::Header;
 use super::inspect::{Condition, Effort};
 use super::open::Store;
-use super::record::{self, Lookup, Record};
+use super::reach::{Known, Records};
+use super::record::Record;
 use crate::base::{ArtifactId, FileDigest};
 
 /// An artifact that is here.
@@ -30,18 +30,11 @@ impl Store {
     /// When one of `roots` is missing, or the system refuses.
     pub fn holdings(&self, roots: Option<&[ArtifactId]>) -> Result<Vec<Holding>, StoreError> {
         let mut records: BTreeMap<ArtifactId, Vec<Record>> = BTreeMap::new();
-        for path in files(&self.layout.records())? {
-            let Some(key) = self.layout.action_at(&path) else {
-                continue;
-            };
-            if let Lookup::Found(record, _) = record::read(&path, &key)? {
-                records.entry(record.artifact).or_default().push(*record);
-            }
-        }
+        self.each_record(|record| records.entry(record.artifact).or_default().push(record))?;
         let wanted: BTreeSet<ArtifactId> = match roots {
             None => records.keys().copied().collect(),
             Some(roots) => {
-                let (reached, missing) = self.reach(roots.to_vec(), &self.known_records()?)?;
+                let (reached, missing) = self.reach(roots.to_vec(), &known(&records))?;
                 // What something was made from may be elsewhere.
                 if let Some(missing) = missing.iter().find(|missing| roots.contains(missing)) {
                     let path = self.layout.object(missing);
@@ -89,4 +82,9 @@ impl Store {
         let Header { file, size, .. } = self.verified.verify(&path, artifact)?;
         Ok((path, file, size))
     }
+}
+
+fn known(records: &BTreeMap<ArtifactId, Vec<Record>>) -> Records {
+    let known = |of: &Vec<Record>| of.iter().cloned().map(Known::of).collect();
+    records.iter().map(|(artifact, of)| (*artifact, known(of))).collect()
 }

@@ -92,7 +92,7 @@ pub use recorded::Recorded;
 pub use row_file::RowFile;
 pub use standalone::write_standalone;
 pub use totals::Totals;
-pub use upstream::{Promise, Upstream, side_by_side};
+pub use upstream::{Promise, Upstream};
 
 #[cfg(test)]
 mod fuzz;

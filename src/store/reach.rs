@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::entries::files;
 use super::error::StoreError;
 use super::open::Store;
-use super::record::{self, Lookup};
+use super::record::{self, Lookup, Record};
 use crate::base::{ActionKey, ArtifactId};
 
 /// A record, as far as it matters here.
@@ -16,6 +16,17 @@ pub struct Known {
     pub kind: String,
     /// What the action read.
     inputs: Vec<ArtifactId>,
+}
+
+impl Known {
+    /// What matters here of a record.
+    pub fn of(record: Record) -> Self {
+        Self {
+            key: record.key,
+            kind: record.action.kind,
+            inputs: record.action.inputs,
+        }
+    }
 }
 
 /// Records by what they made.
@@ -58,18 +69,20 @@ impl Store {
     /// The records that can be read; damaged ones hold nothing.
     pub(super) fn known_records(&self) -> Result<Records, StoreError> {
         let mut known = Records::new();
+        self.each_record(|record| known.entry(record.artifact).or_default().push(Known::of(record)))?;
+        Ok(known)
+    }
+
+    /// Reads the records, one after another; damaged ones are passed over.
+    pub(super) fn each_record(&self, mut take: impl FnMut(Record)) -> Result<(), StoreError> {
         for path in files(&self.layout.records())? {
             let Some(key) = self.layout.action_at(&path) else {
                 continue;
             };
             if let Lookup::Found(record, _) = record::read(&path, &key)? {
-                known.entry(record.artifact).or_default().push(Known {
-                    key,
-                    kind: record.action.kind,
-                    inputs: record.action.inputs,
-                });
+                take(*record);
             }
         }
-        Ok(known)
+        Ok(())
     }
 }

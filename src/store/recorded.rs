@@ -44,9 +44,7 @@ impl Store {
         keys.par_sort_unstable();
         Ok(Recorded(keys))
     }
-}
 
-impl Store {
     /// Whether the file of what a record says is here and as long as it was written: what stands in it is verified when it is read.
     #[must_use]
     pub fn has_made(&self, record: &Record) -> bool {

@@ -7,7 +7,6 @@
 use std::collections::HashSet;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::SystemTime;
 
@@ -18,15 +17,11 @@ use super::inspect::{Condition, Effort};
 use super::layout::{ORIGINS, REMOTES};
 use super::open::Store;
 use super::provenance::Provenance;
-use super::read::Access;
 use super::record::{Lookup, Record};
-use crate::base::{ActionKey, ArtifactId, Digest, encode, read_own};
+use crate::base::{ActionKey, ArtifactId, Digest, encode, read_own, side_by_side};
 
 /// What says who has said what a record says is shorter, bytes.
 const MAX_ORIGIN: u64 = 1 << 12;
-
-/// Files that are brought at once: their time goes by on the way and not here.
-const AT_ONCE: usize = 8;
 
 /// What another store is known to have.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -292,13 +287,7 @@ impl Store {
 
     /// Writes anew what stands in a file of another store, if it is the artifact that it should be; says whether all its chunks are here.
     fn take_in(&self, path: &Path, digest: &ArtifactId) -> Result<bool, StoreError> {
-        let artifact = Artifact::load(Access::Guarded, path.to_owned(), *digest, Arc::default())?;
-        let object = artifact.object()?;
-        let found = object.digest()?;
-        if found != *digest {
-            let reason = format!("its content has the digest {}", found.short());
-            return Err(StoreError::damaged(path, reason));
-        }
+        let (artifact, object) = Artifact::read_anew(path, digest)?;
         if !self.fetch_all(&object.parts, &|| ())?.is_empty() {
             return Ok(false);
         }
@@ -324,46 +313,4 @@ impl Store {
             .next()
             .map_or_else(Provenance::default, |(record, _)| Provenance::of_record(&record)))
     }
-}
-
-/// Does something with each of many, several at once, until one fails; gives what was found, in no order.
-///
-/// # Errors
-/// The first that is met.
-pub fn side_by_side<T: Sync, F: Send, E: Send>(
-    items: &[T],
-    work: impl Fn(&T) -> Result<Option<F>, E> + Sync,
-) -> Result<Vec<F>, E> {
-    let next = AtomicUsize::new(0);
-    let failed = AtomicBool::new(false);
-    let found = Mutex::new(Ok(Vec::new()));
-    let one = || {
-        while !failed.load(Ordering::Relaxed) {
-            let Some(item) = items.get(next.fetch_add(1, Ordering::Relaxed)) else {
-                break;
-            };
-            let done = work(item);
-            // What is pushed is pushed in one step: a panic elsewhere leaves a list that is right.
-            let mut found = found.lock().unwrap_or_else(PoisonError::into_inner);
-            match (done, &mut *found) {
-                (Ok(Some(one)), Ok(all)) => all.push(one),
-                (Err(error), Ok(_)) => {
-                    failed.store(true, Ordering::Relaxed);
-                    *found = Err(error);
-                }
-                _ => {}
-            }
-        }
-    };
-    let threads = items.len().min(AT_ONCE);
-    std::thread::scope(|scope| {
-        // Where the system gives no more threads, fewer do.
-        for _ in 1..threads {
-            if std::thread::Builder::new().spawn_scoped(scope, one).is_err() {
-                break;
-            }
-        }
-        one();
-    });
-    found.into_inner().unwrap_or_else(PoisonError::into_inner)
 }

@@ -122,6 +122,15 @@ fn document(workspace: &Workspace, who: &str, arguments: &[&str], code: i32) -> 
     ended.json()
 }
 
+/// What a command on `small.yaml` says that reads a store through the remote.
+fn through(workspace: &Workspace, who: &str, (command, store): (&str, &str), more: &[&str]) -> serde_json::Value {
+    let arguments = [command, "small.yaml", "--remote", "lab", "--store", store];
+    document(workspace, who, &[&arguments[..], more].concat(), 0)
+}
+
+/// Something that changes one stage, for which what it needs has to be read.
+const CHANGE: [&str; 2] = ["--set", "stages.balanced.seed=77"];
+
 /// Somebody makes a key.
 fn key(workspace: &Workspace, who: &str) {
     let made = run(workspace, who, &["remote", "key"]);
@@ -168,12 +177,7 @@ fn what_one_machine_has_built_others_take() {
     let pulled = document(&workspace, "ben", &["pull", "--records-only", "--store", "b"], 0);
     assert!(pulled["records"].as_u64() > Some(3));
     assert!(files(&workspace.path("b/objects")).is_empty());
-    let ran = document(
-        &workspace,
-        "ben",
-        &["run", "small.yaml", "--remote", "lab", "--store", "b"],
-        0,
-    );
+    let ran = through(&workspace, "ben", ("run", "b"), &[]);
     assert_eq!(stages_of(&ran).digests(), built.digests());
     assert_eq!(stages_of(&ran).with("reused"), built.names());
     assert_eq!(
@@ -181,22 +185,15 @@ fn what_one_machine_has_built_others_take() {
         (&0.into(), 4)
     );
     assert!(files(&workspace.path("b/objects")).is_empty());
-    let plan = document(
-        &workspace,
-        "ben",
-        &["plan", "small.yaml", "--remote", "lab", "--store", "b"],
-        0,
-    );
+    let plan = through(&workspace, "ben", ("plan", "b"), &[]);
     assert_eq!(stages_of(&plan).with("reused").len(), 4);
 
     // What changes is built from what is brought for it, and no more.
-    let set = ["--set", "stages.balanced.seed=77"];
-    let changed = [&["run", "small.yaml", "--remote", "lab", "--store", "b"][..], &set].concat();
-    let ran = document(&workspace, "ben", &changed, 0);
+    let ran = through(&workspace, "ben", ("run", "b"), &CHANGE);
     assert_eq!(stages_of(&ran).with("built"), ["balanced"]);
     assert!(ran["remote"]["artifacts"].as_u64() > Some(1));
     assert_eq!(ran["elsewhere"], serde_json::json!(["small", "large"]));
-    let alone = workspace.stages(&[&["run", "small.yaml", "--store", "a"][..], &set].concat());
+    let alone = workspace.stages(&[&["run", "small.yaml", "--store", "a"][..], &CHANGE].concat());
     assert_eq!(stages_of(&ran).digests(), alone.digests());
 
     // All of one pipeline; after it nothing is asked for.
@@ -211,12 +208,7 @@ fn what_one_machine_has_built_others_take() {
     assert_eq!(checked.code, Some(0), "{}", checked.stdout);
 
     // A worker reads through it too.
-    let worked = document(
-        &workspace,
-        "ben",
-        &["worker", "small.yaml", "--remote", "lab", "--store", "w"],
-        0,
-    );
+    let worked = through(&workspace, "ben", ("worker", "w"), &[]);
     assert_eq!(stages_of(&worked).with("reused").len(), 4);
 }
 
@@ -264,24 +256,9 @@ fn whoever_may_write_in_the_bucket_may_not_change_what_is_believed() {
     let checked = run(&workspace, "ben", &["fsck", "--store", "b"]);
     assert_eq!(checked.code, Some(0), "{}", checked.stdout);
     // What cannot be had is built.
-    let ran = document(
-        &workspace,
-        "ben",
-        &["run", "small.yaml", "--remote", "lab", "--store", "c"],
-        0,
-    );
+    let ran = through(&workspace, "ben", ("run", "c"), &[]);
     assert_eq!(stages_of(&ran).digests(), built.digests());
-    let changed = [
-        "run",
-        "small.yaml",
-        "--remote",
-        "lab",
-        "--store",
-        "c",
-        "--set",
-        "stages.balanced.seed=77",
-    ];
-    let ran = document(&workspace, "ben", &changed, 0);
+    let ran = through(&workspace, "ben", ("run", "c"), &CHANGE);
     assert_eq!(stages_of(&ran).with("built"), ["solved", "balanced"]);
     assert_eq!(&stages_of(&ran).digests()["solved"], digest);
     // Sent again, it is mended.
@@ -312,17 +289,7 @@ fn without_the_network_what_was_read_before_is_known() {
     assert_eq!(stages_of(&ran.json()).digests(), built.digests());
     assert!(ran.stderr.contains("going on without it"), "{}", ran.stderr);
     // What has to be read is built.
-    let changed = [
-        "run",
-        "small.yaml",
-        "--remote",
-        "lab",
-        "--store",
-        "b",
-        "--set",
-        "stages.balanced.seed=77",
-    ];
-    let ran = document(&workspace, "ben", &changed, 0);
+    let ran = through(&workspace, "ben", ("run", "b"), &CHANGE);
     assert!(stages_of(&ran).with("built").contains(&"balanced"));
     for arguments in [&["push", "--store", "a"], &["pull", "--store", "c"]] {
         let ended = run(&workspace, "anna", arguments);

@@ -4,7 +4,6 @@ use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use super::*;
-use crate::base::ActionKey;
 use crate::store::Action;
 
 #[test]
@@ -23,8 +22,7 @@ fn two_runs_at_once_share_the_work() {
 
 #[test]
 fn two_runs_share_the_work_by_claims_and_blocks_of_chunks() {
-    let lab = Laboratory::new();
-    std::fs::create_dir(lab.store().root().join("locks/processes")).unwrap();
+    let lab = Laboratory::by_claims();
     two_share_the_work(&lab);
 }
 
@@ -220,10 +218,10 @@ fn records_of_many_chunks_are_listed_and_opened_when_the_stage_is_put_together()
         .map(|s| s.digest)
         .collect();
     for by_claims in [false, true] {
-        let lab = Laboratory::new();
-        if by_claims {
-            std::fs::create_dir(lab.store().root().join("locks/processes")).unwrap();
-        }
+        let lab = match by_claims {
+            true => Laboratory::by_claims(),
+            false => Laboratory::new(),
+        };
         let some = |chunks| RunOptions {
             until: Some("small"),
             chunks: Some(chunks),
@@ -233,10 +231,7 @@ fn records_of_many_chunks_are_listed_and_opened_when_the_stage_is_put_together()
         // The object of one is lost, the record of another is damaged, and one is as if nobody had built it.
         let keys = chunk_keys(&lab, &text);
         let store = lab.store();
-        let record = |at: usize| {
-            let key = keys[at].to_string();
-            store.root().join("records").join(&key[..2]).join(key)
-        };
+        let record = |at: usize| lab.record_file(&keys[at]);
         std::fs::remove_file(lab.object(&store.record(&keys[7]).unwrap().record().unwrap().artifact)).unwrap();
         std::fs::write(record(3), "no record").unwrap();
         std::fs::remove_file(record(11)).unwrap();
@@ -254,8 +249,7 @@ fn records_of_many_chunks_are_listed_and_opened_when_the_stage_is_put_together()
         let digests: Vec<_> = outcome.stages.iter().map(|stage| stage.digest).collect();
         assert_eq!(digests, expected);
         // Where all have been built before, what will come of them is known.
-        let whole = outcome.lock.stages["small"].key.to_string();
-        std::fs::remove_file(store.root().join("records").join(&whole[..2]).join(&whole)).unwrap();
+        std::fs::remove_file(lab.record_file(&outcome.lock.stages["small"].key)).unwrap();
         let planned = plan(&lab.pipeline(&text, &[]), &store, None, &environment()).unwrap();
         assert_eq!((planned[0].chunks_reused, planned[0].digest), (40, expected[0]));
         let (outcome, _) = lab.run_text(&text, &[]);
@@ -269,8 +263,7 @@ fn records_of_many_chunks_are_listed_and_opened_when_the_stage_is_put_together()
 
 #[test]
 fn a_run_that_is_stopped_neither_waits_for_its_turn_nor_reads_what_others_built() {
-    let lab = Laboratory::new();
-    std::fs::create_dir(lab.store().root().join("locks/processes")).unwrap();
+    let lab = Laboratory::by_claims();
     let store = lab.store();
     let keys = chunk_keys(&lab, PIPELINE);
     let _chunk = store.try_lock_action(&keys[1]).unwrap().unwrap();
@@ -308,12 +301,9 @@ fn one_process_puts_a_stage_together_and_others_wait_for_it() {
         (PIPELINE.to_owned(), true, true),
         (PIPELINE.replace("count: 35", "count: 395"), false, false),
     ] {
-        let (lab, donor) = (Laboratory::new(), Laboratory::new());
+        let (lab, donor) = (Laboratory::by_claims(), Laboratory::new());
         let expected = donor.run_text(&text, &[]).0;
         let source = donor.store();
-        let store = lab.store();
-        std::fs::create_dir(store.root().join("locks/processes")).unwrap();
-        drop(store);
         let store = lab.store();
         let keys = chunk_keys(&lab, &text);
         let whole = expected.lock.stages["small"].key;
@@ -335,14 +325,7 @@ fn one_process_puts_a_stage_together_and_others_wait_for_it() {
         let (outcome, _) = lab.run_with(&text, &[], &RunOptions { patience, ..options });
         assert_eq!(outcome.unwrap().stages[0].outcome, Outcome::Left);
         let last = keys.last().unwrap();
-        std::fs::remove_file(
-            store
-                .root()
-                .join("records")
-                .join(&last.to_string()[..2])
-                .join(last.to_string()),
-        )
-        .unwrap();
+        std::fs::remove_file(lab.record_file(last)).unwrap();
         let (outcome, _) = std::thread::scope(|scope| {
             let waiting = scope.spawn(|| lab.run_with(&text, &[], &options));
             while !store.recorded().unwrap().contains(last) {
@@ -381,8 +364,7 @@ fn one_process_puts_a_stage_together_and_others_wait_for_it() {
 
 #[test]
 fn who_was_chosen_and_is_gone_is_replaced() {
-    let lab = Laboratory::new();
-    std::fs::create_dir(lab.store().root().join("locks/processes")).unwrap();
+    let lab = Laboratory::by_claims();
     let store = lab.store();
     let keys = chunk_keys(&lab, PIPELINE);
     let chunk = store.try_lock_action(&keys[1]).unwrap().unwrap();

@@ -5,7 +5,6 @@ use std::fs;
 use std::sync::Arc;
 
 use super::*;
-use crate::base::ActionKey;
 use crate::store::{Promise, Record, StoreError, Upstream};
 
 /// The store of another laboratory, which no longer has all that it says.

@@ -17,7 +17,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use tempfile::TempDir;
 
 use super::*;
-use crate::base::{ArtifactId, Canonical, Document, Fields, InputError, Node, Override, Schema};
+use crate::base::{ActionKey, ArtifactId, Canonical, Document, Fields, InputError, Node, Override, Schema};
 use crate::store::{Artifact, Data, Dataset, Object, Store};
 
 /// Samples in a chunk of the toy kinds.
@@ -281,6 +281,13 @@ impl Laboratory {
         Self::with_recipe(tempfile::tempdir().unwrap(), 1)
     }
 
+    /// One whose store is shared by claims.
+    fn by_claims() -> Self {
+        let lab = Self::new();
+        std::fs::create_dir(lab.store().root().join("locks/processes")).unwrap();
+        lab
+    }
+
     fn with_recipe(folder: TempDir, recipe: u32) -> Self {
         // Kinds live as long as the program; so must those of a test.
         let count: &'static Count = Box::leak(Box::new(Count {
@@ -349,6 +356,11 @@ impl Laboratory {
     fn digests(&self, sets: &[&str]) -> Vec<Option<ArtifactId>> {
         let (outcome, _) = self.run_text(PIPELINE, sets);
         outcome.stages.iter().map(|stage| stage.digest).collect()
+    }
+
+    fn record_file(&self, key: &ActionKey) -> PathBuf {
+        let name = key.to_string();
+        self.store().root().join("records").join(&name[..2]).join(name)
     }
 
     fn object(&self, digest: &ArtifactId) -> PathBuf {
