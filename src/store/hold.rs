@@ -95,7 +95,8 @@ impl Hold {
 
     fn unseen(layout: &Layout, choice: Choice) -> Self {
         Self {
-            workbench: Workbench::new(&layout.temporary(), None),
+            // Locks are trusted on disks of this machine alone.
+            workbench: Workbench::new(&layout.temporary(), None, choice.manner == Manner::Locks),
             claims: None,
             _alone: None,
             _run: None,
@@ -112,7 +113,7 @@ impl Hold {
         let claims = Claims::new(&layout.claims(), presence.clone())?;
         clear_of_dead(layout, &presence, &claims)?;
         Ok(Self {
-            workbench: Workbench::new(&layout.temporary(), Some(presence.name())),
+            workbench: Workbench::new(&layout.temporary(), Some(presence.name()), false),
             claims: Some(claims),
             _alone: alone,
             _run: None,

@@ -88,6 +88,7 @@ pub fn machine_time() -> Time {
 
 #[cfg(test)]
 mod tests {
+    use super::super::locking::file_system;
     use super::*;
 
     fn changed(changed: Time) -> Stamp {
@@ -96,6 +97,20 @@ mod tests {
             modified: changed,
             changed,
             inode: 1,
+        }
+    }
+
+    #[test]
+    fn files_on_a_disk_have_the_time_of_this_machine() {
+        let folder = tempfile::tempdir().unwrap();
+        if !file_system(folder.path()).1 {
+            return;
+        }
+        for _ in 0..50 {
+            let (before, stamped) = (machine_time(), file_system_time(folder.path()).unwrap());
+            // Stamps are of a clock that ticks, or of one that does not.
+            assert!(nanoseconds_between(before, stamped) >= -TICK, "{before:?} {stamped:?}");
+            assert!(nanoseconds_between(stamped, machine_time()) >= 0);
         }
     }
 

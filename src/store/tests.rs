@@ -77,6 +77,29 @@ fn an_object_comes_back_as_it_was_put() {
 }
 
 #[test]
+fn what_is_only_looked_at_leaves_no_trace_where_the_disk_is_this_machines() {
+    let (folder, store) = store();
+    if !super::locking::file_system(folder.path()).1 {
+        return;
+    }
+    let digest = put(&store, &chunk(0, 3));
+    store.keep_index();
+    drop(store);
+    let root = folder.path().join("store");
+    let changed = |name: &str| fs::metadata(root.join(name)).unwrap().modified().unwrap();
+    let names = ["", "tmp", "objects", "records", "index"];
+    let before = names.map(changed);
+    std::thread::sleep(std::time::Duration::from_millis(30));
+    let store = Store::open(&root).unwrap();
+    let found = store.inspect(&digest, Effort::Quick).unwrap();
+    assert!(matches!(found, Condition::Intact { .. }), "{found:?}");
+    assert!(store.now() > std::time::UNIX_EPOCH);
+    store.keep_index();
+    drop(store);
+    assert_eq!(names.map(changed), before);
+}
+
+#[test]
 fn a_manifest_reads_as_its_chunks_laid_end_to_end() {
     let (_folder, store) = store();
     let parts: Vec<ArtifactId> = [chunk(0, 2), chunk(50, 0), chunk(4, 1)]

@@ -9,7 +9,7 @@ use tempfile::{Builder, NamedTempFile, TempDir};
 
 use super::entries::TEMPORARY;
 use super::late;
-use super::stamp::{Time, file_system_time};
+use super::stamp::{Time, file_system_time, machine_time};
 use crate::base::aside;
 
 /// The folder of a process, made when it is first needed and removed when this is dropped.
@@ -17,15 +17,18 @@ pub struct Workbench {
     folder: PathBuf,
     /// Six letters or digits that name the process, where it has a name.
     name: Option<String>,
+    /// Whether it is on a disk of this machine.
+    is_local: bool,
     own: Mutex<Option<TempDir>>,
 }
 
 impl Workbench {
-    /// In the folder `tmp` of a store.
-    pub fn new(folder: &Path, name: Option<&str>) -> Self {
+    /// In the folder `tmp` of a store, which may be on a disk of this machine.
+    pub fn new(folder: &Path, name: Option<&str>, is_local: bool) -> Self {
         Self {
             folder: folder.to_owned(),
             name: name.map(str::to_owned),
+            is_local,
             own: Mutex::default(),
         }
     }
@@ -65,9 +68,12 @@ impl Workbench {
         aside(&self.folder()?)
     }
 
-    /// The time by the clock of the file system, which need not be this machine's.
+    /// The time by the clock of the file system, which is this machine's where the disk is: nothing is written to know it then.
     pub fn time(&self) -> Option<Time> {
-        file_system_time(&self.folder().ok()?)
+        match self.is_local {
+            true => Some(machine_time()),
+            false => file_system_time(&self.folder().ok()?),
+        }
     }
 }
 
