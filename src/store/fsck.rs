@@ -160,7 +160,7 @@ impl Store {
             }
             // A manifest that goes leaves a record behind that promises it.
             gone.extend(self.layout.artifact_at(&path));
-            if open.is_empty() {
+            if open.is_empty() && !gone.is_empty() {
                 open = self.records_of(&std::mem::take(&mut gone))?;
             }
         }
@@ -170,17 +170,11 @@ impl Store {
     /// Files of the records that name one of some artifacts.
     fn records_of(&self, artifacts: &BTreeSet<ArtifactId>) -> Result<Vec<PathBuf>, StoreError> {
         let mut found = Vec::new();
-        for path in files(&self.layout.records())? {
-            let name = path.file_name().and_then(|name| name.to_str());
-            let Some(key) = name.and_then(|name| name.parse().ok()) else {
-                continue;
-            };
-            if let Lookup::Found(record, _) = record::read(&path, &key)?
-                && artifacts.contains(&record.artifact)
-            {
-                found.push(path);
+        self.each_record(|record| {
+            if artifacts.contains(&record.artifact) {
+                found.push(self.layout.record(&record.key));
             }
-        }
+        })?;
         Ok(found)
     }
 
