@@ -8,7 +8,7 @@ use std::time::Instant;
 use deaflow::base::Stream;
 use deaflow::fem::{MembraneSolver, SolveOptions};
 use deaflow::field::{Field, Mesh, Order, Simulator};
-use deaflow::pattern::Pattern;
+use deaflow::pattern::{Pattern, Raster};
 use deaflow::scene::Scene;
 
 /// Patterns with features from half the membrane down to single cells.
@@ -16,7 +16,7 @@ fn patterns() -> Vec<(&'static str, Vec<Pattern>)> {
     let grid = |units: usize, seed: u64| {
         let mut stream = Stream::new(seed, "accuracy", units as u64);
         let on: Vec<bool> = (0..units * units).map(|_| stream.chance(0.5)).collect();
-        Pattern::from_fn(|x, y| on[y * units / 50 * units + x * units / 50])
+        Pattern::from_fn(Raster::PAPER, |x, y| on[y * units / 50 * units + x * units / 50])
     };
     let disc = |seed: u64| {
         let mut stream = Stream::new(seed, "accuracy disc", 0);
@@ -25,18 +25,23 @@ fn patterns() -> Vec<(&'static str, Vec<Pattern>)> {
             stream.range(15.0, 35.0),
             stream.range(6.0, 14.0),
         );
-        Pattern::from_fn(|x, y| (x as f64 + 0.5 - x0).hypot(y as f64 + 0.5 - y0) < r)
+        Pattern::from_fn(Raster::PAPER, |x, y| {
+            (x as f64 + 0.5 - x0).hypot(y as f64 + 0.5 - y0) < r
+        })
     };
-    let stripes = |width: usize| Pattern::from_fn(|x, _| (x / width).is_multiple_of(2));
+    let stripes = |width: usize| Pattern::from_fn(Raster::PAPER, |x, _| (x / width).is_multiple_of(2));
     vec![
-        ("half plane", vec![Pattern::from_fn(|x, _| x < 25)]),
+        ("half plane", vec![Pattern::from_fn(Raster::PAPER, |x, _| x < 25)]),
         ("discs", (0..8).map(disc).collect()),
         ("10 × 10 units", (0..8).map(|s| grid(10, s)).collect()),
         ("stripes of 5 cells", vec![stripes(5)]),
         ("25 × 25 units", (0..8).map(|s| grid(25, s)).collect()),
         ("stripes of 1 cell", vec![stripes(1)]),
         ("50 × 50 units (small grid)", (0..8).map(|s| grid(50, s)).collect()),
-        ("one single cell", vec![Pattern::from_fn(|x, y| (x, y) == (20, 30))]),
+        (
+            "one single cell",
+            vec![Pattern::from_fn(Raster::PAPER, |x, y| (x, y) == (20, 30))],
+        ),
     ]
 }
 
@@ -53,7 +58,7 @@ fn fields(elements_per_cell: usize, order: Order, patterns: &[Pattern]) -> (Vec<
 }
 
 fn rms(field: &Field) -> f64 {
-    field.rms_difference(&Field::zero())
+    field.rms_difference(&Field::zero(Raster::PAPER))
 }
 
 fn main() {

@@ -7,7 +7,7 @@
 use deaflow::base::{Decimal, Length, Stream, Stress, thread_seconds};
 use deaflow::fem::{MembraneSolver, SolveOptions};
 use deaflow::field::Simulator;
-use deaflow::pattern::{CELLS, Pattern};
+use deaflow::pattern::{CELLS, Pattern, Raster};
 use deaflow::scene::laws::{ArrudaBoyce, Gent, Ogden, OgdenTerm, Yeoh};
 use deaflow::scene::{Effects, Electrode, On, PermittivityDecay, PermittivityReference, Scene, Stiffening};
 
@@ -147,5 +147,5 @@ fn small_grid(index: u64) -> Pattern {
     for cell in stream.choose(CELLS * CELLS, CELLS * CELLS / 2) {
         active[cell] = 1;
     }
-    Pattern::from_cells(&active).expect("cells are 0 or 1")
+    Pattern::from_cells(Raster::PAPER, &active).expect("cells are 0 or 1")
 }

@@ -7,7 +7,7 @@ use std::time::Instant;
 use deaflow::base::Stream;
 use deaflow::fem::{LoadPath, MembraneSolver, SolveOptions};
 use deaflow::field::{Mesh, Order, Outcome, Simulator};
-use deaflow::pattern::Pattern;
+use deaflow::pattern::{Pattern, Raster};
 use deaflow::scene::Scene;
 
 const INTRODUCTION: &str = "# Hard cases
@@ -32,7 +32,7 @@ an independent analysis with one element per cell whose order is not known, give
 fn scattered(share: f64, seed: u64) -> Pattern {
     let mut stream = Stream::new(seed, "hard cases", 0);
     let on: Vec<bool> = (0..2500).map(|_| stream.chance(share)).collect();
-    Pattern::from_fn(|x, y| on[y * 50 + x])
+    Pattern::from_fn(Raster::PAPER, |x, y| on[y * 50 + x])
 }
 
 fn radius(x: usize, y: usize) -> f64 {
@@ -42,31 +42,47 @@ fn radius(x: usize, y: usize) -> f64 {
 /// Name, pattern, and the voltage in V at which stability is lost at 25 kPa and λp = 3, where it is known.
 fn patterns() -> Vec<(&'static str, Pattern, Option<f64>)> {
     vec![
-        ("half", Pattern::from_fn(|x, _| x < 25), Some(5500.0)),
-        ("one cell", Pattern::from_fn(|x, y| (x, y) == (25, 25)), Some(4550.0)),
+        ("half", Pattern::from_fn(Raster::PAPER, |x, _| x < 25), Some(5500.0)),
+        (
+            "one cell",
+            Pattern::from_fn(Raster::PAPER, |x, y| (x, y) == (25, 25)),
+            Some(4550.0),
+        ),
         (
             "disc of radius 15 mm",
-            Pattern::from_fn(|x, y| radius(x, y) < 15.0),
+            Pattern::from_fn(Raster::PAPER, |x, y| radius(x, y) < 15.0),
             Some(5140.0),
         ),
         (
             "full",
-            Pattern::from_fn(|_, _| true),
+            Pattern::from_fn(Raster::PAPER, |_, _| true),
             Some(1e3 * (closed_form(3.0) / at(3.0, 25e3, 1e3).kappa()).sqrt()),
         ),
-        ("empty", Pattern::from_fn(|_, _| false), None),
-        ("one hole", Pattern::from_fn(|x, y| (x, y) != (25, 25)), None),
-        ("checkerboard", Pattern::from_fn(|x, y| (x + y) % 2 == 0), None),
-        ("stripes of one cell", Pattern::from_fn(|x, _| x % 2 == 0), None),
-        ("staircase", Pattern::from_fn(|x, y| x > y), None),
+        ("empty", Pattern::from_fn(Raster::PAPER, |_, _| false), None),
+        (
+            "one hole",
+            Pattern::from_fn(Raster::PAPER, |x, y| (x, y) != (25, 25)),
+            None,
+        ),
+        (
+            "checkerboard",
+            Pattern::from_fn(Raster::PAPER, |x, y| (x + y) % 2 == 0),
+            None,
+        ),
+        (
+            "stripes of one cell",
+            Pattern::from_fn(Raster::PAPER, |x, _| x % 2 == 0),
+            None,
+        ),
+        ("staircase", Pattern::from_fn(Raster::PAPER, |x, y| x > y), None),
         (
             "ring one cell wide",
-            Pattern::from_fn(|x, y| (14.0..15.0).contains(&radius(x, y))),
+            Pattern::from_fn(Raster::PAPER, |x, y| (14.0..15.0).contains(&radius(x, y))),
             None,
         ),
         (
             "along the frame",
-            Pattern::from_fn(|x, y| x.min(y) < 2 || x.max(y) > 47),
+            Pattern::from_fn(Raster::PAPER, |x, y| x.min(y) < 2 || x.max(y) > 47),
             None,
         ),
         ("1 % at random", scattered(0.01, 1), None),
@@ -146,7 +162,7 @@ fn uniform() {
     for prestretch in [1.2, 1.5, 2.0, 3.0, 4.0, 6.0] {
         let scene = at(prestretch, 45e3, 1e3);
         let known = 1e3 * (closed_form(prestretch) / scene.kappa()).sqrt();
-        let path = solver(&scene, 1, Order::Bilinear).path(&Pattern::from_fn(|_, _| true));
+        let path = solver(&scene, 1, Order::Bilinear).path(&Pattern::from_fn(Raster::PAPER, |_, _| true));
         println!(
             "| {prestretch} | {} |",
             limit_columns(&path.expect("enough memory"), Some(known))

@@ -8,11 +8,13 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use deaflow::fem::energy::NeoHookean;
+use deaflow::fem::grid::Grid;
 use deaflow::fem::operator::{Activity, Operator};
 use deaflow::fem::precondition::Laplacian;
+use deaflow::fem::sheet::Sheet;
 use deaflow::fem::{MembraneSolver, SolveOptions};
 use deaflow::field::{Mesh, Order, Simulator};
-use deaflow::pattern::Pattern;
+use deaflow::pattern::{Pattern, Raster};
 use deaflow::scene::Scene;
 use pulp::{Arch, Simd, WithSimd};
 
@@ -34,16 +36,18 @@ fn main() {
 fn report(order: Order, per_cell: usize, double: f64, single: f64) {
     let mesh = Mesh::new(per_cell, order);
     let scene = Scene::vhb4910();
-    let pattern = Pattern::from_fn(|x, y| (x * x * 7 + y * y * 13 + x * y * (x + 3)) % 17 < 8);
-    let material = NeoHookean::new(scene.prestretch(), scene.kappa());
-    let activity = Activity::new(mesh, &pattern);
+    let pattern = Pattern::from_fn(Raster::PAPER, |x, y| {
+        (x * x * 7 + y * y * 13 + x * y * (x + 3)) % 17 < 8
+    });
+    let grid = Grid::uniform(mesh, &Sheet::of(&scene));
+    let material = NeoHookean::new(scene.mean_prestretch(), scene.kappa());
+    let activity = Activity::new(grid, &pattern);
     let operator = Operator {
-        mesh,
         material: &material,
         activity: &activity,
     };
-    let laplacian = Laplacian::new(mesh).expect("the eigenvectors converge");
-    let len = mesh.vector_len();
+    let laplacian = Laplacian::new(grid).expect("the eigenvectors converge");
+    let len = grid.layout().vector_len();
     let (u, mut r) = (vec![0.0_f64; len], vec![0.0_f64; len]);
     let (small, mut image) = (vec![0.0_f32; len], vec![0.0_f32; len]);
     let mut scratch = laplacian.scratch();
@@ -66,11 +70,12 @@ fn report(order: Order, per_cell: usize, double: f64, single: f64) {
         f64::from(counts.krylov_iterations),
     );
 
-    let elements = (mesh.elements() * mesh.elements()) as f64;
+    let [side, _] = grid.elements();
+    let elements = (side * side) as f64;
     let (stress_flops, tangent_flops) = element_flops(order);
-    let half = (mesh.nodes() - 1) as f64 / 2.0;
+    let half = (grid.layout().nodes()[0] - 1) as f64 / 2.0;
     let columns = 2.0 * order.degree() as f64 + 1.0;
-    let rows = 2.0 * mesh.nodes() as f64;
+    let rows = 2.0 * grid.layout().nodes()[0] as f64;
     let inverse_flops = rows * (2.0 * 2.0 * 2.0 * half * half + 2.0 * half * 2.0 * columns);
     let rows = [
         ("residual", residual, stress_flops * elements, double, residuals),
@@ -82,7 +87,7 @@ fn report(order: Order, per_cell: usize, double: f64, single: f64) {
         println!(
             "{:<11} {:>4}²     {name:<14}{:>8.1} {:>8.1}   {:>5.0} %  {calls:>5}  {:>5.0} %",
             format!("{order:?}"),
-            mesh.elements(),
+            side,
             1e6 * time,
             1e-9 * flops / time,
             1e-7 * flops / time / bound,
@@ -92,7 +97,7 @@ fn report(order: Order, per_cell: usize, double: f64, single: f64) {
     println!(
         "{:<11} {:>4}²     everything else{:>7.1}                              {:>5.0} %   (solve {:.2} ms)",
         format!("{order:?}"),
-        mesh.elements(),
+        side,
         1e6 * (solve - known),
         100.0 * (1.0 - known / solve),
         1e3 * solve

@@ -7,7 +7,7 @@
 use deaflow::base::{Stream, thread_seconds};
 use deaflow::fem::{MembraneSolver, SolveOptions};
 use deaflow::field::{Mesh, Order, Simulator};
-use deaflow::pattern::{CELLS, Pattern};
+use deaflow::pattern::{CELLS, Pattern, Raster};
 use deaflow::scene::Scene;
 
 fn main() {
@@ -41,7 +41,7 @@ fn main() {
         println!(
             "{:<11} {:>4}²     {:>9.3}     {:>9.2}",
             format!("{order:?}"),
-            solver.mesh().elements(),
+            solver.grid().elements()[0],
             1e3 * best / count as f64,
             f64::from(steps) / count as f64
         );
@@ -58,5 +58,5 @@ fn small_grid(index: u64) -> Pattern {
     let half = CELLS * CELLS / 2;
     let mut active = vec![0; CELLS * CELLS];
     order[..half].iter().for_each(|&cell| active[cell] = 1);
-    Pattern::from_cells(&active).expect("cells are 0 or 1")
+    Pattern::from_cells(Raster::PAPER, &active).expect("cells are 0 or 1")
 }

@@ -8,7 +8,7 @@ use deaflow::base::{Stream, thread_seconds};
 use deaflow::dataset::Split;
 use deaflow::fem::LinearResponse;
 use deaflow::field::{Mesh, Predictor};
-use deaflow::pattern::{CELLS, Pattern};
+use deaflow::pattern::{CELLS, Pattern, Raster};
 use deaflow::scene::Scene;
 use deaflow::surrogate::{Constants, Example, Label, NetworkKind, Surrogate, TrainOptions, train};
 
@@ -61,7 +61,7 @@ fn row(name: &str, seconds: f64) {
 /// Eight by eight units, half of them active.
 fn grid(index: u64) -> Pattern {
     let on = Stream::new(1, "surrogate benchmark", index).choose(64, 32);
-    Pattern::from_fn(|x, y| on.contains(&(y * 8 / CELLS * 8 + x * 8 / CELLS)))
+    Pattern::from_fn(Raster::PAPER, |x, y| on.contains(&(y * 8 / CELLS * 8 + x * 8 / CELLS)))
 }
 
 fn examples(response: &LinearResponse, patterns: &[Pattern]) -> Vec<Example> {

@@ -10,7 +10,7 @@ use std::time::Instant;
 
 use deaflow::base::{Stream, thread_seconds};
 use deaflow::dataset::Split;
-use deaflow::pattern::Pattern;
+use deaflow::pattern::{Pattern, Raster};
 use deaflow::surrogate::{EpochReport, Example, Label, Monitor, OptimizerKind, TrainOptions, train};
 use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, MatRef, Par};
@@ -126,7 +126,7 @@ fn epoch(optimizer: OptimizerKind) -> f64 {
         let mut stream = Stream::new(1, "training bench", k);
         let on = stream.choose(25, 12);
         Example {
-            pattern: Pattern::from_fn(|x, y| on.contains(&(x / 10 + y / 10 * 5))),
+            pattern: Pattern::from_fn(Raster::PAPER, |x, y| on.contains(&(x / 10 + y / 10 * 5))),
             label: Label::zero(),
             family: "grid".to_owned(),
             split: if k < EXAMPLES as u64 {

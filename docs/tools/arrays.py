@@ -10,7 +10,8 @@ import sys
 HEAD = """# Arrays of artifacts
 
 Written by `deaflow schema artifacts | python3 docs/tools/arrays.py > docs/arrays.md`; a test holds it to the program. Arrays that share
-an axis are equally long along it, and axes with a number are as long in every artifact. Arrays in *italics* stand only where what
+an axis are equally long along it, and axes with a number are as long in every artifact. `y` and `x` are the rows and columns of cells,
+`corner_y` and `corner_x` those of their corners, one more of each. Arrays in *italics* stand only where what
 they tell of is there. Times are no content: they stand in the attribute `measurements` of `/provenance`.
 """
 

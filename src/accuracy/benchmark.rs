@@ -289,13 +289,14 @@ fn of_family(errors: &[PatternError], promise_mm: Option<f64>, reference_error: 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pattern::Raster;
 
     #[test]
     fn errors_are_those_of_the_difference_and_disagreements_are_counted() {
         let field = |u: f64| {
             let mut values = vec![0.0; 51 * 51 * 2];
             values[..2].copy_from_slice(&[3.0 * u, 4.0 * u]);
-            Field::from_values(values).unwrap()
+            Field::from_values(Raster::PAPER, values).unwrap()
         };
         let error = compare(Some(&field(0.1)), Some(&field(0.0)));
         let (rms, max) = error.known().unwrap();

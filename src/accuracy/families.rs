@@ -4,10 +4,10 @@
 use std::collections::BTreeMap;
 
 use crate::base::Stream;
-use crate::pattern::{CELLS, Pattern};
+use crate::pattern::Pattern;
 use crate::sample::{
-    Areas, Bezier, Blobs, Checker, Diagonals, Dithers, Ends, Family, Glyphs, LargeGrid, Mazes, SampleError, SmallGrid,
-    Spirals, Stripes,
+    Areas, Bezier, Blobs, Canvas, Checker, Diagonals, Dithers, Ends, Family, Glyphs, LargeGrid, Mazes, SampleError,
+    SmallGrid, Spirals, Stripes,
 };
 
 /// Patterns by the name of their family.
@@ -25,31 +25,34 @@ const UNITS: [usize; 9] = [2, 3, 4, 5, 6, 7, 8, 9, 10];
 /// Area fractions of stripes.
 const STRIPED: [f64; 2] = [0.4, 0.6];
 
-/// So many patterns of each family under a seed: small grids, large grids of 2 to 10 units, Bézier curves, stripes, blobs, checkers,
+/// So many patterns of each family on a canvas under a seed: small grids, large grids of 2 to 10 units, Bézier curves, stripes, blobs, checkers,
 /// dithers, mazes, diagonals, spirals, glyphs, and single cells. Of large grids there may be fewer, since not all have so many patterns.
 ///
 /// # Errors
-/// When a family refuses, which it does not for these parameters.
-pub fn drawn(count: u64, seed: u64) -> Result<Families, SampleError> {
+/// When a canvas has fewer cells than a family needs.
+pub fn drawn(canvas: Canvas, count: u64, seed: u64) -> Result<Families, SampleError> {
     let of_family = |family: &dyn Family| -> Result<Vec<Pattern>, SampleError> {
         (0..count).map(|i| family.sample(seed, i)).collect()
     };
     let families = [
-        ("small-grid", of_family(&SmallGrid::new(0.5)?)?),
-        ("large-grid", large_grids(count, seed)?),
-        ("bezier", of_family(&Bezier::new(None, Ends::Opposite)?)?),
+        ("small-grid", of_family(&SmallGrid::new(canvas, 0.5)?)?),
+        ("large-grid", large_grids(canvas, count, seed)?),
+        ("bezier", of_family(&Bezier::new(canvas, None, Ends::Opposite)?)?),
         (
             "stripes",
-            of_family(&Stripes::new(Areas::new(STRIPED[0], STRIPED[1])?))?,
+            of_family(&Stripes::new(Areas::new(canvas, STRIPED[0], STRIPED[1])?))?,
         ),
-        ("blobs", of_family(&Blobs::new(Areas::new(0.3, 0.7)?))?),
-        ("checker", of_family(&Checker::new(Areas::new(0.3, 0.7)?))?),
-        ("dithers", of_family(&Dithers::new(Areas::new(0.3, 0.7)?))?),
-        ("mazes", of_family(&Mazes)?),
-        ("diagonals", of_family(&Diagonals)?),
-        ("spirals", of_family(&Spirals::new(Areas::new(0.2, 0.8)?))?),
-        ("glyphs", of_family(&Glyphs)?),
-        ("single-cell", (0..count).map(|i| single_cell(seed, i)).collect()),
+        ("blobs", of_family(&Blobs::new(Areas::new(canvas, 0.3, 0.7)?))?),
+        ("checker", of_family(&Checker::new(Areas::new(canvas, 0.3, 0.7)?))?),
+        ("dithers", of_family(&Dithers::new(Areas::new(canvas, 0.3, 0.7)?))?),
+        ("mazes", of_family(&Mazes::new(canvas))?),
+        ("diagonals", of_family(&Diagonals::new(canvas))?),
+        ("spirals", of_family(&Spirals::new(Areas::new(canvas, 0.2, 0.8)?))?),
+        ("glyphs", of_family(&Glyphs::new(canvas))?),
+        (
+            "single-cell",
+            (0..count).map(|i| single_cell(canvas, seed, i)).collect(),
+        ),
     ];
     Ok(families
         .into_iter()
@@ -57,11 +60,11 @@ pub fn drawn(count: u64, seed: u64) -> Result<Families, SampleError> {
         .collect())
 }
 
-fn large_grids(count: u64, seed: u64) -> Result<Vec<Pattern>, SampleError> {
+fn large_grids(canvas: Canvas, count: u64, seed: u64) -> Result<Vec<Pattern>, SampleError> {
     let mut patterns = Vec::new();
     for i in 0..count {
         let (units, index) = (UNITS[i as usize % UNITS.len()], i / UNITS.len() as u64);
-        let family = LargeGrid::new(units)?;
+        let family = LargeGrid::new(canvas, units)?;
         if family.available().is_none_or(|available| index < available) {
             patterns.push(family.sample(seed, index)?);
         }
@@ -69,10 +72,10 @@ fn large_grids(count: u64, seed: u64) -> Result<Vec<Pattern>, SampleError> {
     Ok(patterns)
 }
 
-fn single_cell(seed: u64, index: u64) -> Pattern {
+fn single_cell(canvas: Canvas, seed: u64, index: u64) -> Pattern {
     let mut stream = Stream::new(seed, "single cell", index);
-    let place = [stream.index(CELLS), stream.index(CELLS)];
-    Pattern::from_fn(|x, y| [x, y] == place)
+    let place = canvas.raster().sides().map(|count| stream.index(count));
+    Pattern::from_fn(canvas.raster(), |x, y| [x, y] == place)
 }
 
 #[cfg(test)]
@@ -81,7 +84,7 @@ mod tests {
 
     #[test]
     fn families_are_complete_and_a_function_of_the_seed() {
-        let families = drawn(20, 1).unwrap();
+        let families = drawn(Canvas::PAPER, 20, 1).unwrap();
         let counts: Vec<(&str, usize)> = families.iter().map(|(name, p)| (name.as_str(), p.len())).collect();
         let expected = [
             "bezier",
@@ -105,10 +108,10 @@ mod tests {
                 .iter()
                 .all(|p| (1000..=1500).contains(&p.active_cells()))
         );
-        assert_eq!(families, drawn(20, 1).unwrap());
-        assert_ne!(families, drawn(20, 2).unwrap());
+        assert_eq!(families, drawn(Canvas::PAPER, 20, 1).unwrap());
+        assert_ne!(families, drawn(Canvas::PAPER, 20, 2).unwrap());
         assert!(
-            drawn(100, 1).unwrap()["large-grid"].len() < 100,
+            drawn(Canvas::PAPER, 100, 1).unwrap()["large-grid"].len() < 100,
             "there are six grids of 2 × 2 units"
         );
     }

@@ -134,6 +134,7 @@ fn next_coarser(mesh: Mesh) -> Mesh {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pattern::Raster;
 
     struct Silent;
 
@@ -173,7 +174,7 @@ mod tests {
     #[test]
     fn the_stated_error_covers_that_of_the_reference() {
         let patterns: Vec<Pattern> = [3, 5, 10]
-            .map(|n| Pattern::from_fn(|x, y| (x / n * 7 + y / n * 11) % 13 < 6))
+            .map(|n| Pattern::from_fn(Raster::PAPER, |x, y| (x / n * 7 + y / n * 11) % 13 < 6))
             .into();
         let scene = Scene::vhb4910();
         let reference = Reference::new(SolverParameters::new(Method::Newton, Mesh::bilinear(2))).unwrap();

@@ -17,6 +17,8 @@ use super::{model, solve, write};
 use crate::accuracy::{AccuracyError, Benchmark, Candidate, Families, Measured, Network, Reference, drawn, given};
 use crate::base::{Document, Quantity};
 use crate::report::figures::{Cost, FamilyCosts, draw_accuracy};
+use crate::sample::Canvas;
+use crate::scene::Scene;
 use crate::stage::accuracy::content;
 use crate::stage::direct;
 use crate::store::{Provenance, write_file};
@@ -76,7 +78,7 @@ pub fn execute(arguments: &AccuracyArguments, output: &Output) -> Result<Exit, C
     for method in &methods {
         method.check_scene(&scene).map_err(bad_input)?;
     }
-    let families = families(arguments)?;
+    let families = families(arguments, &scene)?;
     // What cannot be written has to be known before minutes of work, not after.
     write::folder(&arguments.output)?;
     let [file, rows, figure] = FILES.map(|name| arguments.output.join(name));
@@ -120,11 +122,13 @@ fn methods(arguments: &AccuracyArguments) -> Result<Vec<Candidate>, CliError> {
 }
 
 /// The patterns by family; those that were given are one of their own.
-fn families(arguments: &AccuracyArguments) -> Result<Families, CliError> {
+fn families(arguments: &AccuracyArguments, scene: &Scene) -> Result<Families, CliError> {
+    let membrane = scene.membrane();
     if arguments.patterns.is_empty() {
-        return drawn(arguments.count, arguments.seed).map_err(|e| CliError::failure(e.to_string()));
+        let canvas = Canvas::of(&membrane);
+        return drawn(canvas, arguments.count, arguments.seed).map_err(|e| CliError::bad_input(e.to_string()));
     }
-    let patterns = direct::patterns(&arguments.patterns)?;
+    let patterns = direct::patterns(&arguments.patterns, membrane.raster)?;
     if patterns.is_empty() {
         return Err(CliError::bad_input("the files hold no patterns"));
     }

@@ -1,6 +1,5 @@
 //! `deaflow solve --path`: how patterns get from rest to the loss of stability, and what lies beyond.
 
-use std::path::Path;
 use std::time::Instant;
 
 use rayon::prelude::*;
@@ -43,10 +42,11 @@ pub fn execute(arguments: &SolveArguments, scene: &str, output: &Output) -> Resu
     for beside in [&values, &figure] {
         check_file(beside, &arguments.patterns, scene)?;
     }
-    let patterns = direct::patterns(&arguments.patterns.patterns)?;
+    let read = direct::read_scene(&arguments.scene)?;
+    let patterns = direct::patterns(&arguments.patterns.patterns, read.membrane().raster)?;
     let options = arguments.options();
     let (bar, start) = (Bar::new("path", "patterns", patterns.len() as u64), Instant::now());
-    let (content, paths) = paths(&arguments.scene, &patterns, options, &bar)?;
+    let (content, paths) = paths(&read, &patterns, options, &bar)?;
     bar.finish("done");
     let seconds = start.elapsed().as_secs_f64();
     let parameters = format!(
@@ -194,14 +194,14 @@ fn branch((index, Followed { path, critical }): (usize, &Followed)) -> Branch {
 /// not matter.
 ///
 /// # Errors
-/// When the scene cannot be read, the solver cannot be set up, or memory is short.
+/// When the solver cannot be set up, or memory is short.
 fn paths(
-    scene: &Path,
+    scene: &Scene,
     patterns: &[Pattern],
     options: SolveOptions,
     progress: &dyn Progress,
 ) -> Result<(LoadPaths, Vec<Followed>), CliError> {
-    let scene = resolve(&direct::read_scene(scene)?)?;
+    let scene = resolve(scene)?;
     let solver = MembraneSolver::new(&scene, options)?;
     let search = CriticalSearch::new(&scene, options)?;
     let follow = |pattern: &Pattern| one(&solver, &search, pattern, progress);

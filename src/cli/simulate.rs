@@ -1,6 +1,5 @@
 //! Simulates patterns that somebody drew, straight into one file.
 
-use std::path::Path;
 use std::time::Instant;
 
 use rayon::prelude::*;
@@ -15,10 +14,9 @@ use crate::fem::{
     AccurateSimulation, CriticalSearch, CriticalVoltage, MeshRequest, Method, SolveOptions, SolverParameters,
     wrinkled_fraction,
 };
-use crate::field::{CORNERS, Field};
+use crate::field::Field;
 use crate::pattern::Pattern;
 use crate::scene::Scene;
-use crate::stage::direct;
 use crate::stage::solution;
 use crate::store::Object;
 
@@ -59,20 +57,18 @@ pub struct Statement {
     pub lines: Vec<String>,
 }
 
-/// Simulates patterns in a scene read from `scene`, a scene or a pipeline whose scene is used; with the state of every cell
-/// where that is wanted.
+/// Simulates patterns in a scene; with the state of every cell where that is wanted.
 ///
 /// # Errors
-/// When the scene cannot be read or the solver cannot be set up.
+/// When the solver cannot be set up.
 pub fn solve(
-    scene: &Path,
+    scene: &Scene,
     patterns: &[Pattern],
     parameters: &SolverParameters,
     with_cells: bool,
     progress: &dyn Progress,
 ) -> Result<Answer, CliError> {
-    let scene = direct::read_scene(scene)?;
-    let screened = Screened::for_patterns(&scene, patterns, parameters.work_limit())?;
+    let screened = Screened::for_patterns(scene, patterns, parameters.work_limit())?;
     let scene = &screened.scene;
     let solver = parameters.build(scene)?;
     let threads = rayon::current_num_threads();
@@ -93,7 +89,7 @@ pub fn solve(
     }
     let near_limit = near_limit(scene, patterns, &results, parameters)?;
     let observed: Vec<_> = results.iter().map(|r| Some(&r.simulation.observation)).collect();
-    let mut observations = Observations::of(&solver.observed(&scene.effects), &observed);
+    let mut observations = Observations::of(&solver.observed(&scene.effects), scene.membrane().raster, &observed);
     if with_cells {
         let fraction = |states: &States| states.as_deref().map_or(f64::NAN, wrinkled_fraction);
         observations.wrinkled_fraction = Some(states.iter().map(fraction).collect());
@@ -101,7 +97,7 @@ pub fn solve(
     let content = SolveFile {
         observations,
         meshes: solver.estimates_errors().then(|| solution::meshes(results.iter())),
-        cells: with_cells.then(|| cells::fields(&states)),
+        cells: with_cells.then(|| cells::fields(&states, scene.membrane().raster)),
         scene: scene.to_text(),
         solver: Some(format!("{{ {} }}", parameters)),
         effects: Some(screened.effects()),
@@ -159,7 +155,7 @@ pub fn seconds_each(start: Instant, samples: usize, threads: usize) -> impl Iter
 
 /// Rows without a stable solution are NaN here and nowhere else; their outcome says why.
 fn simulated(patterns: &[Pattern], results: &[AccurateSimulation], seconds: Vec<f64>) -> SolveFile {
-    let row = CORNERS * CORNERS * 2;
+    let row = patterns.first().map_or(0, |pattern| 2 * pattern.raster().corners());
     let mut displacement = Vec::with_capacity(patterns.len() * row);
     for result in results {
         match &result.simulation.field {

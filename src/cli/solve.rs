@@ -91,10 +91,11 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
     if arguments.path {
         return path::execute(arguments, &scene, output);
     }
-    let patterns = direct::patterns(&arguments.patterns.patterns)?;
+    let read = direct::read_scene(&arguments.scene)?;
+    let patterns = direct::patterns(&arguments.patterns.patterns, read.membrane().raster)?;
     let request = arguments.parameters();
     let (bar, start) = (Bar::new("solve", "patterns", patterns.len() as u64), Instant::now());
-    let answer = simulate::solve(&arguments.scene, &patterns, &request, arguments.cells, &bar)?;
+    let answer = simulate::solve(&read, &patterns, &request, arguments.cells, &bar)?;
     bar.finish("done");
     let parameters = format!("scene {}, {request}", arguments.scene.display());
     conclude(&arguments.patterns, &answer, ("solve", parameters), start, output)

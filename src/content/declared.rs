@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use super::element::RASTER_AXES;
 use super::error::{ContentError, Fault};
 use crate::store::{Artifact, Content, ElementType};
 
@@ -31,7 +32,7 @@ impl Declared {
         &self.axes[..self.axes.len() - self.extents.len()]
     }
 
-    /// The shape in words, as in `(sample, 50, 50)`.
+    /// The shape in words, as in `(sample, y, x)`.
     #[must_use]
     pub fn shape(&self) -> String {
         let free = self.free_axes().iter().cloned();
@@ -56,6 +57,7 @@ pub fn check(artifact: &Artifact, declared: &[Declared]) -> Result<(), ContentEr
 
 fn check_axes(contents: &[Content], declared: &[Declared]) -> Result<(), Fault> {
     let mut known: BTreeMap<&str, (&str, usize)> = BTreeMap::new();
+    check_raster(contents, declared)?;
     for array in declared {
         let Some(Content { shape, .. }) = contents.iter().find(|content| content.path == array.path) else {
             continue;
@@ -78,6 +80,32 @@ fn check_axes(contents: &[Content], declared: &[Declared]) -> Result<(), Fault> 
                     wanted,
                 });
             }
+        }
+    }
+    Ok(())
+}
+
+/// Corners of cells are one more along a side than cells.
+fn check_raster(contents: &[Content], declared: &[Declared]) -> Result<(), Fault> {
+    let length = |name: &str| {
+        declared.iter().find_map(|array| {
+            let at = array.free_axes().iter().position(|axis| axis == name)?;
+            let content = contents.iter().find(|content| content.path == array.path)?;
+            Some((&array.path, *content.shape.get(at)?))
+        })
+    };
+    let [cells, corners] = RASTER_AXES;
+    for (cell, corner) in cells.into_iter().zip(corners) {
+        if let (Some((other, cells)), Some((path, found))) = (length(cell), length(corner))
+            && found != cells + 1
+        {
+            return Err(Fault::Length {
+                path: path.clone(),
+                axis: corner.to_owned(),
+                found,
+                other: other.clone(),
+                wanted: cells + 1,
+            });
         }
     }
     Ok(())

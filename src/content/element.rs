@@ -1,8 +1,8 @@
 //! What an array may hold: numbers, texts, patterns and fields, row by row or packed into one list of numbers.
 
 use super::error::ElementError;
-use crate::field::{CORNERS, Field};
-use crate::pattern::{CELLS, Pattern, Role};
+use crate::field::Field;
+use crate::pattern::{Pattern, Raster, Role};
 use crate::store::{Artifact, Data, ElementType, StoreError};
 
 /// A number or text as it stands in a file.
@@ -45,11 +45,39 @@ value! {
     String, Text, texts;
 }
 
+/// The axes of rows that are as long as a membrane has cells or corners of cells.
+pub const RASTER_AXES: [[&str; 2]; 2] = [["y", "x"], ["corner_y", "corner_x"]];
+
+/// What the values of a row stand on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Places {
+    /// Nothing: the row is a value, or a few.
+    None,
+    /// The cells of a membrane.
+    Cells,
+    /// The corners of cells.
+    Corners,
+}
+
+impl Places {
+    /// The raster of which an array has so many places along its axes.
+    #[must_use]
+    pub fn raster(self, [rows, columns]: [usize; 2]) -> Option<Raster> {
+        match self {
+            Self::None => None,
+            Self::Cells => Raster::new(columns, rows),
+            Self::Corners => Raster::new(columns.checked_sub(1)?, rows.checked_sub(1)?),
+        }
+    }
+}
+
 /// One row of an array: a single value, or several that belong together.
 pub trait Row {
     /// The type of its values.
     type Value: Value;
-    /// Extents of its own axes, slowest first; none for a single value.
+    /// What they stand on: its first axes.
+    const PLACES: Places = Places::None;
+    /// Extents of its last axes, which are the same in every artifact, slowest first; none for a single value.
     const EXTENTS: &'static [usize];
 }
 
@@ -58,11 +86,17 @@ pub trait Element: Row + Sized {
     /// The values of all rows, end to end.
     fn pack(rows: Vec<Self>) -> Vec<Self::Value>;
 
-    /// The rows of whole values.
+    /// The raster of rows that stand on one.
+    #[must_use]
+    fn raster(_rows: &[Self]) -> Option<Raster> {
+        None
+    }
+
+    /// The rows of whole values, on a raster where they stand on one.
     ///
     /// # Errors
     /// When they do not stand for such a row.
-    fn unpack(values: Vec<Self::Value>) -> Result<Vec<Self>, ElementError>;
+    fn unpack(values: Vec<Self::Value>, raster: Raster) -> Result<Vec<Self>, ElementError>;
 }
 
 macro_rules! single {
@@ -77,7 +111,7 @@ macro_rules! single {
                 rows
             }
 
-            fn unpack(values: Vec<Self>) -> Result<Vec<Self>, ElementError> {
+            fn unpack(values: Vec<Self>, _: Raster) -> Result<Vec<Self>, ElementError> {
                 Ok(values)
             }
         }
@@ -96,7 +130,7 @@ impl<V: Value + Copy, const N: usize> Element for [V; N] {
         rows.into_flattened()
     }
 
-    fn unpack(values: Vec<V>) -> Result<Vec<Self>, ElementError> {
+    fn unpack(values: Vec<V>, _: Raster) -> Result<Vec<Self>, ElementError> {
         let (rows, _) = values.as_chunks::<N>();
         Ok(rows.to_vec())
     }
@@ -104,7 +138,8 @@ impl<V: Value + Copy, const N: usize> Element for [V; N] {
 
 impl Row for Pattern {
     type Value = u8;
-    const EXTENTS: &'static [usize] = &[CELLS, CELLS];
+    const PLACES: Places = Places::Cells;
+    const EXTENTS: &'static [usize] = &[];
 }
 
 impl Element for Pattern {
@@ -112,15 +147,21 @@ impl Element for Pattern {
         rows.iter().flat_map(|pattern| pattern.cells()).copied().collect()
     }
 
-    fn unpack(values: Vec<u8>) -> Result<Vec<Self>, ElementError> {
-        let rows = values.chunks_exact(CELLS * CELLS);
-        Ok(rows.map(Self::from_cells).collect::<Result<_, _>>()?)
+    fn raster(rows: &[Self]) -> Option<Raster> {
+        rows.first().map(Self::raster)
+    }
+
+    fn unpack(values: Vec<u8>, raster: Raster) -> Result<Vec<Self>, ElementError> {
+        let rows = values.chunks_exact(raster.cells());
+        let pattern = |cells| Self::from_cells(raster, cells);
+        Ok(rows.map(pattern).collect::<Result<_, _>>()?)
     }
 }
 
 impl Row for Field {
     type Value = f64;
-    const EXTENTS: &'static [usize] = &[CORNERS, CORNERS, 2];
+    const PLACES: Places = Places::Corners;
+    const EXTENTS: &'static [usize] = &[2];
 }
 
 impl Element for Field {
@@ -128,10 +169,14 @@ impl Element for Field {
         rows.iter().flat_map(|field| field.values()).copied().collect()
     }
 
-    fn unpack(values: Vec<f64>) -> Result<Vec<Self>, ElementError> {
-        let rows = values.chunks_exact(CORNERS * CORNERS * 2);
+    fn raster(rows: &[Self]) -> Option<Raster> {
+        rows.first().map(Self::raster)
+    }
+
+    fn unpack(values: Vec<f64>, raster: Raster) -> Result<Vec<Self>, ElementError> {
+        let rows = values.chunks_exact(2 * raster.corners());
         Ok(rows
-            .map(|row| Self::from_values(row.to_vec()))
+            .map(|row| Self::from_values(raster, row.to_vec()))
             .collect::<Result<_, _>>()?)
     }
 }
@@ -146,7 +191,7 @@ impl Element for Role {
         rows.iter().map(|role| role.name().to_owned()).collect()
     }
 
-    fn unpack(values: Vec<String>) -> Result<Vec<Self>, ElementError> {
+    fn unpack(values: Vec<String>, _: Raster) -> Result<Vec<Self>, ElementError> {
         let role = |word: String| Self::from_name(&word).ok_or(ElementError::Word(word));
         values.into_iter().map(role).collect()
     }
@@ -180,18 +225,19 @@ impl<const N: usize> Row for PerUnit<N> {
 pub struct SingleField;
 
 macro_rules! rows {
-    ($($type:ty, $value:ty, $extents:expr;)*) => {$(
+    ($($type:ty, $value:ty, $places:ident, $extents:expr;)*) => {$(
         impl Row for $type {
             type Value = $value;
+            const PLACES: Places = Places::$places;
             const EXTENTS: &'static [usize] = &$extents;
         }
     )*};
 }
 
 rows! {
-    PerCell<u8>, u8, [CELLS, CELLS];
-    PerCell<f64>, f64, [CELLS, CELLS];
-    PerCell<[f64; 2]>, f64, [CELLS, CELLS, 2];
-    PerCell<[[f64; 2]; 2]>, f64, [CELLS, CELLS, 2, 2];
-    SingleField, f32, [CORNERS, CORNERS, 2];
+    PerCell<u8>, u8, Cells, [];
+    PerCell<f64>, f64, Cells, [];
+    PerCell<[f64; 2]>, f64, Cells, [2];
+    PerCell<[[f64; 2]; 2]>, f64, Cells, [2, 2];
+    SingleField, f32, Corners, [2];
 }

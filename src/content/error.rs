@@ -45,7 +45,7 @@ pub enum Fault {
         path: String,
         /// The shape that it has.
         found: Vec<usize>,
-        /// The shape that it should have, as in `(sample, 50, 50)`.
+        /// The shape that it should have, as in `(sample, y, x)`.
         wanted: String,
     },
     /// An attribute is missing.

@@ -3,7 +3,7 @@
 use super::element::{Packed, PerCell};
 use super::macros::arrays;
 use crate::field::Observation;
-use crate::pattern::CELLS;
+use crate::pattern::Raster;
 use crate::scene::Effects;
 
 arrays! {
@@ -42,7 +42,7 @@ pub const NO_STATE: u8 = 255;
 impl Observations {
     /// What the effects of a scene say of some samples; NaN where a sample has no solution.
     #[must_use]
-    pub fn of(effects: &Effects, samples: &[Option<&Observation>]) -> Self {
+    pub fn of(effects: &Effects, raster: Raster, samples: &[Option<&Observation>]) -> Self {
         let floats = |value: &dyn Fn(&Observation) -> Option<f64>| -> Vec<f64> {
             let value = |sample: &Option<&Observation>| sample.and_then(value).unwrap_or(f64::NAN);
             samples.iter().map(value).collect()
@@ -54,7 +54,7 @@ impl Observations {
         let breakdown = effects.dielectric_breakdown.is_some();
         Self {
             breakdown_ratio: breakdown.then(|| floats(&|o| o.breakdown_ratio)),
-            wrinkling: wrinkling.then(|| states(samples)),
+            wrinkling: wrinkling.then(|| states(samples, raster)),
             wrinkled_fraction: wrinkling.then(|| floats(&|o| Some(wrinkled_fraction(o.tension.as_ref()?)))),
             smallest_eigenvalue: stability.then(|| floats(&|o| o.smallest_eigenvalue)),
             critical_voltage: stability.then(|| {
@@ -69,12 +69,12 @@ fn wrinkled_fraction(tension: &[u8]) -> f64 {
     tension.iter().filter(|&&state| state > 0).count() as f64 / tension.len() as f64
 }
 
-fn states(samples: &[Option<&Observation>]) -> Packed<PerCell<u8>> {
-    let mut states = Vec::with_capacity(samples.len() * CELLS * CELLS);
+fn states(samples: &[Option<&Observation>], raster: Raster) -> Packed<PerCell<u8>> {
+    let mut states = Vec::with_capacity(samples.len() * raster.cells());
     for sample in samples {
         match sample.and_then(|o| o.tension.as_ref()) {
             Some(tension) => states.extend(tension),
-            None => states.extend([NO_STATE; CELLS * CELLS]),
+            None => states.extend(std::iter::repeat_n(NO_STATE, raster.cells())),
         }
     }
     Packed(states)

@@ -1,9 +1,10 @@
 //! What may stand behind a field of a declared struct: an array, several, or a group of them.
 
 use super::declared::Declared;
-use super::element::{Element, Packed, Row, Value};
+use super::element::{Element, Packed, Places, Row, Value};
 use super::error::{ContentError, ElementError, Fault};
 use super::writer::Writer;
+use crate::pattern::Raster;
 use crate::store::Artifact;
 
 /// Where an array or a group stands, and what is declared of it.
@@ -107,17 +108,28 @@ pub trait Part: Sized {
     }
 }
 
-fn values<R: Row>(at: &At, artifact: &Artifact) -> Result<Vec<R::Value>, ContentError> {
+/// The values of all rows, and what they stand on.
+fn values<R: Row>(at: &At, artifact: &Artifact) -> Result<(Vec<R::Value>, Raster), ContentError> {
     let shape = &artifact.content(&at.path)?.shape;
-    if !shape.ends_with(R::EXTENTS) {
+    let Some(raster) = raster_of::<R>(shape) else {
         let fault = Fault::Shape {
             path: at.path.clone(),
             found: shape.clone(),
             wanted: at.declared::<R>().shape(),
         };
         return Err(fault.of(artifact.digest()));
+    };
+    Ok((R::Value::read(artifact, &at.path)?, raster))
+}
+
+/// The raster of rows in an array of some shape; any where they stand on none. `None` where they do not have this shape.
+fn raster_of<R: Row>(shape: &[usize]) -> Option<Raster> {
+    let places = shape.strip_suffix(R::EXTENTS)?;
+    match (R::PLACES, places) {
+        (Places::None, _) => Some(Raster::PAPER),
+        (on, [.., rows, columns]) => on.raster([*rows, *columns]),
+        _ => None,
     }
-    Ok(R::Value::read(artifact, &at.path)?)
 }
 
 fn element_fault(at: &At, artifact: &Artifact, source: ElementError) -> ContentError {
@@ -131,11 +143,15 @@ impl<T: Element> Part for Vec<T> {
     }
 
     fn put(self, at: &At, writer: &mut Writer) {
+        if let Some(raster) = T::raster(&self) {
+            writer.on(raster);
+        }
         writer.array(at.declared::<T>(), T::Value::into_data(T::pack(self)));
     }
 
     fn get(at: &At, artifact: &Artifact) -> Result<Self, ContentError> {
-        T::unpack(values::<T>(at, artifact)?).map_err(|e| element_fault(at, artifact, e))
+        let (values, raster) = values::<T>(at, artifact)?;
+        T::unpack(values, raster).map_err(|e| element_fault(at, artifact, e))
     }
 }
 
@@ -149,7 +165,7 @@ impl<R: Row> Part for Packed<R> {
     }
 
     fn get(at: &At, artifact: &Artifact) -> Result<Self, ContentError> {
-        Ok(Self(values::<R>(at, artifact)?))
+        Ok(Self(values::<R>(at, artifact)?.0))
     }
 }
 
@@ -164,7 +180,7 @@ impl<V: Value + Copy, const N: usize> Part for [V; N] {
     }
 
     fn get(at: &At, artifact: &Artifact) -> Result<Self, ContentError> {
-        let values = values::<Self>(at, artifact)?;
+        let (values, _) = values::<Self>(at, artifact)?;
         let found = vec![values.len()];
         Self::try_from(values).map_err(|_| {
             let (path, wanted) = (at.path.clone(), at.declared::<Self>().shape());

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::field::Field;
-use crate::pattern::Pattern;
+use crate::pattern::{Pattern, Raster};
 use crate::scene::Scene;
 use crate::store::{Artifact, Object, Provenance, Store};
 
@@ -17,7 +17,7 @@ fn stored(object: &Object) -> (tempfile::TempDir, Artifact) {
 
 fn rows(n: usize) -> SampleRows {
     SampleRows {
-        patterns: vec![Pattern::from_fn(|x, y| x < 20 && y > 3); n],
+        patterns: vec![Pattern::from_fn(Raster::PAPER, |x, y| x < 20 && y > 3); n],
         family: vec!["stripes".into(); n],
         index: (0..n as u64).collect(),
         units: vec![0; n],
@@ -28,7 +28,7 @@ fn solutions() -> Solutions {
     Solutions {
         rows: rows(2),
         outcome: vec!["converged".into(); 2],
-        displacement: vec![Field::zero(); 2],
+        displacement: vec![Field::zero(Raster::PAPER); 2],
         max_displacement: vec![0.0; 2],
         newton_iterations: Some(vec![5, 6]),
         residual: Some(vec![1e-9; 2]),
@@ -91,7 +91,7 @@ fn other_axes_and_missing_attributes_are_named() {
     let (_folder, artifact) = stored(&object);
     let error = Solutions::read(&artifact).unwrap_err().to_string();
     assert!(
-        error.ends_with("`displacement` has shape [2], wanted (sample, 51, 51, 2)"),
+        error.ends_with("`displacement` has shape [2], wanted (sample, corner_y, corner_x, 2)"),
         "{error}"
     );
 

@@ -13,12 +13,12 @@ use super::orbits::{Image, Orbit, orbits};
 use super::split::Split;
 use crate::base::{OrbitId, Stream, words};
 use crate::field::Field;
-use crate::pattern::{Pattern, Symmetry};
+use crate::pattern::{Pattern, Symmetries, Symmetry};
 
 words! {
     /// By what images of patterns are made.
     pub enum SymmetryGroup {
-        /// The eight symmetries of the square.
+        /// The symmetries of the membrane: the eight of a square, the four of a rectangle.
         D4 = "d4",
         /// Nothing: patterns stay as they were sampled.
         None = "none",
@@ -34,6 +34,8 @@ pub struct BalanceOptions {
     pub target: u64,
     /// By what sparse bins are augmented.
     pub symmetry: SymmetryGroup,
+    /// The symmetries of the membrane.
+    pub group: Symmetries,
     /// Names the random choices and the split.
     pub seed: u64,
 }
@@ -123,7 +125,7 @@ pub fn balance(candidates: &[Candidate<'_>], options: &BalanceOptions) -> Result
     let solved: Vec<(usize, &Pattern)> = peaks.iter().map(|&(i, _)| (i, candidates[i].pattern)).collect();
     let mut repeats = Vec::new();
     let mut content = vec![BinContent::default(); options.bins.count()];
-    for orbit in orbits(&solved) {
+    for orbit in orbits(&solved, options.group) {
         repeats.extend(&orbit.repeats);
         let first = candidates[orbit.images[0].source].max_displacement;
         if let Some(Place::Bin(bin)) = first.map(|peak| options.bins.place(peak)) {

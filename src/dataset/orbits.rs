@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 
 use crate::base::OrbitId;
-use crate::pattern::{Pattern, Symmetry};
+use crate::pattern::{Pattern, Symmetries, Symmetry};
 
 /// One image of an orbit's pattern, and the sample that shows it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,9 +30,10 @@ pub(super) struct Orbit {
     pub(super) repeats: Vec<usize>,
 }
 
-/// Sorts samples, given by index and pattern in increasing order of the index, into orbits, ordered by their first sample.
-pub(super) fn orbits(samples: &[(usize, &Pattern)]) -> Vec<Orbit> {
-    let keys: Vec<(OrbitId, Vec<Symmetry>)> = samples.par_iter().map(|(_, pattern)| key(pattern)).collect();
+/// Sorts samples, given by index and pattern in increasing order of the index, into orbits under a group, ordered by their first sample.
+pub(super) fn orbits(samples: &[(usize, &Pattern)], group: Symmetries) -> Vec<Orbit> {
+    let key = |(_, pattern): &(usize, &Pattern)| key(pattern, group);
+    let keys: Vec<(OrbitId, Vec<Symmetry>)> = samples.par_iter().map(key).collect();
     let mut members: BTreeMap<OrbitId, Vec<usize>> = BTreeMap::new();
     for (at, (digest, _)) in keys.iter().enumerate() {
         members.entry(*digest).or_default().push(at);
@@ -46,13 +47,16 @@ pub(super) fn orbits(samples: &[(usize, &Pattern)]) -> Vec<Orbit> {
 }
 
 /// The digest of a pattern's orbit, and one symmetry for each of its different images.
-fn key(pattern: &Pattern) -> (OrbitId, Vec<Symmetry>) {
-    let images = Symmetry::ALL.map(|g| pattern.transformed(g));
-    let differing = Symmetry::ALL
-        .into_iter()
-        .filter(|g| !images[..g.index()].contains(&images[g.index()]))
-        .collect();
-    (pattern.orbit(), differing)
+fn key(pattern: &Pattern, group: Symmetries) -> (OrbitId, Vec<Symmetry>) {
+    let mut differing: Vec<(Symmetry, Pattern)> = Vec::new();
+    for g in group.iter() {
+        let image = pattern.transformed(g);
+        if differing.iter().all(|(_, other)| *other != image) {
+            differing.push((g, image));
+        }
+    }
+    let symmetries = differing.into_iter().map(|(g, _)| g).collect();
+    (pattern.orbit(group), symmetries)
 }
 
 fn orbit(digest: OrbitId, symmetries: &[Symmetry], members: &[usize], samples: &[(usize, &Pattern)]) -> Orbit {
@@ -89,20 +93,21 @@ fn orbit(digest: OrbitId, symmetries: &[Symmetry], members: &[usize], samples: &
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pattern::Raster;
 
     fn skew() -> Pattern {
-        Pattern::from_fn(|x, y| (3 * x + y * y) % 7 < 3 && x > y / 2)
+        Pattern::from_fn(Raster::PAPER, |x, y| (3 * x + y * y) % 7 < 3 && x > y / 2)
     }
 
     fn found(patterns: &[Pattern]) -> Vec<Orbit> {
-        orbits(&patterns.iter().enumerate().collect::<Vec<_>>())
+        orbits(&patterns.iter().enumerate().collect::<Vec<_>>(), Symmetries::SQUARE)
     }
 
     #[test]
     fn symmetric_patterns_have_fewer_images() {
-        let half = Pattern::from_fn(|x, _| x < 25);
-        let cross = Pattern::from_fn(|x, y| (20..30).contains(&x) || (20..30).contains(&y));
-        let diagonal = Pattern::from_fn(|x, y| x > y);
+        let half = Pattern::from_fn(Raster::PAPER, |x, _| x < 25);
+        let cross = Pattern::from_fn(Raster::PAPER, |x, y| (20..30).contains(&x) || (20..30).contains(&y));
+        let diagonal = Pattern::from_fn(Raster::PAPER, |x, y| x > y);
         let images: Vec<usize> = found(&[skew(), half, cross, diagonal])
             .iter()
             .map(|o| o.images.len())
@@ -116,12 +121,12 @@ mod tests {
         let mirrored = pattern.transformed(Symmetry::ALL[5]);
         let orbits = found(&[
             pattern.clone(),
-            Pattern::from_fn(|x, _| x < 9),
+            Pattern::from_fn(Raster::PAPER, |x, _| x < 9),
             mirrored,
             pattern.clone(),
         ]);
         assert_eq!(orbits.len(), 2);
-        assert_eq!(orbits[0].digest, pattern.orbit());
+        assert_eq!(orbits[0].digest, pattern.orbit(Symmetries::SQUARE));
         assert_eq!(orbits[0].repeats, [3]);
         let drawn = orbits[0].images.iter().filter(|i| i.symmetry == Symmetry::IDENTITY);
         let sampled: Vec<usize> = drawn.map(|i| i.source).collect();

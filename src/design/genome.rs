@@ -6,7 +6,7 @@
 use std::fmt;
 
 use crate::base::Stream;
-use crate::pattern::{CELLS, Pattern};
+use crate::pattern::{CELLS, Pattern, Raster};
 
 /// Units along one side of the membrane.
 pub const UNITS: usize = 20;
@@ -99,7 +99,7 @@ impl Genome {
     #[must_use]
     pub fn pattern(&self) -> Pattern {
         let unit = |cell: usize| cell * UNITS / CELLS;
-        Pattern::from_fn(|x, y| self.genes[unit(y) * UNITS + unit(x)])
+        Pattern::from_fn(Raster::PAPER, |x, y| self.genes[unit(y) * UNITS + unit(x)])
     }
 }
 

@@ -6,7 +6,7 @@
 //! the line until the area is met.
 
 use super::objective::{Goal, PlacedAim};
-use crate::pattern::{CELLS, Pattern};
+use crate::pattern::{CELLS, Pattern, Raster};
 
 /// Distances that differ by less than this many cells are equal: rounding must not decide which cell is active.
 const RESOLUTION: f64 = 1e-9;
@@ -55,7 +55,7 @@ impl Intuitive {
         for &(_, cell) in &self.ranked[..count] {
             active[cell] = true;
         }
-        Pattern::from_fn(|x, y| active[y * CELLS + x])
+        Pattern::from_fn(Raster::PAPER, |x, y| active[y * CELLS + x])
     }
 }
 
@@ -95,18 +95,18 @@ mod tests {
     fn the_centre_to_the_right_is_pushed_by_the_left_half() {
         // H7 of the physics: the active half x < 25 moves the centre towards +x.
         let design = intuitive(&[(25.0, 25.0, 0.0)]);
-        let left = Pattern::from_fn(|x, _| x < 25);
+        let left = Pattern::from_fn(Raster::PAPER, |x, _| x < 25);
         assert_eq!(design.at_own_area(), left);
         assert_eq!(design.at_area(0.5), left);
         let down = intuitive(&[(25.0, 25.0, 270.0)]);
-        assert_eq!(down.at_own_area(), Pattern::from_fn(|_, y| y >= 25));
+        assert_eq!(down.at_own_area(), Pattern::from_fn(Raster::PAPER, |_, y| y >= 25));
     }
 
     #[test]
     fn the_line_moves_to_meet_the_area() {
         let design = intuitive(&[(12.5, 25.0, 0.0)]);
-        assert_eq!(design.at_own_area(), Pattern::from_fn(|x, _| x < 12));
-        assert_eq!(design.at_area(0.5), Pattern::from_fn(|x, _| x < 25));
+        assert_eq!(design.at_own_area(), Pattern::from_fn(Raster::PAPER, |x, _| x < 12));
+        assert_eq!(design.at_area(0.5), Pattern::from_fn(Raster::PAPER, |x, _| x < 25));
         for area in [0.0, 0.05, 0.333, 0.5, 1.0] {
             let cells = (area * 2500.0_f64).round() as usize;
             assert_eq!(design.at_area(area).active_cells(), cells);
@@ -122,7 +122,7 @@ mod tests {
             .unwrap();
         let own = intuitive(&[(25.0, 25.0, 45.0)]).at_own_area();
         assert_eq!(own.active_cells(), 1225);
-        assert_eq!(own, Pattern::from_fn(|x, y| x + y < 49));
+        assert_eq!(own, Pattern::from_fn(Raster::PAPER, |x, y| x + y < 49));
         assert_eq!(own.transformed(swap_axes), own);
     }
 

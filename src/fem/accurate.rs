@@ -164,6 +164,7 @@ mod tests {
     use super::*;
     use crate::base::Stream;
     use crate::field::{Outcome, Simulator};
+    use crate::pattern::Raster;
 
     fn patterns() -> Vec<Pattern> {
         let mut stream = Stream::new(11, "accuracy test", 0);
@@ -171,17 +172,17 @@ mod tests {
         let blocks: Vec<bool> = (0..25).map(|_| stream.chance(0.5)).collect();
         let distance = |x: usize, y: usize| (x as f64 - 20.5).hypot(y as f64 - 27.5);
         vec![
-            Pattern::from_fn(|x, y| bits[50 * y + x]),
-            Pattern::from_fn(|x, y| blocks[y / 10 * 5 + x / 10]),
-            Pattern::from_fn(|x, _| x < 25),
-            Pattern::from_fn(|_, y| y % 6 < 3),
-            Pattern::from_fn(|x, y| (x + y) % 2 == 0),
-            Pattern::from_fn(|x, y| x == 33 && y == 8),
-            Pattern::from_fn(|x, y| x == 0 && y == 49),
-            Pattern::from_fn(|x, y| distance(x, y) < 12.0),
-            Pattern::from_fn(|x, y| (8.0..14.0).contains(&distance(x, y))),
-            Pattern::from_fn(|x, y| (y as f64) < 25.0 + 9.0 * (x as f64 / 6.0).sin()),
-            Pattern::from_fn(|x, y| 2 * x > y + 10),
+            Pattern::from_fn(Raster::PAPER, |x, y| bits[50 * y + x]),
+            Pattern::from_fn(Raster::PAPER, |x, y| blocks[y / 10 * 5 + x / 10]),
+            Pattern::from_fn(Raster::PAPER, |x, _| x < 25),
+            Pattern::from_fn(Raster::PAPER, |_, y| y % 6 < 3),
+            Pattern::from_fn(Raster::PAPER, |x, y| (x + y) % 2 == 0),
+            Pattern::from_fn(Raster::PAPER, |x, y| x == 33 && y == 8),
+            Pattern::from_fn(Raster::PAPER, |x, y| x == 0 && y == 49),
+            Pattern::from_fn(Raster::PAPER, |x, y| distance(x, y) < 12.0),
+            Pattern::from_fn(Raster::PAPER, |x, y| (8.0..14.0).contains(&distance(x, y))),
+            Pattern::from_fn(Raster::PAPER, |x, y| (y as f64) < 25.0 + 9.0 * (x as f64 / 6.0).sin()),
+            Pattern::from_fn(Raster::PAPER, |x, y| 2 * x > y + 10),
         ]
     }
 
@@ -250,7 +251,10 @@ mod tests {
     #[test]
     fn a_pattern_that_does_not_move_is_exact() {
         let solver = AccurateSolver::new(&Scene::vhb4910(), 1e-6, 1e-8).unwrap();
-        let result = solver.simulate(&[Pattern::from_fn(|_, _| true)]).unwrap().remove(0);
+        let result = solver
+            .simulate(&[Pattern::from_fn(Raster::PAPER, |_, _| true)])
+            .unwrap()
+            .remove(0);
         assert_eq!(
             (result.mesh.elements_per_cell(), result.discretisation_error),
             (1, Some(0.0))

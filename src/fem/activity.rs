@@ -4,6 +4,8 @@ use crate::pattern::Pattern;
 
 use super::grid::Grid;
 use super::lanes::Real;
+#[cfg(doc)]
+use super::layout::NodeLayout;
 
 /// Numbers in both precisions.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,49 +43,52 @@ impl Precision for f32 {
 #[derive(Clone, Debug)]
 pub struct Activity {
     grid: Grid,
-    /// Of each element, in rows of [`crate::field::Mesh::part`] numbers.
+    /// Of each element, in rows of [`NodeLayout::part`] numbers.
     values: Both,
-    /// The size of each column or row of elements; where they differ.
-    sizes: Option<Both>,
+    /// The sides of each column and each row of elements; where they are not all 1.
+    sides: Option<[Both; 2]>,
 }
 
 impl Activity {
-    /// The activity of a pattern; a mesh has elements of one size.
+    /// The activity of a pattern.
     #[must_use]
-    pub fn new(grid: impl Into<Grid>, pattern: &Pattern) -> Self {
+    pub fn new(grid: Grid, pattern: &Pattern) -> Self {
         let share = |x: usize, y: usize| f64::from(u8::from(pattern.is_active(x, y)));
-        Self::from_shares(grid.into(), share)
+        Self::from_shares(grid, share)
     }
 
     /// Cells (column, row) that are active to a share: what derivatives with respect to the pattern are derivatives of.
     #[must_use]
     pub fn from_shares(grid: Grid, share: impl Fn(usize, usize) -> f64) -> Self {
-        let mut values = vec![0.0; grid.mesh().elements() * grid.mesh().part()];
-        grid.mesh().write_activity(&share, &mut values);
+        let layout = grid.layout();
+        let mut values = vec![0.0; layout.rows() * layout.part()];
+        grid.write_activity(&share, &mut values);
         Self::of_values(grid, values)
     }
 
     /// Elements (column, row) that are active to a share.
     #[must_use]
     pub fn from_elements(grid: Grid, share: impl Fn(usize, usize) -> f64) -> Self {
-        let (elements, part) = (grid.mesh().elements(), grid.mesh().part());
-        let mut values = vec![0.0; elements * part];
-        for (row, shares) in values.chunks_exact_mut(part).enumerate() {
-            let elements = shares[..elements].iter_mut().enumerate();
+        let layout = grid.layout();
+        let mut values = vec![0.0; layout.rows() * layout.part()];
+        for (row, shares) in values.chunks_exact_mut(layout.part()).enumerate() {
+            let elements = shares[..layout.columns()].iter_mut().enumerate();
             elements.for_each(|(column, value)| *value = share(column, row));
         }
         Self::of_values(grid, values)
     }
 
     fn of_values(grid: Grid, values: Vec<f64>) -> Self {
-        let mesh = grid.mesh();
+        let layout = grid.layout();
+        let [columns, rows] = grid.elements();
         // Beyond the last element 1, by which kernels divide.
-        let size = |at: usize| if at < mesh.elements() { grid.size(at) } else { 1.0 };
-        let sizes = || Both::new((0..mesh.part()).map(size).collect());
+        let width = |at: usize| if at < columns { grid.sides([at, 0])[0] } else { 1.0 };
+        let widths = || Both::new((0..layout.part()).map(width).collect());
+        let heights = || Both::new((0..rows).map(|at| grid.sides([0, at])[1]).collect());
         Self {
             grid,
             values: Both::new(values),
-            sizes: (!grid.is_uniform()).then(sizes),
+            sides: (!grid.is_plain()).then(|| [widths(), heights()]),
         }
     }
 
@@ -93,17 +98,17 @@ impl Activity {
         self.grid
     }
 
-    /// The activity of each element, in rows of [`crate::field::Mesh::part`] numbers.
+    /// The activity of each element, in rows of [`NodeLayout::part`] numbers.
     #[must_use]
     pub fn elements(&self) -> &[f64] {
         &self.values.double
     }
 
-    /// The active area of an element (column, row), in squares of the mean side of elements.
+    /// The active area of an element (column, row), in units of the mean area of elements.
     #[must_use]
     pub fn area(&self, [column, row]: [usize; 2]) -> f64 {
-        let share = self.values.double[row * self.grid.mesh().part() + column];
-        share * self.grid.size(column) * self.grid.size(row)
+        let share = self.values.double[row * self.grid.layout().part() + column];
+        share * self.grid.size(0, column) * self.grid.size(1, row)
     }
 
     /// What kernels read.
@@ -111,7 +116,11 @@ impl Activity {
     pub(super) fn view<T: Precision>(&self) -> View<'_, T> {
         View {
             values: T::of(&self.values),
-            sizes: self.sizes.as_ref().map(T::of),
+            sides: self
+                .sides
+                .as_ref()
+                .map(|[widths, heights]| [T::of(widths), T::of(heights)]),
+            is_uniform: self.grid.is_uniform(),
         }
     }
 }
@@ -120,5 +129,7 @@ impl Activity {
 #[derive(Clone, Copy)]
 pub(super) struct View<'a, T> {
     pub values: &'a [T],
-    pub sizes: Option<&'a [T]>,
+    pub sides: Option<[&'a [T]; 2]>,
+    /// Whether all elements have the same sides.
+    pub is_uniform: bool,
 }

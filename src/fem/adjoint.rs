@@ -1,19 +1,18 @@
-//! The gradient of a functional of the displacement with respect to all 2500 cells, from one more linear solve.
+//! The gradient of a functional of the displacement with respect to all cells, from one more linear solve.
 //!
 //! With equilibrium R(u, S) = 0 and a functional J(u), dJ/dS = −ψ · ∂R/∂S where Aψ = ∂J/∂u and A is the tangent, which is
 //! symmetric (for instance Bendsøe and Sigmund, Topology Optimization, 2003, section 1.2.2). The energy is linear in the
 //! activity S, so ∂R/∂S is the difference between the active and the bare stress.
 
 use crate::field::{Field, Order};
-use crate::pattern::CELLS;
 
 use super::element::{Bilinear, Biquadratic, Element};
 use super::energy::Material;
 use super::newton::{self, Trouble, Workspace};
-use super::operator::Operator;
+use super::operator::{Operator, from_rest, on_sides, per_side};
 use super::precondition::Laplacian;
 
-/// dJ/dS of each cell, `[y][x]`, for J = Σ weights · u over the cell corners, with u in units of an element's side.
+/// dJ/dS of each cell, `[y][x]`, for J = Σ weights · u over the cell corners, with u in units of [`super::grid::Grid::unit_mm`].
 ///
 /// # Errors
 /// When the tangent at `u` is not positive definite.
@@ -25,9 +24,9 @@ pub fn gradient<L: Material>(
     weights: &Field,
     workspace: &mut Workspace,
 ) -> Result<Vec<f64>, Trouble> {
-    let load = operator.mesh.spread(weights);
+    let load = operator.activity.grid().spread(weights);
     let adjoint = newton::solve_tangent(operator, laplacian, tolerance, u, &load, workspace)?;
-    Ok(match operator.mesh.order() {
+    Ok(match operator.activity.grid().order() {
         Order::Bilinear => cells::<Bilinear, L, 4>(operator, u, &adjoint),
         Order::Biquadratic => cells::<Biquadratic, L, 9>(operator, u, &adjoint),
     })
@@ -39,27 +38,32 @@ fn cells<E: Element<N>, L: Material, const N: usize>(
     u: &[f64],
     adjoint: &[f64],
 ) -> Vec<f64> {
-    let (mesh, side) = (operator.mesh, E::DEGREE + 1);
-    let (n, per_cell) = (mesh.elements(), mesh.elements_per_cell());
-    let mut gradient = vec![0.0; CELLS * CELLS];
-    for (row, column) in (0..n * n).map(|i| (i / n, i % n)) {
+    let (layout, grid, side) = (operator.layout(), operator.activity.grid(), E::DEGREE + 1);
+    let (raster, [along, across]) = (grid.raster(), grid.per_cell());
+    let mut gradient = vec![0.0; raster.cells()];
+    for [column, row] in layout.each_element() {
         let local = |vector: &[f64]| -> [[f64; N]; 2] {
             std::array::from_fn(|c| {
                 std::array::from_fn(|node| {
-                    vector[mesh.index(c, column * E::DEGREE + node % side, row * E::DEGREE + node / side)]
+                    vector[layout.index(c, column * E::DEGREE + node % side, row * E::DEGREE + node / side)]
                 })
             })
         };
-        let pull = E::gradients(&local(u)).map(|gradient| {
+        let sides = grid.sides([column, row]);
+        let mut gradients = E::gradients(&local(u));
+        per_side(&mut gradients, sides);
+        from_rest(&mut gradients, grid.rest());
+        let mut pull = gradients.map(|gradient| {
             let (active, bare) = (
                 operator.material.stress(gradient, 1.0),
                 operator.material.stress(gradient, 0.0),
             );
             std::array::from_fn(|i| std::array::from_fn(|k| active[i][k] - bare[i][k]))
         });
+        on_sides(&mut pull, sides);
         let (forces, adjoint) = (E::forces(&pull), local(adjoint));
         let work = |c: usize| -> f64 { forces[c].iter().zip(adjoint[c]).map(|(force, psi)| force * psi).sum() };
-        gradient[row / per_cell * CELLS + column / per_cell] -= work(0) + work(1);
+        gradient[row / across * raster.columns() + column / along] -= work(0) + work(1);
     }
     gradient
 }
@@ -72,28 +76,27 @@ mod tests {
     use crate::fem::energy::NeoHookean;
     use crate::fem::grid::Grid;
     use crate::fem::operator::Activity;
-    use crate::field::CORNERS;
-    use crate::field::Mesh;
+    use crate::field::{CORNERS, Mesh};
+    use crate::pattern::{CELLS, Raster};
 
     #[test]
     fn it_agrees_with_finite_differences() {
         for (order, per_cell) in [(Order::Bilinear, 1), (Order::Bilinear, 2), (Order::Biquadratic, 1)] {
-            let mesh = Mesh::new(per_cell, order);
-            let laplacian = Laplacian::new(mesh).unwrap();
-            let mut workspace = Workspace::new(mesh.vector_len(), &laplacian);
+            let grid = Grid::paper(Mesh::new(per_cell, order));
+            let laplacian = Laplacian::new(grid).unwrap();
+            let mut workspace = Workspace::new(grid.layout().vector_len(), &laplacian);
             let mut stream = Stream::new(3, "adjoint test", 0);
             let shares: Vec<f64> = (0..CELLS * CELLS)
                 .map(|_| f64::from(u8::from(stream.chance(0.5))))
                 .collect();
             let weights = (0..CORNERS * CORNERS * 2).map(|i| if i % 97 == 5 { stream.normal() } else { 0.0 });
-            let weights = Field::from_values(weights.collect()).unwrap();
-            let load = mesh.spread(&weights);
+            let weights = Field::from_values(Raster::PAPER, weights.collect()).unwrap();
+            let load = grid.spread(&weights);
             let material = NeoHookean::new(3.0, 0.0255);
             let mut solve = |shares: &[f64]| {
-                let activity = Activity::from_shares(Grid::uniform(mesh), |x, y| shares[y * CELLS + x]);
-                let mut u = vec![0.0; mesh.vector_len()];
+                let activity = Activity::from_shares(grid, |x, y| shares[y * CELLS + x]);
+                let mut u = vec![0.0; grid.layout().vector_len()];
                 let problem = Problem {
-                    mesh,
                     activity: &activity,
                     laplacian: &laplacian,
                     material: |_| material,
@@ -117,9 +120,8 @@ mod tests {
                     (cell, slope / (12.0 * step))
                 })
                 .into();
-            let activity = Activity::from_shares(Grid::uniform(mesh), |x, y| shares[y * CELLS + x]);
+            let activity = Activity::from_shares(grid, |x, y| shares[y * CELLS + x]);
             let operator = Operator {
-                mesh,
                 material: &material,
                 activity: &activity,
             };

@@ -9,22 +9,27 @@ use super::observable::{CellState, Tension};
 use super::solver::{MembraneSolver, MeshSolution};
 
 impl MembraneSolver {
-    /// The displacement in mm of the (elements + 1)² corners of elements, `[y][x]`.
+    /// The displacement in mm of the corners of elements, `[y][x]`.
     #[must_use]
     pub fn corner_displacements(&self, solution: &MeshSolution) -> Vec<[f64; 2]> {
-        let (mesh, side) = (self.grid.mesh(), self.element_side_mm());
-        let (row, degree) = (mesh.elements() + 1, mesh.order().degree());
-        let at = |corner: usize, c: usize| mesh.index(c, corner % row * degree, corner / row * degree);
-        (0..row * row)
-            .map(|corner| [0, 1].map(|c| side * solution.displacement[at(corner, c)]))
+        let (layout, unit) = (self.grid.layout(), self.grid.unit_mm());
+        let ([columns, rows], degree) = (self.grid.elements().map(|count| count + 1), layout.degree());
+        let at = |corner: usize, c: usize| layout.index(c, corner % columns * degree, corner / columns * degree);
+        (0..columns * rows)
+            .map(|corner| [0, 1].map(|c| unit * solution.displacement[at(corner, c)]))
             .collect()
     }
 
-    /// Where the corners of elements lie along a side of the membrane, in mm.
+    /// Where the corners of elements lie along x and y, in mm.
     #[must_use]
-    pub fn corner_places(&self) -> Vec<f64> {
-        let corners = 0..=self.grid.mesh().elements();
-        corners.map(|at| self.element_side_mm() * self.grid.start(at)).collect()
+    pub fn corner_places(&self) -> [Vec<f64>; 2] {
+        let (elements, size) = (self.grid.elements(), self.scene.membrane().size_mm);
+        [0, 1].map(|axis| {
+            let side = size[axis] / elements[axis] as f64;
+            (0..=elements[axis])
+                .map(|at| side * self.grid.start(axis, at))
+                .collect()
+        })
     }
 
     /// Simulates patterns and keeps the states of their cells, `[y][x]`; `None` where there is no stable solution.

@@ -9,7 +9,6 @@ use super::newton::{self, Trouble, Workspace};
 use super::operator::{Activity, Operator};
 use super::precondition::Laplacian;
 use super::stability::{Stability, judge, same_basin};
-use crate::field::Mesh;
 
 /// How the loading ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -110,9 +109,7 @@ impl Climb {
 
 /// One membrane under a load that can be scaled.
 pub struct Problem<'a, F> {
-    /// Where.
-    pub mesh: Mesh,
-    /// Where it is active.
+    /// Its elements, and where it is active.
     pub activity: &'a Activity,
     /// The preconditioner.
     pub laplacian: &'a Laplacian,
@@ -235,7 +232,6 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
     ) -> Result<(), Refusal> {
         let material = (self.material)(share);
         let operator = Operator {
-            mesh: self.mesh,
             material: &material,
             activity: self.activity,
         };

@@ -15,13 +15,14 @@ use faer::{Conj, MatMut, Par, Side};
 use super::element::{Bilinear, Biquadratic, Element};
 use super::energy::Material;
 use super::kinematics::Tensor;
-use super::operator::{Operator, on_sides, per_side};
-use crate::field::{Mesh, Order};
+use super::layout::NodeLayout;
+use super::operator::{Operator, from_rest, on_sides, per_side};
+use crate::field::Order;
 
 /// Where the entries of the tangent stand, and an order of the unknowns in which its factors stay sparse: the same for all
-/// tangents of a mesh.
+/// tangents of a grid.
 pub struct Structure {
-    mesh: Mesh,
+    layout: NodeLayout,
     matrix: SymbolicSparseColMat<usize>,
     /// From the order of assembly to that of the matrix.
     sorting: Argsort<usize>,
@@ -29,15 +30,16 @@ pub struct Structure {
 }
 
 impl Structure {
-    /// The structure of a mesh; `None` when memory is short.
-    pub fn new(mesh: Mesh) -> Option<Arc<Self>> {
+    /// The structure of a grid; `None` when memory is short.
+    pub fn new(layout: NodeLayout) -> Option<Arc<Self>> {
         let mut pairs = Vec::new();
         let mut collect = |i: usize, k: usize| pairs.push(Pair::new(i, k));
-        match mesh.order() {
-            Order::Bilinear => for_each_entry::<4>(mesh, |_, rows, k| rows.for_each(|(_, i)| collect(i, k))),
-            Order::Biquadratic => for_each_entry::<9>(mesh, |_, rows, k| rows.for_each(|(_, i)| collect(i, k))),
+        match layout.degree() {
+            1 => for_each_entry::<4>(layout, |_, rows, k| rows.for_each(|(_, i)| collect(i, k))),
+            _ => for_each_entry::<9>(layout, |_, rows, k| rows.for_each(|(_, i)| collect(i, k))),
         }
-        let count = 2 * (mesh.nodes() - 2).pow(2);
+        let [columns, rows] = layout.nodes().map(|nodes| nodes - 2);
+        let count = 2 * columns * rows;
         let (matrix, sorting) = SymbolicSparseColMat::try_new_from_indices(count, count, &pairs).ok()?;
         let symbolic = factorize_symbolic_cholesky(
             matrix.as_ref(),
@@ -47,7 +49,7 @@ impl Structure {
         )
         .ok()?;
         Some(Arc::new(Self {
-            mesh,
+            layout,
             matrix,
             sorting,
             symbolic,
@@ -56,7 +58,7 @@ impl Structure {
 
     /// The factors of the tangent at `u`; `None` when a pivot is exactly zero or memory is short.
     pub fn factorise<L: Material>(self: &Arc<Self>, operator: &Operator<'_, L>, u: &[f64]) -> Option<Factorisation> {
-        let entries = match self.mesh.order() {
+        let entries = match operator.activity.grid().order() {
             Order::Bilinear => assemble::<Bilinear, L, 4>(operator, u),
             Order::Biquadratic => assemble::<Biquadratic, L, 9>(operator, u),
         };
@@ -94,7 +96,7 @@ impl Factorisation {
     /// The tangent at `u`; `None` when a pivot is exactly zero or memory is short.
     #[cfg(test)]
     pub fn new<L: Material>(operator: &Operator<'_, L>, u: &[f64]) -> Option<Self> {
-        Structure::new(operator.mesh)?.factorise(operator, u)
+        Structure::new(operator.layout())?.factorise(operator, u)
     }
 
     /// How many eigenvalues of the tangent are negative.
@@ -119,8 +121,8 @@ impl Factorisation {
     /// Solves with the factors: `r` is a residual, the result a displacement, both zero on the frame.
     #[must_use]
     pub fn solve(&self, r: &[f64]) -> Vec<f64> {
-        let Structure { mesh, symbolic, .. } = &*self.structure;
-        let places = unknowns(*mesh);
+        let Structure { layout, symbolic, .. } = &*self.structure;
+        let places = unknowns(*layout);
         let mut packed: Vec<f64> = places.iter().map(|&at| r[at]).collect();
         let count = packed.len();
         let mut memory = MemBuffer::new(symbolic.solve_in_place_scratch::<f64>(1, Par::Seq));
@@ -130,43 +132,40 @@ impl Factorisation {
             Par::Seq,
             MemStack::new(&mut memory),
         );
-        let mut solution = vec![0.0; mesh.vector_len()];
+        let mut solution = vec![0.0; layout.vector_len()];
         places.iter().zip(packed).for_each(|(&at, value)| solution[at] = value);
         solution
     }
 }
 
 /// Where the unknowns lie in a vector: interior nodes row by row, both components together.
-fn unknowns(mesh: Mesh) -> Vec<usize> {
-    let inside = 1..mesh.nodes() - 1;
-    let nodes = inside
-        .clone()
-        .flat_map(|row| inside.clone().map(move |column| (column, row)));
+fn unknowns(layout: NodeLayout) -> Vec<usize> {
+    let [columns, rows] = layout.nodes().map(|nodes| 1..nodes - 1);
+    let nodes = rows.flat_map(|row| columns.clone().map(move |column| (column, row)));
     nodes
-        .flat_map(|(column, row)| [0, 1].map(|c| mesh.index(c, column, row)))
+        .flat_map(|(column, row)| [0, 1].map(|c| layout.index(c, column, row)))
         .collect()
 }
 
 /// The number of an unknown; `None` on the frame.
-fn number(mesh: Mesh, c: usize, column: usize, row: usize) -> Option<usize> {
-    let inside = 1..mesh.nodes() - 1;
-    let width = mesh.nodes() - 2;
-    (inside.contains(&column) && inside.contains(&row)).then(|| 2 * ((row - 1) * width + column - 1) + c)
+fn number(layout: NodeLayout, c: usize, column: usize, row: usize) -> Option<usize> {
+    let [columns, rows] = layout.nodes().map(|nodes| 1..nodes - 1);
+    (columns.contains(&column) && rows.contains(&row)).then(|| 2 * ((row - 1) * columns.len() + column - 1) + c)
 }
 
 /// Visits the columns of the element matrices in the order of assembly: `visit` takes the element (column, row) with the
 /// component and node of the column, the entries on and below the diagonal as (position among the forces of the element,
 /// row of the matrix), and the column of the matrix.
 fn for_each_entry<const N: usize>(
-    mesh: Mesh,
+    layout: NodeLayout,
     mut visit: impl FnMut(([usize; 2], usize, usize), &mut dyn Iterator<Item = (usize, usize)>, usize),
 ) {
-    let (n, degree) = (mesh.elements(), mesh.order().degree());
+    let degree = layout.degree();
     let side = degree + 1;
-    for (row, column) in (0..n * n).map(|i| (i / n, i % n)) {
+    for [column, row] in layout.each_element() {
         let place = |node: usize| (column * degree + node % side, row * degree + node / side);
         let numbers: [[Option<usize>; N]; 2] =
-            std::array::from_fn(|c| std::array::from_fn(|node| number(mesh, c, place(node).0, place(node).1)));
+            std::array::from_fn(|c| std::array::from_fn(|node| number(layout, c, place(node).0, place(node).1)));
         for (c, node) in (0..2 * N).map(|i| (i / N, i % N)) {
             let Some(k) = numbers[c][node] else { continue };
             let all = numbers.as_flattened().iter().enumerate();
@@ -178,26 +177,26 @@ fn for_each_entry<const N: usize>(
 
 /// The entries of the tangent in the order of [`for_each_entry`].
 fn assemble<E: Element<N>, L: Material, const N: usize>(operator: &Operator<'_, L>, u: &[f64]) -> Vec<f64> {
-    let mesh = operator.mesh;
+    let (layout, grid) = (operator.layout(), operator.activity.grid());
     let side = E::DEGREE + 1;
     let units = unit_gradients::<E, N>();
-    let grid = operator.activity.grid();
-    let sides = |column: usize, row: usize| [column, row].map(|at| grid.size(at));
     let mut entries = Vec::new();
     let mut gradients = [[[0.0; 2]; 2]; N];
     let mut current = None;
-    for_each_entry::<N>(mesh, |([column, row], c, node), rows, _| {
+    for_each_entry::<N>(layout, |([column, row], c, node), rows, _| {
+        let sides = grid.sides([column, row]);
         if current.replace([column, row]) != Some([column, row]) {
             let place = |node: usize| (column * E::DEGREE + node % side, row * E::DEGREE + node / side);
-            let value = |c, node| u[mesh.index(c, place(node).0, place(node).1)];
+            let value = |c, node| u[layout.index(c, place(node).0, place(node).1)];
             gradients = E::gradients(&std::array::from_fn(|c| std::array::from_fn(|node| value(c, node))));
-            per_side(&mut gradients, sides(column, row));
+            per_side(&mut gradients, sides);
+            from_rest(&mut gradients, grid.rest());
         }
         let mut changes = units[c][node];
-        per_side(&mut changes, sides(column, row));
-        let active = operator.activity.elements()[row * mesh.part() + column];
+        per_side(&mut changes, sides);
+        let active = operator.activity.elements()[row * layout.part() + column];
         let mut stresses = std::array::from_fn(|q| operator.material.tangent(gradients[q], active, changes[q]));
-        on_sides(&mut stresses, sides(column, row));
+        on_sides(&mut stresses, sides);
         let forces = E::forces(&stresses);
         entries.extend(rows.map(|(at, _)| forces[at / N][at % N]));
     });

@@ -7,7 +7,6 @@
 use faer::{Mat, Side};
 
 use crate::base::Stream;
-use crate::field::{CORNERS, Field};
 
 use super::energy::{Material, NeoHookean};
 use super::operator::Operator;
@@ -51,7 +50,6 @@ impl Direction {
         operator.tangent(u, &vector, &mut stiff);
         let mut harmonic = vec![0.0; vector.len()];
         let flat = Operator {
-            mesh: operator.mesh,
             material: &WITHOUT_THICKNESS,
             activity: operator.activity,
         };
@@ -175,10 +173,7 @@ fn ritz(x: &Direction, w: Direction, p: Option<Direction>) -> Option<(Direction,
 /// A smooth vector that has a part along every mode.
 fn start<L: Material>(operator: &Operator<'_, L>, laplacian: &Laplacian, scratch: &mut LaplacianScratch) -> Vec<f64> {
     let mut stream = Stream::new(0, "smallest eigenvalue", 0);
-    let forces = (0..CORNERS * CORNERS * 2).map(|_| stream.normal()).collect();
-    let load = operator
-        .mesh
-        .spread(&Field::from_values(forces).expect("normal deviates are finite"));
+    let load = operator.activity.grid().random_load(&mut stream);
     precondition(laplacian, &load, scratch).unwrap_or(load)
 }
 
@@ -220,16 +215,17 @@ mod tests {
             thickness: 1.0 / 729.0,
             pull,
         };
-        let activity = Activity::from_shares(
-            Grid::uniform(mesh),
-            |x, y| if (x / 10 + y / 10) % 2 == 0 { 1.0 } else { 0.2 },
-        );
+        let grid = Grid::paper(mesh);
+        let activity = Activity::from_shares(grid, |x, y| if (x / 10 + y / 10) % 2 == 0 { 1.0 } else { 0.2 });
         let operator = Operator {
-            mesh,
             material: &material,
             activity: &activity,
         };
-        work(&operator, &Laplacian::new(mesh).unwrap(), &vec![0.0; mesh.vector_len()])
+        work(
+            &operator,
+            &Laplacian::new(grid).unwrap(),
+            &vec![0.0; grid.layout().vector_len()],
+        )
     }
 
     #[test]
@@ -247,9 +243,9 @@ mod tests {
     fn a_membrane_that_is_active_everywhere_has_the_closed_form_value() {
         // K = L + (3a − b)(div)² but for a null Lagrangian: 1 + 3a − b where that is less than 1, which meshes approach from
         // above, since fields without rotation are among the modes.
-        let mesh = Mesh::new(1, Order::Biquadratic);
-        let activity = Activity::from_shares(Grid::uniform(mesh), |_, _| 1.0);
-        let (laplacian, u) = (Laplacian::new(mesh).unwrap(), vec![0.0; mesh.vector_len()]);
+        let grid = Grid::paper(Mesh::new(1, Order::Biquadratic));
+        let activity = Activity::from_shares(grid, |_, _| 1.0);
+        let (laplacian, u) = (Laplacian::new(grid).unwrap(), vec![0.0; grid.layout().vector_len()]);
         let thickness = 1.0 / 729.0;
         for (pull, exact) in [
             (2.0 * thickness, 1.0),
@@ -258,7 +254,6 @@ mod tests {
         ] {
             let material = NeoHookean { thickness, pull };
             let operator = Operator {
-                mesh,
                 material: &material,
                 activity: &activity,
             };
@@ -287,11 +282,10 @@ mod tests {
 
     #[test]
     fn its_sign_is_that_of_the_inertia() {
-        let mesh = Mesh::new(1, Order::Bilinear);
         let mut near = None;
         let mut seen = [false, false];
         for pull in [0.6, 0.8, 1.0, 1.2, 1.4] {
-            at(mesh, pull, |operator, laplacian, u| {
+            at(Mesh::bilinear(1), pull, |operator, laplacian, u| {
                 let found = smallest(operator, laplacian, u, near.as_ref()).unwrap();
                 let positive = Factorisation::new(operator, u).unwrap().negative_pivots() == 0;
                 assert_eq!(found.value > 0.0, positive, "{pull}: {}", found.value);

@@ -17,6 +17,34 @@ pub trait Element<const N: usize> {
     fn gradients<V: Value>(nodal: &[[V; N]; 2]) -> [Tensor<V>; N];
     /// Σ over the points of weight · stress : ∇N, for each component and node.
     fn forces<V: Value>(stresses: &[Tensor<V>; N]) -> [[V; N]; 2];
+
+    /// The gradients on an element of other sides: derivatives along x and y are those on the square times two factors, and an offset is added
+    /// to the diagonal.
+    #[inline(always)]
+    fn gradients_on<V: Value>(nodal: &[[V; N]; 2], factors: [V; 2], offset: [V; 2]) -> [Tensor<V>; N] {
+        let mut gradients = Self::gradients(nodal);
+        for gradient in &mut gradients {
+            let [[a, b], [c, d]] = *gradient;
+            *gradient = [
+                [a.madd(factors[0], offset[0]), b * factors[1]],
+                [c * factors[0], d.madd(factors[1], offset[1])],
+            ];
+        }
+        gradients
+    }
+
+    /// The forces on an element whose gradients are [`Element::gradients_on`], times its area: stresses along x and y are those on the square
+    /// times two factors.
+    #[inline(always)]
+    fn forces_on<V: Value>(stresses: &[Tensor<V>; N], factors: [V; 2]) -> [[V; N]; 2] {
+        let mut stresses = *stresses;
+        for stress in &mut stresses {
+            for row in stress {
+                *row = [row[0] * factors[0], row[1] * factors[1]];
+            }
+        }
+        Self::forces(&stresses)
+    }
 }
 
 /// Four nodes, four points.
@@ -32,42 +60,81 @@ impl Element<4> for Bilinear {
 
     #[inline(always)]
     fn gradients<V: Value>(nodal: &[[V; 4]; 2]) -> [Tensor<V>; 4] {
-        let zero = nodal[0][0].constant(0.0);
-        let mut gradients = [[[zero; 2]; 2]; 4];
+        let mut gradients = [[[nodal[0][0]; 2]; 2]; 4];
         for (c, [lower_left, lower_right, upper_left, upper_right]) in nodal.iter().copied().enumerate() {
             let (along, across) = (lower_right - lower_left, upper_left - lower_left);
             let twist = upper_right - upper_left - along;
-            for (low, high, place) in [(0, 1, Line::LINEAR.points[0]), (2, 3, Line::LINEAR.points[1])] {
-                let slope = twist.madd(zero.constant(place), along);
-                gradients[low][c][0] = slope;
-                gradients[high][c][0] = slope;
-            }
-            for (left, right, place) in [(0, 2, Line::LINEAR.points[0]), (1, 3, Line::LINEAR.points[1])] {
-                let slope = twist.madd(zero.constant(place), across);
-                gradients[left][c][1] = slope;
-                gradients[right][c][1] = slope;
-            }
+            slopes(&mut gradients, c, [along, across], [twist; 2]);
         }
         gradients
     }
 
+    /// Factors and offset go into the slopes of edges, of which there are half as many as entries of gradients.
+    #[inline(always)]
+    fn gradients_on<V: Value>(nodal: &[[V; 4]; 2], [x, y]: [V; 2], offset: [V; 2]) -> [Tensor<V>; 4] {
+        let zero = x.constant(0.0);
+        let mut gradients = [[[zero; 2]; 2]; 4];
+        for (c, [lower_left, lower_right, upper_left, upper_right]) in nodal.iter().copied().enumerate() {
+            let (along, across) = (lower_right - lower_left, upper_left - lower_left);
+            let twist = upper_right - upper_left - along;
+            let edges = match c {
+                0 => [along.madd(x, offset[0]), across * y],
+                _ => [along * x, across.madd(y, offset[1])],
+            };
+            slopes(&mut gradients, c, edges, [twist * x, twist * y]);
+        }
+        gradients
+    }
+
+    /// Factors go into the sums over the edges.
+    #[inline(always)]
+    fn forces_on<V: Value>(stresses: &[Tensor<V>; 4], factors: [V; 2]) -> [[V; 4]; 2] {
+        let mut forces = [[factors[0]; 4]; 2];
+        for (c, force) in forces.iter_mut().enumerate() {
+            let sum = |a: usize, b: usize, axis: usize| (stresses[a][c][axis] + stresses[b][c][axis]) * factors[axis];
+            *force = from_edges([sum(0, 1, 0), sum(2, 3, 0)], [sum(0, 2, 1), sum(1, 3, 1)]);
+        }
+        forces
+    }
+
     #[inline(always)]
     fn forces<V: Value>(stresses: &[Tensor<V>; 4]) -> [[V; 4]; 2] {
-        let weight = stresses[0][0][0].constant(0.25);
-        let near = weight.constant(0.25 * Line::LINEAR.points[0]);
-        let far = weight.constant(0.25 * Line::LINEAR.points[1]);
-        let mut forces = [[weight; 4]; 2];
+        let mut forces = [[stresses[0][0][0]; 4]; 2];
         for (c, force) in forces.iter_mut().enumerate() {
             let low = stresses[0][c][0] + stresses[1][c][0];
             let high = stresses[2][c][0] + stresses[3][c][0];
             let left = stresses[0][c][1] + stresses[2][c][1];
             let right = stresses[1][c][1] + stresses[3][c][1];
-            let (along, across) = ((low + high) * weight, (left + right) * weight);
-            let twist = near.madd(low + left, far * (high + right));
-            *force = [twist - along - across, along - twist, across - twist, twist];
+            *force = from_edges([low, high], [left, right]);
         }
         forces
     }
+}
+
+/// The gradients of a component from the slopes of its lower and left edge and its twist, which both directions may see with a factor.
+#[inline(always)]
+fn slopes<V: Value>(gradients: &mut [Tensor<V>; 4], c: usize, [along, across]: [V; 2], twists: [V; 2]) {
+    for (low, high, place) in [(0, 1, Line::LINEAR.points[0]), (2, 3, Line::LINEAR.points[1])] {
+        let slope = twists[0].madd(along.constant(place), along);
+        gradients[low][c][0] = slope;
+        gradients[high][c][0] = slope;
+    }
+    for (left, right, place) in [(0, 2, Line::LINEAR.points[0]), (1, 3, Line::LINEAR.points[1])] {
+        let slope = twists[1].madd(across.constant(place), across);
+        gradients[left][c][1] = slope;
+        gradients[right][c][1] = slope;
+    }
+}
+
+/// The forces of a component from the sums of its stresses along the lower and upper, and the left and right edge.
+#[inline(always)]
+fn from_edges<V: Value>([low, high]: [V; 2], [left, right]: [V; 2]) -> [V; 4] {
+    let weight = low.constant(0.25);
+    let near = weight.constant(0.25 * Line::LINEAR.points[0]);
+    let far = weight.constant(0.25 * Line::LINEAR.points[1]);
+    let (along, across) = ((low + high) * weight, (left + right) * weight);
+    let twist = near.madd(low + left, far * (high + right));
+    [twist - along - across, along - twist, across - twist, twist]
 }
 
 /// Nine nodes, nine points; sums are factorised by direction.
@@ -263,6 +330,18 @@ mod tests {
             .sum();
         assert!((work - exact).abs() < 1e-14);
         assert!((E::WEIGHTS.iter().sum::<f64>() - 1.0).abs() < 1e-15);
+        // On other sides both are scaled alike.
+        let (factors, offset) = ([1.7, 0.4], [0.3, -0.2]);
+        for (on, plain) in E::gradients_on(&nodal, factors, offset).iter().zip(&gradients) {
+            for (i, k) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+                let expected = plain[i][k] * factors[k] + if i == k { offset[i] } else { 0.0 };
+                assert!((on[i][k] - expected).abs() < 1e-14);
+            }
+        }
+        let scaled = stresses.map(|stress| stress.map(|row| [row[0] * factors[0], row[1] * factors[1]]));
+        let (on, plain) = (E::forces_on(&stresses, factors), E::forces(&scaled));
+        let mut pairs = on.as_flattened().iter().zip(plain.as_flattened());
+        assert!(pairs.all(|(a, b)| (a - b).abs() < 1e-14));
     }
 
     #[test]

@@ -35,6 +35,15 @@ pub enum SetupError {
         /// The prestretch.
         prestretch: f64,
     },
+    /// Electrodes that were laid on a membrane with unequal prestretch have an anisotropic law.
+    #[error(
+        "stiff electrodes are simulated on membranes with equal prestretch alone, and this one is stretched by {} and {}",
+        prestretch[0], prestretch[1]
+    )]
+    StiffElectrodes {
+        /// Along x and y.
+        prestretch: [f64; 2],
+    },
     /// The membrane is not stable before any voltage is applied.
     #[error("at this prestretch the membrane is not stable even without voltage: rank-one convexity is lost at rest")]
     UnstableAtRest,

@@ -1,33 +1,51 @@
-//! The elements of a mesh and their sizes, which differ where elements end at the edges of a strip along the sides of cells.
+//! The elements of a membrane: how they divide its cells, and their sides.
+//!
+//! Laws are written for equal prestretch. With λ = √(λ₁λ₂) and D = diag(λ₁, λ₂)/λ the deformation gradient is F = λ f with f = (I + ∇u) D,
+//! so a membrane with unequal prestretch is one with prestretch λ whose elements are shorter by D, and which rests at f = D. D has the
+//! determinant 1: areas stay what they are.
 
-use crate::field::Mesh;
+use crate::field::{Mesh, Order};
+use crate::pattern::Raster;
+
+use super::layout::NodeLayout;
+use super::sheet::Sheet;
 
 /// The thinnest element, in units of a cell's side.
 pub const THINNEST: f64 = 1e-3;
 /// The most elements along a cell: those of the finest mesh, and two that strips add.
 const MOST: usize = Mesh::MOST_ELEMENTS + 2;
 
-/// The elements of a mesh. Their sizes are the same in every cell, symmetric about its middle, and 1 on the mean: the unit is
-/// the side that the elements would have if all had the same.
+/// The elements of a membrane. Their sizes are the same in every cell, symmetric about its middle, and 1 on the mean: the unit along either
+/// side is that which the elements would have if all had the same.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grid {
-    mesh: Mesh,
+    raster: Raster,
+    order: Order,
+    axes: [Axis; 2],
+    /// Sides of a mean element, shorter by D, in units of the root of its area: their product is 1.
+    sides: [f64; 2],
+    /// D.
+    rest: [f64; 2],
+    unit_mm: f64,
+}
+
+/// The elements along a side of a cell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Axis {
+    count: usize,
+    /// Where they differ.
     sizes: Option<[f64; MOST]>,
 }
 
-impl Grid {
-    /// Elements of one size.
-    #[must_use]
-    pub fn uniform(mesh: Mesh) -> Self {
-        Self { mesh, sizes: None }
+impl Axis {
+    fn uniform(count: usize) -> Self {
+        Self { count, sizes: None }
     }
 
-    /// Elements no larger than those of a mesh, with edges at a distance of `strip` from the sides of each cell, in units of a
-    /// cell's side, up to ½. A strip thinner than [`THINNEST`] is made that wide, and a gap that is thinner is closed.
-    #[must_use]
-    pub fn along_strips(mesh: Mesh, strip: f64) -> Self {
+    /// No larger than a cell divided by `count`, with edges at a distance of `strip` from its sides.
+    fn along_strips(count: usize, strip: f64) -> Self {
         let strip = strip.max(THINNEST);
-        let count = |width: f64| (width * mesh.elements_per_cell() as f64 - 1e-9).ceil() as usize;
+        let count = |width: f64| (width * count as f64 - 1e-9).ceil() as usize;
         let gap = 1.0 - 2.0 * strip;
         let (strip, inner) = if gap < THINNEST {
             (0.5, 0)
@@ -45,63 +63,153 @@ impl Grid {
             all as f64 * width
         };
         Self {
-            mesh: Mesh::new(all, mesh.order()),
+            count: all,
             sizes: Some(std::array::from_fn(|at| if at < all { size(at) } else { 1.0 })),
         }
     }
 
-    /// How many elements there are, and of which order.
+    fn size(&self, at: usize) -> f64 {
+        self.sizes.map_or(1.0, |sizes| sizes[at % self.count])
+    }
+
+    fn start(&self, at: usize) -> f64 {
+        let first = at - at % self.count;
+        first as f64 + (first..at).map(|at| self.size(at)).sum::<f64>()
+    }
+}
+
+impl Grid {
+    /// Elements of one size.
     #[must_use]
-    pub fn mesh(&self) -> Mesh {
-        self.mesh
+    pub fn uniform(mesh: Mesh, sheet: &Sheet) -> Self {
+        Self::new(mesh.order(), sheet, [Axis::uniform(mesh.elements_per_cell()); 2])
+    }
+
+    /// Elements no larger than those of a mesh, with edges at a distance of `strips` from the sides of each cell, along x and y in units of
+    /// the cell's sides, up to ½. A strip thinner than [`THINNEST`] is made that wide, and a gap that is thinner is closed.
+    #[must_use]
+    pub fn along_strips(mesh: Mesh, sheet: &Sheet, strips: [f64; 2]) -> Self {
+        let axis = |strip| Axis::along_strips(mesh.elements_per_cell(), strip);
+        Self::new(mesh.order(), sheet, strips.map(axis))
+    }
+
+    fn new(order: Order, sheet: &Sheet, axes: [Axis; 2]) -> Self {
+        let (cells, size) = (sheet.raster().sides(), sheet.membrane.size_mm);
+        let [width, height] = [0, 1].map(|axis| size[axis] / (cells[axis] * axes[axis].count) as f64);
+        let rest = sheet.distortion();
+        let side = (width / height).sqrt() / rest[0];
+        Self {
+            raster: sheet.raster(),
+            order,
+            axes,
+            sides: [side, 1.0 / side],
+            rest,
+            unit_mm: (width * height).sqrt(),
+        }
+    }
+
+    /// The cells.
+    #[must_use]
+    pub fn raster(&self) -> Raster {
+        self.raster
+    }
+
+    /// Polynomial order.
+    #[must_use]
+    pub fn order(&self) -> Order {
+        self.order
+    }
+
+    /// Elements along the sides of a cell.
+    #[must_use]
+    pub fn per_cell(&self) -> [usize; 2] {
+        self.axes.map(|axis| axis.count)
+    }
+
+    /// Columns and rows of elements.
+    #[must_use]
+    pub fn elements(&self) -> [usize; 2] {
+        let ([columns, rows], [along, across]) = (self.raster.sides(), self.per_cell());
+        [columns * along, rows * across]
+    }
+
+    /// How vectors lie in memory.
+    #[must_use]
+    pub fn layout(&self) -> NodeLayout {
+        NodeLayout::new(self.elements(), self.order)
+    }
+
+    /// The root of the mean area of elements in mm: the unit of displacements.
+    #[must_use]
+    pub fn unit_mm(&self) -> f64 {
+        self.unit_mm
+    }
+
+    /// Whether all elements are squares of side 1, and rest at f = I.
+    #[must_use]
+    pub fn is_plain(&self) -> bool {
+        self.is_uniform() && self.sides == [1.0; 2] && self.rest == [1.0; 2]
     }
 
     /// Whether all elements have the same size.
     #[must_use]
     pub fn is_uniform(&self) -> bool {
-        self.sizes.is_none()
+        self.axes.iter().all(|axis| axis.sizes.is_none())
     }
 
-    /// The size of an element by its column or row.
+    /// f at rest.
     #[must_use]
-    pub fn size(&self, at: usize) -> f64 {
-        self.sizes
-            .map_or(1.0, |sizes| sizes[at % self.mesh.elements_per_cell()])
+    pub fn rest(&self) -> [f64; 2] {
+        self.rest
+    }
+
+    /// The sides of an element (column, row), shorter by D, in units of [`Grid::unit_mm`]: derivatives along them are those in f.
+    #[must_use]
+    pub fn sides(&self, element: [usize; 2]) -> [f64; 2] {
+        [0, 1].map(|axis| self.size(axis, element[axis]) * self.sides[axis])
+    }
+
+    /// The size of an element by its column, for axis 0, or its row.
+    #[must_use]
+    pub fn size(&self, axis: usize, at: usize) -> f64 {
+        self.axes[axis].size(at)
     }
 
     /// Where an element begins, by its column or row.
     #[must_use]
-    pub fn start(&self, at: usize) -> f64 {
-        let first = at - at % self.mesh.elements_per_cell();
-        first as f64 + (first..at).map(|at| self.size(at)).sum::<f64>()
+    pub fn start(&self, axis: usize, at: usize) -> f64 {
+        self.axes[axis].start(at)
     }
 
     /// Where the middle of an element lies in its cell, by its column or row, in units of the cell's side.
     #[must_use]
-    pub fn middle_in_cell(&self, at: usize) -> f64 {
-        let count = self.mesh.elements_per_cell();
-        (self.start(at % count) + 0.5 * self.size(at)) / count as f64
+    pub fn middle_in_cell(&self, axis: usize, at: usize) -> f64 {
+        let Axis { count, .. } = self.axes[axis];
+        (self.start(axis, at % count) + 0.5 * self.size(axis, at)) / count as f64
     }
 }
 
-impl From<Mesh> for Grid {
-    fn from(mesh: Mesh) -> Self {
-        Self::uniform(mesh)
+#[cfg(test)]
+impl Grid {
+    /// Elements of one size on the membrane of the source paper.
+    pub fn paper(mesh: Mesh) -> Self {
+        Self::uniform(mesh, &Sheet::paper())
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pattern::Membrane;
 
     #[test]
     fn elements_fill_a_cell_symmetrically_and_end_at_the_strip() {
         for asked in 1..=Mesh::MOST_ELEMENTS {
             for strip in [0.001, 1.0 / 64.0, 0.1, 0.125, 0.2, 0.25, 0.3, 0.4, 0.49, 0.5] {
-                let grid = Grid::along_strips(Mesh::biquadratic(asked), strip);
-                let count = grid.mesh().elements_per_cell();
+                let grid = Grid::along_strips(Mesh::biquadratic(asked), &Sheet::paper(), [strip, 0.5]);
+                let [count, _] = grid.per_cell();
                 assert!((asked..=asked + 2).contains(&count));
-                let starts: Vec<f64> = (0..=count).map(|at| grid.start(at) / count as f64).collect();
+                let starts: Vec<f64> = (0..=count).map(|at| grid.start(0, at) / count as f64).collect();
                 assert!((starts[count] - 1.0).abs() < 1e-14);
                 for at in 0..count {
                     let size = starts[at + 1] - starts[at];
@@ -110,8 +218,8 @@ mod tests {
                         size >= 0.999 * THINNEST && size * asked as f64 <= 1.0 + 1e-8,
                         "{asked} {strip}"
                     );
-                    assert!((grid.size(at + 7 * count) - count as f64 * size).abs() < 1e-12);
-                    assert!((grid.middle_in_cell(at + count) - starts[at] - 0.5 * size).abs() < 1e-14);
+                    assert!((grid.size(0, at + 7 * count) - count as f64 * size).abs() < 1e-12);
+                    assert!((grid.middle_in_cell(0, at + count) - starts[at] - 0.5 * size).abs() < 1e-14);
                 }
                 for edge in [strip, 1.0 - strip] {
                     assert!(
@@ -119,7 +227,7 @@ mod tests {
                         "{asked} {strip}"
                     );
                 }
-                assert!((grid.start(3 * count + 1) / count as f64 - 3.0 - starts[1]).abs() < 1e-13);
+                assert!((grid.start(0, 3 * count + 1) / count as f64 - 3.0 - starts[1]).abs() < 1e-13);
             }
         }
     }
@@ -127,11 +235,40 @@ mod tests {
     #[test]
     fn what_is_too_thin_for_an_element_is_widened_or_closed() {
         let starts = |strip| {
-            let grid = Grid::along_strips(Mesh::bilinear(2), strip);
-            let count = grid.mesh().elements_per_cell();
-            (0..=count).map(|at| grid.start(at) / count as f64).collect::<Vec<_>>()
+            let grid = Grid::along_strips(Mesh::bilinear(2), &Sheet::paper(), [0.3, strip]);
+            let [_, count] = grid.per_cell();
+            (0..=count)
+                .map(|at| grid.start(1, at) / count as f64)
+                .collect::<Vec<_>>()
         };
         assert!((starts(1e-6)[1] - THINNEST).abs() < 1e-15);
         assert_eq!(starts(0.4999), [0.0, 0.5, 1.0]);
+    }
+
+    #[test]
+    fn elements_of_rectangles_are_measured_in_the_root_of_their_area() {
+        let sheet = Sheet {
+            membrane: Membrane {
+                raster: Raster::new(12, 40).unwrap(),
+                size_mm: [60.0, 30.0],
+            },
+            prestretch: [4.0, 1.0],
+        };
+        let grid = Grid::uniform(Mesh::bilinear(2), &sheet);
+        assert_eq!((grid.elements(), grid.layout().nodes()), ([24, 80], [25, 81]));
+        // 2.5 × 0.375 mm; D = diag(2, ½).
+        let unit = (2.5_f64 * 0.375).sqrt();
+        let [along, across] = grid.sides([3, 70]);
+        assert!((grid.unit_mm() - unit).abs() < 1e-14 && grid.rest() == [2.0, 0.5]);
+        assert!((along - 1.25 / unit).abs() < 1e-14 && (across - 0.75 / unit).abs() < 1e-14);
+        assert!((along * across - 1.0).abs() < 1e-14 && !grid.is_plain());
+        for prestretch in [1.0, 3.0, 3.1, 7.3] {
+            let sheet = Sheet {
+                prestretch: [prestretch; 2],
+                ..Sheet::paper()
+            };
+            let grid = Grid::uniform(Mesh::biquadratic(3), &sheet);
+            assert!(grid.is_plain() && grid.unit_mm() == 50.0 / 150.0);
+        }
     }
 }

@@ -267,7 +267,6 @@ impl WithMaterial for Clear<'_> {
 
     fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> bool {
         let operator = Operator {
-            mesh: self.solver.grid.mesh(),
             material: &material(1.0),
             activity: self.activity,
         };
@@ -288,7 +287,7 @@ impl WithMaterial for Between<'_> {
     type Output = Ending;
 
     fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Ending {
-        let mut u = vec![0.0; self.solver.grid.mesh().vector_len()];
+        let mut u = vec![0.0; self.solver.grid.layout().vector_len()];
         let mut workspace = Workspace::new(u.len(), &self.solver.laplacian);
         workspace.begin(self.solver.limit);
         let problem = self.solver.problem(self.activity, material);

@@ -95,7 +95,6 @@ impl WithMaterial for Smallest<'_> {
 
     fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<f64> {
         let operator = Operator {
-            mesh: self.solver.grid.mesh(),
             material: &material(1.0),
             activity: self.activity,
         };

@@ -1,8 +1,8 @@
 //! How a membrane is simulated: finite elements on the prestretched configuration.
 //!
 //! Everything is dimensionless: stress is divided by μλp², lengths by the side of an element, so two numbers describe a
-//! scene, a = λp⁻⁶ and b = κλp² with κ = ε(V/H)²/μ. The modules are the method, from the point to the answer:
-//! kinematics, energy and effects; element, layout and lanes; operator; gemm, modes and precondition; krylov, work, newton and
+//! scene, a = λp⁻⁶ and b = κλp² with κ = ε(V/H)²/μ; with unequal prestretch λp is √(λ₁λ₂), and grid says how. The modules are the
+//! method, from the point to the answer: kinematics, energy and effects; sheet, grid, element, layout and lanes; operator; gemm, modes and precondition; krylov, work, newton and
 //! direct; eigenvalue, stability and continuation; solver, and on it accurate, adjoint, cells, response, margin, path, critical, limit,
 //! observable, gradient_evaluator and safety_margins; evaluator, which puts every method behind the traits of `field`, simulators, and screening.
 
@@ -25,7 +25,7 @@ pub mod grid;
 pub mod kinematics;
 mod krylov;
 pub mod lanes;
-mod layout;
+pub mod layout;
 mod limit;
 mod margin;
 mod modes;
@@ -38,6 +38,7 @@ pub mod precondition;
 mod response;
 mod safety_margins;
 pub mod screening;
+pub mod sheet;
 mod simulators;
 mod solver;
 mod stability;

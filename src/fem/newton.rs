@@ -9,7 +9,6 @@ use std::sync::Arc;
 use pulp::Arch;
 
 use crate::base::Stream;
-use crate::field::{CORNERS, Field};
 
 use super::direct::{Factorisation, Structure};
 use super::eigenvalue::WITHOUT_THICKNESS;
@@ -107,7 +106,7 @@ impl Workspace {
     pub fn factorise<L: Material>(&mut self, operator: &Operator<'_, L>, u: &[f64]) -> Option<Factorisation> {
         self.other_work += factors(u.len());
         if self.structure.is_none() {
-            self.structure = Structure::new(operator.mesh);
+            self.structure = Structure::new(operator.layout());
         }
         self.structure.as_ref()?.factorise(operator, u)
     }
@@ -149,7 +148,8 @@ pub fn solve<L: Material>(
 ) -> Result<Progress, (Trouble, Progress)> {
     workspace.trial.fill(0.0);
     operator.residual(&workspace.trial, &mut workspace.residual);
-    if largest(&workspace.residual) <= ROUNDING * operator.material.load() {
+    let rounding = operator.rounding();
+    if largest(&workspace.residual) <= (ROUNDING * operator.material.load()).max(rounding) {
         u.fill(0.0);
         return Ok(Progress {
             steps: 0,
@@ -162,7 +162,7 @@ pub fn solve<L: Material>(
         operator.residual(u, &mut workspace.residual);
         size = norm(&workspace.residual);
     }
-    let goal = tolerance * reference;
+    let goal = (tolerance * reference).max(rounding * (u.len() as f64).sqrt());
     let mut forcing = LOOSEST;
     for steps in 0..MAX_STEPS {
         let progress = Progress {
@@ -214,7 +214,7 @@ pub fn chord<L: Material>(
         steps: 0,
         residual: 0.0,
     };
-    if largest(&workspace.residual) <= ROUNDING * actual.material.load() {
+    if largest(&workspace.residual) <= (ROUNDING * actual.material.load()).max(actual.rounding()) {
         return Ok(progress);
     }
     let reference = norm(&workspace.residual);
@@ -323,10 +323,11 @@ pub fn probe<L: Material>(
     workspace: &mut Workspace,
 ) -> Ending {
     let mut stream = Stream::new(0, "stability probe", 0);
-    let forces = (0..CORNERS * CORNERS * 2).map(|_| stream.normal()).collect();
-    let load = operator
-        .mesh
-        .spread(&Field::from_values(forces).expect("normal deviates are finite"));
+    let load = operator.activity.grid().random_load(&mut stream);
+    if load.iter().all(|force| *force == 0.0) {
+        // There are no nodes but those of the frame.
+        return Ending::Converged;
+    }
     let Workspace {
         single,
         moduli,
@@ -338,7 +339,6 @@ pub fn probe<L: Material>(
     operator.linearise(single, moduli);
     narrow(&load, 1.0 / norm(&load), &mut krylov.residual);
     let flat = Operator {
-        mesh: operator.mesh,
         material: &WITHOUT_THICKNESS,
         activity: operator.activity,
     };

@@ -4,7 +4,7 @@
 //! with the refinement of the mesh without end; the mean does not.
 
 use crate::field::Mesh;
-use crate::pattern::{CELLS, Pattern};
+use crate::pattern::Pattern;
 use crate::scene::Scene;
 
 use super::effects::{Model, WithMaterial};
@@ -97,7 +97,7 @@ impl Survey {
     }
 }
 
-/// The state of each cell, `[y][x]`, from nodal displacements on a mesh that was asked for, in units of an element's side.
+/// The state of each cell, `[y][x]`, from nodal displacements on a mesh that was asked for, in units of [`Grid::unit_mm`].
 /// # Errors
 /// When the effects of the scene cannot be simulated.
 pub fn cell_states(scene: &Scene, mesh: Mesh, pattern: &Pattern, u: &[f64]) -> Result<Vec<CellState>, SetupError> {
@@ -128,7 +128,8 @@ impl WithMaterial for States<'_> {
 
     fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Vec<CellState> {
         let material = material(1.0);
-        let cells = (0..CELLS * CELLS).map(|i| (i % CELLS, i / CELLS));
+        let raster = self.activity.grid().raster();
+        let cells = (0..raster.cells()).map(|i| (i % raster.columns(), i / raster.columns()));
         cells.map(|(x, y)| self.state(&material, x, y)).collect()
     }
 }
@@ -138,7 +139,7 @@ const ROUNDING: f64 = 1e-9;
 
 impl States<'_> {
     fn state<L: Material>(&self, material: &L, x: usize, y: usize) -> CellState {
-        let (prestretch, modulus) = (self.scene.prestretch(), self.scene.shear_modulus_pa());
+        let (prestretch, modulus) = (self.scene.mean_prestretch(), self.scene.shear_modulus_pa());
         let f = mean_deformation(self.activity.grid(), self.u, x, y);
         let stress = material.stress([[f[0][0] - 1.0, f[0][1]], [f[1][0], f[1][1] - 1.0]], self.share(x, y));
         let rest = material.self_stress(f);
@@ -165,10 +166,10 @@ impl States<'_> {
 
     /// The mean activity of a cell.
     fn share(&self, x: usize, y: usize) -> f64 {
-        let n = self.activity.grid().mesh().elements_per_cell();
-        let elements = (0..n * n).map(|i| [x * n + i % n, y * n + i / n]);
+        let [m, n] = self.activity.grid().per_cell();
+        let elements = (0..m * n).map(|i| [x * m + i % m, y * n + i / m]);
         let area: f64 = elements.map(|element| self.activity.area(element)).sum();
-        area / (n * n) as f64
+        area / (m * n) as f64
     }
 }
 
@@ -180,33 +181,35 @@ fn principal_stresses(piola: Tensor<f64>, f: Tensor<f64>) -> [f64; 2] {
     [mean + radius, mean - radius]
 }
 
-/// I + the mean of ∇u over a cell: by the divergence theorem an integral of u along its sides.
+/// The mean of f over a cell: by the divergence theorem that of ∇u is an integral of u along its sides.
 fn mean_deformation(grid: Grid, u: &[f64], x: usize, y: usize) -> Tensor<f64> {
-    let mesh = grid.mesh();
-    let degree = mesh.order().degree();
-    let steps = mesh.elements_per_cell() * degree;
+    let (layout, per_cell) = (grid.layout(), grid.per_cell());
+    let degree = layout.degree();
+    let [right, up] = per_cell.map(|count| count * degree);
     let weights: &[f64] = if degree == 1 {
         &[0.5, 0.5]
     } else {
         &[1.0 / 6.0, 4.0 / 6.0, 1.0 / 6.0]
     };
-    let along = |value: &dyn Fn(usize) -> f64| -> f64 {
-        let side = (0..mesh.elements_per_cell()).flat_map(|e| {
+    let along = |axis: usize, value: &dyn Fn(usize) -> f64| -> f64 {
+        let side = (0..per_cell[axis]).flat_map(|e| {
+            let length = grid.sides([e; 2])[axis];
             weights
                 .iter()
                 .enumerate()
-                .map(move |(a, w)| (e * degree + a, w * grid.size(e)))
+                .map(move |(a, w)| (e * degree + a, w * length))
         });
         side.map(|(at, w)| w * value(at)).sum::<f64>()
     };
-    let area = (mesh.elements_per_cell() as f64).powi(2);
-    let (left, low) = (x * steps, y * steps);
-    let mut f = [[1.0, 0.0], [0.0, 1.0]];
+    let area = (per_cell[0] * per_cell[1]) as f64;
+    let (left, low) = (x * right, y * up);
+    let [first, second] = grid.rest();
+    let mut f = [[first, 0.0], [0.0, second]];
     for (c, row) in f.iter_mut().enumerate() {
-        let jump_x = |at: usize| u[mesh.index(c, left + steps, low + at)] - u[mesh.index(c, left, low + at)];
-        let jump_y = |at: usize| u[mesh.index(c, left + at, low + steps)] - u[mesh.index(c, left + at, low)];
-        row[0] += along(&jump_x) / area;
-        row[1] += along(&jump_y) / area;
+        let jump_x = |at: usize| u[layout.index(c, left + right, low + at)] - u[layout.index(c, left, low + at)];
+        let jump_y = |at: usize| u[layout.index(c, left + at, low + up)] - u[layout.index(c, left + at, low)];
+        row[0] += along(1, &jump_x) / area;
+        row[1] += along(0, &jump_y) / area;
     }
     f
 }

@@ -11,7 +11,7 @@ use std::marker::PhantomData;
 
 use pulp::{Arch, Simd, WithSimd};
 
-use crate::field::{Mesh, Order};
+use crate::field::Order;
 
 use super::activity::View;
 pub use super::activity::{Activity, Precision};
@@ -19,17 +19,16 @@ use super::element::{Bilinear, Biquadratic, Element};
 use super::energy::{MODULI, Material};
 use super::kinematics::Tensor;
 use super::lanes::{Real, Value, WIDEST, Wide};
+use super::layout::NodeLayout;
 use point::{Point, StressAt, TangentAt, TangentFrom};
 use survey::{Store, Survey, place};
 
 /// The discrete equilibrium of one pattern under one law.
 #[derive(Clone, Copy)]
 pub struct Operator<'a, L> {
-    /// Where.
-    pub mesh: Mesh,
     /// What the membrane is made of, at its load.
     pub material: &'a L,
-    /// Where it is active.
+    /// Its elements, and where it is active.
     pub activity: &'a Activity,
 }
 
@@ -45,6 +44,19 @@ pub struct Margins {
 }
 
 impl<L: Material> Operator<'_, L> {
+    /// How vectors lie in memory.
+    #[must_use]
+    pub fn layout(&self) -> NodeLayout {
+        self.activity.grid().layout()
+    }
+
+    /// What rounding of the stress at rest may leave of a residual, entry by entry: where prestretch is unequal that stress is not zero.
+    #[must_use]
+    pub fn rounding(&self) -> f64 {
+        let [along, across] = stress_at_rest(self.material, self.activity.grid().rest());
+        2.0 * f64::EPSILON * (along.abs() + across.abs())
+    }
+
     /// The residual at interior nodes, zero on the frame, into `out`. Returns the smallest [`Material::admissible`]; the
     /// residual means something only where that is positive.
     pub fn residual<T: Precision>(&self, u: &[T], out: &mut [T]) -> f64 {
@@ -59,7 +71,7 @@ impl<L: Material> Operator<'_, L> {
     /// What [`Operator::tangent_at`] wants to be kept of `u`: nothing, for laws that are quick to evaluate.
     pub fn linearise<T: Precision>(&self, u: &[T], moduli: &mut Vec<T>) {
         if L::STORES {
-            match self.mesh.order() {
+            match self.activity.grid().order() {
                 Order::Bilinear => self.store::<Bilinear, T, 4>(u, moduli),
                 Order::Biquadratic => self.store::<Biquadratic, T, 9>(u, moduli),
             }
@@ -76,14 +88,15 @@ impl<L: Material> Operator<'_, L> {
     }
 
     fn store<E: Element<N>, T: Precision, const N: usize>(&self, u: &[T], moduli: &mut Vec<T>) {
-        moduli.resize(self.mesh.elements() * self.mesh.part() * N * MODULI, T::default());
+        let layout = self.layout();
+        moduli.resize(layout.rows() * layout.part() * N * MODULI, T::default());
         let survey = self.survey::<E, T, N>(u);
         Arch::new().dispatch(Store { survey, moduli });
     }
 
     /// The smallest margins over the quadrature points.
     pub fn margins<T: Precision>(&self, u: &[T]) -> Margins {
-        match self.mesh.order() {
+        match self.activity.grid().order() {
             Order::Bilinear => Arch::new().dispatch(self.survey::<Bilinear, T, 4>(u)),
             Order::Biquadratic => Arch::new().dispatch(self.survey::<Biquadratic, T, 9>(u)),
         }
@@ -91,9 +104,10 @@ impl<L: Material> Operator<'_, L> {
 
     fn survey<'a, E: Element<N>, T: Precision, const N: usize>(&'a self, u: &'a [T]) -> Survey<'a, E, L, T, N> {
         Survey {
-            mesh: self.mesh,
+            layout: self.layout(),
             material: self.material,
             activity: self.activity.view(),
+            rest: self.activity.grid().rest(),
             u,
             element: PhantomData,
         }
@@ -106,8 +120,8 @@ impl<L: Material> Operator<'_, L> {
         out: &mut [T],
         point: P,
     ) -> f64 {
-        // Kernels of their own where all elements have one size: no number waits for a branch there.
-        match (self.mesh.order(), self.activity.grid().is_uniform()) {
+        // Kernels of their own where all elements are squares of side 1: no number waits for a branch there.
+        match (self.activity.grid().order(), self.activity.grid().is_plain()) {
             (Order::Bilinear, true) => self.sweep_elements::<Bilinear, T, P, 4, M, false>(inputs, moduli, out, point),
             (Order::Bilinear, false) => self.sweep_elements::<Bilinear, T, P, 4, M, true>(inputs, moduli, out, point),
             (Order::Biquadratic, true) => {
@@ -119,33 +133,43 @@ impl<L: Material> Operator<'_, L> {
         }
     }
 
-    fn sweep_elements<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, const GRADED: bool>(
+    fn sweep_elements<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, const SHAPED: bool>(
         &self,
         inputs: [&[T]; M],
         moduli: &[T],
         out: &mut [T],
         point: P,
     ) -> f64 {
-        let sweep = Sweep::<E, T, P, N, M, GRADED> {
-            mesh: self.mesh,
+        let layout = self.layout();
+        let rest = self.activity.grid().rest();
+        let sweep = Sweep::<E, T, P, N, M, SHAPED> {
+            layout,
             activity: self.activity.view(),
+            rest,
+            stress_at_rest: stress_at_rest(self.material, rest),
             inputs,
             moduli,
-            lines: vec![T::default(); 2 * N * (WIDEST + self.mesh.part())],
+            lines: vec![T::default(); 2 * N * (WIDEST + layout.part())],
             out,
             point,
             element: PhantomData,
         };
         let smallest = Arch::new().dispatch(sweep);
-        self.mesh.clear_frame(out);
+        layout.clear_frame(out);
         smallest
     }
 }
 
-/// One pass over the elements that turns nodal fields into nodal forces; `GRADED` where elements differ in size.
-struct Sweep<'a, E, T, P, const N: usize, const M: usize, const GRADED: bool> {
-    mesh: Mesh,
+/// One pass over the elements that turns nodal fields into nodal forces; `SHAPED` where not all elements are squares of side 1 that rest at
+/// f = I.
+struct Sweep<'a, E, T, P, const N: usize, const M: usize, const SHAPED: bool> {
+    layout: NodeLayout,
     activity: View<'a, T>,
+    /// f at rest.
+    rest: [f64; 2],
+    /// The stress there of what is not active, along x and y. It is the same everywhere, so its forces are none: without it small loads do not
+    /// drown in its rounding.
+    stress_at_rest: [f64; 2],
     inputs: [&'a [T]; M],
     /// Moduli of the points, if they are used, as [`Store`] writes them.
     moduli: &'a [T],
@@ -156,28 +180,46 @@ struct Sweep<'a, E, T, P, const N: usize, const M: usize, const GRADED: bool> {
     element: PhantomData<E>,
 }
 
-impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, const GRADED: bool> WithSimd
-    for Sweep<'_, E, T, P, N, M, GRADED>
+impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, const SHAPED: bool> WithSimd
+    for Sweep<'_, E, T, P, N, M, SHAPED>
 {
     type Output = f64;
 
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, simd: S) -> f64 {
         let mut smallest = Wide::<S, T>::splat(simd, f64::INFINITY);
-        for row in 0..self.mesh.elements() {
-            for first in (0..self.mesh.elements()).step_by(T::lanes::<S>()) {
-                let active = Wide::load(simd, &self.activity.values[row * self.mesh.part() + first..]);
+        // Of elements that all have the same sides.
+        let factors = match self.activity.sides {
+            Some([widths, heights]) => [
+                Wide::splat(simd, widths[0].to_f64().recip()),
+                Wide::splat(simd, heights[0].to_f64().recip()),
+            ],
+            None => [smallest; 2],
+        };
+        for row in 0..self.layout.rows() {
+            for first in (0..self.layout.columns()).step_by(T::lanes::<S>()) {
+                let active = Wide::load(simd, &self.activity.values[row * self.layout.part() + first..]);
                 let zero = active.constant(0.0);
-                let sides = match self.activity.sizes {
-                    Some(sizes) if GRADED => sides(simd, sizes, first, row),
+                let sides = match self.activity.sides {
+                    Some(all) if SHAPED => sides(simd, all, first, row),
                     _ => [zero; 2],
                 };
                 let mut gradients = [[[[zero; 2]; 2]; N]; M];
-                for (gradients, input) in gradients.iter_mut().zip(self.inputs) {
-                    *gradients = E::gradients(&gather::<E, S, T, N>(simd, self.mesh, input, first, row));
-                    if GRADED {
+                for (field, (gradients, input)) in gradients.iter_mut().zip(self.inputs).enumerate() {
+                    let nodal = gather::<E, S, T, N>(simd, self.layout, input, first, row);
+                    *gradients = if SHAPED && self.activity.is_uniform {
+                        let [along, across] = if field == 0 { self.rest } else { [1.0; 2] };
+                        let offset = [zero.constant(along - 1.0), zero.constant(across - 1.0)];
+                        E::gradients_on(&nodal, factors, offset)
+                    } else {
+                        E::gradients(&nodal)
+                    };
+                    if SHAPED && !self.activity.is_uniform {
                         per_side(gradients, sides);
                     }
+                }
+                if SHAPED && !self.activity.is_uniform {
+                    from_rest(&mut gradients[0], self.rest);
                 }
                 let mut stresses = [[[zero; 2]; 2]; N];
                 for (q, stress) in stresses.iter_mut().enumerate() {
@@ -190,17 +232,27 @@ impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, c
                     }
                     let mut moduli = [zero; MODULI];
                     if P::STORED {
-                        let start = place(self.mesh, first, row, T::lanes::<S>(), N, q);
+                        let start = place(self.layout, first, row, T::lanes::<S>(), N, q);
                         for (at, value) in moduli.iter_mut().enumerate() {
                             *value = Wide::load(simd, &self.moduli[start + at * T::lanes::<S>()..]);
                         }
                     }
                     *stress = self.point.stress(here, active, moduli);
+                    if SHAPED && P::WATCHED {
+                        let [along, across] = self.stress_at_rest;
+                        stress[0][0] = stress[0][0] + zero.constant(-along);
+                        stress[1][1] = stress[1][1] + zero.constant(-across);
+                    }
                 }
-                if GRADED {
-                    on_sides(&mut stresses, sides);
-                }
-                self.write(&E::forces(&stresses), first);
+                let forces = if SHAPED && self.activity.is_uniform {
+                    E::forces_on(&stresses, [sides[1], sides[0]])
+                } else {
+                    if SHAPED {
+                        on_sides(&mut stresses, sides);
+                    }
+                    E::forces(&stresses)
+                };
+                self.write(&forces, first);
             }
             self.collect(simd, row);
         }
@@ -208,13 +260,13 @@ impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, c
     }
 }
 
-impl<E: Element<N>, T: Precision, P, const N: usize, const M: usize, const GRADED: bool>
-    Sweep<'_, E, T, P, N, M, GRADED>
+impl<E: Element<N>, T: Precision, P, const N: usize, const M: usize, const SHAPED: bool>
+    Sweep<'_, E, T, P, N, M, SHAPED>
 {
     /// Where the line of a node of the element begins.
     #[inline(always)]
     fn line(&self, c: usize, node: usize) -> usize {
-        (c * N + node) * (WIDEST + self.mesh.part()) + WIDEST
+        (c * N + node) * (WIDEST + self.layout.part()) + WIDEST
     }
 
     #[inline(always)]
@@ -230,12 +282,12 @@ impl<E: Element<N>, T: Precision, P, const N: usize, const M: usize, const GRADE
     /// Adds the lines of a finished row of elements to the rows of nodes that it touches.
     #[inline(always)]
     fn collect<S: Simd>(&mut self, simd: S, row: usize) {
-        let (degree, part) = (E::DEGREE, self.mesh.part());
+        let (degree, part) = (E::DEGREE, self.layout.part());
         for (c, rise) in (0..2).flat_map(|c| (0..=degree).map(move |rise| (c, rise))) {
             for inner in 0..degree {
                 let own = self.line(c, rise * (degree + 1) + inner);
                 let left = self.line(c, rise * (degree + 1) + degree) - 1;
-                let start = self.mesh.index(c, inner, row * degree + rise);
+                let start = self.layout.index_in(c, 0, inner, row * degree + rise);
                 let target = &mut self.out[start..start + part];
                 for at in (0..part).step_by(T::lanes::<S>()) {
                     let mut sum = Wide::load(simd, &self.lines[own + at..]);
@@ -254,11 +306,26 @@ impl<E: Element<N>, T: Precision, P, const N: usize, const M: usize, const GRADE
 
 /// The widths of as many elements as a register holds, and their height.
 #[inline(always)]
-fn sides<S: Simd, T: Real>(simd: S, sizes: &[T], first: usize, row: usize) -> [Wide<S, T>; 2] {
+fn sides<S: Simd, T: Real>(simd: S, [widths, heights]: [&[T]; 2], first: usize, row: usize) -> [Wide<S, T>; 2] {
     [
-        Wide::load(simd, &sizes[first..]),
-        Wide::splat(simd, sizes[row].to_f64()),
+        Wide::load(simd, &widths[first..]),
+        Wide::splat(simd, heights[row].to_f64()),
     ]
+}
+
+/// The stress at rest of what is not active. The law is isotropic, so it has no shear.
+fn stress_at_rest<L: Material>(material: &L, [along, across]: [f64; 2]) -> [f64; 2] {
+    let [[xx, _], [_, yy]] = material.stress([[along - 1.0, 0.0], [0.0, across - 1.0]], 0.0);
+    [xx, yy]
+}
+
+/// (∇u) D as f − I, which at rest is D − I.
+#[inline(always)]
+pub(super) fn from_rest<V: Value, const N: usize>(gradients: &mut [Tensor<V>; N], [along, across]: [f64; 2]) {
+    for gradient in gradients {
+        gradient[0][0] = gradient[0][0] + gradient[0][0].constant(along - 1.0);
+        gradient[1][1] = gradient[1][1] + gradient[1][1].constant(across - 1.0);
+    }
 }
 
 /// Gradients on elements of sides 1 as gradients on elements of these sides.
@@ -286,18 +353,19 @@ pub(super) fn on_sides<V: Value, const N: usize>(stresses: &mut [Tensor<V>; N], 
 #[inline(always)]
 fn gather<E: Element<N>, S: Simd, T: Real, const N: usize>(
     simd: S,
-    mesh: Mesh,
+    layout: NodeLayout,
     vector: &[T],
     first: usize,
     row: usize,
 ) -> [[Wide<S, T>; N]; 2] {
     let (degree, lanes) = (E::DEGREE, T::lanes::<S>());
-    let real = mesh.elements() - first;
+    let real = layout.columns() - first;
     let mut nodal = [[Wide::splat(simd, 0.0); N]; 2];
     for (c, component) in nodal.iter_mut().enumerate() {
         for (node, value) in component.iter_mut().enumerate() {
             let (column, rise) = (node % (degree + 1), node / (degree + 1));
-            let start = mesh.index(c, first * degree + column, row * degree + rise);
+            // The degree is known where this is compiled, so nothing is divided.
+            let start = layout.index_in(c, first + column / degree, column % degree, row * degree + rise);
             *value = if real >= lanes {
                 Wide::load(simd, &vector[start..])
             } else {

@@ -3,9 +3,12 @@
 //! On a tensor-product mesh the Laplacian is K⊗M + M⊗K with the one-dimensional stiffness K and mass M. With Q the
 //! generalised eigenvectors, KQ = MQΛ and QᵀMQ = I, a transform by Q along x leaves one banded system K + λM along y for
 //! each mode (Lynch, Rice and Thomas, Numer. Math. 6 (1964) 185; Buzbee, Golub and Nielson, SIAM J. Numer. Anal. 7 (1970)
-//! 627). Modes are even or odd about the middle of the membrane, which halves the transforms. At a prestretch of 3 the
+//! 627). Lengths along the sides are those of [`Grid`]: on the membrane the operator is λ₁²∂xx + λ₂²∂yy.
+//! Modes are even or odd about the middle of the membrane, which halves the transforms. At a prestretch of 3 the
 //! tangent differs from the Laplacian by a quarter at most, so conjugate gradients need the same few iterations on every
 //! mesh; single precision is enough for a preconditioner.
+
+use std::ops::Range;
 
 use faer::Mat;
 use pulp::{Arch, Simd, WithSimd};
@@ -15,13 +18,14 @@ use super::error::SetupError;
 use super::gemm::{Layout, Product};
 use super::grid::Grid;
 use super::lanes::{Value, WIDEST, Wide};
+use super::layout::NodeLayout;
 use super::modes::{half_modes, line_matrices};
-use crate::field::{Mesh, Order};
+use crate::field::Order;
 
 /// The inverse Laplacian with zero values on the frame.
 pub struct Laplacian {
-    mesh: Mesh,
-    /// Half the nodes of a row; also the number of even modes.
+    layout: NodeLayout,
+    /// Half the interior nodes of a row, the middle one counted whole; also the number of even modes.
     half: usize,
     /// `half` and padding.
     width: usize,
@@ -39,26 +43,21 @@ pub struct LaplacianScratch {
 }
 
 impl Laplacian {
-    /// The Laplacian of a uniform mesh.
+    /// The Laplacian of a grid.
     ///
     /// # Errors
     /// When the eigenvectors cannot be computed.
-    pub fn new(mesh: Mesh) -> Result<Self, SetupError> {
-        Self::of_grid(Grid::uniform(mesh))
-    }
-
-    /// The Laplacian of elements that may differ in size.
-    ///
-    /// # Errors
-    /// As [`Laplacian::new`].
-    pub fn of_grid(grid: Grid) -> Result<Self, SetupError> {
-        let (mesh, size) = (grid.mesh(), |element: usize| grid.size(element));
-        let (stiffness, mass) = match mesh.order() {
-            Order::Bilinear => line_matrices(mesh.elements(), &Line::LINEAR, size),
-            Order::Biquadratic => line_matrices(mesh.elements(), &Line::QUADRATIC, size),
-        };
-        let half = (mesh.nodes() - 1) / 2;
-        let width = half.next_multiple_of(WIDEST);
+    pub fn new(grid: Grid) -> Result<Self, SetupError> {
+        let layout = grid.layout();
+        let [(stiffness, mass), columns] = [0, 1].map(|axis| {
+            let size = |at: usize| grid.sides([at; 2])[axis];
+            match grid.order() {
+                Order::Bilinear => line_matrices(grid.elements()[axis], &Line::LINEAR, size),
+                Order::Biquadratic => line_matrices(grid.elements()[axis], &Line::QUADRATIC, size),
+            }
+        });
+        let half = (layout.nodes()[0] - 1) / 2;
+        let width = half.max(1).next_multiple_of(WIDEST);
         let [even, odd] = [false, true].map(|odd| half_modes(&stiffness, &mass, odd));
         let modes = [
             even.ok_or(SetupError::Eigenvectors)?,
@@ -68,7 +67,8 @@ impl Laplacian {
         for (parity, (_, eigenvalues)) in modes.iter().enumerate() {
             values[parity * width..][..eigenvalues.len()].copy_from_slice(eigenvalues);
         }
-        let order = folded_order(mesh);
+        let order = folded_order(layout);
+        let middle = layout.nodes()[0] / 2 - 1;
         let table = |entry: &dyn Fn(usize, usize) -> f64| -> Vec<f32> {
             (0..half * width)
                 .map(|at| entry(at / width, at % width) as f32)
@@ -83,10 +83,17 @@ impl Laplacian {
                 0.0
             }
         };
-        // Folding counts the middle node twice.
-        let share = |position: usize| if order[position] == half - 1 { 0.5 } else { 1.0 };
+        // Folding counts a node in the middle twice.
+        let is_shared = layout.nodes()[0] % 2 == 1;
+        let share = |position: usize| {
+            if is_shared && order[position] == middle {
+                0.5
+            } else {
+                1.0
+            }
+        };
         Ok(Self {
-            mesh,
+            layout,
             half,
             width,
             forward: [0, 1].map(|parity| table(&|position, mode| share(position) * entry(parity, position, mode))),
@@ -99,14 +106,14 @@ impl Laplacian {
                     }
                 })
             }),
-            columns: Columns::new(mesh, &stiffness, &mass, &values),
+            columns: Columns::new(layout, &columns, &values),
         })
     }
 
     /// Room for a solve.
     #[must_use]
     pub fn scratch(&self) -> LaplacianScratch {
-        let len = 2 * self.mesh.nodes() * 2 * self.width;
+        let len = 2 * self.layout.nodes()[1] * 2 * self.width;
         LaplacianScratch {
             folded: vec![0.0; len],
             modes: vec![0.0; len],
@@ -138,7 +145,7 @@ impl Laplacian {
                 right: table,
                 width: self.width,
                 inner: self.half,
-                rows: 2 * self.mesh.nodes(),
+                rows: 2 * self.layout.nodes()[1],
                 target,
                 target_layout: layout,
             };
@@ -148,16 +155,19 @@ impl Laplacian {
 
     /// Sums and differences of the two halves of each row.
     fn fold(&self, r: &[f32], folded: &mut [f32]) {
-        let (part, middle) = (self.mesh.part(), self.mesh.elements() / 2);
+        let part = self.layout.part();
         Arch::new().dispatch(
             #[inline(always)]
             || {
-                let rows = r.chunks_exact(self.mesh.stride());
+                let rows = r.chunks_exact(self.layout.stride());
                 for (row, target) in rows.zip(folded.chunks_exact_mut(2 * self.width)) {
                     let (even, odd) = target.split_at_mut(self.width);
+                    let mut begin = 0;
                     for (inner, nodes) in row.chunks_exact(part).enumerate() {
-                        let (left, right) = halves(nodes, inner, middle);
-                        let span = inner * middle..(inner + 1) * middle;
+                        let [left, right] = halves(self.layout, inner);
+                        let span = begin..begin + left.len();
+                        begin = span.end;
+                        let (left, right) = (&nodes[left], &nodes[right]);
                         let targets = even[span.clone()].iter_mut().zip(&mut odd[span]);
                         for ((even, odd), (a, b)) in targets.zip(left.iter().zip(right.iter().rev())) {
                             *even = a + b;
@@ -171,29 +181,30 @@ impl Laplacian {
 
     /// Rows from the sums and differences of their halves.
     fn unfold(&self, folded: &[f32], z: &mut [f32]) {
-        let (part, middle) = (self.mesh.part(), self.mesh.elements() / 2);
-        let nodes = self.mesh.nodes();
+        let part = self.layout.part();
+        let [_, nodes] = self.layout.nodes();
         Arch::new().dispatch(
             #[inline(always)]
             || {
                 let rows = z
-                    .chunks_exact_mut(self.mesh.stride())
+                    .chunks_exact_mut(self.layout.stride())
                     .zip(folded.chunks_exact(2 * self.width));
                 for (at, (row, source)) in rows.enumerate() {
                     if at % nodes == 0 || at % nodes == nodes - 1 {
                         continue;
                     }
                     let (even, odd) = source.split_at(self.width);
+                    let mut begin = 0;
                     for (inner, line) in row.chunks_exact_mut(part).enumerate() {
-                        let span = inner * middle..(inner + 1) * middle;
+                        let [left, right] = halves(self.layout, inner);
+                        let span = begin..begin + left.len();
+                        begin = span.end;
                         let (even, odd) = (&even[span.clone()], &odd[span]);
-                        let first = 1 - inner;
-                        let left = &mut line[first..first + middle];
-                        left.iter_mut()
+                        line[left]
+                            .iter_mut()
                             .zip(even.iter().zip(odd))
                             .for_each(|(z, (e, o))| *z = e + o);
-                        let right = &mut line[middle..middle + middle];
-                        right
+                        line[right]
                             .iter_mut()
                             .rev()
                             .zip(even.iter().zip(odd))
@@ -205,26 +216,26 @@ impl Laplacian {
     }
 }
 
-/// The nodes of a part of a row in the left half, and their mirror images from the middle to the right. The middle node,
-/// which is the last of the shared ones, is its own image.
-fn halves(nodes: &[f32], inner: usize, middle: usize) -> (&[f32], &[f32]) {
-    let first = 1 - inner;
-    (&nodes[first..first + middle], &nodes[middle..2 * middle])
+/// The interior nodes of a part of a row in the left half, and their mirror images in the right one. A node in the middle, which is the last
+/// of the left half, is its own image.
+#[inline(always)]
+fn halves(layout: NodeLayout, inner: usize) -> [Range<usize>; 2] {
+    let elements = layout.columns();
+    let (first, count) = match inner {
+        0 => (1, elements / 2),
+        _ => (0, elements.div_ceil(2)),
+    };
+    [first..first + count, elements - count..elements]
 }
 
 /// For each position of a folded row, how many columns to the right of the frame's next node it is.
-fn folded_order(mesh: Mesh) -> Vec<usize> {
-    let (degree, middle) = (mesh.order().degree(), mesh.elements() / 2);
-    let column = |inner: usize, at: usize| {
-        if inner == 0 {
-            (at + 1) * degree
-        } else {
-            at * degree + inner
-        }
-    };
-    (0..degree)
-        .flat_map(|inner| (0..middle).map(move |at| column(inner, at) - 1))
-        .collect()
+fn folded_order(layout: NodeLayout) -> Vec<usize> {
+    let degree = layout.degree();
+    let parts = (0..degree).flat_map(|inner| {
+        let [left, _] = halves(layout, inner);
+        left.map(move |at| at * degree + inner - 1)
+    });
+    parts.collect()
 }
 
 /// LDLᵀ of K + λM along y for each mode, `[row][mode]`.
@@ -238,8 +249,8 @@ struct Columns {
 }
 
 impl Columns {
-    fn new(mesh: Mesh, stiffness: &Mat<f64>, mass: &Mat<f64>, values: &[f64]) -> Self {
-        let (nodes, width, band) = (mesh.nodes(), values.len(), mesh.order().degree());
+    fn new(layout: NodeLayout, (stiffness, mass): &(Mat<f64>, Mat<f64>), values: &[f64]) -> Self {
+        let ([_, nodes], width, band) = (layout.nodes(), values.len(), layout.degree());
         let mut inverse = vec![0.0; nodes * width];
         let mut lower = vec![vec![0.0; nodes * width]; band];
         for (mode, value) in values.iter().enumerate() {
@@ -341,7 +352,9 @@ mod tests {
     use super::*;
     use crate::fem::energy::NeoHookean;
     use crate::fem::operator::{Activity, Operator};
-    use crate::pattern::Pattern;
+    use crate::fem::sheet::Sheet;
+    use crate::field::Mesh;
+    use crate::pattern::{Membrane, Pattern, Raster};
 
     #[test]
     fn it_inverts_the_tangent_of_a_membrane_without_thickness_and_voltage() {
@@ -350,23 +363,45 @@ mod tests {
             thickness: 0.0,
             pull: 0.0,
         };
-        for (per_cell, order) in [(1, Order::Bilinear), (2, Order::Bilinear), (1, Order::Biquadratic)] {
-            let mesh = Mesh::new(per_cell, order);
-            let activity = Activity::new(mesh, &Pattern::from_fn(|_, _| false));
+        let rectangle = |sides: [usize; 2], size_mm, prestretch| Sheet {
+            membrane: Membrane {
+                raster: Raster::new(sides[0], sides[1]).unwrap(),
+                size_mm,
+            },
+            prestretch,
+        };
+        let sheets = [
+            Sheet::paper(),
+            rectangle([7, 12], [30.0, 50.0], [3.0, 4.0]),
+            rectangle([40, 3], [50.0, 10.0], [5.0, 2.0]),
+            rectangle([1, 31], [1.0, 20.0], [3.0, 3.0]),
+            rectangle([1, 1], [1.0, 2.0], [3.0, 1.0]),
+        ];
+        let meshes = [
+            (1, Order::Bilinear),
+            (2, Order::Bilinear),
+            (3, Order::Bilinear),
+            (1, Order::Biquadratic),
+        ];
+        for (sheet, (per_cell, order)) in sheets.into_iter().flat_map(|sheet| meshes.map(|mesh| (sheet, mesh))) {
+            let grid = Grid::uniform(Mesh::new(per_cell, order), &sheet);
+            let layout = grid.layout();
+            let activity = Activity::new(grid, &Pattern::from_fn(sheet.raster(), |_, _| false));
             let operator = Operator {
-                mesh,
                 material: &material,
                 activity: &activity,
             };
-            let laplacian = Laplacian::new(mesh).unwrap();
-            let mut u: Vec<f32> = (0..mesh.vector_len()).map(|i| ((i * i) as f32 * 0.037).sin()).collect();
-            mesh.clear_frame(&mut u);
-            let zero = vec![0.0; mesh.vector_len()];
+            let laplacian = Laplacian::new(grid).unwrap();
+            let mut u: Vec<f32> = (0..layout.vector_len())
+                .map(|i| ((i * i) as f32 * 0.037).sin())
+                .collect();
+            layout.clear_frame(&mut u);
+            let zero = vec![0.0; layout.vector_len()];
             let (mut r, mut back) = (zero.clone(), zero.clone());
             operator.tangent(&zero, &u, &mut r);
             laplacian.solve(&r, &mut back, &mut laplacian.scratch());
             let worst = u.iter().zip(&back).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-            assert!(worst < 1e-3, "{worst:e}");
+            assert!(worst < 1e-3, "{sheet:?} {per_cell} {order:?}: {worst:e}");
         }
     }
 }

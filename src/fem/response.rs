@@ -30,8 +30,6 @@ const CLEAR: f64 = 1e-3;
 
 /// Predicts displacements by the linearised membrane.
 pub struct LinearResponse {
-    mesh: Mesh,
-    side_mm: f64,
     model: Model,
     half_active: Activity,
     laplacian: Laplacian,
@@ -44,17 +42,13 @@ impl LinearResponse {
     /// # Errors
     /// When the mesh is out of range, or when the half-active membrane is not stable at the scene's voltage.
     pub fn new(scene: &Scene, mesh: Mesh) -> Result<Self, SetupError> {
-        let mesh = checked(mesh)?;
         let model = Model::new(scene)?;
-        let grid = model.grid(mesh);
-        let mesh = grid.mesh();
+        let grid = model.grid(checked(mesh)?);
         let response = Self {
-            mesh,
-            side_mm: scene.side_mm() / mesh.elements() as f64,
             model,
             half_active: Activity::from_shares(grid, |_, _| 0.5),
-            laplacian: Laplacian::of_grid(grid)?,
-            rest: vec![0.0; mesh.vector_len()],
+            laplacian: Laplacian::new(grid)?,
+            rest: vec![0.0; grid.layout().vector_len()],
         };
         if response.model.with(Ellipticity(&response)) > 0.0 {
             Ok(response)
@@ -67,12 +61,7 @@ impl LinearResponse {
     /// [`Outcome::Estimated`], or [`Outcome::NoEstimate`] where the steps lead nowhere.
     #[must_use]
     pub fn simulate(&self, patterns: &[Pattern], chord_steps: u32) -> Vec<Simulation> {
-        let workspace = || {
-            (
-                self.rest.clone(),
-                Workspace::new(self.mesh.vector_len(), &self.laplacian),
-            )
-        };
+        let workspace = || (self.rest.clone(), Workspace::new(self.rest.len(), &self.laplacian));
         patterns
             .par_iter()
             .map_init(workspace, |(u, workspace), pattern| {
@@ -101,7 +90,7 @@ impl LinearResponse {
     /// reach into neighbouring cells; `None` where the linear system cannot be solved.
     #[must_use]
     pub fn to_cells(&self, cells: &[(usize, usize)]) -> Option<Vec<Field>> {
-        let workspace = || Workspace::new(self.mesh.vector_len(), &self.laplacian);
+        let workspace = || Workspace::new(self.rest.len(), &self.laplacian);
         let fields = cells.par_iter().map_init(workspace, |workspace, &cell| {
             let one = |x: usize, y: usize| if (x, y) == cell { 1.0 } else { 0.0 };
             let activity = Activity::from_shares(self.half_active.grid(), one);
@@ -122,7 +111,7 @@ impl LinearResponse {
         };
         Simulation {
             outcome,
-            field: estimate.sound.then(|| self.mesh.sample(u, self.side_mm)),
+            field: estimate.sound.then(|| self.half_active.grid().sample(u)),
             newton_iterations: estimate.steps,
             residual: estimate.residual,
             observation: Observation::default(),
@@ -130,11 +119,7 @@ impl LinearResponse {
     }
 
     fn operator<'a, L>(&self, material: &'a L, activity: &'a Activity) -> Operator<'a, L> {
-        Operator {
-            mesh: self.mesh,
-            material,
-            activity,
-        }
+        Operator { material, activity }
     }
 }
 
@@ -226,7 +211,7 @@ impl WithMaterial for ToActivity<'_> {
     fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<Field> {
         let Self { response, .. } = self;
         let material = material(1.0);
-        let mut load = vec![0.0; response.mesh.vector_len()];
+        let mut load = vec![0.0; response.rest.len()];
         response
             .operator(&material, self.activity)
             .residual(&response.rest, &mut load);
@@ -240,7 +225,7 @@ impl WithMaterial for ToActivity<'_> {
             &load,
             self.workspace,
         );
-        Some(response.mesh.sample(&solution.ok()?, response.side_mm))
+        Some(response.half_active.grid().sample(&solution.ok()?))
     }
 }
 
@@ -257,6 +242,7 @@ mod tests {
     use super::*;
     use crate::base::Stream;
     use crate::fem::{MembraneSolver, SolveOptions};
+    use crate::pattern::Raster;
 
     #[test]
     fn chord_steps_approach_the_solution_from_a_few_per_cent() {
@@ -267,8 +253,10 @@ mod tests {
         let mut stream = Stream::new(2, "response test", 0);
         let bits: Vec<bool> = (0..2500).map(|_| stream.chance(0.5)).collect();
         let patterns = [
-            Pattern::from_fn(|x, y| bits[50 * y + x]),
-            Pattern::from_fn(|x, y| [0x3, 0xa, 0x6, 0xc][y * 4 / 50] >> (x * 4 / 50) & 1 == 1),
+            Pattern::from_fn(Raster::PAPER, |x, y| bits[50 * y + x]),
+            Pattern::from_fn(Raster::PAPER, |x, y| {
+                [0x3, 0xa, 0x6, 0xc][y * 4 / 50] >> (x * 4 / 50) & 1 == 1
+            }),
         ];
         let exact = MembraneSolver::new(&scene, options).unwrap().simulate(&patterns);
         let response = LinearResponse::new(&scene, options.mesh).unwrap();
@@ -293,19 +281,21 @@ mod tests {
 
     #[test]
     fn the_response_to_a_pattern_is_the_sum_over_its_cells() {
-        let pattern = Pattern::from_fn(|x, y| (3..7).contains(&x) && (40..44).contains(&y) && (x + y) % 3 > 0);
+        let pattern = Pattern::from_fn(Raster::PAPER, |x, y| {
+            (3..7).contains(&x) && (40..44).contains(&y) && (x + y) % 3 > 0
+        });
         let cells: Vec<(usize, usize)> = (0..2500)
             .map(|i| (i % 50, i / 50))
             .filter(|&(x, y)| pattern.is_active(x, y))
             .collect();
         let response = LinearResponse::new(&Scene::vhb4910(), Mesh::bilinear(2)).unwrap();
-        let mut sum = vec![0.0; Field::zero().values().len()];
+        let mut sum = vec![0.0; Field::zero(Raster::PAPER).values().len()];
         for field in response.to_cells(&cells).unwrap() {
             sum.iter_mut().zip(field.values()).for_each(|(sum, u)| *sum += u);
         }
-        let sum = Field::from_values(sum).unwrap();
+        let sum = Field::from_values(Raster::PAPER, sum).unwrap();
         let whole = response.predict(&[pattern], 0).remove(0).unwrap();
-        let size = whole.rms_difference(&Field::zero());
+        let size = whole.rms_difference(&Field::zero(Raster::PAPER));
         // `predict` solves its linear system to 3e-3 only.
         assert!(
             whole.rms_difference(&sum) < 3e-3 * size,
@@ -318,7 +308,7 @@ mod tests {
     #[test]
     fn many_chord_steps_reach_the_equilibrium_and_its_residual() {
         let options = SolveOptions::default();
-        let pattern = [Pattern::from_fn(|x, y| (x / 10 + y / 10) % 2 == 0)];
+        let pattern = [Pattern::from_fn(Raster::PAPER, |x, y| (x / 10 + y / 10) % 2 == 0)];
         let exact = MembraneSolver::new(&Scene::vhb4910(), options)
             .unwrap()
             .simulate(&pattern);
@@ -340,12 +330,12 @@ mod tests {
 
     #[test]
     fn steps_that_lead_to_no_state_of_the_membrane_give_no_field() {
-        let [half, bare] = [25, 0].map(|width| Pattern::from_fn(|x, _| x < width));
+        let [half, bare] = [25, 0].map(|width| Pattern::from_fn(Raster::PAPER, |x, _| x < width));
         let response = LinearResponse::new(&Scene::vhb4910().at_voltage(10e3), Mesh::bilinear(2)).unwrap();
         let results = response.simulate(&[half, bare], 0);
         assert_eq!((results[0].outcome, &results[0].field), (Outcome::NoEstimate, &None));
         assert_eq!((results[1].outcome, results[1].residual), (Outcome::Estimated, 0.0));
-        assert_eq!(results[1].field, Some(Field::zero()));
+        assert_eq!(results[1].field, Some(Field::zero(Raster::PAPER)));
     }
 
     #[test]

@@ -17,6 +17,7 @@ use super::newton::Workspace;
 use super::observable::{CellState, Survey, states};
 use super::operator::{Activity, Operator};
 use super::precondition::Laplacian;
+use super::sheet::Sheet;
 use super::work::WorkLimit;
 
 /// Mesh and tolerance of a solve.
@@ -66,8 +67,8 @@ pub struct MeshSolution {
     pub outcome: Outcome,
     /// The highest voltage in V at which a stable equilibrium was found; 0 is rest.
     pub last_stable: f64,
-    /// Nodal displacements in units of an element's side, laid out as [`Mesh`] says of the elements there are; those of the last stable state
-    /// where the outcome is not converged.
+    /// Nodal displacements in units of [`Grid::unit_mm`], laid out as [`Grid::layout`] says; those of the last stable state where the outcome is
+    /// not converged.
     pub displacement: Vec<f64>,
     /// Newton steps over all load steps.
     pub newton_iterations: u32,
@@ -134,7 +135,7 @@ impl MembraneSolver {
             mesh,
             grid,
             tolerance,
-            laplacian: Laplacian::of_grid(grid)?,
+            laplacian: Laplacian::new(grid)?,
             limit,
         };
         Ok(solver.within(limit))
@@ -149,7 +150,8 @@ impl MembraneSolver {
     }
 
     fn scaled(&self, limit: WorkLimit) -> WorkLimit {
-        let [asked, all] = [self.mesh, self.grid.mesh()].map(|mesh| mesh.vector_len() as f64);
+        let asked = Grid::uniform(self.mesh, &Sheet::of(&self.scene));
+        let [asked, all] = [asked, self.grid].map(|grid| grid.layout().vector_len() as f64);
         limit.part((asked / all).sqrt())
     }
 
@@ -165,10 +167,10 @@ impl MembraneSolver {
         self.mesh
     }
 
-    /// The side of an element in mm; the mean where they differ in size.
+    /// The elements of solutions.
     #[must_use]
-    pub fn element_side_mm(&self) -> f64 {
-        self.scene.side_mm() / self.grid.mesh().elements() as f64
+    pub fn grid(&self) -> Grid {
+        self.grid
     }
 
     /// Simulates one pattern and keeps the whole nodal solution.
@@ -186,7 +188,7 @@ impl MembraneSolver {
     /// The displacement of a solution at the cell corners, in mm.
     #[must_use]
     pub fn field(&self, solution: &MeshSolution) -> Field {
-        self.grid.mesh().sample(&solution.displacement, self.element_side_mm())
+        self.grid.sample(&solution.displacement)
     }
 
     /// What [`Simulator::simulate`] keeps of a solution of this pattern.
@@ -212,8 +214,8 @@ impl MembraneSolver {
         }
     }
 
-    /// The gradient of J = Σ weights · u, with u in mm at the cell corners, with respect to the activity of each of the
-    /// 2500 cells, `[y][x]`, at a solution of [`MembraneSolver::solve`]. It is that of letting the activity of a cell vary
+    /// The gradient of J = Σ weights · u, with u in mm at the cell corners, with respect to the activity of each cell,
+    /// `[y][x]`, at a solution of [`MembraneSolver::solve`]. It is that of letting the activity of a cell vary
     /// between 0 and 1. `None` when the solution is not a converged one, and
     /// with wrinkling or a fringe field, where the energy is not linear in the activity of a cell.
     #[must_use]
@@ -227,7 +229,7 @@ impl MembraneSolver {
             u: &solution.displacement,
             weights,
         })?;
-        Some(gradient.iter().map(|g| g * self.element_side_mm()).collect())
+        Some(gradient.iter().map(|g| g * self.grid.unit_mm()).collect())
     }
 
     /// The state of each cell, `[y][x]`, in a solution of this pattern.
@@ -250,7 +252,7 @@ impl MembraneSolver {
     }
 
     fn room(&self, limit: WorkLimit) -> Room {
-        let len = self.grid.mesh().vector_len();
+        let len = self.grid.layout().vector_len();
         let mut workspace = Workspace::new(len, &self.laplacian);
         workspace.begin(limit);
         Room {
@@ -282,7 +284,6 @@ impl MembraneSolver {
     /// The equilibrium of an activity under a law, as continuation and paths take it.
     pub(super) fn problem<'a, F>(&'a self, activity: &'a Activity, material: F) -> Problem<'a, F> {
         Problem {
-            mesh: self.grid.mesh(),
             activity,
             laplacian: &self.laplacian,
             material,
@@ -366,7 +367,6 @@ impl WithMaterial for Gradient<'_> {
 
     fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<Vec<f64>> {
         let operator = Operator {
-            mesh: self.solver.grid.mesh(),
             material: &material(1.0),
             activity: self.activity,
         };

@@ -100,14 +100,11 @@ mod tests {
     fn the_probe_agrees_with_the_inertia() {
         // A half-active membrane held at rest is no equilibrium, but its tangent has an inertia: the null Lagrangian makes
         // the membrane stable beyond the loss of pointwise convexity, up to some load.
-        let mesh = Mesh::new(1, Order::Bilinear);
-        let laplacian = Laplacian::new(mesh).unwrap();
-        let mut workspace = Workspace::new(mesh.vector_len(), &laplacian);
-        let u = vec![0.0; mesh.vector_len()];
-        let activity = Activity::from_shares(
-            Grid::uniform(mesh),
-            |x, y| if (x / 10 + y / 10) % 2 == 0 { 1.0 } else { 0.2 },
-        );
+        let grid = Grid::paper(Mesh::new(1, Order::Bilinear));
+        let laplacian = Laplacian::new(grid).unwrap();
+        let mut workspace = Workspace::new(grid.layout().vector_len(), &laplacian);
+        let u = vec![0.0; grid.layout().vector_len()];
+        let activity = Activity::from_shares(grid, |x, y| if (x / 10 + y / 10) % 2 == 0 { 1.0 } else { 0.2 });
         let mut seen = [false, false];
         for step in 0..16 {
             let material = NeoHookean {
@@ -115,7 +112,6 @@ mod tests {
                 pull: 0.6 + 0.05 * f64::from(step),
             };
             let operator = Operator {
-                mesh,
                 material: &material,
                 activity: &activity,
             };

@@ -1,13 +1,14 @@
 //! A displacement field sampled at the cell corners, whatever mesh it was computed on.
 
-use crate::pattern::{CELLS, Symmetry};
+use crate::pattern::{CELLS, Raster, Symmetry};
 
-/// Corners along one side: one more than cells.
+/// Corners along one side of the source paper's membrane: one more than cells.
 pub const CORNERS: usize = CELLS + 1;
 
-/// Displacements in mm at the 51 × 51 cell corners, `[y][x][component]`, origin at the lower left.
+/// Displacements in mm at the cell corners, `[y][x][component]`, origin at the lower left.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Field {
+    raster: Raster,
     values: Vec<f64>,
 }
 
@@ -15,8 +16,10 @@ pub struct Field {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FieldError {
     /// The wrong number of values.
-    #[error("a field has {} values (51 × 51 × 2), found {found}", CORNERS * CORNERS * 2)]
+    #[error("a field on {raster} cells has {} values, found {found}", 2 * raster.corners())]
     Shape {
+        /// The cells.
+        raster: Raster,
         /// How many there were.
         found: usize,
     },
@@ -31,24 +34,32 @@ pub enum FieldError {
 impl Field {
     /// The field that is zero everywhere.
     #[must_use]
-    pub fn zero() -> Self {
+    pub fn zero(raster: Raster) -> Self {
         Self {
-            values: vec![0.0; CORNERS * CORNERS * 2],
+            raster,
+            values: vec![0.0; 2 * raster.corners()],
         }
     }
 
-    /// A field from its 51 · 51 · 2 values in mm.
+    /// A field from its values in mm, two for each corner.
     ///
     /// # Errors
     /// When the count is wrong or a value is not finite.
-    pub fn from_values(values: Vec<f64>) -> Result<Self, FieldError> {
-        if values.len() != CORNERS * CORNERS * 2 {
-            return Err(FieldError::Shape { found: values.len() });
+    pub fn from_values(raster: Raster, values: Vec<f64>) -> Result<Self, FieldError> {
+        if values.len() != 2 * raster.corners() {
+            let found = values.len();
+            return Err(FieldError::Shape { raster, found });
         }
         match values.iter().position(|v| !v.is_finite()) {
             Some(at) => Err(FieldError::NotFinite { at }),
-            None => Ok(Self { values }),
+            None => Ok(Self { raster, values }),
         }
+    }
+
+    /// The cells at whose corners it is.
+    #[must_use]
+    pub fn raster(&self) -> Raster {
+        self.raster
     }
 
     /// All values in mm, `[y][x][component]`.
@@ -60,19 +71,20 @@ impl Field {
     /// The displacement in mm at corner (column `x`, row `y`).
     ///
     /// # Panics
-    /// When `x` or `y` is not below 51.
+    /// When the corner is outside the membrane.
     #[must_use]
     pub fn at_corner(&self, x: usize, y: usize) -> [f64; 2] {
-        assert!(x < CORNERS && y < CORNERS, "corner ({x}, {y}) is outside the membrane");
-        let at = 2 * (y * CORNERS + x);
+        let [columns, rows] = self.raster.corner_sides();
+        assert!(x < columns && y < rows, "corner ({x}, {y}) is outside the membrane");
+        let at = 2 * (y * columns + x);
         [self.values[at], self.values[at + 1]]
     }
 
-    /// The displacement in mm at a point given in cells from the lower left corner (0 to 50 in both directions),
+    /// The displacement in mm at a point given in cells from the lower left corner,
     /// bilinear between corners; points outside are moved to the frame, where the displacement is zero.
     #[must_use]
     pub fn at(&self, point_cells: [f64; 2]) -> [f64; 2] {
-        let shares = Self::shares(point_cells);
+        let shares = Self::shares(self.raster, point_cells);
         std::array::from_fn(|k| {
             shares
                 .iter()
@@ -83,19 +95,21 @@ impl Field {
 
     /// The four corners around a point in cells, by their place in `[y][x]`, with the share that each has in the value there.
     #[must_use]
-    pub fn shares(point_cells: [f64; 2]) -> [(usize, f64); 4] {
-        let split = |c: f64| {
-            let c = c.clamp(0.0, CELLS as f64);
-            let low = (c.floor() as usize).min(CELLS - 1);
+    pub fn shares(raster: Raster, point_cells: [f64; 2]) -> [(usize, f64); 4] {
+        let [columns, rows] = raster.sides();
+        let split = |c: f64, cells: usize| {
+            let c = c.clamp(0.0, cells as f64);
+            let low = (c.floor() as usize).min(cells - 1);
             (low, c - low as f64)
         };
-        let ((i, s), (j, t)) = (split(point_cells[0]), split(point_cells[1]));
-        let first = j * CORNERS + i;
+        let ((i, s), (j, t)) = (split(point_cells[0], columns), split(point_cells[1], rows));
+        let above = columns + 1;
+        let first = j * above + i;
         [
             (first, (1.0 - s) * (1.0 - t)),
             (first + 1, s * (1.0 - t)),
-            (first + CORNERS, (1.0 - s) * t),
-            (first + CORNERS + 1, s * t),
+            (first + above, (1.0 - s) * t),
+            (first + above + 1, s * t),
         ]
     }
 
@@ -119,10 +133,15 @@ impl Field {
     #[must_use]
     pub fn transformed(&self, g: Symmetry) -> Self {
         let mut values = vec![0.0; self.values.len()];
-        for (u, to) in self.values.chunks_exact(2).zip(g.permutation(CORNERS)) {
+        for (u, to) in self
+            .values
+            .chunks_exact(2)
+            .zip(g.permutation(self.raster.corner_sides()))
+        {
             values[2 * to..][..2].copy_from_slice(&g.apply_vector([u[0], u[1]]));
         }
-        Self { values }
+        let raster = self.raster.transformed(g);
+        Self { raster, values }
     }
 
     /// Root mean square over all components of the difference from `other`, in mm.
@@ -142,41 +161,63 @@ impl Field {
 mod tests {
     use super::*;
 
-    fn wavy() -> Field {
+    fn rasters() -> [Raster; 3] {
+        [(50, 50), (7, 3), (1, 12)].map(|(columns, rows)| Raster::new(columns, rows).unwrap())
+    }
+
+    fn wavy(raster: Raster) -> Field {
         let value = |i: usize| ((i * 37 % 101) as f64 - 50.0) / 40.0;
-        Field::from_values((0..CORNERS * CORNERS * 2).map(value).collect()).unwrap()
+        Field::from_values(raster, (0..2 * raster.corners()).map(value).collect()).unwrap()
     }
 
     #[test]
     fn symmetries_move_the_place_and_rotate_the_vector() {
-        let mut values = vec![0.0; CORNERS * CORNERS * 2];
-        values[0] = 1.0;
-        let rotated = Field::from_values(values).unwrap().transformed(Symmetry::ALL[1]);
-        assert_eq!(rotated.at_corner(CORNERS - 1, 0), [0.0, 1.0]);
-        for g in Symmetry::ALL {
-            assert_eq!(wavy().transformed(g).transformed(g.inverse()), wavy());
-            assert_eq!(wavy().transformed(g).max_magnitude(), wavy().max_magnitude());
+        for raster in rasters() {
+            let mut values = vec![0.0; 2 * raster.corners()];
+            values[0] = 1.0;
+            let rotated = Field::from_values(raster, values)
+                .unwrap()
+                .transformed(Symmetry::ALL[1]);
+            assert_eq!(rotated.at_corner(raster.rows(), 0), [0.0, 1.0]);
+            for g in Symmetry::ALL {
+                let image = wavy(raster).transformed(g);
+                assert_eq!(image.transformed(g.inverse()), wavy(raster));
+                assert_eq!(image.max_magnitude(), wavy(raster).max_magnitude());
+            }
         }
     }
 
     #[test]
     fn interpolation_is_exact_for_bilinear_fields() {
         let f = |x: f64, y: f64| [1.0 + 2.0 * x - y + 0.5 * x * y, x * y];
-        let values = (0..CORNERS * CORNERS)
-            .flat_map(|i| f((i % CORNERS) as f64, (i / CORNERS) as f64))
-            .collect();
-        let field = Field::from_values(values).unwrap();
-        for point in [[0.0, 0.0], [12.25, 33.5], [50.0, 50.0], [49.999, 0.3]] {
-            let (u, exact) = (field.at(point), f(point[0], point[1]));
-            assert!((u[0] - exact[0]).abs() < 1e-11 && (u[1] - exact[1]).abs() < 1e-11);
+        for raster in rasters() {
+            let above = raster.columns() + 1;
+            let values = (0..raster.corners())
+                .flat_map(|i| f((i % above) as f64, (i / above) as f64))
+                .collect();
+            let field = Field::from_values(raster, values).unwrap();
+            let [right, top] = raster.sides().map(|side| side as f64);
+            for point in [
+                [0.0, 0.0],
+                [0.245 * right, 0.67 * top],
+                [right, top],
+                [0.99998 * right, 0.006 * top],
+            ] {
+                let (u, exact) = (field.at(point), f(point[0], point[1]));
+                assert!((u[0] - exact[0]).abs() < 1e-11 && (u[1] - exact[1]).abs() < 1e-11);
+            }
         }
     }
 
     #[test]
     fn refuses_wrong_shapes_and_values_that_are_not_numbers() {
-        assert!(Field::from_values(vec![0.0; 3]).is_err());
-        let mut values = vec![0.0; CORNERS * CORNERS * 2];
+        let refused = |values| Field::from_values(Raster::PAPER, values).unwrap_err();
+        assert_eq!(
+            refused(vec![0.0; 3]).to_string(),
+            "a field on 50 × 50 cells has 5202 values, found 3"
+        );
+        let mut values = vec![0.0; 5202];
         values[5] = f64::NAN;
-        assert_eq!(Field::from_values(values).unwrap_err(), FieldError::NotFinite { at: 5 });
+        assert_eq!(refused(values), FieldError::NotFinite { at: 5 });
     }
 }

@@ -1,8 +1,6 @@
-//! The mesh that a field was computed on: squares aligned with the cells.
+//! How finely the cells of a membrane are divided into elements.
 
 use std::fmt;
-
-use crate::pattern::CELLS;
 
 /// Polynomial order of the elements.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -24,7 +22,7 @@ impl Order {
     }
 }
 
-/// A square mesh of square elements, a whole number of them along each cell.
+/// A whole number of elements along the sides of each cell, and their order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Mesh {
     elements_per_cell: usize,
@@ -84,18 +82,6 @@ impl Mesh {
     #[must_use]
     pub fn elements_per_cell(&self) -> usize {
         self.elements_per_cell
-    }
-
-    /// Elements along one side of the membrane.
-    #[must_use]
-    pub fn elements(&self) -> usize {
-        CELLS * self.elements_per_cell
-    }
-
-    /// Nodes along one side of the membrane, frame included.
-    #[must_use]
-    pub fn nodes(&self) -> usize {
-        self.elements() * self.order.degree() + 1
     }
 
     /// The mesh by which errors on this one are told: biquadratic instead of bilinear, or half the size of biquadratic;

@@ -1,74 +1,103 @@
-//! Patterns as bits, one word for each row: what is asked of thousands of patterns is asked of these.
+//! Patterns as bits: what is asked of thousands of patterns is asked of these.
 
-use super::raster::{CELLS, Pattern};
+use super::raster::{Pattern, Raster};
 
-/// A word with all cells of a row.
-const ROW: u64 = (1 << CELLS) - 1;
+/// Cells in a word.
+const WORD: usize = u64::BITS as usize;
 
-/// A pattern as one word for each row from below; bit x of row y is cell (x, y), higher bits are 0.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct Bits([u64; CELLS]);
+/// Cells in words, row by row from below; bit x % 64 of word x / 64 of row y is cell (x, y), and bits beyond the last column are 0.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Bits {
+    columns: usize,
+    rows: usize,
+    words: Box<[u64]>,
+}
 
 impl Bits {
     /// No cell.
-    pub const EMPTY: Self = Self([0; CELLS]);
+    #[must_use]
+    pub fn empty(raster: Raster) -> Self {
+        Self::none(raster.columns(), raster.rows())
+    }
 
     /// All cells.
-    pub const FULL: Self = Self([ROW; CELLS]);
+    #[must_use]
+    pub fn full(raster: Raster) -> Self {
+        Self::empty(raster).inverse()
+    }
 
     /// The cells (x, y) for which `active(x, y)`.
     #[must_use]
-    pub fn from_fn(active: impl Fn(usize, usize) -> bool) -> Self {
-        Self::from_rows(|y| (0..CELLS).fold(0, |row, x| row | u64::from(active(x, y)) << x))
-    }
-
-    /// The rows, of which bits beyond the membrane are left out.
-    #[must_use]
-    pub fn from_rows(row: impl FnMut(usize) -> u64) -> Self {
-        Self(std::array::from_fn(row).map(|row: u64| row & ROW))
+    pub fn from_fn(raster: Raster, active: impl Fn(usize, usize) -> bool) -> Self {
+        let mut bits = Self::empty(raster);
+        for y in 0..bits.rows {
+            for x in (0..bits.columns).filter(|x| active(*x, y)) {
+                bits.set(x, y);
+            }
+        }
+        bits
     }
 
     /// The active cells of a pattern.
     #[must_use]
     pub fn of(pattern: &Pattern) -> Self {
-        let mut rows = pattern.cells().chunks_exact(CELLS);
-        Self::from_rows(|_| {
-            let cells = rows.next().unwrap_or_default().iter().rev();
-            cells.fold(0, |row, &cell| row << 1 | u64::from(cell))
-        })
+        let mut bits = Self::empty(pattern.raster());
+        let (columns, width) = (bits.columns, bits.width());
+        for (row, cells) in bits
+            .words
+            .chunks_exact_mut(width)
+            .zip(pattern.cells().chunks_exact(columns))
+        {
+            for (word, cells) in row.iter_mut().zip(cells.chunks(WORD)) {
+                *word = cells.iter().rev().fold(0, |word, &cell| word << 1 | u64::from(cell));
+            }
+        }
+        bits
     }
 
     /// The pattern.
+    ///
+    /// # Panics
+    /// When there are more columns or rows than a raster has.
     #[must_use]
     pub fn pattern(&self) -> Pattern {
-        Pattern::from_fn(|x, y| self.has(x, y))
+        Pattern::from_fn(self.raster(), |x, y| self.has(x, y))
     }
 
-    /// The words of the rows, from below.
+    /// Their raster.
+    ///
+    /// # Panics
+    /// When there are more columns or rows than a raster has.
     #[must_use]
-    pub fn rows(&self) -> &[u64; CELLS] {
-        &self.0
+    pub fn raster(&self) -> Raster {
+        Raster::new(self.columns, self.rows).expect("they are of a raster")
+    }
+
+    /// Cells along x and y.
+    #[must_use]
+    pub fn sides(&self) -> [usize; 2] {
+        [self.columns, self.rows]
     }
 
     /// Whether the cell at column `x`, row `y` is active.
     ///
     /// # Panics
-    /// When `y` is not below 50, or `x` not below 64.
+    /// When the cell is beyond the last word.
     #[must_use]
     pub fn has(&self, x: usize, y: usize) -> bool {
-        self.0[y] >> x & 1 == 1
+        self.words[y * self.width() + x / WORD] >> (x % WORD) & 1 == 1
     }
 
     /// How many cells are active.
     #[must_use]
     pub fn count(&self) -> usize {
-        self.0.iter().map(|row| row.count_ones() as usize).sum()
+        self.words.iter().map(|word| word.count_ones() as usize).sum()
     }
 
     /// Whether no cell is active.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.0.iter().all(|&row| row == 0)
+        self.words.iter().all(|&word| word == 0)
     }
 
     /// Cells active in both.
@@ -92,72 +121,268 @@ impl Bits {
     /// The other cells.
     #[must_use]
     pub fn inverse(&self) -> Self {
-        Self(self.0.map(|row| !row & ROW))
+        let mut bits = self.clone();
+        bits.words.iter_mut().for_each(|word| *word = !*word);
+        bits.clear_beyond();
+        bits
     }
 
     /// Whether some cell is active in both.
     #[must_use]
     pub fn meets(&self, other: &Self) -> bool {
-        self.0.iter().zip(&other.0).any(|(a, b)| a & b != 0)
+        self.words.iter().zip(&other.words).any(|(a, b)| a & b != 0)
     }
 
     /// How many cells are active in one and not in the other.
     #[must_use]
     pub fn differing(&self, other: &Self) -> usize {
-        let rows = self.0.iter().zip(&other.0);
-        rows.map(|(a, b)| (a ^ b).count_ones() as usize).sum()
+        let words = self.words.iter().zip(&other.words);
+        words.map(|(a, b)| (a ^ b).count_ones() as usize).sum()
     }
 
-    /// The images under the eight symmetries of the square, itself first.
+    /// The cells moved along x and y; what leaves the raster is lost.
     #[must_use]
-    pub fn images(&self) -> [Self; 8] {
-        let across = self.transposed();
-        let [a, b, c, d] = self.mirrored();
-        let [e, f, g, h] = across.mirrored();
-        [a, b, c, d, e, f, g, h]
+    pub fn moved(&self, along_x: isize, along_y: isize) -> Self {
+        let mut moved = Self::none(self.columns, self.rows);
+        let width = self.width();
+        for y in 0..self.rows {
+            let from = y.wrapping_add_signed(along_y.wrapping_neg());
+            if from < self.rows {
+                shift(self.row(from), &mut moved.words[y * width..][..width], along_x);
+            }
+        }
+        moved.clear_beyond();
+        moved
+    }
+
+    /// The same cells on a raster of more columns and rows, moved along x and y; or on one of fewer, without those that it has not.
+    #[must_use]
+    pub fn placed(&self, [columns, rows]: [usize; 2], along_x: isize, along_y: isize) -> Self {
+        let mut placed = Self::none(columns, rows);
+        let wide = Self::none(columns.max(self.columns), 1);
+        for y in 0..rows {
+            let from = y.wrapping_add_signed(along_y.wrapping_neg());
+            if from < self.rows {
+                let mut row = wide.words.clone();
+                row[..self.width()].copy_from_slice(self.row(from));
+                let mut to = wide.words.clone();
+                shift(&row, &mut to, along_x);
+                let width = placed.width();
+                placed.words[y * width..][..width].copy_from_slice(&to[..width]);
+            }
+        }
+        placed.clear_beyond();
+        placed
+    }
+
+    /// The lowest, then leftmost active cell alone.
+    #[must_use]
+    pub fn first(&self) -> Self {
+        let mut first = Self::none(self.columns, self.rows);
+        if let Some(at) = self.words.iter().position(|&word| word != 0) {
+            first.words[at] = self.words[at] & self.words[at].wrapping_neg();
+        }
+        first
+    }
+
+    /// All pieces, cells joined by their sides, that meet `seed`.
+    #[must_use]
+    pub fn flooded(&self, seed: &Self) -> Self {
+        let (width, rows) = (self.width(), self.rows);
+        let mut found = seed.and(self);
+        for (row, within) in found.words.chunks_exact_mut(width).zip(self.words.chunks_exact(width)) {
+            fill(row, within);
+        }
+        let mut has_changed = true;
+        while has_changed {
+            has_changed = false;
+            let up = (1..rows).map(|y| (y, y - 1));
+            let down = (0..rows.saturating_sub(1)).rev().map(|y| (y, y + 1));
+            for (y, from) in up.chain(down) {
+                let mut is_entered = false;
+                for at in 0..width {
+                    let entered = found.words[from * width + at] & self.words[y * width + at];
+                    is_entered |= entered & !found.words[y * width + at] != 0;
+                    found.words[y * width + at] |= entered;
+                }
+                if is_entered {
+                    fill(&mut found.words[y * width..][..width], self.row(y));
+                    has_changed = true;
+                }
+            }
+        }
+        found
+    }
+
+    /// The images under the symmetries of the square that leave the raster as it is, itself first.
+    #[must_use]
+    pub fn images(&self) -> Vec<Self> {
+        let mut images = self.mirrored().to_vec();
+        if self.columns == self.rows {
+            images.extend(self.transposed().mirrored());
+        }
+        images
     }
 
     /// The [`distance`] from a pattern of which the images are at hand.
     #[must_use]
-    pub fn distance_to(&self, images: &[Self; 8]) -> f64 {
+    pub fn distance_to(&self, images: &[Self]) -> f64 {
         let least = images.iter().map(|image| self.differing(image)).min();
-        least.unwrap_or_default() as f64 / (CELLS * CELLS) as f64
+        least.unwrap_or_default() as f64 / (self.columns * self.rows) as f64
+    }
+
+    fn none(columns: usize, rows: usize) -> Self {
+        Self {
+            columns,
+            rows,
+            words: vec![0; rows * columns.div_ceil(WORD)].into(),
+        }
+    }
+
+    /// Words in a row.
+    fn width(&self) -> usize {
+        self.columns.div_ceil(WORD)
+    }
+
+    fn row(&self, y: usize) -> &[u64] {
+        &self.words[y * self.width()..][..self.width()]
+    }
+
+    fn set(&mut self, x: usize, y: usize) {
+        self.words[y * self.width() + x / WORD] |= 1 << (x % WORD);
+    }
+
+    fn clear_beyond(&mut self) {
+        let used = self.columns % WORD;
+        if used > 0 {
+            let width = self.width();
+            let mask = (1 << used) - 1;
+            self.words
+                .chunks_exact_mut(width)
+                .for_each(|row| row[width - 1] &= mask);
+        }
     }
 
     /// Itself, mirrored in x, in y, and in both.
     fn mirrored(&self) -> [Self; 4] {
-        let in_x = Self(self.0.map(|row| row.reverse_bits() >> (64 - CELLS)));
-        let in_y = |mut bits: Self| {
-            bits.0.reverse();
-            bits
+        let in_x = |bits: &Self| {
+            let width = bits.width();
+            let beyond = width * WORD - bits.columns;
+            let mut turned = bits.clone();
+            for (row, to) in bits.words.chunks_exact(width).zip(turned.words.chunks_exact_mut(width)) {
+                let reversed: Vec<u64> = row.iter().rev().map(|word| word.reverse_bits()).collect();
+                shift(&reversed, to, -(beyond as isize));
+            }
+            turned
         };
-        [*self, in_x, in_y(*self), in_y(in_x)]
+        let in_y = |bits: &Self| {
+            let rows = bits.words.chunks_exact(bits.width()).rev();
+            Self {
+                words: rows.flatten().copied().collect(),
+                ..*bits
+            }
+        };
+        let across = in_x(self);
+        [self.clone(), across.clone(), in_y(self), in_y(&across)]
     }
 
-    /// Rows and columns exchanged, by exchanging ever smaller blocks (Warren, Hacker's Delight, 2nd ed. 2012, section 7-3).
+    /// Rows and columns exchanged, square by square of words.
     fn transposed(&self) -> Self {
-        let mut words = [0; 64];
-        words[..CELLS].copy_from_slice(&self.0);
-        let (mut width, mut mask) = (32, u64::from(u32::MAX));
-        while width > 0 {
-            for low in (0..64).filter(|row| row & width == 0) {
-                let swap = (words[low] >> width ^ words[low + width]) & mask;
-                words[low] ^= swap << width;
-                words[low + width] ^= swap;
+        let mut turned = Self::none(self.rows, self.columns);
+        let (from, to) = (self.width(), turned.width());
+        for up in 0..to {
+            for right in 0..from {
+                let mut words = [0; WORD];
+                let rows = WORD.min(self.rows - up * WORD);
+                for (y, word) in words[..rows].iter_mut().enumerate() {
+                    *word = self.words[(up * WORD + y) * from + right];
+                }
+                transpose(&mut words);
+                let rows = WORD.min(self.columns - right * WORD);
+                for (y, word) in words[..rows].iter().enumerate() {
+                    turned.words[(right * WORD + y) * to + up] = *word;
+                }
             }
-            width /= 2;
-            mask ^= mask << width;
         }
-        Self::from_rows(|y| words[y])
+        turned
     }
 
     fn joined(&self, other: &Self, by: impl Fn(u64, u64) -> u64) -> Self {
-        Self(std::array::from_fn(|y| by(self.0[y], other.0[y])))
+        let words = self.words.iter().zip(&other.words);
+        Self {
+            words: words.map(|(a, b)| by(*a, *b)).collect(),
+            ..*self
+        }
     }
 }
 
-/// How different two patterns are whichever way they are turned: the share of cells in which one differs from that image of
-/// the other under the eight symmetries which is nearest.
+/// A square of bits with rows and columns exchanged, by exchanging ever smaller blocks (Warren, Hacker's Delight, 2nd ed. 2012, section 7-3).
+fn transpose(words: &mut [u64; WORD]) {
+    let (mut width, mut mask) = (WORD / 2, u64::from(u32::MAX));
+    while width > 0 {
+        for low in (0..WORD).filter(|row| row & width == 0) {
+            let swap = (words[low] >> width ^ words[low + width]) & mask;
+            words[low] ^= swap << width;
+            words[low + width] ^= swap;
+        }
+        width /= 2;
+        mask ^= mask << width;
+    }
+}
+
+/// A row moved towards higher columns, or by a negative number towards lower ones.
+fn shift(row: &[u64], to: &mut [u64], by: isize) {
+    let (words, bits) = (by.unsigned_abs() / WORD, by.unsigned_abs() % WORD);
+    let at = |index: Option<usize>| index.and_then(|index| row.get(index)).copied().unwrap_or(0);
+    for (index, to) in to.iter_mut().enumerate() {
+        *to = match (by >= 0, bits) {
+            (true, 0) => at(index.checked_sub(words)),
+            (true, _) => at(index.checked_sub(words)) << bits | at(index.checked_sub(words + 1)) >> (WORD - bits),
+            (false, 0) => at(Some(index + words)),
+            (false, _) => at(Some(index + words)) >> bits | at(Some(index + words + 1)) << (WORD - bits),
+        };
+    }
+}
+
+/// The runs of `within` that a row meets.
+fn fill(row: &mut [u64], within: &[u64]) {
+    let last = row.len() - 1;
+    loop {
+        let mut goes_on = false;
+        for at in 0..row.len() {
+            row[at] = filled(row[at], within[at]);
+            if at < last {
+                let over = row[at] >> (WORD - 1) & within[at + 1] & !row[at + 1] & 1;
+                row[at + 1] |= over;
+            }
+        }
+        for at in (1..row.len()).rev() {
+            let over = row[at] << (WORD - 1) & within[at - 1] & !row[at - 1];
+            row[at - 1] |= over;
+            goes_on |= over != 0;
+        }
+        if !goes_on {
+            return;
+        }
+    }
+}
+
+/// The runs of `within` that meet `seed`, by doubling the length of what spreads.
+fn filled(seed: u64, within: u64) -> u64 {
+    let seed = seed & within;
+    if seed == 0 {
+        return 0;
+    }
+    let (mut left, mut right) = ((seed, within), (seed, within));
+    for shift in [1, 2, 4, 8, 16, 32] {
+        left = (left.0 | left.1 & left.0 << shift, left.1 & left.1 << shift);
+        right = (right.0 | right.1 & right.0 >> shift, right.1 & right.1 >> shift);
+    }
+    left.0 | right.0
+}
+
+/// How different two patterns on one raster are whichever way they are turned: the share of cells in which one differs from that image of
+/// the other which is nearest.
 #[must_use]
 pub fn distance(one: &Pattern, other: &Pattern) -> f64 {
     Bits::of(one).distance_to(&Bits::of(other).images())
@@ -168,43 +393,113 @@ mod tests {
     use super::*;
     use crate::pattern::Symmetry;
 
-    fn odd() -> Pattern {
-        Pattern::from_fn(|x, y| (3 * x + y * y) % 7 < 3 && x > y / 2)
+    /// Patterns without symmetry on rasters of one word a row, of several, and at their borders.
+    fn odd() -> impl Iterator<Item = Pattern> {
+        let rasters = [
+            (50, 50),
+            (64, 64),
+            (65, 63),
+            (128, 3),
+            (3, 130),
+            (1, 400),
+            (400, 1),
+            (200, 200),
+        ];
+        let rasters = rasters
+            .into_iter()
+            .filter_map(|(columns, rows)| Raster::new(columns, rows));
+        rasters.map(|raster| Pattern::from_fn(raster, |x, y| (3 * x + y * y) % 7 < 3 && 2 * x + 3 > y / 2))
     }
 
     #[test]
     fn a_pattern_survives_the_way_to_bits_and_back() {
-        let bits = Bits::of(&odd());
-        assert_eq!(bits.pattern(), odd());
-        assert_eq!(bits.count(), odd().active_cells());
-        assert_eq!(bits.inverse().count(), 2500 - bits.count());
-        assert_eq!(bits, Bits::from_fn(|x, y| odd().is_active(x, y)));
-        assert!(Bits::EMPTY.is_empty() && Bits::FULL.count() == 2500);
+        for pattern in odd() {
+            let bits = Bits::of(&pattern);
+            let raster = pattern.raster();
+            assert_eq!(bits.pattern(), pattern);
+            assert_eq!(bits.count(), pattern.active_cells());
+            assert_eq!(bits.inverse().count(), raster.cells() - bits.count());
+            assert_eq!(bits, Bits::from_fn(raster, |x, y| pattern.is_active(x, y)));
+            assert!(Bits::empty(raster).is_empty() && Bits::full(raster).count() == raster.cells());
+            assert!(bits.first().count() == 1 && bits.first().meets(&bits));
+        }
     }
 
     #[test]
     fn the_images_are_those_of_the_symmetries() {
-        let mut images = Bits::of(&odd()).images().map(|image| image.pattern());
-        let mut expected = Symmetry::ALL.map(|g| odd().transformed(g));
-        assert_eq!(images[0], odd());
-        images.sort();
-        expected.sort();
-        assert_eq!(images, expected);
+        for pattern in odd() {
+            let mut images: Vec<Pattern> = Bits::of(&pattern).images().iter().map(Bits::pattern).collect();
+            let all = Symmetry::ALL.map(|g| pattern.transformed(g));
+            let mut expected: Vec<Pattern> = all
+                .into_iter()
+                .filter(|image| image.raster() == pattern.raster())
+                .collect();
+            assert_eq!(images[0], pattern);
+            images.sort();
+            expected.sort();
+            assert_eq!(images, expected);
+        }
+    }
+
+    #[test]
+    fn cells_are_moved_and_placed() {
+        for pattern in odd() {
+            let bits = Bits::of(&pattern);
+            let [columns, rows] = bits.sides();
+            let at = |x: isize, y: isize| {
+                let inside = (0..columns as isize).contains(&x) && (0..rows as isize).contains(&y);
+                inside && pattern.is_active(x as usize, y as usize)
+            };
+            for (dx, dy) in [(0, 0), (1, 0), (-1, 2), (64, -3), (-70, 1), (13, 0), (0, -500)] {
+                let expected = Bits::from_fn(pattern.raster(), |x, y| at(x as isize - dx, y as isize - dy));
+                assert_eq!(bits.moved(dx, dy), expected, "{columns} × {rows} by ({dx}, {dy})");
+                let larger = bits.placed([columns + 70, rows + 9], 5, 7);
+                assert_eq!(larger.count(), bits.count());
+                assert_eq!(larger.placed([columns, rows], dx - 5, dy - 7), expected);
+            }
+        }
+    }
+
+    #[test]
+    fn a_flood_reaches_all_that_hangs_together() {
+        for pattern in odd() {
+            let bits = Bits::of(&pattern);
+            let found = bits.flooded(&bits.first());
+            // Cell by cell.
+            let mut slow = bits.first();
+            loop {
+                let sides = [(1, 0), (-1, 0), (0, 1), (0, -1)];
+                let next = sides
+                    .iter()
+                    .fold(slow.clone(), |all, (x, y)| all.or(&slow.moved(*x, *y)));
+                let next = next.and(&bits);
+                if next == slow {
+                    break;
+                }
+                slow = next;
+            }
+            assert_eq!(found, slow);
+            let full = Bits::full(pattern.raster());
+            assert_eq!(full.flooded(&bits.first()), full);
+        }
     }
 
     #[test]
     fn distances_do_not_depend_on_how_patterns_are_turned() {
-        let mut cells = odd().cells().to_vec();
-        for cell in [3, 700, 701, 2400] {
-            cells[cell] ^= 1;
+        for pattern in odd() {
+            let raster = pattern.raster();
+            let mut cells = pattern.cells().to_vec();
+            cells[raster.cells() / 2] ^= 1;
+            let other = Pattern::from_cells(raster, &cells).unwrap();
+            assert_eq!(distance(&pattern, &pattern), 0.0);
+            for g in Symmetry::ALL.into_iter().filter(|g| raster.transformed(*g) == raster) {
+                let least = distance(&pattern, &other);
+                assert!(least <= 1.0 / raster.cells() as f64);
+                assert_eq!(distance(&pattern, &other.transformed(g)), least);
+                assert_eq!(distance(&other.transformed(g), &pattern), least);
+            }
+            let [empty, full] = [false, true].map(|active| Pattern::from_fn(raster, |_, _| active));
+            assert_eq!(distance(&empty, &full), 1.0);
         }
-        let other = Pattern::from_cells(&cells).unwrap();
-        assert_eq!(distance(&odd(), &odd()), 0.0);
-        for g in Symmetry::ALL {
-            assert_eq!(distance(&odd(), &other.transformed(g)), 4.0 / 2500.0);
-            assert_eq!(distance(&other.transformed(g), &odd()), 4.0 / 2500.0);
-        }
-        let (empty, full) = (Pattern::from_fn(|_, _| false), Pattern::from_fn(|_, _| true));
-        assert_eq!(distance(&empty, &full), 1.0);
     }
 }

@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use super::raster::{CELLS, Pattern};
+use super::raster::{Pattern, Raster};
 use super::read::{Refusal, count, patterns, patterns_from};
 use crate::hdf::{Element, Failure, HdfError, HdfFile};
 
-/// Patterns that are asked for at a time: 8 MB of numbers.
-const SLICE: usize = 400;
+/// Cells that are asked for at a time: 8 MB of numbers.
+const SLICE: usize = 1_000_000;
 
 /// `FILE.h5` and `/dataset`; both may hold colons, so the split is after the file's extension.
 pub fn split(spec: &str) -> Option<(&str, &str)> {
@@ -17,7 +17,7 @@ pub fn split(spec: &str) -> Option<(&str, &str)> {
     Some((&spec[..colon], &spec[colon + 1..]))
 }
 
-pub(super) fn read(path: &Path, dataset: &str) -> Result<Vec<Pattern>, Refusal> {
+pub(super) fn read(path: &Path, dataset: &str, raster: Raster) -> Result<Vec<Pattern>, Refusal> {
     let file = HdfFile::apart(path).map_err(refused)?;
     let found = file.find(dataset).map_err(|error| match error {
         HdfError::Failed {
@@ -29,20 +29,20 @@ pub(super) fn read(path: &Path, dataset: &str) -> Result<Vec<Pattern>, Refusal> 
     let Some(found) = found else {
         return Err(Refusal::new(format!("no dataset {dataset:?} in the file")).help(advice(path)));
     };
-    let n = count(&found.shape)?;
+    let n = count(&found.shape, raster)?;
     match found.element {
         Element::Other(what) => return Err(Refusal::new(format!("elements of type {what}")).help(TYPES)),
         element if !element.is_number() => return Err(Refusal::new("elements of type text").help(TYPES)),
         _ => {}
     }
     if found.shape.len() == 2 {
-        return patterns(&file.numbers(dataset, 0..CELLS).map_err(refused)?);
+        return patterns(&file.numbers(dataset, 0..raster.rows()).map_err(refused)?, raster);
     }
     let mut all = Vec::with_capacity(n);
     while all.len() < n {
-        let rows = all.len()..n.min(all.len() + SLICE);
+        let rows = all.len()..n.min(all.len() + SLICE / raster.cells());
         let values = file.numbers(dataset, rows.clone()).map_err(refused)?;
-        all.extend(patterns_from(&values, rows.start, n > 1)?);
+        all.extend(patterns_from(&values, raster, rows.start, n > 1)?);
     }
     Ok(all)
 }

@@ -4,6 +4,7 @@
 mod bits;
 mod csv;
 mod h5;
+mod membrane;
 mod npy;
 mod outline;
 mod png;
@@ -14,8 +15,9 @@ mod symmetry;
 
 pub use bits::{Bits, distance};
 pub use h5::split as split_h5;
+pub use membrane::Membrane;
 pub use outline::{Corners, Island, Point, area as ring_area, outlines, total_area};
-pub use raster::{CELLS, Pattern, PatternError};
+pub use raster::{CELLS, Pattern, PatternError, Raster};
 pub use read::{Refusal, read_patterns, read_patterns_of};
 pub use role::Role;
-pub use symmetry::Symmetry;
+pub use symmetry::{Symmetries, Symmetry};

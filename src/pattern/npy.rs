@@ -2,19 +2,19 @@
 
 use std::path::Path;
 
-use super::raster::{CELLS, Pattern};
-use super::read::{MOST, Refusal, bytes, count, patterns};
+use super::raster::{Pattern, Raster};
+use super::read::{MOST_CELLS, Refusal, bytes, count, patterns};
 use crate::base::{NpyError, NpyHeader};
 
 /// Eight-byte elements in the largest stack, and a header.
-const MAX_BYTES: u64 = MOST * 2500 * 8 + (1 << 16);
+const MAX_BYTES: u64 = MOST_CELLS * 8 + (1 << 16);
 
-pub(super) fn read(path: &Path) -> Result<Vec<Pattern>, Refusal> {
+pub(super) fn read(path: &Path, raster: Raster) -> Result<Vec<Pattern>, Refusal> {
     let bytes = bytes(path, MAX_BYTES)?;
     let mut data = &bytes[..];
     let header = NpyHeader::read(&mut data).map_err(refused)?;
-    let n = count(&header.shape)?;
-    let cells = CELLS * CELLS;
+    let n = count(&header.shape, raster)?;
+    let (cells, columns, rows) = (raster.cells(), raster.columns(), raster.rows());
     let expected = n * cells * header.element.size();
     if data.len() != expected {
         return Err(Refusal::new(format!(
@@ -25,11 +25,11 @@ pub(super) fn read(path: &Path) -> Result<Vec<Pattern>, Refusal> {
     }
     let stored = header.element.values(data);
     if !header.fortran {
-        return patterns(&stored);
+        return patterns(&stored, raster);
     }
-    // In Fortran order the first index runs fastest: element (i, y, x) stands at i + n·(y + 50·x).
-    let at = |k: usize| k / cells + n * (k % cells / CELLS + CELLS * (k % CELLS));
-    patterns(&(0..stored.len()).map(|k| stored[at(k)]).collect::<Vec<_>>())
+    // In Fortran order the first index runs fastest: element (i, y, x) stands at i + n·(y + rows·x).
+    let at = |k: usize| k / cells + n * (k % cells / columns + rows * (k % columns));
+    patterns(&(0..stored.len()).map(|k| stored[at(k)]).collect::<Vec<_>>(), raster)
 }
 
 fn refused(error: NpyError) -> Refusal {

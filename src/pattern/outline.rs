@@ -5,13 +5,10 @@
 //! reaches both anyway, and cells of different islands are apart. So every ring is simple, two rings meet at corners at
 //! most, and there is one outer ring per island.
 
-use super::raster::{CELLS, Pattern};
+use super::raster::{Pattern, Raster};
 
 /// A point in units of a cell, the origin at the lower left corner of the membrane.
 pub type Point = [f64; 2];
-
-/// Corners along one side of the membrane.
-const CORNERS: usize = CELLS + 1;
 
 /// Straight pieces that stand for one arc of a rounded outline; a power of two keeps coordinates exact.
 const PIECES: usize = 4;
@@ -50,10 +47,10 @@ pub fn outlines(pattern: &Pattern, corners: Corners) -> Vec<Island> {
     ];
     for ring in rings(pattern) {
         let [x, y] = ring.cell;
-        let island = &mut found[labels[y * CELLS + x]];
+        let island = &mut found[labels[y * pattern.raster().columns() + x]];
         let points = match corners {
             Corners::Square => square(&ring.corners),
-            Corners::Rounded => rounded(&ring.corners),
+            Corners::Rounded => rounded(&ring.corners, pattern.raster()),
         };
         if area(&square(&ring.corners)) > 0.0 {
             island.outer = points;
@@ -87,16 +84,17 @@ pub fn total_area(islands: &[Island]) -> f64 {
 /// The number of the island of each cell (that of bare cells means nothing), and how many islands there are.
 fn islands(pattern: &Pattern) -> (Vec<usize>, usize) {
     const NONE: usize = usize::MAX;
-    let mut labels = vec![NONE; CELLS * CELLS];
+    let raster = pattern.raster();
+    let mut labels = vec![NONE; raster.cells()];
     let mut count = 0;
-    for start in 0..CELLS * CELLS {
+    for start in 0..raster.cells() {
         if pattern.cells()[start] == 0 || labels[start] != NONE {
             continue;
         }
         labels[start] = count;
         let mut open = vec![start];
         while let Some(at) = open.pop() {
-            for next in neighbours(at) {
+            for next in neighbours(at, raster) {
                 if pattern.cells()[next] == 1 && labels[next] == NONE {
                     labels[next] = count;
                     open.push(next);
@@ -109,12 +107,13 @@ fn islands(pattern: &Pattern) -> (Vec<usize>, usize) {
 }
 
 /// The cells that share a side with one.
-fn neighbours(at: usize) -> impl Iterator<Item = usize> {
-    let (x, y) = (at % CELLS, at / CELLS);
+fn neighbours(at: usize, raster: Raster) -> impl Iterator<Item = usize> {
+    let [columns, rows] = raster.sides();
+    let (x, y) = (at % columns, at / columns);
     let left = (x > 0).then(|| at - 1);
-    let right = (x + 1 < CELLS).then_some(at + 1);
-    let below = (y > 0).then(|| at - CELLS);
-    let above = (y + 1 < CELLS).then_some(at + CELLS);
+    let right = (x + 1 < columns).then_some(at + 1);
+    let below = (y > 0).then(|| at - columns);
+    let above = (y + 1 < rows).then_some(at + columns);
     [left, right, below, above].into_iter().flatten()
 }
 
@@ -154,25 +153,33 @@ impl Side {
             2 => (low_left, up_left),
             _ => (low_right, low_left),
         };
+        let [columns, rows] = pattern.raster().sides();
         let active = |cell: (Option<usize>, Option<usize>)| match cell {
-            (Some(x), Some(y)) if x < CELLS && y < CELLS && pattern.is_active(x, y) => Some([x, y]),
+            (Some(x), Some(y)) if x < columns && y < rows && pattern.is_active(x, y) => Some([x, y]),
             _ => None,
         };
         active(left).filter(|_| active(right).is_none())
     }
 
-    fn number(self) -> usize {
-        (self.from[1] * CORNERS + self.from[0]) * 4 + self.direction
+    fn number(self, raster: Raster) -> usize {
+        place_of(self.from, raster) * 4 + self.direction
     }
 }
 
+/// A corner's place, row by row.
+fn place_of([x, y]: [usize; 2], raster: Raster) -> usize {
+    y * (raster.columns() + 1) + x
+}
+
 fn rings(pattern: &Pattern) -> Vec<Ring> {
-    let mut walked = vec![false; CORNERS * CORNERS * 4];
+    let raster = pattern.raster();
+    let columns = raster.columns() + 1;
+    let mut walked = vec![false; raster.corners() * 4];
     let mut found = Vec::new();
     for number in 0..walked.len() {
         let (corner, direction) = (number / 4, number % 4);
         let start = Side {
-            from: [corner % CORNERS, corner / CORNERS],
+            from: [corner % columns, corner / columns],
             direction,
         };
         let Some(cell) = start.electrode(pattern).filter(|_| !walked[number]) else {
@@ -181,14 +188,18 @@ fn rings(pattern: &Pattern) -> Vec<Ring> {
         let mut corners = Vec::new();
         let mut side = start;
         loop {
-            walked[side.number()] = true;
+            walked[side.number(raster)] = true;
             corners.push(side.from);
             side = following(pattern, side);
             if side == start {
                 break;
             }
         }
-        found.extend(simple(corners).into_iter().map(|corners| Ring { corners, cell }));
+        found.extend(
+            simple(corners, raster)
+                .into_iter()
+                .map(|corners| Ring { corners, cell }),
+        );
     }
     found
 }
@@ -208,16 +219,16 @@ fn following(pattern: &Pattern, side: Side) -> Side {
 }
 
 /// Cuts a walk where it comes to a corner again: one walk is the border of one island, so its cells are joined there.
-fn simple(walk: Vec<[usize; 2]>) -> Vec<Vec<[usize; 2]>> {
-    let mut place = vec![None; CORNERS * CORNERS];
+fn simple(walk: Vec<[usize; 2]>, raster: Raster) -> Vec<Vec<[usize; 2]>> {
+    let mut place = vec![None; raster.corners()];
     let mut path: Vec<[usize; 2]> = Vec::new();
     let mut found = Vec::new();
     for corner in walk {
-        let at = corner[1] * CORNERS + corner[0];
+        let at = place_of(corner, raster);
         if let Some(earlier) = place[at] {
             let piece: Vec<[usize; 2]> = path.drain(earlier..).collect();
-            for [x, y] in &piece {
-                place[y * CORNERS + x] = None;
+            for corner in &piece {
+                place[place_of(*corner, raster)] = None;
             }
             found.push(piece);
         }
@@ -256,8 +267,8 @@ enum Control {
     Middle(Point),
 }
 
-fn rounded(ring: &[[usize; 2]]) -> Vec<Point> {
-    let controls = controls(ring);
+fn rounded(ring: &[[usize; 2]], raster: Raster) -> Vec<Point> {
+    let controls = controls(ring, raster);
     let n = controls.len();
     let mut points: Vec<Point> = Vec::with_capacity(n * PIECES);
     for i in 0..n {
@@ -293,16 +304,18 @@ fn add(points: &mut Vec<Point>, point: Point) {
 }
 
 /// Corners on the frame, and the middles of all sides that are not part of it.
-fn controls(ring: &[[usize; 2]]) -> Vec<Control> {
-    let n = ring.len();
+fn controls(ring: &[[usize; 2]], raster: Raster) -> Vec<Control> {
+    let (n, last) = (ring.len(), raster.sides());
     let mut found = Vec::with_capacity(n);
     for i in 0..n {
         let (a, b) = (ring[i], ring[(i + 1) % n]);
-        let on_frame = |corner: [usize; 2]| [0, 1].map(|c| corner[c] == 0 || corner[c] == CELLS);
+        let on_frame = |corner: [usize; 2]| [0, 1].map(|c| corner[c] == 0 || corner[c] == last[c]);
         if on_frame(a) != [false; 2] {
             found.push(Control::Corner(a.map(|v| v as f64)));
         }
-        let along = [0, 1].into_iter().any(|c| a[c] == b[c] && (a[c] == 0 || a[c] == CELLS));
+        let along = [0, 1]
+            .into_iter()
+            .any(|c| a[c] == b[c] && (a[c] == 0 || a[c] == last[c]));
         if !along {
             found.push(Control::Middle([0, 1].map(|c| 0.5 * (a[c] + b[c]) as f64)));
         }

@@ -1,6 +1,6 @@
 //! Images: dark pixels are electrodes, as in the figures of the source paper; the top row is the upper edge.
 //!
-//! Only images that say exactly which cell is what are taken: 50 × 50 pixels, or larger ones whose blocks are uniform.
+//! Only images that say exactly which cell is what are taken: a pixel for each cell, or larger ones whose blocks are uniform.
 //! Grey pixels come from resampling, and no threshold can undo that.
 
 use std::io::Cursor;
@@ -8,37 +8,45 @@ use std::path::Path;
 
 use png::{ColorType, Decoder, DecodingError, Transformations};
 
-use super::raster::{CELLS, Pattern};
+use super::raster::{Pattern, Raster};
 use super::read::{Refusal, bytes};
 
-/// Pixels along one side; the decoded image is then at most 41 MB, whatever its header claims.
-const LARGEST: usize = 64 * CELLS;
+/// Pixels along the side of a cell.
+const LARGEST_BLOCK: usize = 64;
+
+/// Pixels of an image; decoded it is then at most 41 MB, whatever its header claims.
+const MOST_PIXELS: usize = 3200 * 3200;
 
 const MAX_BYTES: u64 = 64 << 20;
 
-const FORM: &str = "allowed: 50 × 50 pixels, or k·50 × k·50 (k to 64) with each k × k block of one colour; \
-                    dark (below 25 % grey) = electrode, light (above 75 %) = bare; no smoothing when scaling";
+fn form(raster: Raster) -> String {
+    let [columns, rows] = raster.sides();
+    format!(
+        "allowed: {columns} × {rows} pixels, or k·{columns} × k·{rows} (k to {LARGEST_BLOCK}) with each k × k block of one colour; \
+         dark (below 25 % grey) = electrode, light (above 75 %) = bare; no smoothing when scaling"
+    )
+}
 
-pub(super) fn read(path: &Path) -> Result<Vec<Pattern>, Refusal> {
-    let (side, grey) = decode(&bytes(path, MAX_BYTES)?)?;
+pub(super) fn read(path: &Path, raster: Raster) -> Result<Vec<Pattern>, Refusal> {
+    let of_form = |refusal: Refusal| refusal.help(form(raster));
+    let (block, grey) = decode(&bytes(path, MAX_BYTES)?, raster)?;
+    let (width, rows) = (block * raster.columns(), raster.rows());
     let dark = grey
         .iter()
         .enumerate()
-        .map(|(at, level)| is_dark(*level).ok_or_else(|| undecided(at % side, at / side, *level)))
+        .map(|(at, level)| is_dark(*level).ok_or_else(|| of_form(undecided(at % width, at / width, *level))))
         .collect::<Result<Vec<bool>, _>>()?;
-    let block = side / CELLS;
     // Image rows run downwards, patterns upwards.
-    let cell = |x: usize, y: usize| dark[(CELLS - 1 - y) * block * side + x * block];
-    let of_cell = |at: usize| cell(at % side / block, CELLS - 1 - at / side / block);
+    let cell = |x: usize, y: usize| dark[(rows - 1 - y) * block * width + x * block];
+    let of_cell = |at: usize| cell(at % width / block, rows - 1 - at / width / block);
     if let Some(at) = (0..dark.len()).find(|&at| dark[at] != of_cell(at)) {
-        return Err(Refusal::new(format!(
+        return Err(of_form(Refusal::new(format!(
             "pixel (column {}, row {} from the top) differs from others of its {block} × {block} block",
-            at % side,
-            at / side
-        ))
-        .help(FORM));
+            at % width,
+            at / width
+        ))));
     }
-    Ok(vec![Pattern::from_fn(cell)])
+    Ok(vec![Pattern::from_fn(raster, cell)])
 }
 
 fn is_dark(grey: f64) -> Option<bool> {
@@ -54,18 +62,20 @@ fn undecided(column: usize, row: usize, grey: f64) -> Refusal {
         "pixel (column {column}, row {row} from the top) is {:.0} % grey, neither 0 nor 1",
         100.0 * grey
     ))
-    .help(FORM)
 }
 
-/// Side in pixels and grey levels, 0 (black) to 1 (white), from the top.
-fn decode(bytes: &[u8]) -> Result<(usize, Vec<f64>), Refusal> {
+/// Pixels along the side of a cell, and grey levels, 0 (black) to 1 (white), from the top.
+fn decode(bytes: &[u8], raster: Raster) -> Result<(usize, Vec<f64>), Refusal> {
     let broken = |e: DecodingError| Refusal::new(format!("not a readable PNG: {e}"));
     let mut decoder = Decoder::new(Cursor::new(bytes));
     decoder.set_transformations(Transformations::EXPAND | Transformations::STRIP_16);
     let (width, height) = decoder.read_header_info().map_err(broken)?.size();
-    let side = width as usize;
-    if width != height || side == 0 || !side.is_multiple_of(CELLS) || side > LARGEST {
-        return Err(Refusal::new(format!("the image has {width} × {height} pixels")).help(FORM));
+    let [columns, rows] = raster.sides();
+    let (wide, high) = (width as usize, height as usize);
+    let block = wide / columns;
+    let is_whole = (block * columns, block * rows) == (wide, high) && (1..=LARGEST_BLOCK).contains(&block);
+    if !is_whole || wide.saturating_mul(high) > MOST_PIXELS {
+        return Err(Refusal::new(format!("the image has {width} × {height} pixels")).help(form(raster)));
     }
     let mut reader = decoder.read_info().map_err(broken)?;
     let mut pixels = vec![0; reader.output_buffer_size()];
@@ -75,14 +85,14 @@ fn decode(bytes: &[u8]) -> Result<(usize, Vec<f64>), Refusal> {
         .chunks_exact(channels)
         .map(|pixel| grey_level(frame.color_type, pixel))
         .collect::<Vec<_>>();
-    if grey.len() != side * side {
+    if grey.len() != wide * high {
         return Err(Refusal::new(format!(
             "{} pixels where {} were promised",
             grey.len(),
-            side * side
+            wide * high
         )));
     }
-    Ok((side, grey))
+    Ok((block, grey))
 }
 
 /// Luma after Rec. ITU-R BT.601, over a white background.

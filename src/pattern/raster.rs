@@ -2,15 +2,23 @@
 
 use std::fmt;
 
-use super::symmetry::Symmetry;
+use super::symmetry::{Symmetries, Symmetry};
 use crate::base::OrbitId;
 
 /// Cells along one side of the membrane. The source paper's membrane has 50 × 50.
 pub const CELLS: usize = 50;
 
-/// An electrode pattern: 50 × 50 cells, `[y][x]` with the origin at the lower left, 1 = electrode, 0 = bare.
+/// How many cells a membrane has along its sides.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Raster {
+    columns: u16,
+    rows: u16,
+}
+
+/// An electrode pattern: cells `[y][x]` with the origin at the lower left, 1 = electrode, 0 = bare.
 #[derive(Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Pattern {
+    raster: Raster,
     cells: Box<[u8]>,
 }
 
@@ -18,8 +26,10 @@ pub struct Pattern {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PatternError {
     /// The wrong number of cells.
-    #[error("a pattern has {} cells (50 × 50), found {found}", CELLS * CELLS)]
+    #[error("a pattern has {} cells ({raster}), found {found}", raster.cells())]
     Shape {
+        /// The cells that there should be.
+        raster: Raster,
         /// How many values there were.
         found: usize,
     },
@@ -35,33 +45,127 @@ pub enum PatternError {
     },
 }
 
+impl Raster {
+    /// That of the source paper's membrane.
+    pub const PAPER: Self = Self {
+        columns: CELLS as u16,
+        rows: CELLS as u16,
+    };
+
+    /// Most cells along a side.
+    pub const MOST: usize = 400;
+
+    /// So many columns and rows, 1 to [`Raster::MOST`] of each.
+    #[must_use]
+    pub fn new(columns: usize, rows: usize) -> Option<Self> {
+        let side = |count: usize| (1..=Self::MOST).contains(&count).then_some(count as u16);
+        Some(Self {
+            columns: side(columns)?,
+            rows: side(rows)?,
+        })
+    }
+
+    /// Cells along x.
+    #[must_use]
+    pub const fn columns(self) -> usize {
+        self.columns as usize
+    }
+
+    /// Cells along y.
+    #[must_use]
+    pub const fn rows(self) -> usize {
+        self.rows as usize
+    }
+
+    /// Columns and rows.
+    #[must_use]
+    pub const fn sides(self) -> [usize; 2] {
+        [self.columns(), self.rows()]
+    }
+
+    /// All cells.
+    #[must_use]
+    pub const fn cells(self) -> usize {
+        self.columns() * self.rows()
+    }
+
+    /// Columns and rows of the corners of cells, one more than of cells.
+    #[must_use]
+    pub const fn corner_sides(self) -> [usize; 2] {
+        [self.columns() + 1, self.rows() + 1]
+    }
+
+    /// All corners of cells.
+    #[must_use]
+    pub const fn corners(self) -> usize {
+        let [columns, rows] = self.corner_sides();
+        columns * rows
+    }
+
+    /// Whether there are as many columns as rows.
+    #[must_use]
+    pub const fn is_square(self) -> bool {
+        self.columns == self.rows
+    }
+
+    /// The raster of what a symmetry makes of a pattern: quarter turns exchange columns and rows.
+    #[must_use]
+    pub fn transformed(self, g: Symmetry) -> Self {
+        match g.exchanges_axes() {
+            true => Self {
+                columns: self.rows,
+                rows: self.columns,
+            },
+            false => self,
+        }
+    }
+}
+
+impl fmt::Display for Raster {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} × {}", self.columns, self.rows)
+    }
+}
+
 impl Pattern {
-    /// A pattern from its 2500 cells, row by row from below.
+    /// A pattern from its cells, row by row from below.
     ///
     /// # Errors
-    /// When there are not 2500 values, or one is neither 0 nor 1.
-    pub fn from_cells(cells: &[u8]) -> Result<Self, PatternError> {
-        if cells.len() != CELLS * CELLS {
-            return Err(PatternError::Shape { found: cells.len() });
+    /// When there are not as many values as cells, or one is neither 0 nor 1.
+    pub fn from_cells(raster: Raster, cells: &[u8]) -> Result<Self, PatternError> {
+        let found = cells.len();
+        if found != raster.cells() {
+            return Err(PatternError::Shape { raster, found });
         }
         match cells.iter().position(|&c| c > 1) {
             Some(at) => Err(PatternError::Value {
-                y: at / CELLS,
-                x: at % CELLS,
+                y: at / raster.columns(),
+                x: at % raster.columns(),
                 found: cells[at],
             }),
-            None => Ok(Self { cells: cells.into() }),
+            None => Ok(Self {
+                raster,
+                cells: cells.into(),
+            }),
         }
     }
 
     /// The pattern whose cell (x, y) is active where `active(x, y)`.
     #[must_use]
-    pub fn from_fn(active: impl Fn(usize, usize) -> bool) -> Self {
+    pub fn from_fn(raster: Raster, active: impl Fn(usize, usize) -> bool) -> Self {
+        let columns = raster.columns();
         Self {
-            cells: (0..CELLS * CELLS)
-                .map(|i| u8::from(active(i % CELLS, i / CELLS)))
+            raster,
+            cells: (0..raster.cells())
+                .map(|i| u8::from(active(i % columns, i / columns)))
                 .collect(),
         }
+    }
+
+    /// Its columns and rows.
+    #[must_use]
+    pub fn raster(&self) -> Raster {
+        self.raster
     }
 
     /// All cells, row by row from below.
@@ -73,11 +177,12 @@ impl Pattern {
     /// Whether the cell at column `x`, row `y` carries an electrode.
     ///
     /// # Panics
-    /// When `x` or `y` is not below 50.
+    /// When the cell is outside the raster.
     #[must_use]
     pub fn is_active(&self, x: usize, y: usize) -> bool {
-        assert!(x < CELLS && y < CELLS, "cell ({x}, {y}) is outside the membrane");
-        self.cells[y * CELLS + x] == 1
+        let [columns, rows] = self.raster.sides();
+        assert!(x < columns && y < rows, "cell ({x}, {y}) is outside the membrane");
+        self.cells[y * columns + x] == 1
     }
 
     /// How many cells are active.
@@ -89,30 +194,39 @@ impl Pattern {
     /// The share of active cells, 0 to 1.
     #[must_use]
     pub fn area_fraction(&self) -> f64 {
-        self.active_cells() as f64 / (CELLS * CELLS) as f64
+        self.active_cells() as f64 / self.raster.cells() as f64
     }
 
     /// The image under a symmetry: `(gS)(gX) = S(X)`.
     #[must_use]
     pub fn transformed(&self, g: Symmetry) -> Self {
-        let mut cells = vec![0; CELLS * CELLS].into_boxed_slice();
-        for (&cell, to) in self.cells.iter().zip(g.permutation(CELLS)) {
+        let mut cells = vec![0; self.raster.cells()].into_boxed_slice();
+        for (&cell, to) in self.cells.iter().zip(g.permutation(self.raster.sides())) {
             cells[to] = cell;
         }
-        Self { cells }
+        let raster = self.raster.transformed(g);
+        Self { raster, cells }
     }
 
-    /// The identity shared by a pattern and its seven images: the digest of the smallest of the eight.
+    /// The identity shared by a pattern and its images under a group that maps its raster to itself: the digest of the smallest.
     #[must_use]
-    pub fn orbit(&self) -> OrbitId {
-        let smallest = Symmetry::ALL.iter().map(|&g| self.transformed(g)).min();
-        OrbitId::of(&smallest.expect("there are eight symmetries").cells)
+    pub fn orbit(&self, group: Symmetries) -> OrbitId {
+        let smallest = group.iter().map(|g| self.transformed(g)).min();
+        let cells = &smallest.as_ref().unwrap_or(self).cells;
+        match self.raster == Raster::PAPER {
+            true => OrbitId::of(cells),
+            // The same numbers may be cells of several rasters.
+            false => {
+                let sides = [self.raster.columns, self.raster.rows].map(u16::to_le_bytes);
+                OrbitId::of(&[sides.as_flattened(), cells].concat())
+            }
+        }
     }
 }
 
 impl fmt::Debug for Pattern {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "Pattern({} of {} cells active)", self.active_cells(), CELLS * CELLS)
+        write!(f, "Pattern({} of {} cells active)", self.active_cells(), self.raster)
     }
 }
 
@@ -123,33 +237,59 @@ mod tests {
     #[test]
     fn refuses_what_is_not_a_pattern() {
         assert_eq!(
-            Pattern::from_cells(&[0; 10]).unwrap_err(),
-            PatternError::Shape { found: 10 }
+            Pattern::from_cells(Raster::PAPER, &[0; 10]).unwrap_err(),
+            PatternError::Shape {
+                raster: Raster::PAPER,
+                found: 10
+            }
         );
         let mut cells = vec![0; 2500];
         cells[103] = 2;
         assert_eq!(
-            Pattern::from_cells(&cells).unwrap_err(),
+            Pattern::from_cells(Raster::PAPER, &cells).unwrap_err(),
             PatternError::Value { y: 2, x: 3, found: 2 }
         );
+        assert!(Raster::new(0, 3).is_none() && Raster::new(3, 401).is_none());
+        assert_eq!(Raster::new(400, 1).unwrap().to_string(), "400 × 1");
+    }
+
+    /// Some rasters, and a pattern without symmetry on each.
+    fn odd() -> impl Iterator<Item = Pattern> {
+        let rasters = [(50, 50), (7, 3), (3, 80), (1, 9), (120, 60)];
+        rasters
+            .map(|(columns, rows)| Raster::new(columns, rows).unwrap())
+            .into_iter()
+            .map(|raster| Pattern::from_fn(raster, |x, y| (3 * x + y * y) % 7 < 3 && 2 * x > y / 2))
     }
 
     #[test]
     fn a_rotation_carries_the_lower_left_corner_to_the_lower_right() {
-        let corner = Pattern::from_fn(|x, y| x == 0 && y == 0);
-        let quarter = Symmetry::ALL[1];
-        assert!(corner.transformed(quarter).is_active(CELLS - 1, 0));
+        let raster = Raster::new(7, 4).unwrap();
+        let corner = Pattern::from_fn(raster, |x, y| x == 0 && y == 0);
+        let turned = corner.transformed(Symmetry::ALL[1]);
+        assert_eq!(turned.raster().sides(), [4, 7]);
+        assert!(turned.is_active(3, 0));
     }
 
     #[test]
     fn all_images_share_one_orbit() {
-        let pattern = Pattern::from_fn(|x, y| (3 * x + y * y) % 7 < 3 && x > y / 2);
-        for g in Symmetry::ALL {
-            assert_eq!(pattern.transformed(g).orbit(), pattern.orbit());
-            assert_eq!(pattern.transformed(g).transformed(g.inverse()), pattern);
+        for pattern in odd() {
+            let group = match pattern.raster().is_square() {
+                true => Symmetries::SQUARE,
+                false => Symmetries::RECTANGLE,
+            };
+            for g in Symmetry::ALL {
+                let image = pattern.transformed(g);
+                if group.contains(g) {
+                    assert_eq!(image.orbit(group), pattern.orbit(group));
+                }
+                assert_eq!(image.transformed(g.inverse()), pattern);
+                assert_eq!(image.active_cells(), pattern.active_cells());
+            }
+            let mut other = pattern.cells().to_vec();
+            other[8] ^= 1;
+            let other = Pattern::from_cells(pattern.raster(), &other).unwrap();
+            assert_ne!(other.orbit(group), pattern.orbit(group));
         }
-        let mut other = pattern.cells().to_vec();
-        other[17] ^= 1;
-        assert_ne!(Pattern::from_cells(&other).unwrap().orbit(), pattern.orbit());
     }
 }

@@ -5,6 +5,38 @@
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Symmetry(u8);
 
+/// A group of symmetries: those that map a membrane to itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Symmetries {
+    /// Bit i stands for symmetry i.
+    members: u8,
+}
+
+impl Symmetries {
+    /// Those of the square.
+    pub const SQUARE: Self = Self { members: 0b1111_1111 };
+
+    /// Those of a rectangle: half a turn, and the mirrors along its sides.
+    pub const RECTANGLE: Self = Self { members: 0b0101_0101 };
+
+    /// Its members, the identity first.
+    pub fn iter(self) -> impl Iterator<Item = Symmetry> {
+        Symmetry::ALL.into_iter().filter(move |g| self.contains(*g))
+    }
+
+    /// Whether a symmetry is one of them.
+    #[must_use]
+    pub fn contains(self, g: Symmetry) -> bool {
+        self.members >> g.0 & 1 == 1
+    }
+
+    /// How many there are.
+    #[must_use]
+    pub fn count(self) -> usize {
+        self.members.count_ones() as usize
+    }
+}
+
 impl Symmetry {
     /// Does nothing.
     pub const IDENTITY: Self = Self(0);
@@ -41,31 +73,49 @@ impl Symmetry {
         [pick(m[0]), pick(m[1])]
     }
 
-    /// The image of a place in an n × n grid, as (column, row).
+    /// Whether x and y change places, as in a quarter turn.
+    #[must_use]
+    pub fn exchanges_axes(self) -> bool {
+        self.0 % 2 == 1
+    }
+
+    /// The image of a place, (column, row), in a grid of so many columns and rows. Where axes are exchanged, that grid has as many columns
+    /// as this one has rows.
     ///
     /// # Panics
     /// When the place is outside the grid.
     #[must_use]
-    pub fn apply_index(self, x: usize, y: usize, n: usize) -> (usize, usize) {
-        assert!(x < n && y < n, "({x}, {y}) is outside a grid of {n} × {n}");
+    pub fn apply_index(self, x: usize, y: usize, [columns, rows]: [usize; 2]) -> (usize, usize) {
+        assert!(
+            x < columns && y < rows,
+            "({x}, {y}) is outside a grid of {columns} × {rows}"
+        );
         let m = self.matrix();
-        let last = n as i32 - 1;
-        let (a, b) = (2 * x as i32 - last, 2 * y as i32 - last);
+        let last = [columns as i32 - 1, rows as i32 - 1];
+        let to = if self.exchanges_axes() {
+            [last[1], last[0]]
+        } else {
+            last
+        };
+        let (a, b) = (2 * x as i32 - last[0], 2 * y as i32 - last[1]);
         let (ga, gb) = (m[0][0] * a + m[0][1] * b, m[1][0] * a + m[1][1] * b);
-        (((ga + last) / 2) as usize, ((gb + last) / 2) as usize)
+        (((ga + to[0]) / 2) as usize, ((gb + to[1]) / 2) as usize)
     }
 
-    /// Where each place of an n × n grid goes, both counted row by row: what moves whole arrays.
-    ///
-    /// # Panics
-    /// When the grid has fewer than 2 × 2 places.
-    pub fn permutation(self, n: usize) -> impl Iterator<Item = usize> {
-        let flat = |(x, y): (usize, usize)| (y * n + x) as isize;
+    /// Where each place of a grid of so many columns and rows goes, both counted row by row: what moves whole arrays.
+    pub fn permutation(self, sides: [usize; 2]) -> impl Iterator<Item = usize> {
+        let [columns, rows] = sides;
+        let width = if self.exchanges_axes() { rows } else { columns };
+        let flat = move |x: usize, y: usize| {
+            let (x, y) = self.apply_index(x, y, sides);
+            (y * width + x) as isize
+        };
         // The map is affine, so three places give it.
-        let origin = flat(self.apply_index(0, 0, n));
-        let right = flat(self.apply_index(1, 0, n)) - origin;
-        let up = flat(self.apply_index(0, 1, n)) - origin;
-        (0..n * n).map(move |i| (origin + (i % n) as isize * right + (i / n) as isize * up) as usize)
+        let origin = if columns * rows > 0 { flat(0, 0) } else { 0 };
+        let right = if columns > 1 { flat(1, 0) - origin } else { 0 };
+        let up = if rows > 1 { flat(0, 1) - origin } else { 0 };
+        (0..columns * rows)
+            .map(move |i| (origin + (i % columns) as isize * right + (i / columns) as isize * up) as usize)
     }
 
     /// First `other`, then `self`.
@@ -94,12 +144,24 @@ mod tests {
     use super::*;
 
     #[test]
+    fn groups_hold_what_their_members_make() {
+        for (group, count) in [(Symmetries::SQUARE, 8), (Symmetries::RECTANGLE, 4)] {
+            assert_eq!((group.count(), group.iter().next()), (count, Some(Symmetry::IDENTITY)));
+            for (a, b) in group.iter().flat_map(|a| group.iter().map(move |b| (a, b))) {
+                assert!(group.contains(a.compose(b)) && group.contains(a.inverse()));
+            }
+        }
+        assert!(Symmetries::RECTANGLE.iter().all(|g| !g.exchanges_axes()));
+    }
+
+    #[test]
     fn permutations_agree_with_single_places() {
         for g in Symmetry::ALL {
-            for n in [2, 7, 50] {
-                let single = |i: usize| g.apply_index(i % n, i / n, n);
-                let places = (0..n * n).map(|i| single(i).1 * n + single(i).0);
-                assert!(g.permutation(n).eq(places));
+            for [columns, rows] in [[2, 2], [7, 7], [50, 50], [3, 8], [9, 1], [1, 1]] {
+                let width = if g.exchanges_axes() { rows } else { columns };
+                let single = |i: usize| g.apply_index(i % columns, i / columns, [columns, rows]);
+                let places = (0..columns * rows).map(|i| single(i).1 * width + single(i).0);
+                assert!(g.permutation([columns, rows]).eq(places));
             }
         }
     }
@@ -111,8 +173,10 @@ mod tests {
                 let both = a.compose(b);
                 let v = [0.3, -1.7];
                 assert_eq!(both.apply_vector(v), a.apply_vector(b.apply_vector(v)));
-                let place = b.apply_index(3, 11, 50);
-                assert_eq!(both.apply_index(3, 11, 50), a.apply_index(place.0, place.1, 50));
+                let sides = [40, 50];
+                let turned = if b.exchanges_axes() { [50, 40] } else { sides };
+                let place = b.apply_index(3, 11, sides);
+                assert_eq!(both.apply_index(3, 11, sides), a.apply_index(place.0, place.1, turned));
             }
         }
         let mut matrices: Vec<_> = Symmetry::ALL.iter().map(|g| g.matrix()).collect();

@@ -10,9 +10,10 @@
 
 use super::areas::Areas;
 use super::bezier::{Bezier, Ends};
+use super::canvas::Canvas;
 use super::error::SampleError;
 use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
-use super::large_grid::pattern_of_units;
+use super::large_grid::{pattern_of_units, units_of};
 use super::membership::is_grid_of;
 use super::small_grid::SmallGrid;
 use crate::base::{Decimal, Stream, parameters};
@@ -37,9 +38,9 @@ parameters! {
 impl FamilyParameters for Parameters {
     const NAME: &'static str = "area-sweep";
 
-    fn groups(&self) -> Result<Vec<Group>, Refusal> {
+    fn groups(&self, canvas: Canvas) -> Result<Vec<Group>, Refusal> {
         let [low, high] = self.area.map(Decimal::to_f64);
-        let family = AreaSweep::new(low, high).map_err(Refusal::of("area"))?;
+        let family = AreaSweep::new(canvas, low, high).map_err(Refusal::of("area"))?;
         Ok(self.one_group(self.count, Box::new(family)))
     }
 
@@ -48,7 +49,7 @@ impl FamilyParameters for Parameters {
         let is_curve = super::bezier::Parameters::admits(pattern);
         is_curve
             || super::small_grid::Parameters::admits(pattern)
-            || GRIDS.into_iter().any(|units| is_grid_of(units, pattern))
+            || GRIDS.into_iter().any(|units| is_grid_of([units; 2], pattern))
     }
 }
 
@@ -63,20 +64,20 @@ impl AreaSweep {
     ///
     /// # Errors
     /// When an end leaves nothing to draw, or the ends are not in order.
-    pub fn new(low: f64, high: f64) -> Result<Self, SampleError> {
+    pub fn new(canvas: Canvas, low: f64, high: f64) -> Result<Self, SampleError> {
         Ok(Self {
-            areas: Areas::new(low, high)?,
+            areas: Areas::new(canvas, low, high)?,
         })
     }
 
     fn grid(&self, area: f64, stream: &mut Stream) -> Option<Pattern> {
         for _ in 0..MOST_DRAWS {
-            let units = 2 + stream.index(9);
-            let total = units * units;
+            let units = units_of(self.areas.canvas(), 2 + stream.index(9));
+            let total = units[0] * units[1];
             let count = (area * total as f64).round() as usize;
             let mut on = vec![false; total];
             stream.choose(total, count).into_iter().for_each(|unit| on[unit] = true);
-            let pattern = pattern_of_units(units, &on);
+            let pattern = pattern_of_units(self.areas.canvas(), units, &on);
             if self.areas.contain(pattern.area_fraction()) {
                 return Some(pattern);
             }
@@ -93,14 +94,14 @@ impl Family for AreaSweep {
     /// Never refuses an index: every fraction between two valid ones is valid.
     fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {
         let mut stream = Stream::new(seed, "area-sweep", index);
-        let area = self.areas.drawn(&mut stream);
+        let (canvas, area) = (*self.areas.canvas(), self.areas.drawn(&mut stream));
         match stream.index(3) {
-            0 => Ok(SmallGrid::new(area)?.drawn(&mut stream)),
+            0 => Ok(SmallGrid::new(canvas, area)?.drawn(&mut stream)),
             1 => match self.grid(area, &mut stream) {
                 Some(pattern) => Ok(pattern),
-                None => Ok(SmallGrid::new(area)?.drawn(&mut stream)),
+                None => Ok(SmallGrid::new(canvas, area)?.drawn(&mut stream)),
             },
-            _ => Ok(Bezier::new(Some(area), Ends::Opposite)?.drawn(&mut stream)),
+            _ => Ok(Bezier::new(canvas, Some(area), Ends::Opposite)?.drawn(&mut stream)),
         }
     }
 }
@@ -111,7 +112,7 @@ mod tests {
     use crate::pattern::CELLS;
 
     fn usual() -> AreaSweep {
-        AreaSweep::new(0.05, 0.95).unwrap()
+        AreaSweep::new(Canvas::PAPER, 0.05, 0.95).unwrap()
     }
 
     fn drawn(count: u64) -> Vec<Pattern> {
@@ -179,7 +180,7 @@ mod tests {
 
     #[test]
     fn a_single_fraction_is_met_exactly() {
-        let family = AreaSweep::new(0.2, 0.2).unwrap();
+        let family = AreaSweep::new(Canvas::PAPER, 0.2, 0.2).unwrap();
         assert!((0..60).all(|i| family.sample(1, i).unwrap().active_cells() == 500));
     }
 
@@ -193,11 +194,14 @@ mod tests {
     #[test]
     fn refuses_what_is_not_a_range() {
         assert_eq!(
-            AreaSweep::new(0.6, 0.4),
+            AreaSweep::new(Canvas::PAPER, 0.6, 0.4),
             Err(SampleError::AreaRange { low: 0.6, high: 0.4 })
         );
         for (low, high) in [(0.0, 0.5), (0.5, 1.0), (f64::NAN, 0.5)] {
-            assert!(matches!(AreaSweep::new(low, high), Err(SampleError::Area { .. })));
+            assert!(matches!(
+                AreaSweep::new(Canvas::PAPER, low, high),
+                Err(SampleError::Area { .. })
+            ));
         }
     }
 }

@@ -4,7 +4,7 @@
 //! the edge and middle point" with two hyperparameters make the curve; the supplement that would say how is not public.
 //! Here P0 and P3 are uniform on the frame, M is the centre, and
 //! P1,2 = (8M − P0 − P3)/6 ∓ h (cos θ, sin θ), so that B(½) = (P0 + 3P1 + 3P2 + P3)/8 = M whatever h and θ are.
-//! The direction θ is uniform in [0°, 360°), the reach h uniform in [0, 25) cells (half the side). A curve that crosses
+//! The direction θ is uniform in [0°, 360°), the reach h uniform in [0, 25) cells (half the shorter side). A curve that crosses
 //! itself or leaves the membrane is drawn again, since it would not divide the membrane in two. The left of the curve is
 //! active: since P0 and P3 can change places, that is either side with equal chance.
 //!
@@ -18,18 +18,17 @@
 
 use std::f64::consts::TAU;
 
+use super::canvas::Canvas;
 use super::curve::{Cubic, on_frame};
 use super::error::{SampleError, cells_at};
 use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
-use super::membership::edges;
+use super::membership::{edges, longer_side};
 use crate::base::{Decimal, Stream, parameters, words};
-use crate::pattern::{CELLS, Pattern};
+use crate::pattern::Pattern;
 
 /// Draws after which a straight line is taken instead. Fewer than one draw in ten is refused, so this is out of reach of
 /// chance and only bounds the loop.
 const MOST_DRAWS: u32 = 1000;
-
-const CENTRE: f64 = CELLS as f64 / 2.0;
 
 words! {
     /// Where on the frame a curve may end.
@@ -56,20 +55,21 @@ parameters! {
 impl FamilyParameters for Parameters {
     const NAME: &'static str = "bezier";
 
-    fn groups(&self) -> Result<Vec<Group>, Refusal> {
-        let family = Bezier::new(self.area.map(Decimal::to_f64), self.ends).map_err(Refusal::of("area"))?;
+    fn groups(&self, canvas: Canvas) -> Result<Vec<Group>, Refusal> {
+        let family = Bezier::new(canvas, self.area.map(Decimal::to_f64), self.ends).map_err(Refusal::of("area"))?;
         Ok(self.one_group(self.count, Box::new(family)))
     }
 
     /// A straight line meets a cubic curve three times at the most.
     fn admits(pattern: &Pattern) -> bool {
-        edges(pattern) <= 2 * 3 * CELLS
+        edges(pattern) <= 2 * 3 * longer_side(pattern)
     }
 }
 
 /// Patterns with one side of a Bézier curve active.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bezier {
+    canvas: Canvas,
     ends: Ends,
     active: Option<usize>,
 }
@@ -80,21 +80,19 @@ impl Bezier {
     ///
     /// # Errors
     /// When at the wanted area not even one cell would be active, or all of them.
-    pub fn new(area: Option<f64>, ends: Ends) -> Result<Self, SampleError> {
-        Ok(Self {
-            ends,
-            active: area.map(cells_at).transpose()?,
-        })
+    pub fn new(canvas: Canvas, area: Option<f64>, ends: Ends) -> Result<Self, SampleError> {
+        let active = area.map(|area| cells_at(area, canvas.raster())).transpose()?;
+        Ok(Self { canvas, ends, active })
     }
 
     /// The pattern that a stream draws next.
     pub(super) fn drawn(&self, stream: &mut Stream) -> Pattern {
-        let curve = drawn_curve(self.ends, stream);
+        let curve = drawn_curve(&self.canvas, self.ends, stream);
         let mut active = curve.left_side();
         if let Some(count) = self.active {
             active = shifted_to(count, &curve, &active);
         }
-        Pattern::from_fn(|x, y| active[y * CELLS + x])
+        self.canvas.pattern(&active)
     }
 }
 
@@ -109,29 +107,32 @@ impl Family for Bezier {
 }
 
 /// A curve from frame to frame through the centre that stays inside and does not cross itself.
-fn drawn_curve(ends: Ends, stream: &mut Stream) -> Cubic {
-    let mut start = on_frame(0.0);
+fn drawn_curve(canvas: &Canvas, ends: Ends, stream: &mut Stream) -> Cubic {
+    let centre = canvas.middle();
+    let mut start = on_frame(canvas, 0.0);
     for _ in 0..MOST_DRAWS {
         let from = stream.range(0.0, 4.0);
         let to = match ends {
             Ends::Opposite => (from.floor() + 2.0 + stream.uniform()) % 4.0,
             Ends::Any => stream.range(0.0, 4.0),
         };
-        start = on_frame(from);
-        let end = on_frame(to);
-        let (angle, reach) = (stream.range(0.0, TAU), stream.range(0.0, CENTRE));
-        let curve = through_centre(start, end, [reach * angle.cos(), reach * angle.sin()]);
+        start = on_frame(canvas, from);
+        let end = on_frame(canvas, to);
+        let (angle, reach) = (stream.range(0.0, TAU), stream.range(0.0, centre[0].min(centre[1])));
+        let curve = through_centre(canvas, start, end, [reach * angle.cos(), reach * angle.sin()]);
         if !curve.crosses_itself() && curve.stays_inside() {
             return curve;
         }
     }
-    through_centre(start, start.map(|c| 2.0 * CENTRE - c), [0.0, 0.0])
+    let end = [0, 1].map(|k| 2.0 * centre[k] - start[k]);
+    through_centre(canvas, start, end, [0.0, 0.0])
 }
 
-fn through_centre(start: [f64; 2], end: [f64; 2], reach: [f64; 2]) -> Cubic {
-    let middle: [f64; 2] = std::array::from_fn(|k| (8.0 * CENTRE - start[k] - end[k]) / 6.0);
+fn through_centre(canvas: &Canvas, start: [f64; 2], end: [f64; 2], reach: [f64; 2]) -> Cubic {
+    let centre = canvas.middle();
+    let middle: [f64; 2] = std::array::from_fn(|k| (8.0 * centre[k] - start[k] - end[k]) / 6.0);
     let control = |sign: f64| std::array::from_fn(|k| middle[k] + sign * reach[k]);
-    Cubic([start, control(-1.0), control(1.0), end])
+    Cubic([start, control(-1.0), control(1.0), end], *canvas)
 }
 
 /// The `count` cells that lie deepest on the active side; cells equally deep go by their number.
@@ -158,20 +159,20 @@ mod tests {
     fn curves() -> impl Iterator<Item = Cubic> {
         let draw = |index| {
             let ends = [Ends::Opposite, Ends::Any][index as usize % 2];
-            drawn_curve(ends, &mut Stream::new(4, "bezier", index))
+            drawn_curve(&Canvas::PAPER, ends, &mut Stream::new(4, "bezier", index))
         };
         (0..300).map(draw)
     }
 
     fn family(area: Option<f64>) -> Bezier {
-        Bezier::new(area, Ends::Opposite).unwrap()
+        Bezier::new(Canvas::PAPER, area, Ends::Opposite).unwrap()
     }
 
     #[test]
     fn curves_pass_the_centre_and_end_on_the_frame() {
         for (index, curve) in curves().enumerate() {
             let middle = curve.at(0.5);
-            assert!(middle.iter().all(|c| (c - CENTRE).abs() < 1e-9), "{middle:?}");
+            assert!(middle.iter().all(|c| (c - 25.0).abs() < 1e-9), "{middle:?}");
             let (start, end) = (curve.at(0.0), curve.at(1.0));
             for point in [start, end] {
                 assert!(point.iter().any(|&c| c == 0.0 || c == 50.0), "{point:?}");
@@ -251,12 +252,13 @@ mod tests {
                 assert!(added == 0 || removed == 0);
             }
         }
-        assert!(Bezier::new(Some(1.5), Ends::Any).is_err());
+        assert!(Bezier::new(Canvas::PAPER, Some(1.5), Ends::Any).is_err());
     }
 
     #[test]
     fn the_loop_ends_even_if_every_draw_were_refused() {
-        let line = through_centre(on_frame(0.3), on_frame(2.3), [0.0, 0.0]);
+        let ends = [0.3, 2.3].map(|position| on_frame(&Canvas::PAPER, position));
+        let line = through_centre(&Canvas::PAPER, ends[0], ends[1], [0.0, 0.0]);
         assert!(!line.crosses_itself() && line.stays_inside());
         assert_eq!(line.left_side().iter().filter(|&&left| left).count(), 1250);
     }

@@ -6,12 +6,13 @@
 //! highest cells are active, as many as an area fraction asks for that is drawn from a range, [0.3, 0.7] unless another is
 //! given. The noise goes on beyond the frame, so the field is the same everywhere.
 
-use super::areas::{AreaFractions, Areas, highest};
+use super::areas::{AreaFractions, Areas, highest_of};
+use super::canvas::Canvas;
 use super::error::SampleError;
 use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
 use super::membership::edges;
 use crate::base::{Stream, parameters};
-use crate::pattern::{CELLS, Pattern};
+use crate::pattern::Pattern;
 
 /// Standard deviation of the Gaussian, in cells.
 const LENGTH: [f64; 2] = [1.0, 9.0];
@@ -37,8 +38,8 @@ parameters! {
 impl FamilyParameters for Parameters {
     const NAME: &'static str = "blobs";
 
-    fn groups(&self) -> Result<Vec<Group>, Refusal> {
-        let family = Blobs::new(self.area.areas()?);
+    fn groups(&self, canvas: Canvas) -> Result<Vec<Group>, Refusal> {
+        let family = Blobs::new(self.area.areas(canvas)?);
         Ok(self.one_group(self.count, Box::new(family)))
     }
 
@@ -71,34 +72,43 @@ impl Family for Blobs {
         let mut stream = Stream::new(seed, "blobs", index);
         let length = stream.range(LENGTH[0].ln(), LENGTH[1].ln()).exp();
         let area = self.areas.drawn(&mut stream);
-        let field = smoothed(length, &mut stream);
-        Ok(highest(area, |x, y| field[y as usize * CELLS + x as usize]))
+        let canvas = self.areas.canvas();
+        let field = smoothed(canvas, length, &mut stream);
+        Ok(highest_of(canvas, area, field.into_iter()))
     }
 }
 
-/// White noise smoothed over a length in cells, `[y][x]`, up to a factor.
-fn smoothed(length: f64, stream: &mut Stream) -> Vec<f64> {
-    let reach = (REACH * length).ceil() as usize;
-    let side = CELLS + 2 * reach;
-    let offset = |k: usize| (k as f64 - reach as f64) / length;
-    let weights: Vec<f64> = (0..=2 * reach).map(|k| (-0.5 * offset(k).powi(2)).exp()).collect();
-    let along = |line: &[f64], at: usize| weights.iter().zip(&line[at..]).map(|(w, v)| w * v).sum::<f64>();
+/// White noise smoothed over a length, `[y][x]`, up to a factor.
+fn smoothed(canvas: &Canvas, length: f64, stream: &mut Stream) -> Vec<f64> {
+    let ([columns, rows], [width, height]) = (canvas.raster().sides(), canvas.cell());
+    let [across, along] = [width, height].map(|cell| weights(length / cell));
+    let [long, high] = [columns + across.len() - 1, rows + along.len() - 1];
+    let smooth =
+        |weights: &[f64], line: &[f64], at: usize| -> f64 { weights.iter().zip(&line[at..]).map(|(w, v)| w * v).sum() };
     // Smoothed along the rows, and laid out by columns.
-    let mut columns = vec![0.0; CELLS * side];
-    for row in 0..side {
-        let noise: Vec<f64> = (0..side).map(|_| stream.normal()).collect();
-        (0..CELLS).for_each(|x| columns[x * side + row] = along(&noise, x));
+    let mut turned = vec![0.0; columns * high];
+    for row in 0..high {
+        let noise: Vec<f64> = (0..long).map(|_| stream.normal()).collect();
+        (0..columns).for_each(|x| turned[x * high + row] = smooth(&across, &noise, x));
     }
-    let cell = |i: usize| along(&columns[i % CELLS * side..][..side], i / CELLS);
-    (0..CELLS * CELLS).map(cell).collect()
+    let cell = |i: usize| smooth(&along, &turned[i % columns * high..][..high], i / columns);
+    (0..columns * rows).map(cell).collect()
+}
+
+/// A Gaussian of a standard deviation in cells, as far as it is not cut off.
+fn weights(deviation: f64) -> Vec<f64> {
+    let reach = (REACH * deviation).ceil() as usize;
+    let offset = |k: usize| (k as f64 - reach as f64) / deviation;
+    (0..=2 * reach).map(|k| (-0.5 * offset(k).powi(2)).exp()).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pattern::CELLS;
 
     fn usual() -> Blobs {
-        Blobs::new(Areas::new(0.3, 0.7).unwrap())
+        Blobs::new(Areas::new(Canvas::PAPER, 0.3, 0.7).unwrap())
     }
 
     fn drawn(family: &Blobs, seed: u64, index: u64) -> Pattern {
@@ -111,7 +121,7 @@ mod tests {
         for length in [1.0, 4.0] {
             let (mut product, mut square) = (0.0, 0.0);
             for index in 0..60 {
-                let field = smoothed(length, &mut Stream::new(3, "blob test", index));
+                let field = smoothed(&Canvas::PAPER, length, &mut Stream::new(3, "blob test", index));
                 let d = length as usize;
                 for at in (0..CELLS * CELLS).filter(|at| at % CELLS + d < CELLS) {
                     product += field[at] * field[at + d];
@@ -130,7 +140,7 @@ mod tests {
         let mean = areas.iter().sum::<f64>() / 200.0;
         // Uniform: mean 0.5, standard deviation 0.1155.
         assert!((mean - 0.5).abs() < 4.0 * 0.1155 / 200f64.sqrt(), "{mean}");
-        let few = Blobs::new(Areas::new(0.05, 0.05).unwrap());
+        let few = Blobs::new(Areas::new(Canvas::PAPER, 0.05, 0.05).unwrap());
         assert!((0..20).all(|i| drawn(&few, 1, i).active_cells() == 125));
     }
 

@@ -8,6 +8,7 @@
 use std::f64::consts::TAU;
 
 use super::areas::{AreaFractions, Areas, highest};
+use super::canvas::Canvas;
 use super::error::SampleError;
 use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
 use crate::base::{Stream, parameters};
@@ -29,8 +30,8 @@ parameters! {
 impl FamilyParameters for Parameters {
     const NAME: &'static str = "checker";
 
-    fn groups(&self) -> Result<Vec<Group>, Refusal> {
-        let family = Checker::new(self.area.areas()?);
+    fn groups(&self, canvas: Canvas) -> Result<Vec<Group>, Refusal> {
+        let family = Checker::new(self.area.areas(canvas)?);
         Ok(self.one_group(self.count, Box::new(family)))
     }
 }
@@ -60,7 +61,9 @@ impl Family for Checker {
         let [across, along] = [stream.range(0.0, TAU), stream.range(0.0, TAU)];
         let area = self.areas.drawn(&mut stream);
         let wave = |cells: f64, phase: f64| (TAU * cells / period + phase).cos();
-        Ok(highest(area, |x, y| wave(x, across) * wave(y, along)))
+        Ok(highest(self.areas.canvas(), area, |x, y| {
+            wave(x, across) * wave(y, along)
+        }))
     }
 }
 
@@ -70,13 +73,13 @@ mod tests {
     use crate::pattern::CELLS;
 
     fn at_half(index: u64) -> Pattern {
-        let family = Checker::new(Areas::new(0.5, 0.5).unwrap());
+        let family = Checker::new(Areas::new(Canvas::PAPER, 0.5, 0.5).unwrap());
         family.sample(3, index).unwrap()
     }
 
     #[test]
     fn areas_cover_the_range_and_a_single_one_is_met_exactly() {
-        let usual = Checker::new(Areas::new(0.3, 0.7).unwrap());
+        let usual = Checker::new(Areas::new(Canvas::PAPER, 0.3, 0.7).unwrap());
         let areas: Vec<f64> = (0..200).map(|i| usual.sample(5, i).unwrap().area_fraction()).collect();
         assert!(areas.iter().all(|area| (0.3..=0.7).contains(area)));
         let mean = areas.iter().sum::<f64>() / 200.0;
@@ -112,7 +115,7 @@ mod tests {
 
     #[test]
     fn a_sample_is_named_by_seed_and_index() {
-        let usual = Checker::new(Areas::new(0.3, 0.7).unwrap());
+        let usual = Checker::new(Areas::new(Canvas::PAPER, 0.3, 0.7).unwrap());
         let sample = |seed, index| usual.sample(seed, index).unwrap();
         assert_eq!(sample(1, 7), sample(1, 7));
         assert_ne!(sample(1, 7), sample(1, 8));

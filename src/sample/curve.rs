@@ -1,21 +1,19 @@
-//! A cubic Bézier curve inside the square: whether it crosses itself, what lies on its left, how far a point is.
+//! A cubic Bézier curve inside a rectangle: whether it crosses itself, what lies on its left, how far a point is.
 //!
-//! A curve from frame to frame that stays inside and does not cross itself divides the square into exactly two regions,
+//! A curve from frame to frame that stays inside and does not cross itself divides the rectangle into exactly two regions,
 //! which is what makes "one side filled" well defined.
 
-use crate::pattern::CELLS;
+use super::canvas::Canvas;
 
-/// A point in cells from the lower left corner.
+/// A point from the lower left corner.
 pub(super) type Point = [f64; 2];
 
 /// Segments by which a curve is drawn: their distance from the curve stays far below a cell.
 const SEGMENTS: usize = 128;
 
-const SIDE: f64 = CELLS as f64;
-
-/// A cubic Bézier curve by its four control points.
+/// A cubic Bézier curve by its four control points, and what it is drawn on.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Cubic(pub(super) [Point; 4]);
+pub(super) struct Cubic(pub(super) [Point; 4], pub(super) Canvas);
 
 fn cross(a: Point, b: Point) -> f64 {
     a[0] * b[1] - a[1] * b[0]
@@ -30,13 +28,13 @@ fn minus(a: Point, b: Point) -> Point {
 }
 
 /// The point of the frame at a position from 0 to 4 sides, counterclockwise from the lower left corner.
-pub(super) fn on_frame(position: f64) -> Point {
-    let along = SIDE * position.fract();
+pub(super) fn on_frame(canvas: &Canvas, position: f64) -> Point {
+    let ([width, height], along) = (canvas.size(), position.fract());
     match position as u32 {
-        0 => [along, 0.0],
-        1 => [SIDE, along],
-        2 => [SIDE - along, SIDE],
-        _ => [0.0, SIDE - along],
+        0 => [width * along, 0.0],
+        1 => [width, height * along],
+        2 => [width - width * along, height],
+        _ => [0.0, height - height * along],
     }
 }
 
@@ -83,23 +81,26 @@ impl Cubic {
         (0..=SEGMENTS).map(|i| self.at(i as f64 / SEGMENTS as f64)).collect()
     }
 
-    /// Whether everything between the two ends lies strictly inside the square.
+    /// Whether everything between the two ends lies strictly inside the rectangle.
     pub(super) fn stays_inside(&self) -> bool {
-        self.drawn()[1..SEGMENTS].iter().flatten().all(|&c| c > 0.0 && c < SIDE)
+        let [width, height] = self.1.size();
+        let inside = |[x, y]: &Point| *x > 0.0 && *x < width && *y > 0.0 && *y < height;
+        self.drawn()[1..SEGMENTS].iter().all(inside)
     }
 
     /// For each cell, whether its centre lies on the left of a curve that runs from frame to frame, `[y][x]`.
     pub(super) fn left_side(&self) -> Vec<bool> {
         let outline = self.closed_along_frame();
-        let mut inside = vec![false; CELLS * CELLS];
-        for (row, cells) in inside.chunks_exact_mut(CELLS).enumerate() {
-            let y = row as f64 + 0.5;
+        let raster = self.1.raster();
+        let mut inside = vec![false; raster.cells()];
+        for (row, cells) in inside.chunks_exact_mut(raster.columns()).enumerate() {
+            let [_, y] = self.1.centre(0, row);
             for (start, end) in outline.iter().zip(outline.iter().cycle().skip(1)) {
                 // Half-open in y, so that a corner on the line counts once.
                 if (start[1] <= y) != (end[1] <= y) {
                     let x = start[0] + (y - start[1]) / (end[1] - start[1]) * (end[0] - start[0]);
                     for (column, cell) in cells.iter_mut().enumerate() {
-                        *cell ^= column as f64 + 0.5 > x;
+                        *cell ^= self.1.centre(column, row)[0] > x;
                     }
                 }
             }
@@ -110,17 +111,17 @@ impl Cubic {
     /// The outline of the region on the left: the curve, then the frame counterclockwise back to its start.
     fn closed_along_frame(&self) -> Vec<Point> {
         let mut outline = self.drawn();
-        let (start, end) = (frame_position(self.0[0]), frame_position(self.0[3]));
+        let [start, end] = [self.0[0], self.0[3]].map(|point| frame_position(&self.1, point));
         let way = (start - end).rem_euclid(4.0);
         let mut corner = end.floor() + 1.0;
         while corner - end < way {
-            outline.push(on_frame(corner.rem_euclid(4.0)));
+            outline.push(on_frame(&self.1, corner.rem_euclid(4.0)));
             corner += 1.0;
         }
         outline
     }
 
-    /// The distance of each cell's centre from the curve, in cells, `[y][x]`.
+    /// The distance of each cell's centre from the curve, `[y][x]`.
     pub(super) fn distances(&self) -> Vec<f64> {
         let drawn = self.drawn();
         let segments: Vec<(Point, Point, f64)> = drawn
@@ -139,23 +140,21 @@ impl Cubic {
             });
             nearest.fold(f64::INFINITY, f64::min).sqrt()
         };
-        (0..CELLS * CELLS)
-            .map(|i| distance([(i % CELLS) as f64 + 0.5, (i / CELLS) as f64 + 0.5]))
-            .collect()
+        self.1.centres().map(distance).collect()
     }
 }
 
 /// The inverse of [`on_frame`].
-fn frame_position(point: Point) -> f64 {
-    let [x, y] = point;
-    if y == 0.0 && x < SIDE {
-        x / SIDE
-    } else if x == SIDE && y < SIDE {
-        1.0 + y / SIDE
-    } else if y == SIDE && x > 0.0 {
-        3.0 - x / SIDE
+fn frame_position(canvas: &Canvas, [x, y]: Point) -> f64 {
+    let [width, height] = canvas.size();
+    if y == 0.0 && x < width {
+        x / width
+    } else if x == width && y < height {
+        1.0 + y / height
+    } else if y == height && x > 0.0 {
+        3.0 - x / width
     } else {
-        4.0 - y / SIDE
+        4.0 - y / height
     }
 }
 
@@ -163,6 +162,7 @@ fn frame_position(point: Point) -> f64 {
 mod tests {
     use super::*;
     use crate::base::Stream;
+    use crate::pattern::CELLS;
 
     /// Whether two of the chain's segments that are not neighbours cross, by the signs of four triangles.
     fn chain_crosses(curve: &Cubic) -> bool {
@@ -181,9 +181,8 @@ mod tests {
         let mut stream = Stream::new(1, "test", 0);
         let mut crossing = 0;
         for _ in 0..300 {
-            let curve = Cubic(std::array::from_fn(|_| {
-                [stream.range(0.0, 50.0), stream.range(0.0, 50.0)]
-            }));
+            let points = std::array::from_fn(|_| [stream.range(0.0, 50.0), stream.range(0.0, 50.0)]);
+            let curve = Cubic(points, Canvas::PAPER);
             assert_eq!(curve.crosses_itself(), chain_crosses(&curve), "{curve:?}");
             crossing += u32::from(curve.crosses_itself());
         }
@@ -192,7 +191,12 @@ mod tests {
 
     #[test]
     fn a_curve_that_bulges_over_the_frame_does_not_stay_inside() {
-        let bulging = |height: f64| Cubic([[0.0, 25.0], [10.0, height], [40.0, height], [50.0, 25.0]]);
+        let bulging = |height: f64| {
+            Cubic(
+                [[0.0, 25.0], [10.0, height], [40.0, height], [50.0, 25.0]],
+                Canvas::PAPER,
+            )
+        };
         // The top of the curve is at (25 + 3 height) / 4.
         assert!(bulging(58.0).stays_inside() && bulging(-8.0).stays_inside());
         assert!(!bulging(59.0).stays_inside() && !bulging(-9.0).stays_inside());
@@ -203,7 +207,7 @@ mod tests {
         for i in 0..400 {
             let position = f64::from(i) / 100.0;
             assert!(
-                (frame_position(on_frame(position)) - position).abs() < 1e-12,
+                (frame_position(&Canvas::PAPER, on_frame(&Canvas::PAPER, position)) - position).abs() < 1e-12,
                 "{position}"
             );
         }
@@ -211,7 +215,7 @@ mod tests {
 
     #[test]
     fn the_left_of_an_upward_line_is_the_left_half() {
-        let line = |x: f64| Cubic([[x, 0.0], [x, 20.0], [x, 30.0], [x, 50.0]]);
+        let line = |x: f64| Cubic([[x, 0.0], [x, 20.0], [x, 30.0], [x, 50.0]], Canvas::PAPER);
         let left = line(20.0).left_side();
         assert!((0..CELLS * CELLS).all(|i| left[i] == (i % CELLS < 20)));
         let distances = line(20.0).distances();
@@ -222,10 +226,13 @@ mod tests {
     fn both_sides_of_a_curve_make_up_the_membrane() {
         let mut stream = Stream::new(2, "test", 0);
         for _ in 0..50 {
-            let (start, end) = (on_frame(stream.range(0.0, 4.0)), on_frame(stream.range(0.0, 4.0)));
+            let (start, end) = (
+                on_frame(&Canvas::PAPER, stream.range(0.0, 4.0)),
+                on_frame(&Canvas::PAPER, stream.range(0.0, 4.0)),
+            );
             let inner = [[stream.range(5.0, 45.0), 20.0], [30.0, stream.range(5.0, 45.0)]];
-            let forth = Cubic([start, inner[0], inner[1], end]);
-            let back = Cubic([end, inner[1], inner[0], start]);
+            let forth = Cubic([start, inner[0], inner[1], end], Canvas::PAPER);
+            let back = Cubic([end, inner[1], inner[0], start], Canvas::PAPER);
             if forth.crosses_itself() || !forth.stays_inside() {
                 continue;
             }

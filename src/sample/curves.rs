@@ -11,11 +11,12 @@
 use std::f64::consts::{PI, TAU};
 
 use super::areas::{AreaFractions, Areas, highest};
+use super::canvas::Canvas;
 use super::error::SampleError;
 use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
-use super::membership::edges;
+use super::membership::{edges, longer_side};
 use crate::base::{Stream, parameters};
-use crate::pattern::{CELLS, Pattern};
+use crate::pattern::Pattern;
 
 /// Waves of a curve.
 const WAVES: usize = 3;
@@ -39,25 +40,30 @@ parameters! {
 impl FamilyParameters for Parameters {
     const NAME: &'static str = "curves";
 
-    fn groups(&self) -> Result<Vec<Group>, Refusal> {
-        let family = Curves::new(self.area.map(|area| area.areas()).transpose()?);
+    fn groups(&self, canvas: Canvas) -> Result<Vec<Group>, Refusal> {
+        let areas = self.area.map(|area| area.areas(canvas)).transpose()?;
+        let family = Curves::new(canvas, areas);
         Ok(self.one_group(self.count, Box::new(family)))
     }
 
     /// Of 8000 samples none had more than 311 edges; three lines met three times by each row and column have 900.
     fn admits(pattern: &Pattern) -> bool {
-        edges(pattern) <= 3 * 2 * 3 * CELLS
+        edges(pattern) <= 3 * 2 * 3 * longer_side(pattern)
     }
 }
 
 /// Patterns bounded by curves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Curves {
+    canvas: Canvas,
     areas: Option<Areas>,
 }
 
-/// One curve, in cells from the centre.
+/// One curve, from the centre.
 struct Graph {
+    middle: [f64; 2],
+    /// The shorter side.
+    side: f64,
     sine: f64,
     cosine: f64,
     offset: f64,
@@ -66,9 +72,12 @@ struct Graph {
 }
 
 impl Graph {
-    fn drawn(stream: &mut Stream) -> Self {
+    fn drawn(canvas: &Canvas, stream: &mut Stream) -> Self {
+        let [width, height] = canvas.size();
         let (sine, cosine) = stream.range(0.0, TAU).sin_cos();
         Self {
+            middle: canvas.middle(),
+            side: width.min(height),
             sine,
             cosine,
             offset: stream.range(-OFFSET, OFFSET),
@@ -81,11 +90,10 @@ impl Graph {
 
     /// How far a point lies above the curve.
     fn height(&self, x: f64, y: f64) -> f64 {
-        let side = CELLS as f64;
-        let (x, y) = (x - 0.5 * side, y - 0.5 * side);
+        let (x, y) = (x - self.middle[0], y - self.middle[1]);
         let (above, along) = (self.cosine * x + self.sine * y, self.cosine * y - self.sine * x);
         let wave = |(m, (amplitude, phase)): (usize, &(f64, f64))| {
-            amplitude * ((m + 1) as f64 * PI * along / side + phase).sin()
+            amplitude * ((m + 1) as f64 * PI * along / self.side + phase).sin()
         };
         above - self.offset - self.waves.iter().enumerate().map(wave).sum::<f64>()
     }
@@ -94,8 +102,8 @@ impl Graph {
 impl Curves {
     /// The family; at area fractions of a range, or with the area that the curves leave.
     #[must_use]
-    pub fn new(areas: Option<Areas>) -> Self {
-        Self { areas }
+    pub fn new(canvas: Canvas, areas: Option<Areas>) -> Self {
+        Self { canvas, areas }
     }
 }
 
@@ -106,7 +114,9 @@ impl Family for Curves {
 
     fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {
         let mut stream = Stream::new(seed, "curves", index);
-        let curves: Vec<Graph> = (0..1 + stream.index(3)).map(|_| Graph::drawn(&mut stream)).collect();
+        let curves: Vec<Graph> = (0..1 + stream.index(3))
+            .map(|_| Graph::drawn(&self.canvas, &mut stream))
+            .collect();
         // Its sign says whether a cell is active, its size how far it is from the nearest curve.
         let level = |x: f64, y: f64| {
             let heights = curves.iter().map(|curve| curve.height(x, y));
@@ -116,8 +126,11 @@ impl Family for Curves {
             if odd { nearest } else { -nearest }
         };
         Ok(match &self.areas {
-            Some(areas) => highest(areas.drawn(&mut stream), level),
-            None => Pattern::from_fn(|x, y| level(x as f64 + 0.5, y as f64 + 0.5) > 0.0),
+            Some(areas) => highest(&self.canvas, areas.drawn(&mut stream), level),
+            None => {
+                let active: Vec<bool> = self.canvas.centres().map(|[x, y]| level(x, y) > 0.0).collect();
+                self.canvas.pattern(&active)
+            }
         })
     }
 }
@@ -125,9 +138,10 @@ impl Family for Curves {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pattern::CELLS;
 
     fn usual() -> Curves {
-        Curves::new(None)
+        Curves::new(Canvas::PAPER, None)
     }
 
     fn drawn(family: &Curves, seed: u64, index: u64) -> Pattern {
@@ -155,14 +169,20 @@ mod tests {
             (mean - 0.5).abs() < 0.05 && (0.1..0.35).contains(&spread),
             "{mean} ± {spread}"
         );
-        let tenth = Curves::new(Some(Areas::new(0.1, 0.1).unwrap()));
+        let tenth = Curves::new(Canvas::PAPER, Some(Areas::new(Canvas::PAPER, 0.1, 0.1).unwrap()));
         assert!((0..20).all(|i| drawn(&tenth, 1, i).active_cells() == 250));
     }
 
     #[test]
     fn an_area_moves_the_curves_and_keeps_their_form() {
         // What is active at a smaller area stays active at a larger one.
-        let [small, large] = [0.3, 0.6].map(|a| drawn(&Curves::new(Some(Areas::new(a, a).unwrap())), 6, 3));
+        let [small, large] = [0.3, 0.6].map(|a| {
+            drawn(
+                &Curves::new(Canvas::PAPER, Some(Areas::new(Canvas::PAPER, a, a).unwrap())),
+                6,
+                3,
+            )
+        });
         let cells = small.cells().iter().zip(large.cells());
         assert!(cells.into_iter().all(|(few, many)| few <= many));
     }

@@ -5,10 +5,11 @@
 //! mirrored at a line of cells (chevrons), or cross, each as likely; crossing ones have a period of at least 3 and bands of at
 //! most half of it, so that bare cells are left.
 
+use super::canvas::Canvas;
 use super::error::SampleError;
 use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
 use crate::base::{Stream, parameters};
-use crate::pattern::{CELLS, Pattern};
+use crate::pattern::{Pattern, Raster};
 
 /// Longest period along a row, in cells.
 const PERIOD: usize = 12;
@@ -24,8 +25,8 @@ parameters! {
 impl FamilyParameters for Parameters {
     const NAME: &'static str = "diagonals";
 
-    fn groups(&self) -> Result<Vec<Group>, Refusal> {
-        Ok(self.one_group(self.count, Box::new(Diagonals)))
+    fn groups(&self, canvas: Canvas) -> Result<Vec<Group>, Refusal> {
+        Ok(self.one_group(self.count, Box::new(Diagonals::new(canvas))))
     }
 }
 
@@ -42,6 +43,8 @@ enum Lie {
 /// One drawing of bands.
 #[derive(Clone, Copy, Debug)]
 struct Bands {
+    /// Cells along the longer side.
+    longer: usize,
     period: usize,
     width: usize,
     phase: usize,
@@ -53,19 +56,21 @@ struct Bands {
 }
 
 impl Bands {
-    fn drawn(stream: &mut Stream) -> Self {
+    fn drawn(raster: Raster, stream: &mut Stream) -> Self {
+        let longer = raster.columns().max(raster.rows());
         let lie = stream.index(3);
         let least = if lie == 2 { 3 } else { 2 };
         let period = least + stream.index(PERIOD + 1 - least);
         let widest = if lie == 2 { period / 2 } else { period - 1 };
         let width = 1 + stream.index(widest);
         Self {
+            longer,
             period,
             width,
             phase: stream.index(period),
             lie: match lie {
                 0 => Lie::Parallel,
-                1 => Lie::Chevrons(stream.index(CELLS)),
+                1 => Lie::Chevrons(stream.index(longer)),
                 _ => Lie::Crossing(stream.index(period)),
             },
             turned: stream.chance(0.5),
@@ -76,7 +81,7 @@ impl Bands {
     fn is_active(&self, x: usize, y: usize) -> bool {
         let (x, y) = if self.turned { (y, x) } else { (x, y) };
         // A whole number of periods keeps numbers positive.
-        let around = CELLS.next_multiple_of(self.period);
+        let around = self.longer.next_multiple_of(self.period);
         let rising = |x: usize, phase: usize| (x + around - y + phase) % self.period < self.width;
         let falling = |x: usize, phase: usize| (x + y + phase) % self.period < self.width;
         let own = |x: usize| {
@@ -95,8 +100,18 @@ impl Bands {
 }
 
 /// Patterns of diagonal bands.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Diagonals;
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Diagonals {
+    canvas: Canvas,
+}
+
+impl Diagonals {
+    /// The family on a canvas.
+    #[must_use]
+    pub fn new(canvas: Canvas) -> Self {
+        Self { canvas }
+    }
+}
 
 impl Family for Diagonals {
     fn name(&self) -> &'static str {
@@ -104,18 +119,20 @@ impl Family for Diagonals {
     }
 
     fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {
-        let bands = Bands::drawn(&mut Stream::new(seed, "diagonals", index));
-        Ok(Pattern::from_fn(|x, y| bands.is_active(x, y)))
+        let raster = self.canvas.raster();
+        let bands = Bands::drawn(raster, &mut Stream::new(seed, "diagonals", index));
+        Ok(Pattern::from_fn(raster, |x, y| bands.is_active(x, y)))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pattern::CELLS;
 
     fn drawn(seed: u64, index: u64) -> (Bands, Pattern) {
-        let bands = Bands::drawn(&mut Stream::new(seed, "diagonals", index));
-        (bands, Diagonals.sample(seed, index).unwrap())
+        let bands = Bands::drawn(Raster::PAPER, &mut Stream::new(seed, "diagonals", index));
+        (bands, Diagonals::new(Canvas::PAPER).sample(seed, index).unwrap())
     }
 
     #[test]

@@ -10,11 +10,12 @@
 
 use std::f64::consts::TAU;
 
-use super::areas::{AreaFractions, Areas, highest};
+use super::areas::{AreaFractions, Areas, highest_of};
+use super::canvas::Canvas;
 use super::error::SampleError;
 use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
 use crate::base::{Stream, parameters};
-use crate::pattern::{CELLS, Pattern, Symmetry};
+use crate::pattern::{Pattern, Raster, Symmetry};
 
 /// By how much the grey falls over the side at most.
 const FALL: f64 = 0.6;
@@ -35,8 +36,8 @@ parameters! {
 impl FamilyParameters for Parameters {
     const NAME: &'static str = "dithers";
 
-    fn groups(&self) -> Result<Vec<Group>, Refusal> {
-        let family = Dithers::new(self.area.areas()?);
+    fn groups(&self, canvas: Canvas) -> Result<Vec<Group>, Refusal> {
+        let family = Dithers::new(self.area.areas(canvas)?);
         Ok(self.one_group(self.count, Box::new(family)))
     }
 }
@@ -64,22 +65,27 @@ impl Family for Dithers {
         let mut stream = Stream::new(seed, "dithers", index);
         let way = stream.index(LARGEST + 1);
         let area = self.areas.drawn(&mut stream);
-        let fall = stream.range(0.0, FALL) / CELLS as f64;
+        let canvas = self.areas.canvas();
+        let [width, height] = canvas.size();
+        let fall = stream.range(0.0, FALL) / width.min(height);
         let (sine, cosine) = stream.range(0.0, TAU).sin_cos();
         let [right, up] = [stream.index(1 << LARGEST), stream.index(1 << LARGEST)];
         let image = Symmetry::ALL[stream.index(Symmetry::ALL.len())];
-        let middle = 0.5 * CELLS as f64;
-        let grey = |x: f64, y: f64| area + fall * (cosine * (x - middle) + sine * (y - middle));
-        let pattern = if way < LARGEST {
+        let ([middle_x, middle_y], columns) = (canvas.middle(), canvas.raster().columns());
+        let grey = |[x, y]: [f64; 2]| area + fall * (cosine * (x - middle_x) + sine * (y - middle_y));
+        let levels: Vec<f64> = canvas.centres().map(grey).collect();
+        let levels = if way < LARGEST {
             let order = way + 1;
-            highest(area, |x, y| {
-                grey(x, y) - threshold(order, x as usize + right, y as usize + up)
-            })
+            let less =
+                |(cell, level): (usize, f64)| level - threshold(order, cell % columns + right, cell / columns + up);
+            levels.into_iter().enumerate().map(less).collect()
         } else {
-            let levels = diffused(grey);
-            highest(area, |x, y| levels[y as usize * CELLS + x as usize])
+            diffused(canvas.raster(), levels)
         };
-        Ok(pattern.transformed(image))
+        let pattern = highest_of(canvas, area, levels.into_iter());
+        // A turn by a quarter would leave a rectangle.
+        let fits = canvas.raster().transformed(image) == canvas.raster();
+        Ok(if fits { pattern.transformed(image) } else { pattern })
     }
 }
 
@@ -94,22 +100,19 @@ fn threshold(order: usize, x: usize, y: usize) -> f64 {
 }
 
 /// Grey with what was carried from the cells before, `[y][x]`: Floyd and Steinberg's weights, every other row backwards.
-fn diffused(grey: impl Fn(f64, f64) -> f64) -> Vec<f64> {
-    let centre = |k: usize| k as f64 + 0.5;
-    let mut levels: Vec<f64> = (0..CELLS * CELLS)
-        .map(|cell| grey(centre(cell % CELLS), centre(cell / CELLS)))
-        .collect();
-    for y in 0..CELLS {
+fn diffused(raster: Raster, mut levels: Vec<f64>) -> Vec<f64> {
+    let [columns, rows] = raster.sides();
+    for y in 0..rows {
         let ahead: isize = if y % 2 == 0 { 1 } else { -1 };
-        for step in 0..CELLS {
-            let x = if ahead > 0 { step } else { CELLS - 1 - step };
-            let level = levels[y * CELLS + x];
+        for step in 0..columns {
+            let x = if ahead > 0 { step } else { columns - 1 - step };
+            let level = levels[y * columns + x];
             let error = level - f64::from(u8::from(level >= 0.5));
             for (dx, dy, weight) in [(ahead, 0, 7.0), (-ahead, 1, 3.0), (0, 1, 5.0), (ahead, 1, 1.0)] {
-                if let Some(u) = x.checked_add_signed(dx).filter(|u| *u < CELLS)
-                    && y + dy < CELLS
+                if let Some(u) = x.checked_add_signed(dx).filter(|u| *u < columns)
+                    && y + dy < rows
                 {
-                    levels[(y + dy) * CELLS + u] += error * weight / 16.0;
+                    levels[(y + dy) * columns + u] += error * weight / 16.0;
                 }
             }
         }
@@ -120,9 +123,10 @@ fn diffused(grey: impl Fn(f64, f64) -> f64) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pattern::CELLS;
 
     fn usual() -> Dithers {
-        Dithers::new(Areas::new(0.3, 0.7).unwrap())
+        Dithers::new(Areas::new(Canvas::PAPER, 0.3, 0.7).unwrap())
     }
 
     fn drawn(family: &Dithers, seed: u64, index: u64) -> Pattern {
@@ -136,7 +140,7 @@ mod tests {
         let mean = areas.iter().sum::<f64>() / 300.0;
         // Uniform: mean 0.5, standard deviation 0.1155.
         assert!((mean - 0.5).abs() < 4.0 * 0.1155 / 300f64.sqrt(), "{mean}");
-        let fifth = Dithers::new(Areas::new(0.2, 0.2).unwrap());
+        let fifth = Dithers::new(Areas::new(Canvas::PAPER, 0.2, 0.2).unwrap());
         assert!((0..40).all(|i| drawn(&fifth, 1, i).active_cells() == 500));
     }
 
@@ -165,7 +169,7 @@ mod tests {
             };
             (0..CELLS * CELLS).map(|i| differs(i % CELLS, i / CELLS)).sum::<usize>() as f64
         };
-        let half = Dithers::new(Areas::new(0.5, 0.5).unwrap());
+        let half = Dithers::new(Areas::new(Canvas::PAPER, 0.5, 0.5).unwrap());
         let mean = (0..60).map(|i| edge(&drawn(&half, 4, i))).sum::<f64>() / 60.0;
         // Of random cells every other side is an edge.
         let random = 0.5 * (2 * CELLS * (CELLS - 1)) as f64;
@@ -175,7 +179,8 @@ mod tests {
     #[test]
     fn grey_is_kept_on_average() {
         // The mean of error diffusion over blocks follows the plane.
-        let levels = diffused(|x, _| x / CELLS as f64);
+        let plane = Canvas::PAPER.centres().map(|[x, _]| x / CELLS as f64);
+        let levels = diffused(Raster::PAPER, plane.collect());
         let share = |from: usize| {
             let cells = (0..CELLS).flat_map(|y| (from..from + 10).map(move |x| y * CELLS + x));
             cells.filter(|&cell| levels[cell] >= 0.5).count() as f64 / (10 * CELLS) as f64

@@ -6,6 +6,7 @@
 use std::fmt;
 use std::marker::PhantomData;
 
+use super::canvas::Canvas;
 use super::error::SampleError;
 use crate::base::{Canonical, Declared, Fields, InputError, Map, Node};
 use crate::pattern::Pattern;
@@ -67,11 +68,11 @@ pub trait FamilyParameters: Declared {
     /// The word after `family:`.
     const NAME: &'static str;
 
-    /// What is to be drawn.
+    /// What is to be drawn on a canvas.
     ///
     /// # Errors
     /// When a value leaves nothing to draw.
-    fn groups(&self) -> Result<Vec<Group>, Refusal>;
+    fn groups(&self, canvas: Canvas) -> Result<Vec<Group>, Refusal>;
 
     /// Whether the family may have drawn a pattern, with whatever parameters: false only where it cannot.
     #[must_use]
@@ -106,11 +107,11 @@ pub trait FamilyEntry: Sync {
     /// Whether the family may have drawn a pattern, with whatever parameters: false only where it cannot.
     fn admits(&self, pattern: &Pattern) -> bool;
 
-    /// Reads its keys from a mapping that may have `others` beside them.
+    /// Reads its keys from a mapping that may have `others` beside them, for patterns on a canvas.
     ///
     /// # Errors
     /// When a key is unknown or missing, or a value leaves nothing to draw.
-    fn read(&self, node: &Node, others: &[&str]) -> Result<Vec<Group>, InputError>;
+    fn read(&self, node: &Node, others: &[&str], canvas: Canvas) -> Result<Vec<Group>, InputError>;
 }
 
 /// The entry of a family by its parameters.
@@ -138,10 +139,10 @@ impl<P: FamilyParameters> FamilyEntry for Entry<P> {
         P::admits(pattern)
     }
 
-    fn read(&self, node: &Node, others: &[&str]) -> Result<Vec<Group>, InputError> {
+    fn read(&self, node: &Node, others: &[&str], canvas: Canvas) -> Result<Vec<Group>, InputError> {
         let parameters = P::read_with(node, others)?;
         parameters
-            .groups()
+            .groups(canvas)
             .map_err(|refusal| node.peek(refusal.key).unwrap_or(node).error(refusal.error.to_string()))
     }
 }
@@ -163,7 +164,7 @@ pub static FAMILIES: &[&dyn FamilyEntry] = &[
     &Entry::<super::glyphs::Parameters>::NEW,
 ];
 
-/// Reads the samples that a mapping with the key `family` asks for, from a table of families, and gives the mapping too:
+/// Reads the samples on a canvas that a mapping with the key `family` asks for, from a table of families, and gives the mapping too:
 /// `others` may stand beside the keys of the family.
 ///
 /// # Errors
@@ -173,6 +174,7 @@ pub fn read_family<'n>(
     node: &'n Node,
     what: &str,
     others: &[&str],
+    canvas: Canvas,
 ) -> Result<(Map<'n>, Vec<Group>), InputError> {
     let names: Vec<&str> = table.iter().map(|entry| entry.name()).collect();
     // First the keys of all families, so that a misspelt `family` is told from a missing one; then those of the family.
@@ -182,6 +184,6 @@ pub fn read_family<'n>(
     let map = node.fields(what, &keys)?;
     let name = map.required(what, "family")?.word("family", &names)?;
     let entry = table.iter().find(|entry| entry.name() == name);
-    let groups = entry.map_or_else(|| Ok(Vec::new()), |entry| entry.read(node, &others))?;
+    let groups = entry.map_or_else(|| Ok(Vec::new()), |entry| entry.read(node, &others, canvas))?;
     Ok((map, groups))
 }

@@ -4,10 +4,11 @@
 //! of 6 × 8; a dot is 1 to 6 cells wide, uniform, and the rows begin at a uniform offset, so that letters at the edge are cut.
 //! Each letter is drawn anew. The letters are active, or what is around them, each as likely.
 
+use super::canvas::Canvas;
 use super::error::SampleError;
 use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
 use crate::base::{Stream, parameters};
-use crate::pattern::{CELLS, Pattern};
+use crate::pattern::{Pattern, Raster};
 
 /// Cells across the widest dot.
 const WIDEST: usize = 6;
@@ -67,14 +68,24 @@ parameters! {
 impl FamilyParameters for Parameters {
     const NAME: &'static str = "glyphs";
 
-    fn groups(&self) -> Result<Vec<Group>, Refusal> {
-        Ok(self.one_group(self.count, Box::new(Glyphs)))
+    fn groups(&self, canvas: Canvas) -> Result<Vec<Group>, Refusal> {
+        Ok(self.one_group(self.count, Box::new(Glyphs::new(canvas))))
     }
 }
 
 /// Patterns of letters.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Glyphs;
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Glyphs {
+    canvas: Canvas,
+}
+
+impl Glyphs {
+    /// The family on a canvas.
+    #[must_use]
+    pub fn new(canvas: Canvas) -> Self {
+        Self { canvas }
+    }
+}
 
 /// A page of letters.
 struct Page {
@@ -89,13 +100,14 @@ struct Page {
 }
 
 impl Page {
-    fn drawn(stream: &mut Stream) -> Self {
+    fn drawn(raster: Raster, stream: &mut Stream) -> Self {
         let dot = 1 + stream.index(WIDEST);
         let sides = DOTS.map(|dots| dot * (dots + 1));
         let inside = stream.chance(0.5);
         let cut = sides.map(|side| stream.index(side));
         // The first box may be cut, so one more is begun.
-        let [columns, rows] = sides.map(|side| CELLS.div_ceil(side) + 1);
+        let cells = raster.sides();
+        let [columns, rows] = [0, 1].map(|axis| cells[axis].div_ceil(sides[axis]) + 1);
         Self {
             dot,
             cut,
@@ -120,17 +132,19 @@ impl Family for Glyphs {
     }
 
     fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {
-        let page = Page::drawn(&mut Stream::new(seed, "glyphs", index));
-        Ok(Pattern::from_fn(|x, y| page.is_ink(x, y) == page.inside))
+        let raster = self.canvas.raster();
+        let page = Page::drawn(raster, &mut Stream::new(seed, "glyphs", index));
+        Ok(Pattern::from_fn(raster, |x, y| page.is_ink(x, y) == page.inside))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pattern::CELLS;
 
     fn drawn(seed: u64, index: u64) -> Pattern {
-        Glyphs.sample(seed, index).unwrap()
+        Glyphs::new(Canvas::PAPER).sample(seed, index).unwrap()
     }
 
     #[test]
@@ -165,7 +179,7 @@ mod tests {
     #[test]
     fn strokes_are_as_wide_as_a_dot() {
         for index in 0..60 {
-            let page = Page::drawn(&mut Stream::new(3, "glyphs", index));
+            let page = Page::drawn(Raster::PAPER, &mut Stream::new(3, "glyphs", index));
             let pattern = drawn(3, index);
             let same = |x: usize, y: usize| {
                 let next = |k: usize, cut: usize| !(k + cut + 1).is_multiple_of(page.dot) && k + 1 < CELLS;
@@ -179,7 +193,7 @@ mod tests {
     #[test]
     fn ink_and_paper_are_active_as_often_and_every_letter_comes() {
         let pages: Vec<Page> = (0..300)
-            .map(|i| Page::drawn(&mut Stream::new(1, "glyphs", i)))
+            .map(|i| Page::drawn(Raster::PAPER, &mut Stream::new(1, "glyphs", i)))
             .collect();
         let inside = pages.iter().filter(|page| page.inside).count();
         // Binomial: 150 ± 9.

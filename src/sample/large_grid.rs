@@ -4,12 +4,13 @@
 //! fragmented and move farther. Half of the units are on; where N² is odd, half rounded down or up, either equally
 //! likely. Where N does not divide 50 the units differ in size by a cell, so the area fraction is near ½, not at it.
 
+use super::canvas::Canvas;
 use super::combination::{binomial, permuted, subset};
 use super::error::SampleError;
 use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
-use super::membership::{is_grid_of, units_on};
+use super::membership::{is_grid_of, longer_side, units_on};
 use crate::base::{Canonical, InputError, Node, Parameter, Schema, Stream, parameters};
-use crate::pattern::{CELLS, Pattern};
+use crate::pattern::{Pattern, Raster};
 
 /// Several numbers of units across the membrane. Their order means nothing.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -22,7 +23,7 @@ impl Parameter for UnitNumbers {
     fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
         let mut numbers = Vec::new();
         for item in node.list(key)? {
-            let n = item.integer(key, 2, CELLS as u64)?;
+            let n = item.integer(key, 2, Raster::MOST as u64)?;
             if numbers.contains(&n) {
                 return Err(item.error(format!("`{key}` names {n} twice")));
             }
@@ -40,7 +41,7 @@ impl Parameter for UnitNumbers {
     }
 
     fn schema((): &()) -> Schema {
-        Schema::list(Schema::integer(2, CELLS as u64), 1, usize::MAX).distinct()
+        Schema::list(Schema::integer(2, Raster::MOST as u64), 1, usize::MAX).distinct()
     }
 
     fn literal(literal: Vec<u64>) -> Self {
@@ -49,9 +50,9 @@ impl Parameter for UnitNumbers {
 }
 
 parameters! {
-    /// Patterns of N × N units that are on or off as a whole.
+    /// Patterns of N × N units that are on or off as a whole; on a rectangle N stand across the shorter side.
     pub struct Parameters as "a large-grid sample" {
-        /// Units across the membrane, such as [2, 3, 4].
+        /// Units across the membrane, at most as many as cells, such as [2, 3, 4].
         pub units: UnitNumbers,
         /// Patterns of each number of units; all where there are fewer.
         pub count_per_units: u64 [1..=MOST_SAMPLES],
@@ -61,9 +62,9 @@ parameters! {
 impl FamilyParameters for Parameters {
     const NAME: &'static str = "large-grid";
 
-    fn groups(&self) -> Result<Vec<Group>, Refusal> {
+    fn groups(&self, canvas: Canvas) -> Result<Vec<Group>, Refusal> {
         let group = |&n: &u64| {
-            let family = LargeGrid::new(n as usize).map_err(Refusal::of("units"))?;
+            let family = LargeGrid::new(canvas, n as usize).map_err(Refusal::of("units"))?;
             let most = family.available().unwrap_or(u64::MAX);
             Ok(Group {
                 family: Box::new(family),
@@ -77,34 +78,42 @@ impl FamilyParameters for Parameters {
     /// Some number of units, half of them on.
     fn admits(pattern: &Pattern) -> bool {
         let is_half = |units: usize| {
-            let (on, half) = (units_on(units, pattern), units * units / 2);
+            let (on, half) = (units_on([units; 2], pattern), units * units / 2);
             on == half || units % 2 == 1 && on == half + 1
         };
-        (2..=CELLS).any(|units| is_half(units) && is_grid_of(units, pattern))
+        (2..=longer_side(pattern)).any(|units| is_half(units) && is_grid_of([units; 2], pattern))
     }
 }
 
-/// Patterns of N × N units, half of them on. Cell i lies in unit floor(i · N / 50).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Patterns of N × N units, half of them on. Cell i of n lies in unit floor(i · N / n). On a rectangle N units stand across the shorter side,
+/// and as many across the longer one as make them nearest to squares.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LargeGrid {
-    units: usize,
+    canvas: Canvas,
+    across: usize,
+    /// Columns and rows of units.
+    units: [usize; 2],
 }
 
 impl LargeGrid {
-    /// The family with `units` units across the membrane.
+    /// The family with `across` units across the membrane.
     ///
     /// # Errors
-    /// When `units` is 0 or above 50.
-    pub fn new(units: usize) -> Result<Self, SampleError> {
-        if (1..=CELLS).contains(&units) {
-            Ok(Self { units })
-        } else {
-            Err(SampleError::Units { found: units })
+    /// When there are none, or more of them than cells.
+    pub fn new(canvas: Canvas, across: usize) -> Result<Self, SampleError> {
+        let units = units_of(&canvas, across);
+        let cells = canvas.raster().sides();
+        match across > 0 && units[0] <= cells[0] && units[1] <= cells[1] {
+            true => Ok(Self { canvas, across, units }),
+            false => Err(SampleError::Units {
+                most: cells[0].min(cells[1]),
+                found: across,
+            }),
         }
     }
 
     fn total(&self) -> usize {
-        self.units * self.units
+        self.units[0] * self.units[1]
     }
 
     fn with_lower_count(&self) -> Option<u64> {
@@ -130,7 +139,7 @@ impl Family for LargeGrid {
     }
 
     fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {
-        let purpose = format!("large-grid {}", self.units);
+        let purpose = format!("large-grid {}", self.across);
         let on = match (self.available(), self.with_lower_count()) {
             (Some(available), Some(lower)) => {
                 if index >= available {
@@ -141,7 +150,7 @@ impl Family for LargeGrid {
             }
             _ => self.drawn(&mut Stream::new(seed, &purpose, index)),
         };
-        Ok(pattern_of_units(self.units, &on))
+        Ok(pattern_of_units(&self.canvas, self.units, &on))
     }
 
     /// `None` when they are too many to number in 64 bits (9 × 9 and more). Up to that, samples are distinct and reach every
@@ -151,14 +160,22 @@ impl Family for LargeGrid {
     }
 
     fn units(&self) -> u64 {
-        self.units as u64
+        self.across as u64
     }
 }
 
-/// The pattern of N × N units, each on or off as `[y][x]` says.
-pub(super) fn pattern_of_units(units: usize, on: &[bool]) -> Pattern {
-    let unit = |cell: usize| cell * units / CELLS;
-    Pattern::from_fn(|x, y| on[unit(y) * units + unit(x)])
+/// Columns and rows of units, so many across the shorter side.
+pub(super) fn units_of(canvas: &Canvas, across: usize) -> [usize; 2] {
+    let [width, height] = canvas.size();
+    let along = |side: f64| (across as f64 * side / width.min(height)).round() as usize;
+    [along(width), along(height)]
+}
+
+/// The pattern of columns and rows of units, each on or off as `[y][x]` says.
+pub(super) fn pattern_of_units(canvas: &Canvas, units: [usize; 2], on: &[bool]) -> Pattern {
+    let sides = canvas.raster().sides();
+    let unit = |axis: usize, cell: usize| cell * units[axis] / sides[axis];
+    Pattern::from_fn(canvas.raster(), |x, y| on[unit(1, y) * units[0] + unit(0, x)])
 }
 
 #[cfg(test)]
@@ -166,9 +183,10 @@ mod tests {
     use std::collections::HashSet;
 
     use super::*;
+    use crate::pattern::CELLS;
 
     fn first(units: usize, seed: u64, count: u64) -> Vec<Pattern> {
-        let family = LargeGrid::new(units).unwrap();
+        let family = LargeGrid::new(Canvas::PAPER, units).unwrap();
         (0..count).map(|i| family.sample(seed, i).unwrap()).collect()
     }
 
@@ -176,7 +194,7 @@ mod tests {
     fn small_grids_are_enumerated_completely() {
         // PAPER: 2 × 2 has C(4,2) = 6 patterns, 3 × 3 with 4 or 5 units on C(9,4) + C(9,5) = 252.
         for (units, count) in [(1, 2), (2, 6), (3, 252)] {
-            let family = LargeGrid::new(units).unwrap();
+            let family = LargeGrid::new(Canvas::PAPER, units).unwrap();
             assert_eq!(family.available(), Some(count));
             assert_eq!(
                 first(units, 2, count).into_iter().collect::<HashSet<_>>().len(),
@@ -248,7 +266,10 @@ mod tests {
     #[test]
     fn a_grid_has_between_1_and_50_units() {
         for units in [0, 51] {
-            assert_eq!(LargeGrid::new(units), Err(SampleError::Units { found: units }));
+            assert_eq!(
+                LargeGrid::new(Canvas::PAPER, units),
+                Err(SampleError::Units { most: 50, found: units })
+            );
         }
     }
 }

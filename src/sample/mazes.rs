@@ -5,10 +5,11 @@
 //! uniform offset. The corridors are active, or the walls with what is left around them, each as likely. Electrode and bare
 //! membrane are both connected over the whole, by paths far longer than its side.
 
+use super::canvas::Canvas;
 use super::error::SampleError;
 use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
 use crate::base::{Stream, parameters};
-use crate::pattern::{CELLS, Pattern};
+use crate::pattern::{Pattern, Raster};
 
 /// Cells across the widest corridor, and the widest wall.
 const WIDEST: usize = 4;
@@ -24,30 +25,41 @@ parameters! {
 impl FamilyParameters for Parameters {
     const NAME: &'static str = "mazes";
 
-    fn groups(&self) -> Result<Vec<Group>, Refusal> {
-        Ok(self.one_group(self.count, Box::new(Mazes)))
+    fn groups(&self, canvas: Canvas) -> Result<Vec<Group>, Refusal> {
+        Ok(self.one_group(self.count, Box::new(Mazes::new(canvas))))
     }
 }
 
 /// Mazes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Mazes;
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mazes {
+    canvas: Canvas,
+}
+
+impl Mazes {
+    /// The family on a canvas.
+    #[must_use]
+    pub fn new(canvas: Canvas) -> Self {
+        Self { canvas }
+    }
+}
 
 /// Rooms with what stands between them.
 struct Maze {
     corridor: usize,
     wall: usize,
-    /// Rooms along a side.
-    rooms: usize,
+    /// Columns and rows of rooms.
+    rooms: [usize; 2],
     /// Whether a room is joined to the one on its right, and to the one above.
     joined: Vec<[bool; 2]>,
 }
 
 impl Maze {
     /// As many rooms as fit.
-    fn drawn(corridor: usize, wall: usize, stream: &mut Stream) -> Self {
-        let rooms = (CELLS + wall) / (corridor + wall);
-        let joined = vec![[false; 2]; rooms * rooms];
+    fn drawn(raster: Raster, [corridor, wall]: [usize; 2], stream: &mut Stream) -> Self {
+        // Where the membrane is narrower than a corridor there is one room, which is cut.
+        let rooms = raster.sides().map(|cells| ((cells + wall) / (corridor + wall)).max(1));
+        let joined = vec![[false; 2]; rooms[0] * rooms[1]];
         let mut maze = Self {
             corridor,
             wall,
@@ -60,8 +72,9 @@ impl Maze {
 
     /// Joins all rooms by a walk that goes on to a random room that it has not seen, and back where there is none.
     fn join(&mut self, stream: &mut Stream) {
-        let mut seen = vec![false; self.rooms * self.rooms];
-        let mut path = vec![stream.index(self.rooms * self.rooms)];
+        let count = self.rooms[0] * self.rooms[1];
+        let mut seen = vec![false; count];
+        let mut path = vec![stream.index(count)];
         while let Some(&here) = path.last() {
             seen[here] = true;
             let next: Vec<usize> = self.neighbours(here).filter(|&room| !seen[room]).collect();
@@ -70,36 +83,37 @@ impl Maze {
                 continue;
             }
             let there = next[stream.index(next.len())];
-            let upwards = usize::from(here.abs_diff(there) == self.rooms);
+            let upwards = usize::from(here % self.rooms[0] == there % self.rooms[0]);
             self.joined[here.min(there)][upwards] = true;
             path.push(there);
         }
     }
 
     fn neighbours(&self, room: usize) -> impl Iterator<Item = usize> {
-        let n = self.rooms;
+        let [n, m] = self.rooms;
         let (x, y) = (room % n, room / n);
         let sides = [
             (x + 1 < n).then_some(room + 1),
             (x > 0).then(|| room.wrapping_sub(1)),
-            (y + 1 < n).then_some(room + n),
+            (y + 1 < m).then_some(room + n),
             (y > 0).then(|| room.wrapping_sub(n)),
         ];
         sides.into_iter().flatten()
     }
 
-    /// Cells along its side.
-    fn side(&self) -> usize {
-        self.rooms * (self.corridor + self.wall) - self.wall
+    /// Cells along its sides.
+    fn sides(&self) -> [usize; 2] {
+        self.rooms.map(|rooms| rooms * (self.corridor + self.wall) - self.wall)
     }
 
     /// Whether a cell belongs to a corridor; counted from the lower left cell of the first room.
     fn is_open(&self, x: usize, y: usize) -> bool {
-        if x >= self.side() || y >= self.side() {
+        let [width, height] = self.sides();
+        if x >= width || y >= height {
             return false;
         }
         let pitch = self.corridor + self.wall;
-        let joined = self.joined[y / pitch * self.rooms + x / pitch];
+        let joined = self.joined[y / pitch * self.rooms[0] + x / pitch];
         match (x % pitch < self.corridor, y % pitch < self.corridor) {
             (true, true) => true,
             (false, true) => joined[0],
@@ -118,20 +132,22 @@ impl Family for Mazes {
         let mut stream = Stream::new(seed, "mazes", index);
         let [corridor, wall] = [1 + stream.index(WIDEST), 1 + stream.index(WIDEST)];
         let inside = stream.chance(0.5);
-        let maze = Maze::drawn(corridor, wall, &mut stream);
-        let rest = CELLS - maze.side();
-        let [left, below] = [stream.index(rest + 1), stream.index(rest + 1)];
+        let raster = self.canvas.raster();
+        let maze = Maze::drawn(raster, [corridor, wall], &mut stream);
+        let (cells, sides) = (raster.sides(), maze.sides());
+        let [left, below] = [0, 1].map(|axis| stream.index(cells[axis].saturating_sub(sides[axis]) + 1));
         let open = |x: usize, y: usize| x >= left && y >= below && maze.is_open(x - left, y - below);
-        Ok(Pattern::from_fn(|x, y| open(x, y) == inside))
+        Ok(Pattern::from_fn(raster, |x, y| open(x, y) == inside))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pattern::CELLS;
 
     fn drawn(seed: u64, index: u64) -> Pattern {
-        Mazes.sample(seed, index).unwrap()
+        Mazes::new(Canvas::PAPER).sample(seed, index).unwrap()
     }
 
     /// Whether the corridors are active, and how wide they and the walls are.

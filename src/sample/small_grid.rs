@@ -3,11 +3,12 @@
 //! The first of the source paper's families (Qin et al., doi 10.1089/soro.2024.0063, "Dataset construction"): half of
 //! the 2500 cells, chosen at random. The area fraction is a parameter here.
 
+use super::canvas::Canvas;
 use super::error::{SampleError, cells_at};
 use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
 use super::membership::is_grid_of;
 use crate::base::{Decimal, Stream, parameters};
-use crate::pattern::{CELLS, Pattern};
+use crate::pattern::Pattern;
 
 parameters! {
     /// Patterns of which every cell stands for itself.
@@ -22,41 +23,44 @@ parameters! {
 impl FamilyParameters for Parameters {
     const NAME: &'static str = "small-grid";
 
-    fn groups(&self) -> Result<Vec<Group>, Refusal> {
-        let family = SmallGrid::new(self.area.to_f64()).map_err(Refusal::of("area"))?;
+    fn groups(&self, canvas: Canvas) -> Result<Vec<Group>, Refusal> {
+        let family = SmallGrid::new(canvas, self.area.to_f64()).map_err(Refusal::of("area"))?;
         Ok(self.one_group(self.count, Box::new(family)))
     }
 
     /// Every cell is on or off by chance.
     fn admits(pattern: &Pattern) -> bool {
-        is_grid_of(CELLS, pattern)
+        is_grid_of(pattern.raster().sides(), pattern)
     }
 }
 
 /// Patterns with a fixed number of active cells, each such pattern equally likely.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SmallGrid {
+    canvas: Canvas,
     active: usize,
 }
 
 impl SmallGrid {
-    /// The family at an area fraction (0.5 in the paper); exactly the nearest number of cells to `area` · 2500 is active.
+    /// The family at an area fraction (0.5 in the paper); exactly the nearest number of cells to it is active.
     ///
     /// # Errors
     /// When not even one cell would be active, or all of them.
-    pub fn new(area: f64) -> Result<Self, SampleError> {
+    pub fn new(canvas: Canvas, area: f64) -> Result<Self, SampleError> {
         Ok(Self {
-            active: cells_at(area)?,
+            canvas,
+            active: cells_at(area, canvas.raster())?,
         })
     }
 
     /// The pattern that a stream draws next.
     pub(super) fn drawn(&self, stream: &mut Stream) -> Pattern {
-        let mut active = vec![false; CELLS * CELLS];
-        for cell in stream.choose(CELLS * CELLS, self.active) {
+        let cells = self.canvas.raster().cells();
+        let mut active = vec![false; cells];
+        for cell in stream.choose(cells, self.active) {
             active[cell] = true;
         }
-        Pattern::from_fn(|x, y| active[y * CELLS + x])
+        self.canvas.pattern(&active)
     }
 }
 
@@ -73,11 +77,12 @@ impl Family for SmallGrid {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pattern::CELLS;
 
     #[test]
     fn the_area_is_exact() {
         for (area, cells) in [(0.5, 1250), (0.05, 125), (0.9996, 2499)] {
-            let family = SmallGrid::new(area).unwrap();
+            let family = SmallGrid::new(Canvas::PAPER, area).unwrap();
             for index in 0..20 {
                 assert_eq!(family.sample(1, index).unwrap().active_cells(), cells);
             }
@@ -86,7 +91,7 @@ mod tests {
 
     #[test]
     fn every_cell_is_equally_likely() {
-        let family = SmallGrid::new(0.5).unwrap();
+        let family = SmallGrid::new(Canvas::PAPER, 0.5).unwrap();
         let draws = 400;
         let mut counts = vec![0.0; CELLS * CELLS];
         for index in 0..draws {
@@ -103,7 +108,7 @@ mod tests {
 
     #[test]
     fn a_sample_is_named_by_seed_and_index() {
-        let family = SmallGrid::new(0.5).unwrap();
+        let family = SmallGrid::new(Canvas::PAPER, 0.5).unwrap();
         assert_eq!(family.sample(1, 7), family.sample(1, 7));
         assert_ne!(family.sample(1, 7), family.sample(1, 8));
         assert_ne!(family.sample(1, 7), family.sample(2, 7));

@@ -8,10 +8,11 @@
 use std::f64::consts::TAU;
 
 use super::areas::{AreaFractions, Areas, highest};
+use super::canvas::Canvas;
 use super::error::SampleError;
 use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
 use crate::base::{Stream, parameters};
-use crate::pattern::{CELLS, Pattern};
+use crate::pattern::Pattern;
 
 /// Distance between the middle lines of neighbouring arms, in cells.
 const DISTANCE: [f64; 2] = [2.5, 16.0];
@@ -35,8 +36,8 @@ parameters! {
 impl FamilyParameters for Parameters {
     const NAME: &'static str = "spirals";
 
-    fn groups(&self) -> Result<Vec<Group>, Refusal> {
-        let family = Spirals::new(self.area.areas()?);
+    fn groups(&self, canvas: Canvas) -> Result<Vec<Group>, Refusal> {
+        let family = Spirals::new(self.area.areas(canvas)?);
         Ok(self.one_group(self.count, Box::new(family)))
     }
 }
@@ -65,14 +66,13 @@ struct Arms {
 }
 
 impl Arms {
-    fn drawn(stream: &mut Stream) -> Self {
+    fn drawn(canvas: &Canvas, stream: &mut Stream) -> Self {
         let count = (1 + stream.index(ARMS)) as f64;
         let hand = if stream.chance(0.5) { 1.0 } else { -1.0 };
-        let middle = 0.5 * CELLS as f64;
         Self {
             turns: hand * count,
             distance: stream.range(DISTANCE[0], DISTANCE[1]),
-            centre: [(); 2].map(|()| middle + stream.range(-OFFSET, OFFSET)),
+            centre: canvas.middle().map(|middle| middle + stream.range(-OFFSET, OFFSET)),
             phase: stream.range(0.0, TAU),
         }
     }
@@ -91,9 +91,10 @@ impl Family for Spirals {
 
     fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {
         let mut stream = Stream::new(seed, "spirals", index);
-        let arms = Arms::drawn(&mut stream);
+        let canvas = self.areas.canvas();
+        let arms = Arms::drawn(canvas, &mut stream);
         let area = self.areas.drawn(&mut stream);
-        Ok(highest(area, |x, y| arms.level(x, y)))
+        Ok(highest(canvas, area, |x, y| arms.level(x, y)))
     }
 }
 
@@ -102,7 +103,7 @@ mod tests {
     use super::*;
 
     fn usual() -> Spirals {
-        Spirals::new(Areas::new(0.2, 0.8).unwrap())
+        Spirals::new(Areas::new(Canvas::PAPER, 0.2, 0.8).unwrap())
     }
 
     fn drawn(seed: u64, index: u64) -> Pattern {
@@ -116,14 +117,14 @@ mod tests {
         let mean = areas.iter().sum::<f64>() / 300.0;
         // Uniform: mean 0.5, standard deviation 0.1732.
         assert!((mean - 0.5).abs() < 4.0 * 0.1732 / 300f64.sqrt(), "{mean}");
-        let third = Spirals::new(Areas::new(0.3, 0.3).unwrap());
+        let third = Spirals::new(Areas::new(Canvas::PAPER, 0.3, 0.3).unwrap());
         assert!((0..20).all(|i| third.sample(1, i).unwrap().active_cells() == 750));
     }
 
     #[test]
     fn a_turn_between_two_arms_and_a_step_to_the_next_keep_the_level() {
         for index in 0..60 {
-            let arms = Arms::drawn(&mut Stream::new(2, "spirals", index));
+            let arms = Arms::drawn(&Canvas::PAPER, &mut Stream::new(2, "spirals", index));
             let [x, y] = arms.centre;
             for (angle, radius) in [(0.3f64, 6.0), (2.0, 11.0), (4.4, 17.5)] {
                 let at = |angle: f64, radius: f64| arms.level(x + radius * angle.cos(), y + radius * angle.sin());
@@ -140,7 +141,7 @@ mod tests {
     #[test]
     fn arms_and_hands_are_drawn_alike() {
         let turns: Vec<f64> = (0..400)
-            .map(|i| Arms::drawn(&mut Stream::new(8, "spirals", i)).turns)
+            .map(|i| Arms::drawn(&Canvas::PAPER, &mut Stream::new(8, "spirals", i)).turns)
             .collect();
         for count in [-4.0, -3.0, -2.0, -1.0, 1.0, 2.0, 3.0, 4.0] {
             let n = turns.iter().filter(|t| **t == count).count();

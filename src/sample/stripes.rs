@@ -8,6 +8,7 @@
 use std::f64::consts::{PI, TAU};
 
 use super::areas::{AreaFractions, Areas, highest};
+use super::canvas::Canvas;
 use super::error::SampleError;
 use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
 use crate::base::{Stream, parameters};
@@ -29,8 +30,8 @@ parameters! {
 impl FamilyParameters for Parameters {
     const NAME: &'static str = "stripes";
 
-    fn groups(&self) -> Result<Vec<Group>, Refusal> {
-        let family = Stripes::new(self.area.areas()?);
+    fn groups(&self, canvas: Canvas) -> Result<Vec<Group>, Refusal> {
+        let family = Stripes::new(self.area.areas(canvas)?);
         Ok(self.one_group(self.count, Box::new(family)))
     }
 }
@@ -61,7 +62,7 @@ impl Family for Stripes {
         let phase = stream.range(0.0, TAU);
         let area = self.areas.drawn(&mut stream);
         let level = |x: f64, y: f64| ((cosine * x + sine * y) * TAU / period + phase).cos();
-        Ok(highest(area, level))
+        Ok(highest(self.areas.canvas(), area, level))
     }
 }
 
@@ -71,7 +72,7 @@ mod tests {
     use crate::pattern::CELLS;
 
     fn usual() -> Stripes {
-        Stripes::new(Areas::new(0.2, 0.8).unwrap())
+        Stripes::new(Areas::new(Canvas::PAPER, 0.2, 0.8).unwrap())
     }
 
     fn drawn(family: &Stripes, seed: u64, index: u64) -> Pattern {
@@ -85,7 +86,7 @@ mod tests {
         let mean = areas.iter().sum::<f64>() / 300.0;
         // Uniform: mean 0.5, standard deviation 0.1732.
         assert!((mean - 0.5).abs() < 4.0 * 0.1732 / 300f64.sqrt(), "{mean}");
-        let fifth = Stripes::new(Areas::new(0.2, 0.2).unwrap());
+        let fifth = Stripes::new(Areas::new(Canvas::PAPER, 0.2, 0.2).unwrap());
         assert!((0..20).all(|i| drawn(&fifth, 1, i).active_cells() == 500));
     }
 

@@ -1,7 +1,7 @@
 //! An electrode as polygons in mm, at the size at which it is to be made.
 
 use super::model::Scene;
-use crate::pattern::{CELLS, Corners, Pattern, outlines, total_area};
+use crate::pattern::{Corners, Membrane, Pattern, outlines, total_area};
 
 /// A point in mm, the origin at the lower left corner of the membrane.
 pub type Point = [f64; 2];
@@ -31,12 +31,12 @@ impl Size {
 pub struct Mask {
     /// The state that it is for.
     pub size: Size,
-    /// Side of the membrane in that state, mm.
-    pub side: f64,
-    /// That side over the side of the prestretched membrane.
-    pub scale: f64,
-    /// Prestretch.
-    pub prestretch: f64,
+    /// The membrane in that state.
+    pub membrane: Membrane,
+    /// Its sides over those of the prestretched membrane.
+    pub scale: [f64; 2],
+    /// Prestretch along x and y.
+    pub prestretch: [f64; 2],
     /// Area of the active cells, mm².
     pub electrode_area: f64,
     /// The same over the area of the membrane.
@@ -55,34 +55,32 @@ impl Mask {
     pub fn new(pattern: &Pattern, scene: &Scene, size: Size, rounded: bool) -> Self {
         let prestretch = scene.prestretch();
         let scale = match size {
-            Size::Prestretched => 1.0,
-            Size::Undeformed => prestretch.recip(),
+            Size::Prestretched => [1.0; 2],
+            Size::Undeformed => prestretch.map(f64::recip),
         };
-        let side = scene.side_mm() * scale;
-        let cell = side / CELLS as f64;
+        let prestretched = scene.membrane();
+        let membrane = Membrane {
+            size_mm: [0, 1].map(|axis| prestretched.size_mm[axis] * scale[axis]),
+            ..prestretched
+        };
+        let [width, height] = membrane.cell_mm();
         let corners = if rounded { Corners::Rounded } else { Corners::Square };
         let islands = outlines(pattern, corners);
-        let ring = |ring: &Vec<Point>| -> Vec<Point> { ring.iter().map(|p| p.map(|v| v * cell)).collect() };
+        let ring = |ring: &Vec<Point>| -> Vec<Point> { ring.iter().map(|[x, y]| [x * width, y * height]).collect() };
         Self {
             size,
-            side,
+            membrane,
             scale,
             prestretch,
-            electrode_area: pattern.active_cells() as f64 * cell * cell,
+            electrode_area: pattern.active_cells() as f64 * width * height,
             area_fraction: pattern.area_fraction(),
-            outline_area: total_area(&islands) * cell * cell,
+            outline_area: total_area(&islands) * width * height,
             rounded,
             islands: islands
                 .iter()
                 .map(|island| (ring(&island.outer), island.holes.iter().map(ring).collect()))
                 .collect(),
         }
-    }
-
-    /// Cells along a side.
-    #[must_use]
-    pub fn cells_along_side() -> usize {
-        CELLS
     }
 
     /// Holes of all islands.
@@ -95,18 +93,24 @@ impl Mask {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pattern::Raster;
 
     #[test]
     fn the_undeformed_mask_is_smaller_by_the_prestretch() {
-        let (pattern, scene) = (Pattern::from_fn(|x, y| x < 10 && y < 20), Scene::vhb4910());
+        let (pattern, scene) = (
+            Pattern::from_fn(Raster::PAPER, |x, y| x < 10 && y < 20),
+            Scene::vhb4910(),
+        );
         let mask = Mask::new(&pattern, &scene, Size::Prestretched, false);
         assert_eq!(
-            (mask.side, mask.electrode_area, mask.outline_area),
-            (50.0, 200.0, 200.0)
+            (mask.membrane.size_mm, mask.electrode_area, mask.outline_area),
+            ([50.0; 2], 200.0, 200.0)
         );
         assert_eq!(mask.islands[0].0, [[0.0, 0.0], [10.0, 0.0], [10.0, 20.0], [0.0, 20.0]]);
         let small = Mask::new(&pattern, &scene, Size::Undeformed, false);
-        assert!((small.side - 50.0 / 3.0).abs() < 1e-12 && (small.outline_area - 200.0 / 9.0).abs() < 1e-12);
+        assert!(
+            (small.membrane.size_mm[1] - 50.0 / 3.0).abs() < 1e-12 && (small.outline_area - 200.0 / 9.0).abs() < 1e-12
+        );
         assert!((small.islands[0].0[2][1] - 20.0 / 3.0).abs() < 1e-12);
     }
 }

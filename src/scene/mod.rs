@@ -2,6 +2,7 @@
 
 mod difference;
 pub mod effects;
+mod geometry;
 mod mask;
 mod model;
 mod properties;
@@ -13,6 +14,7 @@ pub use effects::{
     Breakdown, ConstantStrength, Effects, Electrode, HuangStrength, On, PermittivityDecay, PermittivityReference,
     Stiffening, laws,
 };
+pub use geometry::{Both, Geometry, Outline};
 pub use mask::{Mask, Point, Size};
-pub use model::{Drive, ElasticModel, Geometry, Material, Scene, VACUUM_PERMITTIVITY};
+pub use model::{Drive, ElasticModel, Material, Scene, VACUUM_PERMITTIVITY};
 pub use properties::{Branch, Properties};

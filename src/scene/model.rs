@@ -4,62 +4,16 @@ use std::f64::consts::TAU;
 use std::path::Path;
 
 use super::effects::{Effects, switched_on};
+use super::geometry::Geometry;
 use super::properties::Properties;
 use crate::base::{
-    Canonical, Decimal, Declared, Document, Fields, Frequency, InputError, Length, Map, Node, NodeValue, Parameter,
-    Schema, Stress, Time, Voltage, parameters, words,
+    Canonical, Decimal, Declared, Document, Fields, Frequency, InputError, Map, Node, NodeValue, Parameter, Schema,
+    Stress, Time, Voltage, parameters, words,
 };
-use crate::pattern::CELLS;
+use crate::pattern::{Membrane, Symmetries};
 
 /// ε₀ in F/m (CODATA 2018).
 pub const VACUUM_PERMITTIVITY: f64 = 8.854_187_812_8e-12;
-
-parameters! {
-    /// The square membrane, prestretched and clamped on a rigid frame.
-    pub struct Geometry as "`geometry`" {
-        /// Side of the prestretched membrane.
-        pub side: Length [1e-3..=1e4],
-        /// Undeformed thickness, before prestretch.
-        pub thickness: Length [1e-4..=1e3],
-        /// Equibiaxial prestretch.
-        pub prestretch: Decimal [1.0..=10.0],
-        /// Cells along a side.
-        pub cells: Cells,
-    }
-}
-
-/// How many cells the membrane has along a side.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Cells;
-
-impl Parameter for Cells {
-    type Limits = ();
-    type Literal = Self;
-
-    fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
-        if node.integer(key, 1, 100_000)? == CELLS as u64 {
-            return Ok(Self);
-        }
-        Err(node
-            .error(format!(
-                "`{key}` is {}: patterns have {CELLS} × {CELLS} cells",
-                node.found()
-            ))
-            .help(format!("allowed: {CELLS}")))
-    }
-
-    fn canonical(&self) -> Option<Canonical> {
-        Some(Canonical::from(CELLS))
-    }
-
-    fn schema((): &()) -> Schema {
-        Schema::new(serde_json::json!({ "const": CELLS }))
-    }
-
-    fn literal(literal: Self) -> Self {
-        literal
-    }
-}
 
 words! {
     /// The elastic law of the base model.
@@ -127,13 +81,13 @@ pub struct Scene {
 }
 
 /// What a scene is, in messages.
-const WHAT: &str = "the scene";
+pub(super) const WHAT: &str = "the scene";
 
 /// The word in place of effects that leaves them to screening.
 const AUTO: &str = "auto";
 
 /// The sections of a scene.
-const SECTIONS: [&str; 5] = ["geometry", "material", "drive", "effects", "properties"];
+pub(super) const SECTIONS: [&str; 5] = ["geometry", "material", "drive", "effects", "properties"];
 
 impl Scene {
     /// Reads a scene from a YAML file.
@@ -176,7 +130,7 @@ impl Scene {
         }
         refuse_charge(&map)?;
         Ok(Self {
-            geometry: section(&map, "geometry")?,
+            geometry: section::<Geometry>(&map, "geometry")?.normalised(),
             material,
             drive: section(&map, "drive")?,
             effects,
@@ -220,12 +174,7 @@ impl Scene {
     ) -> Self {
         let finite = "a finite number";
         Self {
-            geometry: Geometry {
-                side: Length::from_f64(side).expect(finite),
-                thickness: Length::from_f64(thickness).expect(finite),
-                prestretch: Decimal::from_f64(prestretch).expect(finite),
-                cells: Cells,
-            },
+            geometry: Geometry::square(side, thickness, prestretch),
             material: Material {
                 model: ElasticModel::NeoHookean,
                 shear_modulus: Stress::from_f64(shear_modulus).expect(finite),
@@ -268,10 +217,27 @@ impl Scene {
         }
     }
 
-    /// Side L of the prestretched membrane in mm.
+    /// What patterns are drawn on.
+    #[must_use]
+    pub fn membrane(&self) -> Membrane {
+        self.geometry.membrane()
+    }
+
+    /// What maps the membrane to itself: all symmetries of the square, or those of a rectangle where it, its cells or its prestretch are one.
+    #[must_use]
+    pub fn symmetries(&self) -> Symmetries {
+        let (Membrane { raster, size_mm }, [along, across]) = (self.membrane(), self.prestretch());
+        match raster.is_square() && size_mm[0] == size_mm[1] && along == across {
+            true => Symmetries::SQUARE,
+            false => Symmetries::RECTANGLE,
+        }
+    }
+
+    /// The side in mm of a square of the area of the prestretched membrane: a length to compare others with.
     #[must_use]
     pub fn side_mm(&self) -> f64 {
-        self.geometry.side.value()
+        let [x, y] = self.membrane().size_mm;
+        (x * y).sqrt()
     }
 
     /// Undeformed thickness H in mm.
@@ -280,16 +246,23 @@ impl Scene {
         self.geometry.thickness.value()
     }
 
-    /// Thickness of the prestretched membrane, H/λp², in mm.
+    /// Thickness of the prestretched membrane, H/(λ₁λ₂), in mm.
     #[must_use]
     pub fn prestretched_thickness_mm(&self) -> f64 {
-        self.thickness_mm() / self.prestretch().powi(2)
+        self.thickness_mm() / self.mean_prestretch().powi(2)
     }
 
-    /// Prestretch λp.
+    /// Prestretch λ₁ along x and λ₂ along y.
     #[must_use]
-    pub fn prestretch(&self) -> f64 {
-        self.geometry.prestretch.to_f64()
+    pub fn prestretch(&self) -> [f64; 2] {
+        self.geometry.prestretch.0.each_ref().map(|stretch| stretch.to_f64())
+    }
+
+    /// √(λ₁λ₂): the equibiaxial prestretch that stretches areas as much, λp where it is equibiaxial.
+    #[must_use]
+    pub fn mean_prestretch(&self) -> f64 {
+        let [along, across] = self.prestretch();
+        (along * across).sqrt()
     }
 
     /// Shear modulus μ in Pa.

@@ -28,6 +28,54 @@ fn a_scene_survives_its_own_text() {
     );
 }
 
+#[test]
+fn a_geometry_is_said_in_one_way() {
+    let of = |geometry: &str| {
+        Scene::from_text(&format!(
+            "{{ geometry: {geometry}, material: {{ model: neo-hookean, shear_modulus: 45 kPa, \
+             relative_permittivity: 4.7 }}, drive: {{ voltage: 5.25 kV }} }}"
+        ))
+    };
+    let square = of("{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 50 }").unwrap();
+    assert_eq!(square, Scene::vhb4910());
+    for other in [
+        "{ size: [50 mm, 5 cm], thickness: 1 mm, prestretch: 3, cells: 50 }",
+        "{ side: 50 mm, thickness: 1 mm, prestretch: [3, 3.0], cells: [50, 50] }",
+    ] {
+        let other = of(other).unwrap();
+        assert_eq!((other.canonical(), &other), (square.canonical(), &square));
+    }
+    let device = of("{ size: [60 mm, 30 mm], thickness: 1 mm, prestretch: [3, 4], cells: [120, 40] }").unwrap();
+    assert_eq!(Scene::from_text(&device.to_text()).unwrap(), device);
+    let membrane = device.membrane();
+    assert_eq!((membrane.raster.sides(), membrane.size_mm), ([120, 40], [60.0, 30.0]));
+    assert_eq!((membrane.cell_mm(), device.prestretch()), ([0.5, 0.75], [3.0, 4.0]));
+    assert!((device.mean_prestretch() - 12f64.sqrt()).abs() < 1e-15);
+    for (wrong, says) in [
+        ("{ thickness: 1 mm, prestretch: 3, cells: 50 }", "side"),
+        (
+            "{ side: 5 mm, size: [5 mm, 5 mm], thickness: 1 mm, prestretch: 3, cells: 50 }",
+            "cannot stand beside",
+        ),
+        (
+            "{ side: 5 mm, thickness: 1 mm, prestretch: [3], cells: 50 }",
+            "two values",
+        ),
+        (
+            "{ side: 5 mm, thickness: 1 mm, prestretch: [3, 11], cells: 50 }",
+            "prestretch",
+        ),
+        ("{ side: 5 mm, thickness: 1 mm, prestretch: 3, cells: 0 }", "cells"),
+        (
+            "{ side: 5 mm, thickness: 1 mm, prestretch: 3, cells: [50, 401] }",
+            "cells",
+        ),
+    ] {
+        let refused = of(wrong).unwrap_err().to_string();
+        assert!(refused.contains(says), "{wrong}: {refused}");
+    }
+}
+
 fn read(effects: &str, properties: &str) -> Result<Scene, InputError> {
     let text = format!(
         "geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 50 }}\n\

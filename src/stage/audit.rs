@@ -101,7 +101,8 @@ impl Kind for AuditKind {
         vec![AuditParameters::fields()]
     }
 
-    fn read(&self, stage: &Node, _scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
+    fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
+        super::refuse_other_membranes(stage, scene)?;
         let parameters = AuditParameters::read_with(stage, &["kind", "needs"])?;
         Ok(Box::new(AuditStage { parameters }))
     }
@@ -218,6 +219,7 @@ impl Stage for AuditStage {
         let scene = source.scene.as_deref();
         let scene = scene.ok_or_else(|| wrong("it does not say which scene it was made with".to_owned()))?;
         let scene = Scene::from_text(scene).map_err(|e| wrong(e.to_string()))?;
+        super::refuse_other_than_of_paper(&scene).map_err(StageError::Input)?;
         // Samples are drawn with repeats, which balancing leaves out. Nothing is known of how others were chosen.
         let is_drawn = source.level.is_none() && source.solver.is_some();
         let start = Instant::now();
@@ -257,6 +259,7 @@ impl Stage for AuditStage {
 /// When one of the files cannot be read, or a simulator not be set up.
 pub fn audit_file(file: &Path, scene: &Path, request: &Request, progress: &dyn Progress) -> Result<Audit, DirectError> {
     let scene = read_scene(scene)?;
+    super::refuse_other_than_of_paper(&scene).map_err(DirectError::Failed)?;
     let unreadable = |e: ContentError| {
         let help = "the arrays must stand in the file itself; or name the stage: deaflow audit PIPELINE.yaml:STAGE";
         InputError::new(e.to_string()).help(help)

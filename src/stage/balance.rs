@@ -6,9 +6,9 @@ use super::results::{most, named};
 use crate::base::{Canonical, Declared, Fields, InputError, Length, Node, Seed, parameters};
 use crate::content::{self, BalanceCounts, Histograms, Packed, SOLVED, Solutions, files};
 use crate::dataset::{BalanceOptions, Balanced, BalancedRow, Bins, Candidate, SymmetryGroup, balance};
-use crate::field::{CORNERS, Field};
+use crate::field::Field;
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
-use crate::pattern::Pattern;
+use crate::pattern::{Pattern, Raster};
 use crate::scene::Scene;
 use crate::store::{Artifact, Object};
 
@@ -62,7 +62,7 @@ parameters! {
         range: [Length; 2] [0.0..=1e4],
         /// Rows that are wanted.
         target: u64 [1..=100_000_000],
-        /// Images that fill scarce bins: by the square's symmetry, or none.
+        /// Images that fill scarce bins: by the symmetries of the membrane, or none.
         symmetry: SymmetryGroup = SymmetryGroup::D4,
         /// Names the random numbers.
         seed: Seed,
@@ -75,11 +75,12 @@ struct BalanceStage {
 }
 
 impl BalanceStage {
-    fn options(&self) -> BalanceOptions {
+    fn options(&self, scene: &Scene) -> BalanceOptions {
         BalanceOptions {
             bins: self.bins,
             target: self.parameters.target,
             symmetry: self.parameters.symmetry,
+            group: scene.symmetries(),
             seed: self.parameters.seed.0,
         }
     }
@@ -104,6 +105,7 @@ impl Stage for BalanceStage {
     }
 
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
+        let scene = super::scene_of_any_inputs(job.inputs)?;
         let mut solved = Solved::default();
         for input in job.inputs {
             let view = Solutions::open(input)?;
@@ -128,7 +130,7 @@ impl Stage for BalanceStage {
                 max_displacement: Some(peak),
             })
             .collect();
-        let balanced = balance(&candidates, &self.options()).map_err(|e| StageError::Failed(e.to_string()))?;
+        let balanced = balance(&candidates, &self.options(&scene)).map_err(|e| StageError::Failed(e.to_string()))?;
         if balanced.rows.is_empty() {
             return Err(StageError::Input(format!(
                 "none of {} solved samples lies within the range of the histogram",
@@ -136,15 +138,15 @@ impl Stage for BalanceStage {
             )));
         }
         job.progress.advance(1);
-        let fields = fields(job.inputs, &balanced.rows)?;
-        Ok(content(&solved, balanced, fields, super::scene_of_inputs(job.inputs)?).object())
+        let fields = fields(job.inputs, &balanced.rows, scene.membrane().raster)?;
+        Ok(content(&solved, balanced, fields, scene).object())
     }
 }
 
 /// The fields of rows in the order of their sources, `[row][y][x][component]`. They are read chunk by chunk: those of all
 /// samples together are larger than all else that a run holds in memory.
-fn fields(inputs: &[Artifact], rows: &[BalancedRow]) -> Result<Vec<f64>, StageError> {
-    let mut values = Vec::with_capacity(rows.len() * CORNERS * CORNERS * 2);
+fn fields(inputs: &[Artifact], rows: &[BalancedRow], raster: Raster) -> Result<Vec<f64>, StageError> {
+    let mut values = Vec::with_capacity(rows.len() * 2 * raster.corners());
     let (mut rest, mut first) = (rows, 0);
     for input in inputs {
         for chunk in files(input)? {

@@ -51,7 +51,8 @@ impl Kind for CalibrateKind {
         vec![CalibrateStage::fields()]
     }
 
-    fn read(&self, stage: &Node, _scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
+    fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
+        super::refuse_other_membranes(stage, scene)?;
         Ok(Box::new(CalibrateStage::read_with(stage, &["kind", "needs"])?))
     }
 }

@@ -163,7 +163,7 @@ impl Kind for DesignKind {
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
         let keys = [&["kind", "needs", "constraints"][..], &DesignParameters::keys()].concat();
         let map = stage.fields(DesignParameters::WHAT, &keys)?;
-        let scene = super::scene_of(stage, scene)?;
+        let scene = super::paper_scene_of(stage, scene)?;
         let DesignParameters {
             case,
             evaluator,
@@ -172,9 +172,9 @@ impl Kind for DesignKind {
         } = DesignParameters::read_map(&map)?;
         let constraints = match map.optional("constraints") {
             Some(node) => read_constraints(node, &scene)?,
-            None => ConstraintParameters::none(),
+            None => ConstraintParameters::none(scene.membrane()),
         };
-        let targets = targets.on_membrane(&map, scene.geometry.side.value(), options.area_penalty.to_f64())?;
+        let targets = targets.on_membrane(&map, scene.side_mm(), options.area_penalty.to_f64())?;
         for area in targets.iter().filter_map(|target| target.area.fraction()) {
             let node = map.optional("area").or(map.optional("constraints")).unwrap_or(stage);
             constraints.check_area(node, area, options.area_tolerance.to_f64())?;
@@ -203,7 +203,7 @@ fn decisive(scene: &Scene, constraints: &ConstraintParameters) -> Scene {
 
 /// Constraints on patterns of a scene, whose breakdown strength must be known where a margin from it is asked for.
 fn read_constraints(node: &Node, scene: &Scene) -> Result<ConstraintParameters, InputError> {
-    let constraints = ConstraintParameters::read(node, scene.geometry.side.value())?;
+    let constraints = ConstraintParameters::read(node, scene.membrane())?;
     let margin = constraints.constraints().limits().breakdown_margin;
     if margin.is_some() && breakdown_strength(scene).is_none() {
         let at = node.peek("breakdown_margin").unwrap_or(node);

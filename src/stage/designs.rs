@@ -89,7 +89,8 @@ impl Designs {
 /// # Errors
 /// When one cannot be read, or the file holds several patterns.
 pub fn of_file(file: &str, scene: &Path) -> Result<Design, InputError> {
-    let patterns = direct::patterns(&[file.to_owned()])?;
+    let scene = read_scene(scene)?;
+    let patterns = direct::patterns(&[file.to_owned()], scene.membrane().raster)?;
     let [pattern] = patterns.as_slice() else {
         let message = format!(
             "{file} holds {} patterns, and one is exported at a time",
@@ -103,6 +104,6 @@ pub fn of_file(file: &str, scene: &Path) -> Result<Design, InputError> {
         title: title.into_owned(),
         source: format!("file {file}"),
         pattern: pattern.clone(),
-        scene: read_scene(scene)?,
+        scene,
     })
 }

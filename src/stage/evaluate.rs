@@ -63,7 +63,8 @@ impl Kind for EvaluateKind {
         vec![EvaluateStage::fields()]
     }
 
-    fn read(&self, stage: &Node, _scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
+    fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
+        super::refuse_other_membranes(stage, scene)?;
         Ok(Box::new(EvaluateStage::read_with(stage, &["kind", "needs"])?))
     }
 }

@@ -59,7 +59,7 @@ impl Kind for ImportKind {
 
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
         ImportParameters::read_with(stage, &["kind"])?;
-        let scene = super::simulated_scene_of(stage, scene)?;
+        let scene = super::paper_scene_of(stage, scene)?.simulated();
         let (mut files, mut rows) = (Vec::new(), 0);
         for named in NamedFile::of_stage(stage)? {
             let file = open(&named, &scene)?;

@@ -5,7 +5,7 @@ use crate::content::{Labelled, SOLVED, files};
 use crate::dataset::Split;
 use crate::field::{CORNERS, Field, Outcome};
 use crate::orchestrator::StageError;
-use crate::pattern::Pattern;
+use crate::pattern::{Pattern, Raster};
 use crate::store::Artifact;
 use crate::surrogate::Surrogate;
 
@@ -82,7 +82,7 @@ fn of_chunk(chunk: &Artifact, each: &mut dyn FnMut(Batch) -> Result<(), StageErr
     };
     let values = labelled.displacement(0..patterns.len())?;
     for rows in rows.chunks(BATCH) {
-        let field = |&row: &usize| Field::from_values(values[row * VALUES..][..VALUES].to_vec());
+        let field = |&row: &usize| Field::from_values(Raster::PAPER, values[row * VALUES..][..VALUES].to_vec());
         each(Batch {
             patterns: rows.iter().map(|&row| patterns[row].clone()).collect(),
             fields: rows

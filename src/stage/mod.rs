@@ -28,7 +28,8 @@ use crate::base::{InputError, Node};
 use crate::content::{ContentError, StoredAttribute};
 use crate::fem::effects::Model;
 use crate::orchestrator::{MOST_STAGES, Registry, StageError};
-use crate::scene::{Difference, Scene};
+use crate::pattern::{Membrane, Raster};
+use crate::scene::{Difference, Outline, Scene};
 use crate::store::Artifact;
 
 /// All kinds of stages, and how a scene is checked.
@@ -66,10 +67,56 @@ fn scene_of(stage: &Node, scene: Option<&Node>) -> Result<Scene, InputError> {
     checked_scene(scene.ok_or_else(missing)?)
 }
 
+/// The membrane of a pipeline that has a scene, as those see it who draw on it: a square has some side.
+fn membrane_of(scene: Option<&Node>) -> Result<Option<Membrane>, InputError> {
+    let outline = scene.map(Outline::read).transpose()?;
+    Ok(outline.map(|outline| outline.membrane))
+}
+
 /// What a stage that simulates depends on of the pipeline's scene: the parts that decide about its results, so that nothing else is in its
 /// key or its artifact.
 fn simulated_scene_of(stage: &Node, scene: Option<&Node>) -> Result<Scene, InputError> {
     Ok(scene_of(stage, scene)?.simulated())
+}
+
+/// The scene of a stage that knows none but the source paper's membrane: square, of 50 × 50 cells, equally prestretched.
+fn paper_scene_of(stage: &Node, scene: Option<&Node>) -> Result<Scene, InputError> {
+    let read = scene_of(stage, scene)?;
+    refuse_other_membranes(stage, scene)?;
+    Ok(read)
+}
+
+/// Refuses another membrane than the source paper's, for a stage that knows no scene but perhaps that of its inputs.
+fn refuse_other_membranes(stage: &Node, scene: Option<&Node>) -> Result<(), InputError> {
+    let outline = scene.map(Outline::read).transpose()?;
+    match outline.as_ref().and_then(other_than_of_paper) {
+        None => Ok(()),
+        Some(why) => Err(scene
+            .and_then(|node| node.peek("geometry"))
+            .unwrap_or(stage)
+            .error(format!("this pipeline has a stage for {SQUARE} alone, and {why}"))
+            .help("such membranes are simulated by `solve` stages and `deaflow solve`")),
+    }
+}
+
+const SQUARE: &str = "a square membrane of 50 × 50 cells with equal prestretch";
+
+/// What is not as on the source paper's membrane.
+fn other_than_of_paper(outline: &Outline) -> Option<String> {
+    let Outline {
+        membrane,
+        prestretch: [along, across],
+    } = outline;
+    let [width, height] = membrane.size_mm;
+    if membrane.raster != Raster::PAPER {
+        Some(format!("this one has {} cells", membrane.raster))
+    } else if width != height {
+        Some(format!("this one has {}", membrane.size_text()))
+    } else if along != across {
+        Some(format!("this one is stretched by {along} and {across}"))
+    } else {
+        None
+    }
 }
 
 /// A scene that can be simulated, or where it cannot. What `effects: auto` would turn on is checked as far as that is known
@@ -98,8 +145,15 @@ impl From<ContentError> for StageError {
     }
 }
 
-/// The scene that all inputs were made with; inputs of different scenes do not belong in one model.
+/// The scene of all inputs, for a stage that knows none but the source paper's membrane.
 fn scene_of_inputs(inputs: &[Artifact]) -> Result<Scene, StageError> {
+    let scene = scene_of_any_inputs(inputs)?;
+    refuse_other_than_of_paper(&scene).map_err(StageError::Input)?;
+    Ok(scene)
+}
+
+/// The scene that all inputs were made with; inputs of different scenes do not belong in one model.
+fn scene_of_any_inputs(inputs: &[Artifact]) -> Result<Scene, StageError> {
     let mut found: Option<Scene> = None;
     for input in inputs {
         let missing = || {
@@ -114,6 +168,14 @@ fn scene_of_inputs(inputs: &[Artifact]) -> Result<Scene, StageError> {
         }
     }
     found.ok_or_else(|| StageError::Input("the stage has no inputs".to_owned()))
+}
+
+/// Refuses what a stage does not know.
+fn refuse_other_than_of_paper(scene: &Scene) -> Result<(), String> {
+    match other_than_of_paper(&scene.geometry.outline()) {
+        None => Ok(()),
+        Some(why) => Err(format!("this is for {SQUARE} alone, and {why}")),
+    }
 }
 
 /// What is said of inputs of different scenes.

@@ -9,7 +9,7 @@ use crate::base::{Canonical, Fields, InputError, Node, Parameter, Seed};
 use crate::content::{SampleRows, Samples};
 use crate::orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::pattern::Pattern;
-use crate::sample::{FAMILIES, FamilyEntry, Group, read_family};
+use crate::sample::{Canvas, FAMILIES, FamilyEntry, Group, read_family};
 use crate::store::{Artifact, Object};
 
 /// Samples in a chunk: small enough that a killed run loses seconds, large enough that a file is worth opening.
@@ -48,9 +48,13 @@ impl Kind for SampleKind {
         FAMILIES.iter().map(fields).collect()
     }
 
-    fn read(&self, stage: &Node, _scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
+    fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
         let what = "a sample stage";
-        let (map, groups) = read_family(FAMILIES, stage, what, &["kind", "seed"])?;
+        let canvas = super::membrane_of(scene)?.map_or(Canvas::PAPER, |membrane| Canvas::of(&membrane));
+        let (map, mut groups) = read_family(FAMILIES, stage, what, &["kind", "seed"], canvas)?;
+        for group in &mut groups {
+            group.parameters.extend(canvas.parameters());
+        }
         let Seed(seed) = Seed::read(map.required(what, "seed")?, "seed", &())?;
         Ok(Box::new(SampleStage { groups, seed }))
     }

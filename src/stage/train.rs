@@ -69,7 +69,8 @@ impl Kind for TrainKind {
         vec![TrainParameters::fields()]
     }
 
-    fn read(&self, stage: &Node, _scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
+    fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
+        super::refuse_other_membranes(stage, scene)?;
         let mut parameters = TrainParameters::read_with(stage, &["kind", "needs"])?;
         let usual = TrainOptions::of(parameters.network).learning_rate;
         parameters.learning_rate = parameters.learning_rate.or(Decimal::from_f64(usual));

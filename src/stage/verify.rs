@@ -11,7 +11,7 @@ use crate::fem::screening::resolve;
 use crate::fem::{AccurateSimulation, SetupError, Solver, SolverParameters};
 use crate::field::{Field, Mesh, Outcome};
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
-use crate::pattern::Pattern;
+use crate::pattern::{Pattern, Raster};
 use crate::scene::{Effects, Scene};
 use crate::store::{Artifact, Object};
 
@@ -92,7 +92,7 @@ impl Kind for VerifyKind {
             "a verify stage",
             &[&["kind", "needs", "rounds", "update"], &SolverParameters::keys()[..]].concat(),
         )?;
-        let scene = super::simulated_scene_of(stage, scene)?;
+        let scene = super::paper_scene_of(stage, scene)?.simulated();
         Ok(Box::new(VerifyStage {
             solver: SolverParameters::read(&map, MESH)?,
             scene,
@@ -317,5 +317,9 @@ fn goal(text: &str, scene: &Scene) -> Result<Goal, String> {
 }
 
 fn difference(a: &Field, b: &Field) -> Option<Field> {
-    Field::from_values(a.values().iter().zip(b.values()).map(|(a, b)| a - b).collect()).ok()
+    Field::from_values(
+        Raster::PAPER,
+        a.values().iter().zip(b.values()).map(|(a, b)| a - b).collect(),
+    )
+    .ok()
 }

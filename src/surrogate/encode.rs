@@ -8,7 +8,7 @@ use candle_core::{Device, Result, Tensor};
 
 use super::example::Label;
 use crate::field::{CORNERS, Field, FieldError};
-use crate::pattern::{CELLS, Pattern};
+use crate::pattern::{CELLS, Pattern, Raster};
 
 /// Corners along one side without the frame.
 pub(crate) const INNER: usize = CORNERS - 2;
@@ -55,7 +55,7 @@ pub(crate) fn tensor_to_fields(tensor: &Tensor, scale: f64) -> Result<std::resul
                 .zip(row)
                 .for_each(|(u, v)| *u = f64::from(*v) * scale);
         }
-        Field::from_values(values)
+        Field::from_values(Raster::PAPER, values)
     });
     Ok(fields.collect())
 }
@@ -63,6 +63,7 @@ pub(crate) fn tensor_to_fields(tensor: &Tensor, scale: f64) -> Result<std::resul
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pattern::Raster;
 
     #[test]
     fn a_field_survives_the_way_to_a_tensor_and_back() {
@@ -75,12 +76,12 @@ mod tests {
                 0.0
             }
         };
-        let field = Field::from_values((0..CORNERS * CORNERS * 2).map(value).collect()).unwrap();
+        let field = Field::from_values(Raster::PAPER, (0..CORNERS * CORNERS * 2).map(value).collect()).unwrap();
         let labels = [Label::from(&field), Label::zero()];
         let tensor = labels_to_tensor(labels.iter(), 0.25).unwrap();
         assert_eq!(tensor.dims(), [2, INNER, INNER, 2]);
         let back = tensor_to_fields(&tensor, 0.25).unwrap().unwrap();
-        assert_eq!(back, [field.clone(), Field::zero()]);
+        assert_eq!(back, [field.clone(), Field::zero(Raster::PAPER)]);
         // The half resolution holds the x displacement at the odd corners.
         let half = half_resolution(&tensor).unwrap();
         assert_eq!(half.dims(), [2, 25, 25, 1]);
@@ -90,7 +91,7 @@ mod tests {
 
     #[test]
     fn patterns_become_plus_and_minus_one_half() {
-        let pattern = Pattern::from_fn(|x, y| x == 3 && y == 1);
+        let pattern = Pattern::from_fn(Raster::PAPER, |x, y| x == 3 && y == 1);
         let tensor = patterns_to_tensor([&pattern].into_iter()).unwrap();
         assert_eq!(tensor.dims(), [1, CELLS, CELLS, 1]);
         let values = tensor.flatten_all().unwrap().to_vec1::<f32>().unwrap();

@@ -108,7 +108,7 @@ impl Label {
         }
         let mut values = vec![0.0; self.values.len()].into_boxed_slice();
         let [[a, b], [c, d]] = g.matrix().map(|row| row.map(|entry| entry as f32));
-        for (u, to) in self.values.chunks_exact(2).zip(g.permutation(INNER)) {
+        for (u, to) in self.values.chunks_exact(2).zip(g.permutation([INNER; 2])) {
             values[2 * to] = a * u[0] + b * u[1];
             values[2 * to + 1] = c * u[0] + d * u[1];
         }
@@ -144,6 +144,7 @@ impl Example {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pattern::Raster;
 
     fn wavy() -> Vec<f64> {
         let value = |at: usize| {
@@ -160,7 +161,7 @@ mod tests {
 
     #[test]
     fn a_label_is_the_inside_of_its_field() {
-        let field = Field::from_values(wavy()).unwrap();
+        let field = Field::from_values(Raster::PAPER, wavy()).unwrap();
         let label = Label::from_values(field.values()).unwrap();
         assert_eq!(label, Label::from(&field));
         assert_eq!(label.values().len(), INNER * INNER * 2);
@@ -168,14 +169,14 @@ mod tests {
         let at = 2 * (2 * INNER + 6);
         assert_eq!([label.values()[at], label.values()[at + 1]].map(f64::from), [ux, uy]);
         assert_eq!(label.max_magnitude(), field.max_magnitude());
-        let still = Field::zero();
+        let still = Field::zero(Raster::PAPER);
         let count = field.values().len() as f64;
         assert!((label.squares() / count - field.rms_difference(&still).powi(2)).abs() < 1e-12);
     }
 
     #[test]
     fn symmetries_act_as_on_fields() {
-        let field = Field::from_values(wavy()).unwrap();
+        let field = Field::from_values(Raster::PAPER, wavy()).unwrap();
         for g in Symmetry::ALL {
             assert_eq!(Label::from(&field).transformed(g), Label::from(&field.transformed(g)));
         }

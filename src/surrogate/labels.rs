@@ -61,14 +61,14 @@ pub fn implausible(examples: &[Example], side_mm: f64) -> Vec<Implausible> {
 mod tests {
     use super::*;
     use crate::field::CORNERS;
-    use crate::pattern::Pattern;
+    use crate::pattern::{Pattern, Raster};
     use crate::surrogate::Label;
 
     fn example(peak: f64, split: Split) -> Example {
         let mut values = vec![0.0; 2 * CORNERS * CORNERS];
         values[2 * (25 * CORNERS + 25)] = peak;
         Example {
-            pattern: Pattern::from_fn(|_, _| true),
+            pattern: Pattern::from_fn(Raster::PAPER, |_, _| true),
             label: Label::from_values(&values).unwrap(),
             family: "a".to_owned(),
             split,

@@ -125,7 +125,7 @@ fn compare(family: &str, split: Split, group: &[Agreement]) -> Metrics {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pattern::Pattern;
+    use crate::pattern::{Pattern, Raster};
 
     /// A label that is zero but for the first components.
     fn label(first: &[f64]) -> Label {
@@ -136,7 +136,7 @@ mod tests {
 
     fn example(family: &str, split: Split, first: &[f64]) -> Example {
         Example {
-            pattern: Pattern::from_fn(|_, _| false),
+            pattern: Pattern::from_fn(Raster::PAPER, |_, _| false),
             label: label(first),
             family: family.to_owned(),
             split,

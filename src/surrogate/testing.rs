@@ -5,7 +5,7 @@ use super::example::{Example, Label};
 use crate::base::Stream;
 use crate::dataset::Split;
 use crate::field::{CORNERS, Field};
-use crate::pattern::{CELLS, Pattern};
+use crate::pattern::{CELLS, Pattern, Raster};
 
 const INNER: usize = CELLS - 1;
 
@@ -49,7 +49,7 @@ pub(super) fn linear_response(pattern: &Pattern) -> Field {
             values[2 * ((at / INNER + 1) * CORNERS + at % INNER + 1) + component] = u;
         }
     }
-    Field::from_values(values).expect("finite")
+    Field::from_values(Raster::PAPER, values).expect("finite")
 }
 
 /// Half planes at random angles through points near the centre, and 4 × 4 grids.
@@ -60,11 +60,11 @@ pub(super) fn examples(count: u64, split: Split) -> Vec<Example> {
             let (s, c) = stream.range(0.0, std::f64::consts::TAU).sin_cos();
             let shift = stream.range(-4.0, 4.0);
             let behind = |x: usize, y: usize| c * (x as f64 - 24.5) + s * (y as f64 - 24.5) < shift;
-            (Pattern::from_fn(behind), "half-plane")
+            (Pattern::from_fn(Raster::PAPER, behind), "half-plane")
         } else {
             let on = stream.choose(16, 8);
             (
-                Pattern::from_fn(|x, y| on.contains(&(x * 4 / CELLS + y * 4 / CELLS * 4))),
+                Pattern::from_fn(Raster::PAPER, |x, y| on.contains(&(x * 4 / CELLS + y * 4 / CELLS * 4))),
                 "grid",
             )
         };
@@ -82,7 +82,7 @@ pub(super) fn examples(count: u64, split: Split) -> Vec<Example> {
 #[test]
 fn the_linear_response_of_the_half_plane_is_the_closed_form() {
     // The limit of large prestretch: u_x at the centre is 8.441431041 κ λp² mm for L = 50 mm; the mesh costs 1 %.
-    let field = linear_response(&Pattern::from_fn(|x, _| x < CELLS / 2));
+    let field = linear_response(&Pattern::from_fn(Raster::PAPER, |x, _| x < CELLS / 2));
     let [ux, uy] = field.at_corner(25, 25);
     assert!((ux / (8.441431041 * LOAD) - 1.0).abs() < 0.01, "{ux}");
     assert!(uy.abs() < 1e-12);

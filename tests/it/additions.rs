@@ -13,9 +13,9 @@ use deaflow::orchestrator::{
     of_pipeline, run,
 };
 use deaflow::parameters;
-use deaflow::pattern::Pattern;
+use deaflow::pattern::{Pattern, Raster};
 use deaflow::sample::{
-    Entry, FAMILIES, Family, FamilyEntry, FamilyParameters, Group, Refusal, SampleError, read_family,
+    Canvas, Entry, FAMILIES, Family, FamilyEntry, FamilyParameters, Group, Refusal, SampleError, read_family,
 };
 use deaflow::scene::Scene;
 use deaflow::scene::laws::{Form, Response, StiffeningLaw};
@@ -35,7 +35,7 @@ parameters! {
 impl FamilyParameters for Bars {
     const NAME: &'static str = "bars";
 
-    fn groups(&self) -> Result<Vec<Group>, Refusal> {
+    fn groups(&self, _: Canvas) -> Result<Vec<Group>, Refusal> {
         Ok(self.one_group(self.count, Box::new(BarsOf(self.width as usize))))
     }
 }
@@ -50,7 +50,9 @@ impl Family for BarsOf {
 
     fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {
         let shift = Stream::new(seed, "bars", index).index(2 * self.0);
-        Ok(Pattern::from_fn(|x, _| ((x + shift) / self.0).is_multiple_of(2)))
+        Ok(Pattern::from_fn(Raster::PAPER, |x, _| {
+            ((x + shift) / self.0).is_multiple_of(2)
+        }))
     }
 }
 
@@ -59,7 +61,7 @@ fn a_family_is_added_to_the_table_by_value() {
     let table: Vec<&dyn FamilyEntry> = FAMILIES.iter().copied().chain([&Entry::<Bars>::NEW as _]).collect();
     let read = |text: &str| {
         let document = Document::from_text(Path::new("bars"), text).unwrap();
-        let read = read_family(&table, &document.root, "a sample", &["seed"]);
+        let read = read_family(&table, &document.root, "a sample", &["seed"], Canvas::PAPER);
         read.map(|(_, groups)| groups).map_err(|e| e.to_string())
     };
     let groups = read("{ family: bars, count: 3, width: 10, seed: 1 }").unwrap();
@@ -90,7 +92,7 @@ impl StiffeningLaw for Cubic {
 fn a_law_is_handed_to_the_solver_by_value() {
     let scene = Scene::vhb4910();
     let options = SolveOptions::on(Mesh::bilinear(1));
-    let half = [Pattern::from_fn(|x, _| x < 25)];
+    let half = [Pattern::from_fn(Raster::PAPER, |x, _| x < 25)];
     let moved = |c: f64| {
         let solver = MembraneSolver::with_law(&scene, &Cubic(c), options).unwrap();
         solver.simulate(&half).remove(0).field.unwrap().max_magnitude()
@@ -131,7 +133,7 @@ fn an_effect_is_screened_beside_those_of_the_table() {
     let scene = Scene::vhb4910();
     let half = Trial {
         to_the_limit: false,
-        ..Trial::new("half", Pattern::from_fn(|x, _| x < 25))
+        ..Trial::new("half", Pattern::from_fn(Raster::PAPER, |x, _| x < 25))
     };
     let screening = screen_for(&table, &scene, &[half]).unwrap();
     assert_eq!(screening.rows.len(), EFFECTS.len() + 1);

@@ -11,6 +11,7 @@ mod common;
 mod damage;
 mod dataset;
 mod design;
+mod devices;
 mod docs;
 mod evaluate;
 mod export;

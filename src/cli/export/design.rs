@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
+use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use super::membrane;
@@ -290,10 +291,10 @@ fn write_mask(
     let mut notes = notes(&mask);
     if format == DesignFormat::Png {
         let pixels = pixels(arguments, &mask)?;
-        let per_mm = pixels as f64 / mask.side;
-        notes.push(format!("black = electrode; {} pixels per mm", shown(per_mm)));
-        facts.insert("pixels".to_owned(), json!(pixels));
-        facts.insert("pixels_per_mm".to_owned(), json!(per_mm));
+        let per_mm = [0, 1].map(|axis| pixels[axis] as f64 / mask.membrane.size_mm[axis]);
+        notes.push(format!("black = electrode; {} pixels per mm", shown_both(per_mm)));
+        facts.insert("pixels".to_owned(), one_or_both(pixels));
+        facts.insert("pixels_per_mm".to_owned(), one_or_both(per_mm));
     }
     let source = source(arguments, design);
     notes.push(format!("from {source}, by deaflow {}", env!("CARGO_PKG_VERSION")));
@@ -302,7 +303,7 @@ fn write_mask(
         notes,
         source,
         program: SOFTWARE.to_owned(),
-        side: mask.side,
+        size: mask.membrane.size_mm,
         shapes: mask
             .islands
             .iter()
@@ -347,39 +348,57 @@ fn source(arguments: &ExportDesignArguments, design: &Design) -> String {
     stage.map_or_else(|| design.source.clone(), |stage| format!("{}, {stage}", design.source))
 }
 
-/// Pixels along a side: a whole number for each cell, so that the edges of cells are the edges of pixels.
-fn pixels(arguments: &ExportDesignArguments, mask: &Mask) -> Result<usize, CliError> {
-    let cells = Mask::cells_along_side();
+/// Pixels along the sides: a whole number for each cell, so that the edges of cells are the edges of pixels.
+fn pixels(arguments: &ExportDesignArguments, mask: &Mask) -> Result<[usize; 2], CliError> {
+    let (cells, sides) = (mask.membrane.raster.sides(), mask.membrane.cell_mm());
     let per_mm = arguments.pixels_per_mm.unwrap_or(PIXELS_PER_MM);
-    let per_cell = (per_mm * mask.side / cells as f64).round().max(1.0);
-    if per_cell * cells as f64 > MOST_PIXELS as f64 {
-        let most = MOST_PIXELS as f64 / mask.side;
+    let per_cell = sides.map(|side| (per_mm * side).round().max(1.0));
+    if (0..2).any(|axis| per_cell[axis] * cells[axis] as f64 > MOST_PIXELS as f64) {
+        let [width, height] = mask.membrane.size_mm;
+        let most = MOST_PIXELS as f64 / width.max(height);
         return Err(CliError::bad_input(format!(
-            "an image of {} mm at {per_mm} pixels per mm has more than {MOST_PIXELS} pixels along a side",
-            shown(mask.side)
+            "an image of {} at {per_mm} pixels per mm has more than {MOST_PIXELS} pixels along a side",
+            mask.membrane.size_text()
         ))
         .help(format!("at most {most:.0} pixels per mm")));
     }
-    Ok(per_cell as usize * cells)
+    Ok([0, 1].map(|axis| per_cell[axis] as usize * cells[axis]))
+}
+
+/// A pair for people: one where both are equal.
+fn shown_both([x, y]: [f64; 2]) -> String {
+    match x == y {
+        true => shown(x),
+        false => format!("{} × {}", shown(x), shown(y)),
+    }
+}
+
+/// A pair for programs: one where both are equal.
+fn one_or_both<T: Serialize + PartialEq>([x, y]: [T; 2]) -> Value {
+    match x == y {
+        true => json!(x),
+        false => json!([x, y]),
+    }
 }
 
 fn notes(mask: &Mask) -> Vec<String> {
     let state = match mask.size {
         Size::Prestretched => format!(
             "size: prestretched, as on the frame; undeformed it is smaller by the prestretch, {}",
-            shown(mask.prestretch)
+            shown_both(mask.prestretch)
         ),
         Size::Undeformed => format!(
             "size: undeformed, before stretching; on the frame it is larger by the prestretch, {}",
-            shown(mask.prestretch)
+            shown_both(mask.prestretch)
         ),
     };
     let mut notes = vec![
         state,
         format!(
-            "side of the membrane {} mm, scale {} of the prestretched size; lengths in mm, origin at the lower left",
-            shown(mask.side),
-            shown(mask.scale)
+            "{} of the membrane {} mm, scale {} of the prestretched size; lengths in mm, origin at the lower left",
+            side_or_sides(mask.membrane.size_mm),
+            shown_both(mask.membrane.size_mm),
+            shown_both(mask.scale)
         ),
         format!(
             "area of the electrode {} mm^2, {} of that of the membrane; islands {}, holes {}",
@@ -402,9 +421,9 @@ fn notes(mask: &Mask) -> Vec<String> {
 fn facts(mask: &Mask) -> Map<String, Value> {
     let facts = [
         ("size", json!(mask.size.name())),
-        ("side_mm", json!(mask.side)),
-        ("scale", json!(mask.scale)),
-        ("prestretch", json!(mask.prestretch)),
+        ("side_mm", one_or_both(mask.membrane.size_mm)),
+        ("scale", one_or_both(mask.scale)),
+        ("prestretch", one_or_both(mask.prestretch)),
         ("area_mm2", json!(mask.electrode_area)),
         ("area_fraction", json!(mask.area_fraction)),
         ("outline", json!(if mask.rounded { "rounded" } else { "square" })),
@@ -416,6 +435,10 @@ fn facts(mask: &Mask) -> Map<String, Value> {
         .map(|(name, value)| (name.to_owned(), value))
         .into_iter()
         .collect()
+}
+
+fn side_or_sides([x, y]: [f64; 2]) -> &'static str {
+    if x == y { "side" } else { "sides" }
 }
 
 /// A number with up to six decimals.
@@ -436,10 +459,10 @@ fn write_membrane(arguments: &ExportDesignArguments, design: &Design, path: &Pat
     };
     let membrane = membrane::simulate(design, options)?;
     let surface = Surface {
-        places: &membrane.places,
+        places: membrane.places.each_ref().map(Vec::as_slice),
         displacement: &membrane.displacement,
         cells: &membrane.cells,
-        cells_along_side: Mask::cells_along_side(),
+        sides: membrane.plane.raster.sides(),
     };
     let attributes = BTreeMap::from(
         [
@@ -454,15 +477,16 @@ fn write_membrane(arguments: &ExportDesignArguments, design: &Design, path: &Pat
     );
     export::write_vtkhdf(path, &surface, attributes)?;
     let mut lines = vec![format!(
-        "deformed membrane of side {} mm, {} elements; largest displacement {:.4} mm",
-        shown(membrane.side),
-        membrane.elements * membrane.elements,
+        "deformed membrane of {} {} mm, {} elements; largest displacement {:.4} mm",
+        side_or_sides(membrane.plane.size_mm),
+        shown_both(membrane.plane.size_mm),
+        membrane.elements,
         membrane.largest
     )];
     lines.extend(membrane.warnings.iter().map(|warning| format!("warning: {warning}")));
     let facts = [
-        ("side_mm", json!(membrane.side)),
-        ("elements", json!(membrane.elements * membrane.elements)),
+        ("side_mm", one_or_both(membrane.plane.size_mm)),
+        ("elements", json!(membrane.elements)),
         ("max_displacement_mm", json!(membrane.largest)),
         ("warnings", json!(membrane.warnings)),
     ];

@@ -3,19 +3,19 @@
 use crate::cli::error::CliError;
 use crate::fem::screening::Screened;
 use crate::fem::{CellState, MembraneSolver, SolveOptions, WorkLimit};
-use crate::pattern::CELLS;
+use crate::pattern;
 use crate::stage::designs::Design;
 use crate::store::{Data, Dataset};
 
 /// A membrane in equilibrium at the voltage of its scene.
 pub struct Membrane {
-    /// Elements along one side.
+    /// Elements.
     pub elements: usize,
-    /// Where their corners lie along a side, in mm.
-    pub places: Vec<f64>,
-    /// Side of the membrane in mm.
-    pub side: f64,
-    /// Displacement in mm of the (elements + 1)² corners of elements, `[y][x]`.
+    /// Where their corners lie along x and y, in mm.
+    pub places: [Vec<f64>; 2],
+    /// What it is drawn on.
+    pub plane: pattern::Membrane,
+    /// Displacement in mm of the corners of elements, `[y][x]`.
     pub displacement: Vec<[f64; 2]>,
     /// The largest of them in mm.
     pub largest: f64,
@@ -48,11 +48,10 @@ pub fn simulate(design: &Design, options: SolveOptions) -> Result<Membrane, CliE
     let displacement = solver.corner_displacements(&solution);
     let largest = displacement.iter().map(|[x, y]| x.hypot(*y)).fold(0.0, f64::max);
     let states = solver.cell_states(&design.pattern, &solution);
-    let places = solver.corner_places();
     Ok(Membrane {
-        elements: places.len() - 1,
-        places,
-        side: screened.scene.side_mm(),
+        elements: solver.grid().elements().iter().product(),
+        places: solver.corner_places(),
+        plane: screened.scene.membrane(),
         displacement,
         largest,
         cells: cells(design, &states, screened.scene.thickness_mm()),
@@ -82,7 +81,7 @@ fn cells(design: &Design, states: &[CellState], thickness: f64) -> Vec<(&'static
     vec![
         (
             "active",
-            Dataset::new("1", "1 = electrode, 0 = bare", &[CELLS * CELLS], active),
+            Dataset::new("1", "1 = electrode, 0 = bare", &[states.len()], active),
         ),
         (
             "first_piola_stress",

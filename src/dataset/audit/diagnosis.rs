@@ -1,7 +1,7 @@
 //! What is wrong with a label: how the stored field comes of the true one.
 
 use crate::field::{CORNERS, Field};
-use crate::pattern::Symmetry;
+use crate::pattern::{Raster, Symmetry};
 
 /// A field that is so close to a changed truth, relative to its own size, is that.
 const ALIKE: f64 = 0.02;
@@ -89,7 +89,7 @@ fn components(field: &Field, g: Symmetry) -> Field {
         .values()
         .chunks_exact(2)
         .flat_map(|u| g.apply_vector([u[0], u[1]]));
-    Field::from_values(turned.collect()).unwrap_or_else(|_| Field::zero())
+    Field::from_values(Raster::PAPER, turned.collect()).unwrap_or_else(|_| Field::zero(Raster::PAPER))
 }
 
 /// The largest magnitude on the frame, where the membrane is clamped, in mm.
@@ -113,7 +113,7 @@ pub fn inside(field: &Field) -> Field {
     };
     let values = field.values().iter().enumerate();
     let values = values.map(|(i, &u)| if within(i) { u } else { 0.0 });
-    Field::from_values(values.collect()).unwrap_or_else(|_| Field::zero())
+    Field::from_values(Raster::PAPER, values.collect()).unwrap_or_else(|_| Field::zero(Raster::PAPER))
 }
 
 #[cfg(test)]
@@ -126,11 +126,11 @@ mod tests {
             let bump = x * (1.0 - x) * y * (1.0 - y);
             bump * if i.is_multiple_of(2) { 1.0 + x * y } else { x - 0.3 }
         };
-        Field::from_values((0..CORNERS * CORNERS * 2).map(value).collect()).unwrap()
+        Field::from_values(Raster::PAPER, (0..CORNERS * CORNERS * 2).map(value).collect()).unwrap()
     }
 
     fn scaled(by: f64) -> Field {
-        Field::from_values(field().values().iter().map(|u| u * by).collect()).unwrap()
+        Field::from_values(Raster::PAPER, field().values().iter().map(|u| u * by).collect()).unwrap()
     }
 
     #[test]
@@ -151,19 +151,22 @@ mod tests {
             assert_eq!(diagnose(&turned, &field()), expected, "{g:?}");
             assert_eq!(diagnose(&field().transformed(*g), &field()), Fault::Frame, "{g:?}");
         }
-        let odd = Field::from_values(field().values().iter().map(|u| u * u).collect()).unwrap();
+        let odd = Field::from_values(Raster::PAPER, field().values().iter().map(|u| u * u).collect()).unwrap();
         assert_eq!(diagnose(&odd, &field()), Fault::Other);
         let mut values = field().values().to_vec();
         values[2 * (25 * CORNERS + 25)] += 1e-3;
-        assert_eq!(diagnose(&Field::from_values(values).unwrap(), &field()), Fault::Other);
-        assert_eq!(diagnose(&Field::zero(), &field()), Fault::Scale(0.0));
+        assert_eq!(
+            diagnose(&Field::from_values(Raster::PAPER, values).unwrap(), &field()),
+            Fault::Other
+        );
+        assert_eq!(diagnose(&Field::zero(Raster::PAPER), &field()), Fault::Scale(0.0));
     }
 
     #[test]
     fn the_frame_is_told_from_the_inside() {
         let mut values = field().values().to_vec();
         values[2 * 7] = 0.25;
-        let moved = Field::from_values(values).unwrap();
+        let moved = Field::from_values(Raster::PAPER, values).unwrap();
         assert_eq!((on_the_frame(&field()), on_the_frame(&moved)), (0.0, 0.25));
         assert_eq!(inside(&moved), field());
     }

@@ -5,7 +5,7 @@ use super::rows::{Batch, Columns, Dataset};
 use super::symmetric::{PROJECTIONS, Standing, asymmetry, projections};
 use crate::base::{Digest, OrbitId};
 use crate::field::{CORNERS, Field};
-use crate::pattern::{CELLS, Pattern, Symmetry};
+use crate::pattern::{CELLS, Pattern, Raster, Symmetry};
 
 /// Values of a row: cells, displacements.
 const CELL_VALUES: usize = CELLS * CELLS;
@@ -33,8 +33,10 @@ impl CheckedRow {
             .collect();
         let values = &batch.displacement[at * FIELD_VALUES..][..FIELD_VALUES];
         Self {
-            pattern: cells.and_then(|cells| Pattern::from_cells(&cells).ok()),
-            field: has_field.then(|| Field::from_values(values.to_vec()).ok()).flatten(),
+            pattern: cells.and_then(|cells| Pattern::from_cells(Raster::PAPER, &cells).ok()),
+            field: has_field
+                .then(|| Field::from_values(Raster::PAPER, values.to_vec()).ok())
+                .flatten(),
             claims_none: !has_field,
             is_hidden: !has_field && values.iter().all(|u| u.is_finite()) && values.iter().any(|&u| u != 0.0),
         }
@@ -145,9 +147,12 @@ mod tests {
 
     #[test]
     fn edges_are_counted_between_cells() {
-        assert_eq!(edges(&Pattern::from_fn(|x, y| (x, y) == (20, 30))), 4);
-        assert_eq!(edges(&Pattern::from_fn(|x, _| x < 25)), 50);
-        assert_eq!(edges(&Pattern::from_fn(|x, y| (x + y) % 2 == 0)), 2 * 49 * 50);
+        assert_eq!(edges(&Pattern::from_fn(Raster::PAPER, |x, y| (x, y) == (20, 30))), 4);
+        assert_eq!(edges(&Pattern::from_fn(Raster::PAPER, |x, _| x < 25)), 50);
+        assert_eq!(
+            edges(&Pattern::from_fn(Raster::PAPER, |x, y| (x + y) % 2 == 0)),
+            2 * 49 * 50
+        );
     }
 
     #[test]

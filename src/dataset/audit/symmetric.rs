@@ -81,17 +81,19 @@ pub fn asymmetry(field: &Field, stabiliser: &[Symmetry]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pattern::Raster;
+    use crate::pattern::Symmetries;
 
     fn wavy() -> Field {
         let value = |i: usize| ((i * 37 % 101) as f64 - 50.0) / 40.0;
-        Field::from_values((0..CORNERS * CORNERS * 2).map(value).collect()).unwrap()
+        Field::from_values(Raster::PAPER, (0..CORNERS * CORNERS * 2).map(value).collect()).unwrap()
     }
 
     #[test]
     fn images_meet_in_the_smallest() {
-        let pattern = Pattern::from_fn(|x, y| (3 * x + y * y) % 7 < 3 && x > y / 2);
+        let pattern = Pattern::from_fn(Raster::PAPER, |x, y| (3 * x + y * y) % 7 < 3 && x > y / 2);
         let first = Standing::of(&pattern);
-        assert!(first.stabiliser.is_empty() && first.orbit == pattern.orbit());
+        assert!(first.stabiliser.is_empty() && first.orbit == pattern.orbit(Symmetries::SQUARE));
         let field = wavy().transformed(first.to_smallest);
         for g in Symmetry::ALL {
             let image = Standing::of(&pattern.transformed(g));
@@ -102,7 +104,7 @@ mod tests {
 
     #[test]
     fn the_distance_of_projections_is_that_of_fields() {
-        let (a, zero) = (wavy(), Field::zero());
+        let (a, zero) = (wavy(), Field::zero(Raster::PAPER));
         let found = distance(&projections(&a), &projections(&zero));
         let exact = a.rms_difference(&zero);
         assert!((found / exact - 1.0).abs() < 0.5, "{found} {exact}");
@@ -111,10 +113,10 @@ mod tests {
 
     #[test]
     fn a_symmetric_pattern_wants_a_symmetric_field() {
-        let half = Pattern::from_fn(|x, _| x < 25);
+        let half = Pattern::from_fn(Raster::PAPER, |x, _| x < 25);
         let own = Standing::of(&half).stabiliser;
         assert_eq!(own.len(), 1);
         assert!(asymmetry(&wavy(), &own) > 0.1);
-        assert_eq!(asymmetry(&Field::zero(), &own), 0.0);
+        assert_eq!(asymmetry(&Field::zero(Raster::PAPER), &own), 0.0);
     }
 }

@@ -11,7 +11,7 @@ use crate::field::{
     CORNERS, Field, Mesh, Observation, Outcome, SharedSimulator, Simulation, Simulator, SimulatorError, SimulatorKind,
     Simulators,
 };
-use crate::pattern::{CELLS, Pattern, Symmetry};
+use crate::pattern::{CELLS, Pattern, Raster, Symmetries, Symmetry};
 
 /// Coarser meshes are too stiff, and see corners less.
 struct Membrane(f64);
@@ -37,7 +37,7 @@ impl Membrane {
                 values.extend(u.map(|u| u * within(x) * within(y)));
             }
         }
-        Field::from_values(values).unwrap()
+        Field::from_values(Raster::PAPER, values).unwrap()
     }
 }
 
@@ -101,10 +101,10 @@ fn pattern(index: u64) -> Pattern {
     let mut stream = Stream::new(3, "audit test", index);
     if index.is_multiple_of(2) {
         let bits: Vec<bool> = (0..2500).map(|_| stream.chance(0.5)).collect();
-        return Pattern::from_fn(|x, y| bits[50 * y + x]);
+        return Pattern::from_fn(Raster::PAPER, |x, y| bits[50 * y + x]);
     }
     let blocks: Vec<bool> = (0..25).map(|_| stream.chance(0.5)).collect();
-    Pattern::from_fn(|x, y| blocks[y / 10 * 5 + x / 10])
+    Pattern::from_fn(Raster::PAPER, |x, y| blocks[y / 10 * 5 + x / 10])
 }
 
 /// 32 patterns; the last two are images of the first two, with the fields that go with them.
@@ -118,7 +118,12 @@ fn sound(mesh: Mesh) -> (Memory, Columns) {
     let columns = Columns {
         split: Some((0..32).map(|i| split(i).to_owned()).collect()),
         peak: Some(fields.iter().map(Field::max_magnitude).collect()),
-        orbit: Some(patterns.iter().map(|pattern| pattern.orbit().to_string()).collect()),
+        orbit: Some(
+            patterns
+                .iter()
+                .map(|pattern| pattern.orbit(Symmetries::SQUARE).to_string())
+                .collect(),
+        ),
         ..Columns::default()
     };
     let memory = Memory {
@@ -239,14 +244,14 @@ fn each_fault_is_found_by_its_own_check() {
     is(
         "frame",
         planted(|m, _| {
-            let field = Field::from_values(m.fields[7].clone()).unwrap();
+            let field = Field::from_values(Raster::PAPER, m.fields[7].clone()).unwrap();
             m.fields[7] = field.transformed(Symmetry::ALL[4]).values().to_vec();
         }),
     );
     is(
         "rotation",
         planted(|m, _| {
-            let field = Field::from_values(m.fields[7].clone()).unwrap();
+            let field = Field::from_values(Raster::PAPER, m.fields[7].clone()).unwrap();
             let mirrored = field.transformed(Symmetry::ALL[4]);
             m.patterns[7] = m.patterns[7].transformed(Symmetry::ALL[4]);
             let back = mirrored.values().chunks(2).flat_map(|u| [-u[0], u[1]]);
@@ -288,7 +293,7 @@ fn images_that_leak_or_contradict_each_other_are_found() {
 fn rows_without_a_solution_are_listed_and_may_be_nan() {
     let (mut memory, mut columns) = sound(MESHES[0]);
     change(&mut memory.fields[3], |_| f64::NAN);
-    memory.patterns[3] = Pattern::from_fn(|_, _| true);
+    memory.patterns[3] = Pattern::from_fn(Raster::PAPER, |_, _| true);
     columns.has_field = Some((0..32).map(|i| i != 3).collect());
     columns.orbit = None;
     let report = audited(&memory, columns, Discretisation::Mesh(MESHES[0]));
@@ -303,7 +308,7 @@ fn rows_that_claim_no_field_have_none_and_no_solution() {
         let (mut memory, mut columns) = sound(MESHES[0]);
         columns.has_field = Some((0..32).map(|i| ![3, 4].contains(&i)).collect());
         change(&mut memory.fields[4], |_| f64::NAN);
-        memory.patterns[3] = Pattern::from_fn(|_, _| true);
+        memory.patterns[3] = Pattern::from_fn(Raster::PAPER, |_, _| true);
         columns.orbit = None;
         let found = audited(&memory, columns, declared);
         let wanted = [("outcome", &[4][..]), ("outcome", &[3]), ("not-converged", &[3, 4])];
@@ -317,7 +322,7 @@ fn rows_that_claim_no_field_have_none_and_no_solution() {
 fn patterns_without_a_solution_are_found_even_where_most_are() {
     let (mut memory, mut columns) = sound(MESHES[1]);
     for row in 0..20 {
-        memory.patterns[row] = Pattern::from_fn(|x, y| (x, y) != (row, 0));
+        memory.patterns[row] = Pattern::from_fn(Raster::PAPER, |x, y| (x, y) != (row, 0));
     }
     columns.orbit = None;
     let report = audited(&memory, columns, Discretisation::Mesh(MESHES[1]));

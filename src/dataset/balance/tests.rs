@@ -1,10 +1,11 @@
 use std::collections::{BTreeMap, HashSet};
 
 use super::*;
+use crate::pattern::Raster;
 
 /// A pattern of its own for each number below 65,536, without symmetry: the number in binary, and a mark.
 fn pattern(number: usize) -> Pattern {
-    Pattern::from_fn(|x, y| match y {
+    Pattern::from_fn(Raster::PAPER, |x, y| match y {
         30 => (10..26).contains(&x) && (number >> (x - 10)) & 1 == 1,
         _ => x == 0 && y == 1,
     })
@@ -33,6 +34,7 @@ fn options(bins: usize, target: u64) -> BalanceOptions {
         bins: Bins::new(0.0, bins as f64, bins).unwrap(),
         target,
         symmetry: SymmetryGroup::D4,
+        group: Symmetries::SQUARE,
         seed: 4,
     }
 }
@@ -84,7 +86,7 @@ fn rows_are_distinct_patterns_and_an_orbit_stays_in_one_split() {
     assert_eq!(rows.len(), result.rows.len());
     let mut splits = BTreeMap::new();
     for row in &result.rows {
-        assert_eq!(row.orbit, patterns[row.source].orbit());
+        assert_eq!(row.orbit, patterns[row.source].orbit(Symmetries::SQUARE));
         assert_eq!(*splits.entry(row.orbit).or_insert(row.split), row.split);
     }
     assert_eq!(result.rows.iter().map(|r| r.split).collect::<HashSet<_>>().len(), 3);
@@ -93,7 +95,7 @@ fn rows_are_distinct_patterns_and_an_orbit_stays_in_one_split() {
 #[test]
 fn samples_that_are_images_of_each_other_are_not_rows_twice() {
     let base = pattern(77);
-    let half = Pattern::from_fn(|x, _| x < 25);
+    let half = Pattern::from_fn(Raster::PAPER, |x, _| x < 25);
     let patterns = [
         base.transformed(Symmetry::ALL[3]),
         half.clone(),
@@ -122,7 +124,7 @@ fn fields_rotate_with_their_patterns() {
             let weight = if on { 0.01 } else { 0.0 };
             [weight * (x as f64 - 25.0), weight * (y as f64 - 25.0)]
         });
-        Field::from_values(values.collect()).unwrap()
+        Field::from_values(Raster::PAPER, values.collect()).unwrap()
     };
     assert_eq!(result.rows.len(), 16);
     for row in &result.rows {

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::error::ImportError;
 use crate::base::{Digest, DigestWriter};
 use crate::field::{CORNERS, Field};
-use crate::pattern::{CELLS, Pattern};
+use crate::pattern::{CELLS, Pattern, Raster};
 
 /// What the frame may seem to move, mm: rounding of whoever wrote it.
 const ROUNDING_MM: f64 = 1e-6;
@@ -93,7 +93,7 @@ fn pattern(cells: &[f64], row: usize) -> Result<Pattern, ImportError> {
             found: cells[at],
         });
     }
-    Ok(Pattern::from_fn(|x, y| cells[y * CELLS + x] == 1.0))
+    Ok(Pattern::from_fn(Raster::PAPER, |x, y| cells[y * CELLS + x] == 1.0))
 }
 
 /// The frame of what is kept stands still: rounding is no displacement.
@@ -122,5 +122,5 @@ fn field(values: &[f64], row: usize, side_mm: f64) -> Result<Field, ImportError>
         // Adding zero makes one number of the two zeros.
         kept.extend(u.iter().map(|value| if on_frame { 0.0 } else { value + 0.0 }));
     }
-    Field::from_values(kept).map_err(|e| ImportError::Unreadable(e.to_string()))
+    Field::from_values(Raster::PAPER, kept).map_err(|e| ImportError::Unreadable(e.to_string()))
 }

@@ -1,8 +1,8 @@
 //! What is asked of a pattern, in the terms in which people ask it.
 
-use super::morphology::{flooded, opened};
+use super::morphology::opened;
 use super::raster::RasterConstraints;
-use crate::pattern::{Bits, CELLS};
+use crate::pattern::{Bits, Membrane, Raster};
 
 /// Widths within this part of a cell are equal: rounding must not widen a feature by a cell.
 const RESOLUTION: f64 = 1e-9;
@@ -65,20 +65,20 @@ pub enum ConstraintError {
         allowed: &'static str,
     },
     /// Wider than all there is.
-    #[error("`min_feature` is {found} mm, more than the membrane of {side} mm")]
+    #[error("`min_feature` is {found} mm, more than the membrane of {size}")]
     Feature {
         /// The least width in mm.
         found: f64,
-        /// The side of the membrane in mm.
-        side: f64,
+        /// The sides of the membrane.
+        size: String,
     },
     /// A region without a cell.
-    #[error("`keep_out` number {number} holds no cell of the membrane of {side} mm: no cell has its centre in it")]
+    #[error("`keep_out` number {number} holds no cell of the membrane of {size}: no cell has its centre in it")]
     Outside {
         /// Which region, from 1.
         number: usize,
-        /// The side of the membrane in mm.
-        side: f64,
+        /// The sides of the membrane.
+        size: String,
     },
     /// No side to lead out on.
     #[error("`leads` names no side of the frame; allowed: left, right, bottom, top")]
@@ -139,13 +139,13 @@ impl Sides {
     }
 
     /// The cells at the side of this name.
-    fn cells(name: &str) -> Bits {
-        let last = CELLS - 1;
-        Bits::from_fn(|x, y| match name {
+    fn cells(name: &str, raster: Raster) -> Bits {
+        let last = raster.sides().map(|side| side - 1);
+        Bits::from_fn(raster, |x, y| match name {
             "left" => x == 0,
-            "right" => x == last,
+            "right" => x == last[0],
             "bottom" => y == 0,
-            _ => y == last,
+            _ => y == last[1],
         })
     }
 }
@@ -160,11 +160,10 @@ impl Region {
         }
     }
 
-    /// The cells with their centre in it, on a membrane with a side in mm.
+    /// The cells of a membrane with their centre in it.
     #[must_use]
-    pub fn cells(&self, side_mm: f64) -> Bits {
-        let centre = |cell: usize| (cell as f64 + 0.5) * side_mm / CELLS as f64;
-        Bits::from_fn(|x, y| self.holds([centre(x), centre(y)]))
+    pub fn cells(&self, membrane: Membrane) -> Bits {
+        Bits::from_fn(membrane.raster, |x, y| self.holds(membrane.centre_mm(x, y)))
     }
 }
 
@@ -176,15 +175,15 @@ impl Limits {
     }
 
     /// What the limits mean for the cells of a membrane.
-    pub(super) fn raster(&self, side: f64) -> Result<RasterConstraints, ConstraintError> {
-        let feature = self.feature(side)?;
+    pub(super) fn raster(&self, membrane: Membrane) -> Result<RasterConstraints, ConstraintError> {
+        let feature = self.feature(membrane)?;
         self.check_numbers()?;
-        let mut free = Bits::FULL;
+        let mut free = Bits::full(membrane.raster);
         for (index, region) in self.keep_out.iter().enumerate() {
-            let cells = region.cells(side);
+            let cells = region.cells(membrane);
             if cells.is_empty() {
-                let number = index + 1;
-                return Err(ConstraintError::Outside { number, side });
+                let (number, size) = (index + 1, membrane.size_text());
+                return Err(ConstraintError::Outside { number, size });
             }
             free = free.without(&cells);
         }
@@ -194,7 +193,7 @@ impl Limits {
         }
         let leads = self.contacts(&room)?;
         if let Some(leads) = &leads {
-            room = flooded(leads, &room);
+            room = room.flooded(leads);
         }
         Ok(RasterConstraints {
             allowed: room,
@@ -204,8 +203,8 @@ impl Limits {
         })
     }
 
-    /// The least width in cells.
-    fn feature(&self, side: f64) -> Result<usize, ConstraintError> {
+    /// The least width in cells along x and y.
+    fn feature(&self, membrane: Membrane) -> Result<[usize; 2], ConstraintError> {
         let positive = |name, found: f64| match found.is_finite() && found > 0.0 {
             true => Ok(found),
             false => Err(ConstraintError::Number {
@@ -214,15 +213,26 @@ impl Limits {
                 allowed: "a positive length in mm",
             }),
         };
-        let side = positive("side", side)?;
+        for side in membrane.size_mm {
+            positive("side", side)?;
+        }
         let Some(found) = self.min_feature_mm else {
-            return Ok(1);
+            return Ok([1; 2]);
         };
-        let width = positive("min_feature", found)? / side * CELLS as f64;
-        let cells = (width - RESOLUTION).ceil().max(1.0);
-        match cells <= CELLS as f64 {
-            true => Ok(cells as usize),
-            false => Err(ConstraintError::Feature { found, side }),
+        let found = positive("min_feature", found)?;
+        let cells = membrane
+            .in_cells([found; 2])
+            .map(|width| (width - RESOLUTION).ceil().max(1.0));
+        match cells
+            .iter()
+            .zip(membrane.raster.sides())
+            .all(|(width, side)| *width <= side as f64)
+        {
+            true => Ok(cells.map(|width| width as usize)),
+            false => Err(ConstraintError::Feature {
+                found,
+                size: membrane.size_text(),
+            }),
         }
     }
 
@@ -251,8 +261,9 @@ impl Limits {
     fn contacts(&self, room: &Bits) -> Result<Option<Bits>, ConstraintError> {
         let Some(sides) = self.leads else { return Ok(None) };
         let wanted = || sides.named().into_iter().filter(|(_, wanted)| *wanted);
-        let at = |side| Sides::cells(side).and(room);
-        let all = wanted().fold(Bits::EMPTY, |all, (side, _)| all.or(&at(side)));
+        let at = |side| Sides::cells(side, room.raster()).and(room);
+        let none = Bits::empty(room.raster());
+        let all = wanted().fold(none, |all, (side, _)| all.or(&at(side)));
         match wanted().find(|(side, _)| at(side).is_empty()) {
             Some((side, _)) if sides != Sides::ALL || all.is_empty() => Err(ConstraintError::Side { side }),
             _ if all.is_empty() => Err(ConstraintError::NoSide),

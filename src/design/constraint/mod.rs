@@ -19,48 +19,50 @@ pub use limits::{ConstraintError, Limits, Region, Sides};
 pub use parameters::ConstraintParameters;
 pub use violations::Violations;
 
-use crate::pattern::{Bits, CELLS, Pattern};
+use crate::pattern::{Bits, Membrane, Pattern};
 use raster::RasterConstraints;
-
-/// All cells of the membrane.
-const ALL: f64 = (CELLS * CELLS) as f64;
 
 /// Valid constraints on the patterns of a membrane.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Constraints {
     limits: Limits,
-    side_mm: f64,
+    membrane: Membrane,
     raster: RasterConstraints,
     /// The cells of the raster, row by row from below.
     allowed: Box<[bool]>,
 }
 
-impl Default for Constraints {
-    /// None.
-    fn default() -> Self {
-        Self {
-            limits: Limits::default(),
-            side_mm: CELLS as f64,
-            raster: RasterConstraints::default(),
-            allowed: vec![true; CELLS * CELLS].into(),
-        }
-    }
-}
-
 impl Constraints {
-    /// The constraints of a membrane with a side in mm.
+    /// None.
+    #[must_use]
+    pub fn none(membrane: Membrane) -> Self {
+        Self::on(membrane, Limits::default(), RasterConstraints::none(membrane.raster))
+    }
+
+    /// The constraints of a membrane.
     ///
     /// # Errors
     /// When a number is out of range, or the constraints contradict each other.
-    pub fn new(limits: Limits, side_mm: f64) -> Result<Self, ConstraintError> {
-        let raster = limits.raster(side_mm)?;
-        let allowed = (0..CELLS * CELLS).map(|cell| raster.allowed.has(cell % CELLS, cell / CELLS));
-        Ok(Self {
+    pub fn new(limits: Limits, membrane: Membrane) -> Result<Self, ConstraintError> {
+        let raster = limits.raster(membrane)?;
+        Ok(Self::on(membrane, limits, raster))
+    }
+
+    fn on(membrane: Membrane, limits: Limits, raster: RasterConstraints) -> Self {
+        let columns = membrane.raster.columns();
+        let allowed = (0..membrane.raster.cells()).map(|cell| raster.allowed.has(cell % columns, cell / columns));
+        Self {
             allowed: allowed.collect(),
             limits,
-            side_mm,
+            membrane,
             raster,
-        })
+        }
+    }
+
+    /// What they are drawn on.
+    #[must_use]
+    pub fn membrane(&self) -> Membrane {
+        self.membrane
     }
 
     /// What was asked for.
@@ -72,12 +74,12 @@ impl Constraints {
     /// Whether nothing is asked of the pattern itself; margins may be.
     #[must_use]
     pub fn is_free(&self) -> bool {
-        self.raster == RasterConstraints::default()
+        self.raster.is_none()
     }
 
-    /// Side in cells of the square that electrodes and gaps are at least as wide as; 1 where nothing is asked.
+    /// Columns and rows of the square that electrodes and gaps are at least as wide as; 1 × 1 where nothing is asked.
     #[must_use]
-    pub fn feature_cells(&self) -> usize {
+    pub fn feature_cells(&self) -> [usize; 2] {
         self.raster.feature
     }
 
@@ -91,7 +93,12 @@ impl Constraints {
     /// The largest area fraction that a pattern within the constraints has at most.
     #[must_use]
     pub fn largest_area(&self) -> f64 {
-        self.raster.most_cells() as f64 / ALL
+        self.raster.most_cells() as f64 / self.all()
+    }
+
+    /// All cells of the membrane.
+    fn all(&self) -> f64 {
+        self.membrane.raster.cells() as f64
     }
 
     /// Whether some pattern may have an area fraction within a tolerance, as far as can be told without searching.
@@ -103,7 +110,7 @@ impl Constraints {
         if area > largest + tolerance {
             return Err(ConstraintError::TooMuchArea { area, largest });
         }
-        let smallest = (self.raster.feature * self.raster.feature) as f64 / ALL;
+        let smallest = (self.raster.feature[0] * self.raster.feature[1]) as f64 / self.all();
         if area > tolerance && area + tolerance < smallest {
             return Err(ConstraintError::TooLittleArea { area, smallest });
         }

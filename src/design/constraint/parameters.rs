@@ -7,6 +7,7 @@ use crate::base::{
     Canonical, Decimal, Declared, InputError, Length, Map, Node, NodeValue, Parameter, Schema, parameters,
 };
 use crate::design::text::{flow_mapping, flow_value};
+use crate::pattern::Membrane;
 
 /// No pattern has more islands: every other cell.
 const MOST_ISLANDS: u64 = 1250;
@@ -89,7 +90,7 @@ pub struct ConstraintParameters {
 impl ConstraintParameters {
     /// Nothing asked.
     #[must_use]
-    pub fn none() -> Self {
+    pub fn none(membrane: Membrane) -> Self {
         Self {
             written: Written {
                 min_feature: None,
@@ -99,18 +100,18 @@ impl ConstraintParameters {
                 breakdown_margin: None,
                 pull_in_margin: None,
             },
-            constraints: Constraints::default(),
+            constraints: Constraints::none(membrane),
         }
     }
 
-    /// Reads the mapping under `constraints` for a membrane with a side in mm.
+    /// Reads the mapping under `constraints` for a membrane.
     ///
     /// # Errors
     /// When a key is unknown, a value is out of range, or the constraints contradict each other.
-    pub fn read(node: &Node, side_mm: f64) -> Result<Self, InputError> {
+    pub fn read(node: &Node, membrane: Membrane) -> Result<Self, InputError> {
         let map = node.fields(Written::WHAT, &Written::keys())?;
         let written = Written::read_map(&map)?;
-        let constraints = Constraints::new(written.limits(), side_mm).map_err(|e| at_its_key(node, &map, &e))?;
+        let constraints = Constraints::new(written.limits(), membrane).map_err(|e| at_its_key(node, &map, &e))?;
         Ok(Self { written, constraints })
     }
 
@@ -324,6 +325,8 @@ fn at_its_key(node: &Node, map: &Map<'_>, error: &ConstraintError) -> InputError
 mod tests {
     use std::path::Path;
 
+    const MEMBRANE: Membrane = Membrane::square(50.0);
+
     use super::*;
     use crate::base::Document;
 
@@ -332,7 +335,7 @@ mod tests {
     }
 
     fn read(text: &str) -> Result<ConstraintParameters, InputError> {
-        ConstraintParameters::read(&node(text), 50.0)
+        ConstraintParameters::read(&node(text), MEMBRANE)
     }
 
     const RICH: &str = "{ min_feature: 2 mm, islands: 1, leads: [top, left], keep_out: [{ rectangle: [[0, 0], [5 mm, 0.5 cm]] }, \
@@ -353,8 +356,8 @@ mod tests {
                         [5 mm, 5 mm]] }, { disc: { centre: [25 mm, 25 mm], radius: 3 mm } }], breakdown_margin: 1.5, \
                         pull_in_margin: 1.2 }";
         assert_eq!(read(RICH).unwrap().to_text(), expected);
-        assert_eq!(ConstraintParameters::none().to_text(), "{}");
-        assert_eq!(ConstraintParameters::none(), read("{}").unwrap());
+        assert_eq!(ConstraintParameters::none(MEMBRANE).to_text(), "{}");
+        assert_eq!(ConstraintParameters::none(MEMBRANE), read("{}").unwrap());
     }
 
     #[test]
@@ -381,7 +384,7 @@ mod tests {
         let limits = wanted.constraints().limits();
         assert_eq!((limits.min_feature_mm, limits.islands), (Some(2.0), Some(1)));
         assert_eq!((limits.breakdown_margin, limits.pull_in_margin), (Some(1.5), Some(1.2)));
-        assert_eq!(wanted.constraints().feature_cells(), 2);
+        assert_eq!(wanted.constraints().feature_cells(), [2; 2]);
         assert!(!wanted.constraints().allowed()[0] && wanted.constraints().allowed()[2499]);
     }
 
@@ -435,6 +438,10 @@ mod tests {
         assert!(check(0.5).is_ok() && check(0.504).is_ok() && check(0.0).is_ok());
         assert!(check(0.6).unwrap_err().to_string().contains("leave 0.5000 at most"));
         assert!(check(0.02).unwrap_err().to_string().contains("the smallest electrode"));
-        assert!(ConstraintParameters::none().check_area(&node("1"), 1.0, 0.0).is_ok());
+        assert!(
+            ConstraintParameters::none(MEMBRANE)
+                .check_area(&node("1"), 1.0, 0.0)
+                .is_ok()
+        );
     }
 }

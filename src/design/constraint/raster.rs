@@ -1,34 +1,37 @@
 //! The constraints in terms of the cells of the raster.
 
-use super::morphology::{closed, components, opened};
-use crate::pattern::Bits;
+use super::morphology::{Square, closed, components, opened};
+use crate::pattern::{Bits, Raster};
 
 /// Where electrodes may lie, and how.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct RasterConstraints {
     /// Cells that may be active: squares of the least width within it cover it.
     pub allowed: Bits,
-    /// Side in cells of the square of the least width.
-    pub feature: usize,
+    /// Columns and rows of the square of the least width.
+    pub feature: Square,
     /// The largest number of pieces.
     pub islands: Option<usize>,
     /// Cells of the room at the frame, one of which every piece must hold.
     pub leads: Option<Bits>,
 }
 
-impl Default for RasterConstraints {
+impl RasterConstraints {
     /// Everything is allowed.
-    fn default() -> Self {
+    pub fn none(raster: Raster) -> Self {
         Self {
-            allowed: Bits::FULL,
-            feature: 1,
+            allowed: Bits::full(raster),
+            feature: [1; 2],
             islands: None,
             leads: None,
         }
     }
-}
 
-impl RasterConstraints {
+    /// Whether nothing is asked.
+    pub fn is_none(&self) -> bool {
+        self.allowed.inverse().is_empty() && (self.feature, self.islands, &self.leads) == ([1; 2], None, &None)
+    }
+
     /// Whether a pattern keeps to it.
     pub fn holds(&self, bits: &Bits) -> bool {
         if !bits.without(&self.allowed).is_empty() || !self.is_regular(bits) {
@@ -44,7 +47,7 @@ impl RasterConstraints {
     /// Whether no electrode and no gap is narrower than the least width.
     pub fn is_regular(&self, bits: &Bits) -> bool {
         let n = self.feature;
-        n == 1 || (opened(bits, n) == *bits && closed(bits, n) == *bits)
+        n == [1; 2] || (opened(bits, n) == *bits && closed(bits, n) == *bits)
     }
 
     /// Whether a piece touches the frame where it must.

@@ -1,9 +1,9 @@
 //! A pattern nearby that keeps the constraints.
 
 use super::blocks;
-use super::morphology::{closed, components, dilated, eroded, grown, opened, spread};
+use super::morphology::{closed, components, dilated, eroded, grown, met, opened, spread};
 use super::raster::RasterConstraints;
-use crate::pattern::{Bits, CELLS};
+use crate::pattern::Bits;
 
 /// How often widths and connections are mended in turn before it is done on blocks instead.
 const ROUNDS: usize = 4;
@@ -12,11 +12,11 @@ const ROUNDS: usize = 4;
 pub(super) fn repaired(raster: &RasterConstraints, given: &Bits) -> Option<Bits> {
     let start = given.and(&raster.allowed);
     if given.is_empty() {
-        return Some(*given);
+        return Some(given.clone());
     }
     let by_cells = mended(raster, &start);
     let found = by_cells.or_else(|| match raster.feature {
-        1 => None,
+        [1, 1] => None,
         _ => blocks::repaired(raster, &start),
     });
     found.filter(|bits| !bits.is_empty())
@@ -24,7 +24,7 @@ pub(super) fn repaired(raster: &RasterConstraints, given: &Bits) -> Option<Bits>
 
 /// Mends widths and connections in turn; none where that does not end, as strips may come too near to other electrodes.
 fn mended(raster: &RasterConstraints, start: &Bits) -> Option<Bits> {
-    let mut bits = *start;
+    let mut bits = start.clone();
     for _ in 0..ROUNDS {
         bits = connected(raster, &regular(raster, &bits));
         if bits.is_empty() || raster.is_regular(&bits) {
@@ -37,8 +37,8 @@ fn mended(raster: &RasterConstraints, start: &Bits) -> Option<Bits> {
 /// Closes narrow gaps and removes thin electrodes. A gap that cannot be closed so is widened until it is wide enough.
 fn regular(raster: &RasterConstraints, bits: &Bits) -> Bits {
     let n = raster.feature;
-    if n == 1 || raster.is_regular(bits) {
-        return *bits;
+    if n == [1; 2] || raster.is_regular(bits) {
+        return bits.clone();
     }
     let mut bits = opened(&closed(bits, n).and(&raster.allowed), n);
     loop {
@@ -46,7 +46,7 @@ fn regular(raster: &RasterConstraints, bits: &Bits) -> Bits {
         if gaps.is_empty() {
             return bits;
         }
-        let before = bits;
+        let before = bits.clone();
         while bits == before {
             gaps = grown(&gaps);
             bits = opened(&bits.without(&gaps), n);
@@ -58,10 +58,10 @@ fn regular(raster: &RasterConstraints, bits: &Bits) -> Bits {
 /// not larger than the piece, and drops it where there is none.
 pub(super) fn connected(raster: &RasterConstraints, bits: &Bits) -> Bits {
     if raster.islands.is_none() && raster.leads.is_none() {
-        return *bits;
+        return bits.clone();
     }
     let most = raster.islands.unwrap_or(usize::MAX);
-    let (mut kept, mut count) = (Bits::EMPTY, 0);
+    let (mut kept, mut count) = (bits.without(bits), 0);
     for piece in components(bits) {
         if spread(&piece).meets(&kept) {
             // A strip of a larger piece has gone through it or along it.
@@ -73,8 +73,8 @@ pub(super) fn connected(raster: &RasterConstraints, bits: &Bits) -> Bits {
             count += 1;
             continue;
         }
-        let leads = if count < most { raster.leads } else { None };
-        let Some(strip) = strip(raster, &piece, &kept, leads.as_ref()) else {
+        let leads = raster.leads.as_ref().filter(|_| count < most);
+        let Some(strip) = strip(raster, &piece, &kept, leads) else {
             continue;
         };
         if strip.without(bits).count() <= piece.count() {
@@ -91,50 +91,31 @@ fn strip(raster: &RasterConstraints, piece: &Bits, kept: &Bits, leads: Option<&B
     let places = eroded(&raster.allowed, n);
     let mut goal = eroded(kept, n);
     if let Some(leads) = leads {
-        goal = goal.or(&touching(leads, &places, n));
+        goal = goal.or(&met(leads, n).and(&places));
     }
     let mut waves = vec![eroded(piece, n)];
     loop {
-        let last = waves[waves.len() - 1];
+        let last = &waves[waves.len() - 1];
         let arrived = last.and(&goal);
         if !arrived.is_empty() {
             return Some(dilated(&way(&waves, &arrived), n));
         }
-        let next = spread(&last).and(&places).or(&last);
-        if next == last {
+        let next = spread(last).and(&places).or(last);
+        if next == *last {
             return None;
         }
         waves.push(next);
     }
 }
 
-/// The places at which a square meets some cells.
-fn touching(cells: &Bits, places: &Bits, n: usize) -> Bits {
-    // The lower left cells of squares that hold a cell lie below and left of it.
-    let rows = cells
-        .rows()
-        .map(|row| (1..n).fold(row, |met, shift| met | row >> shift));
-    let reach = Bits::from_rows(|y| rows[y..(y + n).min(CELLS)].iter().fold(0, |met, row| met | row));
-    reach.and(places)
-}
-
 /// One of the shortest ways back through the waves from where they arrived: from the lowest, then leftmost place, always to
 /// the lowest, then leftmost one of the wave before.
 fn way(waves: &[Bits], arrived: &Bits) -> Bits {
-    let mut at = first(arrived);
-    let mut way = at;
+    let mut at = arrived.first();
+    let mut way = at.clone();
     for wave in waves.iter().rev().skip(1) {
-        at = first(&spread(&at).and(wave));
+        at = spread(&at).and(wave).first();
         way = way.or(&at);
     }
     way
-}
-
-/// The lowest, then leftmost cell.
-fn first(bits: &Bits) -> Bits {
-    let lowest = bits.rows().iter().position(|&row| row != 0);
-    Bits::from_rows(|y| {
-        let row = bits.rows()[y];
-        if lowest == Some(y) { row & row.wrapping_neg() } else { 0 }
-    })
 }

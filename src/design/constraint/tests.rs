@@ -1,11 +1,12 @@
 use super::morphology::components;
 use super::*;
 use crate::base::Stream;
+use crate::pattern::Raster;
 
-const SIDE: f64 = 50.0;
+const MEMBRANE: Membrane = Membrane::square(50.0);
 
 fn constraints(limits: Limits) -> Constraints {
-    Constraints::new(limits, SIDE).unwrap()
+    Constraints::new(limits, MEMBRANE).unwrap()
 }
 
 fn rectangle(from: [f64; 2], to: [f64; 2]) -> Region {
@@ -21,7 +22,7 @@ fn blobs(index: u64, grain: usize, area: f64) -> Pattern {
 fn noise(index: u64) -> Pattern {
     let mut stream = Stream::new(7, "test", index);
     let cells: Vec<u8> = (0..2500).map(|_| u8::from(stream.chance(0.5))).collect();
-    Pattern::from_cells(&cells).unwrap()
+    Pattern::from_cells(Raster::PAPER, &cells).unwrap()
 }
 
 fn all(min_feature_mm: f64) -> Limits {
@@ -46,10 +47,14 @@ fn all(min_feature_mm: f64) -> Limits {
 
 #[test]
 fn no_constraints_ask_for_nothing() {
-    let free = Constraints::default();
+    let free = Constraints::none(MEMBRANE);
     assert!(free.is_free() && free.allowed().iter().all(|&a| a) && free.allowed().len() == 2500);
-    assert_eq!((free.feature_cells(), free.largest_area()), (1, 1.0));
-    for pattern in [noise(1), blobs(1, 2, 0.4), Pattern::from_fn(|_, _| false)] {
+    assert_eq!((free.feature_cells(), free.largest_area()), ([1; 2], 1.0));
+    for pattern in [
+        noise(1),
+        blobs(1, 2, 0.4),
+        Pattern::from_fn(Raster::PAPER, |_, _| false),
+    ] {
         assert!(free.hold(&pattern) && free.violations(&pattern).is_empty());
         assert_eq!(free.violations(&pattern).share(), 0.0);
         assert_eq!(free.masked(&pattern), pattern);
@@ -65,7 +70,9 @@ fn widths_are_those_of_whole_cells() {
             min_feature_mm: Some(mm),
             ..Limits::default()
         };
-        Constraints::new(limits, side).unwrap().feature_cells()
+        Constraints::new(limits, Membrane::square(side))
+            .unwrap()
+            .feature_cells()[0]
     };
     assert_eq!([0.2, 1.0, 1.01, 2.0, 50.0].map(|mm| cells(mm, 50.0)), [1, 1, 2, 2, 50]);
     // 1.1 mm are 11 cells of 0.1 mm, although 1.1 / 0.1 is rounded to more than 11.
@@ -79,7 +86,7 @@ fn what_is_too_narrow_is_counted_and_named() {
         ..Limits::default()
     });
     // An electrode of 10 × 20 cells with a slot of 2 × 5 in it, and a bar of 2 × 8 beside it.
-    let pattern = Pattern::from_fn(|x, y| {
+    let pattern = Pattern::from_fn(Raster::PAPER, |x, y| {
         let block = (10..20).contains(&x) && (10..30).contains(&y);
         let slot = (14..16).contains(&x) && (15..20).contains(&y);
         (block && !slot) || ((30..32).contains(&x) && (10..18).contains(&y))
@@ -92,11 +99,11 @@ fn what_is_too_narrow_is_counted_and_named() {
     let repaired = wide.repaired(&pattern).unwrap();
     assert_eq!(
         repaired,
-        Pattern::from_fn(|x, y| (10..20).contains(&x) && (10..30).contains(&y))
+        Pattern::from_fn(Raster::PAPER, |x, y| (10..20).contains(&x) && (10..30).contains(&y))
     );
     // At the frame a gap of any width will do, an electrode not.
-    assert!(wide.hold(&Pattern::from_fn(|x, _| x > 0 && x < 20)));
-    assert!(!wide.hold(&Pattern::from_fn(|x, _| x < 2)));
+    assert!(wide.hold(&Pattern::from_fn(Raster::PAPER, |x, _| x > 0 && x < 20)));
+    assert!(!wide.hold(&Pattern::from_fn(Raster::PAPER, |x, _| x < 2)));
 }
 
 #[test]
@@ -106,7 +113,7 @@ fn islands_are_counted_and_the_smaller_ones_joined_or_dropped() {
         ..Limits::default()
     });
     // Two blocks of 100 cells three cells apart, and a speck far away.
-    let pattern = Pattern::from_fn(|x, y| {
+    let pattern = Pattern::from_fn(Raster::PAPER, |x, y| {
         let row = (20..30).contains(&y);
         (row && ((5..15).contains(&x) || (18..28).contains(&x))) || (x, y) == (45, 45)
     });
@@ -129,7 +136,7 @@ fn pieces_are_led_out_where_they_must_be() {
         min_feature_mm: Some(2.0),
         ..Limits::default()
     });
-    let pattern = Pattern::from_fn(|x, y| (20..40).contains(&x) && (20..30).contains(&y));
+    let pattern = Pattern::from_fn(Raster::PAPER, |x, y| (20..40).contains(&x) && (20..30).contains(&y));
     let found = right.violations(&pattern);
     let expected = "1 of 1 islands without a lead on the frame, allowed: right";
     assert_eq!((found.unled, found.to_string().as_str()), (1, expected));
@@ -138,8 +145,11 @@ fn pieces_are_led_out_where_they_must_be() {
     // A strip two cells wide over the ten cells to the frame.
     assert_eq!(repaired.active_cells(), 200 + 20);
     // What touches another side only is not led out.
-    assert_eq!(right.violations(&Pattern::from_fn(|x, _| x < 10)).unled, 1);
-    assert!(right.hold(&Pattern::from_fn(|_, y| y < 10)));
+    assert_eq!(
+        right.violations(&Pattern::from_fn(Raster::PAPER, |x, _| x < 10)).unled,
+        1
+    );
+    assert!(right.hold(&Pattern::from_fn(Raster::PAPER, |_, y| y < 10)));
 }
 
 #[test]
@@ -155,7 +165,7 @@ fn nothing_is_active_where_it_is_kept_out() {
         ..Limits::default()
     };
     let kept = constraints(limits);
-    let full = Pattern::from_fn(|_, _| true);
+    let full = Pattern::from_fn(Raster::PAPER, |_, _| true);
     // 5 × 5 cells, and the 32 cells with their centre within 3 cells of a corner.
     assert_eq!(kept.violations(&full).kept_out, 25 + 32);
     assert_eq!(kept.violations(&full).to_string(), "57 cells active where none may be");
@@ -167,7 +177,10 @@ fn nothing_is_active_where_it_is_kept_out() {
     let error = kept.check_area(0.99, 0.005).unwrap_err().to_string();
     assert!(error.contains("0.99") && error.contains("0.9772"), "{error}");
     // Nothing is left of what is wholly kept out.
-    assert_eq!(kept.repaired(&Pattern::from_fn(|x, y| x < 4 && y < 4)), None);
+    assert_eq!(
+        kept.repaired(&Pattern::from_fn(Raster::PAPER, |x, y| x < 4 && y < 4)),
+        None
+    );
 }
 
 #[test]
@@ -218,7 +231,7 @@ fn a_repair_stays_near_what_it_mends() {
 
 #[test]
 fn contradictions_are_refused() {
-    let error = |limits| Constraints::new(limits, SIDE).unwrap_err().to_string();
+    let error = |limits| Constraints::new(limits, MEMBRANE).unwrap_err().to_string();
     let limits = Limits::default;
     let feature = |mm| Limits {
         min_feature_mm: Some(mm),
@@ -263,7 +276,7 @@ fn contradictions_are_refused() {
         ..Sides::default()
     };
     assert!(error(left(listed)).contains("the frame on the left"));
-    assert!(Constraints::new(left(Sides::ALL), SIDE).is_ok());
+    assert!(Constraints::new(left(Sides::ALL), MEMBRANE).is_ok());
 }
 
 #[test]
@@ -279,7 +292,7 @@ fn only_what_a_lead_can_reach_is_room() {
     };
     let walled = constraints(walled);
     assert!((walled.largest_area() - 0.4).abs() < 1e-12);
-    let right = Pattern::from_fn(|x, _| x > 30);
+    let right = Pattern::from_fn(Raster::PAPER, |x, _| x > 30);
     assert_eq!(walled.violations(&right).kept_out, right.active_cells());
     assert!(walled.check_area(0.5, 0.005).is_err());
     // Without leads it is one island that cannot have both sides.

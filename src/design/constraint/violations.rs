@@ -3,8 +3,8 @@
 use std::fmt;
 
 use super::morphology::{closed, components, opened};
-use super::{ALL, Constraints, Sides};
-use crate::pattern::{Bits, CELLS};
+use super::{Constraints, Sides};
+use crate::pattern::Bits;
 
 /// What of a pattern does not keep the constraints; `Display` says it in words.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -21,6 +21,8 @@ pub struct Violations {
     pub unled: usize,
     /// Cells of the smallest pieces that are beyond the largest number, and of those without a lead.
     loose: usize,
+    /// Cells of the membrane.
+    all: usize,
     /// What is asked, for the words.
     asked: Asked,
 }
@@ -39,9 +41,10 @@ impl Violations {
         let n = raster.feature;
         let mut found = Self {
             kept_out: bits.without(&raster.allowed).count(),
+            all: bits.raster().cells(),
             ..Self::default()
         };
-        if n > 1 {
+        if n != [1; 2] {
             found.thin = bits.without(&opened(bits, n)).count();
             found.narrow = closed(bits, n).without(bits).count();
         }
@@ -56,7 +59,7 @@ impl Violations {
         }
         found.asked = Asked {
             islands: raster.islands.unwrap_or_default(),
-            feature_mm: limits.min_feature_mm.unwrap_or(constraints.side_mm / CELLS as f64),
+            feature_mm: limits.min_feature_mm.unwrap_or_default(),
             sides: limits.leads,
             ..found.asked
         };
@@ -73,7 +76,7 @@ impl Violations {
     /// once for each constraint that it does not keep.
     #[must_use]
     pub fn share(&self) -> f64 {
-        ((self.kept_out + self.thin + self.narrow + self.loose) as f64 / ALL).min(1.0)
+        ((self.kept_out + self.thin + self.narrow + self.loose) as f64 / self.all.max(1) as f64).min(1.0)
     }
 
     /// One line for each constraint that is not kept: what was found, and what is allowed.

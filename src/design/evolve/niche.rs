@@ -9,7 +9,7 @@ use crate::pattern::Bits;
 
 /// Winners of niches, added one after another.
 pub(super) struct Niches {
-    images: Vec<[Bits; 8]>,
+    images: Vec<Vec<Bits>>,
     most: usize,
     distance: f64,
 }
@@ -73,9 +73,10 @@ pub(super) fn order(sorted: &[Bits], most: usize, distance: f64) -> Vec<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pattern::Raster;
 
     fn bar(from: usize) -> Bits {
-        Bits::from_fn(|x, _| (from..from + 5).contains(&x))
+        Bits::from_fn(Raster::PAPER, |x, _| (from..from + 5).contains(&x))
     }
 
     #[test]

@@ -152,7 +152,7 @@ impl<'a> Search<'a> {
         let judged = population.partition_point(|individual| individual.known.fitness.is_finite());
         let bits: Vec<Bits> = population[..judged]
             .iter()
-            .map(|individual| self.known[&individual.genome].bits)
+            .map(|individual| self.known[&individual.genome].bits.clone())
             .collect();
         let mut places = vec![0; population.len()];
         let order = order(&bits, self.options.designs, self.options.distance);

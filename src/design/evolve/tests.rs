@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use super::*;
 use crate::design::{AREA_PENALTY, Aim, Displacement, Motion, Qin2024};
 use crate::field::Field;
-use crate::pattern::{CELLS, Pattern};
+use crate::pattern::{CELLS, Membrane, Pattern, Raster};
 
 mod constrained;
 mod niches;
@@ -60,7 +60,7 @@ impl Predictor for Linear {
         self.predicted.fetch_add(patterns.len(), Ordering::Relaxed);
         let field = |pattern| {
             let value = self.value(pattern);
-            let field = Field::from_values([value, 0.0].repeat(51 * 51));
+            let field = Field::from_values(Raster::PAPER, [value, 0.0].repeat(51 * 51));
             field.map(Some).map_err(PredictError::failed)
         };
         patterns.iter().map(field).collect()
@@ -87,7 +87,8 @@ fn small(seed: u64) -> EvolveOptions {
 
 /// No constraints but the goal.
 fn free<'a>(predictor: &'a dyn Predictor, goal: &'a Goal) -> Setting<'a> {
-    static NONE: std::sync::LazyLock<Constraints> = std::sync::LazyLock::new(Constraints::default);
+    static NONE: std::sync::LazyLock<Constraints> =
+        std::sync::LazyLock::new(|| Constraints::none(Membrane::square(50.0)));
     Setting {
         predictor,
         goal,
@@ -218,7 +219,7 @@ fn what_the_predictor_gets_wrong_is_an_error() {
         error.to_string()
     };
     assert!(message(|_| Err(PredictError::failed("no memory"))).contains("no memory"));
-    assert!(message(|count| Ok(vec![Field::zero(); count - 1])).contains("fields for"));
+    assert!(message(|count| Ok(vec![Field::zero(Raster::PAPER); count - 1])).contains("fields for"));
 }
 
 /// Has no field of patterns with more than half of the left half active.

@@ -110,9 +110,10 @@ impl<'a> Exchange<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pattern::Raster;
 
     fn cells() -> Units {
-        Units::new(50, &[true; 2500])
+        Units::new([50; 2], Raster::PAPER, &[true; 2500])
     }
 
     /// What flipping gains where each active cell is worth `worth`.
@@ -159,7 +160,7 @@ mod tests {
 
     #[test]
     fn units_of_different_sizes_are_exchanged_within_the_range() {
-        let units = Units::new(20, &[true; 2500]);
+        let units = Units::new([20; 2], Raster::PAPER, &[true; 2500]);
         let start: Vec<bool> = (0..400).map(|unit| unit % 20 < 10).collect();
         let gains: Vec<f64> = (0..400)
             .map(|unit| ((unit * 29 % 41) as f64 - 20.0) * units.cells(unit).len() as f64)

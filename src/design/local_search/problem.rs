@@ -7,7 +7,7 @@ use super::{LocalOptimum, SearchStep};
 use crate::base::Stream;
 use crate::design::{Constraints, Goal};
 use crate::field::{Differentiable, Feasibility, Field, PredictError};
-use crate::pattern::{Bits, CELLS, Pattern};
+use crate::pattern::{Bits, Pattern};
 
 /// How often the area before a repair is tried anew so that the area after it is as wanted.
 const TRIALS: usize = 24;
@@ -27,7 +27,7 @@ pub struct SearchProblem<'a> {
     constraints: &'a Constraints,
     feasibility: Option<&'a dyn Feasibility>,
     /// Patterns to differ from, with their images.
-    others: Vec<[Bits; 8]>,
+    others: Vec<Vec<Bits>>,
     distance: f64,
 }
 
@@ -40,24 +40,25 @@ pub(super) struct State {
 }
 
 impl<'a> SearchProblem<'a> {
-    /// For a goal, on side × side units (20 or 50), at an area fraction from `area.0` to `area.1`.
+    /// For a goal, on columns and rows of units or on cells, at an area fraction from `area.0` to `area.1`.
     #[must_use]
     pub fn new(
         physics: &'a dyn Differentiable,
         goal: &'a Goal,
-        side: usize,
+        units: [usize; 2],
         area: (f64, f64),
         constraints: &'a Constraints,
     ) -> Self {
-        let all = (CELLS * CELLS) as f64;
+        let raster = constraints.membrane().raster;
+        let all = raster.cells() as f64;
         // A fraction that is a whole number of cells but for rounding means that number.
         let least = (area.0 * all - 1e-9).ceil().clamp(0.0, all);
         let most = (area.1 * all + 1e-9).floor().clamp(0.0, all);
         Self {
             physics,
             goal,
-            units: Units::new(side, constraints.allowed()),
-            of_cells: side == CELLS,
+            units: Units::new(units, raster, constraints.allowed()),
+            of_cells: units == raster.sides(),
             range: (least as usize, most as usize),
             constraints,
             feasibility: None,
@@ -165,7 +166,7 @@ impl<'a> SearchProblem<'a> {
             return self.enforce_distance(fitted(self.range)?, gains);
         }
         // Repairs change the area: what goes in is searched by bisection so that what comes out is as wanted.
-        let (mut low, mut high) = (0, CELLS * CELLS);
+        let (mut low, mut high) = (0, self.constraints.membrane().raster.cells());
         let mut aim = self.range;
         for _ in 0..TRIALS {
             let repaired = fitted(aim).and_then(|on| self.repaired(&on));
@@ -198,11 +199,12 @@ impl<'a> SearchProblem<'a> {
                 .iter()
                 .filter_map(|other| other.iter().min_by_key(|image| bits.differing(image)))
                 .collect();
+            let columns = self.units.raster().columns();
             let agrees = |unit: usize, image: &Bits| {
                 let cells = self.units.cells(unit);
                 let active = cells
                     .iter()
-                    .filter(|&&cell| image.has(cell % CELLS, cell / CELLS))
+                    .filter(|&&cell| image.has(cell % columns, cell / columns))
                     .count();
                 (2 * active > cells.len()) == on[unit]
             };
@@ -236,7 +238,7 @@ impl<'a> SearchProblem<'a> {
     }
 
     fn least_difference(&self) -> usize {
-        (self.distance * (CELLS * CELLS) as f64 - 1e-9).ceil() as usize
+        (self.distance * self.constraints.membrane().raster.cells() as f64 - 1e-9).ceil() as usize
     }
 
     /// The nearest pattern that keeps the constraints.
@@ -292,12 +294,12 @@ impl<'a> SearchProblem<'a> {
         self.range
     }
 
-    /// Side in cells of the smallest square that may be flipped alone.
-    pub(super) fn feature(&self) -> usize {
+    /// Columns and rows of the smallest square that may be flipped alone.
+    pub(super) fn feature(&self) -> [usize; 2] {
         if self.of_cells {
             self.constraints.feature_cells()
         } else {
-            1
+            [1; 2]
         }
     }
 

@@ -70,7 +70,7 @@ impl<'g> LocalSearch<'g> {
 
     fn exchange(&mut self, first_order: &[f64], (near, pairs): (usize, usize)) -> Result<bool, PredictError> {
         let feature = self.problem.feature();
-        if feature > 1 {
+        if feature != [1; 2] {
             return self.take_squares(first_order, feature, (near, pairs));
         }
         let gains = self.gains_near(first_order, near)?;
@@ -145,7 +145,7 @@ impl<'g> LocalSearch<'g> {
     fn take_squares(
         &mut self,
         gains: &[f64],
-        feature: usize,
+        feature: [usize; 2],
         (near, most): (usize, usize),
     ) -> Result<bool, PredictError> {
         let squares = Squares::new(self.problem.units(), feature);

@@ -1,27 +1,26 @@
 //! Squares of the least width that may be flipped, where single units may not.
 
-use crate::pattern::CELLS;
-
 use super::units::Units;
 
-/// The cells of a membrane in squares of side n, one from each cell, that are wholly among the units.
+/// The cells of a membrane in squares, one from each cell, that are wholly among the units.
 pub(super) struct Squares {
     squares: Vec<Vec<usize>>,
 }
 
 impl Squares {
-    /// For units that are cells.
-    pub(super) fn new(units: &Units, side: usize) -> Self {
-        let mut unit_of = vec![None; CELLS * CELLS];
+    /// For units that are cells, squares of so many columns and rows.
+    pub(super) fn new(units: &Units, [wide, high]: [usize; 2]) -> Self {
+        let [columns, rows] = units.raster().sides();
+        let mut unit_of = vec![None; columns * rows];
         for unit in 0..units.count() {
             units.cells(unit).iter().for_each(|&cell| unit_of[cell] = Some(unit));
         }
-        let last = CELLS + 1 - side.min(CELLS);
+        let last = [columns + 1 - wide.min(columns), rows + 1 - high.min(rows)];
         let square = |(x, y): (usize, usize)| -> Option<Vec<usize>> {
-            let cells = (0..side * side).map(|k| (y + k / side) * CELLS + x + k % side);
-            cells.map(|cell| unit_of[cell]).collect()
+            let cells = (0..wide * high).map(|k| (y + k / wide) * columns + x + k % wide);
+            cells.map(|cell| *unit_of.get(cell)?).collect()
         };
-        let corners = (0..last * last).map(|k| (k % last, k / last));
+        let corners = (0..last[0] * last[1]).map(|k| (k % last[0], k / last[0]));
         Self {
             squares: corners.filter_map(square).collect(),
         }
@@ -46,11 +45,12 @@ impl Squares {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pattern::Raster;
 
     #[test]
     fn a_square_turns_over_what_is_not_as_it_will_be() {
-        let units = Units::new(CELLS, &[true; CELLS * CELLS]);
-        let squares = Squares::new(&units, 3);
+        let units = Units::new([50; 2], Raster::PAPER, &[true; 2500]);
+        let squares = Squares::new(&units, [3; 2]);
         assert_eq!(squares.squares.len(), 48 * 48);
         let on: Vec<bool> = (0..2500).map(|cell| cell % 50 < 10).collect();
         let gains: Vec<f64> = (0..2500).map(|cell| if cell % 50 == 10 { 1.0 } else { -1.0 }).collect();

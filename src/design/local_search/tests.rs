@@ -1,7 +1,7 @@
 use super::*;
 use crate::design::{Aim, Constraints, Displacement, Distance, Goal, Limits, Measure, Motion};
 use crate::field::{CORNERS, Differentiable, PredictError, Predictor, WithGradient};
-use crate::pattern::{CELLS, distance};
+use crate::pattern::{CELLS, Membrane, Raster, distance};
 
 /// A membrane whose every point moves along x by Σ worth · active + ½ bend (Σ spread · active)², in mm.
 struct Quadratic {
@@ -24,7 +24,7 @@ impl Quadratic {
     }
 
     fn field(&self, pattern: &Pattern) -> Field {
-        Field::from_values([self.value(pattern), 0.0].repeat(CORNERS * CORNERS)).unwrap()
+        Field::from_values(Raster::PAPER, [self.value(pattern), 0.0].repeat(CORNERS * CORNERS)).unwrap()
     }
 }
 
@@ -78,7 +78,7 @@ fn linear() -> Quadratic {
 }
 
 fn half() -> Pattern {
-    Pattern::from_fn(|x, _| x < 25)
+    Pattern::from_fn(Raster::PAPER, |x, _| x < 25)
 }
 
 #[test]
@@ -93,9 +93,13 @@ fn the_optimum_of_a_linear_membrane_is_found_from_anywhere() {
         let mut worth = physics.worth.clone();
         worth.sort_by(|a, b| b.total_cmp(a));
         let best: f64 = worth[..cells].iter().sum();
-        for start in [half(), Pattern::from_fn(|_, _| false), Pattern::from_fn(|_, _| true)] {
-            let none = Constraints::default();
-            let problem = SearchProblem::new(&physics, &goal, 50, area, &none);
+        for start in [
+            half(),
+            Pattern::from_fn(Raster::PAPER, |_, _| false),
+            Pattern::from_fn(Raster::PAPER, |_, _| true),
+        ] {
+            let none = Constraints::none(Membrane::square(50.0));
+            let problem = SearchProblem::new(&physics, &goal, [50; 2], area, &none);
             let found = problem.refine(&start, &|_| ()).unwrap().unwrap();
             assert_eq!(found.pattern.active_cells(), cells);
             assert!((found.score * 2.5 - best).abs() < 1e-9 && found.exhausted);
@@ -116,8 +120,8 @@ fn no_exchange_of_two_units_improves_a_local_optimum() {
     };
     let goal = goal(Motion::Along(0.0));
     for side in [20, 50] {
-        let none = Constraints::default();
-        let problem = SearchProblem::new(&physics, &goal, side, (0.495, 0.505), &none);
+        let none = Constraints::none(Membrane::square(50.0));
+        let problem = SearchProblem::new(&physics, &goal, [side; 2], (0.495, 0.505), &none);
         let found = problem.refine(&half(), &|_| ()).unwrap().unwrap();
         assert!(found.exhausted && (1238..=1262).contains(&found.pattern.active_cells()));
         let on = problem.units().of(&found.pattern);
@@ -142,8 +146,8 @@ fn no_exchange_of_two_units_improves_a_local_optimum() {
 #[test]
 fn a_wanted_value_is_met() {
     let (physics, goal) = (linear(), goal(Motion::By(0.0, 0.1)));
-    let none = Constraints::default();
-    let problem = SearchProblem::new(&physics, &goal, 50, (0.5, 0.5), &none);
+    let none = Constraints::none(Membrane::square(50.0));
+    let problem = SearchProblem::new(&physics, &goal, [50; 2], (0.5, 0.5), &none);
     let found = problem.refine(&half(), &|_| ()).unwrap().unwrap();
     assert!((physics.value(&found.pattern) - 0.1).abs() < 1e-3, "{}", found.score);
 }
@@ -152,9 +156,9 @@ fn a_wanted_value_is_met() {
 fn there_is_no_optimum_where_nothing_has_a_field() {
     let physics = Quadratic { most: 1000, ..linear() };
     let goal = goal(Motion::Along(0.0));
-    let none = Constraints::default();
+    let none = Constraints::none(Membrane::square(50.0));
     let at = |area| {
-        let problem = SearchProblem::new(&physics, &goal, 50, area, &none);
+        let problem = SearchProblem::new(&physics, &goal, [50; 2], area, &none);
         problem.refine(&half(), &|_| ()).unwrap()
     };
     assert!(at((0.5, 0.5)).is_none());
@@ -174,11 +178,15 @@ fn smooth() -> Quadratic {
 
 #[test]
 fn several_designs_differ_as_much_as_they_must_and_lose_little() {
-    let (physics, goal, none) = (smooth(), goal(Motion::Along(0.0)), Constraints::default());
+    let (physics, goal, none) = (
+        smooth(),
+        goal(Motion::Along(0.0)),
+        Constraints::none(Membrane::square(50.0)),
+    );
     let mut designs: Vec<Pattern> = Vec::new();
     let mut scores = Vec::new();
     for _ in 0..4 {
-        let problem = SearchProblem::new(&physics, &goal, 50, (0.45, 0.55), &none).distant_from(&designs, 0.05);
+        let problem = SearchProblem::new(&physics, &goal, [50; 2], (0.45, 0.55), &none).distant_from(&designs, 0.05);
         let found = problem.refine(&half(), &|_| ()).unwrap().unwrap();
         assert!(designs.iter().all(|other| distance(other, &found.pattern) >= 0.05));
         scores.push(found.score);
@@ -200,15 +208,15 @@ fn constraints_are_kept_all_the_way() {
         islands: Some(1),
         ..Limits::default()
     };
-    let constraints = Constraints::new(limits, 50.0).unwrap();
-    let problem = SearchProblem::new(&physics, &goal, 50, (0.39, 0.41), &constraints);
-    let scattered = Pattern::from_fn(|x, y| (x * 7 + y * 11) % 5 < 2);
+    let constraints = Constraints::new(limits, Membrane::square(50.0)).unwrap();
+    let problem = SearchProblem::new(&physics, &goal, [50; 2], (0.39, 0.41), &constraints);
+    let scattered = Pattern::from_fn(Raster::PAPER, |x, y| (x * 7 + y * 11) % 5 < 2);
     for start in [half(), scattered] {
         let found = problem.refine(&start, &|_| ()).unwrap().unwrap();
         assert!(constraints.hold(&found.pattern) && found.exhausted);
         assert!((0.39..=0.41).contains(&found.pattern.area_fraction()));
-        let free = Constraints::default();
-        let without = SearchProblem::new(&physics, &goal, 50, (0.39, 0.41), &free);
+        let free = Constraints::none(Membrane::square(50.0));
+        let without = SearchProblem::new(&physics, &goal, [50; 2], (0.39, 0.41), &free);
         let best = without.refine(&start, &|_| ()).unwrap().unwrap().score;
         assert!(
             found.score <= best && found.score > 0.9 * best,
@@ -231,8 +239,8 @@ fn what_is_not_feasible_is_not_taken() {
         worth: (0..2500).map(|cell| (cell % 50) as f64 * 1e-5).collect(),
         ..linear()
     };
-    let (goal, none) = (goal(Motion::Along(0.0)), Constraints::default());
-    let problem = SearchProblem::new(&physics, &goal, 50, (0.5, 0.5), &none);
+    let (goal, none) = (goal(Motion::Along(0.0)), Constraints::none(Membrane::square(50.0)));
+    let problem = SearchProblem::new(&physics, &goal, [50; 2], (0.5, 0.5), &none);
     assert!(
         problem
             .refine(&half(), &|_| ())

@@ -1,24 +1,32 @@
 //! What a local search turns on and off: the cells, or the coarser units of the genetic algorithm.
 
-use crate::pattern::{CELLS, Pattern};
+use crate::pattern::{Pattern, Raster};
 
-/// The membrane in side × side units; cell i lies in unit floor(i · side / 50).
+/// The membrane in columns and rows of units; of n units along a side of m cells, cell i lies in unit floor(i n / m).
 #[derive(Clone, Debug)]
 pub(super) struct Units {
+    raster: Raster,
     /// The cells of each unit that may be active; units without any are left out.
     cells: Vec<Vec<usize>>,
 }
 
 impl Units {
     /// The units whose cells may be active where `allowed` says so, `[y][x]`.
-    pub(super) fn new(side: usize, allowed: &[bool]) -> Self {
-        let mut cells = vec![Vec::new(); side * side];
-        for cell in (0..CELLS * CELLS).filter(|&cell| allowed[cell]) {
-            let unit = |c: usize| c * side / CELLS;
-            cells[unit(cell / CELLS) * side + unit(cell % CELLS)].push(cell);
+    pub(super) fn new(units: [usize; 2], raster: Raster, allowed: &[bool]) -> Self {
+        let [columns, rows] = raster.sides();
+        let mut cells = vec![Vec::new(); units[0] * units[1]];
+        for cell in (0..raster.cells()).filter(|&cell| allowed[cell]) {
+            let unit = |c: usize, along: usize, side: usize| c * units[along] / side;
+            let (x, y) = (unit(cell % columns, 0, columns), unit(cell / columns, 1, rows));
+            cells[y * units[0] + x].push(cell);
         }
         cells.retain(|unit| !unit.is_empty());
-        Self { cells }
+        Self { raster, cells }
+    }
+
+    /// The cells that they are made of.
+    pub(super) fn raster(&self) -> Raster {
+        self.raster
     }
 
     pub(super) fn count(&self) -> usize {
@@ -44,11 +52,11 @@ impl Units {
     }
 
     pub(super) fn pattern(&self, on: &[bool]) -> Pattern {
-        let mut active = vec![false; CELLS * CELLS];
+        let mut active = vec![false; self.raster.cells()];
         for (unit, _) in self.cells.iter().zip(on).filter(|(_, on)| **on) {
             unit.iter().for_each(|&cell| active[cell] = true);
         }
-        Pattern::from_fn(|x, y| active[y * CELLS + x])
+        Pattern::from_fn(self.raster, |x, y| active[y * self.raster.columns() + x])
     }
 
     /// How many cells are active.
@@ -65,7 +73,7 @@ mod tests {
 
     #[test]
     fn they_are_those_of_the_genetic_algorithm() {
-        let units = Units::new(20, &[true; 2500]);
+        let units = Units::new([20; 2], Raster::PAPER, &[true; 2500]);
         let genome = Genome::from_fn(|x, y| (x * 7 + y * 3) % 5 < 2);
         assert_eq!(units.pattern(genome.genes()), genome.pattern());
         assert_eq!(units.of(&genome.pattern()), genome.genes());
@@ -76,10 +84,10 @@ mod tests {
     fn what_is_kept_out_is_never_active() {
         let mut allowed = [true; 2500];
         (0..3).for_each(|cell| allowed[cell] = false);
-        let cells = Units::new(50, &allowed);
+        let cells = Units::new([50; 2], Raster::PAPER, &allowed);
         assert_eq!(cells.count(), 2497);
         assert_eq!(cells.pattern(&vec![true; 2497]).active_cells(), 2497);
-        let units = Units::new(20, &allowed);
+        let units = Units::new([20; 2], Raster::PAPER, &allowed);
         assert_eq!((units.count(), units.cells(0).len()), (400, 6));
     }
 }

@@ -9,7 +9,7 @@
 use super::aim::{Aim, Motion, PlacedAim};
 use super::measure::Measure;
 use crate::field::{CORNERS, Field};
-use crate::pattern::Pattern;
+use crate::pattern::{Pattern, Raster};
 
 /// The default weight λ of the area: leaving the wanted area fraction by 1 % costs as much as 0.125 mm gain. That is just
 /// above the steepest gain that area gives in the linear response of the default scene (0.12 mm for 1 %, between area
@@ -148,13 +148,13 @@ impl Goal {
         let mut slope = vec![0.0; CORNERS * CORNERS * 2];
         let gradients = self.measure.gradients(self, field);
         for (aim, gradient) in self.aims.iter().zip(gradients) {
-            for (corner, share) in Field::shares(aim.point) {
+            for (corner, share) in Field::shares(Raster::PAPER, aim.point) {
                 for (k, g) in gradient.into_iter().enumerate() {
                     slope[2 * corner + k] += aim.weight * g * share;
                 }
             }
         }
-        Field::from_values(slope).unwrap_or_else(|_| Field::zero())
+        Field::from_values(Raster::PAPER, slope).unwrap_or_else(|_| Field::zero(Raster::PAPER))
     }
 
     /// How far the points are from the wanted displacements, root mean square in mm.
@@ -178,14 +178,15 @@ impl Goal {
 mod tests {
     use super::*;
     use crate::design::objective::measure::{Displacement, Distance, Qin2024};
+    use crate::pattern::Raster;
 
     /// The field that is `u` everywhere off the frame.
     fn uniform(u: [f64; 2]) -> Field {
-        Field::from_values((0..51 * 51).flat_map(|_| u).collect()).unwrap()
+        Field::from_values(Raster::PAPER, (0..51 * 51).flat_map(|_| u).collect()).unwrap()
     }
 
     fn half() -> Pattern {
-        Pattern::from_fn(|x, _| x < 25)
+        Pattern::from_fn(Raster::PAPER, |x, _| x < 25)
     }
 
     fn goal(measure: &'static dyn Measure, aims: &[(f64, f64, f64)], area: f64) -> Goal {
@@ -215,7 +216,7 @@ mod tests {
     #[test]
     fn leaving_the_area_costs() {
         let wanted = goal(&Displacement, &[(25.0, 25.0, 0.0)], 0.48);
-        assert!((wanted.fitness(&half(), &Field::zero()) - (1.0 + AREA_PENALTY * 0.02)).abs() < 1e-12);
+        assert!((wanted.fitness(&half(), &Field::zero(Raster::PAPER)) - (1.0 + AREA_PENALTY * 0.02)).abs() < 1e-12);
     }
 
     #[test]
@@ -225,7 +226,7 @@ mod tests {
             assert_eq!(literal.fitness(&half(), &uniform(u)), 0.0);
         }
         assert!((literal.fitness(&half(), &uniform([3.0, 4.0])) - 0.4).abs() < 1e-15);
-        assert_eq!(literal.fitness(&half(), &Field::zero()), 1.0);
+        assert_eq!(literal.fitness(&half(), &Field::zero(Raster::PAPER)), 1.0);
     }
 
     #[test]
@@ -240,7 +241,7 @@ mod tests {
         let goal = goal(&Displacement, &centripetal, 0.5);
         assert!(goal.value_mm(&uniform([1.0, 0.3])).abs() < 1e-15);
         let inwards = (0..51 * 51).flat_map(|i| [25.0 - f64::from(i % 51), 25.0 - f64::from(i / 51)]);
-        let inwards = Field::from_values(inwards.collect()).unwrap();
+        let inwards = Field::from_values(Raster::PAPER, inwards.collect()).unwrap();
         assert!((goal.value_mm(&inwards) - 12.5 * 2f64.sqrt()).abs() < 1e-12);
     }
 
@@ -289,7 +290,7 @@ mod tests {
     #[test]
     fn slopes_agree_with_finite_differences() {
         let field = (0..51 * 51 * 2).map(|i| 1.0 + ((i * 37 % 101) as f64 - 50.0) / 40.0);
-        let field = Field::from_values(field.collect()).unwrap();
+        let field = Field::from_values(Raster::PAPER, field.collect()).unwrap();
         let places = |motion: [Motion; 2]| [([25.0, 25.0], motion[0], 1.0), ([12.5, 30.2], motion[1], 2.5)];
         let along = places([Motion::Along(0.0), Motion::Along(60.0)]);
         for goal in [
@@ -301,7 +302,7 @@ mod tests {
             let moved = |at: usize, by: f64| {
                 let mut values = field.values().to_vec();
                 values[at] += by;
-                goal.score(&Field::from_values(values).unwrap())
+                goal.score(&Field::from_values(Raster::PAPER, values).unwrap())
             };
             let around = |x: usize, y: usize| (0..4).map(move |i| (y + i / 2) * 51 + x + i % 2);
             for at in around(25, 25)

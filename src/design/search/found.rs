@@ -7,7 +7,7 @@ use crate::design::evolve::GenerationReport;
 use crate::design::intuitive::Intuitive;
 use crate::design::local_search::{LocalOptimum, SearchStep};
 use crate::field::{Field, NO_FIELD, Predictor};
-use crate::pattern::{CELLS, Pattern, Role};
+use crate::pattern::{CELLS, Pattern, Raster, Role};
 
 /// One pattern of a target.
 #[derive(Clone, Debug)]
@@ -142,7 +142,7 @@ impl Search<'_> {
             None => NO_FIELD.to_owned(),
             Some(_) => self.status(&found, feasible),
         };
-        let field = field.unwrap_or_else(Field::zero);
+        let field = field.unwrap_or_else(|| Field::zero(Raster::PAPER));
         FoundDesign {
             value_mm: goal.value_mm(&field),
             fitness: goal.fitness(&found.pattern, &field),

@@ -5,7 +5,7 @@ use super::{Search, SearchError, SearchResult};
 use crate::base::Stream;
 use crate::design::genome::Genome;
 use crate::design::local_search::{LocalOptimum, SearchProblem, SearchStep};
-use crate::pattern::{Pattern, Role};
+use crate::pattern::{Pattern, Raster, Role};
 
 /// How coarse random starts are: a handful of regions.
 const START_GRAIN: usize = 6;
@@ -63,7 +63,7 @@ impl Search<'_> {
         let area = self.target.area.fraction();
         let drawn = |index: usize| match index {
             0 => self.intuitive_start(),
-            1 => Pattern::from_fn(|_, _| false),
+            1 => Pattern::from_fn(Raster::PAPER, |_, _| false),
             _ => {
                 // The words name the random numbers: others would find other designs.
                 let mut stream = Stream::new(self.options.seed.0, "start of a climb", index as u64);

@@ -19,7 +19,7 @@ use super::options::{Method, SearchOptions};
 use super::target::Target;
 use crate::base::Stopped;
 use crate::field::{Differentiable, Feasibility, PredictError};
-use crate::pattern::Pattern;
+use crate::pattern::{CELLS, Pattern};
 
 /// One target, what its designs must keep to, and how they are searched.
 pub struct Search<'a> {
@@ -149,7 +149,10 @@ impl<'a> Search<'a> {
         Ok(SearchProblem::new(
             self.elements.gradient()?,
             &self.target.goal,
-            units,
+            match units {
+                CELLS => self.constraints.membrane().raster.sides(),
+                units => [units; 2],
+            },
             self.area_range(),
             self.constraints,
         ))

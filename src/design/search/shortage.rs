@@ -28,14 +28,15 @@ mod tests {
     use super::*;
     use crate::field::Field;
     use crate::pattern::Pattern;
+    use crate::pattern::Raster;
 
     fn design(role: Role, status: &str) -> FoundDesign {
         FoundDesign {
             role,
             member: 0,
             units: 20,
-            pattern: Pattern::from_fn(|_, _| false),
-            predicted: Field::zero(),
+            pattern: Pattern::from_fn(Raster::PAPER, |_, _| false),
+            predicted: Field::zero(Raster::PAPER),
             value_mm: 0.0,
             fitness: 1.0,
             status: status.to_owned(),

@@ -20,7 +20,7 @@ pub fn breakdown_ratio(law: &Breakdown, thickness: f64, states: &[CellState]) ->
 /// E/E_B of an active cell that has not moved: what a membrane that snaps has at least.
 #[must_use]
 pub fn breakdown_ratio_at_rest(law: &Breakdown, scene: &Scene) -> f64 {
-    let area = scene.prestretch().powi(2);
+    let area = scene.mean_prestretch().powi(2);
     let field = 1e3 * scene.voltage_v() * area / scene.thickness_mm();
     field / law.strength(scene.thickness_mm(), area)
 }
@@ -106,7 +106,7 @@ mod tests {
     use crate::base::ElectricField;
     use crate::fem::{MembraneSolver, SolveOptions};
     use crate::field::{Outcome, Simulator};
-    use crate::pattern::Pattern;
+    use crate::pattern::{Pattern, Raster};
     use crate::scene::ConstantStrength;
 
     fn constant(megavolts_per_metre: f64) -> Breakdown {
@@ -119,14 +119,14 @@ mod tests {
     fn a_uniform_membrane_has_the_field_of_a_plate_capacitor() {
         // All active: u = 0, so E = V λp²/H = 5.25 kV · 9 / 1 mm.
         let scene = Scene::vhb4910();
-        let all = Pattern::from_fn(|_, _| true);
+        let all = Pattern::from_fn(Raster::PAPER, |_, _| true);
         let solver = MembraneSolver::new(&scene, SolveOptions::default()).unwrap();
         let states = solver.cell_states(&all, &solver.solve(&all));
         assert!((breakdown_ratio(&constant(47.25), 1.0, &states) - 1.0).abs() < 1e-12);
         // 51 · 3^0.63 MV/m
         let ratio = breakdown_ratio(&Breakdown::Huang(HuangStrength {}), 1.0, &states);
         assert!((ratio * 51.0 * 3.0_f64.powf(0.63) / 47.25 - 1.0).abs() < 1e-12);
-        let bare = Pattern::from_fn(|_, _| false);
+        let bare = Pattern::from_fn(Raster::PAPER, |_, _| false);
         let states = solver.cell_states(&bare, &solver.solve(&bare));
         assert_eq!(breakdown_ratio(&constant(47.25), 1.0, &states), 0.0);
     }
@@ -168,7 +168,7 @@ mod tests {
             dielectric_breakdown: Some(constant(60.0)),
             ..Effects::default()
         });
-        let half = [Pattern::from_fn(|x, _| x < 25)];
+        let half = [Pattern::from_fn(Raster::PAPER, |x, _| x < 25)];
         let simulate = |scene: &Scene| {
             let solver = MembraneSolver::new(scene, SolveOptions::default()).unwrap();
             solver.simulate(&half).remove(0)

@@ -17,16 +17,18 @@ use super::effect::{Assessment, DISPLACED, Effect, SMALL, Verdict};
 use crate::fem::error::SetupError;
 use crate::fem::grid::{Grid, THINNEST};
 use crate::fem::operator::Activity;
+use crate::fem::sheet::Sheet;
 use crate::field::Mesh;
-use crate::pattern::{CELLS, Pattern};
+use crate::pattern::Pattern;
 use crate::scene::effects::names;
 use crate::scene::{Effects, On, Scene};
 
 /// How far edges move.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fringe {
-    /// In units of a cell's side, at most a half.
-    shift: f64,
+    /// Along x and y in units of a cell's sides, at most a half.
+    shift: [f64; 2],
+    sheet: Sheet,
 }
 
 impl Fringe {
@@ -35,60 +37,73 @@ impl Fringe {
     /// # Errors
     /// When it reaches further than half a cell.
     pub fn new(scene: &Scene) -> Result<Self, SetupError> {
-        let (reach_mm, cell_mm) = (LN_2 / PI * scene.prestretched_thickness_mm(), cell_mm(scene));
+        let sheet = Sheet::of(scene);
+        let (reach_mm, sides) = (LN_2 / PI * scene.prestretched_thickness_mm(), sheet.membrane.cell_mm());
+        let cell_mm = sides[0].min(sides[1]);
         if reach_mm > 0.5 * cell_mm {
             return Err(SetupError::FringeField { reach_mm, cell_mm });
         }
         Ok(Self {
-            shift: reach_mm / cell_mm,
+            shift: sides.map(|side| reach_mm / side),
+            sheet,
         })
     }
 
     /// Elements that end where the electrodes act no more.
     #[must_use]
     pub fn grid(&self, mesh: Mesh) -> Grid {
-        Grid::along_strips(mesh, self.shift)
+        Grid::along_strips(mesh, &self.sheet, self.shift)
     }
 
     /// The dilated pattern on a grid of [`Fringe::grid`].
     #[must_use]
     pub fn activity(&self, grid: Grid, pattern: &Pattern) -> Activity {
-        let per_cell = grid.mesh().elements_per_cell();
-        let strip = self.shift.max(THINNEST);
+        let (per_cell, raster) = (grid.per_cell(), pattern.raster());
+        let strips = self.shift.map(|shift| shift.max(THINNEST));
         // A strip that is too thin for an element is a thin one that is active in part.
-        let strength = self.shift / strip;
-        let zone_of: Vec<usize> = (0..per_cell)
-            .map(|at| grid.middle_in_cell(at))
-            .map(|middle| usize::from(middle > strip) + usize::from(middle > 1.0 - strip))
-            .collect();
-        let cells: Vec<_> = (0..CELLS * CELLS)
-            .map(|i| zones(pattern, i % CELLS, i / CELLS))
+        let strengths = [0, 1].map(|axis| self.shift[axis] / strips[axis]);
+        let zone_of = [0, 1].map(|axis| -> Vec<usize> {
+            let strip = strips[axis];
+            (0..per_cell[axis])
+                .map(|at| grid.middle_in_cell(axis, at))
+                .map(|middle| usize::from(middle > strip) + usize::from(middle > 1.0 - strip))
+                .collect()
+        });
+        let cells: Vec<_> = (0..raster.cells())
+            .map(|i| zones(pattern, i % raster.columns(), i / raster.columns()))
             .collect();
         Activity::from_elements(grid, |column, row| {
-            let zones = &cells[row / per_cell * CELLS + column / per_cell];
-            let [x, y] = [column, row].map(|at| zone_of[at % per_cell]);
+            let [cell_x, cell_y] = [column / per_cell[0], row / per_cell[1]];
+            let zones = &cells[cell_y * raster.columns() + cell_x];
+            let [x, y] = [zone_of[0][column % per_cell[0]], zone_of[1][row % per_cell[1]]];
             match (zones[1][1], zones[y][x]) {
                 (true, _) => 1.0,
-                (false, true) => strength,
+                (false, true) => strength([x, y], strengths),
                 (false, false) => 0.0,
             }
         })
     }
 }
 
+/// How much of a zone beside a cell is active.
+fn strength([x, y]: [usize; 2], [along, across]: [f64; 2]) -> f64 {
+    match (x, y) {
+        (_, 1) => along,
+        (1, _) => across,
+        // Where both strips are wide enough this is 1.
+        _ => along.min(across),
+    }
+}
+
 /// Which of the nine zones of a cell, `[y][x]`, the dilated pattern covers: all of an active one, and of a bare one those
 /// next to an active neighbour.
 fn zones(pattern: &Pattern, x: usize, y: usize) -> [[bool; 3]; 3] {
+    let [columns, rows] = pattern.raster().sides();
     let active = |dx: usize, dy: usize| {
         let (x, y) = (x + dx, y + dy);
-        (1..=CELLS).contains(&x) && (1..=CELLS).contains(&y) && pattern.is_active(x - 1, y - 1)
+        (1..=columns).contains(&x) && (1..=rows).contains(&y) && pattern.is_active(x - 1, y - 1)
     };
     std::array::from_fn(|dy| std::array::from_fn(|dx| active(1, 1) || active(dx, 1) || active(1, dy) || active(dx, dy)))
-}
-
-/// Side of a cell, mm.
-fn cell_mm(scene: &Scene) -> f64 {
-    scene.side_mm() / CELLS as f64
 }
 
 /// The effect.
@@ -129,15 +144,25 @@ impl Effect for FringeField {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pattern::Raster;
     use crate::pattern::Symmetry;
 
     /// The areas of elements that are active, in cells.
     fn areas(fringe: &Fringe, per_cell: usize, pattern: &Pattern) -> Vec<f64> {
         let grid = fringe.grid(Mesh::bilinear(per_cell));
         let activity = fringe.activity(grid, pattern);
-        let n = grid.mesh().elements();
-        let cell = (grid.mesh().elements_per_cell() as f64).powi(2);
-        (0..n * n).map(|i| activity.area([i % n, i / n]) / cell).collect()
+        let [m, n] = grid.per_cell();
+        let elements = grid.layout().each_element();
+        elements
+            .map(|element| activity.area(element) / (m * n) as f64)
+            .collect()
+    }
+
+    fn fringe(shift: f64) -> Fringe {
+        Fringe {
+            shift: [shift; 2],
+            sheet: Sheet::paper(),
+        }
     }
 
     fn total(fringe: &Fringe, per_cell: usize, pattern: &Pattern) -> f64 {
@@ -149,9 +174,15 @@ mod tests {
         let scene = Scene::with_values(50.0, 5.0, 2.0, 45e3, 4.7, 1e3);
         let fringe = Fringe::new(&scene).unwrap();
         let d = LN_2 / PI * 1.25;
-        assert!((fringe.shift - d).abs() < 1e-15);
+        assert!(fringe.shift.iter().all(|shift| (shift - d).abs() < 1e-15));
         for per_cell in 1..=8 {
-            let at = |cx, cy| total(&fringe, per_cell, &Pattern::from_fn(|x, y| (x, y) == (cx, cy)));
+            let at = |cx, cy| {
+                total(
+                    &fringe,
+                    per_cell,
+                    &Pattern::from_fn(Raster::PAPER, |x, y| (x, y) == (cx, cy)),
+                )
+            };
             assert!((at(20, 31) - (1.0 + 2.0 * d).powi(2)).abs() < 1e-12);
             assert!((at(0, 31) - (1.0 + d) * (1.0 + 2.0 * d)).abs() < 1e-12);
             assert!((at(49, 0) - (1.0 + d).powi(2)).abs() < 1e-12);
@@ -161,19 +192,23 @@ mod tests {
     #[test]
     fn overlapping_fringes_count_once() {
         // Two cells with a bare one between them, and two that touch at a corner: areas by hand.
-        let fringe = Fringe { shift: 0.3 };
-        let gap = Pattern::from_fn(|x, y| y == 10 && (x == 10 || x == 12));
+        let fringe = fringe(0.3);
+        let gap = Pattern::from_fn(Raster::PAPER, |x, y| y == 10 && (x == 10 || x == 12));
         assert!((total(&fringe, 3, &gap) - 2.0 * 1.6 * 1.6).abs() < 1e-12);
-        let touching = Pattern::from_fn(|x, y| (x, y) == (10, 10) || (x, y) == (11, 11));
+        let touching = Pattern::from_fn(Raster::PAPER, |x, y| (x, y) == (10, 10) || (x, y) == (11, 11));
         assert!((total(&fringe, 3, &touching) - (2.0 * 1.6 * 1.6 - 0.6 * 0.6)).abs() < 1e-12);
-        assert!((total(&fringe, 3, &Pattern::from_fn(|_, _| true)) - 2500.0).abs() < 1e-7);
+        assert!((total(&fringe, 3, &Pattern::from_fn(Raster::PAPER, |_, _| true)) - 2500.0).abs() < 1e-7);
     }
 
     #[test]
     fn strips_too_thin_for_elements_keep_their_area() {
         // To first order: the corners of the strip are smaller by a thousandth than they should be.
         for shift in [1e-3, 1e-4, 1e-7, 0.0] {
-            let area = total(&Fringe { shift }, 1, &Pattern::from_fn(|x, y| (x, y) == (20, 31)));
+            let area = total(
+                &fringe(shift),
+                1,
+                &Pattern::from_fn(Raster::PAPER, |x, y| (x, y) == (20, 31)),
+            );
             assert!(
                 (area - (1.0 + 4.0 * shift)).abs() < 4.1 * THINNEST * shift + 1e-12,
                 "{shift}: {area}"
@@ -183,8 +218,8 @@ mod tests {
 
     #[test]
     fn it_follows_the_symmetries() {
-        let pattern = Pattern::from_fn(|x, y| (x * x + 3 * y + x * y) % 7 < 3);
-        let fringe = Fringe { shift: 0.2 };
+        let pattern = Pattern::from_fn(Raster::PAPER, |x, y| (x * x + 3 * y + x * y) % 7 < 3);
+        let fringe = fringe(0.2);
         let sorted = |pattern: &Pattern| {
             let mut areas = areas(&fringe, 1, pattern);
             areas.sort_by(f64::total_cmp);

@@ -1,7 +1,5 @@
 //! Inertia: screened by the frequency of the drive over that of the first mode, not simulated yet.
 
-use std::f64::consts::SQRT_2;
-
 use super::effect::{Assessment, Effect, Verdict};
 use crate::scene::Scene;
 use crate::scene::effects::names;
@@ -28,9 +26,11 @@ impl Effect for Inertia {
             return Some(Assessment::open("f/f1", Verdict::NotCalledFor, THRESHOLD, change));
         };
         let density = scene.properties.density.as_ref().map_or(USUAL_DENSITY, |d| d.value());
-        // f₁₁ = (λp/2L) √(μ/ρ) √2, in the limit of large prestretch.
+        // f₁₁ = ½ √(μ/ρ) √((λ₁/Lx)² + (λ₂/Ly)²), in the limit of large prestretch.
         let speed = (scene.shear_modulus_pa() / density).sqrt();
-        let first = scene.prestretch() / (2e-3 * scene.side_mm()) * speed * SQRT_2;
+        let (prestretch, size) = (scene.prestretch(), scene.membrane().size_mm);
+        let [along, across] = [0, 1].map(|axis| prestretch[axis] / (2e-3 * size[axis]));
+        let first = along.hypot(across) * speed;
         let change = format!("grows towards the first mode, at {first:.0} Hz");
         Some(Assessment::known("f/f1", frequency / first, THRESHOLD, change))
     }

@@ -5,6 +5,7 @@ use crate::fem::energy::{Compound, Elasticity, Isotropic, Material, Neo, NeoHook
 use crate::fem::error::SetupError;
 use crate::fem::grid::Grid;
 use crate::fem::operator::Activity;
+use crate::fem::sheet::Sheet;
 use crate::field::Mesh;
 use crate::pattern::Pattern;
 use crate::scene::laws::StiffeningLaw;
@@ -13,6 +14,8 @@ use crate::scene::{PermittivityDecay, Scene, Stiffening};
 /// The physics of a scene, ready for any pattern.
 #[derive(Clone, Debug)]
 pub struct Model {
+    sheet: Sheet,
+    /// √(λ₁λ₂); laws are written for it, and [`Grid`] sees to the difference of λ₁ and λ₂.
     prestretch: f64,
     kappa: f64,
     stiffening: Option<Stiffened>,
@@ -30,14 +33,18 @@ pub trait WithMaterial {
     fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Self::Output;
 }
 
-/// The margin of ellipticity at rest, without voltage.
-struct AtRest;
+/// The margins of finite energy and of ellipticity at rest, without voltage.
+struct AtRest([f64; 2]);
 
 impl WithMaterial for AtRest {
-    type Output = f64;
+    type Output = [f64; 2];
 
-    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> f64 {
-        material(0.0).ellipticity([[1.0, 0.0], [0.0, 1.0]], 0.0)
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> [f64; 2] {
+        let ([along, across], material) = (self.0, material(0.0));
+        [
+            material.admissible([[along - 1.0, 0.0], [0.0, across - 1.0]]),
+            material.ellipticity([[along, 0.0], [0.0, across]], 0.0),
+        ]
     }
 }
 
@@ -56,9 +63,17 @@ impl Model {
     /// As [`Model::new`].
     pub fn with_law(scene: &Scene, law: Option<&dyn StiffeningLaw>) -> Result<Self, SetupError> {
         let effects = &scene.effects;
-        let prestretch = scene.prestretch();
+        let prestretch = scene.mean_prestretch();
         let stiffened = |law: &dyn StiffeningLaw| Stiffened::new(&law.form(scene.shear_modulus_pa()), prestretch);
+        let sheet = Sheet::of(scene);
+        let [along, across] = sheet.prestretch;
+        if effects.electrode_stiffness.is_some() && along != across {
+            return Err(SetupError::StiffElectrodes {
+                prestretch: sheet.prestretch,
+            });
+        }
         let model = Self {
+            sheet,
             prestretch,
             kappa: scene.kappa(),
             stiffening: law.map(stiffened).transpose()?,
@@ -67,10 +82,13 @@ impl Model {
             fringe: effects.fringe_field.as_ref().map(|_| Fringe::new(scene)).transpose()?,
             wrinkles: effects.wrinkling.is_some(),
         };
-        if model.with(AtRest) > 0.0 {
-            Ok(model)
-        } else {
-            Err(SetupError::UnstableAtRest)
+        let [is_finite, is_elliptic] = model.with(AtRest(sheet.distortion())).map(|margin| margin > 0.0);
+        match (is_finite, is_elliptic) {
+            (true, true) => Ok(model),
+            (true, false) => Err(SetupError::UnstableAtRest),
+            (false, _) => Err(SetupError::LimitingStretch {
+                prestretch: along.max(across),
+            }),
         }
     }
 
@@ -110,7 +128,7 @@ impl Model {
     #[must_use]
     pub fn grid(&self, mesh: Mesh) -> Grid {
         match &self.fringe {
-            None => Grid::uniform(mesh),
+            None => Grid::uniform(mesh, &self.sheet),
             Some(fringe) => fringe.grid(mesh),
         }
     }

@@ -18,7 +18,7 @@ pub struct Strip {
 
 impl Strip {
     pub fn new(scene: &Scene) -> Self {
-        let prestretch = scene.prestretch();
+        let prestretch = scene.mean_prestretch();
         Self {
             prestretch,
             stiffness: 1.0 + 3.0 * prestretch.powi(-6),

@@ -26,7 +26,7 @@ impl Effect for Viscoelasticity {
         if branches.is_empty() {
             return open(Verdict::Unknown, "no data");
         }
-        let stiffness = scene.shear_modulus_pa() * scene.prestretch().powi(2);
+        let stiffness = scene.shear_modulus_pa() * scene.mean_prestretch().powi(2);
         let active = branches
             .iter()
             .filter(|branch| (0.01..=100.0).contains(&(time / branch.time.value())));

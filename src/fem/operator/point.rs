@@ -6,7 +6,7 @@ use crate::fem::lanes::Value;
 
 /// What happens at a quadrature point: from the gradients of M fields to a stress.
 pub(super) trait Point<const M: usize>: Copy {
-    /// Whether [`Point::watched`] is wanted.
+    /// Whether this is the stress of the first field: then [`Point::watched`] is wanted, and the stress at rest is taken away.
     const WATCHED: bool;
     /// What has to stay positive at the gradient of the first field.
     fn watched<V: Value>(self, gradient: Tensor<V>) -> V;

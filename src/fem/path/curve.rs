@@ -100,7 +100,7 @@ impl<'a, L: Material, F: Fn(f64) -> L> Curve<'a, F> {
     pub fn new(problem: &'a Problem<'a, F>) -> Option<Self> {
         let material = (problem.material)(1.0);
         let unit = 0.5 * material.largest_load() / material.load();
-        let structure = Structure::new(problem.mesh)?;
+        let structure = Structure::new(problem.activity.grid().layout())?;
         let mut curve = Self {
             problem,
             structure,
@@ -108,7 +108,7 @@ impl<'a, L: Material, F: Fn(f64) -> L> Curve<'a, F> {
             movement: 0.0,
             reference: 0.0,
         };
-        let rest = vec![0.0; problem.mesh.vector_len()];
+        let rest = vec![0.0; problem.activity.grid().layout().vector_len()];
         let (force, _) = curve.residual(&rest, unit);
         let reference = norm(&force);
         if reference > ROUNDING * (force.len() as f64).sqrt() * material.load() * unit {
@@ -136,7 +136,7 @@ impl<'a, L: Material, F: Fn(f64) -> L> Curve<'a, F> {
 
     /// The state at rest, from where the load can only rise.
     pub fn rest(&self) -> Option<Station> {
-        self.station(vec![0.0; self.problem.mesh.vector_len()], 0.0, None)
+        self.station(vec![0.0; self.problem.activity.grid().layout().vector_len()], 0.0, None)
     }
 
     /// The smallest eigenvalue of a state, from that of a neighbour.
@@ -202,7 +202,7 @@ impl<'a, L: Material, F: Fn(f64) -> L> Curve<'a, F> {
     fn goal(&self, share: f64) -> f64 {
         let relative = (share / self.unit).abs();
         let load = (self.problem.material)(1.0).load() * self.unit;
-        let rounding = ROUNDING * (self.problem.mesh.vector_len() as f64).sqrt() * load;
+        let rounding = ROUNDING * (self.problem.activity.grid().layout().vector_len() as f64).sqrt() * load;
         (self.problem.tolerance * self.reference + rounding) * relative.max(1e-6)
     }
 
@@ -242,7 +242,6 @@ impl<'a, L: Material, F: Fn(f64) -> L> Curve<'a, F> {
     fn with_operator<R>(&self, share: f64, work: impl FnOnce(&Operator<'_, L>) -> R) -> R {
         let material = (self.problem.material)(share);
         work(&Operator {
-            mesh: self.problem.mesh,
             material: &material,
             activity: self.problem.activity,
         })

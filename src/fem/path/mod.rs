@@ -156,7 +156,7 @@ type Kept = (PathPoint, Field);
 impl Follow<'_> {
     fn keep(&self, mark: Mark) -> Kept {
         let solver = self.solver;
-        let field = solver.grid.mesh().sample(&mark.u, solver.element_side_mm());
+        let field = solver.grid.sample(&mark.u);
         let point = PathPoint {
             voltage: mark.share.max(0.0).sqrt() * self.voltage,
             max_displacement: field.max_magnitude(),
@@ -210,7 +210,8 @@ impl WithMaterial for Follow<'_> {
 
 /// The corner that moves most.
 fn furthest(field: &Field) -> [usize; 2] {
-    let corners = (0..crate::field::CORNERS).flat_map(|y| (0..crate::field::CORNERS).map(move |x| [x, y]));
+    let [columns, rows] = field.raster().corner_sides();
+    let corners = (0..rows).flat_map(|y| (0..columns).map(move |x| [x, y]));
     let size = |[x, y]: [usize; 2]| {
         let [a, b] = field.at_corner(x, y);
         a.hypot(b)

@@ -6,6 +6,7 @@ use super::comparison::{Comparison, Displacement};
 use super::trial::Trial;
 use crate::fem::effects::Model;
 use crate::fem::grid::Grid;
+use crate::fem::sheet::Sheet;
 use crate::fem::{MembraneSolver, MeshSolution, SetupError, SolveOptions, WorkLimit};
 use crate::field::Mesh;
 use crate::pattern::Pattern;
@@ -44,7 +45,7 @@ fn elements([current, other]: [&Scene; 2]) -> Result<Grid, SetupError> {
         .find(|scene| scene.effects.fringe_field.is_some());
     match fringed {
         Some(scene) => Ok(Model::new(scene)?.grid(OPTIONS.mesh)),
-        None => Ok(Grid::uniform(OPTIONS.mesh)),
+        None => Ok(Grid::uniform(OPTIONS.mesh, &Sheet::of(current))),
     }
 }
 

@@ -143,11 +143,12 @@ fn percent(share: f64) -> String {
 mod tests {
     use super::*;
     use crate::field::CORNERS;
+    use crate::pattern::Raster;
 
     fn field(largest: f64, other: f64) -> Field {
         let mut values = vec![0.0; CORNERS * CORNERS * 2];
         (values[200], values[300]) = (largest, other);
-        Field::from_values(values).unwrap()
+        Field::from_values(Raster::PAPER, values).unwrap()
     }
 
     fn lost() -> Outcome {
@@ -173,7 +174,7 @@ mod tests {
     fn differences_are_shares_of_the_largest_displacement() {
         let found = Displacement::between(&field(2.0, 1.0), &field(2.1, 0.8), 5.0);
         assert!((found.difference - 0.1).abs() < 1e-12 && (found.change - 0.05).abs() < 1e-12);
-        let zero = Field::zero();
+        let zero = Field::zero(Raster::PAPER);
         assert_eq!(Displacement::between(&zero, &zero, 5.0).difference, 0.0);
         // What moves only with the effect has changed by all of it.
         let moved = Displacement::between(&zero, &field(1.0, 0.0), 5.0);

@@ -29,7 +29,7 @@ impl Screened {
     /// # Errors
     /// When its effects cannot be simulated.
     pub fn new(scene: &Scene) -> Result<Self, SetupError> {
-        Self::with(scene, &watch_patterns(), WorkLimit::default())
+        Self::with(scene, &watch_patterns(&scene.membrane()), WorkLimit::default())
     }
 
     /// The same for patterns that are about to be simulated, within a limit of work for each.
@@ -37,7 +37,7 @@ impl Screened {
     /// # Errors
     /// When its effects cannot be simulated.
     pub fn for_patterns(scene: &Scene, patterns: &[Pattern], limit: WorkLimit) -> Result<Self, SetupError> {
-        Self::with(scene, &watch_patterns_with(patterns), limit)
+        Self::with(scene, &watch_patterns_with(&scene.membrane(), patterns), limit)
     }
 
     fn with(scene: &Scene, patterns: &[Trial], limit: WorkLimit) -> Result<Self, SetupError> {
@@ -73,7 +73,12 @@ fn decide(scene: &Scene) -> Result<Screening, SetupError> {
     if let Some(known) = known {
         return Ok(known);
     }
-    let screening = screen_to(Purpose::Decision, scene, &reference_patterns(), WorkLimit::default())?;
+    let screening = screen_to(
+        Purpose::Decision,
+        scene,
+        &reference_patterns(&scene.membrane()),
+        WorkLimit::default(),
+    )?;
     let mut decided = decided();
     if decided.len() < KEPT {
         decided.push((scene.clone(), screening.clone()));

@@ -9,7 +9,7 @@ use crate::base::{Decimal, Declared, Density, ElectricField, Frequency, Length, 
 use crate::fem::effects::{EFFECTS, Verdict};
 use crate::fem::{MembraneSolver, SetupError, SolveOptions, WorkLimit};
 use crate::field::{Mesh, Outcome};
-use crate::pattern::Pattern;
+use crate::pattern::{Pattern, Raster};
 use crate::scene::effects::names;
 use crate::scene::laws::{Gent, Ogden, OgdenTerm, Yeoh};
 use crate::scene::{
@@ -23,7 +23,9 @@ fn decimal(text: &str) -> Decimal {
 
 fn row(scene: &Scene, name: &str) -> Row {
     let effect = *EFFECTS.iter().find(|effect| effect.name() == name).unwrap();
-    let mut rows = screen_for(&[effect], scene, &reference_patterns()).unwrap().rows;
+    let mut rows = screen_for(&[effect], scene, &reference_patterns(&scene.membrane()))
+        .unwrap()
+        .rows;
     rows.remove(0)
 }
 
@@ -33,7 +35,10 @@ fn compared() -> Vec<Trial> {
         to_the_limit: false,
         ..trial
     };
-    reference_patterns().into_iter().map(trial).collect()
+    reference_patterns(&Scene::vhb4910().membrane())
+        .into_iter()
+        .map(trial)
+        .collect()
 }
 
 fn gent(jm: &str) -> Stiffening {
@@ -271,14 +276,14 @@ fn electrodes_and_permittivity_are_called_for_by_what_they_do_to_displacement() 
 #[test]
 fn patterns_of_somebody_are_not_warned_of_what_changes_others() {
     // A fringe field moves the edge of half a membrane by a few micrometres in fifty millimetres.
-    let half = Pattern::from_fn(|x, _| x < 25);
+    let half = Pattern::from_fn(Raster::PAPER, |x, _| x < 25);
     let screened = Screened::for_patterns(&Scene::vhb4910(), &[half], WorkLimit::default()).unwrap();
     assert!(
         !screened.warnings.iter().any(|w| w.starts_with("fringe")),
         "{:?}",
         screened.warnings
     );
-    let cell = Pattern::from_fn(|x, y| (x, y) == (25, 25));
+    let cell = Pattern::from_fn(Raster::PAPER, |x, y| (x, y) == (25, 25));
     let screened = Screened::for_patterns(&Scene::vhb4910(), &[cell], WorkLimit::default()).unwrap();
     assert!(
         screened.warnings[0].contains("for `pattern 0`"),
@@ -375,7 +380,10 @@ fn the_table_of_five_scenes_is_that_of_the_documentation() {
         "near-pull-in",
         "stiff-electrodes",
     ];
-    let screened = scenes.map(|name| screen(&scene_of(&format!("{name}.yaml")), &reference_patterns()).unwrap());
+    let screened = scenes.map(|name| {
+        let scene = scene_of(&format!("{name}.yaml"));
+        screen(&scene, &reference_patterns(&scene.membrane())).unwrap()
+    });
     let row = |at: usize| {
         let numbers = screened.each_ref().map(|one| shown(&one.rows[at]));
         format!("| {} | {} |", screened[0].rows[at].effect, numbers.join(" | "))
@@ -413,7 +421,7 @@ fn a_pattern_that_takes_too_much_work_ends_with_a_typed_outcome() {
         strain_stiffening: scene.properties.strain_stiffening.clone(),
         ..Effects::default()
     });
-    let cell = Pattern::from_fn(|x, y| (x, y) == (25, 25));
+    let cell = Pattern::from_fn(Raster::PAPER, |x, y| (x, y) == (25, 25));
     let solver = MembraneSolver::new(&scene, SolveOptions::on(Mesh::biquadratic(1))).unwrap();
     for limit in [0.2, 0.5].map(WorkLimit::of_seconds) {
         let solution = solver.solve_within(&cell, limit);
@@ -434,7 +442,7 @@ fn a_pattern_that_takes_too_much_work_ends_with_a_typed_outcome() {
 fn a_membrane_that_does_not_move_takes_no_more_work_than_others() {
     // All active: rest is an equilibrium at any voltage, and what takes time is to judge its stability at one load after the other.
     let solver = MembraneSolver::new(&Scene::vhb4910().at_voltage(1e6), SolveOptions::default()).unwrap();
-    let full = Pattern::from_fn(|_, _| true);
+    let full = Pattern::from_fn(Raster::PAPER, |_, _| true);
     let limit = WorkLimit::of_seconds(0.1);
     let solution = solver.solve_within(&full, limit);
     assert_eq!(solution.outcome, Outcome::WorkLimit);
@@ -450,7 +458,10 @@ fn a_membrane_that_does_not_move_takes_no_more_work_than_others() {
 #[test]
 fn a_screening_far_beyond_the_loss_of_stability_ends_and_says_what_it_does_not_know() {
     let scene = far_beyond();
-    let cell = [Trial::new("one cell", Pattern::from_fn(|x, y| (x, y) == (25, 25)))];
+    let cell = [Trial::new(
+        "one cell",
+        Pattern::from_fn(Raster::PAPER, |x, y| (x, y) == (25, 25)),
+    )];
     let rows = screen(&scene, &cell).unwrap().rows;
     let row = |name: &str| rows.iter().find(|row| row.effect == name).unwrap();
     // Stiffening is compared below the loss without it, whatever is beyond.

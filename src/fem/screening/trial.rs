@@ -1,6 +1,6 @@
 //! The patterns that a scene is screened with.
 
-use crate::pattern::{CELLS, Pattern};
+use crate::pattern::{Membrane, Pattern};
 
 /// A pattern that a scene is screened with.
 #[derive(Clone, Debug, PartialEq)]
@@ -28,38 +28,52 @@ impl Trial {
     }
 }
 
-fn half_plane() -> Trial {
-    Trial::new("half plane", Pattern::from_fn(|x, _| x < CELLS / 2))
+fn half_plane(membrane: &Membrane) -> Trial {
+    let [columns, _] = membrane.raster.sides();
+    Trial::new("half plane", Pattern::from_fn(membrane.raster, |x, _| x < columns / 2))
 }
 
-fn one_cell() -> Trial {
-    Trial::new("one cell", Pattern::from_fn(|x, y| (x, y) == (CELLS / 2, CELLS / 2)))
+fn middle(membrane: &Membrane) -> (usize, usize) {
+    let [columns, rows] = membrane.raster.sides();
+    (columns / 2, rows / 2)
 }
 
-/// The patterns that a scene is screened with: all of the membrane, half of it, a disc of radius 0.3 L, blocks of 10 cells
+fn one_cell(membrane: &Membrane) -> Trial {
+    let middle = middle(membrane);
+    Trial::new("one cell", Pattern::from_fn(membrane.raster, |x, y| (x, y) == middle))
+}
+
+/// The patterns that a scene is screened with: all of the membrane, half of it, a disc of 0.3 times the shorter side, five blocks by five
 /// like a chessboard, a single cell, and all but a single cell.
 #[must_use]
-pub fn reference_patterns() -> Vec<Trial> {
-    let from_centre = |x: usize, y: usize| (x as f64 + 0.5 - 25.0).hypot(y as f64 + 0.5 - 25.0);
+pub fn reference_patterns(membrane: &Membrane) -> Vec<Trial> {
+    let ([width, height], [columns, rows]) = (membrane.size_mm, membrane.raster.sides());
+    let from_centre = |x: usize, y: usize| {
+        let [x, y] = membrane.centre_mm(x, y);
+        (x - 0.5 * width).hypot(y - 0.5 * height)
+    };
+    let radius = 0.3 * width.min(height);
+    let middle = middle(membrane);
+    let drawn = |cells: &dyn Fn(usize, usize) -> bool| Pattern::from_fn(membrane.raster, cells);
     vec![
-        half_plane(),
-        one_cell(),
-        Trial::new("all active", Pattern::from_fn(|_, _| true)),
-        Trial::new("disc", Pattern::from_fn(|x, y| from_centre(x, y) < 15.0)),
-        Trial::new("blocks", Pattern::from_fn(|x, y| (x / 10 + y / 10) % 2 == 0)),
-        Trial::new("one hole", Pattern::from_fn(|x, y| (x, y) != (CELLS / 2, CELLS / 2))),
+        half_plane(membrane),
+        one_cell(membrane),
+        Trial::new("all active", drawn(&|_, _| true)),
+        Trial::new("disc", drawn(&|x, y| from_centre(x, y) < radius)),
+        Trial::new("blocks", drawn(&|x, y| (5 * x / columns + 5 * y / rows) % 2 == 0)),
+        Trial::new("one hole", drawn(&|x, y| (x, y) != middle)),
     ]
 }
 
 /// The two of the reference patterns that go furthest: half of the membrane, which moves most, and a single cell, whose
 /// stability is lost first. They are what a run is watched with: it costs some tens of milliseconds.
 #[must_use]
-pub fn watch_patterns() -> Vec<Trial> {
+pub fn watch_patterns(membrane: &Membrane) -> Vec<Trial> {
     let half = Trial {
         to_the_limit: false,
-        ..half_plane()
+        ..half_plane(membrane)
     };
-    vec![half, one_cell()]
+    vec![half, one_cell(membrane)]
 }
 
 /// The most of somebody's own patterns that a run is watched with.
@@ -68,13 +82,13 @@ const OWN: usize = 4;
 /// Patterns that are about to be simulated, some of them where they are many, instead of those that effects are compared on in
 /// [`watch_patterns`].
 #[must_use]
-pub fn watch_patterns_with(own: &[Pattern]) -> Vec<Trial> {
+pub fn watch_patterns_with(membrane: &Membrane, own: &[Pattern]) -> Vec<Trial> {
     let count = own.len().min(OWN);
     let named = (0..count).map(|i| i * own.len() / count).map(|at| Trial {
         to_the_limit: false,
         ..Trial::new(&format!("pattern {at}"), own[at].clone())
     });
-    let extreme = watch_patterns().into_iter().map(|trial| Trial {
+    let extreme = watch_patterns(membrane).into_iter().map(|trial| Trial {
         compared: own.is_empty(),
         ..trial
     });

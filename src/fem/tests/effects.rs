@@ -64,7 +64,7 @@ fn largest(solution: &MeshSolution) -> f64 {
 
 #[test]
 fn each_effect_moves_the_membrane_the_way_it_should() {
-    let disc = Pattern::from_fn(|x, y| (x as f64 - 24.5).hypot(y as f64 - 24.5) < 8.0);
+    let disc = Pattern::from_fn(Raster::PAPER, |x, y| (x as f64 - 24.5).hypot(y as f64 - 24.5) < 8.0);
     // The field at the cell corners: a fringe field has more elements.
     let solved = |effects| {
         let solver = solver(&scene(3.0, 5.25e3, effects), 2);
@@ -72,7 +72,7 @@ fn each_effect_moves_the_membrane_the_way_it_should() {
         let size = solver
             .simulation(&disc, &solution)
             .field
-            .map(|field| field.rms_difference(&Field::zero()));
+            .map(|field| field.rms_difference(&Field::zero(Raster::PAPER)));
         (solution, size)
     };
     let (base, base_size) = solved(Effects::default());
@@ -115,11 +115,11 @@ fn results_with_effects_follow_the_symmetries_of_the_square() {
 }
 
 /// Nodal displacements of the half-active strip, affine in each half.
-fn strip(mesh: Mesh, e: f64) -> Vec<f64> {
-    let (last, degree) = (mesh.nodes() - 1, mesh.order().degree() as f64);
-    let mut u = vec![0.0; mesh.vector_len()];
-    for (row, column) in places(mesh) {
-        u[mesh.index(0, column, row)] = e * column.min(last - column) as f64 / degree;
+fn strip(grid: Grid, e: f64) -> Vec<f64> {
+    let (last, degree) = (grid.layout().nodes()[0] - 1, grid.order().degree() as f64);
+    let mut u = vec![0.0; grid.layout().vector_len()];
+    for (row, column) in places(grid) {
+        u[grid.layout().index(0, column, row)] = e * column.min(last - column) as f64 / degree;
     }
     u
 }
@@ -143,15 +143,14 @@ struct StripResidual(f64);
 impl PointWork for StripResidual {
     type Output = f64;
     fn run<L: Material>(self, material: &L) -> f64 {
-        let mesh = Mesh::new(1, Order::Biquadratic);
-        let activity = Activity::new(mesh, &half());
+        let grid = Grid::paper(Mesh::new(1, Order::Biquadratic));
+        let activity = Activity::new(grid, &half());
         let operator = Operator {
-            mesh,
             material,
             activity: &activity,
         };
-        let mut residual = vec![0.0; mesh.vector_len()];
-        operator.residual(&strip(mesh, self.0), &mut residual);
+        let mut residual = vec![0.0; grid.layout().vector_len()];
+        operator.residual(&strip(grid, self.0), &mut residual);
         norm(&residual)
     }
 }
@@ -205,7 +204,7 @@ fn a_wrinkled_strip_is_in_equilibrium_where_the_closed_form_says() {
 #[test]
 fn a_uniform_active_membrane_goes_slack_at_its_critical_voltage() {
     // H12: √κ = √(λ⁻² − λ⁻⁸) = 0.333104631191 at λ = 3, which is 10.9538 kV; at λ = 1.5 it is 0.636705, 20.937 kV.
-    let all = [Pattern::from_fn(|_, _| true)];
+    let all = [Pattern::from_fn(Raster::PAPER, |_, _| true)];
     let outcome = |prestretch, voltage| solver(&scene(prestretch, voltage, wrinkling()), 1).simulate(&all)[0].outcome;
     assert_eq!(outcome(3.0, 10_953.0), Outcome::Converged);
     assert_eq!(outcome(3.0, 10_955.0).name(), "slack");
@@ -262,7 +261,7 @@ fn a_wrinkled_membrane_has_no_compression_and_is_softer() {
 fn surveys_tell_the_homogeneous_state() {
     let scene = scene(3.0, 5e3, stiffening(gent(60.0)));
     let solver = solver(&scene, 2);
-    let patterns = [Pattern::from_fn(|_, _| true), half()];
+    let patterns = [Pattern::from_fn(Raster::PAPER, |_, _| true), half()];
     let surveys = patterns.map(|pattern| solver.survey(&pattern, &solver.solve(&pattern)));
     let [survey, other] = surveys;
     let first = 18.0 + 1.0 / 81.0 - 3.0;
@@ -285,11 +284,12 @@ fn states_of_cells_are_the_closed_forms_at_any_deformation() {
         ..Effects::default()
     };
     let mesh = Mesh::new(1, Order::Bilinear);
-    let mut u = vec![0.0; mesh.vector_len()];
-    for (row, column) in places(mesh) {
+    let grid = Grid::paper(mesh);
+    let mut u = vec![0.0; grid.layout().vector_len()];
+    for (row, column) in places(grid) {
         let (x, y) = (column as f64, row as f64);
-        u[mesh.index(0, column, row)] = 0.12 * x + 0.07 * y;
-        u[mesh.index(1, column, row)] = -0.11 * x - 0.07 * y;
+        u[grid.layout().index(0, column, row)] = 0.12 * x + 0.07 * y;
+        u[grid.layout().index(1, column, row)] = -0.11 * x - 0.07 * y;
     }
     let close = |found: f64, exact: f64| assert!((found / exact - 1.0).abs() < 1e-11, "{found} {exact}");
     for (effects, piola, stresses) in [
@@ -310,7 +310,7 @@ fn states_of_cells_are_the_closed_forms_at_any_deformation() {
             [454_418.024_133_1, 244_044.718_836_5],
         ),
     ] {
-        let all = Pattern::from_fn(|_, _| true);
+        let all = Pattern::from_fn(Raster::PAPER, |_, _| true);
         for cell in cell_states(&scene(3.0, 5.25e3, effects), mesh, &all, &u).unwrap() {
             for k in 0..2 {
                 close(cell.stretches[k], [3.378_078_216_743, 2.795_583_581_574][k]);
@@ -337,6 +337,7 @@ fn gradients_are_given_where_the_energy_is_linear_in_the_activity() {
         }
     }
     let weights = Field::from_values(
+        Raster::PAPER,
         (0..CORNERS * CORNERS * 2)
             .map(|i| f64::from(u8::from(i % 97 == 5)))
             .collect(),

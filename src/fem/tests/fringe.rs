@@ -3,7 +3,7 @@
 use crate::base::Stream;
 use crate::fem::{AccurateSolver, MembraneSolver, SolveOptions};
 use crate::field::{Field, Mesh};
-use crate::pattern::Pattern;
+use crate::pattern::{Pattern, Raster};
 use crate::scene::{On, Scene};
 
 use std::f64::consts::{LN_2, PI};
@@ -16,7 +16,7 @@ fn scene(strip: f64, share: f64, fringe: bool) -> Scene {
     let mut scene = Scene::with_values(
         base.side_mm(),
         thickness,
-        base.prestretch(),
+        base.mean_prestretch(),
         base.shear_modulus_pa(),
         4.7,
         share * field * thickness,
@@ -29,10 +29,10 @@ fn patterns() -> Vec<Pattern> {
     let mut stream = Stream::new(5, "fringe test", 0);
     let bits: Vec<bool> = (0..2500).map(|_| stream.chance(0.5)).collect();
     vec![
-        Pattern::from_fn(|x, y| (x, y) == (25, 25)),
-        Pattern::from_fn(|x, y| bits[50 * y + x]),
-        Pattern::from_fn(|x, y| (x + y) % 2 == 0),
-        Pattern::from_fn(|x, y| (x, y) == (0, 49)),
+        Pattern::from_fn(Raster::PAPER, |x, y| (x, y) == (25, 25)),
+        Pattern::from_fn(Raster::PAPER, |x, y| bits[50 * y + x]),
+        Pattern::from_fn(Raster::PAPER, |x, y| (x + y) % 2 == 0),
+        Pattern::from_fn(Raster::PAPER, |x, y| (x, y) == (0, 49)),
     ]
 }
 
@@ -45,7 +45,7 @@ fn solve(scene: &Scene, mesh: Mesh) -> Vec<Field> {
 }
 
 fn largest(field: &Field) -> f64 {
-    field.max_difference(&Field::zero())
+    field.max_difference(&Field::zero(Raster::PAPER))
 }
 
 /// The largest difference to a finer solution, over the largest displacement.

@@ -10,7 +10,7 @@ use crate::scene::{Effects, Stiffening};
 
 fn rings(from: usize) -> Pattern {
     let square = |x: usize| x.abs_diff(from).pow(2);
-    Pattern::from_fn(|x, y| ((square(x) + square(y)) / 16) % 2 == 1)
+    Pattern::from_fn(Raster::PAPER, |x, y| ((square(x) + square(y)) / 16) % 2 == 1)
 }
 
 fn radius(x: usize, y: usize) -> f64 {
@@ -22,7 +22,7 @@ fn chance(side: usize, share: f64, seed: u64) -> Pattern {
     let mut stream = Stream::new(seed, "limits", side as u64);
     let n = CELLS.div_ceil(side);
     let on: Vec<bool> = (0..n * n).map(|_| stream.chance(share)).collect();
-    Pattern::from_fn(|x, y| on[y / side * n + x / side])
+    Pattern::from_fn(Raster::PAPER, |x, y| on[y / side * n + x / side])
 }
 
 /// The cells within a distance of a cubic Bézier curve between points drawn by chance.
@@ -41,14 +41,14 @@ fn curve(width: f64, seed: u64) -> Pattern {
     let points: Vec<[f64; 2]> = (0..400)
         .map(|k| [0, 1].map(|axis| at(f64::from(k) / 399.0, axis)))
         .collect();
-    Pattern::from_fn(|x, y| {
+    Pattern::from_fn(Raster::PAPER, |x, y| {
         let near = |p: &[f64; 2]| (x as f64 + 0.5 - p[0]).hypot(y as f64 + 0.5 - p[1]) < width;
         points.iter().any(near)
     })
 }
 
 fn patterns() -> Vec<(&'static str, Pattern)> {
-    let of = |active: fn(usize, usize) -> bool| Pattern::from_fn(active);
+    let of = |active: fn(usize, usize) -> bool| Pattern::from_fn(Raster::PAPER, active);
     vec![
         ("rings from the corner", rings(0)),
         ("one cell", of(|x, y| (x, y) == (25, 25))),
@@ -219,15 +219,17 @@ fn a_membrane_that_never_moves_has_a_sharp_limit() {
     let scene = Scene::vhb4910().at_voltage(20e3);
     let exact = 1e3 * ((3f64.powi(-2) + 3.0 * 3f64.powi(-8)) / scene.at_voltage(1e3).kappa()).sqrt();
     let search = CriticalSearch::new(&scene, SolveOptions::on(Mesh::biquadratic(1))).unwrap();
-    let found = search.below_scene(&Pattern::from_fn(|_, _| true)).unwrap();
+    let found = search
+        .below_scene(&Pattern::from_fn(Raster::PAPER, |_, _| true))
+        .unwrap();
     let [low, high] = found.interval();
     assert!(
         low < exact && exact < high && high - low < 6e-3 * exact,
         "{found:?} {exact}"
     );
-    assert_eq!(search.below_scene(&Pattern::from_fn(|_, _| false)), None);
+    assert_eq!(search.below_scene(&Pattern::from_fn(Raster::PAPER, |_, _| false)), None);
 }
 
 fn one_cell() -> Pattern {
-    Pattern::from_fn(|x, y| (x, y) == (25, 25))
+    Pattern::from_fn(Raster::PAPER, |x, y| (x, y) == (25, 25))
 }

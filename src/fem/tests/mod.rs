@@ -12,26 +12,52 @@ mod limits;
 mod material;
 mod outcome;
 mod paths;
+mod rectangles;
 mod scenes;
 
 use super::direct::Factorisation;
 use super::energy::{Material, NeoHookean};
+use super::grid::Grid;
 use super::newton::norm;
 use super::operator::{Activity, Operator};
+use super::sheet::Sheet;
 use super::*;
 use crate::base::Stream;
 use crate::field::{CORNERS, Field, Mesh, Order, Outcome, Simulator};
-use crate::pattern::{CELLS, Pattern, Symmetry};
+use crate::pattern::{CELLS, Membrane, Pattern, Raster, Symmetry};
 use crate::scene::Scene;
 
 fn half() -> Pattern {
-    Pattern::from_fn(|x, _| x < CELLS / 2)
+    Pattern::from_fn(Raster::PAPER, |x, _| x < CELLS / 2)
 }
 
 fn random(index: u64) -> Pattern {
+    random_on(Raster::PAPER, index)
+}
+
+/// A pattern of cells that are active by chance.
+fn random_on(raster: Raster, index: u64) -> Pattern {
     let mut stream = Stream::new(7, "fem test", index);
-    let bits: Vec<bool> = (0..CELLS * CELLS).map(|_| stream.chance(0.5)).collect();
-    Pattern::from_fn(|x, y| bits[y * CELLS + x])
+    let bits: Vec<bool> = (0..raster.cells()).map(|_| stream.chance(0.5)).collect();
+    Pattern::from_fn(raster, |x, y| bits[y * raster.columns() + x])
+}
+
+/// The membrane of the source paper, and rectangles with cells that are not square and unequal prestretch.
+fn sheets() -> impl Iterator<Item = Sheet> {
+    let rectangle = |sides: [usize; 2], size_mm, prestretch| Sheet {
+        membrane: Membrane {
+            raster: Raster::new(sides[0], sides[1]).unwrap(),
+            size_mm,
+        },
+        prestretch,
+    };
+    [
+        Sheet::paper(),
+        rectangle([24, 17], [60.0, 30.0], [3.0, 4.0]),
+        rectangle([7, 33], [10.0, 90.0], [2.0, 5.0]),
+        rectangle([40, 3], [30.0, 30.0], [4.0, 1.0]),
+    ]
+    .into_iter()
 }
 
 fn options(elements_per_cell: usize, order: Order) -> SolveOptions {
@@ -57,8 +83,9 @@ fn soft(voltage: f64) -> Scene {
     Scene::with_values(50.0, 1.0, 3.0, 25e3, 4.7, voltage)
 }
 
-fn places(mesh: Mesh) -> impl Iterator<Item = (usize, usize)> {
-    (0..mesh.nodes().pow(2)).map(move |i| (i / mesh.nodes(), i % mesh.nodes()))
+fn places(grid: Grid) -> impl Iterator<Item = (usize, usize)> {
+    let [columns, rows] = grid.layout().nodes();
+    (0..columns * rows).map(move |i| (i / columns, i % columns))
 }
 
 /// Full Newton steps with the factorised tangent, whatever its inertia, until the residual is the given load.

@@ -6,7 +6,7 @@ use super::*;
 fn uniform_active_membrane_is_refused_above_its_critical_voltage() {
     // H12: stability is lost at Ē = 0.334018500209, which is 10.9838 kV.
     let solver = |voltage| solver(&Scene::vhb4910().at_voltage(voltage), 1);
-    let all = [Pattern::from_fn(|_, _| true)];
+    let all = [Pattern::from_fn(Raster::PAPER, |_, _| true)];
     assert_eq!(solver(10_983.5).simulate(&all)[0].outcome, Outcome::Converged);
     for voltage in [10_984.1, 12e3, 1e6, 1e12] {
         let result = solver(voltage).simulate(&all).remove(0);
@@ -46,7 +46,7 @@ fn brackets_of_the_loss_of_stability_agree_whatever_voltage_is_asked_for() {
 fn a_disc_beyond_its_fold_is_refused() {
     // H6: a disc of radius 10 mm in a clamped circle of radius 25 mm folds at κ = 0.03938512, 6.526 kV at 45 kPa. The
     // square around that circle is softer, so it folds before.
-    let disc = Pattern::from_fn(|x, y| (x as f64 - 24.5).hypot(y as f64 - 24.5) < 10.0);
+    let disc = Pattern::from_fn(Raster::PAPER, |x, y| (x as f64 - 24.5).hypot(y as f64 - 24.5) < 10.0);
     let outcome =
         |voltage| solver(&Scene::vhb4910().at_voltage(voltage), 1).simulate(std::slice::from_ref(&disc))[0].outcome;
     assert_eq!(outcome(5.0e3), Outcome::Converged);
@@ -55,7 +55,7 @@ fn a_disc_beyond_its_fold_is_refused() {
 
 #[test]
 fn every_scene_ends_with_a_field_or_a_reason() {
-    let single = Pattern::from_fn(|x, y| x == 20 && y == 31);
+    let single = Pattern::from_fn(Raster::PAPER, |x, y| x == 20 && y == 31);
     for prestretch in [1.0, 1.3, 2.0, 5.0, 10.0] {
         for voltage in [0.0, 1.0, 3e3, 8e3, 2e4, 1e6] {
             let scene = Scene::with_values(50.0, 1.0, prestretch, 45e3, 4.7, voltage);
@@ -76,13 +76,12 @@ fn every_scene_ends_with_a_field_or_a_reason() {
 #[test]
 fn the_inertia_counts_the_unstable_modes() {
     // H12: at u = 0 the uniform active membrane is stable below κ = 0.334018500209², and unstable in every mode above.
-    let mesh = Mesh::new(1, Order::Bilinear);
-    let activity = Activity::new(mesh, &Pattern::from_fn(|_, _| true));
-    let u = vec![0.0; mesh.vector_len()];
+    let grid = Grid::paper(Mesh::new(1, Order::Bilinear));
+    let activity = Activity::new(grid, &Pattern::from_fn(Raster::PAPER, |_, _| true));
+    let u = vec![0.0; grid.layout().vector_len()];
     let negative = |kappa: f64| {
         let material = NeoHookean::new(3.0, kappa);
         let operator = Operator {
-            mesh,
             material: &material,
             activity: &activity,
         };

@@ -9,11 +9,11 @@ use crate::fem::path::{curve::Curve, trace::follow};
 use crate::fem::precondition::Laplacian;
 
 fn disc(radius: f64) -> Pattern {
-    Pattern::from_fn(|x, y| (x as f64 - 24.5).hypot(y as f64 - 24.5) < radius)
+    Pattern::from_fn(Raster::PAPER, |x, y| (x as f64 - 24.5).hypot(y as f64 - 24.5) < radius)
 }
 
 fn one_cell() -> Pattern {
-    Pattern::from_fn(|x, y| (x, y) == (25, 25))
+    Pattern::from_fn(Raster::PAPER, |x, y| (x, y) == (25, 25))
 }
 
 fn path(scene: &Scene, order: Order, pattern: &Pattern) -> LoadPath {
@@ -38,7 +38,7 @@ fn limits_are_those_of_an_independent_analysis() {
 #[test]
 fn a_membrane_active_everywhere_never_moves_and_is_lost_at_the_closed_form_voltage() {
     // H12: √κ = √(λ⁻² + 3λ⁻⁸), whatever the voltage of the scene.
-    let all = Pattern::from_fn(|_, _| true);
+    let all = Pattern::from_fn(Raster::PAPER, |_, _| true);
     for (prestretch, voltage) in [(1.5_f64, 1e5), (3.0, 0.0), (6.0, 1.0)] {
         let scene = Scene::with_values(50.0, 1.0, prestretch, 25e3, 4.7, voltage);
         let unit = scene.at_voltage(1e3);
@@ -58,7 +58,11 @@ fn limits_grow_with_the_root_of_the_modulus_and_a_bare_membrane_has_none() {
         path(&scene, Order::Bilinear, &one_cell()).limit().unwrap().voltage
     };
     assert!((limit(45e3) / limit(25e3) / 1.8f64.sqrt() - 1.0).abs() < 1e-6);
-    let bare = path(&soft(1e3), Order::Bilinear, &Pattern::from_fn(|_, _| false));
+    let bare = path(
+        &soft(1e3),
+        Order::Bilinear,
+        &Pattern::from_fn(Raster::PAPER, |_, _| false),
+    );
     assert_eq!((bare.limit(), bare.end), (None, PathEnd::NoLimit));
 }
 
@@ -112,10 +116,10 @@ fn the_smallest_eigenvalue_falls_like_the_root_of_the_distance_to_a_fold() {
 fn margins_of_uniform_membranes_have_closed_forms() {
     // u = 0, and the tangent is L + (3a − b) (div)² + multiples of a null Lagrangian with a = λ⁻⁶, b = κλ²: for fields
     // without rotation the smallest eigenvalue is 1 + 3a − b, which a mesh approaches from above.
-    let all = Pattern::from_fn(|_, _| true);
+    let all = Pattern::from_fn(Raster::PAPER, |_, _| true);
     let scene = soft(6e3);
     let solver = solver(&scene, 1);
-    let results = [all, Pattern::from_fn(|_, _| false)].map(|pattern| {
+    let results = [all, Pattern::from_fn(Raster::PAPER, |_, _| false)].map(|pattern| {
         let solution = solver.solve(&pattern);
         (solution.outcome, solver.stability(&pattern, &solution))
     });
@@ -215,12 +219,11 @@ impl Material for Stiffening {
 }
 
 fn with_stiffening<R>(work: impl FnOnce(&Problem<'_, fn(f64) -> Stiffening>) -> R) -> R {
-    let mesh = Mesh::new(1, Order::Bilinear);
-    let activity = Activity::new(mesh, &disc(1.0));
+    let grid = Grid::paper(Mesh::new(1, Order::Bilinear));
+    let activity = Activity::new(grid, &disc(1.0));
     let problem = Problem {
-        mesh,
         activity: &activity,
-        laplacian: &Laplacian::new(mesh).unwrap(),
+        laplacian: &Laplacian::new(grid).unwrap(),
         material: Stiffening::new as fn(f64) -> Stiffening,
         tolerance: 1e-10,
     };
@@ -240,7 +243,6 @@ fn a_stiffening_membrane_snaps_to_another_stable_branch() {
         for mark in &trace.marks {
             let material = Stiffening::new(mark.share);
             let operator = Operator {
-                mesh: problem.mesh,
                 material: &material,
                 activity: problem.activity,
             };
@@ -258,12 +260,11 @@ fn loading_does_not_jump_to_the_branch_beyond_a_snap() {
         for share in [0.98, 1.02, 1.3, 2.0] {
             let problem = Problem {
                 material: |part: f64| Stiffening::new(part * share * first),
-                mesh: problem.mesh,
                 activity: problem.activity,
                 laplacian: problem.laplacian,
                 tolerance: problem.tolerance,
             };
-            let mut u = vec![0.0; problem.mesh.vector_len()];
+            let mut u = vec![0.0; problem.activity.grid().layout().vector_len()];
             let mut workspace = Workspace::new(u.len(), problem.laplacian);
             match problem.load(&mut u, &mut workspace).ending {
                 Ending::Stable => assert!(share < 1.0, "{share}"),

@@ -1,17 +1,21 @@
 use super::*;
 use crate::base::Stream;
-use crate::pattern::Symmetry;
+use crate::pattern::{CELLS, Raster, Symmetry};
 
 /// The pattern whose cells are drawn at the lower left, the last line lowest.
 fn drawn(lines: &[&str]) -> Pattern {
     let rows: Vec<&[u8]> = lines.iter().rev().map(|line| line.as_bytes()).collect();
-    Pattern::from_fn(|x, y| rows.get(y).and_then(|row| row.get(x)) == Some(&b'#'))
+    Pattern::from_fn(Raster::PAPER, |x, y| {
+        rows.get(y).and_then(|row| row.get(x)) == Some(&b'#')
+    })
 }
 
 /// The same moved away from the frame.
 fn moved(lines: &[&str]) -> Pattern {
     let pattern = drawn(lines);
-    Pattern::from_fn(|x, y| x >= 10 && y >= 10 && pattern.is_active(x - 10, y - 10))
+    Pattern::from_fn(Raster::PAPER, |x, y| {
+        x >= 10 && y >= 10 && pattern.is_active(x - 10, y - 10)
+    })
 }
 
 fn holes(islands: &[Island]) -> Vec<usize> {
@@ -29,14 +33,14 @@ fn rings_of(islands: &[Island]) -> Vec<&Vec<Point>> {
 fn a_full_pattern_is_the_membrane_and_an_empty_one_is_nothing() {
     let corner = CELLS as f64;
     for corners in [Corners::Square, Corners::Rounded] {
-        let full = outlines(&Pattern::from_fn(|_, _| true), corners);
+        let full = outlines(&Pattern::from_fn(Raster::PAPER, |_, _| true), corners);
         assert_eq!(full.len(), 1);
         assert_eq!(
             full[0].outer,
             [[0.0, 0.0], [corner, 0.0], [corner, corner], [0.0, corner]]
         );
         assert!(full[0].holes.is_empty());
-        assert!(outlines(&Pattern::from_fn(|_, _| false), corners).is_empty());
+        assert!(outlines(&Pattern::from_fn(Raster::PAPER, |_, _| false), corners).is_empty());
     }
 }
 
@@ -70,12 +74,12 @@ fn islands_in_holes_come_after_what_surrounds_them() {
 fn rounding_has_the_area_of_the_spline() {
     // A block of 10 × 10: each corner loses 1/8 by the chord, and 1/3 of two triangles of 1/16 by the parabolas, which
     // four pieces draw a sixteenth short.
-    let block = Pattern::from_fn(|x, y| (20..30).contains(&x) && (20..30).contains(&y));
+    let block = Pattern::from_fn(Raster::PAPER, |x, y| (20..30).contains(&x) && (20..30).contains(&y));
     let lost = 100.0 - total_area(&outlines(&block, Corners::Rounded));
     let parabola = (1.0 / 16.0) * (1.0 - 2.0 / 3.0 * (1.0 - 1.0 / 16.0));
     assert!((lost - 4.0 * (0.125 + 2.0 * parabola)).abs() < 1e-12, "{lost}");
     // Steps of one cell become one slope.
-    let slope = Pattern::from_fn(|x, y| x + y < CELLS);
+    let slope = Pattern::from_fn(Raster::PAPER, |x, y| x + y < CELLS);
     let islands = outlines(&slope, Corners::Rounded);
     let long = |ring: &[Point]| (0..ring.len()).any(|i| (ring[i][0] - ring[(i + 1) % ring.len()][0]).abs() > 47.0);
     assert!(long(&islands[0].outer), "{:?}", islands[0].outer);
@@ -83,7 +87,7 @@ fn rounding_has_the_area_of_the_spline() {
 
 #[test]
 fn a_lead_keeps_its_width_at_the_frame() {
-    let lead = Pattern::from_fn(|x, y| (10..12).contains(&x) && y < 20);
+    let lead = Pattern::from_fn(Raster::PAPER, |x, y| (10..12).contains(&x) && y < 20);
     let islands = outlines(&lead, Corners::Rounded);
     for corner in [[10.0, 0.0], [12.0, 0.0]] {
         assert!(islands[0].outer.contains(&corner), "{:?}", islands[0].outer);
@@ -99,7 +103,7 @@ fn random(seed: u64, density: f64, at: usize) -> Pattern {
             cells[y * CELLS + x] = u8::from(stream.uniform() < density);
         }
     }
-    Pattern::from_cells(&cells).unwrap()
+    Pattern::from_cells(Raster::PAPER, &cells).unwrap()
 }
 
 /// Whether two segments have a point in common.

@@ -2,10 +2,13 @@ use std::fs;
 use std::path::PathBuf;
 
 use super::*;
+use crate::pattern::CELLS;
 
 pub fn wanted() -> Pattern {
     // Asymmetric under every transposition and mirror.
-    Pattern::from_fn(|x, y| x < 10 && y < 20 || (x, y) == (30, 49) || (x + 3 * y) % 11 == 0)
+    Pattern::from_fn(Raster::PAPER, |x, y| {
+        x < 10 && y < 20 || (x, y) == (30, 49) || (x + 3 * y) % 11 == 0
+    })
 }
 
 pub struct Folder(tempfile::TempDir);
@@ -20,7 +23,7 @@ impl Folder {
     }
 
     pub fn read(&self, name: &str) -> Result<Vec<Pattern>, String> {
-        read_patterns(self.path(name).to_str().unwrap()).map_err(|e| format!("{e:?}"))
+        read_patterns(self.path(name).to_str().unwrap(), Raster::PAPER).map_err(|e| format!("{e:?}"))
     }
 
     fn read_bytes(&self, name: &str, bytes: &[u8]) -> Result<Vec<Pattern>, String> {
@@ -86,7 +89,7 @@ fn numpy_files_of_every_type_and_order() {
 #[test]
 fn fortran_order_puts_the_first_index_fastest() {
     let folder = Folder::new();
-    let other = Pattern::from_fn(|x, _| x == 7);
+    let other = Pattern::from_fn(Raster::PAPER, |x, _| x == 7);
     let mut data = Vec::new();
     for x in 0..CELLS {
         for y in 0..CELLS {

@@ -11,7 +11,7 @@ use super::chart::THOUSAND;
 use super::error::FigureError;
 use super::path::{number, path};
 use crate::field::Field;
-use crate::pattern::{CELLS, Corners, Pattern, Point, outlines};
+use crate::pattern::{CELLS, Corners, Pattern, Point, Raster, outlines};
 
 /// Cells between two lines of the grid, and between two points of a line that has moved.
 const GRID: usize = 5;
@@ -41,8 +41,9 @@ impl Membrane {
             return Err(incomplete(format!("its side is {side} mm")));
         }
         Ok(Self {
-            pattern: Pattern::from_cells(cells).map_err(|e| incomplete(e.to_string()))?,
-            displacement: Field::from_values(displacement.to_vec()).map_err(|e| incomplete(e.to_string()))?,
+            pattern: Pattern::from_cells(Raster::PAPER, cells).map_err(|e| incomplete(e.to_string()))?,
+            displacement: Field::from_values(Raster::PAPER, displacement.to_vec())
+                .map_err(|e| incomplete(e.to_string()))?,
             side,
             points,
         })
@@ -248,7 +249,7 @@ mod tests {
 
     #[test]
     fn the_lower_edge_of_the_membrane_is_the_lower_edge_of_the_drawing() {
-        let corner = Pattern::from_fn(|x, y| x == 0 && y == 0);
+        let corner = Pattern::from_fn(Raster::PAPER, |x, y| x == 0 && y == 0);
         // The cell is 20 × 20 units in the lower left corner.
         let text = electrode_at_rest(&corner).into_string();
         assert!(text.contains("<path class=\"on\" d=\"M0 1000h20v-20h-20z\">"), "{text}");
@@ -256,7 +257,9 @@ mod tests {
 
     #[test]
     fn an_edge_goes_around_holes_and_bends_from_cell_to_cell() {
-        let ring = Pattern::from_fn(|x, y| (10..13).contains(&x) && (20..23).contains(&y) && (x, y) != (11, 21));
+        let ring = Pattern::from_fn(Raster::PAPER, |x, y| {
+            (10..13).contains(&x) && (20..23).contains(&y) && (x, y) != (11, 21)
+        });
         assert_eq!(electrode_at_rest(&ring).into_string().matches('z').count(), 2);
         let membrane = Membrane::new(ring.cells(), &[0.0; 5202], 50.0, Vec::new()).unwrap();
         let text = membrane.electrode(1.0).into_string();

@@ -27,15 +27,15 @@ pub fn dxf(drawing: &Drawing) -> Vec<u8> {
         file.pair(999, text(line));
     }
     let rings = drawing.rings().count();
-    header(&mut file, drawing.side, FIRST_HANDLE + rings + 1);
+    header(&mut file, drawing.size, FIRST_HANDLE + rings + 1);
     tables(&mut file);
     blocks(&mut file);
     file.section("ENTITIES");
     for (at, ring) in drawing.rings().enumerate() {
         polyline(&mut file, FIRST_HANDLE + at, ELECTRODE, ring);
     }
-    let side = drawing.side;
-    let frame = [[0.0, 0.0], [side, 0.0], [side, side], [0.0, side]];
+    let [width, height] = drawing.size;
+    let frame = [[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]];
     polyline(&mut file, FIRST_HANDLE + rings, FRAME, &frame);
     file.pair(0, "ENDSEC");
     objects(&mut file);
@@ -89,20 +89,20 @@ impl File {
     }
 }
 
-fn header(file: &mut File, side: f64, next_handle: usize) {
+fn header(file: &mut File, size: [f64; 2], next_handle: usize) {
     file.section("HEADER");
     file.pairs([(9, "$ACADVER"), (1, "AC1015"), (9, "$DWGCODEPAGE"), (3, "ANSI_1252")]);
     file.pair(9, "$HANDSEED");
     file.pair(5, format!("{next_handle:X}"));
     // Millimetres; the metric system.
     file.pairs([(9, "$INSUNITS"), (70, "4"), (9, "$MEASUREMENT"), (70, "1")]);
-    for (name, corner) in [("$EXTMIN", 0.0), ("$EXTMAX", side)] {
-        let at = number(corner);
-        file.pairs([(9, name), (10, &at), (20, &at), (30, "0")]);
+    for (name, corner) in [("$EXTMIN", [0.0; 2]), ("$EXTMAX", size)] {
+        let [x, y] = corner.map(number);
+        file.pairs([(9, name), (10, &x), (20, &y), (30, "0")]);
     }
-    for (name, corner) in [("$LIMMIN", 0.0), ("$LIMMAX", side)] {
-        let at = number(corner);
-        file.pairs([(9, name), (10, &at), (20, &at)]);
+    for (name, corner) in [("$LIMMIN", [0.0; 2]), ("$LIMMAX", size)] {
+        let [x, y] = corner.map(number);
+        file.pairs([(9, name), (10, &x), (20, &y)]);
     }
     file.pair(0, "ENDSEC");
 }

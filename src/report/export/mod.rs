@@ -39,8 +39,8 @@ pub struct Drawing {
     pub source: String,
     /// The program that draws it.
     pub program: String,
-    /// Side of the membrane in mm: its lower left corner is the origin.
-    pub side: f64,
+    /// Sides of the membrane in mm: its lower left corner is the origin.
+    pub size: [f64; 2],
     /// The electrode. A shape within a hole comes after the one that has the hole.
     pub shapes: Vec<Shape>,
 }

@@ -4,24 +4,24 @@ use ::png::{BitDepth, ColorType, Compression, Encoder, EncodingError, PixelDimen
 
 use super::{Drawing, Point};
 
-/// Pixels along one side at most.
+/// Pixels along a side at most.
 pub const MOST_PIXELS: usize = 20_000;
 
-/// The drawing in `pixels` × `pixels`; a pixel is black where its centre is within the electrode. The top row is the upper
+/// The drawing in so many pixels along its sides; a pixel is black where its centre is within the electrode. The top row is the upper
 /// edge.
 ///
 /// # Errors
 /// When the encoder refuses.
-pub fn png(drawing: &Drawing, pixels: usize) -> Result<Vec<u8>, EncodingError> {
+pub fn png(drawing: &Drawing, pixels: [usize; 2]) -> Result<Vec<u8>, EncodingError> {
     let mut bytes = Vec::new();
-    let mut encoder = Encoder::new(&mut bytes, pixels as u32, pixels as u32);
+    let mut encoder = Encoder::new(&mut bytes, pixels[0] as u32, pixels[1] as u32);
     encoder.set_color(ColorType::Grayscale);
     encoder.set_depth(BitDepth::One);
     encoder.set_compression(Compression::Best);
-    let per_metre = (1e3 * pixels as f64 / drawing.side).round() as u32;
+    let [xppu, yppu] = [0, 1].map(|axis| (1e3 * pixels[axis] as f64 / drawing.size[axis]).round() as u32);
     encoder.set_pixel_dims(Some(PixelDimensions {
-        xppu: per_metre,
-        yppu: per_metre,
+        xppu,
+        yppu,
         unit: Unit::Meter,
     }));
     encoder.add_itxt_chunk("Title".to_owned(), drawing.title.clone())?;
@@ -33,17 +33,17 @@ pub fn png(drawing: &Drawing, pixels: usize) -> Result<Vec<u8>, EncodingError> {
 }
 
 /// Rows from the top, padded to whole bytes; bit 1 is white.
-fn image(drawing: &Drawing, pixels: usize) -> Vec<u8> {
-    let scale = pixels as f64 / drawing.side;
+fn image(drawing: &Drawing, [width, height]: [usize; 2]) -> Vec<u8> {
+    let scale = [width as f64 / drawing.size[0], height as f64 / drawing.size[1]];
     let edges: Vec<[Point; 2]> = drawing.rings().flat_map(|ring| edges(ring, scale)).collect();
-    let mut image = Vec::with_capacity(pixels.div_ceil(8) * pixels);
-    for row in (0..pixels).rev() {
-        let mut bits = vec![0xff_u8; pixels.div_ceil(8)];
+    let mut image = Vec::with_capacity(width.div_ceil(8) * height);
+    for row in (0..height).rev() {
+        let mut bits = vec![0xff_u8; width.div_ceil(8)];
         let mut crossings = crossings(&edges, row as f64 + 0.5);
         crossings.sort_unstable_by(f64::total_cmp);
         for pair in crossings.chunks_exact(2) {
             // The pixels whose centres lie between the two.
-            let [first, end] = [pair[0], pair[1]].map(|x| ((x - 0.5).ceil().max(0.0) as usize).min(pixels));
+            let [first, end] = [pair[0], pair[1]].map(|x| ((x - 0.5).ceil().max(0.0) as usize).min(width));
             for column in first..end {
                 bits[column / 8] &= !(0x80 >> (column % 8));
             }
@@ -54,11 +54,11 @@ fn image(drawing: &Drawing, pixels: usize) -> Vec<u8> {
 }
 
 /// The sides of a ring in pixels.
-fn edges(ring: &[Point], scale: f64) -> impl Iterator<Item = [Point; 2]> {
+fn edges(ring: &[Point], scale: [f64; 2]) -> impl Iterator<Item = [Point; 2]> {
     let next = ring.iter().cycle().skip(1);
     ring.iter()
         .zip(next)
-        .map(move |(a, b)| [a.map(|v| v * scale), b.map(|v| v * scale)])
+        .map(move |(a, b)| [a, b].map(|[x, y]| [x * scale[0], y * scale[1]]))
 }
 
 /// Where sides cross a horizontal line; a point on the line belongs to the side above it.

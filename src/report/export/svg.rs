@@ -7,20 +7,20 @@ use super::{Drawing, Point, number};
 /// The electrode as one filled path (`id="electrode"`), and the frame as a thin line (`id="frame"`).
 #[must_use]
 pub fn svg(drawing: &Drawing) -> Vec<u8> {
-    let side = number(drawing.side);
-    let path: Vec<String> = drawing.rings().map(|ring| subpath(ring, drawing.side)).collect();
-    let line = number(drawing.side / 500.0);
+    let [width, height] = drawing.size.map(number);
+    let path: Vec<String> = drawing.rings().map(|ring| subpath(ring, drawing.size[1])).collect();
+    let line = number(drawing.size[0].max(drawing.size[1]) / 500.0);
     let mut text = String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n");
     let _ = write!(
         text,
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" version=\"1.1\" width=\"{side}mm\" height=\"{side}mm\" \
-         viewBox=\"0 0 {side} {side}\">\n\
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" version=\"1.1\" width=\"{width}mm\" height=\"{height}mm\" \
+         viewBox=\"0 0 {width} {height}\">\n\
          <title>{}</title>\n<desc>{}</desc>\n\
          <metadata><rdf:RDF xmlns:rdf=\"http://www.w3.org/1999/02/22-rdf-syntax-ns#\" \
          xmlns:dc=\"http://purl.org/dc/elements/1.1/\"><rdf:Description rdf:about=\"\">\
          <dc:source>{}</dc:source><dc:creator>{}</dc:creator></rdf:Description></rdf:RDF></metadata>\n\
          <path id=\"electrode\" fill=\"#000000\" fill-rule=\"evenodd\" stroke=\"none\" d=\"{}\"/>\n\
-         <rect id=\"frame\" x=\"0\" y=\"0\" width=\"{side}\" height=\"{side}\" fill=\"none\" stroke=\"#808080\" \
+         <rect id=\"frame\" x=\"0\" y=\"0\" width=\"{width}\" height=\"{height}\" fill=\"none\" stroke=\"#808080\" \
          stroke-width=\"{line}\"/>\n</svg>\n",
         escaped(&drawing.title),
         escaped(&drawing.notes.join("\n")),
@@ -32,10 +32,10 @@ pub fn svg(drawing: &Drawing) -> Vec<u8> {
 }
 
 /// A ring; y points downwards in SVG.
-fn subpath(ring: &[Point], side: f64) -> String {
+fn subpath(ring: &[Point], height: f64) -> String {
     let points: Vec<String> = ring
         .iter()
-        .map(|[x, y]| format!("{},{}", number(*x), number(side - y)))
+        .map(|[x, y]| format!("{},{}", number(*x), number(height - y)))
         .collect();
     format!("M{} Z", points.join(" L"))
 }

@@ -9,7 +9,7 @@ fn drawing() -> Drawing {
         notes: vec!["a & b\nc".to_owned()],
         source: "artifact 12 & 3".to_owned(),
         program: "deaflow 1".to_owned(),
-        side: 10.0,
+        size: [10.0, 12.5],
         shapes: vec![
             Shape {
                 outer: ring(1.0, 9.0),
@@ -38,7 +38,10 @@ fn an_svg_points_upwards_and_names_survive() {
     let svg = text(svg(&drawing()));
     assert!(svg.contains("<title>ü &lt;*%&gt;</title>") && svg.contains("<desc>a &amp; b\nc</desc>"));
     assert!(svg.contains("<dc:source>artifact 12 &amp; 3</dc:source><dc:creator>deaflow 1</dc:creator>"));
-    assert!(svg.contains("M1,9 L9,9 L9,1 L1,1 Z M2,2 L8,2 L8,8 L2,8 Z"), "{svg}");
+    assert!(
+        svg.contains("M1,11.5 L9,11.5 L9,3.5 L1,3.5 Z M2,4.5 L8,4.5 L8,10.5 L2,10.5 Z"),
+        "{svg}"
+    );
 }
 
 #[test]
@@ -63,21 +66,25 @@ fn a_dxf_file_says_mm_and_has_a_line_for_every_code() {
     assert_eq!(lines.len() % 2, 0);
     assert!(lines.iter().step_by(2).all(|code| code.trim().parse::<u16>().is_ok()));
     assert_eq!(lines.iter().filter(|line| **line == "LWPOLYLINE").count(), 4);
+    assert!(dxf.contains("$EXTMAX\n 10\n10\n 20\n12.5\n"));
 }
 
 #[test]
 fn a_png_is_black_where_the_electrode_is() {
-    let bytes = png(&drawing(), 30).unwrap();
+    let bytes = png(&drawing(), [30, 50]).unwrap();
     let mut reader = ::png::Decoder::new(std::io::Cursor::new(&bytes)).read_info().unwrap();
     let dimensions = reader.info().pixel_dims.unwrap();
-    assert_eq!((dimensions.xppu, dimensions.unit), (3000, ::png::Unit::Meter));
+    assert_eq!(
+        (dimensions.xppu, dimensions.yppu, dimensions.unit),
+        (3000, 4000, ::png::Unit::Meter)
+    );
     let mut image = vec![0; reader.output_buffer_size()];
     reader.next_frame(&mut image).unwrap();
-    let black = |x: usize, y: usize| image[(29 - y) * 4 + x / 8] >> (7 - x % 8) & 1 == 0;
-    let count = (0..900).filter(|at| black(at % 30, at / 30)).count();
-    // 24² − 18² + 4² pixels.
-    assert_eq!(count, 576 - 324 + 16);
-    assert!(black(3, 3) && black(26, 26) && !black(2, 3) && !black(27, 26) && black(12, 15) && !black(16, 15));
+    let black = |x: usize, y: usize| image[(49 - y) * 4 + x / 8] >> (7 - x % 8) & 1 == 0;
+    let count = (0..1500).filter(|at| black(at % 30, at / 30)).count();
+    // 24 · 32 − 18 · 24 + 4 · 5 pixels: of the inner square, 16 to 21⅓ along y, five centres.
+    assert_eq!(count, 768 - 432 + 20);
+    assert!(black(3, 4) && black(26, 35) && !black(2, 4) && !black(27, 35) && black(12, 20) && !black(16, 20));
 }
 
 #[test]

@@ -5,16 +5,16 @@ use std::path::Path;
 
 use crate::store::{Data, Dataset, Grid, StoreError, write_grid};
 
-/// A deformed membrane on a square raster of elements, `[y][x]`.
+/// A deformed membrane on a raster of elements, `[y][x]`.
 pub struct Surface<'a> {
-    /// Where the corners of elements lie along a side of the membrane without displacement, in mm.
-    pub places: &'a [f64],
+    /// Where the corners of elements lie along x and y without displacement, in mm.
+    pub places: [&'a [f64]; 2],
     /// Displacement in mm of these corners in both directions.
     pub displacement: &'a [[f64; 2]],
     /// What is known of each pattern cell, a number of elements along each of its sides; first dimension: cells `[y][x]`.
     pub cells: &'a [(&'static str, Dataset)],
-    /// Pattern cells along one side.
-    pub cells_along_side: usize,
+    /// Columns and rows of pattern cells.
+    pub sides: [usize; 2],
 }
 
 /// Writes the surface with z = 0. Corners have `displacement` and `reference`, where they were without displacement, both
@@ -27,19 +27,19 @@ pub fn write_vtkhdf(
     surface: &Surface<'_>,
     attributes: BTreeMap<String, String>,
 ) -> Result<(), StoreError> {
-    let corners = surface.places.len();
-    let reference: Vec<[f64; 3]> = (0..corners * corners)
-        .map(|at| [surface.places[at % corners], surface.places[at / corners], 0.0])
+    let [columns, rows] = surface.places.map(<[f64]>::len);
+    let reference: Vec<[f64; 3]> = (0..columns * rows)
+        .map(|at| [surface.places[0][at % columns], surface.places[1][at / columns], 0.0])
         .collect();
     let displacement: Vec<[f64; 3]> = surface.displacement.iter().map(|[x, y]| [*x, *y, 0.0]).collect();
     let vectors = |description: &str, values: &[[f64; 3]]| {
         let values = values.iter().flatten().copied().collect();
-        Dataset::new("mm", description, &[corners * corners, 3], Data::F64(values))
+        Dataset::new("mm", description, &[columns * rows, 3], Data::F64(values))
     };
     let points = reference.iter().zip(&displacement);
     let grid = Grid {
         points: points.map(|(x, u)| [x[0] + u[0], x[1] + u[1], 0.0]).collect(),
-        quadrilaterals: quadrilaterals(corners - 1),
+        quadrilaterals: quadrilaterals([columns - 1, rows - 1]),
         point_data: vec![
             (
                 "displacement",
@@ -61,32 +61,31 @@ pub fn write_vtkhdf(
 }
 
 /// Corners of each element, anticlockwise.
-fn quadrilaterals(elements: usize) -> Vec<[i64; 4]> {
-    let corners = elements as i64 + 1;
-    let side = elements as i64;
-    let corner = |at: i64| at / side * corners + at % side;
-    let of = |low: i64| [low, low + 1, low + corners + 1, low + corners];
-    (0..side * side).map(|at| of(corner(at))).collect()
+fn quadrilaterals(elements: [usize; 2]) -> Vec<[i64; 4]> {
+    let [columns, rows] = elements.map(|count| count as i64);
+    let corner = |at: i64| at / columns * (columns + 1) + at % columns;
+    let of = |low: i64| [low, low + 1, low + columns + 2, low + columns + 1];
+    (0..columns * rows).map(|at| of(corner(at))).collect()
 }
 
 /// The rows of cells as rows of elements.
 fn spread(surface: &Surface<'_>, dataset: &Dataset) -> Dataset {
-    let (elements, cells) = (surface.places.len() - 1, surface.cells_along_side);
-    let per_cell = elements / cells;
+    let ([columns, rows], cells) = (surface.places.map(|places| places.len() - 1), surface.sides);
+    let [along, across] = [columns / cells[0], rows / cells[1]];
     let width = dataset.shape.iter().skip(1).product::<usize>();
-    let cell = |at: usize| at / elements / per_cell * cells + at % elements / per_cell;
-    fn rows<T: Copy>(values: &[T], width: usize, order: impl Iterator<Item = usize>) -> Vec<T> {
+    let cell = |at: usize| at / columns / across * cells[0] + at % columns / along;
+    fn repeated<T: Copy>(values: &[T], width: usize, order: impl Iterator<Item = usize>) -> Vec<T> {
         order.flat_map(|row| &values[row * width..][..width]).copied().collect()
     }
-    let order = (0..elements * elements).map(cell);
+    let order = (0..columns * rows).map(cell);
     let data = match &dataset.data {
-        Data::U8(v) => Data::U8(rows(v, width, order)),
-        Data::U32(v) => Data::U32(rows(v, width, order)),
-        Data::U64(v) => Data::U64(rows(v, width, order)),
-        Data::F32(v) => Data::F32(rows(v, width, order)),
-        Data::F64(v) => Data::F64(rows(v, width, order)),
+        Data::U8(v) => Data::U8(repeated(v, width, order)),
+        Data::U32(v) => Data::U32(repeated(v, width, order)),
+        Data::U64(v) => Data::U64(repeated(v, width, order)),
+        Data::F32(v) => Data::F32(repeated(v, width, order)),
+        Data::F64(v) => Data::F64(repeated(v, width, order)),
         Data::Text(v) => Data::Text(order.map(|row| v[row].clone()).collect()),
     };
-    let shape = [&[elements * elements], &dataset.shape[1..]].concat();
+    let shape = [&[columns * rows], &dataset.shape[1..]].concat();
     Dataset::new(&dataset.units, &dataset.description, &shape, data)
 }

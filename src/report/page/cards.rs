@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use crate::pattern::Pattern;
+use crate::pattern::{Pattern, Raster};
 use crate::report::designs::{Design, Role, role_title};
 use crate::report::drawing::{direction, electrode_at_rest, frame, grid};
 use crate::report::format::{gain, mm, percent};
@@ -54,7 +54,7 @@ fn pattern(design: &Design) -> Markup {
     );
     let aims = design.objective.points().iter();
     let content = html! {
-        @if let Ok(pattern) = Pattern::from_cells(&design.pattern) { (electrode_at_rest(&pattern)) }
+        @if let Ok(pattern) = Pattern::from_cells(Raster::PAPER, &design.pattern) { (electrode_at_rest(&pattern)) }
         @for aim in aims { (direction(aim.point, design.side, aim.direction, ARROW)) }
     };
     drawing(&description, &content)

@@ -123,7 +123,8 @@ mod tests {
     use crate::base::Document;
     use crate::design::{Constraints, Probe, References, cheapest_evaluator, first_generation};
     use crate::field::Field;
-    use crate::pattern::Pattern;
+    use crate::pattern::Membrane;
+    use crate::pattern::{Pattern, Raster};
 
     #[test]
     fn evaluators_are_read_as_they_are_written() {
@@ -143,7 +144,7 @@ mod tests {
     #[test]
     fn estimates_give_no_field_where_there_is_none() {
         let scene = Scene::vhb4910().at_voltage(10e3);
-        let patterns = [25, 0].map(|width| Pattern::from_fn(|x, _| x < width));
+        let patterns = [25, 0].map(|width| Pattern::from_fn(Raster::PAPER, |x, _| x < width));
         let linear = elements(&scene, Method::Linear, 1).evaluator.ok().unwrap();
         let fields = linear.predict_some(&patterns).unwrap();
         assert!(fields[0].is_none() && fields[1].is_some());
@@ -160,7 +161,7 @@ mod tests {
 
     fn chosen(volts: f64, accuracy_mm: f64) -> (String, Vec<Probe>) {
         let scene = Scene::vhb4910().at_voltage(volts);
-        let patterns: Vec<Pattern> = first_generation(Some(0.5), &Constraints::default(), 1, 8)
+        let patterns: Vec<Pattern> = first_generation(Some(0.5), &Constraints::none(Membrane::square(50.0)), 1, 8)
             .iter()
             .map(|genome| genome.pattern())
             .collect();
@@ -194,8 +195,8 @@ mod tests {
     #[test]
     fn an_evaluator_that_errs_where_designs_are_is_not_taken() {
         let scene = Scene::vhb4910();
-        let patterns = [Pattern::from_fn(|x, y| (x * 7 + y * 3) % 5 < 2)];
-        let half = [Pattern::from_fn(|x, _| x < 25)];
+        let patterns = [Pattern::from_fn(Raster::PAPER, |x, y| (x * 7 + y * 3) % 5 < 2)];
+        let half = [Pattern::from_fn(Raster::PAPER, |x, _| x < 25)];
         let right = |field: &Field| field.at([25.0, 25.0])[0];
         let chosen = |values_mm: &[f64]| {
             let designs = References {

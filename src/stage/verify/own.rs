@@ -4,7 +4,7 @@ use crate::base::Document;
 use crate::content::{DesignRows, Samples};
 use crate::design::ConstraintParameters;
 use crate::orchestrator::StageError;
-use crate::pattern::{CELLS, Pattern};
+use crate::pattern::{CELLS, Membrane, Pattern};
 use crate::store::Artifact;
 
 /// Patterns from files, each once.
@@ -71,7 +71,7 @@ impl OwnPatterns {
 fn status(designs: &DesignRows, target: usize, pattern: &Pattern, side_mm: f64) -> Result<String, String> {
     let document = Document::from_text(std::path::Path::new("constraints"), &designs.constraints.0[target]);
     let document = document.map_err(|e| e.to_string())?;
-    let constraints = ConstraintParameters::read(&document.root, side_mm)
+    let constraints = ConstraintParameters::read(&document.root, Membrane::square(side_mm))
         .map_err(|e| e.to_string())?
         .constraints()
         .clone();

@@ -159,24 +159,26 @@ fn correlation(pattern: &Pattern, [dx, dy]: [isize; 2]) -> f64 {
 mod tests {
     use super::*;
     use crate::base::Stream;
+    use crate::pattern::Raster;
     use crate::pattern::Symmetry;
 
     #[test]
     fn outlines_are_counted() {
-        let square = Pattern::from_fn(|x, y| (10..20).contains(&x) && (10..20).contains(&y));
+        let square = Pattern::from_fn(Raster::PAPER, |x, y| (10..20).contains(&x) && (10..20).contains(&y));
         assert_eq!(of_outline(&square), [40.0, 4.0, 0.0, 0.0]);
-        let touching = Pattern::from_fn(|x, y| [(3, 3), (4, 4)].contains(&(x, y)));
+        let touching = Pattern::from_fn(Raster::PAPER, |x, y| [(3, 3), (4, 4)].contains(&(x, y)));
         assert_eq!(of_outline(&touching), [8.0, 8.0, 1.0, 0.0]);
-        let full = Pattern::from_fn(|_, _| true);
+        let full = Pattern::from_fn(Raster::PAPER, |_, _| true);
         assert_eq!(of_outline(&full), [0.0, 0.0, 0.0, 1.0]);
-        let board = Pattern::from_fn(|x, y| (x + y) % 2 == 0);
+        let board = Pattern::from_fn(Raster::PAPER, |x, y| (x + y) % 2 == 0);
         assert_eq!((correlation(&board, [1, 0]), correlation(&board, [1, -1])), (-1.0, 1.0));
     }
 
     #[test]
     fn gradients_are_counted() {
         let ramp = (0..CORNERS * CORNERS).flat_map(|i| [0.1 * (i % CORNERS) as f64, 0.0]);
-        let [largest, _, gradient, steepest, fourth] = of_field(&Field::from_values(ramp.collect()).unwrap());
+        let [largest, _, gradient, steepest, fourth] =
+            of_field(&Field::from_values(Raster::PAPER, ramp.collect()).unwrap());
         let steps = (CORNERS * (CORNERS - 1)) as f64;
         let found = [largest, gradient / steps, steepest, fourth / steps];
         let expected = [5.0, 0.01, 0.1, 0.0001];
@@ -190,14 +192,22 @@ mod tests {
     fn strain_is_told_apart_by_what_is_active() {
         // The left half is stretched along x and shrinks in no direction; the right half does not move.
         let ramp = |i: usize| (i % CORNERS).min(25) as f64 * 0.1;
-        let field = Field::from_values((0..CORNERS * CORNERS).flat_map(|i| [ramp(i), 0.0]).collect()).unwrap();
-        let [left, right] = [0, 25].map(|start| Pattern::from_fn(|x, _| (start..start + 25).contains(&x)));
+        let field = Field::from_values(
+            Raster::PAPER,
+            (0..CORNERS * CORNERS).flat_map(|i| [ramp(i), 0.0]).collect(),
+        )
+        .unwrap();
+        let [left, right] =
+            [0, 25].map(|start| Pattern::from_fn(Raster::PAPER, |x, _| (start..start + 25).contains(&x)));
         for (pattern, expected) in [(left, 0.5), (right, -0.5)] {
             let found = of_active_cells(&pattern, &field);
             assert!(found.iter().all(|f| (f - expected).abs() < 1e-9), "{found:?}");
         }
         assert_eq!(
-            of_active_cells(&Pattern::from_fn(|_, _| true), &Field::zero()),
+            of_active_cells(
+                &Pattern::from_fn(Raster::PAPER, |_, _| true),
+                &Field::zero(Raster::PAPER)
+            ),
             [0.0; 2]
         );
     }
@@ -206,8 +216,12 @@ mod tests {
     fn images_of_a_pattern_have_equal_features() {
         let mut stream = Stream::new(1, "feature test", 0);
         let bits: Vec<bool> = (0..CELLS * CELLS).map(|_| stream.chance(0.4)).collect();
-        let pattern = Pattern::from_fn(|x, y| bits[y * CELLS + x]);
-        let field = Field::from_values((0..CORNERS * CORNERS * 2).map(|_| stream.normal()).collect()).unwrap();
+        let pattern = Pattern::from_fn(Raster::PAPER, |x, y| bits[y * CELLS + x]);
+        let field = Field::from_values(
+            Raster::PAPER,
+            (0..CORNERS * CORNERS * 2).map(|_| stream.normal()).collect(),
+        )
+        .unwrap();
         let features = novelty_features(&pattern, &difficulty_features(&pattern, &field));
         assert_eq!(features.len(), NOVELTY);
         for g in Symmetry::ALL {

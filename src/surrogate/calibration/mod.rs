@@ -31,7 +31,7 @@ pub use novelty::NoveltyParts;
 
 use crate::base::Stream;
 use crate::field::{CORNERS, Field};
-use crate::pattern::Pattern;
+use crate::pattern::{Pattern, Raster};
 
 /// Probability that an interval covers what it is about.
 pub const COVERAGE: f64 = 0.95;
@@ -199,7 +199,7 @@ impl Calibration {
     pub fn objective(&self, value: &dyn Fn(&Field) -> f64) -> ObjectiveIntervals<'_> {
         let rows = self.residuals.chunks_exact(VALUES).zip(self.difficulty.medians());
         let score = |(residual, median): (&[f32], f64)| {
-            let field = Field::from_values(residual.iter().map(|&r| f64::from(r)).collect());
+            let field = Field::from_values(Raster::PAPER, residual.iter().map(|&r| f64::from(r)).collect());
             // Residuals are checked to be finite when a calibration is read, and are when one is fitted.
             field.map_or(0.0, |field| value(&field).abs()) / median
         };

@@ -1,5 +1,5 @@
 use super::*;
-use crate::pattern::CELLS;
+use crate::pattern::{CELLS, Raster};
 
 /// Patterns of two families: random cells, and half planes. The prediction is a smooth field; what it is off by has a known
 /// law: a normal deviate, larger for half planes, in one corner drawn at random.
@@ -8,14 +8,16 @@ fn sample(family: usize, seed: u64, index: u64) -> (Pattern, Field, Field) {
     let pattern = match family {
         0 => {
             let bits: Vec<bool> = (0..CELLS * CELLS).map(|_| stream.chance(0.5)).collect();
-            Pattern::from_fn(|x, y| bits[y * CELLS + x])
+            Pattern::from_fn(Raster::PAPER, |x, y| bits[y * CELLS + x])
         }
         1 => {
             let (s, c) = stream.range(0.0, 6.3).sin_cos();
             let shift = stream.range(-8.0, 8.0);
-            Pattern::from_fn(|x, y| c * (x as f64 - 24.5) + s * (y as f64 - 24.5) < shift)
+            Pattern::from_fn(Raster::PAPER, |x, y| {
+                c * (x as f64 - 24.5) + s * (y as f64 - 24.5) < shift
+            })
         }
-        _ => Pattern::from_fn(|x, y| (x + y) % 2 == 0),
+        _ => Pattern::from_fn(Raster::PAPER, |x, y| (x + y) % 2 == 0),
     };
     let (deviation, size) = [(0.004, 0.3), (0.05, 1.8), (0.05, 0.02)][family];
     let bump = |i: usize| (std::f64::consts::PI * (i % CORNERS) as f64 / 50.0).sin();
@@ -29,8 +31,8 @@ fn sample(family: usize, seed: u64, index: u64) -> (Pattern, Field, Field) {
     simulated[2 * (1 + stream.index(CORNERS * CORNERS - 2))] += deviation * stream.normal();
     (
         pattern,
-        Field::from_values(predicted).unwrap(),
-        Field::from_values(simulated).unwrap(),
+        Field::from_values(Raster::PAPER, predicted).unwrap(),
+        Field::from_values(Raster::PAPER, simulated).unwrap(),
     )
 }
 
@@ -84,7 +86,10 @@ fn what_is_out_of_distribution_is_flagged_and_has_finite_intervals() {
     let interval = calibration.interval(&board, &predicted);
     assert!(interval.out_of_distribution && interval.novelty > 1.0, "{interval:?}");
     for active in [false, true] {
-        let interval = calibration.interval(&Pattern::from_fn(|_, _| active), &Field::zero());
+        let interval = calibration.interval(
+            &Pattern::from_fn(Raster::PAPER, |_, _| active),
+            &Field::zero(Raster::PAPER),
+        );
         assert!(
             interval.out_of_distribution && interval.radius_mm.is_finite() && interval.radius_mm >= 0.0,
             "{interval:?}"

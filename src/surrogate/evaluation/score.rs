@@ -107,6 +107,7 @@ fn determination(error: f64, variance: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::field::CORNERS;
+    use crate::pattern::Raster;
 
     const N: usize = CORNERS * CORNERS * 2;
 
@@ -114,7 +115,7 @@ mod tests {
     fn field(first: &[f64]) -> Field {
         let mut values = vec![0.0; N];
         values[..first.len()].copy_from_slice(first);
-        Field::from_values(values).unwrap()
+        Field::from_values(Raster::PAPER, values).unwrap()
     }
 
     fn close(a: f64, b: f64) -> bool {

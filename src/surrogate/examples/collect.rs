@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::left_out::{LeftOut, Why};
 use crate::base::OrbitId;
 use crate::dataset::Split;
-use crate::pattern::Pattern;
+use crate::pattern::{Pattern, Symmetries};
 use crate::surrogate::example::{Example, Label, LabelError};
 use crate::surrogate::labels::implausible;
 
@@ -185,7 +185,11 @@ impl Collector {
         if let (Some(own), 1) = (own, self.inputs) {
             return own;
         }
-        let orbits: Vec<OrbitId> = self.rows.par_iter().map(|row| row.pattern.orbit()).collect();
+        let orbits: Vec<OrbitId> = self
+            .rows
+            .par_iter()
+            .map(|row| row.pattern.orbit(Symmetries::SQUARE))
+            .collect();
         let mut known = HashMap::new();
         for (row, orbit) in self.rows.iter().zip(&orbits) {
             if let Some(split) = of_row(row) {

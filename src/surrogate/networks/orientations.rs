@@ -113,7 +113,7 @@ fn on_modes(g: Symmetry) -> Vec<(usize, f32)> {
 /// Where each feature comes from, and its sign: places around a cell move, modes turn, and 1 stays.
 fn on_features(g: Symmetry) -> Vec<(usize, f32)> {
     let mut sources = vec![(FEATURES - 1, 1.0); FEATURES];
-    for (from, to) in g.permutation(3).enumerate() {
+    for (from, to) in g.permutation([3; 2]).enumerate() {
         sources[to] = (from, 1.0);
     }
     for first in [NEIGHBOURS, NEIGHBOURS + MODES] {

@@ -5,7 +5,7 @@ use std::cell::RefCell;
 
 use super::*;
 use crate::base::Stopped;
-use crate::pattern::Pattern;
+use crate::pattern::{Pattern, Raster};
 use crate::surrogate::testing::examples;
 use crate::surrogate::{Label, Metrics, OptimizerKind};
 
@@ -359,7 +359,7 @@ fn a_label_that_is_always_the_same_is_learnt() {
 #[test]
 fn empty_and_full_patterns_belong_to_a_training_set() {
     let still = |active: bool| Example {
-        pattern: Pattern::from_fn(|_, _| active),
+        pattern: Pattern::from_fn(Raster::PAPER, |_, _| active),
         label: Label::zero(),
         family: "uniform".to_owned(),
         split: Split::Train,

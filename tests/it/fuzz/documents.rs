@@ -7,6 +7,7 @@ use bolero::check;
 use deaflow::base::{Document, InputError, Node, Override};
 use deaflow::design::{ConstraintParameters, Objective};
 use deaflow::orchestrator::Pipeline;
+use deaflow::pattern::Membrane;
 use deaflow::scene::Scene;
 use deaflow::stage::registry;
 use deaflow::store::LockFile;
@@ -214,11 +215,11 @@ fn constraints() {
         let Some(node) = root(&String::from_utf8_lossy(bytes)) else {
             return false;
         };
-        let read = ConstraintParameters::read(&node, 50.0).inspect_err(refused);
+        let read = ConstraintParameters::read(&node, Membrane::square(50.0)).inspect_err(refused);
         if let Ok(constraints) = &read {
             let text = constraints.to_text();
-            let again =
-                ConstraintParameters::read(&root(&text).unwrap(), 50.0).unwrap_or_else(|e| panic!("{text}: {e}"));
+            let again = ConstraintParameters::read(&root(&text).unwrap(), Membrane::square(50.0))
+                .unwrap_or_else(|e| panic!("{text}: {e}"));
             assert_eq!(again.to_text(), text);
         }
         read.is_ok()

@@ -137,8 +137,12 @@ stages:
   drawn: { foreach: { family: [blobs, curves] }, kind: sample, family: '${family}', count: 2, area: 0.5, seed: 1 }
 ";
 
+const GEOMETRIES: [&str; 2] = [
+    "{ side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50 }",
+    "{ size: [60 mm, 30 mm], thickness: 1.0 mm, prestretch: [3.0, 4], cells: [120, 60] }",
+];
+
 const BASE: &str = "
-geometry: { side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50 }
 material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
 ";
 
@@ -172,7 +176,10 @@ pub fn of(kind: Kind) -> Vec<Value> {
                 )
             });
             let scenes = SCENES.iter().map(ToString::to_string).chain(laws);
-            scenes.map(|rest| json(&format!("{BASE}{rest}"))).collect()
+            let numbered = scenes.enumerate();
+            numbered
+                .map(|(at, rest)| json(&format!("geometry: {}{BASE}{rest}", GEOMETRIES[at % GEOMETRIES.len()])))
+                .collect()
         }
     }
 }

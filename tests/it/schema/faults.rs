@@ -24,7 +24,7 @@ pub struct Fault {
 }
 
 /// What a reader refuses for its meaning and no schema can: what was said, in part.
-pub const BEYOND: [&str; 20] = [
+pub const BEYOND: [&str; 21] = [
     // Names of other stages, and what those are.
     "no stage is named",
     "stage needs",
@@ -41,6 +41,7 @@ pub const BEYOND: [&str; 20] = [
     "has no parameters",
     "an area fraction lies above 0",
     "the range",
+    "units across the membrane",
     // What is wanted of a design, and what it must keep to.
     "does not know at which field",
     "it does not exist",

@@ -4,6 +4,7 @@ use std::sync::Mutex;
 
 use super::*;
 use crate::design::{Limits, Region, Sides};
+use crate::pattern::Membrane;
 
 fn wanted() -> Constraints {
     let limits = Limits {
@@ -16,7 +17,7 @@ fn wanted() -> Constraints {
         }],
         ..Limits::default()
     };
-    Constraints::new(limits, 50.0).unwrap()
+    Constraints::new(limits, Membrane::square(50.0)).unwrap()
 }
 
 fn under(constraints: &Constraints, goal: &Goal, options: &EvolveOptions) -> Evolution {
@@ -50,7 +51,7 @@ fn units_that_are_kept_out_are_never_on() {
         keep_out: vec![Region::Rectangle([[0.0, 0.0], [20.0, 50.0]])],
         ..Limits::default()
     };
-    let constraints = Constraints::new(limits, 50.0).unwrap();
+    let constraints = Constraints::new(limits, Membrane::square(50.0)).unwrap();
     let found = under(&constraints, &goal(0.5), &small(2));
     // Only the 60 % on the right are left, all behind the point or beside it.
     assert!(
@@ -76,7 +77,7 @@ fn what_no_individual_can_keep_is_said() {
         ],
         ..Limits::default()
     };
-    let constraints = Constraints::new(limits, 50.0).unwrap();
+    let constraints = Constraints::new(limits, Membrane::square(50.0)).unwrap();
     let options = EvolveOptions {
         generations: 0,
         population: 10,
@@ -159,7 +160,7 @@ fn margins_that_nothing_keeps_are_an_error() {
 
 #[test]
 fn a_free_area_starts_from_many() {
-    let areas: Vec<f64> = first_generation(None, &Constraints::default(), 1, 200)
+    let areas: Vec<f64> = first_generation(None, &Constraints::none(Membrane::square(50.0)), 1, 200)
         .iter()
         .map(|genome| genome.pattern().area_fraction())
         .collect();
@@ -170,8 +171,8 @@ fn a_free_area_starts_from_many() {
         assert!(share(from, from + 0.1) > 8, "{from}: {}", share(from, from + 0.1));
     }
     assert_eq!(
-        first_generation(None, &Constraints::default(), 1, 10),
-        first_generation(None, &Constraints::default(), 1, 200)[..10]
+        first_generation(None, &Constraints::none(Membrane::square(50.0)), 1, 10),
+        first_generation(None, &Constraints::none(Membrane::square(50.0)), 1, 200)[..10]
     );
 }
 

@@ -3,6 +3,7 @@
 use super::*;
 use crate::base::Stopped;
 use crate::design::{Limits, Sides};
+use crate::pattern::Membrane;
 
 /// Keeps every state, and goes on from one.
 #[derive(Default)]
@@ -73,7 +74,7 @@ fn followed(options: &EvolveOptions, keeper: &Keeper) -> (Evolution, usize) {
         ..Limits::default()
     };
     let setting = Setting {
-        constraints: &Constraints::new(limits, 50.0).unwrap(),
+        constraints: &Constraints::new(limits, Membrane::square(50.0)).unwrap(),
         feasibility: Some(&NotTheRight),
         ..free(&linear, &goal)
     };

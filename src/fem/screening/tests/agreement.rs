@@ -39,21 +39,27 @@ fn pattern(stream: &mut Stream) -> (&'static str, Pattern) {
     let (width, level) = (2 + stream.index(12), stream.range(0.2, 0.8));
     let bits: Vec<bool> = (0..2500).map(|_| stream.chance(level)).collect();
     match stream.index(7) {
-        0 => ("half", Pattern::from_fn(|x, _| (x as f64) < cx)),
-        1 => ("disc", Pattern::from_fn(|x, y| distance(x, y) < r)),
-        2 => ("ring", Pattern::from_fn(|x, y| (0.6 * r..r).contains(&distance(x, y)))),
-        3 => ("stripes", Pattern::from_fn(|x, _| (x / width) % 2 == 0)),
-        4 => ("blocks", Pattern::from_fn(|x, y| (x / width + y / width) % 2 == 0)),
-        5 => ("dither", Pattern::from_fn(|x, y| bits[50 * y + x])),
+        0 => ("half", Pattern::from_fn(Raster::PAPER, |x, _| (x as f64) < cx)),
+        1 => ("disc", Pattern::from_fn(Raster::PAPER, |x, y| distance(x, y) < r)),
+        2 => (
+            "ring",
+            Pattern::from_fn(Raster::PAPER, |x, y| (0.6 * r..r).contains(&distance(x, y))),
+        ),
+        3 => ("stripes", Pattern::from_fn(Raster::PAPER, |x, _| (x / width) % 2 == 0)),
+        4 => (
+            "blocks",
+            Pattern::from_fn(Raster::PAPER, |x, y| (x / width + y / width) % 2 == 0),
+        ),
+        5 => ("dither", Pattern::from_fn(Raster::PAPER, |x, y| bits[50 * y + x])),
         _ => (
             "one cell",
-            Pattern::from_fn(|x, y| (x, y) == (cx as usize, cy as usize)),
+            Pattern::from_fn(Raster::PAPER, |x, y| (x, y) == (cx as usize, cy as usize)),
         ),
     }
 }
 
 fn stiffening(law: &str, scene: &Scene, stream: &mut Stream) -> Stiffening {
-    let prestretch = scene.prestretch();
+    let prestretch = scene.mean_prestretch();
     let invariant = 2.0 * prestretch.powi(2) + prestretch.powi(-4) - 3.0;
     let modulus = scene.shear_modulus_pa();
     match law {

@@ -4,8 +4,8 @@ use crate::content::{
     Solutions, Unstable, Verification,
 };
 use crate::field::Field;
-use crate::pattern::Role;
-use crate::pattern::Symmetry;
+use crate::pattern::{Raster, Role};
+use crate::pattern::{Symmetries, Symmetry};
 use crate::scene::Scene;
 use crate::store::{Data, Dataset, Object, Provenance, Store};
 use crate::surrogate::{Example, LeftOut, SPLIT_SEED, Why};
@@ -14,14 +14,14 @@ const SIDE_MM: f64 = 50.0;
 
 /// Different patterns for k below 41, none with a symmetry.
 fn pattern(k: usize) -> Pattern {
-    Pattern::from_fn(|x, y| (3 * x + y * y + k * x * y) % 41 < 17 && x > y / 2)
+    Pattern::from_fn(Raster::PAPER, |x, y| (3 * x + y * y + k * x * y) % 41 < 17 && x > y / 2)
 }
 
 /// One corner moves.
 fn field(mm: f64) -> Field {
     let mut values = vec![0.0; 2 * CORNERS * CORNERS];
     values[2 * (20 * CORNERS + 30)] = mm;
-    Field::from_values(values).unwrap()
+    Field::from_values(Raster::PAPER, values).unwrap()
 }
 
 fn balanced(patterns: &[Pattern], fields: &[Field], splits: &[Split]) -> Object {
@@ -157,7 +157,7 @@ fn labels_that_cannot_be_true_are_left_out_and_named() {
     fields[7] = field(45.0);
     let mut moved = field(1.0).values().to_vec();
     moved[0] = 0.25;
-    fields[20] = Field::from_values(moved).unwrap();
+    fields[20] = Field::from_values(Raster::PAPER, moved).unwrap();
     let artifact = bench.put(&balanced(&patterns, &fields, &[Split::Train; 24]));
     let found = read(&[artifact], SIDE_MM, 8).unwrap();
     assert_eq!(found.examples.len(), 21);
@@ -186,7 +186,10 @@ fn all_images_of_a_pattern_are_in_one_part_whichever_input_they_stand_in() {
     let alone = read(std::slice::from_ref(&of_samples), SIDE_MM, 8).unwrap();
     let parts = |found: &Examples| found.examples.iter().map(|e| e.split).collect::<Vec<_>>();
     assert!(parts(&alone)[..4].iter().all(|split| *split == parts(&alone)[0]));
-    assert_eq!(parts(&alone)[5], Split::of(&others[1].orbit(), SPLIT_SEED));
+    assert_eq!(
+        parts(&alone)[5],
+        Split::of(&others[1].orbit(Symmetries::SQUARE), SPLIT_SEED)
+    );
     assert!(Split::ALL.iter().all(|split| parts(&alone).contains(split)));
     // A balanced input knows better, wherever it stands, and the first of two that disagree.
     let elsewhere = Split::ALL.into_iter().find(|split| *split != parts(&alone)[0]).unwrap();
@@ -198,7 +201,10 @@ fn all_images_of_a_pattern_are_in_one_part_whichever_input_they_stand_in() {
         [known.clone(), other.clone(), of_samples.clone()],
     ] {
         let found = read(&inputs, SIDE_MM, 8).unwrap();
-        let of_orbit = found.examples.iter().filter(|e| e.pattern.orbit() == images[0].orbit());
+        let of_orbit = found
+            .examples
+            .iter()
+            .filter(|e| e.pattern.orbit(Symmetries::SQUARE) == images[0].orbit(Symmetries::SQUARE));
         let splits: Vec<Split> = of_orbit.map(|example| example.split).collect();
         assert_eq!(splits, [elsewhere; 8]);
     }
@@ -207,7 +213,10 @@ fn all_images_of_a_pattern_are_in_one_part_whichever_input_they_stand_in() {
 #[test]
 fn empty_and_full_patterns_are_examples_like_others() {
     let bench = Bench::new();
-    let uniform = [Pattern::from_fn(|_, _| false), Pattern::from_fn(|_, _| true)];
+    let uniform = [
+        Pattern::from_fn(Raster::PAPER, |_, _| false),
+        Pattern::from_fn(Raster::PAPER, |_, _| true),
+    ];
     let still = [field(0.0), field(0.0)];
     let artifact = bench.put(&balanced(&uniform, &still, &[Split::Train; 2]));
     let found = read(&[artifact], SIDE_MM, 8).unwrap();
@@ -324,7 +333,9 @@ fn verified_designs_change_nothing_of_what_is_held_out() {
     let alone = read(std::slice::from_ref(&solved), SIDE_MM, 8).unwrap();
     // Images of all samples, and patterns that nobody has drawn.
     let images: Vec<Pattern> = patterns.iter().map(|p| p.transformed(Symmetry::ALL[3])).collect();
-    let fresh: Vec<Pattern> = (0..4).map(|k| Pattern::from_fn(|x, _| x < 20 + k)).collect();
+    let fresh: Vec<Pattern> = (0..4)
+        .map(|k| Pattern::from_fn(Raster::PAPER, |x, _| x < 20 + k))
+        .collect();
     let all = [images, fresh].concat();
     let fields: Vec<Field> = all.iter().map(|_| field(1.0)).collect();
     let verified = bench.put(&verified(&all, &["converged"; 44], &fields));

@@ -4,7 +4,7 @@ use super::*;
 use crate::base::Stream;
 use crate::fem::LinearResponse;
 use crate::field::Field;
-use crate::pattern::{Pattern, Symmetry};
+use crate::pattern::{Pattern, Raster, Symmetry};
 use crate::surrogate::Constants;
 use crate::surrogate::encode::{patterns_to_tensor, tensor_to_fields};
 use crate::surrogate::parameters::{Drawn, Stored};
@@ -34,9 +34,9 @@ fn patterns() -> Vec<Pattern> {
     let mut stream = Stream::new(5, "physics test", 0);
     let bits: Vec<bool> = (0..2500).map(|_| stream.chance(0.4)).collect();
     vec![
-        Pattern::from_fn(|x, y| x + 2 * y < 60),
-        Pattern::from_fn(|x, y| bits[50 * y + x]),
-        Pattern::from_fn(|x, y| (x / 7 + y / 11) % 3 == 0),
+        Pattern::from_fn(Raster::PAPER, |x, y| x + 2 * y < 60),
+        Pattern::from_fn(Raster::PAPER, |x, y| bits[50 * y + x]),
+        Pattern::from_fn(Raster::PAPER, |x, y| (x / 7 + y / 11) % 3 == 0),
     ]
 }
 
@@ -88,7 +88,7 @@ fn an_untrained_network_is_the_linear_response() {
     for (found, expected) in predict(&network, &patterns).iter().zip(expected) {
         let expected = expected.unwrap();
         // The estimate solves its linear system to 3e-3 only.
-        let size = expected.rms_difference(&Field::zero());
+        let size = expected.rms_difference(&Field::zero(Raster::PAPER));
         let error = expected.rms_difference(found);
         assert!(error < 3e-3 * size, "{error} of {size}");
     }
@@ -115,7 +115,7 @@ fn the_unit_of_strain_is_the_root_mean_square_of_random_cells() {
     let mut stream = Stream::new(6, "physics test", 1);
     let random = |_| {
         let bits: Vec<bool> = (0..2500).map(|_| stream.chance(0.5)).collect();
-        Pattern::from_fn(|x, y| bits[50 * y + x])
+        Pattern::from_fn(Raster::PAPER, |x, y| bits[50 * y + x])
     };
     let patterns: Vec<Pattern> = (0..12).map(random).collect();
     let mut squares = Vec::new();
@@ -156,7 +156,10 @@ fn corrections_scale_with_the_square_of_the_load() {
         let network = network(&constants).0;
         let linear = Physics::new(&Drawn::new(&constants.tensors, 3).builder()).unwrap();
         let [found, linear] = [&network, &linear].map(|network| predict(network, &patterns()[..1]).remove(0));
-        (found.rms_difference(&linear), linear.rms_difference(&Field::zero()))
+        (
+            found.rms_difference(&linear),
+            linear.rms_difference(&Field::zero(Raster::PAPER)),
+        )
     };
     let [(weak, weak_linear), (strong, strong_linear)] = [200.0, 400.0].map(correction);
     assert!(

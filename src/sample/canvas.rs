@@ -1,0 +1,116 @@
+//! What patterns are drawn on.
+
+use crate::base::{Canonical, Decimal};
+use crate::pattern::{Membrane, Pattern, Raster};
+
+/// Lengths of the shorter side: on the source paper's membrane one is a cell.
+const LENGTHS: f64 = 50.0;
+
+/// The cells of a membrane and their sides. Lengths of drawn shapes are fiftieths of the shorter side of the membrane, so that a family looks
+/// alike on every one; on the source paper's they are cells.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Canvas {
+    raster: Raster,
+    /// Sides of a cell.
+    cell: [f64; 2],
+}
+
+impl Canvas {
+    /// That of the source paper.
+    pub const PAPER: Self = Self {
+        raster: Raster::PAPER,
+        cell: [1.0; 2],
+    };
+
+    /// That of a membrane.
+    #[must_use]
+    pub fn of(membrane: &Membrane) -> Self {
+        let [width, height] = membrane.size_mm;
+        let length = width.min(height) / LENGTHS;
+        Self {
+            raster: membrane.raster,
+            cell: membrane.cell_mm().map(|side| side / length),
+        }
+    }
+
+    /// Its cells.
+    #[must_use]
+    pub fn raster(&self) -> Raster {
+        self.raster
+    }
+
+    /// The sides of a cell.
+    #[must_use]
+    pub fn cell(&self) -> [f64; 2] {
+        self.cell
+    }
+
+    /// Its sides.
+    #[must_use]
+    pub fn size(&self) -> [f64; 2] {
+        let [columns, rows] = self.raster.sides().map(|count| count as f64);
+        [columns * self.cell[0], rows * self.cell[1]]
+    }
+
+    /// Its middle.
+    #[must_use]
+    pub fn middle(&self) -> [f64; 2] {
+        self.size().map(|side| 0.5 * side)
+    }
+
+    /// The centre of a cell (column, row) from the lower left corner.
+    #[must_use]
+    pub fn centre(&self, x: usize, y: usize) -> [f64; 2] {
+        [(x as f64 + 0.5) * self.cell[0], (y as f64 + 0.5) * self.cell[1]]
+    }
+
+    /// The centres of all cells, `[y][x]`.
+    pub fn centres(self) -> impl Iterator<Item = [f64; 2]> {
+        let columns = self.raster.columns();
+        (0..self.raster.cells()).map(move |cell| self.centre(cell % columns, cell / columns))
+    }
+
+    /// The pattern of cells by whether each is active, `[y][x]`.
+    #[must_use]
+    pub fn pattern(&self, active: &[bool]) -> Pattern {
+        let columns = self.raster.columns();
+        Pattern::from_fn(self.raster, |x, y| active[y * columns + x])
+    }
+
+    /// What tells samples apart from those on the source paper's membrane, for keys.
+    #[must_use]
+    pub fn parameters(&self) -> Vec<(&'static str, Canonical)> {
+        if *self == Self::PAPER {
+            return Vec::new();
+        }
+        let [columns, rows] = self.raster.sides();
+        let aspect = Decimal::from_f64(self.cell[0] / self.cell[1]).unwrap_or(Decimal::ZERO);
+        vec![
+            ("cells", [columns, rows].into_iter().map(Canonical::from).collect()),
+            ("cell_aspect", aspect.into()),
+        ]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lengths_are_cells_on_the_membrane_of_the_paper() {
+        for side in [50.0, 51.0, 20.0, 33.3] {
+            assert_eq!(Canvas::of(&Membrane::square(side)), Canvas::PAPER);
+        }
+        assert!(Canvas::PAPER.parameters().is_empty());
+        let canvas = Canvas::of(&Membrane {
+            raster: Raster::new(120, 40).unwrap(),
+            size_mm: [60.0, 30.0],
+        });
+        assert_eq!(canvas.size(), [100.0, 50.0]);
+        assert_eq!(
+            (canvas.middle(), canvas.centre(0, 0)),
+            ([50.0, 25.0], [5.0 / 12.0, 0.625])
+        );
+        assert_eq!(canvas.parameters().len(), 2);
+    }
+}
