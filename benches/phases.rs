@@ -41,12 +41,13 @@ fn report(order: Order, per_cell: usize, double: f64, single: f64) {
     });
     let grid = Grid::uniform(mesh, &Sheet::of(&scene));
     let material = NeoHookean::new(scene.mean_prestretch(), scene.kappa());
-    let activity = Activity::new(grid, &pattern);
+    let activity = Activity::new(&grid, &pattern);
     let operator = Operator {
         material: &material,
         activity: &activity,
+        pulled: 1.0,
     };
-    let laplacian = Laplacian::new(grid).expect("the eigenvectors converge");
+    let laplacian = Laplacian::new(&grid).expect("the eigenvectors converge");
     let len = grid.layout().vector_len();
     let (u, mut r) = (vec![0.0_f64; len], vec![0.0_f64; len]);
     let (small, mut image) = (vec![0.0_f32; len], vec![0.0_f32; len]);
@@ -54,7 +55,7 @@ fn report(order: Order, per_cell: usize, double: f64, single: f64) {
 
     let residual = seconds(|| operator.residual(black_box(&u), &mut r));
     let tangent = seconds(|| operator.tangent(black_box(&small), &small, &mut image));
-    let inverse = seconds(|| laplacian.solve(black_box(&small), &mut image, &mut scratch));
+    let inverse = seconds(|| laplacian.solve(black_box(&small), &[], &mut image, &mut scratch));
     let options = SolveOptions::on(mesh);
     let solver = MembraneSolver::new(&scene, options).expect("the options are valid");
     let batch = vec![pattern.clone(); 16];

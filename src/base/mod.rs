@@ -42,7 +42,8 @@ pub use output_file::{
     OutputError, OutputFile, aside, folder_of, kind_of, leads_nowhere_at, output_folder, write_output,
 };
 pub use parameters::{
-    Angle, Declared, Density, ElectricField, Frequency, Length, Parameter, Resistance, Seed, Stress, Time, Voltage,
+    Angle, Declared, Density, ElectricField, Force, Frequency, Length, Parameter, Resistance, Seed, SpringRate, Stress,
+    Time, Voltage,
 };
 pub use printable::{is_unprintable, printable, printable_json};
 pub use progress::{Progress, Stopped};

@@ -175,6 +175,10 @@ pub enum Dimension {
     Density,
     /// An electric resistance, base unit Ohm.
     Resistance,
+    /// A force, base unit N.
+    Force,
+    /// The stiffness of a spring, base unit N/m.
+    SpringRate,
 }
 
 impl Dimension {
@@ -211,6 +215,8 @@ impl Dimension {
             Self::Time => &[("s", 0), ("ms", -3), ("us", -6), ("ks", 3)],
             Self::Density => &[("kg/m3", 0), ("g/cm3", 3)],
             Self::Resistance => &[("Ohm", 0), ("kOhm", 3), ("MOhm", 6)],
+            Self::Force => &[("N", 0), ("mN", -3), ("uN", -6), ("kN", 3)],
+            Self::SpringRate => &[("N/m", 0), ("mN/m", -3), ("N/mm", 3), ("kN/m", 3)],
         }
     }
 }
@@ -238,6 +244,8 @@ impl fmt::Display for Dimension {
             Self::Time => "time",
             Self::Density => "density",
             Self::Resistance => "resistance",
+            Self::Force => "force",
+            Self::SpringRate => "spring rate",
         })
     }
 }

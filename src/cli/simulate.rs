@@ -89,7 +89,7 @@ pub fn solve(
     }
     let near_limit = near_limit(scene, patterns, &results, parameters)?;
     let observed: Vec<_> = results.iter().map(|r| Some(&r.simulation.observation)).collect();
-    let mut observations = Observations::of(&solver.observed(&scene.effects), scene.membrane().raster, &observed);
+    let mut observations = Observations::of(&solver.observed(&scene.effects), scene, &observed);
     if with_cells {
         let fraction = |states: &States| states.as_deref().map_or(f64::NAN, wrinkled_fraction);
         observations.wrinkled_fraction = Some(states.iter().map(fraction).collect());

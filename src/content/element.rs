@@ -211,6 +211,10 @@ impl<R: Row> Default for Packed<R> {
 #[derive(Clone, Debug, PartialEq)]
 pub struct PerCell<T>(std::marker::PhantomData<T>);
 
+/// A value for each rigid body.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PerBody<T>(std::marker::PhantomData<T>);
+
 /// A value for each unit of a genome, `[y][x]`, `N` along a side.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PerUnit<const N: usize>;
@@ -239,5 +243,7 @@ rows! {
     PerCell<f64>, f64, Cells, [];
     PerCell<[f64; 2]>, f64, Cells, [2];
     PerCell<[[f64; 2]; 2]>, f64, Cells, [2, 2];
+    PerBody<f64>, f64, None, [];
+    PerBody<[f64; 2]>, f64, None, [2];
     SingleField, f32, Corners, [2];
 }

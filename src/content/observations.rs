@@ -1,13 +1,13 @@
-//! What simulations say beside the displacement: the effects that are on, and the mesh where one was picked.
+//! What simulations say beside the displacement: the effects that are on, rigid bodies, and the mesh where one was picked.
 
-use super::element::{Packed, PerCell};
+use super::element::{Packed, PerBody, PerCell};
 use super::macros::arrays;
-use crate::field::Observation;
+use crate::field::{Motion, Observation};
 use crate::pattern::Raster;
-use crate::scene::Effects;
+use crate::scene::{Effects, Scene};
 
 arrays! {
-    /// What effects say: an array for each effect that is on, none for those that are off.
+    /// What effects say, an array for each that is on and none for those that are off, and where rigid bodies are.
     #[derive(Default)]
     pub struct Observations, ObservationsView {
         /// Largest true field over the breakdown field, E/E_B; the membrane fails at 1.
@@ -20,6 +20,10 @@ arrays! {
         smallest_eigenvalue: Option<Vec<f64>> = array("smallest_eigenvalue", "1", [sample]),
         /// Voltages between which stability is lost on the mesh of the solution, a finer one loses it earlier; 0, 0 where it is not lost up to 3 times the limit of a fully active membrane.
         critical_voltage: Option<Vec<[f64; 2]>> = array("critical_voltage", "V", [sample, bound]),
+        /// How far the centroid of each rigid body has moved; NaN where there is no stable solution.
+        body_translation: Option<Packed<PerBody<[f64; 2]>>> = array("body_translation", "mm", [sample, body, xy]),
+        /// How far each rigid body has turned, from -180 to 180, counter-clockwise; NaN where there is no stable solution.
+        body_rotation: Option<Packed<PerBody<f64>>> = array("body_rotation", "deg", [sample, body]),
     }
 }
 
@@ -40,9 +44,15 @@ arrays! {
 pub const NO_STATE: u8 = 255;
 
 impl Observations {
-    /// What the effects of a scene say of some samples; NaN where a sample has no solution.
+    /// What effects and the bodies of a scene say of some samples; NaN where a sample has no solution.
     #[must_use]
-    pub fn of(effects: &Effects, raster: Raster, samples: &[Option<&Observation>]) -> Self {
+    pub fn of(effects: &Effects, scene: &Scene, samples: &[Option<&Observation>]) -> Self {
+        let raster = scene.membrane().raster;
+        let bodies = scene
+            .geometry
+            .bodies
+            .as_ref()
+            .map(|bodies| motions(samples, bodies.len()));
         let floats = |value: &dyn Fn(&Observation) -> Option<f64>| -> Vec<f64> {
             let value = |sample: &Option<&Observation>| sample.and_then(value).unwrap_or(f64::NAN);
             samples.iter().map(value).collect()
@@ -61,8 +71,28 @@ impl Observations {
                 let bracket = |o: &Option<&Observation>| o.and_then(|o| o.critical_voltage).unwrap_or_default();
                 samples.iter().map(bracket).collect()
             }),
+            body_translation: bodies
+                .as_ref()
+                .map(|all| Packed(all.iter().flat_map(|motion| motion.translation).collect())),
+            body_rotation: bodies
+                .as_ref()
+                .map(|all| Packed(all.iter().map(|motion| motion.rotation).collect())),
         }
     }
+}
+
+/// The motions of all bodies, sample by sample.
+fn motions(samples: &[Option<&Observation>], bodies: usize) -> Vec<Motion> {
+    let none = Motion {
+        translation: [f64::NAN; 2],
+        rotation: f64::NAN,
+    };
+    let of = |sample: &Option<&Observation>| {
+        sample
+            .and_then(|o| o.bodies.clone())
+            .unwrap_or_else(|| vec![none; bodies])
+    };
+    samples.iter().flat_map(of).collect()
 }
 
 fn wrinkled_fraction(tension: &[u8]) -> f64 {

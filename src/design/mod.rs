@@ -16,7 +16,7 @@ mod selection;
 mod target;
 mod text;
 
-pub use constraint::{ConstraintError, ConstraintParameters, Constraints, Limits, Region, Sides, Violations};
+pub use constraint::{ConstraintError, ConstraintParameters, Constraints, Limits, Sides, Violations};
 pub use evolve::{
     Evolution, EvolveError, EvolveOptions, GenerationReport, OptionsError, Setting, StateError, Stop, Watch, Winner,
     evolve, first_generation,

@@ -1,6 +1,6 @@
 //! Where a pattern is active on a mesh, element by element.
 
-use crate::pattern::Pattern;
+use crate::pattern::{Part, Pattern};
 
 use super::grid::Grid;
 use super::lanes::Real;
@@ -52,14 +52,14 @@ pub struct Activity {
 impl Activity {
     /// The activity of a pattern.
     #[must_use]
-    pub fn new(grid: Grid, pattern: &Pattern) -> Self {
+    pub fn new(grid: &Grid, pattern: &Pattern) -> Self {
         let share = |x: usize, y: usize| f64::from(u8::from(pattern.is_active(x, y)));
         Self::from_shares(grid, share)
     }
 
     /// Cells (column, row) that are active to a share: what derivatives with respect to the pattern are derivatives of.
     #[must_use]
-    pub fn from_shares(grid: Grid, share: impl Fn(usize, usize) -> f64) -> Self {
+    pub fn from_shares(grid: &Grid, share: impl Fn(usize, usize) -> f64) -> Self {
         let layout = grid.layout();
         let mut values = vec![0.0; layout.rows() * layout.part()];
         grid.write_activity(&share, &mut values);
@@ -68,7 +68,7 @@ impl Activity {
 
     /// Elements (column, row) that are active to a share.
     #[must_use]
-    pub fn from_elements(grid: Grid, share: impl Fn(usize, usize) -> f64) -> Self {
+    pub fn from_elements(grid: &Grid, share: impl Fn(usize, usize) -> f64) -> Self {
         let layout = grid.layout();
         let mut values = vec![0.0; layout.rows() * layout.part()];
         for (row, shares) in values.chunks_exact_mut(layout.part()).enumerate() {
@@ -78,15 +78,26 @@ impl Activity {
         Self::of_values(grid, values)
     }
 
-    fn of_values(grid: Grid, values: Vec<f64>) -> Self {
+    fn of_values(grid: &Grid, mut values: Vec<f64>) -> Self {
         let layout = grid.layout();
         let [columns, rows] = grid.elements();
+        // Nothing is electric in frames and bodies.
+        if let Some(parts) = grid.parts() {
+            let [along, across] = grid.per_cell();
+            for (row, elements) in values.chunks_exact_mut(layout.part()).enumerate() {
+                for (column, value) in elements[..columns].iter_mut().enumerate() {
+                    if parts.at(column / along, row / across) != Part::Membrane {
+                        *value = 0.0;
+                    }
+                }
+            }
+        }
         // Beyond the last element 1, by which kernels divide.
         let width = |at: usize| if at < columns { grid.sides([at, 0])[0] } else { 1.0 };
         let widths = || Both::new((0..layout.part()).map(width).collect());
         let heights = || Both::new((0..rows).map(|at| grid.sides([0, at])[1]).collect());
         Self {
-            grid,
+            grid: grid.clone(),
             values: Both::new(values),
             sides: (!grid.is_plain()).then(|| [widths(), heights()]),
         }
@@ -94,8 +105,8 @@ impl Activity {
 
     /// The elements.
     #[must_use]
-    pub fn grid(&self) -> Grid {
-        self.grid
+    pub fn grid(&self) -> &Grid {
+        &self.grid
     }
 
     /// The activity of each element, in rows of [`NodeLayout::part`] numbers.

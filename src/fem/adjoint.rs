@@ -24,7 +24,7 @@ pub fn gradient<L: Material>(
     weights: &Field,
     workspace: &mut Workspace,
 ) -> Result<Vec<f64>, Trouble> {
-    let load = operator.activity.grid().spread(weights);
+    let load = operator.activity.grid().spread(weights, u);
     let adjoint = newton::solve_tangent(operator, laplacian, tolerance, u, &load, workspace)?;
     Ok(match operator.activity.grid().order() {
         Order::Bilinear => cells::<Bilinear, L, 4>(operator, u, &adjoint),
@@ -83,7 +83,7 @@ mod tests {
     fn it_agrees_with_finite_differences() {
         for (order, per_cell) in [(Order::Bilinear, 1), (Order::Bilinear, 2), (Order::Biquadratic, 1)] {
             let grid = Grid::paper(Mesh::new(per_cell, order));
-            let laplacian = Laplacian::new(grid).unwrap();
+            let laplacian = Laplacian::new(&grid).unwrap();
             let mut workspace = Workspace::new(grid.layout().vector_len(), &laplacian);
             let mut stream = Stream::new(3, "adjoint test", 0);
             let shares: Vec<f64> = (0..CELLS * CELLS)
@@ -91,10 +91,10 @@ mod tests {
                 .collect();
             let weights = (0..CORNERS * CORNERS * 2).map(|i| if i % 97 == 5 { stream.normal() } else { 0.0 });
             let weights = Field::from_values(Raster::PAPER, weights.collect()).unwrap();
-            let load = grid.spread(&weights);
+            let load = grid.spread(&weights, &vec![0.0; grid.layout().vector_len()]);
             let material = NeoHookean::new(3.0, 0.0255);
             let mut solve = |shares: &[f64]| {
-                let activity = Activity::from_shares(grid, |x, y| shares[y * CELLS + x]);
+                let activity = Activity::from_shares(&grid, |x, y| shares[y * CELLS + x]);
                 let mut u = vec![0.0; grid.layout().vector_len()];
                 let problem = Problem {
                     activity: &activity,
@@ -120,10 +120,11 @@ mod tests {
                     (cell, slope / (12.0 * step))
                 })
                 .into();
-            let activity = Activity::from_shares(grid, |x, y| shares[y * CELLS + x]);
+            let activity = Activity::from_shares(&grid, |x, y| shares[y * CELLS + x]);
             let operator = Operator {
                 material: &material,
                 activity: &activity,
+                pulled: 1.0,
             };
             let gradient = gradient(&operator, &laplacian, 1e-10, &u, &weights, &mut workspace).unwrap();
             let largest = differences.iter().map(|(_, slope)| slope.abs()).fold(0.0, f64::max);

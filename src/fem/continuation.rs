@@ -9,6 +9,7 @@ use super::newton::{self, Trouble, Workspace};
 use super::operator::{Activity, Operator};
 use super::precondition::Laplacian;
 use super::stability::{Stability, judge, same_basin};
+use super::supports::Supports;
 
 /// How the loading ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -70,6 +71,18 @@ pub struct Loading {
     pub pointwise: bool,
 }
 
+impl Loading {
+    /// Nothing done yet, from a share.
+    fn from(stable: f64) -> Self {
+        Self {
+            ending: Ending::Unknown { stable },
+            steps: 0,
+            residual: 0.0,
+            pointwise: false,
+        }
+    }
+}
+
 /// Why a load step is not accepted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Refusal {
@@ -122,14 +135,57 @@ pub struct Problem<'a, F> {
 impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
     /// Moves `u`, whatever it was, from rest to the full load, or to the last stable state on the way there.
     pub fn load(&self, u: &mut [f64], workspace: &mut Workspace) -> Loading {
+        match self.rest(u, workspace) {
+            Ok(()) => self.climb(Climb::FROM_REST, u, workspace),
+            Err(loading) => loading,
+        }
+    }
+
+    /// Moves `u`, whatever it was, to rest: the state without voltage, in which only the loads of bodies pull.
+    ///
+    /// # Errors
+    /// When these are more than the membrane bears.
+    pub fn rest(&self, u: &mut [f64], workspace: &mut Workspace) -> Result<(), Loading> {
         u.fill(0.0);
-        self.climb(Climb::FROM_REST, u, workspace)
+        if !self.is_loaded() {
+            return Ok(());
+        }
+        let mut total = Loading::from(0.0);
+        let (mut borne, mut step) = (0.0, 1.0_f64);
+        let mut reached = u.to_vec();
+        workspace.begin_again();
+        for _ in 0..MAX_LOAD_STEPS {
+            let pulled = f64::min(borne + step, 1.0);
+            match self.attempt([0.0, pulled], Some(&reached), u, workspace, &mut total) {
+                Ok(()) if pulled >= 1.0 => return Ok(()),
+                Ok(()) => {
+                    borne = pulled;
+                    reached.copy_from_slice(u);
+                }
+                Err(refusal) => {
+                    u.copy_from_slice(&reached);
+                    if refusal == Refusal::Work || step <= BRACKET {
+                        total.ending = ending(refusal, 0.0, 0.0);
+                        return Err(total);
+                    }
+                    step *= 0.5;
+                }
+            }
+        }
+        Err(total)
+    }
+
+    /// Whether bodies are pulled.
+    fn is_loaded(&self) -> bool {
+        self.activity.grid().supports().is_some_and(Supports::is_loaded)
     }
 
     /// How loading to a share ends, from rest, where stability is expected to be lost between a lower share and that one. `u` is
     /// then the last stable state.
     pub fn load_through(&self, [low, high]: [f64; 2], u: &mut [f64], workspace: &mut Workspace) -> Ending {
-        u.fill(0.0);
+        if let Err(loading) = self.rest(u, workspace) {
+            return loading.ending;
+        }
         let approach = Climb {
             from: 0.0,
             to: low,
@@ -149,19 +205,14 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
 
     /// Moves `u` on from a stable state, to a higher load or to the last stable state on the way there.
     pub fn climb(&self, climb: Climb, u: &mut [f64], workspace: &mut Workspace) -> Loading {
-        let mut total = Loading {
-            ending: Ending::Unknown { stable: climb.from },
-            steps: 0,
-            residual: 0.0,
-            pointwise: false,
-        };
+        let mut total = Loading::from(climb.from);
         let (mut stable, mut step) = (climb.from, climb.step.min(climb.to - climb.from));
         let mut failed = false;
-        let mut reached: Option<Vec<f64>> = (climb.from > 0.0).then(|| u.to_vec());
+        let mut reached: Option<Vec<f64>> = (climb.from > 0.0 || self.is_loaded()).then(|| u.to_vec());
         workspace.begin_again();
         for _ in 0..MAX_LOAD_STEPS {
             let share: f64 = stable + step;
-            match self.attempt(share, reached.as_deref(), u, workspace, &mut total) {
+            match self.attempt([share, 1.0], reached.as_deref(), u, workspace, &mut total) {
                 Ok(()) if share >= climb.to => {
                     total.ending = Ending::Stable;
                     return total;
@@ -222,9 +273,10 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
         }
     }
 
+    /// `shares` are those of the full load and of the loads of bodies.
     fn attempt(
         &self,
-        share: f64,
+        [share, pulled]: [f64; 2],
         before: Option<&[f64]>,
         u: &mut [f64],
         workspace: &mut Workspace,
@@ -234,6 +286,7 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
         let operator = Operator {
             material: &material,
             activity: self.activity,
+            pulled,
         };
         let result = newton::solve(&operator, self.laplacian, self.tolerance, u, workspace);
         let (Ok(progress) | Err((_, progress))) = result;

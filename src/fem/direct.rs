@@ -14,15 +14,17 @@ use faer::{Conj, MatMut, Par, Side};
 
 use super::element::{Bilinear, Biquadratic, Element};
 use super::energy::Material;
+use super::grid::Grid;
 use super::kinematics::Tensor;
 use super::layout::NodeLayout;
 use super::operator::{Operator, from_rest, on_sides, per_side};
+use super::supports::{Pose, Supports};
 use crate::field::Order;
 
 /// Where the entries of the tangent stand, and an order of the unknowns in which its factors stay sparse: the same for all
 /// tangents of a grid.
 pub struct Structure {
-    layout: NodeLayout,
+    unknowns: Unknowns,
     matrix: SymbolicSparseColMat<usize>,
     /// From the order of assembly to that of the matrix.
     sorting: Argsort<usize>,
@@ -31,15 +33,18 @@ pub struct Structure {
 
 impl Structure {
     /// The structure of a grid; `None` when memory is short.
-    pub fn new(layout: NodeLayout) -> Option<Arc<Self>> {
+    pub fn new(grid: &Grid) -> Option<Arc<Self>> {
+        let unknowns = Unknowns::new(grid);
+        let at_rest = vec![Pose::REST; unknowns.bodies()];
         let mut pairs = Vec::new();
-        let mut collect = |i: usize, k: usize| pairs.push(Pair::new(i, k));
-        match layout.degree() {
-            1 => for_each_entry::<4>(layout, |_, rows, k| rows.for_each(|(_, i)| collect(i, k))),
-            _ => for_each_entry::<9>(layout, |_, rows, k| rows.for_each(|(_, i)| collect(i, k))),
+        let mut collect = |entry: Entry| pairs.push(Pair::new(entry.row, entry.column));
+        match grid.layout().degree() {
+            1 => unknowns.for_each_entry::<4>(&at_rest, |_, entries| entries.for_each(&mut collect)),
+            _ => unknowns.for_each_entry::<9>(&at_rest, |_, entries| entries.for_each(&mut collect)),
         }
-        let [columns, rows] = layout.nodes().map(|nodes| nodes - 2);
-        let count = 2 * columns * rows;
+        let bodies = (0..3 * unknowns.bodies()).map(|at| 2 * unknowns.free.len() + at);
+        pairs.extend(bodies.map(|at| Pair::new(at, at)));
+        let count = unknowns.count();
         let (matrix, sorting) = SymbolicSparseColMat::try_new_from_indices(count, count, &pairs).ok()?;
         let symbolic = factorize_symbolic_cholesky(
             matrix.as_ref(),
@@ -49,7 +54,7 @@ impl Structure {
         )
         .ok()?;
         Some(Arc::new(Self {
-            layout,
+            unknowns,
             matrix,
             sorting,
             symbolic,
@@ -58,10 +63,16 @@ impl Structure {
 
     /// The factors of the tangent at `u`; `None` when a pivot is exactly zero or memory is short.
     pub fn factorise<L: Material>(self: &Arc<Self>, operator: &Operator<'_, L>, u: &[f64]) -> Option<Factorisation> {
-        let entries = match operator.activity.grid().order() {
-            Order::Bilinear => assemble::<Bilinear, L, 4>(operator, u),
-            Order::Biquadratic => assemble::<Biquadratic, L, 9>(operator, u),
+        let poses = operator.activity.grid().poses(u);
+        let mut entries = match operator.activity.grid().order() {
+            Order::Bilinear => assemble::<Bilinear, L, 4>(&self.unknowns, operator, u, &poses),
+            Order::Biquadratic => assemble::<Biquadratic, L, 9>(&self.unknowns, operator, u, &poses),
         };
+        if let Some(supports) = &self.unknowns.supports {
+            for (body, curvature) in supports.bodies().iter().zip(operator.curvatures(u)) {
+                entries.extend([body.mount.spring, body.mount.spring, curvature]);
+            }
+        }
         let matrix = SparseColMat::new_from_argsort(self.matrix.clone(), &self.sorting, &entries).ok()?;
         let mut values = vec![0.0; self.symbolic.len_val()];
         let need = self
@@ -82,6 +93,7 @@ impl Structure {
         Some(Factorisation {
             structure: Arc::clone(self),
             values,
+            poses,
         })
     }
 }
@@ -90,13 +102,15 @@ impl Structure {
 pub struct Factorisation {
     structure: Arc<Structure>,
     values: Vec<f64>,
+    /// Of the bodies in the state that it is the tangent at.
+    poses: Vec<Pose>,
 }
 
 impl Factorisation {
     /// The tangent at `u`; `None` when a pivot is exactly zero or memory is short.
     #[cfg(test)]
     pub fn new<L: Material>(operator: &Operator<'_, L>, u: &[f64]) -> Option<Self> {
-        Structure::new(operator.layout())?.factorise(operator, u)
+        Structure::new(operator.activity.grid())?.factorise(operator, u)
     }
 
     /// How many eigenvalues of the tangent are negative.
@@ -121,9 +135,8 @@ impl Factorisation {
     /// Solves with the factors: `r` is a residual, the result a displacement, both zero on the frame.
     #[must_use]
     pub fn solve(&self, r: &[f64]) -> Vec<f64> {
-        let Structure { layout, symbolic, .. } = &*self.structure;
-        let places = unknowns(*layout);
-        let mut packed: Vec<f64> = places.iter().map(|&at| r[at]).collect();
+        let Structure { unknowns, symbolic, .. } = &*self.structure;
+        let mut packed = unknowns.pack(&self.poses, r);
         let count = packed.len();
         let mut memory = MemBuffer::new(symbolic.solve_in_place_scratch::<f64>(1, Par::Seq));
         LdltRef::new(symbolic, &self.values).solve_in_place_with_conj(
@@ -132,58 +145,187 @@ impl Factorisation {
             Par::Seq,
             MemStack::new(&mut memory),
         );
-        let mut solution = vec![0.0; layout.vector_len()];
-        places.iter().zip(packed).for_each(|(&at, value)| solution[at] = value);
-        solution
+        unknowns.unpack(&self.poses, &packed)
     }
 }
 
-/// Where the unknowns lie in a vector: interior nodes row by row, both components together.
-fn unknowns(layout: NodeLayout) -> Vec<usize> {
-    let [columns, rows] = layout.nodes().map(|nodes| 1..nodes - 1);
-    let nodes = rows.flat_map(|row| columns.clone().map(move |column| (column, row)));
-    nodes
-        .flat_map(|(column, row)| [0, 1].map(|c| layout.index(c, column, row)))
-        .collect()
-}
-
-/// The number of an unknown; `None` on the frame.
-fn number(layout: NodeLayout, c: usize, column: usize, row: usize) -> Option<usize> {
-    let [columns, rows] = layout.nodes().map(|nodes| 1..nodes - 1);
-    (columns.contains(&column) && rows.contains(&row)).then(|| 2 * ((row - 1) * columns.len() + column - 1) + c)
-}
-
-/// Visits the columns of the element matrices in the order of assembly: `visit` takes the element (column, row) with the
-/// component and node of the column, the entries on and below the diagonal as (position among the forces of the element,
-/// row of the matrix), and the column of the matrix.
-fn for_each_entry<const N: usize>(
+/// The unknowns of a grid: both components of each free node, row by row, then two translations and a rotation of each body.
+struct Unknowns {
     layout: NodeLayout,
-    mut visit: impl FnMut(([usize; 2], usize, usize), &mut dyn Iterator<Item = (usize, usize)>, usize),
-) {
-    let degree = layout.degree();
-    let side = degree + 1;
-    for [column, row] in layout.each_element() {
-        let place = |node: usize| (column * degree + node % side, row * degree + node / side);
-        let numbers: [[Option<usize>; N]; 2] =
-            std::array::from_fn(|c| std::array::from_fn(|node| number(layout, c, place(node).0, place(node).1)));
-        for (c, node) in (0..2 * N).map(|i| (i / N, i % N)) {
-            let Some(k) = numbers[c][node] else { continue };
-            let all = numbers.as_flattened().iter().enumerate();
-            let mut below = all.filter_map(|(at, i)| i.filter(|&i| i >= k).map(|i| (at, i)));
-            visit(([column, row], c, node), &mut below, k);
+    supports: Option<Arc<Supports>>,
+    /// Places of the free nodes, in the plane of the first component.
+    free: Vec<usize>,
+    /// What each node is, by its place.
+    nodes: Vec<Node>,
+}
+
+#[derive(Clone, Copy)]
+enum Node {
+    Held,
+    /// By its position among the free ones.
+    Free(usize),
+    /// Of a body, at an arm.
+    Rigid(usize, [f64; 2]),
+}
+
+/// An entry of the tangent on or below the diagonal, to which a column of an element's matrix adds one of its forces.
+struct Entry {
+    row: usize,
+    column: usize,
+    /// Position among the forces of the element.
+    force: usize,
+    /// What the force is multiplied by.
+    weight: f64,
+}
+
+impl Unknowns {
+    fn new(grid: &Grid) -> Self {
+        let layout = grid.layout();
+        let plane = layout.vector_len() / 2;
+        let mut mask = vec![1.0; layout.vector_len()];
+        layout.clear_frame(&mut mask);
+        let supports = grid.shared_supports();
+        let mut nodes = vec![Node::Held; plane];
+        if let Some(supports) = &supports {
+            supports.clear_held(&mut mask);
+            for (number, body) in supports.bodies().iter().enumerate() {
+                for (at, arm) in body.nodes.iter() {
+                    mask[at] = 0.0;
+                    nodes[at] = Node::Rigid(number, arm);
+                }
+            }
+        }
+        let mut free = Vec::new();
+        let [columns, rows] = layout.nodes();
+        for (column, row) in (0..rows).flat_map(|row| (0..columns).map(move |column| (column, row))) {
+            let at = layout.index(0, column, row);
+            if mask[at] == 1.0 {
+                nodes[at] = Node::Free(free.len());
+                free.push(at);
+            }
+        }
+        Self {
+            layout,
+            supports,
+            free,
+            nodes,
+        }
+    }
+
+    fn bodies(&self) -> usize {
+        self.supports.as_ref().map_or(0, |supports| supports.bodies().len())
+    }
+
+    fn count(&self) -> usize {
+        2 * self.free.len() + 3 * self.bodies()
+    }
+
+    /// A vector as one of unknowns: what they see of its forces.
+    fn pack(&self, poses: &[Pose], vector: &[f64]) -> Vec<f64> {
+        let plane = self.nodes.len();
+        let mut packed: Vec<f64> = self
+            .free
+            .iter()
+            .flat_map(|&at| [vector[at], vector[at + plane]])
+            .collect();
+        if let Some(supports) = &self.supports {
+            for (body, pose) in supports.bodies().iter().zip(poses) {
+                packed.extend(body.nodes.force(pose, vector));
+            }
+        }
+        packed
+    }
+
+    /// The change of displacement that unknowns stand for.
+    fn unpack(&self, poses: &[Pose], packed: &[f64]) -> Vec<f64> {
+        let plane = self.nodes.len();
+        let mut vector = vec![0.0; 2 * plane];
+        let (free, rigid) = packed.split_at(2 * self.free.len());
+        for (&at, values) in self.free.iter().zip(free.chunks_exact(2)) {
+            [vector[at], vector[at + plane]] = [values[0], values[1]];
+        }
+        if let Some(supports) = &self.supports {
+            for ((body, pose), motion) in supports.bodies().iter().zip(poses).zip(rigid.chunks_exact(3)) {
+                body.nodes.write(pose, [motion[0], motion[1], motion[2]], &mut vector);
+            }
+        }
+        vector
+    }
+
+    /// The unknowns that a component of a node (column, row) follows, and how much.
+    fn followed(
+        &self,
+        poses: &[Pose],
+        c: usize,
+        column: usize,
+        row: usize,
+    ) -> impl Iterator<Item = (usize, f64)> + use<> {
+        let none = (0, 0.0);
+        let (terms, count) = match self.nodes[self.layout.index(0, column, row)] {
+            Node::Held => ([none; 2], 0),
+            Node::Free(free) => ([(2 * free + c, 1.0), none], 1),
+            Node::Rigid(body, arm) => {
+                let first = 2 * self.free.len() + 3 * body;
+                ([(first + c, 1.0), (first + 2, poses[body].swept(arm)[c])], 2)
+            }
+        };
+        terms.into_iter().take(count)
+    }
+
+    /// Visits the columns of the element matrices in the order of assembly: `visit` takes the element (column, row) with the
+    /// component and node of the column, and the entries that it adds to.
+    fn for_each_entry<const N: usize>(
+        &self,
+        poses: &[Pose],
+        mut visit: impl FnMut(([usize; 2], usize, usize), &mut dyn Iterator<Item = Entry>),
+    ) {
+        let degree = self.layout.degree();
+        let side = degree + 1;
+        let mut followed = Vec::new();
+        for [column, row] in self.layout.each_element() {
+            let place = |node: usize| (column * degree + node % side, row * degree + node / side);
+            let of = |at: usize| {
+                let (x, y) = place(at % N);
+                self.followed(poses, at / N, x, y)
+                    .map(move |(unknown, weight)| (at, unknown, weight))
+            };
+            followed.clear();
+            followed.extend((0..2 * N).flat_map(of));
+            for at in 0..2 * N {
+                let own = followed.iter().filter(|(of, ..)| *of == at);
+                let mut entries = own.flat_map(|&(_, column, weight)| {
+                    let below = followed.iter().filter(move |(_, row, _)| *row >= column);
+                    below.map(move |&(force, row, own)| Entry {
+                        row,
+                        column,
+                        force,
+                        weight: weight * own,
+                    })
+                });
+                visit(([column, row], at / N, at % N), &mut entries);
+            }
         }
     }
 }
 
-/// The entries of the tangent in the order of [`for_each_entry`].
-fn assemble<E: Element<N>, L: Material, const N: usize>(operator: &Operator<'_, L>, u: &[f64]) -> Vec<f64> {
+/// The entries of the tangent in the order of [`Unknowns::for_each_entry`].
+fn assemble<E: Element<N>, L: Material, const N: usize>(
+    unknowns: &Unknowns,
+    operator: &Operator<'_, L>,
+    u: &[f64],
+    poses: &[Pose],
+) -> Vec<f64> {
     let (layout, grid) = (operator.layout(), operator.activity.grid());
     let side = E::DEGREE + 1;
     let units = unit_gradients::<E, N>();
-    let mut entries = Vec::new();
+    let mut sums = Vec::new();
     let mut gradients = [[[0.0; 2]; 2]; N];
     let mut current = None;
-    for_each_entry::<N>(layout, |([column, row], c, node), rows, _| {
+    unknowns.for_each_entry::<N>(poses, |([column, row], c, node), entries| {
+        let mut entries = entries.peekable();
+        if entries.peek().is_none() {
+            return;
+        }
         let sides = grid.sides([column, row]);
         if current.replace([column, row]) != Some([column, row]) {
             let place = |node: usize| (column * E::DEGREE + node % side, row * E::DEGREE + node / side);
@@ -198,9 +340,9 @@ fn assemble<E: Element<N>, L: Material, const N: usize>(operator: &Operator<'_, 
         let mut stresses = std::array::from_fn(|q| operator.material.tangent(gradients[q], active, changes[q]));
         on_sides(&mut stresses, sides);
         let forces = E::forces(&stresses);
-        entries.extend(rows.map(|(at, _)| forces[at / N][at % N]));
+        sums.extend(entries.map(|entry| entry.weight * forces[entry.force / N][entry.force % N]));
     });
-    entries
+    sums
 }
 
 /// ∇u at the points of an element for a unit displacement of each node, `[component][node][point]`.

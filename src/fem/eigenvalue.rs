@@ -11,6 +11,7 @@ use crate::base::Stream;
 use super::energy::{Material, NeoHookean};
 use super::operator::Operator;
 use super::precondition::{Laplacian, LaplacianScratch};
+use super::supports::Pose;
 
 /// An eigenvalue and its vector, which has the length v · L v = 1.
 #[derive(Clone, Debug)]
@@ -49,11 +50,7 @@ impl Direction {
         let mut stiff = vec![0.0; vector.len()];
         operator.tangent(u, &vector, &mut stiff);
         let mut harmonic = vec![0.0; vector.len()];
-        let flat = Operator {
-            material: &WITHOUT_THICKNESS,
-            activity: operator.activity,
-        };
-        flat.tangent(u, &vector, &mut harmonic);
+        operator.laplacian(u, &vector, &mut harmonic);
         Self {
             vector,
             stiff,
@@ -108,7 +105,8 @@ pub fn smallest<L: Material>(
     near: Option<&Eigenpair>,
 ) -> Option<Eigenpair> {
     let mut scratch = laplacian.scratch();
-    let mut x = Direction::new(operator, u, start(operator, laplacian, &mut scratch));
+    let poses = operator.activity.grid().poses(u);
+    let mut x = Direction::new(operator, u, start(operator, laplacian, u, &mut scratch));
     if !x.orthonormalise(&[]) {
         return None;
     }
@@ -123,7 +121,7 @@ pub fn smallest<L: Material>(
     for step in 0..LIMIT {
         let value = values[step];
         let residual: Vec<f64> = x.stiff.iter().zip(&x.harmonic).map(|(k, l)| k - value * l).collect();
-        let Some(correction) = precondition(laplacian, &residual, &mut scratch) else {
+        let Some(correction) = precondition(laplacian, &residual, &poses, &mut scratch) else {
             break;
         };
         let mut w = Direction::new(operator, u, correction);
@@ -171,21 +169,32 @@ fn ritz(x: &Direction, w: Direction, p: Option<Direction>) -> Option<(Direction,
 }
 
 /// A smooth vector that has a part along every mode.
-fn start<L: Material>(operator: &Operator<'_, L>, laplacian: &Laplacian, scratch: &mut LaplacianScratch) -> Vec<f64> {
+fn start<L: Material>(
+    operator: &Operator<'_, L>,
+    laplacian: &Laplacian,
+    u: &[f64],
+    scratch: &mut LaplacianScratch,
+) -> Vec<f64> {
     let mut stream = Stream::new(0, "smallest eigenvalue", 0);
-    let load = operator.activity.grid().random_load(&mut stream);
-    precondition(laplacian, &load, scratch).unwrap_or(load)
+    let grid = operator.activity.grid();
+    let load = grid.random_load(&mut stream, u);
+    precondition(laplacian, &load, &grid.poses(u), scratch).unwrap_or(load)
 }
 
 /// The inverse Laplacian of a load, of any length; `None` where there is no load.
-fn precondition(laplacian: &Laplacian, load: &[f64], scratch: &mut LaplacianScratch) -> Option<Vec<f64>> {
+fn precondition(
+    laplacian: &Laplacian,
+    load: &[f64],
+    poses: &[Pose],
+    scratch: &mut LaplacianScratch,
+) -> Option<Vec<f64>> {
     let size = dot(load, load).sqrt();
     if size.is_nan() || size <= f64::MIN_POSITIVE {
         return None;
     }
     let narrow: Vec<f32> = load.iter().map(|r| (r / size) as f32).collect();
     let mut solution = vec![0.0; load.len()];
-    laplacian.solve(&narrow, &mut solution, scratch);
+    laplacian.solve(&narrow, poses, &mut solution, scratch);
     Some(solution.into_iter().map(f64::from).collect())
 }
 
@@ -216,14 +225,15 @@ mod tests {
             pull,
         };
         let grid = Grid::paper(mesh);
-        let activity = Activity::from_shares(grid, |x, y| if (x / 10 + y / 10) % 2 == 0 { 1.0 } else { 0.2 });
+        let activity = Activity::from_shares(&grid, |x, y| if (x / 10 + y / 10) % 2 == 0 { 1.0 } else { 0.2 });
         let operator = Operator {
             material: &material,
             activity: &activity,
+            pulled: 1.0,
         };
         work(
             &operator,
-            &Laplacian::new(grid).unwrap(),
+            &Laplacian::new(&grid).unwrap(),
             &vec![0.0; grid.layout().vector_len()],
         )
     }
@@ -244,8 +254,8 @@ mod tests {
         // K = L + (3a − b)(div)² but for a null Lagrangian: 1 + 3a − b where that is less than 1, which meshes approach from
         // above, since fields without rotation are among the modes.
         let grid = Grid::paper(Mesh::new(1, Order::Biquadratic));
-        let activity = Activity::from_shares(grid, |_, _| 1.0);
-        let (laplacian, u) = (Laplacian::new(grid).unwrap(), vec![0.0; grid.layout().vector_len()]);
+        let activity = Activity::from_shares(&grid, |_, _| 1.0);
+        let (laplacian, u) = (Laplacian::new(&grid).unwrap(), vec![0.0; grid.layout().vector_len()]);
         let thickness = 1.0 / 729.0;
         for (pull, exact) in [
             (2.0 * thickness, 1.0),
@@ -256,6 +266,7 @@ mod tests {
             let operator = Operator {
                 material: &material,
                 activity: &activity,
+                pulled: 1.0,
             };
             let value = smallest(&operator, &laplacian, &u, None).unwrap().value;
             assert!((-1e-6..2e-4).contains(&(value - exact)), "{pull}: {value} {exact}");
@@ -269,7 +280,7 @@ mod tests {
                 let found = smallest(operator, laplacian, u, None).unwrap().value;
                 let factors = Factorisation::new(operator, u).unwrap();
                 assert_eq!(factors.negative_pivots(), 0);
-                let mut x = Direction::new(operator, u, start(operator, laplacian, &mut laplacian.scratch()));
+                let mut x = Direction::new(operator, u, start(operator, laplacian, u, &mut laplacian.scratch()));
                 for _ in 0..60 {
                     x = Direction::new(operator, u, factors.solve(&x.harmonic));
                     assert!(x.orthonormalise(&[]));

@@ -4,11 +4,15 @@
 //! so a membrane with unequal prestretch is one with prestretch λ whose elements are shorter by D, and which rests at f = D. D has the
 //! determinant 1: areas stay what they are.
 
-use crate::field::{Mesh, Order};
-use crate::pattern::Raster;
+use std::sync::Arc;
 
+use crate::field::{Mesh, Motion, Order};
+use crate::pattern::{Part, Parts, Raster};
+
+use super::lanes::Real;
 use super::layout::NodeLayout;
-use super::sheet::Sheet;
+use super::sheet::{Mount, Sheet};
+use super::supports::{Pose, Supports};
 
 /// The thinnest element, in units of a cell's side.
 pub const THINNEST: f64 = 1e-3;
@@ -17,7 +21,7 @@ const MOST: usize = Mesh::MOST_ELEMENTS + 2;
 
 /// The elements of a membrane. Their sizes are the same in every cell, symmetric about its middle, and 1 on the mean: the unit along either
 /// side is that which the elements would have if all had the same.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Grid {
     raster: Raster,
     order: Order,
@@ -27,6 +31,8 @@ pub struct Grid {
     /// D.
     rest: [f64; 2],
     unit_mm: f64,
+    parts: Option<Arc<Parts>>,
+    supports: Option<Arc<Supports>>,
 }
 
 /// The elements along a side of a cell.
@@ -98,14 +104,92 @@ impl Grid {
         let [width, height] = [0, 1].map(|axis| size[axis] / (cells[axis] * axes[axis].count) as f64);
         let rest = sheet.distortion();
         let side = (width / height).sqrt() / rest[0];
-        Self {
+        let mut grid = Self {
             raster: sheet.raster(),
             order,
             axes,
             sides: [side, 1.0 / side],
             rest,
             unit_mm: (width * height).sqrt(),
+            parts: sheet.parts.clone(),
+            supports: None,
+        };
+        if let Some(parts) = &sheet.parts {
+            let mounts: Vec<Mount> = sheet.mounts.iter().map(|mount| mount.in_units(grid.unit_mm)).collect();
+            grid.supports = Some(Arc::new(Supports::new(&grid, parts, &mounts)));
         }
+        grid
+    }
+
+    /// What its cells are; nothing where all of them are membrane.
+    #[must_use]
+    pub fn parts(&self) -> Option<&Parts> {
+        self.parts.as_deref()
+    }
+
+    /// Whether a cell (column, row) is membrane.
+    #[must_use]
+    pub fn is_membrane(&self, x: usize, y: usize) -> bool {
+        self.parts().is_none_or(|parts| parts.at(x, y) == Part::Membrane)
+    }
+
+    /// What holds nodes inside the rectangle; nothing where all of them are free.
+    #[must_use]
+    pub fn supports(&self) -> Option<&Supports> {
+        self.supports.as_deref()
+    }
+
+    /// The same, to keep.
+    #[must_use]
+    pub fn shared_supports(&self) -> Option<Arc<Supports>> {
+        self.supports.clone()
+    }
+
+    /// Leaves of a vector what changes of a displacement that are allowed see of it.
+    pub fn restrict<T: Real>(&self, u: &[T], vector: &mut [T]) {
+        self.layout().clear_frame(vector);
+        if let Some(supports) = self.supports() {
+            supports.restrict(&supports.poses(u), vector);
+        }
+    }
+
+    /// Where the bodies are at a displacement.
+    #[must_use]
+    pub fn poses<T: Real>(&self, u: &[T]) -> Vec<Pose> {
+        self.supports().map_or_else(Vec::new, |supports| supports.poses(u))
+    }
+
+    /// How bodies have moved at a displacement; none where there are none.
+    #[must_use]
+    pub fn motions(&self, u: &[f64]) -> Option<Vec<Motion>> {
+        let poses = self.poses(u);
+        let motion = |pose: &Pose| Motion {
+            translation: pose.translation.map(|t| self.unit_mm * t),
+            rotation: pose.angle().to_degrees(),
+        };
+        (!poses.is_empty()).then(|| poses.iter().map(motion).collect())
+    }
+
+    /// Makes the motion of bodies rigid that nearly is: what a step along the tangent leaves.
+    pub fn settle<T: Real>(&self, u: &mut [T]) {
+        if let Some(supports) = self.supports() {
+            supports.settle(u);
+        }
+    }
+
+    /// Where a node (column, row) lies on the prestretched membrane, in units of [`Grid::unit_mm`].
+    #[must_use]
+    pub fn node_place(&self, node: [usize; 2]) -> [f64; 2] {
+        let degree = self.layout().degree();
+        [0, 1].map(|axis| {
+            let (element, inner) = (node[axis] / degree, node[axis] % degree);
+            let within = if inner == 0 {
+                0.0
+            } else {
+                0.5 * self.size(axis, element)
+            };
+            (self.start(axis, element) + within) * self.sides[axis] * self.rest[axis]
+        })
     }
 
     /// The cells.
@@ -253,6 +337,7 @@ mod tests {
                 size_mm: [60.0, 30.0],
             },
             prestretch: [4.0, 1.0],
+            ..Sheet::paper()
         };
         let grid = Grid::uniform(Mesh::bilinear(2), &sheet);
         assert_eq!((grid.elements(), grid.layout().nodes()), ([24, 80], [25, 81]));

@@ -117,7 +117,7 @@ fn short_dot(a: &[f32], b: &[f32]) -> f64 {
 }
 
 /// y ← y + αx.
-fn add_scaled(y: &mut [f32], alpha: f32, x: &[f32]) {
+pub(super) fn add_scaled(y: &mut [f32], alpha: f32, x: &[f32]) {
     Arch::new().dispatch(
         #[inline(always)]
         || y.iter_mut().zip(x).for_each(|(y, x)| *y += alpha * x),

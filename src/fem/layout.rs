@@ -129,30 +129,33 @@ impl Grid {
         layout.index(c, column * along, row * across)
     }
 
-    /// The transpose of sampling: forces at the cell corners as nodal forces.
+    /// The transpose of sampling at a displacement `u`: forces at the cell corners as nodal forces.
     #[must_use]
-    pub fn spread(&self, corners: &Field) -> Vec<f64> {
+    pub fn spread(&self, corners: &Field, u: &[f64]) -> Vec<f64> {
         let (layout, [columns, _]) = (self.layout(), self.raster().corner_sides());
         let mut vector = vec![0.0; layout.vector_len()];
         for (at, value) in corners.values().iter().enumerate() {
             let (c, x, y) = (at % 2, at / 2 % columns, at / 2 / columns);
             vector[self.corner(c, x, y)] = *value;
         }
-        layout.clear_frame(&mut vector);
+        self.restrict(u, &mut vector);
         vector
     }
 
-    /// Random nodal forces, which have a part along every mode: normal deviates at the cell corners, or at all nodes where all corners are on
-    /// the frame.
+    /// Random nodal forces at a displacement `u`, which have a part along every mode: normal deviates at the cell corners, or at all nodes
+    /// where these may all be held.
     #[must_use]
-    pub fn random_load(&self, stream: &mut Stream) -> Vec<f64> {
-        if self.raster().sides().contains(&1) {
+    pub fn random_load(&self, stream: &mut Stream, u: &[f64]) -> Vec<f64> {
+        if self.raster().sides().contains(&1) || self.supports().is_some() {
             let mut vector: Vec<f64> = (0..self.layout().vector_len()).map(|_| stream.normal()).collect();
-            self.layout().clear_frame(&mut vector);
+            self.restrict(u, &mut vector);
             return vector;
         }
         let forces = (0..self.raster().corners() * 2).map(|_| stream.normal()).collect();
-        self.spread(&Field::from_values(self.raster(), forces).expect("normal deviates are finite"))
+        self.spread(
+            &Field::from_values(self.raster(), forces).expect("normal deviates are finite"),
+            u,
+        )
     }
 
     /// The displacement at the cell corners in mm, from nodal values in units of [`Grid::unit_mm`].
@@ -210,7 +213,7 @@ mod tests {
             vector[layout.index(1, 7 * step, 30 * step)] = 4.0;
             // √(½ · ⅛) mm
             assert_eq!(grid.sample(&vector).at_corner(7, 30), [0.0, 1.0]);
-            let spread = grid.spread(&grid.sample(&vector));
+            let spread = grid.spread(&grid.sample(&vector), &vector);
             assert_eq!(spread[layout.index(1, 7 * step, 30 * step)], 1.0);
             assert_eq!(spread.iter().sum::<f64>(), 1.0);
         }

@@ -212,7 +212,7 @@ impl MembraneSolver {
         };
         let ending = model.with(Between {
             solver: self,
-            activity: &model.activity(self.grid, pattern),
+            activity: &model.activity(&self.grid, pattern),
             expected: expected.map(|expected| (expected / voltage).powi(2)),
         });
         match ending {
@@ -229,7 +229,7 @@ impl MembraneSolver {
     fn is_clear_of_loss(&self, pattern: &Pattern, solution: &MeshSolution) -> bool {
         self.model.with(Clear {
             solver: self,
-            activity: &self.model.activity(self.grid, pattern),
+            activity: &self.model.activity(&self.grid, pattern),
             u: &solution.displacement,
         })
     }
@@ -269,6 +269,7 @@ impl WithMaterial for Clear<'_> {
         let operator = Operator {
             material: &material(1.0),
             activity: self.activity,
+            pulled: 1.0,
         };
         let laplacian = &self.solver.laplacian;
         let mut workspace = Workspace::new(self.u.len(), laplacian);

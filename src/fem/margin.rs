@@ -44,7 +44,7 @@ impl MembraneSolver {
     /// How far a solution of [`MembraneSolver::solve`] for this pattern is from losing stability.
     #[must_use]
     pub fn stability(&self, pattern: &Pattern, solution: &MeshSolution) -> StabilityReport {
-        let activity = self.model.activity(self.grid, pattern);
+        let activity = self.model.activity(&self.grid, pattern);
         let (mut smallest_eigenvalue, mut critical) = (None, solution.outcome.bracket());
         if solution.outcome.is_converged() {
             let mut u = solution.displacement.clone();
@@ -97,6 +97,7 @@ impl WithMaterial for Smallest<'_> {
         let operator = Operator {
             material: &material(1.0),
             activity: self.activity,
+            pulled: 1.0,
         };
         smallest(&operator, &self.solver.laplacian, self.u, None).map(|pair| pair.value)
     }

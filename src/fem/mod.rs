@@ -9,6 +9,7 @@
 mod accurate;
 pub mod activity;
 mod adjoint;
+mod capacitance;
 mod cells;
 mod continuation;
 mod critical;
@@ -42,6 +43,7 @@ pub mod sheet;
 mod simulators;
 mod solver;
 mod stability;
+mod supports;
 mod work;
 
 pub use accurate::{AccurateSimulation, AccurateSolver};

@@ -11,7 +11,6 @@ use pulp::Arch;
 use crate::base::Stream;
 
 use super::direct::{Factorisation, Structure};
-use super::eigenvalue::WITHOUT_THICKNESS;
 use super::energy::Material;
 use super::krylov::{self, Ending, conjugate_gradients};
 use super::operator::Operator;
@@ -106,7 +105,7 @@ impl Workspace {
     pub fn factorise<L: Material>(&mut self, operator: &Operator<'_, L>, u: &[f64]) -> Option<Factorisation> {
         self.other_work += factors(u.len());
         if self.structure.is_none() {
-            self.structure = Structure::new(operator.layout());
+            self.structure = Structure::new(operator.activity.grid());
         }
         self.structure.as_ref()?.factorise(operator, u)
     }
@@ -223,6 +222,7 @@ pub fn chord<L: Material>(
         progress.residual = size / reference;
         find_step(linear, laplacian, inner, size, rest, workspace).map_err(|trouble| (trouble, progress))?;
         advance(u, -size, &workspace.krylov.solution, &mut workspace.trial);
+        actual.activity.grid().settle(&mut workspace.trial);
         u.copy_from_slice(&workspace.trial);
         if actual.residual(u, &mut workspace.residual) <= 0.0 {
             return Err((Trouble::LineSearch, progress));
@@ -292,11 +292,12 @@ fn find_step<L: Material>(
     narrow(u, 1.0, single);
     operator.linearise(single, moduli);
     narrow(residual, 1.0 / size, &mut krylov.residual);
+    let poses = operator.activity.grid().poses(u);
     let ending = conjugate_gradients(
         goal,
         krylov,
         |p, image| operator.tangent_at(single, moduli, p, image),
-        |r, z| laplacian.solve(r, z, scratch),
+        |r, z| laplacian.solve(r, &poses, z, scratch),
     );
     match ending {
         Ending::Converged => Ok(()),
@@ -323,7 +324,7 @@ pub fn probe<L: Material>(
     workspace: &mut Workspace,
 ) -> Ending {
     let mut stream = Stream::new(0, "stability probe", 0);
-    let load = operator.activity.grid().random_load(&mut stream);
+    let load = operator.activity.grid().random_load(&mut stream, u);
     if load.iter().all(|force| *force == 0.0) {
         // There are no nodes but those of the frame.
         return Ending::Converged;
@@ -338,10 +339,7 @@ pub fn probe<L: Material>(
     narrow(u, 1.0, single);
     operator.linearise(single, moduli);
     narrow(&load, 1.0 / norm(&load), &mut krylov.residual);
-    let flat = Operator {
-        material: &WITHOUT_THICKNESS,
-        activity: operator.activity,
-    };
+    let poses = operator.activity.grid().poses(u);
     let mut harmonic = vec![0.0; if shift > 0.0 { single.len() } else { 0 }];
     conjugate_gradients(
         PROBED,
@@ -349,11 +347,11 @@ pub fn probe<L: Material>(
         |p, image| {
             operator.tangent_at(single, moduli, p, image);
             if shift > 0.0 {
-                flat.tangent(single, p, &mut harmonic);
+                operator.laplacian(single, p, &mut harmonic);
                 image.iter_mut().zip(&harmonic).for_each(|(k, l)| *k -= shift * l);
             }
         },
-        |r, z| laplacian.solve(r, z, scratch),
+        |r, z| laplacian.solve(r, &poses, z, scratch),
     )
 }
 
@@ -376,6 +374,7 @@ fn line_search<L: Material>(
     for _ in 0..=MAX_HALVINGS {
         *other_work += SWEEP;
         advance(u, -length * size, &krylov.solution, trial);
+        operator.activity.grid().settle(trial);
         let smallest = operator.residual(trial, trial_residual);
         let new_size = norm(trial_residual);
         if smallest > 0.0 && new_size < (1.0 - 1e-4 * length) * size {

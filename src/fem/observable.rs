@@ -102,11 +102,11 @@ impl Survey {
 /// When the effects of the scene cannot be simulated.
 pub fn cell_states(scene: &Scene, mesh: Mesh, pattern: &Pattern, u: &[f64]) -> Result<Vec<CellState>, SetupError> {
     let model = Model::new(scene)?;
-    Ok(states(scene, &model, model.grid(mesh), pattern, u))
+    Ok(states(scene, &model, &model.grid(mesh), pattern, u))
 }
 
 /// The same for a model at hand.
-pub(super) fn states(scene: &Scene, model: &Model, grid: Grid, pattern: &Pattern, u: &[f64]) -> Vec<CellState> {
+pub(super) fn states(scene: &Scene, model: &Model, grid: &Grid, pattern: &Pattern, u: &[f64]) -> Vec<CellState> {
     let activity = model.activity(grid, pattern);
     model.with(States {
         scene,
@@ -146,7 +146,7 @@ impl States<'_> {
         let scale = modulus * prestretch;
         let piola = std::array::from_fn(|i| std::array::from_fn(|k| scale * (stress[i][k] + rest[i][k])));
         let stresses = principal_stresses(piola, f.map(|row| row.map(|v| prestretch * v)));
-        let nominal = if self.pattern.is_active(x, y) {
+        let nominal = if self.pattern.is_active(x, y) && self.activity.grid().is_membrane(x, y) {
             self.scene.voltage_v() / (1e-3 * self.scene.thickness_mm())
         } else {
             0.0
@@ -182,7 +182,7 @@ fn principal_stresses(piola: Tensor<f64>, f: Tensor<f64>) -> [f64; 2] {
 }
 
 /// The mean of f over a cell: by the divergence theorem that of ∇u is an integral of u along its sides.
-fn mean_deformation(grid: Grid, u: &[f64], x: usize, y: usize) -> Tensor<f64> {
+fn mean_deformation(grid: &Grid, u: &[f64], x: usize, y: usize) -> Tensor<f64> {
     let (layout, per_cell) = (grid.layout(), grid.per_cell());
     let degree = layout.degree();
     let [right, up] = per_cell.map(|count| count * degree);

@@ -15,11 +15,13 @@ use crate::field::Order;
 
 use super::activity::View;
 pub use super::activity::{Activity, Precision};
+use super::eigenvalue::WITHOUT_THICKNESS;
 use super::element::{Bilinear, Biquadratic, Element};
 use super::energy::{MODULI, Material};
 use super::kinematics::Tensor;
 use super::lanes::{Real, Value, WIDEST, Wide};
 use super::layout::NodeLayout;
+use super::sheet::Mount;
 use point::{Point, StressAt, TangentAt, TangentFrom};
 use survey::{Store, Survey, place};
 
@@ -30,6 +32,8 @@ pub struct Operator<'a, L> {
     pub material: &'a L,
     /// Its elements, and where it is active.
     pub activity: &'a Activity,
+    /// The share of their loads that pulls the bodies.
+    pub pulled: f64,
 }
 
 /// The least favourable values over all quadrature points.
@@ -60,12 +64,73 @@ impl<L: Material> Operator<'_, L> {
     /// The residual at interior nodes, zero on the frame, into `out`. Returns the smallest [`Material::admissible`]; the
     /// residual means something only where that is positive.
     pub fn residual<T: Precision>(&self, u: &[T], out: &mut [T]) -> f64 {
-        self.sweep([u], &[], out, StressAt(self.material))
+        let smallest = self.sweep([u], &[], out, StressAt(self.material));
+        if let Some(supports) = self.activity.grid().supports() {
+            let (poses, bodies) = (supports.poses(u), supports.bodies());
+            supports.restrict_with(&poses, out, |body, [x, y, moment]| {
+                let (Mount { load, spring }, [p, q]) = (bodies[body].mount, poses[body].translation);
+                [
+                    x + spring * p - self.pulled * load[0],
+                    y + spring * q - self.pulled * load[1],
+                    moment,
+                ]
+            });
+        }
+        smallest
     }
 
     /// The tangent at `u` times `du`, at interior nodes, into `out`.
     pub fn tangent<T: Precision>(&self, u: &[T], du: &[T], out: &mut [T]) {
+        let curvatures = self.curvatures(u);
         self.sweep([u, du], &[], out, TangentAt(self.material));
+        self.add_bodies(u, du, &curvatures, out);
+    }
+
+    /// The Laplacian times `du`: the tangent of a membrane without thickness and voltage, of bodies without loads and springs.
+    pub fn laplacian<T: Precision>(&self, u: &[T], du: &[T], out: &mut [T]) {
+        let flat = Operator {
+            material: &WITHOUT_THICKNESS,
+            activity: self.activity,
+            pulled: 0.0,
+        };
+        flat.sweep([u, du], &[], out, TangentAt(flat.material));
+        if let Some(supports) = self.activity.grid().supports() {
+            supports.restrict(&supports.poses(u), out);
+        }
+    }
+
+    /// The curvature of the rotation of each body at `u`.
+    pub(super) fn curvatures<T: Precision>(&self, u: &[T]) -> Vec<f64> {
+        let Some(supports) = self.activity.grid().supports() else {
+            return Vec::new();
+        };
+        if supports.bodies().is_empty() {
+            return Vec::new();
+        }
+        let u: Vec<f64> = u.iter().map(|value| value.to_f64()).collect();
+        let mut forces = vec![0.0; u.len()];
+        self.sweep([&u], &[], &mut forces, StressAt(self.material));
+        let each = supports.bodies().iter().zip(supports.poses(&u));
+        each.map(|(body, pose)| body.nodes.curvature(&pose, &forces)).collect()
+    }
+
+    /// Makes the image of `du` one that frames and bodies see, with the springs and the curvature of rotations.
+    fn add_bodies<T: Precision>(&self, u: &[T], du: &[T], curvatures: &[f64], out: &mut [T]) {
+        let Some(supports) = self.activity.grid().supports() else {
+            return;
+        };
+        let poses = supports.poses(u);
+        let each = supports.bodies().iter().zip(&poses).zip(curvatures);
+        let own: Vec<[f64; 3]> = each
+            .map(|((body, pose), curvature)| {
+                let [p, q, turn] = body.nodes.motion(pose, body.nodes.force(pose, du));
+                let spring = body.mount.spring;
+                [spring * p, spring * q, curvature * turn]
+            })
+            .collect();
+        supports.restrict_with(&poses, out, |body, force| {
+            std::array::from_fn(|at| force[at] + own[body][at])
+        });
     }
 
     /// What [`Operator::tangent_at`] wants to be kept of `u`: nothing, for laws that are quick to evaluate.
@@ -75,16 +140,27 @@ impl<L: Material> Operator<'_, L> {
                 Order::Bilinear => self.store::<Bilinear, T, 4>(u, moduli),
                 Order::Biquadratic => self.store::<Biquadratic, T, 9>(u, moduli),
             }
+        } else {
+            moduli.clear();
         }
+        moduli.extend(self.curvatures(u).into_iter().map(T::from_f64));
     }
 
     /// The tangent at a `u` that was linearised, times `du`, at interior nodes, into `out`.
     pub fn tangent_at<T: Precision>(&self, u: &[T], moduli: &[T], du: &[T], out: &mut [T]) {
+        let bodies = self
+            .activity
+            .grid()
+            .supports()
+            .map_or(0, |supports| supports.bodies().len());
+        let (moduli, curvatures) = moduli.split_at(moduli.len() - bodies);
         if L::STORES {
             self.sweep([u, du], moduli, out, TangentFrom(self.material));
         } else {
-            self.tangent(u, du, out);
+            self.sweep([u, du], &[], out, TangentAt(self.material));
         }
+        let curvatures: Vec<f64> = curvatures.iter().map(|curvature| curvature.to_f64()).collect();
+        self.add_bodies(u, du, &curvatures, out);
     }
 
     fn store<E: Element<N>, T: Precision, const N: usize>(&self, u: &[T], moduli: &mut Vec<T>) {

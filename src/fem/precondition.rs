@@ -8,22 +8,71 @@
 //! tangent differs from the Laplacian by a quarter at most, so conjugate gradients need the same few iterations on every
 //! mesh; single precision is enough for a preconditioner.
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 use faer::Mat;
 use pulp::{Arch, Simd, WithSimd};
 
+use super::capacitance::{Capacitance, CapacitanceScratch};
 use super::element::Line;
 use super::error::SetupError;
 use super::gemm::{Layout, Product};
 use super::grid::Grid;
+use super::krylov::{add_scaled, dot};
 use super::lanes::{Value, WIDEST, Wide};
 use super::layout::NodeLayout;
 use super::modes::{half_modes, line_matrices};
+use super::supports::Pose;
 use crate::field::Order;
 
-/// The inverse Laplacian with zero values on the frame.
+/// The inverse Laplacian of a grid, of what frames and bodies leave of it.
 pub struct Laplacian {
+    rectangle: Rectangle,
+    capacitance: Option<Capacitance>,
+}
+
+/// Room for [`Laplacian::solve`].
+pub struct LaplacianScratch {
+    rectangle: RectangleScratch,
+    capacitance: Option<CapacitanceScratch>,
+}
+
+impl Laplacian {
+    /// The Laplacian of a grid.
+    ///
+    /// # Errors
+    /// When the eigenvectors cannot be computed.
+    pub fn new(grid: &Grid) -> Result<Self, SetupError> {
+        let rectangle = Rectangle::new(grid)?;
+        let capacitance = grid
+            .shared_supports()
+            .map(|supports| Capacitance::new(supports, &rectangle));
+        Ok(Self { rectangle, capacitance })
+    }
+
+    /// Room for a solve.
+    #[must_use]
+    pub fn scratch(&self) -> LaplacianScratch {
+        LaplacianScratch {
+            rectangle: self.rectangle.scratch(),
+            capacitance: self.capacitance.as_ref().map(Capacitance::scratch),
+        }
+    }
+
+    /// Writes the solution for the right-hand side `r`, a vector that frames and bodies at these poses leave as it is, into `z`.
+    pub fn solve(&self, r: &[f32], poses: &[Pose], z: &mut [f32], scratch: &mut LaplacianScratch) {
+        match (&self.capacitance, &mut scratch.capacitance) {
+            (Some(capacitance), Some(own)) => {
+                capacitance.solve(&self.rectangle, r, poses, z, (&mut scratch.rectangle, own));
+            }
+            _ => self.rectangle.solve(r, z, &mut scratch.rectangle),
+        }
+    }
+}
+
+/// The inverse Laplacian of the whole rectangle, with zero values on its edge.
+pub(super) struct Rectangle {
     layout: NodeLayout,
     /// Half the interior nodes of a row, the middle one counted whole; also the number of even modes.
     half: usize,
@@ -36,18 +85,27 @@ pub struct Laplacian {
     columns: Columns,
 }
 
-/// Room for [`Laplacian::solve`].
-pub struct LaplacianScratch {
+/// Some nodes of a rectangle, by their rows and the modes along x at their columns.
+pub(super) struct ModalNodes {
+    rows: Vec<usize>,
+    /// `[node][mode]`.
+    modes: Vec<f32>,
+}
+
+impl ModalNodes {
+    fn modes_of(&self, node: usize, width: usize) -> &[f32] {
+        &self.modes[node * width..][..width]
+    }
+}
+
+/// Room for [`Rectangle::solve`].
+pub(super) struct RectangleScratch {
     folded: Vec<f32>,
     modes: Vec<f32>,
 }
 
-impl Laplacian {
-    /// The Laplacian of a grid.
-    ///
-    /// # Errors
-    /// When the eigenvectors cannot be computed.
-    pub fn new(grid: Grid) -> Result<Self, SetupError> {
+impl Rectangle {
+    fn new(grid: &Grid) -> Result<Self, SetupError> {
         let layout = grid.layout();
         let [(stiffness, mass), columns] = [0, 1].map(|axis| {
             let size = |at: usize| grid.sides([at; 2])[axis];
@@ -110,27 +168,135 @@ impl Laplacian {
         })
     }
 
+    /// Nodes that lie at these places of a vector, in the plane of the first component.
+    pub(super) fn nodes(&self, places: &[usize]) -> ModalNodes {
+        let (degree, part, stride) = (self.layout.degree(), self.layout.part(), self.layout.stride());
+        let node = |place: &usize| {
+            let (row, within) = (place / stride, place % stride);
+            (row, self.modes_at(within % part * degree + within / part))
+        };
+        let (rows, modes): (Vec<usize>, Vec<Vec<f32>>) = places.iter().map(node).unzip();
+        ModalNodes {
+            rows,
+            modes: modes.concat(),
+        }
+    }
+
+    /// The modes at a column of nodes: even, then odd ones.
+    fn modes_at(&self, column: usize) -> Vec<f32> {
+        let last = self.layout.nodes()[0] - 1;
+        let (place, sign) = if 2 * column <= last {
+            (column - 1, 1.0)
+        } else {
+            (last - column - 1, -1.0)
+        };
+        let position = folded_order(self.layout).iter().position(|at| *at == place);
+        let position = position.expect("the node is no frame's");
+        let mut modes = vec![0.0; 2 * self.width];
+        for mode in 0..self.half {
+            modes[mode] = self.backward[0][mode * self.width + position];
+            modes[self.width + mode] = sign * self.backward[1][mode * self.width + position];
+        }
+        modes
+    }
+
+    /// The inverse between some nodes: sums over the modes along x of solutions along y for a load on each row.
+    pub(super) fn between(&self, nodes: &ModalNodes) -> Mat<f64> {
+        let width = 2 * self.width;
+        let mut by_row: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+        for (at, row) in nodes.rows.iter().enumerate() {
+            by_row.entry(*row).or_default().push(at);
+        }
+        let mut plane = vec![0.0_f32; self.layout.nodes()[1] * width];
+        let mut weighted = vec![0.0_f32; width];
+        let mut matrix = Mat::zeros(nodes.rows.len(), nodes.rows.len());
+        for (&row, loaded) in &by_row {
+            plane.fill(0.0);
+            plane[row * width..][..width].fill(1.0);
+            self.solve_columns(&mut plane);
+            for &from in loaded {
+                for (&other, there) in &by_row {
+                    let pairs = nodes.modes_of(from, width).iter().zip(&plane[other * width..]);
+                    weighted
+                        .iter_mut()
+                        .zip(pairs)
+                        .for_each(|(weighted, (mode, g))| *weighted = mode * g);
+                    for &to in there {
+                        matrix[(to, from)] = dot(&weighted, nodes.modes_of(to, width));
+                    }
+                }
+            }
+        }
+        matrix
+    }
+
     /// Room for a solve.
-    #[must_use]
-    pub fn scratch(&self) -> LaplacianScratch {
+    pub(super) fn scratch(&self) -> RectangleScratch {
         let len = 2 * self.layout.nodes()[1] * 2 * self.width;
-        LaplacianScratch {
+        RectangleScratch {
             folded: vec![0.0; len],
             modes: vec![0.0; len],
         }
     }
 
-    /// Writes the solution for the right-hand side `r`, zero on the frame, into the interior of `z`.
-    pub fn solve(&self, r: &[f32], z: &mut [f32], scratch: &mut LaplacianScratch) {
-        let LaplacianScratch { folded, modes } = scratch;
+    /// Writes the solution for the right-hand side `r`, zero on the edge, into the interior of `z`.
+    pub(super) fn solve(&self, r: &[f32], z: &mut [f32], scratch: &mut RectangleScratch) {
+        self.solve_with(r, z, scratch, |_, _| {});
+    }
+
+    /// The same, with forces on some nodes that depend on the solution without them: `correct` gets the values of both components on the nodes,
+    /// and leaves the forces in their place.
+    ///
+    /// The solution without them is known by its modes alone, so that it takes neither transform.
+    pub(super) fn solve_corrected(
+        &self,
+        r: &[f32],
+        nodes: &ModalNodes,
+        z: &mut [f32],
+        (scratch, values): (&mut RectangleScratch, &mut [Vec<f32>; 2]),
+        correct: impl FnOnce(&mut [Vec<f32>; 2]),
+    ) {
+        let (width, plane) = (2 * self.width, self.layout.nodes()[1] * 2 * self.width);
+        self.solve_with(r, z, scratch, |forces, modes| {
+            modes.copy_from_slice(forces);
+            self.solve_columns(modes);
+            for (values, modes) in values.iter_mut().zip(modes.chunks_exact(plane)) {
+                for (at, (value, row)) in values.iter_mut().zip(&nodes.rows).enumerate() {
+                    *value = dot(&modes[row * width..][..width], nodes.modes_of(at, width)) as f32;
+                }
+            }
+            correct(values);
+            for (values, forces) in values.iter().zip(forces.chunks_exact_mut(plane)) {
+                for (at, (value, row)) in values.iter().zip(&nodes.rows).enumerate() {
+                    add_scaled(&mut forces[row * width..][..width], *value, nodes.modes_of(at, width));
+                }
+            }
+        });
+    }
+
+    /// A solve on whose right-hand side, by modes, something is done.
+    fn solve_with(
+        &self,
+        r: &[f32],
+        z: &mut [f32],
+        scratch: &mut RectangleScratch,
+        change: impl FnOnce(&mut [f32], &mut [f32]),
+    ) {
+        let RectangleScratch { folded, modes } = scratch;
         self.fold(r, folded);
         self.transform(&self.forward, folded, modes);
+        change(modes, folded);
+        self.solve_columns(modes);
+        self.transform(&self.backward, modes, folded);
+        self.unfold(folded, z);
+    }
+
+    /// Solves along y for all modes, of as many components as there are, in place.
+    fn solve_columns(&self, modes: &mut [f32]) {
         Arch::new().dispatch(ColumnSolve {
             columns: &self.columns,
             modes,
         });
-        self.transform(&self.backward, modes, folded);
-        self.unfold(folded, z);
     }
 
     fn transform(&self, tables: &[Vec<f32>; 2], source: &[f32], target: &mut [f32]) {
@@ -290,7 +456,7 @@ fn banded_factors(n: usize, band: usize, entry: &dyn Fn(usize, usize) -> f64) ->
     (pivots, rows)
 }
 
-/// Solves along y for all modes of both components, in place.
+/// Solves along y for all modes of each component, in place.
 struct ColumnSolve<'a> {
     columns: &'a Columns,
     modes: &'a mut [f32],
@@ -369,6 +535,7 @@ mod tests {
                 size_mm,
             },
             prestretch,
+            ..Sheet::paper()
         };
         let sheets = [
             Sheet::paper(),
@@ -383,23 +550,27 @@ mod tests {
             (3, Order::Bilinear),
             (1, Order::Biquadratic),
         ];
-        for (sheet, (per_cell, order)) in sheets.into_iter().flat_map(|sheet| meshes.map(|mesh| (sheet, mesh))) {
+        for (sheet, (per_cell, order)) in sheets
+            .into_iter()
+            .flat_map(|sheet| meshes.map(|mesh| (sheet.clone(), mesh)))
+        {
             let grid = Grid::uniform(Mesh::new(per_cell, order), &sheet);
             let layout = grid.layout();
-            let activity = Activity::new(grid, &Pattern::from_fn(sheet.raster(), |_, _| false));
+            let activity = Activity::new(&grid, &Pattern::from_fn(sheet.raster(), |_, _| false));
             let operator = Operator {
                 material: &material,
                 activity: &activity,
+                pulled: 1.0,
             };
-            let laplacian = Laplacian::new(grid).unwrap();
+            let laplacian = Laplacian::new(&grid).unwrap();
             let mut u: Vec<f32> = (0..layout.vector_len())
                 .map(|i| ((i * i) as f32 * 0.037).sin())
                 .collect();
-            layout.clear_frame(&mut u);
+            grid.restrict(&vec![0.0_f32; u.len()], &mut u);
             let zero = vec![0.0; layout.vector_len()];
             let (mut r, mut back) = (zero.clone(), zero.clone());
             operator.tangent(&zero, &u, &mut r);
-            laplacian.solve(&r, &mut back, &mut laplacian.scratch());
+            laplacian.solve(&r, &grid.poses(&u), &mut back, &mut laplacian.scratch());
             let worst = u.iter().zip(&back).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
             assert!(worst < 1e-3, "{sheet:?} {per_cell} {order:?}: {worst:e}");
         }

@@ -46,8 +46,8 @@ impl LinearResponse {
         let grid = model.grid(checked(mesh)?);
         let response = Self {
             model,
-            half_active: Activity::from_shares(grid, |_, _| 0.5),
-            laplacian: Laplacian::new(grid)?,
+            half_active: Activity::from_shares(&grid, |_, _| 0.5),
+            laplacian: Laplacian::new(&grid)?,
             rest: vec![0.0; grid.layout().vector_len()],
         };
         if response.model.with(Ellipticity(&response)) > 0.0 {
@@ -114,12 +114,19 @@ impl LinearResponse {
             field: estimate.sound.then(|| self.half_active.grid().sample(u)),
             newton_iterations: estimate.steps,
             residual: estimate.residual,
-            observation: Observation::default(),
+            observation: Observation {
+                bodies: estimate.sound.then(|| self.half_active.grid().motions(u)).flatten(),
+                ..Observation::default()
+            },
         }
     }
 
     fn operator<'a, L>(&self, material: &'a L, activity: &'a Activity) -> Operator<'a, L> {
-        Operator { material, activity }
+        Operator {
+            material,
+            activity,
+            pulled: 1.0,
+        }
     }
 }
 
@@ -212,9 +219,11 @@ impl WithMaterial for ToActivity<'_> {
         let Self { response, .. } = self;
         let material = material(1.0);
         let mut load = vec![0.0; response.rest.len()];
-        response
-            .operator(&material, self.activity)
-            .residual(&response.rest, &mut load);
+        let without_loads = Operator {
+            pulled: 0.0,
+            ..response.operator(&material, self.activity)
+        };
+        without_loads.residual(&response.rest, &mut load);
         load.iter_mut().for_each(|force| *force = -*force);
         let linear = response.operator(&material, &response.half_active);
         let solution = newton::solve_tangent(

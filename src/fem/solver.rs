@@ -133,9 +133,9 @@ impl MembraneSolver {
             scene: scene.clone(),
             model,
             mesh,
+            laplacian: Laplacian::new(&grid)?,
             grid,
             tolerance,
-            laplacian: Laplacian::new(grid)?,
             limit,
         };
         Ok(solver.within(limit))
@@ -151,7 +151,7 @@ impl MembraneSolver {
 
     fn scaled(&self, limit: WorkLimit) -> WorkLimit {
         let asked = Grid::uniform(self.mesh, &Sheet::of(&self.scene));
-        let [asked, all] = [asked, self.grid].map(|grid| grid.layout().vector_len() as f64);
+        let [asked, all] = [&asked, &self.grid].map(|grid| grid.layout().vector_len() as f64);
         limit.part((asked / all).sqrt())
     }
 
@@ -169,8 +169,8 @@ impl MembraneSolver {
 
     /// The elements of solutions.
     #[must_use]
-    pub fn grid(&self) -> Grid {
-        self.grid
+    pub fn grid(&self) -> &Grid {
+        &self.grid
     }
 
     /// Simulates one pattern and keeps the whole nodal solution.
@@ -225,7 +225,7 @@ impl MembraneSolver {
         }
         let gradient = self.model.with(Gradient {
             solver: self,
-            activity: &self.model.activity(self.grid, pattern),
+            activity: &self.model.activity(&self.grid, pattern),
             u: &solution.displacement,
             weights,
         })?;
@@ -235,7 +235,7 @@ impl MembraneSolver {
     /// The state of each cell, `[y][x]`, in a solution of this pattern.
     #[must_use]
     pub fn cell_states(&self, pattern: &Pattern, solution: &MeshSolution) -> Vec<CellState> {
-        states(&self.scene, &self.model, self.grid, pattern, &solution.displacement)
+        states(&self.scene, &self.model, &self.grid, pattern, &solution.displacement)
     }
 
     /// The least favourable states of the cells in a solution of this pattern.
@@ -266,7 +266,7 @@ impl MembraneSolver {
         let before = room.workspace.krylov_iterations();
         let loading = self.model.with(Load {
             solver: self,
-            activity: &self.model.activity(self.grid, pattern),
+            activity: &self.model.activity(&self.grid, pattern),
             room,
         });
         let solution = MeshSolution {
@@ -319,7 +319,10 @@ impl MembraneSolver {
     /// What the effects of the scene say beside the displacement.
     fn observe(&self, pattern: &Pattern, solution: &MeshSolution) -> Observation {
         let effects = &self.scene.effects;
-        let mut observation = Observation::default();
+        let mut observation = Observation {
+            bodies: self.grid.motions(&solution.displacement),
+            ..Observation::default()
+        };
         if effects.dielectric_breakdown.is_some() || effects.wrinkling.is_some() {
             let cells = self.cell_states(pattern, solution);
             let breakdown = effects.dielectric_breakdown.as_ref();
@@ -369,6 +372,7 @@ impl WithMaterial for Gradient<'_> {
         let operator = Operator {
             material: &material(1.0),
             activity: self.activity,
+            pulled: 1.0,
         };
         let mut workspace = self.solver.room(self.solver.limit).workspace;
         let laplacian = &self.solver.laplacian;

@@ -76,10 +76,11 @@ pub fn same_basin<L: Material>(
     workspace: &mut Workspace,
 ) -> bool {
     [0.25, 0.5, 0.75].into_iter().all(|t| {
-        let between: Vec<f64> = match before {
+        let mut between: Vec<f64> = match before {
             Some(before) => before.iter().zip(u).map(|(a, b)| a + t * (b - a)).collect(),
             None => u.iter().map(|u| t * u).collect(),
         };
+        operator.activity.grid().settle(&mut between);
         matches!(
             judge(operator, laplacian, &between, workspace),
             Stability::Stable { .. }
@@ -101,10 +102,10 @@ mod tests {
         // A half-active membrane held at rest is no equilibrium, but its tangent has an inertia: the null Lagrangian makes
         // the membrane stable beyond the loss of pointwise convexity, up to some load.
         let grid = Grid::paper(Mesh::new(1, Order::Bilinear));
-        let laplacian = Laplacian::new(grid).unwrap();
+        let laplacian = Laplacian::new(&grid).unwrap();
         let mut workspace = Workspace::new(grid.layout().vector_len(), &laplacian);
         let u = vec![0.0; grid.layout().vector_len()];
-        let activity = Activity::from_shares(grid, |x, y| if (x / 10 + y / 10) % 2 == 0 { 1.0 } else { 0.2 });
+        let activity = Activity::from_shares(&grid, |x, y| if (x / 10 + y / 10) % 2 == 0 { 1.0 } else { 0.2 });
         let mut seen = [false, false];
         for step in 0..16 {
             let material = NeoHookean {
@@ -114,6 +115,7 @@ mod tests {
             let operator = Operator {
                 material: &material,
                 activity: &activity,
+                pulled: 1.0,
             };
             let positive = Factorisation::new(&operator, &u).unwrap().negative_pivots() == 0;
             let expected = if positive {

@@ -10,7 +10,7 @@ mod simulators;
 pub use displacement::{CORNERS, Field, FieldError};
 pub use feasibility::Feasibility;
 pub use mesh::{Mesh, Order};
-pub use observation::Observation;
+pub use observation::{Motion, Observation};
 pub use simulate::{
     Differentiable, Evaluator, NO_FIELD, Outcome, PredictError, Predictor, Simulation, Simulator, WithGradient,
 };

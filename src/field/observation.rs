@@ -1,6 +1,6 @@
-//! What effects that leave the displacement alone say about a solution.
+//! What a solution says beside the displacement: effects that leave it alone, and where rigid bodies are.
 
-/// One entry for each effect that is on; without such effects nothing is computed and nothing is kept.
+/// One entry for each effect that is on, and one where there are bodies; without such nothing is computed and nothing is kept.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Observation {
     /// Dielectric breakdown: the largest E/E_B over the cells; the membrane fails at 1.
@@ -12,6 +12,17 @@ pub struct Observation {
     pub smallest_eigenvalue: Option<f64>,
     /// Electromechanical stability: the voltages in V between which stability is lost, where it is lost within reach.
     pub critical_voltage: Option<[f64; 2]>,
+    /// How each rigid body has moved.
+    pub bodies: Option<Vec<Motion>>,
+}
+
+/// How a rigid body has moved.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Motion {
+    /// Its centroid, in mm.
+    pub translation: [f64; 2],
+    /// About its centroid, in degrees from −180 to 180, counter-clockwise.
+    pub rotation: f64,
 }
 
 impl Observation {

@@ -24,6 +24,15 @@ impl Symmetries {
         Symmetry::ALL.into_iter().filter(move |g| self.contains(*g))
     }
 
+    /// Those of which a condition holds. It must hold of a group: of the identity, of products and of inverses.
+    #[must_use]
+    pub fn filter(self, condition: impl Fn(Symmetry) -> bool) -> Self {
+        let members = self.iter().filter(|g| condition(*g));
+        Self {
+            members: members.fold(0, |members, g| members | 1 << g.0),
+        }
+    }
+
     /// Whether a symmetry is one of them.
     #[must_use]
     pub fn contains(self, g: Symmetry) -> bool {

@@ -1,14 +1,17 @@
 //! The membrane of a scene: its sides, cells, thickness and prestretch.
 
 use std::ops::RangeInclusive;
+use std::sync::Arc;
 
 use serde_json::json;
 
 use super::model::{SECTIONS, WHAT};
+use super::shape::Shape;
 use crate::base::{
-    Canonical, Decimal, Declared, Fields, InputError, Length, Map, Node, NodeValue, Parameter, Schema, parameters,
+    Canonical, Decimal, Declared, Fields, Force, InputError, Length, Map, Node, NodeValue, Parameter, Schema,
+    SpringRate, parameters,
 };
-use crate::pattern::{Membrane, Raster};
+use crate::pattern::{Bits, Membrane, Part, Parts, PartsError, Raster};
 
 /// A value along x and one along y; as one where they are equal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -55,9 +58,102 @@ parameters! {
         pub prestretch: Both<Decimal> [PRESTRETCH],
         /// Cells along the sides: one number where they are as many.
         pub cells: Both<usize> [CELLS],
+        /// What holds the membrane beside the edge of the rectangle.
+        pub frame: Option<Frame>,
+        /// Rigid bodies in the membrane, such as end effectors, tips and rotors.
+        pub bodies: Option<Vec<Body>> [((), 1..=MOST_BODIES)],
     }
     rules(side_or_size)
-    check(check_size)
+    check(check)
+}
+
+/// Most rigid bodies.
+const MOST_BODIES: usize = 64;
+/// Most shapes of a frame.
+const MOST_HELD: usize = 1000;
+/// Largest force in N, and spring rate in N/m.
+const STRONGEST: f64 = 1e6;
+
+parameters! {
+    /// A rigid frame. A cell belongs to it if its centre lies in it; nothing moves at its corners.
+    pub struct Frame as "`frame`" {
+        /// Where there is membrane; all else is frame.
+        pub opening: Option<Shape>,
+        /// Parts of the frame within the opening, such as hubs.
+        pub held: Option<Vec<Shape>> [((), 1..=MOST_HELD)],
+    }
+    rules(opening_or_held)
+    check(check_frame)
+}
+
+fn opening_or_held(fields: Fields) -> Fields {
+    fields.rule(json!({ "anyOf": [{ "required": ["opening"] }, { "required": ["held"] }] }))
+}
+
+parameters! {
+    /// A rigid body, which moves and turns as a whole: one of the shapes, what pulls it and what draws it back. A cell belongs to it if its
+    /// centre lies in it.
+    pub struct Body as "a body" {
+        /// The force on its centroid, along x and y.
+        pub load: Option<[Force; 2]> [-STRONGEST..=STRONGEST],
+        /// A spring that draws its centroid back to where it rests.
+        pub spring: Option<SpringRate> [0.0..=STRONGEST],
+    }
+    include {
+        /// The cells that it covers.
+        pub shape: Shape,
+    }
+}
+
+impl Body {
+    /// The force on its centroid in N.
+    #[must_use]
+    pub fn load_n(&self) -> [f64; 2] {
+        self.load.map_or([0.0; 2], |load| load.map(|force| force.value()))
+    }
+
+    /// The rate of its spring in N/m.
+    #[must_use]
+    pub fn spring_n_per_m(&self) -> f64 {
+        self.spring.map_or(0.0, |spring| spring.value())
+    }
+}
+
+fn check_frame(frame: &Frame, map: &Map<'_>) -> Result<(), InputError> {
+    match (&frame.opening, &frame.held) {
+        (None, None) => Err(map
+            .error("`frame` holds nothing")
+            .help("give an `opening`, or what is `held` within the rectangle")),
+        _ => Ok(()),
+    }
+}
+
+fn check(geometry: &Geometry, map: &Map<'_>) -> Result<(), InputError> {
+    check_size(geometry, map)?;
+    let Err(error) = geometry.read_parts() else {
+        return Ok(());
+    };
+    let body = |number: usize| {
+        let bodies = map.optional("bodies").and_then(|node| node.list("bodies").ok());
+        bodies.and_then(|bodies| bodies.get(number))
+    };
+    let node = match error {
+        PartsError::NothingFree => map.optional("frame"),
+        PartsError::EmptyBody { body: number } | PartsError::BodyAtFrame { body: number, .. } => body(number),
+        PartsError::BodiesTouch { bodies, .. } => body(bodies[1]),
+    };
+    let help = match error {
+        PartsError::NothingFree => "a cell is membrane if its centre lies in the opening, and in nothing that is held",
+        PartsError::EmptyBody { .. } => "give it at least a cell, or the membrane more cells",
+        PartsError::BodyAtFrame { .. } => {
+            "leave membrane between bodies and frame; what cannot move belongs to the frame"
+        }
+        PartsError::BodiesTouch { .. } => "leave membrane between bodies, or make them one",
+    };
+    let message = error.to_string();
+    Err(node
+        .map_or_else(|| map.error(&message), |node| node.error(&message))
+        .help(help))
 }
 
 fn side_or_size(fields: Fields) -> Fields {
@@ -72,6 +168,10 @@ pub struct Outline {
     pub membrane: Membrane,
     /// Prestretch along x and y; [`Outline::read`] says 1 and 1 where it is one number.
     pub prestretch: [f64; 2],
+    /// Whether there is a frame beside the edge of the rectangle.
+    pub has_frame: bool,
+    /// Whether there are rigid bodies.
+    pub has_bodies: bool,
 }
 
 impl Outline {
@@ -100,6 +200,8 @@ impl Outline {
                 size_mm,
             },
             prestretch,
+            has_frame: map.optional("frame").is_some(),
+            has_bodies: map.optional("bodies").is_some(),
         })
     }
 }
@@ -133,6 +235,8 @@ impl Geometry {
             thickness: Length::from_f64(thickness).expect(finite),
             prestretch: Both::literal(prestretch),
             cells: Both(Raster::PAPER.sides()),
+            frame: None,
+            bodies: None,
         }
     }
 
@@ -155,6 +259,8 @@ impl Geometry {
         Outline {
             membrane: self.membrane(),
             prestretch: self.prestretch.0.each_ref().map(|stretch| stretch.to_f64()),
+            has_frame: self.frame.is_some(),
+            has_bodies: self.bodies.is_some(),
         }
     }
 
@@ -173,5 +279,35 @@ impl Geometry {
             raster: Raster::new(columns, rows).expect("cells are in range"),
             size_mm,
         }
+    }
+
+    /// What its cells are; nothing where all of them are membrane.
+    #[must_use]
+    pub fn parts(&self) -> Option<Arc<Parts>> {
+        // A geometry has been checked.
+        self.read_parts().ok().flatten().map(Arc::new)
+    }
+
+    fn read_parts(&self) -> Result<Option<Parts>, PartsError> {
+        if self.frame.is_none() && self.bodies.is_none() {
+            return Ok(None);
+        }
+        let membrane = self.membrane();
+        let cells = |shape: &Shape| shape.region().cells(membrane);
+        let frame = self.frame.as_ref();
+        let opening = frame.and_then(|frame| frame.opening.as_ref()).map(cells);
+        let held = frame.and_then(|frame| frame.held.as_ref()).into_iter().flatten();
+        let held: Vec<Bits> = held.map(cells).collect();
+        let bodies: Vec<Bits> = self.bodies.iter().flatten().map(|body| cells(&body.shape)).collect();
+        let part = |x: usize, y: usize| {
+            let is_frame =
+                opening.as_ref().is_some_and(|opening| !opening.has(x, y)) || held.iter().any(|held| held.has(x, y));
+            match bodies.iter().position(|body| body.has(x, y)) {
+                _ if is_frame => Part::Frame,
+                Some(body) => Part::Body(body),
+                None => Part::Membrane,
+            }
+        };
+        Parts::new(membrane.raster, bodies.len(), part).map(Some)
     }
 }

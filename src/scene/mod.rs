@@ -6,6 +6,7 @@ mod geometry;
 mod mask;
 mod model;
 mod properties;
+mod shape;
 #[cfg(test)]
 mod tests;
 
@@ -14,7 +15,8 @@ pub use effects::{
     Breakdown, ConstantStrength, Effects, Electrode, HuangStrength, On, PermittivityDecay, PermittivityReference,
     Stiffening, laws,
 };
-pub use geometry::{Both, Geometry, Outline};
+pub use geometry::{Body, Both, Frame, Geometry, Outline};
 pub use mask::{Mask, Point, Size};
 pub use model::{Drive, ElasticModel, Material, Scene, VACUUM_PERMITTIVITY};
 pub use properties::{Branch, Properties};
+pub use shape::{Circle, Disc, Place, Polygon, Rectangle, Shape};

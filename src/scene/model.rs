@@ -2,15 +2,16 @@
 
 use std::f64::consts::TAU;
 use std::path::Path;
+use std::sync::Arc;
 
 use super::effects::{Effects, switched_on};
-use super::geometry::Geometry;
+use super::geometry::{Body, Geometry};
 use super::properties::Properties;
 use crate::base::{
     Canonical, Decimal, Declared, Document, Fields, Frequency, InputError, Map, Node, NodeValue, Parameter, Schema,
     Stress, Time, Voltage, parameters, words,
 };
-use crate::pattern::{Membrane, Symmetries};
+use crate::pattern::{Membrane, Parts, Symmetries};
 
 /// ε₀ in F/m (CODATA 2018).
 pub const VACUUM_PERMITTIVITY: f64 = 8.854_187_812_8e-12;
@@ -223,14 +224,29 @@ impl Scene {
         self.geometry.membrane()
     }
 
-    /// What maps the membrane to itself: all symmetries of the square, or those of a rectangle where it, its cells or its prestretch are one.
+    /// What maps the membrane to itself: of the symmetries of the square, or of those of a rectangle where it, its cells or its prestretch are
+    /// one, those that map frame and bodies to themselves, a body perhaps to one that is pulled alike.
     #[must_use]
     pub fn symmetries(&self) -> Symmetries {
         let (Membrane { raster, size_mm }, [along, across]) = (self.membrane(), self.prestretch());
-        match raster.is_square() && size_mm[0] == size_mm[1] && along == across {
+        let group = match raster.is_square() && size_mm[0] == size_mm[1] && along == across {
             true => Symmetries::SQUARE,
             false => Symmetries::RECTANGLE,
-        }
+        };
+        let Some(parts) = self.parts() else {
+            return group;
+        };
+        let bodies: Vec<&Body> = self.geometry.bodies.iter().flatten().collect();
+        parts.symmetries(group, |g, from, to| {
+            let (from, to) = (bodies[from], bodies[to]);
+            g.apply_vector(from.load_n()) == to.load_n() && from.spring_n_per_m() == to.spring_n_per_m()
+        })
+    }
+
+    /// What the cells of the membrane are; nothing where all of them are membrane.
+    #[must_use]
+    pub fn parts(&self) -> Option<Arc<Parts>> {
+        self.geometry.parts()
     }
 
     /// The side in mm of a square of the area of the prestretched membrane: a length to compare others with.

@@ -99,13 +99,15 @@ fn refuse_other_membranes(stage: &Node, scene: Option<&Node>) -> Result<(), Inpu
     }
 }
 
-const SQUARE: &str = "a square membrane of 50 × 50 cells with equal prestretch";
+const SQUARE: &str = "a square membrane of 50 × 50 cells with equal prestretch, clamped on its edges";
 
 /// What is not as on the source paper's membrane.
 fn other_than_of_paper(outline: &Outline) -> Option<String> {
     let Outline {
         membrane,
         prestretch: [along, across],
+        has_frame,
+        has_bodies,
     } = outline;
     let [width, height] = membrane.size_mm;
     if membrane.raster != Raster::PAPER {
@@ -114,6 +116,10 @@ fn other_than_of_paper(outline: &Outline) -> Option<String> {
         Some(format!("this one has {}", membrane.size_text()))
     } else if along != across {
         Some(format!("this one is stretched by {along} and {across}"))
+    } else if *has_frame {
+        Some("this one has a frame of its own".to_owned())
+    } else if *has_bodies {
+        Some("this one has rigid bodies".to_owned())
     } else {
         None
     }

@@ -26,7 +26,7 @@ pub fn solutions(
         displacement: fields,
         newton_iterations: Some(solved.iter().map(|r| r.simulation.newton_iterations).collect()),
         residual: Some(solved.iter().map(|r| r.simulation.residual).collect()),
-        observations: Observations::of(&solver.observed(effects), scene.membrane().raster, &observed),
+        observations: Observations::of(&solver.observed(effects), scene, &observed),
         meshes: solver.estimates_errors().then(|| meshes(solved.iter().copied())),
         unstable: Unstable {
             rows: rows.select(&unstable),

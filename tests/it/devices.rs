@@ -254,3 +254,101 @@ fn what_does_not_fit_the_membrane_is_said() {
         }
     }
 }
+
+/// A disc frame with a hub, and a loaded body on a spring.
+const DEVICE: &str = "geometry: { side: 50 mm, thickness: 1.0 mm, prestretch: 3, cells: [40, 40],
+  frame: { opening: { disc: { centre: [25 mm, 25 mm], radius: 23 mm } }, held: [{ rectangle: [[23 mm, 30 mm], [27 mm, 34 mm]] }] },
+  bodies: [{ polygon: [[20 mm, 14 mm], [30 mm, 14 mm], [25 mm, 22 mm]], load: [10 mN, 0 N], spring: 2 N/m }] }
+material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
+drive: { voltage: 5 kV }
+effects: {}
+";
+
+#[test]
+fn frames_hold_bodies_move_and_pipelines_keep_both() {
+    let workspace = Workspace::new();
+    workspace.write("scene.yaml", DEVICE);
+    workspace.write("left.csv", &csv([40, 40], |x, _| x < 20));
+    workspace.write("bare.csv", &csv([40, 40], |_, _| false));
+    let ended = workspace.run(&["solve", "scene.yaml", "left.csv", "bare.csv", "-o", "out.h5"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let (shape, displacement) = dataset(&workspace, "out.h5", "displacement");
+    assert_eq!(shape, [2, 41, 41, 2]);
+    let at = |x: usize, y: usize| &displacement[2 * (y * 41 + x)..][..2];
+    // Outside of the disc, and on the hub.
+    for (x, y) in [(1, 1), (39, 2), (20, 26)] {
+        assert_eq!(at(x, y), [0.0, 0.0]);
+    }
+    let (shape, translation) = dataset(&workspace, "out.h5", "body_translation");
+    let (angles, rotation) = dataset(&workspace, "out.h5", "body_rotation");
+    assert_eq!((shape, angles), (vec![2, 1, 2], vec![2, 1]));
+    // The active left half and the load push to the right; the load alone pushes less.
+    assert!(
+        translation[0] > translation[2] && translation[2] > 0.04,
+        "{translation:?}"
+    );
+    // Corners within the body move as it says: two of them tell the rotation.
+    let (low, high) = (at(20, 12), at(20, 16));
+    let turned = (low[0] - high[0]).atan2(1.25 * 4.0 + high[1] - low[1]).to_degrees();
+    assert!((turned - rotation[0]).abs() < 1e-6, "{turned} {rotation:?}");
+    workspace.write("device.yaml", &PIPELINE.replace("disc.csv", "left.csv"));
+    workspace.stages(&["run", "device.yaml"]);
+    assert_eq!(
+        workspace.stages(&["run", "device.yaml"]).with("reused"),
+        ["drawn", "solved"]
+    );
+}
+
+#[test]
+fn what_is_no_device_is_said_where_it_stands() {
+    let workspace = Workspace::new();
+    workspace.write("bare.csv", &csv([20, 20], |_, _| false));
+    let body =
+        |place: &str| format!("bodies: [{{ rectangle: [[8 mm, 8 mm], [12 mm, 12 mm]] }}, {{ rectangle: {place} }}]");
+    for (device, line, says) in [
+        ("frame: { }", 2, "`frame` holds nothing"),
+        (
+            "frame: { held: [{ rectangle: [[0, 0], [20, 20]] }] }",
+            2,
+            "no cell of the membrane is left free",
+        ),
+        (
+            "frame: { opening: { disc: { centre: [50, 50], radius: 1 } } }",
+            2,
+            "no cell of the membrane is left free",
+        ),
+        ("frame: { opening: { } }", 2, "a shape is one of"),
+        (
+            "frame: { opening: { disc: { centre: [5, 5], radius: 1 }, rectangle: [[0, 0], [1, 1]] } }",
+            2,
+            "a shape is one of",
+        ),
+        (&body("[[2 mm, 2 mm], [2.1 mm, 2.1 mm]]"), 2, "body 1 covers no cell"),
+        (&body("[[0 mm, 2 mm], [4 mm, 6 mm]]"), 2, "body 1 touches the frame"),
+        (&body("[[0 mm, 0 mm], [20 mm, 20 mm]]"), 2, "body 1 touches the frame"),
+        (&body("[[12 mm, 12 mm], [14 mm, 14 mm]]"), 2, "bodies 0 and 1 touch"),
+        ("bodies: [{ load: [1 N, 0 N] }]", 2, "a shape is one of"),
+        (
+            "bodies: [{ disc: { centre: [10, 10], radius: 2 }, load: [1 V, 0 N] }]",
+            2,
+            "unknown unit",
+        ),
+        ("bodies: []", 2, "is empty"),
+    ] {
+        workspace.write(
+            "scene.yaml",
+            &format!(
+                "geometry: {{ side: 20 mm, thickness: 1.0 mm, prestretch: 3, cells: 20,\n  {device} }}\n{}",
+                SCENE.split_once('\n').unwrap().1
+            ),
+        );
+        let ended = workspace.run(&["solve", "scene.yaml", "bare.csv", "-o", "x.h5"]);
+        assert_eq!(ended.code, Some(2), "{device}: {}", ended.stderr);
+        let place = format!("scene.yaml:{line}:");
+        assert!(
+            ended.stderr.contains(says) && ended.stderr.contains(&place),
+            "{device}: {}",
+            ended.stderr
+        );
+    }
+}

@@ -34,7 +34,9 @@ mod quantities;
 mod tests;
 mod values;
 
-pub use quantities::{Angle, Density, ElectricField, Frequency, Length, Resistance, Seed, Stress, Time, Voltage};
+pub use quantities::{
+    Angle, Density, ElectricField, Force, Frequency, Length, Resistance, Seed, SpringRate, Stress, Time, Voltage,
+};
 
 use super::canonical::Canonical;
 use super::document::{InputError, Map, Node};

@@ -91,6 +91,10 @@ quantities! {
     Density: Density,
     /// An electric resistance, base unit Ohm.
     Resistance: Resistance,
+    /// A force, base unit N.
+    Force: Force,
+    /// The stiffness of a spring, base unit N/m.
+    SpringRate: SpringRate,
 }
 
 /// What names the random numbers of a stage.

@@ -2,7 +2,7 @@
 
 use super::morphology::opened;
 use super::raster::RasterConstraints;
-use crate::pattern::{Bits, Membrane, Raster};
+use crate::pattern::{Bits, Membrane, Raster, Region};
 
 /// Widths within this part of a cell are equal: rounding must not widen a feature by a cell.
 const RESOLUTION: f64 = 1e-9;
@@ -35,20 +35,6 @@ pub struct Sides {
     pub bottom: bool,
     /// y = the side of the membrane.
     pub top: bool,
-}
-
-/// A part of the membrane in mm from its lower left corner.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Region {
-    /// Two opposite corners; the borders belong to it.
-    Rectangle([[f64; 2]; 2]),
-    /// The border belongs to it.
-    Disc {
-        /// Its centre.
-        centre: [f64; 2],
-        /// Its radius.
-        radius: f64,
-    },
 }
 
 /// Constraints that no pattern can keep, or that are none.
@@ -147,23 +133,6 @@ impl Sides {
             "bottom" => y == 0,
             _ => y == last[1],
         })
-    }
-}
-
-impl Region {
-    fn holds(&self, [x, y]: [f64; 2]) -> bool {
-        match self {
-            Self::Rectangle([[a, b], [c, d]]) => {
-                (a.min(*c)..=a.max(*c)).contains(&x) && (b.min(*d)..=b.max(*d)).contains(&y)
-            }
-            Self::Disc { centre, radius } => (x - centre[0]).hypot(y - centre[1]) <= *radius,
-        }
-    }
-
-    /// The cells of a membrane with their centre in it.
-    #[must_use]
-    pub fn cells(&self, membrane: Membrane) -> Bits {
-        Bits::from_fn(membrane.raster, |x, y| self.holds(membrane.centre_mm(x, y)))
     }
 }
 

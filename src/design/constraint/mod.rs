@@ -15,7 +15,7 @@ mod violations;
 #[cfg(test)]
 mod tests;
 
-pub use limits::{ConstraintError, Limits, Region, Sides};
+pub use limits::{ConstraintError, Limits, Sides};
 pub use parameters::ConstraintParameters;
 pub use violations::Violations;
 

@@ -2,24 +2,19 @@
 
 use std::fmt;
 
-use super::{ConstraintError, Constraints, Limits, Region, Sides};
+use super::{ConstraintError, Constraints, Limits, Sides};
 use crate::base::{
     Canonical, Decimal, Declared, InputError, Length, Map, Node, NodeValue, Parameter, Schema, parameters,
 };
 use crate::design::text::{flow_mapping, flow_value};
 use crate::pattern::Membrane;
+use crate::scene::Shape;
 
 /// No pattern has more islands: every other cell.
 const MOST_ISLANDS: u64 = 1250;
 
-/// Largest coordinate in mm.
-const FARTHEST: f64 = 1e4;
-
 /// Smallest and largest length in mm.
 const LENGTHS: std::ops::RangeInclusive<f64> = 1e-6..=1e4;
-
-/// A place on the membrane.
-type Place = [Length; 2];
 
 parameters! {
     /// What designs must keep to.
@@ -37,39 +32,6 @@ parameters! {
         /// How many times the voltage is below that of pull-in.
         pull_in_margin: Option<Decimal> [1.0..=1e3],
     }
-}
-
-parameters! {
-    /// A rectangle.
-    struct Rectangle as "a region of `keep_out`" {
-        /// Two opposite corners, such as [[0 mm, 0 mm], [5 mm, 5 mm]].
-        rectangle: [Place; 2] [-FARTHEST..=FARTHEST],
-    }
-}
-
-parameters! {
-    /// A disc.
-    struct Disc as "a region of `keep_out`" {
-        /// Its centre and radius.
-        disc: Circle,
-    }
-}
-
-parameters! {
-    /// A circle.
-    struct Circle as "`disc`" {
-        /// Its centre, such as [25 mm, 25 mm].
-        centre: Place [-FARTHEST..=FARTHEST],
-        /// Its radius.
-        radius: Length [LENGTHS],
-    }
-}
-
-/// A region that is kept out.
-#[derive(Clone, Debug, PartialEq, Eq)]
-enum Shape {
-    Rectangle(Rectangle),
-    Disc(Disc),
 }
 
 /// All regions that are kept out, in the order in which they are written.
@@ -171,55 +133,6 @@ impl Written {
             breakdown_margin: self.breakdown_margin.map(Decimal::to_f64),
             pull_in_margin: self.pull_in_margin.map(Decimal::to_f64),
         }
-    }
-}
-
-impl Shape {
-    fn region(&self) -> Region {
-        let place = |place: &Place| place.each_ref().map(|c| c.value());
-        match self {
-            Self::Rectangle(Rectangle { rectangle }) => Region::Rectangle(rectangle.each_ref().map(place)),
-            Self::Disc(Disc { disc }) => Region::Disc {
-                centre: place(&disc.centre),
-                radius: disc.radius.value(),
-            },
-        }
-    }
-}
-
-impl Parameter for Shape {
-    type Limits = ();
-    type Literal = Self;
-
-    fn read(node: &Node, _key: &str, (): &()) -> Result<Self, InputError> {
-        match (node.peek("rectangle").is_some(), node.peek("disc").is_some()) {
-            (true, false) => Rectangle::read_with(node, &[]).map(Self::Rectangle),
-            (false, true) => Disc::read_with(node, &[]).map(Self::Disc),
-            _ => {
-                node.fields(Rectangle::WHAT, &["rectangle", "disc"])?;
-                Err(node
-                    .error("a region of `keep_out` is either a `rectangle` or a `disc`")
-                    .help(
-                        "for example { rectangle: [[0 mm, 0 mm], [5 mm, 5 mm]] } or { disc: { centre: [25 mm, 25 mm], \
-                         radius: 3 mm } }",
-                    ))
-            }
-        }
-    }
-
-    fn canonical(&self) -> Option<Canonical> {
-        Some(match self {
-            Self::Rectangle(shape) => shape.to_canonical(),
-            Self::Disc(shape) => shape.to_canonical(),
-        })
-    }
-
-    fn schema((): &()) -> Schema {
-        Schema::any_of([Rectangle::schema(&()), Disc::schema(&())])
-    }
-
-    fn literal(literal: Self) -> Self {
-        literal
     }
 }
 
@@ -402,7 +315,7 @@ mod tests {
             ("{ leads: [lefft] }", "`leads` cannot be \"lefft\""),
             ("{ leads: [] }", "names no side"),
             ("{ keep_out: [{ square: 1 }] }", "unknown key `square`"),
-            ("{ keep_out: [{}] }", "either a `rectangle` or a `disc`"),
+            ("{ keep_out: [{}] }", "one of a `rectangle`, a `disc` and a `polygon`"),
             (
                 "{ keep_out: [{ rectangle: [[0, 0]] }] }",
                 "`rectangle` must have two values",

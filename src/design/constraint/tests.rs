@@ -1,7 +1,7 @@
 use super::morphology::components;
 use super::*;
 use crate::base::Stream;
-use crate::pattern::Raster;
+use crate::pattern::{Raster, Region};
 
 const MEMBRANE: Membrane = Membrane::square(50.0);
 

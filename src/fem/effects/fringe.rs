@@ -24,7 +24,7 @@ use crate::scene::effects::names;
 use crate::scene::{Effects, On, Scene};
 
 /// How far edges move.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Fringe {
     /// Along x and y in units of a cell's sides, at most a half.
     shift: [f64; 2],
@@ -57,7 +57,7 @@ impl Fringe {
 
     /// The dilated pattern on a grid of [`Fringe::grid`].
     #[must_use]
-    pub fn activity(&self, grid: Grid, pattern: &Pattern) -> Activity {
+    pub fn activity(&self, grid: &Grid, pattern: &Pattern) -> Activity {
         let (per_cell, raster) = (grid.per_cell(), pattern.raster());
         let strips = self.shift.map(|shift| shift.max(THINNEST));
         // A strip that is too thin for an element is a thin one that is active in part.
@@ -150,7 +150,7 @@ mod tests {
     /// The areas of elements that are active, in cells.
     fn areas(fringe: &Fringe, per_cell: usize, pattern: &Pattern) -> Vec<f64> {
         let grid = fringe.grid(Mesh::bilinear(per_cell));
-        let activity = fringe.activity(grid, pattern);
+        let activity = fringe.activity(&grid, pattern);
         let [m, n] = grid.per_cell();
         let elements = grid.layout().each_element();
         elements

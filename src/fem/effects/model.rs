@@ -82,7 +82,7 @@ impl Model {
             fringe: effects.fringe_field.as_ref().map(|_| Fringe::new(scene)).transpose()?,
             wrinkles: effects.wrinkling.is_some(),
         };
-        let [is_finite, is_elliptic] = model.with(AtRest(sheet.distortion())).map(|margin| margin > 0.0);
+        let [is_finite, is_elliptic] = model.with(AtRest(model.sheet.distortion())).map(|margin| margin > 0.0);
         match (is_finite, is_elliptic) {
             (true, true) => Ok(model),
             (true, false) => Err(SetupError::UnstableAtRest),
@@ -135,7 +135,7 @@ impl Model {
 
     /// Where a pattern is active; with a fringe field on a grid of [`Model::grid`].
     #[must_use]
-    pub fn activity(&self, grid: Grid, pattern: &Pattern) -> Activity {
+    pub fn activity(&self, grid: &Grid, pattern: &Pattern) -> Activity {
         match &self.fringe {
             None => Activity::new(grid, pattern),
             Some(fringe) => fringe.activity(grid, pattern),

@@ -11,7 +11,7 @@ use crate::fem::continuation::Problem;
 use crate::fem::direct::{Factorisation, Structure};
 use crate::fem::eigenvalue::{Eigenpair, dot, smallest};
 use crate::fem::energy::Material;
-use crate::fem::newton::norm;
+use crate::fem::newton::{Workspace, norm};
 use crate::fem::operator::Operator;
 use crate::fem::stability::LOOSE;
 
@@ -100,7 +100,7 @@ impl<'a, L: Material, F: Fn(f64) -> L> Curve<'a, F> {
     pub fn new(problem: &'a Problem<'a, F>) -> Option<Self> {
         let material = (problem.material)(1.0);
         let unit = 0.5 * material.largest_load() / material.load();
-        let structure = Structure::new(problem.activity.grid().layout())?;
+        let structure = Structure::new(problem.activity.grid())?;
         let mut curve = Self {
             problem,
             structure,
@@ -136,7 +136,10 @@ impl<'a, L: Material, F: Fn(f64) -> L> Curve<'a, F> {
 
     /// The state at rest, from where the load can only rise.
     pub fn rest(&self) -> Option<Station> {
-        self.station(vec![0.0; self.problem.activity.grid().layout().vector_len()], 0.0, None)
+        let mut u = vec![0.0; self.problem.activity.grid().layout().vector_len()];
+        let mut workspace = Workspace::new(u.len(), self.problem.laplacian);
+        self.problem.rest(&mut u, &mut workspace).ok()?;
+        self.station(u, 0.0, None)
     }
 
     /// The smallest eigenvalue of a state, from that of a neighbour.
@@ -164,6 +167,8 @@ impl<'a, L: Material, F: Fn(f64) -> L> Curve<'a, F> {
         let Tangent { u: along, share: rise } = &from.tangent;
         let mut u: Vec<f64> = from.u.iter().zip(along).map(|(u, t)| u + arc * t).collect();
         let mut share = from.share + arc * rise;
+        let grid = self.problem.activity.grid();
+        grid.settle(&mut u);
         let mut refreshed: Option<(Factorisation, Vec<f64>)> = None;
         let (mut last, mut renewals) = (f64::INFINITY, 0);
         for _ in 0..MAX_ITERATIONS {
@@ -193,6 +198,7 @@ impl<'a, L: Material, F: Fn(f64) -> L> Curve<'a, F> {
             let shift = self.product(&back, 0.0, along, 0.0) / self.product(slope, 1.0, along, *rise);
             let changes = back.iter().zip(slope).map(|(b, s)| shift * s - b);
             u.iter_mut().zip(changes).for_each(|(u, change)| *u += change);
+            grid.settle(&mut u);
             share += shift;
         }
         None
@@ -244,6 +250,7 @@ impl<'a, L: Material, F: Fn(f64) -> L> Curve<'a, F> {
         work(&Operator {
             material: &material,
             activity: self.problem.activity,
+            pulled: 1.0,
         })
     }
 

@@ -137,7 +137,7 @@ impl MembraneSolver {
         let (model, voltage) = self.driven().ok()?;
         model.with(Follow {
             solver: self,
-            activity: &model.activity(self.grid, pattern),
+            activity: &model.activity(&self.grid, pattern),
             voltage,
         })
     }

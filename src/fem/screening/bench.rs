@@ -83,7 +83,7 @@ impl Bench {
     pub fn prepare(&mut self, current: &Scene, other: &Scene) -> Result<Side, SetupError> {
         let grid = elements([current, other])?;
         if self.current.as_ref().is_none_or(|side| side.solver.grid != grid) {
-            self.current = Some(self.solve(current, grid)?);
+            self.current = Some(self.solve(current, grid.clone())?);
         }
         self.solve(other, grid)
     }
@@ -151,7 +151,7 @@ fn displacement(
     let mut work = 0;
     let mut at = |side: &Side| {
         let scene = side.solver.scene.at_voltage(voltage);
-        let solver = MembraneSolver::on_grid(&scene, OPTIONS, side.solver.grid)?;
+        let solver = MembraneSolver::on_grid(&scene, OPTIONS, side.solver.grid.clone())?;
         let solution = solver.solve_within(pattern, limit);
         work += solution.work;
         Ok(solution.outcome.is_converged().then(|| solver.field(&solution)))

@@ -80,24 +80,25 @@ fn manufactured(x: f64, y: f64) -> ([f64; 2], [[f64; 2]; 2]) {
 fn rayleigh_quotient(mesh: Mesh, material: &NeoHookean) -> f64 {
     let grid = Grid::paper(mesh);
     use std::f64::consts::PI;
-    let activity = Activity::from_shares(grid, |_, _| 1.0);
+    let activity = Activity::from_shares(&grid, |_, _| 1.0);
     let operator = Operator {
         material,
         activity: &activity,
+        pulled: 1.0,
     };
     let (mut mode, mut image) = (
         vec![0.0; grid.layout().vector_len()],
         vec![0.0; grid.layout().vector_len()],
     );
     let last = (grid.layout().nodes()[0] - 1) as f64;
-    for (row, column) in places(grid) {
+    for (row, column) in places(&grid) {
         mode[grid.layout().index(0, column, row)] = (PI * column as f64 / last).sin() * (PI * row as f64 / last).sin();
     }
     grid.layout().clear_frame(&mut mode);
     operator.tangent(&vec![0.0; grid.layout().vector_len()], &mode, &mut image);
     let stiffness: f64 = mode.iter().zip(&image).map(|(u, f)| u * f).sum();
     let mut mass = 0.0;
-    each_point(grid, |_, weight, shapes| {
+    each_point(&grid, |_, weight, shapes| {
         let value: f64 = shapes
             .iter()
             .map(|s| s.2 * mode[grid.layout().index(0, s.0, s.1)])
@@ -125,16 +126,17 @@ fn the_lowest_mode_about_rest_has_the_closed_form_frequency() {
 fn manufactured_error(mesh: Mesh, sheet: &Sheet) -> f64 {
     let grid = Grid::uniform(mesh, sheet);
     let material = NeoHookean::new(2.0, 0.05);
-    let activity = Activity::new(grid, &Pattern::from_fn(sheet.raster(), |_, _| true));
+    let activity = Activity::new(&grid, &Pattern::from_fn(sheet.raster(), |_, _| true));
     // The root of the area, and the sides, in units of displacements.
     let [width, height] = sheet.membrane.size_mm.map(|side| side / grid.unit_mm());
     let (length, rest) = ((width * height).sqrt(), grid.rest());
     let operator = Operator {
         material: &material,
         activity: &activity,
+        pulled: 1.0,
     };
     let mut load = vec![0.0; grid.layout().vector_len()];
-    each_point(grid, |place, weight, shapes| {
+    each_point(&grid, |place, weight, shapes| {
         let (_, [[a, b], [c, d]]) = manufactured(place[0], place[1]);
         let (x, y) = (length / width * rest[0], length / height * rest[1]);
         let gradient = [[a * x + rest[0] - 1.0, b * y], [c * x, d * y + rest[1] - 1.0]];
@@ -150,7 +152,7 @@ fn manufactured_error(mesh: Mesh, sheet: &Sheet) -> f64 {
     let mut u = vec![0.0; grid.layout().vector_len()];
     newton_by_factors(&operator, &load, &mut u);
     let mut error = 0.0;
-    each_point(grid, |place, weight, shapes| {
+    each_point(&grid, |place, weight, shapes| {
         let (exact, _) = manufactured(place[0], place[1]);
         for c in 0..2 {
             let value: f64 = shapes.iter().map(|s| s.2 * u[grid.layout().index(c, s.0, s.1)]).sum();
@@ -164,7 +166,7 @@ fn manufactured_error(mesh: Mesh, sheet: &Sheet) -> f64 {
 type Shape = (usize, usize, f64, [f64; 2]);
 
 /// Calls `visit` with place, weight and basis functions at the points of a 5 × 5 Gauss rule on each element.
-fn each_point(grid: Grid, mut visit: impl FnMut([f64; 2], f64, &[Shape])) {
+fn each_point(grid: &Grid, mut visit: impl FnMut([f64; 2], f64, &[Shape])) {
     // Abramowitz and Stegun, table 25.4, n = 5, on [−1, 1].
     let rule = [
         (0.0, 0.568_888_888_888_888_9),

@@ -5,15 +5,18 @@ use crate::fem::element::{Bilinear, Biquadratic, Element};
 
 #[test]
 fn residual_and_tangent_are_derivatives_of_the_energy() {
-    for (sheet, order) in sheets().flat_map(|sheet| [Order::Bilinear, Order::Biquadratic].map(|order| (sheet, order))) {
+    for (sheet, order) in
+        sheets().flat_map(|sheet| [Order::Bilinear, Order::Biquadratic].map(|order| (sheet.clone(), order)))
+    {
         let grid = Grid::uniform(Mesh::new(1, order), &sheet);
         let layout = grid.layout();
         let (kappa, [along, across]) = (0.0255, sheet.prestretch);
         let material = NeoHookean::new((along * across).sqrt(), kappa);
-        let activity = Activity::new(grid, &random_on(sheet.raster(), 4));
+        let activity = Activity::new(&grid, &random_on(sheet.raster(), 4));
         let operator = Operator {
             material: &material,
             activity: &activity,
+            pulled: 1.0,
         };
         let wave = |phase: f64, size: f64| {
             let mut v: Vec<f64> = (0..layout.vector_len())
@@ -50,6 +53,7 @@ fn residual_and_tangent_are_derivatives_of_the_energy() {
         let operator = Operator {
             material,
             activity: &activity,
+            pulled: 1.0,
         };
         operator.residual(&zero, &mut r);
         assert!(r.iter().all(|force| force.abs() <= operator.rounding()));
@@ -58,7 +62,7 @@ fn residual_and_tangent_are_derivatives_of_the_energy() {
 
 /// The total energy as the theory states it, ∫ W(FΛ) dX/(λ₁λ₂) with W = ½(tr FᵀF + J⁻² − 3) − ½κJ² where there is an electrode, in units of
 /// μH and the area of an element.
-fn energy(sheet: &Sheet, activity: &Activity, kappa: f64, u: &[f64]) -> f64 {
+pub fn energy(sheet: &Sheet, activity: &Activity, kappa: f64, u: &[f64]) -> f64 {
     match activity.grid().order() {
         Order::Bilinear => energy_of::<Bilinear, 4>(sheet, activity, kappa, u),
         Order::Biquadratic => energy_of::<Biquadratic, 9>(sheet, activity, kappa, u),
@@ -98,13 +102,14 @@ fn affine_displacements_of_a_uniform_membrane_are_in_equilibrium() {
     for order in [Order::Bilinear, Order::Biquadratic] {
         let grid = Grid::paper(Mesh::new(1, order));
         let material = NeoHookean::new(2.0, 0.05);
-        let activity = Activity::new(grid, &Pattern::from_fn(Raster::PAPER, |_, _| true));
+        let activity = Activity::new(&grid, &Pattern::from_fn(Raster::PAPER, |_, _| true));
         let operator = Operator {
             material: &material,
             activity: &activity,
+            pulled: 1.0,
         };
         let mut u = vec![0.0; grid.layout().vector_len()];
-        for (row, column) in places(grid) {
+        for (row, column) in places(&grid) {
             let (x, y) = (column as f64, row as f64);
             u[grid.layout().index(0, column, row)] = 0.07 * x + 0.03 * y;
             u[grid.layout().index(1, column, row)] = -0.02 * x + 0.05 * y;
@@ -120,12 +125,13 @@ fn conjugate_gradients_and_factors_find_the_same_solution() {
     let scene = Scene::vhb4910();
     let grid = Grid::paper(Mesh::new(1, Order::Bilinear));
     let material = NeoHookean::new(scene.mean_prestretch(), scene.kappa());
-    let activity = Activity::new(grid, &random(5));
+    let activity = Activity::new(&grid, &random(5));
     let mut u = vec![0.0; grid.layout().vector_len()];
     newton_by_factors(
         &Operator {
             material: &material,
             activity: &activity,
+            pulled: 1.0,
         },
         &vec![0.0; grid.layout().vector_len()],
         &mut u,

@@ -118,7 +118,7 @@ fn results_with_effects_follow_the_symmetries_of_the_square() {
 fn strip(grid: Grid, e: f64) -> Vec<f64> {
     let (last, degree) = (grid.layout().nodes()[0] - 1, grid.order().degree() as f64);
     let mut u = vec![0.0; grid.layout().vector_len()];
-    for (row, column) in places(grid) {
+    for (row, column) in places(&grid) {
         u[grid.layout().index(0, column, row)] = e * column.min(last - column) as f64 / degree;
     }
     u
@@ -144,10 +144,11 @@ impl PointWork for StripResidual {
     type Output = f64;
     fn run<L: Material>(self, material: &L) -> f64 {
         let grid = Grid::paper(Mesh::new(1, Order::Biquadratic));
-        let activity = Activity::new(grid, &half());
+        let activity = Activity::new(&grid, &half());
         let operator = Operator {
             material,
             activity: &activity,
+            pulled: 1.0,
         };
         let mut residual = vec![0.0; grid.layout().vector_len()];
         operator.residual(&strip(grid, self.0), &mut residual);
@@ -286,7 +287,7 @@ fn states_of_cells_are_the_closed_forms_at_any_deformation() {
     let mesh = Mesh::new(1, Order::Bilinear);
     let grid = Grid::paper(mesh);
     let mut u = vec![0.0; grid.layout().vector_len()];
-    for (row, column) in places(grid) {
+    for (row, column) in places(&grid) {
         let (x, y) = (column as f64, row as f64);
         u[grid.layout().index(0, column, row)] = 0.12 * x + 0.07 * y;
         u[grid.layout().index(1, column, row)] = -0.11 * x - 0.07 * y;

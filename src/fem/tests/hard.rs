@@ -53,6 +53,7 @@ fn check(scene: &Scene, pattern: &Pattern) -> Result<Outcome, String> {
     let operator = Operator {
         material: &material,
         activity: &Activity::new(grid, pattern),
+        pulled: 1.0,
     };
     let (mut rest, mut force) = (
         vec![0.0; grid.layout().vector_len()],

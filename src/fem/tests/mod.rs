@@ -1,6 +1,7 @@
 //! Cases with known answers. H-numbers are those of the theory page; closed forms are restated where they are used.
 
 mod convergence;
+mod devices;
 mod discrete;
 mod effects;
 mod fringe;
@@ -21,6 +22,7 @@ use super::grid::Grid;
 use super::newton::norm;
 use super::operator::{Activity, Operator};
 use super::sheet::Sheet;
+use super::supports::Pose;
 use super::*;
 use crate::base::Stream;
 use crate::field::{CORNERS, Field, Mesh, Order, Outcome, Simulator};
@@ -50,6 +52,7 @@ fn sheets() -> impl Iterator<Item = Sheet> {
             size_mm,
         },
         prestretch,
+        ..Sheet::paper()
     };
     [
         Sheet::paper(),
@@ -83,7 +86,7 @@ fn soft(voltage: f64) -> Scene {
     Scene::with_values(50.0, 1.0, 3.0, 25e3, 4.7, voltage)
 }
 
-fn places(grid: Grid) -> impl Iterator<Item = (usize, usize)> {
+fn places(grid: &Grid) -> impl Iterator<Item = (usize, usize)> {
     let [columns, rows] = grid.layout().nodes();
     (0..columns * rows).map(move |i| (i / columns, i % columns))
 }
@@ -99,6 +102,7 @@ fn newton_by_factors<L: Material>(operator: &Operator<'_, L>, load: &[f64], u: &
         }
         let step = Factorisation::new(operator, u).unwrap().solve(&r);
         u.iter_mut().zip(step).for_each(|(u, s)| *u -= s);
+        operator.activity.grid().settle(u);
     }
     panic!("residual {:e}", norm(&r));
 }

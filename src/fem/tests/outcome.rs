@@ -77,13 +77,14 @@ fn every_scene_ends_with_a_field_or_a_reason() {
 fn the_inertia_counts_the_unstable_modes() {
     // H12: at u = 0 the uniform active membrane is stable below κ = 0.334018500209², and unstable in every mode above.
     let grid = Grid::paper(Mesh::new(1, Order::Bilinear));
-    let activity = Activity::new(grid, &Pattern::from_fn(Raster::PAPER, |_, _| true));
+    let activity = Activity::new(&grid, &Pattern::from_fn(Raster::PAPER, |_, _| true));
     let u = vec![0.0; grid.layout().vector_len()];
     let negative = |kappa: f64| {
         let material = NeoHookean::new(3.0, kappa);
         let operator = Operator {
             material: &material,
             activity: &activity,
+            pulled: 1.0,
         };
         Factorisation::new(&operator, &u).unwrap().negative_pivots()
     };

@@ -220,10 +220,10 @@ impl Material for Stiffening {
 
 fn with_stiffening<R>(work: impl FnOnce(&Problem<'_, fn(f64) -> Stiffening>) -> R) -> R {
     let grid = Grid::paper(Mesh::new(1, Order::Bilinear));
-    let activity = Activity::new(grid, &disc(1.0));
+    let activity = Activity::new(&grid, &disc(1.0));
     let problem = Problem {
         activity: &activity,
-        laplacian: &Laplacian::new(grid).unwrap(),
+        laplacian: &Laplacian::new(&grid).unwrap(),
         material: Stiffening::new as fn(f64) -> Stiffening,
         tolerance: 1e-10,
     };
@@ -245,6 +245,7 @@ fn a_stiffening_membrane_snaps_to_another_stable_branch() {
             let operator = Operator {
                 material: &material,
                 activity: problem.activity,
+                pulled: 1.0,
             };
             let mut force = vec![0.0; mark.u.len()];
             assert!(operator.residual(&mark.u, &mut force) > 0.0);

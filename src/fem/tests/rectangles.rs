@@ -56,10 +56,11 @@ fn the_strip_has_the_closed_form_displacement_and_stress() {
             let material = NeoHookean::new(scene.mean_prestretch(), scene.kappa());
             let operator = Operator {
                 material: &material,
-                activity: &Activity::new(grid, &pattern),
+                activity: &Activity::new(&grid, &pattern),
+                pulled: 1.0,
             };
             let mut u = vec![0.0; layout.vector_len()];
-            for (row, column) in places(grid) {
+            for (row, column) in places(&grid) {
                 let inside = (1..columns - 1).contains(&column) && (1..rows - 1).contains(&row);
                 let share = column.min(columns - 1 - column) as f64 / ((columns - 1) / 2) as f64;
                 let wave = if inside {
@@ -165,6 +166,7 @@ fn the_gradient_of_a_displacement_agrees_with_differences() {
             let operator = Operator {
                 material: &material,
                 activity: &Activity::from_shares(grid, share),
+                pulled: 1.0,
             };
             let mut u = solution.displacement.clone();
             newton_by_factors(&operator, &vec![0.0; u.len()], &mut u);

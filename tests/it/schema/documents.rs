@@ -106,7 +106,8 @@ stages:
     { point: [38, 25], direction: -90 }], measure: displacement } }
   wanted: { kind: design, case: 'IV, 1 mm', evaluator: linear, seed: 9, designs: 3, distance: 0.05, refine: true, units: 50, area_tolerance: 0.01,
     area: free, constraints: { min_feature: 2 mm, islands: 2, leads: [left, top], pull_in_margin: 1.2,
-      keep_out: [{ rectangle: [[0 mm, 0 mm], [5 mm, 5 mm]] }, { disc: { centre: [25 mm, 25 mm], radius: 3 mm } }] },
+      keep_out: [{ rectangle: [[0 mm, 0 mm], [5 mm, 5 mm]] }, { disc: { centre: [25 mm, 25 mm], radius: 3 mm } },
+        { polygon: [[20 mm, 45 mm], [22 mm, 45 mm], [22 mm, 47 mm]] }] },
     targets: [{ name: one, objective: { point: [25, 25], direction: 0, value: 1 mm, weight: 2 } },
       { name: two, area: 0.3, objective: { points: [{ point: [20, 20], displacement: [0.1, 0.2], weight: 2 }] } },
       { name: three, area: free, objective: { point: [20, 20], displacement: [0.1, 0.2], measure: distance } },
@@ -137,9 +138,16 @@ stages:
   drawn: { foreach: { family: [blobs, curves] }, kind: sample, family: '${family}', count: 2, area: 0.5, seed: 1 }
 ";
 
-const GEOMETRIES: [&str; 2] = [
+const GEOMETRIES: [&str; 5] = [
     "{ side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50 }",
     "{ size: [60 mm, 30 mm], thickness: 1.0 mm, prestretch: [3.0, 4], cells: [120, 60] }",
+    "{ side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50, frame: { opening: { disc: { centre: [25 mm, 25 mm], radius: 24 mm } },
+      held: [{ rectangle: [[24 mm, 24 mm], [26 mm, 26 mm]] }, { disc: { centre: [25 mm, 25 mm], radius: 1 mm } },
+      { polygon: [[25 mm, 25 mm], [27 mm, 25 mm], [25 mm, 27 mm]] }] },
+      bodies: [{ rectangle: [[10 mm, 20 mm], [16 mm, 26 mm]], load: [0.01 N, 0 N], spring: 2 N/m },
+      { disc: { centre: [35 mm, 25 mm], radius: 4 mm } }, { polygon: [[20 mm, 10 mm], [30 mm, 10 mm], [25 mm, 16 mm]] }] }",
+    "{ side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50, frame: { opening: { rectangle: [[5 mm, 5 mm], [45 mm, 40 mm]] } } }",
+    "{ side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50, frame: { opening: { polygon: [[0 mm, 0 mm], [50 mm, 0 mm], [25 mm, 50 mm]] } } }",
 ];
 
 const BASE: &str = "

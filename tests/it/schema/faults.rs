@@ -24,7 +24,7 @@ pub struct Fault {
 }
 
 /// What a reader refuses for its meaning and no schema can: what was said, in part.
-pub const BEYOND: [&str; 21] = [
+pub const BEYOND: [&str; 23] = [
     // Names of other stages, and what those are.
     "no stage is named",
     "stage needs",
@@ -42,6 +42,9 @@ pub const BEYOND: [&str; 21] = [
     "an area fraction lies above 0",
     "the range",
     "units across the membrane",
+    // What is no device.
+    "covers no cell",
+    "touches the frame",
     // What is wanted of a design, and what it must keep to.
     "does not know at which field",
     "it does not exist",

@@ -3,8 +3,9 @@
 use std::sync::Mutex;
 
 use super::*;
-use crate::design::{Limits, Region, Sides};
+use crate::design::{Limits, Sides};
 use crate::pattern::Membrane;
+use crate::pattern::Region;
 
 fn wanted() -> Constraints {
     let limits = Limits {

@@ -1,0 +1,244 @@
+//! The inverse Laplacian of a membrane with frames and bodies, from that of the rectangle around it: the capacitance-matrix method (Buzbee,
+//! Dorr, George and Golub, SIAM J. Numer. Anal. 8 (1971) 722; Proskurowski and Widlund, Math. Comp. 30 (1976) 433).
+//!
+//! With the inverse A⁻¹ of the rectangle's Laplacian the solution is A⁻¹(r + s), with forces s on the nodes of frames and bodies that share an
+//! element with free ones, such that it vanishes there on frames, is rigid on bodies, and s balances the force on each body. S, the inverse
+//! restricted to those nodes, is dense and small; its own inverse is kept. Inside frames and bodies the solution is then what it should be,
+//! because zero and rigid motions are harmonic. The iterations of conjugate gradients are those of the rectangle. Of the first solution only
+//! the values on those few nodes are wanted, which sums over its modes give, so that a solve takes little more than one on the rectangle.
+
+use std::sync::Arc;
+
+use faer::linalg::solvers::{DenseSolveCore, Llt};
+use faer::{Mat, Side};
+
+use super::krylov::dot;
+use super::precondition::{ModalNodes, Rectangle, RectangleScratch};
+use super::supports::{Pose, RigidNodes, Supports};
+
+/// Nodes beyond which S is not kept, which takes 10 MB of numbers and a second: the solution on the rectangle is then restricted to what frames
+/// and bodies allow.
+const MOST: usize = 1600;
+
+/// How the inverse of the rectangle is made that of the membrane.
+pub(super) struct Capacitance {
+    supports: Arc<Supports>,
+    correction: Option<Correction>,
+}
+
+/// Room for [`Capacitance::solve`].
+pub(super) struct CapacitanceScratch {
+    force: Vec<f32>,
+    /// Of each component, on the nodes of S: the values of the first solution, then the forces on them.
+    values: [Vec<f32>; 2],
+    /// S⁻¹ of the values.
+    images: [Vec<f32>; 2],
+}
+
+/// S⁻¹, and what of it bodies see.
+struct Correction {
+    /// The nodes of frames, then those of each body.
+    nodes: ModalNodes,
+    /// `[node][node]`.
+    inverse: Vec<f32>,
+    /// S⁻¹ of 1, X and Y on the nodes of each body, `[body][function][node]`.
+    rigid: Vec<[Vec<f64>; 3]>,
+    /// Where the nodes of each body begin.
+    starts: Vec<usize>,
+}
+
+impl Capacitance {
+    pub(super) fn new(supports: Arc<Supports>, rectangle: &Rectangle) -> Self {
+        let correction = Correction::new(&supports, rectangle);
+        Self { supports, correction }
+    }
+
+    pub(super) fn scratch(&self) -> CapacitanceScratch {
+        let nodes = self.correction.as_ref().map_or(0, |correction| correction.count());
+        let zero = || [vec![0.0; nodes], vec![0.0; nodes]];
+        CapacitanceScratch {
+            force: vec![0.0; 2 * self.supports.plane()],
+            values: zero(),
+            images: zero(),
+        }
+    }
+
+    /// Writes the solution for `r`, which frames and bodies leave as it is, into `z`.
+    pub(super) fn solve(
+        &self,
+        rectangle: &Rectangle,
+        r: &[f32],
+        poses: &[Pose],
+        z: &mut [f32],
+        (scratch, own): (&mut RectangleScratch, &mut CapacitanceScratch),
+    ) {
+        let bodies = self.supports.bodies();
+        own.force.copy_from_slice(r);
+        let forces: Vec<[f64; 3]> = bodies
+            .iter()
+            .zip(poses)
+            .map(|(body, pose)| {
+                let force = body.nodes.force(pose, r);
+                body.nodes.write(pose, [0.0; 3], &mut own.force);
+                force
+            })
+            .collect();
+        let motions = match &self.correction {
+            Some(correction) => {
+                let CapacitanceScratch { force, values, images } = own;
+                let mut motions = Vec::new();
+                rectangle.solve_corrected(force, &correction.nodes, z, (scratch, values), |values| {
+                    motions = correction.correct(&self.supports, poses, &forces, values, images);
+                });
+                motions
+            }
+            None => {
+                for ((body, pose), force) in bodies.iter().zip(poses).zip(&forces) {
+                    body.edge.spread(pose, *force, &mut own.force);
+                }
+                rectangle.solve(&own.force, z, scratch);
+                let average =
+                    |(body, pose): (&super::supports::Rigid, &Pose)| body.edge.motion(pose, body.edge.force(pose, z));
+                bodies.iter().zip(poses).map(average).collect()
+            }
+        };
+        self.supports.clear_held(z);
+        for ((body, pose), motion) in bodies.iter().zip(poses).zip(motions) {
+            body.nodes.write(pose, motion, z);
+        }
+    }
+}
+
+impl Correction {
+    fn new(supports: &Supports, rectangle: &Rectangle) -> Option<Self> {
+        let (mut places, mut starts) = (supports.held_edge().to_vec(), Vec::new());
+        for body in supports.bodies() {
+            starts.push(places.len());
+            places.extend(body.edge.iter().map(|(at, _)| at));
+        }
+        let count = places.len();
+        if count == 0 || count > MOST {
+            return None;
+        }
+        let nodes = rectangle.nodes(&places);
+        let columns = rectangle.between(&nodes);
+        let symmetric = Mat::from_fn(count, count, |i, k| 0.5 * (columns[(i, k)] + columns[(k, i)]));
+        let inverse = Llt::new(symmetric.as_ref(), Side::Lower).ok()?.inverse();
+        let rigid = supports.bodies().iter().zip(&starts).map(|(body, &start)| {
+            [0, 1, 2].map(|function| {
+                let image = |row: usize| -> f64 {
+                    let nodes = body.edge.iter().enumerate();
+                    nodes
+                        .map(|(at, (_, [x, y]))| inverse[(row, start + at)] * [1.0, x, y][function])
+                        .sum()
+                };
+                (0..count).map(image).collect()
+            })
+        });
+        Some(Self {
+            rigid: rigid.collect(),
+            inverse: (0..count * count)
+                .map(|at| inverse[(at / count, at % count)] as f32)
+                .collect(),
+            nodes,
+            starts,
+        })
+    }
+
+    /// How many nodes there are.
+    fn count(&self) -> usize {
+        self.inverse.len().isqrt()
+    }
+
+    /// From values of the solution on the rectangle to the forces that frames and bodies put there. Returns how the bodies move.
+    fn correct(
+        &self,
+        supports: &Supports,
+        poses: &[Pose],
+        forces: &[[f64; 3]],
+        values: &mut [Vec<f32>; 2],
+        images: &mut [Vec<f32>; 2],
+    ) -> Vec<[f64; 3]> {
+        for (values, images) in values.iter().zip(images.iter_mut()) {
+            for (image, row) in images.iter_mut().zip(self.inverse.chunks_exact(values.len())) {
+                *image = dot(row, values) as f32;
+            }
+        }
+        let motions = self.motions(supports, poses, forces, images);
+        for (values, images) in values.iter_mut().zip(images.iter()) {
+            values.iter_mut().zip(images).for_each(|(force, image)| *force = -image);
+        }
+        for ((pose, rigid), motion) in poses.iter().zip(&self.rigid).zip(&motions) {
+            for (weights, forces) in weights(pose, *motion).iter().zip(values.iter_mut()) {
+                for (at, force) in forces.iter_mut().enumerate() {
+                    let sum: f64 = weights
+                        .iter()
+                        .zip(rigid)
+                        .map(|(weight, values)| weight * values[at])
+                        .sum();
+                    *force += sum as f32;
+                }
+            }
+        }
+        motions
+    }
+
+    /// How the bodies move: (EᵀS⁻¹E + K) d = g + EᵀS⁻¹b with the rigid motions E, the springs K and the forces g.
+    fn motions(
+        &self,
+        supports: &Supports,
+        poses: &[Pose],
+        forces: &[[f64; 3]],
+        images: &[Vec<f32>; 2],
+    ) -> Vec<[f64; 3]> {
+        let bodies = supports.bodies();
+        if bodies.is_empty() {
+            return Vec::new();
+        }
+        let size = 3 * bodies.len();
+        let unit = |at: usize| std::array::from_fn(|k| if k == at { 1.0 } else { 0.0 });
+        // Eᵀ of a vector of values on the nodes, by component.
+        let seen = |body: usize, values: &dyn Fn(usize, usize) -> f64| -> [f64; 3] {
+            let nodes: &RigidNodes = &bodies[body].edge;
+            let mut sum = [0.0; 3];
+            for (at, (_, arm)) in nodes.iter().enumerate() {
+                let swept = poses[body].swept(arm);
+                let [x, y] = [0, 1].map(|c| values(c, self.starts[body] + at));
+                sum = [sum[0] + x, sum[1] + y, sum[2] + swept[0] * x + swept[1] * y];
+            }
+            sum
+        };
+        let mut matrix = Mat::<f64>::zeros(size, size);
+        let mut right = Mat::<f64>::zeros(size, 1);
+        for (other, rigid) in self.rigid.iter().enumerate() {
+            for motion in 0..3 {
+                let weights = weights(&poses[other], unit(motion));
+                let image = |c: usize, at: usize| weights[c].iter().zip(rigid).map(|(w, values)| w * values[at]).sum();
+                for body in 0..bodies.len() {
+                    for (k, value) in seen(body, &image).into_iter().enumerate() {
+                        matrix[(3 * body + k, 3 * other + motion)] = value;
+                    }
+                }
+            }
+        }
+        for (body, force) in forces.iter().enumerate() {
+            let own = seen(body, &|c, at| f64::from(images[c][at]));
+            for k in 0..3 {
+                right[(3 * body + k, 0)] = force[k] + own[k];
+            }
+            for k in 0..2 {
+                matrix[(3 * body + k, 3 * body + k)] += bodies[body].mount.spring;
+            }
+        }
+        let motions = faer::prelude::Solve::solve(&matrix.partial_piv_lu(), &right);
+        (0..bodies.len())
+            .map(|body| std::array::from_fn(|k| motions[(3 * body + k, 0)]))
+            .collect()
+    }
+}
+
+/// A rigid motion as weights of 1, X and Y in each component.
+fn weights(pose: &Pose, [p, q, turn]: [f64; 3]) -> [[f64; 3]; 2] {
+    let ([a, b], [c, d]) = (pose.swept([1.0, 0.0]), pose.swept([0.0, 1.0]));
+    [[p, turn * a, turn * c], [q, turn * b, turn * d]]
+}

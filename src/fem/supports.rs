@@ -1,0 +1,422 @@
+//! Nodes that do not move freely: those that a frame holds, and those of rigid bodies, which move as t + (R(θ) − I)(X − Xc).
+//!
+//! A body's rigid motion is kept as the displacements of its nodes, so vectors are as long with bodies as without. A change of it lies in the
+//! span of three vectors, the columns of T: two translations, and the rotation J R (X − Xc) with the quarter turn J. Forces f on the nodes act
+//! on the body as Tᵀf; they are kept as T(TᵀT)⁻¹Tᵀf, which has the same products with rigid changes. So conjugate gradients and norms know
+//! nothing of bodies. Elements inside a body rotate with it: neither their energy, which is that of bare membrane, nor the forces on the body
+//! depend on the rotation.
+
+use super::grid::Grid;
+use super::lanes::Real;
+use super::layout::NodeLayout;
+use super::sheet::Mount;
+use crate::pattern::{Part, Parts};
+
+/// What holds the nodes of a grid.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Supports {
+    /// From one component to the other.
+    plane: usize,
+    /// Places of held nodes inside the rectangle, in the plane of the first component.
+    held: Vec<usize>,
+    bodies: Vec<Rigid>,
+    /// Of `held`, those that share an element with a node that moves.
+    held_edge: Vec<usize>,
+}
+
+/// A rigid body.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rigid {
+    /// All its nodes.
+    pub nodes: RigidNodes,
+    /// Those that share an element with a free node.
+    pub edge: RigidNodes,
+    /// What pulls it.
+    pub mount: Mount,
+}
+
+/// Nodes that move as one.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RigidNodes {
+    /// From one component to the other.
+    plane: usize,
+    /// Their places, in the plane of the first component.
+    places: Vec<usize>,
+    /// X − Xc of each, Xc the centroid of the body's cells.
+    arms: Vec<[f64; 2]>,
+}
+
+/// Where a body is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pose {
+    /// t, of the centroid.
+    pub translation: [f64; 2],
+    /// cos θ and sin θ.
+    pub turn: [f64; 2],
+}
+
+impl Pose {
+    /// At rest.
+    pub const REST: Self = Self {
+        translation: [0.0; 2],
+        turn: [1.0, 0.0],
+    };
+
+    /// θ in radians, −π to π, counter-clockwise.
+    #[must_use]
+    pub fn angle(&self) -> f64 {
+        self.turn[1].atan2(self.turn[0])
+    }
+
+    /// R a.
+    fn turned(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        let [c, s] = self.turn;
+        [c * x - s * y, s * x + c * y]
+    }
+
+    /// J R a, which a changes by per radian.
+    #[must_use]
+    pub fn swept(&self, arm: [f64; 2]) -> [f64; 2] {
+        let [x, y] = self.turned(arm);
+        [-y, x]
+    }
+}
+
+impl Supports {
+    /// Those of a grid; none where nothing is held but the edge of the rectangle.
+    #[must_use]
+    pub fn new(grid: &Grid, parts: &Parts, mounts: &[Mount]) -> Self {
+        let layout = grid.layout();
+        let owners = Owners::new(grid, parts);
+        let mut supports = Self {
+            plane: layout.vector_len() / 2,
+            held: Vec::new(),
+            held_edge: Vec::new(),
+            bodies: Vec::new(),
+        };
+        let centroids = centroids(grid, parts);
+        for mount in mounts {
+            supports.bodies.push(Rigid {
+                nodes: RigidNodes::none(supports.plane),
+                edge: RigidNodes::none(supports.plane),
+                mount: *mount,
+            });
+        }
+        let [columns, rows] = layout.nodes();
+        for (column, row) in (1..rows - 1).flat_map(|row| (1..columns - 1).map(move |column| (column, row))) {
+            let place = layout.index(0, column, row);
+            match owners.of(column, row) {
+                Owner::Free => {}
+                Owner::Frame => {
+                    supports.held.push(place);
+                    if owners.is_beside_moving(column, row) {
+                        supports.held_edge.push(place);
+                    }
+                }
+                Owner::Body(body) => {
+                    let [x, y] = grid.node_place([column, row]);
+                    let (rigid, [cx, cy]) = (&mut supports.bodies[body], centroids[body]);
+                    let arm = [x - cx, y - cy];
+                    rigid.nodes.push(place, arm);
+                    if owners.is_beside_moving(column, row) {
+                        rigid.edge.push(place, arm);
+                    }
+                }
+            }
+        }
+        supports
+    }
+
+    /// The bodies, in their order.
+    #[must_use]
+    pub fn bodies(&self) -> &[Rigid] {
+        &self.bodies
+    }
+
+    /// From the place of the first component of a node to that of the second.
+    #[must_use]
+    pub fn plane(&self) -> usize {
+        self.plane
+    }
+
+    /// Leaves nothing on held nodes.
+    pub fn clear_held<T: Real>(&self, vector: &mut [T]) {
+        for &at in &self.held {
+            vector[at] = T::default();
+            vector[at + self.plane] = T::default();
+        }
+    }
+
+    /// Places of held nodes that share an element with a node that moves, in the plane of the first component.
+    #[must_use]
+    pub fn held_edge(&self) -> &[usize] {
+        &self.held_edge
+    }
+
+    /// Whether a body is loaded, so that the membrane does not rest where it would without.
+    #[must_use]
+    pub fn is_loaded(&self) -> bool {
+        self.bodies.iter().any(|body| body.mount.load != [0.0; 2])
+    }
+
+    /// Where the bodies are.
+    #[must_use]
+    pub fn poses<T: Real>(&self, u: &[T]) -> Vec<Pose> {
+        self.bodies.iter().map(|body| body.nodes.pose(u)).collect()
+    }
+
+    /// Makes the motion of every body rigid that nearly is: what a step along the tangent leaves.
+    pub fn settle<T: Real>(&self, u: &mut [T]) {
+        for body in &self.bodies {
+            body.nodes.place(&body.nodes.pose(u), u);
+        }
+    }
+
+    /// Leaves of a vector what changes that are allowed see of it: nothing on held nodes, and on bodies its rigid part.
+    pub fn restrict<T: Real>(&self, poses: &[Pose], vector: &mut [T]) {
+        self.restrict_with(poses, vector, |_, force| force);
+    }
+
+    /// The same, with the forces on each body changed on the way.
+    pub fn restrict_with<T: Real>(
+        &self,
+        poses: &[Pose],
+        vector: &mut [T],
+        change: impl Fn(usize, [f64; 3]) -> [f64; 3],
+    ) {
+        self.clear_held(vector);
+        for (number, (body, pose)) in self.bodies.iter().zip(poses).enumerate() {
+            let force = change(number, body.nodes.force(pose, vector));
+            body.nodes.spread(pose, force, vector);
+        }
+    }
+
+    /// The energy that loads and springs have at some poses, without unit.
+    #[must_use]
+    pub fn energy(&self, poses: &[Pose]) -> f64 {
+        let each = self.bodies.iter().zip(poses).map(|(body, pose)| {
+            let ([x, y], Mount { load, spring }) = (pose.translation, body.mount);
+            0.5 * spring * (x * x + y * y) - load[0] * x - load[1] * y
+        });
+        each.sum()
+    }
+}
+
+impl RigidNodes {
+    fn none(plane: usize) -> Self {
+        Self {
+            plane,
+            places: Vec::new(),
+            arms: Vec::new(),
+        }
+    }
+
+    fn push(&mut self, place: usize, arm: [f64; 2]) {
+        self.places.push(place);
+        self.arms.push(arm);
+    }
+
+    /// How many there are.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.places.len()
+    }
+
+    /// Their places and arms.
+    pub fn iter(&self) -> impl Iterator<Item = (usize, [f64; 2])> {
+        self.places.iter().copied().zip(self.arms.iter().copied())
+    }
+
+    /// The pose that fits their displacements best.
+    fn pose<T: Real>(&self, u: &[T]) -> Pose {
+        let (count, plane) = (self.len() as f64, self.plane);
+        let (mut arm, mut shift) = ([0.0; 2], [0.0; 2]);
+        for (at, [x, y]) in self.iter() {
+            arm = [arm[0] + x, arm[1] + y];
+            shift = [shift[0] + u[at].to_f64(), shift[1] + u[at + plane].to_f64()];
+        }
+        let (arm, shift) = (arm.map(|sum| sum / count), shift.map(|sum| sum / count));
+        let (mut along, mut across) = (0.0, 0.0);
+        for (at, [x, y]) in self.iter() {
+            let [a, b] = [x - arm[0], y - arm[1]];
+            let [p, q] = [a + u[at].to_f64() - shift[0], b + u[at + plane].to_f64() - shift[1]];
+            along += a * p + b * q;
+            across += a * q - b * p;
+        }
+        let size = along.hypot(across);
+        let turn = if size > 0.0 {
+            [along / size, across / size]
+        } else {
+            Pose::REST.turn
+        };
+        let pose = Pose {
+            translation: [0.0; 2],
+            turn,
+        };
+        let turned = pose.turned(arm);
+        Pose {
+            translation: [arm[0] + shift[0] - turned[0], arm[1] + shift[1] - turned[1]],
+            turn,
+        }
+    }
+
+    /// Writes the displacements of a pose.
+    pub fn place<T: Real>(&self, pose: &Pose, u: &mut [T]) {
+        for (at, arm) in self.iter() {
+            let turned = pose.turned(arm);
+            u[at] = T::from_f64(pose.translation[0] + turned[0] - arm[0]);
+            u[at + self.plane] = T::from_f64(pose.translation[1] + turned[1] - arm[1]);
+        }
+    }
+
+    /// Tᵀf: force and moment about the centroid.
+    #[must_use]
+    pub fn force<T: Real>(&self, pose: &Pose, vector: &[T]) -> [f64; 3] {
+        let (mut force, plane) = ([0.0; 3], self.plane);
+        for (at, arm) in self.iter() {
+            let ([p, q], [x, y]) = ([vector[at].to_f64(), vector[at + plane].to_f64()], pose.swept(arm));
+            force = [force[0] + p, force[1] + q, force[2] + x * p + y * q];
+        }
+        force
+    }
+
+    /// The fall of the moment of nodal forces as the body turns, −Σ R(X − Xc) · f: the curvature of the rotation.
+    #[must_use]
+    pub fn curvature(&self, pose: &Pose, forces: &[f64]) -> f64 {
+        let each = self.iter().map(|(at, arm)| {
+            let [x, y] = pose.turned(arm);
+            x * forces[at] + y * forces[at + self.plane]
+        });
+        -each.sum::<f64>()
+    }
+
+    /// (TᵀT)⁻¹ times a force and moment.
+    #[must_use]
+    pub fn motion(&self, pose: &Pose, [p, q, moment]: [f64; 3]) -> [f64; 3] {
+        let count = self.len() as f64;
+        let (mut sum, mut square) = ([0.0; 2], 0.0);
+        for &arm in &self.arms {
+            let [x, y] = pose.swept(arm);
+            sum = [sum[0] + x, sum[1] + y];
+            square += x * x + y * y;
+        }
+        let [x, y] = sum.map(|sum| sum / count);
+        let turn = (moment - x * p - y * q) / (square - count * (x * x + y * y));
+        [p / count - x * turn, q / count - y * turn, turn]
+    }
+
+    /// Writes T d.
+    pub fn write<T: Real>(&self, pose: &Pose, [p, q, turn]: [f64; 3], vector: &mut [T]) {
+        for (at, arm) in self.iter() {
+            let [x, y] = pose.swept(arm);
+            vector[at] = T::from_f64(p + turn * x);
+            vector[at + self.plane] = T::from_f64(q + turn * y);
+        }
+    }
+
+    /// Writes a force and moment as forces on the nodes.
+    pub fn spread<T: Real>(&self, pose: &Pose, force: [f64; 3], vector: &mut [T]) {
+        self.write(pose, self.motion(pose, force), vector);
+    }
+}
+
+/// Whose a node is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Owner {
+    /// It moves freely.
+    Free,
+    /// A frame holds it.
+    Frame,
+    /// It moves with a body.
+    Body(usize),
+}
+
+/// The owners of nodes.
+pub struct Owners<'a> {
+    parts: &'a Parts,
+    layout: NodeLayout,
+    /// Nodes along a cell less one.
+    step: [usize; 2],
+}
+
+impl<'a> Owners<'a> {
+    /// Those of a grid.
+    pub fn new(grid: &Grid, parts: &'a Parts) -> Self {
+        let layout = grid.layout();
+        Self {
+            parts,
+            layout,
+            step: grid.per_cell().map(|count| count * layout.degree()),
+        }
+    }
+
+    /// The owner of a node.
+    pub fn of(&self, column: usize, row: usize) -> Owner {
+        let mut owner = Owner::Free;
+        for (x, y) in self.cells(column, row) {
+            match self.parts.at(x, y) {
+                Part::Membrane => {}
+                Part::Frame => return Owner::Frame,
+                Part::Body(body) => owner = Owner::Body(body),
+            }
+        }
+        let [columns, rows] = self.layout.nodes();
+        let inside = (1..columns - 1).contains(&column) && (1..rows - 1).contains(&row);
+        if inside { owner } else { Owner::Frame }
+    }
+
+    /// The cells that a node belongs to.
+    fn cells(&self, column: usize, row: usize) -> impl Iterator<Item = (usize, usize)> {
+        let [columns, rows] = self.parts.raster().sides();
+        let range = |at: usize, step: usize, count: usize| {
+            let first = if at.is_multiple_of(step) {
+                (at / step).saturating_sub(1)
+            } else {
+                at / step
+            };
+            first..=(at / step).min(count - 1)
+        };
+        let across = range(row, self.step[1], rows);
+        let along = range(column, self.step[0], columns);
+        across.flat_map(move |y| along.clone().map(move |x| (x, y)))
+    }
+
+    /// Whether a node shares an element with one of another owner that moves.
+    fn is_beside_moving(&self, column: usize, row: usize) -> bool {
+        let (degree, own) = (self.layout.degree(), self.of(column, row));
+        let range = |at: usize, count: usize| {
+            let first = if at.is_multiple_of(degree) {
+                at.saturating_sub(degree)
+            } else {
+                at - at % degree
+            };
+            first..=(at / degree * degree + degree).min(count - 1)
+        };
+        let [columns, rows] = self.layout.nodes();
+        let across = range(row, rows);
+        let along = range(column, columns);
+        let mut around = across.flat_map(|row| along.clone().map(move |column| (column, row)));
+        around.any(|(column, row)| {
+            let other = self.of(column, row);
+            other != own && other != Owner::Frame
+        })
+    }
+}
+
+/// The centroid of each body's cells.
+fn centroids(grid: &Grid, parts: &Parts) -> Vec<[f64; 2]> {
+    let mut sums = vec![([0.0; 2], 0.0); parts.bodies()];
+    let raster = parts.raster();
+    let step = grid.per_cell().map(|count| count * grid.layout().degree());
+    for (x, y) in (0..raster.cells()).map(|at| (at % raster.columns(), at / raster.columns())) {
+        if let Part::Body(body) = parts.at(x, y) {
+            let [low, high] = [0, 1].map(|more| grid.node_place([(x + more) * step[0], (y + more) * step[1]]));
+            let (sum, count) = &mut sums[body];
+            *sum = [0, 1].map(|axis| sum[axis] + 0.5 * (low[axis] + high[axis]));
+            *count += 1.0;
+        }
+    }
+    sums.into_iter()
+        .map(|(sum, count)| sum.map(|sum| sum / count))
+        .collect()
+}
