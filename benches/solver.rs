@@ -1,8 +1,8 @@
-//! Solver throughput: milliseconds of one core per pattern, by mesh and order.
+//! Solver throughput: milliseconds of one core per pattern, by mesh and order, and by device.
 //!
 //! `cargo bench --bench solver`. The patterns are random small-grid ones (1250 of 2500 cells active), κ = 0.0255, relative
 //! residual 1e-8. Times are those that the thread was on a core (`/proc/thread-self/schedstat`), so other work on the
-//! machine disturbs them little; the best of three rounds counts.
+//! machine disturbs them little; the best of three rounds counts. Devices have as many elements as the square, and take turns with it.
 
 use deaflow::base::{Stream, thread_seconds};
 use deaflow::fem::{MembraneSolver, SolveOptions};
@@ -45,6 +45,69 @@ fn main() {
             1e3 * best / count as f64,
             f64::from(steps) / count as f64
         );
+    }
+    devices(&pool);
+}
+
+/// Devices by name and geometry: prestretch, thickness and load are such that they are about as far from rest as the square.
+const DEVICES: [(&str, &str); 5] = [
+    ("square", "side: 50 mm, prestretch: 3"),
+    ("rectangle", "size: [60 mm, 40 mm], prestretch: [3, 3.2]"),
+    (
+        "disc frame",
+        "side: 50 mm, prestretch: 3, frame: { opening: { disc: { centre: [25 mm, 25 mm], radius: 20 mm } } }",
+    ),
+    (
+        "square tip",
+        "side: 50 mm, prestretch: 3, bodies: [{ rectangle: [[22 mm, 22 mm], [28 mm, 28 mm]] }]",
+    ),
+    (
+        "disc with rotor",
+        "side: 50 mm, prestretch: 3, frame: { opening: { disc: { centre: [25 mm, 25 mm], radius: 22 mm } } }, \
+         bodies: [{ disc: { centre: [25 mm, 25 mm], radius: 5 mm } }]",
+    ),
+];
+
+fn devices(pool: &rayon::ThreadPool) {
+    const COUNT: u64 = 32;
+    const ROUNDS: usize = 5;
+    println!("\ndevice            elements  ms per solve  times the square  Newton steps  s to set up");
+    for mesh in [Mesh::bilinear(1), Mesh::bilinear(2), Mesh::biquadratic(1)] {
+        let patterns: Vec<Pattern> = (0..COUNT).map(small_grid).collect();
+        let solvers = DEVICES.map(|(name, geometry)| {
+            let text = format!(
+                "{{ geometry: {{ {geometry}, thickness: 1 mm, cells: 50 }}, material: {{ model: neo-hookean, shear_modulus: 45 kPa, \
+                 relative_permittivity: 4.7 }}, drive: {{ voltage: 5.25 kV }} }}"
+            );
+            let scene = Scene::from_text(&text).expect("the scene is valid");
+            let start = thread_seconds();
+            let solver = MembraneSolver::new(&scene, SolveOptions::on(mesh)).expect("the options are valid");
+            (name, solver, thread_seconds() - start)
+        });
+        let mut best = [f64::INFINITY; DEVICES.len()];
+        let mut steps = [0; DEVICES.len()];
+        for _ in 0..ROUNDS {
+            for (at, (_, solver, _)) in solvers.iter().enumerate() {
+                let results = pool.install(|| {
+                    let start = thread_seconds();
+                    let results = solver.simulate(&patterns);
+                    best[at] = best[at].min(thread_seconds() - start);
+                    results
+                });
+                assert!(results.iter().all(|result| result.outcome.is_converged()));
+                steps[at] = results.iter().map(|result| result.newton_iterations).sum();
+            }
+        }
+        for (at, (name, solver, set_up)) in solvers.iter().enumerate() {
+            println!(
+                "{name:<16} {:>5}² {:<11} {:>8.3} {:>14.2} {:>14.2} {set_up:>12.3}",
+                solver.grid().elements()[0],
+                format!("{:?}", mesh.order()).to_lowercase(),
+                1e3 * best[at] / COUNT as f64,
+                best[at] / best[0],
+                f64::from(steps[at]) / COUNT as f64,
+            );
+        }
     }
 }
 

@@ -6,7 +6,7 @@
 use deaflow::base::thread_seconds;
 use deaflow::fem::{MembraneSolver, SolveOptions};
 use deaflow::field::{Mesh, Simulator};
-use deaflow::pattern::{CELLS, Pattern, Raster, read_patterns};
+use deaflow::pattern::{CELLS, Pattern, PatternForm, read_patterns};
 use deaflow::scene::Scene;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -15,7 +15,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         println!("no PATTERNS.npy given: nothing to compare");
         return Ok(());
     };
-    let patterns = read_patterns(&path, Raster::PAPER).map_err(|e| e.to_string())?;
+    let patterns = read_patterns(&path, PatternForm::PAPER).map_err(|e| e.to_string())?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
     for elements_per_cell in [1, 2, 4] {
         let options = SolveOptions::on(Mesh::bilinear(elements_per_cell));

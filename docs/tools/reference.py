@@ -48,6 +48,24 @@ def sentence(schema):
     return text.strip()
 
 
+def span(schema):
+    """The range of a number, of the first of several choices, or of the items of a list."""
+    if "anyOf" in schema:
+        return span(schema["anyOf"][0])
+    if schema.get("type") == "array":
+        return span(schema["items"])
+    if is_mapping(schema):
+        return ""
+    found = re.search(r"-?[\d.e-]+ to -?[\d.e+-]+( \S+)?\.$", sentence(schema))
+    return found.group(0) if found else ""
+
+
+def with_span(text, schema):
+    """A sentence, with the range of what it is about if it does not say it."""
+    range_of = span(schema)
+    return text if not range_of or range_of in text else f"{text} {range_of}"
+
+
 def described(schema):
     """The first sentence among what a value may be."""
     return next((sentence(choice) for choice in schema.get("anyOf", []) if is_mapping(choice)), "")
@@ -95,7 +113,7 @@ def rows(mapping, prefix="", choice=None):
         inner = value.get("items", value) if value.get("type") == "array" else value
         inner_prefix = f"{name}[]." if inner is not value else f"{name}."
         default = f"`{literal(value['default'])}`" if "default" in value else ""
-        yield name, "**!**" if key in required else default, sentence(value) or sentence(inner) or described(inner)
+        yield name, "**!**" if key in required else default, with_span(sentence(value) or sentence(inner) or described(inner), value)
         if is_mapping(inner) and is_new(inner):
             yield from rows(inner, inner_prefix)
         for variant in filter(is_new, variants(inner)):

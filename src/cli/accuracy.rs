@@ -123,12 +123,11 @@ fn methods(arguments: &AccuracyArguments) -> Result<Vec<Candidate>, CliError> {
 
 /// The patterns by family; those that were given are one of their own.
 fn families(arguments: &AccuracyArguments, scene: &Scene) -> Result<Families, CliError> {
-    let membrane = scene.membrane();
     if arguments.patterns.is_empty() {
-        let canvas = Canvas::of(&membrane);
+        let canvas = Canvas::of(&scene.membrane());
         return drawn(canvas, arguments.count, arguments.seed).map_err(|e| CliError::bad_input(e.to_string()));
     }
-    let patterns = direct::patterns(&arguments.patterns, membrane.raster)?;
+    let patterns = direct::patterns(&arguments.patterns, scene.form())?;
     if patterns.is_empty() {
         return Err(CliError::bad_input("the files hold no patterns"));
     }

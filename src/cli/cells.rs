@@ -8,8 +8,8 @@ use crate::pattern::Raster;
 pub type States = Option<Vec<CellState>>;
 
 /// The states of the cells of all patterns.
-pub fn fields(results: &[States], raster: Raster) -> CellFields {
-    let codes = |states: &States| match states {
+pub fn fields(results: &[&States], raster: Raster) -> CellFields {
+    let codes = |states: &&States| match states {
         Some(states) => states.iter().map(|state| state.tension.code()).collect(),
         None => vec![NO_STATE; raster.cells()],
     };
@@ -24,7 +24,7 @@ pub fn fields(results: &[States], raster: Raster) -> CellFields {
 
 /// Values of each cell; NaN where there is no solution.
 fn packed<R: Row<Value = f64>, const N: usize>(
-    results: &[States],
+    results: &[&States],
     raster: Raster,
     values: fn(&CellState) -> [f64; N],
 ) -> Packed<R> {

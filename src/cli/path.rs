@@ -43,7 +43,7 @@ pub fn execute(arguments: &SolveArguments, scene: &str, output: &Output) -> Resu
         check_file(beside, &arguments.patterns, scene)?;
     }
     let read = direct::read_scene(&arguments.scene)?;
-    let patterns = direct::patterns(&arguments.patterns.patterns, read.membrane().raster)?;
+    let patterns = direct::patterns(&arguments.patterns.patterns, read.form())?;
     let options = arguments.options();
     let (bar, start) = (Bar::new("path", "patterns", patterns.len() as u64), Instant::now());
     let (content, paths) = paths(&read, &patterns, options, &bar)?;

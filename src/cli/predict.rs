@@ -17,7 +17,7 @@ use super::{model, solve, write};
 use crate::base::{Digest, Progress};
 use crate::content::{Packed, SolveFile};
 use crate::field::{Field, Predictor};
-use crate::pattern::{Pattern, Raster};
+use crate::pattern::{Pattern, PatternForm};
 use crate::scene::Scene;
 use crate::stage::direct;
 use crate::surrogate::{COVERAGE, Surrogate};
@@ -48,7 +48,7 @@ pub struct PredictArguments {
 pub fn execute(arguments: &PredictArguments, output: &Output) -> Result<Exit, CliError> {
     solve::check_output(&arguments.patterns, &arguments.model)?;
     let scene = arguments.scene.as_deref().map(direct::read_scene).transpose()?;
-    let patterns = direct::patterns(&arguments.patterns.patterns, Raster::PAPER)?;
+    let patterns = direct::patterns(&arguments.patterns.patterns, PatternForm::PAPER)?;
     let weights = model::weights(&arguments.model, &arguments.store.folder())?;
     let surrogate = surrogate(&weights, scene.as_ref())?;
     let calibration = calibration::find(arguments, &weights)?;

@@ -13,7 +13,7 @@ use crate::base::InputError;
 use crate::content::named_patterns;
 use crate::fem::WorkLimit;
 use crate::fem::screening::{self, Comparison, Row, Screening, Status, Trial};
-use crate::pattern::Raster;
+use crate::pattern::PatternForm;
 use crate::stage::direct;
 
 /// Say which effects a scene calls for, by number, threshold and cost
@@ -129,8 +129,8 @@ fn screen(scene: &Path, patterns: &[String], limit: WorkLimit) -> Result<Screeni
     let scene = direct::read_scene(scene)?;
     let own = !patterns.is_empty();
     let patterns = match own {
-        true => named(patterns, scene.membrane().raster)?,
-        false => screening::reference_patterns(&scene.membrane()),
+        true => named(patterns, scene.form())?,
+        false => screening::reference_patterns(&scene),
     };
     // `auto` is decided by reference patterns and with the usual limit, whatever else is looked at.
     let scene = match own || limit != WorkLimit::default() {
@@ -141,10 +141,10 @@ fn screen(scene: &Path, patterns: &[String], limit: WorkLimit) -> Result<Screeni
 }
 
 /// The patterns of each argument, named after it.
-fn named(arguments: &[String], raster: Raster) -> Result<Vec<Trial>, InputError> {
+fn named(arguments: &[String], form: PatternForm) -> Result<Vec<Trial>, InputError> {
     let mut all = Vec::new();
     for argument in arguments {
-        let patterns = named_patterns(argument, raster)?;
+        let patterns = named_patterns(argument, form)?;
         let several = patterns.len() > 1;
         all.extend(patterns.into_iter().enumerate().map(|(i, pattern)| {
             let name = if several {

@@ -1,17 +1,18 @@
 //! Simulates patterns that somebody drew, straight into one file.
 
+use std::fmt;
 use std::time::Instant;
 
 use rayon::prelude::*;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use super::cells::{self, States};
 use super::error::CliError;
 use crate::base::Progress;
 use crate::content::{Lines, Observations, Packed, SolveFile};
-use crate::fem::screening::Screened;
+use crate::fem::screening::{Screened, resolve_states};
 use crate::fem::{
-    AccurateSimulation, CriticalSearch, CriticalVoltage, MeshRequest, Method, SolveOptions, SolverParameters,
+    AccurateSimulation, CriticalSearch, CriticalVoltage, MeshRequest, Method, SolveOptions, Solver, SolverParameters,
     wrinkled_fraction,
 };
 use crate::field::Field;
@@ -23,6 +24,38 @@ use crate::store::Object;
 /// Patterns that one thread solves between two reports of progress.
 const BATCH: usize = 8;
 
+/// A pattern in one of the states of its scene.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Place {
+    /// Position of the pattern.
+    pub index: usize,
+    /// The state; none where the scene has no states.
+    pub state: Option<String>,
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "pattern {}", self.index)?;
+        self.state
+            .as_ref()
+            .map_or(Ok(()), |state| write!(f, " in state {state}"))
+    }
+}
+
+impl Place {
+    /// Its keys in a document, with others.
+    pub fn document(&self, others: Value) -> Value {
+        let mut document = json!({ "index": self.index });
+        if let Some(state) = &self.state {
+            document["state"] = json!(state);
+        }
+        if let (Value::Object(document), Value::Object(others)) = (&mut document, others) {
+            document.extend(others);
+        }
+        document
+    }
+}
+
 /// What goes into the file, and how many samples have no stable solution.
 #[derive(Debug, Default)]
 pub struct Answer {
@@ -31,17 +64,17 @@ pub struct Answer {
     /// Number of patterns.
     pub samples: usize,
     /// The outcome of each pattern without a stable solution: position and words.
-    pub unstable: Vec<(usize, String)>,
+    pub unstable: Vec<(Place, String)>,
     /// Patterns whose estimated error in mm is larger than the accuracy that was asked for, although the finest mesh was
     /// used: position and estimate.
-    pub missed: Vec<(usize, f64)>,
+    pub missed: Vec<(Place, f64)>,
     /// Effects that are called for and were not simulated, a line for each.
     pub warnings: Vec<String>,
     /// Patterns that are so close to their critical voltage that a finer mesh could find them beyond it: position and, where it was
     /// found, that voltage.
-    pub near_limit: Vec<(usize, Option<CriticalVoltage>)>,
+    pub near_limit: Vec<(Place, Option<CriticalVoltage>)>,
     /// Patterns of which cells would wrinkle, where that was asked for: position and part of the membrane.
-    pub wrinkled: Vec<(usize, f64)>,
+    pub wrinkled: Vec<(Place, f64)>,
     /// What else is said.
     pub statement: Statement,
 }
@@ -57,7 +90,7 @@ pub struct Statement {
     pub lines: Vec<String>,
 }
 
-/// Simulates patterns in a scene; with the state of every cell where that is wanted.
+/// Simulates patterns in a scene, in each of its states where it has such; with the state of every cell where that is wanted.
 ///
 /// # Errors
 /// When the solver cannot be set up.
@@ -68,62 +101,135 @@ pub fn solve(
     with_cells: bool,
     progress: &dyn Progress,
 ) -> Result<Answer, CliError> {
-    let screened = Screened::for_patterns(scene, patterns, parameters.work_limit())?;
-    let scene = &screened.scene;
-    let solver = parameters.build(scene)?;
-    let threads = rayon::current_num_threads();
-    let mut results = Vec::with_capacity(patterns.len());
-    let mut seconds = Vec::with_capacity(patterns.len());
-    let mut states: Vec<States> = Vec::new();
-    for batch in patterns.chunks(BATCH * threads) {
-        let start = Instant::now();
-        if with_cells {
-            let (found, cells) = solver.simulate_cells(batch)?;
-            results.extend(found);
-            states.extend(cells);
-        } else {
-            results.extend(solver.simulate(batch)?);
+    let mut runs = Vec::new();
+    let decided = resolve_states(scene)?;
+    for (name, scene) in decided.in_states() {
+        let state = (!name.is_empty()).then(|| name.to_owned());
+        runs.push(Run::new(state, &scene, patterns, parameters, with_cells, progress)?);
+    }
+    Ok(answer(scene, patterns, parameters, &runs))
+}
+
+/// What the patterns do in one state.
+struct Run {
+    state: Option<String>,
+    screened: Screened,
+    solver: Solver,
+    results: Vec<AccurateSimulation>,
+    seconds: Vec<f64>,
+    cells: Vec<States>,
+    near_limit: Vec<(usize, Option<CriticalVoltage>)>,
+}
+
+impl Run {
+    fn new(
+        state: Option<String>,
+        scene: &Scene,
+        patterns: &[Pattern],
+        parameters: &SolverParameters,
+        with_cells: bool,
+        progress: &dyn Progress,
+    ) -> Result<Self, CliError> {
+        let screened = Screened::for_patterns(scene, patterns, parameters.work_limit())?;
+        let solver = parameters.build(&screened.scene)?;
+        let threads = rayon::current_num_threads();
+        let mut results = Vec::with_capacity(patterns.len());
+        let mut seconds = Vec::with_capacity(patterns.len());
+        let mut cells: Vec<States> = Vec::new();
+        for batch in patterns.chunks(BATCH * threads) {
+            let start = Instant::now();
+            if with_cells {
+                let (found, of_cells) = solver.simulate_cells(batch)?;
+                results.extend(found);
+                cells.extend(of_cells);
+            } else {
+                results.extend(solver.simulate(batch)?);
+            }
+            seconds.extend(seconds_each(start, batch.len(), threads));
+            progress.advance(batch.len() as u64);
         }
-        seconds.extend(seconds_each(start, batch.len(), threads));
-        progress.advance(batch.len() as u64);
+        let near_limit = near_limit(&screened.scene, patterns, &results, parameters)?;
+        Ok(Self {
+            state,
+            screened,
+            solver,
+            results,
+            seconds,
+            cells,
+            near_limit,
+        })
     }
-    let near_limit = near_limit(scene, patterns, &results, parameters)?;
+
+    fn place(&self, index: usize) -> Place {
+        Place {
+            index,
+            state: self.state.clone(),
+        }
+    }
+
+    fn warnings(&self) -> impl Iterator<Item = String> {
+        let state = self.state.as_ref().map(|state| format!("in state {state}: "));
+        let state = state.unwrap_or_default();
+        self.screened
+            .warnings
+            .iter()
+            .map(move |warning| format!("{state}{warning}"))
+    }
+}
+
+/// The rows of all patterns, each in all states.
+fn answer(scene: &Scene, patterns: &[Pattern], parameters: &SolverParameters, runs: &[Run]) -> Answer {
+    let rows = || (0..patterns.len()).flat_map(|index| runs.iter().map(move |run| (index, run)));
+    let results: Vec<&AccurateSimulation> = rows().map(|(index, run)| &run.results[index]).collect();
+    let seconds: Vec<f64> = rows().map(|(index, run)| run.seconds[index]).collect();
+    let (screened, solver) = (&runs[0].screened, &runs[0].solver);
     let observed: Vec<_> = results.iter().map(|r| Some(&r.simulation.observation)).collect();
-    let mut observations = Observations::of(&solver.observed(&scene.effects), scene, &observed);
+    let mut observations = Observations::of(&solver.observed(&screened.scene.effects), &screened.scene, &observed);
+    let cells: Vec<&States> = rows().filter_map(|(index, run)| run.cells.get(index)).collect();
+    let with_cells = !cells.is_empty();
     if with_cells {
-        let fraction = |states: &States| states.as_deref().map_or(f64::NAN, wrinkled_fraction);
-        observations.wrinkled_fraction = Some(states.iter().map(fraction).collect());
+        let fraction = |states: &&States| states.as_deref().map_or(f64::NAN, wrinkled_fraction);
+        observations.wrinkled_fraction = Some(cells.iter().map(fraction).collect());
     }
+    let warnings: Vec<String> = runs.iter().flat_map(Run::warnings).collect();
     let content = SolveFile {
         observations,
-        meshes: solver.estimates_errors().then(|| solution::meshes(results.iter())),
-        cells: with_cells.then(|| cells::fields(&states, scene.membrane().raster)),
-        scene: scene.to_text(),
+        meshes: solver
+            .estimates_errors()
+            .then(|| solution::meshes(results.iter().copied())),
+        cells: with_cells.then(|| cells::fields(&cells, scene.membrane().raster)),
+        scene: scene.with_effects(screened.scene.effects.clone()).to_text(),
         solver: Some(format!("{{ {} }}", parameters)),
         effects: Some(screened.effects()),
-        warnings: Some(Lines(screened.warnings.clone())),
-        ..simulated(patterns, &results, seconds)
+        warnings: Some(Lines(warnings.clone())),
+        ..simulated(
+            rows().map(|(index, _)| patterns[index].clone()).collect(),
+            &results,
+            seconds,
+        )
     };
-    let wrinkled = states.iter().enumerate();
-    let wrinkled = wrinkled.filter_map(|(i, states)| Some((i, wrinkled_fraction(states.as_deref()?))));
-    let unstable = results.iter().enumerate().filter(|(_, r)| r.simulation.field.is_none());
-    let unstable = unstable.map(|(i, r)| (i, r.simulation.outcome.to_string())).collect();
     let wanted = parameters.accuracy().map_or(f64::INFINITY, |accuracy| accuracy.value());
-    let estimates = results
-        .iter()
-        .enumerate()
-        .filter_map(|(i, r)| Some((i, r.discretisation_error?)));
-    let missed = estimates.filter(|(_, error)| *error > wanted).collect();
-    Ok(Answer {
-        content: content.object(),
+    let unstable = rows().filter(|(index, run)| run.results[*index].simulation.field.is_none());
+    let unstable = unstable.map(|(index, run)| (run.place(index), run.results[index].simulation.outcome.to_string()));
+    let missed = rows().filter_map(|(index, run)| Some((run.place(index), run.results[index].discretisation_error?)));
+    let wrinkled = rows().filter_map(|(index, run)| {
+        let states = run.cells.get(index)?.as_deref()?;
+        Some((run.place(index), wrinkled_fraction(states)))
+    });
+    let states: Vec<String> = runs.iter().filter_map(|run| run.state.clone()).collect();
+    Answer {
+        content: content.in_states(&states),
         samples: patterns.len(),
-        unstable,
-        missed,
-        warnings: screened.warnings,
-        near_limit,
+        unstable: unstable.collect(),
+        missed: missed.filter(|(_, error)| *error > wanted).collect(),
+        warnings,
         wrinkled: wrinkled.filter(|(_, fraction)| *fraction > 0.0).collect(),
+        near_limit: runs
+            .iter()
+            .flat_map(|run| run.near_limit.iter().map(|(index, found)| (run.place(*index), *found)))
+            .collect(),
         statement: Statement::default(),
-    })
+    }
 }
 
 /// The stable solutions that a finer mesh could refuse. An estimate is no equilibrium, and `--accuracy` asks finer meshes itself.
@@ -154,19 +260,19 @@ pub fn seconds_each(start: Instant, samples: usize, threads: usize) -> impl Iter
 }
 
 /// Rows without a stable solution are NaN here and nowhere else; their outcome says why.
-fn simulated(patterns: &[Pattern], results: &[AccurateSimulation], seconds: Vec<f64>) -> SolveFile {
+fn simulated(patterns: Vec<Pattern>, results: &[&AccurateSimulation], seconds: Vec<f64>) -> SolveFile {
     let row = patterns.first().map_or(0, |pattern| 2 * pattern.raster().corners());
-    let mut displacement = Vec::with_capacity(patterns.len() * row);
+    let mut displacement = Vec::with_capacity(results.len() * row);
     for result in results {
         match &result.simulation.field {
             Some(field) => displacement.extend_from_slice(field.values()),
             None => displacement.extend(std::iter::repeat_n(f64::NAN, row)),
         }
     }
-    let largest = |r: &AccurateSimulation| r.simulation.field.as_ref().map_or(f64::NAN, Field::max_magnitude);
-    let outcome = |r: &AccurateSimulation| r.simulation.outcome.name().to_owned();
+    let largest = |r: &&AccurateSimulation| r.simulation.field.as_ref().map_or(f64::NAN, Field::max_magnitude);
+    let outcome = |r: &&AccurateSimulation| r.simulation.outcome.name().to_owned();
     SolveFile {
-        patterns: patterns.to_vec(),
+        patterns,
         displacement: Packed(displacement),
         outcome: results.iter().map(outcome).collect(),
         max_displacement: results.iter().map(largest).collect(),

@@ -92,9 +92,12 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
         return path::execute(arguments, &scene, output);
     }
     let read = direct::read_scene(&arguments.scene)?;
-    let patterns = direct::patterns(&arguments.patterns.patterns, read.membrane().raster)?;
+    let patterns = direct::patterns(&arguments.patterns.patterns, read.form())?;
     let request = arguments.parameters();
-    let (bar, start) = (Bar::new("solve", "patterns", patterns.len() as u64), Instant::now());
+    let (bar, start) = (
+        Bar::new("solve", "patterns", (patterns.len() * read.in_states().len()) as u64),
+        Instant::now(),
+    );
     let answer = simulate::solve(&read, &patterns, &request, arguments.cells, &bar)?;
     bar.finish("done");
     let parameters = format!("scene {}, {request}", arguments.scene.display());
@@ -175,21 +178,20 @@ pub fn conclude(
         let outcomes = answer
             .unstable
             .iter()
-            .map(|(index, outcome)| json!({ "index": index, "outcome": outcome }));
+            .map(|(place, outcome)| place.document(json!({ "outcome": outcome })));
         let missed = answer
             .missed
             .iter()
-            .map(|(index, error)| json!({ "index": index, "discretisation_error": error }));
+            .map(|(place, error)| place.document(json!({ "discretisation_error": error })));
         let wrinkled = answer
             .wrinkled
             .iter()
-            .map(|(index, fraction)| json!({ "index": index, "wrinkled_fraction": fraction }));
-        let near = answer.near_limit.iter().map(|(index, found)| {
-            json!({
-                "index": index,
+            .map(|(place, fraction)| place.document(json!({ "wrinkled_fraction": fraction })));
+        let near = answer.near_limit.iter().map(|(place, found)| {
+            place.document(json!({
                 "critical_voltage": found.map(|found| found.voltage),
                 "error": found.and_then(|found| found.error),
-            })
+            }))
         });
         let mut document = json!({
             "file": arguments.output,
@@ -214,22 +216,20 @@ pub fn conclude(
             table::seconds(seconds)
         )];
         let outcomes = answer.unstable.iter();
-        lines.extend(outcomes.map(|(index, outcome)| match outcome.as_str() {
-            "no-estimate" => format!("pattern {index} has no estimate: the steps lead to no state of the membrane"),
-            outcome => format!("pattern {index}: no stable solution was found: {outcome}"),
+        lines.extend(outcomes.map(|(place, outcome)| match outcome.as_str() {
+            "no-estimate" => format!("{place} has no estimate: the steps lead to no state of the membrane"),
+            outcome => format!("{place}: no stable solution was found: {outcome}"),
         }));
         let near = answer.near_limit.iter();
-        lines.extend(near.map(|(index, found)| {
+        lines.extend(near.map(|(place, found)| {
             let limit = found.map_or("; where stability is lost was not found".to_owned(), |found| {
                 format!(": stability is lost at {}", path::with_error(&found))
             });
-            format!("pattern {index}: a finer mesh could refuse it{limit}")
+            format!("{place}: a finer mesh could refuse it{limit}")
         }));
         let missed = answer.missed.iter();
-        lines.extend(missed.map(|(index, error)| {
-            format!(
-                "pattern {index}: the finest mesh leaves an estimated error of {error:.2e} mm, more than was asked for"
-            )
+        lines.extend(missed.map(|(place, error)| {
+            format!("{place}: the finest mesh leaves an estimated error of {error:.2e} mm, more than was asked for")
         }));
         lines.extend(
             answer
@@ -238,12 +238,10 @@ pub fn conclude(
                 .map(|warning| format!("model warning: {warning}")),
         );
         let wrinkled = answer.wrinkled.iter();
-        lines.extend(wrinkled.map(|(index, fraction)| {
-            format!(
-                "pattern {index}: {:.1} % of the membrane would wrinkle",
-                100.0 * fraction
-            )
-        }));
+        lines.extend(
+            wrinkled
+                .map(|(place, fraction)| format!("{place}: {:.1} % of the membrane would wrinkle", 100.0 * fraction)),
+        );
         lines.extend(answer.statement.lines.iter().cloned());
         output.text(&lines.join("\n"))?;
     }

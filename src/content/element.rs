@@ -2,7 +2,7 @@
 
 use super::error::ElementError;
 use crate::field::Field;
-use crate::pattern::{Pattern, Raster, Role};
+use crate::pattern::{Pattern, PatternForm, Raster, Role};
 use crate::store::{Artifact, Data, ElementType, StoreError};
 
 /// A number or text as it stands in a file.
@@ -153,7 +153,8 @@ impl Element for Pattern {
 
     fn unpack(values: Vec<u8>, raster: Raster) -> Result<Vec<Self>, ElementError> {
         let rows = values.chunks_exact(raster.cells());
-        let pattern = |cells| Self::from_cells(raster, cells);
+        let groups = Self::MOST_GROUPS;
+        let pattern = |cells| Self::of_form(PatternForm { raster, groups }, cells);
         Ok(rows.map(pattern).collect::<Result<_, _>>()?)
     }
 }

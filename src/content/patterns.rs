@@ -5,7 +5,7 @@ use std::path::Path;
 use super::part::At;
 use super::view::Stored;
 use crate::base::InputError;
-use crate::pattern::{self, Pattern, Raster, split_h5};
+use crate::pattern::{self, Pattern, PatternForm, split_h5};
 use crate::store::Artifact;
 
 /// Reads the patterns that an argument names: a file of patterns, or a dataset of an artifact, of a manifest too. Artifacts are
@@ -13,20 +13,28 @@ use crate::store::Artifact;
 ///
 /// # Errors
 /// When the file cannot be read, is damaged, or holds no patterns there.
-pub fn named_patterns(argument: &str, raster: Raster) -> Result<Vec<Pattern>, InputError> {
+pub fn named_patterns(argument: &str, form: PatternForm) -> Result<Vec<Pattern>, InputError> {
     let named = split_h5(argument).map(|(file, dataset)| (Path::new(file), dataset));
     let Some((path, dataset)) = named.filter(|(path, _)| Artifact::is_at(path)) else {
-        return pattern::read_patterns(argument, raster);
+        return pattern::read_patterns(argument, form);
     };
     let refused = |why: String| InputError::new(format!("{argument}: {why}"));
     let artifact = Artifact::open(path).map_err(|e| refused(e.to_string()))?;
     let at = At::default().array(dataset.trim_start_matches('/'), "1", &["n", "y", "x"], "");
     let patterns: Vec<Pattern> = Stored::new(&artifact, at).read().map_err(|e| refused(e.to_string()))?;
-    match patterns.iter().find(|pattern| pattern.raster() != raster) {
+    let PatternForm { raster, groups } = form;
+    let other = patterns
+        .iter()
+        .find(|pattern| pattern.raster() != raster || pattern.groups() > groups);
+    match other {
         None => Ok(patterns),
-        Some(other) => Err(refused(format!(
+        Some(other) if other.raster() != raster => Err(refused(format!(
             "its patterns have {} cells, and the membrane has {raster}",
             other.raster()
+        ))),
+        Some(other) => Err(refused(format!(
+            "its patterns have {} groups of electrodes, and the scene has voltages of {groups}",
+            other.groups()
         ))),
     }
 }

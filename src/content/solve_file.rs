@@ -7,9 +7,11 @@ use super::macros::arrays;
 use super::observations::{Meshes, Observations};
 use crate::field::Field;
 use crate::pattern::Pattern;
+use crate::store::{Data, Dataset, Object};
 
 arrays! {
-    /// Patterns with their displacements, one row for each whether it has a field or not.
+    /// Patterns with their displacements, one row for each whether it has a field or not. Where the scene has `states`, these are an axis `state` after
+    /// `sample` of all arrays but `patterns`, and `states` has their names.
     #[derive(Default)]
     pub struct SolveFile, SolveFileView {
         /// Electrode patterns, origin lower left, 1 = electrode.
@@ -49,6 +51,45 @@ arrays! {
         calibration: Option<String> = attribute("calibration"),
         /// The families that the calibration was made from.
         basis: Option<String> = attribute("calibrated_on"),
+    }
+}
+
+impl SolveFile {
+    /// The same as an object, where each pattern stands there as often as there are states, one after the other: the states get an axis of their
+    /// own, and each pattern stands there once. Without states it is the object.
+    #[must_use]
+    pub fn in_states(self, states: &[String]) -> Object {
+        let patterns: Vec<Pattern> = self.patterns.iter().step_by(states.len().max(1)).cloned().collect();
+        let once = Self {
+            patterns,
+            ..Self::default()
+        };
+        let mut object = self.object();
+        if states.is_empty() {
+            return object;
+        }
+        for (path, dataset) in &mut object.datasets {
+            if path != "patterns" && dataset.axes.first().is_some_and(|axis| axis == "sample") {
+                dataset.axes.insert(1, "state".to_owned());
+                dataset.shape[0] /= states.len();
+                dataset.shape.insert(1, states.len());
+            }
+        }
+        let names = Dataset::new(
+            "",
+            "The states of the scene.",
+            &[states.len()],
+            Data::Text(states.to_vec()),
+        );
+        object.datasets.extend(once.object().datasets.remove_entry("patterns"));
+        object.datasets.insert(
+            "states".to_owned(),
+            Dataset {
+                axes: vec!["state".to_owned()],
+                ..names
+            },
+        );
+        object
     }
 }
 

@@ -50,11 +50,19 @@ pub struct Activity {
 }
 
 impl Activity {
-    /// The activity of a pattern.
+    /// The activity of a pattern whose electrodes all have the full load.
     #[must_use]
     pub fn new(grid: &Grid, pattern: &Pattern) -> Self {
-        let share = |x: usize, y: usize| f64::from(u8::from(pattern.is_active(x, y)));
-        Self::from_shares(grid, share)
+        Self::from_shares(grid, |x, y| f64::from(u8::from(pattern.is_active(x, y))))
+    }
+
+    /// The activity of a pattern whose groups of electrodes have these shares of the load.
+    ///
+    /// # Panics
+    /// When a cell belongs to a group that has none.
+    #[must_use]
+    pub fn of_groups(grid: &Grid, pattern: &Pattern, loads: &[f64]) -> Self {
+        Self::from_shares(grid, |x, y| load_of(pattern.group(x, y), loads))
     }
 
     /// Cells (column, row) that are active to a share: what derivatives with respect to the pattern are derivatives of.
@@ -133,6 +141,18 @@ impl Activity {
                 .map(|[widths, heights]| [T::of(widths), T::of(heights)]),
             is_uniform: self.grid.is_uniform(),
         }
+    }
+}
+
+/// The share of the load that a group of electrodes has; none of what is bare.
+///
+/// # Panics
+/// When the group has none.
+#[must_use]
+pub fn load_of(group: u8, loads: &[f64]) -> f64 {
+    match group {
+        0 => 0.0,
+        _ => loads[usize::from(group) - 1],
     }
 }
 

@@ -44,6 +44,25 @@ pub enum SetupError {
         /// Along x and y.
         prestretch: [f64; 2],
     },
+    /// The law of an electrode knows whether it is there, not what voltage it has.
+    #[error(
+        "stiff electrodes are simulated where all groups of electrodes have one voltage, and those of this scene differ"
+    )]
+    StiffGroups,
+    /// A pattern of another scene.
+    #[error(
+        "cell [y={y}][x={x}] of a pattern belongs to group {group} of electrodes, and the scene has voltages of {groups}"
+    )]
+    Group {
+        /// Row of the cell.
+        y: usize,
+        /// Its column.
+        x: usize,
+        /// Its group.
+        group: u8,
+        /// How many there are.
+        groups: usize,
+    },
     /// The membrane is not stable before any voltage is applied.
     #[error("at this prestretch the membrane is not stable even without voltage: rank-one convexity is lost at rest")]
     UnstableAtRest,

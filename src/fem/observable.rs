@@ -12,7 +12,7 @@ use super::energy::Material;
 use super::error::SetupError;
 use super::grid::Grid;
 use super::kinematics::{Tensor, determinant, squared_stretches};
-use super::operator::Activity;
+use super::operator::{Activity, load_of};
 
 /// How a cell bears its load.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,7 +44,7 @@ impl Tension {
 pub struct CellState {
     /// In-plane stretches from the undeformed state, larger first.
     pub stretches: [f64; 2],
-    /// True electric field V/h in V/m; zero where there is no electrode.
+    /// True electric field V/h in V/m; zero where there is no electrode, or one without voltage.
     pub electric_field: f64,
     /// First Piola–Kirchhoff stress in Pa, `[component][material direction]`.
     pub piola: Tensor<f64>,
@@ -111,6 +111,7 @@ pub(super) fn states(scene: &Scene, model: &Model, grid: &Grid, pattern: &Patter
     model.with(States {
         scene,
         pattern,
+        loads: model.loads(),
         activity: &activity,
         u,
     })
@@ -119,6 +120,7 @@ pub(super) fn states(scene: &Scene, model: &Model, grid: &Grid, pattern: &Patter
 struct States<'a> {
     scene: &'a Scene,
     pattern: &'a Pattern,
+    loads: &'a [f64],
     activity: &'a Activity,
     u: &'a [f64],
 }
@@ -146,8 +148,9 @@ impl States<'_> {
         let scale = modulus * prestretch;
         let piola = std::array::from_fn(|i| std::array::from_fn(|k| scale * (stress[i][k] + rest[i][k])));
         let stresses = principal_stresses(piola, f.map(|row| row.map(|v| prestretch * v)));
-        let nominal = if self.pattern.is_active(x, y) && self.activity.grid().is_membrane(x, y) {
-            self.scene.voltage_v() / (1e-3 * self.scene.thickness_mm())
+        let load = load_of(self.pattern.group(x, y), self.loads);
+        let nominal = if load > 0.0 && self.activity.grid().is_membrane(x, y) {
+            self.scene.voltage_v() * load.sqrt() / (1e-3 * self.scene.thickness_mm())
         } else {
             0.0
         };

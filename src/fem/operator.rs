@@ -14,7 +14,7 @@ use pulp::{Arch, Simd, WithSimd};
 use crate::field::Order;
 
 use super::activity::View;
-pub use super::activity::{Activity, Precision};
+pub use super::activity::{Activity, Precision, load_of};
 use super::eigenvalue::WITHOUT_THICKNESS;
 use super::element::{Bilinear, Biquadratic, Element};
 use super::energy::{MODULI, Material};

@@ -49,7 +49,10 @@ impl Bits {
             .zip(pattern.cells().chunks_exact(columns))
         {
             for (word, cells) in row.iter_mut().zip(cells.chunks(WORD)) {
-                *word = cells.iter().rev().fold(0, |word, &cell| word << 1 | u64::from(cell));
+                *word = cells
+                    .iter()
+                    .rev()
+                    .fold(0, |word, &cell| word << 1 | u64::from(cell != 0));
             }
         }
         bits
@@ -92,6 +95,35 @@ impl Bits {
     #[must_use]
     pub fn count(&self) -> usize {
         self.words.iter().map(|word| word.count_ones() as usize).sum()
+    }
+
+    /// How many cells follow each other row by row from below that are bare, then active, then bare, and so on.
+    #[must_use]
+    pub fn runs(&self) -> Vec<usize> {
+        let (mut runs, mut is_active) = (vec![0], false);
+        for at in 0..self.columns * self.rows {
+            if self.has(at % self.columns, at / self.columns) != is_active {
+                is_active = !is_active;
+                runs.push(0);
+            }
+            *runs.last_mut().expect("there is one") += 1;
+        }
+        runs
+    }
+
+    /// The cells that such runs say; none where they are more or fewer than the raster has.
+    #[must_use]
+    pub fn from_runs(raster: Raster, runs: &[usize]) -> Option<Self> {
+        let total = runs.iter().try_fold(0_usize, |sum, run| sum.checked_add(*run));
+        if total != Some(raster.cells()) {
+            return None;
+        }
+        let each = runs
+            .iter()
+            .enumerate()
+            .flat_map(|(at, &run)| std::iter::repeat_n(at % 2 == 1, run));
+        let cells: Vec<bool> = each.collect();
+        Some(Self::from_fn(raster, |x, y| cells[y * raster.columns() + x]))
     }
 
     /// Whether no cell is active.
@@ -500,6 +532,22 @@ mod tests {
             }
             let [empty, full] = [false, true].map(|active| Pattern::from_fn(raster, |_, _| active));
             assert_eq!(distance(&empty, &full), 1.0);
+        }
+    }
+
+    #[test]
+    fn runs_are_cells_said_shortly() {
+        let raster = Raster::new(7, 5).unwrap();
+        for seed in 0..20 {
+            let bits = Bits::from_fn(raster, |x, y| (x * x + 3 * y + seed) % 5 < seed % 4);
+            let runs = bits.runs();
+            assert_eq!(runs.iter().sum::<usize>(), 35);
+            assert!(runs[1..].iter().all(|run| *run > 0));
+            assert_eq!(Bits::from_runs(raster, &runs), Some(bits));
+        }
+        assert_eq!(Bits::full(raster).runs(), [0, 35]);
+        for wrong in [&[][..], &[34], &[3, 33], &[usize::MAX, 36]] {
+            assert_eq!(Bits::from_runs(raster, wrong), None);
         }
     }
 }

@@ -5,14 +5,14 @@
 
 use std::path::Path;
 
-use super::raster::{Pattern, Raster};
+use super::raster::{Pattern, PatternForm, Raster};
 use super::read::{Refusal, bytes, patterns};
 
 /// What a value may take with its separator, and comments: generous.
 const MAX_BYTES: (u64, u64) = (64, 1 << 20);
 
-fn form(raster: Raster) -> String {
-    let [columns, rows] = raster.sides();
+fn allowed(form: PatternForm) -> String {
+    let [columns, rows] = form.raster.sides();
     format!(
         "allowed: {rows} lines of {columns} values separated by commas, semicolons, tabs or single spaces, the first line at the lower edge; lines that \
          begin with # are skipped"
@@ -32,9 +32,22 @@ fn separator(bytes: &[u8]) -> u8 {
         .unwrap_or(b' ')
 }
 
-pub(super) fn read(path: &Path, raster: Raster) -> Result<Vec<Pattern>, Refusal> {
-    let refusal = |what: String| Refusal::new(what).help(form(raster));
-    let bytes = bytes(path, MAX_BYTES.0 * raster.cells() as u64 + MAX_BYTES.1)?;
+/// Columns and rows.
+pub(super) fn sides(path: &Path) -> Result<[usize; 2], Refusal> {
+    let most = (Raster::MOST * Raster::MOST) as u64;
+    let bytes = bytes(path, MAX_BYTES.0 * most + MAX_BYTES.1)?;
+    let separator = char::from(separator(&bytes));
+    let text = String::from_utf8_lossy(&bytes);
+    let mut lines = text
+        .lines()
+        .filter(|line| !line.starts_with('#') && !line.trim().is_empty());
+    let first = lines.next().map_or(0, |line| line.split(separator).count());
+    Ok([first, usize::from(first > 0) + lines.count()])
+}
+
+pub(super) fn read(path: &Path, form: PatternForm) -> Result<Vec<Pattern>, Refusal> {
+    let refusal = |what: String| Refusal::new(what).help(allowed(form));
+    let bytes = bytes(path, MAX_BYTES.0 * form.raster.cells() as u64 + MAX_BYTES.1)?;
     let mut reader = csv::ReaderBuilder::new()
         .has_headers(false)
         .flexible(true)
@@ -42,11 +55,11 @@ pub(super) fn read(path: &Path, raster: Raster) -> Result<Vec<Pattern>, Refusal>
         .delimiter(separator(&bytes))
         .trim(csv::Trim::All)
         .from_reader(bytes.as_slice());
-    let mut values = Vec::with_capacity(raster.cells());
+    let mut values = Vec::with_capacity(form.raster.cells());
     for record in reader.records() {
         let record = record.map_err(|e| refusal(e.to_string()))?;
         let line = record.position().map_or(0, csv::Position::line);
-        if record.len() != raster.columns() {
+        if record.len() != form.raster.columns() {
             return Err(refusal(format!("line {line} has {} values", record.len())));
         }
         for (column, text) in record.iter().enumerate() {
@@ -57,8 +70,11 @@ pub(super) fn read(path: &Path, raster: Raster) -> Result<Vec<Pattern>, Refusal>
             values.push(value);
         }
     }
-    if values.len() != raster.cells() {
-        return Err(refusal(format!("{} lines of values", values.len() / raster.columns())));
+    if values.len() != form.raster.cells() {
+        return Err(refusal(format!(
+            "{} lines of values",
+            values.len() / form.raster.columns()
+        )));
     }
-    patterns(&values, raster)
+    patterns(&values, form)
 }

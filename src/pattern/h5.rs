@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::raster::{Pattern, Raster};
+use super::raster::{Pattern, PatternForm};
 use super::read::{Refusal, count, patterns, patterns_from};
 use crate::hdf::{Element, Failure, HdfError, HdfFile};
 
@@ -17,7 +17,7 @@ pub fn split(spec: &str) -> Option<(&str, &str)> {
     Some((&spec[..colon], &spec[colon + 1..]))
 }
 
-pub(super) fn read(path: &Path, dataset: &str, raster: Raster) -> Result<Vec<Pattern>, Refusal> {
+pub(super) fn read(path: &Path, dataset: &str, form: PatternForm) -> Result<Vec<Pattern>, Refusal> {
     let file = HdfFile::apart(path).map_err(refused)?;
     let found = file.find(dataset).map_err(|error| match error {
         HdfError::Failed {
@@ -29,20 +29,20 @@ pub(super) fn read(path: &Path, dataset: &str, raster: Raster) -> Result<Vec<Pat
     let Some(found) = found else {
         return Err(Refusal::new(format!("no dataset {dataset:?} in the file")).help(advice(path)));
     };
-    let n = count(&found.shape, raster)?;
+    let n = count(&found.shape, form)?;
     match found.element {
         Element::Other(what) => return Err(Refusal::new(format!("elements of type {what}")).help(TYPES)),
         element if !element.is_number() => return Err(Refusal::new("elements of type text").help(TYPES)),
         _ => {}
     }
     if found.shape.len() == 2 {
-        return patterns(&file.numbers(dataset, 0..raster.rows()).map_err(refused)?, raster);
+        return patterns(&file.numbers(dataset, 0..form.raster.rows()).map_err(refused)?, form);
     }
     let mut all = Vec::with_capacity(n);
     while all.len() < n {
-        let rows = all.len()..n.min(all.len() + SLICE / raster.cells());
+        let rows = all.len()..n.min(all.len() + SLICE / form.raster.cells());
         let values = file.numbers(dataset, rows.clone()).map_err(refused)?;
-        all.extend(patterns_from(&values, raster, rows.start, n > 1)?);
+        all.extend(patterns_from(&values, form, rows.start, n > 1)?);
     }
     Ok(all)
 }

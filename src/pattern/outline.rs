@@ -95,7 +95,7 @@ fn islands(pattern: &Pattern) -> (Vec<usize>, usize) {
         let mut open = vec![start];
         while let Some(at) = open.pop() {
             for next in neighbours(at, raster) {
-                if pattern.cells()[next] == 1 && labels[next] == NONE {
+                if pattern.cells()[next] != 0 && labels[next] == NONE {
                     labels[next] = count;
                     open.push(next);
                 }

@@ -1,14 +1,15 @@
 //! Images: dark pixels are electrodes, as in the figures of the source paper; the top row is the upper edge.
 //!
 //! Only images that say exactly which cell is what are taken: a pixel for each cell, or larger ones whose blocks are uniform.
-//! Grey pixels come from resampling, and no threshold can undo that.
+//! Grey pixels come from resampling, and no threshold can undo that. Where there are several groups of electrodes, an image with a palette
+//! has the number of the group as its index, and in another one group g of n is (g − 1)/n grey from black to white.
 
 use std::io::Cursor;
 use std::path::Path;
 
-use png::{ColorType, Decoder, DecodingError, Transformations};
+use png::{ColorType, Decoder, DecodingError, Reader, Transformations};
 
-use super::raster::{Pattern, Raster};
+use super::raster::{Pattern, PatternForm};
 use super::read::{Refusal, bytes};
 
 /// Pixels along the side of a cell.
@@ -19,80 +20,155 @@ const MOST_PIXELS: usize = 3200 * 3200;
 
 const MAX_BYTES: u64 = 64 << 20;
 
-fn form(raster: Raster) -> String {
-    let [columns, rows] = raster.sides();
+fn allowed(form: PatternForm) -> String {
+    let ([columns, rows], groups) = (form.raster.sides(), form.groups);
+    let colours = match groups {
+        1 => "dark (below 25 % grey) = electrode, light (above 75 %) = bare".to_owned(),
+        _ => {
+            let level = |group: usize| format!("group {group} = {:.0} %", 100.0 * (group - 1) as f64 / groups as f64);
+            let levels: Vec<String> = (1..=groups).map(level).collect();
+            format!(
+                "the numbers of groups as indices of a palette, or as grey levels: {}, bare = 100 %",
+                levels.join(", ")
+            )
+        }
+    };
     format!(
         "allowed: {columns} × {rows} pixels, or k·{columns} × k·{rows} (k to {LARGEST_BLOCK}) with each k × k block of one colour; \
-         dark (below 25 % grey) = electrode, light (above 75 %) = bare; no smoothing when scaling"
+         {colours}; no smoothing when scaling"
     )
 }
 
-pub(super) fn read(path: &Path, raster: Raster) -> Result<Vec<Pattern>, Refusal> {
-    let of_form = |refusal: Refusal| refusal.help(form(raster));
-    let (block, grey) = decode(&bytes(path, MAX_BYTES)?, raster)?;
-    let (width, rows) = (block * raster.columns(), raster.rows());
-    let dark = grey
+/// Columns and rows of an image with a pixel for each cell.
+pub(super) fn sides(path: &Path) -> Result<[usize; 2], Refusal> {
+    let bytes = bytes(path, MAX_BYTES)?;
+    let broken = |e: DecodingError| Refusal::new(format!("not a readable PNG: {e}"));
+    let mut decoder = Decoder::new(Cursor::new(&bytes[..]));
+    let (width, height) = decoder.read_header_info().map_err(broken)?.size();
+    Ok([width as usize, height as usize])
+}
+
+pub(super) fn read(path: &Path, form: PatternForm) -> Result<Vec<Pattern>, Refusal> {
+    let of_form = |refusal: Refusal| refusal.help(allowed(form));
+    let (block, pixels) = decode(&bytes(path, MAX_BYTES)?, form)?;
+    let (width, rows) = (block * form.raster.columns(), form.raster.rows());
+    let groups = pixels
         .iter()
         .enumerate()
-        .map(|(at, level)| is_dark(*level).ok_or_else(|| of_form(undecided(at % width, at / width, *level))))
-        .collect::<Result<Vec<bool>, _>>()?;
+        .map(|(at, pixel)| {
+            let undecided = || undecided([at % width, at / width], *pixel, form.groups);
+            pixel.group(form.groups).ok_or_else(|| of_form(undecided()))
+        })
+        .collect::<Result<Vec<u8>, _>>()?;
     // Image rows run downwards, patterns upwards.
-    let cell = |x: usize, y: usize| dark[(rows - 1 - y) * block * width + x * block];
+    let cell = |x: usize, y: usize| groups[(rows - 1 - y) * block * width + x * block];
     let of_cell = |at: usize| cell(at % width / block, rows - 1 - at / width / block);
-    if let Some(at) = (0..dark.len()).find(|&at| dark[at] != of_cell(at)) {
+    if let Some(at) = (0..groups.len()).find(|&at| groups[at] != of_cell(at)) {
         return Err(of_form(Refusal::new(format!(
             "pixel (column {}, row {} from the top) differs from others of its {block} × {block} block",
             at % width,
             at / width
         ))));
     }
-    Ok(vec![Pattern::from_fn(raster, cell)])
+    Ok(vec![Pattern::from_groups(form.raster, cell)])
 }
 
-fn is_dark(grey: f64) -> Option<bool> {
-    match grey {
-        g if g < 0.25 => Some(true),
-        g if g > 0.75 => Some(false),
-        _ => None,
+/// What a pixel says.
+#[derive(Clone, Copy)]
+enum Pixel {
+    /// A grey level, 0 (black) to 1 (white).
+    Grey(f64),
+    /// An index into a palette.
+    Index(u8),
+}
+
+impl Pixel {
+    /// The group of electrodes that it stands for, 0 for bare; none where that is not plain.
+    fn group(self, groups: usize) -> Option<u8> {
+        match self {
+            Self::Index(index) => (usize::from(index) <= groups).then_some(index),
+            Self::Grey(level) => {
+                let step = level * groups as f64;
+                let is_plain = (step - step.round()).abs() < 0.25;
+                let group = if step.round() as usize == groups {
+                    0
+                } else {
+                    step.round() as u8 + 1
+                };
+                is_plain.then_some(group)
+            }
+        }
     }
 }
 
-fn undecided(column: usize, row: usize, grey: f64) -> Refusal {
-    Refusal::new(format!(
-        "pixel (column {column}, row {row} from the top) is {:.0} % grey, neither 0 nor 1",
-        100.0 * grey
-    ))
+fn undecided([column, row]: [usize; 2], pixel: Pixel, groups: usize) -> Refusal {
+    let found = match pixel {
+        Pixel::Grey(grey) if groups == 1 => format!("{:.0} % grey, neither 0 nor 1", 100.0 * grey),
+        Pixel::Grey(grey) => format!("{:.0} % grey, no group of electrodes", 100.0 * grey),
+        Pixel::Index(index) => format!("of colour {index} of the palette, no group of electrodes"),
+    };
+    Refusal::new(format!("pixel (column {column}, row {row} from the top) is {found}"))
 }
 
-/// Pixels along the side of a cell, and grey levels, 0 (black) to 1 (white), from the top.
-fn decode(bytes: &[u8], raster: Raster) -> Result<(usize, Vec<f64>), Refusal> {
+/// Pixels along the side of a cell, and the pixels, from the top.
+fn decode(bytes: &[u8], form: PatternForm) -> Result<(usize, Vec<Pixel>), Refusal> {
     let broken = |e: DecodingError| Refusal::new(format!("not a readable PNG: {e}"));
     let mut decoder = Decoder::new(Cursor::new(bytes));
-    decoder.set_transformations(Transformations::EXPAND | Transformations::STRIP_16);
-    let (width, height) = decoder.read_header_info().map_err(broken)?.size();
-    let [columns, rows] = raster.sides();
+    let info = decoder.read_header_info().map_err(broken)?;
+    let (width, height) = info.size();
+    let is_indexed = form.groups > 1 && info.color_type == ColorType::Indexed;
+    let depth = info.bit_depth as usize;
+    decoder.set_transformations(match is_indexed {
+        true => Transformations::IDENTITY,
+        false => Transformations::EXPAND | Transformations::STRIP_16,
+    });
+    let [columns, rows] = form.raster.sides();
     let (wide, high) = (width as usize, height as usize);
     let block = wide / columns;
     let is_whole = (block * columns, block * rows) == (wide, high) && (1..=LARGEST_BLOCK).contains(&block);
     if !is_whole || wide.saturating_mul(high) > MOST_PIXELS {
-        return Err(Refusal::new(format!("the image has {width} × {height} pixels")).help(form(raster)));
+        return Err(Refusal::new(format!("the image has {width} × {height} pixels")).help(allowed(form)));
     }
-    let mut reader = decoder.read_info().map_err(broken)?;
-    let mut pixels = vec![0; reader.output_buffer_size()];
-    let frame = reader.next_frame(&mut pixels).map_err(broken)?;
-    let channels = frame.color_type.samples();
-    let grey = pixels[..frame.buffer_size()]
-        .chunks_exact(channels)
-        .map(|pixel| grey_level(frame.color_type, pixel))
-        .collect::<Vec<_>>();
-    if grey.len() != wide * high {
+    let reader = decoder.read_info().map_err(broken)?;
+    let pixels = match is_indexed {
+        true => indices(reader, [wide, high], depth),
+        false => greys(reader),
+    };
+    let pixels = pixels.map_err(broken)?;
+    if pixels.len() != wide * high {
         return Err(Refusal::new(format!(
             "{} pixels where {} were promised",
-            grey.len(),
+            pixels.len(),
             wide * high
         )));
     }
-    Ok((block, grey))
+    Ok((block, pixels))
+}
+
+fn greys(mut reader: Reader<Cursor<&[u8]>>) -> Result<Vec<Pixel>, DecodingError> {
+    let mut pixels = vec![0; reader.output_buffer_size()];
+    let frame = reader.next_frame(&mut pixels)?;
+    let channels = frame.color_type.samples();
+    let greys = pixels[..frame.buffer_size()].chunks_exact(channels);
+    Ok(greys
+        .map(|pixel| Pixel::Grey(grey_level(frame.color_type, pixel)))
+        .collect())
+}
+
+/// Indices of so many bits, each row in whole bytes.
+fn indices(
+    mut reader: Reader<Cursor<&[u8]>>,
+    [width, height]: [usize; 2],
+    bits: usize,
+) -> Result<Vec<Pixel>, DecodingError> {
+    let mut bytes = vec![0; reader.output_buffer_size()];
+    let frame = reader.next_frame(&mut bytes)?;
+    let (per_byte, mask) = (8 / bits, u8::MAX >> (8 - bits));
+    let rows = bytes[..frame.buffer_size()].chunks_exact(frame.line_size).take(height);
+    let index = |row: &[u8], x: usize| row[x / per_byte] >> ((per_byte - 1 - x % per_byte) * bits) & mask;
+    Ok(rows
+        .flat_map(|row| (0..width).map(move |x| Pixel::Index(index(row, x))))
+        .collect())
 }
 
 /// Luma after Rec. ITU-R BT.601, over a white background.

@@ -15,11 +15,40 @@ pub struct Raster {
     rows: u16,
 }
 
-/// An electrode pattern: cells `[y][x]` with the origin at the lower left, 1 = electrode, 0 = bare.
+/// An electrode pattern: cells `[y][x]` with the origin at the lower left, each with the number of its group of electrodes, or bare with 0.
 #[derive(Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Pattern {
     raster: Raster,
     cells: Box<[u8]>,
+}
+
+/// What patterns of a device are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PatternForm {
+    /// Their cells.
+    pub raster: Raster,
+    /// How many groups of electrodes they may have.
+    pub groups: usize,
+}
+
+impl PatternForm {
+    /// That of the source paper's membrane.
+    pub const PAPER: Self = Self::bare_or_electrode(Raster::PAPER);
+
+    /// One group of electrodes.
+    #[must_use]
+    pub const fn bare_or_electrode(raster: Raster) -> Self {
+        Self { raster, groups: 1 }
+    }
+}
+
+/// What a cell may be where there are so many groups, in words.
+#[must_use]
+pub fn allowed_cells(groups: usize) -> String {
+    match groups {
+        1 => "0 (bare) or 1 (electrode)".to_owned(),
+        _ => format!("0 (bare) or the number of a group of electrodes, 1 to {groups}"),
+    }
 }
 
 /// Numbers that are not a pattern.
@@ -33,8 +62,8 @@ pub enum PatternError {
         /// How many values there were.
         found: usize,
     },
-    /// A value other than 0 and 1.
-    #[error("cell [y={y}][x={x}] is {found}; a cell is 0 (bare) or 1 (electrode)")]
+    /// A value that is neither 0 nor a group.
+    #[error("cell [y={y}][x={x}] is {found}; a cell is {}", allowed_cells(*.groups))]
     Value {
         /// Row, from below.
         y: usize,
@@ -42,6 +71,8 @@ pub enum PatternError {
         x: usize,
         /// What stood there.
         found: u8,
+        /// How many groups there are.
+        groups: usize,
     },
 }
 
@@ -128,20 +159,33 @@ impl fmt::Display for Raster {
 }
 
 impl Pattern {
-    /// A pattern from its cells, row by row from below.
+    /// Most groups of electrodes.
+    pub const MOST_GROUPS: usize = 16;
+
+    /// A pattern of one group from its cells, row by row from below.
     ///
     /// # Errors
     /// When there are not as many values as cells, or one is neither 0 nor 1.
     pub fn from_cells(raster: Raster, cells: &[u8]) -> Result<Self, PatternError> {
+        Self::of_form(PatternForm::bare_or_electrode(raster), cells)
+    }
+
+    /// A pattern from its cells, row by row from below.
+    ///
+    /// # Errors
+    /// When there are not as many values as cells, or one is neither 0 nor a group's number.
+    pub fn of_form(form: PatternForm, cells: &[u8]) -> Result<Self, PatternError> {
+        let PatternForm { raster, groups } = form;
         let found = cells.len();
         if found != raster.cells() {
             return Err(PatternError::Shape { raster, found });
         }
-        match cells.iter().position(|&c| c > 1) {
+        match cells.iter().position(|&c| usize::from(c) > groups) {
             Some(at) => Err(PatternError::Value {
                 y: at / raster.columns(),
                 x: at % raster.columns(),
                 found: cells[at],
+                groups,
             }),
             None => Ok(Self {
                 raster,
@@ -153,12 +197,16 @@ impl Pattern {
     /// The pattern whose cell (x, y) is active where `active(x, y)`.
     #[must_use]
     pub fn from_fn(raster: Raster, active: impl Fn(usize, usize) -> bool) -> Self {
+        Self::from_groups(raster, |x, y| u8::from(active(x, y)))
+    }
+
+    /// The pattern whose cell (x, y) belongs to the group `group(x, y)`, or is bare where that is 0.
+    #[must_use]
+    pub fn from_groups(raster: Raster, group: impl Fn(usize, usize) -> u8) -> Self {
         let columns = raster.columns();
         Self {
             raster,
-            cells: (0..raster.cells())
-                .map(|i| u8::from(active(i % columns, i / columns)))
-                .collect(),
+            cells: (0..raster.cells()).map(|i| group(i % columns, i / columns)).collect(),
         }
     }
 
@@ -180,15 +228,39 @@ impl Pattern {
     /// When the cell is outside the raster.
     #[must_use]
     pub fn is_active(&self, x: usize, y: usize) -> bool {
+        self.group(x, y) != 0
+    }
+
+    /// The group of electrodes of the cell at column `x`, row `y`, from 1; 0 where it is bare.
+    ///
+    /// # Panics
+    /// When the cell is outside the raster.
+    #[must_use]
+    pub fn group(&self, x: usize, y: usize) -> u8 {
         let [columns, rows] = self.raster.sides();
         assert!(x < columns && y < rows, "cell ({x}, {y}) is outside the membrane");
-        self.cells[y * columns + x] == 1
+        self.cells[y * columns + x]
+    }
+
+    /// The highest number of a group that a cell has; 0 where all are bare.
+    #[must_use]
+    pub fn groups(&self) -> usize {
+        self.cells.iter().max().map_or(0, |&group| usize::from(group))
+    }
+
+    /// The cells of one group.
+    #[must_use]
+    pub fn of_group(&self, group: u8) -> Self {
+        Self {
+            raster: self.raster,
+            cells: self.cells.iter().map(|&cell| u8::from(cell == group)).collect(),
+        }
     }
 
     /// How many cells are active.
     #[must_use]
     pub fn active_cells(&self) -> usize {
-        self.cells.iter().map(|&c| usize::from(c)).sum()
+        self.cells.iter().filter(|&&cell| cell != 0).count()
     }
 
     /// The share of active cells, 0 to 1.
@@ -247,7 +319,12 @@ mod tests {
         cells[103] = 2;
         assert_eq!(
             Pattern::from_cells(Raster::PAPER, &cells).unwrap_err(),
-            PatternError::Value { y: 2, x: 3, found: 2 }
+            PatternError::Value {
+                y: 2,
+                x: 3,
+                found: 2,
+                groups: 1
+            }
         );
         assert!(Raster::new(0, 3).is_none() && Raster::new(3, 401).is_none());
         assert_eq!(Raster::new(400, 1).unwrap().to_string(), "400 × 1");

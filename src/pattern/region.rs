@@ -17,6 +17,8 @@ pub enum Region {
     },
     /// Its corners, in order; where it crosses itself, what lies inside an odd number of times. The border belongs to it.
     Polygon(Vec<[f64; 2]>),
+    /// The cells themselves, of a membrane with as many.
+    Cells(Bits),
 }
 
 /// How far outside of a border a point still lies on it, in units of the coordinates: rounding must not make a symmetric region hold cells that
@@ -26,6 +28,7 @@ const RESOLUTION: f64 = 1e-12;
 impl Region {
     fn holds(&self, [x, y]: [f64; 2]) -> bool {
         match self {
+            Self::Cells(_) => false,
             Self::Rectangle([[a, b], [c, d]]) => {
                 let between = |at: f64, one: f64, other: f64| {
                     let room = RESOLUTION * (one.abs() + other.abs());
@@ -41,10 +44,13 @@ impl Region {
         }
     }
 
-    /// The cells of a membrane with their centre in it.
+    /// The cells of a membrane with their centre in it; none where it is cells of another raster.
     #[must_use]
     pub fn cells(&self, membrane: Membrane) -> Bits {
-        Bits::from_fn(membrane.raster, |x, y| self.holds(membrane.centre_mm(x, y)))
+        match self {
+            Self::Cells(cells) if cells.raster() == membrane.raster => cells.clone(),
+            _ => Bits::from_fn(membrane.raster, |x, y| self.holds(membrane.centre_mm(x, y))),
+        }
     }
 }
 

@@ -11,7 +11,7 @@ use crate::base::{
     Canonical, Decimal, Declared, Fields, Force, InputError, Length, Map, Node, NodeValue, Parameter, Schema,
     SpringRate, parameters,
 };
-use crate::pattern::{Bits, Membrane, Part, Parts, PartsError, Raster};
+use crate::pattern::{Bits, Membrane, Part, Parts, PartsError, PatternForm, Raster};
 
 /// A value along x and one along y; as one where they are equal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -130,6 +130,7 @@ fn check_frame(frame: &Frame, map: &Map<'_>) -> Result<(), InputError> {
 
 fn check(geometry: &Geometry, map: &Map<'_>) -> Result<(), InputError> {
     check_size(geometry, map)?;
+    check_masks(geometry, map)?;
     let Err(error) = geometry.read_parts() else {
         return Ok(());
     };
@@ -156,6 +157,33 @@ fn check(geometry: &Geometry, map: &Map<'_>) -> Result<(), InputError> {
         .help(help))
 }
 
+/// Masks are drawn on the cells of the membrane.
+fn check_masks(geometry: &Geometry, map: &Map<'_>) -> Result<(), InputError> {
+    let raster = geometry.membrane().raster;
+    let check = |shape: &Shape, node: Option<&Node>| match (shape.raster(), node) {
+        (Some(other), Some(node)) if other != raster => Err(node
+            .error(format!("the mask has {other} cells, and the membrane has {raster}"))
+            .help("a mask has one value for each cell of the membrane")),
+        _ => Ok(()),
+    };
+    let frame = map.optional("frame");
+    let opening = geometry.frame.as_ref().and_then(|frame| frame.opening.as_ref());
+    if let Some(opening) = opening {
+        check(opening, frame.and_then(|frame| frame.peek("opening")))?;
+    }
+    let held = geometry.frame.iter().flat_map(|frame| frame.held.iter().flatten());
+    let bodies = geometry.bodies.iter().flatten().map(|body| &body.shape);
+    let nodes = |parent: Option<&Node>, key: &str| -> Vec<Node> {
+        let list = parent.and_then(|parent| parent.list(key).ok());
+        list.unwrap_or_default().to_vec()
+    };
+    let held_nodes = nodes(frame.and_then(|frame| frame.peek("held")), "held");
+    let body_nodes = nodes(map.optional("bodies"), "bodies");
+    held.zip(&held_nodes)
+        .chain(bodies.zip(&body_nodes))
+        .try_for_each(|(shape, node)| check(shape, Some(node)))
+}
+
 fn side_or_size(fields: Fields) -> Fields {
     fields.rule(json!({ "oneOf": [{ "required": ["side"] }, { "required": ["size"] }] }))
 }
@@ -172,6 +200,8 @@ pub struct Outline {
     pub has_frame: bool,
     /// Whether there are rigid bodies.
     pub has_bodies: bool,
+    /// How many groups of electrodes there are.
+    pub groups: usize,
 }
 
 impl Outline {
@@ -180,7 +210,8 @@ impl Outline {
     /// # Errors
     /// When it has no geometry, or sides or cells cannot be read.
     pub fn read(scene: &Node) -> Result<Self, InputError> {
-        let node = scene.fields(WHAT, &SECTIONS)?.required(WHAT, "geometry")?;
+        let sections = scene.fields(WHAT, &SECTIONS)?;
+        let node = sections.required(WHAT, "geometry")?;
         let map = node.fields(Geometry::WHAT, &Geometry::keys())?;
         let Both([columns, rows]) = map.read(Geometry::WHAT, "cells", &CELLS, None)?;
         let size = match map.optional("size") {
@@ -202,8 +233,47 @@ impl Outline {
             prestretch,
             has_frame: map.optional("frame").is_some(),
             has_bodies: map.optional("bodies").is_some(),
+            groups: groups(&sections),
         })
     }
+
+    /// The cells in the mapping of a scene that may carry electrodes; none are told where all of them may.
+    ///
+    /// # Errors
+    /// When the geometry cannot be read.
+    pub fn room(scene: &Node) -> Result<Option<Bits>, InputError> {
+        let node = scene.fields(WHAT, &SECTIONS)?.required(WHAT, "geometry")?;
+        let parts = Geometry::read_with(node, &[])?.parts();
+        Ok(parts.map(|parts| Bits::from_fn(parts.raster(), |x, y| parts.at(x, y) == Part::Membrane)))
+    }
+
+    /// What patterns on it are.
+    #[must_use]
+    pub fn form(&self) -> PatternForm {
+        PatternForm {
+            raster: self.membrane.raster,
+            groups: self.groups,
+        }
+    }
+}
+
+/// How many groups of electrodes a scene has whose drive, or first state, may be anything yet.
+fn groups(scene: &Map<'_>) -> usize {
+    let first = || {
+        scene
+            .optional("states")?
+            .entries("`states`")
+            .ok()?
+            .first()
+            .map(|(_, state)| state)
+    };
+    let voltages = scene
+        .optional("drive")
+        .or_else(first)
+        .and_then(|drive| drive.peek("voltages"));
+    voltages
+        .and_then(|voltages| voltages.list("voltages").ok())
+        .map_or(1, <[Node]>::len)
 }
 
 const SIDES: RangeInclusive<f64> = 1e-3..=1e4;
@@ -254,9 +324,9 @@ impl Geometry {
     }
 
     /// Its outline, with its true sides.
-    #[must_use]
-    pub fn outline(&self) -> Outline {
+    pub(super) fn outline(&self, groups: usize) -> Outline {
         Outline {
+            groups,
             membrane: self.membrane(),
             prestretch: self.prestretch.0.each_ref().map(|stretch| stretch.to_f64()),
             has_frame: self.frame.is_some(),

@@ -1,10 +1,13 @@
 //! An electrode as polygons in mm, at the size at which it is to be made.
 
 use super::model::Scene;
-use crate::pattern::{Corners, Membrane, Pattern, outlines, total_area};
+use crate::pattern::{Bits, Corners, Membrane, Part, Parts, Pattern, outlines, total_area};
 
 /// A point in mm, the origin at the lower left corner of the membrane.
 pub type Point = [f64; 2];
+
+/// Outer ring and holes of each island, largest first; outer rings run anticlockwise, holes clockwise.
+pub type Islands = Vec<(Vec<Point>, Vec<Vec<Point>>)>;
 
 /// The state of the membrane that the electrode is laid on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,8 +48,12 @@ pub struct Mask {
     pub outline_area: f64,
     /// Whether the outline is rounded.
     pub rounded: bool,
-    /// Outer ring and holes of each island, largest first; outer rings run anticlockwise, holes clockwise.
-    pub islands: Vec<(Vec<Point>, Vec<Vec<Point>>)>,
+    /// The islands of each group of electrodes.
+    pub groups: Vec<Islands>,
+    /// What is not frame, where there is a frame beside the edge of the rectangle.
+    pub opening: Islands,
+    /// The rigid bodies.
+    pub bodies: Islands,
 }
 
 impl Mask {
@@ -65,8 +72,28 @@ impl Mask {
         };
         let [width, height] = membrane.cell_mm();
         let corners = if rounded { Corners::Rounded } else { Corners::Square };
-        let islands = outlines(pattern, corners);
         let ring = |ring: &Vec<Point>| -> Vec<Point> { ring.iter().map(|[x, y]| [x * width, y * height]).collect() };
+        let drawn = |pattern: &Pattern, corners: Corners| {
+            let islands = outlines(pattern, corners);
+            let rings = islands
+                .iter()
+                .map(|island| (ring(&island.outer), island.holes.iter().map(ring).collect()));
+            (total_area(&islands), rings.collect::<Islands>())
+        };
+        let (areas, groups): (Vec<f64>, Vec<Islands>) = match scene.groups() {
+            1 => vec![drawn(pattern, corners)],
+            several => (1..=several as u8)
+                .map(|group| drawn(&pattern.of_group(group), corners))
+                .collect(),
+        }
+        .into_iter()
+        .unzip();
+        let parts = scene.parts();
+        let part = |is_in: &dyn Fn(Part) -> bool| match &parts {
+            Some(parts) => drawn(&cells_of(parts, is_in), Corners::Square).1,
+            None => Vec::new(),
+        };
+        let has_frame = scene.geometry.frame.is_some();
         Self {
             size,
             membrane,
@@ -74,20 +101,29 @@ impl Mask {
             prestretch,
             electrode_area: pattern.active_cells() as f64 * width * height,
             area_fraction: pattern.area_fraction(),
-            outline_area: total_area(&islands) * width * height,
+            outline_area: areas.iter().sum::<f64>() * width * height,
             rounded,
-            islands: islands
-                .iter()
-                .map(|island| (ring(&island.outer), island.holes.iter().map(ring).collect()))
-                .collect(),
+            groups,
+            opening: part(&|part| has_frame && part != Part::Frame),
+            bodies: part(&|part| part.body().is_some()),
         }
+    }
+
+    /// How many islands there are, of all groups.
+    #[must_use]
+    pub fn islands(&self) -> usize {
+        self.groups.iter().map(Vec::len).sum()
     }
 
     /// Holes of all islands.
     #[must_use]
     pub fn holes(&self) -> usize {
-        self.islands.iter().map(|(_, holes)| holes.len()).sum()
+        self.groups.iter().flatten().map(|(_, holes)| holes.len()).sum()
     }
+}
+
+fn cells_of(parts: &Parts, is_in: &dyn Fn(Part) -> bool) -> Pattern {
+    Bits::from_fn(parts.raster(), |x, y| is_in(parts.at(x, y))).pattern()
 }
 
 #[cfg(test)]
@@ -106,11 +142,14 @@ mod tests {
             (mask.membrane.size_mm, mask.electrode_area, mask.outline_area),
             ([50.0; 2], 200.0, 200.0)
         );
-        assert_eq!(mask.islands[0].0, [[0.0, 0.0], [10.0, 0.0], [10.0, 20.0], [0.0, 20.0]]);
+        assert_eq!(
+            mask.groups[0][0].0,
+            [[0.0, 0.0], [10.0, 0.0], [10.0, 20.0], [0.0, 20.0]]
+        );
         let small = Mask::new(&pattern, &scene, Size::Undeformed, false);
         assert!(
             (small.membrane.size_mm[1] - 50.0 / 3.0).abs() < 1e-12 && (small.outline_area - 200.0 / 9.0).abs() < 1e-12
         );
-        assert!((small.islands[0].0[2][1] - 20.0 / 3.0).abs() < 1e-12);
+        assert!((small.groups[0][0].0[2][1] - 20.0 / 3.0).abs() < 1e-12);
     }
 }

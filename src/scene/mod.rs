@@ -1,6 +1,7 @@
 //! What to simulate: geometry, material, drive and effects. Validated here, once; no numerics.
 
 mod difference;
+mod drive;
 pub mod effects;
 mod geometry;
 mod mask;
@@ -11,12 +12,13 @@ mod shape;
 mod tests;
 
 pub use difference::Difference;
+pub use drive::{Drive, State, States, Voltages};
 pub use effects::{
     Breakdown, ConstantStrength, Effects, Electrode, HuangStrength, On, PermittivityDecay, PermittivityReference,
     Stiffening, laws,
 };
 pub use geometry::{Body, Both, Frame, Geometry, Outline};
-pub use mask::{Mask, Point, Size};
-pub use model::{Drive, ElasticModel, Material, Scene, VACUUM_PERMITTIVITY};
+pub use mask::{Islands, Mask, Point, Size};
+pub use model::{ElasticModel, Material, Scene, VACUUM_PERMITTIVITY};
 pub use properties::{Branch, Properties};
-pub use shape::{Circle, Disc, Place, Polygon, Rectangle, Shape};
+pub use shape::{Cells, Circle, Disc, Drawing, Place, Polygon, Rectangle, Shape};

@@ -1,17 +1,17 @@
 //! The valid scene. Construction is the only validation: a `Scene` at hand can be simulated.
 
-use std::f64::consts::TAU;
 use std::path::Path;
 use std::sync::Arc;
 
+use super::drive::{Drive, States, Voltages};
 use super::effects::{Effects, switched_on};
-use super::geometry::{Body, Geometry};
+use super::geometry::{Body, Geometry, Outline};
 use super::properties::Properties;
 use crate::base::{
-    Canonical, Decimal, Declared, Document, Fields, Frequency, InputError, Map, Node, NodeValue, Parameter, Schema,
-    Stress, Time, Voltage, parameters, words,
+    Canonical, Decimal, Declared, Document, Fields, InputError, Map, Node, NodeValue, Parameter, Schema, Stress,
+    Voltage, parameters, words,
 };
-use crate::pattern::{Membrane, Parts, Symmetries};
+use crate::pattern::{Membrane, Parts, PatternForm, Symmetries};
 
 /// ε₀ in F/m (CODATA 2018).
 pub const VACUUM_PERMITTIVITY: f64 = 8.854_187_812_8e-12;
@@ -36,34 +36,6 @@ parameters! {
     }
 }
 
-parameters! {
-    /// What drives the actuator.
-    pub struct Drive as "`drive`" {
-        /// Between the electrodes.
-        pub voltage: Voltage [0.0..=1e6],
-        /// Where the voltage alternates. Only screening looks at it.
-        pub frequency: Option<Frequency> [1e-9..=1e9],
-        /// How long the voltage is held. Only screening looks at it.
-        pub duration: Option<Time> [1e-9..=1e9],
-    }
-}
-
-impl Drive {
-    /// The frequency in Hz, or that of which the duration is the time; none where the drive is static.
-    #[must_use]
-    pub fn frequency_hz(&self) -> Option<f64> {
-        let frequency = self.frequency.as_ref().map(|f| f.value());
-        frequency.or_else(|| self.duration.as_ref().map(|t| 1.0 / (TAU * t.value())))
-    }
-
-    /// The time in s over which the voltage changes: the duration, or that of the frequency; none where the drive is static.
-    #[must_use]
-    pub fn time_s(&self) -> Option<f64> {
-        let duration = self.duration.as_ref().map(|t| t.value());
-        duration.or_else(|| self.frequency.as_ref().map(|f| 1.0 / (TAU * f.value())))
-    }
-}
-
 /// One membrane with its drive, and the effects that are simulated.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Scene {
@@ -73,6 +45,8 @@ pub struct Scene {
     pub material: Material,
     /// Drive.
     pub drive: Drive,
+    /// Its drives in several states, where it has such.
+    pub states: States,
     /// What is simulated beyond the base model.
     pub effects: Effects,
     /// Whether screening is to turn effects on; until then `effects` is empty.
@@ -88,7 +62,7 @@ pub(super) const WHAT: &str = "the scene";
 const AUTO: &str = "auto";
 
 /// The sections of a scene.
-pub(super) const SECTIONS: [&str; 5] = ["geometry", "material", "drive", "effects", "properties"];
+pub(super) const SECTIONS: [&str; 6] = ["geometry", "material", "drive", "states", "effects", "properties"];
 
 impl Scene {
     /// Reads a scene from a YAML file.
@@ -129,11 +103,16 @@ impl Scene {
                     .check_modulus(at.peek("strain_stiffening").unwrap_or(at), modulus)?;
             }
         }
-        refuse_charge(&map)?;
+        let drive = read_drive(&map)?;
+        let states = match map.optional("states") {
+            Some(node) => States::read(node, drive.voltages.in_volts().len())?,
+            None => States::default(),
+        };
         Ok(Self {
             geometry: section::<Geometry>(&map, "geometry")?.normalised(),
             material,
-            drive: section(&map, "drive")?,
+            drive,
+            states,
             effects,
             auto,
             properties,
@@ -148,7 +127,12 @@ impl Scene {
         Fields::new("A membrane on a frame, its drive, and the effects that are simulated.")
             .required("geometry", Geometry::schema(&()))
             .required("material", Material::schema(&()))
-            .required("drive", Drive::schema(&()))
+            .optional("drive", Drive::schema(&()))
+            .optional(
+                "states",
+                States::schema().description("One device, several drives, by their names. Without `drive` the first is the drive of what knows one."),
+            )
+            .rule(serde_json::json!({ "anyOf": [{ "required": ["drive"] }, { "required": ["states"] }] }))
             .optional("effects", effects.default(serde_json::json!({})))
             .optional("properties", Properties::schema(&()))
             .into()
@@ -181,30 +165,55 @@ impl Scene {
                 shear_modulus: Stress::from_f64(shear_modulus).expect(finite),
                 relative_permittivity: Decimal::from_f64(permittivity).expect(finite),
             },
-            drive: Drive {
-                voltage: Voltage::from_f64(voltage).expect(finite),
-                frequency: None,
-                duration: None,
-            },
+            drive: Drive::one(Voltage::from_f64(voltage).expect(finite)),
+            states: States::default(),
             effects: Effects::default(),
             auto: false,
             properties: Properties::default(),
         }
     }
 
-    /// The same scene at another voltage in V.
+    /// The same scene at another voltage in V: the largest of all groups of electrodes, with the others in proportion.
     ///
     /// # Panics
     /// When the voltage is not finite.
     #[must_use]
     pub fn at_voltage(&self, voltage: f64) -> Self {
-        let voltage = Voltage::from_f64(voltage).expect("a finite number");
+        self.with_voltages(self.drive.voltages.with_largest(voltage))
+    }
+
+    /// The same scene at other voltages, in no other state.
+    #[must_use]
+    pub fn with_voltages(&self, voltages: Voltages) -> Self {
         Self {
             drive: Drive {
-                voltage,
+                voltages,
                 ..self.drive.clone()
             },
+            states: States::default(),
             ..self.clone()
+        }
+    }
+
+    /// The scene at the largest voltage that each group of electrodes has in any state.
+    #[must_use]
+    pub fn at_largest_voltages(&self) -> Self {
+        let all = self.states.iter().map(|(_, voltages)| voltages);
+        let largest = all.cloned().reduce(|a, b| a.largest(&b));
+        largest.map_or_else(|| self.clone(), |largest| self.with_voltages(largest))
+    }
+
+    /// The scene in each of its states, with their names; of a scene without states itself, without a name.
+    #[must_use]
+    pub fn in_states(&self) -> Vec<(&str, Self)> {
+        let states = self.states.iter();
+        let several: Vec<_> = states
+            .map(|(name, voltages)| (name, self.with_voltages(voltages.clone())))
+            .collect();
+        if several.is_empty() {
+            vec![("", self.clone())]
+        } else {
+            several
         }
     }
 
@@ -293,10 +302,67 @@ impl Scene {
         self.material.relative_permittivity.to_f64() * VACUUM_PERMITTIVITY
     }
 
-    /// Voltage V in V.
+    /// Voltage V in V: the largest of all groups of electrodes.
     #[must_use]
     pub fn voltage_v(&self) -> f64 {
-        self.drive.voltage.value()
+        self.drive.voltages.in_volts().into_iter().fold(0.0, f64::max)
+    }
+
+    /// The largest voltage, as it is written.
+    ///
+    /// # Panics
+    /// Never: a voltage is a finite number.
+    #[must_use]
+    pub fn voltage(&self) -> Voltage {
+        Voltage::from_f64(self.voltage_v()).expect("a finite number")
+    }
+
+    /// How many groups of electrodes there are.
+    #[must_use]
+    pub fn groups(&self) -> usize {
+        self.drive.voltages.in_volts().len()
+    }
+
+    /// The first group of electrodes with the largest voltage.
+    #[must_use]
+    pub fn strongest_group(&self) -> u8 {
+        let largest = self.voltage_v();
+        let at = self
+            .drive
+            .voltages
+            .in_volts()
+            .iter()
+            .position(|&voltage| voltage == largest);
+        at.map_or(1, |at| at as u8 + 1)
+    }
+
+    /// What those see of it who draw on it.
+    #[must_use]
+    pub fn outline(&self) -> Outline {
+        self.geometry.outline(self.groups())
+    }
+
+    /// What patterns of this scene are.
+    #[must_use]
+    pub fn form(&self) -> PatternForm {
+        PatternForm {
+            raster: self.membrane().raster,
+            groups: self.groups(),
+        }
+    }
+
+    /// Of each group its voltage over the largest, squared: its share of the load.
+    #[must_use]
+    pub fn group_loads(&self) -> Vec<f64> {
+        let largest = self.voltage_v();
+        let share = |voltage: f64| {
+            if voltage < largest {
+                (voltage / largest).powi(2)
+            } else {
+                1.0
+            }
+        };
+        self.drive.voltages.in_volts().into_iter().map(share).collect()
     }
 
     /// The number that drives the statics: κ = ε (V/H)² / μ, without unit.
@@ -337,6 +403,9 @@ impl Scene {
             ("drive", self.drive.to_canonical()),
             ("effects", effects),
         ];
+        if !self.states.is_empty() {
+            sections.push(("states", self.states.canonical()));
+        }
         if !self.properties.is_empty() {
             sections.push(("properties", self.properties.to_canonical()));
         }
@@ -379,8 +448,20 @@ fn read_effects(map: &Map<'_>) -> Result<(Effects, bool), InputError> {
     Ok((Effects::read_with(&named, &[])?, false))
 }
 
-fn refuse_charge(map: &Map<'_>) -> Result<(), InputError> {
-    let drive = map.required(WHAT, "drive")?;
+/// The drive; without one that of the first state.
+fn read_drive(map: &Map<'_>) -> Result<Drive, InputError> {
+    let drive = match (map.optional("drive"), map.optional("states")) {
+        (None, Some(states)) => States::first_drive(states)?,
+        _ => {
+            let node = map.required(WHAT, "drive")?;
+            refuse_charge(node)?;
+            Drive::read_with(node, &[])?
+        }
+    };
+    Ok(drive.normalised())
+}
+
+fn refuse_charge(drive: &Node) -> Result<(), InputError> {
     match drive
         .entries(Drive::WHAT)?
         .iter()

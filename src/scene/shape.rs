@@ -2,8 +2,12 @@
 
 use serde_json::json;
 
-use crate::base::{Canonical, Declared, Fields, InputError, Length, Map, Node, Parameter, Schema, parameters};
-use crate::pattern::Region;
+use std::path::Path;
+
+use crate::base::{
+    Canonical, Declared, Fields, InputError, Length, Map, Node, NodeValue, Parameter, Schema, confined, parameters,
+};
+use crate::pattern::{Bits, Raster, Region, read_mask};
 
 /// Largest coordinate in mm.
 const FARTHEST: f64 = 1e4;
@@ -12,7 +16,7 @@ const FARTHEST: f64 = 1e4;
 const RADII: std::ops::RangeInclusive<f64> = 1e-6..=1e4;
 
 /// The keys that tell shapes apart.
-const KEYS: [&str; 3] = ["rectangle", "disc", "polygon"];
+const KEYS: [&str; 4] = ["rectangle", "disc", "polygon", "mask"];
 
 /// Most corners of a polygon.
 const MOST_CORNERS: usize = 10_000;
@@ -54,6 +58,78 @@ parameters! {
     }
 }
 
+parameters! {
+    /// What is drawn cell by cell.
+    pub struct Drawing as "a shape" {
+        /// A file beside the scene, FILE.npy, FILE.csv or FILE.png, with a value for each cell of the membrane: 1, or a dark pixel, inside.
+        pub mask: Cells,
+    }
+}
+
+/// The cells of a mask, as its file had them.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Cells(pub Bits);
+
+parameters! {
+    /// The cells themselves, as artifacts say them.
+    struct Runs as "`mask`" {
+        /// Columns of the membrane.
+        columns: usize [1..=Raster::MOST as u64],
+        /// Rows of the membrane.
+        rows: usize [1..=Raster::MOST as u64],
+        /// How many cells follow each other row by row from below that are outside, then inside, then outside, and so on.
+        runs: Vec<usize> [(0..=MOST_CELLS as u64, 1..=MOST_CELLS)],
+    }
+}
+
+const MOST_CELLS: usize = Raster::MOST * Raster::MOST;
+
+impl Parameter for Cells {
+    type Limits = ();
+    type Literal = Self;
+
+    fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
+        if matches!(node.value(), NodeValue::Map(_)) {
+            let Runs { columns, rows, runs } = Runs::read_with(node, &[])?;
+            let raster = Raster::new(columns, rows);
+            let cells = raster.and_then(|raster| Bits::from_runs(raster, &runs));
+            return cells.map(Self).ok_or_else(|| {
+                node.error(format!(
+                    "the runs of the mask are not those of {columns} × {rows} cells"
+                ))
+            });
+        }
+        let name = Path::new(node.text(key)?);
+        let folder = node.file().parent().unwrap_or(Path::new(""));
+        let refused = |why: &str| node.error(format!("the mask {}: {why}", folder.join(name).display()));
+        let found = confined(folder, name).map_err(|why| refused(&why.to_string()).help(why.help()))?;
+        match read_mask(&found) {
+            Ok(pattern) => Ok(Self(Bits::of(&pattern))),
+            Err(refusal) => {
+                let error = refused(&refusal.to_string());
+                Err(match refusal.own_advice() {
+                    Some(help) => error.help(help),
+                    None => error.help("a mask has one value for each cell: 0 outside, 1 inside"),
+                })
+            }
+        }
+    }
+
+    fn canonical(&self) -> Option<Canonical> {
+        let [columns, rows] = self.0.sides();
+        let runs = self.0.runs();
+        Some(Runs { columns, rows, runs }.to_canonical())
+    }
+
+    fn schema((): &()) -> Schema {
+        Schema::any_of([Schema::text(), Runs::schema(&())])
+    }
+
+    fn literal(literal: Self) -> Self {
+        literal
+    }
+}
+
 /// A part of the membrane.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Shape {
@@ -63,9 +139,20 @@ pub enum Shape {
     Disc(Disc),
     /// `polygon`.
     Polygon(Polygon),
+    /// `mask`.
+    Mask(Drawing),
 }
 
 impl Shape {
+    /// The raster that it is drawn on, where it is drawn on one.
+    #[must_use]
+    pub fn raster(&self) -> Option<Raster> {
+        match self {
+            Self::Mask(Drawing { mask }) => Some(mask.0.raster()),
+            Self::Rectangle(_) | Self::Disc(_) | Self::Polygon(_) => None,
+        }
+    }
+
     /// What it covers, in mm.
     #[must_use]
     pub fn region(&self) -> Region {
@@ -77,6 +164,7 @@ impl Shape {
                 radius: disc.radius.value(),
             },
             Self::Polygon(Polygon { polygon }) => Region::Polygon(polygon.iter().map(place).collect()),
+            Self::Mask(Drawing { mask }) => Region::Cells(mask.0.clone()),
         }
     }
 }
@@ -99,6 +187,7 @@ impl Declared for Shape {
                 &(-FARTHEST..=FARTHEST, 3..=MOST_CORNERS),
                 None,
             )
+            .declare::<Option<Cells>>("mask", "A file with a value for each cell.", &(), None)
             .rule(json!({ "oneOf": KEYS.map(|key| json!({ "required": [key] })) }))
     }
 
@@ -112,11 +201,12 @@ impl Declared for Shape {
             ["rectangle"] => Rectangle::read_map(map).map(Self::Rectangle),
             ["disc"] => Disc::read_map(map).map(Self::Disc),
             ["polygon"] => Polygon::read_map(map).map(Self::Polygon),
+            ["mask"] => Drawing::read_map(map).map(Self::Mask),
             _ => Err(map
-                .error("a shape is one of a `rectangle`, a `disc` and a `polygon`")
+                .error("a shape is one of a `rectangle`, a `disc`, a `polygon` and a `mask`")
                 .help(
                     "for example { rectangle: [[0 mm, 0 mm], [5 mm, 5 mm]] }, { disc: { centre: [25 mm, 25 mm], \
-                     radius: 3 mm } } or { polygon: [[0 mm, 0 mm], [5 mm, 0 mm], [0 mm, 5 mm]] }",
+                     radius: 3 mm } }, { polygon: [[0 mm, 0 mm], [5 mm, 0 mm], [0 mm, 5 mm]] } or { mask: shape.png }",
                 )),
         }
     }
@@ -126,6 +216,7 @@ impl Declared for Shape {
             Self::Rectangle(shape) => shape.entries(out),
             Self::Disc(shape) => shape.entries(out),
             Self::Polygon(shape) => shape.entries(out),
+            Self::Mask(shape) => shape.entries(out),
         }
     }
 }
@@ -141,6 +232,7 @@ impl Parameter for Shape {
             ["rectangle"] => Rectangle::read_with(node, &[]).map(Self::Rectangle),
             ["disc"] => Disc::read_with(node, &[]).map(Self::Disc),
             ["polygon"] => Polygon::read_with(node, &[]).map(Self::Polygon),
+            ["mask"] => Drawing::read_with(node, &[]).map(Self::Mask),
             _ => <Self as Declared>::read_with(node, &[]),
         }
     }
@@ -150,7 +242,12 @@ impl Parameter for Shape {
     }
 
     fn schema((): &()) -> Schema {
-        Schema::any_of([Rectangle::schema(&()), Disc::schema(&()), Polygon::schema(&())])
+        Schema::any_of([
+            Rectangle::schema(&()),
+            Disc::schema(&()),
+            Polygon::schema(&()),
+            Drawing::schema(&()),
+        ])
     }
 
     fn literal(literal: Self) -> Self {

@@ -169,3 +169,62 @@ fn refusals_say_what_is_allowed() {
         assert!(refusal.contains(said), "{effects} {properties}: {refusal}");
     }
 }
+
+#[test]
+fn voltages_and_states_are_said_in_one_way() {
+    let of = |drives: &str| {
+        Scene::from_text(&format!(
+            "{{ geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 50 }}, material: {{ model: neo-hookean, \
+             shear_modulus: 45 kPa, relative_permittivity: 4.7 }}, {drives} }}"
+        ))
+    };
+    assert_eq!(of("drive: { voltages: [5.25 kV] }").unwrap(), Scene::vhb4910());
+    let two = of("drive: { voltages: [3 kV, 6 kV], duration: 1 s }").unwrap();
+    assert_eq!(Scene::from_text(&two.to_text()).unwrap(), two);
+    assert_eq!((two.groups(), two.voltage_v(), two.strongest_group()), (2, 6e3, 2));
+    assert_eq!(two.group_loads(), [0.25, 1.0]);
+    assert_eq!(two.at_voltage(4e3).drive.voltages.in_volts(), [2e3, 4e3]);
+    let none = of("drive: { voltages: [0 V, 0 V] }").unwrap();
+    assert_eq!(none.at_voltage(4e3).drive.voltages.in_volts(), [4e3, 4e3]);
+    assert_eq!(none.group_loads(), [1.0, 1.0]);
+    let states = "states: { push: { voltages: [5 kV, 0 V] }, pull: { voltages: [1 kV, 4 kV] } }";
+    let several = of(states).unwrap();
+    assert_eq!(Scene::from_text(&several.to_text()).unwrap(), several);
+    let names: Vec<String> = several
+        .in_states()
+        .into_iter()
+        .map(|(name, _)| name.to_owned())
+        .collect();
+    assert_eq!(names, ["pull", "push"]);
+    assert_eq!(several.in_states()[0].1.drive.voltages.in_volts(), [1e3, 4e3]);
+    assert_eq!(several.at_largest_voltages().drive.voltages.in_volts(), [5e3, 4e3]);
+    // Without a drive the first that stands there is the drive.
+    assert_eq!(
+        several,
+        of(&format!("drive: {{ voltages: [5 kV, 0 V] }}, {states}")).unwrap()
+    );
+    assert_ne!(
+        several,
+        of(&format!("drive: {{ voltages: [1 kV, 4 kV] }}, {states}")).unwrap()
+    );
+    for (wrong, says) in [
+        ("drive: {}", "voltage"),
+        ("drive: { voltage: 5 kV, voltages: [5 kV, 3 kV] }", "has 2"),
+        ("drive: { voltages: [] }", "voltages"),
+        ("drive: { voltages: [5 kV, -1 V] }", "voltages"),
+        ("drive: { voltage: 5 kV }, states: {}", "has 0 states"),
+        ("states: {}", "no state"),
+        (
+            "drive: { voltage: 5 kV }, states: { a: { voltages: [1 kV, 2 kV] } }",
+            "state `a` has voltages of 2",
+        ),
+        (
+            "drive: { voltage: 5 kV }, states: { a b: { voltage: 1 kV } }",
+            "no name of a state",
+        ),
+        ("drive: { voltage: 5 kV }, states: { a: { volt: 1 kV } }", "volt"),
+    ] {
+        let error = of(wrong).unwrap_err();
+        assert!(format!("{error:?} {error}").contains(says), "{wrong}: {error:?}");
+    }
+}

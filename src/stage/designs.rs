@@ -29,7 +29,7 @@ impl Design {
     /// Its cells `[y][x]`, 1 = electrode, and how many there are along a side.
     #[must_use]
     pub fn cells(&self) -> (&[u8], usize) {
-        (self.pattern.cells(), crate::pattern::CELLS)
+        (self.pattern.cells(), self.pattern.raster().columns())
     }
 }
 
@@ -90,7 +90,7 @@ impl Designs {
 /// When one cannot be read, or the file holds several patterns.
 pub fn of_file(file: &str, scene: &Path) -> Result<Design, InputError> {
     let scene = read_scene(scene)?;
-    let patterns = direct::patterns(&[file.to_owned()], scene.membrane().raster)?;
+    let patterns = direct::patterns(&[file.to_owned()], scene.form())?;
     let [pattern] = patterns.as_slice() else {
         let message = format!(
             "{file} holds {} patterns, and one is exported at a time",

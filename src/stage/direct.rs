@@ -5,7 +5,7 @@ use std::path::Path;
 use crate::base::{Document, InputError};
 use crate::content::named_patterns;
 use crate::orchestrator::splice_scene;
-use crate::pattern::{Pattern, Raster};
+use crate::pattern::{Pattern, PatternForm};
 use crate::scene::Scene;
 
 /// Why there is no answer.
@@ -20,14 +20,14 @@ pub enum DirectError {
     Failed(String),
 }
 
-/// All patterns on a raster that the arguments name, in order.
+/// All patterns of a form that the arguments name, in order.
 ///
 /// # Errors
 /// When one cannot be read.
-pub fn patterns(arguments: &[String], raster: Raster) -> Result<Vec<Pattern>, InputError> {
+pub fn patterns(arguments: &[String], form: PatternForm) -> Result<Vec<Pattern>, InputError> {
     let mut all = Vec::new();
     for argument in arguments {
-        all.extend(named_patterns(argument, raster)?);
+        all.extend(named_patterns(argument, form)?);
     }
     Ok(all)
 }

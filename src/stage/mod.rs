@@ -28,7 +28,7 @@ use crate::base::{InputError, Node};
 use crate::content::{ContentError, StoredAttribute};
 use crate::fem::effects::Model;
 use crate::orchestrator::{MOST_STAGES, Registry, StageError};
-use crate::pattern::{Membrane, Raster};
+use crate::pattern::Raster;
 use crate::scene::{Difference, Outline, Scene};
 use crate::store::Artifact;
 
@@ -64,13 +64,21 @@ fn scene_of(stage: &Node, scene: Option<&Node>) -> Result<Scene, InputError> {
             .error("this stage needs a scene, and the pipeline has none")
             .help("add `scene: FILE` or an inline mapping")
     };
-    checked_scene(scene.ok_or_else(missing)?)
+    let node = scene.ok_or_else(missing)?;
+    let read = checked_scene(node)?;
+    match node.peek("states") {
+        None => Ok(read),
+        Some(states) => Err(states
+            .error("a stage of a pipeline simulates one drive, and this scene has states")
+            .help(
+                "give the stages `drive: { voltages: … }`, perhaps by `foreach`; `deaflow solve` simulates all states",
+            )),
+    }
 }
 
-/// The membrane of a pipeline that has a scene, as those see it who draw on it: a square has some side.
-fn membrane_of(scene: Option<&Node>) -> Result<Option<Membrane>, InputError> {
-    let outline = scene.map(Outline::read).transpose()?;
-    Ok(outline.map(|outline| outline.membrane))
+/// The outline of a pipeline that has a scene, as those see it who draw on it: a square has some side.
+fn outline_of(scene: Option<&Node>) -> Result<Option<Outline>, InputError> {
+    scene.map(Outline::read).transpose()
 }
 
 /// What a stage that simulates depends on of the pipeline's scene: the parts that decide about its results, so that nothing else is in its
@@ -88,7 +96,7 @@ fn paper_scene_of(stage: &Node, scene: Option<&Node>) -> Result<Scene, InputErro
 
 /// Refuses another membrane than the source paper's, for a stage that knows no scene but perhaps that of its inputs.
 fn refuse_other_membranes(stage: &Node, scene: Option<&Node>) -> Result<(), InputError> {
-    let outline = scene.map(Outline::read).transpose()?;
+    let outline = outline_of(scene)?;
     match outline.as_ref().and_then(other_than_of_paper) {
         None => Ok(()),
         Some(why) => Err(scene
@@ -99,7 +107,8 @@ fn refuse_other_membranes(stage: &Node, scene: Option<&Node>) -> Result<(), Inpu
     }
 }
 
-const SQUARE: &str = "a square membrane of 50 × 50 cells with equal prestretch, clamped on its edges";
+const SQUARE: &str =
+    "a square membrane of 50 × 50 cells with equal prestretch, clamped on its edges, and one group of electrodes";
 
 /// What is not as on the source paper's membrane.
 fn other_than_of_paper(outline: &Outline) -> Option<String> {
@@ -108,6 +117,7 @@ fn other_than_of_paper(outline: &Outline) -> Option<String> {
         prestretch: [along, across],
         has_frame,
         has_bodies,
+        groups,
     } = outline;
     let [width, height] = membrane.size_mm;
     if membrane.raster != Raster::PAPER {
@@ -120,6 +130,8 @@ fn other_than_of_paper(outline: &Outline) -> Option<String> {
         Some("this one has a frame of its own".to_owned())
     } else if *has_bodies {
         Some("this one has rigid bodies".to_owned())
+    } else if *groups > 1 {
+        Some(format!("this one has {groups} groups of electrodes"))
     } else {
         None
     }
@@ -133,9 +145,11 @@ fn checked_scene(node: &Node) -> Result<Scene, InputError> {
     if scene.auto {
         effects.strain_stiffening = scene.properties.strain_stiffening.clone();
     }
-    match Model::new(&scene.with_effects(effects)) {
-        Ok(_) => Ok(scene),
-        Err(error) => {
+    let decided = scene.with_effects(effects);
+    let states = decided.in_states();
+    match states.iter().find_map(|(_, scene)| Model::new(scene).err()) {
+        None => Ok(scene),
+        Some(error) => {
             let section = if scene.auto { "properties" } else { "effects" };
             Err(node.peek(section).unwrap_or(node).error(error.to_string()))
         }
@@ -178,7 +192,7 @@ fn scene_of_any_inputs(inputs: &[Artifact]) -> Result<Scene, StageError> {
 
 /// Refuses what a stage does not know.
 fn refuse_other_than_of_paper(scene: &Scene) -> Result<(), String> {
-    match other_than_of_paper(&scene.geometry.outline()) {
+    match other_than_of_paper(&scene.outline()) {
         None => Ok(()),
         Some(why) => Err(format!("this is for {SQUARE} alone, and {why}")),
     }

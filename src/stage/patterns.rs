@@ -9,7 +9,7 @@ use super::sample::CHUNK;
 use crate::base::{Canonical, Declared, DigestWriter, Fields, InputError, Node, parameters};
 use crate::content::{FROM_FILE, SampleRows, Samples};
 use crate::orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
-use crate::pattern::{Pattern, Raster, read_patterns_of};
+use crate::pattern::{Pattern, PatternForm, read_patterns_of};
 use crate::store::{Artifact, Object};
 
 /// The name of the kind.
@@ -51,12 +51,12 @@ impl Kind for PatternsKind {
     }
 
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
-        let raster = super::membrane_of(scene)?.map_or(Raster::PAPER, |membrane| membrane.raster);
+        let form = super::outline_of(scene)?.map_or(PatternForm::PAPER, |outline| outline.form());
         PatternsParameters::read_with(stage, &["kind"])?;
         let mut patterns = Vec::new();
         for file in NamedFile::of_stage(stage)? {
-            let read = read_patterns_of(&file.path, file.dataset, raster);
-            patterns.extend(read.map_err(|refusal| file.refused(&refusal, &refusal.advice(raster)))?);
+            let read = read_patterns_of(&file.path, file.dataset, form);
+            patterns.extend(read.map_err(|refusal| file.refused(&refusal, &refusal.advice(form)))?);
             if patterns.len() > MOST {
                 let why = format!("with it the stage has {} patterns", patterns.len());
                 return Err(file.refused(

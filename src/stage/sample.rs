@@ -5,11 +5,12 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::results;
-use crate::base::{Canonical, Fields, InputError, Node, Parameter, Seed};
+use crate::base::{Canonical, DigestWriter, Fields, InputError, Map, Node, Parameter, Seed};
 use crate::content::{SampleRows, Samples};
 use crate::orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
-use crate::pattern::Pattern;
-use crate::sample::{Canvas, FAMILIES, FamilyEntry, Group, read_family};
+use crate::pattern::{Bits, Pattern};
+use crate::sample::{Canvas, FAMILIES, Family, FamilyEntry, Group, SampleError, read_family};
+use crate::scene::Outline;
 use crate::store::{Artifact, Object};
 
 /// Samples in a chunk: small enough that a killed run loses seconds, large enough that a file is worth opening.
@@ -43,26 +44,104 @@ impl Kind for SampleKind {
         let fields = |entry: &&dyn FamilyEntry| {
             let says = "Names the random numbers.";
             let fields = entry.fields().tagged("family", entry.name());
-            fields.declare::<Seed>("seed", says, &(), None)
+            let fields = fields.declare::<Seed>("seed", says, &(), None);
+            fields.declare::<usize>("groups", "Groups of electrodes.", &GROUPS, Some(1))
         };
         FAMILIES.iter().map(fields).collect()
     }
 
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
         let what = "a sample stage";
-        let canvas = super::membrane_of(scene)?.map_or(Canvas::PAPER, |membrane| Canvas::of(&membrane));
-        let (map, mut groups) = read_family(FAMILIES, stage, what, &["kind", "seed"], canvas)?;
+        let canvas = super::outline_of(scene)?.map_or(Canvas::PAPER, |outline| Canvas::of(&outline.membrane));
+        let (map, mut groups) = read_family(FAMILIES, stage, what, &["kind", "seed", "groups"], canvas)?;
         for group in &mut groups {
             group.parameters.extend(canvas.parameters());
         }
+        let electrodes = Electrodes::read(&map, what, scene)?;
+        for group in &mut groups {
+            group.parameters.extend(electrodes.parameters());
+        }
         let Seed(seed) = Seed::read(map.required(what, "seed")?, "seed", &())?;
-        Ok(Box::new(SampleStage { groups, seed }))
+        Ok(Box::new(SampleStage {
+            groups,
+            seed,
+            electrodes,
+        }))
     }
 }
 
 struct SampleStage {
     groups: Vec<Group>,
     seed: u64,
+    electrodes: Electrodes,
+}
+
+const GROUPS: std::ops::RangeInclusive<u64> = 1..=Pattern::MOST_GROUPS as u64;
+
+/// What becomes of the patterns of a family.
+struct Electrodes {
+    /// How many groups of electrodes they have.
+    groups: u64,
+    /// The cells that may carry electrodes, where there are frames or bodies.
+    room: Option<Bits>,
+}
+
+impl Electrodes {
+    fn read(map: &Map<'_>, what: &str, scene: Option<&Node>) -> Result<Self, InputError> {
+        let groups: usize = map.read(what, "groups", &GROUPS, Some(1))?;
+        let outline = super::outline_of(scene)?;
+        let known = outline.map_or(Pattern::MOST_GROUPS, |outline| outline.groups);
+        match map.optional("groups") {
+            Some(node) if groups > known => Err(node
+                .error(format!(
+                    "{groups} groups of electrodes, and the scene has voltages of {known}"
+                ))
+                .help(format!("allowed: 1 to {known}, or more `voltages`"))),
+            _ => Ok(Self {
+                groups: groups as u64,
+                room: scene.map(Outline::room).transpose()?.flatten(),
+            }),
+        }
+    }
+
+    /// What tells samples apart from those of one group without frames and bodies, for keys.
+    fn parameters(&self) -> Vec<(&'static str, Canonical)> {
+        let groups = (self.groups > 1).then(|| ("groups", self.groups.into()));
+        let room = self.room.as_ref().map(|room| {
+            let runs: Vec<u8> = room
+                .runs()
+                .into_iter()
+                .flat_map(|run| (run as u64).to_le_bytes())
+                .collect();
+            let digest = DigestWriter::new().bytes(&runs).finish();
+            ("room", digest.to_string().as_str().into())
+        });
+        groups.into_iter().chain(room).collect()
+    }
+
+    /// A sample. Its active cells are those of the family's pattern; of several groups they belong to the first whose own pattern of the family
+    /// is active there, or to the last. Which group is asked first goes round with the number of the sample.
+    fn draw(&self, family: &dyn Family, seed: u64, index: u64) -> Result<Pattern, SampleError> {
+        /// Seeds of further patterns are as far apart as can be (the golden ratio of 2⁶⁴).
+        const APART: u64 = 0x9E37_79B9_7F4A_7C15;
+        let drawn = family.sample(seed, index)?;
+        let more = (1..self.groups).map(|group| family.sample(seed.wrapping_add(group.wrapping_mul(APART)), index));
+        let more: Vec<Pattern> = more.collect::<Result<_, _>>()?;
+        if more.is_empty() && self.room.is_none() {
+            return Ok(drawn);
+        }
+        let is_free = |x: usize, y: usize| self.room.as_ref().is_none_or(|room| room.has(x, y));
+        Ok(Pattern::from_groups(drawn.raster(), |x, y| {
+            if !drawn.is_active(x, y) || !is_free(x, y) {
+                return 0;
+            }
+            let first = more
+                .iter()
+                .position(|pattern| pattern.is_active(x, y))
+                .unwrap_or(more.len());
+            ((first as u64 + index) % self.groups) as u8 + 1
+        }))
+    }
 }
 
 /// The pieces of a group: numbers of samples.
@@ -131,10 +210,8 @@ impl Stage for SampleStage {
             .and_then(|chunk| self.find(&chunk.parameters))
             .ok_or_else(|| StageError::Failed("the chunk is not one of this stage's".to_owned()))?;
         let draw = |i| {
-            group
-                .family
-                .sample(self.seed, i)
-                .map_err(|e| StageError::Failed(e.to_string()))
+            let drawn = self.electrodes.draw(&*group.family, self.seed, i);
+            drawn.map_err(|e| StageError::Failed(e.to_string()))
         };
         let patterns = range
             .clone()

@@ -352,3 +352,294 @@ fn what_is_no_device_is_said_where_it_stands() {
         );
     }
 }
+
+#[test]
+fn groups_have_their_voltages_and_states_an_axis() {
+    let workspace = workspace();
+    let number = |x: usize| match x {
+        0..14 => 1,
+        14..26 => 0,
+        _ => 2,
+    };
+    let line: Vec<String> = (0..40).map(|x| number(x).to_string()).collect();
+    workspace.write("groups.csv", &(line.join(",") + "\n").repeat(24));
+    let states =
+        "states: { push: { voltages: [4 kV, 0 V] }, pull: { voltages: [0 V, 4 kV] }, rest: { voltages: [0 V, 0 V] } }";
+    workspace.write("states.yaml", &SCENE.replace("drive: { voltage: 4 kV }", states));
+    workspace.write("push.yaml", &SCENE.replace("voltage: 4 kV", "voltages: [4 kV, 0 V]"));
+    for (scene, file) in [("states.yaml", "states.h5"), ("push.yaml", "push.h5")] {
+        let ended = workspace.run(&["solve", scene, "groups.csv", "groups.csv", "-o", file, "--cells"]);
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    }
+    let (shape, all) = dataset(&workspace, "states.h5", "displacement");
+    assert_eq!(shape, [2, 3, 25, 41, 2]);
+    assert_eq!(dataset(&workspace, "states.h5", "max_displacement").0, [2, 3]);
+    assert_eq!(
+        dataset(&workspace, "states.h5", "cells/electric_field").0,
+        [2, 3, 24, 40]
+    );
+    assert_eq!(dataset(&workspace, "states.h5", "patterns").0, [2, 24, 40]);
+    let file = hdf5::File::open(workspace.path("states.h5")).unwrap();
+    let names = file
+        .dataset("states")
+        .unwrap()
+        .read_raw::<hdf5::types::FixedAscii<64>>();
+    let names: Vec<String> = match names {
+        Ok(names) => names.iter().map(|name| name.as_str().to_owned()).collect(),
+        Err(_) => {
+            let names = file
+                .dataset("states")
+                .unwrap()
+                .read_raw::<hdf5::types::FixedUnicode<64>>()
+                .unwrap();
+            names.iter().map(|name| name.as_str().to_owned()).collect()
+        }
+    };
+    assert_eq!(names, ["pull", "push", "rest"]);
+    let row = 25 * 41 * 2;
+    let (_, push) = dataset(&workspace, "push.h5", "displacement");
+    assert_eq!(push[..row], all[row..2 * row]);
+    assert_eq!(all[..3 * row], all[3 * row..]);
+    assert!(all[2 * row..3 * row].iter().all(|u| *u == 0.0));
+    // Mirrored halves of a mirrored device: pull is push, seen in a mirror.
+    let largest = push.iter().fold(0.0, |most: f64, u| most.max(u.abs()));
+    for (at, u) in all[..row].chunks(2).enumerate() {
+        let mirrored = &push[2 * (at / 41 * 41 + 40 - at % 41)..][..2];
+        assert!((u[0] + mirrored[0]).abs() < 1e-6 * largest && (u[1] - mirrored[1]).abs() < 1e-6 * largest);
+    }
+    let refused = workspace.run(&["solve", "scene.yaml", "groups.csv", "-o", "no.h5"]);
+    assert_eq!(refused.code, Some(2));
+    assert!(
+        refused.stderr.contains("groups.csv") && refused.stderr.contains("[y=0][x=26] is 2"),
+        "{}",
+        refused.stderr
+    );
+    // Stages of a pipeline simulate one drive; groups are theirs too.
+    workspace.write(
+        "p.yaml",
+        &PIPELINE
+            .replace("disc.csv", "groups.csv")
+            .replace("scene.yaml", "states.yaml"),
+    );
+    let refused = workspace.run(&["run", "p.yaml"]);
+    assert!(
+        refused.code == Some(2) && refused.stderr.contains("one drive"),
+        "{}",
+        refused.stderr
+    );
+    let text = PIPELINE
+        .replace("disc.csv", "groups.csv")
+        .replace("scene.yaml", "push.yaml");
+    workspace.write("p.yaml", &text);
+    assert_eq!(workspace.stages(&["run", "p.yaml"]).with("built"), ["drawn", "solved"]);
+    let square = SCENE.replace("size: [60 mm, 30 mm]", "side: 50 mm");
+    let square = square
+        .replace("[3, 4]", "3")
+        .replace("[40, 24]", "50")
+        .replace("voltage: 4 kV", "voltages: [4 kV, 0 V]");
+    workspace.write("square.yaml", &square);
+    workspace.write(
+        "net.yaml",
+        "version: 1\nname: net\nscene: square.yaml\nstages:\n  s: { kind: sample, family: blobs, count: 4, seed: 1, groups: 2 }\n  \
+         v: { kind: solve, needs: [s] }\n  b: { kind: balance, needs: [v], bins: 5, range: [0 mm, 2 mm], target: 10, seed: 1 }\n  \
+         m: { kind: train, needs: [b], network: physics, epochs: 1, seed: 1 }\n",
+    );
+    let refused = workspace.run(&["run", "net.yaml"]);
+    assert!(
+        refused.code == Some(2) && refused.stderr.contains("2 groups of electrodes"),
+        "{}",
+        refused.stderr
+    );
+}
+
+#[test]
+fn a_mask_is_a_shape_and_what_is_in_it_counts_not_its_name() {
+    let workspace = workspace();
+    let disc = |x: usize, y: usize| (1.5 * (x as f64 + 0.5) - 30.0).hypot(1.25 * (y as f64 + 0.5) - 15.0) <= 14.0;
+    workspace.write("opening.csv", &csv([40, 24], disc));
+    workspace.write(
+        "tip.csv",
+        &csv([40, 24], |x, y| (18..22).contains(&x) && (10..14).contains(&y)),
+    );
+    let frame = |opening: &str, tip: &str| {
+        let cells = "cells: [40, 24]";
+        let more = format!("{cells}, frame: {{ opening: {{ {opening} }} }}, bodies: [{{ {tip} }}]");
+        SCENE.replace(cells, &more)
+    };
+    workspace.write("mask.yaml", &frame("mask: opening.csv", "mask: tip.csv"));
+    let (disc, tip) = (
+        "disc: { centre: [30 mm, 15 mm], radius: 14 mm }",
+        "rectangle: [[27 mm, 12.5 mm], [33 mm, 17.5 mm]]",
+    );
+    workspace.write("shapes.yaml", &frame(disc, tip));
+    for scene in ["mask", "shapes"] {
+        let ended = workspace.run(&[
+            "solve",
+            &format!("{scene}.yaml"),
+            "disc.csv",
+            "-o",
+            &format!("{scene}.h5"),
+        ]);
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    }
+    for array in ["displacement", "body_translation", "body_rotation"] {
+        assert_eq!(
+            dataset(&workspace, "mask.h5", array),
+            dataset(&workspace, "shapes.h5", array)
+        );
+    }
+    // The artifact holds the cells: it is found again under another name, and missed where a cell differs.
+    let digest = |scene: &str| {
+        workspace.write("p.yaml", &PIPELINE.replace("scene.yaml", scene));
+        workspace.stages(&["run", "p.yaml"]).digests()["solved"].clone()
+    };
+    let first = digest("mask.yaml");
+    let text = std::fs::read_to_string(workspace.path("opening.csv")).unwrap();
+    workspace.write("other.csv", &text);
+    workspace.write("renamed.yaml", &frame("mask: other.csv", "mask: tip.csv"));
+    assert_eq!(digest("renamed.yaml"), first);
+    workspace.write("other.csv", &text.replacen("1,1", "0,1", 1));
+    assert_ne!(digest("renamed.yaml"), first);
+    for (opening, says) in [
+        ("mask: nowhere.csv", "nowhere.csv"),
+        ("mask: square.csv", "has 50 × 50 cells, and the membrane has 40 × 24"),
+        ("mask: scene.yaml", "no format of a mask"),
+        ("mask: ../scene.csv", "scene.csv"),
+        ("mask: { columns: 40, rows: 24, runs: [3, 4] }", "runs of the mask"),
+    ] {
+        workspace.write("wrong.yaml", &frame(opening, tip));
+        let refused = workspace.run(&["solve", "wrong.yaml", "disc.csv", "-o", "no.h5"]);
+        assert!(
+            refused.code == Some(2) && refused.stderr.contains(says),
+            "{opening}: {}",
+            refused.stderr
+        );
+    }
+}
+
+#[test]
+fn families_draw_within_frames_and_in_groups() {
+    let workspace = workspace();
+    let frame = "cells: [40, 24], frame: { opening: { disc: { centre: [30 mm, 15 mm], radius: 14 mm } } }";
+    let scene = SCENE.replace("cells: [40, 24]", frame);
+    workspace.write(
+        "scene.yaml",
+        &scene.replace("voltage: 4 kV", "voltages: [4 kV, 3 kV, 0 V]"),
+    );
+    let text = "version: 1
+name: groups
+scene: scene.yaml
+stages:
+  one: { kind: sample, family: blobs, count: 6, seed: 1 }
+  three: { kind: sample, family: blobs, count: 6, seed: 1, groups: 3 }
+  solved: { kind: solve, needs: [one, three], elements_per_cell: 1 }
+";
+    workspace.write("groups.yaml", text);
+    assert_eq!(workspace.stages(&["run", "groups.yaml"]).with("built").len(), 3);
+    let cells = |stage: &str| {
+        let file = format!("{stage}.h5");
+        let ended = workspace.run(&["export", "artifact", &format!("groups.yaml:{stage}"), "-o", &file]);
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+        dataset(&workspace, &file, "patterns").1
+    };
+    let (one, three) = (cells("one"), cells("three"));
+    for (at, (one, three)) in one.iter().zip(&three).enumerate() {
+        let (x, y) = (at % 40, at / 40 % 24);
+        let is_inside = (1.5 * (x as f64 + 0.5) - 30.0).hypot(1.25 * (y as f64 + 0.5) - 15.0) <= 14.0;
+        assert!(is_inside || *one == 0.0, "({x}, {y})");
+        assert_eq!(*one > 0.0, *three > 0.0);
+    }
+    for group in 1..=3 {
+        let share = three.iter().filter(|cell| **cell == f64::from(group)).count();
+        assert!(
+            10 * share > one.iter().filter(|cell| **cell > 0.0).count(),
+            "group {group}: {share}"
+        );
+    }
+    workspace.write("groups.yaml", &text.replace("groups: 3", "groups: 4"));
+    let refused = workspace.run(&["run", "groups.yaml"]);
+    assert!(
+        refused.code == Some(2) && refused.stderr.contains("voltages of 3"),
+        "{}",
+        refused.stderr
+    );
+}
+
+#[test]
+fn masks_have_a_layer_for_each_group_and_show_the_real_shape() {
+    let workspace = workspace();
+    let cells = "cells: [40, 24]";
+    let device = format!(
+        "{cells}, frame: {{ opening: {{ disc: {{ centre: [30 mm, 15 mm], radius: 14 mm }} }} }}, \
+         bodies: [{{ rectangle: [[27 mm, 12 mm], [33 mm, 18 mm]] }}]"
+    );
+    let scene = SCENE
+        .replace(cells, &device)
+        .replace("voltage: 4 kV", "voltages: [4 kV, 3 kV]");
+    workspace.write("device.yaml", &scene);
+    let lines = csv([40, 24], |x, _| (12..17).contains(&x))
+        .lines()
+        .map(|line| line.to_owned() + "\n")
+        .collect::<String>();
+    let right = csv([40, 24], |x, _| (23..28).contains(&x)).replace('1', "2");
+    let both: String = lines
+        .chars()
+        .zip(right.chars())
+        .map(|(one, two)| if two == '2' { '2' } else { one })
+        .collect();
+    workspace.write("groups.csv", &both);
+    let export = |more: &[&str], file: &str| {
+        let arguments = [
+            &["export", "design", "groups.csv", "--scene", "device.yaml", "-o", file],
+            more,
+        ]
+        .concat();
+        workspace.run(&arguments)
+    };
+    for file in ["mask.dxf", "mask.svg", "mask.png", "mask.csv", "membrane.vtkhdf"] {
+        let ended = export(&[], file);
+        assert_eq!(ended.code, Some(0), "{file}: {}", ended.stderr);
+    }
+    let text = |file: &str| std::fs::read_to_string(workspace.path(file)).unwrap();
+    let dxf = text("mask.dxf");
+    for (layer, rings) in [("ELECTRODE_1", 1), ("ELECTRODE_2", 1), ("FRAME", 2), ("BODIES", 1)] {
+        assert_eq!(
+            dxf.matches(&format!("AcDbEntity\n  8\n{layer}\n")).count(),
+            rings,
+            "{layer}"
+        );
+    }
+    assert!(text("mask.svg").contains("id=\"electrode-2\"") && text("mask.svg").contains("id=\"bodies\""));
+    // What is written is read again: the image by its grey levels, the numbers as they are.
+    for file in ["groups.csv", "mask.png", "mask.csv"] {
+        let solved = workspace.run(&["solve", "device.yaml", file, "-o", "out.h5"]);
+        // An image has several pixels for each cell, which are not square here.
+        if file == "mask.png" {
+            assert!(
+                solved.code == Some(2) && solved.stderr.contains("pixels"),
+                "{}",
+                solved.stderr
+            );
+            continue;
+        }
+        assert_eq!(solved.code, Some(0), "{file}: {}", solved.stderr);
+    }
+    let refused = export(&[], "mask.gbr");
+    assert!(
+        refused.code == Some(2) && refused.stderr.contains("--group 1 to --group 2"),
+        "{}",
+        refused.stderr
+    );
+    for group in ["1", "2"] {
+        let file = format!("mask-{group}.gbr");
+        assert_eq!(export(&["--group", group], &file).code, Some(0));
+        assert_eq!(text(&file).matches("%LPD*%").count(), 1);
+    }
+    assert_ne!(text("mask-1.gbr"), text("mask-2.gbr"));
+    let refused = export(&["--group", "3"], "mask.svg");
+    assert!(
+        refused.code == Some(2) && refused.stderr.contains("no group 3"),
+        "{}",
+        refused.stderr
+    );
+}

@@ -16,8 +16,8 @@ use crate::cli::{locate, solve, write};
 use crate::design::DesignFilter;
 use crate::fem::SolveOptions;
 use crate::field::Mesh;
-use crate::report::export::{self, Drawing, MOST_PIXELS, Shape, Surface};
-use crate::scene::{Mask, Size};
+use crate::report::export::{self, Drawing, Layer, MOST_PIXELS, Shape, Surface};
+use crate::scene::{Islands, Mask, Size, Voltages};
 use crate::stage::designs::{self, Design, Designs};
 use crate::store::Artifact;
 
@@ -53,6 +53,9 @@ pub struct ExportDesignArguments {
     /// The size of a mask: on the frame, or before the membrane is stretched [default: prestretched]
     #[arg(long, value_enum)]
     pub size: Option<DesignSize>,
+    /// One group of electrodes alone; Gerber files need it where there are several
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=16))]
+    pub group: Option<u8>,
     /// Round the outline; the area that it holds is stated beside that of the cells
     #[arg(long)]
     pub smooth: bool,
@@ -128,7 +131,7 @@ const PIXELS_PER_MM: f64 = 20.0;
 pub fn execute(arguments: &ExportDesignArguments, output: &Output) -> Result<Exit, CliError> {
     let format = format(arguments)?;
     check_options(arguments, format)?;
-    let design = design(arguments)?;
+    let design = of_group(design(arguments)?, arguments, format)?;
     let path = path(arguments, &design, format);
     check_inputs(arguments, &path)?;
     write::check_file(&path)?;
@@ -197,6 +200,7 @@ fn check_options(arguments: &ExportDesignArguments, format: DesignFormat) -> Res
     let mesh = arguments.elements_per_cell.is_some() || arguments.order.is_some();
     let unused = match format {
         Vtkhdf if arguments.size.is_some() => "--size",
+        Vtkhdf if arguments.group.is_some() => "--group",
         Vtkhdf | Csv if arguments.smooth => "--smooth",
         other if other != Png && arguments.pixels_per_mm.is_some() => "--pixels-per-mm",
         other if other != Vtkhdf && mesh => "a mesh",
@@ -244,13 +248,47 @@ fn design(arguments: &ExportDesignArguments) -> Result<Design, CliError> {
     Ok(designs.choose(&wanted)?)
 }
 
+/// A design, or one group of its electrodes.
+fn of_group(design: Design, arguments: &ExportDesignArguments, format: DesignFormat) -> Result<Design, CliError> {
+    let groups = design.scene.groups();
+    match arguments.group {
+        _ if format == DesignFormat::Vtkhdf => Ok(design),
+        None if format == DesignFormat::Gerber && groups > 1 => Err(CliError::bad_input(format!(
+            "a Gerber file is one layer, and there are {groups} groups of electrodes"
+        ))
+        .help(format!("write one at a time: --group 1 to --group {groups}"))),
+        None => Ok(design),
+        Some(group) if usize::from(group) > groups => Err(CliError::bad_input(format!(
+            "there is no group {group} of electrodes: the scene has voltages of {groups}"
+        ))),
+        Some(group) => {
+            let voltage = Voltages::one(design.scene.voltage());
+            Ok(Design {
+                title: if groups > 1 {
+                    format!("{} group {group}", design.title)
+                } else {
+                    design.title
+                },
+                pattern: design.pattern.of_group(group),
+                scene: design.scene.with_voltages(voltage),
+                ..design
+            })
+        }
+    }
+}
+
 /// The file to write: in a folder, one called after the design.
 fn path(arguments: &ExportDesignArguments, design: &Design, format: DesignFormat) -> PathBuf {
     if !arguments.output.is_dir() {
         return arguments.output.clone();
     }
     let name = match &design.label {
-        Some(label) => format!("{}-{}-{}", label.name, label.role.name(), label.member),
+        Some(label) => {
+            let group = arguments
+                .group
+                .map_or_else(String::new, |group| format!("-group-{group}"));
+            format!("{}-{}-{}{group}", label.name, label.role.name(), label.member)
+        }
         None => design.title.clone(),
     };
     let fit = |c: char| {
@@ -292,7 +330,11 @@ fn write_mask(
     if format == DesignFormat::Png {
         let pixels = pixels(arguments, &mask)?;
         let per_mm = [0, 1].map(|axis| pixels[axis] as f64 / mask.membrane.size_mm[axis]);
-        notes.push(format!("black = electrode; {} pixels per mm", shown_both(per_mm)));
+        let colours = match mask.groups.len() {
+            1 => "black = electrode".to_owned(),
+            groups => format!("white = bare, group g of electrodes = (g - 1)/{groups} of white"),
+        };
+        notes.push(format!("{colours}; {} pixels per mm", shown_both(per_mm)));
         facts.insert("pixels".to_owned(), one_or_both(pixels));
         facts.insert("pixels_per_mm".to_owned(), one_or_both(per_mm));
     }
@@ -304,14 +346,17 @@ fn write_mask(
         source,
         program: SOFTWARE.to_owned(),
         size: mask.membrane.size_mm,
-        shapes: mask
-            .islands
+        layers: mask
+            .groups
             .iter()
-            .map(|(outer, holes)| Shape {
-                outer: outer.clone(),
-                holes: holes.clone(),
+            .enumerate()
+            .map(|(at, islands)| Layer {
+                group: (mask.groups.len() > 1).then_some(at + 1),
+                shapes: shapes(islands),
             })
             .collect(),
+        opening: shapes(&mask.opening),
+        bodies: shapes(&mask.bodies),
     };
     let bytes = match format {
         DesignFormat::Svg => export::svg(&drawing),
@@ -330,6 +375,14 @@ fn write_mask(
         lines: drawing.notes[..drawing.notes.len() - 1].to_vec(),
         facts,
     })
+}
+
+fn shapes(islands: &Islands) -> Vec<Shape> {
+    let shape = |(outer, holes): &(Vec<_>, Vec<_>)| Shape {
+        outer: outer.clone(),
+        holes: holes.clone(),
+    };
+    islands.iter().map(shape).collect()
 }
 
 /// The artifact, with the stage by which it was asked for; or the file.
@@ -404,7 +457,7 @@ fn notes(mask: &Mask) -> Vec<String> {
             "area of the electrode {} mm^2, {} of that of the membrane; islands {}, holes {}",
             shown(mask.electrode_area),
             shown(mask.area_fraction),
-            mask.islands.len(),
+            mask.islands(),
             mask.holes()
         ),
     ];
@@ -428,7 +481,7 @@ fn facts(mask: &Mask) -> Map<String, Value> {
         ("area_fraction", json!(mask.area_fraction)),
         ("outline", json!(if mask.rounded { "rounded" } else { "square" })),
         ("outline_area_mm2", json!(mask.outline_area)),
-        ("islands", json!(mask.islands.len())),
+        ("islands", json!(mask.islands())),
         ("holes", json!(mask.holes())),
     ];
     facts

@@ -81,7 +81,12 @@ fn cells(design: &Design, states: &[CellState], thickness: f64) -> Vec<(&'static
     vec![
         (
             "active",
-            Dataset::new("1", "1 = electrode, 0 = bare", &[states.len()], active),
+            Dataset::new(
+                "1",
+                "number of the group of electrodes, 0 = bare",
+                &[states.len()],
+                active,
+            ),
         ),
         (
             "first_piola_stress",

@@ -315,7 +315,10 @@ mod tests {
             ("{ leads: [lefft] }", "`leads` cannot be \"lefft\""),
             ("{ leads: [] }", "names no side"),
             ("{ keep_out: [{ square: 1 }] }", "unknown key `square`"),
-            ("{ keep_out: [{}] }", "one of a `rectangle`, a `disc` and a `polygon`"),
+            (
+                "{ keep_out: [{}] }",
+                "one of a `rectangle`, a `disc`, a `polygon` and a `mask`",
+            ),
             (
                 "{ keep_out: [{ rectangle: [[0, 0]] }] }",
                 "`rectangle` must have two values",

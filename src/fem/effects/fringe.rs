@@ -16,7 +16,7 @@ use std::f64::consts::{LN_2, PI};
 use super::effect::{Assessment, DISPLACED, Effect, SMALL, Verdict};
 use crate::fem::error::SetupError;
 use crate::fem::grid::{Grid, THINNEST};
-use crate::fem::operator::Activity;
+use crate::fem::operator::{Activity, load_of};
 use crate::fem::sheet::Sheet;
 use crate::field::Mesh;
 use crate::pattern::Pattern;
@@ -55,9 +55,13 @@ impl Fringe {
         Grid::along_strips(mesh, &self.sheet, self.shift)
     }
 
-    /// The dilated pattern on a grid of [`Fringe::grid`].
+    /// The dilated pattern on a grid of [`Fringe::grid`]; its groups of electrodes have these shares of the load. Where the fringes of two groups
+    /// meet, the stronger one acts.
+    ///
+    /// # Panics
+    /// When a cell belongs to a group that has no share.
     #[must_use]
-    pub fn activity(&self, grid: &Grid, pattern: &Pattern) -> Activity {
+    pub fn activity(&self, grid: &Grid, pattern: &Pattern, loads: &[f64]) -> Activity {
         let (per_cell, raster) = (grid.per_cell(), pattern.raster());
         let strips = self.shift.map(|shift| shift.max(THINNEST));
         // A strip that is too thin for an element is a thin one that is active in part.
@@ -70,16 +74,15 @@ impl Fringe {
                 .collect()
         });
         let cells: Vec<_> = (0..raster.cells())
-            .map(|i| zones(pattern, i % raster.columns(), i / raster.columns()))
+            .map(|i| zones(pattern, i % raster.columns(), i / raster.columns(), loads))
             .collect();
         Activity::from_elements(grid, |column, row| {
             let [cell_x, cell_y] = [column / per_cell[0], row / per_cell[1]];
             let zones = &cells[cell_y * raster.columns() + cell_x];
             let [x, y] = [zone_of[0][column % per_cell[0]], zone_of[1][row % per_cell[1]]];
-            match (zones[1][1], zones[y][x]) {
-                (true, _) => 1.0,
-                (false, true) => strength([x, y], strengths),
-                (false, false) => 0.0,
+            match pattern.is_active(cell_x, cell_y) {
+                true => zones[1][1],
+                false => zones[y][x] * strength([x, y], strengths),
             }
         })
     }
@@ -95,15 +98,23 @@ fn strength([x, y]: [usize; 2], [along, across]: [f64; 2]) -> f64 {
     }
 }
 
-/// Which of the nine zones of a cell, `[y][x]`, the dilated pattern covers: all of an active one, and of a bare one those
-/// next to an active neighbour.
-fn zones(pattern: &Pattern, x: usize, y: usize) -> [[bool; 3]; 3] {
+/// The load of each of the nine zones of a cell, `[y][x]`, under the dilated pattern: its own of an active one, and of a bare one the largest of
+/// the active neighbours next to the zone.
+fn zones(pattern: &Pattern, x: usize, y: usize, loads: &[f64]) -> [[f64; 3]; 3] {
     let [columns, rows] = pattern.raster().sides();
-    let active = |dx: usize, dy: usize| {
+    let load = |dx: usize, dy: usize| {
         let (x, y) = (x + dx, y + dy);
-        (1..=columns).contains(&x) && (1..=rows).contains(&y) && pattern.is_active(x - 1, y - 1)
+        let is_inside = (1..=columns).contains(&x) && (1..=rows).contains(&y);
+        if is_inside {
+            load_of(pattern.group(x - 1, y - 1), loads)
+        } else {
+            0.0
+        }
     };
-    std::array::from_fn(|dy| std::array::from_fn(|dx| active(1, 1) || active(dx, 1) || active(1, dy) || active(dx, dy)))
+    if pattern.is_active(x, y) {
+        return [[load(1, 1); 3]; 3];
+    }
+    std::array::from_fn(|dy| std::array::from_fn(|dx| load(dx, 1).max(load(1, dy)).max(load(dx, dy))))
 }
 
 /// The effect.
@@ -150,7 +161,7 @@ mod tests {
     /// The areas of elements that are active, in cells.
     fn areas(fringe: &Fringe, per_cell: usize, pattern: &Pattern) -> Vec<f64> {
         let grid = fringe.grid(Mesh::bilinear(per_cell));
-        let activity = fringe.activity(&grid, pattern);
+        let activity = fringe.activity(&grid, pattern, &[1.0]);
         let [m, n] = grid.per_cell();
         let elements = grid.layout().each_element();
         elements

@@ -15,6 +15,8 @@ use crate::scene::{PermittivityDecay, Scene, Stiffening};
 #[derive(Clone, Debug)]
 pub struct Model {
     sheet: Sheet,
+    /// The share of the load that each group of electrodes has.
+    loads: Vec<f64>,
     /// √(λ₁λ₂); laws are written for it, and [`Grid`] sees to the difference of λ₁ and λ₂.
     prestretch: f64,
     kappa: f64,
@@ -72,8 +74,13 @@ impl Model {
                 prestretch: sheet.prestretch,
             });
         }
+        let loads = scene.group_loads();
+        if effects.electrode_stiffness.is_some() && loads.iter().any(|&load| load != 1.0) {
+            return Err(SetupError::StiffGroups);
+        }
         let model = Self {
             sheet,
+            loads,
             prestretch,
             kappa: scene.kappa(),
             stiffening: law.map(stiffened).transpose()?,
@@ -134,12 +141,21 @@ impl Model {
     }
 
     /// Where a pattern is active; with a fringe field on a grid of [`Model::grid`].
+    ///
+    /// # Panics
+    /// When a cell belongs to a group of electrodes that the scene has not.
     #[must_use]
     pub fn activity(&self, grid: &Grid, pattern: &Pattern) -> Activity {
         match &self.fringe {
-            None => Activity::new(grid, pattern),
-            Some(fringe) => fringe.activity(grid, pattern),
+            None => Activity::of_groups(grid, pattern, &self.loads),
+            Some(fringe) => fringe.activity(grid, pattern, &self.loads),
         }
+    }
+
+    /// The share of the load that each group of electrodes has.
+    #[must_use]
+    pub fn loads(&self) -> &[f64] {
+        &self.loads
     }
 
     /// Whether the energy is linear in the activity of each cell.

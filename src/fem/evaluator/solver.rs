@@ -11,12 +11,13 @@ use crate::fem::response::{Estimator, LinearResponse};
 use crate::fem::screening::resolve;
 use crate::fem::solver::{MembraneSolver, SolveOptions};
 use crate::field::{Evaluator, Field, Mesh, PredictError, Predictor, Simulation, Simulator};
-use crate::pattern::Pattern;
+use crate::pattern::{Pattern, PatternForm};
 use crate::scene::{Effects, Scene};
 
 /// A solver that is ready for the patterns of a scene.
 pub struct Solver {
     parameters: SolverParameters,
+    form: PatternForm,
     engine: Engine,
 }
 
@@ -54,6 +55,7 @@ impl Solver {
         };
         Ok(Self {
             parameters: parameters.clone(),
+            form: scene.form(),
             engine,
         })
     }
@@ -93,8 +95,9 @@ impl Solver {
     /// One result per pattern, in order; on a fixed mesh without an estimate of its error.
     ///
     /// # Errors
-    /// When a finer mesh cannot be set up.
+    /// When a pattern has groups of electrodes without voltage, or a finer mesh cannot be set up.
     pub fn simulate(&self, patterns: &[Pattern]) -> Result<Vec<AccurateSimulation>, SetupError> {
+        self.check(patterns)?;
         match &self.engine {
             Engine::Accurate(solver) => solver.simulate(patterns),
             Engine::Fixed(solver) => Ok(on(solver.mesh(), solver.simulate(patterns))),
@@ -102,11 +105,26 @@ impl Solver {
         }
     }
 
+    fn check(&self, patterns: &[Pattern]) -> Result<(), SetupError> {
+        let groups = self.form.groups;
+        let Some(pattern) = patterns.iter().find(|pattern| pattern.groups() > groups) else {
+            return Ok(());
+        };
+        let (cells, columns) = (pattern.cells(), pattern.raster().columns());
+        let at = cells
+            .iter()
+            .position(|&group| usize::from(group) > groups)
+            .unwrap_or_default();
+        let (y, x, group) = (at / columns, at % columns, cells[at]);
+        Err(SetupError::Group { y, x, group, groups })
+    }
+
     /// The same with the state of every cell, `None` where there is no stable solution.
     ///
     /// # Errors
     /// As [`Solver::on_one_mesh`].
     pub fn simulate_cells(&self, patterns: &[Pattern]) -> Result<(Vec<AccurateSimulation>, CellStates), SetupError> {
+        self.check(patterns)?;
         let solver = self.on_one_mesh()?;
         let (simulations, states) = solver.simulate_cells(patterns).into_iter().unzip();
         Ok((on(solver.mesh(), simulations), states))

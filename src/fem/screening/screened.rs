@@ -29,7 +29,7 @@ impl Screened {
     /// # Errors
     /// When its effects cannot be simulated.
     pub fn new(scene: &Scene) -> Result<Self, SetupError> {
-        Self::with(scene, &watch_patterns(&scene.membrane()), WorkLimit::default())
+        Self::with(scene, &watch_patterns(scene), WorkLimit::default())
     }
 
     /// The same for patterns that are about to be simulated, within a limit of work for each.
@@ -37,7 +37,7 @@ impl Screened {
     /// # Errors
     /// When its effects cannot be simulated.
     pub fn for_patterns(scene: &Scene, patterns: &[Pattern], limit: WorkLimit) -> Result<Self, SetupError> {
-        Self::with(scene, &watch_patterns_with(&scene.membrane(), patterns), limit)
+        Self::with(scene, &watch_patterns_with(scene, patterns), limit)
     }
 
     fn with(scene: &Scene, patterns: &[Trial], limit: WorkLimit) -> Result<Self, SetupError> {
@@ -76,7 +76,7 @@ fn decide(scene: &Scene) -> Result<Screening, SetupError> {
     let screening = screen_to(
         Purpose::Decision,
         scene,
-        &reference_patterns(&scene.membrane()),
+        &reference_patterns(scene),
         WorkLimit::default(),
     )?;
     let mut decided = decided();
@@ -84,6 +84,17 @@ fn decide(scene: &Scene) -> Result<Screening, SetupError> {
         decided.push((scene.clone(), screening.clone()));
     }
     Ok(screening)
+}
+
+/// The same for all states of a scene: their effects are those that the largest voltage of each group of electrodes calls for.
+///
+/// # Errors
+/// When its effects cannot be simulated.
+pub fn resolve_states(scene: &Scene) -> Result<Scene, SetupError> {
+    match scene.auto {
+        true => Ok(scene.with_effects(decide(&scene.at_largest_voltages())?.scene.effects)),
+        false => Ok(scene.clone()),
+    }
 }
 
 /// The scene with its effects decided: unchanged unless it says `effects: auto`.

@@ -132,7 +132,7 @@ fn examine_one(
     let pattern = &trial.pattern;
     let solution = solver.solve(pattern);
     let stable = solution.outcome.is_converged();
-    let active = pattern.cells().contains(&1);
+    let active = pattern.active_cells() > 0;
     Ok(Examined {
         pattern: trial.name.clone(),
         field: if stable {

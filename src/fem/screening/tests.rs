@@ -23,9 +23,7 @@ fn decimal(text: &str) -> Decimal {
 
 fn row(scene: &Scene, name: &str) -> Row {
     let effect = *EFFECTS.iter().find(|effect| effect.name() == name).unwrap();
-    let mut rows = screen_for(&[effect], scene, &reference_patterns(&scene.membrane()))
-        .unwrap()
-        .rows;
+    let mut rows = screen_for(&[effect], scene, &reference_patterns(scene)).unwrap().rows;
     rows.remove(0)
 }
 
@@ -35,10 +33,7 @@ fn compared() -> Vec<Trial> {
         to_the_limit: false,
         ..trial
     };
-    reference_patterns(&Scene::vhb4910().membrane())
-        .into_iter()
-        .map(trial)
-        .collect()
+    reference_patterns(&Scene::vhb4910()).into_iter().map(trial).collect()
 }
 
 fn gent(jm: &str) -> Stiffening {
@@ -382,7 +377,7 @@ fn the_table_of_five_scenes_is_that_of_the_documentation() {
     ];
     let screened = scenes.map(|name| {
         let scene = scene_of(&format!("{name}.yaml"));
-        screen(&scene, &reference_patterns(&scene.membrane())).unwrap()
+        screen(&scene, &reference_patterns(&scene)).unwrap()
     });
     let row = |at: usize| {
         let numbers = screened.each_ref().map(|one| shown(&one.rows[at]));

@@ -5,6 +5,7 @@ mod devices;
 mod discrete;
 mod effects;
 mod fringe;
+mod groups;
 mod hard;
 mod invariance;
 mod known;

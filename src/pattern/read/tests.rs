@@ -3,6 +3,7 @@ use std::path::PathBuf;
 
 use super::*;
 use crate::pattern::CELLS;
+use crate::pattern::Raster;
 
 pub fn wanted() -> Pattern {
     // Asymmetric under every transposition and mirror.
@@ -23,7 +24,7 @@ impl Folder {
     }
 
     pub fn read(&self, name: &str) -> Result<Vec<Pattern>, String> {
-        read_patterns(self.path(name).to_str().unwrap(), Raster::PAPER).map_err(|e| format!("{e:?}"))
+        read_patterns(self.path(name).to_str().unwrap(), PatternForm::PAPER).map_err(|e| format!("{e:?}"))
     }
 
     fn read_bytes(&self, name: &str, bytes: &[u8]) -> Result<Vec<Pattern>, String> {
@@ -327,4 +328,84 @@ fn other_names_are_refused_with_those_allowed() {
     assert!(folder.refusal("e.npy", b"").contains("empty"));
     fs::create_dir(folder.path("d.npy")).unwrap();
     assert!(folder.read("d.npy").unwrap_err().contains("not a file"));
+}
+
+/// A pattern of three groups without symmetry.
+fn grouped(raster: Raster) -> Pattern {
+    Pattern::from_groups(raster, |x, y| ((x + 2 * y + x * y) % 4) as u8)
+}
+
+fn read_groups(folder: &Folder, name: &str, form: PatternForm) -> Result<Vec<Pattern>, String> {
+    read_patterns(folder.path(name).to_str().unwrap(), form).map_err(|e| format!("{e:?}"))
+}
+
+#[test]
+fn groups_are_read_as_numbers_grey_levels_and_indices() {
+    let folder = Folder::new();
+    let raster = Raster::new(7, 5).unwrap();
+    let (form, wanted) = (PatternForm { raster, groups: 3 }, grouped(raster));
+    let lines = wanted
+        .cells()
+        .chunks(7)
+        .map(|row| row.iter().map(u8::to_string).collect::<Vec<_>>().join(",") + "\n");
+    fs::write(folder.path("g.csv"), lines.collect::<String>()).unwrap();
+    fs::write(folder.path("g.npy"), npy("|u1", "False", "(5, 7)", wanted.cells())).unwrap();
+    let image = |name: &str, colour: ::png::ColorType, depth: ::png::BitDepth, data: &[u8]| {
+        let mut encoder = ::png::Encoder::new(fs::File::create(folder.path(name)).unwrap(), 7, 5);
+        encoder.set_color(colour);
+        encoder.set_depth(depth);
+        if colour == ::png::ColorType::Indexed {
+            encoder.set_palette(vec![255, 255, 255, 200, 0, 0, 0, 200, 0, 0, 0, 200, 9, 9, 9]);
+        }
+        encoder.write_header().unwrap().write_image_data(data).unwrap();
+    };
+    let rows: Vec<&[u8]> = wanted.cells().chunks(7).rev().collect();
+    let grey = |group: u8| match group {
+        0 => 255,
+        group => (255.0 * f64::from(group - 1) / 3.0) as u8,
+    };
+    let greys: Vec<u8> = rows
+        .iter()
+        .flat_map(|row| row.iter().map(|&group| grey(group)))
+        .collect();
+    image("grey.png", ::png::ColorType::Grayscale, ::png::BitDepth::Eight, &greys);
+    image(
+        "index.png",
+        ::png::ColorType::Indexed,
+        ::png::BitDepth::Eight,
+        &rows.concat(),
+    );
+    // Two bits each, four to a byte.
+    let packed = rows.iter().flat_map(|row| {
+        let bytes = row.chunks(4).map(|part| {
+            let bits = part.iter().fold(0, |byte, &group| byte << 2 | group);
+            bits << (2 * (4 - part.len()))
+        });
+        bytes.collect::<Vec<u8>>()
+    });
+    image(
+        "packed.png",
+        ::png::ColorType::Indexed,
+        ::png::BitDepth::Two,
+        &packed.collect::<Vec<_>>(),
+    );
+    for name in ["g.csv", "g.npy", "grey.png", "index.png", "packed.png"] {
+        assert_eq!(
+            read_groups(&folder, name, form).unwrap(),
+            vec![wanted.clone()],
+            "{name}"
+        );
+    }
+    // With fewer groups the file, the cell and what is allowed are named.
+    let fewer = PatternForm { raster, groups: 2 };
+    for (name, says) in [
+        ("g.csv", "[y=0][x=3] is 3"),
+        ("g.npy", "[y=0][x=3] is 3"),
+        ("grey.png", "no group"),
+        ("index.png", "colour 3 of the palette"),
+    ] {
+        let refusal = read_groups(&folder, name, fewer).unwrap_err();
+        assert!(refusal.contains(says) && refusal.contains(name), "{refusal}");
+    }
+    assert!(read_groups(&folder, "g.csv", fewer).unwrap_err().contains("1 to 2"));
 }

@@ -11,7 +11,7 @@ pub fn csv<'a>(notes: impl IntoIterator<Item = &'a str>, cells: &[u8], columns: 
         let note = ascii(note, |c| c.to_string());
         text.push_str(&format!("# {note}\n"));
     }
-    text.push_str("# first line at the lower edge of the membrane, first value at the left; 1 = electrode, 0 = bare\n");
+    text.push_str("# first line at the lower edge of the membrane, first value at the left; 1 = electrode, or the number of its group, 0 = bare\n");
     for row in cells.chunks(columns.max(1)) {
         let values: Vec<String> = row.iter().map(u8::to_string).collect();
         text.push_str(&values.join(","));

@@ -4,10 +4,10 @@
 
 use std::fmt::Display;
 
-use super::{Drawing, Point, ascii, number};
+use super::{Drawing, Point, ascii, number, rings};
 
-const ELECTRODE: &str = "ELECTRODE";
 const FRAME: &str = "FRAME";
+const BODIES: &str = "BODIES";
 
 /// Handles of the symbol tables, and of what they refer to.
 const BLOCK_RECORDS: &str = "9";
@@ -18,25 +18,35 @@ const GROUPS: &str = "D";
 /// From here on handles are given out one after the other.
 const FIRST_HANDLE: usize = 0x100;
 
-/// Every ring of the electrode on layer ELECTRODE, outer rings anticlockwise and holes clockwise, and the membrane on layer
-/// FRAME.
+/// Every ring of the electrode on layer ELECTRODE, or of its groups on ELECTRODE_1 and so on, outer rings anticlockwise and holes clockwise; the
+/// membrane and what is not frame of it on layer FRAME, and rigid bodies on BODIES.
 #[must_use]
 pub fn dxf(drawing: &Drawing) -> Vec<u8> {
     let mut file = File { text: String::new() };
     for line in drawing.lines() {
         file.pair(999, text(line));
     }
-    let rings = drawing.rings().count();
-    header(&mut file, drawing.size, FIRST_HANDLE + rings + 1);
-    tables(&mut file);
+    let names: Vec<String> = drawing
+        .layers
+        .iter()
+        .map(|layer| layer.name("_").to_uppercase())
+        .collect();
+    let [width, height] = drawing.size;
+    let frame = vec![[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]];
+    let electrodes = drawing.layers.iter().zip(&names);
+    let lines: Vec<(&str, &Vec<Point>)> = electrodes
+        .flat_map(|(layer, name)| layer.rings().map(|ring| (name.as_str(), ring)))
+        .chain([(FRAME, &frame)])
+        .chain(rings(&drawing.opening).map(|ring| (FRAME, ring)))
+        .chain(rings(&drawing.bodies).map(|ring| (BODIES, ring)))
+        .collect();
+    header(&mut file, drawing.size, FIRST_HANDLE + lines.len());
+    tables(&mut file, &names, !drawing.bodies.is_empty());
     blocks(&mut file);
     file.section("ENTITIES");
-    for (at, ring) in drawing.rings().enumerate() {
-        polyline(&mut file, FIRST_HANDLE + at, ELECTRODE, ring);
+    for (at, (layer, ring)) in lines.into_iter().enumerate() {
+        polyline(&mut file, FIRST_HANDLE + at, layer, ring);
     }
-    let [width, height] = drawing.size;
-    let frame = [[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]];
-    polyline(&mut file, FIRST_HANDLE + rings, FRAME, &frame);
     file.pair(0, "ENDSEC");
     objects(&mut file);
     file.pair(0, "EOF");
@@ -107,7 +117,7 @@ fn header(file: &mut File, size: [f64; 2], next_handle: usize) {
     file.pair(0, "ENDSEC");
 }
 
-fn tables(file: &mut File) {
+fn tables(file: &mut File, electrodes: &[String], has_bodies: bool) {
     const LINE: &[(u16, &str)] = &[(70, "0"), (3, ""), (72, "65"), (73, "0"), (40, "0")];
     const LAYER: &str = "AcDbLayerTableRecord";
     const LINETYPE: &str = "AcDbLinetypeTableRecord";
@@ -123,15 +133,26 @@ fn tables(file: &mut File) {
         ],
     );
     let layer = |colour| [(70, "0"), (62, colour), (6, "Continuous")];
-    file.table(
-        "LAYER",
-        "2",
-        &[
-            ("0", "10", LAYER, &layer("7")),
-            (ELECTRODE, "11", LAYER, &layer("7")),
-            (FRAME, "12", LAYER, &layer("8")),
-        ],
+    // The first electrode has the handle 11, the frame 12; further layers those from 40 on, and the colours of the index from red on.
+    let (default, frame) = (layer("7"), layer("8"));
+    let colours: Vec<String> = (0..electrodes.len())
+        .map(|at| if at == 0 { 7 } else { at }.to_string())
+        .collect();
+    let own: Vec<_> = colours.iter().map(|colour| layer(colour)).collect();
+    let handles: Vec<String> = (0..=electrodes.len()).map(|at| format!("{:X}", 0x40 + at)).collect();
+    let handle = |at: usize| if at == 0 { "11" } else { handles[at].as_str() };
+    let mut layers: Vec<Record<'_>> = vec![("0", "10", LAYER, &default)];
+    layers.extend(
+        electrodes
+            .iter()
+            .enumerate()
+            .map(|(at, name)| -> Record<'_> { (name, handle(at), LAYER, &own[at]) }),
     );
+    layers.push((FRAME, "12", LAYER, &frame));
+    if has_bodies {
+        layers.push((BODIES, &handles[electrodes.len()], LAYER, &frame));
+    }
+    file.table("LAYER", "2", &layers);
     let style = [
         (70, "0"),
         (40, "0"),

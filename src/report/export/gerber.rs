@@ -5,7 +5,7 @@ use std::fmt::Write;
 use super::{Drawing, Point, ascii};
 
 /// The electrode as regions: each shape dark, then its holes clear, so that shapes within holes are drawn on cleared ground.
-/// The frame is not drawn: everything in such a file is made.
+/// Frame and bodies are not drawn: everything in such a file is made.
 #[must_use]
 pub fn gerber(drawing: &Drawing) -> Vec<u8> {
     let mut text = String::new();
@@ -18,7 +18,7 @@ pub fn gerber(drawing: &Drawing) -> Vec<u8> {
          %TF.FileFunction,Other,Electrode*%\n%TF.FilePolarity,Positive*%\n%FSLAX46Y46*%\n%MOMM*%\nG01*\n",
         env!("CARGO_PKG_VERSION")
     );
-    for shape in &drawing.shapes {
+    for shape in drawing.layers.iter().flat_map(|layer| &layer.shapes) {
         let _ = writeln!(text, "%LPD*%");
         region(&mut text, &shape.outer);
         if !shape.holes.is_empty() {

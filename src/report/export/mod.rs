@@ -28,6 +28,35 @@ pub struct Shape {
     pub holes: Vec<Vec<Point>>,
 }
 
+/// What is drawn apart from the rest.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Layer {
+    /// The number of a group of electrodes; none where there is one group.
+    pub group: Option<usize>,
+    /// Its shapes. A shape within a hole comes after the one that has the hole.
+    pub shapes: Vec<Shape>,
+}
+
+impl Layer {
+    /// All rings, outer ones before their holes.
+    fn rings(&self) -> impl Iterator<Item = &Vec<Point>> {
+        rings(&self.shapes)
+    }
+
+    /// What it is called, in lower case: `electrode`, or `electrode` and its number.
+    fn name(&self, between: &str) -> String {
+        self.group
+            .map_or_else(|| "electrode".to_owned(), |group| format!("electrode{between}{group}"))
+    }
+}
+
+/// All rings of some shapes, outer ones before their holes.
+fn rings(shapes: &[Shape]) -> impl Iterator<Item = &Vec<Point>> {
+    shapes
+        .iter()
+        .flat_map(|shape| std::iter::once(&shape.outer).chain(&shape.holes))
+}
+
 /// An electrode as it is to be drawn.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Drawing {
@@ -41,18 +70,15 @@ pub struct Drawing {
     pub program: String,
     /// Sides of the membrane in mm: its lower left corner is the origin.
     pub size: [f64; 2],
-    /// The electrode. A shape within a hole comes after the one that has the hole.
-    pub shapes: Vec<Shape>,
+    /// The electrode, or its groups.
+    pub layers: Vec<Layer>,
+    /// What is not frame, where there is more of it than the edge of the membrane.
+    pub opening: Vec<Shape>,
+    /// Rigid bodies.
+    pub bodies: Vec<Shape>,
 }
 
 impl Drawing {
-    /// All rings, outer ones before their holes.
-    fn rings(&self) -> impl Iterator<Item = &Vec<Point>> {
-        self.shapes
-            .iter()
-            .flat_map(|shape| std::iter::once(&shape.outer).chain(&shape.holes))
-    }
-
     /// Title and notes.
     pub fn lines(&self) -> impl Iterator<Item = &str> {
         std::iter::once(self.title.as_str()).chain(self.notes.iter().map(String::as_str))

@@ -1,8 +1,11 @@
-//! PNG: black electrode on white, one bit per pixel, its physical size in the `pHYs` chunk.
+//! PNG: black electrode on white, one bit per pixel, its physical size in the `pHYs` chunk. Group g of n electrodes is (g − 1)/n grey, eight bits
+//! per pixel, as patterns are read.
+
+use std::ops::Range;
 
 use ::png::{BitDepth, ColorType, Compression, Encoder, EncodingError, PixelDimensions, Unit};
 
-use super::{Drawing, Point};
+use super::{Drawing, Layer, Point};
 
 /// Pixels along a side at most.
 pub const MOST_PIXELS: usize = 20_000;
@@ -16,7 +19,8 @@ pub fn png(drawing: &Drawing, pixels: [usize; 2]) -> Result<Vec<u8>, EncodingErr
     let mut bytes = Vec::new();
     let mut encoder = Encoder::new(&mut bytes, pixels[0] as u32, pixels[1] as u32);
     encoder.set_color(ColorType::Grayscale);
-    encoder.set_depth(BitDepth::One);
+    let several = drawing.layers.len() > 1;
+    encoder.set_depth(if several { BitDepth::Eight } else { BitDepth::One });
     encoder.set_compression(Compression::Best);
     let [xppu, yppu] = [0, 1].map(|axis| (1e3 * pixels[axis] as f64 / drawing.size[axis]).round() as u32);
     encoder.set_pixel_dims(Some(PixelDimensions {
@@ -27,30 +31,55 @@ pub fn png(drawing: &Drawing, pixels: [usize; 2]) -> Result<Vec<u8>, EncodingErr
     encoder.add_itxt_chunk("Title".to_owned(), drawing.title.clone())?;
     encoder.add_itxt_chunk("Description".to_owned(), drawing.notes.join("\n"))?;
     let mut writer = encoder.write_header()?;
-    writer.write_image_data(&image(drawing, pixels))?;
+    let image = if several {
+        grey_image(drawing, pixels)
+    } else {
+        image(drawing, pixels)
+    };
+    writer.write_image_data(&image)?;
     writer.finish()?;
     Ok(bytes)
 }
 
 /// Rows from the top, padded to whole bytes; bit 1 is white.
 fn image(drawing: &Drawing, [width, height]: [usize; 2]) -> Vec<u8> {
-    let scale = [width as f64 / drawing.size[0], height as f64 / drawing.size[1]];
-    let edges: Vec<[Point; 2]> = drawing.rings().flat_map(|ring| edges(ring, scale)).collect();
-    let mut image = Vec::with_capacity(width.div_ceil(8) * height);
-    for row in (0..height).rev() {
-        let mut bits = vec![0xff_u8; width.div_ceil(8)];
-        let mut crossings = crossings(&edges, row as f64 + 0.5);
+    let row_bytes = width.div_ceil(8);
+    let mut image = vec![0xff_u8; row_bytes * height];
+    for layer in &drawing.layers {
+        each_span(layer, drawing.size, [width, height], |row, columns| {
+            for column in columns {
+                image[row * row_bytes + column / 8] &= !(0x80 >> (column % 8));
+            }
+        });
+    }
+    image
+}
+
+/// Rows from the top, a byte for each pixel.
+fn grey_image(drawing: &Drawing, [width, height]: [usize; 2]) -> Vec<u8> {
+    let mut image = vec![u8::MAX; width * height];
+    for (at, layer) in drawing.layers.iter().enumerate() {
+        let level = (255.0 * at as f64 / drawing.layers.len() as f64).round() as u8;
+        each_span(layer, drawing.size, [width, height], |row, columns| {
+            image[row * width..][..width][columns].fill(level);
+        });
+    }
+    image
+}
+
+/// The pixels of a layer: rows from the top, and columns.
+fn each_span(layer: &Layer, size: [f64; 2], [width, height]: [usize; 2], mut fill: impl FnMut(usize, Range<usize>)) {
+    let scale = [width as f64 / size[0], height as f64 / size[1]];
+    let edges: Vec<[Point; 2]> = layer.rings().flat_map(|ring| edges(ring, scale)).collect();
+    for row in 0..height {
+        let mut crossings = crossings(&edges, (height - 1 - row) as f64 + 0.5);
         crossings.sort_unstable_by(f64::total_cmp);
         for pair in crossings.chunks_exact(2) {
             // The pixels whose centres lie between the two.
             let [first, end] = [pair[0], pair[1]].map(|x| ((x - 0.5).ceil().max(0.0) as usize).min(width));
-            for column in first..end {
-                bits[column / 8] &= !(0x80 >> (column % 8));
-            }
+            fill(row, first..end);
         }
-        image.extend(bits);
     }
-    image
 }
 
 /// The sides of a ring in pixels.

@@ -2,13 +2,20 @@
 
 use std::fmt::Write;
 
-use super::{Drawing, Point, number};
+use super::{Drawing, Point, Shape, number, rings};
 
-/// The electrode as one filled path (`id="electrode"`), and the frame as a thin line (`id="frame"`).
+/// Colours of groups of electrodes, one after the other.
+const COLOURS: [&str; 6] = ["#000000", "#c44e52", "#4c72b0", "#55a868", "#8172b2", "#ccb974"];
+
+/// The electrode as one filled path (`id="electrode"`, or `electrode-1` and so on of groups), and as thin lines the frame (`id="frame"`), what of
+/// the membrane is not frame (`opening`) and rigid bodies (`bodies`).
 #[must_use]
 pub fn svg(drawing: &Drawing) -> Vec<u8> {
     let [width, height] = drawing.size.map(number);
-    let path: Vec<String> = drawing.rings().map(|ring| subpath(ring, drawing.size[1])).collect();
+    let path = |shapes: &[Shape]| -> String {
+        let paths: Vec<String> = rings(shapes).map(|ring| subpath(ring, drawing.size[1])).collect();
+        paths.join(" ")
+    };
     let line = number(drawing.size[0].max(drawing.size[1]) / 500.0);
     let mut text = String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n");
     let _ = write!(
@@ -19,15 +26,35 @@ pub fn svg(drawing: &Drawing) -> Vec<u8> {
          <metadata><rdf:RDF xmlns:rdf=\"http://www.w3.org/1999/02/22-rdf-syntax-ns#\" \
          xmlns:dc=\"http://purl.org/dc/elements/1.1/\"><rdf:Description rdf:about=\"\">\
          <dc:source>{}</dc:source><dc:creator>{}</dc:creator></rdf:Description></rdf:RDF></metadata>\n\
-         <path id=\"electrode\" fill=\"#000000\" fill-rule=\"evenodd\" stroke=\"none\" d=\"{}\"/>\n\
-         <rect id=\"frame\" x=\"0\" y=\"0\" width=\"{width}\" height=\"{height}\" fill=\"none\" stroke=\"#808080\" \
-         stroke-width=\"{line}\"/>\n</svg>\n",
+",
         escaped(&drawing.title),
         escaped(&drawing.notes.join("\n")),
         escaped(&drawing.source),
         escaped(&drawing.program),
-        path.join(" ")
     );
+    for (layer, colour) in drawing.layers.iter().zip(COLOURS.iter().cycle()) {
+        let _ = writeln!(
+            text,
+            "<path id=\"{}\" fill=\"{colour}\" fill-rule=\"evenodd\" stroke=\"none\" d=\"{}\"/>",
+            layer.name("-"),
+            path(&layer.shapes)
+        );
+    }
+    let _ = writeln!(
+        text,
+        "<rect id=\"frame\" x=\"0\" y=\"0\" width=\"{width}\" height=\"{height}\" fill=\"none\" stroke=\"#808080\" \
+         stroke-width=\"{line}\"/>"
+    );
+    for (id, shapes) in [("opening", &drawing.opening), ("bodies", &drawing.bodies)] {
+        if !shapes.is_empty() {
+            let _ = writeln!(
+                text,
+                "<path id=\"{id}\" fill=\"none\" stroke=\"#808080\" stroke-width=\"{line}\" d=\"{}\"/>",
+                path(shapes)
+            );
+        }
+    }
+    text.push_str("</svg>\n");
     text.into_bytes()
 }
 

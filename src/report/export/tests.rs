@@ -10,16 +10,21 @@ fn drawing() -> Drawing {
         source: "artifact 12 & 3".to_owned(),
         program: "deaflow 1".to_owned(),
         size: [10.0, 12.5],
-        shapes: vec![
-            Shape {
-                outer: ring(1.0, 9.0),
-                holes: vec![clockwise(2.0, 8.0)],
-            },
-            Shape {
-                outer: ring(4.0, 5.0 + 1.0 / 3.0),
-                holes: Vec::new(),
-            },
-        ],
+        layers: vec![Layer {
+            group: None,
+            shapes: vec![
+                Shape {
+                    outer: ring(1.0, 9.0),
+                    holes: vec![clockwise(2.0, 8.0)],
+                },
+                Shape {
+                    outer: ring(4.0, 5.0 + 1.0 / 3.0),
+                    holes: Vec::new(),
+                },
+            ],
+        }],
+        opening: Vec::new(),
+        bodies: Vec::new(),
     }
 }
 
@@ -93,5 +98,61 @@ fn a_csv_begins_at_the_lower_edge() {
     assert!(
         csv.starts_with("# a b\n#") && csv.ends_with("bare\n1,0\n0,0\n"),
         "{csv}"
+    );
+}
+
+/// Two groups side by side, in an opening with a body.
+fn groups() -> Drawing {
+    let square = |x: f64, y: f64| Shape {
+        outer: vec![[x, y], [x + 2.0, y], [x + 2.0, y + 2.0], [x, y + 2.0]],
+        holes: Vec::new(),
+    };
+    let layer = |group: usize, shape: Shape| Layer {
+        group: Some(group),
+        shapes: vec![shape],
+    };
+    Drawing {
+        size: [10.0, 10.0],
+        layers: vec![layer(1, square(1.0, 1.0)), layer(2, square(4.0, 1.0))],
+        opening: vec![square(0.5, 0.5)],
+        bodies: vec![square(6.0, 6.0), square(7.0, 2.0)],
+        ..drawing()
+    }
+}
+
+#[test]
+fn each_group_has_a_layer_and_frames_and_bodies_have_theirs() {
+    let dxf = text(dxf(&groups()));
+    for (layer, rings) in [
+        ("ELECTRODE_1", 1),
+        ("ELECTRODE_2", 1),
+        ("FRAME", 2),
+        ("BODIES", 2),
+        ("ELECTRODE", 0),
+    ] {
+        assert_eq!(
+            dxf.matches(&format!("AcDbEntity\n  8\n{layer}\n")).count(),
+            rings,
+            "{layer}"
+        );
+        let declared = usize::from(rings > 0);
+        assert_eq!(
+            dxf.matches(&format!("AcDbLayerTableRecord\n  2\n{layer}\n")).count(),
+            declared,
+            "{layer}"
+        );
+    }
+    let svg = text(svg(&groups()));
+    for id in ["electrode-1", "electrode-2", "frame", "opening", "bodies"] {
+        assert_eq!(svg.matches(&format!("id=\"{id}\"")).count(), 1, "{id}");
+    }
+    let bytes = png(&groups(), [10, 10]).unwrap();
+    let mut reader = ::png::Decoder::new(std::io::Cursor::new(&bytes)).read_info().unwrap();
+    let mut image = vec![0; reader.output_buffer_size()];
+    reader.next_frame(&mut image).unwrap();
+    let at = |x: usize, y: usize| image[(9 - y) * 10 + x];
+    assert_eq!(
+        [at(1, 1), at(2, 2), at(4, 1), at(5, 2), at(3, 1), at(7, 7)],
+        [0, 0, 128, 128, 255, 255]
     );
 }

@@ -23,7 +23,7 @@ pub fn other_scene(source: &Source, scene: &Scene) -> Result<Option<Finding>, Se
     let parts = [
         ("geometry", said.geometry != scene.geometry),
         ("material", said.material != scene.material),
-        ("drive", said.drive.voltage != scene.drive.voltage),
+        ("drive", said.drive.voltages != scene.drive.voltages),
         ("effects", effects),
     ];
     let differing = parts.iter().filter(|(_, differs)| *differs).map(|(name, _)| *name);

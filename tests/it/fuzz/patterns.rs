@@ -3,7 +3,7 @@
 use std::fs;
 
 use bolero::check;
-use deaflow::pattern::{Raster, read_patterns};
+use deaflow::pattern::{PatternForm, read_patterns};
 
 use super::checked::{checked, is_told};
 use super::mutate::Seeds;
@@ -18,7 +18,7 @@ fn reader(form: &'static str) -> impl Fn(&[u8]) -> bool {
     move |bytes| {
         let path = place.path().join(format!("p.{form}"));
         fs::write(&path, bytes).unwrap();
-        match read_patterns(path.to_str().unwrap(), Raster::PAPER) {
+        match read_patterns(path.to_str().unwrap(), PatternForm::PAPER) {
             Ok(patterns) => {
                 assert!(!patterns.is_empty());
                 true
@@ -117,7 +117,11 @@ fn names() {
     );
     let read = checked(&seeds, |bytes| {
         // None of these files is there.
-        let refusal = read_patterns(&format!("nowhere/{}", String::from_utf8_lossy(bytes)), Raster::PAPER).unwrap_err();
+        let refusal = read_patterns(
+            &format!("nowhere/{}", String::from_utf8_lossy(bytes)),
+            PatternForm::PAPER,
+        )
+        .unwrap_err();
         is_told(&refusal.to_string());
         true
     });

@@ -67,21 +67,21 @@ scene:
   drive: { voltage: 5.25 kV }
   properties: { dielectric_breakdown: { law: constant, field: 120 MV/m } }
 stages:
-  small: { kind: sample, family: small-grid, count: 2, area: 0.5, seed: 1 }
-  large: { kind: sample, family: large-grid, units: [4, 5], count_per_units: 2, seed: 2 }
-  bezier: { kind: sample, family: bezier, count: 2, area: 0.5, ends: any, seed: 3 }
-  sweep: { kind: sample, family: area-sweep, count: 2, area: [0.05, 0.95], seed: 4 }
-  stripes: { kind: sample, family: stripes, count: 2, area: 0.4, seed: 5 }
-  blobs: { kind: sample, family: blobs, count: 2, area: [0.05, 0.95], seed: 6 }
-  curves: { kind: sample, family: curves, count: 2, area: [0.3, 0.7], seed: 7 }
-  checker: { kind: sample, family: checker, count: 2, area: 0.5, seed: 8 }
-  dithers: { kind: sample, family: dithers, count: 2, area: [0.4, 0.6], seed: 9 }
-  mazes: { kind: sample, family: mazes, count: 2, seed: 10 }
-  diagonals: { kind: sample, family: diagonals, count: 2, seed: 11 }
-  spirals: { kind: sample, family: spirals, count: 2, area: 0.3, seed: 12 }
-  glyphs: { kind: sample, family: glyphs, count: 2, seed: 13 }
+  small: { kind: sample, groups: 1, family: small-grid, count: 2, area: 0.5, seed: 1 }
+  large: { kind: sample, groups: 1, family: large-grid, units: [4, 5], count_per_units: 2, seed: 2 }
+  bezier: { kind: sample, groups: 1, family: bezier, count: 2, area: 0.5, ends: any, seed: 3 }
+  sweep: { kind: sample, groups: 1, family: area-sweep, count: 2, area: [0.05, 0.95], seed: 4 }
+  stripes: { kind: sample, groups: 1, family: stripes, count: 2, area: 0.4, seed: 5 }
+  blobs: { kind: sample, groups: 1, family: blobs, count: 2, area: [0.05, 0.95], seed: 6 }
+  curves: { kind: sample, groups: 1, family: curves, count: 2, area: [0.3, 0.7], seed: 7 }
+  checker: { kind: sample, groups: 1, family: checker, count: 2, area: 0.5, seed: 8 }
+  dithers: { kind: sample, groups: 1, family: dithers, count: 2, area: [0.4, 0.6], seed: 9 }
+  mazes: { kind: sample, groups: 1, family: mazes, count: 2, seed: 10 }
+  diagonals: { kind: sample, groups: 1, family: diagonals, count: 2, seed: 11 }
+  spirals: { kind: sample, groups: 1, family: spirals, count: 2, area: 0.3, seed: 12 }
+  glyphs: { kind: sample, groups: 1, family: glyphs, count: 2, seed: 13 }
   solved: { kind: solve, needs: [small, large, bezier], method: newton, elements_per_cell: 2, order: 1, tolerance: 1e-6, time_limit: 60 s }
-  spread: { foreach: { area: [0.2, 0.4], zip: { seed: [1, 2], count: [2, 3] } }, kind: sample, family: blobs, count: '${count}',
+  spread: { foreach: { area: [0.2, 0.4], zip: { seed: [1, 2], count: [2, 3] } }, kind: sample, groups: 1, family: blobs, count: '${count}',
     area: '${area}', seed: '${seed}' }
   together: { kind: solve, needs: [spread], gather: [seed, count] }
   grown: { kind: table, needs: [together], columns: [area, max_displacement], plot: { x: area, y: max_displacement, series: area } }
@@ -106,7 +106,7 @@ stages:
     { point: [38, 25], direction: -90 }], measure: displacement } }
   wanted: { kind: design, case: 'IV, 1 mm', evaluator: linear, seed: 9, designs: 3, distance: 0.05, refine: true, units: 50, area_tolerance: 0.01,
     area: free, constraints: { min_feature: 2 mm, islands: 2, leads: [left, top], pull_in_margin: 1.2,
-      keep_out: [{ rectangle: [[0 mm, 0 mm], [5 mm, 5 mm]] }, { disc: { centre: [25 mm, 25 mm], radius: 3 mm } },
+      keep_out: [{ mask: { columns: 50, rows: 50, runs: [0, 3, 2497] } }, { rectangle: [[0 mm, 0 mm], [5 mm, 5 mm]] }, { disc: { centre: [25 mm, 25 mm], radius: 3 mm } },
         { polygon: [[20 mm, 45 mm], [22 mm, 45 mm], [22 mm, 47 mm]] }] },
     targets: [{ name: one, objective: { point: [25, 25], direction: 0, value: 1 mm, weight: 2 } },
       { name: two, area: 0.3, objective: { points: [{ point: [20, 20], displacement: [0.1, 0.2], weight: 2 }] } },
@@ -135,10 +135,12 @@ version: 1
 name: swept
 scene: pipelines/scenes/vhb4910.yaml
 stages:
-  drawn: { foreach: { family: [blobs, curves] }, kind: sample, family: '${family}', count: 2, area: 0.5, seed: 1 }
+  drawn: { foreach: { family: [blobs, curves] }, kind: sample, groups: 1, family: '${family}', count: 2, area: 0.5, seed: 1 }
 ";
 
-const GEOMETRIES: [&str; 5] = [
+const GEOMETRIES: [&str; 6] = [
+    "{ side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 4, frame: { opening: { mask: { columns: 4, rows: 4, runs: [0, 16] } },
+      held: [{ mask: { columns: 4, rows: 4, runs: [0, 1, 15] } }] }, bodies: [{ mask: { columns: 4, rows: 4, runs: [10, 1, 5] } }] }",
     "{ side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50 }",
     "{ size: [60 mm, 30 mm], thickness: 1.0 mm, prestretch: [3.0, 4], cells: [120, 60] }",
     "{ side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50, frame: { opening: { disc: { centre: [25 mm, 25 mm], radius: 24 mm } },
@@ -155,7 +157,9 @@ material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.
 ";
 
 /// What stands beside geometry and material: every effect. Each law of stiffening is added, as an effect and as a property.
-const SCENES: [&str; 4] = [
+const SCENES: [&str; 6] = [
+    "drive: { voltages: [5 kV, 3 kV] }\nstates: { push: { voltages: [5 kV, 0 V] }, pull: { voltages: [0 V, 5 kV] } }",
+    "states: { on: { voltage: 5 kV }, off: { voltage: 0 V } }",
     "drive: { voltage: 5.25 kV, frequency: 2 Hz, duration: 30 s }\neffects: auto",
     "drive: { voltage: 5 kV }
 effects: { strain_stiffening: { model: gent, jm: 125 }, electrode_stiffness: { shear_modulus: 1 MPa, thickness: 5 um },

@@ -24,7 +24,7 @@ pub struct Fault {
 }
 
 /// What a reader refuses for its meaning and no schema can: what was said, in part.
-pub const BEYOND: [&str; 23] = [
+pub const BEYOND: [&str; 26] = [
     // Names of other stages, and what those are.
     "no stage is named",
     "stage needs",
@@ -45,6 +45,10 @@ pub const BEYOND: [&str; 23] = [
     // What is no device.
     "covers no cell",
     "touches the frame",
+    "the mask",
+    "runs of the mask",
+    // What is no drive.
+    "has voltages of",
     // What is wanted of a design, and what it must keep to.
     "does not know at which field",
     "it does not exist",

@@ -155,7 +155,10 @@ fn fits(node: &Value, value: &Value) -> bool {
         property.get("const").or_else(|| property.pointer("/anyOf/0/const"))
     };
     of_type
-        && (node.get("maxProperties").is_none() || map.is_empty())
+        && node
+            .get("maxProperties")
+            .and_then(Value::as_u64)
+            .is_none_or(|most| map.len() as u64 <= most)
         && required.clone().all(|key| map.contains_key(key.as_str().unwrap()))
         && map.iter().all(|(key, item)| constant(key).is_none_or(|c| c == item))
 }

@@ -1,0 +1,151 @@
+//! Groups of electrodes with voltages of their own.
+
+use super::*;
+use crate::fem::effects::Model;
+use crate::fem::evaluator::Solver;
+use crate::field::Simulation;
+
+/// A scene of VHB 4910, 1 mm thick.
+fn scene(geometry: &str, drive: &str, effects: &str) -> Scene {
+    Scene::from_text(&format!(
+        "geometry: {{ thickness: 1 mm, {geometry} }}\nmaterial: {{ model: neo-hookean, shear_modulus: 45 kPa, \
+         relative_permittivity: 4.7 }}\ndrive: {{ {drive} }}\neffects: {effects}"
+    ))
+    .unwrap()
+}
+
+const PLATE: &str = "size: [40 mm, 30 mm], prestretch: [3, 3.5], cells: [20, 16]";
+
+/// Three stripes along y: group 1, bare, group 2, with a corner of group 1 in the last.
+fn stripes(scene: &Scene) -> Pattern {
+    Pattern::from_groups(scene.membrane().raster, |x, y| match x {
+        0..7 => 1,
+        7..11 => 0,
+        _ if x > 15 && y > 12 => 1,
+        _ => 2,
+    })
+}
+
+fn solved(scene: &Scene, pattern: &Pattern) -> Simulation {
+    let solver = MembraneSolver::new(scene, options(1, Order::Biquadratic)).unwrap();
+    solver.simulate(std::slice::from_ref(pattern)).remove(0)
+}
+
+fn moved(scene: &Scene, pattern: &Pattern) -> Field {
+    let simulation = solved(scene, pattern);
+    assert_eq!(simulation.outcome, Outcome::Converged);
+    simulation.field.unwrap()
+}
+
+#[test]
+fn groups_of_one_voltage_are_one_electrode_and_one_without_voltage_is_none() {
+    for effects in ["{}", "{ fringe_field: {} }", "{ wrinkling: {} }"] {
+        let one = scene(PLATE, "voltage: 4 kV", effects);
+        let pattern = stripes(&one);
+        let union = Pattern::from_fn(pattern.raster(), |x, y| pattern.is_active(x, y));
+        let equal = scene(PLATE, "voltages: [4 kV, 4 kV]", effects);
+        assert_eq!(moved(&equal, &pattern), moved(&one, &union), "{effects}");
+        for (drive, group) in [("voltages: [4 kV, 0 V]", 1), ("voltages: [0 V, 4 kV]", 2)] {
+            let alone = moved(&scene(PLATE, drive, effects), &pattern);
+            // An electrode without voltage ends the fringe field of its neighbour, which reaches over what is bare.
+            if effects.contains("fringe") {
+                continue;
+            }
+            assert_eq!(alone, moved(&one, &pattern.of_group(group)), "{effects} {drive}");
+        }
+        let exchanged = Pattern::from_groups(pattern.raster(), |x, y| (3 - pattern.group(x, y)) % 3);
+        let [first, second] =
+            ["voltages: [4 kV, 2.5 kV]", "voltages: [2.5 kV, 4 kV]"].map(|v| scene(PLATE, v, effects));
+        assert_eq!(moved(&first, &pattern), moved(&second, &exchanged), "{effects}");
+    }
+}
+
+#[test]
+fn a_strip_of_two_voltages_has_the_closed_form_displacement() {
+    // Halves along x: a − a⁻³λ₂⁻² − κ₁λ₂²a = b − b⁻³λ₂⁻² − κ₂λ₂²b with a = λ₁(1 + e), b = λ₁(1 − e).
+    for ([along, across], [first, second]) in [
+        ([3.0_f64, 3.0_f64], [4e3, 2e3]),
+        ([3.0, 4.0], [5e3, 3e3]),
+        ([2.0, 5.0], [1e3, 3e3]),
+    ] {
+        let geometry = format!("size: [50 mm, 30 mm], prestretch: [{along}, {across}], cells: [20, 8]");
+        let scene = scene(&geometry, &format!("voltages: [{first} V, {second} V]"), "{}");
+        let kappa = |volts: f64| scene.permittivity() * (volts / 1e-3).powi(2) / scene.shear_modulus_pa();
+        let stress = |a: f64, volts: f64| a - (a.powi(3) * across.powi(2)).recip() - kappa(volts) * across.powi(2) * a;
+        let gap = |e: f64| stress(along * (1.0 + e), first) - stress(along * (1.0 - e), second);
+        let (mut low, mut high) = (-0.5, 0.5);
+        assert!(gap(low) < 0.0 && gap(high) > 0.0);
+        for _ in 0..200 {
+            let middle = 0.5 * (low + high);
+            *(if gap(middle) < 0.0 { &mut low } else { &mut high }) = middle;
+        }
+        let exact = 25.0 * low;
+        let pattern = Pattern::from_groups(scene.membrane().raster, |x, _| if x < 10 { 1 } else { 2 });
+        let model = Model::new(&scene).unwrap();
+        let grid = model.grid(Mesh::biquadratic(1));
+        let material = NeoHookean::new(scene.mean_prestretch(), scene.kappa());
+        let operator = Operator {
+            material: &material,
+            activity: &model.activity(&grid, &pattern),
+            pulled: 1.0,
+        };
+        let (layout, [columns, rows]) = (grid.layout(), grid.layout().nodes());
+        let mut u = vec![0.0; layout.vector_len()];
+        // The strip is prescribed on the frame and must come out inside.
+        for row in 0..rows {
+            for column in 0..columns {
+                let share = column.min(columns - 1 - column) as f64 / ((columns - 1) / 2) as f64;
+                u[layout.index(0, column, row)] = exact / grid.unit_mm() * share;
+            }
+        }
+        newton_by_factors(&operator, &vec![0.0; layout.vector_len()], &mut u);
+        let found = grid.unit_mm() * u[layout.index(0, (columns - 1) / 2, rows / 2)];
+        assert!((found / exact - 1.0).abs() < 1e-9, "{found} {exact}");
+        // E = V/h with h = H/(λ₁λ₂) times the change of area.
+        let states = cell_states(&scene, Mesh::biquadratic(1), &pattern, &u).unwrap();
+        for (x, volts) in [(3, first), (15, second)] {
+            let state = states[4 * 20 + x];
+            let field = volts / 1e-3 * state.stretches[0] * state.stretches[1];
+            assert!((state.electric_field / field - 1.0).abs() < 1e-12);
+        }
+    }
+}
+
+#[test]
+fn limits_and_brackets_are_of_the_largest_voltage() {
+    // Where group 2 is without electrodes, the limit is that of group 1, whatever voltage group 2 has.
+    let bare = |x: usize, y: usize| u8::from((5..12).contains(&x) && (4..11).contains(&y));
+    let one = scene(PLATE, "voltage: 12 kV", "{}");
+    let two = scene(PLATE, "voltages: [6 kV, 12 kV]", "{}");
+    let first = Pattern::from_groups(one.membrane().raster, bare);
+    let second = Pattern::from_groups(one.membrane().raster, |x, y| 2 * bare(x, y));
+    let [single, weak, strong] = [(&one, &first), (&two, &first), (&two, &second)].map(|(scene, pattern)| {
+        let search = CriticalSearch::new(&scene.at_voltage(40e3), SolveOptions::on(Mesh::biquadratic(1))).unwrap();
+        search.below_scene(pattern).unwrap().voltage
+    });
+    assert!((strong / single - 1.0).abs() < 1e-3, "{strong} {single}");
+    assert!((weak / single - 2.0).abs() < 2e-3, "{weak} {single}");
+}
+
+#[test]
+fn what_no_group_stands_for_is_refused() {
+    let two = scene(PLATE, "voltages: [4 kV, 3 kV]", "{}");
+    let parameters = SolverParameters::new(Method::Newton, Mesh::bilinear(1));
+    let solver = Solver::new(&two, &parameters).unwrap();
+    let third = Pattern::from_groups(two.membrane().raster, |x, y| if (x, y) == (7, 3) { 3 } else { 1 });
+    let refusal = solver.simulate(&[third]).unwrap_err();
+    assert_eq!(
+        refusal,
+        SetupError::Group {
+            y: 3,
+            x: 7,
+            group: 3,
+            groups: 2
+        }
+    );
+    let stiff = "{ electrode_stiffness: { shear_modulus: 1 MPa, thickness: 2 um } }";
+    let square = "side: 40 mm, prestretch: 3, cells: 20";
+    let refusal = Model::new(&scene(square, "voltages: [4 kV, 3 kV]", stiff)).unwrap_err();
+    assert_eq!(refusal, SetupError::StiffGroups);
+    assert!(Model::new(&scene(square, "voltages: [4 kV, 4 kV]", stiff)).is_ok());
+}
