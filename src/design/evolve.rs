@@ -24,11 +24,10 @@ pub use result::{Evolution, GenerationReport, Stop, Watch, Winner};
 pub use state::StateError;
 
 use super::constraint::Constraints;
-use super::genome::{Genome, UNITS};
+use super::genome::{Genome, UNITS, unit_of};
 use super::objective::Goal;
 use crate::base::{Stopped, Stream};
 use crate::field::{Feasibility, PredictError, Predictor};
-use crate::pattern::CELLS;
 use history::{History, Individual};
 use search::Search;
 use state::State;
@@ -90,6 +89,7 @@ pub fn first_generation(area: Option<f64>, constraints: &Constraints, seed: u64,
 
 /// The units with at least one cell that the constraints allow.
 fn allowed_units(constraints: &Constraints) -> Genome {
+    let raster = constraints.membrane().raster;
     let mut units = [false; UNITS * UNITS];
     for (cell, _) in constraints
         .allowed()
@@ -97,7 +97,7 @@ fn allowed_units(constraints: &Constraints) -> Genome {
         .enumerate()
         .filter(|(_, allowed)| **allowed)
     {
-        let [x, y] = [cell % CELLS, cell / CELLS].map(|place| place * UNITS / CELLS);
+        let [x, y] = unit_of(raster, [cell % raster.columns(), cell / raster.columns()]);
         units[y * UNITS + x] = true;
     }
     Genome::from_fn(|x, y| units[y * UNITS + x])

@@ -1,12 +1,13 @@
 //! What the genetic algorithm varies: the membrane in 20 × 20 units, each with or without electrode.
 //!
 //! The source paper searches on 20 × 20 units (Qin et al., doi 10.1089/soro.2024.0063, "GA-based inverse design") while
-//! patterns have 50 × 50 cells: cell i lies in unit floor(i · 20 / 50), so units are 3 and 2 cells wide in turn.
+//! patterns have 50 × 50 cells: cell i lies in unit floor(i · 20 / 50), so units are 3 and 2 cells wide in turn. On other rasters it is the same with
+//! their columns and rows; where these are fewer than 20, some units hold no cell.
 
 use std::fmt;
 
 use crate::base::Stream;
-use crate::pattern::{CELLS, Pattern, Raster};
+use crate::pattern::{Pattern, Raster};
 
 /// Units along one side of the membrane.
 pub const UNITS: usize = 20;
@@ -97,10 +98,18 @@ impl Genome {
 
     /// The pattern of cells.
     #[must_use]
-    pub fn pattern(&self) -> Pattern {
-        let unit = |cell: usize| cell * UNITS / CELLS;
-        Pattern::from_fn(Raster::PAPER, |x, y| self.genes[unit(y) * UNITS + unit(x)])
+    pub fn pattern(&self, raster: Raster) -> Pattern {
+        Pattern::from_fn(raster, |x, y| {
+            let [x, y] = unit_of(raster, [x, y]);
+            self.genes[y * UNITS + x]
+        })
     }
+}
+
+/// The unit of a cell (column, row).
+pub(super) fn unit_of(raster: Raster, cell: [usize; 2]) -> [usize; 2] {
+    let sides = raster.sides();
+    [0, 1].map(|axis| cell[axis] * UNITS / sides[axis])
 }
 
 /// The units of the 3 × 3 around a unit that lie on the membrane, the unit itself included.
@@ -133,10 +142,10 @@ mod tests {
 
     #[test]
     fn units_are_three_and_two_cells_wide_in_turn() {
-        let columns = Genome::from_fn(|x, _| x % 2 == 0).pattern();
+        let columns = Genome::from_fn(|x, _| x % 2 == 0).pattern(Raster::PAPER);
         let row: Vec<u8> = columns.cells()[..10].to_vec();
         assert_eq!(row, [1, 1, 1, 0, 0, 1, 1, 1, 0, 0]);
-        let single = Genome::from_fn(|x, y| (x, y) == (19, 0)).pattern();
+        let single = Genome::from_fn(|x, y| (x, y) == (19, 0)).pattern(Raster::PAPER);
         assert!(single.is_active(49, 2) && single.is_active(48, 0) && single.active_cells() == 6);
     }
 

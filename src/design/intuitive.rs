@@ -6,7 +6,7 @@
 //! the line until the area is met.
 
 use super::objective::{Goal, PlacedAim};
-use crate::pattern::{CELLS, Pattern, Raster};
+use crate::pattern::{Pattern, Raster};
 
 /// Distances that differ by less than this many cells are equal: rounding must not decide which cell is active.
 const RESOLUTION: f64 = 1e-9;
@@ -14,6 +14,7 @@ const RESOLUTION: f64 = 1e-9;
 /// The intuitive design of a goal. With several points each cell belongs to the point nearest to it.
 #[derive(Clone, Debug)]
 pub struct Intuitive {
+    raster: Raster,
     /// Cells from the one farthest behind its line to the one farthest before it, with the distance before the line.
     ranked: Vec<(f64, usize)>,
 }
@@ -24,14 +25,16 @@ impl Intuitive {
     #[must_use]
     pub fn of(goal: &Goal) -> Self {
         let rounded = |distance: f64| (distance / RESOLUTION).round() * RESOLUTION;
-        let mut cells: Vec<(f64, f64, usize)> = (0..CELLS * CELLS)
+        let raster = goal.raster();
+        let mut cells: Vec<(f64, f64, usize)> = (0..raster.cells())
             .map(|cell| {
-                let (before, from_point) = nearest(goal.aims(), cell);
+                let (before, from_point) = nearest(goal.aims(), raster, cell);
                 (rounded(before), rounded(from_point), cell)
             })
             .collect();
         cells.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2)));
         Self {
+            raster,
             ranked: cells.into_iter().map(|(before, _, cell)| (before, cell)).collect(),
         }
     }
@@ -42,26 +45,27 @@ impl Intuitive {
         self.first(self.ranked.iter().take_while(|(before, _)| *before < 0.0).count())
     }
 
-    /// The design with its line moved so that exactly the nearest number of cells to `area` · 2500 is active; an area
+    /// The design with its line moved so that exactly the nearest number of cells to `area` of all is active; an area
     /// fraction outside 0 to 1 is taken as the nearer of the two.
     #[must_use]
     pub fn at_area(&self, area: f64) -> Pattern {
-        let all = (CELLS * CELLS) as f64;
+        let all = self.raster.cells() as f64;
         self.first((area * all).round().clamp(0.0, all) as usize)
     }
 
     fn first(&self, count: usize) -> Pattern {
-        let mut active = vec![false; CELLS * CELLS];
+        let (columns, mut active) = (self.raster.columns(), vec![false; self.raster.cells()]);
         for &(_, cell) in &self.ranked[..count] {
             active[cell] = true;
         }
-        Pattern::from_fn(Raster::PAPER, |x, y| active[y * CELLS + x])
+        Pattern::from_fn(self.raster, |x, y| active[y * columns + x])
     }
 }
 
 /// How far a cell's centre lies before the line of its nearest point, and from that point, in cells.
-fn nearest(aims: &[PlacedAim], cell: usize) -> (f64, f64) {
-    let centre = [(cell % CELLS) as f64 + 0.5, (cell / CELLS) as f64 + 0.5];
+fn nearest(aims: &[PlacedAim], raster: Raster, cell: usize) -> (f64, f64) {
+    let columns = raster.columns();
+    let centre = [(cell % columns) as f64 + 0.5, (cell / columns) as f64 + 0.5];
     let mut best = (0.0, f64::INFINITY);
     for aim in aims {
         let from = [centre[0] - aim.point[0], centre[1] - aim.point[1]];
@@ -77,7 +81,7 @@ fn nearest(aims: &[PlacedAim], cell: usize) -> (f64, f64) {
 mod tests {
     use super::*;
     use crate::design::{Aim, Displacement, Motion};
-    use crate::pattern::Symmetry;
+    use crate::pattern::{Membrane, Symmetry};
 
     fn intuitive(aims: &[(f64, f64, f64)]) -> Intuitive {
         let aims: Vec<Aim> = aims
@@ -88,7 +92,7 @@ mod tests {
                 weight: 1.0,
             })
             .collect();
-        Intuitive::of(&Goal::new(&Displacement, &aims, 50.0, None, 0.0).unwrap())
+        Intuitive::of(&Goal::new(&Displacement, &aims, Membrane::square(50.0), None, 0.0).unwrap())
     }
 
     #[test]

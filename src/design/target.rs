@@ -9,6 +9,7 @@ use super::objective::{Goal, Objective};
 use crate::base::{
     Canonical, Decimal, Declared, Fields, InputError, Map, Node, NodeValue, Parameter, Schema, parameters,
 };
+use crate::pattern::Membrane;
 
 /// The name of an objective that stands by itself.
 const ALONE: &str = "design";
@@ -88,15 +89,15 @@ impl Targets {
         }
     }
 
-    /// The targets on a membrane of `side_mm`, with the weight of the area in the fitness; areas are those of the stage unless a
+    /// The targets on a membrane, with the weight of the area in the fitness; areas are those of the stage unless a
     /// target has its own. `map` is what they were read from.
     ///
     /// # Errors
     /// When an objective is none on that membrane.
-    pub fn on_membrane(self, map: &Map<'_>, side_mm: f64, penalty: f64) -> Result<Vec<Target>, InputError> {
+    pub fn on_membrane(self, map: &Map<'_>, membrane: Membrane, penalty: f64) -> Result<Vec<Target>, InputError> {
         let target = |name: String, objective: Objective, area: Area, node: Option<&Node>| {
             let goal = objective
-                .goal(side_mm, area.fraction(), penalty)
+                .goal(membrane, area.fraction(), penalty)
                 .map_err(|e| match node {
                     Some(node) => node.error(e.to_string()),
                     None => InputError::new(e.to_string()),

@@ -12,6 +12,7 @@ use super::history::History;
 use super::intervals::NetworkInterval;
 use super::page::report_page;
 use crate::base::{CsvTable, OutputFile, csv_metadata, read_bounded};
+use crate::pattern::Pattern;
 use crate::store::Store;
 
 /// The columns of the table of designs.
@@ -45,9 +46,6 @@ const LONGEST_TABLE: u64 = 1 << 30;
 
 /// What the files of comma-separated values in the folder are of.
 const ABOUT: &str = "csv-metadata.json";
-
-/// Cells along one side of a pattern.
-const CELLS: usize = 50;
 
 /// What has been written.
 #[derive(Clone, Debug)]
@@ -177,13 +175,13 @@ fn described(designs: &[Design], history: &History, made: &[Made]) -> Vec<CsvTab
         .collect()
 }
 
-/// 50 lines of 50 values, the first line at the lower edge.
-fn pattern_text(pattern: &[u8]) -> String {
+/// A line for each row, the first at the lower edge.
+fn pattern_text(pattern: &Pattern) -> String {
     let line = |row: &[u8]| {
-        let values: Vec<&str> = row.iter().map(|cell| if *cell == 1 { "1" } else { "0" }).collect();
+        let values: Vec<String> = row.iter().map(u8::to_string).collect();
         values.join(",") + "\n"
     };
-    pattern.chunks(CELLS).map(line).collect()
+    pattern.cells().chunks(pattern.raster().columns()).map(line).collect()
 }
 
 fn table_text(designs: &[Design]) -> io::Result<Vec<u8>> {
@@ -233,11 +231,11 @@ mod tests {
     use super::super::designs::{Objective, Role, tests::design};
     use super::super::intervals::tests::interval;
     use super::*;
+    use crate::pattern::Raster;
 
     #[test]
     fn the_first_line_of_a_pattern_is_its_lower_edge() {
-        let mut pattern = vec![0; 2500];
-        pattern[..3].fill(1);
+        let pattern = Pattern::from_fn(Raster::PAPER, |x, y| y == 0 && x < 3);
         let text = pattern_text(&pattern);
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!(lines.len(), 50);

@@ -11,7 +11,7 @@ use crate::base::{
     Canonical, Decimal, Declared, Document, Fields, InputError, Map, Node, NodeValue, Parameter, Schema, Stress,
     Voltage, parameters, words,
 };
-use crate::pattern::{Membrane, Parts, PatternForm, Symmetries};
+use crate::pattern::{Bits, Membrane, Part, Parts, PatternForm, Symmetries};
 
 /// ε₀ in F/m (CODATA 2018).
 pub const VACUUM_PERMITTIVITY: f64 = 8.854_187_812_8e-12;
@@ -256,6 +256,13 @@ impl Scene {
     #[must_use]
     pub fn parts(&self) -> Option<Arc<Parts>> {
         self.geometry.parts()
+    }
+
+    /// The cells that may carry electrodes; none are told where all of them may.
+    #[must_use]
+    pub fn room(&self) -> Option<Bits> {
+        let parts = self.parts()?;
+        Some(Bits::from_fn(parts.raster(), |x, y| parts.at(x, y) == Part::Membrane))
     }
 
     /// The side in mm of a square of the area of the prestretched membrane: a length to compare others with.

@@ -25,6 +25,7 @@ use crate::fem::screening::resolve;
 use crate::fem::{GradientEvaluator, SafetyMargins, SetupError, breakdown_strength};
 use crate::field::{Differentiable, Feasibility};
 use crate::orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
+use crate::pattern::Part;
 use crate::scene::Scene;
 use crate::store::{Artifact, Object};
 use crate::surrogate::Surrogate;
@@ -163,7 +164,11 @@ impl Kind for DesignKind {
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
         let keys = [&["kind", "needs", "constraints"][..], &DesignParameters::keys()].concat();
         let map = stage.fields(DesignParameters::WHAT, &keys)?;
-        let scene = super::paper_scene_of(stage, scene)?;
+        let scene = match map.optional("needs") {
+            // Networks know no other membranes.
+            Some(_) => super::paper_scene_of(stage, scene)?,
+            None => super::scene_of_one_group(stage, scene)?,
+        };
         let DesignParameters {
             case,
             evaluator,
@@ -172,9 +177,13 @@ impl Kind for DesignKind {
         } = DesignParameters::read_map(&map)?;
         let constraints = match map.optional("constraints") {
             Some(node) => read_constraints(node, &scene)?,
-            None => ConstraintParameters::none(scene.membrane()),
+            None => ConstraintParameters::none_within(scene.membrane(), scene.room())
+                .map_err(|e| stage.error(e.to_string()))?,
         };
-        let targets = targets.on_membrane(&map, scene.side_mm(), options.area_penalty.to_f64())?;
+        let targets = targets.on_membrane(&map, scene.membrane(), options.area_penalty.to_f64())?;
+        for target in &targets {
+            refuse_held_points(target, &scene, map.optional("objective").unwrap_or(stage))?;
+        }
         for area in targets.iter().filter_map(|target| target.area.fraction()) {
             let node = map.optional("area").or(map.optional("constraints")).unwrap_or(stage);
             constraints.check_area(node, area, options.area_tolerance.to_f64())?;
@@ -191,6 +200,21 @@ impl Kind for DesignKind {
     }
 }
 
+/// Refuses a target with a point on a frame, where nothing moves.
+fn refuse_held_points(target: &Target, scene: &Scene, node: &Node) -> Result<(), InputError> {
+    let Some(parts) = scene.parts() else { return Ok(()) };
+    let sides = parts.raster().sides();
+    let cell = |point: [f64; 2]| [0, 1].map(|axis| (point[axis] as usize).min(sides[axis] - 1));
+    let mut cells = target.goal.aims().iter().map(|aim| cell(aim.point));
+    match cells.find(|[x, y]| parts.at(*x, *y) == Part::Frame) {
+        None => Ok(()),
+        Some([x, y]) => Err(node.error(format!(
+            "a point of `{}` lies on the frame, in cell [{x}, {y}], where nothing moves",
+            target.name
+        ))),
+    }
+}
+
 /// The parts of the scene that decide about a design: a margin from breakdown needs a property that no simulation uses.
 fn decisive(scene: &Scene, constraints: &ConstraintParameters) -> Scene {
     let mut decisive = scene.simulated();
@@ -203,7 +227,7 @@ fn decisive(scene: &Scene, constraints: &ConstraintParameters) -> Scene {
 
 /// Constraints on patterns of a scene, whose breakdown strength must be known where a margin from it is asked for.
 fn read_constraints(node: &Node, scene: &Scene) -> Result<ConstraintParameters, InputError> {
-    let constraints = ConstraintParameters::read(node, scene.membrane())?;
+    let constraints = ConstraintParameters::read_within(node, scene.membrane(), scene.room())?;
     let margin = constraints.constraints().limits().breakdown_margin;
     if margin.is_some() && breakdown_strength(scene).is_none() {
         let at = node.peek("breakdown_margin").unwrap_or(node);

@@ -94,6 +94,19 @@ fn paper_scene_of(stage: &Node, scene: Option<&Node>) -> Result<Scene, InputErro
     Ok(read)
 }
 
+/// The scene of a stage that knows any membrane, with one group of electrodes.
+fn scene_of_one_group(stage: &Node, scene: Option<&Node>) -> Result<Scene, InputError> {
+    let read = scene_of(stage, scene)?;
+    match read.groups() {
+        1 => Ok(read),
+        groups => Err(scene
+            .and_then(|node| node.peek("drive"))
+            .unwrap_or(stage)
+            .error(format!("a design has one group of electrodes, and this scene has voltages of {groups}"))
+            .help("give the stage a `voltage`; patterns of several groups are simulated by `solve` stages and `deaflow solve`")),
+    }
+}
+
 /// Refuses another membrane than the source paper's, for a stage that knows no scene but perhaps that of its inputs.
 fn refuse_other_membranes(stage: &Node, scene: Option<&Node>) -> Result<(), InputError> {
     let outline = outline_of(scene)?;

@@ -11,7 +11,7 @@ use crate::fem::screening::resolve;
 use crate::fem::{AccurateSimulation, SetupError, Solver, SolverParameters};
 use crate::field::{Field, Mesh, Outcome};
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
-use crate::pattern::{Pattern, Raster};
+use crate::pattern::Pattern;
 use crate::scene::{Effects, Scene};
 use crate::store::{Artifact, Object};
 
@@ -92,7 +92,7 @@ impl Kind for VerifyKind {
             "a verify stage",
             &[&["kind", "needs", "rounds", "update"], &SolverParameters::keys()[..]].concat(),
         )?;
-        let scene = super::paper_scene_of(stage, scene)?.simulated();
+        let scene = super::scene_of_one_group(stage, scene)?.simulated();
         Ok(Box::new(VerifyStage {
             solver: SolverParameters::read(&map, MESH)?,
             scene,
@@ -175,7 +175,7 @@ impl Stage for VerifyStage {
             .zip(&cases.goals)
             .map(|(solved, goal)| solved.judged(goal))
             .collect();
-        for OwnCase { target, pattern } in own.add_to(&mut cases.rows, self.scene.side_mm())? {
+        for OwnCase { target, pattern } in own.add_to(&mut cases.rows, &self.scene)? {
             let goal = cases.goals[target].clone();
             simulated.push(of_own[pattern].judged(&goal));
             cases.goals.push(goal);
@@ -313,12 +313,12 @@ fn targets(designs: &[&Artifact]) -> Result<u64, StageError> {
 fn goal(text: &str, scene: &Scene) -> Result<Goal, String> {
     let document = Document::from_text(std::path::Path::new("objective"), text).map_err(|e| e.to_string())?;
     let objective = Objective::read(&document.root).map_err(|e| e.to_string())?;
-    objective.goal(scene.side_mm(), None, 0.0).map_err(|e| e.to_string())
+    objective.goal(scene.membrane(), None, 0.0).map_err(|e| e.to_string())
 }
 
 fn difference(a: &Field, b: &Field) -> Option<Field> {
     Field::from_values(
-        Raster::PAPER,
+        a.raster(),
         a.values().iter().zip(b.values()).map(|(a, b)| a - b).collect(),
     )
     .ok()

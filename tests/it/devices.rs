@@ -1,5 +1,7 @@
 //! Membranes that are not the source paper's square.
 
+use hdf5::types::FixedUnicode;
+
 use super::common::Workspace;
 
 /// A stretched strip of 60 × 30 mm whose cells are not square.
@@ -36,6 +38,11 @@ fn workspace() -> Workspace {
     );
     workspace.write("square.csv", &csv([50, 50], |x, _| x < 20));
     workspace
+}
+
+fn texts(file: &hdf5::File, path: &str) -> Vec<String> {
+    let texts = file.dataset(path).unwrap().read_raw::<FixedUnicode<64>>().unwrap();
+    texts.iter().map(|text| text.as_str().to_owned()).collect()
 }
 
 fn dataset(workspace: &Workspace, file: &str, path: &str) -> (Vec<usize>, Vec<f64>) {
@@ -380,21 +387,7 @@ fn groups_have_their_voltages_and_states_an_axis() {
     );
     assert_eq!(dataset(&workspace, "states.h5", "patterns").0, [2, 24, 40]);
     let file = hdf5::File::open(workspace.path("states.h5")).unwrap();
-    let names = file
-        .dataset("states")
-        .unwrap()
-        .read_raw::<hdf5::types::FixedAscii<64>>();
-    let names: Vec<String> = match names {
-        Ok(names) => names.iter().map(|name| name.as_str().to_owned()).collect(),
-        Err(_) => {
-            let names = file
-                .dataset("states")
-                .unwrap()
-                .read_raw::<hdf5::types::FixedUnicode<64>>()
-                .unwrap();
-            names.iter().map(|name| name.as_str().to_owned()).collect()
-        }
-    };
+    let names = texts(&file, "states");
     assert_eq!(names, ["pull", "push", "rest"]);
     let row = 25 * 41 * 2;
     let (_, push) = dataset(&workspace, "push.h5", "displacement");
@@ -639,6 +632,98 @@ fn masks_have_a_layer_for_each_group_and_show_the_real_shape() {
     let refused = export(&["--group", "3"], "mask.svg");
     assert!(
         refused.code == Some(2) && refused.stderr.contains("no group 3"),
+        "{}",
+        refused.stderr
+    );
+}
+
+#[test]
+fn a_tip_in_an_odd_frame_is_designed_verified_drawn_and_exported() {
+    let workspace = workspace();
+    let cells = "cells: [40, 24]";
+    // The upper right corner is cut off; the tip hangs on a spring.
+    let device = format!(
+        "{cells}, frame: {{ opening: {{ polygon: [[0 mm, 0 mm], [60 mm, 0 mm], [60 mm, 20 mm], [50 mm, 30 mm], [0 mm, 30 mm]] }} }}, \
+         bodies: [{{ rectangle: [[36 mm, 11 mm], [42 mm, 19 mm]], spring: 1 N/m }}]"
+    );
+    workspace.write("scene.yaml", &SCENE.replace(cells, &device).replace("[3, 4]", "3"));
+    let objective = "objective: { point: [39 mm, 15 mm], direction: 0 deg }, area: 0.3";
+    workspace.write(
+        "tip.yaml",
+        &format!(
+            "version: 1\nname: tip\nscene: scene.yaml\nstages:\n  \
+             best: {{ kind: design, method: adjoint, {objective}, starts: 2, seed: 1 }}\n  \
+             searched: {{ kind: design, case: ga, {objective}, evaluator: linear, population: 20, generations: 3, refine: true, \
+             constraints: {{ min_feature: 3 mm }}, seed: 1 }}\n  \
+             checked: {{ kind: verify, needs: [best, searched] }}\n"
+        ),
+    );
+    assert_eq!(workspace.stages(&["run", "tip.yaml"]).with("built").len(), 3);
+    let ended = workspace.run(&["export", "artifact", "tip.yaml:checked", "-o", "checked.h5"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let file = hdf5::File::open(workspace.path("checked.h5")).unwrap();
+    let roles: Vec<String> = texts(&file, "role");
+    let (shape, patterns) = dataset(&workspace, "checked.h5", "patterns");
+    assert_eq!(shape[1..], [24, 40]);
+    let (_, moved) = dataset(&workspace, "checked.h5", "component/simulated");
+    let of = |role: &str| {
+        roles
+            .iter()
+            .position(|one| one == role)
+            .unwrap_or_else(|| panic!("no {role} among {roles:?}"))
+    };
+    assert!(
+        moved[of("optimum")] > 1.05 * moved[of("intuitive-equal-area")],
+        "{roles:?} {moved:?}"
+    );
+    assert!(
+        moved[of("refined")] > moved[of("intuitive-equal-area")],
+        "{roles:?} {moved:?}"
+    );
+    for (at, cell) in patterns.iter().enumerate().filter(|(_, cell)| **cell != 0.0) {
+        let [x, y] = [1.5 * ((at % 40) as f64 + 0.5), 1.25 * ((at / 40 % 24) as f64 + 0.5)];
+        let is_held = x + y > 80.0;
+        let is_body = (36.0..=42.0).contains(&x) && (11.0..=19.0).contains(&y);
+        assert!(*cell == 1.0 && !is_held && !is_body, "({x}, {y})");
+    }
+    // The tip moves as one: its corners keep their distance, though it may turn.
+    let (shape, fields) = dataset(&workspace, "checked.h5", "displacement");
+    assert_eq!(shape[1..], [25, 41, 2]);
+    let row = &fields[of("optimum") * 25 * 41 * 2..][..25 * 41 * 2];
+    let moved_to = |x: usize, y: usize| {
+        let u = &row[2 * (y * 41 + x)..][..2];
+        [1.5 * x as f64 + u[0], 1.25 * y as f64 + u[1]]
+    };
+    let [from, to] = [moved_to(24, 9), moved_to(28, 15)];
+    let distance = (to[0] - from[0]).hypot(to[1] - from[1]);
+    assert!(
+        (distance - 6.0_f64.hypot(7.5)).abs() < 1e-9 && from[0] > 36.1,
+        "{distance} {from:?}"
+    );
+    let report = workspace.run(&["report", "tip.yaml", "-o", "report"]);
+    assert_eq!(report.code, Some(0), "{}", report.stderr);
+    let page = std::fs::read_to_string(workspace.path("report/index.html")).unwrap();
+    assert!(page.contains("class=\"held\"") && page.contains("class=\"body\""));
+    let mask = workspace.run(&[
+        "export",
+        "design",
+        "tip.yaml:best",
+        "--role",
+        "optimum",
+        "-o",
+        "mask.dxf",
+    ]);
+    assert_eq!(mask.code, Some(0), "{}", mask.stderr);
+    let text = std::fs::read_to_string(workspace.path("mask.dxf")).unwrap();
+    assert!(text.contains("BODIES") && text.contains("ELECTRODE\n"));
+    let held = objective.replace("[39 mm, 15 mm]", "[58 mm, 28 mm]");
+    workspace.write(
+        "held.yaml",
+        &format!("version: 1\nname: held\nscene: scene.yaml\nstages:\n  best: {{ kind: design, method: adjoint, {held}, seed: 1 }}\n"),
+    );
+    let refused = workspace.run(&["run", "held.yaml"]);
+    assert!(
+        refused.code == Some(2) && refused.stderr.contains("lies on the frame"),
         "{}",
         refused.stderr
     );

@@ -9,7 +9,8 @@ use crate::base::ArtifactId;
 use crate::cli::error::CliError;
 use crate::cli::{table, write};
 use crate::content::{AttributeError, Audit};
-use crate::report::figures::{Membrane, draw_audit, membrane_drawing};
+use crate::pattern;
+use crate::report::figures::{Ground, Membrane, draw_audit, membrane_drawing};
 use crate::report::{Page, audited};
 use crate::stage::audit::{Audited, Finding, Lineage, Severity, SourceRows, Summary, rows, sort};
 
@@ -244,8 +245,13 @@ impl Answer {
         // Rows without a field have none to draw.
         let examples = finding.examples.iter().filter(|_| finding.check != "not-converged");
         examples.copied().find_map(|row| {
-            let (pattern, displacement) = rows.row(usize::try_from(row).ok()?)?;
-            let membrane = Membrane::new(&pattern, &displacement, rows.side_mm, Vec::new());
+            let (cells, displacement) = rows.row(usize::try_from(row).ok()?)?;
+            let membrane = Membrane::new(
+                &cells,
+                &displacement,
+                Ground::plain(pattern::Membrane::square(rows.side_mm)),
+                Vec::new(),
+            );
             Some((row, membrane.ok()?))
         })
     }

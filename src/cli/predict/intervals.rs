@@ -12,7 +12,7 @@ use crate::cli::table;
 use crate::content::{LongTexts, ObjectiveIntervals, PredictionIntervals};
 use crate::design::{Goal, Objective};
 use crate::field::Field;
-use crate::pattern::Pattern;
+use crate::pattern::{Membrane, Pattern};
 use crate::surrogate::{COVERAGE, Interval};
 
 /// Predictions that are told one by one; the table has all.
@@ -240,7 +240,7 @@ impl Intervals {
 fn wanted(text: &str, side_mm: f64) -> Result<Wanted, CliError> {
     let document = Document::from_text(Path::new("--objective"), text)?;
     let objective = Objective::read(&document.root)?;
-    let goal = objective.goal(side_mm, None, 0.0);
+    let goal = objective.goal(Membrane::square(side_mm), None, 0.0);
     Ok(Wanted {
         text: objective.to_text(),
         goal: goal.map_err(|e| document.root.error(e.to_string()))?,

@@ -144,10 +144,14 @@ impl Limits {
     }
 
     /// What the limits mean for the cells of a membrane.
-    pub(super) fn raster(&self, membrane: Membrane) -> Result<RasterConstraints, ConstraintError> {
+    pub(super) fn raster(
+        &self,
+        membrane: Membrane,
+        within: Option<&Bits>,
+    ) -> Result<RasterConstraints, ConstraintError> {
         let feature = self.feature(membrane)?;
         self.check_numbers()?;
-        let mut free = Bits::full(membrane.raster);
+        let mut free = within.cloned().unwrap_or_else(|| Bits::full(membrane.raster));
         for (index, region) in self.keep_out.iter().enumerate() {
             let cells = region.cells(membrane);
             if cells.is_empty() {

@@ -27,6 +27,8 @@ use raster::RasterConstraints;
 pub struct Constraints {
     limits: Limits,
     membrane: Membrane,
+    /// The cells that may carry electrodes, where there are frames or bodies.
+    room: Option<Bits>,
     raster: RasterConstraints,
     /// The cells of the raster, row by row from below.
     allowed: Box<[bool]>,
@@ -36,7 +38,12 @@ impl Constraints {
     /// None.
     #[must_use]
     pub fn none(membrane: Membrane) -> Self {
-        Self::on(membrane, Limits::default(), RasterConstraints::none(membrane.raster))
+        Self::on(
+            membrane,
+            None,
+            Limits::default(),
+            RasterConstraints::none(membrane.raster),
+        )
     }
 
     /// The constraints of a membrane.
@@ -44,19 +51,34 @@ impl Constraints {
     /// # Errors
     /// When a number is out of range, or the constraints contradict each other.
     pub fn new(limits: Limits, membrane: Membrane) -> Result<Self, ConstraintError> {
-        let raster = limits.raster(membrane)?;
-        Ok(Self::on(membrane, limits, raster))
+        Self::within(limits, membrane, None)
     }
 
-    fn on(membrane: Membrane, limits: Limits, raster: RasterConstraints) -> Self {
+    /// The same where frames and bodies leave this room for electrodes.
+    ///
+    /// # Errors
+    /// As [`Constraints::new`].
+    pub fn within(limits: Limits, membrane: Membrane, room: Option<Bits>) -> Result<Self, ConstraintError> {
+        let raster = limits.raster(membrane, room.as_ref())?;
+        Ok(Self::on(membrane, room, limits, raster))
+    }
+
+    fn on(membrane: Membrane, room: Option<Bits>, limits: Limits, raster: RasterConstraints) -> Self {
         let columns = membrane.raster.columns();
         let allowed = (0..membrane.raster.cells()).map(|cell| raster.allowed.has(cell % columns, cell / columns));
         Self {
             allowed: allowed.collect(),
             limits,
             membrane,
+            room,
             raster,
         }
+    }
+
+    /// The cells that may carry electrodes, where there are frames or bodies.
+    #[must_use]
+    pub fn room(&self) -> Option<&Bits> {
+        self.room.as_ref()
     }
 
     /// What they are drawn on.

@@ -7,7 +7,7 @@ use crate::base::{
     Canonical, Decimal, Declared, InputError, Length, Map, Node, NodeValue, Parameter, Schema, parameters,
 };
 use crate::design::text::{flow_mapping, flow_value};
-use crate::pattern::Membrane;
+use crate::pattern::{Bits, Membrane};
 use crate::scene::Shape;
 
 /// No pattern has more islands: every other cell.
@@ -66,14 +66,38 @@ impl ConstraintParameters {
         }
     }
 
+    /// Nothing asked where frames and bodies leave this room for electrodes.
+    ///
+    /// # Errors
+    /// When it leaves none.
+    pub fn none_within(membrane: Membrane, room: Option<Bits>) -> Result<Self, ConstraintError> {
+        let none = Self::none(membrane);
+        Ok(match room {
+            None => none,
+            room => Self {
+                constraints: Constraints::within(Limits::default(), membrane, room)?,
+                ..none
+            },
+        })
+    }
+
     /// Reads the mapping under `constraints` for a membrane.
     ///
     /// # Errors
     /// When a key is unknown, a value is out of range, or the constraints contradict each other.
     pub fn read(node: &Node, membrane: Membrane) -> Result<Self, InputError> {
+        Self::read_within(node, membrane, None)
+    }
+
+    /// The same where frames and bodies leave this room for electrodes.
+    ///
+    /// # Errors
+    /// As [`ConstraintParameters::read`].
+    pub fn read_within(node: &Node, membrane: Membrane, room: Option<Bits>) -> Result<Self, InputError> {
         let map = node.fields(Written::WHAT, &Written::keys())?;
         let written = Written::read_map(&map)?;
-        let constraints = Constraints::new(written.limits(), membrane).map_err(|e| at_its_key(node, &map, &e))?;
+        let constraints =
+            Constraints::within(written.limits(), membrane, room).map_err(|e| at_its_key(node, &map, &e))?;
         Ok(Self { written, constraints })
     }
 

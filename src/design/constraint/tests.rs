@@ -15,7 +15,7 @@ fn rectangle(from: [f64; 2], to: [f64; 2]) -> Region {
 
 /// Regions of random shape: noise averaged `grain` times, the highest `area` of it active.
 fn blobs(index: u64, grain: usize, area: f64) -> Pattern {
-    crate::design::Genome::random(area, grain, &mut Stream::new(7, "test", index)).pattern()
+    crate::design::Genome::random(area, grain, &mut Stream::new(7, "test", index)).pattern(Raster::PAPER)
 }
 
 /// Cells at random.

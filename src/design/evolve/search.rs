@@ -105,7 +105,7 @@ impl<'a> Search<'a> {
     fn patterns(&self, genomes: &[&Genome]) -> Vec<Bits> {
         let constraints = self.setting.constraints;
         let pattern = |genome: &&Genome| {
-            let pattern = genome.pattern();
+            let pattern = genome.pattern(constraints.membrane().raster);
             if constraints.is_free() {
                 return Bits::of(&pattern);
             }

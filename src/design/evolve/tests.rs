@@ -73,7 +73,7 @@ fn goal(area: f64) -> Goal {
         motion: Motion::Along(0.0),
         weight: 1.0,
     };
-    Goal::new(&Displacement, &[aim], 50.0, Some(area), AREA_PENALTY).unwrap()
+    Goal::new(&Displacement, &[aim], Membrane::square(50.0), Some(area), AREA_PENALTY).unwrap()
 }
 
 fn small(seed: u64) -> EvolveOptions {
@@ -179,7 +179,7 @@ fn without_gain_the_search_ends_early() {
         motion: Motion::Along(0.0),
         weight: 1.0,
     };
-    let literal = Goal::new(&Qin2024, &[aim], 50.0, Some(0.5), 0.0).unwrap();
+    let literal = Goal::new(&Qin2024, &[aim], Membrane::square(50.0), Some(0.5), 0.0).unwrap();
     let result = evolved(&Linear::new([25.0, 25.0]), &literal, &options).unwrap();
     assert_eq!((result.history.len(), result.stop), (5, Stop::Stagnation));
 }

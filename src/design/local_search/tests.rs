@@ -63,7 +63,7 @@ fn goal(motion: Motion) -> Goal {
         Motion::Along(_) => &Displacement,
         Motion::By(..) | Motion::To(_) => &Distance,
     };
-    Goal::new(measure, &[aim], 50.0, None, 0.0).unwrap()
+    Goal::new(measure, &[aim], Membrane::square(50.0), None, 0.0).unwrap()
 }
 
 fn linear() -> Quadratic {

@@ -75,9 +75,9 @@ mod tests {
     fn they_are_those_of_the_genetic_algorithm() {
         let units = Units::new([20; 2], Raster::PAPER, &[true; 2500]);
         let genome = Genome::from_fn(|x, y| (x * 7 + y * 3) % 5 < 2);
-        assert_eq!(units.pattern(genome.genes()), genome.pattern());
-        assert_eq!(units.of(&genome.pattern()), genome.genes());
-        assert_eq!(units.area(genome.genes()), genome.pattern().active_cells());
+        assert_eq!(units.pattern(genome.genes()), genome.pattern(Raster::PAPER));
+        assert_eq!(units.of(&genome.pattern(Raster::PAPER)), genome.genes());
+        assert_eq!(units.area(genome.genes()), genome.pattern(Raster::PAPER).active_cells());
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use super::goal::GoalError;
 use crate::field::Field;
-use crate::pattern::CELLS;
+use crate::pattern::Membrane;
 
 /// One point and where it should move.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,11 +40,12 @@ pub struct PlacedAim {
 }
 
 impl Aim {
-    pub(super) fn placed(&self, side: f64) -> Result<PlacedAim, GoalError> {
-        if !self.point_mm.iter().all(|&c| c > 0.0 && c < side) {
+    pub(super) fn placed(&self, membrane: &Membrane) -> Result<PlacedAim, GoalError> {
+        let mut inside = self.point_mm.iter().zip(membrane.size_mm);
+        if !inside.all(|(&c, side)| c > 0.0 && c < side) {
             return Err(GoalError::Point {
                 point: self.point_mm,
-                side,
+                size: membrane.size_text(),
             });
         }
         if !(self.weight.is_finite() && self.weight > 0.0) {
@@ -52,7 +53,10 @@ impl Aim {
         }
         let (direction, wanted) = self.motion.vectors()?;
         Ok(PlacedAim {
-            point: self.point_mm.map(|c| c / side * CELLS as f64),
+            point: [0, 1].map(|axis| {
+                let (side, cells) = (membrane.size_mm[axis], membrane.raster.sides()[axis]);
+                self.point_mm[axis] / side * cells as f64
+            }),
             direction,
             wanted,
             weight: self.weight,

@@ -8,8 +8,8 @@
 
 use super::aim::{Aim, Motion, PlacedAim};
 use super::measure::Measure;
-use crate::field::{CORNERS, Field};
-use crate::pattern::{Pattern, Raster};
+use crate::field::Field;
+use crate::pattern::{Membrane, Pattern, Raster};
 
 /// The default weight λ of the area: leaving the wanted area fraction by 1 % costs as much as 0.125 mm gain. That is just
 /// above the steepest gain that area gives in the linear response of the default scene (0.12 mm for 1 %, between area
@@ -20,6 +20,7 @@ pub const AREA_PENALTY: f64 = 5.0;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Goal {
     measure: &'static dyn Measure,
+    raster: Raster,
     aims: Vec<PlacedAim>,
     area: Option<f64>,
     area_penalty: f64,
@@ -36,13 +37,13 @@ pub enum GoalError {
     Side(f64),
     /// A point that cannot move.
     #[error(
-        "the point ({} mm, {} mm) does not lie inside the membrane of {side} mm; on the frame nothing moves", point[0], point[1]
+        "the point ({} mm, {} mm) does not lie inside the membrane of {size}; on the frame nothing moves", point[0], point[1]
     )]
     Point {
         /// The point as given, in mm.
         point: [f64; 2],
-        /// The side of the membrane in mm.
-        side: f64,
+        /// The sides of the membrane, in words.
+        size: String,
     },
     /// A direction that is no angle.
     #[error("a direction is a finite angle, found {0} deg")]
@@ -65,7 +66,7 @@ pub enum GoalError {
 }
 
 impl Goal {
-    /// A goal for one or several points of a membrane of `side_mm`, at an area fraction, or at whatever area serves it best;
+    /// A goal for one or several points of a membrane, at an area fraction, or at whatever area serves it best;
     /// `area_penalty` is λ, by default [`AREA_PENALTY`]. Several points count by their weighted mean.
     ///
     /// # Errors
@@ -74,12 +75,16 @@ impl Goal {
     pub fn new(
         measure: &'static dyn Measure,
         aims: &[Aim],
-        side_mm: f64,
+        membrane: Membrane,
         area: Option<f64>,
         area_penalty: f64,
     ) -> Result<Self, GoalError> {
-        if !(side_mm.is_finite() && side_mm > 0.0) {
-            return Err(GoalError::Side(side_mm));
+        if let Some(side) = membrane
+            .size_mm
+            .into_iter()
+            .find(|side| !(side.is_finite() && *side > 0.0))
+        {
+            return Err(GoalError::Side(side));
         }
         if let Some(area) = area.filter(|area| !(0.0..=1.0).contains(area)) {
             return Err(GoalError::Area(area));
@@ -93,11 +98,12 @@ impl Goal {
         if measure.needs_displacement() && aims.iter().any(|aim| matches!(aim.motion, Motion::Along(_))) {
             return Err(GoalError::NoDistance);
         }
-        let mut placed: Vec<PlacedAim> = aims.iter().map(|aim| aim.placed(side_mm)).collect::<Result<_, _>>()?;
+        let mut placed: Vec<PlacedAim> = aims.iter().map(|aim| aim.placed(&membrane)).collect::<Result<_, _>>()?;
         let total: f64 = placed.iter().map(|aim| aim.weight).sum();
         placed.iter_mut().for_each(|aim| aim.weight /= total);
         Ok(Self {
             measure,
+            raster: membrane.raster,
             aims: placed,
             area,
             area_penalty,
@@ -108,6 +114,12 @@ impl Goal {
     #[must_use]
     pub fn area(&self) -> Option<f64> {
         self.area
+    }
+
+    /// The cells of its membrane.
+    #[must_use]
+    pub fn raster(&self) -> Raster {
+        self.raster
     }
 
     /// Its aims.
@@ -145,16 +157,16 @@ impl Goal {
     /// The derivative of [`Goal::score`] with respect to the displacement of each corner, per mm; zero where there is none.
     #[must_use]
     pub fn slope(&self, field: &Field) -> Field {
-        let mut slope = vec![0.0; CORNERS * CORNERS * 2];
+        let mut slope = vec![0.0; 2 * self.raster.corners()];
         let gradients = self.measure.gradients(self, field);
         for (aim, gradient) in self.aims.iter().zip(gradients) {
-            for (corner, share) in Field::shares(Raster::PAPER, aim.point) {
+            for (corner, share) in Field::shares(self.raster, aim.point) {
                 for (k, g) in gradient.into_iter().enumerate() {
                     slope[2 * corner + k] += aim.weight * g * share;
                 }
             }
         }
-        Field::from_values(Raster::PAPER, slope).unwrap_or_else(|_| Field::zero(Raster::PAPER))
+        Field::from_values(self.raster, slope).unwrap_or_else(|_| Field::zero(self.raster))
     }
 
     /// How far the points are from the wanted displacements, root mean square in mm.
@@ -198,7 +210,7 @@ mod tests {
                 weight: 1.0,
             })
             .collect();
-        Goal::new(measure, &aims, 50.0, Some(area), AREA_PENALTY).unwrap()
+        Goal::new(measure, &aims, Membrane::square(50.0), Some(area), AREA_PENALTY).unwrap()
     }
 
     #[test]
@@ -252,7 +264,7 @@ mod tests {
             weight,
         };
         let aims: Vec<Aim> = aims.iter().map(aim).collect();
-        Goal::new(measure, &aims, 50.0, None, AREA_PENALTY).unwrap()
+        Goal::new(measure, &aims, Membrane::square(50.0), None, AREA_PENALTY).unwrap()
     }
 
     #[test]
@@ -323,7 +335,7 @@ mod tests {
             motion: Motion::Along(0.0),
             weight: 1.0,
         };
-        let goal = Goal::new(&Displacement, &[aim], 100.0, Some(0.5), 0.0).unwrap();
+        let goal = Goal::new(&Displacement, &[aim], Membrane::square(100.0), Some(0.5), 0.0).unwrap();
         assert_eq!(goal.aims()[0].point, [12.5, 37.5]);
     }
 
@@ -335,7 +347,7 @@ mod tests {
                 motion: Motion::Along(direction_deg),
                 weight: 1.0,
             };
-            Goal::new(&Displacement, &[aim], side, Some(area), penalty).unwrap_err()
+            Goal::new(&Displacement, &[aim], Membrane::square(side), Some(area), penalty).unwrap_err()
         };
         for point in [[0.0, 25.0], [25.0, 50.0], [60.0, 1.0], [f64::NAN, 1.0]] {
             assert!(matches!(goal(point, 0.0, 50.0, 0.5, 1.0), GoalError::Point { .. }));
@@ -348,7 +360,7 @@ mod tests {
         assert!(matches!(goal(middle, 0.0, -50.0, 0.5, 1.0), GoalError::Side(_)));
         assert!(matches!(goal(middle, 0.0, 50.0, 1.5, 1.0), GoalError::Area(_)));
         assert!(matches!(goal(middle, 0.0, 50.0, 0.5, -1.0), GoalError::Penalty(_)));
-        let none = Goal::new(&Displacement, &[], 50.0, Some(0.5), 1.0);
+        let none = Goal::new(&Displacement, &[], Membrane::square(50.0), Some(0.5), 1.0);
         assert_eq!(none, Err(GoalError::NoAim));
         let of = |measure, motion, weight| {
             let aim = Aim {
@@ -356,7 +368,7 @@ mod tests {
                 motion,
                 weight,
             };
-            Goal::new(measure, &[aim], 50.0, None, 1.0).unwrap_err()
+            Goal::new(measure, &[aim], Membrane::square(50.0), None, 1.0).unwrap_err()
         };
         let distance: &'static dyn Measure = &Distance;
         assert_eq!(of(distance, Motion::Along(0.0), 1.0), GoalError::NoDistance);

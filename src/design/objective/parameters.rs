@@ -10,6 +10,7 @@ use crate::base::{
     Angle, Canonical, Decimal, Declared, Fields, InputError, Length, Map, Node, Parameter, Schema, parameters,
 };
 use crate::design::text::{flow_mapping, flow_value};
+use crate::pattern::Membrane;
 
 /// Largest coordinate and displacement in mm.
 pub(super) const LONGEST_MM: f64 = 1e4;
@@ -190,13 +191,13 @@ impl Objective {
         flow_mapping(entries)
     }
 
-    /// The goal on a membrane of a side in mm.
+    /// The goal on a membrane.
     ///
     /// # Errors
     /// When a point lies outside the membrane or a number out of range.
-    pub fn goal(&self, side_mm: f64, area: Option<f64>, area_penalty: f64) -> Result<Goal, GoalError> {
+    pub fn goal(&self, membrane: Membrane, area: Option<f64>, area_penalty: f64) -> Result<Goal, GoalError> {
         let aims: Vec<Aim> = self.points.iter().map(|point| point.aim(self.value)).collect();
-        Goal::new(self.measure, &aims, side_mm, area, area_penalty)
+        Goal::new(self.measure, &aims, membrane, area, area_penalty)
     }
 }
 

@@ -7,7 +7,7 @@ use crate::design::evolve::GenerationReport;
 use crate::design::intuitive::Intuitive;
 use crate::design::local_search::{LocalOptimum, SearchStep};
 use crate::field::{Field, NO_FIELD, Predictor};
-use crate::pattern::{CELLS, Pattern, Raster, Role};
+use crate::pattern::{Bits, CELLS, Pattern, Role};
 
 /// One pattern of a target.
 #[derive(Clone, Debug)]
@@ -16,7 +16,7 @@ pub struct FoundDesign {
     pub role: Role,
     /// Which of several designs of the target.
     pub member: usize,
-    /// Units along a side of the membrane on which it was searched.
+    /// Units along a side of the membrane on which it was searched; [`CELLS`] where these are its cells, however many.
     pub units: usize,
     /// The pattern.
     pub pattern: Pattern,
@@ -105,8 +105,8 @@ impl Search<'_> {
         let intuitive = Intuitive::of(&self.target.goal);
         let area = found.last().map_or(0.5, |best| best.pattern.area_fraction());
         for (role, pattern) in [
-            (Role::Intuitive, intuitive.at_own_area()),
-            (Role::IntuitiveEqualArea, intuitive.at_area(area)),
+            (Role::Intuitive, self.within(intuitive.at_own_area())),
+            (Role::IntuitiveEqualArea, self.within(intuitive.at_area(area))),
         ] {
             found.push(FoundPattern {
                 role,
@@ -136,13 +136,21 @@ impl Search<'_> {
         })
     }
 
+    /// A pattern without electrodes on frames and bodies, where they do nothing.
+    fn within(&self, pattern: Pattern) -> Pattern {
+        match self.constraints.room() {
+            None => pattern,
+            Some(room) => Bits::of(&pattern).and(room).pattern(),
+        }
+    }
+
     fn design(&self, found: FoundPattern, field: Option<Field>, feasible: bool) -> FoundDesign {
         let goal = &self.target.goal;
         let status = match &field {
             None => NO_FIELD.to_owned(),
             Some(_) => self.status(&found, feasible),
         };
-        let field = field.unwrap_or_else(|| Field::zero(Raster::PAPER));
+        let field = field.unwrap_or_else(|| Field::zero(goal.raster()));
         FoundDesign {
             value_mm: goal.value_mm(&field),
             fitness: goal.fitness(&found.pattern, &field),

@@ -4,7 +4,7 @@ use super::found::{Findings, FoundPattern};
 use super::probe::{Candidate, PATTERNS, Probe, References, cheapest_evaluator};
 use super::{Evaluators, Search, SearchError, SearchResult};
 use crate::design::evolve::{EvolveError, Setting, evolve, first_generation};
-use crate::design::genome::{Genome, UNITS};
+use crate::design::genome::UNITS;
 use crate::pattern::{Pattern, Role};
 
 impl Search<'_> {
@@ -60,7 +60,10 @@ impl Search<'_> {
             self.options.seed.0,
             count,
         );
-        let patterns: Vec<Pattern> = genomes.iter().map(Genome::pattern).collect();
+        let patterns: Vec<Pattern> = genomes
+            .iter()
+            .map(|genome| genome.pattern(self.target.goal.raster()))
+            .collect();
         let (similar, values_mm) = self.similar_designs()?;
         let references = References {
             patterns: &similar,

@@ -5,7 +5,7 @@ use super::{Search, SearchError, SearchResult};
 use crate::base::Stream;
 use crate::design::genome::Genome;
 use crate::design::local_search::{LocalOptimum, SearchProblem, SearchStep};
-use crate::pattern::{Pattern, Raster, Role};
+use crate::pattern::{Pattern, Role};
 
 /// How coarse random starts are: a handful of regions.
 const START_GRAIN: usize = 6;
@@ -60,15 +60,15 @@ impl Search<'_> {
 
     /// The intuitive design, an empty membrane from which the gradient picks the best cells, and random coarse patterns.
     fn starts(&self) -> Vec<Pattern> {
-        let area = self.target.area.fraction();
+        let (area, raster) = (self.target.area.fraction(), self.target.goal.raster());
         let drawn = |index: usize| match index {
             0 => self.intuitive_start(),
-            1 => Pattern::from_fn(Raster::PAPER, |_, _| false),
+            1 => Pattern::from_fn(raster, |_, _| false),
             _ => {
                 // The words name the random numbers: others would find other designs.
                 let mut stream = Stream::new(self.options.seed.0, "start of a climb", index as u64);
                 let area = area.unwrap_or_else(|| stream.uniform());
-                Genome::random(area, START_GRAIN, &mut stream).pattern()
+                Genome::random(area, START_GRAIN, &mut stream).pattern(raster)
             }
         };
         (0..self.options.starts).map(drawn).collect()

@@ -57,7 +57,9 @@ fn optimum(design: &Design, optima: &[&Design]) -> Option<f64> {
 #[cfg(test)]
 pub(in crate::report) mod tests {
     use super::*;
+    use crate::pattern::{Membrane, Pattern, Raster};
     use crate::report::designs::{Objective, role_word};
+    use crate::report::drawing::Ground;
 
     /// A design of case `I` without fields.
     pub(in crate::report) fn design(role: Role, units: u64, simulated_mm: Option<f64>) -> Design {
@@ -73,8 +75,8 @@ pub(in crate::report) mod tests {
             area: 0.5,
             constraints: "{}".into(),
             status: "met".into(),
-            side: 50.0,
-            pattern: vec![1; 2500],
+            ground: Ground::plain(Membrane::square(50.0)),
+            pattern: Pattern::from_fn(Raster::PAPER, |_, _| true),
             predicted: Some(vec![0.0; 5202]),
             simulated: None,
             predicted_mm: Some(1.0),

@@ -4,7 +4,7 @@ use super::Objective;
 use crate::content::{DesignRowsView, StoredAttribute};
 use crate::field::Field;
 use crate::report::artifacts::Source;
-use crate::report::drawing::Membrane;
+use crate::report::drawing::{Ground, Membrane};
 use crate::report::error::ReportError;
 use crate::scene::Scene;
 
@@ -16,11 +16,16 @@ pub(in crate::report) fn membranes<'f>(
     wanted: impl Iterator<Item = (usize, &'f Field)>,
 ) -> Result<Vec<Membrane>, ReportError> {
     let (patterns, objectives) = (source.of(rows.patterns().read())?, source.of(rows.objective().read())?);
-    let side = source.of(scene.read())?.side_mm();
+    let ground = Ground::of(&source.of(scene.read())?);
     let membrane = |(row, field): (usize, &Field)| {
         let objective = Objective::read(&objectives.0[row]).map_err(|e| source.wrong(e.to_string()))?;
         let points = objective.aims.iter().map(|aim| aim.point).collect();
-        source.drawn(Membrane::new(patterns[row].cells(), field.values(), side, points))
+        source.drawn(Membrane::new(
+            patterns[row].cells(),
+            field.values(),
+            ground.clone(),
+            points,
+        ))
     };
     wanted.map(membrane).collect()
 }

@@ -11,9 +11,10 @@ mod read;
 #[cfg(test)]
 pub(super) use compare::tests;
 
-use super::drawing::Membrane;
+use super::drawing::{Ground, Membrane};
 use super::intervals::NetworkInterval;
 
+use crate::pattern::Pattern;
 pub use crate::pattern::Role;
 pub use compare::Compared;
 pub use found::{Extreme, Found};
@@ -66,11 +67,11 @@ pub struct Design {
     pub constraints: String,
     /// `met`, or which constraints are not; empty where nothing is known.
     pub status: String,
-    /// Side of the membrane in mm.
-    pub side: f64,
-    /// 50 × 50 cells, `[y][x]` from the lower left, 1 = electrode.
-    pub pattern: Vec<u8>,
-    /// Predicted displacement in mm at the 51 × 51 cell corners, `[y][x][component]`; none where nothing was predicted.
+    /// The membrane that it is drawn on.
+    pub ground: Ground,
+    /// The electrode.
+    pub pattern: Pattern,
+    /// Predicted displacement in mm at the corners of cells, `[y][x][component]`; none where nothing was predicted.
     pub predicted: Option<Vec<f64>>,
     /// The same as simulated; none where it was not, or there is no stable solution.
     pub simulated: Option<Vec<f64>>,
@@ -100,7 +101,7 @@ impl Design {
     pub fn membrane(&self) -> Option<Membrane> {
         let field = self.simulated.as_ref().or(self.predicted.as_ref())?;
         let points = self.objective.points().iter().map(|aim| aim.point).collect();
-        Membrane::new(&self.pattern, field, self.side, points).ok()
+        Membrane::new(self.pattern.cells(), field, self.ground.clone(), points).ok()
     }
 
     /// Predicted less simulated, a share of what is simulated.

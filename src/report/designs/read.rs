@@ -7,6 +7,7 @@ use super::objective::Objective;
 use crate::content::{DesignRowsView, Designs, StoredAttribute, Verification, predicted_rows};
 use crate::field::NO_FIELD;
 use crate::report::artifacts::{RunArtifacts, Source};
+use crate::report::drawing::Ground;
 use crate::report::error::ReportError;
 use crate::report::intervals;
 use crate::scene::Scene;
@@ -115,7 +116,7 @@ fn read(
     let view = rows;
     let rows = source.of(view.read())?;
     let intervals = intervals::of_rows(source, view, rows.len())?;
-    let side = source.of(scene.read())?.side_mm();
+    let ground = Ground::of(&source.of(scene.read())?);
     let predictions = predicted_rows(&rows.role);
     let design = |k: usize| {
         let prediction = predictions[k].filter(|_| rows.status.0[k] != NO_FIELD);
@@ -131,8 +132,8 @@ fn read(
             area: rows.area[k],
             constraints: rows.constraints.0[k].clone(),
             status: rows.status.0[k].clone(),
-            side,
-            pattern: rows.patterns[k].cells().to_vec(),
+            ground: ground.clone(),
+            pattern: rows.patterns[k].clone(),
             predicted: predictions[k].map(|at| rows.predicted[at].values().to_vec()),
             simulated: None,
             predicted_mm: prediction.map(|at| predicted_mm[at]),

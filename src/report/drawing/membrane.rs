@@ -1,6 +1,6 @@
 //! Membranes: a pattern at rest, and the same where its displacement takes it.
 //!
-//! Everything is drawn in thousandths of the membrane's side from its upper left corner. Only the edge of the electrode is
+//! Everything is drawn in thousandths of the membrane's longer side, in a square at whose lower left corner it lies. Only the edge of the electrode is
 //! written, not its cells: hundreds of membranes fit in one page.
 
 use std::collections::BTreeMap;
@@ -11,7 +11,8 @@ use super::chart::THOUSAND;
 use super::error::FigureError;
 use super::path::{number, path};
 use crate::field::Field;
-use crate::pattern::{CELLS, Corners, Pattern, Point, Raster, outlines};
+use crate::pattern::{self, Bits, Corners, Part, Pattern, PatternForm, Point, Raster, outlines};
+use crate::scene::Scene;
 
 /// Cells between two lines of the grid, and between two points of a line that has moved.
 const GRID: usize = 5;
@@ -20,38 +21,171 @@ const STEP: usize = 2;
 /// The largest displacement that is drawn, a share of the side.
 const FARTHEST: f64 = 0.1;
 
+/// The rectangle that is drawn, with its frame and bodies.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Ground {
+    plane: pattern::Membrane,
+    /// The cells of a frame within the rectangle.
+    held: Option<Pattern>,
+    /// Those of rigid bodies.
+    bodies: Option<Pattern>,
+}
+
+impl Ground {
+    /// That of a scene.
+    #[must_use]
+    pub fn of(scene: &Scene) -> Self {
+        let parts = scene.parts();
+        let cells = |is_in: fn(Part) -> bool| {
+            let parts = parts.as_ref()?;
+            let cells = Bits::from_fn(parts.raster(), |x, y| is_in(parts.at(x, y)));
+            (!cells.is_empty()).then(|| cells.pattern())
+        };
+        Self {
+            plane: scene.membrane(),
+            held: cells(|part| part == Part::Frame),
+            bodies: cells(|part| part.body().is_some()),
+        }
+    }
+
+    /// A rectangle without either.
+    #[must_use]
+    pub fn plain(plane: pattern::Membrane) -> Self {
+        Self {
+            plane,
+            held: None,
+            bodies: None,
+        }
+    }
+
+    /// That of the source paper.
+    #[must_use]
+    pub fn paper() -> Self {
+        Self::plain(pattern::Membrane::square(1.0))
+    }
+
+    /// Whether its grid is that of the source paper's.
+    #[must_use]
+    pub fn has_paper_grid(&self) -> bool {
+        self.plane.raster == Raster::PAPER && self.plane.size_mm[0] == self.plane.size_mm[1]
+    }
+
+    /// Its cells.
+    #[must_use]
+    pub fn raster(&self) -> Raster {
+        self.plane.raster
+    }
+
+    /// The longer side in mm.
+    #[must_use]
+    pub fn side(&self) -> f64 {
+        self.plane.size_mm[0].max(self.plane.size_mm[1])
+    }
+
+    /// A corner of cells in mm.
+    fn in_mm(&self, corner: Point) -> Point {
+        let sides = self.plane.raster.sides();
+        [0, 1].map(|axis| corner[axis] * self.plane.size_mm[axis] / sides[axis] as f64)
+    }
+
+    /// Where a corner of cells is drawn.
+    fn drawn(&self, corner: Point) -> (f64, f64) {
+        to_drawing(self.in_mm(corner), self.side())
+    }
+
+    /// Columns and rows of cells on which a line of the grid stands.
+    fn lines(&self) -> [Vec<usize>; 2] {
+        self.plane
+            .raster
+            .sides()
+            .map(|cells| (GRID..cells).step_by(GRID).collect())
+    }
+
+    /// The edge of the membrane, with the frame within the rectangle.
+    #[must_use]
+    pub fn frame(&self) -> Markup {
+        let [width, height] = self.plane.size_mm;
+        let edge = match width == height {
+            true => "M0 0h1000v1000h-1000z".to_owned(),
+            false => {
+                let ([x, y], side) = ([width, height], self.side());
+                let corners = [[0.0, y], [x, y], [x, 0.0], [0.0, 0.0]];
+                path(&corners.map(|corner| to_drawing(corner, side)), true)
+            }
+        };
+        html! {
+            path class="frame" d=(edge) {}
+            @if let Some(held) = &self.held { path class="held" d=(self.cells(held)) {} }
+        }
+    }
+
+    /// The lines of the grid at rest.
+    #[must_use]
+    pub fn grid(&self) -> Markup {
+        let [across, up] = self.lines();
+        let sides = self.plane.raster.sides().map(|cells| cells as f64);
+        let line = |from: Point, to: Point| {
+            let [(x, y), (to_x, to_y)] = [from, to].map(|corner| self.drawn(corner));
+            let mark = |at: f64| number(at, 1);
+            match x == to_x {
+                true => format!("M{} {}V{}", mark(x), mark(to_y), mark(y)),
+                false => format!("M{} {}H{}", mark(x), mark(y), mark(to_x)),
+            }
+        };
+        let vertical = across.iter().map(|&k| line([k as f64, 0.0], [k as f64, sides[1]]));
+        let horizontal = up.iter().map(|&k| line([0.0, k as f64], [sides[0], k as f64]));
+        html! { path class="rest" d=(vertical.chain(horizontal).collect::<String>()) {} }
+    }
+
+    /// An electrode at rest, with the bodies.
+    #[must_use]
+    pub fn electrode_at_rest(&self, pattern: &Pattern) -> Markup {
+        html! {
+            path class="on" d=(self.cells(pattern)) {}
+            @if let Some(bodies) = &self.bodies { path class="body" d=(self.cells(bodies)) {} }
+        }
+    }
+
+    /// The edge of some cells at rest.
+    fn cells(&self, pattern: &Pattern) -> String {
+        let drawn = |ring: Vec<Point>| path(&ring.iter().map(|at| self.drawn(*at)).collect::<Vec<_>>(), true);
+        rings(pattern).map(drawn).collect()
+    }
+}
+
 /// A pattern with its displacement field.
 #[derive(Clone, Debug)]
 pub struct Membrane {
+    ground: Ground,
     pattern: Pattern,
     displacement: Field,
-    side: f64,
     points: Vec<[f64; 2]>,
 }
 
 impl Membrane {
-    /// From 50 × 50 cells and displacements in mm at the 51 × 51 cell corners, both from the lower left corner; the side of
-    /// the membrane in mm, and the points whose displacements are wanted, in mm from the lower left corner.
+    /// From the cells of a pattern and displacements in mm at their corners, both from the lower left corner; what they are drawn on, and the
+    /// points whose displacements are wanted, in mm from the lower left corner.
     ///
     /// # Errors
     /// When a number is missing, not finite, or no cell.
-    pub fn new(cells: &[u8], displacement: &[f64], side: f64, points: Vec<[f64; 2]>) -> Result<Self, FigureError> {
+    pub fn new(cells: &[u8], displacement: &[f64], ground: Ground, points: Vec<[f64; 2]>) -> Result<Self, FigureError> {
         let incomplete = |e: String| FigureError::Data(format!("a membrane needs a pattern and a finite field: {e}"));
+        let (side, raster) = (ground.side(), ground.raster());
         if !(side.is_finite() && side > 0.0) {
             return Err(incomplete(format!("its side is {side} mm")));
         }
+        let groups = Pattern::MOST_GROUPS;
         Ok(Self {
-            pattern: Pattern::from_cells(Raster::PAPER, cells).map_err(|e| incomplete(e.to_string()))?,
-            displacement: Field::from_values(Raster::PAPER, displacement.to_vec())
-                .map_err(|e| incomplete(e.to_string()))?,
-            side,
+            pattern: Pattern::of_form(PatternForm { raster, groups }, cells).map_err(|e| incomplete(e.to_string()))?,
+            displacement: Field::from_values(raster, displacement.to_vec()).map_err(|e| incomplete(e.to_string()))?,
+            ground,
             points,
         })
     }
 
-    /// Side of the membrane in mm.
-    pub fn side(&self) -> f64 {
-        self.side
+    /// What it is drawn on.
+    pub fn ground(&self) -> &Ground {
+        &self.ground
     }
 
     /// The points whose displacements are wanted, in mm.
@@ -71,12 +205,15 @@ impl Membrane {
 
     /// Displacement in mm at a point given in mm.
     pub fn at(&self, point: [f64; 2]) -> [f64; 2] {
-        self.displacement.at(point.map(|c| c / self.side * CELLS as f64))
+        self.displacement.at(self.ground.plane.in_cells(point))
     }
 
     /// The electrode where it has moved to, displacements drawn `scale` times.
     pub fn electrode(&self, scale: f64) -> Markup {
-        html! { path class="moved" d=(edge(&self.pattern, |at| self.moved(at, scale))) {} }
+        html! {
+            path class="moved" d=(edge(&self.pattern, |at| self.moved(at, scale))) {}
+            @if let Some(bodies) = &self.ground.bodies { path class="body" d=(edge(bodies, |at| self.moved(at, scale))) {} }
+        }
     }
 
     /// The outline of the electrode: at rest where `scale` is zero.
@@ -86,22 +223,27 @@ impl Membrane {
 
     /// The grid where it has moved to.
     pub fn mesh(&self, scale: f64) -> Markup {
-        let along = || (0..=CELLS).step_by(STEP);
+        let [columns, rows] = self.ground.raster().sides();
+        // The last point is at the edge, however many there are.
+        let along = |cells: usize| (0..cells).step_by(STEP).chain([cells]);
         let moved = |x: usize, y: usize| self.moved([x as f64, y as f64], scale);
-        let lines = (GRID..CELLS).step_by(GRID).map(|k| {
-            let across = path(&along().map(|x| moved(x, k)).collect::<Vec<_>>(), false);
-            across + &path(&along().map(|y| moved(k, y)).collect::<Vec<_>>(), false)
-        });
-        html! { path class="mesh" d=(lines.collect::<String>()) {} }
+        let [across, up] = self.ground.lines();
+        let horizontal = up
+            .iter()
+            .map(|&y| path(&along(columns).map(|x| moved(x, y)).collect::<Vec<_>>(), false));
+        let vertical = across
+            .iter()
+            .map(|&x| path(&along(rows).map(|y| moved(x, y)).collect::<Vec<_>>(), false));
+        html! { path class="mesh" d=(horizontal.chain(vertical).collect::<String>()) {} }
     }
 
     /// The displacements of the wanted points.
     pub fn arrows(&self, scale: f64) -> Markup {
-        let unit = THOUSAND * scale / self.side;
+        let unit = THOUSAND * scale / self.ground.side();
         html! {
             @for point in &self.points {
                 @let [x, y] = self.at(*point);
-                (arrow(to_drawing(*point, self.side), (unit * x, -unit * y)))
+                (arrow(to_drawing(*point, self.ground.side()), (unit * x, -unit * y)))
             }
         }
     }
@@ -111,7 +253,8 @@ impl Membrane {
     pub fn magnitudes(&self, scale: f64) -> Markup {
         let largest = self.largest().max(f64::MIN_POSITIVE);
         let mut by_colour: BTreeMap<u8, String> = BTreeMap::new();
-        for (x, y) in (0..CELLS * CELLS).map(|at| (at % CELLS, at / CELLS)) {
+        let (columns, cells) = (self.ground.raster().columns(), self.ground.raster().cells());
+        for (x, y) in (0..cells).map(|at| (at % columns, at / columns)) {
             let corners = [(x, y), (x + 1, y), (x + 1, y + 1), (x, y + 1)];
             let magnitudes = corners
                 .map(|(x, y)| self.displacement.at_corner(x, y))
@@ -130,37 +273,19 @@ impl Membrane {
 
     fn moved(&self, corner: [f64; 2], scale: f64) -> (f64, f64) {
         let u = self.displacement.at(corner);
-        let at = |k: usize| corner[k] * self.side / CELLS as f64 + scale * u[k];
-        to_drawing([at(0), at(1)], self.side)
+        let at = self.ground.in_mm(corner);
+        to_drawing([0, 1].map(|k| at[k] + scale * u[k]), self.ground.side())
     }
 }
 
 /// How many times too large displacements are drawn, the same for all membranes so that they can be compared.
 pub fn exaggeration<'m>(membranes: impl IntoIterator<Item = &'m Membrane>) -> f64 {
-    let largest = membranes.into_iter().map(|m| m.largest() / m.side).fold(0.0, f64::max);
+    let largest = membranes
+        .into_iter()
+        .map(|m| m.largest() / m.ground.side())
+        .fold(0.0, f64::max);
     let factors = [100.0, 50.0, 20.0, 10.0, 5.0, 2.0];
     factors.into_iter().find(|f| f * largest <= FARTHEST).unwrap_or(1.0)
-}
-
-/// The lines of the grid at rest.
-pub fn grid() -> Markup {
-    let line = |k: usize| {
-        let at = number(THOUSAND * k as f64 / CELLS as f64, 1);
-        format!("M{at} 0V{THOUSAND}M0 {at}H{THOUSAND}")
-    };
-    html! { path class="rest" d=((GRID..CELLS).step_by(GRID).map(line).collect::<String>()) {} }
-}
-
-/// The edge of the membrane.
-pub fn frame() -> Markup {
-    html! { path class="frame" d="M0 0h1000v1000h-1000z" {} }
-}
-
-/// The electrode at rest.
-pub fn electrode_at_rest(pattern: &Pattern) -> Markup {
-    let to = |corner: Point| to_drawing(corner, CELLS as f64);
-    let rings = rings(pattern).map(|ring| path(&ring.iter().map(|at| to(*at)).collect::<Vec<_>>(), true));
-    html! { path class="on" d=(rings.collect::<String>()) {} }
 }
 
 /// An arrow from a point in mm in a direction in degrees, counterclockwise from the x axis, `length` thousandths long.
@@ -243,15 +368,19 @@ pub fn viridis(t: f64) -> String {
 mod tests {
     use super::*;
 
+    fn square(side: f64) -> Ground {
+        Ground::plain(pattern::Membrane::square(side))
+    }
+
     fn membrane(u: [f64; 2]) -> Membrane {
-        Membrane::new(&[1; 2500], &u.repeat(2601), 50.0, vec![[25.0, 25.0]]).unwrap()
+        Membrane::new(&[1; 2500], &u.repeat(2601), square(50.0), vec![[25.0, 25.0]]).unwrap()
     }
 
     #[test]
     fn the_lower_edge_of_the_membrane_is_the_lower_edge_of_the_drawing() {
         let corner = Pattern::from_fn(Raster::PAPER, |x, y| x == 0 && y == 0);
         // The cell is 20 × 20 units in the lower left corner.
-        let text = electrode_at_rest(&corner).into_string();
+        let text = square(50.0).electrode_at_rest(&corner).into_string();
         assert!(text.contains("<path class=\"on\" d=\"M0 1000h20v-20h-20z\">"), "{text}");
     }
 
@@ -260,8 +389,11 @@ mod tests {
         let ring = Pattern::from_fn(Raster::PAPER, |x, y| {
             (10..13).contains(&x) && (20..23).contains(&y) && (x, y) != (11, 21)
         });
-        assert_eq!(electrode_at_rest(&ring).into_string().matches('z').count(), 2);
-        let membrane = Membrane::new(ring.cells(), &[0.0; 5202], 50.0, Vec::new()).unwrap();
+        assert_eq!(
+            square(50.0).electrode_at_rest(&ring).into_string().matches('z').count(),
+            2
+        );
+        let membrane = Membrane::new(ring.cells(), &[0.0; 5202], square(50.0), Vec::new()).unwrap();
         let text = membrane.electrode(1.0).into_string();
         let sides = text.split('"').find(|part| part.starts_with('M')).unwrap();
         // The last side of each ring is that which closes it.
@@ -282,11 +414,11 @@ mod tests {
 
     #[test]
     fn what_is_no_membrane_is_refused() {
-        let new = |cells: &[u8], u: f64, side| Membrane::new(cells, &[u; 5202], side, Vec::new());
+        let new = |cells: &[u8], u: f64, side| Membrane::new(cells, &[u; 5202], square(side), Vec::new());
         assert!(new(&[1; 2500], 0.0, 50.0).is_ok());
         for bad in [
             new(&[1; 10], 0.0, 50.0),
-            new(&[2; 2500], 0.0, 50.0),
+            new(&[17; 2500], 0.0, 50.0),
             new(&[1; 2500], f64::NAN, 50.0),
             new(&[1; 2500], 0.0, 0.0),
         ] {

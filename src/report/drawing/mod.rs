@@ -12,7 +12,7 @@ mod sheet;
 pub use axis::Axis;
 pub use chart::{Chart, Colour, Mark, Series};
 pub use error::FigureError;
-pub use membrane::{Membrane, direction, electrode_at_rest, exaggeration, frame, grid, viridis};
+pub use membrane::{Ground, Membrane, direction, exaggeration, viridis};
 pub use path::number;
 pub use raster::{DRAWING_STYLE, PAGE_STYLE, with_texts};
 pub use sheet::Sheet;

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use maud::{Markup, html};
 
-use crate::report::drawing::{Axis, Chart, FigureError, Membrane, Sheet, exaggeration, frame, viridis};
+use crate::report::drawing::{Axis, Chart, FigureError, Ground, Membrane, Sheet, exaggeration, viridis};
 
 /// Side of the membrane, and width of the frame of the colour bar.
 const SIDE: f64 = 356.4;
@@ -38,7 +38,7 @@ pub(super) fn electrode(title: &str, data: &Membrane, scale: f64) -> Chart {
     };
     let note = format!("area {:.1} %, {factor}, grey: at rest", 100.0 * data.area());
     let inside = html! { (data.electrode(scale)) (data.outline("ghost", 0.0)) (data.arrows(scale)) };
-    on_membrane(title, note, data.side(), inside)
+    on_membrane(title, note, data.ground(), inside)
 }
 
 fn magnitude(data: &Membrane, scale: f64) -> Chart {
@@ -56,15 +56,15 @@ fn magnitude(data: &Membrane, scale: f64) -> Chart {
         _ => format!("largest {:.3} mm", data.largest()),
     };
     let inside = html! { (data.magnitudes(scale)) (data.outline("light", scale)) (data.arrows(scale)) };
-    on_membrane("Magnitude of the displacement", note, data.side(), inside)
+    on_membrane("Magnitude of the displacement", note, data.ground(), inside)
 }
 
-fn on_membrane(title: &str, note: String, side: f64, inside: Markup) -> Chart {
-    let axis = |name: &str| Axis::linear(&format!("{name} [mm]"), 0.0, side);
+fn on_membrane(title: &str, note: String, ground: &Ground, inside: Markup) -> Chart {
+    let axis = |name: &str| Axis::linear(&format!("{name} [mm]"), 0.0, ground.side());
     let mut chart = Chart::new(title, [axis("x"), axis("y")], Vec::new())
         .with_note(note)
         .square(SIDE);
-    chart.inside = Some(html! { g.membrane { (frame()) (inside) } });
+    chart.inside = Some(html! { g.membrane { (ground.frame()) (inside) } });
     chart
 }
 

@@ -19,7 +19,7 @@ pub(in crate::report) use curves::curves_chart;
 pub(in crate::report) use deformation::deformation_charts;
 pub(in crate::report) use rounds::rounds_charts;
 
-pub use super::drawing::{FigureError, Membrane};
+pub use super::drawing::{FigureError, Ground, Membrane};
 pub use accuracy::{Cost, FamilyCosts, draw_accuracy, pareto_front};
 pub use audit::{Audited, Counts, draw_audit};
 pub use curves::{Curve, Curves, draw_curves};

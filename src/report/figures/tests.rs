@@ -2,6 +2,12 @@ use std::fs;
 use std::path::Path;
 
 use super::*;
+use crate::pattern;
+use crate::report::drawing::Ground;
+
+fn square() -> Ground {
+    Ground::plain(pattern::Membrane::square(50.0))
+}
 
 /// A membrane with a wanted point.
 fn membrane(direction: f64) -> Membrane {
@@ -17,7 +23,7 @@ fn with(cell: impl Fn(usize) -> u8, direction: f64, points: Vec<[f64; 2]>) -> Me
     };
     let pattern: Vec<u8> = (0..2500).map(cell).collect();
     let displacement: Vec<f64> = (0..51 * 51).flat_map(corner).collect();
-    Membrane::new(&pattern, &displacement, 50.0, points).unwrap()
+    Membrane::new(&pattern, &displacement, square(), points).unwrap()
 }
 
 fn histogram() -> Histogram {
@@ -228,7 +234,7 @@ fn numbers_that_make_no_figure_are_refused_and_odd_ones_drawn() {
     let mut field = [0.0; 5202];
     field[7] = f64::NAN;
     assert!(matches!(
-        Membrane::new(&[1; 2500], &field, 50.0, Vec::new()),
+        Membrane::new(&[1; 2500], &field, square(), Vec::new()),
         Err(FigureError::Data(_))
     ));
     let mut none = deformations();
@@ -252,7 +258,7 @@ fn numbers_that_make_no_figure_are_refused_and_odd_ones_drawn() {
     draw_paths(&path, &still).unwrap();
     draw_evolution(&path, &evolution(1)).unwrap();
     draw_training(&path, &training(1)).unwrap();
-    let still = Membrane::new(&[1; 2500], &[0.0; 5202], 50.0, Vec::new()).unwrap();
+    let still = Membrane::new(&[1; 2500], &[0.0; 5202], square(), Vec::new()).unwrap();
     draw_membrane(&path, "t", &still).unwrap();
     let empty = Histogram {
         before: vec![0; 100],

@@ -6,7 +6,7 @@ use maud::html;
 
 use super::membrane::electrode;
 use crate::pattern::Role;
-use crate::report::drawing::{Axis, Chart, Colour, FigureError, Mark, Membrane, Series, Sheet, exaggeration, frame};
+use crate::report::drawing::{Axis, Chart, Colour, FigureError, Mark, Membrane, Series, Sheet, exaggeration};
 
 /// One pattern, predicted and simulated.
 #[derive(Clone, Debug)]
@@ -104,7 +104,7 @@ pub fn draw_gallery(path: &Path, cases: &[Case]) -> Result<(), FigureError> {
                     text class="ink" x="8" y="15" { (name) }
                     text class="ink" x="8" y="30" { (format!("{:.3} mm", case.simulated)) }
                     g.membrane transform="translate(8 40) scale(0.128)" {
-                        (frame()) (membrane.electrode(scale)) (membrane.arrows(scale))
+                        (membrane.ground().frame()) (membrane.electrode(scale)) (membrane.arrows(scale))
                     }
                 }
             },

@@ -2,9 +2,9 @@
 
 use maud::{Markup, html};
 
-use crate::pattern::{Pattern, Raster};
+use crate::pattern::CELLS;
 use crate::report::designs::{Design, Role, role_title};
-use crate::report::drawing::{direction, electrode_at_rest, frame, grid};
+use crate::report::drawing::{Ground, direction};
 use crate::report::format::{gain, mm, percent};
 
 /// Length of the arrow of a wanted direction, in thousandths of the membrane's side.
@@ -13,7 +13,7 @@ const ARROW: f64 = 110.0;
 /// What all drawings of membranes have in common: the grid at rest.
 pub fn shared() -> Markup {
     html! {
-        svg width="0" height="0" style="position:absolute" aria-hidden="true" { defs { g #rest .membrane { (grid()) } } }
+        svg width="0" height="0" style="position:absolute" aria-hidden="true" { defs { g #rest .membrane { (Ground::paper().grid()) } } }
     }
 }
 
@@ -37,12 +37,17 @@ fn card(design: &Design, several: bool, scale: f64) -> Markup {
     };
     html! {
         article class={ "card " (class) } id=(design.name) {
-            h5 { (title) span { @if design.role.is_found() { (design.units) " × " (design.units) " units" } } }
+            h5 { (title) span { @if design.role.is_found() && has_units(design) { (design.units) " × " (design.units) " units" } } }
             div.pair { (pattern(design)) (deformed(design, scale)) }
             (numbers(design))
             @for (class, remark) in remarks(design) { p class={ "status " (class) } { (remark) } }
         }
     }
+}
+
+/// Whether its units are as many along both sides: searched cell by cell, a rectangle has others.
+fn has_units(design: &Design) -> bool {
+    design.units < CELLS as u64 || design.ground.has_paper_grid()
 }
 
 /// The electrode at rest, with the wanted points and directions.
@@ -54,10 +59,10 @@ fn pattern(design: &Design) -> Markup {
     );
     let aims = design.objective.points().iter();
     let content = html! {
-        @if let Ok(pattern) = Pattern::from_cells(Raster::PAPER, &design.pattern) { (electrode_at_rest(&pattern)) }
-        @for aim in aims { (direction(aim.point, design.side, aim.direction, ARROW)) }
+        (design.ground.electrode_at_rest(&design.pattern))
+        @for aim in aims { (direction(aim.point, design.ground.side(), aim.direction, ARROW)) }
     };
-    drawing(&description, &content)
+    drawing(design, &description, &content)
 }
 
 /// The electrode where it has moved to over the grid at rest, with the displacements of the wanted points.
@@ -76,15 +81,15 @@ fn deformed(design: &Design, scale: f64) -> Markup {
             (membrane.electrode(scale)) (membrane.mesh(scale)) (membrane.arrows(scale))
         }
     };
-    drawing(&description, &content)
+    drawing(design, &description, &content)
 }
 
-fn drawing(description: &str, content: &Markup) -> Markup {
+fn drawing(design: &Design, description: &str, content: &Markup) -> Markup {
     html! {
         svg.membrane viewBox="-12 -12 1024 1024" width="240" height="240" role="img" aria-label=(description) {
             title { (description) }
-            (frame())
-            use href="#rest" {}
+            (design.ground.frame())
+            @if design.ground.has_paper_grid() { use href="#rest" {} } @else { (design.ground.grid()) }
             (content)
         }
     }

@@ -163,7 +163,7 @@ mod tests {
         let scene = Scene::vhb4910().at_voltage(volts);
         let patterns: Vec<Pattern> = first_generation(Some(0.5), &Constraints::none(Membrane::square(50.0)), 1, 8)
             .iter()
-            .map(|genome| genome.pattern())
+            .map(|genome| genome.pattern(Raster::PAPER))
             .collect();
         let none = References {
             patterns: &[],

@@ -4,7 +4,8 @@ use crate::base::Document;
 use crate::content::{DesignRows, Samples};
 use crate::design::ConstraintParameters;
 use crate::orchestrator::StageError;
-use crate::pattern::{CELLS, Membrane, Pattern};
+use crate::pattern::Pattern;
+use crate::scene::Scene;
 use crate::store::Artifact;
 
 /// Patterns from files, each once.
@@ -44,7 +45,7 @@ impl OwnPatterns {
     ///
     /// # Errors
     /// When the constraints of a target cannot be read.
-    pub fn add_to(&self, rows: &mut DesignRows, side_mm: f64) -> Result<Vec<OwnCase>, StageError> {
+    pub fn add_to(&self, rows: &mut DesignRows, scene: &Scene) -> Result<Vec<OwnCase>, StageError> {
         let designs = rows.clone();
         let is_first = |row: &usize| {
             let same = |other: usize| {
@@ -55,7 +56,7 @@ impl OwnPatterns {
         let mut added = Vec::new();
         for target in (0..designs.len()).filter(is_first) {
             for (number, pattern) in self.0.iter().enumerate() {
-                let status = status(&designs, target, pattern, side_mm).map_err(StageError::Input)?;
+                let status = status(&designs, target, pattern, scene).map_err(StageError::Input)?;
                 rows.push_own((&designs, target), (number as u64, pattern), status);
                 added.push(OwnCase {
                     target,
@@ -68,16 +69,16 @@ impl OwnPatterns {
 }
 
 /// `met`, or what of a target a pattern was not made for: its area and its constraints, as far as they can be told from the pattern.
-fn status(designs: &DesignRows, target: usize, pattern: &Pattern, side_mm: f64) -> Result<String, String> {
+fn status(designs: &DesignRows, target: usize, pattern: &Pattern, scene: &Scene) -> Result<String, String> {
     let document = Document::from_text(std::path::Path::new("constraints"), &designs.constraints.0[target]);
     let document = document.map_err(|e| e.to_string())?;
-    let constraints = ConstraintParameters::read(&document.root, Membrane::square(side_mm))
+    let constraints = ConstraintParameters::read_within(&document.root, scene.membrane(), scene.room())
         .map_err(|e| e.to_string())?
         .constraints()
         .clone();
     let mut lines = Vec::new();
     let (area, wanted) = (pattern.area_fraction(), &designs.area_target[target]);
-    let cell = 1.0 / (CELLS * CELLS) as f64;
+    let cell = 1.0 / pattern.raster().cells() as f64;
     if wanted
         .parse::<f64>()
         .is_ok_and(|wanted| (wanted - area).abs() > 0.5 * cell)

@@ -4,8 +4,8 @@ use std::sync::Mutex;
 
 use super::*;
 use crate::design::{Limits, Sides};
-use crate::pattern::Membrane;
 use crate::pattern::Region;
+use crate::pattern::{Membrane, Raster};
 
 fn wanted() -> Constraints {
     let limits = Limits {
@@ -64,7 +64,11 @@ fn units_that_are_kept_out_are_never_on() {
     assert!((found.winners[0].area - 0.5).abs() < 0.02);
     // The search knows it: no two genomes that differ in these units alone are judged.
     let first = first_generation(Some(0.9), &constraints, 1, 50);
-    assert!(first.iter().all(|genome| genome.pattern().active_cells() == 1500));
+    assert!(
+        first
+            .iter()
+            .all(|genome| genome.pattern(Raster::PAPER).active_cells() == 1500)
+    );
 }
 
 #[test]
@@ -114,7 +118,7 @@ fn only_the_best_are_asked_for_margins_and_all_of_them_keep_them() {
         ..free(&linear, &goal)
     };
     let bests = RefCell::new(Vec::new());
-    let watch = |report: &GenerationReport| bests.borrow_mut().push(left(&report.genome.pattern()));
+    let watch = |report: &GenerationReport| bests.borrow_mut().push(left(&report.genome.pattern(Raster::PAPER)));
     let options = EvolveOptions { designs: 3, ..small(1) };
     let found = evolve(&setting, &options, &watch).unwrap();
     // Free to choose, the search fills the left half.
@@ -163,7 +167,7 @@ fn margins_that_nothing_keeps_are_an_error() {
 fn a_free_area_starts_from_many() {
     let areas: Vec<f64> = first_generation(None, &Constraints::none(Membrane::square(50.0)), 1, 200)
         .iter()
-        .map(|genome| genome.pattern().area_fraction())
+        .map(|genome| genome.pattern(Raster::PAPER).area_fraction())
         .collect();
     let share = |from: f64, to: f64| areas.iter().filter(|&&a| (from..to).contains(&a)).count();
     assert_eq!(share(0.0, 0.03) + share(0.97, 1.1), 0);
@@ -187,7 +191,7 @@ fn a_free_area_comes_near_the_known_optimum() {
         motion: Motion::Along(0.0),
         weight: 1.0,
     };
-    let goal = Goal::new(&Displacement, &[aim], 50.0, None, AREA_PENALTY).unwrap();
+    let goal = Goal::new(&Displacement, &[aim], Membrane::square(50.0), None, AREA_PENALTY).unwrap();
     let options = EvolveOptions {
         population: 300,
         generations: 40,
