@@ -16,6 +16,7 @@ mod ids;
 mod npy;
 mod output_file;
 mod parameters;
+mod plain_name;
 mod printable;
 mod progress;
 mod quantity;
@@ -45,6 +46,7 @@ pub use parameters::{
     Angle, Declared, Density, ElectricField, Force, Frequency, Length, Parameter, Resistance, Seed, SpringRate, Stress,
     Time, Voltage,
 };
+pub use plain_name::is_plain_name;
 pub use printable::{is_unprintable, printable, printable_json};
 pub use progress::{Progress, Stopped};
 pub use quantity::{Decimal, Dimension, Quantity, QuantityError};

@@ -59,15 +59,14 @@ impl SolveFile {
     /// own, and each pattern stands there once. Without states it is the object.
     #[must_use]
     pub fn in_states(self, states: &[String]) -> Object {
-        let patterns: Vec<Pattern> = self.patterns.iter().step_by(states.len().max(1)).cloned().collect();
+        if states.is_empty() {
+            return self.object();
+        }
         let once = Self {
-            patterns,
+            patterns: self.patterns.iter().step_by(states.len()).cloned().collect(),
             ..Self::default()
         };
         let mut object = self.object();
-        if states.is_empty() {
-            return object;
-        }
         for (path, dataset) in &mut object.datasets {
             if path != "patterns" && dataset.axes.first().is_some_and(|axis| axis == "sample") {
                 dataset.axes.insert(1, "state".to_owned());

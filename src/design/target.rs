@@ -7,7 +7,8 @@ use serde_json::json;
 
 use super::objective::{Goal, Objective};
 use crate::base::{
-    Canonical, Decimal, Declared, Fields, InputError, Map, Node, NodeValue, Parameter, Schema, parameters,
+    Canonical, Decimal, Declared, Fields, InputError, Map, Node, NodeValue, Parameter, Schema, is_plain_name,
+    parameters,
 };
 use crate::pattern::Membrane;
 
@@ -191,9 +192,8 @@ impl Parameter for Name {
 
     fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
         let name = node.text(key)?;
-        let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
         let is_text = matches!(node.value(), NodeValue::Text(_));
-        if !is_text || name.is_empty() || name.len() > LONGEST || !name.chars().all(plain) {
+        if !is_text || !is_plain_name(name, LONGEST) {
             return Err(node
                 .error(format!("a target cannot be named {}", node.found()))
                 .help(format!(

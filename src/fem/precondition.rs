@@ -171,9 +171,10 @@ impl Rectangle {
     /// Nodes that lie at these places of a vector, in the plane of the first component.
     pub(super) fn nodes(&self, places: &[usize]) -> ModalNodes {
         let (degree, part, stride) = (self.layout.degree(), self.layout.part(), self.layout.stride());
+        let order = folded_order(self.layout);
         let node = |place: &usize| {
             let (row, within) = (place / stride, place % stride);
-            (row, self.modes_at(within % part * degree + within / part))
+            (row, self.modes_at(within % part * degree + within / part, &order))
         };
         let (rows, modes): (Vec<usize>, Vec<Vec<f32>>) = places.iter().map(node).unzip();
         ModalNodes {
@@ -182,15 +183,15 @@ impl Rectangle {
         }
     }
 
-    /// The modes at a column of nodes: even, then odd ones.
-    fn modes_at(&self, column: usize) -> Vec<f32> {
+    /// The modes at a column of nodes, even, then odd ones; `order` is the [`folded_order`].
+    fn modes_at(&self, column: usize, order: &[usize]) -> Vec<f32> {
         let last = self.layout.nodes()[0] - 1;
         let (place, sign) = if 2 * column <= last {
             (column - 1, 1.0)
         } else {
             (last - column - 1, -1.0)
         };
-        let position = folded_order(self.layout).iter().position(|at| *at == place);
+        let position = order.iter().position(|at| *at == place);
         let position = position.expect("the node is no frame's");
         let mut modes = vec![0.0; 2 * self.width];
         for mode in 0..self.half {

@@ -3,7 +3,7 @@
 use std::collections::{HashMap, HashSet};
 
 use super::kind::Kind;
-use crate::base::{InputError, Node, Schema, nearest};
+use crate::base::{InputError, Node, Schema, is_plain_name, nearest};
 
 /// Characters in the name of a pipeline or stage.
 const LONGEST_NAME: usize = 200;
@@ -99,8 +99,7 @@ pub fn read_entries<'a>(stages: &'a Node, registry: &Registry) -> Result<Vec<Ent
 pub fn check_names(stages: &Node) -> Result<(), InputError> {
     for (key, _) in stages.entries("stages")? {
         let name = key.text("a stage's name")?;
-        let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
-        if name.is_empty() || !name.chars().all(plain) {
+        if !is_plain_name(name, usize::MAX) {
             let message = format!("a stage cannot be named {name:?}");
             return Err(key.error(message).help("allowed: letters, digits, '_' and '-'"));
         }

@@ -36,27 +36,30 @@ fn separator(bytes: &[u8]) -> u8 {
 pub(super) fn sides(path: &Path) -> Result<[usize; 2], Refusal> {
     let most = (Raster::MOST * Raster::MOST) as u64;
     let bytes = bytes(path, MAX_BYTES.0 * most + MAX_BYTES.1)?;
-    let separator = char::from(separator(&bytes));
-    let text = String::from_utf8_lossy(&bytes);
-    let mut lines = text
-        .lines()
-        .filter(|line| !line.starts_with('#') && !line.trim().is_empty());
-    let first = lines.next().map_or(0, |line| line.split(separator).count());
-    Ok([first, usize::from(first > 0) + lines.count()])
+    let mut sides = [0; 2];
+    for record in reader(&bytes).byte_records() {
+        let record = record.map_err(|e| Refusal::new(e.to_string()))?;
+        sides = [if sides[1] == 0 { record.len() } else { sides[0] }, sides[1] + 1];
+    }
+    Ok(sides)
+}
+
+/// A reader of the values between separators, line by line.
+fn reader(bytes: &[u8]) -> csv::Reader<&[u8]> {
+    csv::ReaderBuilder::new()
+        .has_headers(false)
+        .flexible(true)
+        .comment(Some(b'#'))
+        .delimiter(separator(bytes))
+        .trim(csv::Trim::All)
+        .from_reader(bytes)
 }
 
 pub(super) fn read(path: &Path, form: PatternForm) -> Result<Vec<Pattern>, Refusal> {
     let refusal = |what: String| Refusal::new(what).help(allowed(form));
     let bytes = bytes(path, MAX_BYTES.0 * form.raster.cells() as u64 + MAX_BYTES.1)?;
-    let mut reader = csv::ReaderBuilder::new()
-        .has_headers(false)
-        .flexible(true)
-        .comment(Some(b'#'))
-        .delimiter(separator(&bytes))
-        .trim(csv::Trim::All)
-        .from_reader(bytes.as_slice());
     let mut values = Vec::with_capacity(form.raster.cells());
-    for record in reader.records() {
+    for record in reader(&bytes).records() {
         let record = record.map_err(|e| refusal(e.to_string()))?;
         let line = record.position().map_or(0, csv::Position::line);
         if record.len() != form.raster.columns() {

@@ -1,5 +1,6 @@
 //! What the cells of a device are: membrane, frame, or part of a rigid body.
 
+use super::bits::Bits;
 use super::raster::Raster;
 use super::symmetry::{Symmetries, Symmetry};
 
@@ -132,6 +133,18 @@ impl Parts {
     #[must_use]
     pub fn at(&self, x: usize, y: usize) -> Part {
         self.cells[y * self.raster.columns() + x]
+    }
+
+    /// The cells of some parts.
+    #[must_use]
+    pub fn cells(&self, is_in: impl Fn(Part) -> bool) -> Bits {
+        Bits::from_fn(self.raster, |x, y| is_in(self.at(x, y)))
+    }
+
+    /// The cells that may carry electrodes.
+    #[must_use]
+    pub fn room(&self) -> Bits {
+        self.cells(|part| part == Part::Membrane)
     }
 
     /// Those of some symmetries that map each part to itself, a body to another one that `alike` takes for the same.

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use super::error::RemoteError;
 use super::key::{Named, read_public};
-use crate::base::{Digest, Document, InputError, Map, write_output};
+use crate::base::{Digest, Document, InputError, Map, is_plain_name, write_output};
 
 /// Where a remote is.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -273,8 +273,7 @@ fn text_of<'a>(map: &Map<'a>, key: &str) -> Result<Option<&'a str>, InputError> 
 }
 
 fn check_name(name: &str) -> Result<(), InputError> {
-    let plain = |c: char| c.is_ascii_alphanumeric() || "-_".contains(c);
-    match !name.is_empty() && name.len() <= LONGEST_NAME && name.chars().all(plain) {
+    match is_plain_name(name, LONGEST_NAME) {
         true => Ok(()),
         false => {
             Err(InputError::new(format!("{name:?} cannot name a remote")).help("allowed: letters, digits, `-` and `_`"))

@@ -6,7 +6,8 @@ use std::ops::RangeInclusive;
 use serde_json::json;
 
 use crate::base::{
-    Canonical, Declared, Fields, Frequency, InputError, Map, Node, Parameter, Schema, Time, Voltage, parameters,
+    Canonical, Declared, Fields, Frequency, InputError, Map, Node, Parameter, Schema, Time, Voltage, is_plain_name,
+    parameters,
 };
 use crate::pattern::Pattern;
 
@@ -78,6 +79,12 @@ impl Voltages {
             .collect()
     }
 
+    /// The largest, in V.
+    #[must_use]
+    pub fn most_v(&self) -> f64 {
+        self.in_volts().into_iter().fold(0.0, f64::max)
+    }
+
     /// The larger of each group's.
     #[must_use]
     pub fn largest(&self, other: &Self) -> Self {
@@ -103,7 +110,7 @@ impl Voltages {
     /// When the voltage is not finite.
     #[must_use]
     pub fn with_largest(&self, largest: f64) -> Self {
-        let now = self.in_volts().into_iter().fold(0.0, f64::max);
+        let now = self.most_v();
         let changed = |voltage: &Voltage| {
             let value = if now > 0.0 && voltage.value() < now {
                 voltage.value() / now * largest
@@ -192,7 +199,7 @@ impl States {
         let mut states = Vec::new();
         for (key, value) in node.entries(Self::WHAT)? {
             let name = key.text(Self::WHAT)?;
-            if !is_name(name) {
+            if !is_plain_name(name, LONGEST_NAME) {
                 return Err(key
                     .error(format!("{} is no name of a state", key.found()))
                     .help(format!("allowed: letters, digits, `-` and `_`, at most {LONGEST_NAME}")));
@@ -264,9 +271,4 @@ impl States {
     pub fn canonical(&self) -> Canonical {
         Canonical::map(self.0.iter().map(|(name, state)| (name.as_str(), state.to_canonical())))
     }
-}
-
-fn is_name(text: &str) -> bool {
-    let is_allowed = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
-    (1..=LONGEST_NAME).contains(&text.len()) && text.chars().all(is_allowed)
 }

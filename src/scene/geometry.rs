@@ -244,7 +244,7 @@ impl Outline {
     pub fn room(scene: &Node) -> Result<Option<Bits>, InputError> {
         let node = scene.fields(WHAT, &SECTIONS)?.required(WHAT, "geometry")?;
         let parts = Geometry::read_with(node, &[])?.parts();
-        Ok(parts.map(|parts| Bits::from_fn(parts.raster(), |x, y| parts.at(x, y) == Part::Membrane)))
+        Ok(parts.map(|parts| parts.room()))
     }
 
     /// What patterns on it are.

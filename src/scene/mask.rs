@@ -1,7 +1,7 @@
 //! An electrode as polygons in mm, at the size at which it is to be made.
 
 use super::model::Scene;
-use crate::pattern::{Bits, Corners, Membrane, Part, Parts, Pattern, outlines, total_area};
+use crate::pattern::{Corners, Membrane, Part, Pattern, outlines, total_area};
 
 /// A point in mm, the origin at the lower left corner of the membrane.
 pub type Point = [f64; 2];
@@ -90,7 +90,7 @@ impl Mask {
         .unzip();
         let parts = scene.parts();
         let part = |is_in: &dyn Fn(Part) -> bool| match &parts {
-            Some(parts) => drawn(&cells_of(parts, is_in), Corners::Square).1,
+            Some(parts) => drawn(&parts.cells(is_in).pattern(), Corners::Square).1,
             None => Vec::new(),
         };
         let has_frame = scene.geometry.frame.is_some();
@@ -120,10 +120,6 @@ impl Mask {
     pub fn holes(&self) -> usize {
         self.groups.iter().flatten().map(|(_, holes)| holes.len()).sum()
     }
-}
-
-fn cells_of(parts: &Parts, is_in: &dyn Fn(Part) -> bool) -> Pattern {
-    Bits::from_fn(parts.raster(), |x, y| is_in(parts.at(x, y))).pattern()
 }
 
 #[cfg(test)]

@@ -11,7 +11,7 @@ use crate::base::{
     Canonical, Decimal, Declared, Document, Fields, InputError, Map, Node, NodeValue, Parameter, Schema, Stress,
     Voltage, parameters, words,
 };
-use crate::pattern::{Bits, Membrane, Part, Parts, PatternForm, Symmetries};
+use crate::pattern::{Bits, Membrane, Parts, PatternForm, Symmetries};
 
 /// ε₀ in F/m (CODATA 2018).
 pub const VACUUM_PERMITTIVITY: f64 = 8.854_187_812_8e-12;
@@ -261,8 +261,7 @@ impl Scene {
     /// The cells that may carry electrodes; none are told where all of them may.
     #[must_use]
     pub fn room(&self) -> Option<Bits> {
-        let parts = self.parts()?;
-        Some(Bits::from_fn(parts.raster(), |x, y| parts.at(x, y) == Part::Membrane))
+        self.parts().map(|parts| parts.room())
     }
 
     /// The side in mm of a square of the area of the prestretched membrane: a length to compare others with.
@@ -312,7 +311,7 @@ impl Scene {
     /// Voltage V in V: the largest of all groups of electrodes.
     #[must_use]
     pub fn voltage_v(&self) -> f64 {
-        self.drive.voltages.in_volts().into_iter().fold(0.0, f64::max)
+        self.drive.voltages.most_v()
     }
 
     /// The largest voltage, as it is written.

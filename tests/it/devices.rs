@@ -40,6 +40,15 @@ fn workspace() -> Workspace {
     workspace
 }
 
+/// Runs what is bad input, and looks for words in what is said of it.
+fn refused(workspace: &Workspace, arguments: &[&str], says: &[&str]) {
+    let ended = workspace.run(arguments);
+    assert_eq!(ended.code, Some(2), "{arguments:?}: {}", ended.stderr);
+    for word in says {
+        assert!(ended.stderr.contains(word), "{arguments:?}, {word}: {}", ended.stderr);
+    }
+}
+
 fn texts(file: &hdf5::File, path: &str) -> Vec<String> {
     let texts = file.dataset(path).unwrap().read_raw::<FixedUnicode<64>>().unwrap();
     texts.iter().map(|text| text.as_str().to_owned()).collect()
@@ -254,11 +263,7 @@ fn what_does_not_fit_the_membrane_is_said() {
         (&["solve", "many.yaml", "disc.csv", "-o", "x.h5"], &["401", "400"]),
         (&["solve", "three.yaml", "disc.csv", "-o", "x.h5"], &["two values"]),
     ] {
-        let ended = workspace.run(arguments);
-        assert_eq!(ended.code, Some(2), "{arguments:?}: {}", ended.stderr);
-        for word in says {
-            assert!(ended.stderr.contains(word), "{arguments:?}, {word}: {}", ended.stderr);
-        }
+        refused(&workspace, arguments, says);
     }
 }
 
@@ -400,12 +405,10 @@ fn groups_have_their_voltages_and_states_an_axis() {
         let mirrored = &push[2 * (at / 41 * 41 + 40 - at % 41)..][..2];
         assert!((u[0] + mirrored[0]).abs() < 1e-6 * largest && (u[1] - mirrored[1]).abs() < 1e-6 * largest);
     }
-    let refused = workspace.run(&["solve", "scene.yaml", "groups.csv", "-o", "no.h5"]);
-    assert_eq!(refused.code, Some(2));
-    assert!(
-        refused.stderr.contains("groups.csv") && refused.stderr.contains("[y=0][x=26] is 2"),
-        "{}",
-        refused.stderr
+    refused(
+        &workspace,
+        &["solve", "scene.yaml", "groups.csv", "-o", "no.h5"],
+        &["groups.csv", "[y=0][x=26] is 2"],
     );
     // Stages of a pipeline simulate one drive; groups are theirs too.
     workspace.write(
@@ -414,12 +417,7 @@ fn groups_have_their_voltages_and_states_an_axis() {
             .replace("disc.csv", "groups.csv")
             .replace("scene.yaml", "states.yaml"),
     );
-    let refused = workspace.run(&["run", "p.yaml"]);
-    assert!(
-        refused.code == Some(2) && refused.stderr.contains("one drive"),
-        "{}",
-        refused.stderr
-    );
+    refused(&workspace, &["run", "p.yaml"], &["one drive"]);
     let text = PIPELINE
         .replace("disc.csv", "groups.csv")
         .replace("scene.yaml", "push.yaml");
@@ -437,12 +435,7 @@ fn groups_have_their_voltages_and_states_an_axis() {
          v: { kind: solve, needs: [s] }\n  b: { kind: balance, needs: [v], bins: 5, range: [0 mm, 2 mm], target: 10, seed: 1 }\n  \
          m: { kind: train, needs: [b], network: physics, epochs: 1, seed: 1 }\n",
     );
-    let refused = workspace.run(&["run", "net.yaml"]);
-    assert!(
-        refused.code == Some(2) && refused.stderr.contains("2 groups of electrodes"),
-        "{}",
-        refused.stderr
-    );
+    refused(&workspace, &["run", "net.yaml"], &["2 groups of electrodes"]);
 }
 
 #[test]
@@ -501,12 +494,7 @@ fn a_mask_is_a_shape_and_what_is_in_it_counts_not_its_name() {
         ("mask: { columns: 40, rows: 24, runs: [3, 4] }", "runs of the mask"),
     ] {
         workspace.write("wrong.yaml", &frame(opening, tip));
-        let refused = workspace.run(&["solve", "wrong.yaml", "disc.csv", "-o", "no.h5"]);
-        assert!(
-            refused.code == Some(2) && refused.stderr.contains(says),
-            "{opening}: {}",
-            refused.stderr
-        );
+        refused(&workspace, &["solve", "wrong.yaml", "disc.csv", "-o", "no.h5"], &[says]);
     }
 }
 
@@ -550,12 +538,7 @@ stages:
         );
     }
     workspace.write("groups.yaml", &text.replace("groups: 3", "groups: 4"));
-    let refused = workspace.run(&["run", "groups.yaml"]);
-    assert!(
-        refused.code == Some(2) && refused.stderr.contains("voltages of 3"),
-        "{}",
-        refused.stderr
-    );
+    refused(&workspace, &["run", "groups.yaml"], &["voltages of 3"]);
 }
 
 #[test]
@@ -581,6 +564,7 @@ fn masks_have_a_layer_for_each_group_and_show_the_real_shape() {
         .map(|(one, two)| if two == '2' { '2' } else { one })
         .collect();
     workspace.write("groups.csv", &both);
+    let exported = ["export", "design", "groups.csv", "--scene", "device.yaml"];
     let export = |more: &[&str], file: &str| {
         let arguments = [
             &["export", "design", "groups.csv", "--scene", "device.yaml", "-o", file],
@@ -617,11 +601,10 @@ fn masks_have_a_layer_for_each_group_and_show_the_real_shape() {
         }
         assert_eq!(solved.code, Some(0), "{file}: {}", solved.stderr);
     }
-    let refused = export(&[], "mask.gbr");
-    assert!(
-        refused.code == Some(2) && refused.stderr.contains("--group 1 to --group 2"),
-        "{}",
-        refused.stderr
+    refused(
+        &workspace,
+        &[&exported[..], &["-o", "mask.gbr"]].concat(),
+        &["--group 1 to --group 2"],
     );
     for group in ["1", "2"] {
         let file = format!("mask-{group}.gbr");
@@ -629,11 +612,10 @@ fn masks_have_a_layer_for_each_group_and_show_the_real_shape() {
         assert_eq!(text(&file).matches("%LPD*%").count(), 1);
     }
     assert_ne!(text("mask-1.gbr"), text("mask-2.gbr"));
-    let refused = export(&["--group", "3"], "mask.svg");
-    assert!(
-        refused.code == Some(2) && refused.stderr.contains("no group 3"),
-        "{}",
-        refused.stderr
+    refused(
+        &workspace,
+        &[&exported[..], &["-o", "mask.svg", "--group", "3"]].concat(),
+        &["no group 3"],
     );
 }
 
@@ -721,10 +703,5 @@ fn a_tip_in_an_odd_frame_is_designed_verified_drawn_and_exported() {
         "held.yaml",
         &format!("version: 1\nname: held\nscene: scene.yaml\nstages:\n  best: {{ kind: design, method: adjoint, {held}, seed: 1 }}\n"),
     );
-    let refused = workspace.run(&["run", "held.yaml"]);
-    assert!(
-        refused.code == Some(2) && refused.stderr.contains("lies on the frame"),
-        "{}",
-        refused.stderr
-    );
+    refused(&workspace, &["run", "held.yaml"], &["lies on the frame"]);
 }

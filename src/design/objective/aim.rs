@@ -53,10 +53,7 @@ impl Aim {
         }
         let (direction, wanted) = self.motion.vectors()?;
         Ok(PlacedAim {
-            point: [0, 1].map(|axis| {
-                let (side, cells) = (membrane.size_mm[axis], membrane.raster.sides()[axis]);
-                self.point_mm[axis] / side * cells as f64
-            }),
+            point: membrane.in_cells(self.point_mm),
             direction,
             wanted,
             weight: self.weight,

@@ -86,12 +86,13 @@ fn decide(scene: &Scene) -> Result<Screening, SetupError> {
     Ok(screening)
 }
 
-/// The same for all states of a scene: their effects are those that the largest voltage of each group of electrodes calls for.
+/// The scene with the effects of its states decided, which are those that the largest voltage of each group of electrodes calls for; a scene
+/// without states as it is.
 ///
 /// # Errors
 /// When its effects cannot be simulated.
 pub fn resolve_states(scene: &Scene) -> Result<Scene, SetupError> {
-    match scene.auto {
+    match scene.auto && !scene.states.is_empty() {
         true => Ok(scene.with_effects(decide(&scene.at_largest_voltages())?.scene.effects)),
         false => Ok(scene.clone()),
     }

@@ -107,3 +107,45 @@ fn newton_by_factors<L: Material>(operator: &Operator<'_, L>, load: &[f64], u: &
     }
     panic!("residual {:e}", norm(&r));
 }
+
+/// Compares the gradient of a weighted sum of displacements with differences of fourth order in the activity of some cells.
+fn check_gradient(
+    scene: &Scene,
+    solver: &MembraneSolver,
+    pattern: &Pattern,
+    weights: &Field,
+    cells: impl Iterator<Item = usize>,
+) {
+    let solution = solver.solve(pattern);
+    let gradient = solver.gradient(pattern, &solution, weights).unwrap();
+    let (grid, columns) = (solver.grid(), pattern.raster().columns());
+    let material = NeoHookean::new(scene.mean_prestretch(), scene.kappa());
+    let value = |cell: usize, by: f64| -> f64 {
+        let share = |x: usize, y: usize| {
+            let own = f64::from(u8::from(pattern.is_active(x, y)));
+            own + if y * columns + x == cell { by } else { 0.0 }
+        };
+        let operator = Operator {
+            material: &material,
+            activity: &Activity::from_shares(grid, share),
+            pulled: 1.0,
+        };
+        let mut u = solution.displacement.clone();
+        newton_by_factors(&operator, &vec![0.0; u.len()], &mut u);
+        let field = grid.sample(&u);
+        field.values().iter().zip(weights.values()).map(|(u, w)| u * w).sum()
+    };
+    let largest = gradient.iter().fold(0.0, |largest: f64, g| largest.max(g.abs()));
+    for cell in cells {
+        let step = 1e-3;
+        let slope = (8.0 * (value(cell, step) - value(cell, -step)) - value(cell, 2.0 * step)
+            + value(cell, -2.0 * step))
+            / (12.0 * step);
+        assert!(
+            (gradient[cell] - slope).abs() < 1e-6 * largest,
+            "{:?} {cell}: {} {slope}",
+            scene.geometry,
+            gradient[cell]
+        );
+    }
+}

@@ -5,7 +5,7 @@ use std::rc::Rc;
 
 use super::settings::{AxisValue, Setting, Settings, text_of};
 use super::substitute::axes_in;
-use crate::base::{InputError, Node, NodeValue};
+use crate::base::{InputError, Node, NodeValue, is_plain_name};
 
 /// The key of the axes.
 pub const FOREACH: &str = "foreach";
@@ -205,8 +205,7 @@ fn name_by(steps: &mut [Settings], axes: &[(&Node, &Node)]) -> Result<(), InputE
 
 fn axis_name(key: &Node) -> Result<Rc<str>, InputError> {
     let name = key.text("the name of an axis")?;
-    let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
-    if name.is_empty() || !name.chars().all(plain) || name.chars().count() > 60 {
+    if !is_plain_name(name, 60) {
         let help = "allowed: at most 60 letters, digits, '_' and '-'";
         return Err(key.error(format!("an axis cannot be named {name:?}")).help(help));
     }

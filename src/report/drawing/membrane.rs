@@ -11,7 +11,7 @@ use super::chart::THOUSAND;
 use super::error::FigureError;
 use super::path::{number, path};
 use crate::field::Field;
-use crate::pattern::{self, Bits, Corners, Part, Pattern, PatternForm, Point, Raster, outlines};
+use crate::pattern::{self, Corners, Part, Pattern, PatternForm, Point, Raster, outlines};
 use crate::scene::Scene;
 
 /// Cells between two lines of the grid, and between two points of a line that has moved.
@@ -38,7 +38,7 @@ impl Ground {
         let parts = scene.parts();
         let cells = |is_in: fn(Part) -> bool| {
             let parts = parts.as_ref()?;
-            let cells = Bits::from_fn(parts.raster(), |x, y| is_in(parts.at(x, y)));
+            let cells = parts.cells(is_in);
             (!cells.is_empty()).then(|| cells.pattern())
         };
         Self {
