@@ -3,6 +3,7 @@
 
 pub mod audit;
 mod balance;
+mod device;
 mod histogram;
 pub mod import;
 mod level;
@@ -10,5 +11,6 @@ mod orbits;
 mod split;
 
 pub use balance::{BalanceError, BalanceOptions, Balanced, BalancedRow, Candidate, SymmetryGroup, balance};
+pub use device::{Device, is_overlong};
 pub use histogram::{Bins, BinsError, Histogram, Place};
 pub use split::Split;

@@ -23,7 +23,7 @@ use crate::base::{
     Canonical, Declared as _, Fields, InputError, Length, Node, NodeValue, Parameter, Progress, Quantity, Schema, Seed,
     open_regular, parameters, words,
 };
-use crate::content::{Audit, ContentError, FROM_FILE, SOLVED};
+use crate::content::{Audit, ContentError, FROM_FILE, SOLVED, StoredAttribute};
 use crate::dataset::audit::{AuditError, Dataset, Families, Options, Report, RowSource, audit};
 use crate::fem::{SceneSimulators, SetupError};
 use crate::field::SimulatorError;
@@ -101,8 +101,7 @@ impl Kind for AuditKind {
         vec![AuditParameters::fields()]
     }
 
-    fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
-        super::refuse_other_membranes(stage, scene)?;
+    fn read(&self, stage: &Node, _scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
         let parameters = AuditParameters::read_with(stage, &["kind", "needs"])?;
         Ok(Box::new(AuditStage { parameters }))
     }
@@ -215,11 +214,9 @@ impl Stage for AuditStage {
             return Err(StageError::Failed("an audit stage audits one dataset".to_owned()));
         };
         let wrong = |why: String| StageError::Input(format!("artifact {}: {why}", artifact.digest().short()));
-        let mut source = Source::of_artifact(artifact)?;
-        let scene = source.scene.as_deref();
+        let scene: Option<Scene> = StoredAttribute::new(artifact, "scene").read()?;
         let scene = scene.ok_or_else(|| wrong("it does not say which scene it was made with".to_owned()))?;
-        let scene = Scene::from_text(scene).map_err(|e| wrong(e.to_string()))?;
-        super::refuse_other_than_of_paper(&scene).map_err(StageError::Input)?;
+        let mut source = Source::of_artifact(artifact, scene.membrane().raster)?;
         // Samples are drawn with repeats, which balancing leaves out. Nothing is known of how others were chosen.
         let is_drawn = source.level.is_none() && source.solver.is_some();
         let start = Instant::now();
@@ -259,14 +256,13 @@ impl Stage for AuditStage {
 /// When one of the files cannot be read, or a simulator not be set up.
 pub fn audit_file(file: &Path, scene: &Path, request: &Request, progress: &dyn Progress) -> Result<Audit, DirectError> {
     let scene = read_scene(scene)?;
-    super::refuse_other_than_of_paper(&scene).map_err(DirectError::Failed)?;
     let unreadable = |e: ContentError| {
         let help = "the arrays must stand in the file itself; or name the stage: deaflow audit PIPELINE.yaml:STAGE";
         InputError::new(e.to_string()).help(help)
     };
     // A pipe would keep who opens it waiting, and a device may have no end.
     open_regular(file).map_err(|e| InputError::new(format!("cannot read {}: {e}", file.display())))?;
-    let mut source = Source::of_file(file).map_err(unreadable)?;
+    let mut source = Source::of_file(file, scene.membrane().raster).map_err(unreadable)?;
     let failed = |e: SetupError| DirectError::Failed(e.to_string());
     source.findings.extend(other_scene(&source, &scene).map_err(failed)?);
     source.findings.extend(other_effects(&source, &scene).map_err(failed)?);
@@ -282,8 +278,8 @@ pub fn audit_file(file: &Path, scene: &Path, request: &Request, progress: &dyn P
 /// Rows of a dataset, to be looked at one by one.
 pub struct SourceRows {
     source: Source,
-    /// Side of the membrane, mm.
-    pub side_mm: f64,
+    /// The scene of the audit.
+    pub scene: Scene,
 }
 
 impl SourceRows {
@@ -291,7 +287,7 @@ impl SourceRows {
     #[must_use]
     pub fn row(&self, index: usize) -> Option<(Vec<u8>, Vec<f64>)> {
         let batch = self.source.read(index..index + 1).ok()?;
-        let cells = batch.cells.iter().map(|&cell| u8::from(cell > 0.0)).collect();
+        let cells = batch.cells.iter().map(|&cell| cell as u8).collect();
         // A field that is no field cannot be drawn.
         let numbers = !batch.displacement.is_empty() && batch.displacement.iter().all(|u| u.is_finite());
         numbers.then_some((cells, batch.displacement))
@@ -303,12 +299,13 @@ impl SourceRows {
 /// # Errors
 /// When they cannot be read.
 pub fn rows(dataset: Audited<'_>, audit: &Audit) -> Result<SourceRows, ContentError> {
+    let raster = audit.scene.membrane().raster;
     let source = match dataset {
-        Audited::File(path) => Source::of_file(path),
-        Audited::Artifact(artifact) => Source::of_artifact(artifact),
+        Audited::File(path) => Source::of_file(path, raster),
+        Audited::Artifact(artifact) => Source::of_artifact(artifact, raster),
     };
     Ok(SourceRows {
-        side_mm: audit.scene.side_mm(),
+        scene: audit.scene.clone(),
         source: source?,
     })
 }
@@ -338,14 +335,17 @@ struct Terms {
     repeats_are_usual: bool,
 }
 
-/// The families that there are. Any pattern may come from a file.
-struct KnownFamilies;
+/// The families that there are. Any pattern may come from a file, and on another device than the source paper's it is not known what a
+/// family draws.
+struct KnownFamilies {
+    is_paper: bool,
+}
 
 impl Families for KnownFamilies {
     fn admits(&self, family: &str, pattern: &Pattern) -> Option<bool> {
         match family {
             FROM_FILE => Some(true),
-            drawn => sample::admits(drawn, pattern),
+            drawn => sample::admits(drawn, pattern).map(|fits| fits || !self.is_paper),
         }
     }
 }
@@ -365,14 +365,18 @@ fn carry_out(
     }
     let (held, loose) = held(source, scene, request, terms.trust);
     let simulators = SceneSimulators::new(scene, held.method, held.residual).map_err(SimulatorError::new)?;
+    let device = super::device_of(scene);
     let dataset = Dataset {
+        device: &device,
         len: source.len(),
         rows: source,
         columns: source.columns.clone(),
         declared: source.declared,
         origins: source.origins.as_deref(),
         bins: source.bins,
-        families: &KnownFamilies,
+        families: &KnownFamilies {
+            is_paper: super::other_than_of_paper(&scene.outline()).is_none(),
+        },
     };
     let options = Options {
         samples: request

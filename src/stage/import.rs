@@ -4,22 +4,30 @@
 //! what an audit finds out.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use super::files::{FileName, NamedFile};
 use super::results;
 use crate::base::{Canonical, Declared, Digest, DigestWriter, Fields, InputError, Node, parameters};
 use crate::content::{FROM_FILE, SampleRows, Solutions, Unstable};
+use crate::dataset::Device;
 use crate::dataset::import::{ImportError, ImportFile, MOST, Rows};
 use crate::field::{Field, Outcome};
 use crate::orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
+use crate::pattern::Raster;
 use crate::scene::{Difference, Scene};
 use crate::store::{Artifact, Object};
 
 /// The name of the kind.
 pub const NAME: &str = "import";
 
-/// Rows in a chunk: 44 MB.
+/// Rows in a chunk on the source paper's cells: 44 MB.
 const CHUNK: usize = 1000;
+
+/// Rows in a chunk: no more than these, and of more cells fewer.
+fn rows_of_chunk(raster: Raster) -> usize {
+    (CHUNK * Raster::PAPER.corners() / raster.corners()).clamp(1, CHUNK)
+}
 
 /// The kind `import`.
 pub struct ImportKind;
@@ -59,10 +67,12 @@ impl Kind for ImportKind {
 
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
         ImportParameters::read_with(stage, &["kind"])?;
-        let scene = super::paper_scene_of(stage, scene)?.simulated();
+        let scene = super::simulated_scene_of(stage, scene)?;
+        let device = Arc::new(super::device_of(&scene));
+        let of_chunk = rows_of_chunk(device.raster());
         let (mut files, mut rows) = (Vec::new(), 0);
         for named in NamedFile::of_stage(stage)? {
-            let file = open(&named, &scene)?;
+            let file = open(&named, &scene, &device)?;
             rows += file.len();
             if rows > MOST {
                 let why = format!("with it the stage has {rows} rows");
@@ -75,15 +85,16 @@ impl Kind for ImportKind {
         }
         let of_files = files.iter().map(|(_, file)| file);
         let mut digests = Vec::new();
-        for start in (0..rows).step_by(CHUNK) {
-            let range = start..rows.min(start + CHUNK);
+        for start in (0..rows).step_by(of_chunk) {
+            let range = start..rows.min(start + of_chunk);
             let read = gather(of_files.clone(), range.clone());
-            let read = read.map_err(|(at, why)| files[at].0.refused(&why, &why.help()))?;
+            let read = read.map_err(|(at, why)| files[at].0.refused(&why, &why.help(&device)))?;
             digests.push(read.digest());
         }
         Ok(Box::new(ImportStage {
             files: files.into_iter().map(|(_, file)| file).collect(),
             scene,
+            of_chunk,
             digests,
             rows,
         }))
@@ -99,11 +110,11 @@ parameters! {
 }
 
 /// Opens a file, unless it says that it was made with another scene.
-fn open(named: &NamedFile<'_>, scene: &Scene) -> Result<ImportFile, InputError> {
+fn open(named: &NamedFile<'_>, scene: &Scene, device: &Arc<Device>) -> Result<ImportFile, InputError> {
     if named.dataset.is_some() {
         return Err(named.refused(&"its arrays are found by their names", "name the file alone"));
     }
-    let file = ImportFile::open(&named.path, scene.side_mm()).map_err(|why| named.refused(&why, &why.help()))?;
+    let file = ImportFile::open(&named.path, device).map_err(|why| named.refused(&why, &why.help(device)))?;
     let Some(said) = file.scene() else { return Ok(file) };
     let unreadable = |e| {
         named.refused(
@@ -136,6 +147,8 @@ fn gather<'f>(files: impl Iterator<Item = &'f ImportFile>, range: Range<usize>) 
 struct ImportStage {
     files: Vec<ImportFile>,
     scene: Scene,
+    /// Rows of a chunk.
+    of_chunk: usize,
     /// Of the rows of each chunk.
     digests: Vec<Digest>,
     rows: usize,
@@ -143,8 +156,8 @@ struct ImportStage {
 
 impl ImportStage {
     fn range(&self, chunk: usize) -> Range<usize> {
-        let start = chunk * CHUNK;
-        start..self.rows.min(start + CHUNK)
+        let start = chunk * self.of_chunk;
+        start..self.rows.min(start + self.of_chunk)
     }
 
     fn chunk(&self, at: usize) -> Canonical {

@@ -26,6 +26,7 @@ pub use results::words_of as result_words;
 
 use crate::base::{InputError, Node};
 use crate::content::{ContentError, StoredAttribute};
+use crate::dataset::Device;
 use crate::fem::effects::Model;
 use crate::orchestrator::{MOST_STAGES, Registry, StageError};
 use crate::pattern::Raster;
@@ -85,6 +86,12 @@ fn outline_of(scene: Option<&Node>) -> Result<Option<Outline>, InputError> {
 /// key or its artifact.
 fn simulated_scene_of(stage: &Node, scene: Option<&Node>) -> Result<Scene, InputError> {
     Ok(scene_of(stage, scene)?.simulated())
+}
+
+/// The device of a scene, as the rows of datasets see it.
+fn device_of(scene: &Scene) -> Device {
+    let parts = scene.parts();
+    Device::new(scene.membrane(), scene.groups(), scene.symmetries(), parts.as_deref())
 }
 
 /// The scene of a stage that knows none but the source paper's membrane: square, of 50 × 50 cells, equally prestretched.

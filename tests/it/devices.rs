@@ -226,10 +226,6 @@ fn what_does_not_fit_the_membrane_is_said() {
              m: { kind: train, needs: [b], network: physics, epochs: 1, seed: 1 }\n",
         ),
     );
-    workspace.write(
-        "imported.yaml",
-        &pipeline("  i: { kind: import, files: [square.npz] }\n"),
-    );
     for (name, geometry) in [
         (
             "both",
@@ -254,7 +250,6 @@ fn what_does_not_fit_the_membrane_is_said() {
             &["square.csv", "24 lines of 40 values"][..],
         ),
         (&["run", "trained.yaml"], &["50 × 50", "40 × 24"]),
-        (&["run", "imported.yaml"], &["50 × 50", "40 × 24"]),
         (
             &["solve", "both.yaml", "disc.csv", "-o", "x.h5"],
             &["`size` and `side`"],

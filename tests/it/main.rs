@@ -2,6 +2,7 @@
 
 mod accuracy;
 mod additions;
+mod any_membrane;
 mod audit;
 mod browser;
 mod cli;

@@ -9,7 +9,6 @@ use crate::base::ArtifactId;
 use crate::cli::error::CliError;
 use crate::cli::{table, write};
 use crate::content::{AttributeError, Audit};
-use crate::pattern;
 use crate::report::figures::{Ground, Membrane, draw_audit, membrane_drawing};
 use crate::report::{Page, audited};
 use crate::stage::audit::{Audited, Finding, Lineage, Severity, SourceRows, Summary, rows, sort};
@@ -246,12 +245,7 @@ impl Answer {
         let examples = finding.examples.iter().filter(|_| finding.check != "not-converged");
         examples.copied().find_map(|row| {
             let (cells, displacement) = rows.row(usize::try_from(row).ok()?)?;
-            let membrane = Membrane::new(
-                &cells,
-                &displacement,
-                Ground::plain(pattern::Membrane::square(rows.side_mm)),
-                Vec::new(),
-            );
+            let membrane = Membrane::new(&cells, &displacement, Ground::of(&rows.scene), Vec::new());
             Some((row, membrane.ok()?))
         })
     }

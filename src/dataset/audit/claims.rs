@@ -11,7 +11,7 @@ use super::finding::{Finding, Severity};
 use super::rows::{Columns, Dataset, NO_NUMBER};
 use crate::base::Digest;
 use crate::dataset::{Bins, Place};
-use crate::pattern::{Pattern, Symmetry};
+use crate::pattern::{Pattern, Symmetries};
 
 /// Part of a displacement by which it may lie on the other side of the edge of a bin: images have it but for rounding.
 const EDGE: f64 = 1e-9;
@@ -39,8 +39,16 @@ pub fn findings(facts: &[Facts], dataset: &Dataset<'_>) -> Vec<Finding> {
     let unknown = rows(facts, |row, facts| {
         columns.family.is_some() && facts[row].is_pattern && facts[row].fits_family.is_none()
     });
+    let symmetries = match dataset.device.symmetries {
+        Symmetries::SQUARE => "0 to 7".to_owned(),
+        group => group
+            .iter()
+            .map(|g| g.index().to_string())
+            .collect::<Vec<_>>()
+            .join(", "),
+    };
     let found = [
-        error(unturnable(columns), "`symmetry` is none of 0 to 7"),
+        error(unturnable(dataset), &format!("`symmetry` is none of {symmetries}")),
         error(
             misled(facts, dataset),
             "`source` and `symmetry` do not lead to the pattern of the row",
@@ -74,9 +82,11 @@ fn rows(facts: &[Facts], wanted: impl Fn(usize, &[Facts]) -> bool) -> Vec<usize>
     (0..facts.len()).filter(|&row| wanted(row, facts)).collect()
 }
 
-fn unturnable(columns: &Columns) -> Vec<usize> {
-    let symmetries = columns.symmetry.iter().flatten().enumerate();
-    let wrong = symmetries.filter(|(_, symmetry)| **symmetry >= Symmetry::ALL.len() as u64);
+fn unturnable(dataset: &Dataset<'_>) -> Vec<usize> {
+    let group = dataset.device.symmetries;
+    let is_known = |symmetry: u64| group.iter().any(|g| g.index() as u64 == symmetry);
+    let symmetries = dataset.columns.symmetry.iter().flatten().enumerate();
+    let wrong = symmetries.filter(|(_, symmetry)| !is_known(**symmetry));
     wrong.map(|(row, _)| row).collect()
 }
 

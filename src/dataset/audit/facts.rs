@@ -1,15 +1,11 @@
 //! What a row says about itself, without any simulation.
 
-use super::diagnosis::on_the_frame;
 use super::rows::{Batch, Columns, Dataset};
-use super::symmetric::{PROJECTIONS, Standing, asymmetry, projections};
+use super::symmetric::{PROJECTIONS, Projections, Standing, asymmetry};
 use crate::base::{Digest, OrbitId};
-use crate::field::{CORNERS, Field};
-use crate::pattern::{CELLS, Pattern, Raster, Symmetry};
-
-/// Values of a row: cells, displacements.
-const CELL_VALUES: usize = CELLS * CELLS;
-const FIELD_VALUES: usize = CORNERS * CORNERS * 2;
+use crate::dataset::Device;
+use crate::field::Field;
+use crate::pattern::{Pattern, Symmetry};
 
 /// A row as far as it can be used.
 pub struct CheckedRow {
@@ -24,18 +20,21 @@ pub struct CheckedRow {
 }
 
 impl CheckedRow {
-    /// Row `at` of a batch; `has_field` is what the dataset claims.
+    /// Row `at` of a batch of a device; `has_field` is what the dataset claims.
     #[must_use]
-    pub fn of(batch: &Batch, at: usize, has_field: bool) -> Self {
-        let cells: Option<Vec<u8>> = batch.cells[at * CELL_VALUES..][..CELL_VALUES]
+    pub fn of(batch: &Batch, at: usize, has_field: bool, device: &Device) -> Self {
+        let (raster, groups) = (device.raster(), device.groups as f64);
+        let is_group = |cell: f64| cell.fract() == 0.0 && (0.0..=groups).contains(&cell);
+        let (cells, fields) = (raster.cells(), 2 * raster.corners());
+        let cells: Option<Vec<u8>> = batch.cells[at * cells..][..cells]
             .iter()
-            .map(|&cell| [0.0, 1.0].iter().position(|&known| known == cell).map(|k| k as u8))
+            .map(|&cell| is_group(cell).then_some(cell as u8))
             .collect();
-        let values = &batch.displacement[at * FIELD_VALUES..][..FIELD_VALUES];
+        let values = &batch.displacement[at * fields..][..fields];
         Self {
-            pattern: cells.and_then(|cells| Pattern::from_cells(Raster::PAPER, &cells).ok()),
+            pattern: cells.and_then(|cells| Pattern::of_form(device.form(), &cells).ok()),
             field: has_field
-                .then(|| Field::from_values(Raster::PAPER, values.to_vec()).ok())
+                .then(|| Field::from_values(raster, values.to_vec()).ok())
                 .flatten(),
             claims_none: !has_field,
             is_hidden: !has_field && values.iter().all(|u| u.is_finite()) && values.iter().any(|&u| u != 0.0),
@@ -82,16 +81,19 @@ pub struct Facts {
 impl Facts {
     /// What is to be kept of row `index` of the dataset.
     #[must_use]
-    pub fn of(row: &CheckedRow, index: usize, dataset: &Dataset<'_>) -> Self {
-        let columns = &dataset.columns;
-        let standing = row.pattern.as_ref().map(Standing::of);
+    pub fn of(row: &CheckedRow, index: usize, dataset: &Dataset<'_>, projections: &Projections) -> Self {
+        let (columns, device) = (&dataset.columns, dataset.device);
+        let standing = row
+            .pattern
+            .as_ref()
+            .map(|pattern| Standing::of(pattern, device.symmetries));
         let field = row.field.as_ref();
         let mut facts = Self {
             is_pattern: row.pattern.is_some(),
             claims_field: claims_field(columns, index),
             has_field: field.is_some(),
             is_hidden: row.is_hidden,
-            frame: field.map_or(0.0, on_the_frame),
+            frame: field.map_or(0.0, |field| device.on_the_frame(field)),
             peak: field.map_or(0.0, Field::max_magnitude),
             area: row.pattern.as_ref().map_or(0.0, Pattern::area_fraction),
             edges: row.pattern.as_ref().map_or(0, edges),
@@ -109,7 +111,7 @@ impl Facts {
         };
         if let (Some(standing), Some(field)) = (standing, field) {
             facts.asymmetry = asymmetry(field, &standing.stabiliser);
-            facts.projections = projections(&field.transformed(standing.to_smallest));
+            facts.projections = projections.of(&field.transformed(standing.to_smallest));
         }
         facts
     }
@@ -134,16 +136,17 @@ fn unturned(pattern: &Pattern, columns: &Columns, index: usize) -> Option<Digest
 }
 
 fn edges(pattern: &Pattern) -> usize {
-    let cell = |x: usize, y: usize| pattern.is_active(x, y);
-    let inner = (0..CELLS - 1).flat_map(|i| (0..CELLS).map(move |k| (i, k)));
-    inner
-        .map(|(i, k)| usize::from(cell(i, k) != cell(i + 1, k)) + usize::from(cell(k, i) != cell(k, i + 1)))
-        .sum()
+    let [columns, rows] = pattern.raster().sides();
+    let cell = |x: usize, y: usize| pattern.group(x, y);
+    let along = (0..rows).flat_map(|y| (1..columns).map(move |x| cell(x, y) != cell(x - 1, y)));
+    let across = (1..rows).flat_map(|y| (0..columns).map(move |x| cell(x, y) != cell(x, y - 1)));
+    along.chain(across).filter(|differs| *differs).count()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pattern::{Membrane, Raster, Symmetries};
 
     #[test]
     fn edges_are_counted_between_cells() {
@@ -153,19 +156,27 @@ mod tests {
             edges(&Pattern::from_fn(Raster::PAPER, |x, y| (x + y) % 2 == 0)),
             2 * 49 * 50
         );
+        let raster = Raster::new(7, 3).unwrap();
+        assert_eq!(edges(&Pattern::from_groups(raster, |x, _| x as u8 / 3)), 6);
     }
 
     #[test]
     fn what_is_no_pattern_or_no_number_is_not_used() {
-        let mut batch = Batch {
-            cells: vec![0.0; CELL_VALUES],
-            displacement: vec![0.0; FIELD_VALUES],
+        let raster = Raster::new(7, 3).unwrap();
+        let membrane = Membrane {
+            raster,
+            size_mm: [7.0, 6.0],
         };
-        assert!(CheckedRow::of(&batch, 0, true).usable().is_some());
-        assert!(CheckedRow::of(&batch, 0, false).usable().is_none());
+        let device = Device::new(membrane, 2, Symmetries::RECTANGLE, None);
+        let mut batch = Batch {
+            cells: vec![2.0; raster.cells()],
+            displacement: vec![0.0; 2 * raster.corners()],
+        };
+        assert!(CheckedRow::of(&batch, 0, true, &device).usable().is_some());
+        assert!(CheckedRow::of(&batch, 0, false, &device).usable().is_none());
         batch.displacement[3] = f64::NAN;
         batch.cells[7] = 0.5;
-        let row = CheckedRow::of(&batch, 0, true);
+        let row = CheckedRow::of(&batch, 0, true, &device);
         assert!(row.pattern.is_none() && row.field.is_none());
     }
 }

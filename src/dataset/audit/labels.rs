@@ -8,10 +8,11 @@
 
 use std::collections::BTreeMap;
 
-use super::diagnosis::{Fault, diagnose, fit, inside};
+use super::diagnosis::{Fault, diagnose, fit};
 use super::error::AuditError;
 use super::facts::CheckedRow;
 use super::rows::{Columns, Discretisation};
+use crate::dataset::Device;
 use crate::field::{Field, Mesh, SimulatorKind, Simulators};
 use crate::pattern::Pattern;
 
@@ -70,6 +71,8 @@ pub enum LabelCheck {
 
 /// By what labels are judged.
 pub struct Judge<'a> {
+    /// The device.
+    pub device: &'a Device,
     /// Simulators.
     pub simulators: &'a dyn Simulators,
     /// How the fields were found.
@@ -130,7 +133,7 @@ impl Judge<'_> {
             let found = self.against(wanted, &pairs)?;
             for ((at, (_, stored)), truth) in members.into_iter().zip(pairs).zip(found) {
                 labels[at] = match (wanted, truth) {
-                    (SimulatorKind::Newton(_), truth) => compared(stored, truth.as_ref()),
+                    (SimulatorKind::Newton(_), truth) => self.compared(stored, truth.as_ref()),
                     (_, truth) => self.verdict(stored, truth.as_ref()),
                 };
             }
@@ -159,9 +162,10 @@ impl Judge<'_> {
         let truth = self.against(self.own(mesh), &[(pattern, stored)])?.pop().flatten();
         let label = self.verdict(stored, truth.as_ref());
         let otherwise = truth.map(|truth| {
-            let inner = inside(stored);
-            let off = inner.max_difference(&inside(&truth));
-            (fit(&inner, &truth).0, LabelCheck::Wrong(diagnose(&inner, &truth), off))
+            let inner = self.device.inside(stored);
+            let off = inner.max_difference(&self.device.inside(&truth));
+            let fault = diagnose(&inner, &truth, self.device.symmetries);
+            (fit(&inner, &truth).0, LabelCheck::Wrong(fault, off))
         });
         Ok(Solved { label, otherwise })
     }
@@ -194,23 +198,23 @@ impl Judge<'_> {
         let Some(truth) = truth else {
             return LabelCheck::NoSolution;
         };
-        let stored = inside(stored);
-        let off = stored.max_difference(&inside(truth));
+        let stored = self.device.inside(stored);
+        let off = stored.max_difference(&self.device.inside(truth));
         if off <= self.tolerance.of(truth.max_magnitude()) {
             return LabelCheck::Agrees;
         }
-        LabelCheck::Wrong(diagnose(&stored, truth), off)
+        LabelCheck::Wrong(diagnose(&stored, truth, self.device.symmetries), off)
     }
-}
 
-/// A field beside an estimate of it.
-fn compared(stored: &Field, estimate: Option<&Field>) -> LabelCheck {
-    let Some(estimate) = estimate else {
-        return LabelCheck::Compared { ratio: 0.0, rest: 1.0 };
-    };
-    if stored.max_magnitude().max(estimate.max_magnitude()) <= ROUNDING {
-        return LabelCheck::Agrees;
+    /// A field beside an estimate of it.
+    fn compared(&self, stored: &Field, estimate: Option<&Field>) -> LabelCheck {
+        let Some(estimate) = estimate else {
+            return LabelCheck::Compared { ratio: 0.0, rest: 1.0 };
+        };
+        if stored.max_magnitude().max(estimate.max_magnitude()) <= ROUNDING {
+            return LabelCheck::Agrees;
+        }
+        let (ratio, rest) = fit(&self.device.inside(stored), estimate);
+        LabelCheck::Compared { ratio, rest }
     }
-    let (ratio, rest) = fit(&inside(stored), estimate);
-    LabelCheck::Compared { ratio, rest }
 }

@@ -182,7 +182,12 @@ impl Recheck<'_> {
 /// When it cannot be read; why.
 pub fn row(dataset: &Dataset<'_>, index: usize) -> Result<CheckedRow, AuditError> {
     let batch = dataset.rows.read(index..index + 1)?;
-    Ok(CheckedRow::of(&batch, 0, claims_field(&dataset.columns, index)))
+    Ok(CheckedRow::of(
+        &batch,
+        0,
+        claims_field(&dataset.columns, index),
+        dataset.device,
+    ))
 }
 
 fn is_open(label: LabelCheck) -> bool {

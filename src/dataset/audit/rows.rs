@@ -4,14 +4,14 @@ use std::ops::Range;
 
 use super::claims::{Families, Origin};
 use super::error::AuditError;
-use crate::dataset::Bins;
+use crate::dataset::{Bins, Device};
 use crate::field::Mesh;
 
 /// Rows as they stand in the file: nothing is known of them yet.
 pub struct Batch {
-    /// Cells, 2500 to a row.
+    /// Cells, row by row.
     pub cells: Vec<f64>,
-    /// Displacements in mm, 51 · 51 · 2 to a row.
+    /// Displacements in mm, two for each corner of cells.
     pub displacement: Vec<f64>,
 }
 
@@ -90,6 +90,8 @@ pub enum Discretisation {
 
 /// A dataset.
 pub struct Dataset<'a> {
+    /// The device that its rows are patterns and fields of.
+    pub device: &'a Device,
     /// How many rows.
     pub len: usize,
     /// The rows.

@@ -13,6 +13,7 @@ use super::report::{Report, Resimulation, Summary};
 use super::resimulate::{Resimulated, is_wrong, resimulate};
 use super::rows::{Columns, Dataset, Discretisation};
 use super::spread::{Level, Spread};
+use super::symmetric::Projections;
 use super::{claims, identify, images, values, verdicts};
 use crate::base::Stream;
 use crate::field::{Mesh, Simulators};
@@ -93,7 +94,7 @@ pub fn audit(
     } else {
         0.0
     };
-    let mut findings = values::findings(&facts, &dataset.columns, rounding);
+    let mut findings = values::findings(&facts, dataset, rounding);
     findings.extend(claims::findings(&facts, dataset));
     findings.extend(images::findings(
         &facts,
@@ -137,7 +138,7 @@ pub fn audit(
 
 /// By what the labels of a dataset are judged; where it does not say how they were found, that is looked for first.
 fn judge<'a>(
-    dataset: &Dataset<'_>,
+    dataset: &Dataset<'a>,
     simulators: &'a dyn Simulators,
     options: &Options,
 ) -> Result<Judge<'a>, AuditError> {
@@ -164,6 +165,7 @@ fn judge<'a>(
         },
     };
     Ok(Judge {
+        device: dataset.device,
         simulators,
         declared,
         tolerance,
@@ -219,14 +221,16 @@ fn pass(
     judge: &Judge<'_>,
     advance: &dyn Fn(usize),
 ) -> Result<(Vec<Facts>, Vec<LabelCheck>), AuditError> {
+    let projections = Projections::on(dataset.device.raster());
     let (mut facts, mut labels) = (Vec::with_capacity(dataset.len), Vec::with_capacity(dataset.len));
     for start in (0..dataset.len).step_by(BATCH) {
         let range = start..(start + BATCH).min(dataset.len);
         let count = range.len();
         let batch = dataset.rows.read(range)?;
         let read = |at| {
-            let row = CheckedRow::of(&batch, at, claims_field(&dataset.columns, start + at));
-            let facts = Facts::of(&row, start + at, dataset);
+            let claims_field = claims_field(&dataset.columns, start + at);
+            let row = CheckedRow::of(&batch, at, claims_field, dataset.device);
+            let facts = Facts::of(&row, start + at, dataset, &projections);
             (row, facts)
         };
         let (rows, found): (Vec<CheckedRow>, Vec<Facts>) = (0..count).into_par_iter().map(read).unzip();

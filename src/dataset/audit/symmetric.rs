@@ -4,11 +4,9 @@
 //! projections of its field there instead of the field: their root mean square difference is, but for a third, that of the
 //! fields, whatever these are.
 
-use std::sync::OnceLock;
-
 use crate::base::{Digest, OrbitId, Stream};
-use crate::field::{CORNERS, Field};
-use crate::pattern::{Pattern, Symmetry};
+use crate::field::Field;
+use crate::pattern::{Pattern, Raster, Symmetries, Symmetry};
 
 /// Random projections of a field.
 pub const PROJECTIONS: usize = 16;
@@ -26,32 +24,36 @@ pub struct Standing {
 }
 
 impl Standing {
-    /// Compares a pattern with its images.
+    /// Compares a pattern with its images under a group.
     #[must_use]
-    pub fn of(pattern: &Pattern) -> Self {
-        let images = Symmetry::ALL.map(|g| pattern.transformed(g));
+    pub fn of(pattern: &Pattern, group: Symmetries) -> Self {
+        let images: Vec<(Symmetry, Pattern)> = group.iter().map(|g| (g, pattern.transformed(g))).collect();
         let mut smallest = 0;
         for k in 1..images.len() {
-            if images[k] < images[smallest] {
+            if images[k].1 < images[smallest].1 {
                 smallest = k;
             }
         }
-        let own = (1..images.len()).filter(|&k| images[k] == images[0]);
+        let own = images[1..].iter().filter(|(_, image)| image == pattern);
         Self {
             pattern: Digest::of(pattern.cells()),
-            orbit: OrbitId::of(images[smallest].cells()),
-            to_smallest: Symmetry::ALL[smallest],
-            stabiliser: own.map(|k| Symmetry::ALL[k]).collect(),
+            orbit: pattern.orbit(group),
+            to_smallest: images[smallest].0,
+            stabiliser: own.map(|(g, _)| *g).collect(),
         }
     }
 }
 
-/// The projections of a field, in mm: root mean square of a component times deviates of variance 1.
-#[must_use]
-pub fn projections(field: &Field) -> [f64; PROJECTIONS] {
-    static DIRECTIONS: OnceLock<Vec<Vec<f64>>> = OnceLock::new();
-    let n = CORNERS * CORNERS * 2;
-    let directions = DIRECTIONS.get_or_init(|| {
+/// Random directions that fields on some cells are projected on.
+pub struct Projections {
+    directions: Vec<Vec<f64>>,
+}
+
+impl Projections {
+    /// Those of fields on these cells.
+    #[must_use]
+    pub fn on(raster: Raster) -> Self {
+        let n = 2 * raster.corners();
         let direction = |k| {
             let mut stream = Stream::new(0, "audit projection", k);
             let scale = 1.0 / (n as f64).sqrt();
@@ -59,9 +61,17 @@ pub fn projections(field: &Field) -> [f64; PROJECTIONS] {
                 .map(|_| if stream.chance(0.5) { scale } else { -scale })
                 .collect()
         };
-        (0..PROJECTIONS as u64).map(direction).collect()
-    });
-    std::array::from_fn(|k| field.values().iter().zip(&directions[k]).map(|(u, d)| u * d).sum())
+        Self {
+            directions: (0..PROJECTIONS as u64).map(direction).collect(),
+        }
+    }
+
+    /// The projections of a field, in mm: root mean square of a component times deviates of variance 1.
+    #[must_use]
+    pub fn of(&self, field: &Field) -> [f64; PROJECTIONS] {
+        let on = |k: usize| field.values().iter().zip(&self.directions[k]).map(|(u, d)| u * d);
+        std::array::from_fn(|k| on(k).sum())
+    }
 }
 
 /// The root mean square component of the difference of two fields, estimated from their projections, in mm.
@@ -81,8 +91,7 @@ pub fn asymmetry(field: &Field, stabiliser: &[Symmetry]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pattern::Raster;
-    use crate::pattern::Symmetries;
+    use crate::field::CORNERS;
 
     fn wavy() -> Field {
         let value = |i: usize| ((i * 37 % 101) as f64 - 50.0) / 40.0;
@@ -92,11 +101,11 @@ mod tests {
     #[test]
     fn images_meet_in_the_smallest() {
         let pattern = Pattern::from_fn(Raster::PAPER, |x, y| (3 * x + y * y) % 7 < 3 && x > y / 2);
-        let first = Standing::of(&pattern);
+        let first = Standing::of(&pattern, Symmetries::SQUARE);
         assert!(first.stabiliser.is_empty() && first.orbit == pattern.orbit(Symmetries::SQUARE));
         let field = wavy().transformed(first.to_smallest);
         for g in Symmetry::ALL {
-            let image = Standing::of(&pattern.transformed(g));
+            let image = Standing::of(&pattern.transformed(g), Symmetries::SQUARE);
             assert_eq!(image.orbit, first.orbit);
             assert_eq!(wavy().transformed(g).transformed(image.to_smallest), field);
         }
@@ -105,16 +114,17 @@ mod tests {
     #[test]
     fn the_distance_of_projections_is_that_of_fields() {
         let (a, zero) = (wavy(), Field::zero(Raster::PAPER));
-        let found = distance(&projections(&a), &projections(&zero));
+        let projections = Projections::on(Raster::PAPER);
+        let found = distance(&projections.of(&a), &projections.of(&zero));
         let exact = a.rms_difference(&zero);
         assert!((found / exact - 1.0).abs() < 0.5, "{found} {exact}");
-        assert_eq!(distance(&projections(&a), &projections(&a)), 0.0);
+        assert_eq!(distance(&projections.of(&a), &projections.of(&a)), 0.0);
     }
 
     #[test]
     fn a_symmetric_pattern_wants_a_symmetric_field() {
         let half = Pattern::from_fn(Raster::PAPER, |x, _| x < 25);
-        let own = Standing::of(&half).stabiliser;
+        let own = Standing::of(&half, Symmetries::SQUARE).stabiliser;
         assert_eq!(own.len(), 1);
         assert!(asymmetry(&wavy(), &own) > 0.1);
         assert_eq!(asymmetry(&Field::zero(Raster::PAPER), &own), 0.0);

@@ -2,16 +2,16 @@
 //! The membrane here is not one: displacement away from active cells near by, which has the symmetries of the real thing.
 
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 use super::*;
 use crate::base::{Digest, Stream};
-use crate::dataset::{Bins, Place};
+use crate::dataset::{Bins, Device, Place};
 use crate::field::{
     CORNERS, Field, Mesh, Observation, Outcome, SharedSimulator, Simulation, Simulator, SimulatorError, SimulatorKind,
     Simulators,
 };
-use crate::pattern::{CELLS, Pattern, Raster, Symmetries, Symmetry};
+use crate::pattern::{self, CELLS, Pattern, Raster, Symmetries, Symmetry};
 
 /// Coarser meshes are too stiff, and see corners less.
 struct Membrane(f64);
@@ -147,8 +147,15 @@ impl Families for ThreeFamilies {
     }
 }
 
+fn square() -> &'static Device {
+    static SQUARE: LazyLock<Device> =
+        LazyLock::new(|| Device::new(pattern::Membrane::square(50.0), 1, Symmetries::SQUARE, None));
+    &SQUARE
+}
+
 fn dataset(memory: &Memory, columns: Columns, declared: Discretisation) -> Dataset<'_> {
     Dataset {
+        device: square(),
         len: memory.patterns.len(),
         rows: memory,
         columns,

@@ -3,7 +3,7 @@
 
 use super::facts::Facts;
 use super::finding::{Finding, Severity};
-use super::rows::{Columns, Dataset};
+use super::rows::Dataset;
 use crate::base::{Digest, OrbitId};
 
 /// Part of the largest displacement by which a stored maximum may differ from its field, and by which the frame may move.
@@ -23,18 +23,18 @@ pub fn lengths(dataset: &Dataset<'_>) -> Option<Finding> {
 
 /// What is wrong with values, where so many mm may be rounding.
 #[must_use]
-pub fn findings(facts: &[Facts], columns: &Columns, rounding: f64) -> Vec<Finding> {
+pub fn findings(facts: &[Facts], dataset: &Dataset<'_>, rounding: f64) -> Vec<Finding> {
+    let columns = &dataset.columns;
+    let no_pattern = match dataset.device.groups {
+        1 => "a cell is neither 0 (bare) nor 1 (electrode)",
+        _ => "a cell is neither 0 (bare) nor the number of a group of electrodes",
+    };
     let rows = |wrong: &dyn Fn(usize, &Facts) -> bool| -> Vec<usize> {
         let all = facts.iter().enumerate();
         all.filter(|(i, facts)| wrong(*i, facts)).map(|(i, _)| i).collect()
     };
     let checks: [(&str, Severity, Vec<usize>, &str); 7] = [
-        (
-            "pattern",
-            Severity::Error,
-            rows(&|_, f| !f.is_pattern),
-            "a cell is neither 0 (bare) nor 1 (electrode)",
-        ),
+        ("pattern", Severity::Error, rows(&|_, f| !f.is_pattern), no_pattern),
         (
             "finite",
             Severity::Error,

@@ -1,6 +1,8 @@
 //! Why a file is no dataset.
 
-use super::MOST;
+use super::{MOST, of_field, of_pattern};
+use crate::dataset::Device;
+use crate::pattern::allowed_cells;
 
 /// Why a file is not taken as patterns with fields.
 #[derive(Debug, thiserror::Error)]
@@ -72,7 +74,7 @@ pub enum ImportError {
         /// What it is.
         outcome: String,
     },
-    /// A cell other than 0 and 1.
+    /// A cell that is no group of electrodes.
     #[error("row {row}: `patterns` [y={y}][x={x}] is {found}")]
     Cell {
         /// Which row.
@@ -109,7 +111,7 @@ pub enum ImportError {
         found_mm: f64,
     },
     /// A displacement out of the membrane.
-    #[error("row {row}: `displacement` [y={y}][x={x}] is {found_mm} mm on a membrane of {side_mm} mm")]
+    #[error("row {row}: `displacement` [y={y}][x={x}] is {found_mm} mm on a membrane of {size}")]
     Far {
         /// Which row.
         row: usize,
@@ -119,8 +121,8 @@ pub enum ImportError {
         x: usize,
         /// How far.
         found_mm: f64,
-        /// The side of the membrane.
-        side_mm: f64,
+        /// The sides of the membrane.
+        size: String,
     },
     /// Columns of other names.
     #[error("its columns are {0}")]
@@ -146,34 +148,61 @@ pub enum ImportError {
 }
 
 impl ImportError {
-    /// What to do about it.
+    /// What to do about it, for rows of a device.
     #[must_use]
-    pub fn help(&self) -> String {
+    pub fn help(&self, device: &Device) -> String {
+        let raster = device.raster();
+        let [columns, rows] = raster.corner_sides();
         match self {
             Self::Extension(_) => "allowed: FILE.npz, FILE.h5, FILE.hdf5, FILE.csv".to_owned(),
-            Self::Unreadable(_) | Self::Overlong { .. } => "it is cut off, damaged or something else; write it again".to_owned(),
-            Self::Missing { .. } => "needed: `patterns` (n, 50, 50) of 0 and 1, and `displacement` (n, 51, 51, 2) in mm".to_owned(),
-            Self::Shape { wanted, .. } => {
-                let row: Vec<String> = wanted.iter().map(u64::to_string).collect();
-                format!("allowed: (n, {})", row.join(", "))
+            Self::Unreadable(_) | Self::Overlong { .. } => {
+                "it is cut off, damaged or something else; write it again".to_owned()
             }
+            Self::Missing { .. } => format!(
+                "needed: `patterns` {} of {}, and `displacement` {} in mm",
+                of_rows(&of_pattern(raster)),
+                if device.groups == 1 {
+                    "0 and 1".to_owned()
+                } else {
+                    format!("0 to {}", device.groups)
+                },
+                of_rows(&of_field(raster))
+            ),
+            Self::Shape { wanted, .. } => format!("allowed: {}", of_rows(wanted)),
             Self::Lengths { .. } => "each pattern has one field, in the same order".to_owned(),
             Self::Empty | Self::Rows(_) => format!("allowed: 1 to {MOST} rows"),
-            Self::Elements { .. } => "allowed: booleans, integers and floats in C or Fortran order, as numpy.savez writes them".to_owned(),
+            Self::Elements { .. } => {
+                "allowed: booleans, integers and floats in C or Fortran order, as numpy.savez writes them".to_owned()
+            }
             Self::Units(_) => "displacements are taken in mm: convert them, and say so by `units`".to_owned(),
             Self::Estimate { .. } => "labels that a model learns from have to be simulated or measured".to_owned(),
-            Self::Cell { .. } => "a cell is 0 (bare) or 1 (electrode)".to_owned(),
-            Self::NotFinite { .. } => "leave out what has no displacement: a row has one at each of its 51 × 51 corners".to_owned(),
-            Self::Frame { .. } => "the membrane is clamped: its edges stay where they are, but for 1e-6 mm of rounding".to_owned(),
-            Self::Far { .. } => "displacements are taken in mm: divide µm by 1000, multiply m by 1000".to_owned(),
-            Self::Columns(_) => format!("the first line is {}", super::csv::COLUMNS.join(",")),
-            Self::Line { .. } | Self::Corner { .. } => {
-                "a sample has a line for each of its 51 × 51 corners; `electrode` is 0 or 1 of the cell to the upper right, empty on the \
-                 right and upper edges"
+            Self::Cell { .. } => format!("a cell is {}", allowed_cells(device.groups)),
+            Self::NotFinite { .. } => {
+                format!("leave out what has no displacement: a row has one at each of its {columns} × {rows} corners")
+            }
+            Self::Frame { .. } => {
+                "the membrane is clamped: its edges and its frame stay where they are, but for 1e-6 mm of rounding"
                     .to_owned()
             }
+            Self::Far { .. } => "displacements are taken in mm: divide µm by 1000, multiply m by 1000".to_owned(),
+            Self::Columns(_) => format!("the first line is {}", super::csv::COLUMNS.join(",")),
+            Self::Line { .. } | Self::Corner { .. } => format!(
+                "a sample has a line for each of its {columns} × {rows} corners; `electrode` is {} of the cell to the upper right, empty on \
+                 the right and upper edges",
+                if device.groups == 1 {
+                    "0 or 1".to_owned()
+                } else {
+                    format!("0 to {}", device.groups)
+                }
+            ),
         }
     }
+}
+
+/// The shape of rows of these extents.
+fn of_rows(extents: &[u64]) -> String {
+    let row: Vec<String> = extents.iter().map(u64::to_string).collect();
+    format!("(n, {})", row.join(", "))
 }
 
 fn shape(extents: &[u64]) -> String {

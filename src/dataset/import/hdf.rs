@@ -6,11 +6,10 @@ use std::path::{Path, PathBuf};
 use super::error::ImportError;
 use super::{DISPLACEMENT, PATTERNS, count};
 use crate::base::open_regular;
+use crate::dataset::is_overlong;
 use crate::field::Outcome;
 use crate::hdf::{Found, HdfError, HdfFile};
-
-/// A file holds fewer rows than this many bytes to each: DEFLATE, the densest filter, makes a thousandth of the 20 kB of a row.
-const BYTES_OF_ROW: u64 = 16;
+use crate::pattern::Raster;
 
 /// The word for a field that a network has predicted.
 const PREDICTED: &str = "predicted";
@@ -24,21 +23,21 @@ pub struct Hdf {
 
 impl Hdf {
     /// Looks at a file, in another process.
-    pub fn open(path: &Path) -> Result<Self, ImportError> {
+    pub fn open(path: &Path, raster: Raster) -> Result<Self, ImportError> {
         let bytes = open_regular(path).and_then(|file| file.metadata());
         let bytes = bytes.map_err(|e| ImportError::Unreadable(e.to_string()))?.len();
         let file = HdfFile::apart(path).map_err(refused)?;
-        let [patterns, displacement] = [PATTERNS.0, DISPLACEMENT.0].map(|name| array(&file, name));
+        let [patterns, displacement] = [PATTERNS, DISPLACEMENT].map(|name| array(&file, name));
         let (patterns, displacement) = (patterns?, displacement?);
-        for (name, found) in [(PATTERNS.0, &patterns), (DISPLACEMENT.0, &displacement)] {
+        for (name, found) in [(PATTERNS, &patterns), (DISPLACEMENT, &displacement)] {
             let rows = found.shape.first().copied().unwrap_or(0);
-            if rows > bytes / BYTES_OF_ROW {
+            if is_overlong(rows, raster, bytes) {
                 let claimed = found.shape.iter().fold(1_u64, |product, &n| product.saturating_mul(n));
                 return Err(ImportError::Overlong { name, claimed, bytes });
             }
         }
-        let len = count(&patterns.shape, &displacement.shape)?;
-        match file.units(DISPLACEMENT.0).map_err(refused)? {
+        let len = count(&patterns.shape, &displacement.shape, raster)?;
+        match file.units(DISPLACEMENT).map_err(refused)? {
             Some(units) if !["", "mm"].contains(&units.trim()) => return Err(ImportError::Units(units)),
             _ => {}
         }
@@ -63,8 +62,8 @@ impl Hdf {
     /// The numbers of some rows, of both arrays.
     pub fn numbers(&self, rows: Range<usize>) -> Result<(Vec<f64>, Vec<f64>), ImportError> {
         let file = HdfFile::apart(&self.path).map_err(refused)?;
-        let cells = file.numbers(PATTERNS.0, rows.clone()).map_err(refused)?;
-        Ok((cells, file.numbers(DISPLACEMENT.0, rows).map_err(refused)?))
+        let cells = file.numbers(PATTERNS, rows.clone()).map_err(refused)?;
+        Ok((cells, file.numbers(DISPLACEMENT, rows).map_err(refused)?))
     }
 }
 

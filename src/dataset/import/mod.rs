@@ -13,8 +13,12 @@ mod tests;
 
 use std::ops::Range;
 use std::path::Path;
+use std::sync::Arc;
 
 use npz::Npz;
+
+use super::Device;
+use crate::pattern::Raster;
 
 pub use error::ImportError;
 pub use rows::Rows;
@@ -22,14 +26,14 @@ pub use rows::Rows;
 /// The most rows of a file, and of several together.
 pub const MOST: usize = 100_000;
 
-/// What the arrays are called, and the extents of a row.
-const PATTERNS: (&str, [u64; 2]) = ("patterns", [50, 50]);
-const DISPLACEMENT: (&str, [u64; 3]) = ("displacement", [51, 51, 2]);
+/// What the arrays are called.
+const PATTERNS: &str = "patterns";
+const DISPLACEMENT: &str = "displacement";
 
 /// A file whose shapes have been looked at.
 pub struct ImportFile {
     format: Format,
-    side_mm: f64,
+    device: Arc<Device>,
 }
 
 /// How its rows are stored.
@@ -41,19 +45,20 @@ enum Format {
 }
 
 impl ImportFile {
-    /// Looks at a file of patterns and fields on a membrane of that side in mm: FILE.npz, FILE.h5, FILE.hdf5 or FILE.csv.
+    /// Looks at a file of patterns and fields of a device: FILE.npz, FILE.h5, FILE.hdf5 or FILE.csv.
     ///
     /// # Errors
     /// When it cannot be read, lacks an array, or has arrays of other shapes.
-    pub fn open(path: &Path, side_mm: f64) -> Result<Self, ImportError> {
+    pub fn open(path: &Path, device: &Arc<Device>) -> Result<Self, ImportError> {
         let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("");
         let format = match extension.to_ascii_lowercase().as_str() {
-            "npz" => Format::Npz(Npz::open(path)?),
-            "h5" | "hdf5" => Format::Hdf(hdf::Hdf::open(path)?),
-            "csv" => Format::Csv(csv::read(path, side_mm)?),
+            "npz" => Format::Npz(Npz::open(path, device.raster())?),
+            "h5" | "hdf5" => Format::Hdf(hdf::Hdf::open(path, device.raster())?),
+            "csv" => Format::Csv(csv::read(path, device)?),
             other => return Err(ImportError::Extension(other.to_owned())),
         };
-        Ok(Self { format, side_mm })
+        let device = Arc::clone(device);
+        Ok(Self { format, device })
     }
 
     /// How many rows it has.
@@ -91,13 +96,25 @@ impl ImportFile {
             Format::Hdf(file) => file.numbers(range.clone())?,
             Format::Csv(rows) => return Ok(rows.part(range)),
         };
-        Rows::new(&cells, displacement, range.start, self.side_mm)
+        Rows::new(&cells, displacement, range.start, &self.device)
     }
 }
 
+/// The extents of a row of patterns.
+fn of_pattern(raster: Raster) -> [u64; 2] {
+    let [columns, rows] = raster.sides().map(|side| side as u64);
+    [rows, columns]
+}
+
+/// The extents of a row of displacements.
+fn of_field(raster: Raster) -> [u64; 3] {
+    let [columns, rows] = raster.corner_sides().map(|side| side as u64);
+    [rows, columns, 2]
+}
+
 /// How many rows arrays of two shapes have.
-fn count(patterns: &[u64], displacement: &[u64]) -> Result<usize, ImportError> {
-    let rows = |(name, row): (&'static str, &[u64]), shape: &[u64]| match shape.split_first() {
+fn count(patterns: &[u64], displacement: &[u64], raster: Raster) -> Result<usize, ImportError> {
+    let rows = |name: &'static str, row: &[u64], shape: &[u64]| match shape.split_first() {
         Some((n, rest)) if rest == row => Ok(*n),
         _ => Err(ImportError::Shape {
             name,
@@ -105,8 +122,8 @@ fn count(patterns: &[u64], displacement: &[u64]) -> Result<usize, ImportError> {
             wanted: row.to_vec(),
         }),
     };
-    let patterns = rows((PATTERNS.0, &PATTERNS.1), patterns)?;
-    let fields = rows((DISPLACEMENT.0, &DISPLACEMENT.1), displacement)?;
+    let patterns = rows(PATTERNS, &of_pattern(raster), patterns)?;
+    let fields = rows(DISPLACEMENT, &of_field(raster), displacement)?;
     match (patterns, fields) {
         (0, 0) => Err(ImportError::Empty),
         (patterns, fields) if patterns != fields => Err(ImportError::Lengths { patterns, fields }),

@@ -12,6 +12,7 @@ use zip::{CompressionMethod, ZipArchive};
 use super::error::ImportError;
 use super::{DISPLACEMENT, PATTERNS, count};
 use crate::base::{NpyHeader, open_regular};
+use crate::pattern::Raster;
 
 /// How many times as long as its place in the file a deflated array can be at the most (RFC 1951: 258 bytes from 2 bits).
 const PACKED: u64 = 1032;
@@ -45,14 +46,14 @@ struct Place {
 
 impl Npz {
     /// Looks at an archive, and compares its arrays with their checksums.
-    pub fn open(path: &Path) -> Result<Self, ImportError> {
+    pub fn open(path: &Path, raster: Raster) -> Result<Self, ImportError> {
         let file = open_regular(path).map_err(unreadable)?;
         let mut archive = ZipArchive::new(BufReader::new(file))
             .map_err(|e| ImportError::Unreadable(format!("not a NumPy archive: {e}")))?;
-        let patterns = Member::find(&mut archive, path, PATTERNS.0)?;
-        let displacement = Member::find(&mut archive, path, DISPLACEMENT.0)?;
+        let patterns = Member::find(&mut archive, path, PATTERNS)?;
+        let displacement = Member::find(&mut archive, path, DISPLACEMENT)?;
         // What is unpacked is bounded by then.
-        let len = count(&patterns.header.shape, &displacement.header.shape)?;
+        let len = count(&patterns.header.shape, &displacement.header.shape, raster)?;
         patterns.check(path)?;
         displacement.check(path)?;
         Ok(Self {

@@ -6,14 +6,12 @@ use rayon::prelude::*;
 
 use super::error::ImportError;
 use crate::base::{Digest, DigestWriter};
-use crate::field::{CORNERS, Field};
-use crate::pattern::{CELLS, Pattern, Raster};
+use crate::dataset::Device;
+use crate::field::Field;
+use crate::pattern::Pattern;
 
 /// What the frame may seem to move, mm: rounding of whoever wrote it.
 const ROUNDING_MM: f64 = 1e-6;
-
-/// Numbers of a field.
-const VALUES: usize = CORNERS * CORNERS * 2;
 
 /// Patterns with their fields.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -28,14 +26,19 @@ impl Rows {
     /// Rows from their numbers, `[row][y][x]` and `[row][y][x][component]`, the first of which has that number in its file.
     ///
     /// # Errors
-    /// When a cell is neither 0 nor 1, a displacement is no number or longer than the side, or the frame moves.
-    pub fn new(cells: &[f64], displacement: Vec<f64>, first: usize, side_mm: f64) -> Result<Self, ImportError> {
+    /// When a cell is neither 0 nor a group of electrodes, a displacement is no number or longer than the longer side, or the frame
+    /// moves.
+    pub fn new(cells: &[f64], displacement: Vec<f64>, first: usize, device: &Device) -> Result<Self, ImportError> {
         let rows = cells
-            .par_chunks(CELLS * CELLS)
-            .zip(displacement.par_chunks(VALUES))
+            .par_chunks(device.raster().cells())
+            .zip(displacement.par_chunks(2 * device.raster().corners()))
             .enumerate();
-        let checked =
-            rows.map(|(row, (cells, values))| Ok((pattern(cells, first + row)?, field(values, first + row, side_mm)?)));
+        let checked = rows.map(|(row, (cells, values))| {
+            Ok((
+                pattern(cells, first + row, device)?,
+                field(values, first + row, device)?,
+            ))
+        });
         let checked: Vec<(Pattern, Field)> = checked.collect::<Result<_, _>>()?;
         let (patterns, fields) = checked.into_iter().unzip();
         Ok(Self { patterns, fields })
@@ -84,23 +87,29 @@ impl Rows {
     }
 }
 
-fn pattern(cells: &[f64], row: usize) -> Result<Pattern, ImportError> {
-    if let Some(at) = cells.iter().position(|cell| *cell != 0.0 && *cell != 1.0) {
+fn pattern(cells: &[f64], row: usize, device: &Device) -> Result<Pattern, ImportError> {
+    let columns = device.raster().columns();
+    let is_group = |cell: f64| cell.fract() == 0.0 && (0.0..=device.groups as f64).contains(&cell);
+    if let Some(at) = cells.iter().position(|cell| !is_group(*cell)) {
         return Err(ImportError::Cell {
             row,
-            y: at / CELLS,
-            x: at % CELLS,
+            y: at / columns,
+            x: at % columns,
             found: cells[at],
         });
     }
-    Ok(Pattern::from_fn(Raster::PAPER, |x, y| cells[y * CELLS + x] == 1.0))
+    Ok(Pattern::from_groups(device.raster(), |x, y| {
+        cells[y * columns + x] as u8
+    }))
 }
 
 /// The frame of what is kept stands still: rounding is no displacement.
-fn field(values: &[f64], row: usize, side_mm: f64) -> Result<Field, ImportError> {
-    let mut kept = Vec::with_capacity(VALUES);
+fn field(values: &[f64], row: usize, device: &Device) -> Result<Field, ImportError> {
+    let columns = device.raster().corner_sides()[0];
+    let side_mm = device.membrane.size_mm.into_iter().fold(0.0, f64::max);
+    let mut kept = Vec::with_capacity(values.len());
     for (corner, u) in values.chunks_exact(2).enumerate() {
-        let (x, y) = (corner % CORNERS, corner / CORNERS);
+        let (x, y) = (corner % columns, corner / columns);
         let found_mm = u[0].hypot(u[1]);
         if !found_mm.is_finite() {
             let found = if u[0].is_finite() { u[1] } else { u[0] };
@@ -112,15 +121,15 @@ fn field(values: &[f64], row: usize, side_mm: f64) -> Result<Field, ImportError>
                 y,
                 x,
                 found_mm,
-                side_mm,
+                size: device.membrane.size_text(),
             });
         }
-        let on_frame = [x, y].iter().any(|&place| place == 0 || place == CELLS);
+        let on_frame = device.holds(corner);
         if on_frame && found_mm > ROUNDING_MM {
             return Err(ImportError::Frame { row, y, x, found_mm });
         }
         // Adding zero makes one number of the two zeros.
         kept.extend(u.iter().map(|value| if on_frame { 0.0 } else { value + 0.0 }));
     }
-    Field::from_values(Raster::PAPER, kept).map_err(|e| ImportError::Unreadable(e.to_string()))
+    Field::from_values(device.raster(), kept).map_err(|e| ImportError::Unreadable(e.to_string()))
 }

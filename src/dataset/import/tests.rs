@@ -7,10 +7,13 @@ use flate2::write::DeflateEncoder;
 
 use super::*;
 use crate::base::Stream;
-use crate::pattern::CELLS;
+use crate::pattern::{CELLS, Membrane, Symmetries};
 
-const SIDE: f64 = 50.0;
 const CORNERS: usize = CELLS + 1;
+
+fn device() -> Arc<Device> {
+    Arc::new(Device::new(Membrane::square(50.0), 1, Symmetries::SQUARE, None))
+}
 
 struct Folder(tempfile::TempDir);
 
@@ -24,8 +27,12 @@ impl Folder {
     }
 
     fn read(&self, name: &str) -> Result<Rows, String> {
-        let said = |e: ImportError| format!("{e} ({})", e.help());
-        let file = ImportFile::open(&self.path(name), SIDE).map_err(said)?;
+        self.read_of(&device(), name)
+    }
+
+    fn read_of(&self, device: &Arc<Device>, name: &str) -> Result<Rows, String> {
+        let said = |e: ImportError| format!("{e} ({})", e.help(device));
+        let file = ImportFile::open(&self.path(name), device).map_err(said)?;
         file.rows(0..file.len()).map_err(said)
     }
 
@@ -190,7 +197,7 @@ fn text_attribute(at: &hdf5::Location, name: &str, text: &str) {
 #[test]
 fn every_format_type_and_order_gives_the_same_rows() {
     let folder = Folder::new();
-    let wanted = Rows::new(&cells(), fields(), 0, SIDE).unwrap();
+    let wanted = Rows::new(&cells(), fields(), 0, &device()).unwrap();
     let digest = wanted.digest();
     for (of_cells, of_fields) in [("|u1", "<f8"), ("<i8", ">f8"), ("<f4", "<f4"), (">f8", ">f4")] {
         for fortran in [false, true] {
@@ -222,7 +229,7 @@ fn every_format_type_and_order_gives_the_same_rows() {
     });
     assert_eq!(folder.read("a.h5").unwrap(), wanted);
     assert_eq!(
-        ImportFile::open(&folder.path("a.h5"), SIDE).unwrap().scene(),
+        ImportFile::open(&folder.path("a.h5"), &device()).unwrap().scene(),
         Some("some")
     );
 }
@@ -231,14 +238,21 @@ fn every_format_type_and_order_gives_the_same_rows() {
 fn rows_are_read_by_their_numbers_and_another_row_is_another_digest() {
     let folder = Folder::new();
     fs::write(folder.path("a.npz"), npz(&cells(), &fields())).unwrap();
-    let file = ImportFile::open(&folder.path("a.npz"), SIDE).unwrap();
+    let file = ImportFile::open(&folder.path("a.npz"), &device()).unwrap();
     let (both, second) = (file.rows(0..2).unwrap(), file.rows(1..2).unwrap());
     assert_eq!(second, both.part(1..2));
     assert_ne!(second.digest(), both.part(0..1).digest());
     let mut moved = fields();
     moved[2 * (CORNERS + 1)] += 1e-9;
-    assert_ne!(Rows::new(&cells(), moved, 0, SIDE).unwrap().digest(), both.digest());
-    let zeros = |zero: f64| Rows::new(&[0.0; 2500], vec![zero; 5202], 0, SIDE).unwrap().digest();
+    assert_ne!(
+        Rows::new(&cells(), moved, 0, &device()).unwrap().digest(),
+        both.digest()
+    );
+    let zeros = |zero: f64| {
+        Rows::new(&[0.0; 2500], vec![zero; 5202], 0, &device())
+            .unwrap()
+            .digest()
+    };
     assert_eq!(zeros(0.0), zeros(-0.0));
 }
 
@@ -268,7 +282,7 @@ fn numbers_that_are_no_pattern_or_no_field_are_named_by_row_and_place() {
     let rounded = with(5202, -1e-6).unwrap();
     assert_eq!(
         rounded,
-        Rows::new(&cells(), fields(), 0, SIDE).unwrap(),
+        Rows::new(&cells(), fields(), 0, &device()).unwrap(),
         "rounding is no displacement"
     );
     for value in [2.0, 0.5, f64::NAN] {

@@ -6,13 +6,13 @@ use std::path::{Path, PathBuf};
 
 use crate::base::Digest;
 use crate::content::{BalancedView, ContentError, Labelled, StoredAttribute, files};
-use crate::dataset::Bins;
 use crate::dataset::audit::{
     AuditError, Batch, Columns, Discretisation, Finding, Level, NO_NUMBER, Origin, RowSource, Severity,
 };
+use crate::dataset::{Bins, is_overlong};
 use crate::fem::SolverParameters;
-use crate::field::{CORNERS, Mesh, Outcome};
-use crate::pattern::CELLS;
+use crate::field::{Mesh, Outcome};
+use crate::pattern::Raster;
 use crate::store::{Artifact, RowFile, StoreError};
 
 /// The arrays that are read.
@@ -39,9 +39,6 @@ const EDGES: &str = "histogram/edges";
 /// The most bins that are read.
 const MOST_BINS: usize = 100_000;
 
-/// A file holds fewer rows than this many bytes to each: DEFLATE, the densest filter, makes a thousandth of the 20 kB of a row.
-const BYTES_OF_ROW: u64 = 16;
-
 /// Patterns that are read at a time.
 const AT_A_TIME: usize = 1024;
 
@@ -50,6 +47,8 @@ const MOST_WHOLE: f64 = 9e15;
 
 /// Files whose rows stand end to end.
 pub struct Source {
+    /// The cells of its patterns.
+    raster: Raster,
     segments: Vec<Segment>,
     /// What the dataset says of its rows.
     pub columns: Columns,
@@ -122,9 +121,10 @@ impl RowSource for Source {
 }
 
 impl Source {
-    /// The rows of some files.
-    fn open(files: impl Iterator<Item = RowsOf>) -> Result<Self, StoreError> {
+    /// The rows of some files, of patterns on these cells.
+    fn open(raster: Raster, files: impl Iterator<Item = RowsOf>) -> Result<Self, StoreError> {
         let mut source = Self {
+            raster,
             segments: Vec::new(),
             columns: Columns::default(),
             declared: Discretisation::Unknown,
@@ -139,7 +139,7 @@ impl Source {
         let mut start = 0_usize;
         for rows_of in files {
             let file = rows_of.open()?;
-            source.findings.extend(wrong_shapes(&file, rows_of.path())?);
+            source.findings.extend(wrong_shapes(&file, raster, rows_of.path())?);
             let len = file.shape("patterns")?.and_then(|shape| shape.first().copied());
             let rows = start..start.saturating_add(len.unwrap_or(0));
             start = rows.end;
@@ -152,15 +152,15 @@ impl Source {
         Ok(source)
     }
 
-    /// A file from elsewhere.
+    /// A file from elsewhere, of patterns on these cells.
     ///
     /// # Errors
     /// When it is no HDF5 file, or a column cannot be read.
-    pub fn of_file(path: &Path) -> Result<Self, ContentError> {
+    pub fn of_file(path: &Path, raster: Raster) -> Result<Self, ContentError> {
         if Artifact::is_at(path) {
-            return Self::of_artifact(&Artifact::open(path)?);
+            return Self::of_artifact(&Artifact::open(path)?, raster);
         }
-        let mut source = Self::open(std::iter::once(RowsOf::File(path.to_owned())))?;
+        let mut source = Self::open(raster, std::iter::once(RowsOf::File(path.to_owned())))?;
         let file = RowFile::open(path)?;
         if source.is_readable() {
             // Elements that stand in other files, or not at all, are refused before work is done on the others.
@@ -180,15 +180,15 @@ impl Source {
         Ok(source)
     }
 
-    /// An artifact of a solve or a balance stage.
+    /// An artifact of a solve or a balance stage, of patterns on these cells.
     ///
     /// # Errors
     /// When it, or one of its chunks, is missing or damaged, or a column cannot be read.
-    pub fn of_artifact(artifact: &Artifact) -> Result<Self, ContentError> {
+    pub fn of_artifact(artifact: &Artifact, raster: Raster) -> Result<Self, ContentError> {
         let files = files(artifact)?;
         // Every byte is verified before the library reads it.
         files.iter().try_for_each(|file| file.file_digest().map(drop))?;
-        let mut source = Self::open(files.iter().cloned().map(RowsOf::Artifact))?;
+        let mut source = Self::open(raster, files.iter().cloned().map(RowsOf::Artifact))?;
         let text = |name| StoredAttribute::<String>::new(artifact, name).text();
         source.scene = text("scene")?;
         source.effects = text("effects")?;
@@ -259,7 +259,7 @@ impl Source {
         let mut origins = Vec::new();
         for solved in super::lineage::inputs(balanced.artifact())? {
             let Ok(solved) = solved else { return Ok(()) };
-            let solved = Self::of_artifact(&solved)?;
+            let solved = Self::of_artifact(&solved, self.raster)?;
             let n = solved.len();
             origins.extend(solved.as_origins()?);
             match (solved.declared, &solved.columns.mesh) {
@@ -300,8 +300,8 @@ impl Source {
             for start in (0..segment.rows.len()).step_by(AT_A_TIME) {
                 let end = (start + AT_A_TIME).min(segment.rows.len());
                 let cells = file.numbers("patterns", start..end)?;
-                origins.extend(cells.chunks(CELLS * CELLS).zip(start..).map(|(cells, row)| {
-                    let cells: Vec<u8> = cells.iter().map(|&cell| u8::from(cell == 1.0)).collect();
+                origins.extend(cells.chunks(self.raster.cells()).zip(start..).map(|(cells, row)| {
+                    let cells: Vec<u8> = cells.iter().map(|&cell| cell as u8).collect();
                     Origin {
                         pattern: Digest::of(&cells),
                         family: families.get(row).cloned().unwrap_or_default(),
@@ -374,11 +374,9 @@ fn has_field(word: &str) -> bool {
 }
 
 /// What is wrong with the shapes of a file; no row can be read then.
-fn misshapen(file: &RowFile) -> Result<Option<Finding>, StoreError> {
-    let wanted = [
-        ("patterns", vec![CELLS, CELLS]),
-        ("displacement", vec![CORNERS, CORNERS, 2]),
-    ];
+fn misshapen(file: &RowFile, raster: Raster) -> Result<Option<Finding>, StoreError> {
+    let ([columns, rows], [across, up]) = (raster.sides(), raster.corner_sides());
+    let wanted = [("patterns", vec![rows, columns]), ("displacement", vec![up, across, 2])];
     let mut lengths = Vec::new();
     let mut wrong = Vec::new();
     for (name, row) in wanted {
@@ -397,24 +395,24 @@ fn misshapen(file: &RowFile) -> Result<Option<Finding>, StoreError> {
 }
 
 /// What is wrong with the shapes of a file, as far as that can be told from what was found before.
-fn wrong_shapes(file: &RowFile, path: &Path) -> Result<Option<Finding>, StoreError> {
-    if let Some(finding) = misshapen(file)? {
+fn wrong_shapes(file: &RowFile, raster: Raster, path: &Path) -> Result<Option<Finding>, StoreError> {
+    if let Some(finding) = misshapen(file, raster)? {
         return Ok(Some(finding));
     }
     let Some(rows) = file.shape("patterns")?.and_then(|shape| shape.first().copied()) else {
         return Ok(None);
     };
-    match overlong(rows as u64, path) {
+    match overlong(rows as u64, raster, path) {
         Some(finding) => Ok(Some(finding)),
         None => misfitting(file, rows),
     }
 }
 
 /// Whether a file declares more rows than its bytes can hold: somebody would wait for ever, or for memory that is not there.
-fn overlong(rows: u64, path: &Path) -> Option<Finding> {
+fn overlong(rows: u64, raster: Raster, path: &Path) -> Option<Finding> {
     let bytes = std::fs::metadata(path).map_or(0, |found| found.len());
     let message = format!("`patterns` is said to have {rows} rows, more than a file of {bytes} bytes holds");
-    (rows > bytes / BYTES_OF_ROW).then(|| Finding::whole("shape", Severity::Error, message))
+    is_overlong(rows, raster, bytes).then(|| Finding::whole("shape", Severity::Error, message))
 }
 
 /// Columns that have not one value for each pattern. They are looked at before they are read: a few bytes can declare
