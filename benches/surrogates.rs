@@ -16,7 +16,7 @@ fn main() {
     let scene = Scene::vhb4910();
     let fine = LinearResponse::new(&scene, Mesh::biquadratic(1)).expect("the membrane is stable");
     let coarse = LinearResponse::new(&scene, Mesh::bilinear(1)).expect("the membrane is stable");
-    let constants = Constants::new(&fine, scene.side_mm()).expect("the membrane moves");
+    let constants = Constants::new(&fine, &scene).expect("the membrane moves");
     let patterns: Vec<Pattern> = (0..1000).map(grid).collect();
     let examples = examples(&fine, &patterns[..16]);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
@@ -68,7 +68,7 @@ fn examples(response: &LinearResponse, patterns: &[Pattern]) -> Vec<Example> {
     let fields = response.predict(patterns, 1);
     let example = |(pattern, field): (&Pattern, Option<deaflow::field::Field>)| Example {
         pattern: pattern.clone(),
-        label: Label::from_values(field.expect("an estimate").values()).expect("a field"),
+        label: Label::from(&field.expect("an estimate")),
         family: "grid".to_owned(),
         split: Split::Train,
         repeats: 1,

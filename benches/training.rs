@@ -127,7 +127,7 @@ fn epoch(optimizer: OptimizerKind) -> f64 {
         let on = stream.choose(25, 12);
         Example {
             pattern: Pattern::from_fn(Raster::PAPER, |x, y| on.contains(&(x / 10 + y / 10 * 5))),
-            label: Label::zero(),
+            label: Label::zero(Raster::PAPER),
             family: "grid".to_owned(),
             split: if k < EXAMPLES as u64 {
                 Split::Train

@@ -48,9 +48,10 @@ pub struct PredictArguments {
 pub fn execute(arguments: &PredictArguments, output: &Output) -> Result<Exit, CliError> {
     solve::check_output(&arguments.patterns, &arguments.model)?;
     let scene = arguments.scene.as_deref().map(direct::read_scene).transpose()?;
-    let patterns = direct::patterns(&arguments.patterns.patterns, PatternForm::PAPER)?;
     let weights = model::weights(&arguments.model, &arguments.store.folder())?;
     let surrogate = surrogate(&weights, scene.as_ref())?;
+    let form = PatternForm::bare_or_electrode(surrogate.raster());
+    let patterns = direct::patterns(&arguments.patterns.patterns, form)?;
     let calibration = calibration::find(arguments, &weights)?;
     if calibration.is_some() {
         check_table(arguments)?;

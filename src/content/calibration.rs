@@ -1,6 +1,6 @@
 //! The artifact of a calibrate stage.
 
-use super::element::{Packed, SingleField};
+use super::element::SingleField;
 use super::macros::arrays;
 use crate::scene::Scene;
 
@@ -18,7 +18,7 @@ arrays! {
         /// What the flag is made of.
         novelty: Novelty = group("likeness"),
         /// Predicted less simulated displacement of the first patterns.
-        residuals: Packed<SingleField> = array("residuals", "mm", [residual, corner_y, corner_x, xy]),
+        residuals: Vec<SingleField> = array("residuals", "mm", [residual, corner_y, corner_x, xy]),
         /// Probability that an interval covers.
         coverage: String = attribute("coverage"),
         /// Share of fresh familiar patterns that are flagged.

@@ -227,7 +227,31 @@ impl<const N: usize> Row for PerUnit<N> {
 
 /// A field in single precision.
 #[derive(Clone, Debug, PartialEq)]
-pub struct SingleField;
+pub struct SingleField {
+    /// The cells at whose corners it is.
+    pub raster: Raster,
+    /// Its values, two for each corner.
+    pub values: Vec<f32>,
+}
+
+impl Element for SingleField {
+    fn pack(rows: Vec<Self>) -> Vec<f32> {
+        rows.into_iter().flat_map(|field| field.values).collect()
+    }
+
+    fn raster(rows: &[Self]) -> Option<Raster> {
+        rows.first().map(|field| field.raster)
+    }
+
+    fn unpack(values: Vec<f32>, raster: Raster) -> Result<Vec<Self>, ElementError> {
+        let rows = values.chunks_exact(2 * raster.corners());
+        let field = |values: &[f32]| Self {
+            raster,
+            values: values.to_vec(),
+        };
+        Ok(rows.map(field).collect())
+    }
+}
 
 macro_rules! rows {
     ($($type:ty, $value:ty, $places:ident, $extents:expr;)*) => {$(

@@ -375,7 +375,7 @@ fn carry_out(
         origins: source.origins.as_deref(),
         bins: source.bins,
         families: &KnownFamilies {
-            is_paper: super::other_than_of_paper(&scene.outline()).is_none(),
+            is_paper: super::is_of_paper(&scene.outline()),
         },
     };
     let options = Options {

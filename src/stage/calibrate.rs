@@ -52,7 +52,7 @@ impl Kind for CalibrateKind {
     }
 
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
-        super::refuse_other_membranes(stage, scene)?;
+        super::refuse_groups(stage, scene)?;
         Ok(Box::new(CalibrateStage::read_with(stage, &["kind", "needs"])?))
     }
 }

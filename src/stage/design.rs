@@ -164,11 +164,7 @@ impl Kind for DesignKind {
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
         let keys = [&["kind", "needs", "constraints"][..], &DesignParameters::keys()].concat();
         let map = stage.fields(DesignParameters::WHAT, &keys)?;
-        let scene = match map.optional("needs") {
-            // Networks know no other membranes.
-            Some(_) => super::paper_scene_of(stage, scene)?,
-            None => super::scene_of_one_group(stage, scene)?,
-        };
+        let scene = super::scene_of_one_group(stage, scene)?;
         let DesignParameters {
             case,
             evaluator,

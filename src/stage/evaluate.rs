@@ -64,7 +64,7 @@ impl Kind for EvaluateKind {
     }
 
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
-        super::refuse_other_membranes(stage, scene)?;
+        super::refuse_groups(stage, scene)?;
         Ok(Box::new(EvaluateStage::read_with(stage, &["kind", "needs"])?))
     }
 }

@@ -3,16 +3,14 @@
 
 use crate::content::{Labelled, SOLVED, files};
 use crate::dataset::Split;
-use crate::field::{CORNERS, Field, Outcome};
+use crate::field::{Field, Outcome};
 use crate::orchestrator::StageError;
-use crate::pattern::{Pattern, Raster};
+use crate::pattern::Pattern;
 use crate::store::Artifact;
 use crate::surrogate::Surrogate;
 
 /// Patterns at a time.
 const BATCH: usize = 64;
-
-const VALUES: usize = CORNERS * CORNERS * 2;
 
 /// Patterns with their simulated fields and the families that they were drawn from.
 pub struct Batch {
@@ -82,7 +80,11 @@ fn of_chunk(chunk: &Artifact, each: &mut dyn FnMut(Batch) -> Result<(), StageErr
     };
     let values = labelled.displacement(0..patterns.len())?;
     for rows in rows.chunks(BATCH) {
-        let field = |&row: &usize| Field::from_values(Raster::PAPER, values[row * VALUES..][..VALUES].to_vec());
+        let field = |&row: &usize| {
+            let raster = patterns[row].raster();
+            let count = 2 * raster.corners();
+            Field::from_values(raster, values[row * count..][..count].to_vec())
+        };
         each(Batch {
             patterns: rows.iter().map(|&row| patterns[row].clone()).collect(),
             fields: rows

@@ -94,13 +94,6 @@ fn device_of(scene: &Scene) -> Device {
     Device::new(scene.membrane(), scene.groups(), scene.symmetries(), parts.as_deref())
 }
 
-/// The scene of a stage that knows none but the source paper's membrane: square, of 50 × 50 cells, equally prestretched.
-fn paper_scene_of(stage: &Node, scene: Option<&Node>) -> Result<Scene, InputError> {
-    let read = scene_of(stage, scene)?;
-    refuse_other_membranes(stage, scene)?;
-    Ok(read)
-}
-
 /// The scene of a stage that knows any membrane, with one group of electrodes.
 fn scene_of_one_group(stage: &Node, scene: Option<&Node>) -> Result<Scene, InputError> {
     let read = scene_of(stage, scene)?;
@@ -114,24 +107,26 @@ fn scene_of_one_group(stage: &Node, scene: Option<&Node>) -> Result<Scene, Input
     }
 }
 
-/// Refuses another membrane than the source paper's, for a stage that knows no scene but perhaps that of its inputs.
-fn refuse_other_membranes(stage: &Node, scene: Option<&Node>) -> Result<(), InputError> {
-    let outline = outline_of(scene)?;
-    match outline.as_ref().and_then(other_than_of_paper) {
-        None => Ok(()),
-        Some(why) => Err(scene
-            .and_then(|node| node.peek("geometry"))
+/// Refuses several groups of electrodes, for a stage of networks that knows no scene but perhaps that of its inputs.
+fn refuse_groups(stage: &Node, scene: Option<&Node>) -> Result<(), InputError> {
+    match outline_of(scene)?.map_or(1, |outline| outline.groups) {
+        1 => Ok(()),
+        groups => Err(scene
+            .and_then(|node| node.peek("drive"))
             .unwrap_or(stage)
-            .error(format!("this pipeline has a stage for {SQUARE} alone, and {why}"))
-            .help("such membranes are simulated by `solve` stages and `deaflow solve`")),
+            .error(one_group(groups))
+            .help("patterns of several groups are simulated by `solve` stages and `deaflow solve`")),
     }
 }
 
-const SQUARE: &str =
-    "a square membrane of 50 × 50 cells with equal prestretch, clamped on its edges, and one group of electrodes";
+/// Why networks are not for a scene with several groups of electrodes.
+fn one_group(groups: usize) -> String {
+    format!("networks know one group of electrodes, and this scene has voltages of {groups}")
+}
 
-/// What is not as on the source paper's membrane.
-fn other_than_of_paper(outline: &Outline) -> Option<String> {
+/// Whether a device is that of the source paper: a square of 50 × 50 cells with equal prestretch, clamped on its edges, and one group of
+/// electrodes.
+fn is_of_paper(outline: &Outline) -> bool {
     let Outline {
         membrane,
         prestretch: [along, across],
@@ -140,21 +135,8 @@ fn other_than_of_paper(outline: &Outline) -> Option<String> {
         groups,
     } = outline;
     let [width, height] = membrane.size_mm;
-    if membrane.raster != Raster::PAPER {
-        Some(format!("this one has {} cells", membrane.raster))
-    } else if width != height {
-        Some(format!("this one has {}", membrane.size_text()))
-    } else if along != across {
-        Some(format!("this one is stretched by {along} and {across}"))
-    } else if *has_frame {
-        Some("this one has a frame of its own".to_owned())
-    } else if *has_bodies {
-        Some("this one has rigid bodies".to_owned())
-    } else if *groups > 1 {
-        Some(format!("this one has {groups} groups of electrodes"))
-    } else {
-        None
-    }
+    let is_plain = !has_frame && !has_bodies && *groups == 1;
+    is_plain && membrane.raster == Raster::PAPER && width == height && along == across
 }
 
 /// A scene that can be simulated, or where it cannot. What `effects: auto` would turn on is checked as far as that is known
@@ -185,11 +167,13 @@ impl From<ContentError> for StageError {
     }
 }
 
-/// The scene of all inputs, for a stage that knows none but the source paper's membrane.
+/// The scene of all inputs, for a stage of networks.
 fn scene_of_inputs(inputs: &[Artifact]) -> Result<Scene, StageError> {
     let scene = scene_of_any_inputs(inputs)?;
-    refuse_other_than_of_paper(&scene).map_err(StageError::Input)?;
-    Ok(scene)
+    match scene.groups() {
+        1 => Ok(scene),
+        groups => Err(StageError::Input(one_group(groups))),
+    }
 }
 
 /// The scene that all inputs were made with; inputs of different scenes do not belong in one model.
@@ -208,14 +192,6 @@ fn scene_of_any_inputs(inputs: &[Artifact]) -> Result<Scene, StageError> {
         }
     }
     found.ok_or_else(|| StageError::Input("the stage has no inputs".to_owned()))
-}
-
-/// Refuses what a stage does not know.
-fn refuse_other_than_of_paper(scene: &Scene) -> Result<(), String> {
-    match other_than_of_paper(&scene.outline()) {
-        None => Ok(()),
-        Some(why) => Err(format!("this is for {SQUARE} alone, and {why}")),
-    }
 }
 
 /// What is said of inputs of different scenes.

@@ -70,7 +70,7 @@ impl Kind for TrainKind {
     }
 
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
-        super::refuse_other_membranes(stage, scene)?;
+        super::refuse_groups(stage, scene)?;
         let mut parameters = TrainParameters::read_with(stage, &["kind", "needs"])?;
         let usual = TrainOptions::of(parameters.network).learning_rate;
         parameters.learning_rate = parameters.learning_rate.or(Decimal::from_f64(usual));
@@ -124,7 +124,7 @@ struct TrainStage {
 }
 
 impl TrainParameters {
-    fn options(&self) -> TrainOptions {
+    fn options(&self, scene: &Scene) -> TrainOptions {
         let usual = TrainOptions::of(self.network);
         TrainOptions {
             network: self.network,
@@ -136,6 +136,7 @@ impl TrainParameters {
             weight_decay: self.weight_decay.to_f64(),
             gradient_norm: self.gradient_norm.map(Decimal::to_f64),
             symmetry: self.symmetry,
+            symmetries: scene.symmetries(),
             max_weight: self.max_weight.to_f64(),
             auxiliary_weight: self.auxiliary_weight.to_f64(),
             seed: self.seed.0,
@@ -157,12 +158,12 @@ impl Stage for TrainStage {
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
         let scene = super::scene_of_inputs(job.inputs)?;
         let start = start(job.inputs)?;
-        let found = examples::read(job.inputs, scene.side_mm(), self.parameters.verified_weight)?;
+        let found = examples::read(job.inputs, &scene, self.parameters.verified_weight)?;
         let constants = match self.parameters.network.has_constants() {
             true => Some(constants(&scene)?),
             false => None,
         };
-        let (constants, options, follow) = (constants.as_ref(), self.parameters.options(), Follow::new(job));
+        let (constants, options, follow) = (constants.as_ref(), self.parameters.options(&scene), Follow::new(job));
         let trained = match &start {
             Some(weights) => update(weights, &found.examples, constants, &options, &follow),
             None => train(&found.examples, constants, &options, &follow),
@@ -199,5 +200,5 @@ fn start(inputs: &[Artifact]) -> Result<Option<Vec<u8>>, StageError> {
 fn constants(scene: &Scene) -> Result<Constants, StageError> {
     let failed = |e: &dyn std::fmt::Display| StageError::Failed(format!("no linear response: {e}"));
     let response = LinearResponse::new(scene, Mesh::biquadratic(1)).map_err(|e| failed(&e))?;
-    Constants::new(&response, scene.side_mm()).map_err(|e| StageError::Failed(e.to_string()))
+    Constants::new(&response, scene).map_err(|e| StageError::Failed(e.to_string()))
 }

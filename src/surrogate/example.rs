@@ -1,9 +1,9 @@
 //! What a network learns from.
 
-use super::encode::INNER;
+use super::encode::inner_sides;
 use crate::dataset::Split;
-use crate::field::{CORNERS, Field};
-use crate::pattern::{Pattern, Symmetry};
+use crate::field::Field;
+use crate::pattern::{Pattern, Raster, Symmetry};
 
 /// A pattern with its simulated field.
 #[derive(Clone, Debug)]
@@ -20,10 +20,11 @@ pub struct Example {
     pub repeats: u32,
 }
 
-/// A displacement field in mm as a network is taught it: at the 49 × 49 inner corners, `[y][x][component]`, in single
-/// precision. The frame does not move, so a third of a field's memory holds all that there is to learn.
+/// A displacement field in mm as a network is taught it: at the inner corners, `[y][x][component]`, in single
+/// precision. The edges do not move, so a third of a field's memory holds all that there is to learn.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Label {
+    raster: Raster,
     values: Box<[f32]>,
 }
 
@@ -31,8 +32,13 @@ pub struct Label {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum LabelError {
     /// The wrong number of values.
-    #[error("a field has 51 × 51 × 2 values, found {0}")]
-    Shape(usize),
+    #[error("a field on {raster} cells has {} values, found {found}", 2 * raster.corners())]
+    Shape {
+        /// The cells.
+        raster: Raster,
+        /// How many there were.
+        found: usize,
+    },
     /// An infinity or NaN.
     #[error("a displacement is {0}")]
     NotFinite(f64),
@@ -45,37 +51,44 @@ pub enum LabelError {
 const STILL_MM: f64 = 1e-6;
 
 impl Label {
-    /// The label of a field given by its 51 · 51 · 2 values in mm.
+    /// The label of a field on these cells given by its values in mm, two for each corner.
     ///
     /// # Errors
     /// When the count is wrong, a value is not finite in single precision, or the frame moves.
-    pub fn from_values(values: &[f64]) -> Result<Self, LabelError> {
-        if values.len() != CORNERS * CORNERS * 2 {
-            return Err(LabelError::Shape(values.len()));
+    pub fn from_values(raster: Raster, values: &[f64]) -> Result<Self, LabelError> {
+        if values.len() != 2 * raster.corners() {
+            let found = values.len();
+            return Err(LabelError::Shape { raster, found });
         }
-        let mut inner = Vec::with_capacity(INNER * INNER * 2);
+        let ([columns, rows], [across, _]) = (raster.sides(), raster.corner_sides());
+        let mut inner = Vec::with_capacity(2 * inner_sides(raster).into_iter().product::<usize>());
         for (at, &value) in values.iter().enumerate() {
             if !(value as f32).is_finite() {
                 return Err(LabelError::NotFinite(value));
             }
-            let (x, y) = (at / 2 % CORNERS, at / 2 / CORNERS);
-            if (1..=INNER).contains(&x) && (1..=INNER).contains(&y) {
+            let (x, y) = (at / 2 % across, at / 2 / across);
+            if (1..columns).contains(&x) && (1..rows).contains(&y) {
                 inner.push(value as f32);
             } else if value.abs() > STILL_MM {
                 return Err(LabelError::Frame(value));
             }
         }
         Ok(Self {
+            raster,
             values: inner.into_boxed_slice(),
         })
     }
 
     /// The label that is zero everywhere.
     #[must_use]
-    pub fn zero() -> Self {
-        Self {
-            values: vec![0.0; INNER * INNER * 2].into_boxed_slice(),
-        }
+    pub fn zero(raster: Raster) -> Self {
+        Self::from(&Field::zero(raster))
+    }
+
+    /// The cells at whose corners it is.
+    #[must_use]
+    pub fn raster(&self) -> Raster {
+        self.raster
     }
 
     /// The displacements in mm at the inner corners, `[y][x][component]`.
@@ -108,20 +121,24 @@ impl Label {
         }
         let mut values = vec![0.0; self.values.len()].into_boxed_slice();
         let [[a, b], [c, d]] = g.matrix().map(|row| row.map(|entry| entry as f32));
-        for (u, to) in self.values.chunks_exact(2).zip(g.permutation([INNER; 2])) {
+        for (u, to) in self.values.chunks_exact(2).zip(g.permutation(inner_sides(self.raster))) {
             values[2 * to] = a * u[0] + b * u[1];
             values[2 * to + 1] = c * u[0] + d * u[1];
         }
-        Self { values }
+        let raster = self.raster.transformed(g);
+        Self { raster, values }
     }
 }
 
 impl From<&Field> for Label {
     /// Whatever stands on the frame is left out.
     fn from(field: &Field) -> Self {
-        let rows = field.values().chunks_exact(2 * CORNERS).skip(1).take(INNER);
-        let values = rows.flat_map(|row| &row[2..2 * (INNER + 1)]).map(|u| *u as f32);
+        let raster = field.raster();
+        let ([columns, _], [_, rows]) = (raster.sides(), inner_sides(raster));
+        let rows = field.values().chunks_exact(2 * (columns + 1)).skip(1).take(rows);
+        let values = rows.flat_map(|row| &row[2..2 * columns]).map(|u| *u as f32);
         Self {
+            raster,
             values: values.collect(),
         }
     }
@@ -144,7 +161,8 @@ impl Example {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pattern::Raster;
+    use crate::field::CORNERS;
+    use crate::surrogate::encode::INNER;
 
     fn wavy() -> Vec<f64> {
         let value = |at: usize| {
@@ -162,7 +180,7 @@ mod tests {
     #[test]
     fn a_label_is_the_inside_of_its_field() {
         let field = Field::from_values(Raster::PAPER, wavy()).unwrap();
-        let label = Label::from_values(field.values()).unwrap();
+        let label = Label::from_values(Raster::PAPER, field.values()).unwrap();
         assert_eq!(label, Label::from(&field));
         assert_eq!(label.values().len(), INNER * INNER * 2);
         let [ux, uy] = field.at_corner(7, 3);
@@ -176,9 +194,19 @@ mod tests {
 
     #[test]
     fn symmetries_act_as_on_fields() {
-        let field = Field::from_values(Raster::PAPER, wavy()).unwrap();
+        let raster = Raster::new(7, 4).unwrap();
+        let values = (0..2 * raster.corners()).map(|at| (at * 37 % 101) as f64);
+        for field in [
+            Field::from_values(Raster::PAPER, wavy()).unwrap(),
+            Field::from_values(raster, values.collect()).unwrap(),
+        ] {
+            all_symmetries_act_as_on(&field);
+        }
+    }
+
+    fn all_symmetries_act_as_on(field: &Field) {
         for g in Symmetry::ALL {
-            assert_eq!(Label::from(&field).transformed(g), Label::from(&field.transformed(g)));
+            assert_eq!(Label::from(field).transformed(g), Label::from(&field.transformed(g)));
         }
     }
 
@@ -187,13 +215,14 @@ mod tests {
         let with = |at: usize, value: f64| {
             let mut values = wavy();
             values[at] = value;
-            Label::from_values(&values)
+            Label::from_values(Raster::PAPER, &values)
         };
         let inside = 2 * (CORNERS + 1);
         assert!(matches!(with(inside, f64::NAN), Err(LabelError::NotFinite(v)) if v.is_nan()));
         assert_eq!(with(inside, 1e300), Err(LabelError::NotFinite(1e300)));
         assert_eq!(with(0, 0.01), Err(LabelError::Frame(0.01)));
-        assert_eq!(Label::from_values(&[0.0; 3]), Err(LabelError::Shape(3)));
+        let found = Label::from_values(Raster::PAPER, &[0.0; 3]);
+        assert!(matches!(found, Err(LabelError::Shape { found: 3, .. })));
         assert!(with(inside, 1.0).is_ok() && with(0, 1e-9).is_ok());
     }
 }

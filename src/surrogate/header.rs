@@ -4,8 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
-use crate::field::CORNERS;
-use crate::pattern::CELLS;
+use super::encode::inner_sides;
+use crate::pattern::Raster;
 
 /// The version of the format. It is raised whenever a reader of the one before would misunderstand a file.
 pub(crate) const VERSION: u64 = 2;
@@ -81,18 +81,24 @@ pub struct Record {
 }
 
 impl Header {
-    /// The header of a network whose answers are in units of `scale_mm`.
-    pub(crate) fn new(network: &str, scale_mm: f64) -> Self {
+    /// The header of a network for these cells whose answers are in units of `scale_mm`.
+    pub(crate) fn new(network: &str, raster: Raster, scale_mm: f64) -> Self {
         Self {
             format_version: VERSION,
             network: network.to_owned(),
             scale_mm,
-            input: Input::standard(),
-            output: Output::standard(),
+            input: Input::on(raster),
+            output: Output::on(raster),
             scene: None,
             training: None,
             tensors: Tensors::default(),
         }
+    }
+
+    /// The cells of its patterns; none where no membrane has so many.
+    pub(crate) fn raster(&self) -> Option<Raster> {
+        let (_, rows, columns) = self.input.shape;
+        Raster::new(columns, rows)
     }
 
     /// What it says that this program cannot honour, if anything.
@@ -100,10 +106,10 @@ impl Header {
         if !(self.scale_mm.is_finite() && self.scale_mm > 0.0) {
             return Some(format!("its scale is {} mm", self.scale_mm));
         }
-        if self.input != Input::standard() {
+        let Some(raster) = self.raster().filter(|raster| self.input == Input::on(*raster)) else {
             return Some("it takes patterns in another form".to_owned());
-        }
-        if self.output != Output::standard() {
+        };
+        if self.output != Output::on(raster) {
             return Some("it gives displacements in another form".to_owned());
         }
         None
@@ -111,9 +117,9 @@ impl Header {
 }
 
 impl Input {
-    fn standard() -> Self {
+    fn on(raster: Raster) -> Self {
         Self {
-            shape: ("n".into(), CELLS, CELLS),
+            shape: ("n".into(), raster.rows(), raster.columns()),
             axes: "[pattern][y][x], origin lower left".into(),
             values: "0: no electrode, 1: electrode".into(),
             encoding: "the network sees the value less 0.5".into(),
@@ -122,15 +128,15 @@ impl Input {
 }
 
 impl Output {
-    fn standard() -> Self {
-        let inner = CORNERS - 2;
+    fn on(raster: Raster) -> Self {
+        let ([columns, rows], [across, up]) = (inner_sides(raster), raster.corner_sides());
         Self {
-            shape: ("n".into(), CORNERS, CORNERS, 2),
+            shape: ("n".into(), up, across, 2),
             axes: "[pattern][y][x][component] at the corners of the cells, origin lower left".into(),
             unit: "mm".into(),
             components: ("x".into(), "y".into()),
             frame: "zero: the outer corners do not move".into(),
-            network: format!("[n][{inner}][{inner}][2] at the inner corners, to be multiplied by scale_mm"),
+            network: format!("[n][{rows}][{columns}][2] at the inner corners, to be multiplied by scale_mm"),
         }
     }
 }

@@ -25,7 +25,7 @@ pub struct Implausible {
     pub physical: bool,
 }
 
-/// The examples whose labels cannot be true: displacements beyond the side of the membrane, and beyond twenty times the 90 %
+/// The examples whose labels cannot be true: displacements beyond the longer side of the membrane, and beyond twenty times the 90 %
 /// quantile of the largest displacements of the training examples (a rank, so up to a tenth of them may be wrong).
 #[must_use]
 pub fn implausible(examples: &[Example], side_mm: f64) -> Vec<Implausible> {
@@ -69,7 +69,7 @@ mod tests {
         values[2 * (25 * CORNERS + 25)] = peak;
         Example {
             pattern: Pattern::from_fn(Raster::PAPER, |_, _| true),
-            label: Label::from_values(&values).unwrap(),
+            label: Label::from_values(Raster::PAPER, &values).unwrap(),
             family: "a".to_owned(),
             split,
             repeats: 1,

@@ -4,7 +4,6 @@ use std::collections::BTreeSet;
 
 use super::example::{Example, Label};
 use crate::dataset::Split;
-use crate::field::CORNERS;
 
 /// The name under which all families are measured together.
 pub(crate) const ALL: &str = "all";
@@ -18,7 +17,7 @@ pub struct Metrics {
     pub split: Split,
     /// How many examples.
     pub samples: u64,
-    /// Root mean square error in mm over both components at all 51 × 51 corners.
+    /// Root mean square error in mm over both components at all corners.
     pub rmse_mm: f64,
     /// Coefficient of determination over all components: 1 − Σ error² / Σ (value − mean)². Where the values do not vary
     /// it is 1 for a perfect prediction and 0 otherwise.
@@ -30,6 +29,8 @@ pub struct Metrics {
 /// What one prediction adds to the metrics of the groups that its example belongs to.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Agreement {
+    /// Components of the field: both at all corners, those of the edges included, where all is zero.
+    components: f64,
     /// Sum of the squared errors of the components, mm².
     error: f64,
     /// Largest absolute error of a component, mm.
@@ -44,6 +45,7 @@ impl Agreement {
     /// Of a label with a prediction at the same inner corners, in units of `scale` mm.
     pub(crate) fn of(label: &Label, predicted: &[f32], scale: f64) -> Self {
         let nothing = Self {
+            components: (2 * label.raster().corners()) as f64,
             error: 0.0,
             largest: 0.0,
             sum: 0.0,
@@ -54,6 +56,7 @@ impl Agreement {
             let value = f64::from(*value);
             let error = f64::from(*predicted) * scale - value;
             Self {
+                components: so_far.components,
                 error: so_far.error + error * error,
                 largest: so_far.largest.max(error.abs()),
                 sum: so_far.sum + value,
@@ -63,22 +66,20 @@ impl Agreement {
     }
 }
 
-/// Components of a field: both at all 51 × 51 corners, those of the frame included, where all is zero.
-const COMPONENTS: f64 = (2 * CORNERS * CORNERS) as f64;
-
 /// Root mean square error in mm over all components.
 pub(crate) fn rmse_mm(agreements: &[Agreement]) -> f64 {
     let errors: f64 = agreements.iter().map(|a| a.error).sum();
-    (errors / (COMPONENTS * agreements.len() as f64)).sqrt()
+    let components: f64 = agreements.iter().map(|a| a.components).sum();
+    (errors / components).sqrt()
 }
 
 /// The same with each prediction counted as often as the number beside it says.
 pub(crate) fn weighted_rmse_mm(agreements: impl Iterator<Item = (Agreement, u32)>) -> f64 {
     let (errors, count) = agreements.fold((0.0, 0.0), |(errors, count), (agreement, weight)| {
         let weight = f64::from(weight);
-        (errors + weight * agreement.error, count + weight)
+        (errors + weight * agreement.error, count + weight * agreement.components)
     });
-    (errors / (COMPONENTS * count)).sqrt()
+    (errors / count).sqrt()
 }
 
 /// The metrics of every group that has examples: for each part of the dataset "all", then the families by name.
@@ -103,9 +104,9 @@ pub(crate) fn measure(examples: &[Example], agreements: &[Agreement]) -> Vec<Met
 }
 
 fn compare(family: &str, split: Split, group: &[Agreement]) -> Metrics {
-    let count = COMPONENTS * group.len() as f64;
     let total = |part: fn(&Agreement) -> f64| group.iter().map(part).sum::<f64>();
     let (error, sum, squares) = (total(|a| a.error), total(|a| a.sum), total(|a| a.squares));
+    let count = total(|a| a.components);
     let variation = squares - sum * sum / count;
     let r2 = if variation > 0.0 {
         1.0 - error / variation
@@ -125,13 +126,16 @@ fn compare(family: &str, split: Split, group: &[Agreement]) -> Metrics {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::field::CORNERS;
     use crate::pattern::{Pattern, Raster};
+
+    const COMPONENTS: f64 = (2 * CORNERS * CORNERS) as f64;
 
     /// A label that is zero but for the first components.
     fn label(first: &[f64]) -> Label {
         let mut values = vec![0.0; CORNERS * CORNERS * 2];
         values[2 * (CORNERS + 1)..][..first.len()].copy_from_slice(first);
-        Label::from_values(&values).unwrap()
+        Label::from_values(Raster::PAPER, &values).unwrap()
     }
 
     fn example(family: &str, split: Split, first: &[f64]) -> Example {
@@ -167,6 +171,7 @@ mod tests {
     fn predictions_are_in_units_of_the_scale() {
         let found = Agreement::of(&label(&[0.5, 1.0]), label(&[1.0, 2.5]).values(), 0.5);
         let expected = Agreement {
+            components: COMPONENTS,
             error: 0.0625,
             largest: 0.25,
             sum: 1.5,

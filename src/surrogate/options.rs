@@ -4,6 +4,7 @@ use super::networks::NetworkKind;
 use super::outcome::TrainError;
 use crate::base::words;
 use crate::dataset::SymmetryGroup;
+use crate::pattern::Symmetries;
 
 words! {
     /// How weights follow gradients.
@@ -39,6 +40,8 @@ pub struct TrainOptions {
     pub gradient_norm: Option<f64>,
     /// By what each example of a step is turned, drawn anew in every epoch; by nothing by default.
     pub symmetry: SymmetryGroup,
+    /// What maps the device to itself: of these `symmetry` turns examples; those of the square by default.
+    pub symmetries: Symmetries,
     /// λ: weight of the largest absolute error of each field in the loss, at least 0; 0.1 by default.
     pub max_weight: f64,
     /// Weight of the auxiliary branch at half resolution in the loss, at least 0; 0.2 by default.
@@ -59,6 +62,7 @@ impl Default for TrainOptions {
             weight_decay: 1e-4,
             gradient_norm: None,
             symmetry: SymmetryGroup::None,
+            symmetries: Symmetries::SQUARE,
             max_weight: 0.1,
             auxiliary_weight: 0.2,
             seed: 0,

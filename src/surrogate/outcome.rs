@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::metrics::Metrics;
 use crate::base::Stopped;
+use crate::pattern::Raster;
 
 /// What an epoch came to.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -56,6 +57,9 @@ pub enum TrainError {
     /// Nothing to learn from.
     #[error("there are no training examples")]
     NoExamples,
+    /// Examples of several membranes.
+    #[error("some examples have {} cells and some {}", .0[0], .0[1])]
+    Rasters([Raster; 2]),
     /// An option out of its range.
     #[error("{name} is {value}; it must be {allowed}")]
     Option {

@@ -10,7 +10,7 @@ use super::onnx::to_onnx;
 use super::parameters::Stored;
 use super::weights::{LoadError, from_bytes};
 use crate::field::{Evaluator, Field, PredictError, Predictor};
-use crate::pattern::Pattern;
+use crate::pattern::{Pattern, Raster};
 
 /// Patterns that a network is asked for at once where it serves.
 const BATCH: usize = 1000;
@@ -18,6 +18,7 @@ const BATCH: usize = 1000;
 /// A trained network.
 pub struct Surrogate {
     kind: NetworkKind,
+    raster: Raster,
     network: Box<dyn Network>,
     header: Header,
 }
@@ -35,13 +36,20 @@ impl Surrogate {
         for (name, tensor) in &tensors {
             check_tensor(name, tensor)?;
         }
+        let form = || LoadError::Unsuitable("it takes patterns in another form".to_owned());
+        let raster = header.raster().ok_or_else(form)?;
         let weights = Stored::new(&tensors);
-        let network = kind.build(&weights.builder()).map_err(unsuitable)?;
+        let network = kind.build(&weights.builder(), raster).map_err(unsuitable)?;
         if let Some(name) = weights.unused() {
             let why = format!("its network {} has no tensor {name}", kind.name());
             return Err(LoadError::Unsuitable(why));
         }
-        Ok(Self { kind, network, header })
+        Ok(Self {
+            kind,
+            raster,
+            network,
+            header,
+        })
     }
 
     /// The scene that its training data was simulated in, as artifacts carry it; none where the file does not say.
@@ -58,18 +66,25 @@ impl Surrogate {
         serde_json::to_string(&self.header).map_err(PredictError::failed)
     }
 
-    /// The network as an ONNX file: patterns (n, 50, 50) in u8 to displacements (n, 51, 51, 2) in mm, f32.
+    /// The network as an ONNX file: patterns (n, rows, columns) in u8 to displacements (n, rows + 1, columns + 1, 2) in mm, f32.
     ///
     /// # Errors
     /// When its tensors cannot be read.
     pub fn to_onnx(&self) -> Result<Vec<u8>, PredictError> {
-        to_onnx(self.network.as_ref(), self.header.scale_mm, &self.header()?).map_err(PredictError::failed)
+        let header = self.header()?;
+        to_onnx(self.network.as_ref(), self.raster, self.header.scale_mm, &header).map_err(PredictError::failed)
     }
 
     /// How it was trained; none where the file does not say.
     #[must_use]
     pub fn training(&self) -> Option<&Record> {
         self.header.training.as_ref()
+    }
+
+    /// The cells of the patterns that it knows.
+    #[must_use]
+    pub fn raster(&self) -> Raster {
+        self.raster
     }
 
     /// Which network it is.
@@ -99,14 +114,29 @@ fn check_tensor(name: &str, tensor: &Tensor) -> Result<(), LoadError> {
 /// The fields in mm that a network predicts, one per pattern.
 pub(crate) fn evaluate(
     network: &dyn Network,
+    raster: Raster,
     scale_mm: f64,
     patterns: &[&Pattern],
 ) -> Result<Vec<Field>, PredictError> {
+    if let Some(other) = patterns.iter().find(|pattern| pattern.raster() != raster) {
+        let why = format!(
+            "the network is for {raster} cells, and a pattern has {}",
+            other.raster()
+        );
+        return Err(PredictError::failed(why));
+    }
+    if let Some(pattern) = patterns.iter().find(|pattern| pattern.groups() > 1) {
+        let why = format!(
+            "the network knows one group of electrodes, and a pattern has {}",
+            pattern.groups()
+        );
+        return Err(PredictError::failed(why));
+    }
     let failed = |e: candle_core::Error| PredictError::failed(e);
     let chunks = patterns.par_chunks(network.patterns_per_thread()).map(|chunk| {
-        let input = patterns_to_tensor(chunk.iter().copied()).map_err(failed)?;
+        let input = patterns_to_tensor(raster, chunk.iter().copied()).map_err(failed)?;
         let displacement = network.forward(&input).map_err(failed)?;
-        let fields = tensor_to_fields(&displacement, scale_mm).map_err(failed)?;
+        let fields = tensor_to_fields(raster, &displacement, scale_mm).map_err(failed)?;
         fields.map_err(PredictError::failed)
     });
     let chunks: Result<Vec<_>, _> = chunks.collect();
@@ -120,7 +150,7 @@ impl Predictor for Surrogate {
 
     fn predict(&self, patterns: &[Pattern]) -> Result<Vec<Field>, PredictError> {
         let patterns: Vec<&Pattern> = patterns.iter().collect();
-        evaluate(self.network.as_ref(), self.header.scale_mm, &patterns)
+        evaluate(self.network.as_ref(), self.raster, self.header.scale_mm, &patterns)
     }
 }
 

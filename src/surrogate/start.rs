@@ -7,6 +7,7 @@ use candle_core::{Tensor, Var};
 use super::networks::NetworkKind;
 use super::outcome::TrainError;
 use super::weights::from_bytes;
+use crate::pattern::Raster;
 
 /// A trained network to begin with.
 pub(crate) struct Start {
@@ -19,11 +20,15 @@ impl Start {
     /// From the bytes that an earlier training gave.
     ///
     /// # Errors
-    /// When they are no model, or that of another network.
-    pub(crate) fn read(bytes: &[u8], network: NetworkKind) -> Result<Self, TrainError> {
+    /// When they are no model, or that of another network or of other cells.
+    pub(crate) fn read(bytes: &[u8], network: NetworkKind, raster: Raster) -> Result<Self, TrainError> {
         let (header, tensors) = from_bytes(bytes).map_err(|e| TrainError::Start(e.to_string()))?;
         if header.network != network.name() {
             let message = format!("it is a network {}, not {}", header.network, network.name());
+            return Err(TrainError::Start(message));
+        }
+        if let Some(other) = header.raster().filter(|other| *other != raster) {
+            let message = format!("it is for {other} cells, and the examples have {raster}");
             return Err(TrainError::Start(message));
         }
         Ok(Self {

@@ -13,13 +13,15 @@ use super::example::{Example, Label};
 use super::loss::{LossWeights, total_loss};
 use super::metrics::Agreement;
 use super::networks::{Network, Output};
-use crate::pattern::{Pattern, Symmetry};
+use crate::pattern::{Pattern, Raster, Symmetry};
 
 /// Examples whose gradients are computed together by one thread. It is part of the result: sums are grouped by it.
 const PART: usize = 4;
 
 /// What a training step and its assessment need beside the examples.
 pub(crate) struct Problem<'a> {
+    /// The cells of its patterns.
+    pub(crate) raster: Raster,
     /// The network.
     pub(crate) network: &'a dyn Network,
     /// Its weights.
@@ -115,8 +117,8 @@ impl Problem<'_> {
     fn answer(&self, part: &[Shown<'_>]) -> Result<(Output, Tensor)> {
         let patterns: Vec<Cow<'_, Pattern>> = part.iter().map(|shown| shown.pattern()).collect();
         let labels: Vec<Cow<'_, Label>> = part.iter().map(|shown| shown.label()).collect();
-        let patterns = patterns_to_tensor(patterns.iter().map(AsRef::as_ref))?;
-        let labels = labels_to_tensor(labels.iter().map(AsRef::as_ref), self.scale_mm)?;
+        let patterns = patterns_to_tensor(self.raster, patterns.iter().map(AsRef::as_ref))?;
+        let labels = labels_to_tensor(self.raster, labels.iter().map(AsRef::as_ref), self.scale_mm)?;
         let output = self.network.forward_for_training(&patterns)?;
         let loss = total_loss(&output, &labels, self.loss)?;
         Ok((output, loss))
@@ -157,13 +159,14 @@ mod tests {
     fn the_gradient_is_that_of_the_mean_loss() {
         let constants = std::collections::BTreeMap::new();
         let weights = Drawn::new(&constants, 1);
-        let network = NetworkKind::Qin2024.build(&weights.builder()).unwrap();
+        let network = NetworkKind::Qin2024.build(&weights.builder(), Raster::PAPER).unwrap();
         let vars = weights.variables();
         let loss = LossWeights {
             maximum: 0.1,
             auxiliary: 0.2,
         };
         let problem = Problem {
+            raster: Raster::PAPER,
             network: network.as_ref(),
             vars: &vars,
             loss,

@@ -25,8 +25,7 @@ use super::step::{Problem, Shown};
 use super::weights::to_bytes;
 use crate::base::Stream;
 use crate::dataset::{Split, SymmetryGroup};
-use crate::field::CORNERS;
-use crate::pattern::Symmetry;
+use crate::pattern::{Raster, Symmetry};
 
 /// A loss has exploded when it is so many times that of the untrained network, or of a network that answers zero.
 const EXPLOSION: f64 = 10.0;
@@ -62,7 +61,7 @@ pub fn update(
     monitor: &dyn Monitor,
 ) -> Result<Trained, TrainError> {
     let mut trainer = Trainer::new(examples, constants, options)?;
-    let start = Start::read(start, options.network)?;
+    let start = Start::read(start, options.network, trainer.raster)?;
     start.set(&trainer.vars)?;
     trainer.scale_mm = start.scale_mm;
     follow(trainer, examples, monitor)
@@ -95,6 +94,9 @@ struct Standing {
 /// A training under way.
 struct Trainer<'a> {
     options: &'a TrainOptions,
+    raster: Raster,
+    /// By what examples may be turned, the identity first.
+    turns: Vec<Symmetry>,
     training: Vec<&'a Example>,
     validation: Vec<&'a Example>,
     scale_mm: f64,
@@ -116,8 +118,12 @@ impl<'a> Trainer<'a> {
         options.check()?;
         let part = |split| examples.iter().filter(|e| e.split == split).collect::<Vec<_>>();
         let training = part(Split::Train);
-        if training.is_empty() {
+        let Some(first) = training.first() else {
             return Err(TrainError::NoExamples);
+        };
+        let raster = first.pattern.raster();
+        if let Some(other) = examples.iter().find(|example| example.pattern.raster() != raster) {
+            return Err(TrainError::Rasters([raster, other.pattern.raster()]));
         }
         let constants = match (options.network.has_constants(), constants) {
             (false, _) => BTreeMap::new(),
@@ -128,10 +134,15 @@ impl<'a> Trainer<'a> {
             }
         };
         let weights = Drawn::new(&constants, options.seed);
-        let network = options.network.build(&weights.builder())?;
+        let network = options.network.build(&weights.builder(), raster)?;
         let vars = weights.variables();
         Ok(Self {
             options,
+            raster,
+            turns: match options.symmetry {
+                SymmetryGroup::D4 => options.symmetries.iter().collect(),
+                SymmetryGroup::None => vec![Symmetry::IDENTITY],
+            },
             validation: part(Split::Validation),
             scale_mm: network.unit_mm().unwrap_or_else(|| deviation(&training)),
             training,
@@ -146,6 +157,7 @@ impl<'a> Trainer<'a> {
 
     fn problem(&self) -> Problem<'_> {
         Problem {
+            raster: self.raster,
             network: self.network.as_ref(),
             vars: &self.vars,
             loss: LossWeights {
@@ -238,26 +250,24 @@ impl<'a> Trainer<'a> {
         }
         let stream = |purpose| Stream::new(self.options.seed, purpose, epoch.into());
         stream("surrogate shuffle").shuffle(&mut order);
-        if self.options.symmetry == SymmetryGroup::D4 {
+        if self.turns.len() > 1 {
             let mut turns = stream("surrogate symmetry");
             order
                 .iter_mut()
                 .filter(|shown| shown.example.repeats == 1)
-                .for_each(|shown| shown.symmetry = Symmetry::ALL[turns.index(Symmetry::ALL.len())]);
+                .for_each(|shown| shown.symmetry = self.turns[turns.index(self.turns.len())]);
         }
         order
     }
 
     /// An example as often as an epoch shows it: where examples are turned, as its images one after the other.
     fn repeated(&self, example: &'a Example, epoch: u32) -> impl Iterator<Item = Shown<'a>> + use<'a> {
-        let (repeats, turned) = (example.repeats, self.options.symmetry == SymmetryGroup::D4);
+        let (repeats, turns) = (example.repeats, self.turns.clone());
         (0..repeats).map(move |k| Shown {
             example,
-            symmetry: match turned && repeats > 1 {
-                true => {
-                    Symmetry::ALL[(u64::from(epoch) * u64::from(repeats) + u64::from(k)) as usize % Symmetry::ALL.len()]
-                }
-                false => Symmetry::IDENTITY,
+            symmetry: match repeats {
+                1 => Symmetry::IDENTITY,
+                _ => turns[(u64::from(epoch) * u64::from(repeats) + u64::from(k)) as usize % turns.len()],
             },
         })
     }
@@ -355,7 +365,7 @@ impl<'a> Trainer<'a> {
     fn bytes(&self) -> Result<Vec<u8>, TrainError> {
         let trained = self.vars.iter();
         let trained = trained.map(|(name, var)| (name.clone(), var.as_tensor().clone()));
-        let header = Header::new(self.options.network.name(), self.scale_mm);
+        let header = Header::new(self.options.network.name(), self.raster, self.scale_mm);
         to_bytes(&header, &trained.collect(), &self.constants).map_err(|e| TrainError::Failed(e.to_string()))
     }
 }
@@ -364,7 +374,11 @@ impl<'a> Trainer<'a> {
 /// moves.
 fn deviation(examples: &[&Example]) -> f64 {
     let squares: f64 = examples.iter().map(|example| example.label.squares()).sum();
-    let deviation = (squares / (2 * CORNERS * CORNERS * examples.len()) as f64).sqrt();
+    let components: usize = examples
+        .iter()
+        .map(|example| 2 * example.label.raster().corners())
+        .sum();
+    let deviation = (squares / components as f64).sqrt();
     if deviation > 0.0 { deviation } else { 1.0 }
 }
 

@@ -25,7 +25,7 @@ fn python() -> String {
     .unwrap_or_else(super::h5py::python)
 }
 
-fn check(workspace: &Workspace, model: &str, predicted: &str) -> (bool, String) {
+pub fn check(workspace: &Workspace, model: &str, predicted: &str) -> (bool, String) {
     let checked = Command::new(python())
         .arg(ONNX)
         .args([workspace.path(model), workspace.path(predicted)])

@@ -130,8 +130,9 @@ def evaluate(model, patterns):
     values = dict(tensor(t) for t in graph[5])
     [given], [wanted] = graph[11], graph[12]
     name, kind, shape = declared(given)
-    assert (name, kind, shape) == ("pattern", 2, ["n", 50, 50]), declared(given)
-    assert declared(wanted) == ("displacement", 1, ["n", 51, 51, 2]), declared(wanted)
+    rows, columns = patterns.shape[1:]
+    assert (name, kind, shape) == ("pattern", 2, ["n", rows, columns]), declared(given)
+    assert declared(wanted) == ("displacement", 1, ["n", rows + 1, columns + 1, 2]), declared(wanted)
     values[name] = patterns
     for data in graph[1]:
         node = collected(data)

@@ -51,10 +51,10 @@ impl Intervals {
         patterns: &[Pattern],
         fields: &[Field],
     ) -> Result<Self, CliError> {
-        let side = calibration.of.scene.side_mm();
+        let membrane = calibration.of.scene.membrane();
         let wanted = objectives
             .iter()
-            .map(|text| wanted(text, side))
+            .map(|text| wanted(text, membrane))
             .collect::<Result<Vec<_>, _>>()?;
         let own = &calibration.of.calibration;
         let half_widths: Vec<_> = wanted
@@ -237,10 +237,10 @@ impl Intervals {
 }
 
 /// An objective in the syntax of a design stage, on a membrane of a side in mm.
-fn wanted(text: &str, side_mm: f64) -> Result<Wanted, CliError> {
+fn wanted(text: &str, membrane: Membrane) -> Result<Wanted, CliError> {
     let document = Document::from_text(Path::new("--objective"), text)?;
     let objective = Objective::read(&document.root)?;
-    let goal = objective.goal(Membrane::square(side_mm), None, 0.0);
+    let goal = objective.goal(membrane, None, 0.0);
     Ok(Wanted {
         text: objective.to_text(),
         goal: goal.map_err(|e| document.root.error(e.to_string()))?,

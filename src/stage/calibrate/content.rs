@@ -2,8 +2,9 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::content::{self, ContentError, Difficulty, Novelty, Packed};
+use crate::content::{self, ContentError, Difficulty, Novelty, SingleField};
 use crate::orchestrator::StageError;
+use crate::pattern::Raster;
 use crate::scene::Scene;
 use crate::store::Artifact;
 use crate::surrogate::{COVERAGE, Calibration, CalibrationParts, DifficultyParts, FALSE_ALARM, NoveltyParts};
@@ -31,6 +32,7 @@ pub(super) fn content(calibration: &Calibration, origin: Origin<'_>) -> content:
         *counts.entry(family).or_default() += 1;
     }
     let CalibrationParts {
+        raster,
         difficulty,
         residuals,
         novelty,
@@ -58,7 +60,13 @@ pub(super) fn content(calibration: &Calibration, origin: Origin<'_>) -> content:
             spreads: novelty.spreads,
             threshold: [novelty.threshold],
         },
-        residuals: Packed(residuals),
+        residuals: residuals
+            .chunks_exact(2 * raster.corners())
+            .map(|values| SingleField {
+                raster,
+                values: values.to_vec(),
+            })
+            .collect(),
         coverage: COVERAGE.to_string(),
         false_alarm: FALSE_ALARM.to_string(),
         model: origin.model,
@@ -138,7 +146,9 @@ pub fn read(artifact: &Artifact) -> Result<Option<CalibratedModel>, StageError> 
 fn parts(view: &content::CalibrationView<'_>) -> Result<CalibrationParts, ContentError> {
     let (difficulty, novelty) = (view.difficulty().read()?, view.novelty().read()?);
     let [threshold] = novelty.threshold;
+    let residuals = view.residuals().read()?;
     Ok(CalibrationParts {
+        raster: residuals.first().map_or(Raster::PAPER, |field| field.raster),
         difficulty: DifficultyParts {
             centre: difficulty.centre,
             deviation: difficulty.deviation,
@@ -147,7 +157,7 @@ fn parts(view: &content::CalibrationView<'_>) -> Result<CalibrationParts, Conten
             places: difficulty.places,
             scores: difficulty.scores,
         },
-        residuals: view.residuals().read()?.0,
+        residuals: residuals.into_iter().flat_map(|field| field.values).collect(),
         novelty: NoveltyParts {
             centre: novelty.centre,
             deviation: novelty.deviation,

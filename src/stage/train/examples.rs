@@ -4,9 +4,10 @@ use rayon::prelude::*;
 
 use crate::content::{Labelled, VerificationView, files};
 use crate::dataset::Split;
-use crate::field::{CORNERS, Outcome};
+use crate::field::Outcome;
 use crate::orchestrator::StageError;
-use crate::pattern::Pattern;
+use crate::pattern::{Pattern, Raster};
+use crate::scene::Scene;
 use crate::stage::model;
 use crate::store::Artifact;
 use crate::surrogate::{Collector, Examples, Label, LabelError, LabelledRow, Origin};
@@ -17,12 +18,12 @@ const BLOCK: usize = 512;
 /// The family under which metrics of verified designs stand.
 const VERIFIED: &str = "verified";
 
-/// The examples of all inputs, in a membrane of that side in mm. An epoch shows a verified design `verified_weight` times.
+/// The examples of all inputs, in their scene. An epoch shows a verified design `verified_weight` times.
 ///
 /// # Errors
 /// When an input lacks what is needed, its arrays do not fit together, or nothing is left.
-pub fn read(inputs: &[Artifact], side_mm: f64, verified_weight: u32) -> Result<Examples, StageError> {
-    let mut collector = Collector::default();
+pub fn read(inputs: &[Artifact], scene: &Scene, verified_weight: u32) -> Result<Examples, StageError> {
+    let mut collector = Collector::new(scene.symmetries());
     let datasets = inputs
         .iter()
         .enumerate()
@@ -38,8 +39,9 @@ pub fn read(inputs: &[Artifact], side_mm: f64, verified_weight: u32) -> Result<E
             first += read_file(file, (input, first), &mut collector)?;
         }
     }
+    let longer_side_mm = scene.membrane().size_mm.into_iter().fold(0.0, f64::max);
     collector
-        .finish(side_mm, verified_weight)
+        .finish(longer_side_mm, verified_weight)
         .map_err(|e| StageError::Input(e.to_string()))
 }
 
@@ -73,8 +75,9 @@ fn read_file(file: &Artifact, (input, first): (usize, usize), collector: &mut Co
         }
         Labelled::Verified(_) => Vec::new(),
     };
+    let raster = patterns.first().map_or(Raster::PAPER, Pattern::raster);
     let mut described = patterns.into_iter().zip(families).zip(origins).enumerate();
-    for_each_label(&labelled, |label| match described.next() {
+    for_each_label(&labelled, raster, |label| match described.next() {
         Some((at, (described, origin))) => add(collector, file, (input, first + at), described, origin, label),
         None => Ok(()),
     })?;
@@ -85,9 +88,11 @@ fn read_file(file: &Artifact, (input, first): (usize, usize), collector: &mut Co
 fn read_verified(view: &VerificationView<'_>, input: usize, collector: &mut Collector) -> Result<(), StageError> {
     let fields = view.simulated_rows()?;
     collector.begin(fields.iter().filter(|field| field.is_none()).count() as u64);
-    let patterns = view.rows().patterns().read()?.into_iter().enumerate();
+    let patterns = view.rows().patterns().read()?;
+    let raster = patterns.first().map_or(Raster::PAPER, Pattern::raster);
+    let patterns = patterns.into_iter().enumerate();
     let mut solved = patterns.filter(|(row, _)| fields[*row].is_some());
-    for_each_label(&Labelled::Verified(view.clone()), |label| match solved.next() {
+    for_each_label(&Labelled::Verified(view.clone()), raster, |label| match solved.next() {
         Some((row, pattern)) => {
             let described = (pattern, VERIFIED.to_owned());
             add(
@@ -125,14 +130,15 @@ fn add(
 /// Calls a function with the label of each field of a file, in order.
 fn for_each_label(
     file: &Labelled<'_>,
+    raster: Raster,
     mut each: impl FnMut(Result<Label, LabelError>) -> Result<(), StageError>,
 ) -> Result<(), StageError> {
     let count = file.fields()?;
     for first in (0..count).step_by(BLOCK) {
         let values = file.displacement(first..count.min(first + BLOCK))?;
         let labels: Vec<Result<Label, LabelError>> = values
-            .par_chunks_exact(CORNERS * CORNERS * 2)
-            .map(Label::from_values)
+            .par_chunks_exact(2 * raster.corners())
+            .map(|values| Label::from_values(raster, values))
             .collect();
         labels.into_iter().try_for_each(&mut each)?;
     }

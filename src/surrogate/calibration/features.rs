@@ -1,7 +1,8 @@
-//! What a pattern and its predicted field say for nothing. All of it is the same for the eight images of a pattern.
+//! What a pattern and its predicted field say for nothing. All of it is the same for the eight images of a
+//! pattern, so for those by the symmetries of any device.
 
-use crate::field::{CORNERS, Field};
-use crate::pattern::{CELLS, Pattern};
+use crate::field::Field;
+use crate::pattern::Pattern;
 
 /// Features that foretell how large an error is.
 pub(super) const DIFFICULTY: usize = 13;
@@ -43,8 +44,9 @@ pub(super) fn difficulty_features(pattern: &Pattern, predicted: &Field) -> [f64;
 /// cells have of it, as parts of the whole: −½ to ½.
 fn of_active_cells(pattern: &Pattern, field: &Field) -> [f64; 2] {
     let (mut parts, mut whole) = ([0.0; 2], [1e-9; 2]);
+    let columns = pattern.raster().columns();
     for (at, &active) in pattern.cells().iter().enumerate() {
-        let (x, y) = (at % CELLS, at / CELLS);
+        let (x, y) = (at % columns, at / columns);
         let corners = [[0, 0], [1, 0], [0, 1], [1, 1]].map(|[i, j]| field.at_corner(x + i, y + j));
         let [a, b, c, d] = corners;
         let along_x: [f64; 2] = std::array::from_fn(|k| 0.5 * (b[k] + d[k] - a[k] - c[k]));
@@ -62,14 +64,14 @@ fn of_active_cells(pattern: &Pattern, field: &Field) -> [f64; 2] {
 /// Largest and root mean square displacement in mm; of its differences between neighbouring corners the sum of squares, the
 /// largest, and the sum of fourth powers.
 fn of_field(field: &Field) -> [f64; 5] {
-    let values = field.values();
+    let (values, [columns, rows]) = (field.values(), field.raster().corner_sides());
     let mut squares = 0.0;
     let (mut gradient, mut steepest, mut fourth) = (0.0, 0.0f64, 0.0);
     for (at, value) in values.iter().enumerate() {
         squares += value * value;
-        let (column, row) = (at / 2 % CORNERS, at / 2 / CORNERS);
-        let right = (column + 1 < CORNERS).then(|| values[at + 2]);
-        let above = (row + 1 < CORNERS).then(|| values[at + 2 * CORNERS]);
+        let (column, row) = (at / 2 % columns, at / 2 / columns);
+        let right = (column + 1 < columns).then(|| values[at + 2]);
+        let above = (row + 1 < rows).then(|| values[at + 2 * columns]);
         for next in [right, above].into_iter().flatten() {
             let difference = (next - value).abs();
             let square = difference * difference;
@@ -78,26 +80,27 @@ fn of_field(field: &Field) -> [f64; 5] {
             steepest = steepest.max(difference);
         }
     }
-    let mean = (squares / (CORNERS * CORNERS) as f64).sqrt();
+    let mean = (squares / (columns * rows) as f64).sqrt();
     [field.max_magnitude(), mean, gradient, steepest, fourth]
 }
 
 /// Sides between active and bare cells, corners of the outline, places where cells touch by a corner only, and the active
 /// part of the cells along the frame.
 fn of_outline(pattern: &Pattern) -> [f64; 4] {
+    let [columns, rows] = pattern.raster().sides();
     let cell = |x: usize, y: usize| pattern.is_active(x, y);
     let (mut edge, mut corners, mut touching, mut frame) = (0, 0, 0, 0);
-    for y in 0..CELLS {
-        for x in 0..CELLS {
+    for y in 0..rows {
+        for x in 0..columns {
             let here = cell(x, y);
-            let sides = [x, y]
+            let sides = [(x, columns), (y, rows)]
                 .iter()
-                .map(|&c| u32::from(c == 0) + u32::from(c + 1 == CELLS))
+                .map(|&(c, last)| u32::from(c == 0) + u32::from(c + 1 == last))
                 .sum::<u32>();
             frame += sides * u32::from(here);
-            edge += u32::from(x + 1 < CELLS && here != cell(x + 1, y));
-            edge += u32::from(y + 1 < CELLS && here != cell(x, y + 1));
-            if x + 1 < CELLS && y + 1 < CELLS {
+            edge += u32::from(x + 1 < columns && here != cell(x + 1, y));
+            edge += u32::from(y + 1 < rows && here != cell(x, y + 1));
+            if x + 1 < columns && y + 1 < rows {
                 let block = [here, cell(x + 1, y), cell(x, y + 1), cell(x + 1, y + 1)];
                 let active = block.iter().filter(|&&on| on).count();
                 if active % 2 == 1 {
@@ -113,7 +116,7 @@ fn of_outline(pattern: &Pattern) -> [f64; 4] {
         f64::from(edge),
         f64::from(corners),
         f64::from(touching),
-        f64::from(frame) / (4 * CELLS) as f64,
+        f64::from(frame) / (2 * (columns + rows)) as f64,
     ]
 }
 
@@ -135,13 +138,14 @@ pub(super) fn novelty_features(pattern: &Pattern, difficulty: &[f64; DIFFICULTY]
 
 /// The mean product of cells, ±1 each, with those at an offset.
 fn correlation(pattern: &Pattern, [dx, dy]: [isize; 2]) -> f64 {
+    let [columns, rows] = pattern.raster().sides();
     let (mut sum, mut count) = (0i32, 0i32);
-    for y in 0..CELLS {
-        for x in 0..CELLS {
+    for y in 0..rows {
+        for x in 0..columns {
             let other = (x.checked_add_signed(dx), y.checked_add_signed(dy));
             if let (Some(u), Some(v)) = other
-                && u < CELLS
-                && v < CELLS
+                && u < columns
+                && v < rows
             {
                 count += 1;
                 sum += if pattern.is_active(x, y) == pattern.is_active(u, v) {
@@ -152,13 +156,16 @@ fn correlation(pattern: &Pattern, [dx, dy]: [isize; 2]) -> f64 {
             }
         }
     }
-    f64::from(sum) / f64::from(count)
+    // Nothing stands so far apart on a few cells.
+    f64::from(sum) / f64::from(count.max(1))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::base::Stream;
+    use crate::field::CORNERS;
+    use crate::pattern::CELLS;
     use crate::pattern::Raster;
     use crate::pattern::Symmetry;
 

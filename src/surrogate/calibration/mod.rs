@@ -30,7 +30,7 @@ pub use difficulty::DifficultyParts;
 pub use novelty::NoveltyParts;
 
 use crate::base::Stream;
-use crate::field::{CORNERS, Field};
+use crate::field::Field;
 use crate::pattern::{Pattern, Raster};
 
 /// Probability that an interval covers what it is about.
@@ -48,10 +48,9 @@ const RESIDUALS: usize = 1000;
 /// Errors below this count as this, in mm: a pattern that does not move is predicted exactly.
 const FLOOR: f64 = 1e-6;
 
-const VALUES: usize = CORNERS * CORNERS * 2;
-
 /// A pattern with what was predicted and what was simulated.
 pub struct Observed {
+    raster: Raster,
     features: Features,
     /// Predicted less simulated, mm.
     residual: Vec<f32>,
@@ -81,6 +80,7 @@ impl Observed {
         let pairs = predicted.values().iter().zip(simulated.values());
         let residual: Vec<f32> = pairs.map(|(p, s)| (p - s) as f32).collect();
         Self {
+            raster: predicted.raster(),
             features: Features::of(pattern, predicted),
             largest: largest(&residual),
             residual,
@@ -129,6 +129,8 @@ pub struct Interval {
 /// The arrays of a calibration, as they stand in files.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CalibrationParts {
+    /// The cells of the patterns.
+    pub raster: Raster,
     /// The regression and its neighbours.
     pub difficulty: DifficultyParts,
     /// Residual fields in mm of the first of the neighbours, end to end.
@@ -139,6 +141,7 @@ pub struct CalibrationParts {
 
 /// Intervals and flags for the predictions of one network.
 pub struct Calibration {
+    raster: Raster,
     difficulty: Difficulty,
     residuals: Vec<f32>,
     novelty: Novelty,
@@ -170,7 +173,12 @@ impl Calibration {
             .collect();
         let (first, second) = pairs.split_at(pairs.len() / 2);
         let rows = observed[first.len()..].iter().take(RESIDUALS);
+        let raster = observed[0].raster;
+        if observed.iter().any(|o| o.raster != raster) {
+            return Err(CalibrationError::Parts("patterns of several membranes"));
+        }
         Ok(Self {
+            raster,
             difficulty: Difficulty::fit(first, second)?,
             residuals: rows.flat_map(|o| o.residual.iter().copied()).collect(),
             novelty,
@@ -197,9 +205,10 @@ impl Calibration {
     /// Intervals of a number that is linear in the field, such as the displacement of a point along a direction.
     #[must_use]
     pub fn objective(&self, value: &dyn Fn(&Field) -> f64) -> ObjectiveIntervals<'_> {
-        let rows = self.residuals.chunks_exact(VALUES).zip(self.difficulty.medians());
+        let values = 2 * self.raster.corners();
+        let rows = self.residuals.chunks_exact(values).zip(self.difficulty.medians());
         let score = |(residual, median): (&[f32], f64)| {
-            let field = Field::from_values(Raster::PAPER, residual.iter().map(|&r| f64::from(r)).collect());
+            let field = Field::from_values(self.raster, residual.iter().map(|&r| f64::from(r)).collect());
             // Residuals are checked to be finite when a calibration is read, and are when one is fitted.
             field.map_or(0.0, |field| value(&field).abs()) / median
         };
@@ -213,6 +222,7 @@ impl Calibration {
     #[must_use]
     pub fn parts(&self) -> CalibrationParts {
         CalibrationParts {
+            raster: self.raster,
             difficulty: self.difficulty.parts(),
             residuals: self.residuals.clone(),
             novelty: self.novelty.parts(),
@@ -225,14 +235,16 @@ impl Calibration {
     /// When they do not fit together.
     pub fn from_parts(parts: CalibrationParts) -> Result<Self, CalibrationError> {
         let difficulty = Difficulty::from_parts(parts.difficulty)?;
-        let rows = parts.residuals.len() / VALUES;
-        if !parts.residuals.len().is_multiple_of(VALUES) || rows == 0 || rows > difficulty.scores().len() {
+        let values = 2 * parts.raster.corners();
+        let rows = parts.residuals.len() / values;
+        if !parts.residuals.len().is_multiple_of(values) || rows == 0 || rows > difficulty.scores().len() {
             return Err(CalibrationError::Parts("residuals"));
         }
         if parts.residuals.iter().any(|r| !r.is_finite()) {
             return Err(CalibrationError::Parts("a residual is no number"));
         }
         Ok(Self {
+            raster: parts.raster,
             difficulty,
             residuals: parts.residuals,
             novelty: Novelty::from_parts(parts.novelty)?,

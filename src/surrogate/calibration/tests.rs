@@ -1,4 +1,5 @@
 use super::*;
+use crate::field::CORNERS;
 use crate::pattern::{CELLS, Raster};
 
 /// Patterns of two families: random cells, and half planes. The prediction is a smooth field; what it is off by has a known
@@ -22,7 +23,7 @@ fn sample(family: usize, seed: u64, index: u64) -> (Pattern, Field, Field) {
     let (deviation, size) = [(0.004, 0.3), (0.05, 1.8), (0.05, 0.02)][family];
     let bump = |i: usize| (std::f64::consts::PI * (i % CORNERS) as f64 / 50.0).sin();
     let tall = size * stream.range(0.9, 1.1);
-    let predicted: Vec<f64> = (0..VALUES)
+    let predicted: Vec<f64> = (0..2 * CORNERS * CORNERS)
         .map(|i| tall * bump(i / 2) * bump(i / 2 / CORNERS))
         .collect();
     let mut simulated = predicted.clone();

@@ -1,10 +1,10 @@
 //! Whether the intervals of a calibration cover what was simulated.
 
 use crate::field::Field;
-use crate::pattern::{CELLS, Pattern};
+use crate::pattern::Pattern;
 use crate::surrogate::{Calibration, ObjectiveIntervals};
 
-/// Points of the membrane, in parts of its side, with the direction of the displacement that is measured there: objectives
+/// Points of the membrane, in parts of its sides, with the direction of the displacement that is measured there: objectives
 /// that are held against their intervals.
 pub const OBJECTIVES: [(&str, [f64; 2], [f64; 2]); 4] = [
     ("centre, 0 deg", [0.5, 0.5], [1.0, 0.0]),
@@ -20,7 +20,8 @@ pub const OBJECTIVES: [(&str, [f64; 2], [f64; 2]); 4] = [
 /// The value of an objective in mm.
 fn value(objective: usize, field: &Field) -> f64 {
     let (_, point, direction) = OBJECTIVES[objective];
-    let [x, y] = field.at(point.map(|c| c * CELLS as f64));
+    let sides = field.raster().sides();
+    let [x, y] = field.at([0, 1].map(|axis| point[axis] * sides[axis] as f64));
     x * direction[0] + y * direction[1]
 }
 

@@ -68,8 +68,10 @@ pub struct NoExamples(String);
 /// The split of balanced rows is theirs; a solved sample has that of its orbit in the balanced inputs, or one drawn for its orbit.
 /// All images of a pattern are in one part, whichever inputs they stand in. Verified designs are learnt from, each pattern once;
 /// one that has an image in the other inputs that is held out is left out. So what is held out is the same with them and without.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Collector {
+    /// What maps the device to itself.
+    symmetries: Symmetries,
     inputs: usize,
     rows: Vec<Row>,
     unstable: u64,
@@ -103,6 +105,18 @@ impl Place {
 }
 
 impl Collector {
+    /// Nothing taken yet, of a device with these symmetries.
+    #[must_use]
+    pub fn new(symmetries: Symmetries) -> Self {
+        Self {
+            symmetries,
+            inputs: 0,
+            rows: Vec::new(),
+            unstable: 0,
+            left_out: Vec::new(),
+        }
+    }
+
     /// Begins an input, in which so many samples have no stable solution.
     pub fn begin(&mut self, unstable: u64) {
         self.inputs += 1;
@@ -124,7 +138,7 @@ impl Collector {
             (Origin::Solved { converged: false }, _) => (0.0, Why::NotConverged),
             (_, Err(LabelError::Frame(found_mm))) => (found_mm, Why::Frame),
             (_, Err(LabelError::NotFinite(_))) => (0.0, Why::NotFinite),
-            (_, Err(error @ LabelError::Shape(_))) => return Err(error),
+            (_, Err(error @ LabelError::Shape { .. })) => return Err(error),
             (origin, Ok(label)) => {
                 self.rows.push(Row {
                     place,
@@ -140,7 +154,7 @@ impl Collector {
         Ok(())
     }
 
-    /// The examples, for a membrane of that side in mm. An epoch shows a verified design `verified_weight` times.
+    /// The examples, for a membrane of that longer side in mm. An epoch shows a verified design `verified_weight` times.
     ///
     /// # Errors
     /// When nothing is left.
@@ -188,7 +202,7 @@ impl Collector {
         let orbits: Vec<OrbitId> = self
             .rows
             .par_iter()
-            .map(|row| row.pattern.orbit(Symmetries::SQUARE))
+            .map(|row| row.pattern.orbit(self.symmetries))
             .collect();
         let mut known = HashMap::new();
         for (row, orbit) in self.rows.iter().zip(&orbits) {

@@ -5,13 +5,10 @@
 
 use pulp::Arch;
 
-use crate::field::CORNERS;
-use crate::pattern::CELLS;
+use crate::pattern::Raster;
 
-/// Corners along a side without the frame.
-const INNER: usize = CORNERS - 2;
-/// Cells of an image.
-const AREA: usize = CELLS * CELLS;
+/// Corners of the longest row of cells.
+const MOST: usize = Raster::MOST + 1;
 /// Cells in the neighbourhood of a cell, itself among them.
 pub(crate) const NEIGHBOURS: usize = 9;
 /// Modes of the displacement on a cell: ∂u/∂x, ∂v/∂x, ∂u/∂y, ∂v/∂y and the hourglasses of u and v.
@@ -26,21 +23,32 @@ pub(crate) const SIGNS: [[f32; 4]; 3] = [[-1.0, 1.0, -1.0, 1.0], [-1.0, -1.0, 1.
 /// Three planes of numbers, one for each mode of a component.
 type Planes<'a> = [&'a mut [f32]; 3];
 
-/// The modes of one component (49 × 49) times a factor, on all cells.
+/// Does work on a raster; the usual one is known to the compiler.
 #[inline(always)]
-fn modes_of(component: &[f32], factor: f32, [along, up, hourglass]: Planes<'_>) {
-    let half = 0.5 * factor;
-    let mut lines = [[0.0f32; CORNERS]; 2];
-    for row in 0..CELLS {
-        let [below, above] = &mut lines;
-        std::mem::swap(below, above);
-        match component.get(row * INNER..(row + 1) * INNER) {
-            Some(line) => above[1..=INNER].copy_from_slice(line),
+fn on(raster: Raster, work: impl FnOnce(Raster)) {
+    match raster {
+        Raster::PAPER => work(Raster::PAPER),
+        other => work(other),
+    }
+}
+
+/// The modes of one component on the inner corners times a factor, on all cells.
+#[inline(always)]
+fn modes_of(raster: Raster, component: &[f32], factor: f32, [along, up, hourglass]: Planes<'_>) {
+    let [columns, rows] = raster.sides();
+    let (half, inner) = (0.5 * factor, columns - 1);
+    let mut lines = [[0.0f32; MOST]; 2];
+    let [below, above] = &mut lines;
+    let (mut below, mut above) = (&mut below[..=columns], &mut above[..=columns]);
+    for row in 0..rows {
+        std::mem::swap(&mut below, &mut above);
+        match component.get(row * inner..(row + 1) * inner) {
+            Some(line) => above[1..columns].copy_from_slice(line),
             None => above.fill(0.0),
         }
-        let cells = row * CELLS..(row + 1) * CELLS;
+        let cells = row * columns..(row + 1) * columns;
         let (along, up, hourglass) = (&mut along[cells.clone()], &mut up[cells.clone()], &mut hourglass[cells]);
-        for column in 0..CELLS {
+        for column in 0..columns {
             let (a, b) = (below[column], below[column + 1]);
             let (c, d) = (above[column], above[column + 1]);
             along[column] = half * ((b - a) + (d - c));
@@ -50,110 +58,134 @@ fn modes_of(component: &[f32], factor: f32, [along, up, hourglass]: Planes<'_>) 
     }
 }
 
-/// Adds the forces of the stresses of one component, a plane for each mode, to its 49 × 49 corners.
+/// Adds the forces of the stresses of one component, a plane for each mode, to its inner corners.
 #[inline(always)]
-fn forces_of([along, up, hourglass]: [&[f32]; 3], component: &mut [f32]) {
+fn forces_of(raster: Raster, [along, up, hourglass]: [&[f32]; 3], component: &mut [f32]) {
+    let [columns, rows] = raster.sides();
+    let inner = columns - 1;
     // Forces of a row of cells on the corners below and above it.
-    let mut lines = [[0.0f32; CORNERS]; 2];
-    for row in 0..CELLS {
-        let cells = row * CELLS..(row + 1) * CELLS;
+    let mut lines = [[0.0f32; MOST]; 2];
+    let [below, above] = &mut lines;
+    let (mut below, mut above) = (&mut below[..=columns], &mut above[..=columns]);
+    for row in 0..rows {
+        let cells = row * columns..(row + 1) * columns;
         let (along, up, hourglass) = (&along[cells.clone()], &up[cells.clone()], &hourglass[cells]);
-        let [below, above] = &mut lines;
         above.fill(0.0);
-        for column in 0..CELLS {
+        for column in 0..columns {
             let (x, y, h) = (along[column], up[column], hourglass[column]);
             below[column] += h - x - y;
             above[column] += y - x - h;
         }
-        for column in 0..CELLS {
+        for column in 0..columns {
             let (x, y, h) = (along[column], up[column], hourglass[column]);
             below[column + 1] += x - y - h;
             above[column + 1] += x + y + h;
         }
-        if let Some(inner) = row.checked_sub(1) {
-            let line = &mut component[inner * INNER..][..INNER];
+        if let Some(line) = row.checked_sub(1) {
+            let line = &mut component[line * inner..][..inner];
             line.iter_mut()
                 .zip(&below[1..])
                 .for_each(|(to, from)| *to += 0.5 * from);
         }
-        std::mem::swap(below, above);
+        std::mem::swap(&mut below, &mut above);
     }
 }
 
 /// The planes of the modes of a component among those of both.
 #[inline(always)]
-fn planes_of(modes: &mut [f32], component: usize) -> Planes<'_> {
-    let (along, rest) = modes.split_at_mut(2 * AREA);
-    let (up, hourglass) = rest.split_at_mut(2 * AREA);
-    [along, up, hourglass].map(|planes| &mut planes[component * AREA..][..AREA])
+fn planes_of(area: usize, modes: &mut [f32], component: usize) -> Planes<'_> {
+    let (along, rest) = modes.split_at_mut(2 * area);
+    let (up, hourglass) = rest.split_at_mut(2 * area);
+    [along, up, hourglass].map(|planes| &mut planes[component * area..][..area])
 }
 
 /// [`planes_of`], to read.
 #[inline(always)]
-fn planes(modes: &[f32], component: usize) -> [&[f32]; 3] {
-    [0, 1, 2].map(|mode| &modes[(2 * mode + component) * AREA..][..AREA])
+fn planes(area: usize, modes: &[f32], component: usize) -> [&[f32]; 3] {
+    [0, 1, 2].map(|mode| &modes[(2 * mode + component) * area..][..area])
 }
 
-/// The modes (6, 2500) of a displacement (2, 49, 49).
-pub(crate) fn write_modes(displacement: &[f32], factor: f32, modes: &mut [f32]) {
+/// Corners of a raster without those of the edges.
+pub(super) fn inner_corners(raster: Raster) -> usize {
+    raster.sides().into_iter().map(|side| side - 1).product()
+}
+
+/// The modes (6, cells) of a displacement (2, inner corners).
+pub(crate) fn write_modes(raster: Raster, displacement: &[f32], factor: f32, modes: &mut [f32]) {
     Arch::new().dispatch(
         #[inline(always)]
         || {
-            for (k, component) in displacement.chunks_exact(INNER * INNER).enumerate() {
-                modes_of(component, factor, planes_of(modes, k));
-            }
+            on(
+                raster,
+                #[inline(always)]
+                |raster| {
+                    for (k, component) in displacement.chunks_exact(inner_corners(raster)).enumerate() {
+                        modes_of(raster, component, factor, planes_of(raster.cells(), modes, k));
+                    }
+                },
+            );
         },
     );
 }
 
-/// Adds the forces of stresses (6, 2500), one for each mode, to forces (2, 49, 49): the transpose of [`write_modes`], so that
+/// Adds the forces of stresses (6, cells), one for each mode, to forces (2, inner corners): the transpose of [`write_modes`], so that
 /// stresses do the work that displacements do against forces.
-pub(crate) fn add_forces(stresses: &[f32], forces: &mut [f32]) {
+pub(crate) fn add_forces(raster: Raster, stresses: &[f32], forces: &mut [f32]) {
     Arch::new().dispatch(
         #[inline(always)]
         || {
-            for (k, component) in forces.chunks_exact_mut(INNER * INNER).enumerate() {
-                forces_of(planes(stresses, k), component);
-            }
+            on(
+                raster,
+                #[inline(always)]
+                |raster| {
+                    for (k, component) in forces.chunks_exact_mut(inner_corners(raster)).enumerate() {
+                        forces_of(raster, planes(raster.cells(), stresses, k), component);
+                    }
+                },
+            );
         },
     );
 }
 
 /// The transpose of [`write_strains`]: adds to a gradient with respect to a displacement what one with respect to the features makes
-/// of it. `stresses` (6, 2500) is overwritten.
+/// of it. `stresses` (6, cells) is overwritten.
 pub(crate) fn add_strain_forces(
+    raster: Raster,
     pattern: &[f32],
     features: &[f32],
     strain: f32,
     stresses: &mut [f32],
     displacement: &mut [f32],
 ) {
-    let (modes, signed) = features[NEIGHBOURS * AREA..].split_at(MODES * AREA);
-    let planes = modes.chunks_exact(AREA).zip(signed.chunks_exact(AREA));
-    for (stress, (mode, signed)) in stresses.chunks_exact_mut(AREA).zip(planes) {
+    let area = raster.cells();
+    let (modes, signed) = features[NEIGHBOURS * area..].split_at(MODES * area);
+    let planes = modes.chunks_exact(area).zip(signed.chunks_exact(area));
+    for (stress, (mode, signed)) in stresses.chunks_exact_mut(area).zip(planes) {
         let each = stress.iter_mut().zip(mode).zip(signed).zip(pattern);
         each.for_each(|(((stress, mode), signed), p)| *stress = strain * (mode + 2.0 * p * signed));
     }
-    add_forces(stresses, displacement);
+    add_forces(raster, stresses, displacement);
 }
 
-/// Those of the features of an image (22, 2500) that do not depend on the displacement.
-pub(crate) fn write_surroundings(pattern: &[f32], features: &mut [f32]) {
-    let around = &mut features[..NEIGHBOURS * AREA];
+/// Those of the features of an image (22, cells) that do not depend on the displacement.
+pub(crate) fn write_surroundings(raster: Raster, pattern: &[f32], features: &mut [f32]) {
+    let area = raster.cells();
+    let around = &mut features[..NEIGHBOURS * area];
     around.fill(0.0);
-    neighbours(pattern, around);
-    features[(FEATURES - 1) * AREA..].fill(1.0);
+    neighbours(raster, pattern, around);
+    features[(FEATURES - 1) * area..].fill(1.0);
 }
 
 /// Those of the features of an image that do.
-pub(crate) fn write_strains(pattern: &[f32], displacement: &[f32], strain: f32, features: &mut [f32]) {
-    let modes = &mut features[NEIGHBOURS * AREA..];
-    let (modes, signed) = modes.split_at_mut(MODES * AREA);
-    write_modes(displacement, strain, modes);
+pub(crate) fn write_strains(raster: Raster, pattern: &[f32], displacement: &[f32], strain: f32, features: &mut [f32]) {
+    let area = raster.cells();
+    let modes = &mut features[NEIGHBOURS * area..];
+    let (modes, signed) = modes.split_at_mut(MODES * area);
+    write_modes(raster, displacement, strain, modes);
     Arch::new().dispatch(
         #[inline(always)]
         || {
-            for (signed, mode) in signed.chunks_exact_mut(AREA).zip(modes.chunks_exact(AREA)) {
+            for (signed, mode) in signed.chunks_exact_mut(area).zip(modes.chunks_exact(area)) {
                 let each = signed.iter_mut().zip(mode).zip(pattern);
                 each.for_each(|((signed, mode), p)| *signed = 2.0 * p * mode);
             }
@@ -162,18 +194,19 @@ pub(crate) fn write_strains(pattern: &[f32], displacement: &[f32], strain: f32, 
 }
 
 /// The 3 × 3 cells around each cell, plane by plane.
-fn neighbours(p: &[f32], around: &mut [f32]) {
-    for (at, plane) in around.chunks_exact_mut(AREA).enumerate() {
+fn neighbours(raster: Raster, p: &[f32], around: &mut [f32]) {
+    let [columns, rows] = raster.sides();
+    for (at, plane) in around.chunks_exact_mut(raster.cells()).enumerate() {
         let (down, left) = (at / 3, at % 3);
-        for (row, line) in plane.chunks_exact_mut(CELLS).enumerate() {
-            let Some(from) = (row + down).checked_sub(1).filter(|&from| from < CELLS) else {
+        for (row, line) in plane.chunks_exact_mut(columns).enumerate() {
+            let Some(from) = (row + down).checked_sub(1).filter(|&from| from < rows) else {
                 continue;
             };
-            let from = &p[from * CELLS..][..CELLS];
+            let from = &p[from * columns..][..columns];
             match left {
-                0 => line[1..].copy_from_slice(&from[..CELLS - 1]),
+                0 => line[1..].copy_from_slice(&from[..columns - 1]),
                 1 => line.copy_from_slice(from),
-                _ => line[..CELLS - 1].copy_from_slice(&from[1..]),
+                _ => line[..columns - 1].copy_from_slice(&from[1..]),
             }
         }
     }
@@ -182,8 +215,12 @@ fn neighbours(p: &[f32], around: &mut [f32]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::field::CORNERS;
+    use crate::pattern::CELLS;
     use crate::surrogate::layers::plain::{self, numbers};
 
+    const INNER: usize = CORNERS - 2;
+    const AREA: usize = CELLS * CELLS;
     const IMAGE: usize = 2 * INNER * INNER;
 
     fn flat(x: &candle_core::Tensor) -> Vec<f32> {
@@ -196,20 +233,20 @@ mod tests {
 
     fn modes(displacement: &[f32]) -> Vec<f32> {
         let mut modes = vec![0.0; MODES * AREA];
-        write_modes(displacement, 1.0, &mut modes);
+        write_modes(Raster::PAPER, displacement, 1.0, &mut modes);
         modes
     }
 
     fn forces(stresses: &[f32]) -> Vec<f32> {
         let mut forces = vec![0.0; IMAGE];
-        add_forces(stresses, &mut forces);
+        add_forces(Raster::PAPER, stresses, &mut forces);
         forces
     }
 
     fn features(pattern: &[f32], displacement: &[f32], strain: f32) -> Vec<f32> {
         let mut features = vec![f32::NAN; FEATURES * AREA];
-        write_surroundings(pattern, &mut features);
-        write_strains(pattern, displacement, strain, &mut features);
+        write_surroundings(Raster::PAPER, pattern, &mut features);
+        write_strains(Raster::PAPER, pattern, displacement, strain, &mut features);
         features
     }
 
@@ -250,7 +287,7 @@ mod tests {
         assert_eq!(expected.dims(), [1, FEATURES, AREA]);
         assert_eq!(features(&flat(&p), &flat(&u), 2.0), flat(&expected));
         let s = numbers(&[1, MODES, AREA], 5);
-        assert_eq!(forces(&flat(&s)), flat(&plain::forces(&s).unwrap()));
+        assert_eq!(forces(&flat(&s)), flat(&plain::forces(Raster::PAPER, &s).unwrap()));
     }
 
     #[test]
@@ -266,7 +303,7 @@ mod tests {
         let (at, still) = (features(&p, &u, 2.0), features(&p, &[0.0; IMAGE], 2.0));
         let change: Vec<f32> = at.iter().zip(&still).map(|(a, b)| a - b).collect();
         let (mut back, mut stresses) = (vec![0.0; IMAGE], vec![0.0; MODES * AREA]);
-        add_strain_forces(&p, &along, 2.0, &mut stresses, &mut back);
+        add_strain_forces(Raster::PAPER, &p, &along, 2.0, &mut stresses, &mut back);
         assert_eq!(dot(&change, &along), dot(&u, &back));
     }
 }

@@ -1,4 +1,4 @@
-//! candle-nn's convolution and transposed convolution, with bias and leaky rectifier, for square images with their channels last.
+//! candle-nn's convolution and transposed convolution, with bias and leaky rectifier, for images with their channels last.
 //!
 //! candle-nn keeps channels first, and on a CPU the gradients of its convolutions are several times slower than their values. The
 //! operations below are matrix products ([`Window`]); tests hold them to candle-nn's layers.
@@ -13,8 +13,8 @@ use super::gemm::{Matrix, multiply};
 use super::storage::values;
 use super::window::Window;
 
-/// A convolution with bias and leaky rectifier: (n, h, h, from) to (n, h′, h′, to) with h′ = (h + 2 padding − kernel)/stride + 1,
-/// zeros around.
+/// A convolution with bias and leaky rectifier: (n, h, w, from) to (n, h′, w′, to) with h′ = (h + 2 padding − kernel)/stride + 1
+/// and w′ alike, zeros around.
 pub(crate) struct Conv2d {
     /// (to, kernel, kernel, from)
     pub(crate) weights: Tensor,
@@ -56,8 +56,8 @@ impl Module for Conv2d {
     }
 }
 
-/// The transpose of a convolution with stride 2 that maps side 2h − 1 to side h, with bias: (n, h, h, from) to
-/// (n, 2h − 1, 2h − 1, to), odd kernel. The outer outputs lie on the outer inputs, so the chain 7, 13, 25, 49 shares its grid
+/// The transpose of a convolution with stride 2 that maps sides 2h − 1 to sides h, with bias: (n, h, w, from) to
+/// (n, 2h − 1, 2w − 1, to), odd kernel. The outer outputs lie on the outer inputs, so the chain 7, 13, 25, 49 shares its grid
 /// points.
 pub(crate) struct ConvTranspose2d {
     /// (from, kernel, kernel, to)
@@ -86,13 +86,14 @@ impl ConvTranspose2d {
 
 impl Module for ConvTranspose2d {
     fn forward(&self, x: &Tensor) -> Result<Tensor> {
-        let (kernel, side) = (self.weights.dim(1)?, 2 * x.dim(1)? - 1);
+        let kernel = self.weights.dim(1)?;
+        let sides = [2 * x.dim(1)? - 1, 2 * x.dim(2)? - 1];
         let window = Window {
             kernel,
             stride: 2,
             padding: (kernel - 1) / 2,
         };
-        let y = x.contiguous()?.apply_op2(&self.weights, Transposed { window, side })?;
+        let y = x.contiguous()?.apply_op2(&self.weights, Transposed { window, sides })?;
         match self.slope {
             Some(slope) => bias_and_activate(&y, &self.bias, slope),
             None => y.broadcast_add(&self.bias),
@@ -105,10 +106,10 @@ struct Convolution {
     window: Window,
 }
 
-/// x = fold(y · W), for images of side `side`.
+/// x = fold(y · W), for images of these rows and columns.
 struct Transposed {
     window: Window,
-    side: usize,
+    sides: [usize; 2],
 }
 
 /// W = yᵀ · unfold(x), summed over the images in order.
@@ -116,11 +117,11 @@ struct WeightGradient {
     window: Window,
 }
 
-/// (side, channels) of a batch of square images.
-fn square(layout: &Layout) -> Result<(usize, usize)> {
+/// (rows and columns, channels) of a batch of images.
+fn form(layout: &Layout) -> Result<([usize; 2], usize)> {
     match layout.dims() {
-        &[_, h, w, c] if h == w => Ok((h, c)),
-        dims => bail!("expected square images, found {dims:?}"),
+        &[_, h, w, c] => Ok(([h, w], c)),
+        dims => bail!("expected images, found {dims:?}"),
     }
 }
 
@@ -129,24 +130,25 @@ impl CustomOp2 for Convolution {
         "convolve"
     }
 
-    fn cpu_fwd(&self, x: &CpuStorage, lx: &Layout, w: &CpuStorage, lw: &Layout) -> Result<(CpuStorage, Shape)> {
-        let ((h, c), o, n) = (square(lx)?, lw.dims()[0], lx.dims()[0]);
-        let (taps, side) = (c * self.window.kernel.pow(2), self.window.output(h));
-        let (x, weights) = (values(x, lx)?, Matrix::new(values(w, lw)?, taps).transposed());
-        let mut unfolded = vec![0.0; side * side * taps];
-        let mut y = vec![0.0; n * side * side * o];
-        for (image, out) in x.chunks_exact(h * h * c).zip(y.chunks_exact_mut(side * side * o)) {
-            self.window.unfold(image, c, h, &mut unfolded);
+    fn cpu_fwd(&self, x: &CpuStorage, lx: &Layout, weights: &CpuStorage, lw: &Layout) -> Result<(CpuStorage, Shape)> {
+        let (([h, w], c), o, n) = (form(lx)?, lw.dims()[0], lx.dims()[0]);
+        let (taps, [up, across]) = (c * self.window.kernel.pow(2), [h, w].map(|n| self.window.output(n)));
+        let (x, weights) = (values(x, lx)?, Matrix::new(values(weights, lw)?, taps).transposed());
+        let mut unfolded = vec![0.0; up * across * taps];
+        let mut y = vec![0.0; n * up * across * o];
+        for (image, out) in x.chunks_exact(h * w * c).zip(y.chunks_exact_mut(up * across * o)) {
+            self.window.unfold(image, c, [h, w], &mut unfolded);
             multiply(out, Accum::Replace, Matrix::new(&unfolded, taps), weights);
         }
-        Ok((CpuStorage::F32(y), (n, side, side, o).into()))
+        Ok((CpuStorage::F32(y), (n, up, across, o).into()))
     }
 
     fn bwd(&self, x: &Tensor, w: &Tensor, _: &Tensor, grad: &Tensor) -> Result<(Option<Tensor>, Option<Tensor>)> {
-        let (window, side, grad) = (self.window, x.dim(1)?, grad.contiguous()?);
+        let (window, grad) = (self.window, grad.contiguous()?);
+        let sides = [x.dim(1)?, x.dim(2)?];
         // The patterns themselves need no gradient.
         let dx = if x.track_op() {
-            Some(grad.apply_op2_no_bwd(w, &Transposed { window, side })?)
+            Some(grad.apply_op2_no_bwd(w, &Transposed { window, sides })?)
         } else {
             None
         };
@@ -160,17 +162,17 @@ impl CustomOp2 for Transposed {
         "convolve-transposed"
     }
 
-    fn cpu_fwd(&self, y: &CpuStorage, ly: &Layout, w: &CpuStorage, lw: &Layout) -> Result<(CpuStorage, Shape)> {
-        let ((h, o), c, n) = (square(ly)?, lw.dims()[3], ly.dims()[0]);
-        let (taps, side) = (c * self.window.kernel.pow(2), self.side);
-        let (y, weights) = (values(y, ly)?, Matrix::new(values(w, lw)?, taps));
-        let mut unfolded = vec![0.0; h * h * taps];
-        let mut x = vec![0.0; n * side * side * c];
-        for (image, out) in y.chunks_exact(h * h * o).zip(x.chunks_exact_mut(side * side * c)) {
+    fn cpu_fwd(&self, y: &CpuStorage, ly: &Layout, weights: &CpuStorage, lw: &Layout) -> Result<(CpuStorage, Shape)> {
+        let (([h, w], o), c, n) = (form(ly)?, lw.dims()[3], ly.dims()[0]);
+        let (taps, [up, across]) = (c * self.window.kernel.pow(2), self.sides);
+        let (y, weights) = (values(y, ly)?, Matrix::new(values(weights, lw)?, taps));
+        let mut unfolded = vec![0.0; h * w * taps];
+        let mut x = vec![0.0; n * up * across * c];
+        for (image, out) in y.chunks_exact(h * w * o).zip(x.chunks_exact_mut(up * across * c)) {
             multiply(&mut unfolded, Accum::Replace, Matrix::new(image, o), weights);
-            self.window.fold(&unfolded, c, side, out);
+            self.window.fold(&unfolded, c, self.sides, out);
         }
-        Ok((CpuStorage::F32(x), (n, side, side, c).into()))
+        Ok((CpuStorage::F32(x), (n, up, across, c).into()))
     }
 
     fn bwd(&self, y: &Tensor, w: &Tensor, _: &Tensor, grad: &Tensor) -> Result<(Option<Tensor>, Option<Tensor>)> {
@@ -187,22 +189,22 @@ impl CustomOp2 for WeightGradient {
     }
 
     fn cpu_fwd(&self, x: &CpuStorage, lx: &Layout, y: &CpuStorage, ly: &Layout) -> Result<(CpuStorage, Shape)> {
-        let ((h, c), (side, o)) = (square(lx)?, square(ly)?);
+        let (([h, w], c), ([up, across], o)) = (form(lx)?, form(ly)?);
         let taps = c * self.window.kernel.pow(2);
         let (x, y) = (values(x, lx)?, values(y, ly)?);
-        let mut unfolded = vec![0.0; side * side * taps];
-        let mut w = vec![0.0; o * taps];
-        for (image, out) in x.chunks_exact(h * h * c).zip(y.chunks_exact(side * side * o)) {
-            self.window.unfold(image, c, h, &mut unfolded);
+        let mut unfolded = vec![0.0; up * across * taps];
+        let mut weights = vec![0.0; o * taps];
+        for (image, out) in x.chunks_exact(h * w * c).zip(y.chunks_exact(up * across * o)) {
+            self.window.unfold(image, c, [h, w], &mut unfolded);
             multiply(
-                &mut w,
+                &mut weights,
                 Accum::Add,
                 Matrix::new(out, o).transposed(),
                 Matrix::new(&unfolded, taps),
             );
         }
         let kernel = self.window.kernel;
-        Ok((CpuStorage::F32(w), (o, kernel, kernel, c).into()))
+        Ok((CpuStorage::F32(weights), (o, kernel, kernel, c).into()))
     }
 }
 
@@ -259,7 +261,7 @@ mod tests {
     #[test]
     fn convolutions_are_those_of_candle() {
         for (side, kernel, stride, padding) in [(50, 10, 2, 4), (25, 7, 2, 3), (13, 5, 1, 2), (7, 1, 1, 0)] {
-            let vars = vars(&[3, side, side, 2], &[4, kernel, kernel, 2], 4);
+            let vars = vars(&[3, side, side + 2, 2], &[4, kernel, kernel, 2], 4);
             let config = Conv2dConfig {
                 stride,
                 padding,
@@ -281,7 +283,7 @@ mod tests {
     #[test]
     fn transposed_convolutions_are_those_of_candle() {
         for (side, kernel, slope) in [(13, 5, None), (25, 3, Some(SLOPE)), (4, 1, None)] {
-            let vars = vars(&[3, side, side, 2], &[2, kernel, kernel, 4], 4);
+            let vars = vars(&[3, side, side + 2, 2], &[2, kernel, kernel, 4], 4);
             let layer = ConvTranspose2d {
                 weights: vars[1].as_tensor().clone(),
                 bias: vars[2].as_tensor().clone(),
@@ -320,7 +322,7 @@ mod tests {
                 stride,
                 padding,
             };
-            let dims: [&[usize]; 2] = [&[2, side, side, 3], &[4, kernel, kernel, 3]];
+            let dims: [&[usize]; 2] = [&[2, side, side + 3, 3], &[4, kernel, kernel, 3]];
             gradients_are_exact(dims, |x, w| x.apply_op2(w, Convolution { window }));
         }
         let (window, side) = (
@@ -332,7 +334,13 @@ mod tests {
             13,
         );
         gradients_are_exact([&[2, 7, 7, 3], &[3, 5, 5, 4]], |x, w| {
-            x.apply_op2(w, Transposed { window, side })
+            x.apply_op2(
+                w,
+                Transposed {
+                    window,
+                    sides: [side; 2],
+                },
+            )
         });
     }
 }

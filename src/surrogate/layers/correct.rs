@@ -3,21 +3,42 @@
 //! the memory, and a training with them lasts several times as long.
 
 use std::cell::Cell;
+use std::sync::Arc;
 
 use candle_core::{CpuStorage, CustomOp3, Device, Layout, Result, Shape, Tensor, bail};
 use faer::Accum;
 use pulp::Arch;
 
-use super::cell::{FEATURES, MODES, add_forces, add_strain_forces, write_modes, write_strains, write_surroundings};
+use super::cell::{
+    FEATURES, MODES, add_forces, add_strain_forces, inner_corners, write_modes, write_strains, write_surroundings,
+};
 use super::gemm::{Matrix, multiply};
-use super::green::green_planes;
+use super::green::{Green, GreenScratch};
 use super::storage::values;
-use crate::field::CORNERS;
-use crate::pattern::CELLS;
+use crate::pattern::Raster;
 
-const AREA: usize = CELLS * CELLS;
-const PLANE: usize = (CORNERS - 2) * (CORNERS - 2);
-const IMAGE: usize = 2 * PLANE;
+/// The device that corrections are made on.
+#[derive(Clone, Debug)]
+pub(crate) struct Ground {
+    /// What forces make of it.
+    pub(crate) green: Green,
+    /// Of each cell 1 where it is membrane, and 0 where it is frame or body, which have no law; nothing where all are membrane.
+    pub(crate) cells: Option<Vec<f32>>,
+}
+
+impl Ground {
+    fn raster(&self) -> Raster {
+        self.green.raster()
+    }
+
+    /// Takes the stresses of cells away that have none.
+    fn clear(&self, stresses: &mut [f32]) {
+        let Some(cells) = &self.cells else { return };
+        for plane in stresses.chunks_exact_mut(cells.len()) {
+            plane.iter_mut().zip(cells).for_each(|(stress, cell)| *stress *= cell);
+        }
+    }
+}
 
 /// The two numbers of a correction that are not learned.
 #[derive(Clone, Copy, Debug)]
@@ -52,6 +73,7 @@ impl<'a> Law<'a> {
 
 /// Memory for one image.
 pub(crate) struct Workspace {
+    raster: Raster,
     /// Products, then features: what stresses are made from.
     seen: Vec<f32>,
     factors: Vec<f32>,
@@ -59,7 +81,7 @@ pub(crate) struct Workspace {
     stresses: Vec<f32>,
     forces: Vec<f32>,
     moved: Vec<f32>,
-    scratch: Vec<f32>,
+    scratch: GreenScratch,
     gradients: Gradients,
 }
 
@@ -77,55 +99,76 @@ thread_local! {
 }
 
 impl Workspace {
-    /// Lends the workspace of the thread, for laws of so many products.
-    pub(crate) fn lend<R>(products: usize, work: impl FnOnce(&mut Self) -> R) -> R {
-        let spare = SPARE.take().filter(|spare| spare.products == products);
-        let mut workspace = spare.unwrap_or_else(|| Self::new(products));
+    /// Lends the workspace of the thread, for laws of so many products on a device.
+    pub(crate) fn lend<R>(ground: &Ground, products: usize, work: impl FnOnce(&mut Self) -> R) -> R {
+        let fits = |spare: &Self| spare.products == products && spare.raster == ground.raster();
+        let mut workspace = match SPARE.take().filter(fits) {
+            Some(spare) => spare,
+            None => Self::new(ground, products),
+        };
+        workspace.scratch.fit(&ground.green);
         let result = work(&mut workspace);
         SPARE.set(Some(workspace));
         result
     }
 
-    fn new(products: usize) -> Self {
+    fn new(ground: &Ground, products: usize) -> Self {
+        let raster = ground.raster();
+        let (area, image) = (raster.cells(), 2 * inner_corners(raster));
         Self {
-            seen: vec![0.0; (products + FEATURES) * AREA],
-            factors: vec![0.0; 2 * products * AREA],
+            raster,
+            seen: vec![0.0; (products + FEATURES) * area],
+            factors: vec![0.0; 2 * products * area],
             products,
-            stresses: vec![0.0; MODES * AREA],
-            forces: vec![0.0; IMAGE],
-            moved: vec![0.0; IMAGE],
-            scratch: vec![0.0; PLANE],
+            stresses: vec![0.0; MODES * area],
+            forces: vec![0.0; image],
+            moved: vec![0.0; image],
+            scratch: ground.green.scratch(),
             gradients: Gradients {
-                features: vec![0.0; FEATURES * AREA],
-                factors: vec![0.0; 2 * products * AREA],
-                products: vec![0.0; products * AREA],
+                features: vec![0.0; FEATURES * area],
+                factors: vec![0.0; 2 * products * area],
+                products: vec![0.0; products * area],
             },
         }
     }
 
-    /// Sets the pattern (50, 50), ±½ per cell, that the next corrections are for.
+    /// Sets the pattern (cells), ±½ per cell, that the next corrections are for.
     pub(crate) fn surround(&mut self, pattern: &[f32]) {
-        write_surroundings(pattern, &mut self.seen[self.products * AREA..]);
+        write_surroundings(
+            self.raster,
+            pattern,
+            &mut self.seen[self.products * self.raster.cells()..],
+        );
     }
 
     /// Factors and products of a law at a displacement.
     fn look(&mut self, law: Law<'_>, pattern: &[f32], displacement: &[f32], scale: Scale) {
-        let (products, features) = self.seen.split_at_mut(self.products * AREA);
-        write_strains(pattern, displacement, scale.strain, features);
-        let (factors, features) = (Matrix::new(law.factors, FEATURES), Matrix::new(features, AREA));
+        let area = self.raster.cells();
+        let (products, features) = self.seen.split_at_mut(self.products * area);
+        write_strains(self.raster, pattern, displacement, scale.strain, features);
+        let (factors, features) = (Matrix::new(law.factors, FEATURES), Matrix::new(features, area));
         multiply(&mut self.factors, Accum::Replace, factors, features);
-        let (first, second) = self.factors.split_at(self.products * AREA);
+        let (first, second) = self.factors.split_at(self.products * area);
         product(products, first, second);
     }
 
-    /// Adds the correction of a law to a displacement (2, 49, 49) of the pattern that was set.
-    pub(crate) fn correct(&mut self, law: Law<'_>, pattern: &[f32], displacement: &mut [f32], scale: Scale) {
+    /// Adds the correction of a law to a displacement (2, inner corners) of the pattern that was set.
+    pub(crate) fn correct(
+        &mut self,
+        ground: &Ground,
+        law: Law<'_>,
+        pattern: &[f32],
+        displacement: &mut [f32],
+        scale: Scale,
+    ) {
         self.look(law, pattern, displacement, scale);
         let law = Matrix::new(law.stresses, self.products + FEATURES);
-        multiply(&mut self.stresses, Accum::Replace, law, Matrix::new(&self.seen, AREA));
+        let seen = Matrix::new(&self.seen, self.raster.cells());
+        multiply(&mut self.stresses, Accum::Replace, law, seen);
+        ground.clear(&mut self.stresses);
         self.forces.fill(0.0);
-        add_forces(&self.stresses, &mut self.forces);
-        green_planes(&self.forces, &mut self.moved, &mut self.scratch);
+        add_forces(self.raster, &self.stresses, &mut self.forces);
+        ground.green.apply(&self.forces, &mut self.moved, &mut self.scratch);
         add_scaled(displacement, scale.length, &self.moved);
     }
 }
@@ -150,9 +193,10 @@ fn add_scaled(y: &mut [f32], alpha: f32, x: &[f32]) {
     );
 }
 
-/// Adds the correction of a law to displacements (n, 2, 49, 49) of patterns (n, 50, 50), ±½ per cell. Factors are (2 products,
-/// features), stresses (modes, products + features), as in [`Law`].
+/// Adds the correction of a law to displacements (n, 2, rows − 1, columns − 1) of patterns (n, rows, columns), ±½ per cell. Factors are
+/// (2 products, features), stresses (modes, products + features), as in [`Law`].
 pub(crate) fn correct(
+    ground: &Arc<Ground>,
     patterns: &Tensor,
     displacement: &Tensor,
     factors: &Tensor,
@@ -163,11 +207,16 @@ pub(crate) fn correct(
     displacement.contiguous()?.apply_op3(
         &factors.contiguous()?,
         &stresses.contiguous()?,
-        Correct { patterns, scale },
+        Correct {
+            ground: Arc::clone(ground),
+            patterns,
+            scale,
+        },
     )
 }
 
 struct Correct {
+    ground: Arc<Ground>,
     patterns: Vec<f32>,
     scale: Scale,
 }
@@ -198,11 +247,13 @@ impl CustomOp3 for Correct {
             );
         }
         let mut corrected = values(u, lu)?.to_vec();
-        let images = self.patterns.chunks_exact(AREA).zip(corrected.chunks_exact_mut(IMAGE));
-        Workspace::lend(law.products(), |workspace| {
+        let (ground, raster) = (&*self.ground, self.ground.raster());
+        let images = corrected.chunks_exact_mut(2 * inner_corners(raster));
+        let images = self.patterns.chunks_exact(raster.cells()).zip(images);
+        Workspace::lend(ground, law.products(), |workspace| {
             for (pattern, u) in images {
                 workspace.surround(pattern);
-                workspace.correct(law, pattern, u, self.scale);
+                workspace.correct(ground, law, pattern, u, self.scale);
             }
         });
         Ok((CpuStorage::F32(corrected), lu.shape().clone()))
@@ -223,10 +274,15 @@ impl CustomOp3 for Correct {
             factors: &factor_values,
             stresses: &stress_values,
         };
-        let mut back = Backward::new(law, self.scale);
-        let images = self.patterns.chunks_exact(AREA).zip(displacements.chunks_exact(IMAGE));
-        Workspace::lend(law.products(), |workspace| {
-            for ((pattern, u), gradient) in images.zip(gradient.chunks_exact_mut(IMAGE)) {
+        let (ground, raster) = (&*self.ground, self.ground.raster());
+        let mut back = Backward::new(ground, law, self.scale);
+        let image = 2 * inner_corners(raster);
+        let images = self
+            .patterns
+            .chunks_exact(raster.cells())
+            .zip(displacements.chunks_exact(image));
+        Workspace::lend(ground, law.products(), |workspace| {
+            for ((pattern, u), gradient) in images.zip(gradient.chunks_exact_mut(image)) {
                 back.image(workspace, pattern, u, gradient);
             }
         });
@@ -245,6 +301,7 @@ impl CustomOp3 for Correct {
 
 /// Gradients of a correction with respect to its law, summed over images in order.
 struct Backward<'a> {
+    ground: &'a Ground,
     law: Law<'a>,
     scale: Scale,
     by_factors: Vec<f32>,
@@ -252,8 +309,9 @@ struct Backward<'a> {
 }
 
 impl<'a> Backward<'a> {
-    fn new(law: Law<'a>, scale: Scale) -> Self {
+    fn new(ground: &'a Ground, law: Law<'a>, scale: Scale) -> Self {
         Self {
+            ground,
             law,
             scale,
             by_factors: vec![0.0; law.factors.len()],
@@ -263,15 +321,17 @@ impl<'a> Backward<'a> {
 
     /// Takes in an image; the gradient with respect to what came out becomes that with respect to what went in.
     fn image(&mut self, w: &mut Workspace, pattern: &[f32], displacement: &[f32], gradient: &mut [f32]) {
-        let (law, half) = (self.law, self.law.products() * AREA);
+        let (raster, area) = (self.ground.raster(), self.ground.raster().cells());
+        let (law, half) = (self.law, self.law.products() * area);
         w.surround(pattern);
         w.look(law, pattern, displacement, self.scale);
         // Green's function is its own transpose, and forces are the transpose of modes.
-        green_planes(gradient, &mut w.moved, &mut w.scratch);
-        write_modes(&w.moved, self.scale.length, &mut w.stresses);
-        let (stresses, seen) = (Matrix::new(&w.stresses, AREA), Matrix::new(&w.seen, AREA));
+        self.ground.green.apply(gradient, &mut w.moved, &mut w.scratch);
+        write_modes(raster, &w.moved, self.scale.length, &mut w.stresses);
+        self.ground.clear(&mut w.stresses);
+        let (stresses, seen) = (Matrix::new(&w.stresses, area), Matrix::new(&w.seen, area));
         multiply(&mut self.by_stresses, Accum::Add, stresses, seen.transposed());
-        let features = Matrix::new(&w.seen[half..], AREA);
+        let features = Matrix::new(&w.seen[half..], area);
         let [from_products, from_features] = law.parts();
         let back = &mut w.gradients;
         multiply(&mut back.products, Accum::Replace, from_products.transposed(), stresses);
@@ -279,12 +339,13 @@ impl<'a> Backward<'a> {
         let (a, b) = w.factors.split_at(half);
         product(first, &back.products, b);
         product(second, &back.products, a);
-        let factors = Matrix::new(&back.factors, AREA);
+        let factors = Matrix::new(&back.factors, area);
         multiply(&mut self.by_factors, Accum::Add, factors, features.transposed());
         let to_features = Matrix::new(law.factors, FEATURES).transposed();
         multiply(&mut back.features, Accum::Replace, to_features, factors);
         multiply(&mut back.features, Accum::Add, from_features.transposed(), stresses);
-        add_strain_forces(pattern, &back.features, self.scale.strain, &mut w.stresses, gradient);
+        let strain = self.scale.strain;
+        add_strain_forces(raster, pattern, &back.features, strain, &mut w.stresses, gradient);
     }
 }
 
@@ -293,7 +354,7 @@ mod tests {
     use candle_core::Var;
 
     use super::*;
-    use crate::surrogate::layers::plain;
+    use crate::surrogate::layers::{Supports, plain};
 
     const SCALE: Scale = Scale {
         strain: 0.7,
@@ -305,23 +366,83 @@ mod tests {
         (plain::numbers(dims, salt) / 10.0).unwrap()
     }
 
-    fn by_plain_operations(p: &Tensor, u: &Tensor, factors: &Tensor, stresses: &Tensor) -> Result<Tensor> {
+    fn ground(raster: Raster, along: f64) -> Arc<Ground> {
+        Arc::new(Ground {
+            green: Green::new(raster, along, None),
+            cells: None,
+        })
+    }
+
+    /// A device on which some cells have no law, and a few corners are held by springs.
+    fn framed() -> Arc<Ground> {
+        let raster = Raster::new(6, 9).unwrap();
+        let (nodes, count) = (vec![3, 4, 17, 30], 8);
+        let spring = |at: usize| {
+            if at / count == at % count {
+                0.5
+            } else {
+                0.01 * ((at / count + at % count) as f32)
+            }
+        };
+        let supports = Supports {
+            nodes,
+            stiffness: (0..count * count).map(spring).collect(),
+        };
+        Arc::new(Ground {
+            green: Green::new(raster, 1.2, Some(supports)),
+            cells: Some(
+                (0..raster.cells())
+                    .map(|cell| f32::from(u8::from(cell % 7 != 2)))
+                    .collect(),
+            ),
+        })
+    }
+
+    fn by_plain_operations(ground: &Ground, [p, u, factors, stresses]: [&Tensor; 4]) -> Result<Tensor> {
         let seen = plain::features(p, u, SCALE.strain.into())?;
-        let forces = plain::forces(&plain::law(&seen, factors, stresses)?)?;
-        u + (plain::green(&forces)? * f64::from(SCALE.length))?
+        let mut stresses = plain::law(&seen, factors, stresses)?;
+        if let Some(cells) = &ground.cells {
+            stresses = stresses.broadcast_mul(&Tensor::from_slice(cells, cells.len(), &Device::Cpu)?)?;
+        }
+        let forces = plain::forces(ground.raster(), &stresses)?;
+        let mut moved = plain::green(&ground.green, &forces)?;
+        if let Some(Supports { nodes, stiffness }) = ground.green.supports() {
+            let plane = inner_corners(ground.raster());
+            let places: Vec<u32> = (0..2)
+                .flat_map(|k| nodes.iter().map(move |node| (k * plane + node) as u32))
+                .collect();
+            let count = places.len();
+            let index = Tensor::new(places, &Device::Cpu)?;
+            let n = forces.dim(0)?;
+            let at_nodes = moved.reshape((n, 2 * plane))?.index_select(&index, 1)?;
+            let stiffness = Tensor::from_slice(stiffness, (count, count), &Device::Cpu)?;
+            let held = at_nodes.matmul(&stiffness)?.neg()?;
+            let zero = Tensor::zeros((n, 2 * plane), forces.dtype(), &Device::Cpu)?;
+            let reaction = zero.index_add(&index, &held, 1)?.reshape(forces.shape())?;
+            moved = plain::green(&ground.green, &(forces + reaction)?)?;
+        }
+        u + (moved * f64::from(SCALE.length))?
     }
 
     #[test]
     fn values_and_gradients_are_those_of_plain_operations() {
-        let p = numbers(&[2, CELLS, CELLS], 1);
+        let other = Raster::new(8, 5).unwrap();
+        for ground in [ground(Raster::PAPER, 1.0), ground(other, 0.7), framed()] {
+            compare(&ground);
+        }
+    }
+
+    fn compare(ground: &Arc<Ground>) {
+        let [columns, rows] = ground.raster().sides();
+        let p = numbers(&[2, rows, columns], 1);
         let vars = [
-            numbers(&[2, 2, CORNERS - 2, CORNERS - 2], 2),
+            numbers(&[2, 2, rows - 1, columns - 1], 2),
             numbers(&[2 * PRODUCTS, FEATURES], 3),
             numbers(&[MODES, PRODUCTS + FEATURES], 4),
         ];
         let [u, factors, stresses] = vars.map(|values| Var::from_tensor(&values).unwrap());
-        let found = correct(&p, &u, &factors, &stresses, SCALE).unwrap();
-        let expected = by_plain_operations(&p, &u, &factors, &stresses).unwrap();
+        let found = correct(ground, &p, &u, &factors, &stresses, SCALE).unwrap();
+        let expected = by_plain_operations(ground, [&p, &u, &factors, &stresses]).unwrap();
         let flat = |x: &Tensor| x.flatten_all().unwrap().to_vec1::<f32>().unwrap();
         let alike = |found: &Tensor, expected: &Tensor| {
             assert_eq!(found.dims(), expected.dims());
@@ -341,11 +462,9 @@ mod tests {
 
     #[test]
     fn parts_of_different_laws_are_refused() {
-        let (p, u) = (
-            numbers(&[1, CELLS, CELLS], 1),
-            numbers(&[1, 2, CORNERS - 2, CORNERS - 2], 2),
-        );
+        let (p, u) = (numbers(&[1, 5, 8], 1), numbers(&[1, 2, 4, 7], 2));
         let (factors, stresses) = (numbers(&[2, FEATURES], 3), numbers(&[MODES, 2 + FEATURES], 4));
-        assert!(correct(&p, &u, &factors, &stresses, SCALE).is_err());
+        let ground = ground(Raster::new(8, 5).unwrap(), 1.0);
+        assert!(correct(&ground, &p, &u, &factors, &stresses, SCALE).is_err());
     }
 }

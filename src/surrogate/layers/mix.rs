@@ -10,25 +10,27 @@ use faer::Accum;
 use super::gemm::{Matrix, multiply, multiply_into};
 use super::storage::values;
 
-/// `x` (n, h, h, c) with `weights` (g, h², h²), g dividing c: in each of the g groups of neighbouring channels the h²
+/// `x` (n, h, w, c) with `weights` (g, hw, hw), g dividing c: in each of the g groups of neighbouring channels the hw
 /// positions of an image are multiplied by one matrix.
 pub(crate) struct Mixing {
     pub(crate) weights: Tensor,
     /// c.
     pub(crate) width: usize,
+    /// Rows and columns of the images.
+    pub(crate) sides: [usize; 2],
 }
 
 impl Mixing {
-    /// From the tensor `mixing` of a builder, for images of `side`² positions and `width` channels.
-    pub(crate) fn new(groups: usize, side: usize, width: usize, builder: &VarBuilder<'_>) -> Result<Self> {
-        let positions = side * side;
+    /// From the tensor `mixing` of a builder, for images of so many rows and columns and `width` channels.
+    pub(crate) fn new(groups: usize, sides: [usize; 2], width: usize, builder: &VarBuilder<'_>) -> Result<Self> {
+        let positions = sides[0] * sides[1];
         let stdev = (1.0 / positions as f64).sqrt();
         let weights = builder.get_with_hints(
             (groups, positions, positions),
             "mixing",
             Init::Randn { mean: 0.0, stdev },
         )?;
-        Ok(Self { weights, width })
+        Ok(Self { weights, width, sides })
     }
 }
 
@@ -121,8 +123,9 @@ mod tests {
     }
 
     fn mix(x: &Tensor, weights: &Tensor) -> Result<Tensor> {
-        let (weights, width) = (weights.clone(), x.dim(3)?);
-        Mixing { weights, width }.forward(x)
+        let (_, rows, columns, width) = x.dims4()?;
+        let (weights, sides) = (weights.clone(), [rows, columns]);
+        Mixing { weights, width, sides }.forward(x)
     }
 
     #[test]

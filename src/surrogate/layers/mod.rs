@@ -14,7 +14,7 @@ mod window;
 
 pub(crate) use cell::{FEATURES, MODES, NEIGHBOURS, SIGNS};
 pub(crate) use conv::{Conv2d, ConvTranspose2d};
-pub(crate) use correct::{Law, Scale, Workspace, correct};
+pub(crate) use correct::{Ground, Law, Scale, Workspace, correct};
 pub(crate) use gemm::{Matrix, multiply};
-pub(crate) use green::green_tables;
+pub(crate) use green::{Green, Supports};
 pub(crate) use mix::Mixing;

@@ -4,12 +4,8 @@ use candle_core::{Device, Module, Result, Tensor};
 use candle_nn::Linear;
 
 use super::cell::{FEATURES, MODES, NEIGHBOURS, SIGNS};
-use super::green::green_tables;
-use crate::field::CORNERS;
-use crate::pattern::CELLS;
-
-const INNER: usize = CORNERS - 2;
-const AREA: usize = CELLS * CELLS;
+use super::green::Green;
+use crate::pattern::Raster;
 
 /// Small integers, so that sums are exact in f32.
 pub(super) fn numbers(dims: &[usize], salt: usize) -> Tensor {
@@ -18,39 +14,41 @@ pub(super) fn numbers(dims: &[usize], salt: usize) -> Tensor {
     Tensor::from_vec(values, dims, &Device::Cpu).unwrap()
 }
 
-/// The features of patterns (n, 50, 50), ±½ per cell, and displacements (n, 2, 49, 49): (n, 22, 2500).
+/// The features of patterns (n, rows, columns), ±½ per cell, and displacements (n, 2, rows − 1, columns − 1): (n, 22, cells).
 pub(super) fn features(patterns: &Tensor, displacement: &Tensor, strain: f64) -> Result<Tensor> {
-    let n = patterns.dim(0)?;
+    let (n, rows, columns) = patterns.dims3()?;
+    let area = rows * columns;
     let padded = patterns.pad_with_zeros(1, 1, 1)?.pad_with_zeros(2, 1, 1)?;
     let mut channels = Vec::with_capacity(FEATURES);
     for at in 0..NEIGHBOURS {
-        let shifted = padded.narrow(1, at / 3, CELLS)?.narrow(2, at % 3, CELLS)?;
-        channels.push(shifted.reshape((n, 1, AREA))?);
+        let shifted = padded.narrow(1, at / 3, rows)?.narrow(2, at % 3, columns)?;
+        channels.push(shifted.reshape((n, 1, area))?);
     }
     let modes = (modes(displacement)? * strain)?;
-    let sign = (patterns.reshape((n, 1, AREA))? * 2.0)?;
+    let sign = (patterns.reshape((n, 1, area))? * 2.0)?;
     let signed = modes.broadcast_mul(&sign)?;
     channels.extend([modes, signed, sign.ones_like()?]);
     Tensor::cat(&channels, 1)
 }
 
-/// The modes of displacements (n, 2, 49, 49): (n, 6, 2500).
+/// The modes of displacements (n, 2, rows − 1, columns − 1): (n, 6, cells).
 pub(super) fn modes(displacement: &Tensor) -> Result<Tensor> {
-    let n = displacement.dim(0)?;
+    let (n, _, rows, columns) = displacement.dims4()?;
+    let (rows, columns) = (rows + 1, columns + 1);
     let padded = displacement.pad_with_zeros(2, 1, 1)?.pad_with_zeros(3, 1, 1)?;
-    let corner = |at: usize| padded.narrow(2, at / 2, CELLS)?.narrow(3, at % 2, CELLS);
+    let corner = |at: usize| padded.narrow(2, at / 2, rows)?.narrow(3, at % 2, columns);
     let corners = [corner(0)?, corner(1)?, corner(2)?, corner(3)?];
     let mode = |signs: &[f32; 4]| -> Result<Tensor> {
         let mut sum = (&corners[0] * f64::from(signs[0] / 2.0))?;
         for (corner, sign) in corners.iter().zip(signs).skip(1) {
             sum = (sum + (corner * f64::from(sign / 2.0))?)?;
         }
-        sum.reshape((n, 2, AREA))
+        sum.reshape((n, 2, rows * columns))
     };
     Tensor::cat(&[mode(&SIGNS[0])?, mode(&SIGNS[1])?, mode(&SIGNS[2])?], 1)
 }
 
-/// What a law makes of features (n, 22, 2500): stresses (n, 6, 2500). `factors` and `stresses` are as in [`super::Law`].
+/// What a law makes of features (n, 22, cells): stresses (n, 6, cells). `factors` and `stresses` are as in [`super::Law`].
 pub(super) fn law(features: &Tensor, factors: &Tensor, stresses: &Tensor) -> Result<Tensor> {
     let features = features.transpose(1, 2)?.contiguous()?;
     let factors = Linear::new(factors.clone(), None).forward(&features)?;
@@ -60,12 +58,13 @@ pub(super) fn law(features: &Tensor, factors: &Tensor, stresses: &Tensor) -> Res
     Linear::new(stresses.clone(), None).forward(&seen)?.transpose(1, 2)
 }
 
-/// The forces of stresses (n, 6, 2500) on the inner corners: (n, 2, 49, 49).
-pub(super) fn forces(stresses: &Tensor) -> Result<Tensor> {
+/// The forces of stresses (n, 6, cells) on the inner corners: (n, 2, rows − 1, columns − 1).
+pub(super) fn forces(raster: Raster, stresses: &Tensor) -> Result<Tensor> {
+    let [columns, rows] = raster.sides();
     let n = stresses.dim(0)?;
-    let stresses = stresses.contiguous()?.reshape((n, MODES / 2, 2, CELLS, CELLS))?;
+    let stresses = stresses.contiguous()?.reshape((n, MODES / 2, 2, rows, columns))?;
     let at_corner = |corner: usize| -> Result<Tensor> {
-        let mut sum = Tensor::zeros((n, 2, CELLS, CELLS), stresses.dtype(), stresses.device())?;
+        let mut sum = Tensor::zeros((n, 2, rows, columns), stresses.dtype(), stresses.device())?;
         for (mode, signs) in SIGNS.iter().enumerate() {
             sum = (sum + (stresses.narrow(1, mode, 1)?.squeeze(1)? * f64::from(signs[corner] / 2.0))?)?;
         }
@@ -74,12 +73,12 @@ pub(super) fn forces(stresses: &Tensor) -> Result<Tensor> {
             .pad_with_zeros(3, column, 1 - column)
     };
     let all = (((at_corner(0)? + at_corner(1)?)? + at_corner(2)?)? + at_corner(3)?)?;
-    all.narrow(2, 1, INNER)?.narrow(3, 1, INNER)
+    all.narrow(2, 1, rows - 1)?.narrow(3, 1, columns - 1)
 }
 
-/// The displacements of forces (n, 2, 49, 49) by the tables of the transform.
-pub(super) fn green(forces: &Tensor) -> Result<Tensor> {
-    let (sines, inverse) = green_tables()?;
-    let transformed = |x: &Tensor| sines.broadcast_matmul(&x.contiguous()?.broadcast_matmul(&sines)?);
+/// The displacements of forces (n, 2, rows − 1, columns − 1) on a rectangle, by the tables of the transform.
+pub(super) fn green(green: &Green, forces: &Tensor) -> Result<Tensor> {
+    let [along, up, inverse] = green.tables()?;
+    let transformed = |x: &Tensor| up.broadcast_matmul(&x.contiguous()?.broadcast_matmul(&along)?);
     transformed(&transformed(forces)?.broadcast_mul(&inverse)?)
 }

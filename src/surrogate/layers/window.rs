@@ -7,7 +7,7 @@
 
 use std::ops::Range;
 
-/// A square window moved over a square image.
+/// A square window moved over an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Window {
     /// Side of the window.
@@ -32,11 +32,11 @@ impl Window {
         (n + 2 * self.padding - self.kernel) / self.stride + 1
     }
 
-    /// Lays out what every output sees: from `(n, n, channels)` to `(output², kernel² · channels)`.
-    pub(super) fn unfold(&self, image: &[f32], channels: usize, n: usize, unfolded: &mut [f32]) {
+    /// Lays out what every output sees: from `(rows, columns, channels)` to `(outputs, kernel² · channels)`.
+    pub(super) fn unfold(&self, image: &[f32], channels: usize, sides: [usize; 2], unfolded: &mut [f32]) {
         // What lies between two runs is outside the image.
         let mut end = 0;
-        self.for_each_run(n, |run| {
+        self.for_each_run(sides, |run| {
             let start = run.unfolded * channels;
             unfolded[end..start].fill(0.0);
             end = start + run.length * channels;
@@ -46,9 +46,9 @@ impl Window {
     }
 
     /// The transpose of [`Window::unfold`]: adds every value to the pixel it came from.
-    pub(super) fn fold(&self, unfolded: &[f32], channels: usize, n: usize, image: &mut [f32]) {
+    pub(super) fn fold(&self, unfolded: &[f32], channels: usize, sides: [usize; 2], image: &mut [f32]) {
         image.fill(0.0);
-        self.for_each_run(n, |run| {
+        self.for_each_run(sides, |run| {
             let from = &unfolded[run.unfolded * channels..][..run.length * channels];
             let to = &mut image[run.image * channels..][..run.length * channels];
             to.iter_mut().zip(from).for_each(|(to, from)| *to += from);
@@ -63,16 +63,16 @@ impl Window {
         (first..end.max(first), (start + first).saturating_sub(self.padding))
     }
 
-    fn for_each_run(&self, n: usize, mut visit: impl FnMut(Run)) {
-        let out = self.output(n);
-        let inside: Vec<_> = (0..out).map(|o| self.inside(o, n)).collect();
+    fn for_each_run(&self, sides: [usize; 2], mut visit: impl FnMut(Run)) {
+        let [up, across]: [Vec<_>; 2] =
+            sides.map(|n| (0..self.output(n)).map(|output| self.inside(output, n)).collect());
         let mut output = 0;
-        for (rows, y) in &inside {
-            for (columns, x) in &inside {
+        for (rows, y) in &up {
+            for (columns, x) in &across {
                 for (line, row) in rows.clone().enumerate() {
                     visit(Run {
                         unfolded: (output * self.kernel + row) * self.kernel + columns.start,
-                        image: (y + line) * n + x,
+                        image: (y + line) * sides[1] + x,
                         length: columns.len(),
                     });
                 }
@@ -109,7 +109,7 @@ mod tests {
             assert_eq!(window.output(n), out);
             let image = numbers(2 * n * n);
             let mut unfolded = vec![f32::NAN; 2 * kernel * kernel * out * out];
-            window.unfold(&image, 2, n, &mut unfolded);
+            window.unfold(&image, 2, [n, n], &mut unfolded);
             let pixel = |y: isize, x: isize, channel: usize| {
                 let inside = (0..n as isize).contains(&y) && (0..n as isize).contains(&x);
                 if inside {
@@ -137,8 +137,8 @@ mod tests {
             };
             let (image, columns) = (numbers(3 * n * n), numbers(3 * kernel * kernel * out * out));
             let (mut unfolded, mut folded) = (vec![0.0; columns.len()], vec![f32::NAN; image.len()]);
-            window.unfold(&image, 3, n, &mut unfolded);
-            window.fold(&columns, 3, n, &mut folded);
+            window.unfold(&image, 3, [n, n], &mut unfolded);
+            window.fold(&columns, 3, [n, n], &mut folded);
             let dot =
                 |a: &[f32], b: &[f32]| -> f64 { a.iter().zip(b).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum() };
             assert_eq!(dot(&unfolded, &columns), dot(&image, &folded));

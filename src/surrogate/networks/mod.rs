@@ -1,5 +1,8 @@
 //! The networks, one per file, and how they are chosen.
 
+mod constants;
+mod fold;
+mod names;
 mod orientations;
 mod physics;
 mod qin2024;
@@ -10,8 +13,9 @@ use candle_nn::VarBuilder;
 
 use super::onnx::Export;
 use crate::base::words;
+use crate::pattern::Raster;
 
-pub use response::{Constants, ConstantsError};
+pub use constants::{Constants, ConstantsError};
 
 words! {
     /// Which network.
@@ -30,24 +34,27 @@ impl NetworkKind {
         self == Self::Physics
     }
 
-    /// Builds the network on the given weights.
-    pub(crate) fn build(self, weights: &VarBuilder<'_>) -> Result<Box<dyn Network>> {
+    /// Builds the network for patterns of these cells on the given weights.
+    ///
+    /// # Errors
+    /// When the weights are those of another network, or there is none for such patterns.
+    pub(crate) fn build(self, weights: &VarBuilder<'_>, raster: Raster) -> Result<Box<dyn Network>> {
         match self {
-            Self::Qin2024 => Ok(Box::new(qin2024::Qin2024::new(weights)?)),
-            Self::Physics => Ok(Box::new(physics::Physics::new(weights)?)),
+            Self::Qin2024 => Ok(Box::new(qin2024::Qin2024::new(weights, raster)?)),
+            Self::Physics => Ok(Box::new(physics::Physics::new(weights, raster)?)),
         }
     }
 }
 
 /// What a network says about a batch of n patterns in training, in a unit that stands beside its weights.
 pub(crate) struct Output {
-    /// Displacement at the 49 × 49 inner corners, (n, 49, 49, 2).
+    /// Displacement at the inner corners, (n, rows − 1, columns − 1, 2).
     pub(crate) displacement: Tensor,
-    /// The x displacement at every second inner corner, (n, 25, 25, 1): an auxiliary answer.
+    /// The x displacement at every second inner corner: an auxiliary answer.
     pub(crate) half_resolution: Option<Tensor>,
 }
 
-/// A network: a module from patterns (n, 50, 50, 1), −½ or ½ per cell, to displacements (n, 49, 49, 2).
+/// A network: a module from patterns (n, rows, columns, 1), −½ or ½ per cell, to displacements (n, rows − 1, columns − 1, 2).
 pub(crate) trait Network: Module + Export + Send + Sync {
     /// The displacement with the auxiliary answer, where the network has one.
     fn forward_for_training(&self, patterns: &Tensor) -> Result<Output> {

@@ -1,19 +1,18 @@
-//! How the eight symmetries of the square act on the weights of a local law.
+//! How symmetries of the square act on the weights of a local law.
 //!
 //! Each symmetry permutes features and modes up to sign. So the images of a tensor are its own entries in another order, some of
-//! them negative: one selection gives all eight, where eight products of small matrices took longer than the law itself.
+//! them negative: one selection gives all, where eight products of small matrices took longer than the law itself.
 
 use candle_core::{Device, Result, Tensor};
 
-use crate::pattern::Symmetry;
+use crate::pattern::{Symmetries, Symmetry};
 use crate::surrogate::layers::{FEATURES, MODES, NEIGHBOURS};
-
-/// Number of symmetries.
-const ALL: usize = Symmetry::ALL.len();
 
 /// The images of features and of modes.
 #[derive(Clone, Debug)]
 pub(super) struct Orientations {
+    /// Number of symmetries.
+    count: usize,
     features: Images,
     modes: Images,
     /// Of both together: of a map from features to modes, row by row.
@@ -28,9 +27,10 @@ struct Images {
 }
 
 impl Orientations {
-    /// The tables.
-    pub(super) fn new() -> Result<Self> {
-        let (features, modes) = (Symmetry::ALL.map(on_features), Symmetry::ALL.map(on_modes));
+    /// The tables of a group.
+    pub(super) fn new(group: Symmetries) -> Result<Self> {
+        let features: Vec<_> = group.iter().map(on_features).collect();
+        let modes: Vec<_> = group.iter().map(on_modes).collect();
         let maps = features.iter().zip(&modes).map(|(features, modes)| {
             let row = |&(mode, sign): &(usize, f32)| {
                 let entry = move |&(feature, other): &(usize, f32)| (mode * FEATURES + feature, sign * other);
@@ -39,36 +39,42 @@ impl Orientations {
             modes.iter().flat_map(row).collect::<Vec<_>>()
         });
         Ok(Self {
+            count: group.count(),
             maps: Images::new(maps)?,
             features: Images::new(features.iter().cloned())?,
             modes: Images::new(modes.iter().cloned())?,
         })
     }
 
-    /// Linear forms on features in all orientations: (k, features) to (8k, features).
+    /// How many orientations there are.
+    pub(super) fn count(&self) -> usize {
+        self.count
+    }
+
+    /// Linear forms on features in all g orientations: (k, features) to (gk, features).
     pub(super) fn of_forms(&self, forms: &Tensor) -> Result<Tensor> {
         let k = forms.dim(0)?;
         let images = self.features.of(&forms.t()?.contiguous()?)?;
         images
-            .reshape((ALL, FEATURES, k))?
+            .reshape((self.count, FEATURES, k))?
             .transpose(1, 2)?
-            .reshape((ALL * k, FEATURES))
+            .reshape((self.count * k, FEATURES))
     }
 
-    /// Stresses (modes, k) in all orientations: (modes, 8k).
+    /// Stresses (modes, k) in all g orientations: (modes, gk).
     pub(super) fn of_stresses(&self, stresses: &Tensor) -> Result<Tensor> {
         let k = stresses.dim(1)?;
         let images = self.modes.of(stresses)?;
         images
-            .reshape((ALL, MODES, k))?
+            .reshape((self.count, MODES, k))?
             .transpose(0, 1)?
-            .reshape((MODES, ALL * k))
+            .reshape((MODES, self.count * k))
     }
 
     /// The part of a map (modes, features) that commutes with the symmetries.
     pub(super) fn average(&self, map: &Tensor) -> Result<Tensor> {
         let images = self.maps.of(&map.reshape((MODES * FEATURES, 1))?)?;
-        images.reshape((ALL, MODES, FEATURES))?.sum(0)? * (1.0 / ALL as f64)
+        images.reshape((self.count, MODES, FEATURES))?.sum(0)? * (1.0 / self.count as f64)
     }
 }
 
@@ -82,7 +88,7 @@ impl Images {
         })
     }
 
-    /// The images, one after the other, of the rows of a tensor (rows, k): (8 rows, k).
+    /// The images, one after the other, of the rows of a tensor (rows, k): (g rows, k).
     fn of(&self, rows: &Tensor) -> Result<Tensor> {
         rows.index_select(&self.from, 0)?.broadcast_mul(&self.signs)
     }
@@ -151,7 +157,7 @@ mod tests {
 
     #[test]
     fn selections_are_products_with_the_matrices_of_the_symmetries() {
-        let orientations = Orientations::new().unwrap();
+        let orientations = Orientations::new(Symmetries::SQUARE).unwrap();
         let features = Symmetry::ALL.map(|g| matrix(&on_features(g)));
         let modes = Symmetry::ALL.map(|g| matrix(&on_modes(g)));
         let forms = numbers((3, FEATURES));

@@ -11,11 +11,15 @@
 //! go back by the transposed maps 13 → 25 → 49, whose outputs are all inner corners. The bottleneck mixes over the whole
 //! membrane, because the elastic response is global. Layers that keep grid and width add to what they are given (He et al.,
 //! CVPR 2016), which training follows more easily.
+//!
+//! Sides of 4k − 2 cells have such grids. Patterns of others are continued by zeros, which are neither bare nor electrode, to the right and
+//! above, and corners beyond their own are left out of the answer. Only the matrices of the bottleneck depend on the number of cells.
 
-use candle_core::{Module, Result, Tensor};
+use candle_core::{Module, Result, Tensor, bail};
 use candle_nn::{Conv2dConfig, VarBuilder};
 
 use super::{Network, Output};
+use crate::pattern::Raster;
 use crate::surrogate::layers::{Conv2d, ConvTranspose2d, Mixing};
 use crate::surrogate::onnx::{Export, Graph, Value};
 
@@ -25,8 +29,8 @@ const ENCODER: [usize; 3] = [16, 32, 64];
 const DECODER: [usize; 2] = [32, 16];
 /// Channels of the auxiliary branch.
 const AUXILIARY: usize = 16;
-/// Side of the grid in the bottleneck.
-const COARSE: usize = 13;
+/// The most numbers of the matrices in the bottleneck, a quarter of a gigabyte: 200 × 200 cells.
+const MOST: usize = 1 << 26;
 /// Groups of channels in the bottleneck, each mixed by a matrix of its own.
 const GROUPS: usize = 8;
 /// Side of the window of a layer that answers or enlarges.
@@ -39,6 +43,7 @@ const ANSWER_GAIN: f64 = 0.3;
 
 /// The network.
 pub(super) struct Qin2024 {
+    grid: Grid,
     encoder: [Conv2d; 5],
     bottleneck: Bottleneck,
     x: Decoder,
@@ -47,11 +52,13 @@ pub(super) struct Qin2024 {
 }
 
 impl Qin2024 {
-    /// The network on the given weights.
-    pub(super) fn new(weights: &VarBuilder<'_>) -> Result<Self> {
+    /// The network for patterns of these cells on the given weights.
+    pub(super) fn new(weights: &VarBuilder<'_>, raster: Raster) -> Result<Self> {
+        let grid = Grid::new(raster)?;
         let [first, second, wide] = ENCODER;
         let layer = |name: &str, channels, window| convolution(channels, window, &weights.pp(name));
         Ok(Self {
+            grid,
             encoder: [
                 layer("encoder.1", [1, first], Window(10, 2, 4))?,
                 layer("encoder.2", [first, second], Window(7, 2, 3))?,
@@ -59,7 +66,7 @@ impl Qin2024 {
                 layer("encoder.4", [wide, wide], Window(3, 1, 1))?,
                 layer("encoder.5", [wide, wide], Window(3, 1, 1))?,
             ],
-            bottleneck: Bottleneck::new(wide, &weights.pp("bottleneck"))?,
+            bottleneck: Bottleneck::new(grid, wide, &weights.pp("bottleneck"))?,
             x: Decoder::new(wide, &weights.pp("x"))?,
             y: Decoder::new(wide, &weights.pp("y"))?,
             auxiliary: (
@@ -72,14 +79,16 @@ impl Qin2024 {
     /// What the decoders and the auxiliary branch start from.
     fn features(&self, patterns: &Tensor) -> Result<Tensor> {
         let [first, second, third, fourth, fifth] = &self.encoder;
-        let features = patterns.apply(first)?.apply(second)?.apply(third)?;
+        let features = self.grid.continued(patterns)?;
+        let features = features.apply(first)?.apply(second)?.apply(third)?;
         let features = (&features + features.apply(fourth)?)?;
         let features = (&features + features.apply(fifth)?)?;
         features.apply(&self.bottleneck)
     }
 
     fn decode(&self, features: &Tensor) -> Result<Tensor> {
-        Tensor::cat(&[features.apply(&self.x)?, features.apply(&self.y)?], 3)
+        let both = Tensor::cat(&[features.apply(&self.x)?, features.apply(&self.y)?], 3)?;
+        self.grid.cut(&both, 1)
     }
 }
 
@@ -95,7 +104,7 @@ impl Network for Qin2024 {
         let (first, second) = &self.auxiliary;
         Ok(Output {
             displacement: self.decode(&features)?,
-            half_resolution: Some(features.apply(first)?.apply(second)?),
+            half_resolution: Some(self.grid.cut(&features.apply(first)?.apply(second)?, 2)?),
         })
     }
 }
@@ -103,7 +112,11 @@ impl Network for Qin2024 {
 impl Export for Qin2024 {
     fn export(&self, graph: &mut Graph, patterns: &Value) -> Result<Value> {
         let [first, second, third, fourth, fifth] = &self.encoder;
-        let features = first.export(graph, patterns)?;
+        let features = match self.grid.added() {
+            [0, 0] => patterns.clone(),
+            [right, above] => graph.pad(patterns, &[0, 0, 0, 0, 0, above as i64, right as i64, 0]),
+        };
+        let features = first.export(graph, &features)?;
         let features = second.export(graph, &features)?;
         let mut features = third.export(graph, &features)?;
         for layer in [fourth, fifth] {
@@ -112,7 +125,64 @@ impl Export for Qin2024 {
         }
         let features = self.bottleneck.export(graph, &features)?;
         let (x, y) = (self.x.export(graph, &features)?, self.y.export(graph, &features)?);
-        Ok(graph.concatenate(&[&x, &y], 3))
+        let both = graph.concatenate(&[&x, &y], 3);
+        let [columns, rows] = self.grid.raster.sides().map(|side| side - 1);
+        Ok(match self.grid.added() {
+            [0, 0] => both,
+            _ => graph.first(&both, [rows, columns]),
+        })
+    }
+}
+
+/// The grids of a network for some cells.
+#[derive(Clone, Copy)]
+struct Grid {
+    raster: Raster,
+    /// Columns and rows of the grid in the bottleneck.
+    coarse: [usize; 2],
+}
+
+impl Grid {
+    fn new(raster: Raster) -> Result<Self> {
+        if raster.sides().contains(&1) {
+            bail!("nothing moves on {raster} cells: there is nothing to learn");
+        }
+        let coarse = raster.sides().map(|side| (side + 2).div_ceil(4));
+        let numbers = GROUPS * (coarse[0] * coarse[1]).pow(2);
+        if numbers > MOST {
+            bail!(
+                "the network qin2024 for {raster} cells has matrices of {numbers} numbers, and at most {MOST} are allowed: fewer cells, \
+                 about 200 × 200"
+            );
+        }
+        Ok(Self { raster, coarse })
+    }
+
+    /// Cells by which patterns are continued, to the right and above.
+    fn added(self) -> [usize; 2] {
+        [0, 1].map(|axis| 4 * self.coarse[axis] - 2 - self.raster.sides()[axis])
+    }
+
+    /// Patterns with as many cells as the grids have.
+    fn continued(self, patterns: &Tensor) -> Result<Tensor> {
+        match self.added() {
+            [0, 0] => Ok(patterns.clone()),
+            [right, above] => patterns
+                .pad_with_zeros(1, 0, above)?
+                .pad_with_zeros(2, 0, right)?
+                .contiguous(),
+        }
+    }
+
+    /// Every so many-th inner corner, without those beyond the membrane.
+    fn cut(self, answer: &Tensor, step: usize) -> Result<Tensor> {
+        match self.added() {
+            [0, 0] => Ok(answer.clone()),
+            _ => {
+                let [columns, rows] = self.raster.sides().map(|side| (side - 1).div_ceil(step));
+                answer.narrow(1, 0, rows)?.narrow(2, 0, columns)?.contiguous()
+            }
+        }
     }
 }
 
@@ -156,9 +226,10 @@ struct Bottleneck {
 }
 
 impl Bottleneck {
-    fn new(width: usize, weights: &VarBuilder<'_>) -> Result<Self> {
+    fn new(grid: Grid, width: usize, weights: &VarBuilder<'_>) -> Result<Self> {
+        let [columns, rows] = grid.coarse;
         Ok(Self {
-            mixing: Mixing::new(GROUPS, COARSE, width, weights)?,
+            mixing: Mixing::new(GROUPS, [rows, columns], width, weights)?,
             channels: convolution([width, width], Window(1, 1, 0), &weights.pp("channels"))?,
         })
     }
@@ -207,5 +278,42 @@ impl Export for Decoder {
         let y = self.first.export(graph, features)?;
         let y = self.second.export(graph, &y)?;
         self.third.export(graph, &y)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use candle_core::{DType, Device};
+
+    use super::*;
+    use crate::surrogate::parameters::Drawn;
+
+    #[test]
+    fn any_raster_has_an_answer_at_each_inner_corner() {
+        let constants = BTreeMap::new();
+        for (columns, rows) in [(40, 24), (6, 10), (7, 3), (2, 9)] {
+            let raster = Raster::new(columns, rows).unwrap();
+            let weights = Drawn::new(&constants, 1);
+            let network = Qin2024::new(&weights.builder(), raster).unwrap();
+            let patterns = Tensor::zeros((2, rows, columns, 1), DType::F32, &Device::Cpu).unwrap();
+            let output = network.forward_for_training(&patterns).unwrap();
+            assert_eq!(output.displacement.dims(), [2, rows - 1, columns - 1, 2]);
+            let half = output.half_resolution.unwrap();
+            assert_eq!(half.dims(), [2, rows / 2, columns / 2, 1]);
+        }
+    }
+
+    #[test]
+    fn rasters_without_a_network_are_refused() {
+        let constants = BTreeMap::new();
+        for (sides, says) in [((1, 9), "nothing moves"), ((400, 400), "fewer cells")] {
+            let raster = Raster::new(sides.0, sides.1).unwrap();
+            let error = Qin2024::new(&Drawn::new(&constants, 1).builder(), raster)
+                .err()
+                .unwrap();
+            assert!(error.to_string().contains(says), "{error}");
+        }
     }
 }

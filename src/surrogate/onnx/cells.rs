@@ -4,16 +4,20 @@
 use candle_core::{Device, Result, Tensor};
 
 use super::graph::{Attribute, Graph, Value};
-use crate::pattern::CELLS;
-use crate::surrogate::layers::{FEATURES, MODES, NEIGHBOURS, SIGNS, green_tables};
-
-const SIDE: i64 = CELLS as i64;
-const AREA: i64 = (CELLS * CELLS) as i64;
+use crate::pattern::Raster;
+use crate::surrogate::layers::{FEATURES, Green, MODES, NEIGHBOURS, SIGNS, Supports};
 
 impl Graph {
-    /// What a local law sees of patterns (n, 50, 50) and displacements (n, 2, 49, 49): (n, 22, 2500).
-    pub(crate) fn features(&mut self, patterns: &Value, displacement: &Value, strain: f64) -> Result<Value> {
-        let cells = self.reshape(patterns, &[0, 1, SIDE, SIDE]);
+    /// What a local law sees of patterns (n, rows, columns) and displacements (n, 2, rows − 1, columns − 1): (n, 22, cells).
+    pub(crate) fn features(
+        &mut self,
+        raster: Raster,
+        patterns: &Value,
+        displacement: &Value,
+        strain: f64,
+    ) -> Result<Value> {
+        let [columns, rows] = raster.sides().map(|side| side as i64);
+        let cells = self.reshape(patterns, &[0, 1, rows, columns]);
         let around = self.tensor(&places()?)?;
         let around = self.framed("Conv", &cells, &around);
         let modes = self.tensor(&modes(strain as f32)?)?;
@@ -24,28 +28,69 @@ impl Graph {
         let ones = self.mul(&cells, &zero);
         let ones = self.add(&ones, &one);
         let all = self.concatenate(&[&around, &modes, &signed, &ones], 1);
-        Ok(self.reshape(&all, &[0, FEATURES as i64, AREA]))
+        Ok(self.reshape(&all, &[0, FEATURES as i64, rows * columns]))
     }
 
-    /// The forces (n, 2, 49, 49) of stresses (n, 6, 2500).
-    pub(crate) fn forces(&mut self, stresses: &Value) -> Result<Value> {
-        let stresses = self.reshape(stresses, &[0, MODES as i64, SIDE, SIDE]);
+    /// The forces (n, 2, rows − 1, columns − 1) of stresses (n, 6, cells).
+    pub(crate) fn forces(&mut self, raster: Raster, stresses: &Value) -> Result<Value> {
+        let [columns, rows] = raster.sides().map(|side| side as i64);
+        let stresses = self.reshape(stresses, &[0, MODES as i64, rows, columns]);
         let modes = self.tensor(&modes(1.0)?)?;
         Ok(self.framed("ConvTranspose", &stresses, &modes))
     }
 
-    /// The displacements that forces cause, both (n, 2, 49, 49).
-    pub(crate) fn green(&mut self, forces: &Value) -> Result<Value> {
-        let (sines, inverse) = green_tables()?;
-        let (sines, inverse) = (self.tensor(&sines)?, self.tensor(&inverse)?);
-        let waves = self.both_sides(&sines, forces);
-        let waves = self.mul(&waves, &inverse);
-        Ok(self.both_sides(&sines, &waves))
+    /// The displacements that forces cause, both (n, 2, rows − 1, columns − 1).
+    pub(crate) fn green(&mut self, green: &Green, forces: &Value) -> Result<Value> {
+        let [along, up, inverse] = green.tables()?;
+        let sines = match green.raster().is_square() {
+            true => {
+                let sines = self.tensor(&along)?;
+                [sines.clone(), sines]
+            }
+            false => [self.tensor(&along)?, self.tensor(&up)?],
+        };
+        let inverse = self.tensor(&inverse)?;
+        let moved = self.of_rectangle(&sines, &inverse, forces);
+        let Some(supports) = green.supports() else {
+            return Ok(moved);
+        };
+        let held = self.held(green.raster(), supports, &moved)?;
+        let forces = self.sub(forces, &held);
+        Ok(self.of_rectangle(&sines, &inverse, &forces))
     }
 
-    fn both_sides(&mut self, sines: &Value, x: &Value) -> Value {
-        let x = self.matmul(x, sines);
-        self.matmul(sines, &x)
+    /// The same without frames and bodies.
+    fn of_rectangle(&mut self, sines: &[Value; 2], inverse: &Value, forces: &Value) -> Value {
+        let waves = self.both_sides(sines, forces);
+        let waves = self.mul(&waves, inverse);
+        self.both_sides(sines, &waves)
+    }
+
+    /// The forces with which frames and bodies resist a displacement: products with a matrix that picks their corners, and its transpose.
+    fn held(&mut self, raster: Raster, supports: &Supports, moved: &Value) -> Result<Value> {
+        let [columns, rows] = raster.sides().map(|side| side - 1);
+        let (plane, count) = (columns * rows, supports.nodes.len());
+        let mut picks = vec![0.0f32; 2 * plane * 2 * count];
+        for component in 0..2 {
+            for (at, node) in supports.nodes.iter().enumerate() {
+                picks[(component * plane + node) * 2 * count + component * count + at] = 1.0;
+            }
+        }
+        let picks = Tensor::from_vec(picks, (2 * plane, 2 * count), &Device::Cpu)?;
+        let back = self.tensor(&picks.t()?.contiguous()?)?;
+        let picks = self.tensor(&picks)?;
+        let stiffness = Tensor::from_slice(&supports.stiffness, (2 * count, 2 * count), &Device::Cpu)?;
+        let stiffness = self.tensor(&stiffness)?;
+        let moved = self.reshape(moved, &[0, 2 * plane as i64]);
+        let moved = self.matmul(&moved, &picks);
+        let forces = self.matmul(&moved, &stiffness);
+        let forces = self.matmul(&forces, &back);
+        Ok(self.reshape(&forces, &[0, 2, rows as i64, columns as i64]))
+    }
+
+    fn both_sides(&mut self, [along, up]: &[Value; 2], x: &Value) -> Value {
+        let x = self.matmul(x, along);
+        self.matmul(up, &x)
     }
 
     /// A convolution or its transpose, with one row of zeros around the corners or cells.

@@ -141,6 +141,12 @@ impl Graph {
         self.node("Pad", &[x, &zeros], &[])
     }
 
+    /// The first rows and columns of images with their channels last.
+    pub(crate) fn first(&mut self, x: &Value, [rows, columns]: [usize; 2]) -> Value {
+        let [starts, ends, axes] = [[0, 0], [rows as i64, columns as i64], [1, 2]].map(|ends| self.integers(&ends));
+        self.node("Slice", &[x, &starts, &ends, &axes], &[])
+    }
+
     /// Gives a value another name beside its own.
     pub(super) fn name(&mut self, value: &Value, name: &str) {
         self.push("Identity", &[value], name, &[]);

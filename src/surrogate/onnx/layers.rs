@@ -28,14 +28,14 @@ impl Export for ConvTranspose2d {
 impl Export for Mixing {
     fn export(&self, graph: &mut Graph, x: &Value) -> Result<Value> {
         let (groups, points, _) = self.weights.dims3()?;
-        let side = points.isqrt() as i64;
+        let [rows, columns] = self.sides.map(|side| side as i64);
         let (groups, points) = (groups as i64, points as i64);
         let weights = graph.tensor(&self.weights)?;
         let x = graph.reshape(x, &[0, points, groups, self.width as i64 / groups]);
         let x = graph.transpose(&x, &[0, 2, 1, 3]);
         let y = graph.matmul(&weights, &x);
         let y = graph.transpose(&y, &[0, 2, 1, 3]);
-        Ok(graph.reshape(&y, &[0, side, side, self.width as i64]))
+        Ok(graph.reshape(&y, &[0, rows, columns, self.width as i64]))
     }
 }
 

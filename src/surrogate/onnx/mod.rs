@@ -13,8 +13,7 @@ use prost::Message;
 
 use super::networks::Network;
 use super::weights::KEY;
-use crate::field::CORNERS;
-use crate::pattern::CELLS;
+use crate::pattern::Raster;
 
 pub(crate) use graph::{Graph, Value};
 
@@ -37,9 +36,10 @@ const OPSET: i64 = 17;
 const INPUT: &str = "pattern";
 const OUTPUT: &str = "displacement";
 
-/// The bytes of an ONNX file: from patterns (n, 50, 50) of 0 and 1 in u8 to displacements (n, 51, 51, 2) in mm, f32. `header`
+/// The bytes of an ONNX file: from patterns (n, rows, columns) of 0 and 1 in u8 to displacements (n, rows + 1, columns + 1, 2) in mm, f32. `header`
 /// is the description that goes with it.
-pub(crate) fn to_onnx(network: &dyn Network, scale_mm: f64, header: &str) -> Result<Vec<u8>> {
+pub(crate) fn to_onnx(network: &dyn Network, raster: Raster, scale_mm: f64, header: &str) -> Result<Vec<u8>> {
+    let ([columns, rows], [across, up]) = (raster.sides(), raster.corner_sides());
     let mut graph = Graph::default();
     let pattern = Value(INPUT.to_owned());
     let cells = graph.node(
@@ -49,14 +49,14 @@ pub(crate) fn to_onnx(network: &dyn Network, scale_mm: f64, header: &str) -> Res
     );
     let half = graph.number(0.5);
     let cells = graph.sub(&cells, &half);
-    let cells = graph.reshape(&cells, &[0, CELLS as i64, CELLS as i64, 1]);
+    let cells = graph.reshape(&cells, &[0, rows as i64, columns as i64, 1]);
     let answer = network.export(&mut graph, &cells)?;
     let scale = graph.number(scale_mm as f32);
     let inner = graph.mul(&answer, &scale);
     let all = graph.pad(&inner, &[0, 1, 1, 0, 0, 1, 1, 0]);
     graph.name(&all, OUTPUT);
-    let input = array(INPUT, graph::UINT8, &[CELLS, CELLS]);
-    let output = array(OUTPUT, graph::FLOAT, &[CORNERS, CORNERS, 2]);
+    let input = array(INPUT, graph::UINT8, &[rows, columns]);
+    let output = array(OUTPUT, graph::FLOAT, &[up, across, 2]);
     let says = "electrode pattern to displacement in mm of a dielectric elastomer actuator; the metadata says more";
     let model = messages::Model {
         ir_version: Some(IR_VERSION),

@@ -145,7 +145,8 @@ fn without_validation_the_last_epoch_is_kept_and_only_groups_with_examples_are_m
 #[test]
 fn fields_that_do_not_move_train_without_nan() {
     let mut data = examples(4, Split::Train);
-    data.iter_mut().for_each(|example| example.label = Label::zero());
+    data.iter_mut()
+        .for_each(|example| example.label = Label::zero(Raster::PAPER));
     let trained = run(
         &data,
         &TrainOptions {
@@ -360,7 +361,7 @@ fn a_label_that_is_always_the_same_is_learnt() {
 fn empty_and_full_patterns_belong_to_a_training_set() {
     let still = |active: bool| Example {
         pattern: Pattern::from_fn(Raster::PAPER, |_, _| active),
-        label: Label::zero(),
+        label: Label::zero(Raster::PAPER),
         family: "uniform".to_owned(),
         split: Split::Train,
         repeats: 1,

@@ -3,14 +3,13 @@ use crate::content::{
     BalanceCounts, Balanced, Components, DesignRows, Histograms, LongTexts, Observations, Packed, SampleRows,
     Solutions, Unstable, Verification,
 };
+use crate::field::CORNERS;
 use crate::field::Field;
 use crate::pattern::{Raster, Role};
 use crate::pattern::{Symmetries, Symmetry};
 use crate::scene::Scene;
 use crate::store::{Data, Dataset, Object, Provenance, Store};
 use crate::surrogate::{Example, LeftOut, SPLIT_SEED, Why};
-
-const SIDE_MM: f64 = 50.0;
 
 /// Different patterns for k below 41, none with a symmetry.
 fn pattern(k: usize) -> Pattern {
@@ -114,7 +113,7 @@ fn rows_come_in_order_with_their_labels_and_splits() {
     let fields: Vec<Field> = (0..4).map(|k| field(0.5 + f64::from(k))).collect();
     let splits = [Split::Train, Split::Test, Split::Train, Split::Validation];
     let artifact = bench.put(&balanced(&patterns, &fields, &splits));
-    let found = read(&[artifact], SIDE_MM, 8).unwrap();
+    let found = read(&[artifact], &Scene::vhb4910(), 8).unwrap();
     assert!(found.left_out.is_empty() && found.unstable == 0);
     for (k, example) in found.examples.iter().enumerate() {
         assert_eq!((&example.pattern, example.split), (&patterns[k], splits[k]));
@@ -135,7 +134,7 @@ fn samples_that_did_not_converge_are_counted_and_left_out() {
         &["iteration-limit", "estimated"],
         &["slack", "pull-in"],
     );
-    let found = read(&[bench.manifest(&[first, second])], SIDE_MM, 8).unwrap();
+    let found = read(&[bench.manifest(&[first, second])], &Scene::vhb4910(), 8).unwrap();
     let kept: Vec<&Pattern> = found.examples.iter().map(|e| &e.pattern).collect();
     assert_eq!(kept, [&pattern(0), &pattern(1), &pattern(3)]);
     assert_eq!(found.unstable, 3);
@@ -159,7 +158,7 @@ fn labels_that_cannot_be_true_are_left_out_and_named() {
     moved[0] = 0.25;
     fields[20] = Field::from_values(Raster::PAPER, moved).unwrap();
     let artifact = bench.put(&balanced(&patterns, &fields, &[Split::Train; 24]));
-    let found = read(&[artifact], SIDE_MM, 8).unwrap();
+    let found = read(&[artifact], &Scene::vhb4910(), 8).unwrap();
     assert_eq!(found.examples.len(), 21);
     assert!(found.examples.iter().all(|example| example.label.max_magnitude() < 3.0));
     let named: Vec<String> = found.left_out.iter().map(ToString::to_string).collect();
@@ -183,7 +182,7 @@ fn all_images_of_a_pattern_are_in_one_part_whichever_input_they_stand_in() {
     let images: Vec<Pattern> = Symmetry::ALL.iter().map(|g| pattern(0).transformed(*g)).collect();
     let others: Vec<Pattern> = (1..40).map(pattern).collect();
     let of_samples = bench.manifest(&[solved(&[&images[..4], &others].concat(), &["converged"; 43], &[])]);
-    let alone = read(std::slice::from_ref(&of_samples), SIDE_MM, 8).unwrap();
+    let alone = read(std::slice::from_ref(&of_samples), &Scene::vhb4910(), 8).unwrap();
     let parts = |found: &Examples| found.examples.iter().map(|e| e.split).collect::<Vec<_>>();
     assert!(parts(&alone)[..4].iter().all(|split| *split == parts(&alone)[0]));
     assert_eq!(
@@ -200,7 +199,7 @@ fn all_images_of_a_pattern_are_in_one_part_whichever_input_they_stand_in() {
         [of_samples.clone(), known.clone(), other.clone()],
         [known.clone(), other.clone(), of_samples.clone()],
     ] {
-        let found = read(&inputs, SIDE_MM, 8).unwrap();
+        let found = read(&inputs, &Scene::vhb4910(), 8).unwrap();
         let of_orbit = found
             .examples
             .iter()
@@ -219,7 +218,7 @@ fn empty_and_full_patterns_are_examples_like_others() {
     ];
     let still = [field(0.0), field(0.0)];
     let artifact = bench.put(&balanced(&uniform, &still, &[Split::Train; 2]));
-    let found = read(&[artifact], SIDE_MM, 8).unwrap();
+    let found = read(&[artifact], &Scene::vhb4910(), 8).unwrap();
     assert!(found.examples.len() == 2 && found.left_out.is_empty());
 }
 
@@ -227,22 +226,28 @@ fn empty_and_full_patterns_are_examples_like_others() {
 fn inputs_without_any_label_to_learn_from_are_refused_with_the_reason() {
     let bench = Bench::new();
     let none = bench.put(&balanced(&[pattern(0)], &[field(100.0)], &[Split::Train]));
-    let error = read(&[none], SIDE_MM, 8).err().unwrap().to_string();
+    let error = read(&[none], &Scene::vhb4910(), 8).err().unwrap().to_string();
     assert!(
         error.starts_with("there is no label to learn from; row 0 of input 1: 100.000 mm"),
         "{error}"
     );
     let unstable = bench.manifest(&[solved(&[], &[], &["pull-in", "slack"])]);
-    let error = read(&[unstable], SIDE_MM, 8).err().unwrap().to_string();
+    let error = read(&[unstable], &Scene::vhb4910(), 8).err().unwrap().to_string();
     assert!(error.contains("2 samples have no stable solution"), "{error}");
     let mut torn = balanced(&[pattern(0)], &[field(1.0)], &[Split::Train]);
     torn.datasets.remove("split");
     let none = Dataset::new("", "d", &[0], Data::Text(Vec::new()));
     let torn = torn.with("split", none);
-    let error = read(&[bench.put(&torn)], SIDE_MM, 8).err().unwrap().to_string();
+    let error = read(&[bench.put(&torn)], &Scene::vhb4910(), 8)
+        .err()
+        .unwrap()
+        .to_string();
     assert!(error.contains("differ in length"), "{error}");
     let odd = balanced_into(&[pattern(0)], &[field(1.0)], &["elsewhere"]);
-    let error = read(&[bench.put(&odd)], SIDE_MM, 8).err().unwrap().to_string();
+    let error = read(&[bench.put(&odd)], &Scene::vhb4910(), 8)
+        .err()
+        .unwrap()
+        .to_string();
     assert!(error.contains("unknown split \"elsewhere\""), "{error}");
 }
 
@@ -304,7 +309,7 @@ fn verified_designs_are_learnt_from_each_once_whatever_the_others_look_like() {
         ),
     ];
     let inputs = [bench.put(&known), bench.put(&round[0]), bench.put(&round[1])];
-    let found = read(&inputs, SIDE_MM, 5).unwrap();
+    let found = read(&inputs, &Scene::vhb4910(), 5).unwrap();
     let taken: Vec<(&Pattern, u32, f64)> = found.examples[20..]
         .iter()
         .map(|e| (&e.pattern, e.repeats, e.label.max_magnitude()))
@@ -330,7 +335,7 @@ fn verified_designs_change_nothing_of_what_is_held_out() {
         let held_out = found.examples.iter().filter(|e| e.split != Split::Train);
         held_out.map(|e| (e.pattern.clone(), e.split)).collect::<Vec<_>>()
     };
-    let alone = read(std::slice::from_ref(&solved), SIDE_MM, 8).unwrap();
+    let alone = read(std::slice::from_ref(&solved), &Scene::vhb4910(), 8).unwrap();
     // Images of all samples, and patterns that nobody has drawn.
     let images: Vec<Pattern> = patterns.iter().map(|p| p.transformed(Symmetry::ALL[3])).collect();
     let fresh: Vec<Pattern> = (0..4)
@@ -341,7 +346,7 @@ fn verified_designs_change_nothing_of_what_is_held_out() {
     let verified = bench.put(&verified(&all, &["converged"; 44], &fields));
     // The order of the inputs is nothing to it.
     for inputs in [[solved.clone(), verified.clone()], [verified, solved]] {
-        let found = read(&inputs, SIDE_MM, 8).unwrap();
+        let found = read(&inputs, &Scene::vhb4910(), 8).unwrap();
         assert_eq!(held_out(&found), held_out(&alone));
         let refused = held_out(&alone).len();
         assert!(refused > 3, "{refused}");

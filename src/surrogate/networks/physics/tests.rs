@@ -3,8 +3,9 @@ use candle_core::Var;
 use super::*;
 use crate::base::Stream;
 use crate::fem::LinearResponse;
-use crate::field::Field;
-use crate::pattern::{Pattern, Raster, Symmetry};
+use crate::field::{Field, Mesh};
+use crate::pattern::{Part, Pattern, Raster, Symmetry};
+use crate::scene::Scene;
 use crate::surrogate::Constants;
 use crate::surrogate::encode::{patterns_to_tensor, tensor_to_fields};
 use crate::surrogate::parameters::{Drawn, Stored};
@@ -12,14 +13,18 @@ use crate::surrogate::parameters::{Drawn, Stored};
 /// The constants of the default scene at a voltage, on the coarsest mesh.
 fn constants(volts: f64) -> (LinearResponse, Constants) {
     let response = LinearResponse::of_default_scene(volts);
-    let constants = Constants::new(&response, 50.0).unwrap();
+    let constants = Constants::new(&response, &Scene::vhb4910()).unwrap();
     (response, constants)
 }
 
 /// A network whose laws are drawn, and its weights.
 fn network(constants: &Constants) -> (Physics, Vec<(String, Var)>) {
+    network_on(Raster::PAPER, constants)
+}
+
+fn network_on(raster: Raster, constants: &Constants) -> (Physics, Vec<(String, Var)>) {
     let weights = Drawn::new(&constants.tensors, 3);
-    let network = Physics::new(&weights.builder()).unwrap();
+    let network = Physics::new(&weights.builder(), raster).unwrap();
     let vars = weights.variables();
     for (name, var) in &vars {
         let mut stream = Stream::new(8, name, 0);
@@ -42,15 +47,20 @@ fn patterns() -> Vec<Pattern> {
 
 /// The network with those weights as a model file has them.
 fn fixed(constants: &Constants, vars: &[(String, Var)]) -> Physics {
+    fixed_on(Raster::PAPER, constants, vars)
+}
+
+fn fixed_on(raster: Raster, constants: &Constants, vars: &[(String, Var)]) -> Physics {
     let weights = vars.iter().map(|(name, var)| (name.clone(), var.as_tensor().clone()));
     let tensors = weights.chain(constants.tensors.clone()).collect();
-    Physics::new(&Stored::new(&tensors).builder()).unwrap()
+    Physics::new(&Stored::new(&tensors).builder(), raster).unwrap()
 }
 
 fn predict(network: &Physics, patterns: &[Pattern]) -> Vec<Field> {
-    let input = patterns_to_tensor(patterns.iter()).unwrap();
+    let raster = patterns[0].raster();
+    let input = patterns_to_tensor(raster, patterns.iter()).unwrap();
     let displacement = network.forward(&input).unwrap();
-    tensor_to_fields(&displacement, network.unit_mm().unwrap())
+    tensor_to_fields(raster, &displacement, network.unit_mm().unwrap())
         .unwrap()
         .unwrap()
 }
@@ -59,7 +69,7 @@ fn predict(network: &Physics, patterns: &[Pattern]) -> Vec<Field> {
 fn a_prediction_is_what_training_sees() {
     let constants = constants(5250.0).1;
     let (network, vars) = network(&constants);
-    let input = patterns_to_tensor(patterns().iter()).unwrap();
+    let input = patterns_to_tensor(Raster::PAPER, patterns().iter()).unwrap();
     let seen = network.forward(&input).unwrap();
     let predicted = fixed(&constants, &vars).forward(&input).unwrap();
     let flat = |t: &Tensor| t.flatten_all().unwrap().to_vec1::<f32>().unwrap();
@@ -82,7 +92,7 @@ fn a_prediction_does_not_depend_on_its_company() {
 #[test]
 fn an_untrained_network_is_the_linear_response() {
     let (response, constants) = constants(5250.0);
-    let network = Physics::new(&Drawn::new(&constants.tensors, 3).builder()).unwrap();
+    let network = Physics::new(&Drawn::new(&constants.tensors, 3).builder(), Raster::PAPER).unwrap();
     let patterns = patterns();
     let expected = response.predict(&patterns, 0);
     for (found, expected) in predict(&network, &patterns).iter().zip(expected) {
@@ -154,7 +164,7 @@ fn corrections_scale_with_the_square_of_the_load() {
     let correction = |volts: f64| {
         let constants = constants(volts).1;
         let network = network(&constants).0;
-        let linear = Physics::new(&Drawn::new(&constants.tensors, 3).builder()).unwrap();
+        let linear = Physics::new(&Drawn::new(&constants.tensors, 3).builder(), Raster::PAPER).unwrap();
         let [found, linear] = [&network, &linear].map(|network| predict(network, &patterns()[..1]).remove(0));
         (
             found.rms_difference(&linear),
@@ -175,10 +185,133 @@ fn a_model_with_useless_constants_is_refused() {
     for strain in [[0.0f32, 50.0], [0.04, -1.0], [f32::NAN, 50.0]] {
         let mut tensors = constants.tensors.clone();
         tensors.insert("response.strain".into(), Tensor::new(&strain, &Device::Cpu).unwrap());
-        assert!(Physics::new(&Drawn::new(&tensors, 3).builder()).is_err());
+        assert!(Physics::new(&Drawn::new(&tensors, 3).builder(), Raster::PAPER).is_err());
     }
     let mut tensors = constants.tensors;
     tensors.remove("response.odd");
-    let error = Physics::new(&Drawn::new(&tensors, 3).builder()).err().unwrap();
+    let error = Physics::new(&Drawn::new(&tensors, 3).builder(), Raster::PAPER)
+        .err()
+        .unwrap();
     assert!(error.to_string().contains("response.odd is missing"), "{error}");
+}
+
+/// Devices of all kinds: rectangles of even and odd sides, frames and bodies with and without symmetries.
+const DEVICES: [&str; 7] = [
+    "size: [50 mm, 30 mm], prestretch: [3, 3.2], cells: [20, 12]",
+    "size: [20 mm, 12 mm], prestretch: 3, cells: [10, 6]",
+    "side: 20 mm, prestretch: [3, 2.8], cells: [9, 7]",
+    "side: 20 mm, prestretch: 3, cells: 14, frame: { opening: { disc: { centre: [10 mm, 10 mm], radius: 9 mm } } }",
+    "side: 20 mm, prestretch: 3, cells: 11, frame: { held: [{ rectangle: [[2 mm, 4 mm], [6 mm, 8 mm]] }] }",
+    "side: 20 mm, prestretch: 3, cells: 10, bodies: [{ rectangle: [[8 mm, 8 mm], [12 mm, 12 mm]] }]",
+    "size: [20 mm, 24 mm], prestretch: [3, 3.1], cells: [10, 12], bodies: [{ polygon: [[6 mm, 6 mm], [14 mm, 6 mm], [8 mm, 14 mm]], \
+     spring: 3 N/m }]",
+];
+
+fn device(geometry: &str) -> (Scene, LinearResponse, Constants) {
+    let text = format!(
+        "geometry: {{ thickness: 1 mm, {geometry} }}\nmaterial: {{ model: neo-hookean, shear_modulus: 45 kPa, \
+         relative_permittivity: 4.7 }}\ndrive: {{ voltage: 4 kV }}\neffects: {{}}\n"
+    );
+    let scene = Scene::from_text(&text).unwrap();
+    let response = LinearResponse::new(&scene, Mesh::bilinear(1)).unwrap();
+    let constants = Constants::new(&response, &scene).unwrap();
+    (scene, response, constants)
+}
+
+/// Patterns of random cells where a device has membrane.
+fn patterns_of(scene: &Scene) -> Vec<Pattern> {
+    let (raster, parts) = (scene.membrane().raster, scene.parts());
+    let mut stream = Stream::new(5, "device patterns", 0);
+    (0..3)
+        .map(|_| {
+            let bits: Vec<bool> = (0..raster.cells()).map(|_| stream.chance(0.4)).collect();
+            let is_free = |x, y| parts.as_ref().is_none_or(|parts| parts.at(x, y) == Part::Membrane);
+            Pattern::from_fn(raster, |x, y| bits[y * raster.columns() + x] && is_free(x, y))
+        })
+        .collect()
+}
+
+#[test]
+fn an_untrained_network_is_the_linear_response_of_any_device() {
+    for geometry in DEVICES {
+        let (scene, response, constants) = device(geometry);
+        let raster = scene.membrane().raster;
+        let network = Physics::new(&Drawn::new(&constants.tensors, 3).builder(), raster).unwrap();
+        let patterns = patterns_of(&scene);
+        let expected = response.predict(&patterns, 0);
+        for (found, expected) in predict(&network, &patterns).iter().zip(expected) {
+            let expected = expected.unwrap();
+            let size = expected.rms_difference(&Field::zero(raster));
+            let error = expected.rms_difference(found);
+            assert!(error < 4e-3 * size, "{geometry}: {error} of {size}");
+        }
+    }
+}
+
+#[test]
+fn a_correction_has_the_symmetries_of_any_device_and_holds_its_frame() {
+    for geometry in DEVICES {
+        let (scene, _, constants) = device(geometry);
+        let raster = scene.membrane().raster;
+        let (network, vars) = network_on(raster, &constants);
+        let fixed = fixed_on(raster, &constants, &vars);
+        let linear = Physics::new(&Drawn::new(&constants.tensors, 3).builder(), raster).unwrap();
+        for pattern in patterns_of(&scene) {
+            let images: Vec<Pattern> = scene.symmetries().iter().map(|g| pattern.transformed(g)).collect();
+            let found = predict(&fixed, &images);
+            let size = found[0].max_magnitude();
+            let corrected = found[0].max_difference(&predict(&linear, std::slice::from_ref(&pattern))[0]);
+            assert!(corrected > 1e-3 * size, "{geometry}: {corrected} of {size}");
+            for (g, field) in scene.symmetries().iter().zip(&found) {
+                let error = field.max_difference(&found[0].transformed(g));
+                assert!(error < 5e-5 * size, "{geometry} {g:?}: {error} of {size}");
+            }
+            let trained = &predict(&network, std::slice::from_ref(&pattern))[0];
+            let error = trained.max_difference(&found[0]);
+            assert!(error < 5e-5 * size, "{geometry}: {error} of {size}");
+            holds(&scene, &found[0]);
+        }
+    }
+}
+
+/// Frames stand still, and bodies move as one.
+fn holds(scene: &Scene, field: &Field) {
+    let Some(parts) = scene.parts() else { return };
+    let ([columns, rows], [width, height]) = (scene.membrane().raster.corner_sides(), scene.membrane().cell_mm());
+    let size = field.max_magnitude();
+    let mut of_body: Vec<([f64; 2], [f64; 2])> = Vec::new();
+    for (x, y) in (0..rows).flat_map(|y| (0..columns).map(move |x| (x, y))) {
+        let around = parts.around(x, y);
+        let u = field.at_corner(x, y);
+        if around.contains(&Part::Frame) {
+            assert!(u[0].hypot(u[1]) < 1e-4 * size, "{x} {y}: {u:?} of {size}");
+        } else if around.contains(&Part::Body(0)) {
+            of_body.push(([x as f64 * width, y as f64 * height], u));
+        }
+    }
+    // Distances between corners of a body do not change to first order.
+    for (at, moved) in &of_body {
+        for (other, also) in &of_body {
+            let along = [other[0] - at[0], other[1] - at[1]];
+            let stretch = along[0] * (also[0] - moved[0]) + along[1] * (also[1] - moved[1]);
+            let length = along[0].hypot(along[1]).max(width);
+            assert!(
+                stretch.abs() < 2e-4 * size * length,
+                "{at:?} {other:?}: {stretch} of {size}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_device_with_loads_is_refused() {
+    let geometry = "side: 20 mm, prestretch: 3, cells: 10, bodies: [{ rectangle: [[8 mm, 8 mm], [12 mm, 12 mm]], load: [1 mN, 0 N] }]";
+    let text = format!(
+        "geometry: {{ thickness: 1 mm, {geometry} }}\nmaterial: {{ model: neo-hookean, shear_modulus: 45 kPa, \
+         relative_permittivity: 4.7 }}\ndrive: {{ voltage: 4 kV }}\neffects: {{}}\n"
+    );
+    let scene = Scene::from_text(&text).unwrap();
+    let response = LinearResponse::new(&scene, Mesh::bilinear(1)).unwrap();
+    let error = Constants::new(&response, &scene).unwrap_err().to_string();
+    assert!(error.contains("`load`"), "{error}");
 }

@@ -2,7 +2,8 @@
 
 use super::*;
 use crate::fem::LinearResponse;
-use crate::field::Predictor;
+use crate::field::{CORNERS, Predictor};
+use crate::scene::Scene;
 use crate::surrogate::{Constants, NetworkKind, Surrogate};
 
 /// Grids and half planes with the fields of four chord steps, which are within a thousandth of a millimetre of the solution.
@@ -10,7 +11,7 @@ fn simulated(response: &LinearResponse, count: u64, split: Split) -> Vec<Example
     let mut data = examples(count, split);
     let patterns: Vec<Pattern> = data.iter().map(|example| example.pattern.clone()).collect();
     for (example, field) in data.iter_mut().zip(response.predict(&patterns, 4)) {
-        example.label = Label::from_values(field.unwrap().values()).unwrap();
+        example.label = Label::from_values(Raster::PAPER, field.unwrap().values()).unwrap();
     }
     data
 }
@@ -25,7 +26,7 @@ fn options() -> TrainOptions {
 #[test]
 fn a_few_examples_take_away_most_of_what_the_linear_response_misses() {
     let response = LinearResponse::of_default_scene(5250.0);
-    let constants = Constants::new(&response, 50.0).unwrap();
+    let constants = Constants::new(&response, &Scene::vhb4910()).unwrap();
     let mut data = simulated(&response, 64, Split::Train);
     data.extend(simulated(&response, 16, Split::Validation));
     data.extend(simulated(&response, 16, Split::Test));
@@ -71,7 +72,7 @@ fn a_few_examples_take_away_most_of_what_the_linear_response_misses() {
 #[test]
 fn it_goes_on_from_every_state_to_the_same_bits() {
     let response = LinearResponse::of_default_scene(5250.0);
-    let constants = Constants::new(&response, 50.0).unwrap();
+    let constants = Constants::new(&response, &Scene::vhb4910()).unwrap();
     let data = simulated(&response, 12, Split::Train);
     let options = TrainOptions { epochs: 3, ..options() };
     let watch = Watch::default();

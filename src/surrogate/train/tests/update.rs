@@ -1,6 +1,7 @@
 //! Trainings that go on from a trained network, and examples that count more than others.
 
 use super::*;
+use crate::field::CORNERS;
 use crate::surrogate::NetworkKind;
 
 fn options(epochs: u32) -> TrainOptions {
@@ -19,7 +20,7 @@ fn doubled(example: &Example) -> Example {
         values[2 * ((row + 1) * CORNERS + 1) + column] = 2.0 * f64::from(*value);
     }
     Example {
-        label: Label::from_values(&values).unwrap(),
+        label: Label::from_values(Raster::PAPER, &values).unwrap(),
         ..example.clone()
     }
 }
@@ -40,7 +41,7 @@ fn an_update_begins_with_the_weights_and_the_unit_that_it_is_given() {
     let assessed = |weights: &[u8], data: &[Example]| {
         let trainer = {
             let mut trainer = Trainer::new(data, None, &still).unwrap();
-            let start = Start::read(weights, NetworkKind::Qin2024).unwrap();
+            let start = Start::read(weights, NetworkKind::Qin2024, Raster::PAPER).unwrap();
             start.set(&trainer.vars).unwrap();
             trainer.scale_mm = start.scale_mm;
             trainer
@@ -60,7 +61,7 @@ fn an_update_begins_with_the_weights_and_the_unit_that_it_is_given() {
 fn what_is_no_model_or_another_network_is_refused() {
     let data = examples(4, Split::Train);
     let trained = run(&data, &options(1)).unwrap();
-    let refused = |bytes: &[u8], network| match Start::read(bytes, network) {
+    let refused = |bytes: &[u8], network| match Start::read(bytes, network, Raster::PAPER) {
         Ok(_) => String::new(),
         Err(error) => error.to_string(),
     };
@@ -114,7 +115,7 @@ fn a_repeated_example_is_shown_as_its_images_and_judged_as_often() {
 fn the_epoch_that_is_kept_is_good_where_it_counts() {
     // Held out are patterns that do not move as the repeated ones do.
     let still = |example: &Example| Example {
-        label: Label::zero(),
+        label: Label::zero(Raster::PAPER),
         split: Split::Validation,
         ..example.clone()
     };

@@ -1,0 +1,356 @@
+//! What is known of a scene before any training: its linear response to each cell, and how its frame and bodies resist forces.
+
+use std::collections::BTreeMap;
+
+use candle_core::{Device, Tensor};
+use faer::Mat;
+use faer::linalg::solvers::DenseSolveCore;
+
+use super::fold::{Fold, sign, turns};
+use super::names;
+use crate::fem::LinearResponse;
+use crate::field::Field;
+use crate::pattern::{Membrane, Part, Parts, Symmetries, Symmetry};
+use crate::scene::Scene;
+
+/// The most numbers of a response, a quarter of a gigabyte: 107 × 107 cells of a rectangle, 76 × 76 of a device without mirrors.
+const MOST: usize = 1 << 26;
+
+/// The most corners where frames and bodies meet the membrane.
+const MOST_CORNERS: usize = 1600;
+
+/// What is known of a scene before any training, as named tensors that go into the model and are not trained.
+#[derive(Clone, Debug)]
+pub struct Constants {
+    pub(crate) tensors: BTreeMap<String, Tensor>,
+}
+
+/// A scene without such constants.
+#[derive(Debug, thiserror::Error)]
+pub enum ConstantsError {
+    /// The linear systems cannot be solved.
+    #[error("the linear response of the scene cannot be solved")]
+    Unsolved,
+    /// Nothing moves.
+    #[error("nothing moves in this scene: there is nothing to learn")]
+    Still,
+    /// Bodies are pulled whatever the pattern.
+    #[error(
+        "a body of this scene has a `load`, and the network physics knows forces of electrodes alone; qin2024 learns any device"
+    )]
+    Loads,
+    /// The response is too large.
+    #[error(
+        "the linear response of this scene has {0} numbers, and at most {MOST} are kept: fewer cells, or qin2024, which has no such table"
+    )]
+    Large(usize),
+    /// The frame and the bodies are too long.
+    #[error(
+        "the frame and the bodies of this scene meet the membrane in {0} corners of cells, and at most {MOST_CORNERS} are known: fewer cells"
+    )]
+    Long(usize),
+    /// What the numerical library reported.
+    #[error(transparent)]
+    Failed(#[from] candle_core::Error),
+}
+
+type Known = std::result::Result<Constants, ConstantsError>;
+
+impl Constants {
+    /// The linear response of a scene to each cell.
+    ///
+    /// A displacement is counted in units of ε² L: L the side of a square of the membrane's area and ε, the size of strain of the scene, the
+    /// root mean square of the derivatives of the linear response to random patterns of single cells. What the linear response
+    /// misses is of this size, and strain divided by ε is of size one, whatever the voltage.
+    ///
+    /// # Errors
+    /// When the linear systems cannot be solved, nothing moves, the scene has loads, or there are too many numbers.
+    pub fn new(response: &LinearResponse, scene: &Scene) -> Known {
+        let (membrane, parts) = (scene.membrane(), scene.parts());
+        let mut bodies = scene.geometry.bodies.iter().flatten();
+        if bodies.any(|body| body.load_n() != [0.0; 2]) {
+            return Err(ConstantsError::Loads);
+        }
+        let symmetries = scene.symmetries();
+        let fold = Fold::new(membrane.raster, symmetries);
+        let count = fold.area() * fold.values() * fold.parities().count();
+        if fold.values() == 0 {
+            return Err(ConstantsError::Still);
+        }
+        if count > MOST {
+            return Err(ConstantsError::Large(count));
+        }
+        let cells = Cells::new(response, fold, symmetries, parts.as_deref())?;
+        let side_mm = scene.side_mm();
+        let strain = cells.typical_strain(&membrane);
+        if !(strain.is_finite() && strain > 0.0) {
+            return Err(ConstantsError::Still);
+        }
+        let mut tensors = cells.blocks(strain * strain * side_mm)?;
+        let strain = Tensor::new(&[strain as f32, side_mm as f32], &Device::Cpu)?;
+        tensors.insert(names::STRAIN.to_owned(), strain);
+        tensors.extend(medium(scene)?);
+        if let Some(parts) = parts {
+            tensors.extend(supports(scene, &parts)?);
+        }
+        Ok(Self { tensors })
+    }
+}
+
+/// The response to the cells of the part of a device that stands for all.
+struct Cells {
+    fold: Fold,
+    /// The responses to some cells.
+    solved: Vec<Field>,
+    /// Of each cell, (column, row), which of these it is, and what maps that to it.
+    images: BTreeMap<(usize, usize), (usize, Symmetry)>,
+    /// How many cells of all are membrane.
+    membrane: usize,
+}
+
+impl Cells {
+    fn new(
+        response: &LinearResponse,
+        fold: Fold,
+        symmetries: Symmetries,
+        parts: Option<&Parts>,
+    ) -> std::result::Result<Self, ConstantsError> {
+        let sides = fold.raster().sides();
+        let is_membrane = |x: usize, y: usize| parts.is_none_or(|parts| parts.at(x, y) == Part::Membrane);
+        let [columns, rows] = fold.cells();
+        // Of the images of a cell the lowest, and of these the one farthest to the left, is solved for.
+        let mut numbers: BTreeMap<(usize, usize), usize> = BTreeMap::new();
+        let mut images = BTreeMap::new();
+        for (y, x) in (0..rows).flat_map(|y| (0..columns).map(move |x| (y, x))) {
+            if !is_membrane(x, y) {
+                continue;
+            }
+            let of = |g: Symmetry, (x, y): (usize, usize)| g.apply_index(x, y, sides);
+            let first = symmetries.iter().map(|g| of(g, (x, y))).min_by_key(|&(x, y)| (y, x));
+            let first = first.unwrap_or((x, y));
+            let next = numbers.len();
+            let number = *numbers.entry(first).or_insert(next);
+            let g = symmetries.iter().find(|&g| of(g, first) == (x, y));
+            images.insert((x, y), (number, g.unwrap_or(Symmetry::IDENTITY)));
+        }
+        let mut wanted = vec![(0, 0); numbers.len()];
+        numbers.into_iter().for_each(|(cell, number)| wanted[number] = cell);
+        let all = (0..sides[1]).flat_map(|y| (0..sides[0]).map(move |x| (x, y)));
+        Ok(Self {
+            fold,
+            solved: response.to_cells(&wanted).ok_or(ConstantsError::Unsolved)?,
+            images,
+            membrane: all.filter(|&(x, y)| is_membrane(x, y)).count(),
+        })
+    }
+
+    /// The responses, by the columns of their cells, then the rows.
+    fn each(&self) -> impl Iterator<Item = ((usize, usize), Field)> {
+        let field = |(number, g): (usize, Symmetry)| match g {
+            Symmetry::IDENTITY => self.solved[number].clone(),
+            g => self.solved[number].transformed(g),
+        };
+        self.images.iter().map(move |(&cell, &image)| (cell, field(image)))
+    }
+
+    /// For each parity the response to folded patterns, in a unit of length.
+    fn blocks(&self, unit_mm: f64) -> std::result::Result<BTreeMap<String, Tensor>, ConstantsError> {
+        let (area, count) = (self.fold.area(), self.fold.values());
+        let [columns, _] = self.fold.cells();
+        let mut blocks: Vec<(usize, Vec<f32>)> = self
+            .fold
+            .parities()
+            .map(|block| (block, vec![0.0f32; area * count]))
+            .collect();
+        for ((x, y), field) in self.each() {
+            for (block, values) in &mut blocks {
+                let row = &mut values[(y * columns + x) * count..][..count];
+                write_row(self.fold, &field, *block, unit_mm, row);
+            }
+        }
+        let tensor = |(block, values): (usize, Vec<f32>)| {
+            let tensor = Tensor::from_vec(values, (area, count), &Device::Cpu)?;
+            Ok((names::BLOCKS[block].to_owned(), tensor))
+        };
+        blocks.into_iter().map(tensor).collect()
+    }
+
+    /// Root mean square over cells and derivatives of the strain that patterns of independent random cells cause.
+    fn typical_strain(&self, membrane: &Membrane) -> f64 {
+        let [width, height] = membrane.cell_mm();
+        let cell_mm = (width * height).sqrt();
+        let [columns, rows] = membrane.raster.sides();
+        // The variance of a cell is a quarter, and each cell stands for as many as it has mirror images.
+        let mut sum = 0.0;
+        for ((x, y), field) in self.each() {
+            let images = [x, y].into_iter().enumerate().map(|(axis, at)| {
+                let is_middle = 2 * at + 1 == membrane.raster.sides()[axis];
+                if self.fold.is_folded(axis) && !is_middle {
+                    2.0
+                } else {
+                    1.0
+                }
+            });
+            let weight = images.product::<f64>() / 4.0;
+            for y in 0..rows {
+                for x in 0..columns {
+                    let [a, b, c, d] = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| field.at_corner(x + i, y + j));
+                    for k in 0..2 {
+                        let (across, up) = (b[k] + d[k] - a[k] - c[k], c[k] + d[k] - a[k] - b[k]);
+                        let squares = across * across * (height / width) + up * up * (width / height);
+                        sum += weight * squares / (4.0 * cell_mm * cell_mm);
+                    }
+                }
+            }
+        }
+        (sum / (4 * self.membrane) as f64).sqrt()
+    }
+}
+
+/// The part of a field that has a parity, on the corners that stand for all: what the folded pattern is multiplied by.
+fn write_row(fold: Fold, field: &Field, block: usize, unit_mm: f64, row: &mut [f32]) {
+    let ([width, height], [columns, rows]) = (fold.corners(), fold.raster().sides());
+    let images = fold.parities().count() as f64;
+    for (at, value) in row.iter_mut().enumerate() {
+        let plane = width * height;
+        let (component, y, x) = (at / plane, at % plane / width + 1, at % width + 1);
+        let image = |mirrors: usize| {
+            let [x, y] =
+                [(x, columns, 1), (y, rows, 2)].map(|(i, last, bit)| if mirrors & bit == 0 { i } else { last - i });
+            sign(block, mirrors) * turns(component, mirrors) * field.at_corner(x, y)[component]
+        };
+        *value = (fold.parities().map(image).sum::<f64>() / (images * unit_mm)) as f32;
+    }
+}
+
+/// How the membrane differs along x and y; nothing where it does not.
+fn medium(scene: &Scene) -> candle_core::Result<Option<(String, Tensor)>> {
+    let ([along, across], [width, height]) = (scene.prestretch(), scene.membrane().cell_mm());
+    if along == across && width == height {
+        return Ok(None);
+    }
+    let ratio = (along / across) * (height / width);
+    let tensor = Tensor::new(&[ratio as f32], &Device::Cpu)?;
+    Ok(Some((names::RATIO.to_owned(), tensor)))
+}
+
+/// Where frames and bodies meet the membrane, the forces with which they resist, and which cells are membrane.
+fn supports(scene: &Scene, parts: &Parts) -> std::result::Result<[(String, Tensor); 3], ConstantsError> {
+    let raster = parts.raster();
+    let [columns, rows] = raster.sides();
+    // Corners of frames and bodies that the membrane shares: a place among the inner corners, and the body.
+    let mut nodes: Vec<([usize; 2], Option<usize>)> = Vec::new();
+    for (y, x) in (1..rows).flat_map(|y| (1..columns).map(move |x| (y, x))) {
+        let around = parts.around(x, y);
+        if !around.contains(&Part::Membrane) {
+            continue;
+        }
+        if around.contains(&Part::Frame) {
+            nodes.push(([x, y], None));
+        } else if let Some(body) = around.iter().find_map(|part| part.body()) {
+            nodes.push(([x, y], Some(body)));
+        }
+    }
+    if nodes.len() > MOST_CORNERS {
+        return Err(ConstantsError::Long(nodes.len()));
+    }
+    let stiffness = stiffness(scene, parts, &nodes);
+    let place = |[x, y]: [usize; 2]| ((y - 1) * (columns - 1) + x - 1) as f32;
+    let places: Vec<f32> = nodes.iter().map(|(node, _)| place(*node)).collect();
+    let cell = |at: usize| f32::from(u8::from(parts.at(at % columns, at / columns) == Part::Membrane));
+    let cells: Vec<f32> = (0..raster.cells()).map(cell).collect();
+    let (count, device) = (nodes.len(), Device::Cpu);
+    Ok([
+        (names::NODES.to_owned(), Tensor::from_vec(places, count, &device)?),
+        (
+            names::STIFFNESS.to_owned(),
+            Tensor::from_vec(stiffness, (2 * count, 2 * count), &device)?,
+        ),
+        (
+            names::CELLS.to_owned(),
+            Tensor::from_vec(cells, (rows, columns), &device)?,
+        ),
+    ])
+}
+
+/// The forces that take a displacement of these corners back, `[component][node]` by `[component][node]`.
+///
+/// With S, Green's function of the rectangle between the corners, forces g and motions q of the bodies, which move a corner by B q:
+/// S g − B q = −w takes a displacement w back but for rigid motions, and −Bᵀg − k q = 0 balances each body against its spring.
+fn stiffness(scene: &Scene, parts: &Parts, nodes: &[([usize; 2], Option<usize>)]) -> Vec<f32> {
+    let (count, bodies) = (nodes.len(), parts.bodies());
+    let between = between(scene, nodes);
+    let membrane = scene.membrane();
+    let [width, height] = membrane.cell_mm();
+    let centroids = centroids(&membrane, parts);
+    let elastic = scene.shear_modulus_pa() * scene.thickness_mm() * 1e-3;
+    let springs: Vec<f64> = scene
+        .geometry
+        .bodies
+        .iter()
+        .flatten()
+        .map(|body| body.spring_n_per_m() / elastic)
+        .collect();
+    // How the component of a corner follows a motion of its body.
+    let follows = |row: usize, motion: usize| -> f64 {
+        let (component, ([x, y], body)) = (row / count, nodes[row % count]);
+        if body != Some(motion / 3) {
+            return 0.0;
+        }
+        let [cx, cy] = centroids[motion / 3];
+        match (motion % 3, component) {
+            (0, 0) | (1, 1) => 1.0,
+            (2, 0) => cy - y as f64 * height,
+            (2, _) => x as f64 * width - cx,
+            _ => 0.0,
+        }
+    };
+    let forces = 2 * count;
+    let system = Mat::from_fn(forces + 3 * bodies, forces + 3 * bodies, |i, k| {
+        match (i < forces, k < forces) {
+            (true, true) if i / count == k / count => between[(i % count, k % count)],
+            (true, false) => -follows(i, k - forces),
+            (false, true) => -follows(k, i - forces),
+            (false, false) if i == k && (i - forces) % 3 < 2 => -springs[(i - forces) / 3],
+            _ => 0.0,
+        }
+    });
+    let inverse = system.partial_piv_lu().inverse();
+    (0..forces * forces)
+        .map(|at| 0.5 * (inverse[(at / forces, at % forces)] + inverse[(at % forces, at / forces)]))
+        .map(|value| value as f32)
+        .collect()
+}
+
+/// Green's function of the rectangle between corners.
+fn between(scene: &Scene, nodes: &[([usize; 2], Option<usize>)]) -> Mat<f64> {
+    let ([along, across], Membrane { raster, .. }) = (scene.prestretch(), scene.membrane());
+    let [width, height] = scene.membrane().cell_mm();
+    let ratio = (along / across) * (height / width);
+    let [columns, rows] = raster.sides();
+    let angle = |k: usize, cells: usize| std::f64::consts::PI * k as f64 / cells as f64;
+    let wave = |k: usize, at: usize, cells: usize| (2.0 / cells as f64).sqrt() * (angle(k, cells) * at as f64).sin();
+    let eigenvalue = |k: usize, cells: usize| 2.0 - 2.0 * angle(k, cells).cos();
+    let modes = (rows - 1) * (columns - 1);
+    let scaled = Mat::from_fn(modes, nodes.len(), |mode, node| {
+        let (l, k) = (mode / (columns - 1) + 1, mode % (columns - 1) + 1);
+        let [x, y] = nodes[node].0;
+        let value = eigenvalue(l, rows) / ratio + ratio * eigenvalue(k, columns);
+        wave(k, x, columns) * wave(l, y, rows) / value.sqrt()
+    });
+    scaled.transpose() * &scaled
+}
+
+/// The centroids of bodies in mm.
+fn centroids(membrane: &Membrane, parts: &Parts) -> Vec<[f64; 2]> {
+    let mut sums = vec![([0.0; 2], 0.0); parts.bodies()];
+    let [columns, rows] = membrane.raster.sides();
+    for (x, y) in (0..rows).flat_map(|y| (0..columns).map(move |x| (x, y))) {
+        if let Some(body) = parts.at(x, y).body() {
+            let ([cx, cy], count) = &mut sums[body];
+            let [x, y] = membrane.centre_mm(x, y);
+            (*cx, *cy, *count) = (*cx + x, *cy + y, *count + 1.0);
+        }
+    }
+    sums.into_iter().map(|([x, y], count)| [x / count, y / count]).collect()
+}
