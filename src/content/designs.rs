@@ -44,10 +44,34 @@ arrays! {
         status: LongTexts = array("status", "", [row]),
         /// Where a calibrated network was asked, what it says of them.
         interval: Option<DesignIntervals> = group("interval"),
+        /// Where the scene has several states, what is predicted in each; beside it stands what is predicted in the first.
+        states: Option<PredictedStates> = group("states"),
+    }
+}
+
+arrays! {
+    /// Predictions in each state of a device.
+    #[derive(Default)]
+    pub struct PredictedStates, PredictedStatesView {
+        /// Predicted displacement at the cell corners in each state, in the order of their names; one row for each pattern that is not `own`, in
+        /// their order.
+        predicted: Vec<Field> = array("predicted", "mm", [predicted_row, state, corner_y, corner_x, xy]),
     }
 }
 
 impl DesignRows {
+    /// The predicted fields in the states of the device, by the place of the row among those that are predicted.
+    #[must_use]
+    pub fn predicted_in_states(&self, at: usize) -> &[Field] {
+        match &self.states {
+            None => &self.predicted[at..=at],
+            Some(states) => {
+                let each = states.predicted.len() / self.predicted.len();
+                &states.predicted[at * each..][..each]
+            }
+        }
+    }
+
     /// How many there are.
     #[must_use]
     pub fn len(&self) -> usize {
@@ -62,6 +86,10 @@ impl DesignRows {
 
     /// Adds one of the rows of a design stage, which all have a prediction.
     pub fn push(&mut self, others: &Self, row: usize) {
+        if others.states.is_some() {
+            let own = self.states.get_or_insert_default();
+            own.predicted.extend_from_slice(others.predicted_in_states(row));
+        }
         self.predicted.push(others.predicted[row].clone());
         self.role.push(others.role[row]);
         self.member.push(others.member[row]);
@@ -207,6 +235,9 @@ arrays! {
         displacement: Vec<Field> = array("displacement", "mm", [simulated_row, corner_y, corner_x, xy]),
         /// Predicted minus simulated displacement; one row for each pattern with a field that is not `own`, in their order.
         difference: Vec<Field> = array("difference", "mm", [compared_row, corner_y, corner_x, xy]),
+        /// Where the scene has several states, the displacement in each; beside it stands that in the first. A pattern has a field where it has one
+        /// in all of them, and its outcome is otherwise that of the first state without.
+        states: Option<SimulatedStates> = group("states"),
         /// Displacements along the wanted directions.
         component: Components = group("component"),
         /// The scene of the simulations.
@@ -215,6 +246,16 @@ arrays! {
         solver: String = attribute("solver"),
         /// The effects that were simulated.
         effects: String = attribute("effects"),
+    }
+}
+
+arrays! {
+    /// Displacements in each state of a device.
+    #[derive(Default)]
+    pub struct SimulatedStates, SimulatedStatesView {
+        /// Simulated displacement at the cell corners in each state, in the order of their names; one row for each pattern with a field in all of
+        /// them, in their order.
+        displacement: Vec<Field> = array("displacement", "mm", [simulated_row, state, corner_y, corner_x, xy]),
     }
 }
 

@@ -42,7 +42,7 @@ pub use catalogue::{ContentOfKind, catalogue};
 pub use declared::Declared;
 pub use designs::{
     Candidates, Components, DesignRows, DesignRowsView, Designs, DesignsView, GENOME_UNITS, GradientSteps, History,
-    Verification, VerificationView, predicted_rows,
+    PredictedStates, SimulatedStates, Verification, VerificationView, predicted_rows,
 };
 pub use element::{Packed, PerCell, PerUnit, Row, SingleField};
 pub use error::{AttributeError, ContentError, ElementError, Fault};

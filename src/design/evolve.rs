@@ -27,7 +27,7 @@ use super::constraint::Constraints;
 use super::genome::{Genome, UNITS, unit_of};
 use super::objective::Goal;
 use crate::base::{Stopped, Stream};
-use crate::field::{Feasibility, PredictError, Predictor};
+use crate::field::{Feasibility, PredictError, Predictor, StateFields};
 use history::{History, Individual};
 use search::Search;
 use state::State;
@@ -42,8 +42,8 @@ const FREE_AREAS: [f64; 2] = [0.05, 0.95];
 /// What is searched for, and by what it is judged.
 #[derive(Clone, Copy)]
 pub struct Setting<'a> {
-    /// Predicts the field of a pattern.
-    pub predictor: &'a dyn Predictor,
+    /// Predicts the fields of a pattern in the states of the device.
+    pub predictor: &'a dyn Predictor<StateFields>,
     /// What is wanted.
     pub goal: &'a Goal,
     /// What patterns must keep to.
@@ -82,7 +82,7 @@ pub fn first_generation(area: Option<f64>, constraints: &Constraints, seed: u64,
         let mut stream = Stream::new(seed, "first generation", index);
         let grain = stream.index(COARSEST + 1);
         let area = area.unwrap_or_else(|| stream.range(FREE_AREAS[0], FREE_AREAS[1]));
-        Genome::random_within(&allowed, area, grain, &mut stream)
+        Genome::random_within(&allowed, area, constraints.groups(), grain, &mut stream)
     };
     (0..population as u64).map(random).collect()
 }
@@ -135,7 +135,7 @@ pub fn evolve(setting: &Setting<'_>, options: &EvolveOptions, watch: &dyn Watch)
 /// What a search had come to when its state was kept, if it was.
 fn resume(search: &mut Search<'_>, options: &EvolveOptions, watch: &dyn Watch) -> Option<History> {
     let bytes = watch.kept()?;
-    match State::from_bytes(&bytes, options) {
+    match State::from_bytes(&bytes, options, search.groups()) {
         Ok(state) => {
             let history = search.restored(state);
             if let Some(last) = history.reports.last() {

@@ -1,4 +1,4 @@
-//! What the genetic algorithm varies: the membrane in 20 × 20 units, each with or without electrode.
+//! What the genetic algorithm varies: the membrane in 20 × 20 units, each bare or with an electrode of one of the groups.
 //!
 //! The source paper searches on 20 × 20 units (Qin et al., doi 10.1089/soro.2024.0063, "GA-based inverse design") while
 //! patterns have 50 × 50 cells: cell i lies in unit floor(i · 20 / 50), so units are 3 and 2 cells wide in turn. On other rasters it is the same with
@@ -12,98 +12,144 @@ use crate::pattern::{Pattern, Raster};
 /// Units along one side of the membrane.
 pub const UNITS: usize = 20;
 
-/// One truth value for each unit, row by row from below.
+/// Of each unit the group of its electrode, 0 where it is bare, row by row from below.
 #[derive(Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Genome {
-    genes: Box<[bool]>,
+    genes: Box<[u8]>,
 }
 
 impl Genome {
-    /// The genome whose unit (x, y) is on where `on(x, y)`.
+    /// The genome of one group whose unit (x, y) is on where `on(x, y)`.
     #[must_use]
     pub fn from_fn(on: impl Fn(usize, usize) -> bool) -> Self {
+        Self::from_groups(|x, y| u8::from(on(x, y)))
+    }
+
+    /// The genome whose unit (x, y) belongs to the group `group(x, y)`, or is bare where that is 0.
+    #[must_use]
+    pub fn from_groups(group: impl Fn(usize, usize) -> u8) -> Self {
         Self {
-            genes: (0..UNITS * UNITS).map(|i| on(i % UNITS, i / UNITS)).collect(),
+            genes: (0..UNITS * UNITS).map(|i| group(i % UNITS, i / UNITS)).collect(),
         }
     }
 
-    /// A random genome with the nearest number of units to `area` · 400 on. White noise is averaged over 3 × 3 units
+    /// A random genome of one group with the nearest number of units to `area` · 400 on. White noise is averaged over 3 × 3 units
     /// `grain` times and the units with the highest values are on: at grain 0 each choice of units is equally likely, with
     /// rising grain the regions become coarser.
     #[must_use]
     pub fn random(area: f64, grain: usize, stream: &mut Stream) -> Self {
-        Self::random_within(&Self::from_fn(|_, _| true), area, grain, stream)
+        Self::random_within(&Self::from_fn(|_, _| true), area, 1, grain, stream)
     }
 
-    /// The same among the units of another genome alone: all of these are on where they are fewer.
-    pub(super) fn random_within(allowed: &Self, area: f64, grain: usize, stream: &mut Stream) -> Self {
-        let mut noise: Vec<f64> = (0..UNITS * UNITS).map(|_| stream.uniform()).collect();
-        for _ in 0..grain {
-            noise = averaged(&noise);
+    /// The same of several groups, among the units of another genome alone: all of these are on where they are fewer. Which group a unit
+    /// belongs to, other noise of the same grain says; the groups' shares are random too.
+    pub(super) fn random_within(allowed: &Self, area: f64, groups: usize, grain: usize, stream: &mut Stream) -> Self {
+        let mut noise = || {
+            let white: Vec<f64> = (0..UNITS * UNITS).map(|_| stream.uniform()).collect();
+            (0..grain).fold(white, |noise, _| averaged(&noise))
+        };
+        let rank = |units: &mut Vec<usize>, noise: &[f64]| {
+            units.sort_by(|&a, &b| noise[b].total_cmp(&noise[a]).then(a.cmp(&b)));
+        };
+        let values = noise();
+        let on = (area.clamp(0.0, 1.0) * values.len() as f64).round() as usize;
+        let mut ranked: Vec<usize> = (0..values.len()).filter(|&unit| allowed.genes[unit] != 0).collect();
+        rank(&mut ranked, &values);
+        ranked.truncate(on);
+        let mut genes = vec![0; values.len()].into_boxed_slice();
+        if groups == 1 {
+            ranked.into_iter().for_each(|unit| genes[unit] = 1);
+            return Self { genes };
         }
-        let on = (area.clamp(0.0, 1.0) * noise.len() as f64).round() as usize;
-        let mut ranked: Vec<usize> = (0..noise.len()).filter(|&unit| allowed.genes[unit]).collect();
-        ranked.sort_by(|&a, &b| noise[b].total_cmp(&noise[a]).then(a.cmp(&b)));
-        let mut genes = vec![false; noise.len()].into_boxed_slice();
-        for &unit in ranked.iter().take(on) {
-            genes[unit] = true;
+        rank(&mut ranked, &noise());
+        let shares: Vec<f64> = (0..groups).map(|_| stream.uniform()).collect();
+        let total: f64 = shares.iter().sum();
+        let (count, mut below) = (ranked.len() as f64, 0.0);
+        let mut ranked = ranked.into_iter().enumerate().peekable();
+        for (group, share) in shares.iter().enumerate() {
+            below += share / total;
+            let last = group + 1 == groups;
+            while let Some((_, unit)) = ranked.next_if(|(at, _)| last || (*at as f64) < below * count) {
+                genes[unit] = group as u8 + 1;
+            }
         }
         Self { genes }
     }
 
     /// All genes, `[y][x]` with the origin at the lower left.
     #[must_use]
-    pub fn genes(&self) -> &[bool] {
+    pub fn genes(&self) -> &[u8] {
         &self.genes
     }
 
-    pub(super) fn genes_mut(&mut self) -> &mut [bool] {
+    pub(super) fn genes_mut(&mut self) -> &mut [u8] {
         &mut self.genes
     }
 
-    /// Whether the unit at column `x`, row `y` is on.
+    /// The group of the unit at column `x`, row `y`, 0 where it is bare.
     ///
     /// # Panics
     /// When `x` or `y` is not below 20.
     #[must_use]
-    pub fn is_on(&self, x: usize, y: usize) -> bool {
+    pub fn group(&self, x: usize, y: usize) -> u8 {
         assert!(x < UNITS && y < UNITS, "unit ({x}, {y}) is outside the membrane");
         self.genes[y * UNITS + x]
     }
 
-    /// Bytes of a genome in a file.
-    pub(super) const BYTES: usize = UNITS * UNITS / 8;
-
-    /// One bit for each gene.
-    pub(super) fn to_bytes(&self) -> [u8; Self::BYTES] {
-        std::array::from_fn(|byte| (0..8).fold(0, |bits, bit| bits | u8::from(self.genes[8 * byte + bit]) << bit))
+    /// Bytes of a genome of so many groups in a file.
+    pub(super) const fn bytes(groups: usize) -> usize {
+        planes(groups) * UNITS * UNITS / 8
     }
 
-    /// The genome of such bytes.
-    pub(super) fn from_bytes(bytes: &[u8; Self::BYTES]) -> Self {
-        let gene = |at: usize| bytes[at / 8] >> (at % 8) & 1 == 1;
-        Self {
-            genes: (0..UNITS * UNITS).map(gene).collect(),
-        }
+    /// The lowest bit of all genes, then the next, as many as groups take.
+    pub(super) fn to_bytes(&self, groups: usize) -> Vec<u8> {
+        let byte = |plane: usize, at: usize| {
+            let bit = |bit: usize| (self.genes[8 * at + bit] >> plane & 1) << bit;
+            (0..8).map(bit).fold(0, |byte, bit| byte | bit)
+        };
+        let of_plane = |plane| (0..UNITS * UNITS / 8).map(move |at| byte(plane, at));
+        (0..planes(groups)).flat_map(of_plane).collect()
     }
 
-    /// The genome with those units off of which no cell is allowed.
+    /// The genome of such bytes; `None` where there are not as many, or one stands for a group that there is not.
+    pub(super) fn from_bytes(bytes: &[u8], groups: usize) -> Option<Self> {
+        let gene = |at: usize| {
+            let bits = bytes
+                .chunks_exact(UNITS * UNITS / 8)
+                .map(|plane| plane[at / 8] >> (at % 8) & 1);
+            bits.rev().fold(0, |gene, bit| gene << 1 | bit)
+        };
+        let genes: Box<[u8]> = (0..UNITS * UNITS).map(gene).collect();
+        let sound = bytes.len() == Self::bytes(groups) && genes.iter().all(|&gene| usize::from(gene) <= groups);
+        sound.then_some(Self { genes })
+    }
+
+    /// The genome with those units bare of which no cell is allowed.
     pub(super) fn within(mut self, allowed: &Self) -> Self {
-        self.genes
+        for (gene, _) in self
+            .genes
             .iter_mut()
             .zip(&allowed.genes)
-            .for_each(|(gene, &allowed)| *gene &= allowed);
+            .filter(|(_, allowed)| **allowed == 0)
+        {
+            *gene = 0;
+        }
         self
     }
 
     /// The pattern of cells.
     #[must_use]
     pub fn pattern(&self, raster: Raster) -> Pattern {
-        Pattern::from_fn(raster, |x, y| {
+        Pattern::from_groups(raster, |x, y| {
             let [x, y] = unit_of(raster, [x, y]);
             self.genes[y * UNITS + x]
         })
     }
+}
+
+/// Bits of a gene.
+const fn planes(groups: usize) -> usize {
+    (usize::BITS - groups.leading_zeros()) as usize
 }
 
 /// The unit of a cell (column, row).
@@ -131,7 +177,7 @@ fn averaged(values: &[f64]) -> Vec<f64> {
 
 impl fmt::Debug for Genome {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let on = self.genes.iter().filter(|&&gene| gene).count();
+        let on = self.genes.iter().filter(|&&gene| gene != 0).count();
         write!(f, "Genome({on} of {} units on)", UNITS * UNITS)
     }
 }
@@ -154,26 +200,35 @@ mod tests {
         for (area, on) in [(0.5, 200), (0.05, 20), (0.0, 0), (1.0, 400)] {
             for grain in 0..4 {
                 let genome = Genome::random(area, grain, &mut Stream::new(1, "test", 0));
-                assert_eq!(genome.genes().iter().filter(|&&g| g).count(), on);
+                assert_eq!(genome.genes().iter().filter(|&&g| g != 0).count(), on);
             }
         }
     }
 
     #[test]
     fn a_genome_survives_the_way_to_bytes_and_back() {
-        let genome = Genome::random(0.37, 1, &mut Stream::new(1, "test", 3));
-        assert_eq!(Genome::from_bytes(&genome.to_bytes()), genome);
+        let all = Genome::from_fn(|_, _| true);
+        for groups in [1, 2, 3, 16] {
+            let genome = Genome::random_within(&all, 0.37, groups, 1, &mut Stream::new(1, "test", 3));
+            let bytes = genome.to_bytes(groups);
+            assert_eq!(bytes.len(), Genome::bytes(groups));
+            assert_eq!(Genome::from_bytes(&bytes, groups), Some(genome));
+        }
+        assert_eq!(Genome::from_bytes(&[255; 100], 2), None);
     }
 
     #[test]
     fn units_that_are_not_allowed_stay_off() {
         let left = Genome::from_fn(|x, _| x < 10);
-        let on = |genome: &Genome| genome.genes().iter().filter(|&&g| g).count();
+        let on = |genome: &Genome| genome.genes().iter().filter(|&&g| g != 0).count();
         for (area, expected) in [(0.3, 120), (0.5, 200), (0.9, 200)] {
-            let genome = Genome::random_within(&left, area, 1, &mut Stream::new(1, "test", 0));
+            let genome = Genome::random_within(&left, area, 1, 1, &mut Stream::new(1, "test", 0));
             assert_eq!((on(&genome), genome.clone().within(&left)), (expected, genome));
         }
         assert_eq!(on(&Genome::from_fn(|_, y| y < 10).within(&left)), 100);
+        let several = Genome::random_within(&left, 0.3, 3, 1, &mut Stream::new(1, "test", 0));
+        assert_eq!((on(&several), several.clone().within(&left)), (120, several.clone()));
+        assert!((1..=3).all(|group| several.genes().contains(&group)));
     }
 
     #[test]
@@ -182,7 +237,7 @@ mod tests {
             let pairs = (0..20).flat_map(|y| (0..19).map(move |x| (x, y)));
             let genome = Genome::random(0.5, grain, &mut Stream::new(1, "test", 0));
             pairs
-                .filter(|&(x, y)| genome.is_on(x, y) != genome.is_on(x + 1, y))
+                .filter(|&(x, y)| genome.group(x, y) != genome.group(x + 1, y))
                 .count()
         };
         // Independent units differ from their neighbour half of the time: 190 of 380, with a standard deviation of 10.

@@ -5,44 +5,54 @@
 //! an area of its own, and a gain over it at another area says nothing; the same design at equal area comes from moving
 //! the line until the area is met.
 
-use super::objective::{Goal, PlacedAim};
+use super::objective::{Goal, PlacedAim, Subject};
 use crate::pattern::{Pattern, Raster};
 
 /// Distances that differ by less than this many cells are equal: rounding must not decide which cell is active.
 const RESOLUTION: f64 = 1e-9;
 
-/// The intuitive design of a goal. With several points each cell belongs to the point nearest to it.
+/// The intuitive design of a goal. With several points each cell belongs to the point nearest to it, and in several states of a device to the
+/// one behind whose line it lies farthest.
 #[derive(Clone, Debug)]
 pub struct Intuitive {
     raster: Raster,
-    /// Cells from the one farthest behind its line to the one farthest before it, with the distance before the line.
-    ranked: Vec<(f64, usize)>,
+    /// Cells from the one farthest behind its line to the one farthest before it.
+    ranked: Vec<Ranked>,
+}
+
+/// A cell of an intuitive design.
+#[derive(Clone, Copy, Debug)]
+struct Ranked {
+    /// How far it lies before its line, and from its point, in cells.
+    before: f64,
+    from_point: f64,
+    cell: usize,
+    /// The group of electrodes that drives the state of its point.
+    group: u8,
 }
 
 impl Intuitive {
     /// Ranks the cells by how far they lie behind their line; cells equally far by how near they are to their point, then
-    /// from the lower left.
+    /// from the lower left. `drivers` are the groups of electrodes that drive the states of the device, in their order.
     #[must_use]
-    pub fn of(goal: &Goal) -> Self {
-        let rounded = |distance: f64| (distance / RESOLUTION).round() * RESOLUTION;
+    pub fn of(goal: &Goal, drivers: &[u8]) -> Self {
         let raster = goal.raster();
-        let mut cells: Vec<(f64, f64, usize)> = (0..raster.cells())
-            .map(|cell| {
-                let (before, from_point) = nearest(goal.aims(), raster, cell);
-                (rounded(before), rounded(from_point), cell)
-            })
+        let mut ranked: Vec<Ranked> = (0..raster.cells())
+            .map(|cell| ranked(goal.aims(), raster, cell, drivers))
             .collect();
-        cells.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2)));
-        Self {
-            raster,
-            ranked: cells.into_iter().map(|(before, _, cell)| (before, cell)).collect(),
-        }
+        ranked.sort_by(|a, b| {
+            let by_line = a.before.total_cmp(&b.before);
+            by_line
+                .then(a.from_point.total_cmp(&b.from_point))
+                .then(a.cell.cmp(&b.cell))
+        });
+        Self { raster, ranked }
     }
 
     /// The design with its line through the point: a cell is active where its centre lies behind the line.
     #[must_use]
     pub fn at_own_area(&self) -> Pattern {
-        self.first(self.ranked.iter().take_while(|(before, _)| *before < 0.0).count())
+        self.first(self.ranked.iter().take_while(|ranked| ranked.before < 0.0).count())
     }
 
     /// The design with its line moved so that exactly the nearest number of cells to `area` of all is active; an area
@@ -54,27 +64,46 @@ impl Intuitive {
     }
 
     fn first(&self, count: usize) -> Pattern {
-        let (columns, mut active) = (self.raster.columns(), vec![false; self.raster.cells()]);
-        for &(_, cell) in &self.ranked[..count] {
-            active[cell] = true;
+        let (columns, mut groups) = (self.raster.columns(), vec![0; self.raster.cells()]);
+        for ranked in &self.ranked[..count] {
+            groups[ranked.cell] = ranked.group;
         }
-        Pattern::from_fn(self.raster, |x, y| active[y * columns + x])
+        Pattern::from_groups(self.raster, |x, y| groups[y * columns + x])
     }
 }
 
-/// How far a cell's centre lies before the line of its nearest point, and from that point, in cells.
-fn nearest(aims: &[PlacedAim], raster: Raster, cell: usize) -> (f64, f64) {
+/// A cell with its point: the nearest one; of those in other states that are as near, the one farther behind whose line it lies.
+fn ranked(aims: &[PlacedAim], raster: Raster, cell: usize, drivers: &[u8]) -> Ranked {
+    let rounded = |distance: f64| (distance / RESOLUTION).round() * RESOLUTION;
     let columns = raster.columns();
     let centre = [(cell % columns) as f64 + 0.5, (cell / columns) as f64 + 0.5];
-    let mut best = (0.0, f64::INFINITY);
+    let mut best = (0.0, f64::INFINITY, 0);
     for aim in aims {
         let from = [centre[0] - aim.point[0], centre[1] - aim.point[1]];
-        let distance = from[0].hypot(from[1]);
-        if distance < best.1 {
-            best = (from[0] * aim.direction[0] + from[1] * aim.direction[1], distance);
+        let (distance, before) = (from[0].hypot(from[1]), before(aim, from));
+        let is_better = match aim.state != best.2 && rounded(distance) == rounded(best.1) {
+            true => before < best.0,
+            false => distance < best.1,
+        };
+        if is_better {
+            best = (before, distance, aim.state);
         }
     }
-    best
+    Ranked {
+        before: rounded(best.0),
+        from_point: rounded(best.1),
+        cell,
+        group: drivers.get(best.2).copied().unwrap_or(1),
+    }
+}
+
+/// How far a place, seen from its point, lies before the line through that. A body turns by a windmill: four blades, each of which pushes a
+/// side of it.
+fn before(aim: &PlacedAim, from: [f64; 2]) -> f64 {
+    match aim.subject {
+        Subject::Point | Subject::Translation(_) => from[0] * aim.direction[0] + from[1] * aim.direction[1],
+        Subject::Rotation(_) => -aim.direction[0] * from[0].hypot(from[1]) * (4.0 * from[1].atan2(from[0])).sin(),
+    }
 }
 
 #[cfg(test)]
@@ -86,13 +115,12 @@ mod tests {
     fn intuitive(aims: &[(f64, f64, f64)]) -> Intuitive {
         let aims: Vec<Aim> = aims
             .iter()
-            .map(|&(x, y, direction_deg)| Aim {
-                point_mm: [x, y],
-                motion: Motion::Along(direction_deg),
-                weight: 1.0,
-            })
+            .map(|&(x, y, direction_deg)| Aim::new([x, y], Motion::Along(direction_deg)))
             .collect();
-        Intuitive::of(&Goal::new(&Displacement, &aims, Membrane::square(50.0), None, 0.0).unwrap())
+        Intuitive::of(
+            &Goal::new(&Displacement, &aims, Membrane::square(50.0), None, 0.0).unwrap(),
+            &[1],
+        )
     }
 
     #[test]
@@ -147,5 +175,31 @@ mod tests {
         for g in Symmetry::ALL {
             assert_eq!(own.transformed(g), own);
         }
+    }
+
+    #[test]
+    fn each_state_has_the_group_that_drives_it() {
+        let aim = |state, degrees| Aim {
+            state,
+            ..Aim::new([25.0, 25.0], Motion::Along(degrees))
+        };
+        let aims = [aim(0, 0.0), aim(1, 180.0)];
+        let goal = Goal::new(&Displacement, &aims, Membrane::square(50.0), None, 0.0).unwrap();
+        let stroke = Intuitive::of(&goal, &[2, 1]);
+        // Pushed by the left half, pulled back by the right one.
+        assert_eq!(
+            stroke.at_own_area(),
+            Pattern::from_groups(Raster::PAPER, |x, _| if x < 25 { 2 } else { 1 })
+        );
+        let half = stroke.at_area(0.5);
+        assert_eq!(
+            (
+                half.active_cells(),
+                half.group(0, 3),
+                half.group(49, 3),
+                half.group(24, 3)
+            ),
+            (1250, 2, 1, 0)
+        );
     }
 }

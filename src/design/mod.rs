@@ -1,4 +1,4 @@
-//! Finds the pattern that moves a point where it should go.
+//! Finds the pattern that moves points and bodies where they should go.
 //!
 //! Programs against the traits of [`crate::field`] alone: whether a network, a linear response or the finite elements predict
 //! a field is not known here.
@@ -16,7 +16,7 @@ mod selection;
 mod target;
 mod text;
 
-pub use constraint::{ConstraintError, ConstraintParameters, Constraints, Limits, Sides, Violations};
+pub use constraint::{ConstraintError, ConstraintParameters, Constraints, Ground, Limits, Sides, Violations};
 pub use evolve::{
     Evolution, EvolveError, EvolveOptions, GenerationReport, OptionsError, Setting, StateError, Stop, Watch, Winner,
     evolve, first_generation,
@@ -25,8 +25,8 @@ pub use genome::{Genome, UNITS};
 pub use intuitive::Intuitive;
 pub use local_search::{LocalOptimum, SearchProblem, SearchStep};
 pub use objective::{
-    AREA_PENALTY, Aim, Displacement, Distance, Goal, GoalError, MEASURES, Measure, Motion, Objective, PlacedAim,
-    Qin2024,
+    AREA_PENALTY, Aim, Displacement, Distance, Goal, GoalError, Lever, MEASURES, Measure, Motion, Objective, PlacedAim,
+    Qin2024, Subject,
 };
 pub use options::{Method, SearchOptions};
 pub use search::{

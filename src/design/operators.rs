@@ -6,6 +6,7 @@
 
 use super::genome::{Genome, UNITS, around};
 use crate::base::Stream;
+use crate::pattern::Pattern;
 
 /// Exchanges the genes between two cuts, each pair of cuts equally likely.
 pub(super) fn cross(a: &mut Genome, b: &mut Genome, stream: &mut Stream) {
@@ -25,14 +26,16 @@ fn segment(stream: &mut Stream) -> (usize, usize) {
     (cuts[0].min(cuts[1]), cuts[0].max(cuts[1]))
 }
 
-/// Gives each unit the value that most of the 3 × 3 units around it have, itself included.
-pub(super) fn smooth(genome: &Genome) -> Genome {
-    Genome::from_fn(|x, y| {
-        let balance: i32 = around(x, y).map(|(i, j)| if genome.is_on(i, j) { 1 } else { -1 }).sum();
-        match balance {
-            0 => genome.is_on(x, y),
-            balance => balance > 0,
+/// Gives each unit what most of the 3 × 3 units around it have, itself included: to be bare, or an electrode of one of so many groups.
+pub(super) fn smooth(genome: &Genome, groups: usize) -> Genome {
+    Genome::from_groups(|x, y| {
+        let mut votes = [0; Pattern::MOST_GROUPS + 1];
+        for (i, j) in around(x, y) {
+            votes[usize::from(genome.group(i, j))] += 1;
         }
+        let own = usize::from(genome.group(x, y));
+        let most = (0..=groups).fold(own, |most, value| if votes[value] > votes[most] { value } else { most });
+        most as u8
     })
 }
 
@@ -41,7 +44,7 @@ mod tests {
     use super::*;
 
     fn on(genome: &Genome) -> usize {
-        genome.genes().iter().filter(|&&gene| gene).count()
+        genome.genes().iter().filter(|&&gene| gene != 0).count()
     }
 
     #[test]
@@ -77,29 +80,36 @@ mod tests {
         let checkerboard = Genome::from_fn(|x, y| (x + y) % 2 == 0);
         let interior_changes = |g: &Genome| {
             let pairs = (1..19).flat_map(|y| (1..18).map(move |x| (x, y)));
-            pairs.filter(|&(x, y)| g.is_on(x, y) != g.is_on(x + 1, y)).count()
+            pairs.filter(|&(x, y)| g.group(x, y) != g.group(x + 1, y)).count()
         };
         let speck = Genome::from_fn(|x, y| (x, y) == (7, 7));
-        assert_eq!(on(&smooth(&speck)), 0);
+        assert_eq!(on(&smooth(&speck, 1)), 0);
         for half in [
             Genome::from_fn(|x, _| x < 9),
             Genome::from_fn(|_, y| y > 12),
             Genome::from_fn(|_, _| true),
         ] {
-            assert_eq!(smooth(&half), half);
+            assert_eq!(smooth(&half, 1), half);
         }
         // A perfect checkerboard is its own majority: 5 of 9 agree with the centre. Noise is not.
-        assert_eq!(smooth(&checkerboard), checkerboard);
+        assert_eq!(smooth(&checkerboard, 1), checkerboard);
         let noise = Genome::random(0.5, 0, &mut Stream::new(3, "test", 0));
-        assert!(interior_changes(&smooth(&noise)) < interior_changes(&noise) * 2 / 3);
+        assert!(interior_changes(&smooth(&noise, 1)) < interior_changes(&noise) * 2 / 3);
     }
 
     #[test]
     fn the_frame_does_not_vote() {
         // The corner sees 2 × 2 units: two on, two off is a tie, so it stays.
         let edge = Genome::from_fn(|x, y| x == 0 && y < 2);
-        assert!(smooth(&edge).is_on(0, 0));
+        assert!(smooth(&edge, 1).group(0, 0) == 1);
         let corner = Genome::from_fn(|x, y| x < 2 && y < 2 && (x, y) != (0, 0));
-        assert!(smooth(&corner).is_on(0, 0));
+        assert!(smooth(&corner, 1).group(0, 0) == 1);
+    }
+
+    #[test]
+    fn groups_vote_each_for_itself() {
+        // Left of column 9 group 2, right of it group 1, with a speck of group 3.
+        let speck = Genome::from_groups(|x, y| if (x, y) == (5, 5) { 3 } else { 1 + u8::from(x < 9) });
+        assert_eq!(smooth(&speck, 3), Genome::from_groups(|x, _| 1 + u8::from(x < 9)));
     }
 }

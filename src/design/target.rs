@@ -10,7 +10,7 @@ use crate::base::{
     Canonical, Decimal, Declared, Fields, InputError, Map, Node, NodeValue, Parameter, Schema, is_plain_name,
     parameters,
 };
-use crate::pattern::Membrane;
+use crate::scene::Scene;
 
 /// The name of an objective that stands by itself.
 const ALONE: &str = "design";
@@ -61,7 +61,7 @@ pub struct Target {
     pub objective: Objective,
     /// Its area.
     pub area: Area,
-    /// Both, on the membrane of the scene.
+    /// Both, in the scene.
     pub goal: Goal,
 }
 
@@ -90,15 +90,15 @@ impl Targets {
         }
     }
 
-    /// The targets on a membrane, with the weight of the area in the fitness; areas are those of the stage unless a
+    /// The targets in a scene, with the weight of the area in the fitness; areas are those of the stage unless a
     /// target has its own. `map` is what they were read from.
     ///
     /// # Errors
-    /// When an objective is none on that membrane.
-    pub fn on_membrane(self, map: &Map<'_>, membrane: Membrane, penalty: f64) -> Result<Vec<Target>, InputError> {
+    /// When an objective is none in that scene.
+    pub fn in_scene(self, map: &Map<'_>, scene: &Scene, penalty: f64) -> Result<Vec<Target>, InputError> {
         let target = |name: String, objective: Objective, area: Area, node: Option<&Node>| {
             let goal = objective
-                .goal(membrane, area.fraction(), penalty)
+                .goal(scene, area.fraction(), penalty)
                 .map_err(|e| match node {
                     Some(node) => node.error(e.to_string()),
                     None => InputError::new(e.to_string()),

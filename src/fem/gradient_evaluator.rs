@@ -11,6 +11,8 @@ pub struct GradientEvaluator {
     /// The same without wrinkling and fringe fields, where the scene has them: the energy is not linear in the activity of
     /// cells with them, and there is no adjoint. Its gradient says which cells to try; what they gain is simulated with them.
     plain: Option<MembraneSolver>,
+    /// Of each group of electrodes its share of the load.
+    loads: Vec<f64>,
 }
 
 impl GradientEvaluator {
@@ -28,6 +30,7 @@ impl GradientEvaluator {
         Ok(Self {
             solver: MembraneSolver::new(scene, options)?,
             plain: plain.transpose()?,
+            loads: scene.group_loads(),
         })
     }
 }
@@ -50,7 +53,13 @@ impl Differentiable for GradientEvaluator {
         let Some(field) = solver.simulation(pattern, &solution).field else {
             return Ok(None);
         };
-        let gradient = solver.gradient(pattern, &solution, &slope(&field));
-        Ok(gradient.map(|gradient| (field, gradient)))
+        let Some(of_cells) = solver.gradient(pattern, &solution, &slope(&field)) else {
+            return Ok(None);
+        };
+        let gradient = self
+            .loads
+            .iter()
+            .flat_map(|load| of_cells.iter().map(move |cell| load * cell));
+        Ok(Some((field, gradient.collect())))
     }
 }

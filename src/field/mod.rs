@@ -6,6 +6,7 @@ mod mesh;
 mod observation;
 mod simulate;
 mod simulators;
+mod states;
 
 pub use displacement::{CORNERS, Field, FieldError};
 pub use feasibility::Feasibility;
@@ -15,3 +16,4 @@ pub use simulate::{
     Differentiable, Evaluator, NO_FIELD, Outcome, PredictError, Predictor, Simulation, Simulator, WithGradient,
 };
 pub use simulators::{SharedSimulator, SimulatorError, SimulatorKind, Simulators};
+pub use states::{InStates, StateFields};

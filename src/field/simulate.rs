@@ -163,20 +163,20 @@ impl PredictError {
     }
 }
 
-/// Something that predicts fields fast.
-pub trait Predictor: Sync {
+/// Something that predicts fields fast: one of each pattern, or one in each state of a device.
+pub trait Predictor<F = Field>: Sync {
     /// The field of each pattern, in order; `None` where a pattern has none: an estimate may lead nowhere, and an equilibrium
     /// may not be stable. A result does not depend on the other patterns or on the number of threads.
     ///
     /// # Errors
     /// When the model cannot be evaluated.
-    fn predict_some(&self, patterns: &[Pattern]) -> Result<Vec<Option<Field>>, PredictError>;
+    fn predict_some(&self, patterns: &[Pattern]) -> Result<Vec<Option<F>>, PredictError>;
 
     /// The same where every pattern must have a field.
     ///
     /// # Errors
     /// When the model cannot be evaluated, or a pattern has no field.
-    fn predict(&self, patterns: &[Pattern]) -> Result<Vec<Field>, PredictError> {
+    fn predict(&self, patterns: &[Pattern]) -> Result<Vec<F>, PredictError> {
         let fields = self.predict_some(patterns)?.into_iter().enumerate();
         fields
             .map(|(at, field)| field.ok_or(PredictError::NoField { at }))
@@ -206,19 +206,15 @@ pub trait Evaluator: Predictor + Send {
     }
 }
 
-/// A field, and how a functional of it changes with the activity of each of the 2500 cells, `[y][x]`.
-pub type WithGradient = (Field, Vec<f64>);
+/// A field, and how a functional of it changes with the activity of each cell, `[group][y][x]`: with an electrode of that group in it.
+pub type WithGradient<F = Field> = (F, Vec<f64>);
 
 /// Something that knows how the fields it predicts change with the pattern.
-pub trait Differentiable: Predictor {
-    /// The field of a pattern, and the derivative with respect to the activity of each cell, `[y][x]`, of the functional whose
+pub trait Differentiable<F = Field>: Predictor<F> {
+    /// The field of a pattern, and the derivative with respect to the activity of each cell, `[group][y][x]`, of the functional whose
     /// derivative with respect to the displacement of each corner, per mm, `slope` gives; `None` where the pattern has no field.
     ///
     /// # Errors
     /// When the model cannot be evaluated.
-    fn gradient(
-        &self,
-        pattern: &Pattern,
-        slope: &dyn Fn(&Field) -> Field,
-    ) -> Result<Option<WithGradient>, PredictError>;
+    fn gradient(&self, pattern: &Pattern, slope: &dyn Fn(&F) -> F) -> Result<Option<WithGradient<F>>, PredictError>;
 }

@@ -4,6 +4,7 @@
 mod bits;
 mod csv;
 mod h5;
+mod layers;
 mod membrane;
 mod npy;
 mod outline;
@@ -17,6 +18,7 @@ mod symmetry;
 
 pub use bits::{Bits, distance};
 pub use h5::split as split_h5;
+pub use layers::Layers;
 pub use membrane::Membrane;
 pub use outline::{Corners, Island, Point, area as ring_area, outlines, total_area};
 pub use parts::{Part, Parts, PartsError};

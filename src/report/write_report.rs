@@ -203,9 +203,9 @@ fn row(design: &Design) -> [String; COLUMNS.len()] {
         design.case.clone(),
         role_word(design.role).to_owned(),
         design.units.to_string(),
-        design.objective.list(|aim| aim.point[0]),
-        design.objective.list(|aim| aim.point[1]),
-        design.objective.list(|aim| aim.direction),
+        design.objective.coordinates(0),
+        design.objective.coordinates(1),
+        design.objective.ways(),
         design.area_target.clone(),
         number(design.area),
         known(design.predicted_mm),
@@ -248,6 +248,7 @@ mod tests {
         let mut of_four = design(Role::Refined, 50, Some(0.987_654_32));
         of_four.objective = Objective::read(
             "{ points: [{ point: [12.5, 25], direction: 0 }, { point: [37.5, 25], direction: 180 deg }] }",
+            &crate::scene::Scene::vhb4910(),
         )
         .unwrap();
         of_four.interval = Some(interval(1.0, 1.5));

@@ -248,11 +248,17 @@ impl States {
         let state = serde_json::Value::from(State::schema(&()));
         Schema::new(json!({
             "type": "object",
-            "propertyNames": { "type": "string", "pattern": format!("^[A-Za-z0-9_-]{{1,{LONGEST_NAME}}}$") },
+            "propertyNames": { "type": "string", "pattern": Self::name_pattern() },
             "additionalProperties": state,
             "minProperties": 1,
             "maxProperties": MOST_STATES,
         }))
+    }
+
+    /// The regular expression of their names.
+    #[must_use]
+    pub fn name_pattern() -> String {
+        format!("^[A-Za-z0-9_-]{{1,{LONGEST_NAME}}}$")
     }
 
     /// Whether there is none.

@@ -68,7 +68,7 @@ parameters! {
 }
 
 /// Most rigid bodies.
-const MOST_BODIES: usize = 64;
+pub const MOST_BODIES: usize = 64;
 /// Most shapes of a frame.
 const MOST_HELD: usize = 1000;
 /// Largest force in N, and spring rate in N/m.

@@ -17,8 +17,8 @@ pub use effects::{
     Breakdown, ConstantStrength, Effects, Electrode, HuangStrength, On, PermittivityDecay, PermittivityReference,
     Stiffening, laws,
 };
-pub use geometry::{Body, Both, Frame, Geometry, Outline};
+pub use geometry::{Body, Both, Frame, Geometry, MOST_BODIES, Outline};
 pub use mask::{Islands, Mask, Point, Size};
 pub use model::{ElasticModel, Material, Scene, VACUUM_PERMITTIVITY};
 pub use properties::{Branch, Properties};
-pub use shape::{Cells, Circle, Disc, Drawing, Place, Polygon, Rectangle, Shape};
+pub use shape::{Cells, Circle, Disc, Drawing, Place, Polygon, Rectangle, Shape, mask_files};

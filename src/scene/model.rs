@@ -258,6 +258,28 @@ impl Scene {
         self.geometry.parts()
     }
 
+    /// The cells of a rigid body, by column and row; none where there is no such body.
+    #[must_use]
+    pub fn cells_of_body(&self, body: usize) -> Vec<[usize; 2]> {
+        let Some(parts) = self.parts() else {
+            return Vec::new();
+        };
+        let [columns, rows] = parts.raster().sides();
+        let all = (0..rows).flat_map(|y| (0..columns).map(move |x| [x, y]));
+        all.filter(|[x, y]| parts.at(*x, *y).body() == Some(body)).collect()
+    }
+
+    /// The centroid of a rigid body in mm; none where there is no such body.
+    #[must_use]
+    pub fn centroid_of_body(&self, body: usize) -> Option<[f64; 2]> {
+        let (cells, membrane) = (self.cells_of_body(body), self.membrane());
+        let mean = |axis: usize| {
+            let sum: f64 = cells.iter().map(|[x, y]| membrane.centre_mm(*x, *y)[axis]).sum();
+            sum / cells.len() as f64
+        };
+        (!cells.is_empty()).then(|| [mean(0), mean(1)])
+    }
+
     /// The cells that may carry electrodes; none are told where all of them may.
     #[must_use]
     pub fn room(&self) -> Option<Bits> {

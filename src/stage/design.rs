@@ -19,13 +19,13 @@ use crate::base::{
 use crate::content::Designs;
 use crate::design::{
     ConstraintParameters, Elements, GenerationReport, Method, Progress, Search, SearchError, SearchOptions, SearchStep,
-    StateError, Target, Targets, Watch,
+    StateError, Subject, Target, Targets, Watch,
 };
-use crate::fem::screening::resolve;
+use crate::fem::screening::{resolve, resolve_states};
 use crate::fem::{GradientEvaluator, SafetyMargins, SetupError, breakdown_strength};
-use crate::field::{Differentiable, Feasibility};
+use crate::field::{Differentiable, Feasibility, InStates, PredictError, StateFields};
 use crate::orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
-use crate::pattern::Part;
+use crate::pattern::{Part, Pattern};
 use crate::scene::Scene;
 use crate::store::{Artifact, Object};
 use crate::surrogate::Surrogate;
@@ -164,7 +164,11 @@ impl Kind for DesignKind {
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
         let keys = [&["kind", "needs", "constraints"][..], &DesignParameters::keys()].concat();
         let map = stage.fields(DesignParameters::WHAT, &keys)?;
-        let scene = super::scene_of_one_group(stage, scene)?;
+        let scene = match map.optional("needs") {
+            // Networks know one group of electrodes under one drive.
+            Some(_) => super::scene_of_one_group(stage, scene)?,
+            None => super::scene_in_states_of(stage, scene)?,
+        };
         let DesignParameters {
             case,
             evaluator,
@@ -173,10 +177,9 @@ impl Kind for DesignKind {
         } = DesignParameters::read_map(&map)?;
         let constraints = match map.optional("constraints") {
             Some(node) => read_constraints(node, &scene)?,
-            None => ConstraintParameters::none_within(scene.membrane(), scene.room())
-                .map_err(|e| stage.error(e.to_string()))?,
+            None => ConstraintParameters::none_in(&scene).map_err(|e| stage.error(e.to_string()))?,
         };
-        let targets = targets.on_membrane(&map, scene.membrane(), options.area_penalty.to_f64())?;
+        let targets = targets.in_scene(&map, &scene, options.area_penalty.to_f64())?;
         for target in &targets {
             refuse_held_points(target, &scene, map.optional("objective").unwrap_or(stage))?;
         }
@@ -201,7 +204,8 @@ fn refuse_held_points(target: &Target, scene: &Scene, node: &Node) -> Result<(),
     let Some(parts) = scene.parts() else { return Ok(()) };
     let sides = parts.raster().sides();
     let cell = |point: [f64; 2]| [0, 1].map(|axis| (point[axis] as usize).min(sides[axis] - 1));
-    let mut cells = target.goal.aims().iter().map(|aim| cell(aim.point));
+    let points = target.goal.aims().iter().filter(|aim| aim.subject == Subject::Point);
+    let mut cells = points.map(|aim| cell(aim.point));
     match cells.find(|[x, y]| parts.at(*x, *y) == Part::Frame) {
         None => Ok(()),
         Some([x, y]) => Err(node.error(format!(
@@ -223,7 +227,7 @@ fn decisive(scene: &Scene, constraints: &ConstraintParameters) -> Scene {
 
 /// Constraints on patterns of a scene, whose breakdown strength must be known where a margin from it is asked for.
 fn read_constraints(node: &Node, scene: &Scene) -> Result<ConstraintParameters, InputError> {
-    let constraints = ConstraintParameters::read_within(node, scene.membrane(), scene.room())?;
+    let constraints = ConstraintParameters::read(node, scene)?;
     let margin = constraints.constraints().limits().breakdown_margin;
     if margin.is_some() && breakdown_strength(scene).is_none() {
         let at = node.peek("breakdown_margin").unwrap_or(node);
@@ -245,10 +249,22 @@ struct DesignStage {
     ready: OnceLock<Ready>,
 }
 
-/// Finite elements: for the gradient, and for margins where they are asked for.
+/// Finite elements in each state of the device: for the gradient, and for margins where they are asked for.
 struct Ready {
-    gradient: GradientEvaluator,
-    margins: Option<SafetyMargins>,
+    gradient: InStates<Box<GradientEvaluator>>,
+    margins: Vec<SafetyMargins>,
+}
+
+impl Feasibility for Ready {
+    /// Margins are kept in every state.
+    fn feasible(&self, patterns: &[Pattern]) -> Result<Vec<bool>, PredictError> {
+        let mut verdicts = vec![true; patterns.len()];
+        for margins in &self.margins {
+            let own = margins.feasible(patterns)?;
+            verdicts.iter_mut().zip(own).for_each(|(verdict, own)| *verdict &= own);
+        }
+        Ok(verdicts)
+    }
 }
 
 impl DesignStage {
@@ -283,10 +299,19 @@ impl DesignStage {
         }
         let limits = self.constraints.constraints().limits();
         let ready = || -> Result<Ready, SetupError> {
-            let scene = resolve(&self.scene)?;
+            let (mut gradient, mut margins) = (Vec::new(), Vec::new());
+            for (_, scene) in resolve_states(&self.scene)?.in_states() {
+                let scene = resolve(&scene)?;
+                gradient.push(Box::new(GradientEvaluator::new(&scene)?));
+                margins.extend(SafetyMargins::new(
+                    &scene,
+                    limits.pull_in_margin,
+                    limits.breakdown_margin,
+                )?);
+            }
             Ok(Ready {
-                gradient: GradientEvaluator::new(&scene)?,
-                margins: SafetyMargins::new(&scene, limits.pull_in_margin, limits.breakdown_margin)?,
+                gradient: InStates::new(gradient),
+                margins,
             })
         };
         let ready = ready().map_err(|e| SearchError::Setup(e.into()))?;
@@ -316,13 +341,13 @@ impl DesignStage {
 }
 
 impl Elements for DesignStage {
-    fn gradient(&self) -> Result<&dyn Differentiable, SearchError> {
+    fn gradient(&self) -> Result<&dyn Differentiable<StateFields>, SearchError> {
         Ok(&self.ready()?.gradient)
     }
 
     fn feasibility(&self) -> Result<Option<&dyn Feasibility>, SearchError> {
-        let margins = self.ready()?.margins.as_ref();
-        Ok(margins.map(|margins| margins as &dyn Feasibility))
+        let ready = self.ready()?;
+        Ok((!ready.margins.is_empty()).then_some(ready as &dyn Feasibility))
     }
 }
 
@@ -356,10 +381,17 @@ impl Stage for DesignStage {
         let start = Instant::now();
         let surrogate = self.surrogate(job.inputs)?;
         let calibrated = Calibrated::of(job.inputs, &self.scene)?;
+        let drivers: Vec<u8> = self
+            .scene
+            .in_states()
+            .iter()
+            .map(|(_, scene)| scene.strongest_group())
+            .collect();
         let search = Search {
             target,
             constraints: self.constraints.constraints(),
             options: &self.options,
+            drivers: &drivers,
             elements: self,
             progress: &Follow(job),
         };

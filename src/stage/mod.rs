@@ -58,21 +58,25 @@ pub fn registry() -> Registry {
     }
 }
 
-/// The scene of the pipeline, for a stage that cannot do without.
-fn scene_of(stage: &Node, scene: Option<&Node>) -> Result<Scene, InputError> {
+/// The scene of the pipeline, for a stage that cannot do without and knows all states of a device.
+fn scene_in_states_of(stage: &Node, scene: Option<&Node>) -> Result<Scene, InputError> {
     let missing = || {
         stage
             .error("this stage needs a scene, and the pipeline has none")
             .help("add `scene: FILE` or an inline mapping")
     };
-    let node = scene.ok_or_else(missing)?;
-    let read = checked_scene(node)?;
-    match node.peek("states") {
+    checked_scene(scene.ok_or_else(missing)?)
+}
+
+/// The same for a stage that knows one drive.
+fn scene_of(stage: &Node, scene: Option<&Node>) -> Result<Scene, InputError> {
+    let read = scene_in_states_of(stage, scene)?;
+    match scene.and_then(|node| node.peek("states")) {
         None => Ok(read),
         Some(states) => Err(states
-            .error("a stage of a pipeline simulates one drive, and this scene has states")
+            .error("this stage simulates one drive, and the scene has states")
             .help(
-                "give the stages `drive: { voltages: … }`, perhaps by `foreach`; `deaflow solve` simulates all states",
+                "give the stage `drive: { voltages: … }`, perhaps by `foreach`; `design` and `verify` stages and `deaflow solve` simulate all states",
             )),
     }
 }
@@ -94,17 +98,11 @@ fn device_of(scene: &Scene) -> Device {
     Device::new(scene.membrane(), scene.groups(), scene.symmetries(), parts.as_deref())
 }
 
-/// The scene of a stage that knows any membrane, with one group of electrodes.
+/// The scene of a stage that judges by a network, which knows one group of electrodes under one drive.
 fn scene_of_one_group(stage: &Node, scene: Option<&Node>) -> Result<Scene, InputError> {
     let read = scene_of(stage, scene)?;
-    match read.groups() {
-        1 => Ok(read),
-        groups => Err(scene
-            .and_then(|node| node.peek("drive"))
-            .unwrap_or(stage)
-            .error(format!("a design has one group of electrodes, and this scene has voltages of {groups}"))
-            .help("give the stage a `voltage`; patterns of several groups are simulated by `solve` stages and `deaflow solve`")),
-    }
+    refuse_groups(stage, scene)?;
+    Ok(read)
 }
 
 /// Refuses several groups of electrodes, for a stage of networks that knows no scene but perhaps that of its inputs.

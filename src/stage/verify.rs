@@ -5,11 +5,11 @@ mod own;
 use super::patterns;
 use super::results::of_targets;
 use crate::base::{Canonical, Document, Fields, InputError, Node};
-use crate::content::{Components, DesignRows, Designs, Verification, predicted_rows};
+use crate::content::{Components, DesignRows, Designs, SimulatedStates, Verification, predicted_rows};
 use crate::design::{Goal, Objective};
-use crate::fem::screening::resolve;
+use crate::fem::screening::{resolve, resolve_states};
 use crate::fem::{AccurateSimulation, SetupError, Solver, SolverParameters};
-use crate::field::{Field, Mesh, Outcome};
+use crate::field::{Field, Mesh, Outcome, StateFields};
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::pattern::Pattern;
 use crate::scene::{Effects, Scene};
@@ -92,7 +92,7 @@ impl Kind for VerifyKind {
             "a verify stage",
             &[&["kind", "needs", "rounds", "update"], &SolverParameters::keys()[..]].concat(),
         )?;
-        let scene = super::scene_of_one_group(stage, scene)?.simulated();
+        let scene = super::scene_in_states_of(stage, scene)?.simulated();
         Ok(Box::new(VerifyStage {
             solver: SolverParameters::read(&map, MESH)?,
             scene,
@@ -113,22 +113,24 @@ struct Cases {
     goals: Vec<Goal>,
 }
 
-/// A solver, and the one on the other mesh.
-struct Solvers {
-    own: Solver,
-    beside: Option<Solver>,
-}
+/// A solver in each state of the device, with the one on the other mesh.
+struct Solvers(Vec<(Solver, Option<Solver>)>);
 
-/// What two meshes say of a pattern.
-struct Solved {
+/// What two meshes say of a pattern in each state of the device.
+struct Solved(Vec<SolvedState>);
+
+/// The same in one state.
+struct SolvedState {
     result: AccurateSimulation,
     other: Option<Field>,
 }
 
 /// The same for a goal.
 struct Simulated {
+    /// Of the first state without a field; of the first where all have one.
     outcome: Outcome,
-    field: Option<Field>,
+    /// In each state.
+    fields: Option<StateFields>,
     /// Estimated discretisation error of the displacement along the wanted directions, in mm, where it is known.
     error: Option<f64>,
 }
@@ -150,12 +152,10 @@ impl Stage for VerifyStage {
 
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
         let failed = |e: SetupError| StageError::Failed(e.to_string());
-        let scene = resolve(&self.scene).map_err(failed)?;
-        let beside = self.solver.beside().map(|other| other.build(&scene));
-        let solvers = Solvers {
-            own: self.solver.build(&scene).map_err(failed)?,
-            beside: beside.transpose().map_err(failed)?,
-        };
+        let scene = resolve_states(&self.scene)
+            .and_then(|scene| resolve(&scene))
+            .map_err(failed)?;
+        let solvers = Solvers::new(&self.solver, &scene).map_err(failed)?;
         let (own, designs): (Vec<&Artifact>, Vec<&Artifact>) =
             job.inputs.iter().partition(|input| input.kind() == patterns::NAME);
         let own = OwnPatterns::read(&own)?;
@@ -210,25 +210,30 @@ impl VerifyStage {
 
     fn verification(&self, cases: Cases, simulated: &[Simulated], effects: &Effects) -> Verification {
         let Cases { rows, goals } = cases;
-        let solved = || (0..rows.len()).filter_map(|row| Some((row, simulated[row].field.as_ref()?)));
+        let solved = || (0..rows.len()).filter_map(|row| Some((row, simulated[row].fields.as_ref()?)));
         let predicted = predicted_rows(&rows.role);
-        let prediction = |row: usize| predicted[row].map(|at| &rows.predicted[at]);
+        let prediction = |row: usize| Some(rows.predicted_in_states(predicted[row]?));
         let errors = || solved().map(|(row, _)| simulated[row].error);
+        let in_states = self.scene.states.iter().len() > 1;
+        let displacement = || solved().flat_map(|(_, fields)| fields.iter().cloned()).collect();
         Verification {
             outcome: simulated.iter().map(|s| s.outcome.name().to_owned()).collect(),
-            displacement: solved().map(|(_, field)| field.clone()).collect(),
+            displacement: solved().filter_map(|(_, fields)| fields.first().cloned()).collect(),
             difference: solved()
-                .filter_map(|(row, field)| difference(prediction(row)?, field))
+                .filter_map(|(row, fields)| difference(prediction(row)?.first()?, fields.first()?))
                 .collect(),
+            states: in_states.then(|| SimulatedStates {
+                displacement: displacement(),
+            }),
             component: Components {
                 predicted: (0..rows.len())
                     .filter_map(|row| Some(goals[row].value_mm(prediction(row)?)))
                     .collect(),
-                simulated: solved().map(|(row, field)| goals[row].value_mm(field)).collect(),
+                simulated: solved().map(|(row, fields)| goals[row].value_mm(fields)).collect(),
                 error: errors().map(Option::unwrap_or_default).collect(),
                 error_known: errors().map(|error| u64::from(error.is_some())).collect(),
                 distance: solved()
-                    .map(|(row, field)| goals[row].distance_mm(field).unwrap_or(0.0))
+                    .map(|(row, fields)| goals[row].distance_mm(fields).unwrap_or(0.0))
                     .collect(),
             },
             rows,
@@ -273,27 +278,52 @@ impl Cases {
 }
 
 impl Solvers {
+    /// For a scene whose effects are decided.
+    fn new(solver: &SolverParameters, scene: &Scene) -> Result<Self, SetupError> {
+        let states = scene.in_states().into_iter();
+        let both = states.map(|(_, scene)| {
+            let beside = solver.beside().map(|other| other.build(&scene));
+            Ok((solver.build(&scene)?, beside.transpose()?))
+        });
+        both.collect::<Result<_, _>>().map(Self)
+    }
+
     fn solve(&self, patterns: &[Pattern]) -> Result<Vec<Solved>, SetupError> {
-        let results = self.own.simulate(patterns)?;
-        let others = self.beside.as_ref().map(|other| other.simulate(patterns)).transpose()?;
-        let mut others = others.unwrap_or_default().into_iter();
-        let solved = |result| Solved {
-            result,
-            other: others.next().and_then(|other| other.simulation.field),
-        };
-        Ok(results.into_iter().map(solved).collect())
+        let mut solved: Vec<Solved> = patterns.iter().map(|_| Solved(Vec::new())).collect();
+        for (own, beside) in &self.0 {
+            let results = own.simulate(patterns)?;
+            let others = beside.as_ref().map(|other| other.simulate(patterns)).transpose()?;
+            let mut others = others.unwrap_or_default().into_iter();
+            for (Solved(states), result) in solved.iter_mut().zip(results) {
+                let other = others.next().and_then(|other| other.simulation.field);
+                states.push(SolvedState { result, other });
+            }
+        }
+        Ok(solved)
     }
 }
 
 impl Solved {
     fn judged(&self, goal: &Goal) -> Simulated {
-        let simulation = &self.result.simulation;
-        let fields = simulation.field.as_ref().zip(self.other.as_ref());
-        let between = fields.map(|(field, other)| (goal.value_mm(field) - goal.value_mm(other)).abs());
+        let Self(states) = self;
+        let mut outcomes = states.iter().map(|state| state.result.simulation.outcome);
+        let without = outcomes.find(|outcome| !outcome.has_field());
+        let fields: Option<StateFields> = states
+            .iter()
+            .map(|state| state.result.simulation.field.clone())
+            .collect();
+        let others: Option<StateFields> = states.iter().map(|state| state.other.clone()).collect();
+        let between = fields.as_ref().zip(others);
+        let between = between.map(|(fields, others)| (goal.value_mm(fields) - goal.value_mm(&others)).abs());
+        // An error that is promised of every state is one of their mean.
+        let promised = states.iter().map(|state| state.result.discretisation_error);
+        let promised = promised
+            .collect::<Option<Vec<f64>>>()
+            .map(|errors| errors.into_iter().fold(0.0, f64::max));
         Simulated {
-            outcome: simulation.outcome,
-            error: self.result.discretisation_error.or(between),
-            field: simulation.field.clone(),
+            outcome: without.unwrap_or(states[0].result.simulation.outcome),
+            error: promised.or(between),
+            fields,
         }
     }
 }
@@ -313,7 +343,7 @@ fn targets(designs: &[&Artifact]) -> Result<u64, StageError> {
 fn goal(text: &str, scene: &Scene) -> Result<Goal, String> {
     let document = Document::from_text(std::path::Path::new("objective"), text).map_err(|e| e.to_string())?;
     let objective = Objective::read(&document.root).map_err(|e| e.to_string())?;
-    objective.goal(scene.membrane(), None, 0.0).map_err(|e| e.to_string())
+    objective.goal(scene, None, 0.0).map_err(|e| e.to_string())
 }
 
 fn difference(a: &Field, b: &Field) -> Option<Field> {

@@ -473,6 +473,13 @@ fn a_mask_is_a_shape_and_what_is_in_it_counts_not_its_name() {
     workspace.write("other.csv", &text);
     workspace.write("renamed.yaml", &frame("mask: other.csv", "mask: tip.csv"));
     assert_eq!(digest("renamed.yaml"), first);
+    // A crate has the masks beside the scene.
+    let arguments = ["export", "crate", "p.yaml", "-o", "crate"];
+    let ended = workspace.run(&arguments);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    for file in ["other.csv", "tip.csv", "disc.csv"] {
+        assert!(workspace.path("crate/workflow").join(file).is_file(), "{file}");
+    }
     workspace.write("other.csv", &text.replacen("1,1", "0,1", 1));
     assert_ne!(digest("renamed.yaml"), first);
     for (opening, says) in [
@@ -693,4 +700,199 @@ fn a_tip_in_an_odd_frame_is_designed_verified_drawn_and_exported() {
         &format!("version: 1\nname: held\nscene: scene.yaml\nstages:\n  best: {{ kind: design, method: adjoint, {held}, seed: 1 }}\n"),
     );
     refused(&workspace, &["run", "held.yaml"], &["lies on the frame"]);
+}
+
+/// A strip of 40 × 20 mm with a tip, pushed by one group of electrodes and pulled by another.
+const PUSH_PULL: &str = "\
+geometry: { size: [40 mm, 20 mm], thickness: 1 mm, prestretch: 3, cells: [20, 10], bodies: [{ rectangle: [[18 mm, 8 mm], [22 mm, 12 mm]] }] }
+material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
+states: { push: { voltages: [5 kV, 0 V] }, pull: { voltages: [0 V, 4 kV] } }
+";
+
+#[test]
+fn groups_are_designed_for_the_states_of_a_device() {
+    let workspace = Workspace::new();
+    workspace.write("scene.yaml", PUSH_PULL);
+    let stroke =
+        "{ points: [{ body: 0, direction: 0 deg, state: push }, { body: 0, direction: 180 deg, state: pull }] }";
+    let turn = "{ body: 0, rotation: clockwise, state: pull }";
+    let targets = format!("[{{ name: stroke, objective: {stroke} }}, {{ name: turn, objective: {turn} }}]");
+    let made = "constraints: { min_feature: 4 mm, gap: 4 mm, leads: true }, area: free";
+    workspace.write(
+        "stage.yaml",
+        &format!(
+            "version: 1\nname: stage\nscene: scene.yaml\nstages:\n  \
+             best: {{ kind: design, method: adjoint, targets: {targets}, {made}, starts: 3, seed: 1 }}\n  \
+             searched: {{ kind: design, objective: {stroke}, {made}, population: 60, generations: 6, refine: true, case: ga, seed: 2 }}\n  \
+             checked: {{ kind: verify, needs: [best, searched], elements_per_cell: 1, order: 2 }}\n"
+        ),
+    );
+    assert_eq!(workspace.stages(&["run", "stage.yaml"]).with("built").len(), 3);
+    assert_eq!(workspace.stages(&["run", "stage.yaml"]).with("reused").len(), 3);
+    let ended = workspace.run(&["export", "artifact", "stage.yaml:checked", "-o", "checked.h5"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let file = hdf5::File::open(workspace.path("checked.h5")).unwrap();
+    let (roles, names) = (texts(&file, "role"), texts(&file, "name"));
+    let (_, value) = dataset(&workspace, "checked.h5", "component/simulated");
+    let (shape, fields) = dataset(&workspace, "checked.h5", "states/displacement");
+    assert_eq!(
+        shape,
+        [roles.len(), 2, 11, 21, 2],
+        "every row has a field in both states"
+    );
+    let (_, first) = dataset(&workspace, "checked.h5", "displacement");
+    let (_, patterns) = dataset(&workspace, "checked.h5", "patterns");
+    let size = 11 * 21 * 2;
+    // The first of the states is that whose name comes first.
+    assert_eq!(first[..size], fields[..size]);
+    let corner = |row: usize, state: usize, [x, y]: [usize; 2]| {
+        let at = (2 * row + state) * size + 2 * (y * 21 + x);
+        [fields[at], fields[at + 1]]
+    };
+    for row in 0..roles.len() {
+        // The centroid of the tip is the mean of its corners, and it turns as one.
+        let mean = |state: usize| {
+            let corners = [[9, 4], [11, 4], [9, 6], [11, 6]].map(|at| corner(row, state, at)[0]);
+            corners.iter().sum::<f64>() / 4.0
+        };
+        let expected = match names[row].as_str() {
+            "turn" => {
+                let [a, b] = [corner(row, 0, [9, 4]), corner(row, 0, [11, 6])];
+                let [x, y] = [4.0 + b[0] - a[0], 4.0 + b[1] - a[1]];
+                -(y.atan2(x) - std::f64::consts::FRAC_PI_4) * 8f64.sqrt()
+            }
+            _ => (mean(1) - mean(0)) / 2.0,
+        };
+        assert!(
+            (value[row] - expected).abs() < 1e-9,
+            "{} {}: {} {expected}",
+            names[row],
+            roles[row],
+            value[row]
+        );
+        let cells = &patterns[200 * row..][..200];
+        let group = |x: usize, y: usize| cells[20 * y + x] as u8;
+        if ["optimum", "refined"].contains(&roles[row].as_str()) {
+            let near = |x: usize, y: usize, other: u8| {
+                let (xs, ys) = (
+                    x.saturating_sub(2)..=(x + 2).min(19),
+                    y.saturating_sub(2)..=(y + 2).min(9),
+                );
+                ys.flat_map(|j| xs.clone().map(move |i| (i, j)))
+                    .any(|(i, j)| group(i, j) == other)
+            };
+            let apart = (0..200).all(|at| group(at % 20, at / 20) != 1 || !near(at % 20, at / 20, 2));
+            assert!(apart, "{} {}", names[row], roles[row]);
+        }
+    }
+    let of = |name: &str, role: &str| {
+        let mut rows = 0..roles.len();
+        let found = rows.find(|&row| names[row] == name && roles[row] == role);
+        found.unwrap_or_else(|| panic!("no {role} of {name} among {names:?} {roles:?}"))
+    };
+    let best = of("stroke", "optimum");
+    let groups: std::collections::BTreeSet<u8> =
+        patterns[200 * best..][..200].iter().map(|group| *group as u8).collect();
+    assert_eq!(groups.into_iter().collect::<Vec<_>>(), [0, 1, 2]);
+    assert!(value[best] > 0.2 && value[of("turn", "optimum")] > 0.02, "{value:?}");
+    assert!(value[best] > 0.99 * value[of("design", "refined")], "{value:?}");
+    assert!(
+        value[of("design", "refined")] >= value[of("design", "ga")] - 1e-6,
+        "{value:?}"
+    );
+    let report = workspace.run(&["report", "stage.yaml", "-o", "report"]);
+    assert_eq!(report.code, Some(0), "{}", report.stderr);
+    let page = std::fs::read_to_string(workspace.path("report/index.html")).unwrap();
+    assert!(page.contains("<figcaption>push</figcaption>") && page.contains("body 0 at 180° in state pull"));
+    let exported = [
+        "export",
+        "design",
+        "stage.yaml:checked",
+        "--design",
+        "stroke",
+        "-o",
+        "mask.dxf",
+    ];
+    let mask = workspace.run(&exported);
+    assert_eq!(mask.code, Some(0), "{}", mask.stderr);
+    let text = std::fs::read_to_string(workspace.path("mask.dxf")).unwrap();
+    assert!(
+        ["ELECTRODE_1", "ELECTRODE_2", "BODIES"]
+            .iter()
+            .all(|layer| text.contains(layer))
+    );
+}
+
+#[test]
+fn what_a_device_does_not_have_cannot_be_designed() {
+    let workspace = Workspace::new();
+    workspace.write("scene.yaml", PUSH_PULL);
+    let one_drive = PUSH_PULL.replace(
+        "states: { push: { voltages: [5 kV, 0 V] }, pull: { voltages: [0 V, 4 kV] } }",
+        "drive: { voltage: 5 kV }",
+    );
+    workspace.write("one.yaml", &one_drive);
+    for (scene, objective, more, says) in [
+        (
+            "scene.yaml",
+            "{ body: 0, direction: 0 deg }",
+            "",
+            &["`state`", "pull, push"][..],
+        ),
+        (
+            "scene.yaml",
+            "{ body: 0, direction: 0 deg, state: hold }",
+            "",
+            &["`hold`", "pull, push"],
+        ),
+        (
+            "scene.yaml",
+            "{ body: 1, direction: 0 deg, state: pull }",
+            "",
+            &["no body 1", "has 1"],
+        ),
+        ("scene.yaml", "{ body: 0, state: pull }", "", &["`rotation`"]),
+        (
+            "scene.yaml",
+            "{ body: 0, direction: 0 deg, rotation: 3 deg, state: pull }",
+            "",
+            &["two of them"],
+        ),
+        (
+            "scene.yaml",
+            "{ body: 0, rotation: left, state: pull }",
+            "",
+            &["clockwise", "-179 deg"],
+        ),
+        (
+            "scene.yaml",
+            "{ body: 0, rotation: clockwise, value: 1 mm, state: pull }",
+            "",
+            &["to turn"],
+        ),
+        (
+            "one.yaml",
+            "{ body: 0, direction: 0 deg, state: pull }",
+            "",
+            &["has none"],
+        ),
+        (
+            "one.yaml",
+            "{ body: 0, direction: 0 deg }",
+            ", constraints: { gap: 2 mm }",
+            &["one group"],
+        ),
+        (
+            "scene.yaml",
+            "{ body: 0, direction: 0 deg, state: pull }",
+            ", constraints: { gap: 70 mm }",
+            &["70 mm"],
+        ),
+    ] {
+        workspace.write(
+            "p.yaml",
+            &format!("version: 1\nname: p\nscene: {scene}\nstages:\n  d: {{ kind: design, method: adjoint, objective: {objective}{more}, seed: 1 }}\n"),
+        );
+        refused(&workspace, &["run", "p.yaml"], says);
+    }
 }

@@ -12,7 +12,8 @@ use crate::cli::table;
 use crate::content::{LongTexts, ObjectiveIntervals, PredictionIntervals};
 use crate::design::{Goal, Objective};
 use crate::field::Field;
-use crate::pattern::{Membrane, Pattern};
+use crate::pattern::Pattern;
+use crate::scene::Scene;
 use crate::surrogate::{COVERAGE, Interval};
 
 /// Predictions that are told one by one; the table has all.
@@ -51,15 +52,15 @@ impl Intervals {
         patterns: &[Pattern],
         fields: &[Field],
     ) -> Result<Self, CliError> {
-        let membrane = calibration.of.scene.membrane();
+        let scene = &calibration.of.scene;
         let wanted = objectives
             .iter()
-            .map(|text| wanted(text, membrane))
+            .map(|text| wanted(text, scene))
             .collect::<Result<Vec<_>, _>>()?;
         let own = &calibration.of.calibration;
         let half_widths: Vec<_> = wanted
             .iter()
-            .map(|wanted| own.objective(&|field| wanted.goal.value_mm(field)))
+            .map(|wanted| own.objective(&|field| wanted.goal.value_mm(std::slice::from_ref(field))))
             .collect();
         let row = |(pattern, field): (&Pattern, &Field)| {
             let interval = own.interval(pattern, field);
@@ -67,7 +68,10 @@ impl Intervals {
             let off = std::f64::consts::SQRT_2 * interval.radius_mm;
             let largest = field.max_magnitude();
             let objectives = wanted.iter().zip(&half_widths).map(|(wanted, intervals)| {
-                let (value, off) = (wanted.goal.value_mm(field), intervals.half_width(pattern, field));
+                let (value, off) = (
+                    wanted.goal.value_mm(std::slice::from_ref(field)),
+                    intervals.half_width(pattern, field),
+                );
                 [value, value - off, value + off]
             });
             Row {
@@ -236,11 +240,11 @@ impl Intervals {
     }
 }
 
-/// An objective in the syntax of a design stage, on a membrane of a side in mm.
-fn wanted(text: &str, membrane: Membrane) -> Result<Wanted, CliError> {
+/// An objective in the syntax of a design stage, in a scene.
+fn wanted(text: &str, scene: &Scene) -> Result<Wanted, CliError> {
     let document = Document::from_text(Path::new("--objective"), text)?;
     let objective = Objective::read(&document.root)?;
-    let goal = objective.goal(membrane, None, 0.0);
+    let goal = objective.goal(scene, None, 0.0);
     Ok(Wanted {
         text: objective.to_text(),
         goal: goal.map_err(|e| document.root.error(e.to_string()))?,

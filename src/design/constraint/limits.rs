@@ -2,7 +2,7 @@
 
 use super::morphology::opened;
 use super::raster::RasterConstraints;
-use crate::pattern::{Bits, Membrane, Raster, Region};
+use crate::pattern::{Bits, Membrane, Region};
 
 /// Widths within this part of a cell are equal: rounding must not widen a feature by a cell.
 const RESOLUTION: f64 = 1e-9;
@@ -12,7 +12,9 @@ const RESOLUTION: f64 = 1e-9;
 pub struct Limits {
     /// The least width of electrodes and gaps in mm.
     pub min_feature_mm: Option<f64>,
-    /// The largest number of 4-connected pieces.
+    /// The least distance between electrodes of different groups in mm; that of `min_feature_mm` where this is larger.
+    pub gap_mm: Option<f64>,
+    /// The largest number of 4-connected pieces, of each group.
     pub islands: Option<usize>,
     /// Every piece must touch the frame on one of these sides.
     pub leads: Option<Sides>,
@@ -58,6 +60,17 @@ pub enum ConstraintError {
         /// The sides of the membrane.
         size: String,
     },
+    /// Wider than all there is.
+    #[error("`gap` is {found} mm, more than the membrane of {size}")]
+    Gap {
+        /// The least distance in mm.
+        found: f64,
+        /// The sides of the membrane.
+        size: String,
+    },
+    /// A distance between groups where there is one.
+    #[error("`gap` is the distance between groups of electrodes, and the scene has one group")]
+    OneGroup,
     /// A region without a cell.
     #[error("`keep_out` number {number} holds no cell of the membrane of {size}: no cell has its centre in it")]
     Outside {
@@ -124,14 +137,31 @@ impl Sides {
         ]
     }
 
-    /// The cells at the side of this name.
-    fn cells(name: &str, raster: Raster) -> Bits {
-        let last = raster.sides().map(|side| side - 1);
-        Bits::from_fn(raster, |x, y| match name {
-            "left" => x == 0,
-            "right" => x == last[0],
-            "bottom" => y == 0,
-            _ => y == last[1],
+    /// The cells of a room at the side of this name: in each row or column the first one from there, which lies at the frame.
+    fn cells(name: &str, room: &Bits) -> Bits {
+        let [columns, rows] = room.sides();
+        let is_row = matches!(name, "left" | "right");
+        let is_near = matches!(name, "left" | "bottom");
+        let (lines, places) = if is_row { (rows, columns) } else { (columns, rows) };
+        let first: Vec<Option<usize>> = (0..lines)
+            .map(|line| {
+                let has = |place: &usize| {
+                    if is_row {
+                        room.has(*place, line)
+                    } else {
+                        room.has(line, *place)
+                    }
+                };
+                if is_near {
+                    (0..places).find(has)
+                } else {
+                    (0..places).rev().find(has)
+                }
+            })
+            .collect();
+        Bits::from_fn(room.raster(), |x, y| match is_row {
+            true => first[y] == Some(x),
+            false => first[x] == Some(y),
         })
     }
 }
@@ -164,7 +194,8 @@ impl Limits {
         if room.is_empty() {
             return Err(ConstraintError::NoRoom);
         }
-        let leads = self.contacts(&room)?;
+        let membrane = within.cloned().unwrap_or_else(|| Bits::full(membrane.raster));
+        let leads = self.contacts(&membrane, &room)?;
         if let Some(leads) = &leads {
             room = room.flooded(leads);
         }
@@ -178,35 +209,31 @@ impl Limits {
 
     /// The least width in cells along x and y.
     fn feature(&self, membrane: Membrane) -> Result<[usize; 2], ConstraintError> {
-        let positive = |name, found: f64| match found.is_finite() && found > 0.0 {
-            true => Ok(found),
-            false => Err(ConstraintError::Number {
-                name,
-                found,
-                allowed: "a positive length in mm",
-            }),
-        };
         for side in membrane.size_mm {
             positive("side", side)?;
         }
         let Some(found) = self.min_feature_mm else {
             return Ok([1; 2]);
         };
-        let found = positive("min_feature", found)?;
-        let cells = membrane
-            .in_cells([found; 2])
-            .map(|width| (width - RESOLUTION).ceil().max(1.0));
-        match cells
-            .iter()
-            .zip(membrane.raster.sides())
-            .all(|(width, side)| *width <= side as f64)
-        {
-            true => Ok(cells.map(|width| width as usize)),
-            false => Err(ConstraintError::Feature {
-                found,
-                size: membrane.size_text(),
-            }),
+        let refused = |size| ConstraintError::Feature { found, size };
+        in_whole_cells("min_feature", found, membrane)?.ok_or_else(|| refused(membrane.size_text()))
+    }
+
+    /// The least number of columns, or else of rows, between electrodes of different groups.
+    pub(super) fn gap(&self, membrane: Membrane, groups: usize) -> Result<[usize; 2], ConstraintError> {
+        if self.gap_mm.is_some() && groups == 1 {
+            return Err(ConstraintError::OneGroup);
         }
+        let widest = [self.gap_mm, self.min_feature_mm]
+            .into_iter()
+            .flatten()
+            .reduce(f64::max)
+            .filter(|_| groups > 1);
+        let Some(found) = widest else {
+            return Ok([0; 2]);
+        };
+        let refused = |size| ConstraintError::Gap { found, size };
+        in_whole_cells("gap", found, membrane)?.ok_or_else(|| refused(membrane.size_text()))
     }
 
     fn check_numbers(&self) -> Result<(), ConstraintError> {
@@ -230,11 +257,11 @@ impl Limits {
         Ok(())
     }
 
-    /// The cells of the room at a wanted side. With the whole frame wanted some sides may be kept out, but not all.
-    fn contacts(&self, room: &Bits) -> Result<Option<Bits>, ConstraintError> {
+    /// The cells of the room at a wanted side of a membrane. With the whole frame wanted some sides may be kept out, but not all.
+    fn contacts(&self, membrane: &Bits, room: &Bits) -> Result<Option<Bits>, ConstraintError> {
         let Some(sides) = self.leads else { return Ok(None) };
         let wanted = || sides.named().into_iter().filter(|(_, wanted)| *wanted);
-        let at = |side| Sides::cells(side, room.raster()).and(room);
+        let at = |side| Sides::cells(side, membrane).and(room);
         let none = Bits::empty(room.raster());
         let all = wanted().fold(none, |all, (side, _)| all.or(&at(side)));
         match wanted().find(|(side, _)| at(side).is_empty()) {
@@ -243,4 +270,30 @@ impl Limits {
             _ => Ok(Some(all)),
         }
     }
+}
+
+fn positive(name: &'static str, found: f64) -> Result<f64, ConstraintError> {
+    match found.is_finite() && found > 0.0 {
+        true => Ok(found),
+        false => Err(ConstraintError::Number {
+            name,
+            found,
+            allowed: "a positive length in mm",
+        }),
+    }
+}
+
+/// The columns and rows that a length takes; `None` where there are not as many.
+fn in_whole_cells(
+    name: &'static str,
+    length_mm: f64,
+    membrane: Membrane,
+) -> Result<Option<[usize; 2]>, ConstraintError> {
+    let length = positive(name, length_mm)?;
+    let cells = membrane
+        .in_cells([length; 2])
+        .map(|width| (width - RESOLUTION).ceil().max(1.0));
+    let mut pairs = cells.iter().zip(membrane.raster.sides());
+    let fits = pairs.all(|(width, side)| *width <= side as f64);
+    Ok(fits.then(|| cells.map(|width| width as usize)))
 }

@@ -19,7 +19,9 @@ pub use limits::{ConstraintError, Limits, Sides};
 pub use parameters::ConstraintParameters;
 pub use violations::Violations;
 
-use crate::pattern::{Bits, Membrane, Pattern};
+use crate::pattern::{Bits, Layers, Membrane, Pattern};
+use crate::scene::Scene;
+use morphology::surrounded;
 use raster::RasterConstraints;
 
 /// Valid constraints on the patterns of a membrane.
@@ -29,41 +31,68 @@ pub struct Constraints {
     membrane: Membrane,
     /// The cells that may carry electrodes, where there are frames or bodies.
     room: Option<Bits>,
+    /// What the electrodes of each group keep to.
     raster: RasterConstraints,
+    groups: usize,
+    /// The least number of columns, or else of rows, between electrodes of different groups.
+    gap: [usize; 2],
     /// The cells of the raster, row by row from below.
     allowed: Box<[bool]>,
+}
+
+/// What constraints are on: a membrane, what frames and bodies leave of it, and how many groups of electrodes there are.
+#[derive(Clone, Debug)]
+pub struct Ground {
+    /// Its sides and cells.
+    pub membrane: Membrane,
+    /// The cells that may carry electrodes, where there are frames or bodies.
+    pub room: Option<Bits>,
+    /// How many groups there are.
+    pub groups: usize,
+}
+
+impl From<Membrane> for Ground {
+    /// With room for one group everywhere.
+    fn from(membrane: Membrane) -> Self {
+        Self {
+            membrane,
+            room: None,
+            groups: 1,
+        }
+    }
+}
+
+impl From<&Scene> for Ground {
+    fn from(scene: &Scene) -> Self {
+        Self {
+            membrane: scene.membrane(),
+            room: scene.room(),
+            groups: scene.groups(),
+        }
+    }
 }
 
 impl Constraints {
     /// None.
     #[must_use]
     pub fn none(membrane: Membrane) -> Self {
-        Self::on(
-            membrane,
-            None,
-            Limits::default(),
-            RasterConstraints::none(membrane.raster),
-        )
+        let raster = RasterConstraints::none(membrane.raster);
+        Self::of(membrane.into(), Limits::default(), raster, [0; 2])
     }
 
     /// The constraints of a membrane.
     ///
     /// # Errors
     /// When a number is out of range, or the constraints contradict each other.
-    pub fn new(limits: Limits, membrane: Membrane) -> Result<Self, ConstraintError> {
-        Self::within(limits, membrane, None)
+    pub fn new(limits: Limits, on: impl Into<Ground>) -> Result<Self, ConstraintError> {
+        let on = on.into();
+        let raster = limits.raster(on.membrane, on.room.as_ref())?;
+        let gap = limits.gap(on.membrane, on.groups)?;
+        Ok(Self::of(on, limits, raster, gap))
     }
 
-    /// The same where frames and bodies leave this room for electrodes.
-    ///
-    /// # Errors
-    /// As [`Constraints::new`].
-    pub fn within(limits: Limits, membrane: Membrane, room: Option<Bits>) -> Result<Self, ConstraintError> {
-        let raster = limits.raster(membrane, room.as_ref())?;
-        Ok(Self::on(membrane, room, limits, raster))
-    }
-
-    fn on(membrane: Membrane, room: Option<Bits>, limits: Limits, raster: RasterConstraints) -> Self {
+    fn of(on: Ground, limits: Limits, raster: RasterConstraints, gap: [usize; 2]) -> Self {
+        let Ground { membrane, room, groups } = on;
         let columns = membrane.raster.columns();
         let allowed = (0..membrane.raster.cells()).map(|cell| raster.allowed.has(cell % columns, cell / columns));
         Self {
@@ -72,7 +101,15 @@ impl Constraints {
             membrane,
             room,
             raster,
+            groups,
+            gap,
         }
+    }
+
+    /// How many groups of electrodes there are.
+    #[must_use]
+    pub fn groups(&self) -> usize {
+        self.groups
     }
 
     /// The cells that may carry electrodes, where there are frames or bodies.
@@ -96,7 +133,7 @@ impl Constraints {
     /// Whether nothing is asked of the pattern itself; margins may be.
     #[must_use]
     pub fn is_free(&self) -> bool {
-        self.raster.is_none()
+        self.raster.is_none() && self.gap == [0; 2]
     }
 
     /// Columns and rows of the square that electrodes and gaps are at least as wide as; 1 × 1 where nothing is asked.
@@ -142,38 +179,82 @@ impl Constraints {
     /// The pattern without the cells that are not [allowed](Self::allowed).
     #[must_use]
     pub fn masked(&self, pattern: &Pattern) -> Pattern {
-        Bits::of(pattern).and(&self.raster.allowed).pattern()
+        let columns = pattern.raster().columns();
+        Pattern::from_groups(pattern.raster(), |x, y| match self.allowed[y * columns + x] {
+            true => pattern.group(x, y),
+            false => 0,
+        })
+    }
+
+    /// A pattern as the electrodes of as many groups as there are.
+    #[must_use]
+    pub fn layers(&self, pattern: &Pattern) -> Layers {
+        Layers::of(pattern, self.groups)
     }
 
     /// Whether a pattern keeps all that can be told from the pattern alone: all but the margins.
     #[must_use]
     pub fn hold(&self, pattern: &Pattern) -> bool {
-        self.hold_bits(&Bits::of(pattern))
+        self.hold_layers(&self.layers(pattern))
     }
 
-    /// The same of a pattern as bits.
+    /// The same of the electrodes of each group.
     #[must_use]
-    pub fn hold_bits(&self, bits: &Bits) -> bool {
-        self.raster.holds(bits)
+    pub fn hold_layers(&self, layers: &Layers) -> bool {
+        layers.iter().all(|bits| self.raster.holds(bits)) && self.too_near(layers) == 0
+    }
+
+    /// How many cells are too near to electrodes of another group; each counts once.
+    fn too_near(&self, layers: &Layers) -> usize {
+        if self.gap == [0; 2] {
+            return 0;
+        }
+        let near = |(group, bits): (usize, &Bits)| {
+            let others = layers.iter().enumerate().filter(|(other, _)| *other != group);
+            let around = others
+                .map(|(_, other)| surrounded(other, self.gap))
+                .reduce(|a, b| a.or(&b));
+            around.map_or(0, |around| bits.and(&around).count())
+        };
+        layers.iter().enumerate().map(near).sum()
     }
 
     /// What of a pattern does not keep the constraints, margins aside.
     #[must_use]
     pub fn violations(&self, pattern: &Pattern) -> Violations {
-        Violations::of(self, &Bits::of(pattern))
+        Violations::of(self, &self.layers(pattern))
     }
 
     /// A pattern nearby that keeps the constraints, margins aside: the pattern itself where it does. What is too narrow is
     /// opened or closed; a piece without a lead, or one too many, is joined by the shortest strip of the least width, or dropped
-    /// where the strip would be larger than the piece. The area may change. None where nothing of the pattern is left.
+    /// where the strip would be larger than the piece. Groups with fewer cells give way to those with more. The area may change. None where
+    /// nothing of the pattern is left.
     #[must_use]
     pub fn repaired(&self, pattern: &Pattern) -> Option<Pattern> {
-        Some(self.repaired_bits(&Bits::of(pattern))?.pattern())
+        Some(self.repaired_layers(&self.layers(pattern))?.pattern())
     }
 
-    /// The same of a pattern as bits.
+    /// The same of the electrodes of each group.
     #[must_use]
-    pub fn repaired_bits(&self, bits: &Bits) -> Option<Bits> {
-        repair::repaired(&self.raster, bits)
+    pub fn repaired_layers(&self, layers: &Layers) -> Option<Layers> {
+        let mut order: Vec<(usize, &Bits)> = layers.iter().enumerate().collect();
+        order.sort_by_key(|(_, bits)| std::cmp::Reverse(bits.count()));
+        let mut repaired = vec![Bits::empty(self.membrane.raster); order.len()];
+        let mut taken = Bits::empty(self.membrane.raster);
+        for (group, bits) in order {
+            let found = match taken.is_empty() {
+                true => repair::repaired(&self.raster, bits),
+                false => self
+                    .raster
+                    .without(&taken)
+                    .and_then(|raster| repair::repaired(&raster, bits)),
+            };
+            if let Some(found) = found {
+                taken = taken.or(&surrounded(&found, self.gap));
+                repaired[group] = found;
+            }
+        }
+        let found = Layers::new(repaired);
+        (found.count() > 0 || layers.count() == 0).then_some(found)
     }
 }

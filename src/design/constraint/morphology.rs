@@ -49,6 +49,17 @@ pub(super) fn grown(bits: &Bits) -> Bits {
     row.or(&row.moved(0, 1)).or(&row.moved(0, -1))
 }
 
+/// The pattern and the cells that are fewer than so many columns and rows away from it.
+pub(super) fn surrounded(bits: &Bits, [columns, rows]: Square) -> Bits {
+    let sides = [-1, 1];
+    let moved = |bits: &Bits, n: usize, step: &dyn Fn(isize) -> (isize, isize)| {
+        let moves = (1..=n as isize).flat_map(|by| sides.map(|side| step(side * by)));
+        moves.fold(bits.clone(), |all, (x, y)| all.or(&bits.moved(x, y)))
+    };
+    let row = moved(bits, columns, &|by| (by, 0));
+    moved(&row, rows, &|by| (0, by))
+}
+
 /// The pattern and the cells that share a side with it.
 pub(super) fn spread(bits: &Bits) -> Bits {
     let sides = [(1, 0), (-1, 0), (0, 1), (0, -1)];

@@ -2,13 +2,13 @@
 
 use std::fmt;
 
-use super::{ConstraintError, Constraints, Limits, Sides};
+use super::{ConstraintError, Constraints, Ground, Limits, Sides};
 use crate::base::{
     Canonical, Decimal, Declared, InputError, Length, Map, Node, NodeValue, Parameter, Schema, parameters,
 };
 use crate::design::text::{flow_mapping, flow_value};
-use crate::pattern::{Bits, Membrane};
-use crate::scene::Shape;
+use crate::pattern::Membrane;
+use crate::scene::{Scene, Shape};
 
 /// No pattern has more islands: every other cell.
 const MOST_ISLANDS: u64 = 1250;
@@ -21,7 +21,9 @@ parameters! {
     struct Written as "`constraints`" {
         /// Least width of electrodes and gaps.
         min_feature: Option<Length> [LENGTHS],
-        /// Pieces of electrode at most.
+        /// Least distance between electrodes of different groups; never less than `min_feature`.
+        gap: Option<Length> [LENGTHS],
+        /// Pieces of electrode at most, of each group.
         islands: Option<u64> [1..=MOST_ISLANDS],
         /// Whether every piece touches the frame, or one of these sides of it.
         leads: Option<Leads>,
@@ -56,6 +58,7 @@ impl ConstraintParameters {
         Self {
             written: Written {
                 min_feature: None,
+                gap: None,
                 islands: None,
                 leads: None,
                 keep_out: KeepOut(Vec::new()),
@@ -66,38 +69,25 @@ impl ConstraintParameters {
         }
     }
 
-    /// Nothing asked where frames and bodies leave this room for electrodes.
+    /// Nothing asked in a scene.
     ///
     /// # Errors
-    /// When it leaves none.
-    pub fn none_within(membrane: Membrane, room: Option<Bits>) -> Result<Self, ConstraintError> {
-        let none = Self::none(membrane);
-        Ok(match room {
-            None => none,
-            room => Self {
-                constraints: Constraints::within(Limits::default(), membrane, room)?,
-                ..none
-            },
+    /// When its frame and bodies leave no room for electrodes.
+    pub fn none_in(scene: &Scene) -> Result<Self, ConstraintError> {
+        Ok(Self {
+            constraints: Constraints::new(Limits::default(), scene)?,
+            ..Self::none(scene.membrane())
         })
     }
 
-    /// Reads the mapping under `constraints` for a membrane.
+    /// Reads the mapping under `constraints` for a membrane or a scene.
     ///
     /// # Errors
     /// When a key is unknown, a value is out of range, or the constraints contradict each other.
-    pub fn read(node: &Node, membrane: Membrane) -> Result<Self, InputError> {
-        Self::read_within(node, membrane, None)
-    }
-
-    /// The same where frames and bodies leave this room for electrodes.
-    ///
-    /// # Errors
-    /// As [`ConstraintParameters::read`].
-    pub fn read_within(node: &Node, membrane: Membrane, room: Option<Bits>) -> Result<Self, InputError> {
+    pub fn read(node: &Node, on: impl Into<Ground>) -> Result<Self, InputError> {
         let map = node.fields(Written::WHAT, &Written::keys())?;
         let written = Written::read_map(&map)?;
-        let constraints =
-            Constraints::within(written.limits(), membrane, room).map_err(|e| at_its_key(node, &map, &e))?;
+        let constraints = Constraints::new(written.limits(), on).map_err(|e| at_its_key(node, &map, &e))?;
         Ok(Self { written, constraints })
     }
 
@@ -151,6 +141,7 @@ impl Written {
     fn limits(&self) -> Limits {
         Limits {
             min_feature_mm: self.min_feature.map(|width| width.value()),
+            gap_mm: self.gap.map(|width| width.value()),
             islands: self.islands.map(|n| n as usize),
             leads: self.leads.as_ref().and_then(|leads| leads.0),
             keep_out: self.keep_out.0.iter().map(Shape::region).collect(),
@@ -247,6 +238,7 @@ fn at_its_key(node: &Node, map: &Map<'_>, error: &ConstraintError) -> InputError
     let at = match error {
         ConstraintError::Number { name, .. } => map.optional(name),
         ConstraintError::Feature { .. } => map.optional("min_feature"),
+        ConstraintError::Gap { .. } | ConstraintError::OneGroup => map.optional("gap").or(map.optional("min_feature")),
         ConstraintError::Outside { number, .. } => {
             let list = map.optional("keep_out").and_then(|list| list.list("keep_out").ok());
             list.and_then(|list| list.get(number - 1))

@@ -27,6 +27,20 @@ impl RasterConstraints {
         }
     }
 
+    /// The same where some cells are taken; `None` where no room is left.
+    pub fn without(&self, taken: &Bits) -> Option<Self> {
+        let mut room = opened(&self.allowed.without(taken), self.feature);
+        let leads = self.leads.as_ref().map(|leads| leads.and(&room));
+        if let Some(leads) = &leads {
+            room = room.flooded(leads);
+        }
+        (!room.is_empty()).then_some(Self {
+            allowed: room,
+            leads,
+            ..self.clone()
+        })
+    }
+
     /// Whether nothing is asked.
     pub fn is_none(&self) -> bool {
         self.allowed.inverse().is_empty() && (self.feature, self.islands, &self.leads) == ([1; 2], None, &None)

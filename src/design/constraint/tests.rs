@@ -310,3 +310,143 @@ fn only_what_a_lead_can_reach_is_room() {
     assert!(wide.check_area(0.03, 0.005).is_err() && wide.check_area(0.0, 0.005).is_ok());
     assert!(wide.check_area(0.04, 0.0).is_ok());
 }
+
+fn ground(groups: usize) -> Ground {
+    Ground {
+        groups,
+        ..MEMBRANE.into()
+    }
+}
+
+/// Two or three groups at random, in regions.
+fn grouped(index: u64, groups: u8) -> Pattern {
+    let on = blobs(index, 4, 0.6);
+    let layers: Vec<Pattern> = (1..u64::from(groups))
+        .map(|group| blobs(100 * group + index, 5, 0.5))
+        .collect();
+    Pattern::from_groups(Raster::PAPER, |x, y| {
+        let group = layers.iter().filter(|layer| layer.is_active(x, y)).count() as u8;
+        u8::from(on.is_active(x, y)) * (1 + group)
+    })
+}
+
+#[test]
+fn groups_keep_apart_along_columns_or_rows() {
+    let limits = Limits {
+        gap_mm: Some(3.0),
+        ..Limits::default()
+    };
+    let constraints = Constraints::new(limits.clone(), ground(2)).unwrap();
+    assert!(!constraints.is_free());
+    let halves = |gap: usize| {
+        Pattern::from_groups(Raster::PAPER, |x, _| match x {
+            0..20 => 1,
+            _ if x >= 20 + gap => 2,
+            _ => 0,
+        })
+    };
+    for (gap, holds) in [(0, false), (2, false), (3, true), (9, true)] {
+        assert_eq!(constraints.hold(&halves(gap)), holds, "{gap}");
+    }
+    let found = constraints.violations(&halves(2));
+    assert_eq!((found.near, found.lines().len()), (100, 1));
+    assert!(found.lines()[0].contains("100 cells nearer than 3 mm to electrodes of another group"));
+    // Corner to corner three columns apart.
+    let corners = |apart: usize| {
+        Pattern::from_groups(Raster::PAPER, |x, y| match (x, y) {
+            (10, 10) => 1,
+            (x, y) if (x, y) == (11 + apart, 11) => 2,
+            _ => 0,
+        })
+    };
+    assert!(constraints.hold(&corners(3)) && !constraints.hold(&corners(2)));
+    // One group has no other to keep apart from.
+    assert_eq!(
+        Constraints::new(limits, MEMBRANE).unwrap_err(),
+        ConstraintError::OneGroup
+    );
+    let wide = Limits {
+        gap_mm: Some(51.0),
+        ..Limits::default()
+    };
+    assert!(matches!(
+        Constraints::new(wide, ground(2)),
+        Err(ConstraintError::Gap { .. })
+    ));
+}
+
+#[test]
+fn repaired_groups_keep_all_that_is_asked() {
+    for (groups, limits) in [
+        (2, all(4.0)),
+        (3, all(3.0)),
+        (
+            3,
+            Limits {
+                gap_mm: Some(2.0),
+                ..Limits::default()
+            },
+        ),
+        (
+            2,
+            Limits {
+                gap_mm: Some(6.0),
+                ..all(2.0)
+            },
+        ),
+    ] {
+        let constraints = Constraints::new(limits, ground(groups)).unwrap();
+        let mut several = 0;
+        for index in 0..20 {
+            let pattern = grouped(index, groups as u8);
+            let repaired = constraints.repaired(&pattern).unwrap();
+            assert!(constraints.hold(&repaired), "{:?}", constraints.violations(&repaired));
+            assert!(constraints.violations(&repaired).is_empty());
+            assert_eq!(
+                constraints.repaired(&repaired),
+                Some(repaired.clone()),
+                "what holds stays"
+            );
+            several += usize::from(repaired.groups() == groups);
+        }
+        assert!(several >= 10, "{several} of 20 kept all groups");
+    }
+}
+
+#[test]
+fn leads_reach_the_frame_wherever_it_is() {
+    let disc = |radius: f64| {
+        Bits::from_fn(Raster::PAPER, move |x, y| {
+            (x as f64 - 24.5).hypot(y as f64 - 24.5) < radius
+        })
+    };
+    let within = |leads: Sides| {
+        let limits = Limits {
+            leads: Some(leads),
+            ..Limits::default()
+        };
+        let ground = Ground {
+            room: Some(disc(20.0)),
+            ..MEMBRANE.into()
+        };
+        Constraints::new(limits, ground).unwrap()
+    };
+    let left = Sides {
+        left: true,
+        ..Sides::default()
+    };
+    let strip = |range: std::ops::Range<usize>| {
+        let room = disc(20.0);
+        Pattern::from_fn(Raster::PAPER, move |x, y| {
+            range.contains(&x) && (20..30).contains(&y) && room.has(x, y)
+        })
+    };
+    for (pattern, any, from_left) in [
+        (strip(0..25), true, true),
+        (strip(25..50), true, false),
+        (strip(15..35), false, false),
+    ] {
+        assert_eq!(within(Sides::ALL).hold(&pattern), any);
+        assert_eq!(within(left).hold(&pattern), from_left);
+    }
+}

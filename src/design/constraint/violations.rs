@@ -3,8 +3,9 @@
 use std::fmt;
 
 use super::morphology::{closed, components, opened};
+use super::raster::RasterConstraints;
 use super::{Constraints, Sides};
-use crate::pattern::Bits;
+use crate::pattern::{Bits, Layers};
 
 /// What of a pattern does not keep the constraints; `Display` says it in words.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -19,6 +20,8 @@ pub struct Violations {
     pub surplus: usize,
     /// Pieces that touch the frame nowhere that they must.
     pub unled: usize,
+    /// Cells that are too near to electrodes of another group.
+    pub near: usize,
     /// Cells of the smallest pieces that are beyond the largest number, and of those without a lead.
     loose: usize,
     /// Cells of the membrane.
@@ -31,52 +34,78 @@ pub struct Violations {
 struct Asked {
     pieces: usize,
     islands: usize,
+    groups: usize,
     feature_mm: f64,
+    gap_mm: f64,
     sides: Option<Sides>,
 }
 
 impl Violations {
-    pub(super) fn of(constraints: &Constraints, bits: &Bits) -> Self {
-        let (raster, limits) = (&constraints.raster, &constraints.limits);
-        let n = raster.feature;
+    pub(super) fn of(constraints: &Constraints, layers: &Layers) -> Self {
+        let limits = &constraints.limits;
         let mut found = Self {
-            kept_out: bits.without(&raster.allowed).count(),
-            all: bits.raster().cells(),
+            all: constraints.membrane.raster.cells(),
+            near: constraints.too_near(layers),
+            asked: Asked {
+                pieces: 0,
+                islands: limits.islands.unwrap_or_default(),
+                groups: constraints.groups,
+                feature_mm: limits.min_feature_mm.unwrap_or_default(),
+                gap_mm: limits
+                    .gap_mm
+                    .into_iter()
+                    .chain(limits.min_feature_mm)
+                    .fold(0.0, f64::max),
+                sides: limits.leads,
+            },
             ..Self::default()
         };
+        layers.iter().for_each(|bits| found.add(&constraints.raster, bits));
+        found
+    }
+
+    /// Adds what the electrodes of one group do not keep.
+    fn add(&mut self, raster: &RasterConstraints, bits: &Bits) {
+        let n = raster.feature;
+        self.kept_out += bits.without(&raster.allowed).count();
         if n != [1; 2] {
-            found.thin = bits.without(&opened(bits, n)).count();
-            found.narrow = closed(bits, n).without(bits).count();
+            self.thin += bits.without(&opened(bits, n)).count();
+            self.narrow += closed(bits, n).without(bits).count();
         }
         if raster.islands.is_some() || raster.leads.is_some() {
             let pieces = components(bits);
             let most = raster.islands.unwrap_or(pieces.len());
-            found.surplus = pieces.len().saturating_sub(most);
+            self.surplus += pieces.len().saturating_sub(most);
             let loose = |(index, piece): &(usize, &Bits)| *index >= most || !raster.is_led(piece);
-            found.loose = pieces.iter().enumerate().filter(loose).map(|(_, p)| p.count()).sum();
-            found.unled = pieces.iter().filter(|piece| !raster.is_led(piece)).count();
-            found.asked.pieces = pieces.len();
+            self.loose += pieces
+                .iter()
+                .enumerate()
+                .filter(loose)
+                .map(|(_, p)| p.count())
+                .sum::<usize>();
+            self.unled += pieces.iter().filter(|piece| !raster.is_led(piece)).count();
+            self.asked.pieces += pieces.len();
         }
-        found.asked = Asked {
-            islands: raster.islands.unwrap_or_default(),
-            feature_mm: limits.min_feature_mm.unwrap_or_default(),
-            sides: limits.leads,
-            ..found.asked
-        };
-        found
     }
 
     /// Whether all constraints are kept.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        [self.kept_out, self.thin, self.narrow, self.surplus, self.unled] == [0; 5]
+        [
+            self.kept_out,
+            self.thin,
+            self.narrow,
+            self.surplus,
+            self.unled,
+            self.near,
+        ] == [0; 6]
     }
 
     /// How far the constraints are from being kept: the share of the membrane that does not keep them, 0 to 1. A cell counts
     /// once for each constraint that it does not keep.
     #[must_use]
     pub fn share(&self) -> f64 {
-        ((self.kept_out + self.thin + self.narrow + self.loose) as f64 / self.all.max(1) as f64).min(1.0)
+        ((self.kept_out + self.thin + self.narrow + self.loose + self.near) as f64 / self.all.max(1) as f64).min(1.0)
     }
 
     /// One line for each constraint that is not kept: what was found, and what is allowed.
@@ -98,7 +127,11 @@ impl Violations {
             }
         }
         if self.surplus > 0 {
-            lines.push(format!("{} islands, allowed: at most {}", asked.pieces, asked.islands));
+            let each = if asked.groups > 1 { " of each group" } else { "" };
+            lines.push(format!(
+                "{} islands, allowed: at most {}{each}",
+                asked.pieces, asked.islands
+            ));
         }
         if self.unled > 0 {
             let sides = asked.sides.unwrap_or(Sides::ALL).to_string();
@@ -106,6 +139,10 @@ impl Violations {
                 "{} of {} islands without a lead on the frame, allowed: {sides}",
                 self.unled, asked.pieces
             ));
+        }
+        if self.near > 0 {
+            let (near, gap) = (cells(self.near), asked.gap_mm);
+            lines.push(format!("{near} nearer than {gap} mm to electrodes of another group"));
         }
         lines
     }

@@ -5,11 +5,11 @@
 //! any other belongs to the winner nearest to it. Cleared individuals are not struck out but ranked behind: first the best of all
 //! niches, then the second of all, and so on, so that each niche has the same share of the parents.
 
-use crate::pattern::Bits;
+use crate::pattern::Layers;
 
 /// Winners of niches, added one after another.
 pub(super) struct Niches {
-    images: Vec<Vec<Bits>>,
+    images: Vec<Vec<Layers>>,
     most: usize,
     distance: f64,
 }
@@ -30,25 +30,25 @@ impl Niches {
     }
 
     /// Whether a pattern is far enough from all winners.
-    pub fn are_far_from(&self, bits: &Bits) -> bool {
+    pub fn are_far_from(&self, layers: &Layers) -> bool {
         self.images
             .iter()
-            .all(|images| bits.distance_to(images) >= self.distance)
+            .all(|images| layers.distance_to(images) >= self.distance)
     }
 
     /// Makes a pattern a winner.
-    pub fn add(&mut self, bits: &Bits) {
-        self.images.push(bits.images());
+    pub fn add(&mut self, layers: &Layers) {
+        self.images.push(layers.images());
     }
 
     /// The niche of a pattern: that of the winner nearest to it, or a new one that it wins.
-    fn of(&mut self, bits: &Bits) -> usize {
-        let distances = self.images.iter().map(|images| bits.distance_to(images));
+    fn of(&mut self, layers: &Layers) -> usize {
+        let distances = self.images.iter().map(|images| layers.distance_to(images));
         let nearest = distances.enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
         match nearest {
             Some((niche, distance)) if distance < self.distance || self.are_full() => niche,
             _ => {
-                self.add(bits);
+                self.add(layers);
                 self.images.len() - 1
             }
         }
@@ -56,12 +56,12 @@ impl Niches {
 }
 
 /// The order of individuals that are sorted from the best down: the best of each niche, then the second of each, and so on.
-pub(super) fn order(sorted: &[Bits], most: usize, distance: f64) -> Vec<usize> {
+pub(super) fn order(sorted: &[Layers], most: usize, distance: f64) -> Vec<usize> {
     let mut niches = Niches::new(most, distance);
     let mut sizes: Vec<usize> = Vec::new();
     let mut places: Vec<(usize, usize, usize)> = Vec::with_capacity(sorted.len());
-    for (index, bits) in sorted.iter().enumerate() {
-        let niche = niches.of(bits);
+    for (index, layers) in sorted.iter().enumerate() {
+        let niche = niches.of(layers);
         sizes.resize(niches.images.len(), 0);
         places.push((sizes[niche], niche, index));
         sizes[niche] += 1;
@@ -73,10 +73,10 @@ pub(super) fn order(sorted: &[Bits], most: usize, distance: f64) -> Vec<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pattern::Raster;
+    use crate::pattern::{Bits, Raster};
 
-    fn bar(from: usize) -> Bits {
-        Bits::from_fn(Raster::PAPER, |x, _| (from..from + 5).contains(&x))
+    fn bar(from: usize) -> Layers {
+        Layers::new(vec![Bits::from_fn(Raster::PAPER, |x, _| (from..from + 5).contains(&x))])
     }
 
     #[test]

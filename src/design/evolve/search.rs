@@ -13,8 +13,8 @@ use super::{Setting, allowed_units};
 use crate::base::Stream;
 use crate::design::genome::Genome;
 use crate::design::operators::{cross, invert, smooth};
-use crate::field::{Field, PredictError};
-use crate::pattern::{Bits, Pattern};
+use crate::field::{PredictError, StateFields};
+use crate::pattern::{Layers, Pattern};
 
 /// What it costs in F not to keep the constraints, however little: as much as 2.5 mm.
 const VIOLATION: f64 = 1.0;
@@ -25,7 +25,7 @@ const VIOLATED_SHARE: f64 = 10.0;
 /// What is known of a genome, and its pattern.
 struct Entry {
     known: Known,
-    bits: Bits,
+    layers: Layers,
 }
 
 /// A search with all that it has judged.
@@ -45,6 +45,11 @@ impl<'a> Search<'a> {
             allowed: allowed_units(setting.constraints),
             known: HashMap::new(),
         }
+    }
+
+    /// How many groups of electrodes there are.
+    pub fn groups(&self) -> usize {
+        self.setting.constraints.groups()
     }
 
     /// How many patterns were predicted.
@@ -67,7 +72,7 @@ impl<'a> Search<'a> {
                 if stream.chance(self.options.mutation) {
                     invert(&mut child, &mut stream);
                 }
-                next.push(smooth(&child).within(&self.allowed));
+                next.push(smooth(&child, self.groups()).within(&self.allowed));
             }
         }
         next.truncate(size);
@@ -82,8 +87,8 @@ impl<'a> Search<'a> {
         let patterns = self.patterns(&unknown);
         let found = self.predicted(&patterns)?;
         let new = unknown.into_iter().zip(patterns).zip(found);
-        for ((genome, bits), known) in new {
-            self.known.insert(genome.clone(), Entry { known, bits });
+        for ((genome, layers), known) in new {
+            self.known.insert(genome.clone(), Entry { known, layers });
         }
         let mut population: Vec<Individual> = genomes.into_iter().map(|genome| self.individual(genome)).collect();
         self.sort(&mut population);
@@ -102,37 +107,38 @@ impl<'a> Search<'a> {
 
     /// The patterns of genomes, mended where constraints ask for it; what cannot be mended is left without the cells that
     /// are not allowed.
-    fn patterns(&self, genomes: &[&Genome]) -> Vec<Bits> {
+    fn patterns(&self, genomes: &[&Genome]) -> Vec<Layers> {
         let constraints = self.setting.constraints;
         let pattern = |genome: &&Genome| {
             let pattern = genome.pattern(constraints.membrane().raster);
+            let layers = constraints.layers(&pattern);
             if constraints.is_free() {
-                return Bits::of(&pattern);
+                return layers;
             }
-            let mended = constraints.repaired_bits(&Bits::of(&pattern));
-            mended.unwrap_or_else(|| Bits::of(&constraints.masked(&pattern)))
+            let mended = constraints.repaired_layers(&layers);
+            mended.unwrap_or_else(|| constraints.layers(&constraints.masked(&pattern)))
         };
         genomes.par_iter().map(pattern).collect()
     }
 
     /// What is known of patterns once they are predicted.
-    fn predicted(&self, bits: &[Bits]) -> Result<Vec<Known>, PredictError> {
-        let patterns: Vec<Pattern> = bits.iter().map(Bits::pattern).collect();
+    fn predicted(&self, layers: &[Layers]) -> Result<Vec<Known>, PredictError> {
+        let patterns: Vec<Pattern> = layers.iter().map(Layers::pattern).collect();
         let fields = self.setting.predictor.predict_some(&patterns)?;
         check_count(fields.len(), "fields", patterns.len())?;
-        let known = |(pattern, field): (&Pattern, &Option<Field>)| Known {
-            fitness: field
+        let known = |(pattern, fields): (&Pattern, &Option<StateFields>)| Known {
+            fitness: fields
                 .as_ref()
-                .map_or(f64::INFINITY, |field| self.fitness(pattern, field)),
-            value_mm: field.as_ref().map_or(0.0, |field| self.setting.goal.value_mm(field)),
+                .map_or(f64::INFINITY, |fields| self.fitness(pattern, fields)),
+            value_mm: fields.as_ref().map_or(0.0, |fields| self.setting.goal.value_mm(fields)),
             area: pattern.area_fraction(),
             feasible: None,
         };
         Ok(patterns.iter().zip(&fields).map(known).collect())
     }
 
-    fn fitness(&self, pattern: &Pattern, field: &Field) -> f64 {
-        let fitness = self.setting.goal.fitness(pattern, field);
+    fn fitness(&self, pattern: &Pattern, fields: &StateFields) -> f64 {
+        let fitness = self.setting.goal.fitness(pattern, fields);
         let constraints = self.setting.constraints;
         if constraints.is_free() || constraints.hold(pattern) {
             return fitness;
@@ -150,12 +156,12 @@ impl<'a> Search<'a> {
             return;
         }
         let judged = population.partition_point(|individual| individual.known.fitness.is_finite());
-        let bits: Vec<Bits> = population[..judged]
+        let layers: Vec<Layers> = population[..judged]
             .iter()
-            .map(|individual| self.known[&individual.genome].bits.clone())
+            .map(|individual| self.known[&individual.genome].layers.clone())
             .collect();
         let mut places = vec![0; population.len()];
-        let order = order(&bits, self.options.designs, self.options.distance);
+        let order = order(&layers, self.options.designs, self.options.distance);
         for (place, index) in order.into_iter().chain(judged..population.len()).enumerate() {
             places[index] = place;
         }
@@ -191,7 +197,10 @@ impl<'a> Search<'a> {
         if genomes.is_empty() {
             return Ok(Vec::new());
         }
-        let patterns: Vec<Pattern> = genomes.iter().map(|genome| self.known[genome].bits.pattern()).collect();
+        let patterns: Vec<Pattern> = genomes
+            .iter()
+            .map(|genome| self.known[genome].layers.pattern())
+            .collect();
         let verdicts = feasibility.feasible(&patterns)?;
         check_count(verdicts.len(), "verdicts", patterns.len())?;
         Ok(verdicts)
@@ -206,7 +215,7 @@ impl<'a> Search<'a> {
             return Ok(winners);
         }
         let mut niches = Niches::new(self.options.designs, self.options.distance);
-        niches.add(&self.known[best].bits);
+        niches.add(&self.known[best].layers);
         let judged = self.known.iter().filter(|(_, entry)| entry.known.fitness.is_finite());
         let mut sorted: Vec<(f64, Genome)> = judged.map(|(g, entry)| (entry.known.fitness, g.clone())).collect();
         sorted.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.cmp(&b.1)));
@@ -214,8 +223,8 @@ impl<'a> Search<'a> {
             if niches.are_full() {
                 break;
             }
-            let Entry { known, bits } = &self.known[&genome];
-            if !niches.are_far_from(bits) || !self.setting.constraints.hold_bits(bits) {
+            let Entry { known, layers } = &self.known[&genome];
+            if !niches.are_far_from(layers) || !self.setting.constraints.hold_layers(layers) {
                 continue;
             }
             let asked = known.feasible;
@@ -224,7 +233,7 @@ impl<'a> Search<'a> {
                 None => self.feasible(std::slice::from_ref(&genome))?.first().is_none_or(|&v| v),
             };
             if feasible {
-                niches.add(&self.known[&genome].bits);
+                niches.add(&self.known[&genome].layers);
                 winners.push(self.winner(&genome));
             }
         }
@@ -232,8 +241,8 @@ impl<'a> Search<'a> {
     }
 
     fn winner(&self, genome: &Genome) -> Winner {
-        let Entry { known, bits } = &self.known[genome];
-        let pattern = bits.pattern();
+        let Entry { known, layers } = &self.known[genome];
+        let pattern = layers.pattern();
         Winner {
             genome: genome.clone(),
             fitness: known.fitness,
@@ -273,7 +282,7 @@ impl<'a> Search<'a> {
             last_gain: history.last_gain as u64,
             known,
         };
-        state.to_bytes(self.options)
+        state.to_bytes(self.options, self.groups())
     }
 
     /// What a state had come to.
@@ -299,7 +308,7 @@ impl<'a> Search<'a> {
         let patterns = self.patterns(&state.known.iter().map(|(genome, _)| genome).collect::<Vec<_>>());
         let entries = state.known.into_iter().zip(patterns);
         self.known = entries
-            .map(|((genome, known), bits)| (genome, Entry { known, bits }))
+            .map(|((genome, known), layers)| (genome, Entry { known, layers }))
             .collect();
         history
     }

@@ -11,8 +11,10 @@ use crate::design::genome::Genome;
 /// Raised when the layout changes.
 const VERSION: u32 = 1;
 
-/// Bytes of what is known of a genome: its genes, three numbers, and a verdict.
-const ROW: usize = Genome::BYTES + 3 * 8 + 1;
+/// Bytes of what is known of a genome of so many groups: its genes, three numbers, and a verdict.
+const fn row_bytes(groups: usize) -> usize {
+    Genome::bytes(groups) + 3 * 8 + 1
+}
 
 /// Why bytes are not the state of a search.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -87,7 +89,7 @@ fn digest(options: &EvolveOptions) -> Digest {
 impl State {
     /// As bytes: the version, the length of a header, the header, what is known, and the digest of all that. None where the
     /// header cannot be encoded, which takes a population of a million.
-    pub(super) fn to_bytes(&self, options: &EvolveOptions) -> Option<Vec<u8>> {
+    pub(super) fn to_bytes(&self, options: &EvolveOptions, groups: usize) -> Option<Vec<u8>> {
         let header = Header {
             options: digest(options),
             known: self.known.len() as u64,
@@ -96,12 +98,12 @@ impl State {
             last_gain: self.last_gain,
         };
         let header = encode(&header).ok()?;
-        let mut bytes = Vec::with_capacity(header.len() + self.known.len() * ROW + 64);
+        let mut bytes = Vec::with_capacity(header.len() + self.known.len() * row_bytes(groups) + 64);
         bytes.extend(VERSION.to_le_bytes());
         bytes.extend((header.len() as u64).to_le_bytes());
         bytes.extend(header);
         for (genome, known) in &self.known {
-            bytes.extend(genome.to_bytes());
+            bytes.extend(genome.to_bytes(groups));
             for number in [known.fitness, known.value_mm, known.area] {
                 bytes.extend(number.to_le_bytes());
             }
@@ -120,7 +122,7 @@ impl State {
     ///
     /// # Errors
     /// When they are something else, or the state of another search.
-    pub(super) fn from_bytes(bytes: &[u8], options: &EvolveOptions) -> Result<Self, StateError> {
+    pub(super) fn from_bytes(bytes: &[u8], options: &EvolveOptions, groups: usize) -> Result<Self, StateError> {
         let (content, sum) = bytes.split_last_chunk::<32>().ok_or(StateError::Damaged)?;
         let (version, rest) = content.split_first_chunk::<4>().ok_or(StateError::Damaged)?;
         if Digest::of(content) != Digest::from_bytes(*sum) {
@@ -135,7 +137,7 @@ impl State {
             return Err(StateError::Options);
         }
         let state = Self {
-            known: known(rows).ok_or(StateError::Damaged)?,
+            known: known(rows, groups).ok_or(StateError::Damaged)?,
             population: header.population,
             history: header.history,
             last_gain: header.last_gain,
@@ -163,11 +165,11 @@ fn parts(bytes: &[u8]) -> Option<(Header, &[u8])> {
     Some((decode(header).ok()?, rows))
 }
 
-fn known(bytes: &[u8]) -> Option<Vec<(Genome, Known)>> {
-    let rows = bytes.chunks_exact(ROW);
+fn known(bytes: &[u8], groups: usize) -> Option<Vec<(Genome, Known)>> {
+    let rows = bytes.chunks_exact(row_bytes(groups));
     rows.remainder().is_empty().then_some(())?;
     let row = |row: &[u8]| {
-        let (genome, rest) = row.split_first_chunk()?;
+        let (genome, rest) = row.split_at_checked(Genome::bytes(groups))?;
         let (numbers, verdict) = rest.as_chunks::<8>();
         let [fitness, value_mm, area] = [0, 1, 2].map(|at| f64::from_le_bytes(numbers[at]));
         let feasible = match verdict {
@@ -182,7 +184,8 @@ fn known(bytes: &[u8]) -> Option<Vec<(Genome, Known)>> {
             area,
             feasible,
         };
-        (!fitness.is_nan()).then_some((Genome::from_bytes(genome), known))
+        let genome = Genome::from_bytes(genome, groups)?;
+        (!fitness.is_nan()).then_some((genome, known))
     };
     rows.map(row).collect()
 }

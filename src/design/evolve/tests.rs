@@ -55,24 +55,20 @@ impl Linear {
     }
 }
 
-impl Predictor for Linear {
-    fn predict_some(&self, patterns: &[Pattern]) -> Result<Vec<Option<Field>>, PredictError> {
+impl Predictor<StateFields> for Linear {
+    fn predict_some(&self, patterns: &[Pattern]) -> Result<Vec<Option<StateFields>>, PredictError> {
         self.predicted.fetch_add(patterns.len(), Ordering::Relaxed);
         let field = |pattern| {
             let value = self.value(pattern);
             let field = Field::from_values(Raster::PAPER, [value, 0.0].repeat(51 * 51));
-            field.map(Some).map_err(PredictError::failed)
+            field.map(|field| Some(vec![field])).map_err(PredictError::failed)
         };
         patterns.iter().map(field).collect()
     }
 }
 
 fn goal(area: f64) -> Goal {
-    let aim = Aim {
-        point_mm: [25.0, 25.0],
-        motion: Motion::Along(0.0),
-        weight: 1.0,
-    };
+    let aim = Aim::new([25.0, 25.0], Motion::Along(0.0));
     Goal::new(&Displacement, &[aim], Membrane::square(50.0), Some(area), AREA_PENALTY).unwrap()
 }
 
@@ -86,7 +82,7 @@ fn small(seed: u64) -> EvolveOptions {
 }
 
 /// No constraints but the goal.
-fn free<'a>(predictor: &'a dyn Predictor, goal: &'a Goal) -> Setting<'a> {
+fn free<'a>(predictor: &'a dyn Predictor<StateFields>, goal: &'a Goal) -> Setting<'a> {
     static NONE: std::sync::LazyLock<Constraints> =
         std::sync::LazyLock::new(|| Constraints::none(Membrane::square(50.0)));
     Setting {
@@ -97,7 +93,11 @@ fn free<'a>(predictor: &'a dyn Predictor, goal: &'a Goal) -> Setting<'a> {
     }
 }
 
-fn evolved(predictor: &dyn Predictor, goal: &Goal, options: &EvolveOptions) -> Result<Evolution, EvolveError> {
+fn evolved(
+    predictor: &dyn Predictor<StateFields>,
+    goal: &Goal,
+    options: &EvolveOptions,
+) -> Result<Evolution, EvolveError> {
     evolve(&free(predictor, goal), options, &|_: &GenerationReport| ())
 }
 
@@ -174,11 +174,7 @@ fn without_gain_the_search_ends_early() {
         ..small(1)
     };
     // To the letter the paper's objective cannot tell motions along the line apart: nothing is ever gained.
-    let aim = Aim {
-        point_mm: [25.0, 25.0],
-        motion: Motion::Along(0.0),
-        weight: 1.0,
-    };
+    let aim = Aim::new([25.0, 25.0], Motion::Along(0.0));
     let literal = Goal::new(&Qin2024, &[aim], Membrane::square(50.0), Some(0.5), 0.0).unwrap();
     let result = evolved(&Linear::new([25.0, 25.0]), &literal, &options).unwrap();
     assert_eq!((result.history.len(), result.stop), (5, Stop::Stagnation));
@@ -206,9 +202,12 @@ fn extreme_searches_have_sound_results() {
 /// Answers with this, whatever it is asked.
 struct Answer(fn(usize) -> Result<Vec<Field>, PredictError>);
 
-impl Predictor for Answer {
-    fn predict_some(&self, patterns: &[Pattern]) -> Result<Vec<Option<Field>>, PredictError> {
-        Ok(self.0(patterns.len())?.into_iter().map(Some).collect())
+impl Predictor<StateFields> for Answer {
+    fn predict_some(&self, patterns: &[Pattern]) -> Result<Vec<Option<StateFields>>, PredictError> {
+        Ok(self.0(patterns.len())?
+            .into_iter()
+            .map(|field| Some(vec![field]))
+            .collect())
     }
 }
 
@@ -225,8 +224,8 @@ fn what_the_predictor_gets_wrong_is_an_error() {
 /// Has no field of patterns with more than half of the left half active.
 struct Partial(Linear);
 
-impl Predictor for Partial {
-    fn predict_some(&self, patterns: &[Pattern]) -> Result<Vec<Option<Field>>, PredictError> {
+impl Predictor<StateFields> for Partial {
+    fn predict_some(&self, patterns: &[Pattern]) -> Result<Vec<Option<StateFields>>, PredictError> {
         let left = |pattern: &Pattern| (0..50 * 25).filter(|i| pattern.is_active(i % 25, i / 25)).count();
         let fields = self.0.predict(patterns)?.into_iter().zip(patterns);
         Ok(fields

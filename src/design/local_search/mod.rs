@@ -1,13 +1,14 @@
 //! Local search along the gradient: how good a pattern can be, and the refinement of what the genetic algorithm found.
 //!
-//! The derivative of the score with respect to the activity of every cell costs one more linear solve (the adjoint). It is
-//! used in two ways. First many units are flipped at once, those that gain most to first order, as many as a simulation
+//! The derivative of the score with respect to the activity of every cell, for each group of electrodes, costs one more linear solve (the adjoint). It is
+//! used in two ways. First many units are turned on, off or to another group at once, those that gain most to first order, as many as a simulation
 //! confirms: thresholding by sensitivity, as in the topology optimisation of binary designs (for instance Sivapuram and
 //! Picelli, Finite Elements in Analysis and Design 139, 2018). Then units near the threshold are simulated one by one, since
 //! flipping a whole unit gains another amount than its derivative says, and are exchanged in pairs until none of the most
 //! promising pairs gains.
 
 mod exchange;
+mod gains;
 mod problem;
 mod search;
 mod squares;
@@ -15,7 +16,7 @@ mod units;
 
 pub use problem::SearchProblem;
 
-use crate::field::Field;
+use crate::field::StateFields;
 use crate::pattern::Pattern;
 
 /// One step of a local search.
@@ -36,8 +37,8 @@ pub struct SearchStep {
 pub struct LocalOptimum {
     /// The best pattern.
     pub pattern: Pattern,
-    /// Its field.
-    pub field: Field,
+    /// Its fields in the states of the device.
+    pub fields: StateFields,
     /// Its score, larger is better.
     pub score: f64,
     /// From the start to the best.

@@ -1,13 +1,14 @@
 //! What a local search optimises: the score of a pattern, and which patterns are feasible.
 
 use super::exchange::Exchange;
+use super::gains::Gains;
 use super::search::LocalSearch;
 use super::units::Units;
 use super::{LocalOptimum, SearchStep};
 use crate::base::Stream;
 use crate::design::{Constraints, Goal};
-use crate::field::{Differentiable, Feasibility, Field, PredictError};
-use crate::pattern::{Bits, Pattern};
+use crate::field::{Differentiable, Feasibility, Field, PredictError, StateFields};
+use crate::pattern::{Layers, Pattern};
 
 /// How often the area before a repair is tried anew so that the area after it is as wanted.
 const TRIALS: usize = 24;
@@ -17,7 +18,7 @@ const SPARE: usize = 8;
 
 /// The score to be raised, and what patterns must keep to.
 pub struct SearchProblem<'a> {
-    physics: &'a dyn Differentiable,
+    physics: &'a dyn Differentiable<StateFields>,
     goal: &'a Goal,
     units: Units,
     /// Whether units are cells.
@@ -27,15 +28,16 @@ pub struct SearchProblem<'a> {
     constraints: &'a Constraints,
     feasibility: Option<&'a dyn Feasibility>,
     /// Patterns to differ from, with their images.
-    others: Vec<Vec<Bits>>,
+    others: Vec<Vec<Layers>>,
     distance: f64,
 }
 
 /// A pattern that a search has reached.
 pub(super) struct State {
-    pub(super) on: Vec<bool>,
+    /// The group of each unit, 0 where it is off.
+    pub(super) on: Vec<u8>,
     pub(super) pattern: Pattern,
-    pub(super) field: Field,
+    pub(super) fields: StateFields,
     pub(super) score: f64,
 }
 
@@ -43,7 +45,7 @@ impl<'a> SearchProblem<'a> {
     /// For a goal, on columns and rows of units or on cells, at an area fraction from `area.0` to `area.1`.
     #[must_use]
     pub fn new(
-        physics: &'a dyn Differentiable,
+        physics: &'a dyn Differentiable<StateFields>,
         goal: &'a Goal,
         units: [usize; 2],
         area: (f64, f64),
@@ -76,7 +78,10 @@ impl<'a> SearchProblem<'a> {
     /// The same problem, in which patterns differ from others by at least a share of the cells, whichever way they are turned.
     #[must_use]
     pub fn distant_from(self, others: &[Pattern], distance: f64) -> Self {
-        let others = others.iter().map(|other| Bits::of(other).images()).collect();
+        let others = others
+            .iter()
+            .map(|other| self.constraints.layers(other).images())
+            .collect();
         Self {
             others,
             distance,
@@ -84,7 +89,7 @@ impl<'a> SearchProblem<'a> {
         }
     }
 
-    /// Follows the gradient from a pattern until flipping any number of units gains nothing; `None` where the pattern cannot
+    /// Follows the gradient from a pattern until changing any number of units gains nothing; `None` where the pattern cannot
     /// be made feasible, or has no field then.
     ///
     /// # Errors
@@ -115,8 +120,8 @@ impl<'a> SearchProblem<'a> {
     }
 
     /// A pattern that differs from another by a little more than the wanted distance: of half of its units, drawn at random,
-    /// those are flipped that cost least. Several of them share about half of the flipped units, so that they differ among
-    /// themselves as much as from the first, at half the cost of flipping others each. `None` where there are too few units.
+    /// those are changed that cost least. Several of them share about half of the changed units, so that they differ among
+    /// themselves as much as from the first, at half the cost of changing others each. `None` where there are too few units.
     ///
     /// # Errors
     /// When the physics cannot be evaluated.
@@ -125,11 +130,10 @@ impl<'a> SearchProblem<'a> {
         let Some(gradient) = self.gradient(from)? else {
             return Ok(None);
         };
-        let drawn = |gain: f64| if stream.chance(0.5) { gain } else { f64::NAN };
-        let gains: Vec<f64> = self.gains(&on, &gradient).into_iter().map(drawn).collect();
+        let gains = self.gains(&on, &gradient).masked(|_| stream.chance(0.5));
         let mut exchange = Exchange::new(&self.units, &on, &gains, self.range);
-        let bits = Bits::of(from);
-        while bits.differing(&Bits::of(&self.units.pattern(&exchange.on))) < self.least_difference() + SPARE {
+        let layers = self.constraints.layers(from);
+        while layers.differing(&self.layers(&exchange.on)) < self.least_difference() + SPARE {
             if !exchange.step_anyway() {
                 return Ok(None);
             }
@@ -146,7 +150,7 @@ impl<'a> SearchProblem<'a> {
         let gains = match self.gradient(&self.units.pattern(&on))? {
             Some(gradient) => self.gains(&on, &gradient),
             // Where nothing is known any unit is as good as another.
-            None => vec![0.0; on.len()],
+            None => Gains::uniform(&on, self.groups(), 0.0),
         };
         let Some(on) = self.make_feasible(&on, &gains) else {
             return Ok(None);
@@ -155,9 +159,9 @@ impl<'a> SearchProblem<'a> {
         Ok(state.map(|state| LocalSearch::new(self, on_step, state)))
     }
 
-    /// Flips the units that make a pattern feasible at the least loss: its area in range, the constraints kept, and far enough
+    /// Changes the units that make a pattern feasible at the least loss: its area in range, the constraints kept, and far enough
     /// from the others.
-    fn make_feasible(&self, on: &[bool], gains: &[f64]) -> Option<Vec<bool>> {
+    fn make_feasible(&self, on: &[u8], gains: &Gains) -> Option<Vec<u8>> {
         let fitted = |range: (usize, usize)| {
             let mut fitted = Exchange::new(&self.units, on, gains, range);
             fitted.fit().then_some(fitted.on)
@@ -185,40 +189,32 @@ impl<'a> SearchProblem<'a> {
         None
     }
 
-    /// Flips units where it costs least until the pattern is as far from the others as it must be.
-    fn enforce_distance(&self, mut on: Vec<bool>, gains: &[f64]) -> Option<Vec<bool>> {
+    /// Changes units where it costs least until the pattern is as far from the others as it must be.
+    fn enforce_distance(&self, mut on: Vec<u8>, gains: &Gains) -> Option<Vec<u8>> {
         for _ in 0..TRIALS {
-            let bits = Bits::of(&self.units.pattern(&on));
-            if self.is_distant(&bits) {
+            let layers = self.layers(&on);
+            if self.is_distant(&layers) {
                 return Some(on);
             }
             // Only units that agree with the nearest image of each other pattern, so that no step away from one is a step
             // towards another.
-            let images: Vec<&Bits> = self
+            let images: Vec<&Layers> = self
                 .others
                 .iter()
-                .filter_map(|other| other.iter().min_by_key(|image| bits.differing(image)))
+                .filter_map(|other| other.iter().min_by_key(|image| layers.differing(image)))
                 .collect();
             let columns = self.units.raster().columns();
-            let agrees = |unit: usize, image: &Bits| {
-                let cells = self.units.cells(unit);
-                let active = cells
-                    .iter()
-                    .filter(|&&cell| image.has(cell % columns, cell / columns))
-                    .count();
-                (2 * active > cells.len()) == on[unit]
+            let agrees = |unit: usize, image: &Layers| {
+                let group = |cell: usize| image.group(cell % columns, cell / columns);
+                self.units.group_of(unit, group) == on[unit]
             };
-            let masked = |(unit, gain): (usize, &f64)| match images.iter().all(|image| agrees(unit, image)) {
-                true => *gain,
-                false => f64::NAN,
-            };
-            let masked: Vec<f64> = gains.iter().enumerate().map(masked).collect();
+            let masked = gains.masked(|unit| images.iter().all(|image| agrees(unit, image)));
             let mut exchange = Exchange::new(&self.units, &on, &masked, self.range);
-            let near = |on: &[bool]| {
-                let bits = Bits::of(&self.units.pattern(on));
+            let near = |on: &[u8]| {
+                let layers = self.layers(on);
                 images
                     .iter()
-                    .any(|image| bits.differing(image) < self.least_difference())
+                    .any(|image| layers.differing(image) < self.least_difference())
             };
             while near(&exchange.on) {
                 if !exchange.step_anyway() {
@@ -233,8 +229,15 @@ impl<'a> SearchProblem<'a> {
         None
     }
 
-    fn is_distant(&self, bits: &Bits) -> bool {
-        self.others.iter().all(|other| bits.distance_to(other) >= self.distance)
+    /// A choice of units as the electrodes of each group.
+    fn layers(&self, on: &[u8]) -> Layers {
+        self.constraints.layers(&self.units.pattern(on))
+    }
+
+    fn is_distant(&self, layers: &Layers) -> bool {
+        self.others
+            .iter()
+            .all(|other| layers.distance_to(other) >= self.distance)
     }
 
     fn least_difference(&self) -> usize {
@@ -242,7 +245,7 @@ impl<'a> SearchProblem<'a> {
     }
 
     /// The nearest pattern that keeps the constraints.
-    fn repaired(&self, on: &[bool]) -> Option<Vec<bool>> {
+    fn repaired(&self, on: &[u8]) -> Option<Vec<u8>> {
         let pattern = self.units.pattern(on);
         if self.constraints.hold(&pattern) {
             return Some(on.to_vec());
@@ -254,36 +257,47 @@ impl<'a> SearchProblem<'a> {
     }
 
     /// A choice of units as a pattern may have it: repaired where it must be; `None` where it may not be.
-    fn allowed(&self, on: Vec<bool>) -> Option<(Vec<bool>, Pattern)> {
+    fn allowed(&self, on: Vec<u8>) -> Option<(Vec<u8>, Pattern)> {
         let on = match self.constraints.is_free() {
             true => on,
             false => self.repaired(&on)?,
         };
         let pattern = self.units.pattern(&on);
-        let bits = Bits::of(&pattern);
-        let fits = (self.range.0..=self.range.1).contains(&bits.count()) && self.is_distant(&bits);
+        let layers = self.constraints.layers(&pattern);
+        let fits = (self.range.0..=self.range.1).contains(&layers.count()) && self.is_distant(&layers);
         fits.then_some((on, pattern))
     }
 
-    /// What flipping each unit gains to first order.
-    pub(super) fn gains(&self, on: &[bool], gradient: &[f64]) -> Vec<f64> {
-        let sums = self.units.sums(gradient).into_iter().zip(on);
-        sums.map(|(sum, &on)| if on { -sum } else { sum }).collect()
+    /// What changing each unit gains to first order.
+    pub(super) fn gains(&self, on: &[u8], gradient: &[f64]) -> Gains {
+        let cells = self.units.raster().cells();
+        let worth: Vec<Vec<f64>> = gradient
+            .chunks_exact(cells)
+            .map(|of_group| self.units.sums(of_group))
+            .collect();
+        Gains::first_order(on, &worth)
+    }
+
+    /// How many groups of electrodes there are.
+    pub(super) fn groups(&self) -> usize {
+        self.constraints.groups()
     }
 
     pub(super) fn gradient(&self, pattern: &Pattern) -> Result<Option<Vec<f64>>, PredictError> {
-        let found = self.physics.gradient(pattern, &|field| self.goal.slope(field))?;
+        let found = self.physics.gradient(pattern, &|fields| self.goal.slope(fields))?;
         Ok(found.map(|(_, gradient)| gradient))
     }
 
     /// The score of each pattern, where it has a field.
     pub(super) fn scores(&self, patterns: &[Pattern]) -> Result<Vec<Option<f64>>, PredictError> {
         let fields = self.physics.predict_some(patterns)?.into_iter();
-        Ok(fields.map(|field| field.map(|field| self.goal.score(&field))).collect())
+        Ok(fields
+            .map(|fields| fields.map(|fields| self.goal.score(&fields)))
+            .collect())
     }
 
-    pub(super) fn value_mm(&self, field: &Field) -> f64 {
-        self.goal.value_mm(field)
+    pub(super) fn value_mm(&self, fields: &[Field]) -> f64 {
+        self.goal.value_mm(fields)
     }
 
     pub(super) fn units(&self) -> &Units {
@@ -294,7 +308,7 @@ impl<'a> SearchProblem<'a> {
         self.range
     }
 
-    /// Columns and rows of the smallest square that may be flipped alone.
+    /// Columns and rows of the smallest square that may be changed alone.
     pub(super) fn feature(&self) -> [usize; 2] {
         if self.of_cells {
             self.constraints.feature_cells()
@@ -304,19 +318,19 @@ impl<'a> SearchProblem<'a> {
     }
 
     /// The best of some choices of units that may be and whose score is above `least`, the first of equals.
-    pub(super) fn best_of(&self, choices: Vec<Vec<bool>>, least: f64) -> Result<Option<State>, PredictError> {
-        let (chosen, patterns): (Vec<Vec<bool>>, Vec<Pattern>) =
+    pub(super) fn best_of(&self, choices: Vec<Vec<u8>>, least: f64) -> Result<Option<State>, PredictError> {
+        let (chosen, patterns): (Vec<Vec<u8>>, Vec<Pattern>) =
             choices.into_iter().filter_map(|on| self.allowed(on)).unzip();
         let fields = self.physics.predict_some(&patterns)?;
         let mut states: Vec<State> = Vec::new();
-        for ((on, pattern), field) in chosen.into_iter().zip(patterns).zip(fields) {
-            let Some(field) = field else { continue };
-            let score = self.goal.score(&field);
+        for ((on, pattern), fields) in chosen.into_iter().zip(patterns).zip(fields) {
+            let Some(fields) = fields else { continue };
+            let score = self.goal.score(&fields);
             if score > least {
                 states.push(State {
                     on,
                     pattern,
-                    field,
+                    fields,
                     score,
                 });
             }

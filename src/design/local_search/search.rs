@@ -1,6 +1,7 @@
 //! A local search under way.
 
 use super::exchange::Exchange;
+use super::gains::{Change, Gains};
 use super::problem::{SearchProblem, State};
 use super::squares::Squares;
 use super::{LocalOptimum, SearchStep};
@@ -16,6 +17,16 @@ const STEPS: usize = 200;
 /// How far a search for gains looks: units on either side of the threshold that are simulated one by one, and pairs of them
 /// that are simulated together. The second is looked at where the first finds nothing.
 const REACH: [(usize, usize); 2] = [(48, 64), (160, 256)];
+
+/// How a unit may be changed, by what is known and its group now.
+type Way = fn(&Gains, usize, u8) -> Option<Change>;
+
+/// Those that are on to be off, those that are off to be on, and those that are on to be of another group.
+const WAYS: [Way; 3] = [
+    |gains, unit, now| gains.removal(unit).filter(|_| now != 0),
+    |gains, unit, now| gains.best_electrode(unit, now).filter(|_| now == 0),
+    |gains, unit, now| gains.best_electrode(unit, now).filter(|_| now != 0),
+];
 
 pub(super) struct LocalSearch<'g> {
     problem: &'g SearchProblem<'g>,
@@ -68,7 +79,7 @@ impl<'g> LocalSearch<'g> {
         Ok(())
     }
 
-    fn exchange(&mut self, first_order: &[f64], (near, pairs): (usize, usize)) -> Result<bool, PredictError> {
+    fn exchange(&mut self, first_order: &Gains, (near, pairs): (usize, usize)) -> Result<bool, PredictError> {
         let feature = self.problem.feature();
         if feature != [1; 2] {
             return self.take_squares(first_order, feature, (near, pairs));
@@ -77,15 +88,15 @@ impl<'g> LocalSearch<'g> {
         Ok(self.take_best(&gains)? || self.take_pair(&gains, pairs)?)
     }
 
-    /// What flipping each unit gains to first order.
-    fn first_order(&mut self) -> Result<Option<Vec<f64>>, PredictError> {
+    /// What changing each unit gains to first order.
+    fn first_order(&mut self) -> Result<Option<Gains>, PredictError> {
         self.simulations += 1;
         let gradient = self.problem.gradient(&self.state.pattern)?;
         Ok(gradient.map(|gradient| self.problem.gains(&self.state.on, &gradient)))
     }
 
     /// Makes 1, 2, 4, … of the most profitable exchanges, and goes on from the best of these patterns where it is a gain.
-    fn take_best(&mut self, gains: &[f64]) -> Result<bool, PredictError> {
+    fn take_best(&mut self, gains: &Gains) -> Result<bool, PredictError> {
         let problem = self.problem;
         let mut exchange = Exchange::new(problem.units(), &self.state.on, gains, problem.range());
         let (mut choices, mut count, mut next) = (Vec::new(), 0, 1);
@@ -104,62 +115,67 @@ impl<'g> LocalSearch<'g> {
         self.take(choices)
     }
 
-    /// What the units near the threshold gain if they alone are flipped, by simulation; NaN for all others.
-    fn gains_near(&mut self, first_order: &[f64], most: usize) -> Result<Vec<f64>, PredictError> {
-        let units = self.problem.units();
-        let density = |unit: usize| first_order[unit] / units.cells(unit).len() as f64;
-        let near = |state: bool| {
-            let mut list: Vec<usize> = (0..units.count())
-                .filter(|&unit| self.state.on[unit] == state)
-                .collect();
-            list.sort_by(|&a, &b| density(b).total_cmp(&density(a)).then(a.cmp(&b)));
-            list.truncate(most);
-            list
-        };
-        let candidates: Vec<usize> = near(true).into_iter().chain(near(false)).collect();
-        let flipped = |&unit: &usize| units.pattern(&self.flipped(&[unit]));
-        let patterns: Vec<Pattern> = candidates.iter().map(flipped).collect();
+    /// What the units near the threshold gain if they alone are changed, by simulation; nothing is known of all others.
+    fn gains_near(&mut self, first_order: &Gains, most: usize) -> Result<Gains, PredictError> {
+        let candidates: Vec<Change> = WAYS.map(|way| self.nearest(way, first_order, most)).concat();
+        let changed = |change: &Change| self.problem.units().pattern(&self.changed(&[*change]));
+        let patterns: Vec<Pattern> = candidates.iter().map(changed).collect();
         let scores = self.problem.scores(&patterns)?;
         self.simulations += patterns.len();
-        let mut gains = vec![f64::NAN; units.count()];
-        for (unit, score) in candidates.into_iter().zip(scores) {
+        let mut gains = Gains::unknown(self.state.on.len(), self.problem.groups());
+        for (change, score) in candidates.into_iter().zip(scores) {
             if let Some(score) = score {
-                gains[unit] = score - self.state.score;
+                gains.set(change, score - self.state.score);
             }
         }
         Ok(gains)
     }
 
+    /// The most profitable of such changes for their size.
+    fn nearest(&self, way: Way, gains: &Gains, most: usize) -> Vec<Change> {
+        let units = self.problem.units();
+        let density = |change: &Change| gains.of(*change) / units.cells(change.unit).len() as f64;
+        let mut list: Vec<Change> = (0..units.count())
+            .filter_map(|unit| way(gains, unit, self.state.on[unit]))
+            .collect();
+        list.sort_by(|a, b| density(b).total_cmp(&density(a)).then(a.unit.cmp(&b.unit)));
+        list.truncate(most);
+        list
+    }
+
     /// Simulates the pairs of units, one on and one off, that promise most, and takes the best where it is a gain.
-    fn take_pair(&mut self, gains: &[f64], most: usize) -> Result<bool, PredictError> {
-        let on = &self.state.on;
-        let known = |state: bool| -> Vec<(f64, Vec<usize>)> {
-            let list = (0..on.len()).filter(|&unit| on[unit] == state && !gains[unit].is_nan());
-            list.map(|unit| (gains[unit], vec![unit])).collect()
-        };
-        let choices = self.pairs(&known(false), &known(true), most);
+    fn take_pair(&mut self, gains: &Gains, most: usize) -> Result<bool, PredictError> {
+        let [removes, adds, _] = WAYS.map(|way| -> Vec<(f64, Vec<Change>)> {
+            let known = self.state.on.iter().enumerate();
+            let known = known.filter_map(|(unit, &now)| way(gains, unit, now));
+            known.map(|change| (gains.of(change), vec![change])).collect()
+        });
+        let choices = self.pairs(&adds, &removes, most);
         self.take(choices)
     }
 
     /// The same with squares of the least width, one turned on, one off, or both.
     fn take_squares(
         &mut self,
-        gains: &[f64],
+        gains: &Gains,
         feature: [usize; 2],
         (near, most): (usize, usize),
     ) -> Result<bool, PredictError> {
         let squares = Squares::new(self.problem.units(), feature);
-        let of = |state: bool| {
-            let mut best = squares.best(&self.state.on, gains, state, near);
-            best.push((0.0, Vec::new()));
-            best
-        };
-        let choices = self.pairs(&of(true), &of(false), most);
+        let of = |to: u8| squares.best(&self.state.on, gains, to, near);
+        let none = || (0.0, Vec::new());
+        let mut adds: Vec<_> = (1..=self.problem.groups() as u8).flat_map(of).collect();
+        adds.sort_by(|a, b| b.0.total_cmp(&a.0));
+        adds.truncate(near);
+        adds.push(none());
+        let mut removes = of(0);
+        removes.push(none());
+        let choices = self.pairs(&adds, &removes, most);
         self.take(choices)
     }
 
-    /// The pairs of units, or groups of them, to turn on and off that promise most, as choices.
-    fn pairs(&self, adds: &[(f64, Vec<usize>)], removes: &[(f64, Vec<usize>)], most: usize) -> Vec<Vec<bool>> {
+    /// The pairs of units, or several of them, to turn on and off that promise most, as choices.
+    fn pairs(&self, adds: &[(f64, Vec<Change>)], removes: &[(f64, Vec<Change>)], most: usize) -> Vec<Vec<u8>> {
         let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
         for (a, add) in adds.iter().enumerate() {
             for (r, remove) in removes.iter().enumerate() {
@@ -172,19 +188,19 @@ impl<'g> LocalSearch<'g> {
         let (low, high) = self.problem.range();
         let choices = pairs
             .into_iter()
-            .map(|(_, a, r)| self.flipped(&[&adds[a].1[..], &removes[r].1[..]].concat()));
-        let fits = |on: &Vec<bool>| (low..=high).contains(&self.problem.units().area(on));
+            .map(|(_, a, r)| self.changed(&[&adds[a].1[..], &removes[r].1[..]].concat()));
+        let fits = |on: &Vec<u8>| (low..=high).contains(&self.problem.units().area(on));
         choices.filter(fits).take(most).collect()
     }
 
-    fn flipped(&self, units: &[usize]) -> Vec<bool> {
+    fn changed(&self, changes: &[Change]) -> Vec<u8> {
         let mut on = self.state.on.clone();
-        units.iter().for_each(|&unit| on[unit] = !on[unit]);
+        changes.iter().for_each(|change| on[change.unit] = change.to);
         on
     }
 
     /// Goes on from the best of some choices where it is a gain.
-    fn take(&mut self, choices: Vec<Vec<bool>>) -> Result<bool, PredictError> {
+    fn take(&mut self, choices: Vec<Vec<u8>>) -> Result<bool, PredictError> {
         self.simulations += choices.len();
         let best = self.problem.best_of(choices, self.state.score + GAIN)?;
         let gained = best.is_some();
@@ -197,7 +213,7 @@ impl<'g> LocalSearch<'g> {
 
     fn record_step(&mut self) {
         let step = SearchStep {
-            value_mm: self.problem.value_mm(&self.state.field),
+            value_mm: self.problem.value_mm(&self.state.fields),
             score: self.state.score,
             area: self.state.pattern.area_fraction(),
             simulations: self.simulations,
@@ -209,7 +225,7 @@ impl<'g> LocalSearch<'g> {
     pub(super) fn finish(self) -> LocalOptimum {
         LocalOptimum {
             pattern: self.state.pattern,
-            field: self.state.field,
+            fields: self.state.fields,
             score: self.state.score,
             steps: self.steps,
             exhausted: self.exhausted,

@@ -1,5 +1,6 @@
-//! Squares of the least width that may be flipped, where single units may not.
+//! Squares of the least width that may be changed, where single units may not.
 
+use super::gains::{Change, Gains};
 use super::units::Units;
 
 /// The cells of a membrane in squares, one from each cell, that are wholly among the units.
@@ -26,16 +27,18 @@ impl Squares {
         }
     }
 
-    /// What turning each square on (or off) flips: its units that are not so yet, with the sum of their gains, the most
-    /// profitable first, at most so many.
-    pub(super) fn best(&self, on: &[bool], gains: &[f64], state: bool, most: usize) -> Vec<(f64, Vec<usize>)> {
-        let flipped = |square: &Vec<usize>| {
-            let units: Vec<usize> = square.iter().copied().filter(|&unit| on[unit] != state).collect();
-            let gain: f64 = units.iter().map(|&unit| gains[unit]).sum();
-            (!units.is_empty() && gain.is_finite()).then_some((gain, units))
+    /// What making each square of a group (or bare, where that is 0) changes: its units that are not so yet, with the sum of their gains, the
+    /// most profitable first, at most so many.
+    pub(super) fn best(&self, on: &[u8], gains: &Gains, to: u8, most: usize) -> Vec<(f64, Vec<Change>)> {
+        let changed = |square: &Vec<usize>| {
+            let units = square.iter().copied().filter(|&unit| on[unit] != to);
+            let changes: Vec<Change> = units.map(|unit| Change { unit, to }).collect();
+            let gain: f64 = changes.iter().map(|&change| gains.of(change)).sum();
+            (!changes.is_empty() && gain.is_finite()).then_some((gain, changes))
         };
-        let mut best: Vec<(f64, Vec<usize>)> = self.squares.iter().filter_map(flipped).collect();
-        best.sort_by(|a, b| b.0.total_cmp(&a.0).then_with(|| a.1.cmp(&b.1)));
+        let units = |changes: &[Change]| -> Vec<usize> { changes.iter().map(|change| change.unit).collect() };
+        let mut best: Vec<(f64, Vec<Change>)> = self.squares.iter().filter_map(changed).collect();
+        best.sort_by(|a, b| b.0.total_cmp(&a.0).then_with(|| units(&a.1).cmp(&units(&b.1))));
         best.dedup_by(|a, b| a.1 == b.1);
         best.truncate(most);
         best
@@ -52,15 +55,18 @@ mod tests {
         let units = Units::new([50; 2], Raster::PAPER, &[true; 2500]);
         let squares = Squares::new(&units, [3; 2]);
         assert_eq!(squares.squares.len(), 48 * 48);
-        let on: Vec<bool> = (0..2500).map(|cell| cell % 50 < 10).collect();
-        let gains: Vec<f64> = (0..2500).map(|cell| if cell % 50 == 10 { 1.0 } else { -1.0 }).collect();
+        let on: Vec<u8> = (0..2500).map(|cell| u8::from(cell % 50 < 10)).collect();
+        let mut gains = Gains::uniform(&on, 1, -1.0);
+        (0..2500)
+            .filter(|cell| cell % 50 == 10)
+            .for_each(|unit| gains.set(Change { unit, to: 1 }, 1.0));
         // One column beyond the edge gains, two columns beyond it lose again.
-        let best = squares.best(&on, &gains, true, 1);
+        let best = squares.best(&on, &gains, 1, 1);
         assert_eq!(best[0].0, 3.0);
-        assert!(best[0].1.iter().all(|unit| unit % 50 == 10) && best[0].1.len() == 3);
+        assert!(best[0].1.iter().all(|change| change.unit % 50 == 10) && best[0].1.len() == 3);
         assert!(
             squares
-                .best(&on, &gains, false, 5)
+                .best(&on, &gains, 0, 5)
                 .iter()
                 .all(|(gain, units)| *gain == -(units.len() as f64))
         );

@@ -1,6 +1,6 @@
 use super::*;
-use crate::design::{Aim, Constraints, Displacement, Distance, Goal, Limits, Measure, Motion};
-use crate::field::{CORNERS, Differentiable, PredictError, Predictor, WithGradient};
+use crate::design::{Aim, Constraints, Displacement, Distance, Goal, Ground, Limits, Measure, Motion};
+use crate::field::{CORNERS, Differentiable, Field, InStates, PredictError, Predictor, StateFields, WithGradient};
 use crate::pattern::{CELLS, Membrane, Raster, distance};
 
 /// A membrane whose every point moves along x by Σ worth · active + ½ bend (Σ spread · active)², in mm.
@@ -28,40 +28,36 @@ impl Quadratic {
     }
 }
 
-impl Predictor for Quadratic {
-    fn predict_some(&self, patterns: &[Pattern]) -> Result<Vec<Option<Field>>, PredictError> {
-        let some = |pattern: &Pattern| (pattern.active_cells() <= self.most).then(|| self.field(pattern));
+impl Predictor<StateFields> for Quadratic {
+    fn predict_some(&self, patterns: &[Pattern]) -> Result<Vec<Option<StateFields>>, PredictError> {
+        let some = |pattern: &Pattern| (pattern.active_cells() <= self.most).then(|| vec![self.field(pattern)]);
         Ok(patterns.iter().map(some).collect())
     }
 }
 
-impl Differentiable for Quadratic {
+impl Differentiable<StateFields> for Quadratic {
     fn gradient(
         &self,
         pattern: &Pattern,
-        slope: &dyn Fn(&Field) -> Field,
-    ) -> Result<Option<WithGradient>, PredictError> {
+        slope: &dyn Fn(&StateFields) -> StateFields,
+    ) -> Result<Option<WithGradient<StateFields>>, PredictError> {
         if pattern.active_cells() > self.most {
             return Ok(None);
         }
-        let field = self.field(pattern);
-        let along: f64 = slope(&field).values().iter().step_by(2).sum();
+        let fields = vec![self.field(pattern)];
+        let along: f64 = slope(&fields)[0].values().iter().step_by(2).sum();
         let (_, spread) = self.sums(pattern);
         let cell = |(worth, own): (&f64, &f64)| along * (worth + self.bend * spread * own);
         let gradient = self.worth.iter().zip(&self.spread).map(cell).collect();
-        Ok(Some((field, gradient)))
+        Ok(Some((fields, gradient)))
     }
 }
 
 fn goal(motion: Motion) -> Goal {
-    let aim = Aim {
-        point_mm: [25.0, 25.0],
-        motion,
-        weight: 1.0,
-    };
+    let aim = Aim::new([25.0, 25.0], motion);
     let measure: &'static dyn Measure = match motion {
-        Motion::Along(_) => &Displacement,
-        Motion::By(..) | Motion::To(_) => &Distance,
+        Motion::Along(_) | Motion::Turn(_) => &Displacement,
+        Motion::By(..) | Motion::To(_) | Motion::TurnBy(_) => &Distance,
     };
     Goal::new(measure, &[aim], Membrane::square(50.0), None, 0.0).unwrap()
 }
@@ -127,7 +123,7 @@ fn no_exchange_of_two_units_improves_a_local_optimum() {
         let on = problem.units().of(&found.pattern);
         let turned = |units: [usize; 2]| {
             let mut other = on.clone();
-            units.iter().for_each(|&unit| other[unit] = !other[unit]);
+            units.iter().for_each(|&unit| other[unit] = 1 - other[unit]);
             problem.units().pattern(&other)
         };
         let mut gained = 0;
@@ -252,4 +248,129 @@ fn what_is_not_feasible_is_not_taken() {
     let problem = problem.with_feasibility(Some(&FewOnTheRight));
     let found = problem.refine(&half(), &|_| ()).unwrap().unwrap();
     assert_eq!((0..50).filter(|&y| found.pattern.is_active(30, y)).count(), 10);
+}
+
+/// A state of a device: every point moves along x by what each active cell is worth times the load of its group, in mm.
+struct State {
+    worth: Vec<f64>,
+    loads: [f64; 2],
+}
+
+impl State {
+    fn load(&self, group: u8) -> f64 {
+        usize::from(group).checked_sub(1).map_or(0.0, |group| self.loads[group])
+    }
+
+    fn field(&self, pattern: &Pattern) -> Field {
+        let cells = self.worth.iter().zip(pattern.cells());
+        let value: f64 = cells.map(|(worth, &group)| worth * self.load(group)).sum();
+        Field::from_values(Raster::PAPER, [value, 0.0].repeat(CORNERS * CORNERS)).unwrap()
+    }
+}
+
+impl Predictor for State {
+    fn predict_some(&self, patterns: &[Pattern]) -> Result<Vec<Option<Field>>, PredictError> {
+        Ok(patterns.iter().map(|pattern| Some(self.field(pattern))).collect())
+    }
+}
+
+impl Differentiable for State {
+    fn gradient(
+        &self,
+        pattern: &Pattern,
+        slope: &dyn Fn(&Field) -> Field,
+    ) -> Result<Option<WithGradient>, PredictError> {
+        let field = self.field(pattern);
+        let along: f64 = slope(&field).values().iter().step_by(2).sum();
+        let groups = self.loads.iter();
+        let gradient = groups.flat_map(|load| self.worth.iter().map(move |worth| along * load * worth));
+        Ok(Some((field, gradient.collect())))
+    }
+}
+
+/// Pushed to the right in one state and to the left in the other.
+fn stroke() -> Goal {
+    let aim = |state, degrees| Aim {
+        state,
+        ..Aim::new([25.0, 25.0], Motion::Along(degrees))
+    };
+    let aims = [aim(0, 0.0), aim(1, 180.0)];
+    Goal::new(&Displacement, &aims, Membrane::square(50.0), None, 0.0).unwrap()
+}
+
+fn two_groups() -> Ground {
+    Ground {
+        groups: 2,
+        ..Membrane::square(50.0).into()
+    }
+}
+
+#[test]
+fn groups_and_states_reach_the_optimum_of_a_linear_device() {
+    // What a cell is worth in one of the states is not what it is in the other.
+    let worth = |a: usize, b: usize| -> Vec<f64> {
+        let cells = 0..2500;
+        cells.map(|cell| ((cell * a % 2503) as f64 - b as f64) * 1e-6).collect()
+    };
+    let [push, pull] = [
+        State {
+            worth: worth(37, 900),
+            loads: [1.0, 0.2],
+        },
+        State {
+            worth: worth(91, 1400),
+            loads: [0.0, 1.0],
+        },
+    ];
+    let goal = stroke();
+    let best = |cell: usize| {
+        let of = |group: u8| push.load(group) * push.worth[cell] - pull.load(group) * pull.worth[cell];
+        of(1).max(of(2)).max(0.0)
+    };
+    let optimum: f64 = (0..2500).map(best).sum::<f64>() / 2.0;
+    let physics = InStates::new(vec![&push, &pull]);
+    let constraints = Constraints::new(Limits::default(), two_groups()).unwrap();
+    let problem = SearchProblem::new(&physics, &goal, [50; 2], (0.0, 1.0), &constraints);
+    for start in [half(), Pattern::from_groups(Raster::PAPER, |x, y| ((x + y) % 3) as u8)] {
+        let found = problem.refine(&start, &|_| ()).unwrap().unwrap();
+        assert!(
+            (found.score * 2.5 - optimum).abs() < 1e-9 && found.exhausted,
+            "{} {optimum}",
+            found.score * 2.5
+        );
+        assert_eq!(found.pattern.groups(), 2);
+    }
+}
+
+#[test]
+fn a_gap_between_groups_is_kept_and_costs_little() {
+    // Group 1 is worth something on the left, group 2 on the right.
+    let worth: Vec<f64> = (0..2500).map(|cell| (24.5 - (cell % 50) as f64) * 1e-5).collect();
+    let [push, pull] = [[1.0, 0.0], [0.0, 1.0]].map(|loads| State {
+        worth: worth.clone(),
+        loads,
+    });
+    let optimum: f64 = worth.iter().map(|worth| worth.abs()).sum::<f64>() / 2.0;
+    let physics = InStates::new(vec![&push, &pull]);
+    let goal = stroke();
+    let limits = Limits {
+        min_feature_mm: Some(3.0),
+        gap_mm: Some(4.0),
+        ..Limits::default()
+    };
+    let apart = Constraints::new(limits, two_groups()).unwrap();
+    let problem = SearchProblem::new(&physics, &goal, [50; 2], (0.0, 1.0), &apart);
+    let halves = Pattern::from_groups(Raster::PAPER, |x, _| if x < 23 { 1 } else { 2 });
+    let found = problem.refine(&halves, &|_| ()).unwrap().unwrap();
+    assert!(apart.hold(&found.pattern), "{:?}", apart.violations(&found.pattern));
+    let share = found.score * 2.5 / optimum;
+    assert!((0.98..1.0).contains(&share), "{share}");
+    let nearest = |x: usize, y: usize| {
+        let (from, to) = (
+            [x.saturating_sub(4), y.saturating_sub(4)],
+            [(x + 4).min(49), (y + 4).min(49)],
+        );
+        (from[1]..=to[1]).all(|j| (from[0]..=to[0]).all(|i| found.pattern.group(i, j) != 2))
+    };
+    assert!((0..2500).all(|cell| found.pattern.group(cell % 50, cell / 50) != 1 || nearest(cell % 50, cell / 50)));
 }

@@ -1,4 +1,4 @@
-//! What a local search turns on and off: the cells, or the coarser units of the genetic algorithm.
+//! What a local search turns on and off, or gives to another group of electrodes: the cells, or the coarser units of the genetic algorithm.
 
 use crate::pattern::{Pattern, Raster};
 
@@ -37,7 +37,7 @@ impl Units {
         &self.cells[unit]
     }
 
-    /// The sum over the cells of each unit.
+    /// The sum over the cells of each unit, of an array of all cells.
     pub(super) fn sums(&self, of_cells: &[f64]) -> Vec<f64> {
         self.cells
             .iter()
@@ -45,23 +45,34 @@ impl Units {
             .collect()
     }
 
-    /// Which units are on: those of which more than half is active.
-    pub(super) fn of(&self, pattern: &Pattern) -> Vec<bool> {
-        let active = |unit: &[usize]| unit.iter().filter(|&&cell| pattern.cells()[cell] == 1).count();
-        self.cells.iter().map(|unit| 2 * active(unit) > unit.len()).collect()
+    /// The group of each unit: that of more than half of its cells; 0 where there is none.
+    pub(super) fn of(&self, pattern: &Pattern) -> Vec<u8> {
+        let cells = pattern.cells();
+        (0..self.count())
+            .map(|unit| self.group_of(unit, |cell| cells[cell]))
+            .collect()
     }
 
-    pub(super) fn pattern(&self, on: &[bool]) -> Pattern {
-        let mut active = vec![false; self.raster.cells()];
-        for (unit, _) in self.cells.iter().zip(on).filter(|(_, on)| **on) {
-            unit.iter().for_each(|&cell| active[cell] = true);
+    /// The same of one unit, by the group of each cell.
+    pub(super) fn group_of(&self, unit: usize, group: impl Fn(usize) -> u8) -> u8 {
+        let cells = &self.cells[unit];
+        let mut counts = [0; Pattern::MOST_GROUPS + 1];
+        cells.iter().for_each(|&cell| counts[usize::from(group(cell))] += 1);
+        let most = (1..counts.len()).find(|&group| 2 * counts[group] > cells.len());
+        most.unwrap_or(0) as u8
+    }
+
+    pub(super) fn pattern(&self, on: &[u8]) -> Pattern {
+        let mut groups = vec![0; self.raster.cells()];
+        for (unit, &group) in self.cells.iter().zip(on) {
+            unit.iter().for_each(|&cell| groups[cell] = group);
         }
-        Pattern::from_fn(self.raster, |x, y| active[y * self.raster.columns() + x])
+        Pattern::from_groups(self.raster, |x, y| groups[y * self.raster.columns() + x])
     }
 
     /// How many cells are active.
-    pub(super) fn area(&self, on: &[bool]) -> usize {
-        let units = self.cells.iter().zip(on).filter(|(_, on)| **on);
+    pub(super) fn area(&self, on: &[u8]) -> usize {
+        let units = self.cells.iter().zip(on).filter(|(_, on)| **on != 0);
         units.map(|(unit, _)| unit.len()).sum()
     }
 }
@@ -86,7 +97,7 @@ mod tests {
         (0..3).for_each(|cell| allowed[cell] = false);
         let cells = Units::new([50; 2], Raster::PAPER, &allowed);
         assert_eq!(cells.count(), 2497);
-        assert_eq!(cells.pattern(&vec![true; 2497]).active_cells(), 2497);
+        assert_eq!(cells.pattern(&vec![1; 2497]).active_cells(), 2497);
         let units = Units::new([20; 2], Raster::PAPER, &allowed);
         assert_eq!((units.count(), units.cells(0).len()), (400, 6));
     }

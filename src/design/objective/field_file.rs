@@ -80,6 +80,7 @@ fn point(line: &str) -> Result<PointParameters, LineError> {
         direction: None,
         displacement: Some([ux, uy]),
         weight: Decimal::from(1),
+        state: None,
     })
 }
 

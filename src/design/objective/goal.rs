@@ -6,9 +6,9 @@
 //! signed unit direction; the literal form stays selectable. A design that is to reach a wanted displacement, at one point or
 //! at many that make up a wanted field, is judged by its distance from there instead.
 
-use super::aim::{Aim, Motion, PlacedAim};
+use super::aim::{Aim, PlacedAim};
 use super::measure::Measure;
-use crate::field::Field;
+use crate::field::{Field, StateFields};
 use crate::pattern::{Membrane, Pattern, Raster};
 
 /// The default weight λ of the area: leaving the wanted area fraction by 1 % costs as much as 0.125 mm gain. That is just
@@ -44,6 +44,31 @@ pub enum GoalError {
         point: [f64; 2],
         /// The sides of the membrane, in words.
         size: String,
+    },
+    /// A point has no direction.
+    #[error("a rotation is that of a rigid body, and this is a point")]
+    PointTurns,
+    /// A body that is not there.
+    #[error("there is no body {found}: the scene has {count}, counted from 0")]
+    Body {
+        /// Its number.
+        found: usize,
+        /// How many there are.
+        count: usize,
+    },
+    /// A state that is not there.
+    #[error("there is no state `{found}`: the scene has {}", if states.is_empty() { "none" } else { states.as_str() })]
+    State {
+        /// Its name.
+        found: String,
+        /// Those that there are.
+        states: String,
+    },
+    /// One of several states is meant.
+    #[error("a point or body does not say in which `state` it should move; the scene has {states}")]
+    NoState {
+        /// Those that there are.
+        states: String,
     },
     /// A direction that is no angle.
     #[error("a direction is a finite angle, found {0} deg")]
@@ -95,7 +120,7 @@ impl Goal {
         if aims.is_empty() {
             return Err(GoalError::NoAim);
         }
-        if measure.needs_displacement() && aims.iter().any(|aim| matches!(aim.motion, Motion::Along(_))) {
+        if measure.needs_displacement() && aims.iter().any(|aim| !aim.motion.is_wanted()) {
             return Err(GoalError::NoDistance);
         }
         let mut placed: Vec<PlacedAim> = aims.iter().map(|aim| aim.placed(&membrane)).collect::<Result<_, _>>()?;
@@ -128,52 +153,54 @@ impl Goal {
         &self.aims
     }
 
-    /// The value of a design in mm: the mean displacement of the points along their directions.
+    /// The value of a design in mm by its fields in the states of the device: the mean displacement of the points along their directions.
     #[must_use]
-    pub fn value_mm(&self, field: &Field) -> f64 {
-        self.mean(|aim| aim.along(field))
+    pub fn value_mm(&self, fields: &[Field]) -> f64 {
+        self.mean(|aim| aim.along(fields))
     }
 
     /// How far the points are from where they are wanted, root mean square in mm; `None` where nothing but a direction is
     /// wanted.
     #[must_use]
-    pub fn distance_mm(&self, field: &Field) -> Option<f64> {
-        self.measure.needs_displacement().then(|| self.distance(field))
+    pub fn distance_mm(&self, fields: &[Field]) -> Option<f64> {
+        self.measure.needs_displacement().then(|| self.distance(fields))
     }
 
-    /// F of a pattern and its field; smaller is better.
+    /// F of a pattern and its fields; smaller is better.
     #[must_use]
-    pub fn fitness(&self, pattern: &Pattern, field: &Field) -> f64 {
+    pub fn fitness(&self, pattern: &Pattern, fields: &[Field]) -> f64 {
         let off = self.area.map_or(0.0, |area| (pattern.area_fraction() - area).abs());
-        1.0 - self.score(field) + self.area_penalty * off
+        1.0 - self.score(fields) + self.area_penalty * off
     }
 
-    /// How good a field is, whatever the area of its pattern; larger is better.
+    /// How good fields are, whatever the area of their pattern; larger is better.
     #[must_use]
-    pub fn score(&self, field: &Field) -> f64 {
-        self.measure.score(self, field)
+    pub fn score(&self, fields: &[Field]) -> f64 {
+        self.measure.score(self, fields)
     }
 
-    /// The derivative of [`Goal::score`] with respect to the displacement of each corner, per mm; zero where there is none.
+    /// The derivative of [`Goal::score`] with respect to the displacement of each corner in each state, per mm; zero where there is none.
     #[must_use]
-    pub fn slope(&self, field: &Field) -> Field {
-        let mut slope = vec![0.0; 2 * self.raster.corners()];
-        let gradients = self.measure.gradients(self, field);
+    pub fn slope(&self, fields: &[Field]) -> StateFields {
+        let mut slopes = vec![vec![0.0; 2 * self.raster.corners()]; fields.len()];
+        let gradients = self.measure.gradients(self, fields);
         for (aim, gradient) in self.aims.iter().zip(gradients) {
-            for (corner, share) in Field::shares(self.raster, aim.point) {
-                for (k, g) in gradient.into_iter().enumerate() {
-                    slope[2 * corner + k] += aim.weight * g * share;
+            let weighted = gradient.map(|g| aim.weight * g);
+            for (corner, slope) in aim.slope(fields, weighted) {
+                for (k, g) in slope.into_iter().enumerate() {
+                    slopes[aim.state][2 * corner + k] += g;
                 }
             }
         }
-        Field::from_values(self.raster, slope).unwrap_or_else(|_| Field::zero(self.raster))
+        let field = |slope| Field::from_values(self.raster, slope).unwrap_or_else(|_| Field::zero(self.raster));
+        slopes.into_iter().map(field).collect()
     }
 
     /// How far the points are from the wanted displacements, root mean square in mm.
     #[must_use]
-    pub fn distance(&self, field: &Field) -> f64 {
+    pub fn distance(&self, fields: &[Field]) -> f64 {
         self.mean(|aim| {
-            let off = aim.off(field);
+            let off = aim.off(fields);
             off[0] * off[0] + off[1] * off[1]
         })
         .sqrt()
@@ -189,12 +216,13 @@ impl Goal {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::design::objective::aim::{Lever, Motion};
     use crate::design::objective::measure::{Displacement, Distance, Qin2024};
     use crate::pattern::Raster;
 
     /// The field that is `u` everywhere off the frame.
-    fn uniform(u: [f64; 2]) -> Field {
-        Field::from_values(Raster::PAPER, (0..51 * 51).flat_map(|_| u).collect()).unwrap()
+    fn uniform(u: [f64; 2]) -> [Field; 1] {
+        [Field::from_values(Raster::PAPER, (0..51 * 51).flat_map(|_| u).collect()).unwrap()]
     }
 
     fn half() -> Pattern {
@@ -204,11 +232,7 @@ mod tests {
     fn goal(measure: &'static dyn Measure, aims: &[(f64, f64, f64)], area: f64) -> Goal {
         let aims: Vec<Aim> = aims
             .iter()
-            .map(|&(x, y, direction_deg)| Aim {
-                point_mm: [x, y],
-                motion: Motion::Along(direction_deg),
-                weight: 1.0,
-            })
+            .map(|&(x, y, direction_deg)| Aim::new([x, y], Motion::Along(direction_deg)))
             .collect();
         Goal::new(measure, &aims, Membrane::square(50.0), Some(area), AREA_PENALTY).unwrap()
     }
@@ -228,7 +252,7 @@ mod tests {
     #[test]
     fn leaving_the_area_costs() {
         let wanted = goal(&Displacement, &[(25.0, 25.0, 0.0)], 0.48);
-        assert!((wanted.fitness(&half(), &Field::zero(Raster::PAPER)) - (1.0 + AREA_PENALTY * 0.02)).abs() < 1e-12);
+        assert!((wanted.fitness(&half(), &[Field::zero(Raster::PAPER)]) - (1.0 + AREA_PENALTY * 0.02)).abs() < 1e-12);
     }
 
     #[test]
@@ -238,7 +262,7 @@ mod tests {
             assert_eq!(literal.fitness(&half(), &uniform(u)), 0.0);
         }
         assert!((literal.fitness(&half(), &uniform([3.0, 4.0])) - 0.4).abs() < 1e-15);
-        assert_eq!(literal.fitness(&half(), &Field::zero(Raster::PAPER)), 1.0);
+        assert_eq!(literal.fitness(&half(), &[Field::zero(Raster::PAPER)]), 1.0);
     }
 
     #[test]
@@ -253,15 +277,15 @@ mod tests {
         let goal = goal(&Displacement, &centripetal, 0.5);
         assert!(goal.value_mm(&uniform([1.0, 0.3])).abs() < 1e-15);
         let inwards = (0..51 * 51).flat_map(|i| [25.0 - f64::from(i % 51), 25.0 - f64::from(i / 51)]);
-        let inwards = Field::from_values(Raster::PAPER, inwards.collect()).unwrap();
+        let inwards = [Field::from_values(Raster::PAPER, inwards.collect()).unwrap()];
         assert!((goal.value_mm(&inwards) - 12.5 * 2f64.sqrt()).abs() < 1e-12);
     }
 
     fn of(measure: &'static dyn Measure, aims: &[([f64; 2], Motion, f64)]) -> Goal {
         let aim = |&(point_mm, motion, weight): &([f64; 2], Motion, f64)| Aim {
-            point_mm,
-            motion,
             weight,
+            body: matches!(motion, Motion::Turn(_) | Motion::TurnBy(_)).then_some(LEVER),
+            ..Aim::new(point_mm, motion)
         };
         let aims: Vec<Aim> = aims.iter().map(aim).collect();
         Goal::new(measure, &aims, Membrane::square(50.0), None, AREA_PENALTY).unwrap()
@@ -299,42 +323,110 @@ mod tests {
         assert_eq!(goal.value_mm(&uniform([1.0, 2.0])), 1.25);
     }
 
+    fn wavy(seed: usize) -> Field {
+        let values = (0..51 * 51 * 2).map(|i| 1.0 + (((i + seed) * 37 % 101) as f64 - 50.0) / 40.0);
+        Field::from_values(Raster::PAPER, values.collect()).unwrap()
+    }
+
+    /// A body of 6 × 4 cells about (25, 25) cells, by opposite corners.
+    const LEVER: Lever = Lever {
+        ends: [[22, 23], [28, 27]],
+        start_mm: [-3.0, -2.0],
+        offset_mm: [6.0, 4.0],
+        arm_mm: 3.605_551_275_463_989,
+    };
+
     #[test]
     fn slopes_agree_with_finite_differences() {
-        let field = (0..51 * 51 * 2).map(|i| 1.0 + ((i * 37 % 101) as f64 - 50.0) / 40.0);
-        let field = Field::from_values(Raster::PAPER, field.collect()).unwrap();
+        let fields = [wavy(0), wavy(11)];
         let places = |motion: [Motion; 2]| [([25.0, 25.0], motion[0], 1.0), ([12.5, 30.2], motion[1], 2.5)];
         let along = places([Motion::Along(0.0), Motion::Along(60.0)]);
+        let turned = [([25.0, 25.0], Motion::TurnBy(-4.0), 1.0)];
+        let mut of_states = of(&Distance, &places([Motion::By(30.0, 1.0), Motion::To([0.1, 0.2])]));
+        of_states.aims[1].state = 1;
+        let mut stroke = of(&Displacement, &along);
+        stroke.aims[0].state = 1;
         for goal in [
             of(&Displacement, &along),
             of(&Qin2024, &along),
-            of(&Distance, &places([Motion::By(30.0, 1.0), Motion::To([0.1, 0.2])])),
+            of(&Displacement, &[([25.0, 25.0], Motion::Turn(false), 1.0)]),
+            of(&Distance, &turned),
+            body_to([0.3, -0.2]),
+            of_states,
+            stroke,
         ] {
-            let slope = goal.slope(&field);
-            let moved = |at: usize, by: f64| {
-                let mut values = field.values().to_vec();
+            let slopes = goal.slope(&fields);
+            let moved = |state: usize, at: usize, by: f64| {
+                let mut values = fields[state].values().to_vec();
                 values[at] += by;
-                goal.score(&Field::from_values(Raster::PAPER, values).unwrap())
+                let mut fields = fields.clone();
+                fields[state] = Field::from_values(Raster::PAPER, values).unwrap();
+                goal.score(&fields)
             };
             let around = |x: usize, y: usize| (0..4).map(move |i| (y + i / 2) * 51 + x + i % 2);
-            for at in around(25, 25)
+            let corners = around(25, 25)
                 .chain(around(12, 30))
-                .flat_map(|corner| [2 * corner, 2 * corner + 1])
-            {
-                let difference = (moved(at, 1e-5) - moved(at, -1e-5)) / 2e-5;
-                assert!((slope.values()[at] - difference).abs() < 1e-9, "{at}");
+                .chain(LEVER.ends.map(|[x, y]| y * 51 + x));
+            for at in corners.flat_map(|corner| [2 * corner, 2 * corner + 1]) {
+                for (state, slope) in slopes.iter().enumerate() {
+                    let difference = (moved(state, at, 1e-5) - moved(state, at, -1e-5)) / 2e-5;
+                    assert!((slope.values()[at] - difference).abs() < 1e-9, "{at} in state {state}");
+                }
             }
-            assert_eq!(slope.at_corner(3, 3), [0.0, 0.0]);
+            assert_eq!(slopes[0].at_corner(3, 3), [0.0, 0.0]);
         }
+    }
+
+    fn body_to(translation: [f64; 2]) -> Goal {
+        let aim = Aim {
+            body: Some(LEVER),
+            ..Aim::new([25.0, 25.0], Motion::To(translation))
+        };
+        Goal::new(&Distance, &[aim], Membrane::square(50.0), None, 0.0).unwrap()
+    }
+
+    #[test]
+    fn a_body_turns_by_the_arc_of_its_outermost_corner() {
+        let turned = |degrees: f64| {
+            let (sine, cosine) = degrees.to_radians().sin_cos();
+            let values = (0..51 * 51).flat_map(|i| {
+                let [x, y] = [f64::from(i % 51) - 25.0, f64::from(i / 51) - 25.0];
+                [cosine * x - sine * y - x + 0.3, sine * x + cosine * y - y - 0.1]
+            });
+            [Field::from_values(Raster::PAPER, values.collect()).unwrap()]
+        };
+        let goal = of(&Displacement, &[([25.0, 25.0], Motion::Turn(true), 1.0)]);
+        for degrees in [-170.0, -3.0, 0.0, 12.5] {
+            let arc = f64::to_radians(degrees) * LEVER.arm_mm;
+            assert!((goal.value_mm(&turned(degrees)) - arc).abs() < 1e-12, "{degrees}");
+            // Its centroid does not move by that.
+            assert!(
+                body_to([0.3, -0.1]).distance_mm(&turned(degrees)).unwrap() < 1e-12,
+                "{degrees}"
+            );
+        }
+        let wanted = of(&Distance, &[([25.0, 25.0], Motion::TurnBy(-5.0), 1.0)]);
+        assert!(wanted.distance_mm(&turned(-5.0)).unwrap() < 1e-12);
+        let off = 2f64.to_radians() * LEVER.arm_mm;
+        assert!((wanted.distance_mm(&turned(-3.0)).unwrap() - off).abs() < 1e-12);
+    }
+
+    #[test]
+    fn states_count_each_with_their_own_field() {
+        // A stroke: to the right in one state, to the left in the other.
+        let aim = |state, degrees| Aim {
+            state,
+            ..Aim::new([25.0, 25.0], Motion::Along(degrees))
+        };
+        let aims = [aim(0, 0.0), aim(1, 180.0)];
+        let goal = Goal::new(&Displacement, &aims, Membrane::square(50.0), None, 0.0).unwrap();
+        let [push, pull] = [uniform([1.0, 0.2]), uniform([-0.5, 0.1])];
+        assert_eq!(goal.value_mm(&[push.as_slice(), &pull].concat()), 0.75);
     }
 
     #[test]
     fn points_are_placed_by_the_side_of_the_membrane() {
-        let aim = Aim {
-            point_mm: [25.0, 75.0],
-            motion: Motion::Along(0.0),
-            weight: 1.0,
-        };
+        let aim = Aim::new([25.0, 75.0], Motion::Along(0.0));
         let goal = Goal::new(&Displacement, &[aim], Membrane::square(100.0), Some(0.5), 0.0).unwrap();
         assert_eq!(goal.aims()[0].point, [12.5, 37.5]);
     }
@@ -342,11 +434,7 @@ mod tests {
     #[test]
     fn refuses_what_is_not_a_goal() {
         let goal = |point_mm, direction_deg, side, area, penalty| {
-            let aim = Aim {
-                point_mm,
-                motion: Motion::Along(direction_deg),
-                weight: 1.0,
-            };
+            let aim = Aim::new(point_mm, Motion::Along(direction_deg));
             Goal::new(&Displacement, &[aim], Membrane::square(side), Some(area), penalty).unwrap_err()
         };
         for point in [[0.0, 25.0], [25.0, 50.0], [60.0, 1.0], [f64::NAN, 1.0]] {
@@ -364,9 +452,8 @@ mod tests {
         assert_eq!(none, Err(GoalError::NoAim));
         let of = |measure, motion, weight| {
             let aim = Aim {
-                point_mm: middle,
-                motion,
                 weight,
+                ..Aim::new(middle, motion)
             };
             Goal::new(measure, &[aim], Membrane::square(50.0), None, 1.0).unwrap_err()
         };

@@ -6,7 +6,7 @@ mod goal;
 mod measure;
 mod parameters;
 
-pub use aim::{Aim, Motion, PlacedAim};
+pub use aim::{Aim, Lever, Motion, PlacedAim, Subject};
 pub use goal::{AREA_PENALTY, Goal, GoalError};
 pub use measure::{Displacement, Distance, MEASURES, Measure, Qin2024};
 pub use parameters::Objective;

@@ -2,7 +2,7 @@
 
 use serde_json::json;
 
-use super::aim::{Aim, Motion};
+use super::aim::{Aim, Lever, Motion};
 use super::field_file;
 use super::goal::{Goal, GoalError};
 use super::measure::{Displacement, Distance, MEASURES, Measure};
@@ -10,7 +10,7 @@ use crate::base::{
     Angle, Canonical, Decimal, Declared, Fields, InputError, Length, Map, Node, Parameter, Schema, parameters,
 };
 use crate::design::text::{flow_mapping, flow_value};
-use crate::pattern::Membrane;
+use crate::scene::{MOST_BODIES, Scene, States};
 
 /// Largest coordinate and displacement in mm.
 pub(super) const LONGEST_MM: f64 = 1e4;
@@ -26,9 +26,32 @@ parameters! {
         pub(super) displacement: Option<[Length; 2]> [-LONGEST_MM..=LONGEST_MM],
         /// What the point counts beside others.
         pub(super) weight: Decimal [1e-9..=1e9] = 1.0,
+        /// The state of the device in which it should, where the scene has several.
+        pub(super) state: Option<StateName>,
     }
     rules(either_motion)
     check(PointParameters::check)
+}
+
+parameters! {
+    /// A rigid body and where it should move, or how it should turn.
+    struct BodyParameters as "a body of the objective" {
+        /// Its number among the `bodies` of the scene, from 0.
+        body: usize [0..=MOST_BODIES as u64 - 1],
+        /// Counterclockwise from the x axis: where its centroid should move.
+        direction: Option<Angle> [-360.0..=360.0],
+        /// The translation that is wanted of its centroid.
+        translation: Option<[Length; 2]> [-LONGEST_MM..=LONGEST_MM],
+        /// `counterclockwise` or `clockwise` where it should turn as far as it gets, or the angle that is wanted, counterclockwise. A rotation
+        /// counts by the arc of the body's outermost corner.
+        rotation: Option<Rotation>,
+        /// What the body counts beside others.
+        weight: Decimal [1e-9..=1e9] = 1.0,
+        /// The state of the device in which it should, where the scene has several.
+        state: Option<StateName>,
+    }
+    rules(one_motion)
+    check(BodyParameters::check)
 }
 
 parameters! {
@@ -54,10 +77,21 @@ parameters! {
 }
 
 parameters! {
-    /// Points whose displacements count by their weighted mean.
+    /// A rigid body and where it should move, or how it should turn.
+    struct OneBody as "the objective" {}
+    include {
+        /// The body.
+        body: BodyParameters,
+        /// How it is measured.
+        measured: MeasureParameters,
+    }
+}
+
+parameters! {
+    /// Points and bodies whose motions count by their weighted mean.
     struct ManyPoints as "the objective" {
-        /// The points.
-        points: Vec<PointParameters> [((), 1..=usize::MAX)],
+        /// The points and bodies.
+        points: Vec<Wanted> [((), 1..=usize::MAX)],
     }
     include {
         /// How they are measured.
@@ -77,16 +111,196 @@ parameters! {
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct FieldPoints(Vec<PointParameters>);
 
-/// What a design is for: points, how each should move, and how that is measured.
+/// A point or a body, and where it should move.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Wanted {
+    Point(PointParameters),
+    Body(BodyParameters),
+}
+
+/// The name of a state of the device.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct StateName(String);
+
+/// How a body should turn.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Rotation {
+    /// Counterclockwise as far as it gets, or clockwise where it is false.
+    Farthest(bool),
+    By(Angle),
+}
+
+/// The words of a rotation as far as it gets.
+const TURNS: [&str; 2] = ["clockwise", "counterclockwise"];
+
+/// Largest wanted angle in degrees: rotations are told up to half a turn.
+const LARGEST_TURN: std::ops::RangeInclusive<f64> = -179.0..=179.0;
+
+/// What a design is for: points and bodies, how each should move, and how that is measured.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Objective {
-    points: Vec<PointParameters>,
+    points: Vec<Wanted>,
     measure: &'static dyn Measure,
     value: Option<Length>,
 }
 
 fn either_motion(fields: Fields) -> Fields {
-    fields.rule(json!({ "oneOf": [{ "required": ["direction"] }, { "required": ["displacement"] }] }))
+    one_of(fields, &["direction", "displacement"])
+}
+
+/// Ways in which a body may move.
+const MOTIONS: [&str; 3] = ["direction", "translation", "rotation"];
+
+fn one_motion(fields: Fields) -> Fields {
+    one_of(fields, &MOTIONS)
+}
+
+fn one_of(fields: Fields, keys: &[&str]) -> Fields {
+    let each: Vec<_> = keys.iter().map(|key| json!({ "required": [key] })).collect();
+    fields.rule(json!({ "oneOf": each }))
+}
+
+impl BodyParameters {
+    fn check(&self, map: &Map<'_>) -> Result<(), InputError> {
+        let mut given = MOTIONS.into_iter().filter_map(|key| map.optional(key));
+        match (given.next(), given.next()) {
+            (None, _) => Err(map
+                .error("a body has no `direction`, `translation` or `rotation`")
+                .help("give one of them")),
+            (Some(_), Some(node)) => Err(node
+                .error("a body moves in a `direction`, by a `translation`, or has a `rotation`, and it is given two of them")
+                .help("give one of them; a body may stand in `points` several times")),
+            (Some(_), None) => Ok(()),
+        }
+    }
+
+    fn motion(&self, value: Option<Length>) -> Motion {
+        match (&self.translation, &self.rotation, &self.direction) {
+            (Some(vector), ..) => Motion::To(vector.map(|c| c.value())),
+            (None, Some(Rotation::Farthest(counterclockwise)), _) => Motion::Turn(*counterclockwise),
+            (None, Some(Rotation::By(angle)), _) => Motion::TurnBy(angle.value()),
+            (None, None, direction) => along(*direction, value),
+        }
+    }
+}
+
+/// In a direction, so far or as far as it gets.
+fn along(direction: Option<Angle>, value: Option<Length>) -> Motion {
+    let degrees = direction.map_or(0.0, |angle| angle.value());
+    match value {
+        Some(value) => Motion::By(degrees, value.value()),
+        None => Motion::Along(degrees),
+    }
+}
+
+impl Wanted {
+    /// Whether it says itself how far it should move.
+    fn is_far(&self) -> bool {
+        match self {
+            Self::Point(point) => point.displacement.is_some(),
+            Self::Body(body) => body.translation.is_some() || matches!(body.rotation, Some(Rotation::By(_))),
+        }
+    }
+
+    /// Whether it is a rotation, as far as it gets.
+    fn turns(&self) -> bool {
+        matches!(self, Self::Body(body) if matches!(body.rotation, Some(Rotation::Farthest(_))))
+    }
+
+    /// As a value is in a pipeline, the usual weight left out.
+    fn text_entries(&self) -> Vec<(&'static str, String)> {
+        let mut entries = Vec::new();
+        let weight = match self {
+            Self::Point(point) => {
+                point.entries(&mut entries);
+                point.weight
+            }
+            Self::Body(body) => {
+                body.entries(&mut entries);
+                body.weight
+            }
+        };
+        let usual = weight.to_f64() == 1.0;
+        entries.retain(|(key, _)| *key != "weight" || !usual);
+        entries
+            .into_iter()
+            .map(|(key, value)| (key, flow_value(&value)))
+            .collect()
+    }
+
+    fn aim(&self, value: Option<Length>, scene: &Scene) -> Result<Aim, GoalError> {
+        let (point_mm, lever, motion, weight, state) = match self {
+            Self::Point(point) => {
+                let motion = match &point.displacement {
+                    Some(vector) => Motion::To(vector.map(|c| c.value())),
+                    None => along(point.direction, value),
+                };
+                (point.point.map(|c| c.value()), None, motion, point.weight, &point.state)
+            }
+            Self::Body(body) => {
+                let (centroid_mm, lever) = body_of(scene, body.body)?;
+                (centroid_mm, Some(lever), body.motion(value), body.weight, &body.state)
+            }
+        };
+        Ok(Aim {
+            point_mm,
+            body: lever,
+            motion,
+            weight: weight.to_f64(),
+            state: state_of(scene, state.as_ref())?,
+        })
+    }
+}
+
+/// The place of a state among those of a scene.
+fn state_of(scene: &Scene, wanted: Option<&StateName>) -> Result<usize, GoalError> {
+    let names: Vec<&str> = scene.states.iter().map(|(name, _)| name).collect();
+    let listed = || names.join(", ");
+    match wanted {
+        None if names.len() < 2 => Ok(0),
+        None => Err(GoalError::NoState { states: listed() }),
+        Some(wanted) => names
+            .iter()
+            .position(|name| *name == wanted.0)
+            .ok_or_else(|| GoalError::State {
+                found: wanted.0.clone(),
+                states: listed(),
+            }),
+    }
+}
+
+/// The centroid in mm of a body of a scene, and by what its rotation is told.
+fn body_of(scene: &Scene, body: usize) -> Result<([f64; 2], Lever), GoalError> {
+    let count = scene.parts().map_or(0, |parts| parts.bodies());
+    let missing = || GoalError::Body { found: body, count };
+    let (membrane, cells) = (scene.membrane(), scene.cells_of_body(body));
+    let centroid = scene.centroid_of_body(body).ok_or_else(missing)?;
+    let cell = membrane.cell_mm();
+    let place = |corner: [usize; 2]| [0, 1].map(|axis| corner[axis] as f64 * cell[axis]);
+    let between = |a: [f64; 2], b: [f64; 2]| [b[0] - a[0], b[1] - a[1]];
+    let far = |a: [f64; 2], b: [f64; 2]| {
+        let [x, y] = between(a, b);
+        x.hypot(y)
+    };
+    let corners = || {
+        cells
+            .iter()
+            .flat_map(|[x, y]| (0..4).map(move |k| [x + k % 2, y + k / 2]))
+    };
+    let farthest = |from: [f64; 2]| {
+        let all = corners().map(|corner| (far(from, place(corner)), corner));
+        // The first of those that are equally far.
+        all.reduce(|best, one| if one.0 > best.0 { one } else { best })
+    };
+    let (arm_mm, from) = farthest(centroid).ok_or_else(missing)?;
+    let (_, to) = farthest(place(from)).ok_or_else(missing)?;
+    let lever = Lever {
+        ends: [from, to],
+        start_mm: between(centroid, place(from)),
+        offset_mm: between(place(from), place(to)),
+        arm_mm,
+    };
+    Ok((centroid, lever))
 }
 
 impl PointParameters {
@@ -99,36 +313,12 @@ impl PointParameters {
             _ => Ok(()),
         }
     }
-
-    /// As a value is in a pipeline, the usual weight left out.
-    fn text_entries(&self) -> Vec<(&'static str, String)> {
-        let mut entries = Vec::new();
-        self.entries(&mut entries);
-        let usual = self.weight.to_f64() == 1.0;
-        entries.retain(|(key, _)| *key != "weight" || !usual);
-        entries
-            .into_iter()
-            .map(|(key, value)| (key, flow_value(&value)))
-            .collect()
-    }
-
-    fn aim(&self, value: Option<Length>) -> Aim {
-        Aim {
-            point_mm: self.point.map(|c| c.value()),
-            motion: match (&self.displacement, &self.direction, value) {
-                (Some(vector), ..) => Motion::To(vector.map(|c| c.value())),
-                (None, Some(angle), Some(value)) => Motion::By(angle.value(), value.value()),
-                (None, angle, _) => Motion::Along(angle.map_or(0.0, |angle| angle.value())),
-            },
-            weight: self.weight.to_f64(),
-        }
-    }
 }
 
 impl Objective {
-    fn new(points: Vec<PointParameters>, measured: Option<MeasureParameters>, node: &Node) -> Result<Self, InputError> {
+    fn new(points: Vec<Wanted>, measured: Option<MeasureParameters>, node: &Node) -> Result<Self, InputError> {
         let (measure, value) = measured.map_or((None, None), |measured| (measured.measure, measured.value));
-        let wanted = value.is_some() || points.iter().all(|point| point.displacement.is_some());
+        let wanted = value.is_some() || points.iter().all(Wanted::is_far);
         let usual: &'static dyn Measure = if wanted { &Distance } else { &Displacement };
         let objective = Self {
             points,
@@ -141,25 +331,29 @@ impl Objective {
 
     /// Refuses keys that contradict each other.
     fn check(&self, node: &Node) -> Result<(), InputError> {
-        let vectors = self.points.iter().filter(|point| point.displacement.is_some()).count();
+        let vectors = self.points.iter().filter(|point| point.is_far()).count();
         let at = |key| node.peek(key).unwrap_or(node);
         match (self.measure.needs_displacement(), &self.value) {
             (true, None) if vectors < self.points.len() => Err(at("measure")
                 .error("a distance is measured from a wanted displacement, and a point has none")
-                .help("give each point `displacement: [x, y]` in place of a direction, or the objective a `value`")),
+                .help("give each point `displacement: [x, y]` in place of a direction, or the objective a `value`; a body has its `translation` or `rotation`")),
             (false, Some(_)) => Err(at("value")
                 .error("`value` is the displacement from which the distance is measured, and this measure is another")
                 .help("leave `measure` out, or `value`")),
             (_, Some(_)) if vectors > 0 => Err(at("value")
                 .error("`value` stands for the length of the displacements, and a point has its `displacement`")
                 .help("give either")),
+            (_, Some(_)) if self.points.iter().any(Wanted::turns) => Err(at("value")
+                .error("`value` is a length, and a body is to turn")
+                .help("give the wanted angle as its `rotation`")),
             _ => Ok(()),
         }
     }
 
-    /// Reads a point (`{ point, direction }`), points (`{ points: [{ point, direction, weight }, …] }`, or `displacement: [x, y]`
-    /// in place of a direction), with an optional `measure`, and an optional `value`: the displacement that is wanted along each
-    /// direction; or a wanted field (`{ field: FILE.csv }`).
+    /// Reads a point (`{ point, direction }`) or a rigid body (`{ body, direction }`), or several
+    /// (`{ points: [{ point, direction, weight, state }, …] }`), with an optional `measure`, and an optional `value`: the displacement that
+    /// is wanted along each direction; or a wanted field (`{ field: FILE.csv }`). In place of a direction a point may have a wanted
+    /// `displacement: [x, y]`, a body a `translation: [x, y]` or a `rotation`.
     ///
     /// # Errors
     /// When a key is unknown or missing, a value is no length or angle, or the keys contradict each other.
@@ -168,10 +362,14 @@ impl Objective {
             let ManyPoints { points, measured } = ManyPoints::read_with(node, &[])?;
             (points, Some(measured))
         } else if node.peek("field").is_some() {
-            (WantedField::read_with(node, &[])?.field.0, None)
+            let points = WantedField::read_with(node, &[])?.field.0;
+            (points.into_iter().map(Wanted::Point).collect(), None)
+        } else if node.peek("body").is_some() {
+            let OneBody { body, measured } = OneBody::read_with(node, &[])?;
+            (vec![Wanted::Body(body)], Some(measured))
         } else {
             let OnePoint { point, measured } = OnePoint::read_with(node, &[])?;
-            (vec![point], Some(measured))
+            (vec![Wanted::Point(point)], Some(measured))
         };
         Self::new(points, measured, node)
     }
@@ -191,13 +389,14 @@ impl Objective {
         flow_mapping(entries)
     }
 
-    /// The goal on a membrane.
+    /// The goal in a scene.
     ///
     /// # Errors
-    /// When a point lies outside the membrane or a number out of range.
-    pub fn goal(&self, membrane: Membrane, area: Option<f64>, area_penalty: f64) -> Result<Goal, GoalError> {
-        let aims: Vec<Aim> = self.points.iter().map(|point| point.aim(self.value)).collect();
-        Goal::new(self.measure, &aims, membrane, area, area_penalty)
+    /// When a point lies outside the membrane, a number out of range, or the scene has no such body or state.
+    pub fn goal(&self, scene: &Scene, area: Option<f64>, area_penalty: f64) -> Result<Goal, GoalError> {
+        let aims = self.points.iter().map(|point| point.aim(self.value, scene));
+        let aims: Vec<Aim> = aims.collect::<Result<_, _>>()?;
+        Goal::new(self.measure, &aims, scene.membrane(), area, area_penalty)
     }
 }
 
@@ -211,7 +410,7 @@ impl Parameter for Objective {
 
     /// The same for one point and for a list of one; the measure stands in it even where none is written.
     fn canonical(&self) -> Option<Canonical> {
-        let points = Canonical::List(self.points.iter().map(Declared::to_canonical).collect());
+        let points = Canonical::List(self.points.iter().filter_map(Parameter::canonical).collect());
         let value = self.value.as_ref().and_then(Parameter::canonical);
         let own = [("points", points), ("measure", self.measure.name().into())];
         let value = value.map(|value| ("value", value));
@@ -219,11 +418,95 @@ impl Parameter for Objective {
     }
 
     fn schema((): &()) -> Schema {
-        Schema::any_of([OnePoint::fields(), ManyPoints::fields(), WantedField::fields()].map(Schema::from))
+        let forms = [
+            OnePoint::fields(),
+            OneBody::fields(),
+            ManyPoints::fields(),
+            WantedField::fields(),
+        ];
+        Schema::any_of(forms.map(Schema::from))
     }
 
     fn literal(literal: Self) -> Self {
         literal
+    }
+}
+
+impl Parameter for Wanted {
+    type Limits = ();
+    type Literal = Self;
+
+    fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
+        match node.peek("body") {
+            Some(_) => BodyParameters::read(node, key, &()).map(Self::Body),
+            None => PointParameters::read(node, key, &()).map(Self::Point),
+        }
+    }
+
+    fn canonical(&self) -> Option<Canonical> {
+        Some(match self {
+            Self::Point(point) => point.to_canonical(),
+            Self::Body(body) => body.to_canonical(),
+        })
+    }
+
+    fn schema((): &()) -> Schema {
+        Schema::any_of([PointParameters::schema(&()), BodyParameters::schema(&())])
+    }
+
+    fn literal(literal: Self) -> Self {
+        literal
+    }
+}
+
+impl Parameter for StateName {
+    type Limits = ();
+    type Literal = &'static str;
+
+    fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
+        Ok(Self(node.text(key)?.to_owned()))
+    }
+
+    fn canonical(&self) -> Option<Canonical> {
+        Some(self.0.as_str().into())
+    }
+
+    fn schema((): &()) -> Schema {
+        Schema::matching(&States::name_pattern())
+    }
+
+    fn literal(literal: &'static str) -> Self {
+        Self(literal.to_owned())
+    }
+}
+
+impl Parameter for Rotation {
+    type Limits = ();
+    type Literal = bool;
+
+    fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
+        match TURNS.iter().position(|word| node.is_text(word)) {
+            Some(at) => Ok(Self::Farthest(at == 1)),
+            None => Angle::read(node, key, &LARGEST_TURN).map(Self::By).map_err(|error| {
+                let words = TURNS.join(", ");
+                error.help(format!("allowed: {words}, or an angle from -179 deg to 179 deg"))
+            }),
+        }
+    }
+
+    fn canonical(&self) -> Option<Canonical> {
+        match self {
+            Self::Farthest(counterclockwise) => Some(TURNS[usize::from(*counterclockwise)].into()),
+            Self::By(angle) => angle.canonical(),
+        }
+    }
+
+    fn schema((): &()) -> Schema {
+        Schema::any_of([Schema::word(&TURNS), Angle::schema(&LARGEST_TURN)])
+    }
+
+    fn literal(counterclockwise: bool) -> Self {
+        Self::Farthest(counterclockwise)
     }
 }
 

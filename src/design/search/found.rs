@@ -4,10 +4,9 @@ use super::probe::Probe;
 use super::shortage::report_shortage;
 use super::{Search, SearchError};
 use crate::design::evolve::GenerationReport;
-use crate::design::intuitive::Intuitive;
 use crate::design::local_search::{LocalOptimum, SearchStep};
-use crate::field::{Field, NO_FIELD, Predictor};
-use crate::pattern::{Bits, CELLS, Pattern, Role};
+use crate::field::{Field, NO_FIELD, Predictor, StateFields};
+use crate::pattern::{CELLS, Pattern, Role};
 
 /// One pattern of a target.
 #[derive(Clone, Debug)]
@@ -20,8 +19,8 @@ pub struct FoundDesign {
     pub units: usize,
     /// The pattern.
     pub pattern: Pattern,
-    /// Its field by the evaluator; zero where it has none.
-    pub predicted: Field,
+    /// Its fields in the states of the device by the evaluator; zero where it has none.
+    pub predicted: StateFields,
     /// Predicted mean displacement along the wanted directions in mm.
     pub value_mm: f64,
     /// F; smaller is better.
@@ -97,12 +96,12 @@ impl Search<'_> {
     pub(super) fn result(
         &self,
         evaluator: String,
-        predictor: &dyn Predictor,
+        predictor: &dyn Predictor<StateFields>,
         findings: Findings,
         probes: Vec<Probe>,
     ) -> Result<SearchResult, SearchError> {
         let mut found = findings.patterns;
-        let intuitive = Intuitive::of(&self.target.goal);
+        let intuitive = self.intuitive();
         let area = found.last().map_or(0.5, |best| best.pattern.area_fraction());
         for (role, pattern) in [
             (Role::Intuitive, self.within(intuitive.at_own_area())),
@@ -123,7 +122,7 @@ impl Search<'_> {
         };
         let rows = found.into_iter().zip(fields).zip(feasible);
         let mut designs: Vec<FoundDesign> = rows
-            .map(|((found, field), feasible)| self.design(found, field, feasible))
+            .map(|((found, fields), feasible)| self.design(found, fields, feasible))
             .collect();
         report_shortage(&mut designs, self.options.designs, self.options.distance.to_f64());
         Ok(SearchResult {
@@ -140,25 +139,28 @@ impl Search<'_> {
     fn within(&self, pattern: Pattern) -> Pattern {
         match self.constraints.room() {
             None => pattern,
-            Some(room) => Bits::of(&pattern).and(room).pattern(),
+            Some(room) => Pattern::from_groups(pattern.raster(), |x, y| match room.has(x, y) {
+                true => pattern.group(x, y),
+                false => 0,
+            }),
         }
     }
 
-    fn design(&self, found: FoundPattern, field: Option<Field>, feasible: bool) -> FoundDesign {
+    fn design(&self, found: FoundPattern, fields: Option<StateFields>, feasible: bool) -> FoundDesign {
         let goal = &self.target.goal;
-        let status = match &field {
+        let status = match &fields {
             None => NO_FIELD.to_owned(),
             Some(_) => self.status(&found, feasible),
         };
-        let field = field.unwrap_or_else(|| Field::zero(goal.raster()));
+        let fields = fields.unwrap_or_else(|| vec![Field::zero(goal.raster()); self.drivers.len()]);
         FoundDesign {
-            value_mm: goal.value_mm(&field),
-            fitness: goal.fitness(&found.pattern, &field),
+            value_mm: goal.value_mm(&fields),
+            fitness: goal.fitness(&found.pattern, &fields),
             role: found.role,
             member: found.member,
             units: found.units,
             pattern: found.pattern,
-            predicted: field,
+            predicted: fields,
             status,
         }
     }

@@ -19,7 +19,7 @@ impl Search<'_> {
             Err(why) => return Err(SearchError::Evaluator { settings, why }),
         };
         let setting = Setting {
-            predictor: evaluator.as_ref(),
+            predictor: &evaluator,
             goal: &self.target.goal,
             constraints: self.constraints,
             feasibility: self.feasibility()?,
@@ -48,7 +48,7 @@ impl Search<'_> {
         if self.options.refine {
             self.refine(&mut findings)?;
         }
-        self.result(settings, evaluator.as_ref(), findings, probes)
+        self.result(settings, &evaluator, findings, probes)
     }
 
     /// The cheapest evaluator that is accurate enough, and what each said of the patterns.
@@ -68,7 +68,7 @@ impl Search<'_> {
         let references = References {
             patterns: &similar,
             values_mm: &values_mm,
-            value_mm: &|field| self.target.goal.value_mm(field),
+            value_mm: &|fields| self.target.goal.value_mm(fields),
         };
         let accuracy_mm = self.options.evaluator_accuracy.value();
         Ok(cheapest_evaluator(candidates, &patterns, &references, accuracy_mm)?)
@@ -87,7 +87,7 @@ impl Search<'_> {
             .collect();
         let fields = self.elements.gradient()?.predict_some(&patterns)?;
         let known = patterns.into_iter().zip(fields);
-        let known = known.filter_map(|(pattern, field)| Some((pattern, self.target.goal.value_mm(&field?))));
+        let known = known.filter_map(|(pattern, fields)| Some((pattern, self.target.goal.value_mm(&fields?))));
         Ok(known.unzip())
     }
 }

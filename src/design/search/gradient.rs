@@ -68,7 +68,8 @@ impl Search<'_> {
                 // The words name the random numbers: others would find other designs.
                 let mut stream = Stream::new(self.options.seed.0, "start of a climb", index as u64);
                 let area = area.unwrap_or_else(|| stream.uniform());
-                Genome::random(area, START_GRAIN, &mut stream).pattern(raster)
+                let (all, groups) = (Genome::from_fn(|_, _| true), self.constraints.groups());
+                Genome::random_within(&all, area, groups, START_GRAIN, &mut stream).pattern(raster)
             }
         };
         (0..self.options.starts).map(drawn).collect()

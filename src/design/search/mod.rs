@@ -18,7 +18,7 @@ use super::local_search::{SearchProblem, SearchStep};
 use super::options::{Method, SearchOptions};
 use super::target::Target;
 use crate::base::Stopped;
-use crate::field::{Differentiable, Feasibility, PredictError};
+use crate::field::{Differentiable, Feasibility, PredictError, StateFields};
 use crate::pattern::{CELLS, Pattern};
 
 /// One target, what its designs must keep to, and how they are searched.
@@ -29,6 +29,8 @@ pub struct Search<'a> {
     pub constraints: &'a Constraints,
     /// How to search.
     pub options: &'a SearchOptions,
+    /// Of each state of the device the group of electrodes that drives it.
+    pub drivers: &'a [u8],
     /// Finite elements.
     pub elements: &'a dyn Elements,
     /// Follows the search.
@@ -41,7 +43,7 @@ pub trait Elements {
     ///
     /// # Errors
     /// When the scene cannot be simulated.
-    fn gradient(&self) -> Result<&dyn Differentiable, SearchError>;
+    fn gradient(&self) -> Result<&dyn Differentiable<StateFields>, SearchError>;
 
     /// What checks the margins that the constraints ask for, if they ask for any.
     ///
@@ -169,9 +171,13 @@ impl<'a> Search<'a> {
         |step: &SearchStep| self.progress.step(step)
     }
 
+    fn intuitive(&self) -> Intuitive {
+        Intuitive::of(&self.target.goal, self.drivers)
+    }
+
     /// The intuitive design at the wanted area, or at its own where any will do.
     fn intuitive_start(&self) -> Pattern {
-        let intuitive = Intuitive::of(&self.target.goal);
+        let intuitive = self.intuitive();
         let area = self.target.area.fraction();
         area.map_or_else(|| intuitive.at_own_area(), |area| intuitive.at_area(area))
     }

@@ -4,7 +4,7 @@
 //! measured it. Errors are reproducible, and so is the choice.
 
 use super::Cause;
-use crate::field::{Evaluator, Field, PredictError};
+use crate::field::{Evaluator, Field, InStates, PredictError, Predictor, StateFields};
 use crate::pattern::Pattern;
 
 /// Patterns of the first generation on which evaluators are compared.
@@ -14,8 +14,8 @@ pub(super) const PATTERNS: usize = 32;
 pub struct Candidate {
     /// Its settings on one line, as in an accuracy stage.
     pub settings: String,
-    /// The evaluator, or why it cannot be used.
-    pub evaluator: Result<Box<dyn Evaluator>, Cause>,
+    /// The evaluator in each state of the device, or why it cannot be used.
+    pub evaluator: Result<InStates<Box<dyn Evaluator>>, Cause>,
 }
 
 /// What an evaluator said of the patterns.
@@ -41,8 +41,8 @@ pub struct References<'a> {
     pub patterns: &'a [Pattern],
     /// Their displacements in mm by finite elements.
     pub values_mm: &'a [f64],
-    /// The displacement of a field.
-    pub value_mm: &'a dyn Fn(&Field) -> f64,
+    /// The displacement of fields.
+    pub value_mm: &'a dyn Fn(&[Field]) -> f64,
 }
 
 /// The error on patterns similar to designs that an evaluator may have.
@@ -61,8 +61,8 @@ impl References<'_> {
             return Ok(1.0);
         };
         let fields = predictor.predict_some(self.patterns)?;
-        let error = |(field, reference): (Option<Field>, &f64)| match field {
-            Some(field) => ((self.value_mm)(&field) - reference).abs() / reference.abs().max(SMALL_MM),
+        let error = |(fields, reference): (Option<StateFields>, &f64)| match fields {
+            Some(fields) => ((self.value_mm)(&fields) - reference).abs() / reference.abs().max(SMALL_MM),
             None => 1.0,
         };
         Ok(fields.into_iter().zip(self.values_mm).map(error).fold(0.0, f64::max))
@@ -87,7 +87,7 @@ pub fn cheapest_evaluator(
         Ok(predictor) => predictor.predict_some(patterns),
         Err(_) => Ok(vec![None; patterns.len()]),
     };
-    let found: Vec<Vec<Option<Field>>> = candidates.iter().map(fields).collect::<Result<_, _>>()?;
+    let found: Vec<Vec<Option<StateFields>>> = candidates.iter().map(fields).collect::<Result<_, _>>()?;
     let reference = found.last().map_or(&[][..], Vec::as_slice);
     let pairs = candidates.iter().zip(&found);
     let mut probes: Vec<Probe> = pairs
@@ -101,15 +101,18 @@ pub fn cheapest_evaluator(
     Ok((candidates.swap_remove(place), probes))
 }
 
-fn compared(settings: &str, found: &[Option<Field>], reference: &[Option<Field>]) -> Probe {
+fn compared(settings: &str, found: &[Option<StateFields>], reference: &[Option<StateFields>]) -> Probe {
     let pairs = || found.iter().zip(reference);
-    let both = pairs().filter_map(|(found, reference)| Some(found.as_ref()?.rms_difference(reference.as_ref()?)));
-    let errors: Vec<f64> = both.collect();
+    let both = || pairs().filter_map(|(found, reference)| Some((found.as_ref()?, reference.as_ref()?)));
+    let of_states = both().flat_map(|(found, reference)| found.iter().zip(reference));
+    let errors: Vec<f64> = of_states
+        .map(|(found, reference)| found.rms_difference(reference))
+        .collect();
     let squares = errors.iter().fold(0.0, |sum, error| sum + error * error);
     Probe {
         settings: settings.to_owned(),
         rmse_mm: (squares / errors.len().max(1) as f64).sqrt(),
-        known: errors.len() as u64,
+        known: both().count() as u64,
         disagree: pairs().filter(|(a, b)| a.is_some() != b.is_some()).count() as u64,
         design_error: 0.0,
     }

@@ -36,7 +36,7 @@ mod tests {
             member: 0,
             units: 20,
             pattern: Pattern::from_fn(Raster::PAPER, |_, _| false),
-            predicted: Field::zero(Raster::PAPER),
+            predicted: vec![Field::zero(Raster::PAPER)],
             value_mm: 0.0,
             fitness: 1.0,
             status: status.to_owned(),

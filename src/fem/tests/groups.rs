@@ -1,9 +1,10 @@
 //! Groups of electrodes with voltages of their own.
 
 use super::*;
+use crate::fem::GradientEvaluator;
 use crate::fem::effects::Model;
 use crate::fem::evaluator::Solver;
-use crate::field::Simulation;
+use crate::field::{Differentiable, InStates, Simulation, StateFields};
 
 /// A scene of VHB 4910, 1 mm thick.
 fn scene(geometry: &str, drive: &str, effects: &str) -> Scene {
@@ -125,6 +126,44 @@ fn limits_and_brackets_are_of_the_largest_voltage() {
     });
     assert!((strong / single - 1.0).abs() < 1e-3, "{strong} {single}");
     assert!((weak / single - 2.0).abs() < 2e-3, "{weak} {single}");
+}
+
+#[test]
+fn gradients_say_what_each_group_adds() {
+    let of = |second: f64| scene(PLATE, &format!("voltages: [4 kV, {second} V]"), "{}");
+    let (at, raster) = (of(2800.0), of(0.0).membrane().raster);
+    let pattern = stripes(&at);
+    let weights = (0..2 * raster.corners()).map(|i| if i % 61 == 7 { 1.0 } else { 0.0 });
+    let weights = Field::from_values(raster, weights.collect()).unwrap();
+    let value = |field: &Field| -> f64 { field.values().iter().zip(weights.values()).map(|(u, w)| u * w).sum() };
+    let states = InStates::new(vec![
+        Box::new(GradientEvaluator::new(&at).unwrap()),
+        Box::new(GradientEvaluator::new(&of(0.0)).unwrap()),
+    ]);
+    let slope = |fields: &StateFields| {
+        let scaled = |by: f64| Field::from_values(raster, weights.values().iter().map(|w| by * w).collect()).unwrap();
+        assert_eq!(fields.len(), 2);
+        // Of the first state as it is, of the second three times and reversed.
+        vec![scaled(1.0), scaled(-3.0)]
+    };
+    let (fields, gradient) = states.gradient(&pattern, &slope).unwrap().unwrap();
+    assert!(fields[0].max_difference(&moved(&at, &pattern)) < 1e-7 && fields.len() == 2);
+    let [first, second] = [0, 1].map(|group| &gradient[group * raster.cells()..][..raster.cells()]);
+    // Group 2 has the load (2.8/4)² in the first state and none in the second.
+    let alone = InStates::one(Box::new(GradientEvaluator::new(&at).unwrap()));
+    let (_, alone) = alone.gradient(&pattern, &|_| vec![weights.clone()]).unwrap().unwrap();
+    for (cell, second) in second.iter().enumerate() {
+        assert!((second - 0.49 * alone[cell]).abs() < 1e-9 * alone[cell].abs().max(1e-6));
+    }
+    assert_ne!(first, &alone[..raster.cells()]);
+    // The derivative with respect to the load of group 2 is the sum over its cells.
+    let share = |load: f64| value(&moved(&of(4000.0 * load.sqrt()), &pattern));
+    let step = 1e-3;
+    let slope = (8.0 * (share(0.49 + step) - share(0.49 - step)) - share(0.49 + 2.0 * step) + share(0.49 - 2.0 * step))
+        / (12.0 * step);
+    let cells = pattern.cells().iter().zip(&alone).filter(|(group, _)| **group == 2);
+    let sum: f64 = cells.map(|(_, gradient)| gradient).sum();
+    assert!((sum - slope).abs() < 1e-5 * slope.abs(), "{sum} {slope}");
 }
 
 #[test]

@@ -60,6 +60,7 @@ pub(in crate::report) mod tests {
     use crate::pattern::{Membrane, Pattern, Raster};
     use crate::report::designs::{Objective, role_word};
     use crate::report::drawing::Ground;
+    use crate::scene::Scene;
 
     /// A design of case `I` without fields.
     pub(in crate::report) fn design(role: Role, units: u64, simulated_mm: Option<f64>) -> Design {
@@ -70,7 +71,7 @@ pub(in crate::report) mod tests {
             role,
             member: 0,
             units,
-            objective: Objective::read("{ point: [25, 25], direction: 0 }").unwrap(),
+            objective: Objective::read("{ point: [25, 25], direction: 0 }", &Scene::vhb4910()).unwrap(),
             area_target: "0.5".into(),
             area: 0.5,
             constraints: "{}".into(),
@@ -79,6 +80,7 @@ pub(in crate::report) mod tests {
             pattern: Pattern::from_fn(Raster::PAPER, |_, _| true),
             predicted: Some(vec![0.0; 5202]),
             simulated: None,
+            states: Vec::new(),
             predicted_mm: Some(1.0),
             simulated_mm,
             error_mm: None,

@@ -16,9 +16,10 @@ pub(in crate::report) fn membranes<'f>(
     wanted: impl Iterator<Item = (usize, &'f Field)>,
 ) -> Result<Vec<Membrane>, ReportError> {
     let (patterns, objectives) = (source.of(rows.patterns().read())?, source.of(rows.objective().read())?);
-    let ground = Ground::of(&source.of(scene.read())?);
+    let scene = source.of(scene.read())?;
+    let ground = Ground::of(&scene);
     let membrane = |(row, field): (usize, &Field)| {
-        let objective = Objective::read(&objectives.0[row]).map_err(|e| source.wrong(e.to_string()))?;
+        let objective = Objective::read(&objectives.0[row], &scene).map_err(|e| source.wrong(e.to_string()))?;
         let points = objective.aims.iter().map(|aim| aim.point).collect();
         source.drawn(Membrane::new(
             patterns[row].cells(),

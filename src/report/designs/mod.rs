@@ -19,7 +19,7 @@ pub use crate::pattern::Role;
 pub use compare::Compared;
 pub use found::{Extreme, Found};
 pub(super) use membranes::membranes;
-pub use objective::Objective;
+pub use objective::{Aim, Objective, Way};
 pub use read::designs;
 
 /// The role in tables and files: both intuitive designs have the same word.
@@ -75,6 +75,8 @@ pub struct Design {
     pub predicted: Option<Vec<f64>>,
     /// The same as simulated; none where it was not, or there is no stable solution.
     pub simulated: Option<Vec<f64>>,
+    /// Of a device in several states, the displacement in each: as simulated, or as predicted where it was not.
+    pub states: Vec<StateField>,
     /// Predicted mean displacement along the wanted directions, mm; none where the evaluator has no field.
     pub predicted_mm: Option<f64>,
     /// The same as simulated.
@@ -89,6 +91,15 @@ pub struct Design {
     pub compared: Compared,
 }
 
+/// The displacement in one of several states of a device.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StateField {
+    /// The name of the state.
+    pub name: String,
+    /// In mm at the corners of cells, `[y][x][component]`.
+    pub field: Vec<f64>,
+}
+
 impl Design {
     /// Whether both belong to the same target of the same case.
     #[must_use]
@@ -96,12 +107,32 @@ impl Design {
         self.case == other.case && self.target == other.target
     }
 
-    /// The membrane as simulated, or as predicted where it was not; none where no finite field is known.
+    /// The membrane as simulated, or as predicted where it was not, in one of several states or in the only one; none where no finite field is
+    /// known.
     #[must_use]
-    pub fn membrane(&self) -> Option<Membrane> {
-        let field = self.simulated.as_ref().or(self.predicted.as_ref())?;
-        let points = self.objective.points().iter().map(|aim| aim.point).collect();
+    pub fn membrane(&self, state: Option<&StateField>) -> Option<Membrane> {
+        let field = match state {
+            Some(state) => &state.field,
+            None => self.simulated.as_ref().or(self.predicted.as_ref())?,
+        };
+        let is_in = |aim: &&Aim| state.is_none_or(|state| aim.state.as_ref() == Some(&state.name));
+        let points = self
+            .objective
+            .points()
+            .iter()
+            .filter(is_in)
+            .map(|aim| aim.point)
+            .collect();
         Membrane::new(self.pattern.cells(), field, self.ground.clone(), points).ok()
+    }
+
+    /// The membrane in all states, or in the only one.
+    #[must_use]
+    pub fn membranes(&self) -> Vec<Membrane> {
+        match &self.states[..] {
+            [] => self.membrane(None).into_iter().collect(),
+            states => states.iter().filter_map(|state| self.membrane(Some(state))).collect(),
+        }
     }
 
     /// Predicted less simulated, a share of what is simulated.

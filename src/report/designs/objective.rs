@@ -1,8 +1,10 @@
 //! What a design is for, from the text of its objective.
 
+use std::fmt;
 use std::path::Path;
 
 use crate::base::{Dimension, Document, InputError, Node};
+use crate::scene::Scene;
 
 /// An objective.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -15,13 +17,40 @@ pub struct Objective {
     pub vectors: bool,
 }
 
-/// A point and where it should move.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// A point or a rigid body and where it should move.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Aim {
-    /// Its place in mm from the lower left corner.
+    /// Its place in mm from the lower left corner; of a body its centroid.
     pub point: [f64; 2],
+    /// The number of the body, where one is meant.
+    pub body: Option<usize>,
+    /// Where it should move.
+    pub way: Way,
+    /// The state of the device in which it should, where one is named.
+    pub state: Option<String>,
+}
+
+/// Where something should move.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Way {
     /// Counterclockwise from the x axis, degrees.
-    pub direction: f64,
+    Along(f64),
+    /// It should turn, so as the objective says: `clockwise`, `counterclockwise`, or an angle.
+    Turn(String),
+}
+
+impl fmt::Display for Way {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Along(degrees) => rounded(*degrees).fmt(f),
+            Self::Turn(how) => f.write_str(&how.replace(' ', "")),
+        }
+    }
+}
+
+/// Nine digits are more than a length or angle has, and hide what rounding adds.
+fn rounded(value: f64) -> f64 {
+    (1e9 * value).round() / 1e9 + 0.0
 }
 
 /// More points than these are a field: nobody reads them one by one.
@@ -29,14 +58,14 @@ const FEW: usize = 16;
 
 impl Objective {
     /// Reads `{ point, direction }` or `{ points: [{ point, direction }, …] }`, with a `displacement` in place of a direction
-    /// where one is wanted; other keys do not matter here.
+    /// where one is wanted, or a `body` of a scene in place of a point; other keys do not matter here.
     ///
     /// # Errors
-    /// When the text is no YAML, or a point or direction cannot be read.
-    pub fn read(text: &str) -> Result<Self, InputError> {
+    /// When the text is no YAML, or a point, body or direction cannot be read.
+    pub fn read(text: &str, scene: &Scene) -> Result<Self, InputError> {
         let document = Document::from_text(Path::new("objective"), text)?;
         let root = &document.root;
-        let aims = match (root.peek("points"), root.peek("point")) {
+        let aims = match (root.peek("points"), root.peek("point").or(root.peek("body"))) {
             (Some(points), _) => points.list("points")?,
             (None, Some(_)) => std::slice::from_ref(root),
             (None, None) => &[],
@@ -45,8 +74,8 @@ impl Objective {
             .peek("value")
             .map(|value| value.quantity("value", Dimension::Length));
         Ok(Self {
-            vectors: aims.iter().any(|aim| aim.peek("displacement").is_some()),
-            aims: aims.iter().map(aim).collect::<Result<_, _>>()?,
+            vectors: aims.iter().any(is_far),
+            aims: aims.iter().map(|one| aim(one, scene)).collect::<Result<_, _>>()?,
             value_mm: value.transpose()?.map(|value| value.value()),
         })
     }
@@ -63,20 +92,27 @@ impl Objective {
         if self.aims.len() > FEW { &[] } else { &self.aims }
     }
 
-    /// One of the numbers of each point, separated by spaces.
+    /// A coordinate of each point in mm, separated by spaces.
     #[must_use]
-    pub fn list(&self, of: impl Fn(&Aim) -> f64) -> String {
-        // Nine digits are more than a length or angle has, and hide what rounding adds.
-        let round = |value: f64| (1e9 * value).round() / 1e9 + 0.0;
-        let numbers: Vec<String> = self.points().iter().map(|aim| round(of(aim)).to_string()).collect();
-        numbers.join(" ")
+    pub fn coordinates(&self, axis: usize) -> String {
+        self.list(|aim| rounded(aim.point[axis]).to_string())
+    }
+
+    /// Where each point should move, in degrees, separated by spaces.
+    #[must_use]
+    pub fn ways(&self) -> String {
+        self.list(|aim| aim.way.to_string())
+    }
+
+    fn list(&self, of: impl Fn(&Aim) -> String) -> String {
+        let words: Vec<String> = self.points().iter().map(of).collect();
+        words.join(" ")
     }
 
     /// In words, on one line.
     #[must_use]
     pub fn description(&self) -> String {
-        let one = |aim: &Aim| format!("({}, {}) mm at {:.4}", aim.point[0], aim.point[1], aim.direction + 0.0);
-        let one = |aim: &Aim| format!("{}°", one(aim).trim_end_matches('0').trim_end_matches('.'));
+        let one = Aim::description;
         let what = match self.points() {
             [] => format!("a field, given at {} points", self.aims.len()),
             [aim] => one(aim),
@@ -90,58 +126,142 @@ impl Objective {
     }
 }
 
-fn aim(node: &Node) -> Result<Aim, InputError> {
-    let missing = |key: &str| node.error(format!("an objective without `{key}`"));
-    let point = node.peek("point").ok_or_else(|| missing("point"))?;
-    let [x, y] = point.list("point")? else {
-        return Err(point.error("`point` must have two coordinates"));
-    };
-    let length = |node: &Node| Ok::<f64, InputError>(node.quantity("point", Dimension::Length)?.value());
-    let direction = match (node.peek("direction"), node.peek("displacement")) {
-        (Some(direction), _) => direction.quantity("direction", Dimension::Angle)?.value(),
-        (None, Some(displacement)) => {
-            let [x, y] = displacement.list("displacement")? else {
-                return Err(displacement.error("`displacement` must have two components"));
-            };
-            length(y)?.atan2(length(x)?).to_degrees()
+impl Aim {
+    /// In words.
+    fn description(&self) -> String {
+        let what = match self.body {
+            None => format!("({}, {}) mm", self.point[0], self.point[1]),
+            Some(body) => format!("body {body}"),
+        };
+        let way = match &self.way {
+            Way::Along(degrees) => {
+                let degrees = format!("{:.4}", degrees + 0.0);
+                format!("at {}°", degrees.trim_end_matches('0').trim_end_matches('.'))
+            }
+            Way::Turn(how) => format!("turned {how}"),
+        };
+        match &self.state {
+            None => format!("{what} {way}"),
+            Some(state) => format!("{what} {way} in state {state}"),
         }
-        (None, None) => return Err(missing("direction")),
-    };
+    }
+}
+
+/// Whether it says how far something should move.
+fn is_far(node: &Node) -> bool {
+    let by_angle = |rotation: &Node| rotation.quantity("rotation", Dimension::Angle).is_ok();
+    node.peek("displacement").is_some()
+        || node.peek("translation").is_some()
+        || node.peek("rotation").is_some_and(by_angle)
+}
+
+fn aim(node: &Node, scene: &Scene) -> Result<Aim, InputError> {
+    let body = node
+        .peek("body")
+        .map(|body| body.integer("body", 0, u64::MAX))
+        .transpose()?;
+    let body = body.map(|body| body as usize);
     Ok(Aim {
-        point: [length(x)?, length(y)?],
-        direction,
+        point: match body {
+            Some(body) => {
+                let centroid = scene.centroid_of_body(body);
+                centroid.ok_or_else(|| node.error(format!("an objective for body {body}, which the scene has not")))?
+            }
+            None => pair(node.peek("point").ok_or_else(|| missing(node, "point"))?, "point")?,
+        },
+        body,
+        way: way(node)?,
+        state: node
+            .peek("state")
+            .map(|state| state.text("state").map(str::to_owned))
+            .transpose()?,
     })
+}
+
+fn way(node: &Node) -> Result<Way, InputError> {
+    if let Some(rotation) = node.peek("rotation") {
+        return Ok(Way::Turn(rotation.text("rotation")?.to_owned()));
+    }
+    let vector = ["displacement", "translation"];
+    let vector = vector.into_iter().find_map(|key| Some((key, node.peek(key)?)));
+    match (node.peek("direction"), vector) {
+        (Some(direction), _) => {
+            let degrees = direction.quantity("direction", Dimension::Angle)?.value();
+            Ok(Way::Along(degrees))
+        }
+        (None, Some((key, vector))) => {
+            let [x, y] = pair(vector, key)?;
+            Ok(Way::Along(y.atan2(x).to_degrees()))
+        }
+        (None, None) => Err(missing(node, "direction")),
+    }
+}
+
+fn missing(node: &Node, key: &str) -> InputError {
+    node.error(format!("an objective without `{key}`"))
+}
+
+/// Two lengths in mm.
+fn pair(node: &Node, key: &str) -> Result<[f64; 2], InputError> {
+    let [x, y] = node.list(key)? else {
+        return Err(node.error(format!("`{key}` must have two components")));
+    };
+    let length = |node: &Node| Ok::<f64, InputError>(node.quantity(key, Dimension::Length)?.value());
+    Ok([length(x)?, length(y)?])
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn read(text: &str) -> Result<Objective, InputError> {
+        Objective::read(text, &Scene::vhb4910())
+    }
+
     #[test]
     fn points_and_directions_are_read_in_mm_and_degrees() {
-        let one = Objective::read("{ point: [2.5 cm, 37.5], direction: 45 deg, measure: displacement }").unwrap();
-        assert_eq!(one.list(|aim| aim.point[0]), "25");
+        let one = read("{ point: [2.5 cm, 37.5], direction: 45 deg, measure: displacement }").unwrap();
+        assert_eq!(one.coordinates(0), "25");
         assert_eq!(one.description(), "(25, 37.5) mm at 45°");
-        let two = Objective::read(
+        let two = read(
             "{ points: [{ point: [1, 2], direction: 0, weight: 2 }, { point: [3, 4], direction: -90 deg }], value: 1.00 mm }",
         )
         .unwrap();
-        assert_eq!(two.list(|aim| aim.direction), "0 -90");
+        assert_eq!(two.ways(), "0 -90");
         assert_eq!(two.value_mm, Some(1.0));
         assert!(two.description().ends_with("by 1 mm"), "{}", two.description());
-        let vector = Objective::read("{ point: [1, 2], displacement: [1 mm, 1 mm] }").unwrap();
-        assert_eq!(
-            (vector.list(|aim| aim.direction).as_str(), vector.is_met()),
-            ("45", true)
-        );
+        let vector = read("{ point: [1, 2], displacement: [1 mm, 1 mm] }").unwrap();
+        assert_eq!((vector.ways().as_str(), vector.is_met()), ("45", true));
         let field = vec!["{ point: [1, 2], displacement: [0, 1] }"; 17].join(", ");
-        let field = Objective::read(&format!("{{ points: [{field}] }}")).unwrap();
-        assert_eq!(field.list(|aim| aim.direction), "");
+        let field = read(&format!("{{ points: [{field}] }}")).unwrap();
+        assert_eq!(field.ways(), "");
         assert!(
             field.description().starts_with("a field, given at 17 points"),
             "{}",
             field.description()
         );
-        assert!(Objective::read("{ point: [1, 2] }").is_err());
+        assert!(read("{ point: [1, 2] }").is_err());
+    }
+
+    #[test]
+    fn bodies_are_where_their_centroids_are() {
+        let scene = Scene::from_text(
+            "geometry: { side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 25, bodies: [{ rectangle: [[20 mm, 22 mm], [30 mm, 26 mm]] }] }\n\
+             material: { model: neo-hookean, shear_modulus: 24.3 kPa, relative_permittivity: 4.7 }\n\
+             states: { push: { voltage: 5 kV }, pull: { voltage: 1 kV } }\n",
+        )
+        .unwrap();
+        let of = |text: &str| Objective::read(text, &scene).unwrap();
+        let turned = of(
+            "{ points: [{ body: 0, rotation: counterclockwise, state: push }, { body: 0, direction: 180 deg, state: pull }] }",
+        );
+        assert_eq!(turned.coordinates(1), "24 24");
+        assert_eq!(turned.ways(), "counterclockwise 180");
+        assert_eq!(
+            turned.description(),
+            "the mean of body 0 turned counterclockwise in state push, body 0 at 180° in state pull"
+        );
+        assert!(!turned.is_met() && of("{ body: 0, rotation: 5 deg }").is_met());
+        assert!(Objective::read("{ body: 1, direction: 0 }", &scene).is_err());
     }
 }

@@ -1,11 +1,11 @@
 //! Designs as they stand in the artifacts of design and verify stages.
 
-use super::Design;
 use super::compare::{Compared, compare};
 use super::names::name;
 use super::objective::Objective;
+use super::{Design, StateField};
 use crate::content::{DesignRowsView, Designs, StoredAttribute, Verification, predicted_rows};
-use crate::field::NO_FIELD;
+use crate::field::{Field, NO_FIELD};
 use crate::report::artifacts::{RunArtifacts, Source};
 use crate::report::drawing::Ground;
 use crate::report::error::ReportError;
@@ -88,9 +88,15 @@ fn verified(source: &Source<'_>) -> Result<Vec<Design>, ReportError> {
         source.of(view.displacement().read())?,
         source.of(view.component().read())?,
     );
+    let scene = source.of(view.scene().read())?;
+    let states = source.of(view.states().displacement().read_if_there())?;
     for ((design, row), outcome) in designs.iter_mut().zip(rows).zip(outcomes) {
         design.outcome = Some(outcome);
         let Some(row) = row else { continue };
+        if let Some(states) = &states {
+            let each = states.len() / fields.len();
+            design.states = in_states(&scene, &states[row * each..][..each]);
+        }
         design.simulated = Some(fields[row].values().to_vec());
         design.simulated_mm = Some(component.simulated[row]);
         // An error that is not known is not zero.
@@ -116,7 +122,8 @@ fn read(
     let view = rows;
     let rows = source.of(view.read())?;
     let intervals = intervals::of_rows(source, view, rows.len())?;
-    let ground = Ground::of(&source.of(scene.read())?);
+    let scene = source.of(scene.read())?;
+    let ground = Ground::of(&scene);
     let predictions = predicted_rows(&rows.role);
     let design = |k: usize| {
         let prediction = predictions[k].filter(|_| rows.status.0[k] != NO_FIELD);
@@ -127,7 +134,7 @@ fn read(
             role: rows.role[k],
             member: rows.member[k],
             units: rows.units[k],
-            objective: Objective::read(&rows.objective.0[k]).map_err(|e| source.wrong(e.to_string()))?,
+            objective: Objective::read(&rows.objective.0[k], &scene).map_err(|e| source.wrong(e.to_string()))?,
             area_target: area_target(&rows.area_target[k]),
             area: rows.area[k],
             constraints: rows.constraints.0[k].clone(),
@@ -136,6 +143,10 @@ fn read(
             pattern: rows.patterns[k].clone(),
             predicted: predictions[k].map(|at| rows.predicted[at].values().to_vec()),
             simulated: None,
+            states: match (prediction, &rows.states) {
+                (Some(at), Some(_)) => in_states(&scene, rows.predicted_in_states(at)),
+                _ => Vec::new(),
+            },
             predicted_mm: prediction.map(|at| predicted_mm[at]),
             simulated_mm: None,
             error_mm: None,
@@ -145,6 +156,17 @@ fn read(
         })
     };
     (0..rows.len()).map(design).collect()
+}
+
+/// Fields in the states of a scene, by name.
+fn in_states(scene: &Scene, fields: &[Field]) -> Vec<StateField> {
+    let names = scene.states.iter().map(|(name, _)| name.to_owned());
+    let both = names.zip(fields);
+    both.map(|(name, field)| StateField {
+        name,
+        field: field.values().to_vec(),
+    })
+    .collect()
 }
 
 /// The number as short as it can be, or the word.

@@ -14,6 +14,9 @@ use crate::field::Field;
 use crate::pattern::{self, Corners, Part, Pattern, PatternForm, Point, Raster, outlines};
 use crate::scene::Scene;
 
+/// Around a drawing, thousandths of its side.
+const MARGIN: f64 = 12.0;
+
 /// Cells between two lines of the grid, and between two points of a line that has moved.
 const GRID: usize = 5;
 const STEP: usize = 2;
@@ -82,6 +85,18 @@ impl Ground {
         self.plane.size_mm[0].max(self.plane.size_mm[1])
     }
 
+    /// The part of a drawing that it takes, with a margin: left, top, width and height in thousandths of the longer side.
+    #[must_use]
+    pub fn view(&self) -> [f64; 4] {
+        let [width, height] = self.plane.size_mm.map(|size| (THOUSAND * size / self.side()).round());
+        [
+            -MARGIN,
+            THOUSAND - height - MARGIN,
+            width + 2.0 * MARGIN,
+            height + 2.0 * MARGIN,
+        ]
+    }
+
     /// A corner of cells in mm.
     fn in_mm(&self, corner: Point) -> Point {
         let sides = self.plane.raster.sides();
@@ -141,7 +156,7 @@ impl Ground {
     #[must_use]
     pub fn electrode_at_rest(&self, pattern: &Pattern) -> Markup {
         html! {
-            path class="on" d=(self.cells(pattern)) {}
+            (electrodes("on", pattern, |group| self.cells(group)))
             @if let Some(bodies) = &self.bodies { path class="body" d=(self.cells(bodies)) {} }
         }
     }
@@ -150,6 +165,20 @@ impl Ground {
     fn cells(&self, pattern: &Pattern) -> String {
         let drawn = |ring: Vec<Point>| path(&ring.iter().map(|at| self.drawn(*at)).collect::<Vec<_>>(), true);
         rings(pattern).map(drawn).collect()
+    }
+}
+
+/// The electrodes of each group, drawn by their edge: those of the first fully, of the others less and less.
+fn electrodes(class: &str, pattern: &Pattern, edge: impl Fn(&Pattern) -> String) -> Markup {
+    let groups = pattern.groups();
+    html! {
+        @if groups <= 1 { path class=(class) d=(edge(pattern)) {} }
+        @else {
+            @for group in 1..=groups {
+                @let opacity = 1.0 - 0.6 * (group - 1) as f64 / (groups - 1) as f64;
+                path class=(class) style=(format!("fill-opacity:{opacity:.2}")) d=(edge(&pattern.of_group(group as u8))) {}
+            }
+        }
     }
 }
 
@@ -211,7 +240,7 @@ impl Membrane {
     /// The electrode where it has moved to, displacements drawn `scale` times.
     pub fn electrode(&self, scale: f64) -> Markup {
         html! {
-            path class="moved" d=(edge(&self.pattern, |at| self.moved(at, scale))) {}
+            (electrodes("moved", &self.pattern, |group| edge(group, |at| self.moved(at, scale))))
             @if let Some(bodies) = &self.ground.bodies { path class="body" d=(edge(bodies, |at| self.moved(at, scale))) {} }
         }
     }

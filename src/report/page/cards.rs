@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 use crate::pattern::CELLS;
-use crate::report::designs::{Design, Role, role_title};
+use crate::report::designs::{Design, Role, StateField, Way, role_title};
 use crate::report::drawing::{Ground, direction};
 use crate::report::format::{gain, mm, percent};
 
@@ -38,7 +38,11 @@ fn card(design: &Design, several: bool, scale: f64) -> Markup {
     html! {
         article class={ "card " (class) } id=(design.name) {
             h5 { (title) span { @if design.role.is_found() && has_units(design) { (design.units) " × " (design.units) " units" } } }
-            div.pair { (pattern(design)) (deformed(design, scale)) }
+            div.pair {
+                (pattern(design))
+                @if design.states.is_empty() { (deformed(design, None, scale)) }
+                @for state in &design.states { figure { (deformed(design, Some(state), scale)) figcaption { (state.name) } } }
+            }
             (numbers(design))
             @for (class, remark) in remarks(design) { p class={ "status " (class) } { (remark) } }
         }
@@ -60,24 +64,27 @@ fn pattern(design: &Design) -> Markup {
     let aims = design.objective.points().iter();
     let content = html! {
         (design.ground.electrode_at_rest(&design.pattern))
-        @for aim in aims { (direction(aim.point, design.ground.side(), aim.direction, ARROW)) }
+        @for aim in aims {
+            @if let Way::Along(degrees) = aim.way { (direction(aim.point, design.ground.side(), degrees, ARROW)) }
+        }
     };
     drawing(design, &description, &content)
 }
 
 /// The electrode where it has moved to over the grid at rest, with the displacements of the wanted points.
-fn deformed(design: &Design, scale: f64) -> Markup {
+fn deformed(design: &Design, state: Option<&StateField>, scale: f64) -> Markup {
     let how = if design.simulated.is_some() {
         "simulated"
     } else {
         "predicted"
     };
+    let of_state = state.map_or(String::new(), |state| format!(" in state {}", state.name));
     let description = format!(
-        "Deformed membrane of {}, {how}, displacements drawn {scale} times",
+        "Deformed membrane of {}{of_state}, {how}, displacements drawn {scale} times",
         design.name
     );
     let content = html! {
-        @if let Some(membrane) = design.membrane() {
+        @if let Some(membrane) = design.membrane(state) {
             (membrane.electrode(scale)) (membrane.mesh(scale)) (membrane.arrows(scale))
         }
     };
@@ -85,8 +92,11 @@ fn deformed(design: &Design, scale: f64) -> Markup {
 }
 
 fn drawing(design: &Design, description: &str, content: &Markup) -> Markup {
+    let [left, top, width, height] = design.ground.view();
+    // The longer side has 240 pixels.
+    let pixels = |length: f64| (240.0 * length / width.max(height)).round();
     html! {
-        svg.membrane viewBox="-12 -12 1024 1024" width="240" height="240" role="img" aria-label=(description) {
+        svg.membrane viewBox=(format!("{left} {top} {width} {height}")) width=(pixels(width)) height=(pixels(height)) role="img" aria-label=(description) {
             title { (description) }
             (design.ground.frame())
             @if design.ground.has_paper_grid() { use href="#rest" {} } @else { (design.ground.grid()) }

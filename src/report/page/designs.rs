@@ -26,7 +26,7 @@ pub fn section(page: &mut Page, designs: &[Design]) {
         return;
     }
     page.section("Designs");
-    let membranes: Vec<Membrane> = designs.iter().filter_map(Design::membrane).collect();
+    let membranes: Vec<Membrane> = designs.iter().flat_map(Design::membranes).collect();
     let scale = exaggeration(&membranes);
     let times = match scale {
         1.0 => "true to scale".to_owned(),

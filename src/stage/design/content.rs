@@ -53,7 +53,13 @@ fn rows(heading: Heading, designs: Vec<FoundDesign>, evaluator: String) -> Desig
         rows.units.push(design.units as u64);
         rows.area.push(design.pattern.area_fraction());
         rows.patterns.push(design.pattern);
-        rows.predicted.push(design.predicted);
+        if let [first, _, ..] = &design.predicted[..] {
+            rows.predicted.push(first.clone());
+            let states = rows.states.get_or_insert_default();
+            states.predicted.extend(design.predicted);
+        } else {
+            rows.predicted.extend(design.predicted);
+        }
         rows.status.0.push(design.status);
     }
     rows
@@ -68,7 +74,7 @@ fn history(name: &str, reports: &[GenerationReport]) -> History {
         mean: reports.iter().map(|r| r.mean).collect(),
         value: reports.iter().map(|r| r.value_mm).collect(),
         area: reports.iter().map(|r| r.area).collect(),
-        genomes: Packed(genes.map(|&on| u8::from(on)).collect()),
+        genomes: Packed(genes.copied().collect()),
     }
 }
 

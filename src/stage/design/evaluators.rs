@@ -4,8 +4,9 @@ use std::fmt;
 
 use crate::base::{Canonical, InputError, Node, Parameter, Schema};
 use crate::design::{Candidate, Evaluators};
-use crate::fem::{Method, SolverParameters, UnknownMethod};
-use crate::field::{Evaluator, Mesh};
+use crate::fem::screening::resolve_states;
+use crate::fem::{Method, SetupError, SolverParameters, UnknownMethod};
+use crate::field::{Evaluator, InStates, Mesh};
 use crate::scene::Scene;
 use crate::surrogate::{NetworkKind, Surrogate};
 
@@ -68,17 +69,23 @@ impl fmt::Display for EvaluatorChoice {
 fn network(surrogate: Surrogate) -> Candidate {
     Candidate {
         settings: surrogate.settings(),
-        evaluator: Ok(Box::new(surrogate)),
+        evaluator: Ok(InStates::one(Box::new(surrogate))),
     }
 }
 
-/// A method on bilinear elements as an evaluator.
+/// A method on bilinear elements as an evaluator in each state of a scene.
 fn elements(scene: &Scene, method: Method, elements_per_cell: usize) -> Candidate {
     let parameters = SolverParameters::new(method, Mesh::bilinear(elements_per_cell));
-    let ready = |solver| Box::new(solver) as Box<dyn Evaluator>;
+    let ready = || -> Result<Vec<Box<dyn Evaluator>>, SetupError> {
+        let scene = resolve_states(scene)?;
+        let states = scene.in_states().into_iter();
+        states
+            .map(|(_, scene)| Ok(Box::new(parameters.build(&scene)?) as Box<dyn Evaluator>))
+            .collect()
+    };
     Candidate {
         settings: parameters.to_string(),
-        evaluator: parameters.build(scene).map(ready).map_err(Into::into),
+        evaluator: ready().map(InStates::new).map_err(Into::into),
     }
 }
 
@@ -122,7 +129,7 @@ mod tests {
     use super::*;
     use crate::base::Document;
     use crate::design::{Constraints, Probe, References, cheapest_evaluator, first_generation};
-    use crate::field::Field;
+    use crate::field::{Field, Predictor};
     use crate::pattern::Membrane;
     use crate::pattern::{Pattern, Raster};
 
@@ -197,7 +204,7 @@ mod tests {
         let scene = Scene::vhb4910();
         let patterns = [Pattern::from_fn(Raster::PAPER, |x, y| (x * 7 + y * 3) % 5 < 2)];
         let half = [Pattern::from_fn(Raster::PAPER, |x, _| x < 25)];
-        let right = |field: &Field| field.at([25.0, 25.0])[0];
+        let right = |fields: &[Field]| fields[0].at([25.0, 25.0])[0];
         let chosen = |values_mm: &[f64]| {
             let designs = References {
                 patterns: &half,

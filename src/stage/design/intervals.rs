@@ -56,11 +56,14 @@ impl Calibrated {
         let fields = self.surrogate.predict(patterns);
         let fields = fields.map_err(|e| StageError::Failed(e.to_string()))?;
         let calibration = &self.calibration.calibration;
-        let half_widths = calibration.objective(&|field| goal.value_mm(field));
+        let half_widths = calibration.objective(&|field| goal.value_mm(std::slice::from_ref(field)));
         let basis = self.calibration.basis();
         let mut intervals = DesignIntervals::default();
         for (pattern, field) in patterns.iter().zip(&fields) {
-            let (value, off) = (goal.value_mm(field), half_widths.half_width(pattern, field));
+            let (value, off) = (
+                goal.value_mm(std::slice::from_ref(field)),
+                half_widths.half_width(pattern, field),
+            );
             let interval = calibration.interval(pattern, field);
             intervals.push(Some(DesignInterval {
                 coverage: COVERAGE,

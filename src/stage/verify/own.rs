@@ -72,7 +72,7 @@ impl OwnPatterns {
 fn status(designs: &DesignRows, target: usize, pattern: &Pattern, scene: &Scene) -> Result<String, String> {
     let document = Document::from_text(std::path::Path::new("constraints"), &designs.constraints.0[target]);
     let document = document.map_err(|e| e.to_string())?;
-    let constraints = ConstraintParameters::read_within(&document.root, scene.membrane(), scene.room())
+    let constraints = ConstraintParameters::read(&document.root, scene)
         .map_err(|e| e.to_string())?
         .constraints()
         .clone();

@@ -193,7 +193,7 @@ fn objectives() {
             let text = objective.to_text();
             let again = Objective::read(&root(&text).unwrap()).unwrap_or_else(|e| panic!("{text}: {e}"));
             assert_eq!(again.to_text(), text);
-            if let Err(error) = objective.goal(Membrane::square(50.0), Some(0.5), 1.0) {
+            if let Err(error) = objective.goal(&Scene::vhb4910(), Some(0.5), 1.0) {
                 is_told(&error.to_string());
             }
         }

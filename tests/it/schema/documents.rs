@@ -129,6 +129,34 @@ stages:
     { accuracy: 0.03 mm }] }
 ";
 
+/// Designs for rigid bodies and the states of a device with several groups of electrodes.
+const DEVICE: &str = "
+version: 1
+name: device
+scene:
+  geometry: { side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50, bodies: [{ rectangle: [[20 mm, 20 mm], [30 mm, 30 mm]] }] }
+  material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
+  states: { push: { voltages: [5 kV, 0 V] }, pull: { voltages: [0 V, 5 kV] } }
+stages:
+  moved: { kind: design, seed: 1, constraints: { min_feature: 2 mm, gap: 3 mm },
+    targets: [{ name: one, objective: { body: 0, direction: 0, weight: 2, state: push, value: 1 mm } },
+      { name: two, objective: { body: 0, translation: [0.1 mm, 0.2 mm], state: push, weight: 2 } },
+      { name: three, objective: { body: 0, rotation: clockwise, state: pull, measure: displacement } },
+      { name: four, objective: { body: 0, rotation: -5 deg, state: pull, measure: distance } },
+      { name: five, objective: { points: [{ body: 0, direction: 0, weight: 2, state: push }, { body: 0, rotation: counterclockwise, state: pull },
+        { point: [10, 10], direction: 0, weight: 2, state: pull }] } },
+      { name: six, objective: { points: [{ body: 0, translation: [0.1, 0.2], state: push }, { point: [10, 10], displacement: [0.1, 0.2], state: pull }] } },
+      { name: seven, objective: { point: [10, 10], direction: 0, state: pull } }] }
+  alone: { kind: design, seed: 1, objective: { body: 0, direction: 0, weight: 2, state: push, value: 1 mm } }
+  shifted: { kind: design, seed: 1, objective: { body: 0, translation: [0.1 mm, 0.2 mm], state: push } }
+  turned: { kind: design, seed: 1, objective: { body: 0, rotation: clockwise, state: pull, measure: displacement } }
+  point: { kind: design, seed: 1, objective: { point: [10, 10], direction: 0, state: pull } }
+  stroke: { kind: design, seed: 1, objective: { points: [{ body: 0, direction: 0, weight: 2, state: push }, { body: 0, rotation: counterclockwise, state: pull },
+    { point: [10, 10], direction: 0, weight: 2, state: pull }] } }
+  grip: { kind: design, seed: 1, objective: { points: [{ body: 0, translation: [0.1, 0.2], state: push }, { point: [10, 10], displacement: [0.1, 0.2], state: pull }] } }
+  checked: { kind: verify, needs: [moved] }
+";
+
 /// A word that tells mappings apart may be the value of an axis too.
 pub const SWEPT_WORDS: &str = "
 version: 1
@@ -180,7 +208,7 @@ properties: { strain_stiffening: { model: gent, jm: 125 }, dielectric_breakdown:
 /// The documents of a kind.
 pub fn of(kind: Kind) -> Vec<Value> {
     match kind {
-        Kind::Pipeline => vec![json(PIPELINE)],
+        Kind::Pipeline => vec![json(PIPELINE), json(DEVICE)],
         Kind::Scene => {
             let laws = Stiffening::EXAMPLES.iter().map(|law| {
                 format!(

@@ -24,7 +24,7 @@ pub struct Fault {
 }
 
 /// What a reader refuses for its meaning and no schema can: what was said, in part.
-pub const BEYOND: [&str; 26] = [
+pub const BEYOND: [&str; 29] = [
     // Names of other stages, and what those are.
     "no stage is named",
     "stage needs",
@@ -51,6 +51,9 @@ pub const BEYOND: [&str; 26] = [
     "has voltages of",
     // What is wanted of a design, and what it must keep to.
     "does not know at which field",
+    "does not say in which `state`",
+    "there is no state",
+    "there is no body",
     "it does not exist",
     "holds no cell",
     "leave no room",

@@ -59,7 +59,7 @@ fn units_that_are_kept_out_are_never_on() {
         found
             .history
             .iter()
-            .all(|report| (0..8).all(|x| (0..20).all(|y| !report.genome.is_on(x, y))))
+            .all(|report| (0..8).all(|x| (0..20).all(|y| report.genome.group(x, y) == 0)))
     );
     assert!((found.winners[0].area - 0.5).abs() < 0.02);
     // The search knows it: no two genomes that differ in these units alone are judged.
@@ -186,11 +186,7 @@ fn a_free_area_comes_near_the_known_optimum() {
     // Free to choose its area, the best pattern of a linear answer is all cells that help.
     let linear = Linear::new([37.5, 25.0]);
     let helpful: Vec<f64> = linear.weights.iter().copied().filter(|&w| w > 0.0).collect();
-    let aim = Aim {
-        point_mm: [37.5, 25.0],
-        motion: Motion::Along(0.0),
-        weight: 1.0,
-    };
+    let aim = Aim::new([37.5, 25.0], Motion::Along(0.0));
     let goal = Goal::new(&Displacement, &[aim], Membrane::square(50.0), None, AREA_PENALTY).unwrap();
     let options = EvolveOptions {
         population: 300,

@@ -116,7 +116,7 @@ fn other_bytes_are_refused_and_the_search_starts_anew() {
     };
     let (expected, _) = followed(&short, &whole);
     let state = whole.states.into_inner().swap_remove(1);
-    let refusal = |bytes: &[u8], options: &EvolveOptions| State::from_bytes(bytes, options).map(|_| ()).unwrap_err();
+    let refusal = |bytes: &[u8], options: &EvolveOptions| State::from_bytes(bytes, options, 1).map(|_| ()).unwrap_err();
     for length in 0..state.len() {
         assert_eq!(refusal(&state[..length], &short), StateError::Damaged, "{length} bytes");
     }
@@ -131,7 +131,7 @@ fn other_bytes_are_refused_and_the_search_starts_anew() {
         content
     };
     let content = &state[..state.len() - 32];
-    assert!(State::from_bytes(&sealed(content.to_vec()), &short).is_ok());
+    assert!(State::from_bytes(&sealed(content.to_vec()), &short, 1).is_ok());
     // Of another layout, with a header as long as memory, and with a row that is cut: each with a sum that is right.
     let mut layout = content.to_vec();
     layout[0] = 9;

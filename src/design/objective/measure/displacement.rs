@@ -11,11 +11,11 @@ impl Measure for Displacement {
         "displacement"
     }
 
-    fn score(&self, goal: &Goal, field: &Field) -> f64 {
-        goal.value_mm(field) / SCALE_MM
+    fn score(&self, goal: &Goal, fields: &[Field]) -> f64 {
+        goal.value_mm(fields) / SCALE_MM
     }
 
-    fn gradients(&self, goal: &Goal, _field: &Field) -> Vec<[f64; 2]> {
+    fn gradients(&self, goal: &Goal, _fields: &[Field]) -> Vec<[f64; 2]> {
         let gradient = |direction: [f64; 2]| direction.map(|d| d / SCALE_MM);
         goal.aims().iter().map(|aim| gradient(aim.direction)).collect()
     }

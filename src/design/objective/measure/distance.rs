@@ -15,16 +15,16 @@ impl Measure for Distance {
         true
     }
 
-    fn score(&self, goal: &Goal, field: &Field) -> f64 {
-        -goal.distance(field) / SCALE_MM
+    fn score(&self, goal: &Goal, fields: &[Field]) -> f64 {
+        -goal.distance(fields) / SCALE_MM
     }
 
-    fn gradients(&self, goal: &Goal, field: &Field) -> Vec<[f64; 2]> {
-        let distance = goal.distance(field);
+    fn gradients(&self, goal: &Goal, fields: &[Field]) -> Vec<[f64; 2]> {
+        let distance = goal.distance(fields);
         let gradient = |off: [f64; 2]| match distance > 0.0 {
             true => off.map(|off| -off / (distance * SCALE_MM)),
             false => [0.0; 2],
         };
-        goal.aims().iter().map(|aim| gradient(aim.off(field))).collect()
+        goal.aims().iter().map(|aim| gradient(aim.off(fields))).collect()
     }
 }

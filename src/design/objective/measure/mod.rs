@@ -1,4 +1,4 @@
-//! How a field is measured against a goal: one measure per file, all of them in [`MEASURES`].
+//! How fields are measured against a goal: one measure per file, all of them in [`MEASURES`].
 
 mod displacement;
 mod distance;
@@ -19,7 +19,7 @@ const SCALE_MM: f64 = 2.5;
 /// Every measure.
 pub const MEASURES: [&dyn Measure; 3] = [&Displacement, &Distance, &Qin2024];
 
-/// A measure of how well a field meets a goal.
+/// A measure of how well the fields of a pattern meet a goal.
 pub trait Measure: Sync {
     /// The word after `measure:`.
     fn name(&self) -> &'static str;
@@ -29,11 +29,11 @@ pub trait Measure: Sync {
         false
     }
 
-    /// How good a field is; larger is better. 1 is worth 2.5 mm of displacement, where a length is measured.
-    fn score(&self, goal: &Goal, field: &Field) -> f64;
+    /// How good the fields in the states of a device are; larger is better. 1 is worth 2.5 mm of displacement, where a length is measured.
+    fn score(&self, goal: &Goal, fields: &[Field]) -> f64;
 
-    /// For each point of the goal the derivative of the score with respect to its displacement, per mm, without its weight.
-    fn gradients(&self, goal: &Goal, field: &Field) -> Vec<[f64; 2]>;
+    /// For each aim of the goal the derivative of the score with respect to its motion, per mm, without its weight.
+    fn gradients(&self, goal: &Goal, fields: &[Field]) -> Vec<[f64; 2]>;
 }
 
 impl PartialEq for dyn Measure {

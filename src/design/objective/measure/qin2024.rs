@@ -12,29 +12,29 @@ impl Measure for Qin2024 {
         "qin2024"
     }
 
-    fn score(&self, goal: &Goal, field: &Field) -> f64 {
+    fn score(&self, goal: &Goal, fields: &[Field]) -> f64 {
         goal.mean(|aim| {
-            let [x, y] = field.at(aim.point);
+            let [x, y] = aim.motion(fields);
             let length = x.hypot(y);
             if length > 0.0 {
-                aim.along(field).abs() / length
+                aim.along(fields).abs() / length
             } else {
                 0.0
             }
         })
     }
 
-    fn gradients(&self, goal: &Goal, field: &Field) -> Vec<[f64; 2]> {
-        goal.aims().iter().map(|aim| gradient(aim, field)).collect()
+    fn gradients(&self, goal: &Goal, fields: &[Field]) -> Vec<[f64; 2]> {
+        goal.aims().iter().map(|aim| gradient(aim, fields)).collect()
     }
 }
 
-fn gradient(aim: &PlacedAim, field: &Field) -> [f64; 2] {
-    let u = field.at(aim.point);
+fn gradient(aim: &PlacedAim, fields: &[Field]) -> [f64; 2] {
+    let u = aim.motion(fields);
     let length = u[0].hypot(u[1]);
     if length == 0.0 {
         return [0.0; 2];
     }
-    let along = aim.along(field);
+    let along = aim.along(fields);
     std::array::from_fn(|k| along.signum() * (aim.direction[k] / length - along * u[k] / (length * length * length)))
 }

@@ -271,10 +271,12 @@ fn verified(patterns: &[Pattern], outcomes: &[&str], fields: &[Field]) -> Object
             constraints: LongTexts(text()),
             status: LongTexts(text()),
             interval: None,
+            states: None,
         },
         outcome: words(outcomes),
         displacement: fields.to_vec(),
         difference: fields.to_vec(),
+        states: None,
         component: Components {
             predicted: vec![1.0; n],
             simulated: vec![1.0; m],

@@ -1,0 +1,111 @@
+//! A device in several states: one pattern, and a field under each of its drives.
+
+use std::cell::RefCell;
+use std::ops::Deref;
+
+use super::displacement::Field;
+use super::simulate::{Differentiable, PredictError, Predictor, WithGradient};
+use crate::pattern::Pattern;
+
+/// The fields of a pattern in the states of a device, in their order; one where it has no states.
+pub type StateFields = Vec<Field>;
+
+/// What predicts the fields in each state of a device, in their order.
+pub struct InStates<P>(Vec<P>);
+
+impl<P> InStates<P> {
+    /// Of what predicts in each of them.
+    #[must_use]
+    pub fn new(each: Vec<P>) -> Self {
+        Self(each)
+    }
+
+    /// Of what predicts in the only one.
+    #[must_use]
+    pub fn one(only: P) -> Self {
+        Self(vec![only])
+    }
+}
+
+impl<P: Deref<Target: Predictor> + Sync> Predictor<StateFields> for InStates<P> {
+    fn predict_some(&self, patterns: &[Pattern]) -> Result<Vec<Option<StateFields>>, PredictError> {
+        let mut found = vec![Some(StateFields::with_capacity(self.0.len())); patterns.len()];
+        for state in &self.0 {
+            let fields = state.predict_some(patterns)?;
+            if fields.len() != patterns.len() {
+                let message = format!("{} fields for {} patterns", fields.len(), patterns.len());
+                return Err(PredictError::failed(message));
+            }
+            for (all, field) in found.iter_mut().zip(fields) {
+                match (all.as_mut(), field) {
+                    (Some(all), Some(field)) => all.push(field),
+                    _ => *all = None,
+                }
+            }
+        }
+        Ok(found)
+    }
+}
+
+/// What is known while the states are solved one within the other.
+#[derive(Default)]
+struct Solved {
+    fields: StateFields,
+    slopes: StateFields,
+    gradient: Vec<f64>,
+}
+
+impl<P: Deref<Target: Differentiable> + Sync> InStates<P> {
+    /// Solves a state and those after it within its slope: all fields are known before any slope is, and each state is solved once. Whether
+    /// all of them have a field.
+    fn solve_from(
+        &self,
+        state: usize,
+        pattern: &Pattern,
+        slope: &dyn Fn(&StateFields) -> StateFields,
+        solved: &RefCell<Solved>,
+    ) -> Result<bool, PredictError> {
+        let Some(own) = self.0.get(state) else {
+            let slopes = slope(&solved.borrow().fields);
+            solved.borrow_mut().slopes = slopes;
+            return Ok(true);
+        };
+        let later = RefCell::new(Ok(false));
+        let found = own.gradient(pattern, &|field| {
+            solved.borrow_mut().fields.push(field.clone());
+            let all = self.solve_from(state + 1, pattern, slope, solved);
+            let own = match all {
+                Ok(true) => solved.borrow().slopes[state].clone(),
+                _ => Field::zero(field.raster()),
+            };
+            *later.borrow_mut() = all;
+            own
+        })?;
+        let (true, Some((_, gradient))) = (later.into_inner()?, found) else {
+            return Ok(false);
+        };
+        let mut solved = solved.borrow_mut();
+        match solved.gradient.is_empty() {
+            true => solved.gradient = gradient,
+            false => solved
+                .gradient
+                .iter_mut()
+                .zip(gradient)
+                .for_each(|(sum, own)| *sum += own),
+        }
+        Ok(true)
+    }
+}
+
+impl<P: Deref<Target: Differentiable> + Sync> Differentiable<StateFields> for InStates<P> {
+    fn gradient(
+        &self,
+        pattern: &Pattern,
+        slope: &dyn Fn(&StateFields) -> StateFields,
+    ) -> Result<Option<WithGradient<StateFields>>, PredictError> {
+        let solved = RefCell::default();
+        let all = self.solve_from(0, pattern, slope, &solved)?;
+        let Solved { fields, gradient, .. } = solved.into_inner();
+        Ok(all.then_some((fields, gradient)))
+    }
+}
