@@ -225,12 +225,16 @@ impl States {
         Ok(Self(states))
     }
 
-    /// The voltages in the first of the states that a document has, as a drive.
+    /// The voltages in the first of the states that a document has, by their names, as a drive.
     ///
     /// # Errors
     /// When they cannot be read.
     pub fn first_drive(node: &Node) -> Result<Drive, InputError> {
-        let Some((_, first)) = node.entries(Self::WHAT)?.first() else {
+        let mut named = Vec::new();
+        for (key, value) in node.entries(Self::WHAT)? {
+            named.push((key.text(Self::WHAT)?, value));
+        }
+        let Some((_, first)) = named.into_iter().min_by_key(|(name, _)| *name) else {
             return Err(node
                 .error("`states` has no state")
                 .help(format!("allowed: 1 to {MOST_STATES}")));

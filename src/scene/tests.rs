@@ -198,14 +198,16 @@ fn voltages_and_states_are_said_in_one_way() {
     assert_eq!(names, ["pull", "push"]);
     assert_eq!(several.in_states()[0].1.drive.voltages.in_volts(), [1e3, 4e3]);
     assert_eq!(several.at_largest_voltages().drive.voltages.in_volts(), [5e3, 4e3]);
-    // Without a drive the first that stands there is the drive.
+    // Without a drive the first by name is the drive, in whatever order they stand there.
+    let turned = "states: { pull: { voltages: [1 kV, 4 kV] }, push: { voltages: [5 kV, 0 V] } }";
+    assert_eq!(several, of(turned).unwrap());
     assert_eq!(
         several,
-        of(&format!("drive: {{ voltages: [5 kV, 0 V] }}, {states}")).unwrap()
+        of(&format!("drive: {{ voltages: [1 kV, 4 kV] }}, {states}")).unwrap()
     );
     assert_ne!(
         several,
-        of(&format!("drive: {{ voltages: [1 kV, 4 kV] }}, {states}")).unwrap()
+        of(&format!("drive: {{ voltages: [5 kV, 0 V] }}, {states}")).unwrap()
     );
     for (wrong, says) in [
         ("drive: {}", "voltage"),

@@ -18,15 +18,13 @@ pub(in crate::report) fn membranes<'f>(
     let (patterns, objectives) = (source.of(rows.patterns().read())?, source.of(rows.objective().read())?);
     let scene = source.of(scene.read())?;
     let ground = Ground::of(&scene);
+    // Fields that stand alone are those of the first state.
+    let state = scene.states.iter().next().map(|(name, _)| name.to_owned());
     let membrane = |(row, field): (usize, &Field)| {
         let objective = Objective::read(&objectives.0[row], &scene).map_err(|e| source.wrong(e.to_string()))?;
         let points = objective.aims.iter().map(|aim| aim.point).collect();
-        source.drawn(Membrane::new(
-            patterns[row].cells(),
-            field.values(),
-            ground.clone(),
-            points,
-        ))
+        let drawn = Membrane::new(patterns[row].cells(), field.values(), ground.clone(), points);
+        Ok(source.drawn(drawn)?.in_state(state.clone()))
     };
     wanted.map(membrane).collect()
 }

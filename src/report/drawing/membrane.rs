@@ -189,6 +189,8 @@ pub struct Membrane {
     pattern: Pattern,
     displacement: Field,
     points: Vec<[f64; 2]>,
+    /// Of several states of a device, the one that is drawn.
+    state: Option<String>,
 }
 
 impl Membrane {
@@ -209,7 +211,19 @@ impl Membrane {
             displacement: Field::from_values(raster, displacement.to_vec()).map_err(|e| incomplete(e.to_string()))?,
             ground,
             points,
+            state: None,
         })
+    }
+
+    /// In a state of a device, where it has several.
+    #[must_use]
+    pub fn in_state(self, state: Option<String>) -> Self {
+        Self { state, ..self }
+    }
+
+    /// Of several states of a device, the one that is drawn.
+    pub fn state(&self) -> Option<&str> {
+        self.state.as_deref()
     }
 
     /// What it is drawn on.

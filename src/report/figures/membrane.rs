@@ -36,7 +36,8 @@ pub(super) fn electrode(title: &str, data: &Membrane, scale: f64) -> Chart {
     } else {
         "true to scale".into()
     };
-    let note = format!("area {:.1} %, {factor}, grey: at rest", 100.0 * data.area());
+    let state = data.state().map_or(String::new(), |state| format!(", state {state}"));
+    let note = format!("area {:.1} %{state}, {factor}, grey: at rest", 100.0 * data.area());
     let inside = html! { (data.electrode(scale)) (data.outline("ghost", 0.0)) (data.arrows(scale)) };
     on_membrane(title, note, data.ground(), inside)
 }
