@@ -33,16 +33,16 @@ impl Genome {
         }
     }
 
-    /// A random genome of one group with the nearest number of units to `area` · 400 on. White noise is averaged over 3 × 3 units
-    /// `grain` times and the units with the highest values are on: at grain 0 each choice of units is equally likely, with
-    /// rising grain the regions become coarser.
-    #[must_use]
-    pub fn random(area: f64, grain: usize, stream: &mut Stream) -> Self {
+    /// A random genome of one group anywhere.
+    #[cfg(test)]
+    pub(crate) fn random(area: f64, grain: usize, stream: &mut Stream) -> Self {
         Self::random_within(&Self::from_fn(|_, _| true), area, 1, grain, stream)
     }
 
-    /// The same of several groups, among the units of another genome alone: all of these are on where they are fewer. Which group a unit
-    /// belongs to, other noise of the same grain says; the groups' shares are random too.
+    /// A random genome with the nearest number of units to `area` · 400 on, among the units of another genome alone: all of these are on
+    /// where they are fewer. White noise is averaged over 3 × 3 units `grain` times and the units with the highest values are on: at grain
+    /// 0 each choice of units is equally likely, with rising grain the regions become coarser. Which of several groups a unit belongs to,
+    /// other noise of the same grain says; the groups' shares are random too.
     pub(super) fn random_within(allowed: &Self, area: f64, groups: usize, grain: usize, stream: &mut Stream) -> Self {
         let mut noise = || {
             let white: Vec<f64> = (0..UNITS * UNITS).map(|_| stream.uniform()).collect();

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use super::bits::Bits;
 use super::symmetry::{Symmetries, Symmetry};
 use crate::base::OrbitId;
 
@@ -255,6 +256,15 @@ impl Pattern {
             raster: self.raster,
             cells: self.cells.iter().map(|&cell| u8::from(cell == group)).collect(),
         }
+    }
+
+    /// The pattern without what lies outside of some cells of its raster.
+    #[must_use]
+    pub fn within(&self, room: &Bits) -> Self {
+        Self::from_groups(self.raster, |x, y| match room.has(x, y) {
+            true => self.group(x, y),
+            false => 0,
+        })
     }
 
     /// How many cells are active.

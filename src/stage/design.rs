@@ -21,7 +21,7 @@ use crate::design::{
     ConstraintParameters, Elements, GenerationReport, Method, Progress, Search, SearchError, SearchOptions, SearchStep,
     StateError, Subject, Target, Targets, Watch,
 };
-use crate::fem::screening::{resolve, resolve_states};
+use crate::fem::screening::decided_states;
 use crate::fem::{GradientEvaluator, SafetyMargins, SetupError, breakdown_strength};
 use crate::field::{Differentiable, Feasibility, InStates, PredictError, StateFields};
 use crate::orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
@@ -300,8 +300,7 @@ impl DesignStage {
         let limits = self.constraints.constraints().limits();
         let ready = || -> Result<Ready, SetupError> {
             let (mut gradient, mut margins) = (Vec::new(), Vec::new());
-            for (_, scene) in resolve_states(&self.scene)?.in_states() {
-                let scene = resolve(&scene)?;
+            for scene in decided_states(&self.scene)? {
                 gradient.push(Box::new(GradientEvaluator::new(&scene)?));
                 margins.extend(SafetyMargins::new(
                     &scene,

@@ -7,7 +7,7 @@ use super::results::of_targets;
 use crate::base::{Canonical, Document, Fields, InputError, Node};
 use crate::content::{Components, DesignRows, Designs, SimulatedStates, Verification, predicted_rows};
 use crate::design::{Goal, Objective};
-use crate::fem::screening::{resolve, resolve_states};
+use crate::fem::screening::decided_states;
 use crate::fem::{AccurateSimulation, SetupError, Solver, SolverParameters};
 use crate::field::{Field, Mesh, Outcome, StateFields};
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
@@ -152,10 +152,8 @@ impl Stage for VerifyStage {
 
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
         let failed = |e: SetupError| StageError::Failed(e.to_string());
-        let scene = resolve_states(&self.scene)
-            .and_then(|scene| resolve(&scene))
-            .map_err(failed)?;
-        let solvers = Solvers::new(&self.solver, &scene).map_err(failed)?;
+        let states = decided_states(&self.scene).map_err(failed)?;
+        let solvers = Solvers::new(&self.solver, &states).map_err(failed)?;
         let (own, designs): (Vec<&Artifact>, Vec<&Artifact>) =
             job.inputs.iter().partition(|input| input.kind() == patterns::NAME);
         let own = OwnPatterns::read(&own)?;
@@ -180,7 +178,7 @@ impl Stage for VerifyStage {
             simulated.push(of_own[pattern].judged(&goal));
             cases.goals.push(goal);
         }
-        Ok(self.verification(cases, &simulated, &scene.effects).object())
+        Ok(self.verification(cases, &simulated, &states[0].effects).object())
     }
 
     fn unstable(&self, artifact: &Artifact) -> Result<u64, StageError> {
@@ -278,12 +276,11 @@ impl Cases {
 }
 
 impl Solvers {
-    /// For a scene whose effects are decided.
-    fn new(solver: &SolverParameters, scene: &Scene) -> Result<Self, SetupError> {
-        let states = scene.in_states().into_iter();
-        let both = states.map(|(_, scene)| {
-            let beside = solver.beside().map(|other| other.build(&scene));
-            Ok((solver.build(&scene)?, beside.transpose()?))
+    /// For scenes whose effects are decided.
+    fn new(solver: &SolverParameters, states: &[Scene]) -> Result<Self, SetupError> {
+        let both = states.iter().map(|scene| {
+            let beside = solver.beside().map(|other| other.build(scene));
+            Ok((solver.build(scene)?, beside.transpose()?))
         });
         both.collect::<Result<_, _>>().map(Self)
     }

@@ -161,11 +161,7 @@ impl ImportError {
             Self::Missing { .. } => format!(
                 "needed: `patterns` {} of {}, and `displacement` {} in mm",
                 of_rows(&of_pattern(raster)),
-                if device.groups == 1 {
-                    "0 and 1".to_owned()
-                } else {
-                    format!("0 to {}", device.groups)
-                },
+                numbers(device, "and"),
                 of_rows(&of_field(raster))
             ),
             Self::Shape { wanted, .. } => format!("allowed: {}", of_rows(wanted)),
@@ -189,13 +185,17 @@ impl ImportError {
             Self::Line { .. } | Self::Corner { .. } => format!(
                 "a sample has a line for each of its {columns} × {rows} corners; `electrode` is {} of the cell to the upper right, empty on \
                  the right and upper edges",
-                if device.groups == 1 {
-                    "0 or 1".to_owned()
-                } else {
-                    format!("0 to {}", device.groups)
-                }
+                numbers(device, "or")
             ),
         }
+    }
+}
+
+/// What a cell of a device's pattern may be.
+fn numbers(device: &Device, and: &str) -> String {
+    match device.groups {
+        1 => format!("0 {and} 1"),
+        groups => format!("0 to {groups}"),
     }
 }
 

@@ -179,11 +179,7 @@ impl Constraints {
     /// The pattern without the cells that are not [allowed](Self::allowed).
     #[must_use]
     pub fn masked(&self, pattern: &Pattern) -> Pattern {
-        let columns = pattern.raster().columns();
-        Pattern::from_groups(pattern.raster(), |x, y| match self.allowed[y * columns + x] {
-            true => pattern.group(x, y),
-            false => 0,
-        })
+        pattern.within(&self.raster.allowed)
     }
 
     /// A pattern as the electrodes of as many groups as there are.

@@ -139,10 +139,7 @@ impl Search<'_> {
     fn within(&self, pattern: Pattern) -> Pattern {
         match self.constraints.room() {
             None => pattern,
-            Some(room) => Pattern::from_groups(pattern.raster(), |x, y| match room.has(x, y) {
-                true => pattern.group(x, y),
-                false => 0,
-            }),
+            Some(room) => pattern.within(room),
         }
     }
 

@@ -98,6 +98,15 @@ pub fn resolve_states(scene: &Scene) -> Result<Scene, SetupError> {
     }
 }
 
+/// The scene in each of its states, with its effects decided; itself where it has none.
+///
+/// # Errors
+/// When its effects cannot be simulated.
+pub fn decided_states(scene: &Scene) -> Result<Vec<Scene>, SetupError> {
+    let decided = resolve(&resolve_states(scene)?)?;
+    Ok(decided.in_states().into_iter().map(|(_, scene)| scene).collect())
+}
+
 /// The scene with its effects decided: unchanged unless it says `effects: auto`.
 ///
 /// # Errors

@@ -4,7 +4,7 @@ use std::fmt;
 
 use crate::base::{Canonical, InputError, Node, Parameter, Schema};
 use crate::design::{Candidate, Evaluators};
-use crate::fem::screening::resolve_states;
+use crate::fem::screening::decided_states;
 use crate::fem::{Method, SetupError, SolverParameters, UnknownMethod};
 use crate::field::{Evaluator, InStates, Mesh};
 use crate::scene::Scene;
@@ -77,10 +77,10 @@ fn network(surrogate: Surrogate) -> Candidate {
 fn elements(scene: &Scene, method: Method, elements_per_cell: usize) -> Candidate {
     let parameters = SolverParameters::new(method, Mesh::bilinear(elements_per_cell));
     let ready = || -> Result<Vec<Box<dyn Evaluator>>, SetupError> {
-        let scene = resolve_states(scene)?;
-        let states = scene.in_states().into_iter();
-        states
-            .map(|(_, scene)| Ok(Box::new(parameters.build(&scene)?) as Box<dyn Evaluator>))
+        let states = decided_states(scene)?;
+        let evaluators = states.iter().map(|scene| parameters.build(scene));
+        evaluators
+            .map(|evaluator| Ok(Box::new(evaluator?) as Box<dyn Evaluator>))
             .collect()
     };
     Candidate {
