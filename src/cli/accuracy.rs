@@ -9,7 +9,7 @@ use std::time::Instant;
 use clap::Args;
 use findings::Findings;
 
-use super::arguments::{StoreArguments, accuracy};
+use super::arguments::{StateArguments, StoreArguments, accuracy};
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::progress::Bar;
@@ -60,6 +60,8 @@ pub struct AccuracyArguments {
     /// What to compare with
     #[arg(long, value_name = "YAML", default_value = "{ elements_per_cell: 8, order: 2 }")]
     pub reference: String,
+    #[command(flatten)]
+    pub state: StateArguments,
 }
 
 /// What is written: arrays, a table and a figure.
@@ -74,7 +76,7 @@ pub fn execute(arguments: &AccuracyArguments, output: &Output) -> Result<Exit, C
     let reference = Reference::read(&reference.root)?;
     // Before the reference is solved, which may take long.
     reference.check(methods.iter().copied()).map_err(bad_input)?;
-    let scene = direct::read_scene(&arguments.scene)?;
+    let scene = arguments.state.of(direct::read_scene(&arguments.scene)?)?;
     for method in &methods {
         method.check_scene(&scene).map_err(bad_input)?;
     }
@@ -141,7 +143,8 @@ fn write_files(
     start: Instant,
 ) -> Result<Vec<PathBuf>, CliError> {
     let [file, rows, figure] = FILES.map(|name| arguments.output.join(name));
-    let parameters = format!("scene {}, reference {}", arguments.scene.display(), arguments.reference);
+    let scene = arguments.state.described(&arguments.scene);
+    let parameters = format!("{scene}, reference {}", arguments.reference);
     let provenance = Provenance {
         measurements: benchmark.measurements(measured),
         ..solve::provenance("accuracy", parameters.clone(), start.elapsed().as_secs_f64())

@@ -1,6 +1,6 @@
 //! Arguments that several commands share.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::Args;
@@ -10,6 +10,7 @@ use super::output::Output;
 use super::upstream::{Reading, RemoteArguments};
 use crate::base::{Dimension, Override, Quantity, Time};
 use crate::fem::WorkLimit;
+use crate::scene::Scene;
 use crate::store::Store;
 
 /// No job takes longer.
@@ -30,6 +31,38 @@ impl StoreArguments {
             .clone()
             .or_else(|| set().map(PathBuf::from))
             .unwrap_or_else(|| PathBuf::from("store"))
+    }
+}
+
+#[derive(Clone, Debug, Args)]
+pub struct StateArguments {
+    /// Look at this state of the device alone
+    #[arg(long, value_name = "NAME")]
+    pub state: Option<String>,
+}
+
+impl StateArguments {
+    /// What is looked at, in words: a scene of a file, and its state.
+    #[must_use]
+    pub fn described(&self, scene: &Path) -> String {
+        let state = self
+            .state
+            .as_ref()
+            .map_or_else(String::new, |state| format!(" in state {state}"));
+        format!("scene {}{state}", scene.display())
+    }
+
+    /// A scene in the state that is asked for; as it is where none is.
+    ///
+    /// # Errors
+    /// When it has no such state.
+    pub fn of(&self, scene: Scene) -> Result<Scene, CliError> {
+        match &self.state {
+            None => Ok(scene),
+            Some(wanted) => scene
+                .in_state(wanted)
+                .map_err(|unknown| CliError::bad_input(unknown.to_string()).help(unknown.help())),
+        }
     }
 }
 

@@ -42,7 +42,7 @@ pub fn execute(arguments: &SolveArguments, scene: &str, output: &Output) -> Resu
     for beside in [&values, &figure] {
         check_file(beside, &arguments.patterns, scene)?;
     }
-    let read = direct::read_scene(&arguments.scene)?;
+    let read = arguments.state.of(direct::read_scene(&arguments.scene)?)?;
     let patterns = direct::patterns(&arguments.patterns.patterns, read.form())?;
     let options = arguments.options();
     let (bar, start) = (Bar::new("path", "patterns", patterns.len() as u64), Instant::now());
@@ -50,8 +50,8 @@ pub fn execute(arguments: &SolveArguments, scene: &str, output: &Output) -> Resu
     bar.finish("done");
     let seconds = start.elapsed().as_secs_f64();
     let parameters = format!(
-        "scene {}, {}, tolerance: {:e}, path",
-        arguments.scene.display(),
+        "{}, {}, tolerance: {:e}, path",
+        arguments.state.described(&arguments.scene),
         options.mesh,
         options.tolerance
     );

@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use clap::Args;
 
-use super::arguments::{PatternArguments, StoreArguments};
+use super::arguments::{PatternArguments, StateArguments, StoreArguments};
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::progress::Bar;
@@ -17,7 +17,7 @@ use super::{model, solve, write};
 use crate::base::{Digest, Progress};
 use crate::content::{Packed, SolveFile};
 use crate::field::{Field, Predictor};
-use crate::pattern::{Pattern, PatternForm};
+use crate::pattern::Pattern;
 use crate::scene::Scene;
 use crate::stage::direct;
 use crate::surrogate::{COVERAGE, Surrogate};
@@ -34,6 +34,8 @@ pub struct PredictArguments {
     /// Refuse a model for another scene than this one, or than that of a pipeline; a YAML file
     #[arg(long, value_name = "SCENE")]
     pub scene: Option<PathBuf>,
+    #[command(flatten)]
+    pub state: StateArguments,
     /// What a stage of kind `calibrate` made for the model, named like a model [default: of a model in the store what the last
     /// run that calibrated it made from the most patterns]; OUT.csv is written beside OUT.h5
     #[arg(long, value_name = "CALIBRATION")]
@@ -47,11 +49,14 @@ pub struct PredictArguments {
 
 pub fn execute(arguments: &PredictArguments, output: &Output) -> Result<Exit, CliError> {
     solve::check_output(&arguments.patterns, &arguments.model)?;
+    if arguments.state.state.is_some() && arguments.scene.is_none() {
+        return Err(CliError::bad_input("--state is one of a scene, and none is given").help("give it with --scene"));
+    }
     let scene = arguments.scene.as_deref().map(direct::read_scene).transpose()?;
+    let scene = scene.map(|scene| arguments.state.of(scene)).transpose()?;
     let weights = model::weights(&arguments.model, &arguments.store.folder())?;
     let surrogate = surrogate(&weights, scene.as_ref())?;
-    let form = PatternForm::bare_or_electrode(surrogate.raster());
-    let patterns = direct::patterns(&arguments.patterns.patterns, form)?;
+    let patterns = direct::patterns(&arguments.patterns.patterns, surrogate.form())?;
     let calibration = calibration::find(arguments, &weights)?;
     if calibration.is_some() {
         check_table(arguments)?;

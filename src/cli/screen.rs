@@ -1,11 +1,11 @@
 //! `deaflow screen`: which effects a scene calls for.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::arguments::TimeArguments;
+use super::arguments::{StateArguments, TimeArguments};
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::table;
@@ -14,6 +14,7 @@ use crate::content::named_patterns;
 use crate::fem::WorkLimit;
 use crate::fem::screening::{self, Comparison, Row, Screening, Status, Trial};
 use crate::pattern::PatternForm;
+use crate::scene::Scene;
 use crate::stage::direct;
 
 /// Say which effects a scene calls for, by number, threshold and cost
@@ -26,10 +27,13 @@ pub struct ScreenArguments {
     pub patterns: Vec<String>,
     #[command(flatten)]
     pub time: TimeArguments,
+    #[command(flatten)]
+    pub state: StateArguments,
 }
 
 pub fn execute(arguments: &ScreenArguments, output: &Output) -> Result<Exit, CliError> {
-    let screening = screen(&arguments.scene, &arguments.patterns, arguments.time.work_limit())?;
+    let scene = arguments.state.of(direct::read_scene(&arguments.scene)?)?;
+    let screening = screen(scene, &arguments.patterns, arguments.time.work_limit())?;
     if output.is_json() {
         output.document(&document(&screening))?;
     } else {
@@ -120,13 +124,13 @@ fn text(screening: &Screening) -> String {
     format!("{}\n\n{}", table.trim_fmt(), lines.join("\n"))
 }
 
-/// Screens the scene of a file, or of a pipeline, with the patterns that the arguments name or, where there are none, with
-/// reference patterns.
+/// Screens a scene, of a device in several states at the largest voltages that its groups of electrodes have in any, with the patterns that the
+/// arguments name or, where there are none, with reference patterns.
 ///
 /// # Errors
-/// When the scene or a pattern cannot be read, or the effects cannot be simulated.
-fn screen(scene: &Path, patterns: &[String], limit: WorkLimit) -> Result<Screening, CliError> {
-    let scene = direct::read_scene(scene)?;
+/// When a pattern cannot be read, or the effects cannot be simulated.
+fn screen(scene: Scene, patterns: &[String], limit: WorkLimit) -> Result<Screening, CliError> {
+    let scene = scene.at_largest_voltages();
     let own = !patterns.is_empty();
     let patterns = match own {
         true => named(patterns, scene.form())?,

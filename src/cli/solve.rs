@@ -7,7 +7,7 @@ use std::time::Instant;
 use clap::Args;
 use serde_json::json;
 
-use super::arguments::{PatternArguments, TOLERANCE, TimeArguments, accuracy, number};
+use super::arguments::{PatternArguments, StateArguments, TOLERANCE, TimeArguments, accuracy, number};
 use super::error::CliError;
 use super::output::{Exit, Output};
 use super::progress::Bar;
@@ -52,6 +52,8 @@ pub struct SolveArguments {
     /// OUT.csv and OUT.png are written beside OUT.h5
     #[arg(long, conflicts_with_all = ["accuracy", "time_limit"])]
     pub path: bool,
+    #[command(flatten)]
+    pub state: StateArguments,
 }
 
 impl SolveArguments {
@@ -91,7 +93,7 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
     if arguments.path {
         return path::execute(arguments, &scene, output);
     }
-    let read = direct::read_scene(&arguments.scene)?;
+    let read = arguments.state.of(direct::read_scene(&arguments.scene)?)?;
     let patterns = direct::patterns(&arguments.patterns.patterns, read.form())?;
     let request = arguments.parameters();
     let (bar, start) = (
@@ -100,7 +102,7 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
     );
     let answer = simulate::solve(&read, &patterns, &request, arguments.cells, &bar)?;
     bar.finish("done");
-    let parameters = format!("scene {}, {request}", arguments.scene.display());
+    let parameters = format!("{}, {request}", arguments.state.described(&arguments.scene));
     conclude(&arguments.patterns, &answer, ("solve", parameters), start, output)
 }
 

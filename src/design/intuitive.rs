@@ -6,7 +6,7 @@
 //! the line until the area is met.
 
 use super::objective::{Goal, PlacedAim, Subject};
-use crate::pattern::{Pattern, Raster};
+use crate::pattern::{Bits, Pattern, Raster};
 
 /// Distances that differ by less than this many cells are equal: rounding must not decide which cell is active.
 const RESOLUTION: f64 = 1e-9;
@@ -49,18 +49,28 @@ impl Intuitive {
         Self { raster, ranked }
     }
 
+    /// The same on some cells alone: electrodes on frames and bodies do nothing.
+    #[must_use]
+    pub fn within(mut self, room: &Bits) -> Self {
+        let columns = self.raster.columns();
+        self.ranked
+            .retain(|ranked| room.has(ranked.cell % columns, ranked.cell / columns));
+        self
+    }
+
     /// The design with its line through the point: a cell is active where its centre lies behind the line.
     #[must_use]
     pub fn at_own_area(&self) -> Pattern {
         self.first(self.ranked.iter().take_while(|ranked| ranked.before < 0.0).count())
     }
 
-    /// The design with its line moved so that exactly the nearest number of cells to `area` of all is active; an area
+    /// The design with its line moved so that exactly the nearest number of cells to `area` of all is active, or as many as may be; an area
     /// fraction outside 0 to 1 is taken as the nearer of the two.
     #[must_use]
     pub fn at_area(&self, area: f64) -> Pattern {
         let all = self.raster.cells() as f64;
-        self.first((area * all).round().clamp(0.0, all) as usize)
+        let count = (area * all).round().clamp(0.0, all) as usize;
+        self.first(count.min(self.ranked.len()))
     }
 
     fn first(&self, count: usize) -> Pattern {
@@ -144,6 +154,21 @@ mod tests {
             assert_eq!(design.at_area(area).active_cells(), cells);
             assert_eq!(intuitive(&[(30.0, 20.0, 77.0)]).at_area(area).active_cells(), cells);
         }
+    }
+
+    #[test]
+    fn what_may_carry_no_electrode_is_left_out_and_the_area_met() {
+        let room = Bits::from_fn(Raster::PAPER, |x, _| x >= 10);
+        let design = intuitive(&[(25.0, 25.0, 0.0)]).within(&room);
+        assert_eq!(
+            design.at_own_area(),
+            Pattern::from_fn(Raster::PAPER, |x, _| (10..25).contains(&x))
+        );
+        assert_eq!(
+            design.at_area(0.5),
+            Pattern::from_fn(Raster::PAPER, |x, _| (10..35).contains(&x))
+        );
+        assert_eq!(design.at_area(1.0).active_cells(), room.count());
     }
 
     #[test]

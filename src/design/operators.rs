@@ -20,6 +20,20 @@ pub(super) fn invert(genome: &mut Genome, stream: &mut Stream) {
     genome.genes_mut()[from..to].reverse();
 }
 
+/// Exchanges two groups between two cuts, each pair of either equally likely.
+pub(super) fn exchange_groups(genome: &mut Genome, groups: usize, stream: &mut Stream) {
+    let (from, to) = segment(stream);
+    let pair = stream.choose(groups, 2);
+    let [a, b] = [pair[0], pair[1]].map(|group| group as u8 + 1);
+    for gene in &mut genome.genes_mut()[from..to] {
+        *gene = match *gene {
+            gene if gene == a => b,
+            gene if gene == b => a,
+            gene => gene,
+        };
+    }
+}
+
 /// Two different cuts among the 401 places before, between and behind the genes.
 fn segment(stream: &mut Stream) -> (usize, usize) {
     let cuts = stream.choose(UNITS * UNITS + 1, 2);
@@ -71,6 +85,30 @@ mod tests {
                 for i in *first..=*last {
                     assert_eq!(inverted.genes()[i], start.genes()[first + last - i]);
                 }
+            }
+        }
+    }
+
+    #[test]
+    fn groups_are_exchanged_in_one_stretch() {
+        for index in 0..50 {
+            let start = Genome::from_groups(|x, y| ((x * 7 + y * 3) % 4) as u8);
+            let mut exchanged = start.clone();
+            exchange_groups(&mut exchanged, 3, &mut Stream::new(4, "test", index));
+            let differs: Vec<usize> = (0..400).filter(|&i| start.genes()[i] != exchanged.genes()[i]).collect();
+            assert_eq!(on(&start), on(&exchanged));
+            if let (Some(&first), Some(&last)) = (differs.first(), differs.last()) {
+                let (a, b) = (start.genes()[first], exchanged.genes()[first]);
+                let expected = |gene: u8| {
+                    if gene == a {
+                        b
+                    } else if gene == b {
+                        a
+                    } else {
+                        gene
+                    }
+                };
+                assert!((first..=last).all(|i| exchanged.genes()[i] == expected(start.genes()[i])));
             }
         }
     }

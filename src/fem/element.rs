@@ -20,31 +20,11 @@ pub trait Element<const N: usize> {
 
     /// The gradients on an element of other sides: derivatives along x and y are those on the square times two factors, and an offset is added
     /// to the diagonal.
-    #[inline(always)]
-    fn gradients_on<V: Value>(nodal: &[[V; N]; 2], factors: [V; 2], offset: [V; 2]) -> [Tensor<V>; N] {
-        let mut gradients = Self::gradients(nodal);
-        for gradient in &mut gradients {
-            let [[a, b], [c, d]] = *gradient;
-            *gradient = [
-                [a.madd(factors[0], offset[0]), b * factors[1]],
-                [c * factors[0], d.madd(factors[1], offset[1])],
-            ];
-        }
-        gradients
-    }
+    fn gradients_on<V: Value>(nodal: &[[V; N]; 2], factors: [f64; 2], offset: [f64; 2]) -> [Tensor<V>; N];
 
     /// The forces on an element whose gradients are [`Element::gradients_on`], times its area: stresses along x and y are those on the square
     /// times two factors.
-    #[inline(always)]
-    fn forces_on<V: Value>(stresses: &[Tensor<V>; N], factors: [V; 2]) -> [[V; N]; 2] {
-        let mut stresses = *stresses;
-        for stress in &mut stresses {
-            for row in stress {
-                *row = [row[0] * factors[0], row[1] * factors[1]];
-            }
-        }
-        Self::forces(&stresses)
-    }
+    fn forces_on<V: Value>(stresses: &[Tensor<V>; N], factors: [f64; 2]) -> [[V; N]; 2];
 }
 
 /// Four nodes, four points.
@@ -64,35 +44,40 @@ impl Element<4> for Bilinear {
         for (c, [lower_left, lower_right, upper_left, upper_right]) in nodal.iter().copied().enumerate() {
             let (along, across) = (lower_right - lower_left, upper_left - lower_left);
             let twist = upper_right - upper_left - along;
-            slopes(&mut gradients, c, [along, across], [twist; 2]);
+            slopes(&mut gradients, c, [along, across], twist, [1.0; 2]);
         }
         gradients
     }
 
-    /// Factors and offset go into the slopes of edges, of which there are half as many as entries of gradients.
+    /// Factors and offset go into the slopes of edges, of which there are half as many as entries of gradients, and into the places of the twist.
     #[inline(always)]
-    fn gradients_on<V: Value>(nodal: &[[V; 4]; 2], [x, y]: [V; 2], offset: [V; 2]) -> [Tensor<V>; 4] {
-        let zero = x.constant(0.0);
-        let mut gradients = [[[zero; 2]; 2]; 4];
+    fn gradients_on<V: Value>(nodal: &[[V; 4]; 2], [x, y]: [f64; 2], offset: [f64; 2]) -> [Tensor<V>; 4] {
+        let number = |value: f64| nodal[0][0].constant(value);
+        let mut gradients = [[[number(0.0); 2]; 2]; 4];
         for (c, [lower_left, lower_right, upper_left, upper_right]) in nodal.iter().copied().enumerate() {
             let (along, across) = (lower_right - lower_left, upper_left - lower_left);
             let twist = upper_right - upper_left - along;
             let edges = match c {
-                0 => [along.madd(x, offset[0]), across * y],
-                _ => [along * x, across.madd(y, offset[1])],
+                0 => [along.madd(number(x), number(offset[0])), across * number(y)],
+                _ => [along * number(x), across.madd(number(y), number(offset[1]))],
             };
-            slopes(&mut gradients, c, edges, [twist * x, twist * y]);
+            slopes(&mut gradients, c, edges, twist, [x, y]);
         }
         gradients
     }
 
-    /// Factors go into the sums over the edges.
+    /// Factors go into the weights of the sums over the edges.
     #[inline(always)]
-    fn forces_on<V: Value>(stresses: &[Tensor<V>; 4], factors: [V; 2]) -> [[V; 4]; 2] {
-        let mut forces = [[factors[0]; 4]; 2];
+    fn forces_on<V: Value>(stresses: &[Tensor<V>; 4], [x, y]: [f64; 2]) -> [[V; 4]; 2] {
+        let number = |value: f64| stresses[0][0][0].constant(value);
+        let [near, far] = Line::LINEAR.points.map(|place| 0.25 * place);
+        let mut forces = [[number(0.0); 4]; 2];
         for (c, force) in forces.iter_mut().enumerate() {
-            let sum = |a: usize, b: usize, axis: usize| (stresses[a][c][axis] + stresses[b][c][axis]) * factors[axis];
-            *force = from_edges([sum(0, 1, 0), sum(2, 3, 0)], [sum(0, 2, 1), sum(1, 3, 1)]);
+            let [low, high, left, right] = edge_sums(stresses, c);
+            let (along, across) = ((low + high) * number(0.25 * x), (left + right) * number(0.25 * y));
+            let twist = right.madd(number(far * y), high * number(far * x));
+            let twist = low.madd(number(near * x), left.madd(number(near * y), twist));
+            *force = [twist - along - across, along - twist, across - twist, twist];
         }
         forces
     }
@@ -101,26 +86,31 @@ impl Element<4> for Bilinear {
     fn forces<V: Value>(stresses: &[Tensor<V>; 4]) -> [[V; 4]; 2] {
         let mut forces = [[stresses[0][0][0]; 4]; 2];
         for (c, force) in forces.iter_mut().enumerate() {
-            let low = stresses[0][c][0] + stresses[1][c][0];
-            let high = stresses[2][c][0] + stresses[3][c][0];
-            let left = stresses[0][c][1] + stresses[2][c][1];
-            let right = stresses[1][c][1] + stresses[3][c][1];
+            let [low, high, left, right] = edge_sums(stresses, c);
             *force = from_edges([low, high], [left, right]);
         }
         forces
     }
 }
 
-/// The gradients of a component from the slopes of its lower and left edge and its twist, which both directions may see with a factor.
+/// The sums of the stresses of a component over the lower and upper edge along x, and over the left and right edge along y.
 #[inline(always)]
-fn slopes<V: Value>(gradients: &mut [Tensor<V>; 4], c: usize, [along, across]: [V; 2], twists: [V; 2]) {
-    for (low, high, place) in [(0, 1, Line::LINEAR.points[0]), (2, 3, Line::LINEAR.points[1])] {
-        let slope = twists[0].madd(along.constant(place), along);
+fn edge_sums<V: Value>(stresses: &[Tensor<V>; 4], c: usize) -> [V; 4] {
+    let sum = |a: usize, b: usize, axis: usize| stresses[a][c][axis] + stresses[b][c][axis];
+    [sum(0, 1, 0), sum(2, 3, 0), sum(0, 2, 1), sum(1, 3, 1)]
+}
+
+/// The gradients of a component from the slopes of its lower and left edge and its twist, which both directions see with a factor.
+#[inline(always)]
+fn slopes<V: Value>(gradients: &mut [Tensor<V>; 4], c: usize, [along, across]: [V; 2], twist: V, factors: [f64; 2]) {
+    let [near, far] = Line::LINEAR.points;
+    for (low, high, place) in [(0, 1, near), (2, 3, far)] {
+        let slope = twist.madd(along.constant(factors[0] * place), along);
         gradients[low][c][0] = slope;
         gradients[high][c][0] = slope;
     }
-    for (left, right, place) in [(0, 2, Line::LINEAR.points[0]), (1, 3, Line::LINEAR.points[1])] {
-        let slope = twists[1].madd(across.constant(place), across);
+    for (left, right, place) in [(0, 2, near), (1, 3, far)] {
+        let slope = twist.madd(across.constant(factors[1] * place), across);
         gradients[left][c][1] = slope;
         gradients[right][c][1] = slope;
     }
@@ -151,27 +141,21 @@ impl Element<9> for Biquadratic {
 
     #[inline(always)]
     fn gradients<V: Value>(nodal: &[[V; 9]; 2]) -> [Tensor<V>; 9] {
-        let line = &Line::QUADRATIC;
-        let zero = nodal[0][0].constant(0.0);
-        let mut gradients = [[[zero; 2]; 2]; 9];
-        for (c, u) in nodal.iter().enumerate() {
-            for row in 0..3 {
-                let (mut values, mut rises) = ([zero; 3], [zero; 3]);
-                for a in 0..3 {
-                    let column = [u[a], u[a + 3], u[a + 6]];
-                    values[a] = weighted(column, line.values[row]);
-                    rises[a] = weighted(column, line.slopes[row]);
-                }
-                for q in 0..3 {
-                    gradients[3 * row + q][c] = [weighted(values, line.slopes[q]), weighted(rises, line.values[q])];
-                }
-            }
-        }
-        gradients
+        biquadratic_gradients(nodal, [1.0; 2], None)
+    }
+
+    #[inline(always)]
+    fn gradients_on<V: Value>(nodal: &[[V; 9]; 2], factors: [f64; 2], offset: [f64; 2]) -> [Tensor<V>; 9] {
+        biquadratic_gradients(nodal, factors, Some(offset))
     }
 
     #[inline(always)]
     fn forces<V: Value>(stresses: &[Tensor<V>; 9]) -> [[V; 9]; 2] {
+        Self::forces_on(stresses, [1.0; 2])
+    }
+
+    #[inline(always)]
+    fn forces_on<V: Value>(stresses: &[Tensor<V>; 9], [x, y]: [f64; 2]) -> [[V; 9]; 2] {
         let line = &Line::QUADRATIC;
         let zero = stresses[0][0][0].constant(0.0);
         let mut forces = [[zero; 9]; 2];
@@ -182,11 +166,11 @@ impl Element<9> for Biquadratic {
                     let across = line.weights[row];
                     let along = weighted(
                         [left[0], middle[0], right[0]],
-                        transposed(&line.slopes, line.weights, a, across),
+                        transposed(&line.slopes, line.weights, a, across * x),
                     );
                     let rise = weighted(
                         [left[1], middle[1], right[1]],
-                        transposed(&line.values, line.weights, a, across),
+                        transposed(&line.values, line.weights, a, across * y),
                     );
                     for up in 0..3 {
                         let sum = along.madd(zero.constant(line.values[row][up]), force[3 * up + a]);
@@ -197,6 +181,34 @@ impl Element<9> for Biquadratic {
         }
         forces
     }
+}
+
+/// The gradients times two factors, and an offset on their diagonal: factors go into the slopes of the basis, the offset into the beginning of
+/// the sums.
+#[inline(always)]
+fn biquadratic_gradients<V: Value>(nodal: &[[V; 9]; 2], [x, y]: [f64; 2], offset: Option<[f64; 2]>) -> [Tensor<V>; 9] {
+    let line = &Line::QUADRATIC;
+    let zero = nodal[0][0].constant(0.0);
+    let mut gradients = [[[zero; 2]; 2]; 9];
+    for (c, u) in nodal.iter().enumerate() {
+        for row in 0..3 {
+            let (mut values, mut rises) = ([zero; 3], [zero; 3]);
+            for a in 0..3 {
+                let column = [u[a], u[a + 3], u[a + 6]];
+                values[a] = weighted(column, line.values[row]);
+                rises[a] = weighted(column, line.slopes[row].map(|slope| slope * y));
+            }
+            for q in 0..3 {
+                let (slopes, here) = (line.slopes[q].map(|slope| slope * x), line.values[q]);
+                gradients[3 * row + q][c] = match (c, offset) {
+                    (_, None) => [weighted(values, slopes), weighted(rises, here)],
+                    (0, Some([along, _])) => [weighted_from(along, values, slopes), weighted(rises, here)],
+                    (_, Some([_, across])) => [weighted(values, slopes), weighted_from(across, rises, here)],
+                };
+            }
+        }
+    }
+    gradients
 }
 
 /// A column of a table, times the weights of the points and another factor.
@@ -214,6 +226,15 @@ fn weighted<V: Value>(terms: [V; 3], factors: [f64; 3]) -> V {
     let [a, b, c] = terms;
     let [f, g, h] = factors;
     a.constant(f).madd(a, b.constant(g).madd(b, c.constant(h) * c))
+}
+
+/// The same added to a number.
+#[inline(always)]
+fn weighted_from<V: Value>(start: f64, terms: [V; 3], factors: [f64; 3]) -> V {
+    let [a, b, c] = terms;
+    let [f, g, h] = factors;
+    a.constant(f)
+        .madd(a, b.constant(g).madd(b, c.constant(h).madd(c, c.constant(start))))
 }
 
 /// A Lagrange basis on [0, 1] and its values at the Gauss points.

@@ -196,20 +196,29 @@ impl<L: Material> Operator<'_, L> {
         out: &mut [T],
         point: P,
     ) -> f64 {
-        // Kernels of their own where all elements are squares of side 1: no number waits for a branch there.
-        match (self.activity.grid().order(), self.activity.grid().is_plain()) {
-            (Order::Bilinear, true) => self.sweep_elements::<Bilinear, T, P, 4, M, false>(inputs, moduli, out, point),
-            (Order::Bilinear, false) => self.sweep_elements::<Bilinear, T, P, 4, M, true>(inputs, moduli, out, point),
-            (Order::Biquadratic, true) => {
-                self.sweep_elements::<Biquadratic, T, P, 9, M, false>(inputs, moduli, out, point)
-            }
-            (Order::Biquadratic, false) => {
-                self.sweep_elements::<Biquadratic, T, P, 9, M, true>(inputs, moduli, out, point)
-            }
+        match self.activity.grid().order() {
+            Order::Bilinear => self.sweep_shape::<Bilinear, T, P, 4, M>(inputs, moduli, out, point),
+            Order::Biquadratic => self.sweep_shape::<Biquadratic, T, P, 9, M>(inputs, moduli, out, point),
         }
     }
 
-    fn sweep_elements<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, const SHAPED: bool>(
+    /// By a kernel of its own for each shape: a branch within one cost a tenth of a solve.
+    fn sweep_shape<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize>(
+        &self,
+        inputs: [&[T]; M],
+        moduli: &[T],
+        out: &mut [T],
+        point: P,
+    ) -> f64 {
+        let grid = self.activity.grid();
+        match (grid.is_plain(), grid.is_uniform()) {
+            (true, _) => self.sweep_elements::<E, T, P, N, M, PLAIN>(inputs, moduli, out, point),
+            (false, true) => self.sweep_elements::<E, T, P, N, M, UNIFORM>(inputs, moduli, out, point),
+            (false, false) => self.sweep_elements::<E, T, P, N, M, VARIED>(inputs, moduli, out, point),
+        }
+    }
+
+    fn sweep_elements<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, const SHAPE: u8>(
         &self,
         inputs: [&[T]; M],
         moduli: &[T],
@@ -218,7 +227,7 @@ impl<L: Material> Operator<'_, L> {
     ) -> f64 {
         let layout = self.layout();
         let rest = self.activity.grid().rest();
-        let sweep = Sweep::<E, T, P, N, M, SHAPED> {
+        let sweep = Sweep::<E, T, P, N, M, SHAPE> {
             layout,
             activity: self.activity.view(),
             rest,
@@ -236,9 +245,13 @@ impl<L: Material> Operator<'_, L> {
     }
 }
 
-/// One pass over the elements that turns nodal fields into nodal forces; `SHAPED` where not all elements are squares of side 1 that rest at
-/// f = I.
-struct Sweep<'a, E, T, P, const N: usize, const M: usize, const SHAPED: bool> {
+/// Shapes of elements: squares of side 1 that rest at f = I; all of the same sides; and any.
+const PLAIN: u8 = 0;
+const UNIFORM: u8 = 1;
+const VARIED: u8 = 2;
+
+/// One pass over the elements that turns nodal fields into nodal forces.
+struct Sweep<'a, E, T, P, const N: usize, const M: usize, const SHAPE: u8> {
     layout: NodeLayout,
     activity: View<'a, T>,
     /// f at rest.
@@ -256,8 +269,8 @@ struct Sweep<'a, E, T, P, const N: usize, const M: usize, const SHAPED: bool> {
     element: PhantomData<E>,
 }
 
-impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, const SHAPED: bool> WithSimd
-    for Sweep<'_, E, T, P, N, M, SHAPED>
+impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, const SHAPE: u8> WithSimd
+    for Sweep<'_, E, T, P, N, M, SHAPE>
 {
     type Output = f64;
 
@@ -265,36 +278,33 @@ impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, c
     fn with_simd<S: Simd>(mut self, simd: S) -> f64 {
         let mut smallest = Wide::<S, T>::splat(simd, f64::INFINITY);
         // Of elements that all have the same sides.
-        let factors = match self.activity.sides {
-            Some([widths, heights]) => [
-                Wide::splat(simd, widths[0].to_f64().recip()),
-                Wide::splat(simd, heights[0].to_f64().recip()),
-            ],
-            None => [smallest; 2],
-        };
+        let [width, height] = self
+            .activity
+            .sides
+            .map_or([1.0; 2], |[widths, heights]| [widths[0].to_f64(), heights[0].to_f64()]);
+        let factors = [width.recip(), height.recip()];
         for row in 0..self.layout.rows() {
             for first in (0..self.layout.columns()).step_by(T::lanes::<S>()) {
                 let active = Wide::load(simd, &self.activity.values[row * self.layout.part() + first..]);
                 let zero = active.constant(0.0);
                 let sides = match self.activity.sides {
-                    Some(all) if SHAPED => sides(simd, all, first, row),
+                    Some(all) if SHAPE == VARIED => sides(simd, all, first, row),
                     _ => [zero; 2],
                 };
                 let mut gradients = [[[[zero; 2]; 2]; N]; M];
                 for (field, (gradients, input)) in gradients.iter_mut().zip(self.inputs).enumerate() {
                     let nodal = gather::<E, S, T, N>(simd, self.layout, input, first, row);
-                    *gradients = if SHAPED && self.activity.is_uniform {
+                    *gradients = if SHAPE == UNIFORM {
                         let [along, across] = if field == 0 { self.rest } else { [1.0; 2] };
-                        let offset = [zero.constant(along - 1.0), zero.constant(across - 1.0)];
-                        E::gradients_on(&nodal, factors, offset)
+                        E::gradients_on(&nodal, factors, [along - 1.0, across - 1.0])
                     } else {
                         E::gradients(&nodal)
                     };
-                    if SHAPED && !self.activity.is_uniform {
+                    if SHAPE == VARIED {
                         per_side(gradients, sides);
                     }
                 }
-                if SHAPED && !self.activity.is_uniform {
+                if SHAPE == VARIED {
                     from_rest(&mut gradients[0], self.rest);
                 }
                 let mut stresses = [[[zero; 2]; 2]; N];
@@ -314,16 +324,16 @@ impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, c
                         }
                     }
                     *stress = self.point.stress(here, active, moduli);
-                    if SHAPED && P::WATCHED {
+                    if SHAPE != PLAIN && P::WATCHED {
                         let [along, across] = self.stress_at_rest;
                         stress[0][0] = stress[0][0] + zero.constant(-along);
                         stress[1][1] = stress[1][1] + zero.constant(-across);
                     }
                 }
-                let forces = if SHAPED && self.activity.is_uniform {
-                    E::forces_on(&stresses, [sides[1], sides[0]])
+                let forces = if SHAPE == UNIFORM {
+                    E::forces_on(&stresses, [height, width])
                 } else {
-                    if SHAPED {
+                    if SHAPE == VARIED {
                         on_sides(&mut stresses, sides);
                     }
                     E::forces(&stresses)
@@ -336,9 +346,7 @@ impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, c
     }
 }
 
-impl<E: Element<N>, T: Precision, P, const N: usize, const M: usize, const SHAPED: bool>
-    Sweep<'_, E, T, P, N, M, SHAPED>
-{
+impl<E: Element<N>, T: Precision, P, const N: usize, const M: usize, const SHAPE: u8> Sweep<'_, E, T, P, N, M, SHAPE> {
     /// Where the line of a node of the element begins.
     #[inline(always)]
     fn line(&self, c: usize, node: usize) -> usize {

@@ -93,14 +93,31 @@ impl LinearResponse {
         let workspace = || Workspace::new(self.rest.len(), &self.laplacian);
         let fields = cells.par_iter().map_init(workspace, |workspace, &cell| {
             let one = |x: usize, y: usize| if (x, y) == cell { 1.0 } else { 0.0 };
-            let activity = Activity::from_shares(self.half_active.grid(), one);
-            self.model.with(ToActivity {
-                response: self,
-                activity: &activity,
-                workspace,
-            })
+            self.to_activity(one, 0.0, workspace)
         });
         fields.collect()
+    }
+
+    /// The linear response to the loads of bodies, without electrodes, which adds to that; `None` where the linear system cannot be solved.
+    #[must_use]
+    pub fn to_loads(&self) -> Option<Field> {
+        let workspace = &mut Workspace::new(self.rest.len(), &self.laplacian);
+        self.to_activity(|_, _| 0.0, 1.0, workspace)
+    }
+
+    fn to_activity(
+        &self,
+        share: impl Fn(usize, usize) -> f64,
+        pulled: f64,
+        workspace: &mut Workspace,
+    ) -> Option<Field> {
+        let activity = Activity::from_shares(self.half_active.grid(), share);
+        self.model.with(ToActivity {
+            response: self,
+            activity: &activity,
+            pulled,
+            workspace,
+        })
     }
 
     fn simulation(&self, estimate: &Estimate, u: &[f64]) -> Simulation {
@@ -209,6 +226,8 @@ impl WithMaterial for Steps<'_> {
 struct ToActivity<'a> {
     response: &'a LinearResponse,
     activity: &'a Activity,
+    /// The share of the loads of bodies.
+    pulled: f64,
     workspace: &'a mut Workspace,
 }
 
@@ -219,11 +238,11 @@ impl WithMaterial for ToActivity<'_> {
         let Self { response, .. } = self;
         let material = material(1.0);
         let mut load = vec![0.0; response.rest.len()];
-        let without_loads = Operator {
-            pulled: 0.0,
+        let pulled = Operator {
+            pulled: self.pulled,
             ..response.operator(&material, self.activity)
         };
-        without_loads.residual(&response.rest, &mut load);
+        pulled.residual(&response.rest, &mut load);
         load.iter_mut().for_each(|force| *force = -*force);
         let linear = response.operator(&material, &response.half_active);
         let solution = newton::solve_tangent(

@@ -29,7 +29,7 @@ pub struct Supports {
 pub struct Rigid {
     /// All its nodes.
     pub nodes: RigidNodes,
-    /// Those that share an element with a free node.
+    /// Those that share an element with a node that is not the body's.
     pub edge: RigidNodes,
     /// What pulls it.
     pub mount: Mount,
@@ -109,7 +109,7 @@ impl Supports {
                 Owner::Free => {}
                 Owner::Frame => {
                     supports.held.push(place);
-                    if owners.is_beside_moving(column, row) {
+                    if owners.is_beside_other(column, row) {
                         supports.held_edge.push(place);
                     }
                 }
@@ -118,7 +118,7 @@ impl Supports {
                     let (rigid, [cx, cy]) = (&mut supports.bodies[body], centroids[body]);
                     let arm = [x - cx, y - cy];
                     rigid.nodes.push(place, arm);
-                    if owners.is_beside_moving(column, row) {
+                    if owners.is_beside_other(column, row) {
                         rigid.edge.push(place, arm);
                     }
                 }
@@ -381,8 +381,8 @@ impl<'a> Owners<'a> {
         across.flat_map(move |y| along.clone().map(move |x| (x, y)))
     }
 
-    /// Whether a node shares an element with one of another owner that moves.
-    fn is_beside_moving(&self, column: usize, row: usize) -> bool {
+    /// Whether a node shares an element with one of another owner. A body all around which there is frame has no edge but beside that.
+    fn is_beside_other(&self, column: usize, row: usize) -> bool {
         let (degree, own) = (self.layout.degree(), self.of(column, row));
         let range = |at: usize, count: usize| {
             let first = if at.is_multiple_of(degree) {
@@ -396,10 +396,7 @@ impl<'a> Owners<'a> {
         let across = range(row, rows);
         let along = range(column, columns);
         let mut around = across.flat_map(|row| along.clone().map(move |column| (column, row)));
-        around.any(|(column, row)| {
-            let other = self.of(column, row);
-            other != own && other != Owner::Frame
-        })
+        around.any(|(column, row)| self.of(column, row) != own)
     }
 }
 

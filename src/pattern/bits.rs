@@ -1,6 +1,7 @@
 //! Patterns as bits: what is asked of thousands of patterns is asked of these.
 
 use super::raster::{Pattern, Raster};
+use super::symmetry::{Symmetries, Symmetry};
 
 /// Cells in a word.
 const WORD: usize = u64::BITS as usize;
@@ -246,14 +247,16 @@ impl Bits {
         found
     }
 
-    /// The images under the symmetries of the square that leave the raster as it is, itself first.
+    /// The images under those of some symmetries that leave the raster as it is, itself first.
     #[must_use]
-    pub fn images(&self) -> Vec<Self> {
-        let mut images = self.mirrored().to_vec();
-        if self.columns == self.rows {
-            images.extend(self.transposed().mirrored());
+    pub fn images(&self, symmetries: Symmetries) -> Vec<Self> {
+        let mut images: Vec<_> = self.mirrored().into_iter().zip(MIRRORED).collect();
+        if self.columns == self.rows && symmetries.iter().any(Symmetry::exchanges_axes) {
+            images.extend(self.transposed().mirrored().into_iter().zip(TRANSPOSED));
         }
-        images
+        let is_wanted = |matrix| symmetries.iter().any(|g| g.matrix() == matrix);
+        let wanted = images.into_iter().filter(|(_, matrix)| is_wanted(*matrix));
+        wanted.map(|(image, _)| image).collect()
     }
 
     /// The [`distance`] from a pattern of which the images are at hand.
@@ -413,11 +416,27 @@ fn filled(seed: u64, within: u64) -> u64 {
     left.0 | right.0
 }
 
+/// The matrices of the identity, of the mirrors in x and in y, and of both.
+const MIRRORED: [[[i32; 2]; 2]; 4] = [
+    [[1, 0], [0, 1]],
+    [[-1, 0], [0, 1]],
+    [[1, 0], [0, -1]],
+    [[-1, 0], [0, -1]],
+];
+
+/// The same after x and y have changed places.
+const TRANSPOSED: [[[i32; 2]; 2]; 4] = [
+    [[0, 1], [1, 0]],
+    [[0, -1], [1, 0]],
+    [[0, 1], [-1, 0]],
+    [[0, -1], [-1, 0]],
+];
+
 /// How different two patterns on one raster are whichever way they are turned: the share of cells in which one differs from that image of
 /// the other which is nearest.
 #[must_use]
 pub fn distance(one: &Pattern, other: &Pattern) -> f64 {
-    Bits::of(one).distance_to(&Bits::of(other).images())
+    Bits::of(one).distance_to(&Bits::of(other).images(Symmetries::SQUARE))
 }
 
 #[cfg(test)]
@@ -460,16 +479,23 @@ mod tests {
     #[test]
     fn the_images_are_those_of_the_symmetries() {
         for pattern in odd() {
-            let mut images: Vec<Pattern> = Bits::of(&pattern).images().iter().map(Bits::pattern).collect();
-            let all = Symmetry::ALL.map(|g| pattern.transformed(g));
-            let mut expected: Vec<Pattern> = all
-                .into_iter()
-                .filter(|image| image.raster() == pattern.raster())
-                .collect();
-            assert_eq!(images[0], pattern);
-            images.sort();
-            expected.sort();
-            assert_eq!(images, expected);
+            let only = |wanted: &[usize]| Symmetries::SQUARE.filter(|g| wanted.contains(&g.index()));
+            for group in [
+                Symmetries::SQUARE,
+                Symmetries::RECTANGLE,
+                only(&[0]),
+                only(&[0, 2]),
+                only(&[0, 5]),
+            ] {
+                let images = Bits::of(&pattern).images(group);
+                let mut images: Vec<Pattern> = images.iter().map(Bits::pattern).collect();
+                let all = group.iter().map(|g| pattern.transformed(g));
+                let mut expected: Vec<Pattern> = all.filter(|image| image.raster() == pattern.raster()).collect();
+                assert_eq!(images[0], pattern);
+                images.sort();
+                expected.sort();
+                assert_eq!(images, expected);
+            }
         }
     }
 

@@ -1,7 +1,10 @@
 //! Patterns of one or several groups of electrodes as bits: those of each group.
 
+use std::borrow::Cow;
+
 use super::bits::Bits;
 use super::raster::{Pattern, PatternForm};
+use super::symmetry::Symmetries;
 
 /// The cells of each group of electrodes.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -75,12 +78,12 @@ impl Layers {
         }
     }
 
-    /// The images under the symmetries of the square that leave the raster as it is, itself first.
+    /// The images under those of some symmetries that leave the raster as it is, itself first.
     #[must_use]
-    pub fn images(&self) -> Vec<Self> {
+    pub fn images(&self, symmetries: Symmetries) -> Vec<Self> {
         let mut images: Vec<Self> = Vec::new();
         for bits in &self.0 {
-            for (at, image) in bits.images().into_iter().enumerate() {
+            for (at, image) in bits.images(symmetries).into_iter().enumerate() {
                 match images.get_mut(at) {
                     Some(layers) => layers.0.push(image),
                     None => images.push(Self(vec![image])),
@@ -95,6 +98,51 @@ impl Layers {
     pub fn distance_to(&self, images: &[Self]) -> f64 {
         let least = images.iter().map(|image| self.differing(image)).min();
         least.unwrap_or_default() as f64 / self.form().raster.cells() as f64
+    }
+}
+
+/// Which patterns of a device move it alike: images under what maps it to itself, and those that differ in groups of electrodes with equal
+/// voltages.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Likeness {
+    symmetries: Symmetries,
+    /// Of each group the first that has its voltages.
+    first: Vec<u8>,
+}
+
+impl Likeness {
+    /// By the symmetries of a device, and for each group of electrodes the first that has its voltages in every state.
+    #[must_use]
+    pub fn new(symmetries: Symmetries, first: Vec<u8>) -> Self {
+        Self { symmetries, first }
+    }
+
+    /// The first group with the voltages of a group; 0 for a bare cell.
+    #[must_use]
+    pub fn first(&self, group: u8) -> u8 {
+        let known = usize::from(group).checked_sub(1).and_then(|at| self.first.get(at));
+        known.copied().unwrap_or(group)
+    }
+
+    /// The pattern with all cells in the first of alike groups.
+    #[must_use]
+    pub fn merged<'l>(&self, layers: &'l Layers) -> Cow<'l, Layers> {
+        let groups = 1..=layers.0.len() as u8;
+        if groups.clone().all(|group| self.first(group) == group) {
+            return Cow::Borrowed(layers);
+        }
+        let mut merged = vec![Bits::empty(layers.form().raster); layers.0.len()];
+        for (group, bits) in groups.zip(layers.iter()) {
+            let to = &mut merged[usize::from(self.first(group)) - 1];
+            *to = to.or(bits);
+        }
+        Cow::Owned(Layers(merged))
+    }
+
+    /// The images of a merged pattern, itself first.
+    #[must_use]
+    pub fn images(&self, layers: &Layers) -> Vec<Layers> {
+        self.merged(layers).images(self.symmetries)
     }
 }
 
@@ -127,11 +175,38 @@ mod tests {
         let differ = one.cells().iter().zip(other.cells()).filter(|(a, b)| a != b).count();
         let [one, other] = [&one, &other].map(|pattern| Layers::of(pattern, 3));
         assert_eq!(one.differing(&other), differ);
-        let nearest = one.distance_to(&other.images());
-        let each = other.images().iter().map(|image| one.differing(image)).min().unwrap();
+        let nearest = one.distance_to(&other.images(Symmetries::SQUARE));
+        let each = other
+            .images(Symmetries::SQUARE)
+            .iter()
+            .map(|image| one.differing(image))
+            .min()
+            .unwrap();
         assert_eq!(nearest, each as f64 / 2100.0);
         let (one, other) = (pattern(1, 1), pattern(2, 1));
         let layers = [&one, &other].map(|pattern| Layers::of(pattern, 1));
-        assert_eq!(layers[0].distance_to(&layers[1].images()), distance(&one, &other));
+        assert_eq!(
+            layers[0].distance_to(&layers[1].images(Symmetries::SQUARE)),
+            distance(&one, &other)
+        );
+    }
+
+    #[test]
+    fn groups_with_equal_voltages_are_one() {
+        let likeness = Likeness::new(Symmetries::RECTANGLE, vec![1, 2, 1]);
+        let one = pattern(1, 3);
+        let turned = Pattern::from_groups(one.raster(), |x, y| match one.group(69 - x, 29 - y) {
+            1 => 3,
+            3 => 1,
+            group => group,
+        });
+        let [one, turned, other] = [&one, &turned, &pattern(2, 3)].map(|pattern| Layers::of(pattern, 3));
+        let distance = |a: &Layers, b: &Layers| likeness.merged(a).distance_to(&likeness.images(b));
+        assert_eq!(distance(&one, &turned), 0.0);
+        assert!(distance(&one, &other) > 0.1);
+        assert!(one.distance_to(&turned.images(Symmetries::RECTANGLE)) > 0.1);
+        let apart = Likeness::new(Symmetries::RECTANGLE, vec![1, 2, 3]);
+        assert!(matches!(apart.merged(&one), Cow::Borrowed(_)));
+        assert_eq!([0, 1, 3].map(|group| likeness.first(group)), [0, 1, 1]);
     }
 }

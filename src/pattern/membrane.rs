@@ -1,6 +1,7 @@
 //! The rectangle that patterns are drawn on.
 
 use super::raster::Raster;
+use super::symmetry::Symmetries;
 
 /// A membrane as those see it who draw on it: its sides, and its cells.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,6 +19,15 @@ impl Membrane {
         Self {
             raster: Raster::PAPER,
             size_mm: [side_mm; 2],
+        }
+    }
+
+    /// What maps it to itself, cell by cell.
+    #[must_use]
+    pub fn symmetries(&self) -> Symmetries {
+        match self.raster.is_square() && self.size_mm[0] == self.size_mm[1] {
+            true => Symmetries::SQUARE,
+            false => Symmetries::RECTANGLE,
         }
     }
 

@@ -18,7 +18,7 @@ mod symmetry;
 
 pub use bits::{Bits, distance};
 pub use h5::split as split_h5;
-pub use layers::Layers;
+pub use layers::{Layers, Likeness};
 pub use membrane::Membrane;
 pub use outline::{Corners, Island, Point, area as ring_area, outlines, total_area};
 pub use parts::{Part, Parts, PartsError};

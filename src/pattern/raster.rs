@@ -267,6 +267,20 @@ impl Pattern {
         })
     }
 
+    /// The pattern with the cells of two groups exchanged.
+    #[must_use]
+    pub fn with_groups_exchanged(&self, [a, b]: [u8; 2]) -> Self {
+        let exchanged = |&cell: &u8| match cell {
+            cell if cell == a => b,
+            cell if cell == b => a,
+            cell => cell,
+        };
+        Self {
+            raster: self.raster,
+            cells: self.cells.iter().map(exchanged).collect(),
+        }
+    }
+
     /// How many cells are active.
     #[must_use]
     pub fn active_cells(&self) -> usize {

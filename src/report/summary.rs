@@ -6,6 +6,7 @@ use std::fmt;
 use serde::Serialize;
 
 use super::artifacts::Source;
+use super::designs::is_to_be_met;
 use super::error::ReportError;
 use super::intervals::{self, NetworkInterval};
 use crate::content::{ContentError, Verification, predicted_rows};
@@ -16,6 +17,9 @@ use crate::store::Artifact;
 /// A design whose prediction differs from the simulation by more than this fraction was judged by an evaluator that is wrong.
 pub(super) const TRUSTED: f64 = 0.05;
 
+/// Of less than a micrometre a difference is no share: nothing may be what is wanted.
+const LEAST_MM: f64 = 1e-3;
+
 /// The result of a verify stage.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
@@ -23,10 +27,9 @@ pub struct Summary {
     pub stage: String,
     /// The designs and what they are compared with.
     pub rows: Vec<RowSummary>,
-    /// The largest difference between predicted and simulated among the designs that were searched by what predicted them, as
-    /// a fraction of the simulated.
+    /// The largest difference between predicted and simulated among the designs that were found, as a fraction of the simulated.
     pub largest_difference: Option<f64>,
-    /// Searched designs that were predicted, and have no stable solution.
+    /// Designs that were found and predicted, and have no stable solution.
     pub not_stable: usize,
 }
 
@@ -53,7 +56,7 @@ pub struct RowSummary {
     pub simulated_error_mm: Option<f64>,
     /// Predicted less simulated, in mm.
     pub difference_mm: Option<f64>,
-    /// Distance from a wanted displacement, in mm, where one is wanted.
+    /// Distance from what is wanted, in mm, where a displacement or an angle is.
     pub distance_mm: Option<f64>,
     /// What a calibrated network says, where one was asked.
     pub interval: Option<NetworkInterval>,
@@ -61,7 +64,7 @@ pub struct RowSummary {
     pub outcome: String,
     /// `met`, or which constraints are not.
     pub status: String,
-    /// Gain over the intuitive design at its own area, a fraction.
+    /// Gain over the intuitive design at its own area, a fraction; none where a displacement is to be met, as more of it is not better.
     pub gain_own_area: Option<f64>,
     /// Gain over the intuitive design at the area of the design.
     pub gain_equal_area: Option<f64>,
@@ -121,7 +124,7 @@ pub fn read(source: &Source<'_>) -> Result<Summary, ReportError> {
     Ok(Summary {
         stage: source.stage.stage.clone(),
         largest_difference: largest_difference(&compared),
-        not_stable: searched(&compared)
+        not_stable: found(&compared)
             .filter(|row| row.predicted_mm.is_some() && row.simulated_mm.is_none())
             .count(),
         rows: compared,
@@ -134,13 +137,14 @@ fn rows(artifact: &Artifact) -> Result<Vec<RowSummary>, ContentError> {
     let (cases, names, roles) = (rows.case().read()?, rows.name().read()?, rows.role().read()?);
     let (members, units, areas) = (rows.member().read()?, rows.units().read()?, rows.area().read()?);
     let (outcomes, statuses) = (view.outcome().read()?, rows.status().read()?.0);
+    let objectives = rows.objective().read()?.0;
     let (simulated, predictions) = (view.simulated_rows()?, predicted_rows(&roles));
     let row = |k: usize| {
         let prediction = predictions[k].filter(|_| statuses[k] != NO_FIELD);
         let predicted_mm = prediction.map(|at| component.predicted[at]);
         let simulated_mm = simulated[k].map(|row| component.simulated[row]);
         let known = simulated[k].filter(|&row| component.error_known[row] == 1);
-        let distance_mm = simulated[k].map(|row| component.distance[row]);
+        let to_be_met = simulated[k].filter(|_| is_to_be_met(&objectives[k]));
         RowSummary {
             case: cases[k].clone(),
             name: names[k].clone(),
@@ -154,7 +158,7 @@ fn rows(artifact: &Artifact) -> Result<Vec<RowSummary>, ContentError> {
             difference_mm: predicted_mm
                 .zip(simulated_mm)
                 .map(|(predicted, simulated)| predicted - simulated),
-            distance_mm: distance_mm.filter(|&distance| distance > 0.0),
+            distance_mm: to_be_met.map(|row| component.distance[row]),
             interval: None,
             outcome: outcomes[k].clone(),
             status: statuses[k].clone(),
@@ -182,21 +186,21 @@ fn compared(row: &RowSummary, rows: &[RowSummary]) -> RowSummary {
     };
     let optimum = best(true).or_else(|| best(false)).filter(|mm| mm.abs() > 1e-9);
     let mut row = row.clone();
-    if row.role.is_compared() {
+    if row.role.is_compared() && row.distance_mm.is_none() {
         (row.gain_own_area, row.gain_equal_area) = (gain(Role::Intuitive), gain(Role::IntuitiveEqualArea));
         row.ratio_to_optimum = row.simulated_mm.zip(optimum).map(|(own, optimum)| own / optimum);
     }
     row
 }
 
-/// The rows whose evaluator led the search to them.
-fn searched(rows: &[RowSummary]) -> impl Iterator<Item = &RowSummary> {
-    rows.iter().filter(|row| row.role.is_searched())
+/// The rows of designs, without what these are compared with.
+fn found(rows: &[RowSummary]) -> impl Iterator<Item = &RowSummary> {
+    rows.iter().filter(|row| row.role.is_found())
 }
 
 fn largest_difference(rows: &[RowSummary]) -> Option<f64> {
-    let relative = searched(rows).filter_map(|row| {
-        let simulated = row.simulated_mm.filter(|mm| mm.abs() > 1e-9)?;
+    let relative = found(rows).filter_map(|row| {
+        let simulated = row.simulated_mm.filter(|mm| mm.abs() > LEAST_MM)?;
         Some((row.difference_mm? / simulated).abs())
     });
     relative.reduce(f64::max)
@@ -221,7 +225,7 @@ impl fmt::Display for Summary {
                 self.not_stable
             )?;
         }
-        let stated = searched(&self.rows).filter_map(|row| Some((row.interval.as_ref()?, row.simulated_mm)));
+        let stated = found(&self.rows).filter_map(|row| Some((row.interval.as_ref()?, row.simulated_mm)));
         if let Some(verdict) = intervals::verdict(stated) {
             writeln!(f, "  {verdict}")?;
         }
@@ -264,6 +268,9 @@ impl fmt::Display for Line<'_> {
         }
         if let Some(interval) = &row.interval {
             write!(f, "  {interval}")?;
+        }
+        if let Some(distance) = row.distance_mm {
+            write!(f, "  {distance:.4} mm from what is wanted")?;
         }
         let percent = |gain: f64| format!("{:+.2} %", 100.0 * gain);
         match (row.gain_own_area, row.gain_equal_area) {

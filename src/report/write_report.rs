@@ -16,7 +16,7 @@ use crate::pattern::Pattern;
 use crate::store::Store;
 
 /// The columns of the table of designs.
-pub const COLUMNS: [&str; 22] = [
+pub const COLUMNS: [&str; 24] = [
     "name",
     "case",
     "role",
@@ -24,11 +24,13 @@ pub const COLUMNS: [&str; 22] = [
     "point_x_mm",
     "point_y_mm",
     "direction_deg",
+    "objective",
     "area_target",
     "area",
     "predicted_mm",
     "simulated_mm",
     "simulated_error_mm",
+    "distance_mm",
     "intuitive_own_mm",
     "intuitive_equal_area_mm",
     "optimum_mm",
@@ -135,12 +137,14 @@ fn earlier_files(table: &Path, data: &Path) -> Vec<PathBuf> {
         return Vec::new();
     };
     let mut reader = csv::Reader::from_reader(text.as_slice());
-    let ours = reader.headers().is_ok_and(|header| header.iter().eq(COLUMNS));
-    if !ours {
+    // Other versions had other columns between these.
+    let [first, .., last] = COLUMNS;
+    let is_ours = |header: &csv::StringRecord| header.get(0) == Some(first) && header.iter().next_back() == Some(last);
+    if !reader.headers().is_ok_and(is_ours) {
         return Vec::new();
     }
     let pattern = |record: csv::StringRecord| {
-        let name = record.get(COLUMNS.len() - 1)?;
+        let name = record.iter().next_back()?;
         let plain = name.strip_prefix("patterns/").is_some_and(|name| !name.contains('/'));
         Some(data.join(name)).filter(|path| plain && path.is_file())
     };
@@ -206,11 +210,13 @@ fn row(design: &Design) -> [String; COLUMNS.len()] {
         design.objective.coordinates(0),
         design.objective.coordinates(1),
         design.objective.ways(),
+        design.objective.short_text(),
         design.area_target.clone(),
         number(design.area),
         known(design.predicted_mm),
         known(design.simulated_mm),
         known(design.error_mm),
+        known(design.distance_mm),
         known(compared.intuitive_own),
         known(compared.intuitive_equal_area),
         known(compared.optimum),
@@ -257,11 +263,12 @@ mod tests {
         assert_eq!(lines[0], COLUMNS.join(","));
         assert_eq!(
             lines[1],
-            "I-centre-refined,I,refined,50,12.5 37.5,25 25,0 180,0.5,0.500000,1.000000,0.987654,,,,,,1.000000,0.950000,1.050000,1.500000,1,\
-             patterns/I-centre-refined.csv"
+            "I-centre-refined,I,refined,50,12.5 37.5,25 25,0 180,\
+             \"{ points: [{ point: [12.5, 25], direction: 0 }, { point: [37.5, 25], direction: 180 deg }] }\",\
+             0.5,0.500000,1.000000,0.987654,,,,,,,1.000000,0.950000,1.050000,1.500000,1,patterns/I-centre-refined.csv"
         );
         assert!(
-            lines[2].contains(",intuitive,50,25,25,0,0.5,0.500000,1.000000,,,,,,,,,,,,"),
+            lines[2].contains("direction: 0 }\",0.5,0.500000,1.000000,,,,,,,,,,,,,"),
             "{}",
             lines[2]
         );
@@ -286,6 +293,9 @@ mod tests {
         fs::write(&table, text).unwrap();
         assert_eq!(earlier_files(&table, data), [own, table.clone()]);
         assert!(other.exists() && data.join("precious.csv").exists());
+
+        fs::write(&table, "name,of_another_version,pattern_file\nx,1,patterns/mine.csv\n").unwrap();
+        assert_eq!(earlier_files(&table, data), [other.clone(), table.clone()]);
 
         fs::write(&table, "a,b\n1,patterns/mine.csv\n").unwrap();
         assert_eq!(earlier_files(&table, data), [] as [PathBuf; 0]);

@@ -14,7 +14,7 @@ use crate::pattern::Pattern;
 const VOLTAGES: RangeInclusive<f64> = 0.0..=1e6;
 
 /// Most states of a device.
-const MOST_STATES: usize = 16;
+pub const MOST_STATES: usize = 16;
 
 /// Longest name of a state.
 const LONGEST_NAME: usize = 64;
@@ -187,6 +187,25 @@ parameters! {
 /// The drives of one device by their names, in the order of these.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct States(Vec<(String, State)>);
+
+/// A state that a scene does not have.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("there is no state `{found}`")]
+pub struct UnknownState {
+    pub(super) found: String,
+    pub(super) known: Vec<String>,
+}
+
+impl UnknownState {
+    /// What there is.
+    #[must_use]
+    pub fn help(&self) -> String {
+        match self.known.is_empty() {
+            true => "the scene has no states".to_owned(),
+            false => format!("allowed: {}", self.known.join(", ")),
+        }
+    }
+}
 
 impl States {
     const WHAT: &'static str = "`states`";

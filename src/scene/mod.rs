@@ -12,7 +12,7 @@ mod shape;
 mod tests;
 
 pub use difference::Difference;
-pub use drive::{Drive, State, States, Voltages};
+pub use drive::{Drive, MOST_STATES, State, States, UnknownState, Voltages};
 pub use effects::{
     Breakdown, ConstantStrength, Effects, Electrode, HuangStrength, On, PermittivityDecay, PermittivityReference,
     Stiffening, laws,

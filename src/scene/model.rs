@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use super::drive::{Drive, States, Voltages};
+use super::drive::{Drive, States, UnknownState, Voltages};
 use super::effects::{Effects, switched_on};
 use super::geometry::{Body, Geometry, Outline};
 use super::properties::Properties;
@@ -217,6 +217,19 @@ impl Scene {
         }
     }
 
+    /// The scene in one of its states.
+    ///
+    /// # Errors
+    /// When it has no state of that name.
+    pub fn in_state(&self, name: &str) -> Result<Self, UnknownState> {
+        let found = self.states.iter().find(|(known, _)| *known == name);
+        let found = found.map(|(_, voltages)| self.with_voltages(voltages.clone()));
+        found.ok_or_else(|| UnknownState {
+            found: name.to_owned(),
+            known: self.states.iter().map(|(name, _)| name.to_owned()).collect(),
+        })
+    }
+
     /// The same scene with exactly these effects.
     #[must_use]
     pub fn with_effects(&self, effects: Effects) -> Self {
@@ -237,9 +250,9 @@ impl Scene {
     /// one, those that map frame and bodies to themselves, a body perhaps to one that is pulled alike.
     #[must_use]
     pub fn symmetries(&self) -> Symmetries {
-        let (Membrane { raster, size_mm }, [along, across]) = (self.membrane(), self.prestretch());
-        let group = match raster.is_square() && size_mm[0] == size_mm[1] && along == across {
-            true => Symmetries::SQUARE,
+        let [along, across] = self.prestretch();
+        let group = match along == across {
+            true => self.membrane().symmetries(),
             false => Symmetries::RECTANGLE,
         };
         let Some(parts) = self.parts() else {
@@ -250,6 +263,23 @@ impl Scene {
             let (from, to) = (bodies[from], bodies[to]);
             g.apply_vector(from.load_n()) == to.load_n() && from.spring_n_per_m() == to.spring_n_per_m()
         })
+    }
+
+    /// Of each group of electrodes the first that has its voltage in every state, from 1.
+    #[must_use]
+    pub fn alike_groups(&self) -> Vec<u8> {
+        let states = self.in_states();
+        let volts: Vec<Vec<f64>> = states
+            .iter()
+            .map(|(_, scene)| scene.drive.voltages.in_volts())
+            .collect();
+        let of_group = |group: usize| -> Vec<f64> { volts.iter().map(|volts| volts[group]).collect() };
+        let first = |group| {
+            (0..group)
+                .find(|&other| of_group(other) == of_group(group))
+                .unwrap_or(group)
+        };
+        (0..self.groups()).map(|group| first(group) as u8 + 1).collect()
     }
 
     /// What the cells of the membrane are; nothing where all of them are membrane.

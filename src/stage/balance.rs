@@ -105,7 +105,7 @@ impl Stage for BalanceStage {
     }
 
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
-        let scene = super::scene_of_any_inputs(job.inputs)?;
+        let scene = super::scene_of_inputs(job.inputs)?;
         let mut solved = Solved::default();
         for input in job.inputs {
             let view = Solutions::open(input)?;

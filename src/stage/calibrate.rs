@@ -51,8 +51,7 @@ impl Kind for CalibrateKind {
         vec![CalibrateStage::fields()]
     }
 
-    fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
-        super::refuse_groups(stage, scene)?;
+    fn read(&self, stage: &Node, _scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
         Ok(Box::new(CalibrateStage::read_with(stage, &["kind", "needs"])?))
     }
 }

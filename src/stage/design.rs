@@ -25,8 +25,8 @@ use crate::fem::screening::decided_states;
 use crate::fem::{GradientEvaluator, SafetyMargins, SetupError, breakdown_strength};
 use crate::field::{Differentiable, Feasibility, InStates, PredictError, StateFields};
 use crate::orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
-use crate::pattern::{Part, Pattern};
-use crate::scene::Scene;
+use crate::pattern::{Part, Pattern, Symmetries};
+use crate::scene::{MOST_STATES, Scene};
 use crate::store::{Artifact, Object};
 use crate::surrogate::Surrogate;
 
@@ -142,7 +142,7 @@ impl Kind for DesignKind {
         Needs {
             kinds: &["train", "calibrate"],
             least: 0,
-            most: 2,
+            most: MOST_STATES + 1,
         }
     }
 
@@ -164,11 +164,7 @@ impl Kind for DesignKind {
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
         let keys = [&["kind", "needs", "constraints"][..], &DesignParameters::keys()].concat();
         let map = stage.fields(DesignParameters::WHAT, &keys)?;
-        let scene = match map.optional("needs") {
-            // Networks know one group of electrodes under one drive.
-            Some(_) => super::scene_of_one_group(stage, scene)?,
-            None => super::scene_in_states_of(stage, scene)?,
-        };
+        let scene = super::scene_in_states_of(stage, scene)?;
         let DesignParameters {
             case,
             evaluator,
@@ -282,6 +278,12 @@ impl DesignStage {
             // Kept on every mesh, which designs of one mesh alone did not promise.
             entries.push(("pull_in_meshes", 2_u64.into()));
         }
+        let constraints = self.constraints.constraints();
+        let is_square = self.scene.symmetries() == Symmetries::SQUARE && constraints.room().is_none();
+        if !(is_square && constraints.is_free() && constraints.groups() == 1) {
+            // Areas were given up that can be had, groups that do nothing were kept, and designs were told apart by the symmetries of the square.
+            entries.push(("devices", 2_u64.into()));
+        }
         entries.extend([
             ("constraints", self.constraints.canonical()),
             ("scene", self.scene.canonical()),
@@ -317,15 +319,16 @@ impl DesignStage {
         Ok(self.ready.get_or_init(|| ready))
     }
 
-    /// The network among the inputs, if there is one.
-    fn surrogate(&self, inputs: &[Artifact]) -> Result<Option<Surrogate>, StageError> {
-        let network = inputs.iter().find(|input| model::is_in(input));
-        if network.is_none() && self.evaluator == EvaluatorChoice::Surrogate {
-            return Err(StageError::Input(
+    /// The networks among the inputs, one for each state of the device; none where there are none.
+    fn networks(&self, inputs: &[Artifact]) -> Result<Option<Vec<Surrogate>>, StageError> {
+        let models: Vec<&Artifact> = inputs.iter().filter(|input| model::is_in(input)).collect();
+        match &models[..] {
+            [] if self.evaluator == EvaluatorChoice::Surrogate => Err(StageError::Input(
                 "`evaluator: surrogate` judges by a network, and `needs` names no stage of kind `train`".to_owned(),
-            ));
+            )),
+            [] => Ok(None),
+            models => model::in_states(models, &self.scene).map(Some),
         }
-        network.map(|input| model::in_scene(input, &self.scene)).transpose()
     }
 
     fn heading(&self, target: &Target) -> Heading {
@@ -378,7 +381,7 @@ impl Stage for DesignStage {
         let target = self.targets.iter().find(|target| Some(&self.chunk(target)) == wanted);
         let target = target.ok_or_else(|| StageError::Failed("a chunk of a design stage has one target".to_owned()))?;
         let start = Instant::now();
-        let surrogate = self.surrogate(job.inputs)?;
+        let networks = self.networks(job.inputs)?;
         let calibrated = Calibrated::of(job.inputs, &self.scene)?;
         let drivers: Vec<u8> = self
             .scene
@@ -394,7 +397,7 @@ impl Stage for DesignStage {
             elements: self,
             progress: &Follow(job),
         };
-        let found = search.run(|| evaluators(self.evaluator, &self.scene, surrogate));
+        let found = search.run(|| evaluators(self.evaluator, &self.scene, networks));
         let found = found.map_err(|error| match error {
             SearchError::Stopped(stopped) => stopped.into(),
             error => StageError::Failed(error.to_string()),

@@ -23,6 +23,8 @@ pub struct Design {
     pub pattern: Pattern,
     /// The scene that it was made for.
     pub scene: Scene,
+    /// The state of its device that is meant, where it is one of several.
+    pub state: Option<String>,
 }
 
 impl Design {
@@ -80,6 +82,7 @@ impl Designs {
             source: self.source.clone(),
             pattern: self.patterns[row].clone(),
             scene: self.scene.clone(),
+            state: None,
         })
     }
 }
@@ -105,5 +108,6 @@ pub fn of_file(file: &str, scene: &Path) -> Result<Design, InputError> {
         source: format!("file {file}"),
         pattern: pattern.clone(),
         scene,
+        state: None,
     })
 }

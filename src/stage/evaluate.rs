@@ -63,8 +63,7 @@ impl Kind for EvaluateKind {
         vec![EvaluateStage::fields()]
     }
 
-    fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
-        super::refuse_groups(stage, scene)?;
+    fn read(&self, stage: &Node, _scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
         Ok(Box::new(EvaluateStage::read_with(stage, &["kind", "needs"])?))
     }
 }

@@ -62,11 +62,11 @@ impl Kind for ImportKind {
     }
 
     fn schema(&self) -> Vec<Fields> {
-        vec![ImportParameters::fields()]
+        vec![super::with_state(ImportParameters::fields())]
     }
 
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
-        ImportParameters::read_with(stage, &["kind"])?;
+        ImportParameters::read_with(stage, &["kind", super::STATE])?;
         let scene = super::simulated_scene_of(stage, scene)?;
         let device = Arc::new(super::device_of(&scene));
         let of_chunk = rows_of_chunk(device.raster());

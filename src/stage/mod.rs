@@ -24,13 +24,13 @@ mod verify;
 
 pub use results::words_of as result_words;
 
-use crate::base::{InputError, Node};
+use crate::base::{Fields, InputError, Node, Schema};
 use crate::content::{ContentError, StoredAttribute};
 use crate::dataset::Device;
 use crate::fem::effects::Model;
 use crate::orchestrator::{MOST_STAGES, Registry, StageError};
 use crate::pattern::Raster;
-use crate::scene::{Difference, Outline, Scene};
+use crate::scene::{Difference, Outline, Scene, States};
 use crate::store::Artifact;
 
 /// All kinds of stages, and how a scene is checked.
@@ -68,16 +68,33 @@ fn scene_in_states_of(stage: &Node, scene: Option<&Node>) -> Result<Scene, Input
     checked_scene(scene.ok_or_else(missing)?)
 }
 
+/// The key of a stage that simulates one drive, with its schema.
+const STATE: &str = "state";
+
+fn with_state(fields: Fields) -> Fields {
+    let schema = Schema::matching(&States::name_pattern());
+    fields.optional(
+        STATE,
+        schema.description("The state of the device that it simulates, where the scene has several."),
+    )
+}
+
 /// The same for a stage that knows one drive.
 fn scene_of(stage: &Node, scene: Option<&Node>) -> Result<Scene, InputError> {
     let read = scene_in_states_of(stage, scene)?;
-    match scene.and_then(|node| node.peek("states")) {
-        None => Ok(read),
-        Some(states) => Err(states
-            .error("this stage simulates one drive, and the scene has states")
-            .help(
-                "give the stage `drive: { voltages: … }`, perhaps by `foreach`; `design` and `verify` stages and `deaflow solve` simulate all states",
-            )),
+    let names: Vec<&str> = read.states.iter().map(|(name, _)| name).collect();
+    match stage.peek(STATE) {
+        Some(node) => {
+            let state = read.in_state(node.text(STATE)?);
+            state.map_err(|unknown| node.error(unknown.to_string()).help(unknown.help()))
+        }
+        None if names.is_empty() => Ok(read),
+        None => Err(stage
+            .error("this stage simulates one drive, and does not say in which `state` of the scene")
+            .help(format!(
+                "allowed: {}; `design` and `verify` stages simulate all",
+                names.join(", ")
+            ))),
     }
 }
 
@@ -96,30 +113,6 @@ fn simulated_scene_of(stage: &Node, scene: Option<&Node>) -> Result<Scene, Input
 fn device_of(scene: &Scene) -> Device {
     let parts = scene.parts();
     Device::new(scene.membrane(), scene.groups(), scene.symmetries(), parts.as_deref())
-}
-
-/// The scene of a stage that judges by a network, which knows one group of electrodes under one drive.
-fn scene_of_one_group(stage: &Node, scene: Option<&Node>) -> Result<Scene, InputError> {
-    let read = scene_of(stage, scene)?;
-    refuse_groups(stage, scene)?;
-    Ok(read)
-}
-
-/// Refuses several groups of electrodes, for a stage of networks that knows no scene but perhaps that of its inputs.
-fn refuse_groups(stage: &Node, scene: Option<&Node>) -> Result<(), InputError> {
-    match outline_of(scene)?.map_or(1, |outline| outline.groups) {
-        1 => Ok(()),
-        groups => Err(scene
-            .and_then(|node| node.peek("drive"))
-            .unwrap_or(stage)
-            .error(one_group(groups))
-            .help("patterns of several groups are simulated by `solve` stages and `deaflow solve`")),
-    }
-}
-
-/// Why networks are not for a scene with several groups of electrodes.
-fn one_group(groups: usize) -> String {
-    format!("networks know one group of electrodes, and this scene has voltages of {groups}")
 }
 
 /// Whether a device is that of the source paper: a square of 50 × 50 cells with equal prestretch, clamped on its edges, and one group of
@@ -165,17 +158,8 @@ impl From<ContentError> for StageError {
     }
 }
 
-/// The scene of all inputs, for a stage of networks.
-fn scene_of_inputs(inputs: &[Artifact]) -> Result<Scene, StageError> {
-    let scene = scene_of_any_inputs(inputs)?;
-    match scene.groups() {
-        1 => Ok(scene),
-        groups => Err(StageError::Input(one_group(groups))),
-    }
-}
-
 /// The scene that all inputs were made with; inputs of different scenes do not belong in one model.
-fn scene_of_any_inputs(inputs: &[Artifact]) -> Result<Scene, StageError> {
+fn scene_of_inputs(inputs: &[Artifact]) -> Result<Scene, StageError> {
     let mut found: Option<Scene> = None;
     for input in inputs {
         let missing = || {

@@ -44,6 +44,39 @@ pub fn in_scene(artifact: &Artifact, scene: &Scene) -> Result<Surrogate, StageEr
     Ok(surrogate)
 }
 
+/// The networks of train stages in the states of a scene, in their order, each trained at the drive of its state; of a scene without states the
+/// only one.
+///
+/// # Errors
+/// As [`in_scene`], or when a state has no network, or a network no state.
+pub fn in_states(artifacts: &[&Artifact], scene: &Scene) -> Result<Vec<Surrogate>, StageError> {
+    if let ([only], true) = (artifacts, scene.states.is_empty()) {
+        return in_scene(only, scene).map(|network| vec![network]);
+    }
+    let mut left = Vec::new();
+    for artifact in artifacts {
+        left.push((artifact.digest().short().to_string(), of_artifact(artifact)?));
+    }
+    let mut found = Vec::new();
+    for (name, scene) in scene.in_states() {
+        let place = left.iter().position(|(_, network)| network.check_scene(&scene).is_ok());
+        let Some(place) = place else {
+            let why = left.first().and_then(|(_, network)| network.check_scene(&scene).err());
+            let why = why.map_or(String::new(), |why| format!("; {why}"));
+            return Err(StageError::Input(format!(
+                "`needs` names no model that was trained in state `{name}`: a design judged by networks needs one for each state{why}"
+            )));
+        };
+        found.push(left.swap_remove(place).1);
+    }
+    match left.first() {
+        None => Ok(found),
+        Some((digest, _)) => Err(StageError::Input(format!(
+            "artifact {digest}: the model is one more than there are states to judge in"
+        ))),
+    }
+}
+
 /// The families that a model learned from: those that its training was measured on.
 ///
 /// # Errors

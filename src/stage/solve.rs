@@ -48,12 +48,15 @@ impl Kind for SolveKind {
 
     fn schema(&self) -> Vec<Fields> {
         let fields = Fields::new("Simulates every sample with finite elements.");
-        vec![SolverParameters::schema(fields, MESH)]
+        vec![SolverParameters::schema(super::with_state(fields), MESH)]
     }
 
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
         let what = "a solve stage";
-        let map = stage.fields(what, &[&["kind", "needs"], &SolverParameters::keys()[..]].concat())?;
+        let map = stage.fields(
+            what,
+            &[&["kind", "needs", super::STATE], &SolverParameters::keys()[..]].concat(),
+        )?;
         let scene = super::simulated_scene_of(stage, scene)?;
         Ok(Box::new(SolveStage {
             solver: SolverParameters::read(&map, MESH)?,

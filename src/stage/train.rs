@@ -69,8 +69,7 @@ impl Kind for TrainKind {
         vec![TrainParameters::fields()]
     }
 
-    fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
-        super::refuse_groups(stage, scene)?;
+    fn read(&self, stage: &Node, _scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
         let mut parameters = TrainParameters::read_with(stage, &["kind", "needs"])?;
         let usual = TrainOptions::of(parameters.network).learning_rate;
         parameters.learning_rate = parameters.learning_rate.or(Decimal::from_f64(usual));
@@ -137,6 +136,7 @@ impl TrainParameters {
             gradient_norm: self.gradient_norm.map(Decimal::to_f64),
             symmetry: self.symmetry,
             symmetries: scene.symmetries(),
+            loads: scene.group_loads(),
             max_weight: self.max_weight.to_f64(),
             auxiliary_weight: self.auxiliary_weight.to_f64(),
             seed: self.seed.0,

@@ -19,11 +19,26 @@ pub(crate) fn inner_sides(raster: Raster) -> [usize; 2] {
     raster.sides().map(|side| side - 1)
 }
 
-/// Patterns of these cells as (n, rows, columns, 1): ½ on the electrode, −½ off it, so that a half-covered membrane has mean zero.
-pub(crate) fn patterns_to_tensor<'a>(raster: Raster, patterns: impl Iterator<Item = &'a Pattern>) -> Result<Tensor> {
-    let values: Vec<f32> = patterns.flat_map(|p| p.cells()).map(|&c| f32::from(c) - 0.5).collect();
+/// Patterns of these cells as (n, rows, columns, 1): ½ on the electrode, −½ off it, so that a half-covered membrane has mean zero. An electrode of
+/// one of several groups has the share of the load that its group has, less ½.
+pub(crate) fn patterns_to_tensor<'a>(
+    raster: Raster,
+    loads: &[f64],
+    patterns: impl Iterator<Item = &'a Pattern>,
+) -> Result<Tensor> {
+    let seen = seen(loads);
+    let values: Vec<f32> = patterns
+        .flat_map(|p| p.cells())
+        .map(|&c| seen[usize::from(c)])
+        .collect();
     let n = values.len() / raster.cells();
     Tensor::from_vec(values, (n, raster.rows(), raster.columns(), 1), &Device::Cpu)
+}
+
+/// What a network sees of a bare cell, then of one of each group.
+pub(crate) fn seen(loads: &[f64]) -> Vec<f32> {
+    let all = std::iter::once(&0.0).chain(loads);
+    all.map(|&load| load as f32 - 0.5).collect()
 }
 
 /// The values of one row of inner corners.
@@ -111,9 +126,18 @@ mod tests {
     }
 
     #[test]
+    fn groups_have_their_share_of_the_load() {
+        let raster = Raster::new(3, 1).unwrap();
+        let pattern = Pattern::from_groups(raster, |x, _| x as u8);
+        let tensor = patterns_to_tensor(raster, &[1.0, 0.25], [&pattern].into_iter()).unwrap();
+        let values = tensor.flatten_all().unwrap().to_vec1::<f32>().unwrap();
+        assert_eq!(values, [-0.5, 0.5, -0.25]);
+    }
+
+    #[test]
     fn patterns_become_plus_and_minus_one_half() {
         let pattern = Pattern::from_fn(Raster::PAPER, |x, y| x == 3 && y == 1);
-        let tensor = patterns_to_tensor(Raster::PAPER, [&pattern].into_iter()).unwrap();
+        let tensor = patterns_to_tensor(Raster::PAPER, &[1.0], [&pattern].into_iter()).unwrap();
         assert_eq!(tensor.dims(), [1, CELLS, CELLS, 1]);
         let values = tensor.flatten_all().unwrap().to_vec1::<f32>().unwrap();
         assert!(

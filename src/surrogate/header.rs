@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use serde::{Deserialize, Serialize};
 
 use super::encode::inner_sides;
-use crate::pattern::Raster;
+use crate::pattern::{Pattern, PatternForm, Raster};
 
 /// The version of the format. It is raised whenever a reader of the one before would misunderstand a file.
 pub(crate) const VERSION: u64 = 2;
@@ -39,6 +39,9 @@ struct Input {
     axes: String,
     values: String,
     encoding: String,
+    /// Of each of several groups of electrodes the share of the largest load, the squared voltage.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    loads: Option<Vec<f64>>,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -81,13 +84,13 @@ pub struct Record {
 }
 
 impl Header {
-    /// The header of a network for these cells whose answers are in units of `scale_mm`.
-    pub(crate) fn new(network: &str, raster: Raster, scale_mm: f64) -> Self {
+    /// The header of a network for these cells and groups of electrodes whose answers are in units of `scale_mm`.
+    pub(crate) fn new(network: &str, raster: Raster, loads: &[f64], scale_mm: f64) -> Self {
         Self {
             format_version: VERSION,
             network: network.to_owned(),
             scale_mm,
-            input: Input::on(raster),
+            input: Input::on(raster, loads),
             output: Output::on(raster),
             scene: None,
             training: None,
@@ -101,14 +104,29 @@ impl Header {
         Raster::new(columns, rows)
     }
 
+    /// What its patterns are.
+    pub(crate) fn form(&self) -> Option<PatternForm> {
+        let groups = self.loads().len();
+        self.raster().map(|raster| PatternForm { raster, groups })
+    }
+
+    /// The share of the largest load that each group of electrodes has.
+    pub(crate) fn loads(&self) -> &[f64] {
+        self.input.loads.as_deref().unwrap_or(&[1.0])
+    }
+
     /// What it says that this program cannot honour, if anything.
     pub(crate) fn objection(&self) -> Option<String> {
         if !(self.scale_mm.is_finite() && self.scale_mm > 0.0) {
             return Some(format!("its scale is {} mm", self.scale_mm));
         }
-        let Some(raster) = self.raster().filter(|raster| self.input == Input::on(*raster)) else {
+        let is_known = |raster: &Raster| self.input == Input::on(*raster, self.loads());
+        let Some(raster) = self.raster().filter(is_known) else {
             return Some("it takes patterns in another form".to_owned());
         };
+        if !self.loads().iter().all(|load| (0.0..=1.0).contains(load)) || self.loads().len() > Pattern::MOST_GROUPS {
+            return Some(format!("its groups have the loads {:?}", self.loads()));
+        }
         if self.output != Output::on(raster) {
             return Some("it gives displacements in another form".to_owned());
         }
@@ -117,12 +135,21 @@ impl Header {
 }
 
 impl Input {
-    fn on(raster: Raster) -> Self {
+    fn on(raster: Raster, loads: &[f64]) -> Self {
+        let several = loads.len() > 1;
+        let said = |one: &str, many: &str| if several { many } else { one }.to_owned();
         Self {
             shape: ("n".into(), raster.rows(), raster.columns()),
             axes: "[pattern][y][x], origin lower left".into(),
-            values: "0: no electrode, 1: electrode".into(),
-            encoding: "the network sees the value less 0.5".into(),
+            values: said(
+                "0: no electrode, 1: electrode",
+                "0: no electrode, g: electrode of group g, from 1",
+            ),
+            encoding: said(
+                "the network sees the value less 0.5",
+                "the network sees the load of the group, of a bare cell 0, less 0.5",
+            ),
+            loads: several.then(|| loads.to_vec()),
         }
     }
 }

@@ -42,6 +42,8 @@ pub struct TrainOptions {
     pub symmetry: SymmetryGroup,
     /// What maps the device to itself: of these `symmetry` turns examples; those of the square by default.
     pub symmetries: Symmetries,
+    /// Of each group of electrodes the share of the largest load, which goes with the squared voltage; one group by default.
+    pub loads: Vec<f64>,
     /// λ: weight of the largest absolute error of each field in the loss, at least 0; 0.1 by default.
     pub max_weight: f64,
     /// Weight of the auxiliary branch at half resolution in the loss, at least 0; 0.2 by default.
@@ -63,6 +65,7 @@ impl Default for TrainOptions {
             gradient_norm: None,
             symmetry: SymmetryGroup::None,
             symmetries: Symmetries::SQUARE,
+            loads: vec![1.0],
             max_weight: 0.1,
             auxiliary_weight: 0.2,
             seed: 0,

@@ -60,6 +60,9 @@ pub enum TrainError {
     /// Examples of several membranes.
     #[error("some examples have {} cells and some {}", .0[0], .0[1])]
     Rasters([Raster; 2]),
+    /// Examples with more groups of electrodes than the device has.
+    #[error("an example has electrodes of group {}, and groups of the device number {}", .0[1], .0[0])]
+    Groups([usize; 2]),
     /// An option out of its range.
     #[error("{name} is {value}; it must be {allowed}")]
     Option {

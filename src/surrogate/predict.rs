@@ -10,7 +10,7 @@ use super::onnx::to_onnx;
 use super::parameters::Stored;
 use super::weights::{LoadError, from_bytes};
 use crate::field::{Evaluator, Field, PredictError, Predictor};
-use crate::pattern::{Pattern, Raster};
+use crate::pattern::{Pattern, PatternForm};
 
 /// Patterns that a network is asked for at once where it serves.
 const BATCH: usize = 1000;
@@ -18,7 +18,7 @@ const BATCH: usize = 1000;
 /// A trained network.
 pub struct Surrogate {
     kind: NetworkKind,
-    raster: Raster,
+    form: PatternForm,
     network: Box<dyn Network>,
     header: Header,
 }
@@ -37,16 +37,16 @@ impl Surrogate {
             check_tensor(name, tensor)?;
         }
         let form = || LoadError::Unsuitable("it takes patterns in another form".to_owned());
-        let raster = header.raster().ok_or_else(form)?;
+        let form = header.form().ok_or_else(form)?;
         let weights = Stored::new(&tensors);
-        let network = kind.build(&weights.builder(), raster).map_err(unsuitable)?;
+        let network = kind.build(&weights.builder(), form.raster).map_err(unsuitable)?;
         if let Some(name) = weights.unused() {
             let why = format!("its network {} has no tensor {name}", kind.name());
             return Err(LoadError::Unsuitable(why));
         }
         Ok(Self {
             kind,
-            raster,
+            form,
             network,
             header,
         })
@@ -72,7 +72,7 @@ impl Surrogate {
     /// When its tensors cannot be read.
     pub fn to_onnx(&self) -> Result<Vec<u8>, PredictError> {
         let header = self.header()?;
-        to_onnx(self.network.as_ref(), self.raster, self.header.scale_mm, &header).map_err(PredictError::failed)
+        to_onnx(self.network.as_ref(), self.form.raster, &self.header, &header).map_err(PredictError::failed)
     }
 
     /// How it was trained; none where the file does not say.
@@ -81,10 +81,10 @@ impl Surrogate {
         self.header.training.as_ref()
     }
 
-    /// The cells of the patterns that it knows.
+    /// What the patterns are that it knows.
     #[must_use]
-    pub fn raster(&self) -> Raster {
-        self.raster
+    pub fn form(&self) -> PatternForm {
+        self.form
     }
 
     /// Which network it is.
@@ -112,10 +112,10 @@ fn check_tensor(name: &str, tensor: &Tensor) -> Result<(), LoadError> {
 }
 
 /// The fields in mm that a network predicts, one per pattern.
-pub(crate) fn evaluate(
+fn evaluate(
     network: &dyn Network,
-    raster: Raster,
-    scale_mm: f64,
+    PatternForm { raster, groups }: PatternForm,
+    header: &Header,
     patterns: &[&Pattern],
 ) -> Result<Vec<Field>, PredictError> {
     if let Some(other) = patterns.iter().find(|pattern| pattern.raster() != raster) {
@@ -125,18 +125,18 @@ pub(crate) fn evaluate(
         );
         return Err(PredictError::failed(why));
     }
-    if let Some(pattern) = patterns.iter().find(|pattern| pattern.groups() > 1) {
+    if let Some(pattern) = patterns.iter().find(|pattern| pattern.groups() > groups) {
         let why = format!(
-            "the network knows one group of electrodes, and a pattern has {}",
+            "a pattern has electrodes of group {}, and groups that the network knows number {groups}",
             pattern.groups()
         );
         return Err(PredictError::failed(why));
     }
     let failed = |e: candle_core::Error| PredictError::failed(e);
     let chunks = patterns.par_chunks(network.patterns_per_thread()).map(|chunk| {
-        let input = patterns_to_tensor(raster, chunk.iter().copied()).map_err(failed)?;
+        let input = patterns_to_tensor(raster, header.loads(), chunk.iter().copied()).map_err(failed)?;
         let displacement = network.forward(&input).map_err(failed)?;
-        let fields = tensor_to_fields(raster, &displacement, scale_mm).map_err(failed)?;
+        let fields = tensor_to_fields(raster, &displacement, header.scale_mm).map_err(failed)?;
         fields.map_err(PredictError::failed)
     });
     let chunks: Result<Vec<_>, _> = chunks.collect();
@@ -150,7 +150,7 @@ impl Predictor for Surrogate {
 
     fn predict(&self, patterns: &[Pattern]) -> Result<Vec<Field>, PredictError> {
         let patterns: Vec<&Pattern> = patterns.iter().collect();
-        evaluate(self.network.as_ref(), self.raster, self.header.scale_mm, &patterns)
+        evaluate(self.network.as_ref(), self.form, &self.header, &patterns)
     }
 }
 

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use candle_core::{Tensor, Var};
 
-use super::networks::NetworkKind;
+use super::options::TrainOptions;
 use super::outcome::TrainError;
 use super::weights::from_bytes;
 use crate::pattern::Raster;
@@ -20,8 +20,9 @@ impl Start {
     /// From the bytes that an earlier training gave.
     ///
     /// # Errors
-    /// When they are no model, or that of another network or of other cells.
-    pub(crate) fn read(bytes: &[u8], network: NetworkKind, raster: Raster) -> Result<Self, TrainError> {
+    /// When they are no model, or that of another network, of other cells or groups.
+    pub(crate) fn read(bytes: &[u8], options: &TrainOptions, raster: Raster) -> Result<Self, TrainError> {
+        let network = options.network;
         let (header, tensors) = from_bytes(bytes).map_err(|e| TrainError::Start(e.to_string()))?;
         if header.network != network.name() {
             let message = format!("it is a network {}, not {}", header.network, network.name());
@@ -29,6 +30,14 @@ impl Start {
         }
         if let Some(other) = header.raster().filter(|other| *other != raster) {
             let message = format!("it is for {other} cells, and the examples have {raster}");
+            return Err(TrainError::Start(message));
+        }
+        if header.loads() != options.loads {
+            let message = format!(
+                "its groups have the loads {:?}, not {:?}",
+                header.loads(),
+                options.loads
+            );
             return Err(TrainError::Start(message));
         }
         Ok(Self {

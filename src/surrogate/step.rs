@@ -22,6 +22,8 @@ const PART: usize = 4;
 pub(crate) struct Problem<'a> {
     /// The cells of its patterns.
     pub(crate) raster: Raster,
+    /// The share of the largest load that each group of electrodes has.
+    pub(crate) loads: &'a [f64],
     /// The network.
     pub(crate) network: &'a dyn Network,
     /// Its weights.
@@ -117,7 +119,7 @@ impl Problem<'_> {
     fn answer(&self, part: &[Shown<'_>]) -> Result<(Output, Tensor)> {
         let patterns: Vec<Cow<'_, Pattern>> = part.iter().map(|shown| shown.pattern()).collect();
         let labels: Vec<Cow<'_, Label>> = part.iter().map(|shown| shown.label()).collect();
-        let patterns = patterns_to_tensor(self.raster, patterns.iter().map(AsRef::as_ref))?;
+        let patterns = patterns_to_tensor(self.raster, self.loads, patterns.iter().map(AsRef::as_ref))?;
         let labels = labels_to_tensor(self.raster, labels.iter().map(AsRef::as_ref), self.scale_mm)?;
         let output = self.network.forward_for_training(&patterns)?;
         let loss = total_loss(&output, &labels, self.loss)?;
@@ -167,6 +169,7 @@ mod tests {
         };
         let problem = Problem {
             raster: Raster::PAPER,
+            loads: &[1.0],
             network: network.as_ref(),
             vars: &vars,
             loss,

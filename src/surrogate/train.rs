@@ -61,7 +61,7 @@ pub fn update(
     monitor: &dyn Monitor,
 ) -> Result<Trained, TrainError> {
     let mut trainer = Trainer::new(examples, constants, options)?;
-    let start = Start::read(start, options.network, trainer.raster)?;
+    let start = Start::read(start, options, trainer.raster)?;
     start.set(&trainer.vars)?;
     trainer.scale_mm = start.scale_mm;
     follow(trainer, examples, monitor)
@@ -125,6 +125,14 @@ impl<'a> Trainer<'a> {
         if let Some(other) = examples.iter().find(|example| example.pattern.raster() != raster) {
             return Err(TrainError::Rasters([raster, other.pattern.raster()]));
         }
+        let most = examples
+            .iter()
+            .map(|example| example.pattern.groups())
+            .max()
+            .unwrap_or(0);
+        if most > options.loads.len() {
+            return Err(TrainError::Groups([options.loads.len(), most]));
+        }
         let constants = match (options.network.has_constants(), constants) {
             (false, _) => BTreeMap::new(),
             (true, Some(constants)) => constants.tensors.clone(),
@@ -158,6 +166,7 @@ impl<'a> Trainer<'a> {
     fn problem(&self) -> Problem<'_> {
         Problem {
             raster: self.raster,
+            loads: &self.options.loads,
             network: self.network.as_ref(),
             vars: &self.vars,
             loss: LossWeights {
@@ -365,7 +374,12 @@ impl<'a> Trainer<'a> {
     fn bytes(&self) -> Result<Vec<u8>, TrainError> {
         let trained = self.vars.iter();
         let trained = trained.map(|(name, var)| (name.clone(), var.as_tensor().clone()));
-        let header = Header::new(self.options.network.name(), self.raster, self.scale_mm);
+        let header = Header::new(
+            self.options.network.name(),
+            self.raster,
+            &self.options.loads,
+            self.scale_mm,
+        );
         to_bytes(&header, &trained.collect(), &self.constants).map_err(|e| TrainError::Failed(e.to_string()))
     }
 }

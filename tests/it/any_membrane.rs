@@ -196,15 +196,6 @@ fn labels_of_groups_in_a_frame_are_imported_and_audited() {
     assert_eq!(ended.code, Some(5), "{}", ended.stderr);
     let found = ended.json();
     assert!(checks(&found).contains(&("boundary", vec![1])), "{found}");
-    // Networks know one group.
-    let trained = IMPORTED.replace("FILE", "sound.h5")
-        + "  model: { kind: train, needs: [balanced], network: physics, epochs: 1, seed: 1 }\n";
-    workspace.write("trained.yaml", &trained);
-    let said = workspace.refused(&["run", "trained.yaml"]);
-    assert!(
-        said.contains("networks know one group of electrodes, and this scene has voltages of 2"),
-        "{said}"
-    );
 
     workspace.write("moved.yaml", &IMPORTED.replace("FILE", "moved.h5"));
     let said = workspace.refused(&["run", "moved.yaml"]);
@@ -369,4 +360,99 @@ fn networks_learn_a_frame_and_a_body() {
             .unwrap()
     };
     assert!(error(0) < 0.6 * error(1), "{predictors}");
+}
+
+/// A strip with a tip that is pulled, and two groups of electrodes in two states.
+const STATES: &str = "\
+geometry: { size: [40 mm, 20 mm], thickness: 1 mm, prestretch: 3, cells: [20, 10], bodies: [{ rectangle: [[18 mm, 8 mm], [22 mm, 12 mm]], load: [2 mN, 1 mN] }] }
+material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
+states: { push: { voltages: [5 kV, 3 kV] }, pull: { voltages: [0 V, 5 kV] } }
+";
+
+const OF_STATES: &str = "version: 1
+name: states
+scene: scene.yaml
+stages:
+  drawn:   { kind: sample, family: blobs, groups: 2, count: 80, seed: 1 }
+  fresh:   { kind: sample, family: blobs, groups: 2, count: 90, seed: 2 }
+  push:    { kind: solve, needs: [drawn], state: push }
+  pull:    { kind: solve, needs: [drawn], state: pull }
+  unseen:  { kind: solve, needs: [fresh], state: push }
+  of_push: { kind: train, needs: [push], network: physics, epochs: 8, symmetry: d4, seed: 3 }
+  of_pull: { kind: train, needs: [pull], network: physics, epochs: 8, symmetry: d4, seed: 3 }
+  convolved: { kind: train, needs: [push], network: qin2024, epochs: 1, seed: 3 }
+  intervals: { kind: calibrate, needs: [of_push, unseen], seed: 6 }
+  judged:  { kind: evaluate, needs: [of_push, intervals, unseen], estimates: [linear] }
+  best:    { kind: design, needs: [of_push, of_pull], evaluator: surrogate, area: free, population: 60, generations: 8, seed: 4, refine: false,
+             objective: { points: [{ body: 0, direction: 0 deg, state: push }, { body: 0, direction: 180 deg, state: pull }] } }
+  checked: { kind: verify, needs: [best], elements_per_cell: 1, order: 2 }
+";
+
+#[test]
+fn networks_learn_groups_and_loads_and_judge_the_states_of_a_device() {
+    let workspace = Workspace::new();
+    workspace.write("scene.yaml", STATES);
+    workspace.write("states.yaml", OF_STATES);
+    let ended = workspace.run(&["run", "states.yaml", "--json"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let told = ended.json();
+    let predictors = told["evaluations"][0]["predictors"].as_array().unwrap();
+    let errors: Vec<f64> = predictors
+        .iter()
+        .map(|predictor| {
+            predictor["rmse_mm"]
+                .as_array()
+                .unwrap()
+                .last()
+                .unwrap()
+                .as_f64()
+                .unwrap()
+        })
+        .collect();
+    assert!(errors[0] < 0.6 * errors[1], "physics and linear: {errors:?}");
+    let rows = told["results"][0]["rows"].as_array().unwrap();
+    let best = rows.iter().find(|row| row["role"] == "ga").unwrap();
+    let [predicted, simulated] = ["predicted_mm", "simulated_mm"].map(|key| best[key].as_f64().unwrap());
+    assert!((predicted - simulated).abs() < 0.06 * simulated, "{best}");
+    // What a model says of patterns in a file is what it says in a pipeline, and it knows its groups.
+    let groups = |x: usize, y: usize| ((x / 3 + y / 2) % 3) as u8;
+    let line = |y: usize| (0..20).map(|x| groups(x, y).to_string()).collect::<Vec<_>>().join(",") + "\n";
+    workspace.write("groups.csv", &(0..10).map(line).collect::<String>());
+    let ended = workspace.run(&["predict", "states.yaml:of_push", "groups.csv", "-o", "said.h5"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    for model in ["of_push", "convolved"] {
+        let model = format!("states.yaml:{model}");
+        let ended = workspace.run(&["export", "model", &model, "-o", "model.onnx"]);
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+        let ended = workspace.run(&["predict", &model, "groups.csv", "-o", "of_model.h5"]);
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+        let (agrees, said) = check(&workspace, "model.onnx", "of_model.h5");
+        assert!(agrees && !said.contains("moved 0.0\n"), "{model}: {said}");
+    }
+    workspace.write(
+        "push.yaml",
+        &STATES.replace(
+            "states: { push: { voltages: [5 kV, 3 kV] }, pull: { voltages: [0 V, 5 kV] } }",
+            "drive: { voltages: [5 kV, 3 kV] }",
+        ),
+    );
+    let ended = workspace.run(&["solve", "push.yaml", "groups.csv", "-o", "solved.h5"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let [(_, predicted), (_, solved)] = ["said.h5", "solved.h5"].map(|file| displacement(&workspace, file));
+    let size = |values: &[f64]| values.iter().map(|u| u * u).sum::<f64>().sqrt();
+    let off: Vec<f64> = predicted.iter().zip(&solved).map(|(a, b)| a - b).collect();
+    assert!(size(&off) < 0.1 * size(&solved), "{} of {}", size(&off), size(&solved));
+
+    let one = OF_STATES.replace("needs: [of_push, of_pull]", "needs: [of_push]");
+    workspace.write("one.yaml", &one);
+    let ended = workspace.run(&["run", "one.yaml", "--until", "best"]);
+    assert_ne!(ended.code, Some(0));
+    assert!(
+        ended.stderr.contains("no model that was trained in state `pull`"),
+        "{}",
+        ended.stderr
+    );
+    workspace.write("three.csv", &"3,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0\n".repeat(10));
+    let said = workspace.refused(&["predict", "states.yaml:of_push", "three.csv", "-o", "three.h5"]);
+    assert!(said.contains("[y=0][x=0] is 3"), "{said}");
 }

@@ -189,7 +189,26 @@ fn several_designs_of_one_value_differ() {
     for row in &refined {
         assert!((row["simulated_mm"].as_f64().unwrap() - 0.8).abs() < 0.01, "{row}");
         assert!(row["distance_mm"].as_f64().unwrap() < 0.01, "{row}");
+        // More of a displacement that is to be met is no gain.
+        assert!(
+            row["gain_own_area"].is_null() && row["ratio_to_optimum"].is_null(),
+            "{row}"
+        );
     }
+    let report = workspace.run(&["report", "alone.yaml", "--set", more, "-o", "report"]);
+    assert_eq!(report.code, Some(0), "{}", report.stderr);
+    let mut designs = csv::Reader::from_path(workspace.path("report/data/designs.csv")).unwrap();
+    let header = designs.headers().unwrap().clone();
+    let column = |name: &str| header.iter().position(|known| known == name).unwrap();
+    let row = designs
+        .records()
+        .map(Result::unwrap)
+        .find(|row| &row[column("role")] == "refined")
+        .unwrap();
+    assert!(row[column("objective")].contains("value: 0.8 mm") && row[column("ratio_to_optimum")].is_empty());
+    assert!(row[column("distance_mm")].parse::<f64>().unwrap() < 0.01);
+    let page = std::fs::read_to_string(workspace.path("report/index.html")).unwrap();
+    assert!(page.contains("from wanted, mm") && page.contains("from what is wanted"));
     let path = workspace.run(&["show", "verified", "--json"]).json()["path"]
         .as_str()
         .unwrap()

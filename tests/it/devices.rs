@@ -390,6 +390,34 @@ fn groups_have_their_voltages_and_states_an_axis() {
         let mirrored = &push[2 * (at / 41 * 41 + 40 - at % 41)..][..2];
         assert!((u[0] + mirrored[0]).abs() < 1e-6 * largest && (u[1] - mirrored[1]).abs() < 1e-6 * largest);
     }
+    // One of the states alone.
+    let ended = workspace.run(&["solve", "states.yaml", "groups.csv", "-o", "one.h5", "--state", "push"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    assert_eq!(dataset(&workspace, "one.h5", "displacement").1, push[..row]);
+    let drawn = [
+        "export",
+        "design",
+        "groups.csv",
+        "--scene",
+        "states.yaml",
+        "--elements-per-cell",
+        "1",
+        "-o",
+        "at.vtkhdf",
+    ];
+    let largest = |state: &[&str]| {
+        let ended = workspace.run(&[&drawn[..], &["--json"], state].concat());
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+        let said = ended.json();
+        (said["state"].clone(), said["max_displacement_mm"].as_f64().unwrap())
+    };
+    let (pull, rest) = (largest(&[]), largest(&["--state", "rest"]));
+    assert_eq!((&pull.0, &rest.0), (&"pull".into(), &"rest".into()));
+    assert!(pull.1 > 0.1 && rest.1 == 0.0, "{pull:?} {rest:?}");
+    let unknown = ["solve", "states.yaml", "groups.csv", "-o", "no.h5", "--state", "hold"];
+    refused(&workspace, &unknown, &["there is no state `hold`", "pull, push, rest"]);
+    let screened = workspace.run(&["screen", "states.yaml", "--state", "rest"]);
+    assert_eq!(screened.code, Some(0), "{}", screened.stderr);
     refused(
         &workspace,
         &["solve", "scene.yaml", "groups.csv", "-o", "no.h5"],
@@ -402,29 +430,12 @@ fn groups_have_their_voltages_and_states_an_axis() {
             .replace("disc.csv", "groups.csv")
             .replace("scene.yaml", "states.yaml"),
     );
-    refused(&workspace, &["run", "p.yaml"], &["one drive"]);
+    refused(&workspace, &["run", "p.yaml"], &["one drive", "pull, push, rest"]);
     let text = PIPELINE
         .replace("disc.csv", "groups.csv")
         .replace("scene.yaml", "push.yaml");
     workspace.write("p.yaml", &text);
     assert_eq!(workspace.stages(&["run", "p.yaml"]).with("built"), ["drawn", "solved"]);
-    let square = SCENE.replace("size: [60 mm, 30 mm]", "side: 50 mm");
-    let square = square
-        .replace("[3, 4]", "3")
-        .replace("[40, 24]", "50")
-        .replace("voltage: 4 kV", "voltages: [4 kV, 0 V]");
-    workspace.write("square.yaml", &square);
-    workspace.write(
-        "net.yaml",
-        "version: 1\nname: net\nscene: square.yaml\nstages:\n  s: { kind: sample, family: blobs, count: 4, seed: 1, groups: 2 }\n  \
-         v: { kind: solve, needs: [s] }\n  b: { kind: balance, needs: [v], bins: 5, range: [0 mm, 2 mm], target: 10, seed: 1 }\n  \
-         m: { kind: train, needs: [b], network: physics, epochs: 1, seed: 1 }\n",
-    );
-    refused(
-        &workspace,
-        &["run", "net.yaml"],
-        &["one group of electrodes", "voltages of 2"],
-    );
 }
 
 #[test]

@@ -9,7 +9,7 @@ use serde_json::{Map, Value, json};
 
 use super::membrane;
 use crate::base::SOFTWARE;
-use crate::cli::arguments::{StoreArguments, TOLERANCE, number};
+use crate::cli::arguments::{StateArguments, StoreArguments, TOLERANCE, number};
 use crate::cli::error::CliError;
 use crate::cli::output::{Exit, Output};
 use crate::cli::{locate, solve, write};
@@ -56,6 +56,8 @@ pub struct ExportDesignArguments {
     /// One group of electrodes alone; Gerber files need it where there are several
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=16))]
     pub group: Option<u8>,
+    #[command(flatten)]
+    pub state: StateArguments,
     /// Round the outline; the area that it holds is stated beside that of the cells
     #[arg(long)]
     pub smooth: bool,
@@ -131,7 +133,7 @@ const PIXELS_PER_MM: f64 = 20.0;
 pub fn execute(arguments: &ExportDesignArguments, output: &Output) -> Result<Exit, CliError> {
     let format = format(arguments)?;
     check_options(arguments, format)?;
-    let design = of_group(design(arguments)?, arguments, format)?;
+    let design = in_state(of_group(design(arguments)?, arguments, format)?, arguments, format)?;
     let path = path(arguments, &design, format);
     check_inputs(arguments, &path)?;
     write::check_file(&path)?;
@@ -146,6 +148,7 @@ pub fn execute(arguments: &ExportDesignArguments, output: &Output) -> Result<Exi
         document.insert("format".to_owned(), json!(format.name()));
         document.insert("title".to_owned(), json!(design.title));
         document.insert("design".to_owned(), labelled(&design));
+        document.insert("state".to_owned(), json!(design.state));
         document.extend(written.facts);
         output.document(&document)?;
     } else {
@@ -204,12 +207,13 @@ fn check_options(arguments: &ExportDesignArguments, format: DesignFormat) -> Res
         Vtkhdf | Csv if arguments.smooth => "--smooth",
         other if other != Png && arguments.pixels_per_mm.is_some() => "--pixels-per-mm",
         other if other != Vtkhdf && mesh => "a mesh",
+        other if other != Vtkhdf && arguments.state.state.is_some() => "--state",
         _ => return Ok(()),
     };
     let why = match format {
         Csv => "a file of cells has no outline and no pixels",
         Vtkhdf => "the deformed membrane is simulated at the size of the scene",
-        _ => "pixels are for png, a mesh for vtkhdf",
+        _ => "pixels are for png, a mesh and a state for vtkhdf",
     };
     Err(CliError::bad_input(format!("{unused} cannot stand beside --format {}", format.name())).help(why))
 }
@@ -277,6 +281,26 @@ fn of_group(design: Design, arguments: &ExportDesignArguments, format: DesignFor
     }
 }
 
+/// A design in one state of its device, as a membrane is drawn.
+fn in_state(design: Design, arguments: &ExportDesignArguments, format: DesignFormat) -> Result<Design, CliError> {
+    let first = design.scene.states.iter().next().map(|(name, _)| name.to_owned());
+    let state = arguments.state.state.clone().or(first);
+    if format != DesignFormat::Vtkhdf || state.is_none() {
+        return Ok(design);
+    }
+    let wanted = StateArguments { state };
+    Ok(Design {
+        title: format!(
+            "{} in state {}",
+            design.title,
+            wanted.state.as_deref().unwrap_or_default()
+        ),
+        scene: wanted.of(design.scene.clone())?,
+        state: wanted.state,
+        ..design
+    })
+}
+
 /// The file to write: in a folder, one called after the design.
 fn path(arguments: &ExportDesignArguments, design: &Design, format: DesignFormat) -> PathBuf {
     if !arguments.output.is_dir() {
@@ -287,7 +311,11 @@ fn path(arguments: &ExportDesignArguments, design: &Design, format: DesignFormat
             let group = arguments
                 .group
                 .map_or_else(String::new, |group| format!("-group-{group}"));
-            format!("{}-{}-{}{group}", label.name, label.role.name(), label.member)
+            let state = design
+                .state
+                .as_ref()
+                .map_or_else(String::new, |state| format!("-{state}"));
+            format!("{}-{}-{}{group}{state}", label.name, label.role.name(), label.member)
         }
         None => design.title.clone(),
     };

@@ -62,6 +62,7 @@ pub fn execute(arguments: &ExportModelArguments, output: &Output) -> Result<Exit
         ModelFormat::Onnx => surrogate.to_onnx().map_err(failed)?,
     };
     write::file(&path, &bytes)?;
+    let [columns, rows] = surrogate.form().raster.sides();
     if output.is_json() {
         let header: Value = serde_json::from_str(&surrogate.header().map_err(failed)?).unwrap_or_default();
         output.document(&json!({
@@ -72,10 +73,12 @@ pub fn execute(arguments: &ExportModelArguments, output: &Output) -> Result<Exit
         }))?;
     } else {
         output.text(&format!(
-            "{}: {}, {:.1} MB; patterns (n, 50, 50) to displacements (n, 51, 51, 2) in mm",
+            "{}: {}, {:.1} MB; patterns (n, {rows}, {columns}) to displacements (n, {}, {}, 2) in mm",
             path.display(),
             surrogate.kind().name(),
-            bytes.len() as f64 * 1e-6
+            bytes.len() as f64 * 1e-6,
+            rows + 1,
+            columns + 1
         ))?;
     }
     Ok(Exit::Done)

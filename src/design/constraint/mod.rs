@@ -19,7 +19,7 @@ pub use limits::{ConstraintError, Limits, Sides};
 pub use parameters::ConstraintParameters;
 pub use violations::Violations;
 
-use crate::pattern::{Bits, Layers, Membrane, Pattern};
+use crate::pattern::{Bits, Layers, Likeness, Membrane, Pattern};
 use crate::scene::Scene;
 use morphology::surrounded;
 use raster::RasterConstraints;
@@ -34,6 +34,7 @@ pub struct Constraints {
     /// What the electrodes of each group keep to.
     raster: RasterConstraints,
     groups: usize,
+    likeness: Likeness,
     /// The least number of columns, or else of rows, between electrodes of different groups.
     gap: [usize; 2],
     /// The cells of the raster, row by row from below.
@@ -49,6 +50,8 @@ pub struct Ground {
     pub room: Option<Bits>,
     /// How many groups there are.
     pub groups: usize,
+    /// Which patterns move it alike.
+    pub likeness: Likeness,
 }
 
 impl From<Membrane> for Ground {
@@ -58,6 +61,7 @@ impl From<Membrane> for Ground {
             membrane,
             room: None,
             groups: 1,
+            likeness: Likeness::new(membrane.symmetries(), vec![1]),
         }
     }
 }
@@ -68,6 +72,7 @@ impl From<&Scene> for Ground {
             membrane: scene.membrane(),
             room: scene.room(),
             groups: scene.groups(),
+            likeness: Likeness::new(scene.symmetries(), scene.alike_groups()),
         }
     }
 }
@@ -92,7 +97,12 @@ impl Constraints {
     }
 
     fn of(on: Ground, limits: Limits, raster: RasterConstraints, gap: [usize; 2]) -> Self {
-        let Ground { membrane, room, groups } = on;
+        let Ground {
+            membrane,
+            room,
+            groups,
+            likeness,
+        } = on;
         let columns = membrane.raster.columns();
         let allowed = (0..membrane.raster.cells()).map(|cell| raster.allowed.has(cell % columns, cell / columns));
         Self {
@@ -102,8 +112,15 @@ impl Constraints {
             room,
             raster,
             groups,
+            likeness,
             gap,
         }
+    }
+
+    /// Which patterns move the device alike.
+    #[must_use]
+    pub fn likeness(&self) -> &Likeness {
+        &self.likeness
     }
 
     /// How many groups of electrodes there are.

@@ -12,7 +12,7 @@ use super::state::{Known, State, StoredGeneration};
 use super::{Setting, allowed_units};
 use crate::base::Stream;
 use crate::design::genome::Genome;
-use crate::design::operators::{cross, invert, smooth};
+use crate::design::operators::{cross, exchange_groups, invert, smooth};
 use crate::field::{PredictError, StateFields};
 use crate::pattern::{Layers, Pattern};
 
@@ -71,6 +71,10 @@ impl<'a> Search<'a> {
             for mut child in [a, b] {
                 if stream.chance(self.options.mutation) {
                     invert(&mut child, &mut stream);
+                }
+                // One group draws no random numbers here.
+                if self.groups() > 1 && stream.chance(self.options.mutation) {
+                    exchange_groups(&mut child, self.groups(), &mut stream);
                 }
                 next.push(smooth(&child, self.groups()).within(&self.allowed));
             }
@@ -161,7 +165,8 @@ impl<'a> Search<'a> {
             .map(|individual| self.known[&individual.genome].layers.clone())
             .collect();
         let mut places = vec![0; population.len()];
-        let order = order(&layers, self.options.designs, self.options.distance);
+        let likeness = self.setting.constraints.likeness();
+        let order = order(&layers, self.options.designs, self.options.distance, likeness);
         for (place, index) in order.into_iter().chain(judged..population.len()).enumerate() {
             places[index] = place;
         }
@@ -214,7 +219,8 @@ impl<'a> Search<'a> {
         if self.options.designs == 1 {
             return Ok(winners);
         }
-        let mut niches = Niches::new(self.options.designs, self.options.distance);
+        let likeness = self.setting.constraints.likeness();
+        let mut niches = Niches::new(self.options.designs, self.options.distance, likeness);
         niches.add(&self.known[best].layers);
         let judged = self.known.iter().filter(|(_, entry)| entry.known.fitness.is_finite());
         let mut sorted: Vec<(f64, Genome)> = judged.map(|(g, entry)| (entry.known.fitness, g.clone())).collect();

@@ -55,6 +55,25 @@ impl Gains {
         gains
     }
 
+    /// The same after units have changed: these are of the groups `before`, and now of others.
+    pub fn after(&self, before: &[u8], now: &[u8]) -> Self {
+        let groups = 0..self.choices as u8;
+        let mut gains = Self::unknown(before.len(), self.choices - 1);
+        for (unit, (&before, &now)) in before.iter().zip(now).enumerate() {
+            let worth = |to: u8| {
+                if to == before {
+                    0.0
+                } else {
+                    self.of(Change { unit, to })
+                }
+            };
+            for to in groups.clone().filter(|to| *to != now) {
+                gains.set(Change { unit, to }, worth(to) - worth(now));
+            }
+        }
+        gains
+    }
+
     /// Those of the units for which `may` says so; nothing of others.
     pub fn masked(&self, mut may: impl FnMut(usize) -> bool) -> Self {
         let mut masked = self.clone();

@@ -14,7 +14,7 @@ mod search;
 mod squares;
 mod units;
 
-pub use problem::SearchProblem;
+pub use problem::{SearchProblem, Unsuited};
 
 use crate::field::StateFields;
 use crate::pattern::Pattern;

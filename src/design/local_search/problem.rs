@@ -1,8 +1,9 @@
 //! What a local search optimises: the score of a pattern, and which patterns are feasible.
 
 use super::exchange::Exchange;
-use super::gains::Gains;
+use super::gains::{Change, Gains};
 use super::search::LocalSearch;
+use super::squares::Squares;
 use super::units::Units;
 use super::{LocalOptimum, SearchStep};
 use crate::base::Stream;
@@ -12,6 +13,9 @@ use crate::pattern::{Layers, Pattern};
 
 /// How often the area before a repair is tried anew so that the area after it is as wanted.
 const TRIALS: usize = 24;
+
+/// How many squares are tried before it is said that none brings the area nearer to its range.
+const SQUARES: usize = 256;
 
 /// Cells by which a perturbed pattern differs beyond the distance.
 const SPARE: usize = 8;
@@ -31,6 +35,20 @@ pub struct SearchProblem<'a> {
     others: Vec<Vec<Layers>>,
     distance: f64,
 }
+
+/// Why a search cannot start from a pattern.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Unsuited {
+    /// No pattern is found near it that can be made.
+    #[error("cannot be brought to the wanted area and the constraints")]
+    Shape,
+    /// There is one, and it cannot be run.
+    #[error("has no stable field, or not the margins, once it is brought to the wanted area and the constraints")]
+    Field,
+}
+
+/// What came of a pattern, where a search could start from it.
+type Started<T> = Result<T, Unsuited>;
 
 /// A pattern that a search has reached.
 pub(super) struct State {
@@ -80,7 +98,7 @@ impl<'a> SearchProblem<'a> {
     pub fn distant_from(self, others: &[Pattern], distance: f64) -> Self {
         let others = others
             .iter()
-            .map(|other| self.constraints.layers(other).images())
+            .map(|other| self.constraints.likeness().images(&self.constraints.layers(other)))
             .collect();
         Self {
             others,
@@ -89,8 +107,8 @@ impl<'a> SearchProblem<'a> {
         }
     }
 
-    /// Follows the gradient from a pattern until changing any number of units gains nothing; `None` where the pattern cannot
-    /// be made feasible, or has no field then.
+    /// Follows the gradient from a pattern until changing any number of units gains nothing, where it can be made feasible and has a field
+    /// then.
     ///
     /// # Errors
     /// When the physics cannot be evaluated.
@@ -98,25 +116,31 @@ impl<'a> SearchProblem<'a> {
         &self,
         start: &Pattern,
         on_step: &dyn Fn(&SearchStep),
-    ) -> Result<Option<LocalOptimum>, PredictError> {
-        let Some(mut search) = self.begin(start, on_step)? else {
-            return Ok(None);
+    ) -> Result<Started<LocalOptimum>, PredictError> {
+        let mut search = match self.begin(start, on_step)? {
+            Ok(search) => search,
+            Err(unsuited) => return Ok(Err(unsuited)),
         };
         search.follow_gradient()?;
-        Ok(Some(search.finish()))
+        Ok(Ok(search.finish()))
     }
 
     /// The same, and then exchanges of pairs until none gains.
     ///
     /// # Errors
     /// When the physics cannot be evaluated.
-    pub fn refine(&self, start: &Pattern, on_step: &dyn Fn(&SearchStep)) -> Result<Option<LocalOptimum>, PredictError> {
-        let Some(mut search) = self.begin(start, on_step)? else {
-            return Ok(None);
+    pub fn refine(
+        &self,
+        start: &Pattern,
+        on_step: &dyn Fn(&SearchStep),
+    ) -> Result<Started<LocalOptimum>, PredictError> {
+        let mut search = match self.begin(start, on_step)? {
+            Ok(search) => search,
+            Err(unsuited) => return Ok(Err(unsuited)),
         };
         search.follow_gradient()?;
         search.exchange_pairs()?;
-        Ok(Some(search.finish()))
+        Ok(Ok(search.finish()))
     }
 
     /// A pattern that differs from another by a little more than the wanted distance: of half of its units, drawn at random,
@@ -132,7 +156,7 @@ impl<'a> SearchProblem<'a> {
         };
         let gains = self.gains(&on, &gradient).masked(|_| stream.chance(0.5));
         let mut exchange = Exchange::new(&self.units, &on, &gains, self.range);
-        let layers = self.constraints.layers(from);
+        let layers = self.alike(from);
         while layers.differing(&self.layers(&exchange.on)) < self.least_difference() + SPARE {
             if !exchange.step_anyway() {
                 return Ok(None);
@@ -145,18 +169,38 @@ impl<'a> SearchProblem<'a> {
         &'g self,
         start: &Pattern,
         on_step: &'g dyn Fn(&SearchStep),
-    ) -> Result<Option<LocalSearch<'g>>, PredictError> {
-        let on = self.units.of(start);
+    ) -> Result<Started<LocalSearch<'g>>, PredictError> {
+        let on = self.units.of(&self.best_grouped(start)?);
         let gains = match self.gradient(&self.units.pattern(&on))? {
             Some(gradient) => self.gains(&on, &gradient),
             // Where nothing is known any unit is as good as another.
             None => Gains::uniform(&on, self.groups(), 0.0),
         };
         let Some(on) = self.make_feasible(&on, &gains) else {
-            return Ok(None);
+            return Ok(Err(Unsuited::Shape));
         };
-        let state = self.best_of(vec![on], f64::NEG_INFINITY)?;
+        let state = self.best_of(vec![on], f64::NEG_INFINITY)?.ok_or(Unsuited::Field);
         Ok(state.map(|state| LocalSearch::new(self, on_step, state)))
+    }
+
+    /// The pattern with its electrodes in other groups where that is better: two groups are exchanged as long as it gains. Unit by unit a
+    /// search does not get there where groups keep a distance, or where all electrodes are in a group that does nothing.
+    fn best_grouped(&self, start: &Pattern) -> Result<Pattern, PredictError> {
+        let groups = self.groups() as u8;
+        let mut best = start.clone();
+        for _ in 1..groups {
+            let pairs = (1..groups).flat_map(|a| (a + 1..=groups).map(move |b| [a, b]));
+            let exchanged = pairs.map(|pair| best.with_groups_exchanged(pair));
+            let patterns: Vec<Pattern> = std::iter::once(best.clone()).chain(exchanged).collect();
+            let scores = self.scores(&patterns)?;
+            // The first of equals is the pattern itself.
+            let known = scores.iter().zip(0..).filter_map(|(score, at)| Some(((*score)?, at)));
+            match known.reduce(|best, one| if one.0 > best.0 { one } else { best }) {
+                Some((_, at)) if at > 0 => best = patterns[at].clone(),
+                _ => break,
+            }
+        }
+        Ok(best)
     }
 
     /// Changes the units that make a pattern feasible at the least loss: its area in range, the constraints kept, and far enough
@@ -170,15 +214,25 @@ impl<'a> SearchProblem<'a> {
             return self.enforce_distance(fitted(self.range)?, gains);
         }
         // Repairs change the area: what goes in is searched by bisection so that what comes out is as wanted.
-        let (mut low, mut high) = (0, self.constraints.membrane().raster.cells());
+        let (mut low, mut high) = (0, self.units.size());
         let mut aim = self.range;
+        let mut nearest: Option<(usize, Vec<u8>)> = None;
         for _ in 0..TRIALS {
             let repaired = fitted(aim).and_then(|on| self.repaired(&on));
             let area = repaired.as_ref().map_or(0, |on| self.units.area(on));
-            match repaired {
-                Some(on) if (self.range.0..=self.range.1).contains(&area) => return self.enforce_distance(on, gains),
-                _ if area < self.range.0 => low = aim.0,
-                _ => high = aim.1,
+            if area < self.range.0 {
+                low = aim.0;
+            } else {
+                high = aim.1;
+            }
+            if let Some(on) = repaired {
+                let off = self.cells_off(area);
+                if nearest.as_ref().is_none_or(|(least, _)| off < *least) {
+                    nearest = Some((off, on));
+                }
+                if off == 0 {
+                    break;
+                }
             }
             let middle = usize::midpoint(low, high);
             if (middle, middle) == aim {
@@ -186,7 +240,44 @@ impl<'a> SearchProblem<'a> {
             }
             aim = (middle, middle);
         }
-        None
+        let near = self.resized(nearest?.1, on, gains)?;
+        self.enforce_distance(near, gains)
+    }
+
+    /// By how many cells an area is out of its range.
+    fn cells_off(&self, area: usize) -> usize {
+        self.range.0.saturating_sub(area) + area.saturating_sub(self.range.1)
+    }
+
+    /// Adds or takes away squares of the least width, where it gains most or costs least, until the area is in its range; `None` where no
+    /// square brings it nearer. The gains are those of changing the units of `before`.
+    fn resized(&self, mut on: Vec<u8>, before: &[u8], gains: &Gains) -> Option<Vec<u8>> {
+        let squares = Squares::new(&self.units, self.feature());
+        loop {
+            let area = self.units.area(&on);
+            let off = self.cells_off(area);
+            if off == 0 {
+                return Some(on);
+            }
+            let gains = gains.after(before, &on);
+            let groups = if area < self.range.0 {
+                1..=self.groups() as u8
+            } else {
+                0..=0
+            };
+            let mut choices: Vec<(f64, Vec<Change>)> = groups
+                .flat_map(|to| squares.best(&on, &gains, to, usize::MAX))
+                .collect();
+            let density = |choice: &(f64, Vec<Change>)| choice.0 / choice.1.len() as f64;
+            choices.sort_by(|a, b| density(b).total_cmp(&density(a)));
+            let changed = |(_, changes): &(f64, Vec<Change>)| {
+                let mut on = on.clone();
+                changes.iter().for_each(|change| on[change.unit] = change.to);
+                let on = self.repaired(&on)?;
+                (self.cells_off(self.units.area(&on)) < off).then_some(on)
+            };
+            on = choices.iter().take(SQUARES).find_map(changed)?;
+        }
     }
 
     /// Changes units where it costs least until the pattern is as far from the others as it must be.
@@ -204,9 +295,10 @@ impl<'a> SearchProblem<'a> {
                 .filter_map(|other| other.iter().min_by_key(|image| layers.differing(image)))
                 .collect();
             let columns = self.units.raster().columns();
+            let first = |group: u8| self.constraints.likeness().first(group);
             let agrees = |unit: usize, image: &Layers| {
                 let group = |cell: usize| image.group(cell % columns, cell / columns);
-                self.units.group_of(unit, group) == on[unit]
+                self.units.group_of(unit, group) == first(on[unit])
             };
             let masked = gains.masked(|unit| images.iter().all(|image| agrees(unit, image)));
             let mut exchange = Exchange::new(&self.units, &on, &masked, self.range);
@@ -229,9 +321,14 @@ impl<'a> SearchProblem<'a> {
         None
     }
 
-    /// A choice of units as the electrodes of each group.
+    /// A choice of units as the electrodes of each group, those with equal voltages in one.
     fn layers(&self, on: &[u8]) -> Layers {
-        self.constraints.layers(&self.units.pattern(on))
+        self.alike(&self.units.pattern(on))
+    }
+
+    fn alike(&self, pattern: &Pattern) -> Layers {
+        let layers = self.constraints.layers(pattern);
+        self.constraints.likeness().merged(&layers).into_owned()
     }
 
     fn is_distant(&self, layers: &Layers) -> bool {
@@ -263,7 +360,7 @@ impl<'a> SearchProblem<'a> {
             false => self.repaired(&on)?,
         };
         let pattern = self.units.pattern(&on);
-        let layers = self.constraints.layers(&pattern);
+        let layers = self.alike(&pattern);
         let fits = (self.range.0..=self.range.1).contains(&layers.count()) && self.is_distant(&layers);
         fits.then_some((on, pattern))
     }

@@ -70,6 +70,11 @@ impl Units {
         Pattern::from_groups(self.raster, |x, y| groups[y * self.raster.columns() + x])
     }
 
+    /// How many cells there are in all.
+    pub(super) fn size(&self) -> usize {
+        self.cells.iter().map(Vec::len).sum()
+    }
+
     /// How many cells are active.
     pub(super) fn area(&self, on: &[u8]) -> usize {
         let units = self.cells.iter().zip(on).filter(|(_, on)| **on != 0);

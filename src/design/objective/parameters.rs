@@ -85,6 +85,7 @@ parameters! {
         /// How it is measured.
         measured: MeasureParameters,
     }
+    rules(a_measure_of_rotations)
 }
 
 parameters! {
@@ -97,6 +98,7 @@ parameters! {
         /// How they are measured.
         measured: MeasureParameters,
     }
+    rules(all_far_or_none)
 }
 
 parameters! {
@@ -146,6 +148,29 @@ pub struct Objective {
 
 fn either_motion(fields: Fields) -> Fields {
     one_of(fields, &["direction", "displacement"])
+}
+
+/// A rotation is not measured by what compares directions.
+fn a_measure_of_rotations(fields: Fields) -> Fields {
+    fields.rule(json!({ "if": { "required": ["rotation"] }, "then": without_comparison() }))
+}
+
+/// Either each has a wanted displacement or angle, or none has; and what compares directions measures no rotation.
+fn all_far_or_none(fields: Fields) -> Fields {
+    let has = |key: &str| json!({ "required": [key] });
+    let by_angle = json!({ "required": ["rotation"], "properties": { "rotation": { "not": { "enum": TURNS } } } });
+    let far = json!({ "anyOf": [has("displacement"), has("translation"), by_angle] });
+    let both = json!([{ "contains": far }, { "contains": { "not": far } }]);
+    let turned = json!({ "points": { "contains": has("rotation") } });
+    fields
+        .rule(json!({ "properties": { "points": { "not": { "allOf": both } } } }))
+        .rule(json!({ "if": { "properties": turned, "required": ["points"] }, "then": without_comparison() }))
+}
+
+fn without_comparison() -> serde_json::Value {
+    let others = MEASURES.iter().filter(|measure| measure.takes_rotations());
+    let others: Vec<&str> = others.map(|measure| measure.name()).collect();
+    json!({ "properties": { "measure": { "enum": others } } })
 }
 
 /// Ways in which a body may move.
@@ -200,6 +225,10 @@ impl Wanted {
             Self::Point(point) => point.displacement.is_some(),
             Self::Body(body) => body.translation.is_some() || matches!(body.rotation, Some(Rotation::By(_))),
         }
+    }
+
+    fn is_rotation(&self) -> bool {
+        matches!(self, Self::Body(body) if body.rotation.is_some())
     }
 
     /// Whether it is a rotation, as far as it gets.
@@ -340,12 +369,18 @@ impl Objective {
             (false, Some(_)) => Err(at("value")
                 .error("`value` is the displacement from which the distance is measured, and this measure is another")
                 .help("leave `measure` out, or `value`")),
+            _ if vectors > 0 && vectors < self.points.len() => Err(at("points")
+                .error("some points and bodies have a wanted displacement or angle, and others a direction alone: these cannot count together")
+                .help("give each a direction, or each what is wanted of it")),
             (_, Some(_)) if vectors > 0 => Err(at("value")
                 .error("`value` stands for the length of the displacements, and a point has its `displacement`")
                 .help("give either")),
             (_, Some(_)) if self.points.iter().any(Wanted::turns) => Err(at("value")
                 .error("`value` is a length, and a body is to turn")
                 .help("give the wanted angle as its `rotation`")),
+            _ if !self.measure.takes_rotations() && self.points.iter().any(Wanted::is_rotation) => Err(at("measure")
+                .error(format!("`measure: {}` compares directions, and a body is to turn", self.measure.name()))
+                .help("leave `measure` out")),
             _ => Ok(()),
         }
     }
@@ -489,6 +524,11 @@ impl Parameter for Rotation {
             Some(at) => Ok(Self::Farthest(at == 1)),
             None => Angle::read(node, key, &LARGEST_TURN).map(Self::By).map_err(|error| {
                 let words = TURNS.join(", ");
+                let is_word = |text: &&str| text.starts_with(char::is_alphabetic);
+                let error = match node.text(key).ok().filter(is_word) {
+                    Some(word) => node.error(format!("`{key}` cannot be {word:?}")),
+                    None => error,
+                };
                 error.help(format!("allowed: {words}, or an angle from -179 deg to 179 deg"))
             }),
         }
@@ -593,8 +633,17 @@ mod tests {
             "{ point: [1, 2], displacement: [1, 0], value: 1 mm }",
             "{ points: [{ point: [1, 2], direction: 0 }, { point: [1, 2], displacement: [0, 1] }], measure: distance }",
             "{ point: [1, 2], direction: 0, weight: 0 }",
+            "{ points: [{ point: [1, 2], direction: 0 }, { point: [1, 2], displacement: [0, 1] }] }",
+            "{ points: [{ body: 0, rotation: 1 deg }, { body: 0, direction: 0 }], measure: displacement }",
+            "{ body: 0, rotation: clockwise, measure: qin2024 }",
         ] {
             assert!(read(text).is_err(), "{text}");
         }
+    }
+
+    #[test]
+    fn a_word_that_is_no_rotation_is_named() {
+        let error = read("{ body: 0, rotation: sideways }").unwrap_err().to_string();
+        assert!(error.contains("`rotation` cannot be \"sideways\""), "{error}");
     }
 }

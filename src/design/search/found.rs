@@ -104,8 +104,8 @@ impl Search<'_> {
         let intuitive = self.intuitive();
         let area = found.last().map_or(0.5, |best| best.pattern.area_fraction());
         for (role, pattern) in [
-            (Role::Intuitive, self.within(intuitive.at_own_area())),
-            (Role::IntuitiveEqualArea, self.within(intuitive.at_area(area))),
+            (Role::Intuitive, intuitive.at_own_area()),
+            (Role::IntuitiveEqualArea, intuitive.at_area(area)),
         ] {
             found.push(FoundPattern {
                 role,
@@ -133,14 +133,6 @@ impl Search<'_> {
             evaluations: findings.evaluations,
             probes,
         })
-    }
-
-    /// A pattern without electrodes on frames and bodies, where they do nothing.
-    fn within(&self, pattern: Pattern) -> Pattern {
-        match self.constraints.room() {
-            None => pattern,
-            Some(room) => pattern.within(room),
-        }
     }
 
     fn design(&self, found: FoundPattern, fields: Option<StateFields>, feasible: bool) -> FoundDesign {

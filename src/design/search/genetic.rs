@@ -83,7 +83,7 @@ impl Search<'_> {
         let followed = problem.follow_gradient(&intuitive, &|_| ())?;
         let patterns: Vec<Pattern> = [intuitive]
             .into_iter()
-            .chain(followed.map(|optimum| optimum.pattern))
+            .chain(followed.ok().map(|optimum| optimum.pattern))
             .collect();
         let fields = self.elements.gradient()?.predict_some(&patterns)?;
         let known = patterns.into_iter().zip(fields);

@@ -4,7 +4,7 @@ use super::found::Findings;
 use super::{Search, SearchError, SearchResult};
 use crate::base::Stream;
 use crate::design::genome::Genome;
-use crate::design::local_search::{LocalOptimum, SearchProblem, SearchStep};
+use crate::design::local_search::{LocalOptimum, SearchProblem, SearchStep, Unsuited};
 use crate::pattern::{Pattern, Role};
 
 /// How coarse random starts are: a handful of regions.
@@ -20,12 +20,13 @@ impl Search<'_> {
         let starts = self.starts();
         let mut optima: Vec<Pattern> = Vec::new();
         for member in 0..self.options.designs {
-            let Some(best) = self.best_of(&self.problem(&optima)?, &starts)? else {
-                if member > 0 {
-                    break;
+            let best = match self.best_of(&self.problem(&optima)?, &starts)? {
+                Ok(best) => best,
+                Err(_) if member > 0 => break,
+                Err(why) => {
+                    let (target, tried) = (self.target.name.clone(), starts.len());
+                    return Err(SearchError::NoStart { target, tried, why });
                 }
-                let target = self.target.name.clone();
-                return Err(SearchError::NoStart { target });
             };
             optima.push(best.pattern.clone());
             findings.add(Role::Optimum, member, self.options.units, best);
@@ -35,10 +36,18 @@ impl Search<'_> {
     }
 
     /// The best local optimum from some starts: the gradient is followed from all, and the best are finished by exchanges.
-    fn best_of(&self, problem: &SearchProblem<'_>, starts: &[Pattern]) -> Result<Option<LocalOptimum>, SearchError> {
-        let mut followed: Vec<LocalOptimum> = Vec::new();
+    fn best_of(
+        &self,
+        problem: &SearchProblem<'_>,
+        starts: &[Pattern],
+    ) -> Result<Result<LocalOptimum, Unsuited>, SearchError> {
+        let (mut followed, mut why) = (Vec::<LocalOptimum>::new(), Unsuited::Shape);
         for start in starts {
-            followed.extend(problem.follow_gradient(start, &self.report_step())?);
+            match problem.follow_gradient(start, &self.report_step())? {
+                Ok(optimum) => followed.push(optimum),
+                Err(Unsuited::Field) => why = Unsuited::Field,
+                Err(Unsuited::Shape) => {}
+            }
             self.progress.searched();
         }
         // Starts that lead to the same pattern count once.
@@ -47,7 +56,7 @@ impl Search<'_> {
         followed.truncate(FINISHED);
         let mut best: Option<LocalOptimum> = None;
         for first in followed {
-            let then = problem.refine(&first.pattern, &self.report_step())?;
+            let then = problem.refine(&first.pattern, &self.report_step())?.ok();
             let joined = then.map(|then| joined(first, then));
             best = best
                 .into_iter()
@@ -55,7 +64,7 @@ impl Search<'_> {
                 .reduce(|a, b| if b.score > a.score { b } else { a });
         }
         self.progress.searched();
-        Ok(best)
+        Ok(best.ok_or(why))
     }
 
     /// The intuitive design, an empty membrane from which the gradient picks the best cells, and random coarse patterns.

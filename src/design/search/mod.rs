@@ -14,7 +14,7 @@ pub use probe::{Candidate, Probe, References, cheapest_evaluator};
 use super::constraint::Constraints;
 use super::evolve::{EvolveError, Watch};
 use super::intuitive::Intuitive;
-use super::local_search::{SearchProblem, SearchStep};
+use super::local_search::{SearchProblem, SearchStep, Unsuited};
 use super::options::{Method, SearchOptions};
 use super::target::Target;
 use crate::base::Stopped;
@@ -98,20 +98,22 @@ pub enum SearchError {
         source: EvolveError,
     },
     /// A local search cannot start from the genetic algorithm's design.
-    #[error(
-        "`{target}`: the design cannot be refined: brought to the wanted area and the constraints it has no stable field"
-    )]
+    #[error("`{target}`: the design cannot be refined: it {why}")]
     Refine {
         /// The target.
         target: String,
+        /// Why not.
+        why: Unsuited,
     },
     /// A local search cannot start from anywhere.
-    #[error(
-        "`{target}`: no pattern that was tried can be brought to the wanted area and the constraints and has a stable field"
-    )]
+    #[error("`{target}`: each of the {tried} patterns that were tried {why}")]
     NoStart {
         /// The target.
         target: String,
+        /// How many were tried.
+        tried: usize,
+        /// Why the one failed that came nearest.
+        why: Unsuited,
     },
     /// A field cannot be predicted.
     #[error(transparent)]
@@ -172,7 +174,11 @@ impl<'a> Search<'a> {
     }
 
     fn intuitive(&self) -> Intuitive {
-        Intuitive::of(&self.target.goal, self.drivers)
+        let all = Intuitive::of(&self.target.goal, self.drivers);
+        match self.constraints.room() {
+            None => all,
+            Some(room) => all.within(room),
+        }
     }
 
     /// The intuitive design at the wanted area, or at its own where any will do.

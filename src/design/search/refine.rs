@@ -26,12 +26,12 @@ impl Search<'_> {
             let optimum = problem.refine(&found.pattern, &self.report_step())?;
             self.progress.searched();
             match optimum {
-                Some(optimum) => refined.push((found.member, optimum)),
+                Ok(optimum) => refined.push((found.member, optimum)),
                 // Others of several designs may stand without one; their status tells that there are fewer.
-                None if found.member > 0 => {}
-                None => {
+                Err(_) if found.member > 0 => {}
+                Err(why) => {
                     let target = self.target.name.clone();
-                    return Err(SearchError::Refine { target });
+                    return Err(SearchError::Refine { target, why });
                 }
             }
         }
@@ -70,7 +70,7 @@ impl Search<'_> {
             }
             for start in starts {
                 let optimum = problem.refine(&start, &self.report_step())?;
-                if let Some(optimum) = optimum.filter(|optimum| optimum.score > refined[at].1.score) {
+                if let Some(optimum) = optimum.ok().filter(|optimum| optimum.score > refined[at].1.score) {
                     refined[at].1 = optimum;
                 }
             }

@@ -16,7 +16,10 @@ impl Effect for RigidInclusion {
         "one more solve"
     }
 
-    fn assess(&self, _scene: &Scene) -> Option<Assessment> {
-        Some(Assessment::does_not_arise("the scene has no rigid part"))
+    fn assess(&self, scene: &Scene) -> Option<Assessment> {
+        Some(Assessment::does_not_arise(match &scene.geometry.bodies {
+            Some(_) => "the bodies of the geometry are rigid, and nothing else is",
+            None => "the scene has no rigid part",
+        }))
     }
 }

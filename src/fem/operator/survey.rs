@@ -54,12 +54,20 @@ impl<E: Element<N>, L, T: Precision, const N: usize> Survey<'_, E, L, T, N> {
     /// f − I at the points of elements.
     #[inline(always)]
     fn gradients<S: Simd>(&self, simd: S, first: usize, row: usize) -> [Tensor<Wide<S, T>>; N] {
-        let mut gradients = E::gradients(&gather::<E, S, T, N>(simd, self.layout, self.u, first, row));
-        if let Some(all) = self.activity.sides {
-            per_side(&mut gradients, sides(simd, all, first, row));
-            from_rest(&mut gradients, self.rest);
+        let nodal = gather::<E, S, T, N>(simd, self.layout, self.u, first, row);
+        match self.activity.sides {
+            None => E::gradients(&nodal),
+            Some(all) if self.activity.is_uniform => {
+                let factors = all.map(|sides| sides[0].to_f64().recip());
+                E::gradients_on(&nodal, factors, self.rest.map(|rest| rest - 1.0))
+            }
+            Some(all) => {
+                let mut gradients = E::gradients(&nodal);
+                per_side(&mut gradients, sides(simd, all, first, row));
+                from_rest(&mut gradients, self.rest);
+                gradients
+            }
         }
-        gradients
     }
 }
 

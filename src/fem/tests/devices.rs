@@ -335,3 +335,22 @@ fn paths_and_limits_of_devices_are_those_of_their_membranes() {
     });
     assert!(a.0 == b.0 && (a.1 / b.1 - 1.0).abs() < 1e-4, "{a:?} {b:?}");
 }
+
+#[test]
+fn a_body_with_frame_all_around_it_moves() {
+    let geometry = "side: 20 mm, prestretch: 3, cells: 10, bodies: [{ rectangle: [[2 mm, 2 mm], [18 mm, 18 mm]] }]";
+    let scene = scene(geometry, 2000.0);
+    let pattern = Pattern::from_fn(scene.membrane().raster, |x, _| x == 0);
+    let moved = [Mesh::bilinear(1), Mesh::bilinear(3), Mesh::biquadratic(2)].map(|mesh| {
+        let solver = solver_of(&scene, mesh);
+        let solution = solver.solve(&pattern);
+        assert!(solution.outcome.is_converged(), "{mesh:?}: {}", solution.outcome);
+        let motion = solver.grid().motions(&solution.displacement).unwrap()[0];
+        let [x, y] = motion.translation;
+        assert!(y.abs() < 1e-9 * x && motion.rotation.abs() < 1e-9, "{mesh:?}: {x} {y}");
+        x
+    });
+    // On one element a cell nothing but the body is free.
+    assert!(moved[0] > 0.0 && (moved[0] / moved[2] - 1.0).abs() < 0.2, "{moved:?}");
+    assert!((moved[1] / moved[2] - 1.0).abs() < 0.02, "{moved:?}");
+}

@@ -11,7 +11,7 @@ pub struct Compared {
     pub intuitive_equal_area: Option<f64>,
     /// Of the optimum: of the same units where there is one of these, else the best.
     pub optimum: Option<f64>,
-    /// The displacement of this design over that of the optimum.
+    /// The displacement of this design over that of the optimum; none where a displacement is to be met, as more of it is not better.
     pub ratio: Option<f64>,
 }
 
@@ -39,7 +39,9 @@ fn of(design: &Design, all: &[Design]) -> Compared {
         intuitive_own: nearest(Role::Intuitive),
         intuitive_equal_area: nearest(Role::IntuitiveEqualArea),
         optimum,
-        ratio: optimum.filter(|mm| mm.abs() > 1e-9).and_then(ratio),
+        ratio: optimum
+            .filter(|mm| !design.objective.is_met && mm.abs() > 1e-9)
+            .and_then(ratio),
     }
 }
 
@@ -84,6 +86,7 @@ pub(in crate::report) mod tests {
             predicted_mm: Some(1.0),
             simulated_mm,
             error_mm: None,
+            distance_mm: None,
             interval: None,
             outcome: None,
             compared: Compared::default(),

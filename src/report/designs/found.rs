@@ -45,8 +45,7 @@ impl Found {
         targets.dedup();
         let found = || designs.iter().filter(|design| design.role.is_found());
         let ratio = |role: Role| {
-            // Where a value is to be met, more is not better.
-            let own = found().filter(move |d| d.role == role && !d.objective.is_met());
+            let own = found().filter(move |d| d.role == role);
             extreme(own.filter_map(|d| Some((d.compared.ratio?, d))), |value| value)
         };
         let error = found().filter_map(|design| Some((design.prediction_error()?.abs(), design)));
@@ -87,7 +86,8 @@ fn gain(target: &[&Design], intuitive: &dyn Fn(&Design) -> Option<f64>) -> Optio
         Some((design.simulated_mm? - other) / other.abs())
     };
     let of = |role: Role| {
-        let own = target.iter().filter(move |d| d.role == role && !d.objective.is_met());
+        // Where a displacement is to be met, more of it is no gain.
+        let own = target.iter().filter(move |d| d.role == role && !d.objective.is_met);
         own.filter_map(gain).max_by(f64::total_cmp)
     };
     of(Role::Refined).or_else(|| of(Role::Ga)).or_else(|| of(Role::Optimum))

@@ -19,7 +19,7 @@ pub use crate::pattern::Role;
 pub use compare::Compared;
 pub use found::{Extreme, Found};
 pub(super) use membranes::membranes;
-pub use objective::{Aim, Objective, Way};
+pub use objective::{Aim, Objective, Way, is_to_be_met};
 pub use read::designs;
 
 /// The role in tables and files: both intuitive designs have the same word.
@@ -83,6 +83,8 @@ pub struct Design {
     pub simulated_mm: Option<f64>,
     /// Estimated error of the simulation, mm.
     pub error_mm: Option<f64>,
+    /// How far it is from what is wanted, mm, where a displacement or an angle is to be met and it was simulated.
+    pub distance_mm: Option<f64>,
     /// What a calibrated network says, where one was asked.
     pub interval: Option<NetworkInterval>,
     /// How the simulation ended; none where there was none.

@@ -13,8 +13,10 @@ pub struct Objective {
     pub aims: Vec<Aim>,
     /// The displacement in mm that is to be met along each direction, where one is.
     pub value_mm: Option<f64>,
-    /// Whether each point has a displacement that it is to meet.
-    pub vectors: bool,
+    /// Whether a displacement or an angle is to be met, so that more of it is not better.
+    pub is_met: bool,
+    /// The same in the syntax of pipelines.
+    pub text: String,
 }
 
 /// A point or a rigid body and where it should move.
@@ -26,8 +28,12 @@ pub struct Aim {
     pub body: Option<usize>,
     /// Where it should move.
     pub way: Way,
+    /// How far it should, in mm along x and y; none where as far as it gets, or where it should turn.
+    pub by: Option<[f64; 2]>,
     /// The state of the device in which it should, where one is named.
     pub state: Option<String>,
+    /// What it counts beside others, where that is not 1.
+    pub weight: Option<String>,
 }
 
 /// Where something should move.
@@ -53,6 +59,9 @@ fn rounded(value: f64) -> f64 {
     (1e9 * value).round() / 1e9 + 0.0
 }
 
+/// The measure of objectives of which a displacement or an angle is to be met.
+const FROM_WANTED: &str = "distance";
+
 /// More points than these are a field: nobody reads them one by one.
 const FEW: usize = 16;
 
@@ -74,16 +83,11 @@ impl Objective {
             .peek("value")
             .map(|value| value.quantity("value", Dimension::Length));
         Ok(Self {
-            vectors: aims.iter().any(is_far),
+            is_met: is_measured_from_wanted(root),
+            text: text.to_owned(),
             aims: aims.iter().map(|one| aim(one, scene)).collect::<Result<_, _>>()?,
             value_mm: value.transpose()?.map(|value| value.value()),
         })
-    }
-
-    /// Whether a displacement is to be met, so that more of it is not better.
-    #[must_use]
-    pub fn is_met(&self) -> bool {
-        self.vectors || self.value_mm.is_some()
     }
 
     /// The points that can be told one by one; none where a field is wanted.
@@ -104,6 +108,15 @@ impl Objective {
         self.list(|aim| aim.way.to_string())
     }
 
+    /// The objective in the syntax of pipelines; of a field how many points it is given at.
+    #[must_use]
+    pub fn short_text(&self) -> String {
+        match self.points() {
+            [] => self.description(),
+            _ => self.text.clone(),
+        }
+    }
+
     fn list(&self, of: impl Fn(&Aim) -> String) -> String {
         let words: Vec<String> = self.points().iter().map(of).collect();
         words.join(" ")
@@ -118,10 +131,9 @@ impl Objective {
             [aim] => one(aim),
             several => format!("the mean of {}", several.iter().map(one).collect::<Vec<_>>().join(", ")),
         };
-        match (self.value_mm, self.vectors) {
-            (Some(mm), _) => format!("{what} by {mm} mm"),
-            (None, true) => format!("{what}, by a given length"),
-            (None, false) => what,
+        match self.value_mm {
+            Some(mm) => format!("{what} by {mm} mm"),
+            None => what,
         }
     }
 }
@@ -133,26 +145,37 @@ impl Aim {
             None => format!("({}, {}) mm", self.point[0], self.point[1]),
             Some(body) => format!("body {body}"),
         };
-        let way = match &self.way {
-            Way::Along(degrees) => {
+        let way = match (&self.way, self.by) {
+            (Way::Along(_), Some([x, y])) => format!("by ({}, {}) mm", rounded(x), rounded(y)),
+            (Way::Along(degrees), None) => {
                 let degrees = format!("{:.4}", degrees + 0.0);
                 format!("at {}°", degrees.trim_end_matches('0').trim_end_matches('.'))
             }
-            Way::Turn(how) => format!("turned {how}"),
+            (Way::Turn(how), _) => format!("turned {how}"),
         };
-        match &self.state {
-            None => format!("{what} {way}"),
-            Some(state) => format!("{what} {way} in state {state}"),
-        }
+        let state = self
+            .state
+            .as_ref()
+            .map_or(String::new(), |state| format!(" in state {state}"));
+        let weight = self
+            .weight
+            .as_ref()
+            .map_or(String::new(), |weight| format!(" (weight {weight})"));
+        format!("{what} {way}{state}{weight}")
     }
 }
 
-/// Whether it says how far something should move.
-fn is_far(node: &Node) -> bool {
-    let by_angle = |rotation: &Node| rotation.quantity("rotation", Dimension::Angle).is_ok();
-    node.peek("displacement").is_some()
-        || node.peek("translation").is_some()
-        || node.peek("rotation").is_some_and(by_angle)
+/// Whether the objective of this text is a displacement or an angle that is to be met; not where the text is none.
+pub fn is_to_be_met(text: &str) -> bool {
+    let document = Document::from_text(Path::new("objective"), text);
+    document.is_ok_and(|document| is_measured_from_wanted(&document.root))
+}
+
+/// Objectives say how they are measured, even where nobody wrote it.
+fn is_measured_from_wanted(objective: &Node) -> bool {
+    objective
+        .peek("measure")
+        .is_some_and(|measure| measure.is_text(FROM_WANTED))
 }
 
 fn aim(node: &Node, scene: &Scene) -> Result<Aim, InputError> {
@@ -171,6 +194,11 @@ fn aim(node: &Node, scene: &Scene) -> Result<Aim, InputError> {
         },
         body,
         way: way(node)?,
+        by: vector(node).map(|(key, vector)| pair(vector, key)).transpose()?,
+        weight: node
+            .peek("weight")
+            .map(|weight| weight.text("weight").map(str::to_owned))
+            .transpose()?,
         state: node
             .peek("state")
             .map(|state| state.text("state").map(str::to_owned))
@@ -182,9 +210,7 @@ fn way(node: &Node) -> Result<Way, InputError> {
     if let Some(rotation) = node.peek("rotation") {
         return Ok(Way::Turn(rotation.text("rotation")?.to_owned()));
     }
-    let vector = ["displacement", "translation"];
-    let vector = vector.into_iter().find_map(|key| Some((key, node.peek(key)?)));
-    match (node.peek("direction"), vector) {
+    match (node.peek("direction"), vector(node)) {
         (Some(direction), _) => {
             let degrees = direction.quantity("direction", Dimension::Angle)?.value();
             Ok(Way::Along(degrees))
@@ -195,6 +221,12 @@ fn way(node: &Node) -> Result<Way, InputError> {
         }
         (None, None) => Err(missing(node, "direction")),
     }
+}
+
+/// What is wanted of a point or a body, with its key.
+fn vector(node: &Node) -> Option<(&'static str, &Node)> {
+    let keys = ["displacement", "translation"];
+    keys.into_iter().find_map(|key| Some((key, node.peek(key)?)))
 }
 
 fn missing(node: &Node, key: &str) -> InputError {
@@ -230,8 +262,14 @@ mod tests {
         assert_eq!(two.ways(), "0 -90");
         assert_eq!(two.value_mm, Some(1.0));
         assert!(two.description().ends_with("by 1 mm"), "{}", two.description());
-        let vector = read("{ point: [1, 2], displacement: [1 mm, 1 mm] }").unwrap();
-        assert_eq!((vector.ways().as_str(), vector.is_met()), ("45", true));
+        let vector = read("{ point: [1, 2], displacement: [1 mm, 1 mm], measure: distance }").unwrap();
+        assert_eq!((vector.ways().as_str(), vector.is_met), ("45", true));
+        assert_eq!(vector.description(), "(1, 2) mm by (1, 1) mm");
+        assert!(
+            two.description().contains("(1, 2) mm at 0° (weight 2), "),
+            "{}",
+            two.description()
+        );
         let field = vec!["{ point: [1, 2], displacement: [0, 1] }"; 17].join(", ");
         let field = read(&format!("{{ points: [{field}] }}")).unwrap();
         assert_eq!(field.ways(), "");
@@ -261,7 +299,8 @@ mod tests {
             turned.description(),
             "the mean of body 0 turned counterclockwise in state push, body 0 at 180° in state pull"
         );
-        assert!(!turned.is_met() && of("{ body: 0, rotation: 5 deg }").is_met());
+        assert!(!turned.is_met && of("{ body: 0, rotation: 5 deg, measure: distance }").is_met);
+        assert!(is_to_be_met("{ body: 0, rotation: 5 deg, measure: distance }") && !is_to_be_met("["));
         assert!(Objective::read("{ body: 1, direction: 0 }", &scene).is_err());
     }
 }

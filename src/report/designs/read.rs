@@ -100,7 +100,8 @@ fn verified(source: &Source<'_>) -> Result<Vec<Design>, ReportError> {
         design.simulated = Some(fields[row].values().to_vec());
         design.simulated_mm = Some(component.simulated[row]);
         // An error that is not known is not zero.
-        design.error_mm = Some(component.error[row]).filter(|error| *error >= 0.0);
+        design.error_mm = (component.error_known[row] == 1).then_some(component.error[row]);
+        design.distance_mm = design.objective.is_met.then_some(component.distance[row]);
     }
     Ok(designs)
 }
@@ -150,6 +151,7 @@ fn read(
             predicted_mm: prediction.map(|at| predicted_mm[at]),
             simulated_mm: None,
             error_mm: None,
+            distance_mm: None,
             interval: intervals[k].clone(),
             outcome: None,
             compared: Compared::default(),

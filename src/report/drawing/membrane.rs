@@ -79,6 +79,12 @@ impl Ground {
         self.plane.raster
     }
 
+    /// Its sides in mm.
+    #[must_use]
+    pub fn size_mm(&self) -> [f64; 2] {
+        self.plane.size_mm
+    }
+
     /// The longer side in mm.
     #[must_use]
     pub fn side(&self) -> f64 {

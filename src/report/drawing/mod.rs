@@ -10,7 +10,7 @@ mod raster;
 mod sheet;
 
 pub use axis::Axis;
-pub use chart::{Chart, Colour, Mark, Series};
+pub use chart::{Chart, Colour, Mark, Series, THOUSAND};
 pub use error::FigureError;
 pub use membrane::{Ground, Membrane, direction, exaggeration, viridis};
 pub use path::number;

@@ -59,7 +59,7 @@ impl Sheet {
         let drawn = |chart: &Chart| {
             let [width, height] = chart.size;
             Self {
-                size: [width + 2.0 * MARGIN, head + height + MARGIN],
+                size: [width.max(heading_width(chart)) + 2.0 * MARGIN, head + height + MARGIN],
                 markup: html! {
                     g.chart transform={ "translate(" (MARGIN) " 0)" } {
                         (heading(chart))
@@ -97,10 +97,20 @@ fn head(chart: &Chart) -> f64 {
     TITLE + note + LEGEND * legend(chart).len() as f64 + 2.0
 }
 
+/// Title and note begin at the left edge of the sheet where they are wide: so much room they take then.
+fn heading_width(chart: &Chart) -> f64 {
+    let note = LETTER * chart.note.chars().count() as f64;
+    title_width(chart).max(note)
+}
+
+fn title_width(chart: &Chart) -> f64 {
+    1.2 * LETTER * chart.title.chars().count() as f64
+}
+
 fn heading(chart: &Chart) -> Markup {
     let note = if chart.note.is_empty() { 0.0 } else { NOTE };
-    // A title that is wider than the frame begins farther left.
-    let wide = 1.2 * LETTER * chart.title.chars().count() as f64;
+    // What is wider than the frame begins farther left.
+    let wide = heading_width(chart);
     let left = LEFT.min(chart.size[0] - wide).max(0.0);
     html! {
         text class="title" x=(number(left, 1)) y="20" { (chart.title) }

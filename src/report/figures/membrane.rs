@@ -4,19 +4,22 @@ use std::path::Path;
 
 use maud::{Markup, html};
 
-use crate::report::drawing::{Axis, Chart, FigureError, Ground, Membrane, Sheet, exaggeration, viridis};
+use crate::report::drawing::{Axis, Chart, FigureError, Ground, Membrane, Sheet, THOUSAND, exaggeration, viridis};
 
-/// Side of the membrane, and width of the frame of the colour bar.
+/// Longer side of the membrane, and width of the frame of the colour bar.
 const SIDE: f64 = 356.4;
 const BAR: f64 = 24.0;
+
+/// The least width and height of a frame, shares of the longer side: ticks stand beside it.
+const LEAST: [f64; 2] = [0.2, 0.25];
 
 /// The electrode at rest and deformed, and the magnitude of the displacement.
 pub fn membrane_drawing(title: &str, data: &Membrane) -> Sheet {
     let scale = exaggeration([data]);
     let charts = [
-        electrode(title, data, scale),
+        electrode(title, data, scale, SIDE),
         magnitude(data, scale),
-        colour_bar(data.largest()),
+        colour_bar(data.largest(), SIDE * shares(data.ground())[1]),
     ];
     Sheet::charts(3, &charts)
 }
@@ -29,17 +32,20 @@ pub fn draw_membrane(path: &Path, title: &str, data: &Membrane) -> Result<(), Fi
     membrane_drawing(title, data).write_png(path)
 }
 
-/// The electrode where it has moved to with its outline at rest, and the arrows of the wanted points.
-pub(super) fn electrode(title: &str, data: &Membrane, scale: f64) -> Chart {
+/// The electrode where it has moved to with its outline at rest, and the arrows of the wanted points; the longer side of the membrane so long.
+pub(super) fn electrode(title: &str, data: &Membrane, scale: f64, side: f64) -> Chart {
     let factor = if scale > 1.0 {
         format!("displacements ×{scale:.0}")
     } else {
         "true to scale".into()
     };
-    let state = data.state().map_or(String::new(), |state| format!(", state {state}"));
-    let note = format!("area {:.1} %{state}, {factor}, grey: at rest", 100.0 * data.area());
+    // Both do not fit in a line.
+    let more = data
+        .state()
+        .map_or("grey: at rest".to_owned(), |state| format!("state {state}"));
+    let note = format!("area {:.1} %, {factor}, {more}", 100.0 * data.area());
     let inside = html! { (data.electrode(scale)) (data.outline("ghost", 0.0)) (data.arrows(scale)) };
-    on_membrane(title, note, data.ground(), inside)
+    on_membrane(title, note, data.ground(), inside, side)
 }
 
 fn magnitude(data: &Membrane, scale: f64) -> Chart {
@@ -57,19 +63,39 @@ fn magnitude(data: &Membrane, scale: f64) -> Chart {
         _ => format!("largest {:.3} mm", data.largest()),
     };
     let inside = html! { (data.magnitudes(scale)) (data.outline("light", scale)) (data.arrows(scale)) };
-    on_membrane("Magnitude of the displacement", note, data.ground(), inside)
+    on_membrane("Magnitude of the displacement", note, data.ground(), inside, SIDE)
 }
 
-fn on_membrane(title: &str, note: String, ground: &Ground, inside: Markup) -> Chart {
-    let axis = |name: &str| Axis::linear(&format!("{name} [mm]"), 0.0, ground.side());
-    let mut chart = Chart::new(title, [axis("x"), axis("y")], Vec::new())
+/// Width and height of a frame, shares of the longer side of the membrane.
+fn shares(ground: &Ground) -> [f64; 2] {
+    let size = ground.size_mm();
+    [0, 1].map(|axis| (size[axis] / ground.side()).max(LEAST[axis]))
+}
+
+fn on_membrane(title: &str, note: String, ground: &Ground, inside: Markup, side: f64) -> Chart {
+    let [across, up] = shares(ground);
+    let axis = |name: &str, share: f64| Axis::linear(&format!("{name} [mm]"), 0.0, share * ground.side());
+    let mut chart = Chart::new(title, [axis("x", across), axis("y", up)], Vec::new())
         .with_note(note)
-        .square(SIDE);
-    chart.inside = Some(html! { g.membrane { (ground.frame()) (inside) } });
+        .with_frame([across, up].map(|share| share * side));
+    let drawn = html! { g.membrane { (ground.frame()) (inside) } };
+    // Drawings are in a square at whose lower left corner the membrane lies.
+    chart.inside = Some(match [across, up] == [1.0; 2] {
+        true => drawn,
+        false => {
+            let place = format!(
+                "scale({} {}) translate(0 {})",
+                1.0 / across,
+                1.0 / up,
+                THOUSAND * (up - 1.0)
+            );
+            html! { g transform=(place) { (drawn) } }
+        }
+    });
     chart
 }
 
-fn colour_bar(largest: f64) -> Chart {
+fn colour_bar(largest: f64, height: f64) -> Chart {
     const STEPS: u32 = 200;
     let high = if largest > 0.0 { largest } else { 1.0 };
     let axes = [Axis::names(Vec::new()), Axis::linear("|u| [mm]", 0.0, high)];
@@ -82,5 +108,5 @@ fn colour_bar(largest: f64) -> Chart {
             }
         }
     });
-    chart.with_frame([BAR, SIDE])
+    chart.with_frame([BAR, height])
 }

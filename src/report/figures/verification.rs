@@ -46,7 +46,7 @@ pub fn draw_agreement(path: &Path, cases: &[Case]) -> Result<(), FigureError> {
     let scale = exaggeration(cases.iter().map(|case| &case.membrane));
     let electrodes: Vec<Chart> = cases
         .iter()
-        .map(|case| electrode(&case.name, &case.membrane, scale).square(SIDE))
+        .map(|case| electrode(&case.name, &case.membrane, scale, SIDE))
         .collect();
     let membranes = Sheet::charts(cases.len(), &electrodes);
     let bars = bars(cases).with_size([(membranes.size[0] - 12.0).max(708.0), BARS]);

@@ -107,10 +107,7 @@ fn drawing(design: &Design, description: &str, content: &Markup) -> Markup {
 
 /// The value that counts, then what it is compared with.
 fn numbers(design: &Design) -> Markup {
-    let ratio = design
-        .compared
-        .ratio
-        .filter(|_| shows_optimum(design) && !design.objective.is_met());
+    let ratio = design.compared.ratio.filter(|_| shows_optimum(design));
     let value = match (simulated(design), design.predicted_mm) {
         (Some(simulated), _) => simulated,
         (None, Some(predicted)) => format!("{} mm predicted", mm(predicted)),
@@ -132,7 +129,9 @@ fn rows(design: &Design) -> Markup {
     let compared = &design.compared;
     let found = design.role.is_compared();
     let over = |other: f64| {
-        let own = design.simulated_mm.filter(|_| found && other.abs() > 1e-9);
+        // Where a displacement is to be met, more of it is no gain.
+        let shown = found && !design.objective.is_met && other.abs() > 1e-9;
+        let own = design.simulated_mm.filter(|_| shown);
         own.map_or_else(String::new, |own| gain((own - other) / other.abs(), 1))
     };
     let other = |name: &'static str, value: Option<f64>, shown: bool| {
@@ -149,6 +148,9 @@ fn rows(design: &Design) -> Markup {
             .map_or_else(String::new, |own| format!("{:+.4}", own - value).replace('-', "−"));
         ("wanted", mm(value), off)
     });
+    let distance = design
+        .distance_mm
+        .map(|off| ("from what is wanted", mm(off), String::new()));
     let interval = design.interval.as_ref().map(|interval| {
         let name = if interval.out_of_distribution {
             "95 %, not to be relied on"
@@ -161,6 +163,7 @@ fn rows(design: &Design) -> Markup {
         predicted,
         interval,
         wanted,
+        distance,
         Some(("area", percent(design.area, 2), String::new())),
         other("optimum", compared.optimum, shows_optimum(design)).map(|(name, value, _)| (name, value, String::new())),
         other("intuitive, own area", compared.intuitive_own, found),

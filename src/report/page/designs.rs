@@ -50,8 +50,13 @@ pub fn section(page: &mut Page, designs: &[Design]) {
             name => format!("Case {name}"),
         });
         let compared = case.iter().filter(|design| design.role.is_compared());
-        let rows: Vec<Vec<String>> = compared.map(|design| row(design)).collect();
-        page.columns("Designs of the case", &COLUMNS, &rows);
+        let mut rows: Vec<Vec<String>> = compared.map(|design| row(design)).collect();
+        let mut columns = COLUMNS.to_vec();
+        if !case.iter().any(|design| design.objective.is_met) {
+            columns.remove(DISTANCE);
+            rows.iter_mut().for_each(|row| drop(row.remove(DISTANCE)));
+        }
+        page.columns("Designs of the case", &columns, &rows);
         if let Some(curve) = curve(&case) {
             page.charts([&curve]);
         }
@@ -90,7 +95,8 @@ fn by<'d>(designs: impl Iterator<Item = &'d Design>, name: impl Fn(&Design) -> &
     groups
 }
 
-const COLUMNS: [(&str, Column); 12] = [
+/// Columns of the table; the last but one stands there only where a displacement is to be met.
+const COLUMNS: [(&str, Column); 13] = [
     ("target", Column::Key),
     ("design", Column::Key),
     ("units", Column::Number),
@@ -102,12 +108,17 @@ const COLUMNS: [(&str, Column); 12] = [
     ("of optimum", Column::Number),
     ("gain, own area", Column::Number),
     ("gain, equal area", Column::Number),
+    ("from wanted, mm", Column::Number),
     ("status", Column::Key),
 ];
 
+/// The place of the column of distances.
+const DISTANCE: usize = 11;
+
 fn row(design: &Design) -> Vec<String> {
+    let is_met = design.objective.is_met;
     let over = |other: Option<f64>| {
-        let other = other.filter(|mm| mm.abs() > 1e-9)?;
+        let other = other.filter(|mm| !is_met && mm.abs() > 1e-9)?;
         Some(gain((design.simulated_mm? - other) / other.abs(), 1))
     };
     let text = |known: Option<String>| known.unwrap_or_default();
@@ -141,6 +152,7 @@ fn row(design: &Design) -> Vec<String> {
         text(compared.ratio.map(|ratio| percent(ratio, 2))),
         text(over(compared.intuitive_own)),
         text(over(compared.intuitive_equal_area)),
+        text(design.distance_mm.map(mm)),
         met,
     ]
 }

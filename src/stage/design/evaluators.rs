@@ -65,11 +65,14 @@ impl fmt::Display for EvaluatorChoice {
     }
 }
 
-/// A network as an evaluator.
-fn network(surrogate: Surrogate) -> Candidate {
+/// Networks as an evaluator, one in each state of a device.
+fn networks(each: Vec<Surrogate>) -> Candidate {
+    let mut settings: Vec<String> = each.iter().map(Surrogate::settings).collect();
+    settings.dedup();
+    let each = each.into_iter().map(|network| Box::new(network) as Box<dyn Evaluator>);
     Candidate {
-        settings: surrogate.settings(),
-        evaluator: Ok(InStates::one(Box::new(surrogate))),
+        settings: settings.join(", "),
+        evaluator: Ok(InStates::new(each.collect())),
     }
 }
 
@@ -91,19 +94,19 @@ fn elements(scene: &Scene, method: Method, elements_per_cell: usize) -> Candidat
 
 /// What judges the patterns of a search: what is chosen, or every evaluator in the order of its cost as `deaflow accuracy`
 /// measured it, the reference last. The order is fixed since times differ from run to run.
-pub fn evaluators(choice: EvaluatorChoice, scene: &Scene, surrogate: Option<Surrogate>) -> Evaluators {
-    match (choice, surrogate) {
+pub fn evaluators(choice: EvaluatorChoice, scene: &Scene, known: Option<Vec<Surrogate>>) -> Evaluators {
+    match (choice, known) {
         (EvaluatorChoice::Elements(method), _) => Evaluators::Named(elements(scene, method, 1)),
-        (EvaluatorChoice::Surrogate, Some(surrogate)) => Evaluators::Named(network(surrogate)),
+        (EvaluatorChoice::Surrogate, Some(known)) => Evaluators::Named(networks(known)),
         (EvaluatorChoice::Surrogate, None) => Evaluators::Named(Candidate {
             settings: choice.to_string(),
             evaluator: Err("the stage needs no network".into()),
         }),
-        (EvaluatorChoice::Auto, surrogate) => Evaluators::Cheapest(by_cost(scene, surrogate)),
+        (EvaluatorChoice::Auto, known) => Evaluators::Cheapest(by_cost(scene, known)),
     }
 }
 
-fn by_cost(scene: &Scene, surrogate: Option<Surrogate>) -> Vec<Candidate> {
+fn by_cost(scene: &Scene, known: Option<Vec<Surrogate>>) -> Vec<Candidate> {
     let coarse = |method| elements(scene, method, 1);
     let mut all = vec![
         coarse(Method::Linear),
@@ -111,12 +114,9 @@ fn by_cost(scene: &Scene, surrogate: Option<Surrogate>) -> Vec<Candidate> {
         coarse(Method::Chord(2)),
         coarse(Method::Newton),
     ];
-    if let Some(surrogate) = surrogate {
-        let place = match surrogate.kind() {
-            NetworkKind::Physics => 2,
-            NetworkKind::Qin2024 => all.len(),
-        };
-        all.insert(place, network(surrogate));
+    if let Some(known) = known {
+        let is_cheap = known.iter().all(|network| network.kind() == NetworkKind::Physics);
+        all.insert(if is_cheap { 2 } else { all.len() }, networks(known));
     }
     all.push(elements(scene, Method::Newton, REFERENCE));
     all

@@ -37,6 +37,10 @@ impl Calibrated {
                     calibration.model
                 ))
             })?;
+            if !scene.states.is_empty() {
+                let message = "a calibration is of one drive, and designs of a device in several states have none";
+                return Err(StageError::Input(message.to_owned()));
+            }
             if found.is_some() {
                 return Err(StageError::Input("a design stage takes one calibration".to_owned()));
             }

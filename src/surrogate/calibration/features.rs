@@ -45,7 +45,7 @@ pub(super) fn difficulty_features(pattern: &Pattern, predicted: &Field) -> [f64;
 fn of_active_cells(pattern: &Pattern, field: &Field) -> [f64; 2] {
     let (mut parts, mut whole) = ([0.0; 2], [1e-9; 2]);
     let columns = pattern.raster().columns();
-    for (at, &active) in pattern.cells().iter().enumerate() {
+    for (at, &group) in pattern.cells().iter().enumerate() {
         let (x, y) = (at % columns, at / columns);
         let corners = [[0, 0], [1, 0], [0, 1], [1, 1]].map(|[i, j]| field.at_corner(x + i, y + j));
         let [a, b, c, d] = corners;
@@ -54,7 +54,7 @@ fn of_active_cells(pattern: &Pattern, field: &Field) -> [f64; 2] {
         let squares: f64 = along_x.iter().chain(&along_y).map(|g| g * g).sum();
         let amounts = [squares, (along_x[0] + along_y[1]).abs()];
         for (k, amount) in amounts.into_iter().enumerate() {
-            parts[k] += (f64::from(active) - 0.5) * amount;
+            parts[k] += (f64::from(u8::from(group != 0)) - 0.5) * amount;
             whole[k] += amount;
         }
     }
@@ -84,7 +84,7 @@ fn of_field(field: &Field) -> [f64; 5] {
     [field.max_magnitude(), mean, gradient, steepest, fourth]
 }
 
-/// Sides between active and bare cells, corners of the outline, places where cells touch by a corner only, and the active
+/// Sides between cells of which one is bare or of another group, corners of the outline, places where cells touch by a corner only, and the active
 /// part of the cells along the frame.
 fn of_outline(pattern: &Pattern) -> [f64; 4] {
     let [columns, rows] = pattern.raster().sides();
@@ -98,8 +98,9 @@ fn of_outline(pattern: &Pattern) -> [f64; 4] {
                 .map(|&(c, last)| u32::from(c == 0) + u32::from(c + 1 == last))
                 .sum::<u32>();
             frame += sides * u32::from(here);
-            edge += u32::from(x + 1 < columns && here != cell(x + 1, y));
-            edge += u32::from(y + 1 < rows && here != cell(x, y + 1));
+            let differs = |u: usize, v: usize| pattern.group(x, y) != pattern.group(u, v);
+            edge += u32::from(x + 1 < columns && differs(x + 1, y));
+            edge += u32::from(y + 1 < rows && differs(x, y + 1));
             if x + 1 < columns && y + 1 < rows {
                 let block = [here, cell(x + 1, y), cell(x, y + 1), cell(x + 1, y + 1)];
                 let active = block.iter().filter(|&&on| on).count();
@@ -136,7 +137,7 @@ pub(super) fn novelty_features(pattern: &Pattern, difficulty: &[f64; DIFFICULTY]
         .collect()
 }
 
-/// The mean product of cells, ±1 each, with those at an offset.
+/// How much more often cells at an offset are alike, bare or of one group, than not.
 fn correlation(pattern: &Pattern, [dx, dy]: [isize; 2]) -> f64 {
     let [columns, rows] = pattern.raster().sides();
     let (mut sum, mut count) = (0i32, 0i32);
@@ -148,7 +149,7 @@ fn correlation(pattern: &Pattern, [dx, dy]: [isize; 2]) -> f64 {
                 && v < rows
             {
                 count += 1;
-                sum += if pattern.is_active(x, y) == pattern.is_active(u, v) {
+                sum += if pattern.group(x, y) == pattern.group(u, v) {
                     1
                 } else {
                     -1

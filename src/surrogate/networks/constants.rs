@@ -34,11 +34,6 @@ pub enum ConstantsError {
     /// Nothing moves.
     #[error("nothing moves in this scene: there is nothing to learn")]
     Still,
-    /// Bodies are pulled whatever the pattern.
-    #[error(
-        "a body of this scene has a `load`, and the network physics knows forces of electrodes alone; qin2024 learns any device"
-    )]
-    Loads,
     /// The response is too large.
     #[error(
         "the linear response of this scene has {0} numbers, and at most {MOST} are kept: fewer cells, or qin2024, which has no such table"
@@ -64,13 +59,9 @@ impl Constants {
     /// misses is of this size, and strain divided by ε is of size one, whatever the voltage.
     ///
     /// # Errors
-    /// When the linear systems cannot be solved, nothing moves, the scene has loads, or there are too many numbers.
+    /// When the linear systems cannot be solved, nothing moves, or there are too many numbers.
     pub fn new(response: &LinearResponse, scene: &Scene) -> Known {
         let (membrane, parts) = (scene.membrane(), scene.parts());
-        let mut bodies = scene.geometry.bodies.iter().flatten();
-        if bodies.any(|body| body.load_n() != [0.0; 2]) {
-            return Err(ConstantsError::Loads);
-        }
         let symmetries = scene.symmetries();
         let fold = Fold::new(membrane.raster, symmetries);
         let count = fold.area() * fold.values() * fold.parities().count();
@@ -86,10 +77,21 @@ impl Constants {
         if !(strain.is_finite() && strain > 0.0) {
             return Err(ConstantsError::Still);
         }
-        let mut tensors = cells.blocks(strain * strain * side_mm)?;
+        let unit_mm = strain * strain * side_mm;
+        let mut tensors = cells.blocks(unit_mm)?;
         let strain = Tensor::new(&[strain as f32, side_mm as f32], &Device::Cpu)?;
         tensors.insert(names::STRAIN.to_owned(), strain);
         tensors.extend(medium(scene)?);
+        if scene
+            .geometry
+            .bodies
+            .iter()
+            .flatten()
+            .any(|body| body.load_n() != [0.0; 2])
+        {
+            let field = response.to_loads().ok_or(ConstantsError::Unsolved)?;
+            tensors.insert(names::LOADED.to_owned(), planes(&field, unit_mm)?);
+        }
         if let Some(parts) = parts {
             tensors.extend(supports(scene, &parts)?);
         }
@@ -221,6 +223,15 @@ fn write_row(fold: Fold, field: &Field, block: usize, unit_mm: f64, row: &mut [f
         };
         *value = (fold.parities().map(image).sum::<f64>() / (images * unit_mm)) as f32;
     }
+}
+
+/// A field in a unit of length at the inner corners, (2, rows − 1, columns − 1).
+fn planes(field: &Field, unit_mm: f64) -> candle_core::Result<Tensor> {
+    let [columns, rows] = field.raster().sides();
+    let corners = || (1..rows).flat_map(move |y| (1..columns).map(move |x| (x, y)));
+    let value = |component: usize, (x, y): (usize, usize)| (field.at_corner(x, y)[component] / unit_mm) as f32;
+    let values: Vec<f32> = (0..2).flat_map(|k| corners().map(move |at| value(k, at))).collect();
+    Tensor::from_vec(values, (2, rows - 1, columns - 1), &Device::Cpu)
 }
 
 /// How the membrane differs along x and y; nothing where it does not.

@@ -1,4 +1,5 @@
-//! The exact linear response as a constant of a network: one matrix from cells to corners, by parities under the mirrors of the device.
+//! The exact linear response as a constant of a network: one matrix from cells to corners, by parities under the mirrors of the device, and what
+//! loads of bodies add.
 
 use candle_core::{Device, Result, Tensor, bail};
 use candle_nn::VarBuilder;
@@ -17,6 +18,8 @@ pub(crate) struct Response {
     fold: Fold,
     /// The transpose of each block, (values, cells), with its parity: with many patterns as its columns the product is a third faster.
     blocks: Vec<(usize, Vec<f32>)>,
+    /// What loads of bodies add, (2, rows − 1, columns − 1), where there are such.
+    loaded: Option<Vec<f32>>,
     strain: f64,
     side_mm: f64,
 }
@@ -31,6 +34,15 @@ impl Response {
             let tensor = constant(weights, names::BLOCKS[block], &[area, values])?;
             blocks.push((block, tensor.t()?.flatten_all()?.to_vec1()?));
         }
+        let [columns, rows] = fold.inner();
+        let loaded = match weights.contains_tensor(names::LOADED) {
+            true => Some(
+                constant(weights, names::LOADED, &[2, rows, columns])?
+                    .flatten_all()?
+                    .to_vec1()?,
+            ),
+            false => None,
+        };
         let strain: Vec<f32> = constant(weights, names::STRAIN, &[2])?.to_vec1()?;
         let [strain, side_mm] = strain[..] else {
             bail!("{} has two values", names::STRAIN);
@@ -41,6 +53,7 @@ impl Response {
         Ok(Self {
             fold,
             blocks,
+            loaded,
             strain: strain.into(),
             side_mm: side_mm.into(),
         })
@@ -98,10 +111,13 @@ impl Response {
                 None => part,
             });
         }
-        match sum {
-            Some(sum) => Ok(sum),
-            None => bail!("the response has no blocks"),
-        }
+        let Some(sum) = sum else {
+            bail!("the response has no blocks")
+        };
+        let Some(loaded) = &self.loaded else { return Ok(sum) };
+        let [columns, rows] = fold.inner();
+        let loaded = graph.tensor(&Tensor::from_slice(loaded, (2, rows, columns), &Device::Cpu)?)?;
+        Ok(graph.add(&sum, &loaded))
     }
 
     /// The same on plain numbers.
@@ -134,6 +150,10 @@ impl Response {
                     || fold.unfold(part, *block, displacement),
                 );
             }
+        }
+        for displacement in displacements.chunks_exact_mut(image) {
+            let loaded = self.loaded.iter().flatten();
+            displacement.iter_mut().zip(loaded).for_each(|(u, own)| *u += own);
         }
         displacements
     }

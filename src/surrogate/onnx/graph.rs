@@ -7,7 +7,7 @@ use super::messages;
 /// Numbers of element types.
 pub(super) const FLOAT: i32 = 1;
 pub(super) const UINT8: i32 = 2;
-const INT64: i32 = 7;
+pub(super) const INT64: i32 = 7;
 
 /// An array that a node gives, or that the graph holds.
 #[derive(Clone, Debug)]
@@ -97,6 +97,11 @@ impl Graph {
     pub(crate) fn integers(&mut self, values: &[i64]) -> Value {
         let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
         self.initializer(INT64, &[values.len()], bytes)
+    }
+
+    /// The same numbers of another type.
+    pub(crate) fn cast(&mut self, x: &Value, element: i32) -> Value {
+        self.node("Cast", &[x], &[("to", Attribute::Integer(element.into()))])
     }
 
     /// The sum, broadcast.

@@ -8,9 +8,11 @@ mod graph;
 mod layers;
 mod messages;
 
-use candle_core::Result;
+use candle_core::{Device, Result, Tensor};
 use prost::Message;
 
+use super::encode::seen;
+use super::header::Header;
 use super::networks::Network;
 use super::weights::KEY;
 use crate::pattern::Raster;
@@ -36,33 +38,38 @@ const OPSET: i64 = 17;
 const INPUT: &str = "pattern";
 const OUTPUT: &str = "displacement";
 
-/// The bytes of an ONNX file: from patterns (n, rows, columns) of 0 and 1 in u8 to displacements (n, rows + 1, columns + 1, 2) in mm, f32. `header`
-/// is the description that goes with it.
-pub(crate) fn to_onnx(network: &dyn Network, raster: Raster, scale_mm: f64, header: &str) -> Result<Vec<u8>> {
+/// The bytes of an ONNX file: from patterns (n, rows, columns) of 0 and the numbers of groups in u8 to displacements (n, rows + 1, columns + 1, 2) in mm, f32. `says`
+/// is the text of the header, the description that goes with it.
+pub(crate) fn to_onnx(network: &dyn Network, raster: Raster, header: &Header, says: &str) -> Result<Vec<u8>> {
     let ([columns, rows], [across, up]) = (raster.sides(), raster.corner_sides());
     let mut graph = Graph::default();
     let pattern = Value(INPUT.to_owned());
-    let cells = graph.node(
-        "Cast",
-        &[&pattern],
-        &[("to", graph::Attribute::Integer(graph::FLOAT.into()))],
-    );
-    let half = graph.number(0.5);
-    let cells = graph.sub(&cells, &half);
+    let cells = match header.loads() {
+        [_] => {
+            let cells = graph.cast(&pattern, graph::FLOAT);
+            let half = graph.number(0.5);
+            graph.sub(&cells, &half)
+        }
+        loads => {
+            let seen = Tensor::new(seen(loads), &Device::Cpu)?;
+            let (seen, groups) = (graph.tensor(&seen)?, graph.cast(&pattern, graph::INT64));
+            graph.node("Gather", &[&seen, &groups], &[])
+        }
+    };
     let cells = graph.reshape(&cells, &[0, rows as i64, columns as i64, 1]);
     let answer = network.export(&mut graph, &cells)?;
-    let scale = graph.number(scale_mm as f32);
+    let scale = graph.number(header.scale_mm as f32);
     let inner = graph.mul(&answer, &scale);
     let all = graph.pad(&inner, &[0, 1, 1, 0, 0, 1, 1, 0]);
     graph.name(&all, OUTPUT);
     let input = array(INPUT, graph::UINT8, &[rows, columns]);
     let output = array(OUTPUT, graph::FLOAT, &[up, across, 2]);
-    let says = "electrode pattern to displacement in mm of a dielectric elastomer actuator; the metadata says more";
+    let what = "electrode pattern to displacement in mm of a dielectric elastomer actuator; the metadata says more";
     let model = messages::Model {
         ir_version: Some(IR_VERSION),
         producer_name: Some("deaflow".to_owned()),
         producer_version: Some(env!("CARGO_PKG_VERSION").to_owned()),
-        doc_string: Some(says.to_owned()),
+        doc_string: Some(what.to_owned()),
         graph: Some(graph.into_message("surrogate", input, output)),
         opset_import: vec![messages::OperatorSet {
             domain: Some(String::new()),
@@ -70,7 +77,7 @@ pub(crate) fn to_onnx(network: &dyn Network, raster: Raster, scale_mm: f64, head
         }],
         metadata: vec![messages::Entry {
             key: Some(KEY.to_owned()),
-            value: Some(header.to_owned()),
+            value: Some(says.to_owned()),
         }],
     };
     Ok(model.encode_to_vec())

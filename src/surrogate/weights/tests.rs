@@ -32,7 +32,12 @@ fn record() -> Record {
 
 pub(super) fn model() -> Vec<u8> {
     annotated(
-        &to_bytes(&Header::new("qin2024", Raster::PAPER, 0.375), &tensors(), &constants()).unwrap(),
+        &to_bytes(
+            &Header::new("qin2024", Raster::PAPER, &[1.0], 0.375),
+            &tensors(),
+            &constants(),
+        )
+        .unwrap(),
         "{ drive: { voltage: 5.25 kV } }",
         record(),
     )
@@ -86,7 +91,12 @@ fn exchanged_tensors_are_found_out() {
     // `b` and a second tensor of its shape change names: the table is another, and the bytes behind it are the same.
     let mut two = tensors();
     two.insert("d".to_owned(), Tensor::new(&[4.0_f32, 5.0], &Device::Cpu).unwrap());
-    let bytes = to_bytes(&Header::new("qin2024", Raster::PAPER, 0.375), &two, &constants()).unwrap();
+    let bytes = to_bytes(
+        &Header::new("qin2024", Raster::PAPER, &[1.0], 0.375),
+        &two,
+        &constants(),
+    )
+    .unwrap();
     assert!(from_bytes(&bytes).is_ok());
     let length = 8 + u64::from_le_bytes(bytes[..8].try_into().unwrap()) as usize;
     let table = std::str::from_utf8(&bytes[8..length]).unwrap();
@@ -144,7 +154,11 @@ fn versions_and_headers_of_others_are_refused_with_the_reason() {
 
 #[test]
 fn tensors_have_one_role_each_and_are_named() {
-    let both = to_bytes(&Header::new("qin2024", Raster::PAPER, 1.0), &tensors(), &tensors());
+    let both = to_bytes(
+        &Header::new("qin2024", Raster::PAPER, &[1.0], 1.0),
+        &tensors(),
+        &tensors(),
+    );
     assert!(both.unwrap_err().to_string().contains("both trained and constant"));
     let (header, _) = from_bytes(&model()).unwrap();
     let mut more: BTreeMap<_, _> = tensors().into_iter().chain(constants()).collect();

@@ -155,6 +155,9 @@ stages:
     { point: [10, 10], direction: 0, weight: 2, state: pull }] } }
   grip: { kind: design, seed: 1, objective: { points: [{ body: 0, translation: [0.1, 0.2], state: push }, { point: [10, 10], displacement: [0.1, 0.2], state: pull }] } }
   checked: { kind: verify, needs: [moved] }
+  drawn: { kind: sample, family: blobs, groups: 2, count: 4, seed: 1 }
+  pushed: { kind: solve, needs: [drawn], state: push }
+  labels: { kind: import, files: [tests/it/schema/labels.npz], state: pull }
 ";
 
 /// A word that tells mappings apart may be the value of an axis too.

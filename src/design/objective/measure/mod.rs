@@ -29,6 +29,11 @@ pub trait Measure: Sync {
         false
     }
 
+    /// Whether it measures the rotation of a body.
+    fn takes_rotations(&self) -> bool {
+        true
+    }
+
     /// How good the fields in the states of a device are; larger is better. 1 is worth 2.5 mm of displacement, where a length is measured.
     fn score(&self, goal: &Goal, fields: &[Field]) -> f64;
 

@@ -12,6 +12,10 @@ impl Measure for Qin2024 {
         "qin2024"
     }
 
+    fn takes_rotations(&self) -> bool {
+        false
+    }
+
     fn score(&self, goal: &Goal, fields: &[Field]) -> f64 {
         goal.mean(|aim| {
             let [x, y] = aim.motion(fields);

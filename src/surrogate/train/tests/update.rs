@@ -41,7 +41,7 @@ fn an_update_begins_with_the_weights_and_the_unit_that_it_is_given() {
     let assessed = |weights: &[u8], data: &[Example]| {
         let trainer = {
             let mut trainer = Trainer::new(data, None, &still).unwrap();
-            let start = Start::read(weights, NetworkKind::Qin2024, Raster::PAPER).unwrap();
+            let start = Start::read(weights, &still, Raster::PAPER).unwrap();
             start.set(&trainer.vars).unwrap();
             trainer.scale_mm = start.scale_mm;
             trainer
@@ -61,18 +61,24 @@ fn an_update_begins_with_the_weights_and_the_unit_that_it_is_given() {
 fn what_is_no_model_or_another_network_is_refused() {
     let data = examples(4, Split::Train);
     let trained = run(&data, &options(1)).unwrap();
-    let refused = |bytes: &[u8], network| match Start::read(bytes, network, Raster::PAPER) {
+    let refused = |bytes: &[u8], options: &TrainOptions| match Start::read(bytes, options, Raster::PAPER) {
         Ok(_) => String::new(),
         Err(error) => error.to_string(),
     };
-    let other = refused(&trained.weights, NetworkKind::Physics);
+    let other = refused(&trained.weights, &TrainOptions::of(NetworkKind::Physics));
     assert_eq!(
         other,
         "the training cannot begin from the model: it is a network qin2024, not physics"
     );
     let mut damaged = trained.weights.clone();
     *damaged.last_mut().unwrap() ^= 1;
-    assert!(refused(&damaged, NetworkKind::Qin2024).contains("damaged"));
+    let same = options(1);
+    assert!(refused(&damaged, &same).contains("damaged"));
+    let groups = TrainOptions {
+        loads: vec![1.0, 0.5],
+        ..same
+    };
+    assert!(refused(&trained.weights, &groups).contains("its groups have the loads [1.0], not [1.0, 0.5]"));
 }
 
 #[test]
