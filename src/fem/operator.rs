@@ -291,18 +291,11 @@ impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, c
                     Some(all) if SHAPE == VARIED => sides(simd, all, first, row),
                     _ => [zero; 2],
                 };
+                // Not a loop, which is too long to be unrolled: gradients would go through memory, a third of a tangent.
                 let mut gradients = [[[[zero; 2]; 2]; N]; M];
-                for (field, (gradients, input)) in gradients.iter_mut().zip(self.inputs).enumerate() {
-                    let nodal = gather::<E, S, T, N>(simd, self.layout, input, first, row);
-                    *gradients = if SHAPE == UNIFORM {
-                        let [along, across] = if field == 0 { self.rest } else { [1.0; 2] };
-                        E::gradients_on(&nodal, factors, [along - 1.0, across - 1.0])
-                    } else {
-                        E::gradients(&nodal)
-                    };
-                    if SHAPE == VARIED {
-                        per_side(gradients, sides);
-                    }
+                gradients[0] = self.gradients(simd, (first, row), 0, factors, self.rest, sides);
+                if let Some(gradients) = gradients.get_mut(1) {
+                    *gradients = self.gradients(simd, (first, row), 1, factors, [1.0; 2], sides);
                 }
                 if SHAPE == VARIED {
                     from_rest(&mut gradients[0], self.rest);
@@ -347,6 +340,29 @@ impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, c
 }
 
 impl<E: Element<N>, T: Precision, P, const N: usize, const M: usize, const SHAPE: u8> Sweep<'_, E, T, P, N, M, SHAPE> {
+    /// The gradients of a field at the points of some elements, less 1 on the diagonal but for what it rests at.
+    #[inline(always)]
+    fn gradients<S: Simd>(
+        &self,
+        simd: S,
+        (first, row): (usize, usize),
+        field: usize,
+        factors: [f64; 2],
+        rest: [f64; 2],
+        sides: [Wide<S, T>; 2],
+    ) -> [Tensor<Wide<S, T>>; N] {
+        let nodal = gather::<E, S, T, N>(simd, self.layout, self.inputs[field], first, row);
+        match SHAPE {
+            PLAIN => E::gradients(&nodal),
+            UNIFORM => E::gradients_on(&nodal, factors, rest.map(|rest| rest - 1.0)),
+            _ => {
+                let mut gradients = E::gradients(&nodal);
+                per_side(&mut gradients, sides);
+                gradients
+            }
+        }
+    }
+
     /// Where the line of a node of the element begins.
     #[inline(always)]
     fn line(&self, c: usize, node: usize) -> usize {
