@@ -202,7 +202,7 @@ impl<L: Material> Operator<'_, L> {
         }
     }
 
-    /// By a kernel of its own for each shape: a branch within one cost a tenth of a solve.
+    /// By a kernel of its own for each shape: no number waits for a branch there.
     fn sweep_shape<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize>(
         &self,
         inputs: [&[T]; M],

@@ -228,6 +228,13 @@ fn displacement(workspace: &Workspace, file: &str) -> (Vec<usize>, Vec<f64>) {
     (dataset.shape(), dataset.read_raw().unwrap())
 }
 
+/// The error of each predictor over the patterns of all families.
+fn errors_over_all(evaluation: &Value) -> Vec<f64> {
+    let predictors = evaluation["predictors"].as_array().unwrap().iter();
+    let over_all = |predictor: &Value| predictor["rmse_mm"].as_array().unwrap().last().unwrap().as_f64();
+    predictors.map(|predictor| over_all(predictor).unwrap()).collect()
+}
+
 #[test]
 fn networks_learn_a_rectangle_are_calibrated_and_judged() {
     let workspace = Workspace::new();
@@ -236,20 +243,7 @@ fn networks_learn_a_rectangle_are_calibrated_and_judged() {
     let ended = workspace.run(&["run", "trained.yaml", "--json"]);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     let evaluation = &ended.json()["evaluations"][0];
-    let errors: Vec<f64> = evaluation["predictors"]
-        .as_array()
-        .unwrap()
-        .iter()
-        .map(|predictor| {
-            predictor["rmse_mm"]
-                .as_array()
-                .unwrap()
-                .last()
-                .unwrap()
-                .as_f64()
-                .unwrap()
-        })
-        .collect();
+    let errors = errors_over_all(evaluation);
     let [physics, _, linear] = errors[..] else {
         panic!("{evaluation}")
     };
@@ -349,17 +343,9 @@ fn networks_learn_a_frame_and_a_body() {
     workspace.write("trained.yaml", &pipeline);
     let ended = workspace.run(&["run", "trained.yaml", "--json"]);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
-    let predictors = &ended.json()["evaluations"][0]["predictors"];
-    let error = |at: usize| {
-        predictors[at]["rmse_mm"]
-            .as_array()
-            .unwrap()
-            .last()
-            .unwrap()
-            .as_f64()
-            .unwrap()
-    };
-    assert!(error(0) < 0.6 * error(1), "{predictors}");
+    let evaluation = &ended.json()["evaluations"][0];
+    let errors = errors_over_all(evaluation);
+    assert!(errors[0] < 0.6 * errors[1], "{evaluation}");
 }
 
 /// A strip with a tip that is pulled, and two groups of electrodes in two states.
@@ -396,19 +382,7 @@ fn networks_learn_groups_and_loads_and_judge_the_states_of_a_device() {
     let ended = workspace.run(&["run", "states.yaml", "--json"]);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     let told = ended.json();
-    let predictors = told["evaluations"][0]["predictors"].as_array().unwrap();
-    let errors: Vec<f64> = predictors
-        .iter()
-        .map(|predictor| {
-            predictor["rmse_mm"]
-                .as_array()
-                .unwrap()
-                .last()
-                .unwrap()
-                .as_f64()
-                .unwrap()
-        })
-        .collect();
+    let errors = errors_over_all(&told["evaluations"][0]);
     assert!(errors[0] < 0.6 * errors[1], "physics and linear: {errors:?}");
     let rows = told["results"][0]["rows"].as_array().unwrap();
     let best = rows.iter().find(|row| row["role"] == "ga").unwrap();

@@ -284,19 +284,22 @@ fn of_group(design: Design, arguments: &ExportDesignArguments, format: DesignFor
 /// A design in one state of its device, as a membrane is drawn.
 fn in_state(design: Design, arguments: &ExportDesignArguments, format: DesignFormat) -> Result<Design, CliError> {
     let first = design.scene.states.iter().next().map(|(name, _)| name.to_owned());
-    let state = arguments.state.state.clone().or(first);
-    if format != DesignFormat::Vtkhdf || state.is_none() {
+    let Some(state) = arguments
+        .state
+        .state
+        .clone()
+        .or(first)
+        .filter(|_| format == DesignFormat::Vtkhdf)
+    else {
         return Ok(design);
-    }
-    let wanted = StateArguments { state };
+    };
+    let wanted = StateArguments {
+        state: Some(state.clone()),
+    };
     Ok(Design {
-        title: format!(
-            "{} in state {}",
-            design.title,
-            wanted.state.as_deref().unwrap_or_default()
-        ),
-        scene: wanted.of(design.scene.clone())?,
-        state: wanted.state,
+        title: format!("{} in state {state}", design.title),
+        scene: wanted.of(design.scene)?,
+        state: Some(state),
         ..design
     })
 }

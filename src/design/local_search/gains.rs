@@ -9,6 +9,15 @@ pub(super) struct Change {
     pub to: u8,
 }
 
+impl Change {
+    /// The groups of units after some changes.
+    pub fn made(on: &[u8], changes: &[Self]) -> Vec<u8> {
+        let mut on = on.to_vec();
+        changes.iter().for_each(|change| on[change.unit] = change.to);
+        on
+    }
+}
+
 /// Of each unit what it gains to be of a group of electrodes, or bare; NaN where it may not be, or nobody knows.
 #[derive(Clone, Debug)]
 pub(super) struct Gains {

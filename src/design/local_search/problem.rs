@@ -117,12 +117,7 @@ impl<'a> SearchProblem<'a> {
         start: &Pattern,
         on_step: &dyn Fn(&SearchStep),
     ) -> Result<Started<LocalOptimum>, PredictError> {
-        let mut search = match self.begin(start, on_step)? {
-            Ok(search) => search,
-            Err(unsuited) => return Ok(Err(unsuited)),
-        };
-        search.follow_gradient()?;
-        Ok(Ok(search.finish()))
+        self.search(start, on_step, LocalSearch::follow_gradient)
     }
 
     /// The same, and then exchanges of pairs until none gains.
@@ -134,13 +129,25 @@ impl<'a> SearchProblem<'a> {
         start: &Pattern,
         on_step: &dyn Fn(&SearchStep),
     ) -> Result<Started<LocalOptimum>, PredictError> {
-        let mut search = match self.begin(start, on_step)? {
-            Ok(search) => search,
-            Err(unsuited) => return Ok(Err(unsuited)),
-        };
-        search.follow_gradient()?;
-        search.exchange_pairs()?;
-        Ok(Ok(search.finish()))
+        self.search(start, on_step, |search| {
+            search.follow_gradient()?;
+            search.exchange_pairs()
+        })
+    }
+
+    fn search<'g>(
+        &'g self,
+        start: &Pattern,
+        on_step: &'g dyn Fn(&SearchStep),
+        run: impl FnOnce(&mut LocalSearch<'g>) -> Result<(), PredictError>,
+    ) -> Result<Started<LocalOptimum>, PredictError> {
+        match self.begin(start, on_step)? {
+            Ok(mut search) => {
+                run(&mut search)?;
+                Ok(Ok(search.finish()))
+            }
+            Err(unsuited) => Ok(Err(unsuited)),
+        }
     }
 
     /// A pattern that differs from another by a little more than the wanted distance: of half of its units, drawn at random,
@@ -271,9 +278,7 @@ impl<'a> SearchProblem<'a> {
             let density = |choice: &(f64, Vec<Change>)| choice.0 / choice.1.len() as f64;
             choices.sort_by(|a, b| density(b).total_cmp(&density(a)));
             let changed = |(_, changes): &(f64, Vec<Change>)| {
-                let mut on = on.clone();
-                changes.iter().for_each(|change| on[change.unit] = change.to);
-                let on = self.repaired(&on)?;
+                let on = self.repaired(&Change::made(&on, changes))?;
                 (self.cells_off(self.units.area(&on)) < off).then_some(on)
             };
             on = choices.iter().take(SQUARES).find_map(changed)?;

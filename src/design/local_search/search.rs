@@ -194,9 +194,7 @@ impl<'g> LocalSearch<'g> {
     }
 
     fn changed(&self, changes: &[Change]) -> Vec<u8> {
-        let mut on = self.state.on.clone();
-        changes.iter().for_each(|change| on[change.unit] = change.to);
-        on
+        Change::made(&self.state.on, changes)
     }
 
     /// Goes on from the best of some choices where it is a gain.

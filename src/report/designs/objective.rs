@@ -195,14 +195,8 @@ fn aim(node: &Node, scene: &Scene) -> Result<Aim, InputError> {
         body,
         way: way(node)?,
         by: vector(node).map(|(key, vector)| pair(vector, key)).transpose()?,
-        weight: node
-            .peek("weight")
-            .map(|weight| weight.text("weight").map(str::to_owned))
-            .transpose()?,
-        state: node
-            .peek("state")
-            .map(|state| state.text("state").map(str::to_owned))
-            .transpose()?,
+        weight: words(node, "weight")?,
+        state: words(node, "state")?,
     })
 }
 
@@ -221,6 +215,12 @@ fn way(node: &Node) -> Result<Way, InputError> {
         }
         (None, None) => Err(missing(node, "direction")),
     }
+}
+
+/// What stands under a key, where there is something.
+fn words(node: &Node, key: &str) -> Result<Option<String>, InputError> {
+    let found = node.peek(key).map(|found| found.text(key).map(str::to_owned));
+    found.transpose()
 }
 
 /// What is wanted of a point or a body, with its key.

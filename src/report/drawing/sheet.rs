@@ -99,12 +99,8 @@ fn head(chart: &Chart) -> f64 {
 
 /// Title and note begin at the left edge of the sheet where they are wide: so much room they take then.
 fn heading_width(chart: &Chart) -> f64 {
-    let note = LETTER * chart.note.chars().count() as f64;
-    title_width(chart).max(note)
-}
-
-fn title_width(chart: &Chart) -> f64 {
-    1.2 * LETTER * chart.title.chars().count() as f64
+    let letters = |text: &str| text.chars().count() as f64;
+    (1.2 * LETTER * letters(&chart.title)).max(LETTER * letters(&chart.note))
 }
 
 fn heading(chart: &Chart) -> Markup {
