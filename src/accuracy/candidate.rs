@@ -59,7 +59,8 @@ impl Candidate {
         let settings = Fields::new("A method with its mesh, or an accuracy.");
         let settings = SolverParameters::schema(settings, Mesh::bilinear(2))
             .without("tolerance")
-            .without("time_limit");
+            .without("time_limit")
+            .without("history");
         let list = Schema::list(Schema::any_of([Method::schema(&()), settings.into()]), 1, usize::MAX);
         list.distinct()
             .description("What is measured: words, or mappings with the keys of a solve stage.")

@@ -76,6 +76,11 @@ impl Decimal {
         }
     }
 
+    /// This number times a whole one; `None` where the digits do not fit.
+    fn times(self, factor: i64) -> Option<Self> {
+        Some(Self::normalised(self.mantissa.checked_mul(factor)?, self.exponent))
+    }
+
     fn normalised(mut mantissa: i64, mut exponent: i32) -> Self {
         if mantissa == 0 {
             return Self::ZERO;
@@ -179,6 +184,8 @@ pub enum Dimension {
     Force,
     /// The stiffness of a spring, base unit N/m.
     SpringRate,
+    /// An electric charge, base unit C.
+    Charge,
 }
 
 impl Dimension {
@@ -192,6 +199,15 @@ impl Dimension {
     #[must_use]
     pub fn symbols(self) -> Vec<&'static str> {
         self.units().iter().map(|unit| unit.0).collect()
+    }
+
+    /// What a unit is over the power of ten that stands in [`Dimension::units`].
+    fn multiple(self, symbol: &str) -> i64 {
+        match (self, symbol) {
+            (Self::Time, "min") => 60,
+            (Self::Time, "h") => 36,
+            _ => 1,
+        }
     }
 
     /// The units and their powers of ten over the base unit, base unit first.
@@ -212,11 +228,20 @@ impl Dimension {
             Self::Angle => &[("deg", 0), ("°", 0)],
             Self::Field => &[("V/m", 0), ("kV/m", 3), ("MV/m", 6), ("V/um", 6), ("kV/mm", 6)],
             Self::Frequency => &[("Hz", 0), ("kHz", 3), ("MHz", 6), ("mHz", -3)],
-            Self::Time => &[("s", 0), ("ms", -3), ("us", -6), ("ks", 3)],
+            Self::Time => &[("s", 0), ("ms", -3), ("us", -6), ("ks", 3), ("min", 0), ("h", 2)],
             Self::Density => &[("kg/m3", 0), ("g/cm3", 3)],
             Self::Resistance => &[("Ohm", 0), ("kOhm", 3), ("MOhm", 6)],
             Self::Force => &[("N", 0), ("mN", -3), ("uN", -6), ("kN", 3)],
             Self::SpringRate => &[("N/m", 0), ("mN/m", -3), ("N/mm", 3), ("kN/m", 3)],
+            Self::Charge => &[
+                ("C", 0),
+                ("mC", -3),
+                ("uC", -6),
+                ("µC", -6),
+                ("μC", -6),
+                ("nC", -9),
+                ("pC", -12),
+            ],
         }
     }
 }
@@ -246,6 +271,7 @@ impl fmt::Display for Dimension {
             Self::Resistance => "resistance",
             Self::Force => "force",
             Self::SpringRate => "spring rate",
+            Self::Charge => "charge",
         })
     }
 }
@@ -282,8 +308,11 @@ impl Quantity {
                     symbols => symbols,
                 },
             })?;
+        let multiplied = value.times(dimension.multiple(unit));
         Ok(Self {
-            base: value.scaled(*power),
+            base: multiplied
+                .ok_or_else(|| QuantityError::NotANumber(text.to_owned()))?
+                .scaled(*power),
             dimension,
         })
     }
@@ -375,6 +404,14 @@ mod tests {
         assert_eq!(length("0.1 um"), 0.0001);
         assert_eq!(length("0.3"), 0.3);
         assert_eq!(length("2.5 cm"), 25.0);
+    }
+
+    #[test]
+    fn minutes_and_hours_are_times() {
+        let time = |text| Quantity::parse(text, Dimension::Time);
+        assert_eq!(time("10 min"), time("600 s"));
+        assert_eq!(time("1.5h"), time("5400 s"));
+        assert!(time("999999999999999999 min").is_err(), "more digits than fit");
     }
 
     #[test]

@@ -14,7 +14,7 @@ use crate::store::Store;
 /// # Errors
 /// When the effects of the scene cannot be simulated.
 pub fn neglected(pipeline: &Pipeline, stages: &[&str], store: &Store) -> Result<Vec<String>, CliError> {
-    let mut scenes: Vec<(Scene, Vec<&str>)> = Vec::new();
+    let mut scenes: Vec<((Scene, bool), Vec<&str>)> = Vec::new();
     for stage in &pipeline.stages {
         if !SIMULATING.contains(&stage.kind.name()) || !stages.contains(&stage.name.as_str()) {
             continue;
@@ -23,15 +23,17 @@ pub fn neglected(pipeline: &Pipeline, stages: &[&str], store: &Store) -> Result<
         let Some(Ok(scene)) = pipeline.scene_of(stage).map(Scene::read) else {
             continue;
         };
-        match scenes.iter_mut().find(|(known, _)| *known == scene) {
+        let parameters = stage.stage.parameters();
+        let in_time = parameters.leaves().iter().any(|(key, _)| key.starts_with("history"));
+        match scenes.iter_mut().find(|(known, _)| *known == (scene.clone(), in_time)) {
             Some((_, names)) => names.push(&stage.name),
-            None => scenes.push((scene, vec![&stage.name])),
+            None => scenes.push(((scene, in_time), vec![&stage.name])),
         }
     }
     let mut warnings = Vec::new();
     let looked_at = scenes.len().min(MOST_SCENES);
-    for (scene, names) in &scenes[..looked_at] {
-        let found = screened(scene, store)?;
+    for ((scene, in_time), names) in &scenes[..looked_at] {
+        let found = screened(scene, *in_time, store)?;
         warnings.extend(found.iter().map(|warning| format!("{}: {warning}", list(names))));
     }
     if looked_at < scenes.len() {
@@ -44,15 +46,18 @@ pub fn neglected(pipeline: &Pipeline, stages: &[&str], store: &Store) -> Result<
 }
 
 /// The warnings of a scene. They follow from it and from this program alone, and take the time of some solutions, so a store keeps them.
-fn screened(scene: &Scene, store: &Store) -> Result<Vec<String>, CliError> {
-    let of = Digest::of(format!("warnings of {}\n{}", env!("DEAFLOW_BUILD"), scene.to_text()).as_bytes());
+fn screened(scene: &Scene, in_time: bool, store: &Store) -> Result<Vec<String>, CliError> {
+    let sort = if in_time { "warnings in time" } else { "warnings" };
+    let of = Digest::of(format!("{sort} of {}\n{}", env!("DEAFLOW_BUILD"), scene.to_text()).as_bytes());
     if let Some(known) = store.memo(&of) {
         return Ok(known);
     }
-    let found = Screened::new(scene)
-        .map_err(|e| CliError::bad_input(e.to_string()))?
-        .warnings;
-    let found: Vec<String> = found.iter().map(ToString::to_string).collect();
+    let screened = Screened::new(scene).map_err(|e| CliError::bad_input(e.to_string()))?;
+    let found = if in_time {
+        screened.warnings_in_time
+    } else {
+        screened.warnings
+    };
     // In a store that cannot be written they are found again the next time.
     store.put_memo(&of, &found).ok();
     Ok(found)

@@ -242,7 +242,8 @@ fn near_limit(
     let (Method::Newton, MeshRequest::Fixed(mesh)) = (parameters.method(), parameters.mesh_request()) else {
         return Ok(Vec::new());
     };
-    if CriticalSearch::is_far_from_any(scene)? {
+    // A charge has no voltage to be lost at.
+    if scene.drive.charge.is_some() || CriticalSearch::is_far_from_any(scene)? {
         return Ok(Vec::new());
     }
     let tolerance = parameters.tolerance();

@@ -9,10 +9,12 @@ use serde_json::json;
 
 use super::arguments::{PatternArguments, StateArguments, TOLERANCE, TimeArguments, accuracy, number};
 use super::error::CliError;
+use super::history::HistoryArguments;
+use super::modes::ModesArguments;
 use super::output::{Exit, Output};
 use super::progress::Bar;
 use super::simulate::{self, Answer};
-use super::{path, table, write};
+use super::{history, modes, path, table, write};
 use crate::base::Quantity;
 use crate::fem::{MeshRequest, Method, SolveOptions, SolverParameters};
 use crate::field::{Mesh, Order};
@@ -53,6 +55,10 @@ pub struct SolveArguments {
     #[arg(long, conflicts_with_all = ["accuracy", "time_limit"])]
     pub path: bool,
     #[command(flatten)]
+    pub history: HistoryArguments,
+    #[command(flatten)]
+    pub modes: ModesArguments,
+    #[command(flatten)]
     pub state: StateArguments,
 }
 
@@ -76,7 +82,7 @@ impl SolveArguments {
     }
 
     /// Method, mesh or accuracy, and tolerance.
-    fn parameters(&self) -> SolverParameters {
+    pub fn parameters(&self) -> SolverParameters {
         let request = self
             .accuracy
             .map_or(MeshRequest::Fixed(self.mesh()), MeshRequest::Accuracy);
@@ -92,6 +98,12 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
     check_method(arguments)?;
     if arguments.path {
         return path::execute(arguments, &scene, output);
+    }
+    if let Some(count) = arguments.modes.modes {
+        return modes::execute(arguments, count, output);
+    }
+    if arguments.history.history {
+        return history::execute(arguments, &scene, output);
     }
     let read = arguments.state.of(direct::read_scene(&arguments.scene)?)?;
     let patterns = direct::patterns(&arguments.patterns.patterns, read.form())?;
@@ -115,6 +127,8 @@ fn check_method(arguments: &SolveArguments) -> Result<(), CliError> {
         a if a.time.time_limit.is_some() => "--time-limit",
         a if a.cells => "--cells",
         a if a.path => "--path",
+        a if a.history.history => "--history",
+        a if a.modes.modes.is_some() => "--modes",
         _ => return Ok(()),
     };
     let message = format!("{beside} cannot stand beside --method {}", arguments.method);

@@ -2,8 +2,8 @@
 
 use super::declared::Declared;
 use super::{
-    Accuracy, Audit, Balanced, Calibration, Designs, Evaluation, LoadPaths, Samples, Solutions, SolveFile, Table,
-    Training, Verification,
+    Accuracy, Audit, Balanced, Calibration, Designs, Evaluation, Histories, LoadPaths, Samples, Solutions, SolveFile,
+    Table, Training, Verification, Vibrations,
 };
 
 /// The content of a kind of artifact or file.
@@ -45,5 +45,7 @@ pub fn catalogue() -> Vec<ContentOfKind> {
         "table": Table,
         "the file of `deaflow solve` and `deaflow predict`": SolveFile,
         "the file of `deaflow solve --path`": LoadPaths,
+        "the file of `deaflow solve --history`": Histories,
+        "the file of `deaflow solve --modes`": Vibrations,
     }
 }

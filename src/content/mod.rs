@@ -19,6 +19,7 @@ mod calibration;
 mod catalogue;
 mod designs;
 mod evaluation;
+mod histories;
 mod intervals;
 mod labelled;
 mod load_paths;
@@ -29,6 +30,7 @@ mod solutions;
 mod solve_file;
 mod table;
 mod training;
+mod vibrations;
 
 #[cfg(test)]
 mod tests;
@@ -47,6 +49,7 @@ pub use designs::{
 pub use element::{Packed, PerCell, PerUnit, Row, SingleField};
 pub use error::{AttributeError, ContentError, ElementError, Fault};
 pub use evaluation::{Coverage, CoverageView, Evaluation, PatternScores, Scores};
+pub use histories::Histories;
 pub use intervals::{DesignInterval, DesignIntervals, ObjectiveIntervals, PredictionIntervals};
 pub use labelled::Labelled;
 pub use load_paths::LoadPaths;
@@ -54,8 +57,9 @@ pub use observations::{Meshes, NO_STATE, Observations};
 pub use part::LongTexts;
 pub use patterns::named_patterns;
 pub use samples::{FROM_FILE, SAMPLED, SampleRows, Samples};
-pub use solutions::{SOLVED, Solutions, Unstable};
+pub use solutions::{SOLVED, Solutions, SolvedHistories, Unstable};
 pub use solve_file::{CellFields, SolveFile};
 pub use table::Table;
 pub use training::{ALL_FAMILIES, Curves, LeftOutLabels, Metrics, Training};
+pub use vibrations::Vibrations;
 pub use view::{Stored, StoredAttribute, files};

@@ -2,7 +2,7 @@
 
 use super::element::{Packed, PerBody, PerCell};
 use super::macros::arrays;
-use crate::field::{Motion, Observation};
+use crate::field::{Charged, Motion, Observation};
 use crate::pattern::Raster;
 use crate::scene::{Effects, Scene};
 
@@ -24,6 +24,14 @@ arrays! {
         body_translation: Option<Packed<PerBody<[f64; 2]>>> = array("body_translation", "mm", [sample, body, xy]),
         /// How far each rigid body has turned, from -180 to 180, counter-clockwise; NaN where there is no stable solution.
         body_rotation: Option<Packed<PerBody<f64>>> = array("body_rotation", "deg", [sample, body]),
+        /// Where the drive is a charge, that of the solution, or of the last stable state; NaN where there is none.
+        charge: Option<Vec<f64>> = array("charge", "C", [sample]),
+        /// The voltage that the charge of electrodes that conduct makes there.
+        voltage: Option<Vec<f64>> = array("voltage", "V", [sample]),
+        /// How many eigenvalues of the tangent are negative there where the voltage is held: past a fold it would snap.
+        negative_at_voltage: Option<Vec<u64>> = array("negative_at_voltage", "1", [sample]),
+        /// How many are where the charge is held.
+        negative_at_charge: Option<Vec<u64>> = array("negative_at_charge", "1", [sample]),
     }
 }
 
@@ -62,6 +70,13 @@ impl Observations {
             effects.electromechanical_stability.is_some(),
         );
         let breakdown = effects.dielectric_breakdown.is_some();
+        let charged = scene.drive.charge.as_ref();
+        let conducts = charged.is_some_and(|charge| charge.total.is_some());
+        let counts = |value: &dyn Fn(&Charged) -> usize| {
+            let of =
+                |sample: &Option<&Observation>| sample.and_then(|o| o.charged.as_ref()).map_or(0, |c| value(c) as u64);
+            samples.iter().map(of).collect()
+        };
         Self {
             breakdown_ratio: breakdown.then(|| floats(&|o| o.breakdown_ratio)),
             wrinkling: wrinkling.then(|| states(samples, raster)),
@@ -77,6 +92,10 @@ impl Observations {
             body_rotation: bodies
                 .as_ref()
                 .map(|all| Packed(all.iter().map(|motion| motion.rotation).collect())),
+            charge: charged.is_some().then(|| floats(&|o| o.charged.map(|c| c.charge))),
+            voltage: conducts.then(|| floats(&|o| o.charged.and_then(|c| c.voltage))),
+            negative_at_voltage: conducts.then(|| counts(&|c| c.negative_at_voltage)),
+            negative_at_charge: conducts.then(|| counts(&|c| c.negative_at_charge)),
         }
     }
 }

@@ -3,6 +3,7 @@
 //! Samples with a field stand at the root, the others under `unstable/` with the reason: no row holds numbers that only look
 //! valid.
 
+use super::element::Packed;
 use super::macros::arrays;
 use super::observations::{Meshes, Observations};
 use super::samples::SampleRows;
@@ -31,6 +32,8 @@ arrays! {
         observations: Observations = group(""),
         /// Where an accuracy was asked for, the meshes that reach it.
         meshes: Option<Meshes> = group(""),
+        /// Where times were asked for, how the patterns move in time; `displacement` is that at the last of them.
+        history: Option<SolvedHistories> = group("history"),
         /// The patterns that have no field.
         unstable: Unstable = group("unstable", [(sample, unstable_sample)]),
         /// The scene as the pipeline states it.
@@ -52,5 +55,21 @@ arrays! {
         outcome: Vec<String> = array("outcome", "", [sample]),
         /// Highest voltage with a stable equilibrium and lowest without; 0, 0 where the outcome is `iteration-limit`, `work-limit` or `no-estimate`.
         voltage_bracket: Vec<[f64; 2]> = array("voltage_bracket", "V", [sample, bound]),
+        /// Where times were asked for, the last time with a stable state and the first without; 0, 0 where it is not lost in time.
+        time_bracket: Option<Vec<[f64; 2]>> = array("time_bracket", "s", [sample, bound]),
+    }
+}
+
+arrays! {
+    /// Samples at several times.
+    pub struct SolvedHistories, SolvedHistoriesView {
+        /// Time since the drive began; 0 is just after that.
+        time: Packed<f64> = array("time", "s", [sample, time]),
+        /// Displacement at the cell corners.
+        displacement: Packed<Field> = array("displacement", "mm", [sample, time, corner_y, corner_x, xy]),
+        /// Charge on all electrodes.
+        charge: Packed<f64> = array("charge", "C", [sample, time]),
+        /// Estimate of the largest error that steps in time leave in the displacement.
+        error_in_time: Vec<f64> = array("error_in_time", "mm", [sample]),
     }
 }

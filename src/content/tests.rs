@@ -37,10 +37,12 @@ fn solutions() -> Solutions {
             ..Observations::default()
         },
         meshes: None,
+        history: None,
         unstable: Unstable {
             rows: rows(1),
             outcome: vec!["pull-in".into()],
             voltage_bracket: vec![[5000.0, 5010.0]],
+            time_bracket: None,
         },
         scene: Scene::vhb4910(),
         solver: Some("{ method: newton }".into()),

@@ -23,7 +23,7 @@ use super::work::WorkLimit;
 
 /// A mesh of the ladder, and the ratio of the true error to the difference from the next one
 /// that is reckoned with.
-const LADDER: [(Mesh, f64); 5] = [
+pub(super) const LADDER: [(Mesh, f64); 5] = [
     (Mesh::bilinear(1), 2.0),
     (Mesh::biquadratic(1), 2.5),
     (Mesh::biquadratic(2), 2.5),
@@ -94,6 +94,11 @@ impl AccurateSolver {
         patterns.par_iter().map(|pattern| self.climb(pattern)).collect()
     }
 
+    /// The accuracy that was asked for, in mm.
+    pub(super) fn accuracy_mm(&self) -> f64 {
+        self.accuracy_mm
+    }
+
     fn climb(&self, pattern: &Pattern) -> Result<AccurateSimulation, SetupError> {
         let mut rung = 0;
         let (mut coarse, _) = self.solve(rung, pattern)?;
@@ -138,7 +143,7 @@ impl AccurateSolver {
     }
 
     /// The solver of a mesh, set up when it is first needed.
-    fn rung(&self, rung: usize) -> Result<&MembraneSolver, SetupError> {
+    pub(super) fn rung(&self, rung: usize) -> Result<&MembraneSolver, SetupError> {
         if let Some(solver) = self.rungs[rung].get() {
             return Ok(solver);
         }

@@ -1,43 +1,14 @@
 //! Where a pattern is active on a mesh, element by element.
 
+use std::sync::Arc;
+
 use crate::pattern::{Part, Pattern};
 
 use super::grid::Grid;
-use super::lanes::Real;
 #[cfg(doc)]
 use super::layout::NodeLayout;
-
-/// Numbers in both precisions.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Both {
-    double: Vec<f64>,
-    single: Vec<f32>,
-}
-
-impl Both {
-    fn new(double: Vec<f64>) -> Self {
-        let single = double.iter().map(|&value| value as f32).collect();
-        Self { double, single }
-    }
-}
-
-/// A precision that operators work in.
-pub trait Precision: Real {
-    /// The numbers in this precision.
-    fn of(both: &Both) -> &[Self];
-}
-
-impl Precision for f64 {
-    fn of(both: &Both) -> &[Self] {
-        &both.double
-    }
-}
-
-impl Precision for f32 {
-    fn of(both: &Both) -> &[Self] {
-        &both.single
-    }
-}
+use super::memory::Memory;
+use super::precision::{Both, Precision};
 
 /// Where a pattern is active on a grid of elements.
 #[derive(Clone, Debug)]
@@ -47,6 +18,8 @@ pub struct Activity {
     values: Both,
     /// The sides of each column and each row of elements; where they are not all 1.
     sides: Option<[Both; 2]>,
+    /// An energy beside that of the law.
+    memory: Option<Arc<Memory>>,
 }
 
 impl Activity {
@@ -108,7 +81,23 @@ impl Activity {
             grid: grid.clone(),
             values: Both::new(values),
             sides: (!grid.is_plain()).then(|| [widths(), heights()]),
+            memory: None,
         }
+    }
+
+    /// The same with an energy beside that of the law.
+    #[must_use]
+    pub fn with_memory(&self, memory: Memory) -> Self {
+        Self {
+            memory: Some(Arc::new(memory)),
+            ..self.clone()
+        }
+    }
+
+    /// An energy beside that of the law.
+    #[must_use]
+    pub fn memory(&self) -> Option<&Memory> {
+        self.memory.as_deref()
     }
 
     /// The elements.
@@ -120,13 +109,13 @@ impl Activity {
     /// The activity of each element, in rows of [`NodeLayout::part`] numbers.
     #[must_use]
     pub fn elements(&self) -> &[f64] {
-        &self.values.double
+        self.values.double()
     }
 
     /// The active area of an element (column, row), in units of the mean area of elements.
     #[must_use]
     pub fn area(&self, [column, row]: [usize; 2]) -> f64 {
-        let share = self.values.double[row * self.grid.layout().part() + column];
+        let share = self.values.double()[row * self.grid.layout().part() + column];
         share * self.grid.size(0, column) * self.grid.size(1, row)
     }
 
@@ -140,6 +129,7 @@ impl Activity {
                 .as_ref()
                 .map(|[widths, heights]| [T::of(widths), T::of(heights)]),
             is_uniform: self.grid.is_uniform(),
+            memory: self.memory().map(|memory| (memory.view(), memory.weight)),
         }
     }
 }
@@ -163,4 +153,6 @@ pub(super) struct View<'a, T> {
     pub sides: Option<[&'a [T]; 2]>,
     /// Whether all elements have the same sides.
     pub is_uniform: bool,
+    /// The coefficients of an energy beside that of the law, and their [`Memory::weight`].
+    pub memory: Option<(&'a [T], f64)>,
 }

@@ -15,8 +15,9 @@ use faer::{Conj, MatMut, Par, Side};
 use super::element::{Bilinear, Biquadratic, Element};
 use super::energy::Material;
 use super::grid::Grid;
-use super::kinematics::Tensor;
+use super::kinematics::{Tensor, add_scaled};
 use super::layout::NodeLayout;
+use super::memory;
 use super::operator::{Operator, from_rest, on_sides, per_side};
 use super::supports::{Pose, Supports};
 use crate::field::Order;
@@ -337,7 +338,15 @@ fn assemble<E: Element<N>, L: Material, const N: usize>(
         let mut changes = units[c][node];
         per_side(&mut changes, sides);
         let active = operator.activity.elements()[row * layout.part() + column];
-        let mut stresses = std::array::from_fn(|q| operator.material.tangent(gradients[q], active, changes[q]));
+        let mut stresses = std::array::from_fn(|q| {
+            let of_law = operator.material.tangent(gradients[q], active, changes[q]);
+            let Some(memory) = operator.activity.memory() else {
+                return of_law;
+            };
+            let numbers: &[f64] = memory.view();
+            let numbers = std::array::from_fn(|at| numbers[memory::line(layout, N, row, q, at) + column]);
+            add_scaled(of_law, 1.0, memory::tangent(numbers, gradients[q], changes[q]))
+        });
         on_sides(&mut stresses, sides);
         let forces = E::forces(&stresses);
         sums.extend(entries.map(|entry| entry.weight * forces[entry.force / N][entry.force % N]));

@@ -182,7 +182,7 @@ fn start<L: Material>(
 }
 
 /// The inverse Laplacian of a load, of any length; `None` where there is no load.
-fn precondition(
+pub(super) fn precondition(
     laplacian: &Laplacian,
     load: &[f64],
     poses: &[Pose],

@@ -83,6 +83,15 @@ pub enum SetupError {
         /// Side of a cell in mm.
         cell_mm: f64,
     },
+    /// A drive by charge where a voltage is needed.
+    #[error("histories and natural frequencies are those of a voltage, and the drive of this scene is a charge")]
+    Charge,
+    /// Rigid bodies with a mass.
+    #[error("motion with inertia is simulated without rigid bodies, and this scene has some")]
+    MovingBodies,
+    /// A density that nothing says.
+    #[error("inertia needs a density, and the scene has none: give `density` in `properties`")]
+    Density,
     /// The eigenvectors of the preconditioner did not converge.
     #[error("the eigenvectors of the preconditioner could not be computed")]
     Eigenvectors,

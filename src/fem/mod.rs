@@ -11,6 +11,7 @@ pub mod activity;
 mod adjoint;
 mod capacitance;
 mod cells;
+mod charge;
 mod continuation;
 mod critical;
 mod direct;
@@ -29,12 +30,15 @@ pub mod lanes;
 pub mod layout;
 mod limit;
 mod margin;
+mod mass;
+mod memory;
 mod modes;
 mod newton;
 mod observable;
 pub mod operator;
 mod path;
 mod powers;
+mod precision;
 pub mod precondition;
 mod response;
 mod safety_margins;
@@ -43,7 +47,9 @@ pub mod sheet;
 mod simulators;
 mod solver;
 mod stability;
+mod stored;
 mod supports;
+mod time;
 mod work;
 
 pub use accurate::{AccurateSimulation, AccurateSolver};
@@ -61,6 +67,9 @@ pub use response::{Estimator, LinearResponse};
 pub use safety_margins::SafetyMargins;
 pub use simulators::SceneSimulators;
 pub use solver::{MembraneSolver, MeshSolution, SolveOptions};
+pub use time::{
+    AccurateHistory, History, HistoryOptions, HistoryRequest, HistorySolver, Instant, MOST_MODES, Vibration,
+};
 pub use work::{USUAL_SECONDS, WorkLimit};
 
 #[cfg(test)]

@@ -14,16 +14,18 @@ use pulp::{Arch, Simd, WithSimd};
 use crate::field::Order;
 
 use super::activity::View;
-pub use super::activity::{Activity, Precision, load_of};
+pub use super::activity::{Activity, load_of};
 use super::eigenvalue::WITHOUT_THICKNESS;
 use super::element::{Bilinear, Biquadratic, Element};
 use super::energy::{MODULI, Material};
 use super::kinematics::Tensor;
 use super::lanes::{Real, Value, WIDEST, Wide};
 use super::layout::NodeLayout;
+use super::memory;
+pub use super::precision::Precision;
 use super::sheet::Mount;
-use point::{Point, StressAt, TangentAt, TangentFrom};
-use survey::{Store, Survey, place};
+use point::{MemoryBetween, MemoryStress, MemoryTangent, Point, StressAt, StressBetween, TangentAt, TangentFrom};
+use survey::{Metrics, Store, Survey, place};
 
 /// The discrete equilibrium of one pattern under one law.
 #[derive(Clone, Copy)]
@@ -58,13 +60,14 @@ impl<L: Material> Operator<'_, L> {
     #[must_use]
     pub fn rounding(&self) -> f64 {
         let [along, across] = stress_at_rest(self.material, self.activity.grid().rest());
-        2.0 * f64::EPSILON * (along.abs() + across.abs())
+        let remembered = self.activity.memory().map_or(0.0, |memory| memory.largest);
+        2.0 * f64::EPSILON * (along.abs() + across.abs() + remembered)
     }
 
     /// The residual at interior nodes, zero on the frame, into `out`. Returns the smallest [`Material::admissible`]; the
     /// residual means something only where that is positive.
     pub fn residual<T: Precision>(&self, u: &[T], out: &mut [T]) -> f64 {
-        let smallest = self.sweep([u], &[], out, StressAt(self.material));
+        let smallest = self.forces(u, out);
         if let Some(supports) = self.activity.grid().supports() {
             let (poses, bodies) = (supports.poses(u), supports.bodies());
             supports.restrict_with(&poses, out, |body, [x, y, moment]| {
@@ -79,10 +82,49 @@ impl<L: Material> Operator<'_, L> {
         smallest
     }
 
+    /// The forces of all elements on the nodes that are not on the edge; returns the smallest [`Material::admissible`].
+    fn forces<T: Precision>(&self, u: &[T], out: &mut [T]) -> f64 {
+        let smallest = self.sweep([u], &[], out, StressAt(self.material));
+        self.remember([u], out, MemoryStress);
+        smallest
+    }
+
+    /// The mean residual over a step from `u` by `du`, of which the work is the change of energy, at interior nodes, into `out`. Bodies are not
+    /// seen to.
+    pub fn residual_between(&self, u: &[f64], du: &[f64], out: &mut [f64]) {
+        self.sweep([u, du], &[], out, StressBetween(self.material));
+        self.remember([u, du], out, MemoryBetween);
+        self.activity.grid().restrict(u, out);
+    }
+
+    /// Adds what the [`memory::Memory`] of the elements makes of some fields, where they have one.
+    fn remember<T: Precision, P: Point<M>, const M: usize>(&self, inputs: [&[T]; M], out: &mut [T], point: P) {
+        if self.activity.memory().is_none() {
+            return;
+        }
+        // Of one law, so that it is compiled once.
+        let flat = Operator {
+            material: &WITHOUT_THICKNESS,
+            activity: self.activity,
+            pulled: 0.0,
+        };
+        let mut more = vec![T::default(); out.len()];
+        flat.sweep(inputs, &[], &mut more, point);
+        Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                out.iter_mut()
+                    .zip(&more)
+                    .for_each(|(out, more)| *out = T::from_f64(out.to_f64() + more.to_f64()))
+            },
+        );
+    }
+
     /// The tangent at `u` times `du`, at interior nodes, into `out`.
     pub fn tangent<T: Precision>(&self, u: &[T], du: &[T], out: &mut [T]) {
         let curvatures = self.curvatures(u);
         self.sweep([u, du], &[], out, TangentAt(self.material));
+        self.remember([u, du], out, MemoryTangent);
         self.add_bodies(u, du, &curvatures, out);
     }
 
@@ -109,7 +151,7 @@ impl<L: Material> Operator<'_, L> {
         }
         let u: Vec<f64> = u.iter().map(|value| value.to_f64()).collect();
         let mut forces = vec![0.0; u.len()];
-        self.sweep([&u], &[], &mut forces, StressAt(self.material));
+        self.forces(&u, &mut forces);
         let each = supports.bodies().iter().zip(supports.poses(&u));
         each.map(|(body, pose)| body.nodes.curvature(&pose, &forces)).collect()
     }
@@ -159,6 +201,7 @@ impl<L: Material> Operator<'_, L> {
         } else {
             self.sweep([u, du], &[], out, TangentAt(self.material));
         }
+        self.remember([u, du], out, MemoryTangent);
         let curvatures: Vec<f64> = curvatures.iter().map(|curvature| curvature.to_f64()).collect();
         self.add_bodies(u, du, &curvatures, out);
     }
@@ -245,6 +288,31 @@ impl<L: Material> Operator<'_, L> {
     }
 }
 
+/// c⁻¹ along xx, xy and yy, and j², at all quadrature points, in the lines that [`memory::line`] says.
+#[must_use]
+pub fn metrics(activity: &Activity, u: &[f64]) -> Vec<f64> {
+    let operator = Operator {
+        material: &WITHOUT_THICKNESS,
+        activity,
+        pulled: 0.0,
+    };
+    let layout = activity.grid().layout();
+    let points = (layout.degree() + 1).pow(2);
+    let mut values = vec![0.0; layout.rows() * points * memory::NUMBERS * layout.part()];
+    let values_of = &mut values;
+    match activity.grid().order() {
+        Order::Bilinear => Arch::new().dispatch(Metrics {
+            survey: operator.survey::<Bilinear, f64, 4>(u),
+            values: values_of,
+        }),
+        Order::Biquadratic => Arch::new().dispatch(Metrics {
+            survey: operator.survey::<Biquadratic, f64, 9>(u),
+            values: values_of,
+        }),
+    }
+    values
+}
+
 /// Shapes of elements: squares of side 1 that rest at f = I; all of the same sides; and any.
 const PLAIN: u8 = 0;
 const UNIFORM: u8 = 1;
@@ -314,6 +382,13 @@ impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, c
                         let start = place(self.layout, first, row, T::lanes::<S>(), N, q);
                         for (at, value) in moduli.iter_mut().enumerate() {
                             *value = Wide::load(simd, &self.moduli[start + at * T::lanes::<S>()..]);
+                        }
+                    }
+                    if P::REMEMBERS
+                        && let Some((numbers, _)) = self.activity.memory
+                    {
+                        for (at, value) in moduli.iter_mut().take(memory::NUMBERS).enumerate() {
+                            *value = Wide::load(simd, &numbers[memory::line(self.layout, N, row, q, at) + first..]);
                         }
                     }
                     *stress = self.point.stress(here, active, moduli);

@@ -44,7 +44,15 @@ impl Laplacian {
     /// # Errors
     /// When the eigenvectors cannot be computed.
     pub fn new(grid: &Grid) -> Result<Self, SetupError> {
-        let rectangle = Rectangle::new(grid)?;
+        Self::with_mass(grid, 0.0)
+    }
+
+    /// The Laplacian of a grid and a multiple of its consistent mass.
+    ///
+    /// # Errors
+    /// As [`Laplacian::new`].
+    pub fn with_mass(grid: &Grid, mass: f64) -> Result<Self, SetupError> {
+        let rectangle = Rectangle::new(grid, mass)?;
         let capacitance = grid
             .shared_supports()
             .map(|supports| Capacitance::new(supports, &rectangle));
@@ -105,7 +113,7 @@ pub(super) struct RectangleScratch {
 }
 
 impl Rectangle {
-    fn new(grid: &Grid) -> Result<Self, SetupError> {
+    fn new(grid: &Grid, heaviness: f64) -> Result<Self, SetupError> {
         let layout = grid.layout();
         let [(stiffness, mass), columns] = [0, 1].map(|axis| {
             let size = |at: usize| grid.sides([at; 2])[axis];
@@ -123,7 +131,8 @@ impl Rectangle {
         ];
         let mut values = vec![1.0; 2 * width];
         for (parity, (_, eigenvalues)) in modes.iter().enumerate() {
-            values[parity * width..][..eigenvalues.len()].copy_from_slice(eigenvalues);
+            let of_modes = values[parity * width..].iter_mut().zip(eigenvalues);
+            of_modes.for_each(|(value, eigenvalue)| *value = eigenvalue + heaviness);
         }
         let order = folded_order(layout);
         let middle = layout.nodes()[0] / 2 - 1;

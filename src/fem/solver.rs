@@ -2,13 +2,14 @@
 
 use rayon::prelude::*;
 
-use crate::field::{Field, Mesh, Observation, Outcome, Simulation, Simulator};
+use crate::field::{Charged, Field, Mesh, Observation, Outcome, Simulation, Simulator};
 use crate::pattern::Pattern;
 use crate::scene::Scene;
 use crate::scene::laws::StiffeningLaw;
 
 use super::adjoint;
-use super::continuation::{Ending, Loading, Loss, Problem};
+use super::charge::{self, ChargedLoading};
+use super::continuation::{Ending, Loss, Problem};
 use super::effects::{Model, WithMaterial, breakdown_ratio};
 use super::energy::Material;
 use super::error::SetupError;
@@ -78,6 +79,8 @@ pub struct MeshSolution {
     pub work: u64,
     /// Relative residual at the end.
     pub residual: f64,
+    /// Where the drive is a charge, what that makes.
+    pub charged: Option<Charged>,
 }
 
 /// Simulates patterns under one scene on one mesh.
@@ -208,6 +211,7 @@ impl MembraneSolver {
                         .outcome
                         .bracket()
                         .filter(|_| self.scene.effects.electromechanical_stability.is_some()),
+                    charged: solution.charged,
                     ..Observation::default()
                 }
             },
@@ -217,10 +221,11 @@ impl MembraneSolver {
     /// The gradient of J = Σ weights · u, with u in mm at the cell corners, with respect to the activity of each cell,
     /// `[y][x]`, at a solution of [`MembraneSolver::solve`]. It is that of letting the activity of a cell vary
     /// between 0 and 1. `None` when the solution is not a converged one, and
-    /// with wrinkling or a fringe field, where the energy is not linear in the activity of a cell.
+    /// with wrinkling, a fringe field or a charge in place of a voltage, where the energy is not linear in the activity of a cell.
     #[must_use]
     pub fn gradient(&self, pattern: &Pattern, solution: &MeshSolution, weights: &Field) -> Option<Vec<f64>> {
-        if !solution.outcome.is_converged() || !self.model.is_linear_in_cells() {
+        let is_charged = self.scene.drive.charge.is_some();
+        if !solution.outcome.is_converged() || !self.model.is_linear_in_cells() || is_charged {
             return None;
         }
         let gradient = self.model.with(Gradient {
@@ -251,6 +256,11 @@ impl MembraneSolver {
         (self.simulation(pattern, &solution), sure)
     }
 
+    /// Room for iterations.
+    pub(super) fn workspace(&self) -> Workspace {
+        self.room(self.limit).workspace
+    }
+
     fn room(&self, limit: WorkLimit) -> Room {
         let len = self.grid.layout().vector_len();
         let mut workspace = Workspace::new(len, &self.laplacian);
@@ -264,7 +274,7 @@ impl MembraneSolver {
     /// Loads a pattern, and says whether the stability of the result is beyond doubt. The displacement is taken out of the room.
     fn solve_in(&self, pattern: &Pattern, room: &mut Room) -> (MeshSolution, bool) {
         let before = room.workspace.krylov_iterations();
-        let loading = self.model.with(Load {
+        let ChargedLoading { loading, charged } = self.model.with(Load {
             solver: self,
             activity: &self.model.activity(&self.grid, pattern),
             room,
@@ -277,6 +287,7 @@ impl MembraneSolver {
             krylov_iterations: room.workspace.krylov_iterations() - before,
             work: room.workspace.work(),
             residual: loading.residual,
+            charged,
         };
         (solution, loading.pointwise)
     }
@@ -291,7 +302,8 @@ impl MembraneSolver {
         }
     }
 
-    fn outcome(&self, ending: Ending) -> Outcome {
+    /// How a loading ended, in volts.
+    pub(super) fn outcome(&self, ending: Ending) -> Outcome {
         match ending {
             Ending::Stable => Outcome::Converged,
             Ending::Lost { stable, unstable, loss } => {
@@ -321,6 +333,7 @@ impl MembraneSolver {
         let effects = &self.scene.effects;
         let mut observation = Observation {
             bodies: self.grid.motions(&solution.displacement),
+            charged: solution.charged,
             ..Observation::default()
         };
         if effects.dielectric_breakdown.is_some() || effects.wrinkling.is_some() {
@@ -349,11 +362,26 @@ struct Load<'a> {
 }
 
 impl WithMaterial for Load<'_> {
-    type Output = Loading;
+    type Output = ChargedLoading;
 
-    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Loading {
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> ChargedLoading {
         let problem = self.solver.problem(self.activity, material);
-        problem.load(&mut self.room.displacement, &mut self.room.workspace)
+        let Room {
+            displacement: u,
+            workspace,
+        } = self.room;
+        let Some(charge) = &self.solver.scene.drive.charge else {
+            return ChargedLoading {
+                loading: problem.load(u, workspace),
+                charged: None,
+            };
+        };
+        let coulombs = charge.in_coulombs();
+        workspace.begin(self.solver.limit.part(charge::WORK));
+        match charge.total {
+            Some(_) => charge::conducting(&problem, &self.solver.scene, coulombs, u, workspace),
+            None => charge::immobile(&problem, &self.solver.scene, coulombs, u, workspace),
+        }
     }
 }
 
@@ -374,7 +402,7 @@ impl WithMaterial for Gradient<'_> {
             activity: self.activity,
             pulled: 1.0,
         };
-        let mut workspace = self.solver.room(self.solver.limit).workspace;
+        let mut workspace = self.solver.workspace();
         let laplacian = &self.solver.laplacian;
         adjoint::gradient(&operator, laplacian, 1e-9, self.u, self.weights, &mut workspace).ok()
     }

@@ -32,6 +32,35 @@ pub enum FieldError {
 }
 
 impl Field {
+    /// The corner (column, row) that moves most, the first of several.
+    #[must_use]
+    pub fn most_moved(&self) -> [usize; 2] {
+        let square = |at: usize| self.values[2 * at].powi(2) + self.values[2 * at + 1].powi(2);
+        let farther = |best: usize, at: usize| if square(at) > square(best) { at } else { best };
+        let at = (0..self.raster.corners()).fold(0, farther);
+        let [columns, _] = self.raster.corner_sides();
+        [at % columns, at / columns]
+    }
+
+    /// The field as far beyond this one as it is from another, times a factor.
+    #[must_use]
+    pub fn extrapolated(&self, from: &Self, factor: f64) -> Self {
+        let pairs = self.values.iter().zip(&from.values);
+        Self {
+            raster: self.raster,
+            values: pairs.map(|(own, other)| own + factor * (own - other)).collect(),
+        }
+    }
+
+    /// The same times a number.
+    #[must_use]
+    pub fn scaled(&self, factor: f64) -> Self {
+        Self {
+            raster: self.raster,
+            values: self.values.iter().map(|value| factor * value).collect(),
+        }
+    }
+
     /// The field that is zero everywhere.
     #[must_use]
     pub fn zero(raster: Raster) -> Self {

@@ -11,7 +11,7 @@ mod states;
 pub use displacement::{CORNERS, Field, FieldError};
 pub use feasibility::Feasibility;
 pub use mesh::{Mesh, Order};
-pub use observation::{Motion, Observation};
+pub use observation::{Charged, Motion, Observation};
 pub use simulate::{
     Differentiable, Evaluator, NO_FIELD, Outcome, PredictError, Predictor, Simulation, Simulator, WithGradient,
 };

@@ -14,6 +14,21 @@ pub struct Observation {
     pub critical_voltage: Option<[f64; 2]>,
     /// How each rigid body has moved.
     pub bodies: Option<Vec<Motion>>,
+    /// Charge control: charge, voltage and stability.
+    pub charged: Option<Charged>,
+}
+
+/// An equilibrium at a given charge.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Charged {
+    /// Charge on all electrodes in C.
+    pub charge: f64,
+    /// Voltage between them in V; none where the charge does not move, so that there is no one voltage.
+    pub voltage: Option<f64>,
+    /// How many eigenvalues of the tangent are negative where the voltage is held.
+    pub negative_at_voltage: usize,
+    /// How many where the charge is held.
+    pub negative_at_charge: usize,
 }
 
 /// How a rigid body has moved.

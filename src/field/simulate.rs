@@ -45,6 +45,20 @@ pub enum Outcome {
         /// The lowest voltage at which none was found.
         first_unstable: f64,
     },
+    /// The membrane snaps through while it creeps or its voltage rises: it has a stable state up to a time, and none a little later.
+    DelayedPullIn {
+        /// The last time in s at which a stable state was found.
+        last_stable: f64,
+        /// The first time in s at which none was found.
+        first_unstable: f64,
+    },
+    /// The membrane loses all tension somewhere while it creeps or its voltage rises.
+    DelayedSlack {
+        /// The last time in s at which a state in tension was found.
+        last_stable: f64,
+        /// The first time in s at which none was found.
+        first_unstable: f64,
+    },
     /// The iteration did not end within its limits; nothing is known about stability.
     IterationLimit,
     /// The work that a pattern is allowed was done before it ended; nothing is known about stability.
@@ -53,7 +67,7 @@ pub enum Outcome {
 
 impl Outcome {
     /// The word that stands in files: `converged`, `estimated`, `no-estimate`, `pull-in`, `not-elliptic`, `slack`,
-    /// `iteration-limit`, `work-limit`.
+    /// `iteration-limit`, `work-limit`; in time `delayed-pull-in`, `delayed-slack`.
     #[must_use]
     pub fn name(&self) -> &'static str {
         match self {
@@ -63,6 +77,8 @@ impl Outcome {
             Self::PullIn { .. } => "pull-in",
             Self::NotElliptic { .. } => "not-elliptic",
             Self::Slack { .. } => "slack",
+            Self::DelayedPullIn { .. } => "delayed-pull-in",
+            Self::DelayedSlack { .. } => "delayed-slack",
             Self::IterationLimit => "iteration-limit",
             Self::WorkLimit => "work-limit",
         }
@@ -84,7 +100,29 @@ impl Outcome {
                 last_stable,
                 first_unstable,
             } => Some([last_stable, first_unstable]),
-            Self::Converged | Self::Estimated | Self::NoEstimate | Self::IterationLimit | Self::WorkLimit => None,
+            Self::Converged
+            | Self::Estimated
+            | Self::NoEstimate
+            | Self::DelayedPullIn { .. }
+            | Self::DelayedSlack { .. }
+            | Self::IterationLimit
+            | Self::WorkLimit => None,
+        }
+    }
+
+    /// The times between which the stable states end, in s; `None` where they do not.
+    #[must_use]
+    pub fn time_bracket(&self) -> Option<[f64; 2]> {
+        match *self {
+            Self::DelayedPullIn {
+                last_stable,
+                first_unstable,
+            }
+            | Self::DelayedSlack {
+                last_stable,
+                first_unstable,
+            } => Some([last_stable, first_unstable]),
+            _ => None,
         }
     }
 
@@ -111,6 +149,9 @@ impl Outcome {
 
 impl fmt::Display for Outcome {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some([stable, unstable]) = self.time_bracket() {
+            return write!(f, "{} between {stable:.6} s and {unstable:.6} s", self.name());
+        }
         match self.bracket() {
             Some([stable, unstable]) => write!(f, "{} between {stable:.1} V and {unstable:.1} V", self.name()),
             None if *self == Self::WorkLimit => {

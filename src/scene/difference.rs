@@ -33,13 +33,15 @@ impl fmt::Display for Difference {
 }
 
 impl Scene {
-    /// Every key that has another value here than in `other`, among those that change what is simulated: frequency, duration
-    /// and properties count only where they decide about the effects.
+    /// Every key that has another value here than in `other`, among those that change what is simulated: how the drive goes on in time and
+    /// properties count only where they decide about the effects.
     #[must_use]
     pub fn differences(&self, other: &Self) -> Vec<Difference> {
         let decided = !self.auto && !other.auto;
         let [first, second] = [self, other].map(Scene::canonical);
-        let leaves = |canonical| leaves(canonical, decided);
+        // What was followed in time holds at its time, and what is in equilibrium whenever.
+        let in_time = first.leaves().iter().any(|(key, _)| is_in_time(key));
+        let leaves = |canonical| leaves(canonical, decided, in_time);
         let [first, second] = [leaves(&first), leaves(&second)];
         let keys = first
             .keys()
@@ -58,9 +60,18 @@ impl Scene {
     }
 }
 
+/// Whether a key says how a drive goes on in time.
+fn is_in_time(key: &str) -> bool {
+    key.starts_with("drive.")
+        && !["drive.voltage", "drive.charge", "drive.frequency"]
+            .iter()
+            .any(|of| key.starts_with(of))
+}
+
 /// Values by key, without what only screening looks at where the effects are decided.
-fn leaves(canonical: &Canonical, decided: bool) -> BTreeMap<String, String> {
-    let screened = |key: &str| key.starts_with("properties") || ["drive.frequency", "drive.duration"].contains(&key);
+fn leaves(canonical: &Canonical, decided: bool, in_time: bool) -> BTreeMap<String, String> {
+    let screened =
+        |key: &str| key.starts_with("properties") || key == "drive.frequency" || (is_in_time(key) && !in_time);
     let leaves = canonical.leaves().into_iter();
     leaves
         .filter(|(key, _)| !(decided && screened(key)))
@@ -101,6 +112,19 @@ mod tests {
         assert!(
             found.contains(&"effects.strain_stiffening.jm is none there and 125 here".to_owned()),
             "{found:?}"
+        );
+    }
+
+    #[test]
+    fn what_was_followed_in_time_holds_at_its_time() {
+        let plain = scene("{ voltage: 5250 }", "effects: {}");
+        let [early, late] =
+            ["10 s", "30 s"].map(|time| scene(&format!("{{ voltage: 5250, duration: {time} }}"), "effects: {}"));
+        assert_eq!(said(&early, &late), ["drive.duration is 10 s there and 30 s here"]);
+        assert_eq!(said(&early, &plain), ["drive.duration is 10 s there and none here"]);
+        assert!(
+            said(&plain, &early).is_empty(),
+            "an equilibrium holds however long it lasts"
         );
     }
 

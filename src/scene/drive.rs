@@ -5,6 +5,8 @@ use std::ops::RangeInclusive;
 
 use serde_json::json;
 
+use super::charge::Charge;
+use super::waveform::Waveform;
 use crate::base::{
     Canonical, Declared, Fields, Frequency, InputError, Map, Node, Parameter, Schema, Time, Voltage, is_plain_name,
     parameters,
@@ -27,12 +29,26 @@ parameters! {
         /// Those of the electrode groups 1, 2, … in place of `voltage`.
         pub voltages: Option<Vec<Voltage>> [(VOLTAGES, 1..=Pattern::MOST_GROUPS)],
     }
-    rules(voltage_or_voltages)
     check(check)
 }
 
 fn voltage_or_voltages(fields: Fields) -> Fields {
     fields.rule(json!({ "oneOf": [{ "required": ["voltage"] }, { "required": ["voltages"] }] }))
+}
+
+/// The same, but that a table brings its own voltage, and a charge stands in place of one.
+fn voltages_or_table(fields: Fields) -> Fields {
+    let both = json!({ "required": ["voltage", "voltages"] });
+    let with_table = json!({ "properties": { "waveform": { "required": ["table"] } }, "required": ["waveform"] });
+    let with_voltage = json!({ "anyOf": [{ "required": ["voltage"] }, { "required": ["voltages"] }, with_table] });
+    let driven =
+        json!({ "anyOf": [{ "required": ["voltage"] }, { "required": ["voltages"] }, { "required": ["waveform"] }] });
+    fields.rule(json!({
+        "not": both,
+        "if": { "required": ["charge"] },
+        "then": { "not": driven },
+        "else": with_voltage,
+    }))
 }
 
 fn check(voltages: &Voltages, map: &Map<'_>) -> Result<(), InputError> {
@@ -131,23 +147,39 @@ parameters! {
     pub struct Drive as "`drive`" {
         /// Where the voltage alternates. Only screening looks at it.
         pub frequency: Option<Frequency> [1e-9..=1e9],
-        /// How long the voltage is held. Only screening looks at it.
+        /// How long the voltage is held, and how long a history lasts unless it is asked for at given times.
         pub duration: Option<Time> [1e-9..=1e9],
+        /// How the voltage changes in time; without it all of it is there from 0 s on.
+        pub waveform: Option<Waveform>,
+        /// Time at the prestretch before the drive; without it the elastomer has relaxed.
+        pub rest: Option<Time> [0.0..=1e12],
+        /// The charge of the electrodes, in place of a voltage.
+        pub charge: Option<Charge>,
     }
     include {
         /// The voltages.
         pub voltages: Voltages,
     }
+    rules(voltages_or_table)
 }
 
 impl Drive {
     /// That of one group of electrodes, without time.
     #[must_use]
     pub fn one(voltage: Voltage) -> Self {
+        Self::of(Voltages::one(voltage))
+    }
+
+    /// That of voltages, without time.
+    #[must_use]
+    pub fn of(voltages: Voltages) -> Self {
         Self {
-            voltages: Voltages::one(voltage),
+            voltages,
             frequency: None,
             duration: None,
+            waveform: None,
+            rest: None,
+            charge: None,
         }
     }
 
@@ -160,18 +192,43 @@ impl Drive {
         }
     }
 
-    /// The frequency in Hz, or that of which the duration is the time; none where the drive is static.
+    /// The same without time: what decides about an equilibrium.
     #[must_use]
-    pub fn frequency_hz(&self) -> Option<f64> {
-        let frequency = self.frequency.as_ref().map(|f| f.value());
-        frequency.or_else(|| self.duration.as_ref().map(|t| 1.0 / (TAU * t.value())))
+    pub fn without_time(&self) -> Self {
+        Self {
+            charge: self.charge.clone(),
+            ..Self::of(self.voltages.clone())
+        }
     }
 
-    /// The time in s over which the voltage changes: the duration, or that of the frequency; none where the drive is static.
+    /// The frequency of the voltage in Hz, where it oscillates; else that of which the time within which it changes, or for which it lasts, is
+    /// the time; none where the drive is static.
     #[must_use]
-    pub fn time_s(&self) -> Option<f64> {
-        let duration = self.duration.as_ref().map(|t| t.value());
-        duration.or_else(|| self.frequency.as_ref().map(|f| 1.0 / (TAU * f.value())))
+    pub fn voltage_frequency_hz(&self) -> Option<f64> {
+        let sine = self.waveform.as_ref().and_then(|waveform| waveform.sine.as_ref());
+        let oscillation = sine.map(|sine| sine.frequency.value());
+        oscillation
+            .or_else(|| self.frequency.as_ref().map(|f| f.value()))
+            .or_else(|| {
+                let change = self.waveform.as_ref().and_then(Waveform::time_s);
+                let time = change.or_else(|| self.duration.as_ref().map(|t| t.value()));
+                time.map(|time| 1.0 / (TAU * time))
+            })
+    }
+
+    /// Whether the voltage oscillates.
+    #[must_use]
+    pub fn oscillates(&self) -> bool {
+        self.frequency.is_some() || self.waveform.as_ref().is_some_and(|waveform| waveform.sine.is_some())
+    }
+
+    /// The frequency of the force in Hz, as [`Drive::voltage_frequency_hz`]: that of V², which of an oscillation without bias has twice the frequency.
+    #[must_use]
+    pub fn force_frequency_hz(&self) -> Option<f64> {
+        let sine = self.waveform.as_ref().and_then(|waveform| waveform.sine.as_ref());
+        let is_biased = sine.is_some_and(|sine| sine.bias.value() > 0.0);
+        let times = if self.oscillates() && !is_biased { 2.0 } else { 1.0 };
+        self.voltage_frequency_hz().map(|frequency| times * frequency)
     }
 }
 
@@ -182,6 +239,7 @@ parameters! {
         /// The voltages.
         pub voltages: Voltages,
     }
+    rules(voltage_or_voltages)
 }
 
 /// The drives of one device by their names, in the order of these.
@@ -258,11 +316,7 @@ impl States {
                 .error("`states` has no state")
                 .help(format!("allowed: 1 to {MOST_STATES}")));
         };
-        Ok(Drive {
-            voltages: State::read_with(first, &[])?.voltages,
-            frequency: None,
-            duration: None,
-        })
+        Ok(Drive::of(State::read_with(first, &[])?.voltages))
     }
 
     /// What [`States::read`] accepts.

@@ -1,5 +1,6 @@
 //! What to simulate: geometry, material, drive and effects. Validated here, once; no numerics.
 
+mod charge;
 mod difference;
 mod drive;
 pub mod effects;
@@ -10,15 +11,18 @@ mod properties;
 mod shape;
 #[cfg(test)]
 mod tests;
+mod waveform;
 
+pub use charge::Charge;
 pub use difference::Difference;
 pub use drive::{Drive, MOST_STATES, State, States, UnknownState, Voltages};
 pub use effects::{
-    Breakdown, ConstantStrength, Effects, Electrode, HuangStrength, On, PermittivityDecay, PermittivityReference,
-    Stiffening, laws,
+    Branch, Breakdown, ConstantStrength, Effects, Electrode, HuangStrength, Inertia, On, PermittivityDecay,
+    PermittivityReference, Stiffening, Viscoelasticity, ViscousLaw, laws,
 };
 pub use geometry::{Body, Both, Frame, Geometry, MOST_BODIES, Outline};
 pub use mask::{Islands, Mask, Point, Size};
 pub use model::{ElasticModel, Material, Scene, VACUUM_PERMITTIVITY};
-pub use properties::{Branch, Properties};
-pub use shape::{Cells, Circle, Disc, Drawing, Place, Polygon, Rectangle, Shape, mask_files};
+pub use properties::Properties;
+pub use shape::{Cells, Circle, Disc, Drawing, Place, Polygon, Rectangle, Shape, scene_files};
+pub use waveform::{Knot, Ramp, Side, Sine, Step, Table, Waveform};

@@ -3,12 +3,14 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use super::charge::Charge;
 use super::drive::{Drive, States, UnknownState, Voltages};
-use super::effects::{Effects, switched_on};
+use super::effects::{Effects, On, switched_on};
 use super::geometry::{Body, Geometry, Outline};
 use super::properties::Properties;
+use super::waveform::Waveform;
 use crate::base::{
-    Canonical, Decimal, Declared, Document, Fields, InputError, Map, Node, NodeValue, Parameter, Schema, Stress,
+    Canonical, Decimal, Declared, Document, Fields, InputError, Map, Node, NodeValue, Parameter, Schema, Stress, Time,
     Voltage, parameters, words,
 };
 use crate::pattern::{Bits, Membrane, Parts, PatternForm, Symmetries};
@@ -55,6 +57,9 @@ pub struct Scene {
     pub properties: Properties,
 }
 
+/// The largest voltage that a charge may make.
+const MOST_VOLTS: f64 = 1e6;
+
 /// What a scene is, in messages.
 pub(super) const WHAT: &str = "the scene";
 
@@ -89,11 +94,12 @@ impl Scene {
         let map = node.fields(WHAT, &SECTIONS)?;
         let material: Material = section(&map, "material")?;
         let modulus = material.shear_modulus.value();
-        let properties = match map.optional("properties") {
+        let known = map.optional("properties").map(with_law_of_branches);
+        let properties = match &known {
             Some(node) => Properties::read_with(node, &[])?,
             None => Properties::default(),
         };
-        let (effects, auto) = read_effects(&map)?;
+        let (effects, auto) = read_effects(&map, known.as_ref())?;
         for (section, law) in [
             ("effects", &effects.strain_stiffening),
             ("properties", &properties.strain_stiffening),
@@ -103,13 +109,30 @@ impl Scene {
                     .check_modulus(at.peek("strain_stiffening").unwrap_or(at), modulus)?;
             }
         }
-        let drive = read_drive(&map)?;
+        let geometry = section::<Geometry>(&map, "geometry")?.normalised();
+        let drive = read_drive(&map, &geometry, &material)?;
+        let mut effects = effects;
+        match (&drive.charge, &effects.charge_control) {
+            (Some(_), _) => effects.charge_control = Some(On {}),
+            (None, Some(_)) => {
+                return Err(map
+                    .required(WHAT, "effects")?
+                    .error("`charge_control` is on, and the drive is a voltage")
+                    .help("give the drive `charge: { total: 2.8 uC }` in place of `voltage`"));
+            }
+            (None, None) => {}
+        }
+        if let (Some(_), Some(groups)) = (&drive.charge, map.optional("states")) {
+            return Err(groups
+                .error("states have voltages, and the drive is a charge")
+                .help("leave out `states` or `charge`"));
+        }
         let states = match map.optional("states") {
             Some(node) => States::read(node, drive.voltages.in_volts().len())?,
             None => States::default(),
         };
         Ok(Self {
-            geometry: section::<Geometry>(&map, "geometry")?.normalised(),
+            geometry,
             material,
             drive,
             states,
@@ -186,8 +209,10 @@ impl Scene {
     #[must_use]
     pub fn with_voltages(&self, voltages: Voltages) -> Self {
         Self {
+            effects: self.named_effects(),
             drive: Drive {
                 voltages,
+                charge: None,
                 ..self.drive.clone()
             },
             states: States::default(),
@@ -230,11 +255,14 @@ impl Scene {
         })
     }
 
-    /// The same scene with exactly these effects.
+    /// The same scene with exactly these effects, but for that which the drive turns on.
     #[must_use]
     pub fn with_effects(&self, effects: Effects) -> Self {
         Self {
-            effects,
+            effects: Effects {
+                charge_control: self.drive.charge.as_ref().map(|_| On {}),
+                ..effects
+            },
             auto: false,
             ..self.clone()
         }
@@ -354,6 +382,14 @@ impl Scene {
         self.material.shear_modulus.value()
     }
 
+    /// Density in kg/m³: that of its effect, or what is known of the material.
+    #[must_use]
+    pub fn density(&self) -> Option<f64> {
+        let simulated = self.effects.inertia.as_ref().map(|inertia| &inertia.density);
+        let known = simulated.or(self.properties.density.as_ref());
+        known.map(|density| density.value())
+    }
+
     /// Permittivity ε = εr ε₀ in F/m.
     #[must_use]
     pub fn permittivity(&self) -> f64 {
@@ -438,14 +474,29 @@ impl Scene {
             return self.clone();
         }
         Self {
-            drive: Drive {
-                frequency: None,
-                duration: None,
-                ..self.drive.clone()
-            },
+            drive: self.drive.without_time(),
             properties: Properties::default(),
             ..self.clone()
         }
+    }
+
+    /// The same of a simulation in time, of which the last state is kept.
+    #[must_use]
+    pub fn simulated_until(&self, time: Time) -> Self {
+        Self {
+            drive: Drive {
+                frequency: None,
+                duration: Some(time),
+                ..self.drive.clone()
+            },
+            ..self.simulated()
+        }
+    }
+
+    /// How the voltage changes in time.
+    #[must_use]
+    pub fn waveform(&self) -> Waveform {
+        self.drive.waveform.clone().unwrap_or_else(Waveform::of_step)
     }
 
     /// The scene as a canonical value, by section; in flow style also its YAML.
@@ -453,12 +504,12 @@ impl Scene {
     pub fn canonical(&self) -> Canonical {
         let effects = match self.auto {
             true => AUTO.into(),
-            false => self.effects.to_canonical(),
+            false => self.named_effects().to_canonical(),
         };
         let mut sections = vec![
             ("geometry", self.geometry.to_canonical()),
             ("material", self.material.to_canonical()),
-            ("drive", self.drive.to_canonical()),
+            ("drive", self.canonical_drive()),
             ("effects", effects),
         ];
         if !self.states.is_empty() {
@@ -468,6 +519,23 @@ impl Scene {
             sections.push(("properties", self.properties.to_canonical()));
         }
         Canonical::map(sections)
+    }
+
+    /// The effects but that which the drive turns on.
+    fn named_effects(&self) -> Effects {
+        Effects {
+            charge_control: None,
+            ..self.effects.clone()
+        }
+    }
+
+    /// A charge says all that its voltage does.
+    fn canonical_drive(&self) -> Canonical {
+        let mut drive = self.drive.to_canonical();
+        if let (Some(_), Canonical::Map(entries)) = (&self.drive.charge, &mut drive) {
+            entries.remove("voltage");
+        }
+        drive
     }
 
     /// The scene in its own YAML syntax on one line: what artifacts carry, and [`Scene::from_text`] reads.
@@ -488,8 +556,26 @@ fn section<T: Declared>(map: &Map<'_>, key: &str) -> Result<T, InputError> {
     T::read_with(map.required(WHAT, key)?, &[])
 }
 
+/// Properties in which a list of branches is one of the linear law, which scenes used to say so.
+fn with_law_of_branches(properties: &Node) -> Node {
+    let mut properties = properties.clone();
+    let key = "viscoelasticity";
+    if let Some(list) = properties
+        .peek(key)
+        .filter(|node| matches!(node.value(), NodeValue::List(_)))
+        .cloned()
+    {
+        let mapping = NodeValue::Map(vec![(
+            list.with_value(NodeValue::Text("branches".to_owned())),
+            list.clone(),
+        )]);
+        properties.replace(key, list.with_value(mapping));
+    }
+    properties
+}
+
 /// The effects that are named, or that screening is to find them.
-fn read_effects(map: &Map<'_>) -> Result<(Effects, bool), InputError> {
+fn read_effects(map: &Map<'_>, properties: Option<&Node>) -> Result<(Effects, bool), InputError> {
     let Some(node) = map.optional("effects") else {
         return Ok((Effects::default(), false));
     };
@@ -502,32 +588,57 @@ fn read_effects(map: &Map<'_>) -> Result<(Effects, bool), InputError> {
         }
         _ => {}
     }
-    let named = switched_on(node, map.optional("properties"))?;
+    let named = switched_on(node, properties)?;
     Ok((Effects::read_with(&named, &[])?, false))
 }
 
 /// The drive; without one that of the first state.
-fn read_drive(map: &Map<'_>) -> Result<Drive, InputError> {
+fn read_drive(map: &Map<'_>, geometry: &Geometry, material: &Material) -> Result<Drive, InputError> {
     let drive = match (map.optional("drive"), map.optional("states")) {
         (None, Some(states)) => States::first_drive(states)?,
-        _ => {
-            let node = map.required(WHAT, "drive")?;
-            refuse_charge(node)?;
-            Drive::read_with(node, &[])?
-        }
+        _ => Drive::read_with(
+            &with_own_voltage(map.required(WHAT, "drive")?, geometry, material)?,
+            &[],
+        )?,
     };
     Ok(drive.normalised())
 }
 
-fn refuse_charge(drive: &Node) -> Result<(), InputError> {
-    match drive
-        .entries(Drive::WHAT)?
-        .iter()
-        .find(|(key, _)| key.is_text("charge"))
-    {
-        Some((key, _)) => Err(key
-            .error("a drive by charge is not available yet")
-            .help(format!("allowed: {}", Drive::keys().join(", ")))),
-        None => Ok(()),
+/// A drive with the voltage that it is compared by where it says none: the largest of its table, or that at which half of the membrane at rest
+/// has its charge.
+fn with_own_voltage(drive: &Node, geometry: &Geometry, material: &Material) -> Result<Node, InputError> {
+    let said = |key: &str| drive.peek(key);
+    let voltage = said("voltage").or_else(|| said("voltages"));
+    let with = |volts: f64| {
+        let mut drive = drive.clone();
+        drive.put("voltage", drive.with_value(NodeValue::Text(format!("{volts} V"))));
+        drive
+    };
+    if let Some(node) = said("charge") {
+        if let Some(other) = voltage.or_else(|| said("waveform")) {
+            return Err(other
+                .error("a charge stands in place of a voltage, and this drive has both")
+                .help("leave out `voltage` and `waveform`, or `charge`"));
+        }
+        let charge = Charge::read_with(node, &[])?.in_coulombs();
+        let [width, height] = geometry.membrane().size_mm;
+        let half = 0.5 * 1e-6 * width * height;
+        let thickness = 1e-3 * geometry.thickness.value();
+        let stretched: f64 = geometry.prestretch.0.iter().map(|stretch| stretch.to_f64()).product();
+        let permittivity = material.relative_permittivity.to_f64() * VACUUM_PERMITTIVITY;
+        let volts = charge * thickness / (permittivity * stretched * half);
+        if volts > MOST_VOLTS {
+            return Err(node
+                .error(format!(
+                    "{charge:e} C on half of the membrane is a voltage of {volts:.0} V"
+                ))
+                .help(format!("allowed: charges of up to {MOST_VOLTS:e} V")));
+        }
+        return Ok(with(volts));
     }
+    let Some(waveform) = said("waveform").filter(|_| voltage.is_none()) else {
+        return Ok(drive.clone());
+    };
+    let largest = Waveform::read_with(waveform, &[])?.own_voltage_v();
+    Ok(largest.map_or_else(|| drive.clone(), with))
 }

@@ -1,8 +1,8 @@
 //! What is known of a material and its electrodes beyond the base model: what screening compares, and what effects that are named without
 //! parameters of their own use.
 
-use super::effects::{Breakdown, Electrode, PermittivityDecay, Stiffening};
-use crate::base::{Density, Resistance, Stress, Time, parameters};
+use super::effects::{Branch, Breakdown, Electrode, MOST_BRANCHES, PermittivityDecay, Stiffening, Viscoelasticity};
+use crate::base::{Density, Fields, Parameter, Resistance, Schema, parameters};
 
 parameters! {
     /// What is known beyond the base model: for screening, and for effects without parameters of their own. What is not known is not screened.
@@ -16,23 +16,25 @@ parameters! {
         pub stretch_dependent_permittivity: Option<PermittivityDecay>,
         /// Where the elastomer breaks down.
         pub dielectric_breakdown: Option<Breakdown>,
-        /// Branches of a viscoelastic elastomer beside the equilibrium one.
-        pub viscoelasticity: Option<Vec<Branch>> [((), 0..=usize::MAX)],
+        /// How the elastomer creeps.
+        pub viscoelasticity: Option<Viscoelasticity>,
         /// Density of the elastomer.
         pub density: Option<Density> [1.0..=1e5],
         /// Resistance of a square of electrode.
         pub sheet_resistance: Option<Resistance> [0.0..=1e15],
     }
+    rules(or_branches)
 }
 
-parameters! {
-    /// A spring and a dashpot in series.
-    pub struct Branch as "a branch" {
-        /// Shear modulus of the spring.
-        pub modulus: Stress [0.0..=1e12],
-        /// Relaxation time.
-        pub time: Time [1e-12..=1e12],
-    }
+/// A list of branches is one of the linear law.
+fn or_branches(fields: Fields) -> Fields {
+    fields.map_schemas(|key, schema| match key {
+        "viscoelasticity" => {
+            let branches = Schema::list(Branch::schema(&()), 1, MOST_BRANCHES);
+            Schema::any_of([schema, branches.description("The branches, of the linear law.")])
+        }
+        _ => schema,
+    })
 }
 
 impl Properties {

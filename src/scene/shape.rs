@@ -130,15 +130,15 @@ impl Parameter for Cells {
     }
 }
 
-/// The files of all masks that stand in a document below a node, as they are named there.
+/// The files of all masks and of tables of voltages that stand in a document below a node, as they are named there.
 #[must_use]
-pub fn mask_files(node: &Node) -> Vec<String> {
+pub fn scene_files(node: &Node) -> Vec<String> {
     match node.value() {
-        NodeValue::List(items) => items.iter().flat_map(mask_files).collect(),
+        NodeValue::List(items) => items.iter().flat_map(scene_files).collect(),
         NodeValue::Map(entries) => {
             let each = entries.iter().flat_map(|(key, value)| match value.value() {
-                NodeValue::Text(file) if key.is_text("mask") => vec![file.clone()],
-                _ => mask_files(value),
+                NodeValue::Text(file) if key.is_text("mask") || key.is_text("table") => vec![file.clone()],
+                _ => scene_files(value),
             });
             each.collect()
         }

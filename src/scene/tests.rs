@@ -129,8 +129,25 @@ fn parameters_may_stand_with_the_properties() {
 #[test]
 fn refusals_say_what_is_allowed() {
     for (effects, properties, said) in [
-        ("{ inertia: {} }", "{}", "the effect `inertia` is not available yet"),
-        ("{ viscoelasticity: {} }", "{}", "available: strain_stiffening"),
+        (
+            "{ electrode_resistance: {} }",
+            "{}",
+            "the effect `electrode_resistance` is not available yet",
+        ),
+        ("{ charge_control: {} }", "{}", "the drive is a voltage"),
+        ("{ inertia: {} }", "{}", "`inertia` has no `density`"),
+        ("{ inertia: { mass: 1 } }", "{ density: 960 }", "unknown key `mass`"),
+        (
+            "{ viscoelasticity: {} }",
+            "{}",
+            "give them here or in `properties.viscoelasticity`",
+        ),
+        ("{ viscoelasticity: { branches: [] } }", "{}", "`branches` is empty"),
+        (
+            "{ viscoelasticity: { law: quadratic, branches: [{ modulus: 1 Pa, time: 1 s }] } }",
+            "{}",
+            "allowed: linear",
+        ),
         ("{ wrinkle: {} }", "{}", "did you mean `wrinkling`"),
         ("{ wrinkling: { w: 1 } }", "{}", "takes no parameters"),
         ("{ strain_stiffening: {} }", "{}", "properties.strain_stiffening"),

@@ -236,6 +236,7 @@ fn solutions(rows: Rows, range: Range<usize>, scene: &Scene) -> Solutions {
         residual: None,
         observations: Default::default(),
         meshes: None,
+        history: None,
         unstable: Unstable::default(),
         scene: scene.clone(),
         solver: None,

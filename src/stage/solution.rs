@@ -1,7 +1,7 @@
 //! What the solve stage says of the samples that it simulated.
 
-use crate::content::{Meshes, Observations, SampleRows, Solutions, Unstable};
-use crate::fem::{AccurateSimulation, Solver};
+use crate::content::{Meshes, Observations, Packed, SampleRows, Solutions, SolvedHistories, Unstable};
+use crate::fem::{AccurateHistory, AccurateSimulation, History, Solver};
 use crate::field::Field;
 use crate::scene::{Effects, Scene};
 
@@ -28,14 +28,44 @@ pub fn solutions(
         residual: Some(solved.iter().map(|r| r.simulation.residual).collect()),
         observations: Observations::of(&solver.observed(effects), scene, &observed),
         meshes: solver.estimates_errors().then(|| meshes(solved.iter().copied())),
+        history: None,
         unstable: Unstable {
             rows: rows.select(&unstable),
             outcome: outcomes(results, &unstable),
             voltage_bracket: brackets(results, &unstable),
+            time_bracket: None,
         },
         scene: scene.clone(),
         solver: Some(settings),
         effects: Some(effects.to_text()),
+    }
+}
+
+/// The same with how the samples move in time.
+pub fn in_time(solved: Solutions, histories: &[AccurateHistory]) -> Solutions {
+    let (stable, unstable): (Vec<&History>, Vec<&History>) = histories
+        .iter()
+        .map(|found| &found.history)
+        .partition(|history| history.outcome.is_converged());
+    let instants = || stable.iter().flat_map(|history| history.asked());
+    let fields = stable.iter().flat_map(|history| &history.fields);
+    Solutions {
+        history: Some(SolvedHistories {
+            time: Packed(instants().map(|instant| instant.time).collect()),
+            displacement: Packed(fields.flat_map(|field| field.values()).copied().collect()),
+            charge: Packed(instants().map(|instant| instant.charge).collect()),
+            error_in_time: stable.iter().map(|history| history.time_error_mm).collect(),
+        }),
+        unstable: Unstable {
+            time_bracket: Some(
+                unstable
+                    .iter()
+                    .map(|history| history.outcome.time_bracket().unwrap_or_default())
+                    .collect(),
+            ),
+            ..solved.unstable
+        },
+        ..solved
     }
 }
 

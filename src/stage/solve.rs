@@ -57,9 +57,10 @@ impl Kind for SolveKind {
             what,
             &[&["kind", "needs", super::STATE], &SolverParameters::keys()[..]].concat(),
         )?;
-        let scene = super::simulated_scene_of(stage, scene)?;
+        let solver = SolverParameters::read(&map, MESH)?;
+        let scene = solver.decisive(&super::scene_of(stage, scene)?);
         Ok(Box::new(SolveStage {
-            solver: SolverParameters::read(&map, MESH)?,
+            solver,
             scene,
             ready: OnceLock::new(),
         }))
@@ -129,12 +130,21 @@ impl Stage for SolveStage {
         let failed = |e: SetupError| StageError::Failed(e.to_string());
         let Ready { effects, solver } = self.ready().map_err(failed)?;
         let mut simulations = Vec::with_capacity(rows.patterns.len());
+        let mut histories = Vec::new();
         for batch in rows.patterns.chunks(BATCH) {
-            simulations.extend(solver.simulate(batch).map_err(failed)?);
+            let (found, in_time) = solver.simulate_in_time(batch).map_err(failed)?;
+            simulations.extend(found);
+            histories.extend(in_time.into_iter().flatten());
             job.progress.advance(batch.len() as u64);
         }
         let solver = (solver, self.settings());
-        Ok(solution::solutions(&rows, &simulations, &self.scene, solver, effects).object())
+        let solved = solution::solutions(&rows, &simulations, &self.scene, solver, effects);
+        let solved = if self.solver.follows_time() {
+            solution::in_time(solved, &histories)
+        } else {
+            solved
+        };
+        Ok(solved.object())
     }
 
     fn attributes(&self) -> Vec<(String, String)> {

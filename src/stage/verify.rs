@@ -92,11 +92,9 @@ impl Kind for VerifyKind {
             "a verify stage",
             &[&["kind", "needs", "rounds", "update"], &SolverParameters::keys()[..]].concat(),
         )?;
-        let scene = super::scene_in_states_of(stage, scene)?.simulated();
-        Ok(Box::new(VerifyStage {
-            solver: SolverParameters::read(&map, MESH)?,
-            scene,
-        }))
+        let solver = SolverParameters::read(&map, MESH)?;
+        let scene = solver.decisive(&super::scene_in_states_of(stage, scene)?);
+        Ok(Box::new(VerifyStage { solver, scene }))
     }
 }
 

@@ -26,6 +26,7 @@ mod hostile;
 mod hostile_files;
 mod hostile_hdf5;
 mod import;
+mod in_time;
 mod intervals;
 mod keeping;
 mod killed;

@@ -42,7 +42,8 @@ fn a_scene_is_screened_with_number_threshold_and_verdict() {
         (change / (with / without - 1.0) - 1.0).abs() < 0.01,
         "{change} {with} {without}"
     );
-    assert_eq!(row("inertia")["status"], "not available");
+    assert_eq!(row("inertia")["status"], "off");
+    assert_eq!(row("electrode_resistance")["status"], "not available");
     assert_eq!(document["simulated"].as_array().unwrap().len(), 0);
     let warning = document["warnings"][0].as_str().unwrap();
     assert!(
@@ -113,11 +114,11 @@ fn a_run_warns_of_what_it_left_out() {
 #[test]
 fn effects_that_come_later_are_refused_by_name() {
     let workspace = Workspace::new();
-    workspace.write("scene.yaml", &SCENE.replace("EFFECTS", "{ inertia: {} }"));
+    workspace.write("scene.yaml", &SCENE.replace("EFFECTS", "{ electrode_resistance: {} }"));
     let ended = workspace.run(&["screen", "scene.yaml"]);
     assert_eq!(ended.code, Some(2));
     assert!(
-        ended.stderr.contains("`inertia` is not available yet"),
+        ended.stderr.contains("`electrode_resistance` is not available yet"),
         "{}",
         ended.stderr
     );

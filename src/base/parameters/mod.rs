@@ -35,7 +35,8 @@ mod tests;
 mod values;
 
 pub use quantities::{
-    Angle, Density, ElectricField, Force, Frequency, Length, Resistance, Seed, SpringRate, Stress, Time, Voltage,
+    Angle, Charge, Density, ElectricField, Force, Frequency, Length, Resistance, Seed, SpringRate, Stress, Time,
+    Voltage,
 };
 
 use super::canonical::Canonical;

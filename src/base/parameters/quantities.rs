@@ -95,6 +95,8 @@ quantities! {
     Force: Force,
     /// The stiffness of a spring, base unit N/m.
     SpringRate: SpringRate,
+    /// An electric charge, base unit C.
+    Charge: Charge,
 }
 
 /// What names the random numbers of a stage.

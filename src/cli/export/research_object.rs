@@ -15,7 +15,7 @@ use crate::cli::progress::Bar;
 use crate::cli::{locate, run, table, write};
 use crate::orchestrator::{Built, BuiltStage, Pipeline, built};
 use crate::report::{CrateFile, CrateStage, METADATA, ResearchObject, figure_files, file_name};
-use crate::scene::mask_files;
+use crate::scene::scene_files;
 use crate::store::{LockFile, Store, write_standalone};
 
 /// The longest file of a pipeline or a scene, bytes, as they are read.
@@ -258,11 +258,11 @@ fn write_sources(
 /// The files that stages and the scene read, each once: paths below the folder of the pipeline.
 fn named_files(pipeline: &Pipeline) -> Result<BTreeSet<String>, CliError> {
     let mut files: Vec<String> = pipeline.stages.iter().flat_map(|stage| stage.files.clone()).collect();
-    files.extend(mask_files(&Document::load(&pipeline.path)?.root));
+    files.extend(scene_files(&Document::load(&pipeline.path)?.root));
     if let Some(scene) = scene_file(pipeline)? {
         let document = Document::load(&folder_of(&pipeline.path).join(&scene))?;
         let beside = |file: String| Path::new(&scene).with_file_name(file).to_string_lossy().into_owned();
-        files.extend(mask_files(&document.root).into_iter().map(beside));
+        files.extend(scene_files(&document.root).into_iter().map(beside));
     }
     files.iter().map(|file| below("the file", file)).collect()
 }

@@ -1,8 +1,8 @@
-//! Charge control: a charge is given, not a voltage; not simulated yet.
+//! Charge control: a charge is given, and the voltage follows from it.
 
-use super::effect::{Assessment, Effect};
-use crate::scene::Scene;
+use super::effect::{Assessment, Effect, Verdict};
 use crate::scene::effects::names;
+use crate::scene::{Effects, Scene};
 
 /// The effect.
 pub struct ChargeControl;
@@ -13,10 +13,17 @@ impl Effect for ChargeControl {
     }
 
     fn cost(&self) -> &'static str {
-        "one more solve"
+        "the factors of a matrix for each step"
     }
 
-    fn assess(&self, _scene: &Scene) -> Option<Assessment> {
-        Some(Assessment::does_not_arise("the drive is a voltage"))
+    fn is_on(&self, effects: &Effects) -> Option<bool> {
+        Some(effects.charge_control.is_some())
+    }
+
+    fn assess(&self, scene: &Scene) -> Option<Assessment> {
+        Some(match &scene.drive.charge {
+            Some(_) => Assessment::open("–", Verdict::CalledFor, 0.0, "the drive is a charge".to_owned()),
+            None => Assessment::does_not_arise("the drive is a voltage"),
+        })
     }
 }

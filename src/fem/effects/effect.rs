@@ -32,6 +32,11 @@ pub trait Effect: Sync {
         let _ = effects;
     }
 
+    /// Whether it shows in time alone: no equilibrium has it.
+    fn needs_time(&self) -> bool {
+        false
+    }
+
     /// Whether it is judged by what it does to the displacement: solutions with it are compared with solutions without it.
     fn moves_membrane(&self) -> bool {
         false

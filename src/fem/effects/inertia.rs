@@ -1,8 +1,8 @@
-//! Inertia: screened by the frequency of the drive over that of the first mode, not simulated yet.
+//! Inertia: screened by the frequency of the force over that of the first mode.
 
 use super::effect::{Assessment, Effect, Verdict};
-use crate::scene::Scene;
 use crate::scene::effects::names;
+use crate::scene::{Effects, Scene};
 
 /// The effect.
 pub struct Inertia;
@@ -20,12 +20,27 @@ impl Effect for Inertia {
         "a solve for each time step"
     }
 
+    fn needs_time(&self) -> bool {
+        true
+    }
+
+    fn is_on(&self, effects: &Effects) -> Option<bool> {
+        Some(effects.inertia.is_some())
+    }
+
+    fn turn_on(&self, effects: &mut Effects, scene: &Scene) {
+        effects.inertia = scene
+            .properties
+            .density
+            .map(|density| crate::scene::Inertia { density });
+    }
+
     fn assess(&self, scene: &Scene) -> Option<Assessment> {
-        let Some(frequency) = scene.drive.frequency_hz() else {
+        let Some(frequency) = scene.drive.force_frequency_hz() else {
             let change = "the drive is static".to_owned();
             return Some(Assessment::open("f/f1", Verdict::NotCalledFor, THRESHOLD, change));
         };
-        let density = scene.properties.density.as_ref().map_or(USUAL_DENSITY, |d| d.value());
+        let density = scene.density().unwrap_or(USUAL_DENSITY);
         // f₁₁ = ½ √(μ/ρ) √((λ₁/Lx)² + (λ₂/Ly)²), in the limit of large prestretch.
         let speed = (scene.shear_modulus_pa() / density).sqrt();
         let (prestretch, size) = (scene.prestretch(), scene.membrane().size_mm);

@@ -30,6 +30,9 @@ impl Effect for ElectromechanicalStability {
     }
 
     fn assess(&self, scene: &Scene) -> Option<Assessment> {
+        if scene.drive.charge.is_some() {
+            return Some(Assessment::does_not_arise("the drive is a charge"));
+        }
         (scene.voltage_v() <= 0.0).then(|| Assessment::does_not_arise("there is no voltage"))
     }
 

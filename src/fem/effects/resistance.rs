@@ -22,7 +22,7 @@ impl Effect for ElectrodeResistance {
     }
 
     fn assess(&self, scene: &Scene) -> Option<Assessment> {
-        let Some(frequency) = scene.drive.frequency_hz() else {
+        let Some(frequency) = scene.drive.voltage_frequency_hz() else {
             let change = "the drive is static".to_owned();
             return Some(Assessment::open(QUANTITY, Verdict::NotCalledFor, THRESHOLD, change));
         };

@@ -1,11 +1,52 @@
-//! Finite viscoelasticity: screened by the branches of a generalised Maxwell model, not simulated yet.
+//! Viscoelasticity: Maxwell branches beside the equilibrium law, screened by how much they change by the end of the drive.
 
 use super::effect::{Assessment, Effect, SMALL, Verdict};
-use crate::scene::Scene;
 use crate::scene::effects::names;
+use crate::scene::{Effects, Scene, Viscoelasticity as Branches};
 
 /// The effect.
 pub struct Viscoelasticity;
+
+/// The branches of a scene: those of its effect, or what is known of the material.
+fn branches(scene: &Scene) -> Option<&Branches> {
+    let simulated = scene.effects.viscoelasticity.as_ref();
+    simulated.or(scene.properties.viscoelasticity.as_ref())
+}
+
+/// What is looked at.
+enum Asked {
+    /// All states on the way.
+    History,
+    /// The state after so many seconds.
+    Hold(f64),
+    /// An oscillation with this angular frequency of the force in 1/s.
+    Period(f64),
+}
+
+impl Asked {
+    fn of(scene: &Scene) -> Option<Self> {
+        let drive = &scene.drive;
+        if drive.oscillates() {
+            return drive
+                .force_frequency_hz()
+                .map(|frequency| Self::Period(std::f64::consts::TAU * frequency));
+        }
+        match (&drive.waveform, &drive.duration) {
+            (Some(_), _) => Some(Self::History),
+            (None, Some(duration)) => Some(Self::Hold(duration.value())),
+            (None, None) => None,
+        }
+    }
+
+    /// The share of a branch that shows: with a relaxation time in s and its 4g.
+    fn share(&self, time: f64, weight: f64) -> f64 {
+        match self {
+            Self::History => 1.0,
+            Self::Hold(held) => (-held / (time * (1.0 + weight))).exp(),
+            Self::Period(omega) => omega * time / (1.0 + (omega * time).powi(2)).sqrt(),
+        }
+    }
+}
 
 impl Effect for Viscoelasticity {
     fn name(&self) -> &'static str {
@@ -16,36 +57,59 @@ impl Effect for Viscoelasticity {
         "a solve for each time step"
     }
 
+    fn needs_time(&self) -> bool {
+        true
+    }
+
+    fn is_on(&self, effects: &Effects) -> Option<bool> {
+        Some(effects.viscoelasticity.is_some())
+    }
+
+    fn turn_on(&self, effects: &mut Effects, scene: &Scene) {
+        effects.viscoelasticity = branches(scene).cloned();
+    }
+
     fn assess(&self, scene: &Scene) -> Option<Assessment> {
-        let quantity = "4G/(μ λp²), t/τ in 0.01 … 100";
+        let quantity = "Σ 4Gφ/(μ λp²)";
         let open = |verdict, why: &str| Some(Assessment::open(quantity, verdict, SMALL, why.to_owned()));
-        let Some(time) = scene.drive.time_s() else {
+        let asked = Asked::of(scene);
+        if asked.is_none() && scene.drive.rest.is_none() {
             return open(Verdict::NotCalledFor, "the drive has no time");
-        };
-        let branches = scene.properties.viscoelasticity.as_deref().unwrap_or_default();
-        if branches.is_empty() {
+        }
+        let Some(known) = branches(scene) else {
             return open(Verdict::Unknown, "no data");
-        }
+        };
         let stiffness = scene.shear_modulus_pa() * scene.mean_prestretch().powi(2);
-        let active = branches
-            .iter()
-            .filter(|branch| (0.01..=100.0).contains(&(time / branch.time.value())));
-        let sum = |modulus: f64| 4.0 * modulus / stiffness;
-        let number: f64 = active.map(|branch| sum(branch.modulus.value())).sum();
-        let frozen: f64 = branches
-            .iter()
-            .filter(|branch| time / branch.time.value() < 0.01)
-            .map(|branch| branch.modulus.value())
-            .sum();
-        let mut change = "lets the displacement creep over the time of the drive".to_owned();
-        if frozen > 0.0 {
-            change = format!(
-                "has branches of {:.0} % of μ that are too slow to relax: is `shear_modulus` that of the drive?",
-                100.0 * frozen / scene.shear_modulus_pa()
-            );
-        } else if number == 0.0 {
-            change = "has relaxed in all branches".to_owned();
+        let weight = |modulus: f64| 4.0 * modulus / stiffness;
+        let each = || {
+            known
+                .branches
+                .iter()
+                .map(|branch| (branch.modulus.value(), branch.time.value()))
+        };
+        let creep: f64 = asked.as_ref().map_or(0.0, |asked| {
+            each()
+                .map(|(modulus, time)| weight(modulus) * asked.share(time, weight(modulus)))
+                .sum()
+        });
+        // Prestretch that has not relaxed is a stress beside that of the law.
+        let left: f64 = scene.drive.rest.as_ref().map_or(0.0, |rest| {
+            let share = |(modulus, time): (f64, f64)| modulus / scene.shear_modulus_pa() * (-rest.value() / time).exp();
+            each().map(share).sum()
+        });
+        if left > creep {
+            return Some(Assessment::known(
+                "Σ (G/μ) e^(−rest/τ)",
+                left,
+                SMALL,
+                format!("leaves {:.0} % of the stress of the prestretch to relax", 100.0 * left),
+            ));
         }
-        Some(Assessment::known(quantity, number, SMALL, change))
+        let change = match asked {
+            Some(Asked::History) => "lets the displacement creep while the voltage changes",
+            Some(Asked::Hold(_)) => "has not relaxed when the drive ends",
+            Some(Asked::Period(_)) | None => "resists the oscillation",
+        };
+        Some(Assessment::known(quantity, creep, SMALL, change.to_owned()))
     }
 }

@@ -24,7 +24,7 @@ pub use ogden::{MOST_TERMS, Ogden};
 pub use potential::{Invariants, Potential, Rest, Slopes, slopes_apart};
 pub use second_invariant::SecondInvariant;
 
-use super::kinematics::{Tensor, deformation, determinant};
+use super::kinematics::{Tensor, add_scaled, contract, deformation, determinant};
 use super::lanes::Value;
 
 /// Numbers that determine a tangent at a given deformation: 2φᵢ, φⱼ, 4φᵢᵢ, 2φᵢⱼ and φⱼⱼ of an isotropic potential.
@@ -49,6 +49,28 @@ pub trait Material: Sync {
     fn stress<V: Value>(&self, gradient: Tensor<V>, active: V) -> Tensor<V>;
     /// The derivative of `stress` along `df`.
     fn tangent<V: Value>(&self, gradient: Tensor<V>, active: V, df: Tensor<V>) -> Tensor<V>;
+    /// The mean of `stress` over a step from f to f + `df`, such that its work is the change of energy but for that of the null Lagrangian: the
+    /// stress in the middle, with as much along `df` added as is wanting (Gonzalez, J. Nonlinear Sci. 6 (1996) 449).
+    #[inline(always)]
+    fn stress_between<V: Value>(&self, gradient: Tensor<V>, active: V, df: Tensor<V>) -> Tensor<V> {
+        let number = |value: f64| active.constant(value);
+        let middle = add_scaled(gradient, number(0.5), df);
+        let stress = self.stress(middle, active);
+        let (start, end) = (
+            deformation(gradient),
+            deformation(add_scaled(gradient, number(1.0), df)),
+        );
+        // The null Lagrangian is α tr f + β det f.
+        let alpha = self.self_stress([[0.0; 2]; 2])[0][0];
+        let beta = self.self_stress([[1.0, 0.0], [0.0, 1.0]])[0][0] - alpha;
+        let null = number(alpha) * (df[0][0] + df[1][1]) + number(beta) * (determinant(end) - determinant(start));
+        let wanting = self.energy(end, active) - self.energy(start, active) - null - contract(stress, df);
+        let square = contract(df, df);
+        // A shorter step wants less than the rounding of the energies.
+        let long = square - number(1e-12);
+        let share = long.choose(wanting * square.max(number(1e-12)).recip(), number(0.0));
+        add_scaled(stress, share, df)
+    }
     /// The numbers that [`Material::tangent`] takes more time to find than to read again, for conjugate gradients that ask for it
     /// in many directions at one place. Asked for only where [`Material::STORES`].
     #[inline(always)]

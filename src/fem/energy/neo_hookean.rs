@@ -87,6 +87,20 @@ impl Material for NeoHookean {
         add_scaled(add_scaled(df, volumetric, c), slope, dc)
     }
 
+    /// Exact, because j is a quadratic function of f: φ cof f in the middle, with φ = [g(j₁) − g(j₀)]/(j₁ − j₀).
+    #[inline(always)]
+    fn stress_between<V: Value>(&self, gradient: Tensor<V>, active: V, df: Tensor<V>) -> Tensor<V> {
+        let number = |value: f64| active.constant(value);
+        let middle = add_scaled(gradient, number(0.5), df);
+        let [first, last] = [gradient, add_scaled(gradient, number(1.0), df)].map(|at| determinant(deformation(at)));
+        let inverse = (first * last).recip();
+        let sum = first + last;
+        // a − ½a(j₀ + j₁)/(j₀²j₁²) − ½Sb(j₀ + j₁)
+        let relief = number(self.thickness) * (number(1.0) - number(0.5) * sum * (inverse * inverse));
+        let slope = relief - number(0.5 * self.pull) * active * sum;
+        add_scaled(middle, slope, cofactor(deformation(middle)))
+    }
+
     fn self_stress(&self, f: Tensor<f64>) -> Tensor<f64> {
         let c = cofactor(f);
         let entry = |i: usize, k: usize| f64::from(u8::from(i == k)) - self.thickness * c[i][k];
@@ -158,6 +172,50 @@ mod tests {
                     assert!(((p[r][c] - m[r][c]) / (2.0 * STEP) - tangent[r][c]).abs() < 1e-8);
                 }
             }
+        }
+    }
+
+    #[test]
+    fn the_work_of_a_step_is_the_change_of_energy() {
+        let material = NeoHookean::new(3.0, 0.0255);
+        let changes = [[[0.2, -0.1], [0.07, 0.15]], [[1e-4, 2e-4], [-3e-4, 1e-4]]];
+        for (active, df) in [0.0, 1.0].into_iter().flat_map(|s| changes.map(|df| (s, df))) {
+            let end = add_scaled(F, 1.0, df);
+            let middle = add_scaled(F, 0.5, df);
+            let null = contract(material.self_stress(middle), df);
+            let change = material.energy(end, active) - material.energy(F, active);
+            let own = contract(material.stress_between(GRADIENT, active, df), df) + null;
+            assert!((own - change).abs() < 4e-16, "{own} {change}");
+            // The way of other laws.
+            struct Other(NeoHookean);
+            impl Material for Other {
+                fn energy<V: Value>(&self, f: Tensor<V>, active: V) -> V {
+                    self.0.energy(f, active)
+                }
+                fn stress<V: Value>(&self, gradient: Tensor<V>, active: V) -> Tensor<V> {
+                    self.0.stress(gradient, active)
+                }
+                fn tangent<V: Value>(&self, gradient: Tensor<V>, active: V, df: Tensor<V>) -> Tensor<V> {
+                    self.0.tangent(gradient, active, df)
+                }
+                fn self_stress(&self, f: Tensor<f64>) -> Tensor<f64> {
+                    self.0.self_stress(f)
+                }
+                fn largest_load(&self) -> f64 {
+                    self.0.largest_load()
+                }
+                fn load(&self) -> f64 {
+                    self.0.load()
+                }
+                fn ellipticity<V: Value>(&self, f: Tensor<V>, active: V) -> V {
+                    self.0.ellipticity(f, active)
+                }
+                fn convexity<V: Value>(&self, f: Tensor<V>, active: V) -> V {
+                    self.0.convexity(f, active)
+                }
+            }
+            let other = contract(Other(material).stress_between(GRADIENT, active, df), df) + null;
+            assert!((other - change).abs() < 1e-15, "{other} {change}");
         }
     }
 

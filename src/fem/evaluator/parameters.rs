@@ -11,6 +11,7 @@ use crate::base::{
     Canonical, Decimal, Declared, Document, Fields, InputError, Length, Map, Quantity, Schema, Time, parameters,
 };
 use crate::fem::error::SetupError;
+use crate::fem::time::{HistoryOptions, HistoryRequest, HistorySolver};
 use crate::fem::work::WorkLimit;
 use crate::field::{Mesh, Order};
 use crate::scene::Scene;
@@ -37,6 +38,7 @@ pub struct SolverParameters {
     mesh: MeshRequest,
     tolerance: Decimal,
     time_limit: Option<Time>,
+    history: Option<HistoryKeys>,
 }
 
 impl SolverParameters {
@@ -65,6 +67,7 @@ impl SolverParameters {
             mesh: mesh.into(),
             tolerance: usual_tolerance(),
             time_limit: None,
+            history: None,
         }
     }
 
@@ -103,6 +106,7 @@ impl SolverParameters {
             },
             tolerance: keys.tolerance,
             time_limit: keys.time_limit,
+            history: keys.history.map(HistoryKeys::in_order),
         })
     }
 
@@ -116,6 +120,9 @@ impl SolverParameters {
         if let Some(time) = &self.time_limit {
             own.push(("time_limit", (&**time).into()));
         }
+        if let Some(history) = &self.history {
+            own.push(("history", history.to_canonical()));
+        }
         match &self.mesh {
             MeshRequest::Fixed(mesh) => own.extend([
                 ("elements_per_cell", mesh.elements_per_cell().into()),
@@ -124,6 +131,45 @@ impl SolverParameters {
             MeshRequest::Accuracy(accuracy) => own.push(("accuracy", accuracy.into())),
         }
         Canonical::map(own.into_iter().chain(more))
+    }
+
+    /// Whether membranes are followed in the time of their drive.
+    #[must_use]
+    pub fn follows_time(&self) -> bool {
+        self.history.is_some()
+    }
+
+    /// The parts of a scene that decide about a result.
+    #[must_use]
+    pub fn decisive(&self, scene: &Scene) -> Scene {
+        match self.history.as_ref().and_then(|history| history.at.last()) {
+            Some(last) => scene.simulated_until(*last),
+            None => scene.simulated(),
+        }
+    }
+
+    /// The times that are asked for, in s, in order.
+    #[must_use]
+    pub(super) fn times(&self) -> Option<Vec<f64>> {
+        let history = self.history.as_ref()?;
+        Some(history.at.iter().map(|time| time.value()).collect())
+    }
+
+    /// The solver of histories in a scene whose effects are decided, for fields at some times in s, in order.
+    ///
+    /// # Errors
+    /// When it cannot be set up.
+    pub fn history_solver(&self, scene: &Scene, times: Vec<f64>) -> Result<HistorySolver, SetupError> {
+        let options = HistoryOptions {
+            mesh: self.mesh(),
+            tolerance: self.tolerance(),
+            limit: self.work_limit(),
+        };
+        let request = HistoryRequest {
+            times,
+            accuracy_mm: self.accuracy().map(|accuracy| accuracy.value()),
+        };
+        HistorySolver::new(scene, &options, request)
     }
 
     /// The solver for a scene.
@@ -226,6 +272,9 @@ impl fmt::Display for SolverParameters {
         if let Some(time) = &self.time_limit {
             write!(f, ", time_limit: {}", **time)?;
         }
+        if let Some(history) = &self.history {
+            write!(f, ", history: {}", history.to_canonical())?;
+        }
         Ok(())
     }
 }
@@ -249,9 +298,28 @@ parameters! {
         tolerance: Decimal [1e-12..=1e-3] = 1e-8,
         /// About how long a pattern may take before it ends as work-limit; 5 s unless said otherwise. Work is counted, not time.
         time_limit: Option<Time> [1e-3..=1e6],
+        /// Membranes are followed in the time of the drive, and the displacement is that at the last time; without it they are in equilibrium.
+        history: Option<HistoryKeys>,
     }
     rules(exclusive)
     check(SolverKeys::check)
+}
+
+parameters! {
+    /// Times in the course of a drive.
+    struct HistoryKeys as "`history`" {
+        /// When the displacement is kept; 0 s is just after the drive has begun.
+        at: Vec<Time> [(0.0..=1e12, 1..=1000)],
+    }
+}
+
+impl HistoryKeys {
+    /// The same with each time once.
+    fn in_order(mut self) -> Self {
+        self.at.sort_by(|a, b| a.value().total_cmp(&b.value()));
+        self.at.dedup();
+        self
+    }
 }
 
 /// An accuracy picks the mesh, and methods that look for no equilibrium have neither an accuracy nor a tolerance.
@@ -268,6 +336,7 @@ fn exclusive(fields: Fields) -> Fields {
         .rule(estimates_lack("accuracy"))
         .rule(estimates_lack("tolerance"))
         .rule(estimates_lack("time_limit"))
+        .rule(estimates_lack("history"))
 }
 
 impl SolverKeys {
@@ -281,7 +350,7 @@ impl SolverKeys {
                     ))
                     .help("give a mesh by `elements_per_cell` and `order`, or `method: newton`"));
             }
-            for key in ["tolerance", "time_limit"] {
+            for key in ["tolerance", "time_limit", "history"] {
                 let Some(node) = map.optional(key) else { continue };
                 return Err(node
                     .error(format!(
@@ -320,6 +389,7 @@ mod tests {
             "{ accuracy: 10 um }",
             "{ elements_per_cell: 4, tolerance: 1e-6 }",
             "{ time_limit: 60 s }",
+            "{ accuracy: 10 um, history: { at: [0 s, 1 s, 10 min] } }",
             "{}",
         ] {
             let parameters = read(text).unwrap();
@@ -348,6 +418,7 @@ mod tests {
             ),
             ("{ method: chord:2, tolerance: 1e-6 }", "`tolerance` means nothing"),
             ("{ method: linear, time_limit: 9 s }", "`time_limit` means nothing"),
+            ("{ method: chord:2, history: { at: [1 s] } }", "`history` means nothing"),
             ("{ accuracy: 0.01 mm, order: 2 }", "picks the mesh"),
         ] {
             assert!(read(text).unwrap_err().to_string().contains(said), "{text}");

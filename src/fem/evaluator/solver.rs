@@ -2,6 +2,8 @@
 
 use std::borrow::Cow;
 
+use rayon::prelude::*;
+
 use super::method::Method;
 use super::parameters::{MeshRequest, SolverParameters};
 use crate::fem::accurate::{AccurateSimulation, AccurateSolver};
@@ -10,7 +12,8 @@ use crate::fem::observable::CellState;
 use crate::fem::response::{Estimator, LinearResponse};
 use crate::fem::screening::resolve;
 use crate::fem::solver::{MembraneSolver, SolveOptions};
-use crate::field::{Evaluator, Field, Mesh, PredictError, Predictor, Simulation, Simulator};
+use crate::fem::time::{AccurateHistory, HistorySolver};
+use crate::field::{Evaluator, Field, Mesh, Observation, PredictError, Predictor, Simulation, Simulator};
 use crate::pattern::{Pattern, PatternForm};
 use crate::scene::{Effects, Scene};
 
@@ -28,6 +31,8 @@ enum Engine {
     Accurate(Box<AccurateSolver>),
     /// Chord steps from the linear response on one mesh.
     Estimate(Box<Estimator>, Mesh),
+    /// Through the time of the drive.
+    History(Box<HistorySolver>),
 }
 
 impl Solver {
@@ -39,6 +44,13 @@ impl Solver {
         let limit = parameters.work_limit();
         let scene = &resolve(scene)?;
         let tolerance = parameters.tolerance();
+        if let Some(times) = parameters.times() {
+            return Ok(Self {
+                parameters: parameters.clone(),
+                form: scene.form(),
+                engine: Engine::History(Box::new(parameters.history_solver(scene, times)?)),
+            });
+        }
         let engine = match (parameters.mesh_request(), parameters.method().chord_steps()) {
             (MeshRequest::Accuracy(accuracy), _) => {
                 let solver = AccurateSolver::new(scene, accuracy.value(), tolerance)?;
@@ -69,14 +81,14 @@ impl Solver {
     /// Whether results come with an estimate of their discretisation error.
     #[must_use]
     pub fn estimates_errors(&self) -> bool {
-        matches!(self.engine, Engine::Accurate(_))
+        self.parameters.accuracy().is_some()
     }
 
-    /// The effects of a scene that results say something about beside the displacement: none where they are estimates.
+    /// The effects of a scene that results say something about beside the displacement: none where they are estimates or histories.
     #[must_use]
     pub fn observed<'a>(&self, effects: &'a Effects) -> Cow<'a, Effects> {
         match self.engine {
-            Engine::Estimate(..) => Cow::Owned(Effects::default()),
+            Engine::Estimate(..) | Engine::History(_) => Cow::Owned(Effects::default()),
             Engine::Fixed(_) | Engine::Accurate(_) => Cow::Borrowed(effects),
         }
     }
@@ -88,7 +100,7 @@ impl Solver {
     pub fn on_one_mesh(&self) -> Result<&MembraneSolver, SetupError> {
         match &self.engine {
             Engine::Fixed(solver) => Ok(solver),
-            Engine::Accurate(_) | Engine::Estimate(..) => Err(SetupError::SeveralMeshes),
+            Engine::Accurate(_) | Engine::Estimate(..) | Engine::History(_) => Err(SetupError::SeveralMeshes),
         }
     }
 
@@ -102,7 +114,24 @@ impl Solver {
             Engine::Accurate(solver) => solver.simulate(patterns),
             Engine::Fixed(solver) => Ok(on(solver.mesh(), solver.simulate(patterns))),
             Engine::Estimate(estimator, mesh) => Ok(on(*mesh, estimator.simulate(patterns))),
+            Engine::History(solver) => Ok(follow(solver, patterns)?.iter().map(last_state).collect()),
         }
+    }
+
+    /// The same with the histories that lead there, where the parameters ask for such.
+    ///
+    /// # Errors
+    /// As [`Solver::simulate`].
+    pub fn simulate_in_time(
+        &self,
+        patterns: &[Pattern],
+    ) -> Result<(Vec<AccurateSimulation>, Option<Vec<AccurateHistory>>), SetupError> {
+        let Engine::History(solver) = &self.engine else {
+            return Ok((self.simulate(patterns)?, None));
+        };
+        self.check(patterns)?;
+        let histories = follow(solver, patterns)?;
+        Ok((histories.iter().map(last_state).collect(), Some(histories)))
     }
 
     fn check(&self, patterns: &[Pattern]) -> Result<(), SetupError> {
@@ -134,6 +163,34 @@ impl Solver {
 /// The state of every cell of each pattern; `None` where there is no stable solution.
 pub type CellStates = Vec<Option<Vec<CellState>>>;
 
+fn follow(solver: &HistorySolver, patterns: &[Pattern]) -> Result<Vec<AccurateHistory>, SetupError> {
+    patterns.par_iter().map(|pattern| solver.follow(pattern)).collect()
+}
+
+/// The state at the end of a history.
+fn last_state(found: &AccurateHistory) -> AccurateSimulation {
+    let history = &found.history;
+    let field = history.fields.last().filter(|_| history.outcome.is_converged());
+    let observation = match (field, history.asked().last()) {
+        (Some(_), Some(last)) => Observation {
+            bodies: last.bodies.clone(),
+            ..Observation::default()
+        },
+        _ => Observation::default(),
+    };
+    AccurateSimulation {
+        simulation: Simulation {
+            outcome: history.outcome,
+            field: field.cloned(),
+            newton_iterations: history.newton_steps,
+            residual: history.residual,
+            observation,
+        },
+        mesh: found.mesh,
+        discretisation_error: found.space_error_mm,
+    }
+}
+
 /// Results on one mesh, without estimates of their errors.
 fn on(mesh: Mesh, simulations: Vec<Simulation>) -> Vec<AccurateSimulation> {
     let each = |simulation| AccurateSimulation {
@@ -157,7 +214,7 @@ impl Evaluator for Solver {
     }
 
     fn finds_equilibria(&self) -> bool {
-        self.parameters.method() == Method::Newton
+        self.parameters.method() == Method::Newton && !self.parameters.follows_time()
     }
 
     fn promised_error_mm(&self) -> Option<f64> {

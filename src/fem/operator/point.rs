@@ -3,6 +3,9 @@
 use crate::fem::energy::{MODULI, Material};
 use crate::fem::kinematics::Tensor;
 use crate::fem::lanes::Value;
+use crate::fem::memory;
+#[cfg(doc)]
+use crate::fem::memory::Memory;
 
 /// What happens at a quadrature point: from the gradients of M fields to a stress.
 pub(super) trait Point<const M: usize>: Copy {
@@ -12,6 +15,8 @@ pub(super) trait Point<const M: usize>: Copy {
     fn watched<V: Value>(self, gradient: Tensor<V>) -> V;
     /// Whether stored moduli are wanted.
     const STORED: bool = false;
+    /// Whether the numbers of a [`Memory`] are wanted, as the first of the moduli.
+    const REMEMBERS: bool = false;
     fn stress<V: Value>(self, gradients: [Tensor<V>; M], active: V, moduli: [V; MODULI]) -> Tensor<V>;
 }
 
@@ -24,6 +29,21 @@ pub(super) struct TangentAt<'a, L>(pub(super) &'a L);
 /// The same from stored moduli.
 pub(super) struct TangentFrom<'a, L>(pub(super) &'a L);
 
+/// The stress of a [`Memory`] at one field.
+#[derive(Clone, Copy)]
+pub(super) struct MemoryStress;
+
+/// The mean stress of a step from the first field by the second.
+pub(super) struct StressBetween<'a, L>(pub(super) &'a L);
+
+/// The mean stress of a [`Memory`] in a step from the first field by the second.
+#[derive(Clone, Copy)]
+pub(super) struct MemoryBetween;
+
+/// The tangent of a [`Memory`] at the first field along the second.
+#[derive(Clone, Copy)]
+pub(super) struct MemoryTangent;
+
 impl<L> Clone for StressAt<'_, L> {
     fn clone(&self) -> Self {
         *self
@@ -31,6 +51,14 @@ impl<L> Clone for StressAt<'_, L> {
 }
 
 impl<L> Copy for StressAt<'_, L> {}
+
+impl<L> Clone for StressBetween<'_, L> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<L> Copy for StressBetween<'_, L> {}
 
 impl<L> Clone for TangentAt<'_, L> {
     fn clone(&self) -> Self {
@@ -82,5 +110,71 @@ impl<L: Material> Point<2> for TangentFrom<'_, L> {
     #[inline(always)]
     fn stress<V: Value>(self, [gradient, change]: [Tensor<V>; 2], _active: V, moduli: [V; MODULI]) -> Tensor<V> {
         self.0.tangent_from(gradient, moduli, change)
+    }
+}
+
+impl Point<1> for MemoryStress {
+    const WATCHED: bool = false;
+    const REMEMBERS: bool = true;
+    #[inline(always)]
+    fn watched<V: Value>(self, gradient: Tensor<V>) -> V {
+        gradient[0][0]
+    }
+    #[inline(always)]
+    fn stress<V: Value>(
+        self,
+        [gradient]: [Tensor<V>; 1],
+        _active: V,
+        [xx, xy, yy, normal, _]: [V; MODULI],
+    ) -> Tensor<V> {
+        memory::stress([xx, xy, yy, normal], gradient)
+    }
+}
+
+impl<L: Material> Point<2> for StressBetween<'_, L> {
+    const WATCHED: bool = false;
+    #[inline(always)]
+    fn watched<V: Value>(self, gradient: Tensor<V>) -> V {
+        gradient[0][0]
+    }
+    #[inline(always)]
+    fn stress<V: Value>(self, [gradient, change]: [Tensor<V>; 2], active: V, _moduli: [V; MODULI]) -> Tensor<V> {
+        self.0.stress_between(gradient, active, change)
+    }
+}
+
+impl Point<2> for MemoryBetween {
+    const WATCHED: bool = false;
+    const REMEMBERS: bool = true;
+    #[inline(always)]
+    fn watched<V: Value>(self, gradient: Tensor<V>) -> V {
+        gradient[0][0]
+    }
+    #[inline(always)]
+    fn stress<V: Value>(
+        self,
+        [gradient, change]: [Tensor<V>; 2],
+        _active: V,
+        [xx, xy, yy, normal, _]: [V; MODULI],
+    ) -> Tensor<V> {
+        memory::stress_between([xx, xy, yy, normal], gradient, change)
+    }
+}
+
+impl Point<2> for MemoryTangent {
+    const WATCHED: bool = false;
+    const REMEMBERS: bool = true;
+    #[inline(always)]
+    fn watched<V: Value>(self, gradient: Tensor<V>) -> V {
+        gradient[0][0]
+    }
+    #[inline(always)]
+    fn stress<V: Value>(
+        self,
+        [gradient, change]: [Tensor<V>; 2],
+        _active: V,
+        [xx, xy, yy, normal, _]: [V; MODULI],
+    ) -> Tensor<V> {
+        memory::tangent([xx, xy, yy, normal], gradient, change)
     }
 }

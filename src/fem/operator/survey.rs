@@ -7,9 +7,10 @@ use pulp::{Simd, WithSimd};
 use super::{Margins, Precision, View, from_rest, gather, per_side, sides};
 use crate::fem::element::Element;
 use crate::fem::energy::{MODULI, Material};
-use crate::fem::kinematics::{Tensor, deformation};
-use crate::fem::lanes::{Value, Wide};
+use crate::fem::kinematics::{Tensor, deformation, determinant};
+use crate::fem::lanes::{Real, Value, Wide};
 use crate::fem::layout::NodeLayout;
+use crate::fem::memory;
 
 /// One pass over the quadrature points that finds the smallest margins.
 pub(super) struct Survey<'a, E, L, T, const N: usize> {
@@ -32,10 +33,22 @@ impl<E: Element<N>, L: Material, T: Precision, const N: usize> WithSimd for Surv
         for row in 0..self.layout.rows() {
             for first in (0..self.layout.columns()).step_by(T::lanes::<S>()) {
                 let active = Wide::load(simd, &self.activity.values[row * self.layout.part() + first..]);
-                for gradient in self.gradients(simd, first, row) {
+                for (q, gradient) in self.gradients(simd, first, row).into_iter().enumerate() {
                     let f = deformation(gradient);
-                    ellipticity = ellipticity.min(self.material.ellipticity(f, active));
-                    convexity = convexity.min(self.material.convexity(f, active));
+                    let mut margins = [self.material.ellipticity(f, active), self.material.convexity(f, active)];
+                    if let Some((numbers, weight)) = self.activity.memory {
+                        let number =
+                            |at| Wide::load(simd, &numbers[memory::line(self.layout, N, row, q, at) + first..]);
+                        let [elliptic, convex] =
+                            memory::margins([number(0), number(1), number(2), number(3)], weight, f);
+                        // A law says no more than whether it is convex, so nothing can be added to that.
+                        margins = [
+                            margins[0] + elliptic,
+                            margins[1].min(convex.choose(active.constant(1e30), convex)),
+                        ];
+                    }
+                    ellipticity = ellipticity.min(margins[0]);
+                    convexity = convexity.min(margins[1]);
                     if L::WRINKLES {
                         tension = tension.min(self.material.tension(f, active));
                     }
@@ -102,6 +115,40 @@ impl<E: Element<N>, L: Material, T: Precision, const N: usize> WithSimd for Stor
                     let start = place(layout, first, row, lanes, N, q);
                     for (at, value) in material.moduli(gradient, active).into_iter().enumerate() {
                         value.store(&mut self.moduli[start + at * lanes..]);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// One pass over the quadrature points that writes c⁻¹ and j².
+pub(super) struct Metrics<'a, E, L, const N: usize> {
+    pub survey: Survey<'a, E, L, f64, N>,
+    pub values: &'a mut [f64],
+}
+
+impl<E: Element<N>, L: Material, const N: usize> WithSimd for Metrics<'_, E, L, N> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let layout = self.survey.layout;
+        for row in 0..layout.rows() {
+            for first in (0..layout.columns()).step_by(f64::lanes::<S>()) {
+                for (q, gradient) in self.survey.gradients(simd, first, row).into_iter().enumerate() {
+                    let [[a, b], [c, d]] = deformation(gradient);
+                    let j = determinant([[a, b], [c, d]]);
+                    let square = j * j;
+                    let inverse = square.recip();
+                    let numbers = [
+                        inverse * b.madd(b, d * d),
+                        -(inverse * a.madd(b, c * d)),
+                        inverse * a.madd(a, c * c),
+                        square,
+                    ];
+                    for (at, number) in numbers.into_iter().enumerate() {
+                        number.store(&mut self.values[memory::line(layout, N, row, q, at) + first..]);
                     }
                 }
             }

@@ -15,6 +15,8 @@ pub struct Row {
     pub status: Status,
     /// What it would cost, in words.
     pub cost: &'static str,
+    /// Whether it shows in time alone.
+    pub needs_time: bool,
     /// What it does to the displacement of each pattern; none where it is judged otherwise.
     pub comparisons: Vec<Comparison>,
 }
@@ -54,6 +56,7 @@ impl Row {
             assessment: judged.assessment,
             status,
             cost: effect.cost(),
+            needs_time: effect.needs_time(),
             comparisons: judged.comparisons,
         }
     }
@@ -62,6 +65,24 @@ impl Row {
     /// does one to an effect whose comparison took more work than is allowed.
     #[must_use]
     pub fn warning(&self) -> Option<String> {
+        match self.status {
+            Status::On => None,
+            Status::Off => self.says("is neglected"),
+            Status::NotAvailable => self.says("cannot be simulated yet"),
+        }
+    }
+
+    /// The same where an equilibrium is looked for: no effect of time is in it.
+    #[must_use]
+    pub fn warning_of_equilibrium(&self) -> Option<String> {
+        match self.status {
+            Status::On if self.needs_time => self.says("is left out of an equilibrium"),
+            _ => self.warning(),
+        }
+    }
+
+    /// What it does, after its state, where it is called for.
+    fn says(&self, state: &str) -> Option<String> {
         let Assessment {
             quantity,
             threshold,
@@ -70,11 +91,6 @@ impl Row {
             number,
             ..
         } = &self.assessment;
-        let state = match self.status {
-            Status::On => return None,
-            Status::Off => "is neglected",
-            Status::NotAvailable => "cannot be simulated yet",
-        };
         let compared = match verdict {
             Verdict::CalledFor => number.map(|number| format!(" ({quantity} = {number:.3} > {threshold})")),
             Verdict::GivenUp => None,

@@ -27,6 +27,12 @@ impl Screening {
     pub fn warnings(&self) -> Vec<String> {
         self.rows.iter().filter_map(Row::warning).collect()
     }
+
+    /// Those of an equilibrium.
+    #[must_use]
+    pub fn warnings_of_equilibrium(&self) -> Vec<String> {
+        self.rows.iter().filter_map(Row::warning_of_equilibrium).collect()
+    }
 }
 
 /// Screens a scene for all effects with named patterns.

@@ -18,8 +18,10 @@ const KEPT: usize = 16;
 pub struct Screened {
     /// The scene with its effects decided.
     pub scene: Scene,
-    /// One line for each effect that is called for and not simulated.
+    /// One line for each effect that is called for and not simulated in an equilibrium.
     pub warnings: Vec<String>,
+    /// The same of a history.
+    pub warnings_in_time: Vec<String>,
 }
 
 impl Screened {
@@ -47,7 +49,8 @@ impl Screened {
             screen_to(Purpose::Watch, scene, patterns, limit.part(WATCHING))?
         };
         Ok(Self {
-            warnings: screening.warnings(),
+            warnings: screening.warnings_of_equilibrium(),
+            warnings_in_time: screening.warnings(),
             scene: screening.scene,
         })
     }

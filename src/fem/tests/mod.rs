@@ -1,5 +1,6 @@
 //! Cases with known answers. H-numbers are those of the theory page; closed forms are restated where they are used.
 
+mod charge;
 mod convergence;
 mod devices;
 mod discrete;

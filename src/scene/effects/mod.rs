@@ -5,15 +5,20 @@
 
 mod breakdown;
 mod electrode;
+mod inertia;
 pub mod laws;
 mod permittivity;
 mod switch;
+mod viscoelasticity;
 
 pub use breakdown::{Breakdown, ConstantStrength, HuangStrength};
 pub use electrode::Electrode;
+pub use inertia::Inertia;
 pub use laws::Stiffening;
 pub use permittivity::{PermittivityDecay, PermittivityReference};
 pub(super) use switch::switched_on;
+pub(super) use viscoelasticity::MOST_BRANCHES;
+pub use viscoelasticity::{Branch, Viscoelasticity, ViscousLaw};
 
 use std::path::Path;
 
@@ -35,6 +40,12 @@ parameters! {
         pub wrinkling: Option<On>,
         /// The field is compared with the one at which the elastomer breaks down.
         pub dielectric_breakdown: Option<Breakdown>,
+        /// The elastomer creeps: histories follow it, and solutions without a time are those in which it has relaxed.
+        pub viscoelasticity: Option<Viscoelasticity>,
+        /// The membrane has a mass: histories are motions, not equilibria.
+        pub inertia: Option<Inertia>,
+        /// The charge of the electrodes is given and their voltage found: on wherever the drive is a charge.
+        pub charge_control: Option<On>,
         /// The smallest eigenvalue of the tangent and the margin to pull-in are computed.
         pub electromechanical_stability: Option<On>,
     }
@@ -101,5 +112,5 @@ pub mod names {
     pub const INCLUSION: &str = "rigid_inclusion";
 
     /// Effects that are known and cannot be simulated yet.
-    pub const PLANNED: [&str; 5] = [VISCOELASTICITY, INERTIA, RESISTANCE, CHARGE, INCLUSION];
+    pub const PLANNED: [&str; 2] = [RESISTANCE, INCLUSION];
 }

@@ -6,6 +6,15 @@ use super::{Effects, names};
 use crate::base::{Declared, InputError, Node, NodeValue, Schema};
 use crate::scene::properties::Properties;
 
+/// Parameters of effects that stand in `properties` by themselves: the effect, and the name of the parameter there and here.
+const BORROWED: [(&str, &str); 1] = [(names::INERTIA, "density")];
+
+/// The parameter that an effect may take from `properties`.
+fn borrowed(effect: &Node) -> Option<&'static str> {
+    let of = BORROWED.into_iter().find(|(name, _)| effect.is_text(name));
+    of.map(|(_, parameter)| parameter)
+}
+
 /// The section `effects` with every effect that is on as a mapping of its parameters, and no other.
 ///
 /// # Errors
@@ -23,6 +32,18 @@ pub fn switched_on(effects: &Node, properties: Option<&Node>) -> Result<Node, In
             (Some(true), _) | (None, NodeValue::Null) => &value.with_value(NodeValue::Map(Vec::new())),
             _ => value,
         };
+        if let Some(parameter) = borrowed(key).filter(|parameter| value.peek(parameter).is_none()) {
+            let known = properties.and_then(|known| known.peek(parameter));
+            let known = known.ok_or_else(|| {
+                value
+                    .error(format!("{} has no `{parameter}`", key.found_key()))
+                    .help(format!("give it here or in `properties.{parameter}`"))
+            })?;
+            let mut parameters = value.clone();
+            parameters.put(parameter, known.clone());
+            on.push((key.clone(), parameters));
+            continue;
+        }
         // A property that is no effect is refused with the other unknown keys.
         let parametric = Properties::keys()
             .into_iter()
@@ -44,7 +65,8 @@ pub fn switched_on(effects: &Node, properties: Option<&Node>) -> Result<Node, In
 pub fn schema(name: &str, parameters: Schema) -> Schema {
     let bare = Schema::new(json!({ "type": ["boolean", "null"] })).description("Whether it is on; nothing means on.");
     let empty = Schema::new(json!({ "type": "object", "maxProperties": 0 }));
-    match Properties::keys().contains(&name) {
+    let borrows = BORROWED.iter().any(|(effect, _)| *effect == name);
+    match borrows || Properties::keys().contains(&name) {
         true => Schema::any_of([
             parameters,
             bare,

@@ -188,7 +188,7 @@ material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.
 ";
 
 /// What stands beside geometry and material: every effect. Each law of stiffening is added, as an effect and as a property.
-const SCENES: [&str; 6] = [
+const SCENES: [&str; 12] = [
     "drive: { voltages: [5 kV, 3 kV] }\nstates: { push: { voltages: [5 kV, 0 V] }, pull: { voltages: [0 V, 5 kV] } }",
     "states: { on: { voltage: 5 kV }, off: { voltage: 0 V } }",
     "drive: { voltage: 5.25 kV, frequency: 2 Hz, duration: 30 s }\neffects: auto",
@@ -206,6 +206,15 @@ properties: { strain_stiffening: { model: gent, jm: 125 }, electrode_stiffness: 
     "drive: { voltage: 5 kV }
 effects: { strain_stiffening: { }, dielectric_breakdown: true, electrode_stiffness: false }
 properties: { strain_stiffening: { model: gent, jm: 125 }, dielectric_breakdown: { law: huang } }",
+    "drive: { voltage: 5 kV, waveform: { step: { } }, rest: 10 min, duration: 1 h }
+effects: { viscoelasticity: { law: linear, branches: [ { modulus: 20 kPa, time: 30 s } ] }, inertia: { density: 960 kg/m3 } }",
+    "drive: { voltage: 5 kV, waveform: { ramp: { time: 2 s } } }
+effects: { viscoelasticity: { }, inertia: true }
+properties: { viscoelasticity: { branches: [ { modulus: 20 kPa, time: 30 s } ] }, density: 960 }",
+    "drive: { voltages: [5 kV, 1 kV], waveform: { sine: { frequency: 2 Hz, bias: 1 kV } } }",
+    "drive: { charge: { total: 2.8 uC } }\neffects: { charge_control: { } }",
+    "drive: { charge: { immobile: 2.8 uC } }",
+    "drive: { waveform: { table: [ [0 s, 0 V], [1 s, 5 kV], [1 s, -5 kV] ] } }",
 ];
 
 /// The documents of a kind.

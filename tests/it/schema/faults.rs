@@ -24,7 +24,7 @@ pub struct Fault {
 }
 
 /// What a reader refuses for its meaning and no schema can: what was said, in part.
-pub const BEYOND: [&str; 29] = [
+pub const BEYOND: [&str; 30] = [
     // Names of other stages, and what those are.
     "no stage is named",
     "stage needs",
@@ -39,6 +39,7 @@ pub const BEYOND: [&str; 29] = [
     "small-strain shear modulus",
     "the term would be singular",
     "has no parameters",
+    "has no `density`",
     "an area fraction lies above 0",
     "the range",
     "units across the membrane",

@@ -71,10 +71,12 @@ fn solved(patterns: &[Pattern], outcomes: &[&str], unstable: &[&str]) -> Object 
         residual: Some(vec![0.0; n]),
         observations: Observations::default(),
         meshes: None,
+        history: None,
         unstable: Unstable {
             rows: sample_rows(&vec![pattern(0); unstable.len()]),
             outcome: words(unstable),
             voltage_bracket: vec![[0.0; 2]; unstable.len()],
+            time_bracket: None,
         },
         scene: Scene::vhb4910(),
         solver: None,

@@ -1,0 +1,481 @@
+//! `deaflow solve --history`: how patterns move in time.
+
+use std::time::Instant as Clock;
+
+use clap::Args;
+use rayon::prelude::*;
+use serde_json::{Value, json};
+
+use super::error::CliError;
+use super::output::{Exit, Output};
+use super::progress::Bar;
+use super::simulate::seconds_each;
+use super::solve::{SolveArguments, check_file, provenance};
+use super::{csv, table, write};
+use crate::base::{Dimension, Progress, Quantity, Time};
+use crate::content::{Histories, Lines, Packed};
+use crate::fem::screening::Screened;
+use crate::fem::{AccurateHistory, History, HistorySolver, Instant};
+use crate::field::{Field, Motion};
+use crate::pattern::Pattern;
+use crate::report::figures::{self, draw_histories};
+use crate::scene::{Scene, Side};
+use crate::stage::direct;
+use crate::store::write_file;
+
+/// Latest time in s.
+const LATEST: f64 = 1e12;
+/// Most times that are written.
+const MOST_TIMES: usize = 100_000;
+
+#[derive(Clone, Debug, Args)]
+pub struct HistoryArguments {
+    /// Follow each pattern in the time of the drive; OUT.csv and OUT.png are written beside OUT.h5
+    #[arg(long, conflicts_with_all = ["path", "cells"])]
+    pub history: bool,
+    /// The times that are written, as in "0 s, 1 s, 10 min"; 0 s is just after the drive has begun [default: 25 up to `drive.duration`]
+    #[arg(long, value_name = "TIMES", requires = "history", value_parser = times)]
+    at: Option<Times>,
+    /// The time between two that are written, up to `drive.duration`
+    #[arg(long, value_name = "TIME", requires = "history", conflicts_with = "at", value_parser = time)]
+    every: Option<Time>,
+}
+
+/// Times in s, in order.
+#[derive(Clone, Debug, PartialEq)]
+struct Times(Vec<f64>);
+
+fn time(text: &str) -> Result<Time, String> {
+    let quantity = Quantity::parse(text, Dimension::Time).map_err(|e| e.to_string())?;
+    match Time::from_f64(quantity.value()) {
+        Some(time) if (1e-12..=LATEST).contains(&time.value()) => Ok(time),
+        _ => Err(format!("allowed: 1e-12 s to {LATEST:e} s")),
+    }
+}
+
+fn times(text: &str) -> Result<Times, String> {
+    let mut times = Vec::new();
+    for part in text.split(',') {
+        let time = Quantity::parse(part, Dimension::Time)
+            .map_err(|e| e.to_string())?
+            .value();
+        if !(0.0..=LATEST).contains(&time) {
+            return Err(format!("{part}: allowed: 0 s to {LATEST:e} s"));
+        }
+        times.push(time);
+    }
+    times.sort_by(f64::total_cmp);
+    times.dedup();
+    Ok(Times(times))
+}
+
+impl HistoryArguments {
+    /// The times that are asked for in a scene.
+    fn times(&self, scene: &Scene) -> Result<Vec<f64>, CliError> {
+        if let Some(Times(times)) = &self.at {
+            return Ok(times.clone());
+        }
+        let Some(duration) = scene.drive.duration.as_ref().map(|duration| duration.value()) else {
+            return Err(
+                CliError::bad_input("a history needs an end: the drive has no `duration`")
+                    .help("give the times, as in --at \"0 s, 1 s, 10 s\", or `duration` in the drive"),
+            );
+        };
+        let Some(every) = &self.every else {
+            return Ok(usual_times(scene, duration));
+        };
+        let count = (duration / every.value() * (1.0 + 1e-12)).floor();
+        if count >= MOST_TIMES as f64 {
+            return Err(
+                CliError::bad_input(format!("--every {every} asks for {count:.0} times"))
+                    .help(format!("at most {MOST_TIMES} are written; --at names some")),
+            );
+        }
+        let base = every.base();
+        // Each as people would write it: not the sum of rounded numbers.
+        let multiple = |k: u64| (k as f64 * every.value() * 1e12).round() / 1e12;
+        let exact = |k: u64| {
+            if base.to_f64() >= 1e-9 {
+                multiple(k)
+            } else {
+                k as f64 * every.value()
+            }
+        };
+        Ok((0..=count as u64).map(exact).collect())
+    }
+}
+
+/// 25 times up to the end: over three decades where the voltage is there at once, evenly where it changes.
+fn usual_times(scene: &Scene, duration: f64) -> Vec<f64> {
+    const COUNT: i32 = 24;
+    let share = |k: i32| f64::from(k) / f64::from(COUNT);
+    let place = |k: i32| match (k, is_step(scene)) {
+        (0, _) => 0.0,
+        (_, true) => duration * 10f64.powf(3.0 * (share(k) - 1.0)),
+        (_, false) => duration * share(k),
+    };
+    (0..=COUNT).map(place).collect()
+}
+
+fn is_step(scene: &Scene) -> bool {
+    scene.waveform().step.is_some()
+}
+
+/// Follows patterns in time and writes what they do as arrays, as a table and as a figure.
+///
+/// # Errors
+/// When a file would be lost, the scene or a pattern cannot be used, or a file cannot be written.
+pub fn execute(arguments: &SolveArguments, scene: &str, output: &Output) -> Result<Exit, CliError> {
+    let file = &arguments.patterns.output;
+    let (values, figure) = (file.with_extension("csv"), file.with_extension("png"));
+    if [&values, &figure].contains(&file) {
+        return Err(
+            CliError::bad_input(format!("{} would be written twice", file.display()))
+                .help("-o names the HDF5 file, as in OUT.h5; OUT.csv and OUT.png are written beside it"),
+        );
+    }
+    for beside in [&values, &figure] {
+        check_file(beside, &arguments.patterns, scene)?;
+    }
+    let read = arguments.state.of(direct::read_scene(&arguments.scene)?)?;
+    if !read.states.is_empty() {
+        return Err(
+            CliError::bad_input("a history is that of one state of a device").help("name the state: --state NAME")
+        );
+    }
+    let patterns = direct::patterns(&arguments.patterns.patterns, read.form())?;
+    let times = arguments.history.times(&read)?;
+    let (bar, start) = (Bar::new("history", "patterns", patterns.len() as u64), Clock::now());
+    let screened = Screened::for_patterns(&read, &patterns, arguments.time.work_limit())?;
+    let scene = &screened.scene;
+    let solver = arguments.parameters().history_solver(scene, times.clone())?;
+    let (followed, each) = follow(&solver, &patterns, &bar)?;
+    bar.finish("done");
+    let seconds = start.elapsed().as_secs_f64();
+    let parameters = format!(
+        "{}, {}, history",
+        arguments.state.described(&arguments.scene),
+        arguments.parameters()
+    );
+    let content = histories(
+        &patterns,
+        scene,
+        &times,
+        (&followed, each),
+        arguments.accuracy.is_some(),
+    );
+    let content = Histories {
+        solver: format!("{{ {} }}", arguments.parameters()),
+        effects: screened.effects(),
+        warnings: Lines(screened.warnings_in_time.clone()),
+        ..content
+    };
+    write_file(
+        file,
+        &content.object(),
+        &provenance("solve", parameters.clone(), seconds),
+    )?;
+    let source = format!("{}; {parameters}", file.display());
+    write::csv(
+        &values,
+        steps_table(&followed)?.as_bytes(),
+        "deaflow solve --history",
+        &source,
+    )?;
+    draw_histories(&figure, &motions(&followed), is_step(scene))?;
+    let unstable = followed
+        .iter()
+        .filter(|one| !one.history.outcome.is_converged())
+        .count();
+    if output.is_json() {
+        output.document(&json!({
+            "file": file,
+            "table": values,
+            "figure": figure,
+            "times": times,
+            "histories": followed.iter().enumerate().map(document).collect::<Vec<_>>(),
+            "unstable": unstable,
+            "warnings": screened.warnings_in_time,
+            "seconds": seconds,
+        }))?;
+    } else {
+        let mut lines = vec![overview(&followed)];
+        lines.extend(
+            screened
+                .warnings_in_time
+                .iter()
+                .map(|warning| format!("model warning: {warning}")),
+        );
+        let files = [file, &values, &figure].map(|path| path.display().to_string());
+        lines.push(format!("{} in {}", files.join(", "), table::seconds(seconds)));
+        output.text(&lines.join("\n"))?;
+    }
+    Ok(if unstable > 0 { Exit::Unstable } else { Exit::Done })
+}
+
+fn follow(
+    solver: &HistorySolver,
+    patterns: &[Pattern],
+    progress: &dyn Progress,
+) -> Result<(Vec<AccurateHistory>, Vec<f64>), CliError> {
+    let one = |pattern: &Pattern| -> Result<AccurateHistory, CliError> {
+        let found = solver.follow(pattern)?;
+        progress.advance(1);
+        Ok(found)
+    };
+    let threads = rayon::current_num_threads();
+    let (mut followed, mut seconds) = (Vec::with_capacity(patterns.len()), Vec::new());
+    for batch in patterns.chunks(threads) {
+        let start = Clock::now();
+        followed.extend(batch.par_iter().map(one).collect::<Result<Vec<_>, _>>()?);
+        seconds.extend(seconds_each(start, batch.len(), threads));
+    }
+    Ok((followed, seconds))
+}
+
+/// The arrays, without what is said of how they were found.
+fn histories(
+    patterns: &[Pattern],
+    scene: &Scene,
+    times: &[f64],
+    (followed, seconds): (&[AccurateHistory], Vec<f64>),
+    with_accuracy: bool,
+) -> Histories {
+    let row = 2 * scene.membrane().raster.corners();
+    let mut displacement = Vec::with_capacity(followed.len() * times.len() * row);
+    for AccurateHistory { history, .. } in followed {
+        history
+            .fields
+            .iter()
+            .for_each(|field| displacement.extend_from_slice(field.values()));
+        let missing = times.len() - history.kept.len();
+        displacement.extend(std::iter::repeat_n(f64::NAN, missing * row));
+    }
+    let each = |value: &dyn Fn(&History, usize) -> f64| {
+        let of = |one: &AccurateHistory| -> Vec<f64> {
+            let history = &one.history;
+            let known = history.kept.iter().map(|&at| value(history, at));
+            known.chain(std::iter::repeat(f64::NAN)).take(times.len()).collect()
+        };
+        Packed(followed.iter().flat_map(of).collect())
+    };
+    let largest = followed.iter().flat_map(|one| {
+        let known = one.history.fields.iter().map(Field::max_magnitude);
+        known.chain(std::iter::repeat(f64::NAN)).take(times.len())
+    });
+    let of_instant = |value: fn(&Instant) -> f64| each(&|history: &History, at: usize| value(&history.instants[at]));
+    let currents: Vec<Vec<f64>> = followed.iter().map(|one| one.history.current()).collect();
+    let current = followed.iter().zip(&currents).flat_map(|(one, currents)| {
+        let known = one.history.kept.iter().map(|&at| currents[at]);
+        known.chain(std::iter::repeat(f64::NAN)).take(times.len())
+    });
+    let brackets = |bracket: fn(&History) -> Option<[f64; 2]>| {
+        followed
+            .iter()
+            .map(|one| bracket(&one.history).unwrap_or_default())
+            .collect()
+    };
+    let bodies = scene.geometry.bodies.as_ref().map_or(0, Vec::len);
+    let motions: Vec<Motion> = followed
+        .iter()
+        .flat_map(|AccurateHistory { history, .. }| {
+            let none = || Motion {
+                translation: [f64::NAN; 2],
+                rotation: f64::NAN,
+            };
+            let known = history
+                .asked()
+                .flat_map(|instant| instant.bodies.clone().unwrap_or_default());
+            known.chain(std::iter::repeat_with(none)).take(times.len() * bodies)
+        })
+        .collect();
+    Histories {
+        patterns: patterns.to_vec(),
+        time: times.to_vec(),
+        voltage: times
+            .iter()
+            .map(|time| scene.waveform().voltage(scene.voltage_v(), *time, Side::After))
+            .collect(),
+        displacement: Packed(displacement),
+        max_displacement: Packed(largest.collect()),
+        charge: of_instant(|instant| instant.charge),
+        current: Packed(current.collect()),
+        stored: of_instant(|instant| instant.stored),
+        electric: of_instant(|instant| instant.electric),
+        kinetic: of_instant(|instant| instant.kinetic),
+        dissipated: of_instant(|instant| instant.dissipated),
+        supplied: of_instant(|instant| instant.supplied),
+        outcome: followed
+            .iter()
+            .map(|one| one.history.outcome.name().to_owned())
+            .collect(),
+        time_bracket: brackets(|history| history.outcome.time_bracket()),
+        voltage_bracket: brackets(|history| history.outcome.bracket()),
+        watched_corner: followed
+            .iter()
+            .map(|one| one.history.watched.map(|corner| corner as u64))
+            .collect(),
+        error_in_time: followed.iter().map(|one| one.history.time_error_mm).collect(),
+        body_translation: (bodies > 0).then(|| Packed(motions.iter().flat_map(|motion| motion.translation).collect())),
+        body_rotation: (bodies > 0).then(|| Packed(motions.iter().map(|motion| motion.rotation).collect())),
+        error_in_space: with_accuracy.then(|| {
+            followed
+                .iter()
+                .map(|found| found.space_error_mm.unwrap_or(f64::NAN))
+                .collect()
+        }),
+        elements_per_cell: with_accuracy.then(|| {
+            followed
+                .iter()
+                .map(|found| found.mesh.elements_per_cell() as u64)
+                .collect()
+        }),
+        order: with_accuracy.then(|| {
+            followed
+                .iter()
+                .map(|found| found.mesh.order().degree() as u64)
+                .collect()
+        }),
+        steps: followed.iter().map(|one| one.history.instants.len() as u64).collect(),
+        residual: followed.iter().map(|one| one.history.residual).collect(),
+        solve_seconds: seconds,
+        scene: scene.clone(),
+        solver: String::new(),
+        effects: String::new(),
+        warnings: Lines(Vec::new()),
+    }
+}
+
+/// All steps of all patterns as comma-separated values with a header.
+fn steps_table(followed: &[AccurateHistory]) -> Result<String, CliError> {
+    let header = [
+        "pattern",
+        "time_s",
+        "voltage_V",
+        "max_displacement_mm",
+        "watched_displacement_mm",
+        "charge_C",
+        "current_A",
+        "stored_J",
+        "electric_J",
+        "kinetic_J",
+        "dissipated_J",
+        "supplied_J",
+    ];
+    let rows = followed
+        .iter()
+        .enumerate()
+        .flat_map(|(pattern, AccurateHistory { history, .. })| {
+            let current = history.current();
+            let row = move |(at, instant): (usize, &Instant)| {
+                let numbers = [
+                    instant.time,
+                    instant.voltage,
+                    instant.largest,
+                    instant.watched,
+                    instant.charge,
+                    current[at],
+                    instant.stored,
+                    instant.electric,
+                    instant.kinetic,
+                    instant.dissipated,
+                    instant.supplied,
+                ];
+                let numbers = numbers.iter().map(ToString::to_string);
+                std::iter::once(pattern.to_string()).chain(numbers).collect()
+            };
+            history
+                .instants
+                .iter()
+                .enumerate()
+                .map(row)
+                .collect::<Vec<Vec<String>>>()
+        });
+    csv::text(&header.map(str::to_owned), rows)
+}
+
+fn motions(followed: &[AccurateHistory]) -> Vec<figures::Motion> {
+    let motion = |(index, AccurateHistory { history, .. }): (usize, &AccurateHistory)| figures::Motion {
+        name: format!("pattern {index}"),
+        time: history.instants.iter().map(|instant| instant.time).collect(),
+        displacement: history.instants.iter().map(|instant| instant.watched).collect(),
+        end: (!history.outcome.is_converged()).then(|| history.outcome.name().to_owned()),
+    };
+    followed.iter().enumerate().map(motion).collect()
+}
+
+/// One line for each pattern.
+fn overview(followed: &[AccurateHistory]) -> String {
+    let header = [
+        "pattern",
+        "outcome",
+        "time",
+        "displacement",
+        "error in time",
+        "error in space",
+        "steps",
+    ];
+    let mut table = table::table(
+        &header,
+        &["time", "displacement", "error in time", "error in space", "steps"],
+    );
+    for (
+        index,
+        AccurateHistory {
+            history,
+            space_error_mm,
+            ..
+        },
+    ) in followed.iter().enumerate()
+    {
+        let last = history.asked().last();
+        let or_dash = |text: Option<String>| text.unwrap_or_else(|| "-".to_owned());
+        table.add_row([
+            index.to_string(),
+            history.outcome.to_string(),
+            or_dash(last.map(|instant| format!("{} s", instant.time))),
+            or_dash(
+                history
+                    .fields
+                    .last()
+                    .map(|field| format!("{:.4} mm", field.max_magnitude())),
+            ),
+            format!("{:.1e} mm", history.time_error_mm),
+            or_dash(space_error_mm.map(|error| format!("{error:.1e} mm"))),
+            history.instants.len().to_string(),
+        ]);
+    }
+    table.trim_fmt()
+}
+
+fn document((index, found): (usize, &AccurateHistory)) -> Value {
+    let history = &found.history;
+    json!({
+        "index": index,
+        "outcome": history.outcome.name(),
+        "time_bracket": history.outcome.time_bracket(),
+        "voltage_bracket": history.outcome.bracket(),
+        "max_displacement": history.fields.iter().map(Field::max_magnitude).collect::<Vec<_>>(),
+        "charge": history.asked().map(|instant| instant.charge).collect::<Vec<_>>(),
+        "watched_corner": history.watched,
+        "error_in_time": history.time_error_mm,
+        "error_in_space": found.space_error_mm,
+        "elements_per_cell": found.mesh.elements_per_cell(),
+        "order": found.mesh.order().degree(),
+        "steps": history.instants.len(),
+        "newton_iterations": history.newton_steps,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_are_read_in_any_order_and_unit() {
+        assert_eq!(times("10 s, 0 s,1 min, 0.5"), Ok(Times(vec![0.0, 0.5, 10.0, 60.0])));
+        for refused in ["", "1 V", "-1 s", "1 s,,2 s", "2e12 s"] {
+            assert!(times(refused).is_err(), "{refused}");
+        }
+    }
+}

@@ -1,0 +1,196 @@
+//! The mass of a membrane: ρ of its area, in units in which it is 1.
+//!
+//! On a tensor-product mesh it is M⊗M with the one-dimensional mass matrices. Frames and rigid bodies see of an image what they see of any
+//! force: a body is as heavy as the membrane that would be in its place.
+
+use faer::Mat;
+use pulp::Arch;
+
+use super::element::Line;
+use super::grid::Grid;
+use super::lanes::Real;
+use super::layout::NodeLayout;
+use super::modes::line_matrices;
+use crate::field::Order;
+
+/// Entries of a row on either side of the diagonal at most.
+const REACH: usize = 2;
+
+/// The entries of a row from [`REACH`] before the diagonal to as many after it.
+type Band = [f64; 2 * REACH + 1];
+
+/// The mass matrix of a grid.
+pub struct Mass {
+    layout: NodeLayout,
+    /// Along x, of each offset from the diagonal the entries of all interior nodes.
+    along: [Vec<f64>; 2 * REACH + 1],
+    /// Along y, of each interior node.
+    across: Vec<Band>,
+    /// Where the nodes of a row lie in it.
+    places: Vec<usize>,
+}
+
+impl Mass {
+    /// The consistent mass of a grid, or the one in which each node has what is about it.
+    #[must_use]
+    pub fn new(grid: &Grid, lumped: bool) -> Self {
+        let layout = grid.layout();
+        let [along, across] = [0, 1].map(|axis| {
+            let size = |at: usize| grid.sides([at; 2])[axis];
+            let (_, mass) = match grid.order() {
+                Order::Bilinear => line_matrices(grid.elements()[axis], &Line::LINEAR, size),
+                Order::Biquadratic => line_matrices(grid.elements()[axis], &Line::QUADRATIC, size),
+            };
+            if lumped {
+                diagonal(&mass, grid, axis)
+            } else {
+                band(&mass)
+            }
+        });
+        let (degree, part) = (layout.degree(), layout.part());
+        let places = (0..layout.nodes()[0]).map(|column| column % degree * part + column / degree);
+        Self {
+            layout,
+            along: std::array::from_fn(|offset| along.iter().map(|band| band[offset]).collect()),
+            across,
+            places: places.collect(),
+        }
+    }
+
+    /// Its image of a vector, at interior nodes.
+    pub fn apply<T: Real>(&self, vector: &[T], out: &mut [T]) {
+        Arch::new().dispatch(
+            #[inline(always)]
+            || self.apply_here(vector, out),
+        );
+    }
+
+    #[inline(always)]
+    fn apply_here<T: Real>(&self, vector: &[T], out: &mut [T]) {
+        let [columns, rows] = self.layout.nodes().map(|nodes| nodes - 2);
+        out.fill(T::default());
+        let stride = self.layout.stride();
+        let is_linear = self.layout.degree() == 1;
+        let mut images = vec![0.0; columns * rows];
+        let mut line = vec![0.0; columns + 2 * REACH];
+        let mut sum = vec![0.0; columns];
+        for c in 0..2 {
+            let start = |row: usize| (c * (rows + 2) + row + 1) * stride;
+            for row in 0..rows {
+                let nodes = &vector[start(row)..][..stride];
+                if is_linear {
+                    let pairs = line[REACH..].iter_mut().zip(&nodes[1..=columns]);
+                    pairs.for_each(|(value, node)| *value = node.to_f64());
+                } else {
+                    let pairs = line[REACH..].iter_mut().zip(&self.places[1..=columns]);
+                    pairs.for_each(|(value, place)| *value = nodes[*place].to_f64());
+                }
+                let image = &mut images[row * columns..][..columns];
+                image.fill(0.0);
+                for (offset, entries) in self.along.iter().enumerate() {
+                    let pairs = entries.iter().zip(&line[offset..]);
+                    image
+                        .iter_mut()
+                        .zip(pairs)
+                        .for_each(|(image, (entry, value))| *image += entry * value);
+                }
+            }
+            for (row, band) in self.across.iter().enumerate() {
+                sum.fill(0.0);
+                for other in row.saturating_sub(REACH)..=(row + REACH).min(rows - 1) {
+                    let (entry, image) = (band[other + REACH - row], &images[other * columns..][..columns]);
+                    sum.iter_mut().zip(image).for_each(|(sum, image)| *sum += entry * image);
+                }
+                let nodes = &mut out[start(row)..][..stride];
+                if is_linear {
+                    let pairs = nodes[1..=columns].iter_mut().zip(&sum);
+                    pairs.for_each(|(node, sum)| *node = T::from_f64(*sum));
+                } else {
+                    let pairs = self.places[1..=columns].iter().zip(&sum);
+                    pairs.for_each(|(place, sum)| nodes[*place] = T::from_f64(*sum));
+                }
+            }
+        }
+    }
+}
+
+fn band(mass: &Mat<f64>) -> Vec<Band> {
+    let n = mass.nrows();
+    let entry = |row: usize, at: usize| match (row + at).checked_sub(REACH) {
+        Some(column) if column < n => mass[(row, column)],
+        _ => 0.0,
+    };
+    (0..n).map(|row| std::array::from_fn(|at| entry(row, at))).collect()
+}
+
+/// Sums over the rows, with what the ends of the line take of their neighbours.
+fn diagonal(mass: &Mat<f64>, grid: &Grid, axis: usize) -> Vec<Band> {
+    let n = mass.nrows();
+    let mut sums: Vec<f64> = (0..n)
+        .map(|row| (0..n).map(|column| mass[(row, column)]).sum())
+        .collect();
+    let last = grid.elements()[axis] - 1;
+    let ends = [(0, grid.sides([0; 2])[axis]), (n - 1, grid.sides([last; 2])[axis])];
+    // The mass that a node at the end shares with the one on the edge: h/6 of linear elements; h/15 and −h/30 of quadratic ones.
+    match grid.order() {
+        Order::Bilinear => ends.into_iter().for_each(|(at, size)| sums[at] += size / 6.0),
+        Order::Biquadratic => {
+            for ((at, size), next) in ends.into_iter().zip([1, n.saturating_sub(2)]) {
+                sums[at] += size / 15.0;
+                if next != at && next < n {
+                    sums[next] -= size / 30.0;
+                }
+            }
+        }
+    }
+    sums.into_iter()
+        .map(|sum| {
+            let mut entries = [0.0; 2 * REACH + 1];
+            entries[REACH] = sum;
+            entries
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::field::Mesh;
+
+    #[test]
+    fn the_mass_of_a_field_is_the_integral_of_its_square() {
+        // u = sin πx sin πy: ∫u² = ¼ of the area.
+        for mesh in [Mesh::bilinear(2), Mesh::biquadratic(1)] {
+            let grid = Grid::paper(mesh);
+            let layout = grid.layout();
+            let [columns, rows] = layout.nodes();
+            let mut vector = vec![0.0; layout.vector_len()];
+            let wave = |at: usize, of: usize| (std::f64::consts::PI * at as f64 / (of - 1) as f64).sin();
+            for (x, y) in (1..rows - 1).flat_map(|y| (1..columns - 1).map(move |x| (x, y))) {
+                vector[layout.index(0, x, y)] = wave(x, columns) * wave(y, rows);
+            }
+            let area = grid.elements().iter().product::<usize>() as f64;
+            for lumped in [false, true] {
+                let mut image = vec![0.0; vector.len()];
+                Mass::new(&grid, lumped).apply(&vector, &mut image);
+                let sum: f64 = vector.iter().zip(&image).map(|(a, b)| a * b).sum();
+                assert!(
+                    (sum / (0.25 * area) - 1.0).abs() < 1e-3,
+                    "{mesh} {lumped}: {}",
+                    sum / area
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn lumped_masses_add_up_to_those_that_are_not_on_the_edge() {
+        for (mesh, edge) in [(Mesh::bilinear(1), 0.5), (Mesh::biquadratic(1), 1.0 / 6.0)] {
+            let grid = Grid::paper(mesh);
+            let mass = Mass::new(&grid, true);
+            let length = grid.elements()[0] as f64;
+            let sum: f64 = mass.along[REACH].iter().sum();
+            assert!((sum - (length - 2.0 * edge)).abs() < 1e-12, "{mesh}: {sum}");
+        }
+    }
+}

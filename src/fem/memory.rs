@@ -1,0 +1,168 @@
+//! An energy beside that of the law, with coefficients of its own at each quadrature point.
+//!
+//! ```text
+//! w  += ½ (P : c + P₃₃ j⁻²),   c = fᵀf
+//! p  += f P − P₃₃ j⁻³ cof f
+//! dp += df P + P₃₃ [3 j⁻⁴ (cof f : df) cof f − j⁻³ cof df]
+//! ```
+//!
+//! However many viscoelastic branches there are, at one time they add no more than that: P is the sum of what they remember.
+
+use super::kinematics::{Tensor, add_scaled, cofactor, contract, deformation, determinant};
+use super::lanes::Value;
+use super::layout::NodeLayout;
+use super::precision::{Both, Precision};
+
+/// Numbers at a point: P along xx, xy and yy, and P₃₃.
+pub const NUMBERS: usize = 4;
+
+/// The coefficients at all quadrature points.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Memory {
+    values: Both,
+    /// The largest of them, whatever its sign.
+    pub largest: f64,
+    /// The mean of P₃₃: what a null Lagrangian can take of it.
+    pub weight: f64,
+}
+
+impl Memory {
+    /// From the numbers of all points, in the lines that [`line`] says.
+    #[must_use]
+    pub fn new(layout: NodeLayout, values: Vec<f64>) -> Self {
+        let lines = values.chunks_exact(layout.part()).skip(NUMBERS - 1).step_by(NUMBERS);
+        let real = lines.flat_map(|line| &line[..layout.columns()]);
+        let (sum, count) = real.fold((0.0, 0), |(sum, count), value| (sum + value, count + 1));
+        Self {
+            largest: values.iter().fold(0.0, |largest, value| f64::max(largest, value.abs())),
+            weight: sum / f64::from(count),
+            values: Both::new(values),
+        }
+    }
+
+    /// The numbers in one precision.
+    #[must_use]
+    pub fn view<T: Precision>(&self) -> &[T] {
+        T::of(&self.values)
+    }
+}
+
+/// Where the line of a number begins, that of a point `q` of the elements of a row, which have so many points: one number for each element.
+#[inline(always)]
+#[must_use]
+pub fn line(layout: NodeLayout, points: usize, row: usize, q: usize, number: usize) -> usize {
+    ((row * points + q) * NUMBERS + number) * layout.part()
+}
+
+/// The stress at f = I + ∇u.
+#[inline(always)]
+pub fn stress<V: Value>([xx, xy, yy, normal]: [V; NUMBERS], gradient: Tensor<V>) -> Tensor<V> {
+    let f = deformation(gradient);
+    let inverse = determinant(f).recip();
+    let squeezed = -(normal * inverse * (inverse * inverse));
+    add_scaled(times(f, [xx, xy, yy]), squeezed, cofactor(f))
+}
+
+/// The mean stress of a step from f = I + ∇u to f + `df`, whose work is the change of energy.
+#[inline(always)]
+pub fn stress_between<V: Value>([xx, xy, yy, normal]: [V; NUMBERS], gradient: Tensor<V>, df: Tensor<V>) -> Tensor<V> {
+    let number = |value: f64| normal.constant(value);
+    let middle = deformation(add_scaled(gradient, number(0.5), df));
+    let [first, last] = [gradient, add_scaled(gradient, number(1.0), df)].map(|at| determinant(deformation(at)));
+    let inverse = (first * last).recip();
+    let squeezed = -(number(0.5) * normal * (first + last) * (inverse * inverse));
+    add_scaled(times(middle, [xx, xy, yy]), squeezed, cofactor(middle))
+}
+
+/// The change of stress along `df`.
+#[inline(always)]
+pub fn tangent<V: Value>([xx, xy, yy, normal]: [V; NUMBERS], gradient: Tensor<V>, df: Tensor<V>) -> Tensor<V> {
+    let f = deformation(gradient);
+    let c = cofactor(f);
+    let inverse = determinant(f).recip();
+    let squeezed = normal * inverse * (inverse * inverse);
+    let along = inverse.constant(3.0) * squeezed * inverse * contract(c, df);
+    add_scaled(add_scaled(times(df, [xx, xy, yy]), along, c), -squeezed, cofactor(df))
+}
+
+/// How much it adds at least to the margins of ellipticity and of convexity, with the null Lagrangian of a weight taken out: f P and cof df are
+/// bounded by the smaller eigenvalue of P and by |df|².
+#[inline(always)]
+pub fn margins<V: Value>([xx, xy, yy, normal]: [V; NUMBERS], weight: f64, f: Tensor<V>) -> [V; 2] {
+    let half = xx.constant(0.5);
+    let (mean, gap) = (half * (xx + yy), half * (xx - yy));
+    let least = mean - gap.madd(gap, xy * xy).sqrt();
+    let inverse = determinant(f).recip();
+    let turned = (normal * inverse).madd(inverse * inverse, xx.constant(-weight));
+    [least, least - turned.max(-turned)]
+}
+
+/// f P.
+#[inline(always)]
+fn times<V: Value>(f: Tensor<V>, [xx, xy, yy]: [V; 3]) -> Tensor<V> {
+    f.map(|[x, y]| [x.madd(xx, y * xy), x.madd(xy, y * yy)])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const P: [f64; NUMBERS] = [0.9, 0.2, 1.3, 0.7];
+    const GRADIENT: Tensor<f64> = [[0.12, 0.07], [-0.11, -0.07]];
+    const ENTRIES: [(usize, usize); 4] = [(0, 0), (0, 1), (1, 0), (1, 1)];
+
+    fn energy(gradient: Tensor<f64>) -> f64 {
+        let f = deformation(gradient);
+        let [[a, b], [c, d]] = f;
+        let metric = [a * a + c * c, a * b + c * d, b * b + d * d];
+        0.5 * (P[0] * metric[0] + 2.0 * P[1] * metric[1] + P[2] * metric[2] + P[3] / determinant(f).powi(2))
+    }
+
+    fn nudged(i: usize, k: usize, by: f64) -> Tensor<f64> {
+        let mut gradient = GRADIENT;
+        gradient[i][k] += by;
+        gradient
+    }
+
+    #[test]
+    fn stress_and_tangent_are_derivatives_of_the_energy() {
+        for (i, k) in ENTRIES {
+            let (up, down) = (nudged(i, k, 1e-6), nudged(i, k, -1e-6));
+            let slope = (energy(up) - energy(down)) / 2e-6;
+            assert!((stress(P, GRADIENT)[i][k] - slope).abs() < 1e-9);
+            let mut direction = [[0.0; 2]; 2];
+            direction[i][k] = 1.0;
+            let (high, low, along) = (stress(P, up), stress(P, down), tangent(P, GRADIENT, direction));
+            for (r, c) in ENTRIES {
+                assert!(((high[r][c] - low[r][c]) / 2e-6 - along[r][c]).abs() < 1e-8);
+            }
+        }
+    }
+
+    #[test]
+    fn the_work_of_a_step_is_the_change_of_energy() {
+        let df = [[0.2, -0.1], [0.07, 0.15]];
+        let change = energy(add_scaled(GRADIENT, 1.0, df)) - energy(GRADIENT);
+        assert!((contract(stress_between(P, GRADIENT, df), df) - change).abs() < 1e-15);
+    }
+
+    #[test]
+    fn margins_are_lower_bounds_of_the_tangent() {
+        let weight = 0.65;
+        let [elliptic, convex] = margins(P, weight, deformation(GRADIENT));
+        let mut smallest = [f64::INFINITY; 2];
+        for trial in 0..20_000_i32 {
+            let angle = |k: f64| (f64::from(trial) * k).sin();
+            let d = [[angle(1.0), angle(2.3)], [angle(3.7), angle(5.9)]];
+            let along = |d: Tensor<f64>| contract(d, tangent(P, GRADIENT, d)) / contract(d, d);
+            smallest[1] = smallest[1].min(along(d) + 2.0 * weight * determinant(d) / contract(d, d));
+            let rank_one = [
+                [d[0][0] * d[1][0], d[0][0] * d[1][1]],
+                [d[0][1] * d[1][0], d[0][1] * d[1][1]],
+            ];
+            smallest[0] = smallest[0].min(along(rank_one));
+        }
+        assert!(elliptic <= smallest[0] && convex <= smallest[1]);
+        assert!(elliptic > 0.0 && convex > 0.5 * smallest[1], "{convex} {smallest:?}");
+    }
+}

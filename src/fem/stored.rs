@@ -1,0 +1,141 @@
+//! What a membrane stores, and the charge on its electrodes, at one time.
+
+use crate::fem::element::Line;
+use crate::fem::energy::Material;
+use crate::fem::kinematics::Tensor;
+use crate::fem::memory::NUMBERS;
+use crate::fem::operator::Activity;
+use crate::field::Order;
+use crate::scene::Scene;
+
+/// Sums over the membrane.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Content {
+    /// Elastic energy of the equilibrium law, in J.
+    pub elastic: f64,
+    /// Charge on all electrodes, in C.
+    pub charge: f64,
+    /// The charge of each group times its share of the voltage, in C: times the voltage it is twice the electric energy.
+    pub driven: f64,
+}
+
+/// Units of sums.
+#[derive(Clone, Copy, Debug)]
+pub struct Units {
+    /// Of energies, in J.
+    pub energy: f64,
+}
+
+impl Units {
+    /// μH times the mean area of elements.
+    #[must_use]
+    pub fn new(scene: &Scene, unit_mm: f64) -> Self {
+        let thickness = 1e-3 * scene.thickness_mm();
+        Self {
+            energy: scene.shear_modulus_pa() * thickness * (1e-3 * unit_mm).powi(2),
+        }
+    }
+}
+
+/// The integral of a number per area at each point, which stand in rows of elements, in these by the points of an element.
+#[must_use]
+pub fn integral(activity: &Activity, at_points: &[f64]) -> f64 {
+    let (grid, layout) = (activity.grid(), activity.grid().layout());
+    let weights = weights(grid.order());
+    let lines = at_points.chunks_exact(layout.part()).enumerate();
+    lines
+        .map(|(line, values)| {
+            let (row, q) = (line / weights.len(), line % weights.len());
+            let sum: f64 = (0..layout.columns())
+                .map(|column| values[column] * grid.size(0, column))
+                .sum();
+            weights[q] * grid.size(1, row) * sum
+        })
+        .sum()
+}
+
+/// The weights of the points of an element.
+fn weights(order: Order) -> Vec<f64> {
+    let of = |line: &[f64]| line.iter().flat_map(|y| line.iter().map(move |x| x * y)).collect();
+    match order {
+        Order::Bilinear => of(&Line::LINEAR.weights),
+        Order::Biquadratic => of(&Line::QUADRATIC.weights),
+    }
+}
+
+/// What is stored at a metric, under laws without voltage and with it, which is so many V.
+#[must_use]
+pub fn content<L: Material>(
+    [unloaded, loaded]: [&L; 2],
+    activity: &Activity,
+    metric: &[f64],
+    voltage: f64,
+    units: Units,
+) -> Content {
+    let layout = activity.grid().layout();
+    let points = (layout.degree() + 1).pow(2);
+    let lines = metric.len() / (NUMBERS * layout.part());
+    let (mut elastic, mut charge, mut driven) = (vec![0.0; lines * layout.part()], Vec::new(), Vec::new());
+    charge.resize(elastic.len(), 0.0);
+    driven.resize(elastic.len(), 0.0);
+    for line in 0..lines {
+        let active = &activity.elements()[line / points * layout.part()..][..layout.part()];
+        for (column, active) in active.iter().enumerate().take(layout.columns()) {
+            let number = |at: usize| metric[(line * NUMBERS + at) * layout.part() + column];
+            let f = deformation([number(0), number(1), number(2), number(3)]);
+            let at = line * layout.part() + column;
+            elastic[at] = unloaded.energy(f, *active);
+            if *active > 0.0 && voltage != 0.0 {
+                let electric = elastic[at] - loaded.energy(f, *active);
+                driven[at] = 2.0 * electric / voltage;
+                charge[at] = driven[at] / active.sqrt();
+            }
+        }
+    }
+    let integral = |values: &[f64]| units.energy * integral(activity, values);
+    Content {
+        elastic: integral(&elastic),
+        charge: integral(&charge),
+        driven: integral(&driven),
+    }
+}
+
+/// A deformation with a given c⁻¹ and j²; laws are isotropic, so that any will do.
+fn deformation([xx, xy, yy, square]: [f64; NUMBERS]) -> Tensor<f64> {
+    let [first, across] = [square * yy, -square * xy];
+    let along = first.sqrt();
+    debug_assert!(xx > 0.0);
+    [[along, across / along], [0.0, square.sqrt() / along]]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fem::energy::NeoHookean;
+    use crate::fem::grid::Grid;
+    use crate::fem::operator::metrics;
+    use crate::field::Mesh;
+    use crate::pattern::{Pattern, Raster};
+
+    #[test]
+    fn half_of_the_default_membrane_is_a_capacitor_of_470_pf_at_rest() {
+        let scene = Scene::vhb4910();
+        for mesh in [Mesh::bilinear(1), Mesh::biquadratic(2)] {
+            let grid = Grid::paper(mesh);
+            let activity = Activity::new(&grid, &Pattern::from_fn(Raster::PAPER, |x, _| x < 25));
+            let metric = metrics(&activity, &vec![0.0; grid.layout().vector_len()]);
+            let laws = [0.0, scene.kappa()].map(|kappa| NeoHookean::new(3.0, kappa));
+            let found = content(
+                [&laws[0], &laws[1]],
+                &activity,
+                &metric,
+                scene.voltage_v(),
+                Units::new(&scene, grid.unit_mm()),
+            );
+            // ε λp² A/(H/λp²) with A the prestretched area: C = ε A λp²/H.
+            let capacitance = scene.permittivity() * 9.0 * (0.5 * 0.05 * 0.05) / 1e-3;
+            assert!((found.charge / (capacitance * 5250.0) - 1.0).abs() < 1e-12);
+            assert!((capacitance - 470e-12).abs() < 2e-12 && found.driven == found.charge);
+        }
+    }
+}

@@ -1,0 +1,45 @@
+//! Histories whose discretisation error is known, by the ladder of meshes of [`AccurateSolver`].
+
+use super::history::{History, HistoryRequest};
+use crate::fem::accurate::{AccurateSolver, LADDER};
+use crate::fem::error::SetupError;
+use crate::field::Mesh;
+use crate::pattern::Pattern;
+
+/// A history on the mesh that was picked.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AccurateHistory {
+    /// The history.
+    pub history: History,
+    /// Its mesh.
+    pub mesh: Mesh,
+    /// Estimate of the largest displacement error in mm that the mesh leaves, over the times that were asked for; none where a mesh finds no
+    /// stable state at the last of them.
+    pub space_error_mm: Option<f64>,
+}
+
+impl AccurateSolver {
+    /// How a pattern moves in the time of the drive, on a mesh that is fine enough.
+    ///
+    /// # Errors
+    /// When the preconditioner of a finer mesh cannot be set up.
+    pub fn history(&self, pattern: &Pattern, request: &HistoryRequest) -> Result<AccurateHistory, SetupError> {
+        let mut coarse = self.rung(0)?.history(pattern, request)?;
+        let mut rung = 0;
+        loop {
+            let fine = self.rung(rung + 1)?.history(pattern, request)?;
+            let complete = coarse.outcome.is_converged() && fine.outcome.is_converged();
+            let error = complete.then(|| LADDER[rung].1 * coarse.difference(&fine));
+            let last = rung + 2 == LADDER.len();
+            if last || error.is_some_and(|error| error <= self.accuracy_mm()) {
+                return Ok(AccurateHistory {
+                    history: coarse,
+                    mesh: LADDER[rung].0,
+                    space_error_mm: error,
+                });
+            }
+            coarse = fine;
+            rung += 1;
+        }
+    }
+}

@@ -1,0 +1,601 @@
+//! The equilibria of a membrane one after the other in time, while its voltage changes and its elastomer creeps.
+//!
+//! A first pass picks the steps: the difference between a solution and its extrapolation from the three before it, which is of third order
+//! in the step as the error of the exponential trapezoid is, follows a tolerance. A second pass halves them all. Both are of second order, so
+//! a third of the difference between them is the error of the second; where it is more than was asked for, a third pass halves again.
+
+use std::cell::Cell;
+use std::mem;
+
+use super::viscous::Viscous;
+use crate::fem::continuation::{Climb, Ending, Loading, Loss, Problem};
+use crate::fem::energy::Material;
+use crate::fem::newton::{self, Trouble, Workspace};
+use crate::fem::operator::{Activity, Operator, metrics};
+use crate::fem::stability::{Stability, judge};
+use crate::fem::stored::{Content, Units, content, integral};
+use crate::fem::work::WorkLimit;
+use crate::field::{Field, Motion};
+use crate::scene::{Knot, Scene, Side, Waveform};
+
+/// Smallest step, in units of the time since the drive began: the bracket of a delayed loss of stability.
+const SMALLEST: f64 = 1e-5;
+/// First step after a jump or a bend, in units of the shortest relaxation time or of the time until the next one.
+const FIRST: f64 = 0.02;
+/// Largest growth of a step.
+const GROWTH: f64 = 1.8;
+/// The error of a step over the difference from its extrapolation.
+const SHARE: f64 = 0.1;
+/// Steps of a sine at least, over a period.
+const IN_PERIOD: f64 = 40.0;
+/// Displacement that is hardly any, in units of the largest over all times.
+const HARDLY: f64 = 0.02;
+/// Steps of a pass at most.
+pub const MOST_STEPS: usize = 50_000;
+
+/// What is followed.
+pub struct Course<'a, F> {
+    /// The membrane without what its branches remember.
+    pub problem: Problem<'a, F>,
+    /// The scene.
+    pub scene: &'a Scene,
+    /// How its voltage changes.
+    pub waveform: Waveform,
+    /// The times in s at which fields are wanted, in order.
+    pub times: &'a [f64],
+    /// Work for each step.
+    pub limit: WorkLimit,
+    /// The corner (column, row) whose displacement is followed.
+    pub watched: Cell<[usize; 2]>,
+}
+
+/// How steps are chosen.
+#[derive(Clone, Copy, Debug)]
+pub enum Steps<'a> {
+    /// By an error of each step in units of displacements.
+    Within(f64),
+    /// So that they end at these times in s.
+    At(&'a [f64]),
+}
+
+/// A membrane at one time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Instant {
+    /// Time since the drive began in s.
+    pub time: f64,
+    /// Voltage in V.
+    pub voltage: f64,
+    /// Charge on all electrodes in C.
+    pub charge: f64,
+    /// Elastic energy of the law and the branches in J, from before the drive on.
+    pub stored: f64,
+    /// Energy of the electric field in J.
+    pub electric: f64,
+    /// Kinetic energy in J.
+    pub kinetic: f64,
+    /// What the branches have dissipated, in J.
+    pub dissipated: f64,
+    /// What the source has supplied, in J.
+    pub supplied: f64,
+    /// Largest displacement magnitude over the cell corners in mm.
+    pub largest: f64,
+    /// Displacement magnitude of the corner that is watched in mm.
+    pub watched: f64,
+    /// How rigid bodies have moved; none where there are none.
+    pub bodies: Option<Vec<Motion>>,
+}
+
+/// How a pass ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PassEnd {
+    /// At the last time.
+    Done,
+    /// The drive begins with a load that the membrane does not bear.
+    AtOnce(Ending),
+    /// No state follows within a short time.
+    Lost {
+        /// The last time in s at which there was a stable state.
+        before: f64,
+        /// The first at which there was none.
+        after: f64,
+        /// What was lost.
+        loss: Loss,
+    },
+    /// The iteration did not end, or there were too many steps.
+    Unknown,
+    /// A step took more work than is allowed.
+    WorkLimit,
+}
+
+/// A pass over the time.
+#[derive(Clone, Debug)]
+pub struct Pass {
+    /// How it ended.
+    pub end: PassEnd,
+    /// The times at which steps ended, in s.
+    pub steps: Vec<f64>,
+    /// The membrane after each step; two at a jump.
+    pub instants: Vec<Instant>,
+    /// Which of them are at the times that were asked for, as far as it got.
+    pub kept: Vec<usize>,
+    /// The displacement then.
+    pub fields: Vec<Field>,
+    /// Newton steps.
+    pub newton_steps: u32,
+    /// Relative residual at the end of the last step.
+    pub residual: f64,
+}
+
+impl Pass {
+    /// The largest difference in mm from another pass at the times that both got to.
+    #[must_use]
+    pub fn difference(&self, other: &Self) -> f64 {
+        let pairs = self.fields.iter().zip(&other.fields);
+        pairs.map(|(a, b)| a.max_difference(b)).fold(0.0, f64::max)
+    }
+
+    /// The same, at each time in units of the largest displacement then, but for times at which there is hardly any.
+    #[must_use]
+    pub fn relative_difference(&self, other: &Self) -> f64 {
+        let sizes: Vec<f64> = self.fields.iter().map(Field::max_magnitude).collect();
+        let least = HARDLY * sizes.iter().copied().fold(0.0, f64::max);
+        let pairs = self.fields.iter().zip(&other.fields).zip(sizes);
+        let ratios = pairs.map(|((a, b), size)| a.max_difference(b) / size.max(least));
+        ratios.filter(|ratio| !ratio.is_nan()).fold(0.0, f64::max)
+    }
+}
+
+/// Why a step is not accepted.
+enum Refusal {
+    Lost(Loss),
+    Unknown,
+    Work,
+}
+
+impl<L: Material, F: Fn(f64) -> L> Course<'_, F> {
+    /// The load at a time, over that of the scene.
+    pub(super) fn share(&self, time: f64, side: Side) -> f64 {
+        let amplitude = self.scene.voltage_v();
+        match amplitude > 0.0 {
+            true => (self.voltage(time, side) / amplitude).powi(2),
+            false => 0.0,
+        }
+    }
+
+    /// The voltage at a time in V.
+    pub(super) fn voltage(&self, time: f64, side: Side) -> f64 {
+        self.waveform.voltage(self.scene.voltage_v(), time, side)
+    }
+
+    /// Goes through the time.
+    pub fn pass(&self, steps: Steps<'_>, workspace: &mut Workspace) -> Pass {
+        let activity = self.problem.activity;
+        let viscous = Viscous::new(self.scene, activity);
+        let mut run = Run {
+            course: self,
+            units: Units::new(self.scene, activity.grid().unit_mm()),
+            stored: 0.0,
+            stored_at_rest: 0.0,
+            // The pass that picks the steps is never the last.
+            measures: matches!(steps, Steps::At(_)),
+            viscous,
+            u: vec![0.0; activity.grid().layout().vector_len()],
+            first: 0.0,
+            recent: Vec::new(),
+            content: Content::default(),
+            electric: 0.0,
+            elastic_at_rest: 0.0,
+            dissipated: 0.0,
+            supplied: 0.0,
+            workspace,
+            pass: Pass {
+                end: PassEnd::Done,
+                steps: Vec::new(),
+                instants: Vec::new(),
+                kept: Vec::new(),
+                fields: Vec::new(),
+                newton_steps: 0,
+                residual: 0.0,
+            },
+        };
+        run.pass.end = run.go(steps).err().unwrap_or(PassEnd::Done);
+        run.pass
+    }
+}
+
+/// A pass on its way.
+struct Run<'a, 'b, F> {
+    course: &'a Course<'b, F>,
+    units: Units,
+    viscous: Viscous,
+    u: Vec<f64>,
+    /// The first step after the last jump or bend.
+    first: f64,
+    /// Up to three states before now since the last jump or bend, with their times.
+    recent: Vec<(f64, Vec<f64>)>,
+    content: Content,
+    electric: f64,
+    elastic_at_rest: f64,
+    /// Energy of the branches in J.
+    stored: f64,
+    stored_at_rest: f64,
+    /// Whether energies and charges are wanted.
+    measures: bool,
+    dissipated: f64,
+    supplied: f64,
+    workspace: &'a mut Workspace,
+    pass: Pass,
+}
+
+impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
+    fn go(&mut self, steps: Steps<'_>) -> Result<(), PassEnd> {
+        let course = self.course;
+        let end = course.times.last().copied().unwrap_or(0.0);
+        self.elastic_at_rest = self.measure(0.0, Side::Before).elastic;
+        self.stored_at_rest = self.branches(&self.viscous.stored());
+        self.stored = self.stored_at_rest;
+        self.begin()?;
+        let mut knots = course.waveform.knots(end);
+        knots.push(Knot {
+            time: end,
+            jumps: false,
+        });
+        let mut asked = course.times.iter().copied().peekable();
+        while asked.next_if(|time| *time <= 0.0).is_some() {
+            self.keep();
+        }
+        for pair in knots.windows(2) {
+            let mut now = pair[0].time;
+            self.first = self.first_step(pair[1].time - now);
+            let mut length = self.first;
+            while now < pair[1].time {
+                let stop = asked.peek().map_or(pair[1].time, |time| time.min(pair[1].time));
+                now = match steps {
+                    Steps::Within(tolerance) => self.step_within(tolerance, now, stop, &mut length)?,
+                    Steps::At(times) => {
+                        let later = times.partition_point(|time| *time <= now);
+                        self.step_to(now, times.get(later).map_or(stop, |time| time.min(stop)))?
+                    }
+                };
+                if self.pass.steps.len() >= MOST_STEPS {
+                    return Err(PassEnd::Unknown);
+                }
+                if now == pair[1].time && pair[1].jumps {
+                    self.jump(now)?;
+                }
+                while asked.next_if(|time| *time <= now).is_some() {
+                    self.keep();
+                }
+            }
+            self.recent.clear();
+            self.recent.push((now, self.u.clone()));
+        }
+        Ok(())
+    }
+
+    /// Puts on what the drive begins with, from rest: the loads of bodies and the voltage at 0 s.
+    fn begin(&mut self) -> Result<(), PassEnd> {
+        let course = self.course;
+        let share = course.share(0.0, Side::After);
+        let activity = self.viscous.remembered(course.problem.activity, 0.0);
+        let loading = self.load(&activity, 0.0, share);
+        self.pass.newton_steps += loading.steps;
+        self.pass.residual = loading.residual;
+        if loading.ending != Ending::Stable {
+            return Err(PassEnd::AtOnce(loading.ending));
+        }
+        self.accept(0.0, 0.0, Side::After, true);
+        Ok(())
+    }
+
+    /// Raises the load from a share to a higher one; from 0 on from rest.
+    fn load(&mut self, activity: &Activity, from: f64, to: f64) -> Loading {
+        let problem = &self.course.problem;
+        let problem = Problem {
+            activity,
+            laplacian: problem.laplacian,
+            material: |share: f64| (problem.material)(share * to),
+            tolerance: problem.tolerance,
+        };
+        let workspace = &mut *self.workspace;
+        workspace.begin(self.course.limit);
+        if from > 0.0 {
+            let climb = Climb {
+                from: from / to,
+                to: 1.0,
+                step: 1.0,
+            };
+            return problem.climb(climb, &mut self.u, workspace);
+        }
+        if to > 0.0 {
+            return problem.load(&mut self.u, workspace);
+        }
+        match problem.rest(&mut self.u, workspace) {
+            Err(loading) => loading,
+            Ok(()) => Loading {
+                ending: Ending::Stable,
+                steps: 0,
+                residual: 0.0,
+                pointwise: false,
+            },
+        }
+    }
+
+    /// The voltage jumps: the branches have no time to follow.
+    fn jump(&mut self, now: f64) -> Result<(), PassEnd> {
+        let [before, after] = [Side::Before, Side::After].map(|side| self.course.share(now, side));
+        if after > before {
+            let activity = self.viscous.remembered(self.course.problem.activity, 0.0);
+            let reached = self.u.clone();
+            let loading = self.load(&activity, before.max(f64::MIN_POSITIVE), after);
+            self.pass.newton_steps += loading.steps;
+            if loading.ending != Ending::Stable {
+                self.u = reached;
+                return Err(match loading.ending {
+                    Ending::Lost { loss, .. } => PassEnd::Lost {
+                        before: now,
+                        after: now,
+                        loss,
+                    },
+                    Ending::WorkLimit { .. } => PassEnd::WorkLimit,
+                    Ending::Stable | Ending::Unknown { .. } => PassEnd::Unknown,
+                });
+            }
+        } else {
+            let start = self.u.clone();
+            let found = self
+                .solve(now, now, Side::After, start)
+                .map_err(|refusal| match refusal {
+                    Refusal::Lost(loss) => PassEnd::Lost {
+                        before: now,
+                        after: now,
+                        loss,
+                    },
+                    Refusal::Unknown => PassEnd::Unknown,
+                    Refusal::Work => PassEnd::WorkLimit,
+                })?;
+            self.u = found;
+        }
+        self.recent.clear();
+        self.accept(now, 0.0, Side::After, true);
+        Ok(())
+    }
+
+    /// The shortest step to a time that is tried.
+    fn shortest(&self, to: f64) -> f64 {
+        SMALLEST * to.max(self.first)
+    }
+
+    /// The first step after a jump or a bend, where the next one is so far away.
+    fn first_step(&self, room: f64) -> f64 {
+        self.viscous.shortest().map_or(room, |shortest| shortest.min(room)) * FIRST
+    }
+
+    /// The longest step that keeps to a tolerance, to `stop` at the farthest; returns where it ends.
+    fn step_within(&mut self, tolerance: f64, now: f64, stop: f64, length: &mut f64) -> Result<f64, PassEnd> {
+        let period = self
+            .course
+            .waveform
+            .angular_frequency()
+            .map_or(f64::INFINITY, |omega| std::f64::consts::TAU / omega);
+        loop {
+            let wanted = length.min(period / IN_PERIOD);
+            let room = stop - now;
+            // What is left after a step is not shorter than a half of it.
+            let step = if wanted >= room {
+                room
+            } else if 1.5 * wanted > room {
+                0.5 * room
+            } else {
+                wanted
+            };
+            let to = if step >= room { stop } else { now + step };
+            let shortest = to - now <= self.shortest(to);
+            let guess = self.extrapolated(to);
+            match self.solve(now, to, Side::Before, guess.clone()) {
+                Ok(found) => {
+                    let difference = found.iter().zip(&guess).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+                    let error = SHARE * difference;
+                    let factor = 0.9 * (tolerance / error.max(1e-300)).powf(1.0 / 3.0);
+                    if error > 2.0 * tolerance && !shortest {
+                        *length = (to - now) * factor.clamp(0.2, 0.8);
+                        continue;
+                    }
+                    self.advance(now, to, found);
+                    let next = (to - now) * factor.clamp(0.3, GROWTH);
+                    // A step that was cut short says nothing against longer ones.
+                    *length = if step < wanted && next < wanted {
+                        wanted.min(next.max(*length))
+                    } else {
+                        next
+                    };
+                    return Ok(to);
+                }
+                Err(refusal) if shortest => return Err(ended(&refusal, now, to)),
+                Err(Refusal::Work) => return Err(PassEnd::WorkLimit),
+                Err(_) => *length = 0.5 * (to - now),
+            }
+        }
+    }
+
+    /// A step to a time; in parts where the whole does not lead there.
+    fn step_to(&mut self, now: f64, to: f64) -> Result<f64, PassEnd> {
+        let (mut from, mut length) = (now, to - now);
+        while from < to {
+            let end = if from + length >= to - 1e-12 * to {
+                to
+            } else {
+                from + length
+            };
+            let guess = self.extrapolated(end);
+            match self.solve(from, end, Side::Before, guess) {
+                Ok(found) => {
+                    self.advance(from, end, found);
+                    from = end;
+                }
+                Err(Refusal::Work) => return Err(PassEnd::WorkLimit),
+                Err(refusal) if end - from <= self.shortest(end) => return Err(ended(&refusal, from, end)),
+                Err(_) => length = 0.5 * (end - from),
+            }
+        }
+        Ok(to)
+    }
+
+    /// The stable state at the end of a step, from a guess and else from the state before it.
+    fn solve(&mut self, from: f64, to: f64, side: Side, guess: Vec<f64>) -> Result<Vec<f64>, Refusal> {
+        let course = self.course;
+        let material = (course.problem.material)(course.share(to, side));
+        let activity = self.viscous.remembered(course.problem.activity, to - from);
+        let operator = Operator {
+            material: &material,
+            activity: &activity,
+            pulled: 1.0,
+        };
+        self.workspace.begin(course.limit);
+        let mut last = None;
+        for mut u in [guess, self.u.clone()] {
+            let laplacian = course.problem.laplacian;
+            match newton::solve(&operator, laplacian, course.problem.tolerance, &mut u, self.workspace) {
+                Ok(progress) => {
+                    self.pass.newton_steps += progress.steps;
+                    self.pass.residual = progress.residual;
+                    match judge(&operator, laplacian, &u, self.workspace) {
+                        Stability::Stable { .. } => return Ok(u),
+                        Stability::Unstable => last = Some(Refusal::Lost(Loss::Stability)),
+                        Stability::NotElliptic => last = Some(Refusal::Lost(Loss::Ellipticity)),
+                        Stability::Slack => last = Some(Refusal::Lost(Loss::Tension)),
+                    }
+                }
+                Err((trouble, progress)) => {
+                    self.pass.newton_steps += progress.steps;
+                    last = Some(match trouble {
+                        Trouble::NegativeCurvature | Trouble::LineSearch => Refusal::Lost(Loss::Stability),
+                        Trouble::Limit => Refusal::Unknown,
+                        Trouble::Work => return Err(Refusal::Work),
+                    });
+                }
+            }
+        }
+        Err(last.unwrap_or(Refusal::Unknown))
+    }
+
+    /// The state at a later time by the polynomial through the last ones.
+    fn extrapolated(&self, to: f64) -> Vec<f64> {
+        let mut guess = vec![0.0; self.u.len()];
+        for (at, (time, state)) in self.recent.iter().enumerate() {
+            let others = self.recent.iter().enumerate().filter(|(other, _)| *other != at);
+            let weight: f64 = others.map(|(_, (other, _))| (to - other) / (time - other)).product();
+            guess
+                .iter_mut()
+                .zip(state)
+                .for_each(|(sum, value)| *sum += weight * value);
+        }
+        if self.recent.is_empty() {
+            guess.copy_from_slice(&self.u);
+        }
+        self.course.problem.activity.grid().settle(&mut guess);
+        guess
+    }
+
+    fn advance(&mut self, from: f64, to: f64, found: Vec<f64>) {
+        self.u = found;
+        self.accept(to, to - from, Side::Before, false);
+    }
+
+    /// Takes the state that was found for the end of a step. A jump is an infinitely fast rise without losses.
+    fn accept(&mut self, now: f64, step: f64, side: Side, jump: bool) {
+        let course = self.course;
+        let mut later = self.viscous.clone();
+        later.advance(course.problem.activity, step, &self.u);
+        if self.measures {
+            self.account(now, &later, side, jump);
+        }
+        self.viscous = later;
+        if !jump {
+            self.pass.steps.push(now);
+        }
+        self.recent.push((now, self.u.clone()));
+        if self.recent.len() > 3 {
+            self.recent.remove(0);
+        }
+        let field = course.problem.activity.grid().sample(&self.u);
+        self.pass.instants.push(Instant {
+            time: now,
+            voltage: course.voltage(now, side),
+            charge: self.content.charge,
+            stored: self.content.elastic - self.elastic_at_rest + self.stored - self.stored_at_rest,
+            electric: self.electric,
+            kinetic: 0.0,
+            dissipated: self.dissipated,
+            supplied: self.supplied,
+            largest: field.max_magnitude(),
+            watched: magnitude_at(&field, course.watched.get()),
+            bodies: course.problem.activity.grid().motions(&self.u),
+        });
+    }
+
+    /// Balances the energies of a step that ends with the branches in a later state.
+    fn account(&mut self, now: f64, later: &Viscous, side: Side, jump: bool) {
+        let measured = self.measure(now, side);
+        let content_before = mem::replace(&mut self.content, measured);
+        let voltage = self.course.voltage(now, side);
+        let electric_before = mem::replace(&mut self.electric, 0.5 * self.content.driven * voltage);
+        let stored = self.branches(&later.stored());
+        let change = stored - mem::replace(&mut self.stored, stored);
+        if jump {
+            let before = if self.pass.instants.is_empty() {
+                self.elastic_at_rest
+            } else {
+                content_before.elastic
+            };
+            self.supplied += self.content.elastic - before + change + self.electric - electric_before;
+        } else {
+            self.dissipated += self.branches(&self.viscous.work_to(later)) - change;
+            let before = self.pass.instants.last().map_or(0.0, |instant| instant.voltage);
+            self.supplied += 0.5 * (before + voltage) * (self.content.driven - content_before.driven);
+        }
+    }
+
+    fn branches(&self, at_points: &[f64]) -> f64 {
+        self.units.energy * integral(self.course.problem.activity, at_points)
+    }
+
+    fn measure(&self, now: f64, side: Side) -> Content {
+        let course = self.course;
+        let activity = course.problem.activity;
+        let laws = [0.0, course.share(now, side)].map(|share| (course.problem.material)(share));
+        let metric = metrics(activity, &self.u);
+        content(
+            [&laws[0], &laws[1]],
+            activity,
+            &metric,
+            course.voltage(now, side),
+            self.units,
+        )
+    }
+
+    /// Notes that the last state was asked for.
+    fn keep(&mut self) {
+        self.pass.kept.push(self.pass.instants.len() - 1);
+        let field = self.course.problem.activity.grid().sample(&self.u);
+        self.pass.fields.push(field);
+    }
+}
+
+/// The displacement magnitude of a corner in mm.
+pub fn magnitude_at(field: &Field, [x, y]: [usize; 2]) -> f64 {
+    let [along, across] = field.at_corner(x, y);
+    along.hypot(across)
+}
+
+fn ended(refusal: &Refusal, before: f64, after: f64) -> PassEnd {
+    match refusal {
+        Refusal::Lost(loss) => PassEnd::Lost {
+            before,
+            after,
+            loss: *loss,
+        },
+        Refusal::Unknown => PassEnd::Unknown,
+        Refusal::Work => PassEnd::WorkLimit,
+    }
+}

@@ -1,0 +1,269 @@
+//! Natural frequencies about an equilibrium: K v = ω² M v.
+//!
+//! The iteration is LOBPCG (Knyazev, SIAM J. Sci. Comput. 23 (2001) 517) with a block of vectors, preconditioned by the inverse Laplacian:
+//! Rayleigh and Ritz in the span of the block, its preconditioned residuals and its last steps, of which an orthonormal basis is kept.
+
+use faer::{Mat, Side};
+
+use crate::base::Stream;
+use crate::fem::effects::WithMaterial;
+use crate::fem::eigenvalue::{dot, precondition};
+use crate::fem::energy::Material;
+use crate::fem::error::SetupError;
+use crate::fem::mass::Mass;
+use crate::fem::operator::{Activity, Operator};
+use crate::fem::precondition::Laplacian;
+use crate::fem::solver::MembraneSolver;
+use crate::field::{Field, Outcome};
+use crate::pattern::Pattern;
+use crate::scene::Scene;
+
+/// Most modes that are asked for at once.
+pub const MOST_MODES: usize = 100;
+/// Iterations at most.
+const LIMIT: usize = 300;
+/// Relative change of all eigenvalues that is none.
+const SETTLED: f64 = 1e-12;
+
+/// How a pattern vibrates about its equilibrium.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Vibration {
+    /// How the search for the equilibrium ended; without one there are no modes.
+    pub outcome: Outcome,
+    /// The equilibrium.
+    pub equilibrium: Option<Field>,
+    /// Natural frequencies in Hz, lowest first.
+    pub frequencies: Vec<f64>,
+    /// Their modes, of which the corner that moves most moves by 1.
+    pub modes: Vec<Field>,
+}
+
+/// The speed in m/s of shear waves that sets the scale of frequencies, c = λp√(μ/ρ).
+///
+/// # Errors
+/// When the density is not known.
+pub fn wave_speed(scene: &Scene) -> Result<f64, SetupError> {
+    let density = scene.density().ok_or(SetupError::Density)?;
+    Ok(scene.mean_prestretch() * (scene.shear_modulus_pa() / density).sqrt())
+}
+
+impl MembraneSolver {
+    /// The lowest natural frequencies of a pattern about its equilibrium at the voltage of the scene.
+    ///
+    /// # Errors
+    /// When the density is not known, or the drive is a charge.
+    pub fn vibration(&self, pattern: &Pattern, count: usize, lumped: bool) -> Result<Vibration, SetupError> {
+        let speed = wave_speed(&self.scene)?;
+        if self.scene.drive.charge.is_some() {
+            return Err(SetupError::Charge);
+        }
+        let solution = self.solve(pattern);
+        if !solution.outcome.is_converged() {
+            return Ok(Vibration {
+                outcome: solution.outcome,
+                equilibrium: None,
+                frequencies: Vec::new(),
+                modes: Vec::new(),
+            });
+        }
+        let pairs = self.model.with(Lowest {
+            solver: self,
+            activity: &self.model.activity(&self.grid, pattern),
+            u: &solution.displacement,
+            mass: &Mass::new(&self.grid, lumped),
+            count,
+        });
+        let hertz = speed / (1e-3 * self.grid.unit_mm() * std::f64::consts::TAU);
+        Ok(Vibration {
+            outcome: solution.outcome,
+            equilibrium: Some(self.field(&solution)),
+            frequencies: pairs.iter().map(|(value, _)| hertz * value.max(0.0).sqrt()).collect(),
+            modes: pairs
+                .iter()
+                .map(|(_, vector)| normalised(&self.grid.sample(vector)))
+                .collect(),
+        })
+    }
+}
+
+/// The same with a largest displacement of 1, of which the larger component is positive.
+fn normalised(mode: &Field) -> Field {
+    let [x, y] = mode.most_moved();
+    let [along, across] = mode.at_corner(x, y);
+    let larger = if along.abs() >= across.abs() { along } else { across };
+    let scale = along.hypot(across).copysign(larger);
+    match scale == 0.0 {
+        true => mode.clone(),
+        false => mode.scaled(1.0 / scale),
+    }
+}
+
+struct Lowest<'a> {
+    solver: &'a MembraneSolver,
+    activity: &'a Activity,
+    u: &'a [f64],
+    mass: &'a Mass,
+    count: usize,
+}
+
+impl WithMaterial for Lowest<'_> {
+    type Output = Vec<(f64, Vec<f64>)>;
+
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Self::Output {
+        let operator = Operator {
+            material: &material(1.0),
+            activity: self.activity,
+            pulled: 1.0,
+        };
+        lowest(&operator, &self.solver.laplacian, self.mass, self.u, self.count)
+    }
+}
+
+/// A vector with its images.
+#[derive(Clone)]
+struct Direction {
+    vector: Vec<f64>,
+    /// K times it.
+    stiff: Vec<f64>,
+    /// M times it.
+    heavy: Vec<f64>,
+}
+
+impl Direction {
+    fn new<L: Material>(operator: &Operator<'_, L>, mass: &Mass, u: &[f64], vector: Vec<f64>) -> Self {
+        let mut stiff = vec![0.0; vector.len()];
+        operator.tangent(u, &vector, &mut stiff);
+        let mut heavy = vec![0.0; vector.len()];
+        mass.apply(&vector, &mut heavy);
+        operator.activity.grid().restrict(u, &mut heavy);
+        Self { vector, stiff, heavy }
+    }
+
+    fn zero(len: usize) -> Self {
+        Self {
+            vector: vec![0.0; len],
+            stiff: vec![0.0; len],
+            heavy: vec![0.0; len],
+        }
+    }
+
+    fn add(&mut self, factor: f64, other: &Self) {
+        let parts = [
+            (&mut self.vector, &other.vector),
+            (&mut self.stiff, &other.stiff),
+            (&mut self.heavy, &other.heavy),
+        ];
+        for (own, other) in parts {
+            own.iter_mut().zip(other).for_each(|(a, b)| *a += factor * b);
+        }
+    }
+
+    /// Makes it orthogonal to unit directions and of unit mass; `None` when nothing is left of it.
+    fn orthonormal<'d>(mut self, others: impl Iterator<Item = &'d Self> + Clone) -> Option<Self> {
+        let before = dot(&self.vector, &self.heavy);
+        // Once more: the first pass leaves rounding of the size of what it took away.
+        for _ in 0..2 {
+            for other in others.clone() {
+                self.add(-dot(&self.vector, &other.heavy), other);
+            }
+        }
+        let size = dot(&self.vector, &self.heavy);
+        if size.is_nan() || size <= 1e-18 * before.max(f64::MIN_POSITIVE) {
+            return None;
+        }
+        let factor = 1.0 / size.sqrt();
+        for part in [&mut self.vector, &mut self.stiff, &mut self.heavy] {
+            part.iter_mut().for_each(|a| *a *= factor);
+        }
+        Some(self)
+    }
+
+    /// A sum of directions.
+    fn combined(span: &[&Self], weights: impl Iterator<Item = f64>) -> Self {
+        let mut sum = Self::zero(span[0].vector.len());
+        weights
+            .zip(span)
+            .for_each(|(weight, direction)| sum.add(weight, direction));
+        sum
+    }
+}
+
+/// The lowest eigenvalues of K v = ω² M v at `u` with their vectors; fewer where there are not so many.
+fn lowest<L: Material>(
+    operator: &Operator<'_, L>,
+    laplacian: &Laplacian,
+    mass: &Mass,
+    u: &[f64],
+    count: usize,
+) -> Vec<(f64, Vec<f64>)> {
+    let grid = operator.activity.grid();
+    let poses = grid.poses(u);
+    let mut scratch = laplacian.scratch();
+    let mut block: Vec<Direction> = Vec::new();
+    for index in 0..(count + (count / 2).max(4)) {
+        let mut stream = Stream::new(0, "natural frequencies", index as u64);
+        let load = grid.random_load(&mut stream, u);
+        let Some(start) = precondition(laplacian, &load, &poses, &mut scratch) else {
+            break;
+        };
+        block.extend(Direction::new(operator, mass, u, start).orthonormal(block.iter()));
+    }
+    let mut steps: Vec<Direction> = Vec::new();
+    let mut values = vec![f64::INFINITY; block.len()];
+    let mut settled = 0;
+    for _ in 0..LIMIT {
+        if block.is_empty() || settled >= 2 {
+            break;
+        }
+        let mut corrections: Vec<Direction> = Vec::new();
+        for x in &block {
+            let value = dot(&x.vector, &x.stiff);
+            let residual: Vec<f64> = x.stiff.iter().zip(&x.heavy).map(|(k, m)| k - value * m).collect();
+            if let Some(correction) = precondition(laplacian, &residual, &poses, &mut scratch) {
+                let others = block.iter().chain(&steps).chain(&corrections);
+                corrections.extend(Direction::new(operator, mass, u, correction).orthonormal(others));
+            }
+        }
+        let span: Vec<&Direction> = block.iter().chain(&steps).chain(&corrections).collect();
+        let matrix = Mat::from_fn(span.len(), span.len(), |i, k| {
+            0.5 * (dot(&span[i].vector, &span[k].stiff) + dot(&span[k].vector, &span[i].stiff))
+        });
+        let Ok(eigen) = matrix.self_adjoint_eigen(Side::Lower) else {
+            break;
+        };
+        let (vectors, found) = (eigen.U(), eigen.S().column_vector());
+        let weights =
+            |mode: usize, from: usize| (0..span.len()).map(move |i| if i < from { 0.0 } else { vectors[(i, mode)] });
+        let kept = block.len();
+        let next: Vec<Direction> = (0..kept)
+            .map(|mode| Direction::combined(&span, weights(mode, 0)))
+            .collect();
+        let moved: Vec<Direction> = (0..kept)
+            .map(|mode| Direction::combined(&span, weights(mode, kept)))
+            .collect();
+        let change = (0..kept.min(count)).map(|mode| ((values[mode] - found[mode]) / found[mode]).abs());
+        settled = if change.fold(0.0, f64::max) < SETTLED {
+            settled + 1
+        } else {
+            0
+        };
+        values = (0..kept).map(|mode| found[mode]).collect();
+        block = Vec::new();
+        for direction in next {
+            block.extend(direction.orthonormal(block.iter()));
+        }
+        steps = Vec::new();
+        for direction in moved {
+            steps.extend(direction.orthonormal(block.iter().chain(&steps)));
+        }
+    }
+    let each = block.into_iter().take(count).map(|direction| {
+        // The images of sums of sums have rounding of their own.
+        let fresh = Direction::new(operator, mass, u, direction.vector);
+        (
+            dot(&fresh.vector, &fresh.stiff) / dot(&fresh.vector, &fresh.heavy),
+            fresh.vector,
+        )
+    });
+    each.collect()
+}

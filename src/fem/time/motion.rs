@@ -1,0 +1,377 @@
+//! Motion with inertia: energy and momentum are those of the membrane, not of the steps.
+//!
+//! In a step from u₀ to u₁ = u₀ + Δu, with time in units in which the mass of an area is 1,
+//!
+//! ```text
+//! (2/Δt²) M (Δu − Δt v₀) + F(u₀, u₁) = 0,   v₁ = 2Δu/Δt − v₀
+//! ```
+//!
+//! where the work of F along Δu is the change of energy at the voltage in the middle of the step (Simo and Tarnow, Z. angew. Math. Phys. 43 (1992) 757;
+//! Gonzalez, J. Nonlinear Sci. 6 (1996) 449). Viscoelastic branches relax for half of a step before and after it, and are springs within
+//! it: what they lose is never negative, and stored energy, losses and supply balance to rounding.
+
+use super::march::{Course, Instant, MOST_STEPS, Pass, PassEnd, magnitude_at};
+use super::viscous::Viscous;
+use crate::fem::continuation::Loss;
+use crate::fem::energy::Material;
+use crate::fem::krylov::{Ending, Scratch, conjugate_gradients};
+use crate::fem::mass::Mass;
+use crate::fem::newton::norm;
+use crate::fem::operator::{Operator, metrics};
+use crate::fem::precondition::Laplacian;
+use crate::fem::stored::{Content, Units, content, integral};
+use crate::scene::{Knot, Side};
+
+/// Residual of a step, over the forces in it.
+const TOLERANCE: f64 = 1e-10;
+/// Iterations of a step at most.
+const LIMIT: usize = 30;
+/// A residual that falls less than by this factor asks for another tangent.
+const SLOW: f64 = 0.2;
+/// How often a step that leads nowhere is halved.
+const DEEPEST: u32 = 6;
+/// How well the chord operator is inverted in each.
+const INNER: f64 = 1e-5;
+
+/// What moves.
+pub struct Motion<'a, 'b, F> {
+    /// What is followed.
+    pub course: &'a Course<'b, F>,
+    /// Its mass.
+    pub mass: &'a Mass,
+    /// Units of time, in which the mass of an area is 1, in a second.
+    pub per_second: f64,
+    /// Preconditions steps of about this length.
+    pub laplacian: &'a Laplacian,
+    /// The longest step in s.
+    pub step: f64,
+}
+
+/// A pass on its way.
+struct Run<'a, 'b, 'c, F> {
+    motion: &'a Motion<'b, 'c, F>,
+    viscous: Viscous,
+    units: Units,
+    u: Vec<f64>,
+    /// Velocity, in units of length and time.
+    v: Vec<f64>,
+    /// The changes in the last steps since the voltage jumped, the latest first, with their lengths.
+    changes: Vec<(f64, Vec<f64>)>,
+    /// At the full voltage.
+    content: Content,
+    elastic_at_rest: f64,
+    branches: f64,
+    branches_at_rest: f64,
+    dissipated: f64,
+    supplied: f64,
+    krylov: Scratch,
+    pass: Pass,
+}
+
+impl<L: Material, F: Fn(f64) -> L> Motion<'_, '_, F> {
+    /// Goes through the time.
+    pub fn pass(&self) -> Pass {
+        let activity = self.course.problem.activity;
+        let len = activity.grid().layout().vector_len();
+        let viscous = Viscous::new(self.course.scene, activity);
+        let units = Units::new(self.course.scene, activity.grid().unit_mm());
+        let branches = units.energy * integral(activity, &viscous.stored());
+        let mut run = Run {
+            motion: self,
+            viscous,
+            units,
+            u: vec![0.0; len],
+            v: vec![0.0; len],
+            changes: Vec::new(),
+            content: Content::default(),
+            elastic_at_rest: 0.0,
+            branches,
+            branches_at_rest: branches,
+            dissipated: 0.0,
+            supplied: 0.0,
+            krylov: Scratch::new(len),
+            pass: Pass {
+                end: PassEnd::Done,
+                steps: Vec::new(),
+                instants: Vec::new(),
+                kept: Vec::new(),
+                fields: Vec::new(),
+                newton_steps: 0,
+                residual: 0.0,
+            },
+        };
+        run.pass.end = run.go().err().unwrap_or(PassEnd::Done);
+        run.pass
+    }
+}
+
+impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, '_, F> {
+    fn go(&mut self) -> Result<(), PassEnd> {
+        let course = self.motion.course;
+        let end = course.times.last().copied().unwrap_or(0.0);
+        self.content = self.measure();
+        self.elastic_at_rest = self.content.elastic;
+        let charged = self.electric(0.0, Side::After);
+        self.supplied += charged;
+        self.record(0.0, Side::After);
+        let mut asked = course.times.iter().copied().peekable();
+        while asked.next_if(|time| *time <= 0.0).is_some() {
+            self.keep();
+        }
+        let mut knots = course.waveform.knots(end);
+        knots.push(Knot {
+            time: end,
+            jumps: false,
+        });
+        for pair in knots.windows(2) {
+            let mut now = pair[0].time;
+            while now < pair[1].time {
+                let stop = asked.peek().map_or(pair[1].time, |time| time.min(pair[1].time));
+                let count = ((stop - now) / self.motion.step * (1.0 - 1e-9)).ceil().max(1.0);
+                let start = now;
+                for step in 1..=count as usize {
+                    let to = if step as f64 == count {
+                        stop
+                    } else {
+                        start + (stop - start) * step as f64 / count
+                    };
+                    self.advance(now, to, 0)?;
+                    now = to;
+                    if self.pass.steps.len() >= MOST_STEPS {
+                        return Err(PassEnd::Unknown);
+                    }
+                }
+                if now == pair[1].time && pair[1].jumps {
+                    let [before, after] = [Side::Before, Side::After].map(|side| self.electric(now, side));
+                    self.supplied += after - before;
+                    self.changes.clear();
+                    self.record(now, Side::After);
+                }
+                while asked.next_if(|time| *time <= now).is_some() {
+                    self.keep();
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The energy of the electric field at this state and the voltage of a time, in J.
+    fn electric(&self, time: f64, side: Side) -> f64 {
+        self.content.driven * self.scale() * 0.5 * self.motion.course.voltage(time, side).powi(2)
+    }
+
+    /// One over the voltage at which the content is measured.
+    fn scale(&self) -> f64 {
+        let full = self.motion.course.scene.voltage_v();
+        if full > 0.0 { 1.0 / full } else { 0.0 }
+    }
+
+    fn measure(&self) -> Content {
+        let course = self.motion.course;
+        let activity = course.problem.activity;
+        let laws = [0.0, 1.0].map(|share| (course.problem.material)(share));
+        let metric = metrics(activity, &self.u);
+        content(
+            [&laws[0], &laws[1]],
+            activity,
+            &metric,
+            course.scene.voltage_v(),
+            self.units,
+        )
+    }
+
+    fn stored_in_branches(&self) -> f64 {
+        self.units.energy * integral(self.motion.course.problem.activity, &self.viscous.stored())
+    }
+
+    /// A step; in halves where it leads nowhere.
+    fn advance(&mut self, from: f64, to: f64, depth: u32) -> Result<(), PassEnd> {
+        match self.step(from, to) {
+            Err(PassEnd::Lost {
+                loss: Loss::Stability, ..
+            }) if depth < DEEPEST => {
+                let middle = 0.5 * (from + to);
+                self.advance(from, middle, depth + 1)?;
+                self.advance(middle, to, depth + 1)
+            }
+            other => other,
+        }
+    }
+
+    /// A step, or nothing where it leads nowhere.
+    fn step(&mut self, from: f64, to: f64) -> Result<(), PassEnd> {
+        let course = self.motion.course;
+        let activity = course.problem.activity;
+        let seconds = to - from;
+        let lost = |loss| PassEnd::Lost {
+            before: from,
+            after: to,
+            loss,
+        };
+        let mut viscous = self.viscous.clone();
+        viscous.relax(0.5 * seconds);
+        let remembered = viscous.remembered(activity, 0.0);
+        let middle = 0.5 * (from + to);
+        let material = (course.problem.material)(course.share(middle, Side::After));
+        let operator = Operator {
+            material: &material,
+            activity: &remembered,
+            pulled: 1.0,
+        };
+        let length = seconds * self.motion.per_second;
+        let Some(change) = self.solve(&operator, length) else {
+            return Err(lost(Loss::Stability));
+        };
+        self.viscous = viscous;
+        self.dissipated += self.branches - self.stored_in_branches();
+        let pairs = self.u.iter_mut().zip(&change);
+        pairs.for_each(|(u, change)| *u += change);
+        let pairs = self.v.iter_mut().zip(&change);
+        pairs.for_each(|(v, change)| *v = 2.0 * change / length - *v);
+        self.changes.insert(0, (length, change));
+        self.changes.truncate(3);
+        let margins = operator.margins(&self.u);
+        if margins.ellipticity.is_nan() || margins.ellipticity <= 0.0 {
+            return Err(lost(Loss::Ellipticity));
+        }
+        let electric_before = self.electric(from, Side::After);
+        let before = std::mem::take(&mut self.content);
+        self.content = self.measure();
+        self.viscous.strain(activity, &self.u);
+        let strained = self.stored_in_branches();
+        self.viscous.relax(0.5 * seconds);
+        self.branches = self.stored_in_branches();
+        self.dissipated += strained - self.branches;
+        let work = 0.5 * course.voltage(middle, Side::After).powi(2) * self.scale();
+        self.supplied +=
+            work * (self.content.driven - before.driven) + self.electric(to, Side::Before) - electric_before;
+        self.pass.steps.push(to);
+        self.record(to, Side::Before);
+        Ok(())
+    }
+
+    /// The change of displacement in a step by the mean velocities in the last ones, as a polynomial of time.
+    fn guess(&self, length: f64) -> Vec<f64> {
+        // Where the middles of the last steps lie, seen from that of this one.
+        let mut places = Vec::new();
+        let mut behind = 0.5 * length;
+        for (other, _) in &self.changes {
+            places.push(-(behind + 0.5 * other));
+            behind += other;
+        }
+        let mut guess = vec![0.0; self.v.len()];
+        for (at, (other, change)) in self.changes.iter().enumerate() {
+            let weight: f64 = places
+                .iter()
+                .enumerate()
+                .filter(|(k, _)| *k != at)
+                .map(|(_, place)| place / (place - places[at]))
+                .product();
+            let scale = weight * length / other;
+            guess
+                .iter_mut()
+                .zip(change)
+                .for_each(|(sum, change)| *sum += scale * change);
+        }
+        if self.changes.is_empty() {
+            guess.iter_mut().zip(&self.v).for_each(|(sum, v)| *sum = length * v);
+        }
+        guess
+    }
+
+    /// The change of displacement in a step; `None` where it leads nowhere.
+    fn solve(&mut self, operator: &Operator<'_, L>, length: f64) -> Option<Vec<f64>> {
+        let motion = self.motion;
+        let grid = operator.activity.grid();
+        let weight = 2.0 / (length * length);
+        let mut change = self.guess(length);
+        let (mut residual, mut forces) = (vec![0.0; change.len()], vec![0.0; change.len()]);
+        let mut against = vec![0.0; change.len()];
+        let mut single: Vec<f32> = Vec::new();
+        let mut moduli = Vec::new();
+        let mut scratch = motion.laplacian.scratch();
+        let mut heavy = vec![0.0_f32; change.len()];
+        let mut reference: f64 = 0.0;
+        let mut size = f64::INFINITY;
+        for iteration in 0..LIMIT {
+            operator.residual_between(&self.u, &change, &mut forces);
+            let moved: Vec<f64> = change
+                .iter()
+                .zip(&self.v)
+                .map(|(change, v)| weight * (change - length * v))
+                .collect();
+            motion.mass.apply(&moved, &mut against);
+            grid.restrict(&self.u, &mut against);
+            let sums = forces.iter().zip(&against);
+            residual
+                .iter_mut()
+                .zip(sums)
+                .for_each(|(r, (force, inertia))| *r = force + inertia);
+            reference = reference.max(norm(&forces)).max(norm(&against));
+            let now = norm(&residual);
+            if !now.is_finite() {
+                return None;
+            }
+            self.pass.residual = now / reference.max(f64::MIN_POSITIVE);
+            // A residual that no longer falls is rounding.
+            if now <= TOLERANCE * reference || (now >= 0.5 * size && now <= 1e3 * TOLERANCE * reference) {
+                return Some(change);
+            }
+            let is_slow = now > SLOW * size;
+            size = now;
+            if iteration == 0 || is_slow {
+                let half: Vec<f64> = self.u.iter().zip(&change).map(|(u, change)| u + 0.5 * change).collect();
+                single = half.iter().map(|value| *value as f32).collect();
+                operator.linearise(&single, &mut moduli);
+            }
+            self.pass.newton_steps += 1;
+            let targets = self.krylov.residual.iter_mut().zip(&residual);
+            targets.for_each(|(target, r)| *target = (r / now) as f32);
+            let ending = conjugate_gradients(
+                INNER,
+                &mut self.krylov,
+                |p, image| {
+                    operator.tangent_at(&single, &moduli, p, image);
+                    motion.mass.apply(p, &mut heavy);
+                    let pairs = image.iter_mut().zip(&heavy);
+                    pairs.for_each(|(k, m)| *k = 0.5 * *k + weight as f32 * m);
+                },
+                |r, z| motion.laplacian.solve(r, &[], z, &mut scratch),
+            );
+            if ending == Ending::NegativeCurvature {
+                return None;
+            }
+            let steps = change.iter_mut().zip(&self.krylov.solution);
+            steps.for_each(|(change, step)| *change -= now * f64::from(*step));
+        }
+        None
+    }
+
+    fn record(&mut self, now: f64, side: Side) {
+        let course = self.motion.course;
+        let voltage = course.voltage(now, side);
+        let mut heavy = vec![0.0; self.v.len()];
+        self.motion.mass.apply(&self.v, &mut heavy);
+        let twice: f64 = self.v.iter().zip(&heavy).map(|(a, b)| a * b).sum();
+        let field = course.problem.activity.grid().sample(&self.u);
+        self.pass.instants.push(Instant {
+            time: now,
+            voltage,
+            charge: self.content.charge * self.scale() * voltage,
+            stored: self.content.elastic - self.elastic_at_rest + self.branches - self.branches_at_rest,
+            electric: self.electric(now, side),
+            kinetic: 0.5 * self.units.energy * twice,
+            dissipated: self.dissipated,
+            supplied: self.supplied,
+            largest: field.max_magnitude(),
+            watched: magnitude_at(&field, course.watched.get()),
+            bodies: None,
+        });
+    }
+
+    fn keep(&mut self) {
+        self.pass.kept.push(self.pass.instants.len() - 1);
+        let field = self.motion.course.problem.activity.grid().sample(&self.u);
+        self.pass.fields.push(field);
+    }
+}

@@ -1,0 +1,479 @@
+//! Known answers of viscoelasticity and inertia, orders of convergence, balances of energy, and hard cases. Values are those of the design of time:
+//! two independent routes have them.
+
+use super::coefficients::Coefficients;
+use super::*;
+use crate::fem::{MembraneSolver, SolveOptions};
+use crate::field::{Field, Mesh, Outcome, Simulator};
+use crate::pattern::{Pattern, Raster};
+use crate::scene::Scene;
+
+/// A sheet of one point: without prestretch, of stretch λ along both sides.
+struct Sheet {
+    /// κ.
+    kappa: f64,
+    /// Dead load.
+    load: f64,
+    /// G/μ.
+    modulus: f64,
+    /// The state of the branch: A and A₃₃.
+    branch: [f64; 2],
+    stretch: f64,
+}
+
+impl Sheet {
+    /// Relaxed at a stretch.
+    fn relaxed(stretch: f64, kappa: f64, load: f64) -> Self {
+        Self {
+            kappa,
+            load,
+            modulus: 2.0,
+            branch: [stretch.powi(-2), stretch.powi(4)],
+            stretch,
+        }
+    }
+
+    /// The stretch in equilibrium with the branch at Ã and Ã₃₃.
+    fn equilibrium(&self, [a, normal]: [f64; 2]) -> f64 {
+        let g = self.modulus;
+        let mut l = self.stretch;
+        for _ in 0..100 {
+            let force = l * (1.0 + g * a) - (1.0 + g * normal) * l.powi(-5) - self.kappa * l.powi(3) - self.load;
+            let slope = 1.0 + g * a + 5.0 * (1.0 + g * normal) * l.powi(-6) - 3.0 * self.kappa * l * l;
+            l -= force / slope;
+        }
+        l
+    }
+
+    fn step(&mut self, Coefficients { kept, before, now }: Coefficients) {
+        let followed = |l: f64| [l.powi(-2), l.powi(4)];
+        let old = followed(self.stretch);
+        let known = [0, 1].map(|k| kept * self.branch[k] + before * old[k]);
+        // What follows the end of the step is a pressure.
+        self.stretch = self.equilibrium(known);
+        let new = followed(self.stretch);
+        self.branch = [0, 1].map(|k| known[k] + now * new[k]);
+    }
+
+    /// Through these times in units of τ, by so many steps between each two.
+    fn through(mut self, times: &[f64], steps: u32) -> Vec<f64> {
+        self.stretch = self.equilibrium(self.branch);
+        let mut reached = vec![self.stretch];
+        for pair in times.windows(2) {
+            for _ in 0..steps {
+                self.step(Coefficients::new((pair[1] - pair[0]) / f64::from(steps)));
+            }
+            reached.push(self.stretch);
+        }
+        reached
+    }
+}
+
+const TIMES: [f64; 6] = [0.0, 0.1, 1.0, 3.0, 10.0, 60.0];
+
+#[test]
+fn free_sheets_creep_as_they_should() {
+    let dead = 3.0 - 3.0_f64.powi(-5);
+    let cases = [
+        (
+            (1.0, 0.4, 0.0),
+            [
+                1.025499454882,
+                1.027442511865,
+                1.043116203578,
+                1.068843346589,
+                1.108814262577,
+                1.124720102189,
+            ],
+        ),
+        (
+            (3.0, 0.014, dead),
+            [
+                3.219087704508,
+                3.235054526028,
+                3.357290923013,
+                3.529003997629,
+                3.696388708893,
+                3.715236119237,
+            ],
+        ),
+    ];
+    for ((stretch, kappa, load), known) in cases {
+        // Two runs of second order leave an error of fourth order.
+        let [coarse, fine] = [2000, 4000].map(|steps| Sheet::relaxed(stretch, kappa, load).through(&TIMES, steps));
+        for ((coarse, fine), known) in coarse.iter().zip(&fine).zip(known) {
+            let found = fine + (fine - coarse) / 3.0;
+            assert!((found - known).abs() < 2e-11, "{found} {known}");
+        }
+    }
+}
+
+#[test]
+fn ten_steps_have_the_values_of_their_methods() {
+    let trapezoid = Sheet::relaxed(1.0, 0.4, 0.0).through(&[0.0, 1.0], 10);
+    assert!((trapezoid[1] - 1.043114099346).abs() < 1e-12, "{}", trapezoid[1]);
+    let mut euler = Sheet::relaxed(1.0, 0.4, 0.0);
+    euler.stretch = euler.equilibrium(euler.branch);
+    for _ in 0..10 {
+        euler.step(Coefficients {
+            kept: 1.0 / 1.1,
+            before: 0.0,
+            now: 0.1 / 1.1,
+        });
+    }
+    assert!((euler.stretch - 1.042947693681).abs() < 1e-12, "{}", euler.stretch);
+}
+
+#[test]
+fn a_free_sheet_pulls_in_after_the_known_time() {
+    // The stretch runs away like (t* − t)^(−½): steps that end where λ has a given value would need none of this.
+    let mut sheet = Sheet::relaxed(1.0, 0.6, 0.0);
+    sheet.stretch = sheet.equilibrium(sheet.branch);
+    let (mut time, mut step) = (0.0, 1e-3);
+    while step > 1e-9 {
+        let before = (sheet.stretch, sheet.branch);
+        sheet.step(Coefficients::new(step));
+        let Sheet {
+            kappa,
+            modulus,
+            branch: [a, normal],
+            stretch: l,
+            ..
+        } = sheet;
+        let slope = 1.0 + modulus * a + 5.0 * (1.0 + modulus * normal) * l.powi(-6) - 3.0 * kappa * l * l;
+        if slope > 0.0 && l.is_finite() && (l - before.0) < 5e-4 {
+            time += step;
+        } else {
+            (sheet.stretch, sheet.branch) = before;
+            step *= 0.5;
+        }
+    }
+    assert!((time - 9.8214016436).abs() < 1e-4, "{time}");
+    // It gets there like the root of the time that is left.
+    assert!((sheet.stretch - 1.6002786673).abs() < 4e-3, "{}", sheet.stretch);
+}
+
+fn scene(text: &str) -> Scene {
+    let rest = "material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }";
+    Scene::from_text(&format!("{{ {rest}, {text} }}")).unwrap()
+}
+
+const SQUARE: &str = "geometry: { side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 10 }";
+const ONE: &str = "effects: { viscoelasticity: { branches: [{ modulus: 45 kPa, time: 1 s }] } }";
+
+/// A pattern without symmetry.
+fn odd(raster: Raster) -> Pattern {
+    Pattern::from_fn(raster, |x, y| (x * x + 3 * y + x * y) % 7 < 3 || (x > 5 && y < 4))
+}
+
+fn ten() -> Raster {
+    Raster::new(10, 10).unwrap()
+}
+
+fn history(scene: &Scene, pattern: &Pattern, mesh: Mesh, times: &[f64]) -> History {
+    let request = HistoryRequest {
+        times: times.to_vec(),
+        accuracy_mm: None,
+    };
+    let solver = MembraneSolver::new(scene, SolveOptions { mesh, tolerance: 1e-11 }).unwrap();
+    solver.history(pattern, &request).unwrap()
+}
+
+#[test]
+fn a_long_strip_creeps_as_it_should() {
+    let scene = scene(&format!(
+        "geometry: {{ size: [50 mm, 400 mm], thickness: 1 mm, prestretch: 3, cells: [4, 32] }}, drive: {{ voltage: 5250 V }}, {ONE}"
+    ));
+    let pattern = Pattern::from_fn(Raster::new(4, 32).unwrap(), |x, _| x < 2);
+    let found = history(&scene, &pattern, Mesh::bilinear(2), &[0.0, 1.0, 60.0]);
+    for ((instant, field), known) in found
+        .asked()
+        .zip(&found.fields)
+        .zip([2.136424524, 2.658487333, 3.223187347])
+    {
+        let [along, _] = field.at_corner(2, 16);
+        assert!(
+            (along / known - 1.0).abs() < 3e-5,
+            "{} s: {along} {known}",
+            instant.time
+        );
+    }
+    assert!(found.time_error_mm < 1e-4, "{}", found.time_error_mm);
+}
+
+#[test]
+fn a_relaxed_membrane_is_the_static_one_and_branches_without_modulus_are_none() {
+    let fields = |effects: &str, times: &[f64]| {
+        let scene = scene(&format!("{SQUARE}, drive: {{ voltage: 5 kV }}, {effects}"));
+        let found = history(&scene, &odd(ten()), Mesh::bilinear(1), times);
+        found.fields
+    };
+    let scene = scene(&format!("{SQUARE}, drive: {{ voltage: 5 kV }}, effects: {{}}"));
+    let options = SolveOptions {
+        mesh: Mesh::bilinear(1),
+        tolerance: 1e-11,
+    };
+    let still = MembraneSolver::new(&scene, options)
+        .unwrap()
+        .simulate(&[odd(ten())])
+        .remove(0)
+        .field
+        .unwrap();
+    let late = fields(ONE, &[1e4]);
+    assert!(
+        late[0].max_difference(&still) < 1e-7,
+        "{}",
+        late[0].max_difference(&still)
+    );
+    let none = "effects: { viscoelasticity: { branches: [{ modulus: 0 Pa, time: 1 s }] } }";
+    for field in fields(none, &[0.0, 1.0])
+        .iter()
+        .chain(&fields("effects: {}", &[0.0, 2.0]))
+    {
+        assert!(field.max_difference(&still) < 1e-10);
+    }
+    // Twelve decades of relaxation times: those that are over have relaxed, and those to come are springs.
+    let many: Vec<String> = (-6..=6)
+        .map(|k| format!("{{ modulus: 3 kPa, time: 1e{k} s }}"))
+        .collect();
+    let decades = fields(
+        &format!("effects: {{ viscoelasticity: {{ branches: [{}] }} }}", many.join(", ")),
+        &[0.0, 1e-3, 1.0, 1e3, 1e9],
+    );
+    let sizes: Vec<f64> = decades.iter().map(Field::max_magnitude).collect();
+    assert!(sizes.windows(2).all(|pair| pair[1] > 1.02 * pair[0]), "{sizes:?}");
+    assert!(decades[4].max_difference(&still) < 2e-4 * sizes[4]);
+}
+
+#[test]
+fn errors_in_time_fall_with_the_square_of_the_step_and_are_estimated() {
+    let scene = scene(&format!(
+        "{SQUARE}, drive: {{ voltage: 5 kV, waveform: {{ ramp: {{ time: 0.7 s }} }} }}, {ONE}"
+    ));
+    let solver = MembraneSolver::new(
+        &scene,
+        SolveOptions {
+            mesh: Mesh::bilinear(1),
+            tolerance: 1e-11,
+        },
+    )
+    .unwrap();
+    let at = |accuracy_mm: f64| {
+        let request = HistoryRequest {
+            times: vec![0.3, 0.7, 2.0],
+            accuracy_mm: Some(accuracy_mm),
+        };
+        solver.history(&odd(ten()), &request).unwrap()
+    };
+    let truth = at(1e-8);
+    for accuracy in [1e-3, 1e-4, 1e-5] {
+        let found = at(accuracy);
+        let error = found.difference(&truth);
+        assert!(found.time_error_mm <= accuracy);
+        assert!(
+            error <= 1.5 * found.time_error_mm + 2e-8 && found.time_error_mm <= 3.0 * error + 2e-8,
+            "{accuracy}: {error:e} {:e}",
+            found.time_error_mm
+        );
+        let last = found.instants.last().unwrap();
+        let open = last.stored + last.electric + last.dissipated - last.supplied;
+        assert!(
+            open.abs() < 30.0 * accuracy * last.supplied,
+            "{open:e} of {:e}",
+            last.supplied
+        );
+        assert!(
+            found
+                .instants
+                .windows(2)
+                .all(|pair| pair[1].dissipated >= pair[0].dissipated - 1e-12 * last.supplied)
+        );
+    }
+}
+
+#[test]
+fn prestretch_that_has_not_relaxed_makes_a_membrane_stiffer() {
+    let size = |rest: &str| {
+        let scene = scene(&format!("{SQUARE}, drive: {{ voltage: 5 kV{rest} }}, {ONE}"));
+        let found = history(&scene, &odd(ten()), Mesh::bilinear(1), &[0.0, 50.0]);
+        found.fields.iter().map(Field::max_magnitude).collect::<Vec<_>>()
+    };
+    let (relaxed, fresh, late) = (size(""), size(", rest: 0 s"), size(", rest: 1 min"));
+    // At once all of G λp² is there beside μ λp²: twice as stiff as at last, where a relaxed branch adds a ninth.
+    assert!(
+        fresh[0] < 0.75 * relaxed[0] && (fresh[1] / relaxed[1] - 1.0).abs() < 1e-6,
+        "{fresh:?} {relaxed:?}"
+    );
+    assert!((late[0] / relaxed[0] - 1.0).abs() < 1e-9);
+}
+
+#[test]
+fn pull_in_is_delayed_and_bracketed() {
+    let scene = scene(&format!("{SQUARE}, drive: {{ voltage: 7.6 kV }}, {ONE}"));
+    let half = Pattern::from_fn(ten(), |x, _| x < 5);
+    let found = history(&scene, &half, Mesh::bilinear(1), &[0.0, 0.5, 100.0]);
+    let Outcome::DelayedPullIn {
+        last_stable,
+        first_unstable,
+    } = found.outcome
+    else {
+        panic!("{}", found.outcome);
+    };
+    assert!(
+        last_stable > 0.5 && first_unstable < 100.0,
+        "{last_stable} {first_unstable}"
+    );
+    assert!(
+        first_unstable - last_stable < 1e-3 * first_unstable,
+        "{last_stable} {first_unstable}"
+    );
+    assert_eq!(found.asked().count(), 2, "there is nothing after it");
+    // What the membrane does not bear at once is no matter of time.
+    let at_once = history(&scene.at_voltage(12e3), &half, Mesh::bilinear(1), &[0.0, 1.0]);
+    assert!(
+        matches!(at_once.outcome, Outcome::PullIn { .. } | Outcome::NotElliptic { .. }),
+        "{}",
+        at_once.outcome
+    );
+    assert_eq!(at_once.asked().count(), 0);
+}
+
+#[test]
+fn a_voltage_that_jumps_down_lets_the_membrane_creep_back() {
+    let scene = scene(&format!(
+        "{SQUARE}, drive: {{ waveform: {{ table: [[0 s, 5 kV], [1 s, 5 kV], [1 s, 0 V], [9 s, 0 V]] }} }}, {ONE}"
+    ));
+    assert_eq!(scene.voltage_v(), 5e3);
+    let found = history(&scene, &odd(ten()), Mesh::bilinear(1), &[0.0, 0.999, 1.0, 60.0]);
+    let sizes: Vec<f64> = found.fields.iter().map(Field::max_magnitude).collect();
+    // A part of the strain is that of the branch, and stays for a while.
+    assert!(
+        sizes[1] > sizes[0] && sizes[2] > 0.05 * sizes[1] && sizes[2] < 0.5 * sizes[1],
+        "{sizes:?}"
+    );
+    assert!(sizes[3] < 1e-6 * sizes[1]);
+}
+
+#[test]
+fn the_lowest_modes_are_those_of_the_square() {
+    let still = "geometry: { side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 50 }, drive: { voltage: 0 V }, properties: { density: 960 }";
+    let bare = Pattern::from_fn(Raster::PAPER, |_, _| false);
+    let solver = MembraneSolver::new(&scene(still), SolveOptions::on(Mesh::bilinear(1))).unwrap();
+    for (lumped, first, third) in [(false, 290.8201495, 459.5889078), (true, 290.6288603, 458.8335354)] {
+        let found = solver.vibration(&bare, 3, lumped).unwrap();
+        let [a, b, c] = found.frequencies[..] else {
+            panic!("three were asked for");
+        };
+        for (found, known) in [(a, first), (b, first), (c, third)] {
+            assert!((found / known - 1.0).abs() < 2e-9, "{found} {known}");
+        }
+        assert!(
+            found
+                .modes
+                .iter()
+                .all(|mode| (mode.max_magnitude() - 1.0).abs() < 1e-12)
+        );
+    }
+    let fine = MembraneSolver::new(&scene(still), SolveOptions::on(Mesh::biquadratic(1))).unwrap();
+    let found = fine.vibration(&bare, 2, false).unwrap();
+    assert!(
+        found
+            .frequencies
+            .iter()
+            .all(|hertz| (hertz / 290.7723166 - 1.0).abs() < 1e-7),
+        "{:?}",
+        found.frequencies
+    );
+}
+
+const MOVING: &str = "properties: { density: 960 }, effects: { inertia: {} }";
+
+#[test]
+fn motion_keeps_its_energy_and_is_of_second_order() {
+    let scene = scene(&format!(
+        "{SQUARE}, drive: {{ voltage: 4 kV, waveform: {{ ramp: {{ time: 5 ms }} }} }}, {MOVING}"
+    ));
+    let solver = MembraneSolver::new(
+        &scene,
+        SolveOptions {
+            mesh: Mesh::bilinear(1),
+            tolerance: 1e-11,
+        },
+    )
+    .unwrap();
+    let at = |accuracy_mm: f64| {
+        let request = HistoryRequest {
+            times: vec![0.0, 2e-3, 5e-3, 10e-3],
+            accuracy_mm: Some(accuracy_mm),
+        };
+        solver.history(&odd(ten()), &request).unwrap()
+    };
+    let truth = at(1e-6);
+    for accuracy in [1e-3, 1e-4] {
+        let found = at(accuracy);
+        let error = found.difference(&truth);
+        assert!(
+            error <= found.time_error_mm + 2e-7 && found.time_error_mm <= accuracy,
+            "{error:e} {:e}",
+            found.time_error_mm
+        );
+        let largest = found.instants.iter().map(|instant| instant.kinetic).fold(0.0, f64::max);
+        assert!(largest > 0.0);
+        for instant in &found.instants {
+            let open = instant.stored + instant.electric + instant.kinetic + instant.dissipated - instant.supplied;
+            assert!(
+                open.abs() < 1e-8 * (instant.supplied.abs() + largest),
+                "{}: {open:e}",
+                instant.time
+            );
+        }
+    }
+}
+
+#[test]
+fn viscous_motion_comes_to_rest_with_its_energy_in_balance() {
+    let scene = scene(&format!(
+        "{SQUARE}, drive: {{ voltage: 4 kV, waveform: {{ ramp: {{ time: 5 ms }} }} }}, properties: {{ density: 960 }}, \
+         effects: {{ inertia: {{}}, viscoelasticity: {{ branches: [{{ modulus: 45 kPa, time: 1 ms }}] }} }}"
+    ));
+    let request = HistoryRequest {
+        times: vec![0.1],
+        accuracy_mm: Some(1e-2),
+    };
+    let solver = MembraneSolver::new(
+        &scene,
+        SolveOptions {
+            mesh: Mesh::bilinear(1),
+            tolerance: 1e-11,
+        },
+    )
+    .unwrap();
+    let found = solver.history(&odd(ten()), &request).unwrap();
+    let still = solver.simulate(&[odd(ten())]).remove(0).field.unwrap();
+    let last = found.instants.last().unwrap();
+    let field = found.fields.last().unwrap();
+    assert!(field.max_difference(&still) < 1e-3 * still.max_magnitude());
+    for pair in found.instants.windows(2) {
+        assert!(pair[1].dissipated >= pair[0].dissipated - 1e-12 * last.supplied);
+        let open = pair[1].stored + pair[1].electric + pair[1].kinetic + pair[1].dissipated - pair[1].supplied;
+        assert!(open.abs() < 1e-8 * last.supplied, "{open:e} of {:e}", last.supplied);
+    }
+}
+
+#[test]
+fn too_much_voltage_at_once_is_a_dynamic_pull_in() {
+    let scene = scene(&format!("{SQUARE}, drive: {{ voltage: 9 kV }}, {MOVING}"));
+    let half = Pattern::from_fn(ten(), |x, _| x < 5);
+    let request = HistoryRequest {
+        times: vec![0.0, 1.0],
+        accuracy_mm: Some(0.1),
+    };
+    let solver = MembraneSolver::new(&scene, SolveOptions::on(Mesh::bilinear(1))).unwrap();
+    let found = solver.history(&half, &request).unwrap();
+    assert!(
+        matches!(found.outcome, Outcome::DelayedPullIn { .. }),
+        "{}",
+        found.outcome
+    );
+    assert_eq!(found.asked().count(), 1);
+}

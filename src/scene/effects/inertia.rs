@@ -1,0 +1,11 @@
+//! Inertia: the membrane has a mass.
+
+use crate::base::{Density, parameters};
+
+parameters! {
+    /// The membrane has a mass: histories are motions, not equilibria.
+    pub struct Inertia as "`inertia`" {
+        /// Density of the elastomer; without it that of `properties`.
+        pub density: Density [1.0..=1e5],
+    }
+}

@@ -1,0 +1,411 @@
+//! How a voltage changes in time.
+
+use std::f64::consts::TAU;
+use std::path::Path;
+
+use serde_json::json;
+
+use crate::base::{
+    Canonical, Decimal, Declared, Dimension, Fields, Frequency, InputError, Map, Node, NodeValue, Parameter, Quantity,
+    Schema, Time, Voltage, confined, parameters, read_bounded,
+};
+
+/// Most rows of a table.
+const MOST_ROWS: usize = 1_000_000;
+/// Largest file of a table.
+const MOST_BYTES: u64 = 64 << 20;
+/// Largest voltage of a table, on either side of zero, in V.
+const LARGEST: f64 = 1e6;
+/// Latest time of a table in s.
+const LATEST: f64 = 1e12;
+/// The columns of a table.
+const HEADER: [&str; 2] = ["t_s", "voltage_V"];
+
+parameters! {
+    /// How the voltage changes in time: one of these. `voltage` is its amplitude.
+    pub struct Waveform as "`waveform`" {
+        /// All of the voltage from 0 s on.
+        pub step: Option<Step>,
+        /// In proportion to time, then held.
+        pub ramp: Option<Ramp>,
+        /// A sine about a bias.
+        pub sine: Option<Sine>,
+        /// What a table says, linear between its rows and held beyond them.
+        pub table: Option<Table>,
+    }
+    rules(one_of)
+    check(check)
+}
+
+parameters! {
+    /// No parameters.
+    #[derive(Default)]
+    pub struct Step as "`step`" {}
+}
+
+parameters! {
+    /// In proportion to time, then held.
+    pub struct Ramp as "`ramp`" {
+        /// When the voltage is all there.
+        pub time: Time [1e-12..=1e12],
+    }
+}
+
+parameters! {
+    /// V(t) = bias + voltage · sin(2πft).
+    pub struct Sine as "`sine`" {
+        /// f.
+        pub frequency: Frequency [1e-9..=1e9],
+        /// The voltage about which it swings.
+        pub bias: Voltage [0.0..=1e6] = "0 V",
+    }
+}
+
+fn one_of(fields: Fields) -> Fields {
+    let keys: Vec<_> = fields.keys().map(|key| json!({ "required": [key] })).collect();
+    fields.rule(json!({ "oneOf": keys }))
+}
+
+fn check(waveform: &Waveform, map: &Map<'_>) -> Result<(), InputError> {
+    let Waveform {
+        step,
+        ramp,
+        sine,
+        table,
+    } = waveform;
+    let there = [step.is_some(), ramp.is_some(), sine.is_some(), table.is_some()];
+    match there.into_iter().filter(|there| *there).count() {
+        1 => Ok(()),
+        found => Err(map
+            .error(format!("a waveform is one of {}, found {found}", Waveform::keys().join(", ")))
+            .help("for example { step: {} }, { ramp: { time: 1 s } }, { sine: { frequency: 1 Hz } } or { table: drive.csv }")),
+    }
+}
+
+/// Times in s and voltages in V. Two rows at one time are a jump.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Table(Vec<[Decimal; 2]>);
+
+impl Table {
+    /// Times and voltages.
+    fn rows(&self) -> impl Iterator<Item = [f64; 2]> {
+        self.0.iter().map(|row| row.each_ref().map(|value| value.to_f64()))
+    }
+
+    fn largest(&self) -> f64 {
+        self.rows()
+            .fold(0.0, |largest, [_, voltage]| f64::max(largest, voltage.abs()))
+    }
+
+    /// From rows; what a row is called stands before what is wrong with it.
+    fn of_rows(rows: Vec<([Decimal; 2], String)>) -> Result<Self, String> {
+        if rows.len() < 2 {
+            return Err(format!("has {} row; a table has two or more", rows.len()));
+        }
+        if rows.len() > MOST_ROWS {
+            return Err(format!("has {} rows; at most {MOST_ROWS} are allowed", rows.len()));
+        }
+        let mut before = 0.0;
+        for ([time, voltage], name) in &rows {
+            let (time, voltage) = (time.to_f64(), voltage.to_f64());
+            if !(0.0..=LATEST).contains(&time) {
+                return Err(format!("{name}: the time {time} s is not one of 0 to {LATEST:e} s"));
+            }
+            if time < before {
+                return Err(format!(
+                    "{name}: the time {time} s comes after {before} s; times must not go back"
+                ));
+            }
+            if voltage.abs() > LARGEST {
+                return Err(format!("{name}: {voltage} V is more than {LARGEST:e} V"));
+            }
+            before = time;
+        }
+        Ok(Self(rows.into_iter().map(|(row, _)| row).collect()))
+    }
+
+    fn from_csv(text: &str) -> Result<Self, String> {
+        let mut reader = csv::ReaderBuilder::new()
+            .trim(csv::Trim::All)
+            .comment(Some(b'#'))
+            .from_reader(text.as_bytes());
+        let header = reader.headers().map_err(|e| e.to_string())?;
+        if header.iter().ne(HEADER) {
+            return Err(format!(
+                "line 1: the columns must be {}, found {}",
+                HEADER.join(","),
+                header.iter().collect::<Vec<_>>().join(",")
+            ));
+        }
+        let mut rows = Vec::new();
+        for record in reader.records() {
+            let record = record.map_err(|e| e.to_string())?;
+            let line = record.position().map_or(0, csv::Position::line);
+            let number = |text: &str| {
+                let read: Result<Decimal, _> = text.parse();
+                read.map_err(|_| format!("line {line}: {text:?} is not a number"))
+            };
+            rows.push(([number(&record[0])?, number(&record[1])?], format!("line {line}")));
+        }
+        Self::of_rows(rows)
+    }
+}
+
+impl Parameter for Table {
+    type Limits = ();
+    type Literal = Self;
+
+    fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
+        if let NodeValue::List(items) = node.value() {
+            let mut rows = Vec::new();
+            for (at, item) in items.iter().enumerate() {
+                let [time, voltage] = item.list(key)? else {
+                    return Err(item
+                        .error("a row of a table has a time and a voltage")
+                        .help("for example [0.5 s, 5 kV]"));
+                };
+                let time = time.quantity_in(key, Dimension::Time, 0.0, LATEST)?;
+                let voltage = voltage.quantity_in(key, Dimension::Voltage, -LARGEST, LARGEST)?;
+                rows.push(([time.base(), voltage.base()], format!("row {}", at + 1)));
+            }
+            return Self::of_rows(rows).map_err(|why| node.error(format!("the table {why}")));
+        }
+        let name = Path::new(node.text(key)?);
+        let folder = node.file().parent().unwrap_or(Path::new(""));
+        let refused = |why: &str| node.error(format!("the table {}: {why}", folder.join(name).display()));
+        let found = confined(folder, name).map_err(|why| refused(&why.to_string()).help(why.help()))?;
+        let bytes = read_bounded(&found, MOST_BYTES).map_err(|e| refused(&e.to_string()))?;
+        let text = String::from_utf8(bytes).map_err(|_| refused("is no text"))?;
+        Self::from_csv(&text).map_err(|why| {
+            refused(&why).help("the file has the columns t_s,voltage_V and two rows or more, in the order of time")
+        })
+    }
+
+    fn canonical(&self) -> Option<Canonical> {
+        let row = |[time, voltage]: &[Decimal; 2]| {
+            let quantities = [(time, Dimension::Time), (voltage, Dimension::Voltage)];
+            let entries = quantities.map(|(value, dimension)| Canonical::from(&Quantity::new(*value, dimension)));
+            Canonical::List(entries.into())
+        };
+        Some(Canonical::List(self.0.iter().map(row).collect()))
+    }
+
+    fn schema((): &()) -> Schema {
+        let row = json!({
+            "type": "array",
+            "prefixItems": [
+                serde_json::Value::from(Schema::quantity(Dimension::Time, 0.0, LATEST)),
+                serde_json::Value::from(Schema::quantity(Dimension::Voltage, -LARGEST, LARGEST)),
+            ],
+            "minItems": 2,
+            "maxItems": 2,
+        });
+        Schema::any_of([
+            Schema::text().description("A file beside the scene with the columns t_s,voltage_V."),
+            Schema::list(Schema::new(row), 2, MOST_ROWS),
+        ])
+    }
+
+    fn literal(literal: Self) -> Self {
+        literal
+    }
+}
+
+/// A jump or a bend of a waveform.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Knot {
+    /// When, in s.
+    pub time: f64,
+    /// Whether the voltage jumps there.
+    pub jumps: bool,
+}
+
+/// A side of a time: where a waveform jumps, the voltage is another just before than just after.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// Just before.
+    Before,
+    /// Just after.
+    After,
+}
+
+impl Waveform {
+    /// All of the voltage from 0 s on.
+    #[must_use]
+    pub fn of_step() -> Self {
+        Self {
+            step: Some(Step {}),
+            ramp: None,
+            sine: None,
+            table: None,
+        }
+    }
+
+    /// The largest voltage of a table, in V.
+    #[must_use]
+    pub fn own_voltage_v(&self) -> Option<f64> {
+        self.table.as_ref().map(Table::largest)
+    }
+
+    /// The voltage in V at a time in s, at an amplitude in V; before 0 s there is none.
+    #[must_use]
+    pub fn voltage(&self, amplitude: f64, time: f64, side: Side) -> f64 {
+        if time < 0.0 || (time == 0.0 && side == Side::Before) {
+            return 0.0;
+        }
+        if let Some(ramp) = &self.ramp {
+            return amplitude * (time / ramp.time.value()).min(1.0);
+        }
+        if let Some(sine) = &self.sine {
+            return sine.bias.value() + amplitude * (TAU * sine.frequency.value() * time).sin();
+        }
+        match &self.table {
+            Some(table) => table.voltage(time, side),
+            None => amplitude,
+        }
+    }
+
+    /// Where it jumps or bends, in the order of time, within so many seconds.
+    #[must_use]
+    pub fn knots(&self, until: f64) -> Vec<Knot> {
+        let mut knots = vec![Knot {
+            time: 0.0,
+            jumps: self.voltage(1.0, 0.0, Side::After) != 0.0,
+        }];
+        if let Some(ramp) = &self.ramp {
+            knots.push(Knot {
+                time: ramp.time.value(),
+                jumps: false,
+            });
+        }
+        if let Some(table) = &self.table {
+            let times = table.rows().map(|[time, _]| time).filter(|time| *time > 0.0);
+            let knot = |time| Knot {
+                time,
+                jumps: table.voltage(time, Side::Before) != table.voltage(time, Side::After),
+            };
+            knots.extend(times.map(knot));
+        }
+        knots.dedup_by(|a, b| a.time == b.time);
+        knots.retain(|knot| knot.time < until);
+        knots
+    }
+
+    /// The angular frequency in 1/s of a sine.
+    #[must_use]
+    pub fn angular_frequency(&self) -> Option<f64> {
+        self.sine.as_ref().map(|sine| TAU * sine.frequency.value())
+    }
+
+    /// The time in s within which it changes: that of a ramp, a sixth of a period, the shortest between rows of a table; none where it
+    /// changes at once.
+    #[must_use]
+    pub fn time_s(&self) -> Option<f64> {
+        let table = self.table.as_ref().and_then(|table| {
+            let times: Vec<f64> = table.rows().map(|[time, _]| time).collect();
+            let gaps = times.windows(2).map(|pair| pair[1] - pair[0]).filter(|gap| *gap > 0.0);
+            gaps.reduce(f64::min)
+        });
+        let ramp = self.ramp.as_ref().map(|ramp| ramp.time.value());
+        ramp.or_else(|| self.angular_frequency().map(f64::recip)).or(table)
+    }
+}
+
+impl Table {
+    fn voltage(&self, time: f64, side: Side) -> f64 {
+        let at = |row: usize| self.0[row].each_ref().map(|value| value.to_f64());
+        // The first row that is later; of rows at one time the last one counts just after it.
+        let later = self.0.partition_point(|[row, _]| match side {
+            Side::Before => row.to_f64() < time,
+            Side::After => row.to_f64() <= time,
+        });
+        if later == 0 {
+            return at(0)[1];
+        }
+        if later == self.0.len() {
+            return at(later - 1)[1];
+        }
+        let ([start, low], [end, high]) = (at(later - 1), at(later));
+        low + (high - low) * (time - start) / (end - start)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn table(text: &str) -> Result<Table, String> {
+        Table::from_csv(text)
+    }
+
+    fn of_table(text: &str) -> Waveform {
+        Waveform {
+            step: None,
+            table: Some(table(text).unwrap()),
+            ..Waveform::of_step()
+        }
+    }
+
+    #[test]
+    fn tables_are_linear_between_rows_and_jump_where_two_rows_share_a_time() {
+        let waveform = of_table("t_s,voltage_V\n0,0\n1,1000\n1,3000\n2,3000\n");
+        let volts = |time, side| waveform.voltage(5.0, time, side);
+        assert_eq!(volts(0.5, Side::After), 500.0);
+        assert_eq!((volts(1.0, Side::Before), volts(1.0, Side::After)), (1000.0, 3000.0));
+        assert_eq!(
+            (volts(7.0, Side::After), waveform.own_voltage_v()),
+            (3000.0, Some(3000.0))
+        );
+        let knots = waveform.knots(10.0);
+        assert_eq!(
+            knots.iter().map(|knot| (knot.time, knot.jumps)).collect::<Vec<_>>(),
+            [(0.0, false), (1.0, true), (2.0, false)]
+        );
+        assert_eq!(waveform.knots(1.5).len(), 2);
+    }
+
+    #[test]
+    fn a_table_out_of_order_with_one_row_or_other_columns_is_refused_by_its_line() {
+        for (text, said) in [
+            ("t_s,voltage_V\n0,0\n2,5\n1,5\n", "line 4: the time 1 s comes after 2 s"),
+            ("t_s,voltage_V\n0,5\n", "has 1 row"),
+            ("t_s,voltage_V\n", "has 0 row"),
+            (
+                "t,v\n0,0\n1,1\n",
+                "line 1: the columns must be t_s,voltage_V, found t,v",
+            ),
+            ("t_s,voltage_V\n0,0\n1,x\n", "line 3: \"x\" is not a number"),
+            ("t_s,voltage_V\n-1,0\n1,1\n", "line 2: the time -1 s"),
+            ("t_s,voltage_V\n0,0\n1,1e9\n", "line 3: 1000000000 V is more"),
+        ] {
+            let found = table(text).unwrap_err();
+            assert!(found.contains(said), "{found}");
+        }
+    }
+
+    #[test]
+    fn ramps_and_sines_have_their_amplitude() {
+        let ramp = Waveform {
+            step: None,
+            ramp: Some(Ramp {
+                time: Time::literal("2 s"),
+            }),
+            ..Waveform::of_step()
+        };
+        assert_eq!(
+            [0.5, 2.0, 9.0].map(|t| ramp.voltage(100.0, t, Side::After)),
+            [25.0, 100.0, 100.0]
+        );
+        let sine = Waveform {
+            step: None,
+            sine: Some(Sine {
+                frequency: Frequency::literal("2 Hz"),
+                bias: Voltage::literal("1 kV"),
+            }),
+            ..Waveform::of_step()
+        };
+        assert!((sine.voltage(100.0, 0.125, Side::After) - 1100.0).abs() < 1e-9);
+        assert_eq!(sine.voltage(100.0, 0.0, Side::Before), 0.0);
+        assert!(sine.knots(1.0)[0].jumps);
+    }
+}

@@ -1,0 +1,249 @@
+//! Histories, natural frequencies and charges on the command line and in pipelines.
+
+use crate::common::Workspace;
+
+const SCENE: &str = "
+geometry: { side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 10 }
+material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
+drive: { DRIVE }
+effects: { viscoelasticity: {} }
+properties: { viscoelasticity: { branches: [{ modulus: 45 kPa, time: 1 s }] }, density: 960 }
+";
+
+fn workspace(drive: &str) -> Workspace {
+    let workspace = Workspace::new();
+    workspace.write("scene.yaml", &SCENE.replace("DRIVE", drive));
+    let rows: Vec<String> = (0..10)
+        .map(|y| {
+            (0..10)
+                .map(|x| if (x + y) % 3 == 0 { "1" } else { "0" })
+                .collect::<Vec<_>>()
+                .join(",")
+        })
+        .collect();
+    workspace.write("odd.csv", &rows.join("\n"));
+    workspace
+}
+
+#[test]
+fn a_history_has_its_arrays_its_table_and_its_figure() {
+    let workspace = workspace("voltage: 5 kV, waveform: { step: {} }, duration: 10 s");
+    let ended = workspace.run(&[
+        "solve",
+        "scene.yaml",
+        "odd.csv",
+        "-o",
+        "out.h5",
+        "--history",
+        "--at",
+        "10 s, 0 s, 1 s",
+        "--json",
+    ]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let document = ended.json();
+    assert_eq!(document["times"], serde_json::json!([0.0, 1.0, 10.0]));
+    let file = hdf5::File::open(workspace.path("out.h5")).unwrap();
+    let shape = |name: &str| file.dataset(name).unwrap().shape();
+    assert_eq!(shape("displacement"), [1, 3, 11, 11, 2]);
+    assert_eq!(
+        (shape("time"), shape("charge"), shape("outcome")),
+        (vec![3], vec![1, 3], vec![1])
+    );
+    let moved = file.dataset("max_displacement").unwrap().read_raw::<f64>().unwrap();
+    assert!(moved[0] < moved[1] && moved[1] < moved[2], "{moved:?}");
+    let error = file.dataset("error_in_time").unwrap().read_raw::<f64>().unwrap()[0];
+    assert!(error > 0.0 && error < 1e-4 * moved[2], "{error}");
+    let table = std::fs::read_to_string(workspace.path("out.csv")).unwrap();
+    assert!(table.starts_with("pattern,time_s,voltage_V,"), "{table}");
+    assert!(table.lines().count() > 20);
+    assert!(
+        std::fs::read(workspace.path("out.png"))
+            .unwrap()
+            .starts_with(b"\x89PNG")
+    );
+    // The end of creep is the equilibrium, which says what it leaves out.
+    let still = workspace.run(&["solve", "scene.yaml", "odd.csv", "-o", "still.h5"]);
+    assert_eq!(still.code, Some(0), "{}", still.stderr);
+    assert!(
+        still.stdout.contains("viscoelasticity is left out of an equilibrium"),
+        "{}",
+        still.stdout
+    );
+    // Evenly spaced times up to the end of the drive; without an end they are asked for.
+    let every = workspace.run(&[
+        "solve",
+        "scene.yaml",
+        "odd.csv",
+        "-o",
+        "every.h5",
+        "--history",
+        "--every",
+        "2.5 s",
+        "--json",
+    ]);
+    assert_eq!(every.json()["times"], serde_json::json!([0.0, 2.5, 5.0, 7.5, 10.0]));
+}
+
+#[test]
+fn what_a_history_lacks_or_cannot_stand_beside_is_said() {
+    let workspace = workspace("voltage: 5 kV");
+    for (more, said) in [
+        (vec!["--history"], "the drive has no `duration`"),
+        (vec!["--history", "--at", "1 V"], "unknown unit"),
+        (vec!["--at", "1 s"], "--history"),
+        (
+            vec!["--history", "--at", "1 s", "--method", "linear"],
+            "--history cannot stand beside --method linear",
+        ),
+        (vec!["--history", "--path"], "cannot be used with"),
+        (vec!["--lumped"], "--modes"),
+    ] {
+        let ended = workspace.run(&[&["solve", "scene.yaml", "odd.csv", "-o", "out.h5"], &more[..]].concat());
+        assert_eq!(ended.code, Some(2), "{more:?}: {}", ended.stderr);
+        assert!(ended.stderr.contains(said), "{more:?}: {}", ended.stderr);
+    }
+}
+
+#[test]
+fn a_table_beside_the_scene_drives_and_is_refused_by_line() {
+    let workspace = workspace("waveform: { table: drive.csv }");
+    workspace.write("drive.csv", "t_s,voltage_V\n0,0\n1,5000\n1,2000\n3,2000\n");
+    let solve = [
+        "solve",
+        "scene.yaml",
+        "odd.csv",
+        "-o",
+        "out.h5",
+        "--history",
+        "--at",
+        "1 s, 2 s",
+    ];
+    let ended = workspace.run(&solve);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let file = hdf5::File::open(workspace.path("out.h5")).unwrap();
+    let volts = file.dataset("voltage").unwrap().read_raw::<f64>().unwrap();
+    assert_eq!(volts, [2000.0, 2000.0]);
+    workspace.write("drive.csv", "t_s,voltage_V\n0,0\n2,5000\n1,2000\n");
+    let ended = workspace.run(&solve);
+    assert_eq!(ended.code, Some(2));
+    assert!(
+        ended.stderr.contains("line 4: the time 1 s comes after 2 s") && ended.stderr.contains("scene.yaml:4"),
+        "{}",
+        ended.stderr
+    );
+}
+
+#[test]
+fn pull_in_with_delay_has_its_times_and_nothing_after_them() {
+    let workspace = workspace("voltage: 7.6 kV");
+    workspace.write("half.csv", &csv_of_ten(|x| x < 5));
+    let ended = workspace.run(&[
+        "solve",
+        "scene.yaml",
+        "half.csv",
+        "-o",
+        "out.h5",
+        "--history",
+        "--at",
+        "0 s, 1000 s",
+        "--elements-per-cell",
+        "1",
+    ]);
+    assert_eq!(ended.code, Some(3), "{}{}", ended.stdout, ended.stderr);
+    assert!(ended.stdout.contains("delayed-pull-in between "), "{}", ended.stdout);
+    let file = hdf5::File::open(workspace.path("out.h5")).unwrap();
+    let [last, first] = file.dataset("time_bracket").unwrap().read_raw::<f64>().unwrap()[..] else {
+        panic!("two times");
+    };
+    assert!(0.0 < last && last < first && first < 1000.0, "{last} {first}");
+    let moved = file.dataset("max_displacement").unwrap().read_raw::<f64>().unwrap();
+    assert!(moved[0] > 0.0 && moved[1].is_nan());
+}
+
+fn csv_of_ten(active: impl Fn(usize) -> bool) -> String {
+    let row: Vec<&str> = (0..10).map(|x| if active(x) { "1" } else { "0" }).collect();
+    vec![row.join(","); 10].join("\n")
+}
+
+#[test]
+fn natural_frequencies_are_written_with_their_modes() {
+    let workspace = workspace("voltage: 3 kV");
+    let ended = workspace.run(&[
+        "solve",
+        "scene.yaml",
+        "odd.csv",
+        "-o",
+        "out.h5",
+        "--modes",
+        "3",
+        "--json",
+    ]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let file = hdf5::File::open(workspace.path("out.h5")).unwrap();
+    assert_eq!(file.dataset("modes").unwrap().shape(), [1, 3, 11, 11, 2]);
+    let hertz = file.dataset("frequencies").unwrap().read_raw::<f64>().unwrap();
+    assert!(
+        hertz[0] > 250.0 && hertz[0] <= hertz[1] && hertz[1] <= hertz[2] && hertz[2] < 600.0,
+        "{hertz:?}"
+    );
+    workspace.write(
+        "scene.yaml",
+        &SCENE.replace("DRIVE", "voltage: 3 kV").replace(", density: 960", ""),
+    );
+    let ended = workspace.run(&["solve", "scene.yaml", "odd.csv", "-o", "out.h5", "--modes", "3"]);
+    assert_ne!(ended.code, Some(0));
+    assert!(ended.stderr.contains("`density`"), "{}", ended.stderr);
+}
+
+#[test]
+fn a_charge_gives_the_voltage_and_a_voltage_no_charge_control() {
+    let workspace = workspace("charge: { total: 1 uC }");
+    let ended = workspace.run(&["solve", "scene.yaml", "odd.csv", "-o", "out.h5"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let file = hdf5::File::open(workspace.path("out.h5")).unwrap();
+    let volts = file.dataset("voltage").unwrap().read_raw::<f64>().unwrap()[0];
+    assert!(volts > 1000.0 && volts < 9000.0, "{volts}");
+    assert_eq!(file.dataset("charge").unwrap().read_raw::<f64>().unwrap(), [1e-6]);
+    for (drive, said) in [
+        ("voltage: 5 kV, charge: { total: 1 uC }", "this drive has both"),
+        ("charge: {}", "either `total` or `immobile`"),
+        ("charge: { total: 1 C }", "allowed: charges of up to"),
+    ] {
+        workspace.write("scene.yaml", &SCENE.replace("DRIVE", drive));
+        let ended = workspace.run(&["solve", "scene.yaml", "odd.csv", "-o", "out.h5"]);
+        assert_eq!(ended.code, Some(2), "{drive}");
+        assert!(ended.stderr.contains(said), "{drive}: {}", ended.stderr);
+    }
+}
+
+const PIPELINE: &str = "
+version: 1
+name: creep
+scene: scene.yaml
+stages:
+  blocks: { kind: sample, family: large-grid, units: 5, count_per_units: 6, seed: 1 }
+  crept: { kind: solve, needs: [blocks], elements_per_cell: 1, history: { at: [10 s, 0.1 s] } }
+  still: { kind: solve, needs: [blocks], elements_per_cell: 1 }
+";
+
+#[test]
+fn a_stage_keeps_histories_and_its_key_knows_the_time() {
+    let workspace = workspace("voltage: 4 kV");
+    workspace.write("creep.yaml", PIPELINE);
+    let first = workspace.run(&["run", "creep.yaml", "--json"]);
+    assert_eq!(first.code, Some(0), "{}", first.stderr);
+    let plan = |set: &str| {
+        let document = workspace.run(&["plan", "creep.yaml", "--json", "--set", set]).json();
+        let stages = document["stages"].as_array().unwrap().clone();
+        let stale = stages.iter().filter(|stage| stage["status"] != "fresh");
+        stale
+            .map(|stage| stage["name"].as_str().unwrap().to_owned())
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(plan("stages.crept.history.at=[10 s, 1 s]"), ["crept"]);
+    assert_eq!(plan("stages.crept.history.at=[0.1 s, 10 s]"), Vec::<String>::new());
+    // How the voltage rises decides about histories alone.
+    assert_eq!(plan("scene.drive.waveform={ ramp: { time: 1 s } }"), ["crept"]);
+    assert_eq!(plan("scene.drive.rest=1 min"), ["crept"]);
+    assert_eq!(plan("scene.drive.duration=1 min"), Vec::<String>::new());
+}
