@@ -162,7 +162,7 @@ impl Benchmark {
     }
 
     fn measure_one(&self, candidate: &Candidate) -> Result<Measured, AccuracyError> {
-        let evaluator = candidate.prepare(&self.scene)?;
+        let evaluator = candidate.prepare(&self.scene, self.reference.settings().time())?;
         let mut patterns = vec![PatternError::BothNone; self.patterns.len()];
         let (mut families, mut seconds) = (Vec::new(), Vec::new());
         for family in 0..self.families.len() {

@@ -4,8 +4,9 @@ use std::sync::Arc;
 
 use super::error::AccuracyError;
 use super::network::Network;
-use crate::base::{Canonical, Dimension, Fields, InputError, Node, NodeValue, Parameter, Quantity, Schema};
-use crate::fem::{MeshRequest, Method, SolverParameters};
+use crate::base::{Canonical, Dimension, Fields, InputError, Node, NodeValue, Parameter, Quantity, Schema, Time};
+use crate::fem::screening::resolve;
+use crate::fem::{MeshRequest, Method, SolverParameters, ThreeSolves, creep_settings};
 use crate::field::{Evaluator, Mesh};
 use crate::scene::Scene;
 
@@ -13,16 +14,32 @@ use crate::scene::Scene;
 pub enum Candidate {
     /// Finite elements.
     Elements(SolverParameters),
+    /// Finite elements through the time up to that of the reference.
+    InTime(InTime, SolverParameters),
     /// A trained network.
     Network(Network),
 }
+
+/// How the state at a time is found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum InTime {
+    /// By all steps.
+    Steps,
+    /// From three equilibria, or estimates of them.
+    ThreeSolves,
+}
+
+/// The words for them.
+const STEPS: &str = "history";
+const THREE_SOLVES: &str = "creep:3";
 
 /// The keys of a solve stage that a method may have.
 const KEYS: [&str; 4] = ["method", "elements_per_cell", "order", "accuracy"];
 
 impl Candidate {
     /// Reads a list of methods: words (`linear`, `chord:2`, `newton`, with 2 bilinear elements per cell) or mappings with the
-    /// keys of a solve stage (`{ method, elements_per_cell, order }`, `{ accuracy }`).
+    /// keys of a solve stage (`{ method, elements_per_cell, order }`, `{ accuracy }`). Where the reference is a state at a time, `history` is
+    /// all steps up to it, and `creep:3`, `creep:3+linear` or `creep:3+chord:2` finds it from three equilibria or estimates of them.
     ///
     /// # Errors
     /// When the list is empty, names a method twice, or has something else in it.
@@ -61,7 +78,9 @@ impl Candidate {
             .without("tolerance")
             .without("time_limit")
             .without("history");
-        let list = Schema::list(Schema::any_of([Method::schema(&()), settings.into()]), 1, usize::MAX);
+        let words = || Schema::any_of([Method::schema(&()), Schema::matching(&in_time_pattern())]);
+        let settings = settings.without("method").optional("method", words());
+        let list = Schema::list(Schema::any_of([words(), settings.into()]), 1, usize::MAX);
         list.distinct()
             .description("What is measured: words, or mappings with the keys of a solve stage.")
     }
@@ -92,10 +111,34 @@ impl Candidate {
         estimates.chain(newton).chain(accurate.map(Self::Elements)).collect()
     }
 
+    /// The same where the reference is a state at a time: three equilibria and estimates of them, all steps, and the end of creep.
+    #[must_use]
+    pub fn usual_in_time() -> Vec<Self> {
+        let [one, two, square] = [Mesh::bilinear(1), Mesh::bilinear(2), Mesh::biquadratic(1)];
+        let of = |how: InTime, method, mesh| Self::InTime(how, SolverParameters::new(method, mesh));
+        let estimates = [
+            (Method::Linear, one),
+            (Method::Chord(1), two),
+            (Method::Chord(2), two),
+            (Method::Chord(2), square),
+        ];
+        let estimates = estimates.map(|(method, mesh)| of(InTime::ThreeSolves, method, mesh));
+        let three = [one, two, square].map(|mesh| of(InTime::ThreeSolves, Method::Newton, mesh));
+        let steps = [one, two, square].map(|mesh| of(InTime::Steps, Method::Newton, mesh));
+        let end = Self::Elements(SolverParameters::new(Method::Newton, two));
+        estimates.into_iter().chain(three).chain(steps).chain([end]).collect()
+    }
+
     /// The settings as keys of a stage, on one line without braces, in at most 64 bytes.
     #[must_use]
     pub fn settings(&self) -> String {
         match self {
+            Self::InTime(InTime::Steps, parameters) => {
+                parameters
+                    .to_string()
+                    .replacen("method: newton", &format!("method: {STEPS}"), 1)
+            }
+            Self::InTime(InTime::ThreeSolves, parameters) => creep_settings(parameters),
             Self::Elements(parameters) => parameters.to_string(),
             Self::Network(network) => network.settings(),
         }
@@ -106,6 +149,8 @@ impl Candidate {
     pub fn canonical(&self) -> Canonical {
         match self {
             Self::Elements(parameters) => parameters.canonical([]),
+            Self::InTime(InTime::Steps, parameters) => parameters.canonical([("in_time", STEPS.into())]),
+            Self::InTime(InTime::ThreeSolves, parameters) => parameters.canonical([("in_time", THREE_SOLVES.into())]),
             Self::Network(network) => network.canonical(),
         }
     }
@@ -113,7 +158,7 @@ impl Candidate {
     /// Whether its errors can be told by this reference, which must be finer.
     #[must_use]
     pub fn is_coarser_than(&self, reference: &SolverParameters) -> bool {
-        let Self::Elements(parameters) = self else {
+        let (Self::Elements(parameters) | Self::InTime(_, parameters)) = self else {
             return true;
         };
         match (parameters.mesh(), reference.mesh()) {
@@ -131,7 +176,7 @@ impl Candidate {
     /// When it may not.
     pub fn check_scene(&self, scene: &Scene) -> Result<(), AccuracyError> {
         match self {
-            Self::Elements(_) => Ok(()),
+            Self::Elements(_) | Self::InTime(..) => Ok(()),
             Self::Network(network) => {
                 let checked = network.surrogate().check_scene(scene);
                 checked.map_err(|e| AccuracyError::from(e).of(self.settings()))
@@ -143,8 +188,17 @@ impl Candidate {
     ///
     /// # Errors
     /// When it does not work in this scene.
-    pub(super) fn prepare(&self, scene: &Scene) -> Result<Arc<dyn Evaluator>, AccuracyError> {
+    pub(super) fn prepare(&self, scene: &Scene, time: Option<Time>) -> Result<Arc<dyn Evaluator>, AccuracyError> {
         match self {
+            Self::InTime(how, parameters) => {
+                let time = time.ok_or(AccuracyError::NoTime)?;
+                if *how == InTime::Steps {
+                    return Ok(Arc::new(parameters.clone().up_to(time).build(scene)?));
+                }
+                let scene = resolve(scene)?;
+                let rule = ThreeSolves::new(&scene, time.value())?;
+                Ok(Arc::new(rule.evaluator(&scene, parameters)?))
+            }
             Self::Elements(parameters) => Ok(Arc::new(parameters.build(scene)?)),
             Self::Network(network) => {
                 network.surrogate().check_scene(scene)?;
@@ -157,7 +211,10 @@ impl Candidate {
 fn read_items<'a>(node: &Node, items: impl Iterator<Item = &'a Node>) -> Result<Vec<Candidate>, InputError> {
     let mut candidates: Vec<Candidate> = Vec::new();
     for item in items {
-        let candidate = Candidate::Elements(read_elements(item)?);
+        let candidate = match in_time(item)? {
+            Some(candidate) => candidate,
+            None => Candidate::Elements(read_elements(item)?),
+        };
         let settings = candidate.settings();
         if candidates.iter().any(|other| other.settings() == settings) {
             return Err(item.error(format!("`methods` names {{ {settings} }} twice")));
@@ -170,6 +227,44 @@ fn read_items<'a>(node: &Node, items: impl Iterator<Item = &'a Node>) -> Result<
             .help("for example [linear, chord:1, newton, { accuracy: 0.01 mm }]"));
     }
     Ok(candidates)
+}
+
+/// The words of methods in time: those of estimates stand behind a `+`.
+fn in_time_pattern() -> String {
+    format!("^({STEPS}|{THREE_SOLVES}(\\+(linear|chord:\\+?0*([1-9]|[1-4][0-9]|50)))?)$")
+}
+
+/// A method in time; none where it is another.
+fn in_time(node: &Node) -> Result<Option<Candidate>, InputError> {
+    let word = node.peek("method").unwrap_or(node);
+    let NodeValue::Text(text) = word.value() else {
+        return Ok(None);
+    };
+    let (how, method) = match text.strip_prefix(THREE_SOLVES) {
+        _ if text == STEPS => (InTime::Steps, "newton"),
+        Some("") => (InTime::ThreeSolves, "newton"),
+        Some(rest) => match rest.strip_prefix('+') {
+            Some(method) if method != "newton" => (InTime::ThreeSolves, method),
+            _ => return Ok(None),
+        },
+        None => return Ok(None),
+    };
+    let method = word.with_value(NodeValue::Text(method.to_owned()));
+    let plain = if std::ptr::eq(word, node) {
+        method
+    } else {
+        let mut plain = node.clone();
+        plain.put("method", method);
+        plain
+    };
+    if let Some(accuracy) = node.peek("accuracy") {
+        return Err(accuracy
+            .error(format!(
+                "`accuracy` cannot stand beside `method: {text}`, whose error is not that of the mesh alone"
+            ))
+            .help("give a mesh by `elements_per_cell` and `order`"));
+    }
+    Ok(Some(Candidate::InTime(how, read_elements(&plain)?)))
 }
 
 fn read_elements(node: &Node) -> Result<SolverParameters, InputError> {

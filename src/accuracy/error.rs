@@ -13,6 +13,11 @@ pub enum AccuracyError {
     /// A reference on a mesh than which none is coarser.
     #[error("one bilinear element per cell is the coarsest mesh, and no reference")]
     CoarsestReference,
+    /// A method in time beside a reference that is an equilibrium.
+    #[error(
+        "it finds the state at a time, and the reference is an equilibrium: give the reference `history`, as in {{ at: [10 s] }}"
+    )]
+    NoTime,
     /// A method whose error the reference cannot tell.
     #[error("{{ {settings} }} is not coarser than the reference {{ {reference} }}: its error cannot be told")]
     NotCoarser {

@@ -112,9 +112,12 @@ impl Reference {
         let Some(coarser) = self.0.mesh().map(next_coarser) else {
             return Ok(vec![0.0; patterns.len()]);
         };
-        let coarse = SolverParameters::new(Method::Newton, coarser)
-            .build(scene)?
-            .simulate(patterns)?;
+        let coarse = SolverParameters::new(Method::Newton, coarser);
+        let coarse = match self.0.time() {
+            Some(time) => coarse.up_to(time),
+            None => coarse,
+        };
+        let coarse = coarse.build(scene)?.simulate(patterns)?;
         let error = |(coarse, fine): (&AccurateSimulation, &Option<Field>)| match (&coarse.simulation.field, fine) {
             (Some(coarse), Some(fine)) => coarse.max_difference(fine),
             _ => 0.0,

@@ -43,8 +43,8 @@ pub use output_file::{
     OutputError, OutputFile, aside, folder_of, kind_of, leads_nowhere_at, output_folder, write_output,
 };
 pub use parameters::{
-    Angle, Charge, Declared, Density, ElectricField, Force, Frequency, Length, Parameter, Resistance, Seed, SpringRate,
-    Stress, Time, Voltage,
+    Angle, Charge, Current, Declared, Density, ElectricField, Force, Frequency, Length, Parameter, Resistance, Seed,
+    SpringRate, Stress, Time, Voltage,
 };
 pub use plain_name::is_plain_name;
 pub use printable::{is_unprintable, printable, printable_json};

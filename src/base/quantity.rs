@@ -186,6 +186,8 @@ pub enum Dimension {
     SpringRate,
     /// An electric charge, base unit C.
     Charge,
+    /// An electric current, base unit A.
+    Current,
 }
 
 impl Dimension {
@@ -230,7 +232,7 @@ impl Dimension {
             Self::Frequency => &[("Hz", 0), ("kHz", 3), ("MHz", 6), ("mHz", -3)],
             Self::Time => &[("s", 0), ("ms", -3), ("us", -6), ("ks", 3), ("min", 0), ("h", 2)],
             Self::Density => &[("kg/m3", 0), ("g/cm3", 3)],
-            Self::Resistance => &[("Ohm", 0), ("kOhm", 3), ("MOhm", 6)],
+            Self::Resistance => &[("Ohm", 0), ("kOhm", 3), ("MOhm", 6), ("GOhm", 9)],
             Self::Force => &[("N", 0), ("mN", -3), ("uN", -6), ("kN", 3)],
             Self::SpringRate => &[("N/m", 0), ("mN/m", -3), ("N/mm", 3), ("kN/m", 3)],
             Self::Charge => &[
@@ -241,6 +243,15 @@ impl Dimension {
                 ("μC", -6),
                 ("nC", -9),
                 ("pC", -12),
+            ],
+            Self::Current => &[
+                ("A", 0),
+                ("mA", -3),
+                ("uA", -6),
+                ("µA", -6),
+                ("μA", -6),
+                ("nA", -9),
+                ("pA", -12),
             ],
         }
     }
@@ -272,6 +283,7 @@ impl fmt::Display for Dimension {
             Self::Force => "force",
             Self::SpringRate => "spring rate",
             Self::Charge => "charge",
+            Self::Current => "current",
         })
     }
 }

@@ -57,7 +57,7 @@ pub struct AccuracyArguments {
     pub model: Vec<String>,
     #[command(flatten)]
     pub store: StoreArguments,
-    /// What to compare with
+    /// What to compare with; with `history: { at: [10 s] }` in it, the state at that time, and the methods `history` and `creep:3` find it too
     #[arg(long, value_name = "YAML", default_value = "{ elements_per_cell: 8, order: 2 }")]
     pub reference: String,
     #[command(flatten)]
@@ -68,12 +68,12 @@ pub struct AccuracyArguments {
 const FILES: [&str; 3] = ["accuracy.h5", "accuracy.csv", "accuracy.png"];
 
 pub fn execute(arguments: &AccuracyArguments, output: &Output) -> Result<Exit, CliError> {
-    let methods = methods(arguments)?;
-    let methods: Vec<&Candidate> = methods.iter().collect();
     let bad_input = |e: AccuracyError| CliError::bad_input(e.to_string());
     let failed = |e: AccuracyError| CliError::failure(e.to_string());
     let reference = Document::from_text(Path::new("--reference"), &arguments.reference)?;
     let reference = Reference::read(&reference.root)?;
+    let methods = methods(arguments, &reference)?;
+    let methods: Vec<&Candidate> = methods.iter().collect();
     // Before the reference is solved, which may take long.
     reference.check(methods.iter().copied()).map_err(bad_input)?;
     let scene = arguments.state.of(direct::read_scene(&arguments.scene)?)?;
@@ -109,7 +109,7 @@ pub fn execute(arguments: &AccuracyArguments, output: &Output) -> Result<Exit, C
     })
 }
 
-fn methods(arguments: &AccuracyArguments) -> Result<Vec<Candidate>, CliError> {
+fn methods(arguments: &AccuracyArguments, reference: &Reference) -> Result<Vec<Candidate>, CliError> {
     let mut networks = Vec::new();
     for model in &arguments.model {
         let bytes = model::weights(model, &arguments.store.folder())?;
@@ -117,7 +117,11 @@ fn methods(arguments: &AccuracyArguments) -> Result<Vec<Candidate>, CliError> {
         networks.push(network.map_err(|e| CliError::bad_input(format!("cannot use {model}: {e}")))?);
     }
     let Some(text) = &arguments.methods else {
-        return Ok(Candidate::usual().into_iter().chain(Network::named(networks)).collect());
+        let usual = match reference.settings().time() {
+            Some(_) => Candidate::usual_in_time(),
+            None => Candidate::usual(),
+        };
+        return Ok(usual.into_iter().chain(Network::named(networks)).collect());
     };
     let document = Document::from_text(Path::new("--methods"), text)?;
     Ok(Candidate::read_with_models(&document.root, networks)?)

@@ -334,7 +334,10 @@ impl From<FigureError> for CliError {
 
 impl From<SetupError> for CliError {
     fn from(error: SetupError) -> Self {
-        Self::failure(error.to_string())
+        match error.is_of_the_scene() {
+            true => Self::bad_input(error.to_string()),
+            false => Self::failure(error.to_string()),
+        }
     }
 }
 

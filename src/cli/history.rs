@@ -26,7 +26,7 @@ use crate::store::write_file;
 /// Latest time in s.
 const LATEST: f64 = 1e12;
 /// Most times that are written.
-const MOST_TIMES: usize = 100_000;
+const MOST_TIMES: usize = 10_000;
 
 #[derive(Clone, Debug, Args)]
 pub struct HistoryArguments {
@@ -66,6 +66,9 @@ fn times(text: &str) -> Result<Times, String> {
     }
     times.sort_by(f64::total_cmp);
     times.dedup();
+    if times.len() > MOST_TIMES {
+        return Err(format!("allowed: at most {MOST_TIMES} times"));
+    }
     Ok(Times(times))
 }
 
@@ -84,6 +87,12 @@ impl HistoryArguments {
         let Some(every) = &self.every else {
             return Ok(usual_times(scene, duration));
         };
+        if every.value() > duration {
+            return Err(CliError::bad_input(format!(
+                "--every {every} is longer than the drive, which lasts {duration} s"
+            ))
+            .help("give a shorter time, or name times with --at"));
+        }
         let count = (duration / every.value() * (1.0 + 1e-12)).floor();
         if count >= MOST_TIMES as f64 {
             return Err(
@@ -101,7 +110,12 @@ impl HistoryArguments {
                 k as f64 * every.value()
             }
         };
-        Ok((0..=count as u64).map(exact).collect())
+        let mut times: Vec<f64> = (0..=count as u64).map(exact).collect();
+        // The end is asked for too.
+        if times.last().is_some_and(|last| *last < duration * (1.0 - 1e-9)) {
+            times.push(duration);
+        }
+        Ok(times)
     }
 }
 
@@ -125,7 +139,7 @@ fn is_step(scene: &Scene) -> bool {
 ///
 /// # Errors
 /// When a file would be lost, the scene or a pattern cannot be used, or a file cannot be written.
-pub fn execute(arguments: &SolveArguments, scene: &str, output: &Output) -> Result<Exit, CliError> {
+pub fn execute(arguments: &SolveArguments, scene: &[&str], output: &Output) -> Result<Exit, CliError> {
     let file = &arguments.patterns.output;
     let (values, figure) = (file.with_extension("csv"), file.with_extension("png"));
     if [&values, &figure].contains(&file) {
@@ -150,7 +164,10 @@ pub fn execute(arguments: &SolveArguments, scene: &str, output: &Output) -> Resu
     let scene = &screened.scene;
     let solver = arguments.parameters().history_solver(scene, times.clone())?;
     let (followed, each) = follow(&solver, &patterns, &bar)?;
-    bar.finish("done");
+    let missed = missed(
+        &followed,
+        arguments.parameters().accuracy().map(|accuracy| accuracy.value()),
+    );
     let seconds = start.elapsed().as_secs_f64();
     let parameters = format!(
         "{}, {}, history",
@@ -183,6 +200,7 @@ pub fn execute(arguments: &SolveArguments, scene: &str, output: &Output) -> Resu
         &source,
     )?;
     draw_histories(&figure, &motions(&followed), is_step(scene))?;
+    bar.finish("done");
     let unstable = followed
         .iter()
         .filter(|one| !one.history.outcome.is_converged())
@@ -195,11 +213,13 @@ pub fn execute(arguments: &SolveArguments, scene: &str, output: &Output) -> Resu
             "times": times,
             "histories": followed.iter().enumerate().map(document).collect::<Vec<_>>(),
             "unstable": unstable,
+            "accuracy_missed": missed.iter().map(|(index, _)| index).collect::<Vec<_>>(),
             "warnings": screened.warnings_in_time,
             "seconds": seconds,
         }))?;
     } else {
         let mut lines = vec![overview(&followed)];
+        lines.extend(missed.into_iter().map(|(_, line)| line));
         lines.extend(
             screened
                 .warnings_in_time
@@ -296,6 +316,11 @@ fn histories(
             .iter()
             .map(|time| scene.waveform().voltage(scene.voltage_v(), *time, Side::After))
             .collect(),
+        electrode_voltage: scene
+            .drive
+            .source
+            .is_some()
+            .then(|| of_instant(|instant| instant.voltage)),
         displacement: Packed(displacement),
         max_displacement: Packed(largest.collect()),
         charge: of_instant(|instant| instant.charge),
@@ -315,7 +340,10 @@ fn histories(
             .iter()
             .map(|one| one.history.watched.map(|corner| corner as u64))
             .collect(),
-        error_in_time: followed.iter().map(|one| one.history.time_error_mm).collect(),
+        error_in_time: followed
+            .iter()
+            .map(|one| one.history.time_error_mm.unwrap_or(f64::NAN))
+            .collect(),
         body_translation: (bodies > 0).then(|| Packed(motions.iter().flat_map(|motion| motion.translation).collect())),
         body_rotation: (bodies > 0).then(|| Packed(motions.iter().map(|motion| motion.rotation).collect())),
         error_in_space: with_accuracy.then(|| {
@@ -433,19 +461,43 @@ fn overview(followed: &[AccurateHistory]) -> String {
         table.add_row([
             index.to_string(),
             history.outcome.to_string(),
-            or_dash(last.map(|instant| format!("{} s", instant.time))),
+            or_dash(last.map(|instant| format!("{} s", rounded(instant.time)))),
             or_dash(
                 history
                     .fields
                     .last()
                     .map(|field| format!("{:.4} mm", field.max_magnitude())),
             ),
-            format!("{:.1e} mm", history.time_error_mm),
+            or_dash(history.time_error_mm.map(|error| format!("{error:.1e} mm"))),
             or_dash(space_error_mm.map(|error| format!("{error:.1e} mm"))),
             history.instants.len().to_string(),
         ]);
     }
     table.trim_fmt()
+}
+
+/// The patterns whose errors are larger than was asked for, with what is said of them.
+fn missed(followed: &[AccurateHistory], accuracy_mm: Option<f64>) -> Vec<(usize, String)> {
+    let Some(accuracy) = accuracy_mm else {
+        return Vec::new();
+    };
+    let line = |(index, found): (usize, &AccurateHistory)| {
+        let [time, space] = [found.history.time_error_mm, found.space_error_mm]
+            .map(|error| error.filter(|error| found.history.outcome.is_converged() && *error > accuracy));
+        let said = [
+            time.map(|error| format!("steps in time leave an estimated error of {error:.2e} mm")),
+            space.map(|error| format!("the finest mesh leaves an estimated error of {error:.2e} mm")),
+        ];
+        let said: Vec<String> = said.into_iter().flatten().collect();
+        let line = format!("pattern {index}: {}, more than was asked for", said.join(", "));
+        (!said.is_empty()).then_some((index, line))
+    };
+    followed.iter().enumerate().filter_map(line).collect()
+}
+
+/// A time with six digits.
+fn rounded(time: f64) -> f64 {
+    format!("{time:.5e}").parse().unwrap_or(time)
 }
 
 fn document((index, found): (usize, &AccurateHistory)) -> Value {

@@ -48,7 +48,7 @@ pub struct PredictArguments {
 }
 
 pub fn execute(arguments: &PredictArguments, output: &Output) -> Result<Exit, CliError> {
-    solve::check_output(&arguments.patterns, &arguments.model)?;
+    solve::check_file(&arguments.patterns.output, &arguments.patterns, &[&arguments.model])?;
     if arguments.state.state.is_some() && arguments.scene.is_none() {
         return Err(CliError::bad_input("--state is one of a scene, and none is given").help("give it with --scene"));
     }
@@ -101,8 +101,8 @@ fn check_table(arguments: &PredictArguments) -> Result<(), CliError> {
     }
     write::check_csv(&table)?;
     for read in std::iter::once(&arguments.model).chain(&arguments.calibration) {
-        solve::check_file(&table, &arguments.patterns, read)?;
-        solve::check_file(file, &arguments.patterns, read)?;
+        solve::check_file(&table, &arguments.patterns, &[read])?;
+        solve::check_file(file, &arguments.patterns, &[read])?;
     }
     Ok(())
 }

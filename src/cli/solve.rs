@@ -93,8 +93,9 @@ impl SolveArguments {
 }
 
 pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliError> {
-    let scene = arguments.scene.display().to_string();
-    check_output(&arguments.patterns, &scene)?;
+    let scene = direct::files_read(&arguments.scene);
+    let scene: Vec<&str> = scene.iter().map(String::as_str).collect();
+    check_file(&arguments.patterns.output, &arguments.patterns, &scene)?;
     check_method(arguments)?;
     if arguments.path {
         return path::execute(arguments, &scene, output);
@@ -135,15 +136,14 @@ fn check_method(arguments: &SolveArguments) -> Result<(), CliError> {
     Err(CliError::bad_input(message).help("an estimate is no equilibrium: take --method newton, or leave it out"))
 }
 
-/// What cannot be written, or must not be, has to be known before hours of work, not after. `other` is the scene or the
-/// model.
-pub fn check_output(arguments: &PatternArguments, other: &str) -> Result<(), CliError> {
-    check_file(&arguments.output, arguments, other)
-}
-
-/// The same for a file that is written beside the one that `-o` names.
-pub fn check_file(path: &Path, arguments: &PatternArguments, other: &str) -> Result<(), CliError> {
-    let inputs = arguments.patterns.iter().map(String::as_str).chain([other]);
+/// What cannot be written, or must not be, has to be known before hours of work, not after: the file that `-o` names, or one beside it.
+/// `others` are read beside the patterns: the scene with its files, or the model.
+pub fn check_file(path: &Path, arguments: &PatternArguments, others: &[&str]) -> Result<(), CliError> {
+    let inputs = arguments
+        .patterns
+        .iter()
+        .map(String::as_str)
+        .chain(others.iter().copied());
     check_not_read(path, &inputs.collect::<Vec<_>>())?;
     write::check_file(path)
 }

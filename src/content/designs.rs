@@ -5,6 +5,7 @@ use super::error::{ContentError, Fault};
 use super::intervals::{DesignInterval, DesignIntervals};
 use super::macros::arrays;
 use super::part::LongTexts;
+use super::solutions::SolvedHistories;
 use crate::field::{Field, Outcome};
 use crate::pattern::{CELLS, Pattern, Role};
 use crate::scene::Scene;
@@ -238,6 +239,9 @@ arrays! {
         /// Where the scene has several states, the displacement in each; beside it stands that in the first. A pattern has a field where it has one
         /// in all of them, and its outcome is otherwise that of the first state without.
         states: Option<SimulatedStates> = group("states"),
+        /// Where times were asked for and the scene has one state, how the patterns with a field move in time; `displacement` is that at the time
+        /// of the objective, or at the last of them.
+        history: Option<SolvedHistories> = group("history", [(sample, simulated_row)]),
         /// Displacements along the wanted directions.
         component: Components = group("component"),
         /// The scene of the simulations.
@@ -272,6 +276,9 @@ arrays! {
         error: Vec<f64> = array("error", "mm", [simulated_row]),
         /// Whether the error is known: the other mesh has a field too. One row for each pattern with a field, in their order.
         error_known: Vec<u64> = array("error_known", "1", [simulated_row]),
+        /// Where times were asked for, the simulated displacement along the wanted directions at each of them; one row for each pattern with a
+        /// field, in their order.
+        in_time: Option<Packed<f64>> = array("in_time", "mm", [simulated_row, time]),
         /// Simulated distance from the wanted displacements, root mean square; 0 where nothing but a direction is wanted. One row for
         /// each pattern with a field, in their order.
         distance: Vec<f64> = array("distance", "mm", [simulated_row]),

@@ -16,6 +16,8 @@ arrays! {
         time: Vec<f64> = array("time", "s", [time]),
         /// Voltage of the drive.
         voltage: Vec<f64> = array("voltage", "V", [time]),
+        /// Where the drive has a source, the voltage of the electrodes behind it.
+        electrode_voltage: Option<Packed<f64>> = array("electrode_voltage", "V", [sample, time]),
         /// Displacement at the cell corners.
         displacement: Packed<Field> = array("displacement", "mm", [sample, time, corner_y, corner_x, xy]),
         /// Largest displacement magnitude over the corners.
@@ -30,7 +32,7 @@ arrays! {
         electric: Packed<f64> = array("electric", "J", [sample, time]),
         /// Kinetic energy.
         kinetic: Packed<f64> = array("kinetic", "J", [sample, time]),
-        /// Energy that viscosity has turned into heat.
+        /// Energy that viscosity and the resistance of the source have turned into heat.
         dissipated: Packed<f64> = array("dissipated", "J", [sample, time]),
         /// Energy that the source has supplied.
         supplied: Packed<f64> = array("supplied", "J", [sample, time]),

@@ -24,7 +24,8 @@ arrays! {
         body_translation: Option<Packed<PerBody<[f64; 2]>>> = array("body_translation", "mm", [sample, body, xy]),
         /// How far each rigid body has turned, from -180 to 180, counter-clockwise; NaN where there is no stable solution.
         body_rotation: Option<Packed<PerBody<f64>>> = array("body_rotation", "deg", [sample, body]),
-        /// Where the drive is a charge, that of the solution, or of the last stable state; NaN where there is none.
+        /// Where the drive is a charge, that of the solution, or of the last stable state: 0 where there is no electrode to put it on; NaN where there is
+        /// no stable state.
         charge: Option<Vec<f64>> = array("charge", "C", [sample]),
         /// The voltage that the charge of electrodes that conduct makes there.
         voltage: Option<Vec<f64>> = array("voltage", "V", [sample]),

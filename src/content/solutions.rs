@@ -3,7 +3,7 @@
 //! Samples with a field stand at the root, the others under `unstable/` with the reason: no row holds numbers that only look
 //! valid.
 
-use super::element::Packed;
+use super::element::{Packed, PerBody};
 use super::macros::arrays;
 use super::observations::{Meshes, Observations};
 use super::samples::SampleRows;
@@ -69,6 +69,10 @@ arrays! {
         displacement: Packed<Field> = array("displacement", "mm", [sample, time, corner_y, corner_x, xy]),
         /// Charge on all electrodes.
         charge: Packed<f64> = array("charge", "C", [sample, time]),
+        /// How far the centroid of each rigid body has moved.
+        body_translation: Option<Packed<PerBody<[f64; 2]>>> = array("body_translation", "mm", [sample, time, body, xy]),
+        /// How far each rigid body has turned, from -180 to 180, counter-clockwise.
+        body_rotation: Option<Packed<PerBody<f64>>> = array("body_rotation", "deg", [sample, time, body]),
         /// Estimate of the largest error that steps in time leave in the displacement.
         error_in_time: Vec<f64> = array("error_in_time", "mm", [sample]),
     }

@@ -66,7 +66,7 @@ impl Writer {
             axes.filter(|axis| !RASTER_AXES.as_flattened().contains(&axis.as_str()))
                 .count()
         };
-        for free in [1, 2] {
+        for free in [1, 2, 3] {
             for (declared, data) in self.arrays.iter().filter(|(array, _)| own(array) == free) {
                 let (known, unknown): (Vec<&String>, Vec<&String>) = declared
                     .free_axes()

@@ -58,11 +58,16 @@ pub fn conducting<L: Material, F: Fn(f64) -> L>(
     u.fill(0.0);
     let system = System { problem, scene };
     if system.at_full_load(u).0 <= 0.0 {
-        // No electrode, or no charge: nothing pulls.
+        // Without an electrode there is nothing that a charge could be put on.
         total.ending = Ending::Stable;
         return ChargedLoading {
             loading: total,
-            charged: None,
+            charged: Some(Charged {
+                charge: 0.0,
+                voltage: Some(0.0),
+                negative_at_voltage: 0,
+                negative_at_charge: 0,
+            }),
         };
     }
     let mut reached: Option<Reached> = None;
@@ -368,7 +373,7 @@ pub fn immobile<L: Material, F: Fn(f64) -> L>(
     }
     total.ending = Ending::Stable;
     let charged = Charged {
-        charge,
+        charge: if area > 0.0 { charge } else { 0.0 },
         voltage: None,
         negative_at_voltage: 0,
         negative_at_charge: 0,

@@ -84,15 +84,56 @@ pub enum SetupError {
         cell_mm: f64,
     },
     /// A drive by charge where a voltage is needed.
-    #[error("histories and natural frequencies are those of a voltage, and the drive of this scene is a charge")]
+    #[error(
+        "histories and natural frequencies are those of a voltage, and the drive of this scene is a charge: give `voltage` in its place"
+    )]
     Charge,
+    /// A source and a mass.
+    #[error(
+        "motion with inertia is simulated with electrodes that have their voltage at once: leave out `inertia`, or `source`"
+    )]
+    MovingSource,
     /// Rigid bodies with a mass.
-    #[error("motion with inertia is simulated without rigid bodies, and this scene has some")]
+    #[error(
+        "motion with inertia is simulated without rigid bodies, and this scene has some: leave out `inertia`, or `bodies`"
+    )]
     MovingBodies,
     /// A density that nothing says.
     #[error("inertia needs a density, and the scene has none: give `density` in `properties`")]
     Density,
+    /// Creep that is no matter of three equilibria.
+    #[error("a state at a time is found from three equilibria for {why}")]
+    ThreeSolves {
+        /// What it is for, and what the scene has.
+        why: &'static str,
+    },
+    /// A drive that changes too often within the time that is asked for.
+    #[error(
+        "the history takes some {count:.0} steps, and {most} are the most: ask for a shorter time, or for fewer times"
+    )]
+    Steps {
+        /// Steps of its last pass at least.
+        count: f64,
+        /// Steps of a pass at most.
+        most: usize,
+    },
     /// The eigenvectors of the preconditioner did not converge.
     #[error("the eigenvectors of the preconditioner could not be computed")]
     Eigenvectors,
+}
+
+impl SetupError {
+    /// Whether another scene or request is all that helps.
+    #[must_use]
+    pub fn is_of_the_scene(&self) -> bool {
+        matches!(
+            self,
+            Self::ThreeSolves { .. }
+                | Self::Charge
+                | Self::MovingSource
+                | Self::MovingBodies
+                | Self::Density
+                | Self::Steps { .. }
+        )
+    }
 }

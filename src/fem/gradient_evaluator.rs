@@ -21,14 +21,22 @@ impl GradientEvaluator {
     /// # Errors
     /// When the scene cannot be simulated.
     pub fn new(scene: &Scene) -> Result<Self, SetupError> {
+        Self::slowed(scene, 0.0)
+    }
+
+    /// The same with branches that have no time to relax, of a modulus in units of μλp².
+    ///
+    /// # Errors
+    /// As [`GradientEvaluator::new`].
+    pub(super) fn slowed(scene: &Scene, slowness: f64) -> Result<Self, SetupError> {
         // One biquadratic element per cell errs by less than 0.1 % of the displacement; a gain that it sees is one.
         let options = SolveOptions::on(Mesh::biquadratic(1));
         let mut effects = scene.effects.clone();
         let differs = effects.wrinkling.is_some() || effects.fringe_field.is_some();
         (effects.wrinkling, effects.fringe_field) = (None, None);
-        let plain = differs.then(|| MembraneSolver::new(&scene.with_effects(effects), options));
+        let plain = differs.then(|| MembraneSolver::slowed(&scene.with_effects(effects), slowness, options));
         Ok(Self {
-            solver: MembraneSolver::new(scene, options)?,
+            solver: MembraneSolver::slowed(scene, slowness, options)?,
             plain: plain.transpose()?,
             loads: scene.group_loads(),
         })

@@ -68,7 +68,8 @@ pub use safety_margins::SafetyMargins;
 pub use simulators::SceneSimulators;
 pub use solver::{MembraneSolver, MeshSolution, SolveOptions};
 pub use time::{
-    AccurateHistory, History, HistoryOptions, HistoryRequest, HistorySolver, Instant, MOST_MODES, Vibration,
+    AccurateHistory, History, HistoryOptions, HistoryRequest, HistorySolver, Instant, MOST_MODES, ThreeSolves,
+    Vibration, creep_settings,
 };
 pub use work::{USUAL_SECONDS, WorkLimit};
 

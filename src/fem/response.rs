@@ -42,11 +42,19 @@ impl LinearResponse {
     /// # Errors
     /// When the mesh is out of range, or when the half-active membrane is not stable at the scene's voltage.
     pub fn new(scene: &Scene, mesh: Mesh) -> Result<Self, SetupError> {
-        let model = Model::new(scene)?;
+        Self::slowed(scene, 0.0, mesh)
+    }
+
+    /// The same with branches that have no time to relax, of a modulus in units of μλp².
+    ///
+    /// # Errors
+    /// As [`LinearResponse::new`].
+    pub(super) fn slowed(scene: &Scene, slowness: f64, mesh: Mesh) -> Result<Self, SetupError> {
+        let model = Model::new(scene)?.slowed(slowness);
         let grid = model.grid(checked(mesh)?);
         let response = Self {
+            half_active: model.slow(Activity::from_shares(&grid, |_, _| 0.5)),
             model,
-            half_active: Activity::from_shares(&grid, |_, _| 0.5),
             laplacian: Laplacian::new(&grid)?,
             rest: vec![0.0; grid.layout().vector_len()],
         };
@@ -111,7 +119,7 @@ impl LinearResponse {
         pulled: f64,
         workspace: &mut Workspace,
     ) -> Option<Field> {
-        let activity = Activity::from_shares(self.half_active.grid(), share);
+        let activity = self.model.slow(Activity::from_shares(self.half_active.grid(), share));
         self.model.with(ToActivity {
             response: self,
             activity: &activity,

@@ -104,6 +104,14 @@ impl MembraneSolver {
         Self::of_model(scene, Model::new(scene)?, options)
     }
 
+    /// A solver for a scene with branches that have no time to relax, of a modulus in units of μλp².
+    ///
+    /// # Errors
+    /// As [`MembraneSolver::new`].
+    pub(super) fn slowed(scene: &Scene, slowness: f64, options: SolveOptions) -> Result<Self, SetupError> {
+        Self::of_model(scene, Model::new(scene)?.slowed(slowness), options)
+    }
+
     /// A solver on elements of another solver for the scene with a fringe field, so that solutions with it and without it differ by nothing
     /// else.
     ///
@@ -152,7 +160,8 @@ impl MembraneSolver {
         self.within_iterations(limit)
     }
 
-    fn scaled(&self, limit: WorkLimit) -> WorkLimit {
+    /// A limit of work on the elements that there are.
+    pub(super) fn scaled(&self, limit: WorkLimit) -> WorkLimit {
         let asked = Grid::uniform(self.mesh, &Sheet::of(&self.scene));
         let [asked, all] = [&asked, &self.grid].map(|grid| grid.layout().vector_len() as f64);
         limit.part((asked / all).sqrt())
@@ -307,7 +316,12 @@ impl MembraneSolver {
         match ending {
             Ending::Stable => Outcome::Converged,
             Ending::Lost { stable, unstable, loss } => {
-                let [last_stable, first_unstable] = [stable, unstable].map(|s| s.sqrt() * self.scene.voltage_v());
+                let volts = [stable, unstable].map(|s| s.sqrt() * self.scene.voltage_v());
+                let [last_stable, first_unstable] = match self.scene.drive.charge {
+                    // Beyond the fold the voltage falls while the charge rises.
+                    Some(_) => [volts[0].min(volts[1]), volts[0].max(volts[1])],
+                    None => volts,
+                };
                 match loss {
                     Loss::Stability => Outcome::PullIn {
                         last_stable,

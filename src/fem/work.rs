@@ -47,6 +47,12 @@ impl WorkLimit {
         time.map_or_else(Self::default, |time| Self::of_seconds(time.value()))
     }
 
+    /// The same of a whole history: a hundred times the usual limit where none is given.
+    #[must_use]
+    pub fn of_history(time: Option<&Time>) -> Self {
+        time.map_or(Self(100 * USUAL), |time| Self::of_seconds(time.value()))
+    }
+
     /// A part of it.
     #[must_use]
     pub fn part(self, share: f64) -> Self {

@@ -16,4 +16,4 @@ pub use simulate::{
     Differentiable, Evaluator, NO_FIELD, Outcome, PredictError, Predictor, Simulation, Simulator, WithGradient,
 };
 pub use simulators::{SharedSimulator, SimulatorError, SimulatorKind, Simulators};
-pub use states::{InStates, StateFields};
+pub use states::{InStates, StateFields, Weighted};

@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::ops::Deref;
 
 use super::displacement::Field;
-use super::simulate::{Differentiable, PredictError, Predictor, WithGradient};
+use super::simulate::{Differentiable, Evaluator, PredictError, Predictor, WithGradient};
 use crate::pattern::Pattern;
 
 /// The fields of a pattern in the states of a device, in their order; one where it has no states.
@@ -107,5 +107,62 @@ impl<P: Deref<Target: Differentiable> + Sync> Differentiable<StateFields> for In
         let all = self.solve_from(0, pattern, slope, &solved)?;
         let Solved { fields, gradient, .. } = solved.into_inner();
         Ok(all.then_some((fields, gradient)))
+    }
+}
+
+/// A weighted sum of what several predict of a pattern.
+pub struct Weighted<P> {
+    parts: InStates<P>,
+    weights: Vec<f64>,
+    settings: String,
+}
+
+impl<P> Weighted<P> {
+    /// Of parts and their weights, one or more; what it is called as an evaluator.
+    #[must_use]
+    pub fn new(parts: Vec<P>, weights: Vec<f64>, settings: String) -> Self {
+        Self {
+            parts: InStates(parts),
+            weights,
+            settings,
+        }
+    }
+
+    fn sum(&self, fields: &[Field]) -> Field {
+        let mut values = vec![0.0; fields[0].values().len()];
+        for (field, weight) in fields.iter().zip(&self.weights) {
+            let pairs = values.iter_mut().zip(field.values());
+            pairs.for_each(|(sum, value)| *sum += weight * value);
+        }
+        let raster = fields[0].raster();
+        Field::from_values(raster, values).unwrap_or_else(|_| Field::zero(raster))
+    }
+}
+
+impl<P: Deref<Target: Predictor> + Sync> Predictor for Weighted<P> {
+    fn predict_some(&self, patterns: &[Pattern]) -> Result<Vec<Option<Field>>, PredictError> {
+        let each = self.parts.predict_some(patterns)?.into_iter();
+        Ok(each.map(|fields| fields.map(|fields| self.sum(&fields))).collect())
+    }
+}
+
+impl<P: Deref<Target: Predictor> + Sync + Send> Evaluator for Weighted<P> {
+    fn settings(&self) -> String {
+        self.settings.clone()
+    }
+}
+
+impl<P: Deref<Target: Differentiable> + Sync> Differentiable for Weighted<P> {
+    fn gradient(
+        &self,
+        pattern: &Pattern,
+        slope: &dyn Fn(&Field) -> Field,
+    ) -> Result<Option<WithGradient>, PredictError> {
+        let of_parts = |fields: &StateFields| {
+            let slope = slope(&self.sum(fields));
+            self.weights.iter().map(|weight| slope.scaled(*weight)).collect()
+        };
+        let found = self.parts.gradient(pattern, &of_parts)?;
+        Ok(found.map(|(fields, gradient)| (self.sum(&fields), gradient)))
     }
 }

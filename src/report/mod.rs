@@ -11,6 +11,7 @@ pub mod figures;
 mod format;
 mod history;
 mod html;
+mod in_time;
 mod intervals;
 mod kinds;
 mod page;

@@ -6,6 +6,7 @@ use std::ops::RangeInclusive;
 use serde_json::json;
 
 use super::charge::Charge;
+use super::source::Source;
 use super::waveform::Waveform;
 use crate::base::{
     Canonical, Declared, Fields, Frequency, InputError, Map, Node, Parameter, Schema, Time, Voltage, is_plain_name,
@@ -41,10 +42,9 @@ fn voltages_or_table(fields: Fields) -> Fields {
     let both = json!({ "required": ["voltage", "voltages"] });
     let with_table = json!({ "properties": { "waveform": { "required": ["table"] } }, "required": ["waveform"] });
     let with_voltage = json!({ "anyOf": [{ "required": ["voltage"] }, { "required": ["voltages"] }, with_table] });
-    let driven =
-        json!({ "anyOf": [{ "required": ["voltage"] }, { "required": ["voltages"] }, { "required": ["waveform"] }] });
+    let driven = json!({ "anyOf": [{ "required": ["voltage"] }, { "required": ["voltages"] }, { "required": ["waveform"] }, { "required": ["source"] }] });
     fields.rule(json!({
-        "not": both,
+        "not": { "anyOf": [both, { "required": ["voltages", "source"], "properties": { "voltages": { "minItems": 2 } } }] },
         "if": { "required": ["charge"] },
         "then": { "not": driven },
         "else": with_voltage,
@@ -155,6 +155,8 @@ parameters! {
         pub rest: Option<Time> [0.0..=1e12],
         /// The charge of the electrodes, in place of a voltage.
         pub charge: Option<Charge>,
+        /// What feeds the electrodes, where that matters; without it they have the voltage at once.
+        pub source: Option<Source>,
     }
     include {
         /// The voltages.
@@ -180,6 +182,7 @@ impl Drive {
             waveform: None,
             rest: None,
             charge: None,
+            source: None,
         }
     }
 

@@ -9,6 +9,7 @@ mod mask;
 mod model;
 mod properties;
 mod shape;
+mod source;
 #[cfg(test)]
 mod tests;
 mod waveform;
@@ -25,4 +26,5 @@ pub use mask::{Islands, Mask, Point, Size};
 pub use model::{ElasticModel, Material, Scene, VACUUM_PERMITTIVITY};
 pub use properties::Properties;
 pub use shape::{Cells, Circle, Disc, Drawing, Place, Polygon, Rectangle, Shape, scene_files};
+pub use source::Source;
 pub use waveform::{Knot, Ramp, Side, Sine, Step, Table, Waveform};

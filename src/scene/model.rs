@@ -615,10 +615,10 @@ fn with_own_voltage(drive: &Node, geometry: &Geometry, material: &Material) -> R
         drive
     };
     if let Some(node) = said("charge") {
-        if let Some(other) = voltage.or_else(|| said("waveform")) {
+        if let Some(other) = voltage.or_else(|| said("waveform")).or_else(|| said("source")) {
             return Err(other
                 .error("a charge stands in place of a voltage, and this drive has both")
-                .help("leave out `voltage` and `waveform`, or `charge`"));
+                .help("leave out `voltage`, `waveform` and `source`, or `charge`"));
         }
         let charge = Charge::read_with(node, &[])?.in_coulombs();
         let [width, height] = geometry.membrane().size_mm;
@@ -635,6 +635,13 @@ fn with_own_voltage(drive: &Node, geometry: &Geometry, material: &Material) -> R
                 .help(format!("allowed: charges of up to {MOST_VOLTS:e} V")));
         }
         return Ok(with(volts));
+    }
+    if let (Some(source), Some(several)) = (said("source"), said("voltages")) {
+        if several.list("voltages").is_ok_and(|each| each.len() > 1) {
+            return Err(source
+                .error("a source feeds electrodes of one voltage, and this drive has several")
+                .help("leave out `source`, or give `voltage`"));
+        }
     }
     let Some(waveform) = said("waveform").filter(|_| voltage.is_none()) else {
         return Ok(drive.clone());

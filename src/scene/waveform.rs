@@ -18,6 +18,9 @@ const MOST_BYTES: u64 = 64 << 20;
 const LARGEST: f64 = 1e6;
 /// Latest time of a table in s.
 const LATEST: f64 = 1e12;
+/// What a table may be.
+const ROWS: &str =
+    "allowed: a file with the columns t_s,voltage_V beside the scene, or rows as in [[0 s, 0 V], [1 s, 5 kV]]";
 /// The columns of a table.
 const HEADER: [&str; 2] = ["t_s", "voltage_V"];
 
@@ -100,7 +103,7 @@ impl Table {
     /// From rows; what a row is called stands before what is wrong with it.
     fn of_rows(rows: Vec<([Decimal; 2], String)>) -> Result<Self, String> {
         if rows.len() < 2 {
-            return Err(format!("has {} row; a table has two or more", rows.len()));
+            return Err(format!("has {} rows; a table has two or more", rows.len()));
         }
         if rows.len() > MOST_ROWS {
             return Err(format!("has {} rows; at most {MOST_ROWS} are allowed", rows.len()));
@@ -143,7 +146,10 @@ impl Table {
             let line = record.position().map_or(0, csv::Position::line);
             let number = |text: &str| {
                 let read: Result<Decimal, _> = text.parse();
-                read.map_err(|_| format!("line {line}: {text:?} is not a number"))
+                read.map_err(|_| match text.parse::<f64>() {
+                    Ok(_) => format!("line {line}: {text} is out of range"),
+                    Err(_) => format!("line {line}: {text:?} is not a number"),
+                })
             };
             rows.push(([number(&record[0])?, number(&record[1])?], format!("line {line}")));
         }
@@ -168,12 +174,18 @@ impl Parameter for Table {
                 let voltage = voltage.quantity_in(key, Dimension::Voltage, -LARGEST, LARGEST)?;
                 rows.push(([time.base(), voltage.base()], format!("row {}", at + 1)));
             }
-            return Self::of_rows(rows).map_err(|why| node.error(format!("the table {why}")));
+            return Self::of_rows(rows).map_err(|why| node.error(format!("the table: {why}")).help(ROWS));
+        }
+        if !matches!(node.value(), NodeValue::Text(_)) {
+            return Err(node.error(format!("`{key}` is {}", node.found())).help(ROWS));
         }
         let name = Path::new(node.text(key)?);
         let folder = node.file().parent().unwrap_or(Path::new(""));
         let refused = |why: &str| node.error(format!("the table {}: {why}", folder.join(name).display()));
-        let found = confined(folder, name).map_err(|why| refused(&why.to_string()).help(why.help()))?;
+        let found = confined(folder, name).map_err(|why| {
+            refused(&why.to_string())
+                .help("it is named relative to the file that names it, and stands beside that or in a folder below")
+        })?;
         let bytes = read_bounded(&found, MOST_BYTES).map_err(|e| refused(&e.to_string()))?;
         let text = String::from_utf8(bytes).map_err(|_| refused("is no text"))?;
         Self::from_csv(&text).map_err(|why| {

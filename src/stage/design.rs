@@ -6,6 +6,7 @@ mod content;
 mod evaluators;
 mod intervals;
 
+use std::cmp::Ordering;
 use std::sync::OnceLock;
 use std::time::Instant;
 
@@ -14,7 +15,7 @@ use serde_json::json;
 use super::model;
 use super::results::of_targets;
 use crate::base::{
-    Canonical, Declared, Fields, InputError, Map, Node, NodeValue, Parameter, Schema, Stopped, parameters,
+    Canonical, Declared, Fields, InputError, Map, Node, NodeValue, Parameter, Schema, Stopped, Time, parameters,
 };
 use crate::content::Designs;
 use crate::design::{
@@ -22,7 +23,7 @@ use crate::design::{
     StateError, Subject, Target, Targets, Watch,
 };
 use crate::fem::screening::decided_states;
-use crate::fem::{GradientEvaluator, SafetyMargins, SetupError, breakdown_strength};
+use crate::fem::{GradientEvaluator, SafetyMargins, SetupError, ThreeSolves, breakdown_strength};
 use crate::field::{Differentiable, Feasibility, InStates, PredictError, StateFields};
 use crate::orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::pattern::{Part, Pattern, Symmetries};
@@ -177,7 +178,9 @@ impl Kind for DesignKind {
         };
         let targets = targets.in_scene(&map, &scene, options.area_penalty.to_f64())?;
         for target in &targets {
-            refuse_held_points(target, &scene, map.optional("objective").unwrap_or(stage))?;
+            let node = map.optional("objective").unwrap_or(stage);
+            refuse_held_points(target, &scene, node)?;
+            refuse_time(target, &scene, node)?;
         }
         for area in targets.iter().filter_map(|target| target.area.fraction()) {
             let node = map.optional("area").or(map.optional("constraints")).unwrap_or(stage);
@@ -185,12 +188,13 @@ impl Kind for DesignKind {
         }
         Ok(Box::new(DesignStage {
             case,
-            targets,
             options,
             evaluator,
+            ready: targets_by_time(&targets),
+            targets,
             scene: decisive(&scene, &constraints),
+            in_time: scene,
             constraints,
-            ready: OnceLock::new(),
         }))
     }
 }
@@ -209,6 +213,27 @@ fn refuse_held_points(target: &Target, scene: &Scene, node: &Node) -> Result<(),
             target.name
         ))),
     }
+}
+
+/// Refuses a target at a time in a scene that does not creep as three equilibria tell.
+fn refuse_time(target: &Target, scene: &Scene, node: &Node) -> Result<(), InputError> {
+    let Some(time) = target.objective.time().filter(|_| !scene.auto) else {
+        return Ok(());
+    };
+    let refused = |e: SetupError| node.error(format!("`{}` is meant after {time}: {e}", target.name));
+    ThreeSolves::new(scene, time.value()).map(|_| ()).map_err(refused)
+}
+
+/// Room for what is set up for each time that a target is meant at.
+fn targets_by_time(targets: &[Target]) -> Vec<(Option<Time>, OnceLock<Ready>)> {
+    let mut times: Vec<Option<Time>> = targets.iter().map(|target| target.objective.time()).collect();
+    times.sort_by(|a, b| {
+        a.map(|time| time.value())
+            .partial_cmp(&b.map(|time| time.value()))
+            .unwrap_or(Ordering::Equal)
+    });
+    times.dedup();
+    times.into_iter().map(|time| (time, OnceLock::new())).collect()
 }
 
 /// The parts of the scene that decide about a design: a margin from breakdown needs a property that no simulation uses.
@@ -241,13 +266,21 @@ struct DesignStage {
     options: SearchOptions,
     evaluator: EvaluatorChoice,
     scene: Scene,
-    /// Set up by the first target that needs it, for all of them.
-    ready: OnceLock<Ready>,
+    /// The same with what its drive says of time.
+    in_time: Scene,
+    /// Set up by the first target at a time that needs it, for all of them.
+    ready: Vec<(Option<Time>, OnceLock<Ready>)>,
+}
+
+/// The stage while it designs a target.
+struct AtTime<'a> {
+    stage: &'a DesignStage,
+    time: Option<Time>,
 }
 
 /// Finite elements in each state of the device: for the gradient, and for margins where they are asked for.
 struct Ready {
-    gradient: InStates<Box<GradientEvaluator>>,
+    gradient: InStates<Box<dyn Differentiable + Send>>,
     margins: Vec<SafetyMargins>,
 }
 
@@ -295,15 +328,20 @@ impl DesignStage {
         Canonical::map([("stage", self.common()), ("target", target.canonical())])
     }
 
-    fn ready(&self) -> Result<&Ready, SearchError> {
-        if let Some(ready) = self.ready.get() {
+    fn ready(&self, time: Option<Time>) -> Result<&Ready, SearchError> {
+        let place = self.ready.iter().find(|(of, _)| *of == time);
+        let (_, place) = place.ok_or_else(|| SearchError::Setup("no target is meant at this time".into()))?;
+        if let Some(ready) = place.get() {
             return Ok(ready);
         }
         let limits = self.constraints.constraints().limits();
         let ready = || -> Result<Ready, SetupError> {
             let (mut gradient, mut margins) = (Vec::new(), Vec::new());
             for scene in decided_states(&self.scene)? {
-                gradient.push(Box::new(GradientEvaluator::new(&scene)?));
+                gradient.push(match time {
+                    None => Box::new(GradientEvaluator::new(&scene)?) as Box<dyn Differentiable + Send>,
+                    Some(time) => Box::new(ThreeSolves::new(&scene, time.value())?.gradient(&scene)?),
+                });
                 margins.extend(SafetyMargins::new(
                     &scene,
                     limits.pull_in_margin,
@@ -316,18 +354,26 @@ impl DesignStage {
             })
         };
         let ready = ready().map_err(|e| SearchError::Setup(e.into()))?;
-        Ok(self.ready.get_or_init(|| ready))
+        Ok(place.get_or_init(|| ready))
+    }
+
+    /// The scene that a target is designed in.
+    fn scene_of(&self, target: &Target) -> Scene {
+        match target.objective.time() {
+            None => self.scene.clone(),
+            Some(time) => self.in_time.simulated_until(time),
+        }
     }
 
     /// The networks among the inputs, one for each state of the device; none where there are none.
-    fn networks(&self, inputs: &[Artifact]) -> Result<Option<Vec<Surrogate>>, StageError> {
+    fn networks(&self, inputs: &[Artifact], scene: &Scene) -> Result<Option<Vec<Surrogate>>, StageError> {
         let models: Vec<&Artifact> = inputs.iter().filter(|input| model::is_in(input)).collect();
         match &models[..] {
             [] if self.evaluator == EvaluatorChoice::Surrogate => Err(StageError::Input(
                 "`evaluator: surrogate` judges by a network, and `needs` names no stage of kind `train`".to_owned(),
             )),
             [] => Ok(None),
-            models => model::in_states(models, &self.scene).map(Some),
+            models => model::in_states(models, scene).map(Some),
         }
     }
 
@@ -342,13 +388,13 @@ impl DesignStage {
     }
 }
 
-impl Elements for DesignStage {
+impl Elements for AtTime<'_> {
     fn gradient(&self) -> Result<&dyn Differentiable<StateFields>, SearchError> {
-        Ok(&self.ready()?.gradient)
+        Ok(&self.stage.ready(self.time)?.gradient)
     }
 
     fn feasibility(&self) -> Result<Option<&dyn Feasibility>, SearchError> {
-        let ready = self.ready()?;
+        let ready = self.stage.ready(self.time)?;
         Ok((!ready.margins.is_empty()).then_some(ready as &dyn Feasibility))
     }
 }
@@ -381,8 +427,10 @@ impl Stage for DesignStage {
         let target = self.targets.iter().find(|target| Some(&self.chunk(target)) == wanted);
         let target = target.ok_or_else(|| StageError::Failed("a chunk of a design stage has one target".to_owned()))?;
         let start = Instant::now();
-        let networks = self.networks(job.inputs)?;
-        let calibrated = Calibrated::of(job.inputs, &self.scene)?;
+        let scene = self.scene_of(target);
+        let time = target.objective.time();
+        let networks = self.networks(job.inputs, &scene)?;
+        let calibrated = Calibrated::of(job.inputs, &scene)?;
         let drivers: Vec<u8> = self
             .scene
             .in_states()
@@ -394,10 +442,10 @@ impl Stage for DesignStage {
             constraints: self.constraints.constraints(),
             options: &self.options,
             drivers: &drivers,
-            elements: self,
+            elements: &AtTime { stage: self, time },
             progress: &Follow(job),
         };
-        let found = search.run(|| evaluators(self.evaluator, &self.scene, networks));
+        let found = search.run(|| evaluators(self.evaluator, &scene, time, networks));
         let found = found.map_err(|error| match error {
             SearchError::Stopped(stopped) => stopped.into(),
             error => StageError::Failed(error.to_string()),

@@ -1,12 +1,12 @@
 //! Scenes and patterns that somebody names, outside a pipeline.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::base::{Document, InputError};
 use crate::content::named_patterns;
 use crate::orchestrator::splice_scene;
 use crate::pattern::{Pattern, PatternForm};
-use crate::scene::Scene;
+use crate::scene::{Scene, scene_files};
 
 /// Why there is no answer.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
@@ -30,6 +30,30 @@ pub fn patterns(arguments: &[String], form: PatternForm) -> Result<Vec<Pattern>,
         all.extend(named_patterns(argument, form)?);
     }
     Ok(all)
+}
+
+/// The files that are read with a scene or a pipeline: itself, the scene that it names, masks and tables of voltages. What cannot be read names
+/// none; reading it says why.
+#[must_use]
+pub fn files_read(path: &Path) -> Vec<String> {
+    let beside = |file: &Path, name: String| file.with_file_name(name);
+    let named = |file: &Path| -> Option<(Vec<PathBuf>, Option<PathBuf>)> {
+        let root = Document::load(file).ok()?.root;
+        let files = scene_files(&root).into_iter().map(|name| beside(file, name)).collect();
+        let scene = root.peek("scene").and_then(|scene| scene.text("scene").ok());
+        Some((files, scene.map(|name| beside(file, name.to_owned()))))
+    };
+    let mut files = vec![path.to_path_buf()];
+    let (own, scene) = named(path).unwrap_or_default();
+    files.extend(own);
+    if let Some(scene) = scene {
+        files.extend(named(&scene).unwrap_or_default().0);
+        files.push(scene);
+    }
+    files
+        .into_iter()
+        .map(|file| file.to_string_lossy().into_owned())
+        .collect()
 }
 
 /// The scene in a file: a scene, or a pipeline whose scene is meant.

@@ -2,7 +2,7 @@
 
 use crate::content::{Meshes, Observations, Packed, SampleRows, Solutions, SolvedHistories, Unstable};
 use crate::fem::{AccurateHistory, AccurateSimulation, History, Solver};
-use crate::field::Field;
+use crate::field::{Field, Motion};
 use crate::scene::{Effects, Scene};
 
 /// The results of one chunk of samples, those with a field apart from the others.
@@ -47,15 +47,8 @@ pub fn in_time(solved: Solutions, histories: &[AccurateHistory]) -> Solutions {
         .iter()
         .map(|found| &found.history)
         .partition(|history| history.outcome.is_converged());
-    let instants = || stable.iter().flat_map(|history| history.asked());
-    let fields = stable.iter().flat_map(|history| &history.fields);
     Solutions {
-        history: Some(SolvedHistories {
-            time: Packed(instants().map(|instant| instant.time).collect()),
-            displacement: Packed(fields.flat_map(|field| field.values()).copied().collect()),
-            charge: Packed(instants().map(|instant| instant.charge).collect()),
-            error_in_time: stable.iter().map(|history| history.time_error_mm).collect(),
-        }),
+        history: Some(solved_histories(&stable)),
         unstable: Unstable {
             time_bracket: Some(
                 unstable
@@ -66,6 +59,27 @@ pub fn in_time(solved: Solutions, histories: &[AccurateHistory]) -> Solutions {
             ..solved.unstable
         },
         ..solved
+    }
+}
+
+/// The histories of patterns that have a field at all times.
+pub fn solved_histories(stable: &[&History]) -> SolvedHistories {
+    let instants = || stable.iter().flat_map(|history| history.asked());
+    let fields = stable.iter().flat_map(|history| &history.fields);
+    let motions: Option<Vec<Vec<Motion>>> = instants().map(|instant| instant.bodies.clone()).collect();
+    let motions = motions.filter(|all| !all.is_empty()).map(|all| all.concat());
+    let errors = stable.iter().map(|history| history.time_error_mm);
+    SolvedHistories {
+        time: Packed(instants().map(|instant| instant.time).collect()),
+        displacement: Packed(fields.flat_map(|field| field.values()).copied().collect()),
+        charge: Packed(instants().map(|instant| instant.charge).collect()),
+        body_translation: motions
+            .as_ref()
+            .map(|all| Packed(all.iter().flat_map(|motion| motion.translation).collect())),
+        body_rotation: motions
+            .as_ref()
+            .map(|all| Packed(all.iter().map(|motion| motion.rotation).collect())),
+        error_in_time: errors.map(Option::unwrap_or_default).collect(),
     }
 }
 

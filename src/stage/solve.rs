@@ -59,6 +59,7 @@ impl Kind for SolveKind {
         )?;
         let solver = SolverParameters::read(&map, MESH)?;
         let scene = solver.decisive(&super::scene_of(stage, scene)?);
+        solver.check_scene(&map, &scene)?;
         Ok(Box::new(SolveStage {
             solver,
             scene,

@@ -2,13 +2,13 @@
 
 mod own;
 
-use super::patterns;
 use super::results::of_targets;
+use super::{patterns, solution};
 use crate::base::{Canonical, Document, Fields, InputError, Node};
-use crate::content::{Components, DesignRows, Designs, SimulatedStates, Verification, predicted_rows};
+use crate::content::{Components, DesignRows, Designs, Packed, SimulatedStates, Verification, predicted_rows};
 use crate::design::{Goal, Objective};
 use crate::fem::screening::decided_states;
-use crate::fem::{AccurateSimulation, SetupError, Solver, SolverParameters};
+use crate::fem::{AccurateHistory, AccurateSimulation, History, SetupError, Solver, SolverParameters};
 use crate::field::{Field, Mesh, Outcome, StateFields};
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::pattern::Pattern;
@@ -94,6 +94,7 @@ impl Kind for VerifyKind {
         )?;
         let solver = SolverParameters::read(&map, MESH)?;
         let scene = solver.decisive(&super::scene_in_states_of(stage, scene)?);
+        solver.check_scene(&map, &scene)?;
         Ok(Box::new(VerifyStage { solver, scene }))
     }
 }
@@ -108,7 +109,14 @@ struct VerifyStage {
 struct Cases {
     rows: DesignRows,
     /// What each is for.
-    goals: Vec<Goal>,
+    goals: Vec<Timed>,
+}
+
+/// What a design is for, and at which of the times that are asked for.
+#[derive(Clone)]
+struct Timed {
+    goal: Goal,
+    at: usize,
 }
 
 /// A solver in each state of the device, with the one on the other mesh.
@@ -120,7 +128,12 @@ struct Solved(Vec<SolvedState>);
 /// The same in one state.
 struct SolvedState {
     result: AccurateSimulation,
-    other: Option<Field>,
+    /// How it gets there, where times were asked for.
+    history: Option<History>,
+    /// The fields at all times that were asked for; one where none were.
+    fields: Option<Vec<Field>>,
+    /// The same on the other mesh.
+    others: Option<Vec<Field>>,
 }
 
 /// The same for a goal.
@@ -131,6 +144,10 @@ struct Simulated {
     fields: Option<StateFields>,
     /// Estimated discretisation error of the displacement along the wanted directions, in mm, where it is known.
     error: Option<f64>,
+    /// Its value in mm at each of the times that were asked for; empty where it has no field.
+    values_mm: Vec<f64>,
+    /// How it moves in time, where times were asked for and there is one state.
+    history: Option<History>,
 }
 
 impl Stage for VerifyStage {
@@ -194,7 +211,7 @@ impl VerifyStage {
             let rows = Designs::open(design)?.rows().read()?;
             for row in 0..rows.len() {
                 let wrong = |why: String| StageError::Input(format!("artifact {}: {why}", design.digest().short()));
-                let goal = goal(&rows.objective.0[row], &self.scene).map_err(wrong)?;
+                let goal = self.goal(&rows.objective.0[row]).map_err(wrong)?;
                 if !cases.is_repeated(&rows, row)? {
                     cases.rows.push(&rows, row);
                     cases.goals.push(goal);
@@ -202,6 +219,27 @@ impl VerifyStage {
             }
         }
         Ok(cases)
+    }
+
+    /// What a design was for. Area and its weight do not enter the displacement.
+    fn goal(&self, text: &str) -> Result<Timed, String> {
+        let document = Document::from_text(std::path::Path::new("objective"), text).map_err(|e| e.to_string())?;
+        let objective = Objective::read(&document.root).map_err(|e| e.to_string())?;
+        let goal = objective.goal(&self.scene, None, 0.0).map_err(|e| e.to_string())?;
+        let times = self.solver.times().unwrap_or_default();
+        let at = match objective.time() {
+            None => Some(times.len().saturating_sub(1)),
+            Some(time) => times.iter().position(|of| *of == time.value()),
+        };
+        match (at, objective.time()) {
+            (None, Some(time)) => Err(format!(
+                "its design is meant after {time}, and this stage simulates none then: `history` in the verify stage must have it, as in {{ at: [{time}] }}"
+            )),
+            (at, _) => Ok(Timed {
+                goal,
+                at: at.unwrap_or_default(),
+            }),
+        }
     }
 
     fn verification(&self, cases: Cases, simulated: &[Simulated], effects: &Effects) -> Verification {
@@ -212,6 +250,10 @@ impl VerifyStage {
         let errors = || solved().map(|(row, _)| simulated[row].error);
         let in_states = self.scene.states.iter().len() > 1;
         let displacement = || solved().flat_map(|(_, fields)| fields.iter().cloned()).collect();
+        let histories: Vec<&History> = solved()
+            .filter_map(|(row, _)| simulated[row].history.as_ref())
+            .collect();
+        let follows_time = self.solver.follows_time() && !in_states;
         Verification {
             outcome: simulated.iter().map(|s| s.outcome.name().to_owned()).collect(),
             displacement: solved().filter_map(|(_, fields)| fields.first().cloned()).collect(),
@@ -221,15 +263,20 @@ impl VerifyStage {
             states: in_states.then(|| SimulatedStates {
                 displacement: displacement(),
             }),
+            history: follows_time.then(|| solution::solved_histories(&histories)),
             component: Components {
                 predicted: (0..rows.len())
-                    .filter_map(|row| Some(goals[row].value_mm(prediction(row)?)))
+                    .filter_map(|row| Some(goals[row].goal.value_mm(prediction(row)?)))
                     .collect(),
-                simulated: solved().map(|(row, fields)| goals[row].value_mm(fields)).collect(),
+                simulated: solved().map(|(row, fields)| goals[row].goal.value_mm(fields)).collect(),
                 error: errors().map(Option::unwrap_or_default).collect(),
+                in_time: self.solver.follows_time().then(|| {
+                    let values = solved().flat_map(|(row, _)| simulated[row].values_mm.iter().copied());
+                    Packed(values.collect())
+                }),
                 error_known: errors().map(|error| u64::from(error.is_some())).collect(),
                 distance: solved()
-                    .map(|(row, fields)| goals[row].distance_mm(fields).unwrap_or(0.0))
+                    .map(|(row, fields)| goals[row].goal.distance_mm(fields).unwrap_or(0.0))
                     .collect(),
             },
             rows,
@@ -286,12 +333,21 @@ impl Solvers {
     fn solve(&self, patterns: &[Pattern]) -> Result<Vec<Solved>, SetupError> {
         let mut solved: Vec<Solved> = patterns.iter().map(|_| Solved(Vec::new())).collect();
         for (own, beside) in &self.0 {
-            let results = own.simulate(patterns)?;
-            let others = beside.as_ref().map(|other| other.simulate(patterns)).transpose()?;
-            let mut others = others.unwrap_or_default().into_iter();
+            let (results, histories) = own.simulate_in_time(patterns)?;
+            let mut histories = histories.unwrap_or_default().into_iter().map(|found| found.history);
+            let others = beside
+                .as_ref()
+                .map(|other| other.simulate_in_time(patterns))
+                .transpose()?;
+            let mut others = others.map(fields_in_time).unwrap_or_default().into_iter();
             for (Solved(states), result) in solved.iter_mut().zip(results) {
-                let other = others.next().and_then(|other| other.simulation.field);
-                states.push(SolvedState { result, other });
+                let history = histories.next();
+                states.push(SolvedState {
+                    fields: fields_of(&result, history.as_ref()),
+                    others: others.next().flatten(),
+                    result,
+                    history,
+                });
             }
         }
         Ok(solved)
@@ -299,17 +355,22 @@ impl Solvers {
 }
 
 impl Solved {
-    fn judged(&self, goal: &Goal) -> Simulated {
+    fn judged(&self, Timed { goal, at }: &Timed) -> Simulated {
         let Self(states) = self;
         let mut outcomes = states.iter().map(|state| state.result.simulation.outcome);
         let without = outcomes.find(|outcome| !outcome.has_field());
-        let fields: Option<StateFields> = states
+        let at_time = |at: usize| -> Option<StateFields> {
+            let fields = states.iter().map(|state| state.fields.as_ref()?.get(at).cloned());
+            fields.collect()
+        };
+        let fields = at_time(*at);
+        let others: Option<StateFields> = states
             .iter()
-            .map(|state| state.result.simulation.field.clone())
+            .map(|state| state.others.as_ref()?.get(*at).cloned())
             .collect();
-        let others: Option<StateFields> = states.iter().map(|state| state.other.clone()).collect();
         let between = fields.as_ref().zip(others);
         let between = between.map(|(fields, others)| (goal.value_mm(fields) - goal.value_mm(&others)).abs());
+        let values_mm = (0..).map_while(at_time).map(|fields| goal.value_mm(&fields)).collect();
         // An error that is promised of every state is one of their mean.
         let promised = states.iter().map(|state| state.result.discretisation_error);
         let promised = promised
@@ -318,9 +379,30 @@ impl Solved {
         Simulated {
             outcome: without.unwrap_or(states[0].result.simulation.outcome),
             error: promised.or(between),
+            values_mm,
             fields,
+            history: match &states[..] {
+                [only] => only.history.clone(),
+                _ => None,
+            },
         }
     }
+}
+
+/// The fields of a result at all times that were asked for; one where none were.
+fn fields_of(result: &AccurateSimulation, history: Option<&History>) -> Option<Vec<Field>> {
+    let last = result.simulation.field.clone()?;
+    Some(history.map_or_else(|| vec![last], |history| history.fields.clone()))
+}
+
+/// The same of many results.
+fn fields_in_time(
+    (results, histories): (Vec<AccurateSimulation>, Option<Vec<AccurateHistory>>),
+) -> Vec<Option<Vec<Field>>> {
+    let mut histories = histories.unwrap_or_default().into_iter();
+    let each = results.iter();
+    each.map(|result| fields_of(result, histories.next().map(|found| found.history).as_ref()))
+        .collect()
 }
 
 /// How many targets the designs have together: the length of the progress bar.
@@ -332,13 +414,6 @@ fn targets(designs: &[&Artifact]) -> Result<u64, StageError> {
         sum += names.len() as u64;
     }
     Ok(sum)
-}
-
-/// What a design was for. Area and its weight do not enter the displacement.
-fn goal(text: &str, scene: &Scene) -> Result<Goal, String> {
-    let document = Document::from_text(std::path::Path::new("objective"), text).map_err(|e| e.to_string())?;
-    let objective = Objective::read(&document.root).map_err(|e| e.to_string())?;
-    objective.goal(scene, None, 0.0).map_err(|e| e.to_string())
 }
 
 fn difference(a: &Field, b: &Field) -> Option<Field> {

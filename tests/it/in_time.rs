@@ -82,6 +82,55 @@ fn a_history_has_its_arrays_its_table_and_its_figure() {
         "--json",
     ]);
     assert_eq!(every.json()["times"], serde_json::json!([0.0, 2.5, 5.0, 7.5, 10.0]));
+    let uneven = workspace.run(&[
+        "solve",
+        "scene.yaml",
+        "odd.csv",
+        "-o",
+        "every.h5",
+        "--history",
+        "--every",
+        "4 s",
+        "--json",
+    ]);
+    assert_eq!(uneven.json()["times"], serde_json::json!([0.0, 4.0, 8.0, 10.0]));
+}
+
+#[test]
+fn a_history_of_bodies_has_their_motion_at_each_time() {
+    let workspace = workspace("voltage: 3 kV");
+    let scene = SCENE.replace("DRIVE", "voltage: 3 kV").replace(
+        "cells: 10",
+        "cells: 10, bodies: [{ rectangle: [[20 mm, 20 mm], [30 mm, 30 mm]], load: [10 mN, 0 N] }]",
+    );
+    workspace.write("scene.yaml", &scene);
+    let ended = workspace.run(&[
+        "solve",
+        "scene.yaml",
+        "odd.csv",
+        "-o",
+        "out.h5",
+        "--history",
+        "--at",
+        "0 s, 1 s, 9 s",
+    ]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let file = hdf5::File::open(workspace.path("out.h5")).unwrap();
+    let moved = file.dataset("body_translation").unwrap();
+    assert_eq!(moved.shape(), [1, 3, 1, 2]);
+    let along: Vec<f64> = moved.read_raw::<f64>().unwrap().into_iter().step_by(2).collect();
+    assert!(
+        0.0 < along[0] && along[0] < along[1] && along[1] < along[2],
+        "{along:?}"
+    );
+    workspace.write("creep.yaml", PIPELINE);
+    let ran = workspace.run(&["run", "creep.yaml", "--json"]);
+    assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+    // With inertia they are refused before anything is built.
+    workspace.write("scene.yaml", &scene.replace("effects: {", "effects: { inertia: {},"));
+    let refused = workspace.run(&["plan", "creep.yaml"]);
+    assert_eq!(refused.code, Some(2), "{}", refused.stderr);
+    assert!(refused.stderr.contains("without rigid bodies"), "{}", refused.stderr);
 }
 
 #[test]
@@ -123,6 +172,19 @@ fn a_table_beside_the_scene_drives_and_is_refused_by_line() {
     let file = hdf5::File::open(workspace.path("out.h5")).unwrap();
     let volts = file.dataset("voltage").unwrap().read_raw::<f64>().unwrap();
     assert_eq!(volts, [2000.0, 2000.0]);
+    // The table is not overwritten by the one that is written beside the arrays.
+    let over = workspace.run(&[
+        "solve",
+        "scene.yaml",
+        "odd.csv",
+        "-o",
+        "drive.h5",
+        "--history",
+        "--at",
+        "1 s",
+    ]);
+    assert_eq!(over.code, Some(2), "{}", over.stderr);
+    assert!(over.stderr.contains("is read here"), "{}", over.stderr);
     workspace.write("drive.csv", "t_s,voltage_V\n0,0\n2,5000\n1,2000\n");
     let ended = workspace.run(&solve);
     assert_eq!(ended.code, Some(2));
@@ -221,7 +283,7 @@ version: 1
 name: creep
 scene: scene.yaml
 stages:
-  blocks: { kind: sample, family: large-grid, units: 5, count_per_units: 6, seed: 1 }
+  blocks: { kind: sample, family: large-grid, units: [5], count_per_units: 6, seed: 1 }
   crept: { kind: solve, needs: [blocks], elements_per_cell: 1, history: { at: [10 s, 0.1 s] } }
   still: { kind: solve, needs: [blocks], elements_per_cell: 1 }
 ";

@@ -97,6 +97,8 @@ quantities! {
     SpringRate: SpringRate,
     /// An electric charge, base unit C.
     Charge: Charge,
+    /// An electric current, base unit A.
+    Current: Current,
 }
 
 /// What names the random numbers of a stage.

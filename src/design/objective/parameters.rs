@@ -7,7 +7,7 @@ use super::field_file;
 use super::goal::{Goal, GoalError};
 use super::measure::{Displacement, Distance, MEASURES, Measure};
 use crate::base::{
-    Angle, Canonical, Decimal, Declared, Fields, InputError, Length, Map, Node, Parameter, Schema, parameters,
+    Angle, Canonical, Decimal, Declared, Fields, InputError, Length, Map, Node, Parameter, Schema, Time, parameters,
 };
 use crate::design::text::{flow_mapping, flow_value};
 use crate::scene::{MOST_BODIES, Scene, States};
@@ -62,6 +62,8 @@ parameters! {
         /// How a motion is measured: its component along the direction (the default where points have directions), its distance from
         /// what is wanted (the default where that is given), or the paper's formula.
         measure: Option<&'static dyn Measure>,
+        /// When, since the voltage was put on, where the elastomer creeps; at the end of creep unless it is said.
+        time: Option<Time> [0.0..=1e12],
     }
 }
 
@@ -106,6 +108,8 @@ parameters! {
     struct WantedField as "the objective" {
         /// A CSV file beside the pipeline or below with the columns x_mm, y_mm, ux_mm, uy_mm.
         field: FieldPoints,
+        /// When, since the voltage was put on, where the elastomer creeps; at the end of creep unless it is said.
+        time: Option<Time> [0.0..=1e12],
     }
 }
 
@@ -144,6 +148,7 @@ pub struct Objective {
     points: Vec<Wanted>,
     measure: &'static dyn Measure,
     value: Option<Length>,
+    time: Option<Time>,
 }
 
 fn either_motion(fields: Fields) -> Fields {
@@ -346,13 +351,16 @@ impl PointParameters {
 
 impl Objective {
     fn new(points: Vec<Wanted>, measured: Option<MeasureParameters>, node: &Node) -> Result<Self, InputError> {
-        let (measure, value) = measured.map_or((None, None), |measured| (measured.measure, measured.value));
+        let (measure, value, time) = measured.map_or((None, None, None), |measured| {
+            (measured.measure, measured.value, measured.time)
+        });
         let wanted = value.is_some() || points.iter().all(Wanted::is_far);
         let usual: &'static dyn Measure = if wanted { &Distance } else { &Displacement };
         let objective = Self {
             points,
             measure: measure.unwrap_or(usual),
             value,
+            time,
         };
         objective.check(node)?;
         Ok(objective)
@@ -397,8 +405,13 @@ impl Objective {
             let ManyPoints { points, measured } = ManyPoints::read_with(node, &[])?;
             (points, Some(measured))
         } else if node.peek("field").is_some() {
-            let points = WantedField::read_with(node, &[])?.field.0;
-            (points.into_iter().map(Wanted::Point).collect(), None)
+            let WantedField { field, time } = WantedField::read_with(node, &[])?;
+            let measured = MeasureParameters {
+                value: None,
+                measure: None,
+                time,
+            };
+            (field.0.into_iter().map(Wanted::Point).collect(), Some(measured))
         } else if node.peek("body").is_some() {
             let OneBody { body, measured } = OneBody::read_with(node, &[])?;
             (vec![Wanted::Body(body)], Some(measured))
@@ -421,7 +434,14 @@ impl Objective {
         };
         entries.extend(self.value.map(|value| ("value", value.to_string())));
         entries.push(("measure", self.measure.name().to_owned()));
+        entries.extend(self.time.map(|time| ("time", time.to_string())));
         flow_mapping(entries)
+    }
+
+    /// When it is meant, since the voltage was put on; none where it is meant of an equilibrium.
+    #[must_use]
+    pub fn time(&self) -> Option<Time> {
+        self.time
     }
 
     /// The goal in a scene.
@@ -449,7 +469,9 @@ impl Parameter for Objective {
         let value = self.value.as_ref().and_then(Parameter::canonical);
         let own = [("points", points), ("measure", self.measure.name().into())];
         let value = value.map(|value| ("value", value));
-        Some(Canonical::map(own.into_iter().chain(value)))
+        let time = self.time.as_ref().and_then(Parameter::canonical);
+        let time = time.map(|time| ("time", time));
+        Some(Canonical::map(own.into_iter().chain(value).chain(time)))
     }
 
     fn schema((): &()) -> Schema {
@@ -611,6 +633,7 @@ mod tests {
             "{ point: [2.5 cm, 25], direction: 45 deg }",
             "{ points: [{ point: [1, 2], direction: 0 }, { point: [3, 4], direction: -90 deg, weight: 2.5 }], measure: qin2024 }",
             "{ point: [25, 25], direction: 30 deg, value: 1.00 mm }",
+            "{ point: [25, 25], direction: 30 deg, time: 10 min }",
             "{ points: [{ point: [1, 2], displacement: [0.1 mm, -0.2 mm] }, { point: [3, 4], displacement: [0, 0] }] }",
         ] {
             let objective = read(text).unwrap();

@@ -4,7 +4,8 @@ use super::{Decaying, Fringe, Stiff, TensionField};
 use crate::fem::energy::{Compound, Elasticity, Isotropic, Material, Neo, NeoHookean, Stiffened};
 use crate::fem::error::SetupError;
 use crate::fem::grid::Grid;
-use crate::fem::operator::Activity;
+use crate::fem::memory::Memory;
+use crate::fem::operator::{Activity, metrics};
 use crate::fem::sheet::Sheet;
 use crate::field::Mesh;
 use crate::pattern::Pattern;
@@ -25,6 +26,8 @@ pub struct Model {
     decay: Option<PermittivityDecay>,
     fringe: Option<Fringe>,
     wrinkles: bool,
+    /// γ of branches that have no time to relax, in units of μλp².
+    slowness: f64,
 }
 
 /// Work that is the same under every law.
@@ -88,6 +91,7 @@ impl Model {
             decay: effects.stretch_dependent_permittivity.clone(),
             fringe: effects.fringe_field.as_ref().map(|_| Fringe::new(scene)).transpose()?,
             wrinkles: effects.wrinkling.is_some(),
+            slowness: 0.0,
         };
         let [is_finite, is_elliptic] = model.with(AtRest(model.sheet.distortion())).map(|margin| margin > 0.0);
         match (is_finite, is_elliptic) {
@@ -97,6 +101,13 @@ impl Model {
                 prestretch: along.max(across),
             }),
         }
+    }
+
+    /// The same physics with viscoelastic branches of a modulus γ, in units of μλp², that have relaxed at the prestretch and have no time to
+    /// relax from there.
+    #[must_use]
+    pub fn slowed(self, slowness: f64) -> Self {
+        Self { slowness, ..self }
     }
 
     /// Does work under the law of the scene. Here, and only here, the type of the law is put together.
@@ -146,10 +157,22 @@ impl Model {
     /// When a cell belongs to a group of electrodes that the scene has not.
     #[must_use]
     pub fn activity(&self, grid: &Grid, pattern: &Pattern) -> Activity {
-        match &self.fringe {
+        self.slow(match &self.fringe {
             None => Activity::of_groups(grid, pattern, &self.loads),
             Some(fringe) => fringe.activity(grid, pattern, &self.loads),
+        })
+    }
+
+    /// An activity with what branches that have no time to relax add.
+    #[must_use]
+    pub fn slow(&self, activity: Activity) -> Activity {
+        if self.slowness == 0.0 {
+            return activity;
         }
+        let layout = activity.grid().layout();
+        let at_rest = metrics(&activity, &vec![0.0; layout.vector_len()]);
+        let values = at_rest.iter().map(|value| self.slowness * value).collect();
+        activity.with_memory(Memory::new(layout, values))
     }
 
     /// The share of the load that each group of electrodes has.

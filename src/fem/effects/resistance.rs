@@ -9,8 +9,8 @@ use crate::scene::effects::names;
 /// The effect.
 pub struct ElectrodeResistance;
 
-const QUANTITY: &str = "2πf R c L²";
-const THRESHOLD: f64 = 0.1;
+const QUANTITY: &str = "2πf R c/Λ₁";
+const THRESHOLD: f64 = 0.04;
 
 impl Effect for ElectrodeResistance {
     fn name(&self) -> &'static str {
@@ -31,7 +31,12 @@ impl Effect for ElectrodeResistance {
             return Some(Assessment::known("f/(1 kHz)", frequency / 1e3, 1.0, change));
         };
         let capacitance = scene.permittivity() / (1e-3 * scene.prestretched_thickness_mm());
-        let time = resistance.value() * capacitance * (1e-3 * scene.side_mm()).powi(2);
+        // The current flows through both sheets. Λ₁ is the lowest eigenvalue of −Δ on an electrode as long as the membrane with its lead at one
+        // end: a quarter of a wave.
+        let sheets = 2.0 * resistance.value();
+        let [width, height] = scene.membrane().size_mm;
+        let eigenvalue = (0.5 * PI / (1e-3 * width.max(height))).powi(2);
+        let time = sheets * capacitance / eigenvalue;
         let change = format!("delays the voltage at the far end by {time:.1e} s");
         Some(Assessment::known(
             QUANTITY,

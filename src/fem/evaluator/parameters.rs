@@ -11,7 +11,7 @@ use crate::base::{
     Canonical, Decimal, Declared, Document, Fields, InputError, Length, Map, Quantity, Schema, Time, parameters,
 };
 use crate::fem::error::SetupError;
-use crate::fem::time::{HistoryOptions, HistoryRequest, HistorySolver};
+use crate::fem::time::{HistoryOptions, HistoryRequest, HistorySolver, refusal};
 use crate::fem::work::WorkLimit;
 use crate::field::{Mesh, Order};
 use crate::scene::Scene;
@@ -77,6 +77,15 @@ impl SolverParameters {
         Self { time_limit, ..self }
     }
 
+    /// The same through the time of the drive, up to a time.
+    #[must_use]
+    pub fn up_to(self, time: Time) -> Self {
+        Self {
+            history: Some(HistoryKeys { at: vec![time] }),
+            ..self
+        }
+    }
+
     /// The same with another relative residual; one that is not finite is left out.
     #[must_use]
     pub fn with_tolerance(self, tolerance: f64) -> Self {
@@ -108,6 +117,17 @@ impl SolverParameters {
             time_limit: keys.time_limit,
             history: keys.history.map(HistoryKeys::in_order),
         })
+    }
+
+    /// Checks that what is asked for can be had in a scene; `map` is what this was read from.
+    ///
+    /// # Errors
+    /// When histories are asked for of a scene that cannot be followed in time.
+    pub fn check_scene(&self, map: &Map<'_>, scene: &Scene) -> Result<(), InputError> {
+        match (map.optional("history"), refusal(scene)) {
+            (Some(node), Some(why)) => Err(node.error(why.to_string())),
+            _ => Ok(()),
+        }
     }
 
     /// The canonical value, with further entries. What a method does not use is no part of it.
@@ -148,9 +168,15 @@ impl SolverParameters {
         }
     }
 
+    /// The last time that is asked for.
+    #[must_use]
+    pub fn time(&self) -> Option<Time> {
+        self.history.as_ref()?.at.last().copied()
+    }
+
     /// The times that are asked for, in s, in order.
     #[must_use]
-    pub(super) fn times(&self) -> Option<Vec<f64>> {
+    pub fn times(&self) -> Option<Vec<f64>> {
         let history = self.history.as_ref()?;
         Some(history.at.iter().map(|time| time.value()).collect())
     }
@@ -163,11 +189,11 @@ impl SolverParameters {
         let options = HistoryOptions {
             mesh: self.mesh(),
             tolerance: self.tolerance(),
-            limit: self.work_limit(),
         };
         let request = HistoryRequest {
             times,
             accuracy_mm: self.accuracy().map(|accuracy| accuracy.value()),
+            limit: WorkLimit::of_history(self.time_limit.as_ref()),
         };
         HistorySolver::new(scene, &options, request)
     }
@@ -296,7 +322,7 @@ parameters! {
         accuracy: Option<Length> [1e-9..=1e3],
         /// Relative residual at which an equilibrium is accepted.
         tolerance: Decimal [1e-12..=1e-3] = 1e-8,
-        /// About how long a pattern may take before it ends as work-limit; 5 s unless said otherwise. Work is counted, not time.
+        /// About how long a pattern may take before it ends as work-limit; 5 s unless said otherwise, 500 s for a history. Work is counted, not time.
         time_limit: Option<Time> [1e-3..=1e6],
         /// Membranes are followed in the time of the drive, and the displacement is that at the last time; without it they are in equilibrium.
         history: Option<HistoryKeys>,

@@ -41,6 +41,18 @@ impl Solver {
     /// # Errors
     /// When the mesh or the tolerance is out of range, the membrane has no linear response, or its effects cannot be simulated.
     pub fn new(scene: &Scene, parameters: &SolverParameters) -> Result<Self, SetupError> {
+        Self::slowed(scene, parameters, 0.0)
+    }
+
+    /// The same with branches that have no time to relax, of a modulus in units of μλp²: for one mesh, and no history.
+    ///
+    /// # Errors
+    /// As [`Solver::new`].
+    pub(in crate::fem) fn slowed(
+        scene: &Scene,
+        parameters: &SolverParameters,
+        slowness: f64,
+    ) -> Result<Self, SetupError> {
         let limit = parameters.work_limit();
         let scene = &resolve(scene)?;
         let tolerance = parameters.tolerance();
@@ -58,10 +70,12 @@ impl Solver {
             }
             (MeshRequest::Fixed(mesh), None) => {
                 let options = SolveOptions { mesh, tolerance };
-                Engine::Fixed(Box::new(MembraneSolver::new(scene, options)?.within(limit)))
+                Engine::Fixed(Box::new(
+                    MembraneSolver::slowed(scene, slowness, options)?.within(limit),
+                ))
             }
             (MeshRequest::Fixed(mesh), Some(chord_steps)) => {
-                let response = LinearResponse::new(scene, mesh)?;
+                let response = LinearResponse::slowed(scene, slowness, mesh)?;
                 Engine::Estimate(Box::new(Estimator { response, chord_steps }), mesh)
             }
         };

@@ -31,7 +31,12 @@ impl Screening {
     /// Those of an equilibrium.
     #[must_use]
     pub fn warnings_of_equilibrium(&self) -> Vec<String> {
-        self.rows.iter().filter_map(Row::warning_of_equilibrium).collect()
+        let drive = &self.scene.drive;
+        let left_out = [("waveform", drive.waveform.is_some()), ("rest", drive.rest.is_some())];
+        let keys = left_out.into_iter().filter(|(_, is_there)| *is_there);
+        let keys = keys.map(|(key, _)| format!("the drive's `{key}` is left out of an equilibrium"));
+        keys.chain(self.rows.iter().filter_map(Row::warning_of_equilibrium))
+            .collect()
     }
 }
 
@@ -64,8 +69,8 @@ pub(super) fn screen_to(
     if purpose != Purpose::Watch {
         return Run::new(&EFFECTS, scene, patterns, limit).finish(purpose);
     }
-    // What is simulated is no warning.
-    let off = |effect: &&dyn Effect| effect.is_on(&scene.effects) != Some(true);
+    // What is simulated is no warning, but for what an equilibrium leaves out.
+    let off = |effect: &&dyn Effect| effect.needs_time() || effect.is_on(&scene.effects) != Some(true);
     let effects: Vec<&dyn Effect> = EFFECTS.into_iter().filter(off).collect();
     let stability = scene.effects.electromechanical_stability.is_some();
     let searched = |trial: &Trial| Trial {

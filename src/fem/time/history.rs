@@ -2,9 +2,10 @@
 
 use std::cell::Cell;
 
-use super::march::{Course, Instant, MOST_STEPS, Pass, PassEnd, Steps};
+use super::march::{Course, IN_PERIOD, Instant, MOST_STEPS, Pass, PassEnd, Steps};
 use super::modes::wave_speed;
 use super::motion::Motion;
+use super::supply::Supply;
 use crate::fem::continuation::Loss;
 use crate::fem::effects::WithMaterial;
 use crate::fem::energy::Material;
@@ -13,19 +14,21 @@ use crate::fem::mass::Mass;
 use crate::fem::operator::Activity;
 use crate::fem::precondition::Laplacian;
 use crate::fem::solver::MembraneSolver;
+use crate::fem::work::WorkLimit;
 use crate::field::{Field, Outcome};
 use crate::pattern::Pattern;
+use crate::scene::Scene;
 
 /// Error in time, in units of the largest displacement at each time, unless another is asked for.
 const USUAL_ERROR: f64 = 2e-5;
 /// Steps of the first pass over the shortest time of a motion.
 const STEPS_IN_PERIOD: f64 = 40.0;
 /// Times that the steps of the first pass are halved at most.
-const MOST_HALVINGS: i32 = 6;
+const MOST_HALVINGS: u32 = 6;
 /// From so many on errors that hardly fall end them.
-const PATIENCE: i32 = 4;
+const PATIENCE: u32 = 4;
 /// The same of a motion.
-const MOST_HALVINGS_OF_MOTION: i32 = 5;
+const MOST_HALVINGS_OF_MOTION: u32 = 5;
 /// What an estimated error is multiplied by where it is one of fourth order.
 const SAFETY: f64 = 3.0;
 
@@ -36,6 +39,20 @@ pub struct HistoryRequest {
     pub times: Vec<f64>,
     /// The largest error in mm that steps in time may leave; a small part of the displacement where none is asked for.
     pub accuracy_mm: Option<f64>,
+    /// Work for all steps of a pattern on a mesh.
+    pub limit: WorkLimit,
+}
+
+impl HistoryRequest {
+    /// Fields at some times, within the usual error and work.
+    #[must_use]
+    pub fn at(times: Vec<f64>) -> Self {
+        Self {
+            times,
+            accuracy_mm: None,
+            limit: WorkLimit::of_history(None),
+        }
+    }
 }
 
 /// How a pattern moves in time.
@@ -51,8 +68,8 @@ pub struct History {
     pub fields: Vec<Field>,
     /// The corner (column, row) that moves most at the last time that was asked for.
     pub watched: [usize; 2],
-    /// Estimate of the largest error in mm that steps in time leave in the fields.
-    pub time_error_mm: f64,
+    /// Estimate of the largest error in mm that steps in time leave in the fields; none where it is not known.
+    pub time_error_mm: Option<f64>,
     /// Newton steps of all passes.
     pub newton_steps: u32,
     /// Relative residual at the end of the last step.
@@ -97,22 +114,58 @@ impl History {
     }
 }
 
+/// Why a scene whose effects are decided cannot be followed in time, if it cannot.
+#[must_use]
+pub fn refusal(scene: &Scene) -> Option<SetupError> {
+    if scene.drive.charge.is_some() {
+        return Some(SetupError::Charge);
+    }
+    if scene.effects.inertia.is_some() && scene.drive.source.is_some() {
+        return Some(SetupError::MovingSource);
+    }
+    let moves_bodies = scene.effects.inertia.is_some() && scene.geometry.bodies.is_some();
+    moves_bodies.then_some(SetupError::MovingBodies)
+}
+
 impl MembraneSolver {
     /// How a pattern moves in the time of the drive.
     ///
     /// # Errors
     /// When the drive is a charge, or the scene has inertia and bodies that cannot be moved.
     pub fn history(&self, pattern: &Pattern, request: &HistoryRequest) -> Result<History, SetupError> {
-        if self.scene.drive.charge.is_some() {
-            return Err(SetupError::Charge);
+        if let Some(refusal) = refusal(&self.scene) {
+            return Err(refusal);
         }
+        let moving = Moving::new(self, request)?;
+        self.check_steps(request, moving.as_ref())?;
         let (first, finer) = self.model.with(Follow {
             solver: self,
             activity: &self.model.activity(&self.grid, pattern),
             request,
-            moving: Moving::new(self, request)?,
+            moving,
         });
         Ok(self.conclude(&first, finer))
+    }
+
+    /// Refuses what takes more steps than there may be, before the first of them.
+    fn check_steps(&self, request: &HistoryRequest, moving: Option<&Moving>) -> Result<(), SetupError> {
+        let waveform = self.scene.waveform();
+        let end = request.times.last().copied().unwrap_or(0.0);
+        let stops = waveform.knots(end).len() + request.times.len();
+        // Errors are known from two halvings of a motion, and from one of equilibria.
+        let (step, passes) = match (moving, &waveform.sine) {
+            (Some(moving), _) => (moving.step, 4.0),
+            (None, Some(sine)) => (1.0 / (IN_PERIOD * sine.frequency.value()), 2.0),
+            (None, None) => (f64::INFINITY, 2.0),
+        };
+        let count = passes * (end / step + stops as f64);
+        match count > MOST_STEPS as f64 {
+            true => Err(SetupError::Steps {
+                count,
+                most: MOST_STEPS,
+            }),
+            false => Ok(()),
+        }
     }
 
     fn conclude(&self, coarse: &Pass, fine: Refined) -> History {
@@ -164,7 +217,7 @@ impl MembraneSolver {
 struct Refined {
     pass: Pass,
     fields: Vec<Field>,
-    error: f64,
+    error: Option<f64>,
     newton_steps: u32,
 }
 
@@ -193,9 +246,6 @@ impl Moving {
         let scene = &solver.scene;
         if scene.effects.inertia.is_none() {
             return Ok(None);
-        }
-        if scene.geometry.bodies.is_some() {
-            return Err(SetupError::MovingBodies);
         }
         let speed = wave_speed(scene)?;
         let size = scene.membrane().size_mm;
@@ -238,8 +288,9 @@ impl WithMaterial for Follow<'_> {
             problem: solver.problem(activity, material),
             scene: &solver.scene,
             waveform: solver.scene.waveform(),
+            supply: Supply::of(&solver.scene),
             times: &request.times,
-            limit: solver.limit,
+            limit: Cell::new(solver.scaled(request.limit)),
             watched: Cell::default(),
         };
         // The corner that moves most is known from the pass before.
@@ -261,10 +312,11 @@ impl WithMaterial for Follow<'_> {
                 per_second,
                 laplacian: &laplacian,
                 step,
+                parts: 1,
             };
-            return refine_motion(request, |halvings, last| {
+            return refine_motion(request, &course.limit, |halvings, last| {
                 last.into_iter().for_each(watch);
-                motion.step = step * 0.5_f64.powi(halvings);
+                motion.parts = 1 << halvings;
                 motion.pass()
             });
         }
@@ -274,88 +326,137 @@ impl WithMaterial for Follow<'_> {
         let wanted = request.accuracy_mm.unwrap_or(USUAL_ERROR * guess);
         let steps = Steps::Within(wanted / solver.grid.unit_mm());
         let coarse = course.pass(steps, &mut workspace);
-        refine(coarse, request, |coarse| {
+        refine(coarse, request, (&course.limit, solver.tolerance), |coarse| {
             watch(coarse);
             course.pass(Steps::At(&halved(&coarse.steps)), &mut workspace)
         })
     }
 }
 
-/// Passes with steps that are halved each time until their error is small enough: the last but one and the last.
-fn refine(mut coarse: Pass, request: &HistoryRequest, mut halve: impl FnMut(&Pass) -> Pass) -> (Pass, Refined) {
-    let mut newton_steps = coarse.newton_steps;
-    let mut halvings: i32 = 0;
-    let mut before = f64::INFINITY;
+/// What all passes together take.
+struct Spent<'a> {
+    /// What is left to the next one.
+    limit: &'a Cell<WorkLimit>,
+    newton_steps: u32,
+}
+
+impl Spent<'_> {
+    fn count(&mut self, pass: Pass) -> Pass {
+        self.newton_steps += pass.newton_steps;
+        self.limit.set(self.limit.get().less(pass.work));
+        pass
+    }
+}
+
+/// The error of a pass where it is known: both it and the one before got to times that were asked for.
+fn known(error: f64, coarse: &Pass, fine: &Pass) -> Option<f64> {
+    let is_known = !(fine.is_cut_short() || fine.fields.is_empty() || coarse.fields.is_empty());
+    is_known.then_some(error)
+}
+
+/// Whether the coarser of two passes got to all times that the finer one got to.
+fn has_all(fine: &Pass, coarse: &Pass) -> bool {
+    coarse.fields.len() >= fine.fields.len()
+}
+
+/// The largest difference in mm between two passes; all of the displacement where the coarser one ended before the finer one.
+fn change(fine: &Pass, coarse: &Pass) -> f64 {
+    match has_all(fine, coarse) {
+        true => fine.difference(coarse),
+        false => largest(&fine.fields),
+    }
+}
+
+fn largest(fields: &[Field]) -> f64 {
+    fields.iter().map(Field::max_magnitude).fold(0.0, f64::max)
+}
+
+/// Passes with steps that are halved each time until their error is small enough, from the first one on: the last but one and the last. What
+/// equilibria leave is an error too, `rounding` of the displacement.
+fn refine(
+    first: Pass,
+    request: &HistoryRequest,
+    (limit, rounding): (&Cell<WorkLimit>, f64),
+    mut halve: impl FnMut(&Pass) -> Pass,
+) -> (Pass, Refined) {
+    let mut spent = Spent { limit, newton_steps: 0 };
+    let mut coarse = spent.count(first);
+    let mut fine = spent.count(halve(&coarse));
+    let mut before: Option<f64> = None;
+    let mut halvings = 1;
     loop {
-        halvings += 1;
-        let pass = halve(&coarse);
-        newton_steps += pass.newton_steps;
-        let error = pass.difference(&coarse) / 3.0;
+        let difference = change(&fine, &coarse);
+        // Second order divides it by four; where it falls less, more is left.
+        let ratio = before.map_or(0.25, |before| (difference / before).clamp(0.25, 0.75));
+        let share = ratio / (1.0 - ratio);
+        let error = share * difference + rounding * largest(&fine.fields);
         let is_enough = match request.accuracy_mm {
             Some(accuracy) => error <= accuracy,
-            None => pass.relative_difference(&coarse) / 3.0 <= USUAL_ERROR,
+            None => has_all(&fine, &coarse) && share * fine.relative_difference(&coarse) <= USUAL_ERROR,
         };
-        // Second order divides it by four; what falls less is not smooth in time, as the mesh's own vibrations after a jump are.
-        let is_slow = halvings >= PATIENCE && error > 0.5 * before;
-        before = error;
-        if is_enough || is_slow || halvings == MOST_HALVINGS || 2 * pass.steps.len() > MOST_STEPS {
+        // What falls slowly is not smooth in time, as the mesh's own vibrations after a jump are.
+        let is_slow = halvings >= PATIENCE && before.is_some_and(|before| difference > 0.5 * before);
+        let is_last = is_enough || is_slow || halvings == MOST_HALVINGS || fine.is_last();
+        let finer = (!is_last).then(|| spent.count(halve(&fine)));
+        let Some(finer) = finer.filter(|finer| !finer.is_cut_short()) else {
             let refined = Refined {
-                fields: pass.fields.clone(),
-                pass,
-                error,
-                newton_steps,
+                fields: fine.fields.clone(),
+                error: known(error, &coarse, &fine),
+                newton_steps: spent.newton_steps,
+                pass: fine,
             };
             return (coarse, refined);
-        }
-        coarse = pass;
+        };
+        before = Some(difference);
+        (coarse, fine) = (fine, finer);
+        halvings += 1;
     }
 }
 
 /// Passes with steps that are halved each time until fields that are extrapolated to no step hardly change.
-fn refine_motion(request: &HistoryRequest, mut pass_with: impl FnMut(i32, Option<&Pass>) -> Pass) -> (Pass, Refined) {
-    let mut before = pass_with(0, None);
-    let mut coarse = pass_with(1, Some(&before));
-    let mut newton_steps = before.newton_steps + coarse.newton_steps;
-    let mut halvings = 1;
+fn refine_motion(
+    request: &HistoryRequest,
+    limit: &Cell<WorkLimit>,
+    mut pass_with: impl FnMut(u32, Option<&Pass>) -> Pass,
+) -> (Pass, Refined) {
+    let mut spent = Spent { limit, newton_steps: 0 };
+    let mut before = spent.count(pass_with(0, None));
+    let mut coarse = spent.count(pass_with(1, Some(&before)));
+    let mut fine = spent.count(pass_with(2, Some(&coarse)));
+    let mut halvings = 2;
     loop {
-        halvings += 1;
-        let pass = pass_with(halvings, Some(&coarse));
-        newton_steps += pass.newton_steps;
-        let [old, new] = [coarse.difference(&before), pass.difference(&coarse)];
+        let [old, new] = [change(&coarse, &before), change(&fine, &coarse)];
         // Second order divides it by four.
-        let is_smooth = new <= 0.35 * old;
+        let is_smooth = new <= 0.35 * old && has_all(&fine, &coarse) && has_all(&coarse, &before);
         let extrapolated = |fine: &Pass, coarse: &Pass| -> Vec<Field> {
             let pairs = fine.fields.iter().zip(&coarse.fields);
             pairs
                 .map(|(fine, coarse)| fine.extrapolated(coarse, 1.0 / 3.0))
                 .collect()
         };
-        let [first, second] = [extrapolated(&coarse, &before), extrapolated(&pass, &coarse)];
-        let change = first
-            .iter()
-            .zip(&second)
-            .map(|(a, b)| a.max_difference(b))
-            .fold(0.0, f64::max);
-        let (fields, error) = if is_smooth {
+        let [first, second] = [extrapolated(&coarse, &before), extrapolated(&fine, &coarse)];
+        let changes = first.iter().zip(&second).map(|(a, b)| a.max_difference(b));
+        let moved = changes.fold(0.0, f64::max);
+        let (fields, error) = match is_smooth {
             // That of fourth order is a fifteenth of the change.
-            (second, SAFETY / 15.0 * change)
-        } else {
-            (pass.fields.clone(), new)
+            true => (second, SAFETY / 15.0 * moved),
+            false => (fine.fields.clone(), new),
         };
-        let largest = fields.iter().map(Field::max_magnitude).fold(0.0, f64::max);
-        let wanted = request.accuracy_mm.unwrap_or(USUAL_ERROR * largest);
+        let wanted = request.accuracy_mm.unwrap_or(USUAL_ERROR * largest(&fields));
         let is_slow = halvings >= PATIENCE && new > 0.6 * old;
-        if error <= wanted || is_slow || halvings >= MOST_HALVINGS_OF_MOTION || 2 * pass.steps.len() > MOST_STEPS {
+        let is_last = error <= wanted || is_slow || halvings == MOST_HALVINGS_OF_MOTION || fine.is_last();
+        let finer = (!is_last).then(|| spent.count(pass_with(halvings + 1, Some(&fine))));
+        let Some(finer) = finer.filter(|finer| !finer.is_cut_short()) else {
             let refined = Refined {
-                pass,
                 fields,
-                error,
-                newton_steps,
+                error: known(error, &coarse, &fine),
+                newton_steps: spent.newton_steps,
+                pass: fine,
             };
             return (coarse, refined);
-        }
-        before = coarse;
-        coarse = pass;
+        };
+        (before, coarse, fine) = (coarse, fine, finer);
+        halvings += 1;
     }
 }
 

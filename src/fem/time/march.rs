@@ -7,6 +7,7 @@
 use std::cell::Cell;
 use std::mem;
 
+use super::supply::{Electrodes, Supply};
 use super::viscous::Viscous;
 use crate::fem::continuation::{Climb, Ending, Loading, Loss, Problem};
 use crate::fem::energy::Material;
@@ -27,11 +28,14 @@ const GROWTH: f64 = 1.8;
 /// The error of a step over the difference from its extrapolation.
 const SHARE: f64 = 0.1;
 /// Steps of a sine at least, over a period.
-const IN_PERIOD: f64 = 40.0;
+pub const IN_PERIOD: f64 = 40.0;
 /// Displacement that is hardly any, in units of the largest over all times.
 const HARDLY: f64 = 0.02;
+/// Solutions for the voltage behind a source at most, and when it is found, over that of the scene.
+const MOST_ITERATIONS: usize = 30;
+const SETTLED: f64 = 1e-10;
 /// Steps of a pass at most.
-pub const MOST_STEPS: usize = 50_000;
+pub const MOST_STEPS: usize = 100_000;
 
 /// What is followed.
 pub struct Course<'a, F> {
@@ -41,10 +45,12 @@ pub struct Course<'a, F> {
     pub scene: &'a Scene,
     /// How its voltage changes.
     pub waveform: Waveform,
+    /// What stands between the voltage and the electrodes.
+    pub supply: Option<Supply>,
     /// The times in s at which fields are wanted, in order.
     pub times: &'a [f64],
-    /// Work for each step.
-    pub limit: WorkLimit,
+    /// Work for a pass.
+    pub limit: Cell<WorkLimit>,
     /// The corner (column, row) whose displacement is followed.
     pub watched: Cell<[usize; 2]>,
 }
@@ -63,7 +69,7 @@ pub enum Steps<'a> {
 pub struct Instant {
     /// Time since the drive began in s.
     pub time: f64,
-    /// Voltage in V.
+    /// Voltage of the electrodes in V.
     pub voltage: f64,
     /// Charge on all electrodes in C.
     pub charge: f64,
@@ -73,7 +79,7 @@ pub struct Instant {
     pub electric: f64,
     /// Kinetic energy in J.
     pub kinetic: f64,
-    /// What the branches have dissipated, in J.
+    /// What the branches and the source's resistance have dissipated, in J.
     pub dissipated: f64,
     /// What the source has supplied, in J.
     pub supplied: f64,
@@ -101,9 +107,9 @@ pub enum PassEnd {
         /// What was lost.
         loss: Loss,
     },
-    /// The iteration did not end, or there were too many steps.
+    /// The iteration did not end.
     Unknown,
-    /// A step took more work than is allowed.
+    /// The steps took more work than is allowed, or there were too many.
     WorkLimit,
 }
 
@@ -122,6 +128,8 @@ pub struct Pass {
     pub fields: Vec<Field>,
     /// Newton steps.
     pub newton_steps: u32,
+    /// Work, in the units of [`WorkLimit`].
+    pub work: u64,
     /// Relative residual at the end of the last step.
     pub residual: f64,
 }
@@ -132,6 +140,18 @@ impl Pass {
     pub fn difference(&self, other: &Self) -> f64 {
         let pairs = self.fields.iter().zip(&other.fields);
         pairs.map(|(a, b)| a.max_difference(b)).fold(0.0, f64::max)
+    }
+
+    /// Whether it ended because it took too much work.
+    #[must_use]
+    pub fn is_cut_short(&self) -> bool {
+        self.end == PassEnd::WorkLimit
+    }
+
+    /// Whether there can be none with steps half as long.
+    #[must_use]
+    pub fn is_last(&self) -> bool {
+        self.is_cut_short() || 2 * self.steps.len() > MOST_STEPS
     }
 
     /// The same, at each time in units of the largest displacement then, but for times at which there is hardly any.
@@ -180,6 +200,7 @@ impl<L: Material, F: Fn(f64) -> L> Course<'_, F> {
             measures: matches!(steps, Steps::At(_)),
             viscous,
             u: vec![0.0; activity.grid().layout().vector_len()],
+            volts: 0.0,
             first: 0.0,
             recent: Vec::new(),
             content: Content::default(),
@@ -195,10 +216,13 @@ impl<L: Material, F: Fn(f64) -> L> Course<'_, F> {
                 kept: Vec::new(),
                 fields: Vec::new(),
                 newton_steps: 0,
+                work: 0,
                 residual: 0.0,
             },
         };
+        run.workspace.begin(self.limit.get());
         run.pass.end = run.go(steps).err().unwrap_or(PassEnd::Done);
+        run.pass.work += run.workspace.work();
         run.pass
     }
 }
@@ -209,6 +233,8 @@ struct Run<'a, 'b, F> {
     units: Units,
     viscous: Viscous,
     u: Vec<f64>,
+    /// Voltage of the electrodes.
+    volts: f64,
     /// The first step after the last jump or bend.
     first: f64,
     /// Up to three states before now since the last jump or bend, with their times.
@@ -231,7 +257,7 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
     fn go(&mut self, steps: Steps<'_>) -> Result<(), PassEnd> {
         let course = self.course;
         let end = course.times.last().copied().unwrap_or(0.0);
-        self.elastic_at_rest = self.measure(0.0, Side::Before).elastic;
+        self.elastic_at_rest = self.measure_at(0.0).elastic;
         self.stored_at_rest = self.branches(&self.viscous.stored());
         self.stored = self.stored_at_rest;
         self.begin()?;
@@ -258,7 +284,7 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
                     }
                 };
                 if self.pass.steps.len() >= MOST_STEPS {
-                    return Err(PassEnd::Unknown);
+                    return Err(PassEnd::WorkLimit);
                 }
                 if now == pair[1].time && pair[1].jumps {
                     self.jump(now)?;
@@ -276,7 +302,11 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
     /// Puts on what the drive begins with, from rest: the loads of bodies and the voltage at 0 s.
     fn begin(&mut self) -> Result<(), PassEnd> {
         let course = self.course;
-        let share = course.share(0.0, Side::After);
+        // Electrodes behind a source are charged from there on.
+        let share = match course.supply {
+            None => course.share(0.0, Side::After),
+            Some(_) => 0.0,
+        };
         let activity = self.viscous.remembered(course.problem.activity, 0.0);
         let loading = self.load(&activity, 0.0, share);
         self.pass.newton_steps += loading.steps;
@@ -284,12 +314,22 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
         if loading.ending != Ending::Stable {
             return Err(PassEnd::AtOnce(loading.ending));
         }
-        self.accept(0.0, 0.0, Side::After, true);
+        if course.supply.is_none() {
+            self.volts = course.voltage(0.0, Side::After);
+        }
+        self.accept(0.0, 0.0, true);
         Ok(())
+    }
+
+    /// Counts the work that was done: parts of a step may count theirs anew.
+    fn count_work(&mut self) {
+        self.pass.work += self.workspace.work();
+        self.workspace.begin(self.course.limit.get().less(self.pass.work));
     }
 
     /// Raises the load from a share to a higher one; from 0 on from rest.
     fn load(&mut self, activity: &Activity, from: f64, to: f64) -> Loading {
+        self.count_work();
         let problem = &self.course.problem;
         let problem = Problem {
             activity,
@@ -298,7 +338,6 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
             tolerance: problem.tolerance,
         };
         let workspace = &mut *self.workspace;
-        workspace.begin(self.course.limit);
         if from > 0.0 {
             let climb = Climb {
                 from: from / to,
@@ -323,6 +362,12 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
 
     /// The voltage jumps: the branches have no time to follow.
     fn jump(&mut self, now: f64) -> Result<(), PassEnd> {
+        if self.course.supply.is_some() {
+            // The charge does not jump.
+            let now_there = (now, self.u.clone());
+            self.recent = vec![now_there];
+            return Ok(());
+        }
         let [before, after] = [Side::Before, Side::After].map(|side| self.course.share(now, side));
         if after > before {
             let activity = self.viscous.remembered(self.course.problem.activity, 0.0);
@@ -343,21 +388,20 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
             }
         } else {
             let start = self.u.clone();
-            let found = self
-                .solve(now, now, Side::After, start)
-                .map_err(|refusal| match refusal {
-                    Refusal::Lost(loss) => PassEnd::Lost {
-                        before: now,
-                        after: now,
-                        loss,
-                    },
-                    Refusal::Unknown => PassEnd::Unknown,
-                    Refusal::Work => PassEnd::WorkLimit,
-                })?;
+            let found = self.solve(now, now, after, start).map_err(|refusal| match refusal {
+                Refusal::Lost(loss) => PassEnd::Lost {
+                    before: now,
+                    after: now,
+                    loss,
+                },
+                Refusal::Unknown => PassEnd::Unknown,
+                Refusal::Work => PassEnd::WorkLimit,
+            })?;
             self.u = found;
         }
         self.recent.clear();
-        self.accept(now, 0.0, Side::After, true);
+        self.volts = self.course.voltage(now, Side::After);
+        self.accept(now, 0.0, true);
         Ok(())
     }
 
@@ -368,7 +412,25 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
 
     /// The first step after a jump or a bend, where the next one is so far away.
     fn first_step(&self, room: f64) -> f64 {
-        self.viscous.shortest().map_or(room, |shortest| shortest.min(room)) * FIRST
+        let charging = self
+            .course
+            .supply
+            .map(|supply| supply.time(self.capacitance(), self.course.scene.voltage_v()));
+        let times = self
+            .viscous
+            .shortest()
+            .into_iter()
+            .chain(charging.filter(|time| *time > 0.0));
+        times.fold(room, f64::min) * FIRST
+    }
+
+    /// Of the electrodes as they are, in F.
+    fn capacitance(&self) -> f64 {
+        let full = self.course.scene.voltage_v();
+        match full > 0.0 {
+            true => self.measure_at(full).charge / full,
+            false => 0.0,
+        }
     }
 
     /// The longest step that keeps to a tolerance, to `stop` at the farthest; returns where it ends.
@@ -392,8 +454,8 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
             let to = if step >= room { stop } else { now + step };
             let shortest = to - now <= self.shortest(to);
             let guess = self.extrapolated(to);
-            match self.solve(now, to, Side::Before, guess.clone()) {
-                Ok(found) => {
+            match self.fed(now, to, guess.clone()) {
+                Ok((found, volts)) => {
                     let difference = found.iter().zip(&guess).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
                     let error = SHARE * difference;
                     let factor = 0.9 * (tolerance / error.max(1e-300)).powf(1.0 / 3.0);
@@ -401,7 +463,7 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
                         *length = (to - now) * factor.clamp(0.2, 0.8);
                         continue;
                     }
-                    self.advance(now, to, found);
+                    self.advance(now, to, found, volts);
                     let next = (to - now) * factor.clamp(0.3, GROWTH);
                     // A step that was cut short says nothing against longer ones.
                     *length = if step < wanted && next < wanted {
@@ -428,9 +490,9 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
                 from + length
             };
             let guess = self.extrapolated(end);
-            match self.solve(from, end, Side::Before, guess) {
-                Ok(found) => {
-                    self.advance(from, end, found);
+            match self.fed(from, end, guess) {
+                Ok((found, volts)) => {
+                    self.advance(from, end, found, volts);
                     from = end;
                 }
                 Err(Refusal::Work) => return Err(PassEnd::WorkLimit),
@@ -441,17 +503,61 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
         Ok(to)
     }
 
-    /// The stable state at the end of a step, from a guess and else from the state before it.
-    fn solve(&mut self, from: f64, to: f64, side: Side, guess: Vec<f64>) -> Result<Vec<f64>, Refusal> {
+    /// The stable state at the end of a step with the voltage of its electrodes then.
+    fn fed(&mut self, from: f64, to: f64, guess: Vec<f64>) -> Result<(Vec<f64>, f64), Refusal> {
         let course = self.course;
-        let material = (course.problem.material)(course.share(to, side));
+        let Some(supply) = course.supply else {
+            let found = self.solve(from, to, course.share(to, Side::Before), guess)?;
+            return Ok((found, course.voltage(to, Side::Before)));
+        };
+        let full = course.scene.voltage_v();
+        let before = Electrodes {
+            capacitance: self.capacitance(),
+            source: course.voltage(from, Side::After),
+        };
+        let charge = before.capacitance * self.volts;
+        let (mut volts, mut u) = (self.volts, guess);
+        let mut last: Option<[f64; 2]> = None;
+        for _ in 0..MOST_ITERATIONS {
+            let share = if full > 0.0 { (volts / full).powi(2) } else { 0.0 };
+            u = self.solve(from, to, share, u)?;
+            let reached = std::mem::replace(&mut self.u, u);
+            let after = Electrodes {
+                capacitance: self.capacitance(),
+                source: course.voltage(to, Side::Before),
+            };
+            u = std::mem::replace(&mut self.u, reached);
+            let target = match after.capacitance > 0.0 {
+                true => supply.charge_after(to - from, charge, before, after) / after.capacitance,
+                false => 0.0,
+            };
+            let off = target - volts;
+            if off.abs() <= SETTLED * full {
+                return Ok((u, volts));
+            }
+            // A secant, where it leads between what was there and what is wanted.
+            let slope = last.map_or(-1.0, |[other, then]| (off - then) / (volts - other));
+            last = Some([volts, off]);
+            volts = if slope < -0.2 && slope > -5.0 {
+                volts - off / slope
+            } else {
+                target
+            };
+        }
+        Err(Refusal::Unknown)
+    }
+
+    /// The stable state at the end of a step at a share of the load, from a guess and else from the state before it.
+    fn solve(&mut self, from: f64, to: f64, share: f64, guess: Vec<f64>) -> Result<Vec<f64>, Refusal> {
+        let course = self.course;
+        let material = (course.problem.material)(share);
         let activity = self.viscous.remembered(course.problem.activity, to - from);
         let operator = Operator {
             material: &material,
             activity: &activity,
             pulled: 1.0,
         };
-        self.workspace.begin(course.limit);
+        self.count_work();
         let mut last = None;
         for mut u in [guess, self.u.clone()] {
             let laplacian = course.problem.laplacian;
@@ -497,18 +603,19 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
         guess
     }
 
-    fn advance(&mut self, from: f64, to: f64, found: Vec<f64>) {
+    fn advance(&mut self, from: f64, to: f64, found: Vec<f64>, volts: f64) {
         self.u = found;
-        self.accept(to, to - from, Side::Before, false);
+        self.volts = volts;
+        self.accept(to, to - from, false);
     }
 
     /// Takes the state that was found for the end of a step. A jump is an infinitely fast rise without losses.
-    fn accept(&mut self, now: f64, step: f64, side: Side, jump: bool) {
+    fn accept(&mut self, now: f64, step: f64, jump: bool) {
         let course = self.course;
         let mut later = self.viscous.clone();
         later.advance(course.problem.activity, step, &self.u);
         if self.measures {
-            self.account(now, &later, side, jump);
+            self.account([now - step, now], &later, jump);
         }
         self.viscous = later;
         if !jump {
@@ -521,7 +628,7 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
         let field = course.problem.activity.grid().sample(&self.u);
         self.pass.instants.push(Instant {
             time: now,
-            voltage: course.voltage(now, side),
+            voltage: self.volts,
             charge: self.content.charge,
             stored: self.content.elastic - self.elastic_at_rest + self.stored - self.stored_at_rest,
             electric: self.electric,
@@ -535,10 +642,11 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
     }
 
     /// Balances the energies of a step that ends with the branches in a later state.
-    fn account(&mut self, now: f64, later: &Viscous, side: Side, jump: bool) {
-        let measured = self.measure(now, side);
+    fn account(&mut self, [before, now]: [f64; 2], later: &Viscous, jump: bool) {
+        let course = self.course;
+        let measured = self.measure_at(self.volts);
         let content_before = mem::replace(&mut self.content, measured);
-        let voltage = self.course.voltage(now, side);
+        let voltage = self.volts;
         let electric_before = mem::replace(&mut self.electric, 0.5 * self.content.driven * voltage);
         let stored = self.branches(&later.stored());
         let change = stored - mem::replace(&mut self.stored, stored);
@@ -551,8 +659,18 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
             self.supplied += self.content.elastic - before + change + self.electric - electric_before;
         } else {
             self.dissipated += self.branches(&self.viscous.work_to(later)) - change;
-            let before = self.pass.instants.last().map_or(0.0, |instant| instant.voltage);
-            self.supplied += 0.5 * (before + voltage) * (self.content.driven - content_before.driven);
+            let charged = self.content.driven - content_before.driven;
+            let old = self.pass.instants.last().map_or(0.0, |instant| instant.voltage);
+            let to_electrodes = 0.5 * (old + voltage) * charged;
+            let from_source = match course.supply {
+                None => to_electrodes,
+                Some(_) => {
+                    let sides = course.voltage(before, Side::After) + course.voltage(now, Side::Before);
+                    0.5 * sides * charged
+                }
+            };
+            self.supplied += from_source;
+            self.dissipated += from_source - to_electrodes;
         }
     }
 
@@ -560,18 +678,15 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
         self.units.energy * integral(self.course.problem.activity, at_points)
     }
 
-    fn measure(&self, now: f64, side: Side) -> Content {
+    /// The membrane as it is, with so many V on its electrodes.
+    fn measure_at(&self, volts: f64) -> Content {
         let course = self.course;
         let activity = course.problem.activity;
-        let laws = [0.0, course.share(now, side)].map(|share| (course.problem.material)(share));
+        let full = course.scene.voltage_v();
+        let share = if full > 0.0 { (volts / full).powi(2) } else { 0.0 };
+        let laws = [0.0, share].map(|share| (course.problem.material)(share));
         let metric = metrics(activity, &self.u);
-        content(
-            [&laws[0], &laws[1]],
-            activity,
-            &metric,
-            course.voltage(now, side),
-            self.units,
-        )
+        content([&laws[0], &laws[1]], activity, &metric, volts, self.units)
     }
 
     /// Notes that the last state was asked for.

@@ -2,17 +2,20 @@
 
 mod accurate;
 mod coefficients;
+mod creep;
 mod history;
 mod march;
 mod modes;
 mod motion;
 mod solver;
+mod supply;
 #[cfg(test)]
 mod tests;
 mod viscous;
 
 pub use accurate::AccurateHistory;
-pub use history::{History, HistoryRequest};
+pub use creep::{ThreeSolves, settings as creep_settings};
+pub use history::{History, HistoryRequest, refusal};
 pub use march::Instant;
 pub use modes::{MOST_MODES, Vibration};
 pub use solver::{HistoryOptions, HistorySolver};

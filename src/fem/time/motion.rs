@@ -32,6 +32,8 @@ const SLOW: f64 = 0.2;
 const DEEPEST: u32 = 6;
 /// How well the chord operator is inverted in each.
 const INNER: f64 = 1e-5;
+/// Work beside conjugate gradients for each iteration and each step: forces, moduli and energies.
+const SWEEPS: u64 = 6;
 
 /// What moves.
 pub struct Motion<'a, 'b, F> {
@@ -43,8 +45,10 @@ pub struct Motion<'a, 'b, F> {
     pub per_second: f64,
     /// Preconditions steps of about this length.
     pub laplacian: &'a Laplacian,
-    /// The longest step in s.
+    /// The longest step in s, before it is divided.
     pub step: f64,
+    /// Into how many parts it is divided.
+    pub parts: usize,
 }
 
 /// A pass on its way.
@@ -97,11 +101,19 @@ impl<L: Material, F: Fn(f64) -> L> Motion<'_, '_, F> {
                 kept: Vec::new(),
                 fields: Vec::new(),
                 newton_steps: 0,
+                work: 0,
                 residual: 0.0,
             },
         };
         run.pass.end = run.go().err().unwrap_or(PassEnd::Done);
+        run.pass.work = run.work();
         run.pass
+    }
+
+    /// The steps between two times that are so many seconds apart: however short that is, dividing them makes them shorter.
+    fn steps_in(&self, seconds: f64) -> usize {
+        let whole = (seconds / self.step * (1.0 - 1e-9)).ceil().max(1.0);
+        (whole as usize).saturating_mul(self.parts)
     }
 }
 
@@ -127,18 +139,18 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, '_, F> {
             let mut now = pair[0].time;
             while now < pair[1].time {
                 let stop = asked.peek().map_or(pair[1].time, |time| time.min(pair[1].time));
-                let count = ((stop - now) / self.motion.step * (1.0 - 1e-9)).ceil().max(1.0);
+                let count = self.motion.steps_in(stop - now);
                 let start = now;
-                for step in 1..=count as usize {
-                    let to = if step as f64 == count {
+                for step in 1..=count {
+                    let to = if step == count {
                         stop
                     } else {
-                        start + (stop - start) * step as f64 / count
+                        start + (stop - start) * step as f64 / count as f64
                     };
                     self.advance(now, to, 0)?;
                     now = to;
-                    if self.pass.steps.len() >= MOST_STEPS {
-                        return Err(PassEnd::Unknown);
+                    if self.pass.steps.len() >= MOST_STEPS || course.limit.get().is_spent(self.work()) {
+                        return Err(PassEnd::WorkLimit);
                     }
                 }
                 if now == pair[1].time && pair[1].jumps {
@@ -153,6 +165,12 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, '_, F> {
             }
         }
         Ok(())
+    }
+
+    /// What was done up to here, in the units of [`WorkLimit`](crate::fem::WorkLimit).
+    fn work(&self) -> u64 {
+        let sweeps = SWEEPS * u64::from(self.pass.newton_steps) + SWEEPS * self.pass.steps.len() as u64;
+        u64::from(self.krylov.iterations) + sweeps
     }
 
     /// The energy of the electric field at this state and the voltage of a time, in J.

@@ -5,7 +5,6 @@ use super::history::HistoryRequest;
 use crate::fem::accurate::AccurateSolver;
 use crate::fem::error::SetupError;
 use crate::fem::solver::{MembraneSolver, SolveOptions};
-use crate::fem::work::WorkLimit;
 use crate::field::Mesh;
 use crate::pattern::Pattern;
 use crate::scene::Scene;
@@ -17,8 +16,6 @@ pub struct HistoryOptions {
     pub mesh: Option<Mesh>,
     /// Relative residual of equilibria.
     pub tolerance: f64,
-    /// Work for each step.
-    pub limit: WorkLimit,
 }
 
 /// A solver of histories that is ready for the patterns of a scene.
@@ -38,16 +35,15 @@ impl HistorySolver {
     /// # Errors
     /// When it cannot be set up.
     pub fn new(scene: &Scene, options: &HistoryOptions, request: HistoryRequest) -> Result<Self, SetupError> {
-        let HistoryOptions { mesh, tolerance, limit } = *options;
+        let HistoryOptions { mesh, tolerance } = *options;
         let engine = match mesh {
             None => {
                 let accuracy = request.accuracy_mm.unwrap_or(f64::NAN);
-                let solver = AccurateSolver::new(scene, accuracy, tolerance)?;
-                Engine::Accurate(Box::new(solver.within(limit)))
+                Engine::Accurate(Box::new(AccurateSolver::new(scene, accuracy, tolerance)?))
             }
             Some(mesh) => {
                 let solver = MembraneSolver::new(scene, SolveOptions { mesh, tolerance })?;
-                Engine::Fixed(Box::new(solver.within(limit)), mesh)
+                Engine::Fixed(Box::new(solver), mesh)
             }
         };
         Ok(Self { engine, request })

@@ -3,7 +3,7 @@
 
 use super::coefficients::Coefficients;
 use super::*;
-use crate::fem::{MembraneSolver, SolveOptions};
+use crate::fem::{MembraneSolver, SolveOptions, WorkLimit};
 use crate::field::{Field, Mesh, Outcome, Simulator};
 use crate::pattern::{Pattern, Raster};
 use crate::scene::Scene;
@@ -171,10 +171,7 @@ fn ten() -> Raster {
 }
 
 fn history(scene: &Scene, pattern: &Pattern, mesh: Mesh, times: &[f64]) -> History {
-    let request = HistoryRequest {
-        times: times.to_vec(),
-        accuracy_mm: None,
-    };
+    let request = HistoryRequest::at(times.to_vec());
     let solver = MembraneSolver::new(scene, SolveOptions { mesh, tolerance: 1e-11 }).unwrap();
     solver.history(pattern, &request).unwrap()
 }
@@ -198,7 +195,7 @@ fn a_long_strip_creeps_as_it_should() {
             instant.time
         );
     }
-    assert!(found.time_error_mm < 1e-4, "{}", found.time_error_mm);
+    assert!(found.time_error_mm.unwrap() < 1e-4, "{}", found.time_error_mm.unwrap());
 }
 
 #[test]
@@ -262,6 +259,7 @@ fn errors_in_time_fall_with_the_square_of_the_step_and_are_estimated() {
         let request = HistoryRequest {
             times: vec![0.3, 0.7, 2.0],
             accuracy_mm: Some(accuracy_mm),
+            ..HistoryRequest::at(Vec::new())
         };
         solver.history(&odd(ten()), &request).unwrap()
     };
@@ -269,11 +267,11 @@ fn errors_in_time_fall_with_the_square_of_the_step_and_are_estimated() {
     for accuracy in [1e-3, 1e-4, 1e-5] {
         let found = at(accuracy);
         let error = found.difference(&truth);
-        assert!(found.time_error_mm <= accuracy);
+        assert!(found.time_error_mm.unwrap() <= accuracy);
         assert!(
-            error <= 1.5 * found.time_error_mm + 2e-8 && found.time_error_mm <= 3.0 * error + 2e-8,
+            error <= 1.5 * found.time_error_mm.unwrap() + 2e-8 && found.time_error_mm.unwrap() <= 3.0 * error + 2e-8,
             "{accuracy}: {error:e} {:e}",
-            found.time_error_mm
+            found.time_error_mm.unwrap()
         );
         let last = found.instants.last().unwrap();
         let open = last.stored + last.electric + last.dissipated - last.supplied;
@@ -405,6 +403,7 @@ fn motion_keeps_its_energy_and_is_of_second_order() {
         let request = HistoryRequest {
             times: vec![0.0, 2e-3, 5e-3, 10e-3],
             accuracy_mm: Some(accuracy_mm),
+            ..HistoryRequest::at(Vec::new())
         };
         solver.history(&odd(ten()), &request).unwrap()
     };
@@ -413,9 +412,9 @@ fn motion_keeps_its_energy_and_is_of_second_order() {
         let found = at(accuracy);
         let error = found.difference(&truth);
         assert!(
-            error <= found.time_error_mm + 2e-7 && found.time_error_mm <= accuracy,
+            error <= found.time_error_mm.unwrap() + 2e-7 && found.time_error_mm.unwrap() <= accuracy,
             "{error:e} {:e}",
-            found.time_error_mm
+            found.time_error_mm.unwrap()
         );
         let largest = found.instants.iter().map(|instant| instant.kinetic).fold(0.0, f64::max);
         assert!(largest > 0.0);
@@ -431,6 +430,48 @@ fn motion_keeps_its_energy_and_is_of_second_order() {
 }
 
 #[test]
+fn errors_of_a_motion_are_told_however_many_times_are_asked_for() {
+    let scene = scene(&format!(
+        "{SQUARE}, drive: {{ voltage: 4 kV, waveform: {{ ramp: {{ time: 5 ms }} }} }}, {MOVING}"
+    ));
+    let times = |count: u32| {
+        (0..=count)
+            .map(|k| 6e-3 * f64::from(k) / f64::from(count))
+            .collect::<Vec<_>>()
+    };
+    let [few, many] = [2, 120].map(|count| history(&scene, &odd(ten()), Mesh::bilinear(1), &times(count)));
+    let [error, other] = [&few, &many].map(|found| found.time_error_mm.unwrap());
+    let apart = few.fields[2].max_difference(&many.fields[120]);
+    assert!(error > 0.0 && other > 0.0, "{error:e} {other:e}");
+    assert!(apart <= error + other, "{apart:e} {error:e} {other:e}");
+    let fast = scene_at_kilohertz();
+    let solver = MembraneSolver::new(&fast, SolveOptions::on(Mesh::bilinear(1))).unwrap();
+    let request = HistoryRequest::at(vec![3600.0]);
+    let refused = solver.history(&odd(ten()), &request).unwrap_err();
+    assert!(refused.to_string().contains("ask for a shorter time"), "{refused}");
+}
+
+fn scene_at_kilohertz() -> Scene {
+    scene(&format!(
+        "{SQUARE}, drive: {{ voltage: 4 kV, waveform: {{ sine: {{ frequency: 1 kHz }} }} }}, {ONE}"
+    ))
+}
+
+#[test]
+fn a_history_ends_where_its_work_is_done() {
+    let scene = scene(&format!("{SQUARE}, drive: {{ voltage: 5 kV }}, {ONE}"));
+    let solver = MembraneSolver::new(&scene, SolveOptions::on(Mesh::bilinear(1))).unwrap();
+    let request = HistoryRequest::at(vec![0.0, 1.0, 10.0]);
+    let short = HistoryRequest {
+        limit: WorkLimit::of_seconds(0.02),
+        ..request
+    };
+    let found = solver.history(&odd(ten()), &short).unwrap();
+    assert_eq!(found.outcome, Outcome::WorkLimit);
+    assert_eq!(found.time_error_mm, None);
+}
+
+#[test]
 fn viscous_motion_comes_to_rest_with_its_energy_in_balance() {
     let scene = scene(&format!(
         "{SQUARE}, drive: {{ voltage: 4 kV, waveform: {{ ramp: {{ time: 5 ms }} }} }}, properties: {{ density: 960 }}, \
@@ -439,6 +480,7 @@ fn viscous_motion_comes_to_rest_with_its_energy_in_balance() {
     let request = HistoryRequest {
         times: vec![0.1],
         accuracy_mm: Some(1e-2),
+        ..HistoryRequest::at(Vec::new())
     };
     let solver = MembraneSolver::new(
         &scene,
@@ -467,6 +509,7 @@ fn too_much_voltage_at_once_is_a_dynamic_pull_in() {
     let request = HistoryRequest {
         times: vec![0.0, 1.0],
         accuracy_mm: Some(0.1),
+        ..HistoryRequest::at(Vec::new())
     };
     let solver = MembraneSolver::new(&scene, SolveOptions::on(Mesh::bilinear(1))).unwrap();
     let found = solver.history(&half, &request).unwrap();
@@ -476,4 +519,69 @@ fn too_much_voltage_at_once_is_a_dynamic_pull_in() {
         found.outcome
     );
     assert_eq!(found.asked().count(), 1);
+}
+
+#[test]
+fn a_source_charges_a_membrane_that_cannot_move_as_a_capacitor() {
+    // All of it is active: nothing moves, and V(t) = V(1 − e^(−t/RC)) with C = ελp²A/H.
+    let with = |source: &str| {
+        scene(&format!(
+            "{SQUARE}, drive: {{ voltage: 4 kV, source: {{ {source} }} }}, {ONE}"
+        ))
+    };
+    let all = Pattern::from_fn(ten(), |_, _| true);
+    let slow = with("resistance: 1 GOhm");
+    let capacitance = slow.permittivity() * (50e-3_f64).powi(2) / (1e-3 * slow.prestretched_thickness_mm());
+    let rc = 1e9 * capacitance;
+    let times = [0.5 * rc, rc, 4.0 * rc];
+    let found = history(&slow, &all, Mesh::bilinear(1), &times);
+    for (instant, time) in found.asked().zip(times) {
+        let exact = 4e3 * (1.0 - (-time / rc).exp());
+        assert!(
+            (instant.voltage / exact - 1.0).abs() < 1e-8,
+            "{} {exact}",
+            instant.voltage
+        );
+        let open = instant.stored + instant.electric + instant.dissipated - instant.supplied;
+        assert!(
+            open.abs() < 1e-8 * instant.supplied,
+            "{open:e} of {:e}",
+            instant.supplied
+        );
+    }
+    // A limited current charges evenly; one that never charges leaves the membrane where it is.
+    let limited = history(&with("current_limit: 1 nA"), &all, Mesh::bilinear(1), &[1.0]);
+    let volts = limited.asked().next().unwrap().voltage;
+    assert!((volts / (1e-9 / capacitance) - 1.0).abs() < 1e-8, "{volts}");
+    let never = history(
+        &with("resistance: 1e18 Ohm"),
+        &odd(ten()),
+        Mesh::bilinear(1),
+        &[0.0, 1.0],
+    );
+    assert!(never.outcome.is_converged() && never.fields[1].max_magnitude() < 1e-9);
+}
+
+#[test]
+fn a_membrane_behind_a_source_comes_to_the_equilibrium_at_its_voltage() {
+    let free = scene(&format!("{SQUARE}, drive: {{ voltage: 5 kV }}, {ONE}"));
+    let fed = scene(&format!(
+        "{SQUARE}, drive: {{ voltage: 5 kV, source: {{ resistance: 1 GOhm }} }}, {ONE}"
+    ));
+    let times = [0.1, 1.0, 200.0];
+    let [at_once, late] = [&free, &fed].map(|scene| history(scene, &odd(ten()), Mesh::bilinear(1), &times));
+    assert!(late.fields[0].max_magnitude() < 0.9 * at_once.fields[0].max_magnitude());
+    assert!(late.fields[2].max_difference(&at_once.fields[2]) < 1e-5 * at_once.fields[2].max_magnitude());
+    let last = late.instants.last().unwrap();
+    let open = last.stored + last.electric + last.dissipated - last.supplied;
+    assert!(open.abs() < 1e-3 * last.supplied, "{open:e} of {:e}", last.supplied);
+    assert!(last.dissipated > 0.0);
+    // A source without resistance is none.
+    let none = scene(&format!(
+        "{SQUARE}, drive: {{ voltage: 5 kV, source: {{ resistance: 0 Ohm }} }}, {ONE}"
+    ));
+    assert_eq!(
+        history(&none, &odd(ten()), Mesh::bilinear(1), &times).fields,
+        at_once.fields
+    );
 }

@@ -15,6 +15,8 @@ pub struct Objective {
     pub value_mm: Option<f64>,
     /// Whether a displacement or an angle is to be met, so that more of it is not better.
     pub is_met: bool,
+    /// When it is meant since the voltage was put on, in words, where the elastomer creeps.
+    pub time: Option<String>,
     /// The same in the syntax of pipelines.
     pub text: String,
 }
@@ -85,6 +87,10 @@ impl Objective {
         Ok(Self {
             is_met: is_measured_from_wanted(root),
             text: text.to_owned(),
+            time: root
+                .peek("time")
+                .and_then(|time| time.text("time").ok())
+                .map(str::to_owned),
             aims: aims.iter().map(|one| aim(one, scene)).collect::<Result<_, _>>()?,
             value_mm: value.transpose()?.map(|value| value.value()),
         })
@@ -131,8 +137,12 @@ impl Objective {
             [aim] => one(aim),
             several => format!("the mean of {}", several.iter().map(one).collect::<Vec<_>>().join(", ")),
         };
-        match self.value_mm {
+        let what = match self.value_mm {
             Some(mm) => format!("{what} by {mm} mm"),
+            None => what,
+        };
+        match &self.time {
+            Some(time) => format!("{what} after {time}"),
             None => what,
         }
     }

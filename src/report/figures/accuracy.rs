@@ -30,7 +30,7 @@ const COLUMNS: usize = 3;
 /// What a method is drawn as: the start of its settings, its name in the legend, and a colour. The first that fits counts.
 type Group = (&'static [&'static str], &'static str, Colour);
 
-const GROUPS: [Group; 7] = [
+const GROUPS: [Group; 10] = [
     (&["method: linear"], "linear response", Colour::Vermillion),
     (&["method: chord"], "chord steps", Colour::Orange),
     (
@@ -40,6 +40,9 @@ const GROUPS: [Group; 7] = [
     ),
     (&["method: newton", "order: 1"], "Newton, bilinear", Colour::Sky),
     (&["method: newton", "order: 2"], "Newton, biquadratic", Colour::Blue),
+    (&["method: creep:3+"], "creep from 3 estimates", Colour::Orange),
+    (&["method: creep:3"], "creep from 3 solves", Colour::Green),
+    (&["method: history"], "all steps", Colour::Blue),
     (&["network:"], "surrogates", Colour::Purple),
     (&[], "other", Colour::Grey),
 ];

@@ -13,6 +13,7 @@ use crate::report::error::ReportError;
 use crate::report::figures::{Case, draw_agreement, draw_gallery, rounds_charts};
 use crate::report::format::{mm, percent};
 use crate::report::html::{Column, Page};
+use crate::report::in_time::InTime;
 use crate::report::presenter::{DrawFigure, Presenter, Results};
 use crate::report::rounds::{RoundSummary, by_round, draw_by_round, drawn};
 use crate::report::summary::{RowSummary, Summary, read};
@@ -28,6 +29,7 @@ impl Presenter for Verify {
     fn results(&self, run: &RunArtifacts<'_>) -> Result<Vec<Results>, ReportError> {
         let summaries = run.each(self.kind(), read)?;
         let rounds = by_round(run.rounds, &summaries);
+        let in_time = in_time(run)?;
         let results = |key, value, text| Results {
             key,
             value,
@@ -45,6 +47,11 @@ impl Presenter for Verify {
                 json!(rounds),
                 rounds.iter().map(ToString::to_string).collect(),
             ),
+            results(
+                "in_time",
+                json!(in_time),
+                in_time.iter().map(ToString::to_string).collect(),
+            ),
         ])
     }
 
@@ -61,6 +68,7 @@ impl Presenter for Verify {
     }
 
     fn section(&self, page: &mut Page, run: &RunArtifacts<'_>) -> Result<(), ReportError> {
+        in_time(run)?.iter().for_each(|stage| stage.show(page));
         if run.rounds.is_empty() {
             return Ok(());
         }
@@ -81,6 +89,12 @@ impl Presenter for Verify {
         }
         Ok(())
     }
+}
+
+/// The stages that were asked for several times.
+fn in_time(run: &RunArtifacts<'_>) -> Result<Vec<InTime>, ReportError> {
+    let each = run.each("verify", InTime::read)?;
+    Ok(each.into_iter().flatten().collect())
 }
 
 /// Patterns without a stable solution have no field to draw, and without any there is no figure; the summary names them. Of many

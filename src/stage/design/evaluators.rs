@@ -2,10 +2,10 @@
 
 use std::fmt;
 
-use crate::base::{Canonical, InputError, Node, Parameter, Schema};
-use crate::design::{Candidate, Evaluators};
+use crate::base::{Canonical, InputError, Node, Parameter, Schema, Time};
+use crate::design::{Candidate, Cause, Evaluators};
 use crate::fem::screening::decided_states;
-use crate::fem::{Method, SetupError, SolverParameters, UnknownMethod};
+use crate::fem::{Method, SetupError, SolverParameters, ThreeSolves, UnknownMethod, creep_settings};
 use crate::field::{Evaluator, InStates, Mesh};
 use crate::scene::Scene;
 use crate::surrogate::{NetworkKind, Surrogate};
@@ -76,38 +76,69 @@ fn networks(each: Vec<Surrogate>) -> Candidate {
     }
 }
 
-/// A method on bilinear elements as an evaluator in each state of a scene.
-fn elements(scene: &Scene, method: Method, elements_per_cell: usize) -> Candidate {
+/// A method on bilinear elements as an evaluator in each state of a scene; at a time three of its fields stand for one.
+fn elements(scene: &Scene, time: Option<Time>, method: Method, elements_per_cell: usize) -> Candidate {
     let parameters = SolverParameters::new(method, Mesh::bilinear(elements_per_cell));
-    let ready = || -> Result<Vec<Box<dyn Evaluator>>, SetupError> {
-        let states = decided_states(scene)?;
-        let evaluators = states.iter().map(|scene| parameters.build(scene));
-        evaluators
-            .map(|evaluator| Ok(Box::new(evaluator?) as Box<dyn Evaluator>))
-            .collect()
+    let one = |scene: &Scene| -> Result<Box<dyn Evaluator>, SetupError> {
+        Ok(match time {
+            None => Box::new(parameters.build(scene)?),
+            Some(time) => Box::new(ThreeSolves::new(scene, time.value())?.evaluator(scene, &parameters)?),
+        })
     };
     Candidate {
-        settings: parameters.to_string(),
-        evaluator: ready().map(InStates::new).map_err(Into::into),
+        settings: match time {
+            None => parameters.to_string(),
+            Some(_) => creep_settings(&parameters),
+        },
+        evaluator: each(scene, one),
     }
+}
+
+/// All steps in time on so many bilinear elements, in each state of a scene.
+fn steps(scene: &Scene, time: Time, elements_per_cell: usize) -> Candidate {
+    let mesh = Mesh::bilinear(elements_per_cell);
+    let parameters = SolverParameters::new(Method::Newton, mesh).up_to(time);
+    Candidate {
+        settings: format!("method: history, {mesh}"),
+        evaluator: each(scene, |scene| Ok(Box::new(parameters.build(scene)?))),
+    }
+}
+
+/// An evaluator in each state of a scene.
+fn each(
+    scene: &Scene,
+    one: impl Fn(&Scene) -> Result<Box<dyn Evaluator>, SetupError>,
+) -> Result<InStates<Box<dyn Evaluator>>, Cause> {
+    let each = || {
+        decided_states(scene)?
+            .iter()
+            .map(one)
+            .collect::<Result<_, SetupError>>()
+    };
+    each().map(InStates::new).map_err(Into::into)
 }
 
 /// What judges the patterns of a search: what is chosen, or every evaluator in the order of its cost as `deaflow accuracy`
 /// measured it, the reference last. The order is fixed since times differ from run to run.
-pub fn evaluators(choice: EvaluatorChoice, scene: &Scene, known: Option<Vec<Surrogate>>) -> Evaluators {
+pub fn evaluators(
+    choice: EvaluatorChoice,
+    scene: &Scene,
+    time: Option<Time>,
+    known: Option<Vec<Surrogate>>,
+) -> Evaluators {
     match (choice, known) {
-        (EvaluatorChoice::Elements(method), _) => Evaluators::Named(elements(scene, method, 1)),
+        (EvaluatorChoice::Elements(method), _) => Evaluators::Named(elements(scene, time, method, 1)),
         (EvaluatorChoice::Surrogate, Some(known)) => Evaluators::Named(networks(known)),
         (EvaluatorChoice::Surrogate, None) => Evaluators::Named(Candidate {
             settings: choice.to_string(),
             evaluator: Err("the stage needs no network".into()),
         }),
-        (EvaluatorChoice::Auto, known) => Evaluators::Cheapest(by_cost(scene, known)),
+        (EvaluatorChoice::Auto, known) => Evaluators::Cheapest(by_cost(scene, time, known)),
     }
 }
 
-fn by_cost(scene: &Scene, known: Option<Vec<Surrogate>>) -> Vec<Candidate> {
-    let coarse = |method| elements(scene, method, 1);
+fn by_cost(scene: &Scene, time: Option<Time>, known: Option<Vec<Surrogate>>) -> Vec<Candidate> {
+    let coarse = |method| elements(scene, time, method, 1);
     let mut all = vec![
         coarse(Method::Linear),
         coarse(Method::Chord(1)),
@@ -118,7 +149,10 @@ fn by_cost(scene: &Scene, known: Option<Vec<Surrogate>>) -> Vec<Candidate> {
         let is_cheap = known.iter().all(|network| network.kind() == NetworkKind::Physics);
         all.insert(if is_cheap { 2 } else { all.len() }, networks(known));
     }
-    all.push(elements(scene, Method::Newton, REFERENCE));
+    all.push(match time {
+        None => elements(scene, None, Method::Newton, REFERENCE),
+        Some(time) => steps(scene, time, REFERENCE),
+    });
     all
 }
 
@@ -152,7 +186,7 @@ mod tests {
     fn estimates_give_no_field_where_there_is_none() {
         let scene = Scene::vhb4910().at_voltage(10e3);
         let patterns = [25, 0].map(|width| Pattern::from_fn(Raster::PAPER, |x, _| x < width));
-        let linear = elements(&scene, Method::Linear, 1).evaluator.ok().unwrap();
+        let linear = elements(&scene, None, Method::Linear, 1).evaluator.ok().unwrap();
         let fields = linear.predict_some(&patterns).unwrap();
         assert!(fields[0].is_none() && fields[1].is_some());
         assert!(
@@ -162,7 +196,7 @@ mod tests {
                 .to_string()
                 .contains("pattern 0 has no field")
         );
-        let hot = elements(&Scene::vhb4910().at_voltage(20e3), Method::Linear, 1);
+        let hot = elements(&Scene::vhb4910().at_voltage(20e3), None, Method::Linear, 1);
         assert!(hot.evaluator.err().unwrap().to_string().contains("not stable"));
     }
 
@@ -177,7 +211,8 @@ mod tests {
             values_mm: &[],
             value_mm: &|_| 0.0,
         };
-        let (evaluator, probes) = cheapest_evaluator(by_cost(&scene, None), &patterns, &none, accuracy_mm).unwrap();
+        let (evaluator, probes) =
+            cheapest_evaluator(by_cost(&scene, None, None), &patterns, &none, accuracy_mm).unwrap();
         (evaluator.settings, probes)
     }
 
@@ -211,7 +246,7 @@ mod tests {
                 values_mm,
                 value_mm: &right,
             };
-            cheapest_evaluator(by_cost(&scene, None), &patterns, &designs, 1.0).unwrap()
+            cheapest_evaluator(by_cost(&scene, None, None), &patterns, &designs, 1.0).unwrap()
         };
         // H7: the half plane moves the centre by 2.119 mm; the linear response misses by several per cent.
         let (evaluator, probes) = chosen(&[2.119]);

@@ -24,7 +24,7 @@ pub struct Fault {
 }
 
 /// What a reader refuses for its meaning and no schema can: what was said, in part.
-pub const BEYOND: [&str; 30] = [
+pub const BEYOND: [&str; 32] = [
     // Names of other stages, and what those are.
     "no stage is named",
     "stage needs",
@@ -50,6 +50,8 @@ pub const BEYOND: [&str; 30] = [
     "runs of the mask",
     // What is no drive.
     "has voltages of",
+    "is a voltage of",
+    "times must not go back",
     // What is wanted of a design, and what it must keep to.
     "does not know at which field",
     "does not say in which `state`",

@@ -279,11 +279,13 @@ fn verified(patterns: &[Pattern], outcomes: &[&str], fields: &[Field]) -> Object
         displacement: fields.to_vec(),
         difference: fields.to_vec(),
         states: None,
+        history: None,
         component: Components {
             predicted: vec![1.0; n],
             simulated: vec![1.0; m],
             error: vec![0.0; m],
             error_known: vec![1; m],
+            in_time: None,
             distance: vec![0.0; m],
         },
         scene: Scene::vhb4910(),
