@@ -35,6 +35,7 @@ mod push;
 mod reader;
 mod remote;
 mod report;
+mod response;
 mod rows;
 mod run;
 mod run_log;

@@ -23,7 +23,7 @@ use crate::stage::direct;
 use crate::store::write_file;
 
 /// What is said where the lowest mode of the flat membrane out of its plane is about as low.
-const OUT_OF_PLANE: &str = "a flat membrane also vibrates out of its plane, from about the lowest of these frequencies on; that is not simulated";
+pub const OUT_OF_PLANE: &str = "a flat membrane also vibrates out of its plane, from about the lowest of these frequencies on; that is not simulated";
 
 #[derive(Clone, Debug, Args)]
 pub struct ModesArguments {

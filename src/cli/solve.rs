@@ -13,8 +13,9 @@ use super::history::HistoryArguments;
 use super::modes::ModesArguments;
 use super::output::{Exit, Output};
 use super::progress::Bar;
+use super::response::ResponseArguments;
 use super::simulate::{self, Answer};
-use super::{history, modes, path, table, write};
+use super::{history, modes, path, response, table, write};
 use crate::base::Quantity;
 use crate::fem::{MeshRequest, Method, SolveOptions, SolverParameters};
 use crate::field::{Mesh, Order};
@@ -58,6 +59,8 @@ pub struct SolveArguments {
     pub history: HistoryArguments,
     #[command(flatten)]
     pub modes: ModesArguments,
+    #[command(flatten)]
+    pub response: ResponseArguments,
     #[command(flatten)]
     pub state: StateArguments,
 }
@@ -103,6 +106,9 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
     if let Some(count) = arguments.modes.modes {
         return modes::execute(arguments, count, output);
     }
+    if let Some(range) = arguments.response.response {
+        return response::execute(arguments, range, &scene, output);
+    }
     if arguments.history.history {
         return history::execute(arguments, &scene, output);
     }
@@ -130,6 +136,7 @@ fn check_method(arguments: &SolveArguments) -> Result<(), CliError> {
         a if a.path => "--path",
         a if a.history.history => "--history",
         a if a.modes.modes.is_some() => "--modes",
+        a if a.response.response.is_some() => "--response",
         _ => return Ok(()),
     };
     let message = format!("{beside} cannot stand beside --method {}", arguments.method);

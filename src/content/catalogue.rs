@@ -2,8 +2,8 @@
 
 use super::declared::Declared;
 use super::{
-    Accuracy, Audit, Balanced, Calibration, Designs, Evaluation, Histories, LoadPaths, Samples, Solutions, SolveFile,
-    Table, Training, Verification, Vibrations,
+    Accuracy, Audit, Balanced, Calibration, Designs, Evaluation, FrequencyResponses, Histories, LoadPaths, Samples,
+    Solutions, SolveFile, Table, Training, Verification, Vibrations,
 };
 
 /// The content of a kind of artifact or file.
@@ -47,5 +47,6 @@ pub fn catalogue() -> Vec<ContentOfKind> {
         "the file of `deaflow solve --path`": LoadPaths,
         "the file of `deaflow solve --history`": Histories,
         "the file of `deaflow solve --modes`": Vibrations,
+        "the file of `deaflow solve --response`": FrequencyResponses,
     }
 }

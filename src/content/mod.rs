@@ -19,6 +19,7 @@ mod calibration;
 mod catalogue;
 mod designs;
 mod evaluation;
+mod frequency_responses;
 mod histories;
 mod intervals;
 mod labelled;
@@ -49,6 +50,7 @@ pub use designs::{
 pub use element::{Packed, PerCell, PerUnit, Row, SingleField};
 pub use error::{AttributeError, ContentError, ElementError, Fault};
 pub use evaluation::{Coverage, CoverageView, Evaluation, PatternScores, Scores};
+pub use frequency_responses::FrequencyResponses;
 pub use histories::Histories;
 pub use intervals::{DesignInterval, DesignIntervals, ObjectiveIntervals, PredictionIntervals};
 pub use labelled::Labelled;

@@ -12,7 +12,7 @@ use faer::sparse::linalg::cholesky::{
 use faer::sparse::{Argsort, Pair, SparseColMat, SymbolicSparseColMat};
 use faer::{Conj, MatMut, Par, Side};
 
-use super::element::{Bilinear, Biquadratic, Element};
+use super::element::{Bilinear, Biquadratic, Element, Line};
 use super::energy::Material;
 use super::grid::Grid;
 use super::kinematics::{Tensor, add_scaled};
@@ -62,8 +62,12 @@ impl Structure {
         }))
     }
 
-    /// The factors of the tangent at `u`; `None` when a pivot is exactly zero or memory is short.
-    pub fn factorise<L: Material>(self: &Arc<Self>, operator: &Operator<'_, L>, u: &[f64]) -> Option<Factorisation> {
+    /// The tangent at `u` on and below the diagonal; `None` when memory is short.
+    pub(super) fn tangent<L: Material>(
+        &self,
+        operator: &Operator<'_, L>,
+        u: &[f64],
+    ) -> Option<SparseColMat<usize, f64>> {
         let poses = operator.activity.grid().poses(u);
         let mut entries = match operator.activity.grid().order() {
             Order::Bilinear => assemble::<Bilinear, L, 4>(&self.unknowns, operator, u, &poses),
@@ -74,7 +78,33 @@ impl Structure {
                 entries.extend([body.mount.spring, body.mount.spring, curvature]);
             }
         }
-        let matrix = SparseColMat::new_from_argsort(self.matrix.clone(), &self.sorting, &entries).ok()?;
+        SparseColMat::new_from_argsort(self.matrix.clone(), &self.sorting, &entries).ok()
+    }
+
+    /// The consistent mass of [`super::mass::Mass`] on and below the diagonal; `None` when memory is short.
+    pub(super) fn mass(&self, grid: &Grid) -> Option<SparseColMat<usize, f64>> {
+        let at_rest = vec![Pose::REST; self.unknowns.bodies()];
+        let mut entries = match grid.order() {
+            Order::Bilinear => assemble_mass::<2, 4>(&self.unknowns, grid, &Line::LINEAR, &at_rest),
+            Order::Biquadratic => assemble_mass::<3, 9>(&self.unknowns, grid, &Line::QUADRATIC, &at_rest),
+        };
+        entries.resize(entries.len() + 3 * self.unknowns.bodies(), 0.0);
+        SparseColMat::new_from_argsort(self.matrix.clone(), &self.sorting, &entries).ok()
+    }
+
+    /// A vector as one of unknowns at `u`: what they see of its forces.
+    pub(super) fn pack(&self, grid: &Grid, u: &[f64], vector: &[f64]) -> Vec<f64> {
+        self.unknowns.pack(&grid.poses(u), vector)
+    }
+
+    /// The change of displacement from `u` that unknowns stand for.
+    pub(super) fn unpack(&self, grid: &Grid, u: &[f64], packed: &[f64]) -> Vec<f64> {
+        self.unknowns.unpack(&grid.poses(u), packed)
+    }
+
+    /// The factors of the tangent at `u`; `None` when a pivot is exactly zero or memory is short.
+    pub fn factorise<L: Material>(self: &Arc<Self>, operator: &Operator<'_, L>, u: &[f64]) -> Option<Factorisation> {
+        let matrix = self.tangent(operator, u)?;
         let mut values = vec![0.0; self.symbolic.len_val()];
         let need = self
             .symbolic
@@ -94,7 +124,7 @@ impl Structure {
         Some(Factorisation {
             structure: Arc::clone(self),
             values,
-            poses,
+            poses: operator.activity.grid().poses(u),
         })
     }
 }
@@ -350,6 +380,35 @@ fn assemble<E: Element<N>, L: Material, const N: usize>(
         on_sides(&mut stresses, sides);
         let forces = E::forces(&stresses);
         sums.extend(entries.map(|entry| entry.weight * forces[entry.force / N][entry.force % N]));
+    });
+    sums
+}
+
+/// The entries of the consistent mass in the order of [`Unknowns::for_each_entry`].
+fn assemble_mass<const A: usize, const N: usize>(
+    unknowns: &Unknowns,
+    grid: &Grid,
+    line: &Line<A>,
+    poses: &[Pose],
+) -> Vec<f64> {
+    let shared: [[f64; A]; A] = std::array::from_fn(|a| {
+        std::array::from_fn(|b| {
+            let at = |q: usize| line.weights[q] * line.values[q][a] * line.values[q][b];
+            (0..A).map(at).sum()
+        })
+    });
+    let mut sums = Vec::new();
+    unknowns.for_each_entry::<N>(poses, |(element, c, node), entries| {
+        let area: f64 = grid.sides(element).iter().product();
+        sums.extend(entries.map(|entry| {
+            let (component, other) = (entry.force / N, entry.force % N);
+            let mass = shared[node % A][other % A] * shared[node / A][other / A];
+            if component == c {
+                entry.weight * area * mass
+            } else {
+                0.0
+            }
+        }));
     });
     sums
 }

@@ -85,9 +85,14 @@ pub enum SetupError {
     },
     /// A drive by charge where a voltage is needed.
     #[error(
-        "histories and natural frequencies are those of a voltage, and the drive of this scene is a charge: give `voltage` in its place"
+        "histories, natural frequencies and frequency responses are those of a voltage, and the drive of this scene is a charge: give `voltage` in its place"
     )]
     Charge,
+    /// A response to changes of a voltage that is zero.
+    #[error(
+        "the force grows with the square of the voltage: about a bias of 0 V it does not change to first order, so there is no linear response"
+    )]
+    NoBias,
     /// A source and a mass.
     #[error(
         "motion with inertia is simulated with electrodes that have their voltage at once: leave out `inertia`, or `source`"

@@ -2,8 +2,8 @@
 //!
 //! Everything is dimensionless: stress is divided by μλp², lengths by the side of an element, so two numbers describe a
 //! scene, a = λp⁻⁶ and b = κλp² with κ = ε(V/H)²/μ; with unequal prestretch λp is √(λ₁λ₂), and grid says how. The modules are the
-//! method, from the point to the answer: kinematics, energy and effects; sheet, grid, element, layout and lanes; operator; gemm, modes and precondition; krylov, work, newton and
-//! direct; eigenvalue, stability and continuation; solver, and on it accurate, adjoint, cells, response, margin, path, critical, limit,
+//! method, from the point to the answer: kinematics, energy and effects; sheet, grid, element, layout and lanes; operator; gemm, modes and precondition; krylov, work, newton,
+//! direct and dynamic_stiffness; eigenvalue, stability and continuation; solver, and on it accurate, adjoint, cells, response, margin, path, critical, limit,
 //! observable, gradient_evaluator and safety_margins; evaluator, which puts every method behind the traits of `field`, simulators, and screening.
 
 mod accurate;
@@ -15,6 +15,7 @@ mod charge;
 mod continuation;
 mod critical;
 mod direct;
+mod dynamic_stiffness;
 pub mod effects;
 mod eigenvalue;
 mod element;
@@ -68,8 +69,8 @@ pub use safety_margins::SafetyMargins;
 pub use simulators::SceneSimulators;
 pub use solver::{MembraneSolver, MeshSolution, SolveOptions};
 pub use time::{
-    AccurateHistory, History, HistoryOptions, HistoryRequest, HistorySolver, Instant, MOST_MODES, ThreeSolves,
-    Vibration, creep_settings,
+    AccurateHistory, AtFrequency, FrequencyResponse, FrequencySolver, History, HistoryOptions, HistoryRequest,
+    HistorySolver, Instant, MOST_MODES, ThreeSolves, Vibration, at_bias, creep_settings,
 };
 pub use work::{USUAL_SECONDS, WorkLimit};
 

@@ -3,6 +3,7 @@
 mod accurate;
 mod coefficients;
 mod creep;
+mod frequency;
 mod history;
 mod march;
 mod modes;
@@ -15,6 +16,7 @@ mod viscous;
 
 pub use accurate::AccurateHistory;
 pub use creep::{ThreeSolves, settings as creep_settings};
+pub use frequency::{AtFrequency, FrequencyResponse, FrequencySolver, at_bias};
 pub use history::{History, HistoryRequest, refusal};
 pub use march::Instant;
 pub use modes::{MOST_MODES, Vibration};

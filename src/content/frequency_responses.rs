@@ -1,0 +1,51 @@
+//! The file of `deaflow solve --response`. It is no artifact and may hold NaN.
+
+use super::attribute::Lines;
+use super::element::Packed;
+use super::macros::arrays;
+use crate::field::Field;
+use crate::pattern::Pattern;
+use crate::scene::Scene;
+
+arrays! {
+    /// How patterns respond to a small alternating voltage about their equilibria. A pattern without a stable equilibrium has NaN, and so has a
+    /// frequency without a response.
+    pub struct FrequencyResponses, FrequencyResponsesView {
+        /// Electrode patterns, origin lower left, 1 = electrode.
+        patterns: Vec<Pattern> = array("patterns", "1", [sample, y, x]),
+        /// How the search for the equilibrium ended.
+        outcome: Vec<String> = array("outcome", "", [sample]),
+        /// Voltage of the equilibrium, about which the voltage alternates.
+        bias: Vec<f64> = array("bias", "V", [sample]),
+        /// Displacement of the equilibrium at the cell corners.
+        displacement: Packed<Field> = array("displacement", "mm", [sample, corner_y, corner_x, xy]),
+        /// Its derivative with respect to the voltage: the response at 0 Hz.
+        slope: Packed<Field> = array("slope", "mm/V", [sample, corner_y, corner_x, xy]),
+        /// Frequency of the voltage.
+        frequency: Vec<f64> = array("frequency", "Hz", [frequency]),
+        /// Displacement at the cell corners per volt of amplitude, in phase with the voltage: V cos ωt moves them by V (response_real cos ωt −
+        /// response_imaginary sin ωt).
+        response_real: Packed<Field> = array("response_real", "mm/V", [sample, frequency, corner_y, corner_x, xy]),
+        /// The same a quarter of a period ahead of the voltage.
+        response_imaginary: Packed<Field> = array("response_imaginary", "mm/V", [sample, frequency, corner_y, corner_x, xy]),
+        /// Amplitude of the watched corner along the axis along which it moves most at the lowest frequency.
+        amplitude: Packed<f64> = array("amplitude", "mm/V", [sample, frequency]),
+        /// Its phase ahead of the voltage, from -180 to below 180, in the direction in which a static voltage moves it.
+        phase: Packed<f64> = array("phase", "deg", [sample, frequency]),
+        /// Column and row of the corner that moves most at the lowest frequency.
+        watched_corner: Vec<[u64; 2]> = array("watched_corner", "1", [sample, xy]),
+        /// What was found at each frequency: `converged`, `resonance` where it is a natural frequency that nothing damps, `not-solved`, or the outcome
+        /// of the pattern where it has no equilibrium.
+        frequency_outcome: Packed<String> = array("frequency_outcome", "", [sample, frequency]),
+        /// Processor time of the sample, the mean over its batch.
+        solve_seconds: Vec<f64> = array("solve_seconds", "s", [sample]),
+        /// The scene.
+        scene: Scene = attribute("scene"),
+        /// How it was solved.
+        solver: String = attribute("solver"),
+        /// The effects that were simulated.
+        effects: String = attribute("effects"),
+        /// What the response leaves out, one to a line.
+        warnings: Lines = attribute("warnings"),
+    }
+}
