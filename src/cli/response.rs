@@ -146,6 +146,7 @@ pub fn execute(arguments: &SolveArguments, range: Range, scene: &str, output: &O
         frequency: frequencies.clone(),
         solve_seconds: each,
         solver: format!("{{ {} }}", arguments.parameters()),
+        scene: read.with_effects(scene.effects.clone()),
         warnings: Lines(warnings.clone()),
         ..content(patterns, &scene, found, &motions)
     };

@@ -163,12 +163,12 @@ impl DynamicStiffness {
             None => Factors::new(order(0)?, real.clone())?,
             Some(imaginary) => Factors::new(order(1)?, self.interleaved(&real, imaginary))?,
         };
-        let solve = |forces: &[f64]| self.refined(&factors, (&real, imaginary.as_deref()), forces);
+        let solve = |forces: &[f64], steps| self.refined(&factors, (&real, imaginary.as_deref()), forces, steps);
         // A mode that the forces do not excite would spoil the response too.
-        if self.heavy.is_some() && at.square > 0.0 && self.is_free(at, &solve(probe).0, probe) {
+        if self.heavy.is_some() && at.square > 0.0 && self.is_free(at, &solve(probe, 1).0, probe) {
             return Some(Solved::Resonance);
         }
-        let (response, residual) = solve(forces);
+        let (response, residual) = solve(forces, MOST_STEPS);
         if self.is_free(at, &response, forces) {
             return Some(Solved::Resonance);
         }
@@ -201,12 +201,13 @@ impl DynamicStiffness {
         sum
     }
 
-    /// A solution with steps of refinement, and its relative residual.
+    /// A solution with so many steps of refinement at most, the first among them, and its relative residual.
     fn refined(
         &self,
         factors: &Factors<'_>,
         (real, imaginary): (&[f64], Option<&[f64]>),
         forces: &[f64],
+        steps: usize,
     ) -> ([Vec<f64>; 2], f64) {
         let count = forces.len();
         let zero = || [vec![0.0; count], vec![0.0; count]];
@@ -217,7 +218,7 @@ impl DynamicStiffness {
             return (response, 0.0);
         }
         let mut left = [forces.to_vec(), vec![0.0; count]];
-        for _ in 0..MOST_STEPS {
+        for _ in 0..steps {
             let step = match imaginary {
                 None => {
                     let mut step = left[0].clone();

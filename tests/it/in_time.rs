@@ -258,6 +258,108 @@ fn natural_frequencies_are_written_with_their_modes() {
 }
 
 #[test]
+fn a_frequency_response_has_its_arrays_its_table_and_its_figure() {
+    let workspace = workspace("voltage: 5 kV");
+    let dynamic = SCENE
+        .replace(
+            "DRIVE",
+            "voltage: 20 V, waveform: { sine: { frequency: 1 Hz, bias: 5 kV } }",
+        )
+        .replace(
+            "effects: { viscoelasticity: {} }",
+            "effects: { viscoelasticity: {}, inertia: {} }",
+        );
+    workspace.write("scene.yaml", &dynamic);
+    let solve = [
+        "solve",
+        "scene.yaml",
+        "odd.csv",
+        "-o",
+        "out.h5",
+        "--response",
+        "1 mHz:1kHz",
+    ];
+    let ended = workspace.run(&[&solve[..], &["--points", "7", "--json"]].concat());
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let document = ended.json();
+    assert_eq!(
+        (&document["bias"], &document["unstable"]),
+        (&serde_json::json!(5000.0), &serde_json::json!(0))
+    );
+    let file = hdf5::File::open(workspace.path("out.h5")).unwrap();
+    let shape = |name: &str| file.dataset(name).unwrap().shape();
+    assert_eq!(shape("response_real"), [1, 7, 11, 11, 2]);
+    assert_eq!(shape("response_imaginary"), [1, 7, 11, 11, 2]);
+    assert_eq!((shape("frequency"), shape("slope")), (vec![7], vec![1, 11, 11, 2]));
+    let numbers = |name: &str| file.dataset(name).unwrap().read_raw::<f64>().unwrap();
+    let (frequency, amplitude, phase) = (numbers("frequency"), numbers("amplitude"), numbers("phase"));
+    assert_eq!((frequency[0], frequency[6]), (1e-3, 1e3));
+    // Creep is over at 1 mHz, is not at 1 Hz, and inertia wins at 1 kHz.
+    assert!(
+        amplitude[0] > 1.05 * amplitude[3] && amplitude[3] > 3.0 * amplitude[6],
+        "{amplitude:?}"
+    );
+    assert!(
+        phase[0] < 0.0 && phase[0] > -1.0 && phase[3] < phase[0] && phase[6] < -90.0,
+        "{phase:?}"
+    );
+    let [x, y] = file.dataset("watched_corner").unwrap().read_raw::<u64>().unwrap()[..] else {
+        panic!("a corner");
+    };
+    let at = 2 * (11 * y + x) as usize;
+    let [real, imaginary] = ["response_real", "response_imaginary"].map(numbers);
+    let sizes = [0, 1].map(|c| real[at + c].hypot(imaginary[at + c]));
+    assert!((f64::max(sizes[0], sizes[1]) / amplitude[0] - 1.0).abs() < 1e-12);
+    let table = std::fs::read_to_string(workspace.path("out.csv")).unwrap();
+    assert!(
+        table.starts_with("pattern,frequency_Hz,amplitude_mm_per_V,phase_deg,outcome"),
+        "{table}"
+    );
+    assert!(
+        std::fs::read(workspace.path("out.png"))
+            .unwrap()
+            .starts_with(b"\x89PNG")
+    );
+    // Without a stable equilibrium there is none.
+    workspace.write("scene.yaml", &SCENE.replace("DRIVE", "voltage: 12 kV"));
+    let ended = workspace.run(&[&solve[..], &["--points", "2"]].concat());
+    assert_eq!(ended.code, Some(3), "{}", ended.stderr);
+    assert!(ended.stdout.contains("pull-in"), "{}", ended.stdout);
+    let file = hdf5::File::open(workspace.path("out.h5")).unwrap();
+    assert!(file.dataset("amplitude").unwrap().read_raw::<f64>().unwrap()[0].is_nan());
+}
+
+#[test]
+fn what_a_frequency_response_lacks_or_cannot_stand_beside_is_said() {
+    let workspace = workspace("voltage: 5 kV");
+    let solve = ["solve", "scene.yaml", "odd.csv", "-o", "out.h5"];
+    let refused = |more: &[&str], said: &str| {
+        let ended = workspace.run(&[&solve[..], more].concat());
+        assert_eq!(ended.code, Some(2), "{more:?}: {}", ended.stderr);
+        assert!(ended.stderr.contains(said), "{more:?}: {}", ended.stderr);
+    };
+    refused(&["--response", "1Hz"], "as in 1Hz:1kHz");
+    refused(&["--response", "10Hz:1Hz"], "10Hz is not below 1Hz");
+    refused(&["--response", "1 V:1Hz"], "unit");
+    refused(&["--response", "1Hz:1kHz", "--points", "1"], "2..=10000");
+    refused(&["--points", "5"], "--response");
+    refused(&["--response", "1Hz:1kHz", "--modes", "3"], "cannot be used with");
+    refused(
+        &["--response", "1Hz:1kHz", "--method", "linear"],
+        "--response cannot stand beside --method linear",
+    );
+    let other = |scene: String| workspace.write("scene.yaml", &scene);
+    let range = ["--response", "1Hz:1kHz"];
+    other(SCENE.replace("DRIVE", "charge: { total: 1 uC }"));
+    refused(&range, "give the drive a `voltage`");
+    other(SCENE.replace("DRIVE", "voltage: 1 kV, waveform: { sine: { frequency: 1 Hz } }"));
+    refused(&range, "its sine a `bias`");
+    let moving = SCENE.replace("effects: { viscoelasticity: {} }", "effects: { inertia: {} }");
+    other(moving.replace("DRIVE", "voltage: 5 kV").replace(", density: 960", ""));
+    refused(&range, "`density`");
+}
+
+#[test]
 fn a_charge_gives_the_voltage_and_a_voltage_no_charge_control() {
     let workspace = workspace("charge: { total: 1 uC }");
     let ended = workspace.run(&["solve", "scene.yaml", "odd.csv", "-o", "out.h5"]);

@@ -298,3 +298,171 @@ impl Respond<'_> {
         pairs.map(|(less, more)| (less - more) / (2.0 * NUDGE)).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fem::time::HistoryRequest;
+    use crate::field::Mesh;
+    use crate::pattern::Raster;
+
+    const BRANCHES: &str =
+        "viscoelasticity: { branches: [{ modulus: 45 kPa, time: 1 s }, { modulus: 20 kPa, time: 20 ms }] }";
+    const OPTIONS: SolveOptions = SolveOptions {
+        mesh: Mesh::bilinear(1),
+        tolerance: 1e-12,
+    };
+
+    fn scene(drive: &str, effects: &str) -> Scene {
+        let text = format!(
+            "{{ geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 10 }}, \
+             material: {{ model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }}, \
+             drive: {{ {drive} }}, effects: {{ {effects} }}, properties: {{ density: 960 }} }}"
+        );
+        Scene::from_text(&text).unwrap()
+    }
+
+    /// A pattern without symmetry.
+    fn odd() -> Pattern {
+        Pattern::from_fn(Raster::new(10, 10).unwrap(), |x, y| {
+            (x * x + 3 * y + x * y) % 7 < 3 || (x > 5 && y < 4)
+        })
+    }
+
+    fn respond(scene: &Scene, frequencies: &[f64]) -> FrequencyResponse {
+        let solver = FrequencySolver::new(scene, OPTIONS, WorkLimit::default()).unwrap();
+        solver.respond(&odd(), frequencies)
+    }
+
+    fn parts(at: &AtFrequency) -> [&Field; 2] {
+        match at {
+            AtFrequency::Response { real, imaginary } => [real, imaginary],
+            other => panic!("{}", other.name()),
+        }
+    }
+
+    /// Half the difference of two fields over a voltage.
+    fn difference(more: &Field, less: &Field, volts: f64) -> Field {
+        let pairs = more.values().iter().zip(less.values());
+        let values = pairs.map(|(more, less)| (more - less) / (2.0 * volts)).collect();
+        Field::from_values(more.raster(), values).unwrap()
+    }
+
+    fn solver(scene: &Scene) -> MembraneSolver {
+        MembraneSolver::new(scene, OPTIONS).unwrap()
+    }
+
+    #[test]
+    fn slow_and_sudden_changes_are_those_of_equilibria_and_of_jumps() {
+        let found = respond(&scene("voltage: 5 kV", BRANCHES), &[1e-7, 1e9]);
+        let slope = found.slope.as_ref().unwrap();
+        let volts = 5.0;
+        let still = |voltage: f64| {
+            let solver = solver(&scene(&format!("voltage: {voltage} V"), ""));
+            solver.field(&solver.solve(&odd()))
+        };
+        let static_slope = difference(&still(5000.0 + volts), &still(5000.0 - volts), volts);
+        let size = static_slope.max_magnitude();
+        assert!(slope.max_difference(&static_slope) < 1e-5 * size);
+        let [slow, behind] = parts(&found.each[0]);
+        assert!(slow.max_difference(slope) < 1e-9 * size && behind.max_magnitude() < 1e-5 * size);
+        // A jump after a long time: the branches have relaxed, and have no time to follow.
+        let jumped = |to: f64| {
+            let table =
+                format!("waveform: {{ table: [[0 s, 5 kV], [1e6 s, 5 kV], [1e6 s, {to} V], [2e6 s, {to} V]] }}");
+            let request = HistoryRequest {
+                // The last time of a history has no jump.
+                times: vec![1e6, 1.5e6],
+                accuracy_mm: None,
+            };
+            let history = solver(&scene(&table, BRANCHES)).history(&odd(), &request).unwrap();
+            history.fields[0].clone()
+        };
+        let jump = difference(&jumped(5000.0 + volts), &jumped(5000.0 - volts), volts);
+        let [sudden, behind] = parts(&found.each[1]);
+        assert!(jump.max_magnitude() < 0.9 * size);
+        assert!(
+            sudden.max_difference(&jump) < 1e-5 * size,
+            "{:e}",
+            sudden.max_difference(&jump) / size
+        );
+        assert!(behind.max_magnitude() < 1e-6 * size);
+    }
+
+    #[test]
+    fn membranes_follow_a_small_sine_as_in_their_history() {
+        let (period, bias, amplitude) = (2.0, 5000.0, 20.0);
+        let drive = format!("voltage: {amplitude} V, waveform: {{ sine: {{ frequency: 0.5 Hz, bias: {bias} V }} }}");
+        let scene = scene(&drive, BRANCHES);
+        let samples = 8_u32;
+        let request = HistoryRequest {
+            times: (0..samples)
+                .map(|k| period * (12.0 + f64::from(k) / f64::from(samples)))
+                .collect(),
+            accuracy_mm: Some(2e-6),
+        };
+        let history = solver(&scene).history(&odd(), &request).unwrap();
+        let found = respond(&at_bias(&scene), &[1.0 / period]);
+        let [x, y] = found.watched;
+        let [real, imaginary] = parts(&found.each[0]).map(|part| part.at_corner(x, y));
+        for c in 0..2 {
+            // The drive is a sine: sin ωt = cos (ωt − ¼ period).
+            let mut sums = [0.0; 2];
+            for (k, field) in history.fields.iter().enumerate() {
+                let phase = TAU * k as f64 / f64::from(samples);
+                let value = 2.0 / f64::from(samples) / amplitude * field.at_corner(x, y)[c];
+                sums = [sums[0] + value * phase.sin(), sums[1] + value * phase.cos()];
+            }
+            let size = real[c].hypot(imaginary[c]);
+            let error = (sums[0] - real[c]).hypot(sums[1] - imaginary[c]);
+            assert!(error < 1e-3 * size, "{error:e} of {size:e}");
+        }
+        assert!(found.watched_motion()[0].unwrap()[1] < -1.0);
+    }
+
+    #[test]
+    fn resonances_are_at_natural_frequencies() {
+        let scene = scene("voltage: 5 kV", "inertia: {}");
+        let natural = solver(&scene).vibration(&odd(), 3, false).unwrap().frequencies;
+        let first = natural[0];
+        let found = respond(
+            &scene,
+            &[
+                first,
+                first * (1.0 - 1e-4),
+                first * (1.0 + 1e-4),
+                first * (1.0 - 1e-6),
+                1e-3,
+            ],
+        );
+        assert_eq!(found.each[0], AtFrequency::Resonance);
+        // One mode is left: its amplitude over ω₁² − ω² is the same on both sides, and its phase turns.
+        let motion: Vec<[f64; 2]> = found.watched_motion().into_iter().skip(1).flatten().collect();
+        let residues: Vec<f64> = [-1e-4_f64, 1e-4, -1e-6]
+            .into_iter()
+            .zip(&motion)
+            .map(|(off, [amplitude, _])| amplitude * (off * (2.0 + off)).abs())
+            .collect();
+        assert!((residues[0] / residues[1] - 1.0).abs() < 1e-2, "{residues:?}");
+        assert!((residues[0] / residues[2] - 1.0).abs() < 1e-2, "{residues:?}");
+        assert!((motion[0][1] - motion[1][1]).abs() == 180.0, "{motion:?}");
+        // Far below there is no inertia.
+        let [slow, _] = parts(&found.each[4]);
+        let slope = found.slope.as_ref().unwrap();
+        assert!(slow.max_difference(slope) < 1e-9 * slope.max_magnitude());
+    }
+
+    #[test]
+    fn what_has_no_response_is_said() {
+        let refused = |drive: &str, effects: &str| {
+            let scene = at_bias(&scene(drive, effects));
+            FrequencySolver::new(&scene, OPTIONS, WorkLimit::default()).err()
+        };
+        assert_eq!(refused("voltage: 0 V", ""), Some(SetupError::NoBias));
+        let sine = "voltage: 1 kV, waveform: { sine: { frequency: 1 Hz } }";
+        assert_eq!(refused(sine, ""), Some(SetupError::NoBias));
+        assert_eq!(refused("charge: { total: 1 uC }", ""), Some(SetupError::Charge));
+        let found = respond(&scene("voltage: 12 kV", BRANCHES), &[1.0, 2.0]);
+        assert!(found.equilibrium.is_none() && found.each.is_empty() && !found.outcome.is_converged());
+    }
+}

@@ -22,22 +22,8 @@ const SIZE: [f64; 2] = [708.0, 330.0];
 /// Names of more curves would fill the chart.
 const NAMED: usize = 7;
 
-impl Response {
-    /// The phase without jumps by a whole turn.
-    fn unwrapped(&self) -> Vec<f64> {
-        let mut turns = 0.0;
-        let mut last: Option<f64> = None;
-        let each = self.phase.iter().map(|phase| {
-            if let Some(last) = last {
-                // Half a turn is what nothing damps takes at once: it is none.
-                turns -= 360.0 * ((phase - last) / 360.0 - 1e-9_f64.copysign(phase - last)).round();
-            }
-            last = Some(*phase);
-            phase + turns
-        });
-        each.collect()
-    }
-}
+/// A change of phase in degrees beyond which the curve is broken: it is shorter the other way round.
+const TURN: f64 = 180.0;
 
 /// Amplitude above phase, both over the logarithm of the frequency.
 ///
@@ -59,26 +45,26 @@ fn response_charts(responses: &[Response]) -> Result<[Chart; 2], FigureError> {
         "Amplitude of the point that moves most [mm/V]",
         responses.iter().flat_map(|r| &r.amplitude),
     );
-    let phases: Vec<Vec<f64>> = responses.iter().map(Response::unwrapped).collect();
-    let (low, high) = phases
-        .iter()
-        .flatten()
-        .fold((0.0, 0.0), |(l, h), v| (f64::min(l, *v), f64::max(h, *v)));
+    let phases = responses.iter().flat_map(|r| &r.phase);
+    let (low, high) = phases.fold((0.0, 0.0), |(l, h), v| (f64::min(l, *v), f64::max(h, *v)));
     let margin = (0.08 * (high - low)).max(1.0);
     let phase = Axis::linear("Phase [deg]", low - margin, high + margin);
     let named = (2..=NAMED).contains(&responses.len());
-    let curve = |value: &dyn Fn(usize) -> Vec<f64>, y: &Axis| -> Vec<Series> {
-        let each = responses.iter().enumerate().zip(Colour::ALL.into_iter().cycle());
-        each.map(|((at, response), colour)| {
-            let pairs = response.frequency.iter().copied().zip(value(at));
-            let points = pairs.filter(|(f, v)| x.shows(*f) && y.shows(*v)).collect();
-            Series::new(if named { &response.name } else { "" }, colour, Mark::Line, points)
+    let curves = |values: fn(&Response) -> &[f64], y: &Axis, turn: f64| -> Vec<Series> {
+        let each = responses.iter().zip(Colour::ALL.into_iter().cycle());
+        each.flat_map(|(response, colour)| {
+            let pairs = response.frequency.iter().copied().zip(values(response).iter().copied());
+            let points: Vec<(f64, f64)> = pairs.filter(|(f, v)| x.shows(*f) && y.shows(*v)).collect();
+            let runs = points.chunk_by(|(_, a), (_, b)| (a - b).abs() <= turn);
+            let name = |at| if named && at == 0 { response.name.as_str() } else { "" };
+            runs.enumerate()
+                .map(|(at, run)| Series::new(name(at), colour, Mark::Line, run.to_vec()))
+                .collect::<Vec<_>>()
         })
-        .filter(|series| !series.points.is_empty())
         .collect()
     };
-    let above = curve(&|at| responses[at].amplitude.clone(), &amplitude);
-    let below = curve(&|at| phases[at].clone(), &phase);
+    let above = curves(|response| &response.amplitude, &amplitude, f64::INFINITY);
+    let below = curves(|response| &response.phase, &phase, TURN);
     Ok([
         Chart::new("Frequency response", [x.clone(), amplitude], above).with_size(SIZE),
         Chart::new("", [x, phase], below).with_size(SIZE),
@@ -98,13 +84,27 @@ mod tests {
     use super::*;
 
     #[test]
-    fn phases_are_drawn_without_jumps_by_a_turn() {
+    fn phases_are_broken_where_they_turn_and_what_is_incomplete_is_refused() {
         let response = Response {
-            name: String::new(),
-            frequency: vec![1.0; 6],
-            amplitude: vec![1.0; 6],
-            phase: vec![0.0, -170.0, 175.0, 100.0, -180.0, 0.0],
+            name: "a".to_owned(),
+            frequency: vec![1.0, 2.0, 3.0, 4.0],
+            amplitude: vec![1.0, 0.5, 0.0, 0.25],
+            phase: vec![0.0, -170.0, 175.0, 100.0],
         };
-        assert_eq!(response.unwrapped(), [0.0, -170.0, -185.0, -260.0, -180.0, 0.0]);
+        let [amplitude, phase] = response_charts(&[response.clone(), response.clone()]).unwrap();
+        let lengths = |chart: &Chart| {
+            chart
+                .series
+                .iter()
+                .map(|series| series.points.len())
+                .collect::<Vec<_>>()
+        };
+        // A logarithm has no place for zero.
+        assert_eq!((lengths(&amplitude), lengths(&phase)), (vec![3, 3], vec![2, 2, 2, 2]));
+        let short = Response {
+            phase: vec![0.0],
+            ..response
+        };
+        assert!(response_charts(&[short]).is_err() && response_charts(&[]).is_err());
     }
 }
