@@ -79,7 +79,7 @@ impl Range {
 ///
 /// # Errors
 /// When a file would be lost, the scene or a pattern cannot be used, or a file cannot be written.
-pub fn execute(arguments: &SolveArguments, range: Range, scene: &str, output: &Output) -> Result<Exit, CliError> {
+pub fn execute(arguments: &SolveArguments, range: Range, scene: &[&str], output: &Output) -> Result<Exit, CliError> {
     let file = &arguments.patterns.output;
     let (values, figure) = (file.with_extension("csv"), file.with_extension("png"));
     if [&values, &figure].contains(&file) {

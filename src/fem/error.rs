@@ -135,6 +135,7 @@ impl SetupError {
             self,
             Self::ThreeSolves { .. }
                 | Self::Charge
+                | Self::NoBias
                 | Self::MovingSource
                 | Self::MovingBodies
                 | Self::Density

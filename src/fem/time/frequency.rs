@@ -374,6 +374,7 @@ mod tests {
                 // The last time of a history has no jump.
                 times: vec![1e6, 1.5e6],
                 accuracy_mm: None,
+                ..HistoryRequest::at(Vec::new())
             };
             let history = solver(&scene(&table, BRANCHES)).history(&odd(), &request).unwrap();
             history.fields[0].clone()
@@ -400,6 +401,7 @@ mod tests {
                 .map(|k| period * (12.0 + f64::from(k) / f64::from(samples)))
                 .collect(),
             accuracy_mm: Some(2e-6),
+            ..HistoryRequest::at(Vec::new())
         };
         let history = solver(&scene).history(&odd(), &request).unwrap();
         let found = respond(&at_bias(&scene), &[1.0 / period]);
