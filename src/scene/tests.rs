@@ -146,7 +146,7 @@ fn refusals_say_what_is_allowed() {
         (
             "{ viscoelasticity: { law: quadratic, branches: [{ modulus: 1 Pa, time: 1 s }] } }",
             "{}",
-            "allowed: linear",
+            "allowed: linear, finite",
         ),
         ("{ wrinkle: {} }", "{}", "did you mean `wrinkling`"),
         ("{ wrinkling: { w: 1 } }", "{}", "takes no parameters"),

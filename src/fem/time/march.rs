@@ -7,11 +7,12 @@
 use std::cell::Cell;
 use std::mem;
 
+use super::equilibrium::equilibrium;
 use super::supply::{Electrodes, Supply};
 use super::viscous::Viscous;
 use crate::fem::continuation::{Climb, Ending, Loading, Loss, Problem};
 use crate::fem::energy::Material;
-use crate::fem::newton::{self, Trouble, Workspace};
+use crate::fem::newton::{Trouble, Workspace};
 use crate::fem::operator::{Activity, Operator, metrics};
 use crate::fem::stability::{Stability, judge};
 use crate::fem::stored::{Content, Units, content, integral};
@@ -551,21 +552,20 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
     fn solve(&mut self, from: f64, to: f64, share: f64, guess: Vec<f64>) -> Result<Vec<f64>, Refusal> {
         let course = self.course;
         let material = (course.problem.material)(share);
-        let activity = self.viscous.remembered(course.problem.activity, to - from);
-        let operator = Operator {
-            material: &material,
-            activity: &activity,
-            pulled: 1.0,
-        };
         self.count_work();
         let mut last = None;
         for mut u in [guess, self.u.clone()] {
-            let laplacian = course.problem.laplacian;
-            match newton::solve(&operator, laplacian, course.problem.tolerance, &mut u, self.workspace) {
-                Ok(progress) => {
+            let (problem, workspace) = (&course.problem, &mut *self.workspace);
+            match equilibrium(problem, &material, &self.viscous, to - from, &mut u, workspace) {
+                Ok((activity, progress)) => {
                     self.pass.newton_steps += progress.steps;
                     self.pass.residual = progress.residual;
-                    match judge(&operator, laplacian, &u, self.workspace) {
+                    let operator = Operator {
+                        material: &material,
+                        activity: &activity,
+                        pulled: 1.0,
+                    };
+                    match judge(&operator, problem.laplacian, &u, workspace) {
                         Stability::Stable { .. } => return Ok(u),
                         Stability::Unstable => last = Some(Refusal::Lost(Loss::Stability)),
                         Stability::NotElliptic => last = Some(Refusal::Lost(Loss::Ellipticity)),

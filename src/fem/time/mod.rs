@@ -3,6 +3,8 @@
 mod accurate;
 mod coefficients;
 mod creep;
+mod equilibrium;
+mod finite;
 mod frequency;
 mod history;
 mod march;

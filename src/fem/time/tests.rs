@@ -160,6 +160,17 @@ fn scene(text: &str) -> Scene {
 
 const SQUARE: &str = "geometry: { side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 10 }";
 const ONE: &str = "effects: { viscoelasticity: { branches: [{ modulus: 45 kPa, time: 1 s }] } }";
+const LAWS: [&str; 2] = ["linear", "finite"];
+
+/// Branches of a law.
+fn of_law(law: &str, branches: &str) -> String {
+    format!("effects: {{ viscoelasticity: {{ law: {law}, branches: [{branches}] }} }}")
+}
+
+/// The branch of [`ONE`].
+fn one(law: &str) -> String {
+    of_law(law, "{ modulus: 45 kPa, time: 1 s }")
+}
 
 /// A pattern without symmetry.
 fn odd(raster: Raster) -> Pattern {
@@ -178,24 +189,29 @@ fn history(scene: &Scene, pattern: &Pattern, mesh: Mesh, times: &[f64]) -> Histo
 
 #[test]
 fn a_long_strip_creeps_as_it_should() {
-    let scene = scene(&format!(
-        "geometry: {{ size: [50 mm, 400 mm], thickness: 1 mm, prestretch: 3, cells: [4, 32] }}, drive: {{ voltage: 5250 V }}, {ONE}"
-    ));
     let pattern = Pattern::from_fn(Raster::new(4, 32).unwrap(), |x, _| x < 2);
-    let found = history(&scene, &pattern, Mesh::bilinear(2), &[0.0, 1.0, 60.0]);
-    for ((instant, field), known) in found
-        .asked()
-        .zip(&found.fields)
-        .zip([2.136424524, 2.658487333, 3.223187347])
-    {
-        let [along, _] = field.at_corner(2, 16);
-        assert!(
-            (along / known - 1.0).abs() < 3e-5,
-            "{} s: {along} {known}",
-            instant.time
-        );
+    let cases = [
+        (
+            "linear",
+            &[(0.0, 2.136_424_524), (1.0, 2.658_487_333), (60.0, 3.223_187_347)][..],
+        ),
+        ("finite", &[(0.0, 2.136_424_524), (1.0, 2.662_271_47)]),
+    ];
+    for (law, known) in cases {
+        let scene = scene(&format!(
+            "geometry: {{ size: [50 mm, 400 mm], thickness: 1 mm, prestretch: 3, cells: [4, 32] }}, drive: {{ voltage: 5250 V }}, {}",
+            one(law)
+        ));
+        let times: Vec<f64> = known.iter().map(|(time, _)| *time).collect();
+        let found = history(&scene, &pattern, Mesh::bilinear(2), &times);
+        assert_eq!(found.fields.len(), known.len(), "{law}");
+        for (field, (time, known)) in found.fields.iter().zip(known) {
+            let [along, _] = field.at_corner(2, 16);
+            assert!((along / known - 1.0).abs() < 3e-5, "{law}, {time} s: {along} {known}");
+        }
+        let error = found.time_error_mm.unwrap();
+        assert!(error < 1e-4, "{error}");
     }
-    assert!(found.time_error_mm.unwrap() < 1e-4, "{}", found.time_error_mm.unwrap());
 }
 
 #[test]
@@ -216,116 +232,124 @@ fn a_relaxed_membrane_is_the_static_one_and_branches_without_modulus_are_none() 
         .remove(0)
         .field
         .unwrap();
-    let late = fields(ONE, &[1e4]);
-    assert!(
-        late[0].max_difference(&still) < 1e-7,
-        "{}",
-        late[0].max_difference(&still)
-    );
-    let none = "effects: { viscoelasticity: { branches: [{ modulus: 0 Pa, time: 1 s }] } }";
-    for field in fields(none, &[0.0, 1.0])
-        .iter()
-        .chain(&fields("effects: {}", &[0.0, 2.0]))
-    {
+    for field in fields("effects: {}", &[0.0, 2.0]) {
         assert!(field.max_difference(&still) < 1e-10);
     }
-    // Twelve decades of relaxation times: those that are over have relaxed, and those to come are springs.
-    let many: Vec<String> = (-6..=6)
-        .map(|k| format!("{{ modulus: 3 kPa, time: 1e{k} s }}"))
-        .collect();
-    let decades = fields(
-        &format!("effects: {{ viscoelasticity: {{ branches: [{}] }} }}", many.join(", ")),
-        &[0.0, 1e-3, 1.0, 1e3, 1e9],
-    );
-    let sizes: Vec<f64> = decades.iter().map(Field::max_magnitude).collect();
-    assert!(sizes.windows(2).all(|pair| pair[1] > 1.02 * pair[0]), "{sizes:?}");
-    assert!(decades[4].max_difference(&still) < 2e-4 * sizes[4]);
+    for law in LAWS {
+        let late = fields(&one(law), &[1e4]);
+        let difference = late[0].max_difference(&still);
+        assert!(difference < 1e-7, "{law}: {difference}");
+        for field in fields(&of_law(law, "{ modulus: 0 Pa, time: 1 s }"), &[0.0, 1.0]) {
+            assert!(field.max_difference(&still) < 1e-10);
+        }
+        // Twelve decades of relaxation times: those that are over have relaxed, and those to come are springs.
+        let many: Vec<String> = (-6..=6)
+            .map(|k| format!("{{ modulus: 3 kPa, time: 1e{k} s }}"))
+            .collect();
+        let decades = fields(&of_law(law, &many.join(", ")), &[0.0, 1e-3, 1.0, 1e3, 1e9]);
+        let sizes: Vec<f64> = decades.iter().map(Field::max_magnitude).collect();
+        assert!(
+            sizes.windows(2).all(|pair| pair[1] > 1.02 * pair[0]),
+            "{law}: {sizes:?}"
+        );
+        assert!(decades[4].max_difference(&still) < 2e-4 * sizes[4]);
+    }
 }
 
 #[test]
 fn errors_in_time_fall_with_the_square_of_the_step_and_are_estimated() {
-    let scene = scene(&format!(
-        "{SQUARE}, drive: {{ voltage: 5 kV, waveform: {{ ramp: {{ time: 0.7 s }} }} }}, {ONE}"
-    ));
-    let solver = MembraneSolver::new(
-        &scene,
-        SolveOptions {
-            mesh: Mesh::bilinear(1),
-            tolerance: 1e-11,
-        },
-    )
-    .unwrap();
-    let at = |accuracy_mm: f64| {
-        let request = HistoryRequest {
-            times: vec![0.3, 0.7, 2.0],
-            accuracy_mm: Some(accuracy_mm),
-            ..HistoryRequest::at(Vec::new())
+    for law in LAWS {
+        let scene = scene(&format!(
+            "{SQUARE}, drive: {{ voltage: 5 kV, waveform: {{ ramp: {{ time: 0.7 s }} }} }}, {}",
+            one(law)
+        ));
+        let solver = MembraneSolver::new(
+            &scene,
+            SolveOptions {
+                mesh: Mesh::bilinear(1),
+                tolerance: 1e-11,
+            },
+        )
+        .unwrap();
+        let at = |accuracy_mm: f64| {
+            let request = HistoryRequest {
+                times: vec![0.3, 0.7, 2.0],
+                accuracy_mm: Some(accuracy_mm),
+                ..HistoryRequest::at(Vec::new())
+            };
+            solver.history(&odd(ten()), &request).unwrap()
         };
-        solver.history(&odd(ten()), &request).unwrap()
-    };
-    let truth = at(1e-8);
-    for accuracy in [1e-3, 1e-4, 1e-5] {
-        let found = at(accuracy);
-        let error = found.difference(&truth);
-        assert!(found.time_error_mm.unwrap() <= accuracy);
-        assert!(
-            error <= 1.5 * found.time_error_mm.unwrap() + 2e-8 && found.time_error_mm.unwrap() <= 3.0 * error + 2e-8,
-            "{accuracy}: {error:e} {:e}",
-            found.time_error_mm.unwrap()
-        );
-        let last = found.instants.last().unwrap();
-        let open = last.stored + last.electric + last.dissipated - last.supplied;
-        assert!(
-            open.abs() < 30.0 * accuracy * last.supplied,
-            "{open:e} of {:e}",
-            last.supplied
-        );
-        assert!(
-            found
-                .instants
-                .windows(2)
-                .all(|pair| pair[1].dissipated >= pair[0].dissipated - 1e-12 * last.supplied)
-        );
+        let truth = at(1e-8);
+        for accuracy in [1e-3, 1e-4, 1e-5] {
+            let found = at(accuracy);
+            let error = found.difference(&truth);
+            assert!(found.time_error_mm.unwrap() <= accuracy);
+            assert!(
+                error <= 1.5 * found.time_error_mm.unwrap() + 2e-8
+                    && found.time_error_mm.unwrap() <= 3.0 * error + 2e-8,
+                "{law}, {accuracy}: {error:e} {:e}",
+                found.time_error_mm.unwrap()
+            );
+            let last = found.instants.last().unwrap();
+            let open = last.stored + last.electric + last.dissipated - last.supplied;
+            assert!(
+                open.abs() < 30.0 * accuracy * last.supplied,
+                "{law}: {open:e} of {:e}",
+                last.supplied
+            );
+            assert!(
+                found
+                    .instants
+                    .windows(2)
+                    .all(|pair| pair[1].dissipated >= pair[0].dissipated - 1e-12 * last.supplied),
+                "{law}"
+            );
+        }
     }
 }
 
 #[test]
 fn prestretch_that_has_not_relaxed_makes_a_membrane_stiffer() {
-    let size = |rest: &str| {
-        let scene = scene(&format!("{SQUARE}, drive: {{ voltage: 5 kV{rest} }}, {ONE}"));
-        let found = history(&scene, &odd(ten()), Mesh::bilinear(1), &[0.0, 50.0]);
-        found.fields.iter().map(Field::max_magnitude).collect::<Vec<_>>()
-    };
-    let (relaxed, fresh, late) = (size(""), size(", rest: 0 s"), size(", rest: 1 min"));
-    // At once all of G λp² is there beside μ λp²: twice as stiff as at last, where a relaxed branch adds a ninth.
-    assert!(
-        fresh[0] < 0.75 * relaxed[0] && (fresh[1] / relaxed[1] - 1.0).abs() < 1e-6,
-        "{fresh:?} {relaxed:?}"
-    );
-    assert!((late[0] / relaxed[0] - 1.0).abs() < 1e-9);
+    for law in LAWS {
+        let size = |rest: &str| {
+            let scene = scene(&format!("{SQUARE}, drive: {{ voltage: 5 kV{rest} }}, {}", one(law)));
+            let found = history(&scene, &odd(ten()), Mesh::bilinear(1), &[0.0, 50.0]);
+            found.fields.iter().map(Field::max_magnitude).collect::<Vec<_>>()
+        };
+        let (relaxed, fresh, late) = (size(""), size(", rest: 0 s"), size(", rest: 1 min"));
+        // At once all of G λp² is there beside μ λp²: twice as stiff as at last, where a relaxed branch adds a ninth.
+        assert!(
+            fresh[0] < 0.75 * relaxed[0] && (fresh[1] / relaxed[1] - 1.0).abs() < 1e-6,
+            "{law}: {fresh:?} {relaxed:?}"
+        );
+        assert!((late[0] / relaxed[0] - 1.0).abs() < 1e-9);
+    }
 }
 
 #[test]
 fn pull_in_is_delayed_and_bracketed() {
-    let scene = scene(&format!("{SQUARE}, drive: {{ voltage: 7.6 kV }}, {ONE}"));
     let half = Pattern::from_fn(ten(), |x, _| x < 5);
-    let found = history(&scene, &half, Mesh::bilinear(1), &[0.0, 0.5, 100.0]);
-    let Outcome::DelayedPullIn {
-        last_stable,
-        first_unstable,
-    } = found.outcome
-    else {
-        panic!("{}", found.outcome);
-    };
-    assert!(
-        last_stable > 0.5 && first_unstable < 100.0,
-        "{last_stable} {first_unstable}"
-    );
-    assert!(
-        first_unstable - last_stable < 1e-3 * first_unstable,
-        "{last_stable} {first_unstable}"
-    );
-    assert_eq!(found.asked().count(), 2, "there is nothing after it");
+    for law in LAWS {
+        let scene = scene(&format!("{SQUARE}, drive: {{ voltage: 7.6 kV }}, {}", one(law)));
+        let found = history(&scene, &half, Mesh::bilinear(1), &[0.0, 0.5, 100.0]);
+        let Outcome::DelayedPullIn {
+            last_stable,
+            first_unstable,
+        } = found.outcome
+        else {
+            panic!("{law}: {}", found.outcome);
+        };
+        assert!(
+            last_stable > 0.5 && first_unstable < 100.0,
+            "{law}: {last_stable} {first_unstable}"
+        );
+        assert!(
+            first_unstable - last_stable < 1e-3 * first_unstable,
+            "{law}: {last_stable} {first_unstable}"
+        );
+        assert_eq!(found.asked().count(), 2, "there is nothing after it");
+    }
+    let scene = scene(&format!("{SQUARE}, drive: {{ voltage: 7.6 kV }}, {ONE}"));
     // What the membrane does not bear at once is no matter of time.
     let at_once = history(&scene.at_voltage(12e3), &half, Mesh::bilinear(1), &[0.0, 1.0]);
     assert!(
@@ -473,32 +497,38 @@ fn a_history_ends_where_its_work_is_done() {
 
 #[test]
 fn viscous_motion_comes_to_rest_with_its_energy_in_balance() {
-    let scene = scene(&format!(
-        "{SQUARE}, drive: {{ voltage: 4 kV, waveform: {{ ramp: {{ time: 5 ms }} }} }}, properties: {{ density: 960 }}, \
-         effects: {{ inertia: {{}}, viscoelasticity: {{ branches: [{{ modulus: 45 kPa, time: 1 ms }}] }} }}"
-    ));
-    let request = HistoryRequest {
-        times: vec![0.1],
-        accuracy_mm: Some(1e-2),
-        ..HistoryRequest::at(Vec::new())
-    };
-    let solver = MembraneSolver::new(
-        &scene,
-        SolveOptions {
-            mesh: Mesh::bilinear(1),
-            tolerance: 1e-11,
-        },
-    )
-    .unwrap();
-    let found = solver.history(&odd(ten()), &request).unwrap();
-    let still = solver.simulate(&[odd(ten())]).remove(0).field.unwrap();
-    let last = found.instants.last().unwrap();
-    let field = found.fields.last().unwrap();
-    assert!(field.max_difference(&still) < 1e-3 * still.max_magnitude());
-    for pair in found.instants.windows(2) {
-        assert!(pair[1].dissipated >= pair[0].dissipated - 1e-12 * last.supplied);
-        let open = pair[1].stored + pair[1].electric + pair[1].kinetic + pair[1].dissipated - pair[1].supplied;
-        assert!(open.abs() < 1e-8 * last.supplied, "{open:e} of {:e}", last.supplied);
+    for law in LAWS {
+        let scene = scene(&format!(
+            "{SQUARE}, drive: {{ voltage: 4 kV, waveform: {{ ramp: {{ time: 5 ms }} }} }}, properties: {{ density: 960 }}, \
+             effects: {{ inertia: {{}}, viscoelasticity: {{ law: {law}, branches: [{{ modulus: 45 kPa, time: 1 ms }}] }} }}"
+        ));
+        let request = HistoryRequest {
+            times: vec![0.1],
+            accuracy_mm: Some(1e-2),
+            ..HistoryRequest::at(Vec::new())
+        };
+        let solver = MembraneSolver::new(
+            &scene,
+            SolveOptions {
+                mesh: Mesh::bilinear(1),
+                tolerance: 1e-11,
+            },
+        )
+        .unwrap();
+        let found = solver.history(&odd(ten()), &request).unwrap();
+        let still = solver.simulate(&[odd(ten())]).remove(0).field.unwrap();
+        let last = found.instants.last().unwrap();
+        let field = found.fields.last().unwrap();
+        assert!(field.max_difference(&still) < 1e-3 * still.max_magnitude());
+        for pair in found.instants.windows(2) {
+            assert!(pair[1].dissipated >= pair[0].dissipated - 1e-12 * last.supplied);
+            let open = pair[1].stored + pair[1].electric + pair[1].kinetic + pair[1].dissipated - pair[1].supplied;
+            assert!(
+                open.abs() < 1e-8 * last.supplied,
+                "{law}: {open:e} of {:e}",
+                last.supplied
+            );
+        }
     }
 }
 

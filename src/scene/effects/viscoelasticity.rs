@@ -20,6 +20,8 @@ words! {
     pub enum ViscousLaw {
         /// Ȧ = (C⁻¹ − A)/τ with the inverse viscous metric A (Linder, Tkachuk, Miehe, J. Mech. Phys. Solids 59 (2011) 2134).
         Linear = "linear",
+        /// L_v be = −dev(be) be/τ with the elastic strain be of a neo-Hookean spring (Reese, Govindjee, Int. J. Solids Struct. 35 (1998) 3455).
+        Finite = "finite",
     }
 }
 

@@ -210,7 +210,7 @@ properties: { strain_stiffening: { model: gent, jm: 125 }, dielectric_breakdown:
 effects: { viscoelasticity: { law: linear, branches: [ { modulus: 20 kPa, time: 30 s } ] }, inertia: { density: 960 kg/m3 } }",
     "drive: { voltage: 5 kV, waveform: { ramp: { time: 2 s } } }
 effects: { viscoelasticity: { }, inertia: true }
-properties: { viscoelasticity: { branches: [ { modulus: 20 kPa, time: 30 s } ] }, density: 960 }",
+properties: { viscoelasticity: { law: finite, branches: [ { modulus: 20 kPa, time: 30 s } ] }, density: 960 }",
     "drive: { voltages: [5 kV, 1 kV], waveform: { sine: { frequency: 2 Hz, bias: 1 kV } } }",
     "drive: { charge: { total: 2.8 uC } }\neffects: { charge_control: { } }",
     "drive: { charge: { immobile: 2.8 uC } }",

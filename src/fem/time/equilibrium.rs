@@ -1,0 +1,63 @@
+//! The equilibrium at the end of a step, with branches whose stress there may depend on it in any way.
+
+use super::viscous::Viscous;
+use crate::fem::continuation::Problem;
+use crate::fem::energy::Material;
+use crate::fem::newton::{self, Progress, Trouble, Workspace};
+use crate::fem::operator::{Activity, Operator};
+
+/// How often what branches add is corrected at most. It takes about five corrections; longer steps take more, and one that takes too many is
+/// too long.
+const CORRECTIONS: usize = 40;
+/// What the residual falls by between two corrections: about a Newton step.
+const FALL: f64 = 0.3;
+/// A move in units of length that is rounding.
+const STILL: f64 = 1e-12;
+
+/// Moves `u` to the equilibrium nearby at the end of a step of so many seconds; returns the membrane with what its branches add there.
+///
+/// # Errors
+/// As [`newton::solve`].
+pub fn equilibrium<L: Material, F>(
+    problem: &Problem<'_, F>,
+    material: &L,
+    viscous: &Viscous,
+    step: f64,
+    u: &mut [f64],
+    workspace: &mut Workspace,
+) -> Result<(Activity, Progress), (Trouble, Progress)> {
+    let depends = viscous.depends_on_end(step);
+    // The residual at the guess says how far there is to go.
+    let mut tolerance = if depends { 1.0 } else { problem.tolerance };
+    let mut activity = viscous.remembered_at(problem.activity, step, u);
+    let mut all = Progress {
+        steps: 0,
+        residual: 0.0,
+    };
+    for _ in 0..CORRECTIONS {
+        let operator = Operator {
+            material,
+            activity: &activity,
+            pulled: 1.0,
+        };
+        let before = u.to_vec();
+        let found = newton::solve(&operator, problem.laplacian, tolerance, u, workspace);
+        let (Ok(progress) | Err((_, progress))) = found;
+        all.steps += progress.steps;
+        all.residual = progress.residual;
+        if let Err((trouble, _)) = found {
+            return Err((trouble, all));
+        }
+        // A residual above the tolerance is rounding, too.
+        let is_enough = tolerance <= problem.tolerance || progress.residual > tolerance;
+        let is_still = u.iter().zip(&before).all(|(u, before)| (u - before).abs() <= STILL);
+        if !depends || (is_still && (is_enough || progress.steps > 0)) {
+            return Ok((activity, all));
+        }
+        if progress.steps > 0 {
+            activity = viscous.remembered_at(problem.activity, step, u);
+        }
+        tolerance = (FALL * progress.residual).max(problem.tolerance);
+    }
+    Err((Trouble::Limit, all))
+}
