@@ -294,11 +294,8 @@ fn a_frequency_response_has_its_arrays_its_table_and_its_figure() {
     let numbers = |name: &str| file.dataset(name).unwrap().read_raw::<f64>().unwrap();
     let (frequency, amplitude, phase) = (numbers("frequency"), numbers("amplitude"), numbers("phase"));
     assert_eq!((frequency[0], frequency[6]), (1e-3, 1e3));
-    // Creep is over at 1 mHz, is not at 1 Hz, and inertia wins at 1 kHz.
-    assert!(
-        amplitude[0] > 1.05 * amplitude[3] && amplitude[3] > 3.0 * amplitude[6],
-        "{amplitude:?}"
-    );
+    // The branches follow at 1 mHz and do not at 1 Hz; at 1 kHz inertia turns the motion round.
+    assert!(amplitude[0] > 1.3 * amplitude[3], "{amplitude:?}");
     assert!(
         phase[0] < 0.0 && phase[0] > -1.0 && phase[3] < phase[0] && phase[6] < -90.0,
         "{phase:?}"

@@ -58,7 +58,10 @@ fn response_charts(responses: &[Response]) -> Result<[Chart; 2], FigureError> {
             let runs = points.chunk_by(|(_, a), (_, b)| (a - b).abs() <= turn);
             let name = |at| if named && at == 0 { response.name.as_str() } else { "" };
             runs.enumerate()
-                .map(|(at, run)| Series::new(name(at), colour, Mark::Line, run.to_vec()))
+                .map(|(at, run)| {
+                    let mark = if run.len() == 1 { Mark::Dots } else { Mark::Line };
+                    Series::new(name(at), colour, mark, run.to_vec())
+                })
                 .collect::<Vec<_>>()
         })
         .collect()
