@@ -21,6 +21,9 @@ use crate::scene::Scene;
 
 /// Error in time, in units of the largest displacement at each time, unless another is asked for.
 const USUAL_ERROR: f64 = 2e-5;
+/// Error of a step of the first pass over what is wanted at the times that were asked for: what a step errs is forgotten while the membrane
+/// relaxes, and passes with shorter steps follow where that is not enough.
+const LOOSE: f64 = 30.0;
 /// Steps of the first pass over the shortest time of a motion.
 const STEPS_IN_PERIOD: f64 = 40.0;
 /// Times that the steps of the first pass are halved at most.
@@ -324,7 +327,7 @@ impl WithMaterial for Follow<'_> {
         // A bound that every membrane has until its displacement is known.
         let guess = 1e-2 * solver.scene.side_mm();
         let wanted = request.accuracy_mm.unwrap_or(USUAL_ERROR * guess);
-        let steps = Steps::Within(wanted / solver.grid.unit_mm());
+        let steps = Steps::Within(LOOSE * wanted / solver.grid.unit_mm());
         let coarse = course.pass(steps, &mut workspace);
         refine(coarse, request, (&course.limit, solver.tolerance), |coarse| {
             watch(coarse);
