@@ -15,7 +15,7 @@ use super::{csv, table, write};
 use crate::base::{Dimension, Progress, Quantity, Time};
 use crate::content::{Histories, Lines, Packed};
 use crate::fem::screening::Screened;
-use crate::fem::{AccurateHistory, History, HistorySolver, Instant};
+use crate::fem::{AccurateHistory, History, HistorySolver, Instant, check_leads};
 use crate::field::{Field, Motion};
 use crate::pattern::Pattern;
 use crate::report::figures::{self, draw_histories};
@@ -158,6 +158,7 @@ pub fn execute(arguments: &SolveArguments, scene: &[&str], output: &Output) -> R
         );
     }
     let patterns = direct::patterns(&arguments.patterns.patterns, read.form())?;
+    check_leads(read.leads.as_ref(), &patterns)?;
     let times = arguments.history.times(&read)?;
     let (bar, start) = (Bar::new("history", "patterns", patterns.len() as u64), Clock::now());
     let screened = Screened::for_patterns(&read, &patterns, arguments.time.work_limit())?;

@@ -15,7 +15,7 @@ use super::table;
 use crate::base::Progress;
 use crate::content::{Packed, Vibrations};
 use crate::fem::screening::resolve;
-use crate::fem::{MOST_MODES, MembraneSolver, Vibration};
+use crate::fem::{MOST_MODES, MembraneSolver, Vibration, check_leads};
 use crate::field::Field;
 use crate::pattern::Pattern;
 use crate::scene::Scene;
@@ -49,6 +49,7 @@ pub fn execute(arguments: &SolveArguments, count: u64, output: &Output) -> Resul
         );
     }
     let patterns = direct::patterns(&arguments.patterns.patterns, read.form())?;
+    check_leads(read.leads.as_ref(), &patterns)?;
     let scene = resolve(&read)?;
     let solver = MembraneSolver::new(&scene, arguments.options())?.within(arguments.time.work_limit());
     let (bar, start) = (Bar::new("modes", "patterns", patterns.len() as u64), Instant::now());

@@ -13,7 +13,9 @@ use super::{table, write};
 use crate::base::Progress;
 use crate::content::LoadPaths;
 use crate::fem::screening::resolve;
-use crate::fem::{CriticalSearch, CriticalVoltage, LoadPath, MembraneSolver, MeshLimit, PathEvent, SolveOptions};
+use crate::fem::{
+    CriticalSearch, CriticalVoltage, LoadPath, MembraneSolver, MeshLimit, PathEvent, SolveOptions, check_leads,
+};
 use crate::pattern::Pattern;
 use crate::report::figures::{Branch, Limit, draw_paths};
 use crate::scene::Scene;
@@ -44,6 +46,7 @@ pub fn execute(arguments: &SolveArguments, scene: &[&str], output: &Output) -> R
     }
     let read = arguments.state.of(direct::read_scene(&arguments.scene)?)?;
     let patterns = direct::patterns(&arguments.patterns.patterns, read.form())?;
+    check_leads(read.leads.as_ref(), &patterns)?;
     let options = arguments.options();
     let (bar, start) = (Bar::new("path", "patterns", patterns.len() as u64), Instant::now());
     let (content, paths) = paths(&read, &patterns, options, &bar)?;

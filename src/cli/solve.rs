@@ -17,7 +17,7 @@ use super::response::ResponseArguments;
 use super::simulate::{self, Answer};
 use super::{history, modes, path, response, table, write};
 use crate::base::Quantity;
-use crate::fem::{MeshRequest, Method, SolveOptions, SolverParameters};
+use crate::fem::{MeshRequest, Method, SolveOptions, SolverParameters, check_leads};
 use crate::field::{Mesh, Order};
 use crate::orchestrator::Environment;
 use crate::stage::direct;
@@ -114,6 +114,7 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
     }
     let read = arguments.state.of(direct::read_scene(&arguments.scene)?)?;
     let patterns = direct::patterns(&arguments.patterns.patterns, read.form())?;
+    check_leads(read.leads.as_ref(), &patterns)?;
     let request = arguments.parameters();
     let (bar, start) = (
         Bar::new("solve", "patterns", (patterns.len() * read.in_states().len()) as u64),

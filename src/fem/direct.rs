@@ -26,27 +26,22 @@ use crate::field::Order;
 /// tangents of a grid.
 pub struct Structure {
     unknowns: Unknowns,
+    sparsity: Sparsity,
+}
+
+/// Where the entries of a symmetric matrix stand, and an order of the unknowns in which its factors stay sparse.
+pub struct Sparsity {
     matrix: SymbolicSparseColMat<usize>,
     /// From the order of assembly to that of the matrix.
     sorting: Argsort<usize>,
     symbolic: SymbolicCholesky<usize>,
 }
 
-impl Structure {
-    /// The structure of a grid; `None` when memory is short.
-    pub fn new(grid: &Grid) -> Option<Arc<Self>> {
-        let unknowns = Unknowns::new(grid);
-        let at_rest = vec![Pose::REST; unknowns.bodies()];
-        let mut pairs = Vec::new();
-        let mut collect = |entry: Entry| pairs.push(Pair::new(entry.row, entry.column));
-        match grid.layout().degree() {
-            1 => unknowns.for_each_entry::<4>(&at_rest, |_, entries| entries.for_each(&mut collect)),
-            _ => unknowns.for_each_entry::<9>(&at_rest, |_, entries| entries.for_each(&mut collect)),
-        }
-        let bodies = (0..3 * unknowns.bodies()).map(|at| 2 * unknowns.free.len() + at);
-        pairs.extend(bodies.map(|at| Pair::new(at, at)));
-        let count = unknowns.count();
-        let (matrix, sorting) = SymbolicSparseColMat::try_new_from_indices(count, count, &pairs).ok()?;
+impl Sparsity {
+    /// Of a matrix of so many unknowns with entries on and below the diagonal, which may stand several times; `None` when memory is short.
+    #[must_use]
+    pub fn new(count: usize, entries: &[Pair<usize, usize>]) -> Option<Self> {
+        let (matrix, sorting) = SymbolicSparseColMat::try_new_from_indices(count, count, entries).ok()?;
         let symbolic = factorize_symbolic_cholesky(
             matrix.as_ref(),
             Side::Lower,
@@ -54,57 +49,23 @@ impl Structure {
             CholeskySymbolicParams::default(),
         )
         .ok()?;
-        Some(Arc::new(Self {
-            unknowns,
+        Some(Self {
             matrix,
             sorting,
             symbolic,
-        }))
+        })
     }
 
-    /// The tangent at `u` on and below the diagonal; `None` when memory is short.
-    pub(super) fn tangent<L: Material>(
-        &self,
-        operator: &Operator<'_, L>,
-        u: &[f64],
-    ) -> Option<SparseColMat<usize, f64>> {
-        let poses = operator.activity.grid().poses(u);
-        let mut entries = match operator.activity.grid().order() {
-            Order::Bilinear => assemble::<Bilinear, L, 4>(&self.unknowns, operator, u, &poses),
-            Order::Biquadratic => assemble::<Biquadratic, L, 9>(&self.unknowns, operator, u, &poses),
-        };
-        if let Some(supports) = &self.unknowns.supports {
-            for (body, curvature) in supports.bodies().iter().zip(operator.curvatures(u)) {
-                entries.extend([body.mount.spring, body.mount.spring, curvature]);
-            }
-        }
-        SparseColMat::new_from_argsort(self.matrix.clone(), &self.sorting, &entries).ok()
+    /// The matrix with these entries, in the order of [`Sparsity::new`]; those at one place are added. `None` when memory is short.
+    fn matrix(&self, entries: &[f64]) -> Option<SparseColMat<usize, f64>> {
+        SparseColMat::new_from_argsort(self.matrix.clone(), &self.sorting, entries).ok()
     }
 
-    /// The consistent mass of [`super::mass::Mass`] on and below the diagonal; `None` when memory is short.
-    pub(super) fn mass(&self, grid: &Grid) -> Option<SparseColMat<usize, f64>> {
-        let at_rest = vec![Pose::REST; self.unknowns.bodies()];
-        let mut entries = match grid.order() {
-            Order::Bilinear => assemble_mass::<2, 4>(&self.unknowns, grid, &Line::LINEAR, &at_rest),
-            Order::Biquadratic => assemble_mass::<3, 9>(&self.unknowns, grid, &Line::QUADRATIC, &at_rest),
-        };
-        entries.resize(entries.len() + 3 * self.unknowns.bodies(), 0.0);
-        SparseColMat::new_from_argsort(self.matrix.clone(), &self.sorting, &entries).ok()
-    }
-
-    /// A vector as one of unknowns at `u`: what they see of its forces.
-    pub(super) fn pack(&self, grid: &Grid, u: &[f64], vector: &[f64]) -> Vec<f64> {
-        self.unknowns.pack(&grid.poses(u), vector)
-    }
-
-    /// The change of displacement from `u` that unknowns stand for.
-    pub(super) fn unpack(&self, grid: &Grid, u: &[f64], packed: &[f64]) -> Vec<f64> {
-        self.unknowns.unpack(&grid.poses(u), packed)
-    }
-
-    /// The factors of the tangent at `u`; `None` when a pivot is exactly zero or memory is short.
-    pub fn factorise<L: Material>(self: &Arc<Self>, operator: &Operator<'_, L>, u: &[f64]) -> Option<Factorisation> {
-        let matrix = self.tangent(operator, u)?;
+    /// LDLᵀ of the matrix with these entries, in the order of [`Sparsity::new`]; those at one place are added. `None` when a pivot is exactly
+    /// zero or memory is short.
+    #[must_use]
+    pub fn factors(&self, entries: &[f64]) -> Option<Vec<f64>> {
+        let matrix = self.matrix(entries)?;
         let mut values = vec![0.0; self.symbolic.len_val()];
         let need = self
             .symbolic
@@ -121,9 +82,90 @@ impl Structure {
                 Default::default(),
             )
             .ok()?;
+        Some(values)
+    }
+
+    /// Solves with factors: a right side becomes the solution.
+    pub fn solve(&self, factors: &[f64], right: &mut [f64]) {
+        let count = right.len();
+        let mut memory = MemBuffer::new(self.symbolic.solve_in_place_scratch::<f64>(1, Par::Seq));
+        LdltRef::new(&self.symbolic, factors).solve_in_place_with_conj(
+            Conj::No,
+            MatMut::from_column_major_slice_mut(right, count, 1),
+            Par::Seq,
+            MemStack::new(&mut memory),
+        );
+    }
+}
+
+impl Structure {
+    /// The structure of a grid; `None` when memory is short.
+    pub fn new(grid: &Grid) -> Option<Arc<Self>> {
+        let unknowns = Unknowns::new(grid);
+        let at_rest = vec![Pose::REST; unknowns.bodies()];
+        let mut pairs = Vec::new();
+        let mut collect = |entry: Entry| pairs.push(Pair::new(entry.row, entry.column));
+        match grid.layout().degree() {
+            1 => unknowns.for_each_entry::<4>(&at_rest, |_, entries| entries.for_each(&mut collect)),
+            _ => unknowns.for_each_entry::<9>(&at_rest, |_, entries| entries.for_each(&mut collect)),
+        }
+        let bodies = (0..3 * unknowns.bodies()).map(|at| 2 * unknowns.free.len() + at);
+        pairs.extend(bodies.map(|at| Pair::new(at, at)));
+        let sparsity = Sparsity::new(unknowns.count(), &pairs)?;
+        Some(Arc::new(Self { unknowns, sparsity }))
+    }
+
+    /// The entries of the tangent at `u`; those of bodies stand last.
+    fn entries<L: Material>(&self, operator: &Operator<'_, L>, u: &[f64]) -> Vec<f64> {
+        let poses = operator.activity.grid().poses(u);
+        let mut entries = match operator.activity.grid().order() {
+            Order::Bilinear => assemble::<Bilinear, L, 4>(&self.unknowns, operator, u, &poses),
+            Order::Biquadratic => assemble::<Biquadratic, L, 9>(&self.unknowns, operator, u, &poses),
+        };
+        if let Some(supports) = &self.unknowns.supports {
+            for (body, curvature) in supports.bodies().iter().zip(operator.curvatures(u)) {
+                entries.extend([body.mount.spring, body.mount.spring, curvature]);
+            }
+        }
+        entries
+    }
+
+    /// The tangent at `u` on and below the diagonal; `None` when memory is short.
+    pub(super) fn tangent<L: Material>(
+        &self,
+        operator: &Operator<'_, L>,
+        u: &[f64],
+    ) -> Option<SparseColMat<usize, f64>> {
+        self.sparsity.matrix(&self.entries(operator, u))
+    }
+
+    /// The consistent mass of [`super::mass::Mass`] on and below the diagonal; `None` when memory is short.
+    pub(super) fn mass(&self, grid: &Grid) -> Option<SparseColMat<usize, f64>> {
+        let at_rest = vec![Pose::REST; self.unknowns.bodies()];
+        let mut entries = match grid.order() {
+            Order::Bilinear => assemble_mass::<2, 4>(&self.unknowns, grid, &Line::LINEAR, &at_rest),
+            Order::Biquadratic => assemble_mass::<3, 9>(&self.unknowns, grid, &Line::QUADRATIC, &at_rest),
+        };
+        entries.resize(entries.len() + 3 * self.unknowns.bodies(), 0.0);
+        self.sparsity.matrix(&entries)
+    }
+
+    /// A vector as one of unknowns at `u`: what they see of its forces.
+    pub(super) fn pack(&self, grid: &Grid, u: &[f64], vector: &[f64]) -> Vec<f64> {
+        self.unknowns.pack(&grid.poses(u), vector)
+    }
+
+    /// The change of displacement from `u` that unknowns stand for.
+    pub(super) fn unpack(&self, grid: &Grid, u: &[f64], packed: &[f64]) -> Vec<f64> {
+        self.unknowns.unpack(&grid.poses(u), packed)
+    }
+
+    /// The factors of the tangent at `u`; `None` when a pivot is exactly zero or memory is short.
+    pub fn factorise<L: Material>(self: &Arc<Self>, operator: &Operator<'_, L>, u: &[f64]) -> Option<Factorisation> {
+        let entries = self.entries(operator, u);
         Some(Factorisation {
+            values: self.sparsity.factors(&entries)?,
             structure: Arc::clone(self),
-            values,
             poses: operator.activity.grid().poses(u),
         })
     }
@@ -147,7 +189,7 @@ impl Factorisation {
     /// How many eigenvalues of the tangent are negative.
     #[must_use]
     pub fn negative_pivots(&self) -> usize {
-        match self.structure.symbolic.raw() {
+        match self.structure.sparsity.symbolic.raw() {
             SymbolicCholeskyRaw::Simplicial(symbolic) => {
                 let starts = &symbolic.col_ptr()[..symbolic.ncols()];
                 starts.iter().filter(|&&start| self.values[start] < 0.0).count()
@@ -166,16 +208,9 @@ impl Factorisation {
     /// Solves with the factors: `r` is a residual, the result a displacement, both zero on the frame.
     #[must_use]
     pub fn solve(&self, r: &[f64]) -> Vec<f64> {
-        let Structure { unknowns, symbolic, .. } = &*self.structure;
+        let Structure { unknowns, sparsity } = &*self.structure;
         let mut packed = unknowns.pack(&self.poses, r);
-        let count = packed.len();
-        let mut memory = MemBuffer::new(symbolic.solve_in_place_scratch::<f64>(1, Par::Seq));
-        LdltRef::new(symbolic, &self.values).solve_in_place_with_conj(
-            Conj::No,
-            MatMut::from_column_major_slice_mut(&mut packed, count, 1),
-            Par::Seq,
-            MemStack::new(&mut memory),
-        );
+        sparsity.solve(&self.values, &mut packed);
         unknowns.unpack(&self.poses, &packed)
     }
 }

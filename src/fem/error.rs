@@ -98,6 +98,27 @@ pub enum SetupError {
         "motion with inertia is simulated with electrodes that have their voltage at once: leave out `inertia`, or `source`"
     )]
     MovingSource,
+    /// Electrodes with a resistance, and what they are not simulated with.
+    #[error("electrodes with a resistance are not simulated together with {with}: leave out one of the two")]
+    Resistance {
+        /// What it is.
+        with: &'static str,
+    },
+    /// Electrodes with a resistance that nothing feeds.
+    #[error("electrodes with a resistance need `leads`, and the scene has none")]
+    Leads,
+    /// A part of an electrode that no lead reaches.
+    #[error("pattern {pattern}: an island of {cells} cells at cell [y={y}][x={x}] is reached by no lead")]
+    Island {
+        /// The pattern, counted from 0 among those that were given.
+        pattern: usize,
+        /// How many cells it has.
+        cells: usize,
+        /// Row of its lowest, then leftmost cell.
+        y: usize,
+        /// The column.
+        x: usize,
+    },
     /// Rigid bodies with a mass.
     #[error(
         "motion with inertia is simulated without rigid bodies, and this scene has some: leave out `inertia`, or `bodies`"
@@ -137,6 +158,9 @@ impl SetupError {
                 | Self::Charge
                 | Self::NoBias
                 | Self::MovingSource
+                | Self::Resistance { .. }
+                | Self::Leads
+                | Self::Island { .. }
                 | Self::MovingBodies
                 | Self::Density
                 | Self::Steps { .. }

@@ -58,7 +58,7 @@ pub use cells::wrinkled_fraction;
 pub use critical::{CriticalVoltage, MeshLimit};
 pub use effects::breakdown_strength;
 pub use error::SetupError;
-pub use evaluator::{CellStates, MeshRequest, Method, Solver, SolverParameters, UnknownMethod};
+pub use evaluator::{CellStates, MeshRequest, Method, Solver, SolverParameters, UnknownMethod, check_leads};
 pub use gradient_evaluator::GradientEvaluator;
 pub use limit::CriticalSearch;
 pub use margin::StabilityReport;

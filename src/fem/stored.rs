@@ -101,7 +101,8 @@ pub fn content<L: Material>(
 }
 
 /// A deformation with a given c⁻¹ and j²; laws are isotropic, so that any will do.
-fn deformation([xx, xy, yy, square]: [f64; NUMBERS]) -> Tensor<f64> {
+#[must_use]
+pub fn deformation([xx, xy, yy, square]: [f64; NUMBERS]) -> Tensor<f64> {
     let [first, across] = [square * yy, -square * xy];
     let along = first.sqrt();
     debug_assert!(xx > 0.0);

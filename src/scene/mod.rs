@@ -5,6 +5,7 @@ mod difference;
 mod drive;
 pub mod effects;
 mod geometry;
+mod leads;
 mod mask;
 mod model;
 mod properties;
@@ -18,10 +19,11 @@ pub use charge::Charge;
 pub use difference::Difference;
 pub use drive::{Drive, MOST_STATES, State, States, UnknownState, Voltages};
 pub use effects::{
-    Branch, Breakdown, ConstantStrength, Effects, Electrode, HuangStrength, Inertia, On, PermittivityDecay,
-    PermittivityReference, Stiffening, Viscoelasticity, ViscousLaw, laws,
+    Branch, Breakdown, ConstantStrength, Effects, Electrode, ElectrodeResistance, HuangStrength, Inertia, On,
+    PermittivityDecay, PermittivityReference, Stiffening, Viscoelasticity, ViscousLaw, laws,
 };
 pub use geometry::{Body, Both, Frame, Geometry, MOST_BODIES, Outline};
+pub use leads::{Edge, Leads, Unreached};
 pub use mask::{Islands, Mask, Point, Size};
 pub use model::{ElasticModel, Material, Scene, VACUUM_PERMITTIVITY};
 pub use properties::Properties;

@@ -5,8 +5,9 @@ use std::sync::Arc;
 
 use super::charge::Charge;
 use super::drive::{Drive, States, UnknownState, Voltages};
-use super::effects::{Effects, On, switched_on};
+use super::effects::{Effects, On, names, switched_on};
 use super::geometry::{Body, Geometry, Outline};
+use super::leads::Leads;
 use super::properties::Properties;
 use super::waveform::Waveform;
 use crate::base::{
@@ -49,6 +50,8 @@ pub struct Scene {
     pub drive: Drive,
     /// Its drives in several states, where it has such.
     pub states: States,
+    /// Where its electrodes are wired, where that is known.
+    pub leads: Option<Leads>,
     /// What is simulated beyond the base model.
     pub effects: Effects,
     /// Whether screening is to turn effects on; until then `effects` is empty.
@@ -67,7 +70,15 @@ pub(super) const WHAT: &str = "the scene";
 const AUTO: &str = "auto";
 
 /// The sections of a scene.
-pub(super) const SECTIONS: [&str; 6] = ["geometry", "material", "drive", "states", "effects", "properties"];
+pub(super) const SECTIONS: [&str; 7] = [
+    "geometry",
+    "material",
+    "drive",
+    "states",
+    "leads",
+    "effects",
+    "properties",
+];
 
 impl Scene {
     /// Reads a scene from a YAML file.
@@ -131,15 +142,54 @@ impl Scene {
             Some(node) => States::read(node, drive.voltages.in_volts().len())?,
             None => States::default(),
         };
-        Ok(Self {
+        let leads = match map.optional("leads") {
+            Some(node) => {
+                let leads = Leads::read(node, "leads", &())?;
+                leads.check(node, geometry.membrane())?;
+                Some(leads)
+            }
+            None => None,
+        };
+        let scene = Self {
             geometry,
             material,
             drive,
             states,
+            leads,
             effects,
             auto,
             properties,
-        })
+        };
+        scene.check_resistance(&map)?;
+        Ok(scene)
+    }
+
+    /// Refuses electrodes with a resistance where they are not wired, or beside what they cannot be simulated with.
+    fn check_resistance(&self, map: &Map<'_>) -> Result<(), InputError> {
+        if self.effects.electrode_resistance.is_none() {
+            return Ok(());
+        }
+        let section = map.required(WHAT, "effects")?;
+        let node = section.peek(names::RESISTANCE).unwrap_or(section);
+        if self.leads.is_none() {
+            return Err(node
+                .error(format!(
+                    "`{}` needs `leads`: current must come from somewhere",
+                    names::RESISTANCE
+                ))
+                .help(
+                    "give where the electrodes are wired, beside `drive`: leads: [left], or leads: { cells: [[0, 0]] }",
+                ));
+        }
+        match self.conflict_of_resistance(&self.effects) {
+            Some(other) => Err(node
+                .error(format!(
+                    "`{}` is not simulated together with {other}",
+                    names::RESISTANCE
+                ))
+                .help("leave out one of the two")),
+            None => Ok(()),
+        }
     }
 
     /// What [`Scene::read`] accepts.
@@ -156,6 +206,7 @@ impl Scene {
                 States::schema().description("One device, several drives, by their names. Without `drive` the first is the drive of what knows one."),
             )
             .rule(serde_json::json!({ "anyOf": [{ "required": ["drive"] }, { "required": ["states"] }] }))
+            .optional("leads", Leads::schema(&()))
             .optional("effects", effects.default(serde_json::json!({})))
             .optional("properties", Properties::schema(&()))
             .into()
@@ -190,6 +241,7 @@ impl Scene {
             },
             drive: Drive::one(Voltage::from_f64(voltage).expect(finite)),
             states: States::default(),
+            leads: None,
             effects: Effects::default(),
             auto: false,
             properties: Properties::default(),
@@ -275,13 +327,20 @@ impl Scene {
     }
 
     /// What maps the membrane to itself: of the symmetries of the square, or of those of a rectangle where it, its cells or its prestretch are
-    /// one, those that map frame and bodies to themselves, a body perhaps to one that is pulled alike.
+    /// one, those that map frame, leads and bodies to themselves, a body perhaps to one that is pulled alike.
     #[must_use]
     pub fn symmetries(&self) -> Symmetries {
         let [along, across] = self.prestretch();
         let group = match along == across {
             true => self.membrane().symmetries(),
             false => Symmetries::RECTANGLE,
+        };
+        let group = match &self.leads {
+            None => group,
+            Some(leads) => {
+                let touched = leads.touched(self.membrane().raster).pattern();
+                group.filter(|g| touched.transformed(g) == touched)
+            }
         };
         let Some(parts) = self.parts() else {
             return group;
@@ -514,6 +573,9 @@ impl Scene {
         ];
         if !self.states.is_empty() {
             sections.push(("states", self.states.canonical()));
+        }
+        if let Some(leads) = self.leads.as_ref().and_then(Leads::canonical) {
+            sections.push(("leads", leads));
         }
         if !self.properties.is_empty() {
             sections.push(("properties", self.properties.to_canonical()));

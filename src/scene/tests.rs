@@ -132,7 +132,17 @@ fn refusals_say_what_is_allowed() {
         (
             "{ electrode_resistance: {} }",
             "{}",
-            "the effect `electrode_resistance` is not available yet",
+            "`electrode_resistance` has no `sheet_resistance`",
+        ),
+        (
+            "{ electrode_resistance: {} }",
+            "{ sheet_resistance: 50 kOhm }",
+            "`electrode_resistance` needs `leads`",
+        ),
+        (
+            "{ rigid_inclusion: {} }",
+            "{}",
+            "the `bodies` of the geometry are rigid",
         ),
         ("{ charge_control: {} }", "{}", "the drive is a voltage"),
         ("{ inertia: {} }", "{}", "`inertia` has no `density`"),

@@ -43,7 +43,7 @@ fn a_scene_is_screened_with_number_threshold_and_verdict() {
         "{change} {with} {without}"
     );
     assert_eq!(row("inertia")["status"], "off");
-    assert_eq!(row("electrode_resistance")["status"], "not available");
+    assert!(rows.iter().all(|row| row["status"] == "off"), "{rows:?}");
     assert_eq!(document["simulated"].as_array().unwrap().len(), 0);
     let warning = document["warnings"][0].as_str().unwrap();
     assert!(
@@ -112,17 +112,29 @@ fn a_run_warns_of_what_it_left_out() {
 }
 
 #[test]
-fn effects_that_come_later_are_refused_by_name() {
+fn electrodes_with_a_resistance_need_leads() {
     let workspace = Workspace::new();
     workspace.write("scene.yaml", &SCENE.replace("EFFECTS", "{ electrode_resistance: {} }"));
     let ended = workspace.run(&["screen", "scene.yaml"]);
     assert_eq!(ended.code, Some(2));
     assert!(
-        ended.stderr.contains("`electrode_resistance` is not available yet"),
+        ended
+            .stderr
+            .contains("`electrode_resistance` has no `sheet_resistance`"),
         "{}",
         ended.stderr
     );
     assert!(ended.stderr.contains("scene.yaml:4"), "{}", ended.stderr);
+    let wired = SCENE.replace("EFFECTS", "{ electrode_resistance: { sheet_resistance: 50 kOhm } }");
+    workspace.write("scene.yaml", &wired);
+    let ended = workspace.run(&["screen", "scene.yaml"]);
+    assert_eq!(ended.code, Some(2));
+    assert!(
+        ended.stderr.contains("`electrode_resistance` needs `leads`"),
+        "{}",
+        ended.stderr
+    );
+    assert!(ended.stderr.contains("help"), "{}", ended.stderr);
 }
 
 #[test]

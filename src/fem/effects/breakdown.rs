@@ -52,7 +52,7 @@ impl Effect for DielectricBreakdown {
         "a pass over the cells"
     }
 
-    fn is_on(&self, effects: &Effects) -> Option<bool> {
+    fn is_on(&self, effects: &Effects, _scene: &Scene) -> Option<bool> {
         Some(effects.dielectric_breakdown.is_some())
     }
 

@@ -16,7 +16,7 @@ impl Effect for ChargeControl {
         "the factors of a matrix for each step"
     }
 
-    fn is_on(&self, effects: &Effects) -> Option<bool> {
+    fn is_on(&self, effects: &Effects, _scene: &Scene) -> Option<bool> {
         Some(effects.charge_control.is_some())
     }
 

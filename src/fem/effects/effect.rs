@@ -16,9 +16,9 @@ pub trait Effect: Sync {
     /// What it costs over the base model, in words; `benches/effects.rs` measures it.
     fn cost(&self) -> &'static str;
 
-    /// Whether it is among these; `None` where it cannot be simulated yet.
-    fn is_on(&self, effects: &Effects) -> Option<bool> {
-        let _ = effects;
+    /// Whether it is among these effects of a scene; `None` where it cannot be simulated yet.
+    fn is_on(&self, effects: &Effects, scene: &Scene) -> Option<bool> {
+        let _ = (effects, scene);
         None
     }
 

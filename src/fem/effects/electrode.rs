@@ -62,7 +62,7 @@ impl Effect for ElectrodeStiffness {
         "1.4× a solve"
     }
 
-    fn is_on(&self, effects: &Effects) -> Option<bool> {
+    fn is_on(&self, effects: &Effects, _scene: &Scene) -> Option<bool> {
         Some(effects.electrode_stiffness.is_some())
     }
 

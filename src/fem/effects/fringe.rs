@@ -129,7 +129,7 @@ impl Effect for FringeField {
         "6× a solve"
     }
 
-    fn is_on(&self, effects: &Effects) -> Option<bool> {
+    fn is_on(&self, effects: &Effects, _scene: &Scene) -> Option<bool> {
         Some(effects.fringe_field.is_some())
     }
 

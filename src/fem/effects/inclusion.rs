@@ -1,8 +1,8 @@
-//! Rigid inclusion: a rigid part on the membrane; not simulated yet.
+//! Rigid inclusions: the bodies of the geometry, which are on wherever there are some.
 
-use super::effect::{Assessment, Effect};
-use crate::scene::Scene;
+use super::effect::{Assessment, Effect, Verdict};
 use crate::scene::effects::names;
+use crate::scene::{Effects, Scene};
 
 /// The effect.
 pub struct RigidInclusion;
@@ -16,10 +16,14 @@ impl Effect for RigidInclusion {
         "one more solve"
     }
 
+    fn is_on(&self, _effects: &Effects, scene: &Scene) -> Option<bool> {
+        Some(scene.geometry.bodies.is_some())
+    }
+
     fn assess(&self, scene: &Scene) -> Option<Assessment> {
-        Some(Assessment::does_not_arise(match &scene.geometry.bodies {
-            Some(_) => "the bodies of the geometry are rigid, and nothing else is",
-            None => "the scene has no rigid part",
-        }))
+        Some(match &scene.geometry.bodies {
+            Some(_) => Assessment::open("–", Verdict::CalledFor, 0.0, "the geometry has rigid bodies".to_owned()),
+            None => Assessment::does_not_arise("the scene has no rigid part"),
+        })
     }
 }

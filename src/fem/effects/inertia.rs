@@ -24,7 +24,7 @@ impl Effect for Inertia {
         true
     }
 
-    fn is_on(&self, effects: &Effects) -> Option<bool> {
+    fn is_on(&self, effects: &Effects, _scene: &Scene) -> Option<bool> {
         Some(effects.inertia.is_some())
     }
 

@@ -102,7 +102,7 @@ impl Effect for StretchDependentPermittivity {
         "3× a solve"
     }
 
-    fn is_on(&self, effects: &Effects) -> Option<bool> {
+    fn is_on(&self, effects: &Effects, _scene: &Scene) -> Option<bool> {
         Some(effects.stretch_dependent_permittivity.is_some())
     }
 

@@ -21,7 +21,7 @@ impl Effect for ElectromechanicalStability {
         "20 to 100 solves"
     }
 
-    fn is_on(&self, effects: &Effects) -> Option<bool> {
+    fn is_on(&self, effects: &Effects, _scene: &Scene) -> Option<bool> {
         Some(effects.electromechanical_stability.is_some())
     }
 

@@ -1,10 +1,10 @@
-//! Resistance of the electrodes: screened by the time in which they charge, not simulated yet.
+//! Resistance of the electrodes: screened by the time in which they charge.
 
 use std::f64::consts::PI;
 
 use super::effect::{Assessment, Effect, Verdict};
-use crate::scene::Scene;
 use crate::scene::effects::names;
+use crate::scene::{Effects, Scene};
 
 /// The effect.
 pub struct ElectrodeResistance;
@@ -21,12 +21,37 @@ impl Effect for ElectrodeResistance {
         "a solve for each time step"
     }
 
+    fn needs_time(&self) -> bool {
+        true
+    }
+
+    fn is_on(&self, effects: &Effects, _scene: &Scene) -> Option<bool> {
+        Some(effects.electrode_resistance.is_some())
+    }
+
+    /// Only where the electrodes are wired, and nothing stands against it.
+    fn turn_on(&self, effects: &mut Effects, scene: &Scene) {
+        if scene.leads.is_none() || scene.conflict_of_resistance(effects).is_some() {
+            return;
+        }
+        effects.electrode_resistance = scene
+            .properties
+            .sheet_resistance
+            .map(|sheet_resistance| crate::scene::ElectrodeResistance { sheet_resistance });
+    }
+
+    fn turn_off(&self, effects: &mut Effects) {
+        effects.electrode_resistance = None;
+    }
+
     fn assess(&self, scene: &Scene) -> Option<Assessment> {
         let Some(frequency) = scene.drive.voltage_frequency_hz() else {
             let change = "the drive is static".to_owned();
             return Some(Assessment::open(QUANTITY, Verdict::NotCalledFor, THRESHOLD, change));
         };
-        let Some(resistance) = &scene.properties.sheet_resistance else {
+        let simulated = scene.effects.electrode_resistance.as_ref();
+        let simulated = simulated.map(|effect| &effect.sheet_resistance);
+        let Some(resistance) = simulated.or(scene.properties.sheet_resistance.as_ref()) else {
             let change = "delays the voltage by a time that needs `sheet_resistance`: judged by 1 kHz".to_owned();
             return Some(Assessment::known("f/(1 kHz)", frequency / 1e3, 1.0, change));
         };

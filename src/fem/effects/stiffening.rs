@@ -18,7 +18,7 @@ impl Effect for StrainStiffening {
         "1.8× a solve, Ogden 4 to 6×"
     }
 
-    fn is_on(&self, effects: &Effects) -> Option<bool> {
+    fn is_on(&self, effects: &Effects, _scene: &Scene) -> Option<bool> {
         Some(effects.strain_stiffening.is_some())
     }
 

@@ -61,7 +61,7 @@ impl Effect for Viscoelasticity {
         true
     }
 
-    fn is_on(&self, effects: &Effects) -> Option<bool> {
+    fn is_on(&self, effects: &Effects, _scene: &Scene) -> Option<bool> {
         Some(effects.viscoelasticity.is_some())
     }
 

@@ -320,7 +320,7 @@ impl Effect for Wrinkling {
         "2.3× a solve, more where it wrinkles"
     }
 
-    fn is_on(&self, effects: &Effects) -> Option<bool> {
+    fn is_on(&self, effects: &Effects, _scene: &Scene) -> Option<bool> {
         Some(effects.wrinkling.is_some())
     }
 

@@ -6,4 +6,4 @@ mod solver;
 
 pub use method::{Method, UnknownMethod};
 pub use parameters::{MeshRequest, SolverParameters};
-pub use solver::{CellStates, Solver};
+pub use solver::{CellStates, Solver, check_leads};

@@ -15,12 +15,13 @@ use crate::fem::solver::{MembraneSolver, SolveOptions};
 use crate::fem::time::{AccurateHistory, HistorySolver};
 use crate::field::{Evaluator, Field, Mesh, Observation, PredictError, Predictor, Simulation, Simulator};
 use crate::pattern::{Pattern, PatternForm};
-use crate::scene::{Effects, Scene};
+use crate::scene::{Effects, Leads, Scene, Unreached};
 
 /// A solver that is ready for the patterns of a scene.
 pub struct Solver {
     parameters: SolverParameters,
     form: PatternForm,
+    leads: Option<Leads>,
     engine: Engine,
 }
 
@@ -60,6 +61,7 @@ impl Solver {
             return Ok(Self {
                 parameters: parameters.clone(),
                 form: scene.form(),
+                leads: scene.leads.clone(),
                 engine: Engine::History(Box::new(parameters.history_solver(scene, times)?)),
             });
         }
@@ -82,6 +84,7 @@ impl Solver {
         Ok(Self {
             parameters: parameters.clone(),
             form: scene.form(),
+            leads: scene.leads.clone(),
             engine,
         })
     }
@@ -121,7 +124,7 @@ impl Solver {
     /// One result per pattern, in order; on a fixed mesh without an estimate of its error.
     ///
     /// # Errors
-    /// When a pattern has groups of electrodes without voltage, or a finer mesh cannot be set up.
+    /// When a pattern has groups of electrodes without voltage or a part that no lead reaches, or a finer mesh cannot be set up.
     pub fn simulate(&self, patterns: &[Pattern]) -> Result<Vec<AccurateSimulation>, SetupError> {
         self.check(patterns)?;
         match &self.engine {
@@ -151,7 +154,7 @@ impl Solver {
     fn check(&self, patterns: &[Pattern]) -> Result<(), SetupError> {
         let groups = self.form.groups;
         let Some(pattern) = patterns.iter().find(|pattern| pattern.groups() > groups) else {
-            return Ok(());
+            return check_leads(self.leads.as_ref(), patterns);
         };
         let (cells, columns) = (pattern.cells(), pattern.raster().columns());
         let at = cells
@@ -171,6 +174,24 @@ impl Solver {
         let solver = self.on_one_mesh()?;
         let (simulations, states) = solver.simulate_cells(patterns).into_iter().unzip();
         Ok((on(solver.mesh(), simulations), states))
+    }
+}
+
+/// Refuses patterns with a part that no lead reaches, where leads are known.
+///
+/// # Errors
+/// When there is one.
+pub fn check_leads(leads: Option<&Leads>, patterns: &[Pattern]) -> Result<(), SetupError> {
+    let Some(leads) = leads else {
+        return Ok(());
+    };
+    let mut islands = patterns.iter().enumerate().filter_map(|(at, pattern)| {
+        let island = leads.unreached(pattern)?;
+        Some((at, island))
+    });
+    match islands.next() {
+        Some((pattern, Unreached { cells, at: [x, y] })) => Err(SetupError::Island { pattern, cells, y, x }),
+        None => Ok(()),
     }
 }
 

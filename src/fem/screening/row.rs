@@ -2,7 +2,7 @@
 
 use super::comparison::Comparison;
 use crate::fem::effects::{Assessment, Effect, Verdict};
-use crate::scene::Effects;
+use crate::scene::{Effects, Scene};
 
 /// What is known about an effect in a scene.
 #[derive(Clone, Debug, PartialEq)]
@@ -45,8 +45,8 @@ impl Status {
 }
 
 impl Row {
-    pub(super) fn new(effect: &dyn Effect, judged: Judged, effects: &Effects) -> Self {
-        let status = match effect.is_on(effects) {
+    pub(super) fn new(effect: &dyn Effect, judged: Judged, effects: &Effects, scene: &Scene) -> Self {
+        let status = match effect.is_on(effects, scene) {
             Some(true) => Status::On,
             Some(false) => Status::Off,
             None => Status::NotAvailable,

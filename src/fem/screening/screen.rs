@@ -70,7 +70,7 @@ pub(super) fn screen_to(
         return Run::new(&EFFECTS, scene, patterns, limit).finish(purpose);
     }
     // What is simulated is no warning, but for what an equilibrium leaves out.
-    let off = |effect: &&dyn Effect| effect.needs_time() || effect.is_on(&scene.effects) != Some(true);
+    let off = |effect: &&dyn Effect| effect.needs_time() || effect.is_on(&scene.effects, scene) != Some(true);
     let effects: Vec<&dyn Effect> = EFFECTS.into_iter().filter(off).collect();
     let stability = scene.effects.electromechanical_stability.is_some();
     let searched = |trial: &Trial| Trial {
@@ -122,7 +122,7 @@ impl<'a> Run<'a> {
             self.by_solutions(purpose, &mut judged)?;
         }
         let rows = self.effects.iter().zip(judged);
-        let rows = rows.filter_map(|(effect, judged)| Some(Row::new(*effect, judged?, &self.chosen)));
+        let rows = rows.filter_map(|(effect, judged)| Some(Row::new(*effect, judged?, &self.chosen, self.scene)));
         Ok(Screening {
             rows: rows.collect(),
             scene: self.scene.with_effects(self.chosen),
@@ -160,7 +160,7 @@ impl<'a> Run<'a> {
     }
 
     fn compare(&mut self, effect: &dyn Effect) -> Result<Judged, SetupError> {
-        let is_on = effect.is_on(&self.chosen) == Some(true);
+        let is_on = effect.is_on(&self.chosen, self.scene) == Some(true);
         let mut others = self.chosen.clone();
         if is_on {
             effect.turn_off(&mut others);

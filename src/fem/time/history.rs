@@ -2,6 +2,7 @@
 
 use std::cell::Cell;
 
+use super::leads::Conductor;
 use super::march::{Course, IN_PERIOD, Instant, MOST_STEPS, Pass, PassEnd, Steps};
 use super::modes::wave_speed;
 use super::motion::Motion;
@@ -126,6 +127,14 @@ pub fn refusal(scene: &Scene) -> Option<SetupError> {
     if scene.effects.inertia.is_some() && scene.drive.source.is_some() {
         return Some(SetupError::MovingSource);
     }
+    if scene.effects.electrode_resistance.is_some() {
+        if scene.leads.is_none() {
+            return Some(SetupError::Leads);
+        }
+        if let Some(with) = scene.conflict_of_resistance(&scene.effects) {
+            return Some(SetupError::Resistance { with });
+        }
+    }
     let moves_bodies = scene.effects.inertia.is_some() && scene.geometry.bodies.is_some();
     moves_bodies.then_some(SetupError::MovingBodies)
 }
@@ -134,7 +143,7 @@ impl MembraneSolver {
     /// How a pattern moves in the time of the drive.
     ///
     /// # Errors
-    /// When the drive is a charge, or the scene has inertia and bodies that cannot be moved.
+    /// When the scene cannot be followed in time: with what, [`refusal`] says.
     pub fn history(&self, pattern: &Pattern, request: &HistoryRequest) -> Result<History, SetupError> {
         if let Some(refusal) = refusal(&self.scene) {
             return Err(refusal);
@@ -292,6 +301,7 @@ impl WithMaterial for Follow<'_> {
             scene: &solver.scene,
             waveform: solver.scene.waveform(),
             supply: Supply::of(&solver.scene),
+            conductor: Conductor::of(&solver.scene, activity),
             times: &request.times,
             limit: Cell::new(solver.scaled(request.limit)),
             watched: Cell::default(),

@@ -8,6 +8,7 @@ use std::cell::Cell;
 use std::mem;
 
 use super::equilibrium::equilibrium;
+use super::leads::{Charged, Circuit, Conductor, FIRST_STAGE, Relaxation};
 use super::supply::{Electrodes, Supply};
 use super::viscous::Viscous;
 use crate::fem::continuation::{Climb, Ending, Loading, Loss, Problem};
@@ -15,7 +16,7 @@ use crate::fem::energy::Material;
 use crate::fem::newton::{Trouble, Workspace};
 use crate::fem::operator::{Activity, Operator, metrics};
 use crate::fem::stability::{Stability, judge};
-use crate::fem::stored::{Content, Units, content, integral};
+use crate::fem::stored::{Content, Units, content, deformation, integral};
 use crate::fem::work::WorkLimit;
 use crate::field::{Field, Motion};
 use crate::scene::{Knot, Scene, Side, Waveform};
@@ -48,6 +49,8 @@ pub struct Course<'a, F> {
     pub waveform: Waveform,
     /// What stands between the voltage and the electrodes.
     pub supply: Option<Supply>,
+    /// The electrodes, where charge takes its time to spread over them.
+    pub conductor: Option<Conductor>,
     /// The times in s at which fields are wanted, in order.
     pub times: &'a [f64],
     /// Work for a pass.
@@ -70,7 +73,7 @@ pub enum Steps<'a> {
 pub struct Instant {
     /// Time since the drive began in s.
     pub time: f64,
-    /// Voltage of the electrodes in V.
+    /// Voltage of the electrodes in V: where they have a resistance, their charge over their capacitance.
     pub voltage: f64,
     /// Charge on all electrodes in C.
     pub charge: f64,
@@ -80,7 +83,7 @@ pub struct Instant {
     pub electric: f64,
     /// Kinetic energy in J.
     pub kinetic: f64,
-    /// What the branches and the source's resistance have dissipated, in J.
+    /// What the branches and the resistances of the source and of the electrodes have dissipated, in J.
     pub dissipated: f64,
     /// What the source has supplied, in J.
     pub supplied: f64,
@@ -173,6 +176,23 @@ enum Refusal {
     Work,
 }
 
+/// A state at the end of a step.
+struct Found {
+    u: Vec<f64>,
+    /// Voltage of the electrodes in V.
+    volts: f64,
+    /// The electrodes, where they have a resistance.
+    charged: Option<Charged>,
+}
+
+/// A state before now.
+struct Past {
+    time: f64,
+    u: Vec<f64>,
+    /// Potentials on the electrodes, where they have a resistance.
+    potential: Vec<f64>,
+}
+
 impl<L: Material, F: Fn(f64) -> L> Course<'_, F> {
     /// The load at a time, over that of the scene.
     pub(super) fn share(&self, time: f64, side: Side) -> f64 {
@@ -186,6 +206,11 @@ impl<L: Material, F: Fn(f64) -> L> Course<'_, F> {
     /// The voltage at a time in V.
     pub(super) fn voltage(&self, time: f64, side: Side) -> f64 {
         self.waveform.voltage(self.scene.voltage_v(), time, side)
+    }
+
+    /// Whether the electrodes do not have the voltage of the drive at once.
+    fn is_fed_slowly(&self) -> bool {
+        self.supply.is_some() || self.conductor.is_some()
     }
 
     /// Goes through the time.
@@ -202,6 +227,7 @@ impl<L: Material, F: Fn(f64) -> L> Course<'_, F> {
             viscous,
             u: vec![0.0; activity.grid().layout().vector_len()],
             volts: 0.0,
+            charged: self.conductor.as_ref().map(|conductor| conductor.uncharged(activity)),
             first: 0.0,
             recent: Vec::new(),
             content: Content::default(),
@@ -236,10 +262,12 @@ struct Run<'a, 'b, F> {
     u: Vec<f64>,
     /// Voltage of the electrodes.
     volts: f64,
+    /// The electrodes, where they have a resistance.
+    charged: Option<Charged>,
     /// The first step after the last jump or bend.
     first: f64,
-    /// Up to three states before now since the last jump or bend, with their times.
-    recent: Vec<(f64, Vec<f64>)>,
+    /// Up to three states before now since the last jump or bend.
+    recent: Vec<Past>,
     content: Content,
     electric: f64,
     elastic_at_rest: f64,
@@ -294,8 +322,7 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
                     self.keep();
                 }
             }
-            self.recent.clear();
-            self.recent.push((now, self.u.clone()));
+            self.restart(now)?;
         }
         Ok(())
     }
@@ -304,9 +331,9 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
     fn begin(&mut self) -> Result<(), PassEnd> {
         let course = self.course;
         // Electrodes behind a source are charged from there on.
-        let share = match course.supply {
-            None => course.share(0.0, Side::After),
-            Some(_) => 0.0,
+        let share = match course.is_fed_slowly() {
+            false => course.share(0.0, Side::After),
+            true => 0.0,
         };
         let activity = self.viscous.remembered(course.problem.activity, 0.0);
         let loading = self.load(&activity, 0.0, share);
@@ -315,10 +342,13 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
         if loading.ending != Ending::Stable {
             return Err(PassEnd::AtOnce(loading.ending));
         }
-        if course.supply.is_none() {
+        if !course.is_fed_slowly() {
             self.volts = course.voltage(0.0, Side::After);
         }
         self.accept(0.0, 0.0, true);
+        if course.conductor.is_some() {
+            self.restart(0.0)?;
+        }
         Ok(())
     }
 
@@ -363,11 +393,9 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
 
     /// The voltage jumps: the branches have no time to follow.
     fn jump(&mut self, now: f64) -> Result<(), PassEnd> {
-        if self.course.supply.is_some() {
+        if self.course.is_fed_slowly() {
             // The charge does not jump.
-            let now_there = (now, self.u.clone());
-            self.recent = vec![now_there];
-            return Ok(());
+            return self.restart(now);
         }
         let [before, after] = [Side::Before, Side::After].map(|side| self.course.share(now, side));
         if after > before {
@@ -389,20 +417,42 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
             }
         } else {
             let start = self.u.clone();
-            let found = self.solve(now, now, after, start).map_err(|refusal| match refusal {
-                Refusal::Lost(loss) => PassEnd::Lost {
-                    before: now,
-                    after: now,
-                    loss,
-                },
-                Refusal::Unknown => PassEnd::Unknown,
-                Refusal::Work => PassEnd::WorkLimit,
-            })?;
+            let activity = self.course.problem.activity;
+            let found = self
+                .solve(activity, 0.0, after, start)
+                .map_err(|refusal| match refusal {
+                    Refusal::Lost(loss) => PassEnd::Lost {
+                        before: now,
+                        after: now,
+                        loss,
+                    },
+                    Refusal::Unknown => PassEnd::Unknown,
+                    Refusal::Work => PassEnd::WorkLimit,
+                })?;
             self.u = found;
         }
         self.recent.clear();
         self.volts = self.course.voltage(now, Side::After);
         self.accept(now, 0.0, true);
+        Ok(())
+    }
+
+    /// Forgets the states before now, from which none can be extrapolated. Where the leads have jumped, so has the potential.
+    fn restart(&mut self, now: f64) -> Result<(), PassEnd> {
+        let potential = match (&self.course.conductor, &self.charged) {
+            (Some(conductor), Some(charged)) => {
+                let circuit = self.circuit(conductor, &self.u);
+                let volts = self.course.voltage(now, Side::After);
+                let found = conductor.step(0.0, &charged.charge, [&circuit; 2], [volts; 2]);
+                found.ok_or(PassEnd::Unknown)?
+            }
+            _ => Vec::new(),
+        };
+        self.recent = vec![Past {
+            time: now,
+            u: self.u.clone(),
+            potential,
+        }];
         Ok(())
     }
 
@@ -417,11 +467,13 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
             .course
             .supply
             .map(|supply| supply.time(self.capacitance(), self.course.scene.voltage_v()));
+        let spreading = self.course.conductor.as_ref().map(Conductor::time);
         let times = self
             .viscous
             .shortest()
             .into_iter()
-            .chain(charging.filter(|time| *time > 0.0));
+            .chain(charging.filter(|time| *time > 0.0))
+            .chain(spreading);
         times.fold(room, f64::min) * FIRST
     }
 
@@ -456,15 +508,16 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
             let shortest = to - now <= self.shortest(to);
             let guess = self.extrapolated(to);
             match self.fed(now, to, guess.clone()) {
-                Ok((found, volts)) => {
-                    let difference = found.iter().zip(&guess).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+                Ok(found) => {
+                    let moved = found.u.iter().zip(&guess).map(|(a, b)| (a - b).abs());
+                    let difference = moved.fold(self.charged_off(&found, to), f64::max);
                     let error = SHARE * difference;
                     let factor = 0.9 * (tolerance / error.max(1e-300)).powf(1.0 / 3.0);
                     if error > 2.0 * tolerance && !shortest {
                         *length = (to - now) * factor.clamp(0.2, 0.8);
                         continue;
                     }
-                    self.advance(now, to, found, volts);
+                    self.advance(now, to, found);
                     let next = (to - now) * factor.clamp(0.3, GROWTH);
                     // A step that was cut short says nothing against longer ones.
                     *length = if step < wanted && next < wanted {
@@ -492,8 +545,8 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
             };
             let guess = self.extrapolated(end);
             match self.fed(from, end, guess) {
-                Ok((found, volts)) => {
-                    self.advance(from, end, found, volts);
+                Ok(found) => {
+                    self.advance(from, end, found);
                     from = end;
                 }
                 Err(Refusal::Work) => return Err(PassEnd::WorkLimit),
@@ -505,11 +558,19 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
     }
 
     /// The stable state at the end of a step with the voltage of its electrodes then.
-    fn fed(&mut self, from: f64, to: f64, guess: Vec<f64>) -> Result<(Vec<f64>, f64), Refusal> {
+    fn fed(&mut self, from: f64, to: f64, guess: Vec<f64>) -> Result<Found, Refusal> {
         let course = self.course;
+        if let (Some(conductor), Some(charged)) = (&course.conductor, &self.charged) {
+            let charged = charged.clone();
+            return self.wired(conductor, &charged, [from, to], guess);
+        }
+        let activity = course.problem.activity;
         let Some(supply) = course.supply else {
-            let found = self.solve(from, to, course.share(to, Side::Before), guess)?;
-            return Ok((found, course.voltage(to, Side::Before)));
+            return Ok(Found {
+                u: self.solve(activity, to - from, course.share(to, Side::Before), guess)?,
+                volts: course.voltage(to, Side::Before),
+                charged: None,
+            });
         };
         let full = course.scene.voltage_v();
         let before = Electrodes {
@@ -521,7 +582,7 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
         let mut last: Option<[f64; 2]> = None;
         for _ in 0..MOST_ITERATIONS {
             let share = if full > 0.0 { (volts / full).powi(2) } else { 0.0 };
-            u = self.solve(from, to, share, u)?;
+            u = self.solve(activity, to - from, share, u)?;
             let reached = std::mem::replace(&mut self.u, u);
             let after = Electrodes {
                 capacitance: self.capacitance(),
@@ -534,7 +595,11 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
             };
             let off = target - volts;
             if off.abs() <= SETTLED * full {
-                return Ok((u, volts));
+                return Ok(Found {
+                    u,
+                    volts,
+                    charged: None,
+                });
             }
             // A secant, where it leads between what was there and what is wanted.
             let slope = last.map_or(-1.0, |[other, then]| (off - then) / (volts - other));
@@ -548,15 +613,75 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
         Err(Refusal::Unknown)
     }
 
-    /// The stable state at the end of a step at a share of the load, from a guess and else from the state before it.
-    fn solve(&mut self, from: f64, to: f64, share: f64, guess: Vec<f64>) -> Result<Vec<f64>, Refusal> {
+    /// The same with electrodes that charge from their leads: potentials and displacement by turns.
+    fn wired(
+        &mut self,
+        conductor: &Conductor,
+        charged: &Charged,
+        [from, to]: [f64; 2],
+        guess: Vec<f64>,
+    ) -> Result<Found, Refusal> {
+        let course = self.course;
+        let before = self.circuit(conductor, &self.u);
+        let volts = [
+            course.voltage(from + FIRST_STAGE * (to - from), Side::After),
+            course.voltage(to, Side::Before),
+        ];
+        let (mut u, mut relaxation) = (guess, Relaxation::default());
+        for _ in 0..MOST_ITERATIONS {
+            let after = self.circuit(conductor, &u);
+            let found = conductor.step(to - from, &charged.charge, [&before, &after], volts);
+            let potential = found.ok_or(Refusal::Unknown)?;
+            if relaxation.off(&potential) <= SETTLED * course.scene.voltage_v() {
+                let charged = conductor.charged(potential, &after, charged);
+                return Ok(Found {
+                    u,
+                    volts: charged.voltage,
+                    charged: Some(charged),
+                });
+            }
+            let (activity, share) = conductor.loads(relaxation.next(potential));
+            u = self.solve(&activity, to - from, share, u)?;
+        }
+        Err(Refusal::Unknown)
+    }
+
+    /// The electrodes as a circuit at a displacement. The law knows how its capacitance depends on the stretch.
+    fn circuit(&self, conductor: &Conductor, u: &[f64]) -> Circuit {
+        let laws = [0.0, 1.0].map(|share| (self.course.problem.material)(share));
+        let scale = 2.0 * self.units.energy / self.course.scene.voltage_v().powi(2);
+        conductor.circuit(&metrics(self.course.problem.activity, u), |point| {
+            let f = deformation(point);
+            scale * (laws[0].energy(f, 1.0) - laws[1].energy(f, 1.0))
+        })
+    }
+
+    /// How far the potentials at the end of a step are from those that were extrapolated, as a displacement.
+    fn charged_off(&self, found: &Found, to: f64) -> f64 {
+        match (&self.course.conductor, &found.charged) {
+            (Some(conductor), Some(charged)) => {
+                let guess = self.polynomial(to, charged.potential.len(), |past| &past.potential);
+                conductor.difference(&charged.potential, &guess)
+            }
+            _ => 0.0,
+        }
+    }
+
+    /// The stable state at the end of a step of so many seconds at a share of the load, from a guess and else from the state before it.
+    fn solve(&mut self, activity: &Activity, seconds: f64, share: f64, guess: Vec<f64>) -> Result<Vec<f64>, Refusal> {
         let course = self.course;
         let material = (course.problem.material)(share);
         self.count_work();
         let mut last = None;
         for mut u in [guess, self.u.clone()] {
-            let (problem, workspace) = (&course.problem, &mut *self.workspace);
-            match equilibrium(problem, &material, &self.viscous, to - from, &mut u, workspace) {
+            let problem = Problem {
+                activity,
+                laplacian: course.problem.laplacian,
+                material: (),
+                tolerance: course.problem.tolerance,
+            };
+            let workspace = &mut *self.workspace;
+            match equilibrium(&problem, &material, &self.viscous, seconds, &mut u, workspace) {
                 Ok((activity, progress)) => {
                     self.pass.newton_steps += progress.steps;
                     self.pass.residual = progress.residual;
@@ -585,17 +710,25 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
         Err(last.unwrap_or(Refusal::Unknown))
     }
 
-    /// The state at a later time by the polynomial through the last ones.
-    fn extrapolated(&self, to: f64) -> Vec<f64> {
-        let mut guess = vec![0.0; self.u.len()];
-        for (at, (time, state)) in self.recent.iter().enumerate() {
+    /// Numbers at a later time by the polynomial through those of the last states.
+    fn polynomial(&self, to: f64, count: usize, of: impl Fn(&Past) -> &Vec<f64>) -> Vec<f64> {
+        let mut guess = vec![0.0; count];
+        for (at, past) in self.recent.iter().enumerate() {
             let others = self.recent.iter().enumerate().filter(|(other, _)| *other != at);
-            let weight: f64 = others.map(|(_, (other, _))| (to - other) / (time - other)).product();
+            let weight: f64 = others
+                .map(|(_, other)| (to - other.time) / (past.time - other.time))
+                .product();
             guess
                 .iter_mut()
-                .zip(state)
+                .zip(of(past))
                 .for_each(|(sum, value)| *sum += weight * value);
         }
+        guess
+    }
+
+    /// The state at a later time by the polynomial through the last ones.
+    fn extrapolated(&self, to: f64) -> Vec<f64> {
+        let mut guess = self.polynomial(to, self.u.len(), |past| &past.u);
         if self.recent.is_empty() {
             guess.copy_from_slice(&self.u);
         }
@@ -603,9 +736,10 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
         guess
     }
 
-    fn advance(&mut self, from: f64, to: f64, found: Vec<f64>, volts: f64) {
-        self.u = found;
-        self.volts = volts;
+    fn advance(&mut self, from: f64, to: f64, found: Found) {
+        self.u = found.u;
+        self.volts = found.volts;
+        self.charged = found.charged;
         self.accept(to, to - from, false);
     }
 
@@ -621,7 +755,14 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
         if !jump {
             self.pass.steps.push(now);
         }
-        self.recent.push((now, self.u.clone()));
+        self.recent.push(Past {
+            time: now,
+            u: self.u.clone(),
+            potential: self
+                .charged
+                .as_ref()
+                .map_or_else(Vec::new, |charged| charged.potential.clone()),
+        });
         if self.recent.len() > 3 {
             self.recent.remove(0);
         }
@@ -644,10 +785,10 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
     /// Balances the energies of a step that ends with the branches in a later state.
     fn account(&mut self, [before, now]: [f64; 2], later: &Viscous, jump: bool) {
         let course = self.course;
-        let measured = self.measure_at(self.volts);
+        let (measured, electric) = self.measure();
         let content_before = mem::replace(&mut self.content, measured);
         let voltage = self.volts;
-        let electric_before = mem::replace(&mut self.electric, 0.5 * self.content.driven * voltage);
+        let electric_before = mem::replace(&mut self.electric, electric);
         let stored = self.branches(&later.stored());
         let change = stored - mem::replace(&mut self.stored, stored);
         if jump {
@@ -661,10 +802,13 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
             self.dissipated += self.branches(&self.viscous.work_to(later)) - change;
             let charged = self.content.driven - content_before.driven;
             let old = self.pass.instants.last().map_or(0.0, |instant| instant.voltage);
-            let to_electrodes = 0.5 * (old + voltage) * charged;
-            let from_source = match course.supply {
-                None => to_electrodes,
-                Some(_) => {
+            let to_electrodes = match &self.charged {
+                None => 0.5 * (old + voltage) * charged,
+                Some(charged) => charged.work,
+            };
+            let from_source = match course.is_fed_slowly() {
+                false => to_electrodes,
+                true => {
                     let sides = course.voltage(before, Side::After) + course.voltage(now, Side::Before);
                     0.5 * sides * charged
                 }
@@ -678,10 +822,31 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
         self.units.energy * integral(self.course.problem.activity, at_points)
     }
 
+    /// The membrane as it is, and the energy of the field in J.
+    fn measure(&self) -> (Content, f64) {
+        let Some(charged) = &self.charged else {
+            let content = self.measure_at(self.volts);
+            return (content, 0.5 * content.driven * self.volts);
+        };
+        let volts = charged.share.sqrt() * self.course.scene.voltage_v();
+        let content = self.content(&charged.activity, volts);
+        let charge = charged.charge.iter().sum();
+        let whole = Content {
+            charge,
+            driven: charge,
+            ..content
+        };
+        (whole, 0.5 * content.driven * volts)
+    }
+
     /// The membrane as it is, with so many V on its electrodes.
     fn measure_at(&self, volts: f64) -> Content {
+        self.content(self.course.problem.activity, volts)
+    }
+
+    /// The membrane as it is, with so many V on electrodes with an activity.
+    fn content(&self, activity: &Activity, volts: f64) -> Content {
         let course = self.course;
-        let activity = course.problem.activity;
         let full = course.scene.voltage_v();
         let share = if full > 0.0 { (volts / full).powi(2) } else { 0.0 };
         let laws = [0.0, share].map(|share| (course.problem.material)(share));

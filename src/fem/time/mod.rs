@@ -7,6 +7,7 @@ mod equilibrium;
 mod finite;
 mod frequency;
 mod history;
+mod leads;
 mod march;
 mod modes;
 mod motion;

@@ -8,6 +8,7 @@ mod electrode;
 mod inertia;
 pub mod laws;
 mod permittivity;
+mod resistance;
 mod switch;
 mod viscoelasticity;
 
@@ -16,6 +17,7 @@ pub use electrode::Electrode;
 pub use inertia::Inertia;
 pub use laws::Stiffening;
 pub use permittivity::{PermittivityDecay, PermittivityReference};
+pub use resistance::ElectrodeResistance;
 pub(super) use switch::switched_on;
 pub(super) use viscoelasticity::MOST_BRANCHES;
 pub use viscoelasticity::{Branch, Viscoelasticity, ViscousLaw};
@@ -44,6 +46,8 @@ parameters! {
         pub viscoelasticity: Option<Viscoelasticity>,
         /// The membrane has a mass: histories are motions, not equilibria.
         pub inertia: Option<Inertia>,
+        /// The electrodes resist the current from the leads: histories follow how they charge, and equilibria are charged.
+        pub electrode_resistance: Option<ElectrodeResistance>,
         /// The charge of the electrodes is given and their voltage found: on wherever the drive is a charge.
         pub charge_control: Option<On>,
         /// The smallest eigenvalue of the tangent and the margin to pull-in are computed.
@@ -108,9 +112,6 @@ pub mod names {
     pub const RESISTANCE: &str = "electrode_resistance";
     /// A charge drives, not a voltage.
     pub const CHARGE: &str = "charge_control";
-    /// A rigid part on the membrane.
+    /// Rigid parts in the membrane: on wherever the geometry has bodies.
     pub const INCLUSION: &str = "rigid_inclusion";
-
-    /// Effects that are known and cannot be simulated yet.
-    pub const PLANNED: [&str; 2] = [RESISTANCE, INCLUSION];
 }

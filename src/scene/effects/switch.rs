@@ -7,7 +7,7 @@ use crate::base::{Declared, InputError, Node, NodeValue, Schema};
 use crate::scene::properties::Properties;
 
 /// Parameters of effects that stand in `properties` by themselves: the effect, and the name of the parameter there and here.
-const BORROWED: [(&str, &str); 1] = [(names::INERTIA, "density")];
+const BORROWED: [(&str, &str); 2] = [(names::INERTIA, "density"), (names::RESISTANCE, "sheet_resistance")];
 
 /// The parameter that an effect may take from `properties`.
 fn borrowed(effect: &Node) -> Option<&'static str> {
@@ -18,14 +18,17 @@ fn borrowed(effect: &Node) -> Option<&'static str> {
 /// The section `effects` with every effect that is on as a mapping of its parameters, and no other.
 ///
 /// # Errors
-/// When an effect cannot be simulated yet, or has no parameters where it needs some.
+/// When an effect is not one that is named, or has no parameters where it needs some.
 pub fn switched_on(effects: &Node, properties: Option<&Node>) -> Result<Node, InputError> {
     let mut on = Vec::new();
     for (key, value) in effects.entries(Effects::WHAT)? {
-        if let Some(name) = names::PLANNED.into_iter().find(|name| key.is_text(name)) {
+        if key.is_text(names::INCLUSION) {
             return Err(key
-                .error(format!("the effect `{name}` is not available yet"))
-                .help(format!("available: {}", Effects::keys().join(", "))));
+                .error(format!(
+                    "`{}` is not named: the `bodies` of the geometry are rigid",
+                    names::INCLUSION
+                ))
+                .help("give `geometry.bodies`, and leave it out here"));
         }
         let value = match (value.truth(), value.value()) {
             (Some(false), _) => continue,

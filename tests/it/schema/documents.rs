@@ -188,7 +188,7 @@ material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.
 ";
 
 /// What stands beside geometry and material: every effect. Each law of stiffening is added, as an effect and as a property.
-const SCENES: [&str; 12] = [
+const SCENES: [&str; 14] = [
     "drive: { voltages: [5 kV, 3 kV] }\nstates: { push: { voltages: [5 kV, 0 V] }, pull: { voltages: [0 V, 5 kV] } }",
     "states: { on: { voltage: 5 kV }, off: { voltage: 0 V } }",
     "drive: { voltage: 5.25 kV, frequency: 2 Hz, duration: 30 s }\neffects: auto",
@@ -214,6 +214,9 @@ properties: { viscoelasticity: { law: finite, branches: [ { modulus: 20 kPa, tim
     "drive: { voltages: [5 kV, 1 kV], waveform: { sine: { frequency: 2 Hz, bias: 1 kV } } }",
     "drive: { charge: { total: 2.8 uC } }\neffects: { charge_control: { } }",
     "drive: { charge: { immobile: 2.8 uC } }",
+    "drive: { voltage: 5 kV }\nleads: [left, top]\neffects: { electrode_resistance: { sheet_resistance: 50 kOhm } }",
+    "drive: { voltage: 5 kV }\nleads: { cells: [ [0, 0], [1, 0] ] }\neffects: { electrode_resistance: { } }
+properties: { sheet_resistance: 50 kOhm }",
     "drive: { waveform: { table: [ [0 s, 0 V], [1 s, 5 kV], [1 s, -5 kV] ] } }",
 ];
 

@@ -24,7 +24,7 @@ pub struct Fault {
 }
 
 /// What a reader refuses for its meaning and no schema can: what was said, in part.
-pub const BEYOND: [&str; 32] = [
+pub const BEYOND: [&str; 36] = [
     // Names of other stages, and what those are.
     "no stage is named",
     "stage needs",
@@ -40,6 +40,7 @@ pub const BEYOND: [&str; 32] = [
     "the term would be singular",
     "has no parameters",
     "has no `density`",
+    "has no `sheet_resistance`",
     "an area fraction lies above 0",
     "the range",
     "units across the membrane",
@@ -48,6 +49,10 @@ pub const BEYOND: [&str; 32] = [
     "touches the frame",
     "the mask",
     "runs of the mask",
+    // Electrodes that are not wired.
+    "needs `leads`",
+    "is not simulated together with",
+    "there is no cell",
     // What is no drive.
     "has voltages of",
     "is a voltage of",

@@ -1,0 +1,380 @@
+//! Electrodes that charge from their leads: ∂(c j² φ)/∂t = Div(R⁻¹ j f⁻¹f⁻ᵀ ∇φ) in prestretched coordinates, with the voltage of the source at
+//! the leads and no current across the other edges. c is the permittivity over the prestretched thickness and R the resistance of a square of
+//! both sheets, through which the current flows one after the other.
+//!
+//! φ is bilinear between the corners of elements, and the charge stands at these corners: so potentials stay between those of the leads, and
+//! half of Σ qφ is the energy of the field whose forces the elements have, each with the mean of φ² over its corners. A step is the
+//! two-stage SDIRK method of second order that is stiffly accurate (Alexander, SIAM J. Numer. Anal. 14 (1977) 1006).
+
+use faer::sparse::Pair;
+
+use crate::fem::direct::Sparsity;
+use crate::fem::element::Line;
+use crate::fem::grid::Grid;
+use crate::fem::memory::{NUMBERS, line};
+use crate::fem::operator::Activity;
+use crate::field::Order;
+use crate::pattern::Bits;
+use crate::scene::{Edge, Scene};
+
+/// γ = 1 − √½, at which both stages lie in a step.
+pub const FIRST_STAGE: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
+/// The displacement of a membrane at its full voltage in units of its side, nearly enough to compare errors of potentials with others.
+const MOVED: f64 = 1e-2;
+/// What is no corner of an electrode, or no unknown.
+const NONE: usize = usize::MAX;
+
+/// The electrodes of a pattern as conductors that leads feed.
+pub struct Conductor {
+    grid: Grid,
+    /// Of both sheets, in Ω.
+    resistance: f64,
+    /// The voltage of the scene in V.
+    full: f64,
+    /// Time in s in which an element charges.
+    time: f64,
+    /// Displacement in units of the grid that an error of the full voltage is compared with.
+    moved: f64,
+    /// The active elements (column, row), and the numbers of their corners row by row.
+    elements: Vec<([usize; 2], [usize; 4])>,
+    /// The number of each corner among the unknowns; [`NONE`] where there is a lead.
+    unknowns: Vec<usize>,
+    sparsity: Sparsity,
+}
+
+/// Capacitances and conductances at a displacement.
+pub struct Circuit {
+    /// Of each corner, in F.
+    capacitance: Vec<f64>,
+    /// Of each active element, in 1/Ω.
+    conductance: Vec<[[f64; 4]; 4]>,
+}
+
+/// The electrodes at one time.
+#[derive(Clone, Debug)]
+pub struct Charged {
+    /// φ of each corner in V.
+    pub potential: Vec<f64>,
+    /// The charge there in C.
+    pub charge: Vec<f64>,
+    /// Their mean voltage by capacitance in V: the charge over the capacitance.
+    pub voltage: f64,
+    /// What the step that led here has put into the field and into the membrane, in J.
+    pub work: f64,
+    /// The mean of φ² over each element, over the largest of these.
+    pub activity: Activity,
+    /// The largest of these, over the voltage of the scene squared.
+    pub share: f64,
+}
+
+impl Conductor {
+    /// The electrodes of an activity; none where the scene has none with a resistance, or nothing is active.
+    #[must_use]
+    pub fn of(scene: &Scene, activity: &Activity) -> Option<Self> {
+        let resistance = 2.0 * scene.effects.electrode_resistance.as_ref()?.sheet_resistance.value();
+        let (leads, full) = (scene.leads.as_ref()?, scene.voltage_v());
+        let grid = activity.grid().clone();
+        let Corners { elements, places } = Corners::of(activity);
+        if resistance <= 0.0 || full <= 0.0 || elements.is_empty() {
+            return None;
+        }
+        let [columns, rows] = grid.elements();
+        let mut wired: Vec<bool> = places
+            .iter()
+            .map(|[x, y]| {
+                let ends = [
+                    (Edge::Left, *x == 0),
+                    (Edge::Right, *x == columns),
+                    (Edge::Bottom, *y == 0),
+                    (Edge::Top, *y == rows),
+                ];
+                ends.into_iter()
+                    .any(|(edge, is_there)| is_there && leads.is_along(edge))
+            })
+            .collect();
+        let [along, across] = grid.per_cell();
+        for ([column, row], corners) in &elements {
+            if leads.is_on([column / along, row / across]) {
+                corners.iter().for_each(|corner| wired[*corner] = true);
+            }
+        }
+        let mut count = 0;
+        let unknowns: Vec<usize> = wired
+            .into_iter()
+            .map(|wired| {
+                if wired {
+                    return NONE;
+                }
+                count += 1;
+                count - 1
+            })
+            .collect();
+        let mut pairs: Vec<_> = (0..count).map(|at| Pair::new(at, at)).collect();
+        for (_, corners) in &elements {
+            pairs.extend(below_diagonal(corners, &unknowns).map(|(row, column, _)| Pair::new(row, column)));
+        }
+        let thickness = 1e-3 * scene.prestretched_thickness_mm();
+        let area = (1e-3 * grid.unit_mm()).powi(2);
+        Some(Self {
+            resistance,
+            full,
+            time: resistance * scene.permittivity() / thickness * area,
+            moved: MOVED * scene.side_mm() / grid.unit_mm(),
+            elements,
+            sparsity: Sparsity::new(count, &pairs)?,
+            unknowns,
+            grid,
+        })
+    }
+
+    /// The time in s in which an element charges.
+    #[must_use]
+    pub fn time(&self) -> f64 {
+        self.time
+    }
+
+    /// The circuit at a metric of [`crate::fem::operator::metrics`], with the capacitance in F of a mean element at the numbers of a point.
+    #[must_use]
+    pub fn circuit(&self, metric: &[f64], capacitance: impl Fn([f64; NUMBERS]) -> f64) -> Circuit {
+        let (places, weights): (&[f64], &[f64]) = match self.grid.order() {
+            Order::Bilinear => (&Line::LINEAR.points, &Line::LINEAR.weights),
+            Order::Biquadratic => (&Line::QUADRATIC.points, &Line::QUADRATIC.weights),
+        };
+        let count = places.len();
+        let mut circuit = Circuit {
+            capacitance: vec![0.0; self.unknowns.len()],
+            conductance: vec![[[0.0; 4]; 4]; self.elements.len()],
+        };
+        let elements = self.elements.iter().zip(&mut circuit.conductance);
+        for ((element @ [column, row], corners), conductance) in elements {
+            let [width, height] = self.grid.sides(*element);
+            let mut charged = 0.0;
+            for q in 0..count * count {
+                let number = |at| metric[line(self.grid.layout(), count * count, *row, q, at) + column];
+                let point @ [xx, xy, yy, square] = [number(0), number(1), number(2), number(3)];
+                let (x, y) = (places[q % count], places[q / count]);
+                let weight = weights[q % count] * weights[q / count] * width * height;
+                charged += weight * capacitance(point);
+                let along = [y - 1.0, 1.0 - y, -y, y].map(|slope| slope / width);
+                let across = [x - 1.0, -x, 1.0 - x, x].map(|slope| slope / height);
+                let weight = weight * square.sqrt() / self.resistance;
+                for (a, entries) in conductance.iter_mut().enumerate() {
+                    let flow = [xx * along[a] + xy * across[a], xy * along[a] + yy * across[a]];
+                    for (b, entry) in entries.iter_mut().enumerate() {
+                        *entry += weight * (flow[0] * along[b] + flow[1] * across[b]);
+                    }
+                }
+            }
+            corners
+                .iter()
+                .for_each(|corner| circuit.capacitance[*corner] += 0.25 * charged);
+        }
+        circuit
+    }
+
+    /// The electrodes before anything was put on them.
+    #[must_use]
+    pub fn uncharged(&self, activity: &Activity) -> Charged {
+        let nothing = vec![0.0; self.unknowns.len()];
+        Charged {
+            voltage: 0.0,
+            work: 0.0,
+            activity: activity.clone(),
+            share: 0.0,
+            charge: nothing.clone(),
+            potential: nothing,
+        }
+    }
+
+    /// The potentials after a step of so many seconds from charges, between two circuits that change linearly within it, with the voltages of
+    /// the leads at [`FIRST_STAGE`] of the step and at its end. No step makes them those just after a jump. None when memory is short.
+    #[must_use]
+    pub fn step(&self, seconds: f64, charge: &[f64], ends: [&Circuit; 2], volts: [f64; 2]) -> Option<Vec<f64>> {
+        let between = |a: f64, b: f64| a + FIRST_STAGE * (b - a);
+        let [before, after] = ends;
+        let first = Circuit {
+            capacitance: pairs(&before.capacitance, &after.capacitance)
+                .map(|(a, b)| between(*a, *b))
+                .collect(),
+            conductance: pairs(&before.conductance, &after.conductance)
+                .map(|(a, b)| std::array::from_fn(|i| std::array::from_fn(|j| between(a[i][j], b[i][j]))))
+                .collect(),
+        };
+        let weight = FIRST_STAGE * seconds;
+        let potential = self.stage(&first, weight, charge, volts[0])?;
+        // The rate of charging at the first stage follows from the charge that it ends with.
+        let share = (1.0 - FIRST_STAGE) / FIRST_STAGE;
+        let known: Vec<f64> = pairs(&potential, &first.capacitance)
+            .zip(charge)
+            .map(|((potential, capacitance), charge)| charge + share * (potential * capacitance - charge))
+            .collect();
+        self.stage(after, weight, &known, volts[1])
+    }
+
+    /// Solves (C + weight · K) φ = q with a voltage at the leads.
+    fn stage(&self, circuit: &Circuit, weight: f64, charge: &[f64], volts: f64) -> Option<Vec<f64>> {
+        let free = |corner: usize| self.unknowns[corner];
+        let count = self.unknowns.iter().filter(|unknown| **unknown != NONE).count();
+        let (mut entries, mut right) = (vec![0.0; count], vec![0.0; count]);
+        for (corner, capacitance) in circuit.capacitance.iter().enumerate() {
+            if free(corner) != NONE {
+                entries[free(corner)] = *capacitance;
+                right[free(corner)] = charge[corner];
+            }
+        }
+        for ((_, corners), conductance) in self.elements.iter().zip(&circuit.conductance) {
+            entries.extend(below_diagonal(corners, &self.unknowns).map(|(_, _, [a, b])| weight * conductance[a][b]));
+            for (a, corner) in corners.iter().enumerate().filter(|(_, corner)| free(**corner) != NONE) {
+                let wired = corners
+                    .iter()
+                    .zip(&conductance[a])
+                    .filter(|(other, _)| free(**other) == NONE);
+                let sum: f64 = wired.map(|(_, conductance)| conductance).sum();
+                right[free(*corner)] -= weight * volts * sum;
+            }
+        }
+        if count > 0 {
+            let factors = self.sparsity.factors(&entries)?;
+            self.sparsity.solve(&factors, &mut right);
+        }
+        let value = |unknown: &usize| if *unknown == NONE { volts } else { right[*unknown] };
+        Some(self.unknowns.iter().map(value).collect())
+    }
+
+    /// The electrodes at potentials in a circuit, after they were in another state.
+    #[must_use]
+    pub fn charged(&self, potential: Vec<f64>, circuit: &Circuit, before: &Charged) -> Charged {
+        let charge: Vec<f64> = pairs(&potential, &circuit.capacitance).map(|(v, c)| v * c).collect();
+        let work = |at: usize| 0.5 * (potential[at] + before.potential[at]) * (charge[at] - before.charge[at]);
+        let (activity, share) = self.loads(&potential);
+        Charged {
+            voltage: charge.iter().sum::<f64>() / circuit.capacitance.iter().sum::<f64>(),
+            work: (0..charge.len()).map(work).sum(),
+            activity,
+            share,
+            charge,
+            potential,
+        }
+    }
+
+    /// The load of each element in units of the largest, and that over the load at the voltage of the scene.
+    #[must_use]
+    pub fn loads(&self, potential: &[f64]) -> (Activity, f64) {
+        let [columns, rows] = self.grid.elements();
+        let mut squares = vec![0.0; columns * rows];
+        for ([column, row], corners) in &self.elements {
+            let sum: f64 = corners.iter().map(|corner| potential[*corner].powi(2)).sum();
+            squares[row * columns + column] = 0.25 * sum;
+        }
+        let largest = squares.iter().copied().fold(0.0, f64::max);
+        let over = if largest > 0.0 { largest.recip() } else { 0.0 };
+        let activity = Activity::from_elements(&self.grid, |column, row| over * squares[row * columns + column]);
+        (activity, largest / self.full.powi(2))
+    }
+
+    /// The root mean square difference of two potentials, as a displacement in units of the grid that errors are compared with.
+    #[must_use]
+    pub fn difference(&self, one: &[f64], other: &[f64]) -> f64 {
+        let sum: f64 = pairs(one, other).map(|(a, b)| (a - b).powi(2)).sum();
+        self.moved * (sum / one.len() as f64).sqrt() / self.full
+    }
+}
+
+fn pairs<'a, A, B>(one: &'a [A], other: &'a [B]) -> impl Iterator<Item = (&'a A, &'a B)> {
+    one.iter().zip(other)
+}
+
+/// The entries of an element on and below the diagonal: row, column, and the corners that they belong to.
+fn below_diagonal<'a>(
+    corners: &'a [usize; 4],
+    unknowns: &'a [usize],
+) -> impl Iterator<Item = (usize, usize, [usize; 2])> + 'a {
+    let all = (0..4).flat_map(|a| (0..4).map(move |b| [a, b]));
+    all.filter_map(|[a, b]| {
+        let [row, column] = [a, b].map(|at| unknowns[corners[at]]);
+        (row != NONE && column != NONE && row >= column).then_some((row, column, [a, b]))
+    })
+}
+
+/// The corners of active elements, by number.
+struct Corners {
+    /// The elements (column, row) with their corners.
+    elements: Vec<([usize; 2], [usize; 4])>,
+    /// Column and row of each corner.
+    places: Vec<[usize; 2]>,
+}
+
+impl Corners {
+    /// Parts of electrodes that touch at a corner alone have corners of their own there: no current flows across.
+    fn of(activity: &Activity) -> Self {
+        let grid = activity.grid();
+        let ([columns, rows], [along, across]) = (grid.elements(), grid.per_cell());
+        let layout = grid.layout();
+        let is_active = |column: usize, row: usize| activity.elements()[row * layout.part() + column] > 0.0;
+        let mut left = Bits::from_fn(grid.raster(), |x, y| is_active(x * along, y * across));
+        let mut found = Self {
+            elements: Vec::new(),
+            places: Vec::new(),
+        };
+        while !left.is_empty() {
+            let part = left.flooded(&left.first());
+            left = left.without(&part);
+            let mut numbers = vec![NONE; (columns + 1) * (rows + 1)];
+            for [column, row] in layout.each_element() {
+                if !part.has(column / along, row / across) {
+                    continue;
+                }
+                let corners = [[0, 0], [1, 0], [0, 1], [1, 1]].map(|[x, y]| {
+                    let number = &mut numbers[(row + y) * (columns + 1) + column + x];
+                    if *number == NONE {
+                        *number = found.places.len();
+                        found.places.push([column + x, row + y]);
+                    }
+                    *number
+                });
+                found.elements.push(([column, row], corners));
+            }
+        }
+        found
+    }
+}
+
+/// Aitken's relaxation of a fixed-point iteration (Irons, Tuck, Int. J. Numer. Methods Eng. 1 (1969) 275).
+#[derive(Default)]
+pub struct Relaxation {
+    /// The last value, what it was found to be off by, and how much of that was taken.
+    last: Option<(Vec<f64>, Vec<f64>, f64)>,
+}
+
+impl Relaxation {
+    /// The largest difference of a target from the value that it was found with.
+    #[must_use]
+    pub fn off(&self, target: &[f64]) -> f64 {
+        let off = |(value, ..): &(Vec<f64>, _, _)| pairs(target, value).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        self.last.as_ref().map_or(f64::INFINITY, off)
+    }
+
+    /// The next value, from the target that was found with the last one.
+    pub fn next(&mut self, target: Vec<f64>) -> &[f64] {
+        let (value, off, share) = match self.last.take() {
+            None => (target.clone(), vec![0.0; target.len()], 1.0),
+            Some((value, before, share)) => {
+                let off: Vec<f64> = pairs(&target, &value).map(|(a, b)| a - b).collect();
+                let change: Vec<f64> = pairs(&off, &before).map(|(a, b)| a - b).collect();
+                let product = |a: &[f64], b: &[f64]| pairs(a, b).map(|(a, b)| a * b).sum::<f64>();
+                let (along, square) = (product(&before, &change), product(&change, &change));
+                // The first value has no error to compare with.
+                let share = match along < 0.0 && square > 0.0 {
+                    true => (-share * along / square).clamp(0.1, 2.0),
+                    false => share,
+                };
+                let next = pairs(&value, &off).map(|(value, off)| value + share * off).collect();
+                (next, off, share)
+            }
+        };
+        &self.last.insert((value, off, share)).0
+    }
+}
+
+#[cfg(test)]
+mod tests;
