@@ -317,10 +317,7 @@ fn histories(
             .iter()
             .map(|time| scene.waveform().voltage(scene.voltage_v(), *time, Side::After))
             .collect(),
-        electrode_voltage: scene
-            .drive
-            .source
-            .is_some()
+        electrode_voltage: (scene.drive.source.is_some() || scene.effects.electrode_resistance.is_some())
             .then(|| of_instant(|instant| instant.voltage)),
         displacement: Packed(displacement),
         max_displacement: Packed(largest.collect()),

@@ -408,3 +408,53 @@ fn a_stage_keeps_histories_and_its_key_knows_the_time() {
     assert_eq!(plan("scene.drive.rest=1 min"), ["crept"]);
     assert_eq!(plan("scene.drive.duration=1 min"), Vec::<String>::new());
 }
+
+#[test]
+fn electrodes_charge_from_their_leads_and_islands_are_refused() {
+    let workspace = workspace("voltage: 5 kV");
+    let scene = |resistance: &str| {
+        SCENE
+            .replace("DRIVE", "voltage: 5 kV, duration: 1 ms")
+            .replace(
+                "effects: { viscoelasticity: {} }",
+                &format!("leads: [left]\neffects: {{ {resistance} }}"),
+            )
+            .replace("density: 960", "density: 960, sheet_resistance: 50 kOhm")
+    };
+    // Its cells touch at corners alone.
+    for (effects, more) in [
+        ("", vec![]),
+        ("", vec!["--modes", "2"]),
+        ("", vec!["--path"]),
+        ("electrode_resistance: {}", vec!["--history"]),
+    ] {
+        workspace.write("scene.yaml", &scene(effects));
+        let ended = workspace.run(&[&["solve", "scene.yaml", "odd.csv", "-o", "out.h5"], &more[..]].concat());
+        assert_eq!(ended.code, Some(2), "{more:?}: {}", ended.stderr);
+        let said = "pattern 0: an island of 1 cells at cell [y=0][x=3] is reached by no lead";
+        assert!(ended.stderr.contains(said), "{more:?}: {}", ended.stderr);
+    }
+    workspace.write("left.csv", &csv_of_ten(|x| x < 6));
+    let history = [
+        "solve",
+        "scene.yaml",
+        "left.csv",
+        "-o",
+        "out.h5",
+        "--history",
+        "--at",
+        "0 s, 20 us, 1 ms",
+    ];
+    let ended = workspace.run(&history);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let file = hdf5::File::open(workspace.path("out.h5")).unwrap();
+    let of = |name: &str| file.dataset(name).unwrap().read_raw::<f64>().unwrap();
+    let volts = of("electrode_voltage");
+    assert!(volts[0] == 0.0 && volts[1] > 500.0 && volts[1] < 4500.0, "{volts:?}");
+    assert!((volts[2] / 5000.0 - 1.0).abs() < 1e-6, "{volts:?}");
+    let [supplied, dissipated, electric] = ["supplied", "dissipated", "electric"].map(|name| of(name)[2]);
+    assert!(dissipated > 0.4 * electric && supplied > dissipated + electric);
+    // Without time it is charged, and says what it leaves out.
+    let still = workspace.run(&["solve", "scene.yaml", "left.csv", "-o", "still.h5"]);
+    assert_eq!(still.code, Some(0), "{}", still.stderr);
+}

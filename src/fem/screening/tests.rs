@@ -13,8 +13,8 @@ use crate::pattern::{Pattern, Raster};
 use crate::scene::effects::names;
 use crate::scene::laws::{Gent, Ogden, OgdenTerm, Yeoh};
 use crate::scene::{
-    Branch, Breakdown, ConstantStrength, Effects, Electrode, PermittivityDecay, PermittivityReference, Scene,
-    Stiffening, Viscoelasticity, ViscousLaw,
+    Branch, Breakdown, ConstantStrength, Edge, Effects, Electrode, Leads, On, PermittivityDecay, PermittivityReference,
+    Scene, Stiffening, Viscoelasticity, ViscousLaw,
 };
 
 fn decimal(text: &str) -> Decimal {
@@ -179,6 +179,42 @@ fn auto_turns_on_what_is_called_for_and_known() {
     assert!(effects.fringe_field.is_some() && effects.wrinkling.is_none() && !screening.scene.auto);
     assert_eq!(screening.warnings(), Vec::<String>::new());
     assert_eq!(resolve(&scene).unwrap(), screening.scene);
+}
+
+#[test]
+fn auto_turns_on_the_resistance_of_electrodes_that_are_wired() {
+    let mut scene = Scene::with_values(50.0, 10.0, 1.5, 45e3, 4.7, 100.0);
+    scene.auto = true;
+    scene.drive.frequency = Some(Frequency::literal("100 kHz"));
+    scene.properties.sheet_resistance = Some(Resistance::literal("50 kOhm"));
+    let effect = *EFFECTS
+        .iter()
+        .find(|effect| effect.name() == names::RESISTANCE)
+        .unwrap();
+    let decided = |scene: &Scene| screen_for(&[effect], scene, &compared()).unwrap();
+    let unwired = decided(&scene);
+    assert_eq!((unwired.rows[0].status, unwired.warnings().len()), (Status::Off, 1));
+    scene.leads = Some(Leads::Edges(vec![Edge::Left]));
+    let wired = decided(&scene);
+    assert_eq!((wired.rows[0].status, wired.warnings().len()), (Status::On, 0));
+    assert_eq!(wired.warnings_of_equilibrium().len(), 1);
+    assert!(wired.scene.effects.electrode_resistance.is_some());
+    // What it cannot stand beside was there before it.
+    scene.effects.fringe_field = Some(On {});
+    assert_eq!(decided(&scene).rows[0].status, Status::Off);
+}
+
+#[test]
+fn bodies_of_the_geometry_are_rigid_inclusions() {
+    let text = "{ geometry: { side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 10, bodies: [{ rectangle: [[20 mm, 20 mm], \
+                [30 mm, 30 mm]] }] }, material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }, drive: { voltage: 1 kV } }";
+    let effect = *EFFECTS.iter().find(|effect| effect.name() == names::INCLUSION).unwrap();
+    let found = screen_for(&[effect], &Scene::from_text(text).unwrap(), &[]).unwrap();
+    assert_eq!(
+        (found.rows[0].status, found.rows[0].assessment.verdict),
+        (Status::On, Verdict::CalledFor)
+    );
+    assert!(found.warnings().is_empty());
 }
 
 #[test]

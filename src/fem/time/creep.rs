@@ -52,6 +52,9 @@ impl ThreeSolves {
         if scene.drive.source.is_some() {
             return refused("electrodes that have their voltage at once, and the drive has a `source`");
         }
+        if scene.effects.electrode_resistance.is_some() {
+            return refused("electrodes that have their voltage at once, and the scene has `electrode_resistance`");
+        }
         if scene.drive.rest.is_some() {
             return refused("a prestretch that has relaxed, and the drive has a `rest`");
         }

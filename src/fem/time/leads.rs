@@ -39,7 +39,8 @@ pub struct Conductor {
     elements: Vec<([usize; 2], [usize; 4])>,
     /// The number of each corner among the unknowns; [`NONE`] where there is a lead.
     unknowns: Vec<usize>,
-    sparsity: Sparsity,
+    /// None where memory is short.
+    sparsity: Option<Sparsity>,
 }
 
 /// Capacitances and conductances at a displacement.
@@ -121,7 +122,7 @@ impl Conductor {
             time: resistance * scene.permittivity() / thickness * area,
             moved: MOVED * scene.side_mm() / grid.unit_mm(),
             elements,
-            sparsity: Sparsity::new(count, &pairs)?,
+            sparsity: Sparsity::new(count, &pairs),
             unknowns,
             grid,
         })
@@ -234,8 +235,8 @@ impl Conductor {
             }
         }
         if count > 0 {
-            let factors = self.sparsity.factors(&entries)?;
-            self.sparsity.solve(&factors, &mut right);
+            let sparsity = self.sparsity.as_ref()?;
+            sparsity.solve(&sparsity.factors(&entries)?, &mut right);
         }
         let value = |unknown: &usize| if *unknown == NONE { volts } else { right[*unknown] };
         Some(self.unknowns.iter().map(value).collect())
