@@ -57,7 +57,7 @@ fn numbers_of_the_scene_are_the_closed_forms() {
     });
     let screening = screen(&scene, &compared()).unwrap();
     // V² swings at 200 Hz. ωτ = 0.4π: 4 · 30e3/(45e3 · 9) · ωτ/√(1 + ω²τ²), and half of that without the factor; f₁ = 216.506 Hz · √(45/25);
-    // 2π 100 · 50e3 · ε 9/1e-3 · 0.05².
+    // 2π 100 · 2 · 50e3 · ε 9/1e-3 / (π/0.1)².
     let turn = 0.4 * std::f64::consts::PI;
     let permittivity = 4.7 * 8.854_187_812_8e-12;
     let expected = [
@@ -68,7 +68,7 @@ fn numbers_of_the_scene_are_the_closed_forms() {
         (names::INERTIA, 200.0 / (216.506_350_946 * 1.8_f64.sqrt())),
         (
             names::RESISTANCE,
-            2.0 * std::f64::consts::PI * 100.0 * 50e3 * permittivity * 9e3 * 0.0025,
+            2.0 * std::f64::consts::PI * 100.0 * 100e3 * permittivity * 9e3 * (0.1 / std::f64::consts::PI).powi(2),
         ),
     ];
     for (name, number) in expected {

@@ -87,10 +87,10 @@ fn history(scene: &Scene, pattern: &Pattern, mesh: Mesh, request: &HistoryReques
     solver.history(pattern, request).unwrap()
 }
 
-/// The limit of values whose error is of second order, and then of another, by three that are each refined by 2.
-fn limit([coarse, fine, finest]: [f64; 3], then: i32) -> f64 {
+/// The limit of values whose error is of second order and then of fourth, by three that are each refined by 2.
+fn limit([coarse, fine, finest]: [f64; 3]) -> f64 {
     let [first, second] = [fine + (fine - coarse) / 3.0, finest + (finest - fine) / 3.0];
-    second + (second - first) / (2.0_f64.powi(then) - 1.0)
+    second + (second - first) / 15.0
 }
 
 #[test]
@@ -106,12 +106,12 @@ fn a_strip_charges_as_an_rc_line() {
         for pair in changes.windows(2) {
             assert!((pair[0] / pair[1] - 4.0).abs() < 0.4, "{changes:?}");
         }
-        let found = [10, 20, 40].map(|elements| limit([100, 200, 400].map(|steps| at(elements, steps)), 3));
+        let found = [10, 20, 40].map(|elements| limit([100, 200, 400].map(|steps| at(elements, steps))));
         let errors = found.map(|found| found - known);
         assert!((errors[0] / errors[1] - 4.0).abs() < 0.2, "{errors:?}");
         assert!((errors[1] / errors[2] - 4.0).abs() < 0.1, "{errors:?}");
-        let error = limit(found, 4) - known;
-        assert!(error.abs() < 1e-6, "{error:e}");
+        let error = limit(found) - known;
+        assert!(error.abs() < 2e-7, "{error:e}");
     }
 }
 
@@ -131,14 +131,14 @@ fn the_far_end_of_a_strip_follows_a_sine_with_less_amplitude_and_later() {
     };
     let found = [10, 20, 40].map(|elements| [100, 200, 400].map(|steps| amplitude_and_phase(elements, steps)));
     for (k, known) in [0.925662634538, -0.479737056237].into_iter().enumerate() {
-        let error = limit(found.map(|of| limit(of.map(|both| both[k]), 3)), 4) - known;
+        let error = limit(found.map(|of| limit(of.map(|both| both[k])))) - known;
         assert!(error.abs() < 1e-7, "{k}: {error:e}");
     }
 }
 
 #[test]
 fn a_membrane_that_hardly_moves_charges_as_a_line() {
-    let scene = scene(&format!("{SQUARE}, drive: {{ voltage: 10 V }}, {RESISTANCE}"));
+    let scene = scene(&format!("{SQUARE}, drive: {{ voltage: 100 V }}, {RESISTANCE}"));
     let all = Pattern::from_fn(Raster::new(10, 10).unwrap(), |_, _| true);
     let unit = 100e3 * scene.permittivity() / (1e-3 * scene.prestretched_thickness_mm()) * 0.05_f64.powi(2);
     let times = [0.1, 0.5, 1.0, 6.0].map(|time| time * unit);
@@ -149,21 +149,21 @@ fn a_membrane_that_hardly_moves_charges_as_a_line() {
             .map(|n| ((f64::from(n) + 0.5) * std::f64::consts::PI).powi(2))
             .map(|rate| 2.0 / rate * (-rate * time).exp())
             .sum();
-        let wanted = 10.0 * (1.0 - mean);
+        let wanted = 100.0 * (1.0 - mean);
         assert!(
             (instant.voltage / wanted - 1.0).abs() < 4e-3,
             "{time}: {} {wanted}",
             instant.voltage
         );
-        assert!((instant.charge / (capacitance * instant.voltage) - 1.0).abs() < 1e-5);
-        assert!(instant.largest < 1e-4);
+        assert!((instant.charge / (capacitance * instant.voltage) - 1.0).abs() < 1e-4);
+        assert!(instant.largest < 1e-2);
     }
     // Half of what the source gives is lost, whatever the resistance.
-    let (last, whole) = (found.instants.last().unwrap(), capacitance * 100.0);
+    let (last, whole) = (found.instants.last().unwrap(), capacitance * 1e4);
     assert!((last.supplied / whole - 1.0).abs() < 1e-4, "{} {whole}", last.supplied);
     assert!((last.electric / whole - 0.5).abs() < 1e-4 && (last.dissipated / whole - 0.5).abs() < 1e-4);
     let open = last.stored + last.electric + last.dissipated - last.supplied;
-    assert!(open.abs() < 1e-7 * whole, "{open:e}");
+    assert!(open.abs() < 1e-6 * whole, "{open:e}");
 }
 
 #[test]
@@ -267,17 +267,18 @@ fn cells_may_be_leads_and_corners_conduct_nothing() {
 
 #[test]
 fn a_patterned_membrane_is_that_of_an_independent_program() {
-    // Biquadratic elements, two by two on a cell, by backward Euler extrapolated from four step lengths.
+    // The same elements with a potential that is biquadratic, by backward Euler extrapolated from four step lengths: what differs while it
+    // charges is the potential between the corners of elements.
     let scene = scene(&format!("{SQUARE}, drive: {{ voltage: 4 kV }}, {RESISTANCE}"));
-    let times = [2e-5, 1e-4, 4e-4];
     let found = history(
         &scene,
         &comb(),
         Mesh::biquadratic(2),
-        &HistoryRequest::at(times.to_vec()),
+        &HistoryRequest::at(vec![2e-5, 1e-4, 4e-4]),
     );
-    for (field, known) in found.fields.iter().zip([0.63635233, 0.78432624, 0.77622355]) {
+    let known = [(0.63635233, 1.5e-3), (0.78432624, 1e-3), (0.77622355, 1e-4)];
+    for (field, (known, error)) in found.fields.iter().zip(known) {
         let most = field.max_magnitude();
-        assert!((most / known - 1.0).abs() < 1e-4, "{most} {known}");
+        assert!((most / known - 1.0).abs() < error, "{most} {known}");
     }
 }
