@@ -698,12 +698,12 @@ fn with_own_voltage(drive: &Node, geometry: &Geometry, material: &Material) -> R
         }
         return Ok(with(volts));
     }
-    if let (Some(source), Some(several)) = (said("source"), said("voltages")) {
-        if several.list("voltages").is_ok_and(|each| each.len() > 1) {
-            return Err(source
-                .error("a source feeds electrodes of one voltage, and this drive has several")
-                .help("leave out `source`, or give `voltage`"));
-        }
+    if let (Some(source), Some(several)) = (said("source"), said("voltages"))
+        && several.list("voltages").is_ok_and(|each| each.len() > 1)
+    {
+        return Err(source
+            .error("a source feeds electrodes of one voltage, and this drive has several")
+            .help("leave out `source`, or give `voltage`"));
     }
     let Some(waveform) = said("waveform").filter(|_| voltage.is_none()) else {
         return Ok(drive.clone());

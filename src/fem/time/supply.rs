@@ -109,10 +109,11 @@ mod tests {
             let found = sheet([1.0, 5.0], steps);
             [0, 1].map(|k| found[k] - known[k])
         });
-        for k in 0..2 {
-            let ratio = errors[0][k] / errors[1][k];
+        let [coarse, fine, finest] = errors;
+        for ((coarse, fine), finest) in coarse.into_iter().zip(fine).zip(finest) {
+            let ratio = coarse / fine;
             assert!((ratio - 4.0).abs() < 0.1, "{ratio}");
-            let extrapolated = (4.0 * errors[2][k] - errors[1][k]) / 3.0;
+            let extrapolated = (4.0 * finest - fine) / 3.0;
             assert!(extrapolated.abs() < 1e-9, "{extrapolated:e}");
         }
     }
