@@ -108,7 +108,7 @@ pub enum SetupError {
     #[error("electrodes with a resistance need `leads`, and the scene has none")]
     Leads,
     /// A part of an electrode that no lead reaches.
-    #[error("pattern {pattern}: an island of {cells} cells at cell [y={y}][x={x}] is reached by no lead")]
+    #[error("pattern {pattern}: an island of {cells} {} at cell [y={y}][x={x}] is reached by no lead", if *cells == 1 { "cell" } else { "cells" })]
     Island {
         /// The pattern, counted from 0 among those that were given.
         pattern: usize,

@@ -396,7 +396,7 @@ fn a_stage_keeps_histories_and_its_key_knows_the_time() {
     let plan = |set: &str| {
         let document = workspace.run(&["plan", "creep.yaml", "--json", "--set", set]).json();
         let stages = document["stages"].as_array().unwrap().clone();
-        let stale = stages.iter().filter(|stage| stage["status"] != "fresh");
+        let stale = stages.iter().filter(|stage| stage["outcome"] == "stale");
         stale
             .map(|stage| stage["name"].as_str().unwrap().to_owned())
             .collect::<Vec<_>>()

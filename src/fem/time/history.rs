@@ -25,6 +25,8 @@ const USUAL_ERROR: f64 = 2e-5;
 /// Error of a step of the first pass over what is wanted at the times that were asked for: what a step errs is forgotten while the membrane
 /// relaxes, and passes with shorter steps follow where that is not enough.
 const LOOSE: f64 = 30.0;
+/// Difference between the times at which two passes lose the last stable state that is none, over these.
+const TOGETHER: f64 = 3e-4;
 /// Steps of the first pass over the shortest time of a motion.
 const STEPS_IN_PERIOD: f64 = 40.0;
 /// Times that the steps of the first pass are halved at most.
@@ -372,6 +374,17 @@ fn has_all(fine: &Pass, coarse: &Pass) -> bool {
     coarse.fields.len() >= fine.fields.len()
 }
 
+/// Whether two passes lose the last stable state at about the same time, if they do.
+fn end_together(fine: &Pass, coarse: &Pass) -> bool {
+    match (fine.end, coarse.end) {
+        (PassEnd::Lost { before: fine, .. }, PassEnd::Lost { before: coarse, .. }) => {
+            (fine - coarse).abs() <= TOGETHER * fine
+        }
+        (PassEnd::Lost { .. }, _) => false,
+        _ => true,
+    }
+}
+
 /// The largest difference in mm between two passes; all of the displacement where the coarser one ended before the finer one.
 fn change(fine: &Pass, coarse: &Pass) -> f64 {
     match has_all(fine, coarse) {
@@ -403,10 +416,11 @@ fn refine(
         let ratio = before.map_or(0.25, |before| (difference / before).clamp(0.25, 0.75));
         let share = ratio / (1.0 - ratio);
         let error = share * difference + rounding * largest(&fine.fields);
-        let is_enough = match request.accuracy_mm {
+        let is_small = match request.accuracy_mm {
             Some(accuracy) => error <= accuracy,
             None => has_all(&fine, &coarse) && share * fine.relative_difference(&coarse) <= USUAL_ERROR,
         };
+        let is_enough = is_small && end_together(&fine, &coarse);
         // What falls slowly is not smooth in time, as the mesh's own vibrations after a jump are.
         let is_slow = halvings >= PATIENCE && before.is_some_and(|before| difference > 0.5 * before);
         let is_last = is_enough || is_slow || halvings == MOST_HALVINGS || fine.is_last();

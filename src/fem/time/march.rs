@@ -604,11 +604,7 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
             // A secant, where it leads between what was there and what is wanted.
             let slope = last.map_or(-1.0, |[other, then]| (off - then) / (volts - other));
             last = Some([volts, off]);
-            volts = if slope < -0.2 && slope > -5.0 {
-                volts - off / slope
-            } else {
-                target
-            };
+            volts = if slope < -0.2 { volts - off / slope } else { target };
         }
         Err(Refusal::Unknown)
     }
