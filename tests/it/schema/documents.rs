@@ -160,6 +160,26 @@ stages:
   labels: { kind: import, files: [tests/it/schema/labels.npz], state: pull }
 ";
 
+/// Designs for a time.
+const CREEP: &str = "
+version: 1
+name: creep
+scene:
+  geometry: { side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50, bodies: [{ rectangle: [[20 mm, 20 mm], [30 mm, 30 mm]] }] }
+  material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
+  drive: { voltage: 5 kV }
+  effects: { viscoelasticity: { law: linear, branches: [{ modulus: 20 kPa, time: 30 s }] } }
+stages:
+  several: { kind: design, seed: 1, targets: [{ name: one, objective: { point: [10, 10], direction: 0, time: 1 s } },
+      { name: two, objective: { body: 0, direction: 0, time: 0 s } },
+      { name: three, objective: { points: [{ point: [10, 10], direction: 0 }], time: 10 min } },
+      { name: four, objective: { field: pipelines/fields/pinch.csv, time: 1 h } }] }
+  point: { kind: design, seed: 1, objective: { point: [10, 10], direction: 0, time: 1 s } }
+  body: { kind: design, seed: 1, objective: { body: 0, direction: 0, time: 1 s } }
+  points: { kind: design, seed: 1, objective: { points: [{ point: [10, 10], direction: 0 }], time: 1 s } }
+  field: { kind: design, seed: 1, objective: { field: pipelines/fields/pinch.csv, time: 1 s } }
+";
+
 /// A word that tells mappings apart may be the value of an axis too.
 pub const SWEPT_WORDS: &str = "
 version: 1
@@ -223,7 +243,7 @@ properties: { sheet_resistance: 50 kOhm }",
 /// The documents of a kind.
 pub fn of(kind: Kind) -> Vec<Value> {
     match kind {
-        Kind::Pipeline => vec![json(PIPELINE), json(DEVICE)],
+        Kind::Pipeline => vec![json(PIPELINE), json(DEVICE), json(CREEP)],
         Kind::Scene => {
             let laws = Stiffening::EXAMPLES.iter().map(|law| {
                 format!(

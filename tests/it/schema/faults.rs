@@ -24,7 +24,7 @@ pub struct Fault {
 }
 
 /// What a reader refuses for its meaning and no schema can: what was said, in part.
-pub const BEYOND: [&str; 36] = [
+pub const BEYOND: [&str; 35] = [
     // Names of other stages, and what those are.
     "no stage is named",
     "stage needs",
@@ -50,8 +50,6 @@ pub const BEYOND: [&str; 36] = [
     "the mask",
     "runs of the mask",
     // Electrodes that are not wired.
-    "needs `leads`",
-    "is not simulated together with",
     "there is no cell",
     // What is no drive.
     "has voltages of",
@@ -60,6 +58,7 @@ pub const BEYOND: [&str; 36] = [
     // What is wanted of a design, and what it must keep to.
     "does not know at which field",
     "does not say in which `state`",
+    "is meant after",
     "there is no state",
     "there is no body",
     "it does not exist",
