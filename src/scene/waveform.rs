@@ -176,7 +176,7 @@ impl Parameter for Table {
             }
             return Self::of_rows(rows).map_err(|why| node.error(format!("the table: {why}")).help(ROWS));
         }
-        if !matches!(node.value(), NodeValue::Text(_)) {
+        if matches!(node.value(), NodeValue::Map(_)) {
             return Err(node.error(format!("`{key}` is {}", node.found())).help(ROWS));
         }
         let name = Path::new(node.text(key)?);

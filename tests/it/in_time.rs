@@ -431,7 +431,7 @@ fn electrodes_charge_from_their_leads_and_islands_are_refused() {
         workspace.write("scene.yaml", &scene(effects));
         let ended = workspace.run(&[&["solve", "scene.yaml", "odd.csv", "-o", "out.h5"], &more[..]].concat());
         assert_eq!(ended.code, Some(2), "{more:?}: {}", ended.stderr);
-        let said = "pattern 0: an island of 1 cells at cell [y=0][x=3] is reached by no lead";
+        let said = "pattern 0: an island of 1 cell at cell [y=0][x=3] is reached by no lead";
         assert!(ended.stderr.contains(said), "{more:?}: {}", ended.stderr);
     }
     workspace.write("left.csv", &csv_of_ten(|x| x < 6));

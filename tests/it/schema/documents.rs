@@ -228,7 +228,7 @@ effects: { strain_stiffening: { }, dielectric_breakdown: true, electrode_stiffne
 properties: { strain_stiffening: { model: gent, jm: 125 }, dielectric_breakdown: { law: huang } }",
     "drive: { voltage: 5 kV, waveform: { step: { } }, rest: 10 min, duration: 1 h }
 effects: { viscoelasticity: { law: linear, branches: [ { modulus: 20 kPa, time: 30 s } ] }, inertia: { density: 960 kg/m3 } }",
-    "drive: { voltage: 5 kV, waveform: { ramp: { time: 2 s } } }
+    "drive: { voltage: 5 kV, waveform: { ramp: { time: 2 s } }, source: { resistance: 1 MOhm, current_limit: 1 mA } }
 effects: { viscoelasticity: { }, inertia: true }
 properties: { viscoelasticity: { law: finite, branches: [ { modulus: 20 kPa, time: 30 s } ] }, density: 960 }",
     "drive: { voltages: [5 kV, 1 kV], waveform: { sine: { frequency: 2 Hz, bias: 1 kV } } }",
