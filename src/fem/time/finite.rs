@@ -127,7 +127,7 @@ pub fn least(state: Symmetric, metric: Symmetric) -> f64 {
 /// The integral of 1/pace over a width, by Gauss's rule of six points.
 fn time(pace: &impl Fn(f64) -> f64, from: f64, width: f64) -> f64 {
     const RULE: [(f64, f64); 3] = [
-        (0.932_469_514_203_152_1, 0.171_324_492_379_170_36),
+        (0.932_469_514_203_152, 0.171_324_492_379_170_36),
         (0.661_209_386_466_264_5, 0.360_761_573_048_138_6),
         (0.238_619_186_083_196_9, 0.467_913_934_572_691),
     ];
