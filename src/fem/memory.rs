@@ -27,7 +27,7 @@ pub struct Memory {
 }
 
 impl Memory {
-    /// From the numbers of all points, in the lines that [`line`] says.
+    /// From the numbers of all points, in the lines that [`line()`] says.
     #[must_use]
     pub fn new(layout: NodeLayout, values: Vec<f64>) -> Self {
         let lines = values.chunks_exact(layout.part()).skip(NUMBERS - 1).step_by(NUMBERS);

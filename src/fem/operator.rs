@@ -288,7 +288,7 @@ impl<L: Material> Operator<'_, L> {
     }
 }
 
-/// c⁻¹ along xx, xy and yy, and j², at all quadrature points, in the lines that [`memory::line`] says.
+/// c⁻¹ along xx, xy and yy, and j², at all quadrature points, in the lines that `memory::line` says.
 #[must_use]
 pub fn metrics(activity: &Activity, u: &[f64]) -> Vec<f64> {
     let operator = Operator {

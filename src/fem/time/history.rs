@@ -145,7 +145,7 @@ impl MembraneSolver {
     /// How a pattern moves in the time of the drive.
     ///
     /// # Errors
-    /// When the scene cannot be followed in time: with what, [`refusal`] says.
+    /// When the scene cannot be followed in time: with what, `refusal` says.
     pub fn history(&self, pattern: &Pattern, request: &HistoryRequest) -> Result<History, SetupError> {
         if let Some(refusal) = refusal(&self.scene) {
             return Err(refusal);
