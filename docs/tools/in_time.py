@@ -1,4 +1,4 @@
-"""What the screening of viscoelasticity predicts, beside what histories say: the table of docs/effects.md.
+"""What the screening of effects in time predicts, beside what histories and responses say: the tables of docs/effects.md.
 
     python3 docs/tools/in_time.py [DEAFLOW]
 
@@ -17,19 +17,44 @@ CELLS = 20
 STIFFNESS = 45e3 * 9
 
 
-def displacement(folder, modulus, more, *at):
-    """[pattern][time][y][x][component] of half of the membrane and of random blocks; an equilibrium where no time is asked for."""
+PERMITTIVITY = 4.7 * 8.8541878128e-12
+DENSITY, SHEET = 960, 1e6
+
+
+def solve(folder, drive, effects, patterns, *options, more=""):
+    """The file of a solution."""
     (folder / "scene.yaml").write_text(
         f"geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: {CELLS} }}\n"
         "material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }\n"
-        f"drive: {{ voltage: 5250 V{more} }}\n"
-        f"effects: {{ viscoelasticity: {{ branches: [{{ modulus: {modulus} Pa, time: 1 s }}] }} }}\n"
+        f"drive: {{ {drive} }}\neffects: {{ {effects} }}\n{more}"
     )
-    history = ["--history", "--at", *at] if at else []
-    command = [DEAFLOW, "solve", "scene.yaml", "half.csv", "blocks.csv", "-o", "out.h5", *history]
+    command = [DEAFLOW, "solve", "scene.yaml", *(f"{name}.csv" for name in patterns), "-o", "out.h5", *options]
     subprocess.run(command, cwd=folder, capture_output=True, check=True)
-    with h5py.File(folder / "out.h5") as file:
+    return h5py.File(folder / "out.h5")
+
+
+def displacement(folder, modulus, more, *at):
+    """[pattern][time][y][x][component] of half of the membrane and of random blocks; an equilibrium where no time is asked for."""
+    effects = f"viscoelasticity: {{ branches: [{{ modulus: {modulus} Pa, time: 1 s }}] }}"
+    history = ["--history", "--at", *at] if at else []
+    with solve(folder, f"voltage: 5250 V{more}", effects, ["half", "blocks"], *history) as file:
         return file["displacement"][:, 0] if at else file["displacement"][:]
+
+
+def amplitudes(folder, frequency, effects):
+    """How far all corners of each pattern swing per volt."""
+    asked = ["--response", f"{frequency} Hz:{1.001 * frequency} Hz", "--points", "2"]
+    with solve(folder, "voltage: 5250 V", effects, ["half", "blocks"], *asked) as file:
+        return np.hypot(file["response_real"][:, 0], file["response_imaginary"][:, 0])
+
+
+def swings(folder, frequency, effects):
+    """[pattern][time][y][x][component] over the second period of a voltage of 4 kV and 0.5 kV at a frequency, from the left side."""
+    at = ", ".join(f"{(1 + k / 8) / frequency} s" for k in range(8))
+    drive = f"voltage: 500 V, waveform: {{ sine: {{ frequency: {frequency} Hz, bias: 4 kV }} }}"
+    asked = ["--history", "--at", at]
+    with solve(folder, drive, effects, ["stripe", "comb"], *asked, more="leads: [left]\n") as file:
+        return file["displacement"][:]
 
 
 def change(a, b):
@@ -42,9 +67,12 @@ with tempfile.TemporaryDirectory() as name:
     folder = Path(name)
     half = np.tile(np.arange(CELLS) < CELLS // 2, (CELLS, 1))
     blocks = np.kron(np.random.default_rng(3).random((5, 5)) < 0.5, np.ones((4, 4)))
-    for label, pattern in (("half", half), ("blocks", blocks)):
+    # Electrodes as long as the membrane, from the lead on.
+    stripe = half.T
+    comb = np.tile(np.arange(CELLS)[:, None] % 4 < 2, (1, CELLS)) | (np.arange(CELLS) < 2)
+    for label, pattern in (("half", half), ("blocks", blocks), ("stripe", stripe), ("comb", comb)):
         np.savetxt(folder / f"{label}.csv", np.asarray(pattern, int), fmt="%d", delimiter=",")
-    print("| what | predicted | half | blocks |\n|---|---|---|---|")
+    print("| viscoelasticity | predicted | half | blocks |\n|---|---|---|---|")
     row = lambda what, predicted, found: print(f"| {what} | {predicted:.3f} | {found[0]:.3f} | {found[1]:.3f} |")
     for weight in (0.005, 0.02, 0.1, 0.4):
         modulus = weight * STIFFNESS / 4
@@ -57,3 +85,24 @@ with tempfile.TemporaryDirectory() as name:
         modulus = 45e3 * ratio
         found = change(displacement(folder, modulus, f", rest: {rest} s", "0 s"), displacement(folder, modulus, "", "0 s"))
         row(f"rest of {rest} τ", ratio * np.exp(-rest), found)
+
+    print("\n| inertia: f/f₁ | predicted | half | blocks |\n|---|---|---|---|")
+    first = np.hypot(3 / 0.1, 3 / 0.1) * np.sqrt(45e3 / DENSITY)
+    for ratio in (0.05, 0.1, 0.2, 0.4):
+        frequency = ratio * first
+        moving = amplitudes(folder, frequency, f"inertia: {{ density: {DENSITY} kg/m3 }}")
+        found = change(moving, amplitudes(folder, 1e-3 * first, f"inertia: {{ density: {DENSITY} kg/m3 }}"))
+        row(ratio, ratio**2 / (1 - ratio**2), found)
+
+    print("\n| electrode resistance: 2πf R c/Λ₁ | stripe | comb |\n|---|---|---|")
+    # Both sheets, over the lowest eigenvalue of an electrode as long as the membrane.
+    time = 2 * SHEET * PERMITTIVITY / (1e-3 / 9) / (0.5 * np.pi / 50e-3) ** 2
+    for number in (0.01, 0.04, 0.1, 0.4):
+        frequency = number / (2 * np.pi * time)
+        charging, charged = (
+            swings(folder, frequency, effects) for effects in (f"electrode_resistance: {{ sheet_resistance: {SHEET} Ohm }}", "")
+        )
+        swing = charged - charged.mean(axis=1, keepdims=True)
+        size = lambda field: np.sqrt((field**2).sum(axis=-1)).max(axis=(1, 2, 3))
+        found = size(charging - charged) / size(swing)
+        print(f"| {number} | {found[0]:.3f} | {found[1]:.3f} |")
