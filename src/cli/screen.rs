@@ -115,7 +115,11 @@ fn text(screening: &Screening) -> String {
         ]);
     }
     let simulated = format!("simulated: effects: {}", screening.scene.effects.to_text());
-    let legend = "now: on or off as the scene has it; – cannot be simulated yet".to_owned();
+    let is_missing = |row: &Row| row.status == Status::NotAvailable;
+    let legend = match screening.rows.iter().any(is_missing) {
+        true => "now: on or off as the scene has it; – cannot be simulated yet".to_owned(),
+        false => "now: on or off as the scene has it".to_owned(),
+    };
     let warnings = screening
         .warnings()
         .into_iter()

@@ -95,11 +95,11 @@ pub fn assess(comparisons: &[Comparison]) -> Assessment {
     }
     match comparisons.iter().find(|one| one.is_unknown()) {
         Some(unknown) if by_number.verdict != Verdict::CalledFor => Assessment {
-            number: None,
             verdict: Verdict::GivenUp,
             change: format!(
-                "could not be judged by `{}`: it takes more work than is allowed, and a screening with a longer time limit may tell more",
-                unknown.pattern
+                "could not be judged by `{}`: it takes more work than is allowed, and a screening with a longer time limit may tell more{}",
+                unknown.pattern,
+                number.map_or_else(String::new, |_| format!("; {}", by_number.change))
             ),
             ..by_number
         },
@@ -223,8 +223,13 @@ mod tests {
     fn what_was_given_up_is_not_known_unless_another_pattern_says_so() {
         let given_up = one([Outcome::Converged, Outcome::WorkLimit], None);
         let found = assess(&[given_up.clone(), one([Outcome::Converged; 2], Some(0.01))]);
-        assert_eq!((found.verdict, found.number), (Verdict::GivenUp, None));
-        assert!(found.change.contains("a longer time limit"), "{}", found.change);
+        assert_eq!((found.verdict, found.number), (Verdict::GivenUp, Some(0.01)));
+        assert!(
+            found.change.contains("a longer time limit may tell more; changes"),
+            "{}",
+            found.change
+        );
+        assert_eq!(assess(std::slice::from_ref(&given_up)).number, None);
         let found = assess(&[given_up, one([Outcome::Converged; 2], Some(0.03))]);
         assert_eq!(found.verdict, Verdict::CalledFor);
     }
