@@ -23,10 +23,7 @@ pub struct Eigenpair {
 }
 
 /// Energy and stiffness of a membrane without thickness and voltage: its tangent is the Laplacian.
-pub(super) const WITHOUT_THICKNESS: NeoHookean = NeoHookean {
-    thickness: 0.0,
-    pull: 0.0,
-};
+pub(super) const WITHOUT_THICKNESS: NeoHookean = NeoHookean::without_thickness();
 /// Steps after which the value is taken as it is.
 const LIMIT: usize = 300;
 /// Steps over which the value must have stopped to fall.
@@ -220,10 +217,7 @@ mod tests {
     use crate::field::{Mesh, Order};
 
     fn at<R>(mesh: Mesh, pull: f64, work: impl FnOnce(&Operator<'_, NeoHookean>, &Laplacian, &[f64]) -> R) -> R {
-        let material = NeoHookean {
-            thickness: 1.0 / 729.0,
-            pull,
-        };
+        let material = NeoHookean::of(1.0 / 729.0, pull);
         let grid = Grid::paper(mesh);
         let activity = Activity::from_shares(&grid, |x, y| if (x / 10 + y / 10) % 2 == 0 { 1.0 } else { 0.2 });
         let operator = Operator {
@@ -262,7 +256,7 @@ mod tests {
             (0.2, 0.8 + 3.0 * thickness),
             (0.9, 0.1 + 3.0 * thickness),
         ] {
-            let material = NeoHookean { thickness, pull };
+            let material = NeoHookean::of(thickness, pull);
             let operator = Operator {
                 material: &material,
                 activity: &activity,

@@ -8,6 +8,7 @@
 //!
 //! However many viscoelastic branches there are, at one time they add no more than that: P is the sum of what they remember.
 
+use super::energy::MODULI;
 use super::kinematics::{Tensor, add_scaled, cofactor, contract, deformation, determinant};
 use super::lanes::Value;
 use super::layout::NodeLayout;
@@ -15,6 +16,10 @@ use super::precision::{Both, Precision};
 
 /// Numbers at a point: P along xx, xy and yy, and P₃₃.
 pub const NUMBERS: usize = 4;
+
+/// Numbers that determine the tangent of a law and a memory together at a given deformation: 2φᵢ + P along xx, xy and yy, then
+/// φⱼ − P₃₃ j⁻³, 4φᵢᵢ, 2φᵢⱼ and φⱼⱼ + 3 P₃₃ j⁻⁴.
+pub const MODULI_WITH_MEMORY: usize = 7;
 
 /// The coefficients at all quadrature points.
 #[derive(Clone, Debug, PartialEq)]
@@ -68,7 +73,10 @@ pub fn stress<V: Value>([xx, xy, yy, normal]: [V; NUMBERS], gradient: Tensor<V>)
 pub fn stress_between<V: Value>([xx, xy, yy, normal]: [V; NUMBERS], gradient: Tensor<V>, df: Tensor<V>) -> Tensor<V> {
     let number = |value: f64| normal.constant(value);
     let middle = deformation(add_scaled(gradient, number(0.5), df));
-    let [first, last] = [gradient, add_scaled(gradient, number(1.0), df)].map(|at| determinant(deformation(at)));
+    let (first, last) = (
+        determinant(deformation(gradient)),
+        determinant(deformation(add_scaled(gradient, number(1.0), df))),
+    );
     let inverse = (first * last).recip();
     let squeezed = -(number(0.5) * normal * (first + last) * (inverse * inverse));
     add_scaled(times(middle, [xx, xy, yy]), squeezed, cofactor(middle))
@@ -85,6 +93,34 @@ pub fn tangent<V: Value>([xx, xy, yy, normal]: [V; NUMBERS], gradient: Tensor<V>
     add_scaled(add_scaled(times(df, [xx, xy, yy]), along, c), -squeezed, cofactor(df))
 }
 
+/// The numbers of [`MODULI_WITH_MEMORY`] from those of the law.
+#[inline(always)]
+pub fn moduli_with_memory<V: Value>(
+    [i, j, ii, ij, jj]: [V; MODULI],
+    [xx, xy, yy, normal]: [V; NUMBERS],
+    gradient: Tensor<V>,
+) -> [V; MODULI_WITH_MEMORY] {
+    let inverse = determinant(deformation(gradient)).recip();
+    let squeezed = normal * inverse * (inverse * inverse);
+    let curvature = (inverse.constant(3.0) * squeezed).madd(inverse, jj);
+    [i + xx, xy, i + yy, j - squeezed, ii, ij, curvature]
+}
+
+/// The change of stress along `df` from these numbers.
+#[inline(always)]
+pub fn tangent_from<V: Value>(
+    gradient: Tensor<V>,
+    [xx, xy, yy, j, ii, ij, jj]: [V; MODULI_WITH_MEMORY],
+    df: Tensor<V>,
+) -> Tensor<V> {
+    let f = deformation(gradient);
+    let c = cofactor(f);
+    let (along, across) = (contract(f, df), contract(c, df));
+    let (first, second) = (ii.madd(along, ij * across), ij.madd(along, jj * across));
+    let direct = add_scaled(times(df, [xx, xy, yy]), j, cofactor(df));
+    add_scaled(add_scaled(direct, first, f), second, c)
+}
+
 /// How much it adds at least to the margins of ellipticity and of convexity, with the null Lagrangian of a weight taken out: f P and cof df are
 /// bounded by the smaller eigenvalue of P and by |df|².
 #[inline(always)]
@@ -97,10 +133,13 @@ pub fn margins<V: Value>([xx, xy, yy, normal]: [V; NUMBERS], weight: f64, f: Ten
     [least, least - turned.max(-turned)]
 }
 
-/// f P.
+/// f P. Not by `map`, whose closure is a function of its own: without the registers of the kernel it takes three times as long.
 #[inline(always)]
-fn times<V: Value>(f: Tensor<V>, [xx, xy, yy]: [V; 3]) -> Tensor<V> {
-    f.map(|[x, y]| [x.madd(xx, y * xy), x.madd(xy, y * yy)])
+fn times<V: Value>([[a, b], [c, d]]: Tensor<V>, [xx, xy, yy]: [V; 3]) -> Tensor<V> {
+    [
+        [a.madd(xx, b * xy), a.madd(xy, b * yy)],
+        [c.madd(xx, d * xy), c.madd(xy, d * yy)],
+    ]
 }
 
 #[cfg(test)]

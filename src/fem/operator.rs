@@ -17,14 +17,16 @@ use super::activity::View;
 pub use super::activity::{Activity, load_of};
 use super::eigenvalue::WITHOUT_THICKNESS;
 use super::element::{Bilinear, Biquadratic, Element};
-use super::energy::{MODULI, Material};
+use super::energy::{MODULI, Material, NeoHookean};
 use super::kinematics::Tensor;
 use super::lanes::{Real, Value, WIDEST, Wide};
 use super::layout::NodeLayout;
-use super::memory;
+use super::memory::{self, MODULI_WITH_MEMORY};
 pub use super::precision::Precision;
 use super::sheet::Mount;
-use point::{MemoryBetween, MemoryStress, MemoryTangent, Point, StressAt, StressBetween, TangentAt, TangentFrom};
+use point::{
+    MemoryBetween, MemoryStress, MemoryTangent, Point, StressAt, StressBetween, TangentAt, TangentFrom, TangentOfBoth,
+};
 use survey::{Metrics, Store, Survey, place};
 
 /// The discrete equilibrium of one pattern under one law.
@@ -102,14 +104,8 @@ impl<L: Material> Operator<'_, L> {
         if self.activity.memory().is_none() {
             return;
         }
-        // Of one law, so that it is compiled once.
-        let flat = Operator {
-            material: &WITHOUT_THICKNESS,
-            activity: self.activity,
-            pulled: 0.0,
-        };
         let mut more = vec![T::default(); out.len()];
-        flat.sweep(inputs, &[], &mut more, point);
+        self.without_law().sweep(inputs, &[], &mut more, point);
         Arch::new().dispatch(
             #[inline(always)]
             || {
@@ -118,6 +114,15 @@ impl<L: Material> Operator<'_, L> {
                     .for_each(|(out, more)| *out = T::from_f64(out.to_f64() + more.to_f64()))
             },
         );
+    }
+
+    /// A membrane of the same elements without thickness and voltage.
+    fn without_law(&self) -> Operator<'_, NeoHookean> {
+        Operator {
+            material: &WITHOUT_THICKNESS,
+            activity: self.activity,
+            pulled: 0.0,
+        }
     }
 
     /// The tangent at `u` times `du`, at interior nodes, into `out`.
@@ -130,11 +135,7 @@ impl<L: Material> Operator<'_, L> {
 
     /// The Laplacian times `du`: the tangent of a membrane without thickness and voltage, of bodies without loads and springs.
     pub fn laplacian<T: Precision>(&self, u: &[T], du: &[T], out: &mut [T]) {
-        let flat = Operator {
-            material: &WITHOUT_THICKNESS,
-            activity: self.activity,
-            pulled: 0.0,
-        };
+        let flat = self.without_law();
         flat.sweep([u, du], &[], out, TangentAt(flat.material));
         if let Some(supports) = self.activity.grid().supports() {
             supports.restrict(&supports.poses(u), out);
@@ -175,9 +176,9 @@ impl<L: Material> Operator<'_, L> {
         });
     }
 
-    /// What [`Operator::tangent_at`] wants to be kept of `u`: nothing, for laws that are quick to evaluate.
+    /// What [`Operator::tangent_at`] wants to be kept of `u`: nothing, for laws that are quick to evaluate without a memory.
     pub fn linearise<T: Precision>(&self, u: &[T], moduli: &mut Vec<T>) {
-        if L::STORES {
+        if L::STORES || self.activity.memory().is_some() {
             match self.activity.grid().order() {
                 Order::Bilinear => self.store::<Bilinear, T, 4>(u, moduli),
                 Order::Biquadratic => self.store::<Biquadratic, T, 9>(u, moduli),
@@ -196,19 +197,25 @@ impl<L: Material> Operator<'_, L> {
             .supports()
             .map_or(0, |supports| supports.bodies().len());
         let (moduli, curvatures) = moduli.split_at(moduli.len() - bodies);
-        if L::STORES {
+        if self.activity.memory().is_some() {
+            // The same kernel whatever the law, so that it is compiled once.
+            self.without_law().sweep([u, du], moduli, out, TangentOfBoth);
+        } else if L::STORES {
             self.sweep([u, du], moduli, out, TangentFrom(self.material));
         } else {
             self.sweep([u, du], &[], out, TangentAt(self.material));
         }
-        self.remember([u, du], out, MemoryTangent);
         let curvatures: Vec<f64> = curvatures.iter().map(|curvature| curvature.to_f64()).collect();
         self.add_bodies(u, du, &curvatures, out);
     }
 
     fn store<E: Element<N>, T: Precision, const N: usize>(&self, u: &[T], moduli: &mut Vec<T>) {
         let layout = self.layout();
-        moduli.resize(layout.rows() * layout.part() * N * MODULI, T::default());
+        let each = match self.activity.memory() {
+            None => MODULI,
+            Some(_) => MODULI_WITH_MEMORY,
+        };
+        moduli.resize(layout.rows() * layout.part() * N * each, T::default());
         let survey = self.survey::<E, T, N>(u);
         Arch::new().dispatch(Store { survey, moduli });
     }
@@ -377,11 +384,12 @@ impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, c
                     if P::WATCHED {
                         smallest = smallest.min(self.point.watched(here[0]));
                     }
-                    let mut moduli = [zero; MODULI];
-                    if P::STORED {
-                        let start = place(self.layout, first, row, T::lanes::<S>(), N, q);
-                        for (at, value) in moduli.iter_mut().enumerate() {
-                            *value = Wide::load(simd, &self.moduli[start + at * T::lanes::<S>()..]);
+                    let mut moduli = [zero; MODULI_WITH_MEMORY];
+                    if P::STORED > 0 {
+                        let lanes = T::lanes::<S>();
+                        let start = place(self.layout, [first, row], lanes, [N, q], P::STORED);
+                        for (at, value) in moduli.iter_mut().take(P::STORED).enumerate() {
+                            *value = Wide::load(simd, &self.moduli[start + at * lanes..]);
                         }
                     }
                     if P::REMEMBERS

@@ -535,10 +535,7 @@ mod tests {
     #[test]
     fn it_inverts_the_tangent_of_a_membrane_without_thickness_and_voltage() {
         // With a = b = 0 the energy is ½|∇u|² and the tangent is the Laplacian.
-        let material = NeoHookean {
-            thickness: 0.0,
-            pull: 0.0,
-        };
+        let material = NeoHookean::without_thickness();
         let rectangle = |sides: [usize; 2], size_mm, prestretch| Sheet {
             membrane: Membrane {
                 raster: Raster::new(sides[0], sides[1]).unwrap(),

@@ -108,10 +108,7 @@ mod tests {
         let activity = Activity::from_shares(&grid, |x, y| if (x / 10 + y / 10) % 2 == 0 { 1.0 } else { 0.2 });
         let mut seen = [false, false];
         for step in 0..16 {
-            let material = NeoHookean {
-                thickness: 1.0 / 729.0,
-                pull: 0.6 + 0.05 * f64::from(step),
-            };
+            let material = NeoHookean::of(1.0 / 729.0, 0.6 + 0.05 * f64::from(step));
             let operator = Operator {
                 material: &material,
                 activity: &activity,

@@ -28,6 +28,8 @@ pub struct Model {
     wrinkles: bool,
     /// γ of branches that have no time to relax, in units of μλp².
     slowness: f64,
+    /// Whether the drive is a charge.
+    has_charge: bool,
 }
 
 /// Work that is the same under every law.
@@ -92,6 +94,7 @@ impl Model {
             fringe: effects.fringe_field.as_ref().map(|_| Fringe::new(scene)).transpose()?,
             wrinkles: effects.wrinkling.is_some(),
             slowness: 0.0,
+            has_charge: scene.drive.charge.is_some(),
         };
         let [is_finite, is_elliptic] = model.with(AtRest(model.sheet.distortion())).map(|margin| margin > 0.0);
         match (is_finite, is_elliptic) {
@@ -114,7 +117,10 @@ impl Model {
     pub fn with<W: WithMaterial>(&self, work: W) -> W::Output {
         let (prestretch, kappa) = (self.prestretch, self.kappa);
         match self.stiffening {
-            None if self.is_base_law() => work.run(|share: f64| NeoHookean::new(prestretch, share * kappa)),
+            None if self.is_base_law() => {
+                let slowness = if self.law_takes_slowness() { self.slowness } else { 0.0 };
+                work.run(|share: f64| NeoHookean::new(prestretch, share * kappa).slowed(slowness))
+            }
             None => self.with_elasticity(Neo::new(prestretch), work),
             Some(elasticity) => self.with_elasticity(elasticity, work),
         }
@@ -123,6 +129,15 @@ impl Model {
     /// Whether effects leave the law at a point as it is.
     fn is_base_law(&self) -> bool {
         self.electrode.is_none() && self.decay.is_none() && !self.wrinkles
+    }
+
+    /// Whether branches that have no time to relax are part of the law, which goes with the base model where the membrane is at f = I at rest:
+    /// there ½γ(tr c + j⁻²) is added to ½(tr c + a j⁻²). The law is then in units of (1 + γ)μH, and loads of bodies and charges are in units of
+    /// μH.
+    fn law_takes_slowness(&self) -> bool {
+        let [along, across] = self.sheet.prestretch;
+        let is_plain = self.stiffening.is_none() && self.is_base_law() && along == across;
+        is_plain && self.sheet.mounts.is_empty() && !self.has_charge
     }
 
     fn with_elasticity<M: Elasticity, W: WithMaterial>(&self, elasticity: M, work: W) -> W::Output {
@@ -166,7 +181,7 @@ impl Model {
     /// An activity with what branches that have no time to relax add.
     #[must_use]
     pub fn slow(&self, activity: Activity) -> Activity {
-        if self.slowness == 0.0 {
+        if self.slowness == 0.0 || self.law_takes_slowness() {
             return activity;
         }
         let layout = activity.grid().layout();

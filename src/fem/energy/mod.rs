@@ -72,12 +72,9 @@ pub trait Material: Sync {
         add_scaled(stress, share, df)
     }
     /// The numbers that [`Material::tangent`] takes more time to find than to read again, for conjugate gradients that ask for it
-    /// in many directions at one place. Asked for only where [`Material::STORES`].
-    #[inline(always)]
-    fn moduli<V: Value>(&self, _gradient: Tensor<V>, active: V) -> [V; MODULI] {
-        [active.constant(0.0); MODULI]
-    }
-    /// `tangent` from the moduli.
+    /// in many directions at one place.
+    fn moduli<V: Value>(&self, gradient: Tensor<V>, active: V) -> [V; MODULI];
+    /// `tangent` from the moduli. Asked for only where [`Material::STORES`].
     #[inline(always)]
     fn tangent_from<V: Value>(&self, gradient: Tensor<V>, moduli: [V; MODULI], df: Tensor<V>) -> Tensor<V> {
         self.tangent(gradient, moduli[0], df)

@@ -11,29 +11,55 @@
 //!
 //! Taking I − a cof f out of p leaves ∇u + (g′ + a) cof f, which is zero at rest and without voltage.
 
-use super::Material;
+use super::{MODULI, Material};
 use crate::fem::kinematics::{
     Tensor, add_scaled, cofactor, conformal_split, contract, deformation, determinant, squared_stretches,
 };
 use crate::fem::lanes::Value;
 
-/// The two numbers of the base model.
+/// The numbers of the base model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NeoHookean {
     /// a = λp⁻⁶: resistance of the thickness.
     pub thickness: f64,
     /// b = κλp²: electric pull.
     pub pull: f64,
+    /// 3/λp², what the energy is counted from.
+    at_rest: f64,
 }
 
 impl NeoHookean {
     /// The law at prestretch λp and κ = ε(V/H)²/μ.
     #[must_use]
     pub fn new(prestretch: f64, kappa: f64) -> Self {
+        Self::of(prestretch.powi(-6), kappa * prestretch * prestretch)
+    }
+
+    /// That of a and b.
+    #[must_use]
+    pub fn of(thickness: f64, pull: f64) -> Self {
         Self {
-            thickness: prestretch.powi(-6),
-            pull: kappa * prestretch * prestretch,
+            thickness,
+            pull,
+            at_rest: 3.0 * thickness.cbrt(),
         }
+    }
+
+    /// That of a membrane without thickness and voltage.
+    #[must_use]
+    pub const fn without_thickness() -> Self {
+        Self {
+            thickness: 0.0,
+            pull: 0.0,
+            at_rest: 0.0,
+        }
+    }
+
+    /// The same with ½γ(tr c + j⁻²) beside it, in units of (1 + γ)μH: its law is of the same form.
+    #[must_use]
+    pub fn slowed(self, slowness: f64) -> Self {
+        let whole = 1.0 + slowness;
+        Self::of((self.thickness + slowness) / whole, self.pull / whole)
     }
 
     /// j − 1 without cancellation.
@@ -68,7 +94,7 @@ impl Material for NeoHookean {
         let inverse = j.recip();
         let thickness = active.constant(self.thickness) * inverse * inverse;
         let electric = active.constant(self.pull) * active * j * j;
-        let rest = active.constant(3.0 * self.thickness.cbrt());
+        let rest = active.constant(self.at_rest);
         active.constant(0.5) * (contract(f, f) + thickness - electric - rest)
     }
 
@@ -87,12 +113,22 @@ impl Material for NeoHookean {
         add_scaled(add_scaled(df, volumetric, c), slope, dc)
     }
 
+    #[inline(always)]
+    fn moduli<V: Value>(&self, gradient: Tensor<V>, active: V) -> [V; MODULI] {
+        let (slope, curvature) = self.slopes(Self::dilation(gradient), active);
+        let number = |value: f64| active.constant(value);
+        [number(1.0), slope, number(0.0), number(0.0), curvature]
+    }
+
     /// Exact, because j is a quadratic function of f: φ cof f in the middle, with φ = [g(j₁) − g(j₀)]/(j₁ − j₀).
     #[inline(always)]
     fn stress_between<V: Value>(&self, gradient: Tensor<V>, active: V, df: Tensor<V>) -> Tensor<V> {
         let number = |value: f64| active.constant(value);
         let middle = add_scaled(gradient, number(0.5), df);
-        let [first, last] = [gradient, add_scaled(gradient, number(1.0), df)].map(|at| determinant(deformation(at)));
+        let (first, last) = (
+            determinant(deformation(gradient)),
+            determinant(deformation(add_scaled(gradient, number(1.0), df))),
+        );
         let inverse = (first * last).recip();
         let sum = first + last;
         // a − ½a(j₀ + j₁)/(j₀²j₁²) − ½Sb(j₀ + j₁)
@@ -142,6 +178,7 @@ impl Material for NeoHookean {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fem::memory;
 
     const F: Tensor<f64> = [[1.12, 0.07], [-0.11, 0.93]];
     const GRADIENT: Tensor<f64> = [[0.12, 0.07], [-0.11, -0.07]];
@@ -198,6 +235,9 @@ mod tests {
                 fn tangent<V: Value>(&self, gradient: Tensor<V>, active: V, df: Tensor<V>) -> Tensor<V> {
                     self.0.tangent(gradient, active, df)
                 }
+                fn moduli<V: Value>(&self, gradient: Tensor<V>, active: V) -> [V; MODULI] {
+                    self.0.moduli(gradient, active)
+                }
                 fn self_stress(&self, f: Tensor<f64>) -> Tensor<f64> {
                     self.0.self_stress(f)
                 }
@@ -216,6 +256,36 @@ mod tests {
             }
             let other = contract(Other(material).stress_between(GRADIENT, active, df), df) + null;
             assert!((other - change).abs() < 1e-15, "{other} {change}");
+        }
+    }
+
+    #[test]
+    fn what_has_no_time_to_relax_is_a_law_of_the_same_form() {
+        // Along m⊗N no null Lagrangian is seen.
+        let (material, slowness) = (NeoHookean::new(3.0, 0.03), 0.7);
+        let slow = material.slowed(slowness);
+        for (active, angle) in [(0.0, 0.3), (1.0, 0.3), (1.0, 1.9), (0.4, -0.6)] {
+            let (m, n) = ([f64::cos(angle), f64::sin(angle)], [0.8, -0.6]);
+            let df = m.map(|m| n.map(|n| m * n));
+            let beside = memory::tangent([slowness, 0.0, slowness, slowness], GRADIENT, df);
+            let sum = contract(df, material.tangent(GRADIENT, active, df)) + contract(df, beside);
+            let own = (1.0 + slowness) * contract(df, slow.tangent(GRADIENT, active, df));
+            assert!((sum - own).abs() < 1e-14, "{sum} {own}");
+        }
+        assert_eq!(material.slowed(0.0), material);
+    }
+
+    #[test]
+    fn moduli_determine_the_tangent_with_and_without_a_memory() {
+        let (material, df) = (NeoHookean::new(3.0, 0.03), [[0.2, -0.1], [0.07, 0.15]]);
+        let remembered = [0.9, 0.2, 1.3, 0.7];
+        let moduli = material.moduli(GRADIENT, 0.6);
+        let of_law = material.tangent(GRADIENT, 0.6, df);
+        let of_memory = memory::tangent(remembered, GRADIENT, df);
+        let both = memory::moduli_with_memory(moduli, remembered, GRADIENT);
+        let found = memory::tangent_from(GRADIENT, both, df);
+        for (i, k) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+            assert!((found[i][k] - of_law[i][k] - of_memory[i][k]).abs() < 1e-15);
         }
     }
 

@@ -3,9 +3,9 @@
 use crate::fem::energy::{MODULI, Material};
 use crate::fem::kinematics::Tensor;
 use crate::fem::lanes::Value;
-use crate::fem::memory;
 #[cfg(doc)]
 use crate::fem::memory::Memory;
+use crate::fem::memory::{self, MODULI_WITH_MEMORY};
 
 /// What happens at a quadrature point: from the gradients of M fields to a stress.
 pub(super) trait Point<const M: usize>: Copy {
@@ -13,11 +13,11 @@ pub(super) trait Point<const M: usize>: Copy {
     const WATCHED: bool;
     /// What has to stay positive at the gradient of the first field.
     fn watched<V: Value>(self, gradient: Tensor<V>) -> V;
-    /// Whether stored moduli are wanted.
-    const STORED: bool = false;
-    /// Whether the numbers of a [`Memory`] are wanted, as the first of the moduli.
+    /// How many stored numbers are wanted.
+    const STORED: usize = 0;
+    /// Whether the numbers of a [`Memory`] are wanted, as the first of them.
     const REMEMBERS: bool = false;
-    fn stress<V: Value>(self, gradients: [Tensor<V>; M], active: V, moduli: [V; MODULI]) -> Tensor<V>;
+    fn stress<V: Value>(self, gradients: [Tensor<V>; M], active: V, stored: [V; MODULI_WITH_MEMORY]) -> Tensor<V>;
 }
 
 /// The stress at one field.
@@ -28,6 +28,10 @@ pub(super) struct TangentAt<'a, L>(pub(super) &'a L);
 
 /// The same from stored moduli.
 pub(super) struct TangentFrom<'a, L>(pub(super) &'a L);
+
+/// The same of a law and a [`Memory`] together.
+#[derive(Clone, Copy)]
+pub(super) struct TangentOfBoth;
 
 /// The stress of a [`Memory`] at one field.
 #[derive(Clone, Copy)]
@@ -83,7 +87,7 @@ impl<L: Material> Point<1> for StressAt<'_, L> {
         self.0.admissible(gradient)
     }
     #[inline(always)]
-    fn stress<V: Value>(self, [gradient]: [Tensor<V>; 1], active: V, _moduli: [V; MODULI]) -> Tensor<V> {
+    fn stress<V: Value>(self, [gradient]: [Tensor<V>; 1], active: V, _stored: [V; MODULI_WITH_MEMORY]) -> Tensor<V> {
         self.0.stress(gradient, active)
     }
 }
@@ -95,21 +99,50 @@ impl<L: Material> Point<2> for TangentAt<'_, L> {
         gradient[0][0]
     }
     #[inline(always)]
-    fn stress<V: Value>(self, [gradient, change]: [Tensor<V>; 2], active: V, _moduli: [V; MODULI]) -> Tensor<V> {
+    fn stress<V: Value>(
+        self,
+        [gradient, change]: [Tensor<V>; 2],
+        active: V,
+        _stored: [V; MODULI_WITH_MEMORY],
+    ) -> Tensor<V> {
         self.0.tangent(gradient, active, change)
     }
 }
 
 impl<L: Material> Point<2> for TangentFrom<'_, L> {
     const WATCHED: bool = false;
-    const STORED: bool = true;
+    const STORED: usize = MODULI;
     #[inline(always)]
     fn watched<V: Value>(self, gradient: Tensor<V>) -> V {
         gradient[0][0]
     }
     #[inline(always)]
-    fn stress<V: Value>(self, [gradient, change]: [Tensor<V>; 2], _active: V, moduli: [V; MODULI]) -> Tensor<V> {
-        self.0.tangent_from(gradient, moduli, change)
+    fn stress<V: Value>(
+        self,
+        [gradient, change]: [Tensor<V>; 2],
+        _active: V,
+        stored: [V; MODULI_WITH_MEMORY],
+    ) -> Tensor<V> {
+        let [i, j, ii, ij, jj, ..] = stored;
+        self.0.tangent_from(gradient, [i, j, ii, ij, jj], change)
+    }
+}
+
+impl Point<2> for TangentOfBoth {
+    const WATCHED: bool = false;
+    const STORED: usize = MODULI_WITH_MEMORY;
+    #[inline(always)]
+    fn watched<V: Value>(self, gradient: Tensor<V>) -> V {
+        gradient[0][0]
+    }
+    #[inline(always)]
+    fn stress<V: Value>(
+        self,
+        [gradient, change]: [Tensor<V>; 2],
+        _active: V,
+        stored: [V; MODULI_WITH_MEMORY],
+    ) -> Tensor<V> {
+        memory::tangent_from(gradient, stored, change)
     }
 }
 
@@ -125,7 +158,7 @@ impl Point<1> for MemoryStress {
         self,
         [gradient]: [Tensor<V>; 1],
         _active: V,
-        [xx, xy, yy, normal, _]: [V; MODULI],
+        [xx, xy, yy, normal, ..]: [V; MODULI_WITH_MEMORY],
     ) -> Tensor<V> {
         memory::stress([xx, xy, yy, normal], gradient)
     }
@@ -138,7 +171,12 @@ impl<L: Material> Point<2> for StressBetween<'_, L> {
         gradient[0][0]
     }
     #[inline(always)]
-    fn stress<V: Value>(self, [gradient, change]: [Tensor<V>; 2], active: V, _moduli: [V; MODULI]) -> Tensor<V> {
+    fn stress<V: Value>(
+        self,
+        [gradient, change]: [Tensor<V>; 2],
+        active: V,
+        _stored: [V; MODULI_WITH_MEMORY],
+    ) -> Tensor<V> {
         self.0.stress_between(gradient, active, change)
     }
 }
@@ -155,7 +193,7 @@ impl Point<2> for MemoryBetween {
         self,
         [gradient, change]: [Tensor<V>; 2],
         _active: V,
-        [xx, xy, yy, normal, _]: [V; MODULI],
+        [xx, xy, yy, normal, ..]: [V; MODULI_WITH_MEMORY],
     ) -> Tensor<V> {
         memory::stress_between([xx, xy, yy, normal], gradient, change)
     }
@@ -173,7 +211,7 @@ impl Point<2> for MemoryTangent {
         self,
         [gradient, change]: [Tensor<V>; 2],
         _active: V,
-        [xx, xy, yy, normal, _]: [V; MODULI],
+        [xx, xy, yy, normal, ..]: [V; MODULI_WITH_MEMORY],
     ) -> Tensor<V> {
         memory::tangent([xx, xy, yy, normal], gradient, change)
     }

@@ -10,7 +10,7 @@ use crate::fem::energy::{MODULI, Material};
 use crate::fem::kinematics::{Tensor, deformation, determinant};
 use crate::fem::lanes::{Real, Value, Wide};
 use crate::fem::layout::NodeLayout;
-use crate::fem::memory;
+use crate::fem::memory::{self, MODULI_WITH_MEMORY};
 
 /// One pass over the quadrature points that finds the smallest margins.
 pub(super) struct Survey<'a, E, L, T, const N: usize> {
@@ -84,13 +84,19 @@ impl<E: Element<N>, L, T: Precision, const N: usize> Survey<'_, E, L, T, N> {
     }
 }
 
-/// Where the moduli of point `q` of N lie, of the elements from `first` on of a row: a register for each.
+/// Where so many moduli of point `q` of N lie, of the elements from `first` on of a row: a register for each.
 #[inline(always)]
-pub(super) fn place(layout: NodeLayout, first: usize, row: usize, lanes: usize, points: usize, q: usize) -> usize {
-    ((row * layout.part() + first) * points + q * lanes) * MODULI
+pub(super) fn place(
+    layout: NodeLayout,
+    [first, row]: [usize; 2],
+    lanes: usize,
+    [points, q]: [usize; 2],
+    moduli: usize,
+) -> usize {
+    ((row * layout.part() + first) * points + q * lanes) * moduli
 }
 
-/// One pass over the quadrature points that stores their moduli.
+/// One pass over the quadrature points that stores their moduli: those of the law, or with a memory those of both.
 pub(super) struct Store<'a, E, L, T, const N: usize> {
     pub survey: Survey<'a, E, L, T, N>,
     pub moduli: &'a mut [T],
@@ -112,9 +118,20 @@ impl<E: Element<N>, L: Material, T: Precision, const N: usize> WithSimd for Stor
             for first in (0..layout.columns()).step_by(lanes) {
                 let active = Wide::load(simd, &activity.values[row * layout.part() + first..]);
                 for (q, gradient) in self.survey.gradients(simd, first, row).into_iter().enumerate() {
-                    let start = place(layout, first, row, lanes, N, q);
-                    for (at, value) in material.moduli(gradient, active).into_iter().enumerate() {
-                        value.store(&mut self.moduli[start + at * lanes..]);
+                    let moduli = material.moduli(gradient, active);
+                    if let Some((numbers, _)) = activity.memory {
+                        let number = |at| Wide::load(simd, &numbers[memory::line(layout, N, row, q, at) + first..]);
+                        let numbers = [number(0), number(1), number(2), number(3)];
+                        let both = memory::moduli_with_memory(moduli, numbers, gradient);
+                        let start = place(layout, [first, row], lanes, [N, q], MODULI_WITH_MEMORY);
+                        for (at, value) in both.into_iter().enumerate() {
+                            value.store(&mut self.moduli[start + at * lanes..]);
+                        }
+                    } else {
+                        let start = place(layout, [first, row], lanes, [N, q], MODULI);
+                        for (at, value) in moduli.into_iter().enumerate() {
+                            value.store(&mut self.moduli[start + at * lanes..]);
+                        }
                     }
                 }
             }

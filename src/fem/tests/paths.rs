@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::fem::continuation::{Ending, Problem};
+use crate::fem::energy::MODULI;
 use crate::fem::kinematics::{Tensor, add_scaled, cofactor, contract, deformation, determinant, squared_stretches};
 use crate::fem::lanes::Value;
 use crate::fem::newton::Workspace;
@@ -189,12 +190,15 @@ impl Material for Stiffening {
         add_scaled(add_scaled(df, curvature * contract(c, df), c), slope, cofactor(df))
     }
 
+    #[inline(always)]
+    fn moduli<V: Value>(&self, gradient: Tensor<V>, active: V) -> [V; MODULI] {
+        let (slope, curvature) = self.slopes(determinant(deformation(gradient)), active);
+        let number = |value: f64| active.constant(value);
+        [number(1.0), slope, number(0.0), number(0.0), curvature]
+    }
+
     fn self_stress(&self, f: Tensor<f64>) -> Tensor<f64> {
-        NeoHookean {
-            thickness: self.thickness,
-            pull: self.pull,
-        }
-        .self_stress(f)
+        NeoHookean::of(self.thickness, self.pull).self_stress(f)
     }
 
     fn largest_load(&self) -> f64 {
