@@ -6,7 +6,9 @@ use super::error::AccuracyError;
 use super::network::Network;
 use crate::base::{Canonical, Dimension, Fields, InputError, Node, NodeValue, Parameter, Quantity, Schema, Time};
 use crate::fem::screening::resolve;
-use crate::fem::{MeshRequest, Method, SolverParameters, ThreeSolves, creep_settings};
+use crate::fem::{
+    HistoryOptions, MeshRequest, Method, SolverParameters, StepEstimate, StepEstimates, ThreeSolves, creep_settings,
+};
 use crate::field::{Evaluator, Mesh};
 use crate::scene::Scene;
 
@@ -23,7 +25,7 @@ pub enum Candidate {
 /// How the state at a time is found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum InTime {
-    /// By all steps.
+    /// By all steps, or by those of one pass with an estimate at the end of each.
     Steps,
     /// From three equilibria, or estimates of them.
     ThreeSolves,
@@ -39,7 +41,8 @@ const KEYS: [&str; 4] = ["method", "elements_per_cell", "order", "accuracy"];
 impl Candidate {
     /// Reads a list of methods: words (`linear`, `chord:2`, `newton`, with 2 bilinear elements per cell) or mappings with the
     /// keys of a solve stage (`{ method, elements_per_cell, order }`, `{ accuracy }`). Where the reference is a state at a time, `history` is
-    /// all steps up to it, and `creep:3`, `creep:3+linear` or `creep:3+chord:2` finds it from three equilibria or estimates of them.
+    /// all steps up to it, `history+linear` or `history+chord:2` estimates the state at the end of each, and `creep:3`, `creep:3+linear` or
+    /// `creep:3+chord:2` finds it from three equilibria or estimates of them.
     ///
     /// # Errors
     /// When the list is empty, names a method twice, or has something else in it.
@@ -111,7 +114,8 @@ impl Candidate {
         estimates.chain(newton).chain(accurate.map(Self::Elements)).collect()
     }
 
-    /// The same where the reference is a state at a time: three equilibria and estimates of them, all steps, and the end of creep.
+    /// The same where the reference is a state at a time: three equilibria and estimates of them, all steps and estimates of them, and the end
+    /// of creep.
     #[must_use]
     pub fn usual_in_time() -> Vec<Self> {
         let [one, two, square] = [Mesh::bilinear(1), Mesh::bilinear(2), Mesh::biquadratic(1)];
@@ -124,20 +128,19 @@ impl Candidate {
         ];
         let estimates = estimates.map(|(method, mesh)| of(InTime::ThreeSolves, method, mesh));
         let three = [one, two, square].map(|mesh| of(InTime::ThreeSolves, Method::Newton, mesh));
+        let each_step = [(Method::Linear, one), (Method::Chord(1), one), (Method::Chord(1), two)];
+        let each_step = each_step.map(|(method, mesh)| of(InTime::Steps, method, mesh));
         let steps = [one, two, square].map(|mesh| of(InTime::Steps, Method::Newton, mesh));
         let end = Self::Elements(SolverParameters::new(Method::Newton, two));
-        estimates.into_iter().chain(three).chain(steps).chain([end]).collect()
+        let all = estimates.into_iter().chain(three).chain(each_step).chain(steps);
+        all.chain([end]).collect()
     }
 
     /// The settings as keys of a stage, on one line without braces, in at most 64 bytes.
     #[must_use]
     pub fn settings(&self) -> String {
         match self {
-            Self::InTime(InTime::Steps, parameters) => {
-                parameters
-                    .to_string()
-                    .replacen("method: newton", &format!("method: {STEPS}"), 1)
-            }
+            Self::InTime(InTime::Steps, parameters) => steps_settings(parameters),
             Self::InTime(InTime::ThreeSolves, parameters) => creep_settings(parameters),
             Self::Elements(parameters) => parameters.to_string(),
             Self::Network(network) => network.settings(),
@@ -192,10 +195,27 @@ impl Candidate {
         match self {
             Self::InTime(how, parameters) => {
                 let time = time.ok_or(AccuracyError::NoTime)?;
-                if *how == InTime::Steps {
-                    return Ok(Arc::new(parameters.clone().up_to(time).build(scene)?));
-                }
+                let estimate = match parameters.method() {
+                    Method::Newton => None,
+                    Method::Linear => Some(StepEstimate::Linear),
+                    Method::Chord(steps) => Some(StepEstimate::Chord(steps)),
+                };
                 let scene = resolve(scene)?;
+                match (how, estimate) {
+                    (InTime::Steps, None) => return Ok(Arc::new(parameters.clone().up_to(time).build(&scene)?)),
+                    (InTime::Steps, Some(estimate)) => {
+                        let options = HistoryOptions {
+                            mesh: parameters.mesh(),
+                            tolerance: parameters.tolerance(),
+                        };
+                        let settings = steps_settings(parameters);
+                        let time = time.value();
+                        return Ok(Arc::new(StepEstimates::new(
+                            &scene, &options, estimate, time, settings,
+                        )?));
+                    }
+                    (InTime::ThreeSolves, _) => {}
+                }
                 let rule = ThreeSolves::new(&scene, time.value())?;
                 Ok(Arc::new(rule.evaluator(&scene, parameters)?))
             }
@@ -205,6 +225,15 @@ impl Candidate {
                 Ok(network.surrogate().clone())
             }
         }
+    }
+}
+
+/// The settings of all steps, or of an estimate at the end of each: `history`, `history+chord:1`.
+fn steps_settings(parameters: &SolverParameters) -> String {
+    let text = parameters.to_string();
+    match parameters.method() {
+        Method::Newton => text.replacen("method: newton", &format!("method: {STEPS}"), 1),
+        _ => text.replacen("method: ", &format!("method: {STEPS}+"), 1),
     }
 }
 
@@ -231,7 +260,7 @@ fn read_items<'a>(node: &Node, items: impl Iterator<Item = &'a Node>) -> Result<
 
 /// The words of methods in time: those of estimates stand behind a `+`.
 fn in_time_pattern() -> String {
-    format!("^({STEPS}|{THREE_SOLVES}(\\+(linear|chord:\\+?0*([1-9]|[1-4][0-9]|50)))?)$")
+    format!("^({STEPS}|{THREE_SOLVES})(\\+(linear|chord:\\+?0*([1-9]|[1-4][0-9]|50)))?$")
 }
 
 /// A method in time; none where it is another.
@@ -240,11 +269,14 @@ fn in_time(node: &Node) -> Result<Option<Candidate>, InputError> {
     let NodeValue::Text(text) = word.value() else {
         return Ok(None);
     };
-    let (how, method) = match text.strip_prefix(THREE_SOLVES) {
-        _ if text == STEPS => (InTime::Steps, "newton"),
-        Some("") => (InTime::ThreeSolves, "newton"),
-        Some(rest) => match rest.strip_prefix('+') {
-            Some(method) if method != "newton" => (InTime::ThreeSolves, method),
+    let words = [(STEPS, InTime::Steps), (THREE_SOLVES, InTime::ThreeSolves)];
+    let found = words
+        .iter()
+        .find_map(|(word, how)| Some((*how, text.strip_prefix(word)?)));
+    let (how, method) = match found {
+        Some((how, "")) => (how, "newton"),
+        Some((how, rest)) => match rest.strip_prefix('+') {
+            Some(method) if method != "newton" => (how, method),
             _ => return Ok(None),
         },
         None => return Ok(None),

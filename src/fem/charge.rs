@@ -33,12 +33,14 @@ pub struct ChargedLoading {
     pub charged: Option<Charged>,
 }
 
-/// A state on the way to the full charge.
-struct Reached {
-    u: Vec<f64>,
+/// A state at a charge.
+pub struct Reached {
+    /// The displacement.
+    pub u: Vec<f64>,
     /// Share of the load.
     share: f64,
-    charged: Charged,
+    /// Its voltage and stability.
+    pub charged: Charged,
 }
 
 /// Moves `u` from rest to the equilibrium at the charge of a scene whose electrodes conduct.
@@ -122,11 +124,27 @@ pub fn conducting<L: Material, F: Fn(f64) -> L>(
 }
 
 /// Why a state is not accepted.
-enum Refusal {
+pub enum Refusal {
     /// What is lost, and the share of the load there.
     Lost(Loss, f64),
+    /// The iteration did not end.
     Unknown,
+    /// It took more work than is allowed.
     Work,
+}
+
+/// The equilibrium with a charge on electrodes that conduct, from a state nearby; steps and residual are those of the loading then.
+///
+/// # Errors
+/// When there is no stable one that the iteration finds.
+pub fn near<L: Material, F: Fn(f64) -> L>(
+    problem: &Problem<'_, F>,
+    scene: &Scene,
+    charge: f64,
+    start: &[f64],
+    (workspace, total): (&mut Workspace, &mut Loading),
+) -> Result<Reached, Refusal> {
+    System { problem, scene }.solve(charge, start, workspace, total)
 }
 
 struct System<'a, 'b, F> {
@@ -283,6 +301,39 @@ impl<L: Material, F: Fn(f64) -> L> System<'_, '_, F> {
     }
 }
 
+/// The area of all electrodes on the prestretched membrane, in units of m².
+fn electrode_area(activity: &Activity) -> f64 {
+    let grid = activity.grid();
+    let elements = grid.layout().each_element().map(|element| activity.area(element));
+    elements.sum::<f64>() * (1e-3 * grid.unit_mm()).powi(2)
+}
+
+/// The same with a charge that was sprayed evenly over the electrodes.
+#[must_use]
+pub fn sprayed(activity: &Activity, scene: &Scene, charge: f64) -> Activity {
+    let layout = activity.grid().layout();
+    let area = electrode_area(activity);
+    let prestretch = scene.mean_prestretch();
+    let thickness = if area > 0.0 {
+        let density = charge * prestretch.powi(2) / area;
+        density.powi(2) / (scene.shear_modulus_pa() * scene.permittivity()) * prestretch.powi(-6)
+    } else {
+        0.0
+    };
+    let points = (layout.degree() + 1).pow(2);
+    let none = || vec![0.0; layout.rows() * points * NUMBERS * layout.part()];
+    let mut values = activity
+        .memory()
+        .map_or_else(none, |memory| memory.view::<f64>().to_vec());
+    for (row, q) in (0..layout.rows()).flat_map(|row| (0..points).map(move |q| (row, q))) {
+        let start = line(layout, points, row, q, NUMBERS - 1);
+        let active = &activity.elements()[row * layout.part()..][..layout.part()];
+        let targets = values[start..][..layout.part()].iter_mut().zip(active);
+        targets.for_each(|(value, active)| *value += thickness * active);
+    }
+    activity.with_memory(Memory::new(layout, values))
+}
+
 /// Moves `u` from rest to the equilibrium with charge that was sprayed evenly over the electrodes.
 pub fn immobile<L: Material, F: Fn(f64) -> L>(
     problem: &Problem<'_, F>,
@@ -291,29 +342,9 @@ pub fn immobile<L: Material, F: Fn(f64) -> L>(
     u: &mut [f64],
     workspace: &mut Workspace,
 ) -> ChargedLoading {
-    let grid = problem.activity.grid();
-    let layout = grid.layout();
-    let elements = || layout.each_element().map(|element| problem.activity.area(element));
-    let area = elements().sum::<f64>() * (1e-3 * grid.unit_mm()).powi(2);
-    let prestretch = scene.mean_prestretch();
-    let thickness = if area > 0.0 {
-        let density = charge * prestretch.powi(2) / area;
-        density.powi(2) / (scene.shear_modulus_pa() * scene.permittivity()) * prestretch.powi(-6)
-    } else {
-        0.0
-    };
+    let area = electrode_area(problem.activity);
     let law = (problem.material)(0.0);
-    let with = |share: f64| -> Activity {
-        let points = (layout.degree() + 1).pow(2);
-        let mut values = vec![0.0; layout.rows() * points * NUMBERS * layout.part()];
-        for (row, q) in (0..layout.rows()).flat_map(|row| (0..points).map(move |q| (row, q))) {
-            let start = line(layout, points, row, q, NUMBERS - 1);
-            let active = &problem.activity.elements()[row * layout.part()..][..layout.part()];
-            let targets = values[start..][..layout.part()].iter_mut().zip(active);
-            targets.for_each(|(value, active)| *value = share * thickness * active);
-        }
-        problem.activity.with_memory(Memory::new(layout, values))
-    };
+    let with = |share: f64| sprayed(problem.activity, scene, share.sqrt() * charge);
     let mut total = Loading {
         ending: Ending::Unknown { stable: 0.0 },
         steps: 0,

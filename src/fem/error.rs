@@ -85,9 +85,15 @@ pub enum SetupError {
     },
     /// A drive by charge where a voltage is needed.
     #[error(
-        "histories, natural frequencies and frequency responses are those of a voltage, and the drive of this scene is a charge: give `voltage` in its place"
+        "natural frequencies and frequency responses are those of a voltage, and the drive of this scene is a charge: give `voltage` in its place"
     )]
     Charge,
+    /// A history at a charge, beside something that is not simulated with it.
+    #[error("a history at a `charge` does not go with {with}: give `voltage` in its place, or leave that out")]
+    ChargeInTime {
+        /// What.
+        with: &'static str,
+    },
     /// A response to changes of a voltage that is zero.
     #[error(
         "the force grows with the square of the voltage: about a bias of 0 V it does not change to first order, so there is no linear response"
@@ -133,6 +139,12 @@ pub enum SetupError {
         /// What it is for, and what the scene has.
         why: &'static str,
     },
+    /// A history whose states are no matter of estimates.
+    #[error("states are estimated step by step for {why}")]
+    StepEstimates {
+        /// What it is for, and what the scene has.
+        why: &'static str,
+    },
     /// A drive that changes too often within the time that is asked for.
     #[error(
         "the history takes some {count:.0} steps, and {most} are the most: ask for a shorter time, or for fewer times"
@@ -155,7 +167,9 @@ impl SetupError {
         matches!(
             self,
             Self::ThreeSolves { .. }
+                | Self::StepEstimates { .. }
                 | Self::Charge
+                | Self::ChargeInTime { .. }
                 | Self::NoBias
                 | Self::MovingSource
                 | Self::Resistance { .. }

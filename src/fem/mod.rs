@@ -70,7 +70,7 @@ pub use simulators::SceneSimulators;
 pub use solver::{MembraneSolver, MeshSolution, SolveOptions};
 pub use time::{
     AccurateHistory, AtFrequency, FrequencyResponse, FrequencySolver, History, HistoryOptions, HistoryRequest,
-    HistorySolver, Instant, MOST_MODES, ThreeSolves, Vibration, at_bias, creep_settings,
+    HistorySolver, Instant, MOST_MODES, StepEstimate, StepEstimates, ThreeSolves, Vibration, at_bias, creep_settings,
 };
 pub use work::{USUAL_SECONDS, WorkLimit};
 

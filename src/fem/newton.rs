@@ -53,6 +53,8 @@ pub struct Workspace {
     /// The structure of the tangent, once it has been factorised.
     structure: Option<Arc<Structure>>,
     limit: WorkLimit,
+    /// Whether iterations begin next to where they end.
+    near: bool,
     /// Work other than conjugate gradients, and their iterations before the count began.
     other_work: u64,
     iterations_before: u32,
@@ -72,9 +74,17 @@ impl Workspace {
             laplacian: laplacian.scratch(),
             structure: None,
             limit: WorkLimit::default(),
+            near: false,
             other_work: 0,
             iterations_before: 0,
         }
+    }
+
+    /// The same for iterations that begin next to where they end, as steps in time do: a first step then goes as far as a linear one leads,
+    /// with one system in place of two.
+    #[must_use]
+    pub fn near(self) -> Self {
+        Self { near: true, ..self }
     }
 
     /// Counts work from here on, against another limit than before.
@@ -162,7 +172,11 @@ pub fn solve<L: Material>(
         size = norm(&workspace.residual);
     }
     let goal = (tolerance * reference).max(rounding * (u.len() as f64).sqrt());
-    let mut forcing = LOOSEST;
+    // What a Newton step leaves is of the order of the square of what there was.
+    let mut forcing = match workspace.near {
+        true => size / reference,
+        false => LOOSEST,
+    };
     for steps in 0..MAX_STEPS {
         let progress = Progress {
             steps,
@@ -208,7 +222,22 @@ pub fn chord<L: Material>(
     workspace: &mut Workspace,
 ) -> Result<Progress, (Trouble, Progress)> {
     u.fill(0.0);
-    actual.residual(rest, &mut workspace.residual);
+    chord_from([actual, linear], laplacian, (steps, inner), rest, u, workspace)
+}
+
+/// The same from where `u` is; the residual is relative to that there.
+///
+/// # Errors
+/// As [`chord`].
+pub fn chord_from<L: Material>(
+    [actual, linear]: [&Operator<'_, L>; 2],
+    laplacian: &Laplacian,
+    (steps, inner): (u32, f64),
+    rest: &[f64],
+    u: &mut [f64],
+    workspace: &mut Workspace,
+) -> Result<Progress, (Trouble, Progress)> {
+    actual.residual(u, &mut workspace.residual);
     let mut progress = Progress {
         steps: 0,
         residual: 0.0,

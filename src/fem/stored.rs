@@ -41,17 +41,40 @@ impl Units {
 #[must_use]
 pub fn integral(activity: &Activity, at_points: &[f64]) -> f64 {
     let (grid, layout) = (activity.grid(), activity.grid().layout());
+    integral_of_rows(activity, |line| {
+        let values = &at_points[line * layout.part()..][..layout.columns()];
+        let each = values.iter().enumerate();
+        each.map(|(column, value)| value * grid.size(0, column)).sum()
+    })
+}
+
+/// The same of the sums over the elements of a row, times their widths, at each of their points in turn.
+#[must_use]
+pub fn integral_of_rows(activity: &Activity, sum: impl Fn(usize) -> f64) -> f64 {
+    let grid = activity.grid();
     let weights = weights(grid.order());
-    let lines = at_points.chunks_exact(layout.part()).enumerate();
+    let lines = 0..grid.layout().rows() * weights.len();
     lines
-        .map(|(line, values)| {
+        .map(|line| {
             let (row, q) = (line / weights.len(), line % weights.len());
-            let sum: f64 = (0..layout.columns())
-                .map(|column| values[column] * grid.size(0, column))
-                .sum();
-            weights[q] * grid.size(1, row) * sum
+            weights[q] * grid.size(1, row) * sum(line)
         })
         .sum()
+}
+
+/// The sum of the logarithms of positive numbers that are neither tiny nor huge, one for several of them.
+#[must_use]
+pub fn sum_of_logarithms(numbers: impl Iterator<Item = f64>) -> f64 {
+    let (mut sum, mut product, mut count) = (0.0, 1.0_f64, 0_u8);
+    for number in numbers {
+        product *= number;
+        count += 1;
+        if count == 8 {
+            sum += product.ln();
+            (product, count) = (1.0, 0);
+        }
+    }
+    sum + product.ln()
 }
 
 /// The weights of the points of an element.

@@ -194,6 +194,7 @@ impl SolverParameters {
             times,
             accuracy_mm: self.accuracy().map(|accuracy| accuracy.value()),
             limit: WorkLimit::of_history(self.time_limit.as_ref()),
+            estimate: None,
         };
         HistorySolver::new(scene, &options, request)
     }

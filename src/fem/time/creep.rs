@@ -44,7 +44,7 @@ impl ThreeSolves {
     pub fn new(scene: &Scene, time_s: f64) -> Result<Self, SetupError> {
         let refused = |why: &'static str| Err(SetupError::ThreeSolves { why });
         if scene.drive.charge.is_some() {
-            return Err(SetupError::Charge);
+            return refused("a voltage, and the drive is a `charge`");
         }
         if scene.waveform().step.is_none() {
             return refused("a voltage that is there at once, and the drive has another `waveform`");

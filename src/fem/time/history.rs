@@ -3,10 +3,11 @@
 use std::cell::Cell;
 
 use super::leads::Conductor;
-use super::march::{Course, IN_PERIOD, Instant, MOST_STEPS, Pass, PassEnd, Steps};
+use super::march::{Course, Estimate, Held, IN_PERIOD, Instant, MOST_STEPS, Pass, PassEnd, StepEstimate, Steps};
 use super::modes::wave_speed;
 use super::motion::Motion;
 use super::supply::Supply;
+use crate::fem::charge;
 use crate::fem::continuation::Loss;
 use crate::fem::effects::WithMaterial;
 use crate::fem::energy::Material;
@@ -18,7 +19,7 @@ use crate::fem::solver::MembraneSolver;
 use crate::fem::work::WorkLimit;
 use crate::field::{Field, Outcome};
 use crate::pattern::Pattern;
-use crate::scene::Scene;
+use crate::scene::{Scene, ViscousLaw};
 
 /// Error in time, in units of the largest displacement at each time, unless another is asked for.
 const USUAL_ERROR: f64 = 2e-5;
@@ -47,6 +48,8 @@ pub struct HistoryRequest {
     pub accuracy_mm: Option<f64>,
     /// Work for all steps of a pattern on a mesh.
     pub limit: WorkLimit,
+    /// How states are estimated, where they are not solved for; the steps are then those of a first pass.
+    pub estimate: Option<StepEstimate>,
 }
 
 impl HistoryRequest {
@@ -57,8 +60,33 @@ impl HistoryRequest {
             times,
             accuracy_mm: None,
             limit: WorkLimit::of_history(None),
+            estimate: None,
         }
     }
+}
+
+/// Why states of a scene cannot be estimated step by step, if they cannot.
+fn refusal_of_estimates(scene: &Scene) -> Option<SetupError> {
+    let effects = &scene.effects;
+    let law = effects.viscoelasticity.as_ref().map(|effect| effect.law);
+    let has = [
+        (scene.drive.charge.is_some(), "a voltage, and the drive is a `charge`"),
+        (effects.inertia.is_some(), "creep alone, and the scene has `inertia`"),
+        (
+            effects.electrode_resistance.is_some() || scene.drive.source.is_some(),
+            "electrodes that have their voltage at once, and the scene has a `source` or `electrode_resistance`",
+        ),
+        (
+            law.is_none(),
+            "an elastomer that creeps, and the scene has no `viscoelasticity`",
+        ),
+        (
+            law == Some(ViscousLaw::Finite),
+            "the linear law, and the scene has another",
+        ),
+    ];
+    let why = has.into_iter().find_map(|(has, why)| has.then_some(why))?;
+    Some(SetupError::StepEstimates { why })
 }
 
 /// How a pattern moves in time.
@@ -123,8 +151,16 @@ impl History {
 /// Why a scene whose effects are decided cannot be followed in time, if it cannot.
 #[must_use]
 pub fn refusal(scene: &Scene) -> Option<SetupError> {
-    if scene.drive.charge.is_some() {
-        return Some(SetupError::Charge);
+    if let Some(charge) = &scene.drive.charge {
+        let law = scene.effects.viscoelasticity.as_ref().map(|effect| effect.law);
+        if scene.effects.inertia.is_some() {
+            return Some(SetupError::ChargeInTime { with: "`inertia`" });
+        }
+        if charge.total.is_some() && law == Some(ViscousLaw::Finite) {
+            return Some(SetupError::ChargeInTime {
+                with: "`law: finite`, but where the charge is `immobile`",
+            });
+        }
     }
     if scene.effects.inertia.is_some() && scene.drive.source.is_some() {
         return Some(SetupError::MovingSource);
@@ -150,15 +186,34 @@ impl MembraneSolver {
         if let Some(refusal) = refusal(&self.scene) {
             return Err(refusal);
         }
+        if let Some(refusal) = request.estimate.and_then(|_| refusal_of_estimates(&self.scene)) {
+            return Err(refusal);
+        }
+        let plain = self.model.activity(&self.grid, pattern);
+        let charge = self.scene.drive.charge.as_ref();
+        let is_sprayed = charge.is_some_and(|charge| charge.immobile.is_some());
+        let activity = match charge {
+            Some(charge) if is_sprayed => &charge::sprayed(&plain, &self.scene, charge.in_coulombs()),
+            _ => &plain,
+        };
+        let half_active = Activity::from_shares(&self.grid, |_, _| 0.5);
         let moving = Moving::new(self, request)?;
         self.check_steps(request, moving.as_ref())?;
         let (first, finer) = self.model.with(Follow {
             solver: self,
-            activity: &self.model.activity(&self.grid, pattern),
+            activity,
+            held: charge.map(|charge| Held {
+                charge: charge.in_coulombs(),
+                uncharged: is_sprayed.then_some(&plain),
+            }),
+            estimate: request.estimate.map(|how| Estimate {
+                how,
+                half_active: &half_active,
+            }),
             request,
             moving,
         });
-        Ok(self.conclude(&first, finer))
+        Ok(self.conclude(&first, finer, request.estimate.is_some()))
     }
 
     /// Refuses what takes more steps than there may be, before the first of them.
@@ -182,7 +237,7 @@ impl MembraneSolver {
         }
     }
 
-    fn conclude(&self, coarse: &Pass, fine: Refined) -> History {
+    fn conclude(&self, coarse: &Pass, fine: Refined, is_estimate: bool) -> History {
         let watched = coarse.fields.last().map_or([0; 2], Field::most_moved);
         let Refined {
             pass,
@@ -191,6 +246,9 @@ impl MembraneSolver {
             newton_steps,
         } = fine;
         let outcome = match pass.end {
+            PassEnd::Done if is_estimate => Outcome::Estimated,
+            PassEnd::WorkLimit => Outcome::WorkLimit,
+            _ if is_estimate => Outcome::NoEstimate,
             PassEnd::Done => Outcome::Converged,
             PassEnd::AtOnce(ending) => self.outcome(ending),
             PassEnd::Lost { before, after, loss } => {
@@ -212,7 +270,6 @@ impl MembraneSolver {
                 }
             }
             PassEnd::Unknown => Outcome::IterationLimit,
-            PassEnd::WorkLimit => Outcome::WorkLimit,
         };
         History {
             outcome,
@@ -239,6 +296,8 @@ struct Refined {
 struct Follow<'a> {
     solver: &'a MembraneSolver,
     activity: &'a Activity,
+    held: Option<Held<'a>>,
+    estimate: Option<Estimate<'a>>,
     request: &'a HistoryRequest,
     /// Where the membrane has a mass.
     moving: Option<Moving>,
@@ -295,6 +354,8 @@ impl WithMaterial for Follow<'_> {
         let Self {
             solver,
             activity,
+            held,
+            estimate,
             request,
             moving,
         } = self;
@@ -305,8 +366,13 @@ impl WithMaterial for Follow<'_> {
             supply: Supply::of(&solver.scene),
             conductor: Conductor::of(&solver.scene, activity),
             times: &request.times,
-            limit: Cell::new(solver.scaled(request.limit)),
+            limit: Cell::new(match held {
+                Some(_) => solver.scaled(request.limit).part(charge::WORK),
+                None => solver.scaled(request.limit),
+            }),
             watched: Cell::default(),
+            held,
+            estimate,
         };
         // The corner that moves most is known from the pass before.
         let watch = |pass: &Pass| {
@@ -335,12 +401,21 @@ impl WithMaterial for Follow<'_> {
                 motion.pass()
             });
         }
-        let mut workspace = solver.workspace();
+        let mut workspace = solver.workspace().near();
         // A bound that every membrane has until its displacement is known.
         let guess = 1e-2 * solver.scene.side_mm();
         let wanted = request.accuracy_mm.unwrap_or(USUAL_ERROR * guess);
         let steps = Steps::Within(LOOSE * wanted / solver.grid.unit_mm());
         let coarse = course.pass(steps, &mut workspace);
+        if estimate.is_some() {
+            let refined = Refined {
+                fields: coarse.fields.clone(),
+                error: None,
+                newton_steps: coarse.newton_steps,
+                pass: coarse.clone(),
+            };
+            return (coarse, refined);
+        }
         refine(coarse, request, (&course.limit, solver.tolerance), |coarse| {
             watch(coarse);
             course.pass(Steps::At(&halved(&coarse.steps)), &mut workspace)

@@ -10,10 +10,12 @@ use std::mem;
 use super::equilibrium::equilibrium;
 use super::leads::{Charged, Circuit, Conductor, FIRST_STAGE, Relaxation};
 use super::supply::{Electrodes, Supply};
-use super::viscous::Viscous;
+use super::viscous::{Loaded, Viscous};
+use crate::fem::charge::{self, ChargedLoading, Reached};
 use crate::fem::continuation::{Climb, Ending, Loading, Loss, Problem};
 use crate::fem::energy::Material;
-use crate::fem::newton::{Trouble, Workspace};
+use crate::fem::memory::{Memory, NUMBERS};
+use crate::fem::newton::{self, Trouble, Workspace};
 use crate::fem::operator::{Activity, Operator, metrics};
 use crate::fem::stability::{Stability, judge};
 use crate::fem::stored::{Content, Units, content, deformation, integral};
@@ -36,6 +38,11 @@ const HARDLY: f64 = 0.02;
 /// Solutions for the voltage behind a source at most, and when it is found, over that of the scene.
 const MOST_ITERATIONS: usize = 30;
 const SETTLED: f64 = 1e-10;
+/// Chord steps beyond those of another step where there is no state to begin with, and what their linear systems are solved to.
+const MORE_CHORD_STEPS: u32 = 2;
+const INNER: f64 = 3e-3;
+/// What the linear systems are solved to where nothing corrects them.
+const INNER_ALONE: f64 = 1e-5;
 /// Steps of a pass at most.
 pub const MOST_STEPS: usize = 100_000;
 
@@ -57,6 +64,37 @@ pub struct Course<'a, F> {
     pub limit: Cell<WorkLimit>,
     /// The corner (column, row) whose displacement is followed.
     pub watched: Cell<[usize; 2]>,
+    /// The charge that is held, in place of a voltage.
+    pub held: Option<Held<'a>>,
+    /// How states are estimated where they are not solved for.
+    pub estimate: Option<Estimate<'a>>,
+}
+
+/// A charge that was put on the electrodes, which then were cut off.
+#[derive(Clone, Copy, Debug)]
+pub struct Held<'a> {
+    /// In C.
+    pub charge: f64,
+    /// The membrane without the charge, where that was sprayed and stays where it is.
+    pub uncharged: Option<&'a Activity>,
+}
+
+/// Estimates of the states at the ends of steps, with the tangent of the half-active membrane at rest.
+#[derive(Clone, Copy, Debug)]
+pub struct Estimate<'a> {
+    /// How.
+    pub how: StepEstimate,
+    /// The half-active membrane.
+    pub half_active: &'a Activity,
+}
+
+/// How the states at the ends of steps are estimated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StepEstimate {
+    /// As if strains were small: one linear system for each step.
+    Linear,
+    /// By so many chord steps from where the states before lead.
+    Chord(u32),
 }
 
 /// How steps are chosen.
@@ -213,6 +251,16 @@ impl<L: Material, F: Fn(f64) -> L> Course<'_, F> {
         self.supply.is_some() || self.conductor.is_some()
     }
 
+    /// The membrane with something beside its law.
+    fn problem_of<'c>(&'c self, activity: &'c Activity) -> Problem<'c, &'c F> {
+        Problem {
+            activity,
+            laplacian: self.problem.laplacian,
+            material: &self.problem.material,
+            tolerance: self.problem.tolerance,
+        }
+    }
+
     /// Goes through the time.
     pub fn pass(&self, steps: Steps<'_>, workspace: &mut Workspace) -> Pass {
         let activity = self.problem.activity;
@@ -224,6 +272,8 @@ impl<L: Material, F: Fn(f64) -> L> Course<'_, F> {
             stored_at_rest: 0.0,
             // The pass that picks the steps is never the last.
             measures: matches!(steps, Steps::At(_)),
+            unmoved: viscous.clone(),
+            loaded: viscous.loaded(),
             viscous,
             u: vec![0.0; activity.grid().layout().vector_len()],
             volts: 0.0,
@@ -259,6 +309,10 @@ struct Run<'a, 'b, F> {
     course: &'a Course<'b, F>,
     units: Units,
     viscous: Viscous,
+    /// What their energies are made of.
+    loaded: Loaded,
+    /// The branches of a membrane that stays at rest, where states are estimated.
+    unmoved: Viscous,
     u: Vec<f64>,
     /// Voltage of the electrodes.
     volts: f64,
@@ -287,7 +341,7 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
         let course = self.course;
         let end = course.times.last().copied().unwrap_or(0.0);
         self.elastic_at_rest = self.measure_at(0.0).elastic;
-        self.stored_at_rest = self.branches(&self.viscous.stored());
+        self.stored_at_rest = self.units.energy * self.viscous.stored(&self.loaded, course.problem.activity);
         self.stored = self.stored_at_rest;
         self.begin()?;
         let mut knots = course.waveform.knots(end);
@@ -335,14 +389,28 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
             false => course.share(0.0, Side::After),
             true => 0.0,
         };
-        let activity = self.viscous.remembered(course.problem.activity, 0.0);
-        let loading = self.load(&activity, 0.0, share);
+        if let Some(estimate) = course.estimate {
+            let start = self.u.clone();
+            self.u = self
+                .estimate(estimate, 0.0, share, start)
+                .map_err(|_| PassEnd::Unknown)?;
+            self.volts = course.voltage(0.0, Side::After);
+            self.accept(0.0, 0.0, true);
+            return Ok(());
+        }
+        let loading = match course.held {
+            None => {
+                let activity = self.viscous.remembered(course.problem.activity, 0.0);
+                self.load(&activity, 0.0, share)
+            }
+            Some(held) => self.charge(held),
+        };
         self.pass.newton_steps += loading.steps;
         self.pass.residual = loading.residual;
         if loading.ending != Ending::Stable {
             return Err(PassEnd::AtOnce(loading.ending));
         }
-        if !course.is_fed_slowly() {
+        if !course.is_fed_slowly() && course.held.is_none() {
             self.volts = course.voltage(0.0, Side::After);
         }
         self.accept(0.0, 0.0, true);
@@ -350,6 +418,57 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
             self.restart(0.0)?;
         }
         Ok(())
+    }
+
+    /// Puts a charge on the membrane at rest.
+    fn charge(&mut self, Held { charge, uncharged }: Held<'_>) -> Loading {
+        self.count_work();
+        let course = self.course;
+        let activity = self
+            .viscous
+            .remembered(uncharged.unwrap_or(course.problem.activity), 0.0);
+        let problem = course.problem_of(&activity);
+        let (u, workspace) = (&mut self.u, &mut *self.workspace);
+        let ChargedLoading { loading, charged } = match uncharged {
+            None => charge::conducting(&problem, course.scene, charge, u, workspace),
+            Some(_) => charge::immobile(&problem, course.scene, charge, u, workspace),
+        };
+        self.volts = charged.and_then(|charged| charged.voltage).unwrap_or(0.0);
+        loading
+    }
+
+    /// The stable state at the end of a step of so many seconds with a charge on electrodes that conduct.
+    fn held(&mut self, charge: f64, seconds: f64, guess: &[f64]) -> Result<Found, Refusal> {
+        let course = self.course;
+        let activity = self.viscous.remembered(course.problem.activity, seconds);
+        let problem = course.problem_of(&activity);
+        self.count_work();
+        let mut refusal = Refusal::Unknown;
+        for start in [guess, &self.u.clone()] {
+            let mut loading = Loading {
+                ending: Ending::Stable,
+                steps: 0,
+                residual: 0.0,
+                pointwise: false,
+            };
+            let room = (&mut *self.workspace, &mut loading);
+            let found = charge::near(&problem, course.scene, charge, start, room);
+            self.pass.newton_steps += loading.steps;
+            self.pass.residual = loading.residual;
+            match found {
+                Ok(Reached { u, charged, .. }) => {
+                    return Ok(Found {
+                        u,
+                        volts: charged.voltage.unwrap_or(0.0),
+                        charged: None,
+                    });
+                }
+                Err(charge::Refusal::Work) => return Err(Refusal::Work),
+                Err(charge::Refusal::Lost(loss, _)) => refusal = Refusal::Lost(loss),
+                Err(charge::Refusal::Unknown) => {}
+            }
+        }
+        Err(refusal)
     }
 
     /// Counts the work that was done: parts of a step may count theirs anew.
@@ -398,7 +517,11 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
             return self.restart(now);
         }
         let [before, after] = [Side::Before, Side::After].map(|side| self.course.share(now, side));
-        if after > before {
+        if let Some(estimate) = self.course.estimate {
+            let start = self.u.clone();
+            let found = self.estimate(estimate, 0.0, after, start);
+            self.u = found.map_err(|_| PassEnd::Unknown)?;
+        } else if after > before {
             let activity = self.viscous.remembered(self.course.problem.activity, 0.0);
             let reached = self.u.clone();
             let loading = self.load(&activity, before.max(f64::MIN_POSITIVE), after);
@@ -565,6 +688,17 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
             return self.wired(conductor, &charged, [from, to], guess);
         }
         let activity = course.problem.activity;
+        if let Some(held) = course.held {
+            return match held.uncharged {
+                None if self.capacitance() > 0.0 => self.held(held.charge, to - from, &guess),
+                // The law of what was sprayed is that without voltage.
+                _ => Ok(Found {
+                    u: self.solve(activity, to - from, 0.0, guess)?,
+                    volts: 0.0,
+                    charged: None,
+                }),
+            };
+        }
         let Some(supply) = course.supply else {
             return Ok(Found {
                 u: self.solve(activity, to - from, course.share(to, Side::Before), guess)?,
@@ -666,6 +800,9 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
     /// The stable state at the end of a step of so many seconds at a share of the load, from a guess and else from the state before it.
     fn solve(&mut self, activity: &Activity, seconds: f64, share: f64, guess: Vec<f64>) -> Result<Vec<f64>, Refusal> {
         let course = self.course;
+        if let Some(estimate) = course.estimate {
+            return self.estimate(estimate, seconds, share, guess);
+        }
         let material = (course.problem.material)(share);
         self.count_work();
         let mut last = None;
@@ -706,6 +843,51 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
         Err(last.unwrap_or(Refusal::Unknown))
     }
 
+    /// An estimate of the state at the end of a step, from a guess. Steps that take no time have no states before them that lead there.
+    fn estimate(
+        &mut self,
+        Estimate { how, half_active }: Estimate<'_>,
+        seconds: f64,
+        share: f64,
+        guess: Vec<f64>,
+    ) -> Result<Vec<f64>, Refusal> {
+        let course = self.course;
+        let material = (course.problem.material)(share);
+        self.count_work();
+        if self.workspace.is_spent() {
+            return Err(Refusal::Work);
+        }
+        let actual = self.viscous.remembered(course.problem.activity, seconds);
+        let linear = self.unmoved.remembered(half_active, seconds);
+        let [actual, linear] = [&actual, &linear].map(|activity| Operator {
+            material: &material,
+            activity,
+            pulled: 1.0,
+        });
+        let rest = vec![0.0; guess.len()];
+        let (mut u, steps) = match how {
+            StepEstimate::Linear => (rest.clone(), (1, INNER_ALONE)),
+            StepEstimate::Chord(steps) if seconds == 0.0 => (guess, (steps + MORE_CHORD_STEPS, INNER)),
+            StepEstimate::Chord(steps) => (guess, (steps, INNER)),
+        };
+        let operators = [&actual, &linear];
+        match newton::chord_from(
+            operators,
+            course.problem.laplacian,
+            steps,
+            &rest,
+            &mut u,
+            self.workspace,
+        ) {
+            Ok(progress) => {
+                self.pass.newton_steps += progress.steps;
+                self.pass.residual = progress.residual;
+                Ok(u)
+            }
+            Err(_) => Err(Refusal::Unknown),
+        }
+    }
+
     /// Numbers at a later time by the polynomial through those of the last states.
     fn polynomial(&self, to: f64, count: usize, of: impl Fn(&Past) -> &Vec<f64>) -> Vec<f64> {
         let mut guess = vec![0.0; count];
@@ -742,12 +924,16 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
     /// Takes the state that was found for the end of a step. A jump is an infinitely fast rise without losses.
     fn accept(&mut self, now: f64, step: f64, jump: bool) {
         let course = self.course;
-        let mut later = self.viscous.clone();
-        later.advance(course.problem.activity, step, &self.u);
-        if self.measures {
-            self.account([now - step, now], &later, jump);
+        match course.estimate.map(|estimate| estimate.how) {
+            Some(StepEstimate::Linear) => self.viscous.advance_linearly(course.problem.activity, step, &self.u),
+            _ => self.viscous.advance(course.problem.activity, step, &self.u),
         }
-        self.viscous = later;
+        if course.estimate.is_some() {
+            self.unmoved.relax(step);
+        }
+        if self.measures {
+            self.account([now - step, now], jump);
+        }
         if !jump {
             self.pass.steps.push(now);
         }
@@ -778,14 +964,20 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
         });
     }
 
-    /// Balances the energies of a step that ends with the branches in a later state.
-    fn account(&mut self, [before, now]: [f64; 2], later: &Viscous, jump: bool) {
+    /// Balances the energies of a step.
+    fn account(&mut self, [before, now]: [f64; 2], jump: bool) {
         let course = self.course;
         let (measured, electric) = self.measure();
+        if course.held.is_some_and(|held| held.uncharged.is_some()) && measured.charge > 0.0 {
+            // That of the mean over the charge.
+            self.volts = 2.0 * electric / measured.charge;
+        }
         let content_before = mem::replace(&mut self.content, measured);
         let voltage = self.volts;
         let electric_before = mem::replace(&mut self.electric, electric);
-        let stored = self.branches(&later.stored());
+        let loaded = self.viscous.loaded();
+        let stored = self.units.energy * self.viscous.stored(&loaded, course.problem.activity);
+        let earlier = mem::replace(&mut self.loaded, loaded);
         let change = stored - mem::replace(&mut self.stored, stored);
         if jump {
             let before = if self.pass.instants.is_empty() {
@@ -795,7 +987,7 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
             };
             self.supplied += self.content.elastic - before + change + self.electric - electric_before;
         } else {
-            self.dissipated += self.branches(&self.viscous.work_to(later)) - change;
+            self.dissipated += self.units.energy * earlier.work_to(&self.loaded, course.problem.activity) - change;
             let charged = self.content.driven - content_before.driven;
             let old = self.pass.instants.last().map_or(0.0, |instant| instant.voltage);
             let to_electrodes = match &self.charged {
@@ -814,12 +1006,23 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
         }
     }
 
-    fn branches(&self, at_points: &[f64]) -> f64 {
-        self.units.energy * integral(self.course.problem.activity, at_points)
-    }
-
     /// The membrane as it is, and the energy of the field in J.
     fn measure(&self) -> (Content, f64) {
+        if let Some(Held {
+            charge,
+            uncharged: Some(uncharged),
+        }) = self.course.held
+        {
+            let activity = self.course.problem.activity;
+            let elastic = self.content(uncharged, 0.0);
+            let charge = if capacitor_exists(activity) { charge } else { 0.0 };
+            let content = Content {
+                charge,
+                driven: charge,
+                ..elastic
+            };
+            return (content, self.units.energy * integral(activity, &self.spread(activity)));
+        }
         let Some(charged) = &self.charged else {
             let content = self.measure_at(self.volts);
             return (content, 0.5 * content.driven * self.volts);
@@ -833,6 +1036,20 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
             ..content
         };
         (whole, 0.5 * content.driven * volts)
+    }
+
+    /// The energy of what an activity has beside the law, per area in units of μH, at each point.
+    fn spread(&self, activity: &Activity) -> Vec<f64> {
+        let part = activity.grid().layout().part();
+        let metric = metrics(activity, &self.u);
+        let none: &[f64] = &[];
+        let numbers = activity.memory().map_or(none, Memory::view);
+        let lines = numbers.chunks_exact(part).zip(metric.chunks_exact(part));
+        // Of the numbers of a point the last: ½P₃₃ j⁻².
+        let last = lines.skip(NUMBERS - 1).step_by(NUMBERS);
+        let each =
+            last.flat_map(|(normal, square)| normal.iter().zip(square).map(|(normal, square)| 0.5 * normal / square));
+        each.collect()
     }
 
     /// The membrane as it is, with so many V on its electrodes.
@@ -862,6 +1079,11 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
 pub fn magnitude_at(field: &Field, [x, y]: [usize; 2]) -> f64 {
     let [along, across] = field.at_corner(x, y);
     along.hypot(across)
+}
+
+/// Whether there is an electrode for a charge.
+fn capacitor_exists(activity: &Activity) -> bool {
+    activity.elements().iter().any(|active| *active > 0.0)
 }
 
 fn ended(refusal: &Refusal, before: f64, after: f64) -> PassEnd {

@@ -21,6 +21,6 @@ pub use accurate::AccurateHistory;
 pub use creep::{ThreeSolves, settings as creep_settings};
 pub use frequency::{AtFrequency, FrequencyResponse, FrequencySolver, at_bias};
 pub use history::{History, HistoryRequest, refusal};
-pub use march::Instant;
+pub use march::{Instant, StepEstimate};
 pub use modes::{MOST_MODES, Vibration};
-pub use solver::{HistoryOptions, HistorySolver};
+pub use solver::{HistoryOptions, HistorySolver, StepEstimates};

@@ -19,7 +19,7 @@ use crate::fem::mass::Mass;
 use crate::fem::newton::norm;
 use crate::fem::operator::{Operator, metrics};
 use crate::fem::precondition::Laplacian;
-use crate::fem::stored::{Content, Units, content, integral};
+use crate::fem::stored::{Content, Units, content};
 use crate::scene::{Knot, Side};
 
 /// Residual of a step, over the forces in it.
@@ -79,7 +79,7 @@ impl<L: Material, F: Fn(f64) -> L> Motion<'_, '_, F> {
         let len = activity.grid().layout().vector_len();
         let viscous = Viscous::new(self.course.scene, activity);
         let units = Units::new(self.course.scene, activity.grid().unit_mm());
-        let branches = units.energy * integral(activity, &viscous.stored());
+        let branches = units.energy * viscous.stored(&viscous.loaded(), activity);
         let mut run = Run {
             motion: self,
             viscous,
@@ -199,7 +199,8 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, '_, F> {
     }
 
     fn stored_in_branches(&self) -> f64 {
-        self.units.energy * integral(self.motion.course.problem.activity, &self.viscous.stored())
+        let activity = self.motion.course.problem.activity;
+        self.units.energy * self.viscous.stored(&self.viscous.loaded(), activity)
     }
 
     /// A step; in halves where it leads nowhere.

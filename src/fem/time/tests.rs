@@ -615,3 +615,125 @@ fn a_membrane_behind_a_source_comes_to_the_equilibrium_at_its_voltage() {
         at_once.fields
     );
 }
+
+#[test]
+fn electrodes_that_are_cut_off_keep_their_charge_while_the_membrane_creeps() {
+    for (charge, law) in [
+        ("total: 0.6 uC", "linear"),
+        ("immobile: 0.6 uC", "linear"),
+        ("immobile: 0.6 uC", "finite"),
+    ] {
+        let scene = Scene::from_text(&format!(
+            "{{ geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 10 }}, material: {{ model: neo-hookean, \
+             shear_modulus: 45 kPa, relative_permittivity: 4.7 }}, drive: {{ charge: {{ {charge} }} }}, effects: {{ viscoelasticity: \
+             {{ law: {law}, branches: [{{ modulus: 60 kPa, time: 1 s }}, {{ modulus: 30 kPa, time: 10 s }}] }} }} }}"
+        ))
+        .unwrap();
+        let pattern = Pattern::from_fn(ten(), |x, y| (x * 7 + y * 3) % 5 < 2);
+        let mesh = Mesh::bilinear(1);
+        let options = HistoryOptions {
+            mesh: Some(mesh),
+            tolerance: 1e-10,
+        };
+        let request = HistoryRequest::at(vec![0.0, 1.0, 10.0, 1e5]);
+        let history = HistorySolver::new(&scene, &options, request).unwrap();
+        let history = history.follow(&pattern).unwrap().history;
+        assert_eq!(history.outcome, Outcome::Converged);
+        let still = |slowness: f64| {
+            let options = SolveOptions { mesh, tolerance: 1e-10 };
+            let solver = MembraneSolver::slowed(&scene, slowness, options).unwrap();
+            solver.simulate(std::slice::from_ref(&pattern)).remove(0).field.unwrap()
+        };
+        // At once branches have no time to relax, and at last they have relaxed.
+        let all = 90e3 / (45e3 * 9.0);
+        let size = history.fields[3].max_magnitude();
+        for (at, slowness) in [(0, all), (3, 0.0)] {
+            let difference = history.fields[at].max_difference(&still(slowness));
+            // The creep of the finite law ends where that of the linear law ends, and so it begins.
+            assert!(difference < 2e-6 * size, "{charge} {law}: {difference:e}");
+        }
+        let sizes: Vec<f64> = history.fields.iter().map(Field::max_magnitude).collect();
+        assert!(sizes.windows(2).all(|pair| pair[0] < pair[1]), "{sizes:?}");
+        let (first, last) = (&history.instants[0], history.instants.last().unwrap());
+        assert!(first.voltage > 1.001 * last.voltage && last.voltage > 0.0);
+        for now in &history.instants {
+            assert!((now.charge / 0.6e-6 - 1.0).abs() < 1e-8, "{charge}: {:e}", now.charge);
+            assert!((0.5 * now.charge * now.voltage / now.electric - 1.0).abs() < 1e-12);
+            let balance = now.stored + now.electric + now.dissipated - now.supplied;
+            assert!(
+                balance.abs() < 1e-4 * now.supplied,
+                "{charge} {law} {}: {balance:e}",
+                now.time
+            );
+            assert!((now.supplied / first.supplied - 1.0).abs() < 1e-8);
+        }
+    }
+}
+
+#[test]
+fn a_charge_is_held_on_what_cannot_bear_its_voltage() {
+    // Past the fold the voltage of a conducting electrode falls while its charge rises; sprayed charge never loses stability.
+    let scene = |charge: &str| {
+        Scene::from_text(&format!(
+            "{{ geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 10 }}, material: {{ model: neo-hookean, \
+             shear_modulus: 45 kPa, relative_permittivity: 4.7 }}, drive: {{ charge: {{ {charge} }} }}, effects: {{ viscoelasticity: \
+             {{ branches: [{{ modulus: 20 kPa, time: 1 s }}] }} }} }}"
+        ))
+        .unwrap()
+    };
+    let pattern = Pattern::from_fn(ten(), |x, _| x < 5);
+    let ends = ["total: 14 uC", "immobile: 14 uC"].map(|charge| {
+        let options = HistoryOptions {
+            mesh: Some(Mesh::bilinear(1)),
+            tolerance: 1e-9,
+        };
+        let request = HistoryRequest::at(vec![0.0, 100.0]);
+        let history = HistorySolver::new(&scene(charge), &options, request).unwrap();
+        history.follow(&pattern).unwrap().history
+    });
+    assert!(
+        matches!(
+            ends[0].outcome,
+            Outcome::DelayedPullIn { .. } | Outcome::PullIn { .. } | Outcome::NotElliptic { .. }
+        ),
+        "{:?}",
+        ends[0].outcome
+    );
+    assert_eq!(ends[1].outcome, Outcome::Converged);
+    // Nothing is charged where there is no electrode.
+    for charge in ["total: 2 uC", "immobile: 2 uC"] {
+        let solver = MembraneSolver::new(&scene(charge), SolveOptions::default()).unwrap();
+        let bare = Pattern::from_fn(ten(), |_, _| false);
+        let history = solver.history(&bare, &HistoryRequest::at(vec![0.0, 3.0])).unwrap();
+        assert_eq!(history.outcome, Outcome::Converged);
+        assert_eq!(history.fields[1], Field::zero(ten()));
+        assert!(
+            history
+                .instants
+                .iter()
+                .all(|now| now.charge == 0.0 && now.electric == 0.0)
+        );
+    }
+}
+
+#[test]
+fn what_a_charge_does_not_go_with_is_refused() {
+    for (charge, effect, said) in [
+        (
+            "total",
+            "viscoelasticity: { law: finite, branches: [{ modulus: 1 kPa, time: 1 s }] }",
+            "`law: finite`",
+        ),
+        ("immobile", "inertia: { density: 960 kg/m3 }", "`inertia`"),
+    ] {
+        let scene = Scene::from_text(&format!(
+            "{{ geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 10 }}, material: {{ model: neo-hookean, \
+             shear_modulus: 45 kPa, relative_permittivity: 4.7 }}, drive: {{ charge: {{ {charge}: 1 uC }} }}, effects: {{ {effect} }} }}"
+        ));
+        let refused = history::refusal(&scene.unwrap()).unwrap();
+        assert!(
+            refused.to_string().contains(said) && refused.is_of_the_scene(),
+            "{refused}"
+        );
+    }
+}

@@ -9,14 +9,21 @@
 //! c₁ the same mechanism carries A − σ c₁⁻¹, whose stress there is that of A, and whose change with strain is about that of A if σ c₁⁻¹
 //! is about the part of A that follows: a few corrections of it end at the equilibrium ([`super::equilibrium`]).
 
+use std::ops::Range;
 use std::sync::Arc;
+
+use pulp::Arch;
 
 use super::coefficients::Coefficients;
 use super::finite::{self, Step};
 use crate::fem::layout::NodeLayout;
 use crate::fem::memory::{Memory, NUMBERS};
 use crate::fem::operator::{Activity, metrics};
+use crate::fem::stored::{integral, integral_of_rows, sum_of_logarithms};
 use crate::scene::{Scene, ViscousLaw};
+
+/// What is taken of a displacement to find what is linear in it.
+const NEAR: f64 = 1e-3;
 
 /// The branches of a membrane and their states.
 #[derive(Clone, Debug)]
@@ -108,16 +115,28 @@ impl Viscous {
         if self.is_empty() {
             return activity.clone();
         }
-        let mut sum = vec![0.0; self.metric.len()];
-        for (branch, state) in self.branches.iter().zip(&self.states) {
+        let mut sum = self.known(activity);
+        let factors = self.branches.iter().map(|branch| {
             let Coefficients { kept, before, .. } = Coefficients::new(step / branch.time);
-            let (kept, before) = (branch.modulus * kept, branch.modulus * before);
-            let pairs = state.iter().zip(&self.metric);
-            sum.iter_mut()
-                .zip(pairs)
-                .for_each(|(sum, (state, metric))| *sum += kept * state + before * metric);
-        }
+            [branch.modulus * kept, branch.modulus * before]
+        });
+        let factors: Vec<[f64; 2]> = factors.collect();
+        in_chunks(sum.len(), |range| {
+            let (sum, metric) = (&mut sum[range.clone()], &self.metric[range.clone()]);
+            for ([kept, before], state) in factors.iter().zip(&self.states) {
+                let pairs = state[range.clone()].iter().zip(metric);
+                sum.iter_mut()
+                    .zip(pairs)
+                    .for_each(|(sum, (state, metric))| *sum += kept * state + before * metric);
+            }
+        });
         activity.with_memory(Memory::new(self.layout, sum))
+    }
+
+    /// What an activity has beside the law without branches.
+    fn known(&self, activity: &Activity) -> Vec<f64> {
+        let none = || vec![0.0; self.metric.len()];
+        activity.memory().map_or_else(none, |memory| memory.view().to_vec())
     }
 
     /// The same at the end of a step that ends about a displacement.
@@ -127,7 +146,7 @@ impl Viscous {
             return self.remembered(activity, step);
         }
         let metric = metrics(activity, u);
-        let mut sum = vec![0.0; metric.len()];
+        let mut sum = self.known(activity);
         for (branch, state) in self.branches.iter().zip(&self.states) {
             let Branch { modulus, time } = *branch;
             let step = Step::new(step / time);
@@ -147,23 +166,48 @@ impl Viscous {
 
     /// Moves the branches to the end of a step that ends at a displacement.
     pub fn advance(&mut self, activity: &Activity, step: f64, u: &[f64]) {
+        if !self.is_empty() {
+            self.advance_to(metrics(activity, u), step);
+        }
+    }
+
+    /// The same to a metric as if strains were small: linear in the displacement.
+    pub fn advance_linearly(&mut self, activity: &Activity, step: f64, u: &[f64]) {
         if self.is_empty() {
             return;
         }
-        let metric = metrics(activity, u);
-        for (branch, state) in self.branches.iter().zip(&mut self.states) {
-            let r = step / branch.time;
-            match self.law {
-                ViscousLaw::Linear => {
-                    let Coefficients { kept, before, now } = Coefficients::new(r);
-                    let pairs = self.metric.iter().zip(&metric);
-                    state
-                        .iter_mut()
-                        .zip(pairs)
-                        .for_each(|(state, (old, new))| *state = kept * *state + before * old + now * new);
-                }
-                ViscousLaw::Finite => {
-                    let step = Step::new(r);
+        // A central difference errs by the square of what it takes of the displacement.
+        let near = |share: f64| {
+            let part: Vec<f64> = u.iter().map(|u| share * u).collect();
+            metrics(activity, &part)
+        };
+        let (at_rest, slope) = (near(0.0), near(NEAR).into_iter().zip(near(-NEAR)));
+        let changes = slope.map(|(ahead, behind)| (ahead - behind) / (2.0 * NEAR));
+        let metric = at_rest.iter().zip(changes).map(|(rest, change)| rest + change);
+        self.advance_to(metric.collect(), step);
+    }
+
+    /// Moves the branches to the end of a step that ends at a metric.
+    fn advance_to(&mut self, metric: Vec<f64>, step: f64) {
+        match self.law {
+            ViscousLaw::Linear => {
+                let factors = self.branches.iter().map(|branch| Coefficients::new(step / branch.time));
+                let factors: Vec<Coefficients> = factors.collect();
+                let (states, old) = (&mut self.states, &self.metric);
+                in_chunks(metric.len(), |range| {
+                    let (old, new) = (&old[range.clone()], &metric[range.clone()]);
+                    for (Coefficients { kept, before, now }, state) in factors.iter().zip(&mut *states) {
+                        let pairs = old.iter().zip(new);
+                        state[range.clone()]
+                            .iter_mut()
+                            .zip(pairs)
+                            .for_each(|(state, (old, new))| *state = kept * *state + before * old + now * new);
+                    }
+                });
+            }
+            ViscousLaw::Finite => {
+                for (branch, state) in self.branches.iter().zip(&mut self.states) {
+                    let step = Step::new(step / branch.time);
                     change(self.layout, state, |at, state| {
                         let [from, to] = [&self.metric, &metric].map(|values| point(self.layout, values, at));
                         step.end(state, from, to).0
@@ -198,38 +242,116 @@ impl Viscous {
         }
     }
 
-    /// What the branches store in this state, per area in units of μH, at each point.
+    /// What energies of this state are made of.
     #[must_use]
-    pub fn stored(&self) -> Vec<f64> {
-        let lines = self.metric.len() / NUMBERS;
-        let mut stored = vec![0.0; lines];
-        for (branch, state) in self.branches.iter().zip(&self.states) {
-            for (at, stored) in stored.iter_mut().enumerate() {
-                let a = point(self.layout, state, at);
-                let volume = (a[0] * a[2] - a[1] * a[1]) * a[3];
-                let twice = paired(a, point(self.layout, &self.metric, at)) - volume.ln() - 3.0;
-                *stored += 0.5 * branch.modulus * twice;
+    pub fn loaded(&self) -> Loaded {
+        let mut sum = vec![0.0; self.metric.len()];
+        in_chunks(sum.len(), |range| {
+            let sum = &mut sum[range.clone()];
+            for (branch, state) in self.branches.iter().zip(&self.states) {
+                let pairs = sum.iter_mut().zip(&state[range.clone()]);
+                pairs.for_each(|(sum, state)| *sum += branch.modulus * state);
             }
+        });
+        Loaded {
+            part: self.layout.part(),
+            sum,
+            metric: self.metric.clone(),
         }
-        stored
     }
 
-    /// The work that a step did on the branches, from this state to a later one: the mean of their stress at both ends times the change of
-    /// strain.
+    /// What the branches store in this state, in units of μH times the mean area of elements.
     #[must_use]
-    pub fn work_to(&self, later: &Self) -> Vec<f64> {
-        let mut work = vec![0.0; self.metric.len() / NUMBERS];
-        let states = self.states.iter().zip(&later.states);
-        for (branch, (before, after)) in self.branches.iter().zip(states) {
-            for (at, work) in work.iter_mut().enumerate() {
-                let [old, new] = [&self.metric, &later.metric].map(|values| point(self.layout, values, at));
-                let [a, b] = [before, after].map(|values| point(self.layout, values, at));
-                let mean: [f64; NUMBERS] = std::array::from_fn(|k| 0.5 * (a[k] + b[k]));
-                *work += 0.5 * branch.modulus * (paired(mean, new) - paired(mean, old));
-            }
-        }
-        work
+    pub fn stored(&self, loaded: &Loaded, activity: &Activity) -> f64 {
+        let (grid, part) = (activity.grid(), self.layout.part());
+        let mut at_points = vec![0.0; self.metric.len() / NUMBERS];
+        loaded.add_energy([&loaded.sum, &loaded.metric], 0.5, &mut at_points);
+        let each = self.branches.iter().zip(&self.states).map(|(branch, state)| {
+            let logarithms = integral_of_rows(activity, |line| {
+                let [xx, xy, yy, normal] = lines(part, &state[line * NUMBERS * part..][..NUMBERS * part]);
+                let volume = |at: usize| (xx[at] * yy[at] - xy[at] * xy[at]) * normal[at];
+                let columns = 0..self.layout.columns();
+                match grid.is_uniform() {
+                    true => grid.size(0, 0) * sum_of_logarithms(columns.map(volume)),
+                    false => columns.map(|at| grid.size(0, at) * volume(at).ln()).sum(),
+                }
+            });
+            let area = integral_of_rows(activity, |_| {
+                (0..self.layout.columns()).map(|at| grid.size(0, at)).sum()
+            });
+            0.5 * branch.modulus * (logarithms + 3.0 * area)
+        });
+        integral(activity, &at_points) - each.sum::<f64>()
     }
+}
+
+/// Does work on ranges of numbers that stay in the cache from one branch to the next.
+fn in_chunks(len: usize, mut work: impl FnMut(Range<usize>)) {
+    const CHUNK: usize = 1024;
+    Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            (0..len)
+                .step_by(CHUNK)
+                .for_each(|start| work(start..(start + CHUNK).min(len)))
+        },
+    );
+}
+
+/// What energies of branches in a state are made of.
+#[derive(Clone, Debug)]
+pub struct Loaded {
+    part: usize,
+    /// Σ gA at all points.
+    sum: Vec<f64>,
+    /// c⁻¹ and j².
+    metric: Vec<f64>,
+}
+
+impl Loaded {
+    /// The work that a step did on the branches, from this state to a later one, in units of μH times the mean area of elements: the mean of
+    /// their stress at both ends times the change of strain.
+    #[must_use]
+    pub fn work_to(&self, later: &Self, activity: &Activity) -> f64 {
+        let mut work = vec![0.0; self.metric.len() / NUMBERS];
+        let both: Vec<f64> = self.sum.iter().zip(&later.sum).map(|(a, b)| a + b).collect();
+        self.add_energy([&both, &later.metric], 0.25, &mut work);
+        self.add_energy([&both, &self.metric], -0.25, &mut work);
+        integral(activity, &work)
+    }
+
+    /// Adds a share of A : c + A₃₃ j⁻² at each point, from A and from c⁻¹ and j².
+    fn add_energy(&self, [state, metric]: [&[f64]; 2], share: f64, energy: &mut [f64]) {
+        let part = self.part;
+        let rows = state
+            .chunks_exact(NUMBERS * part)
+            .zip(metric.chunks_exact(NUMBERS * part))
+            .zip(energy.chunks_exact_mut(part));
+        Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                for ((state, metric), energy) in rows {
+                    let [xx, xy, yy, normal] = lines(part, state);
+                    let [ixx, ixy, iyy, square] = lines(part, metric);
+                    for at in 0..part {
+                        let across = xx[at] * iyy[at] - 2.0 * xy[at] * ixy[at] + yy[at] * ixx[at];
+                        energy[at] += share * (square[at] * across + normal[at] / square[at]);
+                    }
+                }
+            },
+        );
+    }
+}
+
+/// The lines of the numbers of the points of a row of elements.
+#[inline(always)]
+fn lines(part: usize, row: &[f64]) -> [&[f64]; NUMBERS] {
+    [
+        &row[..part],
+        &row[part..][..part],
+        &row[2 * part..][..part],
+        &row[3 * part..][..part],
+    ]
 }
 
 /// Where a number of a point stands. Points are counted along the elements of a row first, then by the points of an element, then by rows.
@@ -258,9 +380,4 @@ fn change(layout: NodeLayout, values: &mut [f64], mut to: impl FnMut(usize, [f64
             values[place(layout, at, number)] = changed;
         }
     }
-}
-
-/// A : c + A₃₃ j⁻² from c⁻¹ and j².
-fn paired([xx, xy, yy, normal]: [f64; NUMBERS], [ixx, ixy, iyy, square]: [f64; NUMBERS]) -> f64 {
-    square * (xx * iyy - 2.0 * xy * ixy + yy * ixx) + normal / square
 }

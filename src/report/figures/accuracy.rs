@@ -30,7 +30,7 @@ const COLUMNS: usize = 3;
 /// What a method is drawn as: the start of its settings, its name in the legend, and a colour. The first that fits counts.
 type Group = (&'static [&'static str], &'static str, Colour);
 
-const GROUPS: [Group; 10] = [
+const GROUPS: [Group; 11] = [
     (&["method: linear"], "linear response", Colour::Vermillion),
     (&["method: chord"], "chord steps", Colour::Orange),
     (
@@ -42,6 +42,7 @@ const GROUPS: [Group; 10] = [
     (&["method: newton", "order: 2"], "Newton, biquadratic", Colour::Blue),
     (&["method: creep:3+"], "creep from 3 estimates", Colour::Orange),
     (&["method: creep:3"], "creep from 3 solves", Colour::Green),
+    (&["method: history+"], "estimated steps", Colour::Sky),
     (&["method: history"], "all steps", Colour::Blue),
     (&["network:"], "surrogates", Colour::Purple),
     (&[], "other", Colour::Grey),

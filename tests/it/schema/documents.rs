@@ -125,7 +125,7 @@ stages:
   taught: { kind: verify, needs: [judged], rounds: 3, update: { network: qin2024, epochs: 2, patience: 1, batch: 4, optimizer: muon,
     learning_rate: 0.001, weight_decay: 0, gradient_norm: 1, symmetry: none, max_weight: 0.2, auxiliary_weight: 0.1, verified_weight: 16, seed: 9 } }
   exact: { kind: verify, needs: [rotation, own], accuracy: 10 um, history: { at: [1 s] } }
-  accuracy: { kind: accuracy, needs: [solved, surrogate], methods: [linear, history, creep:3+chord:2, { method: creep:3, order: 2 }, { method: chord:3, elements_per_cell: 1, order: 2 },
+  accuracy: { kind: accuracy, needs: [solved, surrogate], methods: [linear, history, history+linear, history+chord:1, creep:3+chord:2, { method: creep:3, order: 2 }, { method: chord:3, elements_per_cell: 1, order: 2 },
     { accuracy: 0.03 mm }] }
 ";
 
