@@ -30,6 +30,11 @@ use super::lanes::Value;
 /// Numbers that determine a tangent at a given deformation: 2φᵢ, φⱼ, 4φᵢᵢ, 2φᵢⱼ and φⱼⱼ of an isotropic potential.
 pub const MODULI: usize = 5;
 
+/// Gauss's two points on [0, 1].
+const TWO_POINTS: [f64; 2] = [0.211_324_865_405_187_1, 0.788_675_134_594_812_9];
+/// The square of a step that is long.
+const LONG: f64 = 1e-5;
+
 /// An energy density per area of the prestretched membrane, in units of μH, as a function of f = I + ∇u.
 ///
 /// `active` is 1 where the membrane carries an electrode and 0 where it is bare.
@@ -49,13 +54,17 @@ pub trait Material: Sync {
     fn stress<V: Value>(&self, gradient: Tensor<V>, active: V) -> Tensor<V>;
     /// The derivative of `stress` along `df`.
     fn tangent<V: Value>(&self, gradient: Tensor<V>, active: V, df: Tensor<V>) -> Tensor<V>;
-    /// The mean of `stress` over a step from f to f + `df`, such that its work is the change of energy but for that of the null Lagrangian: the
-    /// stress in the middle, with as much along `df` added as is wanting (Gonzalez, J. Nonlinear Sci. 6 (1996) 449).
+    /// The mean of `stress` over a step from f to f + `df`, such that its work is the change of energy but for that of the null Lagrangian: by
+    /// Gauss's two points, and over long steps with as much along `df` added as is wanting (Gonzalez, J. Nonlinear Sci. 6 (1996) 449).
     #[inline(always)]
     fn stress_between<V: Value>(&self, gradient: Tensor<V>, active: V, df: Tensor<V>) -> Tensor<V> {
         let number = |value: f64| active.constant(value);
-        let middle = add_scaled(gradient, number(0.5), df);
-        let stress = self.stress(middle, active);
+        let [near, far] = TWO_POINTS;
+        let first = self.stress(add_scaled(gradient, number(near), df), active);
+        let last = self.stress(add_scaled(gradient, number(far), df), active);
+        let zero = number(0.0);
+        let mean = add_scaled([[zero; 2]; 2], number(0.5), first);
+        let stress = add_scaled(mean, number(0.5), last);
         let (start, end) = (
             deformation(gradient),
             deformation(add_scaled(gradient, number(1.0), df)),
@@ -66,9 +75,9 @@ pub trait Material: Sync {
         let null = number(alpha) * (df[0][0] + df[1][1]) + number(beta) * (determinant(end) - determinant(start));
         let wanting = self.energy(end, active) - self.energy(start, active) - null - contract(stress, df);
         let square = contract(df, df);
-        // A shorter step wants less than the rounding of the energies.
-        let long = square - number(1e-12);
-        let share = long.choose(wanting * square.max(number(1e-12)).recip(), number(0.0));
+        // What is wanting to a shorter step, of fifth order, is less than the rounding of the energies.
+        let long = square - number(LONG);
+        let share = long.choose(wanting * square.max(number(LONG)).recip(), number(0.0));
         add_scaled(stress, share, df)
     }
     /// The numbers that [`Material::tangent`] takes more time to find than to read again, for conjugate gradients that ask for it
