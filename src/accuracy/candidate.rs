@@ -8,6 +8,7 @@ use crate::base::{Canonical, Dimension, Fields, InputError, Node, NodeValue, Par
 use crate::fem::screening::resolve;
 use crate::fem::{
     HistoryOptions, MeshRequest, Method, SolverParameters, StepEstimate, StepEstimates, ThreeSolves, creep_settings,
+    history_check,
 };
 use crate::field::{Evaluator, Mesh};
 use crate::scene::Scene;
@@ -173,13 +174,18 @@ impl Candidate {
         }
     }
 
-    /// Whether it may be used in a scene at all, as far as that is known without setting it up.
+    /// Whether it may be used in a scene at all, as far as that is known without setting it up, with a reference that is an equilibrium or a
+    /// state at a time.
     ///
     /// # Errors
     /// When it may not.
-    pub fn check_scene(&self, scene: &Scene) -> Result<(), AccuracyError> {
+    pub fn check_scene(&self, scene: &Scene, time: Option<Time>) -> Result<(), AccuracyError> {
         match self {
-            Self::Elements(_) | Self::InTime(..) => Ok(()),
+            Self::Elements(_) => Ok(()),
+            Self::InTime(how, parameters) => {
+                let checked = check_in_time(*how, parameters.method(), scene, time);
+                checked.map_err(|why| why.of(self.settings()))
+            }
             Self::Network(network) => {
                 let checked = network.surrogate().check_scene(scene);
                 checked.map_err(|e| AccuracyError::from(e).of(self.settings()))
@@ -228,6 +234,20 @@ impl Candidate {
     }
 }
 
+/// Whether states at a time can be found so in a scene.
+fn check_in_time(how: InTime, method: Method, scene: &Scene, time: Option<Time>) -> Result<(), AccuracyError> {
+    let time = time.ok_or(AccuracyError::NoTime)?;
+    let scene = resolve(scene)?;
+    match (how, method) {
+        (InTime::ThreeSolves, _) => {
+            ThreeSolves::new(&scene, time.value())?;
+        }
+        (InTime::Steps, Method::Newton) => history_check(&scene)?,
+        (InTime::Steps, _) => StepEstimates::check(&scene)?,
+    }
+    Ok(())
+}
+
 /// The settings of all steps, or of an estimate at the end of each: `history`, `history+chord:1`.
 fn steps_settings(parameters: &SolverParameters) -> String {
     let text = parameters.to_string();
@@ -273,13 +293,18 @@ fn in_time(node: &Node) -> Result<Option<Candidate>, InputError> {
     let found = words
         .iter()
         .find_map(|(word, how)| Some((*how, text.strip_prefix(word)?)));
+    let is_in_time = ["creep", STEPS]
+        .iter()
+        .any(|start| text.to_lowercase().starts_with(start));
+    let estimate = |rest: &str| {
+        let method: Method = rest.strip_prefix('+')?.parse().ok()?;
+        (method != Method::Newton).then_some(())
+    };
     let (how, method) = match found {
         Some((how, "")) => (how, "newton"),
-        Some((how, rest)) => match rest.strip_prefix('+') {
-            Some(method) if method != "newton" => (how, method),
-            _ => return Ok(None),
-        },
-        None => return Ok(None),
+        Some((how, rest)) if estimate(rest).is_some() => (how, &rest[1..]),
+        None if !is_in_time => return Ok(None),
+        _ => return Err(unknown_in_time(word, text)),
     };
     let method = word.with_value(NodeValue::Text(method.to_owned()));
     let plain = if std::ptr::eq(word, node) {
@@ -297,6 +322,13 @@ fn in_time(node: &Node) -> Result<Option<Candidate>, InputError> {
             .help("give a mesh by `elements_per_cell` and `order`"));
     }
     Ok(Some(Candidate::InTime(how, read_elements(&plain)?)))
+}
+
+fn unknown_in_time(word: &Node, text: &str) -> InputError {
+    word.error(format!("{text:?} is no method")).help(format!(
+        "allowed of a state at a time: {STEPS} and {THREE_SOLVES}, alone or with +linear or +chord:N, N from 1 to 50, as in \
+         {STEPS}+chord:1; newton, linear and chord:N find the end of creep"
+    ))
 }
 
 fn read_elements(node: &Node) -> Result<SolverParameters, InputError> {

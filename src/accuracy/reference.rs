@@ -8,7 +8,8 @@ use std::path::Path;
 use super::candidate::Candidate;
 use super::error::AccuracyError;
 use crate::base::{Document, InputError, Node, Progress};
-use crate::fem::{AccurateSimulation, Method, SetupError, SolverParameters};
+use crate::fem::screening::resolve;
+use crate::fem::{AccurateSimulation, Method, SetupError, SolverParameters, history_check};
 use crate::field::{Field, Mesh, Order};
 use crate::pattern::Pattern;
 use crate::scene::Scene;
@@ -63,6 +64,17 @@ impl Reference {
                 settings: fine.settings(),
                 reference: self.0.to_string(),
             }),
+        }
+    }
+
+    /// Whether it can be solved in a scene, as far as that is known without setting it up.
+    ///
+    /// # Errors
+    /// When a scene cannot be followed in time.
+    pub fn check_scene(&self, scene: &Scene) -> Result<(), AccuracyError> {
+        match self.0.time() {
+            Some(_) => Ok(history_check(&resolve(scene)?)?),
+            None => Ok(()),
         }
     }
 

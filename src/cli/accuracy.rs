@@ -72,13 +72,16 @@ pub fn execute(arguments: &AccuracyArguments, output: &Output) -> Result<Exit, C
     let failed = |e: AccuracyError| CliError::failure(e.to_string());
     let reference = Document::from_text(Path::new("--reference"), &arguments.reference)?;
     let reference = Reference::read(&reference.root)?;
-    let methods = methods(arguments, &reference)?;
-    let methods: Vec<&Candidate> = methods.iter().collect();
-    // Before the reference is solved, which may take long.
-    reference.check(methods.iter().copied()).map_err(bad_input)?;
     let scene = arguments.state.of(direct::read_scene(&arguments.scene)?)?;
+    // Before the reference is solved, which may take long.
+    reference.check_scene(&scene).map_err(bad_input)?;
+    let methods = methods(arguments, &scene, &reference)?;
+    let methods: Vec<&Candidate> = methods.iter().collect();
+    reference.check(methods.iter().copied()).map_err(bad_input)?;
     for method in &methods {
-        method.check_scene(&scene).map_err(bad_input)?;
+        method
+            .check_scene(&scene, reference.settings().time())
+            .map_err(bad_input)?;
     }
     let families = families(arguments, &scene)?;
     // What cannot be written has to be known before minutes of work, not after.
@@ -109,7 +112,7 @@ pub fn execute(arguments: &AccuracyArguments, output: &Output) -> Result<Exit, C
     })
 }
 
-fn methods(arguments: &AccuracyArguments, reference: &Reference) -> Result<Vec<Candidate>, CliError> {
+fn methods(arguments: &AccuracyArguments, scene: &Scene, reference: &Reference) -> Result<Vec<Candidate>, CliError> {
     let mut networks = Vec::new();
     for model in &arguments.model {
         let bytes = model::weights(model, &arguments.store.folder())?;
@@ -117,8 +120,13 @@ fn methods(arguments: &AccuracyArguments, reference: &Reference) -> Result<Vec<C
         networks.push(network.map_err(|e| CliError::bad_input(format!("cannot use {model}: {e}")))?);
     }
     let Some(text) = &arguments.methods else {
-        let usual = match reference.settings().time() {
-            Some(_) => Candidate::usual_in_time(),
+        let time = reference.settings().time();
+        let usual: Vec<Candidate> = match time {
+            // What this scene has no place for was not asked for.
+            Some(_) => {
+                let usual = Candidate::usual_in_time().into_iter();
+                usual.filter(|method| method.check_scene(scene, time).is_ok()).collect()
+            }
             None => Candidate::usual(),
         };
         return Ok(usual.into_iter().chain(Network::named(networks)).collect());

@@ -171,6 +171,8 @@ pub fn solve<L: Material>(
         operator.residual(u, &mut workspace.residual);
         size = norm(&workspace.residual);
     }
+    // The load of elements is rounded too, though its forces may cancel.
+    let rounding = rounding.max(ROUNDING * operator.material.load());
     let goal = (tolerance * reference).max(rounding * (u.len() as f64).sqrt());
     // What a Newton step leaves is of the order of the square of what there was.
     let mut forcing = match workspace.near {

@@ -3,12 +3,18 @@
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use rayon::prelude::*;
+
 use super::error::SetupError;
-use super::evaluator::Method;
+use super::evaluator::{Method, SolverParameters, last_state};
 use super::response::{Estimator, LinearResponse};
 use super::screening::resolve;
 use super::solver::{MembraneSolver, SolveOptions};
-use crate::field::{SharedSimulator, SimulatorError, SimulatorKind, Simulators};
+use super::time::{HistoryOptions, HistoryRequest, HistorySolver, refusal};
+use crate::field::{
+    Observation, Outcome, SharedSimulator, Simulation, Simulator, SimulatorError, SimulatorKind, Simulators,
+};
+use crate::pattern::Pattern;
 use crate::scene::{Effects, Scene};
 
 /// Simulators for a scene.
@@ -16,6 +22,8 @@ pub struct SceneSimulators {
     scene: Scene,
     method: Method,
     tolerance: f64,
+    /// What is asked of a history, where the displacement is that at its end.
+    history: Option<HistoryRequest>,
     ready: Mutex<BTreeMap<SimulatorKind, SharedSimulator>>,
 }
 
@@ -36,8 +44,18 @@ impl SceneSimulators {
             scene: scene.with_effects(effects),
             method,
             tolerance,
+            history: None,
             ready: Mutex::default(),
         })
+    }
+
+    /// The same through the time of the drive, where a solver went through it.
+    #[must_use]
+    pub fn through(self, solver: &SolverParameters) -> Self {
+        Self {
+            history: solver.history_request(),
+            ..self
+        }
     }
 
     fn set_up(&self, kind: SimulatorKind) -> Result<SharedSimulator, SetupError> {
@@ -45,6 +63,16 @@ impl SceneSimulators {
             SimulatorKind::AsDeclared(mesh) => (mesh, self.method, self.tolerance),
             SimulatorKind::Newton(mesh) => (mesh, Method::Newton, SolveOptions::default().tolerance),
         };
+        if let Some(request) = &self.history {
+            let options = HistoryOptions {
+                mesh: Some(mesh),
+                tolerance,
+            };
+            if let Some(refusal) = refusal(&self.scene) {
+                return Err(refusal);
+            }
+            return Ok(Arc::new(HistorySolver::new(&self.scene, &options, request.clone())?));
+        }
         Ok(match method.chord_steps() {
             None => Arc::new(MembraneSolver::new(&self.scene, SolveOptions { mesh, tolerance })?),
             Some(chord_steps) => Arc::new(Estimator {
@@ -64,5 +92,23 @@ impl Simulators for SceneSimulators {
         let simulator = self.set_up(kind).map_err(SimulatorError::new)?;
         ready.insert(kind, Arc::clone(&simulator));
         Ok(simulator)
+    }
+}
+
+impl Simulator for HistorySolver {
+    /// The states at the end.
+    fn simulate(&self, patterns: &[Pattern]) -> Vec<Simulation> {
+        let each = patterns.par_iter().map(|pattern| match self.follow(pattern) {
+            Ok(found) => last_state(&found).simulation,
+            // A drive of too many steps, which no solver went through either.
+            Err(_) => Simulation {
+                outcome: Outcome::WorkLimit,
+                field: None,
+                newton_iterations: 0,
+                residual: 0.0,
+                observation: Observation::default(),
+            },
+        });
+        each.collect()
     }
 }

@@ -365,6 +365,10 @@ fn carry_out(
     }
     let (held, loose) = held(source, scene, request, terms.trust);
     let simulators = SceneSimulators::new(scene, held.method, held.residual).map_err(SimulatorError::new)?;
+    let simulators = match &source.solver {
+        Some(solver) => simulators.through(solver),
+        None => simulators,
+    };
     let device = super::device_of(scene);
     let dataset = Dataset {
         device: &device,

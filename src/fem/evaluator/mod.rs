@@ -6,4 +6,5 @@ mod solver;
 
 pub use method::{Method, UnknownMethod};
 pub use parameters::{MeshRequest, SolverParameters};
+pub(in crate::fem) use solver::last_state;
 pub use solver::{CellStates, Solver, check_leads};

@@ -190,13 +190,22 @@ impl SolverParameters {
             mesh: self.mesh(),
             tolerance: self.tolerance(),
         };
-        let request = HistoryRequest {
+        HistorySolver::new(scene, &options, self.request_at(times))
+    }
+
+    /// What is asked of a history, where one is.
+    #[must_use]
+    pub fn history_request(&self) -> Option<HistoryRequest> {
+        Some(self.request_at(self.times()?))
+    }
+
+    fn request_at(&self, times: Vec<f64>) -> HistoryRequest {
+        HistoryRequest {
             times,
             accuracy_mm: self.accuracy().map(|accuracy| accuracy.value()),
             limit: WorkLimit::of_history(self.time_limit.as_ref()),
             estimate: None,
-        };
-        HistorySolver::new(scene, &options, request)
+        }
     }
 
     /// The solver for a scene.

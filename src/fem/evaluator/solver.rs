@@ -203,7 +203,7 @@ fn follow(solver: &HistorySolver, patterns: &[Pattern]) -> Result<Vec<AccurateHi
 }
 
 /// The state at the end of a history.
-fn last_state(found: &AccurateHistory) -> AccurateSimulation {
+pub(in crate::fem) fn last_state(found: &AccurateHistory) -> AccurateSimulation {
     let history = &found.history;
     let field = history.fields.last().filter(|_| history.outcome.is_converged());
     let observation = match (field, history.asked().last()) {

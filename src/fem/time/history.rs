@@ -22,7 +22,7 @@ use crate::pattern::Pattern;
 use crate::scene::{Scene, ViscousLaw};
 
 /// Error in time, in units of the largest displacement at each time, unless another is asked for.
-const USUAL_ERROR: f64 = 2e-5;
+pub const USUAL_ERROR: f64 = 2e-5;
 /// Error of a step of the first pass over what is wanted at the times that were asked for: what a step errs is forgotten while the membrane
 /// relaxes, and passes with shorter steps follow where that is not enough.
 const LOOSE: f64 = 30.0;
@@ -66,7 +66,7 @@ impl HistoryRequest {
 }
 
 /// Why states of a scene cannot be estimated step by step, if they cannot.
-fn refusal_of_estimates(scene: &Scene) -> Option<SetupError> {
+pub(super) fn refusal_of_estimates(scene: &Scene) -> Option<SetupError> {
     let effects = &scene.effects;
     let law = effects.viscoelasticity.as_ref().map(|effect| effect.law);
     let has = [
@@ -175,6 +175,14 @@ pub fn refusal(scene: &Scene) -> Option<SetupError> {
     }
     let moves_bodies = scene.effects.inertia.is_some() && scene.geometry.bodies.is_some();
     moves_bodies.then_some(SetupError::MovingBodies)
+}
+
+/// Whether a scene whose effects are decided can be followed in time.
+///
+/// # Errors
+/// When it cannot.
+pub fn check(scene: &Scene) -> Result<(), SetupError> {
+    refusal(scene).map_or(Ok(()), Err)
 }
 
 impl MembraneSolver {

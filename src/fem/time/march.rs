@@ -283,6 +283,8 @@ impl<L: Material, F: Fn(f64) -> L> Course<'_, F> {
             content: Content::default(),
             electric: 0.0,
             elastic_at_rest: 0.0,
+            springs: 0.0,
+            work: 0.0,
             dissipated: 0.0,
             supplied: 0.0,
             workspace,
@@ -325,6 +327,9 @@ struct Run<'a, 'b, F> {
     content: Content,
     electric: f64,
     elastic_at_rest: f64,
+    /// Of the springs of bodies, and the work of their loads.
+    springs: f64,
+    work: f64,
     /// Energy of the branches in J.
     stored: f64,
     stored_at_rest: f64,
@@ -953,7 +958,7 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
             time: now,
             voltage: self.volts,
             charge: self.content.charge,
-            stored: self.content.elastic - self.elastic_at_rest + self.stored - self.stored_at_rest,
+            stored: self.content.elastic - self.elastic_at_rest + self.stored - self.stored_at_rest + self.springs,
             electric: self.electric,
             kinetic: 0.0,
             dissipated: self.dissipated,
@@ -978,6 +983,9 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
         let loaded = self.viscous.loaded();
         let stored = self.units.energy * self.viscous.stored(&loaded, course.problem.activity);
         let earlier = mem::replace(&mut self.loaded, loaded);
+        let [springs, work] = self.of_bodies();
+        let springs_before = mem::replace(&mut self.springs, springs);
+        let work_before = mem::replace(&mut self.work, work);
         let change = stored - mem::replace(&mut self.stored, stored);
         if jump {
             let before = if self.pass.instants.is_empty() {
@@ -985,7 +993,8 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
             } else {
                 content_before.elastic
             };
-            self.supplied += self.content.elastic - before + change + self.electric - electric_before;
+            let elastic = self.content.elastic - before + springs - springs_before;
+            self.supplied += elastic + change + self.electric - electric_before;
         } else {
             self.dissipated += self.units.energy * earlier.work_to(&self.loaded, course.problem.activity) - change;
             let charged = self.content.driven - content_before.driven;
@@ -1001,7 +1010,7 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
                     0.5 * sides * charged
                 }
             };
-            self.supplied += from_source;
+            self.supplied += from_source + work - work_before;
             self.dissipated += from_source - to_electrodes;
         }
     }
@@ -1052,6 +1061,19 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
         each.collect()
     }
 
+    /// The energy of the springs of bodies, and the work of their loads since they were at rest, in J.
+    fn of_bodies(&self) -> [f64; 2] {
+        let course = self.course;
+        let motions = course.problem.activity.grid().motions(&self.u).unwrap_or_default();
+        let bodies = course.scene.geometry.bodies.iter().flatten().zip(motions);
+        let each = bodies.map(|(body, motion)| {
+            let [x, y] = motion.translation.map(|mm| 1e-3 * mm);
+            let [along, across] = body.load_n();
+            [0.5 * body.spring_n_per_m() * (x * x + y * y), along * x + across * y]
+        });
+        each.fold([0.0; 2], |sum, energies| [sum[0] + energies[0], sum[1] + energies[1]])
+    }
+
     /// The membrane as it is, with so many V on its electrodes.
     fn measure_at(&self, volts: f64) -> Content {
         self.content(self.course.problem.activity, volts)
@@ -1061,10 +1083,22 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
     fn content(&self, activity: &Activity, volts: f64) -> Content {
         let course = self.course;
         let full = course.scene.voltage_v();
-        let share = if full > 0.0 { (volts / full).powi(2) } else { 0.0 };
-        let laws = [0.0, share].map(|share| (course.problem.material)(share));
+        let ratio = if full > 0.0 { volts / full } else { 0.0 };
         let metric = metrics(activity, &self.u);
-        content([&laws[0], &laws[1]], activity, &metric, volts, self.units)
+        // The electric energy is a difference, which is lost in rounding at low voltages; it is in proportion to their square, but where the
+        // membrane wrinkles.
+        let at = match L::WRINKLES || ratio == 0.0 {
+            true => ratio,
+            false => 1.0,
+        };
+        let laws = [0.0, at * at].map(|share| (course.problem.material)(share));
+        let found = content([&laws[0], &laws[1]], activity, &metric, at * full, self.units);
+        let rest = if at == 0.0 { 0.0 } else { ratio / at };
+        Content {
+            charge: rest * found.charge,
+            driven: rest * found.driven,
+            ..found
+        }
     }
 
     /// Notes that the last state was asked for.

@@ -20,7 +20,7 @@ mod viscous;
 pub use accurate::AccurateHistory;
 pub use creep::{ThreeSolves, settings as creep_settings};
 pub use frequency::{AtFrequency, FrequencyResponse, FrequencySolver, at_bias};
-pub use history::{History, HistoryRequest, refusal};
+pub use history::{History, HistoryRequest, USUAL_ERROR as USUAL_TIME_ERROR, check as history_check, refusal};
 pub use march::{Instant, StepEstimate};
 pub use modes::{MOST_MODES, Vibration};
 pub use solver::{HistoryOptions, HistorySolver, StepEstimates};

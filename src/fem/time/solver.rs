@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::accurate::AccurateHistory;
-use super::history::HistoryRequest;
+use super::history::{HistoryRequest, refusal, refusal_of_estimates};
 use super::march::StepEstimate;
 use crate::fem::accurate::AccurateSolver;
 use crate::fem::error::SetupError;
@@ -98,6 +98,15 @@ impl StepEstimates {
         };
         let solver = HistorySolver::new(scene, options, request)?;
         Ok(Self { solver, settings })
+    }
+
+    /// Whether a scene whose effects are decided allows it.
+    ///
+    /// # Errors
+    /// When it does not.
+    pub fn check(scene: &Scene) -> Result<(), SetupError> {
+        let refused = refusal(scene).or_else(|| refusal_of_estimates(scene));
+        refused.map_or(Ok(()), Err)
     }
 }
 

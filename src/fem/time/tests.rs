@@ -737,3 +737,103 @@ fn what_a_charge_does_not_go_with_is_refused() {
         );
     }
 }
+
+fn small(drive: &str, effects: &str, more: &str) -> Scene {
+    Scene::from_text(&format!(
+        "{{ geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 10 }}, material: {{ model: neo-hookean, shear_modulus: \
+         45 kPa, relative_permittivity: 4.7 }}, drive: {{ {drive} }}, effects: {{ {effects} }}{more} }}"
+    ))
+    .unwrap()
+}
+
+fn follow(scene: &Scene, pattern: &Pattern, times: Vec<f64>) -> History {
+    let options = SolveOptions {
+        mesh: Mesh::bilinear(1),
+        tolerance: 1e-8,
+    };
+    let solver = MembraneSolver::new(scene, options).unwrap();
+    solver.history(pattern, &HistoryRequest::at(times)).unwrap()
+}
+
+#[test]
+fn a_motion_from_rest_is_the_same_under_laws_that_change_nothing() {
+    // The mean force of a short step is a small difference of nothing: no rounding of energies is in it.
+    let drive = "voltage: 3 kV, waveform: { ramp: { time: 0.02 s } }";
+    let inertia = "inertia: { density: 960 kg/m3 }";
+    let half = Pattern::from_fn(ten(), |x, _| x < 5);
+    let plain = follow(&small(drive, inertia, ""), &half, vec![0.02]);
+    assert_eq!(plain.outcome, Outcome::Converged);
+    for effect in [
+        "stretch_dependent_permittivity: { exponent: 0 }",
+        "strain_stiffening: { model: gent, jm: 1e12 }",
+    ] {
+        let found = follow(&small(drive, &format!("{inertia}, {effect}"), ""), &half, vec![0.02]);
+        assert_eq!(found.outcome, Outcome::Converged, "{effect}");
+        let difference = found.fields[0].max_difference(&plain.fields[0]);
+        assert!(
+            difference < 1e-6 * plain.fields[0].max_magnitude(),
+            "{effect}: {difference:e}"
+        );
+    }
+    let gent = format!("{inertia}, strain_stiffening: {{ model: gent, jm: 60 }}");
+    let stiff = follow(&small(drive, &gent, ""), &half, vec![0.02]);
+    assert_eq!(stiff.outcome, Outcome::Converged);
+    let last = stiff.instants.last().unwrap();
+    let balance = last.stored + last.electric + last.kinetic + last.dissipated - last.supplied;
+    assert!(balance.abs() < 1e-8 * last.supplied, "{balance:e}");
+}
+
+#[test]
+fn electrodes_over_all_of_a_membrane_charge_without_moving_it_in_the_end() {
+    let resistance = "electrode_resistance: { sheet_resistance: 1 MOhm }";
+    let full = Pattern::from_fn(ten(), |_, _| true);
+    for volts in ["10 V", "3 kV"] {
+        let scene = small(&format!("voltage: {volts}"), resistance, ", leads: [left]");
+        let history = follow(&scene, &full, vec![0.001, 0.05, 1.0]);
+        assert_eq!(history.outcome, Outcome::Converged, "{volts}");
+        assert!(history.fields[2].max_magnitude() < 1e-9);
+        let last = history.instants.last().unwrap();
+        assert!((last.voltage / scene.voltage_v() - 1.0).abs() < 1e-9);
+    }
+}
+
+#[test]
+fn loads_and_springs_of_bodies_are_in_the_balance_of_energies() {
+    let scene = |body: &str| {
+        Scene::from_text(&format!(
+            "{{ geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 10, bodies: [{{ rectangle: [[20 mm, 20 mm], [30 mm, \
+             30 mm]]{body} }}] }}, material: {{ model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }}, drive: \
+             {{ voltage: 3 kV }}, effects: {{ viscoelasticity: {{ branches: [{{ modulus: 45 kPa, time: 1 s }}] }} }} }}"
+        ))
+        .unwrap()
+    };
+    let half = Pattern::from_fn(ten(), |x, y| x < 5 && !((4..6).contains(&x) && (4..6).contains(&y)));
+    for body in [
+        "",
+        ", load: [0.01 N, 0 N]",
+        ", spring: 100 N/m",
+        ", load: [0.02 N, -0.01 N], spring: 30 N/m",
+    ] {
+        let history = follow(&scene(body), &half, vec![0.0, 1.0, 100.0]);
+        for now in history.asked() {
+            let balance = now.stored + now.electric + now.dissipated - now.supplied;
+            assert!(
+                balance.abs() < 1e-6 * now.supplied.abs(),
+                "{body} {}: {balance:e}",
+                now.time
+            );
+        }
+    }
+}
+
+#[test]
+fn charges_are_in_proportion_to_voltages_however_low() {
+    let scene = small("voltage: 3 kV, source: { resistance: 1000 GOhm }", "", "");
+    let half = Pattern::from_fn(ten(), |x, _| x < 5);
+    let history = follow(&scene, &half, vec![1e-6, 1e-3, 1.0]);
+    let ratios: Vec<f64> = history.asked().map(|now| now.charge / now.voltage).collect();
+    assert!(
+        ratios.iter().all(|ratio| (ratio / ratios[0] - 1.0).abs() < 1e-6),
+        "{ratios:?}"
+    );
+}

@@ -263,6 +263,9 @@ impl Viscous {
     /// What the branches store in this state, in units of μH times the mean area of elements.
     #[must_use]
     pub fn stored(&self, loaded: &Loaded, activity: &Activity) -> f64 {
+        if self.is_empty() {
+            return 0.0;
+        }
         let (grid, part) = (activity.grid(), self.layout.part());
         let mut at_points = vec![0.0; self.metric.len() / NUMBERS];
         loaded.add_energy([&loaded.sum, &loaded.metric], 0.5, &mut at_points);
@@ -313,6 +316,9 @@ impl Loaded {
     /// their stress at both ends times the change of strain.
     #[must_use]
     pub fn work_to(&self, later: &Self, activity: &Activity) -> f64 {
+        if self.metric.is_empty() {
+            return 0.0;
+        }
         let mut work = vec![0.0; self.metric.len() / NUMBERS];
         let both: Vec<f64> = self.sum.iter().zip(&later.sum).map(|(a, b)| a + b).collect();
         self.add_energy([&both, &later.metric], 0.25, &mut work);
