@@ -140,7 +140,7 @@ pub fn accuracy(text: &str) -> Result<Quantity, String> {
 
 #[derive(Debug, Args)]
 pub struct TimeArguments {
-    /// About how long a pattern may take before it ends as work-limit, as in "60 s" [default: 5 s]; work is counted, not
+    /// About how long a pattern may take before it ends as work-limit, as in "60 s" [default: 5 s, and 500 s for a history]; work is counted, not
     /// time, so that results do not depend on the machine
     #[arg(long, value_name = "TIME", value_parser = time_limit, allow_hyphen_values = true)]
     pub time_limit: Option<Time>,

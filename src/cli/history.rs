@@ -15,7 +15,7 @@ use super::{csv, table, write};
 use crate::base::{Dimension, Progress, Quantity, Time};
 use crate::content::{Histories, Lines, Packed};
 use crate::fem::screening::Screened;
-use crate::fem::{AccurateHistory, History, HistorySolver, Instant, check_leads};
+use crate::fem::{AccurateHistory, History, HistorySolver, Instant, USUAL_TIME_ERROR, check_leads};
 use crate::field::{Field, Motion};
 use crate::pattern::Pattern;
 use crate::report::figures::{self, draw_histories};
@@ -27,6 +27,8 @@ use crate::store::write_file;
 const LATEST: f64 = 1e12;
 /// Most times that are written.
 const MOST_TIMES: usize = 10_000;
+/// An error that is told, over the usual one.
+const BEYOND: f64 = 1.5;
 
 #[derive(Clone, Debug, Args)]
 pub struct HistoryArguments {
@@ -313,12 +315,18 @@ fn histories(
     Histories {
         patterns: patterns.to_vec(),
         time: times.to_vec(),
+        // A charge has none.
         voltage: times
             .iter()
-            .map(|time| scene.waveform().voltage(scene.voltage_v(), *time, Side::After))
+            .map(|time| match scene.drive.charge {
+                Some(_) => f64::NAN,
+                None => scene.waveform().voltage(scene.voltage_v(), *time, Side::After),
+            })
             .collect(),
-        electrode_voltage: (scene.drive.source.is_some() || scene.effects.electrode_resistance.is_some())
-            .then(|| of_instant(|instant| instant.voltage)),
+        electrode_voltage: (scene.drive.source.is_some()
+            || scene.drive.charge.is_some()
+            || scene.effects.electrode_resistance.is_some())
+        .then(|| of_instant(|instant| instant.voltage)),
         displacement: Packed(displacement),
         max_displacement: Packed(largest.collect()),
         charge: of_instant(|instant| instant.charge),
@@ -477,7 +485,7 @@ fn overview(followed: &[AccurateHistory]) -> String {
 /// The patterns whose errors are larger than was asked for, with what is said of them.
 fn missed(followed: &[AccurateHistory], accuracy_mm: Option<f64>) -> Vec<(usize, String)> {
     let Some(accuracy) = accuracy_mm else {
-        return Vec::new();
+        return imprecise(followed);
     };
     let line = |(index, found): (usize, &AccurateHistory)| {
         let [time, space] = [found.history.time_error_mm, found.space_error_mm]
@@ -489,6 +497,20 @@ fn missed(followed: &[AccurateHistory], accuracy_mm: Option<f64>) -> Vec<(usize,
         let said: Vec<String> = said.into_iter().flatten().collect();
         let line = format!("pattern {index}: {}, more than was asked for", said.join(", "));
         (!said.is_empty()).then_some((index, line))
+    };
+    followed.iter().enumerate().filter_map(line).collect()
+}
+
+/// The patterns whose error in time is larger than is usual, where none was asked for.
+fn imprecise(followed: &[AccurateHistory]) -> Vec<(usize, String)> {
+    let line = |(index, found): (usize, &AccurateHistory)| {
+        let history = &found.history;
+        let largest = history.fields.iter().map(Field::max_magnitude).fold(0.0, f64::max);
+        let (error, usual) = (history.time_error_mm?, USUAL_TIME_ERROR * largest);
+        let line = format!(
+            "pattern {index}: steps in time leave an estimated error of {error:.1e} mm, more than the usual {usual:.1e} mm"
+        );
+        (history.outcome.is_converged() && error > BEYOND * usual).then_some((index, line))
     };
     followed.iter().enumerate().filter_map(line).collect()
 }

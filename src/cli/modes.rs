@@ -23,12 +23,13 @@ use crate::stage::direct;
 use crate::store::write_file;
 
 /// What is said where the lowest mode of the flat membrane out of its plane is about as low.
-pub const OUT_OF_PLANE: &str = "a flat membrane also vibrates out of its plane, from about the lowest of these frequencies on; that is not simulated";
+pub const OUT_OF_PLANE: &str =
+    "a flat membrane also vibrates out of its plane, from about its lowest natural frequency on; that is not simulated";
 
 #[derive(Clone, Debug, Args)]
 pub struct ModesArguments {
     /// Find so many natural frequencies of each pattern about its equilibrium, with their modes; needs a density
-    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u64).range(1..=MOST_MODES as u64), conflicts_with_all = ["path", "cells", "accuracy", "history"])]
+    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u64).range(1..=MOST_MODES as u64), conflicts_with_all = ["path", "cells", "accuracy", "history", "at", "every"])]
     pub modes: Option<u64>,
     /// Put the mass of each node into the node
     #[arg(long, requires = "modes")]
@@ -81,18 +82,29 @@ pub fn execute(arguments: &SolveArguments, count: u64, output: &Output) -> Resul
             "file": file,
             "vibrations": found.iter().enumerate().map(document).collect::<Vec<_>>(),
             "unstable": unstable,
-            "warnings": [OUT_OF_PLANE],
+            "warnings": warnings(&scene),
             "seconds": seconds,
         }))?;
     } else {
         let time = table::seconds(seconds);
+        let warnings: String = warnings(&scene)
+            .iter()
+            .map(|warning| format!("\nmodel warning: {warning}"))
+            .collect();
         output.text(&format!(
-            "{}\nmodel warning: {OUT_OF_PLANE}\n{} in {time}",
+            "{}{warnings}\n{} in {time}",
             overview(&found, count as usize),
             file.display()
         ))?;
     }
     Ok(if unstable > 0 { Exit::Unstable } else { Exit::Done })
+}
+
+fn warnings(scene: &Scene) -> Vec<&'static str> {
+    let relaxed = scene.effects.viscoelasticity.as_ref().map(|_| {
+        "modes are those of the relaxed membrane: branches whose relaxation takes longer than a period make it stiffer, as --response shows"
+    });
+    [OUT_OF_PLANE].into_iter().chain(relaxed).collect()
 }
 
 fn vibrations(

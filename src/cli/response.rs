@@ -37,7 +37,7 @@ const MOST_BYTES: f64 = (2u64 << 30) as f64;
 pub struct ResponseArguments {
     /// Find how each pattern responds to a small alternating voltage about its equilibrium, at frequencies from A to B, as in
     /// "1Hz:1kHz"; OUT.csv and OUT.png are written beside OUT.h5
-    #[arg(long, value_name = "A:B", value_parser = range, conflicts_with_all = ["path", "cells", "accuracy", "history", "modes"])]
+    #[arg(long, value_name = "A:B", value_parser = range, conflicts_with_all = ["path", "cells", "accuracy", "history", "modes", "lumped", "at", "every"])]
     pub response: Option<Range>,
     /// So many frequencies, evenly spaced over their logarithm [default: 100]
     #[arg(long, value_name = "N", requires = "response", value_parser = clap::value_parser!(u64).range(2..=MOST_POINTS))]
@@ -216,7 +216,14 @@ fn warnings(scene: &Scene) -> Vec<String> {
         ],
         (true, true) => vec![OUT_OF_PLANE],
     };
-    words.into_iter().map(str::to_owned).collect()
+    let drive = match (scene.drive.source.is_some(), effects.electrode_resistance.is_some()) {
+        (true, _) => Some("the `source` is not simulated: the electrodes have the alternating voltage at once"),
+        (_, true) => {
+            Some("`electrode_resistance` is not simulated: the electrodes have the alternating voltage at once")
+        }
+        _ => None,
+    };
+    words.into_iter().chain(drive).map(str::to_owned).collect()
 }
 
 /// Amplitude and phase of the corner that is watched, at each frequency with a response.

@@ -146,6 +146,9 @@ fn what_a_history_lacks_or_cannot_stand_beside_is_said() {
         ),
         (vec!["--history", "--path"], "cannot be used with"),
         (vec!["--lumped"], "--modes"),
+        (vec!["--response", "1Hz:10Hz", "--lumped"], "cannot be used with"),
+        (vec!["--response", "1Hz:10Hz", "--at", "1 s"], "cannot be used with"),
+        (vec!["--modes", "2", "--at", "1 s"], "cannot be used with"),
     ] {
         let ended = workspace.run(&[&["solve", "scene.yaml", "odd.csv", "-o", "out.h5"], &more[..]].concat());
         assert_eq!(ended.code, Some(2), "{more:?}: {}", ended.stderr);
@@ -386,6 +389,55 @@ stages:
   crept: { kind: solve, needs: [blocks], elements_per_cell: 1, history: { at: [10 s, 0.1 s] } }
   still: { kind: solve, needs: [blocks], elements_per_cell: 1 }
 ";
+
+#[test]
+fn histories_are_audited_by_histories() {
+    let workspace = workspace("voltage: 4 kV");
+    let audited = PIPELINE.replace(
+        "elements_per_cell: 1, history",
+        "elements_per_cell: 4, order: 2, history",
+    );
+    let audited = audited.replace("count_per_units: 6", "count_per_units: 2");
+    workspace.write(
+        "audited.yaml",
+        &format!("{audited}  audited: {{ kind: audit, needs: [crept], samples: 2 }}\n"),
+    );
+    let ran = workspace.run(&["run", "audited.yaml", "--json"]);
+    assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+}
+
+#[test]
+fn methods_that_a_scene_has_no_place_for_are_refused_before_the_reference() {
+    let workspace = workspace("voltage: 4 kV, waveform: { ramp: { time: 1 s } }");
+    let measure = |methods: &[&str], reference: &str| {
+        let asked = [
+            "accuracy",
+            "scene.yaml",
+            "-o",
+            "out",
+            "--patterns",
+            "odd.csv",
+            "--reference",
+            reference,
+        ];
+        workspace.run(&[&asked[..], methods].concat())
+    };
+    let in_time = "{ elements_per_cell: 4, history: { at: [0.5 s] } }";
+    for (methods, reference, said) in [
+        ("[creep:3]", in_time, "another `waveform`"),
+        ("[creep:3]", "{ elements_per_cell: 4 }", "give the reference `history`"),
+        ("[creep:2]", in_time, "\"creep:2\" is no method"),
+        ("[history+newton]", in_time, "+chord:N"),
+    ] {
+        let refused = measure(&["--methods", methods], reference);
+        assert_eq!(refused.code, Some(2), "{methods}: {}", refused.stderr);
+        assert!(refused.stderr.contains(said), "{methods}: {}", refused.stderr);
+    }
+    assert!(!workspace.path("out").exists());
+    let methods = "[{ method: history+chord:1, elements_per_cell: 1 }, { method: history, elements_per_cell: 1 }]";
+    let measured = measure(&["--methods", methods, "--json"], in_time);
+    assert_eq!(measured.code, Some(0), "{}", measured.stderr);
+}
 
 #[test]
 fn a_stage_keeps_histories_and_its_key_knows_the_time() {

@@ -14,7 +14,12 @@ pub struct Map<'a> {
 
 impl Node {
     fn wanted(&self, field: &str, wanted: impl fmt::Display) -> InputError {
-        self.error(format!("`{field}` must be {wanted}, found {}", self.found()))
+        // What is not a key is said as it is.
+        let field = match field.contains(['`', ' ']) {
+            true => field.to_owned(),
+            false => format!("`{field}`"),
+        };
+        self.error(format!("{field} must be {wanted}, found {}", self.found()))
     }
 
     /// The node as a mapping with no other than the allowed keys.

@@ -107,7 +107,8 @@ impl Effect for Viscoelasticity {
         }
         let change = match asked {
             Some(Asked::History) => "lets the displacement creep while the voltage changes",
-            Some(Asked::Hold(_)) => "has not relaxed when the drive ends",
+            Some(Asked::Hold(_)) if creep > SMALL => "has not relaxed when the drive ends",
+            Some(Asked::Hold(_)) => "has relaxed when the drive ends",
             Some(Asked::Period(_)) | None => "resists the oscillation",
         };
         Some(Assessment::known(quantity, creep, SMALL, change.to_owned()))
