@@ -2,7 +2,7 @@
 
     python3 docs/tools/poles.py [DEAFLOW]
 
-Needs numpy, scipy and h5py. Takes some minutes."""
+Needs numpy, scipy and h5py. Takes a minute."""
 import subprocess
 import sys
 import tempfile
