@@ -7,8 +7,7 @@ use super::network::Network;
 use crate::base::{Canonical, Dimension, Fields, InputError, Node, NodeValue, Parameter, Quantity, Schema, Time};
 use crate::fem::screening::resolve;
 use crate::fem::{
-    HistoryOptions, MeshRequest, Method, SolverParameters, StepEstimate, StepEstimates, ThreeSolves, creep_settings,
-    history_check,
+    MeshRequest, Method, SolverParameters, StepEstimate, StepEstimates, ThreeSolves, creep_settings, history_check,
 };
 use crate::field::{Evaluator, Mesh};
 use crate::scene::Scene;
@@ -141,7 +140,7 @@ impl Candidate {
     #[must_use]
     pub fn settings(&self) -> String {
         match self {
-            Self::InTime(InTime::Steps, parameters) => steps_settings(parameters),
+            Self::InTime(InTime::Steps, parameters) => parameters.settings_in_time(STEPS),
             Self::InTime(InTime::ThreeSolves, parameters) => creep_settings(parameters),
             Self::Elements(parameters) => parameters.to_string(),
             Self::Network(network) => network.settings(),
@@ -201,29 +200,21 @@ impl Candidate {
         match self {
             Self::InTime(how, parameters) => {
                 let time = time.ok_or(AccuracyError::NoTime)?;
-                let estimate = match parameters.method() {
-                    Method::Newton => None,
-                    Method::Linear => Some(StepEstimate::Linear),
-                    Method::Chord(steps) => Some(StepEstimate::Chord(steps)),
-                };
                 let scene = resolve(scene)?;
-                match (how, estimate) {
-                    (InTime::Steps, None) => return Ok(Arc::new(parameters.clone().up_to(time).build(&scene)?)),
-                    (InTime::Steps, Some(estimate)) => {
-                        let options = HistoryOptions {
-                            mesh: parameters.mesh(),
-                            tolerance: parameters.tolerance(),
-                        };
-                        let settings = steps_settings(parameters);
-                        let time = time.value();
-                        return Ok(Arc::new(StepEstimates::new(
-                            &scene, &options, estimate, time, settings,
-                        )?));
+                let each_step = |how: StepEstimate| -> Result<Arc<dyn Evaluator>, AccuracyError> {
+                    let options = parameters.history_options();
+                    let estimates = StepEstimates::new(&scene, &options, how, time.value(), self.settings())?;
+                    Ok(Arc::new(estimates))
+                };
+                match (how, parameters.method()) {
+                    (InTime::ThreeSolves, _) => {
+                        let rule = ThreeSolves::new(&scene, time.value())?;
+                        Ok(Arc::new(rule.evaluator(&scene, parameters)?))
                     }
-                    (InTime::ThreeSolves, _) => {}
+                    (InTime::Steps, Method::Newton) => Ok(Arc::new(parameters.clone().up_to(time).build(&scene)?)),
+                    (InTime::Steps, Method::Linear) => each_step(StepEstimate::Linear),
+                    (InTime::Steps, Method::Chord(steps)) => each_step(StepEstimate::Chord(steps)),
                 }
-                let rule = ThreeSolves::new(&scene, time.value())?;
-                Ok(Arc::new(rule.evaluator(&scene, parameters)?))
             }
             Self::Elements(parameters) => Ok(Arc::new(parameters.build(scene)?)),
             Self::Network(network) => {
@@ -246,15 +237,6 @@ fn check_in_time(how: InTime, method: Method, scene: &Scene, time: Option<Time>)
         (InTime::Steps, _) => StepEstimates::check(&scene)?,
     }
     Ok(())
-}
-
-/// The settings of all steps, or of an estimate at the end of each: `history`, `history+chord:1`.
-fn steps_settings(parameters: &SolverParameters) -> String {
-    let text = parameters.to_string();
-    match parameters.method() {
-        Method::Newton => text.replacen("method: newton", &format!("method: {STEPS}"), 1),
-        _ => text.replacen("method: ", &format!("method: {STEPS}+"), 1),
-    }
 }
 
 fn read_items<'a>(node: &Node, items: impl Iterator<Item = &'a Node>) -> Result<Vec<Candidate>, InputError> {
@@ -296,13 +278,13 @@ fn in_time(node: &Node) -> Result<Option<Candidate>, InputError> {
     let is_in_time = ["creep", STEPS]
         .iter()
         .any(|start| text.to_lowercase().starts_with(start));
-    let estimate = |rest: &str| {
-        let method: Method = rest.strip_prefix('+')?.parse().ok()?;
-        (method != Method::Newton).then_some(())
+    let is_estimate = |rest: &str| {
+        let method = rest.strip_prefix('+').and_then(|method| method.parse().ok());
+        method.is_some_and(|method: Method| method != Method::Newton)
     };
     let (how, method) = match found {
         Some((how, "")) => (how, "newton"),
-        Some((how, rest)) if estimate(rest).is_some() => (how, &rest[1..]),
+        Some((how, rest)) if is_estimate(rest) => (how, &rest[1..]),
         None if !is_in_time => return Ok(None),
         _ => return Err(unknown_in_time(word, text)),
     };

@@ -27,6 +27,21 @@ pub fn cofactor<V: Value>(f: Tensor<V>) -> Tensor<V> {
     [[f[1][1], -f[1][0]], [-f[0][1], f[0][0]]]
 }
 
+/// a bᵀ.
+#[inline(always)]
+pub fn times_transposed<V: Value>([[a, b], [c, d]]: Tensor<V>, [[p, q], [r, s]]: Tensor<V>) -> Tensor<V> {
+    [
+        [a.madd(p, b * q), a.madd(r, b * s)],
+        [c.madd(p, d * q), c.madd(r, d * s)],
+    ]
+}
+
+/// aᵀ.
+#[inline(always)]
+pub fn transposed<V: Value>([[a, b], [c, d]]: Tensor<V>) -> Tensor<V> {
+    [[a, c], [b, d]]
+}
+
 /// a : b.
 #[inline(always)]
 pub fn contract<V: Value>(a: Tensor<V>, b: Tensor<V>) -> V {

@@ -8,8 +8,12 @@
 //!
 //! However many viscoelastic branches there are, at one time they add no more than that: P is the sum of what they remember.
 
+use pulp::Arch;
+
 use super::energy::MODULI;
-use super::kinematics::{Tensor, add_scaled, cofactor, contract, deformation, determinant};
+use super::kinematics::{
+    Tensor, add_scaled, cofactor, contract, deformation, determinant, times_transposed, transposed,
+};
 use super::lanes::Value;
 use super::layout::NodeLayout;
 use super::precision::{Both, Precision};
@@ -59,6 +63,39 @@ pub fn line(layout: NodeLayout, points: usize, row: usize, q: usize, number: usi
     ((row * points + q) * NUMBERS + number) * layout.part()
 }
 
+/// The lines of the numbers of the points of a row of elements.
+#[inline(always)]
+#[must_use]
+pub fn lines(part: usize, row: &[f64]) -> [&[f64]; NUMBERS] {
+    [
+        &row[..part],
+        &row[part..][..part],
+        &row[2 * part..][..part],
+        &row[3 * part..][..part],
+    ]
+}
+
+/// Adds a share of P : c + P₃₃ j⁻² at each point, from P and from c⁻¹ and j² in rows of elements of so many numbers.
+pub fn add_energy(part: usize, [coefficients, metric]: [&[f64]; 2], share: f64, energy: &mut [f64]) {
+    let rows = coefficients
+        .chunks_exact(NUMBERS * part)
+        .zip(metric.chunks_exact(NUMBERS * part))
+        .zip(energy.chunks_exact_mut(part));
+    Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            for ((coefficients, metric), energy) in rows {
+                let [xx, xy, yy, normal] = lines(part, coefficients);
+                let [ixx, ixy, iyy, square] = lines(part, metric);
+                for at in 0..part {
+                    let across = xx[at] * iyy[at] - 2.0 * xy[at] * ixy[at] + yy[at] * ixx[at];
+                    energy[at] += share * (square[at] * across + normal[at] / square[at]);
+                }
+            }
+        },
+    );
+}
+
 /// The stress at f = I + ∇u.
 #[inline(always)]
 pub fn stress<V: Value>([xx, xy, yy, normal]: [V; NUMBERS], gradient: Tensor<V>) -> Tensor<V> {
@@ -91,6 +128,25 @@ pub fn tangent<V: Value>([xx, xy, yy, normal]: [V; NUMBERS], gradient: Tensor<V>
     let squeezed = normal * inverse * (inverse * inverse);
     let along = inverse.constant(3.0) * squeezed * inverse * contract(c, df);
     add_scaled(add_scaled(times(df, [xx, xy, yy]), along, c), -squeezed, cofactor(df))
+}
+
+/// The derivative of the change of stress, along `df` and times `df`, of a memory with P = c⁻¹ and P₃₃ = j² that follows the deformation: at
+/// f it is S = H + Hᵀ + 2 tr H I with H = df f⁻¹ in place of the gradient, and H changes by −H δf f⁻¹.
+#[inline(always)]
+pub fn tangent_that_follows<V: Value>(gradient: Tensor<V>, df: Tensor<V>) -> Tensor<V> {
+    let f = deformation(gradient);
+    let inverse = determinant(f).recip();
+    let zero = [[inverse.constant(0.0); 2]; 2];
+    let back = add_scaled(zero, inverse, cofactor(f));
+    let h = times_transposed(df, back);
+    let two = inverse.constant(2.0);
+    let trace = two * (h[0][0] + h[1][1]);
+    let one = inverse.constant(1.0);
+    let sum = add_scaled(h, one, transposed(h));
+    let s = [[sum[0][0] + trace, sum[0][1]], [sum[1][0], sum[1][1] + trace]];
+    // Hᵀ S f⁻ᵀ; S is symmetric.
+    let product = times_transposed(transposed(h), s);
+    add_scaled(zero, -two, times_transposed(product, transposed(back)))
 }
 
 /// The numbers of [`MODULI_WITH_MEMORY`] from those of the law.
@@ -183,6 +239,25 @@ mod tests {
         let df = [[0.2, -0.1], [0.07, 0.15]];
         let change = energy(add_scaled(GRADIENT, 1.0, df)) - energy(GRADIENT);
         assert!((contract(stress_between(P, GRADIENT, df), df) - change).abs() < 1e-15);
+    }
+
+    #[test]
+    fn what_follows_the_deformation_changes_the_tangent() {
+        let df = [[0.2, -0.1], [0.07, 0.15]];
+        // df : (change of stress along df) with P = c⁻¹ and P₃₃ = j².
+        let value = |gradient: Tensor<f64>| {
+            let f = deformation(gradient);
+            let [[a, b], [c, d]] = f;
+            let (xx, xy, yy) = (a * a + c * c, a * b + c * d, b * b + d * d);
+            let square = determinant(f).powi(2);
+            let follows = [yy / square, -xy / square, xx / square, square];
+            contract(df, tangent(follows, gradient, df))
+        };
+        let slopes = tangent_that_follows(GRADIENT, df);
+        for (i, k) in ENTRIES {
+            let slope = (value(nudged(i, k, 1e-6)) - value(nudged(i, k, -1e-6))) / 2e-6;
+            assert!((slopes[i][k] - slope).abs() < 1e-8, "{i}{k}: {} {slope}", slopes[i][k]);
+        }
     }
 
     #[test]

@@ -157,8 +157,9 @@ pub fn solve<L: Material>(
 ) -> Result<Progress, (Trouble, Progress)> {
     workspace.trial.fill(0.0);
     operator.residual(&workspace.trial, &mut workspace.residual);
-    let rounding = operator.rounding();
-    if largest(&workspace.residual) <= (ROUNDING * operator.material.load()).max(rounding) {
+    // The load of elements is rounded too, though its forces may cancel.
+    let rounding = (ROUNDING * operator.material.load()).max(operator.rounding());
+    if largest(&workspace.residual) <= rounding {
         u.fill(0.0);
         return Ok(Progress {
             steps: 0,
@@ -171,8 +172,6 @@ pub fn solve<L: Material>(
         operator.residual(u, &mut workspace.residual);
         size = norm(&workspace.residual);
     }
-    // The load of elements is rounded too, though its forces may cancel.
-    let rounding = rounding.max(ROUNDING * operator.material.load());
     let goal = (tolerance * reference).max(rounding * (u.len() as f64).sqrt());
     // What a Newton step leaves is of the order of the square of what there was.
     let mut forcing = match workspace.near {
@@ -210,31 +209,25 @@ pub fn solve<L: Material>(
     }
 }
 
-/// Makes `steps` steps −A⁻¹R from rest with one matrix A, the tangent of `linear` at rest, each solved to the relative
-/// residual `inner`; `rest` is zero everywhere. `u` is then where the last step led to.
+/// How chord steps are made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ChordSteps {
+    /// How many.
+    pub count: u32,
+    /// Relative residual to which each is solved.
+    pub inner: f64,
+    /// The unit of energy of the linear operator over that of the actual one.
+    pub unit: f64,
+}
+
+/// Makes steps −A⁻¹R from where `u` is with one matrix A, the tangent of `linear` at rest; `rest` is zero everywhere. `u` is then where the last step led to; the residual is relative to that at the start.
 ///
 /// # Errors
 /// With the progress made until then, when A is not positive definite, or a step turns an element over.
 pub fn chord<L: Material>(
     [actual, linear]: [&Operator<'_, L>; 2],
     laplacian: &Laplacian,
-    (steps, inner): (u32, f64),
-    rest: &[f64],
-    u: &mut [f64],
-    workspace: &mut Workspace,
-) -> Result<Progress, (Trouble, Progress)> {
-    u.fill(0.0);
-    chord_from([actual, linear], laplacian, (steps, inner), rest, u, workspace)
-}
-
-/// The same from where `u` is; the residual is relative to that there.
-///
-/// # Errors
-/// As [`chord`].
-pub fn chord_from<L: Material>(
-    [actual, linear]: [&Operator<'_, L>; 2],
-    laplacian: &Laplacian,
-    (steps, inner): (u32, f64),
+    ChordSteps { count, inner, unit }: ChordSteps,
     rest: &[f64],
     u: &mut [f64],
     workspace: &mut Workspace,
@@ -249,10 +242,10 @@ pub fn chord_from<L: Material>(
     }
     let reference = norm(&workspace.residual);
     let mut size = reference;
-    for _ in 0..steps {
+    for _ in 0..count {
         progress.residual = size / reference;
         find_step(linear, laplacian, inner, size, rest, workspace).map_err(|trouble| (trouble, progress))?;
-        advance(u, -size, &workspace.krylov.solution, &mut workspace.trial);
+        advance(u, -size / unit, &workspace.krylov.solution, &mut workspace.trial);
         actual.activity.grid().settle(&mut workspace.trial);
         u.copy_from_slice(&workspace.trial);
         if actual.residual(u, &mut workspace.residual) <= 0.0 {

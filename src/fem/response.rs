@@ -13,14 +13,14 @@ use crate::scene::Scene;
 use super::effects::{Model, WithMaterial};
 use super::energy::Material;
 use super::error::SetupError;
-use super::newton::{self, Workspace};
+use super::newton::{self, ChordSteps, Workspace};
 use super::operator::{Activity, Operator};
 use super::precondition::Laplacian;
 use super::solver::checked;
 
 /// Relative residual to which a linear system is solved, in two or three iterations: the error of an estimate is then
 /// within 1 % of what exact solutions would leave.
-const INNER: f64 = 3e-3;
+pub(super) const INNER: f64 = 3e-3;
 
 /// Relative residual to which the response to one cell is solved: a sum over all cells is then exact to single precision.
 const EXACT: f64 = 1e-9;
@@ -210,10 +210,15 @@ impl WithMaterial for Steps<'_> {
         let material = material(1.0);
         let actual = response.operator(&material, self.activity);
         let linear = response.operator(&material, &response.half_active);
+        u.fill(0.0);
         let ended = newton::chord(
             [&actual, &linear],
             &response.laplacian,
-            (self.steps, INNER),
+            ChordSteps {
+                count: self.steps,
+                inner: INNER,
+                unit: 1.0,
+            },
             &response.rest,
             u,
             workspace,

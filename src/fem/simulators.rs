@@ -10,7 +10,7 @@ use super::evaluator::{Method, SolverParameters, last_state};
 use super::response::{Estimator, LinearResponse};
 use super::screening::resolve;
 use super::solver::{MembraneSolver, SolveOptions};
-use super::time::{HistoryOptions, HistoryRequest, HistorySolver, refusal};
+use super::time::{HistoryOptions, HistoryRequest, HistorySolver, history_check};
 use crate::field::{
     Observation, Outcome, SharedSimulator, Simulation, Simulator, SimulatorError, SimulatorKind, Simulators,
 };
@@ -68,9 +68,7 @@ impl SceneSimulators {
                 mesh: Some(mesh),
                 tolerance,
             };
-            if let Some(refusal) = refusal(&self.scene) {
-                return Err(refusal);
-            }
+            history_check(&self.scene)?;
             return Ok(Arc::new(HistorySolver::new(&self.scene, &options, request.clone())?));
         }
         Ok(match method.chord_steps() {
@@ -98,7 +96,7 @@ impl Simulators for SceneSimulators {
 impl Simulator for HistorySolver {
     /// The states at the end.
     fn simulate(&self, patterns: &[Pattern]) -> Vec<Simulation> {
-        let each = patterns.par_iter().map(|pattern| match self.follow(pattern) {
+        let each = patterns.par_iter().map(|pattern| match self.displace(pattern) {
             Ok(found) => last_state(&found).simulation,
             // A drive of too many steps, which no solver went through either.
             Err(_) => Simulation {

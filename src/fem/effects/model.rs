@@ -134,7 +134,8 @@ impl Model {
     /// Whether branches that have no time to relax are part of the law, which goes with the base model where the membrane is at f = I at rest:
     /// there ½γ(tr c + j⁻²) is added to ½(tr c + a j⁻²). The law is then in units of (1 + γ)μH, and loads of bodies and charges are in units of
     /// μH.
-    fn law_takes_slowness(&self) -> bool {
+    #[must_use]
+    pub fn law_takes_slowness(&self) -> bool {
         let [along, across] = self.sheet.prestretch;
         let is_plain = self.stiffening.is_none() && self.is_base_law() && along == across;
         is_plain && self.sheet.mounts.is_empty() && !self.has_charge

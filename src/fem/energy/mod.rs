@@ -24,14 +24,13 @@ pub use ogden::{MOST_TERMS, Ogden};
 pub use potential::{Invariants, Potential, Rest, Slopes, slopes_apart};
 pub use second_invariant::SecondInvariant;
 
+use super::element::Line;
 use super::kinematics::{Tensor, add_scaled, contract, deformation, determinant};
 use super::lanes::Value;
 
 /// Numbers that determine a tangent at a given deformation: 2φᵢ, φⱼ, 4φᵢᵢ, 2φᵢⱼ and φⱼⱼ of an isotropic potential.
 pub const MODULI: usize = 5;
 
-/// Gauss's two points on [0, 1].
-const TWO_POINTS: [f64; 2] = [0.211_324_865_405_187_1, 0.788_675_134_594_812_9];
 /// The square of a step that is long.
 const LONG: f64 = 1e-5;
 
@@ -54,12 +53,19 @@ pub trait Material: Sync {
     fn stress<V: Value>(&self, gradient: Tensor<V>, active: V) -> Tensor<V>;
     /// The derivative of `stress` along `df`.
     fn tangent<V: Value>(&self, gradient: Tensor<V>, active: V, df: Tensor<V>) -> Tensor<V>;
+    /// The law with ½γ(tr c + j⁻²) beside it, over 1 + γ, where it is of the same form.
+    fn slowed(self, _slowness: f64) -> Option<Self>
+    where
+        Self: Sized,
+    {
+        None
+    }
     /// The mean of `stress` over a step from f to f + `df`, such that its work is the change of energy but for that of the null Lagrangian: by
     /// Gauss's two points, and over long steps with as much along `df` added as is wanting (Gonzalez, J. Nonlinear Sci. 6 (1996) 449).
     #[inline(always)]
     fn stress_between<V: Value>(&self, gradient: Tensor<V>, active: V, df: Tensor<V>) -> Tensor<V> {
         let number = |value: f64| active.constant(value);
-        let [near, far] = TWO_POINTS;
+        let [near, far] = Line::LINEAR.points;
         let first = self.stress(add_scaled(gradient, number(near), df), active);
         let last = self.stress(add_scaled(gradient, number(far), df), active);
         let zero = number(0.0);

@@ -88,6 +88,10 @@ impl NeoHookean {
 }
 
 impl Material for NeoHookean {
+    fn slowed(self, slowness: f64) -> Option<Self> {
+        Some(Self::slowed(self, slowness))
+    }
+
     #[inline(always)]
     fn energy<V: Value>(&self, f: Tensor<V>, active: V) -> V {
         let j = determinant(f);

@@ -186,11 +186,27 @@ impl SolverParameters {
     /// # Errors
     /// When it cannot be set up.
     pub fn history_solver(&self, scene: &Scene, times: Vec<f64>) -> Result<HistorySolver, SetupError> {
-        let options = HistoryOptions {
+        HistorySolver::new(scene, &self.history_options(), self.request_at(times))
+    }
+
+    /// How histories are solved.
+    #[must_use]
+    pub fn history_options(&self) -> HistoryOptions {
+        HistoryOptions {
             mesh: self.mesh(),
             tolerance: self.tolerance(),
-        };
-        HistorySolver::new(scene, &options, self.request_at(times))
+        }
+    }
+
+    /// The settings of a way to find the state at a time that is called by a word: the word alone where the method is Newton's, and
+    /// `WORD+chord:2` or `WORD+linear` where it is an estimate.
+    #[must_use]
+    pub fn settings_in_time(&self, word: &str) -> String {
+        let text = self.to_string();
+        match self.method {
+            Method::Newton => text.replacen("method: newton", &format!("method: {word}"), 1),
+            _ => text.replacen("method: ", &format!("method: {word}+"), 1),
+        }
     }
 
     /// What is asked of a history, where one is.
@@ -205,6 +221,7 @@ impl SolverParameters {
             accuracy_mm: self.accuracy().map(|accuracy| accuracy.value()),
             limit: WorkLimit::of_history(self.time_limit.as_ref()),
             estimate: None,
+            measures: true,
         }
     }
 

@@ -131,7 +131,11 @@ impl Solver {
             Engine::Accurate(solver) => solver.simulate(patterns),
             Engine::Fixed(solver) => Ok(on(solver.mesh(), solver.simulate(patterns))),
             Engine::Estimate(estimator, mesh) => Ok(on(*mesh, estimator.simulate(patterns))),
-            Engine::History(solver) => Ok(follow(solver, patterns)?.iter().map(last_state).collect()),
+            Engine::History(solver) => {
+                let each = patterns.par_iter();
+                each.map(|pattern| solver.displace(pattern).map(|found| last_state(&found)))
+                    .collect()
+            }
         }
     }
 
@@ -147,7 +151,8 @@ impl Solver {
             return Ok((self.simulate(patterns)?, None));
         };
         self.check(patterns)?;
-        let histories = follow(solver, patterns)?;
+        let each = patterns.par_iter().map(|pattern| solver.follow(pattern));
+        let histories: Vec<AccurateHistory> = each.collect::<Result<_, _>>()?;
         Ok((histories.iter().map(last_state).collect(), Some(histories)))
     }
 
@@ -197,10 +202,6 @@ pub fn check_leads(leads: Option<&Leads>, patterns: &[Pattern]) -> Result<(), Se
 
 /// The state of every cell of each pattern; `None` where there is no stable solution.
 pub type CellStates = Vec<Option<Vec<CellState>>>;
-
-fn follow(solver: &HistorySolver, patterns: &[Pattern]) -> Result<Vec<AccurateHistory>, SetupError> {
-    patterns.par_iter().map(|pattern| solver.follow(pattern)).collect()
-}
 
 /// The state at the end of a history.
 pub(in crate::fem) fn last_state(found: &AccurateHistory) -> AccurateSimulation {

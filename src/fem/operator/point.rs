@@ -10,9 +10,12 @@ use crate::fem::memory::{self, MODULI_WITH_MEMORY};
 /// What happens at a quadrature point: from the gradients of M fields to a stress.
 pub(super) trait Point<const M: usize>: Copy {
     /// Whether this is the stress of the first field: then [`Point::watched`] is wanted, and the stress at rest is taken away.
-    const WATCHED: bool;
+    const WATCHED: bool = false;
     /// What has to stay positive at the gradient of the first field.
-    fn watched<V: Value>(self, gradient: Tensor<V>) -> V;
+    #[inline(always)]
+    fn watched<V: Value>(self, gradient: Tensor<V>) -> V {
+        gradient[0][0]
+    }
     /// How many stored numbers are wanted.
     const STORED: usize = 0;
     /// Whether the numbers of a [`Memory`] are wanted, as the first of them.
@@ -47,6 +50,22 @@ pub(super) struct MemoryBetween;
 /// The tangent of a [`Memory`] at the first field along the second.
 #[derive(Clone, Copy)]
 pub(super) struct MemoryTangent;
+
+/// How the tangent of a [`Memory`] that follows the first field changes with it, along the second field and times it.
+#[derive(Clone, Copy)]
+pub(super) struct FollowingTangent;
+
+impl Point<2> for FollowingTangent {
+    #[inline(always)]
+    fn stress<V: Value>(
+        self,
+        [gradient, change]: [Tensor<V>; 2],
+        _active: V,
+        _stored: [V; MODULI_WITH_MEMORY],
+    ) -> Tensor<V> {
+        memory::tangent_that_follows(gradient, change)
+    }
+}
 
 impl<L> Clone for StressAt<'_, L> {
     fn clone(&self) -> Self {
@@ -93,11 +112,6 @@ impl<L: Material> Point<1> for StressAt<'_, L> {
 }
 
 impl<L: Material> Point<2> for TangentAt<'_, L> {
-    const WATCHED: bool = false;
-    #[inline(always)]
-    fn watched<V: Value>(self, gradient: Tensor<V>) -> V {
-        gradient[0][0]
-    }
     #[inline(always)]
     fn stress<V: Value>(
         self,
@@ -110,12 +124,7 @@ impl<L: Material> Point<2> for TangentAt<'_, L> {
 }
 
 impl<L: Material> Point<2> for TangentFrom<'_, L> {
-    const WATCHED: bool = false;
     const STORED: usize = MODULI;
-    #[inline(always)]
-    fn watched<V: Value>(self, gradient: Tensor<V>) -> V {
-        gradient[0][0]
-    }
     #[inline(always)]
     fn stress<V: Value>(
         self,
@@ -129,12 +138,7 @@ impl<L: Material> Point<2> for TangentFrom<'_, L> {
 }
 
 impl Point<2> for TangentOfBoth {
-    const WATCHED: bool = false;
     const STORED: usize = MODULI_WITH_MEMORY;
-    #[inline(always)]
-    fn watched<V: Value>(self, gradient: Tensor<V>) -> V {
-        gradient[0][0]
-    }
     #[inline(always)]
     fn stress<V: Value>(
         self,
@@ -147,12 +151,7 @@ impl Point<2> for TangentOfBoth {
 }
 
 impl Point<1> for MemoryStress {
-    const WATCHED: bool = false;
     const REMEMBERS: bool = true;
-    #[inline(always)]
-    fn watched<V: Value>(self, gradient: Tensor<V>) -> V {
-        gradient[0][0]
-    }
     #[inline(always)]
     fn stress<V: Value>(
         self,
@@ -165,11 +164,6 @@ impl Point<1> for MemoryStress {
 }
 
 impl<L: Material> Point<2> for StressBetween<'_, L> {
-    const WATCHED: bool = false;
-    #[inline(always)]
-    fn watched<V: Value>(self, gradient: Tensor<V>) -> V {
-        gradient[0][0]
-    }
     #[inline(always)]
     fn stress<V: Value>(
         self,
@@ -182,12 +176,7 @@ impl<L: Material> Point<2> for StressBetween<'_, L> {
 }
 
 impl Point<2> for MemoryBetween {
-    const WATCHED: bool = false;
     const REMEMBERS: bool = true;
-    #[inline(always)]
-    fn watched<V: Value>(self, gradient: Tensor<V>) -> V {
-        gradient[0][0]
-    }
     #[inline(always)]
     fn stress<V: Value>(
         self,
@@ -200,12 +189,7 @@ impl Point<2> for MemoryBetween {
 }
 
 impl Point<2> for MemoryTangent {
-    const WATCHED: bool = false;
     const REMEMBERS: bool = true;
-    #[inline(always)]
-    fn watched<V: Value>(self, gradient: Tensor<V>) -> V {
-        gradient[0][0]
-    }
     #[inline(always)]
     fn stress<V: Value>(
         self,

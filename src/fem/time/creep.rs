@@ -14,7 +14,7 @@ use faer::Mat;
 use faer::linalg::solvers::Solve;
 
 use crate::fem::error::SetupError;
-use crate::fem::evaluator::{Method, Solver, SolverParameters};
+use crate::fem::evaluator::{Solver, SolverParameters};
 use crate::fem::gradient_evaluator::GradientEvaluator;
 use crate::field::{Evaluator, Weighted};
 use crate::scene::{Scene, ViscousLaw};
@@ -140,11 +140,7 @@ impl ThreeSolves {
 /// The settings of a solver with the rule as its method: `creep:3`, or with estimates `creep:3+chord:2`.
 #[must_use]
 pub fn settings(parameters: &SolverParameters) -> String {
-    let text = parameters.to_string();
-    match parameters.method() {
-        Method::Newton => text.replacen("method: newton", "method: creep:3", 1),
-        _ => text.replacen("method: ", "method: creep:3+", 1),
-    }
+    parameters.settings_in_time("creep:3")
 }
 
 /// A branch in the units of the membrane.

@@ -50,6 +50,8 @@ pub struct HistoryRequest {
     pub limit: WorkLimit,
     /// How states are estimated, where they are not solved for; the steps are then those of a first pass.
     pub estimate: Option<StepEstimate>,
+    /// Whether charges and energies are wanted beside displacements; they are 0 where not.
+    pub measures: bool,
 }
 
 impl HistoryRequest {
@@ -61,12 +63,13 @@ impl HistoryRequest {
             accuracy_mm: None,
             limit: WorkLimit::of_history(None),
             estimate: None,
+            measures: true,
         }
     }
 }
 
 /// Why states of a scene cannot be estimated step by step, if they cannot.
-pub(super) fn refusal_of_estimates(scene: &Scene) -> Option<SetupError> {
+fn refusal_of_estimates(scene: &Scene) -> Option<SetupError> {
     let effects = &scene.effects;
     let law = effects.viscoelasticity.as_ref().map(|effect| effect.law);
     let has = [
@@ -185,38 +188,47 @@ pub fn check(scene: &Scene) -> Result<(), SetupError> {
     refusal(scene).map_or(Ok(()), Err)
 }
 
+/// Whether it can with states that are estimated.
+///
+/// # Errors
+/// When it cannot.
+pub fn check_estimates(scene: &Scene) -> Result<(), SetupError> {
+    check(scene)?;
+    refusal_of_estimates(scene).map_or(Ok(()), Err)
+}
+
 impl MembraneSolver {
     /// How a pattern moves in the time of the drive.
     ///
     /// # Errors
     /// When the scene cannot be followed in time: with what, `refusal` says.
     pub fn history(&self, pattern: &Pattern, request: &HistoryRequest) -> Result<History, SetupError> {
-        if let Some(refusal) = refusal(&self.scene) {
-            return Err(refusal);
-        }
-        if let Some(refusal) = request.estimate.and_then(|_| refusal_of_estimates(&self.scene)) {
-            return Err(refusal);
+        match request.estimate {
+            None => check(&self.scene)?,
+            Some(_) => check_estimates(&self.scene)?,
         }
         let plain = self.model.activity(&self.grid, pattern);
         let charge = self.scene.drive.charge.as_ref();
+        let has_electrode = plain.elements().iter().any(|active| *active > 0.0);
         let is_sprayed = charge.is_some_and(|charge| charge.immobile.is_some());
         let activity = match charge {
             Some(charge) if is_sprayed => &charge::sprayed(&plain, &self.scene, charge.in_coulombs()),
             _ => &plain,
         };
-        let half_active = Activity::from_shares(&self.grid, |_, _| 0.5);
+        let half_active = request.estimate.map(|_| Activity::from_shares(&self.grid, |_, _| 0.5));
         let moving = Moving::new(self, request)?;
         self.check_steps(request, moving.as_ref())?;
         let (first, finer) = self.model.with(Follow {
             solver: self,
             activity,
             held: charge.map(|charge| Held {
-                charge: charge.in_coulombs(),
+                charge: if has_electrode { charge.in_coulombs() } else { 0.0 },
                 uncharged: is_sprayed.then_some(&plain),
             }),
-            estimate: request.estimate.map(|how| Estimate {
+            estimate: (request.estimate.zip(half_active.as_ref())).map(|(how, half_active)| Estimate {
                 how,
-                half_active: &half_active,
+                half_active,
+                in_law: self.model.law_takes_slowness() && self.scene.drive.rest.is_none(),
             }),
             request,
             moving,
@@ -381,6 +393,7 @@ impl WithMaterial for Follow<'_> {
             watched: Cell::default(),
             held,
             estimate,
+            measures: request.measures,
         };
         // The corner that moves most is known from the pass before.
         let watch = |pass: &Pass| {

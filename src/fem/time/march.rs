@@ -14,9 +14,10 @@ use super::viscous::{Loaded, Viscous};
 use crate::fem::charge::{self, ChargedLoading, Reached};
 use crate::fem::continuation::{Climb, Ending, Loading, Loss, Problem};
 use crate::fem::energy::Material;
-use crate::fem::memory::{Memory, NUMBERS};
-use crate::fem::newton::{self, Trouble, Workspace};
+use crate::fem::memory::{self, Memory, NUMBERS};
+use crate::fem::newton::{self, ChordSteps, Trouble, Workspace};
 use crate::fem::operator::{Activity, Operator, metrics};
+use crate::fem::response::INNER;
 use crate::fem::stability::{Stability, judge};
 use crate::fem::stored::{Content, Units, content, deformation, integral};
 use crate::fem::work::WorkLimit;
@@ -38,9 +39,8 @@ const HARDLY: f64 = 0.02;
 /// Solutions for the voltage behind a source at most, and when it is found, over that of the scene.
 const MOST_ITERATIONS: usize = 30;
 const SETTLED: f64 = 1e-10;
-/// Chord steps beyond those of another step where there is no state to begin with, and what their linear systems are solved to.
+/// Chord steps beyond those of another step where there is no state to begin with.
 const MORE_CHORD_STEPS: u32 = 2;
-const INNER: f64 = 3e-3;
 /// What the linear systems are solved to where nothing corrects them.
 const INNER_ALONE: f64 = 1e-5;
 /// Steps of a pass at most.
@@ -68,12 +68,14 @@ pub struct Course<'a, F> {
     pub held: Option<Held<'a>>,
     /// How states are estimated where they are not solved for.
     pub estimate: Option<Estimate<'a>>,
+    /// Whether charges and energies are wanted beside displacements.
+    pub measures: bool,
 }
 
 /// A charge that was put on the electrodes, which then were cut off.
 #[derive(Clone, Copy, Debug)]
 pub struct Held<'a> {
-    /// In C.
+    /// In C; none where there is no electrode.
     pub charge: f64,
     /// The membrane without the charge, where that was sprayed and stays where it is.
     pub uncharged: Option<&'a Activity>,
@@ -86,6 +88,8 @@ pub struct Estimate<'a> {
     pub how: StepEstimate,
     /// The half-active membrane.
     pub half_active: &'a Activity,
+    /// Whether branches of a membrane at rest are part of its law.
+    pub in_law: bool,
 }
 
 /// How the states at the ends of steps are estimated.
@@ -271,8 +275,11 @@ impl<L: Material, F: Fn(f64) -> L> Course<'_, F> {
             stored: 0.0,
             stored_at_rest: 0.0,
             // The pass that picks the steps is never the last.
-            measures: matches!(steps, Steps::At(_)),
-            unmoved: viscous.clone(),
+            measures: self.measures && matches!(steps, Steps::At(_)),
+            unmoved: self
+                .estimate
+                .filter(|estimate| !estimate.in_law)
+                .map(|_| viscous.clone()),
             loaded: viscous.loaded(),
             viscous,
             u: vec![0.0; activity.grid().layout().vector_len()],
@@ -313,8 +320,8 @@ struct Run<'a, 'b, F> {
     viscous: Viscous,
     /// What their energies are made of.
     loaded: Loaded,
-    /// The branches of a membrane that stays at rest, where states are estimated.
-    unmoved: Viscous,
+    /// The branches of a membrane that stays at rest, where states are estimated and they are no part of its law.
+    unmoved: Option<Viscous>,
     u: Vec<f64>,
     /// Voltage of the electrodes.
     volts: f64,
@@ -695,7 +702,7 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
         let activity = course.problem.activity;
         if let Some(held) = course.held {
             return match held.uncharged {
-                None if self.capacitance() > 0.0 => self.held(held.charge, to - from, &guess),
+                None if held.charge > 0.0 => self.held(held.charge, to - from, &guess),
                 // The law of what was sprayed is that without voltage.
                 _ => Ok(Found {
                     u: self.solve(activity, to - from, 0.0, guess)?,
@@ -851,7 +858,7 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
     /// An estimate of the state at the end of a step, from a guess. Steps that take no time have no states before them that lead there.
     fn estimate(
         &mut self,
-        Estimate { how, half_active }: Estimate<'_>,
+        Estimate { how, half_active, .. }: Estimate<'_>,
         seconds: f64,
         share: f64,
         guess: Vec<f64>,
@@ -863,23 +870,33 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
             return Err(Refusal::Work);
         }
         let actual = self.viscous.remembered(course.problem.activity, seconds);
-        let linear = self.unmoved.remembered(half_active, seconds);
-        let [actual, linear] = [&actual, &linear].map(|activity| Operator {
-            material: &material,
-            activity,
-            pulled: 1.0,
-        });
-        let rest = vec![0.0; guess.len()];
-        let (mut u, steps) = match how {
-            StepEstimate::Linear => (rest.clone(), (1, INNER_ALONE)),
-            StepEstimate::Chord(steps) if seconds == 0.0 => (guess, (steps + MORE_CHORD_STEPS, INNER)),
-            StepEstimate::Chord(steps) => (guess, (steps, INNER)),
+        let slowness = self.viscous.slowness(seconds);
+        let at_rest = (self.unmoved.as_ref()).map(|unmoved| unmoved.remembered(half_active, seconds));
+        let slowed = match at_rest {
+            None => (course.problem.material)(share).slowed(slowness),
+            Some(_) => None,
         };
-        let operators = [&actual, &linear];
-        match newton::chord_from(
-            operators,
+        let unit = slowed.as_ref().map_or(1.0, |_| 1.0 + slowness);
+        let actual = Operator {
+            material: &material,
+            activity: &actual,
+            pulled: 1.0,
+        };
+        let linear = Operator {
+            material: slowed.as_ref().unwrap_or(&material),
+            activity: at_rest.as_ref().unwrap_or(half_active),
+            pulled: 1.0,
+        };
+        let rest = vec![0.0; guess.len()];
+        let (mut u, count, inner) = match how {
+            StepEstimate::Linear => (rest.clone(), 1, INNER_ALONE),
+            StepEstimate::Chord(steps) if seconds == 0.0 => (guess, steps + MORE_CHORD_STEPS, INNER),
+            StepEstimate::Chord(steps) => (guess, steps, INNER),
+        };
+        match newton::chord(
+            [&actual, &linear],
             course.problem.laplacian,
-            steps,
+            ChordSteps { count, inner, unit },
             &rest,
             &mut u,
             self.workspace,
@@ -933,8 +950,8 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
             Some(StepEstimate::Linear) => self.viscous.advance_linearly(course.problem.activity, step, &self.u),
             _ => self.viscous.advance(course.problem.activity, step, &self.u),
         }
-        if course.estimate.is_some() {
-            self.unmoved.relax(step);
+        if let Some(unmoved) = &mut self.unmoved {
+            unmoved.relax(step);
         }
         if self.measures {
             self.account([now - step, now], jump);
@@ -1024,13 +1041,16 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
         {
             let activity = self.course.problem.activity;
             let elastic = self.content(uncharged, 0.0);
-            let charge = if capacitor_exists(activity) { charge } else { 0.0 };
             let content = Content {
                 charge,
                 driven: charge,
                 ..elastic
             };
-            return (content, self.units.energy * integral(activity, &self.spread(activity)));
+            let numbers = activity.memory().map(Memory::view).unwrap_or_default();
+            let part = activity.grid().layout().part();
+            let mut spread = vec![0.0; numbers.len() / NUMBERS];
+            memory::add_energy(part, [numbers, &metrics(activity, &self.u)], 0.5, &mut spread);
+            return (content, self.units.energy * integral(activity, &spread));
         }
         let Some(charged) = &self.charged else {
             let content = self.measure_at(self.volts);
@@ -1045,20 +1065,6 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
             ..content
         };
         (whole, 0.5 * content.driven * volts)
-    }
-
-    /// The energy of what an activity has beside the law, per area in units of μH, at each point.
-    fn spread(&self, activity: &Activity) -> Vec<f64> {
-        let part = activity.grid().layout().part();
-        let metric = metrics(activity, &self.u);
-        let none: &[f64] = &[];
-        let numbers = activity.memory().map_or(none, Memory::view);
-        let lines = numbers.chunks_exact(part).zip(metric.chunks_exact(part));
-        // Of the numbers of a point the last: ½P₃₃ j⁻².
-        let last = lines.skip(NUMBERS - 1).step_by(NUMBERS);
-        let each =
-            last.flat_map(|(normal, square)| normal.iter().zip(square).map(|(normal, square)| 0.5 * normal / square));
-        each.collect()
     }
 
     /// The energy of the springs of bodies, and the work of their loads since they were at rest, in J.
@@ -1087,16 +1093,15 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
         let metric = metrics(activity, &self.u);
         // The electric energy is a difference, which is lost in rounding at low voltages; it is in proportion to their square, but where the
         // membrane wrinkles.
-        let at = match L::WRINKLES || ratio == 0.0 {
-            true => ratio,
-            false => 1.0,
+        let (at, scale) = match L::WRINKLES {
+            true => (ratio, 1.0),
+            false => (1.0, ratio),
         };
         let laws = [0.0, at * at].map(|share| (course.problem.material)(share));
         let found = content([&laws[0], &laws[1]], activity, &metric, at * full, self.units);
-        let rest = if at == 0.0 { 0.0 } else { ratio / at };
         Content {
-            charge: rest * found.charge,
-            driven: rest * found.driven,
+            charge: scale * found.charge,
+            driven: scale * found.driven,
             ..found
         }
     }
@@ -1113,11 +1118,6 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
 pub fn magnitude_at(field: &Field, [x, y]: [usize; 2]) -> f64 {
     let [along, across] = field.at_corner(x, y);
     along.hypot(across)
-}
-
-/// Whether there is an electrode for a charge.
-fn capacitor_exists(activity: &Activity) -> bool {
-    activity.elements().iter().any(|active| *active > 0.0)
 }
 
 fn ended(refusal: &Refusal, before: f64, after: f64) -> PassEnd {

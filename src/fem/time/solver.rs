@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::accurate::AccurateHistory;
-use super::history::{HistoryRequest, refusal, refusal_of_estimates};
+use super::history::{HistoryRequest, check_estimates};
 use super::march::StepEstimate;
 use crate::fem::accurate::AccurateSolver;
 use crate::fem::error::SetupError;
@@ -63,13 +63,29 @@ impl HistorySolver {
     /// # Errors
     /// When a finer mesh cannot be set up, or as [`MembraneSolver::history`].
     pub fn follow(&self, pattern: &Pattern) -> Result<AccurateHistory, SetupError> {
+        self.follow_for(pattern, &self.request)
+    }
+
+    /// The same without charges and energies, which take as long as a creeping membrane's displacements.
+    ///
+    /// # Errors
+    /// As [`HistorySolver::follow`].
+    pub fn displace(&self, pattern: &Pattern) -> Result<AccurateHistory, SetupError> {
+        let request = HistoryRequest {
+            measures: false,
+            ..self.request.clone()
+        };
+        self.follow_for(pattern, &request)
+    }
+
+    fn follow_for(&self, pattern: &Pattern, request: &HistoryRequest) -> Result<AccurateHistory, SetupError> {
         match &self.engine {
             Engine::Fixed(solver, mesh) => Ok(AccurateHistory {
-                history: solver.history(pattern, &self.request)?,
+                history: solver.history(pattern, request)?,
                 mesh: *mesh,
                 space_error_mm: None,
             }),
-            Engine::Accurate(solver) => solver.history(pattern, &self.request),
+            Engine::Accurate(solver) => solver.history(pattern, request),
         }
     }
 }
@@ -105,8 +121,7 @@ impl StepEstimates {
     /// # Errors
     /// When it does not.
     pub fn check(scene: &Scene) -> Result<(), SetupError> {
-        let refused = refusal(scene).or_else(|| refusal_of_estimates(scene));
-        refused.map_or(Ok(()), Err)
+        check_estimates(scene)
     }
 }
 

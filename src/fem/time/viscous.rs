@@ -17,7 +17,7 @@ use pulp::Arch;
 use super::coefficients::Coefficients;
 use super::finite::{self, Step};
 use crate::fem::layout::NodeLayout;
-use crate::fem::memory::{Memory, NUMBERS};
+use crate::fem::memory::{self, Memory, NUMBERS, lines};
 use crate::fem::operator::{Activity, metrics};
 use crate::fem::stored::{integral, integral_of_rows, sum_of_logarithms};
 use crate::scene::{Scene, ViscousLaw};
@@ -131,6 +131,14 @@ impl Viscous {
             }
         });
         activity.with_memory(Memory::new(self.layout, sum))
+    }
+
+    /// The modulus of branches that have relaxed at rest beside what a step of so many seconds at rest lets them forget, in units of μλp².
+    #[must_use]
+    pub fn slowness(&self, step: f64) -> f64 {
+        let each = self.branches.iter();
+        each.map(|branch| branch.modulus * (1.0 - Coefficients::new(step / branch.time).now))
+            .sum()
     }
 
     /// What an activity has beside the law without branches.
@@ -268,7 +276,10 @@ impl Viscous {
         }
         let (grid, part) = (activity.grid(), self.layout.part());
         let mut at_points = vec![0.0; self.metric.len() / NUMBERS];
-        loaded.add_energy([&loaded.sum, &loaded.metric], 0.5, &mut at_points);
+        memory::add_energy(part, [&loaded.sum, &loaded.metric], 0.5, &mut at_points);
+        let area = integral_of_rows(activity, |_| {
+            (0..self.layout.columns()).map(|at| grid.size(0, at)).sum()
+        });
         let each = self.branches.iter().zip(&self.states).map(|(branch, state)| {
             let logarithms = integral_of_rows(activity, |line| {
                 let [xx, xy, yy, normal] = lines(part, &state[line * NUMBERS * part..][..NUMBERS * part]);
@@ -278,9 +289,6 @@ impl Viscous {
                     true => grid.size(0, 0) * sum_of_logarithms(columns.map(volume)),
                     false => columns.map(|at| grid.size(0, at) * volume(at).ln()).sum(),
                 }
-            });
-            let area = integral_of_rows(activity, |_| {
-                (0..self.layout.columns()).map(|at| grid.size(0, at)).sum()
             });
             0.5 * branch.modulus * (logarithms + 3.0 * area)
         });
@@ -321,43 +329,10 @@ impl Loaded {
         }
         let mut work = vec![0.0; self.metric.len() / NUMBERS];
         let both: Vec<f64> = self.sum.iter().zip(&later.sum).map(|(a, b)| a + b).collect();
-        self.add_energy([&both, &later.metric], 0.25, &mut work);
-        self.add_energy([&both, &self.metric], -0.25, &mut work);
+        memory::add_energy(self.part, [&both, &later.metric], 0.25, &mut work);
+        memory::add_energy(self.part, [&both, &self.metric], -0.25, &mut work);
         integral(activity, &work)
     }
-
-    /// Adds a share of A : c + A₃₃ j⁻² at each point, from A and from c⁻¹ and j².
-    fn add_energy(&self, [state, metric]: [&[f64]; 2], share: f64, energy: &mut [f64]) {
-        let part = self.part;
-        let rows = state
-            .chunks_exact(NUMBERS * part)
-            .zip(metric.chunks_exact(NUMBERS * part))
-            .zip(energy.chunks_exact_mut(part));
-        Arch::new().dispatch(
-            #[inline(always)]
-            || {
-                for ((state, metric), energy) in rows {
-                    let [xx, xy, yy, normal] = lines(part, state);
-                    let [ixx, ixy, iyy, square] = lines(part, metric);
-                    for at in 0..part {
-                        let across = xx[at] * iyy[at] - 2.0 * xy[at] * ixy[at] + yy[at] * ixx[at];
-                        energy[at] += share * (square[at] * across + normal[at] / square[at]);
-                    }
-                }
-            },
-        );
-    }
-}
-
-/// The lines of the numbers of the points of a row of elements.
-#[inline(always)]
-fn lines(part: usize, row: &[f64]) -> [&[f64]; NUMBERS] {
-    [
-        &row[..part],
-        &row[part..][..part],
-        &row[2 * part..][..part],
-        &row[3 * part..][..part],
-    ]
 }
 
 /// Where a number of a point stands. Points are counted along the elements of a row first, then by the points of an element, then by rows.
