@@ -25,8 +25,8 @@ pub use genome::{Genome, UNITS};
 pub use intuitive::Intuitive;
 pub use local_search::{LocalOptimum, SearchProblem, SearchStep};
 pub use objective::{
-    AREA_PENALTY, Aim, Displacement, Distance, Goal, GoalError, Lever, MEASURES, Measure, Motion, Objective, PlacedAim,
-    Qin2024, Subject,
+    AREA_PENALTY, Aim, Displacement, Distance, Goal, GoalError, Lever, MEASURES, Measure, Moment, Motion, Objective,
+    PlacedAim, Qin2024, Subject,
 };
 pub use options::{Method, SearchOptions};
 pub use search::{

@@ -26,13 +26,18 @@ pub fn gradient<L: Material>(
 ) -> Result<Vec<f64>, Trouble> {
     let load = operator.activity.grid().spread(weights, u);
     let adjoint = newton::solve_tangent(operator, laplacian, tolerance, u, &load, workspace)?;
-    Ok(match operator.activity.grid().order() {
-        Order::Bilinear => cells::<Bilinear, L, 4>(operator, u, &adjoint),
-        Order::Biquadratic => cells::<Biquadratic, L, 9>(operator, u, &adjoint),
-    })
+    Ok(of_cells(operator, u, &adjoint))
 }
 
 /// −ψ · ∂R/∂S, added up over the elements of each cell.
+#[must_use]
+pub fn of_cells<L: Material>(operator: &Operator<'_, L>, u: &[f64], adjoint: &[f64]) -> Vec<f64> {
+    match operator.activity.grid().order() {
+        Order::Bilinear => cells::<Bilinear, L, 4>(operator, u, adjoint),
+        Order::Biquadratic => cells::<Biquadratic, L, 9>(operator, u, adjoint),
+    }
+}
+
 fn cells<E: Element<N>, L: Material, const N: usize>(
     operator: &Operator<'_, L>,
     u: &[f64],

@@ -4,7 +4,7 @@
 //! symmetric one of twice the size that has [A −B; −B −A] in place of each entry, with pivots chosen within dense blocks
 //! (Bunch and Kaufman, Math. Comp. 31 (1977) 163); steps of refinement make up for pivots that are small all the same.
 
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::sparse::linalg::SupernodalThreshold;
@@ -31,9 +31,12 @@ pub struct DynamicStiffness {
     stiff: Vec<f64>,
     viscous: Option<Vec<f64>>,
     heavy: Option<Vec<f64>>,
-    /// The orders of elimination of the matrix and of the one of twice the size.
-    orders: [OnceLock<Option<Order>>; 2],
+    orders: Arc<Orders>,
 }
+
+/// The orders of elimination of the matrix and of the one of twice the size, for all matrices of one structure.
+#[derive(Default)]
+pub struct Orders([OnceLock<Option<Order>>; 2]);
 
 /// A frequency, for the matrices.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -125,12 +128,14 @@ impl<'a> Factors<'a> {
 }
 
 impl DynamicStiffness {
-    /// From the tangent, that with the instantaneous stiffness of relaxed branches of modulus 1, and the mass.
+    /// From the tangent, that with the instantaneous stiffness of relaxed branches of modulus 1, and the mass; all matrices that share orders
+    /// have one structure.
     #[must_use]
     pub fn new(
         tangent: SparseColMat<usize, f64>,
         with_branches: Option<&SparseColMat<usize, f64>>,
         mass: Option<&SparseColMat<usize, f64>>,
+        orders: Arc<Orders>,
     ) -> Self {
         let viscous = with_branches.map(|with| {
             let pairs = with.val().iter().zip(tangent.val());
@@ -142,7 +147,7 @@ impl DynamicStiffness {
             stiff,
             viscous,
             heavy: mass.map(|mass| mass.val().to_vec()),
-            orders: [OnceLock::new(), OnceLock::new()],
+            orders,
         }
     }
 
@@ -157,7 +162,7 @@ impl DynamicStiffness {
                 0 => Order::new(self.symbolic.clone()),
                 _ => Order::new(self.doubled()),
             };
-            self.orders[which].get_or_init(make).as_ref()
+            self.orders.0[which].get_or_init(make).as_ref()
         };
         let factors = match &imaginary {
             None => Factors::new(order(0)?, real.clone())?,
@@ -319,7 +324,7 @@ mod tests {
         let symbolic = SymbolicSparseColMat::new_checked(2, 2, vec![0, 2, 3], None, vec![0, 1, 1]);
         let matrix = |entries: [f64; 3]| SparseColMat::new(symbolic.clone(), entries.to_vec());
         let (with, mass) = (matrix([3.0, 1.0, 5.0]), matrix([1.0, 0.0, 1.0]));
-        DynamicStiffness::new(matrix([2.0, 1.0, 3.0]), Some(&with), Some(&mass))
+        DynamicStiffness::new(matrix([2.0, 1.0, 3.0]), Some(&with), Some(&mass), Arc::default())
     }
 
     fn response(at: At) -> Option<[Vec<f64>; 2]> {

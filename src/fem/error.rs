@@ -139,6 +139,12 @@ pub enum SetupError {
         /// What it is for, and what the scene has.
         why: &'static str,
     },
+    /// Nothing that swings.
+    #[error("an amplitude at a frequency is that of {why}")]
+    Swing {
+        /// What it is of, and what the scene has.
+        why: &'static str,
+    },
     /// A history whose states are no matter of estimates.
     #[error("states are estimated step by step for {why}")]
     StepEstimates {
@@ -168,6 +174,7 @@ impl SetupError {
             self,
             Self::ThreeSolves { .. }
                 | Self::StepEstimates { .. }
+                | Self::Swing { .. }
                 | Self::Charge
                 | Self::ChargeInTime { .. }
                 | Self::NoBias

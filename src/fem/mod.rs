@@ -70,8 +70,8 @@ pub use simulators::SceneSimulators;
 pub use solver::{MembraneSolver, MeshSolution, SolveOptions};
 pub use time::{
     AccurateHistory, AtFrequency, FrequencyResponse, FrequencySolver, History, HistoryOptions, HistoryRequest,
-    HistorySolver, Instant, MOST_MODES, StepEstimate, StepEstimates, ThreeSolves, USUAL_TIME_ERROR, Vibration, at_bias,
-    creep_settings, history_check,
+    HistorySolver, Instant, MOST_MODES, StepEstimate, StepEstimates, Swing, ThreeSolves, USUAL_TIME_ERROR, Vibration,
+    at_bias, at_peak, creep_settings, history_check,
 };
 pub use work::{USUAL_SECONDS, WorkLimit};
 

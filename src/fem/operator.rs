@@ -25,7 +25,8 @@ use super::memory::{self, MODULI_WITH_MEMORY};
 pub use super::precision::Precision;
 use super::sheet::Mount;
 use point::{
-    MemoryBetween, MemoryStress, MemoryTangent, Point, StressAt, StressBetween, TangentAt, TangentFrom, TangentOfBoth,
+    FollowingTangent, MemoryBetween, MemoryStress, MemoryTangent, Point, StressAt, StressBetween, TangentAt,
+    TangentFrom, TangentOfBoth,
 };
 use survey::{Metrics, Store, Survey, place};
 
@@ -96,6 +97,13 @@ impl<L: Material> Operator<'_, L> {
     pub fn residual_between(&self, u: &[f64], du: &[f64], out: &mut [f64]) {
         self.sweep([u, du], &[], out, StressBetween(self.material));
         self.remember([u, du], out, MemoryBetween);
+        self.activity.grid().restrict(u, out);
+    }
+
+    /// The derivative by `u` of v · (the tangent times v) of branches of modulus 1 that have relaxed at `u`, at interior nodes, into `out`.
+    /// Bodies are not seen to.
+    pub fn relaxed_change(&self, u: &[f64], v: &[f64], out: &mut [f64]) {
+        self.without_law().sweep([u, v], &[], out, FollowingTangent);
         self.activity.grid().restrict(u, out);
     }
 

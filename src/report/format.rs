@@ -14,6 +14,16 @@ pub fn seconds(seconds: f64) -> String {
     }
 }
 
+/// A time in s that somebody asked for, in the largest unit of which it is a whole number.
+pub fn duration(seconds: f64) -> String {
+    let units = [(3600.0, "h"), (60.0, "min")];
+    let whole = units
+        .into_iter()
+        .find(|(unit, _)| seconds >= *unit && seconds % unit == 0.0);
+    let (unit, name) = whole.unwrap_or((1.0, "s"));
+    format!("{} {name}", seconds / unit)
+}
+
 /// A file size.
 pub fn bytes(bytes: u64) -> String {
     let units = [("GB", 1e9), ("MB", 1e6), ("kB", 1e3)];

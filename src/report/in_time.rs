@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::artifacts::Source;
 use super::error::ReportError;
-use super::format::{mm, percent};
+use super::format::{duration, mm, percent};
 use super::html::{Column, Page};
 use super::summary::read;
 use crate::content::Verification;
@@ -92,7 +92,11 @@ impl InTime {
         );
         page.part(&self.stage);
         page.lines(&self.verdicts);
-        let titles: Vec<String> = self.times.iter().map(|time| format!("after {time} s")).collect();
+        let titles: Vec<String> = self
+            .times
+            .iter()
+            .map(|time| format!("after {}", duration(*time)))
+            .collect();
         let columns: Vec<(&str, Column)> = std::iter::once(("design", Column::Text))
             .chain(titles.iter().map(|title| (title.as_str(), Column::Number)))
             .collect();
@@ -148,18 +152,18 @@ fn verdicts(times: &[f64], rows: &[TimedRow]) -> Vec<String> {
         } else {
             String::new()
         };
-        let [early_time, late_time] = [times[first], times[last]];
+        let [early_time, late_time] = [times[first], times[last]].map(duration);
         if early.pattern == late.pattern || losses.iter().all(|loss| *loss < ALIKE) {
             return Some(format!(
-                "{of}one pattern is the best after {early_time} s and after {late_time} s: {} ({} and {} mm)",
+                "{of}One pattern is the best after {early_time} and after {late_time}: {} ({} and {} mm)",
                 early.title,
                 mm(early.values_mm[first]),
                 mm(early.values_mm[last])
             ));
         }
         Some(format!(
-            "{of}the best pattern after {early_time} s is another than after {late_time} s: {} reaches {} mm after {early_time} s, where {} falls short \
-             by {}; that one reaches {} mm after {late_time} s, where the first falls short by {}",
+            "{of}The best pattern after {early_time} is another than after {late_time}: {} reaches {} mm after {early_time}, where {} falls short \
+             by {}; that one reaches {} mm after {late_time}, where the first falls short by {}.",
             early.title,
             mm(early.values_mm[first]),
             late.title,
@@ -191,9 +195,9 @@ mod tests {
         let said = verdicts(&times, &[row("early", 20, [1.0, 1.8]), row("late", 25, [0.95, 2.0])]);
         assert_eq!(said.len(), 1);
         assert!(
-            said[0].starts_with("the best pattern after 0.1 s is another than after 600 s: early reaches 1.0000 mm")
+            said[0].starts_with("The best pattern after 0.1 s is another than after 10 min: early reaches 1.0000 mm")
                 && said[0].contains("late falls short by 5.00 %")
-                && said[0].ends_with("the first falls short by 10.00 %"),
+                && said[0].ends_with("the first falls short by 10.00 %."),
             "{}",
             said[0]
         );
@@ -203,7 +207,7 @@ mod tests {
             [row("early", 20, [1.0, 1.9999]), row("late", 21, [0.9999, 2.0])],
         ] {
             let said = verdicts(&times, &rows);
-            assert!(said[0].starts_with("one pattern is the best"), "{}", said[0]);
+            assert!(said[0].starts_with("One pattern is the best"), "{}", said[0]);
         }
         assert!(verdicts(&times, &[]).is_empty());
         assert_eq!(timeless("{ point: [1, 2], time: 10 min }"), "{ point: [1, 2]");

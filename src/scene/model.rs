@@ -552,6 +552,20 @@ impl Scene {
         }
     }
 
+    /// The same of a simulation that knows about which voltage the drive swings.
+    #[must_use]
+    pub fn simulated_about_bias(&self) -> Self {
+        let swings = |waveform: &Waveform| waveform.sine.as_ref().is_some_and(|sine| sine.bias.value() > 0.0);
+        let simulated = self.simulated();
+        Self {
+            drive: Drive {
+                waveform: self.drive.waveform.clone().filter(swings),
+                ..simulated.drive.clone()
+            },
+            ..simulated
+        }
+    }
+
     /// How the voltage changes in time.
     #[must_use]
     pub fn waveform(&self) -> Waveform {

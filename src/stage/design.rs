@@ -6,7 +6,6 @@ mod content;
 mod evaluators;
 mod intervals;
 
-use std::cmp::Ordering;
 use std::sync::OnceLock;
 use std::time::Instant;
 
@@ -15,15 +14,16 @@ use serde_json::json;
 use super::model;
 use super::results::of_targets;
 use crate::base::{
-    Canonical, Declared, Fields, InputError, Map, Node, NodeValue, Parameter, Schema, Stopped, Time, parameters,
+    Canonical, Declared, Fields, InputError, Map, Node, NodeValue, Parameter, Schema, Stopped, parameters,
 };
 use crate::content::Designs;
 use crate::design::{
-    ConstraintParameters, Elements, GenerationReport, Method, Progress, Search, SearchError, SearchOptions, SearchStep,
-    StateError, Subject, Target, Targets, Watch,
+    ConstraintParameters, Elements, GenerationReport, Method, Moment, Progress, Search, SearchError, SearchOptions,
+    SearchStep, StateError, Subject, Target, Targets, Watch,
 };
+use crate::fem::Method as Evaluation;
 use crate::fem::screening::decided_states;
-use crate::fem::{GradientEvaluator, SafetyMargins, SetupError, ThreeSolves, breakdown_strength};
+use crate::fem::{GradientEvaluator, SafetyMargins, SetupError, Swing, ThreeSolves, at_peak, breakdown_strength};
 use crate::field::{Differentiable, Feasibility, InStates, PredictError, StateFields};
 use crate::orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::pattern::{Part, Pattern, Symmetries};
@@ -32,7 +32,8 @@ use crate::store::{Artifact, Object};
 use crate::surrogate::Surrogate;
 
 use content::Heading;
-use evaluators::{EvaluatorChoice, evaluators};
+pub(super) use evaluators::swing_of;
+use evaluators::{EvaluatorChoice, evaluators, of_swings};
 use intervals::Calibrated;
 
 /// The kind `design`.
@@ -180,7 +181,10 @@ impl Kind for DesignKind {
         for target in &targets {
             let node = map.optional("objective").unwrap_or(stage);
             refuse_held_points(target, &scene, node)?;
-            refuse_time(target, &scene, node)?;
+            refuse_moment(target, &scene, node)?;
+            if let Moment::Swing(_) = target.objective.moment() {
+                refuse_evaluator_of_swing(&map, evaluator)?;
+            }
         }
         for area in targets.iter().filter_map(|target| target.area.fraction()) {
             let node = map.optional("area").or(map.optional("constraints")).unwrap_or(stage);
@@ -190,9 +194,9 @@ impl Kind for DesignKind {
             case,
             options,
             evaluator,
-            ready: targets_by_time(&targets),
+            ready: targets.iter().map(|_| OnceLock::new()).collect(),
+            scene: decisive(&scene, &targets, &constraints),
             targets,
-            scene: decisive(&scene, &constraints),
             in_time: scene,
             constraints,
         }))
@@ -215,30 +219,48 @@ fn refuse_held_points(target: &Target, scene: &Scene, node: &Node) -> Result<(),
     }
 }
 
-/// Refuses a target at a time in a scene that does not creep as three equilibria tell.
-fn refuse_time(target: &Target, scene: &Scene, node: &Node) -> Result<(), InputError> {
-    let Some(time) = target.objective.time().filter(|_| !scene.auto) else {
-        return Ok(());
+/// Refuses a target at a time in a scene that does not creep as three equilibria tell, or an amplitude where nothing swings.
+fn refuse_moment(target: &Target, scene: &Scene, node: &Node) -> Result<(), InputError> {
+    let name = &target.name;
+    match target.objective.moment() {
+        _ if scene.auto => Ok(()),
+        Moment::Equilibrium => Ok(()),
+        Moment::After(time) => ThreeSolves::new(scene, time.value())
+            .map(|_| ())
+            .map_err(|e| node.error(format!("`{name}` is meant after {time}: {e}"))),
+        Moment::Swing(frequency) => {
+            Swing::check(scene).map_err(|e| node.error(format!("`{name}` is meant at {frequency}: {e}")))
+        }
+    }
+}
+
+/// Refuses what judges no amplitudes: there is no estimate and no network of them.
+fn refuse_evaluator_of_swing(map: &Map<'_>, evaluator: EvaluatorChoice) -> Result<(), InputError> {
+    let network = map.optional("needs");
+    let network = network.map(|node| (node, "a network knows no amplitudes".to_owned(), "leave `needs` out"));
+    let other = match evaluator {
+        EvaluatorChoice::Auto | EvaluatorChoice::Elements(Evaluation::Newton) => None,
+        other => map.optional("evaluator").map(|node| {
+            let message = format!("`evaluator: {other}` knows no amplitudes");
+            (node, message, "allowed: auto, newton")
+        }),
     };
-    let refused = |e: SetupError| node.error(format!("`{}` is meant after {time}: {e}", target.name));
-    ThreeSolves::new(scene, time.value()).map(|_| ()).map_err(refused)
+    match network.or(other) {
+        None => Ok(()),
+        Some((node, message, help)) => Err(node
+            .error(format!("{message}, and a target has a `frequency`"))
+            .help(help)),
+    }
 }
 
-/// Room for what is set up for each time that a target is meant at.
-fn targets_by_time(targets: &[Target]) -> Vec<(Option<Time>, OnceLock<Ready>)> {
-    let mut times: Vec<Option<Time>> = targets.iter().map(|target| target.objective.time()).collect();
-    times.sort_by(|a, b| {
-        a.map(|time| time.value())
-            .partial_cmp(&b.map(|time| time.value()))
-            .unwrap_or(Ordering::Equal)
-    });
-    times.dedup();
-    times.into_iter().map(|time| (time, OnceLock::new())).collect()
-}
-
-/// The parts of the scene that decide about a design: a margin from breakdown needs a property that no simulation uses.
-fn decisive(scene: &Scene, constraints: &ConstraintParameters) -> Scene {
-    let mut decisive = scene.simulated();
+/// The parts of the scene that decide about designs: a margin from breakdown needs a property that no simulation uses, and an amplitude the
+/// voltage about which the drive swings.
+fn decisive(scene: &Scene, targets: &[Target], constraints: &ConstraintParameters) -> Scene {
+    let swings = |target: &Target| matches!(target.objective.moment(), Moment::Swing(_));
+    let mut decisive = match targets.iter().any(swings) {
+        true => scene.simulated_about_bias(),
+        false => scene.simulated(),
+    };
     if constraints.constraints().limits().breakdown_margin.is_some() {
         let strength = &scene.properties.dielectric_breakdown;
         decisive.properties.dielectric_breakdown.clone_from(strength);
@@ -268,14 +290,14 @@ struct DesignStage {
     scene: Scene,
     /// The same with what its drive says of time.
     in_time: Scene,
-    /// Set up by the first target at a time that needs it, for all of them.
-    ready: Vec<(Option<Time>, OnceLock<Ready>)>,
+    /// Of each target, set up where it is the first that needs it, for all at its time.
+    ready: Vec<OnceLock<Ready>>,
 }
 
 /// The stage while it designs a target.
-struct AtTime<'a> {
+struct ForTarget<'a> {
     stage: &'a DesignStage,
-    time: Option<Time>,
+    target: &'a Target,
 }
 
 /// Finite elements in each state of the device: for the gradient, and for margins where they are asked for.
@@ -328,9 +350,14 @@ impl DesignStage {
         Canonical::map([("stage", self.common()), ("target", target.canonical())])
     }
 
-    fn ready(&self, time: Option<Time>) -> Result<&Ready, SearchError> {
-        let place = self.ready.iter().find(|(of, _)| *of == time);
-        let (_, place) = place.ok_or_else(|| SearchError::Setup("no target is meant at this time".into()))?;
+    fn ready(&self, target: &Target) -> Result<&Ready, SearchError> {
+        let moment = target.objective.moment();
+        let is_alike = |other: &Target| match moment {
+            Moment::Swing(_) => other.objective == target.objective,
+            Moment::Equilibrium | Moment::After(_) => other.objective.moment() == moment,
+        };
+        let place = self.targets.iter().zip(&self.ready).find(|(of, _)| is_alike(of));
+        let (_, place) = place.ok_or_else(|| SearchError::Setup("the stage has no such target".into()))?;
         if let Some(ready) = place.get() {
             return Ok(ready);
         }
@@ -338,12 +365,17 @@ impl DesignStage {
         let ready = || -> Result<Ready, SetupError> {
             let (mut gradient, mut margins) = (Vec::new(), Vec::new());
             for scene in decided_states(&self.scene)? {
-                gradient.push(match time {
-                    None => Box::new(GradientEvaluator::new(&scene)?) as Box<dyn Differentiable + Send>,
-                    Some(time) => Box::new(ThreeSolves::new(&scene, time.value())?.gradient(&scene)?),
+                gradient.push(match moment {
+                    Moment::Equilibrium => Box::new(GradientEvaluator::new(&scene)?) as Box<dyn Differentiable + Send>,
+                    Moment::After(time) => Box::new(ThreeSolves::new(&scene, time.value())?.gradient(&scene)?),
+                    Moment::Swing(frequency) => Box::new(swing_of(&scene, frequency, &target.goal, &of_swings())?),
                 });
+                let strongest = match moment {
+                    Moment::Swing(_) => at_peak(&scene),
+                    Moment::Equilibrium | Moment::After(_) => scene,
+                };
                 margins.extend(SafetyMargins::new(
-                    &scene,
+                    &strongest,
                     limits.pull_in_margin,
                     limits.breakdown_margin,
                 )?);
@@ -359,9 +391,9 @@ impl DesignStage {
 
     /// The scene that a target is designed in.
     fn scene_of(&self, target: &Target) -> Scene {
-        match target.objective.time() {
-            None => self.scene.clone(),
-            Some(time) => self.in_time.simulated_until(time),
+        match target.objective.moment() {
+            Moment::Equilibrium | Moment::Swing(_) => self.scene.clone(),
+            Moment::After(time) => self.in_time.simulated_until(time),
         }
     }
 
@@ -388,13 +420,13 @@ impl DesignStage {
     }
 }
 
-impl Elements for AtTime<'_> {
+impl Elements for ForTarget<'_> {
     fn gradient(&self) -> Result<&dyn Differentiable<StateFields>, SearchError> {
-        Ok(&self.stage.ready(self.time)?.gradient)
+        Ok(&self.stage.ready(self.target)?.gradient)
     }
 
     fn feasibility(&self) -> Result<Option<&dyn Feasibility>, SearchError> {
-        let ready = self.stage.ready(self.time)?;
+        let ready = self.stage.ready(self.target)?;
         Ok((!ready.margins.is_empty()).then_some(ready as &dyn Feasibility))
     }
 }
@@ -428,7 +460,7 @@ impl Stage for DesignStage {
         let target = target.ok_or_else(|| StageError::Failed("a chunk of a design stage has one target".to_owned()))?;
         let start = Instant::now();
         let scene = self.scene_of(target);
-        let time = target.objective.time();
+        let moment = target.objective.moment();
         let networks = self.networks(job.inputs, &scene)?;
         let calibrated = Calibrated::of(job.inputs, &scene)?;
         let drivers: Vec<u8> = self
@@ -442,10 +474,10 @@ impl Stage for DesignStage {
             constraints: self.constraints.constraints(),
             options: &self.options,
             drivers: &drivers,
-            elements: &AtTime { stage: self, time },
+            elements: &ForTarget { stage: self, target },
             progress: &Follow(job),
         };
-        let found = search.run(|| evaluators(self.evaluator, &scene, time, networks));
+        let found = search.run(|| evaluators(self.evaluator, &scene, (moment, &target.goal), networks));
         let found = found.map_err(|error| match error {
             SearchError::Stopped(stopped) => stopped.into(),
             error => StageError::Failed(error.to_string()),

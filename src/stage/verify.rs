@@ -2,13 +2,18 @@
 
 mod own;
 
+use std::collections::BTreeMap;
+use std::slice;
+use std::sync::Arc;
+
+use super::design::swing_of;
 use super::results::of_targets;
 use super::{patterns, solution};
 use crate::base::{Canonical, Document, Fields, InputError, Node};
 use crate::content::{Components, DesignRows, Designs, Packed, SimulatedStates, Verification, predicted_rows};
-use crate::design::{Goal, Objective};
+use crate::design::{Goal, Moment, Objective};
 use crate::fem::screening::decided_states;
-use crate::fem::{AccurateHistory, AccurateSimulation, History, SetupError, Solver, SolverParameters};
+use crate::fem::{AccurateHistory, AccurateSimulation, History, SetupError, Solver, SolverParameters, Swing};
 use crate::field::{Field, Mesh, Outcome, StateFields};
 use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::pattern::Pattern;
@@ -93,7 +98,12 @@ impl Kind for VerifyKind {
             &[&["kind", "needs", "rounds", "update"], &SolverParameters::keys()[..]].concat(),
         )?;
         let solver = SolverParameters::read(&map, MESH)?;
-        let scene = solver.decisive(&super::scene_in_states_of(stage, scene)?);
+        let scene = super::scene_in_states_of(stage, scene)?;
+        let scene = match solver.follows_time() {
+            true => solver.decisive(&scene),
+            // Designs may be for an amplitude about the bias.
+            false => scene.simulated_about_bias(),
+        };
         solver.check_scene(&map, &scene)?;
         Ok(Box::new(VerifyStage { solver, scene }))
     }
@@ -117,6 +127,14 @@ struct Cases {
 struct Timed {
     goal: Goal,
     at: usize,
+    /// What swings, where an amplitude counts.
+    swings: Option<Arc<Swings>>,
+}
+
+/// What swings on the mesh of the stage, and on the one beside it.
+struct Swings {
+    own: Swing,
+    beside: Option<Swing>,
 }
 
 /// A solver in each state of the device, with the one on the other mesh.
@@ -172,7 +190,7 @@ impl Stage for VerifyStage {
         let (own, designs): (Vec<&Artifact>, Vec<&Artifact>) =
             job.inputs.iter().partition(|input| input.kind() == patterns::NAME);
         let own = OwnPatterns::read(&own)?;
-        let mut cases = self.cases(&designs)?;
+        let mut cases = self.cases(&designs, &states)?;
         let patterns = [&cases.rows.patterns, own.patterns()].concat();
         let (count, steps) = (patterns.len(), targets(&designs)?);
         let (mut solved, mut told) = (Vec::with_capacity(count), 0);
@@ -186,11 +204,12 @@ impl Stage for VerifyStage {
         let mut simulated: Vec<Simulated> = solved
             .iter()
             .zip(&cases.goals)
-            .map(|(solved, goal)| solved.judged(goal))
+            .zip(&cases.rows.patterns)
+            .map(|((solved, goal), pattern)| solved.judged(goal, pattern))
             .collect();
         for OwnCase { target, pattern } in own.add_to(&mut cases.rows, &self.scene)? {
             let goal = cases.goals[target].clone();
-            simulated.push(of_own[pattern].judged(&goal));
+            simulated.push(of_own[pattern].judged(&goal, &own.patterns()[pattern]));
             cases.goals.push(goal);
         }
         Ok(self.verification(cases, &simulated, &states[0].effects).object())
@@ -205,13 +224,17 @@ impl Stage for VerifyStage {
 impl VerifyStage {
     /// The rows of all designs. Intuitive ones that several designs of a target were compared with are there once. What stands
     /// under one case and name is compared, so it must be for the same objective at the same area.
-    fn cases(&self, designs: &[&Artifact]) -> Result<Cases, StageError> {
-        let mut cases = Cases::default();
+    fn cases(&self, designs: &[&Artifact], states: &[Scene]) -> Result<Cases, StageError> {
+        let (mut cases, mut known) = (Cases::default(), BTreeMap::new());
         for design in designs {
             let rows = Designs::open(design)?.rows().read()?;
             for row in 0..rows.len() {
                 let wrong = |why: String| StageError::Input(format!("artifact {}: {why}", design.digest().short()));
-                let goal = self.goal(&rows.objective.0[row]).map_err(wrong)?;
+                let text = &rows.objective.0[row];
+                if !known.contains_key(text) {
+                    known.insert(text.clone(), self.goal(text, states).map_err(wrong)?);
+                }
+                let goal = known[text].clone();
                 if !cases.is_repeated(&rows, row)? {
                     cases.rows.push(&rows, row);
                     cases.goals.push(goal);
@@ -222,23 +245,41 @@ impl VerifyStage {
     }
 
     /// What a design was for. Area and its weight do not enter the displacement.
-    fn goal(&self, text: &str) -> Result<Timed, String> {
+    fn goal(&self, text: &str, states: &[Scene]) -> Result<Timed, String> {
         let document = Document::from_text(std::path::Path::new("objective"), text).map_err(|e| e.to_string())?;
         let objective = Objective::read(&document.root).map_err(|e| e.to_string())?;
         let goal = objective.goal(&self.scene, None, 0.0).map_err(|e| e.to_string())?;
         let times = self.solver.times().unwrap_or_default();
-        let at = match objective.time() {
-            None => Some(times.len().saturating_sub(1)),
-            Some(time) => times.iter().position(|of| *of == time.value()),
-        };
-        match (at, objective.time()) {
-            (None, Some(time)) => Err(format!(
-                "its design is meant after {time}, and this stage simulates none then: `history` in the verify stage must have it, as in {{ at: [{time}] }}"
-            )),
-            (at, _) => Ok(Timed {
+        match objective.moment() {
+            Moment::Equilibrium => Ok(Timed {
                 goal,
-                at: at.unwrap_or_default(),
+                at: times.len().saturating_sub(1),
+                swings: None,
             }),
+            Moment::After(time) => match times.iter().position(|of| *of == time.value()) {
+                None => Err(format!(
+                    "its design is meant after {time}, and this stage simulates none then: `history` in the verify stage must have it, as in {{ at: [{time}] }}"
+                )),
+                Some(at) => Ok(Timed { goal, at, swings: None }),
+            },
+            Moment::Swing(frequency) if self.solver.follows_time() => Err(format!(
+                "its design is meant at {frequency}, and this stage simulates a `history`: amplitudes are verified by a stage without one"
+            )),
+            Moment::Swing(frequency) => {
+                let swing = |parameters: &SolverParameters| swing_of(&states[0], frequency, &goal, parameters);
+                let swings = || {
+                    Ok(Swings {
+                        own: swing(&self.solver)?,
+                        beside: self.solver.beside().as_ref().map(swing).transpose()?,
+                    })
+                };
+                let swings = swings().map_err(|e: SetupError| format!("its design is meant at {frequency}: {e}"))?;
+                Ok(Timed {
+                    goal,
+                    at: 0,
+                    swings: Some(Arc::new(swings)),
+                })
+            }
         }
     }
 
@@ -355,7 +396,10 @@ impl Solvers {
 }
 
 impl Solved {
-    fn judged(&self, Timed { goal, at }: &Timed) -> Simulated {
+    fn judged(&self, Timed { goal, at, swings }: &Timed, pattern: &Pattern) -> Simulated {
+        if let Some(swings) = swings {
+            return swings.judged(goal, pattern);
+        }
         let Self(states) = self;
         let mut outcomes = states.iter().map(|state| state.result.simulation.outcome);
         let without = outcomes.find(|outcome| !outcome.has_field());
@@ -385,6 +429,22 @@ impl Solved {
                 [only] => only.history.clone(),
                 _ => None,
             },
+        }
+    }
+}
+
+impl Swings {
+    fn judged(&self, goal: &Goal, pattern: &Pattern) -> Simulated {
+        let (outcome, field) = self.own.farthest(pattern);
+        let other = self.beside.as_ref().and_then(|beside| beside.farthest(pattern).1);
+        let value = |field: &Field| goal.value_mm(slice::from_ref(field));
+        let between = field.as_ref().zip(other.as_ref());
+        Simulated {
+            outcome,
+            error: between.map(|(field, other)| (value(field) - value(other)).abs()),
+            values_mm: field.iter().map(value).collect(),
+            fields: field.map(|field| vec![field]),
+            history: None,
         }
     }
 }

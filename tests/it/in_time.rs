@@ -462,6 +462,73 @@ fn a_stage_keeps_histories_and_its_key_knows_the_time() {
 }
 
 #[test]
+fn designs_swing_as_far_as_they_are_said_to() {
+    let workspace = workspace("voltage: 100 V, waveform: { sine: { frequency: 1 Hz, bias: 4 kV } }");
+    let pipeline = "
+version: 1
+name: swing
+scene: scene.yaml
+stages:
+  searched:
+    kind: design
+    targets:
+      - { name: slow, objective: { point: [25, 25], direction: 0 deg, frequency: 0.01 Hz } }
+      - { name: fast, objective: { points: [{ point: [20, 25], direction: 30 deg }, { point: [30, 25], direction: 30 deg }], frequency: 20 Hz } }
+    area: 0.5
+    population: 12
+    generations: 3
+    seed: 1
+  best: { kind: design, method: adjoint, starts: 2, targets: [{ name: best, objective: { point: [25, 25], direction: 0 deg, frequency: 0.01 Hz } }], seed: 2 }
+  verified: { kind: verify, needs: [searched, best], elements_per_cell: 2, order: 1 }
+";
+    workspace.write("swing.yaml", pipeline);
+    let ran = workspace.run(&["run", "swing.yaml", "--json"]);
+    assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+    let results = &workspace.run(&["log", "--json"]).json()["runs"][0]["results"].clone();
+    let of = |name: &str, what: &str| {
+        let value = results[format!("verified.{what}.{name}")].as_f64();
+        value.unwrap_or_else(|| panic!("{what}.{name}: {results}"))
+    };
+    for name in ["slow", "fast"] {
+        let [simulated, predicted] = ["displacement", "predicted"].map(|what| of(name, what));
+        assert!(
+            simulated > 5e-3 && (predicted / simulated - 1.0).abs() < 0.05,
+            "{results}"
+        );
+    }
+    assert!(of("best", "displacement") > of("slow", "displacement"), "{results}");
+    // The bias decides about amplitudes.
+    let plan = |set: &str| {
+        let planned = workspace.run(&["plan", "swing.yaml", "--json", "--set", set]);
+        planned.json()["stages"][0]["outcome"].clone()
+    };
+    assert_eq!(plan("scene.drive.waveform.sine.bias=3.9 kV"), "stale");
+    assert_eq!(plan("stages.searched.seed=1"), "fresh");
+    let search = "population: 12\n    generations: 3";
+    for (from, to, said) in [
+        (search, "evaluator: chord:2", "allowed: auto, newton"),
+        (
+            "frequency: 20 Hz",
+            "frequency: 20 Hz, time: 1 s",
+            "cannot stand beside `frequency`",
+        ),
+    ] {
+        workspace.write("changed.yaml", &pipeline.replace(from, to));
+        let refused = workspace.run(&["plan", "changed.yaml"]);
+        assert_eq!(refused.code, Some(2), "{to}: {}", refused.stderr);
+        assert!(refused.stderr.contains(said), "{to}: {}", refused.stderr);
+    }
+    workspace.write("scene.yaml", &SCENE.replace("DRIVE", "voltage: 4 kV"));
+    let refused = workspace.run(&["plan", "swing.yaml"]);
+    assert_eq!(refused.code, Some(2), "{}", refused.stderr);
+    assert!(
+        refused.stderr.contains("a drive with a `sine` about a `bias`"),
+        "{}",
+        refused.stderr
+    );
+}
+
+#[test]
 fn electrodes_charge_from_their_leads_and_islands_are_refused() {
     let workspace = workspace("voltage: 5 kV");
     let scene = |resistance: &str| {

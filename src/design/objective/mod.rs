@@ -9,4 +9,4 @@ mod parameters;
 pub use aim::{Aim, Lever, Motion, PlacedAim, Subject};
 pub use goal::{AREA_PENALTY, Goal, GoalError};
 pub use measure::{Displacement, Distance, MEASURES, Measure, Qin2024};
-pub use parameters::Objective;
+pub use parameters::{Moment, Objective};

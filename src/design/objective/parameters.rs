@@ -7,7 +7,8 @@ use super::field_file;
 use super::goal::{Goal, GoalError};
 use super::measure::{Displacement, Distance, MEASURES, Measure};
 use crate::base::{
-    Angle, Canonical, Decimal, Declared, Fields, InputError, Length, Map, Node, Parameter, Schema, Time, parameters,
+    Angle, Canonical, Decimal, Declared, Fields, Frequency, InputError, Length, Map, Node, Parameter, Schema, Time,
+    parameters,
 };
 use crate::design::text::{flow_mapping, flow_value};
 use crate::scene::{MOST_BODIES, Scene, States};
@@ -68,6 +69,15 @@ parameters! {
 }
 
 parameters! {
+    /// What is measured of a swing.
+    struct SwingParameters as "the objective" {
+        /// The amplitude of the displacement at this frequency counts, under the sine of the drive about its bias.
+        frequency: Option<Frequency> [1e-9..=1e9],
+    }
+    rules(of_directions)
+}
+
+parameters! {
     /// A point and where it should move.
     struct OnePoint as "the objective" {}
     include {
@@ -75,6 +85,8 @@ parameters! {
         point: PointParameters,
         /// How it is measured.
         measured: MeasureParameters,
+        /// Of what.
+        swing: SwingParameters,
     }
 }
 
@@ -99,6 +111,8 @@ parameters! {
     include {
         /// How they are measured.
         measured: MeasureParameters,
+        /// Of what.
+        swing: SwingParameters,
     }
     rules(all_far_or_none)
 }
@@ -148,7 +162,18 @@ pub struct Objective {
     points: Vec<Wanted>,
     measure: &'static dyn Measure,
     value: Option<Length>,
-    time: Option<Time>,
+    moment: Moment,
+}
+
+/// Of what a displacement counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Moment {
+    /// An equilibrium, where the elastomer creeps that at the end.
+    Equilibrium,
+    /// So long after the voltage was put on.
+    After(Time),
+    /// Its amplitude at a frequency.
+    Swing(Frequency),
 }
 
 fn either_motion(fields: Fields) -> Fields {
@@ -176,6 +201,16 @@ fn without_comparison() -> serde_json::Value {
     let others = MEASURES.iter().filter(|measure| measure.takes_rotations());
     let others: Vec<&str> = others.map(|measure| measure.name()).collect();
     json!({ "properties": { "measure": { "enum": others } } })
+}
+
+/// Amplitudes are those of displacements along directions.
+fn of_directions(fields: Fields) -> Fields {
+    let has = |key: &str| json!({ "required": [key] });
+    let others = json!([has("time"), has("value"), has("displacement")]);
+    let along = json!({ "items": { "required": ["point", "direction"] } });
+    let measured = json!({ "measure": { "const": Displacement.name() }, "points": along });
+    let then = json!({ "not": { "anyOf": others }, "properties": measured });
+    fields.rule(json!({ "if": has("frequency"), "then": then }))
 }
 
 /// Ways in which a body may move.
@@ -350,17 +385,24 @@ impl PointParameters {
 }
 
 impl Objective {
-    fn new(points: Vec<Wanted>, measured: Option<MeasureParameters>, node: &Node) -> Result<Self, InputError> {
-        let (measure, value, time) = measured.map_or((None, None, None), |measured| {
-            (measured.measure, measured.value, measured.time)
-        });
+    fn new(
+        points: Vec<Wanted>,
+        measured: MeasureParameters,
+        swing: SwingParameters,
+        node: &Node,
+    ) -> Result<Self, InputError> {
+        let MeasureParameters { measure, value, time } = measured;
         let wanted = value.is_some() || points.iter().all(Wanted::is_far);
         let usual: &'static dyn Measure = if wanted { &Distance } else { &Displacement };
         let objective = Self {
             points,
             measure: measure.unwrap_or(usual),
             value,
-            time,
+            moment: match (time, swing.frequency) {
+                (_, Some(frequency)) => Moment::Swing(frequency),
+                (Some(time), None) => Moment::After(time),
+                (None, None) => Moment::Equilibrium,
+            },
         };
         objective.check(node)?;
         Ok(objective)
@@ -370,6 +412,9 @@ impl Objective {
     fn check(&self, node: &Node) -> Result<(), InputError> {
         let vectors = self.points.iter().filter(|point| point.is_far()).count();
         let at = |key| node.peek(key).unwrap_or(node);
+        if matches!(self.moment, Moment::Swing(_)) {
+            return self.check_swing(node);
+        }
         match (self.measure.needs_displacement(), &self.value) {
             (true, None) if vectors < self.points.len() => Err(at("measure")
                 .error("a distance is measured from a wanted displacement, and a point has none")
@@ -393,6 +438,31 @@ impl Objective {
         }
     }
 
+    /// Refuses what an amplitude cannot be of.
+    fn check_swing(&self, node: &Node) -> Result<(), InputError> {
+        let other = ["time", "value", "displacement"]
+            .into_iter()
+            .find_map(|key| Some((key, node.peek(key)?)));
+        if let Some((key, other)) = other {
+            let message = format!("`{key}` cannot stand beside `frequency`, at which the amplitude counts");
+            return Err(other.error(message).help("leave one of them out"));
+        }
+        if self.measure.name() != Displacement.name() {
+            let measure = node.peek("measure").unwrap_or(node);
+            let message = format!("`measure: {}` measures no amplitude", self.measure.name());
+            return Err(measure.error(message).help("leave `measure` out, or `frequency`"));
+        }
+        let is_along = |one: &Wanted| matches!(one, Wanted::Point(point) if point.displacement.is_none());
+        match self.points.iter().all(is_along) {
+            true => Ok(()),
+            false => Err(node
+                .peek("points")
+                .unwrap_or(node)
+                .error("an amplitude is that of points along directions")
+                .help("give each point its `direction`, and leave bodies and displacements out")),
+        }
+    }
+
     /// Reads a point (`{ point, direction }`) or a rigid body (`{ body, direction }`), or several
     /// (`{ points: [{ point, direction, weight, state }, …] }`), with an optional `measure`, and an optional `value`: the displacement that
     /// is wanted along each direction; or a wanted field (`{ field: FILE.csv }`). In place of a direction a point may have a wanted
@@ -401,9 +471,14 @@ impl Objective {
     /// # Errors
     /// When a key is unknown or missing, a value is no length or angle, or the keys contradict each other.
     pub fn read(node: &Node) -> Result<Self, InputError> {
-        let (points, measured) = if node.peek("points").is_some() {
-            let ManyPoints { points, measured } = ManyPoints::read_with(node, &[])?;
-            (points, Some(measured))
+        let still = SwingParameters { frequency: None };
+        let (points, measured, swing) = if node.peek("points").is_some() {
+            let ManyPoints {
+                points,
+                measured,
+                swing,
+            } = ManyPoints::read_with(node, &[])?;
+            (points, measured, swing)
         } else if node.peek("field").is_some() {
             let WantedField { field, time } = WantedField::read_with(node, &[])?;
             let measured = MeasureParameters {
@@ -411,15 +486,15 @@ impl Objective {
                 measure: None,
                 time,
             };
-            (field.0.into_iter().map(Wanted::Point).collect(), Some(measured))
+            (field.0.into_iter().map(Wanted::Point).collect(), measured, still)
         } else if node.peek("body").is_some() {
             let OneBody { body, measured } = OneBody::read_with(node, &[])?;
-            (vec![Wanted::Body(body)], Some(measured))
+            (vec![Wanted::Body(body)], measured, still)
         } else {
-            let OnePoint { point, measured } = OnePoint::read_with(node, &[])?;
-            (vec![Wanted::Point(point)], Some(measured))
+            let OnePoint { point, measured, swing } = OnePoint::read_with(node, &[])?;
+            (vec![Wanted::Point(point)], measured, swing)
         };
-        Self::new(points, measured, node)
+        Self::new(points, measured, swing, node)
     }
 
     /// The objective in its own YAML syntax on one line.
@@ -434,14 +509,18 @@ impl Objective {
         };
         entries.extend(self.value.map(|value| ("value", value.to_string())));
         entries.push(("measure", self.measure.name().to_owned()));
-        entries.extend(self.time.map(|time| ("time", time.to_string())));
+        entries.extend(match self.moment {
+            Moment::Equilibrium => None,
+            Moment::After(time) => Some(("time", time.to_string())),
+            Moment::Swing(frequency) => Some(("frequency", frequency.to_string())),
+        });
         flow_mapping(entries)
     }
 
-    /// When it is meant, since the voltage was put on; none where it is meant of an equilibrium.
+    /// Of what the displacement counts.
     #[must_use]
-    pub fn time(&self) -> Option<Time> {
-        self.time
+    pub fn moment(&self) -> Moment {
+        self.moment
     }
 
     /// The goal in a scene.
@@ -469,9 +548,12 @@ impl Parameter for Objective {
         let value = self.value.as_ref().and_then(Parameter::canonical);
         let own = [("points", points), ("measure", self.measure.name().into())];
         let value = value.map(|value| ("value", value));
-        let time = self.time.as_ref().and_then(Parameter::canonical);
-        let time = time.map(|time| ("time", time));
-        Some(Canonical::map(own.into_iter().chain(value).chain(time)))
+        let moment = match &self.moment {
+            Moment::Equilibrium => None,
+            Moment::After(time) => time.canonical().map(|time| ("time", time)),
+            Moment::Swing(frequency) => frequency.canonical().map(|frequency| ("frequency", frequency)),
+        };
+        Some(Canonical::map(own.into_iter().chain(value).chain(moment)))
     }
 
     fn schema((): &()) -> Schema {
@@ -634,6 +716,8 @@ mod tests {
             "{ points: [{ point: [1, 2], direction: 0 }, { point: [3, 4], direction: -90 deg, weight: 2.5 }], measure: qin2024 }",
             "{ point: [25, 25], direction: 30 deg, value: 1.00 mm }",
             "{ point: [25, 25], direction: 30 deg, time: 10 min }",
+            "{ point: [25, 25], direction: 30 deg, frequency: 40 Hz }",
+            "{ points: [{ point: [1, 2], direction: 0 }, { point: [3, 4], direction: 90 deg }], frequency: 1 kHz }",
             "{ points: [{ point: [1, 2], displacement: [0.1 mm, -0.2 mm] }, { point: [3, 4], displacement: [0, 0] }] }",
         ] {
             let objective = read(text).unwrap();
@@ -659,6 +743,13 @@ mod tests {
             "{ points: [{ point: [1, 2], direction: 0 }, { point: [1, 2], displacement: [0, 1] }] }",
             "{ points: [{ body: 0, rotation: 1 deg }, { body: 0, direction: 0 }], measure: displacement }",
             "{ body: 0, rotation: clockwise, measure: qin2024 }",
+            "{ point: [1, 2], direction: 0, frequency: 1 Hz, time: 1 s }",
+            "{ point: [1, 2], direction: 0, frequency: 1 Hz, value: 1 mm }",
+            "{ point: [1, 2], direction: 0, frequency: 1 Hz, measure: qin2024 }",
+            "{ point: [1, 2], displacement: [0, 1], frequency: 1 Hz }",
+            "{ points: [{ point: [1, 2], displacement: [0, 1] }], frequency: 1 Hz }",
+            "{ points: [{ body: 0, direction: 0 }], frequency: 1 Hz }",
+            "{ body: 0, direction: 0, frequency: 1 Hz }",
         ] {
             assert!(read(text).is_err(), "{text}");
         }

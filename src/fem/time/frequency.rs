@@ -16,20 +16,20 @@ use std::sync::Arc;
 use super::modes::wave_speed;
 use crate::base::Stream;
 use crate::fem::direct::Structure;
-use crate::fem::dynamic_stiffness::{At, DynamicStiffness, Solved};
+use crate::fem::dynamic_stiffness::{At, DynamicStiffness, Orders, Solved};
 use crate::fem::effects::WithMaterial;
 use crate::fem::energy::Material;
 use crate::fem::error::SetupError;
 use crate::fem::memory::Memory;
 use crate::fem::operator::{Activity, Operator, metrics};
-use crate::fem::solver::{MembraneSolver, SolveOptions};
+use crate::fem::solver::{MembraneSolver, MeshSolution, SolveOptions};
 use crate::fem::work::WorkLimit;
 use crate::field::{Field, Outcome};
 use crate::pattern::Pattern;
 use crate::scene::Scene;
 
 /// Change of the load over which its forces are differentiated: laws that wrinkle are not linear in it.
-const NUDGE: f64 = 1e-3;
+pub(super) const NUDGE: f64 = 1e-3;
 
 /// The scene at the voltage about which a small one alternates: the bias where the drive is a sine, else its voltage.
 #[must_use]
@@ -37,6 +37,15 @@ pub fn at_bias(scene: &Scene) -> Scene {
     match scene.waveform().sine {
         Some(sine) if scene.drive.charge.is_none() => scene.at_voltage(sine.bias.value()),
         _ => scene.clone(),
+    }
+}
+
+/// The scene at the highest voltage of a sine about its bias.
+#[must_use]
+pub fn at_peak(scene: &Scene) -> Scene {
+    match scene.waveform().sine {
+        Some(sine) => scene.at_voltage(sine.bias.value() + scene.voltage_v()),
+        None => scene.clone(),
     }
 }
 
@@ -116,12 +125,13 @@ impl FrequencyResponse {
 
 /// Finds responses of patterns of one scene on one mesh.
 pub struct FrequencySolver {
-    solver: MembraneSolver,
+    pub(super) solver: MembraneSolver,
     /// 1/s in units of the membrane; none where it has no mass.
     per_second: Option<f64>,
     /// Of each branch g, and τ in s.
     branches: Vec<[f64; 2]>,
     structure: Option<Arc<Structure>>,
+    orders: Arc<Orders>,
 }
 
 impl FrequencySolver {
@@ -149,6 +159,7 @@ impl FrequencySolver {
             per_second: speed.map(|speed| speed / (1e-3 * solver.grid.unit_mm())),
             branches: branches.filter(|[modulus, _]| *modulus > 0.0).collect(),
             structure: Structure::new(&solver.grid),
+            orders: Arc::default(),
             solver,
         })
     }
@@ -157,22 +168,22 @@ impl FrequencySolver {
     #[must_use]
     pub fn respond(&self, pattern: &Pattern, frequencies: &[f64]) -> FrequencyResponse {
         let Self { solver, .. } = self;
-        let solution = solver.solve(pattern);
-        if !solution.outcome.is_converged() {
+        // The static slope is the response to what takes for ever.
+        let all: Vec<f64> = std::iter::once(0.0).chain(frequencies.iter().copied()).collect();
+        let (solution, mut each) = self.solve(pattern, &all);
+        if each.is_empty() {
             return FrequencyResponse {
                 outcome: solution.outcome,
                 equilibrium: None,
                 slope: None,
-                each: Vec::new(),
+                each,
                 watched: [0; 2],
             };
         }
-        let (slope, each) = solver.model.with(Respond {
-            solver: self,
-            activity: &solver.model.activity(&solver.grid, pattern),
-            u: &solution.displacement,
-            frequencies,
-        });
+        let slope = match each.remove(0) {
+            AtFrequency::Response { real, .. } => Some(real),
+            AtFrequency::Resonance | AtFrequency::NotSolved => None,
+        };
         let magnitudes = each.iter().find_map(|one| match one {
             AtFrequency::Response { real, imaginary } => Some(magnitudes(real, imaginary)),
             AtFrequency::Resonance | AtFrequency::NotSolved => None,
@@ -186,8 +197,30 @@ impl FrequencySolver {
         }
     }
 
+    /// The response at one frequency in Hz; none where there is no equilibrium, whose outcome stands beside it.
+    pub(super) fn respond_at(&self, pattern: &Pattern, frequency: f64) -> (Outcome, Option<AtFrequency>) {
+        let (solution, each) = self.solve(pattern, &[frequency]);
+        (solution.outcome, each.into_iter().next())
+    }
+
+    /// The equilibrium, and the response at each frequency; none where it is not stable.
+    fn solve(&self, pattern: &Pattern, frequencies: &[f64]) -> (MeshSolution, Vec<AtFrequency>) {
+        let Self { solver, .. } = self;
+        let solution = solver.solve(pattern);
+        if !solution.outcome.is_converged() {
+            return (solution, Vec::new());
+        }
+        let each = solver.model.with(Respond {
+            solver: self,
+            activity: &solver.model.activity(&solver.grid, pattern),
+            u: &solution.displacement,
+            frequencies,
+        });
+        (solution, each)
+    }
+
     /// A frequency in Hz, for the matrices.
-    fn at(&self, frequency: f64) -> At {
+    pub(super) fn at(&self, frequency: f64) -> At {
         let omega = TAU * frequency;
         let mut viscous = [0.0; 2];
         for [modulus, time] in &self.branches {
@@ -214,20 +247,20 @@ fn magnitudes(real: &Field, imaginary: &Field) -> Field {
     Field::from_values(real.raster(), values).unwrap_or_else(|_| real.clone())
 }
 
-struct Respond<'a> {
-    solver: &'a FrequencySolver,
-    activity: &'a Activity,
-    u: &'a [f64],
-    frequencies: &'a [f64],
+pub(super) struct Respond<'a> {
+    pub solver: &'a FrequencySolver,
+    pub activity: &'a Activity,
+    pub u: &'a [f64],
+    pub frequencies: &'a [f64],
 }
 
 impl WithMaterial for Respond<'_> {
-    /// The static slope, and the response at each frequency.
-    type Output = (Option<Field>, Vec<AtFrequency>);
+    /// The response at each frequency.
+    type Output = Vec<AtFrequency>;
 
     fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Self::Output {
         let Some((matrices, structure)) = self.matrices(&material) else {
-            return (None, vec![AtFrequency::NotSolved; self.frequencies.len()]);
+            return vec![AtFrequency::NotSolved; self.frequencies.len()];
         };
         let FrequencySolver { solver, .. } = self.solver;
         let grid = &solver.grid;
@@ -244,17 +277,13 @@ impl WithMaterial for Respond<'_> {
             Some(Solved::Resonance) => AtFrequency::Resonance,
             None => AtFrequency::NotSolved,
         };
-        let slope = match at(0.0) {
-            AtFrequency::Response { real, .. } => Some(real),
-            AtFrequency::Resonance | AtFrequency::NotSolved => None,
-        };
-        (slope, self.frequencies.iter().map(|frequency| at(*frequency)).collect())
+        self.frequencies.iter().map(|frequency| at(*frequency)).collect()
     }
 }
 
 impl Respond<'_> {
     /// The matrices about the equilibrium; `None` when memory is short.
-    fn matrices<L: Material>(&self, material: &impl Fn(f64) -> L) -> Option<(DynamicStiffness, &Structure)> {
+    pub(super) fn matrices<L: Material>(&self, material: &impl Fn(f64) -> L) -> Option<(DynamicStiffness, &Structure)> {
         let structure = self.solver.structure.as_deref()?;
         let grid = &self.solver.solver.grid;
         let law = material(1.0);
@@ -277,12 +306,17 @@ impl Respond<'_> {
             Some(_) => Some(structure.mass(grid)?),
             None => None,
         };
-        let matrices = DynamicStiffness::new(tangent(self.activity)?, with_branches.as_ref(), mass.as_ref());
+        let matrices = DynamicStiffness::new(
+            tangent(self.activity)?,
+            with_branches.as_ref(),
+            mass.as_ref(),
+            Arc::clone(&self.solver.orders),
+        );
         Some((matrices, structure))
     }
 
     /// The forces of the load, by which the residual falls as it grows.
-    fn forces<L: Material>(&self, material: &impl Fn(f64) -> L) -> Vec<f64> {
+    pub(super) fn forces<L: Material>(&self, material: &impl Fn(f64) -> L) -> Vec<f64> {
         let residual = |share: f64| {
             let mut residual = vec![0.0; self.u.len()];
             let operator = Operator {

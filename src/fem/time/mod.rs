@@ -1,6 +1,7 @@
 //! Membranes in time: viscoelastic creep, and whatever the voltage does.
 
 mod accurate;
+mod amplitude;
 mod coefficients;
 mod creep;
 mod equilibrium;
@@ -13,14 +14,16 @@ mod modes;
 mod motion;
 mod solver;
 mod supply;
+mod swing;
 #[cfg(test)]
 mod tests;
 mod viscous;
 
 pub use accurate::AccurateHistory;
 pub use creep::{ThreeSolves, settings as creep_settings};
-pub use frequency::{AtFrequency, FrequencyResponse, FrequencySolver, at_bias};
+pub use frequency::{AtFrequency, FrequencyResponse, FrequencySolver, at_bias, at_peak};
 pub use history::{History, HistoryRequest, USUAL_ERROR as USUAL_TIME_ERROR, check as history_check, refusal};
 pub use march::{Instant, StepEstimate};
 pub use modes::{MOST_MODES, Vibration};
 pub use solver::{HistoryOptions, HistorySolver, StepEstimates};
+pub use swing::Swing;

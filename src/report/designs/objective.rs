@@ -15,8 +15,8 @@ pub struct Objective {
     pub value_mm: Option<f64>,
     /// Whether a displacement or an angle is to be met, so that more of it is not better.
     pub is_met: bool,
-    /// When it is meant since the voltage was put on, in words, where the elastomer creeps.
-    pub time: Option<String>,
+    /// When it is meant, in words, where that is not an equilibrium: `after 10 s`, or `at 40 Hz`.
+    pub moment: Option<String>,
     /// The same in the syntax of pipelines.
     pub text: String,
 }
@@ -87,10 +87,12 @@ impl Objective {
         Ok(Self {
             is_met: is_measured_from_wanted(root),
             text: text.to_owned(),
-            time: root
-                .peek("time")
-                .and_then(|time| time.text("time").ok())
-                .map(str::to_owned),
+            moment: [("time", "after"), ("frequency", "at")]
+                .into_iter()
+                .find_map(|(key, word)| {
+                    let value = root.peek(key)?.text(key).ok()?;
+                    Some(format!("{word} {value}"))
+                }),
             aims: aims.iter().map(|one| aim(one, scene)).collect::<Result<_, _>>()?,
             value_mm: value.transpose()?.map(|value| value.value()),
         })
@@ -141,8 +143,8 @@ impl Objective {
             Some(mm) => format!("{what} by {mm} mm"),
             None => what,
         };
-        match &self.time {
-            Some(time) => format!("{what} after {time}"),
+        match &self.moment {
+            Some(moment) => format!("{what} {moment}"),
             None => what,
         }
     }

@@ -2,11 +2,11 @@
 
 use std::fmt;
 
-use crate::base::{Canonical, InputError, Node, Parameter, Schema, Time};
-use crate::design::{Candidate, Cause, Evaluators};
+use crate::base::{Canonical, Frequency, InputError, Node, Parameter, Schema, Time};
+use crate::design::{Candidate, Cause, Evaluators, Goal, Moment};
 use crate::fem::screening::decided_states;
-use crate::fem::{Method, SetupError, SolverParameters, ThreeSolves, UnknownMethod, creep_settings};
-use crate::field::{Evaluator, InStates, Mesh};
+use crate::fem::{Method, SetupError, SolverParameters, Swing, ThreeSolves, UnknownMethod, creep_settings};
+use crate::field::{Evaluator, Field, InStates, Mesh};
 use crate::scene::Scene;
 use crate::surrogate::{NetworkKind, Surrogate};
 
@@ -96,10 +96,11 @@ fn elements(scene: &Scene, time: Option<Time>, method: Method, elements_per_cell
 
 /// All steps in time on so many bilinear elements, in each state of a scene.
 fn steps(scene: &Scene, time: Time, elements_per_cell: usize) -> Candidate {
-    let mesh = Mesh::bilinear(elements_per_cell);
-    let parameters = SolverParameters::new(Method::Newton, mesh).up_to(time);
+    let parameters = SolverParameters::new(Method::Newton, Mesh::bilinear(elements_per_cell));
+    let settings = parameters.settings_in_time("history");
+    let parameters = parameters.up_to(time);
     Candidate {
-        settings: format!("method: history, {mesh}"),
+        settings,
         evaluator: each(scene, |scene| Ok(Box::new(parameters.build(scene)?))),
     }
 }
@@ -118,14 +119,51 @@ fn each(
     each().map(InStates::new).map_err(Into::into)
 }
 
+/// How amplitudes are solved while they are searched: one bilinear element in each cell errs little of an amplitude.
+pub fn of_swings() -> SolverParameters {
+    SolverParameters::new(Method::Newton, Mesh::bilinear(1))
+}
+
+/// The linear response at a frequency, which has no estimate that costs less.
+fn swing(scene: &Scene, frequency: Frequency, goal: &Goal) -> Candidate {
+    let parameters = of_swings();
+    let one = |scene: &Scene| -> Result<Box<dyn Evaluator>, SetupError> {
+        Ok(Box::new(swing_of(scene, frequency, goal, &parameters)?))
+    };
+    Candidate {
+        settings: parameters.settings_in_time("response"),
+        evaluator: each(scene, one),
+    }
+}
+
+/// What swings as far as a goal counts.
+///
+/// # Errors
+/// As [`Swing::new`].
+pub fn swing_of(
+    scene: &Scene,
+    frequency: Frequency,
+    goal: &Goal,
+    parameters: &SolverParameters,
+) -> Result<Swing, SetupError> {
+    let weights = goal.slope(&[Field::zero(goal.raster())]);
+    let weights = weights.into_iter().next().unwrap_or_else(|| Field::zero(goal.raster()));
+    Swing::new(scene, frequency.value(), weights, parameters)
+}
+
 /// What judges the patterns of a search: what is chosen, or every evaluator in the order of its cost as `deaflow accuracy`
 /// measured it, the reference last. The order is fixed since times differ from run to run.
 pub fn evaluators(
     choice: EvaluatorChoice,
     scene: &Scene,
-    time: Option<Time>,
+    (moment, goal): (Moment, &Goal),
     known: Option<Vec<Surrogate>>,
 ) -> Evaluators {
+    let time = match moment {
+        Moment::Equilibrium => None,
+        Moment::After(time) => Some(time),
+        Moment::Swing(frequency) => return Evaluators::Named(swing(scene, frequency, goal)),
+    };
     match (choice, known) {
         (EvaluatorChoice::Elements(method), _) => Evaluators::Named(elements(scene, time, method, 1)),
         (EvaluatorChoice::Surrogate, Some(known)) => Evaluators::Named(networks(known)),

@@ -180,6 +180,21 @@ stages:
   field: { kind: design, seed: 1, objective: { field: pipelines/fields/pinch.csv, time: 1 s } }
 ";
 
+/// Designs for an amplitude.
+const SWING: &str = "
+version: 1
+name: swing
+scene:
+  geometry: { side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50 }
+  material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
+  drive: { voltage: 100 V, waveform: { sine: { frequency: 1 Hz, bias: 4 kV } } }
+stages:
+  several: { kind: design, seed: 1, targets: [{ name: one, objective: { point: [10, 10], direction: 0, frequency: 1 Hz } },
+      { name: two, objective: { points: [{ point: [10, 10], direction: 0 }], measure: displacement, frequency: 10 Hz } }] }
+  point: { kind: design, seed: 1, objective: { point: [10, 10], direction: 0, frequency: 1 Hz } }
+  points: { kind: design, seed: 1, objective: { points: [{ point: [10, 10], direction: 0 }], frequency: 1 kHz } }
+";
+
 /// A word that tells mappings apart may be the value of an axis too.
 pub const SWEPT_WORDS: &str = "
 version: 1
@@ -243,7 +258,7 @@ properties: { sheet_resistance: 50 kOhm }",
 /// The documents of a kind.
 pub fn of(kind: Kind) -> Vec<Value> {
     match kind {
-        Kind::Pipeline => vec![json(PIPELINE), json(DEVICE), json(CREEP)],
+        Kind::Pipeline => vec![json(PIPELINE), json(DEVICE), json(CREEP), json(SWING)],
         Kind::Scene => {
             let laws = Stiffening::EXAMPLES.iter().map(|law| {
                 format!(

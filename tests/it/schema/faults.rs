@@ -24,7 +24,7 @@ pub struct Fault {
 }
 
 /// What a reader refuses for its meaning and no schema can: what was said, in part.
-pub const BEYOND: [&str; 35] = [
+pub const BEYOND: [&str; 37] = [
     // Names of other stages, and what those are.
     "no stage is named",
     "stage needs",
@@ -59,6 +59,8 @@ pub const BEYOND: [&str; 35] = [
     "does not know at which field",
     "does not say in which `state`",
     "is meant after",
+    "is meant at",
+    "a target has a `frequency`",
     "there is no state",
     "there is no body",
     "it does not exist",

@@ -1,0 +1,251 @@
+//! How far a pattern swings at a frequency, for designs.
+
+use rayon::prelude::*;
+
+use super::frequency::{AtFrequency, FrequencySolver, at_bias};
+use crate::fem::error::SetupError;
+use crate::fem::evaluator::{SolverParameters, check_leads};
+use crate::fem::solver::SolveOptions;
+use crate::field::{Differentiable, Evaluator, Field, Outcome, PredictError, Predictor, WithGradient};
+use crate::pattern::Pattern;
+use crate::scene::{Leads, Scene};
+
+/// The linear response to the sine of a drive about its bias, at the moment of the period at which a weighted sum of displacements is largest.
+pub struct Swing {
+    solver: FrequencySolver,
+    /// The same without wrinkling and fringe fields, where the scene has them, for the gradient: the energy is not linear in the activity of
+    /// cells with them.
+    plain: Option<FrequencySolver>,
+    /// Of each group of electrodes its share of the load.
+    loads: Vec<f64>,
+    leads: Option<Leads>,
+    frequency_hz: f64,
+    amplitude_v: f64,
+    weights: Field,
+    settings: String,
+}
+
+impl Swing {
+    /// Whether a scene has what swings.
+    ///
+    /// # Errors
+    /// When it has not.
+    pub fn check(scene: &Scene) -> Result<(), SetupError> {
+        let has_bias = scene.waveform().sine.is_some_and(|sine| sine.bias.value() > 0.0);
+        let has = [
+            (!scene.states.is_empty(), "one state, and the scene has several"),
+            (
+                scene.geometry.bodies.is_some(),
+                "a membrane without rigid bodies, and the scene has some",
+            ),
+            (scene.drive.charge.is_some(), "a voltage, and the drive is a `charge`"),
+            (
+                !has_bias,
+                "a drive with a `sine` about a `bias`, and the scene has none",
+            ),
+            (
+                scene.drive.source.is_some() || scene.effects.electrode_resistance.is_some(),
+                "electrodes that have their voltage at once, and the scene has a `source` or `electrode_resistance`",
+            ),
+        ];
+        match has.into_iter().find_map(|(has, why)| has.then_some(why)) {
+            Some(why) => Err(SetupError::Swing { why }),
+            None => Ok(()),
+        }
+    }
+
+    /// For a frequency, on the mesh of parameters, in a scene whose effects are decided. The weights are those of the displacement of each
+    /// corner.
+    ///
+    /// # Errors
+    /// When the scene has nothing that swings, or cannot be simulated; or where each pattern has a mesh of its own.
+    pub fn new(
+        scene: &Scene,
+        frequency_hz: f64,
+        weights: Field,
+        parameters: &SolverParameters,
+    ) -> Result<Self, SetupError> {
+        Self::check(scene)?;
+        let options = SolveOptions {
+            mesh: parameters.mesh().ok_or(SetupError::SeveralMeshes)?,
+            tolerance: parameters.tolerance(),
+        };
+        let biased = at_bias(scene);
+        let solver = |scene: &Scene| FrequencySolver::new(scene, options, parameters.work_limit());
+        let mut effects = biased.effects.clone();
+        let differs = effects.wrinkling.is_some() || effects.fringe_field.is_some();
+        (effects.wrinkling, effects.fringe_field) = (None, None);
+        let plain = differs.then(|| solver(&biased.with_effects(effects)));
+        Ok(Self {
+            solver: solver(&biased)?,
+            plain: plain.transpose()?,
+            loads: biased.group_loads(),
+            leads: scene.leads.clone(),
+            frequency_hz,
+            amplitude_v: scene.voltage_v(),
+            weights,
+            settings: parameters.settings_in_time("response"),
+        })
+    }
+
+    /// The field in mm, as a difference from that of the bias, and how the search for the equilibrium there ended.
+    #[must_use]
+    pub fn farthest(&self, pattern: &Pattern) -> (Outcome, Option<Field>) {
+        match self.solver.respond_at(pattern, self.frequency_hz) {
+            (outcome, None) => (outcome, None),
+            (outcome, Some(AtFrequency::Response { real, imaginary })) => {
+                (outcome, Some(self.at_peak([&real, &imaginary])))
+            }
+            // Nothing is known of an amplitude that nothing bounds.
+            (_, Some(AtFrequency::Resonance | AtFrequency::NotSolved)) => (Outcome::NoEstimate, None),
+        }
+    }
+
+    /// Re(û e^(−iθ)) V̂ with the phase θ of the weighted sum of û.
+    fn at_peak(&self, [real, imaginary]: [&Field; 2]) -> Field {
+        let sum = |part: &Field| -> f64 {
+            let pairs = self.weights.values().iter().zip(part.values());
+            pairs.map(|(weight, u)| weight * u).sum()
+        };
+        let (sine, cosine) = sum(imaginary).atan2(sum(real)).sin_cos();
+        let pairs = real.values().iter().zip(imaginary.values());
+        let values = pairs.map(|(real, imaginary)| self.amplitude_v * (cosine * real + sine * imaginary));
+        Field::from_values(real.raster(), values.collect()).unwrap_or_else(|_| real.clone())
+    }
+}
+
+impl Predictor for Swing {
+    fn predict_some(&self, patterns: &[Pattern]) -> Result<Vec<Option<Field>>, PredictError> {
+        check_leads(self.leads.as_ref(), patterns).map_err(PredictError::failed)?;
+        Ok(patterns.par_iter().map(|pattern| self.farthest(pattern).1).collect())
+    }
+}
+
+impl Differentiable for Swing {
+    fn gradient(
+        &self,
+        pattern: &Pattern,
+        slope: &dyn Fn(&Field) -> Field,
+    ) -> Result<Option<WithGradient>, PredictError> {
+        let solver = self.plain.as_ref().unwrap_or(&self.solver);
+        // Which phase counts follows from the weights, of which the slope of an amplitude is a multiple wherever the membrane is.
+        let slope = slope(&Field::zero(pattern.raster()));
+        let (_, Some(found)) = solver.differentiate(pattern, self.frequency_hz, &slope) else {
+            return Ok(None);
+        };
+        let field = match &self.plain {
+            None => Some(self.at_peak(found.parts.each_ref())),
+            Some(_) => self.farthest(pattern).1,
+        };
+        let Some(field) = field else {
+            return Ok(None);
+        };
+        let of_load = |load: &f64| {
+            let factor = load * self.amplitude_v;
+            found.of_cells.iter().map(move |cell| factor * cell).collect::<Vec<_>>()
+        };
+        Ok(Some((field, self.loads.iter().flat_map(of_load).collect())))
+    }
+}
+
+impl Evaluator for Swing {
+    fn settings(&self) -> String {
+        self.settings.clone()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fem::time::{HistoryOptions, HistoryRequest, HistorySolver};
+    use crate::fem::{Method, WorkLimit};
+    use crate::field::Mesh;
+    use crate::pattern::Raster;
+
+    fn scene(drive: &str, effects: &str) -> Scene {
+        Scene::from_text(&format!(
+            "{{ geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 10 }}, material: {{ model: neo-hookean, \
+             shear_modulus: 45 kPa, relative_permittivity: 4.7 }}, drive: {{ {drive} }}, effects: {{ {effects} }}, \
+             properties: {{ density: 960 }} }}"
+        ))
+        .unwrap()
+    }
+
+    const BRANCHES: &str =
+        "viscoelasticity: { branches: [{ modulus: 45 kPa, time: 1 s }, { modulus: 20 kPa, time: 20 ms }] }";
+
+    fn odd() -> Pattern {
+        Pattern::from_fn(Raster::new(10, 10).unwrap(), |x, y| (x * 7 + y * 3) % 5 < 2 || x > 7)
+    }
+
+    /// The mean of two components at two corners.
+    fn weights() -> Field {
+        let mut values = vec![0.0; 2 * 11 * 11];
+        values[2 * (5 * 11 + 5)] = 0.5;
+        values[2 * (7 * 11 + 3) + 1] = -0.5;
+        Field::from_values(Raster::new(10, 10).unwrap(), values).unwrap()
+    }
+
+    fn weighted(field: &Field) -> f64 {
+        let pairs = weights()
+            .values()
+            .iter()
+            .zip(field.values())
+            .map(|(a, b)| a * b)
+            .collect::<Vec<_>>();
+        pairs.iter().sum()
+    }
+
+    #[test]
+    fn patterns_swing_as_far_as_in_their_history() {
+        let drive = "voltage: 20 V, waveform: { sine: { frequency: 0.5 Hz, bias: 5 kV } }";
+        let (scene, mesh) = (scene(drive, BRANCHES), Mesh::bilinear(1));
+        let swing = Swing::new(&scene, 0.5, weights(), &SolverParameters::new(Method::Newton, mesh)).unwrap();
+        let (outcome, field) = swing.farthest(&odd());
+        assert_eq!(outcome, Outcome::Converged);
+        let amplitude = weighted(&field.unwrap());
+        let samples = 16_u32;
+        let request = HistoryRequest {
+            times: (0..samples)
+                .map(|k| 2.0 * (12.0 + f64::from(k) / f64::from(samples)))
+                .collect(),
+            accuracy_mm: Some(2e-6),
+            limit: WorkLimit::of_history(None),
+            ..HistoryRequest::at(Vec::new())
+        };
+        let options = HistoryOptions {
+            mesh: Some(mesh),
+            tolerance: 1e-12,
+        };
+        let history = HistorySolver::new(&scene, &options, request)
+            .unwrap()
+            .displace(&odd())
+            .unwrap()
+            .history;
+        let mut sums = [0.0; 2];
+        for (k, field) in history.fields.iter().enumerate() {
+            let (sine, cosine) = (std::f64::consts::TAU * k as f64 / f64::from(samples)).sin_cos();
+            let value = 2.0 / f64::from(samples) * weighted(field);
+            sums = [sums[0] + value * sine, sums[1] + value * cosine];
+        }
+        let simulated = sums[0].hypot(sums[1]);
+        assert!((amplitude / simulated - 1.0).abs() < 1e-3, "{amplitude} {simulated}");
+        assert!(amplitude > 1e-4);
+    }
+
+    #[test]
+    fn what_does_not_swing_is_refused() {
+        let check = |drive: &str, effects: &str| Swing::check(&scene(drive, effects)).map_err(|e| e.to_string());
+        let sine = "voltage: 20 V, waveform: { sine: { frequency: 1 Hz, bias: 5 kV } }";
+        for (drive, effects, said) in [
+            ("voltage: 1 kV", "", "a `bias`"),
+            ("voltage: 1 kV, waveform: { sine: { frequency: 1 Hz } }", "", "a `bias`"),
+            ("charge: { total: 1 uC }", "", "`charge`"),
+            (&format!("{sine}, source: {{ resistance: 1 MOhm }}"), "", "`source`"),
+        ] {
+            let refused = check(drive, effects).unwrap_err();
+            assert!(refused.contains(said), "{refused}");
+        }
+        assert_eq!(check(sine, "inertia: {}"), Ok(()));
+    }
+}
