@@ -33,7 +33,7 @@ parameters! {
         name: Name,
         /// What the design is for.
         objective: Objective,
-        /// Wanted area fraction of the electrode, or `free` where any will do.
+        /// Wanted area fraction of the electrode, as in 0.5 or `50 %`, or `free` where any will do.
         area: Option<Area>,
     }
 }
@@ -45,7 +45,7 @@ parameters! {
         objective: Option<Objective>,
         /// Several designs in one stage, each with a name of its own.
         targets: Option<Vec<NamedTarget>> [((), 1..=10_000)],
-        /// Wanted area fraction of the electrode, or `free` where any will do.
+        /// Wanted area fraction of the electrode, as in 0.5 or `50 %`, or `free` where any will do.
         area: Area = 0.5,
     }
     rules(either)
@@ -157,6 +157,15 @@ impl fmt::Display for Area {
     }
 }
 
+/// A number in per cent as a fraction; none where it is no such number.
+fn percentage(node: &Node) -> Option<Decimal> {
+    let NodeValue::Text(text) = node.value() else {
+        return None;
+    };
+    let number: Decimal = text.trim().strip_suffix('%')?.trim().parse().ok()?;
+    Some(number.scaled(-2))
+}
+
 impl Parameter for Area {
     type Limits = ();
     type Literal = f64;
@@ -165,12 +174,14 @@ impl Parameter for Area {
         if node.is_text("free") {
             return Ok(Self(None));
         }
-        match Decimal::read(node, key, &(0.0..=1.0)) {
-            Ok(area) => Ok(Self(Some(area))),
-            Err(_) => Err(node
-                .error(format!("`{key}` is {}", node.found()))
-                .help("allowed: an area fraction from 0 to 1, or `free`")),
-        }
+        let area = match percentage(node) {
+            Some(area) => Some(area).filter(|area| (0.0..=1.0).contains(&area.to_f64())),
+            None => Decimal::read(node, key, &(0.0..=1.0)).ok(),
+        };
+        area.map(|area| Self(Some(area))).ok_or_else(|| {
+            node.error(format!("`{key}` is {}", node.found()))
+                .help("allowed: an area fraction from 0 to 1, one in per cent such as `50 %`, or `free`")
+        })
     }
 
     fn canonical(&self) -> Option<Canonical> {
@@ -178,7 +189,9 @@ impl Parameter for Area {
     }
 
     fn schema((): &()) -> Schema {
-        Schema::any_of([Schema::number(0.0, 1.0), Schema::word(&["free"])])
+        let percentage = Schema::matching(r"^\s*\+?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?\s*%\s*$");
+        let percentage = percentage.description("The same in per cent: from 0 % to 100 %.");
+        Schema::any_of([Schema::number(0.0, 1.0), percentage, Schema::word(&["free"])])
     }
 
     fn literal(literal: f64) -> Self {
@@ -213,5 +226,33 @@ impl Parameter for Name {
 
     fn literal(literal: &'static str) -> Self {
         Self(literal.to_owned())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::base::Document;
+
+    fn area(text: &str) -> Result<Area, InputError> {
+        let document = Document::from_text(Path::new("p.yaml"), &format!("area: {text}\n")).unwrap();
+        Area::read(document.root.peek("area").unwrap(), "area", &())
+    }
+
+    #[test]
+    fn an_area_in_per_cent_is_the_same_fraction() {
+        for (text, same) in [("50 %", "0.5"), ("12.5%", "0.125"), ("100 %", "1"), ("\"0 %\"", "0")] {
+            assert_eq!(area(text).unwrap(), area(same).unwrap(), "{text}");
+            assert_eq!(
+                area(text).unwrap().canonical(),
+                area(same).unwrap().canonical(),
+                "{text}"
+            );
+        }
+        for text in ["101 %", "-1 %", "\"%\"", "half %", "50 % %", "1.01"] {
+            assert!(area(text).is_err(), "{text}");
+        }
     }
 }
