@@ -80,7 +80,8 @@ impl Pipeline {
         let path = document.path().to_owned();
         let mut root = document.root;
         splice_scene(&mut root, &path)?;
-        let late = rounds::apply(&mut root, overrides)?;
+        let resolved: Vec<Override> = overrides.iter().map(with_scene_file).collect::<Result<_, _>>()?;
+        let late = rounds::apply(&mut root, &resolved)?;
         let name = read_frame(&root, registry)?;
         let sweeps = sweep::unroll(&mut root, registry, registry.most_stages)?;
         let rounds = rounds::unroll(&mut root, &late, registry)?;
@@ -193,6 +194,26 @@ pub fn splice_scene(root: &mut Node, path: &Path) -> Result<(), InputError> {
     let scene = Document::load(&file)?;
     root.replace("scene", scene.root);
     Ok(())
+}
+
+/// An override that names the file of another scene, with what stands in that file. Whoever gives the command has named it, so it may lie
+/// anywhere; its name is relative to the folder at hand.
+fn with_scene_file(set: &Override) -> Result<Override, InputError> {
+    let NodeValue::Text(file) = set.value() else {
+        return Ok(set.clone());
+    };
+    if set.path() != ["scene"] {
+        return Ok(set.clone());
+    }
+    let file = Path::new(file);
+    if !file.is_file() {
+        let message = format!("there is no file {} with a scene", file.display());
+        return Err(set
+            .node()
+            .error(message)
+            .help("here it is named relative to the current folder"));
+    }
+    Ok(set.with_node(Document::load(file)?.root))
 }
 
 /// Checks all but the stages, and gives the name.

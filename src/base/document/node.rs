@@ -127,6 +127,15 @@ impl Node {
         }
     }
 
+    /// The key of the first entry that is a mapping with `key` in it: where somebody who left a step out may have meant it.
+    pub(super) fn holder_of(&self, key: &str) -> Option<String> {
+        let NodeValue::Map(entries) = &self.value else {
+            return None;
+        };
+        let holder = entries.iter().find(|(_, value)| value.peek(key).is_some());
+        holder.map(|(key, _)| key.describe_plain())
+    }
+
     /// The value under `key`, to be changed.
     pub fn child_mut(&mut self, key: &str) -> Option<&mut Node> {
         match &mut self.value {

@@ -3,6 +3,9 @@
 use super::error::{InputError, suggestion};
 use super::node::{Node, NodeValue};
 
+/// What is replaced as a whole by a path of one step.
+const WHOLE: [&str; 1] = ["scene"];
+
 /// A path of more bytes than a person reads is not shown under a refusal: its value is.
 const LONGEST: usize = 500;
 
@@ -23,12 +26,13 @@ impl Override {
     /// # Errors
     /// When there is no `=`, an empty step in the path, or the value is not YAML.
     pub fn parse(text: &str) -> Result<Self, InputError> {
-        let form = "write it as --set stages.NAME.param=VALUE or --set scene.drive.voltage=\"5 kV\"";
+        let form = "write it as --set stages.NAME.param=VALUE, --set scene.drive.voltage=\"5 kV\" or --set scene=FILE";
         let Some((path, value)) = text.split_once('=') else {
             return Err(InputError::new(format!("--set {text}: no '=' in it")).help(form));
         };
         let path: Vec<String> = path.split('.').map(|step| step.trim().to_owned()).collect();
-        if path.iter().any(String::is_empty) || path.len() < 2 {
+        let is_whole = matches!(path.as_slice(), [one] if WHOLE.contains(&one.as_str()));
+        if path.iter().any(String::is_empty) || (path.len() < 2 && !is_whole) {
             return Err(InputError::new(format!("--set {text}: the path is incomplete")).help(form));
         }
         let name = format!("--set {}", path.join("."));
@@ -69,6 +73,18 @@ impl Override {
         self.value.value()
     }
 
+    /// The value with its place.
+    #[must_use]
+    pub fn node(&self) -> &Node {
+        &self.value
+    }
+
+    /// The same field with another value, for a reference that has been resolved.
+    #[must_use]
+    pub fn with_node(&self, value: Node) -> Self {
+        Self { value, ..self.clone() }
+    }
+
     /// The path of the field.
     #[must_use]
     pub fn path(&self) -> &[String] {
@@ -81,9 +97,9 @@ impl Override {
     /// When a step does not exist or is not a mapping.
     pub fn apply(&self, root: &mut Node) -> Result<(), InputError> {
         let mut at = root;
-        let (last, steps) = self.path.split_last().expect("a path has at least two steps");
+        let (last, steps) = self.path.split_last().expect("a path has at least one step");
         for (depth, step) in steps.iter().enumerate() {
-            let known = at.keys();
+            let (known, holder) = (at.keys(), at.holder_of(step));
             let Some(child) = at.child_mut(step) else {
                 let place = self.path[..depth].join(".");
                 let place = if place.is_empty() {
@@ -93,7 +109,10 @@ impl Override {
                 };
                 return Err(self.keys[depth]
                     .error(format!("--set {}: no `{step}` in {place}", self.path.join(".")))
-                    .help(suggestion(step, &known.iter().map(String::as_str).collect::<Vec<_>>())));
+                    .help(match holder {
+                        Some(holder) => did_you_mean(&self.path, depth, &holder),
+                        None => suggestion(step, &known.iter().map(String::as_str).collect::<Vec<_>>()),
+                    }));
             };
             at = child;
         }
@@ -110,4 +129,16 @@ impl Override {
         }
         Ok(())
     }
+}
+
+/// Advice on a path that lacks a step.
+fn did_you_mean(path: &[String], depth: usize, missing: &str) -> String {
+    let (before, after) = path.split_at(depth);
+    let meant: Vec<&str> = before
+        .iter()
+        .map(String::as_str)
+        .chain([missing])
+        .chain(after.iter().map(String::as_str))
+        .collect();
+    format!("did you mean `{}`?", meant.join("."))
 }
