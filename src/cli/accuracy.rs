@@ -11,6 +11,7 @@ use findings::Findings;
 
 use super::arguments::{StateArguments, StoreArguments, accuracy};
 use super::error::CliError;
+use super::examples::examples;
 use super::output::{Exit, Output};
 use super::progress::Bar;
 use super::{model, solve, write};
@@ -23,24 +24,27 @@ use crate::stage::accuracy::content;
 use crate::stage::direct;
 use crate::store::{Provenance, write_file};
 
+/// The heading of options about the patterns to measure on.
+const PATTERNS: &str = "Patterns";
+
 /// Measure what accuracy costs in a scene: error and time of methods and meshes
 #[derive(Debug, Args)]
-#[command(after_help = "--jobs is for the reference; methods are measured on one thread.")]
+#[command(after_help = concat!(examples!("deaflow accuracy scene.yaml -o accuracy --target \"0.01 mm\""), "\n\n--jobs is for the reference; methods are measured on one thread."))]
 pub struct AccuracyArguments {
     /// A scene, or a pipeline whose scene is meant; a YAML file
     pub scene: PathBuf,
     /// Measure on these patterns: FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset
-    #[arg(long, value_name = "PATTERN", num_args = 1.., conflicts_with_all = ["families", "count", "seed"])]
+    #[arg(long, value_name = "PATTERN", num_args = 1.., conflicts_with_all = ["families", "count", "seed"], help_heading = PATTERNS)]
     pub patterns: Vec<String>,
     /// Measure on patterns drawn from small and large grids, Bézier curves, stripes, blobs, checkers, dithers, mazes, diagonals,
     /// spirals, glyphs and single cells; the default
-    #[arg(long)]
+    #[arg(long, help_heading = PATTERNS)]
     pub families: bool,
     /// Patterns of each family
-    #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u64).range(1..=10_000))]
+    #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u64).range(1..=10_000), help_heading = PATTERNS)]
     pub count: u64,
     /// Seed of the families
-    #[arg(long, value_name = "S", default_value_t = 1, value_parser = clap::value_parser!(u64).range(0..=i64::MAX as u64))]
+    #[arg(long, value_name = "S", default_value_t = 1, value_parser = clap::value_parser!(u64).range(0..=i64::MAX as u64), help_heading = PATTERNS)]
     pub seed: u64,
     /// Folder for accuracy.h5, accuracy.csv and accuracy.png
     #[arg(short, long, value_name = "DIR")]
@@ -115,7 +119,7 @@ pub fn execute(arguments: &AccuracyArguments, output: &Output) -> Result<Exit, C
 fn methods(arguments: &AccuracyArguments, scene: &Scene, reference: &Reference) -> Result<Vec<Candidate>, CliError> {
     let mut networks = Vec::new();
     for model in &arguments.model {
-        let bytes = model::weights(model, &arguments.store.folder())?;
+        let bytes = model::weights(model, &arguments.store.folder_of_any([model]))?;
         let network = Network::from_bytes(&bytes);
         networks.push(network.map_err(|e| CliError::bad_input(format!("cannot use {model}: {e}")))?);
     }

@@ -7,30 +7,62 @@ use clap::Args;
 
 use super::error::CliError;
 use super::output::Output;
+use super::project;
 use super::upstream::{Reading, RemoteArguments};
-use crate::base::{Dimension, Override, Quantity, Time};
+use crate::base::{Dimension, NodeValue, Override, Quantity, Time};
 use crate::fem::WorkLimit;
 use crate::scene::Scene;
 use crate::store::Store;
+
+/// The heading of options about the pipeline.
+pub const PIPELINE: &str = "Pipeline";
+
+/// The heading of options about the store.
+pub const STORE: &str = "Store";
+
+/// The heading of options about what is shown meanwhile.
+pub const PROGRESS: &str = "Progress";
 
 /// No job takes longer.
 const LONGEST: Duration = Duration::from_secs(366 * 24 * 3600);
 
 #[derive(Clone, Debug, Args)]
 pub struct StoreArguments {
-    /// The artifact store [default: $DEAFLOW_STORE, or else ./store]
-    #[arg(long, value_name = "DIR")]
+    /// The artifact store [default: $DEAFLOW_STORE, or else `store` in the nearest folder at or above the pipeline (without one, this
+    /// folder) that has a store or is a Git repository]
+    #[arg(long, value_name = "DIR", help_heading = STORE)]
     store: Option<PathBuf>,
 }
 
 impl StoreArguments {
-    /// The folder of the store.
+    /// The folder of the store, for a command that is about no pipeline.
     pub fn folder(&self) -> PathBuf {
+        self.folder_for(None)
+    }
+
+    /// The folder of the store for a pipeline.
+    pub fn folder_of(&self, pipeline: &Path) -> PathBuf {
+        self.folder_for(Some(pipeline))
+    }
+
+    /// The folder of the store for the first of these that names a pipeline, be it as `PIPELINE.yaml:STAGE` or `PIPELINE.yaml@RUN`.
+    pub fn folder_of_any<'a>(&self, references: impl IntoIterator<Item = &'a String>) -> PathBuf {
+        let file = |reference: &'a String| {
+            reference
+                .rsplit_once([':', '@'])
+                .map_or(reference.as_str(), |(file, _)| file)
+        };
+        let mut files = references.into_iter().map(|reference| Path::new(file(reference)));
+        self.folder_for(files.find(|file| file.extension().is_some_and(|end| end == "yaml" || end == "yml")))
+    }
+
+    /// The folder of the store for a pipeline, if there is one.
+    pub fn folder_for(&self, pipeline: Option<&Path>) -> PathBuf {
         let set = || std::env::var_os("DEAFLOW_STORE").filter(|value| !value.is_empty());
         self.store
             .clone()
             .or_else(|| set().map(PathBuf::from))
-            .unwrap_or_else(|| PathBuf::from("store"))
+            .unwrap_or_else(|| project::store(pipeline))
     }
 }
 
@@ -68,11 +100,11 @@ impl StateArguments {
 
 #[derive(Clone, Debug, Args)]
 pub struct SetArguments {
-    /// Change a value for this call, such as stages.small.count=400 or scene.drive.voltage="5 kV"
-    #[arg(long = "set", value_name = "PATH=VALUE")]
+    /// Change a value for this call, such as stages.small.count=400 or scene.drive.voltage="5 kV"; scene=FILE takes another scene
+    #[arg(long = "set", value_name = "PATH=VALUE", help_heading = PIPELINE)]
     pub sets: Vec<String>,
     /// Allow a sweep of more than 1000 stages
-    #[arg(long)]
+    #[arg(long, help_heading = PIPELINE)]
     pub many: bool,
 }
 
@@ -84,6 +116,24 @@ impl SetArguments {
     pub fn overrides(&self) -> Result<Vec<Override>, CliError> {
         self.sets.iter().map(|set| Ok(Override::parse(set)?)).collect()
     }
+
+    /// The changes as another process takes them, whatever its folder: the file of a scene is named from the root.
+    pub fn named_from_root(&self) -> Vec<String> {
+        let full = |set: &String| {
+            let set = Override::parse(set).ok()?;
+            let NodeValue::Text(file) = set.value() else {
+                return None;
+            };
+            let file = (set.path() == ["scene"])
+                .then(|| std::path::absolute(file).ok())
+                .flatten()?;
+            Some(format!("scene={}", serde_json::json!(file.to_str()?)))
+        };
+        self.sets
+            .iter()
+            .map(|set| full(set).unwrap_or_else(|| set.clone()))
+            .collect()
+    }
 }
 
 #[derive(Clone, Debug, Args)]
@@ -93,18 +143,23 @@ pub struct PipelineArguments {
     #[command(flatten)]
     pub store: StoreArguments,
     /// Stop after this stage
-    #[arg(long, value_name = "STAGE")]
+    #[arg(long, value_name = "STAGE", help_heading = PIPELINE)]
     pub until: Option<String>,
     #[command(flatten)]
     pub set: SetArguments,
     /// Rehash every file; ignore cached sizes and times
-    #[arg(long)]
+    #[arg(long, help_heading = STORE)]
     pub verify: bool,
     #[command(flatten)]
     pub remote: RemoteArguments,
 }
 
 impl PipelineArguments {
+    /// The folder of the store.
+    pub fn store_folder(&self) -> PathBuf {
+        self.store.folder_of(&self.pipeline)
+    }
+
     /// The store as it is to be looked at.
     ///
     /// # Errors
@@ -123,6 +178,34 @@ pub struct PatternArguments {
     /// Where the result goes; an existing file is replaced
     #[arg(short, long, value_name = "OUT.h5")]
     pub output: PathBuf,
+}
+
+/// How HDF5 files end, the usual way first.
+pub const HDF5: [&str; 2] = ["h5", "hdf5"];
+
+/// Whether a path ends as HDF5 files do.
+pub fn ends_as_hdf5(path: &Path) -> bool {
+    path.extension()
+        .is_some_and(|end| HDF5.iter().any(|known| end == *known))
+}
+
+impl PatternArguments {
+    /// Refuses a name that promises another format than HDF5. One without an ending promises none.
+    ///
+    /// # Errors
+    /// When it does.
+    pub fn check_ending(&self) -> Result<(), CliError> {
+        let Some(end) = self.output.extension().filter(|_| !ends_as_hdf5(&self.output)) else {
+            return Ok(());
+        };
+        let message = format!(
+            "{} cannot be written: the result is an HDF5 file, and not .{}",
+            self.output.display(),
+            end.display()
+        );
+        Err(CliError::bad_input(message)
+            .help("allowed: .h5 and .hdf5, as in -o out.h5; `deaflow show out.h5 --csv` prints its rows as CSV"))
+    }
 }
 
 /// Relative residual at which an equilibrium is accepted unless said otherwise.

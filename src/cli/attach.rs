@@ -2,15 +2,17 @@
 
 use clap::Args;
 
-use super::arguments::PipelineArguments;
+use super::arguments::{PROGRESS, PipelineArguments};
 use super::cluster::{ClusterArguments, How, Work};
 use super::error::CliError;
+use super::examples::examples;
 use super::output::{Exit, Output};
 use super::run::{self, ProgressForm, RunArguments, load};
 use crate::store::{Command, Store};
 
-/// Go on with what `run --executor` has submitted for a pipeline, and show how far it is
+/// Go on with what `run --executor` has submitted, and show how far it is
 #[derive(Debug, Args)]
+#[command(after_help = examples!("deaflow attach pipeline.yaml", "deaflow attach pipeline.yaml --cancel"))]
 pub struct AttachArguments {
     #[command(flatten)]
     of: PipelineArguments,
@@ -21,10 +23,10 @@ pub struct AttachArguments {
     #[arg(long, hide = true)]
     go_on: bool,
     /// Say nothing but warnings and errors
-    #[arg(short, long)]
+    #[arg(short, long, help_heading = PROGRESS)]
     quiet: bool,
     /// How progress is shown on stderr [default: a bar on a terminal, or else plain lines]
-    #[arg(long, value_enum, value_name = "HOW", conflicts_with = "quiet")]
+    #[arg(long, value_enum, value_name = "HOW", conflicts_with = "quiet", help_heading = PROGRESS)]
     progress: Option<ProgressForm>,
 }
 
@@ -32,7 +34,7 @@ pub fn execute(arguments: &AttachArguments, output: &Output) -> Result<Exit, Cli
     let pipeline = load(&arguments.of)?;
     let reading = arguments
         .of
-        .read(Store::open_existing(&arguments.of.store.folder())?, output)?;
+        .read(Store::open_existing(&arguments.of.store_folder())?, output)?;
     let work = Work {
         pipeline: &pipeline,
         of: &arguments.of,
@@ -56,6 +58,7 @@ pub fn execute(arguments: &AttachArguments, output: &Output) -> Result<Exit, Cli
     }
     let run = RunArguments {
         of: arguments.of.clone(),
+        dry_run: false,
         keep_going,
         lock: false,
         locked: false,

@@ -9,6 +9,7 @@ use clap::Args;
 
 use super::arguments::{SetArguments, StoreArguments, accuracy};
 use super::error::CliError;
+use super::examples::examples;
 use super::locate;
 use super::output::{Exit, Output};
 use super::progress::{Bar, RunProgress, Shown};
@@ -20,8 +21,9 @@ use crate::stage::audit::{self, Audited, Finding, Request, Severity};
 use crate::store::{Artifact, Command, Store, StoreError};
 use report::Answer;
 
-/// Check a dataset: provenance, values, symmetries, leaks, and every label against a simulation
+/// Check a dataset: provenance, values, symmetries, leaks, and labels by simulation
 #[derive(Debug, Args)]
+#[command(after_help = examples!("deaflow audit pipeline.yaml:solved", "deaflow audit measured.h5 --scene scene.yaml --samples all"))]
 pub struct AuditArguments {
     /// A stage, PIPELINE.yaml:STAGE, or a file in the layout of `deaflow solve`, which takes --scene
     #[arg(value_name = "PIPELINE:STAGE|FILE.h5")]
@@ -133,7 +135,7 @@ fn of_stage(arguments: &AuditArguments, path: &Path, name: &str) -> Result<Answe
     let mut sets = arguments.set.overrides()?;
     let pipeline = run::load_file(path, &sets, arguments.set.many)?;
     check_kind(&pipeline, name)?;
-    let store = locate::existing_store(&arguments.store.folder())?;
+    let store = locate::existing_store(&arguments.store.folder_of(path))?;
     let artifact = match current(&pipeline, &store, name)? {
         Ok(artifact) => artifact,
         Err(finding) => return Ok(Answer::only(&arguments.dataset, finding)),

@@ -38,7 +38,7 @@ pub struct ClusterArguments {
     /// What workers get and where: a YAML file
     #[arg(long, value_name = "FILE", help_heading = "Clusters")]
     pub profile: Option<PathBuf>,
-    /// The command that starts workers of `--executor command`, with {n} and {worker} in it
+    /// The command that starts workers of `--executor command`, with fields in braces for their number and command line
     #[arg(long, value_name = "COMMAND", help_heading = "Clusters")]
     pub submit: Option<String>,
     /// Submit and come back: `deaflow attach` shows how far they are
@@ -93,7 +93,7 @@ pub fn build(pipeline: &Pipeline, arguments: &RunArguments, output: &Output) -> 
         until: arguments.of.until.clone(),
         keep_going: arguments.keep_going,
     };
-    let reading = arguments.of.read(Store::open(&arguments.of.store.folder())?, output)?;
+    let reading = arguments.of.read(Store::open(&arguments.of.store_folder())?, output)?;
     let store = reading.store();
     if arguments.locked {
         let lock = read_lock(&LockFile::beside(&pipeline.path))?;
@@ -257,7 +257,6 @@ impl Work<'_> {
     fn arguments(&self) -> Result<Vec<String>, CliError> {
         let PipelineArguments {
             pipeline,
-            store,
             until,
             set,
             remote,
@@ -266,11 +265,11 @@ impl Work<'_> {
         let mut words = vec![
             text(&full(pipeline)?)?,
             "--store".to_owned(),
-            text(&full(&store.folder())?)?,
+            text(&full(&self.of.store_folder())?)?,
         ];
         let pair = |name: &str, value: &String| [name.to_owned(), value.clone()];
         words.extend(until.iter().flat_map(|until| pair("--until", until)));
-        words.extend(set.sets.iter().flat_map(|set| pair("--set", set)));
+        words.extend(set.named_from_root().iter().flat_map(|set| pair("--set", set)));
         words.extend(set.many.then(|| "--many".to_owned()));
         words.extend(remote.name().iter().flat_map(|name| pair("--remote", name)));
         Ok(words)

@@ -7,13 +7,15 @@ use serde_json::json;
 
 use super::arguments::StoreArguments;
 use super::error::CliError;
+use super::examples::examples;
 use super::output::{Exit, Output};
 use super::progress::Lazy;
 use super::{locate, table};
 use crate::store::{Artifact, Copied, Store};
 
-/// Copy an artifact, and all that it was made from, into another store, where a run reuses them
+/// Copy an artifact and what it was made from into another store
 #[derive(Debug, Args)]
+#[command(after_help = examples!("deaflow copy solved --to /shared/store"))]
 pub struct CopyArguments {
     /// A stage of the last run, PIPELINE.yaml:STAGE, or a digest or at least its first 4 digits
     #[arg(value_name = "STAGE-OR-DIGEST")]
@@ -26,7 +28,7 @@ pub struct CopyArguments {
 }
 
 pub fn execute(arguments: &CopyArguments, output: &Output) -> Result<Exit, CliError> {
-    let folder = arguments.store.folder();
+    let folder = arguments.store.folder_of_any([&arguments.artifact]);
     let store = locate::existing_store(&folder)?;
     let artifact = locate::artifact(&store, &arguments.artifact)?;
     if is_same(&folder, &arguments.to) {
@@ -68,7 +70,7 @@ fn is_same(a: &Path, b: &Path) -> bool {
 fn document(arguments: &CopyArguments, artifact: &Artifact, copied: &Copied) -> serde_json::Value {
     json!({
         "artifact": artifact.digest().to_string(),
-        "from": arguments.store.folder(),
+        "from": arguments.store.folder_of_any([&arguments.artifact]),
         "to": arguments.to,
         "artifacts": copied.artifacts,
         "bytes": copied.bytes,

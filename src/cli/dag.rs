@@ -7,12 +7,14 @@ use clap::{Args, ValueEnum};
 use serde_json::json;
 
 use super::error::CliError;
+use super::examples::examples;
 use super::output::{Exit, Output};
 use super::run;
 use crate::orchestrator::StageSpec;
 
 /// Draw the stages of a pipeline and what they need
 #[derive(Debug, Args)]
+#[command(after_help = examples!("deaflow dag pipeline.yaml", "deaflow dag pipeline.yaml --format dot | dot -Tsvg -o stages.svg"))]
 pub struct DagArguments {
     /// The pipeline, a YAML file
     pub pipeline: PathBuf,

@@ -5,6 +5,7 @@ use serde_json::{Value, json};
 
 use super::arguments::{SetArguments, StoreArguments};
 use super::error::CliError;
+use super::examples::examples;
 use super::output::{Exit, Output};
 use super::side::{Places, Side};
 use super::{csv, locate, table};
@@ -12,6 +13,7 @@ use crate::base::Canonical;
 
 /// Compare two runs: parameters that differ, and results that differ with them
 #[derive(Debug, Args)]
+#[command(after_help = examples!("deaflow diff @2 @1", "deaflow diff pipeline.yaml --set stages.design.generations=60"))]
 pub struct DiffArguments {
     /// A run (@1 is the last one in `deaflow log`, @2 the one before, PIPELINE.yaml@1 the last of a pipeline, or its digits), a pipeline as
     /// it stands, a lock file, or an artifact by its digits
@@ -37,7 +39,11 @@ struct Change<T> {
 }
 
 pub fn execute(arguments: &DiffArguments, output: &Output) -> Result<Exit, CliError> {
-    let store = locate::existing_store(&arguments.store.folder())?;
+    let store = locate::existing_store(
+        &arguments
+            .store
+            .folder_of_any([&arguments.from].into_iter().chain(&arguments.to)),
+    )?;
     let places = Places::new(&store);
     let sets = arguments.set.overrides()?;
     let (from, to) = match &arguments.to {

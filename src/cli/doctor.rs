@@ -5,12 +5,14 @@ use serde_json::json;
 
 use super::arguments::StoreArguments;
 use super::error::CliError;
+use super::examples::examples;
 use super::output::{Exit, Output};
 use super::{locate, table};
 use crate::store::{Manner, Service, Store, Verdict};
 
 /// Try what a store needs of its file system: locks, links, clocks, room
 #[derive(Debug, Args)]
+#[command(after_help = examples!("deaflow doctor --store /shared/store"))]
 pub struct DoctorArguments {
     #[command(flatten)]
     pub store: StoreArguments,

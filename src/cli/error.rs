@@ -128,7 +128,6 @@ impl CliError {
     pub fn render(&self, coloured: bool) -> String {
         let quoted = self.quoted(ThemeStyles::none());
         if let Some(text) = quoted.filter(|text| !text.contains(is_unprintable)) {
-            let coloured = coloured && std::env::var_os("NO_COLOR").is_none();
             let colours = coloured.then(|| self.quoted(ThemeStyles::ansi())).flatten();
             return colours.unwrap_or(text);
         }

@@ -7,6 +7,7 @@ use serde_json::json;
 
 use super::arguments::{SetArguments, StoreArguments};
 use super::error::CliError;
+use super::examples::examples;
 use super::output::{Exit, Output};
 use super::run;
 use crate::base::ArtifactId;
@@ -14,6 +15,7 @@ use crate::orchestrator::{Explanation, explain};
 
 /// Say why a stage would be built: every parameter and input that has changed
 #[derive(Debug, Args)]
+#[command(after_help = examples!("deaflow explain pipeline.yaml design"))]
 pub struct ExplainArguments {
     /// The pipeline, a YAML file
     pub pipeline: PathBuf,
@@ -27,7 +29,7 @@ pub struct ExplainArguments {
 
 pub fn execute(arguments: &ExplainArguments, output: &Output) -> Result<Exit, CliError> {
     let pipeline = run::load_with(&arguments.pipeline, &arguments.set)?;
-    let (_scratch, store) = run::store_to_look_into(&arguments.store)?;
+    let (_scratch, store) = run::store_to_look_into(&arguments.store.folder_of(&arguments.pipeline))?;
     let found = explain(&pipeline, &store, &arguments.stage)?;
     if output.is_json() {
         output.document(&document(&found))?;

@@ -7,6 +7,7 @@ use serde_json::json;
 
 use super::arguments::StoreArguments;
 use super::error::CliError;
+use super::examples::examples;
 use super::output::{Exit, Output};
 use super::progress::Bar;
 use super::{locate, table};
@@ -14,6 +15,7 @@ use crate::store::{Report, Store};
 
 /// Check every byte of a store
 #[derive(Debug, Args)]
+#[command(after_help = examples!("deaflow fsck", "deaflow fsck --repair"))]
 pub struct FsckArguments {
     #[command(flatten)]
     pub store: StoreArguments,

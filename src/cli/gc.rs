@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 
 use super::arguments::{StoreArguments, number};
 use super::error::CliError;
+use super::examples::examples;
 use super::output::{Exit, Output};
 use super::progress::Bar;
 use super::{locate, table};
@@ -14,11 +15,12 @@ use crate::store::{Collection, Judged, Retention, Store};
 
 /// Remove artifacts that neither the last runs nor a pin nor a lock file need
 #[derive(Debug, Args)]
+#[command(after_help = examples!("deaflow gc -n", "deaflow gc --keep-runs 3 --grace 0"))]
 pub struct GcArguments {
     #[command(flatten)]
     pub store: StoreArguments,
     /// Say what would go, how large it is and what holds the rest; remove nothing
-    #[arg(long)]
+    #[arg(short = 'n', long)]
     pub dry_run: bool,
     /// Keep what the last N runs made and needed
     #[arg(long, value_name = "N", default_value_t = 10)]

@@ -30,16 +30,19 @@ const MOST_TIMES: usize = 10_000;
 /// An error that is told, over the usual one.
 const BEYOND: f64 = 1.5;
 
+/// The heading of options about vibration and time.
+pub const TIME: &str = "In time";
+
 #[derive(Clone, Debug, Args)]
 pub struct HistoryArguments {
     /// Follow each pattern in the time of the drive; OUT.csv and OUT.png are written beside OUT.h5
-    #[arg(long, conflicts_with_all = ["path", "cells"])]
+    #[arg(long, conflicts_with_all = ["path", "cells"], help_heading = TIME)]
     pub history: bool,
     /// The times that are written, as in "0 s, 1 s, 10 min"; 0 s is just after the drive has begun [default: 25 up to `drive.duration`]
-    #[arg(long, value_name = "TIMES", requires = "history", value_parser = times)]
+    #[arg(long, value_name = "TIMES", requires = "history", value_parser = times, help_heading = TIME)]
     at: Option<Times>,
     /// The time between two that are written, up to `drive.duration`
-    #[arg(long, value_name = "TIME", requires = "history", conflicts_with = "at", value_parser = time)]
+    #[arg(long, value_name = "TIME", requires = "history", conflicts_with = "at", value_parser = time, help_heading = TIME)]
     every: Option<Time>,
 }
 

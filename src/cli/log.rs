@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 
 use super::arguments::StoreArguments;
 use super::error::CliError;
+use super::examples::examples;
 use super::output::{Exit, Output};
 use super::{csv, locate, run, table};
 use crate::orchestrator::file_of;
@@ -19,8 +20,9 @@ const SHOWN: usize = 20;
 /// Results of a run that people are shown.
 const RESULTS: usize = 4;
 
-/// List past runs: when, where, with which overrides, what was built, and the results
+/// List past runs: when, where, with which overrides, what was built, results
 #[derive(Debug, Args)]
+#[command(after_help = examples!("deaflow log", "deaflow log pipeline.yaml -n 3"))]
 pub struct LogArguments {
     /// The runs of this pipeline alone; a YAML file
     pub pipeline: Option<PathBuf>,
@@ -35,7 +37,7 @@ pub struct LogArguments {
 }
 
 pub fn execute(arguments: &LogArguments, output: &Output) -> Result<Exit, CliError> {
-    let store = locate::existing_store(&arguments.store.folder())?;
+    let store = locate::existing_store(&arguments.store.folder_for(arguments.pipeline.as_deref()))?;
     let in_words = !output.is_json() && !arguments.csv;
     let most = arguments.last.map(|last| last as usize).or(in_words.then_some(SHOWN));
     let (runs, more) = past(&store, arguments.pipeline.as_deref(), most)?;

@@ -8,19 +8,23 @@ mod audit;
 mod cells;
 mod cluster;
 mod commands;
+mod completions;
 mod copy;
 mod csv;
 mod dag;
 mod diff;
 mod doctor;
 mod error;
+mod examples;
 mod explain;
 mod export;
 mod fsck;
 mod gc;
 mod history;
+mod init;
 mod locate;
 mod log;
+mod man;
 mod model;
 mod modes;
 mod neglected;
@@ -30,6 +34,7 @@ mod pin;
 mod plan;
 mod predict;
 mod progress;
+mod project;
 mod pull;
 mod push;
 mod reader;
@@ -57,9 +62,7 @@ mod write;
 
 use std::ffi::OsString;
 
-use clap::Parser;
-
-use commands::Cli;
+use commands::{Cli, JOBS};
 use error::CliError;
 use output::Output;
 
@@ -75,15 +78,24 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> Exit {
         return reader::execute();
     }
     hdf::set_reader(reader::command);
-    match Cli::try_parse_from(&arguments) {
+    // Before clap has read anything: what it has to say is said in the form that is asked for, too.
+    let colour = commands::colour_in(&arguments);
+    match Cli::read(&arguments, colour) {
         Ok(cli) => {
-            let output = Output::new(cli.json);
-            let done = start_threads(cli.jobs).and_then(|()| cli.execute(&output));
-            output.end(done)
+            let output = Output::new(cli.global.json, cli.global.color);
+            let done = jobs(cli.global.jobs).and_then(start_threads);
+            output.end(done.and_then(|()| cli.execute(&output)))
         }
-        // clap has read nothing: whether JSON is wanted must be seen in the words themselves.
-        Err(error) => Output::new(arguments.iter().any(|a| a == "--json")).usage(&error),
+        Err(error) => Output::new(arguments.iter().any(|a| a == "--json"), colour).usage(&error),
     }
+}
+
+/// The threads that are asked for, here or in the environment.
+fn jobs(given: Option<u16>) -> Result<Option<u16>, CliError> {
+    let set = std::env::var_os(JOBS).filter(|value| given.is_none() && !value.is_empty());
+    let Some(value) = set else { return Ok(given) };
+    let refused = |allowed: String| CliError::bad_input(format!("{JOBS} is {value:?}")).help(allowed);
+    commands::jobs(&value.to_string_lossy()).map(Some).map_err(refused)
 }
 
 /// Started here, since a pool that starts by itself panics where the system has no more threads to give.

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use super::error::CliError;
+use super::history::TIME;
 use super::output::{Exit, Output};
 use super::progress::Bar;
 use super::simulate::seconds_each;
@@ -29,10 +30,10 @@ pub const OUT_OF_PLANE: &str =
 #[derive(Clone, Debug, Args)]
 pub struct ModesArguments {
     /// Find so many natural frequencies of each pattern about its equilibrium, with their modes; needs a density
-    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u64).range(1..=MOST_MODES as u64), conflicts_with_all = ["path", "cells", "accuracy", "history", "at", "every"])]
+    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u64).range(1..=MOST_MODES as u64), conflicts_with_all = ["path", "cells", "accuracy", "history", "at", "every"], help_heading = TIME)]
     pub modes: Option<u64>,
     /// Put the mass of each node into the node
-    #[arg(long, requires = "modes")]
+    #[arg(long, requires = "modes", help_heading = TIME)]
     lumped: bool,
 }
 

@@ -1,9 +1,11 @@
 //! Where results and errors go: results on stdout, errors and progress on stderr, and with `--json` exactly one document
 //! on stdout whatever happens.
 
-use std::io::{self, ErrorKind, IsTerminal, Write};
+use std::io::{self, ErrorKind, Write};
 use std::process::ExitCode;
 
+use anstream::AutoStream;
+use clap::ColorChoice;
 use serde::Serialize;
 use serde_json::json;
 
@@ -56,12 +58,18 @@ impl From<Exit> for ExitCode {
 /// The way out of a command.
 pub struct Output {
     json: bool,
+    coloured: bool,
 }
 
 impl Output {
-    /// For people, or with one JSON document.
-    pub fn new(json: bool) -> Self {
-        Self { json }
+    /// For people, or with one JSON document; with colours on stderr or without.
+    pub fn new(json: bool, colour: ColorChoice) -> Self {
+        let coloured = match colour {
+            ColorChoice::Always => true,
+            ColorChoice::Never => false,
+            ColorChoice::Auto => AutoStream::choice(&io::stderr()) != anstream::ColorChoice::Never,
+        };
+        Self { json, coloured }
     }
 
     /// Whether one JSON document is wanted.
@@ -108,7 +116,7 @@ impl Output {
             return Exit::Failure;
         }
         // Its colours are for the terminal; that nothing else in it is, `render` sees to.
-        write_line(&error.render(io::stderr().is_terminal()));
+        write_line(&error.render(self.coloured));
         error.exit()
     }
 

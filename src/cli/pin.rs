@@ -5,13 +5,15 @@ use serde_json::json;
 
 use super::arguments::StoreArguments;
 use super::error::CliError;
+use super::examples::examples;
 use super::output::{Exit, Output};
 use super::{locate, table};
 use crate::orchestrator::Environment;
 use crate::store::{Pin, Store};
 
-/// Keep an artifact, and all that it was made from, through every gc; without an artifact, list the pins
+/// Keep an artifact and what it was made from through every gc, or list the pins
 #[derive(Debug, Args)]
+#[command(after_help = examples!("deaflow pin pipeline.yaml:verified --label \"figure 3\"", "deaflow pin"))]
 pub struct PinArguments {
     /// A stage of the last run, PIPELINE.yaml:STAGE, or a digest or at least its first 4 digits
     #[arg(value_name = "STAGE-OR-DIGEST")]
@@ -24,7 +26,7 @@ pub struct PinArguments {
 }
 
 pub fn execute(arguments: &PinArguments, output: &Output) -> Result<Exit, CliError> {
-    let store = locate::existing_store(&arguments.store.folder())?;
+    let store = locate::existing_store(&arguments.store.folder_of_any(&arguments.artifact))?;
     if let Some(reference) = &arguments.artifact {
         let artifact = locate::artifact(&store, reference)?;
         store.pin(&Pin {

@@ -5,24 +5,30 @@ use serde_json::json;
 
 use super::arguments::PipelineArguments;
 use super::error::CliError;
+use super::examples::examples;
 use super::output::{Exit, Output};
 use super::{run, table};
-use crate::orchestrator::{Bill, Environment, Outcome, plan};
+use crate::orchestrator::{Bill, Environment, Outcome, Pipeline, plan};
 
 /// Say what `run` would build, why, and what it would take; build nothing
 #[derive(Debug, Args)]
+#[command(after_help = examples!("deaflow plan pipeline.yaml", "deaflow plan pipeline.yaml --set scene.drive.voltage=\"5 kV\""))]
 pub struct PlanArguments {
     #[command(flatten)]
     of: PipelineArguments,
 }
 
 pub fn execute(arguments: &PlanArguments, output: &Output) -> Result<Exit, CliError> {
-    let arguments = &arguments.of;
-    let pipeline = run::load(arguments)?;
-    let (_scratch, store) = run::store_to_look_into(&arguments.store)?;
+    of_pipeline(&run::load(&arguments.of)?, &arguments.of, output)
+}
+
+/// Says what a run of a pipeline would build.
+pub fn of_pipeline(pipeline: &Pipeline, arguments: &PipelineArguments, output: &Output) -> Result<Exit, CliError> {
+    let folder = arguments.store_folder();
+    let (_scratch, store) = run::store_to_look_into(&folder)?;
     let reading = arguments.read(store, output)?;
     let stages = plan(
-        &pipeline,
+        pipeline,
         reading.store(),
         arguments.until.as_deref(),
         &Environment::system(),
@@ -33,7 +39,7 @@ pub fn execute(arguments: &PlanArguments, output: &Output) -> Result<Exit, CliEr
     if output.is_json() {
         output.document(&json!({
             "pipeline": pipeline.name,
-            "store": arguments.store.folder(),
+            "store": folder,
             "stages": stages,
             "price": bill.price,
             "unpriced": bill.unpriced,

@@ -10,6 +10,7 @@ use clap::Args;
 
 use super::arguments::{PatternArguments, StateArguments, StoreArguments};
 use super::error::CliError;
+use super::examples::examples;
 use super::output::{Exit, Output};
 use super::progress::Bar;
 use super::simulate::{Answer, Statement, seconds_each};
@@ -24,8 +25,9 @@ use crate::surrogate::{COVERAGE, Surrogate};
 
 use intervals::Intervals;
 
-/// Predict the fields of patterns with a trained model, with their intervals where it has a calibration
+/// Predict patterns with a trained model, with intervals where it has a calibration
 #[derive(Debug, Args)]
+#[command(after_help = examples!("deaflow predict pipeline.yaml:surrogate mine.csv -o predicted.h5"))]
 pub struct PredictArguments {
     /// A digest or its beginning, a stage of the last run, PIPELINE.yaml:STAGE, or a file
     pub model: String,
@@ -47,14 +49,23 @@ pub struct PredictArguments {
     pub store: StoreArguments,
 }
 
+impl PredictArguments {
+    /// The folder of the store in which model and calibration are looked for.
+    fn store_folder(&self) -> PathBuf {
+        self.store
+            .folder_of_any([&self.model].into_iter().chain(&self.calibration))
+    }
+}
+
 pub fn execute(arguments: &PredictArguments, output: &Output) -> Result<Exit, CliError> {
     solve::check_file(&arguments.patterns.output, &arguments.patterns, &[&arguments.model])?;
+    arguments.patterns.check_ending()?;
     if arguments.state.state.is_some() && arguments.scene.is_none() {
         return Err(CliError::bad_input("--state is one of a scene, and none is given").help("give it with --scene"));
     }
     let scene = arguments.scene.as_deref().map(direct::read_scene).transpose()?;
     let scene = scene.map(|scene| arguments.state.of(scene)).transpose()?;
-    let weights = model::weights(&arguments.model, &arguments.store.folder())?;
+    let weights = model::weights(&arguments.model, &arguments.store_folder())?;
     let surrogate = surrogate(&weights, scene.as_ref())?;
     let patterns = direct::patterns(&arguments.patterns.patterns, surrogate.form())?;
     let calibration = calibration::find(arguments, &weights)?;
@@ -93,12 +104,6 @@ fn table(arguments: &PredictArguments) -> PathBuf {
 
 fn check_table(arguments: &PredictArguments) -> Result<(), CliError> {
     let (file, table) = (&arguments.patterns.output, table(arguments));
-    if *file == table {
-        return Err(
-            CliError::bad_input(format!("{} would be written twice", file.display()))
-                .help("-o names the HDF5 file, as in OUT.h5; OUT.csv is written beside it"),
-        );
-    }
     write::check_csv(&table)?;
     for read in std::iter::once(&arguments.model).chain(&arguments.calibration) {
         solve::check_file(&table, &arguments.patterns, &[read])?;

@@ -7,6 +7,7 @@ use serde_json::json;
 
 use super::arguments::{SetArguments, StoreArguments};
 use super::error::CliError;
+use super::examples::examples;
 use super::output::{Exit, Output};
 use super::progress::Lazy;
 use super::upstream;
@@ -18,6 +19,7 @@ use crate::store::Store;
 
 /// Bring what a remote has into a store; all of it is verified
 #[derive(Debug, Args)]
+#[command(after_help = examples!("deaflow pull", "deaflow pull pipeline.yaml --remote lab"))]
 pub struct PullArguments {
     /// Bring only what this pipeline makes [default: all that trusted keys have signed]
     #[arg(conflicts_with = "records_only")]
@@ -47,7 +49,7 @@ pub fn execute(arguments: &PullArguments, output: &Output) -> Result<Exit, CliEr
             Ok::<_, CliError>((pipeline, selection))
         })
         .transpose()?;
-    let store = Store::open(&arguments.store.folder())?;
+    let store = Store::open(&arguments.store.folder_for(arguments.pipeline.as_deref()))?;
     let (remote, foreign) = upstream::open_fresh(arguments.remote.as_deref(), &store, output)?;
     let remote = std::sync::Arc::new(remote);
     let store = store.with_upstream(remote.clone());

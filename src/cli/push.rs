@@ -8,6 +8,7 @@ use serde_json::json;
 
 use super::arguments::{SetArguments, StoreArguments};
 use super::error::CliError;
+use super::examples::examples;
 use super::output::{Exit, Output};
 use super::progress::Lazy;
 use super::{locate, run, table, upstream};
@@ -18,6 +19,7 @@ use crate::store::Store;
 
 /// Send what a store has to a remote, so that others take it instead of building it
 #[derive(Debug, Args)]
+#[command(after_help = examples!("deaflow push", "deaflow push pipeline.yaml --remote lab"))]
 pub struct PushArguments {
     /// Send only what is built of this pipeline, and what that was made from [default: all that the store has]
     pub pipeline: Option<PathBuf>,
@@ -34,7 +36,7 @@ pub struct PushArguments {
 }
 
 pub fn execute(arguments: &PushArguments, output: &Output) -> Result<Exit, CliError> {
-    let store = locate::existing_store(&arguments.store.folder())?;
+    let store = locate::existing_store(&arguments.store.folder_for(arguments.pipeline.as_deref()))?;
     let pipeline = arguments
         .pipeline
         .as_ref()

@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 
 use super::arguments::{StoreArguments, duration};
 use super::error::CliError;
+use super::examples::examples;
 use super::output::{Exit, Output};
 use super::progress::Lazy;
 use super::{locate, table, upstream};
@@ -26,16 +27,19 @@ enum What {
     /// Add a remote: a place in S3-compatible storage, and the keys whose records count there
     Add(AddArguments),
     /// List the remotes
+    #[command(after_help = examples!("deaflow remote list"))]
     List,
     /// Forget a remote; nothing there is touched
     Remove(RemoveArguments),
     /// Print the line by which others trust you; your key is made where there is none
+    #[command(after_help = examples!("deaflow remote key > me.pub"))]
     Key,
     /// Remove from a remote what no record names, and what is older than it is to be
     Gc(GcArguments),
 }
 
 #[derive(Debug, Args)]
+#[command(after_help = examples!("deaflow remote add lab s3://bucket/prefix --key keys.pub"))]
 struct AddArguments {
     /// Its name
     name: String,
@@ -54,17 +58,19 @@ struct AddArguments {
 }
 
 #[derive(Debug, Args)]
+#[command(after_help = examples!("deaflow remote remove lab"))]
 struct RemoveArguments {
     /// Its name
     name: String,
 }
 
 #[derive(Debug, Args)]
+#[command(after_help = examples!("deaflow remote gc lab -n"))]
 struct GcArguments {
     /// The remote [default: $DEAFLOW_REMOTE, or the only one]
     name: Option<String>,
     /// Say what would go; remove nothing
-    #[arg(long)]
+    #[arg(short = 'n', long)]
     dry_run: bool,
     /// Keep objects that nothing names as long: a push may be at work
     #[arg(long, value_name = "TIME", default_value = "7days", value_parser = duration)]

@@ -7,6 +7,7 @@ use serde_json::json;
 
 use super::arguments::{SetArguments, StoreArguments};
 use super::error::CliError;
+use super::examples::examples;
 use super::locate;
 use super::neglected::neglected;
 use super::output::{Exit, Output};
@@ -14,8 +15,9 @@ use super::{run, write};
 use crate::orchestrator::{Environment, plan};
 use crate::report::{History, StageFacts, write_report};
 
-/// Write a report of a pipeline: one page with every design, and the designs as files
+/// Write a report of a pipeline: a page with every design, and the designs as files
 #[derive(Debug, Args)]
+#[command(after_help = examples!("deaflow report pipeline.yaml -o report"))]
 pub struct ReportArguments {
     /// The pipeline, a YAML file
     pub pipeline: PathBuf,
@@ -37,7 +39,7 @@ pub struct ReportArguments {
 pub fn execute(arguments: &ReportArguments, output: &Output) -> Result<Exit, CliError> {
     let pipeline = run::load_with(&arguments.pipeline, &arguments.set)?;
     pipeline.selection(arguments.until.as_deref())?;
-    let store = locate::existing_store(&arguments.store.folder())?;
+    let store = locate::existing_store(&arguments.store.folder_of(&arguments.pipeline))?;
     let stages = plan(&pipeline, &store, arguments.until.as_deref(), &Environment::system())?;
     let mut history = History::of(&pipeline, &stages, &store)?;
     let names: Vec<&str> = stages.iter().map(|stage| stage.name.as_str()).collect();

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use super::error::CliError;
+use super::history::TIME;
 use super::modes::OUT_OF_PLANE;
 use super::output::{Exit, Output};
 use super::progress::Bar;
@@ -37,10 +38,10 @@ const MOST_BYTES: f64 = (2u64 << 30) as f64;
 pub struct ResponseArguments {
     /// Find how each pattern responds to a small alternating voltage about its equilibrium, at frequencies from A to B, as in
     /// "1Hz:1kHz"; OUT.csv and OUT.png are written beside OUT.h5
-    #[arg(long, value_name = "A:B", value_parser = range, conflicts_with_all = ["path", "cells", "accuracy", "history", "modes", "lumped", "at", "every"])]
+    #[arg(long, value_name = "A:B", value_parser = range, conflicts_with_all = ["path", "cells", "accuracy", "history", "modes", "lumped", "at", "every"], help_heading = TIME)]
     pub response: Option<Range>,
     /// So many frequencies, evenly spaced over their logarithm [default: 100]
-    #[arg(long, value_name = "N", requires = "response", value_parser = clap::value_parser!(u64).range(2..=MOST_POINTS))]
+    #[arg(long, value_name = "N", requires = "response", value_parser = clap::value_parser!(u64).range(2..=MOST_POINTS), help_heading = TIME)]
     points: Option<u64>,
 }
 

@@ -10,6 +10,48 @@ use crate::store::{Artifact, Content, Data, ElementType};
 /// Arrays with more values for each row than this are no columns.
 const MOST_COLUMNS: usize = 16;
 
+/// Where rows are read from.
+pub trait Source {
+    /// What it is called in a message.
+    fn title(&self) -> String;
+
+    /// Its arrays, without their elements.
+    ///
+    /// # Errors
+    /// When they cannot be read.
+    fn contents(&self) -> Result<Vec<Content>, CliError>;
+
+    /// The elements of an array.
+    ///
+    /// # Errors
+    /// When they cannot be read.
+    fn elements(&self, path: &str) -> Result<Data, CliError>;
+
+    /// Texts of any length.
+    ///
+    /// # Errors
+    /// When they cannot be read.
+    fn long_texts(&self, path: &str) -> Result<Vec<String>, CliError>;
+}
+
+impl Source for Artifact {
+    fn title(&self) -> String {
+        format!("artifact {}", self.digest().short())
+    }
+
+    fn contents(&self) -> Result<Vec<Content>, CliError> {
+        Ok(self.contents()?.to_vec())
+    }
+
+    fn elements(&self, path: &str) -> Result<Data, CliError> {
+        Ok(self.read(path)?.data)
+    }
+
+    fn long_texts(&self, path: &str) -> Result<Vec<String>, CliError> {
+        Ok(self.long_texts(path)?)
+    }
+}
+
 /// A table.
 pub struct Rows {
     /// The axis of which each place has a line.
@@ -25,8 +67,8 @@ impl Rows {
     ///
     /// # Errors
     /// When no array has it, or one cannot be read.
-    pub fn of(artifact: &Artifact, along: Option<&str>) -> Result<Self, CliError> {
-        let contents = artifact.contents()?;
+    pub fn of(source: &dyn Source, along: Option<&str>) -> Result<Self, CliError> {
+        let contents = &source.contents()?;
         let axis = match along {
             Some(axis) => axis.to_owned(),
             None => main_axis(contents).unwrap_or_default(),
@@ -34,7 +76,7 @@ impl Rows {
         let length = contents.iter().find(|array| first_axis(array) == Some(&axis));
         let length = length
             .map(|array| array.shape[0])
-            .ok_or_else(|| no_axis(artifact, contents, along))?;
+            .ok_or_else(|| no_axis(source, contents, along))?;
         let mut rows = Self {
             axis,
             header: Vec::new(),
@@ -44,8 +86,8 @@ impl Rows {
         for array in contents {
             match text_of(contents, array) {
                 Some(_) if array.path.ends_with("/text") => {}
-                Some(path) if rows.has(array, length) => rows.push(path.to_owned(), artifact.long_texts(path)?),
-                _ => rows.add(artifact, array, length)?,
+                Some(path) if rows.has(array, length) => rows.push(path.to_owned(), source.long_texts(path)?),
+                _ => rows.add(source, array, length)?,
             }
         }
         Ok(rows)
@@ -67,14 +109,14 @@ impl Rows {
         array.shape.first() == Some(&length) && first_axis(array).is_some_and(is_same)
     }
 
-    fn add(&mut self, artifact: &Artifact, array: &Content, length: usize) -> Result<(), CliError> {
+    fn add(&mut self, source: &dyn Source, array: &Content, length: usize) -> Result<(), CliError> {
         let width: usize = array.shape.iter().skip(1).product();
         if !self.has(array, length) || width > MOST_COLUMNS {
             let shape: Vec<String> = array.shape.iter().map(ToString::to_string).collect();
             self.left_out.push(format!("{} ({})", array.path, shape.join(" × ")));
             return Ok(());
         }
-        let cells = cells(&artifact.read(&array.path)?.data);
+        let cells = cells(&source.elements(&array.path)?);
         for (at, name) in names(array).into_iter().enumerate() {
             self.push(name, cells.iter().skip(at).step_by(width.max(1)).cloned().collect());
         }
@@ -104,15 +146,15 @@ fn main_axis(contents: &[Content]) -> Option<String> {
         .map(|(axis, _)| axis.clone())
 }
 
-fn no_axis(artifact: &Artifact, contents: &[Content], along: Option<&str>) -> CliError {
-    let digest = artifact.digest().short();
+fn no_axis(source: &dyn Source, contents: &[Content], along: Option<&str>) -> CliError {
+    let title = source.title();
     let mut known: Vec<&str> = contents.iter().filter_map(first_axis).map(String::as_str).collect();
     known.sort_unstable();
     known.dedup();
     match along {
-        Some(axis) => CliError::bad_input(format!("no array of artifact {digest} has the axis {axis:?}"))
+        Some(axis) => CliError::bad_input(format!("no array of {title} has the axis {axis:?}"))
             .help(format!("axes that arrays begin with: {}", known.join(", "))),
-        None => CliError::bad_input(format!("artifact {digest} has no rows: its axes have no names"))
+        None => CliError::bad_input(format!("{title} has no rows: its axes have no names"))
             .help("artifacts of this build have; `deaflow run` on a new store makes them"),
     }
 }

@@ -7,14 +7,15 @@ use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use super::arguments::{PipelineArguments, SetArguments, StoreArguments};
+use super::arguments::{PROGRESS, PipelineArguments, SetArguments};
 use super::cluster::{self, ClusterArguments};
 use super::error::CliError;
+use super::examples::examples;
 use super::neglected::{may_break_down, neglected};
 use super::output::{Exit, Output};
 use super::progress::{RunProgress, Shown};
 use super::run_log::RunLog;
-use super::table;
+use super::{plan, table};
 use crate::base::{ArtifactId, OutputFile, Override};
 use crate::orchestrator::{Environment, MANY_STAGES, Pipeline, RunOptions, RunOutcome, StageReport, run};
 use crate::remote::Remote;
@@ -22,11 +23,15 @@ use crate::report::{Made, RunArtifacts, RunResults};
 use crate::stage;
 use crate::store::{Command, LockFile, Store};
 
-/// Build what is stale in a pipeline, then print what was found and where the figures are
+/// Build what is stale in a pipeline, then print what was found
 #[derive(Debug, Args)]
+#[command(after_help = examples!("deaflow run pipeline.yaml", "deaflow run pipeline.yaml --until solved --set stages.solved.order=1", "deaflow run pipeline.yaml -n"))]
 pub struct RunArguments {
     #[command(flatten)]
     pub of: PipelineArguments,
+    /// Say what would be built, as `plan` does; build nothing
+    #[arg(short = 'n', long, conflicts_with_all = ["lock", "locked"])]
+    pub dry_run: bool,
     /// When a stage fails, go on with all that does not need it
     #[arg(short, long)]
     pub keep_going: bool,
@@ -37,10 +42,10 @@ pub struct RunArguments {
     #[arg(long)]
     pub locked: bool,
     /// Say nothing but warnings and errors
-    #[arg(short, long)]
+    #[arg(short, long, help_heading = PROGRESS)]
     pub quiet: bool,
     /// How progress is shown on stderr [default: bars on a terminal, or else plain lines]
-    #[arg(long, value_enum, value_name = "HOW", conflicts_with = "quiet")]
+    #[arg(long, value_enum, value_name = "HOW", conflicts_with = "quiet", help_heading = PROGRESS)]
     pub progress: Option<ProgressForm>,
     #[command(flatten)]
     pub cluster: ClusterArguments,
@@ -58,6 +63,9 @@ pub enum ProgressForm {
 
 pub fn execute(arguments: &RunArguments, output: &Output) -> Result<Exit, CliError> {
     let pipeline = load(&arguments.of)?;
+    if arguments.dry_run {
+        return plan::of_pipeline(&pipeline, &arguments.of, output);
+    }
     if let Some(exit) = cluster::build(&pipeline, arguments, output)? {
         return Ok(exit);
     }
@@ -81,7 +89,7 @@ pub fn of_pipeline(
         // Before the work, not after it.
         OutputFile::at(&lock_path)?;
     }
-    let reading = arguments.of.read(Store::open(&arguments.of.store.folder())?, output)?;
+    let reading = arguments.of.read(Store::open(&arguments.of.store_folder())?, output)?;
     let store = reading.store();
     let shown = ProgressForm::shown(arguments.progress, arguments.quiet);
     let progress = Arc::new(RunProgress::new(shown));
@@ -222,11 +230,10 @@ pub fn load_plain(path: &Path) -> Result<Pipeline, CliError> {
 
 /// The store, for a command that writes nothing: where there is none yet, an empty one elsewhere stands in for it, as long
 /// as its folder is held.
-pub fn store_to_look_into(arguments: &StoreArguments) -> Result<(Option<TempDir>, Store), CliError> {
-    let folder = arguments.folder();
+pub fn store_to_look_into(folder: &Path) -> Result<(Option<TempDir>, Store), CliError> {
     let scratch = (!folder.exists()).then(tempfile::tempdir).transpose();
     let scratch = scratch.map_err(|e| CliError::failure(format!("cannot make a temporary folder: {e}")))?;
-    let store = Store::open(scratch.as_ref().map_or(&folder, |s| s.path()))?;
+    let store = Store::open(scratch.as_ref().map_or(folder, |s| s.path()))?;
     Ok((scratch, store))
 }
 

@@ -5,13 +5,15 @@ use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 
 use super::error::CliError;
+use super::examples::examples;
 use super::output::{Exit, Output};
 use crate::content::{ContentOfKind, Declared, catalogue};
 use crate::orchestrator::{of_pipeline, of_scene};
 use crate::stage;
 
-/// Print the JSON Schema of pipelines or scenes, with which editors complete and check files; or the arrays of artifacts
+/// Print the JSON Schema of pipelines or scenes, for editors; or the arrays of artifacts
 #[derive(Debug, Args)]
+#[command(after_help = examples!("deaflow schema > schema/pipeline.json", "deaflow schema scene > schema/scene.json"))]
 pub struct SchemaArguments {
     /// Of what
     #[arg(value_enum, default_value_t = SchemaOf::Pipeline)]

@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 
 use super::arguments::{StateArguments, TimeArguments};
 use super::error::CliError;
+use super::examples::examples;
 use super::output::{Exit, Output};
 use super::table;
 use crate::base::InputError;
@@ -19,6 +20,7 @@ use crate::stage::direct;
 
 /// Say which effects a scene calls for, by number, threshold and cost
 #[derive(Debug, Args)]
+#[command(after_help = examples!("deaflow screen scene.yaml", "deaflow screen scene.yaml mine.csv"))]
 pub struct ScreenArguments {
     /// A scene, or a pipeline whose scene is meant; a YAML file
     pub scene: PathBuf,

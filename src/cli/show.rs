@@ -1,25 +1,31 @@
 //! `deaflow show`: what is in an artifact.
 
+mod file;
+
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use clap::Args;
 use serde::Serialize;
 
-use super::arguments::StoreArguments;
+use super::arguments::{StoreArguments, ends_as_hdf5};
 use super::error::CliError;
+use super::examples::examples;
 use super::output::{Exit, Output};
 use super::rows::Rows;
 use super::statistics::{self, Statistics};
 use super::{csv, locate, table};
 use crate::content::Table;
 use crate::report::Collected;
-use crate::store::{Artifact, Content, Lookup, Store};
+use crate::store::{Artifact, Content, Lookup, Store, StoreError};
 
-/// Show what is in an artifact: datasets, statistics, provenance
+/// Show what is in an artifact or a file of results: datasets, statistics, provenance
 #[derive(Debug, Args)]
+#[command(after_help = examples!("deaflow show solved", "deaflow show pipeline.yaml:design --csv", "deaflow show simulated.h5"))]
 pub struct ShowArguments {
-    /// A stage of the last run, PIPELINE.yaml:STAGE, or a digest or at least its first 4 digits
-    #[arg(value_name = "STAGE-OR-DIGEST")]
+    /// A stage of the last run, PIPELINE.yaml:STAGE, a digest or at least its first 4 digits; or an HDF5 file, be it an artifact or
+    /// what `solve` or `predict` wrote
+    #[arg(value_name = "STAGE|DIGEST|FILE.h5")]
     pub artifact: String,
     /// Print what it has for each row as a table in CSV
     #[arg(long)]
@@ -35,14 +41,51 @@ pub struct ShowArguments {
 const SHOWN_TEXTS: usize = 6;
 
 pub fn execute(arguments: &ShowArguments, output: &Output) -> Result<Exit, CliError> {
-    let store = locate::existing_store(&arguments.store.folder())?;
-    let artifact = locate::artifact(&store, &arguments.artifact)?;
+    let file = Path::new(&arguments.artifact);
+    let (artifact, record) = if ends_as_hdf5(file) {
+        check_is_there(file)?;
+        if !Artifact::is_at(file) {
+            return file::execute(file, arguments, output);
+        }
+        (of_file(file)?, None)
+    } else {
+        let store = locate::existing_store(&arguments.store.folder_of_any([&arguments.artifact]))?;
+        let artifact = locate::artifact(&store, &arguments.artifact)?;
+        let record = record(&store, &artifact)?;
+        (artifact, Some(record))
+    };
     if arguments.csv && !output.is_json() {
         return show_rows(&artifact, arguments, output);
     }
-    let shown = Shown::of(&artifact, record(&store, &artifact)?)?;
+    print(&Shown::of(&artifact, record)?, output)
+}
+
+/// An artifact by its file. One of chunks is found with them in a store, and nowhere else.
+fn of_file(file: &Path) -> Result<Artifact, CliError> {
+    let artifact = Artifact::open(file)?;
+    match artifact.chunks() {
+        Err(StoreError::Missing { .. }) => {
+            let (file, parts) = (file.display(), artifact.parts().len());
+            let message = format!("{file} is the list of an artifact's {parts} chunks, which are not beside it");
+            Err(CliError::bad_input(message)
+                .help("one file that needs no others is what writes: deaflow export artifact STAGE -o FILE.h5"))
+        }
+        Err(error) => Err(error.into()),
+        Ok(_) => Ok(artifact),
+    }
+}
+
+fn check_is_there(file: &Path) -> Result<(), CliError> {
+    match file.is_file() {
+        true => Ok(()),
+        false => Err(CliError::bad_input(format!("there is no file {}", file.display()))
+            .help("name an HDF5 file, a stage of the last run, PIPELINE.yaml:STAGE, or a digest")),
+    }
+}
+
+fn print(shown: &Shown, output: &Output) -> Result<Exit, CliError> {
     if output.is_json() {
-        output.document(&shown)?;
+        output.document(shown)?;
     } else {
         output.text(&shown.text())?;
     }
@@ -55,7 +98,10 @@ fn show_rows(artifact: &Artifact, arguments: &ShowArguments, output: &Output) ->
         output.text(&csv::of_table(&Collected::new(table))?)?;
         return Ok(Exit::Done);
     }
-    let rows = Rows::of(artifact, arguments.along.as_deref())?;
+    print_rows(&Rows::of(artifact, arguments.along.as_deref())?, output)
+}
+
+fn print_rows(rows: &Rows, output: &Output) -> Result<Exit, CliError> {
     output.text(&rows.csv()?)?;
     if !rows.left_out.is_empty() {
         let list = rows.left_out.join(", ");
@@ -66,14 +112,15 @@ fn show_rows(artifact: &Artifact, arguments: &ShowArguments, output: &Output) ->
 
 #[derive(Serialize)]
 struct Shown {
-    digest: String,
+    /// None of a file that is no artifact.
+    digest: Option<String>,
     path: String,
     attributes: BTreeMap<String, String>,
     parts: Vec<String>,
     datasets: Vec<ShownDataset>,
     provenance: BTreeMap<String, String>,
-    /// What the record of the action that its provenance names says of it.
-    record: String,
+    /// What the record of the action that its provenance names says of it; none where no store was asked.
+    record: Option<String>,
 }
 
 /// What the record of the action that made an artifact says of it.
@@ -102,7 +149,7 @@ struct ShownDataset {
 }
 
 impl Shown {
-    fn of(artifact: &Artifact, record: String) -> Result<Self, CliError> {
+    fn of(artifact: &Artifact, record: Option<String>) -> Result<Self, CliError> {
         let dataset = |content: &Content| -> Result<ShownDataset, CliError> {
             Ok(ShownDataset {
                 path: content.path.clone(),
@@ -114,7 +161,7 @@ impl Shown {
             })
         };
         Ok(Self {
-            digest: artifact.digest().to_string(),
+            digest: Some(artifact.digest().to_string()),
             path: artifact.path().display().to_string(),
             attributes: artifact.attributes().clone(),
             parts: artifact.parts().iter().map(ToString::to_string).collect(),
@@ -125,7 +172,10 @@ impl Shown {
     }
 
     fn text(&self) -> String {
-        let mut parts = vec![format!("artifact {}\n  {}", self.digest, self.path)];
+        let mut parts = vec![match &self.digest {
+            Some(digest) => format!("artifact {digest}\n  {}", self.path),
+            None => format!("file {}", self.path),
+        }];
         if !self.parts.is_empty() {
             parts[0] += &format!("\n  a manifest of {} chunks, shown as one", self.parts.len());
         }
@@ -146,8 +196,10 @@ impl Shown {
             parts.push(list("attributes", &self.attributes));
         }
         parts.push(self.table());
-        parts.push(list("provenance", &self.provenance));
-        parts.push(format!("record: {}", self.record));
+        if !self.provenance.is_empty() {
+            parts.push(list("provenance", &self.provenance));
+        }
+        parts.extend(self.record.iter().map(|record| format!("record: {record}")));
         parts.join("\n\n")
     }
 

@@ -9,6 +9,7 @@ use serde_json::json;
 
 use super::arguments::{PatternArguments, StateArguments, TOLERANCE, TimeArguments, accuracy, number};
 use super::error::CliError;
+use super::examples::examples;
 use super::history::HistoryArguments;
 use super::modes::ModesArguments;
 use super::output::{Exit, Output};
@@ -23,28 +24,32 @@ use crate::orchestrator::Environment;
 use crate::stage::direct;
 use crate::store::{Provenance, write_file};
 
+/// The heading of options about the numerical method.
+const METHOD: &str = "Method";
+
 /// Simulate patterns with finite elements
 #[derive(Debug, Args)]
+#[command(after_help = examples!("deaflow solve scene.yaml mine.csv -o simulated.h5", "deaflow solve scene.yaml mine.csv --accuracy \"0.005 mm\" -o simulated.h5"))]
 pub struct SolveArguments {
     /// A scene, or a pipeline whose scene is meant; a YAML file
     pub scene: PathBuf,
     #[command(flatten)]
     pub patterns: PatternArguments,
     /// How fields are found: newton, or as estimates that are no equilibria linear or chord:N (N chord steps)
-    #[arg(long, value_name = "METHOD", default_value = "newton", value_parser = Method::from_str)]
+    #[arg(long, value_name = "METHOD", default_value = "newton", value_parser = Method::from_str, help_heading = METHOD)]
     pub method: Method,
     /// Elements along one side of a cell [default: 2; 1 for a path]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=8))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=8), help_heading = METHOD)]
     elements_per_cell: Option<u64>,
     /// Polynomial order of the elements [default: 1; 2 for a path, because bilinear ones lose stability too late]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=2))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=2), help_heading = METHOD)]
     order: Option<u64>,
     /// Pick mesh and order for each pattern so that the displacement is this accurate, as in "0.005 mm"; the estimated
     /// error of each pattern is written too
-    #[arg(long, value_name = "LENGTH", value_parser = accuracy, allow_hyphen_values = true, conflicts_with_all = ["elements_per_cell", "order"])]
+    #[arg(long, value_name = "LENGTH", value_parser = accuracy, allow_hyphen_values = true, conflicts_with_all = ["elements_per_cell", "order"], help_heading = METHOD)]
     pub accuracy: Option<Quantity>,
     /// Relative residual at which an equilibrium is accepted [default: 1e-8]
-    #[arg(long, value_name = "R", value_parser = number(1e-12..=1e-3, "1e-12 to 1e-3"), allow_hyphen_values = true)]
+    #[arg(long, value_name = "R", value_parser = number(1e-12..=1e-3, "1e-12 to 1e-3"), allow_hyphen_values = true, help_heading = METHOD)]
     pub tolerance: Option<f64>,
     #[command(flatten)]
     pub time: TimeArguments,
@@ -99,6 +104,7 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
     let scene = direct::files_read(&arguments.scene);
     let scene: Vec<&str> = scene.iter().map(String::as_str).collect();
     check_file(&arguments.patterns.output, &arguments.patterns, &scene)?;
+    arguments.patterns.check_ending()?;
     check_method(arguments)?;
     if arguments.path {
         return path::execute(arguments, &scene, output);

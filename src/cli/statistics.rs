@@ -52,6 +52,14 @@ pub fn of_dataset(artifact: &Artifact, path: &str) -> Result<Statistics, StoreEr
     Ok(gathered.finish())
 }
 
+/// Statistics of elements that are at hand.
+#[must_use]
+pub fn of_data(data: &Data) -> Statistics {
+    let mut gathered = Gathered::default();
+    gathered.add(data);
+    gathered.finish()
+}
+
 impl Gathered {
     fn add(&mut self, data: &Data) {
         match data {
@@ -69,7 +77,8 @@ impl Gathered {
     }
 
     fn numbers(&mut self, values: impl Iterator<Item = f64>) {
-        for value in values {
+        // Files that are no artifacts have NaN in the place of what was not found.
+        for value in values.filter(|value| !value.is_nan()) {
             self.count += 1;
             self.sum += value;
             self.range = Some(

@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 
 use super::arguments::StoreArguments;
 use super::error::CliError;
+use super::examples::examples;
 use super::output::{Exit, Output};
 use super::{locate, run, table};
 use crate::executor::{SILENT, Seen, workers};
@@ -15,6 +16,7 @@ use crate::store::{Command, LockFile, Run, Store, Totals};
 
 /// Say what is in a store, what is at work in it, and which pipelines are up to date
 #[derive(Debug, Args)]
+#[command(after_help = examples!("deaflow status", "deaflow status pipeline.yaml"))]
 pub struct StatusArguments {
     /// Pipelines to look at [default: those of the last runs]
     #[arg(value_name = "PIPELINE")]
@@ -34,7 +36,11 @@ struct Standing {
 }
 
 pub fn execute(arguments: &StatusArguments, output: &Output) -> Result<Exit, CliError> {
-    let store = locate::existing_store(&arguments.store.folder())?;
+    let store = locate::existing_store(
+        &arguments
+            .store
+            .folder_for(arguments.pipelines.first().map(PathBuf::as_path)),
+    )?;
     let runs = store.runs()?.all()?;
     let mut paths: Vec<PathBuf> = arguments.pipelines.iter().map(|path| file_of(path)).collect();
     if paths.is_empty() {

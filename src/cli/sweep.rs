@@ -5,13 +5,14 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::arguments::{PipelineArguments, SetArguments, StoreArguments};
+use super::arguments::{PIPELINE, PROGRESS, PipelineArguments, SetArguments, StoreArguments};
 use super::cluster::ClusterArguments;
 use super::error::CliError;
+use super::examples::examples;
 use super::output::{Exit, Output};
 use super::run::{self, ProgressForm, RunArguments};
 use super::upstream::RemoteArguments;
-use super::{csv, solve, write};
+use super::{csv, plan, solve, write};
 use crate::base::{ArtifactId, Document, Node, NodeValue, Override};
 use crate::content::Table;
 use crate::orchestrator::StageReport;
@@ -19,21 +20,25 @@ use crate::report::Collected;
 use crate::stage;
 use crate::store::{Command, Store};
 
+/// The heading of options about the table.
+const TABLES: &str = "Table";
+
 /// Name of the stage that collects.
 const TABLE: &str = "sweep";
 
 /// Run a pipeline for each combination of some values, and collect results in a table
 #[derive(Debug, Args)]
+#[command(after_help = examples!("deaflow sweep pipeline.yaml --set scene.drive.voltage=\"4 kV, 5 kV\" --table max_displacement"))]
 pub struct SweepArguments {
     /// The pipeline, a YAML file
     pub pipeline: PathBuf,
     /// Values of a field, with commas between them, such as scene.drive.voltage="3 kV, 4 kV"; several fields multiply. One
     /// value alone is a change as in `run`
-    #[arg(long = "set", value_name = "PATH=VALUES", required = true)]
+    #[arg(long = "set", value_name = "PATH=VALUES", required = true, help_heading = PIPELINE)]
     pub sets: Vec<String>,
     /// Results to collect beside the values, with commas between them: STAGE.RESULT, or RESULT of the last stage; the names
     /// are those of `deaflow log`
-    #[arg(long, value_name = "RESULTS", value_delimiter = ',')]
+    #[arg(long, value_name = "RESULTS", value_delimiter = ',', help_heading = TABLES)]
     pub table: Vec<String>,
     /// What a figure shows: the columns of x and y and, for a curve for each of its values, a third
     #[arg(
@@ -41,30 +46,34 @@ pub struct SweepArguments {
         value_name = "X,Y[,SERIES]",
         value_delimiter = ',',
         requires = "table",
-        num_args = 1
+        num_args = 1,
+        help_heading = TABLES
     )]
     pub plot: Vec<String>,
     /// Print the table in CSV and nothing else
-    #[arg(long, requires = "table", conflicts_with = "json")]
+    #[arg(long, requires = "table", conflicts_with = "json", help_heading = TABLES)]
     pub csv: bool,
     /// Write the table as a CSV file; an existing file is replaced
-    #[arg(short, long, value_name = "FILE.csv", requires = "table")]
+    #[arg(short, long, value_name = "FILE.csv", requires = "table", help_heading = TABLES)]
     pub output: Option<PathBuf>,
     /// Allow more than 1000 stages
-    #[arg(long)]
+    #[arg(long, help_heading = PIPELINE)]
     pub many: bool,
     #[command(flatten)]
     pub store: StoreArguments,
     #[command(flatten)]
     pub remote: RemoteArguments,
+    /// Say what would be built, as `plan` does; build nothing
+    #[arg(short = 'n', long, conflicts_with_all = ["csv", "output"])]
+    pub dry_run: bool,
     /// When a stage fails, go on with all that does not need it
     #[arg(short, long)]
     pub keep_going: bool,
     /// Say nothing but warnings and errors
-    #[arg(short, long)]
+    #[arg(short, long, help_heading = PROGRESS)]
     pub quiet: bool,
     /// How progress is shown on stderr [default: bars on a terminal, or else plain lines]
-    #[arg(long, value_enum, value_name = "HOW", conflicts_with = "quiet")]
+    #[arg(long, value_enum, value_name = "HOW", conflicts_with = "quiet", help_heading = PROGRESS)]
     pub progress: Option<ProgressForm>,
 }
 
@@ -99,6 +108,7 @@ pub fn execute(arguments: &SweepArguments, output: &Output) -> Result<Exit, CliE
             verify: false,
             remote: arguments.remote.clone(),
         },
+        dry_run: arguments.dry_run,
         keep_going: arguments.keep_going,
         lock: false,
         locked: false,
@@ -106,9 +116,12 @@ pub fn execute(arguments: &SweepArguments, output: &Output) -> Result<Exit, CliE
         progress: arguments.progress,
         cluster: ClusterArguments::default(),
     };
+    if run.dry_run {
+        return plan::of_pipeline(&pipeline, &run.of, output);
+    }
     let (exit, stages) = run::of_pipeline(&pipeline, &run, Command::Sweep, output, &keep)?;
     if arguments.csv {
-        let store = Store::open_existing(&arguments.store.folder())?.guarded();
+        let store = Store::open_existing(&arguments.store.folder_of(&arguments.pipeline))?.guarded();
         if let Some((_, text)) = collected(&store, &stages, &swept.table)? {
             output.text(&text)?;
         }

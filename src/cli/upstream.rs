@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use serde_json::{Value, json};
 
+use super::arguments::STORE;
 use super::error::CliError;
 use super::output::Output;
 use super::table;
@@ -25,7 +26,7 @@ const MOST_TOLD: usize = 5;
 #[derive(Clone, Debug, Default, Args)]
 pub struct RemoteArguments {
     /// Take what this remote has instead of building it, and bring it when it is needed [default: $DEAFLOW_REMOTE, or none]
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", help_heading = STORE)]
     pub remote: Option<String>,
 }
 

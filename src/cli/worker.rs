@@ -11,8 +11,9 @@ use clap::Args;
 use serde_json::json;
 use signal_hook::consts::{SIGINT, SIGTERM};
 
-use super::arguments::{PipelineArguments, duration};
+use super::arguments::{PROGRESS, PipelineArguments, duration};
 use super::error::CliError;
+use super::examples::examples;
 use super::output::{Exit, Output};
 use super::progress::RunProgress;
 use super::run::{ProgressForm, load};
@@ -44,8 +45,8 @@ const PBS_TIME: &str = "PBS_WALLTIME";
 /// Build what is ready in a pipeline, beside other workers in the same store
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Exit codes: 0 everything is there; 75 stopped, or the machine or the disk refused: start it again; others as \
-                        everywhere: to start it again does not help."
+    after_help = concat!(examples!("deaflow worker pipeline.yaml --store /shared/store", "deaflow worker pipeline.yaml --stop-before 5min"), "\n\nExit codes: 0 everything is there; 75 stopped, or the machine or the disk refused: start it again; others as \
+                        everywhere: to start it again does not help.")
 )]
 pub struct WorkerArguments {
     #[command(flatten)]
@@ -72,10 +73,10 @@ pub struct WorkerArguments {
     #[arg(long, value_name = "TIME", value_parser = duration, requires = "stop_before")]
     time: Option<Duration>,
     /// Say nothing but warnings and errors
-    #[arg(short, long)]
+    #[arg(short, long, help_heading = PROGRESS)]
     quiet: bool,
     /// How progress is shown on stderr [default: bars on a terminal, or else plain lines]
-    #[arg(long, value_enum, value_name = "HOW", conflicts_with = "quiet")]
+    #[arg(long, value_enum, value_name = "HOW", conflicts_with = "quiet", help_heading = PROGRESS)]
     progress: Option<ProgressForm>,
 }
 
@@ -98,7 +99,7 @@ pub fn execute(arguments: &WorkerArguments, output: &Output) -> Result<Exit, Cli
 }
 
 fn open(arguments: &WorkerArguments, output: &Output) -> Result<Reading, CliError> {
-    let store = Store::open(&arguments.of.store.folder()).map_err(again)?;
+    let store = Store::open(&arguments.of.store_folder()).map_err(again)?;
     arguments.of.read(store, output)
 }
 

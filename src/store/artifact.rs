@@ -296,21 +296,23 @@ impl Artifact {
     pub fn long_texts(&self, path: &str) -> Result<Vec<String>, StoreError> {
         let (_, bytes) = self.u8s(&format!("{path}/text"))?;
         let (_, lengths) = self.u64s(&format!("{path}/length"))?;
-        let wrong = || {
-            StoreError::damaged(
-                &self.0.path,
-                format!("the texts of `{path}` are not as long as it says"),
-            )
-        };
-        let (mut texts, mut rest) = (Vec::with_capacity(lengths.len()), &bytes[..]);
-        for length in lengths {
-            let length = usize::try_from(length).map_err(|_| wrong())?;
-            let (text, after) = rest.split_at_checked(length).ok_or_else(wrong)?;
-            texts.push(String::from_utf8(text.to_vec()).map_err(|_| wrong())?);
-            rest = after;
-        }
-        if rest.is_empty() { Ok(texts) } else { Err(wrong()) }
+        long_texts(&bytes, &lengths).ok_or_else(|| {
+            let reason = format!("the texts of `{path}` are not as long as it says");
+            StoreError::damaged(&self.0.path, reason)
+        })
     }
+}
+
+/// Texts of any length from their bytes, end to end, and their lengths; none where these contradict each other.
+#[must_use]
+pub fn long_texts(bytes: &[u8], lengths: &[u64]) -> Option<Vec<String>> {
+    let (mut texts, mut rest) = (Vec::new(), bytes);
+    for length in lengths {
+        let (text, after) = rest.split_at_checked(usize::try_from(*length).ok()?)?;
+        texts.push(String::from_utf8(text.to_vec()).ok()?);
+        rest = after;
+    }
+    rest.is_empty().then_some(texts)
 }
 
 /// One getter per element type: the type is checked, so that the caller has a vector and no `match`.

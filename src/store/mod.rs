@@ -61,7 +61,7 @@ mod write;
 
 pub use action::Action;
 pub use ancestry::Ancestor;
-pub use artifact::Artifact;
+pub use artifact::{Artifact, long_texts};
 pub use board::Board;
 pub use checkpoint::Checkpoints;
 pub use copy::Copied;

@@ -131,6 +131,12 @@ impl Store {
         Layout::around(path)
     }
 
+    /// Whether a folder is a store, be it a damaged one.
+    #[must_use]
+    pub fn is_at(root: &Path) -> bool {
+        Layout::is_store(root)
+    }
+
     /// Opens a store that must be there already: to look into a mistyped folder must not make a store of it.
     ///
     /// # Errors

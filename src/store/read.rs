@@ -112,6 +112,16 @@ fn parts(path: &Path, elements: Data) -> Result<Vec<ArtifactId>, StoreError> {
     parts.map_err(|error| StoreError::damaged(path, error.to_string()))
 }
 
+impl Content {
+    /// A dataset of a file that is no artifact.
+    ///
+    /// # Errors
+    /// When its elements are of a type that this program does not write.
+    pub fn of_file(path: &Path, array: Array) -> Result<Self, StoreError> {
+        content(path, array)
+    }
+}
+
 fn content(path: &Path, array: Array) -> Result<Content, StoreError> {
     let kind = element_type(&array.element).ok_or_else(|| {
         let reason = format!("dataset `{}` has a type that artifacts do not use", array.path);

@@ -204,7 +204,7 @@ fn a_calibration_is_of_one_model_and_without_one_that_is_said() {
             "60",
         ),
         (&["-o", "o.h5", "--objective", "{ pint: [6 mm, 25 mm] }"], "unknown key"),
-        (&["-o", "o.csv"], "written twice"),
+        (&["-o", "o.csv"], "allowed: .h5"),
         (&["-o", "calibration.h5"], "is read here"),
         (&["-o", "board.h5"], "board.csv is read here"),
     ] {

@@ -33,6 +33,7 @@ mod killed;
 mod layering;
 mod limits;
 mod log;
+mod manners;
 mod model;
 mod moved;
 mod outputs;

@@ -8,12 +8,14 @@ use serde_json::json;
 use crate::base::SOFTWARE;
 use crate::cli::arguments::StoreArguments;
 use crate::cli::error::CliError;
+use crate::cli::examples::examples;
 use crate::cli::output::{Exit, Output};
 use crate::cli::progress::Bar;
 use crate::cli::{locate, solve, table, write};
 use crate::store::{Ancestor, write_standalone};
 
 #[derive(Debug, Args)]
+#[command(after_help = examples!("deaflow export artifact solved -o solved.h5"))]
 pub struct ExportArtifactArguments {
     /// A stage of the last run, PIPELINE.yaml:STAGE, or a digest or at least its first 4 digits
     #[arg(value_name = "STAGE-OR-DIGEST")]
@@ -28,7 +30,7 @@ pub struct ExportArtifactArguments {
 pub fn execute(arguments: &ExportArtifactArguments, output: &Output) -> Result<Exit, CliError> {
     solve::check_not_read(&arguments.output, &[&arguments.artifact])?;
     write::check_file(&arguments.output)?;
-    let store = locate::existing_store(&arguments.store.folder())?;
+    let store = locate::existing_store(&arguments.store.folder_of_any([&arguments.artifact]))?;
     let artifact = locate::artifact(&store, &arguments.artifact)?;
     if solve::is_same_file(artifact.path(), &arguments.output) {
         let path = arguments.output.display();

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use clap::builder::PossibleValuesParser;
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
@@ -11,17 +12,29 @@ use super::membrane;
 use crate::base::SOFTWARE;
 use crate::cli::arguments::{StateArguments, StoreArguments, TOLERANCE, number};
 use crate::cli::error::CliError;
+use crate::cli::examples::examples;
 use crate::cli::output::{Exit, Output};
 use crate::cli::{locate, solve, write};
 use crate::design::DesignFilter;
 use crate::fem::SolveOptions;
 use crate::field::Mesh;
+use crate::pattern::Role;
 use crate::report::export::{self, Drawing, Layer, MOST_PIXELS, Shape, Surface};
 use crate::scene::{Islands, Mask, Size, Voltages};
 use crate::stage::designs::{self, Design, Designs};
 use crate::store::Artifact;
 
+/// The heading of options that say which of several designs is meant.
+const WHICH: &str = "Which design";
+
+/// The heading of options about masks.
+const MASK: &str = "Masks";
+
+/// The heading of options about deformed membranes.
+const MEMBRANE: &str = "Deformed membranes";
+
 #[derive(Debug, Args)]
+#[command(after_help = examples!("deaflow export design pipeline.yaml:verified --role refined -o mask.dxf", "deaflow export design mine.csv --scene scene.yaml -o membrane.vtkhdf"))]
 pub struct ExportDesignArguments {
     /// A stage of kind design or verify: PIPELINE.yaml:STAGE, a stage of the last run, a digest or its beginning, or a file;
     /// or with --scene a pattern: FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset
@@ -33,42 +46,42 @@ pub struct ExportDesignArguments {
     #[arg(long, value_enum)]
     pub format: Option<DesignFormat>,
     /// The target whose design it is [default: the only one]
-    #[arg(long, value_name = "NAME", conflicts_with = "scene")]
+    #[arg(long, value_name = "NAME", conflicts_with = "scene", help_heading = WHICH)]
     pub design: Option<String>,
     /// The case of that target
-    #[arg(long, value_name = "TEXT", conflicts_with = "scene")]
+    #[arg(long, value_name = "TEXT", conflicts_with = "scene", help_heading = WHICH)]
     pub case: Option<String>,
-    /// refined, ga, optimum, intuitive, intuitive-equal-area or own [default: the first of these that there is]
-    #[arg(long, conflicts_with = "scene")]
+    /// How it came about [default: the first of these that there is]
+    #[arg(long, value_parser = PossibleValuesParser::new(Role::ALL.map(Role::name)), conflicts_with = "scene", help_heading = WHICH)]
     pub role: Option<String>,
     /// Which of the different designs of the target [default: the best, 0]
-    #[arg(long, value_name = "N", conflicts_with = "scene")]
+    #[arg(long, value_name = "N", conflicts_with = "scene", help_heading = WHICH)]
     pub member: Option<u64>,
     /// The design with so many units along a side
-    #[arg(long, value_name = "N", conflicts_with = "scene")]
+    #[arg(long, value_name = "N", conflicts_with = "scene", help_heading = WHICH)]
     pub units: Option<u64>,
     /// The scene of a pattern, or a pipeline whose scene is meant; a YAML file
     #[arg(long, value_name = "SCENE")]
     pub scene: Option<PathBuf>,
     /// The size of a mask: on the frame, or before the membrane is stretched [default: prestretched]
-    #[arg(long, value_enum)]
+    #[arg(long, value_enum, help_heading = MASK)]
     pub size: Option<DesignSize>,
     /// One group of electrodes alone; Gerber files need it where there are several
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=16))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=16), help_heading = MASK)]
     pub group: Option<u8>,
     #[command(flatten)]
     pub state: StateArguments,
     /// Round the outline; the area that it holds is stated beside that of the cells
-    #[arg(long)]
+    #[arg(long, help_heading = MASK)]
     pub smooth: bool,
     /// Resolution of an image; the nearest with a whole number of pixels for each cell is taken [default: 20]
-    #[arg(long, value_name = "N", value_parser = number(1e-3..=1e6, "0.001 to 1e6 pixels per mm"))]
+    #[arg(long, value_name = "N", value_parser = number(1e-3..=1e6, "0.001 to 1e6 pixels per mm"), help_heading = MASK)]
     pub pixels_per_mm: Option<f64>,
     /// Elements along one side of a cell of a deformed membrane [default: 2]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=8))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=8), help_heading = MEMBRANE)]
     pub elements_per_cell: Option<u64>,
     /// Polynomial order of these elements [default: 2]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=2))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=2), help_heading = MEMBRANE)]
     pub order: Option<u64>,
     #[command(flatten)]
     pub store: StoreArguments,
@@ -236,7 +249,10 @@ fn design(arguments: &ExportDesignArguments) -> Result<Design, CliError> {
                     .help("give the scene: --scene SCENE.yaml"),
             );
         }
-        _ => locate::artifact(&locate::existing_store(&arguments.store.folder())?, source)?,
+        _ => locate::artifact(
+            &locate::existing_store(&arguments.store.folder_of_any([&arguments.source]))?,
+            source,
+        )?,
     };
     let wanted = DesignFilter {
         name: arguments.design.as_deref(),

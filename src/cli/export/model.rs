@@ -7,12 +7,14 @@ use serde_json::{Value, json};
 
 use crate::cli::arguments::StoreArguments;
 use crate::cli::error::CliError;
+use crate::cli::examples::examples;
 use crate::cli::output::{Exit, Output};
 use crate::cli::{model, solve, write};
 use crate::field::PredictError;
 use crate::surrogate::{LoadError, Surrogate};
 
 #[derive(Debug, Args)]
+#[command(after_help = examples!("deaflow export model pipeline.yaml:surrogate -o model.onnx"))]
 pub struct ExportModelArguments {
     /// A digest or its beginning, a stage of the last run, PIPELINE.yaml:STAGE, or a file
     pub model: String,
@@ -45,7 +47,7 @@ impl ModelFormat {
 }
 
 pub fn execute(arguments: &ExportModelArguments, output: &Output) -> Result<Exit, CliError> {
-    let weights = model::weights(&arguments.model, &arguments.store.folder())?;
+    let weights = model::weights(&arguments.model, &arguments.store.folder_of_any([&arguments.model]))?;
     let refused = |e: LoadError| CliError::bad_input(format!("cannot use the model: {e}"));
     let failed = |e: PredictError| CliError::failure(e.to_string());
     let surrogate = Surrogate::load(&weights).map_err(refused)?;

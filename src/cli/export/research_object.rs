@@ -10,6 +10,7 @@ use serde_json::json;
 use crate::base::{ArtifactId, Document, NodeValue, SOFTWARE, folder_of, kind_of, leads_nowhere_at, read_bounded};
 use crate::cli::arguments::{SetArguments, StoreArguments};
 use crate::cli::error::CliError;
+use crate::cli::examples::examples;
 use crate::cli::output::{Exit, Output};
 use crate::cli::progress::Bar;
 use crate::cli::{locate, run, table, write};
@@ -22,6 +23,7 @@ use crate::store::{LockFile, Store, write_standalone};
 const LONGEST: u64 = 4 << 20;
 
 #[derive(Debug, Args)]
+#[command(after_help = examples!("deaflow export crate pipeline.yaml -o published --license CC-BY-4.0"))]
 pub struct ExportCrateArguments {
     /// The pipeline, a YAML file; all of its stages must be built
     pub pipeline: PathBuf,
@@ -41,7 +43,7 @@ pub fn execute(arguments: &ExportCrateArguments, output: &Output) -> Result<Exit
     let pipeline = run::load_with(&arguments.pipeline, &arguments.set)?;
     write::outside(&arguments.output)?;
     let folder = empty_folder(&arguments.output)?;
-    let store = locate::existing_store(&arguments.store.folder())?;
+    let store = locate::existing_store(&arguments.store.folder_of(&arguments.pipeline))?;
     let built = built(&pipeline, &store)?;
     if !built.missing.is_empty() {
         let path = pipeline.path.display();

@@ -25,7 +25,7 @@ pub struct NamedCalibration {
 /// # Errors
 /// When the one that is named is none, is of another model, or is damaged.
 pub fn find(arguments: &PredictArguments, weights: &[u8]) -> Result<Option<NamedCalibration>, CliError> {
-    let (store, weights) = (arguments.store.folder(), Digest::of(weights).to_string());
+    let (store, weights) = (arguments.store_folder(), Digest::of(weights).to_string());
     let found = match &arguments.calibration {
         Some(name) => {
             let artifact = model::of_kind(name, &store, "calibrate", "calibration")?;

@@ -55,7 +55,14 @@ impl Workspace {
     pub fn dressed(&self, program: &str) -> Command {
         let mut command = Command::new(program);
         command.current_dir(self.path(""));
-        for setting in ["DEAFLOW_STORE", "RAYON_NUM_THREADS", "RUST_BACKTRACE", "NO_COLOR"] {
+        for setting in [
+            "DEAFLOW_STORE",
+            "DEAFLOW_JOBS",
+            "RAYON_NUM_THREADS",
+            "RUST_BACKTRACE",
+            "NO_COLOR",
+            "CLICOLOR_FORCE",
+        ] {
             command.env_remove(setting);
         }
         command

@@ -128,6 +128,9 @@ impl Workspace {
         for setting in [
             "DEAFLOW_STORE",
             "DEAFLOW_REMOTE",
+            "DEAFLOW_JOBS",
+            "CLICOLOR",
+            "CLICOLOR_FORCE",
             "RAYON_NUM_THREADS",
             "RUST_BACKTRACE",
             "NO_COLOR",

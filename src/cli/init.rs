@@ -1,0 +1,136 @@
+//! `deaflow init`: a small pipeline to begin with.
+
+use std::fs::OpenOptions;
+use std::io::{ErrorKind, Write};
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use serde_json::{Value, json};
+
+use super::error::CliError;
+use super::examples::examples;
+use super::output::{Exit, Output};
+use super::write;
+use crate::base::is_plain_name;
+use crate::orchestrator::{of_pipeline, of_scene};
+use crate::stage;
+use crate::store::Store;
+
+/// The pipeline, with the name that [`NAME`] holds the place of.
+const PIPELINE: &str = include_str!("init/pipeline.yaml");
+
+/// The scene that it names.
+const SCENE: &str = include_str!("init/scene.yaml");
+
+/// The line of the pipeline that names it.
+const NAME: &str = "name: \"demo\"";
+
+/// What is made anew from the pipeline is no part of a project's history.
+const IGNORED: &str = "/store/\n";
+
+/// Characters in the name of a pipeline.
+const LONGEST: usize = 200;
+
+/// Write a small pipeline to begin with, with comments that explain it
+#[derive(Debug, Args)]
+#[command(after_help = examples!("deaflow init demo", "deaflow run demo/pipeline.yaml"))]
+pub struct InitArguments {
+    /// The folder, which is made where there is none [default: this one]
+    #[arg(value_name = "NAME")]
+    pub folder: Option<PathBuf>,
+}
+
+pub fn execute(arguments: &InitArguments, output: &Output) -> Result<Exit, CliError> {
+    let here = Path::new("");
+    let folder = arguments.folder.as_deref().unwrap_or(here);
+    // The folder itself may be yet to be made.
+    let there = folder.ancestors().find(|folder| folder.is_dir()).unwrap_or(here);
+    write::outside(&there.join("pipeline.yaml"))?;
+    let files: Vec<(PathBuf, String)> = files(folder)
+        .into_iter()
+        .map(|(name, text)| (folder.join(name), text))
+        .collect();
+    // Before the first is written.
+    if let Some((taken, _)) = files.iter().find(|(file, _)| file.symlink_metadata().is_ok()) {
+        return Err(is_there(taken));
+    }
+    write::folder(&folder.join("schema"))?;
+    for (file, text) in &files {
+        create(file, text)?;
+    }
+    // Commands then find it from all folders of the project.
+    let store = folder.join("store");
+    Store::open(&store)?;
+    let paths: Vec<&Path> = files.iter().map(|(file, _)| file.as_path()).collect();
+    let next = next(folder);
+    if output.is_json() {
+        output.document(&json!({ "files": paths, "store": store, "next": next }))?;
+    } else {
+        let lines = paths.iter().copied().chain([store.as_path()]);
+        let lines = lines.map(|path| format!("wrote {}\n", path.display()));
+        let next = next.iter().map(|command| format!("  {command}\n"));
+        output.text(&format!(
+            "{}\nnext:\n{}",
+            lines.collect::<String>(),
+            next.collect::<String>()
+        ))?;
+    }
+    Ok(Exit::Done)
+}
+
+/// Names and texts of the files.
+fn files(folder: &Path) -> Vec<(&'static str, String)> {
+    let registry = stage::registry();
+    vec![
+        (
+            "pipeline.yaml",
+            PIPELINE.replacen(NAME, &format!("name: {:?}", name(folder)), 1),
+        ),
+        ("scene.yaml", SCENE.to_owned()),
+        ("schema/pipeline.json", schema(&of_pipeline(&registry))),
+        ("schema/scene.json", schema(&of_scene(&registry))),
+        (".gitignore", IGNORED.to_owned()),
+    ]
+}
+
+/// As `deaflow schema` prints it.
+fn schema(schema: &Value) -> String {
+    format!("{schema:#}\n")
+}
+
+/// The pipeline is named like its folder, where that is a plain name.
+fn name(folder: &Path) -> String {
+    let path = Path::new(".").join(folder).canonicalize();
+    let path = path.unwrap_or_else(|_| folder.to_owned());
+    let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+    match is_plain_name(name, LONGEST) {
+        true => name.to_owned(),
+        false => "demo".to_owned(),
+    }
+}
+
+/// Writes a file where there is none yet.
+fn create(path: &Path, text: &str) -> Result<(), CliError> {
+    let made = OpenOptions::new().write(true).create_new(true).open(path);
+    let written = made.and_then(|mut file| file.write_all(text.as_bytes()));
+    written.map_err(|error| match error.kind() {
+        ErrorKind::AlreadyExists => is_there(path),
+        _ => CliError::failure(format!("cannot write {}: {error}", path.display())),
+    })
+}
+
+fn is_there(path: &Path) -> CliError {
+    CliError::bad_input(format!("{} is there already: nothing is replaced", path.display()))
+        .help("name another folder: deaflow init NAME")
+}
+
+/// The commands that a person would give now.
+fn next(folder: &Path) -> Vec<String> {
+    let pipeline = folder.join("pipeline.yaml").to_string_lossy().into_owned();
+    let pipeline = shlex::try_quote(&pipeline).map_or_else(|_| pipeline.clone(), |quoted| quoted.into_owned());
+    vec![
+        format!("deaflow plan {pipeline}"),
+        format!("deaflow run {pipeline}"),
+        format!("deaflow report {pipeline} -o report"),
+    ]
+}

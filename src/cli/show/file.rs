@@ -1,0 +1,83 @@
+//! What is in an HDF5 file that is no artifact: what `solve`, `predict` or `export artifact` wrote.
+
+use std::path::Path;
+
+use super::{ShowArguments, Shown, ShownDataset, print, print_rows, statistics};
+use crate::cli::error::CliError;
+use crate::cli::output::{Exit, Output};
+use crate::cli::rows::{Rows, Source};
+use crate::hdf::{Array, HdfFile, Tree};
+use crate::store::{Content, Data, StoreError, long_texts};
+
+/// A file, and what it says about itself.
+struct ResultFile<'a> {
+    path: &'a Path,
+    file: HdfFile,
+    tree: Tree,
+}
+
+pub fn execute(path: &Path, arguments: &ShowArguments, output: &Output) -> Result<Exit, CliError> {
+    let file = HdfFile::apart(path).map_err(StoreError::from)?;
+    let tree = file.tree().map_err(StoreError::from)?;
+    let file = ResultFile { path, file, tree };
+    if arguments.csv && !output.is_json() {
+        return print_rows(&Rows::of(&file, arguments.along.as_deref())?, output);
+    }
+    print(&file.shown()?, output)
+}
+
+impl ResultFile<'_> {
+    fn shown(&self) -> Result<Shown, CliError> {
+        let dataset = |array: &Array| -> Result<ShownDataset, CliError> {
+            let elements = self.elements(&array.path)?;
+            Ok(ShownDataset {
+                path: array.path.clone(),
+                kind: elements.element_type().name(),
+                shape: array.shape.clone(),
+                units: array.units.clone(),
+                description: array.description.clone(),
+                statistics: statistics::of_data(&elements),
+            })
+        };
+        Ok(Shown {
+            digest: None,
+            path: self.path.display().to_string(),
+            attributes: self.tree.attributes.clone(),
+            parts: Vec::new(),
+            datasets: self.tree.arrays.iter().map(dataset).collect::<Result<_, _>>()?,
+            provenance: self.tree.provenance.clone().unwrap_or_default(),
+            record: None,
+        })
+    }
+}
+
+impl Source for ResultFile<'_> {
+    fn title(&self) -> String {
+        self.path.display().to_string()
+    }
+
+    fn contents(&self) -> Result<Vec<Content>, CliError> {
+        let arrays = self.tree.arrays.iter();
+        arrays
+            .map(|array| Ok(Content::of_file(self.path, array.clone())?))
+            .collect()
+    }
+
+    fn elements(&self, path: &str) -> Result<Data, CliError> {
+        Ok(self.file.elements(path).map_err(StoreError::from)?)
+    }
+
+    fn long_texts(&self, path: &str) -> Result<Vec<String>, CliError> {
+        let texts = match (
+            self.elements(&format!("{path}/text"))?,
+            self.elements(&format!("{path}/length"))?,
+        ) {
+            (Data::U8(bytes), Data::U64(lengths)) => long_texts(&bytes, &lengths),
+            _ => None,
+        };
+        texts.ok_or_else(|| {
+            let file = self.path.display();
+            CliError::bad_input(format!("{file}: the texts of `{path}` are not as long as it says"))
+        })
+    }
+}
