@@ -6,10 +6,21 @@ STORE ?= store
 JOBS ?= $(shell nproc)
 export RUST_BACKTRACE ?= 1
 
-.PHONY: help demo build test test-all check fmt clippy doc deny bench
+# Where `make install` puts things. Packagers set DESTDIR.
+PREFIX ?= /usr/local
+PROGRAM ?= target/release/deaflow
+BIN := $(DESTDIR)$(PREFIX)/bin
+SHARE := $(DESTDIR)$(PREFIX)/share
+BASH_FILE := $(SHARE)/bash-completion/completions/deaflow
+ZSH_FILE := $(SHARE)/zsh/site-functions/_deaflow
+FISH_FILE := $(SHARE)/fish/vendor_completions.d/deaflow.fish
+
+.PHONY: help demo build install uninstall test test-all check fmt clippy doc deny bench
 
 help:
 	@echo "make demo      run pipelines/quickstart.yaml; figures and artifacts go to $(STORE)/"
+	@echo "make install   install the program, its manual pages and completions below $(PREFIX)"
+	@echo "make uninstall remove them"
 	@echo "make test      run the tests"
 	@echo "make test-all  also let other programs read what is written: installs some 900 MB"
 	@echo "make check     formatting, lints, documentation, dependencies, layering"
@@ -21,6 +32,22 @@ demo: build
 build:
 	@.ci/install-missing build
 	cargo build --release --locked
+
+# Root installs what somebody else has built: nothing is built anew here.
+install: $(PROGRAM)
+	install -D -m 755 $(PROGRAM) $(BIN)/deaflow
+	mkdir -p $(SHARE)/man/man1 $(dir $(BASH_FILE)) $(dir $(ZSH_FILE)) $(dir $(FISH_FILE))
+	$(BIN)/deaflow man $(SHARE)/man/man1
+	$(BIN)/deaflow completions bash > $(BASH_FILE)
+	$(BIN)/deaflow completions zsh > $(ZSH_FILE)
+	$(BIN)/deaflow completions fish > $(FISH_FILE)
+
+uninstall:
+	rm -f $(BIN)/deaflow $(BASH_FILE) $(ZSH_FILE) $(FISH_FILE)
+	rm -f $(SHARE)/man/man1/deaflow.1 $(SHARE)/man/man1/deaflow-*.1
+
+target/release/deaflow:
+	$(MAKE) build
 
 test:
 	@.ci/install-missing test

@@ -109,6 +109,37 @@ fn every_command_has_a_manual_page() {
 }
 
 #[test]
+fn make_installs_program_pages_and_completions_and_removes_them() {
+    let workspace = Workspace::new();
+    let make = |target: &str| {
+        let mut command = workspace.dressed("make");
+        command.current_dir(env!("CARGO_MANIFEST_DIR")).arg("-s").arg(target);
+        command.arg(format!("PROGRAM={}", env!("CARGO_BIN_EXE_deaflow")));
+        command
+            .arg(format!("DESTDIR={}", workspace.path("root").display()))
+            .arg("PREFIX=/usr");
+        let output = command.output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    };
+    make("install");
+    let at = |name: &str| workspace.path("root/usr").join(name);
+    for file in [
+        "bin/deaflow",
+        "share/man/man1/deaflow.1",
+        "share/man/man1/deaflow-run.1",
+        "share/bash-completion/completions/deaflow",
+        "share/zsh/site-functions/_deaflow",
+        "share/fish/vendor_completions.d/deaflow.fish",
+    ] {
+        assert!(at(file).is_file(), "{file}");
+    }
+    fs::write(at("share/man/man1/other.1"), "").unwrap();
+    make("uninstall");
+    let left = super::common::files(&workspace.path("root"));
+    assert_eq!(left, [at("share/man/man1/other.1")]);
+}
+
+#[test]
 fn help_is_grouped_narrow_and_ends_with_examples() {
     let workspace = Workspace::new();
     let help = workspace.run(&["--help"]).stdout;
