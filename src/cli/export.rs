@@ -24,7 +24,7 @@ pub enum Exported {
     Artifact(artifact::ExportArtifactArguments),
     /// A pipeline with all that it made as a research object (Workflow Run RO-Crate)
     Crate(research_object::ExportCrateArguments),
-    /// A design as a mask in mm (svg, dxf, gerber, png, csv) or as a deformed membrane (vtkhdf)
+    /// A design as a mask (svg, dxf, gerber, png, csv) or a deformed membrane (vtkhdf)
     Design(design::ExportDesignArguments),
     /// A trained model as a safetensors or an ONNX file
     Model(model::ExportModelArguments),

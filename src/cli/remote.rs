@@ -24,7 +24,7 @@ pub struct RemoteCommand {
 
 #[derive(Debug, Subcommand)]
 enum What {
-    /// Add a remote: a place in S3-compatible storage, and the keys whose records count there
+    /// Add a remote: a place in S3-compatible storage, and the keys that count there
     Add(AddArguments),
     /// List the remotes
     #[command(after_help = examples!("deaflow remote list"))]
