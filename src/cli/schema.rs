@@ -11,7 +11,7 @@ use crate::content::{ContentOfKind, Declared, catalogue};
 use crate::orchestrator::{of_pipeline, of_scene};
 use crate::stage;
 
-/// Print the JSON Schema of pipelines or scenes, for editors; or the arrays of artifacts
+/// Print the JSON Schema of pipelines or scenes, or the arrays of artifacts
 #[derive(Debug, Args)]
 #[command(after_help = examples!("deaflow schema > schema/pipeline.json", "deaflow schema scene > schema/scene.json"))]
 pub struct SchemaArguments {
