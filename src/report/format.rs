@@ -58,19 +58,48 @@ pub fn number(value: f64) -> String {
     format!("{value:.decimals$}")
 }
 
+/// A number with three significant digits; what is smaller than 0.0001 and not nothing is said to be.
+pub fn three(value: f64) -> String {
+    const LEAST: f64 = 1e-4;
+    let size = value.abs();
+    if !value.is_finite() || value == 0.0 {
+        return signed(&(value + 0.0).to_string());
+    }
+    if size < LEAST {
+        return if value > 0.0 { "< 0.0001" } else { "> −0.0001" }.to_owned();
+    }
+    // The power of ten of the rounded number: 0.9996 has as many decimals as 1.
+    let scientific = format!("{size:.2e}");
+    let power = scientific.split_once('e').and_then(|(_, power)| power.parse().ok());
+    let decimals = (2 - power.unwrap_or(0_i32)).max(0) as usize;
+    signed(&format!("{value:.decimals$}"))
+}
+
+/// A share in percent, with three significant digits.
+pub fn share(share: f64) -> String {
+    format!("{} %", three(100.0 * share))
+}
+
+/// A difference in percent with its sign, with three significant digits.
+pub fn change(change: f64) -> String {
+    let text = share(change);
+    match text.starts_with(|c: char| c.is_ascii_digit()) && change > 0.0 {
+        true => format!("+{text}"),
+        false => text,
+    }
+}
+
+/// An estimated error in mm, after a length with as many decimals.
+pub fn uncertainty(mm: f64) -> String {
+    match mm.abs() {
+        error if error < 1e-4 => "± < 0.0001".to_owned(),
+        error => format!("± {error:.4}"),
+    }
+}
+
 /// A share in percent.
 pub fn percent(share: f64, decimals: usize) -> String {
     format!("{:.*} %", decimals, 100.0 * share)
-}
-
-/// A difference in percent, with its sign.
-pub fn gain(share: f64, decimals: usize) -> String {
-    let text = format!("{:+.*} %", decimals, 100.0 * share);
-    // Nothing is neither more nor less.
-    match text.trim_start_matches(['+', '-', '0', '.']) == " %" {
-        true => text[1..].to_owned(),
-        false => signed(&text),
-    }
 }
 
 /// With a minus sign in place of a hyphen.
@@ -136,10 +165,27 @@ mod tests {
         assert_eq!(sizes, ["0 B", "999 B", "1.5 kB", "1.0 MB", "2.3 GB"]);
         assert_eq!(time("2026-01-02T03:04:05.678Z"), "2026-01-02 03:04:05 UTC");
         assert_eq!((mm(-1.23456), percent(0.9912, 1)), ("−1.2346".into(), "99.1 %".into()));
-        assert_eq!(
-            [0.05, -0.0512, -0.000_04].map(|g| gain(g, 2)),
-            ["+5.00 %", "−5.12 %", "0.00 %"]
-        );
         assert_eq!(cut("abcdef", 4), "abc…");
+    }
+
+    #[test]
+    fn numbers_have_three_significant_digits_and_nothing_is_rounded_to_nothing() {
+        for (value, text) in [
+            (2.154_73, "2.15"),
+            (0.999_6, "1.00"),
+            (-0.042_71, "−0.0427"),
+            (0.000_04, "< 0.0001"),
+            (-0.000_04, "> −0.0001"),
+            (0.0, "0"),
+            (-0.0, "0"),
+            (1234.5, "1234"),
+            (99.96, "100"),
+            (f64::NAN, "NaN"),
+        ] {
+            assert_eq!(three(value), text);
+        }
+        assert_eq!([0.0169, -0.05, 0.0, 1e-7].map(change), ["+1.69 %", "−5.00 %", "0 %", "< 0.0001 %"]);
+        assert_eq!([1.0, 0.989_84].map(share), ["100 %", "99.0 %"]);
+        assert_eq!([0.000_31, 2e-5].map(uncertainty), ["± 0.0003", "± < 0.0001"]);
     }
 }

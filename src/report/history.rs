@@ -6,7 +6,7 @@ use std::path::Path;
 
 use super::artifacts::{Made, RunArtifacts};
 use super::error::ReportError;
-use crate::base::ArtifactId;
+use crate::base::{ArtifactId, Node, NodeValue};
 use crate::orchestrator::{Pipeline, Rounds, StageReport};
 use crate::store::{Artifact, Command, Cost, Run, Store};
 
@@ -44,6 +44,8 @@ pub struct StageFacts {
     pub why: Option<String>,
     /// What made it; none where it has yet to be built.
     pub origin: Option<Origin>,
+    /// The parts of its scene with their entries, as the pipeline has them; empty where it has none.
+    pub scene: Vec<(String, String)>,
 }
 
 /// What made an artifact.
@@ -104,6 +106,7 @@ impl History {
                 bytes: report.size,
                 why: report.why.clone(),
                 origin: origin.transpose()?,
+                scene: scene(pipeline, &report.name),
             });
         }
         Ok(Self {
@@ -157,6 +160,22 @@ impl History {
     pub fn missing(&self) -> Vec<&StageFacts> {
         self.stages.iter().filter(|stage| stage.digest.is_none()).collect()
     }
+}
+
+/// The parts of the scene of a stage with their entries as they were written.
+fn scene(pipeline: &Pipeline, name: &str) -> Vec<(String, String)> {
+    let node = pipeline.stage(name).and_then(|spec| pipeline.scene_of(spec));
+    let Some(NodeValue::Map(parts)) = node.map(Node::value) else {
+        return Vec::new();
+    };
+    let entries = |part: &Node| match part.value() {
+        NodeValue::Map(_) => part.written_entries().join(", "),
+        _ => part.written(),
+    };
+    parts
+        .iter()
+        .map(|(key, part)| (key.written(), entries(part)))
+        .collect()
 }
 
 fn has(run: &Run, report: &StageReport, digest: &ArtifactId) -> bool {

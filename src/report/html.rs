@@ -31,13 +31,18 @@ pub enum Column {
     Wide,
     /// Numbers, flush right.
     Number,
+    /// Digests, of which the beginning is shown; a pointer brings up the whole.
+    Digest,
 }
+
+/// Letters of a digest that tell it from others.
+const SHORT: usize = 12;
 
 impl Column {
     fn class(self) -> Option<&'static str> {
         match self {
             Self::Text => None,
-            Self::Key => Some("key"),
+            Self::Key | Self::Digest => Some("key"),
             Self::Wide => Some("wide"),
             Self::Number => Some("number"),
         }
@@ -61,8 +66,11 @@ impl Page {
         self.head.push(html! { p.lead { (text) } });
     }
 
-    /// Puts numbers with what they are at the top.
+    /// Puts numbers with what they are at the top; nothing where there are none.
     pub fn tiles(&mut self, tiles: &[(String, String)]) {
+        if tiles.is_empty() {
+            return;
+        }
         self.head.push(html! {
             ul.tiles { @for (number, what) in tiles { li { b { (number) } span { (what) } } } }
         });
@@ -72,6 +80,15 @@ impl Page {
     pub fn notice(&mut self, lines: &[String]) {
         self.head
             .push(html! { div.box role="note" { @for line in lines { p { (line) } } } });
+    }
+
+    /// Puts warnings at the top, a line for each; nothing where there are none.
+    pub fn warnings(&mut self, title: &str, warnings: &[String]) {
+        if !warnings.is_empty() {
+            self.head.push(html! {
+                div.box role="note" { p { b { (title) } } ul { @for warning in warnings { li { (warning) } } } }
+            });
+        }
     }
 
     /// Begins a section, which the list of contents names.
@@ -136,8 +153,12 @@ impl Page {
     /// Adds a table, which scrolls within its own box where it is wider than the page.
     pub fn columns(&mut self, what: &str, columns: &[(&str, Column)], rows: &[Vec<String>]) {
         let class = |k: usize| columns.get(k).and_then(|(_, column)| column.class());
+        let is_digest = |k: usize| columns.get(k).is_some_and(|(_, column)| *column == Column::Digest);
         let cell = |(k, text): (usize, &String)| match (k, mark(text)) {
             (0, Some(mark)) => html! { td { span class=(mark) { (text) } } },
+            (k, _) if is_digest(k) && text.len() > SHORT => {
+                html! { td.key { span.mono title=(text) { (text.chars().take(SHORT).collect::<String>()) } } }
+            }
             _ => html! { td class=[class(k)] { (text) } },
         };
         let table = html! {

@@ -8,6 +8,7 @@ use serde::Serialize;
 use super::artifacts::Source;
 use super::designs::is_to_be_met;
 use super::error::ReportError;
+use super::format::{change, share, three, uncertainty};
 use super::intervals::{self, NetworkInterval};
 use crate::content::{ContentError, Verification, predicted_rows};
 use crate::field::NO_FIELD;
@@ -18,7 +19,7 @@ use crate::store::Artifact;
 pub(super) const TRUSTED: f64 = 0.05;
 
 /// Of less than a micrometre a difference is no share: nothing may be what is wanted.
-const LEAST_MM: f64 = 1e-3;
+pub(super) const LEAST_MM: f64 = 1e-3;
 
 /// The result of a verify stage.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -27,7 +28,7 @@ pub struct Summary {
     pub stage: String,
     /// The designs and what they are compared with.
     pub rows: Vec<RowSummary>,
-    /// The largest difference between predicted and simulated among the designs that were found, as a fraction of the simulated.
+    /// The largest difference between predicted and simulated of all patterns, the intuitive ones too, as a fraction of the simulated.
     pub largest_difference: Option<f64>,
     /// Designs that were found and predicted, and have no stable solution.
     pub not_stable: usize,
@@ -199,7 +200,7 @@ fn found(rows: &[RowSummary]) -> impl Iterator<Item = &RowSummary> {
 }
 
 fn largest_difference(rows: &[RowSummary]) -> Option<f64> {
-    let relative = found(rows).filter_map(|row| {
+    let relative = rows.iter().filter_map(|row| {
         let simulated = row.simulated_mm.filter(|mm| mm.abs() > LEAST_MM)?;
         Some((row.difference_mm? / simulated).abs())
     });
@@ -230,13 +231,16 @@ impl fmt::Display for Summary {
             writeln!(f, "  {verdict}")?;
         }
         match self.largest_difference {
-            Some(share) if share > TRUSTED => write!(
+            Some(value) if value > TRUSTED => write!(
                 f,
-                "  predicted and simulated differ by up to {:.0} %: the evaluator is not to be trusted here",
-                100.0 * share
+                "  predicted and simulated differ by up to {}: the evaluator is not to be trusted here",
+                share(value)
             ),
-            Some(share) => write!(f, "  predicted and simulated differ by up to {:.2} %", 100.0 * share),
-            None => write!(f, "  no design has both a prediction and a simulation"),
+            Some(value) => write!(f, "  predicted and simulated differ by up to {}", share(value)),
+            None if self.rows.iter().any(|row| row.difference_mm.is_some()) => {
+                write!(f, "  no pattern moves by a micrometre along the wanted directions")
+            }
+            None => write!(f, "  no pattern has both a prediction and a simulation"),
         }
     }
 }
@@ -264,28 +268,27 @@ impl fmt::Display for Line<'_> {
             None => write!(f, "  no stable solution was found: {}", row.outcome)?,
         }
         if let Some(error) = row.simulated_error_mm {
-            write!(f, " ± {error:.4}")?;
+            write!(f, " {}", uncertainty(error))?;
         }
         if let Some(interval) = &row.interval {
             write!(f, "  {interval}")?;
         }
         if let Some(distance) = row.distance_mm {
-            write!(f, "  {distance:.4} mm from what is wanted")?;
+            write!(f, "  {} mm from what is wanted", three(distance))?;
         }
-        let percent = |gain: f64| format!("{:+.2} %", 100.0 * gain);
         match (row.gain_own_area, row.gain_equal_area) {
             (Some(own), Some(equal)) => write!(
                 f,
                 "  gain over the intuitive design {}, {} at equal area",
-                percent(own),
-                percent(equal)
+                change(own),
+                change(equal)
             )?,
-            (Some(own), None) => write!(f, "  gain over the intuitive design {}", percent(own))?,
-            (None, Some(equal)) => write!(f, "  gain over the intuitive design {} at equal area", percent(equal))?,
+            (Some(own), None) => write!(f, "  gain over the intuitive design {}", change(own))?,
+            (None, Some(equal)) => write!(f, "  gain over the intuitive design {} at equal area", change(equal))?,
             (None, None) => {}
         }
         if let Some(ratio) = row.ratio_to_optimum.filter(|_| row.role != Role::Optimum) {
-            write!(f, "  {:.2} % of the optimum", 100.0 * ratio)?;
+            write!(f, "  {} of the best pattern found by gradient search", share(ratio))?;
         }
         if row.status != "met" {
             write!(f, "  ({})", row.status)?;

@@ -425,6 +425,12 @@ impl Elements for ForTarget<'_> {
         Ok(&self.stage.ready(self.target)?.gradient)
     }
 
+    fn settings(&self) -> String {
+        // Equilibria are Newton's; a field at a time follows from three of them.
+        let method = self.time.map_or("newton", |_| "creep:3");
+        format!("method: {method}, elements_per_cell: 1, order: 2")
+    }
+
     fn feasibility(&self) -> Result<Option<&dyn Feasibility>, SearchError> {
         let ready = self.stage.ready(self.target)?;
         Ok((!ready.margins.is_empty()).then_some(ready as &dyn Feasibility))

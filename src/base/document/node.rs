@@ -259,4 +259,30 @@ impl Node {
             _ => self.describe_plain(),
         }
     }
+
+    /// The value on one line as it was written, with units as they stand there: `{ voltage: 5.25 kV }`.
+    #[must_use]
+    pub fn written(&self) -> String {
+        let joined = |parts: Vec<String>| parts.join(", ");
+        match &self.value {
+            NodeValue::List(items) => format!("[{}]", joined(items.iter().map(Self::written).collect())),
+            NodeValue::Map(entries) if entries.is_empty() => "{}".to_owned(),
+            NodeValue::Map(entries) => format!("{{ {} }}", joined(written_entries(entries))),
+            _ => self.describe_plain(),
+        }
+    }
+
+    /// The entries of a mapping, each on one line as it was written; empty where it is none.
+    #[must_use]
+    pub fn written_entries(&self) -> Vec<String> {
+        match &self.value {
+            NodeValue::Map(entries) => written_entries(entries),
+            _ => Vec::new(),
+        }
+    }
+}
+
+fn written_entries(entries: &[(Node, Node)]) -> Vec<String> {
+    let entry = |(key, value): &(Node, Node)| format!("{}: {}", key.describe_plain(), value.written());
+    entries.iter().map(entry).collect()
 }

@@ -118,3 +118,13 @@ fn words_are_truth_values_only_where_one_is_wanted() {
     assert_eq!(last.text("it").unwrap(), "y");
     assert!(last.bool("it").is_err());
 }
+
+#[test]
+fn a_value_is_told_as_it_was_written() {
+    let text = "drive: { voltage: 5.25 kV }\npoint: [25 mm, 2.5 cm]\neffects: {}\n";
+    let document = Document::from_text(Path::new("scene"), text).unwrap();
+    assert_eq!(
+        document.root.written_entries(),
+        ["drive: { voltage: 5.25 kV }", "point: [25 mm, 2.5 cm]", "effects: {}"]
+    );
+}

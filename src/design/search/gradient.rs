@@ -31,8 +31,7 @@ impl Search<'_> {
             optima.push(best.pattern.clone());
             findings.add(Role::Optimum, member, self.options.units, best);
         }
-        let settings = "method: newton, elements_per_cell: 1, order: 2".to_owned();
-        self.result(settings, elements, findings, Vec::new())
+        self.result(self.elements.settings(), elements, findings, Vec::new())
     }
 
     /// The best local optimum from some starts: the gradient is followed from all, and the best are finished by exchanges.

@@ -45,6 +45,9 @@ pub trait Elements {
     /// When the scene cannot be simulated.
     fn gradient(&self) -> Result<&dyn Differentiable<StateFields>, SearchError>;
 
+    /// What [`Elements::gradient`] is called as an evaluator, on one line.
+    fn settings(&self) -> String;
+
     /// What checks the margins that the constraints ask for, if they ask for any.
     ///
     /// # Errors

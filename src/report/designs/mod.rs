@@ -13,6 +13,7 @@ pub(super) use compare::tests;
 
 use super::drawing::{Ground, Membrane};
 use super::intervals::NetworkInterval;
+use super::summary::LEAST_MM;
 
 use crate::pattern::Pattern;
 pub use crate::pattern::Role;
@@ -137,10 +138,10 @@ impl Design {
         }
     }
 
-    /// Predicted less simulated, a share of what is simulated.
+    /// Predicted less simulated, a share of what is simulated; none where that is less than a micrometre.
     #[must_use]
     pub fn prediction_error(&self) -> Option<f64> {
-        let simulated = self.simulated_mm.filter(|mm| mm.abs() > 1e-9)?;
+        let simulated = self.simulated_mm.filter(|mm| mm.abs() > LEAST_MM)?;
         Some((self.predicted_mm? - simulated) / simulated.abs())
     }
 

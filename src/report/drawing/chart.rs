@@ -11,12 +11,13 @@ use super::path::{number, path};
 
 /// Size of a chart unless another is asked for, small enough that its text can be read on a telephone. Units are pixels of
 /// the page, where text is 12 high.
-const SIZE: [f64; 2] = [380.0, 255.0];
+const SIZE: [f64; 2] = [380.0, 268.0];
 
-/// Room around the frame for ticks and labels.
-pub const LEFT: f64 = 62.0;
-pub const RIGHT: f64 = 12.0;
-pub const TOP: f64 = 10.0;
+/// Room around the frame for ticks and labels. What is measured upwards is written above the frame, where it can be as long as the chart is
+/// wide and meets no tick.
+pub const LEFT: f64 = 56.0;
+pub const RIGHT: f64 = 14.0;
+pub const TOP: f64 = 28.0;
 pub const BELOW: f64 = 44.0;
 
 /// Widths and heights that text of 12 units hardly exceeds.
@@ -269,7 +270,7 @@ impl Chart {
                 .iter()
                 .map(|(y, _)| format!("M{left} {}H{right}", number(*y, 1))),
         );
-        let (x, y) = (number(0.5 * (left + right), 1), number(0.5 * (top + bottom), 1));
+        let x = number(0.5 * (left + right), 1);
         html! {
             path class="grid" d=(grid.collect::<String>()) {}
             @for (x, text) in &across {
@@ -280,7 +281,7 @@ impl Chart {
             }
             path class="axis" d={ "M" (left) " " (top) "V" (bottom) "H" (right) } {}
             text class="ink" x=(x) y=(number(self.size[1] - 8.0, 1)) text-anchor="middle" { (self.x.label()) }
-            text class="ink" transform={ "translate(12 " (y) ") rotate(-90)" } text-anchor="middle" { (self.y.label()) }
+            text class="ink" x="2" y=(number(top - 14.0, 1)) { (self.y.label()) }
         }
     }
 
@@ -378,7 +379,7 @@ mod tests {
         assert!(text.contains("<li class=\"blue\"><i></i>line</li>") && !text.contains("<li class=\"green\">"));
         // The middle of the frame from left to right, and its upper edge.
         assert!(
-            text.contains("<circle class=\"green\" cx=\"215\" cy=\"10\" r=\"3.5\"><title>second</title>"),
+            text.contains("<circle class=\"green\" cx=\"211\" cy=\"28\" r=\"3.5\"><title>second</title>"),
             "{text}"
         );
         assert!(text.contains("a &lt;b&gt;") && text.contains("x [mm]"));

@@ -7,6 +7,8 @@ use maud::html;
 use super::membrane::electrode;
 use crate::pattern::Role;
 use crate::report::drawing::{Axis, Chart, Colour, FigureError, Mark, Membrane, Series, Sheet, exaggeration};
+use crate::report::format::three;
+use crate::report::summary::LEAST_MM;
 
 /// One pattern, predicted and simulated.
 #[derive(Clone, Debug)]
@@ -19,17 +21,19 @@ pub struct Case {
     pub predicted: Option<f64>,
     /// The same, simulated.
     pub simulated: f64,
+    /// What it moves farther than the intuitive design at its own area, a share; none where nothing is compared.
+    pub gain: Option<f64>,
 }
 
 /// Side of a membrane and height of the bars.
 const SIDE: f64 = 262.0;
-const BARS: f64 = 246.0;
+const BARS: f64 = 200.0;
 
 /// Membranes in a row of a gallery, and the size of each with its caption.
 const COLUMNS: usize = 8;
 const TILE: [f64; 2] = [144.0, 180.0];
 
-/// Draws each case deformed, and its predicted and simulated displacements beside each other.
+/// Draws each case deformed, what it gains, and how far its prediction was off.
 ///
 /// # Errors
 /// When there are no cases or data are incomplete, or the file cannot be written.
@@ -44,39 +48,66 @@ pub fn draw_agreement(path: &Path, cases: &[Case]) -> Result<(), FigureError> {
         ));
     }
     let scale = exaggeration(cases.iter().map(|case| &case.membrane));
-    let electrodes: Vec<Chart> = cases
-        .iter()
-        .map(|case| electrode(&case.name, &case.membrane, scale, SIDE))
-        .collect();
+    let drawn = |case: &Case| {
+        let reached = format!("{:.4} mm, ", case.simulated);
+        let chart = electrode(&case.name, &case.membrane, scale, SIDE);
+        let note = reached + &chart.note;
+        chart.with_note(note)
+    };
+    let electrodes: Vec<Chart> = cases.iter().map(drawn).collect();
     let membranes = Sheet::charts(cases.len(), &electrodes);
-    let bars = bars(cases).with_size([(membranes.size[0] - 12.0).max(708.0), BARS]);
-    Sheet::below(vec![membranes, Sheet::charts(1, &[bars])]).write_png(path)
+    let size = [(membranes.size[0] - 12.0).max(708.0), BARS];
+    let charts = [gains(cases), residuals(cases)].into_iter().flatten();
+    let charts = charts.map(|chart| Sheet::charts(1, &[chart.with_size(size)]));
+    Sheet::below(std::iter::once(membranes).chain(charts).collect()).write_png(path)
 }
 
-fn bars(cases: &[Case]) -> Chart {
-    let values = cases.iter().flat_map(|c| [c.predicted, Some(c.simulated)]);
-    let values: Vec<f64> = values.flatten().collect();
-    let x = Axis::names(cases.iter().map(|c| c.name.clone()).collect());
-    let series = |name: &str, colour, side: f64, value: fn(&Case) -> Option<f64>| {
-        let known = (0..)
-            .map(f64::from)
-            .zip(cases)
-            .filter_map(|(k, case)| Some((k, value(case)?)));
-        let corners = known.clone().flat_map(|(k, value)| {
-            let left = k + side;
-            [(left, 0.0), (left + 0.3, value)]
-        });
-        let words = known.clone().map(|(_, value)| format!("{value:.3}")).collect();
-        Series::new(name, colour, Mark::Bars, corners.collect()).with_words(words)
-    };
-    let series = vec![
-        series("predicted by the evaluator", Colour::Sky, -0.32, |case| case.predicted),
-        series("simulated by finite elements", Colour::Blue, 0.02, |case| {
+/// What each design moves farther than the intuitive one; where nothing is compared with one, how far each moves.
+fn gains(cases: &[Case]) -> Option<Chart> {
+    match cases.iter().any(|case| case.gain.is_some()) {
+        true => bars(
+            "Gain over the intuitive design at its own area",
+            "More displacement [%]",
+            Colour::Blue,
+            cases,
+            |case| Some(100.0 * case.gain?),
+        ),
+        false => bars("Simulated displacement", "Displacement [mm]", Colour::Blue, cases, |case| {
             Some(case.simulated)
         }),
+    }
+}
+
+/// What the evaluator predicted more or less than finite elements simulate.
+fn residuals(cases: &[Case]) -> Option<Chart> {
+    bars(
+        "Predicted less simulated",
+        "Difference [% of simulated]",
+        Colour::Orange,
+        cases,
+        |case| {
+            let simulated = Some(case.simulated).filter(|mm| mm.abs() > LEAST_MM)?;
+            Some(100.0 * (case.predicted? - simulated) / simulated.abs())
+        },
+    )
+}
+
+/// A bar for each case that has a value, from zero and with the value at its end; none where none has one.
+fn bars(title: &str, label: &str, colour: Colour, cases: &[Case], value: fn(&Case) -> Option<f64>) -> Option<Chart> {
+    let known: Vec<(f64, f64)> = (0..)
+        .map(f64::from)
+        .zip(cases)
+        .filter_map(|(k, case)| Some((k, value(case)?)))
+        .collect();
+    let corners = known.iter().flat_map(|(k, value)| [(k - 0.2, 0.0), (k + 0.2, *value)]);
+    let words = known.iter().map(|(_, value)| three(*value)).collect();
+    let series = Series::new("", colour, Mark::Bars, corners.collect()).with_words(words);
+    let values: Vec<f64> = known.iter().map(|(_, value)| *value).collect();
+    let axes = [
+        Axis::names(cases.iter().map(|c| c.name.clone()).collect()),
+        Axis::above(label, &values),
     ];
-    let axes = [x, Axis::above("Displacement [mm]", &values)];
-    Chart::new("Displacement along the wanted direction", axes, series)
+    (!known.is_empty()).then(|| Chart::new(title, axes, vec![series]))
 }
 
 /// Draws each design deformed with what it reaches, row by row, displacements exaggerated alike.

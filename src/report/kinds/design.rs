@@ -75,7 +75,10 @@ impl Presenter for Design {
         }
         page.section("Search");
         evaluators_table(page, &run.each(self.kind(), read)?.concat());
-        page.line("How the displacement of the best pattern grew while it was searched, as the search judged it.");
+        page.line(
+            "How far the best pattern of each generation or step still was from the one that the search ended with, in percent of its \
+             displacement as the search judged it. A line ends where nothing more was gained.",
+        );
         page.charts(&charts);
         Ok(())
     }
@@ -185,27 +188,71 @@ fn searches(labels: Vec<String>, counts: &[u64], values: &[f64]) -> Vec<Search> 
     searches
 }
 
-/// A line for each search; none where there was none.
+/// How far each search still was from where it ended, a line for each on a logarithmic axis, so that searches of all sizes can be compared
+/// and late steps be seen; none where nothing was gained.
 fn chart(stage: &str, what: &str, count: &str, searches: &[Search]) -> Option<Chart> {
-    let few = searches.len() <= NAMED;
-    let series = |(search, colour): (&Search, Colour)| {
-        let name = if few { search.name.as_str() } else { "" };
-        Series::new(name, colour, Mark::Line, search.points.clone())
-    };
-    let points = || searches.iter().flat_map(|search| &search.points);
-    let last = points().fold(0.0, |a: f64, (n, _)| a.max(*n));
-    let note = match few {
-        true => what.to_owned(),
-        false => format!("{what}, {} lines", searches.len()),
+    let moving: Vec<(&Search, Vec<(f64, f64)>)> = searches
+        .iter()
+        .map(|search| (search, search.shortfalls()))
+        .filter(|(_, points)| !points.is_empty())
+        .collect();
+    let few = (2..=NAMED).contains(&moving.len());
+    let last = searches.iter().flat_map(|search| &search.points);
+    let last = last.fold(0.0, |a: f64, (n, _)| a.max(*n));
+    let note = match searches {
+        [one] => one.points.last().map_or(what.to_owned(), |(_, end)| format!("{what}, ends at {} mm", mm(*end))),
+        several => format!("{what}, {} searches", several.len()),
     };
     let axes = [
         Axis::counting(count, 0.0, last.max(1.0)),
-        Axis::above("Displacement [mm]", points().map(|(_, mm)| mm)),
+        Axis::logarithmic(
+            "Displacement short of the end of the search [%]",
+            moving.iter().flat_map(|(_, points)| points).map(|(_, gap)| gap),
+        ),
     ];
-    let series = searches
+    let series = moving
         .iter()
         .zip(Colour::ALL.into_iter().cycle())
-        .map(series)
+        .map(|((search, points), colour)| {
+            let name = if few { search.name.as_str() } else { "" };
+            Series::new(name, colour, Mark::LineAndDots, points.clone())
+        })
         .collect();
-    (!searches.is_empty()).then(|| Chart::new(stage, axes, series).with_note(note))
+    (!moving.is_empty()).then(|| Chart::new(stage, axes, series).with_note(note))
+}
+
+impl Search {
+    /// The difference to the last value in percent of it, where it is more than nothing.
+    fn shortfalls(&self) -> Vec<(f64, f64)> {
+        const NOTHING: f64 = 1e-3;
+        let Some((_, end)) = self.points.last().filter(|(_, end)| end.abs() > 0.0) else {
+            return Vec::new();
+        };
+        let gap = |(n, value): &(f64, f64)| (*n, 100.0 * ((end - value) / end).abs());
+        self.points.iter().map(gap).filter(|(_, gap)| *gap > NOTHING).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_climb_is_drawn_as_what_was_still_missing() {
+        let search = Search {
+            name: "a".into(),
+            points: vec![(0.0, 1.0), (1.0, 1.9), (2.0, 2.0), (3.0, 2.0)],
+        };
+        let gaps = search.shortfalls();
+        assert_eq!(gaps.len(), 2, "{gaps:?}");
+        assert!((gaps[0].1 - 50.0).abs() < 1e-9 && (gaps[1].1 - 5.0).abs() < 1e-9);
+        let still = Search {
+            name: "b".into(),
+            points: vec![(0.0, 0.0), (1.0, 0.0)],
+        };
+        assert!(chart("s", "by gradients", "Step", &[still]).is_none());
+        let drawn = chart("s", "by gradients", "Step", &[search]).unwrap();
+        assert_eq!(drawn.note, "by gradients, ends at 2.0000 mm");
+        assert!(drawn.legend().next().is_none(), "one line needs no legend");
+    }
 }

@@ -11,7 +11,7 @@ use crate::report::designs::membranes;
 use crate::report::drawing::Membrane;
 use crate::report::error::ReportError;
 use crate::report::figures::{Case, draw_agreement, draw_gallery, rounds_charts};
-use crate::report::format::{mm, percent};
+use crate::report::format::{mm, share};
 use crate::report::html::{Column, Page};
 use crate::report::in_time::InTime;
 use crate::report::presenter::{DrawFigure, Presenter, Results};
@@ -121,6 +121,7 @@ fn verification(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
             membrane,
             predicted: summary.predicted_mm,
             simulated: summary.simulated_mm.unwrap_or(0.0),
+            gain: summary.gain_own_area,
         }
     };
     let cases: Vec<Case> = rows.iter().zip(drawn).map(case).collect();
@@ -173,13 +174,13 @@ const COLUMNS: [(&str, Column); 6] = [
 ];
 
 fn row((k, round): (usize, &RoundSummary)) -> Vec<String> {
-    let share = |value: Option<f64>| value.map_or_else(String::new, |value| percent(value, 2));
+    let in_percent = |value: Option<f64>| value.map_or_else(String::new, share);
     vec![
         (k + 1).to_string(),
         round.stage.clone(),
         round.designs.to_string(),
         round.rms_mm.map_or_else(String::new, mm),
-        share(round.rms_relative),
-        share(round.largest_relative),
+        in_percent(round.rms_relative),
+        in_percent(round.largest_relative),
     ]
 }

@@ -5,7 +5,10 @@ use maud::{Markup, html};
 use crate::pattern::CELLS;
 use crate::report::designs::{Design, Role, StateField, Way, role_title};
 use crate::report::drawing::{Ground, direction};
-use crate::report::format::{gain, mm, percent};
+use crate::report::format::{change, mm, share, three, uncertainty};
+
+/// Where the files of a report are, seen from its page.
+pub const FOLDER: &str = "data/";
 
 /// Length of the arrow of a wanted direction, in thousandths of the membrane's side.
 const ARROW: f64 = 110.0;
@@ -45,6 +48,7 @@ fn card(design: &Design, several: bool, scale: f64) -> Markup {
             }
             (numbers(design))
             @for (class, remark) in remarks(design) { p class={ "status " (class) } { (remark) } }
+            p.files { a href={ (FOLDER) (design.pattern_file()) } { "pattern (CSV)" } }
         }
     }
 }
@@ -114,7 +118,7 @@ fn numbers(design: &Design) -> Markup {
         (None, None) => "no value".to_owned(),
     };
     html! {
-        p.value { b { (value) } @if let Some(ratio) = ratio { span { (percent(ratio, 2)) " of the optimum" } } }
+        p.value { b { (value) } @if let Some(ratio) = ratio { span { (share(ratio)) " of the best found by gradient search" } } }
         dl { (rows(design)) }
     }
 }
@@ -132,7 +136,7 @@ fn rows(design: &Design) -> Markup {
         // Where a displacement is to be met, more of it is no gain.
         let shown = found && !design.objective.is_met && other.abs() > 1e-9;
         let own = design.simulated_mm.filter(|_| shown);
-        own.map_or_else(String::new, |own| gain((own - other) / other.abs(), 1))
+        own.map_or_else(String::new, |own| change((own - other) / other.abs()))
     };
     let other = |name: &'static str, value: Option<f64>, shown: bool| {
         let value = value.filter(|_| shown)?;
@@ -140,12 +144,12 @@ fn rows(design: &Design) -> Markup {
     };
     let error = design
         .prediction_error()
-        .map_or_else(String::new, |error| gain(error, 2));
+        .map_or_else(String::new, change);
     let predicted = design.predicted_mm.map(|value| ("predicted", mm(value), error));
     let wanted = design.objective.value_mm.map(|value| {
         let off = design
             .simulated_mm
-            .map_or_else(String::new, |own| format!("{:+.4}", own - value).replace('-', "−"));
+            .map_or_else(String::new, |own| format!("off by {}", three(own - value)));
         ("wanted", mm(value), off)
     });
     let distance = design
@@ -164,8 +168,8 @@ fn rows(design: &Design) -> Markup {
         interval,
         wanted,
         distance,
-        Some(("area", percent(design.area, 2), String::new())),
-        other("optimum", compared.optimum, shows_optimum(design)).map(|(name, value, _)| (name, value, String::new())),
+        Some(("area", share(design.area), String::new())),
+        other("best by gradient search", compared.optimum, shows_optimum(design)).map(|(name, value, _)| (name, value, String::new())),
         other("intuitive, own area", compared.intuitive_own, found),
         other("intuitive, equal area", compared.intuitive_equal_area, found),
     ];
@@ -179,7 +183,7 @@ fn rows(design: &Design) -> Markup {
 /// The simulated value with its estimated error; none where nothing was simulated.
 fn simulated(design: &Design) -> Option<String> {
     match (design.simulated_mm, &design.outcome, design.error_mm) {
-        (Some(value), _, Some(error)) => Some(format!("{} ± {error:.4} mm", mm(value))),
+        (Some(value), _, Some(error)) => Some(format!("{} {} mm", mm(value), uncertainty(error))),
         (Some(value), _, None) => Some(format!("{} mm", mm(value))),
         (None, Some(outcome), _) => Some(format!("no stable solution found ({outcome})")),
         (None, None, _) => None,

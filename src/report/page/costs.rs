@@ -90,6 +90,7 @@ pub fn provenance(page: &mut Page, history: &History) {
         }
     }
     lines.push(format!("Pipeline file: {}", history.path));
+    lines.push("Artifacts are named by the BLAKE3 digest of their content; point at one for the whole of it.".to_owned());
     page.lines(&lines);
     let row = |stage: &StageFacts| {
         let origin = stage.origin.as_ref();
@@ -108,7 +109,7 @@ pub fn provenance(page: &mut Page, history: &History) {
     let rows: Vec<Vec<String>> = history.stages.iter().map(row).collect();
     let columns = [
         ("stage", Column::Key),
-        ("digest of its artifact (BLAKE3 of the content)", Column::Key),
+        ("artifact", Column::Digest),
         ("made", Column::Key),
         ("built by", Column::Key),
         ("kind and recipe", Column::Key),

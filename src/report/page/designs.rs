@@ -1,9 +1,11 @@
 //! The designs case by case: a table, the curve over the area where targets differ in that alone, and every pattern.
 
-use super::cards::{cards, shared};
+use maud::html;
+
+use super::cards::{FOLDER, cards, shared};
 use crate::report::designs::{Design, Role, role_title};
 use crate::report::drawing::{Axis, Chart, Colour, Mark, Membrane, Series, exaggeration};
-use crate::report::format::{gain, mm, percent};
+use crate::report::format::{change, mm, share, uncertainty};
 use crate::report::html::{Column, Page};
 use crate::report::intervals::verdict;
 
@@ -38,10 +40,16 @@ pub fn section(page: &mut Page, designs: &[Design]) {
          gains are over the intuitive design at its own area and at that of the design."
             .to_owned(),
         format!(
-            "Displacements are drawn {times}; the faint grid is the membrane at rest. The optimum is the best that gradient-based \
-             search finds from several starts: how far a design is from it is how far it is from what the physics allows."
+            "Displacements are drawn {times}; the faint grid is the membrane at rest. The optimum is the best pattern that gradient search \
+             finds from several starts; nothing proves that there is no better one."
         ),
     ]);
+    page.add(html! {
+        p {
+            "All numbers: " a href={ (FOLDER) "designs.csv" } { "designs.csv" } ". Each pattern is a file beside it, named under its card; "
+            code { "deaflow export design" } " makes masks of them (SVG, DXF, Gerber)."
+        }
+    });
     page.add(shared());
     for case in by(designs.iter(), |design| &design.case) {
         let Some(first) = case.first() else { continue };
@@ -51,11 +59,7 @@ pub fn section(page: &mut Page, designs: &[Design]) {
         });
         let compared = case.iter().filter(|design| design.role.is_compared());
         let mut rows: Vec<Vec<String>> = compared.map(|design| row(design)).collect();
-        let mut columns = COLUMNS.to_vec();
-        if !case.iter().any(|design| design.objective.is_met) {
-            columns.remove(DISTANCE);
-            rows.iter_mut().for_each(|row| drop(row.remove(DISTANCE)));
-        }
+        let columns = without_empty(&COLUMNS, &mut rows);
         page.columns("Designs of the case", &columns, &rows);
         if let Some(curve) = curve(&case) {
             page.charts([&curve]);
@@ -67,7 +71,7 @@ pub fn section(page: &mut Page, designs: &[Design]) {
                 "free" => "any area".to_owned(),
                 area => area.parse().map_or_else(
                     |_| format!("area {area}"),
-                    |share: f64| format!("area {}", percent(share, 1)),
+                    |area: f64| format!("area {}", share(area)),
                 ),
             };
             let constraints = match first.constraints.trim() {
@@ -95,7 +99,19 @@ fn by<'d>(designs: impl Iterator<Item = &'d Design>, name: impl Fn(&Design) -> &
     groups
 }
 
-/// Columns of the table; the last but one stands there only where a displacement is to be met.
+/// The columns that say something of any row, and the rows with these alone.
+fn without_empty(columns: &[(&'static str, Column)], rows: &mut [Vec<String>]) -> Vec<(&'static str, Column)> {
+    let keeps = |at: usize| rows.iter().any(|row| row.get(at).is_some_and(|text| !text.is_empty()));
+    let kept: Vec<bool> = (0..columns.len()).map(keeps).collect();
+    for row in rows.iter_mut() {
+        let mut each = kept.iter();
+        row.retain(|_| *each.next().unwrap_or(&true));
+    }
+    let both = columns.iter().zip(&kept);
+    both.filter(|(_, kept)| **kept).map(|(column, _)| *column).collect()
+}
+
+/// Columns of the table; those that stay empty are left out.
 const COLUMNS: [(&str, Column); 13] = [
     ("target", Column::Key),
     ("design", Column::Key),
@@ -104,22 +120,19 @@ const COLUMNS: [(&str, Column); 13] = [
     ("predicted, mm", Column::Number),
     ("off by", Column::Number),
     ("simulated, mm", Column::Number),
-    ("network, 95 %", Column::Number),
-    ("of optimum", Column::Number),
+    ("network, 95 %, mm", Column::Number),
+    ("of best by gradients", Column::Number),
     ("gain, own area", Column::Number),
     ("gain, equal area", Column::Number),
     ("from wanted, mm", Column::Number),
     ("status", Column::Key),
 ];
 
-/// The place of the column of distances.
-const DISTANCE: usize = 11;
-
 fn row(design: &Design) -> Vec<String> {
     let is_met = design.objective.is_met;
     let over = |other: Option<f64>| {
         let other = other.filter(|mm| !is_met && mm.abs() > 1e-9)?;
-        Some(gain((design.simulated_mm? - other) / other.abs(), 1))
+        Some(change((design.simulated_mm? - other) / other.abs()))
     };
     let text = |known: Option<String>| known.unwrap_or_default();
     let compared = &design.compared;
@@ -129,7 +142,7 @@ fn row(design: &Design) -> Vec<String> {
         String::new()
     };
     let simulated = match (design.simulated_mm, design.error_mm, &design.outcome) {
-        (Some(value), Some(error), _) => format!("{} ± {error:.4}", mm(value)),
+        (Some(value), Some(error), _) => format!("{} {}", mm(value), uncertainty(error)),
         (Some(value), None, _) => mm(value),
         (None, _, Some(outcome)) => outcome.clone(),
         (None, _, None) => "not verified".to_owned(),
@@ -144,12 +157,12 @@ fn row(design: &Design) -> Vec<String> {
         design.target.clone(),
         format!("{}{number}", role_title(design.role)),
         design.units.to_string(),
-        percent(design.area, 2),
+        share(design.area),
         text(design.predicted_mm.map(mm)),
-        text(design.prediction_error().map(|error| gain(error, 2))),
+        text(design.prediction_error().map(change)),
         simulated,
         text(design.interval.as_ref().map(|interval| interval.ends())),
-        text(compared.ratio.map(|ratio| percent(ratio, 2))),
+        text(compared.ratio.map(share)),
         text(over(compared.intuitive_own)),
         text(over(compared.intuitive_equal_area)),
         text(design.distance_mm.map(mm)),
@@ -216,17 +229,7 @@ pub fn agreement(page: &mut Page, designs: &[Design]) {
     if let Some(verdict) = verdict(stated) {
         page.line(&format!("Of the designs that were found, {verdict}."));
     }
-    let values = known.iter().flat_map(|d| [d.predicted_mm, d.simulated_mm]).flatten();
-    let values: Vec<f64> = values.collect();
-    let (x, y) = (
-        Axis::above("Simulated [mm]", &values),
-        Axis::above("Predicted [mm]", &values),
-    );
-    // From zero, or from below it where something moves against what is wanted.
-    let ends = [
-        values.iter().fold(0.0, |a: f64, b| a.min(*b)),
-        values.iter().fold(0.0, |a: f64, b| a.max(*b)),
-    ];
+    let simulated: Vec<f64> = known.iter().filter_map(|d| d.simulated_mm).collect();
     let series = |of: &dyn Fn(&Design) -> Option<(f64, f64)>| {
         let one = |(role, colour): (Role, Colour)| {
             let own: Vec<&&Design> = known.iter().filter(|design| design.role == role).collect();
@@ -243,17 +246,17 @@ pub fn agreement(page: &mut Page, designs: &[Design]) {
             .filter(|s| !s.points.is_empty())
             .collect::<Vec<_>>()
     };
-    let both = |design: &Design| Some((design.simulated_mm?, design.predicted_mm?));
-    let diagonal = Series::new("", Colour::Grey, Mark::Dashed, ends.map(|end| (end, end)).to_vec());
-    let series_of_both = [vec![diagonal], series(&both)].concat();
-    let scatter = Chart::new("Predicted and simulated", [x.clone(), y], series_of_both);
     let error = |design: &Design| Some((design.simulated_mm?, 100.0 * design.prediction_error()?));
     let errors: Vec<f64> = known.iter().filter_map(|d| Some(error(d)?.1)).collect();
-    let zero = Series::new("", Colour::Grey, Mark::Dashed, ends.map(|end| (end, 0.0)).to_vec());
-    let axes = [x, Axis::around("Difference [%]", &errors)];
-    let differences = Chart::new("Difference", axes, [vec![zero], series(&error)].concat());
-    page.charts(&[
-        scatter.with_note("on the dashed line both agree"),
-        differences.with_note("predicted less simulated, in percent of what is simulated"),
-    ]);
+    if errors.is_empty() {
+        return;
+    }
+    let x = Axis::between("Simulated [mm]", &simulated);
+    let zero = Series::new("", Colour::Grey, Mark::Dashed, x.ends().map(|end| (end, 0.0)).to_vec());
+    let axes = [x, Axis::around("Predicted less simulated [% of simulated]", &errors)];
+    let differences = Chart::new("Error of the predictions", axes, [vec![zero], series(&error)].concat());
+    page.charts(&[differences.with_note("above the dashed line the prediction was too large").with_size(WIDE)]);
 }
+
+/// Width and height of a chart that stands alone.
+const WIDE: [f64; 2] = [520.0, 268.0];

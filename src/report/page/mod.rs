@@ -6,15 +6,17 @@ mod dag;
 mod designs;
 mod layout;
 mod scene;
+mod warned;
 
 use super::artifacts::RunArtifacts;
 use super::designs::{Design, Extreme, Found};
 use super::error::ReportError;
-use super::format::{bytes, counted, gain, percent, seconds};
+use super::format::{bytes, change, counted, seconds, share};
 use super::history::History;
 use super::html::Page;
 use super::kinds::by_section;
 use super::summary::TRUSTED;
+use warned::Warned;
 
 /// The page of a pipeline.
 ///
@@ -22,26 +24,36 @@ use super::summary::TRUSTED;
 /// When an artifact cannot be read or does not hold what its kind promises.
 pub fn report_page(run: &RunArtifacts<'_>, history: &History, designs: &[Design]) -> Result<String, ReportError> {
     let mut page = Page::new(&history.pipeline);
-    head(&mut page, history, designs);
+    let warned = Warned::read(run, history)?;
+    head(&mut page, history, designs, &warned);
     dag::section(&mut page, history);
     designs::section(&mut page, designs);
     designs::agreement(&mut page, designs);
     for presenter in by_section() {
         presenter.section(&mut page, run)?;
     }
-    scene::section(&mut page, run, history)?;
+    scene::section(&mut page, run, history, &warned)?;
     costs::section(&mut page, history);
     costs::provenance(&mut page, history);
     Ok(page.finish())
 }
 
-/// Title, what is missing, and the numbers that matter.
-fn head(page: &mut Page, history: &History, designs: &[Design]) {
+/// Title, what is missing, what the model leaves out, and the numbers that matter.
+fn head(page: &mut Page, history: &History, designs: &[Design], warned: &Warned) {
+    let took: f64 = history
+        .stages
+        .iter()
+        .filter_map(|s| s.origin.as_ref())
+        .map(costs::took)
+        .sum();
+    let size: u64 = history.stages.iter().map(|stage| stage.bytes).sum();
     page.lead(&format!(
-        "Report of the pipeline {}: {} from {}.",
+        "Report of the pipeline {}: {} from {}, built in {}, {} in the store.",
         history.pipeline,
         counted(history.stages.len(), "stage", "stages"),
-        history.path
+        history.path,
+        seconds(took),
+        bytes(size)
     ));
     let missing: Vec<&str> = history.missing().iter().map(|stage| stage.name.as_str()).collect();
     if !missing.is_empty() {
@@ -58,71 +70,57 @@ fn head(page: &mut Page, history: &History, designs: &[Design]) {
             ),
         ]);
     }
+    page.warnings("Model warnings", &warned.of_model);
+    page.warnings("Warnings", &warned.of_stages);
     let found = Found::of(designs);
     let wrong = found.prediction_error.as_ref().filter(|error| error.value > TRUSTED);
     if let Some(error) = wrong {
         page.notice(&[format!(
-            "Predicted and simulated differ by up to {} ({}): what judged these designs is not to be trusted there.",
-            percent(error.value, 1),
+            "Predicted and simulated differ by up to {} ({}): do not trust the predictions there.",
+            share(error.value),
             error.design
         )]);
     }
-    let mut tiles = of_designs(&found);
-    let took: f64 = history
-        .stages
-        .iter()
-        .filter_map(|s| s.origin.as_ref())
-        .map(costs::took)
-        .sum();
-    let size: u64 = history.stages.iter().map(|stage| stage.bytes).sum();
-    tiles.push((seconds(took), "to build all stages once".to_owned()));
-    tiles.push((bytes(size), "in the store".to_owned()));
-    page.tiles(&tiles);
+    page.tiles(&of_designs(&found));
 }
 
 fn of_designs(found: &Found) -> Vec<(String, String)> {
     if found.designs == 0 {
         return Vec::new();
     }
+    let several = found.targets > 1;
+    let patterns = match found.simulated == found.designs {
+        true => format!("all {} patterns", found.designs),
+        false => format!("{} of {} patterns", found.simulated, found.designs),
+    };
     let mut tiles = vec![(
         found.targets.to_string(),
         format!(
-            "{}, {} of {} designs verified by FEM",
-            if found.targets == 1 { "target" } else { "targets" },
-            found.simulated,
-            found.designs
+            "{}; {patterns} simulated by finite elements",
+            if several { "targets" } else { "target" }
         ),
     )];
     let ratio = |extreme: &Extreme, who: &str| {
-        (
-            percent(extreme.value, 2),
-            format!("{who}, at the least ({})", extreme.design),
-        )
+        let least = match several {
+            true => format!("; the least of all, {}", extreme.design),
+            false => String::new(),
+        };
+        let what = format!("of the best pattern found by gradient search: {who}{least}");
+        (share(extreme.value), what)
     };
-    tiles.extend(
-        found
-            .refined_to_optimum
-            .iter()
-            .map(|e| ratio(e, "of the optimum reached by refined designs")),
-    );
-    tiles.extend(
-        found
-            .ga_to_optimum
-            .iter()
-            .map(|e| ratio(e, "of the optimum reached by the genetic algorithm")),
-    );
+    tiles.extend(found.refined_to_optimum.iter().map(|e| ratio(e, "refined design")));
+    tiles.extend(found.ga_to_optimum.iter().map(|e| ratio(e, "genetic algorithm alone")));
     tiles.extend(found.prediction_error.iter().map(|e| {
-        let what = format!("between predicted and simulated, at the most ({})", e.design);
-        (percent(e.value, 2), what)
+        let what = format!("largest difference between predicted and simulated ({})", e.design);
+        (share(e.value), what)
     }));
-    let gained = |share: &f64, area: &str| {
-        (
-            gain(*share, 1),
-            format!("over the intuitive design at {area} area, median of the targets"),
-        )
+    let gained = |gain: &f64, area: &str| {
+        let middle = if several { ", median of the targets" } else { "" };
+        let what = format!("best design over the intuitive one {area}{middle}");
+        (change(*gain), what)
     };
-    tiles.extend(found.gain_own_area.iter().map(|share| gained(share, "its own")));
-    tiles.extend(found.gain_equal_area.iter().map(|share| gained(share, "equal")));
+    tiles.extend(found.gain_own_area.iter().map(|gain| gained(gain, "at its own area")));
+    tiles.extend(found.gain_equal_area.iter().map(|gain| gained(gain, "at equal area")));
     if found.not_met > 0 {
         let what = match found.not_met {
             1 => "design does not meet its constraints",

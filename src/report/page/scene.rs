@@ -1,5 +1,6 @@
 //! The scene: what was simulated, which effects, and what was left out although it matters.
 
+use super::warned::Warned;
 use crate::base::Canonical;
 use crate::content::{Solutions, StoredAttribute, Verification};
 use crate::report::artifacts::{RunArtifacts, Source};
@@ -7,8 +8,6 @@ use crate::report::error::ReportError;
 use crate::report::format::cut;
 use crate::report::history::History;
 use crate::report::html::{Column, Page};
-use crate::report::kinds::PRESENTERS;
-use crate::report::warnings::warnings;
 use crate::scene::Scene;
 
 /// A scene with its effects as simulated, and the stages that have it.
@@ -18,8 +17,13 @@ struct Simulated {
     stages: Vec<String>,
 }
 
-/// Adds the scenes, the effects that were simulated, and the warnings.
-pub fn section(page: &mut Page, run: &RunArtifacts<'_>, history: &History) -> Result<(), ReportError> {
+/// Adds the scenes and the effects that were simulated.
+pub fn section(
+    page: &mut Page,
+    run: &RunArtifacts<'_>,
+    history: &History,
+    warned: &Warned,
+) -> Result<(), ReportError> {
     let solved = run.each("solve", |source| {
         let view = source.of(Solutions::open(source.artifact))?;
         simulated(source, &view.scene(), source.of(view.effects().text())?)
@@ -38,29 +42,21 @@ pub fn section(page: &mut Page, run: &RunArtifacts<'_>, history: &History) -> Re
             None => scenes.push(one),
         }
     }
-    let all: Vec<String> = run.made.iter().map(|made| made.stage.clone()).collect();
-    let of_model = history.neglected.iter().cloned().chain(warnings(run, &all)?);
-    let mut warned: Vec<String> = of_model.map(|text| format!("model warning: {text}")).collect();
-    for presenter in PRESENTERS {
-        warned.extend(presenter.results(run)?.into_iter().flat_map(|results| results.warnings));
-    }
     if scenes.is_empty() && warned.is_empty() {
         return Ok(());
     }
     page.section("Scene, effects and warnings");
     for simulated in &scenes {
         page.line(&format!("Simulated in {}:", cut(&simulated.stages.join(", "), 300)));
-        page.columns("The scene", &[("", Column::Key), ("", Column::Wide)], &rows(simulated));
+        let first = simulated.stages.first();
+        let stage = history.stages.iter().find(|stage| Some(&stage.name) == first);
+        let written = stage.map_or(&[][..], |stage| &stage.scene);
+        page.columns("The scene", &[("", Column::Key), ("", Column::Wide)], &rows(simulated, written));
     }
-    if warned.is_empty() {
-        page.line(
-            "No warnings: screening found no effect that matters and was left out, and no stage warned of anything.",
-        );
-    } else {
-        let row = |text| vec!["warning".to_owned(), text];
-        let rows: Vec<Vec<String>> = warned.into_iter().map(row).collect();
-        page.columns("Warnings", &[("", Column::Key), ("what", Column::Wide)], &rows);
-    }
+    page.line(match warned.is_empty() {
+        true => "No warnings: screening found no effect that matters and was left out, and no stage warned of anything.",
+        false => "What is left out although it matters stands at the top of the page.",
+    });
     Ok(())
 }
 
@@ -76,17 +72,18 @@ fn simulated(
     })
 }
 
-/// The parts of a scene, each on a line of its own.
-fn rows(simulated: &Simulated) -> Vec<Vec<String>> {
+/// The parts of a scene, each on a line of its own: as the pipeline has them, or where it is not known how, in the units of artifacts.
+fn rows(simulated: &Simulated, written: &[(String, String)]) -> Vec<Vec<String>> {
     let row = |name: &str, value: &str| vec![name.to_owned(), value.to_owned()];
-    let mut rows = Vec::new();
-    if let Canonical::Map(sections) = simulated.scene.canonical() {
-        for (name, section) in sections.iter().filter(|(name, _)| *name != "effects") {
-            let text = section.to_string();
-            let inner = text.strip_prefix('{').and_then(|text| text.strip_suffix('}'));
-            rows.push(row(name, inner.unwrap_or(&text)));
-        }
-    }
+    let parts = match written {
+        [] => canonical_parts(&simulated.scene),
+        written => written.to_vec(),
+    };
+    let mut rows: Vec<Vec<String>> = parts
+        .iter()
+        .filter(|(name, _)| name != "effects")
+        .map(|(name, text)| row(name, text))
+        .collect();
     let none = matches!(simulated.effects.trim(), "" | "{}");
     rows.push(row(
         "effects simulated",
@@ -99,17 +96,30 @@ fn rows(simulated: &Simulated) -> Vec<Vec<String>> {
     rows
 }
 
+fn canonical_parts(scene: &Scene) -> Vec<(String, String)> {
+    let Canonical::Map(parts) = scene.canonical() else {
+        return Vec::new();
+    };
+    let part = |(name, part): (&String, &Canonical)| {
+        let text = part.to_string();
+        let inner = text.strip_prefix('{').and_then(|text| text.strip_suffix('}'));
+        (name.clone(), inner.unwrap_or(&text).trim().to_owned())
+    };
+    parts.iter().map(part).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn a_scene_is_told_part_by_part() {
-        let told = rows(&Simulated {
+        let simulated = Simulated {
             scene: Scene::vhb4910(),
             effects: "{}".into(),
             stages: Vec::new(),
-        });
+        };
+        let told = rows(&simulated, &[]);
         let names: Vec<&str> = told.iter().map(|row| row[0].as_str()).collect();
         assert_eq!(names[..3], ["drive", "geometry", "material"]);
         assert!(
@@ -117,5 +127,10 @@ mod tests {
             "{told:?}"
         );
         assert_eq!(told[told.len() - 1], ["effects simulated", "none beyond the model"]);
+
+        let written = [("drive", "voltage: 5.25 kV"), ("effects", "")].map(|(a, b)| (a.to_owned(), b.to_owned()));
+        let told = rows(&simulated, &written);
+        assert_eq!(told[0], ["drive", "voltage: 5.25 kV"]);
+        assert_eq!(told.len(), 2);
     }
 }
