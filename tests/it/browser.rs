@@ -62,14 +62,7 @@ impl Browser {
         let folder = tempfile::tempdir().unwrap();
         let frame = framed(folder.path(), &text, width, height);
         let (dom, told) = self.open(&frame, width, height, &["--dump-dom", "--virtual-time-budget=3000"]);
-        let found = dom
-            .split("data-found=\"")
-            .nth(1)
-            .and_then(|rest| rest.split('"').next());
-        let found = found
-            .unwrap_or_else(|| panic!("the page said nothing: {told}"))
-            .replace("&quot;", "\"");
-        let found: Value = serde_json::from_str(&found).unwrap();
+        let found = found(&dom).unwrap_or_else(|| panic!("the page said nothing: {told}"));
         let number = |key: &str| {
             found[key]
                 .as_f64()
@@ -86,6 +79,45 @@ impl Browser {
             fetched: number("fetched"),
             complaints: own.chain(console).collect(),
         }
+    }
+
+    /// What is wrong with a page at the widths of a screen, a tablet and a telephone, light and dark, and on paper: text that leaves the page
+    /// or its box, texts that cover each other, and text that hardly differs from what is behind it. One line for each fault.
+    pub fn faults(&self, page: &Path) -> Vec<String> {
+        let text = std::fs::read_to_string(page).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let mut frames = String::new();
+        let views = [1440, 800, 390]
+            .into_iter()
+            .flat_map(|width| [(width, "light"), (width, "dark")]);
+        let views: Vec<(u32, &str)> = views.chain([(PAPER, "print")]).collect();
+        for (k, (width, look)) in views.iter().enumerate() {
+            let name = format!("{width} px, {look}");
+            let script = format!(
+                "<script>const view={name:?};{}</script>",
+                include_str!("browser/measure.js")
+            );
+            let own = in_look(&text, look).replacen("</body>", &format!("{script}</body>"), 1);
+            std::fs::write(folder.path().join(format!("{k}.html")), own).unwrap();
+            frames += &format!(
+                "<iframe src=\"{k}.html\" style=\"border:0;display:block;width:{width}px;height:900px\"></iframe>"
+            );
+        }
+        let frame = folder.path().join("frame.html");
+        let listen = "<script>const all=[];addEventListener('message',e=>{all.push(JSON.parse(e.data));document.body.dataset.found=JSON.stringify(all)})</script>";
+        std::fs::write(
+            &frame,
+            format!("<!DOCTYPE html><html><body style=\"margin:0\">{listen}{frames}</body></html>"),
+        )
+        .unwrap();
+        let (dom, told) = self.open(&frame, 1440, 900, &["--dump-dom", "--virtual-time-budget=20000"]);
+        let found = found(&dom).unwrap_or_else(|| panic!("the page said nothing: {told}"));
+        let seen = found.as_array().unwrap();
+        assert_eq!(seen.len(), views.len(), "every view is measured: {told}");
+        let texts = |view: &Value| view["texts"].as_u64().unwrap();
+        assert!(seen.iter().all(|view| texts(view) > 100), "{seen:?}");
+        let faults = seen.iter().flat_map(|view| view["faults"].as_array().unwrap());
+        faults.map(|fault| fault.as_str().unwrap().to_owned()).collect()
     }
 
     /// Writes an image of the page.
@@ -120,6 +152,30 @@ impl Browser {
         let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
         (text(&output.stdout), text(&output.stderr))
     }
+}
+
+/// Width between the margins of a page of A4, in pixels.
+const PAPER: u32 = 688;
+
+/// What the frame has heard from the page; none where that said nothing.
+fn found(dom: &str) -> Option<Value> {
+    let found = dom.split("data-found=\"").nth(1)?.split('"').next()?;
+    let found = found
+        .replace("&quot;", "\"")
+        .replace("&lt;", "<")
+        .replace("&gt;", ">")
+        .replace("&amp;", "&");
+    Some(serde_json::from_str(&found).unwrap())
+}
+
+/// The page in the look that a reader's settings, or a printer, would give it.
+fn in_look(page: &str, look: &str) -> String {
+    let dark = "@media (prefers-color-scheme: dark)";
+    let print = "@media print";
+    assert!(page.contains(dark) && page.contains(print), "the page has these looks");
+    let only = |is: bool| if is { "@media all" } else { "@media not all" };
+    page.replace(dark, only(look == "dark"))
+        .replace(print, only(look == "print"))
 }
 
 /// The page in a frame as wide as the screen that is meant.

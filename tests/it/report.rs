@@ -236,6 +236,8 @@ fn opens_in_a_browser(workspace: &Workspace, designs: usize) {
     let Some(browser) = Browser::find() else {
         return;
     };
+    let faults = browser.faults(&workspace.path("out/index.html"));
+    assert!(faults.is_empty(), "{} faults:\n{}", faults.len(), faults.join("\n"));
     for (width, name) in [(1280, "desktop.png"), (390, "phone.png")] {
         let seen = browser.visit(&workspace.path("out/index.html"), width, 1600);
         let Seen {

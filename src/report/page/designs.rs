@@ -59,6 +59,12 @@ pub fn section(page: &mut Page, designs: &[Design]) {
         });
         let compared = case.iter().filter(|design| design.role.is_compared());
         let mut rows: Vec<Vec<String>> = compared.map(|design| row(design)).collect();
+        if case.iter().all(|design| design.target == first.target) {
+            // The only target is named below.
+            rows.iter_mut()
+                .filter_map(|row| row.first_mut())
+                .for_each(String::clear);
+        }
         let columns = without_empty(&COLUMNS, &mut rows);
         page.columns("Designs of the case", &columns, &rows);
         if let Some(curve) = curve(&case) {
@@ -69,10 +75,9 @@ pub fn section(page: &mut Page, designs: &[Design]) {
             page.title(&first.target);
             let area = match first.area_target.as_str() {
                 "free" => "any area".to_owned(),
-                area => area.parse().map_or_else(
-                    |_| format!("area {area}"),
-                    |area: f64| format!("area {}", share(area)),
-                ),
+                area => area
+                    .parse()
+                    .map_or_else(|_| format!("area {area}"), |area: f64| format!("area {}", share(area))),
             };
             let constraints = match first.constraints.trim() {
                 "" | "{}" => String::new(),
@@ -255,7 +260,9 @@ pub fn agreement(page: &mut Page, designs: &[Design]) {
     let zero = Series::new("", Colour::Grey, Mark::Dashed, x.ends().map(|end| (end, 0.0)).to_vec());
     let axes = [x, Axis::around("Predicted less simulated [% of simulated]", &errors)];
     let differences = Chart::new("Error of the predictions", axes, [vec![zero], series(&error)].concat());
-    page.charts(&[differences.with_note("above the dashed line the prediction was too large").with_size(WIDE)]);
+    page.charts(&[differences
+        .with_note("above the dashed line the prediction was too large")
+        .with_size(WIDE)]);
 }
 
 /// Width and height of a chart that stands alone.
