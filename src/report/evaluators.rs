@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::artifacts::Source;
 use super::error::ReportError;
+use super::format::{share, three};
 use crate::content::Designs;
 
 /// What judged the patterns of a design stage.
@@ -78,13 +79,9 @@ impl fmt::Display for Evaluators {
         for candidate in &self.candidates {
             let error = candidate
                 .rmse_mm
-                .map_or("no field".to_owned(), |mm| format!("RMSE {mm:.4} mm"));
-            let at_designs = 100.0 * candidate.design_error;
-            write!(
-                f,
-                "\n  {:<48} {error}, at designs {at_designs:.2} %",
-                candidate.settings
-            )?;
+                .map_or("no field".to_owned(), |mm| format!("RMSE {} mm", three(mm)));
+            let at_designs = share(candidate.design_error);
+            write!(f, "\n  {:<48} {error}, at designs {at_designs}", candidate.settings)?;
             if candidate.disagree > 0 {
                 write!(
                     f,

@@ -67,6 +67,7 @@ fn cases() -> Vec<Case> {
             membrane: membrane(factor),
             predicted: Some(2.08 * factor),
             simulated: 2.1 * factor,
+            least_width: None,
             gain: (factor > 0.9).then_some(factor / 0.9 - 1.0),
         })
         .into()

@@ -23,6 +23,8 @@ pub struct Case {
     pub simulated: f64,
     /// What it moves farther than the intuitive design at its own area, a share; none where nothing is compared.
     pub gain: Option<f64>,
+    /// The least width of electrodes and gaps that was asked for; none where edges may be frayed.
+    pub least_width: Option<String>,
 }
 
 /// Side of a membrane and height of the bars.
@@ -31,7 +33,7 @@ const BARS: f64 = 200.0;
 
 /// Membranes in a row of a gallery, and the size of each with its caption.
 const COLUMNS: usize = 8;
-const TILE: [f64; 2] = [144.0, 180.0];
+const TILE: [f64; 2] = [144.0, 198.0];
 
 /// Draws each case deformed, what it gains, and how far its prediction was off.
 ///
@@ -72,9 +74,13 @@ fn gains(cases: &[Case]) -> Option<Chart> {
             cases,
             |case| Some(100.0 * case.gain?),
         ),
-        false => bars("Simulated displacement", "Displacement [mm]", Colour::Blue, cases, |case| {
-            Some(case.simulated)
-        }),
+        false => bars(
+            "Simulated displacement",
+            "Displacement [mm]",
+            Colour::Blue,
+            cases,
+            |case| Some(case.simulated),
+        ),
     }
 }
 
@@ -102,10 +108,14 @@ fn bars(title: &str, label: &str, colour: Colour, cases: &[Case], value: fn(&Cas
     let corners = known.iter().flat_map(|(k, value)| [(k - 0.2, 0.0), (k + 0.2, *value)]);
     let words = known.iter().map(|(_, value)| three(*value)).collect();
     let series = Series::new("", colour, Mark::Bars, corners.collect()).with_words(words);
-    let values: Vec<f64> = known.iter().map(|(_, value)| *value).collect();
+    let ends = known.iter().fold([0.0_f64; 2], |[low, high], (_, value)| {
+        [low.min(*value), high.max(*value)]
+    });
+    // Numbers stand beyond the ends of the bars.
+    let room = |end: f64| 0.25 * (ends[1] - ends[0]) * end.signum() * f64::from(u8::from(end != 0.0));
     let axes = [
         Axis::names(cases.iter().map(|c| c.name.clone()).collect()),
-        Axis::above(label, &values),
+        Axis::linear(label, ends[0] + room(ends[0]), ends[1] + room(ends[1])),
     ];
     (!known.is_empty()).then(|| Chart::new(title, axes, vec![series]))
 }
@@ -128,13 +138,18 @@ pub fn draw_gallery(path: &Path, cases: &[Case]) -> Result<(), FigureError> {
             _ => case.name.as_str(),
         };
         let membrane = &case.membrane;
+        let width = case
+            .least_width
+            .as_ref()
+            .map_or("no min_feature".to_owned(), |width| format!("min_feature {width}"));
         Sheet {
             size: TILE,
             markup: html! {
                 g.chart {
                     text class="ink" x="8" y="15" { (name) }
                     text class="ink" x="8" y="30" { (format!("{:.3} mm", case.simulated)) }
-                    g.membrane transform="translate(8 40) scale(0.128)" {
+                    text x="8" y="45" { (width) }
+                    g.membrane transform="translate(8 54) scale(0.128)" {
                         (membrane.ground().frame()) (membrane.electrode(scale)) (membrane.arrows(scale))
                     }
                 }

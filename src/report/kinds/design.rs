@@ -11,7 +11,7 @@ use crate::report::drawing::{Axis, Chart, Colour, Mark, Series};
 use crate::report::error::ReportError;
 use crate::report::evaluators::{Evaluators, read};
 use crate::report::figures::{Evolution, draw_evolution, draw_membrane};
-use crate::report::format::mm;
+use crate::report::format::{mm, three};
 use crate::report::html::{Column, Page};
 use crate::report::intervals::{StageIntervals, of_stage};
 use crate::report::presenter::{DrawFigure, Presenter, Results};
@@ -130,7 +130,7 @@ fn evaluators_table(page: &mut Page, evaluators: &[Evaluators]) {
                 0 => "as named, or the reference".to_owned(),
                 n => format!("the cheapest of {n} that suffices"),
             },
-            error.map_or_else(String::new, mm),
+            error.map_or_else(String::new, three),
             judge.name.clone(),
         ];
         // The error is of each target's own patterns: with the same judge, targets still differ in it.
@@ -200,7 +200,10 @@ fn chart(stage: &str, what: &str, count: &str, searches: &[Search]) -> Option<Ch
     let last = searches.iter().flat_map(|search| &search.points);
     let last = last.fold(0.0, |a: f64, (n, _)| a.max(*n));
     let note = match searches {
-        [one] => one.points.last().map_or(what.to_owned(), |(_, end)| format!("{what}, ends at {} mm", mm(*end))),
+        [one] => one
+            .points
+            .last()
+            .map_or(what.to_owned(), |(_, end)| format!("{what}, ends at {} mm", mm(*end))),
         several => format!("{what}, {} searches", several.len()),
     };
     let axes = [

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::json;
 
+use crate::base::Document;
 use crate::content::Verification;
 use crate::pattern::Role;
 use crate::report::artifacts::{RunArtifacts, Source};
@@ -107,10 +108,19 @@ fn verification(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
             rows.push((row, rows.len()));
         }
     }
+    let view = source.of(Verification::open(source.artifact))?;
+    let constraints = source.of(view.rows().constraints().read())?.0;
     if rows.len() > MOST_COMPARED {
         rows = best_of_targets(&summary, &rows);
+        let (objectives, areas) = (
+            source.of(view.rows().objective().read())?.0,
+            source.of(view.rows().area_target().read())?,
+        );
+        beside_each_other(&mut rows, |row| {
+            let case = &summary.rows[row];
+            (&case.name, &objectives[row], &areas[row], case.member)
+        });
     }
-    let view = source.of(Verification::open(source.artifact))?;
     let fields = source.of(view.displacement().read())?;
     let wanted = rows.iter().map(|&(row, at)| (row, &fields[at]));
     let drawn = membranes(source, &view.rows(), &view.scene(), wanted)?;
@@ -122,6 +132,7 @@ fn verification(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
             predicted: summary.predicted_mm,
             simulated: summary.simulated_mm.unwrap_or(0.0),
             gain: summary.gain_own_area,
+            least_width: least_width(&constraints[row]),
         }
     };
     let cases: Vec<Case> = rows.iter().zip(drawn).map(case).collect();
@@ -130,6 +141,22 @@ fn verification(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
         1..=MOST_COMPARED => source.drawn(draw_agreement(path, &cases)),
         _ => source.drawn(draw_gallery(path, &cases)),
     }
+}
+
+/// The least width of electrodes and gaps that a design had to keep, as it was written; none where edges may be frayed.
+fn least_width(constraints: &str) -> Option<String> {
+    let document = Document::from_text(Path::new("constraints"), constraints).ok()?;
+    Some(document.root.peek("min_feature")?.written())
+}
+
+/// Moves rows with the same key, designs of one target under several constraints, behind the first of them.
+fn beside_each_other<K: PartialEq>(rows: &mut [(usize, usize)], key: impl Fn(usize) -> K) {
+    let keys: Vec<K> = rows.iter().map(|(row, _)| key(*row)).collect();
+    let first = |at: usize| keys.iter().position(|other| *other == keys[at]);
+    let mut order: Vec<usize> = (0..rows.len()).collect();
+    order.sort_by_key(|at| first(*at));
+    let sorted: Vec<(usize, usize)> = order.iter().map(|at| rows[*at]).collect();
+    rows.copy_from_slice(&sorted);
 }
 
 /// Patterns that are drawn beside each other with their numbers as bars.
@@ -183,4 +210,19 @@ fn row((k, round): (usize, &RoundSummary)) -> Vec<String> {
         in_percent(round.rms_relative),
         in_percent(round.largest_relative),
     ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn designs_of_one_target_stand_beside_each_other_with_their_least_widths() {
+        let mut rows = [(0, 0), (1, 1), (2, 2), (3, 3)];
+        let names = ["a", "b", "b", "a"];
+        beside_each_other(&mut rows, |row| names[row]);
+        assert_eq!(rows, [(0, 0), (3, 3), (1, 1), (2, 2)]);
+        let widths = ["{ min_feature: 3 mm, leads: true }", "{}", "["].map(least_width);
+        assert_eq!(widths, [Some("3 mm".to_owned()), None, None]);
+    }
 }
