@@ -102,6 +102,41 @@ fn links_lead_somewhere() {
     }
 }
 
+/// All figures of the documentation together, bytes: they are fetched with every clone.
+const MOST_FIGURES: u64 = 1_200_000;
+
+#[test]
+fn figures_stand_beside_the_command_that_draws_them() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let docs = std::fs::read_dir(root.join("docs")).unwrap();
+    let pages = docs.map(|entry| entry.unwrap().path()).chain([root.join("README.md")]);
+    let mut shown = std::collections::BTreeSet::new();
+    for page in pages.filter(|path| path.extension().is_some_and(|e| e == "md")) {
+        let text = std::fs::read_to_string(&page).unwrap();
+        let mut parts = text.split("![");
+        let mut before = parts.next().unwrap();
+        for part in parts {
+            let path = part.split_once("](").and_then(|(_, rest)| rest.split_once(')'));
+            let name = path.unwrap().0.rsplit('/').next().unwrap();
+            let paragraph = before.trim_end().rsplit("\n\n").next().unwrap();
+            let is_drawn = paragraph.contains("docs/tools/figures.py") || paragraph == "This script draws the figure:";
+            assert!(is_drawn, "{}: no command beside {name}", page.display());
+            shown.insert(name.to_owned());
+            before = part;
+        }
+    }
+    let files = std::fs::read_dir(root.join("docs/figures")).unwrap();
+    let files: Vec<_> = files.map(|entry| entry.unwrap()).collect();
+    let names = files.iter().map(|file| file.file_name().into_string().unwrap());
+    assert_eq!(
+        names.collect::<std::collections::BTreeSet<_>>(),
+        shown,
+        "every figure is shown"
+    );
+    let size: u64 = files.iter().map(|file| file.metadata().unwrap().len()).sum();
+    assert!(size <= MOST_FIGURES, "{size} bytes");
+}
+
 /// Runs the blocks of a file of documentation, from top to bottom.
 fn run(file: &str) {
     let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(file)).unwrap();

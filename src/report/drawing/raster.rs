@@ -36,11 +36,19 @@ pub fn png(size: [f64; 2], drawing: &Markup) -> Result<Vec<u8>, FigureError> {
     let mut encoder = png::Encoder::new(&mut bytes, width, height);
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_depth(png::BitDepth::Eight);
+    pack(&mut encoder);
     let written = encoder
         .write_header()
         .and_then(|mut writer| writer.write_image_data(&colours));
     written.map_err(|e| failed(&e))?;
     Ok(bytes)
+}
+
+/// Areas of one colour, as in drawings, are smallest without a filter: a fourth of what the filters for photographs make of them.
+fn pack<W: std::io::Write>(encoder: &mut png::Encoder<'_, W>) {
+    encoder.set_filter(png::FilterType::NoFilter);
+    encoder.set_adaptive_filter(png::AdaptiveFilterType::NonAdaptive);
+    encoder.set_compression(png::Compression::Best);
 }
 
 /// The PNG with texts by their keywords, as [PNG names them](https://www.w3.org/TR/png-3/#11keywords): `Title`, `Source`, `Software`.
@@ -58,6 +66,7 @@ pub fn with_texts(image: &[u8], texts: &[(&str, String)]) -> Result<Vec<u8>, Fig
     let mut encoder = png::Encoder::new(&mut bytes, frame.width, frame.height);
     encoder.set_color(frame.color_type);
     encoder.set_depth(frame.bit_depth);
+    pack(&mut encoder);
     for (keyword, text) in texts {
         let added = encoder.add_itxt_chunk((*keyword).to_owned(), text.clone());
         added.map_err(|e| failed(&e))?;
