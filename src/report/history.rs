@@ -172,10 +172,7 @@ fn scene(pipeline: &Pipeline, name: &str) -> Vec<(String, String)> {
         NodeValue::Map(_) => part.written_entries().join(", "),
         _ => part.written(),
     };
-    parts
-        .iter()
-        .map(|(key, part)| (key.written(), entries(part)))
-        .collect()
+    parts.iter().map(|(key, part)| (key.written(), entries(part))).collect()
 }
 
 fn has(run: &Run, report: &StageReport, digest: &ArtifactId) -> bool {

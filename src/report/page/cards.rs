@@ -142,9 +142,7 @@ fn rows(design: &Design) -> Markup {
         let value = value.filter(|_| shown)?;
         Some((name, mm(value), over(value)))
     };
-    let error = design
-        .prediction_error()
-        .map_or_else(String::new, change);
+    let error = design.prediction_error().map_or_else(String::new, change);
     let predicted = design.predicted_mm.map(|value| ("predicted", mm(value), error));
     let wanted = design.objective.value_mm.map(|value| {
         let off = design
@@ -169,7 +167,8 @@ fn rows(design: &Design) -> Markup {
         wanted,
         distance,
         Some(("area", share(design.area), String::new())),
-        other("best by gradient search", compared.optimum, shows_optimum(design)).map(|(name, value, _)| (name, value, String::new())),
+        other("best by gradient search", compared.optimum, shows_optimum(design))
+            .map(|(name, value, _)| (name, value, String::new())),
         other("intuitive, own area", compared.intuitive_own, found),
         other("intuitive, equal area", compared.intuitive_equal_area, found),
     ];

@@ -90,7 +90,9 @@ pub fn provenance(page: &mut Page, history: &History) {
         }
     }
     lines.push(format!("Pipeline file: {}", history.path));
-    lines.push("Artifacts are named by the BLAKE3 digest of their content; point at one for the whole of it.".to_owned());
+    lines.push(
+        "Artifacts are named by the BLAKE3 digest of their content; point at one for the whole of it.".to_owned(),
+    );
     page.lines(&lines);
     let row = |stage: &StageFacts| {
         let origin = stage.origin.as_ref();

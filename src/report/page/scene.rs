@@ -18,12 +18,7 @@ struct Simulated {
 }
 
 /// Adds the scenes and the effects that were simulated.
-pub fn section(
-    page: &mut Page,
-    run: &RunArtifacts<'_>,
-    history: &History,
-    warned: &Warned,
-) -> Result<(), ReportError> {
+pub fn section(page: &mut Page, run: &RunArtifacts<'_>, history: &History, warned: &Warned) -> Result<(), ReportError> {
     let solved = run.each("solve", |source| {
         let view = source.of(Solutions::open(source.artifact))?;
         simulated(source, &view.scene(), source.of(view.effects().text())?)
@@ -51,10 +46,16 @@ pub fn section(
         let first = simulated.stages.first();
         let stage = history.stages.iter().find(|stage| Some(&stage.name) == first);
         let written = stage.map_or(&[][..], |stage| &stage.scene);
-        page.columns("The scene", &[("", Column::Key), ("", Column::Wide)], &rows(simulated, written));
+        page.columns(
+            "The scene",
+            &[("", Column::Key), ("", Column::Wide)],
+            &rows(simulated, written),
+        );
     }
     page.line(match warned.is_empty() {
-        true => "No warnings: screening found no effect that matters and was left out, and no stage warned of anything.",
+        true => {
+            "No warnings: screening found no effect that matters and was left out, and no stage warned of anything."
+        }
         false => "What is left out although it matters stands at the top of the page.",
     });
     Ok(())
