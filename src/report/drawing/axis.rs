@@ -11,6 +11,9 @@ pub struct Axis {
     writing: Writing,
 }
 
+/// Decimals of ticks; what needs more is written with a power of ten.
+const MOST_DECIMALS: usize = 4;
+
 #[derive(Clone)]
 enum Writing {
     Decimals(usize),
@@ -153,12 +156,20 @@ impl Axis {
 
     fn write(&self, tick: f64) -> String {
         match &self.writing {
+            // Beside a chart there is no room for more decimals.
+            Writing::Decimals(decimals) if *decimals > MOST_DECIMALS => {
+                if tick == 0.0 {
+                    return "0".to_owned();
+                }
+                let digits = (tick.abs().log10() + 1e-9).floor() + *decimals as f64;
+                format!("{:.*e}", digits.max(0.0) as usize, tick)
+            }
             // −0.0 would be written with its sign.
             Writing::Decimals(decimals) => format!("{:.*}", decimals, tick + 0.0),
             Writing::Names(names) => names.get(tick.round() as usize).cloned().unwrap_or_default(),
             Writing::Shortest => {
                 let digits = (-(tick.log10() + 1e-9).floor()).max(0.0) as usize;
-                if digits <= 4 && tick < 99_999.0 {
+                if digits <= MOST_DECIMALS && tick < 99_999.0 {
                     format!("{tick:.digits$}")
                 } else {
                     format!("{tick:.0e}")
@@ -191,6 +202,13 @@ mod tests {
             Axis::counting("n", 0.0, 60.0).ticks,
             [0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0]
         );
+    }
+
+    #[test]
+    fn small_ticks_are_short() {
+        let texts = |low: f64, high: f64| Axis::linear("x", low, high).ticks().map(|(_, text)| text).collect::<Vec<_>>();
+        assert_eq!(texts(2.05e-5, 2.35e-5)[..2], ["2.05e-5", "2.10e-5"]);
+        assert_eq!(texts(0.0, 1e-4)[..2], ["0", "2e-5"]);
     }
 
     #[test]
