@@ -28,7 +28,7 @@ pub struct Summary {
     pub stage: String,
     /// The designs and what they are compared with.
     pub rows: Vec<RowSummary>,
-    /// The largest difference between predicted and simulated of all patterns, the intuitive ones too, as a fraction of the simulated.
+    /// The largest difference between predicted and simulated among the designs that were found, as a fraction of the simulated.
     pub largest_difference: Option<f64>,
     /// Designs that were found and predicted, and have no stable solution.
     pub not_stable: usize,
@@ -124,7 +124,7 @@ pub fn read(source: &Source<'_>) -> Result<Summary, ReportError> {
     let compared: Vec<RowSummary> = rows.iter().map(|row| compared(row, &rows)).collect();
     Ok(Summary {
         stage: source.stage.stage.clone(),
-        largest_difference: largest_difference(&compared),
+        largest_difference: largest_difference(found(&compared)),
         not_stable: found(&compared)
             .filter(|row| row.predicted_mm.is_some() && row.simulated_mm.is_none())
             .count(),
@@ -199,8 +199,8 @@ fn found(rows: &[RowSummary]) -> impl Iterator<Item = &RowSummary> {
     rows.iter().filter(|row| row.role.is_found())
 }
 
-fn largest_difference(rows: &[RowSummary]) -> Option<f64> {
-    let relative = rows.iter().filter_map(|row| {
+fn largest_difference<'r>(rows: impl Iterator<Item = &'r RowSummary>) -> Option<f64> {
+    let relative = rows.filter_map(|row| {
         let simulated = row.simulated_mm.filter(|mm| mm.abs() > LEAST_MM)?;
         Some((row.difference_mm? / simulated).abs())
     });
@@ -230,7 +230,8 @@ impl fmt::Display for Summary {
         if let Some(verdict) = intervals::verdict(stated) {
             writeln!(f, "  {verdict}")?;
         }
-        match self.largest_difference {
+        // Of all rows that stand above, so that none shows more.
+        match largest_difference(self.rows.iter()) {
             Some(value) if value > TRUSTED => write!(
                 f,
                 "  predicted and simulated differ by up to {}: the evaluator is not to be trusted here",

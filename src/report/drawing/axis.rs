@@ -206,7 +206,12 @@ mod tests {
 
     #[test]
     fn small_ticks_are_short() {
-        let texts = |low: f64, high: f64| Axis::linear("x", low, high).ticks().map(|(_, text)| text).collect::<Vec<_>>();
+        let texts = |low: f64, high: f64| {
+            Axis::linear("x", low, high)
+                .ticks()
+                .map(|(_, text)| text)
+                .collect::<Vec<_>>()
+        };
         assert_eq!(texts(2.05e-5, 2.35e-5)[..2], ["2.05e-5", "2.10e-5"]);
         assert_eq!(texts(0.0, 1e-4)[..2], ["0", "2e-5"]);
     }

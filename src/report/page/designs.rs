@@ -22,8 +22,8 @@ const ROLES: [(Role, Colour); 6] = [
     (Role::Own, Colour::Vermillion),
 ];
 
-/// Adds a section where there are designs.
-pub fn section(page: &mut Page, designs: &[Design]) {
+/// Adds a section where there are designs, with the command that makes a mask of one.
+pub fn section(page: &mut Page, designs: &[Design], mask_command: &str) {
     if designs.is_empty() {
         return;
     }
@@ -46,8 +46,8 @@ pub fn section(page: &mut Page, designs: &[Design]) {
     ]);
     page.add(html! {
         p {
-            "All numbers: " a href={ (FOLDER) "designs.csv" } { "designs.csv" } ". Each pattern is a file beside it, named under its card; "
-            code { "deaflow export design" } " makes masks of them (SVG, DXF, Gerber)."
+            "All numbers: " a href={ (FOLDER) "designs.csv" } { "designs.csv" } ". Each pattern is a file beside it, linked under its card. This makes a mask, and of other designs with their names: "
+            code { (mask_command) }
         }
     });
     page.add(shared());

@@ -27,7 +27,7 @@ pub fn report_page(run: &RunArtifacts<'_>, history: &History, designs: &[Design]
     let warned = Warned::read(run, history)?;
     head(&mut page, history, designs, &warned);
     dag::section(&mut page, history);
-    designs::section(&mut page, designs);
+    designs::section(&mut page, designs, &mask_command(history, designs));
     designs::agreement(&mut page, designs);
     for presenter in by_section() {
         presenter.section(&mut page, run)?;
@@ -36,6 +36,38 @@ pub fn report_page(run: &RunArtifacts<'_>, history: &History, designs: &[Design]
     costs::section(&mut page, history);
     costs::provenance(&mut page, history);
     Ok(page.finish())
+}
+
+/// The command that makes a mask of the first design that was found.
+fn mask_command(history: &History, designs: &[Design]) -> String {
+    let built = history.stages.iter().filter(|stage| stage.digest.is_some());
+    let of = |kind: &str| built.clone().rfind(|stage| stage.kind == kind);
+    let stage = of("verify")
+        .or_else(|| of("design"))
+        .map_or("STAGE", |stage| &stage.name);
+    let first = designs.iter().find(|design| design.role.is_found());
+    let options = first.map_or_else(String::new, |design| {
+        let case = match design.case.as_str() {
+            "" => String::new(),
+            case => format!(" --case {}", quoted(case)),
+        };
+        format!(
+            "{case} --design {} --role {}",
+            quoted(&design.target),
+            design.role.name()
+        )
+    });
+    let source = quoted(&format!("{}:{stage}", history.path));
+    format!("deaflow export design {source}{options} -o mask.dxf")
+}
+
+/// A word as a shell takes it.
+fn quoted(word: &str) -> String {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=@,".contains(c);
+    match !word.is_empty() && word.chars().all(is_plain) {
+        true => word.to_owned(),
+        false => format!("'{}'", word.replace('\'', "'\\''")),
+    }
 }
 
 /// Title, what is missing, what the model leaves out, and the numbers that matter.
@@ -129,4 +161,15 @@ fn of_designs(found: &Found) -> Vec<(String, String)> {
         tiles.push((found.not_met.to_string(), what.to_owned()));
     }
     tiles
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_are_quoted_where_a_shell_would_split_them() {
+        assert_eq!(quoted("pipelines/a.yaml:verified"), "pipelines/a.yaml:verified");
+        assert_eq!(["", "a b", "it's"].map(quoted), ["''", "'a b'", "'it'\\''s'"]);
+    }
 }
