@@ -38,9 +38,9 @@ parent.postMessage(JSON.stringify({width:innerWidth,scrolled:document.documentEl
 without_size:small.length,fetched:performance.getEntriesByType('resource').length,complaints:complaints}),'*')})</script>";
 
 impl Browser {
-    /// The first that is there, if a browser is wanted.
+    /// The first that is there.
     pub fn find() -> Option<Self> {
-        readers::find("Chromium, which opens reports", Self::installed)
+        readers::installed("Chromium, which opens reports", Self::installed)
     }
 
     fn installed() -> Option<Self> {

@@ -1,5 +1,6 @@
 //! Programs that read what deaflow writes as its users' programs do, and that are too large to install unasked: Chromium,
-//! onnxruntime, pyvista and readers of CAD files. Tests use them where `DEAFLOW_READERS=all` says so, as `make test-all` does.
+//! onnxruntime, pyvista and readers of CAD files. Tests use them where `DEAFLOW_READERS=all` says so, as `make test-all` does; Chromium,
+//! which takes seconds, wherever it is installed.
 
 use std::io::Write;
 use std::path::Path;
@@ -12,16 +13,26 @@ fn wanted() -> bool {
 
 /// A large reader if it is wanted and there; otherwise says on stderr, past the capture of test output, what is left out.
 pub fn find<T>(what: &str, look: impl FnOnce() -> Option<T>) -> Option<T> {
-    let found = if wanted() { look() } else { None };
+    match wanted() {
+        true => installed(what, look),
+        false => {
+            leave_out(what, "`make test-all` uses it");
+            None
+        }
+    }
+}
+
+/// A reader if it is there; otherwise says so in the same way.
+pub fn installed<T>(what: &str, look: impl FnOnce() -> Option<T>) -> Option<T> {
+    let found = look();
     if found.is_none() {
-        let why = if wanted() {
-            "it is not installed"
-        } else {
-            "`make test-all` uses it"
-        };
-        let _ = writeln!(std::io::stderr(), "LEFT OUT: {what}: {why}");
+        leave_out(what, "it is not installed");
     }
     found
+}
+
+fn leave_out(what: &str, why: &str) {
+    let _ = writeln!(std::io::stderr(), "LEFT OUT: {what}: {why}");
 }
 
 /// The python that imports all of the modules: that of a folder under `target/`, or one of the system's.
