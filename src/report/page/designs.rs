@@ -260,10 +260,5 @@ pub fn agreement(page: &mut Page, designs: &[Design]) {
     let zero = Series::new("", Colour::Grey, Mark::Dashed, x.ends().map(|end| (end, 0.0)).to_vec());
     let axes = [x, Axis::around("Predicted less simulated [% of simulated]", &errors)];
     let differences = Chart::new("Error of the predictions", axes, [vec![zero], series(&error)].concat());
-    page.charts(&[differences
-        .with_note("above the dashed line the prediction was too large")
-        .with_size(WIDE)]);
+    page.charts(&[differences.with_note("above the dashed line the prediction was too large")]);
 }
-
-/// Width and height of a chart that stands alone.
-const WIDE: [f64; 2] = [520.0, 268.0];
