@@ -6,7 +6,7 @@ use std::fmt;
 use serde::Serialize;
 
 use super::artifacts::Source;
-use super::designs::is_to_be_met;
+use super::designs::{LEAST_MM, is_to_be_met};
 use super::error::ReportError;
 use super::format::{change, share, three, uncertainty};
 use super::intervals::{self, NetworkInterval};
@@ -17,9 +17,6 @@ use crate::store::Artifact;
 
 /// A design whose prediction differs from the simulation by more than this fraction was judged by an evaluator that is wrong.
 pub(super) const TRUSTED: f64 = 0.05;
-
-/// Of less than a micrometre a difference is no share: nothing may be what is wanted.
-pub(super) const LEAST_MM: f64 = 1e-3;
 
 /// The result of a verify stage.
 #[derive(Clone, Debug, PartialEq, Serialize)]

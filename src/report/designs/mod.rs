@@ -13,7 +13,6 @@ pub(super) use compare::tests;
 
 use super::drawing::{Ground, Membrane};
 use super::intervals::NetworkInterval;
-use super::summary::LEAST_MM;
 
 use crate::pattern::Pattern;
 pub use crate::pattern::Role;
@@ -22,6 +21,9 @@ pub use found::{Extreme, Found};
 pub(super) use membranes::membranes;
 pub use objective::{Aim, Objective, Way, is_to_be_met};
 pub use read::designs;
+
+/// Of less than a micrometre a difference is no share: nothing may be what is wanted.
+pub(super) const LEAST_MM: f64 = 1e-3;
 
 /// The role in tables and files: both intuitive designs have the same word.
 pub(super) fn role_word(role: Role) -> &'static str {

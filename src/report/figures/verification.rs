@@ -6,9 +6,9 @@ use maud::html;
 
 use super::membrane::electrode;
 use crate::pattern::Role;
+use crate::report::designs::LEAST_MM;
 use crate::report::drawing::{Axis, Chart, Colour, FigureError, Mark, Membrane, Series, Sheet, exaggeration};
 use crate::report::format::three;
-use crate::report::summary::LEAST_MM;
 
 /// One pattern, predicted and simulated.
 #[derive(Clone, Debug)]
