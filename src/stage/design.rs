@@ -426,8 +426,12 @@ impl Elements for ForTarget<'_> {
     }
 
     fn settings(&self) -> String {
-        // Equilibria are Newton's; a field at a time follows from three of them.
-        let method = self.time.map_or("newton", |_| "creep:3");
+        let method = match self.target.objective.moment() {
+            Moment::Swing(_) => return of_swings().settings_in_time("response"),
+            Moment::Equilibrium => "newton",
+            // A field at a time follows from three equilibria.
+            Moment::After(_) => "creep:3",
+        };
         format!("method: {method}, elements_per_cell: 1, order: 2")
     }
 
