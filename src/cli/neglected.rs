@@ -23,8 +23,16 @@ pub fn neglected(pipeline: &Pipeline, stages: &[&str], store: &Store) -> Result<
         let Some(Ok(scene)) = pipeline.scene_of(stage).map(Scene::read) else {
             continue;
         };
-        let parameters = stage.stage.parameters();
-        let in_time = parameters.leaves().iter().any(|(key, _)| key.starts_with("history"));
+        let says = |stage: &StageSpec, is: &dyn Fn(&str) -> bool| {
+            let parameters = stage.stage.parameters();
+            parameters.leaves().iter().any(|(key, _)| is(key))
+        };
+        // Designs for an amplitude are verified by the response, in which all effects in time are.
+        let needed = stage.needs.iter().filter_map(|at| pipeline.stages.get(*at));
+        let in_time = says(stage, &|key| key.starts_with("history"))
+            || needed
+                .into_iter()
+                .any(|stage| says(stage, &|key| key.ends_with("objective.frequency")));
         match scenes.iter_mut().find(|(known, _)| *known == (scene.clone(), in_time)) {
             Some((_, names)) => names.push(&stage.name),
             None => scenes.push(((scene, in_time), vec![&stage.name])),

@@ -305,6 +305,13 @@ stages:
         let none = workspace.run(&["export", "design", &source, "--role", "best", "-o", "x.svg"]);
         assert!(
             none.stderr
+                .contains("possible values: refined, ga, optimum, intuitive, intuitive-equal-area, own"),
+            "{}",
+            none.stderr
+        );
+        let none = workspace.run(&["export", "design", &source, "--role", "own", "-o", "x.svg"]);
+        assert!(
+            none.stderr
                 .contains("there are: case I & II, right (ga, member 0, 20 units); "),
             "{}",
             none.stderr

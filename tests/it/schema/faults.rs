@@ -24,7 +24,7 @@ pub struct Fault {
 }
 
 /// What a reader refuses for its meaning and no schema can: what was said, in part.
-pub const BEYOND: [&str; 37] = [
+pub const BEYOND: [&str; 36] = [
     // Names of other stages, and what those are.
     "no stage is named",
     "stage needs",
@@ -60,7 +60,6 @@ pub const BEYOND: [&str; 37] = [
     "does not say in which `state`",
     "is meant after",
     "is meant at",
-    "a target has a `frequency`",
     "there is no state",
     "there is no body",
     "it does not exist",
