@@ -507,7 +507,7 @@ stages:
         planned.json()["stages"][0]["outcome"].clone()
     };
     assert_eq!(plan("scene.drive.waveform.sine.bias=3.9 kV"), "stale");
-    assert_eq!(plan("stages.searched.seed=1"), "fresh");
+    assert_eq!(plan("stages.searched.seed=1"), "reused");
     let search = "population: 12\n    generations: 3";
     for (from, to, said) in [
         (search, "evaluator: chord:2", "allowed: auto, newton"),
