@@ -154,6 +154,13 @@ impl DynamicStiffness {
     /// The response to real forces at a frequency; `None` when it could not be solved: memory is short, or rounding too large.
     #[must_use]
     pub fn solve(&self, at: At, forces: &[f64], probe: &[f64]) -> Option<Solved> {
+        let [response] = self.solve_each(at, [forces], probe)?;
+        Some(response)
+    }
+
+    /// The same of several forces, for which the matrix is factorised once.
+    #[must_use]
+    pub fn solve_each<const N: usize>(&self, at: At, each: [&[f64]; N], probe: &[f64]) -> Option<[Solved; N]> {
         let real = self.real(at);
         let imaginary = self.viscous.as_ref().filter(|_| at.viscous[1] != 0.0);
         let imaginary = imaginary.map(|viscous| viscous.iter().map(|value| at.viscous[1] * value).collect::<Vec<_>>());
@@ -171,13 +178,16 @@ impl DynamicStiffness {
         let solve = |forces: &[f64], steps| self.refined(&factors, (&real, imaginary.as_deref()), forces, steps);
         // A mode that the forces do not excite would spoil the response too.
         if self.heavy.is_some() && at.square > 0.0 && self.is_free(at, &solve(probe, 1).0, probe) {
-            return Some(Solved::Resonance);
+            return Some(each.map(|_| Solved::Resonance));
         }
-        let (response, residual) = solve(forces, MOST_STEPS);
-        if self.is_free(at, &response, forces) {
-            return Some(Solved::Resonance);
-        }
-        (residual <= ACCEPTED).then_some(Solved::Response(response))
+        let found = each.into_iter().map(|forces| {
+            let (response, residual) = solve(forces, MOST_STEPS);
+            match self.is_free(at, &response, forces) {
+                true => Some(Solved::Resonance),
+                false => (residual <= ACCEPTED).then_some(Solved::Response(response)),
+            }
+        });
+        found.collect::<Option<Vec<_>>>()?.try_into().ok()
     }
 
     /// Whether forces are so small a part of the inertia of the response that it is a free vibration.

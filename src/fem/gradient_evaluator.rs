@@ -5,11 +5,26 @@ use crate::field::{Differentiable, Field, Mesh, PredictError, Predictor, Simulat
 use crate::pattern::Pattern;
 use crate::scene::Scene;
 
+/// A scene without wrinkling and fringe fields, where it has them: the energy is not linear in the activity of cells with them, and there is
+/// no adjoint. Its gradient says which cells to try; what they gain is simulated with them.
+pub(super) fn linear_in_cells(scene: &Scene) -> Option<Scene> {
+    let mut effects = scene.effects.clone();
+    let differs = effects.wrinkling.is_some() || effects.fringe_field.is_some();
+    (effects.wrinkling, effects.fringe_field) = (None, None);
+    differs.then(|| scene.with_effects(effects))
+}
+
+/// The derivative by the activity of each cell in each group, which have these shares of the load, from that of one with all of it.
+pub(super) fn of_groups(loads: &[f64], of_cells: &[f64]) -> Vec<f64> {
+    let each = loads.iter();
+    each.flat_map(|load| of_cells.iter().map(move |cell| load * cell))
+        .collect()
+}
+
 /// Newton's method on a mesh, with the adjoint.
 pub struct GradientEvaluator {
     solver: MembraneSolver,
-    /// The same without wrinkling and fringe fields, where the scene has them: the energy is not linear in the activity of
-    /// cells with them, and there is no adjoint. Its gradient says which cells to try; what they gain is simulated with them.
+    /// That of [`linear_in_cells`].
     plain: Option<MembraneSolver>,
     /// Of each group of electrodes its share of the load.
     loads: Vec<f64>,
@@ -31,10 +46,7 @@ impl GradientEvaluator {
     pub(super) fn slowed(scene: &Scene, slowness: f64) -> Result<Self, SetupError> {
         // One biquadratic element per cell errs by less than 0.1 % of the displacement; a gain that it sees is one.
         let options = SolveOptions::on(Mesh::biquadratic(1));
-        let mut effects = scene.effects.clone();
-        let differs = effects.wrinkling.is_some() || effects.fringe_field.is_some();
-        (effects.wrinkling, effects.fringe_field) = (None, None);
-        let plain = differs.then(|| MembraneSolver::slowed(&scene.with_effects(effects), slowness, options));
+        let plain = linear_in_cells(scene).map(|plain| MembraneSolver::slowed(&plain, slowness, options));
         Ok(Self {
             solver: MembraneSolver::slowed(scene, slowness, options)?,
             plain: plain.transpose()?,
@@ -64,10 +76,6 @@ impl Differentiable for GradientEvaluator {
         let Some(of_cells) = solver.gradient(pattern, &solution, &slope(&field)) else {
             return Ok(None);
         };
-        let gradient = self
-            .loads
-            .iter()
-            .flat_map(|load| of_cells.iter().map(move |cell| load * cell));
-        Ok(Some((field, gradient.collect())))
+        Ok(Some((field, of_groups(&self.loads, &of_cells))))
     }
 }

@@ -428,7 +428,9 @@ pub fn norm(a: &[f64]) -> f64 {
     )
 }
 
-fn largest(a: &[f64]) -> f64 {
+/// The largest entry, whatever its sign.
+#[must_use]
+pub fn largest(a: &[f64]) -> f64 {
     a.iter().fold(0.0, |largest: f64, a| largest.max(a.abs()))
 }
 

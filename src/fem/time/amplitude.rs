@@ -10,14 +10,15 @@
 //! Derivatives of tangents along a direction are second differences of residuals: v · K(u) v changes with u by the second derivative of R along
 //! v, and forms of two directions are those of their sum and difference.
 
-use super::frequency::{FrequencySolver, NUDGE, Respond};
-use crate::base::Stream;
+use super::frequency::{About, FrequencySolver, NUDGE};
 use crate::fem::adjoint::of_cells;
 use crate::fem::dynamic_stiffness::Solved;
 use crate::fem::effects::WithMaterial;
+use crate::fem::eigenvalue::dot;
 use crate::fem::energy::Material;
-use crate::fem::operator::{Activity, Operator};
-use crate::field::{Field, Outcome};
+use crate::fem::newton::largest;
+use crate::fem::operator::Operator;
+use crate::field::Field;
 use crate::pattern::Pattern;
 
 /// The largest entry of a direction along which a residual is differentiated, in units of elements: its square is the error, and rounding that
@@ -34,70 +35,48 @@ pub struct Differentiated {
 
 impl FrequencySolver {
     /// The response at a frequency in Hz with the derivative of the amplitude of a weighted sum of displacements in mm; none where there is no
-    /// equilibrium, no amplitude, or a device has rigid bodies.
-    pub(super) fn differentiate(
-        &self,
-        pattern: &Pattern,
-        frequency: f64,
-        weights: &Field,
-    ) -> (Outcome, Option<Differentiated>) {
+    /// equilibrium or no amplitude. Rigid bodies are not seen to.
+    pub(super) fn differentiate(&self, pattern: &Pattern, frequency: f64, weights: &Field) -> Option<Differentiated> {
         let Self { solver, .. } = self;
         let solution = solver.solve(pattern);
-        let has_bodies = solver.scene.geometry.bodies.is_some();
-        if !solution.outcome.is_converged() || has_bodies {
-            return (solution.outcome, None);
+        if !solution.outcome.is_converged() {
+            return None;
         }
-        let found = solver.model.with(Differentiate {
-            solver: self,
-            activity: &solver.model.activity(&solver.grid, pattern),
-            u: &solution.displacement,
+        solver.model.with(Differentiate {
+            about: About {
+                solver: self,
+                activity: &solver.model.activity(&solver.grid, pattern),
+                u: &solution.displacement,
+            },
             frequency,
             weights,
-        });
-        (solution.outcome, found)
+        })
     }
 }
 
-pub(super) struct Differentiate<'a> {
-    pub solver: &'a FrequencySolver,
-    pub activity: &'a Activity,
-    pub u: &'a [f64],
-    pub frequency: f64,
-    pub weights: &'a Field,
+struct Differentiate<'a> {
+    about: About<'a>,
+    frequency: f64,
+    weights: &'a Field,
 }
 
 impl WithMaterial for Differentiate<'_> {
     type Output = Option<Differentiated>;
 
     fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<Differentiated> {
-        let Self {
-            solver,
-            activity,
-            u,
-            weights,
-            ..
-        } = self;
-        let respond = Respond {
-            solver,
-            activity,
-            u,
-            frequencies: &[],
-        };
-        let (matrices, structure) = respond.matrices(&material)?;
+        let About { solver, activity, u } = self.about;
+        let equations = self.about.equations(&material)?;
+        let (matrices, probe) = (&equations.matrices, &equations.probe);
         let grid = &solver.solver.grid;
-        let pack = |vector: &[f64]| structure.pack(grid, u, vector);
-        let unpack = |packed: &[f64]| structure.unpack(grid, u, packed);
-        let probe = pack(&grid.random_load(&mut Stream::new(0, "frequency response", 0), u));
-        let at = solver.at(self.frequency);
-        let response_to = |at, forces: &[f64]| match matrices.solve(at, forces, &probe)? {
-            Solved::Response(parts) => Some(parts.map(|part| unpack(&part))),
+        let parts = |solved: Solved| match solved {
+            Solved::Response(parts) => Some(parts.map(|part| equations.unpack(&part))),
             Solved::Resonance => None,
         };
-        let per_volt = 2.0 / solver.solver.scene.voltage_v();
-        let forces: Vec<f64> = respond.forces(&material).iter().map(|force| per_volt * force).collect();
-        let response = response_to(at, &pack(&forces))?;
-        let load = grid.spread(weights, u);
-        let [real, imaginary] = response_to(at, &pack(&load))?;
+        let at = solver.at(self.frequency);
+        let per_volt = solver.per_volt();
+        let load = grid.spread(self.weights, u);
+        let [response, adjoint] = matrices.solve_each(at, [&equations.forces, &equations.pack(&load)], probe)?;
+        let (response, [real, imaginary]) = (parts(response)?, parts(adjoint)?);
         let (sine, cosine) = {
             let sums = response.each_ref().map(|part| dot(&load, part));
             sums[1].atan2(sums[0]).sin_cos()
@@ -138,8 +117,8 @@ impl WithMaterial for Differentiate<'_> {
         for (share, v, w) in [(-slow, lr, ur), (slow, li, ui), (fast, lr, ui), (fast, li, ur)] {
             forced.viscous(share, v, w);
         }
-        let still = solver.at(0.0);
-        let [mu, _] = response_to(still, &pack(&forced.sum))?;
+        let still = matrices.solve(solver.at(0.0), &equations.pack(&forced.sum), probe)?;
+        let [mu, _] = parts(still)?;
         let mut of = of_cells(&static_operator, u, &mu);
         add(&mut of, per_volt, &of_cells(&static_operator, u, lr));
         for (sign, along, psi) in [(1.0, ur, lr), (-1.0, ui, li)] {
@@ -218,14 +197,6 @@ fn residual<L: Material>(operator: &Operator<'_, L>, u: &[f64]) -> Vec<f64> {
     residual
 }
 
-fn largest(vector: &[f64]) -> f64 {
-    vector.iter().fold(0.0, |largest, value| f64::max(largest, value.abs()))
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
 fn combined(p: f64, a: &[f64], q: f64, b: &[f64]) -> Vec<f64> {
     a.iter().zip(b).map(|(a, b)| p * a + q * b).collect()
 }
@@ -239,7 +210,9 @@ fn add(sum: &mut [f64], factor: f64, vector: &[f64]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::Stream;
     use crate::fem::continuation::Ending;
+    use crate::fem::operator::Activity;
     use crate::fem::solver::SolveOptions;
     use crate::fem::work::WorkLimit;
     use crate::field::Mesh;
@@ -280,9 +253,11 @@ mod tests {
             assert_eq!(problem.load(&mut u, &mut solver.workspace()).ending, Ending::Stable);
             let weights = weights();
             let found = Differentiate {
-                solver: self.solver,
-                activity: &activity,
-                u: &u,
+                about: About {
+                    solver: self.solver,
+                    activity: &activity,
+                    u: &u,
+                },
                 frequency: self.frequency,
                 weights: &weights,
             };

@@ -211,12 +211,19 @@ impl FrequencySolver {
             return (solution, Vec::new());
         }
         let each = solver.model.with(Respond {
-            solver: self,
-            activity: &solver.model.activity(&solver.grid, pattern),
-            u: &solution.displacement,
+            about: About {
+                solver: self,
+                activity: &solver.model.activity(&solver.grid, pattern),
+                u: &solution.displacement,
+            },
             frequencies,
         });
         (solution, each)
+    }
+
+    /// What a volt changes of the load, of itself.
+    pub(super) fn per_volt(&self) -> f64 {
+        2.0 / self.solver.scene.voltage_v()
     }
 
     /// A frequency in Hz, for the matrices.
@@ -247,11 +254,27 @@ fn magnitudes(real: &Field, imaginary: &Field) -> Field {
     Field::from_values(real.raster(), values).unwrap_or_else(|_| real.clone())
 }
 
-pub(super) struct Respond<'a> {
+struct Respond<'a> {
+    about: About<'a>,
+    frequencies: &'a [f64],
+}
+
+/// An equilibrium about which a pattern responds.
+#[derive(Clone, Copy)]
+pub(super) struct About<'a> {
     pub solver: &'a FrequencySolver,
     pub activity: &'a Activity,
     pub u: &'a [f64],
-    pub frequencies: &'a [f64],
+}
+
+/// The equations there.
+pub(super) struct Equations<'a> {
+    pub matrices: DynamicStiffness,
+    structure: &'a Structure,
+    about: About<'a>,
+    /// Forces of 1 V, and forces that have a part along every mode; as the matrices take them.
+    pub forces: Vec<f64>,
+    pub probe: Vec<f64>,
 }
 
 impl WithMaterial for Respond<'_> {
@@ -259,17 +282,18 @@ impl WithMaterial for Respond<'_> {
     type Output = Vec<AtFrequency>;
 
     fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Self::Output {
-        let Some((matrices, structure)) = self.matrices(&material) else {
+        let About { solver, .. } = self.about;
+        let Some(equations) = self.about.equations(&material) else {
             return vec![AtFrequency::NotSolved; self.frequencies.len()];
         };
-        let FrequencySolver { solver, .. } = self.solver;
-        let grid = &solver.grid;
-        let probe = grid.random_load(&mut Stream::new(0, "frequency response", 0), self.u);
-        let [probe, forces] = [probe, self.forces(&material)].map(|load| structure.pack(grid, self.u, &load));
-        let per_volt = 2.0 / solver.scene.voltage_v();
-        let forces: Vec<f64> = forces.iter().map(|force| per_volt * force).collect();
-        let field = |part: &[f64]| grid.sample(&structure.unpack(grid, self.u, part));
-        let at = |frequency: f64| match matrices.solve(self.solver.at(frequency), &forces, &probe) {
+        let Equations {
+            matrices,
+            forces,
+            probe,
+            ..
+        } = &equations;
+        let field = |part: &[f64]| solver.solver.grid.sample(&equations.unpack(part));
+        let at = |frequency: f64| match matrices.solve(solver.at(frequency), forces, probe) {
             Some(Solved::Response([real, imaginary])) => AtFrequency::Response {
                 real: field(&real),
                 imaginary: field(&imaginary),
@@ -281,9 +305,38 @@ impl WithMaterial for Respond<'_> {
     }
 }
 
-impl Respond<'_> {
-    /// The matrices about the equilibrium; `None` when memory is short.
-    pub(super) fn matrices<L: Material>(&self, material: &impl Fn(f64) -> L) -> Option<(DynamicStiffness, &Structure)> {
+impl Equations<'_> {
+    /// Forces on nodes, for the matrices.
+    pub fn pack(&self, forces: &[f64]) -> Vec<f64> {
+        let About { solver, u, .. } = self.about;
+        self.structure.pack(&solver.solver.grid, u, forces)
+    }
+
+    /// Displacements of nodes, from the matrices.
+    pub fn unpack(&self, part: &[f64]) -> Vec<f64> {
+        let About { solver, u, .. } = self.about;
+        self.structure.unpack(&solver.solver.grid, u, part)
+    }
+}
+
+impl<'a> About<'a> {
+    /// Its equations; `None` when memory is short.
+    pub fn equations<L: Material>(self, material: &impl Fn(f64) -> L) -> Option<Equations<'a>> {
+        let (matrices, structure) = self.matrices(material)?;
+        let grid = &self.solver.solver.grid;
+        let probe = grid.random_load(&mut Stream::new(0, "frequency response", 0), self.u);
+        let [probe, forces] = [probe, self.forces(material)].map(|load| structure.pack(grid, self.u, &load));
+        let per_volt = self.solver.per_volt();
+        Some(Equations {
+            matrices,
+            structure,
+            about: self,
+            forces: forces.iter().map(|force| per_volt * force).collect(),
+            probe,
+        })
+    }
+
+    fn matrices<L: Material>(&self, material: &impl Fn(f64) -> L) -> Option<(DynamicStiffness, &'a Structure)> {
         let structure = self.solver.structure.as_deref()?;
         let grid = &self.solver.solver.grid;
         let law = material(1.0);
@@ -316,7 +369,7 @@ impl Respond<'_> {
     }
 
     /// The forces of the load, by which the residual falls as it grows.
-    pub(super) fn forces<L: Material>(&self, material: &impl Fn(f64) -> L) -> Vec<f64> {
+    fn forces<L: Material>(&self, material: &impl Fn(f64) -> L) -> Vec<f64> {
         let residual = |share: f64| {
             let mut residual = vec![0.0; self.u.len()];
             let operator = Operator {

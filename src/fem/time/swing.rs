@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::frequency::{AtFrequency, FrequencySolver, at_bias};
 use crate::fem::error::SetupError;
 use crate::fem::evaluator::{SolverParameters, check_leads};
+use crate::fem::gradient_evaluator::{linear_in_cells, of_groups};
 use crate::fem::solver::SolveOptions;
 use crate::field::{Differentiable, Evaluator, Field, Outcome, PredictError, Predictor, WithGradient};
 use crate::pattern::Pattern;
@@ -13,8 +14,7 @@ use crate::scene::{Leads, Scene};
 /// The linear response to the sine of a drive about its bias, at the moment of the period at which a weighted sum of displacements is largest.
 pub struct Swing {
     solver: FrequencySolver,
-    /// The same without wrinkling and fringe fields, where the scene has them, for the gradient: the energy is not linear in the activity of
-    /// cells with them.
+    /// That of [`linear_in_cells`], for the gradient.
     plain: Option<FrequencySolver>,
     /// Of each group of electrodes its share of the load.
     loads: Vec<f64>,
@@ -72,13 +72,9 @@ impl Swing {
         };
         let biased = at_bias(scene);
         let solver = |scene: &Scene| FrequencySolver::new(scene, options, parameters.work_limit());
-        let mut effects = biased.effects.clone();
-        let differs = effects.wrinkling.is_some() || effects.fringe_field.is_some();
-        (effects.wrinkling, effects.fringe_field) = (None, None);
-        let plain = differs.then(|| solver(&biased.with_effects(effects)));
         Ok(Self {
             solver: solver(&biased)?,
-            plain: plain.transpose()?,
+            plain: linear_in_cells(&biased).map(|plain| solver(&plain)).transpose()?,
             loads: biased.group_loads(),
             leads: scene.leads.clone(),
             frequency_hz,
@@ -130,7 +126,7 @@ impl Differentiable for Swing {
         let solver = self.plain.as_ref().unwrap_or(&self.solver);
         // Which phase counts follows from the weights, of which the slope of an amplitude is a multiple wherever the membrane is.
         let slope = slope(&Field::zero(pattern.raster()));
-        let (_, Some(found)) = solver.differentiate(pattern, self.frequency_hz, &slope) else {
+        let Some(found) = solver.differentiate(pattern, self.frequency_hz, &slope) else {
             return Ok(None);
         };
         let field = match &self.plain {
@@ -140,11 +136,8 @@ impl Differentiable for Swing {
         let Some(field) = field else {
             return Ok(None);
         };
-        let of_load = |load: &f64| {
-            let factor = load * self.amplitude_v;
-            found.of_cells.iter().map(move |cell| factor * cell).collect::<Vec<_>>()
-        };
-        Ok(Some((field, self.loads.iter().flat_map(of_load).collect())))
+        let of_cells: Vec<f64> = found.of_cells.iter().map(|cell| self.amplitude_v * cell).collect();
+        Ok(Some((field, of_groups(&self.loads, &of_cells))))
     }
 }
 
