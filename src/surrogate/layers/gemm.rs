@@ -1,9 +1,8 @@
 //! Row-major matrix products on one thread.
 //!
-//! candle hands its products to a library that splits them over as many threads as the machine has, and reads /proc/cpuinfo for
-//! every one of them to know how many that are. The parallelism of
-//! this room lies across patterns instead, so every product is computed by one thread, always in the same order: results
-//! are the same bits whatever the number of threads, and a product is never too small to split well.
+//! candle hands its products to a library that splits them over as many threads as the machine has. The parallelism of this room lies
+//! across patterns instead, so every product is computed by one thread, always in the same order: results are the same bits whatever the
+//! number of threads, and a product is never too small to split well.
 
 use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, MatRef, Par};
