@@ -36,7 +36,7 @@ impl Kind for TrainKind {
     }
 
     fn recipe(&self) -> u32 {
-        3
+        4
     }
 
     fn results(&self, artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {

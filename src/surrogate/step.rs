@@ -15,9 +15,6 @@ use super::metrics::Agreement;
 use super::networks::{Network, Output};
 use crate::pattern::{Pattern, Raster, Symmetry};
 
-/// Examples whose gradients are computed together by one thread. It is part of the result: sums are grouped by it.
-const PART: usize = 4;
-
 /// What a training step and its assessment need beside the examples.
 pub(crate) struct Problem<'a> {
     /// The cells of its patterns.
@@ -88,7 +85,9 @@ impl Problem<'_> {
     /// The loss summed over a batch, and the gradient of its mean with respect to each weight, all its values in a row.
     pub(crate) fn gradient(&self, batch: &[Shown<'_>]) -> Result<(f64, Vec<Vec<f32>>)> {
         let share = 1.0 / batch.len() as f64;
-        let parts = batch.par_chunks(PART).map(|part| self.part(part, share));
+        let parts = batch
+            .par_chunks(self.network.examples_per_part())
+            .map(|part| self.part(part, share));
         let parts: Vec<Gradient> = parts.collect::<Result<_>>()?;
         let loss = parts.iter().map(|part| part.loss).sum();
         let sum_of = |i: usize| {
@@ -141,7 +140,10 @@ impl Problem<'_> {
                     .collect(),
             })
         };
-        let parts: Vec<Assessment> = examples.par_chunks(PART).map(assess).collect::<Result<_>>()?;
+        let parts: Vec<Assessment> = examples
+            .par_chunks(self.network.examples_per_part())
+            .map(assess)
+            .collect::<Result<_>>()?;
         Ok(Assessment {
             loss: parts.iter().map(|part| part.loss).sum(),
             agreements: parts.into_iter().flat_map(|part| part.agreements).collect(),

@@ -14,6 +14,7 @@ use super::cell::{
 };
 use super::gemm::{Matrix, multiply};
 use super::green::{Green, GreenScratch};
+use super::inner::add_inner_products;
 use super::storage::values;
 use crate::pattern::Raster;
 
@@ -329,9 +330,8 @@ impl<'a> Backward<'a> {
         self.ground.green.apply(gradient, &mut w.moved, &mut w.scratch);
         write_modes(raster, &w.moved, self.scale.length, &mut w.stresses);
         self.ground.clear(&mut w.stresses);
-        let (stresses, seen) = (Matrix::new(&w.stresses, area), Matrix::new(&w.seen, area));
-        multiply(&mut self.by_stresses, Accum::Add, stresses, seen.transposed());
-        let features = Matrix::new(&w.seen[half..], area);
+        add_inner_products(&mut self.by_stresses, &w.stresses, &w.seen, area);
+        let stresses = Matrix::new(&w.stresses, area);
         let [from_products, from_features] = law.parts();
         let back = &mut w.gradients;
         multiply(&mut back.products, Accum::Replace, from_products.transposed(), stresses);
@@ -339,8 +339,8 @@ impl<'a> Backward<'a> {
         let (a, b) = w.factors.split_at(half);
         product(first, &back.products, b);
         product(second, &back.products, a);
+        add_inner_products(&mut self.by_factors, &back.factors, &w.seen[half..], area);
         let factors = Matrix::new(&back.factors, area);
-        multiply(&mut self.by_factors, Accum::Add, factors, features.transposed());
         let to_features = Matrix::new(law.factors, FEATURES).transposed();
         multiply(&mut back.features, Accum::Replace, to_features, factors);
         multiply(&mut back.features, Accum::Add, from_features.transposed(), stresses);

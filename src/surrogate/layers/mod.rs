@@ -6,6 +6,7 @@ mod conv;
 mod correct;
 mod gemm;
 mod green;
+mod inner;
 mod mix;
 #[cfg(test)]
 mod plain;

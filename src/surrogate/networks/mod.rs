@@ -70,6 +70,11 @@ pub(crate) trait Network: Module + Export + Send + Sync {
         8
     }
 
+    /// How many examples one thread takes the gradient of together. Sums are grouped by it, so it changes the last bits.
+    fn examples_per_part(&self) -> usize {
+        4
+    }
+
     /// Length in mm of one unit of the displacement, where the network says it; else it is the deviation of the fields that it
     /// learns from.
     fn unit_mm(&self) -> Option<f64> {

@@ -166,6 +166,11 @@ impl Network for Physics {
         64
     }
 
+    fn examples_per_part(&self) -> usize {
+        // Its weights are so few that small batches are best, and these too are to keep threads busy.
+        2
+    }
+
     fn unit_mm(&self) -> Option<f64> {
         Some(self.response.unit_mm())
     }
