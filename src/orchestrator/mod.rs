@@ -8,6 +8,7 @@ mod entry;
 mod event;
 mod execute;
 mod explain;
+mod foresight;
 mod graph;
 mod kind;
 mod locked;
@@ -32,7 +33,10 @@ pub use entry::{Registry, suggestion};
 pub use event::{Event, Listener, Outcome, StageReport};
 pub use execute::{Failure, RunError, RunOptions, RunOutcome, check_locked, run};
 pub use explain::{Explanation, Last, explain};
-pub use kind::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
+pub use foresight::foreseen;
+pub use kind::{
+    Chunk, Expectation, Foreseeable, Foreseen, Input, Job, Kind, Needs, Plan, Stage, StageError, Whose,
+};
 pub use plan::plan;
 pub use price::{Bill, Estimate, Price};
 pub use provenance::Environment;

@@ -2,13 +2,13 @@
 
 use std::sync::OnceLock;
 
-use super::{results, solution};
+use super::{foresight, results, solution};
 use crate::base::{Canonical, Fields, InputError, Node};
 use crate::content::{SAMPLED, Samples, Solutions};
 use crate::fem::screening::resolve;
 use crate::fem::{SetupError, Solver, SolverParameters};
 use crate::field::Mesh;
-use crate::orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
+use crate::orchestrator::{Chunk, Foreseeable, Foreseen, Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::scene::{Effects, Scene};
 use crate::store::{Artifact, Object};
 
@@ -49,6 +49,13 @@ impl Kind for SolveKind {
     fn schema(&self) -> Vec<Fields> {
         let fields = Fields::new("Simulates every sample with finite elements.");
         vec![SolverParameters::schema(super::with_state(fields), MESH)]
+    }
+
+    fn foresee(&self, stage: &Foreseeable<'_>, _needs: &[Foreseeable<'_>]) -> Result<Foreseen, InputError> {
+        Ok(Foreseen {
+            warnings: foresight::of_stability(stage).into_iter().collect(),
+            ..Foreseen::default()
+        })
     }
 
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
