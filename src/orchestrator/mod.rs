@@ -34,9 +34,7 @@ pub use event::{Event, Listener, Outcome, StageReport};
 pub use execute::{Failure, RunError, RunOptions, RunOutcome, check_locked, run};
 pub use explain::{Explanation, Last, explain};
 pub use foresight::foreseen;
-pub use kind::{
-    Chunk, Expectation, Foreseeable, Foreseen, Input, Job, Kind, Needs, Plan, Stage, StageError, Whose,
-};
+pub use kind::{Chunk, Expectation, Foreseeable, Foreseen, Input, Job, Kind, Needs, Plan, Stage, StageError, Whose};
 pub use plan::plan;
 pub use price::{Bill, Estimate, Price};
 pub use provenance::Environment;

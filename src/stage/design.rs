@@ -232,10 +232,7 @@ pub(super) fn planned(stage: &Foreseeable<'_>) -> Result<Vec<PlannedDesign>, Inp
     let map = stage.node.fields(DesignParameters::WHAT, &keys())?;
     let scene = super::scene_in_states_of(stage.node, stage.scene)?;
     let DesignParameters {
-        case,
-        targets,
-        options,
-        ..
+        case, targets, options, ..
     } = DesignParameters::read_map(&map)?;
     let constraints = constraints_of(&map, stage.node, &scene)?.to_text();
     let targets = targets.in_scene(&map, &scene, options.area_penalty.to_f64())?;

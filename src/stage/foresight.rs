@@ -30,7 +30,11 @@ fn beyond(scene: &Scene) -> Option<String> {
     let limit = covered_limit(&simulated, 1.0 / FIRST_LOST).ok()??;
     let (drive, limit_text) = (kilovolts(scene.voltage_v()), kilovolts(limit));
     let lowest = kilovolts(FIRST_LOST * limit);
-    let model = if scene.auto { ", without what `effects: auto` may add" } else { "" };
+    let model = if scene.auto {
+        ", without what `effects: auto` may add"
+    } else {
+        ""
+    };
     Some(if scene.voltage_v() > limit {
         format!(
             "the voltage of {drive} is beyond what membranes bear: one that is covered everywhere is unstable above {limit_text}, \
@@ -61,8 +65,14 @@ mod tests {
         let at = |volts: f64| beyond(&Scene::vhb4910().at_voltage(volts));
         assert_eq!(at(5250.0), None);
         let between = at(6800.0).unwrap();
-        assert!(between.contains("some patterns may be unstable") && between.contains("10.98 kV"), "{between}");
+        assert!(
+            between.contains("some patterns may be unstable") && between.contains("10.98 kV"),
+            "{between}"
+        );
         let above = at(12e3).unwrap();
-        assert!(above.starts_with("the voltage of 12.00 kV is beyond") && above.contains("unstable above 10.98 kV"), "{above}");
+        assert!(
+            above.starts_with("the voltage of 12.00 kV is beyond") && above.contains("unstable above 10.98 kV"),
+            "{above}"
+        );
     }
 }

@@ -91,7 +91,11 @@ impl EvaluatorChoice {
             Self::Elements(method) => {
                 let settings = SolverParameters::new(method, Mesh::bilinear(1));
                 let measured = "its largest error is {value} mm";
-                vec![expected(Whose::Kind("accuracy"), format!("max_error.{settings}"), measured)]
+                vec![expected(
+                    Whose::Kind("accuracy"),
+                    format!("max_error.{settings}"),
+                    measured,
+                )]
             }
         }
     }

@@ -27,7 +27,10 @@ pub fn refuse(designs: &[PlannedDesign], needs: &Node) -> Result<(), InputError>
             }
             match rows.iter().find(|(row, _)| *row == design.row()) {
                 Some((_, known)) => {
-                    let message = format!("{} are searched in one way and could not be told apart", both(known, design));
+                    let message = format!(
+                        "{} are searched in one way and could not be told apart",
+                        both(known, design)
+                    );
                     return Err(needs.error(message).help(help));
                 }
                 None => rows.push((design.row(), design)),
@@ -114,9 +117,15 @@ mod tests {
 
     #[test]
     fn what_is_compared_must_be_for_one_objective_and_area() {
-        let (one, best) = (design("a", "centre", Method::Ga), design("b", "centre", Method::Adjoint));
+        let (one, best) = (
+            design("a", "centre", Method::Ga),
+            design("b", "centre", Method::Adjoint),
+        );
         assert_eq!(refusal(&[one.clone(), best.clone()]), None);
-        let coarse = PlannedDesign { units: 20, ..best.clone() };
+        let coarse = PlannedDesign {
+            units: 20,
+            ..best.clone()
+        };
         assert_eq!(refusal(&[one.clone(), best.clone(), coarse]), None, "on other units");
         let elsewhere = PlannedDesign {
             objective: "{ point: [30, 25], direction: 0 }".into(),
@@ -124,11 +133,27 @@ mod tests {
             ..best.clone()
         };
         let why = refusal(&[one.clone(), elsewhere.clone()]).unwrap();
-        assert!(why.contains("the designs `centre` of the case \"I\" of the stages `a` and `b`"), "{why}");
-        assert!(why.contains("[25, 25]") && why.contains("[30, 25]") && why.contains("area 0.5 and 0.4"), "{why}");
-        let apart = PlannedDesign { target: "right".into(), ..elsewhere };
+        assert!(
+            why.contains("the designs `centre` of the case \"I\" of the stages `a` and `b`"),
+            "{why}"
+        );
+        assert!(
+            why.contains("[25, 25]") && why.contains("[30, 25]") && why.contains("area 0.5 and 0.4"),
+            "{why}"
+        );
+        let apart = PlannedDesign {
+            target: "right".into(),
+            ..elsewhere
+        };
         assert_eq!(refusal(&[one.clone(), apart]), None);
-        let why = refusal(&[one.clone(), PlannedDesign { stage: "c".into(), ..one }]).unwrap();
+        let why = refusal(&[
+            one.clone(),
+            PlannedDesign {
+                stage: "c".into(),
+                ..one
+            },
+        ])
+        .unwrap();
         assert!(why.contains("`a` and `c`") && why.contains("told apart"), "{why}");
     }
 
