@@ -10,8 +10,8 @@ use super::error::SetupError;
 use super::sheet::Sheet;
 use crate::scene::Scene;
 
-/// The share of that voltage from which on other patterns lose stability: a single cell, which goes first, at 0.30 of the load.
-pub const FIRST_LOST: f64 = 0.55;
+/// The share of that voltage from which on other patterns lose stability: a single cell, which goes first, at 0.29 to 0.30 of the load.
+pub const FIRST_LOST: f64 = 0.54;
 
 /// Halvings of the interval of loads: as far as a double tells them apart.
 const HALVINGS: usize = 52;

@@ -121,6 +121,7 @@ pub fn run(
     let planner = Planner::beside_others(pipeline, store);
     let statuses = planner.statuses(&selection)?;
     let prices = cost_estimate::prices(pipeline, &selection, &statuses, store, environment)?;
+    let prices: Vec<Option<Price>> = prices.into_iter().map(|(price, _)| price).collect();
     listener(&started(pipeline, &statuses, &prices));
     let foreseen = match options.chunks.is_none() && options.stages.is_none() {
         true => foreseen(pipeline, &reports(pipeline, &selection, &statuses), store)?,
@@ -779,6 +780,7 @@ impl<'a> Execution<'a> {
             size: 0,
             size_built: 0,
             price: None,
+            unmeasured: None,
             why: None,
             reasons: Vec::new(),
             staleness: None,

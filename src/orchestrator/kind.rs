@@ -63,6 +63,12 @@ pub trait Kind: Sync {
         Ok(Vec::new())
     }
 
+    /// Parameters, by their dotted paths in the key of a stage or of a chunk, that make the work another one: what it took with one value
+    /// foretells nothing of another.
+    fn priced_apart(&self) -> &'static [&'static str] {
+        &[]
+    }
+
     /// What a finished artifact is worth in numbers, by names of one word, or of a word and what it is of: `max_displacement`,
     /// `rmse.physics`. They stand in the history of runs, are compared between runs, and tables collect them.
     ///
@@ -184,6 +190,11 @@ pub trait Stage: Send + Sync {
     /// generation. It serves to foretell costs and nothing else.
     fn weight(&self) -> f64 {
         1.0
+    }
+
+    /// Whether each step goes through all inputs again, as an epoch does. It serves to foretell costs and nothing else.
+    fn repeats_inputs(&self) -> bool {
+        false
     }
 
     /// How many samples of a finished artifact have no stable solution; the run then ends with exit code 3.

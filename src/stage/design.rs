@@ -126,6 +126,10 @@ impl Kind for DesignKind {
         5
     }
 
+    fn priced_apart(&self) -> &'static [&'static str] {
+        &["stage.method", "stage.evaluator", "stage.refine", "stage.units"]
+    }
+
     fn results(&self, artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {
         let view = Designs::open(artifact)?;
         let rows = view.rows();

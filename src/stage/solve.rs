@@ -30,6 +30,10 @@ impl Kind for SolveKind {
         4
     }
 
+    fn priced_apart(&self) -> &'static [&'static str] {
+        &["method", "accuracy", "history"]
+    }
+
     fn results(&self, artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {
         results::of_solutions(artifact)
     }

@@ -44,6 +44,10 @@ impl Kind for VerifyKind {
         5
     }
 
+    fn priced_apart(&self) -> &'static [&'static str] {
+        &["method", "accuracy", "history"]
+    }
+
     fn results(&self, artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {
         let view = Verification::open(artifact)?;
         let rows = view.rows();
