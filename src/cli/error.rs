@@ -234,6 +234,8 @@ impl From<StoreError> for CliError {
             | StoreError::NotAStore { .. }
             | StoreError::NoStore { .. }
             | StoreError::PathNotUtf8 { .. } => Self::bad_input(message),
+            StoreError::NotWhole { .. } => Self::bad_input(message)
+                .help("build it again with `deaflow run`, or pin the artifact alone: --result-only"),
             StoreError::Unreachable { .. } => Self::new(Exit::Damaged, message)
                 .help("build it again with `deaflow run`, or let it go: `deaflow unpin`, or remove the lock file"),
             _ => Self::failure(message),

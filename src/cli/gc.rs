@@ -11,7 +11,9 @@ use super::examples::examples;
 use super::output::{Exit, Output};
 use super::progress::Bar;
 use super::{locate, table};
-use crate::store::{Collection, Judged, Retention, Store};
+use crate::orchestrator::Environment;
+use crate::report::{FigureFile, figures_of, remove_figures};
+use crate::store::{Collection, Group, Judged, Retention, Store, Tally};
 
 /// Remove artifacts that neither the last runs nor a pin nor a lock file need
 #[derive(Debug, Args)]
@@ -19,7 +21,7 @@ use crate::store::{Collection, Judged, Retention, Store};
 pub struct GcArguments {
     #[command(flatten)]
     pub store: StoreArguments,
-    /// Say what would go, how large it is and what holds the rest; remove nothing
+    /// Say of each stage what would go, how large it is and what holds the rest; remove nothing
     #[arg(short = 'n', long)]
     pub dry_run: bool,
     /// Keep what the last N runs made and needed
@@ -37,51 +39,69 @@ pub fn execute(arguments: &GcArguments, output: &Output) -> Result<Exit, CliErro
         grace: Duration::from_secs_f64(3600.0 * arguments.grace),
     };
     let collection = store.judge(&retention, store.now())?;
+    let figures = figures_of(&store, &collection.removed.iter().map(|judged| judged.digest).collect());
     if !arguments.dry_run {
         let bar = Bar::new("gc", "artifacts", 0);
-        store.remove(&collection, &|done, total| bar.set(done, total))?;
+        let at = Environment::system().now();
+        store.remove(&collection, &at, &|done, total| bar.set(done, total))?;
+        remove_figures(&figures)?;
         bar.finish("removed");
     }
     if output.is_json() {
-        output.document(&document(&collection, arguments.dry_run))?;
+        output.document(&document(&collection, &figures, arguments.dry_run))?;
     } else {
-        output.text(&text(&collection, arguments.dry_run))?;
+        output.text(&text(&collection, &figures, arguments.dry_run))?;
     }
     Ok(Exit::Done)
 }
 
-fn document(collection: &Collection, dry_run: bool) -> Value {
+fn document(collection: &Collection, figures: &[FigureFile], dry_run: bool) -> Value {
+    let tally = |tally: Tally| json!({ "artifacts": tally.artifacts, "bytes": tally.bytes });
+    let group = |group: &Group| {
+        json!({
+            "pipeline": group.stage.as_ref().map(|name| &name.pipeline),
+            "stage": group.stage.as_ref().map(|name| &name.stage),
+            "kind": group.kind,
+            "removed": tally(group.removed),
+            "kept": tally(group.kept),
+            "held_by": group.held_by,
+        })
+    };
     let judged = |judged: &Judged| {
         json!({
             "digest": judged.digest.to_string(),
             "size": judged.size,
             "kind": judged.kind,
+            "pipeline": judged.stage.as_ref().map(|name| &name.pipeline),
+            "stage": judged.stage.as_ref().map(|name| &name.stage),
             "held_by": judged.held_by,
         })
     };
     json!({
         "dry_run": dry_run,
+        "stages": collection.by_stage().iter().map(group).collect::<Vec<_>>(),
         "kept": collection.kept.iter().map(judged).collect::<Vec<_>>(),
         "removed": collection.removed.iter().map(judged).collect::<Vec<_>>(),
         "records_removed": collection.records,
         "checkpoints_removed": collection.checkpoints.len(),
+        "figures_removed": figures.iter().map(|figure| &figure.path).collect::<Vec<_>>(),
         "bytes_kept": collection.bytes_kept(),
         "bytes_removed": collection.bytes_removed(),
     })
 }
 
-fn text(collection: &Collection, dry_run: bool) -> String {
+fn text(collection: &Collection, figures: &[FigureFile], dry_run: bool) -> String {
     let mut lines = Vec::new();
     if dry_run {
-        let header = ["artifact", "kind", "size", "held by"];
-        let mut table = table::table(&header, &["size"]);
-        for judged in collection.removed.iter().chain(&collection.kept) {
-            table.add_row([
-                judged.digest.short(),
-                judged.kind.clone(),
-                table::bytes(judged.size),
-                holders(&judged.held_by),
-            ]);
+        let header = ["stage", "kind", "goes", "size", "stays", "size", "held by"];
+        let mut table = table::table(&header, &["goes", "size", "stays"]);
+        for group in collection.by_stage() {
+            let stage = group.stage.as_ref();
+            let name = stage.map_or_else(|| "-".to_owned(), |name| format!("{}:{}", name.pipeline, name.stage));
+            let held_by: Vec<String> = group.held_by.iter().cloned().collect();
+            let [removed, kept] = [group.removed, group.kept].map(cells);
+            let cells = [vec![name, group.kind.clone()], removed, kept, vec![holders(&held_by)]];
+            table.add_row(cells.concat());
         }
         lines.push(table.trim_fmt());
         lines.push(String::new());
@@ -102,13 +122,29 @@ fn text(collection: &Collection, dry_run: bool) -> String {
             table::bytes(collection.checkpoint_bytes())
         ));
     }
+    if !figures.is_empty() {
+        let size = figures.iter().map(|figure| figure.bytes).sum();
+        lines.push(format!(
+            "{verb} {} figures of them ({})",
+            figures.len(),
+            table::bytes(size)
+        ));
+    }
     lines.join("\n")
+}
+
+/// How many, and their size; nothing where there are none.
+fn cells(tally: Tally) -> Vec<String> {
+    match tally.artifacts {
+        0 => vec!["-".to_owned(), "-".to_owned()],
+        n => vec![n.to_string(), table::bytes(tally.bytes)],
+    }
 }
 
 /// The first holder, and how many more there are.
 fn holders(held_by: &[String]) -> String {
     match held_by {
-        [] => "nothing: goes".to_owned(),
+        [] => "nothing".to_owned(),
         [one] => one.clone(),
         [first, more @ ..] => format!("{first}, and {} more", more.len()),
     }

@@ -6,7 +6,7 @@ use super::error::CliError;
 use super::run;
 use crate::base::{ArtifactId, nearest};
 use crate::orchestrator::{Environment, StageReport, Staleness, plan};
-use crate::store::{Artifact, Lookup, Store, StoreError};
+use crate::store::{Artifact, Lookup, Removed, Store, StoreError};
 
 /// The fewest digits that name a digest.
 pub const LEAST: usize = 4;
@@ -38,7 +38,29 @@ pub fn artifact(store: &Store, reference: &str) -> Result<Artifact, CliError> {
             None => of_digits(store, reference)?,
         },
     };
-    Ok(store.artifact(&digest)?)
+    open(store, &digest)
+}
+
+/// Opens an artifact; of one that a collection has removed it is said when.
+fn open(store: &Store, digest: &ArtifactId) -> Result<Artifact, CliError> {
+    match store.artifact(digest) {
+        Err(error @ StoreError::Missing { .. }) => Err(match store.removal_of(digest)? {
+            Some(removed) => collected(&removed),
+            None => error.into(),
+        }),
+        opened => Ok(opened?),
+    }
+}
+
+/// A refusal of an artifact that a collection has removed.
+fn collected(removed: &Removed) -> CliError {
+    let kind = match removed.kind.as_str() {
+        "" => String::new(),
+        kind => format!(" ({kind})"),
+    };
+    let (digest, at) = (removed.digest.short(), &removed.at);
+    CliError::bad_input(format!("artifact {digest}{kind} was removed by gc at {at}"))
+        .help("`deaflow run` of its pipeline builds it again; `deaflow pin` keeps an artifact through every gc")
 }
 
 /// `PIPELINE.yaml:STAGE`; the path may hold colons too.
@@ -66,7 +88,11 @@ fn of_pipeline(store: &Store, path: &Path, name: &str) -> Result<ArtifactId, Cli
     }
     let built = found.filter(|stage| stage.why.is_none());
     built.and_then(|stage| stage.digest).ok_or_else(|| {
-        CliError::bad_input(format!("stage `{name}` of {} is not built", path.display()))
+        let why = match found.and_then(|stage| stage.staleness.as_ref()) {
+            Some(why @ Staleness::Removed { .. }) => format!(": {why}"),
+            _ => String::new(),
+        };
+        CliError::bad_input(format!("stage `{name}` of {} is not built{why}", path.display()))
             .help(format!("build it: deaflow run {} --until {name}", path.display()))
     })
 }
@@ -113,12 +139,21 @@ fn of_digits(store: &Store, digits: &str) -> Result<ArtifactId, CliError> {
     }
     match store.find(&digits.to_ascii_lowercase())?.as_slice() {
         [one] => Ok(*one),
-        [] => Err(unknown(store, digits)?),
+        [] => Err(gone(store, &digits.to_ascii_lowercase())?.map_or_else(|| unknown(store, digits), Ok)?),
         several => {
             let list: Vec<String> = several.iter().map(ArtifactId::to_string).collect();
             Err(CliError::bad_input(format!("{} artifacts begin with {digits}", several.len())).help(list.join(", ")))
         }
     }
+}
+
+/// What is said of digits with which an artifact begins that a collection has removed; of several the last.
+fn gone(store: &Store, digits: &str) -> Result<Option<CliError>, CliError> {
+    let begins = |removed: &Removed| removed.digest.to_string().starts_with(digits);
+    let Some(last) = store.removed().into_iter().rfind(begins) else {
+        return Ok(None);
+    };
+    Ok(store.removal_of(&last.digest)?.map(|removed| collected(&removed)))
 }
 
 fn unknown(store: &Store, reference: &str) -> Result<CliError, CliError> {

@@ -1,6 +1,6 @@
 //! `deaflow log`: past runs.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -11,6 +11,7 @@ use super::error::CliError;
 use super::examples::examples;
 use super::output::{Exit, Output};
 use super::{csv, locate, run, table};
+use crate::base::ArtifactId;
 use crate::orchestrator::file_of;
 use crate::store::{Command, Ended, Run, Store, StoreError};
 
@@ -41,13 +42,15 @@ pub fn execute(arguments: &LogArguments, output: &Output) -> Result<Exit, CliErr
     let in_words = !output.is_json() && !arguments.csv;
     let most = arguments.last.map(|last| last as usize).or(in_words.then_some(SHOWN));
     let (runs, more) = past(&store, arguments.pipeline.as_deref(), most)?;
+    let removed = Gone::in_store(&store);
     if output.is_json() {
-        output.document(&json!({ "runs": runs.iter().map(document).collect::<Vec<_>>() }))?;
+        let runs: Vec<Value> = runs.iter().map(|run| document(run, &removed)).collect();
+        output.document(&json!({ "runs": runs }))?;
     } else if arguments.csv {
         let names = names(&runs);
         output.text(&csv::text(&header(&names), runs.iter().map(|run| row(run, &names)))?)?;
     } else {
-        output.text(&text(&runs, more, arguments.pipeline.is_none()))?;
+        output.text(&text(&runs, more, arguments.pipeline.is_none(), &removed))?;
     }
     Ok(Exit::Done)
 }
@@ -85,14 +88,39 @@ pub fn name_in(path: &Path) -> String {
     run::load_plain(path).map_or_else(|_| String::new(), |pipeline| pipeline.name)
 }
 
+/// What collections have removed and is not here, and when.
+struct Gone<'a> {
+    store: &'a Store,
+    at: BTreeMap<ArtifactId, String>,
+}
+
+impl<'a> Gone<'a> {
+    fn in_store(store: &'a Store) -> Self {
+        let removed = store.removed().into_iter();
+        let at = removed.map(|removed| (removed.digest, removed.at)).collect();
+        Self { store, at }
+    }
+
+    fn at(&self, artifact: &ArtifactId) -> Option<&str> {
+        let at = self.at.get(artifact)?;
+        (!self.store.has(artifact)).then_some(at.as_str())
+    }
+}
+
 /// One run.
-fn document(run: &Run) -> Value {
-    let stage = |name: &str, outcome: &str, digest: Option<String>| json!({ "name": name, "outcome": outcome, "digest": digest });
-    let done = run
-        .stages
+fn document(run: &Run, removed: &Gone<'_>) -> Value {
+    let done = run.stages.iter().map(|done| {
+        json!({
+            "name": done.name,
+            "outcome": done.outcome.name(),
+            "digest": done.artifact.to_string(),
+            "removed": removed.at(&done.artifact),
+        })
+    });
+    let failed = run
+        .failures
         .iter()
-        .map(|done| stage(&done.name, done.outcome.name(), Some(done.artifact.to_string())));
-    let failed = run.failures.iter().map(|name| stage(name, "failed", None));
+        .map(|name| json!({ "name": name, "outcome": "failed", "digest": null, "removed": null }));
     let overrides = run.overrides.iter().map(|(path, value)| (path.clone(), typed(value)));
     json!({
         "id": run.id,
@@ -176,7 +204,7 @@ fn built(run: &Run) -> Vec<&str> {
     built.map(|stage| stage.name.as_str()).collect()
 }
 
-fn text(runs: &[Run], more: bool, of_all: bool) -> String {
+fn text(runs: &[Run], more: bool, of_all: bool, removed: &Gone<'_>) -> String {
     if runs.is_empty() {
         return "no run is remembered".to_owned();
     }
@@ -203,7 +231,7 @@ fn text(runs: &[Run], more: bool, of_all: bool) -> String {
                 Command::Sweep => format!("{}\n(sweep)", run.pipeline),
             },
             table::seconds(run.seconds),
-            what(run),
+            what(run, removed),
             results(run),
             run.host.clone(),
         ];
@@ -219,8 +247,8 @@ fn text(runs: &[Run], more: bool, of_all: bool) -> String {
     format!("{}{note}", table.trim_fmt())
 }
 
-/// What was built, what failed, and what was overridden.
-fn what(run: &Run) -> String {
+/// What was built, what failed, what was overridden, and what of it is gone.
+fn what(run: &Run, removed: &Gone<'_>) -> String {
     let built = built(run);
     let all = run.stages.len();
     let mut lines = vec![match built.len() {
@@ -231,6 +259,14 @@ fn what(run: &Run) -> String {
     lines.extend(run.failures.iter().map(|name| format!("failed: {name}")));
     if !run.overrides.is_empty() {
         lines.push(overrides(run, "\n"));
+    }
+    let gone: Vec<&str> = run
+        .stages
+        .iter()
+        .filter_map(|stage| removed.at(&stage.artifact))
+        .collect();
+    if let Some(last) = gone.iter().max() {
+        lines.push(format!("{} of {all} removed by gc at {last}", gone.len()));
     }
     lines.join("\n")
 }

@@ -21,6 +21,9 @@ pub struct PinArguments {
     /// Why it is kept
     #[arg(long, value_name = "TEXT", requires = "artifact")]
     pub label: Option<String>,
+    /// Keep the artifact alone: what it was made from may go
+    #[arg(long, requires = "artifact")]
+    pub result_only: bool,
     #[command(flatten)]
     pub store: StoreArguments,
 }
@@ -33,6 +36,7 @@ pub fn execute(arguments: &PinArguments, output: &Output) -> Result<Exit, CliErr
             digest: artifact.digest(),
             label: arguments.label.clone().unwrap_or_default(),
             created: Environment::system().now(),
+            result_only: arguments.result_only,
         })?;
     }
     list(&store, output)
@@ -42,7 +46,14 @@ pub fn execute(arguments: &PinArguments, output: &Output) -> Result<Exit, CliErr
 pub fn list(store: &Store, output: &Output) -> Result<Exit, CliError> {
     let pins = store.pins()?;
     if output.is_json() {
-        let pin = |pin: &Pin| json!({ "digest": pin.digest.to_string(), "label": pin.label, "created": pin.created });
+        let pin = |pin: &Pin| {
+            json!({
+                "digest": pin.digest.to_string(),
+                "label": pin.label,
+                "created": pin.created,
+                "result_only": pin.result_only,
+            })
+        };
         output.document(&json!({ "pins": pins.iter().map(pin).collect::<Vec<_>>() }))?;
         return Ok(Exit::Done);
     }
@@ -50,9 +61,14 @@ pub fn list(store: &Store, output: &Output) -> Result<Exit, CliError> {
         output.text("no pins")?;
         return Ok(Exit::Done);
     }
-    let mut table = table::table(&["artifact", "pinned", "label"], &[]);
+    let mut table = table::table(&["artifact", "pinned", "keeps", "label"], &[]);
     for pin in pins {
-        table.add_row([pin.digest.short(), pin.created, pin.label]);
+        let keeps = if pin.result_only {
+            "it alone"
+        } else {
+            "it and its inputs"
+        };
+        table.add_row([pin.digest.short(), pin.created, keeps.to_owned(), pin.label]);
     }
     output.text(&table.trim_fmt())?;
     Ok(Exit::Done)

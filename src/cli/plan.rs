@@ -8,7 +8,7 @@ use super::error::CliError;
 use super::examples::examples;
 use super::output::{Exit, Output};
 use super::{run, table};
-use crate::orchestrator::{Bill, Environment, Outcome, Pipeline, plan};
+use crate::orchestrator::{Bill, Environment, Outcome, Pipeline, foreseen, plan};
 
 /// Say what `run` would build, why, and what it would take; build nothing
 #[derive(Debug, Args)]
@@ -33,6 +33,7 @@ pub fn of_pipeline(pipeline: &Pipeline, arguments: &PipelineArguments, output: &
         arguments.until.as_deref(),
         &Environment::system(),
     )?;
+    let warnings = foreseen(pipeline, &stages, reading.store())?;
     reading.end(output, true);
     let stale = stages.iter().filter(|stage| stage.outcome == Outcome::Stale);
     let bill = Bill::of(stale.map(|stage| stage.price));
@@ -43,6 +44,7 @@ pub fn of_pipeline(pipeline: &Pipeline, arguments: &PipelineArguments, output: &
             "stages": stages,
             "price": bill.price,
             "unpriced": bill.unpriced,
+            "warnings": warnings,
         }))?;
         return Ok(Exit::Done);
     }
@@ -55,5 +57,8 @@ pub fn of_pipeline(pipeline: &Pipeline, arguments: &PipelineArguments, output: &
         ),
     };
     output.text(&format!("{}\n\n{summary}", table::of_plan(&stages)))?;
+    for warning in warnings {
+        output.complain(&format!("warning: {warning}"));
+    }
     Ok(Exit::Done)
 }

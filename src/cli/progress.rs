@@ -421,6 +421,7 @@ mod tests {
             size: 0,
             size_built: 0,
             price: None,
+            unmeasured: None,
             why: None,
             reasons: Vec::new(),
             staleness: None,

@@ -21,7 +21,7 @@ use crate::report::{History, StageFacts, write_report};
 pub struct ReportArguments {
     /// The pipeline, a YAML file
     pub pipeline: PathBuf,
-    /// Folder for index.html, data/designs.csv and data/patterns/*.csv
+    /// Folder for index.html, data/designs.csv, data/patterns/*.csv and data/masks/*.dxf
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
     #[command(flatten)]
@@ -56,6 +56,7 @@ pub fn execute(arguments: &ReportArguments, output: &Output) -> Result<Exit, Cli
             "page": written.page,
             "designs": written.designs,
             "patterns": written.patterns,
+            "masks": written.masks,
             "not_built": missing,
             "found": written.found,
         }))?;
@@ -74,7 +75,7 @@ pub fn execute(arguments: &ReportArguments, output: &Output) -> Result<Exit, Cli
 /// A report of half a pipeline is one only where that was asked for.
 fn check(history: &History, arguments: &ReportArguments) -> Result<(), CliError> {
     let named = |stage: &&StageFacts| match &stage.why {
-        Some(why) if why.starts_with("artifact") => format!("{} ({why})", stage.name),
+        Some(why) if why.starts_with("artifact") || why.starts_with("removed") => format!("{} ({why})", stage.name),
         _ => stage.name.clone(),
     };
     let missing: Vec<String> = history.missing().iter().map(named).collect();

@@ -160,6 +160,9 @@ pub fn of_pipeline(
         for (key, value) in results.document() {
             document[key] = value;
         }
+        // What was said before the work comes first.
+        let found = document["warnings"].as_array().into_iter().flatten().cloned();
+        document["warnings"] = outcome.foreseen.iter().map(|text| json!(text)).chain(found).collect();
         output.document(&document)?;
     } else if arguments.quiet {
         results.warning_lines().for_each(|line| output.complain(&line));
@@ -271,7 +274,7 @@ fn made(outcome: &RunOutcome) -> Vec<Made> {
 }
 
 fn document(outcome: &RunOutcome) -> Value {
-    json!({ "stages": outcome.stages, "unstable": outcome.unstable })
+    json!({ "stages": outcome.stages, "unstable": outcome.unstable, "warnings": outcome.foreseen })
 }
 
 /// What was built before and beside the failures stays, and is told of.

@@ -47,7 +47,10 @@ pub fn of_plan(stages: &[StageReport]) -> String {
         let bill = Bill::of(lines.iter().filter(|stage| is_stale(stage)).map(|stage| stage.price));
         let (time, disk) = match &bill.price {
             Some(price) => (time(&price.seconds), bytes(price.bytes.likely as u64)),
-            None if lines.iter().any(is_stale) => ("?".to_owned(), "?".to_owned()),
+            None if lines.iter().any(is_stale) => {
+                let unmeasured = lines.iter().find_map(|stage| stage.unmeasured.clone());
+                (unmeasured.unwrap_or_else(|| "?".to_owned()), "?".to_owned())
+            }
             None => (String::new(), String::new()),
         };
         let mut reasons: Vec<&str> = Vec::new();

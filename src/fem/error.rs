@@ -133,6 +133,11 @@ pub enum SetupError {
     /// A density that nothing says.
     #[error("inertia needs a density, and the scene has none: give `density` in `properties`")]
     Density,
+    /// A mesh of which nothing moves.
+    #[error(
+        "no node of this mesh is free to move, so there are no natural frequencies: give more cells, more elements in each, or biquadratic ones"
+    )]
+    NothingMoves,
     /// Creep that is no matter of three equilibria.
     #[error("a state at a time is found from three equilibria for {why}")]
     ThreeSolves {
@@ -184,6 +189,7 @@ impl SetupError {
                 | Self::Island { .. }
                 | Self::MovingBodies
                 | Self::Density
+                | Self::NothingMoves
                 | Self::Steps { .. }
         )
     }

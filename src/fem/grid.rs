@@ -153,6 +153,15 @@ impl Grid {
         }
     }
 
+    /// Whether any of its nodes is free to move.
+    #[must_use]
+    pub fn moves(&self) -> bool {
+        let rest = vec![0.0; self.layout().vector_len()];
+        let mut free = vec![1.0; rest.len()];
+        self.restrict(&rest, &mut free);
+        free.iter().any(|free| *free != 0.0)
+    }
+
     /// Where the bodies are at a displacement.
     #[must_use]
     pub fn poses<T: Real>(&self, u: &[T]) -> Vec<Pose> {

@@ -3,7 +3,7 @@
 //! Everything is dimensionless: stress is divided by μλp², lengths by the side of an element, so two numbers describe a
 //! scene, a = λp⁻⁶ and b = κλp² with κ = ε(V/H)²/μ; with unequal prestretch λp is √(λ₁λ₂), and grid says how. The modules are the
 //! method, from the point to the answer: kinematics, energy and effects; sheet, grid, element, layout and lanes; operator; gemm, modes and precondition; krylov, work, newton,
-//! direct and dynamic_stiffness; eigenvalue, stability and continuation; solver, and on it accurate, adjoint, cells, response, margin, path, critical, limit,
+//! direct and dynamic_stiffness; eigenvalue, stability and continuation; solver, and on it accurate, adjoint, cells, response, margin, path, covered, critical, limit,
 //! observable, gradient_evaluator and safety_margins; evaluator, which puts every method behind the traits of `field`, simulators, and screening.
 
 mod accurate;
@@ -13,6 +13,7 @@ mod capacitance;
 mod cells;
 mod charge;
 mod continuation;
+mod covered;
 mod critical;
 mod direct;
 mod dynamic_stiffness;
@@ -55,6 +56,7 @@ mod work;
 
 pub use accurate::{AccurateSimulation, AccurateSolver};
 pub use cells::wrinkled_fraction;
+pub use covered::{FIRST_LOST, covered_limit};
 pub use critical::{CriticalVoltage, MeshLimit};
 pub use effects::breakdown_strength;
 pub use error::SetupError;

@@ -8,7 +8,10 @@ use super::provenance::Environment;
 use super::spec::{Pipeline, StageSpec};
 use crate::store::{Cost, Store, StoreError};
 
-/// A price for every stale stage of a selection, as far as one can be named; `None` for all that is there.
+/// What is foretold of a stage: a price, or why there is none; neither where it is there.
+pub type Foretold = (Option<Price>, Option<String>);
+
+/// A price for every stale stage of a selection, as far as one can be named.
 ///
 /// # Errors
 /// When the store cannot be read.
@@ -18,9 +21,9 @@ pub fn prices(
     statuses: &[StageStatus],
     store: &Store,
     environment: &Environment,
-) -> Result<Vec<Option<Price>>, StoreError> {
+) -> Result<Vec<Foretold>, StoreError> {
     if !statuses.iter().any(StageStatus::is_stale) {
-        return Ok(vec![None; selection.len()]);
+        return Ok(vec![(None, None); selection.len()]);
     }
     let costs = store.costs();
     let mut lengths: Vec<Option<u64>> = vec![None; pipeline.stages.len()];
@@ -28,12 +31,15 @@ pub fn prices(
     for (&index, status) in selection.iter().zip(statuses) {
         let spec = &pipeline.stages[index];
         let input_bytes = spec.needs.iter().map(|&need| lengths[need]).sum();
-        let price = match status.is_stale() {
-            true => price(&costs, &work(spec, status, input_bytes, environment)),
-            false => None,
+        let foretold = match status.is_stale() {
+            true => match price(&costs, &work(spec, status, input_bytes, environment)) {
+                Ok(price) => (Some(price), None),
+                Err(unmeasured) => (None, Some(unmeasured.to_string())),
+            },
+            false => (None, None),
         };
-        lengths[index] = length(status, price.as_ref());
-        prices.push(price);
+        lengths[index] = length(status, foretold.0.as_ref());
+        prices.push(foretold);
     }
     Ok(prices)
 }
@@ -48,6 +54,8 @@ fn work(spec: &StageSpec, status: &StageStatus, input_bytes: Option<u64>, enviro
         jobs: rayon::current_num_threads() as u64,
         steps: steps(status),
         weight: spec.stage.weight(),
+        repeats_inputs: spec.stage.repeats_inputs(),
+        apart: spec.kind.priced_apart(),
         chunks: match &status.work {
             Plan::Chunks(_) => Some(missing(status).count() as u64),
             Plan::Whole { .. } => None,

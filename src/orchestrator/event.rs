@@ -50,6 +50,8 @@ pub struct StageReport {
     pub size_built: u64,
     /// What building was foretold to take; none where nothing like it has been built in this store, or nothing is to be built.
     pub price: Option<Price>,
+    /// Why there is no price, as in `never measured for network qin2024`; none where there is one, or nothing is to be built.
+    pub unmeasured: Option<String>,
     /// Why it was stale, or failed, in words: the first reason.
     pub why: Option<String>,
     /// Everything that makes it stale, in words.

@@ -10,6 +10,7 @@ use super::build::Builder;
 use super::cost_estimate;
 use super::difference::Difference;
 use super::event::{Event, Listener, Outcome, StageReport};
+use super::foresight::foreseen;
 use super::kind::{Input, Plan, StageError};
 use super::locked;
 use super::plan;
@@ -96,6 +97,8 @@ pub struct RunOutcome {
     pub not_logged: Option<StoreError>,
     /// What the stages made, to be held to later.
     pub lock: LockFile,
+    /// Warnings that were given before the work.
+    pub foreseen: Vec<String>,
 }
 
 /// Runs a pipeline. A stage that fails ends the run, or with `keep_going` only what needs it; what was built stays.
@@ -118,7 +121,16 @@ pub fn run(
     let planner = Planner::beside_others(pipeline, store);
     let statuses = planner.statuses(&selection)?;
     let prices = cost_estimate::prices(pipeline, &selection, &statuses, store, environment)?;
+    let prices: Vec<Option<Price>> = prices.into_iter().map(|(price, _)| price).collect();
     listener(&started(pipeline, &statuses, &prices));
+    let foreseen = match options.chunks.is_none() && options.stages.is_none() {
+        true => foreseen(pipeline, &reports(pipeline, &selection, &statuses), store)?,
+        // A part of the work of others, to whom it has been said.
+        false => Vec::new(),
+    };
+    foreseen
+        .iter()
+        .for_each(|text| listener(&Event::Warning { text: text.clone() }));
     let first = if options.only {
         selection.len().saturating_sub(1)
     } else {
@@ -190,6 +202,7 @@ pub fn run(
         failures,
         not_logged,
         lock,
+        foreseen,
     })
 }
 
@@ -234,6 +247,13 @@ fn started(pipeline: &Pipeline, statuses: &[StageStatus], prices: &[Option<Price
         price: bill.price,
         unpriced: bill.unpriced,
     }
+}
+
+/// What is known of each stage before the work.
+fn reports(pipeline: &Pipeline, selection: &[usize], statuses: &[StageStatus]) -> Vec<StageReport> {
+    let each = selection.iter().zip(statuses);
+    each.map(|(&index, status)| plan::report(&pipeline.stages[index], status))
+        .collect()
 }
 
 /// The stages whose artifacts are going to be read. They are verified in full beforehand, so that damage is found while
@@ -760,6 +780,7 @@ impl<'a> Execution<'a> {
             size: 0,
             size_built: 0,
             price: None,
+            unmeasured: None,
             why: None,
             reasons: Vec::new(),
             staleness: None,

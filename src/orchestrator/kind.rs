@@ -63,6 +63,12 @@ pub trait Kind: Sync {
         Ok(Vec::new())
     }
 
+    /// Parameters, by their dotted paths in the key of a stage or of a chunk, that make the work another one: what it took with one value
+    /// foretells nothing of another.
+    fn priced_apart(&self) -> &'static [&'static str] {
+        &[]
+    }
+
     /// What a finished artifact is worth in numbers, by names of one word, or of a word and what it is of: `max_displacement`,
     /// `rmse.physics`. They stand in the history of runs, are compared between runs, and tables collect them.
     ///
@@ -79,12 +85,66 @@ pub trait Kind: Sync {
         Vec::new()
     }
 
+    /// What can be said of a stage and those that it needs before any work: what is bound to fail is refused, of what is likely to disappoint
+    /// there are warnings. It must take next to no time. All stages have been read by then.
+    ///
+    /// # Errors
+    /// When the stage would fail with whatever the stages that it needs make.
+    fn foresee(&self, stage: &Foreseeable<'_>, needs: &[Foreseeable<'_>]) -> Result<Foreseen, InputError> {
+        let _ = (stage, needs);
+        Ok(Foreseen::default())
+    }
+
     /// Reads a stage from its mapping, which includes `kind` and `needs`, and from the pipeline's scene, already one
     /// mapping even where the pipeline names a file.
     ///
     /// # Errors
     /// When a key is unknown or missing, or a value out of range.
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError>;
+}
+
+/// A stage as it stands in the pipeline.
+#[derive(Clone, Copy)]
+pub struct Foreseeable<'a> {
+    /// Its name.
+    pub name: &'a str,
+    /// Its kind.
+    pub kind: &'static str,
+    /// Its mapping.
+    pub node: &'a Node,
+    /// Its scene.
+    pub scene: Option<&'a Node>,
+}
+
+/// What is foreseen of a stage.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Foreseen {
+    /// Warnings, for people.
+    pub warnings: Vec<String>,
+    /// What is to be compared with results of earlier runs.
+    pub expectations: Vec<Expectation>,
+}
+
+/// A number that stages with a result of some name should not exceed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Expectation {
+    /// The stages whose results count: one by its name, or all of a kind.
+    pub of: Whose,
+    /// Name of the result, as in [`Kind::results`].
+    pub result: String,
+    /// The most that it should be.
+    pub most: f64,
+    /// What is warned of where it is more, with `{value}` in place of the result and `{stage}` in place of the stage.
+    pub warning: String,
+}
+
+/// Whose results count.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Whose {
+    /// Those of a stage.
+    Stage(String),
+    /// Those of all stages of a kind.
+    Kind(&'static str),
 }
 
 /// How many inputs a kind takes, and of which kinds.
@@ -130,6 +190,11 @@ pub trait Stage: Send + Sync {
     /// generation. It serves to foretell costs and nothing else.
     fn weight(&self) -> f64 {
         1.0
+    }
+
+    /// Whether each step goes through all inputs again, as an epoch does. It serves to foretell costs and nothing else.
+    fn repeats_inputs(&self) -> bool {
+        false
     }
 
     /// How many samples of a finished artifact have no stable solution; the run then ends with exit code 3.

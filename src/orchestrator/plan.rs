@@ -33,7 +33,7 @@ pub fn plan(
         let inputs = digests_of(spec, &selection, &statuses);
         let reasons = reasons(&planner, spec, status, &inputs)?;
         report.reasons = reasons.iter().map(ToString::to_string).collect();
-        report.price = price;
+        (report.price, report.unmeasured) = price;
         reports.push(report);
     }
     Ok(reports)
@@ -91,6 +91,7 @@ pub fn report(spec: &StageSpec, status: &StageStatus) -> StageReport {
         size,
         size_built: 0,
         price: None,
+        unmeasured: None,
         reasons: staleness.iter().map(ToString::to_string).collect(),
         why: staleness.as_ref().map(ToString::to_string),
         staleness,

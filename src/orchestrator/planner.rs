@@ -5,7 +5,7 @@
 //! artifact does not make everything after it stale.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use rayon::prelude::*;
 
@@ -76,6 +76,8 @@ pub struct Planner<'a> {
     pipeline: &'a Pipeline,
     store: &'a Store,
     runs: Mutex<PastRuns>,
+    /// When collections removed what, where somebody has asked.
+    removed: OnceLock<BTreeMap<ArtifactId, String>>,
     /// Whether of very many chunks only the names of their records are looked at.
     by_names: bool,
 }
@@ -174,6 +176,7 @@ impl<'a> Planner<'a> {
             pipeline,
             store,
             runs: Mutex::default(),
+            removed: OnceLock::new(),
             by_names: false,
         }
     }
@@ -317,7 +320,31 @@ impl<'a> Planner<'a> {
             return Ok(Staleness::all_since(&current, None, None));
         };
         let previous = self.store.record(&stage.key)?.record();
+        if previous.is_none()
+            && let Some(at) = self.removal(spec, parameters, digests, &stage)?
+        {
+            return Ok(vec![Staleness::Removed { at }]);
+        }
         Ok(Staleness::all_since(&current, previous.as_ref(), Some(&run)))
+    }
+
+    /// When a collection removed what a stage made in an earlier run, if it would make the same now, as far as that is known.
+    fn removal(
+        &self,
+        spec: &StageSpec,
+        parameters: &Canonical,
+        digests: &[Option<ArtifactId>],
+        stage: &RunStage,
+    ) -> Result<Option<String>, StoreError> {
+        let action = Action::of_stage(spec.kind.name(), spec.kind.recipe(), parameters, digests);
+        if keyed(action)?.is_some_and(|(_, key)| key != stage.key) || self.store.has(&stage.artifact) {
+            return Ok(None);
+        }
+        let removed = self.removed.get_or_init(|| {
+            let removed = self.store.removed().into_iter();
+            removed.map(|removed| (removed.digest, removed.at)).collect()
+        });
+        Ok(removed.get(&stage.artifact).cloned())
     }
 
     /// The last run that had the stage.

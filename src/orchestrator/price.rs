@@ -1,10 +1,13 @@
 //! What building a stage will take, foretold from what such stages have taken in this store.
 //!
-//! Of all recorded costs of the kind, those count whose parameters, RECIPE and machine differ least. Work is measured in
-//! steps, each by its weight (elements, individuals); a stage that is one piece of work reads its inputs in every step, so
-//! there a step counts by the length of the inputs too. The range spans what was measured, widened the more the stages differ.
+//! Of all recorded costs of the kind, those count whose parameters, RECIPE and machine differ least, and of these the ones of about as much
+//! work. Work is measured in steps, each by its weight (elements, individuals); a stage that is one piece of work takes as long as its inputs
+//! are, in each step where a step goes through all of them. What was measured of another sort of work, such as another network, is not taken
+//! for this one's. The range spans what was measured, widened the more the stages differ; `docs/tools/prices.py` measures how often it
+//! holds what a stage then takes.
 
 use std::collections::BTreeMap;
+use std::fmt;
 
 use serde::Serialize;
 
@@ -13,6 +16,15 @@ use crate::store::Cost;
 
 /// How many of the nearest costs count: the latest.
 const LATEST: usize = 8;
+
+/// What beginning and ending a stage may take beside its work, s.
+const SLACK: f64 = 0.1;
+
+/// So many times more or less work is about as much.
+const ALIKE: f64 = 3.0;
+
+/// By this power of how many times more or less work there is the range widens: not all of it grows with the work.
+const UNLIKE: f64 = 0.25;
 
 /// Parameters by dotted path.
 pub type Leaves = BTreeMap<String, String>;
@@ -77,6 +89,10 @@ pub struct Work {
     pub steps: u64,
     /// How much work a step is, in comparison with the same kind at other parameters.
     pub weight: f64,
+    /// Whether each step goes through all inputs.
+    pub repeats_inputs: bool,
+    /// Parameters whose values make it another sort of work.
+    pub apart: &'static [&'static str],
     /// Chunks to build, or `None` where the stage is one piece of work.
     pub chunks: Option<u64>,
     /// Length of all inputs, bytes; `None` where it is not known.
@@ -97,6 +113,15 @@ impl Estimate {
             low: self.low + other.low,
             likely: self.likely + other.likely,
             high: self.high + other.high,
+        }
+    }
+
+    /// The same with so many s more or less.
+    fn give_or_take(self, slack: f64) -> Self {
+        Self {
+            low: (self.low - slack).max(0.0),
+            high: self.high + slack,
+            ..self
         }
     }
 
@@ -131,42 +156,122 @@ pub fn leaves(parameters: &Canonical) -> Leaves {
     leaves.map(|(path, value)| (path, value.to_string())).collect()
 }
 
-/// What the work will take; `None` where nothing like it has been built in this store.
-#[must_use]
-pub fn price(costs: &[Cost], work: &Work) -> Option<Price> {
+/// Why there is no price.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Unmeasured {
+    /// Nothing of the kind has been built in this store.
+    Kind,
+    /// Nothing with this value of a parameter.
+    Parameter {
+        /// The last part of its path.
+        name: String,
+        /// Its value.
+        value: String,
+    },
+}
+
+impl fmt::Display for Unmeasured {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Kind => f.write_str("never measured"),
+            Self::Parameter { name, value } => write!(f, "never measured for {name} {value}"),
+        }
+    }
+}
+
+/// What the work will take.
+///
+/// # Errors
+/// When nothing like it has been built in this store.
+pub fn price(costs: &[Cost], work: &Work) -> Result<Price, Unmeasured> {
     let mut known: Vec<(usize, &Cost)> = costs
         .iter()
-        .filter(|cost| cost.kind == work.kind)
+        .filter(|cost| cost.kind == work.kind && apart(cost, work).is_none())
         .map(|cost| (distance(cost, work), cost))
         .collect();
-    let nearest = known.iter().map(|(distance, _)| *distance).min()?;
+    let Some(nearest) = known.iter().map(|(distance, _)| *distance).min() else {
+        let latest = costs.iter().rfind(|cost| cost.kind == work.kind);
+        return Err(latest.and_then(|cost| apart(cost, work)).unwrap_or(Unmeasured::Kind));
+    };
     known.retain(|(distance, _)| *distance == nearest);
-    let latest: Vec<&Cost> = known.iter().rev().take(LATEST).map(|(_, cost)| *cost).collect();
+    let known = alike(known.into_iter().map(|(_, cost)| cost).collect(), work);
+    let latest: Vec<&Cost> = known.iter().rev().take(LATEST).copied().collect();
     let by_input = latest.iter().all(|cost| cost.input_bytes > 0) && work.chunks.is_none();
     let by_input = work.input_bytes.filter(|_| by_input);
-    let widening = widening(nearest, latest.len());
+    let ratio = latest
+        .iter()
+        .map(|cost| unlike(cost, work))
+        .fold(f64::INFINITY, f64::min);
+    let widening = widening(nearest, latest.len()) * ratio.powf(UNLIKE);
+    let each = |cost: &Cost| cost.steps as f64 * cost.weight;
     let seconds = latest.iter().map(|cost| {
         let threads = (cost.jobs.min(cost.chunks.max(1))) as f64;
-        let steps = cost.steps as f64 * cost.weight;
-        match (work.chunks, by_input) {
-            (Some(_), _) => cost.seconds * threads / steps,
-            (None, Some(_)) => cost.seconds / (steps * cost.input_bytes as f64),
-            (None, None) => cost.seconds / steps,
+        match (work.chunks, by_input, work.repeats_inputs) {
+            (Some(_), ..) => cost.seconds * threads / each(cost),
+            (None, Some(_), true) => cost.seconds / (each(cost) * cost.input_bytes as f64),
+            (None, Some(_), false) => cost.seconds / (cost.weight * cost.input_bytes as f64),
+            (None, None, _) => cost.seconds / each(cost),
         }
     });
-    let seconds = Estimate::of(seconds.collect(), widening)?;
+    let seconds = Estimate::of(seconds.collect(), widening).ok_or(Unmeasured::Kind)?;
     let threads = work.chunks.map_or(1, |chunks| work.jobs.min(chunks)).max(1);
     let steps = work.steps as f64;
-    let amount = steps * work.weight * by_input.map_or(1.0, |bytes| bytes as f64) / threads as f64;
+    let amount = match by_input {
+        None => steps * work.weight / threads as f64,
+        Some(bytes) if work.repeats_inputs => steps * work.weight * bytes as f64,
+        Some(bytes) => work.weight * bytes as f64,
+    };
     // Of a chunked stage files grow with the samples; what the steps of any other leave behind does not grow with them.
     let bytes = latest.iter().map(|cost| match work.chunks {
         Some(_) => cost.bytes as f64 / cost.steps as f64 * steps,
         None => cost.bytes as f64,
     });
-    Some(Price {
-        seconds: seconds.scaled(amount),
-        bytes: Estimate::of(bytes.collect(), if nearest == 0 { 1.0 } else { widening })?,
+    let of_bytes = if nearest == 0 { 1.0 } else { widening };
+    Ok(Price {
+        seconds: seconds.scaled(amount).give_or_take(SLACK),
+        bytes: Estimate::of(bytes.collect(), of_bytes).ok_or(Unmeasured::Kind)?,
     })
+}
+
+/// The parameter that makes a cost one of another sort of work.
+fn apart(cost: &Cost, work: &Work) -> Option<Unmeasured> {
+    let differs = |path: &&&str| cost.parameters.get(**path) != work.parameters.get(**path);
+    let path = work.apart.iter().find(differs)?;
+    let name = path.rsplit('.').next().unwrap_or(path);
+    Some(Unmeasured::Parameter {
+        name: name.replace('_', " "),
+        value: work
+            .parameters
+            .get(*path)
+            .map_or_else(|| "none".to_owned(), Clone::clone),
+    })
+}
+
+/// Of some costs those of about as much work, or all where there are none.
+fn alike<'a>(costs: Vec<&'a Cost>, work: &Work) -> Vec<&'a Cost> {
+    let alike: Vec<&Cost> = costs
+        .iter()
+        .filter(|cost| unlike(cost, work) <= ALIKE)
+        .copied()
+        .collect();
+    if alike.is_empty() { costs } else { alike }
+}
+
+/// How many times more or less work a cost was of, 1 or more. To put together what is there is none.
+fn unlike(cost: &Cost, work: &Work) -> f64 {
+    if work.steps == 0 {
+        return 1.0;
+    }
+    let of_steps = work.steps as f64 * work.weight / (cost.steps as f64 * cost.weight);
+    let of_input = match (work.chunks, work.input_bytes) {
+        (None, Some(bytes)) if cost.input_bytes > 0 && bytes > 0 => bytes as f64 / cost.input_bytes as f64,
+        _ => 1.0,
+    };
+    let ratio = match work.repeats_inputs || work.chunks.is_some() {
+        true => of_steps * of_input,
+        false => of_input * work.weight / cost.weight,
+    };
+    ratio.max(1.0 / ratio)
 }
 
 /// How many things differ.
@@ -185,12 +290,13 @@ fn distance(cost: &Cost, work: &Work) -> usize {
     differing.count() + others.iter().filter(|other| **other).count()
 }
 
-/// The same again, measured once or twice: a third more or less. Something else: up to two or four times more or less.
+/// How many times what was measured a stage may take, or what part of it: the more things differ, and the fewer were measured.
 fn widening(distance: usize, measured: usize) -> f64 {
     match (distance, measured) {
-        (0, 0..=2) => 1.33,
-        (0, _) => 1.15,
-        (1..=2, _) => 2.0,
+        (0, 0..=2) => 2.2,
+        (0, _) => 1.7,
+        (1, _) => 2.5,
+        (2, _) => 3.0,
         _ => 4.0,
     }
 }
@@ -229,6 +335,8 @@ mod tests {
             jobs: 2,
             steps,
             weight: 1.0,
+            repeats_inputs: true,
+            apart: &["order"],
             chunks,
             input_bytes: Some(2000),
         }
@@ -240,8 +348,10 @@ mod tests {
         let costs = [cost(100, 1.0), cost(100, 2.0), cost(100, 1.5)];
         let found = price(&costs, &work(Some(5), 200)).unwrap();
         assert!((found.seconds.likely - 200.0 * 0.03 / 2.0).abs() < 1e-12);
-        assert!((found.seconds.low - 200.0 * 0.02 / 2.0 / 1.15).abs() < 1e-12);
-        assert!((found.seconds.high - 200.0 * 0.04 / 2.0 * 1.15).abs() < 1e-12);
+        // 1.7 for what was measured three times, and twice the work.
+        let widening = 1.7 * 2.0_f64.powf(UNLIKE);
+        assert!((found.seconds.low - (200.0 * 0.02 / 2.0 / widening - SLACK)).abs() < 1e-12);
+        assert!((found.seconds.high - (200.0 * 0.04 / 2.0 * widening + SLACK)).abs() < 1e-12);
         assert_eq!(found.bytes.likely, 10_000.0);
         // One chunk is no faster with two threads.
         let one = price(&costs, &work(Some(1), 200)).unwrap();
@@ -263,18 +373,47 @@ mod tests {
             ..work(None, 16)
         };
         assert!((price(&costs, &unknown).unwrap().seconds.likely - 8.0).abs() < 1e-12);
+        // Steps that do not go through the inputs again are counted by these alone.
+        let once = Work {
+            repeats_inputs: false,
+            ..work(None, 16)
+        };
+        assert!((price(&costs, &once).unwrap().seconds.likely - 8.0).abs() < 1e-12);
     }
 
     #[test]
-    fn the_nearest_costs_count_and_doubt_widens_the_range() {
+    fn another_sort_of_work_has_no_price() {
         let other = Cost {
             parameters: parameters("2"),
             ..cost(100, 50.0)
         };
+        let why = price(&[other], &work(Some(10), 100)).unwrap_err();
+        assert_eq!(why.to_string(), "never measured for order 1");
+        assert_eq!(price(&[], &work(Some(1), 1)).unwrap_err().to_string(), "never measured");
+        // All chunks are there, and only the stage is put together.
+        let together = price(&[cost(100, 1.0)], &work(Some(0), 0)).unwrap();
+        assert_eq!(
+            (together.seconds.low, together.seconds.likely, together.seconds.high),
+            (0.0, 0.0, SLACK)
+        );
+    }
+
+    #[test]
+    fn of_costs_of_the_same_sort_those_of_as_much_work_count() {
+        // Ten samples take 0.1 s each, since most of it is to begin; a thousand take 0.01 s each.
+        let costs = [cost(1000, 5.0), cost(10, 0.5)];
+        let found = price(&costs, &work(Some(10), 900)).unwrap();
+        assert!((found.seconds.likely - 4.5).abs() < 1e-12, "{found:?}");
+    }
+
+    #[test]
+    fn the_nearest_costs_count_and_doubt_widens_the_range() {
+        let mut other = cost(100, 50.0);
+        other.parameters.insert("mesh".into(), "3".into());
         let found = price(&[other.clone(), cost(100, 1.0)], &work(Some(10), 100)).unwrap();
         assert!((found.seconds.likely - 1.0).abs() < 1e-12);
         let found = price(&[other], &work(Some(10), 100)).unwrap();
-        assert!((found.seconds.likely - 50.0).abs() < 1e-12 && (found.seconds.high - 100.0).abs() < 1e-12);
+        assert!((found.seconds.likely - 50.0).abs() < 1e-12 && (found.seconds.high - 125.0 - SLACK).abs() < 1e-12);
         // Four times the elements, four times the time.
         let finer = Work {
             weight: 4.0,
@@ -282,11 +421,10 @@ mod tests {
         };
         let found = price(&[cost(100, 1.0)], &finer).unwrap();
         assert!((found.seconds.likely - 4.0).abs() < 1e-12);
-        assert_eq!(price(&[], &work(Some(1), 1)), None);
         let train = Work {
             kind: "train".into(),
             ..work(None, 1)
         };
-        assert_eq!(price(&[cost(1, 1.0)], &train), None);
+        assert_eq!(price(&[cost(1, 1.0)], &train), Err(Unmeasured::Kind));
     }
 }

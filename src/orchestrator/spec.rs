@@ -1,5 +1,6 @@
 //! Reads a pipeline from YAML, refusing what cannot run before any work is done.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -7,7 +8,7 @@ use super::entry::{
     Entry, Registry, check_length, check_names, check_needs, read_entries, refuse_cycle_of, suggestion,
 };
 use super::graph;
-use super::kind::{Kind, Stage};
+use super::kind::{Foreseeable, Foreseen, Kind, Stage};
 use super::rounds::{self, Rounds};
 use super::sweep::{self, Sweep};
 use crate::base::{Document, InputError, Node, NodeValue, Override, folder_of};
@@ -51,6 +52,8 @@ pub struct StageSpec {
     pub scene: Option<Node>,
     /// The files that it names, relative to that of the pipeline.
     pub files: Vec<String>,
+    /// What is foreseen of it.
+    pub foreseen: Foreseen,
     /// What it does.
     pub stage: Box<dyn Stage>,
 }
@@ -268,12 +271,43 @@ fn read_stages(entries: &[Entry<'_>], scene: Option<&Node>, swept: bool) -> Resu
             gates: places(true),
             scene: own_scene.cloned(),
             files: entry.kind.files(entry.node),
+            foreseen: Foreseen::default(),
             stage,
         }));
+    }
+    for (index, foreseen) in foresee(entries, scene, swept)?.into_iter().enumerate() {
+        if let Some(stage) = &mut stages[index] {
+            stage.foreseen = foreseen;
+        }
     }
     let stages: Vec<StageSpec> = order.iter().filter_map(|&index| stages[index].take()).collect();
     check_pieces(&stages, &order, entries)?;
     Ok(stages)
+}
+
+/// What is foreseen of each stage, in the order of the file.
+fn foresee(entries: &[Entry<'_>], scene: Option<&Node>, swept: bool) -> Result<Vec<Foreseen>, InputError> {
+    let own_scene = |entry: &Entry<'_>| entry.node.peek(sweep::SCENE).filter(|_| swept).cloned();
+    let scenes: Vec<Option<Node>> = entries.iter().map(own_scene).collect();
+    let nodes: Vec<Cow<'_, Node>> = entries
+        .iter()
+        .zip(&scenes)
+        .map(|(entry, own)| match own {
+            Some(_) => Cow::Owned(entry.node.without(sweep::SCENE)),
+            None => Cow::Borrowed(entry.node),
+        })
+        .collect();
+    let foreseeable = |index: usize| Foreseeable {
+        name: entries[index].name,
+        kind: entries[index].kind.name(),
+        node: &nodes[index],
+        scene: scenes[index].as_ref().or(scene),
+    };
+    let each = entries.iter().enumerate().map(|(index, entry)| {
+        let needs: Vec<Foreseeable<'_>> = entry.needs.iter().map(|(need, _)| foreseeable(*need)).collect();
+        entry.kind.foresee(&foreseeable(index), &needs)
+    });
+    each.collect()
 }
 
 /// Refuses what is too large to be planned, before anybody tries.

@@ -31,6 +31,11 @@ pub enum Staleness {
         /// Now.
         to: u32,
     },
+    /// What the last run had of it has been collected since.
+    Removed {
+        /// When, in UTC, RFC 3339.
+        at: String,
+    },
     /// Its artifact, or a chunk of it, is gone.
     ArtifactMissing,
     /// Its artifact, or a chunk of it, is not what was written.
@@ -46,6 +51,7 @@ impl fmt::Display for Staleness {
             }
             Self::InputChanged { which } => write!(f, "input changed: {which}"),
             Self::RecipeChanged { from, to } => write!(f, "recipe changed: from {from} to {to}"),
+            Self::Removed { at } => write!(f, "removed by gc at {at}"),
             Self::ArtifactMissing => f.write_str("artifact missing"),
             Self::ArtifactDamaged => f.write_str("artifact damaged"),
         }

@@ -7,6 +7,7 @@ mod error;
 mod evaluation;
 mod evaluators;
 pub mod export;
+mod figure_files;
 pub mod figures;
 mod format;
 mod history;
@@ -26,6 +27,7 @@ mod write_report;
 
 pub use artifacts::{Made, RunArtifacts, Source};
 pub use error::ReportError;
+pub use figure_files::{FigureFile, figures_of, remove_figures};
 pub use format::{bytes, file_name, number, seconds};
 pub use history::{History, Origin, StageFacts};
 pub use html::{Column, Page};

@@ -165,7 +165,7 @@ pub fn draw_figures(
 }
 
 /// The file in a folder of figures that says whose they are.
-const WHOSE: &str = "pipeline.txt";
+pub const WHOSE: &str = "pipeline.txt";
 
 /// The folder of a pipeline's name, unless another file that is still there has it.
 fn folder_of(store: &Store, file: &Path, pipeline: &str) -> PathBuf {

@@ -8,11 +8,13 @@ use std::path::{Path, PathBuf};
 use super::artifacts::Made;
 use super::designs::{Design, Found, designs, role_word};
 use super::error::ReportError;
+use super::export::{dxf, mask_drawing};
 use super::history::History;
 use super::intervals::NetworkInterval;
 use super::page::report_page;
-use crate::base::{CsvTable, OutputFile, csv_metadata, read_bounded};
+use crate::base::{CsvTable, OutputFile, csv_metadata, folder_of, read_bounded};
 use crate::pattern::Pattern;
+use crate::scene::{Mask, Size};
 use crate::store::Store;
 
 /// The columns of the table of designs.
@@ -58,12 +60,15 @@ pub struct Written {
     pub designs: Option<PathBuf>,
     /// The patterns, in the order of the table.
     pub patterns: Vec<PathBuf>,
+    /// The masks of the designs that were searched, in the same order.
+    pub masks: Vec<PathBuf>,
     /// The numbers that matter.
     pub found: Found,
 }
 
 /// Writes the report of a pipeline into a folder: `index.html`, and where there are designs `data/designs.csv`,
-/// `data/patterns/NAME.csv`, and what these are of in `data/csv-metadata.json`. Patterns of an earlier report that are no longer among them are removed.
+/// `data/patterns/NAME.csv`, what these are of in `data/csv-metadata.json`, and of designs that were searched `data/masks/NAME.dxf`. Patterns and
+/// masks of an earlier report that are no longer among them are removed.
 ///
 /// # Errors
 /// When an artifact cannot be read, or a file cannot be written.
@@ -78,7 +83,7 @@ pub fn write_report(store: &Store, history: &History, folder: &Path) -> Result<W
     let page_file = OutputFile::at(&path)?;
     let of_design = |design: &Design| data.join(design.pattern_file());
     let earlier = earlier_files(&table, &data);
-    let mut written = Vec::new();
+    let (mut written, mut masks) = (Vec::new(), Vec::new());
     if !designs.is_empty() {
         fs::create_dir_all(&patterns).map_err(failed(&patterns))?;
         let (table_file, about_file) = (OutputFile::at(&table)?, OutputFile::at(&about)?);
@@ -90,11 +95,14 @@ pub fn write_report(store: &Store, history: &History, folder: &Path) -> Result<W
             file.write(pattern_text(&design.pattern).as_bytes())?;
             written.push(of_design(design));
         }
+        masks = write_masks(&designs, &data, &digests(&made))?;
         table_file.write(&table_text(&designs).map_err(failed(&table))?)?;
         about_file.write(&csv_metadata(&described(&designs, history, &made)))?;
         written.extend([table.clone(), about.clone()]);
     }
-    let stale = earlier.iter().filter(|path| !written.contains(path));
+    let stale = earlier
+        .iter()
+        .filter(|path| !written.contains(path) && !masks.contains(path));
     stale
         .into_iter()
         .try_for_each(|path| fs::remove_file(path).map_err(failed(path)))?;
@@ -105,6 +113,7 @@ pub fn write_report(store: &Store, history: &History, folder: &Path) -> Result<W
         page: path,
         designs: (!designs.is_empty()).then_some(table),
         patterns: written,
+        masks,
         found: Found::of(&designs),
     })
 }
@@ -119,9 +128,27 @@ impl Written {
             let folder = self.patterns.first().and_then(|path| path.parent());
             let folder = folder.map_or(String::new(), |folder| folder.display().to_string());
             lines.push(format!("  {folder}/*.csv: {} patterns", self.patterns.len()));
+            if let Some(folder) = self.masks.first().and_then(|path| path.parent()) {
+                lines.push(format!("  {}/*.dxf: {} masks", folder.display(), self.masks.len()));
+            }
         }
         lines.join("\n")
     }
+}
+
+/// Writes the mask of each design that was searched, as it lies on the frame, with the artifacts that designs are from.
+fn write_masks(designs: &[Design], data: &Path, source: &str) -> Result<Vec<PathBuf>, ReportError> {
+    let mut written = Vec::new();
+    for (design, name) in designs.iter().filter_map(|design| Some((design, design.mask_file()?))) {
+        let path = data.join(name);
+        let folder = folder_of(&path);
+        fs::create_dir_all(folder).map_err(failed(folder))?;
+        let mask = Mask::new(&design.pattern, &design.scene, Size::Prestretched, false);
+        let drawing = mask_drawing(&mask, &design.name, source.to_owned(), Vec::new());
+        OutputFile::at(&path)?.write(&dxf(&drawing))?;
+        written.push(path);
+    }
+    Ok(written)
 }
 
 fn failed(path: &Path) -> impl Fn(io::Error) -> ReportError + '_ {
@@ -131,7 +158,7 @@ fn failed(path: &Path) -> impl Fn(io::Error) -> ReportError + '_ {
     }
 }
 
-/// The table of an earlier report and the patterns that it names: what else is in the folder is not ours.
+/// The table of an earlier report, the patterns that it names and their masks: what else is in the folder is not ours.
 fn earlier_files(table: &Path, data: &Path) -> Vec<PathBuf> {
     let Ok(text) = read_bounded(table, LONGEST_TABLE) else {
         return Vec::new();
@@ -143,12 +170,16 @@ fn earlier_files(table: &Path, data: &Path) -> Vec<PathBuf> {
     if !reader.headers().is_ok_and(is_ours) {
         return Vec::new();
     }
-    let pattern = |record: csv::StringRecord| {
-        let name = record.iter().next_back()?;
-        let plain = name.strip_prefix("patterns/").is_some_and(|name| !name.contains('/'));
-        Some(data.join(name)).filter(|path| plain && path.is_file())
+    let files = |record: csv::StringRecord| {
+        let pattern = record.iter().next_back().unwrap_or_default().to_owned();
+        let name = pattern.strip_prefix("patterns/").filter(|name| !name.contains('/'));
+        let mask = name.and_then(|name| Some(format!("masks/{}.dxf", name.strip_suffix(".csv")?)));
+        let both = [name.map(|_| pattern.clone()), mask].into_iter().flatten();
+        both.map(|name| data.join(name))
+            .filter(|path| path.is_file())
+            .collect::<Vec<_>>()
     };
-    let patterns: BTreeSet<PathBuf> = reader.records().flatten().filter_map(pattern).collect();
+    let patterns: BTreeSet<PathBuf> = reader.records().flatten().flat_map(files).collect();
     patterns
         .into_iter()
         .chain(
@@ -159,16 +190,24 @@ fn earlier_files(table: &Path, data: &Path) -> Vec<PathBuf> {
         .collect()
 }
 
-/// What the files are of: the pipeline, and the artifacts that designs are read from.
-fn described(designs: &[Design], history: &History, made: &[Made]) -> Vec<CsvTable> {
+/// The artifacts that designs are read from.
+fn digests(made: &[Made]) -> String {
     let of_designs = made
         .iter()
         .filter(|made| ["design", "verify"].contains(&made.kind.as_str()));
-    let digests: Vec<String> = of_designs.map(|made| made.digest.to_string()).collect();
+    of_designs
+        .map(|made| made.digest.to_string())
+        .collect::<Vec<_>>()
+        .join(" ")
+}
+
+/// What the files are of: the pipeline, and the artifacts that designs are read from.
+fn described(designs: &[Design], history: &History, made: &[Made]) -> Vec<CsvTable> {
+    let source = digests(made);
     let table = |url: String, title: &str, header: bool| CsvTable {
         url,
         title: format!("{}: {title}", history.pipeline),
-        source: digests.join(" "),
+        source: source.clone(),
         header,
     };
     let patterns = designs

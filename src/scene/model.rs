@@ -529,9 +529,16 @@ impl Scene {
     /// screening is to turn effects on, all of it may decide.
     #[must_use]
     pub fn simulated(&self) -> Self {
-        if self.auto {
-            return self.clone();
+        match self.auto {
+            true => self.clone(),
+            false => self.without_time(),
         }
+    }
+
+    /// The scene without how the drive goes on in time and without properties, whatever they decide: what all simulations of one device have in
+    /// common.
+    #[must_use]
+    pub fn without_time(&self) -> Self {
         Self {
             drive: self.drive.without_time(),
             properties: Properties::default(),

@@ -5,14 +5,15 @@
 mod content;
 mod evaluators;
 mod intervals;
+mod planned;
 
 use std::sync::OnceLock;
 use std::time::Instant;
 
 use serde_json::json;
 
-use super::model;
 use super::results::of_targets;
+use super::{foresight, model};
 use crate::base::{
     Canonical, Declared, Fields, InputError, Map, Node, NodeValue, Parameter, Schema, Stopped, parameters,
 };
@@ -25,7 +26,7 @@ use crate::fem::Method as Evaluation;
 use crate::fem::screening::decided_states;
 use crate::fem::{GradientEvaluator, SafetyMargins, SetupError, Swing, ThreeSolves, at_peak, breakdown_strength};
 use crate::field::{Differentiable, Feasibility, InStates, PredictError, StateFields};
-use crate::orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
+use crate::orchestrator::{Chunk, Foreseeable, Foreseen, Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::pattern::{Part, Pattern, Symmetries};
 use crate::scene::{MOST_STATES, Scene};
 use crate::store::{Artifact, Object};
@@ -35,6 +36,7 @@ use content::Heading;
 pub(super) use evaluators::swing_of;
 use evaluators::{EvaluatorChoice, evaluators, of_swings};
 use intervals::Calibrated;
+pub(super) use planned::PlannedDesign;
 
 /// The kind `design`.
 pub struct DesignKind;
@@ -124,6 +126,10 @@ impl Kind for DesignKind {
         5
     }
 
+    fn priced_apart(&self) -> &'static [&'static str] {
+        &["stage.method", "stage.evaluator", "stage.refine", "stage.units"]
+    }
+
     fn results(&self, artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {
         let view = Designs::open(artifact)?;
         let rows = view.rows();
@@ -163,9 +169,26 @@ impl Kind for DesignKind {
         vec![DesignParameters::fields()]
     }
 
+    fn foresee(&self, stage: &Foreseeable<'_>, needs: &[Foreseeable<'_>]) -> Result<Foreseen, InputError> {
+        let map = stage.node.fields(DesignParameters::WHAT, &keys())?;
+        let parameters = DesignParameters::read_map(&map)?;
+        let (mut warnings, mut expectations) = (Vec::new(), Vec::new());
+        warnings.extend(foresight::of_stability(stage));
+        let asked = map.optional("evaluator_accuracy");
+        let evaluator = parameters.evaluator;
+        if asked.is_some() && evaluator != EvaluatorChoice::Auto {
+            let accuracy = &parameters.options.evaluator_accuracy;
+            warnings.push(format!(
+                "`evaluator_accuracy: {accuracy}` is not looked at, since `evaluator: {evaluator}` is named, however much it errs; \
+                 `evaluator: auto` takes the cheapest that keeps to it"
+            ));
+            expectations = evaluator.expectations(accuracy.value(), needs);
+        }
+        Ok(Foreseen { warnings, expectations })
+    }
+
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
-        let keys = [&["kind", "needs", "constraints"][..], &DesignParameters::keys()].concat();
-        let map = stage.fields(DesignParameters::WHAT, &keys)?;
+        let map = stage.fields(DesignParameters::WHAT, &keys())?;
         let scene = super::scene_in_states_of(stage, scene)?;
         let DesignParameters {
             case,
@@ -173,10 +196,7 @@ impl Kind for DesignKind {
             targets,
             options,
         } = DesignParameters::read_map(&map)?;
-        let constraints = match map.optional("constraints") {
-            Some(node) => read_constraints(node, &scene)?,
-            None => ConstraintParameters::none_in(&scene).map_err(|e| stage.error(e.to_string()))?,
-        };
+        let constraints = constraints_of(&map, stage, &scene)?;
         let targets = targets.in_scene(&map, &scene, options.area_penalty.to_f64())?;
         for target in &targets {
             let node = map.optional("objective").unwrap_or(stage);
@@ -200,6 +220,45 @@ impl Kind for DesignKind {
             in_time: scene,
             constraints,
         }))
+    }
+}
+
+/// The keys of a design stage.
+fn keys() -> Vec<&'static str> {
+    [&["kind", "needs", "constraints"][..], &DesignParameters::keys()].concat()
+}
+
+/// The designs that a stage is to search.
+///
+/// # Errors
+/// When its mapping cannot be read.
+pub(super) fn planned(stage: &Foreseeable<'_>) -> Result<Vec<PlannedDesign>, InputError> {
+    let map = stage.node.fields(DesignParameters::WHAT, &keys())?;
+    let scene = super::scene_in_states_of(stage.node, stage.scene)?;
+    let DesignParameters {
+        case, targets, options, ..
+    } = DesignParameters::read_map(&map)?;
+    let constraints = constraints_of(&map, stage.node, &scene)?.to_text();
+    let targets = targets.in_scene(&map, &scene, options.area_penalty.to_f64())?;
+    let planned = targets.into_iter().map(|target| PlannedDesign {
+        stage: stage.name.to_owned(),
+        case: case.as_ref().map_or_else(String::new, |case| case.0.clone()),
+        target: target.name,
+        objective: target.objective.to_text(),
+        moment: target.objective.moment(),
+        area: target.area.to_string(),
+        constraints: constraints.clone(),
+        method: options.method,
+        units: options.units,
+    });
+    Ok(planned.collect())
+}
+
+/// The constraints of a stage; none asked where it has none.
+fn constraints_of(map: &Map<'_>, stage: &Node, scene: &Scene) -> Result<ConstraintParameters, InputError> {
+    match map.optional("constraints") {
+        Some(node) => read_constraints(node, scene),
+        None => ConstraintParameters::none_in(scene).map_err(|e| stage.error(e.to_string())),
     }
 }
 

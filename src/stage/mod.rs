@@ -9,6 +9,7 @@ pub mod designs;
 pub mod direct;
 mod evaluate;
 mod files;
+mod foresight;
 mod import;
 mod labelled;
 mod model;

@@ -28,6 +28,10 @@ impl Kind for SampleKind {
         2
     }
 
+    fn priced_apart(&self) -> &'static [&'static str] {
+        &["family"]
+    }
+
     fn results(&self, artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {
         results::of_samples(artifact)
     }

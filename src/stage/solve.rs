@@ -2,13 +2,13 @@
 
 use std::sync::OnceLock;
 
-use super::{results, solution};
+use super::{foresight, results, solution};
 use crate::base::{Canonical, Fields, InputError, Node};
 use crate::content::{SAMPLED, Samples, Solutions};
 use crate::fem::screening::resolve;
 use crate::fem::{SetupError, Solver, SolverParameters};
 use crate::field::Mesh;
-use crate::orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
+use crate::orchestrator::{Chunk, Foreseeable, Foreseen, Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::scene::{Effects, Scene};
 use crate::store::{Artifact, Object};
 
@@ -30,6 +30,10 @@ impl Kind for SolveKind {
         4
     }
 
+    fn priced_apart(&self) -> &'static [&'static str] {
+        &["method", "accuracy", "history"]
+    }
+
     fn results(&self, artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {
         results::of_solutions(artifact)
     }
@@ -49,6 +53,13 @@ impl Kind for SolveKind {
     fn schema(&self) -> Vec<Fields> {
         let fields = Fields::new("Simulates every sample with finite elements.");
         vec![SolverParameters::schema(super::with_state(fields), MESH)]
+    }
+
+    fn foresee(&self, stage: &Foreseeable<'_>, _needs: &[Foreseeable<'_>]) -> Result<Foreseen, InputError> {
+        Ok(Foreseen {
+            warnings: foresight::of_stability(stage).into_iter().collect(),
+            ..Foreseen::default()
+        })
     }
 
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {

@@ -39,6 +39,10 @@ impl Kind for TrainKind {
         4
     }
 
+    fn priced_apart(&self) -> &'static [&'static str] {
+        &["network"]
+    }
+
     fn results(&self, artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {
         let view = Training::open(artifact)?;
         let [best] = view.best_epoch().read()?;
@@ -147,6 +151,10 @@ impl TrainParameters {
 impl Stage for TrainStage {
     fn parameters(&self) -> Canonical {
         self.parameters.to_canonical()
+    }
+
+    fn repeats_inputs(&self) -> bool {
+        true
     }
 
     fn plan(&self, _inputs: &[Input]) -> Plan {

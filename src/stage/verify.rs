@@ -1,21 +1,22 @@
 //! `kind: verify` simulates designs on two finer meshes, beside the intuitive ones and a person's own.
 
+mod compared;
 mod own;
 
 use std::collections::BTreeMap;
 use std::slice;
 use std::sync::Arc;
 
-use super::design::swing_of;
+use super::design::{self, PlannedDesign, swing_of};
 use super::results::of_targets;
-use super::{patterns, solution};
-use crate::base::{Canonical, Document, Fields, InputError, Node};
+use super::{foresight, patterns, solution};
+use crate::base::{Canonical, Document, Fields, InputError, Map, Node};
 use crate::content::{Components, DesignRows, Designs, Packed, SimulatedStates, Verification, predicted_rows};
 use crate::design::{Goal, Moment, Objective};
 use crate::fem::screening::decided_states;
 use crate::fem::{AccurateHistory, AccurateSimulation, History, SetupError, Solver, SolverParameters, Swing};
 use crate::field::{Field, Mesh, Outcome, StateFields};
-use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
+use crate::orchestrator::{Foreseeable, Foreseen, Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::pattern::Pattern;
 use crate::scene::{Effects, Scene};
 use crate::store::{Artifact, Object};
@@ -41,6 +42,10 @@ impl Kind for VerifyKind {
 
     fn recipe(&self) -> u32 {
         5
+    }
+
+    fn priced_apart(&self) -> &'static [&'static str] {
+        &["method", "accuracy", "history"]
     }
 
     fn results(&self, artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {
@@ -92,11 +97,25 @@ impl Kind for VerifyKind {
         Some("train")
     }
 
+    fn foresee(&self, stage: &Foreseeable<'_>, needs: &[Foreseeable<'_>]) -> Result<Foreseen, InputError> {
+        let map = stage.node.fields(WHAT, &keys())?;
+        let solver = SolverParameters::read(&map, MESH)?;
+        let designs = needs.iter().filter(|need| need.kind == "design").map(design::planned);
+        let designs = designs.collect::<Result<Vec<_>, _>>()?.concat();
+        for design in &designs {
+            refuse_moment(design, &solver, &map, stage)?;
+        }
+        let node = stage.node.peek("needs").unwrap_or(stage.node);
+        compared::refuse(&designs, node)?;
+        let warnings = compared::warnings(&designs).into_iter();
+        Ok(Foreseen {
+            warnings: warnings.chain(foresight::of_stability(stage)).collect(),
+            ..Foreseen::default()
+        })
+    }
+
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
-        let map = stage.fields(
-            "a verify stage",
-            &[&["kind", "needs", "rounds", "update"], &SolverParameters::keys()[..]].concat(),
-        )?;
+        let map = stage.fields(WHAT, &keys())?;
         let solver = SolverParameters::read(&map, MESH)?;
         let scene = super::scene_in_states_of(stage, scene)?;
         let scene = match solver.follows_time() {
@@ -106,6 +125,45 @@ impl Kind for VerifyKind {
         };
         solver.check_scene(&map, &scene)?;
         Ok(Box::new(VerifyStage { solver, scene }))
+    }
+}
+
+const WHAT: &str = "a verify stage";
+
+fn keys() -> Vec<&'static str> {
+    [&["kind", "needs", "rounds", "update"], &SolverParameters::keys()[..]].concat()
+}
+
+/// Refuses a design that is meant at a time, or an amplitude, which the stage does not simulate.
+fn refuse_moment(
+    design: &PlannedDesign,
+    solver: &SolverParameters,
+    map: &Map<'_>,
+    stage: &Foreseeable<'_>,
+) -> Result<(), InputError> {
+    let node = map.optional("history").unwrap_or(stage.node);
+    let name = format!("design `{}` of stage `{}`", design.target, design.stage);
+    moment_in(design.moment, solver)
+        .map(|_| ())
+        .map_err(|(what, help)| node.error(format!("{name} {what}")).help(help))
+}
+
+/// Which of the times that are simulated a moment is; the last where it is an equilibrium, the first of an amplitude. Else what is wrong, and
+/// what helps.
+fn moment_in(moment: Moment, solver: &SolverParameters) -> Result<usize, (String, String)> {
+    let times = solver.times().unwrap_or_default();
+    match moment {
+        Moment::Equilibrium => Ok(times.len().saturating_sub(1)),
+        Moment::After(time) => times.iter().position(|of| *of == time.value()).ok_or_else(|| {
+            let what = format!("is meant after {time}, and this stage simulates none then");
+            let help = format!("`history` in the verify stage must have it, as in {{ at: [{time}] }}");
+            (what, help)
+        }),
+        Moment::Swing(frequency) if solver.follows_time() => {
+            let what = format!("is meant at {frequency}, and this stage simulates a `history`");
+            Err((what, "amplitudes are verified by a stage without one".to_owned()))
+        }
+        Moment::Swing(_) => Ok(0),
     }
 }
 
@@ -249,22 +307,10 @@ impl VerifyStage {
         let document = Document::from_text(std::path::Path::new("objective"), text).map_err(|e| e.to_string())?;
         let objective = Objective::read(&document.root).map_err(|e| e.to_string())?;
         let goal = objective.goal(&self.scene, None, 0.0).map_err(|e| e.to_string())?;
-        let times = self.solver.times().unwrap_or_default();
-        match objective.moment() {
-            Moment::Equilibrium => Ok(Timed {
-                goal,
-                at: times.len().saturating_sub(1),
-                swings: None,
-            }),
-            Moment::After(time) => match times.iter().position(|of| *of == time.value()) {
-                None => Err(format!(
-                    "its design is meant after {time}, and this stage simulates none then: `history` in the verify stage must have it, as in {{ at: [{time}] }}"
-                )),
-                Some(at) => Ok(Timed { goal, at, swings: None }),
-            },
-            Moment::Swing(frequency) if self.solver.follows_time() => Err(format!(
-                "its design is meant at {frequency}, and this stage simulates a `history`: amplitudes are verified by a stage without one"
-            )),
+        let moment = objective.moment();
+        let at = moment_in(moment, &self.solver).map_err(|(what, help)| format!("its design {what}: {help}"))?;
+        match moment {
+            Moment::Equilibrium | Moment::After(_) => Ok(Timed { goal, at, swings: None }),
             Moment::Swing(frequency) => {
                 let swing = |parameters: &SolverParameters| swing_of(&states[0], frequency, &goal, parameters);
                 let swings = || {
@@ -276,7 +322,7 @@ impl VerifyStage {
                 let swings = swings().map_err(|e: SetupError| format!("its design is meant at {frequency}: {e}"))?;
                 Ok(Timed {
                     goal,
-                    at: 0,
+                    at,
                     swings: Some(Arc::new(swings)),
                 })
             }

@@ -273,7 +273,7 @@ mod tests {
         let later = store.judge(&retention, now + 2 * hour).unwrap();
         let going: Vec<ActionKey> = later.checkpoints.iter().map(|c| c.key).collect();
         assert!(going.contains(&sound));
-        store.remove(&later, &|_, _| ()).unwrap();
+        store.remove(&later, "", &|_, _| ()).unwrap();
         assert!(store.checkpoints().unwrap().is_empty());
     }
 }

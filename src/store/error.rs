@@ -143,6 +143,14 @@ pub enum StoreError {
         /// What is missing.
         missing: ArtifactId,
     },
+    /// Something that an artifact was made from is not there.
+    #[error("what artifact {digest} was made from is not all here: {missing} is missing", digest = digest.short(), missing = missing.short())]
+    NotWhole {
+        /// Which artifact.
+        digest: ArtifactId,
+        /// What is missing.
+        missing: ArtifactId,
+    },
     /// Chunks that do not fit together.
     #[error("chunk {digest} does not fit the first chunk: {reason}", digest = digest.short())]
     Parts {

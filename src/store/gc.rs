@@ -17,6 +17,9 @@ use super::open::Store;
 use super::reach::Records;
 use crate::base::ArtifactId;
 
+/// How many of the last runs say which stages had artifacts.
+const NAMED_BY: usize = 1000;
+
 /// What to keep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Retention {
@@ -35,8 +38,50 @@ pub struct Judged {
     pub size: u64,
     /// Kind of the stage that made it, where a record says so.
     pub kind: String,
+    /// The stage that made it in the last run that had it, or of which it is a chunk; none where no run is remembered that had it.
+    pub stage: Option<StageName>,
     /// What holds it: roots, or its age; empty where it goes.
     pub held_by: Vec<String>,
+}
+
+/// A stage in the history of runs.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct StageName {
+    /// Name of the pipeline.
+    pub pipeline: String,
+    /// Name of the stage.
+    pub stage: String,
+}
+
+/// The artifacts of one stage, or of one kind where it is not known which stage had them.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Group {
+    /// The stage.
+    pub stage: Option<StageName>,
+    /// Its kind.
+    pub kind: String,
+    /// What of it goes.
+    pub removed: Tally,
+    /// What of it stays.
+    pub kept: Tally,
+    /// What holds that which stays.
+    pub held_by: BTreeSet<String>,
+}
+
+/// So many artifacts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Tally {
+    /// How many.
+    pub artifacts: u64,
+    /// Their bytes.
+    pub bytes: u64,
+}
+
+impl Tally {
+    fn add(&mut self, judged: &Judged) {
+        self.artifacts += 1;
+        self.bytes += judged.size;
+    }
 }
 
 /// What a collection found.
@@ -65,6 +110,30 @@ impl Collection {
         self.removed.iter().map(|judged| judged.size).sum()
     }
 
+    /// What stays and what goes by stages, in the order of pipelines and stages; what no run had comes last, by its kind.
+    #[must_use]
+    pub fn by_stage(&self) -> Vec<Group> {
+        let mut groups: BTreeMap<(bool, Option<StageName>, String), Group> = BTreeMap::new();
+        for judged in self.removed.iter().chain(&self.kept) {
+            // A chunk belongs to its stage.
+            let kind = judged.kind.strip_suffix(" chunk").unwrap_or(&judged.kind).to_owned();
+            let key = (judged.stage.is_none(), judged.stage.clone(), kind.clone());
+            let group = groups.entry(key).or_insert_with(|| Group {
+                stage: judged.stage.clone(),
+                kind,
+                removed: Tally::default(),
+                kept: Tally::default(),
+                held_by: BTreeSet::new(),
+            });
+            match judged.held_by.is_empty() {
+                true => group.removed.add(judged),
+                false => group.kept.add(judged),
+            }
+            group.held_by.extend(judged.held_by.iter().cloned());
+        }
+        groups.into_values().collect()
+    }
+
     /// Bytes of the checkpoints that go.
     #[must_use]
     pub fn checkpoint_bytes(&self) -> u64 {
@@ -86,6 +155,8 @@ enum Hold {
     Run,
     /// For good: all that it needs must be known.
     Pin,
+    /// For good, it alone with its chunks.
+    Result,
     /// For good, but it may name what was never built in this store.
     LockFile,
 }
@@ -98,12 +169,16 @@ impl Store {
     pub fn judge(&self, retention: &Retention, now: SystemTime) -> Result<Collection, StoreError> {
         let records = self.known_records()?;
         let mut holders: BTreeMap<ArtifactId, BTreeSet<String>> = BTreeMap::new();
+        let stages = self.stages_of_artifacts()?;
         for mut root in self.roots(retention)? {
             if root.hold == Hold::LockFile {
                 let built = |digest: &ArtifactId| records.contains_key(digest) || self.layout.object(digest).exists();
                 root.artifacts.retain(built);
             }
-            let (reached, missing) = self.reach(root.artifacts, &records)?;
+            let (reached, missing) = match root.hold {
+                Hold::Result => self.with_parts(root.artifacts)?,
+                _ => self.reach(root.artifacts, &records)?,
+            };
             if let Some(missing) = missing.first().filter(|_| root.hold != Hold::Run) {
                 return Err(StoreError::Unreachable {
                     root: root.name,
@@ -129,6 +204,7 @@ impl Store {
                 digest,
                 size: metadata.len(),
                 kind: kind.map_or_else(String::new, |record| record.kind.clone()),
+                stage: stages.get(&digest).cloned(),
                 held_by,
             };
             if judged.held_by.is_empty() {
@@ -151,12 +227,55 @@ impl Store {
         Ok(collection)
     }
 
-    /// Removes what a collection says, records first: a record never promises what is not there. `progress` is told how
-    /// many artifacts of how many are gone.
+    /// The stages that made artifacts and their chunks, by the last runs.
+    fn stages_of_artifacts(&self) -> Result<BTreeMap<ArtifactId, StageName>, StoreError> {
+        let mut stages = BTreeMap::new();
+        for run in self.runs()?.take(NAMED_BY) {
+            let run = run?;
+            for stage in run.stages {
+                let name = StageName {
+                    pipeline: run.pipeline.clone(),
+                    stage: stage.name,
+                };
+                stages.entry(stage.artifact).or_insert(name);
+            }
+        }
+        let mut chunks = BTreeMap::new();
+        for (digest, name) in &stages {
+            // Of what is gone or damaged nothing is known; whether that matters is said elsewhere.
+            for part in self.parts(digest).unwrap_or_default() {
+                chunks.entry(part).or_insert_with(|| name.clone());
+            }
+        }
+        chunks.extend(stages);
+        Ok(chunks)
+    }
+
+    /// Artifacts with their chunks, and which of these are missing.
+    fn with_parts(&self, artifacts: Vec<ArtifactId>) -> Result<(BTreeSet<ArtifactId>, Vec<ArtifactId>), StoreError> {
+        let (mut all, mut missing) = (BTreeSet::new(), Vec::new());
+        for digest in artifacts {
+            all.insert(digest);
+            match self.parts(&digest) {
+                Ok(parts) => {
+                    let is_gone = |part: &&ArtifactId| !self.layout.object(part).exists();
+                    missing.extend(parts.iter().filter(is_gone));
+                    all.extend(parts);
+                }
+                Err(StoreError::Missing { .. }) => missing.push(digest),
+                Err(error) => return Err(error),
+            }
+        }
+        Ok((all, missing))
+    }
+
+    /// Removes what a collection says, records first: a record never promises what is not there. It is remembered that it went `at` a time
+    /// in UTC, RFC 3339. `progress` is told how many artifacts of how many are gone.
     ///
     /// # Errors
     /// When the system refuses; what is gone by then stays gone, and a further collection goes on.
-    pub fn remove(&self, collection: &Collection, progress: &dyn Fn(u64, u64)) -> Result<(), StoreError> {
+    pub fn remove(&self, collection: &Collection, at: &str, progress: &dyn Fn(u64, u64)) -> Result<(), StoreError> {
+        self.remember_removed(collection, at)?;
         let gone: BTreeSet<ArtifactId> = collection.removed.iter().map(|judged| judged.digest).collect();
         let records = self.known_records()?;
         for record in gone.iter().filter_map(|digest| records.get(digest)).flatten() {
@@ -214,7 +333,7 @@ impl Store {
             Root {
                 name: format!("pin{label}"),
                 artifacts: vec![pin.digest],
-                hold: Hold::Pin,
+                hold: if pin.result_only { Hold::Result } else { Hold::Pin },
             }
         });
         let lock_files = self.lock_files()?.into_iter().map(|(path, lock)| {

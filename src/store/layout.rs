@@ -14,6 +14,7 @@
 //! DIR/pins/              artifacts that a collection keeps
 //! DIR/lock-files/        where lock files of pipelines are: a collection keeps what they name
 //! DIR/costs.jsonl        what stages have cost
+//! DIR/removed.jsonl      what collections have removed, and when
 //! DIR/index             stamps of files known to be sound; a cache
 //! DIR/locks/            run lock, locks or claims of actions in flight, processes where locks are not seen by all
 //! DIR/tmp/              files being written
@@ -280,6 +281,10 @@ impl Layout {
 
     pub fn costs(&self) -> PathBuf {
         self.root.join("costs.jsonl")
+    }
+
+    pub fn removed(&self) -> PathBuf {
+        self.root.join("removed.jsonl")
     }
 
     pub fn run_lock(&self) -> PathBuf {

@@ -24,24 +24,39 @@ pub struct Pin {
     pub label: String,
     /// When it was pinned, in UTC, RFC 3339.
     pub created: String,
+    /// Whether it is kept without what it was made from.
+    pub result_only: bool,
 }
 
 #[derive(Serialize, Deserialize)]
 struct Content {
     label: String,
     created: String,
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    result_only: bool,
 }
 
 impl Store {
     /// Pins an artifact; a pin that is there already is replaced.
     ///
     /// # Errors
-    /// When the artifact is missing or damaged, or the system refuses.
+    /// When the artifact is missing or damaged, or what it was made from is not all here, unless it is pinned alone; or the system refuses.
     pub fn pin(&self, pin: &Pin) -> Result<(), StoreError> {
         self.artifact(&pin.digest)?;
+        if !pin.result_only {
+            // A collection would refuse to go on, and say so only then.
+            let (_, missing) = self.reach(vec![pin.digest], &self.known_records()?)?;
+            if let Some(missing) = missing.first() {
+                return Err(StoreError::NotWhole {
+                    digest: pin.digest,
+                    missing: *missing,
+                });
+            }
+        }
         let content = Content {
             label: pin.label.clone(),
             created: pin.created.clone(),
+            result_only: pin.result_only,
         };
         let text = serde_json::to_vec_pretty(&content).map_err(|error| StoreError::Json(error.to_string()))?;
         let folder = self.temporary()?;
@@ -82,11 +97,13 @@ impl Store {
             let content = content.unwrap_or(Content {
                 label: "(its file is damaged)".into(),
                 created: String::new(),
+                result_only: false,
             });
             pins.push(Pin {
                 digest,
                 label: content.label,
                 created: content.created,
+                result_only: content.result_only,
             });
         }
         Ok(pins)

@@ -558,7 +558,15 @@ fn everything_old() -> Retention {
 
 fn pinned(store: &Store, digest: ArtifactId) {
     let (label, created) = (String::new(), String::new());
-    store.pin(&Pin { digest, label, created }).unwrap();
+    let result_only = false;
+    store
+        .pin(&Pin {
+            digest,
+            label,
+            created,
+            result_only,
+        })
+        .unwrap();
 }
 
 #[test]

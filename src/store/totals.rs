@@ -87,7 +87,15 @@ mod tests {
         let stored = store.put(&object, &Provenance::default()).unwrap();
         let (label, created) = (String::new(), String::new());
         let digest = stored.digest;
-        store.pin(&Pin { digest, label, created }).unwrap();
+        let result_only = false;
+        store
+            .pin(&Pin {
+                digest,
+                label,
+                created,
+                result_only,
+            })
+            .unwrap();
         fs::write(store.layout.quarantine().join("x"), "").unwrap();
         let key = ActionKey::of(b"key");
         let held = store.try_lock_action(&key).unwrap().unwrap();

@@ -139,7 +139,7 @@ fn an_effect_is_screened_beside_those_of_the_table() {
     assert_eq!(screening.rows.len(), EFFECTS.len() + 1);
     let row = screening.rows.last().unwrap();
     assert_eq!((row.effect, row.status), ("sag_under_weight", Status::NotAvailable));
-    let warning = "sag under weight cannot be simulated yet and sags (ρgL/μ = 0.011 > 0.01)";
+    let warning = "sag under weight cannot be simulated yet; it sags (ρgL/μ is 0.011, and above 0.01 it matters)";
     assert_eq!(screening.warnings().last().unwrap(), warning);
 }
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use super::common::{SHORT, Workspace, files};
+use super::common::{Ended, SHORT, Workspace, files};
 
 fn workspace() -> Workspace {
     let workspace = Workspace::new();
@@ -97,4 +97,173 @@ fn a_store_that_is_not_there_or_reaches_into_damage_is_not_collected() {
     assert_eq!(ended.code, Some(4), "{}", ended.stderr);
     assert!(ended.stderr.contains("damaged"), "{}", ended.stderr);
     assert_eq!(objects(&workspace.path("store")), before);
+}
+
+/// The last run of a pipeline with figures, and one before whose artifacts a collection has taken.
+fn collected() -> (Workspace, String) {
+    let workspace = Workspace::small();
+    let first = workspace.stages(&["run", "small.yaml"]);
+    let digest = first.digests()["balanced"].clone();
+    workspace.stages(&["run", "small.yaml", "--set", "stages.small.seed=2"]);
+    let gc = workspace.run(&["gc", "--keep-runs", "1", "--grace", "0"]);
+    assert_eq!(gc.code, Some(0), "{}", gc.stderr);
+    (workspace, digest)
+}
+
+#[test]
+fn what_leads_to_a_removed_artifact_says_so() {
+    let (workspace, digest) = collected();
+    let removed = |ended: &Ended| {
+        assert_eq!(ended.code, Some(2), "{}", ended.stdout);
+        assert!(
+            ended.stderr.contains(&digest[..12]) && ended.stderr.contains("was removed by gc at 20"),
+            "{}",
+            ended.stderr
+        );
+    };
+    removed(&workspace.run(&["show", &digest]));
+    removed(&workspace.run(&["show", &digest[..6]]));
+    removed(&workspace.run(&["pin", &digest[..6]]));
+    // What was never here is not said to have been removed.
+    let unknown = workspace.run(&["show", "0123456789"]);
+    assert!(!unknown.stderr.contains("removed"), "{}", unknown.stderr);
+
+    let log = workspace.run(&["log", "--json"]).json();
+    let stages = |run: usize| log["runs"][run]["stages"].as_array().unwrap().clone();
+    let gone = |stages: &[serde_json::Value]| -> Vec<String> {
+        let gone = stages.iter().filter(|stage| stage["removed"].is_string());
+        gone.map(|stage| stage["name"].as_str().unwrap().to_owned()).collect()
+    };
+    assert_eq!(gone(&stages(0)), [] as [String; 0]);
+    assert_eq!(
+        gone(&stages(1)),
+        ["small", "solved", "balanced"],
+        "`large` is in both runs"
+    );
+    let words = workspace.run(&["log"]).stdout;
+    assert!(words.contains("3 of 4 removed by gc at 20"), "{words}");
+
+    // All of the only run is gone.
+    let gc = workspace.run(&["gc", "--keep-runs", "0", "--grace", "0"]);
+    assert_eq!(gc.code, Some(0), "{}", gc.stderr);
+    let set = ["--set", "stages.small.seed=2"];
+    let plan = workspace
+        .run(&[&["plan", "small.yaml", "--json"][..], &set].concat())
+        .json();
+    for stage in plan["stages"].as_array().unwrap() {
+        let why = stage["why"].as_str().unwrap();
+        assert!(why.starts_with("removed by gc at 20"), "{stage}");
+    }
+    let report = workspace.run(&[&["report", "small.yaml", "-o", "out"][..], &set].concat());
+    assert_eq!(report.code, Some(2));
+    assert!(report.stderr.contains("removed by gc at 20"), "{}", report.stderr);
+    let show = workspace.run(&["show", "balanced"]);
+    assert!(show.stderr.contains("was removed by gc at 20"), "{}", show.stderr);
+
+    // Built again, and lost by no collection: that is damage.
+    workspace.stages(&[&["run", "small.yaml"][..], &set].concat());
+    let digest = workspace.run(&["show", "balanced", "--json"]).json()["digest"].clone();
+    let digest = digest.as_str().unwrap();
+    let file = format!("store/objects/{}/{digest}.h5", &digest[..2]);
+    std::fs::remove_file(workspace.path(&file)).unwrap();
+    let lost = workspace.run(&["show", digest]);
+    assert!(!lost.stderr.contains("removed by gc"), "{}", lost.stderr);
+}
+
+#[test]
+fn figures_go_with_what_they_show() {
+    let workspace = Workspace::small();
+    workspace.stages(&["run", "small.yaml"]);
+    let figures = || files(&workspace.path("store/figures/small"));
+    let first = figures();
+    assert!(first.len() > 1, "a figure and whose it is");
+    std::fs::write(workspace.path("store/figures/small/mine.png"), "mine").unwrap();
+    workspace.stages(&["run", "small.yaml", "--set", "stages.small.seed=2"]);
+    let both = figures();
+    let dry = workspace
+        .run(&["gc", "--keep-runs", "1", "--grace", "0", "-n", "--json"])
+        .json();
+    let would: Vec<&str> = dry["figures_removed"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|path| path.as_str().unwrap())
+        .collect();
+    assert!(!would.is_empty());
+    assert_eq!(figures(), both);
+    workspace.run(&["gc", "--keep-runs", "1", "--grace", "0"]);
+    let left = figures();
+    assert_eq!(left.len(), both.len() - would.len());
+    assert!(
+        left.iter().any(|path| path.ends_with("mine.png")),
+        "what is not ours stays"
+    );
+    std::fs::remove_file(workspace.path("store/figures/small/mine.png")).unwrap();
+    workspace.run(&["gc", "--keep-runs", "0", "--grace", "0"]);
+    assert!(!workspace.path("store/figures/small").exists());
+    assert_eq!(workspace.run(&["fsck"]).code, Some(0));
+}
+
+#[test]
+fn a_dry_run_counts_by_stages() {
+    let workspace = Workspace::small();
+    workspace.stages(&["run", "small.yaml"]);
+    workspace.stages(&["run", "small.yaml", "--set", "stages.small.seed=2"]);
+    let gc = ["gc", "--keep-runs", "1", "--grace", "0", "-n"];
+    let document = workspace.run(&[&gc[..], &["--json"]].concat()).json();
+    let stages = document["stages"].as_array().unwrap();
+    let names: Vec<&str> = stages.iter().map(|stage| stage["stage"].as_str().unwrap()).collect();
+    assert_eq!(names, ["balanced", "large", "small", "solved"]);
+    let count = |stage: &serde_json::Value, of: &str| stage[of]["artifacts"].as_u64().unwrap();
+    // One of two artifacts of `balanced` goes, nothing of `large`, which both runs have.
+    assert_eq!((count(&stages[0], "removed"), count(&stages[0], "kept")), (1, 1));
+    assert_eq!(count(&stages[1], "removed"), 0);
+    let sum = |of: &str, what: &str| {
+        stages
+            .iter()
+            .map(|stage| stage[of][what].as_u64().unwrap())
+            .sum::<u64>()
+    };
+    assert_eq!(
+        sum("removed", "artifacts"),
+        document["removed"].as_array().unwrap().len() as u64
+    );
+    assert_eq!(sum("removed", "bytes"), document["bytes_removed"].as_u64().unwrap());
+    assert_eq!(sum("kept", "bytes"), document["bytes_kept"].as_u64().unwrap());
+    let words = workspace.run(&gc).stdout;
+    assert!(words.contains("small:balanced") && words.contains("goes"), "{words}");
+}
+
+#[test]
+fn a_result_can_be_kept_without_what_it_was_made_from() {
+    let workspace = Workspace::small();
+    let digests = workspace.stages(&["run", "small.yaml"]).digests();
+    let pin = workspace.run(&["pin", "solved", "--result-only", "--json"]).json();
+    assert_eq!(pin["pins"][0]["result_only"], true);
+    let gc = || workspace.run(&["gc", "--keep-runs", "0", "--grace", "0", "--json"]);
+    assert_eq!(gc().code, Some(0));
+    // Again: what it was made from is missing, and that is no obstacle.
+    let kept = gc();
+    assert_eq!(kept.code, Some(0), "{}", kept.stderr);
+    let kinds: BTreeSet<String> = kept.json()["kept"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|judged| judged["kind"].as_str().unwrap().to_owned())
+        .collect();
+    assert_eq!(kinds, ["solve", "solve chunk"].map(str::to_owned).into());
+    assert_eq!(workspace.run(&["fsck"]).code, Some(0));
+    let solved = digests["solved"].as_str();
+    assert_eq!(workspace.run(&["show", &solved[..8]]).code, Some(0));
+    let export = ["export", "artifact", &solved[..8], "-o", "solved.h5"];
+    assert_eq!(workspace.run(&export).code, Some(0));
+    // Pinned with all that it was made from it would stop every later collection.
+    let whole = workspace.run(&["pin", &solved[..8]]);
+    assert_eq!(whole.code, Some(2));
+    assert!(whole.stderr.contains("--result-only"), "{}", whole.stderr);
+    assert!(workspace.run(&["pin"]).stdout.contains("it alone"));
+    // Once its inputs are built again, it is reused.
+    let again = workspace.stages(&["run", "small.yaml"]);
+    assert_eq!(again.with("reused"), ["solved"]);
+    assert_eq!(again.digests(), digests);
 }

@@ -310,7 +310,7 @@ fn designs_of_different_objectives_are_not_compared() {
         "stages.verified.needs=[design, other]",
     ];
     let ended = workspace.run(&["run", "alone.yaml", "--set", more[0], "--set", more[1]]);
-    assert_eq!(ended.code, Some(1), "{}", ended.stderr);
+    assert_eq!(ended.code, Some(2), "{}", ended.stderr);
     assert!(
         ended.stderr.contains("for different objectives or areas"),
         "{}",

@@ -18,6 +18,7 @@ mod evaluate;
 mod export;
 mod figure;
 mod foreign;
+mod foresight;
 mod full_disk;
 mod fuzz;
 mod golden;

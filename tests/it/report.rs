@@ -84,6 +84,37 @@ fn number(row: &BTreeMap<String, String>, column: &str) -> f64 {
     row[column].parse().unwrap_or_else(|_| panic!("{column} of {row:?}"))
 }
 
+/// Each design that was searched has its mask beside the page, as `export design` makes it, and a link to it.
+fn masks_are_linked(workspace: &Workspace, designs: &BTreeMap<String, BTreeMap<String, String>>) {
+    let page = std::fs::read_to_string(workspace.path("out/index.html")).unwrap();
+    let searched = |name: &&String| ["ga", "refined", "optimum"].contains(&designs[*name]["role"].as_str());
+    let names: Vec<&String> = designs.keys().filter(searched).collect();
+    assert!(!names.is_empty());
+    for name in &names {
+        assert!(page.contains(&format!("href=\"data/masks/{name}.dxf\"")), "{name}");
+    }
+    assert_eq!(files(&workspace.path("out/data/masks")).len(), names.len());
+    let export = [
+        "export",
+        "design",
+        "cases.yaml:verified",
+        "--case",
+        "II",
+        "--design",
+        "area-5",
+        "--role",
+        "ga",
+        "-o",
+        "ga.dxf",
+    ];
+    assert_eq!(workspace.run(&export).code, Some(0));
+    let polygons = |path: &str| {
+        let text = std::fs::read_to_string(workspace.path(path)).unwrap();
+        text[text.find("ENTITIES").unwrap()..].to_owned()
+    };
+    assert_eq!(polygons("ga.dxf"), polygons("out/data/masks/II-area-5-ga.dxf"));
+}
+
 #[test]
 fn a_report_opens_anywhere_fetches_nothing_and_its_designs_are_files() {
     let workspace = workspace();
@@ -122,6 +153,7 @@ fn a_report_opens_anywhere_fetches_nothing_and_its_designs_are_files() {
     assert!(number(turned, "simulated_error_mm") >= 0.0);
 
     patterns_are_what_was_simulated(&workspace, &designs);
+    masks_are_linked(&workspace, &designs);
     page_is_complete(&workspace, designs.keys());
     opens_in_a_browser(&workspace, designs.len());
 
@@ -138,6 +170,7 @@ fn a_report_opens_anywhere_fetches_nothing_and_its_designs_are_files() {
     let expected = [
         "data/csv-metadata.json",
         "data/designs.csv",
+        "data/masks/II-area-5-optimum.dxf",
         "data/patterns/II-area-5-intuitive-equal-area.csv",
         "data/patterns/II-area-5-intuitive-own-area.csv",
         "data/patterns/II-area-5-optimum.csv",

@@ -124,19 +124,15 @@ fn in_words(comparison: &Comparison) -> String {
         String::new()
     };
     if difference < 5e-4 {
-        return format!("changes displacement by less than 0.1 %{place}");
+        return format!("changes the displacement by less than 0.1 %{place}");
     }
-    let size = if change.abs() >= TELLING * difference {
-        format!("about {}", percent(change))
-    } else {
-        format!("up to {:.1} %", 100.0 * difference)
+    let telling = change.abs() >= TELLING * difference;
+    let (verb, size) = match telling {
+        true if change > 0.0 => ("raises", format!("about {:.1} %", 100.0 * change)),
+        true => ("lowers", format!("about {:.1} %", -100.0 * change)),
+        false => ("changes", format!("up to {:.1} %", 100.0 * difference)),
     };
-    format!("changes displacement by {size} for `{pattern}`{place}")
-}
-
-/// A signed share in per cent, with a minus sign.
-fn percent(share: f64) -> String {
-    format!("{:+.1} %", 100.0 * share).replace('-', "−")
+    format!("{verb} the displacement of `{pattern}` by {size}{place}")
 }
 
 #[cfg(test)]
@@ -194,7 +190,7 @@ mod tests {
         }
         assert_eq!(
             assess(&[one(converged, Some(0.0213))]).change,
-            "changes displacement by about −2.1 % for `p`"
+            "lowers the displacement of `p` by about 2.1 %"
         );
         assert_eq!(assess(&[]).verdict, Verdict::Unknown);
     }

@@ -1,7 +1,7 @@
 //! What is known about an effect in a scene.
 
 use super::comparison::Comparison;
-use crate::fem::effects::{Assessment, Effect, Verdict};
+use crate::fem::effects::{Assessment, DISPLACED, Effect, Verdict};
 use crate::scene::{Effects, Scene};
 
 /// What is known about an effect in a scene.
@@ -61,7 +61,7 @@ impl Row {
         }
     }
 
-    /// The warning that belongs to an effect that is called for and not simulated: what it does, its number and the threshold. So
+    /// The warning that belongs to an effect that is called for and not simulated: what it does, how much, and from when that matters. So
     /// does one to an effect whose comparison took more work than is allowed.
     #[must_use]
     pub fn warning(&self) -> Option<String> {
@@ -91,13 +91,18 @@ impl Row {
             number,
             ..
         } = &self.assessment;
-        let compared = match verdict {
-            Verdict::CalledFor => number.map(|number| format!(" ({quantity} = {number:.3} > {threshold})")),
-            Verdict::GivenUp => None,
-            Verdict::NotCalledFor | Verdict::Unknown => return None,
+        let reason = match (verdict, number) {
+            (Verdict::NotCalledFor | Verdict::Unknown, _) => return None,
+            (Verdict::CalledFor, Some(number)) if quantity != DISPLACED => {
+                format!(" ({quantity} is {number:.3}, and above {threshold} it matters)")
+            }
+            (Verdict::CalledFor, Some(number)) if number > threshold => {
+                format!(", and matters from {:.0} % on", 100.0 * threshold)
+            }
+            _ => String::new(),
         };
         let name = self.effect.replace('_', " ");
-        Some(format!("{name} {state} and {change}{}", compared.unwrap_or_default()))
+        Some(format!("{name} {state}; it {change}{reason}"))
     }
 }
 

@@ -51,11 +51,14 @@ impl MembraneSolver {
     /// The lowest natural frequencies of a pattern about its equilibrium at the voltage of the scene.
     ///
     /// # Errors
-    /// When the density is not known, or the drive is a charge.
+    /// When the density is not known, the drive is a charge, or no node of the mesh is free to move.
     pub fn vibration(&self, pattern: &Pattern, count: usize, lumped: bool) -> Result<Vibration, SetupError> {
         let speed = wave_speed(&self.scene)?;
         if self.scene.drive.charge.is_some() {
             return Err(SetupError::Charge);
+        }
+        if !self.grid.moves() {
+            return Err(SetupError::NothingMoves);
         }
         let solution = self.solve(pattern);
         if !solution.outcome.is_converged() {

@@ -58,6 +58,8 @@ fn optimum(design: &Design, optima: &[&Design]) -> Option<f64> {
 
 #[cfg(test)]
 pub(in crate::report) mod tests {
+    use std::sync::Arc;
+
     use super::*;
     use crate::pattern::{Membrane, Pattern, Raster};
     use crate::report::designs::{Objective, role_word};
@@ -78,6 +80,7 @@ pub(in crate::report) mod tests {
             area: 0.5,
             constraints: "{}".into(),
             status: "met".into(),
+            scene: Arc::new(Scene::vhb4910()),
             ground: Ground::plain(Membrane::square(50.0)),
             pattern: Pattern::from_fn(Raster::PAPER, |_, _| true),
             predicted: Some(vec![0.0; 5202]),
@@ -116,6 +119,29 @@ pub(in crate::report) mod tests {
         designs.remove(2);
         compare(&mut designs);
         assert_eq!(designs[0].compared.optimum, Some(2.0), "the best there is");
+    }
+
+    #[test]
+    fn what_is_for_another_objective_area_or_scene_is_not_compared() {
+        let found = design(Role::Refined, 50, Some(1.0));
+        let optimum = design(Role::Optimum, 50, Some(2.0));
+        let compared = |optimum: Design| {
+            let mut both = vec![found.clone(), optimum];
+            compare(&mut both);
+            both[0].compared.ratio
+        };
+        assert_eq!(compared(optimum.clone()), Some(0.5));
+        let mut elsewhere = optimum.clone();
+        elsewhere.objective = Objective::read("{ point: [30, 25], direction: 0 }", &Scene::vhb4910()).unwrap();
+        let smaller = Design {
+            area_target: "0.4".into(),
+            ..optimum.clone()
+        };
+        let weaker = Design {
+            scene: Arc::new(Scene::vhb4910().at_voltage(4000.0)),
+            ..optimum
+        };
+        assert_eq!([elsewhere, smaller, weaker].map(compared), [None; 3]);
     }
 
     #[test]

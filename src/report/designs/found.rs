@@ -40,9 +40,7 @@ impl Found {
     /// From all designs.
     #[must_use]
     pub fn of(designs: &[Design]) -> Self {
-        let mut targets: Vec<(&str, &str)> = designs.iter().map(|d| (d.case.as_str(), d.target.as_str())).collect();
-        targets.sort_unstable();
-        targets.dedup();
+        let targets = targets(designs);
         let found = || designs.iter().filter(|design| design.role.is_found());
         let ratio = |role: Role| {
             let own = found().filter(move |d| d.role == role);
@@ -52,10 +50,7 @@ impl Found {
             .iter()
             .filter_map(|design| Some((design.prediction_error()?.abs(), design)));
         let gains = |of: &dyn Fn(&Design) -> Option<f64>| {
-            let gains = targets.iter().filter_map(|(case, target)| {
-                let own = designs.iter().filter(|d| d.case == *case && d.target == *target);
-                gain(&own.collect::<Vec<_>>(), of)
-            });
+            let gains = targets.iter().filter_map(|own| gain(own, of));
             middle(gains.collect())
         };
         Self {
@@ -70,6 +65,18 @@ impl Found {
             targets: targets.len(),
         }
     }
+}
+
+/// Designs that may be compared together, in the order of the first of each.
+fn targets(designs: &[Design]) -> Vec<Vec<&Design>> {
+    let mut targets: Vec<Vec<&Design>> = Vec::new();
+    for design in designs {
+        match targets.iter_mut().find(|target| target[0].is_beside(design)) {
+            Some(target) => target.push(design),
+            None => targets.push(vec![design]),
+        }
+    }
+    targets
 }
 
 /// The least by a measure.

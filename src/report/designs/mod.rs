@@ -11,11 +11,14 @@ mod read;
 #[cfg(test)]
 pub(super) use compare::tests;
 
+use std::sync::Arc;
+
 use super::drawing::{Ground, Membrane};
 use super::intervals::NetworkInterval;
 
 use crate::pattern::Pattern;
 pub use crate::pattern::Role;
+use crate::scene::Scene;
 pub use compare::Compared;
 pub use found::{Extreme, Found};
 pub(super) use membranes::membranes;
@@ -70,6 +73,8 @@ pub struct Design {
     pub constraints: String,
     /// `met`, or which constraints are not; empty where nothing is known.
     pub status: String,
+    /// The scene that it was designed or verified in, without time and properties.
+    pub scene: Arc<Scene>,
     /// The membrane that it is drawn on.
     pub ground: Ground,
     /// The electrode.
@@ -106,10 +111,13 @@ pub struct StateField {
 }
 
 impl Design {
-    /// Whether both belong to the same target of the same case.
+    /// Whether both belong to the same target of the same case, and may be compared: they are for the same objective and area, in the same
+    /// scene.
     #[must_use]
     pub fn is_beside(&self, other: &Self) -> bool {
-        self.case == other.case && self.target == other.target
+        let is_same_target = self.case == other.case && self.target == other.target;
+        let is_for_the_same = || self.objective == other.objective && self.area_target == other.area_target;
+        is_same_target && is_for_the_same() && (Arc::ptr_eq(&self.scene, &other.scene) || self.scene == other.scene)
     }
 
     /// The membrane as simulated, or as predicted where it was not, in one of several states or in the only one; none where no finite field is
@@ -145,6 +153,12 @@ impl Design {
     pub fn prediction_error(&self) -> Option<f64> {
         let simulated = self.simulated_mm.filter(|mm| mm.abs() > LEAST_MM)?;
         Some((self.predicted_mm? - simulated) / simulated.abs())
+    }
+
+    /// Its mask, relative to the folder of the table; none of what was not searched.
+    #[must_use]
+    pub fn mask_file(&self) -> Option<String> {
+        self.role.is_found().then(|| format!("masks/{}.dxf", self.name))
     }
 
     /// The file of its pattern, seen from the table of designs.

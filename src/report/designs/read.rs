@@ -1,5 +1,7 @@
 //! Designs as they stand in the artifacts of design and verify stages.
 
+use std::sync::Arc;
+
 use super::compare::{Compared, compare};
 use super::names::name;
 use super::objective::Objective;
@@ -123,7 +125,8 @@ fn read(
     let view = rows;
     let rows = source.of(view.read())?;
     let intervals = intervals::of_rows(source, view, rows.len())?;
-    let scene = source.of(scene.read())?;
+    // Stages keep as much of the time of the drive as each of them needs.
+    let scene = Arc::new(source.of(scene.read())?.without_time());
     let ground = Ground::of(&scene);
     let predictions = predicted_rows(&rows.role);
     let design = |k: usize| {
@@ -140,6 +143,7 @@ fn read(
             area: rows.area[k],
             constraints: rows.constraints.0[k].clone(),
             status: rows.status.0[k].clone(),
+            scene: scene.clone(),
             ground: ground.clone(),
             pattern: rows.patterns[k].clone(),
             predicted: predictions[k].map(|at| rows.predicted[at].values().to_vec()),

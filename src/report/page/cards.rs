@@ -48,7 +48,10 @@ fn card(design: &Design, several: bool, scale: f64) -> Markup {
             }
             (numbers(design))
             @for (class, remark) in remarks(design) { p class={ "status " (class) } { (remark) } }
-            p.files { a href={ (FOLDER) (design.pattern_file()) } { "pattern (CSV)" } }
+            p.files {
+                @if let Some(mask) = design.mask_file() { a href={ (FOLDER) (mask) } { "mask (DXF)" } ", " }
+                a href={ (FOLDER) (design.pattern_file()) } { "pattern (CSV)" }
+            }
         }
     }
 }

@@ -46,7 +46,7 @@ pub fn section(page: &mut Page, designs: &[Design], mask_command: &str) {
     ]);
     page.add(html! {
         p {
-            "All numbers: " a href={ (FOLDER) "designs.csv" } { "designs.csv" } ". Each pattern is a file beside it, linked under its card. This makes a mask, and of other designs with their names: "
+            "All numbers: " a href={ (FOLDER) "designs.csv" } { "designs.csv" } ". Each pattern and the mask of each design, as it lies on the frame, are files beside it, linked under its card. This makes masks of other sizes and formats: "
             code { (mask_command) }
         }
     });
@@ -70,7 +70,7 @@ pub fn section(page: &mut Page, designs: &[Design], mask_command: &str) {
         if let Some(curve) = curve(&case) {
             page.charts([&curve]);
         }
-        for target in by(case.iter().copied(), |design| &design.target) {
+        for target in together(case.iter().copied(), Design::is_beside) {
             let Some(first) = target.first() else { continue };
             page.title(&first.target);
             let area = match first.area_target.as_str() {
@@ -94,9 +94,17 @@ pub fn section(page: &mut Page, designs: &[Design], mask_command: &str) {
 
 /// Designs of the same name together, in the order in which the names appear.
 fn by<'d>(designs: impl Iterator<Item = &'d Design>, name: impl Fn(&Design) -> &String) -> Vec<Vec<&'d Design>> {
+    together(designs, |one, other| name(one) == name(other))
+}
+
+/// Designs that are alike together, in the order of the first of each.
+fn together<'d>(
+    designs: impl Iterator<Item = &'d Design>,
+    is_alike: impl Fn(&Design, &Design) -> bool,
+) -> Vec<Vec<&'d Design>> {
     let mut groups: Vec<Vec<&Design>> = Vec::new();
     for design in designs {
-        match groups.iter_mut().find(|group| name(group[0]) == name(design)) {
+        match groups.iter_mut().find(|group| is_alike(group[0], design)) {
             Some(group) => group.push(design),
             None => groups.push(vec![design]),
         }

@@ -12,7 +12,7 @@ use super::artifacts::RunArtifacts;
 use super::designs::{Design, Extreme, Found};
 use super::error::ReportError;
 use super::format::{bytes, change, counted, seconds, share};
-use super::history::History;
+use super::history::{History, StageFacts};
 use super::html::Page;
 use super::kinds::by_section;
 use super::summary::TRUSTED;
@@ -87,7 +87,11 @@ fn head(page: &mut Page, history: &History, designs: &[Design], warned: &Warned)
         seconds(took),
         bytes(size)
     ));
-    let missing: Vec<&str> = history.missing().iter().map(|stage| stage.name.as_str()).collect();
+    let named = |stage: &&StageFacts| match stage.why.as_deref().filter(|why| why.starts_with("removed")) {
+        Some(why) => format!("{} ({why})", stage.name),
+        None => stage.name.clone(),
+    };
+    let missing: Vec<String> = history.missing().iter().map(named).collect();
     if !missing.is_empty() {
         page.notice(&[
             format!(

@@ -7,6 +7,7 @@ use crate::design::{Candidate, Cause, Evaluators, Goal, Moment};
 use crate::fem::screening::decided_states;
 use crate::fem::{Method, SetupError, SolverParameters, Swing, ThreeSolves, UnknownMethod, creep_settings};
 use crate::field::{Evaluator, Field, InStates, Mesh};
+use crate::orchestrator::{Expectation, Foreseeable, Whose};
 use crate::scene::Scene;
 use crate::surrogate::{NetworkKind, Surrogate};
 
@@ -61,6 +62,41 @@ impl fmt::Display for EvaluatorChoice {
             Self::Auto => f.write_str("auto"),
             Self::Surrogate => f.write_str("surrogate"),
             Self::Elements(method) => method.fmt(f),
+        }
+    }
+}
+
+impl EvaluatorChoice {
+    /// What earlier runs may have measured of its error, where it should err by no more than a length in mm: of a network on the samples that
+    /// were held back, of a method in a stage of kind `accuracy`.
+    pub fn expectations(self, most_mm: f64, needs: &[Foreseeable<'_>]) -> Vec<Expectation> {
+        let expected = |of: Whose, result: String, measured: &str| Expectation {
+            of,
+            result,
+            most: most_mm,
+            warning: format!(
+                "`evaluator: {self}` cannot keep to the `evaluator_accuracy` of {most_mm} mm: {measured}, as stage `{{stage}}` found"
+            ),
+        };
+        match self {
+            Self::Auto => Vec::new(),
+            Self::Surrogate => {
+                let networks = needs.iter().filter(|need| need.kind == "train");
+                let of = |need: &Foreseeable<'_>| {
+                    let measured = "its root mean square error is {value} mm on samples that were held back";
+                    expected(Whose::Stage(need.name.to_owned()), "rmse.test".to_owned(), measured)
+                };
+                networks.map(of).collect()
+            }
+            Self::Elements(method) => {
+                let settings = SolverParameters::new(method, Mesh::bilinear(1));
+                let measured = "its largest error is {value} mm";
+                vec![expected(
+                    Whose::Kind("accuracy"),
+                    format!("max_error.{settings}"),
+                    measured,
+                )]
+            }
         }
     }
 }

@@ -246,7 +246,7 @@ fn what_is_gone_leaves_the_index() {
         .judge(&all, std::time::SystemTime::now() + Duration::from_secs(60))
         .unwrap();
     assert_eq!(collection.removed.len(), 1);
-    alone.remove(&collection, &|_, _| ()).unwrap();
+    alone.remove(&collection, "", &|_, _| ()).unwrap();
     assert!(!indexed(&alone).contains_key(&digest));
 }
 

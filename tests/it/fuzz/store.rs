@@ -68,6 +68,7 @@ fn fill(root: &Path) -> ActionKey {
         .pin(&Pin {
             digest: artifact,
             label: "kept".into(),
+            result_only: false,
             created: record.created.clone(),
         })
         .unwrap();

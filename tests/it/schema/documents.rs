@@ -119,7 +119,7 @@ stages:
   vectors: { kind: design, seed: 1, objective: { points: [{ point: [25, 25], displacement: [0.1 mm, 0.2 mm], weight: 2 }] } }
   values: { kind: design, seed: 1, objective: { points: [{ point: [25, 25], direction: 0 }], value: 1 mm },
     constraints: { breakdown_margin: 1.5 } }
-  highest: { kind: design, method: adjoint, units: 20, starts: 2, seed: 1, objective: { point: [25, 25], direction: 0 },
+  highest: { kind: design, case: best, method: adjoint, units: 20, starts: 2, seed: 1, objective: { point: [25, 25], direction: 0 },
     constraints: { leads: true } }
   verified: { kind: verify, needs: [design, highest], method: newton, elements_per_cell: 1, order: 2, tolerance: 1e-6, time_limit: 60 s }
   taught: { kind: verify, needs: [judged], rounds: 3, update: { network: qin2024, epochs: 2, patience: 1, batch: 4, optimizer: muon,

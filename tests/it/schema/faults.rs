@@ -68,6 +68,9 @@ pub const BEYOND: [&str; 36] = [
     "more than the membrane",
     "cannot be had",
     "two targets are named",
+    // What designs are compared with.
+    "cannot be compared",
+    "could not be told apart",
 ];
 
 impl Fault {

@@ -1,0 +1,112 @@
+//! What is said of a pipeline before any work: what its stages foresee, and what earlier runs measured.
+
+use std::collections::BTreeMap;
+
+use super::event::StageReport;
+use super::kind::{Expectation, Whose};
+use super::spec::Pipeline;
+use crate::base::ArtifactId;
+use crate::store::{Run, Store, StoreError};
+
+/// Runs that are looked through for results.
+const LOOKED_THROUGH: usize = 100;
+
+/// Names in a warning.
+const NAMED: usize = 4;
+
+/// Warnings of the stages of a plan or of a run to be, each after the names of those that it is of.
+///
+/// # Errors
+/// When the store cannot be read.
+pub fn foreseen(pipeline: &Pipeline, stages: &[StageReport], store: &Store) -> Result<Vec<String>, StoreError> {
+    let mut warnings: Vec<(String, Vec<&str>)> = Vec::new();
+    let mut results = Results::new(pipeline, stages, store);
+    for report in stages {
+        let Some(spec) = pipeline.stage(&report.name) else {
+            continue;
+        };
+        let mut own = spec.foreseen.warnings.clone();
+        for expectation in &spec.foreseen.expectations {
+            own.extend(results.compare(expectation)?);
+        }
+        for text in own {
+            match warnings.iter_mut().find(|(known, _)| *known == text) {
+                Some((_, names)) => names.push(&spec.name),
+                None => warnings.push((text, vec![&spec.name])),
+            }
+        }
+    }
+    let line = |(text, names): &(String, Vec<&str>)| format!("{}: {text}", listed(names));
+    Ok(warnings.iter().map(line).collect())
+}
+
+/// Some names of many.
+fn listed(names: &[&str]) -> String {
+    let some = names.iter().take(NAMED).copied().collect::<Vec<_>>().join(", ");
+    match names.len() {
+        n if n > NAMED => format!("{some} and {} more", n - NAMED),
+        _ => some,
+    }
+}
+
+/// What artifacts were worth when they were built, as the history of runs has it.
+struct Results<'a> {
+    pipeline: &'a Pipeline,
+    stages: &'a [StageReport],
+    store: &'a Store,
+    /// By artifact, where somebody has asked: names and values.
+    known: Option<BTreeMap<ArtifactId, BTreeMap<String, f64>>>,
+}
+
+impl<'a> Results<'a> {
+    fn new(pipeline: &'a Pipeline, stages: &'a [StageReport], store: &'a Store) -> Self {
+        Self {
+            pipeline,
+            stages,
+            store,
+            known: None,
+        }
+    }
+
+    /// A warning for each stage whose artifact, or the one that it will have again, is known to exceed what is expected.
+    fn compare(&mut self, expectation: &Expectation) -> Result<Vec<String>, StoreError> {
+        let of = self.stages.iter().filter(|stage| match &expectation.of {
+            Whose::Stage(name) => stage.name == *name,
+            Whose::Kind(kind) => stage.kind == *kind,
+        });
+        let mut warnings = Vec::new();
+        for (name, digest) in of.filter_map(|stage| Some((&stage.name, stage.digest?))) {
+            let known = self.known()?.get(&digest).and_then(|of| of.get(&expectation.result));
+            if let Some(value) = known.filter(|value| **value > expectation.most) {
+                let text = expectation.warning.replace("{value}", &format!("{value:.2}"));
+                warnings.push(text.replace("{stage}", name));
+            }
+        }
+        Ok(warnings)
+    }
+
+    fn known(&mut self) -> Result<&BTreeMap<ArtifactId, BTreeMap<String, f64>>, StoreError> {
+        if self.known.is_none() {
+            let mut known = BTreeMap::new();
+            let runs = self.store.runs()?.take(LOOKED_THROUGH);
+            for run in self.store.runs_of(runs, &self.pipeline.file(), &self.pipeline.name) {
+                add(&run?, &mut known);
+            }
+            self.known = Some(known);
+        }
+        Ok(self.known.get_or_insert_default())
+    }
+}
+
+/// Adds the results of a run to those of later ones.
+fn add(run: &Run, known: &mut BTreeMap<ArtifactId, BTreeMap<String, f64>>) {
+    for stage in &run.stages {
+        let results = known.entry(stage.artifact).or_default();
+        for (name, value) in &run.results {
+            let own = name.strip_prefix(&stage.name).and_then(|name| name.strip_prefix('.'));
+            if let Some(own) = own {
+                results.entry(own.to_owned()).or_insert(*value);
+            }
+        }
+    }
+}

@@ -1,0 +1,78 @@
+//! What stages that simulate foresee of their scene before any work.
+
+use super::checked_scene;
+use crate::base::Node;
+use crate::fem::{FIRST_LOST, covered_limit};
+use crate::orchestrator::Foreseeable;
+use crate::scene::Scene;
+
+/// What is said of a drive beyond the voltage at which membranes lose stability; nothing where it is surely below.
+///
+/// A scene that cannot be read or simulated has been refused by then, so nothing is said of it here.
+pub fn of_stability(stage: &Foreseeable<'_>) -> Option<String> {
+    let scene = checked_scene(stage.scene?).ok()?;
+    let state = stage.node.peek(super::STATE);
+    let scene = match state.and_then(|node: &Node| node.text(super::STATE).ok()) {
+        Some(name) => scene.in_state(name).ok()?,
+        None => scene.at_largest_voltages(),
+    };
+    beyond(&scene)
+}
+
+fn beyond(scene: &Scene) -> Option<String> {
+    let mut simulated = scene.clone();
+    if scene.auto {
+        // Chains that lock keep a membrane stable, so what is turned on where it matters is reckoned with.
+        let mut effects = scene.effects.clone();
+        effects.strain_stiffening = scene.properties.strain_stiffening.clone();
+        simulated = scene.with_effects(effects);
+    }
+    let limit = covered_limit(&simulated, 1.0 / FIRST_LOST).ok()??;
+    let (drive, limit_text) = (kilovolts(scene.voltage_v()), kilovolts(limit));
+    let lowest = kilovolts(FIRST_LOST * limit);
+    let model = if scene.auto {
+        ", without what `effects: auto` may add"
+    } else {
+        ""
+    };
+    Some(if scene.voltage_v() > limit {
+        format!(
+            "the voltage of {drive} is beyond what membranes bear: one that is covered everywhere is unstable above {limit_text}, \
+             and patterns with bare parts mostly from about {lowest} to there{model}; patterns that are unstable get no result"
+        )
+    } else {
+        format!(
+            "at {drive} some patterns may be unstable and get no result: single cells are so above about {lowest}, one that is covered \
+             everywhere above {limit_text}, and most patterns from somewhere between{model}"
+        )
+    })
+}
+
+fn kilovolts(volts: f64) -> String {
+    match volts < 1000.0 {
+        true => format!("{volts:.0} V"),
+        false => format!("{:.2} kV", 1e-3 * volts),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_said_depends_on_the_voltage() {
+        // H12: √κ = √(λp⁻² + 3λp⁻⁸) is 10.98 kV here, and a single cell is lost at 6.1 kV.
+        let at = |volts: f64| beyond(&Scene::vhb4910().at_voltage(volts));
+        assert_eq!(at(5250.0), None);
+        let between = at(6800.0).unwrap();
+        assert!(
+            between.contains("some patterns may be unstable") && between.contains("10.98 kV"),
+            "{between}"
+        );
+        let above = at(12e3).unwrap();
+        assert!(
+            above.starts_with("the voltage of 12.00 kV is beyond") && above.contains("unstable above 10.98 kV"),
+            "{above}"
+        );
+    }
+}
