@@ -10,6 +10,9 @@ use super::error::CliError;
 use super::examples::examples;
 use super::output::{Exit, Output};
 use super::progress::Bar;
+use super::table::Cell;
+use super::text::Text;
+use super::tone::Tone;
 use super::{locate, table};
 use crate::store::{Collection, Judged, Retention, Store};
 
@@ -45,7 +48,7 @@ pub fn execute(arguments: &GcArguments, output: &Output) -> Result<Exit, CliErro
     if output.is_json() {
         output.document(&document(&collection, arguments.dry_run))?;
     } else {
-        output.text(&text(&collection, arguments.dry_run))?;
+        output.text(text(&collection, arguments.dry_run))?;
     }
     Ok(Exit::Done)
 }
@@ -70,24 +73,27 @@ fn document(collection: &Collection, dry_run: bool) -> Value {
     })
 }
 
-fn text(collection: &Collection, dry_run: bool) -> String {
-    let mut lines = Vec::new();
+fn text(collection: &Collection, dry_run: bool) -> Text {
+    let mut text = Text::new();
     if dry_run {
         let header = ["artifact", "kind", "size", "held by"];
-        let mut table = table::table(&header, &["size"]);
+        let mut rows = table::table(&header, &["size"]).flowing(&["held by"]);
         for judged in collection.removed.iter().chain(&collection.kept) {
-            table.add_row([
-                judged.digest.short(),
-                judged.kind.clone(),
-                table::bytes(judged.size),
-                holders(&judged.held_by),
+            let tone = match judged.held_by.is_empty() {
+                true => Tone::Caution,
+                false => Tone::Plain,
+            };
+            rows.add_row([
+                Cell::from(judged.digest.short()),
+                Cell::from(&judged.kind),
+                Cell::from(table::bytes(judged.size)),
+                Cell::toned(&holders(&judged.held_by), tone),
             ]);
         }
-        lines.push(table.trim_fmt());
-        lines.push(String::new());
+        text.table(rows).line("");
     }
     let verb = if dry_run { "would remove" } else { "removed" };
-    lines.push(format!(
+    text.line(format!(
         "{verb} {} artifacts ({}) and {} records; {} artifacts ({}) stay",
         collection.removed.len(),
         table::bytes(collection.bytes_removed()),
@@ -96,13 +102,13 @@ fn text(collection: &Collection, dry_run: bool) -> String {
         table::bytes(collection.bytes_kept()),
     ));
     if !collection.checkpoints.is_empty() {
-        lines.push(format!(
+        text.line(format!(
             "{verb} what {} unfinished actions had come to ({})",
             collection.checkpoints.len(),
             table::bytes(collection.checkpoint_bytes())
         ));
     }
-    lines.join("\n")
+    text
 }
 
 /// The first holder, and how many more there are.

@@ -7,6 +7,7 @@ use super::arguments::StoreArguments;
 use super::error::CliError;
 use super::examples::examples;
 use super::output::{Exit, Output};
+use super::text::Text;
 use super::{locate, table};
 use crate::orchestrator::Environment;
 use crate::store::{Pin, Store};
@@ -50,10 +51,10 @@ pub fn list(store: &Store, output: &Output) -> Result<Exit, CliError> {
         output.text("no pins")?;
         return Ok(Exit::Done);
     }
-    let mut table = table::table(&["artifact", "pinned", "label"], &[]);
+    let mut table = table::table(&["artifact", "pinned", "label"], &[]).flowing(&["label"]);
     for pin in pins {
         table.add_row([pin.digest.short(), pin.created, pin.label]);
     }
-    output.text(&table.trim_fmt())?;
+    output.text(Text::of(table))?;
     Ok(Exit::Done)
 }

@@ -79,6 +79,10 @@ impl Stage for AccuracyStage {
         Canonical::map([("methods", methods.collect::<Canonical>())])
     }
 
+    fn unit(&self) -> &'static str {
+        "methods"
+    }
+
     fn plan(&self, inputs: &[Input]) -> Plan {
         let models = inputs.len().saturating_sub(1);
         Plan::Whole {

@@ -149,6 +149,10 @@ impl Stage for TrainStage {
         self.parameters.to_canonical()
     }
 
+    fn unit(&self) -> &'static str {
+        "epochs"
+    }
+
     fn plan(&self, _inputs: &[Input]) -> Plan {
         Plan::Whole {
             steps: u64::from(self.parameters.epochs),
